@@ -1,0 +1,3 @@
+//! Simulator and judge: maps to bursts, replay, reference integrals, charts.
+
+pub mod env;
