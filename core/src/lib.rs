@@ -1,2 +1,25 @@
-//! core
+#![doc = include_str!("../README.md")]
 #![no_std]
+
+pub mod arena;
+pub mod color;
+pub mod lens;
+pub mod response;
+
+pub mod merge;
+
+pub mod healpix;
+pub mod plan;
+
+pub mod front;
+
+pub mod pyramid;
+
+pub mod fill;
+pub mod polar;
+
+pub mod light;
+pub mod sampler;
+
+pub mod tonemap;
+pub mod wire;

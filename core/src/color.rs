@@ -1,0 +1,23 @@
+//! Linear RGB with the primaries of Rec. 709, and luminance.
+
+/// Weights of luminance in linear Rec. 709 RGB.
+pub const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
+
+/// Y = 0.2126 R + 0.7152 G + 0.0722 B.
+#[must_use]
+pub fn luminance(rgb: [f32; 3]) -> f32 {
+    LUMINANCE[0] * rgb[0] + LUMINANCE[1] * rgb[1] + LUMINANCE[2] * rgb[2]
+}
+
+/// `rgb` times a number.
+#[must_use]
+pub fn scaled(rgb: [f32; 3], factor: f32) -> [f32; 3] {
+    rgb.map(|v| v * factor)
+}
+
+/// Adds `rgb` to `sum`, channel by channel.
+pub fn add(sum: &mut [f32; 3], rgb: [f32; 3]) {
+    for (s, v) in sum.iter_mut().zip(rgb) {
+        *s += v;
+    }
+}

@@ -1,0 +1,165 @@
+//! HEALPix in NESTED order: directions to indices and back.
+//!
+//! Quad `ipix` of `order` lies in base face `ipix >> 2 order`; the remaining bits interleave its column (even bits) and row
+//! (odd bits) inside the face. The children of quad p are 4p..4p+3 of the next order. After \[Gorski2005\], section 5 and
+//! appendix A; the face-wise form of the inverse is ours.
+
+use core::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
+use glam::DVec3;
+
+/// Highest order this module indexes: 12 * 4^13 quads still fit a `u32`.
+pub const MAX_ORDER: u8 = 13;
+
+/// Which part of the sphere a map holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Domain {
+    /// All twelve base faces.
+    Sphere,
+    /// What is above the horizon, z > 0: faces 0 to 3 whole, the upper halves of faces 4 to 7.
+    Hemisphere,
+}
+
+impl Domain {
+    /// Base faces that hold any of it, counted from face 0.
+    #[must_use]
+    pub const fn faces(self) -> usize {
+        match self {
+            Self::Sphere => 12,
+            Self::Hemisphere => 8,
+        }
+    }
+
+    /// Quads of `order` that a map of this domain stores.
+    #[must_use]
+    pub const fn quads(self, order: u8) -> usize {
+        self.faces() << (2 * order)
+    }
+
+    /// Its solid angle, steradians.
+    #[must_use]
+    pub const fn solid_angle(self) -> f64 {
+        match self {
+            Self::Sphere => 4.0 * PI,
+            Self::Hemisphere => TAU,
+        }
+    }
+
+    /// The share of quad `ipix` that lies in this domain: 0, 1/2 or 1.
+    #[must_use]
+    pub fn share(self, order: u8, ipix: u32) -> f64 {
+        if self == Self::Sphere {
+            return 1.0;
+        }
+        let (face, x, y) = split(order, ipix);
+        match face {
+            0..=3 => 1.0,
+            4..=7 => match (x + y + 1).cmp(&(1 << order)) {
+                core::cmp::Ordering::Less => 0.0,
+                core::cmp::Ordering::Equal => 0.5,
+                core::cmp::Ordering::Greater => 1.0,
+            },
+            _ => 0.0,
+        }
+    }
+}
+
+/// Solid angle of a quad: 4 pi / (12 * 4^order) steradians.
+#[must_use]
+pub fn solid_angle(order: u8) -> f64 {
+    PI / 3.0 / (1u64 << (2 * order)) as f64
+}
+
+/// Base face, column and row of a quad.
+#[must_use]
+pub fn split(order: u8, ipix: u32) -> (u32, u32, u32) {
+    let inner = ipix & ((1 << (2 * order)) - 1);
+    (ipix >> (2 * order), even_bits(inner), even_bits(inner >> 1))
+}
+
+/// The index of column `x`, row `y` of `face`: the inverse of [`split`].
+#[must_use]
+pub fn join(order: u8, face: u32, x: u32, y: u32) -> u32 {
+    (face << (2 * order)) | spread_bits(x) | (spread_bits(y) << 1)
+}
+
+/// The quad of `order` that holds `direction` (a unit vector).
+#[must_use]
+pub fn ipix(order: u8, direction: DVec3) -> u32 {
+    let nside = (1u32 << order) as f64;
+    let last = (1u32 << order) - 1;
+    let z = direction.z;
+    let za = libm::fabs(z);
+    let phi = libm::atan2(direction.y, direction.x);
+    // Quarter turns in 0..4.
+    let turns = libm::fmod(phi / FRAC_PI_2 + 4.0, 4.0);
+    let cell = |v: f64| (v as u32).min(last);
+    if za <= 2.0 / 3.0 {
+        // Equatorial belt: count the ascending and the descending edge lines.
+        let descending = (nside * (0.5 + turns - 0.75 * z)) as u32;
+        let ascending = (nside * (0.5 + turns + 0.75 * z)) as u32;
+        let (fd, fa) = (descending >> order, ascending >> order);
+        let face = match fd.cmp(&fa) {
+            core::cmp::Ordering::Equal => (fd & 3) | 4,
+            core::cmp::Ordering::Less => fd & 3,
+            core::cmp::Ordering::Greater => (fa & 3) + 8,
+        };
+        return join(order, face, ascending & last, last - (descending & last));
+    }
+    let quarter = (turns as u32).min(3);
+    let within = turns - f64::from(quarter);
+    // sqrt(3 (1 - |z|)), written so that it stays exact near the poles.
+    let sin_theta2 = direction.x * direction.x + direction.y * direction.y;
+    let ring = nside * libm::sqrt(3.0 * sin_theta2 / (1.0 + za));
+    let (down, up) = (cell(within * ring), cell((1.0 - within) * ring));
+    if z > 0.0 { join(order, quarter, last - up, last - down) } else { join(order, quarter + 8, down, up) }
+}
+
+/// Direction of the point (`x`, `y`), both in 0..=1, of quad `ipix`; (1/2, 1/2) is its centre.
+#[must_use]
+pub fn point(order: u8, ipix: u32, x: f64, y: f64) -> DVec3 {
+    let (face, column, row) = split(order, ipix);
+    let nside = (1u32 << order) as f64;
+    let (u, v) = ((f64::from(column) + x) / nside, (f64::from(row) + y) / nside);
+    // Ring coordinate from the north pole, in units of the face's diagonal.
+    let ring = f64::from(2 + face / 4) - u - v;
+    let offset = match face {
+        0..=3 | 8..=11 => 2 * (face & 3) + 1,
+        _ => 2 * (face & 3),
+    };
+    let (n, z, sin_theta2) = if ring < 1.0 {
+        let cap = ring * ring / 3.0;
+        (ring, 1.0 - cap, cap * (2.0 - cap))
+    } else if ring > 3.0 {
+        let n = 4.0 - ring;
+        let cap = n * n / 3.0;
+        (n, cap - 1.0, cap * (2.0 - cap))
+    } else {
+        let z = (2.0 - ring) * 2.0 / 3.0;
+        (1.0, z, 1.0 - z * z)
+    };
+    let phi = if n > 0.0 { FRAC_PI_4 * (f64::from(offset) + (u - v) / n) } else { 0.0 };
+    let sin_theta = libm::sqrt(sin_theta2);
+    DVec3::new(sin_theta * libm::cos(phi), sin_theta * libm::sin(phi), z)
+}
+
+/// Direction of the centre of quad `ipix`.
+#[must_use]
+pub fn centre(order: u8, ipix: u32) -> DVec3 {
+    point(order, ipix, 0.5, 0.5)
+}
+
+fn even_bits(v: u32) -> u32 {
+    let v = v & 0x5555_5555;
+    let v = (v | (v >> 1)) & 0x3333_3333;
+    let v = (v | (v >> 2)) & 0x0f0f_0f0f;
+    let v = (v | (v >> 4)) & 0x00ff_00ff;
+    (v | (v >> 8)) & 0x0000_ffff
+}
+
+fn spread_bits(v: u32) -> u32 {
+    let v = v & 0x0000_ffff;
+    let v = (v | (v << 8)) & 0x00ff_00ff;
+    let v = (v | (v << 4)) & 0x0f0f_0f0f;
+    let v = (v | (v << 2)) & 0x3333_3333;
+    (v | (v << 1)) & 0x5555_5555
+}

@@ -1,0 +1,64 @@
+//! Directional lights and the set of them that a frame is decomposed into.
+
+use crate::pyramid::Quad;
+use glam::Vec3;
+
+/// Real spherical harmonics of degree 0 to 2, one RGB triple each, in the order of `formats.md`.
+pub type Sh9 = [[f32; 3]; 9];
+
+/// A directional light.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Light {
+    /// Survives from frame to frame as long as the light does; never 0.
+    pub id: u32,
+    /// Unit vector from the probe towards the light.
+    pub direction: Vec3,
+    /// Perpendicular irradiance, linear RGB: the sum of L dOmega over what the light stands for.
+    pub irradiance: [f32; 3],
+    /// Angular radius of a uniform cap with the same mean resultant length, degrees.
+    pub radius_deg: f32,
+    /// Frames since its first.
+    pub age: u32,
+    /// The light it split from.
+    pub parent: Option<u32>,
+}
+
+/// Angular radius in degrees of the uniform cap whose mean direction has length `resultant`: R = (1 + cos a) / 2.
+#[must_use]
+pub fn cap_radius_deg(resultant: f32) -> f32 {
+    libm::acosf((2.0 * resultant - 1.0).clamp(-1.0, 1.0)).to_degrees()
+}
+
+impl Light {
+    /// The light at the energy centroid of `quad`; `fallback` is its direction where the moment vanishes.
+    #[must_use]
+    pub fn at_centroid(id: u32, quad: &Quad, fallback: Vec3) -> Self {
+        Self {
+            id,
+            direction: quad.first_moment().try_normalize().unwrap_or(fallback),
+            irradiance: quad.rgb(),
+            radius_deg: cap_radius_deg(quad.resultant()),
+            age: 0,
+            parent: None,
+        }
+    }
+}
+
+/// What a sampler makes of one frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Decomposition<'a> {
+    /// The lights, at most as many as were asked for.
+    pub lights: &'a [Light],
+    /// Radiance of what the lights do not stand for.
+    pub ambient: Option<Sh9>,
+    /// Estimate of the shadowed error, a ratio; `None` for samplers without one.
+    pub estimated_error: Option<f32>,
+}
+
+impl<'a> Decomposition<'a> {
+    /// Lights alone.
+    #[must_use]
+    pub fn of_lights(lights: &'a [Light]) -> Self {
+        Self { lights, ambient: None, estimated_error: None }
+    }
+}

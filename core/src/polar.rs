@@ -1,0 +1,217 @@
+//! Latitude-longitude maps of energy: the hemispherical polar map of the thesis (360 x 90) and full-sphere maps.
+//!
+//! Row i covers theta from i span / H to (i + 1) span / H with span = pi / 2 (hemisphere) or pi (sphere); column j is centred at
+//! phi = pi - (j + 1/2) 2 pi / W, so that columns run clockwise seen from above.
+
+use crate::arena::{self, Buffer, TooSmall};
+use crate::healpix::{self, Domain};
+use crate::pyramid::PyramidView;
+use core::f64::consts::{FRAC_PI_2, PI, TAU};
+use glam::DVec3;
+
+/// Sides of a latitude-longitude map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Grid {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// The part of the sphere it covers.
+    pub domain: Domain,
+}
+
+impl Grid {
+    /// One texel per degree of a hemisphere, as in \[Nikodym2012\].
+    pub const POLAR: Self = Self { width: 360, height: 90, domain: Domain::Hemisphere };
+
+    /// Texels.
+    #[must_use]
+    pub const fn len(&self) -> usize {
+        self.width * self.height
+    }
+
+    /// Whether it has no texel.
+    #[must_use]
+    pub const fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Theta of the upper edge of `row`, radians.
+    #[must_use]
+    pub fn theta(&self, row: usize) -> f64 {
+        let span = if self.domain == Domain::Sphere { PI } else { FRAC_PI_2 };
+        row as f64 * span / self.height as f64
+    }
+
+    /// Phi of the left edge of `column`, radians.
+    #[must_use]
+    pub fn phi(&self, column: usize) -> f64 {
+        PI - column as f64 * TAU / self.width as f64
+    }
+
+    /// Solid angle of a texel of `row`, steradians.
+    #[must_use]
+    pub fn solid_angle(&self, row: usize) -> f64 {
+        (libm::cos(self.theta(row)) - libm::cos(self.theta(row + 1))) * TAU / self.width as f64
+    }
+
+    /// Row and column that hold `direction` (a unit vector); `None` outside the domain.
+    #[must_use]
+    pub fn texel(&self, direction: DVec3) -> Option<usize> {
+        let theta = libm::atan2(libm::hypot(direction.x, direction.y), direction.z);
+        let row = theta / self.theta(self.height) * self.height as f64;
+        let phi = libm::atan2(direction.y, direction.x);
+        let column = (PI - phi) / TAU * self.width as f64;
+        if row >= self.height as f64 && self.domain == Domain::Hemisphere {
+            return None;
+        }
+        let row = (row as usize).min(self.height - 1);
+        Some(row * self.width + (column as usize).min(self.width - 1))
+    }
+}
+
+/// Energy of each texel, L dOmega in RGB, row-major.
+#[derive(Clone, Debug)]
+pub struct LatLong<B> {
+    /// Its shape.
+    pub grid: Grid,
+    texels: B,
+}
+
+/// A latitude-longitude map that samplers read.
+#[derive(Clone, Copy, Debug)]
+pub struct LatLongView<'a> {
+    /// Its shape.
+    pub grid: Grid,
+    /// Energy of each texel, row-major; empty when the map was not asked for.
+    pub texels: &'a [[f32; 3]],
+}
+
+impl LatLongView<'_> {
+    /// A map that nobody asked for.
+    pub const NONE: Self = Self { grid: Grid { width: 0, height: 0, domain: Domain::Sphere }, texels: &[] };
+}
+
+impl<B: Buffer<[f32; 3]>> LatLong<B> {
+    /// Takes `grid.len()` texels.
+    ///
+    /// # Errors
+    /// [`TooSmall`].
+    pub fn try_new(grid: Grid, texels: B) -> Result<Self, TooSmall> {
+        arena::check(&texels, grid.len())?;
+        Ok(Self { grid, texels })
+    }
+
+    /// All texels, row-major.
+    pub fn texels_mut(&mut self) -> &mut [[f32; 3]] {
+        &mut self.texels.as_mut()[..self.grid.len()]
+    }
+
+    /// What samplers read.
+    #[must_use]
+    pub fn view(&self) -> LatLongView<'_> {
+        LatLongView { grid: self.grid, texels: &self.texels.as_ref()[..self.grid.len()] }
+    }
+
+    /// Fills the map from the texels of a pyramid by `plan`; the energy is kept.
+    pub fn fill<E: Buffer<Share>>(&mut self, plan: &PolarPlan<E>, pyramid: &PyramidView<'_>) {
+        let texels = self.texels_mut();
+        texels.fill([0.0; 3]);
+        let quads = pyramid.quads_of(pyramid.order());
+        for share in plan.shares() {
+            let (Some(to), Some(quad)) = (texels.get_mut(share.to as usize), quads.get(share.from as usize))
+            else {
+                continue;
+            };
+            crate::color::add(to, quad.rgb().map(|v| v * share.part));
+        }
+    }
+}
+
+/// The part of a HEALPix texel's energy that goes to one texel of a latitude-longitude map.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Share {
+    /// HEALPix texel.
+    pub from: u32,
+    /// Texel of the latitude-longitude map.
+    pub to: u32,
+    /// Its part, 0..=1; the parts of one HEALPix texel add up to 1.
+    pub part: f32,
+}
+
+/// Which HEALPix texel's energy goes where in a latitude-longitude map: built once.
+#[derive(Clone, Debug)]
+pub struct PolarPlan<E> {
+    shares: E,
+    count: usize,
+}
+
+/// Most sub-samples a side: near the zenith one HEALPix texel covers a quarter turn of columns.
+const MAX_SIDE: u32 = 64;
+
+/// Sub-samples a side, so that each column that a quad of `order` at `theta` crosses gets some.
+fn side(grid: &Grid, order: u8, theta: f64) -> u32 {
+    let extent = libm::sqrt(healpix::solid_angle(order));
+    let column = libm::sin(theta).max(1e-6) * TAU / grid.width as f64;
+    let row = grid.theta(1);
+    (libm::ceil(3.0 * extent / column.min(row)) as u32).clamp(4, MAX_SIDE)
+}
+
+/// Calls `f(from, to, part)` for every share of the plan; shares to one texel may come in several pieces.
+fn visit(grid: &Grid, order: u8, mut f: impl FnMut(u32, u32, f32)) {
+    for ipix in 0..grid.domain.quads(order) as u32 {
+        if grid.domain.share(order, ipix) == 0.0 {
+            continue;
+        }
+        let z = healpix::centre(order, ipix).z;
+        let n = side(grid, order, libm::acos(z.clamp(-1.0, 1.0)));
+        let targets = (0..n * n).filter_map(|i| {
+            let at = |k: u32| (f64::from(k) + 0.5) / f64::from(n);
+            grid.texel(healpix::point(order, ipix, at(i % n), at(i / n)))
+        });
+        let part = 1.0 / targets.clone().count().max(1) as f32;
+        let mut run = (u32::MAX, 0u32);
+        for to in targets {
+            if to as u32 != run.0 {
+                if run.1 > 0 {
+                    f(ipix, run.0, run.1 as f32 * part);
+                }
+                run = (to as u32, 0);
+            }
+            run.1 += 1;
+        }
+        if run.1 > 0 {
+            f(ipix, run.0, run.1 as f32 * part);
+        }
+    }
+}
+
+/// Shares that [`PolarPlan::try_new`] needs.
+#[must_use]
+pub fn shares_len(grid: &Grid, order: u8) -> usize {
+    let mut count = 0;
+    visit(grid, order, |_, _, _| count += 1);
+    count
+}
+
+impl<E: Buffer<Share>> PolarPlan<E> {
+    /// Builds the plan from a pyramid of `order` to `grid` in [`shares_len`] shares.
+    ///
+    /// # Errors
+    /// [`TooSmall`].
+    pub fn try_new(grid: &Grid, order: u8, mut shares: E) -> Result<Self, TooSmall> {
+        let needed = shares_len(grid, order);
+        arena::check(&shares, needed)?;
+        let mut slots = shares.as_mut().iter_mut();
+        visit(grid, order, |from, to, part| {
+            if let Some(slot) = slots.next() {
+                *slot = Share { from, to, part };
+            }
+        });
+        Ok(Self { shares, count: needed })
+    }
+
+    fn shares(&self) -> &[Share] {
+        &self.shares.as_ref()[..self.count]
+    }
+}

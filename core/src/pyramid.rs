@@ -1,0 +1,210 @@
+//! The NESTED pyramid: energy and first moment of every quad of every order.
+//!
+//! The four children of a quad are neighbours in memory, so each order is one linear pass over the next finer one.
+
+use crate::arena::{self, Buffer, TooSmall};
+use crate::color::luminance;
+use crate::healpix::{self, Domain};
+use crate::plan::Texel;
+use glam::Vec3;
+
+/// Sums over one quad.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Quad {
+    /// Sum of L dOmega for red, green, blue and luminance.
+    pub energy: [f32; 4],
+    /// Sum of Y dOmega x direction; the fourth lane is unused.
+    pub moment: [f32; 4],
+}
+
+impl Quad {
+    /// The quad that holds `rgb` from `direction` alone.
+    #[must_use]
+    pub fn from_light(rgb: [f32; 3], direction: Vec3) -> Self {
+        let y = luminance(rgb);
+        let m = direction * y;
+        Self { energy: [rgb[0], rgb[1], rgb[2], y], moment: [m.x, m.y, m.z, 0.0] }
+    }
+
+    /// Adds another quad's sums.
+    pub fn add(&mut self, other: &Self) {
+        for i in 0..4 {
+            self.energy[i] += other.energy[i];
+            self.moment[i] += other.moment[i];
+        }
+    }
+
+    /// Red, green and blue energy.
+    #[must_use]
+    pub fn rgb(&self) -> [f32; 3] {
+        [self.energy[0], self.energy[1], self.energy[2]]
+    }
+
+    /// Luminance energy.
+    #[must_use]
+    pub fn y(&self) -> f32 {
+        self.energy[3]
+    }
+
+    /// First moment of the luminance.
+    #[must_use]
+    pub fn first_moment(&self) -> Vec3 {
+        Vec3::new(self.moment[0], self.moment[1], self.moment[2])
+    }
+
+    /// Length of the mean direction, |m| / Y, in 0..=1; 1 for a quad without light.
+    #[must_use]
+    pub fn resultant(&self) -> f32 {
+        if self.y() > 0.0 { (self.first_moment().length() / self.y()).min(1.0) } else { 1.0 }
+    }
+}
+
+/// Quads of all orders up to `order`.
+#[must_use]
+pub const fn pyramid_len(domain: Domain, order: u8) -> usize {
+    first(domain, order + 1)
+}
+
+/// Index of the first quad of `order`: faces (4^order - 1) / 3.
+const fn first(domain: Domain, order: u8) -> usize {
+    domain.faces() * (((1 << (2 * order)) - 1) / 3)
+}
+
+/// A map and the sums above it.
+#[derive(Clone, Debug)]
+pub struct Pyramid<Q> {
+    quads: Q,
+    domain: Domain,
+    order: u8,
+}
+
+/// A pyramid that samplers read.
+#[derive(Clone, Copy, Debug)]
+pub struct PyramidView<'a> {
+    quads: &'a [Quad],
+    domain: Domain,
+    order: u8,
+}
+
+impl<Q: Buffer<Quad>> Pyramid<Q> {
+    /// Takes [`pyramid_len`] quads, all dark at first.
+    ///
+    /// # Errors
+    /// [`TooSmall`].
+    pub fn try_new(mut quads: Q, domain: Domain, order: u8) -> Result<Self, TooSmall> {
+        arena::check(&quads, pyramid_len(domain, order))?;
+        quads.as_mut().fill(Quad::default());
+        Ok(Self { quads, domain, order })
+    }
+
+    /// Quads of the finest order.
+    #[must_use]
+    pub fn texels(&self) -> &[Quad] {
+        self.view().quads_of(self.order)
+    }
+
+    /// Quads of the finest order, to be filled before [`Pyramid::build`].
+    pub fn texels_mut(&mut self) -> &mut [Quad] {
+        let at = first(self.domain, self.order)..first(self.domain, self.order + 1);
+        &mut self.quads.as_mut()[at]
+    }
+
+    /// Sets every texel from energies known at `source_order`, which is at most this pyramid's.
+    ///
+    /// Finer texels share their ancestor's energy by solid angle inside the domain, so that the sum is kept.
+    pub fn fill(&mut self, source_order: u8, geometry: &[Texel], energy: impl Fn(usize) -> [f32; 3]) {
+        let (domain, order) = (self.domain, self.order);
+        let shift = 2 * order.saturating_sub(source_order);
+        for (i, (quad, texel)) in self.texels_mut().iter_mut().zip(geometry).enumerate() {
+            let mut rgb = energy(i >> shift);
+            if shift > 0 {
+                let own = domain.share(order, i as u32);
+                let ancestor = domain.share(source_order, (i >> shift) as u32) * f64::from(1u32 << shift);
+                let share = if ancestor > 0.0 { (own / ancestor) as f32 } else { 0.0 };
+                rgb = rgb.map(|v| v * share);
+            }
+            *quad = Quad::from_light(rgb, Vec3::from_array(texel.direction));
+        }
+    }
+
+    /// Sums the orders above the texels.
+    pub fn build(&mut self) {
+        for order in (0..self.order).rev() {
+            let (coarse, fine) = self.quads.as_mut().split_at_mut(first(self.domain, order + 1));
+            let parents = &mut coarse[first(self.domain, order)..];
+            let (children, _) = fine.as_chunks::<4>();
+            for (parent, four) in parents.iter_mut().zip(children) {
+                *parent = sum(four);
+            }
+        }
+    }
+
+    /// What samplers read.
+    #[must_use]
+    pub fn view(&self) -> PyramidView<'_> {
+        PyramidView { quads: self.quads.as_ref(), domain: self.domain, order: self.order }
+    }
+}
+
+fn sum(four: &[Quad; 4]) -> Quad {
+    let [a, b, c, d] = four;
+    Quad {
+        energy: core::array::from_fn(|i| (a.energy[i] + b.energy[i]) + (c.energy[i] + d.energy[i])),
+        moment: core::array::from_fn(|i| (a.moment[i] + b.moment[i]) + (c.moment[i] + d.moment[i])),
+    }
+}
+
+impl<'a> PyramidView<'a> {
+    /// The part of the sphere it holds.
+    #[must_use]
+    pub fn domain(&self) -> Domain {
+        self.domain
+    }
+
+    /// Finest order.
+    #[must_use]
+    pub fn order(&self) -> u8 {
+        self.order
+    }
+
+    /// All quads of `order`, which is at most the finest.
+    #[must_use]
+    pub fn quads_of(&self, order: u8) -> &'a [Quad] {
+        let order = order.min(self.order);
+        &self.quads[first(self.domain, order)..first(self.domain, order + 1)]
+    }
+
+    /// Quad `ipix` of `order`; a dark one outside the map.
+    #[must_use]
+    pub fn quad(&self, order: u8, ipix: u32) -> Quad {
+        self.quads_of(order).get(ipix as usize).copied().unwrap_or_default()
+    }
+
+    /// Sum over the whole map.
+    #[must_use]
+    pub fn total(&self) -> Quad {
+        let mut total = Quad::default();
+        self.quads_of(0).iter().for_each(|q| total.add(q));
+        total
+    }
+
+    /// Sum of L cos(theta) dOmega over what is above the horizon: what a cosine-corrected meter lying flat reads.
+    ///
+    /// Exact for luminance; each channel takes the luminance's mean height within a texel.
+    #[must_use]
+    pub fn horizontal_irradiance(&self) -> [f32; 3] {
+        let mut sum = [0.0; 3];
+        for quad in self.quads_of(self.order).iter().filter(|q| q.moment[2] > 0.0 && q.y() > 0.0) {
+            let height = quad.moment[2] / quad.y();
+            crate::color::add(&mut sum, quad.rgb().map(|v| v * height));
+        }
+        sum
+    }
+
+    /// Radiance of a quad: energy over its solid angle inside the domain.
+    #[must_use]
+    pub fn radiance(&self, order: u8, ipix: u32) -> [f32; 3] {
+        let omega = healpix::solid_angle(order) * self.domain.share(order, ipix);
+        if omega > 0.0 { self.quad(order, ipix).rgb().map(|v| v / omega as f32) } else { [0.0; 3] }
+    }
+}

@@ -1,0 +1,202 @@
+//! Sensor codes to relative exposure: black and white level, and the camera's response.
+
+use crate::arena::{self, Buffer, TooSmall};
+
+/// Fraction bits of a tabulated relative exposure: 1.0 is `1 << CURVE_BITS`.
+///
+/// Twelve frames of values up to 1.05 still add up in an `i32`: 12 * 1.05 * 2^27 < 2^31.
+pub const CURVE_BITS: u32 = 27;
+
+/// Relative code (0 at black, 1 at white) from which a sample counts as saturated.
+///
+/// Sensors bend before their last code and demosaicing or compression spreads clipped values; 2 % is what raw mergers use.
+/// Higher lets half-clipped samples in, which darkens lamps; lower wastes range.
+pub const SATURATED: f64 = 0.98;
+
+/// Relative code below which a non-linear response is not trusted while a longer exposure is.
+///
+/// There the curve is fitted to a few codes of quantised, noise-lifted data and its constant term alone can exceed the truth;
+/// lower biases dark regions upwards by the sum of those constants, higher drops samples that still help.
+pub const TRUSTED: f64 = 16.0 / 255.0;
+
+/// How a camera turns relative exposure y in 0..=1 into a relative code x in 0..=1, inverted: y(x).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Response {
+    /// y = x.
+    Linear,
+    /// The transfer function of IEC 61966-2-1.
+    Srgb,
+    /// y = c4 x^4 + c3 x^3 + c2 x^2 + c1 x + c0 for red, green and blue, highest power first.
+    Polynomial([[f64; 5]; 3]),
+}
+
+impl Response {
+    /// Relative exposure of channel `channel` (0 red, 1 green, 2 blue) at relative code `x`.
+    ///
+    /// Codes below black count as negative light where the response is linear, so that noise round black keeps its mean.
+    #[must_use]
+    pub fn exposure(&self, channel: usize, x: f64) -> f64 {
+        let x = x.min(1.0);
+        match self {
+            Self::Linear => x,
+            Self::Srgb if x <= 0.040_45 => x.max(0.0) / 12.92,
+            Self::Srgb => libm::pow((x + 0.055) / 1.055, 2.4),
+            Self::Polynomial(c) => c[channel % 3].iter().fold(0.0, |sum, k| sum * x.max(0.0) + k).max(0.0),
+        }
+    }
+}
+
+/// Why a response cannot be tabulated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ResponseError {
+    /// White is not above black, or the codes do not fit the sample type.
+    BadLevels,
+    /// The curve is not finite, falls, or leaves 0..1.05 between black and white.
+    BadCurve {
+        /// The channel, 0 red to 2 blue.
+        channel: usize,
+    },
+    /// The lent buffer is too short.
+    TooSmall(TooSmall),
+}
+
+impl core::fmt::Display for ResponseError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::BadLevels => write!(f, "a white level that is not above black or does not fit the samples"),
+            Self::BadCurve { channel } => {
+                let name = ["red", "green", "blue"][channel % 3];
+                write!(f, "a {name} response that does not rise from 0 to about 1 between black and white")
+            }
+            Self::TooSmall(e) => e.fmt(f),
+        }
+    }
+}
+
+impl core::error::Error for ResponseError {}
+
+/// Bits of a sample as the frames hold it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Depth {
+    /// One byte a sample.
+    U8,
+    /// Two bytes a sample.
+    U16,
+}
+
+impl Depth {
+    /// Largest code.
+    #[must_use]
+    pub const fn max(self) -> u32 {
+        match self {
+            Self::U8 => u8::MAX as u32,
+            Self::U16 => u16::MAX as u32,
+        }
+    }
+
+    /// Bits by which a code is shifted to find its table entry: 16-bit codes share an entry in sixteen and interpolate.
+    const fn shift(self) -> u32 {
+        match self {
+            Self::U8 => 0,
+            Self::U16 => 4,
+        }
+    }
+
+    /// Table entries per channel.
+    const fn entries(self) -> usize {
+        (self.max() >> self.shift()) as usize + 2
+    }
+}
+
+/// Tabulated relative exposure of every code, for three channels.
+#[derive(Clone, Debug)]
+pub struct Curve<B> {
+    table: B,
+    depth: Depth,
+    /// First saturated code.
+    saturated: u32,
+    /// First trusted code.
+    trusted: u32,
+}
+
+/// Table entries that [`Curve::try_new`] needs for `depth`.
+#[must_use]
+pub const fn curve_len(depth: Depth) -> usize {
+    3 * depth.entries()
+}
+
+impl<B: Buffer<i32>> Curve<B> {
+    /// Tabulates `response` between the codes `black` and `white` into `table` ([`curve_len`] entries).
+    ///
+    /// # Accuracy
+    /// Rounded to 2^-27; 16-bit codes interpolate linearly between every sixteenth.
+    ///
+    /// # Errors
+    /// [`ResponseError`].
+    pub fn try_new(
+        response: &Response,
+        depth: Depth,
+        black: f64,
+        white: f64,
+        mut table: B,
+    ) -> Result<Self, ResponseError> {
+        let range = white - black;
+        if !(black >= 0.0 && range > 0.0 && white <= f64::from(depth.max())) {
+            return Err(ResponseError::BadLevels);
+        }
+        arena::check(&table, curve_len(depth)).map_err(ResponseError::TooSmall)?;
+        let entries = depth.entries();
+        for (channel, row) in table.as_mut().chunks_exact_mut(entries).take(3).enumerate() {
+            fill_row(response, channel, row, |i| (f64::from((i as u32) << depth.shift()) - black) / range)
+                .ok_or(ResponseError::BadCurve { channel })?;
+        }
+        let code = |x: f64| libm::ceil(black + x * range) as u32;
+        let trusted = if matches!(response, Response::Linear) { 0 } else { code(TRUSTED) };
+        Ok(Self { table, depth, saturated: code(SATURATED), trusted })
+    }
+
+    /// Relative exposure of `code` in channel `channel`, with [`CURVE_BITS`] fraction bits.
+    #[must_use]
+    pub fn exposure_q27(&self, channel: usize, code: u32) -> i32 {
+        let shift = self.depth.shift();
+        let at = channel * self.depth.entries() + (code >> shift) as usize;
+        let Some(&[low, high]) = self.table.as_ref().get(at..at + 2) else { return 0 };
+        if shift == 0 {
+            return low;
+        }
+        let part = (code & ((1 << shift) - 1)) as i32;
+        low + (((high - low) * part) >> shift)
+    }
+
+    /// Whether `code` is clipped, or so near that it cannot be told.
+    #[must_use]
+    pub fn is_saturated(&self, code: u32) -> bool {
+        code >= self.saturated
+    }
+
+    /// Whether the response is trusted at `code`; always true for linear data, where leaving dark samples out would bias the mean.
+    #[must_use]
+    pub fn is_trusted(&self, code: u32) -> bool {
+        code >= self.trusted
+    }
+
+    /// Sample depth.
+    #[must_use]
+    pub fn depth(&self) -> Depth {
+        self.depth
+    }
+}
+
+/// Tabulates one channel; `None` where the curve is not finite, falls or leaves 0..1.05.
+fn fill_row(response: &Response, channel: usize, row: &mut [i32], x: impl Fn(usize) -> f64) -> Option<()> {
+    let mut last = f64::NEG_INFINITY;
+    for (i, entry) in row.iter_mut().enumerate() {
+        let y = response.exposure(channel, x(i));
+        if !y.is_finite() || y < last - 1e-6 || y > 1.05 {
+            return None;
+        }
+        last = y;
+        *entry = libm::round(y * f64::from(1u32 << CURVE_BITS)) as i32;
+    }
+    (last > 0.1).then_some(())
+}

@@ -1,0 +1,45 @@
+//! Samplers: state machines that turn maps into lights.
+//!
+//! A sampler owns its arena, keeps what it needs of the past, allocates nothing and gives every light an id that survives as long
+//! as the light does. The server and the simulator know only the trait.
+
+pub mod halton;
+pub mod pharr;
+pub mod q2tree;
+
+use crate::light::Decomposition;
+use crate::polar::LatLongView;
+use crate::pyramid::PyramidView;
+
+/// What a sampler reads.
+#[derive(Clone, Copy, Debug)]
+pub struct Map<'a> {
+    /// The HEALPix pyramid.
+    pub pyramid: PyramidView<'a>,
+    /// The latitude-longitude map; [`LatLongView::NONE`] unless the sampler [needs it](Sampler::needs_polar).
+    pub polar: LatLongView<'a>,
+}
+
+/// What is asked of a sampler for one frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Request {
+    /// Most lights.
+    pub lights: usize,
+}
+
+/// Turns a sequence of maps into light sets.
+pub trait Sampler {
+    /// Its name in commands and light sets.
+    fn name(&self) -> &'static str;
+
+    /// Whether it reads [`Map::polar`].
+    fn needs_polar(&self) -> bool {
+        false
+    }
+
+    /// Decomposes the next frame. A map without light gives no lights.
+    fn update(&mut self, map: &Map<'_>, request: &Request) -> Decomposition<'_>;
+
+    /// Forgets the past, as after a jump in time.
+    fn reset(&mut self);
+}

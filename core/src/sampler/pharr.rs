@@ -1,0 +1,140 @@
+//! `pharr`: inversion of the two-dimensional distribution of a latitude-longitude map, as in \[Pharr2004\] and \[Nikodym2012\].
+//!
+//! Light i takes the same Halton point in every frame: its first coordinate picks theta from the marginal distribution of the rows,
+//! its second picks phi from that row's conditional one. All lights have the same luminance; their colour is the texel's. No
+//! filter: what changes anywhere moves every light that comes later in the order of the distribution.
+
+use super::{Map, Request, Sampler, halton};
+use crate::arena::{self, Buffer, TooSmall};
+use crate::color::luminance;
+use crate::light::{Decomposition, Light};
+use crate::polar::{Grid, LatLongView};
+use core::f64::consts::TAU;
+use glam::DVec3;
+
+/// Most rows of a map, for the marginal distribution.
+///
+/// A 4096 x 2048 panorama fits; the polar map has 90 rows.
+pub const MAX_ROWS: usize = 2048;
+
+/// Largest number below 1, so that a coordinate never points beyond the last bin.
+const BELOW_ONE: f64 = 1.0 - 1.0 / 16_777_216.0;
+
+/// The sampler `pharr`. `C` holds one `f32` per texel of the map, `L` one light per light.
+#[derive(Clone, Debug)]
+pub struct Pharr<C, L> {
+    conditional: C,
+    /// Upper ends of the rows' shares of the luminance, not normalised.
+    marginal: [f64; MAX_ROWS],
+    lights: L,
+    count: usize,
+}
+
+impl<C: Buffer<f32>, L: Buffer<Light>> Pharr<C, L> {
+    /// Takes the memory for maps of `grid`.
+    ///
+    /// # Errors
+    /// [`TooSmall`]: the conditional distributions need a number per texel, the marginal one has [`MAX_ROWS`] rows.
+    pub fn try_new(grid: &Grid, conditional: C, lights: L) -> Result<Self, TooSmall> {
+        arena::check(&conditional, grid.len())?;
+        if grid.height > MAX_ROWS {
+            return Err(TooSmall { needed: grid.height, lent: MAX_ROWS });
+        }
+        Ok(Self { conditional, marginal: [0.0; MAX_ROWS], lights, count: 0 })
+    }
+
+    /// Most lights it can give.
+    #[must_use]
+    pub fn capacity(&self) -> usize {
+        self.lights.as_ref().len()
+    }
+
+    /// Builds the distributions; returns the map's luminance.
+    fn distribute(&mut self, map: &LatLongView<'_>) -> f64 {
+        let width = map.grid.width;
+        let rows = map
+            .texels
+            .chunks_exact(width.max(1))
+            .zip(self.conditional.as_mut().chunks_exact_mut(width.max(1)));
+        let mut total = 0.0;
+        for ((texels, row), end) in rows.zip(&mut self.marginal) {
+            let mut sum = 0.0;
+            for (k, upper) in row.iter_mut().enumerate() {
+                sum += f64::from(luminance(texels[column(width, k)]));
+                *upper = sum as f32;
+            }
+            total += sum;
+            *end = total;
+        }
+        total
+    }
+
+    /// The light at point (`u`, `v`) of the unit square.
+    fn sample(&self, map: &LatLongView<'_>, total: f64, [u, v]: [f64; 2]) -> (DVec3, [f32; 3], f64) {
+        let (width, height) = (map.grid.width, map.grid.height);
+        let marginal = &self.marginal[..height.min(MAX_ROWS)];
+        let target = u.min(BELOW_ONE) * total;
+        let row = marginal.partition_point(|end| *end <= target).min(marginal.len() - 1);
+        let start = if row == 0 { 0.0 } else { marginal[row - 1] };
+        let within = (target - start) / (marginal[row] - start);
+
+        let conditional = &self.conditional.as_ref()[row * width..(row + 1) * width];
+        let target = (v.min(BELOW_ONE) * f64::from(conditional[width - 1])) as f32;
+        let k = conditional.partition_point(|end| *end <= target).min(width - 1);
+        let start = if k == 0 { 0.0 } else { conditional[k - 1] };
+        let across = f64::from((target - start) / (conditional[k] - start));
+
+        let cos = |i: usize| libm::cos(map.grid.theta(i));
+        let z = cos(row) + within.clamp(0.0, 1.0) * (cos(row + 1) - cos(row));
+        let phi = (k as f64 + across.clamp(0.0, 1.0)) * TAU / width as f64 + seam(width);
+        let sin = libm::sqrt((1.0 - z * z).max(0.0));
+        let direction = DVec3::new(sin * libm::cos(phi), sin * libm::sin(phi), z);
+        (direction, map.texels[row * width + column(width, k)], map.grid.solid_angle(row))
+    }
+}
+
+/// The column that is number `k` counted from phi = 0 upwards: the distribution's seam lies there, as in the thesis.
+fn column(width: usize, k: usize) -> usize {
+    (width / 2 + width - 1 - k) % width
+}
+
+/// Phi where the count begins: 0, or half a column off it where the number of columns is odd.
+fn seam(width: usize) -> f64 {
+    if width.is_multiple_of(2) { 0.0 } else { TAU / width as f64 / 2.0 }
+}
+
+impl<C: Buffer<f32>, L: Buffer<Light>> Sampler for Pharr<C, L> {
+    fn name(&self) -> &'static str {
+        "pharr"
+    }
+
+    fn needs_polar(&self) -> bool {
+        true
+    }
+
+    fn update(&mut self, map: &Map<'_>, request: &Request) -> Decomposition<'_> {
+        let fits =
+            map.polar.texels.len() <= self.conditional.as_ref().len() && map.polar.grid.height <= MAX_ROWS;
+        let total = if fits { self.distribute(&map.polar) } else { 0.0 };
+        let count = if total > 0.0 { request.lights.min(self.capacity()) } else { 0 };
+        let each = total / count.max(1) as f64;
+        for i in 0..count {
+            let (direction, rgb, omega) = self.sample(&map.polar, total, halton::point(i as u32 + 1));
+            let y = f64::from(luminance(rgb));
+            // The light's share of the sphere: 1 / (N pdf), and the cap of that size.
+            let cap = omega * each / y;
+            let radius_deg = libm::acos((1.0 - cap / TAU).clamp(-1.0, 1.0)).to_degrees() as f32;
+            let light = &mut self.lights.as_mut()[i];
+            let age = if i < self.count { light.age.saturating_add(1) } else { 0 };
+            let irradiance = rgb.map(|c| (f64::from(c) * each / y) as f32);
+            let direction = direction.as_vec3();
+            *light = Light { id: i as u32 + 1, direction, irradiance, radius_deg, age, parent: None };
+        }
+        self.count = count;
+        Decomposition::of_lights(&self.lights.as_ref()[..count])
+    }
+
+    fn reset(&mut self) {
+        self.count = 0;
+    }
+}

@@ -1,0 +1,341 @@
+//! `q2tree` and `q2tree-jitter`: the spherical Q2-tree of \[Wan2005\] over NESTED HEALPix quads.
+//!
+//! The tree starts from the base quads and splits the leaf of greatest importance L^a dOmega^b until there are as many leaves as
+//! lights. L is the quad's energy and dOmega its solid angle. Both exponents at least 0 make a child less important than its
+//! parent, so the interior nodes are exactly those of greatest importance, and best-first search from the roots finds the tree that
+//! any sequence of merges and splits would. The published frame-to-frame threshold is a bonus of 1 + tau for the quads that were
+//! interior in the last frame: a split is given up only for one that is more important by that factor.
+//!
+//! The tree is one bit per quad (is it interior?), walked in NESTED order: no node pool, no search.
+
+use super::{Map, Request, Sampler};
+use crate::arena::{self, Buffer, TooSmall};
+use crate::healpix::{self, Domain};
+use crate::light::{Decomposition, Light};
+use crate::pyramid::{PyramidView, Quad};
+
+/// Where a light stands inside its quad.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Placement {
+    /// At the energy centroid: `q2tree`.
+    Centroid,
+    /// At a point that depends on the quad alone, `spread` (0..=1) of the quad's width round its centre: `q2tree-jitter`, as
+    /// published.
+    Jitter {
+        /// Part of the quad's width.
+        spread: f32,
+    },
+}
+
+/// Parameters of the tree.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Parameters {
+    /// Exponent a of the energy, at least 0.
+    pub energy_exponent: f32,
+    /// Exponent b of the solid angle, at least 0.
+    pub solid_angle_exponent: f32,
+    /// Relative threshold tau below which a split of the last frame is kept.
+    pub threshold: f32,
+    /// Where lights stand.
+    pub placement: Placement,
+}
+
+impl Parameters {
+    /// a = 1, b = 1/4, no threshold, lights at energy centroids.
+    pub const CENTROID: Self = Self {
+        energy_exponent: 1.0,
+        solid_angle_exponent: 0.25,
+        threshold: 0.0,
+        placement: Placement::Centroid,
+    };
+
+    /// a = 1, b = 1/4, no threshold, the published jitter.
+    pub const JITTER: Self = Self { placement: Placement::Jitter { spread: 0.5 }, ..Self::CENTROID };
+}
+
+/// A leaf that may be split.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Leaf {
+    importance: f32,
+    order: u8,
+    ipix: u32,
+}
+
+/// Bytes of the bit set that marks interior quads of a map of `order`.
+#[must_use]
+pub const fn interior_len(domain: Domain, order: u8) -> usize {
+    if order == 0 { 0 } else { crate::pyramid::pyramid_len(domain, order - 1).div_ceil(8) }
+}
+
+/// The sampler. `B` holds [`interior_len`] bytes, twice; `H` one [`Leaf`] per light; `L` one [`Light`] per light, twice.
+#[derive(Clone, Debug)]
+pub struct Q2Tree<B, H, L> {
+    parameters: Parameters,
+    /// Interior quads of this frame and of the last.
+    interior: [B; 2],
+    heap: H,
+    lights: [L; 2],
+    count: usize,
+}
+
+impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>> Q2Tree<B, H, L> {
+    /// Takes the memory for maps of `domain` up to `order` and for as many lights as the shortest of `heap` and `lights` holds.
+    ///
+    /// # Errors
+    /// [`TooSmall`].
+    pub fn try_new(
+        parameters: Parameters,
+        (domain, order): (Domain, u8),
+        mut interior: [B; 2],
+        heap: H,
+        lights: [L; 2],
+    ) -> Result<Self, TooSmall> {
+        for bits in &mut interior {
+            arena::check(bits, interior_len(domain, order))?;
+            bits.as_mut().fill(0);
+        }
+        Ok(Self { parameters, interior, heap, lights, count: 0 })
+    }
+
+    /// Most lights it can give.
+    #[must_use]
+    pub fn capacity(&self) -> usize {
+        let [a, b] = &self.lights;
+        self.heap.as_ref().len().min(a.as_ref().len()).min(b.as_ref().len())
+    }
+
+    fn importance(&self, map: &PyramidView<'_>, order: u8, ipix: u32) -> f32 {
+        let p = self.parameters;
+        let energy = map.quad(order, ipix).y();
+        if energy <= 0.0 {
+            return 0.0;
+        }
+        let omega = (healpix::solid_angle(order) * map.domain().share(order, ipix)) as f32;
+        let weighted = if p.energy_exponent == 1.0 { energy } else { libm::powf(energy, p.energy_exponent) };
+        let size = if p.solid_angle_exponent == 0.25 {
+            libm::sqrtf(libm::sqrtf(omega))
+        } else {
+            libm::powf(omega, p.solid_angle_exponent)
+        };
+        let was_interior =
+            order < map.order() && bit(self.interior[1].as_ref(), index(map.domain(), order, ipix));
+        weighted * size * if was_interior { 1.0 + p.threshold } else { 1.0 }
+    }
+
+    /// Splits leaves best-first until no split fits into `lights`; marks the interior quads.
+    fn grow(&mut self, map: &PyramidView<'_>, lights: usize) {
+        self.interior.swap(0, 1);
+        self.interior[0].as_mut().fill(0);
+        let mut heap = 0;
+        let mut leaves = 0;
+        for ipix in 0..map.domain().faces() as u32 {
+            leaves += 1;
+            self.push(&mut heap, map, 0, ipix);
+        }
+        while let Some(leaf) = pop(&mut self.heap.as_mut()[..heap]) {
+            heap -= 1;
+            let gain = children(map.domain(), leaf.order, leaf.ipix).count() - 1;
+            if leaves + gain > lights {
+                // A quad on the horizon gains one light less than others: it may still fit.
+                if leaves + 2 > lights {
+                    break;
+                }
+                continue;
+            }
+            leaves += gain;
+            set(self.interior[0].as_mut(), index(map.domain(), leaf.order, leaf.ipix));
+            for ipix in children(map.domain(), leaf.order, leaf.ipix) {
+                self.push(&mut heap, map, leaf.order + 1, ipix);
+            }
+        }
+    }
+
+    /// Adds a leaf to the heap unless it is dark or of the finest order.
+    fn push(&mut self, len: &mut usize, map: &PyramidView<'_>, order: u8, ipix: u32) {
+        let importance = self.importance(map, order, ipix);
+        let heap = self.heap.as_mut();
+        if importance > 0.0 && order < map.order() && *len < heap.len() {
+            heap[*len] = Leaf { importance, order, ipix };
+            *len += 1;
+            sift_up(&mut heap[..*len]);
+        }
+    }
+
+    /// Writes the lights of the lit leaves in NESTED order; returns how many.
+    fn emit(&mut self, map: &PyramidView<'_>) -> usize {
+        self.lights.swap(0, 1);
+        let [lights, _] = &mut self.lights;
+        let lights = lights.as_mut();
+        let interior = self.interior[0].as_ref();
+        let mut count = 0;
+        walk(map, interior, |order, ipix, quad| {
+            if let Some(slot) = lights.get_mut(count) {
+                *slot = place(self.parameters.placement, map.domain(), order, ipix, quad);
+                count += 1;
+            }
+        });
+        count
+    }
+}
+
+/// Calls `f` for every lit leaf, in NESTED order.
+fn walk(map: &PyramidView<'_>, interior: &[u8], mut f: impl FnMut(u8, u32, &Quad)) {
+    for face in 0..map.domain().faces() as u32 {
+        let (mut order, mut ipix) = (0, face);
+        loop {
+            let is_interior = order < map.order() && bit(interior, index(map.domain(), order, ipix));
+            if is_interior {
+                order += 1;
+                ipix <<= 2;
+                continue;
+            }
+            let quad = map.quad(order, ipix);
+            if quad.y() > 0.0 {
+                f(order, ipix, &quad);
+            }
+            while order > 0 && ipix & 3 == 3 {
+                order -= 1;
+                ipix >>= 2;
+            }
+            if order == 0 {
+                break;
+            }
+            ipix += 1;
+        }
+    }
+}
+
+/// The light of one leaf.
+fn place(placement: Placement, domain: Domain, order: u8, ipix: u32, quad: &Quad) -> Light {
+    let id = (4 << (2 * order)) + ipix;
+    let centre = || healpix::centre(order, ipix).as_vec3();
+    let mut light = Light::at_centroid(id, quad, glam::Vec3::Z);
+    match placement {
+        Placement::Centroid if quad.first_moment() == glam::Vec3::ZERO => light.direction = centre(),
+        Placement::Centroid => {}
+        Placement::Jitter { spread } => {
+            let [x, y] = jitter(id, f64::from(spread));
+            // In a quad on the horizon, mirror what falls below it to above.
+            let below = domain.share(order, ipix) == 0.5 && x + y < 1.0;
+            let (x, y) = if below { (1.0 - y, 1.0 - x) } else { (x, y) };
+            light.direction = healpix::point(order, ipix, x, y).as_vec3();
+        }
+    }
+    light
+}
+
+/// A point of the unit square that depends on the id alone, `spread` wide round its middle.
+fn jitter(id: u32, spread: f64) -> [f64; 2] {
+    // Finaliser of MurmurHash3, which spreads neighbouring ids over all 32 bits.
+    let mut h = id;
+    h = (h ^ (h >> 16)).wrapping_mul(0x85eb_ca6b);
+    h = (h ^ (h >> 13)).wrapping_mul(0xc2b2_ae35);
+    h ^= h >> 16;
+    [h & 0xffff, h >> 16].map(|v| 0.5 + spread * ((f64::from(v) + 0.5) / 65536.0 - 0.5))
+}
+
+/// Children of a quad that lie at least partly in the domain.
+fn children(domain: Domain, order: u8, ipix: u32) -> impl Iterator<Item = u32> {
+    (4 * ipix..4 * ipix + 4).filter(move |child| domain.share(order + 1, *child) > 0.0)
+}
+
+/// Number of a quad among those of all orders.
+fn index(domain: Domain, order: u8, ipix: u32) -> usize {
+    crate::pyramid::pyramid_len(domain, order) - domain.quads(order) + ipix as usize
+}
+
+fn bit(bits: &[u8], index: usize) -> bool {
+    bits.get(index / 8).is_some_and(|byte| byte >> (index % 8) & 1 == 1)
+}
+
+fn set(bits: &mut [u8], index: usize) {
+    if let Some(byte) = bits.get_mut(index / 8) {
+        *byte |= 1 << (index % 8);
+    }
+}
+
+/// Whether `a` is split before `b`: by importance, then coarse before fine, then by index, so that ties never depend on history.
+fn before(a: &Leaf, b: &Leaf) -> bool {
+    (a.importance, b.order, b.ipix) > (b.importance, a.order, a.ipix)
+}
+
+/// Moves the last element of a max-heap to its place.
+fn sift_up(heap: &mut [Leaf]) {
+    let mut i = heap.len() - 1;
+    while i > 0 && before(&heap[i], &heap[(i - 1) / 2]) {
+        heap.swap(i, (i - 1) / 2);
+        i = (i - 1) / 2;
+    }
+}
+
+/// Takes the greatest element of a max-heap, which is then one shorter.
+fn pop(heap: &mut [Leaf]) -> Option<Leaf> {
+    let last = heap.len().checked_sub(1)?;
+    heap.swap(0, last);
+    let top = heap[last];
+    let heap = &mut heap[..last];
+    let mut i = 0;
+    loop {
+        let (left, right) = (2 * i + 1, 2 * i + 2);
+        let larger = if right < last && before(&heap[right], &heap[left]) { right } else { left };
+        if larger >= last || !before(&heap[larger], &heap[i]) {
+            return Some(top);
+        }
+        heap.swap(i, larger);
+        i = larger;
+    }
+}
+
+/// Ages and parents: both lists are in NESTED order, so one pass finds each light's place in the last frame.
+fn inherit(lights: &mut [Light], previous: &[Light]) {
+    let mut old = previous.iter().peekable();
+    for light in lights {
+        let (start, end) = range(light.id);
+        while old.next_if(|o| range(o.id).1 <= start).is_some() {}
+        let Some(o) = old.peek() else { return };
+        if o.id == light.id {
+            light.age = o.age.saturating_add(1);
+            light.parent = o.parent;
+        } else if range(o.id).0 <= start && end <= range(o.id).1 {
+            light.parent = Some(o.id);
+        }
+    }
+}
+
+/// The quads of [`healpix::MAX_ORDER`] that the leaf `id` covers.
+fn range(id: u32) -> (u64, u64) {
+    let order = (31 - id.leading_zeros()).saturating_sub(2) / 2;
+    // 4 * 4^order + ipix with ipix < 12 * 4^order: the leading bit is at 2 order + 2 to 2 order + 3.
+    let ipix = u64::from(id) - (4 << (2 * order));
+    let shift = 2 * (u32::from(healpix::MAX_ORDER) - order);
+    (ipix << shift, (ipix + 1) << shift)
+}
+
+impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>> Sampler for Q2Tree<B, H, L> {
+    fn name(&self) -> &'static str {
+        match self.parameters.placement {
+            Placement::Centroid => "q2tree",
+            Placement::Jitter { .. } => "q2tree-jitter",
+        }
+    }
+
+    fn update(&mut self, map: &Map<'_>, request: &Request) -> Decomposition<'_> {
+        let lights = request.lights.min(self.capacity());
+        let fits =
+            arena::check(&self.interior[0], interior_len(map.pyramid.domain(), map.pyramid.order())).is_ok();
+        let previous = self.count;
+        self.count = 0;
+        if fits && lights >= map.pyramid.domain().faces() {
+            self.grow(&map.pyramid, lights);
+            self.count = self.emit(&map.pyramid);
+            let [lights, old] = &mut self.lights;
+            inherit(&mut lights.as_mut()[..self.count], &old.as_ref()[..previous]);
+        }
+        Decomposition::of_lights(&self.lights[0].as_ref()[..self.count])
+    }
+
+    fn reset(&mut self) {
+        self.count = 0;
+        self.interior.iter_mut().for_each(|bits| bits.as_mut().fill(0));
+    }
+}

@@ -1,0 +1,175 @@
+//! The bytes of a light set: JSON, plain text and XML, written through `embedded-io` without allocation.
+//!
+//! All values are absolute and linear. Directions and harmonics are turned to the asked-for axes on the way out.
+
+mod coordinates;
+mod json;
+mod text;
+mod xml;
+
+pub use coordinates::Coordinates;
+pub use json::json;
+pub use text::text;
+pub use xml::xml;
+
+use crate::light::{Light, Sh9};
+use embedded_io::Write;
+
+/// What a light's numbers are in.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Unit {
+    /// Proportional to lux, with an unknown factor.
+    #[default]
+    Relative,
+    /// Photometrically calibrated.
+    Lux,
+}
+
+impl Unit {
+    /// Its name on the wire.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Relative => "relative",
+            Self::Lux => "lux",
+        }
+    }
+}
+
+/// Why a set is not fresh.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stale<'a> {
+    /// Milliseconds since the set was made.
+    pub age_ms: u64,
+    /// What happened to the source.
+    pub reason: &'a str,
+}
+
+/// Time spent in each stage of one frame, microseconds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Latency {
+    /// Waiting for and copying the burst.
+    pub capture: u32,
+    /// Merge and map in one.
+    pub front: u32,
+    /// Sums above the map.
+    pub pyramid: u32,
+    /// The sampler.
+    pub sample: u32,
+    /// Temporal filters outside the sampler.
+    pub filter: u32,
+    /// Encoding of the previous frame's set.
+    pub encode: u32,
+    /// From the end of the burst to the finished set.
+    pub total: u32,
+}
+
+/// One frame's lights and what is known about them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LightSet<'a> {
+    /// Changes at every start of the probe.
+    pub run: &'a str,
+    /// Counts from 0 in each run.
+    pub frame: u64,
+    /// CLOCK_MONOTONIC at the end of the burst, nanoseconds.
+    pub timestamp_ns: u64,
+    /// Unix time, milliseconds.
+    pub wall_ms: u64,
+    /// False before the first frame.
+    pub valid: bool,
+    /// Set when the source has stopped and this is the last good set.
+    pub stale: Option<Stale<'a>>,
+    /// The sampler's name.
+    pub sampler: &'a str,
+    /// Lights asked for.
+    pub requested: u32,
+    /// What the numbers are in.
+    pub unit: Unit,
+    /// Axes of the directions.
+    pub coordinates: Coordinates,
+    /// The lights, in probe axes.
+    pub lights: &'a [Light],
+    /// Radiance of what is not in `lights`, in probe axes.
+    pub ambient_sh: Option<&'a Sh9>,
+    /// Sum of L dOmega over everything.
+    pub scalar_flux: [f32; 3],
+    /// Sum of L cos(theta) dOmega above the horizon.
+    pub horizontal_irradiance: [f32; 3],
+    /// Clipped share of the domain's solid angle.
+    pub clipped: f32,
+    /// Unseen share of the domain's solid angle.
+    pub unseen: f32,
+    /// Estimated shadowed error, a ratio.
+    pub estimated_error: Option<f32>,
+    /// Time spent in each stage.
+    pub latency: Latency,
+}
+
+impl LightSet<'_> {
+    /// The set before the first frame.
+    pub const EMPTY: LightSet<'static> = LightSet {
+        run: "",
+        frame: 0,
+        timestamp_ns: 0,
+        wall_ms: 0,
+        valid: false,
+        stale: None,
+        sampler: "",
+        requested: 0,
+        unit: Unit::Relative,
+        coordinates: Coordinates::Probe,
+        lights: &[],
+        ambient_sh: None,
+        scalar_flux: [0.0; 3],
+        horizontal_irradiance: [0.0; 3],
+        clipped: 0.0,
+        unseen: 0.0,
+        estimated_error: None,
+        latency: Latency { capture: 0, front: 0, pyramid: 0, sample: 0, filter: 0, encode: 0, total: 0 },
+    };
+}
+
+type Fmt<E> = Result<(), embedded_io::WriteFmtError<E>>;
+
+/// Why a set could not be written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EncodeError<E> {
+    /// The writer refused.
+    Io(E),
+    /// A number could not be formatted.
+    Format,
+}
+
+impl<E> From<embedded_io::WriteFmtError<E>> for EncodeError<E> {
+    fn from(e: embedded_io::WriteFmtError<E>) -> Self {
+        match e {
+            embedded_io::WriteFmtError::FmtError => Self::Format,
+            embedded_io::WriteFmtError::Other(e) => Self::Io(e),
+        }
+    }
+}
+
+impl<E: core::fmt::Debug> core::fmt::Display for EncodeError<E> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Io(e) => write!(f, "the writer refused: {e:?}"),
+            Self::Format => write!(f, "a number could not be formatted"),
+        }
+    }
+}
+
+impl<E: core::fmt::Debug> core::error::Error for EncodeError<E> {}
+
+/// A number as the formats hold it: what is not finite becomes 0, which no stage produces.
+fn number(v: f32) -> f32 {
+    if v.is_finite() { v } else { 0.0 }
+}
+
+/// Writes numbers with `separator` between them.
+fn numbers<W: Write>(w: &mut W, values: &[f32], separator: &str) -> Fmt<W::Error> {
+    for (i, v) in values.iter().enumerate() {
+        let between = if i == 0 { "" } else { separator };
+        write!(w, "{between}{}", number(*v))?;
+    }
+    Ok(())
+}
