@@ -1,0 +1,330 @@
+//! `burst.toml`, `sequence.toml` and lens files.
+
+use super::{MAX_MANIFEST_BYTES, RecordedError};
+use crate::calibration::Calibration;
+use glam::DVec2;
+use hemilux_core::lens::{Intrinsics, Lens, Model};
+use hemilux_core::merge::{Exposure, MAX_EXPOSURES};
+use hemilux_core::response::{Depth, Response};
+use serde::Deserialize;
+use std::io::Read;
+use std::path::{Component, Path, PathBuf};
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Manifest {
+    version: i64,
+    lens: LensTable,
+    response: Option<ResponseTable>,
+    #[serde(default)]
+    sensor: SensorTable,
+    format: Option<toml::Table>,
+    #[serde(default)]
+    pub(super) frame: Vec<FrameTable>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LensTable {
+    model: String,
+    size: Option<[u32; 2]>,
+    centre: [f64; 2],
+    focal: [f64; 2],
+    #[serde(default)]
+    skew: f64,
+    #[serde(default)]
+    k: Vec<f64>,
+    max_angle_deg: f64,
+    #[serde(default = "no_vignetting")]
+    vignetting: Vec<f64>,
+}
+
+fn no_vignetting() -> Vec<f64> {
+    vec![1.0]
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ResponseTable {
+    model: String,
+    red: Option<Vec<f64>>,
+    green: Option<Vec<f64>>,
+    blue: Option<Vec<f64>>,
+    #[serde(default = "one")]
+    scale: f64,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+#[derive(Deserialize, Default)]
+#[serde(deny_unknown_fields)]
+struct SensorTable {
+    black: Option<f64>,
+    white: Option<f64>,
+    white_balance: Option<[f32; 3]>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct FrameTable {
+    pub(super) file: String,
+    exposure_s: f64,
+    #[serde(default = "one")]
+    gain: f64,
+    #[allow(dead_code, reason = "checked for its type; used once exposures are verified")]
+    sequence: Option<u64>,
+    pub(super) timestamp_ns: Option<u64>,
+    known: Option<String>,
+}
+
+impl FrameTable {
+    pub(super) fn exposure(&self) -> Exposure {
+        Exposure { seconds: self.exposure_s, gain: self.gain }
+    }
+}
+
+/// A file with a `[lens]` table, as `hemilux-sim burst --lens` takes.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LensFile {
+    #[serde(default = "version_one")]
+    version: i64,
+    lens: LensTable,
+    response: Option<ResponseTable>,
+    sensor: Option<SensorTable>,
+}
+
+fn version_one() -> i64 {
+    1
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SequenceFile {
+    version: i64,
+    #[serde(default)]
+    burst: Vec<SequenceEntry>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SequenceEntry {
+    folder: String,
+    #[serde(default)]
+    timestamp_ns: u64,
+}
+
+/// Reads a TOML file of bounded size.
+pub(super) fn read<T: for<'de> Deserialize<'de>>(path: &Path) -> Result<T, RecordedError> {
+    let what = "a readable TOML file";
+    let file = std::fs::File::open(path).map_err(|e| RecordedError::new(path, e, what))?;
+    let mut text = String::new();
+    file.take(MAX_MANIFEST_BYTES + 1)
+        .read_to_string(&mut text)
+        .map_err(|e| RecordedError::new(path, e, what))?;
+    if text.len() as u64 > MAX_MANIFEST_BYTES {
+        return Err(RecordedError::new(path, "more than a megabyte", what));
+    }
+    toml::from_str(&text).map_err(|e| {
+        let line = e.span().map_or(0, |s| text[..s.start.min(text.len())].matches('\n').count() + 1);
+        RecordedError::new(path, format!("{} (line {line})", e.message()), "what formats.md defines")
+    })
+}
+
+fn check_version(path: &Path, version: i64) -> Result<(), RecordedError> {
+    if version == 1 {
+        Ok(())
+    } else {
+        Err(RecordedError::new(path, format!("version {version}"), "version 1"))
+    }
+}
+
+/// Whether `name` names something in the folder itself.
+fn is_bare(name: &str) -> bool {
+    let mut parts = Path::new(name).components();
+    matches!((parts.next(), parts.next()), (Some(Component::Normal(_)), None)) && !name.contains(['/', '\\'])
+}
+
+impl Manifest {
+    /// Refuses what contradicts itself, before any image is read.
+    pub(super) fn check(&self, path: &Path) -> Result<(), RecordedError> {
+        let refuse = |found: String, expected: &str| Err(RecordedError::new(path, found, expected));
+        check_version(path, self.version)?;
+        if self.format.is_some() {
+            return refuse("a [format] table".into(), "image files: raw frames are not read yet");
+        }
+        if !(1..=MAX_EXPOSURES).contains(&self.frame.len()) {
+            return refuse(
+                format!("{} [[frame]] tables", self.frame.len()),
+                &format!("1 to {MAX_EXPOSURES}"),
+            );
+        }
+        for frame in &self.frame {
+            if !is_bare(&frame.file) {
+                return refuse(format!("file = {:?}", frame.file), "a bare name in the folder");
+            }
+            for (name, value) in [("exposure_s", frame.exposure_s), ("gain", frame.gain)] {
+                if !(value > 0.0 && value.is_finite()) {
+                    return refuse(format!("{name} = {value} of {:?}", frame.file), "a positive number");
+                }
+            }
+            if let Some(known) = frame.known.as_deref()
+                && !["reported", "predicted", "verified", "unknown"].contains(&known)
+            {
+                return refuse(format!("known = {known:?}"), "reported, predicted, verified or unknown");
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn calibration(
+        &self,
+        path: &Path,
+        width: u32,
+        height: u32,
+        depth: Depth,
+    ) -> Result<Calibration, RecordedError> {
+        if let Some(size) = self.lens.size.filter(|s| *s != [width, height]) {
+            let found = format!("[lens] size = [{}, {}] and images of {width} x {height}", size[0], size[1]);
+            return Err(RecordedError::new(path, found, "the same size"));
+        }
+        let response = self.response.as_ref();
+        calibration(path, &self.lens, response, &self.sensor, (width, height, depth))
+    }
+}
+
+fn calibration(
+    path: &Path,
+    lens: &LensTable,
+    response: Option<&ResponseTable>,
+    sensor: &SensorTable,
+    (width, height, depth): (u32, u32, Depth),
+) -> Result<Calibration, RecordedError> {
+    let black = sensor.black.unwrap_or(0.0);
+    let white = sensor.white.unwrap_or(f64::from(depth.max()));
+    if !(black >= 0.0 && black < white && white <= f64::from(depth.max())) {
+        let found = format!("[sensor] black = {black}, white = {white}");
+        let expected = format!("0 <= black < white <= {}", depth.max());
+        return Err(RecordedError::new(path, found, expected));
+    }
+    let white_balance = sensor.white_balance.unwrap_or([1.0; 3]);
+    if !white_balance.iter().all(|w| *w > 0.0 && w.is_finite()) {
+        return Err(RecordedError::new(
+            path,
+            format!("white_balance = {white_balance:?}"),
+            "three positive numbers",
+        ));
+    }
+    let scale = response.map_or(1.0, |r| r.scale);
+    if !(scale > 0.0 && scale.is_finite()) {
+        return Err(RecordedError::new(path, format!("scale = {scale}"), "a positive number"));
+    }
+    let response = response.map_or(Ok(Response::Linear), |r| r.response(path))?;
+    Ok(Calibration {
+        lens: lens.lens(path)?,
+        width,
+        height,
+        response,
+        scale,
+        black,
+        white,
+        white_balance,
+        depth,
+    })
+}
+
+impl LensTable {
+    fn lens(&self, path: &Path) -> Result<Lens, RecordedError> {
+        let refuse = |found: String, expected: &str| Err(RecordedError::new(path, found, expected));
+        let count = |n: usize| format!("{n} coefficients k for the lens model {:?}", self.model);
+        let model = match (self.model.as_str(), self.k.as_slice()) {
+            ("equidistant", []) => Model::Equidistant,
+            ("equisolid", []) => Model::Equisolid,
+            ("kannala-brandt", &[k1, k2, k3, k4]) => Model::KannalaBrandt([k1, k2, k3, k4]),
+            ("radial", &[k0, k1]) => Model::Radial([k0, k1]),
+            ("equidistant" | "equisolid", k) => return refuse(count(k.len()), "none"),
+            ("kannala-brandt", k) => return refuse(count(k.len()), "four"),
+            ("radial", k) => return refuse(count(k.len()), "two"),
+            _ => {
+                let expected = "equidistant, equisolid, kannala-brandt or radial";
+                return refuse(format!("the lens model {:?}", self.model), expected);
+            }
+        };
+        let mut vignetting = [0.0; 8];
+        if self.vignetting.is_empty() || self.vignetting.len() > vignetting.len() {
+            return refuse(format!("{} vignetting coefficients", self.vignetting.len()), "1 to 8");
+        }
+        vignetting[..self.vignetting.len()].copy_from_slice(&self.vignetting);
+        let intrinsics = Intrinsics {
+            model,
+            centre_px: DVec2::from_array(self.centre),
+            focal_px: DVec2::from_array(self.focal),
+            skew_px: self.skew,
+            max_theta: self.max_angle_deg.to_radians(),
+            vignetting,
+        };
+        Lens::try_new(intrinsics)
+            .map_err(|e| RecordedError::new(path, e, "a lens that sees up to max_angle_deg"))
+    }
+}
+
+impl ResponseTable {
+    fn response(&self, path: &Path) -> Result<Response, RecordedError> {
+        let channels = [("red", &self.red), ("green", &self.green), ("blue", &self.blue)];
+        match self.model.as_str() {
+            "linear" => Ok(Response::Linear),
+            "srgb" => Ok(Response::Srgb),
+            "polynomial" => {
+                let mut polynomial = [[0.0; 5]; 3];
+                for (row, (name, values)) in polynomial.iter_mut().zip(channels) {
+                    let found = values.as_ref().map_or(0, Vec::len);
+                    let five = values.as_deref().and_then(|v| <[f64; 5]>::try_from(v).ok());
+                    let refused =
+                        || RecordedError::new(path, format!("{found} coefficients of {name}"), "five");
+                    *row = five.ok_or_else(refused)?;
+                }
+                Ok(Response::Polynomial(polynomial))
+            }
+            other => {
+                let expected = "linear, srgb or polynomial";
+                Err(RecordedError::new(path, format!("the response model {other:?}"), expected))
+            }
+        }
+    }
+}
+
+/// Reads a lens file: a `[lens]` table with its `size`, and optionally `[response]` and `[sensor]`.
+///
+/// # Errors
+/// [`RecordedError`].
+pub fn read_lens(path: &Path, depth: Depth) -> Result<Calibration, RecordedError> {
+    let file: LensFile = read(path)?;
+    check_version(path, file.version)?;
+    let Some([width, height]) = file.lens.size else {
+        return Err(RecordedError::new(path, "[lens] without size", "size = [columns, rows]"));
+    };
+    let sensor = file.sensor.unwrap_or_default();
+    calibration(path, &file.lens, file.response.as_ref(), &sensor, (width, height, depth))
+}
+
+/// Reads a `sequence.toml`.
+pub(super) fn read_sequence(path: &Path, folder: &Path) -> Result<Vec<(u64, PathBuf)>, RecordedError> {
+    let file: SequenceFile = read(path)?;
+    check_version(path, file.version)?;
+    if file.burst.is_empty() {
+        return Err(RecordedError::new(path, "no [[burst]] tables", "at least one"));
+    }
+    if let Some(entry) = file.burst.iter().find(|b| !is_bare(&b.folder)) {
+        return Err(RecordedError::new(
+            path,
+            format!("folder = {:?}", entry.folder),
+            "a bare name in the folder",
+        ));
+    }
+    if !file.burst.is_sorted_by_key(|b| b.timestamp_ns) {
+        return Err(RecordedError::new(path, "timestamps that go back", "ascending timestamp_ns"));
+    }
+    Ok(file.burst.into_iter().map(|b| (b.timestamp_ns, folder.join(b.folder))).collect())
+}

@@ -1,0 +1,113 @@
+//! Recorded bursts: folders with a `burst.toml` and one image per exposure, as `formats.md` defines them.
+//!
+//! What is read is hostile until parsed: sizes are bounded, names are bare, and every refusal is one line.
+
+mod images;
+mod manifest;
+
+use crate::calibration::{Burst, Calibration, Frame, Pixels};
+use manifest::Manifest;
+use std::fmt::Display;
+use std::path::{Path, PathBuf};
+
+pub use manifest::read_lens;
+
+/// Largest `burst.toml`, `sequence.toml` or lens file, bytes.
+const MAX_MANIFEST_BYTES: u64 = 1 << 20;
+
+/// Why a recorded burst could not be read: one line that names the file, what was found and what was expected.
+#[derive(Debug, thiserror::Error)]
+#[error("{path}: found {found}, expected {expected}")]
+pub struct RecordedError {
+    /// The file or folder.
+    pub path: PathBuf,
+    /// What was found.
+    pub found: String,
+    /// What was expected.
+    pub expected: String,
+}
+
+impl RecordedError {
+    pub(crate) fn new(path: &Path, found: impl Display, expected: impl Display) -> Self {
+        // A parser's message may span lines; ours never do.
+        let one_line = |v: String| v.split_whitespace().collect::<Vec<_>>().join(" ");
+        Self {
+            path: path.into(),
+            found: one_line(found.to_string()),
+            expected: one_line(expected.to_string()),
+        }
+    }
+}
+
+/// Reads one burst, its frames in ascending order of exposure.
+///
+/// # Errors
+/// [`RecordedError`] for files that are missing, truncated, of another type or contradict each other.
+pub fn read_burst(folder: &Path) -> Result<(Calibration, Burst), RecordedError> {
+    let path = folder.join("burst.toml");
+    let manifest: Manifest = manifest::read(&path)?;
+    manifest.check(&path)?;
+    let mut images = Vec::with_capacity(manifest.frame.len());
+    for frame in &manifest.frame {
+        images.push(images::read(&folder.join(&frame.file))?);
+    }
+    let first = &images[0];
+    let (width, height, depth) = (first.width, first.height, first.pixels.depth());
+    for (image, frame) in images.iter().zip(&manifest.frame) {
+        let file = folder.join(&frame.file);
+        if (image.width, image.height) != (width, height) {
+            let found = format!("{} x {} pixels", image.width, image.height);
+            return Err(RecordedError::new(&file, found, format!("{width} x {height} as the first frame")));
+        }
+        if image.pixels.depth() != depth {
+            return Err(RecordedError::new(&file, "another sample depth", "the first frame's"));
+        }
+    }
+    let calibration = manifest.calibration(&path, width, height, depth)?;
+    let timestamp_ns = manifest.frame.iter().filter_map(|f| f.timestamp_ns).max().unwrap_or(0);
+    let frames = images.into_iter().zip(&manifest.frame);
+    let mut frames: Vec<_> =
+        frames.map(|(image, f)| Frame { exposure: f.exposure(), pixels: image.pixels }).collect();
+    frames.sort_by(|a, b| light(a).total_cmp(&light(b)));
+    Ok((calibration, Burst { frames, timestamp_ns }))
+}
+
+fn light(frame: &Frame) -> f64 {
+    frame.exposure.seconds * frame.exposure.gain
+}
+
+/// One decoded image.
+struct Image {
+    width: u32,
+    height: u32,
+    pixels: Pixels,
+}
+
+/// The bursts of a recording, in time: (timestamp in nanoseconds, folder).
+///
+/// `folder` is a burst itself, holds a `sequence.toml`, or holds bursts, which are then taken in name order.
+///
+/// # Errors
+/// [`RecordedError`].
+pub fn read_sequence(folder: &Path) -> Result<Vec<(u64, PathBuf)>, RecordedError> {
+    if folder.join("burst.toml").is_file() {
+        return Ok(vec![(0, folder.into())]);
+    }
+    let list = folder.join("sequence.toml");
+    if list.is_file() {
+        return manifest::read_sequence(&list, folder);
+    }
+    let entries =
+        std::fs::read_dir(folder).map_err(|e| RecordedError::new(folder, e, "a readable folder"))?;
+    let mut folders: Vec<_> = entries
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .filter(|path| path.join("burst.toml").is_file())
+        .map(|path| (0, path))
+        .collect();
+    folders.sort();
+    if folders.is_empty() {
+        let expected = "a burst.toml, a sequence.toml or folders that hold a burst.toml";
+        return Err(RecordedError::new(folder, "none", expected));
+    }
+    Ok(folders)
+}
