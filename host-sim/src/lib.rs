@@ -3,3 +3,4 @@
 pub mod baseline;
 pub mod env;
 pub mod metrics;
+pub mod score;

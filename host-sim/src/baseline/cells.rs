@@ -79,7 +79,7 @@ impl Cells {
     #[must_use]
     pub fn new(map: &EnvMap, domain: Domain, max_width: usize) -> Self {
         let grid = Grid::new(map, domain);
-        let block = (map.width().div_ceil(max_width), map.height().div_ceil((max_width / 2).max(1)));
+        let block = (map.width().div_ceil(max_width.max(1)), map.height().div_ceil((max_width / 2).max(1)));
         let (width, height) = (grid.width().div_ceil(block.0), grid.rows().div_ceil(block.1));
         let mut cells = Self {
             width,
@@ -173,7 +173,7 @@ impl Cells {
         self.flux.iter().fold(Flux::default(), |sum, &flux| sum + flux)
     }
 
-    /// Angular size of a texel in theta and (at the equator) in phi, radians.
+    /// Angular size of a cell in theta and (at the equator) in phi, radians.
     #[must_use]
     pub fn pitch(&self) -> (f64, f64) {
         let (width, height) = self.map_size;

@@ -1,9 +1,10 @@
 //! What every sampler must keep, and what it reaches on real maps.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 use super::cells::{Cells, Flux, voronoi};
+use super::sat::{Rect, Sat};
 use super::*;
 use crate::metrics::vector::{angle_deg, norm};
 use crate::metrics::{Grid, Reference, Score};
@@ -31,10 +32,9 @@ fn rgb_sum(map: &EnvMap, domain: Domain) -> [f64; 3] {
 }
 
 fn assert_keeps_energy(name: &str, lights: &[Lit], map: &EnvMap, domain: Domain) {
-    let truth = rgb_sum(map, domain);
-    for channel in 0..3 {
+    for (channel, truth) in rgb_sum(map, domain).into_iter().enumerate() {
         let sum: f64 = lights.iter().map(|light| light.irradiance[channel]).sum();
-        assert!((sum / truth[channel] - 1.0).abs() < 1e-6, "{name}: {sum} against {}", truth[channel]);
+        assert!((sum / truth - 1.0).abs() < 1e-6, "{name}: {sum} against {truth}");
     }
 }
 
@@ -149,6 +149,36 @@ fn reduced_cells_keep_energy_and_moment() {
 }
 
 #[test]
+fn tables_agree_with_brute_force_sums() {
+    for (width, height) in [(1, 6), (6, 1), (13, 7)] {
+        let map = EnvMap::from_fn(width, height, |d| [1.0 + d[0] as f32, 2.0 + d[1] as f32, 0.5]);
+        let cells = Cells::texels(&map, Domain::Sphere);
+        let sat = Sat::new(&cells);
+        for (top, left) in [(0, 0), (height / 2, width / 3)] {
+            let rect = Rect { rows: (top, height), columns: (left, width) };
+            let inside = (0..cells.len()).filter(|k| k / width >= top && k % width >= left);
+            let sum = inside.fold(Flux::default(), |sum, k| sum + *cells.flux(k));
+            let found = sat.flux(rect);
+            assert!((found.luminance - sum.luminance).abs() < 1e-12);
+            assert!(norm(std::array::from_fn(|i| found.moment[i] - sum.moment[i])) < 1e-12);
+            assert!(norm(std::array::from_fn(|i| found.rgb[i] - sum.rgb[i])) < 1e-12);
+        }
+    }
+}
+
+#[test]
+fn spread_is_the_energy_times_half_the_mean_squared_chord() {
+    // Two texels of energies a and b an angle 2t apart: S0 - |S1| against sum E |d - centroid|^2 / 2.
+    let at = |deg: f64| [deg.to_radians().sin(), 0.0, deg.to_radians().cos()];
+    let parts = [(at(10.0), 3.0), (at(30.0), 1.0)];
+    let flux = parts.iter().fold(Flux::default(), |sum, &(d, e)| sum + Flux::of_texel(d, [e; 3]));
+    let centroid = flux.centroid().unwrap();
+    let chord = |d: [f64; 3]| norm(std::array::from_fn(|i| d[i] - centroid[i]));
+    let expected: f64 = parts.iter().map(|&(d, e)| e * chord(d).powi(2) / 2.0).sum();
+    assert!((flux.spread() - expected).abs() < 1e-12);
+}
+
+#[test]
 fn warm_lloyd_keeps_its_ids() {
     let mut sampler = Lloyd::warm();
     let before = sampler.decompose(&room(), Domain::Sphere, 32);
@@ -200,10 +230,11 @@ fn voronoi_gives_each_hemisphere_its_half() {
     assert!(halves.iter().all(|half| (half.rgb[0] - std::f64::consts::TAU).abs() < 1e-9));
 }
 
-/// The shared real maps; says so aloud where they are not there.
+/// The shared real maps, in `$HEMILUX_HDRI` or beside the checkout; says so aloud where there are none.
 fn real_maps() -> Vec<(PathBuf, EnvMap)> {
-    let folder = Path::new("/work/shared/data/hdri");
-    let mut paths: Vec<PathBuf> = std::fs::read_dir(folder)
+    let beside = || concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/hdri").into();
+    let folder = std::env::var_os("HEMILUX_HDRI").map_or_else(beside, PathBuf::from);
+    let mut paths: Vec<PathBuf> = std::fs::read_dir(&folder)
         .map(|entries| entries.flatten().map(|entry| entry.path()).collect())
         .unwrap_or_default();
     paths.retain(|path| path.extension().is_some_and(|e| e == "exr"));
