@@ -2,7 +2,7 @@
 
 use crate::error::SimError;
 use crate::output::Files;
-use crate::{burst, decompose, replay};
+use crate::{burst, decompose, replay, score};
 use clap::{Args, Parser, Subcommand};
 use hemilux::pipeline::Settings;
 use hemilux::samplers;
@@ -30,6 +30,8 @@ enum Command {
     Decompose(DecomposeArgs),
     /// Runs recorded bursts through the probe's pipeline: one JSON light set per burst on standard output.
     Replay(ReplayArgs),
+    /// Scores a light set against the map it stands for: open, shadowed and energy error as ratios.
+    Score(ScoreArgs),
     /// Makes the burst that a camera under an HDR map would have recorded.
     Burst(BurstArgs),
 }
@@ -100,6 +102,19 @@ enum ExtrapolationArg {
 }
 
 #[derive(Args, Debug)]
+struct ScoreArgs {
+    /// The map.
+    #[arg(long, value_name = "FILE")]
+    env: PathBuf,
+    /// The light set, JSON.
+    #[arg(long, value_name = "LIGHTS.json")]
+    set: PathBuf,
+    /// Scores against the upper half of the map alone.
+    #[arg(long)]
+    hemisphere: bool,
+}
+
+#[derive(Args, Debug)]
 struct BurstArgs {
     /// A latitude-longitude OpenEXR or Radiance HDR map.
     #[arg(long, value_name = "FILE")]
@@ -156,6 +171,11 @@ pub fn run(cli: Cli) -> Result<(), SimError> {
             let SamplerArgs { sampler, lights } = args.sampler;
             let settings = Settings { sampler, lights, extrapolation, grid: Grid::POLAR };
             replay::run(&replay::Job { burst: args.burst, settings, files: args.files.into() })
+        }
+        Command::Score(a) => {
+            let line = score::score_command(&a.env, &a.set, a.hemisphere)?;
+            println!("{line}");
+            Ok(())
         }
         Command::Burst(a) => {
             let sensor = burst::Sensor { bits: a.bits, full_well: a.full_well, read_noise: a.read_noise };

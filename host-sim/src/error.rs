@@ -56,3 +56,9 @@ impl From<hemilux::samplers::SamplerError> for SimError {
         Self::Usage(format!("--sampler, --lights: found {e}"))
     }
 }
+
+impl From<crate::score::ScoreError> for SimError {
+    fn from(e: crate::score::ScoreError) -> Self {
+        Self::Failed(e.to_string())
+    }
+}
