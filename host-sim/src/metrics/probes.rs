@@ -88,15 +88,27 @@ impl ProbeSet {
     /// Sum over the texels of flux max(0, n_k . d) V_k(d), for every probe k.
     pub(super) fn irradiance(&self, texels: impl Iterator<Item = ([f64; 3], f64)>) -> Vec<f64> {
         let mut sums = vec![0.0; self.probes.len()];
-        for (d, flux) in texels {
-            self.add(d, flux, &mut sums);
+        if self.probes.iter().all(|probe| probe.cos_half_angle > 1.0) {
+            texels.for_each(|(d, flux)| self.add_open(d, flux, &mut sums));
+        } else {
+            texels.for_each(|(d, flux)| self.add(d, flux, &mut sums));
         }
         sums
     }
 
+    /// Adds one texel to every probe, where none has a cone.
+    fn add_open(&self, d: [f64; 3], flux: f64, sums: &mut [f64]) {
+        // Slices of one length let the compiler drop the bounds checks.
+        let count = sums.len();
+        let [nx, ny, nz] = [&self.normal[0][..count], &self.normal[1][..count], &self.normal[2][..count]];
+        for k in 0..count {
+            let cosine = nx[k] * d[0] + ny[k] * d[1] + nz[k] * d[2];
+            sums[k] += flux * cosine.max(0.0);
+        }
+    }
+
     /// Adds one texel to every probe.
     fn add(&self, d: [f64; 3], flux: f64, sums: &mut [f64]) {
-        // Slices of one length let the compiler drop the bounds checks.
         let count = sums.len();
         let [nx, ny, nz] = [&self.normal[0][..count], &self.normal[1][..count], &self.normal[2][..count]];
         let [ax, ay, az] = [&self.axis[0][..count], &self.axis[1][..count], &self.axis[2][..count]];
