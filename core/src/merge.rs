@@ -5,7 +5,7 @@
 //! exposure decides; where even the shortest saturates, its own value stands as a lower bound and the pixel counts as clipped.
 
 use crate::arena::{self, Buffer, TooSmall};
-use crate::response::{CURVE_BITS, Curve};
+use crate::response::{CURVE_BITS, Curve, Depth};
 
 /// Most exposures of a burst.
 pub const MAX_EXPOSURES: usize = 12;
@@ -78,6 +78,15 @@ impl Samples<'_> {
         match self {
             Self::U8(s) => s.len(),
             Self::U16(s) => s.len(),
+        }
+    }
+
+    /// Their depth.
+    #[must_use]
+    pub const fn depth(&self) -> Depth {
+        match self {
+            Self::U8(_) => Depth::U8,
+            Self::U16(_) => Depth::U16,
         }
     }
 
@@ -158,6 +167,12 @@ impl<C: Buffer<i32>, R: Buffer<u32>> Merge<C, R> {
     #[must_use]
     pub fn unit(&self) -> f64 {
         self.unit
+    }
+
+    /// Depth of the samples it reads.
+    #[must_use]
+    pub fn depth(&self) -> Depth {
+        self.curve.depth()
     }
 
     /// Exposures of a burst.

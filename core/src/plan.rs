@@ -161,14 +161,17 @@ impl<S: Buffer<Span>, C: Buffer<Cell>, T: Buffer<Texel>> Plan<S, C, T> {
             *slot = span(lens, self.width, row);
         }
         let spans = &self.spans.as_ref()[..self.height as usize];
-        let (mut largest, mut heaviest) = (0.0f64, 0.0f64);
+        let (mut largest, mut heaviest, mut densest, mut below) = (0.0f64, 0.0f64, 0.0f64, 0.0f64);
         visit(spans, lens, |_, pixel| {
             largest = largest.max(pixel.solid_angle);
             heaviest = heaviest.max(pixel.weight);
+            densest = densest.max(pixel.weight / pixel.solid_angle);
+            below += if pixel.direction.z > 0.0 { 0.0 } else { pixel.weight };
         });
         let fits = |order: &u8| healpix::solid_angle(*order) >= TEXEL_OVER_PIXEL * largest;
         self.source_order = (0..=self.order).rev().find(fits).ok_or(PlanError::BadOrder)?;
-        self.weight_unit = heaviest / f64::from(u16::MAX);
+        let fullest = below.max(healpix::solid_angle(self.source_order) * densest);
+        self.weight_unit = heaviest / heaviest_count(fullest / heaviest);
         let below = Domain::Hemisphere.quads(self.source_order) as u32;
         let cells = self.cells.as_mut();
         visit(spans, lens, |index, pixel| {
@@ -241,6 +244,14 @@ impl<S: Buffer<Span>, C: Buffer<Cell>, T: Buffer<Texel>> Plan<S, C, T> {
     pub fn unseen(&self) -> f64 {
         self.unseen
     }
+}
+
+/// Counts of the heaviest pixel's weight, when the fullest sum holds the light of `crowd` such pixels.
+///
+/// 16 bits, or as many as keep twice the sum of radiance (31 bits) x weight inside an `i64`: the rounding of weights and the pixels
+/// that overhang a texel's edge stay far below the other half.
+fn heaviest_count(crowd: f64) -> f64 {
+    libm::floor(f64::from(1u32 << 31) / crowd).clamp(1.0, f64::from(u16::MAX))
 }
 
 /// Geometry of one visited pixel.

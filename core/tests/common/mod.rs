@@ -2,10 +2,13 @@
 #![allow(dead_code, reason = "each test file uses its own part")]
 
 use glam::{DVec2, DVec3, Vec3};
+use hemilux_core::front::{Front, Seen, sums_len};
 use hemilux_core::healpix::{self, Domain};
 use hemilux_core::lens::{Intrinsics, Lens, Model};
+use hemilux_core::merge::{Exposure, Merge, Samples};
 use hemilux_core::plan::{Cell, Plan, Span, Texel, plan_size};
 use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
+use hemilux_core::response::{Curve, Depth, Response, curve_len};
 pub use rand::RngExt;
 use rand::SeedableRng;
 pub use rand_pcg::Pcg64Mcg;
@@ -96,4 +99,26 @@ pub fn grey(v: f32) -> [f32; 3] {
 /// |a - b| / |b|.
 pub fn off(a: f64, b: f64) -> f64 {
     (a - b).abs() / b.abs()
+}
+
+/// The merge of one 16-bit linear exposure of 10 ms, white at 65535.
+pub fn one_exposure() -> Merge<Vec<i32>, Vec<u32>> {
+    let curve = Curve::try_new(&Response::Linear, Depth::U16, 0.0, 65535.0, vec![0; curve_len(Depth::U16)]);
+    let exposure = Exposure { seconds: 0.01, gain: 1.0 };
+    Merge::try_new(curve.expect("sound"), &[exposure], 1.0, vec![0; 2]).expect("a sound exposure")
+}
+
+/// Radiance that [`one_exposure`] makes of a code.
+pub fn radiance_of(code: u16) -> f64 {
+    f64::from(code) / 65535.0 / 0.01
+}
+
+/// Runs one frame of 16-bit samples through the front end into a built pyramid.
+pub fn expose(plan: &VecPlan, frame: &[u16]) -> (Pyramid<Vec<Quad>>, Seen) {
+    let mut front = Front::try_new(vec![[0; 3]; sums_len(plan.source_order())], plan.source_order())
+        .expect("room enough");
+    let mut map = dark(Domain::Hemisphere, plan.order());
+    let seen = front.burst(&[Samples::U16(frame)], &one_exposure(), plan, [1.0; 3], &mut map);
+    map.build();
+    (map, seen.expect("a frame that fits"))
 }
