@@ -30,12 +30,12 @@ pub fn cap_radius_deg(resultant: f32) -> f32 {
 }
 
 impl Light {
-    /// The light at the energy centroid of `quad`; `fallback` is its direction where the moment vanishes.
+    /// The light at the energy centroid of `quad`; `fallback` gives its direction where the moment vanishes.
     #[must_use]
-    pub fn at_centroid(id: u32, quad: &Quad, fallback: Vec3) -> Self {
+    pub fn at_centroid(id: u32, quad: &Quad, fallback: impl FnOnce() -> Vec3) -> Self {
         Self {
             id,
-            direction: quad.first_moment().try_normalize().unwrap_or(fallback),
+            direction: quad.mean_direction().try_normalize().unwrap_or_else(fallback),
             irradiance: quad.rgb(),
             radius_deg: cap_radius_deg(quad.resultant()),
             age: 0,

@@ -17,10 +17,16 @@ pub struct Quad {
     pub moment: [f32; 4],
 }
 
+/// Most energy of a texel in any unit: so large that no light reaches it, so small that sums over 2^28 texels stay finite.
+const MAX_ENERGY: f32 = 1e29;
+
 impl Quad {
-    /// The quad that holds `rgb` from `direction` alone.
+    /// The quad that holds `rgb` from `direction` (a unit vector) alone.
+    ///
+    /// Light that is negative or no number is none, and no channel exceeds 1e29.
     #[must_use]
     pub fn from_light(rgb: [f32; 3], direction: Vec3) -> Self {
+        let rgb = rgb.map(|v| v.max(0.0).min(MAX_ENERGY));
         let y = luminance(rgb);
         let m = direction * y;
         Self { energy: [rgb[0], rgb[1], rgb[2], y], moment: [m.x, m.y, m.z, 0.0] }
@@ -52,10 +58,24 @@ impl Quad {
         Vec3::new(self.moment[0], self.moment[1], self.moment[2])
     }
 
+    /// Mean direction m / Y, not normalised; 0 for a quad without light.
+    ///
+    /// Divided first, so that its length neither under- nor overflows whatever the unit of light.
+    #[must_use]
+    pub fn mean_direction(&self) -> Vec3 {
+        if self.y() > 0.0 { self.first_moment() / self.y() } else { Vec3::ZERO }
+    }
+
     /// Length of the mean direction, |m| / Y, in 0..=1; 1 for a quad without light.
     #[must_use]
     pub fn resultant(&self) -> f32 {
-        if self.y() > 0.0 { (self.first_moment().length() / self.y()).min(1.0) } else { 1.0 }
+        if self.y() > 0.0 { self.mean_direction().length().min(1.0) } else { 1.0 }
+    }
+
+    /// Whether all of it is what [`Quad::from_light`] could have made.
+    fn is_sound(&self) -> bool {
+        let energies = self.energy.iter().fold(true, |sound, e| sound & (0.0..=2.0 * MAX_ENERGY).contains(e));
+        self.moment.iter().fold(energies, |sound, m| sound & (m.abs() <= 2.0 * MAX_ENERGY))
     }
 }
 
@@ -128,7 +148,11 @@ impl<Q: Buffer<Quad>> Pyramid<Q> {
     }
 
     /// Sums the orders above the texels.
+    ///
+    /// A texel with a number that is not finite, or with negative energy, holds no light from here on: samplers read what they
+    /// may trust.
     pub fn build(&mut self) {
+        self.texels_mut().iter_mut().filter(|q| !q.is_sound()).for_each(|q| *q = Quad::default());
         for order in (0..self.order).rev() {
             let (coarse, fine) = self.quads.as_mut().split_at_mut(first(self.domain, order + 1));
             let parents = &mut coarse[first(self.domain, order)..];

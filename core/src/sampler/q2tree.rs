@@ -208,18 +208,13 @@ fn walk(map: &PyramidView<'_>, interior: &[u8], mut f: impl FnMut(u8, u32, &Quad
 /// The light of one leaf.
 fn place(placement: Placement, domain: Domain, order: u8, ipix: u32, quad: &Quad) -> Light {
     let id = (4 << (2 * order)) + ipix;
-    let centre = || healpix::centre(order, ipix).as_vec3();
-    let mut light = Light::at_centroid(id, quad, glam::Vec3::Z);
-    match placement {
-        Placement::Centroid if quad.first_moment() == glam::Vec3::ZERO => light.direction = centre(),
-        Placement::Centroid => {}
-        Placement::Jitter { spread } => {
-            let [x, y] = jitter(id, f64::from(spread));
-            // In a quad on the horizon, mirror what falls below it to above.
-            let below = domain.share(order, ipix) == 0.5 && x + y < 1.0;
-            let (x, y) = if below { (1.0 - y, 1.0 - x) } else { (x, y) };
-            light.direction = healpix::point(order, ipix, x, y).as_vec3();
-        }
+    let mut light = Light::at_centroid(id, quad, || healpix::centre(order, ipix).as_vec3());
+    if let Placement::Jitter { spread } = placement {
+        let [x, y] = jitter(id, f64::from(spread));
+        // In a quad on the horizon, mirror what falls below it to above.
+        let below = domain.share(order, ipix) == 0.5 && x + y < 1.0;
+        let (x, y) = if below { (1.0 - y, 1.0 - x) } else { (x, y) };
+        light.direction = healpix::point(order, ipix, x, y).as_vec3();
     }
     light
 }
