@@ -18,12 +18,12 @@ pub struct Quad {
 }
 
 /// Most energy of a texel in any unit: so large that no light reaches it, so small that sums over 2^28 texels stay finite.
-const MAX_ENERGY: f32 = 1e29;
+pub const MAX_ENERGY: f32 = 1e29;
 
 impl Quad {
     /// The quad that holds `rgb` from `direction` (a unit vector) alone.
     ///
-    /// Light that is negative or no number is none, and no channel exceeds 1e29.
+    /// Light that is negative or no number is none, and no channel exceeds [`MAX_ENERGY`].
     #[must_use]
     pub fn from_light(rgb: [f32; 3], direction: Vec3) -> Self {
         let rgb = rgb.map(|v| v.max(0.0).min(MAX_ENERGY));
