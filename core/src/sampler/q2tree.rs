@@ -6,6 +6,12 @@
 //! any sequence of merges and splits would. The published frame-to-frame threshold is a bonus of 1 + tau for the quads that were
 //! interior in the last frame: a split is given up only for one that is more important by that factor.
 //!
+//! A split turns one leaf into four; on the horizon of a hemisphere into three, since one child lies below it. So a sphere reaches
+//! 12 + 3k leaves and a hemisphere 8 + 3a + 2b. When one more split of the most important leaf would exceed the request, the next
+//! ones in order are passed over until one fits: on a hemisphere that is a leaf on the horizon, which fills the last two places. A
+//! map that is lit along its horizon therefore gives the request or one less, any other the request or up to two less; dark leaves
+//! take a place and give no light.
+//!
 //! The tree is one bit per quad (is it interior?), walked in NESTED order: no node pool, no search.
 
 use super::{Map, Request, Sampler};
