@@ -81,6 +81,7 @@ pub struct Plan<S, C, T> {
     source_order: u8,
     weight_unit: f64,
     unseen: f64,
+    seen_pixels: usize,
 }
 
 /// Elements that a plan needs of each buffer.
@@ -150,6 +151,7 @@ impl<S: Buffer<Span>, C: Buffer<Cell>, T: Buffer<Texel>> Plan<S, C, T> {
             source_order: order,
             weight_unit: 1.0,
             unseen: 0.0,
+            seen_pixels: size.cells,
         };
         plan.lay_out(lens)?;
         plan.measure_texels(lens);
@@ -184,7 +186,8 @@ impl<S: Buffer<Span>, C: Buffer<Cell>, T: Buffer<Texel>> Plan<S, C, T> {
 
     fn measure_texels(&mut self, lens: &Lens) {
         let mut unseen = 0.0;
-        for (ipix, texel) in self.texels.as_mut().iter_mut().enumerate() {
+        let texels = &mut self.texels.as_mut()[..Domain::Hemisphere.quads(self.order)];
+        for (ipix, texel) in texels.iter_mut().enumerate() {
             *texel = measure(lens, (self.width, self.height), self.order, ipix as u32);
             unseen += f64::from(texel.unseen_sr);
         }
@@ -200,7 +203,7 @@ impl<S: Buffer<Span>, C: Buffer<Cell>, T: Buffer<Texel>> Plan<S, C, T> {
     /// Cells of the visited pixels, in memory order.
     #[must_use]
     pub fn cells(&self) -> &[Cell] {
-        self.cells.as_ref()
+        &self.cells.as_ref()[..self.seen_pixels]
     }
 
     /// Texels of the map, at [`Plan::order`].

@@ -3,7 +3,7 @@
 //! The four children of a quad are neighbours in memory, so each order is one linear pass over the next finer one.
 
 use crate::arena::{self, Buffer, TooSmall};
-use crate::color::luminance;
+use crate::color::{self, MAX_ENERGY, luminance};
 use crate::healpix::{self, Domain};
 use crate::plan::Texel;
 use glam::Vec3;
@@ -17,16 +17,13 @@ pub struct Quad {
     pub moment: [f32; 4],
 }
 
-/// Most energy of a texel in any unit: so large that no light reaches it, so small that sums over 2^28 texels stay finite.
-pub const MAX_ENERGY: f32 = 1e29;
-
 impl Quad {
     /// The quad that holds `rgb` from `direction` (a unit vector) alone.
     ///
-    /// Light that is negative or no number is none, and no channel exceeds [`MAX_ENERGY`].
+    /// Light that is negative or no number is none, and no channel exceeds [`color::MAX_ENERGY`].
     #[must_use]
     pub fn from_light(rgb: [f32; 3], direction: Vec3) -> Self {
-        let rgb = rgb.map(|v| v.max(0.0).min(MAX_ENERGY));
+        let rgb = color::sound(rgb);
         let y = luminance(rgb);
         let m = direction * y;
         Self { energy: [rgb[0], rgb[1], rgb[2], y], moment: [m.x, m.y, m.z, 0.0] }
@@ -149,9 +146,10 @@ impl<Q: Buffer<Quad>> Pyramid<Q> {
 
     /// Sums the orders above the texels.
     ///
-    /// A texel with a number that is not finite, or with negative energy, holds no light from here on: samplers read what they
-    /// may trust.
+    /// A texel outside the domain, with a number that is not finite or with negative energy holds no light from here on: samplers
+    /// read what they may trust.
     pub fn build(&mut self) {
+        self.clear_below_horizon();
         self.texels_mut().iter_mut().filter(|q| !q.is_sound()).for_each(|q| *q = Quad::default());
         for order in (0..self.order).rev() {
             let (coarse, fine) = self.quads.as_mut().split_at_mut(first(self.domain, order + 1));
@@ -159,6 +157,22 @@ impl<Q: Buffer<Quad>> Pyramid<Q> {
             let (children, _) = fine.as_chunks::<4>();
             for (parent, four) in parents.iter_mut().zip(children) {
                 *parent = sum(four);
+            }
+        }
+    }
+
+    /// Darkens the texels of a hemisphere that lie below it: under each quad on the horizon, of every order, the lowest child.
+    fn clear_below_horizon(&mut self) {
+        if self.domain == Domain::Sphere {
+            return;
+        }
+        for order in 0..self.order {
+            let shift = 2 * (self.order - order - 1);
+            let last = (1u32 << order) - 1;
+            for at in 0..4 << order {
+                let (face, x) = (4 + (at >> order), at & last);
+                let child = 4 * healpix::join(order, face, x, last - x) as usize;
+                self.texels_mut()[child << shift..(child + 1) << shift].fill(Quad::default());
             }
         }
     }
@@ -219,8 +233,8 @@ impl<'a> PyramidView<'a> {
     pub fn horizontal_irradiance(&self) -> [f32; 3] {
         let mut sum = [0.0; 3];
         for quad in self.quads_of(self.order).iter().filter(|q| q.moment[2] > 0.0 && q.y() > 0.0) {
-            let height = quad.moment[2] / quad.y();
-            crate::color::add(&mut sum, quad.rgb().map(|v| v * height));
+            let height = (quad.moment[2] / quad.y()).min(1.0);
+            color::add(&mut sum, quad.rgb().map(|v| v * height));
         }
         sum
     }

@@ -69,8 +69,8 @@ fn energy_of_the_pixels_is_the_energy_of_the_map() {
                 below[c] += radiance_of(rgb[c]) * weight.1;
             }
         }
-        for c in 0..3 {
-            let error = off(f64::from(map.view().total().energy[c]), above[c]);
+        for (found, expected) in map.view().total().rgb().into_iter().zip(above) {
+            let error = off(f64::from(found), expected);
             worst = worst.max(error);
             assert!(error < 1e-4, "{width} x {height}: {error}");
         }

@@ -117,7 +117,7 @@ fn touches(order: u8, ipix: u32, d: DVec3) -> bool {
     let side = healpix::solid_angle(order).sqrt();
     let near = |i: u32| {
         let p = healpix::point(order, ipix, f64::from(i % 33) / 32.0, f64::from(i / 33) / 32.0);
-        (p - *(&d)).length()
+        (p - d).length()
     };
     (0..33 * 33).map(near).fold(f64::INFINITY, f64::min) < side / 16.0
 }

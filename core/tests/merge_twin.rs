@@ -132,12 +132,11 @@ fn rms(sensor: &Sensor, exposures: &[Exposure]) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for (codes, radiance) in pixels.iter().zip(&out) {
         let mut any_clipped = false;
-        for channel in 0..3 {
-            let (expected, clipped) = sensor.merge(channel, &codes[channel], exposures);
+        for (channel, (codes, found)) in codes.iter().zip(radiance.rgb).enumerate() {
+            let (expected, clipped) = sensor.merge(channel, codes, exposures);
             any_clipped |= clipped;
             if expected > 0.0 {
-                let found = f64::from(radiance.rgb[channel]) * unit;
-                sum += off(found, expected).powi(2);
+                sum += off(f64::from(found) * unit, expected).powi(2);
                 count += 1.0;
             }
         }

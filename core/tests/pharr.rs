@@ -62,12 +62,12 @@ fn chi_square(grid: Grid, texels: &[[f32; 3]], lights: &[Light]) -> (f64, usize)
     for light in lights {
         found[grid.texel(light.direction.as_dvec3()).expect("inside the domain")] += 1.0;
     }
-    let (mut statistic, mut bins, mut bin) = (0.0, 0, (0.0, 0.0));
+    let (mut statistic, mut bins, mut bin) = (0.0, 0, (0.0, 0.0f64));
     for (texel, found) in texels.iter().zip(found) {
         bin.0 += f64::from(luminance(*texel)) / total * lights.len() as f64;
         bin.1 += found;
         if bin.0 >= 20.0 {
-            statistic += (bin.1 - bin.0 as f64).powi(2) / bin.0;
+            statistic += (bin.1 - bin.0).powi(2) / bin.0;
             (bins, bin) = (bins + 1, (0.0, 0.0));
         }
     }

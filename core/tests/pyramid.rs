@@ -104,6 +104,19 @@ fn light_that_is_no_number_or_negative_is_none() {
 }
 
 #[test]
+fn a_hemisphere_holds_no_light_below_the_horizon() {
+    for order in 0..6 {
+        let mut map = dark(Domain::Hemisphere, order);
+        map.texels_mut().fill(Quad::from_light(grey(1.0), Vec3::Z));
+        map.build();
+        for (ipix, quad) in map.texels().iter().enumerate() {
+            let inside = Domain::Hemisphere.share(order, ipix as u32) > 0.0;
+            assert_eq!(quad.y() > 0.0, inside, "order {order}: {ipix}");
+        }
+    }
+}
+
+#[test]
 fn a_pyramid_one_quad_short_is_refused() {
     // 8 (1 + 4 + 16) and 12 (1 + 4 + 16).
     assert_eq!(pyramid_len(Domain::Hemisphere, 2), 168);

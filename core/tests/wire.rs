@@ -93,7 +93,7 @@ fn sorted(words: &str) -> Vec<&str> {
 
 fn triple(value: &Value) -> [f32; 3] {
     let numbers = value.as_array().expect("an array");
-    assert_eq!(numbers.len(), 3);
+    assert_eq!(numbers.len(), 3, "three channels or axes");
     core::array::from_fn(|i| numbers[i].to_string().parse().expect("a number"))
 }
 

@@ -6,10 +6,9 @@
 
 use super::{Map, Request, Sampler, halton};
 use crate::arena::{self, Buffer, TooSmall};
-use crate::color::luminance;
+use crate::color::{luminance, sound};
 use crate::light::{Decomposition, Light};
 use crate::polar::{Grid, LatLongView};
-use crate::pyramid::MAX_ENERGY;
 use core::f64::consts::TAU;
 use glam::DVec3;
 
@@ -90,19 +89,14 @@ impl<C: Buffer<f32>, L: Buffer<Light>> Pharr<C, L> {
         let phi = (k as f64 + across.clamp(0.0, 1.0)) * TAU / width as f64 + seam(width);
         let sin = libm::sqrt((1.0 - z * z).max(0.0));
         let direction = DVec3::new(sin * libm::cos(phi), sin * libm::sin(phi), z);
-        let rgb = map.texels[row * width + column(width, k)].map(sound);
+        let rgb = sound(map.texels[row * width + column(width, k)]);
         (direction, rgb, map.grid.solid_angle(row))
     }
 }
 
-/// A channel of a texel; what is negative or no number holds no light, as in [`crate::pyramid::Quad::from_light`].
-fn sound(v: f32) -> f32 {
-    v.max(0.0).min(MAX_ENERGY)
-}
-
-/// Luminance of a texel.
+/// Luminance of a texel, whatever is in it.
 fn light_of(rgb: [f32; 3]) -> f64 {
-    f64::from(luminance(rgb.map(sound)))
+    f64::from(luminance(sound(rgb)))
 }
 
 /// The column that is number `k` counted from phi = 0 upwards: the distribution's seam lies there, as in the thesis.
