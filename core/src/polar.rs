@@ -55,14 +55,15 @@ impl Grid {
         (libm::cos(self.theta(row)) - libm::cos(self.theta(row + 1))) * TAU / self.width as f64
     }
 
-    /// Row and column that hold `direction` (a unit vector); `None` outside the domain.
+    /// The texel that holds `direction` (a unit vector); `None` outside the domain or without texels.
     #[must_use]
     pub fn texel(&self, direction: DVec3) -> Option<usize> {
         let theta = libm::atan2(libm::hypot(direction.x, direction.y), direction.z);
         let row = theta / self.theta(self.height) * self.height as f64;
         let phi = libm::atan2(direction.y, direction.x);
         let column = (PI - phi) / TAU * self.width as f64;
-        if row >= self.height as f64 && self.domain == Domain::Hemisphere {
+        let outside = row >= self.height as f64 && self.domain == Domain::Hemisphere;
+        if outside || self.is_empty() {
             return None;
         }
         let row = (row as usize).min(self.height - 1);
@@ -152,7 +153,7 @@ const MAX_SIDE: u32 = 64;
 /// Sub-samples a side, so that each column that a quad of `order` at `theta` crosses gets some.
 fn side(grid: &Grid, order: u8, theta: f64) -> u32 {
     let extent = libm::sqrt(healpix::solid_angle(order));
-    let column = libm::sin(theta).max(1e-6) * TAU / grid.width as f64;
+    let column = libm::sin(theta).max(1e-6) * TAU / grid.width.max(1) as f64;
     let row = grid.theta(1);
     (libm::ceil(3.0 * extent / column.min(row)) as u32).clamp(4, MAX_SIDE)
 }
