@@ -19,7 +19,7 @@ pub(super) fn gather(map: &PyramidView<'_>, lights: &mut [Light]) {
         }
         for (light, sum) in lights.iter_mut().zip(&sums).filter(|(_, sum)| sum.y() > 0.0) {
             let Light { id, parent, direction, .. } = *light;
-            *light = Light { parent, ..Light::at_centroid(id, sum, direction) };
+            *light = Light { parent, ..Light::at_centroid(id, sum, || direction) };
         }
         // A light that nothing is nearest to has given its energy away.
         for (light, _) in lights.iter_mut().zip(&sums).filter(|(_, sum)| sum.y() <= 0.0) {

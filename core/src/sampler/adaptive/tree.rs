@@ -189,7 +189,7 @@ impl Emit<'_> {
         }
         if level >= self.nodes.last() || !bit(self.interior, level, index) {
             self.leaves[self.count] = Leaf { importance: 0.0, level, index };
-            let light = Light::at_centroid(id, &quad, Vec3::Z);
+            let light = Light::at_centroid(id, &quad, || Vec3::Z);
             self.lights[self.count] = Light { parent, ..light };
             self.count += 1;
             return;
