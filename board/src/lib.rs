@@ -4,7 +4,10 @@
 //! (the thread that runs them) -> `server`.
 
 pub mod calibration;
+pub mod clock;
 pub mod picture;
 pub mod pipeline;
 pub mod recorded;
 pub mod samplers;
+pub mod scene;
+pub mod source;
