@@ -61,8 +61,8 @@ fn it_prints_its_address_serves_and_ends_well() {
 
 #[test]
 fn errors_are_one_line_with_the_exit_status_of_their_kind() {
-    let taken = TcpListener::bind("127.0.0.1:0").expect("a port");
-    let taken = taken.local_addr().expect("an address").to_string();
+    let holder = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let taken = holder.local_addr().expect("an address").to_string();
     let empty = tempfile::tempdir().expect("a folder");
     let replay = format!("replay:{}", empty.path().display());
     let cases: [(&[&str], i32, &str); 7] = [
@@ -74,14 +74,12 @@ fn errors_are_one_line_with_the_exit_status_of_their_kind() {
         (&["--listen", &taken], 1, "--listen 127.0.0.1:0"),
         (&["--source", &replay], 1, "burst.toml"),
     ];
-    let holder = TcpListener::bind(&taken).expect("the port is still free");
     for (arguments, status, part) in cases {
         let (code, stdout, stderr) = ended(arguments);
         assert_eq!((code, stdout.as_str()), (Some(status), ""), "{arguments:?}: {stderr}");
         assert!(stderr.starts_with("hemilux: ") && stderr.contains(part), "{arguments:?}: {stderr}");
         assert_eq!(stderr.trim_end().lines().count(), 1, "{arguments:?}: {stderr}");
     }
-    drop(holder);
 }
 
 #[test]
