@@ -31,8 +31,15 @@ pub enum SamplerError {
     #[error("sampler '{0}', expected one of {list}", list = NAMES.join(", "))]
     Unknown(String),
     /// More lights than any sampler gives.
-    #[error("{0} lights, expected 1 to {MAX_LIGHTS}")]
-    BadLights(usize),
+    #[error("{found} lights, expected {least} to {MAX_LIGHTS} for '{name}'")]
+    BadLights {
+        /// What was asked for.
+        found: usize,
+        /// The fewest that the sampler gives on such maps.
+        least: usize,
+        /// The sampler.
+        name: String,
+    },
     /// A map with more rows than `pharr` can hold.
     #[error("a map of {0} rows, expected at most {MAX_ROWS} for 'pharr'")]
     TooManyRows(usize),
@@ -44,13 +51,24 @@ pub fn order_for(lights: usize) -> u8 {
     if lights > 12_000 { 7 } else { 6 }
 }
 
+/// The fewest lights that the sampler called `name` gives: a tree has a light per base quad. `None` for an unknown name.
+#[must_use]
+pub fn least_lights(name: &str, domain: Domain) -> Option<usize> {
+    match name {
+        "pharr" => Some(1),
+        "q2tree" | "q2tree-jitter" => Some(domain.faces()),
+        _ => None,
+    }
+}
+
 /// Makes the sampler called `name` for maps of `shape`, with room for `lights` lights.
 ///
 /// # Errors
 /// [`SamplerError`] for names, light counts and maps that do not exist.
 pub fn make(name: &str, shape: &Shape, lights: usize) -> Result<Box<dyn Sampler + Send>, SamplerError> {
-    if !(1..=MAX_LIGHTS).contains(&lights) {
-        return Err(SamplerError::BadLights(lights));
+    let least = least_lights(name, shape.domain).ok_or_else(|| SamplerError::Unknown(name.into()))?;
+    if !(least..=MAX_LIGHTS).contains(&lights) {
+        return Err(SamplerError::BadLights { found: lights, least, name: name.into() });
     }
     match name {
         "pharr" => {

@@ -88,7 +88,7 @@ impl FrameTable {
 /// A file with a `[lens]` table, as `hemilux-sim burst --lens` takes.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct LensFile {
+struct LensManifest {
     #[serde(default = "version_one")]
     version: i64,
     lens: LensTable,
@@ -295,18 +295,44 @@ impl ResponseTable {
     }
 }
 
+/// What a lens file says.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LensFile {
+    /// The lens.
+    pub lens: Lens,
+    /// Image columns and rows.
+    pub size: [u32; 2],
+    /// Codes to relative exposure; linear where the file has no `[response]`.
+    pub response: Response,
+    /// Black and white level where the file names both.
+    pub levels: Option<(f64, f64)>,
+    /// The text of its `[lens]` and `[response]` tables' values, for copying into a `burst.toml`.
+    pub lens_table: toml::Table,
+    /// As `lens_table`.
+    pub response_table: Option<toml::Table>,
+}
+
 /// Reads a lens file: a `[lens]` table with its `size`, and optionally `[response]` and `[sensor]`.
 ///
 /// # Errors
 /// [`RecordedError`].
-pub fn read_lens(path: &Path, depth: Depth) -> Result<Calibration, RecordedError> {
-    let file: LensFile = read(path)?;
+pub fn read_lens(path: &Path) -> Result<LensFile, RecordedError> {
+    let file: LensManifest = read(path)?;
     check_version(path, file.version)?;
-    let Some([width, height]) = file.lens.size else {
-        return Err(RecordedError::new(path, "[lens] without size", "size = [columns, rows]"));
+    let Some(size) = file.lens.size.filter(|s| s[0] > 0 && s[1] > 0) else {
+        return Err(RecordedError::new(path, "[lens] without a size", "size = [columns, rows]"));
     };
-    let sensor = file.sensor.unwrap_or_default();
-    calibration(path, &file.lens, file.response.as_ref(), &sensor, (width, height, depth))
+    let response = file.response.as_ref().map_or(Ok(Response::Linear), |r| r.response(path))?;
+    let raw: toml::Table = read(path)?;
+    let table = |name: &str| raw.get(name).and_then(toml::Value::as_table).cloned();
+    Ok(LensFile {
+        lens: file.lens.lens(path)?,
+        size,
+        response,
+        levels: file.sensor.and_then(|s| Some((s.black?, s.white?))),
+        lens_table: table("lens").unwrap_or_default(),
+        response_table: table("response"),
+    })
 }
 
 /// Reads a `sequence.toml`.

@@ -10,7 +10,7 @@ use manifest::Manifest;
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
-pub use manifest::read_lens;
+pub use manifest::{LensFile, read_lens};
 
 /// Largest `burst.toml`, `sequence.toml` or lens file, bytes.
 const MAX_MANIFEST_BYTES: u64 = 1 << 20;

@@ -1,0 +1,214 @@
+//! What the reference samplers work on: cells of a map with exact energy and exact centroid.
+
+use std::f64::consts::{PI, TAU};
+use std::ops::{Add, AddAssign};
+
+use crate::env::EnvMap;
+use crate::metrics::vector::{add_scaled, dot, norm, unit};
+use crate::metrics::{Domain, Grid, Lit, luminance};
+
+/// Sums over texels: everything a light needs to know about what it stands for.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Flux {
+    /// Sum of L dOmega, RGB.
+    pub rgb: [f64; 3],
+    /// Sum of Y dOmega.
+    pub luminance: f64,
+    /// First moment: the sum of Y dOmega times the direction.
+    pub moment: [f64; 3],
+}
+
+impl Flux {
+    /// One texel: `rgb` is its L dOmega.
+    #[must_use]
+    pub fn of_texel(direction: [f64; 3], rgb: [f64; 3]) -> Self {
+        let luminance = luminance(rgb);
+        Self { rgb, luminance, moment: direction.map(|v| v * luminance) }
+    }
+
+    /// Direction of the energy centroid; none where nothing shines or everything cancels.
+    #[must_use]
+    pub fn centroid(&self) -> Option<[f64; 3]> {
+        // Opposite halves of a sky cancel to rounding only.
+        (norm(self.moment) > 1e-12 * self.luminance).then(|| unit(self.moment)).flatten()
+    }
+
+    /// Energy times angular variance by chord, halved: S0 - |S1|, never negative.
+    #[must_use]
+    pub fn spread(&self) -> f64 {
+        (self.luminance - norm(self.moment)).max(0.0)
+    }
+
+    /// A light with this energy at the centroid, or at `fallback` where there is none.
+    #[must_use]
+    pub fn lit(&self, fallback: [f64; 3], id: u32) -> Lit {
+        Lit { direction: self.centroid().unwrap_or(fallback), irradiance: self.rgb, id }
+    }
+}
+
+impl AddAssign for Flux {
+    fn add_assign(&mut self, other: Self) {
+        add_scaled(&mut self.rgb, other.rgb, 1.0);
+        add_scaled(&mut self.moment, other.moment, 1.0);
+        self.luminance += other.luminance;
+    }
+}
+
+impl Add for Flux {
+    type Output = Self;
+    fn add(mut self, other: Self) -> Self {
+        self += other;
+        self
+    }
+}
+
+/// A map's texels gathered into blocks, row-major from the zenith.
+#[derive(Clone, Debug)]
+pub struct Cells {
+    width: usize,
+    height: usize,
+    block: (usize, usize),
+    map_size: (usize, usize),
+    flux: Vec<Flux>,
+    direction: Vec<[f64; 3]>,
+    solid_angle: Vec<f64>,
+}
+
+impl Cells {
+    /// Blocks such that the whole sphere would have at most `max_width` x `max_width / 2` of them.
+    #[must_use]
+    pub fn new(map: &EnvMap, domain: Domain, max_width: usize) -> Self {
+        let grid = Grid::new(map, domain);
+        let block = (map.width().div_ceil(max_width.max(1)), map.height().div_ceil((max_width / 2).max(1)));
+        let (width, height) = (grid.width().div_ceil(block.0), grid.rows().div_ceil(block.1));
+        let mut cells = Self {
+            width,
+            height,
+            block,
+            map_size: (map.width(), map.height()),
+            flux: vec![Flux::default(); width * height],
+            direction: Vec::new(),
+            solid_angle: vec![0.0; width * height],
+        };
+        cells.fill(&grid, map);
+        cells
+    }
+
+    /// Every texel a cell of its own.
+    #[must_use]
+    pub fn texels(map: &EnvMap, domain: Domain) -> Self {
+        Self::new(map, domain, map.width().max(2 * map.height()))
+    }
+
+    fn fill(&mut self, grid: &Grid, map: &EnvMap) {
+        let mut middle = vec![[0.0; 3]; self.flux.len()];
+        for (k, (direction, rgb)) in grid.fluxes(map).enumerate() {
+            let at = (k / grid.width() / self.block.1) * self.width + k % grid.width() / self.block.0;
+            self.flux[at] += Flux::of_texel(direction, rgb);
+            self.solid_angle[at] += grid.solid_angle(k);
+            add_scaled(&mut middle[at], direction, grid.solid_angle(k));
+        }
+        let directions = self.flux.iter().zip(middle);
+        self.direction = directions
+            .map(|(flux, middle)| flux.centroid().or_else(|| unit(middle)).unwrap_or([0.0, 0.0, 1.0]))
+            .collect();
+    }
+
+    /// Columns of cells.
+    #[must_use]
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Rows of cells.
+    #[must_use]
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// How many cells there are.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.flux.len()
+    }
+
+    /// Whether there are none; a map has at least one.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.flux.is_empty()
+    }
+
+    /// Sums over cell `k`.
+    #[must_use]
+    pub fn flux(&self, k: usize) -> &Flux {
+        &self.flux[k]
+    }
+
+    /// Energy centroid of cell `k`, or the middle of a black one.
+    #[must_use]
+    pub fn direction(&self, k: usize) -> [f64; 3] {
+        self.direction[k]
+    }
+
+    /// Solid angle of cell `k`, steradians.
+    #[must_use]
+    pub fn solid_angle(&self, k: usize) -> f64 {
+        self.solid_angle[k]
+    }
+
+    /// Mean luminance of cell `k`.
+    #[must_use]
+    pub fn radiance(&self, k: usize) -> f64 {
+        self.flux[k].luminance / self.solid_angle[k]
+    }
+
+    /// The cells that are not black.
+    pub fn lit(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.len()).filter(|&k| self.flux[k].luminance > 0.0)
+    }
+
+    /// Sums over everything.
+    #[must_use]
+    pub fn total(&self) -> Flux {
+        self.flux.iter().fold(Flux::default(), |sum, &flux| sum + flux)
+    }
+
+    /// Angular size of a cell in theta and (at the equator) in phi, radians.
+    #[must_use]
+    pub fn pitch(&self) -> (f64, f64) {
+        let (width, height) = self.map_size;
+        (self.block.1 as f64 * PI / height as f64, self.block.0 as f64 * TAU / width as f64)
+    }
+
+    /// The cell that holds the unit vector `d`; below the last row, the nearest one of its column.
+    #[must_use]
+    pub fn at(&self, d: [f64; 3]) -> usize {
+        let (theta_pitch, phi_pitch) = self.pitch();
+        let row = (d[2].clamp(-1.0, 1.0).acos() / theta_pitch) as usize;
+        let column = ((PI - d[1].atan2(d[0])) / phi_pitch) as usize;
+        row.min(self.height - 1) * self.width + column.min(self.width - 1)
+    }
+}
+
+/// Index of the centre nearest to `d`, the first of equals; 0 where there are none.
+#[must_use]
+pub fn nearest(centres: &[[f64; 3]], d: [f64; 3]) -> usize {
+    let mut best = (0, f64::NEG_INFINITY);
+    for (k, &centre) in centres.iter().enumerate() {
+        let cosine = dot(centre, d);
+        if cosine > best.1 {
+            best = (k, cosine);
+        }
+    }
+    best.0
+}
+
+/// Sums over the Voronoi cell of each centre.
+#[must_use]
+pub fn voronoi(cells: &Cells, centres: &[[f64; 3]]) -> Vec<Flux> {
+    let mut sums = vec![Flux::default(); centres.len()];
+    if !centres.is_empty() {
+        cells.lit().for_each(|k| sums[nearest(centres, cells.direction(k))] += *cells.flux(k));
+    }
+    sums
+}

@@ -1,0 +1,46 @@
+//! Voronoi gather: every texel's energy goes to the nearest light.
+
+use super::Baseline;
+use super::cells::{Cells, voronoi};
+use crate::env::EnvMap;
+use crate::metrics::{Domain, Lit};
+
+/// Gives each texel's energy to its nearest light and moves the lights to the energy centroids of what
+/// they got. Ids stay; lights that get nothing go. With no light to start from the result is empty.
+#[must_use]
+pub fn gather(map: &EnvMap, domain: Domain, lights: &[Lit]) -> Vec<Lit> {
+    let centres: Vec<[f64; 3]> = lights.iter().map(|light| light.direction).collect();
+    let sums = voronoi(&Cells::texels(map, domain), &centres);
+    let lit = lights.iter().zip(sums).filter(|(_, flux)| flux.luminance > 0.0);
+    lit.map(|(light, flux)| flux.lit(light.direction, light.id)).collect()
+}
+
+/// A sampler followed by [`gather`], named NAME+v.
+#[derive(Debug)]
+pub struct Gathered<B> {
+    inner: B,
+    name: &'static str,
+}
+
+impl<B: Baseline> Gathered<B> {
+    /// Wraps a sampler; `name` is its name and "+v".
+    #[must_use]
+    pub fn new(inner: B, name: &'static str) -> Self {
+        debug_assert!(
+            name.strip_suffix("+v") == Some(inner.name()),
+            "the name of a gathered sampler is NAME+v"
+        );
+        Self { inner, name }
+    }
+}
+
+impl<B: Baseline> Baseline for Gathered<B> {
+    fn name(&self) -> &'static str {
+        self.name
+    }
+
+    fn decompose(&mut self, map: &EnvMap, domain: Domain, lights: usize) -> Vec<Lit> {
+        let chosen = self.inner.decompose(map, domain, lights);
+        gather(map, domain, &chosen)
+    }
+}

@@ -1,0 +1,75 @@
+//! Median cut [Debevec2005]: halve the energy of the most energetic region until there are enough.
+
+use super::Baseline;
+use super::cells::Cells;
+use super::sat::{Axis, Rect, Region, Sat, cut_greedily};
+use crate::env::EnvMap;
+use crate::metrics::{Domain, Lit};
+
+/// Median cut, for any number of lights.
+///
+/// Published for 2^n lights in n rounds; here the region of greatest energy is cut next, which gives the
+/// same partition family and any count. The longer side is measured on the sphere (width times the sine
+/// of the middle theta), the cut goes where the energy is halved best, and a light stands at its region's
+/// energy centroid. Where the longer side has no cut with light on both sides, the other is tried.
+///
+/// # References
+/// P. Debevec, "A median cut algorithm for light probe sampling", SIGGRAPH posters 2005.
+#[derive(Debug, Default)]
+pub struct MedianCut;
+
+impl Baseline for MedianCut {
+    fn name(&self) -> &'static str {
+        "median-cut"
+    }
+
+    fn decompose(&mut self, map: &EnvMap, domain: Domain, lights: usize) -> Vec<Lit> {
+        let cells = Cells::texels(map, domain);
+        let sat = Sat::new(&cells);
+        let regions = cut_greedily(&sat, lights, |flux| flux.luminance, |region| halve(&cells, &sat, region));
+        regions_to_lights(&cells, &regions)
+    }
+}
+
+/// One light per region, at its centroid.
+pub(super) fn regions_to_lights(cells: &Cells, regions: &[Region]) -> Vec<Lit> {
+    let middle = |r: Rect| ((r.rows.0 + r.rows.1) / 2) * cells.width() + (r.columns.0 + r.columns.1) / 2;
+    let lit =
+        |(id, region): (usize, &Region)| region.flux.lit(cells.direction(middle(region.rect)), id as u32);
+    regions.iter().enumerate().map(lit).collect()
+}
+
+fn halve(cells: &Cells, sat: &Sat, region: &Region) -> Option<(Rect, Rect)> {
+    let axes =
+        if is_wide(cells, region.rect) { [Axis::Columns, Axis::Rows] } else { [Axis::Rows, Axis::Columns] };
+    axes.into_iter().find_map(|axis| halve_along(sat, region, axis))
+}
+
+/// Whether the columns span more of the sphere than the rows, along the middle row.
+fn is_wide(cells: &Cells, rect: Rect) -> bool {
+    let (theta_pitch, phi_pitch) = cells.pitch();
+    let theta = (rect.rows.0 + rect.rows.1) as f64 / 2.0 * theta_pitch;
+    let width = (rect.columns.1 - rect.columns.0) as f64 * phi_pitch * theta.sin();
+    width > (rect.rows.1 - rect.rows.0) as f64 * theta_pitch
+}
+
+/// The cut nearest to half the energy that leaves light on both sides.
+fn halve_along(sat: &Sat, region: &Region, axis: Axis) -> Option<(Rect, Rect)> {
+    let half = region.flux.luminance / 2.0;
+    let mut positions = region.rect.positions(axis);
+    let first = |at: usize| sat.flux(region.rect.cut(axis, at).0).luminance;
+    // Energy before the cut grows with the position: find the first at or past the half.
+    let (mut from, mut to) = (positions.start, positions.end);
+    while from < to {
+        let at = (from + to) / 2;
+        if first(at) < half { from = at + 1 } else { to = at }
+    }
+    let balanced = |at: &usize| {
+        let (a, b) = region.rect.cut(axis, *at);
+        sat.is_lit(&sat.flux(a)) && sat.is_lit(&sat.flux(b))
+    };
+    let off = |at: usize| (first(at) - half).abs();
+    let near = [from.wrapping_sub(1), from].into_iter().filter(|at| positions.contains(at)).filter(balanced);
+    let best = near.min_by(|&a, &b| off(a).total_cmp(&off(b))).or_else(|| positions.find(balanced))?;
+    Some(region.rect.cut(axis, best))
+}

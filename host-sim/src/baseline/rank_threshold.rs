@@ -1,0 +1,135 @@
+//! Ranked candidates thresholded by importance, in the manner of [Ostromoukhov2004].
+
+use std::collections::HashSet;
+use std::sync::OnceLock;
+
+use super::Baseline;
+use super::cells::{Cells, voronoi};
+use crate::env::EnvMap;
+use crate::metrics::vector::dot;
+use crate::metrics::{Domain, Lit};
+
+/// Candidate directions, sphere or hemisphere. A lamp smaller than a candidate's share of the sphere
+/// (0.8 msr, 1.6 degrees) gets one light at most.
+const CANDIDATES: usize = 16_384;
+/// Width of the reduced map that importance is read from: 1.5 msr a cell, about two candidates.
+const IMPORTANCE_WIDTH: usize = 128;
+/// Width of the reduced map the energy is gathered from.
+const GATHER_WIDTH: usize = 256;
+/// How often candidates between which no cell's centroid fell are replaced by the next ones in line.
+const ROUNDS: usize = 8;
+
+/// Rank thresholding without the tiling: a stand-in for the Penrose-tiling sampler, not that method.
+///
+/// A fixed list of candidates is ranked once; candidate i is kept when (i + 1/2) / Y(d_i) is among the N
+/// least, Y the mean luminance of a map of 128 x 64 cells. Each decision is local but for one common
+/// factor, as in the original.
+///
+/// What differs from the original: the candidates are a spherical Fibonacci lattice of 16384 points in
+/// farthest-first order (every prefix is spread evenly) instead of the vertices of a subdivided Penrose
+/// tiling with ranks from the Fibonacci number system; there are no precomputed correction vectors;
+/// exactly N lights are kept instead of a number that depends on the map; and a light's energy is that
+/// of its Voronoi cell instead of equal or importance-weighted shares. Directions stay the candidates',
+/// ids are their ranks, so both live on from frame to frame.
+///
+/// # References
+/// V. Ostromoukhov, C. Donohue, P.-M. Jodoin, "Fast hierarchical importance sampling with blue noise
+/// properties", SIGGRAPH 2004.
+#[derive(Debug, Default)]
+pub struct RankThreshold;
+
+impl Baseline for RankThreshold {
+    fn name(&self) -> &'static str {
+        "rank-threshold"
+    }
+
+    fn decompose(&mut self, map: &EnvMap, domain: Domain, lights: usize) -> Vec<Lit> {
+        let importance = Cells::new(map, domain, IMPORTANCE_WIDTH);
+        let energy = Cells::new(map, domain, GATHER_WIDTH);
+        let mut starved = HashSet::new();
+        let mut found = Vec::new();
+        for _ in 0..ROUNDS {
+            let kept = keep(&importance, candidates(domain), lights, &starved);
+            found = weigh(&energy, &kept);
+            if found.len() == kept.len() {
+                break;
+            }
+            let lit: HashSet<u32> = found.iter().map(|light| light.id).collect();
+            starved.extend(kept.iter().map(|&(id, _)| id).filter(|id| !lit.contains(id)));
+        }
+        found
+    }
+}
+
+/// A light for each candidate in whose Voronoi cell anything shines.
+fn weigh(cells: &Cells, kept: &[(u32, [f64; 3])]) -> Vec<Lit> {
+    let centres: Vec<[f64; 3]> = kept.iter().map(|&(_, direction)| direction).collect();
+    let sums = voronoi(cells, &centres);
+    let lit = kept.iter().zip(sums).filter(|(_, flux)| flux.luminance > 0.0);
+    lit.map(|(&(id, direction), flux)| Lit { direction, irradiance: flux.rgb, id }).collect()
+}
+
+/// (rank, direction) of the chosen candidates, by rank; the starved ones are passed over.
+fn keep(
+    cells: &Cells,
+    candidates: &[[f64; 3]],
+    lights: usize,
+    starved: &HashSet<u32>,
+) -> Vec<(u32, [f64; 3])> {
+    let importance = |&d: &[f64; 3]| cells.radiance(cells.at(d));
+    let mut keys: Vec<(f64, usize)> = candidates
+        .iter()
+        .map(importance)
+        .enumerate()
+        .filter(|&(rank, y)| y > 0.0 && !starved.contains(&(rank as u32)))
+        .map(|(rank, y)| ((rank as f64 + 0.5) / y, rank))
+        .collect();
+    keys.sort_by(|a, b| a.0.total_cmp(&b.0));
+    keys.truncate(lights);
+    keys.sort_by_key(|&(_, rank)| rank);
+    let total = cells.total();
+    if keys.is_empty() && lights > 0 && total.luminance > 0.0 {
+        // All light is between the candidates: one light carries it, named past the last rank.
+        return vec![(CANDIDATES as u32, total.centroid().unwrap_or([0.0, 0.0, 1.0]))];
+    }
+    keys.into_iter().map(|(_, rank)| (rank as u32, candidates[rank])).collect()
+}
+
+fn candidates(domain: Domain) -> &'static [[f64; 3]] {
+    static SPHERE: OnceLock<Vec<[f64; 3]>> = OnceLock::new();
+    static HEMISPHERE: OnceLock<Vec<[f64; 3]>> = OnceLock::new();
+    match domain {
+        Domain::Sphere => SPHERE.get_or_init(|| farthest_first(&lattice(-1.0))),
+        Domain::Hemisphere => HEMISPHERE.get_or_init(|| farthest_first(&lattice(0.0))),
+    }
+}
+
+/// Spherical Fibonacci lattice between z = `lowest` and 1.
+fn lattice(lowest: f64) -> Vec<[f64; 3]> {
+    let at = |k: usize| {
+        let z = 1.0 - (1.0 - lowest) * (k as f64 + 0.5) / CANDIDATES as f64;
+        let phi = std::f64::consts::TAU * (k as f64 * 0.618_033_988_749_894_9).fract();
+        let r = (1.0 - z * z).sqrt();
+        [r * phi.cos(), r * phi.sin(), z]
+    };
+    (0..CANDIDATES).map(at).collect()
+}
+
+/// The points in an order in which each is the farthest from all before it. Takes about 0.2 s, once.
+fn farthest_first(points: &[[f64; 3]]) -> Vec<[f64; 3]> {
+    let mut left: Vec<([f64; 3], f64)> = points.iter().map(|&p| (p, -2.0)).collect();
+    let mut order = Vec::with_capacity(points.len());
+    let mut next = 0;
+    while !left.is_empty() {
+        let (point, _) = left.swap_remove(next);
+        order.push(point);
+        let mut least = f64::INFINITY;
+        for (k, (other, cosine)) in left.iter_mut().enumerate() {
+            *cosine = cosine.max(dot(*other, point));
+            if *cosine < least {
+                (least, next) = (*cosine, k);
+            }
+        }
+    }
+    order
+}

@@ -1,0 +1,242 @@
+//! `hemilux-sim burst`: what a camera under an environment map would have recorded.
+
+use crate::decompose;
+use crate::env::EnvMap;
+use crate::error::SimError;
+use crate::output;
+use glam::{DVec2, DVec3};
+use hemilux::recorded::{self, LensFile};
+use hemilux_core::response::Response;
+use rand::{Rng, SeedableRng};
+use rand_distr::{Distribution, StandardNormal};
+use rand_pcg::Pcg64;
+use std::f64::consts::{PI, TAU};
+use std::path::PathBuf;
+
+/// Relative exposure of the brightest visible texel in the shortest exposure, unless the scene is too contrasty.
+const HEADROOM: f64 = 0.9;
+
+/// Least mean relative exposure of the longest frame: eight codes of twelve bits. Scenes of more contrast clip their lamps, as
+/// they would on a camera, rather than drown everything else in noise.
+const LEAST_MEAN: f64 = 0.002;
+
+/// The sensor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sensor {
+    /// Bits of a code.
+    pub bits: u32,
+    /// Electrons at full scale and gain 1; 0 for no noise.
+    pub full_well: f64,
+    /// Read noise, electrons.
+    pub read_noise: f64,
+}
+
+/// A burst to be made.
+#[derive(Clone, Debug)]
+pub struct Job {
+    /// Environment map.
+    pub env: PathBuf,
+    /// Lens file.
+    pub lens: PathBuf,
+    /// Exposure times, seconds.
+    pub exposures: Vec<f64>,
+    /// Radiance of relative exposure 1 at one second; chosen from the scene where `None`.
+    pub scale: Option<f64>,
+    /// The sensor.
+    pub sensor: Sensor,
+    /// Seed of the noise.
+    pub seed: u64,
+    /// Folder to be made.
+    pub out: PathBuf,
+}
+
+/// Radiance of each pixel, black outside the lens circle.
+struct Scene {
+    radiance: Vec<[f64; 3]>,
+    size: [u32; 2],
+    /// Largest value of a channel.
+    brightest: f64,
+    /// Mean over what the lens sees.
+    mean: f64,
+}
+
+/// Writes the burst.
+///
+/// # Errors
+/// [`SimError`].
+pub fn run(job: &Job) -> Result<(), SimError> {
+    check(job)?;
+    let env = decompose::read(&job.env)?;
+    let lens = recorded::read_lens(&job.lens)?;
+    let scene = expose(&env, &lens);
+    let shortest = job.exposures.iter().copied().fold(f64::INFINITY, f64::min);
+    let longest = job.exposures.iter().copied().fold(0.0, f64::max);
+    let fitted = (scene.brightest * shortest / HEADROOM).min(scene.mean * longest / LEAST_MEAN);
+    let scale = job.scale.unwrap_or(if fitted > 0.0 { fitted } else { 1.0 });
+    let full = f64::from((1u32 << job.sensor.bits) - 1);
+    let (black, white) = lens.levels.unwrap_or((f64::from(1u32 << job.sensor.bits >> 4), full));
+    std::fs::create_dir_all(&job.out).map_err(|e| SimError::at(&job.out, e, "a folder that can be made"))?;
+    let camera = Camera {
+        levels: (black, white),
+        scale,
+        sensor: job.sensor,
+        curves: curves(&lens.response, black, white),
+    };
+    for (index, seconds) in job.exposures.iter().enumerate() {
+        let mut noise = Pcg64::seed_from_u64(job.seed.wrapping_mul(0x9e37_79b9).wrapping_add(index as u64));
+        let codes = camera.record(&scene, *seconds, &mut noise);
+        save(job, &scene, &codes, index, white)?;
+    }
+    output::save(&job.out.join("burst.toml"), manifest(job, &lens, scale, (black, white)).as_bytes())
+}
+
+fn check(job: &Job) -> Result<(), SimError> {
+    let count = job.exposures.len();
+    if !(1..=hemilux_core::merge::MAX_EXPOSURES).contains(&count) {
+        let most = hemilux_core::merge::MAX_EXPOSURES;
+        return Err(SimError::Usage(format!("--exposures: found {count} times, expected 1 to {most}")));
+    }
+    if let Some(bad) = job.exposures.iter().find(|t| !(**t > 0.0 && t.is_finite())) {
+        return Err(SimError::Usage(format!("--exposures: found {bad}, expected positive seconds")));
+    }
+    if !(8..=16).contains(&job.sensor.bits) {
+        return Err(SimError::Usage(format!("--bits: found {}, expected 8 to 16", job.sensor.bits)));
+    }
+    Ok(())
+}
+
+/// Integrates the map over every pixel's footprint.
+fn expose(env: &EnvMap, lens: &LensFile) -> Scene {
+    let [width, height] = lens.size;
+    let texel = PI / env.height() as f64;
+    let pixel = 1.0 / lens.lens.intrinsics().focal_px.min_element();
+    let n = ((3.0 * pixel / texel).ceil() as u32).clamp(4, 32);
+    let mut radiance = Vec::with_capacity((width * height) as usize);
+    let (mut brightest, mut sum, mut seen) = (0.0f64, 0.0, 0usize);
+    for row in 0..height {
+        for column in 0..width {
+            let value = footprint(env, lens, DVec2::new(column.into(), row.into()), n);
+            if let Some(rgb) = value {
+                brightest = rgb.into_iter().fold(brightest, f64::max);
+                sum += rgb.iter().sum::<f64>() / 3.0;
+                seen += 1;
+            }
+            radiance.push(value.unwrap_or_default());
+        }
+    }
+    Scene { radiance, size: lens.size, brightest, mean: sum / seen.max(1) as f64 }
+}
+
+/// Mean image-side radiance of one pixel, illumination fall-off included; `None` outside the lens circle.
+fn footprint(env: &EnvMap, lens: &LensFile, pixel: DVec2, n: u32) -> Option<[f64; 3]> {
+    lens.lens.unproject(pixel)?;
+    let (mut sum, mut count) = ([0.0; 3], 0);
+    for i in 0..n * n {
+        let at = |k: u32| (f64::from(k) + 0.5) / f64::from(n) - 0.5;
+        let Some(direction) = lens.lens.unproject(pixel + DVec2::new(at(i % n), at(i / n))) else { continue };
+        let light = lens.lens.illumination(direction.z.clamp(-1.0, 1.0).acos());
+        for (s, v) in sum.iter_mut().zip(lookup(env, direction)) {
+            *s += f64::from(v) * light;
+        }
+        count += 1;
+    }
+    Some(sum.map(|s| s / f64::from(count.max(1))))
+}
+
+/// The texel that holds `direction`.
+fn lookup(env: &EnvMap, direction: DVec3) -> [f32; 3] {
+    let theta = direction.z.clamp(-1.0, 1.0).acos();
+    let phi = direction.y.atan2(direction.x);
+    let row = ((theta / PI * env.height() as f64) as usize).min(env.height() - 1);
+    let column = (((PI - phi) / TAU * env.width() as f64) as usize).min(env.width() - 1);
+    env.texels()[row * env.width() + column]
+}
+
+/// Relative exposure of every code, per channel.
+fn curves(response: &Response, black: f64, white: f64) -> [Vec<f64>; 3] {
+    let codes = 0..=(white as u32);
+    std::array::from_fn(|c| {
+        codes.clone().map(|z| response.exposure(c, (f64::from(z) - black) / (white - black))).collect()
+    })
+}
+
+struct Camera {
+    levels: (f64, f64),
+    scale: f64,
+    sensor: Sensor,
+    curves: [Vec<f64>; 3],
+}
+
+impl Camera {
+    /// One frame's codes: photon and read noise, then the response, then quantisation to the nearest code.
+    fn record(&self, scene: &Scene, seconds: f64, noise: &mut impl Rng) -> Vec<u16> {
+        let mut codes = Vec::with_capacity(3 * scene.radiance.len());
+        for rgb in &scene.radiance {
+            for (channel, value) in rgb.iter().enumerate() {
+                let y = self.noisy(value * seconds / self.scale, noise);
+                codes.push(self.code(channel, y));
+            }
+        }
+        codes
+    }
+
+    fn noisy(&self, y: f64, noise: &mut impl Rng) -> f64 {
+        if self.sensor.full_well <= 0.0 {
+            return y;
+        }
+        let electrons = y * self.sensor.full_well;
+        let sigma = (electrons + self.sensor.read_noise * self.sensor.read_noise).sqrt();
+        let normal: f64 = StandardNormal.sample(noise);
+        (electrons + sigma * normal) / self.sensor.full_well
+    }
+
+    fn code(&self, channel: usize, y: f64) -> u16 {
+        let curve = &self.curves[channel];
+        let above = curve.partition_point(|v| *v < y).min(curve.len() - 1);
+        let below = above.saturating_sub(1);
+        let nearer = if (y - curve[below]).abs() < (curve[above] - y).abs() { below } else { above };
+        (nearer as f64).min(self.levels.1) as u16
+    }
+}
+
+fn save(job: &Job, scene: &Scene, codes: &[u16], index: usize, white: f64) -> Result<(), SimError> {
+    let path = job.out.join(format!("frame-{index}.png"));
+    let [width, height] = scene.size;
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    let image = if white <= 255.0 {
+        let codes = codes.iter().map(|c| *c as u8).collect();
+        image::RgbImage::from_raw(width, height, codes).map(image::DynamicImage::ImageRgb8)
+    } else {
+        image::ImageBuffer::from_raw(width, height, codes.to_vec()).map(image::DynamicImage::ImageRgb16)
+    };
+    let image = image.ok_or_else(|| SimError::at(&path, "too few samples", "a whole frame"))?;
+    image.write_to(&mut bytes, image::ImageFormat::Png).map_err(|e| SimError::at(&path, e, "a picture"))?;
+    output::save(&path, bytes.get_ref())
+}
+
+fn manifest(job: &Job, lens: &LensFile, scale: f64, (black, white): (f64, f64)) -> String {
+    use toml::{Table, Value};
+    let mut response = lens.response_table.clone().unwrap_or_default();
+    response.entry("model").or_insert_with(|| Value::from("linear"));
+    response.insert("scale".into(), Value::from(scale));
+    let sensor =
+        Table::from_iter([("black", black), ("white", white)].map(|(k, v)| (k.to_string(), Value::from(v))));
+    let frames = job.exposures.iter().enumerate().map(|(index, seconds)| {
+        Value::Table(Table::from_iter([
+            ("file".to_string(), Value::from(format!("frame-{index}.png"))),
+            ("exposure_s".to_string(), Value::from(*seconds)),
+            ("gain".to_string(), Value::from(1.0)),
+            ("sequence".to_string(), Value::from(index as i64)),
+            ("known".to_string(), Value::from("reported")),
+        ]))
+    });
+    let frames: Vec<Value> = frames.collect();
+    let manifest = Table::from_iter([
+        ("version".to_string(), Value::from(1)),
+        ("lens".to_string(), Value::Table(lens.lens_table.clone())),
+        ("response".to_string(), Value::Table(response)),
+        ("sensor".to_string(), Value::Table(sensor)),
+        ("frame".to_string(), Value::from(frames)),
+    ]);
+    manifest.to_string()
+}

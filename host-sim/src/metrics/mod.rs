@@ -1,0 +1,88 @@
+//! How a light set is scored: the one implementation behind charts, stress report and comparisons.
+//!
+//! Everything is f64, all scores are dimensionless ratios and lower is better. Texels are those of
+//! [`Grid`], probes those of [`probes`]; [`Reference`] holds what a map does to the probes and scores a
+//! [`LitSet`] against it; [`stability`] scores sequences.
+//!
+//! # Degenerate maps
+//! Errors are relative to the map. On an all-black map an error is 0 where the set is dark as well and
+//! infinite otherwise; it is never NaN.
+
+pub mod grid;
+pub mod probes;
+mod reference;
+pub mod sh;
+pub mod stability;
+pub(crate) mod vector;
+
+pub use grid::Grid;
+pub use reference::{Reference, Score};
+
+/// A directional light as it is scored.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lit {
+    /// Unit vector from the probe towards the light, probe axes.
+    pub direction: [f64; 3],
+    /// Perpendicular irradiance, RGB: the sum of L dOmega over what the light stands for.
+    pub irradiance: [f64; 3],
+    /// Names the light from frame to frame.
+    pub id: u32,
+}
+
+/// The lights of one frame, and the ambient light beside them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LitSet {
+    /// The directional lights.
+    pub lights: Vec<Lit>,
+    /// Radiance in the nine functions of [`sh::basis`], RGB rows, probe axes.
+    pub ambient_sh: Option<[[f64; 3]; 9]>,
+}
+
+impl From<Vec<Lit>> for LitSet {
+    fn from(lights: Vec<Lit>) -> Self {
+        Self { lights, ambient_sh: None }
+    }
+}
+
+/// What part of a map counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Domain {
+    /// All of it.
+    Sphere,
+    /// The part above the horizon, z > 0. Lights below the horizon do not count either.
+    Hemisphere,
+}
+
+impl Domain {
+    /// Whether a light at `direction` counts; one exactly on the horizon does.
+    #[must_use]
+    pub fn holds(self, direction: [f64; 3]) -> bool {
+        self == Self::Sphere || direction[2] >= 0.0
+    }
+}
+
+/// Luminance of linear RGB: 0.2126 R + 0.7152 G + 0.0722 B.
+#[must_use]
+pub fn luminance(rgb: [f64; 3]) -> f64 {
+    0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]
+}
+
+/// `error / scale`, where nothing over nothing is 0 and something over nothing is infinite.
+pub(crate) fn relative(error: f64, scale: f64) -> f64 {
+    if error == 0.0 {
+        0.0
+    } else if scale > 0.0 {
+        error / scale
+    } else {
+        f64::INFINITY
+    }
+}
+
+/// Root of the mean square; 0 for no values.
+pub(crate) fn rms(values: impl ExactSizeIterator<Item = f64>) -> f64 {
+    let count = values.len().max(1) as f64;
+    (values.map(|v| v * v).sum::<f64>() / count).sqrt()
+}
+
+#[cfg(test)]
+mod tests;

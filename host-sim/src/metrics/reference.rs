@@ -1,0 +1,177 @@
+//! What a map does to the probes, and how far a light set is from it.
+
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+use super::probes::{OPEN_SET, ProbeSet, SHADOWED_SET};
+use super::{Domain, Grid, LitSet, luminance, relative, rms};
+use crate::env::EnvMap;
+
+/// The accuracy of a light set on one map: dimensionless ratios, lower is better.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Score {
+    /// RMS over the open probes of (E_set - E_ref) / mu.
+    pub open: f64,
+    /// The same over the shadowed probes.
+    pub shadowed: f64,
+    /// |set's sum - map's sum| / map's sum, of luminance; has no excuse to exceed 1e-3.
+    pub energy: f64,
+}
+
+/// A map as the probes see it.
+#[derive(Clone, Debug)]
+pub struct Reference {
+    grid: Arc<Grid>,
+    open: Truth,
+    shadowed: Truth,
+    total: f64,
+}
+
+/// E_ref of the probes of one kind, and mu, their mean.
+#[derive(Clone, Debug)]
+struct Truth {
+    irradiance: Vec<f64>,
+    mu: f64,
+}
+
+impl Truth {
+    fn new(irradiance: Vec<f64>) -> Self {
+        let mu = irradiance.iter().sum::<f64>() / irradiance.len() as f64;
+        Self { irradiance, mu }
+    }
+
+    /// RMS of `set - truth` over mu.
+    fn error(&self, set: &[f64]) -> f64 {
+        relative(rms(set.iter().zip(&self.irradiance).map(|(set, truth)| set - truth)), self.mu)
+    }
+}
+
+impl Reference {
+    /// Integrates `map` over all probes.
+    #[must_use]
+    pub fn new(map: &EnvMap, domain: Domain) -> Self {
+        Self::on_grid(Arc::new(Grid::new(map, domain)), map)
+    }
+
+    /// The same for another map, over the same domain; maps of one size share their grid.
+    #[must_use]
+    pub fn following(&self, map: &EnvMap) -> Self {
+        if self.grid.fits(map) {
+            Self::on_grid(Arc::clone(&self.grid), map)
+        } else {
+            Self::new(map, self.grid.domain())
+        }
+    }
+
+    fn on_grid(grid: Arc<Grid>, map: &EnvMap) -> Self {
+        let open = Truth::new(OPEN_SET.irradiance(grid.luminous(map)));
+        let shadowed = Truth::new(SHADOWED_SET.irradiance(grid.luminous(map)));
+        let total = grid.luminous(map).map(|(_, flux)| flux).sum();
+        Self { grid, open, shadowed, total }
+    }
+
+    /// The texels the sums ran over.
+    #[must_use]
+    pub fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
+    /// Sum of Y dOmega: the map's scalar flux density.
+    #[must_use]
+    pub fn total(&self) -> f64 {
+        self.total
+    }
+
+    /// E_ref of the open probes.
+    #[must_use]
+    pub fn open(&self) -> &[f64] {
+        &self.open.irradiance
+    }
+
+    /// E_ref of the shadowed probes.
+    #[must_use]
+    pub fn shadowed(&self) -> &[f64] {
+        &self.shadowed.irradiance
+    }
+
+    /// mu of the open probes.
+    #[must_use]
+    pub fn open_mu(&self) -> f64 {
+        self.open.mu
+    }
+
+    /// mu of the shadowed probes.
+    #[must_use]
+    pub fn shadowed_mu(&self) -> f64 {
+        self.shadowed.mu
+    }
+
+    /// E_set of the open probes.
+    #[must_use]
+    pub fn open_of(&self, set: &LitSet) -> Vec<f64> {
+        self.irradiance_of(set, &OPEN_SET, |grid| &grid.ambient().open)
+    }
+
+    /// E_set of the shadowed probes.
+    #[must_use]
+    pub fn shadowed_of(&self, set: &LitSet) -> Vec<f64> {
+        self.irradiance_of(set, &SHADOWED_SET, |grid| &grid.ambient().shadowed)
+    }
+
+    /// Scores a set against this map.
+    #[must_use]
+    pub fn score(&self, set: &LitSet) -> Score {
+        Score {
+            open: self.open.error(&self.open_of(set)),
+            shadowed: self.shadowed_error(set),
+            energy: relative((self.energy_of(set) - self.total).abs(), self.total),
+        }
+    }
+
+    /// The shadowed error alone, for those who score a long sequence.
+    #[must_use]
+    pub fn shadowed_error(&self, set: &LitSet) -> f64 {
+        self.shadowed.error(&self.shadowed_of(set))
+    }
+
+    /// Sum of Y(E) over the lights plus the ambient's: 2 sqrt(pi) Y(c00) over the sphere, the sum over
+    /// the texels over the hemisphere.
+    #[must_use]
+    pub fn energy_of(&self, set: &LitSet) -> f64 {
+        let lights: f64 = self.counted(set).map(|(_, flux)| flux).sum();
+        let ambient = ambient_luminance(set).map_or(0.0, |c| match self.grid.domain() {
+            Domain::Sphere => 2.0 * PI.sqrt() * c[0],
+            Domain::Hemisphere => product(&c, &self.grid.ambient().total),
+        });
+        lights + ambient
+    }
+
+    fn irradiance_of<'a>(
+        &'a self,
+        set: &LitSet,
+        probes: &ProbeSet,
+        ambient: impl Fn(&'a Grid) -> &'a [[f64; 9]],
+    ) -> Vec<f64> {
+        let mut sums = probes.irradiance(self.counted(set));
+        if let Some(c) = ambient_luminance(set) {
+            sums.iter_mut().zip(ambient(&self.grid)).for_each(|(sum, row)| *sum += product(&c, row));
+        }
+        sums
+    }
+
+    /// (direction, Y(E)) of the lights inside the domain.
+    fn counted<'a>(&self, set: &'a LitSet) -> impl Iterator<Item = ([f64; 3], f64)> + 'a {
+        let domain = self.grid.domain();
+        let inside = set.lights.iter().filter(move |light| domain.holds(light.direction));
+        inside.map(|light| (light.direction, luminance(light.irradiance)))
+    }
+}
+
+/// Luminance of the ambient coefficients, where the set carries any.
+pub(super) fn ambient_luminance(set: &LitSet) -> Option<[f64; 9]> {
+    set.ambient_sh.map(|rows| rows.map(luminance))
+}
+
+fn product(a: &[f64; 9], b: &[f64; 9]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}

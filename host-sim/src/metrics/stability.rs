@@ -1,0 +1,181 @@
+//! Scores of a sequence: plain functions over its references (or maps) and light sets, frame by frame.
+//!
+//! E_set and E_ref are those of the shadowed probes, mu(t) their mean E_ref in frame t. Slices belong
+//! together frame by frame; where one is longer, its rest does not count.
+
+use std::collections::{HashMap, HashSet};
+
+use super::reference::ambient_luminance;
+use super::vector::{add_scaled, angle_deg};
+use super::{Grid, LitSet, Reference, luminance, relative, rms, sh};
+use crate::env::EnvMap;
+
+/// How near a light must be to a true source to belong to it, degrees (transit energy).
+pub const NEAR_SOURCE_DEG: f64 = 10.0;
+/// Radius of a moving source's neighbourhood, degrees; also the error of having no light in it.
+pub const NEIGHBOURHOOD_DEG: f64 = 15.0;
+/// E_ref of a probe that cannot see a source changes by no more than this, relative to mu.
+pub const UNCHANGED: f64 = 1e-6;
+/// A step is over when the shadowed error is within this factor of its steady value.
+pub const SETTLED: f64 = 1.25;
+
+/// Mean and largest of a figure over the frames.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spread {
+    /// Arithmetic mean.
+    pub mean: f64,
+    /// Largest value.
+    pub max: f64,
+}
+
+impl Spread {
+    /// Of these values; none where there are none.
+    #[must_use]
+    pub fn of(values: &[f64]) -> Option<Self> {
+        let max = values.iter().copied().reduce(f64::max)?;
+        Some(Self { mean: values.iter().sum::<f64>() / values.len() as f64, max })
+    }
+}
+
+/// Change that the scene did not make: for t = 1, 2, ...
+/// RMS_k((E_set(t) - E_set(t-1)) - (E_ref(t) - E_ref(t-1))) / mu(t).
+#[must_use]
+pub fn flicker(references: &[Reference], sets: &[LitSet]) -> Vec<f64> {
+    let excess: Vec<Vec<f64>> = references
+        .iter()
+        .zip(sets)
+        .map(|(reference, set)| differences(&reference.shadowed_of(set), reference.shadowed()))
+        .collect();
+    let steps = excess.windows(2).zip(&references[1.min(references.len())..]);
+    steps.map(|(e, now)| relative(rms(differences(&e[1], &e[0]).into_iter()), now.shadowed_mu())).collect()
+}
+
+/// How far a local change leaks: RMS_k(E_set(after) - E_set(before)) / mu(after) over the probes that
+/// cannot see the switched source, those with |E_ref(after) - E_ref(before)| <= 1e-6 mu(after).
+///
+/// Ideally 0; none where every probe sees the source.
+#[must_use]
+pub fn unwarranted_change(before: (&Reference, &LitSet), after: (&Reference, &LitSet)) -> Option<f64> {
+    let mu = after.0.shadowed_mu();
+    let truth = differences(after.0.shadowed(), before.0.shadowed());
+    let made = differences(&after.0.shadowed_of(after.1), &before.0.shadowed_of(before.1));
+    let blind: Vec<f64> =
+        made.iter().zip(truth).filter(|(_, t)| t.abs() <= UNCHANGED * mu).map(|(&m, _)| m).collect();
+    (!blind.is_empty()).then(|| relative(rms(blind.into_iter()), mu))
+}
+
+/// Mean angle in degrees that a light moves per frame, over all pairs of lights of one id in successive
+/// frames; on a static noisy scene this is noise. None where no id lives for two frames.
+#[must_use]
+pub fn motion_noise_deg(sets: &[LitSet]) -> Option<f64> {
+    let (mut sum, mut count) = (0.0, 0usize);
+    for pair in sets.windows(2) {
+        let before: HashMap<u32, [f64; 3]> = pair[0].lights.iter().map(|l| (l.id, l.direction)).collect();
+        for light in &pair[1].lights {
+            if let Some(&from) = before.get(&light.id) {
+                sum += angle_deg(from, light.direction);
+                count += 1;
+            }
+        }
+    }
+    (count > 0).then(|| sum / count as f64)
+}
+
+/// Frames after an abrupt change until the shadowed error is within 1.25 x its steady value; the frame
+/// `change`, which shows the change, counts 1.
+///
+/// The steady value is the median error over the last quarter of the frames from `change` on (at least
+/// one frame), so a sequence should go on until its sampler has come to rest. Errors below 1e-9 are
+/// rounding and count as settled. None where the sequence ends before `change`.
+#[must_use]
+pub fn step_response(shadowed_errors: &[f64], change: usize) -> Option<usize> {
+    let after = shadowed_errors.get(change..).filter(|frames| !frames.is_empty())?;
+    let mut rest = after[after.len() - after.len().div_ceil(4)..].to_vec();
+    rest.sort_by(f64::total_cmp);
+    let limit = (SETTLED * rest[rest.len() / 2]).max(1e-9);
+    after.iter().position(|&error| error <= limit).map(|at| at + 1)
+}
+
+/// A light source of compact support, as the scene has it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Source {
+    /// Unit vector from the probe towards its middle.
+    pub direction: [f64; 3],
+    /// Angular radius; distances are to the rim.
+    pub radius_deg: f64,
+}
+
+impl Source {
+    /// Angle from the source's rim to `d`, degrees; 0 inside.
+    #[must_use]
+    pub fn distance_deg(&self, d: [f64; 3]) -> f64 {
+        (angle_deg(self.direction, d) - self.radius_deg).max(0.0)
+    }
+}
+
+/// |set - reference| luminous energy of one frame farther than 10 degrees from every source: lights and
+/// ambient on one side, Y dOmega on the other.
+#[must_use]
+pub fn stray_energy(grid: &Grid, map: &EnvMap, set: &LitSet, sources: &[Source]) -> f64 {
+    let far = |d: [f64; 3]| sources.iter().all(|source| source.distance_deg(d) > NEAR_SOURCE_DEG);
+    let truth: f64 = grid.luminous(map).filter(|&(d, _)| far(d)).map(|(_, flux)| flux).sum();
+    let made: f64 = set_fluxes(grid, set).filter(|&(d, _)| far(d)).map(|(_, flux)| flux).sum();
+    (made - truth).abs()
+}
+
+/// Transit energy: the largest [`stray_energy`] of the frames, over the switched source's energy (its sum
+/// of Y dOmega). It catches lights that travel through empty sky.
+#[must_use]
+pub fn transit_energy(stray: &[f64], switched_energy: f64) -> f64 {
+    relative(stray.iter().copied().fold(0.0, f64::max), switched_energy)
+}
+
+/// Angle in degrees between the energy-weighted mean direction within 15 degrees of a moving source in
+/// the set and the same mean in the reference map; no light there counts 15 degrees.
+///
+/// Ambient light counts in the set's mean as the map's background does in the reference's. None where
+/// the map is black there (a source below the horizon).
+#[must_use]
+pub fn tracking_error_deg(grid: &Grid, map: &EnvMap, set: &LitSet, source: [f64; 3]) -> Option<f64> {
+    let near = |d: [f64; 3]| angle_deg(source, d) <= NEIGHBOURHOOD_DEG;
+    let truth = mean_direction(grid.luminous(map).filter(|&(d, _)| near(d)))?;
+    let lit = set.lights.iter().any(|l| near(l.direction) && luminance(l.irradiance) > 0.0);
+    let made = mean_direction(set_fluxes(grid, set).filter(|&(d, _)| near(d))).filter(|_| lit);
+    Some(made.map_or(NEIGHBOURHOOD_DEG, |made| angle_deg(made, truth)))
+}
+
+/// Lights born plus lights that died, by id, for t = 1, 2, ...
+#[must_use]
+pub fn churn(sets: &[LitSet]) -> Vec<f64> {
+    let ids: Vec<HashSet<u32>> =
+        sets.iter().map(|set| set.lights.iter().map(|light| light.id).collect()).collect();
+    ids.windows(2).map(|pair| pair[0].symmetric_difference(&pair[1]).count() as f64).collect()
+}
+
+/// The fewest lights among (lights, shadowed error) with which an error of `tolerance` is reached.
+#[must_use]
+pub fn parsimony(points: &[(usize, f64)], tolerance: f64) -> Option<usize> {
+    points.iter().filter(|(_, error)| *error <= tolerance).map(|&(lights, _)| lights).min()
+}
+
+/// (direction, luminous energy) of the lights that count, then of the ambient's texels.
+fn set_fluxes<'a>(grid: &'a Grid, set: &'a LitSet) -> impl Iterator<Item = ([f64; 3], f64)> + 'a {
+    let inside = set.lights.iter().filter(|light| grid.domain().holds(light.direction));
+    let lights = inside.map(|light| (light.direction, luminance(light.irradiance)));
+    let ambient = ambient_luminance(set).into_iter().flat_map(move |c| {
+        let texels = grid.directions().iter().enumerate();
+        texels.map(move |(k, &d)| (d, sh::evaluate(&c, d) * grid.solid_angle(k)))
+    });
+    lights.chain(ambient)
+}
+
+/// First moment of the fluxes; none where they cancel or are none.
+fn mean_direction(fluxes: impl Iterator<Item = ([f64; 3], f64)>) -> Option<[f64; 3]> {
+    let mut moment = [0.0; 3];
+    fluxes.for_each(|(d, flux)| add_scaled(&mut moment, d, flux));
+    super::vector::unit(moment)
+}
+
+fn differences(a: &[f64], b: &[f64]) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| a - b).collect()
+}

@@ -1,0 +1,91 @@
+//! What commands write: light sets, pictures and maps.
+
+use crate::error::SimError;
+use hemilux_core::light::Light;
+use hemilux_core::polar::LatLongView;
+use hemilux_core::wire::{self, LightSet};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Where the pictures and maps of a command go.
+#[derive(Clone, Debug, Default)]
+pub struct Files {
+    /// Tone-mapped map with the lights.
+    pub picture: Option<PathBuf>,
+    /// The map as OpenEXR.
+    pub map: Option<PathBuf>,
+}
+
+impl Files {
+    /// Writes what was asked for; of a sequence, frame `index` goes to a numbered file.
+    ///
+    /// # Errors
+    /// [`SimError`] naming the file that could not be written.
+    pub fn write(
+        &self,
+        index: Option<usize>,
+        map: &LatLongView<'_>,
+        lights: &[Light],
+    ) -> Result<(), SimError> {
+        if let Some(path) = &self.picture {
+            let path = numbered(path, index);
+            let picture = hemilux::picture::draw(map, lights);
+            let mut bytes = std::io::Cursor::new(Vec::new());
+            picture
+                .write_to(&mut bytes, image::ImageFormat::Png)
+                .map_err(|e| SimError::at(&path, e, "a picture"))?;
+            save(&path, bytes.get_ref())?;
+        }
+        if let Some(path) = &self.map {
+            save_exr(&numbered(path, index), map)?;
+        }
+        Ok(())
+    }
+}
+
+/// `name.png` becomes `name-0003.png` for frame 3 of a sequence.
+fn numbered(path: &Path, index: Option<usize>) -> PathBuf {
+    let Some(index) = index else { return path.into() };
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let extension = path.extension().map(|e| format!(".{}", e.to_string_lossy())).unwrap_or_default();
+    path.with_file_name(format!("{stem}-{index:04}{extension}"))
+}
+
+/// Writes a file whole.
+///
+/// # Errors
+/// [`SimError`] naming the file.
+pub fn save(path: &Path, bytes: &[u8]) -> Result<(), SimError> {
+    std::fs::write(path, bytes).map_err(|e| SimError::at(path, e, "a file that can be written"))
+}
+
+/// Writes radiance as 32-bit OpenEXR.
+fn save_exr(path: &Path, map: &LatLongView<'_>) -> Result<(), SimError> {
+    use exr::prelude::{Image, SpecificChannels, WritableImage};
+    let grid = map.grid;
+    let pixel = |at: exr::math::Vec2<usize>| {
+        let omega = grid.solid_angle(at.y()) as f32;
+        let [r, g, b] = map.texels[at.y() * grid.width + at.x()].map(|v| v / omega);
+        (r, g, b)
+    };
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    Image::from_channels((grid.width, grid.height), SpecificChannels::rgb(pixel))
+        .write()
+        .non_parallel()
+        .to_buffered(&mut bytes)
+        .map_err(|e| SimError::at(path, e, "a map that OpenEXR can hold"))?;
+    save(path, bytes.get_ref())
+}
+
+/// Writes one light set as a line of JSON to standard output.
+///
+/// # Errors
+/// [`SimError`] when standard output is closed.
+pub fn print(set: &LightSet<'_>) -> Result<(), SimError> {
+    let mut line = Vec::new();
+    wire::json(set, &mut line).map_err(|e| SimError::Failed(format!("light set: {e}")))?;
+    line.push(b'\n');
+    let closed =
+        |e: std::io::Error| SimError::Failed(format!("standard output: found {e}, expected a reader"));
+    std::io::stdout().write_all(&line).map_err(closed)
+}

@@ -1,0 +1,138 @@
+//! `hemilux-sim replay`: recorded bursts through the probe's own pipeline.
+
+use crate::error::SimError;
+use crate::output::{self, Files};
+use hemilux::calibration::{Burst, Calibration, Frame};
+use hemilux::pipeline::{Pipeline, Settings};
+use hemilux::recorded;
+use hemilux_core::response::{Curve, curve_len};
+use hemilux_core::wire::LightSet;
+use std::path::PathBuf;
+
+/// What to replay, and how.
+#[derive(Clone, Debug)]
+pub struct Job {
+    /// A burst, or a folder of bursts that are one sequence.
+    pub burst: PathBuf,
+    /// Sampler, lights, extrapolation.
+    pub settings: Settings,
+    /// Pictures and maps.
+    pub files: Files,
+}
+
+/// Prints one light set per burst, and what the bursts held on standard error.
+///
+/// # Errors
+/// [`SimError`].
+pub fn run(job: &Job) -> Result<(), SimError> {
+    let bursts = recorded::read_sequence(&job.burst)?;
+    let mut pipeline: Option<Pipeline> = None;
+    for (index, (timestamp_ns, folder)) in bursts.iter().enumerate() {
+        let (calibration, burst) = recorded::read_burst(folder)?;
+        let same = pipeline.take().filter(|p| *p.calibration() == calibration);
+        let running = match same {
+            Some(p) => p,
+            None => {
+                print_ratios(&calibration, &burst);
+                let exposures: Vec<_> = burst.frames.iter().map(|f| f.exposure).collect();
+                Pipeline::try_new(calibration, &exposures, job.settings.clone())?
+            }
+        };
+        let pipeline = pipeline.insert(running);
+        let processed = pipeline.process(&burst)?;
+        let seen = processed.seen;
+        eprintln!(
+            "hemilux-sim: {}: clipped {:.4} and unseen {:.4} of the hemisphere, light from below {:.4} of that from above",
+            folder.display(),
+            seen.clipped,
+            seen.unseen,
+            seen.below
+        );
+        let made = processed.decomposition;
+        let set = LightSet {
+            run: "sim",
+            frame: index as u64,
+            timestamp_ns: (*timestamp_ns).max(burst.timestamp_ns),
+            valid: true,
+            sampler: &job.settings.sampler,
+            requested: job.settings.lights as u32,
+            lights: made.lights,
+            ambient_sh: made.ambient.as_ref(),
+            scalar_flux: processed.scalar_flux,
+            horizontal_irradiance: processed.horizontal_irradiance,
+            clipped: seen.clipped as f32,
+            unseen: seen.unseen as f32,
+            estimated_error: made.estimated_error,
+            latency: processed.latency,
+            ..LightSet::EMPTY
+        };
+        output::print(&set)?;
+        let lights = made.lights.to_vec();
+        job.files.write((bursts.len() > 1).then_some(index), &pipeline.map().polar, &lights)?;
+    }
+    Ok(())
+}
+
+/// A neighbouring pair of exposures, by the file and by the pixels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ratio {
+    /// Exposure times by the file, seconds.
+    pub seconds: [f64; 2],
+    /// Ratio by the file.
+    pub nominal: f64,
+    /// Median ratio over pixels that are well exposed in both.
+    pub measured: f64,
+    /// Samples it was measured on.
+    pub samples: usize,
+}
+
+/// Measures the ratios of neighbouring exposures: nominal times lie, on real cameras by up to a fifth.
+#[must_use]
+pub fn ratios(calibration: &Calibration, burst: &Burst) -> Vec<Ratio> {
+    let c = calibration;
+    let table = vec![0; curve_len(c.depth)];
+    let Ok(curve) = Curve::try_new(&c.response, c.depth, c.black, c.white, table) else { return Vec::new() };
+    burst.frames.windows(2).map(|pair| ratio(&curve, pair)).collect()
+}
+
+fn ratio(curve: &Curve<Vec<i32>>, pair: &[Frame]) -> Ratio {
+    // A twentieth of full scale: below it quantisation decides.
+    let least = 1 << (hemilux_core::response::CURVE_BITS - 5);
+    let light = |f: &Frame| f.exposure.seconds * f.exposure.gain;
+    let [short, long] = [codes(&pair[0]), codes(&pair[1])];
+    let mut found: Vec<f64> = std::iter::zip(short, long)
+        .enumerate()
+        .filter(|(_, (a, b))| !curve.is_saturated(*b) && curve.is_trusted(*a))
+        .map(|(i, (a, b))| (curve.exposure_q27(i % 3, a), curve.exposure_q27(i % 3, b)))
+        .filter(|(a, _)| *a > least)
+        .map(|(a, b)| f64::from(b) / f64::from(a))
+        .collect();
+    found.sort_by(f64::total_cmp);
+    Ratio {
+        seconds: [pair[0].exposure.seconds, pair[1].exposure.seconds],
+        nominal: light(&pair[1]) / light(&pair[0]),
+        measured: found.get(found.len() / 2).copied().unwrap_or(f64::NAN),
+        samples: found.len(),
+    }
+}
+
+fn codes(frame: &Frame) -> Box<dyn Iterator<Item = u32> + '_> {
+    match &frame.pixels {
+        hemilux::calibration::Pixels::U8(v) => Box::new(v.iter().map(|c| u32::from(*c))),
+        hemilux::calibration::Pixels::U16(v) => Box::new(v.iter().map(|c| u32::from(*c))),
+    }
+}
+
+fn print_ratios(calibration: &Calibration, burst: &Burst) {
+    let ratios = ratios(calibration, burst);
+    if ratios.is_empty() {
+        return;
+    }
+    eprintln!("hemilux-sim: exposure ratios, by the file and as measured in the pixels");
+    eprintln!("    shorter s     longer s    nominal   measured   off by   samples");
+    for r in ratios {
+        let [a, b] = r.seconds;
+        let off = 100.0 * (r.measured / r.nominal - 1.0);
+        eprintln!("{a:>13.6}{b:>13.6}{:>11.3}{:>11.3}{off:>+8.1} %{:>10}", r.nominal, r.measured, r.samples);
+    }
+}
