@@ -133,13 +133,14 @@ fn serve(options: &Serve) -> Result<(), Failure> {
         extrapolation: options.extrapolation,
         ..Settings::default()
     };
+    let config = Config { pipeline: settings.clone(), gui: false };
+    config.check().map_err(|e| Failure::usage(format!("--lights: found {e}")))?;
     let source = source::open(&options.source).map_err(Failure::new)?;
     if options.plan {
         let pipeline = Pipeline::try_new(source.calibration().clone(), &source.exposures(), settings);
         return say(&memory::Plan::of(&pipeline.map_err(Failure::new)?).to_string());
     }
     let listener = TcpListener::bind(options.listen).map_err(|e| not_bound(options.listen, &e))?;
-    let config = Config { pipeline: settings, gui: false };
     let probe = Probe::start(source, options.source.to_string(), config).map_err(Failure::new)?;
     let guard = Guard::of(options.listen);
     let failed = |e: io::Error| Failure::new(format!("the server: found {e}, expected it to start"));
@@ -219,11 +220,12 @@ mod tests {
 
     #[test]
     fn wrong_usage_is_one_line_that_names_the_option() {
-        let cases: [(&[&str], &str); 12] = [
+        let cases: [(&[&str], &str); 13] = [
             (&["--lights", "0"], "--lights"),
             (&["--lights", "50001"], "50000"),
             (&["--lights", "many"], "'many'"),
             (&["--lights"], "--lights"),
+            (&["--lights", "1"], "for 'q2tree'"),
             (&["--sampler", "guess"], NAMES[0]),
             (&["--extrapolation", "all"], "none or average"),
             (&["--listen", "8080"], "ADDR:PORT"),

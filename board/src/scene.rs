@@ -68,18 +68,24 @@ impl Patches {
     }
 }
 
+/// Radiance of a direction.
+type Still = fn([f32; 3]) -> [f32; 3];
+
+/// Patches of a moment, seconds after the start.
+type Moving = fn(f32) -> Patches;
+
 /// A scene.
 #[derive(Clone, Copy, Debug)]
 pub struct Scene {
     name: &'static str,
-    still: fn([f32; 3]) -> [f32; 3],
-    patches: fn(f32) -> Patches,
+    still: Still,
+    patches: Moving,
 }
 
 /// The scene called `name`.
 #[must_use]
 pub fn by_name(name: &str) -> Option<Scene> {
-    let (still, patches): (fn([f32; 3]) -> [f32; 3], fn(f32) -> Patches) = match name {
+    let (still, patches): (Still, Moving) = match name {
         "room" => (room, swinging_lamp),
         "sky" => (clear_sky, sun_and_clouds),
         "lamps" => (dim_walls, switching_lamps),

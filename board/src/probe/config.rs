@@ -1,7 +1,9 @@
 //! What a user may change while the probe runs.
 
 use crate::pipeline::Settings;
+use crate::samplers::{MAX_LIGHTS, SamplerError, least_lights};
 use hemilux_core::fill::Extrapolation;
+use hemilux_core::healpix::Domain;
 
 /// Names that `--extrapolation` and `change?extrapolation=` accept.
 pub const EXTRAPOLATIONS: [(&str, Extrapolation); 2] =
@@ -20,6 +22,22 @@ pub struct Config {
     pub pipeline: Settings,
     /// The debug picture; kept for the requests that will show it, without effect on the frames.
     pub gui: bool,
+}
+
+impl Config {
+    /// Whether there is such a sampler and it gives so many lights.
+    ///
+    /// # Errors
+    /// [`SamplerError`].
+    pub fn check(&self) -> Result<(), SamplerError> {
+        let (name, found) = (&self.pipeline.sampler, self.pipeline.lights);
+        let least =
+            least_lights(name, Domain::Hemisphere).ok_or_else(|| SamplerError::Unknown(name.clone()))?;
+        if (least..=MAX_LIGHTS).contains(&found) {
+            return Ok(());
+        }
+        Err(SamplerError::BadLights { found, least, name: name.clone() })
+    }
 }
 
 /// A wish: what is `None` stays.

@@ -1,6 +1,7 @@
 //! Wishes on their way to the processing thread, and its answers.
 
 use super::{Change, Config, lock};
+use crate::samplers::SamplerError;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use tokio::sync::watch;
@@ -40,12 +41,16 @@ impl Mailbox {
         self.applied.subscribe()
     }
 
-    pub(super) fn post(&self, change: &Change) -> u64 {
+    /// Takes a wish that can come true: one client's mistake must not spoil another's change.
+    pub(super) fn post(&self, change: &Change) -> Result<u64, SamplerError> {
         let mut wanted = lock(&self.wanted);
-        change.apply(&mut wanted.config);
+        let mut config = wanted.config.clone();
+        change.apply(&mut config);
+        config.check()?;
+        wanted.config = config;
         wanted.serial += 1;
         self.waiting.store(true, Ordering::Release);
-        wanted.serial
+        Ok(wanted.serial)
     }
 
     /// The newest wish with its number, once.
@@ -75,13 +80,18 @@ mod tests {
     fn wishes_add_up_and_a_refusal_takes_them_back() {
         let mailbox = Mailbox::new(Config::default());
         assert_eq!(mailbox.take(), None, "nothing wished");
-        mailbox.post(&Change { lights: Some(20), ..Change::default() });
-        let serial = mailbox.post(&Change { gui: Some(true), ..Change::default() });
+        let post = |change| mailbox.post(&change).expect("a wish that can come true");
+        post(Change { lights: Some(20), ..Change::default() });
+        assert!(
+            mailbox.post(&Change { lights: Some(1), ..Change::default() }).is_err(),
+            "too few for a tree"
+        );
+        let serial = post(Change { gui: Some(true), ..Change::default() });
         let (taken, config) = mailbox.take().expect("a wish");
         assert_eq!((taken, config.pipeline.lights, config.gui), (serial, 20, true), "both");
         assert_eq!(mailbox.take(), None, "taken once");
         mailbox.answer(serial, Config::default(), Some("no".into()));
-        mailbox.post(&Change { gui: Some(true), ..Change::default() });
+        post(Change { gui: Some(true), ..Change::default() });
         let (_, config) = mailbox.take().expect("a wish");
         assert_eq!((config.pipeline.lights, config.gui), (64, true), "the refused wish is gone");
     }

@@ -14,6 +14,7 @@ pub use published::Published;
 pub use worker::Worker;
 
 use crate::pipeline::PipelineError;
+use crate::samplers::SamplerError;
 use crate::source::Source;
 use hemilux_core::wire::Stale;
 use mailbox::Mailbox;
@@ -110,7 +111,10 @@ impl Link {
     }
 
     /// Wishes for a change; the number is that of the [`Applied`] which answers it.
-    pub fn change(&self, change: &Change) -> u64 {
+    ///
+    /// # Errors
+    /// [`SamplerError`] when what is wished for does not exist, and nothing changes.
+    pub fn change(&self, change: &Change) -> Result<u64, SamplerError> {
         self.mailbox.post(change)
     }
 

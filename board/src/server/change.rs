@@ -2,11 +2,12 @@
 
 use super::{Context, guard, line, pages};
 use crate::probe::{Applied, Change, EXTRAPOLATIONS};
-use crate::samplers::{MAX_LIGHTS, NAMES};
+use crate::samplers::{MAX_LIGHTS, NAMES, least_lights};
 use axum::extract::rejection::QueryRejection;
 use axum::extract::{Query, State};
 use axum::http::{HeaderMap, StatusCode, Uri};
 use axum::response::{IntoResponse, Response};
+use hemilux_core::healpix::Domain;
 use std::time::Duration;
 
 /// Longest wait for the frame that confirms a change; a dead source gives none.
@@ -36,7 +37,10 @@ pub(super) async fn change(
         Err(found) => return refused(&found),
     };
     let mut applied = context.link.applied();
-    let serial = context.link.change(&change);
+    let serial = match context.link.change(&change) {
+        Ok(serial) => serial,
+        Err(found) => return refused(&found.to_string()),
+    };
     let looked_at = tokio::time::timeout(LONGEST_WAIT, applied.wait_for(|a| a.serial >= serial)).await;
     let answer = looked_at.ok().and_then(|known| known.ok().map(|a| a.clone()));
     match answer {
@@ -60,8 +64,10 @@ fn refused(found: &str) -> Response {
 /// Parameters and their values, one a line.
 pub(super) fn accepted() -> String {
     let extrapolations = EXTRAPOLATIONS.map(|(name, _)| name).join("|");
+    let least = |name| least_lights(name, Domain::Hemisphere).unwrap_or(1);
+    let samples = NAMES.map(|name| format!("{}..{MAX_LIGHTS} for {name}", least(name))).join(", ");
     let samplers = NAMES.join("|");
-    format!("algorithm={samplers}\nsamples=1..{MAX_LIGHTS}\nextrapolation={extrapolations}\ngui=on|off")
+    format!("algorithm={samplers}\nsamples=N ({samples})\nextrapolation={extrapolations}\ngui=on|off")
 }
 
 fn parse(pairs: &[(String, String)]) -> Result<Change, String> {

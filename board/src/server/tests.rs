@@ -124,6 +124,8 @@ async fn wrong_changes_change_nothing_and_say_what_is_accepted() {
         "algorithm=",
         "algorithm",
         "samples=0",
+        "samples=1",
+        "algorithm=q2tree&samples=1",
         "samples=50001",
         "samples=-1",
         "samples=1e3",
