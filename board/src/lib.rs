@@ -1,10 +1,20 @@
 //! The probe: where bursts come from, the processing thread and the server.
 //!
-//! The way of the light: [`source`] (a scene or a recorded burst) -> [`pipeline`] (the core's stages in one place) -> [`probe`]
+//! The way of the light: [`source`] (a scene or a recorded burst) -> [`pipeline`] (the core's stages in one place) -> `probe`
 //! (the thread that runs them) -> `server`.
 
 pub mod calibration;
+#[cfg(feature = "server")]
+pub mod cli;
+pub mod clock;
+pub mod memory;
 pub mod picture;
 pub mod pipeline;
+#[cfg(feature = "server")]
+pub mod probe;
 pub mod recorded;
 pub mod samplers;
+pub mod scene;
+#[cfg(feature = "server")]
+pub mod server;
+pub mod source;

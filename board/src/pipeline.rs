@@ -253,10 +253,9 @@ fn merge(
     Merge::try_new(curve, exposures, c.scale, reciprocals).map_err(PipelineError::Merge)
 }
 
-fn plan(
-    calibration: &Calibration,
-    order: u8,
-) -> Result<Plan<Vec<Span>, Vec<Cell>, Vec<Texel>>, PipelineError> {
+type HeapPlan = Plan<Vec<Span>, Vec<Cell>, Vec<Texel>>;
+
+fn plan(calibration: &Calibration, order: u8) -> Result<HeapPlan, PipelineError> {
     let c = calibration;
     let size = plan_size(&c.lens, c.width, c.height, order).map_err(PipelineError::Plan)?;
     let buffers = (

@@ -1,0 +1,260 @@
+//! The command line: what it accepts, and what each command does.
+
+use crate::memory;
+use crate::pipeline::{Pipeline, Settings};
+use crate::probe::{Config, EXTRAPOLATIONS, Probe};
+use crate::samplers::{MAX_LIGHTS, NAMES};
+use crate::server::{self, Guard, Limits};
+use crate::source::{self, Spec};
+use clap::builder::PossibleValuesParser;
+use clap::error::ErrorKind;
+use clap::{Args, Parser, Subcommand};
+use hemilux_core::fill::Extrapolation;
+use std::ffi::OsString;
+use std::io::{self, Write};
+use std::net::{Ipv4Addr, SocketAddr, TcpListener};
+
+const EXAMPLES: &str = "\
+Examples:
+  hemilux                                        the built-in room on http://127.0.0.1:8080/
+  hemilux serve --source scene:sky --lights 32   another scene, fewer lights
+  hemilux --source replay:recordings/office      a recorded burst or sequence, over and over
+  hemilux --listen 127.0.0.1:0                   any free port; the first line on stdout names it
+  hemilux --listen 0.0.0.0:8080 --open           for everyone on the network
+  hemilux --plan --lights 20000                  what that would take of memory
+  curl http://127.0.0.1:8080/lights.json         the next frame's lights
+  curl 'http://127.0.0.1:8080/change?algorithm=pharr&samples=128'
+
+Sources: scene:room, scene:sky, scene:lamps, scene:overcast, replay:DIR.
+Exit status: 0 when stopped by SIGINT or SIGTERM, 1 after a failure, 2 for wrong usage.
+RUST_LOG=info tells more on stderr.";
+
+/// A light probe: fisheye bursts in, directional lights out, over HTTP.
+#[derive(Debug, Parser)]
+#[command(name = "hemilux", version, after_help = EXAMPLES, args_conflicts_with_subcommands = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Option<Command>,
+    #[command(flatten)]
+    serve: Serve,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Decompose what a source gives and serve it (what hemilux does without a command).
+    #[command(after_help = EXAMPLES)]
+    Serve(Serve),
+}
+
+#[derive(Clone, Debug, Args)]
+struct Serve {
+    /// Where bursts come from: scene:NAME or replay:DIR.
+    #[arg(long, default_value = "scene:room", value_parser = str::parse::<Spec>)]
+    source: Spec,
+    /// Where to listen; port 0 is any free one.
+    #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:8080", value_parser = address)]
+    listen: SocketAddr,
+    /// Allow --listen beyond this machine: whoever reaches the port may read and change everything.
+    #[arg(long)]
+    open: bool,
+    /// How the map becomes lights.
+    #[arg(long, value_name = "NAME", default_value = "q2tree", value_parser = PossibleValuesParser::new(NAMES))]
+    sampler: String,
+    /// Most lights of a set.
+    #[arg(long, value_name = "N", default_value = "64", value_parser = lights)]
+    lights: usize,
+    /// What stands for the part of the hemisphere that the lens does not see: none or average.
+    #[arg(long, value_name = "NAME", default_value = "none", value_parser = extrapolation)]
+    extrapolation: Extrapolation,
+    /// Print the sizes of the buffers and exit.
+    #[arg(long)]
+    plan: bool,
+}
+
+/// Why a command ended otherwise than well: one line and an exit status.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Failure {
+    /// What was found and what was expected.
+    pub line: String,
+    /// 2 for wrong usage, 1 for everything else.
+    pub status: u8,
+}
+
+impl Failure {
+    fn new(what: impl std::fmt::Display) -> Self {
+        Self { line: what.to_string(), status: 1 }
+    }
+
+    fn usage(what: impl std::fmt::Display) -> Self {
+        Self { line: what.to_string(), status: 2 }
+    }
+}
+
+/// Does what `arguments`, the program's name first, ask for.
+///
+/// # Errors
+/// [`Failure`].
+pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<(), Failure> {
+    let cli = match Cli::try_parse_from(arguments) {
+        Ok(cli) => cli,
+        Err(error) => return explain(&error),
+    };
+    let Command::Serve(options) = cli.command.unwrap_or(Command::Serve(cli.serve));
+    serve(&options)
+}
+
+/// Help goes to stdout as it is; everything else becomes one line.
+fn explain(error: &clap::Error) -> Result<(), Failure> {
+    if matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) {
+        return say(&error.render().to_string());
+    }
+    let text = error.to_string();
+    let lines =
+        text.lines().map(str::trim).take_while(|line| !line.is_empty() && !line.starts_with("Usage:"));
+    let message = lines.collect::<Vec<_>>().join(" ");
+    let message = message.strip_prefix("error: ").unwrap_or(&message);
+    Err(Failure::usage(format!("{message} (see hemilux --help)")))
+}
+
+/// Writes to stdout; a reader that has gone is no failure of ours.
+fn say(text: &str) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(e) if e.kind() != io::ErrorKind::BrokenPipe => Err(Failure::new(format!("stdout: found {e}"))),
+        _ => Ok(()),
+    }
+}
+
+fn serve(options: &Serve) -> Result<(), Failure> {
+    check_reach(options)?;
+    let settings = Settings {
+        sampler: options.sampler.clone(),
+        lights: options.lights,
+        extrapolation: options.extrapolation,
+        ..Settings::default()
+    };
+    let config = Config { pipeline: settings.clone(), gui: false };
+    config.check().map_err(|e| Failure::usage(format!("--lights: found {e}")))?;
+    let source = source::open(&options.source).map_err(Failure::new)?;
+    if options.plan {
+        let pipeline = Pipeline::try_new(source.calibration().clone(), &source.exposures(), settings);
+        return say(&memory::Plan::of(&pipeline.map_err(Failure::new)?).to_string());
+    }
+    let listener = TcpListener::bind(options.listen).map_err(|e| not_bound(options.listen, &e))?;
+    let probe = Probe::start(source, options.source.to_string(), config).map_err(Failure::new)?;
+    let guard = Guard::of(options.listen);
+    let failed = |e: io::Error| Failure::new(format!("the server: found {e}, expected it to start"));
+    let running =
+        server::start(listener, server::app(probe.link(), guard), Limits::default()).map_err(failed)?;
+    let mut signals = running.signals().map_err(failed)?;
+    let Serve { source, sampler, lights, .. } = options;
+    say(&format!("hemilux: serving http://{}/ ({source}, {sampler}, {lights} lights)\n", running.address()))?;
+    running.wait(&mut signals);
+    tracing::info!("stopping");
+    // The probe goes on until all who wait for a frame have theirs.
+    running.stop();
+    drop(probe);
+    Ok(())
+}
+
+/// Refuses to listen beyond this machine unless asked to.
+fn check_reach(options: &Serve) -> Result<(), Failure> {
+    if options.open || Guard::of(options.listen) == Guard::Loopback {
+        return Ok(());
+    }
+    Err(Failure::usage(format!(
+        "--listen {}: found an address beyond this machine, expected a loopback address, or --open as well to let everyone who \
+         reaches the port read and change everything",
+        options.listen
+    )))
+}
+
+fn not_bound(address: SocketAddr, error: &io::Error) -> Failure {
+    Failure::new(match error.kind() {
+        io::ErrorKind::AddrInUse => format!(
+            "--listen {address}: found the port taken, expected a free one: choose another, as with --listen {}:0 for any",
+            host(address)
+        ),
+        _ => format!(
+            "--listen {address}: found {error}, expected an address of this machine and a port that may be used"
+        ),
+    })
+}
+
+/// The address without its port, as `--listen` takes it.
+fn host(address: SocketAddr) -> String {
+    if address.is_ipv6() { format!("[{}]", address.ip()) } else { address.ip().to_string() }
+}
+
+fn address(text: &str) -> Result<SocketAddr, String> {
+    let local = text.strip_prefix("localhost:").and_then(|port| port.parse().ok());
+    let local = local.map(|port: u16| SocketAddr::from((Ipv4Addr::LOCALHOST, port)));
+    local.or_else(|| text.parse().ok()).ok_or_else(|| "expected ADDR:PORT, such as 127.0.0.1:8080".into())
+}
+
+fn lights(text: &str) -> Result<usize, String> {
+    let number = text.parse().ok().filter(|n| (1..=MAX_LIGHTS).contains(n));
+    number.ok_or_else(|| format!("expected a number from 1 to {MAX_LIGHTS}"))
+}
+
+fn extrapolation(text: &str) -> Result<Extrapolation, String> {
+    let known = EXTRAPOLATIONS.iter().find(|(name, _)| *name == text);
+    known
+        .map(|(_, e)| *e)
+        .ok_or_else(|| format!("expected {}", EXTRAPOLATIONS.map(|(name, _)| name).join(" or ")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refused(arguments: &[&str]) -> Failure {
+        let all = ["hemilux"].iter().chain(arguments);
+        run(all.map(OsString::from)).expect_err("refused")
+    }
+
+    #[test]
+    fn the_command_line_is_sound() {
+        <Cli as clap::CommandFactory>::command().debug_assert();
+    }
+
+    #[test]
+    fn wrong_usage_is_one_line_that_names_the_option() {
+        let cases: [(&[&str], &str); 13] = [
+            (&["--lights", "0"], "--lights"),
+            (&["--lights", "50001"], "50000"),
+            (&["--lights", "many"], "'many'"),
+            (&["--lights"], "--lights"),
+            (&["--lights", "1"], "for 'q2tree'"),
+            (&["--sampler", "guess"], NAMES[0]),
+            (&["--extrapolation", "all"], "none or average"),
+            (&["--listen", "8080"], "ADDR:PORT"),
+            (&["--listen", "0.0.0.0:0"], "--open"),
+            (&["--listen", "[::]:0"], "--open"),
+            (&["serve", "--source", "v4l2:/dev/video0"], "no V4L2"),
+            (&["--source", "scene:garden"], "overcast"),
+            (&["fly"], "'fly'"),
+        ];
+        for (arguments, named) in cases {
+            let failure = refused(arguments);
+            assert_eq!(failure.status, 2, "{arguments:?}: {failure:?}");
+            assert!(
+                failure.line.contains(named) && !failure.line.contains('\n'),
+                "{arguments:?}: {failure:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_recording_that_is_not_there_is_a_failure() {
+        let failure = refused(&["--source", "replay:/nonexistent/x"]);
+        assert_eq!(failure.status, 1, "{failure:?}");
+        assert!(failure.line.contains("/nonexistent/x"), "{failure:?}");
+    }
+
+    #[test]
+    fn an_ipv4_loopback_name_is_an_address() {
+        assert_eq!(address("localhost:80").map(|a| a.to_string()), Ok("127.0.0.1:80".into()), "localhost");
+        assert!(address("localhost:99999").is_err() && address("localhost").is_err(), "no port");
+    }
+}

@@ -1,0 +1,102 @@
+//! What a probe takes of memory, buffer by buffer.
+
+use crate::calibration::Calibration;
+use crate::pipeline::Pipeline;
+use hemilux_core::front::{Sum, sums_len};
+use hemilux_core::healpix::Domain;
+use hemilux_core::light::Light;
+use hemilux_core::merge::reciprocals_len;
+use hemilux_core::plan::{Cell, Span, Texel};
+use hemilux_core::polar::{Share, shares_len};
+use hemilux_core::pyramid::{Quad, pyramid_len};
+use hemilux_core::response::{Depth, curve_len};
+use std::fmt;
+
+/// One buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Room {
+    /// What it holds.
+    pub name: &'static str,
+    /// Elements.
+    pub count: usize,
+    /// Bytes of an element.
+    pub size: usize,
+}
+
+impl Room {
+    fn of<T>(name: &'static str, count: usize) -> Self {
+        Self { name, count, size: size_of::<T>() }
+    }
+
+    /// Bytes of all elements.
+    #[must_use]
+    pub const fn bytes(&self) -> usize {
+        self.count * self.size
+    }
+}
+
+/// The buffers of a pipeline, and the numbers that they follow from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Plan {
+    width: u32,
+    height: u32,
+    exposures: usize,
+    lights: usize,
+    /// Order of the map.
+    order: u8,
+    /// Order at which pixels are added up.
+    source_order: u8,
+    rooms: Vec<Room>,
+}
+
+impl Plan {
+    /// The buffers of `pipeline`. Those inside the sampler are not known here.
+    #[must_use]
+    pub fn of(pipeline: &Pipeline) -> Self {
+        let (c, s) = (pipeline.calibration(), pipeline.settings());
+        let plan = pipeline.plan();
+        let (order, exposures) = (plan.order(), pipeline.merge().exposures());
+        let rooms = vec![
+            frames(c, exposures),
+            Room::of::<i32>("response table", curve_len(c.depth)),
+            Room::of::<u32>("reciprocals", reciprocals_len(exposures)),
+            Room::of::<Span>("spans", plan.spans().len()),
+            Room::of::<Cell>("cells", plan.cells().len()),
+            Room::of::<Texel>("texels", plan.texels().len()),
+            Room::of::<Sum>("sums", sums_len(plan.source_order())),
+            Room::of::<Quad>("pyramid", pyramid_len(Domain::Hemisphere, order)),
+            Room::of::<[f32; 3]>("polar map", s.grid.len()),
+            Room::of::<Share>("polar shares", shares_len(&s.grid, order)),
+            Room::of::<Light>("published lights", 4 * s.lights),
+        ];
+        let source_order = plan.source_order();
+        Self { width: c.width, height: c.height, exposures, lights: s.lights, order, source_order, rooms }
+    }
+
+    /// Bytes of all buffers.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        self.rooms.iter().map(Room::bytes).sum()
+    }
+}
+
+fn frames(c: &Calibration, exposures: usize) -> Room {
+    let samples = 3 * c.width as usize * c.height as usize * exposures;
+    match c.depth {
+        Depth::U8 => Room::of::<u8>("frames", samples),
+        Depth::U16 => Room::of::<u16>("frames", samples),
+    }
+}
+
+impl fmt::Display for Plan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "image             {} x {}, {} exposures", self.width, self.height, self.exposures)?;
+        writeln!(f, "map order         {} (pixels add up at order {})", self.order, self.source_order)?;
+        writeln!(f, "lights            {}", self.lights)?;
+        writeln!(f, "\n{:<17} {:>10} {:>6} {:>12}", "buffer", "elements", "bytes", "in all")?;
+        for room in &self.rooms {
+            writeln!(f, "{:<17} {:>10} {:>6} {:>12}", room.name, room.count, room.size, room.bytes())?;
+        }
+        writeln!(f, "{:<17} {:>30}", "sum, bytes", self.bytes())
+    }
+}

@@ -1,0 +1,67 @@
+//! What a user may change while the probe runs.
+
+use crate::pipeline::Settings;
+use crate::samplers::{MAX_LIGHTS, SamplerError, least_lights};
+use hemilux_core::fill::Extrapolation;
+use hemilux_core::healpix::Domain;
+
+/// Names that `--extrapolation` and `change?extrapolation=` accept.
+pub const EXTRAPOLATIONS: [(&str, Extrapolation); 2] =
+    [("none", Extrapolation::None), ("average", Extrapolation::Average)];
+
+/// The name of `extrapolation`.
+#[must_use]
+pub fn extrapolation_name(extrapolation: Extrapolation) -> &'static str {
+    EXTRAPOLATIONS.iter().find(|(_, e)| *e == extrapolation).map_or("", |(name, _)| name)
+}
+
+/// What is chosen.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Config {
+    /// The pipeline's part.
+    pub pipeline: Settings,
+    /// The debug picture; kept for the requests that will show it, without effect on the frames.
+    pub gui: bool,
+}
+
+impl Config {
+    /// Whether there is such a sampler and it gives so many lights.
+    ///
+    /// # Errors
+    /// [`SamplerError`].
+    pub fn check(&self) -> Result<(), SamplerError> {
+        let (name, found) = (&self.pipeline.sampler, self.pipeline.lights);
+        let least =
+            least_lights(name, Domain::Hemisphere).ok_or_else(|| SamplerError::Unknown(name.clone()))?;
+        if (least..=MAX_LIGHTS).contains(&found) {
+            return Ok(());
+        }
+        Err(SamplerError::BadLights { found, least, name: name.clone() })
+    }
+}
+
+/// A wish: what is `None` stays.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Change {
+    /// A name of [`crate::samplers::NAMES`].
+    pub sampler: Option<String>,
+    /// Most lights, 1 to [`crate::samplers::MAX_LIGHTS`].
+    pub lights: Option<usize>,
+    /// What stands for the unseen.
+    pub extrapolation: Option<Extrapolation>,
+    /// The debug picture.
+    pub gui: Option<bool>,
+}
+
+impl Change {
+    /// Makes the wish come true in `config`.
+    pub fn apply(&self, config: &mut Config) {
+        let settings = &mut config.pipeline;
+        if let Some(sampler) = &self.sampler {
+            settings.sampler.clone_from(sampler);
+        }
+        settings.lights = self.lights.unwrap_or(settings.lights);
+        settings.extrapolation = self.extrapolation.unwrap_or(settings.extrapolation);
+        config.gui = self.gui.unwrap_or(config.gui);
+    }
+}

@@ -1,0 +1,98 @@
+//! Wishes on their way to the processing thread, and its answers.
+
+use super::{Change, Config, lock};
+use crate::samplers::SamplerError;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+use tokio::sync::watch;
+
+/// What is in effect, and up to which wish.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Applied {
+    /// Number of the last wish that was looked at.
+    pub serial: u64,
+    /// What is in effect.
+    pub config: Config,
+    /// Why that wish was refused, if it was.
+    pub refused: Option<String>,
+}
+
+#[derive(Debug)]
+struct Wanted {
+    config: Config,
+    serial: u64,
+}
+
+/// The wished-for configuration: wishes that come together are taken together.
+#[derive(Debug)]
+pub(super) struct Mailbox {
+    wanted: Mutex<Wanted>,
+    waiting: AtomicBool,
+    applied: watch::Sender<Applied>,
+}
+
+impl Mailbox {
+    pub(super) fn new(config: Config) -> Self {
+        let applied = watch::Sender::new(Applied { serial: 0, config: config.clone(), refused: None });
+        Self { wanted: Mutex::new(Wanted { config, serial: 0 }), waiting: AtomicBool::new(false), applied }
+    }
+
+    pub(super) fn applied(&self) -> watch::Receiver<Applied> {
+        self.applied.subscribe()
+    }
+
+    /// Takes a wish that can come true: one client's mistake must not spoil another's change.
+    pub(super) fn post(&self, change: &Change) -> Result<u64, SamplerError> {
+        let mut wanted = lock(&self.wanted);
+        let mut config = wanted.config.clone();
+        change.apply(&mut config);
+        config.check()?;
+        wanted.config = config;
+        wanted.serial += 1;
+        self.waiting.store(true, Ordering::Release);
+        Ok(wanted.serial)
+    }
+
+    /// The newest wish with its number, once.
+    pub(super) fn take(&self) -> Option<(u64, Config)> {
+        if !self.waiting.swap(false, Ordering::Acquire) {
+            return None;
+        }
+        let wanted = lock(&self.wanted);
+        Some((wanted.serial, wanted.config.clone()))
+    }
+
+    /// Answers wish `serial`: `in_effect` is what stands now.
+    pub(super) fn answer(&self, serial: u64, in_effect: Config, refused: Option<String>) {
+        let mut wanted = lock(&self.wanted);
+        if refused.is_some() && wanted.serial == serial {
+            wanted.config = in_effect.clone();
+        }
+        self.applied.send_replace(Applied { serial, config: in_effect, refused });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn wishes_add_up_and_a_refusal_takes_them_back() {
+        let mailbox = Mailbox::new(Config::default());
+        assert_eq!(mailbox.take(), None, "nothing wished");
+        let post = |change| mailbox.post(&change).expect("a wish that can come true");
+        post(Change { lights: Some(20), ..Change::default() });
+        assert!(
+            mailbox.post(&Change { lights: Some(1), ..Change::default() }).is_err(),
+            "too few for a tree"
+        );
+        let serial = post(Change { gui: Some(true), ..Change::default() });
+        let (taken, config) = mailbox.take().expect("a wish");
+        assert_eq!((taken, config.pipeline.lights, config.gui), (serial, 20, true), "both");
+        assert_eq!(mailbox.take(), None, "taken once");
+        mailbox.answer(serial, Config::default(), Some("no".into()));
+        post(Change { gui: Some(true), ..Change::default() });
+        let (_, config) = mailbox.take().expect("a wish");
+        assert_eq!((config.pipeline.lights, config.gui), (64, true), "the refused wish is gone");
+    }
+}

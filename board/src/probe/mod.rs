@@ -1,0 +1,200 @@
+//! The processing thread: takes bursts from a source, runs the pipeline and publishes the newest light set.
+//!
+//! It never waits for a client: results go through a latest-value slot ([`Link::subscribe`]), wishes come in through a mailbox
+//! and take effect with the next frame. After its first frames it takes no memory (`board/tests/allocations.rs`).
+
+mod config;
+mod mailbox;
+mod published;
+mod worker;
+
+pub use config::{Change, Config, EXTRAPOLATIONS, extrapolation_name};
+pub use mailbox::Applied;
+pub use published::Published;
+pub use worker::Worker;
+
+use crate::pipeline::PipelineError;
+use crate::samplers::SamplerError;
+use crate::source::Source;
+use hemilux_core::wire::Stale;
+use mailbox::Mailbox;
+use std::hash::{BuildHasher, Hasher, RandomState};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::Instant;
+use tokio::sync::watch;
+
+/// Why the probe could not start.
+#[derive(Debug, thiserror::Error)]
+pub enum StartError {
+    /// The source and the settings do not make a pipeline.
+    #[error(transparent)]
+    Pipeline(#[from] PipelineError),
+    /// The operating system gave no thread.
+    #[error("the processing thread: found {0}, expected it to start")]
+    Thread(std::io::Error),
+}
+
+/// What the processing thread and everybody else share.
+#[derive(Debug)]
+pub struct Link {
+    run: String,
+    source: String,
+    started: Instant,
+    latest: watch::Sender<Option<Arc<Published>>>,
+    mailbox: Mailbox,
+    failure: Mutex<Option<String>>,
+    encode_us: AtomicU32,
+    stopping: AtomicBool,
+}
+
+/// Why the last set is not fresh.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Staleness {
+    /// Milliseconds since the end of the set's burst.
+    pub age_ms: u64,
+    /// What happened to the source.
+    pub reason: String,
+}
+
+impl Staleness {
+    /// As the encoders read it.
+    #[must_use]
+    pub fn on_wire(&self) -> Stale<'_> {
+        Stale { age_ms: self.age_ms, reason: &self.reason }
+    }
+}
+
+impl Link {
+    fn new(source: String, config: Config) -> Self {
+        Self {
+            run: run_id(),
+            source,
+            started: Instant::now(),
+            latest: watch::Sender::new(None),
+            mailbox: Mailbox::new(config),
+            failure: Mutex::new(None),
+            encode_us: AtomicU32::new(0),
+            stopping: AtomicBool::new(false),
+        }
+    }
+
+    /// Changes at every start of the probe.
+    #[must_use]
+    pub fn run(&self) -> &str {
+        &self.run
+    }
+
+    /// The source's name.
+    #[must_use]
+    pub fn source(&self) -> &str {
+        &self.source
+    }
+
+    /// When the probe started.
+    #[must_use]
+    pub fn started(&self) -> Instant {
+        self.started
+    }
+
+    /// The newest set, if any; the receiver tells when there is a newer one.
+    #[must_use]
+    pub fn subscribe(&self) -> watch::Receiver<Option<Arc<Published>>> {
+        self.latest.subscribe()
+    }
+
+    /// What is in effect, and news of it.
+    #[must_use]
+    pub fn applied(&self) -> watch::Receiver<Applied> {
+        self.mailbox.applied()
+    }
+
+    /// Wishes for a change; the number is that of the [`Applied`] which answers it.
+    ///
+    /// # Errors
+    /// [`SamplerError`] when what is wished for does not exist, and nothing changes.
+    pub fn change(&self, change: &Change) -> Result<u64, SamplerError> {
+        self.mailbox.post(change)
+    }
+
+    /// How old `set` is and why there is no newer one.
+    #[must_use]
+    pub fn staleness(&self, set: &Published) -> Staleness {
+        let age_ns = crate::clock::monotonic_ns().saturating_sub(set.timestamp_ns);
+        let reason = self.failure().unwrap_or_else(|| "no newer frame yet".into());
+        Staleness { age_ms: age_ns / 1_000_000, reason }
+    }
+
+    /// What is wrong with the source, if anything.
+    #[must_use]
+    pub fn failure(&self) -> Option<String> {
+        lock(&self.failure).clone()
+    }
+
+    fn set_failure(&self, reason: Option<String>) {
+        *lock(&self.failure) = reason;
+    }
+
+    /// Remembers how long encoding took, for the next frame's report.
+    pub fn set_encode_us(&self, us: u32) {
+        self.encode_us.store(us, Ordering::Relaxed);
+    }
+
+    fn is_stopping(&self) -> bool {
+        self.stopping.load(Ordering::Relaxed)
+    }
+}
+
+/// Locks, also after another thread has panicked: what is behind our locks is whole at any moment.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Five random characters, from the keys that the standard library takes for its hash tables.
+fn run_id() -> String {
+    const DIGITS: &[u8; 32] = b"0123456789abcdefghjkmnpqrstvwxyz";
+    let mut hasher = RandomState::new().build_hasher();
+    hasher.write_u64(crate::clock::monotonic_ns());
+    let random = hasher.finish();
+    (0..5).map(|i| char::from(DIGITS[(random >> (5 * i)) as usize % DIGITS.len()])).collect()
+}
+
+/// A running processing thread; dropping it stops it.
+#[derive(Debug)]
+pub struct Probe {
+    link: Arc<Link>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Probe {
+    /// Starts processing what `source`, called `name`, gives.
+    ///
+    /// # Errors
+    /// [`StartError`].
+    pub fn start(source: Box<dyn Source>, name: String, config: Config) -> Result<Self, StartError> {
+        let mut worker = Worker::try_new(source, name, config)?;
+        let link = worker.link();
+        let thread = std::thread::Builder::new().name("hemilux-probe".into());
+        let thread = thread.spawn(move || worker.run()).map_err(StartError::Thread)?;
+        Ok(Self { link, thread: Some(thread) })
+    }
+
+    /// What the server talks to.
+    #[must_use]
+    pub fn link(&self) -> Arc<Link> {
+        Arc::clone(&self.link)
+    }
+}
+
+impl Drop for Probe {
+    fn drop(&mut self) {
+        self.link.stopping.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            thread.thread().unpark();
+            if thread.join().is_err() {
+                tracing::error!("the processing thread panicked");
+            }
+        }
+    }
+}

@@ -1,0 +1,123 @@
+//! Finished sets, in memory that goes round.
+
+use hemilux_core::light::{Light, Sh9};
+use hemilux_core::wire::{Coordinates, Latency, LightSet, Stale, Unit};
+use std::sync::Arc;
+
+/// A finished set that owns what it says.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Published {
+    /// Counts from 0 in each run.
+    pub frame: u64,
+    /// CLOCK_MONOTONIC at the end of the burst.
+    pub timestamp_ns: u64,
+    /// Unix time when the set was finished.
+    pub wall_ms: u64,
+    /// The sampler's name.
+    pub sampler: &'static str,
+    /// Lights asked for.
+    pub requested: u32,
+    /// The lights.
+    pub lights: Vec<Light>,
+    /// Radiance of what the lights do not stand for.
+    pub ambient: Option<Sh9>,
+    /// Sum of L dOmega.
+    pub scalar_flux: [f32; 3],
+    /// Sum of L cos(theta) dOmega.
+    pub horizontal_irradiance: [f32; 3],
+    /// Clipped share of the hemisphere.
+    pub clipped: f32,
+    /// Unseen share of the hemisphere.
+    pub unseen: f32,
+    /// The sampler's estimate.
+    pub estimated_error: Option<f32>,
+    /// Time spent in each stage.
+    pub latency: Latency,
+    /// Frames a second, smoothed; 0 until there are two.
+    pub rate_hz: f32,
+}
+
+impl Published {
+    /// As the encoders read it.
+    #[must_use]
+    pub fn on_wire<'a>(&'a self, run: &'a str, stale: Option<Stale<'a>>) -> LightSet<'a> {
+        LightSet {
+            run,
+            frame: self.frame,
+            timestamp_ns: self.timestamp_ns,
+            wall_ms: self.wall_ms,
+            valid: true,
+            stale,
+            sampler: self.sampler,
+            requested: self.requested,
+            unit: Unit::Relative,
+            coordinates: Coordinates::Probe,
+            lights: &self.lights,
+            ambient_sh: None,
+            scalar_flux: self.scalar_flux,
+            horizontal_irradiance: self.horizontal_irradiance,
+            clipped: self.clipped,
+            unseen: self.unseen,
+            estimated_error: self.estimated_error,
+            latency: self.latency,
+        }
+    }
+}
+
+/// Sets that go round: one is shown, one is being filled, two are with clients that still encode them.
+const SETS: usize = 4;
+
+/// Gives out a set to fill that nobody reads any more.
+#[derive(Debug)]
+pub(super) struct Ring {
+    sets: [Arc<Published>; SETS],
+}
+
+impl Ring {
+    pub(super) fn new(lights: usize) -> Self {
+        let mut ring = Self { sets: Default::default() };
+        ring.reserve(lights);
+        ring
+    }
+
+    /// Makes room for `lights` lights in every set. A set that is being read stays and is replaced when its turn comes.
+    pub(super) fn reserve(&mut self, lights: usize) {
+        for set in &mut self.sets {
+            if set.lights.capacity() < lights {
+                *set = Arc::new(Published { lights: Vec::with_capacity(lights), ..Published::default() });
+            }
+        }
+    }
+
+    /// Fills a free set and hands it out. Only when clients hold all of them is a new one made.
+    pub(super) fn fill(&mut self, fill: impl FnOnce(&mut Published)) -> Arc<Published> {
+        let free = self.sets.iter_mut().position(|set| Arc::get_mut(set).is_some());
+        let at = free.unwrap_or_else(|| {
+            self.sets[0] = Arc::default();
+            0
+        });
+        if let Some(set) = Arc::get_mut(&mut self.sets[at]) {
+            fill(set);
+        }
+        Arc::clone(&self.sets[at])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sets_go_round_and_a_held_one_is_left_alone() {
+        let mut ring = Ring::new(10);
+        let held: Vec<_> = (0..SETS as u64).map(|n| ring.fill(|set| set.frame = n)).collect();
+        let one_over = ring.fill(|set| set.frame = 99);
+        let frames: Vec<_> = held.iter().map(|set| set.frame).collect();
+        assert_eq!((frames, one_over.frame), (vec![0, 1, 2, 3], 99), "at capacity, and one over");
+        let freed = Arc::as_ptr(&held[2]);
+        drop(held);
+        assert!(ring.sets.iter().any(|set| Arc::as_ptr(set) == freed), "it stays in the ring");
+        let next = ring.fill(|set| set.frame = 100);
+        assert!(ring.sets.iter().any(|set| Arc::ptr_eq(set, &next)), "memory goes round");
+    }
+}

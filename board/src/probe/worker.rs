@@ -1,0 +1,182 @@
+//! The loop of the processing thread.
+
+use super::published::{Published, Ring};
+use super::{Config, Link};
+use crate::calibration::Burst;
+use crate::clock;
+use crate::pipeline::{Pipeline, PipelineError, Processed};
+use crate::samplers::NAMES;
+use crate::source::{Source, SourceError};
+use hemilux_core::wire::Latency;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+/// Pause after a fault of the source: long enough not to spin, short beside the time a client waits for a frame.
+const PAUSE: Duration = Duration::from_millis(100);
+
+/// Part that the newest interval has in the smoothed frame rate: about the last ten frames count.
+const SMOOTHING: f32 = 0.1;
+
+/// Takes bursts, processes them and publishes what comes out.
+pub struct Worker {
+    source: Box<dyn Source>,
+    pipeline: Pipeline,
+    burst: Burst,
+    ring: Ring,
+    gui: bool,
+    link: Arc<Link>,
+    /// Frames published.
+    frames: u64,
+    last: Option<Instant>,
+    interval_s: f32,
+    /// The fault that was logged last, while it lasts.
+    fault: Option<String>,
+}
+
+impl Worker {
+    /// Takes all memory.
+    ///
+    /// # Errors
+    /// [`PipelineError`] when the source and the settings do not make a pipeline.
+    pub fn try_new(source: Box<dyn Source>, name: String, config: Config) -> Result<Self, PipelineError> {
+        let settings = config.pipeline.clone();
+        let ring = Ring::new(settings.lights);
+        let pipeline = Pipeline::try_new(source.calibration().clone(), &source.exposures(), settings)?;
+        Ok(Self {
+            source,
+            pipeline,
+            burst: Burst::default(),
+            ring,
+            gui: config.gui,
+            link: Arc::new(Link::new(name, config)),
+            frames: 0,
+            last: None,
+            interval_s: 0.0,
+            fault: None,
+        })
+    }
+
+    /// What the server talks to.
+    #[must_use]
+    pub fn link(&self) -> Arc<Link> {
+        Arc::clone(&self.link)
+    }
+
+    /// Works until the probe is stopped.
+    pub(super) fn run(&mut self) {
+        while !self.link.is_stopping() {
+            if self.step().is_err() {
+                std::thread::park_timeout(PAUSE);
+            }
+        }
+    }
+
+    /// Waits for one burst and publishes its lights, or does nothing when none is due.
+    ///
+    /// # Errors
+    /// The fault of the source or the burst, which clients are told too; the last set stands.
+    pub fn step(&mut self) -> Result<(), SourceError> {
+        let began = Instant::now();
+        let outcome = self.source.next(&mut self.burst);
+        let capture = began.elapsed();
+        self.follow_wishes();
+        let outcome = outcome.and_then(|()| self.process(capture));
+        match outcome {
+            Ok(()) => self.recover(),
+            Err(SourceError::NotYet) => {}
+            Err(error) => {
+                self.fail(&error);
+                return Err(error);
+            }
+        }
+        Ok(())
+    }
+
+    fn process(&mut self, capture: Duration) -> Result<(), SourceError> {
+        let ended_ns =
+            if self.burst.timestamp_ns == 0 { clock::monotonic_ns() } else { self.burst.timestamp_ns };
+        let now = Instant::now();
+        let rate_hz = rate(&mut self.interval_s, self.last.replace(now).map(|last| now - last));
+        let settings = self.pipeline.settings();
+        let name = NAMES.iter().find(|n| **n == settings.sampler).copied().unwrap_or("");
+        let requested = u32::try_from(settings.lights).unwrap_or(u32::MAX);
+        let processed = self.pipeline.process(&self.burst);
+        let processed = processed.map_err(|e| SourceError::Broken(e.to_string()))?;
+        let mut latency = Latency {
+            capture: u32::try_from(capture.as_micros()).unwrap_or(u32::MAX),
+            encode: self.link.encode_us.load(Ordering::Relaxed),
+            ..processed.latency
+        };
+        let frame = self.frames;
+        let set = self.ring.fill(|set| {
+            fill(set, &processed);
+            latency.total =
+                u32::try_from(clock::monotonic_ns().saturating_sub(ended_ns) / 1000).unwrap_or(u32::MAX);
+            set.latency = latency;
+            set.frame = frame;
+            set.timestamp_ns = ended_ns;
+            set.wall_ms = clock::wall_ms();
+            set.rate_hz = rate_hz;
+            set.sampler = name;
+            set.requested = requested;
+        });
+        self.frames += 1;
+        self.link.latest.send_replace(Some(set));
+        Ok(())
+    }
+
+    /// Makes the newest wish come true, or says why not.
+    fn follow_wishes(&mut self) {
+        let Some((serial, config)) = self.link.mailbox.take() else { return };
+        let outcome = self.pipeline.configure(config.pipeline.clone());
+        let refused = outcome.err().map(|e| e.to_string());
+        self.gui = if refused.is_none() { config.gui } else { self.gui };
+        let in_effect = Config { pipeline: self.pipeline.settings().clone(), gui: self.gui };
+        self.ring.reserve(in_effect.pipeline.lights);
+        tracing::info!(?in_effect, ?refused, "settings");
+        self.link.mailbox.answer(serial, in_effect, refused);
+    }
+
+    fn fail(&mut self, error: &SourceError) {
+        let reason = error.to_string();
+        if self.fault.as_ref() != Some(&reason) {
+            tracing::warn!("source {}: {reason}", self.link.source);
+            self.link.set_failure(Some(reason.clone()));
+            self.fault = Some(reason);
+        }
+    }
+
+    fn recover(&mut self) {
+        if self.fault.take().is_some() {
+            tracing::info!("source {}: bursts again", self.link.source);
+            self.link.set_failure(None);
+        }
+    }
+}
+
+impl Drop for Worker {
+    /// Whoever still asks is told that no more frames come.
+    fn drop(&mut self) {
+        self.link.set_failure(Some("the processing thread has ended".into()));
+    }
+}
+
+fn fill(set: &mut Published, processed: &Processed<'_>) {
+    let decomposition = &processed.decomposition;
+    set.lights.clear();
+    set.lights.extend_from_slice(decomposition.lights);
+    set.ambient = decomposition.ambient;
+    set.estimated_error = decomposition.estimated_error;
+    set.scalar_flux = processed.scalar_flux;
+    set.horizontal_irradiance = processed.horizontal_irradiance;
+    set.clipped = processed.seen.clipped as f32;
+    set.unseen = processed.seen.unseen as f32;
+}
+
+/// Smooths the interval between frames and gives frames a second; 0 until there is one.
+fn rate(interval_s: &mut f32, newest: Option<Duration>) -> f32 {
+    let Some(newest) = newest.map(|d| d.as_secs_f32()) else { return 0.0 };
+    *interval_s = if *interval_s > 0.0 { *interval_s + SMOOTHING * (newest - *interval_s) } else { newest };
+    1.0 / interval_s.max(1e-6)
+}

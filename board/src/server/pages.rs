@@ -1,0 +1,178 @@
+//! The HTML pages. Whatever comes from outside the program is escaped.
+
+use super::{Context, change};
+use crate::probe::{Config, EXTRAPOLATIONS, Published, extrapolation_name};
+use crate::samplers::{MAX_LIGHTS, NAMES};
+use axum::extract::State;
+use axum::http::header::CACHE_CONTROL;
+use axum::response::{Html, IntoResponse, Response};
+use std::fmt::Write;
+
+const STYLE: &str = "<style>:root{color-scheme:light dark}body{font:16px/1.5 system-ui,sans-serif;max-width:44rem;\
+margin:2rem auto;padding:0 1rem}td,th{text-align:left;padding:.1rem 1rem .1rem 0;vertical-align:top}\
+label{display:block;margin:.6rem 0}</style>";
+
+/// What this is, with the lights as they come.
+pub(super) async fn index() -> Html<&'static str> {
+    Html(include_str!("index.html"))
+}
+
+/// Settings, rates and times.
+pub(super) async fn info(State(context): State<Context>) -> Response {
+    let link = &context.link;
+    let config = link.applied().borrow().config.clone();
+    let latest = link.subscribe().borrow().clone();
+    let mut rows = vec![
+        ("version", env!("CARGO_PKG_VERSION").to_owned()),
+        ("run", link.run().to_owned()),
+        ("source", link.source().to_owned()),
+        ("fault", link.failure().unwrap_or_else(|| "none".into())),
+        ("running for", format!("{} s", link.started().elapsed().as_secs())),
+    ];
+    rows.extend(settings(&config));
+    match &latest {
+        Some(set) => rows.extend(measured(set, link.staleness(set).age_ms)),
+        None => rows.push(("frames", "none yet".into())),
+    }
+    rows.push(("budget", "not yet: frames are timed but not held to a budget".into()));
+    let body = format!("{}<p><a href=\"/change\">Change the settings</a></p>", table(&rows));
+    ([(CACHE_CONTROL, "no-store")], page("info", &body)).into_response()
+}
+
+type Row = (&'static str, String);
+
+fn settings(config: &Config) -> [Row; 5] {
+    let s = &config.pipeline;
+    let grid = format!("{} x {}", s.grid.width, s.grid.height);
+    [
+        ("algorithm", s.sampler.clone()),
+        ("samples", s.lights.to_string()),
+        ("extrapolation", extrapolation_name(s.extrapolation).into()),
+        ("gui", on_off(config.gui).into()),
+        ("polar map", grid),
+    ]
+}
+
+fn measured(set: &Published, age_ms: u64) -> Vec<Row> {
+    let l = &set.latency;
+    let percent = |v: f32| format!("{:.2} % of the hemisphere", 100.0 * v);
+    vec![
+        ("frames", (set.frame + 1).to_string()),
+        ("frame rate", format!("{:.2} a second", set.rate_hz)),
+        ("last frame", format!("{age_ms} ms ago")),
+        ("lights", set.lights.len().to_string()),
+        ("clipped", percent(set.clipped)),
+        ("unseen", percent(set.unseen)),
+        ("capture", format!("{} µs, waiting included", l.capture)),
+        ("front", format!("{} µs", l.front)),
+        ("pyramid", format!("{} µs", l.pyramid)),
+        ("sample", format!("{} µs", l.sample)),
+        ("filter", format!("{} µs", l.filter)),
+        ("encode", format!("{} µs, of the frame before", l.encode)),
+        ("total", format!("{} µs from the end of the burst", l.total)),
+    ]
+}
+
+/// The list of requests and the form.
+pub(super) fn change_form(config: &Config) -> Html<String> {
+    let s = &config.pipeline;
+    let samplers = options(NAMES.iter().copied(), &s.sampler);
+    let extrapolations =
+        options(EXTRAPOLATIONS.iter().map(|(name, _)| *name), extrapolation_name(s.extrapolation));
+    let gui = options(["on", "off"], on_off(config.gui));
+    let requests: String =
+        change::accepted().lines().map(|l| format!("<li><code>/change?{l}</code></li>")).collect();
+    let body = format!(
+        "<form action=\"/change\" method=\"get\">\
+         <label>Algorithm <select name=\"algorithm\">{samplers}</select></label>\
+         <label>Samples <input name=\"samples\" type=\"number\" min=\"1\" max=\"{MAX_LIGHTS}\" value=\"{}\"></label>\
+         <label>Extrapolation <select name=\"extrapolation\">{extrapolations}</select></label>\
+         <label>Debug picture (gui) <select name=\"gui\">{gui}</select></label>\
+         <button>Change</button></form>\
+         <h2>Requests</h2><ul>{requests}</ul>\
+         <p>Several parameters may stand in one request, joined by <code>&amp;</code>: all of them are changed, or none. A change \
+         takes effect with the next frame, for all clients. <code>gui</code> is kept for the picture requests to come; it has no \
+         effect on the lights.</p>",
+        s.lights
+    );
+    page("change", &body)
+}
+
+/// Confirms a change.
+pub(super) fn change_done(config: &Config, pairs: &[(String, String)]) -> Html<String> {
+    let body = format!(
+        "<p>Changed: {}. In effect from the next frame on.</p>{}<p><a href=\"/change\">Change more</a></p>",
+        list(pairs),
+        table(&settings(config))
+    );
+    page("changed", &body)
+}
+
+/// Says that a change waits for a frame.
+pub(super) fn change_pending(pairs: &[(String, String)]) -> Html<String> {
+    let body = format!(
+        "<p>Accepted: {}. It takes effect with the next frame, which the source has not given yet: see \
+         <a href=\"/info\">info</a>.</p>",
+        list(pairs)
+    );
+    page("change accepted", &body)
+}
+
+fn list(pairs: &[(String, String)]) -> String {
+    let one = |(name, value): &(String, String)| format!("{} = {}", escaped(name), escaped(value));
+    pairs.iter().map(one).collect::<Vec<_>>().join(", ")
+}
+
+fn on_off(on: bool) -> &'static str {
+    if on { "on" } else { "off" }
+}
+
+fn options<'a>(names: impl IntoIterator<Item = &'a str>, chosen: &str) -> String {
+    let one = |name: &str| {
+        let selected = if name == chosen { " selected" } else { "" };
+        format!("<option{selected}>{}</option>", escaped(name))
+    };
+    names.into_iter().map(one).collect()
+}
+
+fn table(rows: &[Row]) -> String {
+    rows.iter().fold("<table>".to_owned(), |mut html, (name, value)| {
+        let _ = write!(html, "<tr><th>{name}</th><td>{}</td></tr>", escaped(value));
+        html
+    }) + "</table>"
+}
+
+fn page(title: &str, body: &str) -> Html<String> {
+    Html(format!(
+        "<!DOCTYPE html><html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" \
+         content=\"width=device-width\"><title>hemilux: {title}</title>{STYLE}</head><body><h1>{title}</h1>{body}\
+         <p><a href=\"/\">hemilux</a> · <a href=\"/info\">info</a> · <a href=\"/change\">change</a></p></body></html>\n"
+    ))
+}
+
+/// Text that may stand in HTML, attributes included.
+fn escaped(text: &str) -> String {
+    text.chars().fold(String::with_capacity(text.len()), |mut out, c| {
+        match c {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            '\'' => out.push_str("&#39;"),
+            c => out.push(c),
+        }
+        out
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_could_be_markup_is_escaped() {
+        let html = table(&[("source", "replay:<img src=x onerror='a(\"&\")'>".into())]);
+        let expected = "<table><tr><th>source</th><td>replay:&lt;img src=x onerror=&#39;a(&quot;&amp;&quot;)&#39;&gt;</td></tr></table>";
+        assert_eq!(html, expected, "five characters");
+    }
+}

@@ -1,0 +1,135 @@
+//! Where bursts come from: built-in scenes and recordings.
+
+mod pace;
+mod replay;
+mod scene;
+
+pub use pace::Pace;
+pub use replay::{MAX_RECORDING_BYTES, ReplaySource};
+pub use scene::SceneSource;
+
+use crate::calibration::{Burst, Calibration};
+use crate::recorded::RecordedError;
+use crate::scene::{self as scenes, NAMES};
+use hemilux_core::merge::Exposure;
+use std::path::{Path, PathBuf};
+
+/// Gives one burst after the other.
+pub trait Source: Send {
+    /// What is known of its camera.
+    fn calibration(&self) -> &Calibration;
+
+    /// Exposures of its bursts, ascending.
+    fn exposures(&self) -> Vec<Exposure>;
+
+    /// Waits for the next burst and fills `burst`, reusing its memory.
+    ///
+    /// It returns within half a second, with [`SourceError::NotYet`] when there is no burst by then, so that the caller can look
+    /// after other things.
+    ///
+    /// # Errors
+    /// [`SourceError`]; the next call tries again.
+    fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError>;
+}
+
+/// Why there is no burst.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum SourceError {
+    /// Nothing wrong: the next burst is not due.
+    #[error("no burst is due")]
+    NotYet,
+    /// A burst that cannot be used; the next may be good.
+    #[error("{0}")]
+    Broken(String),
+    /// The source is gone; it may come back.
+    #[error("{0}")]
+    Gone(String),
+}
+
+/// A source by its name on the command line.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Spec {
+    /// A built-in scene.
+    Scene(&'static str),
+    /// A recorded burst or sequence.
+    Replay(PathBuf),
+}
+
+/// Why a source could not be opened.
+#[derive(Debug, thiserror::Error)]
+pub enum OpenError {
+    /// No such kind of source.
+    #[error("found '{0}', expected scene:NAME or replay:DIR")]
+    Unknown(String),
+    /// A kind of source that this build does not have.
+    #[error("found '{0}', but this build has no V4L2 support yet: expected scene:NAME or replay:DIR")]
+    NoV4l2(String),
+    /// No such scene.
+    #[error("found scene '{0}', expected one of {list}", list = NAMES.join(", "))]
+    NoScene(String),
+    /// A recording that cannot be read.
+    #[error(transparent)]
+    Recorded(#[from] RecordedError),
+}
+
+impl std::str::FromStr for Spec {
+    type Err = OpenError;
+
+    fn from_str(text: &str) -> Result<Self, OpenError> {
+        match text.split_once(':') {
+            Some(("scene", name)) => {
+                let known = NAMES.into_iter().find(|n| *n == name);
+                known.map(Self::Scene).ok_or_else(|| OpenError::NoScene(name.into()))
+            }
+            Some(("replay", folder)) if !folder.is_empty() => Ok(Self::Replay(Path::new(folder).into())),
+            Some(("v4l2", _)) => Err(OpenError::NoV4l2(text.into())),
+            _ => Err(OpenError::Unknown(text.into())),
+        }
+    }
+}
+
+impl std::fmt::Display for Spec {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Scene(name) => write!(f, "scene:{name}"),
+            Self::Replay(folder) => write!(f, "replay:{}", folder.display()),
+        }
+    }
+}
+
+/// Opens a source at its own pace.
+///
+/// # Errors
+/// [`OpenError`].
+pub fn open(spec: &Spec) -> Result<Box<dyn Source>, OpenError> {
+    match spec {
+        Spec::Scene(name) => {
+            let scene = scenes::by_name(name).ok_or_else(|| OpenError::NoScene((*name).into()))?;
+            Ok(Box::new(SceneSource::new(scene, Pace::TEN_A_SECOND)))
+        }
+        Spec::Replay(folder) => Ok(Box::new(ReplaySource::open(folder, Pace::TEN_A_SECOND)?)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_sources_are_read_back() {
+        for text in ["scene:room", "scene:overcast", "replay:/tmp/a:b", "replay:."] {
+            assert_eq!(text.parse::<Spec>().expect("a source").to_string(), text, "{text}");
+        }
+    }
+
+    #[test]
+    fn other_names_are_refused_in_one_line_that_says_what_is_accepted() {
+        for text in ["", "room", "scene", "scene:", "scene:Room", "replay:", "v4l2:/dev/video0", "http://x"] {
+            let error = text.parse::<Spec>().expect_err(text).to_string();
+            let tells = error.contains("scene:NAME") || error.contains("overcast");
+            assert!(tells && !error.contains('\n'), "{text}: {error}");
+        }
+        let error = "v4l2:/dev/video0".parse::<Spec>().expect_err("no camera yet").to_string();
+        assert!(error.contains("no V4L2"), "{error}");
+    }
+}

@@ -1,0 +1,201 @@
+//! A recording, played over and over at its own pace.
+//!
+//! The whole recording is read when it is opened, so that playing it neither reads files nor takes memory.
+
+use super::pace::wait_for;
+use super::{Pace, Source, SourceError};
+use crate::calibration::{Burst, Calibration, Frame, Pixels};
+use crate::clock;
+use crate::recorded::{self, RecordedError};
+use hemilux_core::merge::Exposure;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// Most memory that the samples of a recording may take: 185 bursts of three 640 x 480 RGB24 frames. A board of 1 GB has as much
+/// again left for the rest.
+pub const MAX_RECORDING_BYTES: u64 = 512 << 20;
+
+/// Plays a recorded burst or sequence.
+#[derive(Debug)]
+pub struct ReplaySource {
+    calibration: Calibration,
+    bursts: Vec<Burst>,
+    /// Time from each burst to the next, the last one's to the first.
+    intervals: Vec<Duration>,
+    at: usize,
+    due: Option<Instant>,
+}
+
+impl ReplaySource {
+    /// Reads the recording in `folder`; `pace` is that of recordings without times, and [`Pace::Free`] overrides recorded times.
+    ///
+    /// # Errors
+    /// [`RecordedError`]: files that cannot be read, more than [`MAX_RECORDING_BYTES`], or bursts of different cameras.
+    pub fn open(folder: &Path, pace: Pace) -> Result<Self, RecordedError> {
+        let listed = recorded::read_sequence(folder)?;
+        let mut bursts: Vec<Burst> = Vec::with_capacity(listed.len());
+        let mut camera: Option<Calibration> = None;
+        for (timestamp_ns, path) in &listed {
+            let (calibration, mut burst) = recorded::read_burst(path)?;
+            check_size(folder, listed.len(), &burst)?;
+            if *camera.get_or_insert_with(|| calibration.clone()) != calibration {
+                let expected = "the lens, response and image size of the sequence's first burst";
+                return Err(RecordedError::new(path, "another camera", expected));
+            }
+            if *timestamp_ns != 0 {
+                burst.timestamp_ns = *timestamp_ns;
+            }
+            bursts.push(burst);
+        }
+        let none = || RecordedError::new(folder, "no bursts", "at least one");
+        let calibration = camera.ok_or_else(none)?;
+        let intervals = intervals(&bursts, pace);
+        Ok(Self { calibration, bursts, intervals, at: 0, due: None })
+    }
+
+    /// Bursts of the recording.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.bursts.len()
+    }
+
+    /// Whether it has none, which [`ReplaySource::open`] refuses.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.bursts.is_empty()
+    }
+}
+
+impl Source for ReplaySource {
+    fn calibration(&self) -> &Calibration {
+        &self.calibration
+    }
+
+    fn exposures(&self) -> Vec<Exposure> {
+        self.bursts[0].frames.iter().map(|f| f.exposure).collect()
+    }
+
+    fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
+        let due = *self.due.get_or_insert_with(Instant::now);
+        wait_for(due)?;
+        // The clock runs from when the burst was due, unless it is already late: then the recording plays slower.
+        self.due = Some((due + self.intervals[self.at]).max(Instant::now()));
+        burst.timestamp_ns = clock::monotonic_ns();
+        copy_frames(&self.bursts[self.at].frames, &mut burst.frames);
+        self.at = (self.at + 1) % self.bursts.len();
+        Ok(())
+    }
+}
+
+/// Refuses a recording of `count` bursts like `burst` that would not fit.
+fn check_size(folder: &Path, count: usize, burst: &Burst) -> Result<(), RecordedError> {
+    let bytes: u64 = burst.frames.iter().map(|f| frame_bytes(&f.pixels)).sum();
+    let all = bytes.saturating_mul(count as u64);
+    if all <= MAX_RECORDING_BYTES {
+        return Ok(());
+    }
+    let found = format!("a recording of {count} bursts, {} MB in memory", all >> 20);
+    Err(RecordedError::new(folder, found, format!("at most {} MB", MAX_RECORDING_BYTES >> 20)))
+}
+
+fn frame_bytes(pixels: &Pixels) -> u64 {
+    match pixels {
+        Pixels::U8(v) => v.len() as u64,
+        Pixels::U16(v) => 2 * v.len() as u64,
+    }
+}
+
+/// Time from each burst to the next. After the last one the recording waits as long as between the two before it.
+fn intervals(bursts: &[Burst], pace: Pace) -> Vec<Duration> {
+    let Pace::Every(period) = pace else { return vec![Duration::ZERO; bursts.len()] };
+    let steps =
+        bursts.windows(2).map(|w| w[1].timestamp_ns.checked_sub(w[0].timestamp_ns).filter(|d| *d > 0));
+    match steps.collect::<Option<Vec<u64>>>() {
+        Some(mut steps) if !steps.is_empty() => {
+            steps.extend(steps.last().copied());
+            steps.into_iter().map(Duration::from_nanos).collect()
+        }
+        _ => vec![period; bursts.len()],
+    }
+}
+
+/// Copies frames into memory that, after the first time, is already there.
+fn copy_frames(from: &[Frame], to: &mut Vec<Frame>) {
+    to.truncate(from.len());
+    to.reserve(from.len() - to.len());
+    for (i, frame) in from.iter().enumerate() {
+        match to.get_mut(i) {
+            Some(old) => copy_frame(frame, old),
+            None => to.push(frame.clone()),
+        }
+    }
+}
+
+fn copy_frame(from: &Frame, to: &mut Frame) {
+    to.exposure = from.exposure;
+    match (&from.pixels, &mut to.pixels) {
+        (Pixels::U8(from), Pixels::U8(to)) => to.clone_from(from),
+        (Pixels::U16(from), Pixels::U16(to)) => to.clone_from(from),
+        (from, to) => *to = from.clone(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::RgbImage;
+
+    /// A folder with one burst whose pixels all have `code`.
+    fn record(folder: &Path, code: u8, timestamp_ns: u64) {
+        std::fs::create_dir_all(folder).expect("a folder");
+        let image = RgbImage::from_pixel(32, 32, image::Rgb([code; 3]));
+        image.save(folder.join("a.png")).expect("an image");
+        let manifest = format!(
+            "version = 1\n[lens]\nmodel = \"equidistant\"\ncentre = [15.5, 15.5]\nfocal = [12.0, 12.0]\nmax_angle_deg = 80.0\n\
+             [response]\nmodel = \"linear\"\nscale = 1.0\n[[frame]]\nfile = \"a.png\"\nexposure_s = 0.01\ntimestamp_ns = {timestamp_ns}\n"
+        );
+        std::fs::write(folder.join("burst.toml"), manifest).expect("a manifest");
+    }
+
+    fn codes(burst: &Burst) -> u8 {
+        let Pixels::U8(codes) = &burst.frames[0].pixels else { panic!("8-bit frames") };
+        codes[0]
+    }
+
+    #[test]
+    fn a_sequence_loops_in_name_order() {
+        let root = tempfile::tempdir().expect("a folder");
+        for i in 0..3u8 {
+            record(&root.path().join(format!("{i:04}")), 10 * i, 0);
+        }
+        let mut source = ReplaySource::open(root.path(), Pace::Free).expect("a recording");
+        let mut burst = Burst::default();
+        for expected in [0, 10, 20, 0, 10] {
+            source.next(&mut burst).expect("a burst");
+            assert_eq!(codes(&burst), expected, "order");
+        }
+    }
+
+    #[test]
+    fn recorded_times_are_kept_and_others_become_ten_a_second() {
+        let root = tempfile::tempdir().expect("a folder");
+        for (i, ms) in [5u64, 35, 95].into_iter().enumerate() {
+            record(&root.path().join(format!("{i:04}")), 1, ms * 1_000_000);
+        }
+        let source = ReplaySource::open(root.path(), Pace::TEN_A_SECOND).expect("a recording");
+        assert_eq!(source.intervals, [30, 60, 60].map(Duration::from_millis), "recorded");
+        record(&root.path().join("0002"), 1, 35_000_000);
+        let source = ReplaySource::open(root.path(), Pace::TEN_A_SECOND).expect("a recording");
+        assert_eq!(source.intervals, [100; 3].map(Duration::from_millis), "not ascending");
+    }
+
+    #[test]
+    fn a_recording_that_does_not_fit_is_refused_in_one_line() {
+        let exposure = Exposure { seconds: 1.0, gain: 1.0 };
+        let frame = Frame { exposure, pixels: Pixels::U16(vec![0; 1 << 20]) };
+        let burst = Burst { frames: vec![frame], timestamp_ns: 0 };
+        assert!(check_size(Path::new("x"), 256, &burst).is_ok(), "at capacity");
+        let error = check_size(Path::new("x"), 257, &burst).expect_err("one over").to_string();
+        assert_eq!(error, "x: found a recording of 257 bursts, 514 MB in memory, expected at most 512 MB");
+    }
+}

@@ -1,0 +1,320 @@
+//! A built-in scene seen by a simulated camera: real bursts, with noise and quantisation, for the whole way of the light.
+
+use super::pace::wait_for;
+use super::{Pace, Source, SourceError};
+use crate::calibration::{Burst, Calibration, Frame, Pixels};
+use crate::clock;
+use crate::scene::{Patch, Scene};
+use glam::DVec2;
+use hemilux_core::lens::{Intrinsics, Lens, Model};
+use hemilux_core::merge::Exposure;
+use hemilux_core::response::{Depth, Response};
+use std::ops::Range;
+use std::time::Instant;
+
+const WIDTH: usize = 640;
+const HEIGHT: usize = 480;
+const ROW: usize = 3 * WIDTH;
+
+/// Focal length and centre of the standard lens, pixels.
+const FOCAL: f64 = 196.4;
+const CENTRE: (f64, f64) = (319.5, 239.5);
+
+/// The exposure times of [Nikodym2012], seconds.
+const SECONDS: [f64; 3] = [0.000_926, 0.005_555, 0.033_333];
+
+/// Codes of darkness and of a full well: noise round black stays above 0, so that it has no bias.
+const BLACK: f32 = 8.0;
+const WHITE: f32 = 255.0;
+
+/// Radiance that fills a pixel in the shortest exposure: above [`crate::scene::BRIGHTEST`], glow and noise included.
+const FULL: f64 = 60.0;
+
+/// Read noise, codes: enough to hide the steps between codes.
+const READ_NOISE: f32 = 0.6;
+
+/// Electrons of a code: a full well of about 10,000.
+const ELECTRONS: f32 = 40.0;
+
+/// Entries of the noise table; rows read it from pseudo-random places.
+const NOISE: usize = 1 << 14;
+
+/// Renders a [`Scene`] as bursts of three exposures of 640 x 480 RGB24 pixels through the standard lens of 160 x 140 degrees.
+pub struct SceneSource {
+    scene: Scene,
+    calibration: Calibration,
+    exposures: [Exposure; 3],
+    directions: Vec<[f32; 3]>,
+    still: Vec<f32>,
+    row: Vec<f32>,
+    noise: Vec<f32>,
+    /// Codes per radiance of each exposure.
+    gains: [f32; 3],
+    pace: Pace,
+    began: Option<Instant>,
+    /// Bursts so far, those left out included.
+    count: u32,
+}
+
+impl SceneSource {
+    /// Prepares the still part of `scene`.
+    #[must_use]
+    pub fn new(scene: Scene, pace: Pace) -> Self {
+        let calibration = calibration();
+        let directions: Vec<_> = (0..WIDTH * HEIGHT).map(|i| direction(&calibration.lens, i)).collect();
+        let seen = |d: &[f32; 3]| *d != [0.0; 3];
+        let still = directions.iter().flat_map(|d| if seen(d) { scene.still(*d) } else { [0.0; 3] });
+        Self {
+            scene,
+            exposures: SECONDS.map(|seconds| Exposure { seconds, gain: 1.0 }),
+            gains: SECONDS.map(|t| (f64::from(WHITE - BLACK) * t / calibration.scale) as f32),
+            still: still.collect(),
+            row: vec![0.0; ROW],
+            noise: noise(),
+            directions,
+            calibration,
+            pace,
+            began: None,
+            count: 0,
+        }
+    }
+
+    /// Waits until the next burst is due and gives its number; bursts that are long past are left out.
+    fn due(&mut self) -> Result<u32, SourceError> {
+        if let Pace::Every(period) = self.pace {
+            let began = *self.began.get_or_insert_with(Instant::now);
+            let late = began.elapsed().saturating_sub(period * self.count);
+            let missed = late.as_nanos() / period.as_nanos().max(1);
+            self.count = self.count.wrapping_add(u32::try_from(missed).unwrap_or(u32::MAX));
+            wait_for(began + period * self.count)?;
+        }
+        let number = self.count;
+        self.count = self.count.wrapping_add(1);
+        Ok(number)
+    }
+
+    /// The moment of burst `number`, seconds from the start.
+    fn moment(&self, number: u32) -> f32 {
+        let period = if let Pace::Every(period) = self.pace { period.as_secs_f64() } else { 0.1 };
+        (f64::from(number) * period) as f32
+    }
+
+    fn render(&mut self, number: u32, burst: &mut Burst) {
+        let patches = self.scene.patches(self.moment(number));
+        let rows: [Range<usize>; 16] = std::array::from_fn(|i| patches.as_slice().get(i).map_or(0..0, rows));
+        for y in 0..HEIGHT {
+            self.row.copy_from_slice(&self.still[y * ROW..(y + 1) * ROW]);
+            let touched = patches.as_slice().iter().zip(&rows).filter(|(_, rows)| rows.contains(&y));
+            for (patch, _) in touched {
+                paint(patch, &self.directions[y * WIDTH..(y + 1) * WIDTH], &mut self.row);
+            }
+            for (i, (frame, gain)) in burst.frames.iter_mut().zip(self.gains).enumerate() {
+                let Pixels::U8(codes) = &mut frame.pixels else { continue };
+                let seed = number.wrapping_mul(3).wrapping_add(i as u32).wrapping_mul(HEIGHT as u32);
+                let at = scramble(seed.wrapping_add(y as u32)) as usize % (NOISE - ROW);
+                expose(&self.row, gain, &self.noise[at..at + ROW], &mut codes[y * ROW..(y + 1) * ROW]);
+            }
+        }
+    }
+}
+
+impl Source for SceneSource {
+    fn calibration(&self) -> &Calibration {
+        &self.calibration
+    }
+
+    fn exposures(&self) -> Vec<Exposure> {
+        self.exposures.to_vec()
+    }
+
+    fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
+        let number = self.due()?;
+        make_room(burst, &self.exposures);
+        self.render(number, burst);
+        burst.timestamp_ns = clock::monotonic_ns();
+        Ok(())
+    }
+}
+
+/// Makes `burst` three frames of RGB24, which after the first time it already is.
+fn make_room(burst: &mut Burst, exposures: &[Exposure]) {
+    let fits = |f: &Frame| matches!(&f.pixels, Pixels::U8(codes) if codes.len() == ROW * HEIGHT);
+    if burst.frames.len() != exposures.len() || !burst.frames.iter().all(fits) {
+        let frame = |e: &Exposure| Frame { exposure: *e, pixels: Pixels::U8(vec![0; ROW * HEIGHT]) };
+        burst.frames = exposures.iter().map(frame).collect();
+    }
+    for (frame, exposure) in burst.frames.iter_mut().zip(exposures) {
+        frame.exposure = *exposure;
+    }
+}
+
+/// The standard lens before a linear sensor of 8 bits.
+fn calibration() -> Calibration {
+    let mut vignetting = [0.0; 8];
+    vignetting[0] = 1.0;
+    let lens = Lens::try_new(Intrinsics {
+        model: Model::Equidistant,
+        centre_px: DVec2::new(CENTRE.0, CENTRE.1),
+        focal_px: DVec2::splat(FOCAL),
+        skew_px: 0.0,
+        max_theta: 80f64.to_radians(),
+        vignetting,
+    });
+    Calibration {
+        lens: lens.expect("the standard lens is a lens"),
+        width: WIDTH as u32,
+        height: HEIGHT as u32,
+        response: Response::Linear,
+        scale: FULL * SECONDS[0],
+        black: f64::from(BLACK),
+        white: f64::from(WHITE),
+        white_balance: [1.0; 3],
+        depth: Depth::U8,
+    }
+}
+
+/// The direction that pixel `index` sees; zero outside the lens circle.
+fn direction(lens: &Lens, index: usize) -> [f32; 3] {
+    let pixel = DVec2::new((index % WIDTH) as f64, (index / WIDTH) as f64);
+    lens.unproject(pixel).map_or([0.0; 3], |d| d.as_vec3().to_array())
+}
+
+/// Image rows that `patch` may touch.
+///
+/// An equidistant lens stretches by theta / sin(theta) across, so no point of a cap of radius a round theta lies farther than
+/// f a (theta + a) / sin(theta + a) from its middle.
+fn rows(patch: &Patch) -> Range<usize> {
+    let [x, y, z] = patch.direction.map(f64::from);
+    let (across, radius) = (x.hypot(y), f64::from(patch.radius));
+    let theta = across.atan2(z);
+    let edge = theta + radius;
+    if edge > 2.5 {
+        return 0..HEIGHT;
+    }
+    let middle = CENTRE.1 + if across > 0.0 { FOCAL * theta * y / across } else { 0.0 };
+    let reach = FOCAL * radius * edge / edge.sin() + 1.0;
+    let row = |v: f64| (v.max(0.0) as usize).min(HEIGHT);
+    row(middle - reach)..row(middle + reach + 1.0)
+}
+
+/// Lays `patch` over one row.
+fn paint(patch: &Patch, directions: &[[f32; 3]], row: &mut [f32]) {
+    let reach = patch.radius.cos();
+    for (pixel, d) in row.chunks_exact_mut(3).zip(directions) {
+        let p = patch.direction;
+        if p[0] * d[0] + p[1] * d[1] + p[2] * d[2] > reach {
+            pixel.copy_from_slice(&patch.over([pixel[0], pixel[1], pixel[2]], *d));
+        }
+    }
+}
+
+/// Exposes one row: shot and read noise, black level, quantisation.
+fn expose(radiance: &[f32], gain: f32, noise: &[f32], codes: &mut [u8]) {
+    for ((code, l), n) in codes.iter_mut().zip(radiance).zip(noise) {
+        let mean = l * gain;
+        let deviation = (READ_NOISE * READ_NOISE + mean * (1.0 / ELECTRONS)).sqrt();
+        *code = (mean + deviation * n + (BLACK + 0.5)) as u8;
+    }
+}
+
+/// A fixed table of nearly normal deviates of variance 1: sums of four uniform ones, mean exactly 0.
+fn noise() -> Vec<f32> {
+    let mut state = 1u32;
+    let mut uniform = || {
+        state = state.wrapping_add(1);
+        scramble(state) as f32 / 4_294_967_296.0 - 0.5
+    };
+    let mut table: Vec<f32> =
+        (0..NOISE).map(|_| (0..4).map(|_| uniform()).sum::<f32>() * 3f32.sqrt()).collect();
+    let mean = table.iter().sum::<f32>() / NOISE as f32;
+    table.iter_mut().for_each(|v| *v -= mean);
+    table
+}
+
+/// A 32-bit integer hash (Wellons, "Prospecting for Hash Functions", lowbias32).
+fn scramble(mut x: u32) -> u32 {
+    x ^= x >> 16;
+    x = x.wrapping_mul(0x7feb_352d);
+    x ^= x >> 15;
+    x = x.wrapping_mul(0x846c_a68b);
+    x ^ (x >> 16)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pipeline::{Pipeline, Settings};
+    use crate::scene;
+
+    fn source(name: &str) -> SceneSource {
+        SceneSource::new(scene::by_name(name).expect("a scene"), Pace::Free)
+    }
+
+    #[test]
+    fn bursts_are_the_same_in_every_run_and_differ_within_one() {
+        let (mut a, mut b) = (source("room"), source("room"));
+        let (mut x, mut y) = (Burst::default(), Burst::default());
+        for _ in 0..2 {
+            a.next(&mut x).expect("a burst");
+            b.next(&mut y).expect("a burst");
+            assert_eq!(x.frames, y.frames, "two runs");
+        }
+        a.next(&mut x).expect("a burst");
+        assert_ne!(x.frames, y.frames, "two moments");
+    }
+
+    /// The expectation is the plain sum of L dOmega over the pixels, from the analytic scene and the lens's own solid angles.
+    #[test]
+    fn the_pipeline_finds_the_flux_of_the_scene_and_nothing_clips() {
+        for name in scene::NAMES {
+            let mut source = source(name);
+            let mut pipeline =
+                Pipeline::try_new(source.calibration().clone(), &source.exposures(), Settings::default())
+                    .expect("a pipeline");
+            let mut burst = Burst::default();
+            source.next(&mut burst).expect("a burst");
+            let found = pipeline.process(&burst).expect("lights");
+            assert_eq!(found.seen.clipped, 0.0, "{name}");
+            let flux = flux(&source);
+            for (c, expected) in flux.into_iter().enumerate() {
+                let off = (f64::from(found.scalar_flux[c]) / expected - 1.0).abs();
+                assert!(off < 2e-3, "{name}: {:?}, expected {flux:?}", found.scalar_flux);
+            }
+        }
+    }
+
+    fn flux(source: &SceneSource) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        for (i, d) in source.directions.iter().enumerate() {
+            let pixel = DVec2::new((i % WIDTH) as f64, (i / WIDTH) as f64);
+            let Some(omega) = source.calibration.lens.solid_angle(pixel) else { continue };
+            let rgb = source.scene.radiance(*d, 0.0);
+            (0..3).for_each(|c| sum[c] += f64::from(rgb[c]) * omega);
+        }
+        sum
+    }
+
+    #[test]
+    fn a_patch_touches_no_row_outside_its_bounds() {
+        let source = source("sky");
+        for patch in source.scene.patches(3.0).as_slice() {
+            let rows = rows(patch);
+            let reach = patch.radius.cos();
+            for (i, d) in source.directions.iter().enumerate() {
+                let p = patch.direction;
+                let inside = p[0] * d[0] + p[1] * d[1] + p[2] * d[2] > reach;
+                assert!(!inside || rows.contains(&(i / WIDTH)), "row {} of {patch:?}", i / WIDTH);
+            }
+        }
+    }
+
+    #[test]
+    fn bursts_that_are_long_past_are_left_out() {
+        let scene = scene::by_name("room").expect("a scene");
+        let mut source = SceneSource::new(scene, Pace::Every(std::time::Duration::from_millis(10)));
+        assert_eq!(source.due(), Ok(0), "the first is due at once");
+        std::thread::sleep(std::time::Duration::from_millis(55));
+        let next = source.due().expect("due");
+        assert!(next >= 5, "{next}");
+    }
+}

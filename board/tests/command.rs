@@ -1,0 +1,93 @@
+//! The program itself: starts, says where, serves, stops.
+
+#![cfg(feature = "server")]
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+fn hemilux(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_hemilux"));
+    command.args(arguments).env_remove("RUST_LOG").stdin(Stdio::null());
+    command
+}
+
+/// Runs a command that must end by itself.
+fn ended(arguments: &[&str]) -> (Option<i32>, String, String) {
+    let Output { status, stdout, stderr } = hemilux(arguments).output().expect("the program runs");
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("UTF-8");
+    (status.code(), text(stdout), text(stderr))
+}
+
+/// A running probe, its first line on stdout and the rest of stdout.
+fn serving(arguments: &[&str]) -> (Child, String, BufReader<std::process::ChildStdout>) {
+    let mut child =
+        hemilux(arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it runs");
+    let mut stdout = BufReader::new(child.stdout.take().expect("a pipe"));
+    let mut line = String::new();
+    stdout.read_line(&mut line).expect("a line");
+    (child, line, stdout)
+}
+
+fn signal(child: &Child, name: &str) {
+    let sent = Command::new("kill").arg(name).arg(child.id().to_string()).status();
+    assert!(sent.is_ok_and(|s| s.success()), "kill {name}");
+}
+
+#[test]
+fn it_prints_its_address_serves_and_ends_well() {
+    for name in ["-TERM", "-INT"] {
+        let (mut child, line, _stdout) =
+            serving(&["serve", "--listen", "127.0.0.1:0", "--lights", "32", "--sampler", "pharr"]);
+        let address = line.strip_prefix("hemilux: serving http://").and_then(|l| l.split_once("/ "));
+        let (address, what) = address.unwrap_or_else(|| panic!("{line}"));
+        assert_eq!(what, "(scene:room, pharr, 32 lights)\n", "{line}");
+        let mut stream = TcpStream::connect(address).expect("a connection");
+        write!(stream, "GET /data HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n")
+            .expect("a request");
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).expect("an answer");
+        assert!(answer.starts_with("HTTP/1.1 200") && answer.contains("# sampler pharr"), "{answer}");
+        signal(&child, name);
+        let began = Instant::now();
+        let status = child.wait().expect("it ends");
+        assert!(began.elapsed() < Duration::from_secs(4), "in time");
+        let mut errors = String::new();
+        child.stderr.take().expect("a pipe").read_to_string(&mut errors).expect("UTF-8");
+        assert_eq!((status.code(), errors.as_str()), (Some(0), ""), "{name}");
+    }
+}
+
+#[test]
+fn errors_are_one_line_with_the_exit_status_of_their_kind() {
+    let holder = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let taken = holder.local_addr().expect("an address").to_string();
+    let empty = tempfile::tempdir().expect("a folder");
+    let replay = format!("replay:{}", empty.path().display());
+    let cases: [(&[&str], i32, &str); 7] = [
+        (&["--frobnicate"], 2, "--frobnicate"),
+        (&["--lights", "0"], 2, "1 to 50000"),
+        (&["--source", "webcam"], 2, "scene:NAME or replay:DIR"),
+        (&["--source", "v4l2:/dev/video0"], 2, "no V4L2 support"),
+        (&["--listen", "0.0.0.0:8080"], 2, "--open"),
+        (&["--listen", &taken], 1, "--listen 127.0.0.1:0"),
+        (&["--source", &replay], 1, "burst.toml"),
+    ];
+    for (arguments, status, part) in cases {
+        let (code, stdout, stderr) = ended(arguments);
+        assert_eq!((code, stdout.as_str()), (Some(status), ""), "{arguments:?}: {stderr}");
+        assert!(stderr.starts_with("hemilux: ") && stderr.contains(part), "{arguments:?}: {stderr}");
+        assert_eq!(stderr.trim_end().lines().count(), 1, "{arguments:?}: {stderr}");
+    }
+}
+
+#[test]
+fn the_plan_and_the_help_go_to_stdout() {
+    let (code, stdout, stderr) = ended(&["--plan", "--lights", "12001"]);
+    assert_eq!((code, stderr.as_str()), (Some(0), ""), "--plan");
+    assert!(stdout.contains("map order         7") && stdout.contains("sum, bytes"), "{stdout}");
+    let (code, stdout, _) = ended(&["--help"]);
+    assert!(code == Some(0) && stdout.contains("Examples:"), "{stdout}");
+    assert_eq!(ended(&["--version"]).0, Some(0), "--version");
+}

@@ -1,0 +1,343 @@
+//! The server over real sockets, with a source that gives a burst when the test says so.
+
+use hemilux::calibration::{Burst, Calibration};
+use hemilux::pipeline::Settings;
+use hemilux::probe::{Config, Probe};
+use hemilux::scene;
+use hemilux::server::{self, Guard, Limits, Running};
+use hemilux::source::{Pace, SceneSource, Source, SourceError};
+use hemilux_core::merge::Exposure;
+use serde_json::Value;
+use std::io::{ErrorKind, Read, Write};
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread::{JoinHandle, sleep, spawn};
+use std::time::{Duration, Instant};
+
+/// Long enough for a request to be waiting; where it is not, a test is weaker but does not fail.
+const SETTLED: Duration = Duration::from_millis(150);
+
+/// What the source does next; without one it has nothing.
+enum Step {
+    Burst,
+    Fail(&'static str),
+}
+
+struct Scripted {
+    scene: SceneSource,
+    steps: Receiver<Step>,
+}
+
+impl Source for Scripted {
+    fn calibration(&self) -> &Calibration {
+        self.scene.calibration()
+    }
+
+    fn exposures(&self) -> Vec<Exposure> {
+        self.scene.exposures()
+    }
+
+    fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
+        match self.steps.recv_timeout(Duration::from_millis(50)) {
+            Ok(Step::Burst) => self.scene.next(burst),
+            Ok(Step::Fail(reason)) => Err(SourceError::Gone(reason.into())),
+            Err(_) => Err(SourceError::NotYet),
+        }
+    }
+}
+
+/// A probe with its server.
+struct Bench {
+    steps: Sender<Step>,
+    running: Running,
+    probe: Probe,
+}
+
+impl Bench {
+    fn new(limits: Limits) -> Self {
+        Self::with_lights(limits, 64)
+    }
+
+    fn with_lights(limits: Limits, lights: usize) -> Self {
+        let (steps, script) = channel();
+        let scene = SceneSource::new(scene::by_name("room").expect("a scene"), Pace::Free);
+        let source = Box::new(Scripted { scene, steps: script });
+        let config = Config { pipeline: Settings { lights, ..Settings::default() }, gui: false };
+        let probe = Probe::start(source, "test".into(), config).expect("a probe");
+        let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+        let running =
+            server::start(listener, server::app(probe.link(), Guard::Loopback), limits).expect("a server");
+        Self { steps, running, probe }
+    }
+
+    fn address(&self) -> SocketAddr {
+        self.running.address()
+    }
+
+    fn step(&self, step: Step) {
+        self.steps.send(step).expect("the source listens");
+    }
+
+    /// Gives a burst and waits until its set is published.
+    fn frame(&self) -> u64 {
+        let mut sets = self.probe.link().subscribe();
+        self.step(Step::Burst);
+        let began = Instant::now();
+        while !sets.has_changed().expect("the probe lives") {
+            assert!(began.elapsed() < Duration::from_secs(20), "no frame");
+            sleep(Duration::from_millis(1));
+        }
+        sets.borrow_and_update().as_ref().expect("a set").frame
+    }
+}
+
+#[derive(Debug)]
+struct Answer {
+    status: u16,
+    head: String,
+    body: String,
+}
+
+impl Answer {
+    fn json(&self) -> Value {
+        serde_json::from_str(&self.body).expect("JSON")
+    }
+}
+
+fn connect(address: SocketAddr) -> TcpStream {
+    let stream = TcpStream::connect(address).expect("a connection");
+    stream.set_read_timeout(Some(Duration::from_secs(20))).expect("a timeout");
+    stream
+}
+
+/// Sends `request` as it is and reads until the server closes.
+fn raw(address: SocketAddr, request: &[u8]) -> Answer {
+    let mut stream = connect(address);
+    // The server may refuse and close before it has read everything.
+    let _ = stream.write_all(request);
+    let mut bytes = Vec::new();
+    let end = stream.read_to_end(&mut bytes);
+    assert!(!end.is_err_and(|e| e.kind() == ErrorKind::WouldBlock), "no answer");
+    let text = String::from_utf8_lossy(&bytes).into_owned();
+    let (head, body) = text.split_once("\r\n\r\n").unwrap_or((&text, ""));
+    let status = head.split(' ').nth(1).and_then(|s| s.parse().ok()).unwrap_or(0);
+    Answer { status, head: head.to_ascii_lowercase(), body: body.into() }
+}
+
+fn ask(address: SocketAddr, path: &str, headers: &str) -> Answer {
+    let request = format!("GET {path} HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n{headers}\r\n");
+    raw(address, request.as_bytes())
+}
+
+fn get(address: SocketAddr, path: &'static str) -> JoinHandle<Answer> {
+    spawn(move || ask(address, path, ""))
+}
+
+#[test]
+fn data_requests_wait_for_the_next_frame() {
+    let bench = Bench::new(Limits::default());
+    bench.frame();
+    let waiting = ["/lights.json", "/data", "/xml"].map(|path| get(bench.address(), path));
+    sleep(SETTLED);
+    assert!(waiting.iter().all(|client| !client.is_finished()), "an old frame was sent");
+    let frame = bench.frame();
+    let [json, text, xml] = waiting.map(|client| client.join().expect("an answer"));
+    assert_eq!(json.json()["frame"], frame, "JSON");
+    assert_eq!(json.json()["stale"], Value::Null, "fresh");
+    assert!(text.body.contains(&format!("# frame {frame}\n")), "{}", text.body);
+    assert!(xml.body.contains(&format!("frame=\"{frame}\"")), "{}", xml.body);
+    assert!(json.head.contains("content-length:") && json.head.contains("no-store"), "{}", json.head);
+}
+
+#[test]
+fn clients_side_by_side_each_see_frames_ascend_on_one_connection() {
+    let bench = Bench::new(Limits::default());
+    let address = bench.address();
+    let clients: Vec<_> = (0..8).map(|_| spawn(move || follow(address, 15))).collect();
+    while !clients.iter().all(JoinHandle::is_finished) {
+        bench.frame();
+    }
+    for client in clients {
+        let frames = client.join().expect("frames");
+        assert!(frames.windows(2).all(|w| w[1] > w[0]), "{frames:?}");
+    }
+}
+
+/// Frame numbers of `count` answers on one connection.
+fn follow(address: SocketAddr, count: usize) -> Vec<u64> {
+    let mut stream = connect(address);
+    (0..count).map(|_| next_on(&mut stream, address).json()["frame"].as_u64().expect("a number")).collect()
+}
+
+/// Asks for lights on a connection that stays.
+fn next_on(stream: &mut TcpStream, address: SocketAddr) -> Answer {
+    write!(stream, "GET /lights.json HTTP/1.1\r\nHost: {address}\r\n\r\n").expect("a request");
+    let mut head = Vec::new();
+    while !head.ends_with(b"\r\n\r\n") {
+        let mut byte = [0];
+        stream.read_exact(&mut byte).expect("a head");
+        head.push(byte[0]);
+    }
+    let head = String::from_utf8(head).expect("UTF-8").to_ascii_lowercase();
+    let length = head.lines().find_map(|l| l.strip_prefix("content-length: ")).expect("a length");
+    let mut body = vec![0; length.parse().expect("a number")];
+    stream.read_exact(&mut body).expect("a body");
+    Answer { status: 200, head, body: String::from_utf8(body).expect("UTF-8") }
+}
+
+#[test]
+fn a_change_holds_for_the_next_frame_of_everybody() {
+    let bench = Bench::new(Limits::default());
+    bench.frame();
+    // The change is taken up while the source has nothing, so that its page comes before the frame.
+    let page = ask(bench.address(), "/change?algorithm=pharr&samples=30", "");
+    assert!(page.status == 200 && page.body.contains("pharr"), "{page:?}");
+    let waiting = [(); 4].map(|()| get(bench.address(), "/lights.json"));
+    sleep(SETTLED);
+    bench.frame();
+    for client in waiting {
+        let set = client.join().expect("an answer").json();
+        assert_eq!((&set["sampler"], &set["requested"]), (&"pharr".into(), &30.into()), "the new settings");
+    }
+}
+
+#[test]
+fn the_last_set_is_stale_while_the_source_is_gone_and_fresh_again_after() {
+    let bench = Bench::new(Limits::default());
+    let frame = bench.frame();
+    bench.step(Step::Fail("unplugged"));
+    let began = Instant::now();
+    let set = ask(bench.address(), "/lights.json", "").json();
+    assert!(began.elapsed() >= Duration::from_millis(1400), "answered before a frame could come");
+    assert_eq!(set["frame"], frame, "the last set");
+    assert_eq!(set["stale"]["reason"], "unplugged", "{set}");
+    assert!(set["stale"]["age_ms"].as_u64() >= Some(1400), "{set}");
+    let waiting = get(bench.address(), "/lights.json");
+    sleep(SETTLED);
+    bench.frame();
+    assert_eq!(waiting.join().expect("an answer").json()["stale"], Value::Null, "fresh again");
+}
+
+#[test]
+fn before_the_first_set_there_is_503() {
+    let bench = Bench::new(Limits::default());
+    let answer = ask(bench.address(), "/lights.json", "");
+    assert_eq!(answer.status, 503, "{answer:?}");
+    assert!(answer.head.contains("retry-after: 1"), "{answer:?}");
+}
+
+#[test]
+fn whoever_waits_is_answered_at_shutdown() {
+    let bench = Bench::new(Limits::default());
+    let address = bench.address();
+    let frame = bench.frame();
+    let waiting: Vec<_> = (0..20).map(|_| get(address, "/lights.json")).collect();
+    sleep(SETTLED);
+    let began = Instant::now();
+    bench.running.stop();
+    assert!(began.elapsed() < Duration::from_millis(2400), "nobody had to be cut off");
+    for client in waiting {
+        let answer = client.join().expect("an answer");
+        assert_eq!((answer.status, &answer.json()["frame"]), (200, &frame.into()), "{answer:?}");
+    }
+    assert!(TcpStream::connect(address).is_err(), "the port is free");
+}
+
+#[test]
+fn malformed_requests_are_refused_and_the_next_client_is_served() {
+    let bench = Bench::new(Limits::default());
+    let address = bench.address();
+    let head = |extra: &str| format!("GET /healthz HTTP/1.1\r\nHost: {address}\r\n{extra}\r\n").into_bytes();
+    let cases: [(Vec<u8>, &[u16]); 9] = [
+        (b"nonsense\r\n\r\n".to_vec(), &[400]),
+        (b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03\r\n\r\n".to_vec(), &[400]),
+        (b"GET / HTTP/9.9\r\n\r\n".to_vec(), &[400]),
+        (b"GET / HTTP/1.1\r\nConnection: close\r\n\r\n".to_vec(), &[400]),
+        (head("Host: localhost\r\nConnection: close\r\n"), &[400]),
+        (head(&format!("X-Big: {}\r\n", "a".repeat(10 << 20))), &[431, 0]),
+        (head(&"X-Many: 1\r\n".repeat(200)), &[431]),
+        (
+            format!("GET /{} HTTP/1.1\r\nHost: {address}\r\n\r\n", "a".repeat(1 << 20)).into_bytes(),
+            &[414, 431, 0],
+        ),
+        (head("Connection: close\r\nContent-Length: 1000000\r\n"), &[413]),
+    ];
+    for (request, expected) in cases {
+        let answer = raw(address, &request);
+        let start = String::from_utf8_lossy(&request[..request.len().min(60)]).into_owned();
+        assert!(expected.contains(&answer.status), "{start:?}: {answer:?}");
+    }
+    bench.frame();
+    assert_eq!(ask(address, "/healthz", "").status, 200, "others are served");
+}
+
+#[test]
+fn other_hosts_and_origins_are_refused() {
+    let bench = Bench::new(Limits::default());
+    let address = bench.address();
+    let rebound = b"GET /lights.json HTTP/1.1\r\nHost: evil.example\r\nConnection: close\r\n\r\n";
+    assert_eq!(raw(address, rebound).status, 421, "DNS rebinding");
+    let absolute =
+        format!("GET http://evil.example/ HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n");
+    assert_eq!(raw(address, absolute.as_bytes()).status, 421, "absolute form");
+    assert_eq!(ask(address, "/change?samples=20", "Origin: http://evil.example\r\n").status, 403, "Origin");
+    assert_eq!(bench.probe.link().applied().borrow().config, Config::default(), "unchanged");
+    assert_eq!(raw(address, b"GET /info HTTP/1.0\r\n\r\n").status, 200, "an old client without Host");
+}
+
+#[test]
+fn silent_connections_are_closed() {
+    let limits = Limits { head: Duration::from_millis(300), ..Limits::default() };
+    let bench = Bench::new(limits);
+    for beginning in ["", "GET /info HTTP/1.1\r\nHost: localh"] {
+        let began = Instant::now();
+        raw(bench.address(), beginning.as_bytes());
+        let passed = began.elapsed();
+        assert!((250..3000).contains(&passed.as_millis()), "{beginning:?}: closed after {passed:?}");
+    }
+    let request = format!("GET /info HTTP/1.1\r\nHost: {}\r\n\r\n", bench.address());
+    assert_eq!(
+        raw(bench.address(), request.as_bytes()).status,
+        200,
+        "an idle connection is served, then closed"
+    );
+}
+
+#[test]
+fn connections_over_the_limit_are_told_so() {
+    let bench = Bench::new(Limits { connections: 2, ..Limits::default() });
+    let held = [connect(bench.address()), connect(bench.address())];
+    sleep(SETTLED);
+    assert_eq!(raw(bench.address(), b"").status, 503, "one over");
+    drop(held);
+    sleep(SETTLED);
+    assert_eq!(ask(bench.address(), "/info", "").status, 200, "room again");
+}
+
+/// A client that asks for many large sets and reads none loses its connection; another sees every frame meanwhile.
+#[test]
+fn a_stalled_reader_costs_nothing_but_its_socket() {
+    let limits = Limits { connections: 2, stall: Duration::from_millis(500), ..Limits::default() };
+    let bench = Bench::with_lights(limits, 50_000);
+    let address = bench.address();
+    bench.frame();
+    let mut stalled = connect(address);
+    let request = format!("GET /lights.json HTTP/1.1\r\nHost: {address}\r\n\r\n");
+    stalled.write_all(request.repeat(8).as_bytes()).expect("requests");
+    let mut other = connect(address);
+    for _ in 0..12 {
+        let before = bench.frame();
+        write!(other, "GET /info HTTP/1.1\r\nHost: {address}\r\n\r\n").expect("a request");
+        let mut buffer = [0; 1 << 14];
+        let count = other.read(&mut buffer).expect("an answer");
+        let text = String::from_utf8_lossy(&buffer[..count]).into_owned();
+        assert!(text.contains(&format!("<td>{}</td>", before + 1)), "{text}");
+        sleep(Duration::from_millis(20));
+    }
+    drop(other);
+    sleep(Duration::from_millis(1500));
+    // Both places are needed now.
+    let _idle = connect(address);
+    sleep(SETTLED);
+    assert_eq!(ask(address, "/info", "").status, 200, "the stalled connection is gone");
+}
