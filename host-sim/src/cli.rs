@@ -64,7 +64,7 @@ impl From<FileArgs> for Files {
 
 #[derive(Args, Debug)]
 struct DecomposeArgs {
-    /// A latitude-longitude OpenEXR or Radiance HDR map, or a folder of them: one sequence in name order.
+    /// A latitude-longitude OpenEXR or Radiance HDR map, a folder of them (one sequence in name order), or scene:NAME.
     #[arg(long, value_name = "FILE|FOLDER")]
     env: PathBuf,
     #[command(flatten)]
@@ -116,7 +116,7 @@ struct ScoreArgs {
 
 #[derive(Args, Debug)]
 struct BurstArgs {
-    /// A latitude-longitude OpenEXR or Radiance HDR map.
+    /// A latitude-longitude OpenEXR or Radiance HDR map, or scene:NAME.
     #[arg(long, value_name = "FILE")]
     env: PathBuf,
     /// A file with a [lens] table (with its size) and optionally [response] and [sensor], as in a burst.toml.

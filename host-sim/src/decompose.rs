@@ -5,6 +5,7 @@ use crate::error::SimError;
 use crate::maps::{self, Maps};
 use crate::output::{self, Files};
 use hemilux::samplers::{self, Shape};
+use hemilux::scene;
 use hemilux_core::healpix::Domain;
 use hemilux_core::sampler::Request;
 use hemilux_core::wire::{Latency, LightSet};
@@ -78,11 +79,20 @@ pub fn run(job: &Job) -> Result<(), SimError> {
     Ok(())
 }
 
-/// Reads a map and tells on standard error how many texels were out of range.
+/// Rows of the map of a built-in scene: as many as the maps that the project's figures are made on.
+const SCENE_ROWS: usize = 256;
+
+/// Reads a map, or makes that of the built-in scene `scene:NAME` at its beginning, and tells on standard error how many texels were
+/// out of range.
 ///
 /// # Errors
 /// [`SimError`].
 pub fn read(path: &Path) -> Result<EnvMap, SimError> {
+    if let Some(name) = path.to_str().and_then(|p| p.strip_prefix("scene:")) {
+        let expected = format!("scene:{}", scene::NAMES.join(", scene:"));
+        let scene = scene::by_name(name).ok_or_else(|| SimError::at(path, "no such scene", &expected))?;
+        return Ok(EnvMap::from_fn(2 * SCENE_ROWS, SCENE_ROWS, |d| scene.radiance(d.map(|v| v as f32), 0.0)));
+    }
     let env = EnvMap::read(path)?;
     if env.clamped > 0 {
         eprintln!("hemilux-sim: {}: clamped {} texels to 0..65504", path.display(), env.clamped);

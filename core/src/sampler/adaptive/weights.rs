@@ -17,14 +17,11 @@ use crate::light::Light;
 use crate::pyramid::{PyramidView, Quad};
 use glam::Vec3;
 
-/// K over K(0) at sin(angle / 2) = i / 32: the arc-cosine kernel (sin g + (pi - g) cos g) / (6 pi) times the probability that a cap of
-/// half-angle 10 to 60 degrees hides neither. `adaptive_kernel` recomputes it.
-#[rustfmt::skip]
-const KERNEL: [f32; 33] = [
-    1.000_000, 0.991_924, 0.980_178, 0.964_998, 0.946_614, 0.925_257, 0.901_165, 0.874_573, 0.845_691, 0.814_721, 0.781_861,
-    0.747_303, 0.711_238, 0.673_853, 0.635_334, 0.595_865, 0.555_630, 0.514_815, 0.473_606, 0.432_196, 0.390_780, 0.349_562,
-    0.308_758, 0.268_597, 0.229_327, 0.191_227, 0.154_610, 0.119_846, 0.087_385, 0.057_818, 0.032_047, 0.011_533, 0.000_000,
-];
+/// K over K(0) as a polynomial in h = sin(angle / 2), constant first: a least-squares fit within 0.004 of the arc-cosine kernel
+/// (sin g + (pi - g) cos g) / (6 pi) times the probability that a cap of half-angle 10 to 60 degrees hides neither direction. The fit only
+/// decides how energy is shared out, so its error moves the optimum by less than a light's noise; the test `adaptive_kernel`
+/// recomputes it.
+pub(crate) const KERNEL: [f32; 6] = [1.0, -0.171_987, -2.301_984, 2.484_897, -1.960_409, 0.945_683];
 
 /// The ridge of a light of mean energy, over K(0).
 const RIDGE: f32 = 0.01;
@@ -38,25 +35,37 @@ const SOURCE_ORDER: u8 = 3;
 /// Largest change of a light's energy, as a factor: beyond it the fit would trade lights against each other.
 const MOST: f32 = 2.0;
 
-/// K between two unit vectors, linear between table entries.
-fn kernel(a: Vec3, b: Vec3) -> f32 {
-    let half_chord = libm::sqrtf((0.5 - 0.5 * a.dot(b)).clamp(0.0, 1.0));
-    let x = half_chord * (KERNEL.len() - 1) as f32;
-    let i = (x as usize).min(KERNEL.len() - 2);
-    KERNEL[i] + (x - i as f32) * (KERNEL[i + 1] - KERNEL[i])
+/// K between unit vectors whose cosine is `cos`.
+fn kernel(cos: f32) -> f32 {
+    let h = root((0.5 - 0.5 * cos).clamp(1e-12, 1.0));
+    KERNEL.iter().rev().fold(0.0, |sum, c| sum * h + c)
+}
+
+/// Square root of a positive number within 5e-6: the exponent halved, then two Newton steps on the reciprocal root. Unlike a call it
+/// vectorises, and on ARMv7 the library's root is a loop over bits.
+fn root(v: f32) -> f32 {
+    let mut r = f32::from_bits(0x5f37_59df - (v.to_bits() >> 1));
+    for _ in 0..2 {
+        r *= 1.5 - 0.5 * v * r * r;
+    }
+    v * r
 }
 
 /// Scratch memory of the fit.
 #[derive(Clone, Debug)]
 pub(super) struct Fit {
+    /// K between lights; then its Cholesky factor in the lower triangle.
     matrix: [[f32; FITTED]; FITTED],
+    /// Directions, one coordinate a row.
+    axes: [[f32; FITTED]; 3],
     residual: [f32; FITTED],
     ones: [f32; FITTED],
 }
 
 impl Fit {
     pub(super) const fn new() -> Self {
-        Self { matrix: [[0.0; FITTED]; FITTED], residual: [0.0; FITTED], ones: [0.0; FITTED] }
+        let row = [0.0; FITTED];
+        Self { matrix: [row; FITTED], axes: [row; 3], residual: row, ones: row }
     }
 
     /// Scales the lights, which are those of the tree's leaves, or gathered ones.
@@ -72,16 +81,20 @@ impl Fit {
         self.prepare(lights);
         if gathered {
             for quad in map.quads_of(SOURCE_ORDER).iter().filter(|q| q.y() > 0.0) {
-                self.source(lights, nearest(lights, quad), quad);
+                self.source(n, nearest(lights, quad), quad);
             }
         } else {
             let nodes = Nodes::new(map);
             for (owner, leaf) in tree.leaves().iter().enumerate().take(n) {
                 let down = SOURCE_LEVELS.min(nodes.last() - leaf.level);
                 for index in leaf.index << down..(leaf.index + 1) << down {
-                    self.source(lights, owner, &nodes.quad(leaf.level + down, index));
+                    self.source(n, owner, &nodes.quad(leaf.level + down, index));
                 }
             }
+        }
+        let mean = lights.iter().map(energy).sum::<f32>() / n as f32;
+        for (i, light) in lights.iter().enumerate() {
+            self.matrix[i][i] += RIDGE * mean / energy(light).max(1e-6 * mean);
         }
         if self.solve(n) {
             scale(lights, &self.residual);
@@ -90,23 +103,26 @@ impl Fit {
 
     /// Fills the matrix and clears the residual.
     fn prepare(&mut self, lights: &[Light]) {
-        let mean = lights.iter().map(energy).sum::<f32>() / lights.len() as f32;
+        self.residual = [0.0; FITTED];
+        self.ones = [1.0; FITTED];
         for (i, light) in lights.iter().enumerate() {
-            for (j, other) in lights.iter().enumerate().take(i) {
-                self.matrix[i][j] = kernel(light.direction, other.direction);
+            for (axis, v) in self.axes.iter_mut().zip(light.direction.to_array()) {
+                axis[i] = v;
             }
-            self.matrix[i][i] = 1.0 + RIDGE * mean / energy(light).max(1e-6 * mean);
-            self.residual[i] = 0.0;
-            self.ones[i] = 1.0;
+        }
+        for (row, light) in self.matrix.iter_mut().zip(lights) {
+            kernels(&self.axes, light.direction, &mut row[..lights.len()]);
         }
     }
 
     /// Adds what a source's own place changes against that of the light that stands for it.
-    fn source(&mut self, lights: &[Light], owner: usize, quad: &Quad) {
-        let Some(at) = quad.first_moment().try_normalize() else { return };
-        let stands = lights[owner].direction;
-        for (r, light) in self.residual.iter_mut().zip(lights) {
-            *r += quad.y() * (kernel(light.direction, at) - kernel(light.direction, stands));
+    fn source(&mut self, n: usize, owner: usize, quad: &Quad) {
+        let Some(at) = quad.mean_direction().try_normalize() else { return };
+        let mut own = [0.0; FITTED];
+        kernels(&self.axes, at, &mut own[..n]);
+        let y = quad.y();
+        for ((r, own), stands) in self.residual[..n].iter_mut().zip(&own[..n]).zip(&self.matrix[owner][..n]) {
+            *r += y * (own - stands);
         }
     }
 
@@ -134,6 +150,14 @@ impl Fit {
             *x -= one * sum / unit;
         }
         true
+    }
+}
+
+/// K between `at` and each of the lights whose directions are `axes`.
+fn kernels(axes: &[[f32; FITTED]; 3], at: Vec3, out: &mut [f32]) {
+    let [x, y, z] = axes;
+    for (((out, x), y), z) in out.iter_mut().zip(x).zip(y).zip(z) {
+        *out = kernel(x * at.x + y * at.y + z * at.z);
     }
 }
 
