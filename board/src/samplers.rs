@@ -4,11 +4,12 @@ use hemilux_core::healpix::Domain;
 use hemilux_core::light::Light;
 use hemilux_core::polar::Grid;
 use hemilux_core::sampler::Sampler;
+use hemilux_core::sampler::adaptive::{self, Adaptive, Track, bits_len};
 use hemilux_core::sampler::pharr::{MAX_ROWS, Pharr};
 use hemilux_core::sampler::q2tree::{Leaf, Parameters, Q2Tree, interior_len};
 
 /// Names that `--sampler` and `change?algorithm=` accept.
-pub const NAMES: [&str; 3] = ["pharr", "q2tree", "q2tree-jitter"];
+pub const NAMES: [&str; 4] = ["adaptive", "q2tree", "q2tree-jitter", "pharr"];
 
 /// Most lights that may be asked for.
 pub const MAX_LIGHTS: usize = 50_000;
@@ -55,7 +56,7 @@ pub fn order_for(lights: usize) -> u8 {
 #[must_use]
 pub fn least_lights(name: &str, domain: Domain) -> Option<usize> {
     match name {
-        "pharr" => Some(1),
+        "adaptive" | "pharr" => Some(1),
         "q2tree" | "q2tree-jitter" => Some(domain.faces()),
         _ => None,
     }
@@ -76,6 +77,7 @@ pub fn make(name: &str, shape: &Shape, lights: usize) -> Result<Box<dyn Sampler 
             let sampler = Pharr::try_new(&shape.grid, conditional, vec![Light::default(); lights]);
             Ok(Box::new(sampler.map_err(|_| SamplerError::TooManyRows(shape.grid.height))?))
         }
+        "adaptive" => Ok(adaptive(shape, lights)),
         "q2tree" => Ok(q2tree(Parameters::CENTROID, shape, lights)),
         "q2tree-jitter" => Ok(q2tree(Parameters::JITTER, shape, lights)),
         _ => Err(SamplerError::Unknown(name.into())),
@@ -88,5 +90,15 @@ fn q2tree(parameters: Parameters, shape: &Shape, lights: usize) -> Box<dyn Sampl
     let heap = vec![Leaf::default(); lights];
     let sampler =
         Q2Tree::try_new(parameters, (shape.domain, shape.order), [bits(), bits()], heap, [light(), light()]);
+    Box::new(sampler.expect("the bit sets have the length that the tree names"))
+}
+
+fn adaptive(shape: &Shape, lights: usize) -> Box<dyn Sampler + Send> {
+    let bits = || vec![0u8; bits_len(shape.domain, shape.order)];
+    let light = || vec![Light::default(); lights];
+    let tracks = || vec![Track::default(); lights];
+    let heap = vec![adaptive::Leaf::default(); lights];
+    let over = (shape.domain, shape.order);
+    let sampler = Adaptive::try_new(over, [bits(), bits()], heap, [light(), light()], [tracks(), tracks()]);
     Box::new(sampler.expect("the bit sets have the length that the tree names"))
 }

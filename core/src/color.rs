@@ -21,3 +21,12 @@ pub fn add(sum: &mut [f32; 3], rgb: [f32; 3]) {
         *s += v;
     }
 }
+
+/// Most energy of a texel in any unit: so large that no light reaches it, so small that sums over 2^28 texels stay finite.
+pub const MAX_ENERGY: f32 = 1e29;
+
+/// `rgb` as light: a channel that is negative or no number holds none, and none exceeds [`MAX_ENERGY`].
+#[must_use]
+pub fn sound(rgb: [f32; 3]) -> [f32; 3] {
+    rgb.map(|v| if v > 0.0 { v.min(MAX_ENERGY) } else { 0.0 })
+}

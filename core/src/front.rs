@@ -25,7 +25,7 @@ pub struct Seen {
     pub below: f64,
 }
 
-/// Frames that do not fit the plan or the merge.
+/// Frames or a map that do not fit the plan or the merge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrontError {
     /// Another number of frames than the merge has exposures.
@@ -44,6 +44,20 @@ pub enum FrontError {
         /// Samples of the plan's image.
         expected: usize,
     },
+    /// A frame whose samples are not of the depth that the merge knows.
+    FrameDepth {
+        /// Which one.
+        index: usize,
+    },
+    /// A map that is not a hemisphere of the plan's order.
+    OtherMap,
+    /// Sums for a coarser plan.
+    TooFewSums {
+        /// Sums that were lent.
+        found: usize,
+        /// Sums that the plan needs.
+        expected: usize,
+    },
 }
 
 impl core::fmt::Display for FrontError {
@@ -53,6 +67,11 @@ impl core::fmt::Display for FrontError {
             Self::FrameSize { index, found, expected } => {
                 write!(f, "frame {index} of {found} samples, expected {expected}")
             }
+            Self::FrameDepth { index } => {
+                write!(f, "frame {index} of another sample depth than the response")
+            }
+            Self::OtherMap => write!(f, "a map that is not a hemisphere of the plan's order"),
+            Self::TooFewSums { found, expected } => write!(f, "{found} sums of texels, expected {expected}"),
         }
     }
 }
@@ -103,12 +122,17 @@ impl<A: Buffer<Sum>> Front<A> {
         R: Buffer<u32>,
         Q: Buffer<Quad>,
     {
-        check_frames(frames, merge.exposures(), plan.width() as usize * plan.height() as usize * 3)?;
+        check_frames(frames, merge, plan.width() as usize * plan.height() as usize * 3)?;
+        if map.view().domain() != Domain::Hemisphere || map.view().order() != plan.order() {
+            return Err(FrontError::OtherMap);
+        }
+        arena::check(&self.sums, sums_len(plan.source_order()))
+            .map_err(|e| FrontError::TooFewSums { found: e.lent, expected: e.needed })?;
         let clipped_weight = self.accumulate(frames, merge, plan);
         let unit = merge.unit() * plan.weight_unit();
         let scale = white_balance.map(|w| (f64::from(w) * unit) as f32);
         let texels = Domain::Hemisphere.quads(plan.source_order());
-        let (sums, rest) = self.sums.as_ref().split_at(texels.min(self.sums.as_ref().len()));
+        let (sums, rest) = self.sums.as_ref().split_at(texels);
         map.fill(plan.source_order(), plan.texels(), |i| energy(sums.get(i).copied(), scale));
         let below = luminance_of(energy(rest.first().copied(), scale));
         let above = luminance_of(
@@ -180,12 +204,19 @@ fn luminance_of(rgb: [f32; 3]) -> f32 {
     crate::color::luminance(rgb)
 }
 
-fn check_frames(frames: &[Samples<'_>], exposures: usize, samples: usize) -> Result<(), FrontError> {
-    if frames.len() != exposures {
-        return Err(FrontError::FrameCount { found: frames.len(), expected: exposures });
+fn check_frames<M, R>(frames: &[Samples<'_>], merge: &Merge<M, R>, samples: usize) -> Result<(), FrontError>
+where
+    M: Buffer<i32>,
+    R: Buffer<u32>,
+{
+    if frames.len() != merge.exposures() {
+        return Err(FrontError::FrameCount { found: frames.len(), expected: merge.exposures() });
     }
-    match frames.iter().position(|f| f.len() != samples) {
-        Some(index) => Err(FrontError::FrameSize { index, found: frames[index].len(), expected: samples }),
+    if let Some(index) = frames.iter().position(|f| f.len() != samples) {
+        return Err(FrontError::FrameSize { index, found: frames[index].len(), expected: samples });
+    }
+    match frames.iter().position(|f| f.depth() != merge.depth()) {
+        Some(index) => Err(FrontError::FrameDepth { index }),
         None => Ok(()),
     }
 }

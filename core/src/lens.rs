@@ -150,7 +150,7 @@ impl Lens {
     pub fn project(&self, direction: DVec3) -> Option<DVec2> {
         let across = libm::hypot(direction.x, direction.y);
         let theta = libm::atan2(across, direction.z);
-        if theta.is_nan() || theta > self.p.max_theta {
+        if !direction.is_finite() || theta > self.p.max_theta {
             return None;
         }
         let r = radius(&self.p.model, theta);

@@ -29,13 +29,17 @@ pub fn cap_radius_deg(resultant: f32) -> f32 {
     libm::acosf((2.0 * resultant - 1.0).clamp(-1.0, 1.0)).to_degrees()
 }
 
+/// Least squared length of a mean direction that is more than rounding: f32 sums of opposite light cancel to about 1e-7.
+const LEAST_MEAN2: f32 = 1e-12;
+
 impl Light {
-    /// The light at the energy centroid of `quad`; `fallback` is its direction where the moment vanishes.
+    /// The light at the energy centroid of `quad`; `fallback` gives its direction where the moment vanishes.
     #[must_use]
-    pub fn at_centroid(id: u32, quad: &Quad, fallback: Vec3) -> Self {
+    pub fn at_centroid(id: u32, quad: &Quad, fallback: impl FnOnce() -> Vec3) -> Self {
+        let mean = Some(quad.mean_direction()).filter(|m| m.length_squared() > LEAST_MEAN2);
         Self {
             id,
-            direction: quad.first_moment().try_normalize().unwrap_or(fallback),
+            direction: mean.and_then(Vec3::try_normalize).unwrap_or_else(fallback),
             irradiance: quad.rgb(),
             radius_deg: cap_radius_deg(quad.resultant()),
             age: 0,

@@ -5,7 +5,7 @@
 //! exposure decides; where even the shortest saturates, its own value stands as a lower bound and the pixel counts as clipped.
 
 use crate::arena::{self, Buffer, TooSmall};
-use crate::response::{CURVE_BITS, Curve};
+use crate::response::{CURVE_BITS, Curve, Depth};
 
 /// Most exposures of a burst.
 pub const MAX_EXPOSURES: usize = 12;
@@ -37,6 +37,8 @@ pub enum MergeError {
         /// The first that is below its predecessor.
         index: usize,
     },
+    /// A scale that is not a positive finite number.
+    BadScale,
     /// Exposure times or gains further apart than 32-bit radiance can hold (2^24 : 1).
     TooFarApart,
     /// The lent buffer is too short.
@@ -51,6 +53,7 @@ impl core::fmt::Display for MergeError {
                 write!(f, "exposure {index} without a positive exposure time and gain")
             }
             Self::NotAscending { index } => write!(f, "exposure {index} shorter than the one before it"),
+            Self::BadScale => write!(f, "a radiance scale that is not a positive number"),
             Self::TooFarApart => write!(f, "exposures further apart than 1 : 16777216"),
             Self::TooSmall(e) => e.fmt(f),
         }
@@ -78,6 +81,15 @@ impl Samples<'_> {
         }
     }
 
+    /// Their depth.
+    #[must_use]
+    pub const fn depth(&self) -> Depth {
+        match self {
+            Self::U8(_) => Depth::U8,
+            Self::U16(_) => Depth::U16,
+        }
+    }
+
     /// Whether there are none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
@@ -100,7 +112,7 @@ pub struct Merge<C, R> {
     curve: Curve<C>,
     /// 1 / gain of each exposure, 2^-30.
     inverse_gain: [u32; MAX_EXPOSURES],
-    /// t_min / (sum of the times in the mask), 2^-32, indexed by the mask of valid exposures.
+    /// t_min / (sum of the times in the mask), 2^-32 / [`HEADROOM`], indexed by the mask of valid exposures.
     reciprocal: R,
     count: usize,
     unit: f64,
@@ -130,6 +142,9 @@ impl<C: Buffer<i32>, R: Buffer<u32>> Merge<C, R> {
         if !(1..=MAX_EXPOSURES).contains(&count) {
             return Err(MergeError::BadCount { found: count });
         }
+        if !(scale > 0.0 && scale.is_finite()) {
+            return Err(MergeError::BadScale);
+        }
         check_order(exposures)?;
         arena::check(&reciprocal, reciprocals_len(count)).map_err(MergeError::TooSmall)?;
         let least = |f: fn(&Exposure) -> f64| exposures.iter().map(f).fold(f64::INFINITY, f64::min);
@@ -140,11 +155,11 @@ impl<C: Buffer<i32>, R: Buffer<u32>> Merge<C, R> {
         }
         for (mask, q) in reciprocal.as_mut().iter_mut().enumerate().take(reciprocals_len(count)) {
             let sum: f64 = (0..count).filter(|i| mask >> i & 1 == 1).map(|i| exposures[i].seconds).sum();
-            *q = if mask == 0 { 0 } else { libm::round(shortest / sum * 4_294_967_295.0) as u32 };
+            *q = if mask == 0 { 0 } else { libm::round(shortest / sum * RECIPROCAL_ONE) as u32 };
         }
-        // One count is 2^-(27 + 4) of relative exposure 1 at the least gain and the shortest time.
+        // Relative exposure 1 at the least gain and the shortest time is HEADROOM x 2^(27 + 4) counts.
         let unit =
-            scale / (least_gain * shortest) / f64::from(1u32 << CURVE_BITS) / f64::from(1u32 << EXTRA_BITS);
+            scale / (least_gain * shortest) / (HEADROOM * f64::from(1u32 << (CURVE_BITS + EXTRA_BITS)));
         Ok(Self { curve, inverse_gain, reciprocal, count, unit })
     }
 
@@ -152,6 +167,12 @@ impl<C: Buffer<i32>, R: Buffer<u32>> Merge<C, R> {
     #[must_use]
     pub fn unit(&self) -> f64 {
         self.unit
+    }
+
+    /// Depth of the samples it reads.
+    #[must_use]
+    pub fn depth(&self) -> Depth {
+        self.curve.depth()
     }
 
     /// Exposures of a burst.
@@ -215,14 +236,20 @@ impl<C: Buffer<i32>, R: Buffer<u32>> Merge<C, R> {
 
     fn radiance(&self, sum: i32, mask: usize) -> i32 {
         let reciprocal = self.reciprocal.as_ref().get(mask).copied().unwrap_or(0);
-        let wide = (i64::from(sum) * i64::from(reciprocal)) >> (32 - EXTRA_BITS);
+        let half = 1 << (31 - EXTRA_BITS);
+        let wide = (i64::from(sum) * i64::from(reciprocal) + half) >> (32 - EXTRA_BITS);
         i32::try_from(wide).unwrap_or(if wide < 0 { i32::MIN } else { i32::MAX })
     }
 }
 
-/// Bits that radiance keeps below a count of the shortest exposure, so that dark pixels of the longest do not round away:
-/// relative exposure 1 at the shortest time is 2^(27 + 4) = 2^31, where it saturates.
+/// Bits that radiance keeps below a count of the shortest exposure, so that dark pixels of the longest do not round away.
 const EXTRA_BITS: u32 = 4;
+
+/// Relative exposure 1 at the shortest time, over 2^31: curves may reach 1.05 ([`crate::response::ResponseError::BadCurve`]) and
+/// must not saturate there. Less wastes range, more than 1 / 1.05 cuts them.
+const HEADROOM: f64 = 15.0 / 16.0;
+
+const RECIPROCAL_ONE: f64 = HEADROOM * 4_294_967_296.0;
 
 fn check_order(exposures: &[Exposure]) -> Result<(), MergeError> {
     let sound = |v: f64| v > 0.0 && v.is_finite();

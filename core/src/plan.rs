@@ -81,6 +81,7 @@ pub struct Plan<S, C, T> {
     source_order: u8,
     weight_unit: f64,
     unseen: f64,
+    seen_pixels: usize,
 }
 
 /// Elements that a plan needs of each buffer.
@@ -150,6 +151,7 @@ impl<S: Buffer<Span>, C: Buffer<Cell>, T: Buffer<Texel>> Plan<S, C, T> {
             source_order: order,
             weight_unit: 1.0,
             unseen: 0.0,
+            seen_pixels: size.cells,
         };
         plan.lay_out(lens)?;
         plan.measure_texels(lens);
@@ -161,14 +163,17 @@ impl<S: Buffer<Span>, C: Buffer<Cell>, T: Buffer<Texel>> Plan<S, C, T> {
             *slot = span(lens, self.width, row);
         }
         let spans = &self.spans.as_ref()[..self.height as usize];
-        let (mut largest, mut heaviest) = (0.0f64, 0.0f64);
+        let (mut largest, mut heaviest, mut densest, mut below) = (0.0f64, 0.0f64, 0.0f64, 0.0f64);
         visit(spans, lens, |_, pixel| {
             largest = largest.max(pixel.solid_angle);
             heaviest = heaviest.max(pixel.weight);
+            densest = densest.max(pixel.weight / pixel.solid_angle);
+            below += if pixel.direction.z > 0.0 { 0.0 } else { pixel.weight };
         });
         let fits = |order: &u8| healpix::solid_angle(*order) >= TEXEL_OVER_PIXEL * largest;
         self.source_order = (0..=self.order).rev().find(fits).ok_or(PlanError::BadOrder)?;
-        self.weight_unit = heaviest / f64::from(u16::MAX);
+        let fullest = below.max(healpix::solid_angle(self.source_order) * densest);
+        self.weight_unit = heaviest / heaviest_count(fullest / heaviest);
         let below = Domain::Hemisphere.quads(self.source_order) as u32;
         let cells = self.cells.as_mut();
         visit(spans, lens, |index, pixel| {
@@ -181,7 +186,8 @@ impl<S: Buffer<Span>, C: Buffer<Cell>, T: Buffer<Texel>> Plan<S, C, T> {
 
     fn measure_texels(&mut self, lens: &Lens) {
         let mut unseen = 0.0;
-        for (ipix, texel) in self.texels.as_mut().iter_mut().enumerate() {
+        let texels = &mut self.texels.as_mut()[..Domain::Hemisphere.quads(self.order)];
+        for (ipix, texel) in texels.iter_mut().enumerate() {
             *texel = measure(lens, (self.width, self.height), self.order, ipix as u32);
             unseen += f64::from(texel.unseen_sr);
         }
@@ -197,7 +203,7 @@ impl<S: Buffer<Span>, C: Buffer<Cell>, T: Buffer<Texel>> Plan<S, C, T> {
     /// Cells of the visited pixels, in memory order.
     #[must_use]
     pub fn cells(&self) -> &[Cell] {
-        self.cells.as_ref()
+        &self.cells.as_ref()[..self.seen_pixels]
     }
 
     /// Texels of the map, at [`Plan::order`].
@@ -241,6 +247,14 @@ impl<S: Buffer<Span>, C: Buffer<Cell>, T: Buffer<Texel>> Plan<S, C, T> {
     pub fn unseen(&self) -> f64 {
         self.unseen
     }
+}
+
+/// Counts of the heaviest pixel's weight, when the fullest sum holds the light of `crowd` such pixels.
+///
+/// 16 bits, or as many as keep twice the sum of radiance (31 bits) x weight inside an `i64`: the rounding of weights and the pixels
+/// that overhang a texel's edge stay far below the other half.
+fn heaviest_count(crowd: f64) -> f64 {
+    libm::floor(f64::from(1u32 << 31) / crowd).clamp(1.0, f64::from(u16::MAX))
 }
 
 /// Geometry of one visited pixel.

@@ -55,14 +55,15 @@ impl Grid {
         (libm::cos(self.theta(row)) - libm::cos(self.theta(row + 1))) * TAU / self.width as f64
     }
 
-    /// Row and column that hold `direction` (a unit vector); `None` outside the domain.
+    /// The texel that holds `direction` (a unit vector); `None` outside the domain or without texels.
     #[must_use]
     pub fn texel(&self, direction: DVec3) -> Option<usize> {
         let theta = libm::atan2(libm::hypot(direction.x, direction.y), direction.z);
         let row = theta / self.theta(self.height) * self.height as f64;
         let phi = libm::atan2(direction.y, direction.x);
         let column = (PI - phi) / TAU * self.width as f64;
-        if row >= self.height as f64 && self.domain == Domain::Hemisphere {
+        let outside = row >= self.height as f64 && self.domain == Domain::Hemisphere;
+        if outside || self.is_empty() {
             return None;
         }
         let row = (row as usize).min(self.height - 1);
@@ -149,15 +150,18 @@ pub struct PolarPlan<E> {
 /// Most sub-samples a side: near the zenith one HEALPix texel covers a quarter turn of columns.
 const MAX_SIDE: u32 = 64;
 
+/// Sub-samples per column or row that a quad crosses: with 5 a constant sky is even within a few per cent; more takes longer to plan.
+const FINENESS: f64 = 5.0;
+
 /// Sub-samples a side, so that each column that a quad of `order` at `theta` crosses gets some.
 fn side(grid: &Grid, order: u8, theta: f64) -> u32 {
     let extent = libm::sqrt(healpix::solid_angle(order));
-    let column = libm::sin(theta).max(1e-6) * TAU / grid.width as f64;
+    let column = libm::sin(theta).max(1e-6) * TAU / grid.width.max(1) as f64;
     let row = grid.theta(1);
-    (libm::ceil(3.0 * extent / column.min(row)) as u32).clamp(4, MAX_SIDE)
+    (libm::ceil(FINENESS * extent / column.min(row)) as u32).clamp(4, MAX_SIDE)
 }
 
-/// Calls `f(from, to, part)` for every share of the plan; shares to one texel may come in several pieces.
+/// Calls `f(from, to, part)` for every share of the plan.
 fn visit(grid: &Grid, order: u8, mut f: impl FnMut(u32, u32, f32)) {
     for ipix in 0..grid.domain.quads(order) as u32 {
         if grid.domain.share(order, ipix) == 0.0 {
@@ -165,23 +169,19 @@ fn visit(grid: &Grid, order: u8, mut f: impl FnMut(u32, u32, f32)) {
         }
         let z = healpix::centre(order, ipix).z;
         let n = side(grid, order, libm::acos(z.clamp(-1.0, 1.0)));
-        let targets = (0..n * n).filter_map(|i| {
+        let mut targets = [0u32; (MAX_SIDE * MAX_SIDE) as usize];
+        let mut count = 0;
+        for i in 0..n * n {
             let at = |k: u32| (f64::from(k) + 0.5) / f64::from(n);
-            grid.texel(healpix::point(order, ipix, at(i % n), at(i / n)))
-        });
-        let part = 1.0 / targets.clone().count().max(1) as f32;
-        let mut run = (u32::MAX, 0u32);
-        for to in targets {
-            if to as u32 != run.0 {
-                if run.1 > 0 {
-                    f(ipix, run.0, run.1 as f32 * part);
-                }
-                run = (to as u32, 0);
+            if let Some(to) = grid.texel(healpix::point(order, ipix, at(i % n), at(i / n))) {
+                targets[count] = to as u32;
+                count += 1;
             }
-            run.1 += 1;
         }
-        if run.1 > 0 {
-            f(ipix, run.0, run.1 as f32 * part);
+        let targets = &mut targets[..count];
+        targets.sort_unstable();
+        for same in targets.chunk_by(|a, b| a == b) {
+            f(ipix, same[0], same.len() as f32 / count as f32);
         }
     }
 }

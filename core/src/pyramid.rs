@@ -3,7 +3,7 @@
 //! The four children of a quad are neighbours in memory, so each order is one linear pass over the next finer one.
 
 use crate::arena::{self, Buffer, TooSmall};
-use crate::color::luminance;
+use crate::color::{self, MAX_ENERGY, luminance};
 use crate::healpix::{self, Domain};
 use crate::plan::Texel;
 use glam::Vec3;
@@ -18,9 +18,12 @@ pub struct Quad {
 }
 
 impl Quad {
-    /// The quad that holds `rgb` from `direction` alone.
+    /// The quad that holds `rgb` from `direction` (a unit vector) alone.
+    ///
+    /// Light that is negative or no number is none, and no channel exceeds [`color::MAX_ENERGY`].
     #[must_use]
     pub fn from_light(rgb: [f32; 3], direction: Vec3) -> Self {
+        let rgb = color::sound(rgb);
         let y = luminance(rgb);
         let m = direction * y;
         Self { energy: [rgb[0], rgb[1], rgb[2], y], moment: [m.x, m.y, m.z, 0.0] }
@@ -52,10 +55,24 @@ impl Quad {
         Vec3::new(self.moment[0], self.moment[1], self.moment[2])
     }
 
+    /// Mean direction m / Y, not normalised; 0 for a quad without light.
+    ///
+    /// Divided first, so that its length neither under- nor overflows whatever the unit of light.
+    #[must_use]
+    pub fn mean_direction(&self) -> Vec3 {
+        if self.y() > 0.0 { self.first_moment() / self.y() } else { Vec3::ZERO }
+    }
+
     /// Length of the mean direction, |m| / Y, in 0..=1; 1 for a quad without light.
     #[must_use]
     pub fn resultant(&self) -> f32 {
-        if self.y() > 0.0 { (self.first_moment().length() / self.y()).min(1.0) } else { 1.0 }
+        if self.y() > 0.0 { self.mean_direction().length().min(1.0) } else { 1.0 }
+    }
+
+    /// Whether all of it is what [`Quad::from_light`] could have made.
+    fn is_sound(&self) -> bool {
+        let energies = self.energy.iter().fold(true, |sound, e| sound & (0.0..=2.0 * MAX_ENERGY).contains(e));
+        self.moment.iter().fold(energies, |sound, m| sound & (m.abs() <= 2.0 * MAX_ENERGY))
     }
 }
 
@@ -128,13 +145,34 @@ impl<Q: Buffer<Quad>> Pyramid<Q> {
     }
 
     /// Sums the orders above the texels.
+    ///
+    /// A texel outside the domain, with a number that is not finite or with negative energy holds no light from here on: samplers
+    /// read what they may trust.
     pub fn build(&mut self) {
+        self.clear_below_horizon();
+        self.texels_mut().iter_mut().filter(|q| !q.is_sound()).for_each(|q| *q = Quad::default());
         for order in (0..self.order).rev() {
             let (coarse, fine) = self.quads.as_mut().split_at_mut(first(self.domain, order + 1));
             let parents = &mut coarse[first(self.domain, order)..];
             let (children, _) = fine.as_chunks::<4>();
             for (parent, four) in parents.iter_mut().zip(children) {
                 *parent = sum(four);
+            }
+        }
+    }
+
+    /// Darkens the texels of a hemisphere that lie below it: under each quad on the horizon, of every order, the lowest child.
+    fn clear_below_horizon(&mut self) {
+        if self.domain == Domain::Sphere {
+            return;
+        }
+        for order in 0..self.order {
+            let shift = 2 * (self.order - order - 1);
+            let last = (1u32 << order) - 1;
+            for at in 0..4 << order {
+                let (face, x) = (4 + (at >> order), at & last);
+                let child = 4 * healpix::join(order, face, x, last - x) as usize;
+                self.texels_mut()[child << shift..(child + 1) << shift].fill(Quad::default());
             }
         }
     }
@@ -195,8 +233,8 @@ impl<'a> PyramidView<'a> {
     pub fn horizontal_irradiance(&self) -> [f32; 3] {
         let mut sum = [0.0; 3];
         for quad in self.quads_of(self.order).iter().filter(|q| q.moment[2] > 0.0 && q.y() > 0.0) {
-            let height = quad.moment[2] / quad.y();
-            crate::color::add(&mut sum, quad.rgb().map(|v| v * height));
+            let height = (quad.moment[2] / quad.y()).min(1.0);
+            color::add(&mut sum, quad.rgb().map(|v| v * height));
         }
         sum
     }

@@ -3,7 +3,9 @@
 //! A sampler owns its arena, keeps what it needs of the past, allocates nothing and gives every light an id that survives as long
 //! as the light does. The server and the simulator know only the trait.
 
+pub mod adaptive;
 pub mod halton;
+mod heap;
 pub mod pharr;
 pub mod q2tree;
 

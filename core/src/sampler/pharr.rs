@@ -6,7 +6,7 @@
 
 use super::{Map, Request, Sampler, halton};
 use crate::arena::{self, Buffer, TooSmall};
-use crate::color::luminance;
+use crate::color::{luminance, sound};
 use crate::light::{Decomposition, Light};
 use crate::polar::{Grid, LatLongView};
 use core::f64::consts::TAU;
@@ -60,7 +60,7 @@ impl<C: Buffer<f32>, L: Buffer<Light>> Pharr<C, L> {
         for ((texels, row), end) in rows.zip(&mut self.marginal) {
             let mut sum = 0.0;
             for (k, upper) in row.iter_mut().enumerate() {
-                sum += f64::from(luminance(texels[column(width, k)]));
+                sum += light_of(texels[column(width, k)]);
                 *upper = sum as f32;
             }
             total += sum;
@@ -86,16 +86,22 @@ impl<C: Buffer<f32>, L: Buffer<Light>> Pharr<C, L> {
 
         let cos = |i: usize| libm::cos(map.grid.theta(i));
         let z = cos(row) + within.clamp(0.0, 1.0) * (cos(row + 1) - cos(row));
-        let phi = (k as f64 + across.clamp(0.0, 1.0)) * TAU / width as f64 + seam(width);
+        let phi = seam(width) - (k as f64 + across.clamp(0.0, 1.0)) * TAU / width as f64;
         let sin = libm::sqrt((1.0 - z * z).max(0.0));
         let direction = DVec3::new(sin * libm::cos(phi), sin * libm::sin(phi), z);
-        (direction, map.texels[row * width + column(width, k)], map.grid.solid_angle(row))
+        let rgb = sound(map.texels[row * width + column(width, k)]);
+        (direction, rgb, map.grid.solid_angle(row))
     }
 }
 
-/// The column that is number `k` counted from phi = 0 upwards: the distribution's seam lies there, as in the thesis.
+/// Luminance of a texel, whatever is in it.
+fn light_of(rgb: [f32; 3]) -> f64 {
+    f64::from(luminance(sound(rgb)))
+}
+
+/// The column that is number `k` counted from phi = 0 on, in the map's own order: the distribution's seam lies there, as in the thesis.
 fn column(width: usize, k: usize) -> usize {
-    (width / 2 + width - 1 - k) % width
+    (width / 2 + k) % width
 }
 
 /// Phi where the count begins: 0, or half a column off it where the number of columns is odd.
@@ -113,14 +119,16 @@ impl<C: Buffer<f32>, L: Buffer<Light>> Sampler for Pharr<C, L> {
     }
 
     fn update(&mut self, map: &Map<'_>, request: &Request) -> Decomposition<'_> {
-        let fits =
-            map.polar.texels.len() <= self.conditional.as_ref().len() && map.polar.grid.height <= MAX_ROWS;
+        let texels = map.polar.texels.len();
+        let fits = texels == map.polar.grid.len()
+            && texels <= self.conditional.as_ref().len()
+            && map.polar.grid.height <= MAX_ROWS;
         let total = if fits { self.distribute(&map.polar) } else { 0.0 };
         let count = if total > 0.0 { request.lights.min(self.capacity()) } else { 0 };
         let each = total / count.max(1) as f64;
         for i in 0..count {
             let (direction, rgb, omega) = self.sample(&map.polar, total, halton::point(i as u32 + 1));
-            let y = f64::from(luminance(rgb));
+            let y = light_of(rgb);
             // The light's share of the sphere: 1 / (N pdf), and the cap of that size.
             let cap = omega * each / y;
             let radius_deg = libm::acos((1.0 - cap / TAU).clamp(-1.0, 1.0)).to_degrees() as f32;

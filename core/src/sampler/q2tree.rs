@@ -6,6 +6,12 @@
 //! any sequence of merges and splits would. The published frame-to-frame threshold is a bonus of 1 + tau for the quads that were
 //! interior in the last frame: a split is given up only for one that is more important by that factor.
 //!
+//! A split turns one leaf into four; on the horizon of a hemisphere into three, since one child lies below it. So a sphere reaches
+//! 12 + 3k leaves and a hemisphere 8 + 3a + 2b. When one more split of the most important leaf would exceed the request, the next
+//! ones in order are passed over until one fits: on a hemisphere that is a leaf on the horizon, which fills the last two places. A
+//! map that is lit along its horizon therefore gives the request or one less, any other the request or up to two less; dark leaves
+//! take a place and give no light.
+//!
 //! The tree is one bit per quad (is it interior?), walked in NESTED order: no node pool, no search.
 
 use super::{Map, Request, Sampler};
@@ -208,18 +214,13 @@ fn walk(map: &PyramidView<'_>, interior: &[u8], mut f: impl FnMut(u8, u32, &Quad
 /// The light of one leaf.
 fn place(placement: Placement, domain: Domain, order: u8, ipix: u32, quad: &Quad) -> Light {
     let id = (4 << (2 * order)) + ipix;
-    let centre = || healpix::centre(order, ipix).as_vec3();
-    let mut light = Light::at_centroid(id, quad, glam::Vec3::Z);
-    match placement {
-        Placement::Centroid if quad.first_moment() == glam::Vec3::ZERO => light.direction = centre(),
-        Placement::Centroid => {}
-        Placement::Jitter { spread } => {
-            let [x, y] = jitter(id, f64::from(spread));
-            // In a quad on the horizon, mirror what falls below it to above.
-            let below = domain.share(order, ipix) == 0.5 && x + y < 1.0;
-            let (x, y) = if below { (1.0 - y, 1.0 - x) } else { (x, y) };
-            light.direction = healpix::point(order, ipix, x, y).as_vec3();
-        }
+    let mut light = Light::at_centroid(id, quad, || healpix::centre(order, ipix).as_vec3());
+    if let Placement::Jitter { spread } = placement {
+        let [x, y] = jitter(id, f64::from(spread));
+        // In a quad on the horizon, mirror what falls below it to above.
+        let below = domain.share(order, ipix) == 0.5 && x + y < 1.0;
+        let (x, y) = if below { (1.0 - y, 1.0 - x) } else { (x, y) };
+        light.direction = healpix::point(order, ipix, x, y).as_vec3();
     }
     light
 }

@@ -12,15 +12,16 @@ pub fn text<W: Write>(set: &LightSet<'_>, w: &mut W) -> Result<(), EncodeError<W
 }
 
 fn lines<W: Write>(set: &LightSet<'_>, w: &mut W) -> Fmt<W::Error> {
-    write!(w, "# run {}\n# frame {}\n# sampler {}\n", set.run, set.frame, set.sampler)?;
-    write!(w, "# unit {}\n# coordinates {}\n", set.unit.name(), set.coordinates.name())?;
+    write!(w, "# run ")?;
+    words(w, set.run)?;
+    write!(w, "\n# frame {}\n# sampler ", set.frame)?;
+    words(w, set.sampler)?;
+    write!(w, "\n# unit {}\n# coordinates {}\n", set.unit.name(), set.coordinates.name())?;
     match set.stale {
         None => writeln!(w, "# stale no")?,
         Some(stale) => {
             write!(w, "# stale {} ms ", stale.age_ms)?;
-            for c in stale.reason.chars() {
-                write!(w, "{}", if c.is_control() { ' ' } else { c })?;
-            }
+            words(w, stale.reason)?;
             writeln!(w)?;
         }
     }
@@ -30,6 +31,14 @@ fn lines<W: Write>(set: &LightSet<'_>, w: &mut W) -> Fmt<W::Error> {
         write!(w, " ")?;
         numbers(w, &light.irradiance, " ")?;
         writeln!(w)?;
+    }
+    Ok(())
+}
+
+/// Words of a comment; control characters, which could end its line, become spaces.
+fn words<W: Write>(w: &mut W, s: &str) -> Fmt<W::Error> {
+    for c in s.chars() {
+        write!(w, "{}", if c.is_control() { ' ' } else { c })?;
     }
     Ok(())
 }

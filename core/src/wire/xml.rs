@@ -38,7 +38,7 @@ fn element<W: Write>(set: &LightSet<'_>, w: &mut W) -> Fmt<W::Error> {
     write!(w, "</lights>")
 }
 
-/// Text of an attribute; control characters, which XML 1.0 forbids, become spaces.
+/// Text of an attribute; control characters and the two non-characters, which XML 1.0 forbids, become spaces.
 fn escaped<W: Write>(w: &mut W, s: &str) -> Fmt<W::Error> {
     for c in s.chars() {
         match c {
@@ -46,6 +46,7 @@ fn escaped<W: Write>(w: &mut W, s: &str) -> Fmt<W::Error> {
             '<' => write!(w, "&lt;")?,
             '>' => write!(w, "&gt;")?,
             '"' => write!(w, "&quot;")?,
+            '\u{fffe}' | '\u{ffff}' => write!(w, " ")?,
             c if c.is_control() => write!(w, " ")?,
             c => write!(w, "{c}")?,
         }

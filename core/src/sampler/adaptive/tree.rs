@@ -1,0 +1,224 @@
+//! The binary tree: HEALPix quads and, between two orders, halves of quads; above the base faces, pairs of faces.
+//!
+//! Level 0 is the root. On a sphere levels 0 to 3 group the sixteen slots into which the twelve faces are put (four stay empty), on a
+//! hemisphere levels 0 to 2 group its eight faces; from then on every second level is an order of the pyramid. Node (level, index) has
+//! the children (level + 1, 2 index) and (level + 1, 2 index + 1). A light's id is the first texel of its leaf, counted from 1: the
+//! left child of a split keeps the parent's id, the right one is new.
+
+use crate::arena::Buffer;
+use crate::healpix::Domain;
+use crate::light::Light;
+use crate::pyramid::{PyramidView, Quad};
+use glam::Vec3;
+
+/// Which face is in each slot: a northern face beside the equatorial one that hangs below it, so that pairs are compact.
+const SLOTS: [u32; 16] = [0, 4, 1, 5, 2, 6, 3, 7, 8, EMPTY, 9, EMPTY, 10, EMPTY, 11, EMPTY];
+
+const EMPTY: u32 = u32::MAX;
+
+/// A split of the last frame is given up only for one that is more important by this factor less 1.
+///
+/// At 2 % texel noise the importance of a quad moves by a few per cent; less lets noise change the tree, more keeps lights where they
+/// are no longer needed.
+const HYSTERESIS: f32 = 0.15;
+
+/// Least 1 - |m| that counts: what is closer together than this is one direction.
+const LEAST_SPREAD: f32 = 1e-7;
+
+/// A node that may be split.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Leaf {
+    importance: f32,
+    pub(super) level: u8,
+    pub(super) index: u32,
+}
+
+/// Bytes of the bit set that marks the interior nodes over maps of `order`.
+#[must_use]
+pub const fn bits_len(domain: Domain, order: u8) -> usize {
+    (1usize << (top(domain) + 2 * order)).div_ceil(8)
+}
+
+/// Level of the base faces.
+const fn top(domain: Domain) -> u8 {
+    match domain {
+        Domain::Sphere => 4,
+        Domain::Hemisphere => 3,
+    }
+}
+
+/// Interior nodes of this frame and of the last, and the heap of leaves.
+#[derive(Clone, Debug)]
+pub(super) struct Tree<B, H> {
+    interior: [B; 2],
+    heap: H,
+}
+
+/// The nodes of a pyramid.
+#[derive(Clone, Copy)]
+pub(super) struct Nodes<'a> {
+    map: PyramidView<'a>,
+    top: u8,
+}
+
+impl<'a> Nodes<'a> {
+    pub(super) fn new(map: &PyramidView<'a>) -> Self {
+        Self { map: *map, top: top(map.domain()) }
+    }
+
+    /// Level of the texels.
+    pub(super) fn last(&self) -> u8 {
+        self.top + 2 * self.map.order()
+    }
+
+    /// Sums over a node.
+    pub(super) fn quad(&self, level: u8, index: u32) -> Quad {
+        if level < self.top {
+            let under = self.top - level;
+            return (index << under..(index + 1) << under).fold(Quad::default(), |mut sum, slot| {
+                sum.add(&self.quad(self.top, slot));
+                sum
+            });
+        }
+        let below = level - self.top;
+        if below % 2 == 1 {
+            let mut sum = self.quad(level + 1, 2 * index);
+            sum.add(&self.quad(level + 1, 2 * index + 1));
+            return sum;
+        }
+        let face = SLOTS[(index >> below) as usize % SLOTS.len()];
+        if face == EMPTY {
+            return Quad::default();
+        }
+        self.map.quad(below / 2, (face << below) | (index & ((1 << below) - 1)))
+    }
+
+    /// Nearly a node's share of the squared shadowed error, to the power 1/2: Y (1 - |m|)^(3/8).
+    ///
+    /// An occluder's edge that crosses a light's region errs by about Y, and crosses it with a probability in proportion to the
+    /// region's width, (1 - |m|)^(1/2): Y^2 (1 - |m|)^(1/2) in the mean square, so 1/4 would be its exponent here. Open receivers
+    /// see Y (1 - |m|). 3/8 is the best compromise over the maps and scenarios of `host-sim`.
+    fn importance(&self, quad: &Quad) -> f32 {
+        let fourth = libm::sqrtf(libm::sqrtf((1.0 - quad.resultant()).max(LEAST_SPREAD)));
+        quad.y() * fourth * libm::sqrtf(fourth)
+    }
+}
+
+impl<B: Buffer<u8>, H: Buffer<Leaf>> Tree<B, H> {
+    pub(super) fn new(interior: [B; 2], heap: H) -> Self {
+        Self { interior, heap }
+    }
+
+    pub(super) fn capacity(&self) -> usize {
+        self.heap.as_ref().len()
+    }
+
+    pub(super) fn fits(&self, map: &PyramidView<'_>) -> bool {
+        self.interior.iter().all(|b| b.as_ref().len() >= bits_len(map.domain(), map.order()))
+    }
+
+    pub(super) fn reset(&mut self) {
+        self.interior.iter_mut().for_each(|bits| bits.as_mut().fill(0));
+    }
+
+    /// Splits the most important leaves until there are `limit` lit ones.
+    pub(super) fn grow(&mut self, map: &PyramidView<'_>, limit: usize) {
+        let nodes = Nodes::new(map);
+        self.interior.swap(0, 1);
+        self.interior[0].as_mut().fill(0);
+        let mut heap = 0;
+        let mut lit = 1;
+        self.push(&mut heap, &nodes, 0, 0, f32::INFINITY);
+        while lit < limit {
+            let Some(leaf) = super::super::heap::pop(&mut self.heap.as_mut()[..heap], before) else { break };
+            heap -= 1;
+            set(self.interior[0].as_mut(), leaf.level, leaf.index);
+            let children = [2 * leaf.index, 2 * leaf.index + 1];
+            let both = children.iter().all(|c| nodes.quad(leaf.level + 1, *c).y() > 0.0);
+            lit += usize::from(both);
+            for child in children {
+                self.push(&mut heap, &nodes, leaf.level + 1, child, leaf.importance);
+            }
+        }
+    }
+
+    /// Adds a node to the heap unless it is dark or a texel. A node is never more important than its parent, so that the tree of the
+    /// most important nodes is connected.
+    fn push(&mut self, len: &mut usize, nodes: &Nodes<'_>, level: u8, index: u32, most: f32) {
+        let quad = nodes.quad(level, index);
+        let heap = self.heap.as_mut();
+        if quad.y() <= 0.0 || level >= nodes.last() || *len >= heap.len() {
+            return;
+        }
+        let kept = if bit(self.interior[1].as_ref(), level, index) { 1.0 + HYSTERESIS } else { 1.0 };
+        let importance = (nodes.importance(&quad) * kept).min(most);
+        heap[*len] = Leaf { importance, level, index };
+        *len += 1;
+        super::super::heap::sift_up(&mut heap[..*len], before);
+    }
+
+    /// Writes the lights of the lit leaves, by ascending id; returns how many. Their leaves are then in the heap's memory.
+    pub(super) fn emit(&mut self, map: &PyramidView<'_>, lights: &mut [Light]) -> usize {
+        let nodes = Nodes::new(map);
+        let mut out =
+            Emit { nodes, interior: self.interior[0].as_ref(), leaves: self.heap.as_mut(), lights, count: 0 };
+        out.visit((0, 0), 1, None);
+        out.count
+    }
+
+    /// The leaves of the lights that [`Tree::emit`] wrote last.
+    pub(super) fn leaves(&self) -> &[Leaf] {
+        self.heap.as_ref()
+    }
+}
+
+struct Emit<'a> {
+    nodes: Nodes<'a>,
+    interior: &'a [u8],
+    leaves: &'a mut [Leaf],
+    lights: &'a mut [Light],
+    count: usize,
+}
+
+impl Emit<'_> {
+    /// Walks the tree below a node whose first lit leaf gets `id`; at most as deep as there are levels.
+    fn visit(&mut self, (level, index): (u8, u32), id: u32, parent: Option<u32>) {
+        let quad = self.nodes.quad(level, index);
+        if quad.y() <= 0.0 || self.count >= self.lights.len().min(self.leaves.len()) {
+            return;
+        }
+        if level >= self.nodes.last() || !bit(self.interior, level, index) {
+            self.leaves[self.count] = Leaf { importance: 0.0, level, index };
+            let light = Light::at_centroid(id, &quad, || Vec3::Z);
+            self.lights[self.count] = Light { parent, ..light };
+            self.count += 1;
+            return;
+        }
+        let (left, right) = (2 * index, 2 * index + 1);
+        let left_lit = self.nodes.quad(level + 1, left).y() > 0.0;
+        self.visit((level + 1, left), id, parent);
+        if left_lit {
+            let start = (right << (self.nodes.last() - level - 1)) + 1;
+            self.visit((level + 1, right), start, Some(id));
+        } else {
+            self.visit((level + 1, right), id, parent);
+        }
+    }
+}
+
+/// Whether `a` is split before `b`; ties by place, so that they never depend on history.
+fn before(a: &Leaf, b: &Leaf) -> bool {
+    (a.importance, b.level, b.index) > (b.importance, a.level, a.index)
+}
+
+fn bit(bits: &[u8], level: u8, index: u32) -> bool {
+    let at = (1usize << level) + index as usize;
+    bits.get(at / 8).is_some_and(|byte| byte >> (at % 8) & 1 == 1)
+}
+
+fn set(bits: &mut [u8], level: u8, index: u32) {
+    let at = (1usize << level) + index as usize;
+    if let Some(byte) = bits.get_mut(at / 8) {
+        *byte |= 1 << (at % 8);
+    }
+}

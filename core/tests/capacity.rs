@@ -1,0 +1,96 @@
+//! Lent memory of exactly the needed size is enough; one element less is refused with both numbers.
+//!
+//! The tables of response and merge, polar maps and samplers have this in their own files.
+
+mod common;
+
+use common::{bench_lens, expose, plan};
+use hemilux_core::arena::TooSmall;
+use hemilux_core::front::{Front, sums_len};
+use hemilux_core::light::{Light, cap_radius_deg};
+use hemilux_core::plan::{Cell, Plan, PlanError, Span, Texel, plan_size};
+use hemilux_core::tonemap::{sigmoid, srgb_code};
+
+#[test]
+fn a_plan_takes_exactly_what_it_asks_for() {
+    let lens = bench_lens();
+    let size = plan_size(&lens, 320, 240, 3).expect("a sound image");
+    let (s, c, t) = (size.spans, size.cells, size.texels);
+    let build = |s: usize, c: usize, t: usize| {
+        let memory = (vec![Span::default(); s], vec![Cell::default(); c], vec![Texel::default(); t]);
+        Plan::try_new(&lens, 320, 240, 3, memory).map(|p| p.cells().len())
+    };
+    assert_eq!(build(s, c, t), Ok(c));
+    let short = |needed: usize| Err(PlanError::TooSmall(TooSmall { needed, lent: needed - 1 }));
+    assert_eq!(build(s - 1, c, t), short(s));
+    assert_eq!(build(s, c - 1, t), short(c));
+    assert_eq!(build(s, c, t - 1), short(t));
+    // Eight faces of 64 texels.
+    assert_eq!((s, t), (240, 512));
+}
+
+#[test]
+fn room_to_spare_changes_nothing() {
+    let lens = bench_lens();
+    let exact = plan(&lens, 320, 240, 3);
+    let size = plan_size(&lens, 320, 240, 3).expect("a sound image");
+    let spare = Cell { texel: 1, weight: 60_000 };
+    let memory = (
+        vec![Span { first: 0, len: 9 }; size.spans + 5],
+        vec![spare; size.cells + 5],
+        vec![Texel { direction: [9.0; 3], unseen_sr: 9.0 }; size.texels + 5],
+    );
+    let roomy = Plan::try_new(&lens, 320, 240, 3, memory).expect("room enough");
+    assert_eq!(roomy.spans(), exact.spans());
+    assert_eq!(roomy.cells(), exact.cells());
+    assert_eq!(roomy.texels(), exact.texels());
+    let frame = vec![9_000; 3 * 320 * 240];
+    let (a, b) = (expose(&exact, &frame), expose(&roomy, &frame));
+    assert_eq!((a.0.view().total(), a.1), (b.0.view().total(), b.1));
+}
+
+#[test]
+fn front_sums_are_one_more_than_the_texels() {
+    assert_eq!(sums_len(2), 8 * 16 + 1);
+    assert!(Front::try_new(vec![[0; 3]; 129], 2).is_ok());
+    let short = Front::try_new(vec![[0; 3]; 128], 2).map(|_| ());
+    assert_eq!(short, Err(TooSmall { needed: 129, lent: 128 }));
+}
+
+#[test]
+fn arrays_and_slices_can_be_lent() {
+    let mut slice = [[0i64; 3]; 129];
+    assert!(Front::try_new(&mut slice[..], 2).is_ok());
+    assert!(Front::try_new(slice, 2).is_ok());
+}
+
+#[test]
+fn a_cap_has_the_radius_of_its_mean_resultant_length() {
+    // R of a uniform cap is (1 + cos a) / 2: a point, a hemisphere, the sphere.
+    for (resultant, degrees) in
+        [(1.0, 0.0), (0.75, 60.0), (0.5, 90.0), (0.0, 180.0), (1.1, 0.0), (-1.0, 180.0)]
+    {
+        assert!((cap_radius_deg(resultant) - degrees).abs() < 1e-3, "{resultant}");
+    }
+    assert_eq!(Light::default().radius_deg, 0.0);
+}
+
+#[test]
+fn display_codes_are_within_one_of_the_formulas() {
+    let srgb = |v: f64| if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
+    for i in 0..=1000 {
+        let v = f64::from(i) / 1000.0;
+        assert!((f64::from(srgb_code(v as f32)) - 255.0 * srgb(v)).abs() < 0.51, "{v}");
+        let y = 10f64.powf(8.0 * v - 4.0);
+        let ratio = (y / 0.3).powf(0.8);
+        let expected = 255.0 * srgb(ratio / (1.0 + ratio));
+        let found = sigmoid([y as f32; 3], 0.3);
+        assert!(found.iter().all(|c| (f64::from(*c) - expected).abs() < 1.0), "{y}: {found:?} {expected}");
+    }
+    for bad in [f32::NAN, -1.0, 0.0] {
+        assert_eq!(sigmoid([bad; 3], 1.0), [0; 3]);
+        assert_eq!(sigmoid([1.0; 3], bad), [0; 3]);
+    }
+    assert_eq!((srgb_code(f32::NAN), srgb_code(f32::INFINITY), srgb_code(-3.0)), (0, 255, 0));
+    assert_eq!(sigmoid([f32::INFINITY; 3], 1.0).len(), 3);
+}

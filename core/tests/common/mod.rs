@@ -1,0 +1,124 @@
+//! What several test files share: seeded numbers, lenses and maps.
+#![allow(dead_code, reason = "each test file uses its own part")]
+
+use glam::{DVec2, DVec3, Vec3};
+use hemilux_core::front::{Front, Seen, sums_len};
+use hemilux_core::healpix::{self, Domain};
+use hemilux_core::lens::{Intrinsics, Lens, Model};
+use hemilux_core::merge::{Exposure, Merge, Samples};
+use hemilux_core::plan::{Cell, Plan, Span, Texel, plan_size};
+use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
+use hemilux_core::response::{Curve, Depth, Response, curve_len};
+pub use rand::RngExt;
+use rand::SeedableRng;
+pub use rand_pcg::Pcg64Mcg;
+
+/// A plan in vectors.
+pub type VecPlan = Plan<Vec<Span>, Vec<Cell>, Vec<Texel>>;
+
+/// A generator that replays exactly.
+pub fn seeded(seed: u64) -> Pcg64Mcg {
+    Pcg64Mcg::seed_from_u64(seed)
+}
+
+/// A uniformly distributed unit vector.
+pub fn direction(rng: &mut Pcg64Mcg) -> DVec3 {
+    let z: f64 = rng.random_range(-1.0..1.0);
+    let phi: f64 = rng.random_range(0.0..std::f64::consts::TAU);
+    let r = (1.0 - z * z).sqrt();
+    DVec3::new(r * phi.cos(), r * phi.sin(), z)
+}
+
+/// Equal focal lengths, no skew, no vignetting.
+pub fn plain(model: Model, centre: [f64; 2], focal: f64, max_deg: f64) -> Intrinsics {
+    Intrinsics {
+        model,
+        centre_px: DVec2::from_array(centre),
+        focal_px: DVec2::splat(focal),
+        skew_px: 0.0,
+        max_theta: max_deg.to_radians(),
+        vignetting: [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+    }
+}
+
+/// The lens of `formats.md`'s benchmark: 160 x 140 degrees on 640 x 480.
+pub fn bench_lens() -> Lens {
+    Lens::try_new(plain(Model::Equidistant, [319.5, 239.5], 196.4, 80.0)).expect("a sound lens")
+}
+
+/// A lens that sees `max_deg` off axis, whose circle just fits a square of `side` pixels.
+pub fn full_circle(model: Model, side: u32, max_deg: f64) -> Lens {
+    let unit = Lens::try_new(plain(model, [0.0; 2], 1.0, max_deg)).expect("a sound lens");
+    let theta = max_deg.to_radians() * (1.0 - 1e-12);
+    let edge = unit.project(DVec3::new(theta.sin(), 0.0, theta.cos())).expect("inside the view").x;
+    let middle = (f64::from(side) - 1.0) / 2.0;
+    let focal = (f64::from(side) / 2.0 - 1.0) / edge;
+    Lens::try_new(plain(model, [middle; 2], focal, max_deg)).expect("a sound lens")
+}
+
+/// A plan in buffers of exactly the sizes it asks for.
+pub fn plan(lens: &Lens, width: u32, height: u32, order: u8) -> VecPlan {
+    let size = plan_size(lens, width, height, order).expect("a sound image");
+    let memory = (
+        vec![Span::default(); size.spans],
+        vec![Cell::default(); size.cells],
+        vec![Texel::default(); size.texels],
+    );
+    Plan::try_new(lens, width, height, order, memory).expect("a sound plan")
+}
+
+/// A dark pyramid.
+pub fn dark(domain: Domain, order: u8) -> Pyramid<Vec<Quad>> {
+    Pyramid::try_new(vec![Quad::default(); pyramid_len(domain, order)], domain, order).expect("room enough")
+}
+
+/// A built pyramid whose texel `ipix` holds `energy(ipix)`, at its centre; texels outside the domain stay dark.
+pub fn lit(domain: Domain, order: u8, mut energy: impl FnMut(u32) -> [f32; 3]) -> Pyramid<Vec<Quad>> {
+    let mut map = dark(domain, order);
+    for (ipix, quad) in map.texels_mut().iter_mut().enumerate() {
+        let ipix = ipix as u32;
+        if domain.share(order, ipix) > 0.0 {
+            *quad = Quad::from_light(energy(ipix), above(domain, order, ipix));
+        }
+    }
+    map.build();
+    map
+}
+
+/// A direction inside the domain's part of a quad.
+pub fn above(domain: Domain, order: u8, ipix: u32) -> Vec3 {
+    let at = if domain.share(order, ipix) == 0.5 { 2.0 / 3.0 } else { 0.5 };
+    healpix::point(order, ipix, at, at).as_vec3()
+}
+
+/// Grey energy.
+pub fn grey(v: f32) -> [f32; 3] {
+    [v; 3]
+}
+
+/// |a - b| / |b|.
+pub fn off(a: f64, b: f64) -> f64 {
+    (a - b).abs() / b.abs()
+}
+
+/// The merge of one 16-bit linear exposure of 10 ms, white at 65535.
+pub fn one_exposure() -> Merge<Vec<i32>, Vec<u32>> {
+    let curve = Curve::try_new(&Response::Linear, Depth::U16, 0.0, 65535.0, vec![0; curve_len(Depth::U16)]);
+    let exposure = Exposure { seconds: 0.01, gain: 1.0 };
+    Merge::try_new(curve.expect("sound"), &[exposure], 1.0, vec![0; 2]).expect("a sound exposure")
+}
+
+/// Radiance that [`one_exposure`] makes of a code.
+pub fn radiance_of(code: u16) -> f64 {
+    f64::from(code) / 65535.0 / 0.01
+}
+
+/// Runs one frame of 16-bit samples through the front end into a built pyramid.
+pub fn expose(plan: &VecPlan, frame: &[u16]) -> (Pyramid<Vec<Quad>>, Seen) {
+    let mut front = Front::try_new(vec![[0; 3]; sums_len(plan.source_order())], plan.source_order())
+        .expect("room enough");
+    let mut map = dark(Domain::Hemisphere, plan.order());
+    let seen = front.burst(&[Samples::U16(frame)], &one_exposure(), plan, [1.0; 3], &mut map);
+    map.build();
+    (map, seen.expect("a frame that fits"))
+}

@@ -1,0 +1,269 @@
+//! No light is lost between pixels and texels: the plan and the front end against sums over pixels in `f64`.
+
+mod common;
+
+use common::{
+    RngExt, VecPlan, bench_lens, dark, expose, full_circle, off, one_exposure, plain, plan, radiance_of,
+    seeded,
+};
+use core::f64::consts::{FRAC_PI_2, TAU};
+use glam::{DVec2, DVec3};
+use hemilux_core::front::{Front, FrontError, sums_len};
+use hemilux_core::healpix::{self, Domain};
+use hemilux_core::lens::{Intrinsics, Lens, Model};
+use hemilux_core::merge::Samples;
+use hemilux_core::plan::{Plan, PlanError, plan_size};
+
+/// Lenses, image sizes and map orders that differ in everything that could matter.
+fn views() -> Vec<(Lens, u32, u32, u8)> {
+    let vignetting = [1.0, 0.0, -0.2, 0.0, 0.01, 0.0, 0.0, 0.0];
+    let fading = Intrinsics { vignetting, ..plain(Model::Equidistant, [160.2, 119.1], 98.0, 80.0) };
+    let radial = Intrinsics {
+        focal_px: DVec2::new(60.0, 55.0),
+        skew_px: 1.5,
+        ..plain(Model::Radial([0.0, 0.0]), [180.0, 130.0], 60.0, 75.0)
+    };
+    vec![
+        (bench_lens(), 640, 480, 5),
+        (Lens::try_new(fading).expect("a sound lens"), 320, 240, 4),
+        (Lens::try_new(radial).expect("a sound lens"), 333, 251, 4),
+        (full_circle(Model::Equisolid, 501, 93.0), 501, 501, 5),
+        (full_circle(Model::Equidistant, 300, 120.0), 300, 300, 7),
+        (full_circle(Model::Equisolid, 301, 90.0), 301, 301, 6),
+        (full_circle(Model::Equidistant, 21, 90.0), 21, 21, 3),
+    ]
+}
+
+/// Solid angle over illumination of every pixel, above and below the horizon; 0 outside the view.
+fn weights(lens: &Lens, width: u32, height: u32) -> Vec<(f64, f64)> {
+    let pixels = (0..width * height).map(|i| DVec2::new(f64::from(i % width), f64::from(i / width)));
+    pixels
+        .map(|p| match (lens.unproject(p), lens.solid_angle(p)) {
+            (Some(d), Some(omega)) => {
+                let weight = omega / lens.illumination(d.z.acos());
+                if d.z > 0.0 { (weight, 0.0) } else { (0.0, weight) }
+            }
+            _ => (0.0, 0.0),
+        })
+        .collect()
+}
+
+fn constant(plan: &VecPlan, code: u16) -> Vec<u16> {
+    vec![code; 3 * (plan.width() * plan.height()) as usize]
+}
+
+#[test]
+fn energy_of_the_pixels_is_the_energy_of_the_map() {
+    let mut worst = 0.0f64;
+    for (lens, width, height, order) in views() {
+        let plan = plan(&lens, width, height, order);
+        let mut rng = seeded(4);
+        // Seven decades between the darkest and the brightest would not fit one exposure: three and a half do.
+        let frame: Vec<u16> =
+            (0..3 * width * height).map(|_| 10f64.powf(rng.random_range(1.0..4.5)) as u16).collect();
+        let (map, seen) = expose(&plan, &frame);
+        let (mut above, mut below) = ([0.0; 3], [0.0; 3]);
+        for (weight, rgb) in weights(&lens, width, height).iter().zip(frame.as_chunks::<3>().0) {
+            for c in 0..3 {
+                above[c] += radiance_of(rgb[c]) * weight.0;
+                below[c] += radiance_of(rgb[c]) * weight.1;
+            }
+        }
+        for (found, expected) in map.view().total().rgb().into_iter().zip(above) {
+            let error = off(f64::from(found), expected);
+            worst = worst.max(error);
+            assert!(error < 1e-4, "{width} x {height}: {error}");
+        }
+        let y = |rgb: [f64; 3]| 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2];
+        assert!((seen.below - y(below) / y(above)).abs() < 1e-4, "{width} x {height}: {seen:?}");
+        assert_eq!(seen.clipped, 0.0);
+    }
+    println!("worst energy {worst:.1e}");
+}
+
+#[test]
+fn a_constant_scene_gives_its_radiance_times_what_is_seen() {
+    for (lens, width, height, order) in views() {
+        let plan = plan(&lens, width, height, order);
+        // What a lens with vignetting makes of constant light.
+        let pixels = (0..width * height).map(|i| DVec2::new(f64::from(i % width), f64::from(i / width)));
+        let illumination = |p| lens.unproject(p).map_or(0.0, |d| lens.illumination(d.z.acos()));
+        let frame: Vec<u16> = pixels.flat_map(|p| [(30_000.0 * illumination(p)).round() as u16; 3]).collect();
+        let (map, _) = expose(&plan, &frame);
+        let expected = radiance_of(30_000) * TAU * (1.0 - plan.unseen());
+        let error = off(f64::from(map.view().total().energy[1]), expected);
+        // The rim of the image circle is as fine as the pixels: a circle of 21 pixels is off by more.
+        assert!(error < if width > 200 { 2e-3 } else { 3e-2 }, "{width} x {height}: {error}");
+    }
+}
+
+#[test]
+fn seen_and_unseen_make_the_hemisphere() {
+    for (lens, width, height, order) in views() {
+        let plan = plan(&lens, width, height, order);
+        let p = *lens.intrinsics();
+        let plain = Lens::try_new(Intrinsics { vignetting: [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], ..p });
+        let seen: f64 = weights(&plain.expect("sound"), width, height).iter().map(|w| w.0).sum();
+        let sum = seen / TAU + plan.unseen();
+        assert!((sum - 1.0).abs() < if width > 200 { 2e-3 } else { 3e-2 }, "{width} x {height}: {sum}");
+        for (ipix, texel) in plan.texels().iter().enumerate() {
+            let own = healpix::solid_angle(order) * Domain::Hemisphere.share(order, ipix as u32);
+            assert!((0.0..=own * 1.000_001).contains(&f64::from(texel.unseen_sr)), "{texel:?}");
+            let length = DVec3::from_array(texel.direction.map(f64::from)).length();
+            assert!((length - 1.0).abs() < 1e-6 && texel.direction[2] >= 0.0, "{texel:?}");
+        }
+    }
+}
+
+#[test]
+fn what_a_wide_lens_sees_below_the_horizon_is_left_out_and_told() {
+    let plan = plan(&full_circle(Model::Equisolid, 936, 93.0), 936, 936, 5);
+    let (map, seen) = expose(&plan, &constant(&plan, 20_000));
+    // (cos 90 - cos 93) / (1 - cos 90).
+    let expected = -(93f64.to_radians().cos());
+    assert!(off(seen.below, expected) < 5e-3, "{seen:?}");
+    assert!(off(f64::from(map.view().total().energy[0]), TAU * radiance_of(20_000)) < 1e-3);
+    assert_eq!(plan.unseen(), 0.0);
+}
+
+#[test]
+fn a_sun_of_two_pixels_keeps_its_energy_and_place() {
+    for (lens, width, height, order) in views().into_iter().filter(|v| v.1 > 200) {
+        let plan = plan(&lens, width, height, order);
+        let mut frame = constant(&plan, 0);
+        let at = DVec2::new(f64::from(width / 2 + 40), f64::from(height / 2 - 30));
+        let first = ((height / 2 - 30) * width + width / 2 + 40) as usize;
+        frame[3 * first..3 * first + 6].fill(60_000);
+        let (map, _) = expose(&plan, &frame);
+        let omega = |p: DVec2| {
+            let d = lens.unproject(p).expect("inside the view");
+            lens.solid_angle(p).expect("inside the view") / lens.illumination(d.z.acos())
+        };
+        let expected = radiance_of(60_000) * (omega(at) + omega(at + DVec2::X));
+        let total = map.view().total();
+        assert!(off(f64::from(total.energy[2]), expected) < 1e-4, "{width}: {total:?} {expected}");
+        let d = lens.unproject(at + 0.5 * DVec2::X).expect("inside the view");
+        let found = total.first_moment().as_dvec3().normalize();
+        // Half the diagonal of the texels that caught it.
+        assert!(found.distance(d) < healpix::solid_angle(plan.source_order()).sqrt(), "{found} {d}");
+    }
+}
+
+#[test]
+fn no_texel_inside_the_view_stays_empty() {
+    let coarse = (full_circle(Model::Equidistant, 63, 90.0), 64, 63, 7);
+    let narrow = Intrinsics {
+        focal_px: DVec2::new(80.0, 130.0),
+        ..plain(Model::Equidistant, [159.5, 119.5], 1.0, 88.0)
+    };
+    let narrow = (Lens::try_new(narrow).expect("a sound lens"), 320, 240, 6);
+    for (lens, width, height, order) in views().into_iter().chain([coarse, narrow]) {
+        let plan = plan(&lens, width, height, order);
+        let (map, _) = expose(&plan, &constant(&plan, 20_000));
+        let expected: f64 = weights(&lens, width, height).iter().map(|w| w.0).sum();
+        assert!(off(f64::from(map.view().total().y()), expected * radiance_of(20_000)) < 1e-4);
+        let inside = plan.texels().iter().zip(map.texels()).enumerate().filter(|(ipix, (texel, _))| {
+            Domain::Hemisphere.share(order, *ipix as u32) > 0.0 && texel.unseen_sr == 0.0
+        });
+        let empty = inside.clone().filter(|(_, (_, quad))| quad.y() <= 0.0).count();
+        let source = plan.source_order();
+        assert_eq!(empty, 0, "{:?} {width} x {height}, order {source} of {order}, {}", lens, inside.count());
+    }
+}
+
+#[test]
+fn a_white_frame_of_a_large_image_does_not_overflow() {
+    for (max_deg, order) in [(90.0, 0), (178.0, 2)] {
+        let plan = plan(&full_circle(Model::Equidistant, 1600, max_deg), 1600, 1600, order);
+        let (map, seen) = expose(&plan, &constant(&plan, 65_535));
+        let total = f64::from(map.view().total().y());
+        assert!(off(total, TAU * 100.0) < 2e-3, "{total}");
+        let below = -max_deg.to_radians().cos();
+        assert!((seen.below - below).abs() < 2e-3, "{seen:?} {below}");
+        assert!(off(seen.clipped, 1.0) < 2e-3, "{seen:?}");
+    }
+}
+
+#[test]
+fn clipped_and_white_balance_are_told_and_applied() {
+    let (width, height) = (640, 480);
+    let plan = plan(&bench_lens(), width, height, 4);
+    let mut frame = constant(&plan, 10_000);
+    let half = frame.len() / 2;
+    frame[..half].fill(65_535);
+    let mut map = dark(Domain::Hemisphere, 4);
+    let mut front = Front::try_new(vec![[0; 3]; sums_len(4)], 4).expect("room enough");
+    let balance = [2.0, 1.0, 0.5];
+    let seen = front.burst(&[Samples::U16(&frame)], &one_exposure(), &plan, balance, &mut map).expect("fits");
+    let weights = weights(&bench_lens(), width, height);
+    let clipped: f64 = weights[..weights.len() / 2].iter().map(|w| w.0).sum();
+    assert!((seen.clipped - clipped / TAU).abs() < 1e-4, "{seen:?}");
+    map.build();
+    let [r, g, b] = map.view().total().rgb();
+    assert!((r / g - 2.0).abs() < 1e-5 && (b / g - 0.5).abs() < 1e-5, "{r} {g} {b}");
+}
+
+#[test]
+fn frames_and_maps_that_do_not_fit_are_refused() {
+    let plan = plan(&bench_lens(), 640, 480, 3);
+    let frame = constant(&plan, 7);
+    let bytes = vec![7u8; frame.len()];
+    let mut front = Front::try_new(vec![[0; 3]; sums_len(3)], 3).expect("room enough");
+    let mut map = dark(Domain::Hemisphere, 3);
+    let mut run = |frames: &[Samples<'_>], map: &mut _| {
+        front.burst(frames, &one_exposure(), &plan, [1.0; 3], map).expect_err("must be refused")
+    };
+    assert_eq!(run(&[], &mut map), FrontError::FrameCount { found: 0, expected: 1 });
+    let short = [Samples::U16(&frame[1..])];
+    let refused = FrontError::FrameSize { index: 0, found: frame.len() - 1, expected: frame.len() };
+    assert_eq!(run(&short, &mut map), refused);
+    assert_eq!(run(&[Samples::U8(&bytes)], &mut map), FrontError::FrameDepth { index: 0 });
+    for mut other in [dark(Domain::Hemisphere, 2), dark(Domain::Hemisphere, 4), dark(Domain::Sphere, 3)] {
+        assert_eq!(run(&[Samples::U16(&frame)], &mut other), FrontError::OtherMap);
+    }
+    let finer = common::plan(&bench_lens(), 640, 480, 5);
+    let refused = front.burst(&[Samples::U16(&frame)], &one_exposure(), &finer, [1.0; 3], &mut map);
+    assert_eq!(refused, Err(FrontError::OtherMap));
+    let mut map = dark(Domain::Hemisphere, 5);
+    let refused = front.burst(&[Samples::U16(&frame)], &one_exposure(), &finer, [1.0; 3], &mut map);
+    assert_eq!(refused, Err(FrontError::TooFewSums { found: sums_len(3), expected: sums_len(5) }));
+}
+
+#[test]
+fn images_that_cannot_be_planned_are_refused() {
+    let lens = bench_lens();
+    assert_eq!(plan_size(&lens, 0, 480, 5), Err(PlanError::BadSize));
+    assert_eq!(plan_size(&lens, 1 << 14, (1 << 12) + 1, 5), Err(PlanError::BadSize));
+    assert_eq!(plan_size(&lens, 640, 480, 11), Err(PlanError::BadOrder));
+    let aside = Lens::try_new(plain(Model::Equidistant, [-5000.0; 2], 100.0, 80.0)).expect("a sound lens");
+    assert_eq!(plan_size(&aside, 640, 480, 5), Err(PlanError::NothingSeen));
+    let huge = full_circle(Model::Equidistant, 5, 90.0);
+    let size = plan_size(&huge, 5, 5, 0).expect("sizes are fine");
+    let memory = (
+        vec![Default::default(); size.spans],
+        vec![Default::default(); size.cells],
+        vec![Default::default(); size.texels],
+    );
+    let refused = Plan::<Vec<_>, Vec<_>, Vec<_>>::try_new(&huge, 5, 5, 0, memory).map(|p| p.source_order());
+    assert!(matches!(refused, Ok(0) | Err(PlanError::BadOrder)), "{refused:?}");
+}
+
+#[test]
+fn directions_of_cells_are_those_of_their_pixels() {
+    let lens = bench_lens();
+    let plan = plan(&lens, 640, 480, 5);
+    let mut cells = plan.cells().iter();
+    for (row, span) in plan.spans().iter().enumerate() {
+        for column in 0..640u32 {
+            let seen = lens.unproject(DVec2::new(f64::from(column), row as f64));
+            let visited = (span.first..span.first + span.len).contains(&column);
+            assert_eq!(seen.is_some(), visited, "{column} {row}");
+            if let Some(d) = seen {
+                let cell = cells.next().expect("a cell for every seen pixel");
+                assert_eq!(cell.texel, healpix::ipix(plan.source_order(), d));
+                assert!(d.angle_between(DVec3::Z) < FRAC_PI_2 && cell.weight > 0);
+            }
+        }
+    }
+    assert_eq!(cells.next(), None);
+}
