@@ -58,10 +58,10 @@ struct Serve {
     #[arg(long)]
     open: bool,
     /// How the map becomes lights.
-    #[arg(long, value_name = "NAME", default_value = "q2tree", value_parser = PossibleValuesParser::new(NAMES))]
+    #[arg(long, value_name = "NAME", default_value_t = Settings::default().sampler, value_parser = PossibleValuesParser::new(NAMES))]
     sampler: String,
     /// Most lights of a set.
-    #[arg(long, value_name = "N", default_value = "64", value_parser = lights)]
+    #[arg(long, value_name = "N", default_value_t = Settings::default().lights, value_parser = lights)]
     lights: usize,
     /// What stands for the part of the hemisphere that the lens does not see: none or average.
     #[arg(long, value_name = "NAME", default_value = "none", value_parser = extrapolation)]
@@ -225,7 +225,7 @@ mod tests {
             (&["--lights", "50001"], "50000"),
             (&["--lights", "many"], "'many'"),
             (&["--lights"], "--lights"),
-            (&["--lights", "1"], "for 'q2tree'"),
+            (&["--sampler", "q2tree", "--lights", "1"], "for 'q2tree'"),
             (&["--sampler", "guess"], NAMES[0]),
             (&["--extrapolation", "all"], "none or average"),
             (&["--listen", "8080"], "ADDR:PORT"),

@@ -111,7 +111,7 @@ pub(super) fn change_done(config: &Config, pairs: &[(String, String)]) -> Html<S
 /// Says that a change waits for a frame.
 pub(super) fn change_pending(pairs: &[(String, String)]) -> Html<String> {
     let body = format!(
-        "<p>Accepted: {}. It takes effect with the next frame, which the source has not given yet: see \
+        "<p>Accepted: {}. It takes effect with the next frame, which has not come yet: see \
          <a href=\"/info\">info</a>.</p>",
         list(pairs)
     );

@@ -68,7 +68,7 @@ async fn every_request_answers_in_its_own_type() {
         ("/", "text/html; charset=utf-8", "<canvas"),
         ("/info", "text/html; charset=utf-8", "test:mortal"),
         ("/change", "text/html; charset=utf-8", "<form action=\"/change\""),
-        ("/data", "text/plain; charset=utf-8", "# sampler q2tree"),
+        ("/data", "text/plain; charset=utf-8", "# sampler "),
         ("/xml", "application/xml", "<lights version=\"1\""),
         ("/lights.json", "application/json", "\"valid\":true,\"stale\":null"),
         ("/healthz", "text/plain; charset=utf-8", "ok"),
@@ -124,7 +124,6 @@ async fn wrong_changes_change_nothing_and_say_what_is_accepted() {
         "algorithm=",
         "algorithm",
         "samples=0",
-        "samples=1",
         "algorithm=q2tree&samples=1",
         "samples=50001",
         "samples=-1",
@@ -139,7 +138,7 @@ async fn wrong_changes_change_nothing_and_say_what_is_accepted() {
     ] {
         let (status, kind, body) = get(&app, &format!("/change?{query}")).await;
         assert_eq!((status, kind.as_str()), (400, "text/plain; charset=utf-8"), "{query}: {body}");
-        assert!(body.contains("algorithm=pharr|") && body.contains("gui=on|off"), "{query}: {body}");
+        assert!(body.contains(&NAMES.join("|")) && body.contains("gui=on|off"), "{query}: {body}");
     }
     assert_eq!(probe.link().applied().borrow().config, Config::default(), "unchanged");
 }
