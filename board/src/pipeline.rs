@@ -43,16 +43,16 @@ pub enum PipelineError {
     #[error("response: found {0}, expected a rising curve and a white level above black")]
     Response(ResponseError),
     /// The exposures do not merge.
-    #[error("exposures: found {0}")]
+    #[error("exposures: found {0}, expected up to twelve positive times at most 2^24 apart")]
     Merge(MergeError),
     /// The lens does not fit the image.
-    #[error("lens: found {0}")]
+    #[error("lens: found {0}, expected an image circle on the sensor whose pixels fill the map")]
     Plan(PlanError),
     /// No such sampler.
     #[error(transparent)]
     Sampler(#[from] SamplerError),
     /// Frames that do not fit.
-    #[error("burst: found {0}")]
+    #[error("burst: found {0}, expected frames as calibrated")]
     Front(FrontError),
 }
 

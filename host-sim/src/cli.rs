@@ -103,7 +103,7 @@ enum ExtrapolationArg {
 
 #[derive(Args, Debug)]
 struct ScoreArgs {
-    /// The map.
+    /// The map, or scene:NAME.
     #[arg(long, value_name = "FILE")]
     env: PathBuf,
     /// The light set, JSON.
@@ -173,7 +173,7 @@ pub fn run(cli: Cli) -> Result<(), SimError> {
             replay::run(&replay::Job { burst: args.burst, settings, files: args.files.into() })
         }
         Command::Score(a) => {
-            let line = score::score_command(&a.env, &a.set, a.hemisphere)?;
+            let line = score::score_command(&decompose::read(&a.env)?, &a.set, a.hemisphere)?;
             println!("{line}");
             Ok(())
         }

@@ -13,7 +13,7 @@ pub const MAX_VALUE: f32 = 65504.0;
 #[derive(Debug, thiserror::Error)]
 pub enum EnvError {
     /// The file could not be opened or read.
-    #[error("{path}: {source}")]
+    #[error("{path}: found {source}, expected a latitude-longitude map that can be read")]
     Io {
         /// The file.
         path: PathBuf,

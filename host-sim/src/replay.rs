@@ -3,11 +3,11 @@
 use crate::error::SimError;
 use crate::output::{self, Files};
 use hemilux::calibration::{Burst, Calibration, Frame};
-use hemilux::pipeline::{Pipeline, Settings};
+use hemilux::pipeline::{Pipeline, PipelineError, Settings};
 use hemilux::recorded;
 use hemilux_core::response::{Curve, curve_len};
 use hemilux_core::wire::LightSet;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// What to replay, and how.
 #[derive(Clone, Debug)]
@@ -35,11 +35,11 @@ pub fn run(job: &Job) -> Result<(), SimError> {
             None => {
                 print_ratios(&calibration, &burst);
                 let exposures: Vec<_> = burst.frames.iter().map(|f| f.exposure).collect();
-                Pipeline::try_new(calibration, &exposures, job.settings.clone())?
+                Pipeline::try_new(calibration, &exposures, job.settings.clone()).map_err(|e| at(folder, e))?
             }
         };
         let pipeline = pipeline.insert(running);
-        let processed = pipeline.process(&burst)?;
+        let processed = pipeline.process(&burst).map_err(|e| at(folder, e))?;
         let seen = processed.seen;
         eprintln!(
             "hemilux-sim: {}: clipped {:.4} and unseen {:.4} of the hemisphere, light from below {:.4} of that from above",
@@ -71,6 +71,14 @@ pub fn run(job: &Job) -> Result<(), SimError> {
         job.files.write((bursts.len() > 1).then_some(index), &pipeline.map().polar, &lights)?;
     }
     Ok(())
+}
+
+/// Names the burst that a pipeline refused; a wrong sampler or number of lights is the command line's fault.
+fn at(folder: &Path, e: PipelineError) -> SimError {
+    match e {
+        PipelineError::Sampler(e) => e.into(),
+        e => SimError::Failed(format!("{}: {e}", folder.join("burst.toml").display())),
+    }
 }
 
 /// A neighbouring pair of exposures, by the file and by the pixels.

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
-use crate::env::{EnvError, EnvMap};
+use crate::env::EnvMap;
 use crate::metrics::vector::{norm, unit};
 use crate::metrics::{Domain, Lit, LitSet, Reference, Score, sh};
 
@@ -22,11 +22,8 @@ const VERSION: u32 = 1;
 /// Why a light set could not be scored.
 #[derive(Debug, thiserror::Error)]
 pub enum ScoreError {
-    /// The environment map could not be read.
-    #[error(transparent)]
-    Env(#[from] EnvError),
     /// The light set's file could not be opened or read.
-    #[error("{path}: {source}")]
+    #[error("{path}: found {source}, expected a light set that can be read")]
     Io {
         /// The file.
         path: PathBuf,
@@ -48,19 +45,15 @@ pub enum ScoreError {
 /// What was found, and what was expected there.
 type Refusal = (String, &'static str);
 
-/// Reads a map and a light set and gives the line `{"open":…,"shadowed":…,"energy":…}`: ratios, null where
-/// one is infinite. Tells on stderr how many texels of the map were clamped, if any.
+/// Scores a light set against a map and gives the line `{"open":…,"shadowed":…,"energy":…}`: ratios, null where
+/// one is infinite.
 ///
 /// # Errors
-/// When either file cannot be read or is not what it should be.
-pub fn score_command(env: &Path, set: &Path, hemisphere: bool) -> Result<String, ScoreError> {
+/// When the set cannot be read or is not what it should be.
+pub fn score_command(map: &EnvMap, set: &Path, hemisphere: bool) -> Result<String, ScoreError> {
     let lights = read_set(set)?;
-    let map = EnvMap::read(env)?;
-    if map.clamped > 0 {
-        eprintln!("{}: clamped {} texels to 0..65504", env.display(), map.clamped);
-    }
     let domain = if hemisphere { Domain::Hemisphere } else { Domain::Sphere };
-    Ok(to_json(&Reference::new(&map, domain).score(&lights)))
+    Ok(to_json(&Reference::new(map, domain).score(&lights)))
 }
 
 /// Reads a light set and turns it into probe axes.
@@ -281,21 +274,22 @@ mod tests {
             25.0 * sr
         );
         std::fs::write(&json, text).unwrap();
+        let map = EnvMap::read(&env).unwrap();
         for hemisphere in [false, true] {
-            let line = score_command(&env, &json, hemisphere).unwrap();
+            let line = score_command(&map, &json, hemisphere).unwrap();
             let score: serde_json::Value = serde_json::from_str(&line).unwrap();
             for key in ["open", "shadowed", "energy"] {
                 assert!(score[key].as_f64().unwrap() < 1e-12, "{line}");
             }
         }
-        let missing = score_command(&env, &folder.path().join("none.json"), false).unwrap_err().to_string();
+        let missing = score_command(&map, &folder.path().join("none.json"), false).unwrap_err().to_string();
         assert!(missing.contains("none.json") && !missing.contains('\n'), "{missing}");
-        let swapped = score_command(&env, &env, false).unwrap_err().to_string();
+        let swapped = score_command(&map, &env, false).unwrap_err().to_string();
         assert!(
             swapped.contains("env.exr: found ") && swapped.contains("expected one light set"),
             "{swapped}"
         );
-        assert!(score_command(&json, &json, false).unwrap_err().to_string().contains("set.json: found"));
+        assert!(EnvMap::read(&json).unwrap_err().to_string().contains("set.json: found"), "a set is no map");
     }
 
     #[test]

@@ -1,0 +1,141 @@
+//! The real burst of an office: the merge against independent merges in `f64`, and where its lights are.
+
+mod common;
+
+use glam::{DVec2, DVec3};
+use hemilux::calibration::{Burst, Calibration, Pixels};
+use hemilux::pipeline::{Pipeline, Settings};
+use hemilux::recorded;
+use hemilux_core::merge::{MAX_EXPOSURES, Radiance, Samples};
+
+fn load() -> Option<(Calibration, Burst)> {
+    Some(recorded::read_burst(&common::shared("office-burst")?).expect("a burst"))
+}
+
+fn pipeline(calibration: &Calibration, burst: &Burst, settings: Settings) -> Pipeline {
+    let exposures: Vec<_> = burst.frames.iter().map(|f| f.exposure).collect();
+    Pipeline::try_new(calibration.clone(), &exposures, settings).expect("a pipeline")
+}
+
+/// Radiance of every sample by the product's merge.
+fn merged(calibration: &Calibration, burst: &Burst) -> Vec<(f64, bool)> {
+    let pipeline = pipeline(calibration, burst, Settings::default());
+    let mut frames = [Samples::U8(&[]); MAX_EXPOSURES];
+    for (slot, frame) in frames.iter_mut().zip(&burst.frames) {
+        *slot = frame.pixels.samples();
+    }
+    let mut out = vec![Radiance::default(); (calibration.width * calibration.height) as usize];
+    pipeline.merge().merge_into(&frames[..burst.frames.len()], 0, &mut out);
+    let unit = pipeline.merge().unit();
+    out.iter().flat_map(|r| r.rgb.map(|v| (f64::from(v) * unit, r.clipped == 1))).collect()
+}
+
+/// The camera's response as `burst.toml` states it, straight from the file's numbers.
+fn response(channel: usize, code: u8) -> f64 {
+    const C: [[f64; 5]; 3] = [
+        [2.483637, -2.579117, 1.008328, 0.085240, 0.001911],
+        [2.608240, -2.752853, 1.065764, 0.076901, 0.001950],
+        [3.174483, -3.613317, 1.403803, 0.032150, 0.002880],
+    ];
+    let x = f64::from(code) / 255.0;
+    let [a, b, c, d, e] = C[channel];
+    (((a * x + b) * x + c) * x + d) * x + e
+}
+
+/// The codes of sample `i`, shortest exposure first, with the times.
+fn samples(burst: &Burst, i: usize) -> impl Iterator<Item = (u8, f64)> + '_ {
+    burst.frames.iter().map(move |f| match &f.pixels {
+        Pixels::U8(v) => (v[i], f.exposure.seconds),
+        Pixels::U16(_) => unreachable!("the office is recorded in 8 bits"),
+    })
+}
+
+/// sum y / sum t over codes from 16 to 249; without any, the longest that is not saturated; else the shortest.
+fn twin(burst: &Burst, i: usize) -> f64 {
+    let (mut y, mut t) = (0.0, 0.0);
+    for (code, seconds) in samples(burst, i).filter(|(c, _)| (16..250).contains(c)) {
+        y += response(i % 3, code);
+        t += seconds;
+    }
+    if t > 0.0 {
+        return y / t;
+    }
+    let fallback = samples(burst, i).filter(|(c, _)| *c < 250).last();
+    let (code, seconds) = fallback.or_else(|| samples(burst, i).next()).expect("a frame");
+    response(i % 3, code) / seconds
+}
+
+/// Debevec's triangle over the codes as weight.
+fn hat(burst: &Burst, i: usize) -> Option<f64> {
+    let (mut sum, mut weights) = (0.0, 0.0);
+    for (code, seconds) in samples(burst, i).filter(|(c, _)| (1..255).contains(c)) {
+        let weight = f64::from(code.min(255 - code));
+        sum += weight * response(i % 3, code) / seconds;
+        weights += weight;
+    }
+    (weights > 0.0).then(|| sum / weights)
+}
+
+fn inside(calibration: &Calibration) -> Vec<Option<DVec3>> {
+    let (w, h) = (calibration.width, calibration.height);
+    let pixels = (0..h).flat_map(|y| (0..w).map(move |x| DVec2::new(x.into(), y.into())));
+    pixels.map(|p| calibration.lens.unproject(p)).collect()
+}
+
+fn rms(pairs: impl Iterator<Item = (f64, f64)>) -> f64 {
+    let (mut sum, mut count) = (0.0, 0usize);
+    for (value, truth) in pairs.filter(|(_, truth)| *truth > 0.0) {
+        sum += (value / truth - 1.0).powi(2);
+        count += 1;
+    }
+    assert!(count > 1_000_000, "only {count} samples were compared");
+    (sum / count as f64).sqrt()
+}
+
+#[test]
+fn the_merge_equals_an_independent_one_with_the_same_weights() {
+    let Some((calibration, burst)) = load() else { return };
+    let ours = merged(&calibration, &burst);
+    let seen = inside(&calibration);
+    let lit = (0..ours.len()).filter(|i| seen[i / 3].is_some() && !ours[*i].1);
+    let error = rms(lit.map(|i| (ours[i].0, twin(&burst, i))));
+    println!("RMS against the f64 twin: {:.5} %", 100.0 * error);
+    assert!(error < 1e-3, "RMS {error}");
+}
+
+#[test]
+fn the_merge_agrees_with_one_of_hat_weights() {
+    let Some((calibration, burst)) = load() else { return };
+    let ours = merged(&calibration, &burst);
+    let seen = inside(&calibration);
+    let lit = (0..ours.len()).filter(|i| seen[i / 3].is_some() && !ours[*i].1);
+    let error = rms(lit.filter_map(|i| Some((ours[i].0, hat(&burst, i)?))));
+    println!("RMS against hat weights: {:.2} %", 100.0 * error);
+    assert!(error < 0.10, "RMS {error}");
+}
+
+#[test]
+fn the_lights_lie_where_the_pixels_light_is() {
+    let Some((calibration, burst)) = load() else { return };
+    let ours = merged(&calibration, &burst);
+    let mut sum = DVec3::ZERO;
+    for (p, direction) in inside(&calibration).iter().enumerate() {
+        let at = DVec2::new((p % calibration.width as usize) as f64, (p / calibration.width as usize) as f64);
+        if let (Some(d), Some(omega)) = (direction.filter(|d| d.z > 0.0), calibration.lens.solid_angle(at)) {
+            let y = 0.2126 * ours[3 * p].0 + 0.7152 * ours[3 * p + 1].0 + 0.0722 * ours[3 * p + 2].0;
+            sum += d * y * omega;
+        }
+    }
+    for sampler in ["q2tree", "adaptive"] {
+        let settings = Settings { sampler: sampler.into(), ..Settings::default() };
+        let mut pipeline = pipeline(&calibration, &burst, settings);
+        let processed = pipeline.process(&burst).expect("lights");
+        let lights = processed.decomposition.lights.iter();
+        let mean: DVec3 = lights
+            .map(|l| l.direction.as_dvec3() * f64::from(hemilux_core::color::luminance(l.irradiance)))
+            .sum();
+        let off = mean.normalize().dot(sum.normalize()).clamp(-1.0, 1.0).acos().to_degrees();
+        println!("{sampler}: mean direction off by {off:.3} degrees");
+        assert!(off < 1.0, "{sampler}: {off} degrees");
+    }
+}
