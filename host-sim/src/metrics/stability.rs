@@ -7,7 +7,7 @@ use std::collections::{HashMap, HashSet};
 
 use super::reference::ambient_luminance;
 use super::vector::{add_scaled, angle_deg};
-use super::{Grid, LitSet, Reference, luminance, relative, rms, sh};
+use super::{Grid, LitSet, Reference, holds, luminance, relative, rms, sh};
 use crate::env::EnvMap;
 
 /// How near a light must be to a true source to belong to it, degrees (transit energy).
@@ -160,7 +160,7 @@ pub fn parsimony(points: &[(usize, f64)], tolerance: f64) -> Option<usize> {
 
 /// (direction, luminous energy) of the lights that count, then of the ambient's texels.
 fn set_fluxes<'a>(grid: &'a Grid, set: &'a LitSet) -> impl Iterator<Item = ([f64; 3], f64)> + 'a {
-    let inside = set.lights.iter().filter(|light| grid.domain().holds(light.direction));
+    let inside = set.lights.iter().filter(|light| holds(grid.domain(), light.direction));
     let lights = inside.map(|light| (light.direction, luminance(light.irradiance)));
     let ambient = ambient_luminance(set).into_iter().flat_map(move |c| {
         let texels = grid.directions().iter().enumerate();
