@@ -71,6 +71,26 @@ impl Maps {
         resample(env, &mut self.polar);
     }
 
+    /// Takes each quad's and each texel's radiance at its centre: quick, for work that only has to be done, not judged.
+    pub fn fill_at_centres(&mut self, radiance: impl Fn([f64; 3]) -> [f32; 3]) {
+        let order = self.pyramid.view().order();
+        let sr = healpix::solid_angle(order) as f32;
+        for (ipix, quad) in self.pyramid.texels_mut().iter_mut().enumerate() {
+            let centre = healpix::centre(order, ipix as u32);
+            *quad = Quad::from_light(radiance(centre.to_array()).map(|v| v * sr), centre.as_vec3());
+        }
+        self.pyramid.build();
+        let grid = self.polar.grid;
+        let direction = |k: usize| {
+            let theta = (grid.theta(k / grid.width) + grid.theta(k / grid.width + 1)) / 2.0;
+            let phi = grid.phi(k % grid.width) - PI / grid.width as f64;
+            [theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()]
+        };
+        for (k, texel) in self.polar.texels_mut().iter_mut().enumerate() {
+            *texel = radiance(direction(k)).map(|v| v * grid.solid_angle(k / grid.width) as f32);
+        }
+    }
+
     fn fill_pyramid(&mut self, env: &EnvMap) {
         let view = self.pyramid.view();
         let (order, domain) = (view.order(), view.domain());
@@ -137,12 +157,7 @@ impl Plan {
 }
 
 /// Cuts every texel into equal parts and calls `part(texel, direction, steradians)` for each, texel by texel.
-fn cut(
-    (width, height): (usize, usize),
-    domain: Domain,
-    order: u8,
-    mut part: impl FnMut(usize, DVec3, f64),
-) {
+fn cut((width, height): (usize, usize), domain: Domain, order: u8, mut part: impl FnMut(usize, DVec3, f64)) {
     let quad_width = healpix::solid_angle(order).sqrt();
     for row in 0..height {
         let (top, bottom) = edges(height, row, domain);

@@ -50,6 +50,30 @@ pub fn flicker(references: &[Reference], sets: &[LitSet]) -> Vec<f64> {
     steps.map(|(e, now)| relative(rms(differences(&e[1], &e[0]).into_iter()), now.shadowed_mu())).collect()
 }
 
+/// The shadowed error of a set over some of the shadowed probes alone; mu is the mean over these.
+#[must_use]
+pub fn shadowed_error_among(reference: &Reference, set: &LitSet, probes: &[usize]) -> f64 {
+    let excess = differences(&reference.shadowed_of(set), reference.shadowed());
+    relative(rms(probes.iter().map(|&k| excess[k])), mu_among(reference, probes))
+}
+
+/// [`flicker`] over some of the shadowed probes alone; mu is the mean over these.
+#[must_use]
+pub fn flicker_among(references: &[Reference], sets: &[LitSet], probes: &[usize]) -> Vec<f64> {
+    let excess: Vec<Vec<f64>> = references
+        .iter()
+        .zip(sets)
+        .map(|(reference, set)| differences(&reference.shadowed_of(set), reference.shadowed()))
+        .collect();
+    let steps = excess.windows(2).zip(&references[1.min(references.len())..]);
+    let change = |e: &[Vec<f64>]| rms(probes.iter().map(|&k| e[1][k] - e[0][k]));
+    steps.map(|(e, now)| relative(change(e), mu_among(now, probes))).collect()
+}
+
+fn mu_among(reference: &Reference, probes: &[usize]) -> f64 {
+    probes.iter().map(|&k| reference.shadowed()[k]).sum::<f64>() / probes.len().max(1) as f64
+}
+
 /// How far a local change leaks: RMS_k(E_set(after) - E_set(before)) / mu(after) over the probes that
 /// cannot see the switched source, those with |E_ref(after) - E_ref(before)| <= 1e-6 mu(after).
 ///
