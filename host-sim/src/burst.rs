@@ -5,8 +5,10 @@ use crate::env::EnvMap;
 use crate::error::SimError;
 use crate::output;
 use glam::{DVec2, DVec3};
+use hemilux::calibration::{Burst, Calibration, Frame, Pixels};
 use hemilux::recorded::{self, LensFile};
-use hemilux_core::response::Response;
+use hemilux_core::merge::Exposure;
+use hemilux_core::response::{Depth, Response};
 use rand::{Rng, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
@@ -19,6 +21,9 @@ const HEADROOM: f64 = 0.9;
 /// Least mean relative exposure of the longest frame: eight codes of twelve bits. Scenes of more contrast clip their lamps, as
 /// they would on a camera, rather than drown everything else in noise.
 const LEAST_MEAN: f64 = 0.002;
+
+/// Exposure times of \[Nikodym2012\], seconds.
+pub const THESIS_EXPOSURES_S: [f64; 3] = [0.000_926, 0.005_555, 0.033_333];
 
 /// The sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,12 +74,8 @@ pub fn run(job: &Job) -> Result<(), SimError> {
     let env = decompose::read(&job.env)?;
     let lens = recorded::read_lens(&job.lens)?;
     let scene = expose(&env, &lens);
-    let shortest = job.exposures.iter().copied().fold(f64::INFINITY, f64::min);
-    let longest = job.exposures.iter().copied().fold(0.0, f64::max);
-    let fitted = (scene.brightest * shortest / HEADROOM).min(scene.mean * longest / LEAST_MEAN);
-    let scale = job.scale.unwrap_or(if fitted > 0.0 { fitted } else { 1.0 });
-    let full = f64::from((1u32 << job.sensor.bits) - 1);
-    let (black, white) = lens.levels.unwrap_or((f64::from(1u32 << job.sensor.bits >> 4), full));
+    let scale = job.scale.unwrap_or_else(|| fitted_scale(&scene, &job.exposures));
+    let (black, white) = levels(&lens, job.sensor);
     std::fs::create_dir_all(&job.out).map_err(|e| SimError::at(&job.out, e, "a folder that can be made"))?;
     let camera = Camera {
         levels: (black, white),
@@ -83,11 +84,65 @@ pub fn run(job: &Job) -> Result<(), SimError> {
         curves: curves(&lens.response, black, white),
     };
     for (index, seconds) in job.exposures.iter().enumerate() {
-        let mut noise = Pcg64::seed_from_u64(job.seed.wrapping_mul(0x9e37_79b9).wrapping_add(index as u64));
-        let codes = camera.record(&scene, *seconds, &mut noise);
+        let codes = camera.record(&scene, *seconds, &mut noise(job.seed, index));
         save(job, &scene, &codes, index, white)?;
     }
     output::save(&job.out.join("burst.toml"), manifest(job, &lens, scale, (black, white)).as_bytes())
+}
+
+/// The brightest texel just fits into the shortest exposure, unless the scene is too contrasty.
+fn fitted_scale(scene: &Scene, exposures: &[f64]) -> f64 {
+    let shortest = exposures.iter().copied().fold(f64::INFINITY, f64::min);
+    let longest = exposures.iter().copied().fold(0.0, f64::max);
+    let fitted = (scene.brightest * shortest / HEADROOM).min(scene.mean * longest / LEAST_MEAN);
+    if fitted > 0.0 { fitted } else { 1.0 }
+}
+
+fn levels(lens: &LensFile, sensor: Sensor) -> (f64, f64) {
+    let full = f64::from((1u32 << sensor.bits) - 1);
+    lens.levels.unwrap_or((f64::from(1u32 << sensor.bits >> 4), full))
+}
+
+fn noise(seed: u64, index: usize) -> Pcg64 {
+    Pcg64::seed_from_u64(seed.wrapping_mul(0x9e37_79b9).wrapping_add(index as u64))
+}
+
+/// The same burst in memory, with what the pipeline must know of the camera; exposures ascend.
+#[must_use]
+pub fn in_memory(
+    env: &EnvMap,
+    lens: &LensFile,
+    exposures: &[f64],
+    sensor: Sensor,
+    seed: u64,
+) -> (Calibration, Burst) {
+    let scene = expose(env, lens);
+    let scale = fitted_scale(&scene, exposures);
+    let (black, white) = levels(lens, sensor);
+    let curves = curves(&lens.response, black, white);
+    let camera = Camera { levels: (black, white), scale, sensor, curves };
+    let depth = if white <= 255.0 { Depth::U8 } else { Depth::U16 };
+    let frame = |(index, &seconds): (usize, &f64)| {
+        let codes = camera.record(&scene, seconds, &mut noise(seed, index));
+        let pixels = match depth {
+            Depth::U8 => Pixels::U8(codes.iter().map(|c| *c as u8).collect()),
+            Depth::U16 => Pixels::U16(codes),
+        };
+        Frame { exposure: Exposure { seconds, gain: 1.0 }, pixels }
+    };
+    let frames = exposures.iter().enumerate().map(frame).collect();
+    let calibration = Calibration {
+        lens: lens.lens.clone(),
+        width: lens.size[0],
+        height: lens.size[1],
+        response: lens.response.clone(),
+        scale,
+        black,
+        white,
+        white_balance: [1.0; 3],
+        depth,
+    };
+    (calibration, Burst { frames, timestamp_ns: 0 })
 }
 
 fn check(job: &Job) -> Result<(), SimError> {

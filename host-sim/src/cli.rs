@@ -2,7 +2,7 @@
 
 use crate::error::SimError;
 use crate::output::Files;
-use crate::{burst, decompose, replay, score};
+use crate::{burst, chart, decompose, render, replay, score, stress};
 use clap::{Args, Parser, Subcommand};
 use hemilux::pipeline::Settings;
 use hemilux::samplers;
@@ -14,7 +14,11 @@ use std::path::PathBuf;
 const EXAMPLES: &str = "Examples:
   hemilux-sim decompose --env room.exr --lights 64 --picture room.png
   hemilux-sim burst --env room.exr --lens fixtures/lens-160x140.toml --out burst
-  hemilux-sim replay --burst burst --sampler q2tree --lights 64 --picture burst.png";
+  hemilux-sim replay --burst burst --sampler q2tree --lights 64 --picture burst.png
+  hemilux-sim decompose --env room.exr --lights 64 > lights.json
+  hemilux-sim render --env room.exr --set lights.json --out render.png
+  hemilux-sim chart --env maps --out charts
+  hemilux-sim stress --out stress --quick";
 
 /// Simulates and judges a light probe: environment maps and recorded bursts in, directional lights out.
 #[derive(Parser, Debug)]
@@ -32,6 +36,15 @@ enum Command {
     Replay(ReplayArgs),
     /// Scores a light set against the map it stands for: open, shadowed and energy error as ratios.
     Score(ScoreArgs),
+    /// Runs every method over every scenario: error, flicker, leaks, step response, tracking; SVG, JSON and a table.
+    Stress(StressArgs),
+    /// Charts time against error and lights against error of every method over the maps of a folder; SVG, JSON and a table.
+    Chart(ChartArgs),
+    /// Renders a small scene under the map and under a light set, side by side with the difference; or sets it into a photograph.
+    Render(RenderArgs),
+    /// Samples a built-in room and does nothing else, for instruction counters.
+    #[command(hide = true)]
+    SampleFrames(SampleFramesArgs),
     /// Makes the burst that a camera under an HDR map would have recorded.
     Burst(BurstArgs),
 }
@@ -145,6 +158,67 @@ struct BurstArgs {
     out: PathBuf,
 }
 
+#[derive(Args, Debug)]
+struct StressArgs {
+    /// Folder for stress.svg, stress.json and stress.txt.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Smaller maps and shorter sequences: within a minute.
+    #[arg(long)]
+    quick: bool,
+    /// The probe's own samplers alone, as in fixtures/stress-quick.txt.
+    #[arg(long)]
+    core: bool,
+    /// Real maps in the place of the procedural room and sky, in turn; without DIR those in $HEMILUX_HDRI.
+    #[arg(long, value_name = "DIR", num_args = 0..=1)]
+    backgrounds: Option<Option<PathBuf>>,
+}
+
+#[derive(Args, Debug)]
+struct ChartArgs {
+    /// Folder of latitude-longitude maps (shrunk to 512 columns); three procedural ones where left out.
+    #[arg(long, value_name = "DIR")]
+    env: Option<PathBuf>,
+    /// Folder for chart-time.svg, chart-lights.svg, chart.json and chart.txt.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Three maps of 128 columns, every other power of two: within a minute.
+    #[arg(long)]
+    quick: bool,
+}
+
+#[derive(Args, Debug)]
+struct RenderArgs {
+    /// The map, for the reference and the background.
+    #[arg(long, value_name = "FILE")]
+    env: PathBuf,
+    /// The light set, JSON, as `decompose` prints it.
+    #[arg(long, value_name = "LIGHTS.json")]
+    set: PathBuf,
+    /// The picture.
+    #[arg(long, value_name = "FILE.png")]
+    out: PathBuf,
+    /// Sets the objects into this photograph by differential rendering instead.
+    #[arg(long, value_name = "PHOTO.png")]
+    over: Option<PathBuf>,
+}
+
+#[derive(Args, Debug)]
+struct SampleFramesArgs {
+    #[command(flatten)]
+    sampler: SamplerArgs,
+    /// How often.
+    #[arg(long, default_value_t = 1)]
+    frames: usize,
+}
+
+/// The folder that was named, or the one that the environment names.
+fn hdri(named: Option<PathBuf>) -> Result<PathBuf, SimError> {
+    let from_environment = || std::env::var_os("HEMILUX_HDRI").map(PathBuf::from);
+    let expected = "--backgrounds: found no folder, expected one, or HEMILUX_HDRI in the environment";
+    named.or_else(from_environment).ok_or_else(|| SimError::Usage(expected.into()))
+}
+
 /// Runs the command.
 ///
 /// # Errors
@@ -176,6 +250,15 @@ pub fn run(cli: Cli) -> Result<(), SimError> {
             let line = score::score_command(&decompose::read(&a.env)?, &a.set, a.hemisphere)?;
             println!("{line}");
             Ok(())
+        }
+        Command::Stress(a) => {
+            let backgrounds = a.backgrounds.map(hdri).transpose()?;
+            stress::run(&stress::Job { out: a.out, quick: a.quick, core: a.core, backgrounds })
+        }
+        Command::Chart(a) => chart::run(&chart::Job { env: a.env, out: a.out, quick: a.quick }),
+        Command::Render(a) => render::run(&render::Job { env: a.env, set: a.set, out: a.out, over: a.over }),
+        Command::SampleFrames(a) => {
+            chart::counted::sample_frames(&a.sampler.sampler, a.sampler.lights, a.frames)
         }
         Command::Burst(a) => {
             let sensor = burst::Sensor { bits: a.bits, full_well: a.full_well, read_noise: a.read_noise };

@@ -2,12 +2,19 @@
 
 pub mod baseline;
 pub mod burst;
+pub mod chart;
 pub mod cli;
+pub mod contender;
 pub mod decompose;
+pub mod draw;
 pub mod env;
 pub mod error;
 pub mod maps;
 pub mod metrics;
 pub mod output;
+pub mod progress;
+pub mod render;
 pub mod replay;
+pub mod scenario;
 pub mod score;
+pub mod stress;

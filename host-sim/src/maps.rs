@@ -1,6 +1,7 @@
 //! Environment maps as the samplers read them: HEALPix pyramid and latitude-longitude map, the energy kept.
 
 use crate::env::EnvMap;
+use glam::DVec3;
 use hemilux_core::healpix::{self, Domain};
 use hemilux_core::polar::{Grid, LatLong};
 use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
@@ -50,37 +51,132 @@ impl Maps {
         Map { pyramid: self.pyramid.view(), polar: self.polar.view() }
     }
 
-    /// Cuts every texel into equal parts and gives each part's energy, from its own direction, to the quad that holds it.
+    /// Takes the light of `env`, whose shape is that of `plan`.
+    ///
+    /// # Panics
+    /// If the plan was made for maps of another shape.
+    pub fn fill_by(&mut self, plan: &Plan, env: &EnvMap) {
+        assert_eq!(plan.size, (env.width(), env.height()), "the plan is for maps of another size");
+        let view = self.pyramid.view();
+        assert_eq!((plan.domain, plan.order), (view.domain(), view.order()), "the plan is for other maps");
+        let mut sums = vec![[0.0f64; 6]; view.domain().quads(view.order())];
+        for (rgb, share) in plan.shares.iter().map(|s| (env.texels()[s.texel as usize], s)) {
+            let [r, g, b] = rgb.map(f64::from);
+            let y = 0.2126 * r + 0.7152 * g + 0.0722 * b;
+            let [x, y_axis, z] = share.moment.map(|m| y * m);
+            let light = [r * share.sr, g * share.sr, b * share.sr, x, y_axis, z];
+            sums[share.ipix as usize].iter_mut().zip(light).for_each(|(s, v)| *s += v);
+        }
+        self.store(&sums);
+        resample(env, &mut self.polar);
+    }
+
+    /// Takes each quad's and each texel's radiance at its centre: quick, for work that only has to be done, not judged.
+    pub fn fill_at_centres(&mut self, radiance: impl Fn([f64; 3]) -> [f32; 3]) {
+        let order = self.pyramid.view().order();
+        let sr = healpix::solid_angle(order) as f32;
+        for (ipix, quad) in self.pyramid.texels_mut().iter_mut().enumerate() {
+            let centre = healpix::centre(order, ipix as u32);
+            *quad = Quad::from_light(radiance(centre.to_array()).map(|v| v * sr), centre.as_vec3());
+        }
+        self.pyramid.build();
+        let grid = self.polar.grid;
+        let direction = |k: usize| {
+            let theta = (grid.theta(k / grid.width) + grid.theta(k / grid.width + 1)) / 2.0;
+            let phi = grid.phi(k % grid.width) - PI / grid.width as f64;
+            [theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()]
+        };
+        for (k, texel) in self.polar.texels_mut().iter_mut().enumerate() {
+            *texel = radiance(direction(k)).map(|v| v * grid.solid_angle(k / grid.width) as f32);
+        }
+    }
+
     fn fill_pyramid(&mut self, env: &EnvMap) {
         let view = self.pyramid.view();
         let (order, domain) = (view.order(), view.domain());
         let mut sums = vec![[0.0f64; 6]; domain.quads(order)];
-        let quad_width = healpix::solid_angle(order).sqrt();
-        for row in 0..env.height() {
-            let (top, bottom) = edges(env.height(), row, domain);
-            if bottom <= top {
-                continue;
-            }
-            let across = (top + bottom).mul_add(0.5, 0.0).sin() * TAU / env.width() as f64;
-            let parts = |extent: f64| ((FINENESS * extent / quad_width).ceil() as usize).clamp(1, 64);
-            let (m, n) = (parts(bottom - top), parts(across));
-            for column in 0..env.width() {
-                let rgb = env.texels()[row * env.width() + column];
-                for k in 0..m * n {
-                    let part = |i: usize, n: usize| (i as f64 + 0.5) / n as f64;
-                    let z = top.cos() + part(k / n, m) * (bottom.cos() - top.cos());
-                    let phi = PI - (column as f64 + part(k % n, n)) * TAU / env.width() as f64;
-                    let omega = (top.cos() - bottom.cos()) * TAU / (env.width() * m * n) as f64;
-                    deposit(&mut sums, order, z, phi, rgb.map(|v| f64::from(v) * omega));
-                }
-            }
-        }
-        for (quad, s) in self.pyramid.texels_mut().iter_mut().zip(&sums) {
+        cut((env.width(), env.height()), domain, order, |texel, direction, sr| {
+            let rgb = env.texels()[texel].map(|v| f64::from(v) * sr);
+            deposit(&mut sums, order, direction, rgb);
+        });
+        self.store(&sums);
+    }
+
+    fn store(&mut self, sums: &[[f64; 6]]) {
+        for (quad, s) in self.pyramid.texels_mut().iter_mut().zip(sums) {
             let s = s.map(|v| v as f32);
             let y = hemilux_core::color::luminance([s[0], s[1], s[2]]);
             *quad = Quad { energy: [s[0], s[1], s[2], y], moment: [s[3], s[4], s[5], 0.0] };
         }
         self.pyramid.build();
+    }
+}
+
+/// Which texel gives how much to which quad: worked out once for the maps of a sequence.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    size: (usize, usize),
+    domain: Domain,
+    order: u8,
+    shares: Vec<Share>,
+}
+
+/// The common part of a texel and a quad.
+#[derive(Clone, Copy, Debug)]
+struct Share {
+    texel: u32,
+    ipix: u32,
+    /// Its solid angle.
+    sr: f64,
+    /// Integral of the direction over it.
+    moment: [f64; 3],
+}
+
+impl Plan {
+    /// For maps of `width` x `height` texels.
+    #[must_use]
+    pub fn new((width, height): (usize, usize), domain: Domain, order: u8) -> Self {
+        let mut shares: Vec<Share> = Vec::new();
+        let mut first = 0;
+        cut((width, height), domain, order, |texel, direction, sr| {
+            let (texel, ipix) = (texel as u32, healpix::ipix(order, direction));
+            if shares.get(first).is_none_or(|share| share.texel != texel) {
+                first = shares.len();
+            }
+            let part = direction * sr;
+            match shares[first..].iter_mut().find(|share| share.ipix == ipix) {
+                Some(share) => {
+                    share.sr += sr;
+                    share.moment.iter_mut().zip(part.to_array()).for_each(|(m, v)| *m += v);
+                }
+                None => shares.push(Share { texel, ipix, sr, moment: part.to_array() }),
+            }
+        });
+        Self { size: (width, height), domain, order, shares }
+    }
+}
+
+/// Cuts every texel into equal parts and calls `part(texel, direction, steradians)` for each, texel by texel.
+fn cut((width, height): (usize, usize), domain: Domain, order: u8, mut part: impl FnMut(usize, DVec3, f64)) {
+    let quad_width = healpix::solid_angle(order).sqrt();
+    for row in 0..height {
+        let (top, bottom) = edges(height, row, domain);
+        if bottom <= top {
+            continue;
+        }
+        let across = ((top + bottom) * 0.5).sin() * TAU / width as f64;
+        let parts = |extent: f64| ((FINENESS * extent / quad_width).ceil() as usize).clamp(1, 64);
+        let (m, n) = (parts(bottom - top), parts(across));
+        let sr = (top.cos() - bottom.cos()) * TAU / (width * m * n) as f64;
+        for column in 0..width {
+            for k in 0..m * n {
+                let share = |i: usize, n: usize| (i as f64 + 0.5) / n as f64;
+                let z = top.cos() + share(k / n, m) * (bottom.cos() - top.cos());
+                let phi = PI - (column as f64 + share(k % n, n)) * TAU / width as f64;
+                let sin = (1.0 - z * z).max(0.0).sqrt();
+                part(row * width + column, DVec3::new(sin * phi.cos(), sin * phi.sin(), z), sr);
+            }
+        }
     }
 }
 
@@ -91,9 +187,7 @@ fn edges(height: usize, row: usize, domain: Domain) -> (f64, f64) {
     (edge(row), edge(row + 1))
 }
 
-fn deposit(sums: &mut [[f64; 6]], order: u8, z: f64, phi: f64, rgb: [f64; 3]) {
-    let sin = (1.0 - z * z).max(0.0).sqrt();
-    let direction = glam::DVec3::new(sin * phi.cos(), sin * phi.sin(), z);
+fn deposit(sums: &mut [[f64; 6]], order: u8, direction: DVec3, rgb: [f64; 3]) {
     let y = 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2];
     let sum = &mut sums[healpix::ipix(order, direction) as usize];
     for (s, v) in
@@ -141,4 +235,16 @@ fn resample(env: &EnvMap, polar: &mut LatLong<Vec<[f32; 3]>>) {
     for (texel, sum) in polar.texels_mut().iter_mut().zip(sums) {
         *texel = sum.map(|v| v as f32);
     }
+}
+
+/// The map with `width` columns and half as many rows that has the same energy everywhere.
+#[must_use]
+pub fn resized(env: &EnvMap, width: usize) -> EnvMap {
+    let grid = Grid { width, height: width.div_ceil(2), domain: Domain::Sphere };
+    let mut energy =
+        LatLong::try_new(grid, vec![[0.0; 3]; grid.len()]).expect("as many texels as the grid has");
+    resample(env, &mut energy);
+    let texels = energy.texels_mut().iter().enumerate();
+    let radiance = texels.map(|(k, rgb)| rgb.map(|v| (f64::from(v) / grid.solid_angle(k / width)) as f32));
+    EnvMap::new(width, grid.height, radiance.collect())
 }

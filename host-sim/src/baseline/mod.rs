@@ -17,7 +17,6 @@
 
 pub mod cells;
 mod gather;
-mod healpix;
 mod lloyd;
 mod median_cut;
 mod rank_threshold;

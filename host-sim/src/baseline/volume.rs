@@ -6,12 +6,12 @@ use std::f64::consts::PI;
 use std::ops::Range;
 
 use super::cells::Flux;
-use super::healpix;
 use crate::env::EnvMap;
 use crate::metrics::{Domain, Grid, Lit};
+use hemilux_core::healpix;
 
 /// Finest quads: nside 32, 1.8 degrees. Centroids are exact below that.
-const FINEST: u32 = 5;
+const FINEST: u8 = 5;
 /// A box is split in time while its brightest frame exceeds its mean by this share of the mean: about a
 /// lamp that doubles the quad's energy for half of the time. Smaller values spend the budget on noise.
 const RESTLESS: f64 = 0.33;
@@ -54,7 +54,7 @@ pub fn volume(maps: &[EnvMap], domain: Domain, lights: usize) -> Vec<Vec<Lit>> {
 /// Pixel `ipix` of `level`; level 0 is everything, level 1 the base quads.
 #[derive(Clone, Copy, Debug)]
 struct Quad {
-    level: u32,
+    level: u8,
     ipix: usize,
 }
 
@@ -65,7 +65,7 @@ impl Quad {
     }
 
     fn solid_angle(self) -> f64 {
-        if self.level == 0 { 4.0 * PI } else { PI / 3.0 / f64::from(1 << (2 * (self.level - 1))) }
+        if self.level == 0 { 4.0 * PI } else { healpix::solid_angle(self.level - 1) }
     }
 }
 
@@ -78,7 +78,7 @@ impl Pyramid {
     fn new(map: &EnvMap, domain: Domain) -> Self {
         let mut levels = vec![vec![Flux::default(); 12 << (2 * FINEST)]];
         for (direction, rgb) in Grid::new(map, domain).fluxes(map) {
-            levels[0][healpix::ipix(FINEST, direction)] += Flux::of_texel(direction, rgb);
+            levels[0][healpix::ipix(FINEST, direction.into()) as usize] += Flux::of_texel(direction, rgb);
         }
         while levels[levels.len() - 1].len() > 1 {
             let finer = &levels[levels.len() - 1];

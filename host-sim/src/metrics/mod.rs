@@ -16,6 +16,7 @@ pub mod stability;
 pub(crate) mod vector;
 
 pub use grid::Grid;
+pub use hemilux_core::healpix::Domain;
 pub use reference::{Reference, Score};
 
 /// A directional light as it is scored.
@@ -44,21 +45,10 @@ impl From<Vec<Lit>> for LitSet {
     }
 }
 
-/// What part of a map counts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Domain {
-    /// All of it.
-    Sphere,
-    /// The part above the horizon, z > 0. Lights below the horizon do not count either.
-    Hemisphere,
-}
-
-impl Domain {
-    /// Whether a light at `direction` counts; one exactly on the horizon does.
-    #[must_use]
-    pub fn holds(self, direction: [f64; 3]) -> bool {
-        self == Self::Sphere || direction[2] >= 0.0
-    }
+/// Whether a light at `direction` counts: over the hemisphere those above the horizon or exactly on it.
+#[must_use]
+pub fn holds(domain: Domain, direction: [f64; 3]) -> bool {
+    domain == Domain::Sphere || direction[2] >= 0.0
 }
 
 /// Luminance of linear RGB: 0.2126 R + 0.7152 G + 0.0722 B.

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 use super::probes::{OPEN_SET, ProbeSet, SHADOWED_SET};
-use super::{Domain, Grid, LitSet, luminance, relative, rms};
+use super::{Domain, Grid, LitSet, holds, luminance, relative, rms};
 use crate::env::EnvMap;
 
 /// The accuracy of a light set on one map: dimensionless ratios, lower is better.
@@ -162,7 +162,7 @@ impl Reference {
     /// (direction, Y(E)) of the lights inside the domain.
     fn counted<'a>(&self, set: &'a LitSet) -> impl Iterator<Item = ([f64; 3], f64)> + 'a {
         let domain = self.grid.domain();
-        let inside = set.lights.iter().filter(move |light| domain.holds(light.direction));
+        let inside = set.lights.iter().filter(move |light| holds(domain, light.direction));
         inside.map(|light| (light.direction, luminance(light.irradiance)))
     }
 }

@@ -7,7 +7,7 @@ use std::collections::{HashMap, HashSet};
 
 use super::reference::ambient_luminance;
 use super::vector::{add_scaled, angle_deg};
-use super::{Grid, LitSet, Reference, luminance, relative, rms, sh};
+use super::{Grid, LitSet, Reference, holds, luminance, relative, rms, sh};
 use crate::env::EnvMap;
 
 /// How near a light must be to a true source to belong to it, degrees (transit energy).
@@ -48,6 +48,30 @@ pub fn flicker(references: &[Reference], sets: &[LitSet]) -> Vec<f64> {
         .collect();
     let steps = excess.windows(2).zip(&references[1.min(references.len())..]);
     steps.map(|(e, now)| relative(rms(differences(&e[1], &e[0]).into_iter()), now.shadowed_mu())).collect()
+}
+
+/// The shadowed error of a set over some of the shadowed probes alone; mu is the mean over these.
+#[must_use]
+pub fn shadowed_error_among(reference: &Reference, set: &LitSet, probes: &[usize]) -> f64 {
+    let excess = differences(&reference.shadowed_of(set), reference.shadowed());
+    relative(rms(probes.iter().map(|&k| excess[k])), mu_among(reference, probes))
+}
+
+/// [`flicker`] over some of the shadowed probes alone; mu is the mean over these.
+#[must_use]
+pub fn flicker_among(references: &[Reference], sets: &[LitSet], probes: &[usize]) -> Vec<f64> {
+    let excess: Vec<Vec<f64>> = references
+        .iter()
+        .zip(sets)
+        .map(|(reference, set)| differences(&reference.shadowed_of(set), reference.shadowed()))
+        .collect();
+    let steps = excess.windows(2).zip(&references[1.min(references.len())..]);
+    let change = |e: &[Vec<f64>]| rms(probes.iter().map(|&k| e[1][k] - e[0][k]));
+    steps.map(|(e, now)| relative(change(e), mu_among(now, probes))).collect()
+}
+
+fn mu_among(reference: &Reference, probes: &[usize]) -> f64 {
+    probes.iter().map(|&k| reference.shadowed()[k]).sum::<f64>() / probes.len().max(1) as f64
 }
 
 /// How far a local change leaks: RMS_k(E_set(after) - E_set(before)) / mu(after) over the probes that
@@ -160,7 +184,7 @@ pub fn parsimony(points: &[(usize, f64)], tolerance: f64) -> Option<usize> {
 
 /// (direction, luminous energy) of the lights that count, then of the ambient's texels.
 fn set_fluxes<'a>(grid: &'a Grid, set: &'a LitSet) -> impl Iterator<Item = ([f64; 3], f64)> + 'a {
-    let inside = set.lights.iter().filter(|light| grid.domain().holds(light.direction));
+    let inside = set.lights.iter().filter(|light| holds(grid.domain(), light.direction));
     let lights = inside.map(|light| (light.direction, luminance(light.irradiance)));
     let ambient = ambient_luminance(set).into_iter().flat_map(move |c| {
         let texels = grid.directions().iter().enumerate();

@@ -1,0 +1,54 @@
+//! Instructions of one frame's sampling, which are repeatable where times are not: this binary under callgrind.
+
+use super::Point;
+use crate::error::SimError;
+use crate::maps::Maps;
+use crate::metrics::Domain;
+use crate::scenario::stage;
+use hemilux::samplers::{self, Shape};
+use hemilux_core::polar::Grid;
+use hemilux_core::sampler::Request;
+use std::process::Command;
+
+/// Frames of the two runs, whose difference is the work of the frames between.
+const FRAMES: [usize; 2] = [2, 10];
+/// The map that pharr reads.
+const GRID: Grid = Grid { width: 256, height: 128, domain: Domain::Sphere };
+
+/// Samples a procedural room `frames` times and does nothing else: what callgrind counts.
+///
+/// # Errors
+/// [`SimError`] for samplers that do not exist.
+pub fn sample_frames(sampler: &str, lights: usize, frames: usize) -> Result<(), SimError> {
+    let shape = Shape { domain: Domain::Sphere, order: samplers::order_for(lights), grid: GRID };
+    let mut sampler = samplers::make(sampler, &shape, lights)?;
+    let mut maps = Maps::new(shape.domain, shape.order, shape.grid);
+    maps.fill_at_centres(stage::room);
+    for _ in 0..frames {
+        std::hint::black_box(sampler.update(&maps.view(), &Request { lights }));
+    }
+    Ok(())
+}
+
+/// Adds the instructions per frame to the core's points of `lights` lights; without valgrind nothing.
+pub(super) fn add(points: &mut [Point], lights: usize) {
+    for point in points.iter_mut().filter(|p| p.burst_ms.is_some() && p.lights == lights) {
+        let run = |frames| count(point.sampler, lights, frames);
+        let [few, many] = FRAMES.map(run);
+        point.instructions = few.zip(many).map(|(a, b)| b.saturating_sub(a) / (FRAMES[1] - FRAMES[0]) as u64);
+    }
+}
+
+/// Instructions of a whole run; none where callgrind is not installed or says something else.
+fn count(sampler: &str, lights: usize, frames: usize) -> Option<u64> {
+    let output = Command::new("valgrind")
+        .args(["--tool=callgrind", "--callgrind-out-file=/dev/null"])
+        .arg(std::env::current_exe().ok()?)
+        .args(["sample-frames", "--sampler", sampler])
+        .args(["--lights", &lights.to_string(), "--frames", &frames.to_string()])
+        .output()
+        .ok()?;
+    let said = String::from_utf8_lossy(&output.stderr);
+    let (_, collected) = said.split_once("Collected :")?;
+    collected.split_whitespace().next()?.parse().ok()
+}

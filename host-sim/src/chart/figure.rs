@@ -1,0 +1,220 @@
+//! The charts: curves over the number of lights, log axes, Pareto fronts.
+
+use super::{Point, fewest};
+use crate::contender::{Kind, Method, methods};
+use crate::draw::{BLUE, Canvas, GREEN, GREY, INK, LogAxis, ORANGE, PALE, PURPLE, SKY, VERMILLION, plain};
+use plotters::style::RGBColor;
+use plotters::style::text_anchor::HPos;
+
+const PALETTE: [RGBColor; 7] = [VERMILLION, BLUE, GREEN, PURPLE, ORANGE, SKY, INK];
+const FRONT: RGBColor = RGBColor(255, 226, 130);
+const PANEL: [f64; 2] = [420.0, 420.0];
+const LEFT: f64 = 64.0;
+const TOP: f64 = 96.0;
+const FOOT: f64 = 60.0;
+const LEGEND: f64 = 210.0;
+/// Lights whose points are drawn larger, for orientation.
+const MARKED: usize = 64;
+
+/// One panel: a figure against another.
+struct Panel<'a> {
+    title: &'a str,
+    x_label: &'a str,
+    y_label: &'a str,
+    x: fn(&Point) -> Option<f64>,
+    y: fn(&Point) -> Option<f64>,
+}
+
+fn percent(v: Option<f64>) -> Option<f64> {
+    v.map(|v| 100.0 * v).filter(|v| *v > 0.0)
+}
+
+/// Time against error: sampling alone against both errors, and burst to lights.
+pub(super) fn time(points: &[Point]) -> String {
+    let y = "shadowed error, % of mean irradiance";
+    let panels = [
+        Panel {
+            title: "Sampling alone: open receivers",
+            x_label: "time per map, ms (one thread)",
+            y_label: "open error, % of mean irradiance",
+            x: |p| Some(p.sample_ms),
+            y: |p| percent(p.open),
+        },
+        Panel {
+            title: "Sampling alone: shadowed receivers",
+            x_label: "time per map, ms (one thread)",
+            y_label: y,
+            x: |p| Some(p.sample_ms),
+            y: |p| percent(p.shadowed),
+        },
+        Panel {
+            title: "Burst of three 640 x 480 frames to lights",
+            x_label: "time per burst, ms (one thread)",
+            y_label: y,
+            x: |p| p.burst_ms,
+            y: |p| percent(p.shadowed),
+        },
+    ];
+    page("Speed against accuracy: each curve runs over the number of lights", points, &panels, false)
+}
+
+/// Lights against error, with the fewest lights that reach 5 and 2 per cent.
+pub(super) fn lights(points: &[Point]) -> String {
+    let panels = [
+        Panel {
+            title: "Open receivers",
+            x_label: "lights",
+            y_label: "open error, % of mean irradiance",
+            x: |p| Some(p.lights as f64),
+            y: |p| percent(p.open),
+        },
+        Panel {
+            title: "Shadowed receivers; crosses: fewest lights for 5 % and 2 %",
+            x_label: "lights",
+            y_label: "shadowed error, % of mean irradiance",
+            x: |p| Some(p.lights as f64),
+            y: |p| percent(p.shadowed),
+        },
+    ];
+    page("How many lights does it take?", points, &panels, true)
+}
+
+fn page(title: &str, points: &[Point], panels: &[Panel<'_>], parsimony: bool) -> String {
+    let width = (LEFT + PANEL[0]) * panels.len() as f64 + LEGEND + 24.0;
+    let mut buffer = String::new();
+    let canvas = Canvas::new(&mut buffer, (width as u32, (TOP + PANEL[1] + FOOT) as u32));
+    canvas.text(title, [16.0, 26.0], HPos::Left, 22, INK);
+    let maps = points.first().map_or(0, |p| p.maps);
+    let note = format!(
+        "Mean of {maps} maps; lower and further left is better. Yellow: the Pareto front. Large dots: {MARKED} lights."
+    );
+    canvas.text(&note, [16.0, 52.0], HPos::Left, 13, GREY);
+    for (k, panel) in panels.iter().enumerate() {
+        let left = LEFT + (LEFT + PANEL[0]) * k as f64;
+        draw_panel(&canvas, left, panel, points, parsimony && k + 1 == panels.len());
+    }
+    legend(&canvas, (LEFT + PANEL[0]) * panels.len() as f64 + 24.0, points);
+    canvas.finish();
+    buffer
+}
+
+fn draw_panel(canvas: &Canvas<'_>, left: f64, panel: &Panel<'_>, points: &[Point], parsimony: bool) {
+    let drawn: Vec<(&Point, [f64; 2])> =
+        points.iter().filter_map(|p| Some((p, [(panel.x)(p)?, (panel.y)(p)?]))).collect();
+    let x = LogAxis::round(drawn.iter().map(|d| d.1[0]), [left, left + PANEL[0]]);
+    let y = LogAxis::round(drawn.iter().map(|d| d.1[1]), [TOP + PANEL[1], TOP]);
+    axes(canvas, panel, &x, &y);
+    let at = |[a, b]: [f64; 2]| [x.at(a), y.at(b)];
+    let front: Vec<[f64; 2]> = pareto(drawn.iter().map(|d| d.1).collect()).into_iter().map(at).collect();
+    canvas.line(&front, FRONT, 9);
+    if parsimony {
+        for tolerance in [5.0, 2.0] {
+            let level = y.at(tolerance);
+            canvas.line(&[[left, level], [left + PANEL[0], level]], GREY, 1);
+            canvas.text(
+                &format!("{tolerance} %"),
+                [left + PANEL[0] - 4.0, level - 8.0],
+                HPos::Right,
+                11,
+                GREY,
+            );
+        }
+    }
+    for method in methods() {
+        let look = Look::of(&method);
+        let curve: Vec<(usize, [f64; 2])> = drawn
+            .iter()
+            .filter(|(p, _)| p.sampler == method.name)
+            .map(|(p, value)| (p.lights, at(*value)))
+            .collect();
+        look.curve(canvas, &curve);
+        if parsimony {
+            for tolerance in [0.05, 0.02] {
+                let Some(lights) = fewest(points, method.name, tolerance) else { continue };
+                let reached = curve.iter().filter(|(n, _)| *n == lights);
+                reached.for_each(|(_, at)| canvas.cross(*at, 6.0, look.colour));
+            }
+        }
+    }
+}
+
+fn axes(canvas: &Canvas<'_>, panel: &Panel<'_>, x: &LogAxis, y: &LogAxis) {
+    let ([left, right], [bottom, top]) = (x.pixels, y.pixels);
+    for v in x.ticks() {
+        canvas.line(&[[x.at(v), top], [x.at(v), bottom]], PALE, 1);
+        canvas.text(&plain(v), [x.at(v), bottom + 12.0], HPos::Center, 11, INK);
+    }
+    for v in y.ticks() {
+        canvas.line(&[[left, y.at(v)], [right, y.at(v)]], PALE, 1);
+        canvas.text(&plain(v), [left - 6.0, y.at(v)], HPos::Right, 11, INK);
+    }
+    canvas.line(&[[left, top], [left, bottom], [right, bottom]], INK, 1);
+    canvas.text(panel.title, [left, top - 24.0], HPos::Left, 15, INK);
+    canvas.text(panel.y_label, [left, top - 8.0], HPos::Left, 11, GREY);
+    canvas.text(panel.x_label, [(left + right) / 2.0, bottom + 32.0], HPos::Center, 12, INK);
+}
+
+/// The points that no other beats in both figures, from left to right.
+fn pareto(mut values: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
+    values.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+    let mut least = f64::INFINITY;
+    values.retain(|v| {
+        let better = v[1] < least;
+        least = least.min(v[1]);
+        better
+    });
+    values
+}
+
+/// How a method is drawn: the core's thick and filled, the literature's thin and hollow, gathered ones dashed.
+struct Look {
+    colour: RGBColor,
+    kind: Kind,
+}
+
+impl Look {
+    fn of(method: &Method) -> Self {
+        let core = |m: &&Method| (m.kind == Kind::Core) == (method.kind == Kind::Core);
+        let all = methods();
+        let mut bases: Vec<&str> = all.iter().filter(core).map(Method::base).collect();
+        bases.dedup();
+        let index = bases.iter().position(|name| *name == method.base()).unwrap_or(0);
+        Self { colour: PALETTE[index % PALETTE.len()], kind: method.kind }
+    }
+
+    fn curve(&self, canvas: &Canvas<'_>, points: &[(usize, [f64; 2])]) {
+        let line: Vec<[f64; 2]> = points.iter().map(|(_, at)| *at).collect();
+        match self.kind {
+            Kind::Core => canvas.line(&line, self.colour, 3),
+            Kind::Gathered => canvas.dashes(&line, self.colour, 1),
+            Kind::Baseline | Kind::Offline => canvas.line(&line, self.colour, 1),
+        }
+        for (lights, at) in points {
+            let radius = if *lights == MARKED { 5 } else { 2 };
+            canvas.dot(*at, radius, self.colour, self.kind != Kind::Core);
+        }
+    }
+}
+
+fn legend(canvas: &Canvas<'_>, left: f64, points: &[Point]) {
+    canvas.text("fewest lights for 5 %, 2 %", [left + LEGEND - 16.0, TOP - 14.0], HPos::Right, 10, GREY);
+    let drawn = methods().into_iter().filter(|m| points.iter().any(|p| p.sampler == m.name));
+    for (k, method) in drawn.enumerate() {
+        let y = TOP + 10.0 + 19.0 * k as f64;
+        let look = Look::of(&method);
+        look.curve(canvas, &[(0, [left, y]), (0, [left + 28.0, y])]);
+        canvas.text(method.name, [left + 36.0, y], HPos::Left, 12, INK);
+        let few = |tolerance| fewest(points, method.name, tolerance).map_or("–".into(), |n| n.to_string());
+        let both = format!("{}, {}", few(0.05), few(0.02));
+        canvas.text(&both, [left + LEGEND - 16.0, y], HPos::Right, 11, GREY);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn pareto_front_holds_what_nothing_beats() {
+        let values = vec![[3.0, 1.0], [1.0, 3.0], [2.0, 2.0], [2.5, 2.5], [4.0, 1.0], [1.0, 4.0]];
+        assert_eq!(super::pareto(values), [[1.0, 3.0], [2.0, 2.0], [3.0, 1.0]]);
+    }
+}

@@ -1,0 +1,135 @@
+//! Times and scores of one method on one map.
+
+use super::Point;
+use crate::baseline::gather;
+use crate::burst;
+use crate::contender::{Kind, baseline_called, judged, methods};
+use crate::env::EnvMap;
+use crate::error::SimError;
+use crate::maps::{self, Maps};
+use crate::metrics::{Domain, LitSet, Reference, Score};
+use hemilux::pipeline::{Pipeline, Settings};
+use hemilux::recorded::LensFile;
+use hemilux::samplers::{self, Shape};
+use hemilux_core::lens::{Intrinsics, Lens, Model};
+use hemilux_core::sampler::Request;
+use std::time::Instant;
+
+/// A map, prepared for samplers and for the judge.
+pub struct Ground {
+    env: EnvMap,
+    shape: Shape,
+    maps: Maps,
+    reference: Reference,
+}
+
+/// What a method made of a map, and in what time.
+#[derive(Clone, Debug)]
+pub struct Timed {
+    /// The lights.
+    pub set: LitSet,
+    /// Milliseconds.
+    pub ms: f64,
+}
+
+impl Ground {
+    /// Prepares a map.
+    #[must_use]
+    pub fn new(env: &EnvMap) -> Self {
+        let domain = Domain::Sphere;
+        let shape = Shape { domain, order: samplers::order_for(super::MOST), grid: maps::grid(env, domain) };
+        let mut maps = Maps::new(domain, shape.order, shape.grid);
+        maps.fill(env);
+        Self { env: env.clone(), shape, maps, reference: Reference::new(env, domain) }
+    }
+
+    /// Scores a set.
+    #[must_use]
+    pub fn score(&self, set: &LitSet) -> Score {
+        self.reference.score(set)
+    }
+
+    /// Updates a fresh core sampler `repeats` times: the last set (at rest, for those with a memory) and the median time.
+    ///
+    /// # Panics
+    /// If the sampler does not exist or gives more lights at least.
+    #[must_use]
+    pub fn time_core(&self, name: &str, lights: usize, repeats: usize) -> Timed {
+        let mut sampler = samplers::make(name, &self.shape, lights)
+            .expect("a name and a count from the samplers' own lists");
+        let view = self.maps.view();
+        let (mut times, mut set) = (Vec::new(), LitSet::default());
+        for _ in 0..repeats.max(1) {
+            let began = Instant::now();
+            let made = sampler.update(&view, &Request { lights });
+            times.push(1e3 * began.elapsed().as_secs_f64());
+            set = judged(&made);
+        }
+        Timed { set, ms: median(times) }
+    }
+
+    /// Runs a fresh baseline, raw and gathered. One with a memory runs twice and shows its second time.
+    #[must_use]
+    pub fn time_baseline(&self, name: &str, lights: usize) -> [Timed; 2] {
+        let mut sampler = baseline_called(name);
+        if name.ends_with("-warm") {
+            let _ = sampler.decompose(&self.env, Domain::Sphere, lights);
+        }
+        let began = Instant::now();
+        let made = sampler.decompose(&self.env, Domain::Sphere, lights);
+        let ms = 1e3 * began.elapsed().as_secs_f64();
+        let gathered = gather(&self.env, Domain::Sphere, &made);
+        let gathered_ms = 1e3 * began.elapsed().as_secs_f64();
+        [Timed { set: made.into(), ms }, Timed { set: gathered.into(), ms: gathered_ms }]
+    }
+}
+
+/// The middle value; of two the upper.
+pub(super) fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// The standard lens of `formats.md`: what `fixtures/lens-160x140.toml` holds.
+fn standard_lens() -> LensFile {
+    let mut vignetting = [0.0; 8];
+    vignetting[0] = 1.0;
+    let intrinsics = Intrinsics {
+        model: Model::Equidistant,
+        centre_px: glam::DVec2::new(319.5, 239.5),
+        focal_px: glam::DVec2::splat(196.4),
+        skew_px: 0.0,
+        max_theta: 80f64.to_radians(),
+        vignetting,
+    };
+    LensFile {
+        lens: Lens::try_new(intrinsics).expect("a lens that the formats name"),
+        size: [640, 480],
+        response: hemilux_core::response::Response::Linear,
+        levels: None,
+        lens_table: toml::Table::new(),
+        response_table: None,
+    }
+}
+
+/// Adds the time from a burst of three frames to lights to the core's points.
+pub(super) fn bursts(env: &EnvMap, points: &mut [Point], repeats: usize) -> Result<(), SimError> {
+    let sensor = burst::Sensor { bits: 8, full_well: 10_000.0, read_noise: 3.0 };
+    let (calibration, burst) = burst::in_memory(env, &standard_lens(), &burst::THESIS_EXPOSURES_S, sensor, 1);
+    let exposures: Vec<_> = burst.frames.iter().map(|f| f.exposure).collect();
+    let core: Vec<_> = methods().into_iter().filter(|m| m.kind == Kind::Core).map(|m| m.name).collect();
+    for point in points.iter_mut().filter(|p| core.contains(&p.sampler)) {
+        let least = samplers::least_lights(point.sampler, Domain::Hemisphere).unwrap_or(1);
+        let lights = point.lights.max(least);
+        let settings = Settings { sampler: point.sampler.into(), lights, ..Settings::default() };
+        let mut pipeline = Pipeline::try_new(calibration.clone(), &exposures, settings)?;
+        let mut times = Vec::new();
+        for _ in 0..repeats.max(1) {
+            let began = Instant::now();
+            pipeline.process(&burst)?;
+            times.push(1e3 * began.elapsed().as_secs_f64());
+        }
+        point.burst_ms = Some(median(times));
+    }
+    Ok(())
+}

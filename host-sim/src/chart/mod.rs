@@ -1,0 +1,235 @@
+//! `hemilux-sim chart`: time against error, and lights against error, of every method.
+//!
+//! Every method decomposes every map with every number of lights, on one thread, nothing else of ours running; the scores are worked
+//! out afterwards on all cores. `volume` is left out: it decomposes sequences, and one map says nothing about it.
+
+pub mod counted;
+mod figure;
+mod measure;
+#[cfg(test)]
+mod tests;
+
+pub use measure::{Ground, Timed};
+
+use crate::contender::{self, Kind, Method, methods};
+use crate::env::EnvMap;
+use crate::error::SimError;
+use crate::metrics::stability::parsimony;
+use crate::metrics::{Domain, Score};
+use crate::output;
+use crate::progress;
+use crate::scenario::stage;
+use indicatif::ProgressBar;
+use serde::Serialize;
+use std::fmt::Write;
+use std::path::PathBuf;
+
+/// Most lights of a curve.
+pub const MOST: usize = 1024;
+/// Lights for which instructions are counted.
+const COUNTED: usize = 64;
+
+/// What to chart, and where.
+#[derive(Clone, Debug)]
+pub struct Job {
+    /// Folder of maps; procedural ones where `None`.
+    pub env: Option<PathBuf>,
+    /// Folder for `chart.json`, `chart.txt` and the drawings.
+    pub out: PathBuf,
+    /// Three small maps, every other power of two.
+    pub quick: bool,
+}
+
+/// One method with one number of lights, over all maps.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Point {
+    /// The method.
+    pub sampler: &'static str,
+    /// Most lights.
+    pub lights: usize,
+    /// Time of one map, milliseconds, median over the maps: from the prepared map to lights for the core's samplers, from the texels
+    /// to lights for the others.
+    pub sample_ms: f64,
+    /// Open error, mean over the maps.
+    pub open: Option<f64>,
+    /// Shadowed error, mean over the maps.
+    pub shadowed: Option<f64>,
+    /// Shadowed error of the worst map.
+    pub worst_shadowed: Option<f64>,
+    /// Energy error, largest.
+    pub energy: Option<f64>,
+    /// How many maps.
+    pub maps: usize,
+    /// From a burst of three 640 x 480 frames to lights, milliseconds; the core's samplers alone.
+    pub burst_ms: Option<f64>,
+    /// Instructions of one map's sampling under callgrind, where that is installed; the core's samplers with 64 lights alone.
+    pub instructions: Option<u64>,
+}
+
+/// Writes the charts.
+///
+/// # Errors
+/// [`SimError`].
+pub fn run(job: &Job) -> Result<(), SimError> {
+    let maps = load(job)?;
+    std::fs::create_dir_all(&job.out).map_err(|e| SimError::at(&job.out, e, "a folder that can be made"))?;
+    let step = if job.quick { 4 } else { 2 };
+    let repeats = if job.quick { 3 } else { 7 };
+    let mut points = points(&maps, &methods(), step, repeats);
+    measure::bursts(&maps[0], &mut points, repeats)?;
+    if !job.quick {
+        counted::add(&mut points, COUNTED);
+    }
+    let name = |file: &str| job.out.join(file);
+    output::save(&name("chart.json"), json(&points).as_bytes())?;
+    output::save(&name("chart.txt"), text(&points).as_bytes())?;
+    output::save(&name("chart-time.svg"), figure::time(&points).as_bytes())?;
+    output::save(&name("chart-lights.svg"), figure::lights(&points).as_bytes())?;
+    let folder = job.out.display();
+    eprintln!("hemilux-sim: wrote chart.json, chart.txt, chart-time.svg and chart-lights.svg to {folder}");
+    Ok(())
+}
+
+/// The maps: of a folder, at most 512 columns wide (128 and three maps for `--quick`), or procedural ones.
+fn load(job: &Job) -> Result<Vec<EnvMap>, SimError> {
+    let width = if job.quick { 128 } else { 512 };
+    let mut maps: Vec<EnvMap> = match &job.env {
+        Some(folder) => contender::read_maps(folder, width)?.into_iter().map(|(_, map)| map).collect(),
+        None => procedural(width.min(256)),
+    };
+    if job.quick {
+        maps.truncate(3);
+    }
+    Ok(maps)
+}
+
+/// A room, a clear day and a day with clouds.
+fn procedural(width: usize) -> Vec<EnvMap> {
+    use crate::metrics::stability::Source;
+    let paint = |radiance: fn([f64; 3]) -> [f32; 3]| EnvMap::from_fn(width, width / 2, radiance);
+    let sun = Source { direction: stage::at(40.0, 100.0), radius_deg: 1.5 };
+    let sky = paint(stage::sky);
+    let sunny = stage::with_disc(&sky, sun, stage::DAYLIGHT, 5.0 * stage::energy(&sky));
+    let cloudy = stage::repainted(&sky, |d, rgb| rgb.map(|v| v + 1.5 * stage::cloud(d, 0.0) as f32));
+    vec![paint(stage::room), sunny, cloudy]
+}
+
+/// The numbers of lights of a method's curve: its least, then powers of `step` times two.
+#[must_use]
+pub fn counts(method: &Method, step: usize) -> Vec<usize> {
+    let least = method.least(Domain::Sphere);
+    let powers = std::iter::successors(Some(if step == 4 { 16 } else { 1 }), |n| Some(n * step));
+    let above = powers.take_while(|n| *n <= MOST).filter(|n| *n > least);
+    std::iter::once(least).chain(above).collect()
+}
+
+/// Every method with every number of lights over all maps.
+#[must_use]
+pub fn points(maps: &[EnvMap], methods: &[Method], step: usize, repeats: usize) -> Vec<Point> {
+    let grounds: Vec<Ground> = progress::on_all_cores(maps.len(), |k| Ground::new(&maps[k]));
+    let measured: Vec<&Method> =
+        methods.iter().filter(|m| matches!(m.kind, Kind::Core | Kind::Baseline)).collect();
+    let bar = progress::bar("chart", measured.iter().map(|m| counts(m, step).len() * maps.len()).sum());
+    let mut points = Vec::new();
+    for method in measured {
+        let gathered = methods.iter().find(|m| m.kind == Kind::Gathered && m.base() == method.name);
+        let mut after = Vec::new();
+        for lights in counts(method, step) {
+            bar.set_message(format!("{} {lights}", method.name));
+            let [raw, with_v] = over_maps(&grounds, method, lights, repeats, &bar);
+            points.push(point(&grounds, method.name, lights, &raw));
+            after.extend(gathered.map(|method| point(&grounds, method.name, lights, &with_v)));
+        }
+        points.extend(after);
+    }
+    bar.finish_and_clear();
+    points
+}
+
+/// A method on every map, as it is and, for baselines, gathered.
+fn over_maps(
+    grounds: &[Ground],
+    method: &Method,
+    lights: usize,
+    repeats: usize,
+    bar: &ProgressBar,
+) -> [Vec<Timed>; 2] {
+    let (mut raw, mut gathered) = (Vec::new(), Vec::new());
+    for ground in grounds {
+        if method.kind == Kind::Core {
+            raw.push(ground.time_core(method.name, lights, repeats));
+        } else {
+            let [plain, with_v] = ground.time_baseline(method.name, lights);
+            raw.push(plain);
+            gathered.push(with_v);
+        }
+        bar.inc(1);
+    }
+    [raw, gathered]
+}
+
+fn point(grounds: &[Ground], sampler: &'static str, lights: usize, runs: &[Timed]) -> Point {
+    let scores: Vec<Score> = progress::on_all_cores(runs.len(), |k| grounds[k].score(&runs[k].set));
+    let mean = |of: fn(&Score) -> f64| scores.iter().map(of).sum::<f64>() / scores.len().max(1) as f64;
+    let worst = |of: fn(&Score) -> f64| scores.iter().map(of).fold(0.0, f64::max);
+    let finite = |v: f64| v.is_finite().then_some(v);
+    Point {
+        sampler,
+        lights,
+        sample_ms: measure::median(runs.iter().map(|run| run.ms).collect()),
+        open: finite(mean(|s| s.open)),
+        shadowed: finite(mean(|s| s.shadowed)),
+        worst_shadowed: finite(worst(|s| s.shadowed)),
+        energy: finite(worst(|s| s.energy)),
+        maps: runs.len(),
+        burst_ms: None,
+        instructions: None,
+    }
+}
+
+/// `{"points": [...]}`, one point a line.
+#[must_use]
+pub fn json(points: &[Point]) -> String {
+    let lines: Vec<String> = points.iter().map(|point| serde_json::json!(point).to_string()).collect();
+    format!("{{\"points\": [\n{}\n]}}\n", lines.join(",\n"))
+}
+
+/// The fewest lights of `sampler` that reach a shadowed error of `tolerance`.
+#[must_use]
+pub fn fewest(points: &[Point], sampler: &str, tolerance: f64) -> Option<usize> {
+    let curve = points.iter().filter(|p| p.sampler == sampler);
+    parsimony(&curve.filter_map(|p| Some((p.lights, p.shadowed?))).collect::<Vec<_>>(), tolerance)
+}
+
+/// The points as a table.
+fn text(points: &[Point]) -> String {
+    let mut out = format!(
+        "{:<18}{:>7}{:>11}{:>9}{:>11}{:>9}{:>11}{:>11}{:>14}\n",
+        "sampler",
+        "lights",
+        "sample ms",
+        "open %",
+        "shadowed %",
+        "worst %",
+        "energy",
+        "burst ms",
+        "instructions"
+    );
+    for p in points {
+        let percent = |v: Option<f64>| v.map_or("-".into(), |v| format!("{:.3}", 100.0 * v));
+        let energy = p.energy.map_or("-".into(), |v| format!("{v:.1e}"));
+        let burst = p.burst_ms.map_or("-".into(), |v| format!("{v:.3}"));
+        let instructions = p.instructions.map_or("-".into(), |v| v.to_string());
+        let _ = writeln!(
+            out,
+            "{:<18}{:>7}{:>11.4}{:>9}{:>11}{:>9}{energy:>11}{burst:>11}{instructions:>14}",
+            p.sampler,
+            p.lights,
+            p.sample_ms,
+            percent(p.open),
+            percent(p.shadowed),
+            percent(p.worst_shadowed)
+        );
+    }
+    out
+}

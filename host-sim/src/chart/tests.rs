@@ -1,0 +1,52 @@
+//! The chart's layout on tiny maps.
+
+use super::*;
+
+fn two_maps() -> Vec<EnvMap> {
+    let lamp = |d: [f64; 3]| if d[2] > 0.9 { [40.0f32, 30.0, 20.0] } else { [0.3, 0.2, 0.2] };
+    vec![EnvMap::from_fn(32, 16, lamp), EnvMap::from_fn(32, 16, |d| [1.0 + d[0] as f32; 3])]
+}
+
+fn two_methods() -> Vec<Method> {
+    methods().into_iter().filter(|m| ["q2tree", "median-cut"].contains(&m.name)).collect()
+}
+
+#[test]
+fn json_has_the_keys_of_the_format_and_one_point_per_count() {
+    let methods = two_methods();
+    let mut points = points(&two_maps(), &methods, 4, 1);
+    assert_eq!(points.len(), methods.iter().map(|m| counts(m, 4).len()).sum::<usize>());
+    measure::bursts(&two_maps()[0], &mut points, 1).unwrap();
+    let parsed: serde_json::Value = serde_json::from_str(&json(&points)).unwrap();
+    for point in parsed["points"].as_array().unwrap() {
+        for key in ["sample_ms", "open", "shadowed", "worst_shadowed", "energy"] {
+            assert!(point[key].as_f64().is_some_and(|v| v >= 0.0), "{key}: {point}");
+        }
+        assert_eq!(point["maps"], 2);
+        assert!(point["worst_shadowed"].as_f64() >= point["shadowed"].as_f64());
+        assert!(point["energy"].as_f64().unwrap() < 1e-3, "{point}");
+        assert_eq!(point["burst_ms"].is_null(), point["sampler"] == "median-cut");
+    }
+    let (time, lights) = (figure::time(&points), figure::lights(&points));
+    assert!(time.contains("</svg>") && lights.contains("median-cut"));
+    assert!(fewest(&points, "median-cut", 0.05).is_some_and(|n| n <= 256));
+}
+
+#[test]
+fn counts_run_from_the_least_to_1024() {
+    for method in methods().iter().filter(|m| m.kind == Kind::Core) {
+        let least = method.least(Domain::Sphere);
+        for step in [2, 4] {
+            let counts = counts(method, step);
+            assert_eq!((counts[0], counts[counts.len() - 1]), (least, MOST));
+            assert!(counts.windows(2).all(|pair| pair[0] < pair[1]));
+        }
+    }
+}
+
+#[test]
+fn counted_work_refuses_what_does_not_exist() {
+    assert!(counted::sample_frames("q2tree", 16, 2).is_ok());
+    let refused = counted::sample_frames("q3tree", 16, 2).unwrap_err();
+    assert_eq!(refused.code(), 2);
+}

@@ -1,0 +1,183 @@
+//! Every method of a comparison under one roof: the core's samplers, the baselines raw and gathered, the offline volume sampler.
+
+use crate::baseline::{self, gather};
+use crate::env::EnvMap;
+use crate::maps::{self, Maps, Plan};
+use crate::metrics::{Domain, Lit, LitSet};
+use crate::scenario::Scenario;
+use hemilux::samplers::{self, Shape};
+use hemilux_core::light::Decomposition;
+use hemilux_core::sampler::Request;
+
+/// What a method is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// A sampler of the core: runs on the probe.
+    Core,
+    /// A method of the literature, map by map.
+    Baseline,
+    /// A baseline followed by a Voronoi gather.
+    Gathered,
+    /// Needs the whole sequence.
+    Offline,
+}
+
+/// A method by its name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Method {
+    /// Its name in charts and reports.
+    pub name: &'static str,
+    /// What it is.
+    pub kind: Kind,
+}
+
+impl Method {
+    /// The fewest lights that it gives.
+    #[must_use]
+    pub fn least(&self, domain: Domain) -> usize {
+        if self.kind == Kind::Core { samplers::least_lights(self.name, domain).unwrap_or(1) } else { 1 }
+    }
+
+    /// The method whose lights are gathered.
+    #[must_use]
+    pub fn base(&self) -> &'static str {
+        self.name.strip_suffix("+v").unwrap_or(self.name)
+    }
+}
+
+/// All methods: the core's by [`samplers::NAMES`], then the baselines, then `volume`.
+#[must_use]
+pub fn methods() -> Vec<Method> {
+    let core = samplers::NAMES.iter().map(|name| Method { name, kind: Kind::Core });
+    let baselines = baseline::all().into_iter().map(|b| {
+        let kind = if b.name().ends_with("+v") { Kind::Gathered } else { Kind::Baseline };
+        Method { name: b.name(), kind }
+    });
+    let offline = [Method { name: "volume", kind: Kind::Offline }];
+    core.chain(baselines).chain(offline).collect()
+}
+
+/// A fresh baseline.
+///
+/// # Panics
+/// If there is none of this name.
+#[must_use]
+pub fn baseline_called(name: &str) -> Box<dyn baseline::Baseline> {
+    let mut all = baseline::all().into_iter();
+    all.find(|b| b.name() == name).expect("the names come from the baselines themselves")
+}
+
+/// A core sampler's result as the judge reads it.
+#[must_use]
+pub fn judged(made: &Decomposition<'_>) -> LitSet {
+    let lit = |l: &hemilux_core::light::Light| Lit {
+        direction: l.direction.to_array().map(f64::from),
+        irradiance: l.irradiance.map(f64::from),
+        id: l.id,
+    };
+    let ambient_sh = made.ambient.map(|rows| rows.map(|rgb| rgb.map(f64::from)));
+    LitSet { lights: made.lights.iter().map(lit).collect(), ambient_sh }
+}
+
+/// The light sets of one method over a sequence.
+#[derive(Clone, Debug)]
+pub struct Run {
+    /// The method.
+    pub method: Method,
+    /// Most lights.
+    pub lights: usize,
+    /// One set per frame; `None` where the method cannot do what the scenario asks.
+    pub sets: Option<Vec<LitSet>>,
+}
+
+/// The finest order that any of `counts` lights needs.
+fn order(counts: &[usize]) -> u8 {
+    samplers::order_for(counts.iter().copied().max().unwrap_or(1))
+}
+
+/// Runs the core's samplers over a sequence, each with each number of lights; the maps are made once for all of them.
+#[must_use]
+pub fn run_core(scenario: &Scenario, counts: &[usize]) -> Vec<Run> {
+    let first = &scenario.seen()[0];
+    let shape =
+        Shape { domain: scenario.domain, order: order(counts), grid: maps::grid(first, scenario.domain) };
+    let plan = Plan::new((first.width(), first.height()), shape.domain, shape.order);
+    let mut maps = Maps::new(shape.domain, shape.order, shape.grid);
+    let core: Vec<Method> = methods().into_iter().filter(|m| m.kind == Kind::Core).collect();
+    let mut running: Vec<_> = core
+        .iter()
+        .flat_map(|&method| counts.iter().map(move |&lights| (method, lights)))
+        .map(|(method, lights)| {
+            (method, lights, samplers::make(method.name, &shape, lights).ok(), Vec::new())
+        })
+        .collect();
+    for (t, map) in scenario.seen().iter().enumerate() {
+        maps.fill_by(&plan, map);
+        for (method, lights, sampler, sets) in &mut running {
+            if let Some(sampler) = sampler {
+                let lights = scenario.lights(t, *lights, method.least(scenario.domain));
+                sets.push(judged(&sampler.update(&maps.view(), &Request { lights })));
+            }
+        }
+    }
+    let runs = running.into_iter();
+    runs.map(|(method, lights, sampler, sets)| Run { method, lights, sets: sampler.map(|_| sets) }).collect()
+}
+
+/// Runs a baseline over a sequence, raw and gathered.
+fn run_baseline(method: Method, scenario: &Scenario, lights: usize) -> [Vec<LitSet>; 2] {
+    let mut sampler = baseline_called(method.name);
+    let (mut raw, mut gathered) = (Vec::new(), Vec::new());
+    for (t, map) in scenario.seen().iter().enumerate() {
+        let lights = scenario.lights(t, lights, 1);
+        let made = sampler.decompose(map, scenario.domain, lights);
+        gathered.push(gather(map, scenario.domain, &made).into());
+        raw.push(made.into());
+    }
+    [raw, gathered]
+}
+
+fn run_volume(scenario: &Scenario, lights: usize) -> Option<Vec<LitSet>> {
+    // It takes one number for the whole sequence.
+    scenario.share.is_empty().then(|| {
+        let frames = baseline::volume(scenario.seen(), scenario.domain, lights);
+        frames.into_iter().map(LitSet::from).collect()
+    })
+}
+
+/// Runs the other methods over a sequence.
+#[must_use]
+pub fn run_baselines(scenario: &Scenario, counts: &[usize]) -> Vec<Run> {
+    let all = methods();
+    let mut runs = Vec::new();
+    for method in all.iter().filter(|m| m.kind == Kind::Baseline) {
+        let gathered = all.iter().find(|m| m.kind == Kind::Gathered && m.base() == method.name);
+        let mut after = Vec::new();
+        for &lights in counts {
+            let [raw, with_v] = run_baseline(*method, scenario, lights);
+            runs.push(Run { method: *method, lights, sets: Some(raw) });
+            after.extend(gathered.map(|&method| Run { method, lights, sets: Some(with_v) }));
+        }
+        runs.extend(after);
+    }
+    for &method in all.iter().filter(|m| m.kind == Kind::Offline) {
+        runs.extend(counts.iter().map(|&lights| Run { method, lights, sets: run_volume(scenario, lights) }));
+    }
+    runs
+}
+
+/// The maps in a folder, shrunk to `width` columns where they have more.
+///
+/// # Errors
+/// [`crate::error::SimError`] for a folder or a map that cannot be read.
+pub fn read_maps(
+    folder: &std::path::Path,
+    width: usize,
+) -> Result<Vec<(String, EnvMap)>, crate::error::SimError> {
+    let read = |path: std::path::PathBuf| {
+        let map = crate::decompose::read(&path)?;
+        let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        Ok((name, if map.width() > width { maps::resized(&map, width) } else { map }))
+    };
+    crate::decompose::list(folder)?.into_iter().map(read).collect()
+}

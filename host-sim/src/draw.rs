@@ -1,0 +1,159 @@
+//! What the SVG charts share: colours that colour-blind readers tell apart, text, log axes in pixels.
+
+use plotters::backend::SVGBackend;
+use plotters::coord::Shift;
+use plotters::prelude::{Circle, DrawingArea, IntoFont, PathElement, RGBColor, Rectangle, Text};
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+use plotters::style::{Color, ShapeStyle};
+
+/// Okabe and Ito's palette.
+pub const BLUE: RGBColor = RGBColor(0, 114, 178);
+/// Vermillion.
+pub const VERMILLION: RGBColor = RGBColor(213, 94, 0);
+/// Bluish green.
+pub const GREEN: RGBColor = RGBColor(0, 158, 115);
+/// Reddish purple.
+pub const PURPLE: RGBColor = RGBColor(204, 121, 167);
+/// Orange.
+pub const ORANGE: RGBColor = RGBColor(230, 159, 0);
+/// Sky blue.
+pub const SKY: RGBColor = RGBColor(86, 180, 233);
+/// Text and axes.
+pub const INK: RGBColor = RGBColor(34, 34, 34);
+/// Less important text.
+pub const GREY: RGBColor = RGBColor(120, 120, 120);
+/// Grid lines.
+pub const PALE: RGBColor = RGBColor(224, 224, 224);
+
+/// A drawing whose errors cannot happen: the backend writes to memory.
+pub struct Canvas<'a> {
+    area: DrawingArea<SVGBackend<'a>, Shift>,
+}
+
+impl<'a> Canvas<'a> {
+    /// A white page.
+    pub fn new(buffer: &'a mut String, size: (u32, u32)) -> Self {
+        let canvas = Self {
+            area: plotters::prelude::IntoDrawingArea::into_drawing_area(SVGBackend::with_string(
+                buffer, size,
+            )),
+        };
+        let (w, h) = (f64::from(size.0), f64::from(size.1));
+        canvas.rect([0.0, 0.0], [w, h], RGBColor(255, 255, 255));
+        canvas
+    }
+
+    /// A filled rectangle.
+    pub fn rect(&self, a: [f64; 2], b: [f64; 2], colour: RGBColor) {
+        let _ = self.area.draw(&Rectangle::new([pixel(a), pixel(b)], colour.filled()));
+    }
+
+    /// A line through these points.
+    pub fn line(&self, points: &[[f64; 2]], colour: RGBColor, width: u32) {
+        let points: Vec<_> = points.iter().copied().map(pixel).collect();
+        let _ = self.area.draw(&PathElement::new(points, colour.stroke_width(width)));
+    }
+
+    /// A line of dashes.
+    pub fn dashes(&self, points: &[[f64; 2]], colour: RGBColor, width: u32) {
+        for pair in points.windows(2) {
+            let (a, b) = (pair[0], pair[1]);
+            let length = f64::hypot(b[0] - a[0], b[1] - a[1]);
+            let at = |s: f64| [0, 1].map(|i| a[i] + (b[i] - a[i]) * (s / length).min(1.0));
+            let mut s = 0.0;
+            while s < length {
+                self.line(&[at(s), at(s + 4.0)], colour, width);
+                s += 7.0;
+            }
+        }
+    }
+
+    /// A disc or, with a `hole`, a ring.
+    pub fn dot(&self, at: [f64; 2], radius: i32, colour: RGBColor, hole: bool) {
+        let style = if hole { ShapeStyle::from(&colour).stroke_width(2) } else { colour.filled() };
+        let _ = self.area.draw(&Circle::new(pixel(at), radius, style));
+    }
+
+    /// A small square.
+    pub fn square(&self, [x, y]: [f64; 2], half: f64, colour: RGBColor) {
+        self.rect([x - half, y - half], [x + half, y + half], colour);
+    }
+
+    /// A small cross.
+    pub fn cross(&self, [x, y]: [f64; 2], half: f64, colour: RGBColor) {
+        self.line(&[[x - half, y - half], [x + half, y + half]], colour, 2);
+        self.line(&[[x - half, y + half], [x + half, y - half]], colour, 2);
+    }
+
+    /// Text of `size` pixels, its middle at the height of `at`, to the left or right of it or round it.
+    pub fn text(&self, text: &str, at: [f64; 2], side: HPos, size: i32, colour: RGBColor) {
+        // The library counts in points of its own, 1.24 to a pixel.
+        let size = f64::from(size) * 1.24;
+        let style = ("sans-serif", size).into_font().color(&colour).pos(Pos::new(side, VPos::Center));
+        let _ = self.area.draw(&Text::new(text.to_string(), pixel(at), style));
+    }
+
+    /// Ends the page.
+    pub fn finish(self) {
+        let _ = self.area.present();
+    }
+}
+
+fn pixel([x, y]: [f64; 2]) -> (i32, i32) {
+    (x.round() as i32, y.round() as i32)
+}
+
+/// A logarithmic axis in pixels.
+#[derive(Clone, Copy, Debug)]
+pub struct LogAxis {
+    /// Values at the two ends.
+    pub values: [f64; 2],
+    /// Pixels at the two ends.
+    pub pixels: [f64; 2],
+}
+
+impl LogAxis {
+    /// Where `value` stands; what is outside stands at the end.
+    #[must_use]
+    pub fn at(&self, value: f64) -> f64 {
+        let [low, high] = self.values;
+        let part = (value.clamp(low, high) / low).ln() / (high / low).ln();
+        self.pixels[0] + part * (self.pixels[1] - self.pixels[0])
+    }
+
+    /// Powers of ten on it; on a short axis twice and five times these as well.
+    #[must_use]
+    pub fn ticks(&self) -> Vec<f64> {
+        let [low, high] = self.values;
+        let steps: &[f64] = if high / low < 60.0 { &[1.0, 2.0, 5.0] } else { &[1.0] };
+        let from = low.log10().floor() as i32;
+        let all = (from..from + 20).flat_map(|k| steps.iter().map(move |s| s * 10f64.powi(k)));
+        all.filter(|v| (low * 0.999..=high * 1.001).contains(v)).collect()
+    }
+
+    /// The axis that holds all of `values`, from a round number to a round number.
+    #[must_use]
+    pub fn round(values: impl Iterator<Item = f64>, pixels: [f64; 2]) -> Self {
+        let (mut low, mut high) = (f64::INFINITY, 0.0f64);
+        for v in values.filter(|v| *v > 0.0 && v.is_finite()) {
+            (low, high) = (low.min(v), high.max(v));
+        }
+        if high == 0.0 {
+            return Self { values: [0.1, 10.0], pixels };
+        }
+        let down = |v: f64| {
+            let power = 10f64.powf(v.log10().floor());
+            let step = [5.0, 2.0, 1.0].into_iter().find(|s| s * power <= v * 1.001);
+            power * step.unwrap_or(1.0)
+        };
+        // Rounding 1 / v down rounds v up.
+        let (low, high) = (down(low), 1.0 / down(1.0 / high));
+        Self { values: [low, high.max(5.0 * low)], pixels }
+    }
+}
+
+/// A number as people write it: no trailing zeros, no exponent.
+#[must_use]
+pub fn plain(v: f64) -> String {
+    format!("{}", (v * 1e6).round() / 1e6)
+}

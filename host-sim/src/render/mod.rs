@@ -1,0 +1,154 @@
+//! `hemilux-sim render`: what a light set's error looks like.
+//!
+//! A ground plane, a glossy sphere, a box and a torus, lit directly (no light between surfaces) under the map and under the light set,
+//! both with hard shadow rays, and the signed difference. The map is a list of directional lights too, so fine that it counts as the
+//! truth: its texels where they are few, else the 3,072 quads of HEALPix order 4, each from its energy centroid.
+
+mod letters;
+mod over;
+mod picture;
+mod scene;
+mod shade;
+#[cfg(test)]
+mod tests;
+
+use crate::decompose;
+use crate::env::EnvMap;
+use crate::error::SimError;
+use crate::maps::Maps;
+use crate::metrics::probes::fib;
+use crate::metrics::{Domain, Grid, LitSet, luminance, sh};
+use crate::output;
+use crate::progress;
+use crate::score::read_set;
+use hemilux_core::healpix;
+use scene::{Camera, Scene};
+use shade::Directional;
+use std::f64::consts::PI;
+use std::path::PathBuf;
+
+/// Sides of a panel, pixels.
+const PANEL: [usize; 2] = [640, 420];
+/// Maps of at most so many lit texels are taken as they are.
+const TEXELS: usize = 4096;
+/// Order of the quads that stand for larger maps: 3,072 of 3.7 degrees.
+const ORDER: u8 = 4;
+/// Directions that stand for ambient light.
+const AMBIENT: usize = 512;
+
+/// What to render.
+#[derive(Clone, Debug)]
+pub struct Job {
+    /// The map.
+    pub env: PathBuf,
+    /// The light set, JSON.
+    pub set: PathBuf,
+    /// The picture.
+    pub out: PathBuf,
+    /// A photograph to set the objects into.
+    pub over: Option<PathBuf>,
+}
+
+/// Writes the picture.
+///
+/// # Errors
+/// [`SimError`].
+pub fn run(job: &Job) -> Result<(), SimError> {
+    let set = read_set(&job.set)?;
+    let env = decompose::read(&job.env)?;
+    let made = of_set(&set);
+    let picture = match &job.over {
+        Some(photo) => over::composite(&over::read(photo)?, &made),
+        None => side_by_side(&env, &made, set.lights.len()),
+    };
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    picture
+        .write_to(&mut bytes, image::ImageFormat::Png)
+        .map_err(|e| SimError::at(&job.out, e, "a picture"))?;
+    output::save(&job.out, bytes.get_ref())
+}
+
+/// Reference, light set and difference, with labels.
+fn side_by_side(env: &EnvMap, made: &[Directional], lights: usize) -> image::RgbImage {
+    let truth = of_map(env);
+    let scene = Scene::STANDARD;
+    let camera = Camera::new(PANEL);
+    let reference = shoot(&scene, &camera, &truth, env, "reference");
+    let found = shoot(&scene, &camera, made, env, "light set");
+    let labels = [
+        format!("REFERENCE: {} DIRECTIONS", truth.len()),
+        format!("LIGHT SET: {lights} LIGHTS"),
+        String::new(),
+    ];
+    picture::panels(&reference, &found, labels)
+}
+
+/// One rendered panel.
+pub struct Shot {
+    /// Columns and rows.
+    pub size: [usize; 2],
+    /// Radiance, row-major.
+    pub radiance: Vec<[f64; 3]>,
+    /// Whether the pixel shows a surface and not the map.
+    pub surface: Vec<bool>,
+}
+
+/// Renders one panel, rows over all cores; where no surface is the map itself is seen.
+fn shoot(scene: &Scene, camera: &Camera, lights: &[Directional], env: &EnvMap, what: &'static str) -> Shot {
+    let [width, height] = camera.size;
+    let bar = progress::bar(what, height);
+    let rows = progress::on_all_cores(height, |row| {
+        let pixel = |column: usize| {
+            let ray = camera.ray(column, row);
+            match scene.hit(&ray) {
+                Some(hit) => (shade::radiance(scene, &hit, ray.direction, lights), true),
+                None => (lookup(env, ray.direction), false),
+            }
+        };
+        let pixels: Vec<([f64; 3], bool)> = (0..width).map(pixel).collect();
+        bar.inc(1);
+        pixels
+    });
+    bar.finish_and_clear();
+    let (radiance, surface) = rows.into_iter().flatten().unzip();
+    Shot { size: camera.size, radiance, surface }
+}
+
+fn lookup(env: &EnvMap, d: [f64; 3]) -> [f64; 3] {
+    let row = (d[2].clamp(-1.0, 1.0).acos() / PI * env.height() as f64) as usize;
+    let column = ((PI - d[1].atan2(d[0])) / (2.0 * PI) * env.width() as f64) as usize;
+    env.texels()[row.min(env.height() - 1) * env.width() + column.min(env.width() - 1)].map(f64::from)
+}
+
+/// The map as directional lights.
+fn of_map(env: &EnvMap) -> Vec<Directional> {
+    let grid = Grid::new(env, Domain::Sphere);
+    if grid.luminous(env).take(TEXELS + 1).count() <= TEXELS {
+        let texels = grid.fluxes(env).filter(|(_, rgb)| luminance(*rgb) > 0.0);
+        return texels.map(|(direction, irradiance)| Directional { direction, irradiance }).collect();
+    }
+    let shape = hemilux_core::polar::Grid { width: 4, height: 2, domain: Domain::Sphere };
+    let mut maps = Maps::new(Domain::Sphere, ORDER, shape);
+    maps.fill(env);
+    let quads = maps.view().pyramid.quads_of(ORDER).iter().enumerate().filter(|(_, quad)| quad.y() > 0.0);
+    let light = |(ipix, quad): (usize, &hemilux_core::pyramid::Quad)| {
+        let centre = healpix::centre(ORDER, ipix as u32).as_vec3();
+        let direction = quad.first_moment().try_normalize().unwrap_or(centre).to_array().map(f64::from);
+        Directional { direction, irradiance: quad.rgb().map(f64::from) }
+    };
+    quads.map(light).collect()
+}
+
+/// A light set as directional lights; its ambient light as many small ones.
+fn of_set(set: &LitSet) -> Vec<Directional> {
+    let lights = set.lights.iter().map(|l| Directional { direction: l.direction, irradiance: l.irradiance });
+    let ambient = set.ambient_sh.iter().flat_map(|rows| {
+        (0..AMBIENT).map(|k| {
+            let direction = fib(k, AMBIENT);
+            let channel = |c: usize| sh::evaluate(&rows.map(|rgb| rgb[c]), direction);
+            let irradiance = [0, 1, 2].map(|c| channel(c) * 4.0 * PI / AMBIENT as f64);
+            Directional { direction, irradiance }
+        })
+    });
+    lights.chain(ambient).collect()
+}

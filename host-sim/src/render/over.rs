@@ -1,0 +1,106 @@
+//! Differential rendering [Debevec1998]: the objects set into a photograph.
+//!
+//! Where an object is seen it is drawn; elsewhere the photograph gains what the objects change, scene with minus scene without them.
+//! The ground's true albedo is not known: the rendered empty ground is scaled to the photograph's mean on it.
+
+use super::picture;
+use super::scene::{Camera, Scene};
+use super::shade::{self, Directional};
+use crate::error::SimError;
+use crate::metrics::luminance;
+use crate::progress;
+use image::RgbImage;
+use std::path::Path;
+
+/// Photographs are shrunk to at most so many columns and rows.
+const LARGEST: u32 = 1600;
+/// Largest photograph, pixels a side.
+const LIMIT: u32 = 20_000;
+
+/// Reads a photograph.
+///
+/// # Errors
+/// [`SimError`] naming the file.
+pub fn read(path: &Path) -> Result<RgbImage, SimError> {
+    let refused = |e: &dyn std::fmt::Display| {
+        let line = e.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
+        SimError::at(path, line, "a PNG or JPEG photograph")
+    };
+    let mut reader = image::ImageReader::open(path)
+        .and_then(image::ImageReader::with_guessed_format)
+        .map_err(|e| refused(&e))?;
+    let mut limits = image::Limits::default();
+    (limits.max_image_width, limits.max_image_height) = (Some(LIMIT), Some(LIMIT));
+    reader.limits(limits);
+    let photo = reader.decode().map_err(|e| refused(&e))?;
+    let photo =
+        if photo.width().max(photo.height()) > LARGEST { photo.thumbnail(LARGEST, LARGEST) } else { photo };
+    Ok(photo.into_rgb8())
+}
+
+/// One pixel's share of the composite.
+struct Pixel {
+    with: [f64; 3],
+    without: [f64; 3],
+    /// Whether an object is seen.
+    object: bool,
+    /// Whether the ground is behind it or seen.
+    ground: bool,
+}
+
+/// The photograph with the objects in it.
+#[must_use]
+pub fn composite(photo: &RgbImage, lights: &[Directional]) -> RgbImage {
+    let camera = Camera::new([photo.width() as usize, photo.height() as usize]);
+    let bar = progress::bar("composite", camera.size[1]);
+    let rows = progress::on_all_cores(camera.size[1], |row| {
+        let pixels: Vec<Pixel> =
+            (0..camera.size[0]).map(|column| trace(&camera, column, row, lights)).collect();
+        bar.inc(1);
+        pixels
+    });
+    bar.finish_and_clear();
+    let pixels: Vec<Pixel> = rows.into_iter().flatten().collect();
+    let linear: Vec<[f64; 3]> = photo.pixels().map(|p| p.0.map(from_srgb)).collect();
+    let scale = ground_scale(&pixels, &linear);
+    RgbImage::from_fn(photo.width(), photo.height(), |x, y| {
+        let k = (y * photo.width() + x) as usize;
+        let (p, seen) = (&pixels[k], linear[k]);
+        let changed = |i: usize| seen[i] + scale * (p.with[i] - p.without[i]);
+        if p.object {
+            picture::display(p.with.map(|v| v * scale))
+        } else if p.with == p.without {
+            *photo.get_pixel(x, y)
+        } else {
+            picture::display(std::array::from_fn(changed))
+        }
+    })
+}
+
+fn trace(camera: &Camera, column: usize, row: usize, lights: &[Directional]) -> Pixel {
+    let ray = camera.ray(column, row);
+    let shaded = |scene: &Scene| {
+        let hit = scene.hit(&ray)?;
+        Some((shade::radiance(scene, &hit, ray.direction, lights), hit.ground))
+    };
+    let (with, without) = (shaded(&Scene::STANDARD), shaded(&Scene::EMPTY));
+    Pixel {
+        object: with.is_some_and(|(_, ground)| !ground),
+        ground: without.is_some(),
+        with: with.map_or([0.0; 3], |(rgb, _)| rgb),
+        without: without.map_or([0.0; 3], |(rgb, _)| rgb),
+    }
+}
+
+/// The photograph's mean luminance on the ground over the rendered empty ground's; 1 where that is dark.
+fn ground_scale(pixels: &[Pixel], photo: &[[f64; 3]]) -> f64 {
+    let ground = || pixels.iter().zip(photo).filter(|(p, _)| p.ground && !p.object);
+    let rendered: f64 = ground().map(|(p, _)| luminance(p.without)).sum();
+    let seen: f64 = ground().map(|(_, rgb)| luminance(*rgb)).sum();
+    if rendered > 0.0 { seen / rendered } else { 1.0 }
+}
+
+fn from_srgb(code: u8) -> f64 {
+    let v = f64::from(code) / 255.0;
+    if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
+}

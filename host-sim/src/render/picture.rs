@@ -1,0 +1,77 @@
+//! From radiance to a labelled picture.
+
+use super::{Shot, letters};
+use crate::metrics::luminance;
+use hemilux_core::tonemap::srgb_code;
+use image::{Rgb, RgbImage};
+
+/// Height of the strip of labels, pixels.
+const STRIP: usize = 28;
+/// Between panels, pixels.
+const GAP: usize = 4;
+/// Part of full scale that the brightest twentieth of the surfaces begins at.
+const BRIGHT: f64 = 0.8;
+/// How much the difference is enlarged against the two pictures.
+const ENLARGED: f64 = 4.0;
+
+/// Full scale over radiance: the 95th percentile of the surfaces' luminance becomes [`BRIGHT`].
+pub(super) fn exposure(shot: &Shot) -> f64 {
+    let surfaces = shot.radiance.iter().zip(&shot.surface).filter(|(_, surface)| **surface);
+    let mut values: Vec<f64> = surfaces.map(|(rgb, _)| luminance(*rgb)).collect();
+    values.sort_by(f64::total_cmp);
+    match values.get(values.len() * 19 / 20) {
+        Some(v) if *v > 0.0 => BRIGHT / v,
+        _ => 1.0,
+    }
+}
+
+/// Display colour of linear values, 1 white.
+pub(super) fn display(rgb: [f64; 3]) -> Rgb<u8> {
+    Rgb(rgb.map(|v| srgb_code(v as f32)))
+}
+
+/// RMS of the luminance difference on surfaces over the reference's mean there; 0 where both are dark.
+pub(super) fn relative_rms(reference: &Shot, found: &Shot) -> f64 {
+    let (mut squares, mut sum, mut count) = (0.0, 0.0, 0.0f64);
+    for k in (0..reference.radiance.len()).filter(|&k| reference.surface[k]) {
+        let truth = luminance(reference.radiance[k]);
+        squares += (luminance(found.radiance[k]) - truth).powi(2);
+        sum += truth;
+        count += 1.0;
+    }
+    crate::metrics::relative((squares / count.max(1.0)).sqrt(), sum / count.max(1.0))
+}
+
+/// Reference, light set and signed difference side by side; the third label is written here.
+pub(super) fn panels(reference: &Shot, found: &Shot, labels: [String; 3]) -> RgbImage {
+    let [width, height] = reference.size;
+    let full = ((width + GAP) * 3 - GAP, height + STRIP);
+    let mut picture = RgbImage::from_pixel(full.0 as u32, full.1 as u32, Rgb([24, 24, 24]));
+    let scale = exposure(reference);
+    for k in 0..width * height {
+        let (x, y) = ((k % width) as u32, (k / width + STRIP) as u32);
+        let next = (width + GAP) as u32;
+        let exposed = |shot: &Shot| shot.radiance[k].map(|v| v * scale);
+        picture.put_pixel(x, y, display(exposed(reference)));
+        picture.put_pixel(x + next, y, display(exposed(found)));
+        let off = luminance(exposed(found)) - luminance(exposed(reference));
+        let off = if reference.surface[k] { ENLARGED * off } else { 0.0 };
+        picture.put_pixel(x + 2 * next, y, signed(off));
+    }
+    let rms = 100.0 * relative_rms(reference, found);
+    let difference = format!("DIFFERENCE X {ENLARGED}, RMS {rms:.1} %, ORANGE: TOO BRIGHT");
+    let [first, second, _] = labels;
+    for (k, label) in [first, second, difference].iter().enumerate() {
+        let at = [(k * (width + GAP)) as u32 + 8, 7];
+        letters::write(&mut picture, label, at, 3, [235; 3]);
+    }
+    picture
+}
+
+/// From blue (too dark) over grey to orange (too bright); 1 is the end.
+fn signed(v: f64) -> Rgb<u8> {
+    const ENDS: [[f64; 3]; 2] = [[0.0, 40.0, 200.0], [255.0, 130.0, 0.0]];
+    let end = ENDS[usize::from(v > 0.0)];
+    let part = v.abs().min(1.0);
+    Rgb(end.map(|c| (128.0 + part * (c - 128.0)).round() as u8))
+}

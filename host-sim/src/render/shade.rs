@@ -1,0 +1,36 @@
+//! Direct light from directional lights: Lambert, and a normalised Phong lobe for the glossy.
+
+use super::scene::{Hit, Scene};
+use crate::metrics::vector::{add_scaled, dot};
+use std::f64::consts::{PI, TAU};
+
+/// A directional light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Directional {
+    /// Unit vector towards it.
+    pub direction: [f64; 3],
+    /// Perpendicular irradiance; negative where ambient harmonics are.
+    pub irradiance: [f64; 3],
+}
+
+/// Radiance that leaves `hit` against the unit vector `ray`.
+///
+/// L = sum E (n . l) V (rho / pi + k (s + 2) / (2 pi) (r . l)^s), r the mirrored ray.
+#[must_use]
+pub fn radiance(scene: &Scene, hit: &Hit, ray: [f64; 3], lights: &[Directional]) -> [f64; 3] {
+    let mut mirrored = ray;
+    add_scaled(&mut mirrored, hit.normal, -2.0 * dot(ray, hit.normal));
+    let (mut diffuse, mut gloss) = ([0.0; 3], [0.0; 3]);
+    for light in lights {
+        let cosine = dot(hit.normal, light.direction);
+        if cosine <= 0.0 || !scene.sees(hit, light.direction) {
+            continue;
+        }
+        add_scaled(&mut diffuse, light.irradiance, cosine);
+        if let Some((share, exponent)) = hit.material.gloss {
+            let lobe = dot(mirrored, light.direction).max(0.0).powf(exponent);
+            add_scaled(&mut gloss, light.irradiance, cosine * lobe * share * (exponent + 2.0) / TAU);
+        }
+    }
+    std::array::from_fn(|i| (hit.material.albedo[i] * diffuse[i] / PI + gloss[i]).max(0.0))
+}

@@ -1,0 +1,170 @@
+//! Sequences of maps with known truth, each one where some method fails.
+//!
+//! All are seeded and deterministic. What a scenario adds to its background has compact support: outside a lamp's disc not one
+//! texel changes. Where the camera sees something else than the scene (noise, mains flicker, faulty exposures), `truth` is the
+//! scene and `seen` what samplers get; everything is judged against the truth.
+//!
+//! | name | what happens | who is expected to fail |
+//! |---|---|---|
+//! | `switch` | a lamp is switched on, then off | samplers with global distributions; temporal filters |
+//! | `swinging-bulb` | a small bulb swings on its cord | fixed cells: the light stands, its energy changes |
+//! | `sun-shadow` | sun; only receivers that cannot see it count | equal-energy lights: nearly all stand in the sun |
+//! | `clouds` | clouds drift past the sun | global distributions |
+//! | `flicker-100hz`, `flicker-120hz` | mains flicker, sampled by bursts every 103 ms | everything without a filter |
+//! | `seam` | a lamp crosses phi = 0 | latitude-longitude cuts |
+//! | `zenith` | a lamp crosses the zenith | latitude-longitude cuts |
+//! | `rim` | a lamp sets below the hemisphere's horizon | cells that straddle the rim |
+//! | `noise` | static room, 2 % texel noise | thresholds without hysteresis |
+//! | `walker` | a dark figure walks past a window | fixed cells, global distributions |
+//! | `grid-of-lamps` | 25 lamps, equal but for slow drifts of 0.5 % | ties |
+//! | `dark-and-back` | the room at a fiftieth, then at once back | temporal filters |
+//! | `all-clipped` | every texel at one clip value from a third on | ties, quotients |
+//! | `n-changes` | the number of lights asked for changes every frame | structures that depend on N |
+//! | `exposure-faults` | an exposure dropped, doubled, out of order | memory of a single bad frame |
+//! | `hue-shift` | colours drift, luminance stays | importance by the wrong weights |
+
+mod events;
+mod motion;
+pub mod stage;
+#[cfg(test)]
+mod tests;
+
+use crate::env::EnvMap;
+use crate::metrics::Domain;
+use crate::metrics::stability::Source;
+use stage::Stage;
+
+/// All scenarios, in the order of reports.
+pub const NAMES: [&str; 17] = [
+    "switch",
+    "swinging-bulb",
+    "sun-shadow",
+    "clouds",
+    "flicker-100hz",
+    "flicker-120hz",
+    "seam",
+    "zenith",
+    "rim",
+    "noise",
+    "walker",
+    "grid-of-lamps",
+    "dark-and-back",
+    "all-clipped",
+    "n-changes",
+    "exposure-faults",
+    "hue-shift",
+];
+
+/// How large, how long and on what.
+#[derive(Clone, Debug)]
+pub struct Setting {
+    /// Columns of the maps; half as many rows.
+    pub width: usize,
+    /// Frames of a sequence, at least 8.
+    pub frames: usize,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// A map to put in the place of the procedural room or sky.
+    pub background: Option<EnvMap>,
+}
+
+impl Setting {
+    /// 128 x 64 texels, 28 frames.
+    pub const FULL: Self = Self { width: 128, frames: 28, seed: 1, background: None };
+    /// 96 x 48 texels, 12 frames.
+    pub const QUICK: Self = Self { width: 96, frames: 12, seed: 1, background: None };
+}
+
+/// A sequence and what is known of it.
+#[derive(Clone, Debug)]
+pub struct Scenario {
+    /// One of [`NAMES`].
+    pub name: &'static str,
+    /// What part of the maps counts.
+    pub domain: Domain,
+    /// The scene, frame by frame.
+    pub truth: Vec<EnvMap>,
+    /// What the probe makes of it, where that differs.
+    pub seen: Option<Vec<EnvMap>>,
+    /// The sources of compact support, frame by frame.
+    pub sources: Vec<Vec<Source>>,
+    /// Whether the first source of each frame moves and is tracked while it is in the domain.
+    pub moving: bool,
+    /// Frames that show an abrupt change.
+    pub changes: Vec<usize>,
+    /// Sum of Y dOmega of the switched source, where a source of compact support is switched.
+    pub switched_energy: Option<f64>,
+    /// Receivers that see the first source do not count.
+    pub in_shadow: bool,
+    /// The share of the lights that is asked for, frame by frame; all of them where empty.
+    pub share: Vec<f64>,
+    /// Whether the scene is static and noisy: lights that move are noise.
+    pub static_noise: bool,
+}
+
+impl Scenario {
+    /// A sequence over the sphere of which nothing else is known.
+    fn of(name: &'static str, truth: Vec<EnvMap>) -> Self {
+        let sources = vec![Vec::new(); truth.len()];
+        Self {
+            name,
+            domain: Domain::Sphere,
+            truth,
+            seen: None,
+            sources,
+            moving: false,
+            changes: Vec::new(),
+            switched_energy: None,
+            in_shadow: false,
+            share: Vec::new(),
+            static_noise: false,
+        }
+    }
+
+    /// What samplers get.
+    #[must_use]
+    pub fn seen(&self) -> &[EnvMap] {
+        self.seen.as_deref().unwrap_or(&self.truth)
+    }
+
+    /// How many lights are asked for in frame `t` where at most `lights` and at least `least` are.
+    #[must_use]
+    pub fn lights(&self, t: usize, lights: usize, least: usize) -> usize {
+        let share = self.share.get(t).copied().unwrap_or(1.0);
+        ((lights as f64 * share).round() as usize).clamp(least.min(lights), lights)
+    }
+
+    /// The tracked source of frame `t`, while its middle is in the domain.
+    #[must_use]
+    pub fn tracked(&self, t: usize) -> Option<Source> {
+        let source = self.sources[t].first().filter(|_| self.moving)?;
+        crate::metrics::holds(self.domain, source.direction).then_some(*source)
+    }
+}
+
+/// Makes the scenario called `name`; `None` for an unknown name.
+#[must_use]
+pub fn make(name: &str, setting: &Setting) -> Option<Scenario> {
+    let stage = Stage::new(setting);
+    let scenario = match name {
+        "switch" => events::switch(&stage),
+        "swinging-bulb" => motion::swinging_bulb(&stage),
+        "sun-shadow" => motion::sun_shadow(&stage),
+        "clouds" => motion::clouds(&stage),
+        "flicker-100hz" => events::flicker(&stage, "flicker-100hz", 50.0),
+        "flicker-120hz" => events::flicker(&stage, "flicker-120hz", 60.0),
+        "seam" => motion::seam(&stage),
+        "zenith" => motion::zenith(&stage),
+        "rim" => motion::rim(&stage),
+        "noise" => events::noise(&stage),
+        "walker" => motion::walker(&stage),
+        "grid-of-lamps" => events::grid_of_lamps(&stage),
+        "dark-and-back" => events::dark_and_back(&stage),
+        "all-clipped" => events::all_clipped(&stage),
+        "n-changes" => events::n_changes(&stage),
+        "exposure-faults" => events::exposure_faults(&stage),
+        "hue-shift" => events::hue_shift(&stage),
+        _ => return None,
+    };
+    Some(scenario)
+}

@@ -1,0 +1,98 @@
+//! Scenarios in which something moves.
+
+use super::Scenario;
+use super::stage::{DAYLIGHT, Stage, WARM, at, cloud, energy, repainted, with_disc, with_window};
+use crate::env::EnvMap;
+use crate::metrics::Domain;
+use crate::metrics::stability::Source;
+use crate::metrics::vector::unit;
+use std::f64::consts::TAU;
+
+/// The energy of a moving lamp over its background's: half of the light comes from it.
+const LAMP_SHARE: f64 = 1.0;
+/// The sun's energy over the sky's and the ground's: a clear day at noon.
+const SUN_SHARE: f64 = 5.0;
+
+/// A lamp of `radius_deg` on a path over `ground`; the first source of every frame.
+fn moving(
+    name: &'static str,
+    stage: &Stage,
+    ground: &EnvMap,
+    radius_deg: f64,
+    path: impl Fn(f64) -> [f64; 3],
+) -> Scenario {
+    let flux = LAMP_SHARE * energy(ground);
+    let source = |t: usize| Source { direction: path(stage.progress(t)), radius_deg };
+    let truth = stage.sequence(|t| with_disc(ground, source(t), WARM, flux));
+    let sources = (0..stage.frames()).map(|t| vec![source(t)]).collect();
+    Scenario { sources, moving: true, ..Scenario::of(name, truth) }
+}
+
+/// A bulb of 3 degrees swings one and a half times through 70 degrees, near the zenith, off the seam.
+pub(super) fn swinging_bulb(stage: &Stage) -> Scenario {
+    moving("swinging-bulb", stage, &stage.room, 3.0, |p| {
+        let swing = 35f64.to_radians() * (1.5 * TAU * p).sin();
+        unit([swing.sin(), 0.35, swing.cos()]).unwrap_or([0.0, 0.0, 1.0])
+    })
+}
+
+/// A lamp crosses phi = 0 at 60 degrees from the zenith, from -20 to 20 degrees.
+pub(super) fn seam(stage: &Stage) -> Scenario {
+    moving("seam", stage, &stage.room, 4.0, |p| at(60.0, 40.0 * p - 20.0))
+}
+
+/// A lamp crosses the zenith, from 25 degrees on one side to 25 degrees on the other.
+pub(super) fn zenith(stage: &Stage) -> Scenario {
+    moving("zenith", stage, &stage.room, 4.0, |p| at(50.0 * p - 25.0, 20.0))
+}
+
+/// A lamp sinks from 12 degrees above the horizon to 12 below it; the hemisphere alone counts.
+pub(super) fn rim(stage: &Stage) -> Scenario {
+    let scenario = moving("rim", stage, &stage.room, 4.0, |p| at(78.0 + 24.0 * p, 70.0));
+    Scenario { domain: Domain::Hemisphere, ..scenario }
+}
+
+/// The sun moves about half a degree a frame; receivers that see it do not count.
+pub(super) fn sun_shadow(stage: &Stage) -> Scenario {
+    let flux = SUN_SHARE * energy(&stage.sky);
+    let sun =
+        |t: usize| Source { direction: at(40.0 + 0.3 * t as f64, 100.0 + 0.5 * t as f64), radius_deg: 1.5 };
+    let truth = stage.sequence(|t| with_disc(&stage.sky, sun(t), DAYLIGHT, flux));
+    let sources = (0..stage.frames()).map(|t| vec![sun(t)]).collect();
+    Scenario { sources, in_shadow: true, ..Scenario::of("sun-shadow", truth) }
+}
+
+/// Clouds drift over the sky and past a standing sun, which they dim to a fiftieth.
+pub(super) fn clouds(stage: &Stage) -> Scenario {
+    let clear = SUN_SHARE * energy(&stage.sky);
+    let sun = Source { direction: at(45.0, 200.0), radius_deg: 1.5 };
+    let truth = stage.sequence(|t| {
+        let drift = 0.09 * t as f64;
+        let covered = repainted(&stage.sky, |d, rgb| {
+            let cover = cloud(d, drift) as f32;
+            // White by day, three times as bright as the blue behind.
+            rgb.map(|v| v * (1.0 - cover) + cover * 1.8)
+        });
+        let through = (1.0 - cloud(sun.direction, drift)).max(0.02);
+        with_disc(&covered, sun, DAYLIGHT, clear * through)
+    });
+    Scenario { sources: vec![vec![sun]; stage.frames()], ..Scenario::of("clouds", truth) }
+}
+
+/// A dark figure, 10 degrees wide, walks past a window that gives half of the light.
+pub(super) fn walker(stage: &Stage) -> Scenario {
+    let window = at(78.0, -90.0);
+    let half_deg = [28.0, 18.0];
+    let area_sr = 4.0 * half_deg.map(|d: f64| d.to_radians().tan()).iter().product::<f64>() * 0.8;
+    let radiance = energy(&stage.room) / area_sr;
+    let lit = with_window(&stage.room, window, half_deg, |_, _, _| DAYLIGHT.map(|c| (c * radiance) as f32));
+    let truth = stage.sequence(|t| {
+        let x = 3.0 * stage.progress(t) - 1.5;
+        let figure = |u: f64, v: f64| {
+            let head = ((u - x) * half_deg[0]).hypot((v - 0.55) * half_deg[1]) < 4.0;
+            head || ((u - x).abs() * half_deg[0] < 5.0 && v < 0.35)
+        };
+        with_window(&lit, window, half_deg, |u, v, old| if figure(u, v) { [0.08; 3] } else { old })
+    });
+    Scenario::of("walker", truth)
+}

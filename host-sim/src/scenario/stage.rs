@@ -1,0 +1,190 @@
+//! What scenarios are built from: backgrounds, discs of exact energy, drifting clouds.
+
+use super::Setting;
+use crate::env::EnvMap;
+use crate::maps;
+use crate::metrics::stability::Source;
+use crate::metrics::vector::{angle_deg, dot, unit};
+use crate::metrics::{Domain, Grid};
+use std::f64::consts::{PI, TAU};
+
+/// Sub-samples a side of a texel at a disc's rim. A disc's energy is exact by normalisation; these only place its rim.
+const SUBSAMPLES: usize = 6;
+
+/// The size, the length and the background of a sequence.
+#[derive(Debug)]
+pub struct Stage {
+    /// As the caller chose.
+    pub setting: Setting,
+    /// The room, or the caller's map.
+    pub room: EnvMap,
+    /// The sky without its sun, or the caller's map.
+    pub sky: EnvMap,
+}
+
+/// A lamp's colour, luminance 1.
+pub const WARM: [f64; 3] = [1.379, 0.945, 0.428];
+/// Daylight's colour, luminance 1.
+pub const DAYLIGHT: [f64; 3] = [1.05, 0.99, 0.952];
+
+impl Stage {
+    /// Paints the backgrounds.
+    #[must_use]
+    pub fn new(setting: &Setting) -> Self {
+        let size = (setting.width, setting.width.div_ceil(2));
+        let painted = |paint: fn([f64; 3]) -> [f32; 3]| match &setting.background {
+            Some(map) if (map.width(), map.height()) == size => map.clone(),
+            Some(map) => maps::resized(map, setting.width),
+            None => EnvMap::from_fn(size.0, size.1, paint),
+        };
+        Self { setting: setting.clone(), room: painted(room), sky: painted(sky) }
+    }
+
+    /// Frames of a sequence.
+    #[must_use]
+    pub fn frames(&self) -> usize {
+        self.setting.frames
+    }
+
+    /// Frame `t` as a number from 0 (first) to 1 (last).
+    #[must_use]
+    pub fn progress(&self, t: usize) -> f64 {
+        t as f64 / (self.frames() - 1).max(1) as f64
+    }
+
+    /// One map per frame.
+    pub fn sequence(&self, frame: impl FnMut(usize) -> EnvMap) -> Vec<EnvMap> {
+        (0..self.frames()).map(frame).collect()
+    }
+}
+
+/// Sum of Y dOmega over the sphere.
+#[must_use]
+pub fn energy(map: &EnvMap) -> f64 {
+    Grid::new(map, Domain::Sphere).luminous(map).map(|(_, flux)| flux).sum()
+}
+
+/// `map` with a uniform disc of `flux` (sum of Y dOmega) and `colour` (luminance 1) added at `source`: exactly that energy, and not a
+/// texel touched that the disc does not reach.
+#[must_use]
+pub fn with_disc(map: &EnvMap, source: Source, colour: [f64; 3], flux: f64) -> EnvMap {
+    let cover = coverage(map, source);
+    let covered: f64 = cover.iter().map(|&(k, part)| part * map.solid_angle(k / map.width())).sum();
+    let mut texels = map.texels().to_vec();
+    for (k, part) in cover {
+        let y = flux * part / covered;
+        texels[k].iter_mut().zip(colour).for_each(|(v, c)| *v += (c * y) as f32);
+    }
+    EnvMap::new(map.width(), map.height(), texels)
+}
+
+/// (texel, covered part) of the texels that a disc reaches; a disc that slips between all sub-samples covers the texel it is in.
+fn coverage(map: &EnvMap, source: Source) -> Vec<(usize, f64)> {
+    let (width, height) = (map.width(), map.height());
+    let reach = source.radius_deg + 180.0 * std::f64::consts::SQRT_2 / height as f64;
+    let mut cover = Vec::new();
+    let mut nearest = (f64::INFINITY, 0);
+    for k in 0..width * height {
+        let off = angle_deg(map.direction(k / width, k % width), source.direction);
+        if off < nearest.0 {
+            nearest = (off, k);
+        }
+        if off <= reach {
+            let part = covered_part((width, height), k, source);
+            if part > 0.0 {
+                cover.push((k, part));
+            }
+        }
+    }
+    if cover.is_empty() { vec![(nearest.1, 1.0)] } else { cover }
+}
+
+fn covered_part((width, height): (usize, usize), k: usize, source: Source) -> f64 {
+    let n = SUBSAMPLES;
+    let at = |i: usize| (i as f64 + 0.5) / n as f64;
+    let inside = (0..n * n).filter(|&s| {
+        let theta = ((k / width) as f64 + at(s / n)) * PI / height as f64;
+        let phi = PI - ((k % width) as f64 + at(s % n)) * TAU / width as f64;
+        let d = [theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()];
+        source.distance_deg(d) == 0.0
+    });
+    inside.count() as f64 / (n * n) as f64
+}
+
+/// `map` with every texel inside the window of half-sides `half_deg` round `middle` set by `paint(u, v, old)`; u and v run from
+/// -1 to 1, right and up.
+#[must_use]
+pub fn with_window(
+    map: &EnvMap,
+    middle: [f64; 3],
+    half_deg: [f64; 2],
+    paint: impl Fn(f64, f64, [f32; 3]) -> [f32; 3],
+) -> EnvMap {
+    let right = unit([-middle[1], middle[0], 0.0]).unwrap_or([1.0, 0.0, 0.0]);
+    let up = cross(middle, right);
+    let half = half_deg.map(|deg| deg.to_radians().tan());
+    let mut texels = map.texels().to_vec();
+    for (k, texel) in texels.iter_mut().enumerate() {
+        let d = map.direction(k / map.width(), k % map.width());
+        let depth = dot(d, middle);
+        let (u, v) = (dot(d, right) / depth / half[0], dot(d, up) / depth / half[1]);
+        if depth > 0.0 && u.abs() <= 1.0 && v.abs() <= 1.0 {
+            *texel = paint(u, v, *texel);
+        }
+    }
+    EnvMap::new(map.width(), map.height(), texels)
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// A unit vector by theta from the zenith and phi, degrees.
+#[must_use]
+pub fn at(theta_deg: f64, phi_deg: f64) -> [f64; 3] {
+    let (theta, phi) = (theta_deg.to_radians(), phi_deg.to_radians());
+    [theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()]
+}
+
+/// A room: grey floor, white ceiling, coloured walls, a window, a small lamp on the ceiling.
+#[must_use]
+pub fn room(d: [f64; 3]) -> [f32; 3] {
+    let ramp = (0.5 + 0.5 * d[2]).powi(2);
+    let wall = [0.30 + 0.10 * d[0], 0.28 + 0.04 * d[1], 0.24 - 0.08 * d[0]];
+    let base = wall.map(|v| v * (0.35 + 0.9 * ramp));
+    let window = d[1] < -0.72 && d[2] > 0.02 && d[2] < 0.55 && d[0].abs() < 0.42;
+    let pane = if window { DAYLIGHT.map(|c| 6.0 * c) } else { [0.0; 3] };
+    let lamp = if angle_deg(d, at(28.0, 40.0)) < 5.0 { WARM.map(|c| 60.0 * c) } else { [0.0; 3] };
+    std::array::from_fn(|i| (base[i] + pane[i] + lamp[i]) as f32)
+}
+
+/// A clear sky without its sun over dull ground.
+#[must_use]
+pub fn sky(d: [f64; 3]) -> [f32; 3] {
+    if d[2] < 0.0 {
+        return [0.22, 0.20, 0.16].map(|v: f64| (v * (1.0 + 0.3 * d[2])) as f32);
+    }
+    let haze = (1.0 - d[2]).powi(3);
+    [0.35 + 0.75 * haze, 0.55 + 0.55 * haze, 1.0 + 0.1 * haze].map(|v| v as f32)
+}
+
+/// Cloud cover in 0..=1 at `d`, drifted by `drift` radians: a few waves of incommensurable lengths, thresholded softly.
+#[must_use]
+pub fn cloud(d: [f64; 3], drift: f64) -> f64 {
+    if d[2] <= 0.02 {
+        return 0.0;
+    }
+    // A flat layer: what is near the horizon is far away and looks small.
+    let (x, y) = (d[0] / (d[2] + 0.25) + drift, d[1] / (d[2] + 0.25));
+    let waves = [(2.1, 0.7, 0.0), (-1.3, 2.6, 1.0), (4.7, -2.2, 2.0), (3.1, 5.3, 4.0), (8.3, 1.9, 5.0)];
+    let sum: f64 = waves.iter().map(|(a, b, c)| (a * x + b * y + c).sin() / f64::hypot(*a, *b)).sum();
+    (0.5 + 1.6 * sum).clamp(0.0, 1.0)
+}
+
+/// Every texel by itself: `paint(direction, old)`.
+#[must_use]
+pub fn repainted(map: &EnvMap, paint: impl Fn([f64; 3], [f32; 3]) -> [f32; 3]) -> EnvMap {
+    let texels = map.texels().iter().enumerate();
+    let painted = texels.map(|(k, &rgb)| paint(map.direction(k / map.width(), k % map.width()), rgb));
+    EnvMap::new(map.width(), map.height(), painted.collect())
+}

@@ -1,0 +1,163 @@
+//! The figures of one run over one scenario.
+
+use crate::contender::Run;
+use crate::metrics::stability::{self as stability, Spread};
+use crate::metrics::{LitSet, Reference, probes};
+use crate::scenario::Scenario;
+use serde::Serialize;
+
+/// One line of the report; `None` where a figure has no meaning.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Row {
+    /// The scenario.
+    pub scenario: &'static str,
+    /// The method.
+    pub sampler: &'static str,
+    /// Most lights.
+    pub lights: usize,
+    /// Shadowed error, mean over the frames.
+    pub shadowed: Option<f64>,
+    /// Flicker, mean over the frames.
+    pub flicker_mean: Option<f64>,
+    /// Flicker, largest.
+    pub flicker_max: Option<f64>,
+    /// Unwarranted change, the largest of the switches.
+    pub unwarranted: Option<f64>,
+    /// Step response, the longest of the changes, frames.
+    pub step_frames: Option<usize>,
+    /// Transit energy.
+    pub transit: Option<f64>,
+    /// Tracking error, mean over the path, degrees.
+    pub tracking_deg: Option<f64>,
+    /// Motion noise, degrees a frame.
+    pub motion_noise_deg: Option<f64>,
+    /// Lights born and died, mean a frame.
+    pub churn: Option<f64>,
+}
+
+/// A scenario as the probes see it.
+pub struct Judge<'a> {
+    scenario: &'a Scenario,
+    references: Vec<Reference>,
+    /// The shadowed probes that count, where not all do.
+    counted: Option<Vec<usize>>,
+}
+
+impl<'a> Judge<'a> {
+    /// Integrates the truth over all probes.
+    #[must_use]
+    pub fn new(scenario: &'a Scenario) -> Self {
+        let mut references: Vec<Reference> = Vec::with_capacity(scenario.truth.len());
+        for (t, map) in scenario.truth.iter().enumerate() {
+            let next = match references.last() {
+                // A static scene is integrated once.
+                Some(last) if scenario.truth[t - 1] == *map => last.clone(),
+                Some(last) => last.following(map),
+                None => Reference::new(map, scenario.domain),
+            };
+            references.push(next);
+        }
+        let counted = scenario.in_shadow.then(|| in_shadow(scenario, &references[0]));
+        Self { scenario, references, counted }
+    }
+
+    /// All figures of a run.
+    #[must_use]
+    pub fn row(&self, run: &Run) -> Row {
+        let (scenario, sampler, lights) = (self.scenario.name, run.method.name, run.lights);
+        let Some(sets) = &run.sets else {
+            return Row {
+                scenario,
+                sampler,
+                lights,
+                shadowed: None,
+                flicker_mean: None,
+                flicker_max: None,
+                unwarranted: None,
+                step_frames: None,
+                transit: None,
+                tracking_deg: None,
+                motion_noise_deg: None,
+                churn: None,
+            };
+        };
+        let errors = self.errors(sets);
+        let flicker = Spread::of(&self.flicker(sets));
+        let noise = self.scenario.static_noise.then(|| stability::motion_noise_deg(sets));
+        Row {
+            scenario,
+            sampler,
+            lights,
+            shadowed: finite(Spread::of(&errors).map(|s| s.mean)),
+            flicker_mean: finite(flicker.map(|s| s.mean)),
+            flicker_max: finite(flicker.map(|s| s.max)),
+            unwarranted: finite(self.unwarranted(sets)),
+            step_frames: self.step(&errors),
+            transit: finite(self.transit(sets)),
+            tracking_deg: finite(self.tracking(sets)),
+            motion_noise_deg: finite(noise.flatten()),
+            churn: finite(Spread::of(&stability::churn(sets)).map(|s| s.mean)),
+        }
+    }
+
+    fn errors(&self, sets: &[LitSet]) -> Vec<f64> {
+        let pairs = self.references.iter().zip(sets);
+        match &self.counted {
+            Some(probes) => pairs.map(|(r, set)| stability::shadowed_error_among(r, set, probes)).collect(),
+            None => pairs.map(|(r, set)| r.shadowed_error(set)).collect(),
+        }
+    }
+
+    fn flicker(&self, sets: &[LitSet]) -> Vec<f64> {
+        match &self.counted {
+            Some(probes) => stability::flicker_among(&self.references, sets, probes),
+            None => stability::flicker(&self.references, sets),
+        }
+    }
+
+    fn unwarranted(&self, sets: &[LitSet]) -> Option<f64> {
+        let at = |t: usize| (&self.references[t], &sets[t]);
+        let changes = self.scenario.changes.iter();
+        changes.filter_map(|&t| stability::unwarranted_change(at(t - 1), at(t))).reduce(f64::max)
+    }
+
+    /// Every change by itself, until the next.
+    fn step(&self, errors: &[f64]) -> Option<usize> {
+        let ends = self.scenario.changes.iter().copied().skip(1).chain([errors.len()]);
+        let changes = self.scenario.changes.iter().zip(ends);
+        changes.filter_map(|(&t, end)| stability::step_response(&errors[..end], t)).max()
+    }
+
+    fn transit(&self, sets: &[LitSet]) -> Option<f64> {
+        let energy = self.scenario.switched_energy?;
+        let from = *self.scenario.changes.first()?;
+        let stray = (from..sets.len()).map(|t| {
+            let (grid, map) = (self.references[t].grid(), &self.scenario.truth[t]);
+            stability::stray_energy(grid, map, &sets[t], &self.scenario.sources[t])
+        });
+        Some(stability::transit_energy(&stray.collect::<Vec<_>>(), energy))
+    }
+
+    fn tracking(&self, sets: &[LitSet]) -> Option<f64> {
+        let error = |t: usize| {
+            let (grid, map) = (self.references[t].grid(), &self.scenario.truth[t]);
+            let source = self.scenario.tracked(t)?;
+            stability::tracking_error_deg(grid, map, &sets[t], source.direction)
+        };
+        Spread::of(&(0..sets.len()).filter_map(error).collect::<Vec<_>>()).map(|s| s.mean)
+    }
+}
+
+fn finite(value: Option<f64>) -> Option<f64> {
+    value.filter(|v| v.is_finite())
+}
+
+/// The shadowed probes that see no texel of the first source in any frame.
+fn in_shadow(scenario: &Scenario, reference: &Reference) -> Vec<usize> {
+    let texel_deg = 180.0 / scenario.truth[0].height() as f64;
+    let sources: Vec<_> = scenario.sources.iter().filter_map(|s| s.first()).collect();
+    let near = |d: &&[f64; 3]| sources.iter().any(|source| source.distance_deg(**d) <= texel_deg);
+    let lit: Vec<[f64; 3]> = reference.grid().directions().iter().filter(near).copied().collect();
+    let blind = |k: &usize| lit.iter().all(|&d| probes::shadowed(*k).weight(d) == 0.0);
+    (0..probes::SHADOWED).filter(blind).collect()
+}

@@ -1,0 +1,65 @@
+//! The report as text: no times in it, so that it changes only when a result does.
+
+use super::Row;
+use crate::scenario::Setting;
+use std::fmt::Write;
+
+/// The table, sorted as the rows are.
+#[must_use]
+pub fn text(rows: &[Row], setting: &Setting, backgrounds: &str) -> String {
+    let mut out = format!(
+        "# Stress report: {} x {} texels, {} frames, seed {}, {backgrounds}.\n\
+         # error: shadowed error, mean over the frames. flicker: change that the scene did not make, mean and largest.\n\
+         # leak: unwarranted change in what cannot see the switched lamp. step: frames until a change has settled.\n\
+         # transit: energy in empty sky over the switched lamp's. track: degrees off a moving source.\n\
+         # noise: degrees that lights move per frame of a static noisy scene. churn: lights born and died per frame.\n\
+         # Definitions in metrics.md; a dash where a figure has no meaning.\n",
+        setting.width,
+        setting.width.div_ceil(2),
+        setting.frames,
+        setting.seed
+    );
+    let mut last = "";
+    for row in rows {
+        if row.scenario != last {
+            last = row.scenario;
+            let _ = write!(out, "\n{last:<18}{:>6}", "lights");
+            let heads = [
+                "error %",
+                "flicker %",
+                "max %",
+                "leak %",
+                "step",
+                "transit %",
+                "track dg",
+                "noise dg",
+                "churn",
+            ];
+            heads.iter().for_each(|head| out.push_str(&format!("{head:>11}")));
+            out.push('\n');
+        }
+        line(&mut out, row);
+    }
+    out
+}
+
+fn line(out: &mut String, row: &Row) {
+    let _ = write!(out, "{:<18}{:>6}", row.sampler, row.lights);
+    let percent = |v: Option<f64>| v.map(|v| 100.0 * v);
+    for value in
+        [percent(row.shadowed), percent(row.flicker_mean), percent(row.flicker_max), percent(row.unwarranted)]
+    {
+        cell(out, value, 2);
+    }
+    cell(out, row.step_frames.map(|v| v as f64), 0);
+    cell(out, percent(row.transit), 2);
+    cell(out, row.tracking_deg, 2);
+    cell(out, row.motion_noise_deg, 3);
+    cell(out, row.churn, 1);
+    out.push('\n');
+}
+
+fn cell(out: &mut String, value: Option<f64>, decimals: usize) {
+    let text = value.map_or("-".to_string(), |v| format!("{v:.decimals$}"));
+    let _ = write!(out, "{text:>11}");
+}

@@ -1,0 +1,79 @@
+//! The report's layout, and the committed table.
+
+use super::*;
+use crate::contender::{Kind, methods};
+
+const TINY: Setting = Setting { width: 32, frames: 8, seed: 1, background: None };
+
+#[test]
+fn json_has_the_keys_of_the_format_and_null_for_no_meaning() {
+    let rows = rows("n-changes", &TINY, false);
+    assert_eq!(rows.len(), methods().len() * COUNTS.len());
+    let parsed: serde_json::Value = serde_json::from_str(&json(&rows)).unwrap();
+    let keys = [
+        "scenario",
+        "sampler",
+        "lights",
+        "shadowed",
+        "flicker_mean",
+        "flicker_max",
+        "unwarranted",
+        "step_frames",
+        "transit",
+        "tracking_deg",
+        "motion_noise_deg",
+        "churn",
+    ];
+    for row in parsed["rows"].as_array().unwrap() {
+        let row = row.as_object().unwrap();
+        assert!(row.len() == keys.len() && keys.iter().all(|key| row.contains_key(*key)), "{row:?}");
+        assert!(row["step_frames"].is_null() && row["transit"].is_null() && row["tracking_deg"].is_null());
+        assert_eq!(row["shadowed"].is_null(), row["sampler"] == "volume", "{row:?}");
+    }
+}
+
+#[test]
+fn switching_fills_its_own_figures() {
+    for row in rows("switch", &TINY, true) {
+        assert!(row.unwarranted.is_some() && row.step_frames.is_some() && row.transit.is_some(), "{row:?}");
+        assert!(row.tracking_deg.is_none() && row.motion_noise_deg.is_none(), "{row:?}");
+        assert!(row.shadowed.unwrap() > 0.0 && row.flicker_max >= row.flicker_mean, "{row:?}");
+    }
+}
+
+#[test]
+fn receivers_in_the_shadow_do_not_see_the_sun() {
+    // As many suns again change nothing for those who cannot see it: the reference stays the same.
+    let scenario = scenario::make("sun-shadow", &TINY).unwrap();
+    let rows = rows("sun-shadow", &TINY, true);
+    let pharr = rows.iter().find(|r| r.sampler == "pharr" && r.lights == 64).unwrap();
+    let tree = rows.iter().find(|r| r.sampler == "q2tree" && r.lights == 64).unwrap();
+    assert!(pharr.shadowed > tree.shadowed, "equal-energy lights leave the shadow to few");
+    assert!(scenario.in_shadow);
+}
+
+#[test]
+fn methods_are_the_cores_then_the_literatures() {
+    let all = methods();
+    assert!(all[..hemilux::samplers::NAMES.len()].iter().all(|m| m.kind == Kind::Core));
+    assert_eq!(all.last().map(|m| m.name), Some("volume"));
+    let names: std::collections::HashSet<_> = all.iter().map(|m| m.name).collect();
+    assert_eq!(names.len(), all.len());
+}
+
+#[test]
+fn procedural_table_of_the_core_is_the_committed_one() {
+    let rows =
+        progress::on_all_cores(scenario::NAMES.len(), |k| rows(scenario::NAMES[k], &Setting::QUICK, true));
+    let found = text(&rows.concat(), &Setting::QUICK, "procedural backgrounds");
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../fixtures/stress-quick.txt");
+    let committed = std::fs::read_to_string(path).unwrap_or_default();
+    let differs = found.lines().zip(committed.lines()).find(|(a, b)| a != b);
+    assert!(
+        found == committed,
+        "fixtures/stress-quick.txt is not what the samplers do now; first difference:\n{differs:#?}\n\
+         Where the change is meant, renew it in a commit of its own:\n\
+         cargo run -p hemilux-sim -- stress --quick --core --out /tmp/stress && \
+         cp /tmp/stress/stress.txt fixtures/stress-quick.txt"
+    );
+}
