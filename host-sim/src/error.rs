@@ -42,6 +42,15 @@ impl From<hemilux::recorded::RecordedError> for SimError {
     }
 }
 
+impl From<hemilux::pipeline::PipelineError> for SimError {
+    fn from(e: hemilux::pipeline::PipelineError) -> Self {
+        match e {
+            hemilux::pipeline::PipelineError::Sampler(e) => e.into(),
+            e => Self::Failed(e.to_string()),
+        }
+    }
+}
+
 impl From<hemilux::samplers::SamplerError> for SimError {
     fn from(e: hemilux::samplers::SamplerError) -> Self {
         Self::Usage(format!("--sampler, --lights: found {e}"))

@@ -189,3 +189,51 @@ fn scale(lights: &mut [Light], corrections: &[f32]) {
         light.irradiance = light.irradiance.map(|v| v * factor);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{KERNEL, kernel, root};
+    use core::f64::consts::PI;
+
+    /// Part of the sphere within `a` of both ends of an arc of length `g`, by rings round one end.
+    fn lens(a: f64, g: f64) -> f64 {
+        const RINGS: u32 = 400;
+        let ring = |i: u32| {
+            let t = a * (f64::from(i) + 0.5) / f64::from(RINGS);
+            let cos = (libm::cos(a) - libm::cos(t) * libm::cos(g)) / (libm::sin(t) * libm::sin(g));
+            2.0 * libm::acos(cos.clamp(-1.0, 1.0)) * libm::sin(t) * a / f64::from(RINGS)
+        };
+        if g < 1e-9 { (1.0 - libm::cos(a)) / 2.0 } else { (0..RINGS).map(ring).sum::<f64>() / (4.0 * PI) }
+    }
+
+    /// The mean over receivers of what lights `g` apart give together, integrated.
+    fn twin(g: f64) -> f64 {
+        const CAPS: u32 = 40;
+        let open = (libm::sin(g) + (PI - g) * libm::cos(g)) / (6.0 * PI);
+        let clear = |i: u32| {
+            let a = (10.0 + 50.0 * (f64::from(i) + 0.5) / f64::from(CAPS)).to_radians();
+            1.0 - (1.0 - libm::cos(a)) + lens(a, g)
+        };
+        open * (0..CAPS).map(clear).sum::<f64>() / f64::from(CAPS)
+    }
+
+    #[test]
+    fn adaptive_kernel() {
+        let whole = twin(0.0);
+        for i in 0..=90 {
+            let g = PI * f64::from(i) / 90.0;
+            let off = f64::from(kernel(libm::cos(g) as f32)) - twin(g) / whole;
+            assert!(libm::fabs(off) < 0.005, "at {g}: off by {off}");
+        }
+        assert!(KERNEL[1] < 0.0, "an edge is as likely as it is far: linear in the angle");
+    }
+
+    #[test]
+    fn roots_are_right_within_5e_6() {
+        for i in 1..=100_000u32 {
+            let v = i as f32 * 1e-5;
+            let off = f64::from(root(v)) / libm::sqrt(f64::from(v)) - 1.0;
+            assert!(libm::fabs(off) < 5e-6, "at {v}: {off}");
+        }
+    }
+}
