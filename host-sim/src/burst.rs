@@ -132,10 +132,10 @@ pub fn in_memory(
     };
     let frames = exposures.iter().enumerate().map(frame).collect();
     let calibration = Calibration {
-        lens: lens.lens.clone(),
+        lens: lens.lens,
         width: lens.size[0],
         height: lens.size[1],
-        response: lens.response.clone(),
+        response: lens.response,
         scale,
         black,
         white,

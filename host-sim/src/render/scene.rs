@@ -125,8 +125,8 @@ fn cuboid(ray: &Ray) -> Found {
         return None;
     }
     let (mut near, mut far, mut axis) = (f64::NEG_INFINITY, f64::INFINITY, 0);
-    for i in 0..3 {
-        let bounds = [0, 1].map(|side| (BOX[side][i] - ray.origin[i]) / ray.direction[i]);
+    for (i, (low, high)) in BOX[0].into_iter().zip(BOX[1]).enumerate() {
+        let bounds = [low, high].map(|side| (side - ray.origin[i]) / ray.direction[i]);
         let (enter, leave) = (bounds[0].min(bounds[1]), bounds[0].max(bounds[1]));
         if enter > near {
             (near, axis) = (enter, i);

@@ -5,7 +5,7 @@ use crate::env::EnvMap;
 use crate::maps;
 use crate::metrics::stability::Source;
 use crate::metrics::vector::{angle_deg, dot, unit};
-use crate::metrics::{Domain, Grid};
+use crate::metrics::{Domain, Grid, luminance};
 use std::f64::consts::{PI, TAU};
 
 /// Sub-samples a side of a texel at a disc's rim. A disc's energy is exact by normalisation; these only place its rim.
@@ -22,9 +22,9 @@ pub struct Stage {
     pub sky: EnvMap,
 }
 
-/// A lamp's colour, luminance 1.
+/// A lamp's colour, luminance 1 to four digits.
 pub const WARM: [f64; 3] = [1.379, 0.945, 0.428];
-/// Daylight's colour, luminance 1.
+/// Daylight's colour, luminance 1 to four digits.
 pub const DAYLIGHT: [f64; 3] = [1.05, 0.99, 0.952];
 
 impl Stage {
@@ -64,13 +64,14 @@ pub fn energy(map: &EnvMap) -> f64 {
     Grid::new(map, Domain::Sphere).luminous(map).map(|(_, flux)| flux).sum()
 }
 
-/// `map` with a uniform disc of `flux` (sum of Y dOmega) and `colour` (luminance 1) added at `source`: exactly that energy, and not a
+/// `map` with a uniform disc of `flux` (sum of Y dOmega) and `colour` added at `source`: exactly that energy, and not a
 /// texel touched that the disc does not reach.
 #[must_use]
 pub fn with_disc(map: &EnvMap, source: Source, colour: [f64; 3], flux: f64) -> EnvMap {
     let cover = coverage(map, source);
     let covered: f64 = cover.iter().map(|&(k, part)| part * map.solid_angle(k / map.width())).sum();
     let mut texels = map.texels().to_vec();
+    let flux = flux / luminance(colour);
     for (k, part) in cover {
         let y = flux * part / covered;
         texels[k].iter_mut().zip(colour).for_each(|(v, c)| *v += (c * y) as f32);

@@ -37,7 +37,8 @@ fn switching_adds_the_stated_energy_inside_the_disc() {
     let s = scenario("switch");
     let (on, off) = (s.changes[0], s.changes[1]);
     let added = energy(&s.truth[on]) - energy(&s.truth[on - 1]);
-    assert!((added / s.switched_energy.unwrap() - 1.0).abs() < 1e-6, "{added}");
+    // Texels are f32: each holds its sum to 6e-8, and half of the sum is the lamp.
+    assert!((added / s.switched_energy.unwrap() - 1.0).abs() < 1e-5, "{added}");
     assert_eq!(s.truth[off], s.truth[0], "what was switched off is gone");
     let lamp = s.sources[on][0];
     let texel_deg = 180.0 / 32.0;

@@ -16,6 +16,8 @@ const HEAD: f64 = 34.0;
 const FOOT: f64 = 30.0;
 const MARGIN: f64 = 14.0;
 const TITLE: f64 = 70.0;
+/// The legend takes a panel's place and needs this much.
+const LEGEND_HEIGHT: f64 = 210.0;
 /// Per cent at the ends of every panel's axis.
 const RANGE: [f64; 2] = [0.02, 300.0];
 /// A method fails where it is this many times worse than the panel's median,
@@ -34,7 +36,8 @@ pub(super) fn svg(rows: &[Row], lights: usize) -> String {
         .map(|name| rows.iter().copied().filter(|row| row.scenario == *name).collect())
         .collect();
     let lines = panels.iter().map(Vec::len).max().unwrap_or(0);
-    let size = [LABELS + PLOT + EXTRA + MARGIN, HEAD + LINE * lines as f64 + FOOT + MARGIN];
+    let size =
+        [LABELS + PLOT + EXTRA + MARGIN, (HEAD + LINE * lines as f64 + FOOT + MARGIN).max(LEGEND_HEIGHT)];
     // One panel more for the legend.
     let down = (panels.len() + 1).div_ceil(COLUMNS);
     let page = (MARGIN + size[0] * COLUMNS as f64, TITLE + size[1] * down as f64);
