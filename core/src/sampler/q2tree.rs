@@ -14,7 +14,7 @@
 //!
 //! The tree is one bit per quad (is it interior?), walked in NESTED order: no node pool, no search.
 
-use super::{Map, Request, Sampler};
+use super::{Map, Request, Sampler, heap};
 use crate::arena::{self, Buffer, TooSmall};
 use crate::healpix::{self, Domain};
 use crate::light::{Decomposition, Light};
@@ -132,14 +132,14 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>> Q2Tree<B, H, L> {
     fn grow(&mut self, map: &PyramidView<'_>, lights: usize) {
         self.interior.swap(0, 1);
         self.interior[0].as_mut().fill(0);
-        let mut heap = 0;
+        let mut len = 0;
         let mut leaves = 0;
         for ipix in 0..map.domain().faces() as u32 {
             leaves += 1;
-            self.push(&mut heap, map, 0, ipix);
+            self.push(&mut len, map, 0, ipix);
         }
-        while let Some(leaf) = pop(&mut self.heap.as_mut()[..heap]) {
-            heap -= 1;
+        while let Some(leaf) = heap::pop(&mut self.heap.as_mut()[..len], before) {
+            len -= 1;
             let gain = children(map.domain(), leaf.order, leaf.ipix).count() - 1;
             if leaves + gain > lights {
                 // A quad on the horizon gains one light less than others: it may still fit.
@@ -151,7 +151,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>> Q2Tree<B, H, L> {
             leaves += gain;
             set(self.interior[0].as_mut(), index(map.domain(), leaf.order, leaf.ipix));
             for ipix in children(map.domain(), leaf.order, leaf.ipix) {
-                self.push(&mut heap, map, leaf.order + 1, ipix);
+                self.push(&mut len, map, leaf.order + 1, ipix);
             }
         }
     }
@@ -159,11 +159,11 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>> Q2Tree<B, H, L> {
     /// Adds a leaf to the heap unless it is dark or of the finest order.
     fn push(&mut self, len: &mut usize, map: &PyramidView<'_>, order: u8, ipix: u32) {
         let importance = self.importance(map, order, ipix);
-        let heap = self.heap.as_mut();
-        if importance > 0.0 && order < map.order() && *len < heap.len() {
-            heap[*len] = Leaf { importance, order, ipix };
+        let leaves = self.heap.as_mut();
+        if importance > 0.0 && order < map.order() && *len < leaves.len() {
+            leaves[*len] = Leaf { importance, order, ipix };
             *len += 1;
-            sift_up(&mut heap[..*len]);
+            heap::sift_up(&mut leaves[..*len], before);
         }
     }
 
@@ -258,33 +258,6 @@ fn set(bits: &mut [u8], index: usize) {
 /// Whether `a` is split before `b`: by importance, then coarse before fine, then by index, so that ties never depend on history.
 fn before(a: &Leaf, b: &Leaf) -> bool {
     (a.importance, b.order, b.ipix) > (b.importance, a.order, a.ipix)
-}
-
-/// Moves the last element of a max-heap to its place.
-fn sift_up(heap: &mut [Leaf]) {
-    let mut i = heap.len() - 1;
-    while i > 0 && before(&heap[i], &heap[(i - 1) / 2]) {
-        heap.swap(i, (i - 1) / 2);
-        i = (i - 1) / 2;
-    }
-}
-
-/// Takes the greatest element of a max-heap, which is then one shorter.
-fn pop(heap: &mut [Leaf]) -> Option<Leaf> {
-    let last = heap.len().checked_sub(1)?;
-    heap.swap(0, last);
-    let top = heap[last];
-    let heap = &mut heap[..last];
-    let mut i = 0;
-    loop {
-        let (left, right) = (2 * i + 1, 2 * i + 2);
-        let larger = if right < last && before(&heap[right], &heap[left]) { right } else { left };
-        if larger >= last || !before(&heap[larger], &heap[i]) {
-            return Some(top);
-        }
-        heap.swap(i, larger);
-        i = larger;
-    }
 }
 
 /// Ages and parents: both lists are in NESTED order, so one pass finds each light's place in the last frame.

@@ -9,6 +9,7 @@ use crate::arena::Buffer;
 use crate::healpix::Domain;
 use crate::light::Light;
 use crate::pyramid::{PyramidView, Quad};
+use crate::sampler::heap;
 use glam::Vec3;
 
 /// Which face is in each slot: a northern face beside the equatorial one that hangs below it, so that pairs are compact.
@@ -126,18 +127,18 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>> Tree<B, H> {
         let nodes = Nodes::new(map);
         self.interior.swap(0, 1);
         self.interior[0].as_mut().fill(0);
-        let mut heap = 0;
+        let mut len = 0;
         let mut lit = 1;
-        self.push(&mut heap, &nodes, 0, 0, f32::INFINITY);
+        self.push(&mut len, &nodes, 0, 0, f32::INFINITY);
         while lit < limit {
-            let Some(leaf) = super::super::heap::pop(&mut self.heap.as_mut()[..heap], before) else { break };
-            heap -= 1;
+            let Some(leaf) = heap::pop(&mut self.heap.as_mut()[..len], before) else { break };
+            len -= 1;
             set(self.interior[0].as_mut(), leaf.level, leaf.index);
             let children = [2 * leaf.index, 2 * leaf.index + 1];
             let both = children.iter().all(|c| nodes.quad(leaf.level + 1, *c).y() > 0.0);
             lit += usize::from(both);
             for child in children {
-                self.push(&mut heap, &nodes, leaf.level + 1, child, leaf.importance);
+                self.push(&mut len, &nodes, leaf.level + 1, child, leaf.importance);
             }
         }
     }
@@ -146,15 +147,15 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>> Tree<B, H> {
     /// most important nodes is connected.
     fn push(&mut self, len: &mut usize, nodes: &Nodes<'_>, level: u8, index: u32, most: f32) {
         let quad = nodes.quad(level, index);
-        let heap = self.heap.as_mut();
-        if quad.y() <= 0.0 || level >= nodes.last() || *len >= heap.len() {
+        let leaves = self.heap.as_mut();
+        if quad.y() <= 0.0 || level >= nodes.last() || *len >= leaves.len() {
             return;
         }
         let kept = if bit(self.interior[1].as_ref(), level, index) { 1.0 + HYSTERESIS } else { 1.0 };
         let importance = (nodes.importance(&quad) * kept).min(most);
-        heap[*len] = Leaf { importance, level, index };
+        leaves[*len] = Leaf { importance, level, index };
         *len += 1;
-        super::super::heap::sift_up(&mut heap[..*len], before);
+        heap::sift_up(&mut leaves[..*len], before);
     }
 
     /// Writes the lights of the lit leaves, by ascending id; returns how many. Their leaves are then in the heap's memory.
