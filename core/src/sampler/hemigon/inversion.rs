@@ -19,7 +19,7 @@ use crate::arena::{self, Buffer, TooSmall};
 use crate::color::{luminance, sound};
 use crate::healpix::Domain;
 use crate::polar::{Grid, LatLongView};
-use core::f64::consts::{FRAC_PI_2, TAU};
+use core::f64::consts::TAU;
 use glam::DVec3;
 
 /// Part of the light that is spread evenly before the inversion.
@@ -203,7 +203,7 @@ impl<C: Buffer<f32>, R: Buffer<Ring>> Inversion<C, R> {
 
     /// The rings between whose centres `theta` lies, and where between them.
     fn neighbours(&self, theta: f64, count: usize) -> ([usize; 2], f64) {
-        let spacing = self.grid.theta(1).min(FRAC_PI_2 * 2.0);
+        let spacing = self.grid.theta(1);
         let at = (theta / spacing - 0.5).clamp(0.0, (count - 1) as f64);
         let first = (at as usize).min(count.saturating_sub(2));
         ([first, (first + 1).min(count - 1)], at - first as f64)

@@ -1,8 +1,8 @@
 //! `hemigon` and `hemigon-fir`: equally luminous lights through a continuous map from the unit square, followed over time.
 //!
-//! Light i is where [`inversion`] puts point i of a fixed sequence (Halton's, from 1 on): more lights leave those that are there
-//! where they are. A sphere is two hemispheres, each with the sequence of its own, that share the lights by luminance; a light's id says
-//! which hemisphere and which point, so that ids survive when the share moves. Lights of one hemisphere are in the order of their ids.
+//! Light i is where [`inversion`] puts point i of a fixed [`sequence`]: more lights leave those that are there where they are. A sphere
+//! is two hemispheres, each with a sequence of its own, that share the lights by luminance; a light's id says which hemisphere and
+//! which point, so that ids survive when the share moves. Lights of one hemisphere are in the order of their ids.
 //!
 //! Over time a lamp that moves anywhere moves all lights a little. `hemigon-fir` smooths that with the published filters ([`fir`]),
 //! over the energy too, so that its lights do not give out the map's energy of this frame; `hemigon` has a filter that keeps up with
@@ -16,8 +16,9 @@ pub mod fir;
 pub mod follow;
 pub mod inversion;
 pub mod kalman;
+pub mod sequence;
 
-use super::{Map, Request, Sampler, halton};
+use super::{Map, Request, Sampler};
 use crate::arena::{self, Buffer, TooSmall};
 use crate::color::{luminance, sound};
 use crate::light::{Decomposition, Light};
@@ -82,8 +83,11 @@ where
         for i in 0..capacity {
             let slot = i + if lower { capacity } else { 0 };
             let life = &mut self.lives.as_mut()[slot];
-            let place =
-                if i < points { self.inversion.place(map, lower, halton::point(i as u32 + 1)) } else { None };
+            let place = if i < points {
+                self.inversion.place(map, lower, sequence::point(lower, i as u32))
+            } else {
+                None
+            };
             let Some(place) = place else {
                 *life = 0;
                 continue;
