@@ -133,7 +133,11 @@ impl<P: Buffer<Vec3>> Follow for Fir<P> {
         }
         path[self.head] = seen.direction;
         let path = &self.paths.as_ref()[slot * taps..(slot + 1) * taps];
-        let mean: Vec3 = self.frames().map(|(weight, at)| path[at] * weight as f32).sum();
+        let mut mean: Vec3 = self.frames().map(|(weight, at)| path[at] * weight as f32).sum();
+        if mean.z * seen.direction.z < 0.0 {
+            // Side lobes overshoot: a light stays in its hemisphere.
+            mean.z = 0.0;
+        }
         Seen { direction: mean.try_normalize().unwrap_or(seen.direction), ..seen }
     }
 

@@ -5,7 +5,7 @@
 //!
 //! ```text
 //! P += Q;  S = P + R;  w = step / sqrt(S)
-//! |w|^2 > gate:          a jump: all of it, P = R
+//! |w|^2 > gate:          a jump: all of it, P = R (or none, if it is to be confirmed and the last frame had none that way)
 //! |CUSUM of w| > alarm:  a small step that persists: all of it, P = R
 //! else                   P / S of it, P = P R / S
 //! ```
@@ -39,10 +39,10 @@ pub const SLACK: f32 = 0.5;
 const CLAMP: f32 = 3.0;
 
 impl Parameters {
-    /// For lights on the sphere at ten frames a second. A jump need not be confirmed: where a light lands is a mean over many texels, so a
-    /// jump is a change of the scene and no outlier. The gate is 99.9 % of chi-squared with two degrees of freedom.
+    /// For lights on the sphere at ten frames a second. Jumps are confirmed, since noise makes lights at the rim of a lamp hop; what changes
+    /// the map as a whole needs no confirmation. The gate is 99.9 % of chi-squared with two degrees of freedom.
     pub const LIGHTS: Self =
-        Self { frame_rate_hz: 10.0, drift_hz: 0.5, gate: 13.8, confirm: false, alarm: 5.0 };
+        Self { frame_rate_hz: 10.0, drift_hz: 0.5, gate: 13.8, confirm: true, alarm: 5.0 };
 }
 
 /// State of one filter.
@@ -51,7 +51,7 @@ pub struct Kalman {
     /// P.
     variance: f32,
     cusum: Vec3,
-    /// A jump that waits to be confirmed, in standard deviations.
+    /// The last frame's jump, taken or not, in standard deviations.
     suspected: Vec3,
 }
 
@@ -67,22 +67,24 @@ impl Kalman {
         let variance = self.variance + parameters.drift_hz / parameters.frame_rate_hz * noise;
         let w = step / libm::sqrtf(variance + noise);
         if !w.is_finite() {
-            return self.jump(noise);
+            return self.jump(noise, Vec3::ZERO);
         }
         let is_drift = self.accumulate(w) > parameters.alarm;
         let exceeds = w.length_squared() > parameters.gate;
         let is_confirmed = !parameters.confirm || self.suspected.dot(w) > 0.0;
+        let suspected = if exceeds { w } else { Vec3::ZERO };
         if (exceeds && is_confirmed) || is_drift {
-            return self.jump(noise);
+            return self.jump(noise, suspected);
         }
-        self.suspected = if exceeds { w } else { Vec3::ZERO };
+        self.suspected = suspected;
         let gain = if exceeds { 0.0 } else { variance / (variance + noise) };
         self.variance = variance * (1.0 - gain);
         gain
     }
 
-    fn jump(&mut self, noise: f32) -> f32 {
-        *self = Self::at(noise);
+    /// Takes a step whole. The next jump that way needs no confirmation: it goes on.
+    fn jump(&mut self, noise: f32, suspected: Vec3) -> f32 {
+        *self = Self { suspected, ..Self::at(noise) };
         1.0
     }
 
@@ -145,7 +147,11 @@ impl Track {
     fn step(&mut self, parameters: &Parameters, is_jump: bool, seen: Seen) {
         let noise = self.noise;
         let step = tangent(self.direction, seen.direction);
-        let gain = if is_jump { self.kalman.jump(noise) } else { self.kalman.gain(parameters, step, noise) };
+        let gain = if is_jump {
+            self.kalman.jump(noise, Vec3::ZERO)
+        } else {
+            self.kalman.gain(parameters, step, noise)
+        };
         let moved = self.direction + (seen.direction - self.direction) * gain;
         self.direction = moved.try_normalize().unwrap_or(seen.direction);
         if gain == 1.0 {
