@@ -5,11 +5,16 @@ use hemilux_core::light::Light;
 use hemilux_core::polar::Grid;
 use hemilux_core::sampler::Sampler;
 use hemilux_core::sampler::adaptive::{self, Adaptive, Track, bits_len};
+use hemilux_core::sampler::hemigon::fir::{self, Fir, Kernel};
+use hemilux_core::sampler::hemigon::follow::Follow;
+use hemilux_core::sampler::hemigon::inversion::{Inversion, Ring, rings_len};
+use hemilux_core::sampler::hemigon::kalman::{self, Gated, Track as Path};
+use hemilux_core::sampler::hemigon::{self, Hemigon};
 use hemilux_core::sampler::pharr::{MAX_ROWS, Pharr};
 use hemilux_core::sampler::q2tree::{Leaf, Parameters, Q2Tree, interior_len};
 
 /// Names that `--sampler` and `change?algorithm=` accept.
-pub const NAMES: [&str; 4] = ["adaptive", "q2tree", "q2tree-jitter", "pharr"];
+pub const NAMES: [&str; 6] = ["adaptive", "q2tree", "q2tree-jitter", "pharr", "hemigon", "hemigon-fir"];
 
 /// Most lights that may be asked for.
 pub const MAX_LIGHTS: usize = 50_000;
@@ -56,13 +61,14 @@ pub fn order_for(lights: usize) -> u8 {
 #[must_use]
 pub fn least_lights(name: &str, domain: Domain) -> Option<usize> {
     match name {
-        "adaptive" | "pharr" => Some(1),
+        "adaptive" | "pharr" | "hemigon" | "hemigon-fir" => Some(1),
         "q2tree" | "q2tree-jitter" => Some(domain.faces()),
         _ => None,
     }
 }
 
-/// Makes the sampler called `name` for maps of `shape`, with room for `lights` lights.
+/// Makes the sampler called `name` for maps of `shape`, with room for `lights` lights; `hemigon` and `hemigon-fir` give at most
+/// [`hemigon::MAX_LIGHTS`].
 ///
 /// # Errors
 /// [`SamplerError`] for names, light counts and maps that do not exist.
@@ -78,6 +84,8 @@ pub fn make(name: &str, shape: &Shape, lights: usize) -> Result<Box<dyn Sampler 
             Ok(Box::new(sampler.map_err(|_| SamplerError::TooManyRows(shape.grid.height))?))
         }
         "adaptive" => Ok(adaptive(shape, lights)),
+        "hemigon" => Ok(gated(shape, lights.min(hemigon::MAX_LIGHTS))),
+        "hemigon-fir" => Ok(filtered(shape, lights.min(hemigon::MAX_LIGHTS))),
         "q2tree" => Ok(q2tree(Parameters::CENTROID, shape, lights)),
         "q2tree-jitter" => Ok(q2tree(Parameters::JITTER, shape, lights)),
         _ => Err(SamplerError::Unknown(name.into())),
@@ -101,4 +109,26 @@ fn adaptive(shape: &Shape, lights: usize) -> Box<dyn Sampler + Send> {
     let over = (shape.domain, shape.order);
     let sampler = Adaptive::try_new(over, [bits(), bits()], heap, [light(), light()], [tracks(), tracks()]);
     Box::new(sampler.expect("the bit sets have the length that the tree names"))
+}
+
+fn gated(shape: &Shape, lights: usize) -> Box<dyn Sampler + Send> {
+    let tracks = vec![Path::default(); 2 * lights];
+    let filter = Gated::try_new(kalman::Parameters::LIGHTS, lights, tracks);
+    hemigon(shape, lights, filter.expect("two tracks per light"))
+}
+
+fn filtered(shape: &Shape, lights: usize) -> Box<dyn Sampler + Send> {
+    let parameters = fir::Parameters::default();
+    let paths = vec![glam::Vec3::ZERO; 2 * lights * Kernel::new(&parameters).weights().len()];
+    let filter = Fir::try_new(&parameters, lights, paths);
+    hemigon(shape, lights, filter.expect("two paths of as many directions as taps per light"))
+}
+
+fn hemigon<F: Follow + Send + 'static>(shape: &Shape, lights: usize, filter: F) -> Box<dyn Sampler + Send> {
+    let conditional = vec![0.0f32; shape.grid.len()];
+    let rings = vec![Ring::default(); rings_len(&shape.grid)];
+    let inversion =
+        Inversion::try_new(&shape.grid, conditional, rings).expect("memory for each texel and ring");
+    let sampler = Hemigon::try_new(inversion, filter, vec![0; 2 * lights], vec![Light::default(); lights]);
+    Box::new(sampler.expect("two slots per light"))
 }

@@ -6,6 +6,7 @@
 pub mod adaptive;
 pub mod halton;
 mod heap;
+pub mod hemigon;
 pub mod pharr;
 pub mod q2tree;
 

@@ -1,0 +1,147 @@
+//! The two published filters: finite impulse responses over the total energy and over each light's path.
+
+use super::follow::{Follow, Seen};
+use crate::arena::{self, Buffer, TooSmall};
+use core::f64::consts::PI;
+use glam::Vec3;
+
+/// Most taps.
+pub const MAX_TAPS: usize = 63;
+
+/// A low-pass filter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Parameters {
+    /// Frames that it spans, 1 to [`MAX_TAPS`] (clamped); 1 filters nothing.
+    pub taps: usize,
+    /// Cut-off frequency, hertz.
+    pub cutoff_hz: f64,
+    /// Frames per second.
+    pub frame_rate_hz: f64,
+}
+
+impl Default for Parameters {
+    /// Seven taps, 1 Hz at 10 frames a second: 0.3 s late. What was published leaves all three open.
+    fn default() -> Self {
+        Self { taps: 7, cutoff_hz: 1.0, frame_rate_hz: 10.0 }
+    }
+}
+
+/// The coefficients of a filter, the newest frame's first.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Kernel {
+    weights: [f64; MAX_TAPS],
+    taps: usize,
+}
+
+impl Kernel {
+    /// A sinc under a Hamming window, its sum 1: `h(k) = w(k) sinc(2 fc (k - (M - 1) / 2) / fs)`.
+    #[must_use]
+    pub fn new(parameters: &Parameters) -> Self {
+        let taps = parameters.taps.clamp(1, MAX_TAPS);
+        let last = (taps - 1) as f64;
+        let step = 2.0 * parameters.cutoff_hz / parameters.frame_rate_hz;
+        let mut weights = [0.0; MAX_TAPS];
+        for (k, weight) in weights[..taps].iter_mut().enumerate() {
+            let k = k as f64;
+            let window = if taps > 1 { 0.54 - 0.46 * libm::cos(2.0 * PI * k / last) } else { 1.0 };
+            *weight = window * sinc(step * (k - last / 2.0));
+        }
+        let sum: f64 = weights[..taps].iter().sum();
+        if sum.is_finite() && sum.abs() > 1e-6 {
+            weights.iter_mut().for_each(|w| *w /= sum);
+            Self { weights, taps }
+        } else {
+            weights[0] = 1.0;
+            Self { weights, taps: 1 }
+        }
+    }
+
+    /// The coefficients, the newest frame's first.
+    #[must_use]
+    pub fn weights(&self) -> &[f64] {
+        &self.weights[..self.taps]
+    }
+}
+
+fn sinc(x: f64) -> f64 {
+    if x == 0.0 { 1.0 } else { libm::sin(PI * x) / (PI * x) }
+}
+
+/// Both filters. `P` holds [`Kernel::weights`] directions for each of two slots per light.
+#[derive(Clone, Debug)]
+pub struct Fir<P> {
+    kernel: Kernel,
+    paths: P,
+    /// Total energies, a ring as the paths.
+    totals: [[f64; 3]; MAX_TAPS],
+    /// Where in the rings the newest frame is.
+    head: usize,
+    /// Whether a frame was seen.
+    begun: bool,
+}
+
+impl<P: Buffer<Vec3>> Fir<P> {
+    /// Takes the memory for `lights` lights: two paths of as many directions as there are taps for each.
+    ///
+    /// # Errors
+    /// [`TooSmall`].
+    pub fn try_new(parameters: &Parameters, lights: usize, paths: P) -> Result<Self, TooSmall> {
+        let kernel = Kernel::new(parameters);
+        arena::check(&paths, 2 * lights * kernel.taps)?;
+        Ok(Self { kernel, paths, totals: [[0.0; 3]; MAX_TAPS], head: 0, begun: false })
+    }
+
+    /// Weight and ring position of each frame, the newest first.
+    fn frames(&self) -> impl Iterator<Item = (f64, usize)> {
+        let (head, taps) = (self.head, self.kernel.taps);
+        self.kernel.weights().iter().enumerate().map(move |(k, w)| (*w, (head + taps - k) % taps))
+    }
+}
+
+impl<P: Buffer<Vec3>> Follow for Fir<P> {
+    const NAME: &'static str = "hemigon-fir";
+
+    fn slots(&self) -> usize {
+        self.paths.as_ref().len() / self.kernel.taps
+    }
+
+    fn begin(&mut self, _: bool) {
+        self.head = (self.head + 1) % self.kernel.taps;
+    }
+
+    fn total(&mut self, total: [f64; 3]) -> [f64; 3] {
+        if !self.begun {
+            self.totals = [total; MAX_TAPS];
+            self.begun = true;
+        }
+        self.totals[self.head] = total;
+        let mut sum = [0.0; 3];
+        for (weight, at) in self.frames() {
+            for (s, v) in sum.iter_mut().zip(self.totals[at]) {
+                *s += weight * v;
+            }
+        }
+        // Side lobes swing below 0 after light is switched off.
+        sum.map(|v| v.max(0.0))
+    }
+
+    fn follow(&mut self, slot: usize, is_new: bool, seen: Seen) -> Seen {
+        let taps = self.kernel.taps;
+        let Some(path) = self.paths.as_mut().get_mut(slot * taps..(slot + 1) * taps) else { return seen };
+        if is_new {
+            path.fill(seen.direction);
+        }
+        path[self.head] = seen.direction;
+        let path = &self.paths.as_ref()[slot * taps..(slot + 1) * taps];
+        let mut mean: Vec3 = self.frames().map(|(weight, at)| path[at] * weight as f32).sum();
+        if mean.z * seen.direction.z < 0.0 {
+            // Side lobes overshoot: a light stays in its hemisphere.
+            mean.z = 0.0;
+        }
+        Seen { direction: mean.try_normalize().unwrap_or(seen.direction), ..seen }
+    }
+
+    fn reset(&mut self) {
+        self.begun = false;
+    }
+}

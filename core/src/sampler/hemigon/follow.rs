@@ -1,0 +1,35 @@
+//! What a filter of light paths does.
+
+use glam::Vec3;
+
+/// A light as the map has it, or as a filter gives it out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Seen {
+    /// Unit vector.
+    pub direction: Vec3,
+    /// Colour of luminance about 1.
+    pub colour: [f32; 3],
+}
+
+/// Filters the lights of a sequence of frames. Each light keeps its slot as long as it lives.
+pub trait Follow {
+    /// The sampler's name with this filter.
+    const NAME: &'static str;
+
+    /// Slots that it has memory for.
+    fn slots(&self) -> usize;
+
+    /// Begins a frame; `abrupt` if the map is no continuation of the last.
+    fn begin(&mut self, abrupt: bool);
+
+    /// The energy that the lights give out for the map's `total`, RGB.
+    fn total(&mut self, total: [f64; 3]) -> [f64; 3] {
+        total
+    }
+
+    /// The next step of the light in `slot`, which begins there if `is_new`.
+    fn follow(&mut self, slot: usize, is_new: bool, seen: Seen) -> Seen;
+
+    /// Forgets the past.
+    fn reset(&mut self);
+}

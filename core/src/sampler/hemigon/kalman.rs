@@ -1,0 +1,218 @@
+//! The filter that the thesis wished for: a Kalman filter of a random walk that smooths noise and follows an abrupt change at once.
+//!
+//! [`Kalman`] turns a step (measured minus filtered, on a line or in the tangent plane of the sphere) into the part of it to take. With P
+//! the state's variance, R the noise's and Q = drift R the walk's:
+//!
+//! ```text
+//! P += Q;  S = P + R;  w = step / sqrt(S)
+//! |w|^2 > gate:          a jump: all of it, P = R (or none, if it is to be confirmed and the last frame had none that way)
+//! |CUSUM of w| > alarm:  a small step that persists: all of it, P = R
+//! else                   P / S of it, P = P R / S
+//! ```
+//!
+//! The CUSUM is Crosier's for vectors (1988), which on a line is the two-sided one. [`Gated`] runs one filter per light, estimates R from the
+//! light's own path and lets go of all lights at once when the whole map changes.
+
+use super::follow::{Follow, Seen};
+use crate::arena::{self, Buffer, TooSmall};
+use glam::Vec3;
+
+/// Parameters of the filter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Parameters {
+    /// Frames per second.
+    pub frame_rate_hz: f32,
+    /// Variance that the state gains per second, over the noise's. More follows drift sooner and smooths less.
+    pub drift_hz: f32,
+    /// Squared step in standard deviations beyond which it is a jump.
+    pub gate: f32,
+    /// Whether a jump counts only when the next frame confirms it.
+    pub confirm: bool,
+    /// Sum of clamped steps, less [`SLACK`] each, beyond which a small step persists; infinite for no such test.
+    pub alarm: f32,
+}
+
+/// What a step in standard deviations may be without adding to the CUSUM: tuned to persistent steps of twice that.
+pub const SLACK: f32 = 0.5;
+
+/// Most standard deviations that one frame adds to the CUSUM: an outlier alone raises no alarm.
+const CLAMP: f32 = 3.0;
+
+impl Parameters {
+    /// For lights on the sphere at ten frames a second. Jumps are confirmed, since noise makes lights at the rim of a lamp hop; what changes
+    /// the map as a whole needs no confirmation. The gate is 99.9 % of chi-squared with two degrees of freedom.
+    pub const LIGHTS: Self =
+        Self { frame_rate_hz: 10.0, drift_hz: 0.5, gate: 13.8, confirm: true, alarm: 5.0 };
+}
+
+/// State of one filter.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Kalman {
+    /// P.
+    variance: f32,
+    cusum: Vec3,
+    /// The last frame's jump, taken or not, in standard deviations.
+    suspected: Vec3,
+}
+
+impl Kalman {
+    /// A filter that has just taken a measurement of variance `noise`.
+    #[must_use]
+    pub fn at(noise: f32) -> Self {
+        Self { variance: noise, ..Self::default() }
+    }
+
+    /// The part of `step` to take, 0..=1, under noise of variance `noise` per axis.
+    pub fn gain(&mut self, parameters: &Parameters, step: Vec3, noise: f32) -> f32 {
+        let variance = self.variance + parameters.drift_hz / parameters.frame_rate_hz * noise;
+        let w = step / libm::sqrtf(variance + noise);
+        if !w.is_finite() {
+            return self.jump(noise, Vec3::ZERO);
+        }
+        let is_drift = self.accumulate(w) > parameters.alarm;
+        let exceeds = w.length_squared() > parameters.gate;
+        let is_confirmed = !parameters.confirm || self.suspected.dot(w) > 0.0;
+        let suspected = if exceeds { w } else { Vec3::ZERO };
+        if (exceeds && is_confirmed) || is_drift {
+            return self.jump(noise, suspected);
+        }
+        self.suspected = suspected;
+        let gain = if exceeds { 0.0 } else { variance / (variance + noise) };
+        self.variance = variance * (1.0 - gain);
+        gain
+    }
+
+    /// Takes a step whole. The next jump that way needs no confirmation: it goes on.
+    fn jump(&mut self, noise: f32, suspected: Vec3) -> f32 {
+        *self = Self { suspected, ..Self::at(noise) };
+        1.0
+    }
+
+    /// Adds a step to the CUSUM; returns its length.
+    fn accumulate(&mut self, w: Vec3) -> f32 {
+        let sum = self.cusum + w.clamp_length_max(CLAMP);
+        let length = (sum.length() - SLACK).max(0.0);
+        self.cusum = if length > 0.0 { sum * (length / (length + SLACK)) } else { Vec3::ZERO };
+        length
+    }
+}
+
+/// What [`Gated`] knows of a light.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Track {
+    kalman: Kalman,
+    /// As given out last.
+    direction: Vec3,
+    colour: [f32; 3],
+    /// As measured in the last two frames.
+    measured: [Vec3; 2],
+    /// Variance of the noise per axis, radians squared.
+    noise: f32,
+    /// Frames that the noise was measured in, at most [`SETTLED`].
+    measurements: u8,
+}
+
+/// Least noise: lights are not smoothed below 0.006 degrees, which nobody sees.
+const LEAST_NOISE: f32 = 1e-8;
+
+/// Frames over which the noise is averaged.
+const SETTLED: u8 = 10;
+
+/// A measurement counts at most this many times the mean: jumps are no noise.
+const MOST_NOISE: f32 = 9.0;
+
+impl Track {
+    fn begin(seen: Seen) -> Self {
+        Self {
+            kalman: Kalman::at(LEAST_NOISE),
+            direction: seen.direction,
+            colour: seen.colour,
+            measured: [seen.direction; 2],
+            noise: LEAST_NOISE,
+            measurements: 0,
+        }
+    }
+
+    /// Learns the noise from the second difference of the path, in which steady motion cancels: its variance is six times the noise's.
+    fn learn(&mut self, direction: Vec3) {
+        let [last, before] = self.measured;
+        let found = (direction - last * 2.0 + before).length_squared() / (6.0 * 2.0);
+        let most = if self.measurements > 3 { MOST_NOISE * self.noise } else { f32::INFINITY };
+        self.measurements = (self.measurements + 1).min(SETTLED);
+        self.noise += (found.min(most) - self.noise) / f32::from(self.measurements);
+        self.noise = self.noise.max(LEAST_NOISE);
+        self.measured = [direction, last];
+    }
+
+    fn step(&mut self, parameters: &Parameters, is_jump: bool, seen: Seen) {
+        let noise = self.noise;
+        let step = tangent(self.direction, seen.direction);
+        let gain = if is_jump {
+            self.kalman.jump(noise, Vec3::ZERO)
+        } else {
+            self.kalman.gain(parameters, step, noise)
+        };
+        let moved = self.direction + (seen.direction - self.direction) * gain;
+        self.direction = moved.try_normalize().unwrap_or(seen.direction);
+        if gain == 1.0 {
+            self.direction = seen.direction;
+        }
+        for (c, new) in self.colour.iter_mut().zip(seen.colour) {
+            *c += (new - *c) * gain;
+        }
+        self.learn(seen.direction);
+    }
+}
+
+/// The vector in the tangent plane at `from` that leads to `to`, its length the angle; both are unit vectors.
+fn tangent(from: Vec3, to: Vec3) -> Vec3 {
+    let cos = from.dot(to);
+    let across = to - from * cos;
+    let sin = across.length();
+    if sin > 0.0 { across * (libm::atan2f(sin, cos) / sin) } else { to - from }
+}
+
+/// A gated Kalman filter for each light. `T` holds one [`Track`] for each of two slots per light.
+#[derive(Clone, Debug)]
+pub struct Gated<T> {
+    parameters: Parameters,
+    tracks: T,
+    abrupt: bool,
+}
+
+impl<T: Buffer<Track>> Gated<T> {
+    /// Takes the memory for `lights` lights.
+    ///
+    /// # Errors
+    /// [`TooSmall`].
+    pub fn try_new(parameters: Parameters, lights: usize, tracks: T) -> Result<Self, TooSmall> {
+        arena::check(&tracks, 2 * lights)?;
+        Ok(Self { parameters, tracks, abrupt: false })
+    }
+}
+
+impl<T: Buffer<Track>> Follow for Gated<T> {
+    const NAME: &'static str = "hemigon";
+
+    fn slots(&self) -> usize {
+        self.tracks.as_ref().len()
+    }
+
+    fn begin(&mut self, abrupt: bool) {
+        self.abrupt = abrupt;
+    }
+
+    fn follow(&mut self, slot: usize, is_new: bool, seen: Seen) -> Seen {
+        let Some(track) = self.tracks.as_mut().get_mut(slot) else { return seen };
+        if is_new {
+            *track = Track::begin(seen);
+        } else {
+            track.step(&self.parameters, self.abrupt, seen);
+        }
+        Seen { direction: track.direction, colour: track.colour }
+    }
+
+    fn reset(&mut self) {
+        self.abrupt = false;
+    }
+}

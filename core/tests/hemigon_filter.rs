@@ -1,0 +1,187 @@
+//! The filters of `hemigon` and `hemigon-fir` on a line: noise, steps and ramps against measured figures and f64 twins.
+
+mod common;
+
+use common::{RngExt, off, seeded};
+use core::f64::consts::PI;
+use glam::Vec3;
+use hemilux_core::sampler::hemigon::fir::{self, Kernel};
+use hemilux_core::sampler::hemigon::kalman::{Kalman, Parameters};
+
+/// Normal noise of deviation 1.
+fn noise(count: usize) -> Vec<f64> {
+    let mut rng = seeded(71);
+    let mut one = || -> f64 { (1.0 - rng.random::<f64>()).ln() };
+    (0..count)
+        .map(|i| (-2.0 * one()).sqrt() * (PI * 2.0 * (i as f64 * 0.618_033_988_7 + one()).fract()).cos())
+        .collect()
+}
+
+/// What a filter makes of a signal.
+type Filter<'a> = &'a dyn Fn(&[f64]) -> Vec<f64>;
+
+/// Name, filter at a frame rate, and its figures at two rates.
+type Row = (&'static str, fn(f64, &[f64]) -> Vec<f64>, [[f64; 3]; 2]);
+
+/// RMS on noise, frames to 90 % of a step of 20, mean lag on a ramp of 2 a second: the columns of the design's table.
+fn figures(filter: Filter<'_>, rate: f64) -> [f64; 3] {
+    let still = filter(&noise(100_000));
+    let jitter = (still[100..].iter().map(|x| x * x).sum::<f64>() / 99_900.0).sqrt();
+    let signal = noise(400 * 200);
+    let mut frames = 0.0;
+    for run in signal.chunks(200) {
+        let stepped: Vec<f64> =
+            run.iter().enumerate().map(|(i, x)| x + if i >= 100 { 20.0 } else { 0.0 }).collect();
+        frames +=
+            filter(&stepped)[100..].iter().position(|x| *x >= 18.0).expect("it gets there") as f64 + 1.0;
+    }
+    let truth: Vec<f64> = (0..100_000).map(|i| f64::from(i) * 2.0 / rate).collect();
+    let ramp: Vec<f64> = truth.iter().zip(noise(100_000)).map(|(a, b)| a + b).collect();
+    let lag = truth.iter().zip(filter(&ramp)).skip(100).map(|(t, x)| t - x).sum::<f64>() / 99_900.0;
+    [jitter, frames / 400.0, lag]
+}
+
+/// Parameters of the table: variance 0.5 a second, gate 16.
+fn table(rate: f64, confirm: bool) -> Parameters {
+    let alarm = if confirm { 5.0 } else { f32::INFINITY };
+    Parameters { frame_rate_hz: rate as f32, drift_hz: 0.5, gate: 16.0, confirm, alarm }
+}
+
+fn kalman(parameters: Parameters, signal: &[f64]) -> Vec<f64> {
+    let (mut filter, mut x) = (Kalman::at(1.0), signal[0]);
+    let step = |z: &f64| {
+        x += f64::from(filter.gain(&parameters, Vec3::X * (z - x) as f32, 1.0)) * (z - x);
+        x
+    };
+    signal.iter().map(step).collect()
+}
+
+/// The same from the description, in f64 and for numbers: two-sided CUSUM by Crosier's recursion.
+fn kalman_twin(p: &Parameters, signal: &[f64]) -> Vec<f64> {
+    let q = f64::from(p.drift_hz) / f64::from(p.frame_rate_hz);
+    let (mut x, mut variance, mut sum, mut suspect) = (signal[0], 1.0, 0.0f64, 0.0f64);
+    let mut out = Vec::new();
+    for z in signal {
+        variance += q;
+        let nu = z - x;
+        let w: f64 = nu / (variance + 1.0).sqrt();
+        sum += w.clamp(-3.0, 3.0);
+        sum = sum.signum() * (sum.abs() - 0.5).max(0.0);
+        let exceeds = w * w > f64::from(p.gate);
+        if exceeds && (!p.confirm || suspect * w > 0.0) || sum.abs() > f64::from(p.alarm) {
+            (x, variance, sum, suspect) = (*z, 1.0, 0.0, if exceeds { w } else { 0.0 });
+        } else if exceeds {
+            suspect = w;
+        } else {
+            suspect = 0.0;
+            x += variance / (variance + 1.0) * nu;
+            variance /= variance + 1.0;
+        }
+        out.push(x);
+    }
+    out
+}
+
+/// The first frame fills the past.
+fn fir(taps: usize, rate: f64, signal: &[f64]) -> Vec<f64> {
+    let kernel = Kernel::new(&fir::Parameters { taps, cutoff_hz: 1.0, frame_rate_hz: rate });
+    (0..signal.len())
+        .map(|i| kernel.weights().iter().enumerate().map(|(k, w)| w * signal[i.saturating_sub(k)]).sum())
+        .collect()
+}
+
+#[test]
+fn filters_have_the_measured_figures() {
+    // `algorithms.md` 7.3: jitter, frames to 90 %, ramp lag, at 6.7 and at 30 frames a second.
+    let rows: [Row; 4] = [
+        ("fir 7", |rate, s| fir(7, rate, s), [[0.52, 5.1, 0.88], [0.47, 5.7, 0.19]]),
+        ("fir 15", |rate, s| fir(15, rate, s), [[0.49, 9.7, 2.08], [0.32, 11.6, 0.45]]),
+        ("kalman at once", |rate, s| kalman(table(rate, false), s), [[0.37, 1.1, 0.94], [0.26, 1.1, 0.47]]),
+        ("kalman confirmed", |rate, s| kalman(table(rate, true), s), [[0.37, 2.0, 0.49], [0.26, 2.0, 0.34]]),
+    ];
+    for (name, filter, expected) in rows {
+        for (rate, expected) in [6.7, 30.0].into_iter().zip(expected) {
+            let found = figures(&|s| filter(rate, s), rate);
+            println!("{name} {rate}: {found:.3?}, design {expected:?}");
+            for (i, within) in [0.02, 0.3, 0.1].into_iter().enumerate() {
+                assert!((found[i] - expected[i]).abs() <= within, "{name} {rate}: {found:?} {expected:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_filter_is_its_twin_in_double_precision() {
+    let mut signal = noise(5000);
+    for (i, x) in signal.iter_mut().enumerate() {
+        *x += if i % 400 > 200 { 15.0 } else { 0.0 } + if i % 97 == 0 { 30.0 } else { 0.0 };
+    }
+    for parameters in [table(10.0, false), table(10.0, true), Parameters::LIGHTS] {
+        let (found, twin) = (kalman(parameters, &signal), kalman_twin(&parameters, &signal));
+        // A step within f32 of the gate may fall on either side: its effect is gone after some frames.
+        let far = found.iter().zip(&twin).filter(|(a, b)| (*a - *b).abs() > 1e-4).count();
+        assert!(far < 25, "{far} of 5000 differ under {parameters:?}");
+    }
+}
+
+#[test]
+fn at_ten_frames_a_second_it_smooths_better_than_the_fir_and_follows_sooner() {
+    let found = figures(&|s| kalman(Parameters::LIGHTS, s), 10.0);
+    let published = figures(&|s| fir(7, 10.0, s), 10.0);
+    println!("kalman {found:.3?}, fir {published:.3?}");
+    assert!(found[0] < published[0] && found[1] < 2.3 && published[1] > 4.5, "{found:?} {published:?}");
+}
+
+#[test]
+fn fir_kernels_are_windowed_sincs_of_sum_one() {
+    for (taps, cutoff_hz, frame_rate_hz) in [(7, 1.0, 10.0), (15, 1.0, 6.7), (8, 2.0, 30.0), (63, 5.0, 30.0)]
+    {
+        let kernel = Kernel::new(&fir::Parameters { taps, cutoff_hz, frame_rate_hz });
+        let w = kernel.weights();
+        assert_eq!(w.len(), taps);
+        assert!(off(w.iter().sum(), 1.0) < 1e-12);
+        assert!((0..taps).all(|k| (w[k] - w[taps - 1 - k]).abs() < 1e-12), "{w:?}");
+    }
+    // By hand: Hamming of 3 is 0.08, 1, 0.08; sinc(1/2) = 2 / pi.
+    let kernel = Kernel::new(&fir::Parameters { taps: 3, cutoff_hz: 1.0, frame_rate_hz: 4.0 });
+    let side = 0.08 * 2.0 / PI;
+    assert!(off(kernel.weights()[0], side / (1.0 + 2.0 * side)) < 1e-12);
+    // What is no filter passes everything.
+    for (taps, cutoff_hz, frame_rate_hz) in
+        [(0, 1.0, 10.0), (1, 1.0, 10.0), (9, f64::NAN, 10.0), (9, 1.0, 0.0), (2, 10.0, 10.0)]
+    {
+        let kernel = Kernel::new(&fir::Parameters { taps, cutoff_hz, frame_rate_hz });
+        let sum: f64 = kernel.weights().iter().sum();
+        assert!(off(sum, 1.0) < 1e-12, "{taps} {cutoff_hz} {frame_rate_hz}");
+    }
+    assert_eq!(
+        Kernel::new(&fir::Parameters { taps: 1000, ..fir::Parameters::default() }).weights().len(),
+        63
+    );
+}
+
+#[test]
+fn an_outlier_is_passed_over_where_jumps_are_confirmed() {
+    let mut signal = vec![0.0; 50];
+    signal[30] = 40.0;
+    let confirmed = kalman(Parameters::LIGHTS, &signal);
+    assert!(confirmed.iter().all(|x| x.abs() < 1e-6), "{confirmed:?}");
+    assert_eq!(kalman(Parameters { confirm: false, ..Parameters::LIGHTS }, &signal)[30], 40.0);
+}
+
+#[test]
+fn motion_is_confirmed_once() {
+    // Still, then 10 deviations a frame: the first frame is doubted, the others are followed.
+    let signal: Vec<f64> = (0..40).map(|i| f64::from((i - 20).max(0)) * 10.0).collect();
+    let found = kalman(Parameters::LIGHTS, &signal);
+    assert_eq!((found[21], &found[22..]), (0.0, &signal[22..]));
+}
+
+#[test]
+fn a_step_that_is_no_number_is_taken_whole() {
+    let mut filter = Kalman::at(1.0);
+    assert_eq!(filter.gain(&Parameters::LIGHTS, Vec3::NAN, 1.0), 1.0);
+    // No variance and no noise: nothing to smooth.
+    assert_eq!(Kalman::at(0.0).gain(&Parameters::LIGHTS, Vec3::X, 0.0), 1.0);
+    assert_eq!(Kalman::at(0.0).gain(&Parameters::LIGHTS, Vec3::ZERO, 0.0), 1.0);
+}
