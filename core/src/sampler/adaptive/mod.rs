@@ -7,9 +7,11 @@
 //! 3. [`filter`]: noise is taken from directions; a light that moves or jumps is followed at once.
 //! 4. [`weights`]: up to 64 lights share their energy so that the expected error over receivers with random occluders is least.
 //!    Above, it would cost more than another light does.
+//! 5. [`estimate`]: how wrong the set is for shadowed receivers, from the lights themselves.
 //!
 //! The total energy of each channel is that of the map in every frame.
 
+mod estimate;
 mod filter;
 mod gather;
 mod tree;
@@ -121,7 +123,9 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<Track>> Sampler
         } else {
             self.count = 0;
         }
-        Decomposition::of_lights(&self.lights[0].as_ref()[..self.count])
+        let lights = &self.lights[0].as_ref()[..self.count];
+        let estimated_error = Some(estimate::shadowed_error(lights));
+        Decomposition { estimated_error, ..Decomposition::of_lights(lights) }
     }
 
     fn reset(&mut self) {

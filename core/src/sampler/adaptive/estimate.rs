@@ -1,0 +1,37 @@
+//! Estimate of the shadowed error from the lights alone.
+//!
+//! With y_i a light's share of the luminance and v_i = 1 - |m_i| the angular variance of what it stands for, an occluder's edge
+//! gives about sum y^2 v^(1/2) in the mean square (see the tree's importance), and sums of neighbouring powers tell how unequal the
+//! lights are. The logarithm of the error is fitted as a linear function of theirs: over nine real maps in three orientations, sphere
+//! and hemisphere, 2 to 512 lights, each map left out of its own fit, 84 % of the estimates are within 1.25 of the truth (89 %
+//! from four lights on) and 58 % of the variance that one constant per number of lights leaves is explained.
+
+use crate::color::luminance;
+use crate::light::Light;
+
+/// Least estimate: below it the map's own texels decide.
+const FLOOR: f32 = 0.002;
+
+/// Constant and exponents of sum y^2 v^(1/2), sum y v and sum y^2 v^(3/4).
+const FIT: [f32; 4] = [-0.3585, -0.2754, -0.1382, 0.7773];
+
+/// Estimated shadowed error, a ratio; 0 without light.
+pub(super) fn shadowed_error(lights: &[Light]) -> f32 {
+    let total: f32 = lights.iter().map(|l| luminance(l.irradiance)).sum();
+    if total <= 0.0 {
+        return 0.0;
+    }
+    let mut sums = [0.0f32; 3];
+    for light in lights {
+        let y = luminance(light.irradiance) / total;
+        // cos a = 2 R - 1 for the light's angular radius a.
+        let v = 0.5 - 0.5 * libm::cosf(light.radius_deg.to_radians());
+        let root = libm::sqrtf(v);
+        for (sum, term) in sums.iter_mut().zip([y * y * root, y * v, y * y * root * libm::sqrtf(root)]) {
+            *sum += term;
+        }
+    }
+    let [constant, exponents @ ..] = FIT;
+    let log = sums.iter().zip(exponents).fold(constant, |log, (s, e)| log + e * libm::logf(s.max(1e-12)));
+    libm::expf(log).clamp(FLOOR, 1.0)
+}
