@@ -32,7 +32,7 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { sampler: "q2tree".into(), lights: 64, extrapolation: Extrapolation::None, grid: Grid::POLAR }
+        Self { sampler: "adaptive".into(), lights: 64, extrapolation: Extrapolation::None, grid: Grid::POLAR }
     }
 }
 

@@ -52,7 +52,7 @@ enum Command {
 #[derive(Args, Debug)]
 struct SamplerArgs {
     /// How lights are found.
-    #[arg(long, default_value = "q2tree", value_parser = clap::builder::PossibleValuesParser::new(samplers::NAMES))]
+    #[arg(long, default_value = "adaptive", value_parser = clap::builder::PossibleValuesParser::new(samplers::NAMES))]
     sampler: String,
     /// Most lights.
     #[arg(long, default_value_t = 64)]
