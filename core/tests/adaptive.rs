@@ -4,6 +4,7 @@ mod common;
 
 use common::{RngExt, dark, grey, lit, seeded};
 use glam::Vec3;
+use hemilux_core::arena::TooSmall;
 use hemilux_core::healpix::{self, Domain};
 use hemilux_core::light::Light;
 use hemilux_core::polar::LatLongView;
@@ -247,4 +248,31 @@ fn moved(before: &[Light], after: &[Light]) -> f32 {
         .filter_map(|l| Some(before.iter().find(|b| b.id == l.id)?.direction.angle_between(l.direction)));
     let (sum, count) = angles.fold((0.0, 0), |(s, n), a| (s + a, n + 1));
     if count == 0 { 0.0 } else { sum / count as f32 }
+}
+
+#[test]
+fn the_memory_is_exactly_what_is_named() {
+    let order = 3;
+    let made = |bits: usize| {
+        let bits = || vec![0u8; bits];
+        let room = || vec![Light::default(); 9];
+        let tracks = || [vec![Track::default(); 9], vec![Track::default(); 8]];
+        Adaptive::try_new(
+            (Domain::Hemisphere, order),
+            [bits(), bits()],
+            vec![Leaf::default(); 9],
+            [room(), room()],
+            tracks(),
+        )
+    };
+    // 2^(3 + 2 order) nodes above the texels, a bit each.
+    assert_eq!(bits_len(Domain::Hemisphere, order), 64);
+    assert_eq!(made(63).map(|_| ()), Err(TooSmall { needed: 64, lent: 63 }));
+    let mut sampler = made(64).expect("as many bits as are named");
+    // The shortest of the lists decides.
+    assert_eq!(sampler.capacity(), 8);
+    let map = random(Domain::Hemisphere, order, 8);
+    assert_eq!(update(&mut sampler, &map, 9).len(), 8, "full is full");
+    // A finer map than the bits are for gives nothing rather than something wrong.
+    assert_eq!(update(&mut sampler, &random(Domain::Hemisphere, 4, 8), 8), []);
 }

@@ -6,11 +6,10 @@
 //! any sequence of merges and splits would. The published frame-to-frame threshold is a bonus of 1 + tau for the quads that were
 //! interior in the last frame: a split is given up only for one that is more important by that factor.
 //!
-//! A split turns one leaf into four; on the horizon of a hemisphere into three, since one child lies below it. So a sphere reaches
-//! 12 + 3k leaves and a hemisphere 8 + 3a + 2b. When one more split of the most important leaf would exceed the request, the next
-//! ones in order are passed over until one fits: on a hemisphere that is a leaf on the horizon, which fills the last two places. A
-//! map that is lit along its horizon therefore gives the request or one less, any other the request or up to two less; dark leaves
-//! take a place and give no light.
+//! A split turns one lit leaf into as many as it has lit children: four, or on the horizon of a hemisphere three, since one child
+//! lies below it; dark leaves give no light and take no place. So a lit sphere reaches 12 + 3k lights and a lit hemisphere 8 + 3a + 2b.
+//! A split of the most important leaf that would exceed the request is passed over for the next one that fits: on a hemisphere
+//! that is a leaf on the horizon, so that it gives the request or one less.
 //!
 //! The tree is one bit per quad (is it interior?), walked in NESTED order: no node pool, no search.
 
@@ -132,25 +131,26 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>> Q2Tree<B, H, L> {
     fn grow(&mut self, map: &PyramidView<'_>, lights: usize) {
         self.interior.swap(0, 1);
         self.interior[0].as_mut().fill(0);
+        let is_lit = |order: u8, ipix: u32| map.quad(order, ipix).y() > 0.0;
+        let roots = 0..map.domain().faces() as u32;
         let mut len = 0;
-        let mut leaves = 0;
-        for ipix in 0..map.domain().faces() as u32 {
-            leaves += 1;
+        let mut lit = roots.clone().filter(|ipix| is_lit(0, *ipix)).count();
+        for ipix in roots {
             self.push(&mut len, map, 0, ipix);
         }
-        while let Some(leaf) = heap::pop(&mut self.heap.as_mut()[..len], before) {
+        while lit < lights
+            && let Some(leaf) = heap::pop(&mut self.heap.as_mut()[..len], before)
+        {
             len -= 1;
-            let gain = children(map.domain(), leaf.order, leaf.ipix).count() - 1;
-            if leaves + gain > lights {
-                // A quad on the horizon gains one light less than others: it may still fit.
-                if leaves + 2 > lights {
-                    break;
-                }
+            let children = 4 * leaf.ipix..4 * leaf.ipix + 4;
+            let gain =
+                children.clone().filter(|ipix| is_lit(leaf.order + 1, *ipix)).count().saturating_sub(1);
+            if lit + gain > lights {
                 continue;
             }
-            leaves += gain;
+            lit += gain;
             set(self.interior[0].as_mut(), index(map.domain(), leaf.order, leaf.ipix));
-            for ipix in children(map.domain(), leaf.order, leaf.ipix) {
+            for ipix in children {
                 self.push(&mut len, map, leaf.order + 1, ipix);
             }
         }
@@ -233,11 +233,6 @@ fn jitter(id: u32, spread: f64) -> [f64; 2] {
     h = (h ^ (h >> 13)).wrapping_mul(0xc2b2_ae35);
     h ^= h >> 16;
     [h & 0xffff, h >> 16].map(|v| 0.5 + spread * ((f64::from(v) + 0.5) / 65536.0 - 0.5))
-}
-
-/// Children of a quad that lie at least partly in the domain.
-fn children(domain: Domain, order: u8, ipix: u32) -> impl Iterator<Item = u32> {
-    (4 * ipix..4 * ipix + 4).filter(move |child| domain.share(order + 1, *child) > 0.0)
 }
 
 /// Number of a quad among those of all orders.
