@@ -82,10 +82,7 @@ mod tests {
         assert_eq!(mailbox.take(), None, "nothing wished");
         let post = |change| mailbox.post(&change).expect("a wish that can come true");
         post(Change { lights: Some(20), ..Change::default() });
-        assert!(
-            mailbox.post(&Change { lights: Some(1), ..Change::default() }).is_err(),
-            "too few for a tree"
-        );
+        assert!(mailbox.post(&Change { lights: Some(0), ..Change::default() }).is_err(), "no light at all");
         let serial = post(Change { gui: Some(true), ..Change::default() });
         let (taken, config) = mailbox.take().expect("a wish");
         assert_eq!((taken, config.pipeline.lights, config.gui), (serial, 20, true), "both");
