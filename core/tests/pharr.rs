@@ -141,12 +141,13 @@ fn lights_are_equally_luminous_and_keep_the_energy() {
 
 #[test]
 fn lights_are_where_the_halton_point_says_counted_from_phi_zero() {
-    // A constant map: u is the share of the domain's solid angle above the light, v the share of the turn from phi = 0.
+    // A constant map: u is the share of the domain's solid angle above the light, v the share of the turn from phi = 0, clockwise
+    // seen from above as the map's columns run.
     for (grid, bottom) in [(POLAR, 0.0), (SPHERE, -1.0)] {
         for (i, light) in decompose(grid, &energies(grid, |_, _| [1.0; 3]), 500).iter().enumerate() {
             let [u, v] = halton::point(i as u32 + 1);
             let z = 1.0 + u * (bottom - 1.0);
-            let (sin, phi) = ((1.0 - z * z).sqrt(), v * TAU);
+            let (sin, phi) = ((1.0 - z * z).sqrt(), -v * TAU);
             let expected = DVec3::new(sin * phi.cos(), sin * phi.sin(), z);
             // The conditional distribution is summed in f32, theta within a row is linear in its solid angle.
             assert!(
@@ -160,10 +161,10 @@ fn lights_are_where_the_halton_point_says_counted_from_phi_zero() {
 
 #[test]
 fn the_first_column_after_the_seam_takes_the_smallest_second_coordinates() {
-    // All light in the two columns on either side of phi = 0: small v just above it, great v just below.
+    // All light in the two columns on either side of phi = 0: small v in the one after it in the map's order, great v before.
     for width in [64, 7] {
         let grid = Grid { width, height: 4, domain: Domain::Hemisphere };
-        let (after, before) = if width == 64 { (31, 32) } else { (2, 3) };
+        let (after, before) = if width == 64 { (32, 31) } else { (3, 2) };
         let lights = decompose(grid, &energies(grid, |_, c| [f32::from(c == after || c == before); 3]), 100);
         for (i, light) in lights.iter().enumerate() {
             let column = grid.texel(light.direction.as_dvec3()).expect("inside") % width;
