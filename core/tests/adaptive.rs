@@ -241,6 +241,44 @@ fn noise_moves_lights_less_than_their_raw_centroids() {
     assert!(smooth < 0.35 * raw, "filtered {smooth}, raw {raw}");
 }
 
+/// A room unlike any other: every sixth of a radian has a brightness of its own, over three decades.
+fn patches(seed: u64) -> Pyramid<Vec<Quad>> {
+    let mut rng = seeded(seed);
+    let bright: Vec<f32> = (0..192).map(|_| 10f32.powf(rng.random_range(-1.5..1.5))).collect();
+    lit(Domain::Sphere, 4, |ipix| grey(bright[(ipix >> 4) as usize]))
+}
+
+#[test]
+fn a_cut_leaves_nothing_of_the_past() {
+    let mut sampler = adaptive(Domain::Sphere, 4, 64);
+    for seed in 0..20 {
+        let map = patches(seed);
+        assert_eq!(
+            update(&mut sampler, &map, 48),
+            update(&mut adaptive(Domain::Sphere, 4, 64), &map, 48),
+            "{seed}"
+        );
+    }
+}
+
+#[test]
+fn a_switched_lamp_and_a_dimmed_room_are_no_cuts() {
+    let lamp = Some(Vec3::new(0.3, 0.5, 0.81).normalize());
+    let mut sampler = adaptive(Domain::Sphere, 5, 64);
+    update(&mut sampler, &room(None, 1), 64);
+    assert!(
+        update(&mut sampler, &room(lamp, 2), 64).iter().any(|l| l.age == 1),
+        "the lamp is a local change"
+    );
+    let mut dim = room(lamp, 3);
+    for quad in dim.texels_mut() {
+        quad.energy = quad.energy.map(|v| 0.02 * v);
+        quad.moment = quad.moment.map(|v| 0.02 * v);
+    }
+    dim.build();
+    assert!(update(&mut sampler, &dim, 64).iter().any(|l| l.age == 2), "so is the light's strength");
+}
+
 /// Mean angle by which lights of the same id moved.
 fn moved(before: &[Light], after: &[Light]) -> f32 {
     let angles = after

@@ -4,13 +4,14 @@
 //! 1. [`tree`]: best-first splits of a binary tree by Y (1 - |m|)^(3/8), which is nearly what a light costs in shadowed error. Each
 //!    split adds one light, so every number of lights is reached, down to one.
 //! 2. [`gather`]: up to eight lights are moved to the centroids of what is nearest to them; more lights gain little from it and flicker.
-//! 3. [`filter`]: noise is taken from directions; a light that moves or jumps is followed at once.
+//! 3. [`filter`]: noise is taken from directions; a light that moves or jumps is followed at once. After a [`cut`] all begins anew.
 //! 4. [`weights`]: up to 64 lights share their energy so that the expected error over receivers with random occluders is least.
 //!    Above, it would cost more than another light does.
 //! 5. [`estimate`]: how wrong the set is for shadowed receivers, from the lights themselves.
 //!
 //! The total energy of each channel is that of the map in every frame.
 
+mod cut;
 mod estimate;
 mod filter;
 mod gather;
@@ -40,6 +41,7 @@ pub struct Adaptive<B, H, L, T> {
     lights: [L; 2],
     tracks: [T; 2],
     fit: weights::Fit,
+    cut: cut::Cut,
     count: usize,
 }
 
@@ -59,8 +61,14 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<Track>> Adaptiv
         for bits in &bits {
             arena::check(bits, bits_len(domain, order))?;
         }
-        let mut new =
-            Self { tree: Tree::new(bits, heap), lights, tracks, fit: weights::Fit::new(), count: 0 };
+        let mut new = Self {
+            tree: Tree::new(bits, heap),
+            lights,
+            tracks,
+            fit: weights::Fit::new(),
+            cut: cut::Cut::new(),
+            count: 0,
+        };
         new.reset();
         Ok(new)
     }
@@ -74,6 +82,9 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<Track>> Adaptiv
     }
 
     fn decompose(&mut self, map: &PyramidView<'_>, limit: usize) {
+        if self.cut.seen(map) {
+            self.reset();
+        }
         let previous = self.count;
         self.lights.swap(0, 1);
         self.tracks.swap(0, 1);

@@ -1,0 +1,50 @@
+//! Tells a cut, after which the past is worth nothing, from a scene that goes on.
+//!
+//! With r the ratio of a quad's light to that of the last frame, a scene that goes on has most r near their median, however much the
+//! whole was dimmed and whatever one lamp does; after a cut more than half are elsewhere.
+
+use crate::pyramid::PyramidView;
+
+/// Order of the quads compared: 15 degrees, so that a lamp or a person is in few of them.
+const ORDER: u8 = 2;
+
+/// As many quads as a sphere has.
+const QUADS: usize = crate::healpix::Domain::Sphere.quads(ORDER);
+
+/// Ratios within this factor of their median are of a scene that goes on: clouds and lamps change a wall by less.
+const FACTOR: f32 = 1.5;
+
+/// The last frame's light.
+#[derive(Clone, Debug)]
+pub(super) struct Cut {
+    past: [f32; QUADS],
+}
+
+impl Cut {
+    pub(super) const fn new() -> Self {
+        Self { past: [0.0; QUADS] }
+    }
+
+    /// Remembers the frame; true if it has nothing to do with the last one.
+    pub(super) fn seen(&mut self, map: &PyramidView<'_>) -> bool {
+        let mut ratios = [0.0f32; QUADS];
+        let (mut both, mut one) = (0, 0);
+        for (past, quad) in self.past.iter_mut().zip(map.quads_of(ORDER)) {
+            let now = quad.y();
+            match (*past > 0.0, now > 0.0) {
+                (true, true) => {
+                    ratios[both] = now / *past;
+                    both += 1;
+                }
+                (false, false) => {}
+                _ => one += 1,
+            }
+            *past = now;
+        }
+        let ratios = &mut ratios[..both];
+        ratios.sort_unstable_by(f32::total_cmp);
+        let median = ratios.get(both / 2).copied().unwrap_or(0.0);
+        let near = ratios.iter().filter(|r| **r < median * FACTOR && **r * FACTOR > median).count();
+        2 * near < both + one
+    }
+}
