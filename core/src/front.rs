@@ -3,6 +3,7 @@
 //! Rows are merged in chunks that stay in the nearest cache and added straight to 64-bit sums of their texels.
 
 use crate::arena::{self, Buffer, TooSmall};
+use crate::color::luminance;
 use crate::healpix::Domain;
 use crate::merge::{Merge, Radiance, Samples};
 use crate::plan::{Cell, Plan, Span, Texel};
@@ -134,12 +135,9 @@ impl<A: Buffer<Sum>> Front<A> {
         let texels = Domain::Hemisphere.quads(plan.source_order());
         let (sums, rest) = self.sums.as_ref().split_at(texels);
         map.fill(plan.source_order(), plan.texels(), |i| energy(sums.get(i).copied(), scale));
-        let below = luminance_of(energy(rest.first().copied(), scale));
-        let above = luminance_of(
-            map.texels()
-                .iter()
-                .fold([0.0; 3], |sum, q| [sum[0] + q.energy[0], sum[1] + q.energy[1], sum[2] + q.energy[2]]),
-        );
+        let below = luminance(energy(rest.first().copied(), scale));
+        // Most lenses see nothing of it: then no pass over the map is needed.
+        let above = if below > 0.0 { map.texels().iter().map(Quad::y).sum() } else { 0.0f32 };
         Ok(Seen {
             clipped: (clipped_weight as f64 * plan.weight_unit() / Domain::Hemisphere.solid_angle()).min(1.0),
             unseen: plan.unseen(),
@@ -198,10 +196,6 @@ fn add(sums: &mut [Sum], cells: &[Cell], merged: &[Radiance], below: u32) -> u64
 fn energy(sum: Option<Sum>, scale: [f32; 3]) -> [f32; 3] {
     let sum = sum.unwrap_or_default();
     core::array::from_fn(|c| sum[c].max(0) as f32 * scale[c])
-}
-
-fn luminance_of(rgb: [f32; 3]) -> f32 {
-    crate::color::luminance(rgb)
 }
 
 fn check_frames<M, R>(frames: &[Samples<'_>], merge: &Merge<M, R>, samples: usize) -> Result<(), FrontError>

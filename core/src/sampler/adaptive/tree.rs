@@ -98,7 +98,7 @@ impl<'a> Nodes<'a> {
     ///
     /// An occluder's edge that crosses a light's region errs by about Y, and crosses it with a probability in proportion to the
     /// region's width, (1 - |m|)^(1/2): Y^2 (1 - |m|)^(1/2) in the mean square, so 1/4 would be its exponent here. Open receivers
-    /// see Y (1 - |m|). 3/8 is the best compromise over the maps and scenarios of `host-sim`.
+    /// see Y (1 - |m|). Of 1/4, 3/8 and 1/2, 3/8 is the best compromise over the maps and scenarios of `host-sim`.
     fn importance(&self, quad: &Quad) -> f32 {
         let fourth = libm::sqrtf(libm::sqrtf((1.0 - quad.resultant()).max(LEAST_SPREAD)));
         quad.y() * fourth * libm::sqrtf(fourth)
@@ -129,30 +129,36 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>> Tree<B, H> {
         self.interior[0].as_mut().fill(0);
         let mut len = 0;
         let mut lit = 1;
-        self.push(&mut len, &nodes, 0, 0, f32::INFINITY);
+        self.push(&mut len, &nodes, (0, 0, &nodes.quad(0, 0)), f32::INFINITY);
         while lit < limit {
             let Some(leaf) = heap::pop(&mut self.heap.as_mut()[..len], before) else { break };
             len -= 1;
             set(self.interior[0].as_mut(), leaf.level, leaf.index);
-            let children = [2 * leaf.index, 2 * leaf.index + 1];
-            let both = children.iter().all(|c| nodes.quad(leaf.level + 1, *c).y() > 0.0);
-            lit += usize::from(both);
-            for child in children {
-                self.push(&mut len, &nodes, leaf.level + 1, child, leaf.importance);
+            let level = leaf.level + 1;
+            let children =
+                [2 * leaf.index, 2 * leaf.index + 1].map(|index| (index, nodes.quad(level, index)));
+            lit += usize::from(children.iter().all(|(_, quad)| quad.y() > 0.0));
+            for (index, quad) in &children {
+                self.push(&mut len, &nodes, (level, *index, quad), leaf.importance);
             }
         }
     }
 
     /// Adds a node to the heap unless it is dark or a texel. A node is never more important than its parent, so that the tree of the
     /// most important nodes is connected.
-    fn push(&mut self, len: &mut usize, nodes: &Nodes<'_>, level: u8, index: u32, most: f32) {
-        let quad = nodes.quad(level, index);
+    fn push(
+        &mut self,
+        len: &mut usize,
+        nodes: &Nodes<'_>,
+        (level, index, quad): (u8, u32, &Quad),
+        most: f32,
+    ) {
         let leaves = self.heap.as_mut();
         if quad.y() <= 0.0 || level >= nodes.last() || *len >= leaves.len() {
             return;
         }
         let kept = if bit(self.interior[1].as_ref(), level, index) { 1.0 + HYSTERESIS } else { 1.0 };
-        let importance = (nodes.importance(&quad) * kept).min(most);
+        let importance = (nodes.importance(quad) * kept).min(most);
         leaves[*len] = Leaf { importance, level, index };
         *len += 1;
         heap::sift_up(&mut leaves[..*len], before);
