@@ -183,7 +183,7 @@ impl Pipeline {
         let (total, horizontal_irradiance) = (view.total(), view.horizontal_irradiance());
         let polar = if self.polar_fresh { self.polar.view() } else { LatLongView::NONE };
         let map = Map { pyramid: view, polar };
-        let decomposition = self.sampler.update(&map, &Request { lights: self.settings.lights });
+        let decomposition = self.sampler.update(&map, &Request::of_lights(self.settings.lights));
         let done = began.elapsed();
         let us = |d: std::time::Duration| u32::try_from(d.as_micros()).unwrap_or(u32::MAX);
         let latency = Latency {

@@ -8,6 +8,7 @@ pub mod response;
 
 pub mod merge;
 
+pub mod harmonics;
 pub mod healpix;
 pub mod plan;
 

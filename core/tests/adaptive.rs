@@ -26,7 +26,7 @@ fn adaptive(domain: Domain, order: u8, lights: usize) -> VecAdaptive {
 
 fn update(sampler: &mut VecAdaptive, map: &Pyramid<Vec<Quad>>, lights: usize) -> Vec<Light> {
     let map = Map { pyramid: map.view(), polar: LatLongView::NONE };
-    sampler.update(&map, &Request { lights }).lights.to_vec()
+    sampler.update(&map, &Request::of_lights(lights)).lights.to_vec()
 }
 
 fn random(domain: Domain, order: u8, seed: u64) -> Pyramid<Vec<Quad>> {

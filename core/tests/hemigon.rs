@@ -50,7 +50,7 @@ fn published(grid: &Grid, lights: usize) -> Box<dyn Sampler> {
 fn update(sampler: &mut dyn Sampler, grid: Grid, texels: &[[f32; 3]], lights: usize) -> Vec<Light> {
     let pyramid = dark(Domain::Sphere, 0);
     let map = Map { pyramid: pyramid.view(), polar: LatLongView { grid, texels } };
-    sampler.update(&map, &Request { lights }).lights.to_vec()
+    sampler.update(&map, &Request::of_lights(lights)).lights.to_vec()
 }
 
 /// Energies of radiance `l(row, column)`.

@@ -89,8 +89,8 @@ fn run(seed: u64) {
         let texels: Vec<_> = (0..grid.len()).map(|_| rgb(&mut rng)).collect();
         let map = Map { pyramid: pyramid.view(), polar: LatLongView { grid, texels: &texels } };
         let lights = rng.random_range(0..400);
-        check(tree.update(&map, &Request { lights }).lights, lights, &format!("q2tree {seed}"));
-        check(pharr.update(&map, &Request { lights }).lights, lights, &format!("pharr {seed}"));
+        check(tree.update(&map, &Request::of_lights(lights)).lights, lights, &format!("q2tree {seed}"));
+        check(pharr.update(&map, &Request::of_lights(lights)).lights, lights, &format!("pharr {seed}"));
         let total = pyramid.view().total();
         assert!(total.energy.iter().chain(&total.moment).all(|v| v.is_finite()), "{seed}: {total:?}");
         assert!(pyramid.view().horizontal_irradiance().iter().all(|v| v.is_finite()), "{seed}");

@@ -68,7 +68,7 @@ fn a_hundred_frames_allocate_nothing() {
     let mut frame: Vec<u16> =
         (0..3 * 640 * 480u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 17) as u16).collect();
     let mut bytes = vec![0; 1 << 16];
-    let request = Request { lights: LIGHTS };
+    let request = Request::of_lights(LIGHTS);
 
     let mut written = 0;
     let before = ALLOCATIONS.get();

@@ -24,7 +24,7 @@ fn sampler(grid: &Grid, lights: usize) -> Pharr<Vec<f32>, Vec<Light>> {
 fn decompose(grid: Grid, texels: &[[f32; 3]], lights: usize) -> Vec<Light> {
     let pyramid = dark(Domain::Sphere, 0);
     let map = Map { pyramid: pyramid.view(), polar: LatLongView { grid, texels } };
-    sampler(&grid, lights).update(&map, &Request { lights }).lights.to_vec()
+    sampler(&grid, lights).update(&map, &Request::of_lights(lights)).lights.to_vec()
 }
 
 /// Energies of radiance `l(row, column)`.
@@ -181,13 +181,13 @@ fn ages_count_and_a_reset_forgets() {
     let map = Map { pyramid: pyramid.view(), polar: LatLongView { grid: ODD, texels: &texels } };
     let mut pharr = sampler(&ODD, 8);
     let mut ages =
-        |lights| pharr.update(&map, &Request { lights }).lights.iter().map(|l| l.age).collect::<Vec<_>>();
+        |lights| pharr.update(&map, &Request::of_lights(lights)).lights.iter().map(|l| l.age).collect::<Vec<_>>();
     assert_eq!(ages(3), [0, 0, 0]);
     assert_eq!(ages(4), [1, 1, 1, 0]);
     assert_eq!(ages(2), [2, 2]);
     assert_eq!(ages(99), [3, 3, 0, 0, 0, 0, 0, 0]);
     pharr.reset();
-    assert_eq!(pharr.update(&map, &Request { lights: 1 }).lights[0].age, 0);
+    assert_eq!(pharr.update(&map, &Request::of_lights(1)).lights[0].age, 0);
 }
 
 #[test]
@@ -195,12 +195,12 @@ fn maps_without_light_or_texels_give_no_lights() {
     assert_eq!(decompose(POLAR, &vec![[0.0; 3]; POLAR.len()], 64), []);
     let pyramid = dark(Domain::Sphere, 0);
     let none = Map { pyramid: pyramid.view(), polar: LatLongView::NONE };
-    assert_eq!(sampler(&POLAR, 4).update(&none, &Request { lights: 4 }).lights, []);
+    assert_eq!(sampler(&POLAR, 4).update(&none, &Request::of_lights(4)).lights, []);
     // More texels than it has room for, and a view whose texels do not fill its grid.
     let texels = energies(SPHERE, |_, _| [1.0; 3]);
     for (grid, texels) in [(SPHERE, &texels[..]), (ODD, &texels[..20]), (ODD, &texels[..64])] {
         let map = Map { pyramid: pyramid.view(), polar: LatLongView { grid, texels } };
-        assert_eq!(sampler(&ODD, 4).update(&map, &Request { lights: 4 }).lights, []);
+        assert_eq!(sampler(&ODD, 4).update(&map, &Request::of_lights(4)).lights, []);
     }
     assert_eq!(decompose(ODD, &energies(ODD, |_, _| [1.0; 3]), 0), []);
 }

@@ -24,7 +24,7 @@ fn tree(parameters: Parameters, domain: Domain, order: u8, lights: usize) -> Vec
 
 fn update(tree: &mut VecTree, map: &Pyramid<Vec<Quad>>, lights: usize) -> Vec<Light> {
     let map = Map { pyramid: map.view(), polar: LatLongView::NONE };
-    tree.update(&map, &Request { lights }).lights.to_vec()
+    tree.update(&map, &Request::of_lights(lights)).lights.to_vec()
 }
 
 fn random(domain: Domain, order: u8, seed: u64) -> Pyramid<Vec<Quad>> {

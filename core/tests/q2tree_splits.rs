@@ -43,7 +43,7 @@ fn interior(lights: &[Light]) -> BTreeSet<Place> {
 
 fn update(tree: &mut VecTree, map: &Pyramid<Vec<Quad>>, lights: usize) -> BTreeSet<Place> {
     let map = Map { pyramid: map.view(), polar: LatLongView::NONE };
-    interior(tree.update(&map, &Request { lights }).lights)
+    interior(tree.update(&map, &Request::of_lights(lights)).lights)
 }
 
 /// L^a dOmega^b in `f64`.

@@ -116,7 +116,7 @@ pub fn run_core(scenario: &Scenario, counts: &[usize]) -> Vec<Run> {
         for (method, lights, sampler, sets) in &mut running {
             if let Some(sampler) = sampler {
                 let lights = scenario.lights(t, *lights, method.least(scenario.domain));
-                sets.push(judged(&sampler.update(&maps.view(), &Request { lights })));
+                sets.push(judged(&sampler.update(&maps.view(), &Request::of_lights(lights))));
             }
         }
     }

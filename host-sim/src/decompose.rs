@@ -49,7 +49,7 @@ pub fn run(job: &Job) -> Result<(), SimError> {
         let filled = began.elapsed();
         let map = maps.view();
         let name = sampler.name();
-        let made = sampler.update(&map, &Request { lights: job.lights });
+        let made = sampler.update(&map, &Request::of_lights(job.lights));
         let us = |d: std::time::Duration| u32::try_from(d.as_micros()).unwrap_or(u32::MAX);
         let total = began.elapsed();
         let latency = Latency {

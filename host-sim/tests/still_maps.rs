@@ -34,7 +34,7 @@ fn scores(prepared: &[Prepared], sampler: &str, lights: usize) -> Vec<(Score, Op
     let score = |p: &Prepared| {
         let mut sampler = samplers::make(sampler, &p.shape, lights).expect("a sampler");
         let map = p.maps.view();
-        let made = sampler.update(&map, &Request { lights });
+        let made = sampler.update(&map, &Request::of_lights(lights));
         assert!(made.lights.len() <= lights, "{} lights", made.lights.len());
         let lit = made.lights.iter().map(|l| Lit {
             direction: l.direction.as_dvec3().normalize().to_array(),

@@ -28,6 +28,19 @@ pub struct Map<'a> {
 pub struct Request {
     /// Most lights.
     pub lights: usize,
+    /// The shadowed error, a ratio, that the fewest possible lights are to reach; without one there are as many as the map allows. Read
+    /// by samplers that estimate their error.
+    pub tolerance: Option<f32>,
+    /// Spherical harmonics for what has no direction. Read by `adaptive` alone.
+    pub ambient: bool,
+}
+
+impl Request {
+    /// Up to `lights` lights and nothing else.
+    #[must_use]
+    pub const fn of_lights(lights: usize) -> Self {
+        Self { lights, tolerance: None, ambient: false }
+    }
 }
 
 /// Turns a sequence of maps into light sets.

@@ -25,7 +25,7 @@ pub fn sample_frames(sampler: &str, lights: usize, frames: usize) -> Result<(), 
     let mut maps = Maps::new(shape.domain, shape.order, shape.grid);
     maps.fill_at_centres(stage::room);
     for _ in 0..frames {
-        std::hint::black_box(sampler.update(&maps.view(), &Request { lights }));
+        std::hint::black_box(sampler.update(&maps.view(), &Request::of_lights(lights)));
     }
     Ok(())
 }

@@ -61,7 +61,7 @@ impl Ground {
         let (mut times, mut set) = (Vec::new(), LitSet::default());
         for _ in 0..repeats.max(1) {
             let began = Instant::now();
-            let made = sampler.update(&view, &Request { lights });
+            let made = sampler.update(&view, &Request::of_lights(lights));
             times.push(1e3 * began.elapsed().as_secs_f64());
             set = judged(&made);
         }

@@ -10,7 +10,7 @@ use crate::color::luminance;
 use crate::light::Light;
 
 /// Least estimate: below it the map's own texels decide.
-const FLOOR: f32 = 0.002;
+pub(super) const FLOOR: f32 = 0.002;
 
 /// Constant and exponents of sum y^2 v^(1/2), sum y v and sum y^2 v^(3/4).
 const FIT: [f32; 4] = [-0.3585, -0.2754, -0.1382, 0.7773];

@@ -1,21 +1,21 @@
 //! Lloyd steps for a handful of lights: each takes the energy of what is nearest to it and moves to its centroid.
 
 use super::GATHERED;
+use super::nodes::Nodes;
+use super::source::pieces;
+use super::tree::Leaf;
 use crate::light::Light;
-use crate::pyramid::{PyramidView, Quad};
+use crate::pyramid::Quad;
 
 /// Steps: the error is within 2 % of convergence after four, from the tree's lights.
 const STEPS: usize = 4;
 
-/// Order of the quads that are shared out: 7 degrees, far finer than eight lights can tell apart.
-const ORDER: u8 = 3;
-
 /// Moves at most [`GATHERED`] lights; the sum of their energies is kept.
-pub(super) fn gather(map: &PyramidView<'_>, lights: &mut [Light]) {
+pub(super) fn gather(nodes: &Nodes<'_>, leaves: &[Leaf], lights: &mut [Light]) {
     for _ in 0..STEPS {
         let mut sums = [Quad::default(); GATHERED];
-        for quad in map.quads_of(ORDER).iter().filter(|q| q.y() > 0.0) {
-            sums[nearest(lights, quad).min(GATHERED - 1)].add(quad);
+        for (_, quad) in pieces(nodes, leaves, lights.len()).filter(|(_, q)| q.y() > 0.0) {
+            sums[nearest(lights, &quad).min(GATHERED - 1)].add(&quad);
         }
         for (light, sum) in lights.iter_mut().zip(&sums).filter(|(_, sum)| sum.y() > 0.0) {
             let Light { id, parent, direction, .. } = *light;

@@ -1,20 +1,27 @@
 //! `adaptive`: a binary tree over the pyramid, energy centroids that are smoothed but not delayed, and weights that light shadowed
 //! receivers best. Our own method.
 //!
-//! 1. [`tree`]: best-first splits of a binary tree by Y (1 - |m|)^(3/8), which is nearly what a light costs in shadowed error. Each
-//!    split adds one light, so every number of lights is reached, down to one.
-//! 2. [`gather`]: up to eight lights are moved to the centroids of what is nearest to them; more lights gain little from it and flicker.
-//! 3. [`filter`]: noise is taken from directions; a light that moves or jumps is followed at once. After a [`cut`] all begins anew.
-//! 4. [`weights`]: up to 64 lights share their energy so that the expected error over receivers with random occluders is least.
+//! 1. [`ambient`], where asked for: what has no direction, as spherical harmonics; the rest is for what exceeds it.
+//! 2. [`count`]: with a tolerance, the fewest lights that reach it, without hunting.
+//! 3. [`tree`] over [`nodes`]: best-first splits of a binary tree by Y (1 - |m|)^(3/8), which is nearly what a light costs in shadowed
+//!    error. Each split adds one light, so every number of lights is reached, down to one.
+//! 4. [`gather`]: up to eight lights are moved to the centroids of what is nearest to them; more lights gain little from it and flicker.
+//! 5. [`filter`]: noise is taken from directions; a light that moves or jumps is followed at once. After a [`cut`] all begins anew.
+//! 6. [`weights`]: up to 64 lights share their energy so that the expected error over receivers with random occluders is least.
 //!    Above, it would cost more than another light does.
-//! 5. [`estimate`]: how wrong the set is for shadowed receivers, from the lights themselves.
+//! 7. [`receivers`], or [`estimate`] for many lights: how wrong the set is for shadowed receivers. Both see the map as [`source`]s.
 //!
 //! The total energy of each channel is that of the map in every frame.
 
+mod ambient;
+mod count;
 mod cut;
 mod estimate;
 mod filter;
 mod gather;
+mod nodes;
+mod receivers;
+mod source;
 mod tree;
 mod weights;
 
@@ -24,6 +31,8 @@ use crate::healpix::Domain;
 use crate::light::{Decomposition, Light};
 use crate::pyramid::PyramidView;
 pub use filter::Track;
+use nodes::Nodes;
+use receivers::RECEIVERS;
 use tree::Tree;
 pub use tree::{Leaf, bits_len};
 
@@ -33,16 +42,35 @@ const FITTED: usize = 64;
 /// Most lights that are moved to the centroids of what is nearest to them.
 const GATHERED: usize = 8;
 
+/// Receivers looked at in a frame that goes on as the last: all in eight frames.
+const TURN: usize = RECEIVERS / 8;
+
+/// Frames after which another ceiling of the ambient light may be tried.
+const REST: u32 = 32;
+
+/// An error this many times that of the ceiling in use, or less, makes another one worth the change.
+const BETTER: f32 = 0.95;
+
 /// The sampler. `B` holds [`bits_len`] bytes, twice; `H` one [`Leaf`] per light; `L` one [`Light`] per light, twice; `T` one [`Track`]
 /// per light, twice.
 #[derive(Clone, Debug)]
 pub struct Adaptive<B, H, L, T> {
+    domain: Domain,
     tree: Tree<B, H>,
     lights: [L; 2],
     tracks: [T; 2],
-    fit: weights::Fit,
-    cut: cut::Cut,
     count: usize,
+    ambient: ambient::Ambient,
+    /// Which of [`ambient::CEILINGS`] is in use, and for how many frames.
+    ceiling: (usize, u32),
+    /// The number of lights for a tolerance.
+    wanted: count::Count,
+    sources: source::Sources,
+    fit: weights::Fit,
+    receivers: receivers::Receivers,
+    /// What the errors of the receivers were found for: nothing yet, or how many lights.
+    looked_at: Option<usize>,
+    cut: cut::Cut,
 }
 
 impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<Track>> Adaptive<B, H, L, T> {
@@ -62,12 +90,19 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<Track>> Adaptiv
             arena::check(bits, bits_len(domain, order))?;
         }
         let mut new = Self {
+            domain,
             tree: Tree::new(bits, heap),
             lights,
             tracks,
-            fit: weights::Fit::new(),
-            cut: cut::Cut::new(),
             count: 0,
+            ambient: ambient::Ambient::new(domain, order),
+            ceiling: (ambient::USUAL, 0),
+            wanted: count::Count::default(),
+            sources: source::Sources::new(),
+            fit: weights::Fit::new(),
+            receivers: receivers::Receivers::new(),
+            looked_at: None,
+            cut: cut::Cut::new(),
         };
         new.reset();
         Ok(new)
@@ -81,27 +116,120 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<Track>> Adaptiv
         lights.chain(tracks).chain([self.tree.capacity()]).min().unwrap_or(0)
     }
 
-    fn decompose(&mut self, map: &PyramidView<'_>, limit: usize) {
+    /// Makes the lights of one frame; returns their estimated error.
+    fn decompose(&mut self, map: &PyramidView<'_>, request: &Request) -> f32 {
         if self.cut.seen(map) {
             self.reset();
         }
         let previous = self.count;
         self.lights.swap(0, 1);
         self.tracks.swap(0, 1);
-        self.tree.grow(map, limit);
-        let [lights, old] = &mut self.lights;
-        self.count = self.tree.emit(map, &mut lights.as_mut()[..limit]);
-        let lights = &mut lights.as_mut()[..self.count];
-        if self.count <= GATHERED {
-            gather::gather(map, lights);
+        self.tree.advance();
+        let most = request.lights.min(self.capacity());
+        let least = usize::from(!request.ambient).min(most);
+        let mut count = most;
+        if let Some(tolerance) = request.tolerance {
+            let mut wanted = self.wanted;
+            count = wanted.choose(tolerance, (least, most), |n| self.trial(map, request, n));
+            self.wanted = wanted;
         }
-        let [tracks, old_tracks] = &mut self.tracks;
+        self.ceiling.1 += 1;
+        if request.ambient && (self.looked_at != Some(count) || self.ceiling.1 > REST) {
+            self.trial(map, request, count);
+            self.ceiling.1 = 0;
+        }
+        self.place(map, request, count, self.ceiling.0);
+        let ([lights, old], [tracks, old_tracks]) = (&mut self.lights, &mut self.tracks);
         let old = (&old.as_ref()[..previous], &old_tracks.as_ref()[..previous]);
-        filter::follow(lights, &mut tracks.as_mut()[..self.count], old);
-        if (2..=FITTED).contains(&self.count) {
-            self.fit.run(map, &self.tree, lights, self.count <= GATHERED);
+        filter::follow(&mut lights.as_mut()[..self.count], &mut tracks.as_mut()[..self.count], old);
+        self.weigh(map, request);
+        let turn = if self.looked_at == Some(self.count) { TURN } else { RECEIVERS };
+        self.looked_at = Some(self.count);
+        let error = self.error(map, request, turn);
+        self.wanted.note(error);
+        error
+    }
+
+    /// What `limit` lights would err; with ambient light, under the best ceiling, which is kept.
+    fn trial(&mut self, map: &PyramidView<'_>, request: &Request, limit: usize) -> f32 {
+        if !request.ambient || limit == 0 {
+            return self.look(map, request, limit, ambient::ALL);
         }
-        keep_energy(lights, map.total().rgb());
+        // From the usual ceiling up or down as long as that pays; or none, so that a few lights are never worse than no light.
+        let mut best = (self.look(map, request, limit, ambient::USUAL), ambient::USUAL);
+        for ceilings in [&[5usize, 6, 7, 8] as &[usize], &[3, 2, 1, 0], &[ambient::ALL]] {
+            for ceiling in ceilings {
+                let error = self.look(map, request, limit, *ceiling);
+                if error >= best.0 {
+                    break;
+                }
+                best = (error, *ceiling);
+            }
+        }
+        let now = self.look(map, request, limit, self.ceiling.0);
+        if now <= best.0 / BETTER {
+            return now;
+        }
+        self.ceiling.0 = best.1;
+        best.0
+    }
+
+    /// The error of `limit` lights under a ceiling, in the eyes of all receivers.
+    fn look(&mut self, map: &PyramidView<'_>, request: &Request, limit: usize, ceiling: usize) -> f32 {
+        self.place(map, request, limit, ceiling);
+        self.weigh(map, request);
+        self.looked_at = None;
+        self.error(map, request, RECEIVERS)
+    }
+
+    /// Puts at most `limit` lights in place.
+    fn place(&mut self, map: &PyramidView<'_>, request: &Request, limit: usize, ceiling: usize) {
+        if request.ambient {
+            self.ambient.fit(map, if limit == 0 { ambient::ALL } else { ceiling });
+        }
+        let nodes = Nodes::new(map, request.ambient.then_some(&self.ambient));
+        self.tree.grow(&nodes, limit);
+        self.count = self.tree.emit(&nodes, &mut self.lights[0].as_mut()[..limit]);
+        let lights = &mut self.lights[0].as_mut()[..self.count];
+        if self.count <= GATHERED {
+            gather::gather(&nodes, self.tree.leaves(), lights);
+        }
+    }
+
+    /// Gives the lights their energies.
+    fn weigh(&mut self, map: &PyramidView<'_>, request: &Request) {
+        let nodes = Nodes::new(map, request.ambient.then_some(&self.ambient));
+        let lights = &mut self.lights[0].as_mut()[..self.count];
+        self.sources.fill(&nodes, self.tree.leaves(), lights);
+        if request.ambient {
+            self.sources.keep_energy(nodes.quad(0, 0).y());
+        }
+        if (2..=FITTED).contains(&self.count) {
+            self.fit.run(self.sources.as_slice(), lights);
+        }
+        keep_energy(lights, nodes.quad(0, 0).rgb());
+    }
+
+    /// Estimates the shadowed error; `turn` receivers look at the lights anew.
+    fn error(&mut self, map: &PyramidView<'_>, request: &Request, turn: usize) -> f32 {
+        let lights = &self.lights[0].as_ref()[..self.count];
+        if self.count > source::SOURCES {
+            return estimate::shadowed_error(lights);
+        }
+        let whole = 1.0 / map.total().y();
+        self.receivers.clear();
+        for source in self.sources.as_slice() {
+            self.receivers.add(source.at, source.radius, source.y * whole);
+        }
+        for light in lights {
+            self.receivers.add(light.direction, 0.0, -crate::color::luminance(light.irradiance) * whole);
+        }
+        if request.ambient {
+            for (at, y) in self.ambient.left(map) {
+                self.receivers.add(at, ambient::RADIUS, y * whole);
+            }
+        }
+        self.receivers.error(turn).max(estimate::FLOOR)
     }
 }
 
@@ -128,19 +256,26 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<Track>> Sampler
     }
 
     fn update(&mut self, map: &Map<'_>, request: &Request) -> Decomposition<'_> {
-        let limit = request.lights.min(self.capacity());
-        if limit > 0 && self.tree.fits(&map.pyramid) && map.pyramid.total().y() > 0.0 {
-            self.decompose(&map.pyramid, limit);
+        let map = &map.pyramid;
+        let known = self.tree.fits(map) && map.domain() == self.domain && map.total().y() > 0.0;
+        let error = if known && (request.lights > 0 || request.ambient) {
+            self.decompose(map, request)
         } else {
             self.count = 0;
+            f32::from(u8::from(known))
+        };
+        Decomposition {
+            lights: &self.lights[0].as_ref()[..self.count],
+            ambient: request.ambient.then(|| if known { *self.ambient.harmonics() } else { [[0.0; 3]; 9] }),
+            estimated_error: Some(error),
         }
-        let lights = &self.lights[0].as_ref()[..self.count];
-        let estimated_error = Some(estimate::shadowed_error(lights));
-        Decomposition { estimated_error, ..Decomposition::of_lights(lights) }
     }
 
     fn reset(&mut self) {
         self.count = 0;
+        self.looked_at = None;
+        self.ceiling = (ambient::USUAL, 0);
+        self.wanted.reset();
         self.tree.reset();
     }
 }

@@ -1,21 +1,14 @@
-//! The binary tree: HEALPix quads and, between two orders, halves of quads; above the base faces, pairs of faces.
+//! The tree: which nodes are split, chosen best first, and the lights of its leaves.
 //!
-//! Level 0 is the root. On a sphere levels 0 to 3 group the sixteen slots into which the twelve faces are put (four stay empty), on a
-//! hemisphere levels 0 to 2 group its eight faces; from then on every second level is an order of the pyramid. Node (level, index) has
-//! the children (level + 1, 2 index) and (level + 1, 2 index + 1). A light's id is the first texel of its leaf, counted from 1: the
-//! left child of a split keeps the parent's id, the right one is new.
+//! A light's id is the first texel of its leaf, counted from 1: the left child of a split keeps the parent's id, the right one is new.
 
+use super::nodes::{self, Nodes};
 use crate::arena::Buffer;
 use crate::healpix::Domain;
 use crate::light::Light;
 use crate::pyramid::{PyramidView, Quad};
 use crate::sampler::heap;
 use glam::Vec3;
-
-/// Which face is in each slot: a northern face beside the equatorial one that hangs below it, so that pairs are compact.
-const SLOTS: [u32; 16] = [0, 4, 1, 5, 2, 6, 3, 7, 8, EMPTY, 9, EMPTY, 10, EMPTY, 11, EMPTY];
-
-const EMPTY: u32 = u32::MAX;
 
 /// A split of the last frame is given up only for one that is more important by this factor less 1.
 ///
@@ -37,15 +30,7 @@ pub struct Leaf {
 /// Bytes of the bit set that marks the interior nodes over maps of `order`.
 #[must_use]
 pub const fn bits_len(domain: Domain, order: u8) -> usize {
-    (1usize << (top(domain) + 2 * order)).div_ceil(8)
-}
-
-/// Level of the base faces.
-const fn top(domain: Domain) -> u8 {
-    match domain {
-        Domain::Sphere => 4,
-        Domain::Hemisphere => 3,
-    }
+    (1usize << (nodes::top(domain) + 2 * order)).div_ceil(8)
 }
 
 /// Interior nodes of this frame and of the last, and the heap of leaves.
@@ -53,56 +38,6 @@ const fn top(domain: Domain) -> u8 {
 pub(super) struct Tree<B, H> {
     interior: [B; 2],
     heap: H,
-}
-
-/// The nodes of a pyramid.
-#[derive(Clone, Copy)]
-pub(super) struct Nodes<'a> {
-    map: PyramidView<'a>,
-    top: u8,
-}
-
-impl<'a> Nodes<'a> {
-    pub(super) fn new(map: &PyramidView<'a>) -> Self {
-        Self { map: *map, top: top(map.domain()) }
-    }
-
-    /// Level of the texels.
-    pub(super) fn last(&self) -> u8 {
-        self.top + 2 * self.map.order()
-    }
-
-    /// Sums over a node.
-    pub(super) fn quad(&self, level: u8, index: u32) -> Quad {
-        if level < self.top {
-            let under = self.top - level;
-            return (index << under..(index + 1) << under).fold(Quad::default(), |mut sum, slot| {
-                sum.add(&self.quad(self.top, slot));
-                sum
-            });
-        }
-        let below = level - self.top;
-        if below % 2 == 1 {
-            let mut sum = self.quad(level + 1, 2 * index);
-            sum.add(&self.quad(level + 1, 2 * index + 1));
-            return sum;
-        }
-        let face = SLOTS[(index >> below) as usize % SLOTS.len()];
-        if face == EMPTY {
-            return Quad::default();
-        }
-        self.map.quad(below / 2, (face << below) | (index & ((1 << below) - 1)))
-    }
-
-    /// Nearly a node's share of the squared shadowed error, to the power 1/2: Y (1 - |m|)^(3/8).
-    ///
-    /// An occluder's edge that crosses a light's region errs by about Y, and crosses it with a probability in proportion to the
-    /// region's width, (1 - |m|)^(1/2): Y^2 (1 - |m|)^(1/2) in the mean square, so 1/4 would be its exponent here. Open receivers
-    /// see Y (1 - |m|). Of 1/4, 3/8 and 1/2, 3/8 is the best compromise over the maps and scenarios of `host-sim`.
-    fn importance(&self, quad: &Quad) -> f32 {
-        let fourth = libm::sqrtf(libm::sqrtf((1.0 - quad.resultant()).max(LEAST_SPREAD)));
-        quad.y() * fourth * libm::sqrtf(fourth)
-    }
 }
 
 impl<B: Buffer<u8>, H: Buffer<Leaf>> Tree<B, H> {
@@ -122,14 +57,17 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>> Tree<B, H> {
         self.interior.iter_mut().for_each(|bits| bits.as_mut().fill(0));
     }
 
-    /// Splits the most important leaves until there are `limit` lit ones.
-    pub(super) fn grow(&mut self, map: &PyramidView<'_>, limit: usize) {
-        let nodes = Nodes::new(map);
+    /// Begins a frame: what was split last is the past.
+    pub(super) fn advance(&mut self) {
         self.interior.swap(0, 1);
+    }
+
+    /// Splits the most important leaves until there are `limit` lit ones. May be called again in the same frame.
+    pub(super) fn grow(&mut self, nodes: &Nodes<'_>, limit: usize) {
         self.interior[0].as_mut().fill(0);
         let mut len = 0;
         let mut lit = 1;
-        self.push(&mut len, &nodes, (0, 0, &nodes.quad(0, 0)), f32::INFINITY);
+        self.push(&mut len, nodes, (0, 0, &nodes.quad(0, 0)), f32::INFINITY);
         while lit < limit {
             let Some(leaf) = heap::pop(&mut self.heap.as_mut()[..len], before) else { break };
             len -= 1;
@@ -139,7 +77,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>> Tree<B, H> {
                 [2 * leaf.index, 2 * leaf.index + 1].map(|index| (index, nodes.quad(level, index)));
             lit += usize::from(children.iter().all(|(_, quad)| quad.y() > 0.0));
             for (index, quad) in &children {
-                self.push(&mut len, &nodes, (level, *index, quad), leaf.importance);
+                self.push(&mut len, nodes, (level, *index, quad), leaf.importance);
             }
         }
     }
@@ -158,17 +96,16 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>> Tree<B, H> {
             return;
         }
         let kept = if bit(self.interior[1].as_ref(), level, index) { 1.0 + HYSTERESIS } else { 1.0 };
-        let importance = (nodes.importance(quad) * kept).min(most);
+        let importance = (importance(quad) * kept).min(most);
         leaves[*len] = Leaf { importance, level, index };
         *len += 1;
         heap::sift_up(&mut leaves[..*len], before);
     }
 
     /// Writes the lights of the lit leaves, by ascending id; returns how many. Their leaves are then in the heap's memory.
-    pub(super) fn emit(&mut self, map: &PyramidView<'_>, lights: &mut [Light]) -> usize {
-        let nodes = Nodes::new(map);
+    pub(super) fn emit(&mut self, nodes: &Nodes<'_>, lights: &mut [Light]) -> usize {
         let mut out =
-            Emit { nodes, interior: self.interior[0].as_ref(), leaves: self.heap.as_mut(), lights, count: 0 };
+            Emit { nodes: *nodes, interior: self.interior[0].as_ref(), leaves: self.heap.as_mut(), lights, count: 0 };
         out.visit((0, 0), 1, None);
         out.count
     }
@@ -211,6 +148,16 @@ impl Emit<'_> {
             self.visit((level + 1, right), id, parent);
         }
     }
+}
+
+/// Nearly a node's share of the squared shadowed error, to the power 1/2: Y (1 - |m|)^(3/8).
+///
+/// An occluder's edge that crosses a light's region errs by about Y, and crosses it with a probability in proportion to the
+/// region's width, (1 - |m|)^(1/2): Y^2 (1 - |m|)^(1/2) in the mean square, so 1/4 would be its exponent here. Open receivers
+/// see Y (1 - |m|). Of 1/4, 3/8 and 1/2, 3/8 is the best compromise over the maps and scenarios of `host-sim`.
+fn importance(quad: &Quad) -> f32 {
+    let fourth = libm::sqrtf(libm::sqrtf((1.0 - quad.resultant()).max(LEAST_SPREAD)));
+    quad.y() * fourth * libm::sqrtf(fourth)
 }
 
 /// Whether `a` is split before `b`; ties by place, so that they never depend on history.

@@ -10,11 +10,8 @@
 //! it the energy distance of Szekely and Rizzo. The kernel and its use for lights are ours.
 
 use super::FITTED;
-use super::gather::nearest;
-use super::tree::{Leaf, Nodes, Tree};
-use crate::arena::Buffer;
+use super::source::Source;
 use crate::light::Light;
-use crate::pyramid::{PyramidView, Quad};
 use glam::Vec3;
 
 /// K over K(0) as a polynomial in h = sin(angle / 2), constant first: a least-squares fit within 0.004 of the arc-cosine kernel
@@ -25,12 +22,6 @@ pub(crate) const KERNEL: [f32; 6] = [1.0, -0.171_987, -2.301_984, 2.484_897, -1.
 
 /// The ridge of a light of mean energy, over K(0).
 const RIDGE: f32 = 0.01;
-
-/// Levels below a leaf at which its light is looked at: eight sources per light.
-const SOURCE_LEVELS: u8 = 3;
-
-/// Order of the sources of gathered lights.
-const SOURCE_ORDER: u8 = 3;
 
 /// Largest change of a light's energy, as a factor: beyond it the fit would trade lights against each other.
 const MOST: f32 = 2.0;
@@ -68,30 +59,12 @@ impl Fit {
         Self { matrix: [row; FITTED], axes: [row; 3], residual: row, ones: row }
     }
 
-    /// Scales the lights, which are those of the tree's leaves, or gathered ones.
-    pub(super) fn run<B: Buffer<u8>, H: Buffer<Leaf>>(
-        &mut self,
-        map: &PyramidView<'_>,
-        tree: &Tree<B, H>,
-        lights: &mut [Light],
-        gathered: bool,
-    ) {
+    /// Scales the lights that stand for `sources`.
+    pub(super) fn run(&mut self, sources: &[Source], lights: &mut [Light]) {
         let n = lights.len().min(FITTED);
         let lights = &mut lights[..n];
         self.prepare(lights);
-        if gathered {
-            for quad in map.quads_of(SOURCE_ORDER).iter().filter(|q| q.y() > 0.0) {
-                self.source(n, nearest(lights, quad), quad);
-            }
-        } else {
-            let nodes = Nodes::new(map);
-            for (owner, leaf) in tree.leaves().iter().enumerate().take(n) {
-                let down = SOURCE_LEVELS.min(nodes.last() - leaf.level);
-                for index in leaf.index << down..(leaf.index + 1) << down {
-                    self.source(n, owner, &nodes.quad(leaf.level + down, index));
-                }
-            }
-        }
+        sources.iter().for_each(|source| self.source(n, source));
         let mean = lights.iter().map(energy).sum::<f32>() / n as f32;
         for (i, light) in lights.iter().enumerate() {
             self.matrix[i][i] += RIDGE * mean / energy(light).max(1e-6 * mean);
@@ -116,13 +89,12 @@ impl Fit {
     }
 
     /// Adds what a source's own place changes against that of the light that stands for it.
-    fn source(&mut self, n: usize, owner: usize, quad: &Quad) {
-        let Some(at) = quad.mean_direction().try_normalize() else { return };
+    fn source(&mut self, n: usize, source: &Source) {
+        let Some(stands) = self.matrix[..n].get(usize::from(source.owner)) else { return };
         let mut own = [0.0; FITTED];
-        kernels(&self.axes, at, &mut own[..n]);
-        let y = quad.y();
-        for ((r, own), stands) in self.residual[..n].iter_mut().zip(&own[..n]).zip(&self.matrix[owner][..n]) {
-            *r += y * (own - stands);
+        kernels(&self.axes, source.at, &mut own[..n]);
+        for ((r, own), stands) in self.residual[..n].iter_mut().zip(&own[..n]).zip(&stands[..n]) {
+            *r += source.y * (own - stands);
         }
     }
 

@@ -1,0 +1,219 @@
+//! Ambient light: what has no direction, as spherical harmonics, and what exceeds it, for the lights.
+//!
+//! A least-squares fit of degree 2 to the map, repeated with what exceeds a ceiling over the last fit cut off, so that lamps and the sun
+//! drop out and the fit comes to rest on what surrounds them. What was cut off is the lights' and only theirs; the constant function is
+//! among the nine, so a least-squares fit keeps the energy of what it was fitted to. With no lights nothing is cut off.
+//!
+//! How high the ceiling is decides how much is left to the lights: few lights need it high, many low. The sampler tries
+//! [`CEILINGS`] and takes that with the least error.
+
+use crate::color::{self, luminance};
+use crate::harmonics;
+use crate::healpix::{self, Domain};
+use crate::light::Sh9;
+use crate::pyramid::{PyramidView, Quad};
+use glam::Vec3;
+
+/// Order at which the fit looks at the map: 7 degrees, which degree 2 resolves tenfold.
+const ORDER: u8 = 3;
+
+/// Quads of that order on a sphere.
+pub(super) const QUADS: usize = Domain::Sphere.quads(ORDER);
+
+/// Quads of that and of all coarser orders.
+const SUMS: usize = crate::pyramid::pyramid_len(Domain::Sphere, ORDER);
+
+/// Light above one of these times the fit is not ambient; the last leaves nothing to lights.
+pub(super) const CEILINGS: [f32; 10] = [0.25, 0.5, 0.7, 1.0, 1.5, 3.0, 6.0, 12.0, 24.0, f32::INFINITY];
+
+/// The last.
+pub(super) const ALL: usize = CEILINGS.len() - 1;
+
+/// Where the search for the best of them begins.
+pub(super) const USUAL: usize = 4;
+
+/// Radius of a disc as large as one of those quads, radians: (4 / 768)^(1/2).
+pub(super) const RADIUS: f32 = 0.0722;
+
+/// Fits.
+const ROUNDS: usize = 4;
+
+/// The ambient light of one map and what exceeds it.
+#[derive(Clone, Debug)]
+pub(super) struct Ambient {
+    domain: Domain,
+    /// Order of `directions`: [`ORDER`] or the map's.
+    order: u8,
+    directions: [Vec3; QUADS],
+    /// The inverse of the basis functions' products over the domain.
+    inverse: [[f32; 9]; 9],
+    sh: Sh9,
+    /// Luminance of the fit.
+    level: [f32; QUADS],
+    /// Luminance above which light is not ambient.
+    ceiling: [f32; QUADS],
+    /// What exceeds it, of all orders up to `order`.
+    excess: [Quad; SUMS],
+}
+
+impl Ambient {
+    pub(super) fn new(domain: Domain, order: u8) -> Self {
+        let order = order.min(ORDER);
+        let mut directions = [Vec3::Z; QUADS];
+        for (ipix, direction) in directions.iter_mut().enumerate().take(domain.quads(order)) {
+            *direction = healpix::centre(order, ipix as u32).as_vec3();
+        }
+        Self {
+            domain,
+            order,
+            directions,
+            inverse: inverse(products(domain)).map(|row| row.map(|v| v as f32)),
+            sh: [[0.0; 3]; 9],
+            level: [0.0; QUADS],
+            ceiling: [f32::INFINITY; QUADS],
+            excess: [Quad::default(); SUMS],
+        }
+    }
+
+    /// The ambient light, radiance.
+    pub(super) fn harmonics(&self) -> &Sh9 {
+        &self.sh
+    }
+
+    /// Fits a map that is cut off at ceiling `which` of [`CEILINGS`].
+    pub(super) fn fit(&mut self, map: &PyramidView<'_>, which: usize) {
+        self.ceiling = [f32::INFINITY; QUADS];
+        self.round(map);
+        let Some(factor) = CEILINGS[..ALL].get(which) else { return };
+        // A ceiling below the fit would pull the fit down round by round: it comes last.
+        for round in 1..ROUNDS {
+            let factor = if round + 1 < ROUNDS { factor.max(CEILINGS[USUAL]) } else { *factor };
+            for (ceiling, level) in self.ceiling.iter_mut().zip(&self.level) {
+                *ceiling = factor * level.max(0.0);
+            }
+            self.round(map);
+        }
+    }
+
+    /// Cuts the map off at the ceiling and fits what is below.
+    fn round(&mut self, map: &PyramidView<'_>) {
+        let mut sums = [[0.0f32; 3]; 9];
+        let quads = self.domain.quads(self.order);
+        for ipix in 0..quads {
+            let excess = self.cut(map, ipix);
+            let whole = map.quad(self.order, ipix as u32).rgb();
+            let kept: [f32; 3] = core::array::from_fn(|c| (whole[c] - excess.energy[c]).max(0.0));
+            for (sum, value) in sums.iter_mut().zip(harmonics::basis(self.directions[ipix])) {
+                color::add(sum, kept.map(|v| v * value));
+            }
+            self.excess[at(self.order, ipix)] = excess;
+        }
+        self.sh = core::array::from_fn(|i| {
+            let mut c = [0.0; 3];
+            self.inverse[i].iter().zip(&sums).for_each(|(g, sum)| color::add(&mut c, sum.map(|s| s * g)));
+            c
+        });
+        let y = self.sh.map(luminance);
+        for (level, direction) in self.level.iter_mut().zip(&self.directions).take(quads) {
+            *level = y.iter().zip(harmonics::basis(*direction)).map(|(c, b)| c * b).sum();
+        }
+        for order in (0..self.order).rev() {
+            for ipix in 0..self.domain.quads(order) {
+                let mut sum = Quad::default();
+                (0..4).for_each(|child| sum.add(&self.excess[at(order + 1, 4 * ipix + child)]));
+                self.excess[at(order, ipix)] = sum;
+            }
+        }
+    }
+
+    /// What exceeds the ceiling in a quad of `order`, looked at in its quarters.
+    fn cut(&self, map: &PyramidView<'_>, ipix: usize) -> Quad {
+        let fine = (self.order + 1).min(map.order());
+        let shift = 2 * (fine - self.order);
+        let mut sum = Quad::default();
+        for child in (ipix << shift) as u32..((ipix + 1) << shift) as u32 {
+            sum.add(&self.above(map, fine, child));
+        }
+        sum
+    }
+
+    fn above(&self, map: &PyramidView<'_>, order: u8, ipix: u32) -> Quad {
+        let quad = map.quad(order, ipix);
+        let ceiling = self.ceiling[(ipix >> (2 * (order - self.order))) as usize % QUADS];
+        let omega = omega(self.domain, order, ipix);
+        let below = ceiling * omega;
+        if omega <= 0.0 || quad.y() <= below {
+            return Quad::default();
+        }
+        let part = (quad.y() - below) / quad.y();
+        Quad { energy: quad.energy.map(|v| v * part), moment: quad.moment.map(|v| v * part) }
+    }
+
+    /// What exceeds the ambient light in a quad.
+    pub(super) fn excess(&self, map: &PyramidView<'_>, order: u8, ipix: u32) -> Quad {
+        if order <= self.order {
+            self.excess.get(at(order, ipix as usize)).copied().unwrap_or_default()
+        } else {
+            self.above(map, order, ipix)
+        }
+    }
+
+    /// Direction and luminance energy of what is in the map below the ceiling and not in the fit, quad by quad.
+    pub(super) fn left(&self, map: &PyramidView<'_>) -> impl Iterator<Item = (Vec3, f32)> {
+        (0..self.domain.quads(self.order)).map(|ipix| {
+            let fit = self.level[ipix] * omega(self.domain, self.order, ipix as u32);
+            let kept = map.quad(self.order, ipix as u32).y() - self.excess[at(self.order, ipix)].y();
+            (self.directions[ipix], kept - fit)
+        })
+    }
+}
+
+/// Where quad `ipix` of `order` is in the excess: each order fills its part of the array, finest last.
+const fn at(order: u8, ipix: usize) -> usize {
+    Domain::Sphere.faces() * (((1 << (2 * order)) - 1) / 3) + ipix
+}
+
+/// Solid angle of a quad inside the domain.
+fn omega(domain: Domain, order: u8, ipix: u32) -> f32 {
+    (healpix::solid_angle(order) * domain.share(order, ipix)) as f32
+}
+
+/// Integrals of the products of the basis functions over the domain. Polynomials of degree 4: three Gauss points in z and eight
+/// azimuths are exact.
+fn products(domain: Domain) -> [[f64; 9]; 9] {
+    let (low, points) = (if domain == Domain::Sphere { -1.0 } else { 0.0 }, [(-0.6f64, 5.0), (0.0, 8.0), (0.6, 5.0)]);
+    let mut sums = [[0.0; 9]; 9];
+    for (node, weight) in points {
+        let node = libm::copysign(libm::sqrt(libm::fabs(node)), node);
+        let half = (1.0 - low) / 2.0;
+        let z = low + half * (1.0 + node);
+        let r = libm::sqrt(1.0 - z * z);
+        for step in 0..8 {
+            let phi = core::f64::consts::FRAC_PI_4 * f64::from(step);
+            let d = Vec3::new((r * libm::cos(phi)) as f32, (r * libm::sin(phi)) as f32, z as f32);
+            let values = harmonics::basis(d).map(f64::from);
+            let share = half * weight / 9.0 * core::f64::consts::FRAC_PI_4;
+            for (row, a) in sums.iter_mut().zip(values) {
+                row.iter_mut().zip(values).for_each(|(sum, b)| *sum += share * a * b);
+            }
+        }
+    }
+    sums
+}
+
+/// The inverse of a positive definite matrix, by Gauss-Jordan elimination.
+fn inverse(mut m: [[f64; 9]; 9]) -> [[f64; 9]; 9] {
+    let mut out: [[f64; 9]; 9] = core::array::from_fn(|i| core::array::from_fn(|j| f64::from(u8::from(i == j))));
+    for i in 0..9 {
+        let pivot = m[i][i];
+        m[i] = m[i].map(|v| v / pivot);
+        out[i] = out[i].map(|v| v / pivot);
+        let (row, own) = (m[i], out[i]);
+        for j in (0..9).filter(|j| *j != i) {
+            let factor = m[j][i];
+            m[j].iter_mut().zip(row).for_each(|(v, r)| *v -= factor * r);
+            out[j].iter_mut().zip(own).for_each(|(v, r)| *v -= factor * r);
+        }
+    }
+    out
+}

@@ -1,0 +1,124 @@
+//! How many lights a tolerance needs, found at once and then kept without hunting.
+
+/// An error beyond this times the tolerance calls for more lights.
+const TOO_MUCH: f32 = 1.1;
+
+/// Errors below this times the tolerance for [`PATIENCE`] frames let fewer lights be tried.
+const LITTLE: f32 = 0.85;
+
+/// Fewer lights are accepted if their error is below this times the tolerance. Between it and [`TOO_MUCH`] the number rests.
+const ACCEPTED: f32 = 0.95;
+
+/// Frames between trials.
+const PATIENCE: u32 = 16;
+
+/// The number of lights, from frame to frame.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Count {
+    /// What it was chosen for, and what was chosen.
+    known: Option<(f32, usize)>,
+    /// The error of the last frame.
+    error: f32,
+    /// Frames with little error.
+    calm: u32,
+}
+
+impl Count {
+    /// The number for this frame, of `least..=most`; `error` tells what a number would err.
+    pub(super) fn choose(
+        &mut self,
+        tolerance: f32,
+        (least, most): (usize, usize),
+        mut error: impl FnMut(usize) -> f32,
+    ) -> usize {
+        let count = match self.known {
+            Some((t, n)) if t == tolerance && (least..=most).contains(&n) => {
+                if self.error > TOO_MUCH * tolerance {
+                    fewest(tolerance, (n, most), &mut error)
+                } else if self.calm >= PATIENCE {
+                    self.calm = 0;
+                    let fewer = [n - (n / 8).max(1).min(n), n.saturating_sub(1)];
+                    fewer
+                        .into_iter()
+                        .find(|m| (least..n).contains(m) && error(*m) <= ACCEPTED * tolerance)
+                        .unwrap_or(n)
+                } else {
+                    n
+                }
+            }
+            _ => fewest(tolerance, (least, most), &mut error),
+        };
+        self.known = Some((tolerance, count));
+        count
+    }
+
+    /// Notes what the frame's lights err.
+    pub(super) fn note(&mut self, error: f32) {
+        let little = self.known.is_some_and(|(tolerance, _)| error < LITTLE * tolerance);
+        self.calm = if little { self.calm + 1 } else { 0 };
+        self.error = error;
+    }
+
+    pub(super) fn reset(&mut self) {
+        *self = Self::default();
+    }
+}
+
+/// The fewest that err no more than `tolerance`, or `most`: doubled until enough, then halved between.
+fn fewest(tolerance: f32, (least, most): (usize, usize), error: &mut impl FnMut(usize) -> f32) -> usize {
+    let (mut low, mut high) = (least, least);
+    while high < most && error(high) > tolerance {
+        low = high + 1;
+        high = (2 * high).max(high + 1).min(most);
+    }
+    while low < high {
+        let middle = low + (high - low) / 2;
+        if error(middle) <= tolerance {
+            high = middle;
+        } else {
+            low = middle + 1;
+        }
+    }
+    high
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Count, fewest};
+
+    #[test]
+    fn the_fewest_are_found() {
+        for tolerance in [0.5, 0.1, 0.02, 0.001] {
+            let error = |n: usize| 1.0 / (n as f32 + 1.0);
+            let found = fewest(tolerance, (0, 4096), &mut { error });
+            let expected = (0..4096).find(|n| error(*n) <= tolerance).expect("within reach");
+            assert_eq!(found, expected, "{tolerance}");
+        }
+        assert_eq!(fewest(0.1, (1, 64), &mut |_| 1.0), 64, "out of reach: as many as there may be");
+        assert_eq!(fewest(0.1, (0, 64), &mut |_| 0.0), 0);
+    }
+
+    #[test]
+    fn a_number_whose_neighbour_errs_more_is_kept() {
+        // 2 lights err little, 1 light too much: giving up one again and again would be hunting.
+        let error = |n: usize| if n < 2 { 0.05 } else { 0.01 };
+        let mut count = Count::default();
+        for _ in 0..200 {
+            let n = count.choose(0.03, (0, 64), error);
+            assert_eq!(n, 2);
+            count.note(error(n));
+        }
+    }
+
+    #[test]
+    fn noise_on_the_error_does_not_move_the_number() {
+        let mut count = Count::default();
+        let first = count.choose(0.03, (0, 64), |n| 0.6 / n as f32);
+        for frame in 0..200 {
+            let noise = 1.0 + 0.04 * if frame % 3 == 0 { 1.0 } else { -1.0 };
+            let n = count.choose(0.03, (0, 64), |n| noise * 0.6 / n as f32);
+            assert_eq!(n, first, "frame {frame}");
+            count.note(noise * 0.6 / n as f32);
+        }
+    }
+}

@@ -1,0 +1,71 @@
+//! The nodes of the binary tree: HEALPix quads and, between two orders, halves of quads; above the base faces, pairs of faces.
+//!
+//! Level 0 is the root. On a sphere levels 0 to 3 group the sixteen slots into which the twelve faces are put (four stay empty), on a
+//! hemisphere levels 0 to 2 group its eight faces; from then on every second level is an order of the pyramid. Node (level, index) has
+//! the children (level + 1, 2 index) and (level + 1, 2 index + 1).
+
+use super::ambient::Ambient;
+use crate::healpix::Domain;
+use crate::pyramid::{PyramidView, Quad};
+
+/// Which face is in each slot: a northern face beside the equatorial one that hangs below it, so that pairs are compact.
+const SLOTS: [u32; 16] = [0, 4, 1, 5, 2, 6, 3, 7, 8, EMPTY, 9, EMPTY, 10, EMPTY, 11, EMPTY];
+
+const EMPTY: u32 = u32::MAX;
+
+/// Level of the base faces.
+pub(super) const fn top(domain: Domain) -> u8 {
+    match domain {
+        Domain::Sphere => 4,
+        Domain::Hemisphere => 3,
+    }
+}
+
+/// The light that directional lights are to stand for: all of a map, or what exceeds its ambient light.
+#[derive(Clone, Copy)]
+pub(super) struct Nodes<'a> {
+    map: PyramidView<'a>,
+    ambient: Option<&'a Ambient>,
+    top: u8,
+}
+
+impl<'a> Nodes<'a> {
+    pub(super) fn new(map: &PyramidView<'a>, ambient: Option<&'a Ambient>) -> Self {
+        Self { map: *map, ambient, top: top(map.domain()) }
+    }
+
+    /// Level of the texels.
+    pub(super) fn last(&self) -> u8 {
+        self.top + 2 * self.map.order()
+    }
+
+    /// Sums over quad `ipix` of `order`.
+    pub(super) fn sum(&self, order: u8, ipix: u32) -> Quad {
+        match self.ambient {
+            None => self.map.quad(order, ipix),
+            Some(ambient) => ambient.excess(&self.map, order, ipix),
+        }
+    }
+
+    /// Sums over a node.
+    pub(super) fn quad(&self, level: u8, index: u32) -> Quad {
+        if level < self.top {
+            let under = self.top - level;
+            return (index << under..(index + 1) << under).fold(Quad::default(), |mut sum, slot| {
+                sum.add(&self.quad(self.top, slot));
+                sum
+            });
+        }
+        let below = level - self.top;
+        if below % 2 == 1 {
+            let mut sum = self.quad(level + 1, 2 * index);
+            sum.add(&self.quad(level + 1, 2 * index + 1));
+            return sum;
+        }
+        let face = SLOTS[(index >> below) as usize % SLOTS.len()];
+        if face == EMPTY {
+            return Quad::default();
+        }
+        self.sum(below / 2, (face << below) | (index & ((1 << below) - 1)))
+    }
+}

@@ -1,0 +1,132 @@
+//! The shadowed error as it is scored: what the lights and the map give to 512 receivers with occluding cones.
+//!
+//! The receivers are those by which light sets are judged: normals on a spherical Fibonacci lattice, and a cone of 10 to 60 degrees
+//! half-angle round another lattice point that hides what is in it. The map is given as [`super::source`] sees it: discs, of which a
+//! cone's edge hides a part. All in integers, so that the loop vectorises: directions in Q14, energies as shares in Q18.
+
+use core::f64::consts::TAU;
+use glam::Vec3;
+
+/// How many receivers there are.
+pub(super) const RECEIVERS: usize = 512;
+
+/// Most points: sources, lights and quads of ambient light.
+const POINTS: usize = 2 * super::source::SOURCES + super::ambient::QUADS;
+
+/// Mean over receivers of max(0, n . d) V(d): 1/4 times the share of the sphere outside the mean cone.
+const MEAN: f32 = 0.224_17;
+
+/// Energies as shares of the map's light.
+const SHARE: f32 = (1u32 << 18) as f32;
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Receiver {
+    normal: [i16; 3],
+    axis: [i16; 3],
+    /// Cosine of the cone's half-angle, Q28.
+    cos: i32,
+    /// 1 / sine of it, Q12: turns differences of cosines near the edge into angles.
+    per_sin: i32,
+}
+
+/// The receivers, and what is seen by them: points of positive and negative energy.
+#[derive(Clone, Debug)]
+pub(super) struct Receivers {
+    receivers: [Receiver; RECEIVERS],
+    /// The error of each as it was found last, over the mean.
+    errors: [f32; RECEIVERS],
+    /// The receiver whose turn it is.
+    next: usize,
+    axes: [[i16; POINTS]; 3],
+    energies: [i32; POINTS],
+    /// 1 / diameter, in Q12 per Q14 of angle, Q8.
+    slopes: [i32; POINTS],
+    points: usize,
+}
+
+impl Receivers {
+    pub(super) fn new() -> Self {
+        Self {
+            receivers: core::array::from_fn(receiver),
+            errors: [0.0; RECEIVERS],
+            next: 0,
+            axes: [[0; POINTS]; 3],
+            energies: [0; POINTS],
+            slopes: [0; POINTS],
+            points: 0,
+        }
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.points = 0;
+    }
+
+    /// Adds a disc at the unit vector `at` of `radius` radians; `share` of the map's light, negative for what stands in its place.
+    pub(super) fn add(&mut self, at: Vec3, radius: f32, share: f32) {
+        let i = self.points;
+        if i < POINTS {
+            for (axis, v) in self.axes.iter_mut().zip(fixed(at)) {
+                axis[i] = v;
+            }
+            self.energies[i] = libm::rintf(share * SHARE) as i32;
+            self.slopes[i] = (32.0 / radius.max(1e-3)) as i32;
+            self.points += 1;
+        }
+    }
+
+    /// Looks through the next `count` receivers and gives the RMS error over all, over their mean.
+    pub(super) fn error(&mut self, count: usize) -> f32 {
+        for _ in 0..count {
+            let receiver = self.receivers[self.next];
+            self.errors[self.next] = self.received(&receiver) as f32 / (SHARE * 4096.0 * MEAN);
+            self.next = (self.next + 1) % RECEIVERS;
+        }
+        let sum: f32 = self.errors.iter().map(|e| e * e).sum();
+        libm::sqrtf(sum / RECEIVERS as f32)
+    }
+
+    /// What a receiver gets, Q30.
+    fn received(&self, to: &Receiver) -> i32 {
+        let n = self.points.min(POINTS);
+        let [x, y, z] = [&self.axes[0][..n], &self.axes[1][..n], &self.axes[2][..n]];
+        let (energies, slopes) = (&self.energies[..n], &self.slopes[..n]);
+        let mut sum = 0i32;
+        for i in 0..n {
+            let along = |v: [i16; 3]| {
+                let [a, b, c] = v.map(i32::from);
+                i32::from(x[i]) * a + i32::from(y[i]) * b + i32::from(z[i]) * c
+            };
+            // Q28 to Q12.
+            let facing = along(to.normal).max(0) >> 16;
+            // Angle from the cone's edge, Q14, then the part of the disc that is clear of the cone, Q12.
+            let outside = (((to.cos - along(to.axis)) >> 14).wrapping_mul(to.per_sin) >> 12).clamp(-0x7fff, 0x7fff);
+            let clear = (2048 + (outside.wrapping_mul(slopes[i]) >> 8)).clamp(0, 4096);
+            sum = sum.wrapping_add(energies[i].wrapping_mul(facing * clear >> 12));
+        }
+        sum
+    }
+}
+
+/// Receiver `k`.
+fn receiver(k: usize) -> Receiver {
+    let half_angle = 10.0 + 50.0 * libm::fmod((k as f64 + 0.5) * 0.754_877_666_246_692_7, 1.0);
+    Receiver {
+        normal: fixed(lattice(k)),
+        axis: fixed(lattice((197 * k + 101) % RECEIVERS)),
+        cos: (libm::cos(half_angle.to_radians()) * f64::from(1u32 << 28)) as i32,
+        per_sin: (4096.0 / libm::sin(half_angle.to_radians())) as i32,
+    }
+}
+
+/// Point `k` of the spherical Fibonacci lattice.
+fn lattice(k: usize) -> Vec3 {
+    let z = 1.0 - (2 * k + 1) as f64 / RECEIVERS as f64;
+    let phi = TAU * libm::fmod(k as f64 * 0.618_033_988_749_894_9, 1.0);
+    let r = libm::sqrt(1.0 - z * z);
+    Vec3::new((r * libm::cos(phi)) as f32, (r * libm::sin(phi)) as f32, z as f32)
+}
+
+/// A unit vector in Q14.
+fn fixed(v: Vec3) -> [i16; 3] {
+    v.to_array().map(|c| libm::rintf(c * 16384.0) as i16)
+}

@@ -1,0 +1,92 @@
+//! The sources: a coarse picture of the map, by which weights are fitted and errors estimated.
+//!
+//! Each is a piece of a leaf: what is bright and small is seen as finely as what is dim and wide.
+
+use super::GATHERED;
+use super::gather::nearest;
+use super::nodes::Nodes;
+use super::tree::Leaf;
+use crate::light::Light;
+use crate::pyramid::Quad;
+use glam::Vec3;
+
+/// Most sources.
+pub(super) const SOURCES: usize = 1024;
+
+/// Levels of the tree between a leaf and its pieces: 512 pieces in all as long as weights are fitted, which costs as much as there are;
+/// more for more lights.
+fn levels(lights: usize) -> u8 {
+    let most = if lights <= super::FITTED { SOURCES / 2 } else { SOURCES };
+    (most / lights.max(1)).checked_ilog2().unwrap_or(0) as u8
+}
+
+/// The pieces of the leaves of `lights` lights, and the index of the leaf that each is of.
+pub(super) fn pieces<'a>(nodes: &'a Nodes<'a>, leaves: &'a [Leaf], lights: usize) -> impl Iterator<Item = (usize, Quad)> {
+    let down = levels(lights);
+    leaves.iter().enumerate().take(lights).flat_map(move |(owner, leaf)| {
+        let down = down.min(nodes.last() - leaf.level);
+        let under = leaf.index << down..(leaf.index + 1) << down;
+        under.map(move |index| (owner, nodes.quad(leaf.level + down, index)))
+    })
+}
+
+/// A piece of a light's region, as a disc.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Source {
+    /// Unit vector to its energy centroid.
+    pub(super) at: Vec3,
+    /// Radius of the uniform disc with its mean resultant length, radians.
+    pub(super) radius: f32,
+    /// Its luminance energy.
+    pub(super) y: f32,
+    /// Index of the light that stands for it.
+    pub(super) owner: u16,
+}
+
+/// The sources of one frame.
+#[derive(Clone, Debug)]
+pub(super) struct Sources {
+    all: [Source; SOURCES],
+    len: usize,
+}
+
+impl Sources {
+    pub(super) fn new() -> Self {
+        Self { all: [Source::default(); SOURCES], len: 0 }
+    }
+
+    pub(super) fn as_slice(&self) -> &[Source] {
+        &self.all[..self.len]
+    }
+
+    /// Looks at the regions of `lights`, which are those of `leaves`, or gathered ones; at none if there are too many.
+    pub(super) fn fill(&mut self, nodes: &Nodes<'_>, leaves: &[Leaf], lights: &[Light]) {
+        self.len = 0;
+        if lights.len() > SOURCES {
+            return;
+        }
+        for (leaf, quad) in pieces(nodes, leaves, lights.len()) {
+            let owner = if lights.len() <= GATHERED { nearest(lights, &quad) } else { leaf };
+            if let (Some(source), Some(at)) = (self.all.get_mut(self.len), quad.mean_direction().try_normalize())
+            {
+                let radius = disc(1.0 - quad.resultant());
+                *source = Source { at, radius, y: quad.y(), owner: owner as u16 };
+                self.len += 1;
+            }
+        }
+    }
+
+    /// Scales the sources so that they add up to `total`: what exceeds an ambient light is not quite the sum of what its parts exceed it by.
+    pub(super) fn keep_energy(&mut self, total: f32) {
+        let all = &mut self.all[..self.len];
+        let sum: f32 = all.iter().map(|s| s.y).sum();
+        if sum > 0.0 {
+            all.iter_mut().for_each(|s| s.y *= total / sum);
+        }
+    }
+}
+
+/// Radius of a uniform disc whose mean direction is shorter than 1 by `spread`, which is a quarter of its square.
+fn disc(spread: f32) -> f32 {
+    2.0 * libm::sqrtf(spread.max(0.0))
+}
