@@ -63,6 +63,12 @@ struct Serve {
     /// Most lights of a set.
     #[arg(long, value_name = "N", default_value_t = Settings::default().lights, value_parser = lights)]
     lights: usize,
+    /// Give the fewest lights whose shadowed error is at most this ratio: 0.03 is 3 per cent.
+    #[arg(long, value_name = "E")]
+    tolerance: Option<f32>,
+    /// Give what has no direction as spherical harmonics in the place of lights.
+    #[arg(long)]
+    ambient: bool,
     /// What stands for the part of the hemisphere that the lens does not see: none or average.
     #[arg(long, value_name = "NAME", default_value = "none", value_parser = extrapolation)]
     extrapolation: Extrapolation,
@@ -130,11 +136,13 @@ fn serve(options: &Serve) -> Result<(), Failure> {
     let settings = Settings {
         sampler: options.sampler.clone(),
         lights: options.lights,
+        tolerance: options.tolerance,
+        ambient: options.ambient,
         extrapolation: options.extrapolation,
         ..Settings::default()
     };
     let config = Config { pipeline: settings.clone(), gui: false };
-    config.check().map_err(|e| Failure::usage(format!("--lights: found {e}")))?;
+    config.check().map_err(|e| Failure::usage(format!("settings: found {e}")))?;
     let source = source::open(&options.source).map_err(Failure::new)?;
     if options.plan {
         let pipeline = Pipeline::try_new(source.calibration().clone(), &source.exposures(), settings);
@@ -193,8 +201,8 @@ fn address(text: &str) -> Result<SocketAddr, String> {
 }
 
 fn lights(text: &str) -> Result<usize, String> {
-    let number = text.parse().ok().filter(|n| (1..=MAX_LIGHTS).contains(n));
-    number.ok_or_else(|| format!("expected a number from 1 to {MAX_LIGHTS}"))
+    let number = text.parse().ok().filter(|n| (0..=MAX_LIGHTS).contains(n));
+    number.ok_or_else(|| format!("expected a number from 0 to {MAX_LIGHTS}"))
 }
 
 fn extrapolation(text: &str) -> Result<Extrapolation, String> {

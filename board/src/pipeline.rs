@@ -18,12 +18,16 @@ use hemilux_core::wire::Latency;
 use std::time::Instant;
 
 /// What a user chooses.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
     /// Name of the sampler.
     pub sampler: String,
     /// Most lights.
     pub lights: usize,
+    /// The shadowed error that the fewest possible lights are to reach; `adaptive` alone.
+    pub tolerance: Option<f32>,
+    /// Spherical harmonics for what has no direction; `adaptive` alone.
+    pub ambient: bool,
     /// What stands for the unseen part of the hemisphere.
     pub extrapolation: Extrapolation,
     /// Shape of the polar map.
@@ -32,7 +36,22 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { sampler: "adaptive".into(), lights: 64, extrapolation: Extrapolation::None, grid: Grid::POLAR }
+        Self {
+            sampler: "adaptive".into(),
+            lights: 64,
+            tolerance: None,
+            ambient: false,
+            extrapolation: Extrapolation::None,
+            grid: Grid::POLAR,
+        }
+    }
+}
+
+impl Settings {
+    /// What is asked of the sampler.
+    #[must_use]
+    pub fn request(&self) -> Request {
+        Request { lights: self.lights, tolerance: self.tolerance, ambient: self.ambient }
     }
 }
 
@@ -99,6 +118,7 @@ impl Pipeline {
     ) -> Result<Self, PipelineError> {
         let order = samplers::order_for(settings.lights);
         let shape = Shape { domain: Domain::Hemisphere, order, grid: settings.grid };
+        samplers::check(&settings.sampler, Domain::Hemisphere, &settings.request())?;
         let sampler = samplers::make(&settings.sampler, &shape, settings.lights)?;
         let merge = merge(&calibration, exposures)?;
         let plan = plan(&calibration, order)?;
@@ -140,6 +160,7 @@ impl Pipeline {
             *self = Self::try_new(self.calibration.clone(), &self.exposures, settings)?;
             return Ok(());
         }
+        samplers::check(&settings.sampler, Domain::Hemisphere, &settings.request())?;
         if settings.sampler != self.settings.sampler || settings.lights != self.settings.lights {
             self.sampler = samplers::make(&settings.sampler, &self.shape(), settings.lights)?;
         }
@@ -183,7 +204,7 @@ impl Pipeline {
         let (total, horizontal_irradiance) = (view.total(), view.horizontal_irradiance());
         let polar = if self.polar_fresh { self.polar.view() } else { LatLongView::NONE };
         let map = Map { pyramid: view, polar };
-        let decomposition = self.sampler.update(&map, &Request::of_lights(self.settings.lights));
+        let decomposition = self.sampler.update(&map, &self.settings.request());
         let done = began.elapsed();
         let us = |d: std::time::Duration| u32::try_from(d.as_micros()).unwrap_or(u32::MAX);
         let latency = Latency {

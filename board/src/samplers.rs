@@ -3,7 +3,6 @@
 use hemilux_core::healpix::Domain;
 use hemilux_core::light::Light;
 use hemilux_core::polar::Grid;
-use hemilux_core::sampler::Sampler;
 use hemilux_core::sampler::adaptive::{self, Adaptive, Track, bits_len};
 use hemilux_core::sampler::hemigon::fir::{self, Fir, Kernel};
 use hemilux_core::sampler::hemigon::follow::Follow;
@@ -12,12 +11,16 @@ use hemilux_core::sampler::hemigon::kalman::{self, Gated, Track as Path};
 use hemilux_core::sampler::hemigon::{self, Hemigon};
 use hemilux_core::sampler::pharr::{MAX_ROWS, Pharr};
 use hemilux_core::sampler::q2tree::{Leaf, Parameters, Q2Tree, interior_len};
+use hemilux_core::sampler::{Request, Sampler};
 
 /// Names that `--sampler` and `change?algorithm=` accept.
 pub const NAMES: [&str; 6] = ["adaptive", "q2tree", "q2tree-jitter", "pharr", "hemigon", "hemigon-fir"];
 
 /// Most lights that may be asked for.
 pub const MAX_LIGHTS: usize = 50_000;
+
+/// Tolerances that may be asked for, ratios.
+pub const TOLERANCES: std::ops::RangeInclusive<f32> = 0.002..=1.0;
 
 /// The shape of the maps that a sampler will read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,7 +34,7 @@ pub struct Shape {
 }
 
 /// Why there is no such sampler.
-#[derive(Debug, thiserror::Error, PartialEq, Eq)]
+#[derive(Debug, thiserror::Error, PartialEq)]
 pub enum SamplerError {
     /// An unknown name.
     #[error("sampler '{0}', expected one of {list}", list = NAMES.join(", "))]
@@ -43,6 +46,17 @@ pub enum SamplerError {
         found: usize,
         /// The fewest that the sampler gives on such maps.
         least: usize,
+        /// The sampler.
+        name: String,
+    },
+    /// A tolerance that no decomposition can be held to.
+    #[error("tolerance {0}, expected 0.002 to 1 (0.03 is 3 per cent of shadowed error)")]
+    BadTolerance(f32),
+    /// A sampler that always gives as many lights as it is asked for.
+    #[error("{what} with '{name}', expected 'adaptive', which alone knows its error")]
+    NotModelled {
+        /// Tolerance or ambient light.
+        what: &'static str,
         /// The sampler.
         name: String,
     },
@@ -67,16 +81,34 @@ pub fn least_lights(name: &str, domain: Domain) -> Option<usize> {
     }
 }
 
+/// Whether the sampler called `name` can do what is requested on such maps.
+///
+/// # Errors
+/// [`SamplerError`] for what it cannot.
+pub fn check(name: &str, domain: Domain, request: &Request) -> Result<(), SamplerError> {
+    let least = least_lights(name, domain).ok_or_else(|| SamplerError::Unknown(name.into()))?;
+    let asked = [("a tolerance", request.tolerance.is_some()), ("ambient light", request.ambient)];
+    if let Some((what, _)) = asked.into_iter().find(|(_, asked)| *asked && name != "adaptive") {
+        return Err(SamplerError::NotModelled { what, name: name.into() });
+    }
+    if let Some(tolerance) = request.tolerance.filter(|t| !TOLERANCES.contains(t)) {
+        return Err(SamplerError::BadTolerance(tolerance));
+    }
+    let least = if request.ambient { 0 } else { least };
+    if !(least..=MAX_LIGHTS).contains(&request.lights) {
+        return Err(SamplerError::BadLights { found: request.lights, least, name: name.into() });
+    }
+    Ok(())
+}
+
 /// Makes the sampler called `name` for maps of `shape`, with room for `lights` lights; `hemigon` and `hemigon-fir` give at most
 /// [`hemigon::MAX_LIGHTS`].
 ///
 /// # Errors
 /// [`SamplerError`] for names, light counts and maps that do not exist.
 pub fn make(name: &str, shape: &Shape, lights: usize) -> Result<Box<dyn Sampler + Send>, SamplerError> {
-    let least = least_lights(name, shape.domain).ok_or_else(|| SamplerError::Unknown(name.into()))?;
-    if !(least..=MAX_LIGHTS).contains(&lights) {
-        return Err(SamplerError::BadLights { found: lights, least, name: name.into() });
-    }
+    let ambient = lights == 0 && name == "adaptive";
+    check(name, shape.domain, &Request { ambient, ..Request::of_lights(lights) })?;
     match name {
         "pharr" => {
             let conditional = vec![0.0f32; shape.grid.len()];

@@ -22,5 +22,6 @@ pub mod polar;
 pub mod light;
 pub mod sampler;
 
+pub mod thin;
 pub mod tonemap;
 pub mod wire;

@@ -180,8 +180,9 @@ fn ages_count_and_a_reset_forgets() {
     let pyramid = dark(Domain::Sphere, 0);
     let map = Map { pyramid: pyramid.view(), polar: LatLongView { grid: ODD, texels: &texels } };
     let mut pharr = sampler(&ODD, 8);
-    let mut ages =
-        |lights| pharr.update(&map, &Request::of_lights(lights)).lights.iter().map(|l| l.age).collect::<Vec<_>>();
+    let mut ages = |lights| {
+        pharr.update(&map, &Request::of_lights(lights)).lights.iter().map(|l| l.age).collect::<Vec<_>>()
+    };
     assert_eq!(ages(3), [0, 0, 0]);
     assert_eq!(ages(4), [1, 1, 1, 0]);
     assert_eq!(ages(2), [2, 2]);

@@ -9,10 +9,12 @@ use hemilux::samplers;
 use hemilux_core::fill::Extrapolation;
 use hemilux_core::healpix::Domain;
 use hemilux_core::polar::Grid;
+use hemilux_core::sampler::Request;
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "Examples:
   hemilux-sim decompose --env room.exr --lights 64 --picture room.png
+  hemilux-sim decompose --env room.exr --ambient --tolerance 0.03
   hemilux-sim burst --env room.exr --lens fixtures/lens-160x140.toml --out burst
   hemilux-sim replay --burst burst --sampler q2tree --lights 64 --picture burst.png
   hemilux-sim decompose --env room.exr --lights 64 > lights.json
@@ -54,9 +56,25 @@ struct SamplerArgs {
     /// How lights are found.
     #[arg(long, default_value = "adaptive", value_parser = clap::builder::PossibleValuesParser::new(samplers::NAMES))]
     sampler: String,
-    /// Most lights.
+    /// Most lights; 0 with --ambient leaves spherical harmonics alone.
     #[arg(long, default_value_t = 64)]
     lights: usize,
+}
+
+#[derive(Args, Debug)]
+struct ModelArgs {
+    /// Gives the fewest lights whose shadowed error is at most this ratio: 0.03 is 3 per cent.
+    #[arg(long, value_name = "E")]
+    tolerance: Option<f32>,
+    /// Gives what has no direction as nine spherical-harmonic coefficients in the place of lights.
+    #[arg(long)]
+    ambient: bool,
+}
+
+impl ModelArgs {
+    fn request(&self, lights: usize) -> Request {
+        Request { lights, tolerance: self.tolerance, ambient: self.ambient }
+    }
 }
 
 #[derive(Args, Debug)]
@@ -82,6 +100,8 @@ struct DecomposeArgs {
     env: PathBuf,
     #[command(flatten)]
     sampler: SamplerArgs,
+    #[command(flatten)]
+    model: ModelArgs,
     /// Uses the upper half alone, as a probe that looks up sees it.
     #[arg(long)]
     hemisphere: bool,
@@ -99,6 +119,8 @@ struct ReplayArgs {
     burst: PathBuf,
     #[command(flatten)]
     sampler: SamplerArgs,
+    #[command(flatten)]
+    model: ModelArgs,
     /// What stands for the part of the hemisphere that the lens does not see.
     #[arg(long, value_enum, default_value = "none")]
     extrapolation: ExtrapolationArg,
@@ -234,8 +256,14 @@ pub fn run(cli: Cli) -> Result<(), SimError> {
             }
             let domain = if args.hemisphere { Domain::Hemisphere } else { Domain::Sphere };
             let SamplerArgs { sampler, lights } = args.sampler;
-            let files = args.files.into();
-            decompose::run(&decompose::Job { env: args.env, sampler, lights, domain, fps: args.fps, files })
+            decompose::run(&decompose::Job {
+                env: args.env,
+                sampler,
+                request: args.model.request(lights),
+                domain,
+                fps: args.fps,
+                files: args.files.into(),
+            })
         }
         Command::Replay(args) => {
             let extrapolation = match args.extrapolation {
@@ -243,7 +271,8 @@ pub fn run(cli: Cli) -> Result<(), SimError> {
                 ExtrapolationArg::Average => Extrapolation::Average,
             };
             let SamplerArgs { sampler, lights } = args.sampler;
-            let settings = Settings { sampler, lights, extrapolation, grid: Grid::POLAR };
+            let ModelArgs { tolerance, ambient } = args.model;
+            let settings = Settings { sampler, lights, tolerance, ambient, extrapolation, grid: Grid::POLAR };
             replay::run(&replay::Job { burst: args.burst, settings, files: args.files.into() })
         }
         Command::Score(a) => {

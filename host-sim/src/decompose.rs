@@ -19,8 +19,8 @@ pub struct Job {
     pub env: PathBuf,
     /// Name of the sampler.
     pub sampler: String,
-    /// Most lights.
-    pub lights: usize,
+    /// Lights, tolerance, ambient light.
+    pub request: Request,
     /// The whole sphere or its upper half.
     pub domain: Domain,
     /// Maps a second of a sequence.
@@ -34,11 +34,12 @@ pub struct Job {
 /// # Errors
 /// [`SimError`].
 pub fn run(job: &Job) -> Result<(), SimError> {
+    samplers::check(&job.sampler, job.domain, &job.request)?;
     let paths = list(&job.env)?;
     let first = read(&paths[0])?;
-    let order = samplers::order_for(job.lights);
+    let order = samplers::order_for(job.request.lights);
     let shape = Shape { domain: job.domain, order, grid: maps::grid(&first, job.domain) };
-    let mut sampler = samplers::make(&job.sampler, &shape, job.lights)?;
+    let mut sampler = samplers::make(&job.sampler, &shape, job.request.lights)?;
     let mut maps = Maps::new(shape.domain, shape.order, shape.grid);
     let many = paths.len() > 1 || job.env.is_dir();
     let mut first = Some(first);
@@ -49,7 +50,7 @@ pub fn run(job: &Job) -> Result<(), SimError> {
         let filled = began.elapsed();
         let map = maps.view();
         let name = sampler.name();
-        let made = sampler.update(&map, &Request::of_lights(job.lights));
+        let made = sampler.update(&map, &job.request);
         let us = |d: std::time::Duration| u32::try_from(d.as_micros()).unwrap_or(u32::MAX);
         let total = began.elapsed();
         let latency = Latency {
@@ -64,7 +65,7 @@ pub fn run(job: &Job) -> Result<(), SimError> {
             timestamp_ns: (frame as f64 / job.fps * 1e9) as u64,
             valid: true,
             sampler: name,
-            requested: job.lights as u32,
+            requested: job.request.lights as u32,
             lights: made.lights,
             ambient_sh: made.ambient.as_ref(),
             scalar_flux: map.pyramid.total().rgb(),

@@ -1,7 +1,7 @@
 //! What a user may change while the probe runs.
 
 use crate::pipeline::Settings;
-use crate::samplers::{MAX_LIGHTS, SamplerError, least_lights};
+use crate::samplers::{self, SamplerError};
 use hemilux_core::fill::Extrapolation;
 use hemilux_core::healpix::Domain;
 
@@ -16,7 +16,7 @@ pub fn extrapolation_name(extrapolation: Extrapolation) -> &'static str {
 }
 
 /// What is chosen.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Config {
     /// The pipeline's part.
     pub pipeline: Settings,
@@ -30,13 +30,7 @@ impl Config {
     /// # Errors
     /// [`SamplerError`].
     pub fn check(&self) -> Result<(), SamplerError> {
-        let (name, found) = (&self.pipeline.sampler, self.pipeline.lights);
-        let least =
-            least_lights(name, Domain::Hemisphere).ok_or_else(|| SamplerError::Unknown(name.clone()))?;
-        if (least..=MAX_LIGHTS).contains(&found) {
-            return Ok(());
-        }
-        Err(SamplerError::BadLights { found, least, name: name.clone() })
+        samplers::check(&self.pipeline.sampler, Domain::Hemisphere, &self.pipeline.request())
     }
 }
 

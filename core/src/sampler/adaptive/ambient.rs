@@ -181,7 +181,8 @@ fn omega(domain: Domain, order: u8, ipix: u32) -> f32 {
 /// Integrals of the products of the basis functions over the domain. Polynomials of degree 4: three Gauss points in z and eight
 /// azimuths are exact.
 fn products(domain: Domain) -> [[f64; 9]; 9] {
-    let (low, points) = (if domain == Domain::Sphere { -1.0 } else { 0.0 }, [(-0.6f64, 5.0), (0.0, 8.0), (0.6, 5.0)]);
+    let (low, points) =
+        (if domain == Domain::Sphere { -1.0 } else { 0.0 }, [(-0.6f64, 5.0), (0.0, 8.0), (0.6, 5.0)]);
     let mut sums = [[0.0; 9]; 9];
     for (node, weight) in points {
         let node = libm::copysign(libm::sqrt(libm::fabs(node)), node);
@@ -203,7 +204,8 @@ fn products(domain: Domain) -> [[f64; 9]; 9] {
 
 /// The inverse of a positive definite matrix, by Gauss-Jordan elimination.
 fn inverse(mut m: [[f64; 9]; 9]) -> [[f64; 9]; 9] {
-    let mut out: [[f64; 9]; 9] = core::array::from_fn(|i| core::array::from_fn(|j| f64::from(u8::from(i == j))));
+    let mut out: [[f64; 9]; 9] =
+        core::array::from_fn(|i| core::array::from_fn(|j| f64::from(u8::from(i == j))));
     for i in 0..9 {
         let pivot = m[i][i];
         m[i] = m[i].map(|v| v / pivot);

@@ -99,7 +99,8 @@ impl Receivers {
             // Q28 to Q12.
             let facing = along(to.normal).max(0) >> 16;
             // Angle from the cone's edge, Q14, then the part of the disc that is clear of the cone, Q12.
-            let outside = (((to.cos - along(to.axis)) >> 14).wrapping_mul(to.per_sin) >> 12).clamp(-0x7fff, 0x7fff);
+            let outside =
+                (((to.cos - along(to.axis)) >> 14).wrapping_mul(to.per_sin) >> 12).clamp(-0x7fff, 0x7fff);
             let clear = (2048 + (outside.wrapping_mul(slopes[i]) >> 8)).clamp(0, 4096);
             sum = sum.wrapping_add(energies[i].wrapping_mul(facing * clear >> 12));
         }

@@ -21,7 +21,11 @@ fn levels(lights: usize) -> u8 {
 }
 
 /// The pieces of the leaves of `lights` lights, and the index of the leaf that each is of.
-pub(super) fn pieces<'a>(nodes: &'a Nodes<'a>, leaves: &'a [Leaf], lights: usize) -> impl Iterator<Item = (usize, Quad)> {
+pub(super) fn pieces<'a>(
+    nodes: &'a Nodes<'a>,
+    leaves: &'a [Leaf],
+    lights: usize,
+) -> impl Iterator<Item = (usize, Quad)> {
     let down = levels(lights);
     leaves.iter().enumerate().take(lights).flat_map(move |(owner, leaf)| {
         let down = down.min(nodes.last() - leaf.level);
@@ -67,7 +71,8 @@ impl Sources {
         }
         for (leaf, quad) in pieces(nodes, leaves, lights.len()) {
             let owner = if lights.len() <= GATHERED { nearest(lights, &quad) } else { leaf };
-            if let (Some(source), Some(at)) = (self.all.get_mut(self.len), quad.mean_direction().try_normalize())
+            if let (Some(source), Some(at)) =
+                (self.all.get_mut(self.len), quad.mean_direction().try_normalize())
             {
                 let radius = disc(1.0 - quad.resultant());
                 *source = Source { at, radius, y: quad.y(), owner: owner as u16 };

@@ -104,8 +104,13 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>> Tree<B, H> {
 
     /// Writes the lights of the lit leaves, by ascending id; returns how many. Their leaves are then in the heap's memory.
     pub(super) fn emit(&mut self, nodes: &Nodes<'_>, lights: &mut [Light]) -> usize {
-        let mut out =
-            Emit { nodes: *nodes, interior: self.interior[0].as_ref(), leaves: self.heap.as_mut(), lights, count: 0 };
+        let mut out = Emit {
+            nodes: *nodes,
+            interior: self.interior[0].as_ref(),
+            leaves: self.heap.as_mut(),
+            lights,
+            count: 0,
+        };
         out.visit((0, 0), 1, None);
         out.count
     }

@@ -1,0 +1,117 @@
+//! Fewer lights for one client: merged to a number, or left out where they cannot be seen.
+//!
+//! After the clustering and the invisible-light elimination of \[Havran2005\] (Interactive System for Dynamic Scene Lighting using
+//! Captured Video Environment Maps), of which only the abstract was at hand: cost and order are ours.
+
+use crate::arena::{self, Buffer, TooSmall};
+use crate::color::luminance;
+use crate::light::{Light, cap_radius_deg};
+use glam::Vec3;
+
+/// A light looks for its partner among this many that follow it: all of a small set, and of a large one those near it in a tree's order.
+const WINDOW: usize = 256;
+
+/// Part of the lights that are merged before costs are looked at anew.
+const PART: usize = 8;
+
+/// Two lights and what it costs to make them one.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Pair {
+    cost: f32,
+    first: u32,
+    second: u32,
+}
+
+/// Merges lights until at most `most` are left, which are then the first of `lights`, and returns how many; 0 leaves none.
+///
+/// The energy of each channel is kept. A merged light stands at the centroid of the two and keeps the id, age and parent of the brighter.
+/// `pairs` holds as many as there are lights. Time: about 256 x 8 x the number of lights.
+///
+/// # Errors
+/// [`TooSmall`] for `pairs`; the lights are then untouched.
+pub fn merge<P: Buffer<Pair>>(lights: &mut [Light], most: usize, pairs: &mut P) -> Result<usize, TooSmall> {
+    arena::check(pairs, lights.len())?;
+    let pairs = pairs.as_mut();
+    let mut count = lights.len();
+    if most == 0 {
+        return Ok(0);
+    }
+    while count > most {
+        let merges = (count / PART).clamp(1, count - most);
+        let live = &mut lights[..count];
+        let found = partners(live, pairs);
+        pairs[..found].sort_unstable_by(|a, b| (a.cost.total_cmp(&b.cost)).then(a.first.cmp(&b.first)));
+        let mut done = 0;
+        for pair in &pairs[..found] {
+            let (a, b) = (pair.first as usize, pair.second as usize);
+            // A light without id has been merged in this round; so has one that was moved, but that errs little.
+            if done < merges && live[a].id != 0 && live[b].id != 0 {
+                live[a] = merged(&live[a], &live[b]);
+                live[b].id = 0;
+                done += 1;
+            }
+        }
+        count = compact(live);
+    }
+    Ok(count)
+}
+
+/// The cheapest partner of each light but the last.
+fn partners(lights: &[Light], pairs: &mut [Pair]) -> usize {
+    let last = lights.len().saturating_sub(1);
+    for (i, (light, pair)) in lights[..last].iter().zip(pairs.iter_mut()).enumerate() {
+        let y = energy(light);
+        *pair = Pair { cost: f32::INFINITY, first: i as u32, second: i as u32 + 1 };
+        for (j, other) in lights.iter().enumerate().skip(i + 1).take(WINDOW) {
+            let cost = y * energy(other) * light.direction.distance(other.direction);
+            if cost < pair.cost {
+                *pair = Pair { cost, second: j as u32, ..*pair };
+            }
+        }
+    }
+    last
+}
+
+/// Moves the lights with an id to the front, in their order.
+fn compact(lights: &mut [Light]) -> usize {
+    let mut count = 0;
+    for i in 0..lights.len() {
+        if lights[i].id != 0 {
+            lights[count] = lights[i];
+            count += 1;
+        }
+    }
+    count
+}
+
+fn energy(light: &Light) -> f32 {
+    luminance(light.irradiance)
+}
+
+/// One light for two: expected squared error over shadowed receivers is nearly in proportion to y1 y2 times their distance.
+fn merged(a: &Light, b: &Light) -> Light {
+    let (ya, yb) = (energy(a), energy(b));
+    let keep = if yb > ya { b } else { a };
+    let moment = a.direction * (ya * resultant(a)) + b.direction * (yb * resultant(b));
+    let total = ya + yb;
+    let radius_deg =
+        if total > 0.0 { cap_radius_deg((moment.length() / total).min(1.0)) } else { keep.radius_deg };
+    let direction = (moment / total).try_normalize().unwrap_or(keep.direction);
+    let irradiance = core::array::from_fn(|c| a.irradiance[c] + b.irradiance[c]);
+    Light { direction, irradiance, radius_deg, ..*keep }
+}
+
+/// Length of the mean direction of a light's cap.
+fn resultant(light: &Light) -> f32 {
+    0.5 + 0.5 * libm::cosf(light.radius_deg.to_radians())
+}
+
+/// The lights that a surface can see whose normals are within `spread` (radians) of the unit vector `normal`.
+///
+/// 0 for a flat surface; a light counts with its angular radius, so that soft shadows keep their edge.
+pub fn facing(lights: &[Light], normal: Vec3, spread: f32) -> impl Iterator<Item = &Light> {
+    lights.iter().filter(move |light| {
+        let beyond = (spread.max(0.0) + light.radius_deg.to_radians()).min(core::f32::consts::FRAC_PI_2);
+        light.direction.dot(normal) > -libm::sinf(beyond)
+    })
+}
