@@ -1,10 +1,13 @@
-//! Smooths directions without delaying them: exponential smoothing whose gain is a tracking signal.
+//! Smooths directions and energies without delaying them: exponential smoothing whose gain is a tracking signal.
 //!
-//! With nu the step from a light's filtered to its new direction, s the running mean of nu and a that of |nu|, the gain is
+//! With nu the step from a light's filtered to its new value, s the running mean of nu and a that of |nu|, the gain is
 //! (|s| / a)^2. Noise points everywhere, so s stays small beside a and the gain is about beta / (2 - beta); motion keeps its
 //! direction, so s grows to a and the gain to 1. A step beyond [`JUMP`] times a is followed at once. The signal is Trigg and Leach's
-//! (1967); its square and the jump are ours.
+//! (1967); its square and the jump are ours. Energies are smoothed as shares of the whole, so that a change of the whole is no step, and
+//! only while nothing moves: the energies of neighbours change together, and one that lags behind is seen.
 
+use super::tree::Leaf;
+use crate::color::luminance;
 use crate::light::Light;
 use glam::Vec3;
 
@@ -14,44 +17,112 @@ const MEMORY: f32 = 0.2;
 /// Steps this many times longer than the mean step are jumps: of normal noise one in ten thousand.
 const JUMP: f32 = 4.0;
 
+/// Mean step that is expected of a new light, over its angular radius: what 2 % noise does to a dozen texels.
+const NEW_STEP: f32 = 0.02;
+
+/// Mean step that is expected of a new light's energy, over it.
+const NEW_SHARE: f32 = 0.01;
+
 /// What the filter knows of a light.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Track {
     /// Direction as given last.
     direction: Vec3,
-    /// Running mean of the steps.
-    mean: Vec3,
-    /// Running mean of the steps' lengths.
+    /// Share of the whole as given last; 0 at first.
+    share: f32,
+    place: Signal<Vec3>,
+    energy: Signal<f32>,
+    /// Names the region: the level of the leaf, or [`GATHERED`] plus the number of gathered lights.
+    region: u8,
+}
+
+const GATHERED: u8 = 128;
+
+/// Running means of the steps and of their lengths.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Signal<V> {
+    mean: V,
     length: f32,
 }
 
+/// Whether the lights stand for the same regions as in the last frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Regions {
+    /// Each of them.
+    Same,
+    /// Not all.
+    Changed,
+}
+
 /// Replaces the lights' directions by filtered ones and carries their ages; old and new lights ascend by id.
-pub(super) fn follow(lights: &mut [Light], tracks: &mut [Track], (old, old_tracks): (&[Light], &[Track])) {
+pub(super) fn follow(
+    lights: &mut [Light],
+    tracks: &mut [Track],
+    leaves: &[Leaf],
+    (old, old_tracks): (&[Light], &[Track]),
+) -> Regions {
+    let gathered = (lights.len() <= super::GATHERED).then_some(GATHERED + lights.len() as u8);
+    let mut kept = 0;
     let mut past = old.iter().zip(old_tracks).peekable();
-    for (light, track) in lights.iter_mut().zip(tracks) {
+    for ((light, track), leaf) in lights.iter_mut().zip(tracks).zip(leaves) {
         while past.next_if(|(o, _)| o.id < light.id).is_some() {}
-        *track = Track { direction: light.direction, ..Track::default() };
+        *track = Track {
+            direction: light.direction,
+            share: 0.0,
+            place: Signal { mean: Vec3::ZERO, length: NEW_STEP * light.radius_deg.to_radians() },
+            energy: Signal { mean: 0.0, length: NEW_SHARE },
+            region: gathered.unwrap_or(leaf.level),
+        };
         if let Some((o, known)) = past.next_if(|(o, _)| o.id == light.id) {
             light.age = o.age.saturating_add(1);
-            *track = known.step(light.direction);
-            light.direction = track.direction;
+            if known.region == track.region {
+                kept += 1;
+                *track = *known;
+                let step = light.direction - known.direction;
+                let gain = track.place.gain(step, Vec3::length);
+                light.direction = (known.direction + step * gain).try_normalize().unwrap_or(light.direction);
+                track.direction = light.direction;
+            }
         }
+    }
+    if kept == lights.len() && kept == old.len() { Regions::Same } else { Regions::Changed }
+}
+
+/// Notes the lights' energies and, if the scene is `quiet`, replaces them by filtered ones, which no longer add up exactly.
+pub(super) fn settle(lights: &mut [Light], tracks: &mut [Track], quiet: bool) {
+    let whole: f32 = lights.iter().map(|l| luminance(l.irradiance)).sum();
+    for (light, track) in lights.iter_mut().zip(tracks) {
+        let seen = if whole > 0.0 { luminance(light.irradiance) / whole } else { 0.0 };
+        if track.share > 0.0 && seen > 0.0 {
+            let step = seen / track.share - 1.0;
+            let gain = track.energy.gain(step, f32::abs);
+            if quiet {
+                let filtered = track.share * (1.0 + gain * step);
+                light.irradiance = light.irradiance.map(|v| v * (filtered / seen));
+                track.share = filtered;
+                continue;
+            }
+        }
+        track.share = seen;
     }
 }
 
-impl Track {
-    fn step(&self, seen: Vec3) -> Self {
-        let step = seen - self.direction;
-        let size = step.length();
+impl<V> Signal<V>
+where
+    V: Copy + core::ops::Add<Output = V> + core::ops::Sub<Output = V> + core::ops::Mul<f32, Output = V>,
+{
+    /// Notes a step; returns its gain.
+    fn gain(&mut self, step: V, length: impl Fn(V) -> f32) -> f32 {
+        let size = length(step);
         if size > JUMP * self.length {
-            // Whether it was one jump or the begin of a motion shows in the next frames.
-            let length = if self.length > 0.0 { self.length } else { size };
-            return Self { direction: seen, mean: step * (length / size), length };
+            // Whether it was one jump or the begin of a motion shows in the next frames; expected too little, it is expected more of.
+            self.length = if self.length > 0.0 { self.length * (1.0 + (JUMP - 1.0) * MEMORY) } else { size };
+            self.mean = step * (self.length / size);
+            return 1.0;
         }
-        let mean = self.mean + (step - self.mean) * MEMORY;
-        let length = self.length + (size - self.length) * MEMORY;
-        let signal = if length > 0.0 { (mean.length() / length).min(1.0) } else { 1.0 };
-        let direction = (self.direction + step * (signal * signal)).try_normalize().unwrap_or(seen);
-        Self { direction, mean, length }
+        self.mean = self.mean + (step - self.mean) * MEMORY;
+        self.length += (size - self.length) * MEMORY;
+        let signal = if self.length > 0.0 { (length(self.mean) / self.length).min(1.0) } else { 1.0 };
+        signal * signal
     }
 }

@@ -13,6 +13,7 @@
 //!
 //! The total energy of each channel is that of the map in every frame.
 
+mod activity;
 mod ambient;
 mod count;
 mod cut;
@@ -71,6 +72,7 @@ pub struct Adaptive<B, H, L, T> {
     /// What the errors of the receivers were found for: nothing yet, or how many lights.
     looked_at: Option<usize>,
     cut: cut::Cut,
+    activity: activity::Activity,
 }
 
 impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<Track>> Adaptive<B, H, L, T> {
@@ -103,6 +105,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<Track>> Adaptiv
             receivers: receivers::Receivers::new(),
             looked_at: None,
             cut: cut::Cut::new(),
+            activity: activity::Activity::new(),
         };
         new.reset();
         Ok(new)
@@ -121,6 +124,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<Track>> Adaptiv
         if self.cut.seen(map) {
             self.reset();
         }
+        let moving = self.activity.see(map);
         let previous = self.count;
         self.lights.swap(0, 1);
         self.tracks.swap(0, 1);
@@ -141,8 +145,19 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<Track>> Adaptiv
         self.place(map, request, count, self.ceiling.0);
         let ([lights, old], [tracks, old_tracks]) = (&mut self.lights, &mut self.tracks);
         let old = (&old.as_ref()[..previous], &old_tracks.as_ref()[..previous]);
-        filter::follow(&mut lights.as_mut()[..self.count], &mut tracks.as_mut()[..self.count], old);
+        let regions = filter::follow(
+            &mut lights.as_mut()[..self.count],
+            &mut tracks.as_mut()[..self.count],
+            self.tree.leaves(),
+            old,
+        );
         self.weigh(map, request);
+        let quiet = regions == filter::Regions::Same && !moving;
+        let (lights, tracks) =
+            (&mut self.lights[0].as_mut()[..self.count], &mut self.tracks[0].as_mut()[..self.count]);
+        filter::settle(lights, tracks, quiet);
+        let nodes = Nodes::new(map, request.ambient.then_some(&self.ambient));
+        keep_energy(lights, nodes.quad(0, 0).rgb());
         let turn = if self.looked_at == Some(self.count) { TURN } else { RECEIVERS };
         self.looked_at = Some(self.count);
         let error = self.error(map, request, turn);
@@ -188,7 +203,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<Track>> Adaptiv
             self.ambient.fit(map, if limit == 0 { ambient::ALL } else { ceiling });
         }
         let nodes = Nodes::new(map, request.ambient.then_some(&self.ambient));
-        self.tree.grow(&nodes, limit);
+        self.tree.grow(&nodes, &self.activity, limit);
         self.count = self.tree.emit(&nodes, &mut self.lights[0].as_mut()[..limit]);
         let lights = &mut self.lights[0].as_mut()[..self.count];
         if self.count <= GATHERED {
@@ -274,6 +289,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<Track>> Sampler
     fn reset(&mut self) {
         self.count = 0;
         self.looked_at = None;
+        self.activity.reset();
         self.ceiling = (ambient::USUAL, 0);
         self.wanted.reset();
         self.tree.reset();

@@ -102,7 +102,7 @@ impl Receivers {
             let outside =
                 (((to.cos - along(to.axis)) >> 14).wrapping_mul(to.per_sin) >> 12).clamp(-0x7fff, 0x7fff);
             let clear = (2048 + (outside.wrapping_mul(slopes[i]) >> 8)).clamp(0, 4096);
-            sum = sum.wrapping_add(energies[i].wrapping_mul(facing * clear >> 12));
+            sum = sum.wrapping_add(energies[i].wrapping_mul((facing * clear) >> 12));
         }
         sum
     }

@@ -2,6 +2,7 @@
 //!
 //! A light's id is the first texel of its leaf, counted from 1: the left child of a split keeps the parent's id, the right one is new.
 
+use super::activity::Activity;
 use super::nodes::{self, Nodes};
 use crate::arena::Buffer;
 use crate::healpix::Domain;
@@ -14,7 +15,7 @@ use glam::Vec3;
 ///
 /// At 2 % texel noise the importance of a quad moves by a few per cent; less lets noise change the tree, more keeps lights where they
 /// are no longer needed.
-const HYSTERESIS: f32 = 0.15;
+const HYSTERESIS: f32 = 0.3;
 
 /// Least 1 - |m| that counts: what is closer together than this is one direction.
 const LEAST_SPREAD: f32 = 1e-7;
@@ -63,11 +64,11 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>> Tree<B, H> {
     }
 
     /// Splits the most important leaves until there are `limit` lit ones. May be called again in the same frame.
-    pub(super) fn grow(&mut self, nodes: &Nodes<'_>, limit: usize) {
+    pub(super) fn grow(&mut self, nodes: &Nodes<'_>, activity: &Activity, limit: usize) {
         self.interior[0].as_mut().fill(0);
         let mut len = 0;
         let mut lit = 1;
-        self.push(&mut len, nodes, (0, 0, &nodes.quad(0, 0)), f32::INFINITY);
+        self.push(&mut len, (nodes, activity), (0, 0, &nodes.quad(0, 0)), f32::INFINITY);
         while lit < limit {
             let Some(leaf) = heap::pop(&mut self.heap.as_mut()[..len], before) else { break };
             len -= 1;
@@ -77,7 +78,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>> Tree<B, H> {
                 [2 * leaf.index, 2 * leaf.index + 1].map(|index| (index, nodes.quad(level, index)));
             lit += usize::from(children.iter().all(|(_, quad)| quad.y() > 0.0));
             for (index, quad) in &children {
-                self.push(&mut len, nodes, (level, *index, quad), leaf.importance);
+                self.push(&mut len, (nodes, activity), (level, *index, quad), leaf.importance);
             }
         }
     }
@@ -87,7 +88,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>> Tree<B, H> {
     fn push(
         &mut self,
         len: &mut usize,
-        nodes: &Nodes<'_>,
+        (nodes, activity): (&Nodes<'_>, &Activity),
         (level, index, quad): (u8, u32, &Quad),
         most: f32,
     ) {
@@ -96,6 +97,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>> Tree<B, H> {
             return;
         }
         let kept = if bit(self.interior[1].as_ref(), level, index) { 1.0 + HYSTERESIS } else { 1.0 };
+        let kept = kept * nodes.activity(activity, level, index);
         let importance = (importance(quad) * kept).min(most);
         leaves[*len] = Leaf { importance, level, index };
         *len += 1;
