@@ -61,7 +61,7 @@ pub(super) fn follow(
     leaves: &[Leaf],
     (old, old_tracks): (&[Light], &[Track]),
 ) -> Regions {
-    let gathered = (lights.len() <= super::GATHERED).then_some(GATHERED + lights.len() as u8);
+    let gathered = (lights.len() <= super::GATHERED).then(|| GATHERED + lights.len() as u8);
     let mut kept = 0;
     let mut past = old.iter().zip(old_tracks).peekable();
     for ((light, track), leaf) in lights.iter_mut().zip(tracks).zip(leaves) {
