@@ -14,7 +14,7 @@ const QUADS: usize = Domain::Sphere.quads(ORDER);
 const SUMS: usize = pyramid_len(Domain::Sphere, ORDER);
 
 /// By how much a quad whose light moves counts more. Of 2, 3, 5 and 9 this gave the least flicker per error over moving lamps.
-pub(super) const MOST: f32 = 3.0;
+const MOST: f32 = 3.0;
 
 /// Least step of a quad's first moment, over its energy, that is motion and no noise; and the step that counts as full motion.
 const STEP: (f32, f32) = (0.025, 0.25);

@@ -4,7 +4,7 @@
 //! hemisphere levels 0 to 2 group its eight faces; from then on every second level is an order of the pyramid. Node (level, index) has
 //! the children (level + 1, 2 index) and (level + 1, 2 index + 1).
 
-use super::activity::{self, Activity};
+use super::activity::Activity;
 use super::ambient::Ambient;
 use crate::healpix::Domain;
 use crate::pyramid::{PyramidView, Quad};
@@ -70,9 +70,13 @@ impl<'a> Nodes<'a> {
         self.sum(below / 2, (face << below) | (index & ((1 << below) - 1)))
     }
 
-    /// By how much a node counts more because light moves in it; pairs of faces count alike.
+    /// By how much a node counts more because light moves in it.
     pub(super) fn activity(&self, activity: &Activity, level: u8, index: u32) -> f32 {
-        let Some(below) = level.checked_sub(self.top) else { return activity::MOST };
+        let Some(below) = level.checked_sub(self.top) else {
+            let under = self.top - level;
+            let slots = index << under..(index + 1) << under;
+            return slots.map(|slot| self.activity(activity, self.top, slot)).fold(1.0, f32::max);
+        };
         // A half counts as its quad.
         let (below, index) = (below & !1, index >> (below & 1));
         match SLOTS[(index >> below) as usize % SLOTS.len()] {
