@@ -4,7 +4,7 @@ use hemilux::calibration::{Burst, Calibration};
 use hemilux::pipeline::Settings;
 use hemilux::probe::{Config, Probe};
 use hemilux::scene;
-use hemilux::server::{self, Guard, Limits, Running};
+use hemilux::server::{self, Limits, Options, Running};
 use hemilux::source::{Pace, SceneSource, Source, SourceError};
 use hemilux_core::merge::Exposure;
 use serde_json::Value;
@@ -66,7 +66,7 @@ impl Bench {
         let probe = Probe::start(source, "test".into(), config).expect("a probe");
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
         let running =
-            server::start(listener, server::app(probe.link(), Guard::Loopback), limits).expect("a server");
+            server::start(listener, server::app(probe.link(), Options::default()), limits).expect("a server");
         Self { steps, running, probe }
     }
 

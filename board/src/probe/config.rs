@@ -20,7 +20,7 @@ pub fn extrapolation_name(extrapolation: Extrapolation) -> &'static str {
 pub struct Config {
     /// The pipeline's part.
     pub pipeline: Settings,
-    /// The debug picture; kept for the requests that will show it, without effect on the frames.
+    /// Whether `screenshot` may draw the debug picture; without effect on the frames.
     pub gui: bool,
 }
 
