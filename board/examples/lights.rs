@@ -7,7 +7,7 @@ fn main() -> Result<(), ClientError> {
     let mut arguments = std::env::args().skip(1);
     let url = arguments.next().unwrap_or_else(|| "http://127.0.0.1:8080".into());
     let frames = arguments.next().and_then(|n| n.parse().ok()).unwrap_or(usize::MAX);
-    let client = Client::connect(Options { lights: Some(4), ..Options::new(&url) })?;
+    let client = Client::connect(&Options { lights: Some(4), ..Options::new(&url) })?;
     let mut shown = 0;
     while shown < frames {
         let Some(set) = client.next(Duration::from_secs(2)) else {

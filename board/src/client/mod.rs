@@ -5,13 +5,13 @@
 //! use std::time::{Duration, Instant};
 //!
 //! // Blocking: each new set.
-//! let client = Client::connect(Options::new("http://127.0.0.1:8080"))?;
+//! let client = Client::connect(&Options::new("http://127.0.0.1:8080"))?;
 //! while let Some(set) = client.next(Duration::from_secs(5)) {
 //!     println!("frame {}: {} lights", set.frame, set.lights.len());
 //! }
 //! // A signal for each new set, and lights for each frame that is drawn.
 //! let options = Options { lights: Some(8), ..Options::new("http://127.0.0.1:8080") };
-//! let client = Client::connect_with(options, |set| println!("{}", set.frame))?;
+//! let client = Client::connect_with(&options, |set| println!("{}", set.frame))?;
 //! let mut lights = Vec::new();
 //! client.interpolated(Instant::now(), &mut lights);
 //! # Ok::<(), hemilux::client::ClientError>(())
@@ -119,7 +119,7 @@ impl Client {
     ///
     /// # Errors
     /// [`ClientError`]; a probe that does not answer is none: see [`Client::state`].
-    pub fn connect(options: Options) -> Result<Self, ClientError> {
+    pub fn connect(options: &Options) -> Result<Self, ClientError> {
         Self::connect_with(options, |_| {})
     }
 
@@ -128,10 +128,10 @@ impl Client {
     /// # Errors
     /// As [`Client::connect`].
     pub fn connect_with(
-        options: Options,
+        options: &Options,
         signal: impl FnMut(&Set) + Send + 'static,
     ) -> Result<Self, ClientError> {
-        let fetcher = Fetcher::try_new(&options)?;
+        let fetcher = Fetcher::try_new(options)?;
         let sets = Sets {
             latest: None,
             previous: None,

@@ -85,7 +85,6 @@ pub struct App {
 
 impl App {
     /// The routes, for requests without sockets.
-    #[must_use]
     pub fn router(&self) -> Router {
         self.router.clone()
     }

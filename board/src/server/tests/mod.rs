@@ -1,5 +1,6 @@
 //! Routes without sockets.
 
+mod openapi;
 mod pictures;
 mod security;
 mod thesis;

@@ -20,7 +20,7 @@ const PROTECTED: [(&str, &str); 9] = [
 ];
 
 /// Routes that need [`SECRET`].
-fn locked(probe: &Probe) -> Router {
+pub(super) fn locked(probe: &Probe) -> Router {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("token");
     std::fs::write(&file, SECRET).expect("a file");
