@@ -121,10 +121,38 @@ impl Bench {
         options: Options,
     ) -> Self {
         let config = Config { pipeline: Settings { lights, ..Settings::default() }, gui: false };
+        Self::on(TcpListener::bind("127.0.0.1:0").expect("a port"), source, steps, limits, config, options)
+    }
+
+    /// A probe at an address that was used before.
+    pub fn at(address: SocketAddr, every: Duration) -> Self {
+        let (steps, _) = channel();
+        let listener = TcpListener::bind(address).expect("the same port");
+        let (source, limits) = (Box::new(Film::new(every)), Limits::default());
+        Self::on(listener, source, steps, limits, Config::default(), Options::default())
+    }
+
+    fn on(
+        listener: TcpListener,
+        source: Box<dyn Source>,
+        steps: Sender<Step>,
+        limits: Limits,
+        config: Config,
+        options: Options,
+    ) -> Self {
         let probe = Probe::start(source, "test".into(), config).expect("a probe");
-        let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
         let running = server::start(listener, server::app(probe.link(), options), limits).expect("a server");
         Self { steps, running, probe }
+    }
+
+    /// Waits for the first set.
+    pub fn wait(&self) {
+        let sets = self.probe.link().subscribe();
+        let began = Instant::now();
+        while sets.borrow().is_none() {
+            assert!(began.elapsed() < Duration::from_secs(20), "no frame");
+            sleep(Duration::from_millis(1));
+        }
     }
 
     pub fn address(&self) -> SocketAddr {
