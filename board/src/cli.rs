@@ -237,7 +237,7 @@ mod tests {
     #[test]
     fn wrong_usage_is_one_line_that_names_the_option() {
         let cases: [(&[&str], &str); 13] = [
-            (&["--lights", "0"], "--lights"),
+            (&["--lights", "0"], "1 to 50000"),
             (&["--lights", "50001"], "50000"),
             (&["--lights", "many"], "'many'"),
             (&["--lights"], "--lights"),

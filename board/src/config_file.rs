@@ -95,8 +95,9 @@ impl ConfigFile {
         let mut document: DocumentMut =
             text.parse().map_err(|e| ConfigFileError::Content(self.path.clone(), format!("found {e}")))?;
         for setting in SETTINGS {
-            if let Some(value) = item(&setting.value(config)) {
-                document[setting.name] = value;
+            match item(&setting.value(config)) {
+                Some(value) => document[setting.name] = value,
+                None => drop(document.remove(setting.name)),
             }
         }
         self.replace(document.to_string().as_bytes())

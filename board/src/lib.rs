@@ -31,5 +31,3 @@ pub mod scene;
 pub mod server;
 #[cfg(feature = "pipeline")]
 pub mod source;
-#[cfg(feature = "pipeline")]
-pub mod thin;

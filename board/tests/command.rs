@@ -62,7 +62,8 @@ fn it_prints_its_address_serves_and_ends_well() {
 /// A request with these headers, and the answer's first line.
 fn ask(address: &str, request: &str, headers: &str) -> String {
     let mut stream = TcpStream::connect(address).expect("a connection");
-    write!(stream, "{request} HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n{headers}\r\n").expect("a request");
+    write!(stream, "{request} HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n{headers}\r\n")
+        .expect("a request");
     let mut answer = Vec::new();
     stream.read_to_end(&mut answer).expect("an answer");
     String::from_utf8_lossy(&answer).lines().next().unwrap_or_default().to_owned()
@@ -72,9 +73,11 @@ fn ask(address: &str, request: &str, headers: &str) -> String {
 fn beyond_loopback_a_token_is_made_kept_and_asked_for() {
     let folder = tempfile::tempdir().expect("a folder");
     let config = folder.path().join("hemilux.toml");
-    std::fs::write(&config, "listen = \"0.0.0.0:0\"\ntoken_file = \"secret\"\nlights = 20\n").expect("a file");
+    std::fs::write(&config, "listen = \"0.0.0.0:0\"\ntoken_file = \"secret\"\nlights = 20\n")
+        .expect("a file");
     for run in 0..2 {
-        let (mut child, line, _stdout) = serving(&["--config", config.to_str().expect("a path"), "--sampler", "pharr"]);
+        let (mut child, line, _stdout) =
+            serving(&["--config", config.to_str().expect("a path"), "--sampler", "pharr"]);
         assert!(line.ends_with("(scene:room, pharr, 20 lights)\n"), "{line}");
         let port = line.split("0.0.0.0:").nth(1).and_then(|l| l.split('/').next()).expect("a port");
         let address = format!("127.0.0.1:{port}");
@@ -100,7 +103,8 @@ fn errors_are_one_line_with_the_exit_status_of_their_kind() {
     let replay = format!("replay:{}", empty.path().display());
     let readable = empty.path().join("token");
     std::fs::write(&readable, "0123456789abcdef\n").expect("a file");
-    std::fs::set_permissions(&readable, std::os::unix::fs::PermissionsExt::from_mode(0o644)).expect("permissions");
+    std::fs::set_permissions(&readable, std::os::unix::fs::PermissionsExt::from_mode(0o644))
+        .expect("permissions");
     let readable = readable.to_str().expect("a path");
     let config = empty.path().join("hemilux.toml");
     std::fs::write(&config, "lights = 0\n").expect("a file");

@@ -1,18 +1,20 @@
 //! The table of settings: what each is called, may be, and means. The requests, the configuration file and the schema read it.
 
 use super::config::{Change, Config, EXTRAPOLATIONS, extrapolation_name};
-use crate::samplers::{MAX_LIGHTS, NAMES, least_lights};
+use crate::samplers::{MAX_LIGHTS, NAMES, SamplerError, TOLERANCES, least_lights};
 use hemilux_core::healpix::Domain;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 
 /// What a setting's value may be.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Kind {
     /// One of these words.
     Choice(&'static [&'static str]),
     /// A whole number from the first to the second.
     Whole(u64, u64),
+    /// A number from the first to the second, or null for none.
+    Real(f32, f32),
     /// On or off.
     Switch,
 }
@@ -38,7 +40,7 @@ pub struct Setting {
 const EXTRAPOLATION_NAMES: [&str; EXTRAPOLATIONS.len()] = [EXTRAPOLATIONS[0].0, EXTRAPOLATIONS[1].0];
 
 /// All settings.
-pub const SETTINGS: [Setting; 4] = [
+pub const SETTINGS: [Setting; 6] = [
     Setting {
         name: "sampler",
         parameter: "algorithm",
@@ -51,11 +53,29 @@ pub const SETTINGS: [Setting; 4] = [
     Setting {
         name: "lights",
         parameter: "samples",
-        kind: Kind::Whole(1, MAX_LIGHTS as u64),
+        kind: Kind::Whole(0, MAX_LIGHTS as u64),
         unit: Some("lights"),
-        what: "Most lights of a set; a sampler may have a least number above 1.",
+        what: "Most lights of a set; each sampler has a least number, and adaptive with ambient light may do without any.",
         value: |c| json!(c.pipeline.lights),
         wish: |c, v| c.lights = v.as_u64().and_then(|n| usize::try_from(n).ok()),
+    },
+    Setting {
+        name: "tolerance",
+        parameter: "tolerance",
+        kind: Kind::Real(*TOLERANCES.start(), *TOLERANCES.end()),
+        unit: Some("ratio"),
+        what: "The fewest lights are given whose shadowed error is at most this; adaptive alone. Without it, as many as lights says.",
+        value: |c| c.pipeline.tolerance.map_or(Value::Null, |t| json!(shortest(t))),
+        wish: |c, v| c.tolerance = Some(v.as_f64().map(|t| t as f32)),
+    },
+    Setting {
+        name: "ambient",
+        parameter: "ambient",
+        kind: Kind::Switch,
+        unit: None,
+        what: "Whether what has no direction becomes spherical harmonics in the place of lights; adaptive alone.",
+        value: |c| json!(c.pipeline.ambient),
+        wish: |c, v| c.ambient = v.as_bool(),
     },
     Setting {
         name: "extrapolation",
@@ -93,6 +113,8 @@ impl Setting {
         let value = match self.kind {
             Kind::Choice(_) => json!(word),
             Kind::Whole(..) => json!(word.parse::<u64>().ok()?),
+            Kind::Real(..) if word == "off" => Value::Null,
+            Kind::Real(..) => json!(word.parse::<f64>().ok()?),
             Kind::Switch => json!(match word {
                 "on" => true,
                 "off" => false,
@@ -118,6 +140,9 @@ impl Setting {
         match self.kind {
             Kind::Choice(words) => value.as_str().is_some_and(|v| words.contains(&v)),
             Kind::Whole(least, most) => value.as_u64().is_some_and(|v| (least..=most).contains(&v)),
+            Kind::Real(least, most) => {
+                value.is_null() || value.as_f64().is_some_and(|v| (least..=most).contains(&(v as f32)))
+            }
             Kind::Switch => value.is_boolean(),
         }
     }
@@ -128,6 +153,7 @@ impl Setting {
         match self.kind {
             Kind::Choice(words) => format!("one of {}", words.join(", ")),
             Kind::Whole(least, most) => format!("a whole number from {least} to {most}"),
+            Kind::Real(least, most) => format!("a number from {least} to {most}, or null"),
             Kind::Switch => "true or false".into(),
         }
     }
@@ -138,10 +164,13 @@ impl Setting {
         let mut schema = match self.kind {
             Kind::Choice(words) => json!({"type": "string", "enum": words}),
             Kind::Whole(least, most) => {
-                let own = (self.name == "lights")
-                    .then(|| least_lights(&config.pipeline.sampler, Domain::Hemisphere));
-                let least = own.flatten().map_or(least, |n| n as u64);
+                let own = || least_lights(&config.pipeline.sampler, Domain::Hemisphere).map(|n| n as u64);
+                let is_own = self.name == "lights" && !config.pipeline.ambient;
+                let least = is_own.then(own).flatten().unwrap_or(least);
                 json!({"type": "integer", "minimum": least, "maximum": most})
+            }
+            Kind::Real(least, most) => {
+                json!({"type": ["number", "null"], "minimum": shortest(least), "maximum": shortest(most)})
             }
             Kind::Switch => json!({"type": "boolean"}),
         };
@@ -171,6 +200,21 @@ pub fn wish_of(object: &Map<String, Value>) -> Result<Change, BTreeMap<String, S
         }
     }
     if errors.is_empty() { Ok(change) } else { Err(errors) }
+}
+
+/// The setting that is at fault when settings do not go together.
+#[must_use]
+pub fn at_fault(error: &SamplerError) -> &'static str {
+    match error {
+        SamplerError::BadLights { .. } => "lights",
+        SamplerError::BadTolerance(_) => "tolerance",
+        _ => "sampler",
+    }
+}
+
+/// The number that a person would write for `v`: 0.03 and not 0.029999999329447746.
+fn shortest(v: f32) -> f64 {
+    v.to_string().parse().unwrap_or(v.into())
 }
 
 /// Longest part of somebody's text that is repeated, characters.
@@ -204,10 +248,10 @@ mod tests {
     #[test]
     fn each_wrong_field_has_its_own_line() {
         let wish =
-            json!({"lights": 0, "sampler": "guess", "gui": "on", "colour": 3, "extrapolation": "average"});
+            json!({"lights": -1, "sampler": "guess", "gui": "on", "colour": 3, "extrapolation": "average"});
         let errors = wish_of(wish.as_object().expect("an object")).expect_err("four mistakes");
         assert_eq!(errors.len(), 4, "{errors:?}");
-        assert_eq!(errors["lights"], "found 0, expected a whole number from 1 to 50000");
+        assert_eq!(errors["lights"], "found -1, expected a whole number from 0 to 50000");
         assert!(errors["sampler"].contains("one of adaptive"), "{errors:?}");
         assert_eq!(errors["gui"], "found \"on\", expected true or false");
         assert!(errors["colour"].contains("found 'colour', expected one of sampler"), "{errors:?}");

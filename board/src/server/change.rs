@@ -3,7 +3,7 @@
 use super::{Context, access, line, pages};
 use crate::probe::settings::{Kind, SETTINGS, short};
 use crate::probe::{Applied, Change};
-use crate::samplers::{NAMES, least_lights};
+use crate::samplers::{NAMES, SamplerError, least_lights};
 use axum::extract::rejection::QueryRejection;
 use axum::extract::{Query, State};
 use axum::http::{HeaderMap, StatusCode, Uri};
@@ -37,7 +37,7 @@ pub(super) async fn change(
     match make(&context, &change).await {
         Ok(Some(answer)) => confirm(&answer, &pairs),
         Ok(None) => pages::change_pending(&pairs).into_response(),
-        Err(found) => refused(&found),
+        Err(found) => refused(&found.to_string()),
     }
 }
 
@@ -45,9 +45,9 @@ pub(super) async fn change(
 ///
 /// # Errors
 /// Why nothing was changed.
-pub(super) async fn make(context: &Context, change: &Change) -> Result<Option<Applied>, String> {
+pub(super) async fn make(context: &Context, change: &Change) -> Result<Option<Applied>, SamplerError> {
     let mut applied = context.link.applied();
-    let serial = context.link.change(change).map_err(|e| e.to_string())?;
+    let serial = context.link.change(change)?;
     let looked_at = tokio::time::timeout(LONGEST_WAIT, applied.wait_for(|a| a.serial >= serial)).await;
     Ok(looked_at.ok().and_then(|known| known.ok().map(|a| a.clone())))
 }
@@ -74,6 +74,7 @@ pub(super) fn accepted() -> String {
             format!("{}=N ({})", setting.parameter, each.join(", "))
         }
         Kind::Whole(least, most) => format!("{}=N ({least}..{most})", setting.parameter),
+        Kind::Real(least, most) => format!("{}=E|off ({least}..{most})", setting.parameter),
         Kind::Switch => format!("{}=on|off", setting.parameter),
     };
     SETTINGS.iter().map(line).collect::<Vec<_>>().join("\n")

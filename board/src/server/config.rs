@@ -2,7 +2,7 @@
 
 use super::access::{Allowed, BODY_TIME};
 use super::{Context, change};
-use crate::probe::settings::{SETTINGS, wish_of};
+use crate::probe::settings::{SETTINGS, at_fault, wish_of};
 use crate::probe::{Applied, Config};
 use axum::body::Bytes;
 use axum::extract::{FromRequest, Query, Request, State};
@@ -41,9 +41,8 @@ pub(super) async fn change(State(context): State<Context>, _: Allowed, request: 
         Err(each) => return errors(StatusCode::BAD_REQUEST, &json!(each)),
     };
     match change::make(&context, &change).await {
-        // What does not go together is the light count and the sampler.
-        Err(why) => refused("lights", &format!("found {why}")),
-        Ok(Some(Applied { refused: Some(why), .. })) => refused("lights", &format!("found {why}")),
+        Err(why) => refused(at_fault(&why), &format!("found {why}")),
+        Ok(Some(Applied { refused: Some(why), .. })) => refused("sampler", &format!("found {why}")),
         Ok(Some(Applied { config, .. })) if save => keep(&context, config).await,
         Ok(Some(Applied { config, .. })) => answer(StatusCode::OK, &document(&context, &config)),
         Ok(None) => {

@@ -4,12 +4,13 @@ use super::query::{Variant, Wanted, wanted};
 use super::{Context, line};
 use crate::clock;
 use crate::probe::{Link, Published, Staleness};
-use crate::thin::thin;
 use axum::body::Bytes;
 use axum::extract::State;
 use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE, RETRY_AFTER, VARY};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri};
 use axum::response::{IntoResponse, Response};
+use hemilux_core::light::Light;
+use hemilux_core::thin::{Pair, merge};
 use hemilux_core::wire;
 use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
@@ -220,7 +221,7 @@ fn encode(variant: Variant, link: &Link, answer: &Answer, room: usize) -> Option
     on_wire.ambient_sh = set.ambient.as_ref().filter(|_| variant.ambient);
     let thinned;
     if let Some(most) = variant.lights.filter(|most| *most < set.lights.len()) {
-        thinned = thin(&set.lights, most);
+        thinned = thin(&set.lights, most)?;
         on_wire.lights = &thinned;
     }
     if let Some(most) = variant.lights {
@@ -229,4 +230,12 @@ fn encode(variant: Variant, link: &Link, answer: &Answer, room: usize) -> Option
     let bytes = variant.format.encode(&on_wire, room)?;
     link.set_encode_us(u32::try_from(began.elapsed().as_micros()).unwrap_or(u32::MAX));
     Some(Bytes::from(bytes))
+}
+
+/// `lights` merged into at most `most`; `None` only for a fault of ours.
+fn thin(lights: &[Light], most: usize) -> Option<Vec<Light>> {
+    let (mut lights, mut pairs) = (lights.to_vec(), vec![Pair::default(); lights.len()]);
+    let count = merge(&mut lights, most, &mut pairs).ok()?;
+    lights.truncate(count);
+    Some(lights)
 }

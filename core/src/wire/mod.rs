@@ -14,7 +14,7 @@ pub use coordinates::Coordinates;
 pub use json::json;
 pub use text::text;
 pub use xml::xml;
-pub use xr::{Estimate, basis, estimate};
+pub use xr::{Estimate, estimate};
 
 use crate::light::{Light, Sh9};
 use embedded_io::Write;

@@ -2,6 +2,7 @@
 
 use super::{Coordinates, LightSet};
 use crate::color::luminance;
+use crate::harmonics::basis;
 use crate::light::{Light, Sh9};
 use glam::Vec3;
 
@@ -36,23 +37,4 @@ pub fn estimate(set: &LightSet<'_>) -> Estimate {
         intensity: primary.map_or([0.0; 3], |(_, l)| l.irradiance),
         harmonics: axes.harmonics(&rest),
     }
-}
-
-/// The real orthonormal basis without Condon-Shortley sign, in the order of [`Sh9`], at the unit vector `d`.
-#[must_use]
-pub fn basis(d: Vec3) -> [f32; 9] {
-    let Vec3 { x, y, z } = d;
-    // sqrt(1/4pi), sqrt(3/4pi), sqrt(15/4pi), sqrt(5/16pi)
-    let (a, b, c, e) = (0.282_094_8, 0.488_602_5, 1.092_548_4, 0.315_391_57);
-    [
-        a,
-        b * y,
-        b * z,
-        b * x,
-        c * x * y,
-        c * y * z,
-        e * (3.0 * z * z - 1.0),
-        c * x * z,
-        0.5 * c * (x * x - y * y),
-    ]
 }

@@ -131,10 +131,13 @@ async fn the_schema_says_what_each_setting_may_be_and_every_such_value_is_taken(
                 vec![40.into(), setting["maximum"].as_u64().expect("a number").min(300).into()]
             }
             Some("boolean") => vec![true.into(), false.into()],
+            None => vec![setting["minimum"].clone(), 0.03.into(), setting["maximum"].clone(), Value::Null],
             other => panic!("{name}: {other:?}"),
         };
         for value in values {
-            let wish = serde_json::json!({ name: value }).to_string();
+            let mut wish = serde_json::json!({"sampler": "adaptive"});
+            wish[name] = value.clone();
+            let wish = wish.to_string();
             let got = fetch(&app, "PATCH", "/v1/config", &[], &wish).await;
             assert_eq!((got.status, &got.json()["values"][name]), (200, &value), "{wish}: {}", got.text());
         }
