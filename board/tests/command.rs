@@ -107,13 +107,13 @@ fn errors_are_one_line_with_the_exit_status_of_their_kind() {
         .expect("permissions");
     let readable = readable.to_str().expect("a path");
     let config = empty.path().join("hemilux.toml");
-    std::fs::write(&config, "lights = 0\n").expect("a file");
+    std::fs::write(&config, "lights = -1\n").expect("a file");
     let config = config.to_str().expect("a path");
     let cases: [(&[&str], i32, &str); 13] = [
         (&["--listen", "0.0.0.0:0", "--token-file", readable], 1, "permissions 0644, expected 0600"),
         (&["--listen", "0.0.0.0:0", "--open", "--token-file", readable], 2, "--token-file"),
         (&["--listen", "[::]:0"], 2, "--token-file FILE"),
-        (&["--config", config], 1, "lights: found 0, expected a whole number"),
+        (&["--config", config], 1, "lights: found -1, expected a whole number"),
         (&["--config", "/nonexistent/hemilux.toml"], 1, "/nonexistent/hemilux.toml"),
         (&["--allow-origin", "localhost"], 2, "--allow-origin"),
         (&["--frobnicate"], 2, "--frobnicate"),

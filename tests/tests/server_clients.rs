@@ -102,11 +102,17 @@ fn a_websocket_client_gets_every_set_and_a_farewell() {
         "binary"
     );
     drop(bytes);
+    let mut events = TcpStream::connect(bench.address()).expect("a connection");
+    write!(events, "GET /v1/events HTTP/1.1\r\nHost: {}\r\n\r\n", bench.address()).expect("a request");
+    assert!(events.read(&mut [0; 4096]).expect("events") > 0, "they begin");
     let began = Instant::now();
     bench.running.stop();
     assert!(began.elapsed() < Duration::from_secs(2), "nobody had to be cut off");
     let farewell = std::iter::from_fn(|| socket.read().ok()).find(|m| matches!(m, Message::Close(_)));
     assert!(farewell.is_some(), "a close frame");
+    let mut rest = Vec::new();
+    events.read_to_end(&mut rest).expect("an end");
+    assert!(rest.ends_with(b"\r\n0\r\n\r\n"), "events end as a whole answer does");
 }
 
 #[test]

@@ -22,6 +22,9 @@ const GUESTS: u8 = 200;
 /// Growth of memory that is no leak: buffers of two hundred more connections, on both sides of the socket.
 const GROWTH_BYTES: u64 = 48 << 20;
 
+/// Longest time that a guest leaves between two requests, ms.
+const LOOK_MS: u64 = 100;
+
 /// What is asked for in turn.
 const PATHS: [&str; 8] = [
     "/data",
@@ -99,6 +102,10 @@ fn client(run: &Run, from: [u8; 4], stay: u64, times: &Mutex<Vec<u32>>) {
             }
             let closes = one(run, &mut stream, &mut bytes, made, &mut last, &mut mine);
             made += 1;
+            // Guests look at what they got for a while.
+            if stay < u64::MAX {
+                sleep(Duration::from_millis(17 * made % LOOK_MS));
+            }
             if closes {
                 break;
             }

@@ -12,9 +12,8 @@ use axum::response::{IntoResponse, Response};
 use hemilux_core::light::Light;
 use hemilux_core::thin::{Pair, merge};
 use hemilux_core::wire;
-use std::sync::{Arc, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
-use tokio::sync::Mutex;
 
 /// Longest wait for the next frame: clients ask again after two seconds.
 pub(super) const LONGEST_WAIT: Duration = Duration::from_millis(1500);
@@ -85,10 +84,18 @@ pub(super) fn event_id(run: &str, frame: u64) -> String {
 /// The newest bytes of each variant, the last asked for first.
 #[derive(Default)]
 pub(super) struct Cache {
-    variants: std::sync::Mutex<Vec<(Variant, Arc<Mutex<Encoded>>)>>,
+    variants: Mutex<Vec<(Variant, Arc<Place>)>>,
 }
 
+/// Where a variant's bytes are.
 #[derive(Default)]
+struct Place {
+    encoded: Mutex<Encoded>,
+    /// Held by who encodes; those who find the bytes do not queue for it.
+    encoding: tokio::sync::Mutex<()>,
+}
+
+#[derive(Clone, Default)]
 struct Encoded {
     /// Frame, and the age of stale sets in steps.
     key: Option<(u64, Option<u64>)>,
@@ -185,12 +192,16 @@ impl Cache {
     pub(super) async fn bytes(&self, variant: Variant, link: &Arc<Link>, answer: Answer) -> Option<Bytes> {
         let key = (answer.set.frame, answer.stale.as_ref().map(|s| s.age_ms / STALE_STEP_MS));
         let place = self.place(variant);
-        let mut encoded = place.lock().await;
-        if encoded.key == Some(key) {
-            return Some(encoded.bytes.clone());
+        if let Some(bytes) = place.find(key) {
+            return Some(bytes);
+        }
+        let _alone = place.encoding.lock().await;
+        if let Some(bytes) = place.find(key) {
+            return Some(bytes);
         }
         // The last frame's length and an eighth: one allocation a frame.
-        let room = encoded.bytes.len() + encoded.bytes.len() / 8;
+        let last = lock(&place.encoded).bytes.len();
+        let room = last + last / 8;
         let bytes = if answer.set.lights.len() > MANY_LIGHTS {
             let link = Arc::clone(link);
             let work = move || encode(variant, &link, &answer, room);
@@ -198,19 +209,31 @@ impl Cache {
         } else {
             encode(variant, link, &answer, room)?
         };
-        *encoded = Encoded { key: Some(key), bytes };
-        Some(encoded.bytes.clone())
+        *lock(&place.encoded) = Encoded { key: Some(key), bytes: bytes.clone() };
+        Some(bytes)
     }
 
     /// Where the bytes of `variant` are; the one that was not asked for longest makes room.
-    fn place(&self, variant: Variant) -> Arc<Mutex<Encoded>> {
-        let mut all = self.variants.lock().unwrap_or_else(PoisonError::into_inner);
+    fn place(&self, variant: Variant) -> Arc<Place> {
+        let mut all = lock(&self.variants);
         let known = all.iter().position(|(v, _)| *v == variant);
         let place = known.map_or_else(|| (variant, Arc::default()), |i| all.remove(i));
         all.truncate(VARIANTS - 1);
         all.insert(0, place);
         Arc::clone(&all[0].1)
     }
+}
+
+impl Place {
+    fn find(&self, key: (u64, Option<u64>)) -> Option<Bytes> {
+        let encoded = lock(&self.encoded);
+        (encoded.key == Some(key)).then(|| encoded.bytes.clone())
+    }
+}
+
+/// Locks for a moment; what is behind our locks is whole at any moment.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 fn encode(variant: Variant, link: &Link, answer: &Answer, room: usize) -> Option<Bytes> {
