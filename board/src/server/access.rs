@@ -113,7 +113,7 @@ pub(super) struct LogIn {
 
 /// The form.
 pub(super) async fn form(State(context): State<Context>) -> Response {
-    match *context.access {
+    match context.access {
         Access::Open => line(StatusCode::OK, "this probe has no token: there is nothing to log in to"),
         Access::Token { .. } => pages::login("").into_response(),
     }
@@ -129,7 +129,7 @@ pub(super) async fn log_in(State(context): State<Context>, request: Request) -> 
     let Ok(Ok(Form(LogIn { token: given }))) = form else {
         return line(StatusCode::BAD_REQUEST, "found another body, expected the form's one field, token");
     };
-    let Access::Token { token, session } = &*context.access else {
+    let Access::Token { token, session } = &context.access else {
         return line(StatusCode::OK, "this probe has no token: there is nothing to log in to");
     };
     if !token.is(given.trim().as_bytes()) {

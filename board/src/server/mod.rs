@@ -61,17 +61,18 @@ impl Default for Options {
 }
 
 /// What every handler sees.
-#[derive(Clone)]
-struct Context {
+type Context = Arc<Shared>;
+
+struct Shared {
     link: Arc<Link>,
-    cache: Arc<Cache>,
-    studio: Arc<Studio>,
-    album: Arc<Album>,
+    cache: Cache,
+    studio: Studio,
+    album: Album,
     counts: Arc<Counts>,
-    guard: Arc<Guard>,
-    access: Arc<Access>,
-    origins: Arc<[String]>,
-    file: Option<Arc<ConfigFile>>,
+    guard: Guard,
+    access: Access,
+    origins: Vec<String>,
+    file: Option<ConfigFile>,
     /// True when the server is told to stop: streams end.
     stop: Arc<watch::Sender<bool>>,
 }
@@ -95,19 +96,20 @@ impl App {
 pub fn app(link: Arc<Link>, options: Options) -> App {
     let stop = Arc::new(watch::Sender::new(false));
     let counts = Arc::new(Counts::default());
-    let context = Context {
+    let Options { guard, access, origins, file } = options;
+    let shared = Shared {
         link,
-        cache: Arc::default(),
-        studio: Arc::default(),
-        album: Arc::default(),
+        cache: Cache::default(),
+        studio: Studio::default(),
+        album: Album::default(),
         counts: Arc::clone(&counts),
-        guard: Arc::new(options.guard),
-        access: Arc::new(options.access),
-        origins: options.origins.into(),
-        file: options.file.map(Arc::new),
+        guard,
+        access,
+        origins,
+        file,
         stop: Arc::clone(&stop),
     };
-    App { router: routes::router(context), counts, stop }
+    App { router: routes::router(Arc::new(shared)), counts, stop }
 }
 
 /// An answer of one line of plain text.

@@ -62,7 +62,7 @@ pub(super) async fn status(State(context): State<Context>) -> Response {
         "fault": link.failure(),
         "uptime_s": link.started().elapsed().as_secs_f64(),
         "connections": context.counts.open.load(Relaxed),
-        "needs_token": matches!(*context.access, super::Access::Token { .. }),
+        "needs_token": matches!(context.access, super::Access::Token { .. }),
         "last": frame,
     });
     config::answer(StatusCode::OK, &document)
