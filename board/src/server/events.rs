@@ -4,7 +4,7 @@
 use super::connection::{Visit, told};
 use super::guard::is_foreign;
 use super::lights::{Answer, Format, LONGEST_WAIT, event_id, since_ready};
-use super::query::{Variant, wanted};
+use super::query::{Variant, Wanted, wanted};
 use super::{Context, line};
 use crate::probe::Published;
 use axum::body::{Body, Bytes};
@@ -76,11 +76,20 @@ impl Drop for Feed {
     }
 }
 
+/// What a stream is asked for.
+fn variant(uri: &Uri, fixed: Option<Format>) -> Result<Variant, String> {
+    match wanted(uri, &HeaderMap::new(), fixed) {
+        Ok(Wanted { variant, after: None }) => Ok(variant),
+        Ok(_) => Err("found after, expected none: a stream begins with the newest set".into()),
+        Err(found) => Err(found.unwrap_or_default()),
+    }
+}
+
 /// Server-sent events: the data of each is a light set as JSON.
 pub(super) async fn events(State(context): State<Context>, uri: Uri, headers: HeaderMap) -> Response {
-    let variant = match wanted(&uri, &headers, Some(Format::Event)) {
-        Ok(wanted) => wanted.variant,
-        Err(found) => return line(StatusCode::BAD_REQUEST, &found.unwrap_or_default()),
+    let variant = match variant(&uri, Some(Format::Event)) {
+        Ok(variant) => variant,
+        Err(found) => return line(StatusCode::BAD_REQUEST, &found),
     };
     let has = headers.get("last-event-id").and_then(|v| v.to_str().ok()).map(Into::into);
     let feed = Feed::new(context, variant, has);
@@ -119,10 +128,9 @@ pub(super) async fn socket(
             "this is a WebSocket; GET /v1/events and /v1/lights need none",
         );
     };
-    let wanted = wanted(&uri, &HeaderMap::new(), None);
-    let variant = match wanted {
-        Ok(wanted) => wanted.variant,
-        Err(found) => return line(StatusCode::BAD_REQUEST, &found.unwrap_or_default()),
+    let variant = match variant(&uri, None) {
+        Ok(variant) => variant,
+        Err(found) => return line(StatusCode::BAD_REQUEST, &found),
     };
     // The connection's place is kept until the socket is closed.
     let visit = extensions.get::<Arc<Visit>>().cloned();

@@ -85,6 +85,8 @@ pub(super) fn event_id(run: &str, frame: u64) -> String {
 #[derive(Default)]
 pub(super) struct Cache {
     variants: Mutex<Vec<(Variant, Arc<Place>)>>,
+    /// Held by who encodes a large set: one core is enough for that, the others are the probe's.
+    large: tokio::sync::Mutex<()>,
 }
 
 /// Where a variant's bytes are.
@@ -203,6 +205,7 @@ impl Cache {
         let last = lock(&place.encoded).bytes.len();
         let room = last + last / 8;
         let bytes = if answer.set.lights.len() > MANY_LIGHTS {
+            let _one_at_a_time = self.large.lock().await;
             let link = Arc::clone(link);
             let work = move || encode(variant, &link, &answer, room);
             tokio::task::spawn_blocking(work).await.ok()??

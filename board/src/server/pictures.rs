@@ -18,12 +18,16 @@ use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageFormat};
 use std::io::Cursor;
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
 
 /// JPEG quality: artefacts are below the sensor's noise.
 const QUALITY: u8 = 90;
 
 /// Pictures that are kept: the exposures of a burst and the map in its forms.
 const SHELF: usize = 16;
+
+/// Longest wait for a fresh shot: slow sources take two bursts to give one that began after the request.
+const CAPTURE_WAIT: Duration = Duration::from_secs(5);
 
 /// Part of a shot's samples that may be clipped.
 const CLIPPED: f64 = 0.01;
@@ -129,7 +133,7 @@ pub(super) async fn capture(State(context): State<Context>, _: Allowed) -> Respo
             }
         }
     };
-    match tokio::time::timeout(LONGEST_WAIT, fresh).await {
+    match tokio::time::timeout(CAPTURE_WAIT, fresh).await {
         Ok(Some(view)) => {
             let at = well_exposed(&view);
             jpeg_answer(&context, view, at, true).await

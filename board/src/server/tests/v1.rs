@@ -25,7 +25,13 @@ async fn lights_come_in_the_form_that_is_asked_for() {
     );
     let (status, _, body) = get(&app, "/v1/lights?coordinates=maya").await;
     assert!(status == 400 && body.contains("coordinates=probe|"), "{status}: {body}");
-    for uri in ["/data?format=json", "/xml?colour=red", "/v1/events?format=json", "/lights.json?lights=0"] {
+    for uri in [
+        "/data?format=json",
+        "/xml?colour=red",
+        "/v1/events?format=json",
+        "/v1/events?after=3",
+        "/lights.json?lights=0",
+    ] {
         assert_eq!(get(&app, uri).await.0, 400, "{uri}");
     }
 }
