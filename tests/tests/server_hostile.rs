@@ -48,7 +48,6 @@ fn stalled_readers_and_slow_writers_cost_others_nothing() {
     let address = bench.address();
     bench.wait();
     let (frames, alone) = well_behaved(address, Duration::from_secs(1));
-    assert!(frames > 5, "{frames} frames in a second");
     let mut stalled = Vec::new();
     for i in 0..64u8 {
         let mut stream = connect_from([127, 0, 2, 1 + i / 16], address).expect("a connection");
@@ -57,15 +56,8 @@ fn stalled_readers_and_slow_writers_cost_others_nothing() {
         stream.write_all(request.as_bytes()).expect("a request");
         stalled.push(stream);
     }
-    let over = Arc::new(AtomicBool::new(false));
-    let slow: Vec<_> = (0..64u8)
-        .map(|i| {
-            let over = Arc::clone(&over);
-            spawn(move || dribble(address, [127, 0, 3, 1 + i / 16], &over))
-        })
-        .collect();
+    let slow: Vec<_> = (0..64u8).map(|i| spawn(move || dribble(address, [127, 0, 3, 1 + i / 16]))).collect();
     let (beside, longest) = well_behaved(address, Duration::from_secs(4));
-    over.store(true, Relaxed);
     println!(
         "alone {frames} frames a second, longest gap {alone:?}; beside 128 others {} a second, {longest:?}",
         beside / 4
@@ -76,7 +68,7 @@ fn stalled_readers_and_slow_writers_cost_others_nothing() {
 }
 
 /// Sends a head a byte at a time; whether the server put an end to it.
-fn dribble(address: SocketAddr, from: [u8; 4], over: &AtomicBool) -> bool {
+fn dribble(address: SocketAddr, from: [u8; 4]) -> bool {
     let Ok(mut stream) = connect_from(from, address) else { return false };
     let _ = stream.set_read_timeout(Some(Duration::from_millis(1)));
     let head = format!("GET / HTTP/1.1\r\nHost: {address}\r\nX-Slow: {}", "a".repeat(1000));
@@ -84,9 +76,6 @@ fn dribble(address: SocketAddr, from: [u8; 4], over: &AtomicBool) -> bool {
         let gone = stream.write_all(&[byte]).is_err() || matches!(stream.read(&mut [0; 256]), Ok(0));
         if gone {
             return true;
-        }
-        if over.load(Relaxed) {
-            return false;
         }
         sleep(Duration::from_millis(100));
     }
