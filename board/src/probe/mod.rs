@@ -6,11 +6,14 @@
 mod config;
 mod mailbox;
 mod published;
+pub mod settings;
+mod views;
 mod worker;
 
 pub use config::{Change, Config, EXTRAPOLATIONS, extrapolation_name};
 pub use mailbox::Applied;
 pub use published::Published;
+pub use views::{BurstView, Given, MapView, Slot, Views};
 pub use worker::Worker;
 
 use crate::pipeline::PipelineError;
@@ -47,6 +50,7 @@ pub struct Link {
     failure: Mutex<Option<String>>,
     encode_us: AtomicU32,
     stopping: AtomicBool,
+    views: Views,
 }
 
 /// Why the last set is not fresh.
@@ -77,6 +81,7 @@ impl Link {
             failure: Mutex::new(None),
             encode_us: AtomicU32::new(0),
             stopping: AtomicBool::new(false),
+            views: Views::default(),
         }
     }
 
@@ -130,6 +135,12 @@ impl Link {
     #[must_use]
     pub fn failure(&self) -> Option<String> {
         lock(&self.failure).clone()
+    }
+
+    /// Where to ask for exposures and maps.
+    #[must_use]
+    pub fn views(&self) -> &Views {
+        &self.views
     }
 
     fn set_failure(&self, reason: Option<String>) {
