@@ -1,8 +1,9 @@
 //! Bursts of frames in memory, and what must be known of the camera to read them.
 
+use hemilux_core::format::{Format, Layout, LayoutError};
 use hemilux_core::lens::Lens;
 use hemilux_core::merge::{Exposure, Samples};
-use hemilux_core::response::{Depth, Response};
+use hemilux_core::response::Response;
 
 /// What the pipeline knows of the camera.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,16 +24,28 @@ pub struct Calibration {
     pub white: f64,
     /// Factors of red, green and blue.
     pub white_balance: [f32; 3],
-    /// Sample depth.
-    pub depth: Depth,
+    /// How samples are packed.
+    pub format: Format,
+    /// Bytes from one row to the next.
+    pub bytes_per_line: usize,
 }
 
-/// Samples of one frame: interleaved RGB, rows without padding.
+impl Calibration {
+    /// Size and packing of a frame.
+    ///
+    /// # Errors
+    /// [`LayoutError`].
+    pub fn layout(&self) -> Result<Layout, LayoutError> {
+        Layout::try_new(self.format, self.width, self.height, self.bytes_per_line)
+    }
+}
+
+/// Samples of one frame, packed as [`Calibration::format`] says.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Pixels {
-    /// One byte a sample.
+    /// The bytes of any format but [`Format::Rgb48`].
     U8(Vec<u8>),
-    /// Two bytes a sample.
+    /// The words of [`Format::Rgb48`].
     U16(Vec<u16>),
 }
 
@@ -43,15 +56,6 @@ impl Pixels {
         match self {
             Self::U8(v) => Samples::U8(v),
             Self::U16(v) => Samples::U16(v),
-        }
-    }
-
-    /// Depth of a sample.
-    #[must_use]
-    pub fn depth(&self) -> Depth {
-        match self {
-            Self::U8(_) => Depth::U8,
-            Self::U16(_) => Depth::U16,
         }
     }
 }

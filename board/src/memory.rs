@@ -9,7 +9,7 @@ use hemilux_core::merge::reciprocals_len;
 use hemilux_core::plan::{Cell, Span, Texel};
 use hemilux_core::polar::{Share, shares_len};
 use hemilux_core::pyramid::{Quad, pyramid_len};
-use hemilux_core::response::{Depth, curve_len};
+use hemilux_core::response::curve_len;
 use std::fmt;
 
 /// One buffer.
@@ -58,7 +58,7 @@ impl Plan {
         let (order, exposures) = (plan.order(), pipeline.merge().exposures());
         let rooms = vec![
             frames(c, exposures),
-            Room::of::<i32>("response table", curve_len(c.depth)),
+            Room::of::<i32>("response table", curve_len(pipeline.merge().depth())),
             Room::of::<u32>("reciprocals", reciprocals_len(exposures)),
             Room::of::<Span>("spans", plan.spans().len()),
             Room::of::<Cell>("cells", plan.cells().len()),
@@ -81,11 +81,7 @@ impl Plan {
 }
 
 fn frames(c: &Calibration, exposures: usize) -> Room {
-    let samples = 3 * c.width as usize * c.height as usize * exposures;
-    match c.depth {
-        Depth::U8 => Room::of::<u8>("frames", samples),
-        Depth::U16 => Room::of::<u16>("frames", samples),
-    }
+    Room::of::<u8>("frames", c.bytes_per_line * c.height as usize * exposures)
 }
 
 impl fmt::Display for Plan {

@@ -267,9 +267,10 @@ fn merge(
     exposures: &[Exposure],
 ) -> Result<Merge<Vec<i32>, Vec<u32>>, PipelineError> {
     let c = calibration;
-    let table = vec![0; curve_len(c.depth)];
+    let depth = c.format.depth();
+    let table = vec![0; curve_len(depth)];
     let curve =
-        Curve::try_new(&c.response, c.depth, c.black, c.white, table).map_err(PipelineError::Response)?;
+        Curve::try_new(&c.response, depth, c.black, c.white, table).map_err(PipelineError::Response)?;
     let reciprocals = vec![0; reciprocals_len(exposures.len().min(MAX_EXPOSURES))];
     Merge::try_new(curve, exposures, c.scale, reciprocals).map_err(PipelineError::Merge)
 }

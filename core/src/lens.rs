@@ -136,6 +136,15 @@ impl Lens {
         &self.p
     }
 
+    /// The lens as an image of half the size sees it, in which each pixel is the mean of 2 x 2.
+    #[must_use]
+    pub fn halved(&self) -> Self {
+        let p = self.p;
+        let centre_px = (p.centre_px - 0.5) * 0.5;
+        let halved = Intrinsics { centre_px, focal_px: p.focal_px * 0.5, skew_px: p.skew_px * 0.5, ..p };
+        Self { p: halved, max_r: self.max_r }
+    }
+
     /// Relative illumination at `theta` (1 = as on the axis of a lens without vignetting).
     #[must_use]
     pub fn illumination(&self, theta: f64) -> f64 {

@@ -6,6 +6,8 @@ pub mod color;
 pub mod lens;
 pub mod response;
 
+pub mod format;
+
 pub mod merge;
 
 pub mod harmonics;

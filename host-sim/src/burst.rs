@@ -7,8 +7,9 @@ use crate::output;
 use glam::{DVec2, DVec3};
 use hemilux::calibration::{Burst, Calibration, Frame, Pixels};
 use hemilux::recorded::{self, LensFile};
+use hemilux_core::format::Format;
 use hemilux_core::merge::Exposure;
-use hemilux_core::response::{Depth, Response};
+use hemilux_core::response::Response;
 use rand::{Rng, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
@@ -121,12 +122,12 @@ pub fn in_memory(
     let (black, white) = levels(lens, sensor);
     let curves = curves(&lens.response, black, white);
     let camera = Camera { levels: (black, white), scale, sensor, curves };
-    let depth = if white <= 255.0 { Depth::U8 } else { Depth::U16 };
+    let format = if white <= 255.0 { Format::Rgb24 } else { Format::Rgb48 };
     let frame = |(index, &seconds): (usize, &f64)| {
         let codes = camera.record(&scene, seconds, &mut noise(seed, index));
-        let pixels = match depth {
-            Depth::U8 => Pixels::U8(codes.iter().map(|c| *c as u8).collect()),
-            Depth::U16 => Pixels::U16(codes),
+        let pixels = match format {
+            Format::Rgb24 => Pixels::U8(codes.iter().map(|c| *c as u8).collect()),
+            _ => Pixels::U16(codes),
         };
         Frame { exposure: Exposure { seconds, gain: 1.0 }, pixels }
     };
@@ -140,7 +141,8 @@ pub fn in_memory(
         black,
         white,
         white_balance: [1.0; 3],
-        depth,
+        format,
+        bytes_per_line: format.line_bytes(lens.size[0]),
     };
     (calibration, Burst { frames, timestamp_ns: 0 })
 }

@@ -98,8 +98,9 @@ pub struct Ratio {
 #[must_use]
 pub fn ratios(calibration: &Calibration, burst: &Burst) -> Vec<Ratio> {
     let c = calibration;
-    let table = vec![0; curve_len(c.depth)];
-    let Ok(curve) = Curve::try_new(&c.response, c.depth, c.black, c.white, table) else { return Vec::new() };
+    let depth = c.format.depth();
+    let table = vec![0; curve_len(depth)];
+    let Ok(curve) = Curve::try_new(&c.response, depth, c.black, c.white, table) else { return Vec::new() };
     burst.frames.windows(2).map(|pair| ratio(&curve, pair)).collect()
 }
 

@@ -1,8 +1,10 @@
-//! The images of a recorded burst.
+//! The images and raw frames of a recorded burst.
 
 use super::{Image, RecordedError};
 use crate::calibration::Pixels;
+use hemilux_core::format::{Format, Layout};
 use image::{DynamicImage, ImageFormat, ImageReader, Limits};
+use std::io::Read;
 use std::path::Path;
 
 /// Longest side of an image, pixels.
@@ -30,12 +32,32 @@ pub(super) fn read(path: &Path) -> Result<Image, RecordedError> {
     reader.limits(limits);
     let image = reader.decode().map_err(|e| refused(&e))?;
     let (width, height) = (image.width(), image.height());
-    let pixels = match image {
+    let (format, pixels) = match image {
         DynamicImage::ImageLuma16(_)
         | DynamicImage::ImageLumaA16(_)
         | DynamicImage::ImageRgb16(_)
-        | DynamicImage::ImageRgba16(_) => Pixels::U16(image.into_rgb16().into_raw()),
-        _ => Pixels::U8(image.into_rgb8().into_raw()),
+        | DynamicImage::ImageRgba16(_) => (Format::Rgb48, Pixels::U16(image.into_rgb16().into_raw())),
+        _ => (Format::Rgb24, Pixels::U8(image.into_rgb8().into_raw())),
     };
-    Ok(Image { width, height, pixels })
+    let layout = Layout::tight(format, width, height).map_err(|e| refused(&e))?;
+    Ok(Image { layout, pixels })
+}
+
+/// Bytes that a driver may have put behind a frame.
+const MAX_TRAILER: u64 = 1 << 16;
+
+/// Reads one frame as a driver gave it.
+pub(super) fn read_raw(path: &Path, layout: Layout) -> Result<Image, RecordedError> {
+    let rows = layout.frame_bytes() as u64;
+    let expected = format!("{rows} bytes of a raw frame");
+    let refused = |found: &dyn std::fmt::Display| RecordedError::new(path, found, &expected);
+    let file = std::fs::File::open(path).map_err(|e| refused(&e))?;
+    let most = rows + layout.bytes_per_line() as u64 + MAX_TRAILER;
+    let mut bytes = Vec::new();
+    file.take(most + 1).read_to_end(&mut bytes).map_err(|e| refused(&e))?;
+    match bytes.len() as u64 {
+        found if found < rows => Err(refused(&format!("{found} bytes"))),
+        found if found > most => Err(refused(&format!("more than {most} bytes"))),
+        _ => Ok(Image { layout, pixels: Pixels::U8(bytes) }),
+    }
 }

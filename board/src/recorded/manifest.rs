@@ -3,9 +3,10 @@
 use super::{MAX_MANIFEST_BYTES, RecordedError};
 use crate::calibration::Calibration;
 use glam::DVec2;
+use hemilux_core::format::{Format, Layout, Matrix, Yuv};
 use hemilux_core::lens::{Intrinsics, Lens, Model};
 use hemilux_core::merge::{Exposure, MAX_EXPOSURES};
-use hemilux_core::response::{Depth, Response};
+use hemilux_core::response::Response;
 use serde::Deserialize;
 use std::io::Read;
 use std::path::{Component, Path, PathBuf};
@@ -18,7 +19,7 @@ pub(super) struct Manifest {
     response: Option<ResponseTable>,
     #[serde(default)]
     sensor: SensorTable,
-    format: Option<toml::Table>,
+    format: Option<FormatTable>,
     #[serde(default)]
     pub(super) frame: Vec<FrameTable>,
 }
@@ -64,6 +65,43 @@ struct SensorTable {
     black: Option<f64>,
     white: Option<f64>,
     white_balance: Option<[f32; 3]>,
+}
+
+/// How raw frames are packed.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FormatTable {
+    width: u32,
+    height: u32,
+    fourcc: String,
+    bytes_per_line: Option<usize>,
+    range: Option<String>,
+    matrix: Option<String>,
+}
+
+impl FormatTable {
+    fn layout(&self, path: &Path) -> Result<Layout, RecordedError> {
+        let refuse = |found: String, expected: &str| RecordedError::new(path, found, expected);
+        let limited = match self.range.as_deref() {
+            None | Some("full") => false,
+            Some("limited") => true,
+            Some(other) => return Err(refuse(format!("range = {other:?}"), "full or limited")),
+        };
+        let matrix = match self.matrix.as_deref() {
+            None | Some("bt601") => Matrix::Bt601,
+            Some("bt709") => Matrix::Bt709,
+            Some(other) => return Err(refuse(format!("matrix = {other:?}"), "bt601 or bt709")),
+        };
+        let fourcc = <[u8; 4]>::try_from(self.fourcc.as_bytes()).ok();
+        let format = fourcc.and_then(|f| Format::from_fourcc(f, Yuv { limited, matrix }));
+        let expected = "RGB3, BGR3, YUYV, NV12, GREY or a Bayer format of 8, 10, 12, 14 or 16 bits";
+        let format = format.ok_or_else(|| refuse(format!("fourcc = {:?}", self.fourcc), expected))?;
+        let line = self.bytes_per_line.unwrap_or_else(|| format.line_bytes(self.width));
+        let layout = Layout::try_new(format, self.width, self.height, line);
+        layout.map_err(|e| {
+            refuse(format!("[format] with {e}"), "a size and bytes_per_line that fit the fourcc")
+        })
+    }
 }
 
 #[derive(Deserialize)]
@@ -152,9 +190,6 @@ impl Manifest {
     pub(super) fn check(&self, path: &Path) -> Result<(), RecordedError> {
         let refuse = |found: String, expected: &str| Err(RecordedError::new(path, found, expected));
         check_version(path, self.version)?;
-        if self.format.is_some() {
-            return refuse("a [format] table".into(), "image files: raw frames are not read yet");
-        }
         if !(1..=MAX_EXPOSURES).contains(&self.frame.len()) {
             return refuse(
                 format!("{} [[frame]] tables", self.frame.len()),
@@ -179,19 +214,19 @@ impl Manifest {
         Ok(())
     }
 
-    pub(super) fn calibration(
-        &self,
-        path: &Path,
-        width: u32,
-        height: u32,
-        depth: Depth,
-    ) -> Result<Calibration, RecordedError> {
+    /// How raw frames are packed; none for images.
+    pub(super) fn layout(&self, path: &Path) -> Result<Option<Layout>, RecordedError> {
+        self.format.as_ref().map(|table| table.layout(path)).transpose()
+    }
+
+    pub(super) fn calibration(&self, path: &Path, layout: &Layout) -> Result<Calibration, RecordedError> {
+        let (width, height) = (layout.width(), layout.height());
         if let Some(size) = self.lens.size.filter(|s| *s != [width, height]) {
             let found = format!("[lens] size = [{}, {}] and images of {width} x {height}", size[0], size[1]);
             return Err(RecordedError::new(path, found, "the same size"));
         }
         let response = self.response.as_ref();
-        calibration(path, &self.lens, response, &self.sensor, (width, height, depth))
+        calibration(path, &self.lens, response, &self.sensor, layout)
     }
 }
 
@@ -200,13 +235,14 @@ fn calibration(
     lens: &LensTable,
     response: Option<&ResponseTable>,
     sensor: &SensorTable,
-    (width, height, depth): (u32, u32, Depth),
+    layout: &Layout,
 ) -> Result<Calibration, RecordedError> {
     let black = sensor.black.unwrap_or(0.0);
-    let white = sensor.white.unwrap_or(f64::from(depth.max()));
-    if !(black >= 0.0 && black < white && white <= f64::from(depth.max())) {
+    let most = f64::from(layout.format().max_code());
+    let white = sensor.white.unwrap_or(most);
+    if !(black >= 0.0 && black < white && white <= most) {
         let found = format!("[sensor] black = {black}, white = {white}");
-        let expected = format!("0 <= black < white <= {}", depth.max());
+        let expected = format!("0 <= black < white <= {most}");
         return Err(RecordedError::new(path, found, expected));
     }
     let white_balance = sensor.white_balance.unwrap_or([1.0; 3]);
@@ -224,14 +260,15 @@ fn calibration(
     let response = response.map_or(Ok(Response::Linear), |r| r.response(path))?;
     Ok(Calibration {
         lens: lens.lens(path)?,
-        width,
-        height,
+        width: layout.width(),
+        height: layout.height(),
         response,
         scale,
         black,
         white,
         white_balance,
-        depth,
+        format: layout.format(),
+        bytes_per_line: layout.bytes_per_line(),
     })
 }
 

@@ -6,6 +6,7 @@ mod images;
 mod manifest;
 
 use crate::calibration::{Burst, Calibration, Frame, Pixels};
+use hemilux_core::format::Layout;
 use manifest::Manifest;
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
@@ -48,22 +49,25 @@ pub fn read_burst(folder: &Path) -> Result<(Calibration, Burst), RecordedError> 
     let manifest: Manifest = manifest::read(&path)?;
     manifest.check(&path)?;
     let mut images = Vec::with_capacity(manifest.frame.len());
+    let raw = manifest.layout(&path)?;
     for frame in &manifest.frame {
-        images.push(images::read(&folder.join(&frame.file))?);
+        let file = folder.join(&frame.file);
+        images.push(raw.map_or_else(|| images::read(&file), |layout| images::read_raw(&file, layout))?);
     }
-    let first = &images[0];
-    let (width, height, depth) = (first.width, first.height, first.pixels.depth());
+    let layout = images[0].layout;
     for (image, frame) in images.iter().zip(&manifest.frame) {
         let file = folder.join(&frame.file);
-        if (image.width, image.height) != (width, height) {
-            let found = format!("{} x {} pixels", image.width, image.height);
-            return Err(RecordedError::new(&file, found, format!("{width} x {height} as the first frame")));
+        let [found, expected] = [image.layout, layout].map(|l| (l.width(), l.height()));
+        if found != expected {
+            let (found, expected) = (format!("{} x {} pixels", found.0, found.1), expected);
+            let expected = format!("{} x {} as the first frame", expected.0, expected.1);
+            return Err(RecordedError::new(&file, found, expected));
         }
-        if image.pixels.depth() != depth {
+        if image.layout != layout {
             return Err(RecordedError::new(&file, "another sample depth", "the first frame's"));
         }
     }
-    let calibration = manifest.calibration(&path, width, height, depth)?;
+    let calibration = manifest.calibration(&path, &layout)?;
     let timestamp_ns = manifest.frame.iter().filter_map(|f| f.timestamp_ns).max().unwrap_or(0);
     let frames = images.into_iter().zip(&manifest.frame);
     let mut frames: Vec<_> =
@@ -78,8 +82,7 @@ fn light(frame: &Frame) -> f64 {
 
 /// One decoded image.
 struct Image {
-    width: u32,
-    height: u32,
+    layout: Layout,
     pixels: Pixels,
 }
 

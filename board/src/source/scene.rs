@@ -6,9 +6,10 @@ use crate::calibration::{Burst, Calibration, Frame, Pixels};
 use crate::clock;
 use crate::scene::{Patch, Scene};
 use glam::DVec2;
+use hemilux_core::format::Format;
 use hemilux_core::lens::{Intrinsics, Lens, Model};
 use hemilux_core::merge::Exposure;
-use hemilux_core::response::{Depth, Response};
+use hemilux_core::response::Response;
 use std::ops::Range;
 use std::time::Instant;
 
@@ -169,7 +170,8 @@ fn calibration() -> Calibration {
         black: f64::from(BLACK),
         white: f64::from(WHITE),
         white_balance: [1.0; 3],
-        depth: Depth::U8,
+        format: Format::Rgb24,
+        bytes_per_line: ROW,
     }
 }
 

@@ -1,0 +1,277 @@
+//! How the samples of a frame lie in memory, by the names that V4L2 gives them.
+
+use crate::response::Depth;
+
+/// Where red lies in the 2 x 2 cells of a Bayer mosaic: the colours of the first two pixels of the first two rows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pattern {
+    /// Red, green; green, blue.
+    Rggb,
+    /// Green, red; blue, green.
+    Grbg,
+    /// Green, blue; red, green.
+    Gbrg,
+    /// Blue, green; green, red.
+    Bggr,
+}
+
+impl Pattern {
+    /// The channel (0 red, 1 green, 2 blue) of each pixel of a cell, row by row.
+    #[must_use]
+    pub const fn channels(self) -> [usize; 4] {
+        match self {
+            Self::Rggb => [0, 1, 1, 2],
+            Self::Grbg => [1, 0, 2, 1],
+            Self::Gbrg => [1, 2, 0, 1],
+            Self::Bggr => [2, 1, 1, 0],
+        }
+    }
+}
+
+/// Coefficients that make red, green and blue of luma and chroma.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Matrix {
+    /// ITU-R BT.601: what webcams and JPEG use.
+    #[default]
+    Bt601,
+    /// ITU-R BT.709.
+    Bt709,
+}
+
+/// Codes of luma and chroma.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Yuv {
+    /// Black at 16 and white at 235 (chroma 16 to 240); else all of 0 to 255.
+    pub limited: bool,
+    /// The coefficients.
+    pub matrix: Matrix,
+}
+
+/// How samples are packed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// Red, green, blue bytes.
+    Rgb24,
+    /// Blue, green, red bytes.
+    Bgr24,
+    /// Red, green, blue of 16 bits in the machine's byte order: images, no camera's format.
+    Rgb48,
+    /// One byte a pixel.
+    Grey,
+    /// Y0 Cb Y1 Cr: chroma for each pair of pixels.
+    Yuyv(Yuv),
+    /// A plane of luma, then a plane of Cb Cr pairs for each 2 x 2 pixels.
+    Nv12(Yuv),
+    /// A mosaic of bytes.
+    Bayer8(Pattern),
+    /// A mosaic of 10 bits: four pixels' upper eight bits, then a byte with their lower two, the first pixel's lowest.
+    Raw10(Pattern),
+    /// A mosaic of 12 bits: two pixels' upper eight bits, then a byte with their lower four, the first pixel's lowest.
+    Raw12(Pattern),
+    /// A mosaic of little-endian 16-bit words, of which this many low bits are used (10 to 16).
+    Bayer16(Pattern, u8),
+}
+
+impl Format {
+    /// The format that V4L2 calls `fourcc`; `yuv` is for those that carry luma and chroma.
+    #[must_use]
+    pub fn from_fourcc(fourcc: [u8; 4], yuv: Yuv) -> Option<Self> {
+        use Pattern::{Bggr, Gbrg, Grbg, Rggb};
+        Some(match &fourcc {
+            b"RGB3" => Self::Rgb24,
+            b"BGR3" => Self::Bgr24,
+            b"GREY" => Self::Grey,
+            b"YUYV" => Self::Yuyv(yuv),
+            b"NV12" => Self::Nv12(yuv),
+            b"BA81" => Self::Bayer8(Bggr),
+            b"GBRG" => Self::Bayer8(Gbrg),
+            b"GRBG" => Self::Bayer8(Grbg),
+            b"RGGB" => Self::Bayer8(Rggb),
+            b"pBAA" => Self::Raw10(Bggr),
+            b"pGAA" => Self::Raw10(Gbrg),
+            b"pgAA" => Self::Raw10(Grbg),
+            b"pRAA" => Self::Raw10(Rggb),
+            b"pBCC" => Self::Raw12(Bggr),
+            b"pGCC" => Self::Raw12(Gbrg),
+            b"pgCC" => Self::Raw12(Grbg),
+            b"pRCC" => Self::Raw12(Rggb),
+            b"BG10" => Self::Bayer16(Bggr, 10),
+            b"GB10" => Self::Bayer16(Gbrg, 10),
+            b"BA10" => Self::Bayer16(Grbg, 10),
+            b"RG10" => Self::Bayer16(Rggb, 10),
+            b"BG12" => Self::Bayer16(Bggr, 12),
+            b"GB12" => Self::Bayer16(Gbrg, 12),
+            b"BA12" => Self::Bayer16(Grbg, 12),
+            b"RG12" => Self::Bayer16(Rggb, 12),
+            b"BG14" => Self::Bayer16(Bggr, 14),
+            b"GB14" => Self::Bayer16(Gbrg, 14),
+            b"GR14" => Self::Bayer16(Grbg, 14),
+            b"RG14" => Self::Bayer16(Rggb, 14),
+            b"BYR2" => Self::Bayer16(Bggr, 16),
+            b"GB16" => Self::Bayer16(Gbrg, 16),
+            b"GR16" => Self::Bayer16(Grbg, 16),
+            b"RG16" => Self::Bayer16(Rggb, 16),
+            _ => return None,
+        })
+    }
+
+    /// The mosaic's pattern.
+    #[must_use]
+    pub const fn pattern(self) -> Option<Pattern> {
+        match self {
+            Self::Bayer8(p) | Self::Raw10(p) | Self::Raw12(p) | Self::Bayer16(p, _) => Some(p),
+            _ => None,
+        }
+    }
+
+    /// Largest code of a sample.
+    #[must_use]
+    pub const fn max_code(self) -> u32 {
+        match self {
+            Self::Raw10(_) => 1023,
+            Self::Raw12(_) => 4095,
+            Self::Bayer16(_, bits @ 1..=16) => (1 << bits) - 1,
+            Self::Rgb48 | Self::Bayer16(..) => 65535,
+            _ => 255,
+        }
+    }
+
+    /// Depth of a sample once it is unpacked.
+    #[must_use]
+    pub const fn depth(self) -> Depth {
+        if self.max_code() > 255 { Depth::U16 } else { Depth::U8 }
+    }
+
+    /// Bytes of `width` pixels without padding.
+    #[must_use]
+    pub const fn line_bytes(self, width: u32) -> usize {
+        let width = width as usize;
+        match self {
+            Self::Rgb24 | Self::Bgr24 => 3 * width,
+            Self::Rgb48 => 6 * width,
+            Self::Grey | Self::Nv12(_) | Self::Bayer8(_) => width,
+            Self::Yuyv(_) | Self::Bayer16(..) => 2 * width,
+            Self::Raw10(_) => width.div_ceil(4) * 5,
+            Self::Raw12(_) => width.div_ceil(2) * 3,
+        }
+    }
+}
+
+/// A frame's size and how its rows lie.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Layout {
+    format: Format,
+    width: u32,
+    height: u32,
+    bytes_per_line: usize,
+}
+
+/// Why a layout was refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LayoutError {
+    /// No pixels, or more than 2^26.
+    BadSize,
+    /// Columns or rows that do not make whole cells of the format.
+    OddSize,
+    /// Lines shorter than their pixels, or longer than 2^20 bytes.
+    BadLine {
+        /// Bytes of a line.
+        found: usize,
+        /// Bytes of its pixels.
+        expected: usize,
+    },
+}
+
+impl core::fmt::Display for LayoutError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::BadSize => write!(f, "an image without pixels or with more than 67108864"),
+            Self::OddSize => write!(f, "an odd number of columns or rows where the format pairs them"),
+            Self::BadLine { found, expected } => {
+                write!(f, "lines of {found} bytes for pixels of {expected}")
+            }
+        }
+    }
+}
+
+impl core::error::Error for LayoutError {}
+
+impl Layout {
+    /// Checks the numbers; `bytes_per_line` is that of the luma plane where there are two.
+    ///
+    /// # Errors
+    /// [`LayoutError`].
+    pub fn try_new(
+        format: Format,
+        width: u32,
+        height: u32,
+        bytes_per_line: usize,
+    ) -> Result<Self, LayoutError> {
+        let pixels = u64::from(width) * u64::from(height);
+        if pixels == 0 || pixels > 1 << 26 {
+            return Err(LayoutError::BadSize);
+        }
+        let two_rows = format.pattern().is_some() || matches!(format, Format::Nv12(_));
+        let pairs = two_rows || matches!(format, Format::Yuyv(_));
+        if (pairs && width % 2 == 1) || (two_rows && height % 2 == 1) {
+            return Err(LayoutError::OddSize);
+        }
+        let expected = format.line_bytes(width);
+        let words = matches!(format, Format::Rgb48) && bytes_per_line % 2 == 1;
+        if bytes_per_line < expected || bytes_per_line > 1 << 20 || words {
+            return Err(LayoutError::BadLine { found: bytes_per_line, expected });
+        }
+        Ok(Self { format, width, height, bytes_per_line })
+    }
+
+    /// Rows without padding.
+    ///
+    /// # Errors
+    /// [`LayoutError`].
+    pub fn tight(format: Format, width: u32, height: u32) -> Result<Self, LayoutError> {
+        Self::try_new(format, width, height, format.line_bytes(width))
+    }
+
+    /// How samples are packed.
+    #[must_use]
+    pub const fn format(&self) -> Format {
+        self.format
+    }
+
+    /// Image columns.
+    #[must_use]
+    pub const fn width(&self) -> u32 {
+        self.width
+    }
+
+    /// Image rows.
+    #[must_use]
+    pub const fn height(&self) -> u32 {
+        self.height
+    }
+
+    /// Bytes from one row to the next.
+    #[must_use]
+    pub const fn bytes_per_line(&self) -> usize {
+        self.bytes_per_line
+    }
+
+    /// Least bytes of a frame; the padding of the last row may be missing.
+    #[must_use]
+    pub const fn frame_bytes(&self) -> usize {
+        let rows = match self.format {
+            Format::Nv12(_) => self.height as usize / 2 * 3,
+            _ => self.height as usize,
+        };
+        (rows - 1) * self.bytes_per_line + self.format.line_bytes(self.width)
+    }
+
+    /// Columns and rows of the places that get a radiance: pixels, or the 2 x 2 cells of a mosaic.
+    #[must_use]
+    pub const fn places(&self) -> (u32, u32) {
+        match self.format.pattern() {
+            Some(_) => (self.width / 2, self.height / 2),
+            None => (self.width, self.height),
+        }
+    }
+}
