@@ -2,11 +2,10 @@
 
 use crate::calibration::Calibration;
 use crate::pipeline::Pipeline;
-use hemilux_core::front::{Sum, sums_len};
 use hemilux_core::healpix::Domain;
 use hemilux_core::light::Light;
-use hemilux_core::merge::reciprocals_len;
-use hemilux_core::plan::{Cell, Span, Texel};
+use hemilux_core::merge::Reciprocal;
+use hemilux_core::plan::{Run, Span, Texel};
 use hemilux_core::polar::{Share, shares_len};
 use hemilux_core::pyramid::{Quad, pyramid_len};
 use hemilux_core::response::curve_len;
@@ -55,15 +54,17 @@ impl Plan {
     pub fn of(pipeline: &Pipeline) -> Self {
         let (c, s) = (pipeline.calibration(), pipeline.settings());
         let plan = pipeline.plan();
+        let (size, merge) = (plan.size(), pipeline.merge().size());
         let (order, exposures) = (plan.order(), pipeline.merge().exposures());
         let rooms = vec![
             frames(c, exposures),
             Room::of::<i32>("response table", curve_len(pipeline.merge().depth())),
-            Room::of::<u32>("reciprocals", reciprocals_len(exposures)),
-            Room::of::<Span>("spans", plan.spans().len()),
-            Room::of::<Cell>("cells", plan.cells().len()),
-            Room::of::<Texel>("texels", plan.texels().len()),
-            Room::of::<Sum>("sums", sums_len(plan.source_order())),
+            Room::of::<u32>("exposure tables", merge.tables),
+            Room::of::<Reciprocal>("reciprocals", merge.reciprocals),
+            Room::of::<Span>("spans", size.spans),
+            Room::of::<u16>("weights", size.weights),
+            Room::of::<Run>("runs", size.runs),
+            Room::of::<Texel>("texels", size.texels),
             Room::of::<Quad>("pyramid", pyramid_len(Domain::Hemisphere, order)),
             Room::of::<[f32; 3]>("polar map", s.grid.len()),
             Room::of::<Share>("polar shares", shares_len(&s.grid, order)),

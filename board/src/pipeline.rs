@@ -5,17 +5,18 @@
 use crate::calibration::{Burst, Calibration};
 use crate::samplers::{self, SamplerError, Shape};
 use hemilux_core::fill::{self, Extrapolation};
-use hemilux_core::front::{Front, FrontError, Seen, sums_len};
+use hemilux_core::format::{Format, Layout, LayoutError};
+use hemilux_core::front::{self, FrontError, Seen};
 use hemilux_core::healpix::Domain;
 use hemilux_core::light::Decomposition;
-use hemilux_core::merge::{Exposure, MAX_EXPOSURES, Merge, MergeError, Samples, reciprocals_len};
-use hemilux_core::plan::{Cell, Plan, PlanError, Span, Texel, plan_size};
+use hemilux_core::merge::{Exposure, MAX_EXPOSURES, Merge, MergeError, Reciprocal, Samples, merge_size};
+use hemilux_core::plan::{Plan, PlanError, Run, Span, Texel, plan_size};
 use hemilux_core::polar::{Grid, LatLong, LatLongView, PolarPlan, Share, shares_len};
-use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
+use hemilux_core::pyramid::{Pyramid, PyramidView, Quad, pyramid_len};
 use hemilux_core::response::{Curve, ResponseError, curve_len};
 use hemilux_core::sampler::{Map, Request, Sampler};
 use hemilux_core::wire::Latency;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// What a user chooses.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,6 +62,9 @@ pub enum PipelineError {
     /// The response cannot be tabulated.
     #[error("response: found {0}, expected a rising curve and a white level above black")]
     Response(ResponseError),
+    /// The frames cannot lie so.
+    #[error("format: found {0}, expected a size and bytes per line that fit it")]
+    Format(LayoutError),
     /// The exposures do not merge.
     #[error("exposures: found {0}, expected up to twelve positive times at most 2^24 apart")]
     Merge(MergeError),
@@ -80,15 +84,63 @@ pub struct Pipeline {
     calibration: Calibration,
     settings: Settings,
     exposures: Vec<Exposure>,
-    merge: Merge<Vec<i32>, Vec<u32>>,
-    plan: Plan<Vec<Span>, Vec<Cell>, Vec<Texel>>,
-    front: Front<Vec<[i64; 3]>>,
+    layout: Layout,
+    merge: HeapMerge,
+    plan: HeapPlan,
     pyramid: Pyramid<Vec<Quad>>,
-    polar: LatLong<Vec<[f32; 3]>>,
-    polar_plan: PolarPlan<Vec<Share>>,
+    /// Taken when a sampler or a picture needs it first.
+    polar: Option<Polar>,
     /// Whether `polar` holds the current frame.
     polar_fresh: bool,
     sampler: Box<dyn Sampler + Send>,
+}
+
+/// A latitude-longitude map, and where its energy comes from.
+struct Polar {
+    map: LatLong<Vec<[f32; 3]>>,
+    plan: PolarPlan<Vec<Share>>,
+}
+
+impl Polar {
+    fn new(shape: &Shape) -> Self {
+        let grid = &shape.grid;
+        let map = LatLong::try_new(*grid, vec![[0.0; 3]; grid.len()]);
+        let shares = vec![Share::default(); shares_len(grid, shape.order)];
+        Self {
+            map: map.expect("as many texels as the grid has"),
+            plan: PolarPlan::try_new(grid, shape.order, shares).expect("as many shares as the plan names"),
+        }
+    }
+
+    fn fill(&mut self, pyramid: &PyramidView<'_>) {
+        self.map.fill(&self.plan, pyramid);
+    }
+}
+
+/// What each stage took.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Times {
+    /// Merge and map.
+    pub front: Duration,
+    /// Pyramid and polar map.
+    pub pyramid: Duration,
+    /// The sampler.
+    pub sample: Duration,
+}
+
+impl Times {
+    /// `front`, `pyramid`, `sample` and `total` of a light set; the rest is the caller's.
+    #[must_use]
+    pub fn latency(&self) -> Latency {
+        let us = |d: Duration| u32::try_from(d.as_micros()).unwrap_or(u32::MAX);
+        Latency {
+            front: us(self.front),
+            pyramid: us(self.pyramid),
+            sample: us(self.sample),
+            total: us(self.front + self.pyramid + self.sample),
+            ..Latency::default()
+        }
+    }
 }
 
 /// One processed burst.
@@ -102,8 +154,8 @@ pub struct Processed<'a> {
     pub scalar_flux: [f32; 3],
     /// Sum of L cos(theta) dOmega.
     pub horizontal_irradiance: [f32; 3],
-    /// `front`, `pyramid`, `sample` and `total`; the rest is the caller's.
-    pub latency: Latency,
+    /// What each stage took.
+    pub times: Times,
 }
 
 impl Pipeline {
@@ -120,30 +172,24 @@ impl Pipeline {
         let shape = Shape { domain: Domain::Hemisphere, order, grid: settings.grid };
         samplers::check(&settings.sampler, Domain::Hemisphere, &settings.request())?;
         let sampler = samplers::make(&settings.sampler, &shape, settings.lights)?;
+        let layout = calibration.layout().map_err(PipelineError::Format)?;
         let merge = merge(&calibration, exposures)?;
-        let plan = plan(&calibration, order)?;
-        let sums = vec![[0; 3]; sums_len(plan.source_order())];
-        let front = Front::try_new(sums, plan.source_order()).expect("as many sums as the front names");
+        let plan = plan(&calibration, &layout, order)?;
         let quads = vec![Quad::default(); pyramid_len(Domain::Hemisphere, order)];
         let pyramid =
             Pyramid::try_new(quads, Domain::Hemisphere, order).expect("as many quads as the pyramid names");
-        let texels = vec![[0.0; 3]; settings.grid.len()];
-        let polar = LatLong::try_new(settings.grid, texels).expect("as many texels as the grid has");
-        let shares = vec![Share::default(); shares_len(&settings.grid, order)];
-        let polar_plan =
-            PolarPlan::try_new(&settings.grid, order, shares).expect("as many shares as the plan names");
+        let polar = sampler.needs_polar().then(|| Polar::new(&shape));
         let exposures = exposures.to_vec();
         let polar_fresh = false;
         Ok(Self {
             calibration,
             settings,
             exposures,
+            layout,
             merge,
             plan,
-            front,
             pyramid,
             polar,
-            polar_plan,
             polar_fresh,
             sampler,
         })
@@ -163,6 +209,9 @@ impl Pipeline {
         samplers::check(&settings.sampler, Domain::Hemisphere, &settings.request())?;
         if settings.sampler != self.settings.sampler || settings.lights != self.settings.lights {
             self.sampler = samplers::make(&settings.sampler, &self.shape(), settings.lights)?;
+            if self.sampler.needs_polar() && self.polar.is_none() {
+                self.polar = Some(Polar::new(&self.shape()));
+            }
         }
         self.settings = settings;
         Ok(())
@@ -186,35 +235,29 @@ impl Pipeline {
         }
         let frames = &frames[..burst.frames.len().min(MAX_EXPOSURES)];
         let balance = self.calibration.white_balance;
-        let seen = self
-            .front
-            .burst(frames, &self.merge, &self.plan, balance, &mut self.pyramid)
+        let (plan, merge) = (self.plan.view(), self.merge.view());
+        let sums = front::accumulate(frames, &self.layout, &merge, &plan, &mut self.pyramid)
             .map_err(PipelineError::Front)?;
         let front = began.elapsed();
-        self.pyramid.build();
+        let seen = front::finish(&sums, &self.layout, &merge, &plan, balance, &mut self.pyramid);
         if self.settings.extrapolation == Extrapolation::Average {
             fill::average(&mut self.pyramid, self.plan.texels());
         }
         self.polar_fresh = self.sampler.needs_polar();
         if self.polar_fresh {
-            self.polar.fill(&self.polar_plan, &self.pyramid.view());
+            let shape = self.shape();
+            self.polar.get_or_insert_with(|| Polar::new(&shape)).fill(&self.pyramid.view());
         }
         let summed = began.elapsed();
         let view = self.pyramid.view();
         let (total, horizontal_irradiance) = (view.total(), view.horizontal_irradiance());
-        let polar = if self.polar_fresh { self.polar.view() } else { LatLongView::NONE };
+        let polar =
+            self.polar.as_ref().filter(|_| self.polar_fresh).map_or(LatLongView::NONE, |p| p.map.view());
         let map = Map { pyramid: view, polar };
         let decomposition = self.sampler.update(&map, &self.settings.request());
         let done = began.elapsed();
-        let us = |d: std::time::Duration| u32::try_from(d.as_micros()).unwrap_or(u32::MAX);
-        let latency = Latency {
-            front: us(front),
-            pyramid: us(summed - front),
-            sample: us(done - summed),
-            total: us(done),
-            ..Latency::default()
-        };
-        Ok(Processed { decomposition, seen, scalar_flux: total.rgb(), horizontal_irradiance, latency })
+        let times = Times { front, pyramid: summed - front, sample: done - summed };
+        Ok(Processed { decomposition, seen, scalar_flux: total.rgb(), horizontal_irradiance, times })
     }
 
     /// Rebuilds the merge when a burst comes with other exposures.
@@ -242,48 +285,57 @@ impl Pipeline {
 
     /// The merge of the current exposures.
     #[must_use]
-    pub fn merge(&self) -> &Merge<Vec<i32>, Vec<u32>> {
+    pub fn merge(&self) -> &HeapMerge {
         &self.merge
     }
 
     /// The plan of the current lens.
     #[must_use]
-    pub fn plan(&self) -> &Plan<Vec<Span>, Vec<Cell>, Vec<Texel>> {
+    pub fn plan(&self) -> &HeapPlan {
         &self.plan
     }
 
     /// The map of the last burst, before sampling.
     pub fn map(&mut self) -> Map<'_> {
+        let shape = self.shape();
+        let polar = self.polar.get_or_insert_with(|| Polar::new(&shape));
         if !self.polar_fresh {
-            self.polar.fill(&self.polar_plan, &self.pyramid.view());
+            polar.fill(&self.pyramid.view());
             self.polar_fresh = true;
         }
-        Map { pyramid: self.pyramid.view(), polar: self.polar.view() }
+        Map { pyramid: self.pyramid.view(), polar: polar.map.view() }
     }
 }
 
-fn merge(
-    calibration: &Calibration,
-    exposures: &[Exposure],
-) -> Result<Merge<Vec<i32>, Vec<u32>>, PipelineError> {
+/// A merge with memory from the heap.
+pub type HeapMerge = Merge<Vec<i32>, Vec<u32>, Vec<Reciprocal>>;
+
+/// A plan with memory from the heap.
+pub type HeapPlan = Plan<Vec<Span>, Vec<u16>, Vec<Run>, Vec<Texel>>;
+
+fn merge(calibration: &Calibration, exposures: &[Exposure]) -> Result<HeapMerge, PipelineError> {
     let c = calibration;
     let depth = c.format.depth();
     let table = vec![0; curve_len(depth)];
     let curve =
         Curve::try_new(&c.response, depth, c.black, c.white, table).map_err(PipelineError::Response)?;
-    let reciprocals = vec![0; reciprocals_len(exposures.len().min(MAX_EXPOSURES))];
-    Merge::try_new(curve, exposures, c.scale, reciprocals).map_err(PipelineError::Merge)
+    let planes = matches!(c.format, Format::Yuyv(_) | Format::Nv12(_));
+    let curve = if planes { curve.looked_up() } else { curve };
+    let size = merge_size(&curve, exposures).map_err(PipelineError::Merge)?;
+    let memory = (vec![0; size.tables], vec![Reciprocal::default(); size.reciprocals]);
+    Merge::try_new(curve, exposures, c.scale, memory).map_err(PipelineError::Merge)
 }
 
-type HeapPlan = Plan<Vec<Span>, Vec<Cell>, Vec<Texel>>;
-
-fn plan(calibration: &Calibration, order: u8) -> Result<HeapPlan, PipelineError> {
-    let c = calibration;
-    let size = plan_size(&c.lens, c.width, c.height, order).map_err(PipelineError::Plan)?;
-    let buffers = (
+fn plan(calibration: &Calibration, layout: &Layout, order: u8) -> Result<HeapPlan, PipelineError> {
+    let (width, height) = layout.places();
+    let mosaic = layout.format().pattern().is_some();
+    let lens = if mosaic { calibration.lens.halved() } else { calibration.lens };
+    let size = plan_size(&lens, width, height, order).map_err(PipelineError::Plan)?;
+    let memory = (
         vec![Span::default(); size.spans],
-        vec![Cell::default(); size.cells],
+        vec![0; size.weights],
+        vec![Run::default(); size.runs],
         vec![Texel::default(); size.texels],
     );
-    Plan::try_new(&c.lens, c.width, c.height, order, buffers).map_err(PipelineError::Plan)
+    Plan::try_new(&lens, width, height, order, memory).map_err(PipelineError::Plan)
 }

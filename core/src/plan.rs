@@ -25,13 +25,36 @@ pub struct Span {
     pub len: u32,
 }
 
-/// Where one pixel's light goes.
+/// Most pixels that are merged at a time: a few KB of codes and radiance, small beside any first-level cache.
+pub const CHUNK: usize = 128;
+
+/// Pixels side by side in a row whose light goes to one texel at the plan's accumulation order; the texel after the last collects
+/// what is below the horizon. None crosses from one [`CHUNK`] of its span to the next.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Cell {
-    /// Texel at the plan's accumulation order; the last one collects what is below the horizon.
-    pub texel: u32,
-    /// Solid angle over relative illumination, in units of [`Plan::weight_unit`].
-    pub weight: u32,
+pub struct Run(u32);
+
+impl Run {
+    fn new(texel: u32, len: usize) -> Self {
+        Self(texel << 8 | len as u32)
+    }
+
+    /// The texel, below 2^24.
+    #[must_use]
+    pub const fn texel(self) -> usize {
+        (self.0 >> 8) as usize
+    }
+
+    /// Pixels, at most [`CHUNK`].
+    #[must_use]
+    pub const fn len(self) -> usize {
+        (self.0 & 255) as usize
+    }
+
+    /// Whether it has none.
+    #[must_use]
+    pub const fn is_empty(self) -> bool {
+        self.len() == 0
+    }
 }
 
 /// What the plan knows of a texel of the map.
@@ -71,17 +94,46 @@ impl core::error::Error for PlanError {}
 
 /// The plan of one lens and image size, in memory the caller lends.
 #[derive(Clone, Debug)]
-pub struct Plan<S, C, T> {
+pub struct Plan<S, W, R, T> {
     spans: S,
-    cells: C,
+    weights: W,
+    runs: R,
     texels: T,
     width: u32,
     height: u32,
     order: u8,
     source_order: u8,
     weight_unit: f64,
+    weight_sum: u64,
     unseen: f64,
-    seen_pixels: usize,
+    size: PlanSize,
+}
+
+/// What a frame runs through.
+#[derive(Clone, Copy, Debug)]
+pub struct PlanView<'a> {
+    /// Image columns.
+    pub width: u32,
+    /// Image rows.
+    pub height: u32,
+    /// Order of the map.
+    pub order: u8,
+    /// Order at which pixels are accumulated: that of the map, or the finest that the pixels can fill.
+    pub source_order: u8,
+    /// The columns of each image row that are visited.
+    pub spans: &'a [Span],
+    /// Solid angle over relative illumination of each visited pixel, in units of `weight_unit`.
+    pub weights: &'a [u16],
+    /// Where they go, in memory order.
+    pub runs: &'a [Run],
+    /// Texels of the map, at `order`.
+    pub texels: &'a [Texel],
+    /// Steradians of one count of weight.
+    pub weight_unit: f64,
+    /// Sum of all weights.
+    pub weight_sum: u64,
+    /// The share of the hemisphere that the lens does not see.
+    pub unseen: f64,
 }
 
 /// Elements that a plan needs of each buffer.
@@ -90,7 +142,9 @@ pub struct PlanSize {
     /// Image rows.
     pub spans: usize,
     /// Pixels inside the lens circle.
-    pub cells: usize,
+    pub weights: usize,
+    /// Runs of pixels that share a texel.
+    pub runs: usize,
     /// Texels of the map.
     pub texels: usize,
 }
@@ -100,18 +154,50 @@ pub struct PlanSize {
 /// # Errors
 /// [`PlanError`]: nothing seen, or sizes out of range.
 pub fn plan_size(lens: &Lens, width: u32, height: u32, order: u8) -> Result<PlanSize, PlanError> {
+    check(width, height, order)?;
+    let survey = survey(lens, width, height)?;
+    let source_order = survey.source_order(order)?;
+    let mut runs = 0;
+    visit_runs(lens, width, height, source_order, |_| runs += 1, |_| ());
+    let texels = Domain::Hemisphere.quads(order);
+    Ok(PlanSize { spans: height as usize, weights: survey.count, runs, texels })
+}
+
+fn check(width: u32, height: u32, order: u8) -> Result<(), PlanError> {
     let pixels = u64::from(width) * u64::from(height);
     if pixels == 0 || pixels > 1 << 26 {
         return Err(PlanError::BadSize);
     }
-    if order > 10 {
-        return Err(PlanError::BadOrder);
+    if order > 10 { Err(PlanError::BadOrder) } else { Ok(()) }
+}
+
+/// What all pixels together say.
+#[derive(Default)]
+struct Survey {
+    count: usize,
+    /// Largest solid angle.
+    largest: f64,
+    /// Largest weight.
+    heaviest: f64,
+}
+
+fn survey(lens: &Lens, width: u32, height: u32) -> Result<Survey, PlanError> {
+    let mut survey = Survey::default();
+    for row in 0..height {
+        visit(lens, row, span(lens, width, row), |pixel| {
+            survey.count += 1;
+            survey.largest = survey.largest.max(pixel.solid_angle);
+            survey.heaviest = survey.heaviest.max(pixel.weight);
+        });
     }
-    let cells = (0..height).map(|row| span(lens, width, row).len as usize).sum();
-    if cells == 0 {
-        return Err(PlanError::NothingSeen);
+    if survey.count == 0 { Err(PlanError::NothingSeen) } else { Ok(survey) }
+}
+
+impl Survey {
+    fn source_order(&self, order: u8) -> Result<u8, PlanError> {
+        let fits = |order: &u8| healpix::solid_angle(*order) >= TEXEL_OVER_PIXEL * self.largest;
+        (0..=order).rev().find(fits).ok_or(PlanError::BadOrder)
     }
-    Ok(PlanSize { spans: height as usize, cells, texels: Domain::Hemisphere.quads(order) })
 }
 
 /// The columns of `row` that see something: an image circle is convex, so it is one run.
@@ -125,7 +211,7 @@ fn span(lens: &Lens, width: u32, row: u32) -> Span {
     }
 }
 
-impl<S: Buffer<Span>, C: Buffer<Cell>, T: Buffer<Texel>> Plan<S, C, T> {
+impl<S: Buffer<Span>, W: Buffer<u16>, R: Buffer<Run>, T: Buffer<Texel>> Plan<S, W, R, T> {
     /// Builds the plan of an image of `width` x `height` pixels seen through `lens`, for a hemisphere map of `order`.
     ///
     /// # Errors
@@ -135,58 +221,56 @@ impl<S: Buffer<Span>, C: Buffer<Cell>, T: Buffer<Texel>> Plan<S, C, T> {
         width: u32,
         height: u32,
         order: u8,
-        (spans, cells, texels): (S, C, T),
+        (spans, weights, runs, texels): (S, W, R, T),
     ) -> Result<Self, PlanError> {
-        let size = plan_size(lens, width, height, order)?;
-        arena::check(&spans, size.spans).map_err(PlanError::TooSmall)?;
-        arena::check(&cells, size.cells).map_err(PlanError::TooSmall)?;
-        arena::check(&texels, size.texels).map_err(PlanError::TooSmall)?;
+        check(width, height, order)?;
+        let survey = survey(lens, width, height)?;
+        let texel_count = Domain::Hemisphere.quads(order);
+        arena::check(&spans, height as usize).map_err(PlanError::TooSmall)?;
+        arena::check(&weights, survey.count).map_err(PlanError::TooSmall)?;
+        arena::check(&texels, texel_count).map_err(PlanError::TooSmall)?;
+        let size = PlanSize { spans: height as usize, weights: survey.count, runs: 0, texels: texel_count };
         let mut plan = Self {
             spans,
-            cells,
+            weights,
+            runs,
             texels,
             width,
             height,
             order,
-            source_order: order,
-            weight_unit: 1.0,
+            source_order: survey.source_order(order)?,
+            weight_unit: survey.heaviest / f64::from(u16::MAX),
+            weight_sum: 0,
             unseen: 0.0,
-            seen_pixels: size.cells,
+            size,
         };
-        plan.lay_out(lens)?;
+        plan.lay_out(lens);
+        arena::check(&plan.runs, plan.size.runs).map_err(PlanError::TooSmall)?;
         plan.measure_texels(lens);
         Ok(plan)
     }
 
-    fn lay_out(&mut self, lens: &Lens) -> Result<(), PlanError> {
+    fn lay_out(&mut self, lens: &Lens) {
         for (row, slot) in (0..self.height).zip(self.spans.as_mut()) {
             *slot = span(lens, self.width, row);
         }
-        let spans = &self.spans.as_ref()[..self.height as usize];
-        let (mut largest, mut heaviest, mut densest, mut below) = (0.0f64, 0.0f64, 0.0f64, 0.0f64);
-        visit(spans, lens, |_, pixel| {
-            largest = largest.max(pixel.solid_angle);
-            heaviest = heaviest.max(pixel.weight);
-            densest = densest.max(pixel.weight / pixel.solid_angle);
-            below += if pixel.direction.z > 0.0 { 0.0 } else { pixel.weight };
+        let mut runs = self.runs.as_mut().iter_mut();
+        let mut weights = self.weights.as_mut().iter_mut();
+        let (unit, sum, count) = (self.weight_unit, &mut self.weight_sum, &mut self.size.runs);
+        let take = |run| {
+            *count += 1;
+            runs.next().into_iter().for_each(|slot| *slot = run);
+        };
+        visit_runs(lens, self.width, self.height, self.source_order, take, |weight| {
+            let weight = libm::round(weight / unit) as u16;
+            *sum += u64::from(weight);
+            weights.next().into_iter().for_each(|slot| *slot = weight);
         });
-        let fits = |order: &u8| healpix::solid_angle(*order) >= TEXEL_OVER_PIXEL * largest;
-        self.source_order = (0..=self.order).rev().find(fits).ok_or(PlanError::BadOrder)?;
-        let fullest = below.max(healpix::solid_angle(self.source_order) * densest);
-        self.weight_unit = heaviest / heaviest_count(fullest / heaviest);
-        let below = Domain::Hemisphere.quads(self.source_order) as u32;
-        let cells = self.cells.as_mut();
-        visit(spans, lens, |index, pixel| {
-            let above = pixel.direction.z > 0.0;
-            let texel = if above { healpix::ipix(self.source_order, pixel.direction) } else { below };
-            cells[index] = Cell { texel, weight: libm::round(pixel.weight / self.weight_unit) as u32 };
-        });
-        Ok(())
     }
 
     fn measure_texels(&mut self, lens: &Lens) {
         let mut unseen = 0.0;
-        let texels = &mut self.texels.as_mut()[..Domain::Hemisphere.quads(self.order)];
+        let texels = &mut self.texels.as_mut()[..self.size.texels];
         for (ipix, texel) in texels.iter_mut().enumerate() {
             *texel = measure(lens, (self.width, self.height), self.order, ipix as u32);
             unseen += f64::from(texel.unseen_sr);
@@ -194,22 +278,34 @@ impl<S: Buffer<Span>, C: Buffer<Cell>, T: Buffer<Texel>> Plan<S, C, T> {
         self.unseen = unseen / Domain::Hemisphere.solid_angle();
     }
 
-    /// The columns of each image row that are visited.
+    /// What a frame runs through.
     #[must_use]
-    pub fn spans(&self) -> &[Span] {
-        &self.spans.as_ref()[..self.height as usize]
-    }
-
-    /// Cells of the visited pixels, in memory order.
-    #[must_use]
-    pub fn cells(&self) -> &[Cell] {
-        &self.cells.as_ref()[..self.seen_pixels]
+    pub fn view(&self) -> PlanView<'_> {
+        PlanView {
+            width: self.width,
+            height: self.height,
+            order: self.order,
+            source_order: self.source_order,
+            spans: &self.spans.as_ref()[..self.size.spans],
+            weights: &self.weights.as_ref()[..self.size.weights],
+            runs: &self.runs.as_ref()[..self.size.runs],
+            texels: self.texels(),
+            weight_unit: self.weight_unit,
+            weight_sum: self.weight_sum,
+            unseen: self.unseen,
+        }
     }
 
     /// Texels of the map, at [`Plan::order`].
     #[must_use]
     pub fn texels(&self) -> &[Texel] {
-        &self.texels.as_ref()[..Domain::Hemisphere.quads(self.order)]
+        &self.texels.as_ref()[..self.size.texels]
+    }
+
+    /// Its sizes.
+    #[must_use]
+    pub fn size(&self) -> PlanSize {
+        self.size
     }
 
     /// Image columns.
@@ -236,25 +332,11 @@ impl<S: Buffer<Span>, C: Buffer<Cell>, T: Buffer<Texel>> Plan<S, C, T> {
         self.source_order
     }
 
-    /// Steradians of one count of [`Cell::weight`].
-    #[must_use]
-    pub fn weight_unit(&self) -> f64 {
-        self.weight_unit
-    }
-
     /// The share of the hemisphere that the lens does not see.
     #[must_use]
     pub fn unseen(&self) -> f64 {
         self.unseen
     }
-}
-
-/// Counts of the heaviest pixel's weight, when the fullest sum holds the light of `crowd` such pixels.
-///
-/// 16 bits, or as many as keep twice the sum of radiance (31 bits) x weight inside an `i64`: the rounding of weights and the pixels
-/// that overhang a texel's edge stay far below the other half.
-fn heaviest_count(crowd: f64) -> f64 {
-    libm::floor(f64::from(1u32 << 31) / crowd).clamp(1.0, f64::from(u16::MAX))
 }
 
 /// Geometry of one visited pixel.
@@ -265,18 +347,42 @@ struct Pixel {
     weight: f64,
 }
 
-/// Calls `f` with the running index and geometry of every pixel in the spans.
-fn visit(spans: &[Span], lens: &Lens, mut f: impl FnMut(usize, Pixel)) {
-    let mut index = 0;
-    for (row, span) in spans.iter().enumerate() {
-        for column in span.first..span.first + span.len {
-            let at = DVec2::new(f64::from(column), row as f64);
-            // A pixel between two seen ones is seen; a rounding slip at the rim weighs nothing.
-            let direction = lens.unproject(at).unwrap_or(DVec3::NEG_Z);
-            let solid_angle = lens.solid_angle(at).unwrap_or(0.0);
-            let theta = libm::atan2(libm::hypot(direction.x, direction.y), direction.z);
-            f(index, Pixel { direction, solid_angle, weight: solid_angle / lens.illumination(theta) });
-            index += 1;
+/// Calls `f` with the geometry of every pixel of `span` in `row`.
+fn visit(lens: &Lens, row: u32, span: Span, mut f: impl FnMut(Pixel)) {
+    for column in span.first..span.first + span.len {
+        let at = DVec2::new(f64::from(column), f64::from(row));
+        // A pixel between two seen ones is seen; a rounding slip at the rim weighs nothing.
+        let direction = lens.unproject(at).unwrap_or(DVec3::NEG_Z);
+        let solid_angle = lens.solid_angle(at).unwrap_or(0.0);
+        let theta = libm::atan2(libm::hypot(direction.x, direction.y), direction.z);
+        f(Pixel { direction, solid_angle, weight: solid_angle / lens.illumination(theta) });
+    }
+}
+
+/// Calls `run` with every run of pixels and `weight` with every pixel's weight, both in memory order.
+fn visit_runs(
+    lens: &Lens,
+    width: u32,
+    height: u32,
+    order: u8,
+    mut run: impl FnMut(Run),
+    mut weight: impl FnMut(f64),
+) {
+    let below = Domain::Hemisphere.quads(order) as u32;
+    for row in 0..height {
+        let (mut texel, mut len, mut place) = (below, 0, 0);
+        visit(lens, row, span(lens, width, row), |pixel| {
+            let above = pixel.direction.z > 0.0;
+            let own = if above { healpix::ipix(order, pixel.direction) } else { below };
+            if len > 0 && (own != texel || place % CHUNK == 0) {
+                run(Run::new(texel, len));
+                len = 0;
+            }
+            (texel, len, place) = (own, len + 1, place + 1);
+            weight(pixel.weight);
+        });
+        if len > 0 {
+            run(Run::new(texel, len));
         }
     }
 }

@@ -4,6 +4,7 @@
 
 use crate::arena::{self, Buffer, TooSmall};
 use crate::color::{self, MAX_ENERGY, luminance};
+use crate::format::Format;
 use crate::healpix::{self, Domain};
 use crate::plan::Texel;
 use glam::Vec3;
@@ -126,21 +127,31 @@ impl<Q: Buffer<Quad>> Pyramid<Q> {
         &mut self.quads.as_mut()[at]
     }
 
-    /// Sets every texel from energies known at `source_order`, which is at most this pyramid's.
+    /// The quads of `order`, at most the finest, dark: sums of light go into their energy, in any lanes, for [`Pyramid::finish`].
+    pub fn accumulators(&mut self, order: u8) -> &mut [Quad] {
+        let order = order.min(self.order);
+        let at = first(self.domain, order)..first(self.domain, order + 1);
+        let quads = &mut self.quads.as_mut()[at];
+        quads.fill(Quad::default());
+        quads
+    }
+
+    /// Makes light of the sums in the [accumulators](Pyramid::accumulators) of `order` and sums the orders above the texels.
     ///
-    /// Finer texels share their ancestor's energy by solid angle inside the domain, so that the sum is kept.
-    pub fn fill(&mut self, source_order: u8, geometry: &[Texel], energy: impl Fn(usize) -> [f32; 3]) {
-        let (domain, order) = (self.domain, self.order);
-        let shift = 2 * order.saturating_sub(source_order);
-        for (i, (quad, texel)) in self.texels_mut().iter_mut().zip(geometry).enumerate() {
-            let mut rgb = energy(i >> shift);
-            if shift > 0 {
-                let own = domain.share(order, i as u32);
-                let ancestor = domain.share(source_order, (i >> shift) as u32) * f64::from(1u32 << shift);
-                let share = if ancestor > 0.0 { (own / ancestor) as f32 } else { 0.0 };
-                rgb = rgb.map(|v| v * share);
-            }
-            *quad = Quad::from_light(rgb, Vec3::from_array(texel.direction));
+    /// Where the texels are finer than `order`, they share their ancestor's energy by solid angle inside the domain, so that the sum
+    /// is kept. Sums that noise round black made negative hold no light.
+    pub fn finish(&mut self, order: u8, geometry: &[Texel], lanes: &Lanes) {
+        let texels = first(self.domain, self.order);
+        if order < self.order {
+            let (coarse, texels) = self.quads.as_mut().split_at_mut(texels);
+            let sums = coarse.get(first(self.domain, order)..).unwrap_or_default();
+            share_out(self.domain, (order, sums), (self.order, texels));
+        }
+        light_up(&mut self.quads.as_mut()[texels..], geometry, lanes);
+        if order < self.order {
+            self.build();
+        } else {
+            sum_up(self.quads.as_mut(), self.domain, self.order);
         }
     }
 
@@ -151,14 +162,7 @@ impl<Q: Buffer<Quad>> Pyramid<Q> {
     pub fn build(&mut self) {
         self.clear_below_horizon();
         self.texels_mut().iter_mut().filter(|q| !q.is_sound()).for_each(|q| *q = Quad::default());
-        for order in (0..self.order).rev() {
-            let (coarse, fine) = self.quads.as_mut().split_at_mut(first(self.domain, order + 1));
-            let parents = &mut coarse[first(self.domain, order)..];
-            let (children, _) = fine.as_chunks::<4>();
-            for (parent, four) in parents.iter_mut().zip(children) {
-                *parent = sum(four);
-            }
-        }
+        sum_up(self.quads.as_mut(), self.domain, self.order);
     }
 
     /// Darkens the texels of a hemisphere that lie below it: under each quad on the horizon, of every order, the lowest child.
@@ -181,6 +185,117 @@ impl<Q: Buffer<Quad>> Pyramid<Q> {
     #[must_use]
     pub fn view(&self) -> PyramidView<'_> {
         PyramidView { quads: self.quads.as_ref(), domain: self.domain, order: self.order }
+    }
+}
+
+/// Sums each order above the texels from the next finer one.
+#[inline(never)]
+fn sum_up(quads: &mut [Quad], domain: Domain, order: u8) {
+    for order in (0..order).rev() {
+        let (coarse, fine) = quads.split_at_mut(first(domain, order + 1));
+        let parents = &mut coarse[first(domain, order)..];
+        let (children, _) = fine.as_chunks::<4>();
+        for (parent, four) in parents.iter_mut().zip(children) {
+            *parent = sum(four);
+        }
+    }
+}
+
+/// Gives every texel its part of the sum of its ancestor: by solid angle inside the domain.
+fn share_out(domain: Domain, (order, sums): (u8, &[Quad]), (fine, texels): (u8, &mut [Quad])) {
+    let shift = 2 * (fine - order);
+    for (i, quad) in texels.iter_mut().enumerate() {
+        let own = domain.share(fine, i as u32);
+        let ancestor = domain.share(order, (i >> shift) as u32) * f64::from(1u32 << shift);
+        let share = if ancestor > 0.0 { (own / ancestor) as f32 } else { 0.0 };
+        let sum = sums.get(i >> shift).map_or([0.0; 4], |q| q.energy);
+        *quad = Quad { energy: sum.map(|v| v * share), moment: [0.0; 4] };
+    }
+}
+
+/// Makes light of the sums in the texels.
+#[inline(never)]
+fn light_up(quads: &mut [Quad], geometry: &[Texel], lanes: &Lanes) {
+    let all = quads.iter_mut().zip(geometry);
+    match lanes.pick {
+        Pick::Plain => all.for_each(|(q, t)| light(q, t, &|e| lanes.scaled([e[0], e[1], e[2]]))),
+        Pick::Swapped => all.for_each(|(q, t)| light(q, t, &|e| lanes.scaled([e[2], e[1], e[0]]))),
+        Pick::Grey => all.for_each(|(q, t)| light(q, t, &|e| lanes.scaled([e[0]; 3]))),
+        Pick::Cell { .. } => all.for_each(|(q, t)| light(q, t, &|e| lanes.rgb(e))),
+    }
+}
+
+/// Turns a sum into light from the texel's direction.
+#[inline]
+fn light(quad: &mut Quad, texel: &Texel, rgb: &impl Fn([f32; 4]) -> [f32; 3]) {
+    // Most of what holds no light is below the horizon or not seen.
+    if quad.energy == [0.0; 4] {
+        return;
+    }
+    let [r, g, b] = rgb(quad.energy.map(positive));
+    let y = luminance([r, g, b]);
+    let [x, across, up] = texel.direction.map(|d| d * y);
+    *quad = Quad { energy: [r, g, b, y], moment: [x, across, up, 0.0] };
+}
+
+/// `v`, or 0 where it is negative: without a comparison, which costs more than the sum on small cores.
+#[inline]
+fn positive(v: f32) -> f32 {
+    f32::from_bits((v.to_bits() as i32).max(0) as u32)
+}
+
+/// Which lane of an accumulator is which channel, and what a count is worth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lanes {
+    pick: Pick,
+    scale: [f32; 3],
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Pick {
+    /// Red, green, blue; the fourth means nothing.
+    Plain,
+    /// Blue, green, red.
+    Swapped,
+    /// One for all.
+    Grey,
+    /// The pixels of a mosaic's cell: where red, both greens and blue are.
+    Cell { red: usize, green: [usize; 2], blue: usize },
+}
+
+impl Lanes {
+    /// The lanes that the front end gives `format`; `scale` is the energy of a count of each channel.
+    #[must_use]
+    pub fn of(format: Format, scale: [f32; 3]) -> Self {
+        let pick = match (format, format.pattern()) {
+            (_, Some(pattern)) => {
+                let channels = pattern.channels();
+                let find = |c| channels.iter().position(|own| *own == c).unwrap_or(0);
+                let second = channels.iter().rposition(|own| *own == 1).unwrap_or(0);
+                Pick::Cell { red: find(0), green: [find(1), second], blue: find(2) }
+            }
+            (Format::Bgr24, _) => Pick::Swapped,
+            (Format::Grey, _) => Pick::Grey,
+            _ => Pick::Plain,
+        };
+        Self { pick, scale }
+    }
+
+    #[inline]
+    fn scaled(&self, rgb: [f32; 3]) -> [f32; 3] {
+        core::array::from_fn(|c| rgb[c] * self.scale[c])
+    }
+
+    /// Energy of a sum.
+    #[must_use]
+    pub fn rgb(&self, sum: [f32; 4]) -> [f32; 3] {
+        let at = |i: usize| sum[i & 3];
+        self.scaled(match self.pick {
+            Pick::Plain => [sum[0], sum[1], sum[2]],
+            Pick::Swapped => [sum[2], sum[1], sum[0]],
+            Pick::Grey => [sum[0]; 3],
+            Pick::Cell { red, green: [a, b], blue } => [at(red), 0.5 * (at(a) + at(b)), at(blue)],
+        })
     }
 }
 
@@ -228,11 +343,11 @@ impl<'a> PyramidView<'a> {
 
     /// Sum of L cos(theta) dOmega over what is above the horizon: what a cosine-corrected meter lying flat reads.
     ///
-    /// Exact for luminance; each channel takes the luminance's mean height within a texel.
+    /// Exact for luminance; each channel takes the luminance's mean height within a quad of order 4, 3.7 degrees wide.
     #[must_use]
     pub fn horizontal_irradiance(&self) -> [f32; 3] {
         let mut sum = [0.0; 3];
-        for quad in self.quads_of(self.order).iter().filter(|q| q.moment[2] > 0.0 && q.y() > 0.0) {
+        for quad in self.quads_of(4).iter().filter(|q| q.moment[2] > 0.0 && q.y() > 0.0) {
             let height = (quad.moment[2] / quad.y()).min(1.0);
             color::add(&mut sum, quad.rgb().map(|v| v * height));
         }

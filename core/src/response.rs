@@ -105,7 +105,7 @@ impl Depth {
 }
 
 /// Tabulated relative exposure of every code, for three channels.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct Curve<B> {
     table: B,
     depth: Depth,
@@ -115,6 +115,9 @@ pub struct Curve<B> {
     saturated: u32,
     /// First trusted code.
     trusted: u32,
+    /// Codes of relative exposure 0 and 1.
+    levels: (f64, f64),
+    linear: bool,
 }
 
 /// Table entries that [`Curve::try_new`] needs for `depth`.
@@ -151,10 +154,20 @@ impl<B: Buffer<i32>> Curve<B> {
                 .ok_or(ResponseError::BadCurve { channel })?;
         }
         let code = |x: f64| libm::ceil(black + x * range) as u32;
-        let trusted = if matches!(response, Response::Linear) { 0 } else { code(TRUSTED) };
-        Ok(Self { table, depth, shift, saturated: code(SATURATED), trusted })
+        let linear = matches!(response, Response::Linear);
+        let trusted = if linear { 0 } else { code(TRUSTED) };
+        Ok(Self { table, depth, shift, saturated: code(SATURATED), trusted, levels: (black, white), linear })
     }
 
+    /// The same curve in borrowed memory.
+    #[must_use]
+    pub fn view(&self) -> Curve<&[i32]> {
+        let Self { depth, shift, saturated, trusted, levels, linear, .. } = *self;
+        Curve { table: self.table.as_ref(), depth, shift, saturated, trusted, levels, linear }
+    }
+}
+
+impl<B: AsRef<[i32]>> Curve<B> {
     /// Relative exposure of `code` in channel `channel`, with [`CURVE_BITS`] fraction bits; codes above white are white.
     #[must_use]
     pub fn exposure_q27(&self, channel: usize, code: u32) -> i32 {
@@ -178,6 +191,24 @@ impl<B: Buffer<i32>> Curve<B> {
     #[must_use]
     pub fn is_trusted(&self, code: u32) -> bool {
         code >= self.trusted
+    }
+
+    /// The same curve, to be looked up even where it is linear: for codes that come plane by plane.
+    #[must_use]
+    pub fn looked_up(self) -> Self {
+        Self { linear: false, ..self }
+    }
+
+    /// First saturated code.
+    #[must_use]
+    pub fn saturated(&self) -> u32 {
+        self.saturated
+    }
+
+    /// Black and white level, codes, where relative exposure is linear between them.
+    #[must_use]
+    pub fn linear_levels(&self) -> Option<(f64, f64)> {
+        self.linear.then_some(self.levels)
     }
 
     /// Sample depth.

@@ -6,25 +6,28 @@ mod common;
 
 use common::{bench_lens, expose, plan};
 use hemilux_core::arena::TooSmall;
-use hemilux_core::front::{Front, sums_len};
+use hemilux_core::healpix::Domain;
 use hemilux_core::light::{Light, cap_radius_deg};
-use hemilux_core::plan::{Cell, Plan, PlanError, Span, Texel, plan_size};
+use hemilux_core::plan::{Plan, PlanError, Run, Span, Texel, plan_size};
+use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
 use hemilux_core::tonemap::{sigmoid, srgb_code};
 
 #[test]
 fn a_plan_takes_exactly_what_it_asks_for() {
     let lens = bench_lens();
     let size = plan_size(&lens, 320, 240, 3).expect("a sound image");
-    let (s, c, t) = (size.spans, size.cells, size.texels);
-    let build = |s: usize, c: usize, t: usize| {
-        let memory = (vec![Span::default(); s], vec![Cell::default(); c], vec![Texel::default(); t]);
-        Plan::try_new(&lens, 320, 240, 3, memory).map(|p| p.cells().len())
+    let (s, w, r, t) = (size.spans, size.weights, size.runs, size.texels);
+    let build = |s: usize, w: usize, r: usize, t: usize| {
+        let texels = vec![Texel::default(); t];
+        let memory = (vec![Span::default(); s], vec![0; w], vec![Run::default(); r], texels);
+        Plan::try_new(&lens, 320, 240, 3, memory).map(|p| p.size())
     };
-    assert_eq!(build(s, c, t), Ok(c));
+    assert_eq!(build(s, w, r, t), Ok(size));
     let short = |needed: usize| Err(PlanError::TooSmall(TooSmall { needed, lent: needed - 1 }));
-    assert_eq!(build(s - 1, c, t), short(s));
-    assert_eq!(build(s, c - 1, t), short(c));
-    assert_eq!(build(s, c, t - 1), short(t));
+    assert_eq!(build(s - 1, w, r, t), short(s));
+    assert_eq!(build(s, w - 1, r, t), short(w));
+    assert_eq!(build(s, w, r - 1, t), short(r));
+    assert_eq!(build(s, w, r, t - 1), short(t));
     // Eight faces of 64 texels.
     assert_eq!((s, t), (240, 512));
 }
@@ -34,34 +37,27 @@ fn room_to_spare_changes_nothing() {
     let lens = bench_lens();
     let exact = plan(&lens, 320, 240, 3);
     let size = plan_size(&lens, 320, 240, 3).expect("a sound image");
-    let spare = Cell { texel: 1, weight: 60_000 };
     let memory = (
         vec![Span { first: 0, len: 9 }; size.spans + 5],
-        vec![spare; size.cells + 5],
+        vec![60_000; size.weights + 5],
+        vec![exact.view().runs[0]; size.runs + 5],
         vec![Texel { direction: [9.0; 3], unseen_sr: 9.0 }; size.texels + 5],
     );
     let roomy = Plan::try_new(&lens, 320, 240, 3, memory).expect("room enough");
-    assert_eq!(roomy.spans(), exact.spans());
-    assert_eq!(roomy.cells(), exact.cells());
-    assert_eq!(roomy.texels(), exact.texels());
+    let (a, b) = (roomy.view(), exact.view());
+    assert_eq!((a.spans, a.weights, a.runs, a.texels), (b.spans, b.weights, b.runs, b.texels));
     let frame = vec![9_000; 3 * 320 * 240];
     let (a, b) = (expose(&exact, &frame), expose(&roomy, &frame));
     assert_eq!((a.0.view().total(), a.1), (b.0.view().total(), b.1));
 }
 
 #[test]
-fn front_sums_are_one_more_than_the_texels() {
-    assert_eq!(sums_len(2), 8 * 16 + 1);
-    assert!(Front::try_new(vec![[0; 3]; 129], 2).is_ok());
-    let short = Front::try_new(vec![[0; 3]; 128], 2).map(|_| ());
-    assert_eq!(short, Err(TooSmall { needed: 129, lent: 128 }));
-}
-
-#[test]
 fn arrays_and_slices_can_be_lent() {
-    let mut slice = [[0i64; 3]; 129];
-    assert!(Front::try_new(&mut slice[..], 2).is_ok());
-    assert!(Front::try_new(slice, 2).is_ok());
+    let needed = pyramid_len(Domain::Hemisphere, 1);
+    let mut slice = [Quad::default(); 40];
+    assert_eq!(slice.len(), needed);
+    assert!(Pyramid::try_new(&mut slice[..], Domain::Hemisphere, 1).is_ok());
+    assert!(Pyramid::try_new(slice, Domain::Hemisphere, 1).is_ok());
 }
 
 #[test]

@@ -3,16 +3,16 @@
 mod common;
 
 use common::{
-    RngExt, VecPlan, bench_lens, dark, expose, full_circle, off, one_exposure, plain, plan, radiance_of,
-    seeded,
+    RngExt, VecPlan, bench_lens, burst, dark, expose, full_circle, off, plain, plan, radiance_of, seeded,
 };
 use core::f64::consts::{FRAC_PI_2, TAU};
 use glam::{DVec2, DVec3};
-use hemilux_core::front::{Front, FrontError, sums_len};
+use hemilux_core::format::{Format, Layout};
+use hemilux_core::front::{self, FrontError};
 use hemilux_core::healpix::{self, Domain};
 use hemilux_core::lens::{Intrinsics, Lens, Model};
 use hemilux_core::merge::Samples;
-use hemilux_core::plan::{Plan, PlanError, plan_size};
+use hemilux_core::plan::{PlanError, plan_size};
 
 /// Lenses, image sizes and map orders that differ in everything that could matter.
 fn views() -> Vec<(Lens, u32, u32, u8)> {
@@ -192,13 +192,11 @@ fn clipped_and_white_balance_are_told_and_applied() {
     let half = frame.len() / 2;
     frame[..half].fill(65_535);
     let mut map = dark(Domain::Hemisphere, 4);
-    let mut front = Front::try_new(vec![[0; 3]; sums_len(4)], 4).expect("room enough");
     let balance = [2.0, 1.0, 0.5];
-    let seen = front.burst(&[Samples::U16(&frame)], &one_exposure(), &plan, balance, &mut map).expect("fits");
+    let seen = burst(&plan, &[Samples::U16(&frame)], balance, &mut map).expect("fits");
     let weights = weights(&bench_lens(), width, height);
     let clipped: f64 = weights[..weights.len() / 2].iter().map(|w| w.0).sum();
     assert!((seen.clipped - clipped / TAU).abs() < 1e-4, "{seen:?}");
-    map.build();
     let [r, g, b] = map.view().total().rgb();
     assert!((r / g - 2.0).abs() < 1e-5 && (b / g - 0.5).abs() < 1e-5, "{r} {g} {b}");
 }
@@ -208,10 +206,9 @@ fn frames_and_maps_that_do_not_fit_are_refused() {
     let plan = plan(&bench_lens(), 640, 480, 3);
     let frame = constant(&plan, 7);
     let bytes = vec![7u8; frame.len()];
-    let mut front = Front::try_new(vec![[0; 3]; sums_len(3)], 3).expect("room enough");
     let mut map = dark(Domain::Hemisphere, 3);
-    let mut run = |frames: &[Samples<'_>], map: &mut _| {
-        front.burst(frames, &one_exposure(), &plan, [1.0; 3], map).expect_err("must be refused")
+    let run = |frames: &[Samples<'_>], map: &mut _| {
+        burst(&plan, frames, [1.0; 3], map).expect_err("must be refused")
     };
     assert_eq!(run(&[], &mut map), FrontError::FrameCount { found: 0, expected: 1 });
     let short = [Samples::U16(&frame[1..])];
@@ -222,11 +219,13 @@ fn frames_and_maps_that_do_not_fit_are_refused() {
         assert_eq!(run(&[Samples::U16(&frame)], &mut other), FrontError::OtherMap);
     }
     let finer = common::plan(&bench_lens(), 640, 480, 5);
-    let refused = front.burst(&[Samples::U16(&frame)], &one_exposure(), &finer, [1.0; 3], &mut map);
+    let refused = burst(&finer, &[Samples::U16(&frame)], [1.0; 3], &mut map);
     assert_eq!(refused, Err(FrontError::OtherMap));
-    let mut map = dark(Domain::Hemisphere, 5);
-    let refused = front.burst(&[Samples::U16(&frame)], &one_exposure(), &finer, [1.0; 3], &mut map);
-    assert_eq!(refused, Err(FrontError::TooFewSums { found: sums_len(3), expected: sums_len(5) }));
+    let layout = Layout::tight(Format::Rgb48, 320, 240).expect("a sound size");
+    let merge = common::one_exposure();
+    let refused =
+        front::burst(&[Samples::U16(&frame)], &layout, &merge.view(), &plan.view(), [1.0; 3], &mut map);
+    assert_eq!(refused, Err(FrontError::OtherSize));
 }
 
 #[test]
@@ -237,31 +236,27 @@ fn images_that_cannot_be_planned_are_refused() {
     assert_eq!(plan_size(&lens, 640, 480, 11), Err(PlanError::BadOrder));
     let aside = Lens::try_new(plain(Model::Equidistant, [-5000.0; 2], 100.0, 80.0)).expect("a sound lens");
     assert_eq!(plan_size(&aside, 640, 480, 5), Err(PlanError::NothingSeen));
-    let huge = full_circle(Model::Equidistant, 5, 90.0);
-    let size = plan_size(&huge, 5, 5, 0).expect("sizes are fine");
-    let memory = (
-        vec![Default::default(); size.spans],
-        vec![Default::default(); size.cells],
-        vec![Default::default(); size.texels],
-    );
-    let refused = Plan::<Vec<_>, Vec<_>, Vec<_>>::try_new(&huge, 5, 5, 0, memory).map(|p| p.source_order());
-    assert!(matches!(refused, Ok(0) | Err(PlanError::BadOrder)), "{refused:?}");
+    // Pixels larger than the texels of order 0.
+    let huge = full_circle(Model::Equidistant, 3, 90.0);
+    assert_eq!(plan_size(&huge, 3, 3, 0), Err(PlanError::BadOrder));
 }
 
 #[test]
-fn directions_of_cells_are_those_of_their_pixels() {
+fn texels_of_runs_are_those_of_their_pixels() {
     let lens = bench_lens();
     let plan = plan(&lens, 640, 480, 5);
-    let mut cells = plan.cells().iter();
-    for (row, span) in plan.spans().iter().enumerate() {
+    let view = plan.view();
+    let texels = view.runs.iter().flat_map(|run| std::iter::repeat_n(run.texel() as u32, run.len()));
+    let mut cells = texels.zip(view.weights);
+    for (row, span) in view.spans.iter().enumerate() {
         for column in 0..640u32 {
             let seen = lens.unproject(DVec2::new(f64::from(column), row as f64));
             let visited = (span.first..span.first + span.len).contains(&column);
             assert_eq!(seen.is_some(), visited, "{column} {row}");
             if let Some(d) = seen {
-                let cell = cells.next().expect("a cell for every seen pixel");
-                assert_eq!(cell.texel, healpix::ipix(plan.source_order(), d));
-                assert!(d.angle_between(DVec3::Z) < FRAC_PI_2 && cell.weight > 0);
+                let (texel, weight) = cells.next().expect("a texel for every seen pixel");
+                assert_eq!(texel, healpix::ipix(plan.source_order(), d));
+                assert!(d.angle_between(DVec3::Z) < FRAC_PI_2 && *weight > 0);
             }
         }
     }

@@ -3,10 +3,11 @@
 
 mod common;
 
-use common::{bench_lens, dark, one_exposure, plan};
+use common::{bench_lens, dark, plan};
 use core::cell::Cell;
 use hemilux_core::fill;
-use hemilux_core::front::{Front, sums_len};
+use hemilux_core::format::{self, Format};
+use hemilux_core::front;
 use hemilux_core::healpix::Domain;
 use hemilux_core::light::Light;
 use hemilux_core::merge::Samples;
@@ -55,8 +56,8 @@ fn q2tree(parameters: Parameters) -> Q2Tree<Vec<u8>, Vec<Leaf>, Vec<Light>> {
 #[test]
 fn a_hundred_frames_allocate_nothing() {
     let plan = plan(&bench_lens(), 640, 480, ORDER);
-    let merge = one_exposure();
-    let mut front = Front::try_new(vec![[0; 3]; sums_len(ORDER)], ORDER).expect("room enough");
+    let (merge, view) = (common::one_exposure(), plan.view());
+    let layout = format::Layout::tight(Format::Rgb48, 640, 480).expect("a sound size");
     let mut map = dark(Domain::Hemisphere, ORDER);
     let shares = vec![Share::default(); shares_len(&Grid::POLAR, ORDER)];
     let polar_plan = PolarPlan::try_new(&Grid::POLAR, ORDER, shares).expect("room enough");
@@ -75,8 +76,8 @@ fn a_hundred_frames_allocate_nothing() {
     for n in 0..100 {
         frame[n * 997..n * 997 + 3000].fill(60_000);
         let frames = [Samples::U16(&frame)];
-        let seen = front.burst(&frames, &merge, &plan, [1.0; 3], &mut map).expect("a frame that fits");
-        map.build();
+        let seen = front::burst(&frames, &layout, &merge.view(), &view, [1.0; 3], &mut map);
+        let seen = seen.expect("a frame that fits");
         fill::average(&mut map, plan.texels());
         polar.fill(&polar_plan, &map.view());
         let map = Map { pyramid: map.view(), polar: polar.view() };

@@ -7,10 +7,11 @@ use core::f64::consts::{FRAC_PI_2, PI, TAU};
 use glam::{DVec2, DVec3, Vec3};
 use hemilux_core::arena::TooSmall;
 use hemilux_core::fill;
+use hemilux_core::format::Format;
 use hemilux_core::healpix::{self, Domain};
 use hemilux_core::lens::{Lens, Model};
 use hemilux_core::plan::Texel;
-use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
+use hemilux_core::pyramid::{Lanes, Pyramid, Quad, pyramid_len};
 
 #[test]
 fn parents_are_the_sums_of_their_children() {
@@ -78,8 +79,9 @@ fn finer_texels_share_their_ancestors_energy_by_solid_angle() {
         let energies: Vec<[f32; 3]> = (0..Domain::Hemisphere.quads(source) as u32)
             .map(|i| if Domain::Hemisphere.share(source, i) > 0.0 { grey(rng.random()) } else { grey(0.0) })
             .collect();
-        map.fill(source, &geometry, |i| energies[i]);
-        map.build();
+        let sums = map.accumulators(source);
+        sums.iter_mut().zip(&energies).for_each(|(q, [r, g, b])| q.energy = [*r, *g, *b, 7.0]);
+        map.finish(source, &geometry, &Lanes::of(Format::Rgb24, [1.0; 3]));
         for (quad, rgb) in map.view().quads_of(source).iter().zip(&energies) {
             assert!((quad.energy[0] - rgb[0]).abs() <= 1e-6 * rgb[0], "order {source}: {quad:?} {rgb:?}");
         }

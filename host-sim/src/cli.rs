@@ -1,5 +1,6 @@
 //! The command line.
 
+use crate::bench;
 use crate::error::SimError;
 use crate::output::Files;
 use crate::{burst, chart, decompose, render, replay, score, stress};
@@ -44,6 +45,8 @@ enum Command {
     Chart(ChartArgs),
     /// Renders a small scene under the map and under a light set, side by side with the difference; or sets it into a photograph.
     Render(RenderArgs),
+    /// Times every stage on one thread, beside the copy of the same bytes.
+    Bench(BenchArgs),
     /// Samples a built-in room and does nothing else, for instruction counters.
     #[command(hide = true)]
     SampleFrames(SampleFramesArgs),
@@ -226,6 +229,19 @@ struct RenderArgs {
 }
 
 #[derive(Args, Debug)]
+struct BenchArgs {
+    /// JSON in the place of a table.
+    #[arg(long)]
+    json: bool,
+    /// One case in the place of all: FORMAT:WIDTHxHEIGHT:SAMPLER:LIGHTS, such as rgb24:640x480:q2tree:64.
+    #[arg(long, value_name = "CASE")]
+    case: Option<bench::Case>,
+    /// Processes exactly this many frames and times nothing, for instruction counters.
+    #[arg(long, value_name = "T", requires = "case")]
+    frames: Option<usize>,
+}
+
+#[derive(Args, Debug)]
 struct SampleFramesArgs {
     #[command(flatten)]
     sampler: SamplerArgs,
@@ -286,6 +302,7 @@ pub fn run(cli: Cli) -> Result<(), SimError> {
         }
         Command::Chart(a) => chart::run(&chart::Job { env: a.env, out: a.out, quick: a.quick }),
         Command::Render(a) => render::run(&render::Job { env: a.env, set: a.set, out: a.out, over: a.over }),
+        Command::Bench(a) => bench::run(&bench::Job { json: a.json, case: a.case, frames: a.frames }),
         Command::SampleFrames(a) => {
             chart::counted::sample_frames(&a.sampler.sampler, a.sampler.lights, a.frames)
         }

@@ -1,6 +1,7 @@
 //! Simulator and judge: maps to bursts, replay, reference integrals, charts.
 
 pub mod baseline;
+pub mod bench;
 pub mod burst;
 pub mod chart;
 pub mod cli;

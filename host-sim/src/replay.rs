@@ -63,7 +63,7 @@ pub fn run(job: &Job) -> Result<(), SimError> {
             clipped: seen.clipped as f32,
             unseen: seen.unseen as f32,
             estimated_error: made.estimated_error,
-            latency: processed.latency,
+            latency: processed.times.latency(),
             ..LightSet::EMPTY
         };
         output::print(&set)?;

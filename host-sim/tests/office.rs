@@ -3,10 +3,10 @@
 mod common;
 
 use glam::{DVec2, DVec3};
-use hemilux::calibration::{Burst, Calibration, Pixels};
+use hemilux::calibration::{Burst, Calibration, Frame, Pixels};
 use hemilux::pipeline::{Pipeline, Settings};
 use hemilux::recorded;
-use hemilux_core::merge::{MAX_EXPOSURES, Radiance, Samples};
+use hemilux_core::merge::{Channels, Codes};
 
 fn load() -> Option<(Calibration, Burst)> {
     Some(recorded::read_burst(&common::shared("office-burst")?).expect("a burst"))
@@ -18,16 +18,18 @@ fn pipeline(calibration: &Calibration, burst: &Burst, settings: Settings) -> Pip
 }
 
 /// Radiance of every sample by the product's merge.
-fn merged(calibration: &Calibration, burst: &Burst) -> Vec<(f64, bool)> {
+fn merged<'a>(calibration: &Calibration, burst: &'a Burst) -> Vec<(f64, bool)> {
     let pipeline = pipeline(calibration, burst, Settings::default());
-    let mut frames = [Samples::U8(&[]); MAX_EXPOSURES];
-    for (slot, frame) in frames.iter_mut().zip(&burst.frames) {
-        *slot = frame.pixels.samples();
-    }
-    let mut out = vec![Radiance::default(); (calibration.width * calibration.height) as usize];
-    pipeline.merge().merge_into(&frames[..burst.frames.len()], 0, &mut out);
-    let unit = pipeline.merge().unit();
-    out.iter().flat_map(|r| r.rgb.map(|v| (f64::from(v) * unit, r.clipped == 1))).collect()
+    let codes = |frame: &'a Frame| match &frame.pixels {
+        Pixels::U8(bytes) => Codes::Bytes(bytes),
+        Pixels::U16(words) => Codes::Words(words),
+    };
+    let codes: Vec<_> = burst.frames.iter().map(codes).collect();
+    let merge = pipeline.merge().view();
+    let mut out = vec![0.0; 3 * (calibration.width * calibration.height) as usize];
+    merge.samples(&codes, Channels::RGB, &mut out);
+    let clipped = |at: usize| (at / 3 * 3..at / 3 * 3 + 3).any(|i| merge.is_clipped(&codes, i));
+    out.iter().enumerate().map(|(at, v)| (f64::from(*v) * merge.unit(), clipped(at))).collect()
 }
 
 /// The camera's response as `burst.toml` states it, straight from the file's numbers.

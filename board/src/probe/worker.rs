@@ -106,7 +106,7 @@ impl Worker {
         let mut latency = Latency {
             capture: u32::try_from(capture.as_micros()).unwrap_or(u32::MAX),
             encode: self.link.encode_us.load(Ordering::Relaxed),
-            ..processed.latency
+            ..processed.times.latency()
         };
         let frame = self.frames;
         let set = self.ring.fill(|set| {

@@ -2,11 +2,12 @@
 #![allow(dead_code, reason = "each test file uses its own part")]
 
 use glam::{DVec2, DVec3, Vec3};
-use hemilux_core::front::{Front, Seen, sums_len};
+use hemilux_core::format::{Format, Layout};
+use hemilux_core::front::{self, FrontError, Seen};
 use hemilux_core::healpix::{self, Domain};
 use hemilux_core::lens::{Intrinsics, Lens, Model};
-use hemilux_core::merge::{Exposure, Merge, Samples};
-use hemilux_core::plan::{Cell, Plan, Span, Texel, plan_size};
+use hemilux_core::merge::{Exposure, Merge, Reciprocal, Samples, merge_size};
+use hemilux_core::plan::{Plan, Run, Span, Texel, plan_size};
 use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
 use hemilux_core::response::{Curve, Depth, Response, curve_len};
 pub use rand::RngExt;
@@ -14,7 +15,10 @@ use rand::SeedableRng;
 pub use rand_pcg::Pcg64Mcg;
 
 /// A plan in vectors.
-pub type VecPlan = Plan<Vec<Span>, Vec<Cell>, Vec<Texel>>;
+pub type VecPlan = Plan<Vec<Span>, Vec<u16>, Vec<Run>, Vec<Texel>>;
+
+/// A merge in vectors.
+pub type VecMerge = Merge<Vec<i32>, Vec<u32>, Vec<Reciprocal>>;
 
 /// A generator that replays exactly.
 pub fn seeded(seed: u64) -> Pcg64Mcg {
@@ -61,7 +65,8 @@ pub fn plan(lens: &Lens, width: u32, height: u32, order: u8) -> VecPlan {
     let size = plan_size(lens, width, height, order).expect("a sound image");
     let memory = (
         vec![Span::default(); size.spans],
-        vec![Cell::default(); size.cells],
+        vec![0; size.weights],
+        vec![Run::default(); size.runs],
         vec![Texel::default(); size.texels],
     );
     Plan::try_new(lens, width, height, order, memory).expect("a sound plan")
@@ -102,10 +107,17 @@ pub fn off(a: f64, b: f64) -> f64 {
 }
 
 /// The merge of one 16-bit linear exposure of 10 ms, white at 65535.
-pub fn one_exposure() -> Merge<Vec<i32>, Vec<u32>> {
+pub fn one_exposure() -> VecMerge {
     let curve = Curve::try_new(&Response::Linear, Depth::U16, 0.0, 65535.0, vec![0; curve_len(Depth::U16)]);
     let exposure = Exposure { seconds: 0.01, gain: 1.0 };
-    Merge::try_new(curve.expect("sound"), &[exposure], 1.0, vec![0; 2]).expect("a sound exposure")
+    merge(curve.expect("sound"), &[exposure])
+}
+
+/// A merge of scale 1 in buffers of exactly the sizes it asks for.
+pub fn merge(curve: Curve<Vec<i32>>, exposures: &[Exposure]) -> VecMerge {
+    let size = merge_size(&curve, exposures).expect("sound exposures");
+    let memory = (vec![0; size.tables], vec![Reciprocal::default(); size.reciprocals]);
+    Merge::try_new(curve, exposures, 1.0, memory).expect("sound exposures")
 }
 
 /// Radiance that [`one_exposure`] makes of a code.
@@ -115,10 +127,18 @@ pub fn radiance_of(code: u16) -> f64 {
 
 /// Runs one frame of 16-bit samples through the front end into a built pyramid.
 pub fn expose(plan: &VecPlan, frame: &[u16]) -> (Pyramid<Vec<Quad>>, Seen) {
-    let mut front = Front::try_new(vec![[0; 3]; sums_len(plan.source_order())], plan.source_order())
-        .expect("room enough");
     let mut map = dark(Domain::Hemisphere, plan.order());
-    let seen = front.burst(&[Samples::U16(frame)], &one_exposure(), plan, [1.0; 3], &mut map);
-    map.build();
+    let seen = burst(plan, &[Samples::U16(frame)], [1.0; 3], &mut map);
     (map, seen.expect("a frame that fits"))
+}
+
+/// Runs one exposure of 16-bit samples through the front end.
+pub fn burst(
+    plan: &VecPlan,
+    frames: &[Samples<'_>],
+    balance: [f32; 3],
+    map: &mut Pyramid<Vec<Quad>>,
+) -> Result<Seen, FrontError> {
+    let layout = Layout::tight(Format::Rgb48, plan.width(), plan.height()).expect("a sound size");
+    front::burst(frames, &layout, &one_exposure().view(), &plan.view(), balance, map)
 }

@@ -1,0 +1,81 @@
+//! The exposures of a burst, and which of them merge.
+
+use crate::arena::TooSmall;
+
+/// Most exposures of a burst.
+pub const MAX_EXPOSURES: usize = 12;
+
+/// One exposure of a burst.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Exposure {
+    /// Exposure time, seconds.
+    pub seconds: f64,
+    /// Gain relative to the gain that the calibration knows as 1.
+    pub gain: f64,
+}
+
+/// Why a burst cannot be merged.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum MergeError {
+    /// No exposures, or more than [`MAX_EXPOSURES`].
+    BadCount {
+        /// How many there were.
+        found: usize,
+    },
+    /// An exposure time or gain that is not a positive finite number.
+    BadExposure {
+        /// Which one.
+        index: usize,
+    },
+    /// Exposures that do not ascend by time x gain.
+    NotAscending {
+        /// The first that is below its predecessor.
+        index: usize,
+    },
+    /// A scale that is not a positive finite number.
+    BadScale,
+    /// Exposure times or gains further apart than 32-bit radiance can hold (2^24 : 1).
+    TooFarApart,
+    /// The lent buffer is too short.
+    TooSmall(TooSmall),
+}
+
+impl core::fmt::Display for MergeError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::BadCount { found } => write!(f, "{found} exposures, expected 1 to {MAX_EXPOSURES}"),
+            Self::BadExposure { index } => {
+                write!(f, "exposure {index} without a positive exposure time and gain")
+            }
+            Self::NotAscending { index } => write!(f, "exposure {index} shorter than the one before it"),
+            Self::BadScale => write!(f, "a radiance scale that is not a positive number"),
+            Self::TooFarApart => write!(f, "exposures further apart than 1 : 16777216"),
+            Self::TooSmall(e) => e.fmt(f),
+        }
+    }
+}
+
+impl core::error::Error for MergeError {}
+
+/// Whether the exposures are such as [`super::Merge`] documents.
+pub(super) fn check(exposures: &[Exposure]) -> Result<(), MergeError> {
+    let count = exposures.len();
+    if !(1..=MAX_EXPOSURES).contains(&count) {
+        return Err(MergeError::BadCount { found: count });
+    }
+    let sound = |v: f64| v > 0.0 && v.is_finite();
+    if let Some(index) = exposures.iter().position(|e| !sound(e.seconds) || !sound(e.gain)) {
+        return Err(MergeError::BadExposure { index });
+    }
+    let light = |e: &Exposure| e.seconds * e.gain;
+    if let Some(index) = exposures.windows(2).position(|w| light(&w[1]) < light(&w[0])) {
+        return Err(MergeError::NotAscending { index: index + 1 });
+    }
+    let range = |f: fn(&Exposure) -> f64| {
+        let (low, high) =
+            exposures.iter().map(f).fold((f64::INFINITY, 0.0f64), |(l, h), v| (l.min(v), h.max(v)));
+        high / low
+    };
+    let widest = range(|e| e.seconds).max(range(|e| e.gain));
+    if widest > f64::from(1u32 << 24) { Err(MergeError::TooFarApart) } else { Ok(()) }
+}

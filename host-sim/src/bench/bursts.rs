@@ -1,0 +1,105 @@
+//! Bursts for measurements: a built-in scene through the standard lens, at any size and in any format.
+
+use super::case::Case;
+use super::pack::pack;
+use glam::DVec2;
+use hemilux::calibration::{Burst, Calibration, Frame, Pixels};
+use hemilux::scene;
+use hemilux_core::format::Format;
+use hemilux_core::lens::{Intrinsics, Lens, Model};
+use hemilux_core::merge::Exposure;
+use hemilux_core::response::Response;
+
+/// Bursts in rotation: more bytes than a second-level cache holds.
+pub const BURSTS: usize = 8;
+
+/// Exposure times of \[Nikodym2012\], seconds.
+const SECONDS: [f64; 3] = crate::burst::THESIS_EXPOSURES_S;
+
+/// Radiance that fills a pixel in the shortest exposure: above what any scene holds.
+const FULL: f64 = 60.0;
+
+/// Focal length over image width: that of the standard lens.
+const FOCAL: f64 = 196.4 / 640.0;
+
+/// What is known of the camera that takes `case`'s bursts: formats of luma and chroma follow sRGB, all others are linear.
+#[must_use]
+pub fn calibration(case: &Case) -> Calibration {
+    let (width, height) = case.size;
+    let centre = |n: u32| (f64::from(n) - 1.0) / 2.0;
+    let lens = Lens::try_new(Intrinsics {
+        model: Model::Equidistant,
+        centre_px: DVec2::new(centre(width), centre(height)),
+        focal_px: DVec2::splat(FOCAL * f64::from(width)),
+        skew_px: 0.0,
+        max_theta: 80f64.to_radians(),
+        vignetting: [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+    });
+    let gamma = matches!(case.format, Format::Yuyv(_) | Format::Nv12(_));
+    let white = f64::from(case.format.max_code());
+    Calibration {
+        lens: lens.expect("the standard lens is a lens"),
+        width,
+        height,
+        response: if gamma { Response::Srgb } else { Response::Linear },
+        scale: FULL * SECONDS[0],
+        black: if gamma { 0.0 } else { (white / 32.0).round() },
+        white,
+        white_balance: [1.0; 3],
+        format: case.format,
+        bytes_per_line: case.format.line_bytes(width),
+    }
+}
+
+/// [`BURSTS`] bursts a tenth of a second apart; the same in every run.
+#[must_use]
+pub fn make(case: &Case) -> Vec<Burst> {
+    let c = calibration(case);
+    let scene = scene::by_name("room").expect("a built-in scene");
+    let directions: Vec<_> = (0..c.width * c.height)
+        .map(|i| c.lens.unproject(DVec2::new(f64::from(i % c.width), f64::from(i / c.width))))
+        .map(|d| d.map(|d| d.as_vec3().to_array()))
+        .collect();
+    let still: Vec<_> = directions.iter().map(|d| d.map_or([0.0; 3], |d| scene.still(d))).collect();
+    let burst = |n: usize| {
+        let patches = scene.patches(0.1 * n as f32);
+        let over = |(rgb, d): (&[f32; 3], &Option<[f32; 3]>)| match d {
+            Some(d) => patches.as_slice().iter().fold(*rgb, |behind, p| p.over(behind, *d)),
+            None => *rgb,
+        };
+        let image: Vec<_> = still.iter().zip(&directions).map(over).collect();
+        let frame = |(i, seconds): (usize, f64)| {
+            let codes = expose(&c, &image, seconds, (n * SECONDS.len() + i) as u32);
+            let pixels = Pixels::U8(pack(case.format, c.width as usize, &codes));
+            Frame { exposure: Exposure { seconds, gain: 1.0 }, pixels }
+        };
+        Burst { frames: SECONDS.into_iter().enumerate().map(frame).collect(), timestamp_ns: 0 }
+    };
+    (0..BURSTS).map(burst).collect()
+}
+
+/// Codes with noise of half a code and of light itself.
+fn expose(c: &Calibration, image: &[[f32; 3]], seconds: f64, seed: u32) -> Vec<[u16; 3]> {
+    let (gain, range) = ((seconds / c.scale) as f32, (c.white - c.black) as f32);
+    let gamma = c.response != Response::Linear;
+    let mut state = seed.wrapping_mul(0x9e37_79b9) | 1;
+    let mut noise = || {
+        // Xorshift, \[Marsaglia2003\].
+        state ^= state << 13;
+        state ^= state >> 17;
+        state ^= state << 5;
+        state as f32 / 4_294_967_296.0 - 0.5
+    };
+    let mut code = |radiance: f32| {
+        let y = radiance * gain;
+        let y = (y + noise() * (0.03 * y.max(0.0).sqrt() + 0.004)).max(0.0);
+        let x = if gamma { srgb(y.min(1.0)) } else { y };
+        (x * range + c.black as f32 + 0.5).clamp(0.0, c.white as f32) as u16
+    };
+    image.iter().map(|rgb| rgb.map(&mut code)).collect()
+}
+
+/// The transfer function of IEC 61966-2-1.
+fn srgb(y: f32) -> f32 {
+    if y <= 0.003_130_8 { 12.92 * y } else { 1.055 * y.powf(1.0 / 2.4) - 0.055 }
+}

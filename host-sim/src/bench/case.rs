@@ -1,0 +1,90 @@
+//! What is measured: a format, a size, a sampler and a number of lights.
+
+use hemilux::samplers::{MAX_LIGHTS, NAMES};
+use hemilux_core::format::{Format, Pattern, Yuv};
+use std::fmt;
+use std::str::FromStr;
+
+/// Formats by the names that cases give them; mosaics are red, green, green, blue and chroma is BT.601 of full range.
+const FORMATS: [(&str, Format); 8] = [
+    ("rgb24", Format::Rgb24),
+    ("yuyv", Format::Yuyv(FULL)),
+    ("raw10", Format::Raw10(Pattern::Rggb)),
+    ("nv12", Format::Nv12(FULL)),
+    ("grey", Format::Grey),
+    ("bayer8", Format::Bayer8(Pattern::Rggb)),
+    ("raw12", Format::Raw12(Pattern::Rggb)),
+    ("bayer16", Format::Bayer16(Pattern::Rggb, 12)),
+];
+
+const FULL: Yuv = Yuv { limited: false, matrix: hemilux_core::format::Matrix::Bt601 };
+
+/// Largest width or height, pixels.
+const MAX_SIDE: u32 = 4096;
+
+/// One measurement.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Case {
+    /// How frames are packed.
+    pub format: Format,
+    /// Columns and rows.
+    pub size: (u32, u32),
+    /// The sampler's name.
+    pub sampler: &'static str,
+    /// Most lights.
+    pub lights: usize,
+}
+
+impl Case {
+    /// The name of its format.
+    #[must_use]
+    pub fn format_name(&self) -> &'static str {
+        FORMATS.iter().find(|(_, f)| *f == self.format).map_or("", |(name, _)| name)
+    }
+}
+
+impl fmt::Display for Case {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (w, h) = self.size;
+        write!(f, "{}:{w}x{h}:{}:{}", self.format_name(), self.sampler, self.lights)
+    }
+}
+
+impl FromStr for Case {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let shape =
+            || "expected FORMAT:WIDTHxHEIGHT:SAMPLER:LIGHTS, such as rgb24:640x480:q2tree:64".to_string();
+        let parts: Vec<_> = text.split(':').collect();
+        let [format, size, sampler, lights] = parts[..] else { return Err(shape()) };
+        let names = FORMATS.map(|(name, _)| name).join(", ");
+        let known = FORMATS.iter().find(|(name, _)| *name == format);
+        let format = known.ok_or_else(|| format!("format '{format}', expected one of {names}"))?.1;
+        let side = |v: &str| v.parse().ok().filter(|n| (16..=MAX_SIDE).contains(n) && n % 2 == 0);
+        let size = size.split_once('x').and_then(|(w, h)| Some((side(w)?, side(h)?)));
+        let size = size.ok_or_else(|| format!("even sides from 16 to {MAX_SIDE} expected, as 640x480"))?;
+        let known = NAMES.into_iter().find(|n| *n == sampler);
+        let sampler =
+            known.ok_or_else(|| format!("sampler '{sampler}', expected one of {}", NAMES.join(", ")))?;
+        let lights = lights.parse().ok().filter(|n| (1..=MAX_LIGHTS).contains(n)).ok_or_else(shape)?;
+        Ok(Self { format, size, sampler, lights })
+    }
+}
+
+/// The cases of the standard report: every sampler on the standard work, the other formats, and larger images.
+#[must_use]
+pub fn standard() -> Vec<Case> {
+    let case =
+        |format: usize, size, sampler, lights| Case { format: FORMATS[format].1, size, sampler, lights };
+    let vga = (640, 480);
+    let mut cases = Vec::new();
+    for lights in [64, 200] {
+        cases.extend(NAMES.map(|sampler| case(0, vga, sampler, lights)));
+        cases.extend([1, 2].map(|format| case(format, vga, "q2tree", lights)));
+    }
+    cases.extend((3..FORMATS.len()).map(|format| case(format, vga, "q2tree", 64)));
+    cases.extend([(1280, 960), (2592, 1944)].map(|size| case(0, size, "q2tree", 64)));
+    cases.extend([5_000, 50_000].map(|lights| case(0, vga, "q2tree", lights)));
+    cases
+}

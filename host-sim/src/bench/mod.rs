@@ -1,0 +1,186 @@
+//! `hemilux-sim bench`: what each stage takes, on one thread, beside the time of copying the same bytes.
+
+pub mod bursts;
+pub mod case;
+pub mod pack;
+
+use crate::error::SimError;
+use bursts::{BURSTS, calibration};
+pub use case::Case;
+use hemilux::calibration::{Burst, Pixels};
+use hemilux::pipeline::{Pipeline, Settings};
+use serde::Serialize;
+use std::time::{Duration, Instant};
+
+/// Frames whose times are taken, and the least time that a case is measured for.
+const LEAST_FRAMES: usize = 64;
+const LEAST_TIME: Duration = Duration::from_millis(400);
+
+/// Frames before the first that is timed: each burst once.
+const WARM_UP: usize = BURSTS;
+
+/// What to run.
+#[derive(Clone, Debug)]
+pub struct Job {
+    /// JSON in the place of a table.
+    pub json: bool,
+    /// One case in the place of all.
+    pub case: Option<Case>,
+    /// Exactly so many frames, and no timing.
+    pub frames: Option<usize>,
+}
+
+/// One case's times, medians in milliseconds.
+#[derive(Debug, Serialize)]
+struct Row {
+    format: &'static str,
+    width: u32,
+    height: u32,
+    exposures: usize,
+    sampler: &'static str,
+    lights: usize,
+    copy_ms: f64,
+    front_ms: f64,
+    pyramid_ms: f64,
+    sample_ms: f64,
+    total_ms: f64,
+    memcpy_ratio: f64,
+    /// Half the distance between the quartiles of each, over its median.
+    spread: Spread,
+    frames: usize,
+}
+
+#[derive(Debug, Serialize)]
+struct Spread {
+    copy: f64,
+    front: f64,
+    pyramid: f64,
+    sample: f64,
+    total: f64,
+}
+
+#[derive(Serialize)]
+struct Report {
+    cases: Vec<Row>,
+}
+
+/// Runs `job`.
+///
+/// # Errors
+/// [`SimError`].
+pub fn run(job: &Job) -> Result<(), SimError> {
+    let cases = job.case.clone().map_or_else(case::standard, |case| vec![case]);
+    if let Some(frames) = job.frames {
+        return cases.iter().try_for_each(|case| repeat(case, frames));
+    }
+    let mut rows = Vec::new();
+    if !job.json {
+        println!(
+            "{:<34}{:>8}{:>8}{:>9}{:>8}{:>8}{:>8}{:>9}",
+            "case", "copy", "front", "pyramid", "sample", "total", "ratio", "spread"
+        );
+    }
+    for case in &cases {
+        let row = measure(case)?;
+        if !job.json {
+            let Row { copy_ms, front_ms, pyramid_ms, sample_ms, total_ms, memcpy_ratio, .. } = row;
+            let spread = 100.0 * row.spread.total;
+            println!(
+                "{case:<34}{copy_ms:>8.3}{front_ms:>8.3}{pyramid_ms:>9.3}{sample_ms:>8.3}{total_ms:>8.3}{memcpy_ratio:>8.2}{spread:>7.1} %"
+            );
+        }
+        rows.push(row);
+    }
+    if job.json {
+        let text = serde_json::to_string(&Report { cases: rows });
+        println!("{}", text.map_err(|e| SimError::Failed(format!("the report: found {e}, expected JSON")))?);
+    }
+    Ok(())
+}
+
+fn pipeline(case: &Case, bursts: &[Burst]) -> Result<Pipeline, SimError> {
+    let exposures: Vec<_> = bursts[0].frames.iter().map(|f| f.exposure).collect();
+    let settings = Settings { sampler: case.sampler.into(), lights: case.lights, ..Settings::default() };
+    Ok(Pipeline::try_new(calibration(case), &exposures, settings)?)
+}
+
+/// Processes `frames` bursts and does nothing else.
+fn repeat(case: &Case, frames: usize) -> Result<(), SimError> {
+    let bursts = bursts::make(case);
+    let mut pipeline = pipeline(case, &bursts)?;
+    for burst in bursts.iter().cycle().take(frames) {
+        std::hint::black_box(pipeline.process(burst)?.decomposition.lights.len());
+    }
+    Ok(())
+}
+
+fn measure(case: &Case) -> Result<Row, SimError> {
+    let bursts = bursts::make(case);
+    let mut pipeline = pipeline(case, &bursts)?;
+    let mut copy = Copy::new(&bursts[0]);
+    let mut times: [Vec<f64>; 5] = Default::default();
+    let began = Instant::now();
+    let mut frame = 0;
+    while frame < WARM_UP + LEAST_FRAMES || began.elapsed() < LEAST_TIME {
+        // The burst that is copied is not the one that is processed next, which must not find itself in the cache.
+        let copied = copy.time(&bursts[(frame + BURSTS / 2) % BURSTS]);
+        let whole = Instant::now();
+        let stages = std::hint::black_box(pipeline.process(&bursts[frame % BURSTS])?).times;
+        let total = whole.elapsed();
+        if frame >= WARM_UP {
+            let all = [copied, stages.front, stages.pyramid, stages.sample, total];
+            times.iter_mut().zip(all).for_each(|(list, t)| list.push(1e3 * t.as_secs_f64()));
+        }
+        frame += 1;
+    }
+    let [copy, front, pyramid, sample, total] = times.map(|mut list| {
+        list.sort_by(f64::total_cmp);
+        let at = |part: f64| list[((list.len() - 1) as f64 * part) as usize];
+        (at(0.5), 0.5 * (at(0.75) - at(0.25)) / at(0.5))
+    });
+    let spread =
+        Spread { copy: copy.1, front: front.1, pyramid: pyramid.1, sample: sample.1, total: total.1 };
+    Ok(Row {
+        format: case.format_name(),
+        width: case.size.0,
+        height: case.size.1,
+        exposures: bursts[0].frames.len(),
+        sampler: case.sampler,
+        lights: case.lights,
+        copy_ms: copy.0,
+        front_ms: front.0,
+        pyramid_ms: pyramid.0,
+        sample_ms: sample.0,
+        total_ms: total.0,
+        memcpy_ratio: total.0 / copy.0,
+        spread,
+        frames: frame - WARM_UP,
+    })
+}
+
+/// Copies a burst's bytes.
+struct Copy {
+    room: Vec<Vec<u8>>,
+}
+
+impl Copy {
+    fn new(burst: &Burst) -> Self {
+        Self { room: bytes(burst).map(<[u8]>::to_vec).collect() }
+    }
+
+    fn time(&mut self, burst: &Burst) -> Duration {
+        let began = Instant::now();
+        for (to, from) in self.room.iter_mut().zip(bytes(burst)) {
+            to.copy_from_slice(from);
+            std::hint::black_box(&to);
+        }
+        began.elapsed()
+    }
+}
+
+fn bytes(burst: &Burst) -> impl Iterator<Item = &[u8]> {
+    burst
+        .frames
+        .iter()
+        .filter_map(|f| if let Pixels::U8(bytes) = &f.pixels { Some(&bytes[..]) } else { None })
+}

@@ -1,0 +1,69 @@
+#!/usr/bin/env bash
+# Instructions per frame on ARMv7, by stage, under qemu-arm: exact, so that a loop that got longer shows at once.
+#
+#   count.sh HEMILUX-SIM            counts the cases of baseline.txt and fails where one takes over 3 % more
+#   count.sh HEMILUX-SIM --write    writes baseline.txt anew
+#
+# HEMILUX-SIM is a release build for armv7-unknown-linux-gnueabihf with NEON. Needs qemu-user, gcc and binutils for ARM.
+set -euo pipefail
+here=$(cd "$(dirname "$0")" && pwd)
+sim=$(realpath "$1")
+baseline=$here/baseline.txt
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+
+gcc -shared -fPIC -O2 -o "$work/count.so" "$here/count.c"
+
+symbols() { arm-linux-gnueabihf-nm -CS --defined-only "$sim"; }
+
+# A function belongs to the stage that its module does; what the stages share is `other`.
+{
+    code=$(arm-linux-gnueabihf-readelf -lW "$sim" | awk '$1 == "LOAD" && / R E / { print substr($3, 3); exit }')
+    frame=$(symbols | awk '/hemilux_core::front::add_up$/ { print $1; exit }')
+    [ -n "$frame" ] || { echo "count.sh: $sim: found no hemilux_core::front::add_up, expected the function that begins a frame" >&2; exit 1; }
+    printf 'code %s frame %x\n' "$code" $((0x$frame & ~1))
+    symbols | awk '$3 ~ /^[tTwW]$/ {
+        name = substr($0, index($0, $4)); stage = ""
+        if (name ~ /sampler::/) stage = "sample"
+        else if (name ~ /hemilux_core::pyramid|hemilux_core::fill|hemilux_core::polar/) stage = "pyramid"
+        else if (name ~ /hemilux_core::(front|merge|response)/) stage = "front"
+        if (stage != "") print $1, $2, stage
+    }' | python3 -c 'import sys
+for start, size, stage in sorted((int(a, 16) & ~1, int(b, 16), c) for a, b, c in map(str.split, sys.stdin)):
+    print(f"{start:x} {start + size:x} {stage}")'
+} >"$work/table"
+
+count() { # CASE: one line, instructions per frame
+    # What lies on the stack must not depend on the caller.
+    env -i COUNTS="$work/counts" qemu-arm -L /usr/arm-linux-gnueabihf -cpu cortex-a7 -plugin "$work/count.so,table=$work/table" \
+        "$sim" bench --case "$1" --frames 8 >/dev/null
+    awk -v case="$1" '{ n[$1] = $2 } END {
+        if (n["frames"] != 8) { print "count.sh: found " n["frames"] " frames, expected 8" > "/dev/stderr"; exit 1 }
+        split("front pyramid sample other", names, " ")
+        for (i = 1; i <= 4; i++) { per[i] = int(n[names[i]] / 8 + 0.5); total += per[i] }
+        printf "%-32s %9d %9d %9d %9d %9d\n", case, per[1], per[2], per[3], per[4], total
+    }' "$work/counts"
+}
+
+if [ "${2:-}" = --write ]; then
+    cases=$(awk '!/^#/ { print $1 }' "$baseline")
+    { grep '^#' "$baseline"; for c in $cases; do count "$c"; done; } >"$work/new"
+    cp "$work/new" "$baseline"
+    cat "$baseline"
+    exit
+fi
+failed=0
+while read -r case front pyramid sample other total; do
+    found=$(count "$case")
+    echo "$found"
+    # Of each stage and in all; a stage of less than 10,000 may differ by 300.
+    awk -v old="$front $pyramid $sample $other $total" -v new="$found" 'BEGIN {
+        split(old, a, " "); split(new, b, " "); split("front pyramid sample other total", names, " ")
+        for (i = 1; i <= 5; i++)
+            if (b[i + 1] > a[i] * 1.03 && b[i + 1] > a[i] + 300) {
+                printf "%s: found %d instructions in %s, expected at most %d + 3 %%\n", b[1], b[i + 1], names[i], a[i]; bad = 1
+            }
+        exit bad
+    }' || failed=1
+done < <(grep -v '^#' "$baseline")
+exit $failed
