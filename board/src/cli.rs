@@ -8,6 +8,7 @@ use crate::probe::{Config, EXTRAPOLATIONS, Probe};
 use crate::samplers::{MAX_LIGHTS, NAMES};
 use crate::server::{self, Guard, Limits, Options};
 use crate::source::{self, Spec};
+use crate::timing::STAGES;
 use clap::builder::PossibleValuesParser;
 use clap::error::ErrorKind;
 use clap::{Args, Parser, Subcommand};
@@ -172,7 +173,11 @@ fn serve(options: &Serve) -> Result<(), Failure> {
     tracing::info!("stopping");
     // The probe goes on until all who wait for a frame have theirs.
     running.stop();
+    let link = probe.link();
     drop(probe);
+    for (name, stage) in STAGES.into_iter().zip(link.timings()) {
+        eprintln!("hemilux: {name}: {stage}");
+    }
     Ok(())
 }
 

@@ -31,3 +31,4 @@ pub mod scene;
 pub mod server;
 #[cfg(feature = "pipeline")]
 pub mod source;
+pub mod timing;

@@ -6,9 +6,12 @@ use hemilux_core::healpix::Domain;
 use hemilux_core::light::Light;
 use hemilux_core::merge::Reciprocal;
 use hemilux_core::plan::{Run, Span, Texel};
-use hemilux_core::polar::{Share, shares_len};
+use hemilux_core::polar::{Grid, Share, shares_len};
 use hemilux_core::pyramid::{Quad, pyramid_len};
 use hemilux_core::response::curve_len;
+use hemilux_core::sampler::hemigon::inversion::{Ring, rings_len};
+use hemilux_core::sampler::hemigon::{self, fir, kalman};
+use hemilux_core::sampler::{adaptive, q2tree};
 use std::fmt;
 
 /// One buffer.
@@ -49,14 +52,14 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// The buffers of `pipeline`. Those inside the sampler are not known here.
+    /// The buffers of `pipeline` and its sampler.
     #[must_use]
     pub fn of(pipeline: &Pipeline) -> Self {
         let (c, s) = (pipeline.calibration(), pipeline.settings());
         let plan = pipeline.plan();
         let (size, merge) = (plan.size(), pipeline.merge().size());
         let (order, exposures) = (plan.order(), pipeline.merge().exposures());
-        let rooms = vec![
+        let mut rooms = vec![
             frames(c, exposures),
             Room::of::<i32>("response table", curve_len(pipeline.merge().depth())),
             Room::of::<u32>("exposure tables", merge.tables),
@@ -66,10 +69,13 @@ impl Plan {
             Room::of::<Run>("runs", size.runs),
             Room::of::<Texel>("texels", size.texels),
             Room::of::<Quad>("pyramid", pyramid_len(Domain::Hemisphere, order)),
-            Room::of::<[f32; 3]>("polar map", s.grid.len()),
-            Room::of::<Share>("polar shares", shares_len(&s.grid, order)),
             Room::of::<Light>("published lights", 4 * s.lights),
         ];
+        rooms.extend(sampler(&s.sampler, order, &s.grid, s.lights));
+        if pipeline.needs_polar() {
+            rooms.push(Room::of::<[f32; 3]>("polar map", s.grid.len()));
+            rooms.push(Room::of::<Share>("polar shares", shares_len(&s.grid, order)));
+        }
         let source_order = plan.source_order();
         Self { width: c.width, height: c.height, exposures, lights: s.lights, order, source_order, rooms }
     }
@@ -81,8 +87,44 @@ impl Plan {
     }
 }
 
+/// What [`crate::samplers::make`] takes.
+fn sampler(name: &str, order: u8, grid: &Grid, lights: usize) -> Vec<Room> {
+    let domain = Domain::Hemisphere;
+    let few = lights.min(hemigon::MAX_LIGHTS);
+    let inversion = || {
+        vec![
+            Room::of::<f32>("sampler: rows", grid.len()),
+            Room::of::<Ring>("sampler: rings", rings_len(grid)),
+            Room::of::<u32>("sampler: slots", 2 * few),
+            Room::of::<Light>("sampler: lights", few),
+        ]
+    };
+    match name {
+        "pharr" => {
+            vec![Room::of::<f32>("sampler: rows", grid.len()), Room::of::<Light>("sampler: lights", lights)]
+        }
+        "hemigon" => [inversion(), vec![Room::of::<kalman::Track>("sampler: tracks", 2 * few)]].concat(),
+        "hemigon-fir" => {
+            let taps = fir::Kernel::new(&fir::Parameters::default()).weights().len();
+            [inversion(), vec![Room::of::<glam::Vec3>("sampler: paths", 2 * few * taps)]].concat()
+        }
+        "adaptive" => vec![
+            Room::of::<u8>("sampler: bits", 2 * adaptive::bits_len(domain, order)),
+            Room::of::<adaptive::Leaf>("sampler: heap", lights),
+            Room::of::<Light>("sampler: lights", 2 * lights),
+            Room::of::<adaptive::Track>("sampler: tracks", 2 * lights),
+        ],
+        _ => vec![
+            Room::of::<u8>("sampler: bits", 2 * q2tree::interior_len(domain, order)),
+            Room::of::<q2tree::Leaf>("sampler: heap", lights),
+            Room::of::<Light>("sampler: lights", 2 * lights),
+        ],
+    }
+}
+
 fn frames(c: &Calibration, exposures: usize) -> Room {
-    Room::of::<u8>("frames", c.bytes_per_line * c.height as usize * exposures)
+    let bytes = c.layout().map_or(0, |layout| layout.frame_bytes());
+    Room::of::<u8>("frames", bytes * exposures)
 }
 
 impl fmt::Display for Plan {

@@ -1,6 +1,7 @@
 //! The core's stages in one place, with memory from the heap: burst in, lights out.
 //!
-//! All memory is taken when the pipeline is made or its exposures change; a frame allocates nothing.
+//! All memory is taken when the pipeline is made or its exposures change; a frame allocates nothing. The polar map is taken when a
+//! sampler or a picture needs it first.
 
 use crate::calibration::{Burst, Calibration};
 use crate::samplers::{self, SamplerError, Shape};
@@ -275,6 +276,12 @@ impl Pipeline {
     #[must_use]
     pub fn settings(&self) -> &Settings {
         &self.settings
+    }
+
+    /// Whether frames go through the polar map.
+    #[must_use]
+    pub fn needs_polar(&self) -> bool {
+        self.sampler.needs_polar()
     }
 
     /// What is known of the camera.

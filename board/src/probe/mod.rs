@@ -19,6 +19,7 @@ pub use worker::Worker;
 use crate::pipeline::PipelineError;
 use crate::samplers::SamplerError;
 use crate::source::Source;
+use crate::timing::{Budgets, STAGES, Stage, Timings};
 use hemilux_core::wire::Stale;
 use mailbox::Mailbox;
 use std::hash::{BuildHasher, Hasher, RandomState};
@@ -48,6 +49,7 @@ pub struct Link {
     latest: watch::Sender<Option<Arc<Published>>>,
     mailbox: Mailbox,
     failure: Mutex<Option<String>>,
+    timings: Mutex<Timings>,
     encode_us: AtomicU32,
     stopping: AtomicBool,
     views: Views,
@@ -79,6 +81,7 @@ impl Link {
             latest: watch::Sender::new(None),
             mailbox: Mailbox::new(config),
             failure: Mutex::new(None),
+            timings: Mutex::new(Timings::new(Budgets::default())),
             encode_us: AtomicU32::new(0),
             stopping: AtomicBool::new(false),
             views: Views::default(),
@@ -141,6 +144,12 @@ impl Link {
     #[must_use]
     pub fn views(&self) -> &Views {
         &self.views
+    }
+
+    /// How long each stage has taken since the start, and how often longer than its budget.
+    #[must_use]
+    pub fn timings(&self) -> [Stage; STAGES.len()] {
+        lock(&self.timings).stages()
     }
 
     fn set_failure(&self, reason: Option<String>) {

@@ -121,6 +121,7 @@ impl Worker {
             set.sampler = name;
             set.requested = requested;
         });
+        super::lock(&self.link.timings).add(&latency);
         self.frames += 1;
         self.link.latest.send_replace(Some(Arc::clone(&set)));
         self.link.views.serve(&self.burst, &mut self.pipeline, &set);

@@ -3,6 +3,7 @@
 use super::{Context, change, config};
 use crate::probe::{Config, EXTRAPOLATIONS, Published, extrapolation_name};
 use crate::samplers::{MAX_LIGHTS, NAMES};
+use crate::timing::STAGES;
 use axum::extract::State;
 use axum::http::StatusCode;
 use axum::http::header::CACHE_CONTROL;
@@ -37,7 +38,7 @@ pub(super) async fn info(State(context): State<Context>) -> Response {
         Some(set) => rows.extend(measured(set, link.staleness(set).age_ms)),
         None => rows.push(("frames", "none yet".into())),
     }
-    rows.push(("budget", "not yet: frames are timed but not held to a budget".into()));
+    rows.extend(STAGES.into_iter().zip(link.timings()).map(|(name, stage)| (name, stage.to_string())));
     let body = format!("{}<p><a href=\"/change\">Change the settings</a></p>", table(&rows));
     ([(CACHE_CONTROL, "no-store")], page("info", &body)).into_response()
 }

@@ -94,20 +94,19 @@ impl<const N: usize, const K: usize> Table<'_, N, K> {
         reciprocals: &[Reciprocal],
         out: &mut [[f32; K]],
     ) -> bool {
-        let rows: [[&[u32; 256]; N]; K] = self.channels.map(|c| self.tables.map(|t| &t[c.min(2)]));
         let bits = self.scale.bits & 31;
         let light = (1u32 << bits) - 1;
         let mut unusual = false;
-        for (j, values) in out.iter_mut().enumerate() {
-            for (k, value) in values.iter_mut().enumerate() {
-                let mut sum = 0u32;
-                for i in 0..N {
-                    sum = sum.wrapping_add(rows[k][i][usize::from(code(i, j, k))]);
-                }
+        // Channel after channel, so that the few addresses of one stay in registers.
+        for (k, channel) in self.channels.iter().enumerate() {
+            let rows: [&[u32; 256]; N] = self.tables.map(|t| &t[(*channel).min(2)]);
+            for (j, values) in out.iter_mut().enumerate() {
+                let lookups = rows.iter().enumerate().map(|(i, row)| row[usize::from(code(i, j, k))]);
+                let sum = lookups.fold(0u32, u32::wrapping_add);
                 let mask = (sum >> bits) as usize;
                 unusual |= mask == 0;
                 let r = reciprocals.get(mask).copied().unwrap_or_default();
-                *value = (sum & light) as i32 as f32 * r.factor - r.offset;
+                values[k] = (sum & light) as i32 as f32 * r.factor - r.offset;
             }
         }
         unusual

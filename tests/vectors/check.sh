@@ -1,0 +1,29 @@
+#!/usr/bin/env bash
+# Fails when a hot loop of the core has lost its vector instructions on ARMv7.
+#
+#   check.sh HEMILUX-SIM     a release build for armv7-unknown-linux-gnueabihf with NEON and with symbols
+set -euo pipefail
+binary=$1
+[ -r "$binary" ] || { echo "check.sh: $binary: found no readable file, expected an ARMv7 build of hemilux-sim" >&2; exit 1; }
+
+# function, least functions of that name, instructions that each must hold at least so often
+wanted='
+hemilux_core::merge::linear::Linear::block 6 vmull.s16|vmul.i32 8
+hemilux_core::merge::linear::Linear::block 6 vcvt.f32.s32 8
+hemilux_core::front::add_up 1 vcvt.f32.u32 1
+hemilux_core::front::add_up 1 vmla.f32|vfma.f32 3
+'
+arm-linux-gnueabihf-objdump -dC --no-show-raw-insn "$binary" >"${TMPDIR:-/tmp}/vectors.$$"
+trap 'rm -f "${TMPDIR:-/tmp}/vectors.$$"' EXIT
+failed=0
+while read -r name functions instruction least; do
+    [ -n "$name" ] || continue
+    awk -v name="$name" -v functions="$functions" -v pattern="$instruction" -v least="$least" '
+        function close_one() { if (inside && n < least) { printf "%s: found %d of %s, expected at least %d\n", name, n, pattern, least; bad = 1 } }
+        /^[0-9a-f]+ <.*>:$/ { close_one(); inside = index($0, "<" name ">") > 0; if (inside) { found++; n = 0 }; next }
+        inside && $0 ~ pattern { n++ }
+        END { close_one(); if (found < functions) { printf "%s: found %d functions, expected %d\n", name, found, functions; bad = 1 }; exit bad }
+    ' "${TMPDIR:-/tmp}/vectors.$$" || failed=1
+done <<<"$wanted"
+[ $failed = 0 ] && echo "vector instructions are where they belong"
+exit $failed
