@@ -204,12 +204,19 @@ fn sum_up(quads: &mut [Quad], domain: Domain, order: u8) {
 /// Gives every texel its part of the sum of its ancestor: by solid angle inside the domain.
 fn share_out(domain: Domain, (order, sums): (u8, &[Quad]), (fine, texels): (u8, &mut [Quad])) {
     let shift = 2 * (fine - order);
-    for (i, quad) in texels.iter_mut().enumerate() {
-        let own = domain.share(fine, i as u32);
-        let ancestor = domain.share(order, (i >> shift) as u32) * f64::from(1u32 << shift);
-        let share = if ancestor > 0.0 { (own / ancestor) as f32 } else { 0.0 };
-        let sum = sums.get(i >> shift).map_or([0.0; 4], |q| q.energy);
-        *quad = Quad { energy: sum.map(|v| v * share), moment: [0.0; 4] };
+    let equal = 1.0 / (1u32 << shift) as f32;
+    for (sum, (ancestor, below)) in sums.iter().zip(texels.chunks_exact_mut(1 << shift).enumerate()) {
+        // What is whole is shared equally: all but the quads on the horizon.
+        let whole = domain.share(order, ancestor as u32);
+        for (i, quad) in below.iter_mut().enumerate() {
+            let share = if whole == 0.5 {
+                let own = domain.share(fine, (ancestor << shift | i) as u32);
+                (own / whole) as f32 * equal
+            } else {
+                equal
+            };
+            *quad = Quad { energy: sum.energy.map(|v| v * share), moment: [0.0; 4] };
+        }
     }
 }
 

@@ -5,6 +5,7 @@ use crate::output::{self, Files};
 use hemilux::calibration::{Burst, Calibration, Frame};
 use hemilux::pipeline::{Pipeline, PipelineError, Settings};
 use hemilux::recorded;
+use hemilux_core::format::Format;
 use hemilux_core::response::{Curve, curve_len};
 use hemilux_core::wire::LightSet;
 use std::path::{Path, PathBuf};
@@ -94,10 +95,14 @@ pub struct Ratio {
     pub samples: usize,
 }
 
-/// Measures the ratios of neighbouring exposures: nominal times lie, on real cameras by up to a fifth.
+/// Measures the ratios of neighbouring exposures: nominal times lie, on real cameras by up to a fifth. None for frames that are packed
+/// otherwise than as red, green and blue.
 #[must_use]
 pub fn ratios(calibration: &Calibration, burst: &Burst) -> Vec<Ratio> {
     let c = calibration;
+    if !matches!(c.format, Format::Rgb24 | Format::Rgb48) {
+        return Vec::new();
+    }
     let depth = c.format.depth();
     let table = vec![0; curve_len(depth)];
     let Ok(curve) = Curve::try_new(&c.response, depth, c.black, c.white, table) else { return Vec::new() };

@@ -14,21 +14,21 @@ trap 'rm -rf "$work"' EXIT
 
 gcc -shared -fPIC -O2 -o "$work/count.so" "$here/count.c"
 
-symbols() { arm-linux-gnueabihf-nm -CS --defined-only "$sim"; }
+arm-linux-gnueabihf-nm -CS --defined-only "$sim" >"$work/symbols"
 
 # A function belongs to the stage that its module does; what the stages share is `other`.
 {
-    code=$(arm-linux-gnueabihf-readelf -lW "$sim" | awk '$1 == "LOAD" && / R E / { print substr($3, 3); exit }')
-    frame=$(symbols | awk '/hemilux_core::front::add_up$/ { print $1; exit }')
+    code=$(arm-linux-gnueabihf-readelf -lW "$sim" | awk '$1 == "LOAD" && / R E / && !n++ { print substr($3, 3) }')
+    frame=$(awk '/hemilux_core::front::add_up$/ { print $1; exit }' "$work/symbols")
     [ -n "$frame" ] || { echo "count.sh: $sim: found no hemilux_core::front::add_up, expected the function that begins a frame" >&2; exit 1; }
     printf 'code %s frame %x\n' "$code" $((0x$frame & ~1))
-    symbols | awk '$3 ~ /^[tTwW]$/ {
+    awk '$3 ~ /^[tTwW]$/ {
         name = substr($0, index($0, $4)); stage = ""
         if (name ~ /sampler::/) stage = "sample"
         else if (name ~ /hemilux_core::pyramid|hemilux_core::fill|hemilux_core::polar/) stage = "pyramid"
         else if (name ~ /hemilux_core::(front|merge|response)/) stage = "front"
         if (stage != "") print $1, $2, stage
-    }' | python3 -c 'import sys
+    }' "$work/symbols" | python3 -c 'import sys
 for start, size, stage in sorted((int(a, 16) & ~1, int(b, 16), c) for a, b, c in map(str.split, sys.stdin)):
     print(f"{start:x} {start + size:x} {stage}")'
 } >"$work/table"
