@@ -18,3 +18,5 @@ pub mod scene;
 #[cfg(feature = "server")]
 pub mod server;
 pub mod source;
+#[cfg(feature = "v4l2")]
+pub mod v4l2;
