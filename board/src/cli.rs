@@ -239,7 +239,7 @@ mod tests {
             (&["--listen", "8080"], "ADDR:PORT"),
             (&["--listen", "0.0.0.0:0"], "--open"),
             (&["--listen", "[::]:0"], "--open"),
-            (&["serve", "--source", "v4l2:/dev/video0"], "no V4L2"),
+            (&["serve", "--source", "v4l2:/dev/video0,size=big"], "size=big"),
             (&["--source", "scene:garden"], "overcast"),
             (&["fly"], "'fly'"),
         ];

@@ -7,8 +7,6 @@ use super::abi;
 pub enum Layout {
     /// Y U Y V: two pixels in four bytes.
     Yuyv,
-    /// U Y V Y.
-    Uyvy,
     /// Red, green, blue.
     Rgb24,
     /// Blue, green, red.
@@ -43,7 +41,7 @@ const RGGB: Mosaic = Mosaic { red_x: 0, red_y: 0 };
 
 /// What is read, best first: linear sensor codes, the more bits the better and the fewer bytes the better; then pictures made by the
 /// camera, with more of their colour first; grey at the end.
-const KNOWN: [(&[u8; 4], Layout); 26] = [
+const KNOWN: [(&[u8; 4], Layout); 25] = [
     (b"pBCC", Layout::Bayer12Packed(BGGR)),
     (b"pGCC", Layout::Bayer12Packed(GBRG)),
     (b"pgCC", Layout::Bayer12Packed(GRBG)),
@@ -65,7 +63,6 @@ const KNOWN: [(&[u8; 4], Layout); 26] = [
     (b"GRBG", Layout::Bayer8(GRBG)),
     (b"RGGB", Layout::Bayer8(RGGB)),
     (b"YUYV", Layout::Yuyv),
-    (b"UYVY", Layout::Uyvy),
     (b"NV12", Layout::Nv12),
     (b"RGB3", Layout::Rgb24),
     (b"BGR3", Layout::Bgr24),
@@ -114,7 +111,7 @@ impl Layout {
     #[must_use]
     pub const fn row_bytes(self, width: u32) -> u32 {
         let samples = match self {
-            Self::Yuyv | Self::Uyvy => return width.next_multiple_of(2).saturating_mul(2),
+            Self::Yuyv => return width.next_multiple_of(2).saturating_mul(2),
             Self::Rgb24 | Self::Bgr24 => return width.saturating_mul(3),
             Self::Bayer16(..) => return width.saturating_mul(2),
             Self::Grey | Self::Nv12 | Self::Bayer8(_) => return width,
@@ -154,7 +151,7 @@ impl Layout {
     /// Whether samples are luma and chroma.
     #[must_use]
     pub const fn is_yuv(self) -> bool {
-        matches!(self, Self::Yuyv | Self::Uyvy | Self::Nv12)
+        matches!(self, Self::Yuyv | Self::Nv12)
     }
 }
 

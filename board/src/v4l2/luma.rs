@@ -26,7 +26,6 @@ fn code(picture: &Picture, row: &[u8], x: usize) -> f32 {
     let luma = |y: f32| if picture.full_range { y / 255.0 } else { (y - 16.0) / 219.0 };
     match picture.layout {
         Layout::Yuyv => luma(byte(2 * x)),
-        Layout::Uyvy => luma(byte(2 * x + 1)),
         Layout::Nv12 | Layout::Grey => luma(byte(x)),
         Layout::Rgb24 | Layout::Bgr24 => byte(3 * x + 1) / 255.0,
         Layout::Bayer8(_) => byte(x) / 255.0,

@@ -3,7 +3,7 @@
 //! [`abi`] has the kernel's structures, [`Kernel`] and [`Node`] are the seam at which tests put a scripted kernel, [`real`] is the
 //! real one and the only module with `unsafe`. Above the seam: [`device`] asks what a camera can do, [`controls`] finds and sets
 //! what makes its exposure, [`schedule`] knows which frame has which exposure, [`verify`] looks whether that is true, and
-//! [`capture`] brings it all together, one frame at a time.
+//! [`capture`] brings it all together, one frame at a time, and [`supervise`] opens what has died again.
 //!
 //! There is no bindgen and so no libclang here: sixteen requests, whose layouts are asserted when the crate is compiled. The crate `v4l`
 //! (0.14) would save the enumeration only: it panics on control types that it does not know and when a stream cannot be stopped,
@@ -24,6 +24,7 @@ pub mod luma;
 pub mod real;
 pub mod schedule;
 pub mod setup;
+pub mod supervise;
 #[cfg(test)]
 mod tests;
 pub mod verify;

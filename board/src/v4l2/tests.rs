@@ -95,11 +95,11 @@ fn a_wrong_delay_is_noticed_put_right_and_counted() {
 #[test]
 fn a_delay_that_changes_while_streaming_is_followed() {
     let faults = vec![(400, Fault::Delay(3))];
-    let mut kernel = FakeKernel::new(Script { delay: 1, faults, ..Script::default() });
+    let mut kernel = FakeKernel::new(Script { delay: 1, loss: 0.05, faults, ..Script::default() });
     let mut camera = Camera::open(&mut kernel, &options()).expect("a camera");
-    run(&mut camera, &mut kernel, 500);
+    run(&mut camera, &mut kernel, 600);
     assert_eq!((camera.delay(), camera.counters().resyncs), (Some(3), 1), "{:?}", camera.counters());
-    assert_eq!(run(&mut camera, &mut kernel, 200).wrong, 0, "right again");
+    assert_eq!(run(&mut camera, &mut kernel, 500).wrong, 0, "right again");
 }
 
 #[test]
