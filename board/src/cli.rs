@@ -1,5 +1,10 @@
 //! The command line: what it accepts, and what each command does.
 
+#[cfg(all(feature = "v4l2", target_os = "linux"))]
+mod devices;
+#[cfg(all(feature = "v4l2", target_os = "linux"))]
+mod record;
+
 use crate::memory;
 use crate::pipeline::{Pipeline, Settings};
 use crate::probe::{Config, EXTRAPOLATIONS, Probe};
@@ -19,13 +24,16 @@ Examples:
   hemilux                                        the built-in room on http://127.0.0.1:8080/
   hemilux serve --source scene:sky --lights 32   another scene, fewer lights
   hemilux --source replay:recordings/office      a recorded burst or sequence, over and over
+  hemilux devices                                the cameras and what they can do
+  hemilux --source v4l2:/dev/video0,lens=lens.toml            a camera
+  hemilux record --bursts 20 --out field         what it gives, for a replay
   hemilux --listen 127.0.0.1:0                   any free port; the first line on stdout names it
   hemilux --listen 0.0.0.0:8080 --open           for everyone on the network
   hemilux --plan --lights 20000                  what that would take of memory
   curl http://127.0.0.1:8080/lights.json         the next frame's lights
   curl 'http://127.0.0.1:8080/change?algorithm=pharr&samples=128'
 
-Sources: scene:room, scene:sky, scene:lamps, scene:overcast, replay:DIR.
+Sources: v4l2:PATH, scene:room, scene:sky, scene:lamps, scene:overcast, replay:DIR.
 Exit status: 0 when stopped by SIGINT or SIGTERM, 1 after a failure, 2 for wrong usage.
 RUST_LOG=info tells more on stderr.";
 
@@ -44,11 +52,19 @@ enum Command {
     /// Decompose what a source gives and serve it (what hemilux does without a command).
     #[command(after_help = EXAMPLES)]
     Serve(Serve),
+    /// List the cameras and what they can do, or check one.
+    #[cfg(all(feature = "v4l2", target_os = "linux"))]
+    #[command(after_help = source::camera::HELP)]
+    Devices(devices::Devices),
+    /// Record what a camera gives, as bursts with their raw frames.
+    #[cfg(all(feature = "v4l2", target_os = "linux"))]
+    #[command(after_help = source::camera::HELP)]
+    Record(record::Record),
 }
 
 #[derive(Clone, Debug, Args)]
 struct Serve {
-    /// Where bursts come from: scene:NAME or replay:DIR.
+    /// Where bursts come from: v4l2:PATH, scene:NAME or replay:DIR.
     #[arg(long, default_value = "scene:room", value_parser = str::parse::<Spec>)]
     source: Spec,
     /// Where to listen; port 0 is any free one.
@@ -105,8 +121,13 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<(), Failure>
         Ok(cli) => cli,
         Err(error) => return explain(&error),
     };
-    let Command::Serve(options) = cli.command.unwrap_or(Command::Serve(cli.serve));
-    serve(&options)
+    match cli.command.unwrap_or(Command::Serve(cli.serve)) {
+        Command::Serve(options) => serve(&options),
+        #[cfg(all(feature = "v4l2", target_os = "linux"))]
+        Command::Devices(options) => devices::run(&options),
+        #[cfg(all(feature = "v4l2", target_os = "linux"))]
+        Command::Record(options) => record::run(&options),
+    }
 }
 
 /// Help goes to stdout as it is; everything else becomes one line.
