@@ -5,12 +5,15 @@ mod devices;
 #[cfg(all(feature = "v4l2", target_os = "linux"))]
 mod record;
 
+#[cfg(feature = "mdns")]
+use crate::announce;
 use crate::memory;
 use crate::pipeline::{Pipeline, Settings};
 use crate::probe::{Config, EXTRAPOLATIONS, Probe};
 use crate::samplers::{MAX_LIGHTS, NAMES};
 use crate::server::{self, Guard, Limits};
 use crate::source::{self, Spec};
+use crate::systemd;
 use clap::builder::PossibleValuesParser;
 use clap::error::ErrorKind;
 use clap::{Args, Parser, Subcommand};
@@ -88,6 +91,10 @@ struct Serve {
     /// What stands for the part of the hemisphere that the lens does not see: none or average.
     #[arg(long, value_name = "NAME", default_value = "none", value_parser = extrapolation)]
     extrapolation: Extrapolation,
+    /// Announce the probe on the network by mDNS, as a service of type _hemilux._tcp.
+    #[cfg(feature = "mdns")]
+    #[arg(long)]
+    announce: bool,
     /// Print the sizes of the buffers and exit.
     #[arg(long)]
     plan: bool,
@@ -178,8 +185,14 @@ fn serve(options: &Serve) -> Result<(), Failure> {
     let mut signals = running.signals().map_err(failed)?;
     let Serve { source, sampler, lights, .. } = options;
     say(&format!("hemilux: serving http://{}/ ({source}, {sampler}, {lights} lights)\n", running.address()))?;
+    systemd::serving(&running.address().to_string(), &probe.link());
+    #[cfg(feature = "mdns")]
+    let announced = options.announce.then(|| announce::announce(running.address()));
     running.wait(&mut signals);
     tracing::info!("stopping");
+    systemd::stopping();
+    #[cfg(feature = "mdns")]
+    drop(announced);
     // The probe goes on until all who wait for a frame have theirs.
     running.stop();
     drop(probe);

@@ -3,6 +3,8 @@
 //! The way of the light: [`source`] (a scene or a recorded burst) -> [`pipeline`] (the core's stages in one place) -> `probe`
 //! (the thread that runs them) -> `server`.
 
+#[cfg(feature = "mdns")]
+pub mod announce;
 pub mod calibration;
 #[cfg(feature = "server")]
 pub mod cli;
@@ -18,5 +20,7 @@ pub mod scene;
 #[cfg(feature = "server")]
 pub mod server;
 pub mod source;
+#[cfg(feature = "server")]
+pub mod systemd;
 #[cfg(feature = "v4l2")]
 pub mod v4l2;

@@ -19,7 +19,7 @@ use crate::source::Source;
 use hemilux_core::wire::Stale;
 use mailbox::Mailbox;
 use std::hash::{BuildHasher, Hasher, RandomState};
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Instant;
@@ -47,6 +47,7 @@ pub struct Link {
     failure: Mutex<Option<String>>,
     encode_us: AtomicU32,
     stopping: AtomicBool,
+    turns: AtomicU64,
 }
 
 /// Why the last set is not fresh.
@@ -77,6 +78,7 @@ impl Link {
             failure: Mutex::new(None),
             encode_us: AtomicU32::new(0),
             stopping: AtomicBool::new(false),
+            turns: AtomicU64::new(0),
         }
     }
 
@@ -139,6 +141,12 @@ impl Link {
     /// Remembers how long encoding took, for the next frame's report.
     pub fn set_encode_us(&self, us: u32) {
         self.encode_us.store(us, Ordering::Relaxed);
+    }
+
+    /// Counts the turns of the processing thread, with or without a burst: at least two a second while it is alive.
+    #[must_use]
+    pub fn turns(&self) -> u64 {
+        self.turns.load(Ordering::Relaxed)
     }
 
     fn is_stopping(&self) -> bool {
