@@ -20,7 +20,9 @@ pub struct Announced {
 #[must_use]
 pub fn announce(address: SocketAddr) -> Option<Announced> {
     try_announce(address)
-        .inspect_err(|e| tracing::warn!("--announce: found {e}, expected a network with multicast; nothing is announced"))
+        .inspect_err(|e| {
+            tracing::warn!("--announce: found {e}, expected a network with multicast; nothing is announced");
+        })
         .ok()
 }
 
@@ -42,7 +44,14 @@ fn try_announce(address: SocketAddr) -> Result<Announced, mdns_sd::Error> {
 /// The machine's name, without its domain; `hemilux` where it has none.
 fn hostname() -> String {
     let name = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
-    let name: String = name.trim().split('.').next().unwrap_or_default().chars().filter(|c| c.is_ascii_alphanumeric() || *c == '-').collect();
+    let name: String = name
+        .trim()
+        .split('.')
+        .next()
+        .unwrap_or_default()
+        .chars()
+        .filter(|c| c.is_ascii_alphanumeric() || *c == '-')
+        .collect();
     if name.is_empty() { "hemilux".into() } else { name.chars().take(63).collect() }
 }
 
@@ -72,11 +81,14 @@ mod tests {
         let browser = ServiceDaemon::new().expect("a second daemon");
         let events = browser.browse(SERVICE).expect("a browser");
         let until = Instant::now() + Duration::from_secs(10);
-        let found = std::iter::from_fn(|| events.recv_timeout(until.saturating_duration_since(Instant::now())).ok())
-            .find_map(|event| match event {
-                ServiceEvent::ServiceResolved(info) if info.get_fullname().starts_with(&machine) => Some(info.get_port()),
-                _ => None,
-            });
+        let found =
+            std::iter::from_fn(|| events.recv_timeout(until.saturating_duration_since(Instant::now())).ok())
+                .find_map(|event| match event {
+                    ServiceEvent::ServiceResolved(info) if info.get_fullname().starts_with(&machine) => {
+                        Some(info.get_port())
+                    }
+                    _ => None,
+                });
         let _ = browser.shutdown();
         drop(announced);
         match found {

@@ -81,6 +81,14 @@ class Guest:
     def file(self, name):
         return urllib.request.urlopen(f"{self.files}/{name}", timeout=60).read()
 
+    def recovered(self, n):
+        """Waits until the lights are fresh again."""
+        end = time.time() + 60
+        while self.lights()["stale"] is not None:
+            if time.time() > end:
+                self.give_up(f"no recovery after disconnect {n}")
+            time.sleep(0.1)
+
     def lights(self):
         return json.loads(urllib.request.urlopen(f"{self.probe}/lights.json", timeout=20).read())
 
@@ -138,6 +146,8 @@ def held(line):
 
 guest = Guest()
 try:
+    guest.wait("ready", 120)
+    time.sleep(0.3)
     guest.tell(f"{options.frames} {options.disconnects}")
     guest.wait("compliance", 120)
     judge_compliance(guest.file("compliance.txt").decode(errors="replace"))
@@ -149,20 +159,24 @@ try:
     judge_schedule(json.loads(guest.file("check.json")))
     guest.wait("record", 60)
     judge_recording(guest.file("rec.tar"))
-    guest.wait("serving", 60)
+    guest.wait("serving", 240)
     first, then = guest.lights(), guest.lights()
     check(first["valid"] and first["stale"] is None and first["lights"] and sum(first["scalar_flux"]) > 0, f"lights: {first}")
     check(then["frame"] > first["frame"], f"frame {then['frame']} after {first['frame']}")
     print(f"           {len(first['lights'])} lights, frames {first['frame']} and {then['frame']}, latency {then['latency_us']}")
     guest.tell("go")
-    if options.disconnects:
-        guest.wait("pulled", 30)
-        time.sleep(1)
-        stale = guest.lights()
-        check(stale["valid"] and stale["stale"] and "gone" in stale["stale"]["reason"], f"while it is unplugged: {stale['stale']}")
-        print(f"           stale: {stale['stale']}")
+    for n in range(options.disconnects):
+        if n == 0:
+            guest.wait("pulled", 60)
+            time.sleep(1)
+            stale = guest.lights()
+            check(stale["valid"] and stale["stale"] and "gone" in stale["stale"]["reason"], f"while it is unplugged: {stale['stale']}")
+            print(f"           stale: {stale['stale']}")
+            guest.tell("go")
+        guest.wait(f"plugged {n}", 60)
+        guest.recovered(n)
         guest.tell("go")
-    after = guest.wait("held-after", 60 + 30 * options.disconnects)
+    after = guest.wait("held-after", 60)
     guest.wait("recovered", 10)
     if options.disconnects > 3:
         before, after = held(guest.wait("held-before", 1)), held(after)

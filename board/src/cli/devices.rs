@@ -50,7 +50,8 @@ fn json(value: &impl Serialize) -> Result<(), Failure> {
 }
 
 fn told(camera: &Description) -> String {
-    let mut text = format!("{}  {} ({}, {})\n", camera.path.display(), camera.name, camera.driver, camera.bus);
+    let mut text =
+        format!("{}  {} ({}, {})\n", camera.path.display(), camera.name, camera.driver, camera.bus);
     if let Some(sensor) = &camera.sensor {
         let _ = writeln!(text, "  sensor    {}", sensor.display());
     }
@@ -109,7 +110,13 @@ fn check(spec: &CameraSpec, options: &Devices) -> Result<(), Failure> {
             luma::sample(camera.picture(), &frame.bytes, &mut codes);
             let (taken, level) = (frame.taken, luma::mean(&codes));
             let known = taken.known.name();
-            frames.push(Seen { sequence: taken.sequence, timestamp_ns: taken.timestamp_ns, exposure: taken.slot, known, level });
+            frames.push(Seen {
+                sequence: taken.sequence,
+                timestamp_ns: taken.timestamp_ns,
+                exposure: taken.slot,
+                known,
+                level,
+            });
         }
     }
     let report = report(&camera, frames);
@@ -118,7 +125,10 @@ fn check(spec: &CameraSpec, options: &Devices) -> Result<(), Failure> {
 
 fn report(camera: &Camera, frames: Vec<Seen>) -> Report {
     let Counters { frames: delivered, lost, broken, late, mismatches, resyncs } = camera.counters();
-    let span = frames.last().zip(frames.first()).map(|(b, a)| (b.sequence - a.sequence, b.timestamp_ns.saturating_sub(a.timestamp_ns)));
+    let span = frames
+        .last()
+        .zip(frames.first())
+        .map(|(b, a)| (b.sequence - a.sequence, b.timestamp_ns.saturating_sub(a.timestamp_ns)));
     let rate_hz = span.filter(|(_, ns)| *ns > 0).map_or(0.0, |(n, ns)| f64::from(n) / (ns as f64 / 1e9));
     Report {
         agreed: camera.agreed().iter().map(|a| (a.what, a.asked.clone(), a.got.clone())).collect(),
@@ -141,11 +151,18 @@ fn summary(report: &Report) -> String {
     for (what, asked, got) in &report.agreed {
         let _ = writeln!(text, "{what:<10} {asked} asked, {got} got");
     }
-    let delay = report.delay.map_or("unknown: too dark, or nothing changes".into(), |d| format!("{d} frames after the next"));
+    let delay = report
+        .delay
+        .map_or("unknown: too dark, or nothing changes".into(), |d| format!("{d} frames after the next"));
     let _ = writeln!(text, "{:<10} {delay}", "delay");
-    let _ = writeln!(text, "{:<10} {:.2} Hz measured, {} frames, {} lost, {} broken", "frames", report.rate_hz, report.delivered, report.lost, report.broken);
+    let _ = writeln!(
+        text,
+        "{:<10} {:.2} Hz measured, {} frames, {} lost, {} broken",
+        "frames", report.rate_hz, report.delivered, report.lost, report.broken
+    );
     let count = |known: Known| report.frames.iter().filter(|f| f.known == known.name()).count();
-    let all = [Known::Verified, Known::Predicted, Known::Unknown].map(|k| format!("{} {}", count(k), k.name()));
+    let all =
+        [Known::Verified, Known::Predicted, Known::Unknown].map(|k| format!("{} {}", count(k), k.name()));
     let _ = writeln!(text, "{:<10} {}", "exposures", all.join(", "));
     let _ = writeln!(
         text,

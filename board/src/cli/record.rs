@@ -1,9 +1,9 @@
 //! `hemilux record`: what the camera gave, kept as recorded bursts with their raw frames.
 
 use super::{Failure, devices, say};
+use crate::source::Source;
 use crate::source::SourceError;
 use crate::source::camera::{CameraSource, CameraSpec, RawBurst};
-use crate::source::Source;
 use crate::v4l2::formats;
 use crate::v4l2::real::RealKernel;
 use clap::Args;
@@ -35,7 +35,10 @@ pub(super) fn run(options: &Record) -> Result<(), Failure> {
     fs::create_dir_all(out).map_err(|e| unwritable(out, &e))?;
     let mut entries = fs::read_dir(out).map_err(|e| unwritable(out, &e))?;
     if entries.next().is_some() {
-        return Err(Failure::usage(format!("--out {}: found files, expected an empty folder or none", out.display())));
+        return Err(Failure::usage(format!(
+            "--out {}: found files, expected an empty folder or none",
+            out.display()
+        )));
     }
     let mut source = CameraSource::open(Box::new(RealKernel), &options.source).map_err(Failure::new)?;
     let head = head(&source);
@@ -49,10 +52,17 @@ pub(super) fn run(options: &Record) -> Result<(), Failure> {
                 list.push((write_burst(&out.join(&folder), &head, burst)?, folder));
             }
             Err(SourceError::NotYet | SourceError::Broken(_)) if last.elapsed() < PATIENCE => {}
-            Err(SourceError::Gone(_)) if last.elapsed() < PATIENCE => std::thread::sleep(Duration::from_millis(250)),
+            Err(SourceError::Gone(_)) if last.elapsed() < PATIENCE => {
+                std::thread::sleep(Duration::from_millis(250));
+            }
             Err(error) => {
                 let why = format!("{error}, and no burst for {} s", PATIENCE.as_secs());
-                return Err(Failure::new(format!("{}: {why}; {} bursts are in {}", options.source, list.len(), out.display())));
+                return Err(Failure::new(format!(
+                    "{}: {why}; {} bursts are in {}",
+                    options.source,
+                    list.len(),
+                    out.display()
+                )));
             }
         }
     }
@@ -81,7 +91,8 @@ fn head(source: &CameraSource) -> Table {
     let (c, p) = (source.calibration(), source.picture());
     let mut head = Table::new();
     head.insert("version".into(), Value::Integer(1));
-    let lens = source.lens().map_or_else(|| lens(c.lens.intrinsics()), |l| Value::Table(l.lens_table.clone()));
+    let lens =
+        source.lens().map_or_else(|| lens(c.lens.intrinsics()), |l| Value::Table(l.lens_table.clone()));
     head.insert("lens".into(), lens);
     let told = source.lens().and_then(|l| l.response_table.clone());
     let usual = if p.layout.is_raw() { "linear" } else { "srgb" };

@@ -144,7 +144,9 @@ mod tests {
 
     #[test]
     fn names_of_sources_are_read_back() {
-        for text in ["scene:room", "scene:overcast", "replay:/tmp/a:b", "replay:.", "v4l2:/dev/video0,rate=25"] {
+        for text in
+            ["scene:room", "scene:overcast", "replay:/tmp/a:b", "replay:.", "v4l2:/dev/video0,rate=25"]
+        {
             assert_eq!(text.parse::<Spec>().expect("a source").to_string(), text, "{text}");
         }
     }

@@ -173,7 +173,12 @@ impl Camera {
     ///
     /// # Errors
     /// [`CameraError`]: the camera must then be closed and opened again.
-    pub fn next(&mut self, kernel: &mut dyn Kernel, timeout: Duration, frame: &mut RawFrame) -> Result<bool, CameraError> {
+    pub fn next(
+        &mut self,
+        kernel: &mut dyn Kernel,
+        timeout: Duration,
+        frame: &mut RawFrame,
+    ) -> Result<bool, CameraError> {
         let Some(buffer) = self.dequeue(kernel, timeout)? else { return Ok(false) };
         self.write_due(kernel, buffer.sequence)?;
         self.finish(&buffer, frame)
@@ -245,12 +250,18 @@ impl Camera {
         kernel.now_ns().saturating_sub(self.last_ns) as f64 / (self.setup.period_s * 1e9)
     }
 
-    pub(super) fn write(&mut self, kernel: &mut dyn Kernel, sequence: u32, slot: usize) -> Result<(), CameraError> {
+    pub(super) fn write(
+        &mut self,
+        kernel: &mut dyn Kernel,
+        sequence: u32,
+        slot: usize,
+    ) -> Result<(), CameraError> {
         let Setup { video, sensor, knob, settings, .. } = &mut self.setup;
         let (Some(knob), Some(setting)) = (knob, settings.get(slot)) else { return Ok(()) };
         let node: &mut dyn Node = sensor.as_deref_mut().unwrap_or(video.as_mut());
-        setup::write(node, &knob.info, setting)
-            .map_err(|e| failed(&self.path, "writing the exposure", e, "a control that can be set while streaming"))?;
+        setup::write(node, &knob.info, setting).map_err(|e| {
+            failed(&self.path, "writing the exposure", e, "a control that can be set while streaming")
+        })?;
         let late = self.lateness(kernel);
         let doubt = if late <= IN_TIME { 0 } else { late.ceil().min(f64::from(MAX_DELAY)) as u32 };
         self.schedule.wrote(sequence, slot, doubt);
@@ -258,7 +269,11 @@ impl Camera {
     }
 
     /// Takes the next frame's buffer from the driver.
-    pub(super) fn dequeue(&mut self, kernel: &mut dyn Kernel, timeout: Duration) -> Result<Option<abi::Buffer>, CameraError> {
+    pub(super) fn dequeue(
+        &mut self,
+        kernel: &mut dyn Kernel,
+        timeout: Duration,
+    ) -> Result<Option<abi::Buffer>, CameraError> {
         let ready = persist(|| self.setup.video.wait(timeout));
         let Ready { frame, event, gone } = ready.map_err(|e| failed(&self.path, "poll", e, "frames"))?;
         if event {
@@ -282,7 +297,11 @@ impl Camera {
         if let Some(last) = self.last {
             if !is_after(buffer.sequence, last) {
                 let found = format!("frame {} after frame {last}", buffer.sequence);
-                return Err(CameraError::Unfit { path: self.path.clone(), found, expected: "rising numbers".into() });
+                return Err(CameraError::Unfit {
+                    path: self.path.clone(),
+                    found,
+                    expected: "rising numbers".into(),
+                });
             }
             self.counters.lost += u64::from(buffer.sequence.wrapping_sub(last) - 1);
         }
@@ -330,8 +349,9 @@ impl Camera {
         let _ = persist(|| video.call(Call::Subscribe(&mut subscription)));
         let path = &self.path;
         let mut request = abi::BufferRequest { count: BUFFERS, ..Default::default() };
-        persist(|| video.call(Call::RequestBuffers(&mut request)))
-            .map_err(|e| failed(path, "REQBUFS", e, "memory for frames, and no other program that streams"))?;
+        persist(|| video.call(Call::RequestBuffers(&mut request))).map_err(|e| {
+            failed(path, "REQBUFS", e, "memory for frames, and no other program that streams")
+        })?;
         if !(2..=32).contains(&request.count) {
             let (found, expected) = (format!("{} buffers", request.count), "2 to 32".into());
             return Err(CameraError::Unfit { path: path.clone(), found, expected });
@@ -365,7 +385,8 @@ impl Camera {
 
 fn map(video: &mut dyn Node, path: &Path, index: u32) -> Result<(), CameraError> {
     let mut buffer = abi::Buffer { index, ..Default::default() };
-    persist(|| video.call(Call::QueryBuffer(&mut buffer))).map_err(|e| failed(path, "QUERYBUF", e, "the buffer"))?;
+    persist(|| video.call(Call::QueryBuffer(&mut buffer)))
+        .map_err(|e| failed(path, "QUERYBUF", e, "the buffer"))?;
     buffer.index = index;
     video.map(&buffer).map_err(|e| failed(path, "mmap", e, "memory for frames"))
 }

@@ -31,13 +31,28 @@ impl Info {
     fn of(d: &abi::ControlDescription) -> Self {
         let step = i64::try_from(d.step).unwrap_or(i64::MAX).max(1);
         let (minimum, maximum) = (d.minimum.min(d.maximum), d.maximum.max(d.minimum));
-        Self { id: d.id, kind: d.kind, name: text(&d.name), minimum, maximum, step, default: d.default, flags: d.flags }
+        Self {
+            id: d.id,
+            kind: d.kind,
+            name: text(&d.name),
+            minimum,
+            maximum,
+            step,
+            default: d.default,
+            flags: d.flags,
+        }
     }
 
     /// Whether it is a number that can be set, now or once an automatic is off.
     #[must_use]
     pub fn is_settable(&self) -> bool {
-        let number = [abi::TYPE_INTEGER, abi::TYPE_BOOLEAN, abi::TYPE_MENU, abi::TYPE_INTEGER64, abi::TYPE_INTEGER_MENU];
+        let number = [
+            abi::TYPE_INTEGER,
+            abi::TYPE_BOOLEAN,
+            abi::TYPE_MENU,
+            abi::TYPE_INTEGER64,
+            abi::TYPE_INTEGER_MENU,
+        ];
         number.contains(&self.kind) && self.flags & (abi::CONTROL_DISABLED | abi::CONTROL_READ_ONLY) == 0
     }
 

@@ -28,14 +28,20 @@ impl Camera {
             let (mut at, middle) = (0, levels[0] + step / 2.0);
             for _ in 0..TRIALS {
                 at = 1 - at;
-                if let Some(delay) = self.trial(kernel, ends[at], |level| ((level > middle) == (step > 0.0)) == (at == 1))? {
+                if let Some(delay) =
+                    self.trial(kernel, ends[at], |level| ((level > middle) == (step > 0.0)) == (at == 1))?
+                {
                     votes[delay as usize] += 1;
                 }
                 if votes.iter().any(|v| *v >= AGREEING) {
                     break;
                 }
             }
-            let (delay, most) = votes.iter().enumerate().max_by_key(|(d, v)| (**v, MAX_DELAY as usize - d)).unwrap_or((0, &0));
+            let (delay, most) = votes
+                .iter()
+                .enumerate()
+                .max_by_key(|(d, v)| (**v, MAX_DELAY as usize - d))
+                .unwrap_or((0, &0));
             if *most >= AGREEING {
                 self.schedule.set_delay(delay as u32);
                 self.sure = true;

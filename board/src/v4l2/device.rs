@@ -96,7 +96,16 @@ pub fn describe(kernel: &mut dyn Kernel, path: &Path) -> Result<Option<Descripti
         sensor = Some(path);
     }
     let (name, bus, driver) = (text(&caps.card), text(&caps.bus_info), text(&caps.driver));
-    Ok(Some(Description { path: path.into(), name, bus, driver, formats, exposure_s: range.0, gain: range.1, sensor }))
+    Ok(Some(Description {
+        path: path.into(),
+        name,
+        bus,
+        driver,
+        formats,
+        exposure_s: range.0,
+        gain: range.1,
+        sensor,
+    }))
 }
 
 fn exposure(node: &mut dyn Node, width: u32) -> Option<(f64, f64)> {
@@ -122,7 +131,12 @@ pub(super) fn open(kernel: &mut dyn Kernel, path: &Path) -> Result<Box<dyn Node>
     })
 }
 
-pub(super) fn failed(path: &Path, operation: &'static str, errno: Errno, expected: &'static str) -> CameraError {
+pub(super) fn failed(
+    path: &Path,
+    operation: &'static str,
+    errno: Errno,
+    expected: &'static str,
+) -> CameraError {
     if [Errno::NODEV, Errno::NXIO].contains(&errno) {
         return CameraError::Gone(path.into());
     }
@@ -131,7 +145,8 @@ pub(super) fn failed(path: &Path, operation: &'static str, errno: Errno, expecte
 
 pub(super) fn capability(node: &mut dyn Node, path: &Path) -> Result<abi::Capability, CameraError> {
     let mut caps = abi::Capability::default();
-    persist(|| node.call(Call::QueryCapability(&mut caps))).map_err(|e| failed(path, "QUERYCAP", e, "a V4L2 device"))?;
+    persist(|| node.call(Call::QueryCapability(&mut caps)))
+        .map_err(|e| failed(path, "QUERYCAP", e, "a V4L2 device"))?;
     Ok(caps)
 }
 
@@ -143,6 +158,9 @@ pub(super) fn captures(caps: &abi::Capability) -> bool {
     caps & needed == needed
 }
 
+/// An open sub-device, its path and its name.
+type OpenSensor = (Box<dyn Node>, PathBuf, String);
+
 /// The sub-device with an exposure control, with its path and name: the `wished` one, or the only one there is.
 ///
 /// # Errors
@@ -150,7 +168,7 @@ pub(super) fn captures(caps: &abi::Capability) -> bool {
 pub(super) fn find_sensor(
     kernel: &mut dyn Kernel,
     wished: Option<&Path>,
-) -> Result<Option<(Box<dyn Node>, PathBuf, String)>, CameraError> {
+) -> Result<Option<OpenSensor>, CameraError> {
     let mut found = Vec::new();
     let named = kernel.subdevices();
     for (path, name) in named {
@@ -201,7 +219,9 @@ fn sizes(node: &mut dyn Node, fourcc: u32) -> Vec<SizeInfo> {
             continue;
         }
         let (width, height) = ((a, b, c.max(1)), (e, f, g.max(1)));
-        let takes = |v: u32, (least, most, step): (u32, u32, u32)| (least..=most).contains(&v) && (v - least) % step == 0;
+        let takes = |v: u32, (least, most, step): (u32, u32, u32)| {
+            (least..=most).contains(&v) && (v - least).is_multiple_of(step)
+        };
         found.push((a, e));
         found.extend(USUAL.into_iter().filter(|(w, h)| takes(*w, width) && takes(*h, height)));
         found.push((b, f));
@@ -233,6 +253,8 @@ fn rates(node: &mut dyn Node, fourcc: u32, width: u32, height: u32) -> Vec<f64> 
 #[must_use]
 pub fn nearest_size(format: &FormatInfo, wished: (u32, u32)) -> Option<(u32, u32)> {
     let area = |w: u32, h: u32| u64::from(w) * u64::from(h);
-    let off = |s: &&SizeInfo| (area(s.width, s.height).abs_diff(area(wished.0, wished.1)), s.width.abs_diff(wished.0));
+    let off = |s: &&SizeInfo| {
+        (area(s.width, s.height).abs_diff(area(wished.0, wished.1)), s.width.abs_diff(wished.0))
+    };
     format.sizes.iter().min_by_key(off).map(|s| (s.width, s.height))
 }

@@ -132,7 +132,13 @@ pub fn go_manual(node: &mut dyn Node) -> bool {
 /// Makes a sensor's frame long enough for an exposure of `longest_s` and gives the time of a frame in seconds.
 ///
 /// VBLANK goes first and alone: the range of the exposure follows it.
-pub fn stretch_frame(node: &mut dyn Node, knob: &Knob, height: u32, longest_s: f64, sensor: Option<&Sensor>) -> Option<f64> {
+pub fn stretch_frame(
+    node: &mut dyn Node,
+    knob: &Knob,
+    height: u32,
+    longest_s: f64,
+    sensor: Option<&Sensor>,
+) -> Option<f64> {
     let Unit::Lines(line) = knob.unit else { return None };
     let info = controls::find(node, abi::VBLANK)?;
     let reserve = sensor.map_or(RESERVE_LINES, |s| s.reserve_lines);

@@ -67,7 +67,17 @@ impl Default for Script {
     fn default() -> Self {
         let period = Duration::from_millis(40);
         let range = (1, 5000);
-        Self { kind: Kind::Uvc, period, delay: 2, loss: 0.0, interrupt: 0, busy: 0, range, light: 4.0, faults: Vec::new() }
+        Self {
+            kind: Kind::Uvc,
+            period,
+            delay: 2,
+            loss: 0.0,
+            interrupt: 0,
+            busy: 0,
+            range,
+            light: 4.0,
+            faults: Vec::new(),
+        }
     }
 }
 
@@ -191,7 +201,8 @@ impl World {
         let acting = self.writes.iter().rev().find(|(first, _)| *first <= frame);
         let value = acting.map_or(100, |(_, v)| *v);
         self.truth.insert(frame, value);
-        let faults: Vec<Fault> = self.script.faults.iter().filter(|(at, _)| *at == self.total).map(|(_, f)| *f).collect();
+        let faults: Vec<Fault> =
+            self.script.faults.iter().filter(|(at, _)| *at == self.total).map(|(_, f)| *f).collect();
         let (mut flags, mut used) = (0, BYTES);
         for fault in faults {
             match fault {
@@ -214,7 +225,14 @@ impl World {
         let Some(index) = self.queued.pop_front() else { return };
         let us = (self.finished_at(frame) / 1000).cast_signed();
         let timestamp = [us / 1_000_000, us % 1_000_000];
-        let buffer = abi::Buffer { index, flags, bytes_used: used as u32, timestamp, sequence: frame, ..Default::default() };
+        let buffer = abi::Buffer {
+            index,
+            flags,
+            bytes_used: used as u32,
+            timestamp,
+            sequence: frame,
+            ..Default::default()
+        };
         let picture = self.expose(value);
         self.done.push_back((buffer, picture));
     }
@@ -304,7 +322,7 @@ impl Node for FakeNode {
         let now = w.now_ns + CALL_NS;
         w.advance(now);
         w.calls += 1;
-        if w.script.interrupt > 0 && w.calls % w.script.interrupt == 0 {
+        if w.script.interrupt > 0 && w.calls.is_multiple_of(w.script.interrupt) {
             return Err(Errno::INTR);
         }
         if w.is_gone() || self.generation != w.generation {
@@ -318,8 +336,12 @@ impl Node for FakeNode {
                 d.card[..4].copy_from_slice(b"fake");
             }
             Call::EnumFormats(d) => d.fourcc = one(d.index, grey)?,
-            Call::EnumSizes(d) => (d.kind, d.size[0], d.size[1]) = one(d.index, (abi::DISCRETE, WIDTH, HEIGHT))?,
-            Call::EnumIntervals(d) => (d.kind, d.interval[0], d.interval[1]) = one(d.index, (abi::DISCRETE, 1, 25))?,
+            Call::EnumSizes(d) => {
+                (d.kind, d.size[0], d.size[1]) = one(d.index, (abi::DISCRETE, WIDTH, HEIGHT))?;
+            }
+            Call::EnumIntervals(d) => {
+                (d.kind, d.interval[0], d.interval[1]) = one(d.index, (abi::DISCRETE, 1, 25))?;
+            }
             Call::SetFormat(d) => {
                 (d.pixel.width, d.pixel.height, d.pixel.fourcc) = (WIDTH, HEIGHT, grey);
                 (d.pixel.bytes_per_line, d.pixel.size_image) = (WIDTH, BYTES as u32);
@@ -379,7 +401,7 @@ impl Node for FakeNode {
         let now = w.now_ns + CALL_NS;
         w.advance(now);
         w.calls += 1;
-        if w.script.interrupt > 0 && w.calls % w.script.interrupt == 0 {
+        if w.script.interrupt > 0 && w.calls.is_multiple_of(w.script.interrupt) {
             return Err(Errno::INTR);
         }
         let end = w.now_ns + timeout.as_nanos() as u64;

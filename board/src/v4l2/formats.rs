@@ -180,14 +180,16 @@ impl Picture {
     /// # Errors
     /// What is wrong with it and what would be right.
     pub fn of(granted: &abi::PixelFormat) -> Result<Self, (String, String)> {
-        let layout = layout(granted.fourcc)
-            .ok_or_else(|| (format!("pixel format {}", name(granted.fourcc)), format!("one of {}", names())))?;
+        let layout = layout(granted.fourcc).ok_or_else(|| {
+            (format!("pixel format {}", name(granted.fourcc)), format!("one of {}", names()))
+        })?;
         let (width, height) = (granted.width, granted.height);
         if !(2..=1 << 14).contains(&width) || !(2..=1 << 14).contains(&height) {
             return Err((format!("{width} x {height} pixels"), "2 to 16384 on each side".into()));
         }
         // Some drivers leave the stride to the reader.
-        let stride = if granted.bytes_per_line == 0 { layout.row_bytes(width) } else { granted.bytes_per_line };
+        let stride =
+            if granted.bytes_per_line == 0 { layout.row_bytes(width) } else { granted.bytes_per_line };
         if stride < layout.row_bytes(width) || stride > 1 << 18 {
             let least = layout.row_bytes(width);
             return Err((format!("{stride} bytes per line"), format!("at least {least} for {width} pixels")));
@@ -228,7 +230,11 @@ mod tests {
     #[test]
     fn rows_take_the_documented_bytes() {
         let bytes = |name: &str, width| layout(parse(name).expect("a name")).expect("known").row_bytes(width);
-        assert_eq!((bytes("YUYV", 640), bytes("NV12", 640), bytes("RGB3", 640)), (1280, 640, 1920), "pictures");
+        assert_eq!(
+            (bytes("YUYV", 640), bytes("NV12", 640), bytes("RGB3", 640)),
+            (1280, 640, 1920),
+            "pictures"
+        );
         assert_eq!((bytes("pBAA", 640), bytes("pBAA", 1296), bytes("pRCC", 640)), (800, 1620, 960), "raw");
     }
 

@@ -19,6 +19,7 @@ pub mod exposure;
 #[cfg(test)]
 pub(crate) mod fake;
 pub mod formats;
+mod ids;
 pub mod luma;
 #[cfg(target_os = "linux")]
 pub mod real;

@@ -1,5 +1,8 @@
 //! The real kernel. All `unsafe` of the crate is here.
-#![allow(unsafe_code, reason = "requests and mappings are contracts with the kernel; each says why it is kept")]
+#![allow(
+    unsafe_code,
+    reason = "requests and mappings are contracts with the kernel; each says why it is kept"
+)]
 
 use super::abi::{self, CAPTURE};
 use super::{Call, Kernel, Node, Ready};
@@ -48,7 +51,10 @@ struct Controls {
 
 /// Numbers that a C compiler gave for the same headers.
 const _: () = {
-    assert!(size_of::<Controls>() == if size_of::<usize>() == 8 { 32 } else { 24 }, "not the kernel's layout");
+    assert!(
+        size_of::<Controls>() == if size_of::<usize>() == 8 { 32 } else { 24 },
+        "not the kernel's layout"
+    );
     let wide = size_of::<usize>() == 8;
     assert!(QUERYCAP == 0x8068_5600, "VIDIOC_QUERYCAP");
     assert!(DQBUF == if wide { 0xc058_5611 } else { 0xc050_5611 }, "VIDIOC_DQBUF");
@@ -92,8 +98,14 @@ impl File {
         // The kernel writes one `v4l2_ext_control`, to which the pointer points for as long as the call lasts; size 0 in it says
         // that it holds no further pointer.
         control.size = 0;
-        let mut all =
-            Controls { which: 0, count: 1, error_index: 0, request: 0, reserved: 0, controls: std::ptr::from_mut(control) };
+        let mut all = Controls {
+            which: 0,
+            count: 1,
+            error_index: 0,
+            request: 0,
+            reserved: 0,
+            controls: std::ptr::from_mut(control),
+        };
         self.update::<CODE, _>(&mut all)
     }
 
@@ -157,7 +169,10 @@ impl Node for File {
     }
 
     fn map(&mut self, buffer: &abi::Buffer) -> Result<(), Errno> {
-        if buffer.length == 0 || buffer.length > MAX_BUFFER_BYTES || buffer.index as usize != self.mappings.len() {
+        if buffer.length == 0
+            || buffer.length > MAX_BUFFER_BYTES
+            || buffer.index as usize != self.mappings.len()
+        {
             return Err(Errno::INVAL);
         }
         let length = buffer.length as usize;

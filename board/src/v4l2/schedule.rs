@@ -68,7 +68,12 @@ impl Schedule {
     /// A schedule of `slots` exposures, of which `initial` was set before the stream began.
     #[must_use]
     pub fn new(slots: usize, initial: usize, delay: u32) -> Self {
-        Self { delay: delay.min(MAX_DELAY), slots: slots.max(1), writes: VecDeque::with_capacity(KEPT), initial }
+        Self {
+            delay: delay.min(MAX_DELAY),
+            slots: slots.max(1),
+            writes: VecDeque::with_capacity(KEPT),
+            initial,
+        }
     }
 
     /// Frames after the next one until a write acts.

@@ -93,7 +93,11 @@ pub(super) fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<Setup, 
     let caps = device::capability(video.as_mut(), path)?;
     if !device::captures(&caps) {
         let expected = "a node that captures single-planar video in a stream".into();
-        return Err(CameraError::Unfit { path: path.clone(), found: "another kind of device".into(), expected });
+        return Err(CameraError::Unfit {
+            path: path.clone(),
+            found: "another kind of device".into(),
+            expected,
+        });
     }
     let own = Knob::find(video.as_mut(), options.size.0).is_some();
     let found = if own && options.subdevice.is_none() {
@@ -104,8 +108,11 @@ pub(super) fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<Setup, 
     let known = found.as_ref().and_then(|(_, _, name)| exposure::sensor(name));
     let mut sensor = found.map(|(node, _, _)| node);
     let granted = set_format(video.as_mut(), sensor.as_mut(), options)?;
-    let picture = Picture::of(&granted)
-        .map_err(|(found, expected)| CameraError::Unfit { path: path.clone(), found, expected })?;
+    let picture = Picture::of(&granted).map_err(|(found, expected)| CameraError::Unfit {
+        path: path.clone(),
+        found,
+        expected,
+    })?;
     let mut period_s = set_rate(video.as_mut(), options.rate_hz, path)?;
     let holder: &mut dyn Node = match &mut sensor {
         Some(node) => node.as_mut(),
@@ -114,7 +121,11 @@ pub(super) fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<Setup, 
     let (knob, settings) = expose(holder, options, &picture, known, &mut period_s);
     let mut agreed = vec![
         agreed("size", size(options.size), size((picture.width, picture.height))),
-        agreed("format", options.fourcc.map_or("the best".into(), formats::name), formats::name(picture.fourcc)),
+        agreed(
+            "format",
+            options.fourcc.map_or("the best".into(), formats::name),
+            formats::name(picture.fourcc),
+        ),
         agreed("rate", format!("{:.2} Hz", options.rate_hz), format!("{:.2} Hz", 1.0 / period_s)),
     ];
     agreed.extend(settings.iter().map(|s| Agreed {
@@ -122,8 +133,20 @@ pub(super) fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<Setup, 
         asked: format!("{:.2} ms", s.asked_s * 1e3),
         got: if knob.is_some() { format!("{:.2} ms", s.seconds * 1e3) } else { "no control".into() },
     }));
-    let black = known.filter(|_| picture.layout.is_raw()).map_or(0.0, |s| f64::from(s.black.0) / f64::from((1u32 << s.black.1) - 1));
-    Ok(Setup { video, sensor, picture, period_s, knob, settings, delay: known.map(|s| s.delay), black, agreed })
+    let black = known
+        .filter(|_| picture.layout.is_raw())
+        .map_or(0.0, |s| f64::from(s.black.0) / f64::from((1u32 << s.black.1) - 1));
+    Ok(Setup {
+        video,
+        sensor,
+        picture,
+        period_s,
+        knob,
+        settings,
+        delay: known.map(|s| s.delay),
+        black,
+        agreed,
+    })
 }
 
 fn agreed(what: &'static str, asked: String, got: String) -> Agreed {
@@ -144,9 +167,11 @@ fn expose(
 ) -> (Option<Knob>, Vec<Setting>) {
     if let Some(stand_in) = &options.stand_in {
         let all = controls::all(node);
-        let info = all.into_iter().find(|i| i.is_settable() && i.name.eq_ignore_ascii_case(&stand_in.control));
+        let info =
+            all.into_iter().find(|i| i.is_settable() && i.name.eq_ignore_ascii_case(&stand_in.control));
         let settings = stand_in.values.iter().zip(&options.exposures_s);
-        let settings = settings.map(|(value, s)| Setting { value: *value, asked_s: *s, seconds: *s }).collect();
+        let settings =
+            settings.map(|(value, s)| Setting { value: *value, asked_s: *s, seconds: *s }).collect();
         if let Some(info) = info {
             return (Some(Knob { info, unit: Unit::StandIn }), settings);
         }
@@ -211,15 +236,22 @@ fn set_format(
     };
     let offered = device::formats(video);
     let readable = offered.iter().filter_map(|f| Some((formats::rank(formats::parse(&f.fourcc)?)?, f)));
-    let named = |f: &device::FormatInfo| options.fourcc.is_none_or(|wished| formats::name(wished) == f.fourcc);
+    let named =
+        |f: &device::FormatInfo| options.fourcc.is_none_or(|wished| formats::name(wished) == f.fourcc);
     let mut readable: Vec<_> = readable
         .filter(|(_, f)| named(f) && formats::parse(&f.fourcc).and_then(formats::layout).is_some_and(fitting))
         .collect();
-    readable.sort_by_key(|(rank, f)| (device::nearest_size(f, wished) != Some(wished) && mosaic.is_none(), *rank));
+    readable.sort_by_key(|(rank, f)| {
+        (device::nearest_size(f, wished) != Some(wished) && mosaic.is_none(), *rank)
+    });
     let Some((_, best)) = readable.first() else {
         let offers = offered.iter().map(|f| f.fourcc.as_str()).collect::<Vec<_>>().join(", ");
         let expected = options.fourcc.map_or_else(|| format!("one of {}", formats::names()), formats::name);
-        return Err(CameraError::Unfit { path: path.clone(), found: format!("the pixel formats {offers}"), expected });
+        return Err(CameraError::Unfit {
+            path: path.clone(),
+            found: format!("the pixel formats {offers}"),
+            expected,
+        });
     };
     let fourcc = formats::parse(&best.fourcc).unwrap_or_default();
     let (width, height) =

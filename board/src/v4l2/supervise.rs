@@ -103,7 +103,8 @@ impl Supervisor {
 }
 
 fn changed(camera: &Camera, before: &Picture) -> CameraError {
-    let tell = |p: &Picture| format!("pictures of {} x {} {}", p.width, p.height, super::formats::name(p.fourcc));
+    let tell =
+        |p: &Picture| format!("pictures of {} x {} {}", p.width, p.height, super::formats::name(p.fourcc));
     let (found, expected) = (tell(camera.picture()), format!("{} as before", tell(before)));
     CameraError::Unfit { path: camera.path().into(), found, expected }
 }
@@ -116,7 +117,12 @@ mod tests {
     #[test]
     fn fifty_disconnects_are_fifty_recoveries_and_nothing_is_left_open() {
         let faults = (1..=50u64).map(|n| (n * 200, Fault::Disconnect(Duration::from_millis(3500))));
-        let kernel = FakeKernel::new(Script { faults: faults.collect(), loss: 0.05, interrupt: 11, ..Script::default() });
+        let kernel = FakeKernel::new(Script {
+            faults: faults.collect(),
+            loss: 0.05,
+            interrupt: 11,
+            ..Script::default()
+        });
         let options = Options { size: (64, 48), ..Options::of("/dev/video0") };
         let mut supervisor = Supervisor::open(Box::new(kernel.clone()), options).expect("a camera");
         let (mut frame, mut reasons, mut frames) = (RawFrame::default(), Vec::new(), 0);

@@ -14,7 +14,12 @@ const SECOND: Duration = Duration::from_secs(1);
 
 fn options() -> Options {
     let levels = Levels { response: Response::Linear, black: 0.0, white: 1.0 };
-    Options { size: (64, 48), exposures_s: vec![0.001, 0.006, 0.036], levels: Some(levels), ..Options::of("/dev/video0") }
+    Options {
+        size: (64, 48),
+        exposures_s: vec![0.001, 0.006, 0.036],
+        levels: Some(levels),
+        ..Options::of("/dev/video0")
+    }
 }
 
 /// What a run of frames came to.
@@ -54,7 +59,11 @@ fn exposures_are_right_for_delays_of_0_to_4_frames_with_losses_and_signals() {
         let (lost, counters) = (camera.counters().lost, camera.counters());
         println!("delay {delay}: {tally:?}, {counters:?}");
         assert!(lost > 100, "frames were lost: {lost}");
-        assert_eq!((tally.wrong, counters.mismatches, counters.resyncs), (0, 0, 0), "delay {delay}: {tally:?}");
+        assert_eq!(
+            (tally.wrong, counters.mismatches, counters.resyncs),
+            (0, 0, 0),
+            "delay {delay}: {tally:?}"
+        );
         assert_eq!(tally.right, tally.frames, "every frame has its exposure");
         assert!(tally.verified > tally.frames / 2, "delay {delay}: {tally:?}");
     }
@@ -85,7 +94,11 @@ fn a_wrong_delay_is_noticed_put_right_and_counted() {
             Camera::open(&mut kernel, &Options { delay: Some(believed), ..options() }).expect("a camera");
         run(&mut camera, &mut kernel, 60);
         let counters = camera.counters();
-        assert_eq!((camera.delay(), counters.resyncs), (Some(real), 1), "{believed} for {real}: {counters:?}");
+        assert_eq!(
+            (camera.delay(), counters.resyncs),
+            (Some(real), 1),
+            "{believed} for {real}: {counters:?}"
+        );
         assert!(counters.mismatches > 0, "counted");
         let after = run(&mut camera, &mut kernel, 500);
         assert_eq!(after.wrong, 0, "{believed} for {real}: {after:?}");
@@ -108,7 +121,8 @@ fn clamped_exposures_are_reported_as_they_are() {
     let camera = Camera::open(&mut kernel, &options()).expect("a camera");
     let got: Vec<_> = camera.settings().iter().map(|s| (s.value, s.asked_s, s.seconds)).collect();
     assert_eq!(got, [(20, 0.001, 0.002), (60, 0.006, 0.006), (100, 0.036, 0.01)], "asked and got");
-    let told: Vec<_> = camera.agreed().iter().map(|a| format!("{}: {} -> {}", a.what, a.asked, a.got)).collect();
+    let told: Vec<_> =
+        camera.agreed().iter().map(|a| format!("{}: {} -> {}", a.what, a.asked, a.got)).collect();
     assert!(told.contains(&"exposure: 36.00 ms -> 10.00 ms".into()), "{told:?}");
 }
 
@@ -134,7 +148,11 @@ fn a_sensor_gets_its_frame_length_before_its_lines_and_keeps_its_gain() {
     let blank = written.iter().position(|w| w.0 == abi::VBLANK).expect("VBLANK");
     let exposure = written.iter().position(|w| w.0 == abi::EXPOSURE).expect("EXPOSURE");
     assert!(blank < exposure, "{written:?}");
-    assert_eq!(written.iter().filter(|w| [abi::VBLANK, abi::ANALOGUE_GAIN].contains(&w.0)).count(), 2, "once each");
+    assert_eq!(
+        written.iter().filter(|w| [abi::VBLANK, abi::ANALOGUE_GAIN].contains(&w.0)).count(),
+        2,
+        "once each"
+    );
     let tally = run(&mut camera, &mut kernel, 300);
     assert_eq!((tally.wrong, tally.right), (0, 300), "{tally:?}");
 }
@@ -154,14 +172,19 @@ fn a_camera_without_an_exposure_gives_frames_all_the_same() {
     let mut camera = Camera::open(&mut kernel, &options()).expect("a camera");
     let mut frame = RawFrame::default();
     assert!(camera.next(&mut kernel, SECOND, &mut frame).expect("a frame"), "whole");
-    assert_eq!((frame.taken.slot, frame.taken.known), (Some(0), Known::Unknown), "one exposure, of its own making");
+    assert_eq!(
+        (frame.taken.slot, frame.taken.known),
+        (Some(0), Known::Unknown),
+        "one exposure, of its own making"
+    );
     assert_eq!(camera.settings().len(), 1, "the frame's time");
 }
 
 #[test]
 fn another_control_may_stand_in() {
     let stand_in = StandIn { control: "brightness".into(), values: vec![10, 60, 200] };
-    let mut kernel = FakeKernel::new(Script { kind: Kind::NoExposure, delay: 0, loss: 0.05, ..Script::default() });
+    let mut kernel =
+        FakeKernel::new(Script { kind: Kind::NoExposure, delay: 0, loss: 0.05, ..Script::default() });
     let mut camera =
         Camera::open(&mut kernel, &Options { stand_in: Some(stand_in), ..options() }).expect("a camera");
     assert_eq!(camera.delay(), Some(0), "found by the step test");
@@ -190,7 +213,8 @@ fn what_ends_a_stream_is_told_apart() {
         let mut kernel = FakeKernel::new(Script { faults: vec![(300, fault)], ..Script::default() });
         let mut camera = Camera::open(&mut kernel, &options()).expect("a camera");
         let mut frame = RawFrame::default();
-        let error = (0..1000).find_map(|_| camera.next(&mut kernel, SECOND, &mut frame).err()).expect("an end");
+        let error =
+            (0..1000).find_map(|_| camera.next(&mut kernel, SECOND, &mut frame).err()).expect("an end");
         assert!(error.to_string().contains(told), "{error}");
         drop(camera);
         assert_eq!(kernel.held(), (0, 0), "all closed");
@@ -204,7 +228,10 @@ fn a_busy_camera_is_tried_a_few_times_and_then_named() {
     let mut kernel = FakeKernel::new(Script { busy: 1000, ..Script::default() });
     let Err(error) = Camera::open(&mut kernel, &options()) else { panic!("busy") };
     let line = error.to_string();
-    assert!(matches!(error, CameraError::Failed { .. }) && line.starts_with("/dev/video0: open: found "), "{line}");
+    assert!(
+        matches!(error, CameraError::Failed { .. }) && line.starts_with("/dev/video0: open: found "),
+        "{line}"
+    );
 }
 
 #[test]

@@ -69,7 +69,15 @@ impl Verifier {
         let log_s: Vec<f64> = seconds.iter().map(|s| s.ln()).collect();
         let gaps = log_s.windows(2).map(|w| (w[1] - w[0]).abs());
         let tolerance = (TOLERANCE * gaps.fold(f64::INFINITY, f64::min)).min(LARGEST_TOLERANCE);
-        Self { levels, log_s, tolerance, before: None, codes: Vec::new(), ratios: Vec::new(), seen: VecDeque::new() }
+        Self {
+            levels,
+            log_s,
+            tolerance,
+            before: None,
+            codes: Vec::new(),
+            ratios: Vec::new(),
+            seen: VecDeque::new(),
+        }
     }
 
     /// Compares frame `sequence`, whose samples are `codes`, with the one before; `codes` gets the old samples' memory.
@@ -88,7 +96,8 @@ impl Verifier {
 
     /// The delay that explains what was seen lately, if the believed one does not.
     pub fn better_delay(&mut self, schedule: &Schedule) -> Option<u32> {
-        let count = |delay, verdict| self.seen.iter().filter(|s| self.judge(**s, schedule, delay) == verdict).count();
+        let count =
+            |delay, verdict| self.seen.iter().filter(|s| self.judge(**s, schedule, delay) == verdict).count();
         if count(schedule.delay(), Verdict::Differs) < DISAGREEING {
             return None;
         }

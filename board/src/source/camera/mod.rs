@@ -130,7 +130,16 @@ impl CameraSource {
         let theirs = Arc::clone(&shared);
         let thread = thread.spawn(move || capture(supervisor, &theirs)).map_err(OpenCameraError::Thread)?;
         let exposures = seconds.iter().map(|s| Exposure { seconds: *s, gain: 1.0 }).collect();
-        Ok(Self { calibration, picture, exposures, agreed, lens, raw: RawBurst::default(), shared, thread: Some(thread) })
+        Ok(Self {
+            calibration,
+            picture,
+            exposures,
+            agreed,
+            lens,
+            raw: RawBurst::default(),
+            shared,
+            thread: Some(thread),
+        })
     }
 
     /// What was asked of the camera and what was got.
@@ -191,7 +200,10 @@ impl Source for CameraSource {
         burst.frames.truncate(frames.len());
         for (i, (raw, seconds)) in frames.iter().zip(seconds).enumerate() {
             if burst.frames.len() == i {
-                burst.frames.push(Frame { exposure: Exposure { seconds: *seconds, gain: 1.0 }, pixels: Pixels::U8(Vec::new()) });
+                burst.frames.push(Frame {
+                    exposure: Exposure { seconds: *seconds, gain: 1.0 },
+                    pixels: Pixels::U8(Vec::new()),
+                });
             }
             burst.frames[i].exposure = Exposure { seconds: *seconds, gain: 1.0 };
             unpack::unpack(&self.picture, &raw.bytes, &mut burst.frames[i].pixels);
@@ -214,7 +226,8 @@ impl Drop for CameraSource {
 
 /// Takes frames until told to stop.
 fn capture(mut supervisor: Supervisor, shared: &Shared) {
-    let (mut frame, mut assembler, mut burst) = (RawFrame::default(), Assembler::default(), RawBurst::default());
+    let (mut frame, mut assembler, mut burst) =
+        (RawFrame::default(), Assembler::default(), RawBurst::default());
     let mut streaming = false;
     while !shared.stop.load(Ordering::Relaxed) {
         if !streaming && let Some(camera) = supervisor.camera() {

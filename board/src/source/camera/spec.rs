@@ -60,18 +60,22 @@ impl CameraSpec {
             match name {
                 "lens" if !value.is_empty() => {}
                 "lens" => return Err(refuse("a lens file")),
-                "size" => options.size = size(value).ok_or_else(|| refuse("columns x rows, such as 640x480"))?,
+                "size" => {
+                    options.size = size(value).ok_or_else(|| refuse("columns x rows, such as 640x480"))?;
+                }
                 "format" => {
                     let known = formats::parse(value).filter(|f| formats::rank(*f).is_some());
-                    options.fourcc = Some(known.ok_or_else(|| refuse(&format!("one of {}", formats::names())))?);
+                    options.fourcc =
+                        Some(known.ok_or_else(|| refuse(&format!("one of {}", formats::names())))?);
                 }
                 "rate" => {
                     let rate = number(value).filter(|r| (0.1..=1000.0).contains(r));
                     options.rate_hz = rate.ok_or_else(|| refuse("0.1 to 1000 frames a second"))?;
                 }
                 "exposures" => {
-                    options.exposures_s = exposures(value)
-                        .ok_or_else(|| refuse(&format!("1 to {MAX_EXPOSURES} rising times in seconds, such as 0.001/0.01")))?;
+                    options.exposures_s = exposures(value).ok_or_else(|| {
+                        refuse(&format!("1 to {MAX_EXPOSURES} rising times in seconds, such as 0.001/0.01"))
+                    })?;
                 }
                 "sensor" if !value.is_empty() => options.subdevice = Some(value.into()),
                 "sensor" => return Err(refuse("a sub-device, such as /dev/v4l-subdev0")),
@@ -80,7 +84,10 @@ impl CameraSpec {
                     options.delay = Some(delay.ok_or_else(|| refuse(&format!("0 to {MAX_DELAY} frames")))?);
                 }
                 "stand-in" => {
-                    options.stand_in = Some(stand_in(value).ok_or_else(|| refuse("a control and its values, such as Gain:1/50/200"))?);
+                    options.stand_in = Some(
+                        stand_in(value)
+                            .ok_or_else(|| refuse("a control and its values, such as Gain:1/50/200"))?,
+                    );
                 }
                 _ => {
                     let known = "lens, size, format, rate, exposures, sensor, delay or stand-in";
@@ -91,7 +98,9 @@ impl CameraSpec {
         let values = options.stand_in.as_ref().map_or(0, |s| s.values.len());
         if values > 0 && values != options.exposures_s.len() {
             let exposures = options.exposures_s.len();
-            return Err(format!("found {values} stand-in values, expected {exposures}, one for each exposure"));
+            return Err(format!(
+                "found {values} stand-in values, expected {exposures}, one for each exposure"
+            ));
         }
         Ok(options)
     }
@@ -114,7 +123,8 @@ fn size(text: &str) -> Option<(u32, u32)> {
 }
 
 fn exposures(text: &str) -> Option<Vec<f64>> {
-    let times: Vec<f64> = text.split('/').map(|t| number(t).filter(|s| (1e-6..=60.0).contains(s))).collect::<Option<_>>()?;
+    let times: Vec<f64> =
+        text.split('/').map(|t| number(t).filter(|s| (1e-6..=60.0).contains(s))).collect::<Option<_>>()?;
     (times.len() <= MAX_EXPOSURES && times.windows(2).all(|w| w[0] < w[1])).then_some(times)
 }
 
@@ -130,11 +140,21 @@ mod tests {
 
     #[test]
     fn options_follow_the_path() {
-        let spec = CameraSpec::parse("/dev/v4l/by-path/x:1.0,size=1280x720,format=YUYV,exposures=0.001/0.02,delay=2,lens=l.toml");
+        let spec = CameraSpec::parse(
+            "/dev/v4l/by-path/x:1.0,size=1280x720,format=YUYV,exposures=0.001/0.02,delay=2,lens=l.toml",
+        );
         let spec = spec.expect("a camera");
         let options = spec.options().expect("checked");
-        assert_eq!((options.size, options.exposures_s, options.delay), ((1280, 720), vec![0.001, 0.02], Some(2)), "read");
-        assert_eq!((spec.lens(), spec.path()), (Some("l.toml".into()), "/dev/v4l/by-path/x:1.0".into()), "read");
+        assert_eq!(
+            (options.size, options.exposures_s, options.delay),
+            ((1280, 720), vec![0.001, 0.02], Some(2)),
+            "read"
+        );
+        assert_eq!(
+            (spec.lens(), spec.path()),
+            (Some("l.toml".into()), "/dev/v4l/by-path/x:1.0".into()),
+            "read"
+        );
     }
 
     #[test]
@@ -153,7 +173,10 @@ mod tests {
         ];
         for (text, named) in cases {
             let line = CameraSpec::parse(text).expect_err(text);
-            assert!(line.contains(named) && line.contains("expected") && !line.contains('\n'), "{text}: {line}");
+            assert!(
+                line.contains(named) && line.contains("expected") && !line.contains('\n'),
+                "{text}: {line}"
+            );
         }
     }
 }

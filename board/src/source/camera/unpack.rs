@@ -30,7 +30,9 @@ fn narrow(picture: &Picture, bytes: &[u8], samples: &mut [u8]) {
         let rgb = out.as_chunks_mut::<3>().0;
         match picture.layout {
             Layout::Rgb24 => out.copy_from_slice(&row[..3 * width]),
-            Layout::Bgr24 => rgb.iter_mut().zip(row.as_chunks::<3>().0).for_each(|(o, [b, g, r])| *o = [*r, *g, *b]),
+            Layout::Bgr24 => {
+                rgb.iter_mut().zip(row.as_chunks::<3>().0).for_each(|(o, [b, g, r])| *o = [*r, *g, *b]);
+            }
             Layout::Yuyv => {
                 for (two, [y0, u, y1, v]) in rgb.chunks_mut(2).zip(row.as_chunks::<4>().0) {
                     let offsets = matrix.chroma(*u, *v);
@@ -73,7 +75,13 @@ fn wide(picture: &Picture, bytes: &[u8], samples: &mut [u16]) {
 }
 
 /// Gives each pixel of row `y` the red and blue of its cell and the cell's green of its own row: no light is mixed between cells.
-fn demosaic<T>(picture: &Picture, y: usize, mosaic: Mosaic, rgb: &mut [[T; 3]], code: impl Fn(usize, usize) -> T) {
+fn demosaic<T>(
+    picture: &Picture,
+    y: usize,
+    mosaic: Mosaic,
+    rgb: &mut [[T; 3]],
+    code: impl Fn(usize, usize) -> T,
+) {
     let (red_x, red_y) = (mosaic.red_x as usize, mosaic.red_y as usize);
     let top = (y & !1).min(picture.height as usize - 2);
     let green_x = if (y - top) & 1 == red_y { 1 - red_x } else { red_x };
@@ -144,7 +152,8 @@ mod tests {
     fn colour_bars_become_their_colours() {
         let found = narrow_of(&picture("YUYV", 2, 2, false), &[81, 90, 81, 240, 235, 128, 16, 128]);
         let expected = [255, 0, 0, 255, 0, 0, 255, 255, 255, 0, 0, 0];
-        let near = |found: &[u8], expected: &[u8]| found.iter().zip(expected).all(|(a, b)| a.abs_diff(*b) <= 1);
+        let near =
+            |found: &[u8], expected: &[u8]| found.iter().zip(expected).all(|(a, b)| a.abs_diff(*b) <= 1);
         assert!(near(&found, &expected), "{found:?}");
         let found = narrow_of(&picture("NV12", 2, 2, false), &[41, 41, 41, 41, 240, 110]);
         assert!(near(&found, &[0, 0, 255].repeat(4)), "{found:?}");
