@@ -170,7 +170,7 @@ try:
             guest.wait("pulled", 60)
             time.sleep(1)
             stale = guest.lights()
-            check(stale["valid"] and stale["stale"] and "gone" in stale["stale"]["reason"], f"while it is unplugged: {stale['stale']}")
+            check(stale["valid"] and stale["stale"] and "found no camera" in stale["stale"]["reason"], f"while it is unplugged: {stale['stale']}")
             print(f"           stale: {stale['stale']}")
             guest.tell("go")
         guest.wait(f"plugged {n}", 60)

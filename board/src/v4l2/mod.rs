@@ -131,8 +131,8 @@ pub enum CameraError {
         /// What would have been right.
         expected: &'static str,
     },
-    /// The device is not there any more.
-    #[error("{0}: found the camera gone, expected it to stay plugged in")]
+    /// The device is not there, or not any more.
+    #[error("{0}: found no camera, expected one that is plugged in")]
     Gone(PathBuf),
     /// No frame for too long.
     #[error("{path}: found no frame in {ms} ms, expected one every {period_ms} ms")]

@@ -205,7 +205,7 @@ fn in_the_dark_the_delay_stays_unknown_and_frames_say_so() {
 #[test]
 fn what_ends_a_stream_is_told_apart() {
     let ends = [
-        (Fault::Disconnect(SECOND), "gone"),
+        (Fault::Disconnect(SECOND), "found no camera"),
         (Fault::Stall(Duration::from_secs(20)), "no frame in 1000 ms"),
         (Fault::SourceChange, "another picture format"),
     ];

@@ -10,7 +10,7 @@ pub use spec::{CameraSpec, HELP};
 use super::{Source, SourceError};
 use crate::calibration::{Burst, Calibration, Frame, Pixels};
 use crate::recorded::{LensFile, RecordedError, read_lens};
-use crate::v4l2::capture::{Counters, RawFrame};
+use crate::v4l2::capture::{Camera, Counters, RawFrame};
 use crate::v4l2::formats::Picture;
 use crate::v4l2::setup::Agreed;
 use crate::v4l2::supervise::{Outcome, Supervisor};
@@ -228,7 +228,7 @@ impl Drop for CameraSource {
 fn capture(mut supervisor: Supervisor, shared: &Shared) {
     let (mut frame, mut assembler, mut burst) =
         (RawFrame::default(), Assembler::default(), RawBurst::default());
-    let mut streaming = false;
+    let (mut streaming, mut resyncs) = (false, 0);
     while !shared.stop.load(Ordering::Relaxed) {
         if !streaming && let Some(camera) = supervisor.camera() {
             streaming = true;
@@ -245,9 +245,17 @@ fn capture(mut supervisor: Supervisor, shared: &Shared) {
                 burst.seconds = seconds;
                 state.fresh = true;
                 state.reopened = supervisor.reopened();
-                state.counters = supervisor.camera().map(|c| c.counters()).unwrap_or_default();
+                state.counters = supervisor.camera().map(Camera::counters).unwrap_or_default();
+                let found = state.counters.resyncs;
                 drop(state);
                 shared.news.notify_all();
+                if found > resyncs {
+                    tracing::warn!(
+                        "the camera's exposures act {:?} frames after the next one: put right",
+                        supervisor.camera().and_then(Camera::delay)
+                    );
+                }
+                resyncs = found;
             }
             Outcome::Frame | Outcome::Nothing => {}
             Outcome::Down(reason) => {
