@@ -8,6 +8,7 @@ for name in ("arch", "qemu", "kernel", "initrd"):
 parser.add_argument("--frames", type=int, default=200)
 parser.add_argument("--disconnects", type=int, default=3)
 parser.add_argument("--lost", type=int, default=0, help="most lost frames; more than 0 only on a machine that is known to be busy")
+parser.add_argument("--console", help="file for all that the guest says")
 options = parser.parse_args()
 
 # Luma of vivid's white at brightness 128 is 234 (seen with v4l2-ctl, limited range); brightness shifts it step by step.
@@ -199,4 +200,7 @@ try:
 finally:
     if guest.process.poll() is None:
         guest.process.kill()
+    if options.console:
+        with open(options.console, "w") as file:
+            file.write("\n".join(guest.lines) + "\n")
 print(f"rig: {options.arch} passed")

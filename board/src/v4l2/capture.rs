@@ -22,6 +22,9 @@ pub(super) const SILENCE: (Duration, f64) = (Duration::from_secs(1), 5.0);
 /// Delay that is believed where none is known and none can be found out: that of most sensors.
 const USUAL_DELAY: u32 = 2;
 
+/// Most frames in a row whose numbers do not rise before the camera is opened anew.
+const MOST_REPEATS: u32 = 30;
+
 /// Part of a period after a frame's arrival up to which a control is written: later, the next frame may begin before it is.
 pub(super) const IN_TIME: f64 = 0.7;
 
@@ -32,7 +35,7 @@ pub struct Counters {
     pub frames: u64,
     /// Frames that the sensor counted and nobody delivered.
     pub lost: u64,
-    /// Frames with the error flag, or too short.
+    /// Frames with the error flag, too short, or with a number that was there before.
     pub broken: u64,
     /// Writes of the exposure that were left out because they would have come too late.
     pub late: u64,
@@ -82,6 +85,8 @@ pub struct Camera {
     pub(super) codes: Vec<f32>,
     counters: Counters,
     last: Option<u32>,
+    /// Frames in a row whose numbers do not rise.
+    repeats: u32,
     last_ns: u64,
     /// Least time from a frame's timestamp to its arrival, lately.
     age_ns: u64,
@@ -108,6 +113,7 @@ impl Camera {
             codes: Vec::new(),
             counters: Counters::default(),
             last: None,
+            repeats: 0,
             last_ns: kernel.now_ns(),
             age_ns: u64::MAX,
             setup,
@@ -180,7 +186,9 @@ impl Camera {
         frame: &mut RawFrame,
     ) -> Result<bool, CameraError> {
         let Some(buffer) = self.dequeue(kernel, timeout)? else { return Ok(false) };
-        self.write_due(kernel, buffer.sequence)?;
+        if buffer.flags & abi::BUFFER_ERROR == 0 {
+            self.write_due(kernel, buffer.sequence)?;
+        }
         self.finish(&buffer, frame)
     }
 
@@ -288,21 +296,28 @@ impl Camera {
             Err(Errno::AGAIN) => return self.silence(kernel),
             Err(e) => return Err(failed(&self.path, "DQBUF", e, "a frame")),
         }
-        self.count(kernel, &buffer)?;
+        self.count(kernel, &mut buffer)?;
         Ok(Some(buffer))
     }
 
+    /// A number that does not rise says nothing of the frame: busy drivers repeat one now and then, and the frame is left out.
+    fn repeat(&mut self, buffer: &mut abi::Buffer, last: u32) -> Result<(), CameraError> {
+        buffer.flags |= abi::BUFFER_ERROR;
+        self.repeats += 1;
+        if self.repeats <= MOST_REPEATS {
+            return Ok(());
+        }
+        let found = format!("frame {} after frame {last}, again and again", buffer.sequence);
+        Err(CameraError::Unfit { path: self.path.clone(), found, expected: "rising numbers".into() })
+    }
+
     /// Keeps the books of what came when.
-    fn count(&mut self, kernel: &dyn Kernel, buffer: &abi::Buffer) -> Result<(), CameraError> {
+    fn count(&mut self, kernel: &dyn Kernel, buffer: &mut abi::Buffer) -> Result<(), CameraError> {
         if let Some(last) = self.last {
             if !is_after(buffer.sequence, last) {
-                let found = format!("frame {} after frame {last}", buffer.sequence);
-                return Err(CameraError::Unfit {
-                    path: self.path.clone(),
-                    found,
-                    expected: "rising numbers".into(),
-                });
+                return self.repeat(buffer, last);
             }
+            self.repeats = 0;
             self.counters.lost += u64::from(buffer.sequence.wrapping_sub(last) - 1);
         }
         self.last = Some(buffer.sequence);

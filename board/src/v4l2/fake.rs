@@ -29,6 +29,8 @@ pub enum Fault {
     Stall(Duration),
     /// From here on controls take so many frames.
     Delay(u32),
+    /// The frame has the number of the one before.
+    Repeat,
     /// The driver says that the picture format changed.
     SourceChange,
 }
@@ -203,7 +205,7 @@ impl World {
         self.truth.insert(frame, value);
         let faults: Vec<Fault> =
             self.script.faults.iter().filter(|(at, _)| *at == self.total).map(|(_, f)| *f).collect();
-        let (mut flags, mut used) = (0, BYTES);
+        let (mut flags, mut used, mut number) = (0, BYTES, frame);
         for fault in faults {
             match fault {
                 Fault::Disconnect(time) => {
@@ -215,6 +217,7 @@ impl World {
                 Fault::Short => used -= 1,
                 Fault::Error => flags = abi::BUFFER_ERROR,
                 Fault::Stall(time) => self.start_ns += time.as_nanos() as u64,
+                Fault::Repeat => number -= 1,
                 Fault::Delay(delay) => self.script.delay = delay,
                 Fault::SourceChange => self.events += 1,
             }
@@ -230,7 +233,7 @@ impl World {
             flags,
             bytes_used: used as u32,
             timestamp,
-            sequence: frame,
+            sequence: number,
             ..Default::default()
         };
         let picture = self.expose(value);

@@ -40,8 +40,10 @@ impl Supervisor {
     ///
     /// # Errors
     /// [`CameraError`]: what is wrong from the start is for people to put right.
-    pub fn open(mut kernel: Box<dyn Kernel>, options: Options) -> Result<Self, CameraError> {
+    pub fn open(mut kernel: Box<dyn Kernel>, mut options: Options) -> Result<Self, CameraError> {
         let camera = Camera::open(kernel.as_mut(), &options)?;
+        // What was found out once need not be found out again; where it changes, the frames will tell.
+        options.delay = camera.delay();
         let picture = *camera.picture();
         Ok(Self { kernel, options, camera: Some(camera), retry_ns: 0, picture, reopened: 0 })
     }

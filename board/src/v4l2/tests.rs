@@ -159,11 +159,11 @@ fn a_sensor_gets_its_frame_length_before_its_lines_and_keeps_its_gain() {
 
 #[test]
 fn broken_frames_are_left_out_and_counted() {
-    let faults = vec![(300, Fault::Short), (310, Fault::Error)];
+    let faults = vec![(300, Fault::Short), (310, Fault::Error), (320, Fault::Repeat)];
     let mut kernel = FakeKernel::new(Script { faults, ..Script::default() });
     let mut camera = Camera::open(&mut kernel, &options()).expect("a camera");
     let tally = run(&mut camera, &mut kernel, 400);
-    assert_eq!((camera.counters().broken, tally.wrong), (2, 0), "{tally:?}");
+    assert_eq!((camera.counters().broken, tally.wrong), (3, 0), "{tally:?}");
 }
 
 #[test]
