@@ -1,5 +1,6 @@
 //! A streaming camera, one frame at a time, each with its exposure.
 
+use super::arrivals::Arrivals;
 use super::device::failed;
 use super::exposure::{Setting, Unit};
 use super::formats::Picture;
@@ -25,8 +26,8 @@ const USUAL_DELAY: u32 = 2;
 /// Most frames in a row whose numbers do not rise before the camera is opened anew.
 const MOST_REPEATS: u32 = 30;
 
-/// Part of a period after a frame's arrival up to which a control is written: later, the next frame may begin before it is.
-pub(super) const IN_TIME: f64 = 0.7;
+/// Part of a period after a frame should have come up to which a control is written: later, the next frame may begin before it is.
+pub(super) const IN_TIME: f64 = 0.6;
 
 /// What happened to frames since the camera was opened.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -87,9 +88,7 @@ pub struct Camera {
     last: Option<u32>,
     /// Frames in a row whose numbers do not rise.
     repeats: u32,
-    last_ns: u64,
-    /// Least time from a frame's timestamp to its arrival, lately.
-    age_ns: u64,
+    arrivals: Arrivals,
 }
 
 impl Camera {
@@ -114,8 +113,7 @@ impl Camera {
             counters: Counters::default(),
             last: None,
             repeats: 0,
-            last_ns: kernel.now_ns(),
-            age_ns: u64::MAX,
+            arrivals: Arrivals::new(setup.period_s, kernel.now_ns()),
             setup,
         };
         camera.start(kernel)?;
@@ -210,8 +208,7 @@ impl Camera {
         }
         self.queue(buffer.index)?;
         if good {
-            let [s, us] = buffer.timestamp.map(|v| u64::try_from(v).unwrap_or(0));
-            let timestamp_ns = s.saturating_mul(1_000_000_000).saturating_add(us.saturating_mul(1000));
+            let timestamp_ns = stamped_ns(buffer);
             let (slot, known) = self.identify(buffer.sequence);
             frame.taken = Taken { sequence: buffer.sequence, timestamp_ns, slot, known };
         }
@@ -253,9 +250,9 @@ impl Camera {
         self.write(kernel, sequence, self.schedule.due(sequence))
     }
 
-    /// Periods that have passed since the newest frame arrived.
+    /// Periods that have passed since the newest frame should have come.
     pub(super) fn lateness(&self, kernel: &dyn Kernel) -> f64 {
-        kernel.now_ns().saturating_sub(self.last_ns) as f64 / (self.setup.period_s * 1e9)
+        self.arrivals.lateness(kernel.now_ns())
     }
 
     pub(super) fn write(
@@ -321,24 +318,14 @@ impl Camera {
             self.counters.lost += u64::from(buffer.sequence.wrapping_sub(last) - 1);
         }
         self.last = Some(buffer.sequence);
-        // A frame that waited in the queue arrived earlier than now: when, its timestamp tells by the least age seen.
-        let now = kernel.now_ns();
-        let [s, us] = buffer.timestamp.map(|v| u64::try_from(v).unwrap_or(0));
-        let stamped = s.saturating_mul(1_000_000_000).saturating_add(us.saturating_mul(1000));
-        let period_ns = self.setup.period_s * 1e9;
-        let age = now.saturating_sub(stamped);
-        if stamped == 0 || stamped > now || age as f64 > 20.0 * period_ns {
-            self.last_ns = now;
-            return Ok(());
-        }
-        self.age_ns = self.age_ns.saturating_add((period_ns / 1000.0) as u64).min(age);
-        self.last_ns = stamped.saturating_add(self.age_ns).min(now);
+        let stamped_ns = stamped_ns(buffer);
+        self.arrivals.note(buffer.sequence, stamped_ns, kernel.now_ns());
         Ok(())
     }
 
     /// Nothing came: fine for a while.
     fn silence(&self, kernel: &dyn Kernel) -> Result<Option<abi::Buffer>, CameraError> {
-        let silent_ns = kernel.now_ns().saturating_sub(self.last_ns);
+        let silent_ns = kernel.now_ns().saturating_sub(self.arrivals.arrived_ns());
         let allowed = SILENCE.0.max(Duration::from_secs_f64(SILENCE.1 * self.setup.period_s));
         if u128::from(silent_ns) <= allowed.as_nanos() {
             return Ok(None);
@@ -380,7 +367,7 @@ impl Camera {
         self.write_first(kernel)?;
         let streaming = persist(|| self.setup.video.call(Call::StreamOn));
         streaming.map_err(|e| failed(&self.path, "STREAMON", e, "a sensor whose format and links fit"))?;
-        self.last_ns = kernel.now_ns();
+        self.arrivals = Arrivals::new(self.setup.period_s, kernel.now_ns());
         Ok(())
     }
 
@@ -396,6 +383,12 @@ impl Camera {
         let queued = persist(|| self.setup.video.call(Call::Queue(&mut buffer)));
         queued.map_err(|e| failed(&self.path, "QBUF", e, "a buffer to be taken back"))
     }
+}
+
+/// The driver's timestamp.
+fn stamped_ns(buffer: &abi::Buffer) -> u64 {
+    let [s, us] = buffer.timestamp.map(|v| u64::try_from(v).unwrap_or(0));
+    s.saturating_mul(1_000_000_000).saturating_add(us.saturating_mul(1000))
 }
 
 fn map(video: &mut dyn Node, path: &Path, index: u32) -> Result<(), CameraError> {

@@ -11,6 +11,7 @@
 //! events.
 
 pub mod abi;
+mod arrivals;
 pub mod capture;
 pub mod controls;
 mod delay;
