@@ -2,25 +2,28 @@
 
 #[cfg(all(feature = "v4l2", target_os = "linux"))]
 mod devices;
+mod plan;
 #[cfg(all(feature = "v4l2", target_os = "linux"))]
 mod record;
 
 #[cfg(feature = "mdns")]
 use crate::announce;
 use crate::memory;
-use crate::pipeline::{Pipeline, Settings};
+use crate::pipeline::Pipeline;
 use crate::probe::{Config, EXTRAPOLATIONS, Probe};
 use crate::samplers::{MAX_LIGHTS, NAMES};
-use crate::server::{self, Guard, Limits};
+use crate::server::{self, Guard, Limits, Options};
 use crate::source::{self, Spec};
 use crate::systemd;
 use clap::builder::PossibleValuesParser;
 use clap::error::ErrorKind;
 use clap::{Args, Parser, Subcommand};
 use hemilux_core::fill::Extrapolation;
+use plan::Plan;
 use std::ffi::OsString;
 use std::io::{self, Write};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener};
+use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -31,7 +34,9 @@ Examples:
   hemilux --source v4l2:/dev/video0,lens=lens.toml            a camera
   hemilux record --bursts 20 --out field         what it gives, for a replay
   hemilux --listen 127.0.0.1:0                   any free port; the first line on stdout names it
-  hemilux --listen 0.0.0.0:8080 --open           for everyone on the network
+  hemilux --listen 0.0.0.0:8080 --token-file hemilux.token   for the network; changes and pictures need the token
+  hemilux --listen 0.0.0.0:8080 --open           for everyone on the network, changes and pictures too
+  hemilux --config hemilux.toml                  what is in the file; options have the last word
   hemilux --plan --lights 20000                  what that would take of memory
   curl http://127.0.0.1:8080/lights.json         the next frame's lights
   curl 'http://127.0.0.1:8080/change?algorithm=pharr&samples=128'
@@ -67,30 +72,42 @@ enum Command {
 
 #[derive(Clone, Debug, Args)]
 struct Serve {
-    /// Where bursts come from: v4l2:PATH, scene:NAME or replay:DIR.
-    #[arg(long, default_value = "scene:room", value_parser = str::parse::<Spec>)]
-    source: Spec,
-    /// Where to listen; port 0 is any free one.
-    #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:8080", value_parser = address)]
-    listen: SocketAddr,
-    /// Allow --listen beyond this machine: whoever reaches the port may read and change everything.
-    #[arg(long)]
+    /// Where bursts come from: v4l2:PATH, scene:NAME or replay:DIR [default: scene:room].
+    #[arg(long, value_parser = str::parse::<Spec>)]
+    source: Option<Spec>,
+    /// Where to listen; port 0 is any free one [default: 127.0.0.1:8080].
+    #[arg(long, value_name = "ADDR:PORT", value_parser = address)]
+    listen: Option<SocketAddr>,
+    /// Allow --listen beyond this machine without a token: whoever reaches the port may read and change everything.
+    #[arg(long, conflicts_with = "token_file")]
     open: bool,
-    /// How the map becomes lights.
-    #[arg(long, value_name = "NAME", default_value_t = Settings::default().sampler, value_parser = PossibleValuesParser::new(NAMES))]
-    sampler: String,
-    /// Most lights of a set.
-    #[arg(long, value_name = "N", default_value_t = Settings::default().lights, value_parser = lights)]
-    lights: usize,
+    /// Changes and pictures need the token in this file, which is made (permissions 0600) if it is not there.
+    #[arg(long, value_name = "FILE")]
+    token_file: Option<PathBuf>,
+    /// A further name by which clients reach this machine; may be given more than once.
+    #[arg(long = "host", value_name = "NAME")]
+    hosts: Vec<String>,
+    /// Let pages of this other site, such as http://localhost:8000, use the probe; may be given more than once.
+    #[arg(long = "allow-origin", value_name = "ORIGIN", value_parser = origin)]
+    allow_origins: Vec<String>,
+    /// TOML file with these options and the settings; `PATCH /v1/config?save=1` writes the settings back to it.
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// How the map becomes lights [default: adaptive].
+    #[arg(long, value_name = "NAME", value_parser = PossibleValuesParser::new(NAMES))]
+    sampler: Option<String>,
+    /// Most lights of a set [default: 64].
+    #[arg(long, value_name = "N", value_parser = lights)]
+    lights: Option<usize>,
     /// Give the fewest lights whose shadowed error is at most this ratio: 0.03 is 3 per cent.
     #[arg(long, value_name = "E")]
     tolerance: Option<f32>,
     /// Give what has no direction as spherical harmonics in the place of lights.
     #[arg(long)]
     ambient: bool,
-    /// What stands for the part of the hemisphere that the lens does not see: none or average.
-    #[arg(long, value_name = "NAME", default_value = "none", value_parser = extrapolation)]
-    extrapolation: Extrapolation,
+    /// What stands for the part of the hemisphere that the lens does not see: none or average [default: none].
+    #[arg(long, value_name = "NAME", value_parser = extrapolation)]
+    extrapolation: Option<Extrapolation>,
     /// Announce the probe on the network by mDNS, as a service of type _hemilux._tcp.
     #[cfg(feature = "mdns")]
     #[arg(long)]
@@ -160,31 +177,24 @@ fn say(text: &str) -> Result<(), Failure> {
 }
 
 fn serve(options: &Serve) -> Result<(), Failure> {
-    check_reach(options)?;
-    let settings = Settings {
-        sampler: options.sampler.clone(),
-        lights: options.lights,
-        tolerance: options.tolerance,
-        ambient: options.ambient,
-        extrapolation: options.extrapolation,
-        ..Settings::default()
-    };
-    let config = Config { pipeline: settings.clone(), gui: false };
-    config.check().map_err(|e| Failure::usage(format!("settings: found {e}")))?;
-    let source = source::open(&options.source).map_err(Failure::new)?;
+    let plan = Plan::of(options)?;
+    let source = source::open(&plan.source).map_err(Failure::new)?;
     if options.plan {
+        let settings = plan.config.pipeline;
         let pipeline = Pipeline::try_new(source.calibration().clone(), &source.exposures(), settings);
         return say(&memory::Plan::of(&pipeline.map_err(Failure::new)?).to_string());
     }
-    let listener = TcpListener::bind(options.listen).map_err(|e| not_bound(options.listen, &e))?;
-    let probe = Probe::start(source, options.source.to_string(), config).map_err(Failure::new)?;
-    let guard = Guard::of(options.listen);
+    let access = plan.access()?;
+    let listener = TcpListener::bind(plan.listen).map_err(|e| not_bound(plan.listen, &e))?;
+    let Config { pipeline, .. } = &plan.config;
+    let what = format!("{}, {}, {} lights", plan.source, pipeline.sampler, pipeline.lights);
+    let probe = Probe::start(source, plan.source.to_string(), plan.config).map_err(Failure::new)?;
+    let guard = Guard::of(plan.listen, &plan.hosts);
+    let app = server::app(probe.link(), Options { guard, access, origins: plan.origins, file: plan.file });
     let failed = |e: io::Error| Failure::new(format!("the server: found {e}, expected it to start"));
-    let running =
-        server::start(listener, server::app(probe.link(), guard), Limits::default()).map_err(failed)?;
+    let running = server::start(listener, app, Limits::default()).map_err(failed)?;
     let mut signals = running.signals().map_err(failed)?;
-    let Serve { source, sampler, lights, .. } = options;
-    say(&format!("hemilux: serving http://{}/ ({source}, {sampler}, {lights} lights)\n", running.address()))?;
+    say(&format!("hemilux: serving http://{}/ ({what})\n", running.address()))?;
     systemd::serving(&running.address().to_string(), &probe.link());
     #[cfg(feature = "mdns")]
     let announced = options.announce.then(|| announce::announce(running.address()));
@@ -197,18 +207,6 @@ fn serve(options: &Serve) -> Result<(), Failure> {
     running.stop();
     drop(probe);
     Ok(())
-}
-
-/// Refuses to listen beyond this machine unless asked to.
-fn check_reach(options: &Serve) -> Result<(), Failure> {
-    if options.open || Guard::of(options.listen) == Guard::Loopback {
-        return Ok(());
-    }
-    Err(Failure::usage(format!(
-        "--listen {}: found an address beyond this machine, expected a loopback address, or --open as well to let everyone who \
-         reaches the port read and change everything",
-        options.listen
-    )))
 }
 
 fn not_bound(address: SocketAddr, error: &io::Error) -> Failure {
@@ -232,6 +230,15 @@ fn address(text: &str) -> Result<SocketAddr, String> {
     let local = text.strip_prefix("localhost:").and_then(|port| port.parse().ok());
     let local = local.map(|port: u16| SocketAddr::from((Ipv4Addr::LOCALHOST, port)));
     local.or_else(|| text.parse().ok()).ok_or_else(|| "expected ADDR:PORT, such as 127.0.0.1:8080".into())
+}
+
+fn origin(text: &str) -> Result<String, String> {
+    let rest = text.strip_prefix("http://").or_else(|| text.strip_prefix("https://"));
+    let is_origin =
+        rest.is_some_and(|r| !r.is_empty() && r.bytes().all(|b| b.is_ascii_graphic() && b != b'/'));
+    is_origin
+        .then(|| text.to_ascii_lowercase())
+        .ok_or_else(|| "expected an origin, such as http://localhost:8000".into())
 }
 
 fn lights(text: &str) -> Result<usize, String> {
@@ -263,7 +270,7 @@ mod tests {
     #[test]
     fn wrong_usage_is_one_line_that_names_the_option() {
         let cases: [(&[&str], &str); 13] = [
-            (&["--lights", "0"], "--lights"),
+            (&["--lights", "0"], "1 to 50000"),
             (&["--lights", "50001"], "50000"),
             (&["--lights", "many"], "'many'"),
             (&["--lights"], "--lights"),

@@ -1,24 +1,37 @@
 //! The probe: where bursts come from, the processing thread and the server.
 //!
 //! The way of the light: [`source`] (a scene or a recorded burst) -> [`pipeline`] (the core's stages in one place) -> `probe`
-//! (the thread that runs them) -> `server`.
+//! (the thread that runs them) -> `server`. `client` is the other end, for renderers; it needs none of the rest.
 
 #[cfg(feature = "mdns")]
 pub mod announce;
+#[cfg(feature = "pipeline")]
 pub mod calibration;
 #[cfg(feature = "server")]
 pub mod cli;
+#[cfg(feature = "client")]
+pub mod client;
+#[cfg(feature = "pipeline")]
 pub mod clock;
+#[cfg(feature = "server")]
+pub mod config_file;
+#[cfg(feature = "pipeline")]
 pub mod memory;
+#[cfg(feature = "pipeline")]
 pub mod picture;
+#[cfg(feature = "pipeline")]
 pub mod pipeline;
 #[cfg(feature = "server")]
 pub mod probe;
+#[cfg(feature = "pipeline")]
 pub mod recorded;
+#[cfg(feature = "pipeline")]
 pub mod samplers;
+#[cfg(feature = "pipeline")]
 pub mod scene;
 #[cfg(feature = "server")]
 pub mod server;
+#[cfg(feature = "pipeline")]
 pub mod source;
 #[cfg(feature = "server")]
 pub mod systemd;

@@ -59,13 +59,63 @@ fn it_prints_its_address_serves_and_ends_well() {
     }
 }
 
+/// A request with these headers, and the answer's first line.
+fn ask(address: &str, request: &str, headers: &str) -> String {
+    let mut stream = TcpStream::connect(address).expect("a connection");
+    write!(stream, "{request} HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n{headers}\r\n")
+        .expect("a request");
+    let mut answer = Vec::new();
+    stream.read_to_end(&mut answer).expect("an answer");
+    String::from_utf8_lossy(&answer).lines().next().unwrap_or_default().to_owned()
+}
+
+#[test]
+fn beyond_loopback_a_token_is_made_kept_and_asked_for() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let config = folder.path().join("hemilux.toml");
+    std::fs::write(&config, "listen = \"0.0.0.0:0\"\ntoken_file = \"secret\"\nlights = 20\n")
+        .expect("a file");
+    for run in 0..2 {
+        let (mut child, line, _stdout) =
+            serving(&["--config", config.to_str().expect("a path"), "--sampler", "pharr"]);
+        assert!(line.ends_with("(scene:room, pharr, 20 lights)\n"), "{line}");
+        let port = line.split("0.0.0.0:").nth(1).and_then(|l| l.split('/').next()).expect("a port");
+        let address = format!("127.0.0.1:{port}");
+        let token = std::fs::read_to_string(folder.path().join("secret")).expect("a token");
+        let bearer = format!("Authorization: Bearer {}\r\n", token.trim());
+        assert!(ask(&address, "GET /change?samples=30", "").contains(" 401 "), "without");
+        assert!(ask(&address, "GET /change?samples=30", &bearer).contains(" 200 "), "with");
+        assert!(ask(&address, "GET /v1/lights", "").contains(" 200 "), "lights are for all");
+        signal(&child, "-TERM");
+        child.wait().expect("it ends");
+        let mut errors = String::new();
+        child.stderr.take().expect("a pipe").read_to_string(&mut errors).expect("UTF-8");
+        assert!(!errors.contains(token.trim()), "the token is nowhere in the log");
+        assert_eq!(errors.matches("made a token in").count(), usize::from(run == 0), "{errors}");
+    }
+}
+
 #[test]
 fn errors_are_one_line_with_the_exit_status_of_their_kind() {
     let holder = TcpListener::bind("127.0.0.1:0").expect("a port");
     let taken = holder.local_addr().expect("an address").to_string();
     let empty = tempfile::tempdir().expect("a folder");
     let replay = format!("replay:{}", empty.path().display());
-    let cases: [(&[&str], i32, &str); 7] = [
+    let readable = empty.path().join("token");
+    std::fs::write(&readable, "0123456789abcdef\n").expect("a file");
+    std::fs::set_permissions(&readable, std::os::unix::fs::PermissionsExt::from_mode(0o644))
+        .expect("permissions");
+    let readable = readable.to_str().expect("a path");
+    let config = empty.path().join("hemilux.toml");
+    std::fs::write(&config, "lights = -1\n").expect("a file");
+    let config = config.to_str().expect("a path");
+    let cases: [(&[&str], i32, &str); 13] = [
+        (&["--listen", "0.0.0.0:0", "--token-file", readable], 1, "permissions 0644, expected 0600"),
+        (&["--listen", "0.0.0.0:0", "--open", "--token-file", readable], 2, "--token-file"),
+        (&["--listen", "[::]:0"], 2, "--token-file FILE"),
+        (&["--config", config], 1, "lights: found -1, expected a whole number"),
+        (&["--config", "/nonexistent/hemilux.toml"], 1, "/nonexistent/hemilux.toml"),
+        (&["--allow-origin", "localhost"], 2, "--allow-origin"),
         (&["--frobnicate"], 2, "--frobnicate"),
         (&["--lights", "0"], 2, "1 to 50000"),
         (&["--source", "webcam"], 2, "scene:NAME or replay:DIR"),

@@ -1,137 +1,18 @@
 //! The server over real sockets, with a source that gives a burst when the test says so.
 
-use hemilux::calibration::{Burst, Calibration};
-use hemilux::pipeline::Settings;
-use hemilux::probe::{Config, Probe};
-use hemilux::scene;
-use hemilux::server::{self, Guard, Limits, Running};
-use hemilux::source::{Pace, SceneSource, Source, SourceError};
-use hemilux_core::merge::Exposure;
+mod bench;
+
+use bench::{Answer, Bench, Step, ask, connect, get, raw};
+use hemilux::probe::Config;
+use hemilux::server::Limits;
 use serde_json::Value;
-use std::io::{ErrorKind, Read, Write};
-use std::net::{SocketAddr, TcpListener, TcpStream};
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::io::{Read, Write};
+use std::net::{SocketAddr, TcpStream};
 use std::thread::{JoinHandle, sleep, spawn};
 use std::time::{Duration, Instant};
 
 /// Long enough for a request to be waiting; where it is not, a test is weaker but does not fail.
 const SETTLED: Duration = Duration::from_millis(150);
-
-/// What the source does next; without one it has nothing.
-enum Step {
-    Burst,
-    Fail(&'static str),
-}
-
-struct Scripted {
-    scene: SceneSource,
-    steps: Receiver<Step>,
-}
-
-impl Source for Scripted {
-    fn calibration(&self) -> &Calibration {
-        self.scene.calibration()
-    }
-
-    fn exposures(&self) -> Vec<Exposure> {
-        self.scene.exposures()
-    }
-
-    fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
-        match self.steps.recv_timeout(Duration::from_millis(50)) {
-            Ok(Step::Burst) => self.scene.next(burst),
-            Ok(Step::Fail(reason)) => Err(SourceError::Gone(reason.into())),
-            Err(_) => Err(SourceError::NotYet),
-        }
-    }
-}
-
-/// A probe with its server.
-struct Bench {
-    steps: Sender<Step>,
-    running: Running,
-    probe: Probe,
-}
-
-impl Bench {
-    fn new(limits: Limits) -> Self {
-        Self::with_lights(limits, 64)
-    }
-
-    fn with_lights(limits: Limits, lights: usize) -> Self {
-        let (steps, script) = channel();
-        let scene = SceneSource::new(scene::by_name("room").expect("a scene"), Pace::Free);
-        let source = Box::new(Scripted { scene, steps: script });
-        let config = Config { pipeline: Settings { lights, ..Settings::default() }, gui: false };
-        let probe = Probe::start(source, "test".into(), config).expect("a probe");
-        let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
-        let running =
-            server::start(listener, server::app(probe.link(), Guard::Loopback), limits).expect("a server");
-        Self { steps, running, probe }
-    }
-
-    fn address(&self) -> SocketAddr {
-        self.running.address()
-    }
-
-    fn step(&self, step: Step) {
-        self.steps.send(step).expect("the source listens");
-    }
-
-    /// Gives a burst and waits until its set is published.
-    fn frame(&self) -> u64 {
-        let mut sets = self.probe.link().subscribe();
-        self.step(Step::Burst);
-        let began = Instant::now();
-        while !sets.has_changed().expect("the probe lives") {
-            assert!(began.elapsed() < Duration::from_secs(20), "no frame");
-            sleep(Duration::from_millis(1));
-        }
-        sets.borrow_and_update().as_ref().expect("a set").frame
-    }
-}
-
-#[derive(Debug)]
-struct Answer {
-    status: u16,
-    head: String,
-    body: String,
-}
-
-impl Answer {
-    fn json(&self) -> Value {
-        serde_json::from_str(&self.body).expect("JSON")
-    }
-}
-
-fn connect(address: SocketAddr) -> TcpStream {
-    let stream = TcpStream::connect(address).expect("a connection");
-    stream.set_read_timeout(Some(Duration::from_secs(20))).expect("a timeout");
-    stream
-}
-
-/// Sends `request` as it is and reads until the server closes.
-fn raw(address: SocketAddr, request: &[u8]) -> Answer {
-    let mut stream = connect(address);
-    // The server may refuse and close before it has read everything.
-    let _ = stream.write_all(request);
-    let mut bytes = Vec::new();
-    let end = stream.read_to_end(&mut bytes);
-    assert!(!end.is_err_and(|e| e.kind() == ErrorKind::WouldBlock), "no answer");
-    let text = String::from_utf8_lossy(&bytes).into_owned();
-    let (head, body) = text.split_once("\r\n\r\n").unwrap_or((&text, ""));
-    let status = head.split(' ').nth(1).and_then(|s| s.parse().ok()).unwrap_or(0);
-    Answer { status, head: head.to_ascii_lowercase(), body: body.into() }
-}
-
-fn ask(address: SocketAddr, path: &str, headers: &str) -> Answer {
-    let request = format!("GET {path} HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n{headers}\r\n");
-    raw(address, request.as_bytes())
-}
-
-fn get(address: SocketAddr, path: &'static str) -> JoinHandle<Answer> {
-    spawn(move || ask(address, path, ""))
-}
 
 #[test]
 fn data_requests_wait_for_the_next_frame() {

@@ -20,7 +20,7 @@ pub fn extrapolation_name(extrapolation: Extrapolation) -> &'static str {
 pub struct Config {
     /// The pipeline's part.
     pub pipeline: Settings,
-    /// The debug picture; kept for the requests that will show it, without effect on the frames.
+    /// Whether `screenshot` may draw the debug picture; without effect on the frames.
     pub gui: bool,
 }
 
@@ -35,7 +35,7 @@ impl Config {
 }
 
 /// A wish: what is `None` stays.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Change {
     /// A name of [`crate::samplers::NAMES`].
     pub sampler: Option<String>,
@@ -43,6 +43,10 @@ pub struct Change {
     pub lights: Option<usize>,
     /// What stands for the unseen.
     pub extrapolation: Option<Extrapolation>,
+    /// The shadowed error to reach; `Some(None)` is none to reach.
+    pub tolerance: Option<Option<f32>>,
+    /// Spherical harmonics for what has no direction.
+    pub ambient: Option<bool>,
     /// The debug picture.
     pub gui: Option<bool>,
 }
@@ -56,6 +60,8 @@ impl Change {
         }
         settings.lights = self.lights.unwrap_or(settings.lights);
         settings.extrapolation = self.extrapolation.unwrap_or(settings.extrapolation);
+        settings.tolerance = self.tolerance.unwrap_or(settings.tolerance);
+        settings.ambient = self.ambient.unwrap_or(settings.ambient);
         config.gui = self.gui.unwrap_or(config.gui);
     }
 }

@@ -6,11 +6,14 @@
 mod config;
 mod mailbox;
 mod published;
+pub mod settings;
+mod views;
 mod worker;
 
 pub use config::{Change, Config, EXTRAPOLATIONS, extrapolation_name};
 pub use mailbox::Applied;
 pub use published::Published;
+pub use views::{BurstView, Given, MapView, Slot, Views};
 pub use worker::Worker;
 
 use crate::pipeline::PipelineError;
@@ -48,6 +51,7 @@ pub struct Link {
     encode_us: AtomicU32,
     stopping: AtomicBool,
     turns: AtomicU64,
+    views: Views,
 }
 
 /// Why the last set is not fresh.
@@ -79,6 +83,7 @@ impl Link {
             encode_us: AtomicU32::new(0),
             stopping: AtomicBool::new(false),
             turns: AtomicU64::new(0),
+            views: Views::default(),
         }
     }
 
@@ -132,6 +137,12 @@ impl Link {
     #[must_use]
     pub fn failure(&self) -> Option<String> {
         lock(&self.failure).clone()
+    }
+
+    /// Where to ask for exposures and maps.
+    #[must_use]
+    pub fn views(&self) -> &Views {
+        &self.views
     }
 
     fn set_failure(&self, reason: Option<String>) {

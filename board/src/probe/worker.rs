@@ -123,7 +123,8 @@ impl Worker {
             set.requested = requested;
         });
         self.frames += 1;
-        self.link.latest.send_replace(Some(set));
+        self.link.latest.send_replace(Some(Arc::clone(&set)));
+        self.link.views.serve(&self.burst, &mut self.pipeline, &set);
         Ok(())
     }
 

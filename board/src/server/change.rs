@@ -1,8 +1,9 @@
 //! `/change`: settings, all or none of them, in effect from the next frame.
 
-use super::{Context, guard, line, pages};
-use crate::probe::{Applied, Change, EXTRAPOLATIONS};
-use crate::samplers::{MAX_LIGHTS, NAMES, least_lights};
+use super::{Context, access, line, pages};
+use crate::probe::settings::{Kind, SETTINGS, short};
+use crate::probe::{Applied, Change};
+use crate::samplers::{NAMES, SamplerError, least_lights};
 use axum::extract::rejection::QueryRejection;
 use axum::extract::{Query, State};
 use axum::http::{HeaderMap, StatusCode, Uri};
@@ -12,9 +13,6 @@ use std::time::Duration;
 
 /// Longest wait for the frame that confirms a change; a dead source gives none.
 const LONGEST_WAIT: Duration = Duration::from_millis(1500);
-
-/// Longest part of a name or value that is repeated to who sent it, characters.
-const ECHO: usize = 40;
 
 type Pairs = Vec<(String, String)>;
 
@@ -29,24 +27,29 @@ pub(super) async fn change(
     if pairs.is_empty() {
         return pages::change_form(&context.link.applied().borrow().config).into_response();
     }
-    if guard::is_foreign(&uri, &headers) {
-        return line(StatusCode::FORBIDDEN, "a change asked for by a page of another site");
+    if let Some(refusal) = access::check(&context, &uri, &headers) {
+        return refusal;
     }
     let change = match parse(&pairs) {
         Ok(change) => change,
         Err(found) => return refused(&found),
     };
-    let mut applied = context.link.applied();
-    let serial = match context.link.change(&change) {
-        Ok(serial) => serial,
-        Err(found) => return refused(&found.to_string()),
-    };
-    let looked_at = tokio::time::timeout(LONGEST_WAIT, applied.wait_for(|a| a.serial >= serial)).await;
-    let answer = looked_at.ok().and_then(|known| known.ok().map(|a| a.clone()));
-    match answer {
-        Some(answer) => confirm(&answer, &pairs),
-        None => pages::change_pending(&pairs).into_response(),
+    match make(&context, &change).await {
+        Ok(Some(answer)) => confirm(&answer, &pairs),
+        Ok(None) => pages::change_pending(&pairs).into_response(),
+        Err(found) => refused(&found.to_string()),
     }
+}
+
+/// Changes settings and waits until the processing thread has taken them up; `None` when that takes longer than a client waits.
+///
+/// # Errors
+/// Why nothing was changed.
+pub(super) async fn make(context: &Context, change: &Change) -> Result<Option<Applied>, SamplerError> {
+    let mut applied = context.link.applied();
+    let serial = context.link.change(change)?;
+    let looked_at = tokio::time::timeout(LONGEST_WAIT, applied.wait_for(|a| a.serial >= serial)).await;
+    Ok(looked_at.ok().and_then(|known| known.ok().map(|a| a.clone())))
 }
 
 fn confirm(answer: &Applied, pairs: &[(String, String)]) -> Response {
@@ -63,57 +66,31 @@ fn refused(found: &str) -> Response {
 
 /// Parameters and their values, one a line.
 pub(super) fn accepted() -> String {
-    let extrapolations = EXTRAPOLATIONS.map(|(name, _)| name).join("|");
-    let least = |name| least_lights(name, Domain::Hemisphere).unwrap_or(1);
-    let samples = NAMES.map(|name| format!("{}..{MAX_LIGHTS} for {name}", least(name))).join(", ");
-    let samplers = NAMES.join("|");
-    format!("algorithm={samplers}\nsamples=N ({samples})\nextrapolation={extrapolations}\ngui=on|off")
+    let line = |setting: &crate::probe::settings::Setting| match setting.kind {
+        Kind::Choice(words) => format!("{}={}", setting.parameter, words.join("|")),
+        Kind::Whole(least, most) if setting.name == "lights" => {
+            let least = |name| least_lights(name, Domain::Hemisphere).map_or(least, |n| n as u64);
+            let each = NAMES.map(|name| format!("{}..{most} for {name}", least(name)));
+            format!("{}=N ({})", setting.parameter, each.join(", "))
+        }
+        Kind::Whole(least, most) => format!("{}=N ({least}..{most})", setting.parameter),
+        Kind::Real(least, most) => format!("{}=E|off ({least}..{most})", setting.parameter),
+        Kind::Switch => format!("{}=on|off", setting.parameter),
+    };
+    SETTINGS.iter().map(line).collect::<Vec<_>>().join("\n")
 }
 
 fn parse(pairs: &[(String, String)]) -> Result<Change, String> {
     let mut change = Change::default();
-    for (i, (name, value)) in pairs.iter().enumerate() {
+    for (i, (name, word)) in pairs.iter().enumerate() {
         if pairs[..i].iter().any(|(n, _)| n == name) {
-            return Err(format!("parameter '{}' twice", echo(name)));
+            return Err(format!("parameter '{}' twice", short(name)));
         }
-        let known = set(&mut change, name, value);
-        known.map_err(|what| format!("{what} '{}'", echo(if what == UNKNOWN { name } else { value })))?;
+        let setting = SETTINGS.iter().find(|s| s.parameter == name);
+        let setting = setting.ok_or_else(|| format!("unknown parameter '{}'", short(name)))?;
+        let value = setting.parse(word);
+        let set = value.and_then(|value| setting.wish(&mut change, &value).ok());
+        set.ok_or_else(|| format!("{name} '{}'", short(word)))?;
     }
     Ok(change)
-}
-
-const UNKNOWN: &str = "unknown parameter";
-
-/// Sets one parameter, or says what is wrong.
-fn set(change: &mut Change, name: &str, value: &str) -> Result<(), &'static str> {
-    match name {
-        "algorithm" => {
-            let known = NAMES.iter().find(|n| **n == value).ok_or("algorithm")?;
-            change.sampler = Some((*known).into());
-        }
-        "samples" => {
-            let number = value.parse().ok().filter(|n| (1..=MAX_LIGHTS).contains(n));
-            change.lights = Some(number.ok_or("samples")?);
-        }
-        "extrapolation" => {
-            let known = EXTRAPOLATIONS.iter().find(|(n, _)| *n == value);
-            change.extrapolation = Some(known.ok_or("extrapolation")?.1);
-        }
-        "gui" => change.gui = Some(on_off(value).ok_or("gui")?),
-        _ => return Err(UNKNOWN),
-    }
-    Ok(())
-}
-
-fn on_off(value: &str) -> Option<bool> {
-    match value {
-        "on" => Some(true),
-        "off" => Some(false),
-        _ => None,
-    }
-}
-
-/// Text of a client, short and on one line.
-fn echo(text: &str) -> String {
-    text.chars().take(ECHO).flat_map(char::escape_debug).collect()
 }

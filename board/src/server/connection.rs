@@ -1,18 +1,29 @@
 //! Connections: how many, how long they may dawdle, and how they end.
 
+use super::App;
+use super::counts::Counts;
+use super::crowd::{Crowd, Full, Seat};
 use super::patience::Patient;
 use axum::Router;
+use axum::body::Body;
+use axum::http::header::CONNECTION;
+use axum::http::{HeaderValue, Request};
+use axum::response::Response;
+use hyper::body::Incoming;
 use hyper::server::conn::http1;
+use hyper::service::{Service, service_fn};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
+use std::convert::Infallible;
 use std::io;
 use std::net::SocketAddr;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::Duration;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::runtime::{Builder, Runtime};
 use tokio::signal::unix::{Signal, SignalKind, signal};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
+use tokio::sync::watch;
 use tokio::task::JoinHandle;
 
 /// Threads that serve: one encodes while the other goes on.
@@ -32,6 +43,10 @@ const BUSY: &[u8] = b"HTTP/1.1 503 Service Unavailable\r\nRetry-After: 1\r\nConn
 pub struct Limits {
     /// Connections at a time: each takes a file descriptor and some 30 KB.
     pub connections: usize,
+    /// Connections at a time from one address (of IPv6: one network of 64 bits).
+    pub per_address: usize,
+    /// Requests on one connection, after which the client has to make another: nobody keeps a place for ever.
+    pub requests: u64,
     /// Longest time to send a request's head, and to say nothing between requests.
     pub head: Duration,
     /// Longest time without taking any of an answer.
@@ -44,6 +59,8 @@ impl Default for Limits {
     fn default() -> Self {
         Self {
             connections: 256,
+            per_address: 32,
+            requests: 100_000,
             head: Duration::from_secs(5),
             stall: Duration::from_secs(10),
             grace: Duration::from_millis(2500),
@@ -56,8 +73,8 @@ pub struct Running {
     address: SocketAddr,
     limits: Limits,
     runtime: Runtime,
-    stop: watch::Sender<bool>,
-    room: Arc<Semaphore>,
+    stop: Arc<watch::Sender<bool>>,
+    crowd: Arc<Crowd>,
     accepting: JoinHandle<()>,
 }
 
@@ -71,7 +88,7 @@ pub struct Signals {
 ///
 /// # Errors
 /// The operating system gives no threads or refuses the listener.
-pub fn start(listener: std::net::TcpListener, app: Router, limits: Limits) -> io::Result<Running> {
+pub fn start(listener: std::net::TcpListener, app: App, limits: Limits) -> io::Result<Running> {
     let runtime = Builder::new_multi_thread()
         .worker_threads(THREADS)
         .thread_name("hemilux-http")
@@ -80,11 +97,11 @@ pub fn start(listener: std::net::TcpListener, app: Router, limits: Limits) -> io
     listener.set_nonblocking(true)?;
     let address = listener.local_addr()?;
     let listener = runtime.block_on(async { TcpListener::from_std(listener) })?;
-    let stop = watch::Sender::new(false);
-    let room = Arc::new(Semaphore::new(limits.connections));
-    let door = Door { app, limits, stop: stop.subscribe(), room: Arc::clone(&room) };
+    let App { router, stop, counts } = app;
+    let crowd = Crowd::new(limits.connections, limits.per_address);
+    let door = Door { router, counts, limits, stop: stop.subscribe(), crowd: Arc::clone(&crowd) };
     let accepting = runtime.spawn(door.open(listener));
-    Ok(Running { address, limits, runtime, stop, room, accepting })
+    Ok(Running { address, limits, runtime, stop, crowd, accepting })
 }
 
 impl Running {
@@ -119,10 +136,9 @@ impl Running {
     /// Takes no more connections, answers whoever waits and returns when all have gone, or after [`Limits::grace`].
     pub fn stop(self) {
         self.stop.send_replace(true);
-        let all = u32::try_from(self.limits.connections).unwrap_or(u32::MAX);
         let gone = self.runtime.block_on(async {
             let _ = self.accepting.await;
-            tokio::time::timeout(self.limits.grace, self.room.acquire_many(all)).await.is_ok()
+            tokio::time::timeout(self.limits.grace, self.crowd.gone()).await.is_ok()
         });
         if !gone {
             tracing::warn!("connections that did not end in {} ms were cut", self.limits.grace.as_millis());
@@ -133,10 +149,11 @@ impl Running {
 
 /// What lets connections in.
 struct Door {
-    app: Router,
+    router: Router,
+    counts: Arc<Counts>,
     limits: Limits,
     stop: watch::Receiver<bool>,
-    room: Arc<Semaphore>,
+    crowd: Arc<Crowd>,
 }
 
 impl Door {
@@ -148,7 +165,7 @@ impl Door {
                 () = told(&mut stop) => return,
             };
             match arrival {
-                Ok((stream, _)) => self.let_in(stream),
+                Ok((stream, from)) => self.let_in(stream, from),
                 Err(error) => {
                     tracing::warn!("a connection could not be taken: {error}");
                     tokio::time::sleep(ACCEPT_PAUSE).await;
@@ -157,36 +174,79 @@ impl Door {
         }
     }
 
-    fn let_in(&self, stream: TcpStream) {
-        let Ok(permit) = Arc::clone(&self.room).try_acquire_owned() else {
-            // A fresh socket has room for this; if not, closing it must do.
-            let _ = stream.try_write(BUSY);
-            return;
+    fn let_in(&self, stream: TcpStream, from: SocketAddr) {
+        let seat = match self.crowd.seat(from.ip()) {
+            Ok(seat) => seat,
+            Err(full) => {
+                let reason = if full == Full::All { "connections" } else { "connections of one address" };
+                self.counts.refused(reason);
+                // A fresh socket has room for this; if not, closing it must do.
+                let _ = stream.try_write(BUSY);
+                return;
+            }
         };
-        tokio::spawn(attend(stream, self.app.clone(), self.limits, self.stop.clone(), permit));
+        let visit = Visit::new(seat, Arc::clone(&self.counts));
+        tokio::spawn(attend(stream, self.router.clone(), self.limits, self.stop.clone(), visit));
     }
 }
 
 /// Waits until the server is told to stop, or is gone.
-async fn told(stop: &mut watch::Receiver<bool>) {
+pub(super) async fn told(stop: &mut watch::Receiver<bool>) {
     let _ = stop.wait_for(|stop| *stop).await;
+}
+
+/// A connection's place and count; a WebSocket keeps it after HTTP has ended.
+#[derive(Debug)]
+pub(super) struct Visit {
+    _seat: Seat,
+    counts: Arc<Counts>,
+}
+
+impl Visit {
+    fn new(seat: Seat, counts: Arc<Counts>) -> Arc<Self> {
+        counts.accepted.fetch_add(1, Relaxed);
+        counts.open.fetch_add(1, Relaxed);
+        Arc::new(Self { _seat: seat, counts })
+    }
+}
+
+impl Drop for Visit {
+    fn drop(&mut self) {
+        self.counts.open.fetch_sub(1, Relaxed);
+    }
 }
 
 /// Serves one connection until either side ends it.
 async fn attend(
     stream: TcpStream,
-    app: Router,
+    router: Router,
     limits: Limits,
     mut stop: watch::Receiver<bool>,
-    permit: OwnedSemaphorePermit,
+    visit: Arc<Visit>,
 ) {
     // Without it the end of an answer may wait 40 ms for the client's acknowledgement.
     let _ = stream.set_nodelay(true);
+    let (asked, guest) = (AtomicU64::new(0), Arc::clone(&visit));
+    let service = TowerToHyperService::new(router);
+    let answer = service_fn(|request: Request<Incoming>| {
+        let is_last = asked.fetch_add(1, Relaxed) + 1 >= limits.requests;
+        let mut request = request.map(Body::new);
+        request.extensions_mut().insert(Arc::clone(&guest));
+        let answer = service.call(request);
+        async move {
+            let mut response: Response = answer.await?;
+            if is_last {
+                response.headers_mut().insert(CONNECTION, HeaderValue::from_static("close"));
+            }
+            Ok::<_, Infallible>(response)
+        }
+    });
     let connection = http1::Builder::new()
         .timer(TokioTimer::new())
         .header_read_timeout(limits.head)
         .max_buf_size(HEAD_BYTES)
-        .serve_connection(TokioIo::new(Patient::new(stream, limits.stall)), TowerToHyperService::new(app));
+        .serve_connection(TokioIo::new(Patient::new(stream, limits.stall)), answer)
+        .with_upgrades();
     tokio::pin!(connection);
     let ended = tokio::select! {
         ended = connection.as_mut() => ended,
@@ -196,7 +256,18 @@ async fn attend(
         }
     };
     if let Err(error) = ended {
+        visit.counts.refused(reason_of(&error));
         tracing::debug!("connection: {error}");
     }
-    drop(permit);
+}
+
+/// Why a connection ended badly, as the counts name it; most are clients that went away, which is nobody's fault.
+fn reason_of(error: &hyper::Error) -> &'static str {
+    if error.is_timeout() {
+        "slow"
+    } else if error.is_parse() || error.is_parse_too_large() {
+        "malformed"
+    } else {
+        "gone"
+    }
 }

@@ -8,70 +8,129 @@ use super::{Context, line};
 use axum::body::HttpBody;
 use axum::extract::{Request, State};
 use axum::http::header::{
-    CONTENT_SECURITY_POLICY, HOST, ORIGIN, REFERER, REFERRER_POLICY, X_CONTENT_TYPE_OPTIONS,
+    ACCESS_CONTROL_ALLOW_HEADERS, ACCESS_CONTROL_ALLOW_METHODS, ACCESS_CONTROL_ALLOW_ORIGIN,
+    ACCESS_CONTROL_MAX_AGE, CONTENT_SECURITY_POLICY, HOST, ORIGIN, REFERER, REFERRER_POLICY, VARY,
+    X_CONTENT_TYPE_OPTIONS,
 };
 use axum::http::uri::Authority;
-use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, Version};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, Uri, Version};
 use axum::middleware::Next;
-use axum::response::Response;
+use axum::response::{IntoResponse, Response};
 use std::net::{IpAddr, SocketAddr};
 
-/// No request needs a body; one up to this size is left unread, a larger one refused.
-const MAX_BODY_BYTES: u64 = 1024;
+/// Largest body of a request; handlers that need none leave it unread.
+pub(super) const MAX_BODY_BYTES: u64 = 16 << 10;
 
 /// Pages load nothing from elsewhere, talk to this server alone and stay out of frames.
 const POLICY: HeaderValue = HeaderValue::from_static(
-    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; connect-src 'self'; \
+    "default-src 'none'; script-src 'self' 'unsafe-inline'; style-src 'unsafe-inline'; connect-src 'self'; img-src 'self' blob:; \
      form-action 'self'; frame-ancestors 'none'; base-uri 'none'",
 );
 
-/// Which Host headers are answered.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Guard {
-    /// Names and addresses of this machine's loopback interface.
-    Loopback,
-    /// All: the server is open to its network, where it has names that it does not know.
-    Open,
+/// Which Host headers are answered: always names and addresses of this machine's loopback interface, and beyond it all addresses
+/// and the names by which the machine is known. A rebound name, which is some name of the attacker's, is none of them.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Guard {
+    is_reachable: bool,
+    names: Vec<String>,
 }
 
 impl Guard {
-    /// The guard of a server that listens on `address`.
+    /// The guard of a server that listens on the loopback interface alone.
     #[must_use]
-    pub fn of(address: SocketAddr) -> Self {
-        if address.ip().to_canonical().is_loopback() { Self::Loopback } else { Self::Open }
+    pub fn loopback() -> Self {
+        Self::default()
     }
 
-    fn admits(self, host: &str) -> bool {
-        self == Self::Open || is_loopback_name(host)
+    /// The guard of a server that listens on `address` of a machine which is known by `names` too.
+    #[must_use]
+    pub fn of(address: SocketAddr, names: &[String]) -> Self {
+        let is_reachable = !is_loopback(address.ip());
+        let mut names: Vec<_> = names.iter().map(|name| name.trim_end_matches('.').to_owned()).collect();
+        if is_reachable {
+            let own = rustix::system::uname().nodename().to_string_lossy().into_owned();
+            names.push(format!("{own}.local"));
+            names.push(own);
+        }
+        Self { is_reachable, names }
+    }
+
+    fn admits(&self, host: &str) -> bool {
+        let Some(name) = name_of(host) else { return false };
+        let address = name.parse::<IpAddr>();
+        let known = |n: &String| n.eq_ignore_ascii_case(name.trim_end_matches('.'));
+        name.eq_ignore_ascii_case("localhost")
+            || address.is_ok_and(|ip| self.is_reachable || is_loopback(ip))
+            || self.names.iter().any(known)
     }
 }
 
-fn is_loopback_name(host: &str) -> bool {
-    let Ok(authority) = host.parse::<Authority>() else { return false };
-    let name = authority.host().trim_start_matches('[').trim_end_matches(']');
-    let is_address = || name.parse::<IpAddr>().is_ok_and(|ip| ip.to_canonical().is_loopback());
-    !host.contains('@') && (name.eq_ignore_ascii_case("localhost") || is_address())
+/// Whether only this machine reaches `ip`.
+#[must_use]
+pub fn is_loopback(ip: IpAddr) -> bool {
+    ip.to_canonical().is_loopback()
+}
+
+/// The host's name or address, without port and brackets.
+fn name_of(host: &str) -> Option<&str> {
+    let authority = (!host.contains('@')).then(|| host.parse::<Authority>().ok())??;
+    let name = &host[..authority.host().len()];
+    Some(name.trim_start_matches('[').trim_end_matches(']'))
 }
 
 /// Lets through what may be answered.
 pub(super) async fn check(State(context): State<Context>, request: Request, next: Next) -> Response {
-    let mut response = match refusal(context.guard, &request) {
+    let origin = request.headers().get(ORIGIN).cloned().filter(|o| is_allowed(o, &context.origins));
+    let mut response = match refusal(&context.guard, &request) {
         Some((status, text)) => {
-            tracing::debug!(%status, "{text}");
+            context.counts.refused(if status == StatusCode::MISDIRECTED_REQUEST {
+                "host"
+            } else {
+                "malformed"
+            });
             line(status, text)
         }
+        None if origin.is_some() && request.method() == Method::OPTIONS => preflight(),
         None => next.run(request).await,
     };
     let headers = response.headers_mut();
     headers.insert(X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
     headers.insert(REFERRER_POLICY, HeaderValue::from_static("same-origin"));
     headers.insert(CONTENT_SECURITY_POLICY, POLICY);
+    match origin {
+        Some(origin) => {
+            headers.insert(ACCESS_CONTROL_ALLOW_ORIGIN, origin);
+        }
+        None => {
+            headers.insert(
+                HeaderName::from_static("cross-origin-resource-policy"),
+                HeaderValue::from_static("same-origin"),
+            );
+        }
+    }
+    if !context.origins.is_empty() {
+        headers.append(VARY, HeaderValue::from_static("Origin"));
+    }
     response
 }
 
-fn refusal(guard: Guard, request: &Request) -> Option<(StatusCode, &'static str)> {
+/// What pages of allowed origins may send.
+fn preflight() -> Response {
+    let may = [
+        (ACCESS_CONTROL_ALLOW_METHODS, "GET, PATCH"),
+        (ACCESS_CONTROL_ALLOW_HEADERS, "authorization, content-type"),
+        (ACCESS_CONTROL_MAX_AGE, "600"),
+    ];
+    (StatusCode::NO_CONTENT, may).into_response()
+}
+
+fn is_allowed(origin: &HeaderValue, allowed: &[String]) -> bool {
+    allowed.iter().any(|a| a.as_bytes() == origin.as_bytes())
+}
+
+fn refusal(guard: &Guard, request: &Request) -> Option<(StatusCode, &'static str)> {
     if request.body().size_hint().lower() > MAX_BODY_BYTES {
-        return Some((StatusCode::PAYLOAD_TOO_LARGE, "no request needs a body"));
+        return Some((StatusCode::PAYLOAD_TOO_LARGE, "a body of more than 16,384 bytes"));
     }
     let Some(host) = host(request.uri(), request.headers()) else {
         // Browsers always send it, old clients need not.
@@ -80,7 +139,7 @@ fn refusal(guard: Guard, request: &Request) -> Option<(StatusCode, &'static str)
     };
     (!guard.admits(host)).then_some((
         StatusCode::MISDIRECTED_REQUEST,
-        "a Host that is not this machine; expected localhost or a loopback address",
+        "a Host that is not known to be this machine; expected localhost, its address or its name (--host adds one)",
     ))
 }
 
@@ -94,8 +153,11 @@ fn host<'a>(uri: &'a Uri, headers: &'a HeaderMap) -> Option<&'a str> {
     all.next().is_none().then_some(first)
 }
 
-/// Whether a page of another site made the browser send this request.
-pub(super) fn is_foreign(uri: &Uri, headers: &HeaderMap) -> bool {
+/// Whether a page of another site, none of the `allowed` ones, made the browser send this request.
+pub(super) fn is_foreign(uri: &Uri, headers: &HeaderMap, allowed: &[String]) -> bool {
+    if headers.get(ORIGIN).is_some_and(|origin| is_allowed(origin, allowed)) {
+        return false;
+    }
     let text = |name| headers.get(name).map(|v: &HeaderValue| v.to_str().unwrap_or("null"));
     let host = host(uri, headers).unwrap_or_default();
     let ours = |url: &str| {
@@ -113,24 +175,37 @@ pub(super) fn is_foreign(uri: &Uri, headers: &HeaderMap) -> bool {
 mod tests {
     use super::*;
 
+    const LOOPBACK: [&str; 6] =
+        ["localhost", "LOCALHOST:8080", "127.0.0.1:1", "127.9.8.7", "[::1]:8080", "[::ffff:127.0.0.1]"];
+    const OTHERS: [&str; 7] = [
+        "",
+        "evil.example",
+        "localhost.evil.example",
+        "127.0.0.1.nip.io:8080",
+        "a@localhost",
+        "probe.lan.evil.example",
+        "a@10.0.0.1",
+    ];
+
     #[test]
     fn loopback_names_are_told_from_others() {
-        for host in
-            ["localhost", "LOCALHOST:8080", "127.0.0.1:1", "127.9.8.7", "[::1]:8080", "[::ffff:127.0.0.1]"]
-        {
-            assert!(is_loopback_name(host), "{host}");
+        let guard = Guard::loopback();
+        assert!(LOOPBACK.iter().all(|host| guard.admits(host)), "this machine's");
+        for host in OTHERS.iter().chain(&["10.0.0.1", "[::2]"]) {
+            assert!(!guard.admits(host), "{host}");
         }
-        for host in [
-            "",
-            "evil.example",
-            "localhost.evil.example",
-            "127.0.0.1.nip.io:8080",
-            "10.0.0.1",
-            "a@localhost",
-            "[::2]",
-        ] {
-            assert!(!is_loopback_name(host), "{host}");
+    }
+
+    #[test]
+    fn beyond_loopback_addresses_and_own_names_are_answered_and_no_others() {
+        let address = SocketAddr::from(([0, 0, 0, 0], 8080));
+        let guard = Guard::of(address, &["probe.lan".into()]);
+        let own = rustix::system::uname().nodename().to_string_lossy().into_owned();
+        let (local, port) = (format!("{own}.local:8080"), format!("{own}:1"));
+        for host in LOOPBACK.iter().chain(&["10.0.0.1:8080", "[fe80::2]", "Probe.LAN.:8080", &local, &port]) {
+            assert!(guard.admits(host), "{host}");
         }
+        assert!(!OTHERS.iter().any(|host| guard.admits(host)), "other names");
     }
 
     #[test]
@@ -138,15 +213,16 @@ mod tests {
         let uri = Uri::from_static("/change?samples=2");
         let foreign = |name: &'static str, value: &'static str| {
             let host = ("host", "localhost:8080");
-            let headers = [host, (name, value)]
-                .map(|(n, v)| (axum::http::HeaderName::from_static(n), HeaderValue::from_static(v)));
-            is_foreign(&uri, &headers.into_iter().collect())
+            let headers =
+                [host, (name, value)].map(|(n, v)| (HeaderName::from_static(n), HeaderValue::from_static(v)));
+            is_foreign(&uri, &headers.into_iter().collect(), &["http://studio.example".into()])
         };
         for (name, value) in [
             ("origin", "http://localhost:8080"),
             ("referer", "http://localhost:8080/change"),
             ("sec-fetch-site", "same-origin"),
             ("sec-fetch-site", "none"),
+            ("origin", "http://studio.example"),
         ] {
             assert!(!foreign(name, value), "{name}: {value}");
         }

@@ -1,12 +1,15 @@
-//! The HTML pages. Whatever comes from outside the program is escaped.
+//! The HTML pages, and `/v1/status` with what they show. Whatever comes from outside the program is escaped.
 
-use super::{Context, change};
+use super::{Context, change, config};
 use crate::probe::{Config, EXTRAPOLATIONS, Published, extrapolation_name};
 use crate::samplers::{MAX_LIGHTS, NAMES};
 use axum::extract::State;
+use axum::http::StatusCode;
 use axum::http::header::CACHE_CONTROL;
 use axum::response::{Html, IntoResponse, Response};
+use serde_json::json;
 use std::fmt::Write;
+use std::sync::atomic::Ordering::Relaxed;
 
 const STYLE: &str = "<style>:root{color-scheme:light dark}body{font:16px/1.5 system-ui,sans-serif;max-width:44rem;\
 margin:2rem auto;padding:0 1rem}td,th{text-align:left;padding:.1rem 1rem .1rem 0;vertical-align:top}\
@@ -37,6 +40,32 @@ pub(super) async fn info(State(context): State<Context>) -> Response {
     rows.push(("budget", "not yet: frames are timed but not held to a budget".into()));
     let body = format!("{}<p><a href=\"/change\">Change the settings</a></p>", table(&rows));
     ([(CACHE_CONTROL, "no-store")], page("info", &body)).into_response()
+}
+
+/// The same for programs.
+pub(super) async fn status(State(context): State<Context>) -> Response {
+    let link = &context.link;
+    let latest = link.subscribe().borrow().clone();
+    let frame = latest.as_ref().map(|set| {
+        let l = &set.latency;
+        json!({
+            "frame": set.frame, "age_ms": link.staleness(set).age_ms, "rate_hz": set.rate_hz, "lights": set.lights.len(),
+            "sampler": set.sampler, "clipped": set.clipped, "unseen": set.unseen, "estimated_error": set.estimated_error,
+            "latency_us": {"capture": l.capture, "front": l.front, "pyramid": l.pyramid, "sample": l.sample,
+                "filter": l.filter, "encode": l.encode, "total": l.total},
+        })
+    });
+    let document = json!({
+        "version": env!("CARGO_PKG_VERSION"),
+        "run": link.run(),
+        "source": link.source(),
+        "fault": link.failure(),
+        "uptime_s": link.started().elapsed().as_secs_f64(),
+        "connections": context.counts.open.load(Relaxed),
+        "needs_token": matches!(context.access, super::Access::Token { .. }),
+        "last": frame,
+    });
+    config::answer(StatusCode::OK, &document)
 }
 
 type Row = (&'static str, String);
@@ -91,8 +120,8 @@ pub(super) fn change_form(config: &Config) -> Html<String> {
          <button>Change</button></form>\
          <h2>Requests</h2><ul>{requests}</ul>\
          <p>Several parameters may stand in one request, joined by <code>&amp;</code>: all of them are changed, or none. A change \
-         takes effect with the next frame, for all clients. <code>gui</code> is kept for the picture requests to come; it has no \
-         effect on the lights.</p>",
+         takes effect with the next frame, for all clients. <code>gui</code> lets <a href=\"/screenshot\">screenshot</a> draw its \
+         picture; it has no effect on the lights.</p>",
         s.lights
     );
     page("change", &body)
@@ -116,6 +145,37 @@ pub(super) fn change_pending(pairs: &[(String, String)]) -> Html<String> {
         list(pairs)
     );
     page("change accepted", &body)
+}
+
+/// The log-in form, below what is to be said.
+pub(super) fn login(text: &str) -> Html<String> {
+    let body = format!(
+        "<p>{}</p><form action=\"/login\" method=\"post\"><label>Token <input name=\"token\" type=\"password\" \
+         autocomplete=\"current-password\" required></label><button>Log in</button></form>\
+         <p>The token is in the file that the probe was started with (<code>--token-file</code>).</p>",
+        escaped(text)
+    );
+    page("log in", &body)
+}
+
+/// Says why there is no screenshot.
+pub(super) fn no_screenshot() -> Html<String> {
+    let body = "<p>The debug picture is switched off: <a href=\"/change?gui=on\">switch it on</a>, then ask again.</p>";
+    page("screenshot", body)
+}
+
+/// Shows the newest screenshot of `names`, and links to the others.
+pub(super) fn screenshot(names: &[String]) -> Html<String> {
+    let Some((newest, older)) = names.split_first() else { return no_screenshot() };
+    let link = |name: &String| format!("<li><a href=\"/screenshots/{0}\">{0}</a></li>", escaped(name));
+    let older: String = older.iter().map(link).collect();
+    let body = format!(
+        "<p><a href=\"/screenshots/{0}\"><img src=\"/screenshots/{0}\" alt=\"The tone-mapped polar map with the lights\" \
+         style=\"max-width:100%\"></a></p><p>{0}: the zenith is the upper edge, the horizon the lower one. \
+         <a href=\"/screenshot\">Take another</a></p><ul>{older}</ul>",
+        escaped(newest)
+    );
+    page("screenshot", &body)
 }
 
 fn list(pairs: &[(String, String)]) -> String {
@@ -146,7 +206,8 @@ fn page(title: &str, body: &str) -> Html<String> {
     Html(format!(
         "<!DOCTYPE html><html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" \
          content=\"width=device-width\"><title>hemilux: {title}</title>{STYLE}</head><body><h1>{title}</h1>{body}\
-         <p><a href=\"/\">hemilux</a> · <a href=\"/info\">info</a> · <a href=\"/change\">change</a></p></body></html>\n"
+         <p><a href=\"/\">hemilux</a> · <a href=\"/info\">info</a> · <a href=\"/change\">change</a> · \
+         <a href=\"/screenshot\">screenshot</a></p></body></html>\n"
     ))
 }
 

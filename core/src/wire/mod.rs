@@ -1,16 +1,20 @@
-//! The bytes of a light set: JSON, plain text and XML, written through `embedded-io` without allocation.
+//! The bytes of a light set: JSON, plain text, XML and a compact binary form, written through `embedded-io` without allocation.
 //!
 //! All values are absolute and linear. Directions and harmonics are turned to the asked-for axes on the way out.
 
+mod binary;
 mod coordinates;
 mod json;
 mod text;
 mod xml;
+mod xr;
 
+pub use binary::{BinarySet, DecodeError, binary};
 pub use coordinates::Coordinates;
 pub use json::json;
 pub use text::text;
 pub use xml::xml;
+pub use xr::{Estimate, estimate};
 
 use crate::light::{Light, Sh9};
 use embedded_io::Write;

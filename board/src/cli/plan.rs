@@ -1,0 +1,90 @@
+//! What the options, the configuration file and the defaults come to.
+
+use super::{Failure, Serve, address, origin};
+use crate::config_file::{ConfigFile, Kept};
+use crate::probe::settings::wish_of;
+use crate::probe::{Change, Config};
+use crate::server::{self, Access, Token};
+use crate::source::Spec;
+use std::fmt::Display;
+use std::io::{self, Write};
+use std::net::{Ipv4Addr, SocketAddr};
+use std::path::{Path, PathBuf};
+
+/// The thesis's port.
+const PORT: u16 = 8080;
+
+/// What to serve, where and to whom.
+pub(super) struct Plan {
+    pub(super) source: Spec,
+    pub(super) listen: SocketAddr,
+    pub(super) token_file: Option<PathBuf>,
+    pub(super) hosts: Vec<String>,
+    pub(super) origins: Vec<String>,
+    pub(super) config: Config,
+    pub(super) file: Option<ConfigFile>,
+}
+
+impl Plan {
+    /// The options have the last word.
+    pub(super) fn of(options: &Serve) -> Result<Self, Failure> {
+        let opened = options.config.as_deref().map(ConfigFile::open).transpose().map_err(Failure::new)?;
+        let (file, kept) = opened.map_or((None, Kept::default()), |(file, kept)| (Some(file), kept));
+        let name = options.config.as_deref().unwrap_or(Path::new("")).display();
+        let wrong =
+            |key: &str, why: &dyn Display| Failure::new(format!("configuration file {name}: {key}: {why}"));
+        let source = kept.source.as_deref().map(str::parse::<Spec>).transpose();
+        let listen = kept.listen.as_deref().map(address).transpose();
+        let origins = kept.allow_origins.iter().map(|o| origin(o)).collect::<Result<Vec<_>, _>>();
+        let source = options.source.clone().or(source.map_err(|e| wrong("source", &e))?);
+        let listen = options.listen.or(listen.map_err(|e| wrong("listen", &e))?);
+        let plan = Self {
+            source: source.unwrap_or(Spec::Scene("room")),
+            listen: listen.unwrap_or((Ipv4Addr::LOCALHOST, PORT).into()),
+            token_file: options.token_file.clone().or(kept.token_file).filter(|_| !options.open),
+            hosts: [kept.hosts, options.hosts.clone()].concat(),
+            origins: [origins.map_err(|e| wrong("allow_origins", &e))?, options.allow_origins.clone()]
+                .concat(),
+            config: settings(options, kept.settings).map_err(|(key, why)| wrong(&key, &why))?,
+            file,
+        };
+        plan.config.check().map_err(|e| Failure::usage(format!("settings: found {e}")))?;
+        plan.check_reach(options.open || kept.open.unwrap_or(false))?;
+        Ok(plan)
+    }
+
+    /// Refuses to listen beyond this machine without a token unless asked to.
+    fn check_reach(&self, is_open: bool) -> Result<(), Failure> {
+        if is_open || self.token_file.is_some() || server::is_loopback(self.listen.ip()) {
+            return Ok(());
+        }
+        Err(Failure::usage(format!(
+            "--listen {}: found an address beyond this machine, expected a loopback address, or --token-file FILE as well to let those \
+             with the token change settings and see pictures, or --open to let everyone",
+            self.listen
+        )))
+    }
+
+    /// Who may do what. A token that is not there yet is made; stderr says where, never what.
+    pub(super) fn access(&self) -> Result<Access, Failure> {
+        let Some(file) = &self.token_file else { return Ok(Access::Open) };
+        let (token, is_new) = Token::load_or_make(file).map_err(Failure::new)?;
+        if is_new {
+            let _ = writeln!(io::stderr(), "hemilux: made a token in {}", file.display());
+        }
+        Access::with_token(token).map_err(Failure::new)
+    }
+}
+
+/// The settings: defaults, then the file's, then the options'. An error names the setting.
+fn settings(options: &Serve, kept: toml::Table) -> Result<Config, (String, String)> {
+    let mut config = Config::default();
+    let json = serde_json::to_value(kept).map_err(|e| ("settings".to_owned(), e.to_string()))?;
+    let object = json.as_object().cloned().unwrap_or_default();
+    let change = wish_of(&object).map_err(|errors| errors.into_iter().next().unwrap_or_default())?;
+    change.apply(&mut config);
+    let Serve { sampler, lights, extrapolation, tolerance, ambient, .. } = options.clone();
+    let (tolerance, ambient) = (tolerance.map(Some), ambient.then_some(true));
+    Change { sampler, lights, extrapolation, tolerance, ambient, gui: None }.apply(&mut config);
+    Ok(config)
+}

@@ -1,0 +1,270 @@
+//! Light sets for a renderer, as they come: a thread of its own asks the probe, connects again when it must, and keeps the newest set.
+//!
+//! ```no_run
+//! use hemilux::client::{Client, Options};
+//! use std::time::{Duration, Instant};
+//!
+//! // Blocking: each new set.
+//! let client = Client::connect(&Options::new("http://127.0.0.1:8080"))?;
+//! while let Some(set) = client.next(Duration::from_secs(5)) {
+//!     println!("frame {}: {} lights", set.frame, set.lights.len());
+//! }
+//! // A signal for each new set, and lights for each frame that is drawn.
+//! let options = Options { lights: Some(8), ..Options::new("http://127.0.0.1:8080") };
+//! let client = Client::connect_with(&options, |set| println!("{}", set.frame))?;
+//! let mut lights = Vec::new();
+//! client.interpolated(Instant::now(), &mut lights);
+//! # Ok::<(), hemilux::client::ClientError>(())
+//! ```
+
+mod fetch;
+mod interpolate;
+mod set;
+
+pub use set::Set;
+
+use fetch::{Fetcher, Trouble};
+pub use hemilux_core::light::Light;
+pub use hemilux_core::wire::Coordinates;
+use interpolate::interpolate;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// First pause after a failure; each further one is twice as long.
+const FIRST_PAUSE: Duration = Duration::from_millis(100);
+
+/// Longest pause between two tries.
+const LONGEST_PAUSE: Duration = Duration::from_secs(5);
+
+/// Longest time between two sets that lights take from one to the other: after a gap they jump.
+const LONGEST_BLEND: Duration = Duration::from_secs(1);
+
+/// What to ask for, and where.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Options {
+    /// The probe's address, `http://HOST:PORT`.
+    pub url: String,
+    /// The axes of directions and harmonics.
+    pub coordinates: Coordinates,
+    /// Thinned to at most so many lights; all of them without.
+    pub lights: Option<usize>,
+    /// With spherical harmonics of what the lights do not stand for.
+    pub ambient: bool,
+    /// Time without an answer after which to ask again; the probe answers within 1.5 s.
+    pub timeout: Duration,
+}
+
+impl Options {
+    /// All lights in the probe's axes from `url`, asked for again after two seconds.
+    #[must_use]
+    pub fn new(url: &str) -> Self {
+        let (coordinates, timeout) = (Coordinates::Probe, Duration::from_secs(2));
+        Self { url: url.into(), coordinates, lights: None, ambient: false, timeout }
+    }
+}
+
+/// Why a client could not start.
+#[derive(Debug, thiserror::Error)]
+pub enum ClientError {
+    /// Not an address of a probe.
+    #[error("probe '{0}': found another address, expected http://HOST:PORT")]
+    BadUrl(String),
+    /// The operating system gave no thread.
+    #[error("the client's thread: found {0}, expected it to start")]
+    Thread(std::io::Error),
+}
+
+/// How things stand.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum State {
+    /// Nothing has come yet.
+    Connecting,
+    /// Sets come.
+    Live,
+    /// The probe answers, but its source has stopped.
+    Stale(String),
+    /// The probe does not answer: why, and it is asked again and again.
+    Lost(String),
+}
+
+/// A connection to a probe; dropping it ends its thread after the answer that it waits for, and no set is signalled from then on.
+#[derive(Debug)]
+pub struct Client {
+    shared: Arc<Shared>,
+}
+
+#[derive(Debug)]
+struct Shared {
+    sets: Mutex<Sets>,
+    news: Condvar,
+    stopping: AtomicBool,
+}
+
+/// The newest set and the one before; a third one's memory is filled with the next.
+#[derive(Debug)]
+struct Sets {
+    latest: Option<Arc<Set>>,
+    previous: Option<Arc<Set>>,
+    spare: Option<Arc<Set>>,
+    arrived: Instant,
+    interval: Duration,
+    /// Counts sets, for those who wait.
+    count: u64,
+    state: State,
+}
+
+impl Client {
+    /// Begins to ask.
+    ///
+    /// # Errors
+    /// [`ClientError`]; a probe that does not answer is none: see [`Client::state`].
+    pub fn connect(options: &Options) -> Result<Self, ClientError> {
+        Self::connect_with(options, |_| {})
+    }
+
+    /// Begins to ask, and calls `signal` with each new set, on the client's thread.
+    ///
+    /// # Errors
+    /// As [`Client::connect`].
+    pub fn connect_with(
+        options: &Options,
+        signal: impl FnMut(&Set) + Send + 'static,
+    ) -> Result<Self, ClientError> {
+        let fetcher = Fetcher::try_new(options)?;
+        let sets = Sets {
+            latest: None,
+            previous: None,
+            spare: None,
+            arrived: Instant::now(),
+            interval: Duration::ZERO,
+            count: 0,
+            state: State::Connecting,
+        };
+        let shared = Arc::new(Shared {
+            sets: Mutex::new(sets),
+            news: Condvar::new(),
+            stopping: AtomicBool::new(false),
+        });
+        let theirs = Arc::clone(&shared);
+        let thread = std::thread::Builder::new().name("hemilux-client".into());
+        thread.spawn(move || follow(&theirs, fetcher, signal)).map_err(ClientError::Thread)?;
+        Ok(Self { shared })
+    }
+
+    /// The newest set, if any.
+    #[must_use]
+    pub fn latest(&self) -> Option<Arc<Set>> {
+        self.shared.lock().latest.clone()
+    }
+
+    /// Waits up to `patience` for a set that is newer than the newest one at the time of the call.
+    #[must_use]
+    pub fn next(&self, patience: Duration) -> Option<Arc<Set>> {
+        let sets = self.shared.lock();
+        let before = sets.count;
+        let waited = self.shared.news.wait_timeout_while(sets, patience, |sets| sets.count == before);
+        let (sets, _) = waited.unwrap_or_else(PoisonError::into_inner);
+        (sets.count != before).then(|| sets.latest.clone())?
+    }
+
+    /// How things stand.
+    #[must_use]
+    pub fn state(&self) -> State {
+        self.shared.lock().state.clone()
+    }
+
+    /// Puts the lights of the moment `now` into `lights`: between the last two sets each moves from where it was to where it is, by its
+    /// id; new ones fade in and old ones out. One set's time behind the newest set, and never beyond it.
+    pub fn interpolated(&self, now: Instant, lights: &mut Vec<Light>) {
+        let sets = self.shared.lock();
+        let (latest, previous) = (sets.latest.clone(), sets.previous.clone());
+        let (passed, interval) = (now.saturating_duration_since(sets.arrived), sets.interval);
+        drop(sets);
+        let part = if interval.is_zero() { 1.0 } else { passed.as_secs_f32() / interval.as_secs_f32() };
+        lights.clear();
+        match (latest, previous) {
+            (Some(latest), Some(previous)) if part < 1.0 => interpolate(&previous, &latest, part, lights),
+            (Some(latest), _) => lights.extend_from_slice(&latest.lights),
+            (None, _) => {}
+        }
+    }
+}
+
+impl Drop for Client {
+    fn drop(&mut self) {
+        self.shared.stopping.store(true, Ordering::Relaxed);
+        self.shared.news.notify_all();
+    }
+}
+
+impl Shared {
+    fn lock(&self) -> MutexGuard<'_, Sets> {
+        self.sets.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Takes in a set; whether it is news.
+    fn take(&self, set: Arc<Set>) -> bool {
+        let mut sets = self.lock();
+        let state = set.stale.as_ref().map_or(State::Live, |(_, reason)| State::Stale(reason.clone()));
+        let follows = sets.latest.as_ref().is_some_and(|l| l.run == set.run);
+        let is_news = !follows || sets.latest.as_ref().is_some_and(|l| l.frame != set.frame);
+        if is_news {
+            let now = Instant::now();
+            let passed = now.saturating_duration_since(sets.arrived);
+            let blends = follows && passed <= LONGEST_BLEND;
+            sets.interval = if blends { passed } else { Duration::ZERO };
+            sets.arrived = now;
+            sets.count += 1;
+            let before = sets.latest.replace(set);
+            sets.spare = std::mem::replace(&mut sets.previous, before);
+        } else {
+            sets.latest = Some(set);
+        }
+        sets.state = state;
+        drop(sets);
+        self.news.notify_all();
+        is_news
+    }
+
+    /// Memory for the next set: that of one nobody has any more.
+    fn spare(&self) -> Set {
+        let spare = self.lock().spare.take();
+        spare.and_then(|set| Arc::try_unwrap(set).ok()).unwrap_or_default()
+    }
+
+    fn is_stopping(&self) -> bool {
+        self.stopping.load(Ordering::Relaxed)
+    }
+}
+
+/// Asks until the client is dropped.
+fn follow(shared: &Shared, mut fetcher: Fetcher, mut signal: impl FnMut(&Set)) {
+    let mut pause = FIRST_PAUSE;
+    let mut after = None;
+    while !shared.is_stopping() {
+        match fetcher.next(after, shared.spare()) {
+            Ok(set) => {
+                pause = FIRST_PAUSE;
+                after = Some(set.frame);
+                let set = Arc::new(set);
+                if shared.take(Arc::clone(&set)) && !shared.is_stopping() {
+                    signal(&set);
+                }
+            }
+            // The probe is there and was only slow: ask again at once.
+            Err(Trouble::Silence) => shared.lock().state = State::Lost("no answer in time".into()),
+            Err(Trouble::Other(reason)) => {
+                shared.lock().state = State::Lost(reason);
+                rest(shared, pause);
+                pause = (2 * pause).min(LONGEST_PAUSE);
+            }
+        }
+    }
+}
+
+/// Waits, unless the client is dropped meanwhile.
+fn rest(shared: &Shared, pause: Duration) {
+    let sets = shared.lock();
+    drop(shared.news.wait_timeout_while(sets, pause, |_| !shared.is_stopping()));
+}

@@ -1,0 +1,185 @@
+//! The configuration file: what the command line says, kept; the command line has the last word.
+
+use crate::probe::Config;
+use crate::probe::settings::SETTINGS;
+use serde::Deserialize;
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+use toml_edit::{DocumentMut, Item};
+
+/// Largest file that is read, bytes.
+const MOST_BYTES: u64 = 64 << 10;
+
+/// A configuration file that settings can be written back to.
+#[derive(Clone, Debug)]
+pub struct ConfigFile {
+    path: PathBuf,
+    /// Held while it is written.
+    writing: Arc<Mutex<()>>,
+}
+
+/// What the file says; everything may be left out.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+pub struct Kept {
+    /// As `--source`.
+    pub source: Option<String>,
+    /// As `--listen`.
+    pub listen: Option<String>,
+    /// As `--open`.
+    pub open: Option<bool>,
+    /// As `--token-file`; relative to the folder of the configuration file.
+    pub token_file: Option<PathBuf>,
+    /// As `--host`.
+    #[serde(default)]
+    pub hosts: Vec<String>,
+    /// As `--allow-origin`.
+    #[serde(default)]
+    pub allow_origins: Vec<String>,
+    /// The settings of `/v1/config`.
+    #[serde(flatten)]
+    pub settings: toml::Table,
+}
+
+/// Why the file cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum ConfigFileError {
+    /// It cannot be read.
+    #[error("configuration file {0}: found {1}, expected a file that can be read (an empty one will do)")]
+    Read(PathBuf, std::io::Error),
+    /// It is too long.
+    #[error("configuration file {0}: found more than {MOST_BYTES} bytes, expected less")]
+    TooLong(PathBuf),
+    /// It is not what is expected.
+    #[error("configuration file {0}: {1}")]
+    Content(PathBuf, String),
+    /// It cannot be written.
+    #[error("configuration file {0}: found {1}, expected it to be writable")]
+    Write(PathBuf, std::io::Error),
+}
+
+impl ConfigFile {
+    /// Reads the file at `path`.
+    ///
+    /// # Errors
+    /// [`ConfigFileError`].
+    pub fn open(path: &Path) -> Result<(Self, Kept), ConfigFileError> {
+        let text = read(path)?;
+        let content = |why: String| ConfigFileError::Content(path.into(), why);
+        let mut kept: Kept = toml::from_str(&text).map_err(|e| {
+            let line =
+                |span: std::ops::Range<usize>| text[..span.start.min(text.len())].matches('\n').count() + 1;
+            let place = e.span().map_or(String::new(), |span| format!("line {}: ", line(span)));
+            content(format!("{place}found {}", e.message().replace('\n', " ")))
+        })?;
+        if let Some(unknown) =
+            kept.settings.keys().find(|key| SETTINGS.iter().all(|s| s.name != key.as_str()))
+        {
+            let names = SETTINGS.map(|s| s.name).join(", ");
+            let others = "source, listen, open, token_file, hosts, allow_origins";
+            return Err(content(format!("found '{unknown}', expected one of {others}, {names}")));
+        }
+        let folder = path.parent().unwrap_or(Path::new(""));
+        kept.token_file = kept.token_file.map(|file| folder.join(file));
+        Ok((Self { path: path.into(), writing: Arc::default() }, kept))
+    }
+
+    /// Writes the settings of `config` into the file, where all else stays as it is: whole or not at all.
+    ///
+    /// # Errors
+    /// [`ConfigFileError`].
+    pub fn save(&self, config: &Config) -> Result<(), ConfigFileError> {
+        let _alone = self.writing.lock().unwrap_or_else(PoisonError::into_inner);
+        let text = read(&self.path)?;
+        let mut document: DocumentMut =
+            text.parse().map_err(|e| ConfigFileError::Content(self.path.clone(), format!("found {e}")))?;
+        for setting in SETTINGS {
+            match item(&setting.value(config)) {
+                Some(value) => document[setting.name] = value,
+                None => drop(document.remove(setting.name)),
+            }
+        }
+        self.replace(document.to_string().as_bytes())
+            .map_err(|e| ConfigFileError::Write(self.path.clone(), e))
+    }
+
+    /// Replaces the file by way of another beside it, so that no reader sees half of it.
+    fn replace(&self, bytes: &[u8]) -> std::io::Result<()> {
+        // A link stays a link: what it points to is replaced.
+        let path = fs::canonicalize(&self.path)?;
+        let mut name = path.file_name().unwrap_or_default().to_owned();
+        name.push(".new");
+        let beside = path.with_file_name(name);
+        let mut file = fs::File::create(&beside)?;
+        file.set_permissions(fs::metadata(&path)?.permissions())?;
+        file.write_all(bytes).and_then(|()| file.sync_all()).and_then(|()| fs::rename(&beside, &path))
+    }
+}
+
+fn read(path: &Path) -> Result<String, ConfigFileError> {
+    let failed = |e| ConfigFileError::Read(path.into(), e);
+    let length = fs::metadata(path).map_err(failed)?.len();
+    if length > MOST_BYTES {
+        return Err(ConfigFileError::TooLong(path.into()));
+    }
+    fs::read_to_string(path).map_err(failed)
+}
+
+fn item(value: &serde_json::Value) -> Option<Item> {
+    match value {
+        serde_json::Value::Bool(v) => Some(toml_edit::value(*v)),
+        serde_json::Value::String(v) => Some(toml_edit::value(v.as_str())),
+        serde_json::Value::Number(v) => {
+            v.as_i64().map(toml_edit::value).or_else(|| v.as_f64().map(toml_edit::value))
+        }
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_are_written_back_and_all_else_stays() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("hemilux.toml");
+        let text = "# The probe in the hall.\nlisten = \"127.0.0.1:0\" # any port\nlights = 12\ntoken_file = \"secret\"\n";
+        fs::write(&path, text).expect("a file");
+        let (file, kept) = ConfigFile::open(&path).expect("a configuration");
+        assert_eq!(kept.settings["lights"].as_integer(), Some(12), "read");
+        assert_eq!(kept.token_file, Some(folder.path().join("secret")), "beside the file");
+        let mut config = Config { gui: true, ..Config::default() };
+        config.pipeline.lights = 99;
+        file.save(&config).expect("written");
+        let written = fs::read_to_string(&path).expect("a file");
+        assert!(
+            written
+                .starts_with("# The probe in the hall.\nlisten = \"127.0.0.1:0\" # any port\nlights = 99\n"),
+            "{written}"
+        );
+        let (_, again) = ConfigFile::open(&path).expect("a configuration");
+        assert_eq!((again.settings["gui"].as_bool(), again.listen), (Some(true), kept.listen), "{written}");
+        assert_eq!(folder.path().read_dir().expect("a folder").count(), 1, "nothing is left beside it");
+    }
+
+    #[test]
+    fn what_is_wrong_is_named_with_its_file() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("hemilux.toml");
+        let cases =
+            [("lights = \n", "line 1"), ("colour = 3\n", "'colour'"), ("open = \"yes\"\n", "boolean")];
+        for (text, named) in cases {
+            fs::write(&path, text).expect("a file");
+            let line = ConfigFile::open(&path).map(|_| ()).expect_err(text).to_string();
+            assert!(
+                line.contains("hemilux.toml") && line.contains(named) && !line.contains('\n'),
+                "{text}: {line}"
+            );
+        }
+        let error =
+            ConfigFile::open(&folder.path().join("none.toml")).map(|_| ()).expect_err("no file").to_string();
+        assert!(error.contains("none.toml"), "{error}");
+    }
+}

@@ -1,0 +1,128 @@
+//! What pictures are made of, copied from the processing thread only when somebody asks.
+
+use super::Published;
+use crate::calibration::{Burst, Calibration, Frame};
+use crate::pipeline::Pipeline;
+use hemilux_core::light::Light;
+use hemilux_core::polar::{Grid, LatLongView};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use tokio::sync::watch;
+
+/// The frames of a burst as they came.
+#[derive(Clone, Debug)]
+pub struct BurstView {
+    /// The light set's frame.
+    pub frame: u64,
+    /// The exposures, shortest first.
+    pub frames: Vec<Frame>,
+    /// How to read the samples.
+    pub calibration: Calibration,
+}
+
+/// The polar map of a frame with its lights.
+#[derive(Clone, Debug)]
+pub struct MapView {
+    /// The map's shape.
+    pub grid: Grid,
+    /// Energy of each texel.
+    pub texels: Vec<[f32; 3]>,
+    /// The light set's frame.
+    pub frame: u64,
+    /// What was made of the map.
+    pub lights: Vec<Light>,
+}
+
+impl MapView {
+    /// As painters read it.
+    #[must_use]
+    pub fn map(&self) -> LatLongView<'_> {
+        LatLongView { grid: self.grid, texels: &self.texels }
+    }
+}
+
+/// One kind of view: who wants one takes a number, the next frame's view answers all numbers taken before.
+#[derive(Debug)]
+pub struct Slot<T> {
+    asked: AtomicU64,
+    given: watch::Sender<Given<T>>,
+}
+
+/// The newest view and the last number that it answers.
+#[derive(Debug)]
+pub struct Given<T> {
+    /// Number.
+    pub number: u64,
+    /// The view, once there is one.
+    pub view: Option<Arc<T>>,
+}
+
+impl<T> Default for Slot<T> {
+    fn default() -> Self {
+        Self { asked: AtomicU64::new(0), given: watch::Sender::new(Given { number: 0, view: None }) }
+    }
+}
+
+impl<T> Slot<T> {
+    /// Asks for the next frame's view: the number to wait for, and where.
+    #[must_use]
+    pub fn ask(&self) -> (u64, watch::Receiver<Given<T>>) {
+        let given = self.given.subscribe();
+        (self.asked.fetch_add(1, Ordering::AcqRel) + 1, given)
+    }
+
+    /// Makes a view if somebody waits.
+    fn serve(&self, make: impl FnOnce() -> T) {
+        let asked = self.asked.load(Ordering::Acquire);
+        if asked > self.given.borrow().number {
+            self.given.send_replace(Given { number: asked, view: Some(Arc::new(make())) });
+        }
+    }
+}
+
+/// All kinds.
+#[derive(Debug, Default)]
+pub struct Views {
+    /// Exposures.
+    pub bursts: Slot<BurstView>,
+    /// Maps.
+    pub maps: Slot<MapView>,
+}
+
+impl Views {
+    /// Gives whoever asked what they asked for; costs two loads when nobody did.
+    pub(super) fn serve(&self, burst: &Burst, pipeline: &mut Pipeline, set: &Published) {
+        self.bursts.serve(|| BurstView {
+            frame: set.frame,
+            frames: burst.frames.clone(),
+            calibration: pipeline.calibration().clone(),
+        });
+        self.maps.serve(|| {
+            let polar = pipeline.map().polar;
+            MapView {
+                grid: polar.grid,
+                texels: polar.texels.to_vec(),
+                frame: set.frame,
+                lights: set.lights.clone(),
+            }
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_view_is_made_once_for_all_who_asked_before_it() {
+        let slot = Slot::<u32>::default();
+        slot.serve(|| unreachable!("nobody asked"));
+        let (first, given) = slot.ask();
+        let (second, _) = slot.ask();
+        slot.serve(|| 7);
+        slot.serve(|| unreachable!("nobody asked again"));
+        let now = given.borrow();
+        assert!(now.number >= first && now.number >= second, "both are answered");
+        assert_eq!(now.view.as_deref(), Some(&7), "with one view");
+    }
+}

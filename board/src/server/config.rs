@@ -1,0 +1,97 @@
+//! `/v1/config`: the settings as JSON with what each may be, and changes to them.
+
+use super::access::{Allowed, BODY_TIME};
+use super::{Context, change};
+use crate::probe::settings::{SETTINGS, at_fault, wish_of};
+use crate::probe::{Applied, Config};
+use axum::body::Bytes;
+use axum::extract::{FromRequest, Query, Request, State};
+use axum::http::StatusCode;
+use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE};
+use axum::response::{IntoResponse, Response};
+use serde_json::{Value, json};
+
+/// Settings, what each may be, and whether they can be kept.
+pub(super) async fn show(State(context): State<Context>) -> Response {
+    let config = context.link.applied().borrow().config.clone();
+    answer(StatusCode::OK, &document(&context, &config))
+}
+
+/// Changes what the JSON object in the body names, all of it or nothing; `?save=1` writes the settings to the configuration file.
+pub(super) async fn change(State(context): State<Context>, _: Allowed, request: Request) -> Response {
+    let query = Query::<Vec<(String, String)>>::try_from_uri(request.uri());
+    let save = match query.as_ref().map(|q| q.as_slice()) {
+        Ok([]) => false,
+        Ok([(name, value)]) if name == "save" && value == "1" => true,
+        _ => return refused("query", "found another query, expected none or save=1"),
+    };
+    if save && context.file.is_none() {
+        let why = "found no configuration file, expected the probe to be started with --config FILE";
+        return errors(StatusCode::CONFLICT, &json!({"save": why}));
+    }
+    let body = tokio::time::timeout(BODY_TIME, Bytes::from_request(request, &())).await;
+    let Ok(Ok(body)) = body else {
+        return refused("body", "found more than 16,384 bytes, or a body that did not come");
+    };
+    let Ok(Value::Object(wish)) = serde_json::from_slice(&body) else {
+        return refused("body", "found something else, expected a JSON object such as {\"lights\": 32}");
+    };
+    let change = match wish_of(&wish) {
+        Ok(change) => change,
+        Err(each) => return errors(StatusCode::BAD_REQUEST, &json!(each)),
+    };
+    match change::make(&context, &change).await {
+        Err(why) => refused(at_fault(&why), &format!("found {why}")),
+        Ok(Some(Applied { refused: Some(why), .. })) => refused("sampler", &format!("found {why}")),
+        Ok(Some(Applied { config, .. })) if save => keep(&context, config).await,
+        Ok(Some(Applied { config, .. })) => answer(StatusCode::OK, &document(&context, &config)),
+        Ok(None) => {
+            let config = context.link.applied().borrow().config.clone();
+            let mut document = document(&context, &config);
+            document["pending"] = json!(true);
+            answer(StatusCode::ACCEPTED, &document)
+        }
+    }
+}
+
+/// Writes the settings that are now in effect to the configuration file.
+async fn keep(context: &Context, config: Config) -> Response {
+    let Some(file) = context.file.clone() else { return refused("save", "found no configuration file") };
+    let document = document(context, &config);
+    let written = tokio::task::spawn_blocking(move || file.save(&config)).await;
+    match written {
+        Ok(Ok(())) => answer(StatusCode::OK, &document),
+        Ok(Err(error)) => {
+            tracing::warn!("{error}");
+            // The reason names a path, which is nobody's business here.
+            errors(
+                StatusCode::INTERNAL_SERVER_ERROR,
+                &json!({"save": "in effect, but the configuration file could not be written"}),
+            )
+        }
+        Err(_) => errors(StatusCode::INTERNAL_SERVER_ERROR, &json!({"save": "in effect, but not written"})),
+    }
+}
+
+fn document(context: &Context, config: &Config) -> Value {
+    let values: serde_json::Map<_, _> =
+        SETTINGS.iter().map(|s| (s.name.to_owned(), s.value(config))).collect();
+    let settings: serde_json::Map<_, _> =
+        SETTINGS.iter().map(|s| (s.name.to_owned(), s.schema(config))).collect();
+    let pending = false;
+    json!({"values": values, "settings": settings, "can_save": context.file.is_some(), "pending": pending})
+}
+
+fn refused(field: &str, why: &str) -> Response {
+    errors(StatusCode::BAD_REQUEST, &json!({ field: why }))
+}
+
+fn errors(status: StatusCode, each: &Value) -> Response {
+    answer(status, &json!({"errors": each}))
+}
+
+/// An answer in JSON that is not to be kept.
+pub(super) fn answer(status: StatusCode, document: &Value) -> Response {
+    (status, [(CONTENT_TYPE, "application/json"), (CACHE_CONTROL, "no-store")], format!("{document}\n"))
+        .into_response()
+}

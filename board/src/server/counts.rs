@@ -1,0 +1,139 @@
+//! What the server counts, and the log of what it refused: each reason once a minute at most, with the number since.
+
+use super::routes::{ROUTES, index_of};
+use std::array;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::time::{Duration, Instant};
+
+/// Reasons for a refusal.
+pub(super) const REASONS: [&str; 7] =
+    ["malformed", "host", "foreign", "token", "connections", "connections of one address", "slow"];
+
+/// Status classes, 1xx to 5xx.
+pub(super) const CLASSES: usize = 5;
+
+/// Upper bounds of the delivery histogram, microseconds from the finished set to the answer handed to the connection.
+pub(super) const DELIVERY_US: [u64; 10] =
+    [100, 250, 500, 1000, 2000, 5000, 10_000, 25_000, 100_000, 1_000_000];
+
+/// Time between two lines of the log about the same reason.
+const QUIET_MS: u64 = 60_000;
+
+/// Counters; all of them only grow but `open`.
+#[derive(Debug)]
+pub(super) struct Counts {
+    began: Instant,
+    /// By route (the last for none) and status class.
+    pub(super) requests: [[AtomicU64; CLASSES]; ROUTES.len() + 1],
+    refused: [Refused; REASONS.len()],
+    /// Connections that are there now.
+    pub(super) open: AtomicU64,
+    /// Connections let in.
+    pub(super) accepted: AtomicU64,
+    /// Streams of events and WebSockets that are there now.
+    pub(super) streams: AtomicU64,
+    /// Light sets answered by delivery time, the last for more than the last bound.
+    pub(super) delivery: [AtomicU64; DELIVERY_US.len() + 1],
+    /// Sum of the delivery times, microseconds.
+    pub(super) delivery_us: AtomicU64,
+}
+
+#[derive(Debug, Default)]
+struct Refused {
+    count: AtomicU64,
+    /// `count` when it was last logged.
+    told: AtomicU64,
+    /// Milliseconds from the start until it may be logged again.
+    quiet_until: AtomicU64,
+}
+
+impl Default for Counts {
+    fn default() -> Self {
+        Self {
+            began: Instant::now(),
+            requests: array::from_fn(|_| Default::default()),
+            refused: Default::default(),
+            open: AtomicU64::new(0),
+            accepted: AtomicU64::new(0),
+            streams: AtomicU64::new(0),
+            delivery: Default::default(),
+            delivery_us: AtomicU64::new(0),
+        }
+    }
+}
+
+impl Counts {
+    /// Counts an answer to a request for `path`.
+    pub(super) fn answered(&self, path: &str, status: u16) {
+        let route = index_of(path).unwrap_or(ROUTES.len());
+        let class = usize::from(status / 100).clamp(1, CLASSES) - 1;
+        self.requests[route][class].fetch_add(1, Relaxed);
+    }
+
+    /// Counts a light set that was answered `passed` after it was finished.
+    pub(super) fn delivered(&self, passed: Duration) {
+        let us = u64::try_from(passed.as_micros()).unwrap_or(u64::MAX);
+        let bucket = DELIVERY_US.iter().position(|bound| us <= *bound).unwrap_or(DELIVERY_US.len());
+        self.delivery[bucket].fetch_add(1, Relaxed);
+        self.delivery_us.fetch_add(us, Relaxed);
+    }
+
+    /// Counts a refusal for one of [`REASONS`].
+    pub(super) fn refused(&self, reason: &'static str) {
+        let Some(refused) = REASONS.iter().position(|r| *r == reason).map(|i| &self.refused[i]) else {
+            return;
+        };
+        let count = refused.count.fetch_add(1, Relaxed) + 1;
+        let now = u64::try_from(self.began.elapsed().as_millis()).unwrap_or(u64::MAX);
+        let until = refused.quiet_until.load(Relaxed);
+        let mine = now >= until
+            && refused.quiet_until.compare_exchange(until, now + QUIET_MS, Relaxed, Relaxed).is_ok();
+        if mine {
+            let since = count.saturating_sub(refused.told.swap(count, Relaxed));
+            // A browser that has nothing more to ask for looks like a slow one.
+            if reason == "slow" {
+                tracing::info!("closed: {reason} ({since} since the last such line)");
+            } else {
+                tracing::warn!("refused: {reason} ({since} since the last such line)");
+            }
+        }
+    }
+
+    /// Refusals by reason.
+    pub(super) fn refusals(&self) -> impl Iterator<Item = (&'static str, u64)> {
+        REASONS.iter().copied().zip(self.refused.iter().map(|r| r.count.load(Relaxed)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_reason_is_logged_once_and_counted_always() {
+        let counts = Counts::default();
+        for _ in 0..1000 {
+            counts.refused("token");
+        }
+        let token = &counts.refused[3];
+        assert_eq!(
+            (token.count.load(Relaxed), token.told.load(Relaxed)),
+            (1000, 1),
+            "logged at the first alone"
+        );
+        assert!(
+            counts.refusals().all(|(reason, n)| n == if reason == "token" { 1000 } else { 0 }),
+            "no other"
+        );
+    }
+
+    #[test]
+    fn times_fall_into_their_buckets() {
+        let counts = Counts::default();
+        for us in [0, 100, 101, 5_000_000] {
+            counts.delivered(Duration::from_micros(us));
+        }
+        let found: Vec<_> = counts.delivery.iter().map(|n| n.load(Relaxed)).collect();
+        assert_eq!(found, [2, 1, 0, 0, 0, 0, 0, 0, 0, 0, 1], "bounds belong to the lower bucket");
+    }
+}

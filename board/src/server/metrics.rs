@@ -1,0 +1,122 @@
+//! `/metrics`, in the text format of Prometheus.
+
+use super::Context;
+use super::counts::{CLASSES, Counts, DELIVERY_US};
+use super::routes::ROUTES;
+use crate::probe::Published;
+use axum::extract::State;
+use axum::http::header::CONTENT_TYPE;
+use axum::response::{IntoResponse, Response};
+use std::fmt::Write;
+use std::sync::atomic::Ordering::Relaxed;
+
+/// What is counted and measured.
+pub(super) async fn metrics(State(context): State<Context>) -> Response {
+    let mut text = String::with_capacity(8 << 10);
+    let link = &context.link;
+    let latest = link.subscribe().borrow().clone();
+    let up = f64::from(u8::from(link.failure().is_none()));
+    one(&mut text, "source_up", "gauge", "1 while the source gives bursts.", up);
+    one(
+        &mut text,
+        "uptime_seconds",
+        "gauge",
+        "Time since the probe started.",
+        link.started().elapsed().as_secs_f64(),
+    );
+    if let Some(set) = &latest {
+        frames(&mut text, set, link.staleness(set).age_ms);
+    }
+    connections(&mut text, &context.counts);
+    requests(&mut text, &context.counts);
+    delivery(&mut text, &context.counts);
+    ([(CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")], text).into_response()
+}
+
+fn head(text: &mut String, name: &str, kind: &str, help: &str) {
+    let _ = writeln!(text, "# HELP hemilux_{name} {help}\n# TYPE hemilux_{name} {kind}");
+}
+
+fn one(text: &mut String, name: &str, kind: &str, help: &str, value: f64) {
+    head(text, name, kind, help);
+    let _ = writeln!(text, "hemilux_{name} {value}");
+}
+
+fn frames(text: &mut String, set: &Published, age_ms: u64) {
+    one(text, "frames_total", "counter", "Frames finished.", set.frame as f64 + 1.0);
+    one(text, "frame_age_seconds", "gauge", "Time since the end of the last burst.", age_ms as f64 / 1e3);
+    one(text, "frame_rate_hertz", "gauge", "Frames a second, smoothed.", set.rate_hz.into());
+    one(text, "lights", "gauge", "Lights of the last set.", set.lights.len() as f64);
+    one(text, "clipped_ratio", "gauge", "Clipped share of the hemisphere.", set.clipped.into());
+    one(
+        text,
+        "unseen_ratio",
+        "gauge",
+        "Share of the hemisphere that the lens does not see.",
+        set.unseen.into(),
+    );
+    if let Some(error) = set.estimated_error {
+        one(text, "estimated_error_ratio", "gauge", "The sampler's estimate of its error.", error.into());
+    }
+    let l = &set.latency;
+    let stages = [
+        ("capture", l.capture),
+        ("front", l.front),
+        ("pyramid", l.pyramid),
+        ("sample", l.sample),
+        ("filter", l.filter),
+        ("encode", l.encode),
+        ("total", l.total),
+    ];
+    head(text, "stage_seconds", "gauge", "Time that the last frame spent in each stage.");
+    for (stage, us) in stages {
+        let _ = writeln!(text, "hemilux_stage_seconds{{stage=\"{stage}\"}} {}", f64::from(us) / 1e6);
+    }
+    head(text, "irradiance", "gauge", "Horizontal irradiance of the last frame, in the light sets' unit.");
+    for (channel, v) in ["red", "green", "blue"].iter().zip(set.horizontal_irradiance) {
+        let _ = writeln!(text, "hemilux_irradiance{{channel=\"{channel}\"}} {v}");
+    }
+}
+
+fn connections(text: &mut String, counts: &Counts) {
+    one(text, "connections", "gauge", "Connections open now.", counts.open.load(Relaxed) as f64);
+    one(text, "connections_total", "counter", "Connections let in.", counts.accepted.load(Relaxed) as f64);
+    one(
+        text,
+        "streams",
+        "gauge",
+        "Event streams and WebSockets open now.",
+        counts.streams.load(Relaxed) as f64,
+    );
+    head(text, "refused_total", "counter", "Requests and connections refused, by reason.");
+    for (reason, count) in counts.refusals() {
+        let _ = writeln!(text, "hemilux_refused_total{{reason=\"{reason}\"}} {count}");
+    }
+}
+
+fn requests(text: &mut String, counts: &Counts) {
+    head(text, "requests_total", "counter", "Requests answered, by path and class of status.");
+    let paths = ROUTES.iter().copied().chain(["other"]);
+    for (path, classes) in paths.zip(&counts.requests) {
+        for (class, count) in (1..=CLASSES).zip(classes) {
+            let count = count.load(Relaxed);
+            if count > 0 {
+                let _ =
+                    writeln!(text, "hemilux_requests_total{{path=\"{path}\",status=\"{class}xx\"}} {count}");
+            }
+        }
+    }
+}
+
+fn delivery(text: &mut String, counts: &Counts) {
+    let help = "From the finished light set to the answer handed to the connection.";
+    head(text, "delivery_seconds", "histogram", help);
+    let mut sum = 0;
+    for (i, count) in counts.delivery.iter().enumerate() {
+        sum += count.load(Relaxed);
+        let bound = DELIVERY_US.get(i).map_or("+Inf".into(), |us| (*us as f64 / 1e6).to_string());
+        let _ = writeln!(text, "hemilux_delivery_seconds_bucket{{le=\"{bound}\"}} {sum}");
+    }
+    let seconds = counts.delivery_us.load(Relaxed) as f64 / 1e6;
+    let _ = writeln!(text, "hemilux_delivery_seconds_sum {seconds}\nhemilux_delivery_seconds_count {sum}");
+}

@@ -1,0 +1,264 @@
+//! Pictures: the burst's exposures, a fresh shot and the map. They are made when asked for, one at a time, once per frame for all.
+
+use super::access::Allowed;
+use super::lights::{LONGEST_WAIT, no_frame_yet};
+use super::{Context, line};
+use crate::calibration::{Calibration, Frame, Pixels};
+use crate::picture;
+use crate::probe::settings::short;
+use crate::probe::{BurstView, MapView, Slot};
+use axum::body::Bytes;
+use axum::extract::{Path, RawQuery, State};
+use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode};
+use axum::response::{IntoResponse, Response};
+use hemilux_core::response::Response as CameraResponse;
+use hemilux_core::tonemap::srgb_code;
+use image::codecs::jpeg::JpegEncoder;
+use image::{ExtendedColorType, ImageFormat};
+use std::io::Cursor;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+/// JPEG quality: artefacts are below the sensor's noise.
+const QUALITY: u8 = 90;
+
+/// Pictures that are kept: the exposures of a burst and the map in its forms.
+const SHELF: usize = 16;
+
+/// Longest wait for a fresh shot: slow sources take two bursts to give one that began after the request.
+const CAPTURE_WAIT: Duration = Duration::from_secs(5);
+
+/// Part of a shot's samples that may be clipped.
+const CLIPPED: f64 = 0.01;
+
+/// What is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Exposure(usize),
+    Map { marks: bool },
+    MapExr,
+}
+
+/// Where pictures are made.
+#[derive(Debug, Default)]
+pub(super) struct Studio {
+    /// One at a time: they take tens of milliseconds of a core that the probe needs.
+    easel: tokio::sync::Mutex<()>,
+    /// Kind, frame and bytes, the newest first.
+    shelf: Mutex<Vec<(Kind, u64, Bytes)>>,
+}
+
+impl Studio {
+    /// The picture of `frame`, made by `paint` unless it is there.
+    async fn picture(
+        &self,
+        kind: Kind,
+        frame: u64,
+        paint: impl FnOnce() -> Option<Vec<u8>> + Send + 'static,
+    ) -> Option<Bytes> {
+        let _alone = self.easel.lock().await;
+        if let Some(bytes) = self.find(kind, frame) {
+            return Some(bytes);
+        }
+        let bytes = Bytes::from(tokio::task::spawn_blocking(paint).await.ok()??);
+        let mut shelf = self.shelf.lock().unwrap_or_else(PoisonError::into_inner);
+        shelf.retain(|(k, ..)| *k != kind);
+        shelf.truncate(SHELF - 1);
+        shelf.insert(0, (kind, frame, bytes.clone()));
+        Some(bytes)
+    }
+
+    fn find(&self, kind: Kind, frame: u64) -> Option<Bytes> {
+        let shelf = self.shelf.lock().unwrap_or_else(PoisonError::into_inner);
+        shelf.iter().find(|(k, f, _)| (*k, *f) == (kind, frame)).map(|(.., bytes)| bytes.clone())
+    }
+}
+
+/// The next frame's view, or after [`LONGEST_WAIT`] the last one that there was; the second value says which.
+pub(super) async fn view<T>(slot: &Slot<T>) -> Option<(Arc<T>, bool)> {
+    let (number, mut given) = slot.ask();
+    let waited = tokio::time::timeout(LONGEST_WAIT, given.wait_for(|g| g.number >= number)).await;
+    let is_fresh = waited.is_ok();
+    drop(waited);
+    let view = given.borrow().view.clone();
+    view.map(|view| (view, is_fresh))
+}
+
+/// `image` and `image?N`: exposure N of the next burst, 0 the shortest; the longest without N.
+pub(super) async fn image(State(context): State<Context>, _: Allowed, RawQuery(query): RawQuery) -> Response {
+    exposure(&context, query.as_deref().filter(|q| !q.is_empty())).await
+}
+
+/// `/v1/image/N`.
+pub(super) async fn image_at(
+    State(context): State<Context>,
+    _: Allowed,
+    Path(index): Path<String>,
+) -> Response {
+    exposure(&context, Some(&index)).await
+}
+
+async fn exposure(context: &Context, index: Option<&str>) -> Response {
+    let number = index.map(str::parse::<usize>);
+    let Some((view, is_fresh)) = view(&context.link.views().bursts).await else {
+        return no_frame_yet(&context.link);
+    };
+    let last = view.frames.len().saturating_sub(1);
+    let Ok(at) = number.unwrap_or(Ok(last)) else { return no_exposure(index, last) };
+    if at > last {
+        return no_exposure(index, last);
+    }
+    jpeg_answer(context, view, at, is_fresh).await
+}
+
+fn no_exposure(index: Option<&str>, last: usize) -> Response {
+    let found = short(index.unwrap_or_default());
+    line(
+        StatusCode::BAD_REQUEST,
+        &format!("found exposure '{found}'. Accepted: 0 (the shortest) to {last} (the longest)"),
+    )
+}
+
+/// `capture`: a shot of a burst that began after the request: of its exposures the longest that is hardly clipped.
+pub(super) async fn capture(State(context): State<Context>, _: Allowed) -> Response {
+    let now = context.link.subscribe().borrow().as_ref().map(|set| set.frame);
+    // The burst that is under way may have begun before; the one after it has not.
+    let first = now.map_or(0, |frame| frame + 2);
+    let fresh = async {
+        loop {
+            let (view, is_fresh) = view(&context.link.views().bursts).await?;
+            if is_fresh && view.frame >= first {
+                return Some(view);
+            }
+        }
+    };
+    match tokio::time::timeout(CAPTURE_WAIT, fresh).await {
+        Ok(Some(view)) => {
+            let at = well_exposed(&view);
+            jpeg_answer(&context, view, at, true).await
+        }
+        _ => no_frame_yet(&context.link),
+    }
+}
+
+async fn jpeg_answer(context: &Context, view: Arc<BurstView>, at: usize, is_fresh: bool) -> Response {
+    let frame = view.frame;
+    let paint = move || jpeg(view.frames.get(at)?, &view.calibration);
+    let bytes = context.studio.picture(Kind::Exposure(at), frame, paint).await;
+    answer(bytes, "image/jpeg", frame, is_fresh)
+}
+
+/// `/v1/map.png`: the tone-mapped polar map; with `?marks=1` the lights are drawn on it.
+pub(super) async fn map_png(
+    State(context): State<Context>,
+    _: Allowed,
+    RawQuery(query): RawQuery,
+) -> Response {
+    let marks = match query.as_deref() {
+        None | Some("" | "marks=0") => false,
+        Some("marks=1") => true,
+        Some(other) => {
+            return line(StatusCode::BAD_REQUEST, &format!("found '{}'. Accepted: marks=0|1", short(other)));
+        }
+    };
+    let Some((view, is_fresh)) = view(&context.link.views().maps).await else {
+        return no_frame_yet(&context.link);
+    };
+    let frame = view.frame;
+    let paint = move || png(&view, marks);
+    answer(context.studio.picture(Kind::Map { marks }, frame, paint).await, "image/png", frame, is_fresh)
+}
+
+/// `/v1/map.exr`: the whole sphere's radiance, dark below the horizon.
+pub(super) async fn map_exr(State(context): State<Context>, _: Allowed) -> Response {
+    let Some((view, is_fresh)) = view(&context.link.views().maps).await else {
+        return no_frame_yet(&context.link);
+    };
+    let frame = view.frame;
+    let paint = move || exr(&view);
+    answer(context.studio.picture(Kind::MapExr, frame, paint).await, "image/x-exr", frame, is_fresh)
+}
+
+fn answer(bytes: Option<Bytes>, kind: &'static str, frame: u64, is_fresh: bool) -> Response {
+    let Some(bytes) = bytes else {
+        return line(StatusCode::INTERNAL_SERVER_ERROR, "the picture could not be made");
+    };
+    let mut headers = HeaderMap::new();
+    headers.insert(CONTENT_TYPE, HeaderValue::from_static(kind));
+    headers.insert(CACHE_CONTROL, HeaderValue::from_static("no-store"));
+    headers.insert(HeaderName::from_static("hemilux-frame"), frame.into());
+    if !is_fresh {
+        headers.insert(HeaderName::from_static("hemilux-stale"), HeaderValue::from_static("true"));
+    }
+    (headers, bytes).into_response()
+}
+
+fn well_exposed(view: &BurstView) -> usize {
+    let white = view.calibration.white;
+    let clipped = |frame: &Frame| match &frame.pixels {
+        Pixels::U8(v) => share(v, white),
+        Pixels::U16(v) => share(v, white),
+    };
+    view.frames.iter().rposition(|frame| clipped(frame) < CLIPPED).unwrap_or(0)
+}
+
+/// Share of the samples that are at `white` or above.
+fn share<T: Copy + Into<f64>>(samples: &[T], white: f64) -> f64 {
+    let clipped = samples.iter().filter(|v| (**v).into() >= white).count();
+    clipped as f64 / samples.len().max(1) as f64
+}
+
+/// Codes of eight bits as they are; deeper ones scaled, and linear ones given the sRGB curve, so that they can be looked at.
+fn jpeg(frame: &Frame, calibration: &Calibration) -> Option<Vec<u8>> {
+    let c = calibration;
+    let codes = match &frame.pixels {
+        Pixels::U8(codes) => std::borrow::Cow::Borrowed(codes.as_slice()),
+        Pixels::U16(codes) => {
+            let is_linear = matches!(c.response, CameraResponse::Linear);
+            let code = |v: u16| {
+                let x = ((f64::from(v) - c.black) / (c.white - c.black)) as f32;
+                if is_linear { srgb_code(x) } else { (255.0 * x.clamp(0.0, 1.0) + 0.5) as u8 }
+            };
+            let table: Vec<u8> = (0..=u16::MAX).map(code).collect();
+            codes.iter().map(|v| table[usize::from(*v)]).collect()
+        }
+    };
+    let mut bytes = Vec::new();
+    JpegEncoder::new_with_quality(&mut bytes, QUALITY)
+        .encode(&codes, c.width, c.height, ExtendedColorType::Rgb8)
+        .ok()?;
+    Some(bytes)
+}
+
+/// The tone-mapped map, with the lights if `marks`.
+pub(super) fn png(view: &MapView, marks: bool) -> Option<Vec<u8>> {
+    let lights = if marks { view.lights.as_slice() } else { &[] };
+    let mut bytes = Cursor::new(Vec::new());
+    picture::draw(&view.map(), lights).write_to(&mut bytes, ImageFormat::Png).ok()?;
+    Some(bytes.into_inner())
+}
+
+fn exr(view: &MapView) -> Option<Vec<u8>> {
+    use exr::meta::attribute::EnvironmentMap;
+    use exr::prelude::{Encoding, Image, Layer, LayerAttributes, SpecificChannels, WritableImage};
+    let grid = view.grid;
+    let pixel = |at: exr::math::Vec2<usize>| {
+        let energy = view.texels.get(at.y() * grid.width + at.x()).copied().unwrap_or_default();
+        let [r, g, b] = energy.map(|v| v / grid.solid_angle(at.y()) as f32);
+        if at.y() < grid.height { (r, g, b) } else { (0.0, 0.0, 0.0) }
+    };
+    let layer = Layer::new(
+        (grid.width, 2 * grid.height),
+        LayerAttributes {
+            software_name: Some("hemilux".into()),
+            environment_map: Some(EnvironmentMap::LatitudeLongitude),
+            ..LayerAttributes::default()
+        },
+        Encoding::FAST_LOSSLESS,
+        SpecificChannels::rgb(pixel),
+    );
+    let mut bytes = Cursor::new(Vec::new());
+    Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).ok()?;
+    Some(bytes.into_inner())
+}

@@ -1,0 +1,183 @@
+//! What a client asks for about a light set: the form, the axes, how many lights.
+
+use super::lights::Format;
+use crate::probe::settings::short;
+use crate::samplers::MAX_LIGHTS;
+use axum::extract::Query;
+use axum::http::header::ACCEPT;
+use axum::http::{HeaderMap, Uri};
+use hemilux_core::wire::Coordinates;
+
+/// How a set is written; sets written alike are written once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Variant {
+    pub(super) format: Format,
+    pub(super) coordinates: Coordinates,
+    /// With `ambient_sh`.
+    pub(super) ambient: bool,
+    /// Thinned to at most so many lights.
+    pub(super) lights: Option<usize>,
+}
+
+impl Variant {
+    pub(super) fn of(format: Format) -> Self {
+        Self { format, coordinates: Coordinates::Probe, ambient: false, lights: None }
+    }
+}
+
+/// What is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Wanted {
+    pub(super) variant: Variant,
+    /// The last frame that the client has.
+    pub(super) after: Option<u64>,
+}
+
+/// Reads the query. `fixed` is the format of paths that have but one; else `format=` names it, or the Accept header.
+///
+/// # Errors
+/// What was found, and the list of what is accepted; `None` when no format suits the Accept header.
+pub(super) fn wanted(
+    uri: &Uri,
+    headers: &HeaderMap,
+    fixed: Option<Format>,
+) -> Result<Wanted, Option<String>> {
+    let refused = |found: String| Some(format!("found {found}. Accepted:\n{}", accepted(fixed.is_none())));
+    let Ok(Query(pairs)) = Query::<Vec<(String, String)>>::try_from_uri(uri) else {
+        return Err(refused("a query that cannot be read".into()));
+    };
+    let mut wanted = Wanted { variant: Variant::of(fixed.unwrap_or(Format::Json)), after: None };
+    let mut named = fixed.is_some();
+    for (i, (name, value)) in pairs.iter().enumerate() {
+        if pairs[..i].iter().any(|(n, _)| n == name) {
+            return Err(refused(format!("parameter '{}' twice", short(name))));
+        }
+        let variant = &mut wanted.variant;
+        let known = match name.as_str() {
+            "format" if fixed.is_none() => {
+                named = true;
+                Format::from_name(value).map(|f| variant.format = f)
+            }
+            "coordinates" => Coordinates::from_name(value).map(|c| variant.coordinates = c),
+            "ambient" => flag(value).map(|f| variant.ambient = f),
+            "lights" => number(value).map(|n| variant.lights = Some(n)),
+            "after" => value.parse().ok().map(|n| wanted.after = Some(n)),
+            _ => return Err(refused(format!("unknown parameter '{}'", short(name)))),
+        };
+        known.ok_or_else(|| refused(format!("{name} '{}'", short(value))))?;
+    }
+    if !named {
+        wanted.variant.format = negotiated(headers).ok_or(None)?;
+    }
+    Ok(wanted)
+}
+
+fn flag(value: &str) -> Option<bool> {
+    match value {
+        "1" => Some(true),
+        "0" => Some(false),
+        _ => None,
+    }
+}
+
+fn number(value: &str) -> Option<usize> {
+    value.parse().ok().filter(|n| (1..=MAX_LIGHTS).contains(n))
+}
+
+/// Parameters and their values, one a line.
+fn accepted(with_format: bool) -> String {
+    let coordinates = Coordinates::names().collect::<Vec<_>>().join("|");
+    let formats = Format::NAMED.map(|(name, _)| name).join("|");
+    let format = if with_format { format!("format={formats}\n") } else { String::new() };
+    format!("{format}coordinates={coordinates}\nlights=1..{MAX_LIGHTS}\nambient=0|1\nafter=FRAME")
+}
+
+/// The format that suits the Accept header best; JSON where there is none, and for browsers.
+fn negotiated(headers: &HeaderMap) -> Option<Format> {
+    let accept: Vec<_> = headers.get_all(ACCEPT).iter().filter_map(|v| v.to_str().ok()).collect();
+    if accept.is_empty() {
+        return Some(Format::Json);
+    }
+    let mut best = None;
+    for range in accept.iter().flat_map(|v| v.split(',')) {
+        let mut parts = range.split(';').map(str::trim);
+        let kind = parts.next().unwrap_or_default().to_ascii_lowercase();
+        let quality = parts.find_map(|p| p.strip_prefix("q=")).map_or(Some(1.0), |q| q.parse::<f32>().ok());
+        let quality = quality.unwrap_or(0.0);
+        let format = match kind.as_str() {
+            "*/*" | "application/*" | "application/json" | "text/html" => Format::Json,
+            "text/*" | "text/plain" => Format::Text,
+            "application/xml" | "text/xml" => Format::Xml,
+            "application/octet-stream" | "application/vnd.hemilux.lights" => Format::Binary,
+            _ => continue,
+        };
+        if quality > best.map_or(0.0, |(q, _)| q) {
+            best = Some((quality, format));
+        }
+    }
+    best.map(|(_, format)| format)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use axum::http::HeaderValue;
+
+    fn ask(query: &str) -> Result<Wanted, Option<String>> {
+        wanted(&format!("/v1/lights?{query}").parse().expect("a URI"), &HeaderMap::new(), None)
+    }
+
+    #[test]
+    fn every_parameter_is_read() {
+        let found = ask("format=binary&coordinates=unity&ambient=1&lights=12&after=18446744073709551615");
+        let variant = Variant {
+            format: Format::Binary,
+            coordinates: Coordinates::Unity,
+            ambient: true,
+            lights: Some(12),
+        };
+        assert_eq!(found, Ok(Wanted { variant, after: Some(u64::MAX) }), "all");
+        assert_eq!(ask(""), Ok(Wanted { variant: Variant::of(Format::Json), after: None }), "none");
+    }
+
+    #[test]
+    fn what_is_not_known_is_refused_with_the_list() {
+        for query in [
+            "format=yaml",
+            "coordinates=maya",
+            "ambient=yes",
+            "lights=0",
+            "lights=50001",
+            "lights=-1",
+            "after=-1",
+            "after=",
+            "colour=red",
+            "lights=3&lights=3",
+            "after=%ff",
+        ] {
+            let text = ask(query).expect_err(query).expect("a reason");
+            assert!(text.starts_with("found ") && text.contains("coordinates=probe|"), "{query}: {text}");
+        }
+    }
+
+    #[test]
+    fn the_accept_header_chooses() {
+        let chosen = |accept: &'static str| {
+            let headers = [(ACCEPT, HeaderValue::from_static(accept))].into_iter().collect();
+            negotiated(&headers)
+        };
+        for (accept, format) in [
+            ("*/*", Some(Format::Json)),
+            ("application/xml", Some(Format::Xml)),
+            ("text/plain;q=0.5, application/xml;q=0.9", Some(Format::Xml)),
+            ("text/plain, application/xml", Some(Format::Text)),
+            ("application/octet-stream", Some(Format::Binary)),
+            // What browsers send.
+            ("text/html,application/xhtml+xml,application/xml;q=0.9,*/*;q=0.8", Some(Format::Json)),
+            ("image/png", None),
+            ("application/json;q=0", None),
+        ] {
+            assert_eq!(chosen(accept), format, "{accept}");
+        }
+    }
+}

@@ -1,0 +1,100 @@
+//! The table of requests: what there is, for whom, and how it is asked for.
+
+use super::{
+    Context, access, change, client, config, events, lights, metrics, pages, pictures, screenshot, xr,
+};
+use axum::Router;
+use axum::extract::{DefaultBodyLimit, MatchedPath, Request, State};
+use axum::http::StatusCode;
+use axum::middleware::{Next, from_fn_with_state};
+use axum::response::Response;
+use axum::routing::{get, post};
+use lights::Format;
+
+/// A path, with the method that it is asked for with; `/openapi.json` describes the same.
+pub(super) const ROUTES: [&str; 25] = [
+    "/",
+    "/info",
+    "/change",
+    "/data",
+    "/xml",
+    "/image",
+    "/capture",
+    "/screenshot",
+    "/screenshots/{name}",
+    "/login",
+    "/lights.json",
+    "/healthz",
+    "/metrics",
+    "/openapi.json",
+    "/client.js",
+    "/three.js",
+    "/v1/lights",
+    "/v1/events",
+    "/v1/socket",
+    "/v1/config",
+    "/v1/status",
+    "/v1/map.png",
+    "/v1/map.exr",
+    "/v1/xr",
+    "/v1/image/{index}",
+];
+
+/// The place of a path in [`ROUTES`].
+pub(super) fn index_of(path: &str) -> Option<usize> {
+    ROUTES.iter().position(|route| *route == path)
+}
+
+/// All routes, with the checks before them.
+pub(super) fn router(context: Context) -> Router {
+    let light_set = |format| get(move |context, uri, headers| lights::answer(context, uri, headers, format));
+    let paths = Router::new()
+        .route("/", get(pages::index))
+        .route("/info", get(pages::info))
+        .route("/change", get(change::change).head(not_allowed))
+        .route("/data", light_set(Some(Format::Text)))
+        .route("/xml", light_set(Some(Format::Xml)))
+        .route("/image", get(pictures::image).head(not_allowed))
+        .route("/capture", get(pictures::capture).head(not_allowed))
+        .route("/screenshot", get(screenshot::take).head(not_allowed))
+        .route("/screenshots/{name}", get(screenshot::kept))
+        .route("/login", get(access::form).merge(post(access::log_in)))
+        .route("/lights.json", light_set(Some(Format::Json)))
+        .route("/healthz", get(lights::health))
+        .route("/metrics", get(metrics::metrics))
+        .route("/openapi.json", get(client::openapi))
+        .route("/client.js", get(client::javascript))
+        .route("/three.js", get(client::three))
+        .route("/v1/lights", light_set(None))
+        .route("/v1/events", get(events::events).head(not_allowed))
+        .route("/v1/socket", get(events::socket).head(not_allowed))
+        .route("/v1/config", get(config::show).patch(config::change))
+        .route("/v1/status", get(pages::status))
+        .route("/v1/map.png", get(pictures::map_png).head(not_allowed))
+        .route("/v1/map.exr", get(pictures::map_exr).head(not_allowed))
+        .route("/v1/xr", get(xr::xr))
+        .route("/v1/image/{index}", get(pictures::image_at).head(not_allowed));
+    paths
+        .fallback(not_found)
+        .method_not_allowed_fallback(not_allowed)
+        .layer(DefaultBodyLimit::max(super::guard::MAX_BODY_BYTES as usize))
+        .layer(from_fn_with_state(context.clone(), super::guard::check))
+        .layer(from_fn_with_state(context.clone(), count))
+        .with_state(context)
+}
+
+async fn count(State(context): State<Context>, request: Request, next: Next) -> Response {
+    let path = request.extensions().get::<MatchedPath>().cloned();
+    let response = next.run(request).await;
+    let path = path.as_ref().map_or("", MatchedPath::as_str);
+    context.counts.answered(path, response.status().as_u16());
+    response
+}
+
+async fn not_found() -> Response {
+    super::line(StatusCode::NOT_FOUND, &format!("no such request; there are: {}", ROUTES.join(" ")))
+}
+
+async fn not_allowed() -> Response {
+    super::line(StatusCode::METHOD_NOT_ALLOWED, "this request is made with another method: see /openapi.json")
+}

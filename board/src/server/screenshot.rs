@@ -1,0 +1,93 @@
+//! `screenshot`: the debug picture, kept under a name of its own. The last sixteen stay, in memory: no request writes a file.
+
+use super::access::Allowed;
+use super::lights::no_frame_yet;
+use super::pictures::{png, view};
+use super::{Context, line, pages};
+use axum::body::Bytes;
+use axum::extract::{Path, State};
+use axum::http::StatusCode;
+use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE};
+use axum::response::{IntoResponse, Response};
+use std::collections::VecDeque;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// Screenshots that stay.
+const KEPT: usize = 16;
+
+/// The screenshots, the newest first.
+#[derive(Debug, Default)]
+pub(super) struct Album {
+    pictures: Mutex<(u64, VecDeque<(String, Bytes)>)>,
+    /// One picture is painted at a time.
+    painting: tokio::sync::Mutex<()>,
+}
+
+impl Album {
+    /// Keeps a picture; the names of all, the newest first.
+    fn keep(&self, run: &str, frame: u64, png: Bytes) -> Vec<String> {
+        let mut guard = self.lock();
+        let (count, pictures) = &mut *guard;
+        *count += 1;
+        pictures.truncate(KEPT - 1);
+        pictures.push_front((format!("{run}-{frame:06}-{count}.png"), png));
+        pictures.iter().map(|(name, _)| name.clone()).collect()
+    }
+
+    fn find(&self, name: &str) -> Option<Bytes> {
+        self.lock().1.iter().find(|(n, _)| n == name).map(|(_, png)| png.clone())
+    }
+
+    fn lock(&self) -> MutexGuard<'_, (u64, VecDeque<(String, Bytes)>)> {
+        self.pictures.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Takes a screenshot and shows it.
+pub(super) async fn take(State(context): State<Context>, _: Allowed) -> Response {
+    if !context.link.applied().borrow().config.gui {
+        return (StatusCode::CONFLICT, pages::no_screenshot()).into_response();
+    }
+    let _alone = context.album.painting.lock().await;
+    let Some((map, _)) = view(&context.link.views().maps).await else { return no_frame_yet(&context.link) };
+    let frame = map.frame;
+    let painted = tokio::task::spawn_blocking(move || png(&map, true)).await;
+    let Ok(Some(picture)) = painted else {
+        return line(StatusCode::INTERNAL_SERVER_ERROR, "the picture could not be made");
+    };
+    let names = context.album.keep(context.link.run(), frame, picture.into());
+    ([(CACHE_CONTROL, "no-store")], pages::screenshot(&names)).into_response()
+}
+
+/// A screenshot that was taken before.
+pub(super) async fn kept(State(context): State<Context>, _: Allowed, Path(name): Path<String>) -> Response {
+    match context.album.find(&name) {
+        // A name is never used again.
+        Some(png) => {
+            ([(CONTENT_TYPE, "image/png"), (CACHE_CONTROL, "private, max-age=86400, immutable")], png)
+                .into_response()
+        }
+        None => line(StatusCode::NOT_FOUND, "no such screenshot: the last sixteen are kept"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_sixteen_stay_under_names_of_their_own() {
+        let album = Album::default();
+        let mut all = Vec::new();
+        for i in 0..20 {
+            all = album.keep("k3v9", 7, Bytes::from(vec![i]));
+        }
+        assert_eq!(
+            (all.len(), all[0].as_str(), all[15].as_str()),
+            (16, "k3v9-000007-20.png", "k3v9-000007-5.png"),
+            "{all:?}"
+        );
+        assert_eq!(album.find(&all[15]), Some(Bytes::from_static(&[4])), "the oldest that stays");
+        assert_eq!(album.find("k3v9-000007-4.png"), None, "gone");
+    }
+}

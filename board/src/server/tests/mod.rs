@@ -1,0 +1,97 @@
+//! Routes without sockets.
+
+mod openapi;
+mod pictures;
+mod security;
+mod thesis;
+mod v1;
+
+use super::*;
+use crate::calibration::{Burst, Calibration};
+use crate::probe::{Config, Probe};
+use crate::scene;
+use crate::source::{Pace, SceneSource, Source, SourceError};
+use axum::body::Body;
+use axum::http::Request;
+use hemilux_core::merge::Exposure;
+use serde_json::Value;
+use std::time::Duration;
+use tower::ServiceExt;
+
+/// The routes for this machine alone, without a token.
+fn routes(probe: &Probe) -> Router {
+    app(probe.link(), Options::default()).router()
+}
+
+/// A scene that gives `left` bursts and then fails.
+struct Mortal {
+    scene: SceneSource,
+    left: usize,
+}
+
+impl Source for Mortal {
+    fn calibration(&self) -> &Calibration {
+        self.scene.calibration()
+    }
+
+    fn exposures(&self) -> Vec<Exposure> {
+        self.scene.exposures()
+    }
+
+    fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
+        self.left = self.left.checked_sub(1).ok_or_else(|| SourceError::Gone("<unplugged>".into()))?;
+        self.scene.next(burst)
+    }
+}
+
+fn probe(bursts: usize) -> Probe {
+    let scene = scene::by_name("lamps").expect("a scene");
+    let scene = SceneSource::new(scene, Pace::Every(Duration::from_millis(20)));
+    Probe::start(Box::new(Mortal { scene, left: bursts }), "test:mortal".into(), Config::default())
+        .expect("a probe")
+}
+
+/// An answer, read whole.
+struct Got {
+    status: u16,
+    headers: axum::http::HeaderMap,
+    body: Vec<u8>,
+}
+
+impl Got {
+    fn text(&self) -> &str {
+        std::str::from_utf8(&self.body).expect("UTF-8")
+    }
+
+    fn json(&self) -> Value {
+        serde_json::from_slice(&self.body).unwrap_or_else(|e| panic!("{e}: {}", self.text()))
+    }
+
+    fn header(&self, name: &str) -> &str {
+        self.headers.get(name).map_or("", |v| v.to_str().expect("text"))
+    }
+}
+
+/// The answer to a request with these headers.
+async fn fetch(app: &Router, method: &str, uri: &str, headers: &[(&str, &str)], body: &str) -> Got {
+    let mut request = Request::builder().method(method).uri(uri);
+    if !headers.iter().any(|(name, _)| *name == "host") {
+        request = request.header("host", "localhost:8080");
+    }
+    let request = headers.iter().fold(request, |r, (name, value)| r.header(*name, *value));
+    let request = request.body(Body::from(body.to_owned())).expect("a request");
+    let response = app.clone().oneshot(request).await.expect("an answer");
+    let (parts, body) = response.into_parts();
+    let bytes = axum::body::to_bytes(body, 1 << 24).await.expect("a body");
+    Got { status: parts.status.as_u16(), headers: parts.headers, body: bytes.to_vec() }
+}
+
+/// Status, content type and body of the answer to a request with these headers.
+async fn ask(app: &Router, method: &str, uri: &str, headers: &[(&str, &str)]) -> (u16, String, String) {
+    let got = fetch(app, method, uri, headers, "").await;
+    (got.status, got.header("content-type").to_owned(), String::from_utf8_lossy(&got.body).into_owned())
+}
+
+async fn get(app: &Router, uri: &str) -> (u16, String, String) {
+    ask(app, "GET", uri, &[]).await
+}

@@ -1,0 +1,103 @@
+//! The description of the interface against the interface.
+
+use super::security::locked;
+use super::*;
+use crate::server::routes::ROUTES;
+use std::collections::BTreeSet;
+
+const METHODS: [&str; 5] = ["GET", "POST", "PATCH", "PUT", "DELETE"];
+
+fn document() -> Value {
+    serde_json::from_str(include_str!("../openapi.json")).expect("JSON")
+}
+
+/// A path that can be asked for.
+fn filled(path: &str) -> String {
+    let query = if path == "/change" { "?samples=20" } else { "" };
+    path.replace("{name}", "x.png").replace("{index}", "0") + query
+}
+
+#[tokio::test]
+async fn every_route_is_described_with_its_methods_and_no_other_is() {
+    let document = document();
+    let described: BTreeSet<_> =
+        document["paths"].as_object().expect("paths").keys().map(String::as_str).collect();
+    assert_eq!(described, ROUTES.into_iter().collect(), "paths");
+    let probe = probe(usize::MAX);
+    let app = routes(&probe);
+    for path in ROUTES {
+        for method in METHODS {
+            let is_described = document["paths"][path].get(method.to_lowercase()).is_some();
+            let request = Request::builder().method(method).uri(filled(path)).header("host", "localhost");
+            let request = request.body(Body::empty()).expect("a request");
+            // The head alone: events go on for ever.
+            let status = app.clone().oneshot(request).await.expect("an answer").status().as_u16();
+            assert_eq!(status != 405, is_described, "{method} {path}: {status}");
+            let known = is_described.then(|| &document["paths"][path][method.to_lowercase()]["responses"]);
+            let is_known = known.is_none_or(|r| r.get(status.to_string()).is_some());
+            assert!(
+                is_known || (path == "/login" && status == 200),
+                "{method} {path}: {status} is not described"
+            );
+        }
+    }
+}
+
+#[tokio::test]
+async fn what_is_described_as_protected_is() {
+    let document = document();
+    let probe = probe(usize::MAX);
+    let app = locked(&probe);
+    let mut protected = 0;
+    for path in ROUTES {
+        for (method, operation) in document["paths"][path].as_object().expect("operations") {
+            let request = Request::builder().method(method.to_uppercase().as_str()).uri(filled(path));
+            let request = request.header("host", "localhost").body(Body::empty()).expect("a request");
+            let status = app.clone().oneshot(request).await.expect("an answer").status().as_u16();
+            let is_described = operation.get("security").is_some();
+            assert_eq!(status == 401, is_described, "{method} {path}: {status}");
+            protected += usize::from(is_described);
+        }
+    }
+    assert_eq!(protected, 9, "change, the config, and seven with pictures");
+}
+
+/// Whether `value` has all that `schema` requires, references followed.
+fn check(document: &Value, schema: &Value, value: &Value, place: &str) {
+    let named = schema["$ref"].as_str().and_then(|r| document.pointer(r.trim_start_matches('#')));
+    let schema = named.unwrap_or(schema);
+    let may_be_null = schema["type"].as_array().is_some_and(|kinds| kinds.contains(&"null".into()));
+    if value.is_null() && may_be_null {
+        return;
+    }
+    for key in schema["required"].as_array().into_iter().flatten().filter_map(Value::as_str) {
+        assert!(value.get(key).is_some(), "{place} has no {key}");
+    }
+    if let Some(object) = value.as_object().filter(|_| schema["properties"].is_object()) {
+        for (key, inner) in object {
+            let known = schema["properties"].get(key).or_else(|| schema.get("additionalProperties"));
+            let known = known.unwrap_or_else(|| panic!("{place}.{key} is not described"));
+            check(document, known, inner, &format!("{place}.{key}"));
+        }
+    }
+    if let (Some(items), Some(values)) = (schema.get("items"), value.as_array()) {
+        let least = schema["minItems"].as_u64().unwrap_or(0);
+        assert!(values.len() as u64 >= least, "{place} is too short");
+        values.iter().for_each(|v| check(document, items, v, place));
+    }
+}
+
+#[tokio::test]
+async fn answers_have_what_their_schemas_name() {
+    let document = document();
+    let probe = probe(usize::MAX);
+    let app = routes(&probe);
+    for (path, schema) in
+        [("/v1/lights?ambient=1", "LightSet"), ("/v1/config", "Config"), ("/v1/xr", "Estimate")]
+    {
+        let got = fetch(&app, "GET", path, &[], "").await;
+        check(&document, &document["components"]["schemas"][schema], &got.json(), schema);
+    }
+    let got = fetch(&app, "PATCH", "/v1/config", &[], "{\"x\": 1}").await;
+    check(&document, &document["components"]["schemas"]["Errors"], &got.json(), "Errors");
+}

@@ -1,0 +1,68 @@
+// Light sets as three.js lights: directional lights for what has a direction, a light probe for the rest.
+//
+//   import * as THREE from "three";
+//   import { Hemilux } from "http://127.0.0.1:8080/client.js";
+//   import { ProbeLights } from "http://127.0.0.1:8080/three.js";
+//   const probe = new Hemilux("http://127.0.0.1:8080", { coordinates: "three", ambient: true, lights: 8 });
+//   const lights = new ProbeLights(THREE, 8);
+//   scene.add(lights.group);
+//   renderer.setAnimationLoop(() => { lights.update(probe); renderer.render(scene, camera); });
+//
+// Intensities are irradiance in the set's unit times `exposure`: choose it, or the renderer's toneMappingExposure, for your scene.
+
+export class ProbeLights {
+  /** `most` lights at a time: adding and removing them makes three.js compile its shaders anew, so they stay and go dark instead. */
+  constructor(THREE, most = 8, { exposure = 1, distance = 10, castShadow = false } = {}) {
+    this.exposure = exposure;
+    this.distance = distance;
+    this.group = new THREE.Group();
+    this.group.name = "hemilux";
+    this.directional = Array.from({ length: most }, () => {
+      const light = new THREE.DirectionalLight(0xffffff, 0);
+      light.castShadow = castShadow;
+      this.group.add(light, light.target);
+      return light;
+    });
+    this.ambient = new THREE.LightProbe();
+    this.ambient.intensity = 0;
+    this.group.add(this.ambient);
+    this.#places = new Map();
+  }
+
+  /** Which three.js light shows which id: a light keeps its place as long as it lives, so that its shadow does not jump. */
+  #places;
+
+  /** Shows the lights of this moment. The Hemilux must have been asked for `coordinates: "three"`. */
+  update(probe, now = performance.now()) {
+    if (!probe.latest) return;
+    const lights = probe.interpolated(now).slice();
+    lights.sort((a, b) => brightness(b) - brightness(a));
+    const shown = lights.slice(0, this.directional.length);
+    const ids = new Set(shown.map(light => light.id));
+    for (const id of this.#places.keys()) if (!ids.has(id)) this.#places.delete(id);
+    const taken = new Set(this.#places.values());
+    const free = this.directional.map((_, place) => place).filter(place => !taken.has(place));
+    for (const light of this.directional) light.intensity = 0;
+    for (const light of shown) {
+      if (!this.#places.has(light.id)) this.#places.set(light.id, free.pop());
+      this.#show(this.directional[this.#places.get(light.id)], light);
+    }
+    const rows = probe.latest.ambient_sh;
+    this.ambient.intensity = rows ? this.exposure : 0;
+    rows?.forEach((row, i) => this.ambient.sh.coefficients[i].set(...row));
+  }
+
+  #show(target, light) {
+    const top = Math.max(...light.irradiance);
+    // A colour of at most 1, the rest in the intensity. The set is linear, as three.js's working colour space is.
+    target.color.setRGB(...light.irradiance.map(v => top > 0 ? v / top : 0));
+    target.intensity = top * this.exposure;
+    target.position.set(...light.direction).multiplyScalar(this.distance);
+    target.userData.id = light.id;
+    target.userData.radius_deg = light.radius_deg;
+  }
+}
+
+function brightness({ irradiance: [r, g, b] }) {
+  return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+}

@@ -1,0 +1,154 @@
+//! The secret that lets people change settings and see pictures.
+
+use data_encoding::BASE64URL_NOPAD;
+use std::fmt;
+use std::fs::{File, OpenOptions};
+use std::io::{ErrorKind, Read, Write};
+use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
+use std::path::{Path, PathBuf};
+use subtle::ConstantTimeEq;
+
+/// Random bytes of a secret that is made here.
+const RANDOM_BYTES: usize = 32;
+
+/// Shortest secret that is accepted, characters: guessing one over the network is hopeless from about ten random ones on.
+const LEAST: usize = 16;
+
+/// Longest, characters.
+const MOST: usize = 256;
+
+/// A secret; it is never shown.
+#[derive(Clone)]
+pub struct Token {
+    secret: String,
+}
+
+impl fmt::Debug for Token {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Token(not shown)")
+    }
+}
+
+/// Why a token's file cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum TokenError {
+    /// The file cannot be read or made.
+    #[error("token file {0}: found {1}, expected a file that can be read, or a place where it can be made")]
+    File(PathBuf, std::io::Error),
+    /// Others may read it.
+    #[error(
+        "token file {0}: found permissions {1:04o}, expected 0600: others could read it (chmod 600 it and change the token)"
+    )]
+    Permissions(PathBuf, u32),
+    /// It does not hold one token.
+    #[error(
+        "token file {0}: found something else, expected one line of {LEAST} to {MOST} printable ASCII characters without spaces"
+    )]
+    Content(PathBuf),
+    /// The operating system has no random numbers.
+    #[error("found no random numbers ({0}), expected the operating system to give some")]
+    Random(getrandom::Error),
+}
+
+impl Token {
+    /// A random one.
+    ///
+    /// # Errors
+    /// [`TokenError::Random`].
+    pub fn random() -> Result<Self, TokenError> {
+        let mut bytes = [0; RANDOM_BYTES];
+        getrandom::fill(&mut bytes).map_err(TokenError::Random)?;
+        Ok(Self { secret: BASE64URL_NOPAD.encode(&bytes) })
+    }
+
+    /// The token in the file at `path`, which is made with a random one (permissions 0600) when it is not there; the second value says so.
+    ///
+    /// # Errors
+    /// [`TokenError`].
+    pub fn load_or_make(path: &Path) -> Result<(Self, bool), TokenError> {
+        let failed = |e| TokenError::File(path.into(), e);
+        let made = OpenOptions::new().write(true).create_new(true).mode(0o600).open(path);
+        match made {
+            Ok(mut file) => {
+                let token = Self::random()?;
+                writeln!(file, "{}", token.secret).and_then(|()| file.sync_all()).map_err(failed)?;
+                Ok((token, true))
+            }
+            Err(e) if e.kind() == ErrorKind::AlreadyExists => Self::load(path).map(|token| (token, false)),
+            Err(e) => Err(failed(e)),
+        }
+    }
+
+    fn load(path: &Path) -> Result<Self, TokenError> {
+        let failed = |e| TokenError::File(path.into(), e);
+        let file = File::open(path).map_err(failed)?;
+        let mode = file.metadata().map_err(failed)?.permissions().mode() & 0o7777;
+        if mode & 0o077 != 0 {
+            return Err(TokenError::Permissions(path.into(), mode));
+        }
+        let mut text = String::new();
+        let read = file.take(MOST as u64 + 3).read_to_string(&mut text);
+        read.map_err(|e| {
+            if e.kind() == ErrorKind::InvalidData { TokenError::Content(path.into()) } else { failed(e) }
+        })?;
+        let secret = text.trim_end_matches(['\r', '\n']);
+        let sound = (LEAST..=MOST).contains(&secret.len()) && secret.bytes().all(|b| b.is_ascii_graphic());
+        if sound { Ok(Self { secret: secret.into() }) } else { Err(TokenError::Content(path.into())) }
+    }
+
+    /// Whether `candidate` is the secret. The time tells nothing but whether the lengths are equal.
+    #[must_use]
+    pub fn is(&self, candidate: &[u8]) -> bool {
+        self.secret.as_bytes().ct_eq(candidate).into()
+    }
+
+    /// The secret itself, for the one header that carries it.
+    pub(super) fn reveal(&self) -> &str {
+        &self.secret
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_token_is_made_once_for_its_owner_alone() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("token");
+        let (made, new) = Token::load_or_make(&path).expect("made");
+        let mode = path.metadata().expect("a file").permissions().mode() & 0o7777;
+        assert!(new && mode == 0o600, "{mode:o}");
+        let (read, new) = Token::load_or_make(&path).expect("read");
+        assert!(!new && read.is(made.secret.as_bytes()), "the same");
+        assert_eq!(made.secret.len(), 43, "256 bits");
+        assert!(!made.is(b"") && !made.is(&made.secret.as_bytes()[1..]) && !made.is(&[b'a'; 43]), "others");
+        assert!(!format!("{made:?}").contains(&made.secret), "not shown");
+    }
+
+    #[test]
+    fn files_that_others_may_read_or_that_hold_no_token_are_refused() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("token");
+        let refused = |content: &[u8], mode: u32| {
+            std::fs::write(&path, content).expect("a file");
+            std::fs::set_permissions(&path, std::fs::Permissions::from_mode(mode)).expect("permissions");
+            Token::load_or_make(&path).map(|_| ()).expect_err("refused").to_string()
+        };
+        let good = b"0123456789abcdef\n";
+        assert!(refused(good, 0o644).contains("permissions 0644, expected 0600"), "readable by all");
+        assert!(refused(good, 0o620).contains("0620"), "writable by the group");
+        for content in [
+            &b""[..],
+            b"short\n",
+            b"with a space in its midst\n",
+            b"two lines, each\nof them long",
+            b"\xff\xfe0123456789abcdef",
+            &[b'a'; 300],
+        ] {
+            assert!(refused(content, 0o600).contains("expected one line"), "{content:?}");
+        }
+        let nowhere = Token::load_or_make(&folder.path().join("no/such/folder"));
+        assert!(nowhere.expect_err("refused").to_string().contains("no/such/folder"), "named");
+    }
+}

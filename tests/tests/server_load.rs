@@ -1,0 +1,257 @@
+//! Load: two constant clients and two hundred that come and go, legacy and modern requests mixed, the settings changed throughout.
+//!
+//! `HEMILUX_LOAD_REQUESTS=1000000 cargo test --release -p hemilux-tests --test server_load -- --nocapture` is the whole run; without the
+//! variable it is short. Every answer is checked; times and memory are in the run's report, times are not asserted.
+
+mod bench;
+
+use bench::{Bench, connect_from, exchange};
+use hemilux::clock::monotonic_ns;
+use hemilux::server::{Limits, Options};
+use hemilux_core::wire::BinarySet;
+use serde_json::Value;
+use std::net::{SocketAddr, TcpStream};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, Mutex};
+use std::thread::{JoinHandle, sleep, spawn};
+use std::time::{Duration, Instant};
+
+/// Requests of the short form.
+const SHORT: u64 = 20_000;
+const GUESTS: u8 = 200;
+/// Growth of memory that is no leak: buffers of two hundred more connections, on both sides of the socket.
+const GROWTH_BYTES: u64 = 48 << 20;
+
+/// Longest time that a guest leaves between two requests, ms.
+const LOOK_MS: u64 = 100;
+
+/// What is asked for in turn.
+const PATHS: [&str; 8] = [
+    "/data",
+    "/v1/lights",
+    "/xml",
+    "/v1/lights?format=binary",
+    "/lights.json",
+    "/v1/lights?coordinates=unity&lights=8",
+    "/v1/lights?format=text&coordinates=three",
+    "/v1/lights?format=binary&after=",
+];
+
+struct Run {
+    address: SocketAddr,
+    /// Requests that are still to be made.
+    left: AtomicU64,
+    answered: AtomicU64,
+    over: AtomicBool,
+    /// Microseconds from the finished set to its last byte read, of the constant clients and of all.
+    constant_us: Mutex<Vec<u32>>,
+    guests_us: Mutex<Vec<u32>>,
+}
+
+/// What an answer says.
+struct Seen {
+    frame: u64,
+    lights: usize,
+    /// End of the burst and time to the finished set, where the form has them.
+    ready_ns: Option<u64>,
+}
+
+fn read(path: &str, body: &[u8]) -> Seen {
+    let text = || std::str::from_utf8(body).expect("UTF-8");
+    if path.contains("binary") {
+        let set = BinarySet::try_new(body).expect("a set");
+        let head = set.head();
+        assert!(head.stale.is_none(), "stale");
+        let ready = head.timestamp_ns + 1000 * u64::from(head.latency.total);
+        Seen { frame: head.frame, lights: set.lights().len(), ready_ns: Some(ready) }
+    } else if path == "/xml" {
+        let document = roxmltree::Document::parse(text()).expect("XML");
+        let root = document.root_element();
+        assert_eq!(root.attribute("stale"), Some(""), "stale");
+        let frame = root.attribute("frame").and_then(|f| f.parse().ok()).expect("a number");
+        Seen { frame, lights: root.children().count(), ready_ns: None }
+    } else if path == "/data" || path.contains("text") {
+        assert!(text().contains("# stale no\n") && text().ends_with('\n'), "{}", text());
+        let frame = text().lines().find_map(|l| l.strip_prefix("# frame ")?.parse().ok()).expect("a number");
+        let lights = text()
+            .lines()
+            .filter(|l| !l.starts_with('#'))
+            .map(|l| assert_eq!(l.split(' ').count(), 7, "{l}"));
+        Seen { frame, lights: lights.count(), ready_ns: None }
+    } else {
+        let set: Value = serde_json::from_slice(body).expect("JSON");
+        assert_eq!(set["stale"], Value::Null, "stale");
+        let number = |v: &Value| v.as_u64().expect("a number");
+        let ready = number(&set["timestamp_ns"]) + 1000 * number(&set["latency_us"]["total"]);
+        let lights = set["lights"].as_array().expect("lights").len();
+        assert!(lights as u64 <= number(&set["requested"]), "more than asked for");
+        Seen { frame: number(&set["frame"]), lights, ready_ns: Some(ready) }
+    }
+}
+
+/// One client: makes connections of `stay` requests each from `from` until there are none left to make.
+fn client(run: &Run, from: [u8; 4], stay: u64, times: &Mutex<Vec<u32>>) {
+    let mut made = u64::from(from[3]);
+    let mut mine = Vec::new();
+    'connections: while !run.over.load(Relaxed) {
+        let mut stream = connect_from(from, run.address).expect("a connection");
+        let (mut bytes, mut last) = (Vec::new(), None);
+        for _ in 0..stay {
+            if run.left.fetch_update(Relaxed, Relaxed, |n| n.checked_sub(1)).is_err() {
+                break 'connections;
+            }
+            let closes = one(run, &mut stream, &mut bytes, made, &mut last, &mut mine);
+            made += 1;
+            // Guests look at what they got for a while.
+            if stay < u64::MAX {
+                sleep(Duration::from_millis(17 * made % LOOK_MS));
+            }
+            if closes {
+                break;
+            }
+        }
+    }
+    times.lock().expect("no panic").append(&mut mine);
+}
+
+fn one(
+    run: &Run,
+    stream: &mut TcpStream,
+    bytes: &mut Vec<u8>,
+    made: u64,
+    last: &mut Option<u64>,
+    times: &mut Vec<u32>,
+) -> bool {
+    let path = PATHS[made as usize % PATHS.len()];
+    let after = last.filter(|_| path.ends_with("after=")).unwrap_or(0);
+    let suffix = if path.ends_with("after=") { after.to_string() } else { String::new() };
+    let request = format!("GET {path}{suffix} HTTP/1.1\r\nHost: {}\r\n\r\n", run.address);
+    let reply = exchange(stream, bytes, request.as_bytes()).unwrap_or_else(|e| panic!("{path}: lost: {e}"));
+    let now = monotonic_ns();
+    assert_eq!(reply.status, 200, "{path}: {}", String::from_utf8_lossy(&reply.body));
+    let seen = read(path, &reply.body);
+    assert!(
+        seen.lights > 0 && last.is_none_or(|l| seen.frame > l),
+        "{path}: frame {} after {last:?}",
+        seen.frame
+    );
+    *last = Some(seen.frame);
+    // An answer to `after` may be of a set that was there already.
+    if let Some(ready) = seen.ready_ns.filter(|_| !path.ends_with("after=")) {
+        times.push(u32::try_from(now.saturating_sub(ready) / 1000).unwrap_or(u32::MAX));
+    }
+    run.answered.fetch_add(1, Relaxed);
+    reply.closes
+}
+
+/// Changes the settings over and over, by the old way and the new one; how often.
+fn changer(run: &Run) -> u64 {
+    let mut stream = connect_from([127, 0, 9, 9], run.address).expect("a connection");
+    let (mut bytes, mut changes) = (Vec::new(), 0);
+    while !run.over.load(Relaxed) {
+        let sampler = ["adaptive", "q2tree", "q2tree-jitter"][changes as usize % 3];
+        let lights = 16 + 7 * (changes % 8);
+        let request = if changes % 2 == 0 {
+            format!(
+                "GET /change?algorithm={sampler}&samples={lights} HTTP/1.1\r\nHost: {}\r\n\r\n",
+                run.address
+            )
+        } else {
+            let body = format!("{{\"sampler\":\"{sampler}\",\"lights\":{lights}}}");
+            format!(
+                "PATCH /v1/config HTTP/1.1\r\nHost: {}\r\nContent-Length: {}\r\n\r\n{body}",
+                run.address,
+                body.len()
+            )
+        };
+        let reply = exchange(&mut stream, &mut bytes, request.as_bytes()).expect("an answer");
+        assert_eq!(reply.status, 200, "{request}: {}", String::from_utf8_lossy(&reply.body));
+        changes += 1;
+        sleep(Duration::from_millis(40));
+    }
+    changes
+}
+
+/// Memory of this process, bytes: the server's and the clients'.
+fn resident() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").expect("a status");
+    let line = status.lines().find_map(|l| l.strip_prefix("VmRSS:")).expect("a size");
+    1024 * line.trim().trim_end_matches(" kB").parse::<u64>().expect("a number")
+}
+
+fn percentile(times: &mut [u32], part: f64) -> f64 {
+    times.sort_unstable();
+    let at = ((times.len() as f64 * part) as usize).min(times.len().saturating_sub(1));
+    f64::from(times.get(at).copied().unwrap_or(0)) / 1e3
+}
+
+/// Runs `constant` and `guests` clients over `requests` requests and gives the times of both, milliseconds at 50 and 99 per cent.
+fn load(bench: &Bench, requests: u64, guests: u8, changing: bool) -> [(f64, f64); 2] {
+    let run = Arc::new(Run {
+        address: bench.address(),
+        left: requests.into(),
+        answered: 0.into(),
+        over: false.into(),
+        constant_us: Mutex::default(),
+        guests_us: Mutex::default(),
+    });
+    let mut clients: Vec<JoinHandle<()>> = Vec::new();
+    for i in 1..=2 {
+        let run = Arc::clone(&run);
+        clients.push(spawn(move || client(&run, [127, 0, 0, i], u64::MAX, &run.constant_us)));
+    }
+    for i in 1..=guests {
+        let run = Arc::clone(&run);
+        clients.push(spawn(move || client(&run, [127, 0, 1, i], 1 + u64::from(i % 50), &run.guests_us)));
+    }
+    let theirs = Arc::clone(&run);
+    let changing = changing.then(|| spawn(move || changer(&theirs)));
+    let began = Instant::now();
+    let mut early = None;
+    while !clients.iter().all(JoinHandle::is_finished) {
+        sleep(Duration::from_millis(20));
+        if early.is_none() && run.answered.load(Relaxed) >= requests / 5 {
+            early = Some(resident());
+        }
+    }
+    let late = resident();
+    run.over.store(true, Relaxed);
+    for client in clients {
+        client.join().expect("every answer was right");
+    }
+    let changes = changing.map_or(0, |changer| changer.join().expect("every change was confirmed"));
+    assert_eq!(run.answered.load(Relaxed), requests, "none lost");
+    let passed = began.elapsed().as_secs_f64();
+    let early = early.unwrap_or(late);
+    println!(
+        "{requests} requests in {passed:.1} s ({:.0} a second), {changes} changes; memory {:.1} MB at a fifth, {:.1} MB at the end",
+        requests as f64 / passed,
+        early as f64 / 1e6,
+        late as f64 / 1e6
+    );
+    assert!(late < early + GROWTH_BYTES, "memory grew from {early} to {late} bytes");
+    [&run.constant_us, &run.guests_us].map(|times| {
+        let mut times = times.lock().expect("no panic");
+        (percentile(&mut times, 0.5), percentile(&mut times, 0.99))
+    })
+}
+
+#[test]
+fn every_request_of_a_crowd_is_answered_rightly_and_memory_stays() {
+    let requests = std::env::var("HEMILUX_LOAD_REQUESTS")
+        .ok()
+        .map_or(SHORT, |n| n.parse().expect("a number of requests"));
+    let limits = Limits { connections: 512, ..Limits::default() };
+    let bench = Bench::running(Duration::from_millis(20), limits, Options::default());
+    let [idle, _] = load(&bench, 400, 0, false);
+    let [constant, guests] = load(&bench, requests, GUESTS, true);
+    println!("from the finished set to its last byte read, ms at 50 and 99 per cent:");
+    println!("  two clients alone       {:.2} {:.2}", idle.0, idle.1);
+    println!("  the same in the crowd   {:.2} {:.2}", constant.0, constant.1);
+    println!("  the crowd               {:.2} {:.2}", guests.0, guests.1);
+    let page = bench::ask(bench.address(), "/metrics", "").body;
+    let delivery = page.lines().filter(|l| l.starts_with("hemilux_delivery_seconds"));
+    println!("what the server measured, to the answer handed to the connection:");
+    delivery.for_each(|line| println!("  {line}"));
+    bench.running.stop();
+}
