@@ -1,13 +1,20 @@
 //! The command line: what it accepts, and what each command does.
 
+#[cfg(all(feature = "v4l2", target_os = "linux"))]
+mod devices;
 mod plan;
+#[cfg(all(feature = "v4l2", target_os = "linux"))]
+mod record;
 
+#[cfg(feature = "mdns")]
+use crate::announce;
 use crate::memory;
 use crate::pipeline::Pipeline;
 use crate::probe::{Config, EXTRAPOLATIONS, Probe};
 use crate::samplers::{MAX_LIGHTS, NAMES};
 use crate::server::{self, Guard, Limits, Options};
 use crate::source::{self, Spec};
+use crate::systemd;
 use crate::timing::STAGES;
 use clap::builder::PossibleValuesParser;
 use clap::error::ErrorKind;
@@ -24,6 +31,9 @@ Examples:
   hemilux                                        the built-in room on http://127.0.0.1:8080/
   hemilux serve --source scene:sky --lights 32   another scene, fewer lights
   hemilux --source replay:recordings/office      a recorded burst or sequence, over and over
+  hemilux devices                                the cameras and what they can do
+  hemilux --source v4l2:/dev/video0,lens=lens.toml            a camera
+  hemilux record --bursts 20 --out field         what it gives, for a replay
   hemilux --listen 127.0.0.1:0                   any free port; the first line on stdout names it
   hemilux --listen 0.0.0.0:8080 --token-file hemilux.token   for the network; changes and pictures need the token
   hemilux --listen 0.0.0.0:8080 --open           for everyone on the network, changes and pictures too
@@ -32,7 +42,7 @@ Examples:
   curl http://127.0.0.1:8080/lights.json         the next frame's lights
   curl 'http://127.0.0.1:8080/change?algorithm=pharr&samples=128'
 
-Sources: scene:room, scene:sky, scene:lamps, scene:overcast, replay:DIR.
+Sources: v4l2:PATH, scene:room, scene:sky, scene:lamps, scene:overcast, replay:DIR.
 Exit status: 0 when stopped by SIGINT or SIGTERM, 1 after a failure, 2 for wrong usage.
 RUST_LOG=info tells more on stderr.";
 
@@ -51,11 +61,19 @@ enum Command {
     /// Decompose what a source gives and serve it (what hemilux does without a command).
     #[command(after_help = EXAMPLES)]
     Serve(Serve),
+    /// List the cameras and what they can do, or check one.
+    #[cfg(all(feature = "v4l2", target_os = "linux"))]
+    #[command(after_help = source::camera::HELP)]
+    Devices(devices::Devices),
+    /// Record what a camera gives, as bursts with their raw frames.
+    #[cfg(all(feature = "v4l2", target_os = "linux"))]
+    #[command(after_help = source::camera::HELP)]
+    Record(record::Record),
 }
 
 #[derive(Clone, Debug, Args)]
 struct Serve {
-    /// Where bursts come from: scene:NAME or replay:DIR [default: scene:room].
+    /// Where bursts come from: v4l2:PATH, scene:NAME or replay:DIR [default: scene:room].
     #[arg(long, value_parser = str::parse::<Spec>)]
     source: Option<Spec>,
     /// Where to listen; port 0 is any free one [default: 127.0.0.1:8080].
@@ -91,6 +109,10 @@ struct Serve {
     /// What stands for the part of the hemisphere that the lens does not see: none or average [default: none].
     #[arg(long, value_name = "NAME", value_parser = extrapolation)]
     extrapolation: Option<Extrapolation>,
+    /// Announce the probe on the network by mDNS, as a service of type _hemilux._tcp.
+    #[cfg(feature = "mdns")]
+    #[arg(long)]
+    announce: bool,
     /// Print the sizes of the buffers and exit.
     #[arg(long)]
     plan: bool,
@@ -124,8 +146,13 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<(), Failure>
         Ok(cli) => cli,
         Err(error) => return explain(&error),
     };
-    let Command::Serve(options) = cli.command.unwrap_or(Command::Serve(cli.serve));
-    serve(&options)
+    match cli.command.unwrap_or(Command::Serve(cli.serve)) {
+        Command::Serve(options) => serve(&options),
+        #[cfg(all(feature = "v4l2", target_os = "linux"))]
+        Command::Devices(options) => devices::run(&options),
+        #[cfg(all(feature = "v4l2", target_os = "linux"))]
+        Command::Record(options) => record::run(&options),
+    }
 }
 
 /// Help goes to stdout as it is; everything else becomes one line.
@@ -169,8 +196,14 @@ fn serve(options: &Serve) -> Result<(), Failure> {
     let running = server::start(listener, app, Limits::default()).map_err(failed)?;
     let mut signals = running.signals().map_err(failed)?;
     say(&format!("hemilux: serving http://{}/ ({what})\n", running.address()))?;
+    systemd::serving(&running.address().to_string(), &probe.link());
+    #[cfg(feature = "mdns")]
+    let announced = options.announce.then(|| announce::announce(running.address()));
     running.wait(&mut signals);
     tracing::info!("stopping");
+    systemd::stopping();
+    #[cfg(feature = "mdns")]
+    drop(announced);
     // The probe goes on until all who wait for a frame have theirs.
     running.stop();
     let link = probe.link();
@@ -252,7 +285,7 @@ mod tests {
             (&["--listen", "8080"], "ADDR:PORT"),
             (&["--listen", "0.0.0.0:0"], "--open"),
             (&["--listen", "[::]:0"], "--open"),
-            (&["serve", "--source", "v4l2:/dev/video0"], "no V4L2"),
+            (&["serve", "--source", "v4l2:/dev/video0,size=big"], "size=big"),
             (&["--source", "scene:garden"], "overcast"),
             (&["fly"], "'fly'"),
         ];

@@ -3,6 +3,8 @@
 //! The way of the light: [`source`] (a scene or a recorded burst) -> [`pipeline`] (the core's stages in one place) -> `probe`
 //! (the thread that runs them) -> `server`. `client` is the other end, for renderers; it needs none of the rest.
 
+#[cfg(feature = "mdns")]
+pub mod announce;
 #[cfg(feature = "pipeline")]
 pub mod calibration;
 #[cfg(feature = "server")]
@@ -31,4 +33,8 @@ pub mod scene;
 pub mod server;
 #[cfg(feature = "pipeline")]
 pub mod source;
+#[cfg(feature = "server")]
+pub mod systemd;
 pub mod timing;
+#[cfg(feature = "v4l2")]
+pub mod v4l2;

@@ -141,3 +141,43 @@ fn the_plan_and_the_help_go_to_stdout() {
     assert!(code == Some(0) && stdout.contains("Examples:"), "{stdout}");
     assert_eq!(ended(&["--version"]).0, Some(0), "--version");
 }
+
+/// Machines differ in the cameras that they have; this one that is named no machine has.
+#[cfg(all(feature = "v4l2", target_os = "linux"))]
+#[test]
+fn cameras_are_listed_and_what_is_not_there_is_named() {
+    let (status, stdout, stderr) = ended(&["devices", "--json"]);
+    if status == Some(0) {
+        let cameras: serde_json::Value = serde_json::from_str(&stdout).expect("JSON");
+        assert!(cameras.is_array(), "{stdout}");
+    } else {
+        assert_eq!((status, stderr.lines().count()), (Some(1), 1), "{stderr}");
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().to_str().expect("UTF-8");
+    let camera = "v4l2:/dev/video-nowhere";
+    let cases: [(&[&str], i32, &str); 6] = [
+        (&["serve", "--listen", "127.0.0.1:0", "--source", camera], 1, "/dev/video-nowhere: found no camera"),
+        (&["devices", "--check", camera], 1, "/dev/video-nowhere: found no camera"),
+        (&["devices", "--check", "scene:room"], 2, "expected v4l2:PATH"),
+        (
+            &["record", "--source", camera, "--bursts", "1", "--out", out],
+            1,
+            "/dev/video-nowhere: found no camera",
+        ),
+        (&["record", "--bursts", "0", "--out", out], 2, "--bursts"),
+        (&["record", "--bursts", "1", "--out", "/proc/nowhere"], 1, "/proc/nowhere"),
+    ];
+    for (arguments, expected, named) in cases {
+        let (status, stdout, stderr) = ended(arguments);
+        assert_eq!(
+            (status, stdout.as_str(), stderr.lines().count()),
+            (Some(expected), "", 1),
+            "{arguments:?}: {stderr}"
+        );
+        assert!(stderr.contains(named), "{arguments:?}: {stderr}");
+    }
+    std::fs::write(folder.path().join("x"), "x").expect("a file");
+    let (status, _, stderr) = ended(&["record", "--source", camera, "--bursts", "1", "--out", out]);
+    assert_eq!((status, stderr.contains("expected an empty folder")), (Some(2), true), "{stderr}");
+}

@@ -23,7 +23,7 @@ use crate::timing::{Budgets, STAGES, Stage, Timings};
 use hemilux_core::wire::Stale;
 use mailbox::Mailbox;
 use std::hash::{BuildHasher, Hasher, RandomState};
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Instant;
@@ -52,6 +52,7 @@ pub struct Link {
     timings: Mutex<Timings>,
     encode_us: AtomicU32,
     stopping: AtomicBool,
+    turns: AtomicU64,
     views: Views,
 }
 
@@ -84,6 +85,7 @@ impl Link {
             timings: Mutex::new(Timings::new(Budgets::default())),
             encode_us: AtomicU32::new(0),
             stopping: AtomicBool::new(false),
+            turns: AtomicU64::new(0),
             views: Views::default(),
         }
     }
@@ -159,6 +161,12 @@ impl Link {
     /// Remembers how long encoding took, for the next frame's report.
     pub fn set_encode_us(&self, us: u32) {
         self.encode_us.store(us, Ordering::Relaxed);
+    }
+
+    /// Counts the turns of the processing thread, with or without a burst: at least two a second while it is alive.
+    #[must_use]
+    pub fn turns(&self) -> u64 {
+        self.turns.load(Ordering::Relaxed)
     }
 
     fn is_stopping(&self) -> bool {

@@ -66,6 +66,7 @@ impl Worker {
     /// Works until the probe is stopped.
     pub(super) fn run(&mut self) {
         while !self.link.is_stopping() {
+            self.link.turns.fetch_add(1, Ordering::Relaxed);
             if self.step().is_err() {
                 std::thread::park_timeout(PAUSE);
             }

@@ -1,0 +1,173 @@
+//! `hemilux devices`: which cameras there are, and whether one keeps what it promises.
+
+use super::{Failure, say};
+use crate::source::camera::CameraSpec;
+use crate::v4l2::capture::{Camera, Counters, RawFrame};
+use crate::v4l2::device::{self, Description};
+use crate::v4l2::luma;
+use crate::v4l2::real::RealKernel;
+use crate::v4l2::schedule::Known;
+use clap::Args;
+use serde::Serialize;
+use std::fmt::Write;
+use std::time::Duration;
+
+#[derive(Clone, Debug, Args)]
+pub(super) struct Devices {
+    /// Write JSON.
+    #[arg(long)]
+    json: bool,
+    /// Stream from this camera instead, v4l2:PATH with its options, and report every frame's number, time, exposure and brightness.
+    #[arg(long, value_name = "SOURCE", value_parser = camera)]
+    check: Option<CameraSpec>,
+    /// Frames to check.
+    #[arg(long, value_name = "N", default_value_t = 100, requires = "check", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    frames: u32,
+}
+
+/// A camera's name on the command line.
+pub(super) fn camera(text: &str) -> Result<CameraSpec, String> {
+    CameraSpec::parse(text.strip_prefix("v4l2:").ok_or("expected v4l2:PATH, such as v4l2:/dev/video0")?)
+}
+
+pub(super) fn run(options: &Devices) -> Result<(), Failure> {
+    if let Some(spec) = &options.check {
+        return check(spec, options);
+    }
+    let cameras = device::list(&mut RealKernel).map_err(Failure::new)?;
+    if options.json {
+        return json(&cameras);
+    }
+    if cameras.is_empty() {
+        return say("no cameras: no /dev/video* that captures\n");
+    }
+    cameras.iter().try_for_each(|camera| say(&told(camera)))
+}
+
+fn json(value: &impl Serialize) -> Result<(), Failure> {
+    let text = serde_json::to_string_pretty(value).map_err(Failure::new)?;
+    say(&(text + "\n"))
+}
+
+fn told(camera: &Description) -> String {
+    let mut text =
+        format!("{}  {} ({}, {})\n", camera.path.display(), camera.name, camera.driver, camera.bus);
+    if let Some(sensor) = &camera.sensor {
+        let _ = writeln!(text, "  sensor    {}", sensor.display());
+    }
+    let exposure = camera.exposure_s.map(|(a, b)| format!("{:.3} to {:.3} ms", a * 1e3, b * 1e3));
+    let gain = camera.gain.map(|(a, b)| format!("{a} to {b}"));
+    let _ = writeln!(text, "  exposure  {}", exposure.as_deref().unwrap_or("no control"));
+    let _ = writeln!(text, "  gain      {}", gain.as_deref().unwrap_or("no control"));
+    for format in &camera.formats {
+        let note = if format.readable { "" } else { ", not read" };
+        let _ = writeln!(text, "  {:<9} {}{note}", format.fourcc, format.description);
+        for size in &format.sizes {
+            let short = |r: &f64| format!("{r:.2}").trim_end_matches('0').trim_end_matches('.').to_owned();
+            let rates: Vec<String> = size.rates.iter().map(short).collect();
+            let _ = writeln!(text, "            {} x {}  {} Hz", size.width, size.height, rates.join(" "));
+        }
+    }
+    text
+}
+
+#[derive(Serialize)]
+struct Report {
+    agreed: Vec<(&'static str, String, String)>,
+    /// Seconds.
+    exposures: Vec<f64>,
+    /// Of the control that makes them.
+    values: Vec<i64>,
+    delay: Option<u32>,
+    rate_hz: f64,
+    delivered: u64,
+    lost: u64,
+    broken: u64,
+    late: u64,
+    mismatches: u64,
+    resyncs: u64,
+    frames: Vec<Seen>,
+}
+
+/// One frame.
+#[derive(Serialize)]
+struct Seen {
+    sequence: u32,
+    timestamp_ns: u64,
+    /// Index into the exposures.
+    exposure: Option<usize>,
+    known: &'static str,
+    /// Mean relative code, 0 black to 1 white.
+    level: f32,
+}
+
+fn check(spec: &CameraSpec, options: &Devices) -> Result<(), Failure> {
+    let wished = spec.options().map_err(Failure::usage)?;
+    let mut camera = Camera::open(&mut RealKernel, &wished).map_err(Failure::new)?;
+    let (mut frame, mut codes, mut frames) = (RawFrame::default(), Vec::new(), Vec::new());
+    while frames.len() < options.frames as usize {
+        if camera.next(&mut RealKernel, Duration::from_millis(500), &mut frame).map_err(Failure::new)? {
+            luma::sample(camera.picture(), &frame.bytes, &mut codes);
+            let (taken, level) = (frame.taken, luma::mean(&codes));
+            let known = taken.known.name();
+            frames.push(Seen {
+                sequence: taken.sequence,
+                timestamp_ns: taken.timestamp_ns,
+                exposure: taken.slot,
+                known,
+                level,
+            });
+        }
+    }
+    let report = report(&camera, frames);
+    if options.json { json(&report) } else { say(&summary(&report)) }
+}
+
+fn report(camera: &Camera, frames: Vec<Seen>) -> Report {
+    let Counters { frames: delivered, lost, broken, late, mismatches, resyncs } = camera.counters();
+    let span = frames
+        .last()
+        .zip(frames.first())
+        .map(|(b, a)| (b.sequence - a.sequence, b.timestamp_ns.saturating_sub(a.timestamp_ns)));
+    let rate_hz = span.filter(|(_, ns)| *ns > 0).map_or(0.0, |(n, ns)| f64::from(n) / (ns as f64 / 1e9));
+    Report {
+        agreed: camera.agreed().iter().map(|a| (a.what, a.asked.clone(), a.got.clone())).collect(),
+        exposures: camera.settings().iter().map(|s| s.seconds).collect(),
+        values: camera.settings().iter().map(|s| s.value).collect(),
+        delay: camera.delay(),
+        rate_hz,
+        delivered,
+        lost,
+        broken,
+        late,
+        mismatches,
+        resyncs,
+        frames,
+    }
+}
+
+fn summary(report: &Report) -> String {
+    let mut text = String::new();
+    for (what, asked, got) in &report.agreed {
+        let _ = writeln!(text, "{what:<10} {asked} asked, {got} got");
+    }
+    let delay = report
+        .delay
+        .map_or("unknown: too dark, or nothing changes".into(), |d| format!("{d} frames after the next"));
+    let _ = writeln!(text, "{:<10} {delay}", "delay");
+    let _ = writeln!(
+        text,
+        "{:<10} {:.2} Hz measured, {} frames, {} lost, {} broken",
+        "frames", report.rate_hz, report.delivered, report.lost, report.broken
+    );
+    let count = |known: Known| report.frames.iter().filter(|f| f.known == known.name()).count();
+    let all =
+        [Known::Verified, Known::Predicted, Known::Unknown].map(|k| format!("{} {}", count(k), k.name()));
+    let _ = writeln!(text, "{:<10} {}", "exposures", all.join(", "));
+    let _ = writeln!(
+        text,
+        "{:<10} {} writes left out as late, {} mismatches, {} resynchronisations",
+        "schedule", report.late, report.mismatches, report.resyncs
+    );
+    text
+}

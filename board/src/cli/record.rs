@@ -1,0 +1,168 @@
+//! `hemilux record`: what the camera gave, kept as recorded bursts with their raw frames.
+
+use super::{Failure, devices, say};
+use crate::source::Source;
+use crate::source::SourceError;
+use crate::source::camera::{CameraSource, CameraSpec, RawBurst};
+use crate::v4l2::formats;
+use crate::v4l2::real::RealKernel;
+use clap::Args;
+use hemilux_core::lens::{Intrinsics, Model};
+use std::fmt::Display;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+use toml::{Table, Value};
+
+/// Longest time without a burst: a camera that is replugged is back by then.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+#[derive(Clone, Debug, Args)]
+pub(super) struct Record {
+    /// The camera: v4l2:PATH with its options.
+    #[arg(long, value_name = "SOURCE", default_value = "v4l2:/dev/video0", value_parser = devices::camera)]
+    source: CameraSpec,
+    /// Bursts to record.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    bursts: u32,
+    /// Folder to write to; it must be empty or not there yet.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+}
+
+pub(super) fn run(options: &Record) -> Result<(), Failure> {
+    let out = &options.out;
+    fs::create_dir_all(out).map_err(|e| unwritable(out, &e))?;
+    let mut entries = fs::read_dir(out).map_err(|e| unwritable(out, &e))?;
+    if entries.next().is_some() {
+        return Err(Failure::usage(format!(
+            "--out {}: found files, expected an empty folder or none",
+            out.display()
+        )));
+    }
+    let mut source = CameraSource::open(Box::new(RealKernel), &options.source).map_err(Failure::new)?;
+    let head = head(&source);
+    let mut list = Vec::new();
+    let mut last = Instant::now();
+    while list.len() < options.bursts as usize {
+        match source.next_raw() {
+            Ok(burst) => {
+                last = Instant::now();
+                let folder = format!("{:06}", list.len() + 1);
+                list.push((write_burst(&out.join(&folder), &head, burst)?, folder));
+            }
+            Err(SourceError::NotYet | SourceError::Broken(_)) if last.elapsed() < PATIENCE => {}
+            Err(SourceError::Gone(_)) if last.elapsed() < PATIENCE => {
+                std::thread::sleep(Duration::from_millis(250));
+            }
+            Err(error) => {
+                let why = format!("{error}, and no burst for {} s", PATIENCE.as_secs());
+                return Err(Failure::new(format!(
+                    "{}: {why}; {} bursts are in {}",
+                    options.source,
+                    list.len(),
+                    out.display()
+                )));
+            }
+        }
+    }
+    write_list(out, &list)?;
+    let (counters, reopened) = source.counters();
+    say(&format!(
+        "hemilux: {} bursts in {} ({} frames lost, {} broken, {} mismatches, camera reopened {reopened} times)\n",
+        list.len(),
+        out.display(),
+        counters.lost,
+        counters.broken,
+        counters.mismatches
+    ))
+}
+
+fn unwritable(path: &Path, error: &dyn Display) -> Failure {
+    Failure::new(format!("--out {}: found {error}, expected a folder that can be written", path.display()))
+}
+
+fn table(pairs: impl IntoIterator<Item = (&'static str, Value)>) -> Value {
+    Value::Table(pairs.into_iter().map(|(name, value)| (name.into(), value)).collect())
+}
+
+/// What all bursts have in common: lens, response, levels and format.
+fn head(source: &CameraSource) -> Table {
+    let (c, p) = (source.calibration(), source.picture());
+    let mut head = Table::new();
+    head.insert("version".into(), Value::Integer(1));
+    let lens =
+        source.lens().map_or_else(|| lens(c.lens.intrinsics()), |l| Value::Table(l.lens_table.clone()));
+    head.insert("lens".into(), lens);
+    let told = source.lens().and_then(|l| l.response_table.clone());
+    let usual = if p.layout.is_raw() { "linear" } else { "srgb" };
+    head.insert("response".into(), told.map_or_else(|| table([("model", usual.into())]), Value::Table));
+    head.insert("sensor".into(), table([("black", c.black.into()), ("white", c.white.into())]));
+    let mut format = vec![
+        ("width", Value::Integer(p.width.into())),
+        ("height", Value::Integer(p.height.into())),
+        ("fourcc", formats::name(p.fourcc).into()),
+        ("bytes_per_line", Value::Integer(p.stride.into())),
+    ];
+    if p.layout.is_yuv() {
+        format.push(("range", if p.full_range { "full" } else { "limited" }.into()));
+        format.push(("matrix", if p.bt709 { "bt709" } else { "bt601" }.into()));
+    }
+    head.insert("format".into(), table(format));
+    head
+}
+
+/// The lens that is assumed where there is no file.
+fn lens(i: &Intrinsics) -> Value {
+    let model = match i.model {
+        Model::Equidistant => "equidistant",
+        Model::Equisolid => "equisolid",
+        Model::KannalaBrandt(_) => "kannala-brandt",
+        Model::Radial(_) => "radial",
+    };
+    let two = |v: glam::DVec2| Value::Array(vec![v.x.into(), v.y.into()]);
+    table([
+        ("model", model.into()),
+        ("centre", two(i.centre_px)),
+        ("focal", two(i.focal_px)),
+        ("max_angle_deg", i.max_theta.to_degrees().into()),
+    ])
+}
+
+/// Writes one burst and gives its time.
+fn write_burst(folder: &Path, head: &Table, burst: &RawBurst) -> Result<u64, Failure> {
+    fs::create_dir(folder).map_err(|e| unwritable(folder, &e))?;
+    let mut frames = Vec::new();
+    for (i, (frame, seconds)) in burst.frames.iter().zip(&burst.seconds).enumerate() {
+        let file = format!("{i}.raw");
+        fs::write(folder.join(&file), &frame.bytes).map_err(|e| unwritable(&folder.join(&file), &e))?;
+        let integer = |v: u64| Value::Integer(i64::try_from(v).unwrap_or(i64::MAX));
+        frames.push(table([
+            ("file", file.into()),
+            ("exposure_s", (*seconds).into()),
+            ("sequence", integer(frame.taken.sequence.into())),
+            ("timestamp_ns", integer(frame.taken.timestamp_ns)),
+            ("known", frame.taken.known.name().into()),
+        ]));
+    }
+    let mut manifest = head.clone();
+    manifest.insert("frame".into(), Value::Array(frames));
+    write_toml(&folder.join("burst.toml"), &manifest)?;
+    Ok(burst.frames.iter().map(|f| f.taken.timestamp_ns).max().unwrap_or(0))
+}
+
+fn write_list(out: &Path, list: &[(u64, String)]) -> Result<(), Failure> {
+    let entry = |(ns, folder): &(u64, String)| {
+        let ns = Value::Integer(i64::try_from(*ns).unwrap_or(i64::MAX));
+        table([("folder", folder.as_str().into()), ("timestamp_ns", ns)])
+    };
+    let mut all = Table::new();
+    all.insert("version".into(), Value::Integer(1));
+    all.insert("burst".into(), Value::Array(list.iter().map(entry).collect()));
+    write_toml(&out.join("sequence.toml"), &all)
+}
+
+fn write_toml(path: &Path, table: &Table) -> Result<(), Failure> {
+    let text = toml::to_string(table).map_err(|e| unwritable(path, &e))?;
+    fs::write(path, text).map_err(|e| unwritable(path, &e))
+}

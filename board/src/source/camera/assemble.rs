@@ -1,0 +1,81 @@
+//! Frames to bursts: the newest frame of each exposure, once there is one of each.
+
+use crate::v4l2::capture::RawFrame;
+
+/// Most frames, in rounds of all exposures, that may lie between the oldest and the newest of a burst: one is the rule, and a lost
+/// frame costs another. Older ones show another moment.
+const ROUNDS: u32 = 2;
+
+/// Collects frames until they are a burst.
+#[derive(Debug, Default)]
+pub(super) struct Assembler {
+    frames: Vec<RawFrame>,
+    /// Whether there is a new frame of that exposure.
+    there: Vec<bool>,
+}
+
+impl Assembler {
+    /// Starts anew with `slots` exposures.
+    pub fn reset(&mut self, slots: usize) {
+        self.frames.resize_with(slots, RawFrame::default);
+        self.there.clear();
+        self.there.resize(slots, false);
+    }
+
+    /// Takes `frame`, leaving an old one in its place; true when there is now one of each exposure.
+    pub fn push(&mut self, frame: &mut RawFrame) -> bool {
+        let Some(slot) = frame.taken.slot.filter(|s| *s < self.frames.len()) else { return false };
+        let newest = frame.taken.sequence;
+        std::mem::swap(&mut self.frames[slot], frame);
+        self.there[slot] = true;
+        let most = ROUNDS * self.frames.len() as u32;
+        for (there, old) in self.there.iter_mut().zip(&self.frames) {
+            *there &= newest.wrapping_sub(old.taken.sequence) < most;
+        }
+        self.there.iter().all(|there| *there)
+    }
+
+    /// Hands the burst over, in order of the exposures, for memory of an old one.
+    pub fn take(&mut self, burst: &mut Vec<RawFrame>) {
+        burst.resize_with(self.frames.len(), RawFrame::default);
+        std::mem::swap(&mut self.frames, burst);
+        self.there.fill(false);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::v4l2::capture::Taken;
+    use crate::v4l2::schedule::Known;
+
+    fn push(assembler: &mut Assembler, sequence: u32, slot: Option<usize>) -> Option<Vec<u32>> {
+        let taken = Taken { sequence, timestamp_ns: 0, slot, known: Known::Predicted };
+        let whole = assembler.push(&mut RawFrame { taken, bytes: Vec::new() });
+        whole.then(|| {
+            let mut burst = Vec::new();
+            assembler.take(&mut burst);
+            burst.iter().map(|f| f.taken.sequence).collect()
+        })
+    }
+
+    #[test]
+    fn a_burst_has_the_newest_frame_of_each_exposure() {
+        let mut a = Assembler::default();
+        a.reset(3);
+        let bursts: Vec<_> = [(0, 0), (1, 1), (2, 2), (3, 0), (5, 2), (6, 0), (7, 1)]
+            .into_iter()
+            .filter_map(|(sequence, slot)| push(&mut a, sequence, Some(slot)))
+            .collect();
+        assert_eq!(bursts, [vec![0, 1, 2], vec![6, 7, 5]], "frame 4 is lost, 6 replaces 3");
+    }
+
+    #[test]
+    fn frames_of_another_moment_or_of_unknown_exposure_are_left_out() {
+        let mut a = Assembler::default();
+        a.reset(2);
+        let pushed = [(0, Some(0)), (1, None), (4, Some(1)), (5, Some(0))];
+        let bursts: Vec<_> = pushed.into_iter().filter_map(|(n, slot)| push(&mut a, n, slot)).collect();
+        assert_eq!(bursts, [vec![5, 4]], "0 is too old for 4");
+    }
+}

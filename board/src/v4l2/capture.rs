@@ -1,0 +1,406 @@
+//! A streaming camera, one frame at a time, each with its exposure.
+
+use super::arrivals::Arrivals;
+use super::device::failed;
+use super::exposure::{Setting, Unit};
+use super::formats::Picture;
+use super::schedule::{Known, MAX_DELAY, Schedule, is_after};
+use super::setup::{self, Agreed, Options, Setup};
+use super::verify::{Levels, Verdict, Verifier};
+use super::{Call, CameraError, Kernel, Node, Ready, abi, luma, persist};
+use hemilux_core::response::Response;
+use rustix::io::Errno;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// Buffers that the driver is asked for. One is being filled and one being read; the others let a busy board be late by four frames without
+/// losing any.
+const BUFFERS: u32 = 6;
+
+/// Without a frame for so long, and for so many periods, the camera is taken for dead: as libcamera does.
+pub(super) const SILENCE: (Duration, f64) = (Duration::from_secs(1), 5.0);
+
+/// Delay that is believed where none is known and none can be found out: that of most sensors.
+const USUAL_DELAY: u32 = 2;
+
+/// Most frames in a row whose numbers do not rise before the camera is opened anew.
+const MOST_REPEATS: u32 = 30;
+
+/// Part of a period after a frame should have come up to which a control is written: later, the next frame may begin before it is.
+pub(super) const IN_TIME: f64 = 0.6;
+
+/// What happened to frames since the camera was opened.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Frames that came whole.
+    pub frames: u64,
+    /// Frames that the sensor counted and nobody delivered.
+    pub lost: u64,
+    /// Frames with the error flag, too short, or with a number that was there before.
+    pub broken: u64,
+    /// Writes of the exposure that were left out because they would have come too late.
+    pub late: u64,
+    /// Frames whose exposure the ratio to their neighbour contradicted.
+    pub mismatches: u64,
+    /// Times that another control delay was found to be right.
+    pub resyncs: u64,
+}
+
+/// A frame's identity.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Taken {
+    /// Counts the sensor's frames.
+    pub sequence: u32,
+    /// CLOCK_MONOTONIC, as the driver says.
+    pub timestamp_ns: u64,
+    /// Index into [`Camera::settings`]; `None` where the frame may have one exposure or another.
+    pub slot: Option<usize>,
+    /// How it is known.
+    pub known: Known,
+}
+
+/// A frame as the driver gave it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RawFrame {
+    /// Whose.
+    pub taken: Taken,
+    /// As the picture's format has them.
+    pub bytes: Vec<u8>,
+}
+
+impl Default for RawFrame {
+    fn default() -> Self {
+        let taken = Taken { sequence: 0, timestamp_ns: 0, slot: None, known: Known::Unknown };
+        Self { taken, bytes: Vec::new() }
+    }
+}
+
+/// A streaming camera. Dropping it stops the stream and closes everything.
+pub struct Camera {
+    path: PathBuf,
+    pub(super) setup: Setup,
+    pub(super) schedule: Schedule,
+    /// Whether the schedule's delay is more than a guess.
+    pub(super) sure: bool,
+    verifier: Option<Verifier>,
+    pub(super) codes: Vec<f32>,
+    counters: Counters,
+    last: Option<u32>,
+    /// Frames in a row whose numbers do not rise.
+    repeats: u32,
+    arrivals: Arrivals,
+}
+
+impl Camera {
+    /// Opens the camera, agrees with it, starts it and finds out its control delay.
+    ///
+    /// # Errors
+    /// [`CameraError`]; everything is closed again.
+    pub fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<Self, CameraError> {
+        let setup = setup::open(kernel, options)?;
+        let raw = setup.picture.layout.is_raw();
+        let response = if raw { Response::Linear } else { Response::Srgb };
+        let levels = options.levels.unwrap_or(Levels { response, black: setup.black, white: 1.0 });
+        let seconds: Vec<f64> = setup.settings.iter().map(|s| s.seconds).collect();
+        let exposes = setup.knob.as_ref().is_some_and(|k| k.unit != Unit::StandIn) && seconds.len() > 1;
+        let known = options.delay.or(setup.delay);
+        let mut camera = Self {
+            path: options.path.clone(),
+            schedule: Schedule::new(seconds.len(), 0, known.unwrap_or(USUAL_DELAY)),
+            sure: known.is_some(),
+            verifier: exposes.then(|| Verifier::new(levels, &seconds)),
+            codes: Vec::new(),
+            counters: Counters::default(),
+            last: None,
+            repeats: 0,
+            arrivals: Arrivals::new(setup.period_s, kernel.now_ns()),
+            setup,
+        };
+        camera.start(kernel)?;
+        if known.is_none() && camera.setup.knob.is_some() && seconds.len() > 1 {
+            camera.find_delay(kernel)?;
+        }
+        camera.counters = Counters::default();
+        Ok(camera)
+    }
+
+    /// Its node.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// How its frames are to be read.
+    #[must_use]
+    pub fn picture(&self) -> &Picture {
+        &self.setup.picture
+    }
+
+    /// The exposures as the camera makes them, ascending (of a stand-in: as they were given).
+    #[must_use]
+    pub fn settings(&self) -> &[Setting] {
+        &self.setup.settings
+    }
+
+    /// Relative code of darkness, where the sensor is known; 0 otherwise.
+    #[must_use]
+    pub fn black(&self) -> f64 {
+        self.setup.black
+    }
+
+    /// What was asked and what was got.
+    #[must_use]
+    pub fn agreed(&self) -> &[Agreed] {
+        &self.setup.agreed
+    }
+
+    /// Frames after the next one until a control acts, where it is known.
+    #[must_use]
+    pub fn delay(&self) -> Option<u32> {
+        self.sure.then(|| self.schedule.delay())
+    }
+
+    /// Time between two frames.
+    #[must_use]
+    pub fn period(&self) -> Duration {
+        Duration::from_secs_f64(self.setup.period_s)
+    }
+
+    /// What happened to frames.
+    #[must_use]
+    pub fn counters(&self) -> Counters {
+        self.counters
+    }
+
+    /// Waits for the next whole frame for `timeout` at most, writes the exposure that is due and copies the frame; false when there
+    /// was none.
+    ///
+    /// # Errors
+    /// [`CameraError`]: the camera must then be closed and opened again.
+    pub fn next(
+        &mut self,
+        kernel: &mut dyn Kernel,
+        timeout: Duration,
+        frame: &mut RawFrame,
+    ) -> Result<bool, CameraError> {
+        let Some(buffer) = self.dequeue(kernel, timeout)? else { return Ok(false) };
+        if buffer.flags & abi::BUFFER_ERROR == 0 {
+            self.write_due(kernel, buffer.sequence)?;
+        }
+        self.finish(&buffer, frame)
+    }
+
+    /// Looks at a frame, copies it if it is whole, and gives its buffer back.
+    fn finish(&mut self, buffer: &abi::Buffer, frame: &mut RawFrame) -> Result<bool, CameraError> {
+        let whole = self.setup.picture.frame_bytes();
+        let bytes = self.setup.video.bytes(buffer.index);
+        let broken = buffer.flags & abi::BUFFER_ERROR != 0;
+        let bytes = bytes.get(..whole).filter(|_| !broken && buffer.bytes_used as usize >= whole);
+        let good = bytes.is_some();
+        match bytes {
+            Some(bytes) => {
+                luma::sample(&self.setup.picture, bytes, &mut self.codes);
+                frame.bytes.clear();
+                frame.bytes.extend_from_slice(bytes);
+                self.counters.frames += 1;
+            }
+            None => self.counters.broken += 1,
+        }
+        self.queue(buffer.index)?;
+        if good {
+            let timestamp_ns = stamped_ns(buffer);
+            let (slot, known) = self.identify(buffer.sequence);
+            frame.taken = Taken { sequence: buffer.sequence, timestamp_ns, slot, known };
+        }
+        Ok(good)
+    }
+
+    /// The exposure of frame `sequence`, whose samples are in `codes`.
+    fn identify(&mut self, sequence: u32) -> (Option<usize>, Known) {
+        let slot = self.schedule.exposure_of(sequence);
+        if self.setup.knob.is_none() {
+            return (Some(0), Known::Unknown);
+        }
+        let guess = if self.sure { Known::Predicted } else { Known::Unknown };
+        let Some(verifier) = &mut self.verifier else { return (slot, guess) };
+        match verifier.compare(sequence, &mut self.codes, &self.schedule) {
+            Verdict::Agrees => (slot, Known::Verified),
+            Verdict::CannotTell => (slot, guess),
+            Verdict::Differs => {
+                self.counters.mismatches += 1;
+                if let Some(delay) = verifier.better_delay(&self.schedule) {
+                    self.schedule.set_delay(delay);
+                    (self.counters.resyncs, self.sure) = (self.counters.resyncs + 1, true);
+                }
+                (None, Known::Unknown)
+            }
+        }
+    }
+
+    /// Writes the exposure that is due after frame `sequence`, unless newer frames wait already or it is too late.
+    fn write_due(&mut self, kernel: &mut dyn Kernel, sequence: u32) -> Result<(), CameraError> {
+        if self.setup.knob.is_none() || self.setup.settings.len() < 2 {
+            return Ok(());
+        }
+        let behind = persist(|| self.setup.video.wait(Duration::ZERO)).is_ok_and(|r| r.frame);
+        if behind || self.lateness(kernel) > IN_TIME {
+            self.counters.late += 1;
+            return Ok(());
+        }
+        self.write(kernel, sequence, self.schedule.due(sequence))
+    }
+
+    /// Periods that have passed since the newest frame should have come.
+    pub(super) fn lateness(&self, kernel: &dyn Kernel) -> f64 {
+        self.arrivals.lateness(kernel.now_ns())
+    }
+
+    pub(super) fn write(
+        &mut self,
+        kernel: &mut dyn Kernel,
+        sequence: u32,
+        slot: usize,
+    ) -> Result<(), CameraError> {
+        let Setup { video, sensor, knob, settings, .. } = &mut self.setup;
+        let (Some(knob), Some(setting)) = (knob, settings.get(slot)) else { return Ok(()) };
+        let node: &mut dyn Node = sensor.as_deref_mut().unwrap_or(video.as_mut());
+        setup::write(node, &knob.info, setting).map_err(|e| {
+            failed(&self.path, "writing the exposure", e, "a control that can be set while streaming")
+        })?;
+        let late = self.lateness(kernel);
+        let doubt = if late <= IN_TIME { 0 } else { late.ceil().min(f64::from(MAX_DELAY)) as u32 };
+        self.schedule.wrote(sequence, slot, doubt);
+        Ok(())
+    }
+
+    /// Takes the next frame's buffer from the driver.
+    pub(super) fn dequeue(
+        &mut self,
+        kernel: &mut dyn Kernel,
+        timeout: Duration,
+    ) -> Result<Option<abi::Buffer>, CameraError> {
+        let ready = persist(|| self.setup.video.wait(timeout));
+        let Ready { frame, event, gone } = ready.map_err(|e| failed(&self.path, "poll", e, "frames"))?;
+        if event {
+            self.look_at_event()?;
+        }
+        if !frame {
+            return if gone { Err(CameraError::Gone(self.path.clone())) } else { self.silence(kernel) };
+        }
+        let mut buffer = abi::Buffer::default();
+        match persist(|| self.setup.video.call(Call::Dequeue(&mut buffer))) {
+            Ok(()) => {}
+            Err(Errno::AGAIN) => return self.silence(kernel),
+            Err(e) => return Err(failed(&self.path, "DQBUF", e, "a frame")),
+        }
+        self.count(kernel, &mut buffer)?;
+        Ok(Some(buffer))
+    }
+
+    /// A number that does not rise says nothing of the frame: busy drivers repeat one now and then, and the frame is left out.
+    fn repeat(&mut self, buffer: &mut abi::Buffer, last: u32) -> Result<(), CameraError> {
+        buffer.flags |= abi::BUFFER_ERROR;
+        self.repeats += 1;
+        if self.repeats <= MOST_REPEATS {
+            return Ok(());
+        }
+        let found = format!("frame {} after frame {last}, again and again", buffer.sequence);
+        Err(CameraError::Unfit { path: self.path.clone(), found, expected: "rising numbers".into() })
+    }
+
+    /// Keeps the books of what came when.
+    fn count(&mut self, kernel: &dyn Kernel, buffer: &mut abi::Buffer) -> Result<(), CameraError> {
+        if let Some(last) = self.last {
+            if !is_after(buffer.sequence, last) {
+                return self.repeat(buffer, last);
+            }
+            self.repeats = 0;
+            self.counters.lost += u64::from(buffer.sequence.wrapping_sub(last) - 1);
+        }
+        self.last = Some(buffer.sequence);
+        let stamped_ns = stamped_ns(buffer);
+        self.arrivals.note(buffer.sequence, stamped_ns, kernel.now_ns());
+        Ok(())
+    }
+
+    /// Nothing came: fine for a while.
+    fn silence(&self, kernel: &dyn Kernel) -> Result<Option<abi::Buffer>, CameraError> {
+        let silent_ns = kernel.now_ns().saturating_sub(self.arrivals.arrived_ns());
+        let allowed = SILENCE.0.max(Duration::from_secs_f64(SILENCE.1 * self.setup.period_s));
+        if u128::from(silent_ns) <= allowed.as_nanos() {
+            return Ok(None);
+        }
+        let (ms, period_ms) = (allowed.as_millis() as u64, (self.setup.period_s * 1e3) as u64);
+        Err(CameraError::Silent { path: self.path.clone(), ms, period_ms })
+    }
+
+    fn look_at_event(&mut self) -> Result<(), CameraError> {
+        let mut event = abi::Event::default();
+        let taken = persist(|| self.setup.video.call(Call::DequeueEvent(&mut event)));
+        if taken.is_ok() && event.kind == abi::EVENT_SOURCE_CHANGE {
+            let (found, expected) = ("another picture format".into(), "the one that was agreed on".into());
+            return Err(CameraError::Unfit { path: self.path.clone(), found, expected });
+        }
+        Ok(())
+    }
+
+    /// Takes buffers, sets the first exposure and starts the stream.
+    fn start(&mut self, kernel: &mut dyn Kernel) -> Result<(), CameraError> {
+        let video = self.setup.video.as_mut();
+        let mut subscription = abi::Subscription { kind: abi::EVENT_SOURCE_CHANGE, ..Default::default() };
+        let _ = persist(|| video.call(Call::Subscribe(&mut subscription)));
+        let path = &self.path;
+        let mut request = abi::BufferRequest { count: BUFFERS, ..Default::default() };
+        persist(|| video.call(Call::RequestBuffers(&mut request))).map_err(|e| {
+            failed(path, "REQBUFS", e, "memory for frames, and no other program that streams")
+        })?;
+        if !(2..=32).contains(&request.count) {
+            let (found, expected) = (format!("{} buffers", request.count), "2 to 32".into());
+            return Err(CameraError::Unfit { path: path.clone(), found, expected });
+        }
+        for index in 0..request.count {
+            map(video, path, index)?;
+        }
+        for index in 0..request.count {
+            self.queue(index)?;
+        }
+        self.write_first(kernel)?;
+        let streaming = persist(|| self.setup.video.call(Call::StreamOn));
+        streaming.map_err(|e| failed(&self.path, "STREAMON", e, "a sensor whose format and links fit"))?;
+        self.arrivals = Arrivals::new(self.setup.period_s, kernel.now_ns());
+        Ok(())
+    }
+
+    /// What is set before the stream starts holds from its first frame on.
+    fn write_first(&mut self, kernel: &mut dyn Kernel) -> Result<(), CameraError> {
+        self.write(kernel, 0, 0)?;
+        self.schedule = Schedule::new(self.setup.settings.len(), 0, self.schedule.delay());
+        Ok(())
+    }
+
+    pub(super) fn queue(&mut self, index: u32) -> Result<(), CameraError> {
+        let mut buffer = abi::Buffer { index, ..Default::default() };
+        let queued = persist(|| self.setup.video.call(Call::Queue(&mut buffer)));
+        queued.map_err(|e| failed(&self.path, "QBUF", e, "a buffer to be taken back"))
+    }
+}
+
+/// The driver's timestamp.
+fn stamped_ns(buffer: &abi::Buffer) -> u64 {
+    let [s, us] = buffer.timestamp.map(|v| u64::try_from(v).unwrap_or(0));
+    s.saturating_mul(1_000_000_000).saturating_add(us.saturating_mul(1000))
+}
+
+fn map(video: &mut dyn Node, path: &Path, index: u32) -> Result<(), CameraError> {
+    let mut buffer = abi::Buffer { index, ..Default::default() };
+    persist(|| video.call(Call::QueryBuffer(&mut buffer)))
+        .map_err(|e| failed(path, "QUERYBUF", e, "the buffer"))?;
+    buffer.index = index;
+    video.map(&buffer).map_err(|e| failed(path, "mmap", e, "memory for frames"))
+}
+
+impl Drop for Camera {
+    fn drop(&mut self) {
+        let _ = self.setup.video.call(Call::StreamOff);
+    }
+}

@@ -1,0 +1,162 @@
+//! Controls of a camera: finding, reading and setting them one at a time, whatever their class.
+
+use super::{Call, Node, abi, persist, text};
+use rustix::io::Errno;
+
+/// Most controls that a driver is believed to have; vivid has about a hundred.
+const MAX_CONTROLS: usize = 1024;
+
+/// A control as the driver describes it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Info {
+    /// Its number.
+    pub id: u32,
+    /// `V4L2_CTRL_TYPE_...`, also such as are not known here.
+    pub kind: u32,
+    /// Its name; differs between kernels.
+    pub name: String,
+    /// Least value.
+    pub minimum: i64,
+    /// Largest value.
+    pub maximum: i64,
+    /// From value to value, at least 1.
+    pub step: i64,
+    /// At power-on.
+    pub default: i64,
+    /// `V4L2_CTRL_FLAG_...`.
+    pub flags: u32,
+}
+
+impl Info {
+    fn of(d: &abi::ControlDescription) -> Self {
+        let step = i64::try_from(d.step).unwrap_or(i64::MAX).max(1);
+        let (minimum, maximum) = (d.minimum.min(d.maximum), d.maximum.max(d.minimum));
+        Self {
+            id: d.id,
+            kind: d.kind,
+            name: text(&d.name),
+            minimum,
+            maximum,
+            step,
+            default: d.default,
+            flags: d.flags,
+        }
+    }
+
+    /// Whether it is a number that can be set, now or once an automatic is off.
+    #[must_use]
+    pub fn is_settable(&self) -> bool {
+        let number = [
+            abi::TYPE_INTEGER,
+            abi::TYPE_BOOLEAN,
+            abi::TYPE_MENU,
+            abi::TYPE_INTEGER64,
+            abi::TYPE_INTEGER_MENU,
+        ];
+        number.contains(&self.kind) && self.flags & (abi::CONTROL_DISABLED | abi::CONTROL_READ_ONLY) == 0
+    }
+
+    /// The nearest value that the control can take.
+    #[must_use]
+    pub fn nearest(&self, value: i64) -> i64 {
+        let [value, least, most, step] =
+            [value.clamp(self.minimum, self.maximum), self.minimum, self.maximum, self.step].map(i128::from);
+        let nearest = least + (value - least + step / 2) / step * step;
+        i64::try_from(nearest.min(most)).unwrap_or(self.maximum)
+    }
+}
+
+/// The control `id`, if the node has it.
+pub fn find(node: &mut dyn Node, id: u32) -> Option<Info> {
+    let mut d = abi::ControlDescription { id, ..Default::default() };
+    persist(|| node.call(Call::QueryControl(&mut d))).ok()?;
+    (d.flags & abi::CONTROL_DISABLED == 0).then(|| Info::of(&d))
+}
+
+/// All controls of a node.
+pub fn all(node: &mut dyn Node) -> Vec<Info> {
+    let mut found: Vec<Info> = Vec::new();
+    let mut last = 0;
+    while found.len() < MAX_CONTROLS {
+        let mut d = abi::ControlDescription { id: last | abi::NEXT_CONTROL, ..Default::default() };
+        // Numbers that do not rise would go round for ever.
+        if persist(|| node.call(Call::QueryControl(&mut d))).is_err() || d.id <= last {
+            break;
+        }
+        last = d.id;
+        if d.flags & abi::CONTROL_DISABLED == 0 {
+            found.push(Info::of(&d));
+        }
+    }
+    found
+}
+
+/// Whether a menu has item `index`: menus may have holes.
+pub fn has_item(node: &mut dyn Node, id: u32, index: i64) -> bool {
+    let Ok(index) = u32::try_from(index) else { return false };
+    let mut item = abi::MenuItem { id, index, ..Default::default() };
+    persist(|| node.call(Call::QueryMenu(&mut item))).is_ok()
+}
+
+/// The value of a control.
+///
+/// # Errors
+/// What the kernel says.
+pub fn value(node: &mut dyn Node, info: &Info) -> Result<i64, Errno> {
+    let mut control = abi::Control { id: info.id, ..Default::default() };
+    persist(|| node.call(Call::GetControl(&mut control)))?;
+    let [low, high] = control.value;
+    if info.kind == abi::TYPE_INTEGER64 {
+        let (mut bytes, words) = ([0; 8], [low.to_ne_bytes(), high.to_ne_bytes()]);
+        bytes[..4].copy_from_slice(&words[0]);
+        bytes[4..].copy_from_slice(&words[1]);
+        return Ok(i64::from_ne_bytes(bytes));
+    }
+    Ok(i64::from(low.cast_signed()))
+}
+
+/// Sets a control.
+///
+/// # Errors
+/// What the kernel says; EACCES where an automatic holds it.
+pub fn set(node: &mut dyn Node, info: &Info, value: i64) -> Result<(), Errno> {
+    let bytes = value.to_ne_bytes();
+    let word = |at: usize| u32::from_ne_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
+    let words = if info.kind == abi::TYPE_INTEGER64 {
+        [word(0), word(4)]
+    } else {
+        let narrow = i32::try_from(value).map_err(|_| Errno::RANGE)?;
+        [narrow.cast_unsigned(), 0]
+    };
+    let mut control = abi::Control { id: info.id, value: words, ..Default::default() };
+    persist(|| node.call(Call::SetControl(&mut control)))
+}
+
+/// Sets the control `id` where the node has it and reads it back: what it is then, or `None`.
+pub fn settle(node: &mut dyn Node, id: u32, wanted: i64) -> Option<i64> {
+    let info = find(node, id).filter(Info::is_settable)?;
+    let _ = set(node, &info, info.nearest(wanted));
+    value(node, &info).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_are_moved_to_what_the_control_takes() {
+        let info = |minimum, maximum, step| Info {
+            id: 1,
+            kind: abi::TYPE_INTEGER,
+            name: String::new(),
+            minimum,
+            maximum,
+            step,
+            default: 0,
+            flags: 0,
+        };
+        let found = [-5, 3, 4, 8, 99].map(|v| info(3, 28, 10).nearest(v));
+        assert_eq!(found, [3, 3, 3, 13, 28], "steps count from the least value, the largest is one too");
+        assert_eq!(info(i64::MIN, i64::MAX, 1).nearest(7), 7, "no overflow");
+    }
+}

@@ -1,0 +1,170 @@
+//! What makes a camera's exposure, and which values give the wished-for times.
+//!
+//! UVC cameras take units of 100 us within the frame interval. Sensors take lines, within a frame whose length follows VBLANK. The gain stays
+//! where it is throughout a burst: on many sensors it acts a frame earlier than the time.
+
+use super::controls::{self, Info};
+use super::{Node, abi};
+
+/// A wished-for exposure as the camera makes it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Setting {
+    /// The control's value.
+    pub value: i64,
+    /// Seconds that were asked for.
+    pub asked_s: f64,
+    /// Seconds that the value stands for.
+    pub seconds: f64,
+}
+
+/// The control that makes the exposure.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Knob {
+    /// The control.
+    pub info: Info,
+    /// Its unit.
+    pub unit: Unit,
+}
+
+/// What a value of the exposure control stands for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Unit {
+    /// 100 us.
+    Uvc,
+    /// Lines of so many seconds.
+    Lines(f64),
+    /// Not an exposure at all: a control that stands in for one on a test bench.
+    StandIn,
+}
+
+impl Knob {
+    /// The control of `node` that makes its exposure; `width` is the sensor's.
+    pub fn find(node: &mut dyn Node, width: u32) -> Option<Self> {
+        if let Some(info) = controls::find(node, abi::EXPOSURE_ABSOLUTE).filter(Info::is_settable) {
+            return Some(Self { info, unit: Unit::Uvc });
+        }
+        let info = controls::find(node, abi::EXPOSURE).filter(Info::is_settable)?;
+        Some(Self { info, unit: Unit::Lines(line_s(node, width)?) })
+    }
+
+    /// Shortest and longest exposure that its range gives, seconds.
+    #[must_use]
+    pub fn range_s(&self) -> Option<(f64, f64)> {
+        let second = self.unit.second()?;
+        Some((self.info.minimum.max(1) as f64 * second, self.info.maximum as f64 * second))
+    }
+}
+
+impl Unit {
+    /// Seconds of a step.
+    const fn second(self) -> Option<f64> {
+        match self {
+            Self::Uvc => Some(1e-4),
+            Self::Lines(s) => Some(s),
+            Self::StandIn => None,
+        }
+    }
+}
+
+/// Seconds of a line, from the pixel rate and the line's length.
+fn line_s(node: &mut dyn Node, width: u32) -> Option<f64> {
+    let rate = controls::find(node, abi::PIXEL_RATE).and_then(|i| controls::value(node, &i).ok())?;
+    let blank = controls::find(node, abi::HBLANK).and_then(|i| controls::value(node, &i).ok())?;
+    let pixels = i64::from(width).checked_add(blank)?;
+    (rate > 0 && pixels > 0).then(|| pixels as f64 / rate as f64)
+}
+
+/// What is known of a sensor by its name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sensor {
+    /// How its sub-device's name begins.
+    pub name: &'static str,
+    /// Lines of a frame that cannot be exposure.
+    pub reserve_lines: i64,
+    /// Frames until an exposure acts, after the next one.
+    pub delay: u32,
+    /// Code of darkness, of so many bits.
+    pub black: (u32, u32),
+}
+
+/// From the tables of libcamera (its sensor helpers and tuning files).
+const SENSORS: [Sensor; 8] = [
+    Sensor { name: "imx219", reserve_lines: 4, delay: 2, black: (64, 10) },
+    Sensor { name: "imx477", reserve_lines: 22, delay: 2, black: (256, 12) },
+    Sensor { name: "imx500", reserve_lines: 22, delay: 2, black: (256, 12) },
+    Sensor { name: "imx519", reserve_lines: 32, delay: 2, black: (64, 10) },
+    Sensor { name: "imx708", reserve_lines: 48, delay: 2, black: (64, 10) },
+    Sensor { name: "imx296", reserve_lines: 4, delay: 2, black: (60, 10) },
+    Sensor { name: "ov5647", reserve_lines: 4, delay: 2, black: (16, 10) },
+    Sensor { name: "ov9281", reserve_lines: 25, delay: 2, black: (64, 10) },
+];
+
+/// Lines kept free on a sensor that is not in the table: more than any of those needs.
+const RESERVE_LINES: i64 = 64;
+
+/// The sensor whose sub-device is called `name`.
+#[must_use]
+pub fn sensor(name: &str) -> Option<&'static Sensor> {
+    SENSORS.iter().find(|s| name.starts_with(s.name))
+}
+
+/// What the automatics that would change an exposure behind our back are set to: all off.
+const AUTOMATICS: [(u32, i64); 4] = [
+    (abi::AUTOGAIN, 0),
+    (abi::AUTO_WHITE_BALANCE, 0),
+    (abi::DYNAMIC_FRAME_RATE, 0),
+    (abi::BACKLIGHT_COMPENSATION, 0),
+];
+
+/// Switches off what changes exposures by itself, where a node has it; says whether the exposure can be set by hand.
+pub fn go_manual(node: &mut dyn Node) -> bool {
+    for (id, off) in AUTOMATICS {
+        let _ = controls::settle(node, id, off);
+    }
+    if controls::find(node, abi::EXPOSURE_AUTO).is_none() {
+        return true;
+    }
+    // Most cameras have only some of the modes.
+    let modes = abi::MANUAL_MODES.into_iter().filter(|m| controls::has_item(node, abi::EXPOSURE_AUTO, *m));
+    modes.collect::<Vec<_>>().into_iter().any(|m| controls::settle(node, abi::EXPOSURE_AUTO, m) == Some(m))
+}
+
+/// Makes a sensor's frame long enough for an exposure of `longest_s` and gives the time of a frame in seconds.
+///
+/// VBLANK goes first and alone: the range of the exposure follows it.
+pub fn stretch_frame(
+    node: &mut dyn Node,
+    knob: &Knob,
+    height: u32,
+    longest_s: f64,
+    sensor: Option<&Sensor>,
+) -> Option<f64> {
+    let Unit::Lines(line) = knob.unit else { return None };
+    let info = controls::find(node, abi::VBLANK)?;
+    let reserve = sensor.map_or(RESERVE_LINES, |s| s.reserve_lines);
+    let lines = (longest_s / line).ceil().min(1e9) as i64 + reserve;
+    let blank = controls::settle(node, abi::VBLANK, lines - i64::from(height)).unwrap_or(info.default);
+    Some((i64::from(height) + blank) as f64 * line)
+}
+
+/// Sets each wished-for exposure and reads it back: what the camera makes of them, ascending and without repetition.
+pub fn agree(node: &mut dyn Node, knob: &Knob, wished_s: &[f64], period_s: f64) -> Vec<Setting> {
+    let Some(second) = knob.unit.second() else { return Vec::new() };
+    // The range as it is now: a sensor's follows VBLANK.
+    let info = controls::find(node, knob.info.id).unwrap_or_else(|| knob.info.clone());
+    // A UVC exposure longer than the frame interval lengthens it or is cut.
+    let most = if knob.unit == Unit::Uvc { (period_s / second) as i64 } else { i64::MAX };
+    let mut agreed: Vec<Setting> = Vec::new();
+    for asked_s in wished_s {
+        let wanted = ((asked_s / second).round().clamp(1.0, 1e9) as i64).min(most.max(1));
+        let wanted = info.nearest(wanted);
+        let _ = controls::set(node, &info, wanted);
+        let value = controls::value(node, &info).unwrap_or(wanted);
+        let setting = Setting { value, asked_s: *asked_s, seconds: value as f64 * second };
+        if setting.seconds > 0.0 && agreed.iter().all(|s| s.value != value) {
+            agreed.push(setting);
+        }
+    }
+    agreed.sort_by(|a, b| a.seconds.total_cmp(&b.seconds));
+    agreed
+}

@@ -1,0 +1,256 @@
+//! The real kernel. All `unsafe` of the crate is here.
+#![allow(
+    unsafe_code,
+    reason = "requests and mappings are contracts with the kernel; each says why it is kept"
+)]
+
+use super::abi::{self, CAPTURE};
+use super::{Call, Kernel, Node, Ready};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::fs::{Mode, OFlags};
+use rustix::io::Errno;
+use rustix::ioctl::{Opcode, Updater, ioctl, opcode};
+use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
+use std::os::fd::{AsFd, OwnedFd};
+use std::path::{Path, PathBuf};
+use std::ptr::NonNull;
+use std::time::Duration;
+
+const V: u8 = b'V';
+const QUERYCAP: Opcode = opcode::read::<abi::Capability>(V, 0);
+const ENUM_FMT: Opcode = opcode::read_write::<abi::FormatDescription>(V, 2);
+const S_FMT: Opcode = opcode::read_write::<abi::Format>(V, 5);
+const REQBUFS: Opcode = opcode::read_write::<abi::BufferRequest>(V, 8);
+const QUERYBUF: Opcode = opcode::read_write::<abi::Buffer>(V, 9);
+const QBUF: Opcode = opcode::read_write::<abi::Buffer>(V, 15);
+const DQBUF: Opcode = opcode::read_write::<abi::Buffer>(V, 17);
+const STREAMON: Opcode = opcode::write::<u32>(V, 18);
+const STREAMOFF: Opcode = opcode::write::<u32>(V, 19);
+const S_PARM: Opcode = opcode::read_write::<abi::Parameters>(V, 22);
+const QUERYMENU: Opcode = opcode::read_write::<abi::MenuItem>(V, 37);
+const G_EXT_CTRLS: Opcode = opcode::read_write::<Controls>(V, 71);
+const S_EXT_CTRLS: Opcode = opcode::read_write::<Controls>(V, 72);
+const ENUM_FRAMESIZES: Opcode = opcode::read_write::<abi::SizeDescription>(V, 74);
+const ENUM_FRAMEINTERVALS: Opcode = opcode::read_write::<abi::IntervalDescription>(V, 75);
+const DQEVENT: Opcode = opcode::read::<abi::Event>(V, 89);
+const SUBSCRIBE_EVENT: Opcode = opcode::write::<abi::Subscription>(V, 90);
+const QUERY_EXT_CTRL: Opcode = opcode::read_write::<abi::ControlDescription>(V, 103);
+const SUBDEV_ENUM_MBUS_CODE: Opcode = opcode::read_write::<abi::BusCode>(V, 2);
+const SUBDEV_S_FMT: Opcode = opcode::read_write::<abi::PadFormat>(V, 5);
+
+/// `struct v4l2_ext_controls`; `which` 0 takes controls of any class.
+#[repr(C)]
+struct Controls {
+    which: u32,
+    count: u32,
+    error_index: u32,
+    request: i32,
+    reserved: u32,
+    controls: *mut abi::Control,
+}
+
+/// Numbers that a C compiler gave for the same headers.
+const _: () = {
+    assert!(
+        size_of::<Controls>() == if size_of::<usize>() == 8 { 32 } else { 24 },
+        "not the kernel's layout"
+    );
+    let wide = size_of::<usize>() == 8;
+    assert!(QUERYCAP == 0x8068_5600, "VIDIOC_QUERYCAP");
+    assert!(DQBUF == if wide { 0xc058_5611 } else { 0xc050_5611 }, "VIDIOC_DQBUF");
+    assert!(S_FMT == if wide { 0xc0d0_5605 } else { 0xc0cc_5605 }, "VIDIOC_S_FMT");
+    assert!(S_EXT_CTRLS == if wide { 0xc020_5648 } else { 0xc018_5648 }, "VIDIOC_S_EXT_CTRLS");
+    assert!(DQEVENT == 0x8088_5659, "VIDIOC_DQEVENT");
+    assert!(SUBDEV_S_FMT == 0xc058_5605, "VIDIOC_SUBDEV_S_FMT");
+};
+
+/// Longest mapping that is believed: a frame of 64 megapixels of four bytes.
+const MAX_BUFFER_BYTES: u32 = 256 << 20;
+
+/// A buffer of the driver in our address space.
+struct Mapping {
+    start: NonNull<u8>,
+    length: usize,
+    /// Whether the driver may be writing to it.
+    queued: bool,
+}
+
+/// An open device node.
+struct File {
+    fd: OwnedFd,
+    mappings: Vec<Mapping>,
+}
+
+// SAFETY: a mapping belongs to the process and not to a thread, and `File` is its only owner; references to its bytes borrow `File`.
+unsafe impl Send for File {}
+
+impl File {
+    /// Makes request `CODE` with `data`.
+    fn update<const CODE: Opcode, T>(&self, data: &mut T) -> Result<(), Errno> {
+        // SAFETY: callers pair `CODE` with the structure from whose size it was computed (the constants above), so that the kernel reads
+        // and writes no byte beyond `data`. All structures consist of integers, for which every bit pattern is a value. The only pointer
+        // inside one, that of `Controls`, is made in `control`.
+        unsafe { ioctl(self.fd.as_fd(), Updater::<CODE, T>::new(data)) }
+    }
+
+    /// Gets or sets one control of any class.
+    fn control<const CODE: Opcode>(&self, control: &mut abi::Control) -> Result<(), Errno> {
+        // The kernel writes one `v4l2_ext_control`, to which the pointer points for as long as the call lasts; size 0 in it says
+        // that it holds no further pointer.
+        control.size = 0;
+        let mut all = Controls {
+            which: 0,
+            count: 1,
+            error_index: 0,
+            request: 0,
+            reserved: 0,
+            controls: std::ptr::from_mut(control),
+        };
+        self.update::<CODE, _>(&mut all)
+    }
+
+    fn mark(&mut self, index: u32, queued: bool) {
+        if let Some(mapping) = self.mappings.get_mut(index as usize) {
+            mapping.queued = queued;
+        }
+    }
+}
+
+impl Node for File {
+    fn call(&mut self, call: Call<'_>) -> Result<(), Errno> {
+        match call {
+            Call::QueryCapability(d) => self.update::<QUERYCAP, _>(d),
+            Call::EnumFormats(d) => self.update::<ENUM_FMT, _>(d),
+            Call::EnumSizes(d) => self.update::<ENUM_FRAMESIZES, _>(d),
+            Call::EnumIntervals(d) => self.update::<ENUM_FRAMEINTERVALS, _>(d),
+            Call::SetFormat(d) => self.update::<S_FMT, _>(d),
+            Call::SetParameters(d) => self.update::<S_PARM, _>(d),
+            Call::QueryControl(d) => self.update::<QUERY_EXT_CTRL, _>(d),
+            Call::QueryMenu(d) => self.update::<QUERYMENU, _>(d),
+            Call::GetControl(d) => self.control::<G_EXT_CTRLS>(d),
+            Call::SetControl(d) => self.control::<S_EXT_CTRLS>(d),
+            Call::RequestBuffers(d) => self.update::<REQBUFS, _>(d),
+            Call::QueryBuffer(d) => self.update::<QUERYBUF, _>(d),
+            Call::Queue(d) => {
+                // From here on the driver may write; only if it refuses the buffer stays ours.
+                let index = d.index;
+                let ours = self.mappings.get(index as usize).is_some_and(|m| !m.queued);
+                self.mark(index, true);
+                let outcome = self.update::<QBUF, _>(d);
+                if outcome.is_err() && ours {
+                    self.mark(index, false);
+                }
+                outcome
+            }
+            Call::Dequeue(d) => {
+                self.update::<DQBUF, _>(d)?;
+                self.mark(d.index, false);
+                Ok(())
+            }
+            Call::StreamOn => self.update::<STREAMON, _>(&mut { CAPTURE }),
+            Call::StreamOff => self.update::<STREAMOFF, _>(&mut { CAPTURE }),
+            Call::Subscribe(d) => self.update::<SUBSCRIBE_EVENT, _>(d),
+            Call::DequeueEvent(d) => self.update::<DQEVENT, _>(d),
+            Call::SetPadFormat(d) => self.update::<SUBDEV_S_FMT, _>(d),
+            Call::EnumBusCodes(d) => self.update::<SUBDEV_ENUM_MBUS_CODE, _>(d),
+        }
+    }
+
+    fn wait(&mut self, timeout: Duration) -> Result<Ready, Errno> {
+        let timeout = Timespec::try_from(timeout).map_err(|_| Errno::INVAL)?;
+        let mut fds = [PollFd::new(&self.fd, PollFlags::IN | PollFlags::PRI)];
+        poll(&mut fds, Some(&timeout))?;
+        let found = fds[0].revents();
+        Ok(Ready {
+            frame: found.contains(PollFlags::IN),
+            event: found.contains(PollFlags::PRI),
+            gone: found.intersects(PollFlags::ERR | PollFlags::HUP | PollFlags::NVAL),
+        })
+    }
+
+    fn map(&mut self, buffer: &abi::Buffer) -> Result<(), Errno> {
+        if buffer.length == 0
+            || buffer.length > MAX_BUFFER_BYTES
+            || buffer.index as usize != self.mappings.len()
+        {
+            return Err(Errno::INVAL);
+        }
+        let length = buffer.length as usize;
+        // SAFETY: the kernel chooses an address that is free; nothing else refers to it. The mapping is only ever read: what is not
+        // mapped for reading and writing some drivers refuse.
+        let start = unsafe {
+            mmap(
+                std::ptr::null_mut(),
+                length,
+                ProtFlags::READ | ProtFlags::WRITE,
+                MapFlags::SHARED,
+                self.fd.as_fd(),
+                u64::from(buffer.offset[0]),
+            )?
+        };
+        let start = NonNull::new(start.cast::<u8>()).ok_or(Errno::NOMEM)?;
+        self.mappings.push(Mapping { start, length, queued: false });
+        Ok(())
+    }
+
+    fn bytes(&self, index: u32) -> &[u8] {
+        match self.mappings.get(index as usize) {
+            // SAFETY: `start..start + length` was mapped by `map` and stays so until `self` is dropped, which the borrow prevents.
+            // Queued buffers are left out, and queueing one needs `&mut self`: by V4L2's contract the driver writes to no buffer that
+            // has been dequeued, so nothing changes behind the reference.
+            Some(m) if !m.queued => unsafe { std::slice::from_raw_parts(m.start.as_ptr(), m.length) },
+            _ => &[],
+        }
+    }
+}
+
+impl Drop for File {
+    fn drop(&mut self) {
+        for mapping in &self.mappings {
+            // SAFETY: exactly what `map` mapped, once; no reference outlives `self`.
+            let _ = unsafe { munmap(mapping.start.as_ptr().cast(), mapping.length) };
+        }
+    }
+}
+
+/// The kernel that runs this program.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct RealKernel;
+
+/// Numbered nodes of /dev in order of their numbers.
+fn numbered(prefix: &str) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir("/dev").into_iter().flatten().flatten();
+    let names = entries.filter_map(|e| e.file_name().into_string().ok());
+    let number = |name: &String| name.strip_prefix(prefix)?.parse::<u32>().ok();
+    let mut found: Vec<_> = names.filter_map(|name| Some((number(&name)?, name))).collect();
+    found.sort();
+    found.into_iter().map(|(_, name)| Path::new("/dev").join(name)).collect()
+}
+
+impl Kernel for RealKernel {
+    fn open(&mut self, path: &Path) -> Result<Box<dyn Node>, Errno> {
+        let fd = rustix::fs::open(path, OFlags::RDWR | OFlags::NONBLOCK | OFlags::CLOEXEC, Mode::empty())?;
+        Ok(Box::new(File { fd, mappings: Vec::new() }))
+    }
+
+    fn video_nodes(&mut self) -> Vec<PathBuf> {
+        numbered("video")
+    }
+
+    fn subdevices(&mut self) -> Vec<(PathBuf, String)> {
+        let name = |path: &PathBuf| {
+            let node = path.file_name()?.to_str()?;
+            std::fs::read_to_string(format!("/sys/class/video4linux/{node}/name")).ok()
+        };
+        let named = |path: PathBuf| (name(&path).unwrap_or_default().trim().into(), path);
+        numbered("v4l-subdev").into_iter().map(named).map(|(name, path): (String, _)| (path, name)).collect()
+    }
+
+    fn now_ns(&self) -> u64 {
+        crate::clock::monotonic_ns()
+    }
+
+    fn sleep(&mut self, duration: Duration) {
+        std::thread::sleep(duration);
+    }
+}

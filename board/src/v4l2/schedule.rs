@@ -1,0 +1,175 @@
+//! Which frame has which exposure.
+//!
+//! A control that is written after the sensor's frame `s` acts from frame `s + 1 + delay` on. So each frame's exposure is that of the
+//! latest write that could act on it, whether or not the frames between were delivered: everything is keyed by the sequence number,
+//! nothing by counting.
+
+use std::collections::VecDeque;
+
+/// Longest control delay that is believed, frames after the next one.
+pub const MAX_DELAY: u32 = 8;
+
+/// Writes that are remembered: more than the longest delay and the longest queue of frames together.
+const KEPT: usize = 64;
+
+/// Where a frame's exposure is known from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Known {
+    /// The camera told it with the frame.
+    Reported,
+    /// It follows from what was written when.
+    Predicted,
+    /// Predicted, and the brightness beside its neighbour agrees.
+    Verified,
+    /// Predicted otherwise than seen, or nothing to predict it from.
+    Unknown,
+}
+
+impl Known {
+    /// As `burst.toml` names it.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Reported => "reported",
+            Self::Predicted => "predicted",
+            Self::Verified => "verified",
+            Self::Unknown => "unknown",
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Write {
+    /// Sequence number of the newest frame that the sensor had finished.
+    after: u32,
+    /// Index into the exposures.
+    slot: usize,
+    /// Frames from the first one on of which it is not sure that it acted on them, because it came late.
+    doubt: u32,
+}
+
+/// What was written when, and what follows from it.
+#[derive(Clone, Debug)]
+pub struct Schedule {
+    delay: u32,
+    slots: usize,
+    writes: VecDeque<Write>,
+    /// Before the first write.
+    initial: usize,
+}
+
+/// Whether sequence number `a` comes after `b`; numbers wrap.
+#[must_use]
+pub const fn is_after(a: u32, b: u32) -> bool {
+    a != b && a.wrapping_sub(b) < 1 << 31
+}
+
+impl Schedule {
+    /// A schedule of `slots` exposures, of which `initial` was set before the stream began.
+    #[must_use]
+    pub fn new(slots: usize, initial: usize, delay: u32) -> Self {
+        Self {
+            delay: delay.min(MAX_DELAY),
+            slots: slots.max(1),
+            writes: VecDeque::with_capacity(KEPT),
+            initial,
+        }
+    }
+
+    /// Frames after the next one until a write acts.
+    #[must_use]
+    pub fn delay(&self) -> u32 {
+        self.delay
+    }
+
+    /// Believes another delay from now on, for past writes too.
+    pub fn set_delay(&mut self, delay: u32) {
+        self.delay = delay.min(MAX_DELAY);
+    }
+
+    /// The exposure to write after frame `sequence`: the one that follows upon that of the frame before the one it will act on.
+    #[must_use]
+    pub fn due(&self, sequence: u32) -> usize {
+        let target = sequence.wrapping_add(1).wrapping_add(self.delay);
+        (self.slot_of(target.wrapping_sub(1)).0 + 1) % self.slots
+    }
+
+    /// Notes that `slot` was written after frame `after`; `doubt` is how many frames may have begun before the write was over.
+    pub fn wrote(&mut self, after: u32, slot: usize, doubt: u32) {
+        if self.writes.len() == KEPT {
+            self.writes.pop_front();
+        }
+        self.writes.push_back(Write { after, slot, doubt });
+    }
+
+    /// The exposure of frame `sequence`; `None` where a write came so late that it may or may not have acted.
+    #[must_use]
+    pub fn exposure_of(&self, sequence: u32) -> Option<usize> {
+        let (slot, certain) = self.slot_of(sequence);
+        certain.then_some(slot)
+    }
+
+    /// As [`Self::exposure_of`] with another delay, for finding out which delay explains what is seen.
+    #[must_use]
+    pub fn exposure_with(&self, sequence: u32, delay: u32) -> Option<usize> {
+        let (slot, certain) = self.look(sequence, delay);
+        certain.then_some(slot)
+    }
+
+    fn slot_of(&self, sequence: u32) -> (usize, bool) {
+        self.look(sequence, self.delay)
+    }
+
+    fn look(&self, sequence: u32, delay: u32) -> (usize, bool) {
+        let first = |w: &Write| w.after.wrapping_add(1).wrapping_add(delay);
+        let acts = |w: &&Write| !is_after(first(w), sequence);
+        match self.writes.iter().rev().find(acts) {
+            Some(w) => (w.slot, sequence.wrapping_sub(first(w)) >= w.doubt),
+            None if self.writes.len() == KEPT => (self.initial, false),
+            None => (self.initial, true),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// On paper: delay 2, slots 0 1 2, written after each frame from 10 on.
+    #[test]
+    fn a_write_acts_after_its_delay() {
+        let mut s = Schedule::new(3, 0, 2);
+        for (after, slot) in [(10, 1), (11, 2), (12, 0)] {
+            assert_eq!(s.due(after), slot, "after {after}");
+            s.wrote(after, slot, 0);
+        }
+        let found: Vec<_> = (10..17).map(|f| s.exposure_of(f).expect("certain")).collect();
+        assert_eq!(found, [0, 0, 0, 1, 2, 0, 0], "frames 10 to 16");
+    }
+
+    /// On paper: frame 11 is lost, so nothing is written after it, and 13 keeps what 12 had.
+    #[test]
+    fn a_lost_frame_shifts_nothing() {
+        let mut s = Schedule::new(3, 0, 1);
+        s.wrote(10, 1, 0);
+        assert_eq!(s.due(12), 2, "12 and 13 have 1, so 14 gets 2");
+        s.wrote(12, 2, 0);
+        let found: Vec<_> = (11..16).map(|f| s.exposure_of(f).expect("certain")).collect();
+        assert_eq!(found, [0, 1, 1, 2, 2], "frames 11 to 15");
+    }
+
+    #[test]
+    fn a_late_write_makes_one_frame_uncertain_and_numbers_wrap() {
+        let mut s = Schedule::new(2, 0, 0);
+        s.wrote(u32::MAX, 1, 1);
+        let found = [u32::MAX, 0, 1].map(|f| s.exposure_of(f));
+        assert_eq!(found, [Some(0), None, Some(1)], "round the wrap");
+    }
+
+    #[test]
+    fn what_is_forgotten_is_uncertain() {
+        let mut s = Schedule::new(2, 0, 0);
+        (0..100).for_each(|f| s.wrote(f, f as usize % 2, 0));
+        assert_eq!((s.exposure_of(20), s.exposure_of(99)), (None, Some(0)), "long past, and just now");
+    }
+}

@@ -1,0 +1,300 @@
+//! Opening a camera and agreeing with it: format, rate, manual exposure. What was asked and what was got is kept for the report.
+
+use super::controls::{self, Info};
+use super::device::{self, failed};
+use super::exposure::{self, Knob, Sensor, Setting, Unit};
+use super::formats::{self, Layout, Mosaic, Picture};
+use super::{Call, CameraError, Kernel, Node, abi, persist};
+use rustix::io::Errno;
+use std::path::{Path, PathBuf};
+
+/// A control in the place of the exposure, for benches whose camera has none.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StandIn {
+    /// The control's name, in any case of letters.
+    pub control: String,
+    /// Its values, one for each exposure in the same order.
+    pub values: Vec<i64>,
+}
+
+/// What is wished for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// The camera's node.
+    pub path: PathBuf,
+    /// The sensor's sub-device, where it is not the only one.
+    pub subdevice: Option<PathBuf>,
+    /// Columns and rows.
+    pub size: (u32, u32),
+    /// Pixel format; the best readable one otherwise.
+    pub fourcc: Option<u32>,
+    /// Frames a second.
+    pub rate_hz: f64,
+    /// Exposure times, seconds.
+    pub exposures_s: Vec<f64>,
+    /// A control in the place of the exposure.
+    pub stand_in: Option<StandIn>,
+    /// Frames after the next one until a control acts; found out otherwise.
+    pub delay: Option<u32>,
+    /// What codes mean, where it is known better than by the pixel format.
+    pub levels: Option<super::verify::Levels>,
+}
+
+impl Options {
+    /// What is wished for of the camera at `path` unless told otherwise.
+    #[must_use]
+    pub fn of(path: impl Into<PathBuf>) -> Self {
+        Self {
+            path: path.into(),
+            subdevice: None,
+            size: (640, 480),
+            fourcc: None,
+            rate_hz: 30.0,
+            exposures_s: vec![0.000_9, 0.005_5, 0.033_3],
+            stand_in: None,
+            delay: None,
+            levels: None,
+        }
+    }
+}
+
+/// One thing that was asked for, and what came of it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Agreed {
+    /// What.
+    pub what: &'static str,
+    /// Asked for.
+    pub asked: String,
+    /// Got.
+    pub got: String,
+}
+
+/// An open camera that has agreed.
+pub(super) struct Setup {
+    pub video: Box<dyn Node>,
+    /// Where the exposure is controlled, if not at `video`.
+    pub sensor: Option<Box<dyn Node>>,
+    pub picture: Picture,
+    pub period_s: f64,
+    pub knob: Option<Knob>,
+    /// At least one; without a knob exactly one, of the frame's own time.
+    pub settings: Vec<Setting>,
+    /// From the table of sensors.
+    pub delay: Option<u32>,
+    /// Relative code of darkness, from the same table.
+    pub black: f64,
+    pub agreed: Vec<Agreed>,
+}
+
+/// Opens the camera that `options` name and agrees with it.
+pub(super) fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<Setup, CameraError> {
+    let path = &options.path;
+    let mut video = device::open(kernel, path)?;
+    let caps = device::capability(video.as_mut(), path)?;
+    if !device::captures(&caps) {
+        let expected = "a node that captures single-planar video in a stream".into();
+        return Err(CameraError::Unfit {
+            path: path.clone(),
+            found: "another kind of device".into(),
+            expected,
+        });
+    }
+    let own = Knob::find(video.as_mut(), options.size.0).is_some();
+    let found = if own && options.subdevice.is_none() {
+        None
+    } else {
+        device::find_sensor(kernel, options.subdevice.as_deref())?
+    };
+    let known = found.as_ref().and_then(|(_, _, name)| exposure::sensor(name));
+    let mut sensor = found.map(|(node, _, _)| node);
+    let granted = set_format(video.as_mut(), sensor.as_mut(), options)?;
+    let picture = Picture::of(&granted).map_err(|(found, expected)| CameraError::Unfit {
+        path: path.clone(),
+        found,
+        expected,
+    })?;
+    let mut period_s = set_rate(video.as_mut(), options.rate_hz, path)?;
+    let holder: &mut dyn Node = match &mut sensor {
+        Some(node) => node.as_mut(),
+        None => video.as_mut(),
+    };
+    let (knob, settings) = expose(holder, options, &picture, known, &mut period_s);
+    let mut agreed = vec![
+        agreed("size", size(options.size), size((picture.width, picture.height))),
+        agreed(
+            "format",
+            options.fourcc.map_or("the best".into(), formats::name),
+            formats::name(picture.fourcc),
+        ),
+        agreed("rate", format!("{:.2} Hz", options.rate_hz), format!("{:.2} Hz", 1.0 / period_s)),
+    ];
+    agreed.extend(settings.iter().map(|s| Agreed {
+        what: "exposure",
+        asked: format!("{:.2} ms", s.asked_s * 1e3),
+        got: if knob.is_some() { format!("{:.2} ms", s.seconds * 1e3) } else { "no control".into() },
+    }));
+    let black = known
+        .filter(|_| picture.layout.is_raw())
+        .map_or(0.0, |s| f64::from(s.black.0) / f64::from((1u32 << s.black.1) - 1));
+    Ok(Setup {
+        video,
+        sensor,
+        picture,
+        period_s,
+        knob,
+        settings,
+        delay: known.map(|s| s.delay),
+        black,
+        agreed,
+    })
+}
+
+fn agreed(what: &'static str, asked: String, got: String) -> Agreed {
+    Agreed { what, asked, got }
+}
+
+fn size((width, height): (u32, u32)) -> String {
+    format!("{width} x {height}")
+}
+
+/// Takes the exposure into our hands and agrees on its values; the frame's time follows a sensor's longest exposure.
+fn expose(
+    node: &mut dyn Node,
+    options: &Options,
+    picture: &Picture,
+    known: Option<&Sensor>,
+    period_s: &mut f64,
+) -> (Option<Knob>, Vec<Setting>) {
+    if let Some(stand_in) = &options.stand_in {
+        let all = controls::all(node);
+        let info =
+            all.into_iter().find(|i| i.is_settable() && i.name.eq_ignore_ascii_case(&stand_in.control));
+        let settings = stand_in.values.iter().zip(&options.exposures_s);
+        let settings =
+            settings.map(|(value, s)| Setting { value: *value, asked_s: *s, seconds: *s }).collect();
+        if let Some(info) = info {
+            return (Some(Knob { info, unit: Unit::StandIn }), settings);
+        }
+    }
+    let manual = exposure::go_manual(node);
+    // The gain stays at its least: the linear part of every sensor, and the least noise per light.
+    for id in [abi::ANALOGUE_GAIN, abi::GAIN] {
+        if let Some(info) = controls::find(node, id) {
+            controls::settle(node, id, info.minimum);
+        }
+    }
+    let knob = Knob::find(node, picture.width).filter(|_| manual);
+    if let Some(knob) = knob {
+        let longest = options.exposures_s.iter().copied().fold(0.0, f64::max);
+        if let Some(s) = exposure::stretch_frame(node, &knob, picture.height, longest, known) {
+            *period_s = s;
+        }
+        let settings = exposure::agree(node, &knob, &options.exposures_s, *period_s);
+        if !settings.is_empty() {
+            return (Some(knob), settings);
+        }
+    }
+    (None, vec![Setting { value: 0, asked_s: *period_s, seconds: *period_s }])
+}
+
+/// Media bus codes of mosaics, most bits first.
+const BUS_CODES: [(u32, u32, (u32, u32)); 12] = [
+    (0x3008, 12, (1, 1)),
+    (0x3010, 12, (0, 1)),
+    (0x3011, 12, (1, 0)),
+    (0x3012, 12, (0, 0)),
+    (0x3007, 10, (1, 1)),
+    (0x300e, 10, (0, 1)),
+    (0x300a, 10, (1, 0)),
+    (0x300f, 10, (0, 0)),
+    (0x3001, 8, (1, 1)),
+    (0x3013, 8, (0, 1)),
+    (0x3002, 8, (1, 0)),
+    (0x3014, 8, (0, 0)),
+];
+
+/// Agrees on the pictures: first with a sensor, whose answer the bridge must then be told, or its stream does not start.
+fn set_format(
+    video: &mut dyn Node,
+    sensor: Option<&mut Box<dyn Node>>,
+    options: &Options,
+) -> Result<abi::PixelFormat, CameraError> {
+    let path = &options.path;
+    let (mut wished, mut mosaic) = (options.size, None);
+    if let Some(sensor) = sensor
+        && let Some((bits, found, size)) = set_pad(sensor.as_mut(), options.size)
+    {
+        (wished, mosaic) = (size, Some((bits, found)));
+    }
+    let fitting = |layout: Layout| match mosaic {
+        Some((bits, Mosaic { red_x, red_y })) => {
+            let same = |m: Mosaic| (m.red_x, m.red_y) == (red_x, red_y);
+            layout.bits() == bits
+                && matches!(layout, Layout::Bayer8(m) | Layout::Bayer10Packed(m) | Layout::Bayer12Packed(m) | Layout::Bayer16(m, _) if same(m))
+        }
+        None => true,
+    };
+    let offered = device::formats(video);
+    let readable = offered.iter().filter_map(|f| Some((formats::rank(formats::parse(&f.fourcc)?)?, f)));
+    let named =
+        |f: &device::FormatInfo| options.fourcc.is_none_or(|wished| formats::name(wished) == f.fourcc);
+    let mut readable: Vec<_> = readable
+        .filter(|(_, f)| named(f) && formats::parse(&f.fourcc).and_then(formats::layout).is_some_and(fitting))
+        .collect();
+    readable.sort_by_key(|(rank, f)| {
+        (device::nearest_size(f, wished) != Some(wished) && mosaic.is_none(), *rank)
+    });
+    let Some((_, best)) = readable.first() else {
+        let offers = offered.iter().map(|f| f.fourcc.as_str()).collect::<Vec<_>>().join(", ");
+        let expected = options.fourcc.map_or_else(|| format!("one of {}", formats::names()), formats::name);
+        return Err(CameraError::Unfit {
+            path: path.clone(),
+            found: format!("the pixel formats {offers}"),
+            expected,
+        });
+    };
+    let fourcc = formats::parse(&best.fourcc).unwrap_or_default();
+    let (width, height) =
+        if mosaic.is_some() { wished } else { device::nearest_size(best, wished).unwrap_or(wished) };
+    let pixel = abi::PixelFormat { width, height, fourcc, ..Default::default() };
+    let mut format = abi::Format { pixel, ..Default::default() };
+    persist(|| video.call(Call::SetFormat(&mut format)))
+        .map_err(|e| failed(path, "S_FMT", e, "a camera that no other program streams from"))?;
+    Ok(format.pixel)
+}
+
+/// Sets a sensor's own format: its bits, its mosaic and its size.
+fn set_pad(sensor: &mut dyn Node, wished: (u32, u32)) -> Option<(u32, Mosaic, (u32, u32))> {
+    let mut offered = Vec::new();
+    for index in 0..64 {
+        let mut code = abi::BusCode { index, ..Default::default() };
+        if persist(|| sensor.call(Call::EnumBusCodes(&mut code))).is_err() {
+            break;
+        }
+        offered.push(code.code);
+    }
+    let (code, ..) = *BUS_CODES.iter().find(|(code, ..)| offered.contains(code))?;
+    let mut pad = abi::PadFormat { width: wished.0, height: wished.1, code, ..Default::default() };
+    persist(|| sensor.call(Call::SetPadFormat(&mut pad))).ok()?;
+    let (_, bits, (red_x, red_y)) = *BUS_CODES.iter().find(|(code, ..)| *code == pad.code)?;
+    Some((bits, Mosaic { red_x, red_y }, (pad.width, pad.height)))
+}
+
+/// Asks for a rate and gives the time of a frame that was granted. Drivers that cannot are right too.
+fn set_rate(video: &mut dyn Node, rate_hz: f64, path: &Path) -> Result<f64, CameraError> {
+    let rate_hz = if rate_hz > 0.0 { rate_hz.clamp(0.1, 1000.0) } else { 30.0 };
+    let interval = [1000, (1000.0 * rate_hz).round() as u32];
+    let mut parameters = abi::Parameters { interval, ..Default::default() };
+    match persist(|| video.call(Call::SetParameters(&mut parameters))) {
+        Ok(()) | Err(Errno::NOTTY | Errno::INVAL) => {}
+        Err(e) => return Err(failed(path, "S_PARM", e, "a frame rate")),
+    }
+    let [n, d] = parameters.interval;
+    let period_s = if n > 0 && d > 0 { f64::from(n) / f64::from(d) } else { 1.0 / rate_hz };
+    Ok(period_s.clamp(1e-3, 10.0))
+}
+
+/// Writes a setting's value.
+pub(super) fn write(node: &mut dyn Node, info: &Info, setting: &Setting) -> Result<(), Errno> {
+    controls::set(node, info, setting.value)
+}

@@ -1,0 +1,163 @@
+//! Cameras die: cables are pulled, drivers stall, other programs take the device. Whatever it is, everything is closed and opened anew
+//! every second, for ever.
+
+use super::capture::{Camera, RawFrame};
+use super::formats::Picture;
+use super::setup::Options;
+use super::{CameraError, Kernel};
+use std::time::Duration;
+
+/// From one try to the next: long enough for a device to settle, short enough that nobody notices.
+const RETRY: Duration = Duration::from_secs(1);
+
+/// Longest wait in one step: it bounds how late a shutdown is noticed.
+const WAIT: Duration = Duration::from_millis(250);
+
+/// What a step gave.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// A whole frame.
+    Frame,
+    /// Nothing yet.
+    Nothing,
+    /// The camera is down, and why.
+    Down(String),
+}
+
+/// A camera that comes back.
+pub struct Supervisor {
+    kernel: Box<dyn Kernel>,
+    options: Options,
+    camera: Option<Camera>,
+    retry_ns: u64,
+    /// What frames must stay like: the plan of the lens is made for it.
+    picture: Picture,
+    reopened: u64,
+}
+
+impl Supervisor {
+    /// Opens the camera for the first time.
+    ///
+    /// # Errors
+    /// [`CameraError`]: what is wrong from the start is for people to put right.
+    pub fn open(mut kernel: Box<dyn Kernel>, mut options: Options) -> Result<Self, CameraError> {
+        let camera = Camera::open(kernel.as_mut(), &options)?;
+        // What was found out once need not be found out again; where it changes, the frames will tell.
+        options.delay = camera.delay();
+        let picture = *camera.picture();
+        Ok(Self { kernel, options, camera: Some(camera), retry_ns: 0, picture, reopened: 0 })
+    }
+
+    /// The camera while it is up.
+    #[must_use]
+    pub fn camera(&self) -> Option<&Camera> {
+        self.camera.as_ref()
+    }
+
+    /// How its frames are to be read, now and after it has come back.
+    #[must_use]
+    pub fn picture(&self) -> &Picture {
+        &self.picture
+    }
+
+    /// Times that it has come back.
+    #[must_use]
+    pub fn reopened(&self) -> u64 {
+        self.reopened
+    }
+
+    /// Waits for a frame, or for the next try, for a quarter of a second at most.
+    pub fn step(&mut self, frame: &mut RawFrame) -> Outcome {
+        let Some(camera) = &mut self.camera else { return self.revive() };
+        match camera.next(self.kernel.as_mut(), WAIT, frame) {
+            Ok(true) => Outcome::Frame,
+            Ok(false) => Outcome::Nothing,
+            Err(error) => self.down(&error),
+        }
+    }
+
+    fn down(&mut self, error: &CameraError) -> Outcome {
+        self.camera = None;
+        self.retry_ns = self.kernel.now_ns().saturating_add(RETRY.as_nanos() as u64);
+        Outcome::Down(error.to_string())
+    }
+
+    fn revive(&mut self) -> Outcome {
+        let left = self.retry_ns.saturating_sub(self.kernel.now_ns());
+        if left > 0 {
+            self.kernel.sleep(WAIT.min(Duration::from_nanos(left)));
+            return Outcome::Nothing;
+        }
+        match Camera::open(self.kernel.as_mut(), &self.options) {
+            Ok(camera) if *camera.picture() == self.picture => {
+                self.camera = Some(camera);
+                self.reopened += 1;
+                Outcome::Nothing
+            }
+            Ok(camera) => {
+                let error = changed(&camera, &self.picture);
+                drop(camera);
+                self.down(&error)
+            }
+            Err(error) => self.down(&error),
+        }
+    }
+}
+
+fn changed(camera: &Camera, before: &Picture) -> CameraError {
+    let tell =
+        |p: &Picture| format!("pictures of {} x {} {}", p.width, p.height, super::formats::name(p.fourcc));
+    let (found, expected) = (tell(camera.picture()), format!("{} as before", tell(before)));
+    CameraError::Unfit { path: camera.path().into(), found, expected }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::v4l2::fake::{FakeKernel, Fault, Script};
+
+    #[test]
+    fn fifty_disconnects_are_fifty_recoveries_and_nothing_is_left_open() {
+        let faults = (1..=50u64).map(|n| (n * 200, Fault::Disconnect(Duration::from_millis(3500))));
+        let kernel = FakeKernel::new(Script {
+            faults: faults.collect(),
+            loss: 0.05,
+            interrupt: 11,
+            ..Script::default()
+        });
+        let options = Options { size: (64, 48), ..Options::of("/dev/video0") };
+        let mut supervisor = Supervisor::open(Box::new(kernel.clone()), options).expect("a camera");
+        let (mut frame, mut reasons, mut frames) = (RawFrame::default(), Vec::new(), 0);
+        while supervisor.reopened() < 50 || frames < 100 {
+            let at_rest = supervisor.camera().is_none();
+            match supervisor.step(&mut frame) {
+                Outcome::Frame => frames = if supervisor.reopened() == 50 { frames + 1 } else { 0 },
+                Outcome::Nothing => {}
+                Outcome::Down(reason) => {
+                    reasons.push(reason);
+                    assert_eq!(kernel.held(), (0, 0), "closed while it is down");
+                }
+            }
+            assert!(!at_rest || kernel.held().0 <= 1, "one camera at most");
+        }
+        // Pulled once and found gone at the tries after one, two and three seconds.
+        assert_eq!(reasons.len(), 200, "one try a second");
+        reasons.dedup();
+        assert_eq!(reasons.len(), 1, "always in the same words, so that they are logged once: {reasons:?}");
+        drop(supervisor);
+        assert_eq!(kernel.held(), (0, 0), "all closed");
+    }
+
+    #[test]
+    fn a_stalled_camera_is_opened_anew() {
+        let faults = vec![(300, Fault::Stall(Duration::from_secs(5)))];
+        let kernel = FakeKernel::new(Script { faults, ..Script::default() });
+        let options = Options { size: (64, 48), ..Options::of("/dev/video0") };
+        let mut supervisor = Supervisor::open(Box::new(kernel), options).expect("a camera");
+        let (mut frame, mut frames) = (RawFrame::default(), 0);
+        while frames < 600 {
+            frames += usize::from(supervisor.step(&mut frame) == Outcome::Frame);
+        }
+        assert_eq!(supervisor.reopened(), 1, "once");
+    }
+}

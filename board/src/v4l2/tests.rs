@@ -1,0 +1,248 @@
+//! The camera against the scripted kernel: every frame's exposure, on good days and bad.
+
+use super::abi;
+use super::capture::{Camera, RawFrame};
+use super::fake::{FakeKernel, Fault, Kind, Script};
+use super::schedule::Known;
+use super::setup::{Options, StandIn};
+use super::verify::Levels;
+use super::{CameraError, device};
+use hemilux_core::response::Response;
+use std::time::Duration;
+
+const SECOND: Duration = Duration::from_secs(1);
+
+fn options() -> Options {
+    let levels = Levels { response: Response::Linear, black: 0.0, white: 1.0 };
+    Options {
+        size: (64, 48),
+        exposures_s: vec![0.001, 0.006, 0.036],
+        levels: Some(levels),
+        ..Options::of("/dev/video0")
+    }
+}
+
+/// What a run of frames came to.
+#[derive(Debug, Default)]
+struct Tally {
+    frames: usize,
+    right: usize,
+    wrong: usize,
+    verified: usize,
+}
+
+/// Takes `count` frames and compares what each is said to be with what it was.
+fn run(camera: &mut Camera, kernel: &mut FakeKernel, count: usize) -> Tally {
+    let (mut frame, mut tally) = (RawFrame::default(), Tally::default());
+    while tally.frames < count {
+        if !camera.next(kernel, SECOND, &mut frame).expect("a camera that goes on") {
+            continue;
+        }
+        tally.frames += 1;
+        tally.verified += usize::from(frame.taken.known == Known::Verified);
+        let Some(slot) = frame.taken.slot else { continue };
+        let truth = kernel.world().truth[&frame.taken.sequence];
+        let right = camera.settings()[slot].value == truth;
+        tally.right += usize::from(right);
+        tally.wrong += usize::from(!right);
+    }
+    tally
+}
+
+#[test]
+fn exposures_are_right_for_delays_of_0_to_4_frames_with_losses_and_signals() {
+    for delay in 0..=4 {
+        let mut kernel = FakeKernel::new(Script { delay, loss: 0.05, interrupt: 7, ..Script::default() });
+        let mut camera = Camera::open(&mut kernel, &options()).expect("a camera");
+        assert_eq!(camera.delay(), Some(delay), "found by the step test");
+        let tally = run(&mut camera, &mut kernel, 3000);
+        let (lost, counters) = (camera.counters().lost, camera.counters());
+        println!("delay {delay}: {tally:?}, {counters:?}");
+        assert!(lost > 100, "frames were lost: {lost}");
+        assert_eq!(
+            (tally.wrong, counters.mismatches, counters.resyncs),
+            (0, 0, 0),
+            "delay {delay}: {tally:?}"
+        );
+        assert_eq!(tally.right, tally.frames, "every frame has its exposure");
+        assert!(tally.verified > tally.frames / 2, "delay {delay}: {tally:?}");
+    }
+}
+
+#[test]
+fn all_exposures_come_round() {
+    let mut kernel = FakeKernel::new(Script { delay: 3, ..Script::default() });
+    let mut camera = Camera::open(&mut kernel, &options()).expect("a camera");
+    let mut frame = RawFrame::default();
+    let mut slots = Vec::new();
+    while slots.len() < 30 {
+        camera.next(&mut kernel, SECOND, &mut frame).expect("a frame");
+        slots.extend(frame.taken.slot);
+    }
+    for three in slots[10..].windows(3) {
+        let mut three = three.to_vec();
+        three.sort_unstable();
+        assert_eq!(three, [0, 1, 2], "a burst in every three frames: {slots:?}");
+    }
+}
+
+#[test]
+fn a_wrong_delay_is_noticed_put_right_and_counted() {
+    for (believed, real) in [(2, 1), (0, 3), (4, 2), (1, 4)] {
+        let mut kernel = FakeKernel::new(Script { delay: real, loss: 0.05, ..Script::default() });
+        let mut camera =
+            Camera::open(&mut kernel, &Options { delay: Some(believed), ..options() }).expect("a camera");
+        run(&mut camera, &mut kernel, 60);
+        let counters = camera.counters();
+        assert_eq!(
+            (camera.delay(), counters.resyncs),
+            (Some(real), 1),
+            "{believed} for {real}: {counters:?}"
+        );
+        assert!(counters.mismatches > 0, "counted");
+        let after = run(&mut camera, &mut kernel, 500);
+        assert_eq!(after.wrong, 0, "{believed} for {real}: {after:?}");
+    }
+}
+
+#[test]
+fn a_delay_that_changes_while_streaming_is_followed() {
+    let faults = vec![(400, Fault::Delay(3))];
+    let mut kernel = FakeKernel::new(Script { delay: 1, loss: 0.05, faults, ..Script::default() });
+    let mut camera = Camera::open(&mut kernel, &options()).expect("a camera");
+    run(&mut camera, &mut kernel, 600);
+    assert_eq!((camera.delay(), camera.counters().resyncs), (Some(3), 1), "{:?}", camera.counters());
+    assert_eq!(run(&mut camera, &mut kernel, 500).wrong, 0, "right again");
+}
+
+#[test]
+fn clamped_exposures_are_reported_as_they_are() {
+    let mut kernel = FakeKernel::new(Script { range: (20, 100), ..Script::default() });
+    let camera = Camera::open(&mut kernel, &options()).expect("a camera");
+    let got: Vec<_> = camera.settings().iter().map(|s| (s.value, s.asked_s, s.seconds)).collect();
+    assert_eq!(got, [(20, 0.001, 0.002), (60, 0.006, 0.006), (100, 0.036, 0.01)], "asked and got");
+    let told: Vec<_> =
+        camera.agreed().iter().map(|a| format!("{}: {} -> {}", a.what, a.asked, a.got)).collect();
+    assert!(told.contains(&"exposure: 36.00 ms -> 10.00 ms".into()), "{told:?}");
+}
+
+#[test]
+fn a_uvc_camera_is_taken_out_of_its_automatics() {
+    let mut kernel = FakeKernel::new(Script::default());
+    let _camera = Camera::open(&mut kernel, &options()).expect("a camera");
+    let world = kernel.world();
+    let mode = world.written.iter().position(|w| *w == (abi::EXPOSURE_AUTO, 1));
+    let time = world.written.iter().position(|w| w.0 == abi::EXPOSURE_ABSOLUTE);
+    assert!(mode.is_some() && mode < time, "manual before the time: {:?}", world.written);
+    assert!(world.written.contains(&(abi::DYNAMIC_FRAME_RATE, 0)), "the frame rate stays");
+}
+
+/// Line time 100 us: 64 + 936 pixels at 10 MHz.
+#[test]
+fn a_sensor_gets_its_frame_length_before_its_lines_and_keeps_its_gain() {
+    let mut kernel = FakeKernel::new(Script { kind: Kind::Csi, delay: 2, ..Script::default() });
+    let mut camera = Camera::open(&mut kernel, &options()).expect("a camera");
+    let lines: Vec<_> = camera.settings().iter().map(|s| s.value).collect();
+    assert_eq!(lines, [10, 60, 360], "lines of 100 us");
+    let written = kernel.world().written.clone();
+    let blank = written.iter().position(|w| w.0 == abi::VBLANK).expect("VBLANK");
+    let exposure = written.iter().position(|w| w.0 == abi::EXPOSURE).expect("EXPOSURE");
+    assert!(blank < exposure, "{written:?}");
+    assert_eq!(
+        written.iter().filter(|w| [abi::VBLANK, abi::ANALOGUE_GAIN].contains(&w.0)).count(),
+        2,
+        "once each"
+    );
+    let tally = run(&mut camera, &mut kernel, 300);
+    assert_eq!((tally.wrong, tally.right), (0, 300), "{tally:?}");
+}
+
+#[test]
+fn broken_frames_are_left_out_and_counted() {
+    let faults = vec![(300, Fault::Short), (310, Fault::Error), (320, Fault::Repeat)];
+    let mut kernel = FakeKernel::new(Script { faults, ..Script::default() });
+    let mut camera = Camera::open(&mut kernel, &options()).expect("a camera");
+    let tally = run(&mut camera, &mut kernel, 400);
+    assert_eq!((camera.counters().broken, tally.wrong), (3, 0), "{tally:?}");
+}
+
+#[test]
+fn a_camera_without_an_exposure_gives_frames_all_the_same() {
+    let mut kernel = FakeKernel::new(Script { kind: Kind::NoExposure, ..Script::default() });
+    let mut camera = Camera::open(&mut kernel, &options()).expect("a camera");
+    let mut frame = RawFrame::default();
+    assert!(camera.next(&mut kernel, SECOND, &mut frame).expect("a frame"), "whole");
+    assert_eq!(
+        (frame.taken.slot, frame.taken.known),
+        (Some(0), Known::Unknown),
+        "one exposure, of its own making"
+    );
+    assert_eq!(camera.settings().len(), 1, "the frame's time");
+}
+
+#[test]
+fn another_control_may_stand_in() {
+    let stand_in = StandIn { control: "brightness".into(), values: vec![10, 60, 200] };
+    let mut kernel =
+        FakeKernel::new(Script { kind: Kind::NoExposure, delay: 0, loss: 0.05, ..Script::default() });
+    let mut camera =
+        Camera::open(&mut kernel, &Options { stand_in: Some(stand_in), ..options() }).expect("a camera");
+    assert_eq!(camera.delay(), Some(0), "found by the step test");
+    let tally = run(&mut camera, &mut kernel, 1000);
+    assert_eq!((tally.right, tally.verified), (1000, 0), "predicted only: {tally:?}");
+}
+
+#[test]
+fn in_the_dark_the_delay_stays_unknown_and_frames_say_so() {
+    let mut kernel = FakeKernel::new(Script { light: 1e-3, ..Script::default() });
+    let mut camera = Camera::open(&mut kernel, &options()).expect("a camera");
+    assert_eq!(camera.delay(), None, "nothing to see");
+    let mut frame = RawFrame::default();
+    camera.next(&mut kernel, SECOND, &mut frame).expect("a frame");
+    assert_eq!(frame.taken.known, Known::Unknown, "not claimed");
+}
+
+#[test]
+fn what_ends_a_stream_is_told_apart() {
+    let ends = [
+        (Fault::Disconnect(SECOND), "found no camera"),
+        (Fault::Stall(Duration::from_secs(20)), "no frame in 1000 ms"),
+        (Fault::SourceChange, "another picture format"),
+    ];
+    for (fault, told) in ends {
+        let mut kernel = FakeKernel::new(Script { faults: vec![(300, fault)], ..Script::default() });
+        let mut camera = Camera::open(&mut kernel, &options()).expect("a camera");
+        let mut frame = RawFrame::default();
+        let error =
+            (0..1000).find_map(|_| camera.next(&mut kernel, SECOND, &mut frame).err()).expect("an end");
+        assert!(error.to_string().contains(told), "{error}");
+        drop(camera);
+        assert_eq!(kernel.held(), (0, 0), "all closed");
+    }
+}
+
+#[test]
+fn a_busy_camera_is_tried_a_few_times_and_then_named() {
+    let mut kernel = FakeKernel::new(Script { busy: 3, ..Script::default() });
+    assert!(Camera::open(&mut kernel, &options()).is_ok(), "the fourth time");
+    let mut kernel = FakeKernel::new(Script { busy: 1000, ..Script::default() });
+    let Err(error) = Camera::open(&mut kernel, &options()) else { panic!("busy") };
+    let line = error.to_string();
+    assert!(
+        matches!(error, CameraError::Failed { .. }) && line.starts_with("/dev/video0: open: found "),
+        "{line}"
+    );
+}
+
+#[test]
+fn cameras_are_listed_with_what_they_can() {
+    let mut kernel = FakeKernel::new(Script::default());
+    let cameras = device::list(&mut kernel).expect("cameras");
+    assert_eq!(cameras.len(), 1, "{cameras:?}");
+    assert_eq!((cameras[0].name.as_str(), cameras[0].exposure_s), ("fake", Some((1e-4, 0.5))), "{cameras:?}");
+    assert_eq!(cameras[0].formats[0].sizes[0].rates, [25.0], "{cameras:?}");
+    let mut kernel = FakeKernel::new(Script { kind: Kind::Csi, ..Script::default() });
+    let cameras = device::list(&mut kernel).expect("cameras");
+    assert_eq!(cameras[0].sensor.as_deref(), Some("/dev/v4l-subdev0".as_ref()), "{cameras:?}");
+    assert_eq!(kernel.held(), (0, 0), "all closed");
+}

@@ -1,0 +1,81 @@
+# What happens in the guest. Each step tells the host what it found; the host judges. The host's lines come in on the console.
+say() { echo "RIG $*"; }
+camera=v4l2:/dev/video0,size=640x480,format=YUYV,rate=25
+mkdir -p /tmp/www
+httpd -p 8081 -h /tmp/www
+say ready
+read -r frames disconnects < /dev/console
+
+# The package, where there is one: installed with this machine's own dpkg, whose database is empty.
+if [ -e /hemilux.deb ]; then
+    mkdir -p /var/lib/dpkg/info
+    touch /var/lib/dpkg/status
+    dpkg -i --force-depends /hemilux.deb || exit 1
+    [ -s /etc/hemilux/hemilux.conf ] || exit 1
+    say installed "$(hemilux --version)"
+fi
+
+# Before our program: is the rig itself sound?
+v4l2-compliance -d /dev/video0 -s5 > /tmp/www/compliance.txt
+say compliance
+hemilux devices --json > /tmp/www/devices.json || exit 1
+hemilux devices || exit 1
+say devices
+
+# A picture whose every luma byte follows the brightness, and a schedule of three brightness values.
+v4l2-ctl -d /dev/video0 --set-ctrl test_pattern=6,osd_text_mode=2
+hemilux devices --check "$camera,exposures=0.001/0.006/0.036,stand-in=Brightness:32/80/128" --frames "$frames" --json \
+    > /tmp/www/check.json || exit 1
+say check
+
+# What the camera gave, byte for byte.
+hemilux record --source "$camera,exposures=0.001/0.006/0.036,stand-in=Brightness:32/80/128" --bursts 4 --out /tmp/rec || exit 1
+tar -c -f /tmp/www/rec.tar -C /tmp rec
+rm -rf /tmp/rec
+say record
+
+v4l2-ctl -d /dev/video0 --set-ctrl test_pattern=0,brightness=128
+RUST_LOG=info hemilux serve --source "$camera" --listen 0.0.0.0:8080 --open --lights 32 2> /tmp/www/serve.log > /tmp/serve.out &
+probe=$!
+until grep -q serving /tmp/serve.out; do
+    kill -0 $probe || { cat /tmp/www/serve.log; exit 1; }
+    sleep 0.2
+done
+say serving "$(cat /tmp/serve.out)"
+read -r go < /dev/console
+
+held() { echo "fds $(ls /proc/$probe/fd | wc -l) maps $(wc -l < /proc/$probe/maps) threads $(ls /proc/$probe/task | wc -l) $(grep VmRSS /proc/$probe/status | tr -s ' \t' ' ') $(grep VmHWM /proc/$probe/status | tr -s ' \t' ' ')"; }
+n=0
+while [ $n -lt "$disconnects" ]; do
+    # The first recoveries may still take what they then keep.
+    [ $n = 2 ] && say held-before "$(held)"
+    v4l2-ctl -d /dev/video0 --set-ctrl disconnect=1 > /dev/null 2>&1
+    # vivid stays in use until our program has closed everything.
+    tries=0
+    until rmmod vivid 2> /dev/null; do
+        tries=$((tries + 1))
+        [ $tries -gt 100 ] && { say "vivid is still held after disconnect $n"; exit 1; }
+        sleep 0.1
+    done
+    if [ $n = 0 ]; then
+        say pulled
+        read -r go < /dev/console
+    fi
+    insmod /lib/m/*-vivid.ko n_devs=1 node_types=0x1 vid_cap_nr=0 num_inputs=1 input_types=0
+    say plugged $n
+    read -r go < /dev/console
+    n=$((n + 1))
+done
+say held-after "$(held)"
+say recovered $n
+read -r go < /dev/console
+kill -TERM $probe
+wait $probe
+say stopped $?
+read -r go < /dev/console
+if [ -e /hemilux.deb ]; then
+    dpkg -r hemilux || exit 1
+    [ ! -e /usr/bin/hemilux ] || exit 1
+    say removed
+fi
+exit 0

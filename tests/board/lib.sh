@@ -1,0 +1,48 @@
+# Helpers of the rig; sourced. What is downloaded goes to $RIG, outside the repository, and stays there for the next run.
+# QEMU, kernels and guest files are unpacked and not installed: installing qemu-system-* may remove a newer qemu-utils.
+set -euo pipefail
+RIG=${HEMILUX_RIG_CACHE:-${XDG_CACHE_HOME:-$HOME/.cache}/hemilux-rig}
+mkdir -p "$RIG"
+APT=(apt-get -q -y -o DPkg::Lock::Timeout=300 -o APT::Sandbox::User=root)
+
+die() { echo "rig: $*" >&2; exit 1; }
+
+# Package lists with armhf. An error of one index is no reason to stop while what is needed is known.
+apt_lists() {
+    dpkg --print-foreign-architectures | grep -qx armhf || dpkg --add-architecture armhf
+    if apt-cache show linux-image-armmp:armhf >/dev/null 2>&1 && [ -n "$(find "$RIG/lists" -mmin -720 2>/dev/null)" ]; then
+        return
+    fi
+    "${APT[@]}" update >"$RIG/lists.log" 2>&1 || echo "rig: apt-get update had errors; going on with the lists there are"
+    apt-cache show linux-image-armmp:armhf >/dev/null 2>&1 || die "no armhf package lists: see $RIG/lists.log"
+    touch "$RIG/lists"
+}
+
+# unpack DIR full|missing PACKAGE...: the packages with all they depend on (full), or with what this machine lacks (missing)
+unpack() {
+    local dir=$RIG/$1 mode=(--reinstall) deb
+    [ "$2" = full ] && mode=(-o Dir::State::status=/dev/null)
+    shift 2
+    [ "$(cat "$dir/.ok" 2>/dev/null)" = "$*" ] && return
+    apt_lists
+    rm -rf "$dir" "$dir.debs"
+    mkdir -p "$dir" "$dir.debs/partial"
+    "${APT[@]}" "${mode[@]}" -o Dir::Cache::archives="$dir.debs" --download-only --no-install-recommends install "$@" \
+        >"$dir.log" 2>&1 || die "download of $*: see $dir.log"
+    for deb in "$dir.debs"/*.deb; do dpkg -x "$deb" "$dir"; done
+    rm -rf "$dir.debs"
+    echo "$*" >"$dir/.ok"
+}
+
+# kernel DIR METAPACKAGE: the kernel package that the metapackage stands for
+kernel() {
+    local dir=$RIG/$1 package
+    [ -e "$dir/.ok" ] && return
+    apt_lists
+    package=$(apt-cache depends "$2" | sed -n 's/^ *Depends: *\(linux-image-\)/\1/p' | head -1)
+    [ -n "$package" ] || die "no kernel package behind $2"
+    rm -rf "$dir"
+    mkdir -p "$dir"
+    (cd "$dir" && "${APT[@]}" download "$package" >"$dir.log" 2>&1 && dpkg -x ./*.deb . && rm -f ./*.deb) || die "kernel $package: see $dir.log"
+    touch "$dir/.ok"
+}
