@@ -256,17 +256,13 @@ mod tests {
         assert!(Picture::of(&full).is_ok_and(|p| p.full_range), "full range");
         assert!(Picture::of(&granted(1280)).is_ok_and(|p| !p.full_range), "limited by default");
     }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::KNOWN;
-    use hemilux_core::format::{Format, Yuv};
 
     #[test]
     fn the_core_reads_what_is_taken_from_cameras() {
-        for (name, layout) in KNOWN {
-            let format = Format::from_fourcc(*name, Yuv::default()).expect("a format of the core");
+        for (name, layout) in super::KNOWN {
+            let format =
+                hemilux_core::format::Format::from_fourcc(*name, hemilux_core::format::Yuv::default())
+                    .expect("a format of the core");
             assert_eq!(format.max_code(), (1 << layout.bits()) - 1, "{}", String::from_utf8_lossy(name));
             for width in [640, 642, 644] {
                 let bytes = layout.row_bytes(width) as usize;
