@@ -55,7 +55,8 @@ fn it_prints_its_address_serves_and_ends_well() {
         assert!(began.elapsed() < Duration::from_secs(4), "in time");
         let mut errors = String::new();
         child.stderr.take().expect("a pipe").read_to_string(&mut errors).expect("UTF-8");
-        assert_eq!((status.code(), errors.as_str()), (Some(0), ""), "{name}");
+        assert_eq!(status.code(), Some(0), "{name}: {errors}");
+        assert!(errors.lines().all(|line| line.contains("(p50 p95 p99 max)")), "{name}: {errors}");
     }
 }
 
@@ -109,7 +110,7 @@ fn errors_are_one_line_with_the_exit_status_of_their_kind() {
     let config = empty.path().join("hemilux.toml");
     std::fs::write(&config, "lights = -1\n").expect("a file");
     let config = config.to_str().expect("a path");
-    let cases: [(&[&str], i32, &str); 13] = [
+    let cases: [(&[&str], i32, &str); 12] = [
         (&["--listen", "0.0.0.0:0", "--token-file", readable], 1, "permissions 0644, expected 0600"),
         (&["--listen", "0.0.0.0:0", "--open", "--token-file", readable], 2, "--token-file"),
         (&["--listen", "[::]:0"], 2, "--token-file FILE"),
@@ -119,7 +120,6 @@ fn errors_are_one_line_with_the_exit_status_of_their_kind() {
         (&["--frobnicate"], 2, "--frobnicate"),
         (&["--lights", "0"], 2, "1 to 50000"),
         (&["--source", "webcam"], 2, "scene:NAME or replay:DIR"),
-        (&["--source", "v4l2:/dev/video0"], 2, "no V4L2 support"),
         (&["--listen", "0.0.0.0:8080"], 2, "--open"),
         (&["--listen", &taken], 1, "--listen 127.0.0.1:0"),
         (&["--source", &replay], 1, "burst.toml"),

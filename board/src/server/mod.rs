@@ -10,6 +10,7 @@ mod config;
 mod connection;
 mod counts;
 mod crowd;
+mod develop;
 mod events;
 mod guard;
 mod lights;

@@ -1,9 +1,10 @@
 //! Pictures: the burst's exposures, a fresh shot and the map. They are made when asked for, one at a time, once per frame for all.
 
 use super::access::Allowed;
+use super::develop;
 use super::lights::{LONGEST_WAIT, no_frame_yet};
 use super::{Context, line};
-use crate::calibration::{Calibration, Frame, Pixels};
+use crate::calibration::{Calibration, Frame};
 use crate::picture;
 use crate::probe::settings::short;
 use crate::probe::{BurstView, MapView, Slot};
@@ -12,8 +13,6 @@ use axum::extract::{Path, RawQuery, State};
 use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode};
 use axum::response::{IntoResponse, Response};
-use hemilux_core::response::Response as CameraResponse;
-use hemilux_core::tonemap::srgb_code;
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageFormat};
 use std::io::Cursor;
@@ -195,35 +194,16 @@ fn answer(bytes: Option<Bytes>, kind: &'static str, frame: u64, is_fresh: bool) 
 }
 
 fn well_exposed(view: &BurstView) -> usize {
-    let white = view.calibration.white;
-    let clipped = |frame: &Frame| match &frame.pixels {
-        Pixels::U8(v) => share(v, white),
-        Pixels::U16(v) => share(v, white),
+    let white = develop::white(&view.calibration);
+    let clipped = |frame: &Frame| {
+        let codes = develop::develop(frame, &view.calibration).unwrap_or_default();
+        codes.iter().filter(|v| f64::from(**v) >= white).count() as f64 / codes.len().max(1) as f64
     };
     view.frames.iter().rposition(|frame| clipped(frame) < CLIPPED).unwrap_or(0)
 }
 
-/// Share of the samples that are at `white` or above.
-fn share<T: Copy + Into<f64>>(samples: &[T], white: f64) -> f64 {
-    let clipped = samples.iter().filter(|v| (**v).into() >= white).count();
-    clipped as f64 / samples.len().max(1) as f64
-}
-
-/// Codes of eight bits as they are; deeper ones scaled, and linear ones given the sRGB curve, so that they can be looked at.
-fn jpeg(frame: &Frame, calibration: &Calibration) -> Option<Vec<u8>> {
-    let c = calibration;
-    let codes = match &frame.pixels {
-        Pixels::U8(codes) => std::borrow::Cow::Borrowed(codes.as_slice()),
-        Pixels::U16(codes) => {
-            let is_linear = matches!(c.response, CameraResponse::Linear);
-            let code = |v: u16| {
-                let x = ((f64::from(v) - c.black) / (c.white - c.black)) as f32;
-                if is_linear { srgb_code(x) } else { (255.0 * x.clamp(0.0, 1.0) + 0.5) as u8 }
-            };
-            let table: Vec<u8> = (0..=u16::MAX).map(code).collect();
-            codes.iter().map(|v| table[usize::from(*v)]).collect()
-        }
-    };
+fn jpeg(frame: &Frame, c: &Calibration) -> Option<Vec<u8>> {
+    let codes = develop::develop(frame, c)?;
     let mut bytes = Vec::new();
     JpegEncoder::new_with_quality(&mut bytes, QUALITY)
         .encode(&codes, c.width, c.height, ExtendedColorType::Rgb8)

@@ -259,12 +259,12 @@ mod tests {
 
     #[test]
     fn the_core_reads_what_is_taken_from_cameras() {
-        for (name, layout) in super::KNOWN {
+        for (name, layout) in KNOWN {
             let format =
                 hemilux_core::format::Format::from_fourcc(*name, hemilux_core::format::Yuv::default())
                     .expect("a format of the core");
             assert_eq!(format.max_code(), (1 << layout.bits()) - 1, "{}", String::from_utf8_lossy(name));
-            for width in [640, 642, 644] {
+            for width in [640, 644, 1296] {
                 let bytes = layout.row_bytes(width) as usize;
                 assert_eq!(
                     format.line_bytes(width),
