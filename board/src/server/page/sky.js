@@ -54,8 +54,17 @@ export class Sky {
   }
 
   set lights(lights) {
+    this.#follow(lights);
     this.#lights = [...lights].sort((a, b) => luminance(...b.irradiance) - luminance(...a.irradiance));
     this.#soon();
+  }
+
+  /** A chosen light that ends hands over to the one that split from it, or to the one beside it. */
+  #follow(lights) {
+    const old = this.#lights.find(l => l.id === this.#chosen);
+    if (!old || lights.some(l => l.id === old.id)) return;
+    const [x, y, z] = old.direction, near = l => x * l.direction[0] + y * l.direction[1] + z * l.direction[2] + (l.parent === old.id ? 2 : 0);
+    this.#chosen = lights.reduce((best, l) => !best || near(l) > near(best) ? l : best, null)?.id ?? null;
   }
 
   #fit() {
