@@ -27,7 +27,8 @@ fn tools() -> Option<(&'static str, PathBuf)> {
     };
     let browser = ["chromium", "chromium-browser", "google-chrome"].into_iter().find(|name| runs(name));
     let node = std::env::var_os("HEMILUX_NODE").map(PathBuf::from);
-    let has = |f: &PathBuf| ["playwright-core", "axe-core"].iter().all(|m| f.join("node_modules").join(m).is_dir());
+    let has =
+        |f: &PathBuf| ["playwright-core", "axe-core"].iter().all(|m| f.join("node_modules").join(m).is_dir());
     let missing = match (browser, node.filter(has)) {
         (Some(browser), Some(folder)) if runs("node") => return Some((browser, folder)),
         (None, _) => "chromium",

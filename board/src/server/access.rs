@@ -103,7 +103,11 @@ pub(super) fn check(context: &Context, uri: &Uri, headers: &HeaderMap) -> Option
         let text = "this needs the probe's token: as Authorization: Bearer TOKEN, as a Basic password, or log in at /login";
         (
             line(StatusCode::UNAUTHORIZED, text),
-            if is_script { BEARER } else { "Basic realm=\"hemilux\", charset=\"UTF-8\", Bearer realm=\"hemilux\"" },
+            if is_script {
+                BEARER
+            } else {
+                "Basic realm=\"hemilux\", charset=\"UTF-8\", Bearer realm=\"hemilux\""
+            },
         )
     };
     *response.status_mut() = StatusCode::UNAUTHORIZED;

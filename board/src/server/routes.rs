@@ -1,7 +1,8 @@
 //! The table of requests: what there is, for whom, and how it is asked for.
 
 use super::{
-    Context, access, change, client, config, events, lights, metrics, page, pages, pictures, screenshot, sphere, xr,
+    Context, access, change, client, config, events, lights, metrics, page, pages, pictures, screenshot,
+    sphere, xr,
 };
 use axum::Router;
 use axum::extract::{DefaultBodyLimit, MatchedPath, Request, State};

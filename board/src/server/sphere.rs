@@ -1,9 +1,9 @@
 //! The map for programs that show it themselves: radiance, and a mask of what the lens does not see and what is clipped.
 
+use super::Context;
 use super::access::Allowed;
 use super::lights::no_frame_yet;
 use super::pictures::{Kind, answer, view};
-use super::Context;
 use crate::calibration::{Calibration, Frame, Pixels};
 use crate::probe::{BurstView, MapView};
 use axum::extract::State;
@@ -83,7 +83,8 @@ fn is_seen(c: &Calibration, direction: DVec3) -> bool {
 /// Pixels of which a channel is at the white level.
 fn clipped(frame: &Frame, c: &Calibration) -> Vec<DVec2> {
     fn places<T: Copy + Into<f64>>(samples: &[T], white: f64, width: usize) -> Vec<DVec2> {
-        let full = samples.chunks_exact(3).enumerate().filter(|(_, rgb)| rgb.iter().any(|v| (*v).into() >= white));
+        let full =
+            samples.chunks_exact(3).enumerate().filter(|(_, rgb)| rgb.iter().any(|v| (*v).into() >= white));
         full.map(|(i, _)| DVec2::new((i % width) as f64, (i / width) as f64)).collect()
     }
     let width = (c.width as usize).max(1);

@@ -1,6 +1,7 @@
 // A real browser for the page's tests, and what they all ask of it.
-// HEMILUX_NODE is a folder with node_modules/{playwright-core,axe-core}; HEMILUX_BROWSER the browser's program.
+// HEMILUX_NODE is a folder with node_modules/{playwright-core,axe-core}; HEMILUX_BROWSER the browser's program, chromium without it.
 
+import { existsSync, readFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { createInterface } from "node:readline";
 
@@ -14,7 +15,9 @@ export const PATIENCE = 60_000;
 const FLAGS = ["--no-sandbox", "--disable-dev-shm-usage", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"];
 
 export async function launch() {
-  return chromium.launch({ executablePath: process.env.HEMILUX_BROWSER, args: FLAGS, timeout: PATIENCE });
+  const program = process.env.HEMILUX_BROWSER ?? "chromium", folders = process.env.PATH.split(":");
+  const executablePath = program.includes("/") ? program : folders.map(folder => `${folder}/${program}`).find(existsSync);
+  return chromium.launch({ executablePath, args: FLAGS, timeout: PATIENCE });
 }
 
 /** A page of `url`, and the list of what went wrong in it. A refused request is the test's own doing and no fault of the page. */
@@ -85,7 +88,7 @@ export function difference(a, b) {
 /** What axe-core calls serious or critical. */
 export async function problems(page) {
   // The page's own policy lets no foreign script in; this one comes from the test.
-  await page.evaluate(require("node:fs").readFileSync(require.resolve("axe-core/axe.min.js"), "utf8"));
+  await page.evaluate(readFileSync(require.resolve("axe-core/axe.min.js"), "utf8"));
   const found = await page.evaluate(() => window.axe.run({ resultTypes: ["violations"] }));
   const serious = found.violations.filter(v => v.impact === "serious" || v.impact === "critical");
   return serious.map(v => `${v.id}: ${v.nodes.map(n => `${n.target} ${n.failureSummary}`).join("; ")}`);

@@ -175,7 +175,7 @@ try {
   await { live, controls, settings, login, restart }[scenario](browser);
   console.log("passed");
 } catch (error) {
-  console.log(`failed: ${error.message}`);
+  console.log(`failed: ${error.message.replaceAll("\n", " ")}`);
 } finally {
   await browser.close();
   process.exit();

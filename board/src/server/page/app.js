@@ -25,7 +25,8 @@ const settings = new Settings(by("settings-form"), by("save"), by("save-text"));
 const table = new Table(by("rows"), by("rows-text"), by("list").querySelector("details"));
 const burst = new Burst(by("burst"));
 
-let probe = null, scene = null, status = null, mayAll = false, wakeUp = [], changed = -1;
+/** `mayAll`: whether pictures and changes are for us, null before that is known. */
+let probe = null, scene = null, status = null, mayAll = null, wakeUp = [], changed = -1;
 
 function connect() {
   if (probe || document.hidden) return;
