@@ -18,7 +18,7 @@ export async function fetchMask() {
   if (!answer.ok) return refused(answer);
   const picture = await createImageBitmap(await answer.blob(), { colorSpaceConversion: "none" });
   const { width, height } = picture;
-  const pen = new OffscreenCanvas(width, height).getContext("2d");
+  const pen = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
   pen.drawImage(picture, 0, 0);
   const codes = new Uint8Array(width * height), pixels = pen.getImageData(0, 0, width, height).data;
   for (let i = 0; i < codes.length; i++) codes[i] = pixels[4 * i];

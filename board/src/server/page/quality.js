@@ -31,23 +31,35 @@ export class Quality {
   /** Frames a second, 0 before there are some. */
   get rate() { return this.#mean ? 1000 / this.#mean : 0; }
 
-  /** A frame begins; frames that do not follow each other, as after a pause, say nothing. */
-  frame(now) {
-    const passed = now - this.#last;
+  /** A frame begins; only one that `follows` another without a pause tells how long that took. */
+  frame(now, follows) {
+    const passed = now - this.#last, { long, room } = this.#limits;
     this.#last = now;
-    if (passed > 1500) return;
+    if (!follows) return;
     this.#mean = this.#mean === null ? passed : this.#mean + (passed - this.#mean) / MEAN;
     this.#frames++;
     if (this.isFixed) return;
-    if (this.#frames > DOWN && this.#mean > this.#limits.long && this.#step < LADDER.length - 1) {
-      this.#move(this.#mean > 2 * this.#limits.long ? 2 : 1);
+    // Where it is far too slow there is no time to look for long.
+    const haste = Math.min(3, Math.floor(this.#mean / long));
+    if (haste > 0 && this.#frames > DOWN / haste && this.#step < LADDER.length - 1) {
+      this.#move(haste);
       // What was too much once is not tried again soon.
       this.#patience = Math.min(4 * this.#patience, 100 * UP);
-    } else if (this.#frames > this.#patience && this.#mean < this.#limits.room && this.#step > 0) this.#move(-1);
+    } else if (this.#frames > this.#patience && this.#mean < room && this.#step > 0) this.#move(-1);
   }
 
   #move(by) {
     this.#step = Math.min(LADDER.length - 1, this.#step + by);
     this.#frames = 0;
+    this.#mean = null;
   }
+}
+
+/** Whether WebGL is done by the processor. */
+export function softwareRenderer() {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  if (!gl) return false;
+  const name = String(gl.getParameter(gl.RENDERER)) + (gl.getExtension("WEBGL_debug_renderer_info") ? gl.getParameter(37446) : "");
+  gl.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name);
 }

@@ -17,15 +17,15 @@ const EYE_TIME = 1500;
 
 export class Scene {
   #canvas; #gl; #programs; #solids; #rays; #depths; #map; #known = false; #orbit; #quality;
-  #supply; #told; #due = 0; #visible = true; #exposure = 0; #last = 0; #ev = 0;
+  #supply; #told; #due = 0; #visible = true; #goesOn = false; #exposure = 0; #last = 0; #ev = 0;
   #options = { sky: true, rays: false, shadows: "auto" };
 
   /** `supply(now)` gives { lights, ambient, moving }; `told` is called with what is drawn and how fast. Throws where WebGL2 is missing. */
-  constructor(canvas, supply, told) {
+  constructor(canvas, supply, told, isSoftware) {
     this.#canvas = canvas;
     this.#supply = supply;
     this.#told = told;
-    const isSoftware = softwareRenderer();
+    // Without a GPU edges are not smoothed, which would take four times as long.
     this.#gl = canvas.getContext("webgl2", { antialias: !isSoftware, alpha: false, preserveDrawingBuffer: false });
     if (!this.#gl) throw new Error("This browser has no WebGL2: the scene cannot be drawn.");
     this.#quality = new Quality(isSoftware);
@@ -33,6 +33,7 @@ export class Scene {
     this.#orbit = new Orbit(canvas, () => this.draw());
     canvas.addEventListener("webglcontextlost", e => e.preventDefault());
     canvas.addEventListener("webglcontextrestored", () => { this.#make(); this.draw(); });
+    document.addEventListener("visibilitychange", () => { this.#goesOn = false; this.draw(); });
     new ResizeObserver(() => this.draw()).observe(canvas);
     new IntersectionObserver(([entry]) => { this.#visible = entry.isIntersecting; this.draw(); }).observe(canvas);
   }
@@ -63,9 +64,12 @@ export class Scene {
   draw() {
     this.#due ||= requestAnimationFrame(now => {
       this.#due = 0;
-      if (!this.#visible || this.#gl.isContextLost()) return;
-      if (now - this.#last < this.#quality.pause) this.draw();
-      else if (this.#frame(now)) this.draw();
+      if (!this.#visible || this.#gl.isContextLost()) this.#goesOn = false;
+      else if (now - this.#last < this.#quality.pause) this.draw();
+      else {
+        this.#goesOn = this.#frame(now);
+        if (this.#goesOn) this.draw();
+      }
     });
   }
 
@@ -98,7 +102,7 @@ export class Scene {
 
   #frame(now) {
     const { lights, ambient, moving } = this.#supply(now);
-    if (moving) this.#quality.frame(now);
+    if (moving) this.#quality.frame(now, this.#goesOn);
     const quality = this.#quality.current, gl = this.#gl;
     this.#fit(quality.scale);
     const sorted = lights.filter(l => l.direction[2] > -1).sort((a, b) => luminance(...b.irradiance) - luminance(...a.irradiance));
@@ -263,13 +267,4 @@ function program(gl, { vertex, fragment }) {
   const names = Array.from({ length: count }, (_, i) => gl.getActiveUniform(made, i).name);
   const at = Object.fromEntries(names.map(name => [name.replace("[0]", ""), gl.getUniformLocation(made, name)]));
   return { at, use: () => gl.useProgram(made) };
-}
-
-/** Whether pictures are made by the processor: then they are not smoothed, which would take four times as long. */
-function softwareRenderer() {
-  const gl = document.createElement("canvas").getContext("webgl2");
-  if (!gl) return false;
-  const name = String(gl.getParameter(gl.RENDERER)) + (gl.getExtension("WEBGL_debug_renderer_info") ? gl.getParameter(37446) : "");
-  gl.getExtension("WEBGL_lose_context")?.loseContext();
-  return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name);
 }

@@ -18,10 +18,11 @@ export class Sky {
   #exposure = 0; #dots = true; #marked = true;
   #chosen = null; #due = 0;
 
-  constructor(canvas, tip) {
+  constructor(canvas, tip, isSoftware) {
     this.#canvas = canvas;
     this.#tip = tip;
-    this.#pen = canvas.getContext("2d");
+    // Pixels come from the processor five times a second: where there is no GPU, a detour would be dear.
+    this.#pen = canvas.getContext("2d", { willReadFrequently: isSoftware });
     new ResizeObserver(() => this.#fit()).observe(canvas);
     canvas.addEventListener("pointermove", e => this.#point(e));
     canvas.addEventListener("pointerdown", e => this.#point(e));
