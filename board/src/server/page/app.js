@@ -4,7 +4,6 @@ import { Hemilux } from "/client.js";
 import { Burst } from "./burst.js";
 import { fetchMap, fetchMask } from "./map.js";
 import { Numbers } from "./numbers.js";
-import { softwareRenderer } from "./quality.js";
 import { Scene } from "./scene.js";
 import { Settings } from "./settings.js";
 import { Sky } from "./sky.js";
@@ -20,8 +19,7 @@ const by = id => document.getElementById(id);
 const sleep = ms => new Promise(done => setTimeout(done, ms));
 const isStill = matchMedia("(prefers-reduced-motion: reduce)");
 
-const isSoftware = softwareRenderer();
-const sky = new Sky(by("sky-canvas"), by("sky-tip"), isSoftware);
+const sky = new Sky(by("sky-canvas"), by("sky-tip"));
 const numbers = new Numbers(by("tiles"), by("latency"));
 const settings = new Settings(by("settings-form"), by("save"), by("save-text"));
 const table = new Table(by("rows"), by("rows-text"), by("list").querySelector("details"));
@@ -135,7 +133,7 @@ function lightScene() {
     scene = new Scene(by("scene-canvas"), supply, ({ rate, shadows, lights, moving }) => {
       const text = `${moving && rate ? `${rate.toFixed(0)} pictures/s, ` : ""}shadows of ${shadows} of ${lights}`;
       if (by("scene-rate").textContent !== text) by("scene-rate").textContent = text;
-    }, isSoftware);
+    });
   } catch (error) {
     by("scene-none").textContent = error.message;
     by("scene-none").hidden = false;

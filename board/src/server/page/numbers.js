@@ -1,6 +1,7 @@
 // The figures that tell how well the probe does, and its latency with where the time goes.
 
 import { luminance } from "./map.js";
+import { penOf } from "./quality.js";
 
 /** Sets that the history shows. */
 const KEPT = 300;
@@ -138,7 +139,7 @@ export class Numbers {
       canvas.width = Math.round(box.width * ratio);
       canvas.height = Math.round(box.height * ratio);
     }
-    const pen = canvas.getContext("2d"), style = getComputedStyle(canvas), { width, height } = canvas;
+    const pen = penOf(canvas), style = getComputedStyle(canvas), { width, height } = canvas;
     const most = Math.max(...this.#totals, 1), top = niceAbove(1.1 * most), place = v => height - 2 - (height - 4) * v / top;
     pen.clearRect(0, 0, width, height);
     pen.strokeStyle = pen.fillStyle = style.color;

@@ -18,7 +18,7 @@ export class Quality {
   isFixed = false;
   #limits; #step; #mean = null; #frames = 0; #last = 0; #patience = UP;
 
-  constructor(isSoftware) {
+  constructor() {
     this.#limits = isSoftware ? SOFTWARE : GPU;
     this.#step = this.#limits.first;
   }
@@ -55,11 +55,18 @@ export class Quality {
   }
 }
 
-/** Whether WebGL is done by the processor. */
-export function softwareRenderer() {
+function softwareRenderer() {
   const gl = document.createElement("canvas").getContext("webgl2");
   if (!gl) return false;
   const name = String(gl.getParameter(gl.RENDERER)) + (gl.getExtension("WEBGL_debug_renderer_info") ? gl.getParameter(37446) : "");
   gl.getExtension("WEBGL_lose_context")?.loseContext();
   return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name);
+}
+
+/** Whether WebGL is done by the processor. */
+export const isSoftware = softwareRenderer();
+
+/** For drawing in two dimensions; without a GPU by the shortest way, or each picture would wait for the scene's. */
+export function penOf(canvas) {
+  return canvas.getContext("2d", { willReadFrequently: isSoftware });
 }

@@ -2,8 +2,8 @@
 
 import { luminance } from "./map.js";
 import { Orbit } from "./orbit.js";
-import { Quality } from "./quality.js";
-import { MOST_LIGHTS, depth, rays, sky, solid } from "./shaders.js";
+import { Quality, isSoftware } from "./quality.js";
+import { MOST_LIGHTS, depth, plain, rays, sky, solid } from "./shaders.js";
 import { BALL, STRIDE, scene } from "./shapes.js";
 
 /** Depth maps: side in texels, and how many there are. */
@@ -21,14 +21,14 @@ export class Scene {
   #options = { sky: true, rays: false, shadows: "auto" };
 
   /** `supply(now)` gives { lights, ambient, moving }; `told` is called with what is drawn and how fast. Throws where WebGL2 is missing. */
-  constructor(canvas, supply, told, isSoftware) {
+  constructor(canvas, supply, told) {
     this.#canvas = canvas;
     this.#supply = supply;
     this.#told = told;
     // Without a GPU edges are not smoothed, which would take four times as long.
     this.#gl = canvas.getContext("webgl2", { antialias: !isSoftware, alpha: false, preserveDrawingBuffer: false });
     if (!this.#gl) throw new Error("This browser has no WebGL2: the scene cannot be drawn.");
-    this.#quality = new Quality(isSoftware);
+    this.#quality = new Quality();
     this.#make();
     this.#orbit = new Orbit(canvas, () => this.draw());
     canvas.addEventListener("webglcontextlost", e => e.preventDefault());
@@ -75,7 +75,7 @@ export class Scene {
 
   #make() {
     const gl = this.#gl, { vertices, indices, solids } = scene();
-    this.#programs = Object.fromEntries(Object.entries({ depth, solid, sky, rays }).map(([name, p]) => [name, program(gl, p)]));
+    this.#programs = Object.fromEntries(Object.entries({ depth, solid, plain, sky, rays }).map(([name, p]) => [name, program(gl, p)]));
     this.#solids = { array: gl.createVertexArray(), solids, all: indices.length };
     gl.bindVertexArray(this.#solids.array);
     gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
@@ -170,7 +170,7 @@ export class Scene {
   }
 
   #drawSolids({ view, eye }, lights, harmonics, shadows, taps) {
-    const gl = this.#gl, { use, at } = this.#programs.solid;
+    const gl = this.#gl, { use, at } = shadows ? this.#programs.solid : this.#programs.plain;
     use();
     const directions = new Float32Array(4 * MOST_LIGHTS), energies = new Float32Array(4 * MOST_LIGHTS);
     lights.forEach((light, i) => {

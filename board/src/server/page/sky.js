@@ -2,6 +2,7 @@
 
 import { adaptation, luminance, screenColour, toneMap } from "./map.js";
 import { hatch, lens, paint, plan, polar } from "./projection.js";
+import { penOf } from "./quality.js";
 
 const VIEWS = { lens, polar };
 
@@ -16,14 +17,14 @@ export class Sky {
   #map = null; #mask = null; #lights = [];
   #plan = null; #picture = new OffscreenCanvas(1, 1); #marks = new OffscreenCanvas(1, 1);
   #exposure = 0; #dots = true; #marked = true;
-  #chosen = null; #due = 0;
+  #chosen = null; #due = 0; #visible = true;
 
-  constructor(canvas, tip, isSoftware) {
+  constructor(canvas, tip) {
     this.#canvas = canvas;
     this.#tip = tip;
-    // Pixels come from the processor five times a second: where there is no GPU, a detour would be dear.
-    this.#pen = canvas.getContext("2d", { willReadFrequently: isSoftware });
+    this.#pen = penOf(canvas);
     new ResizeObserver(() => this.#fit()).observe(canvas);
+    new IntersectionObserver(([entry]) => { this.#visible = entry.isIntersecting; this.#tone(); }).observe(canvas);
     canvas.addEventListener("pointermove", e => this.#point(e));
     canvas.addEventListener("pointerdown", e => this.#point(e));
     canvas.addEventListener("pointerleave", () => this.#choose(null));
@@ -97,7 +98,7 @@ export class Sky {
   }
 
   #tone() {
-    if (this.#map && this.#plan) {
+    if (this.#visible && this.#map && this.#plan) {
       const codes = toneMap(this.#map, adaptation(this.#map) / 2 ** this.#exposure);
       put(this.#picture, paint(this.#plan, codes));
     }
@@ -112,7 +113,7 @@ export class Sky {
   }
 
   #soon() {
-    this.#due ||= requestAnimationFrame(() => { this.#due = 0; this.#draw(); });
+    if (this.#visible) this.#due ||= requestAnimationFrame(() => { this.#due = 0; this.#draw(); });
   }
 
   #draw() {
@@ -238,7 +239,7 @@ export class Sky {
 function put(canvas, image) {
   canvas.width = image.width;
   canvas.height = image.height;
-  canvas.getContext("2d").putImageData(image, 0, 0);
+  penOf(canvas).putImageData(image, 0, 0);
 }
 
 /** Elevation above the horizon and azimuth from +X towards +Y, in words. */
