@@ -77,7 +77,7 @@ export class Numbers {
     this.#tile("error", set.estimated_error === null ? "–" : percent(set.estimated_error), set.estimated_error === null ? "" : "%",
       set.estimated_error === null ? `${set.sampler} does not estimate it` : undefined);
     const total = luminance(...set.horizontal_irradiance);
-    this.#tile("illuminance", figures(total), set.unit === "lux" ? "lx" : "relative");
+    this.#tile("illuminance", figures(total), set.unit === "lux" ? "lx" : "rel.");
     this.#tile("flicker", this.#flicker === null ? "–" : percent(this.#flicker), this.#flicker === null ? "" : "%");
     this.#tile("clipped", percent(set.clipped), "%");
     this.#values.get("clipped").classList.toggle("warn", set.clipped > 0);
