@@ -10,13 +10,15 @@ use super::{Context, line, pages};
 use axum::extract::{Form, FromRequest, FromRequestParts, Request, State};
 use axum::http::header::{ACCEPT, AUTHORIZATION, COOKIE, LOCATION, SET_COOKIE, WWW_AUTHENTICATE};
 use axum::http::request::Parts;
-use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, Uri};
 use axum::response::{IntoResponse, Response};
 use data_encoding::BASE64;
 use std::time::Duration;
 
 /// Longest time to send a body.
 pub(super) const BODY_TIME: Duration = Duration::from_secs(5);
+
+const BEARER: &str = "Bearer realm=\"hemilux\"";
 
 const COOKIE_NAME: &str = "hemilux";
 
@@ -43,7 +45,8 @@ impl Access {
         Ok(Self::Token { token, session: Token::random()? })
     }
 
-    fn admits(&self, headers: &HeaderMap) -> bool {
+    /// Whether a request with these headers carries what is needed.
+    pub(super) fn admits(&self, headers: &HeaderMap) -> bool {
         let Self::Token { token, session } = self else { return true };
         let mut given = headers.get_all(AUTHORIZATION).iter();
         let (first, second) = (given.next(), given.next());
@@ -89,15 +92,22 @@ pub(super) fn check(context: &Context, uri: &Uri, headers: &HeaderMap) -> Option
         return None;
     }
     context.counts.refused("token");
-    // A page with the form for people, a challenge for pictures and programs.
-    let person = headers.get(ACCEPT).and_then(|v| v.to_str().ok()).is_some_and(|v| v.contains("text/html"));
+    // A page with the form for people, a challenge for pictures and programs; one that a browser would ask a password for, but not
+    // where a script waits for the answer.
+    let text = |name: HeaderName| headers.get(name).and_then(|v| v.to_str().ok()).unwrap_or_default();
+    let is_script = text(HeaderName::from_static("sec-fetch-mode")) == "cors";
+    let person = text(ACCEPT).contains("text/html");
     let (mut response, challenge) = if person {
-        (pages::login("This needs the probe's token.").into_response(), "Bearer realm=\"hemilux\"")
+        (pages::login("This needs the probe's token.").into_response(), BEARER)
     } else {
         let text = "this needs the probe's token: as Authorization: Bearer TOKEN, as a Basic password, or log in at /login";
         (
             line(StatusCode::UNAUTHORIZED, text),
-            "Basic realm=\"hemilux\", charset=\"UTF-8\", Bearer realm=\"hemilux\"",
+            if is_script {
+                BEARER
+            } else {
+                "Basic realm=\"hemilux\", charset=\"UTF-8\", Bearer realm=\"hemilux\""
+            },
         )
     };
     *response.status_mut() = StatusCode::UNAUTHORIZED;

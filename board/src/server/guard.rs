@@ -23,7 +23,7 @@ pub(super) const MAX_BODY_BYTES: u64 = 16 << 10;
 
 /// Pages load nothing from elsewhere, talk to this server alone and stay out of frames.
 const POLICY: HeaderValue = HeaderValue::from_static(
-    "default-src 'none'; script-src 'self' 'unsafe-inline'; style-src 'unsafe-inline'; connect-src 'self'; img-src 'self' blob:; \
+    "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; connect-src 'self'; img-src 'self' blob:; \
      form-action 'self'; frame-ancestors 'none'; base-uri 'none'",
 );
 

@@ -15,12 +15,14 @@ mod events;
 mod guard;
 mod lights;
 mod metrics;
+mod page;
 mod pages;
 mod patience;
 mod pictures;
 mod query;
 mod routes;
 mod screenshot;
+mod sphere;
 mod token;
 mod xr;
 

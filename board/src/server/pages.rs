@@ -5,8 +5,8 @@ use crate::probe::{Config, EXTRAPOLATIONS, Published, extrapolation_name};
 use crate::samplers::{MAX_LIGHTS, NAMES};
 use crate::timing::STAGES;
 use axum::extract::State;
-use axum::http::StatusCode;
 use axum::http::header::CACHE_CONTROL;
+use axum::http::{HeaderMap, StatusCode};
 use axum::response::{Html, IntoResponse, Response};
 use serde_json::json;
 use std::fmt::Write;
@@ -15,11 +15,6 @@ use std::sync::atomic::Ordering::Relaxed;
 const STYLE: &str = "<style>:root{color-scheme:light dark}body{font:16px/1.5 system-ui,sans-serif;max-width:44rem;\
 margin:2rem auto;padding:0 1rem}td,th{text-align:left;padding:.1rem 1rem .1rem 0;vertical-align:top}\
 label{display:block;margin:.6rem 0}</style>";
-
-/// What this is, with the lights as they come.
-pub(super) async fn index() -> Html<&'static str> {
-    Html(include_str!("index.html"))
-}
 
 /// Settings, rates and times.
 pub(super) async fn info(State(context): State<Context>) -> Response {
@@ -44,7 +39,7 @@ pub(super) async fn info(State(context): State<Context>) -> Response {
 }
 
 /// The same for programs.
-pub(super) async fn status(State(context): State<Context>) -> Response {
+pub(super) async fn status(State(context): State<Context>, headers: HeaderMap) -> Response {
     let link = &context.link;
     let latest = link.subscribe().borrow().clone();
     let frame = latest.as_ref().map(|set| {
@@ -63,7 +58,10 @@ pub(super) async fn status(State(context): State<Context>) -> Response {
         "fault": link.failure(),
         "uptime_s": link.started().elapsed().as_secs_f64(),
         "connections": context.counts.open.load(Relaxed),
+        "streams": context.counts.streams.load(Relaxed),
+        "changes": link.applied().borrow().serial,
         "needs_token": matches!(context.access, super::Access::Token { .. }),
+        "allowed": context.access.admits(&headers),
         "last": frame,
     });
     config::answer(StatusCode::OK, &document)

@@ -33,10 +33,12 @@ const CLIPPED: f64 = 0.01;
 
 /// What is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+pub(super) enum Kind {
     Exposure(usize),
     Map { marks: bool },
     MapExr,
+    MapHdr,
+    Mask,
 }
 
 /// Where pictures are made.
@@ -50,7 +52,7 @@ pub(super) struct Studio {
 
 impl Studio {
     /// The picture of `frame`, made by `paint` unless it is there.
-    async fn picture(
+    pub(super) async fn picture(
         &self,
         kind: Kind,
         frame: u64,
@@ -143,9 +145,15 @@ pub(super) async fn capture(State(context): State<Context>, _: Allowed) -> Respo
 
 async fn jpeg_answer(context: &Context, view: Arc<BurstView>, at: usize, is_fresh: bool) -> Response {
     let frame = view.frame;
+    let count = view.frames.len();
+    let exposure = view.frames.get(at).map_or(0.0, |f| f.exposure.seconds * f.exposure.gain);
     let paint = move || jpeg(view.frames.get(at)?, &view.calibration);
     let bytes = context.studio.picture(Kind::Exposure(at), frame, paint).await;
-    answer(bytes, "image/jpeg", frame, is_fresh)
+    let mut response = answer(bytes, "image/jpeg", frame, is_fresh);
+    let exposure = HeaderValue::from_str(&exposure.to_string());
+    response.headers_mut().insert(HeaderName::from_static("hemilux-exposures"), count.into());
+    response.headers_mut().extend(exposure.map(|e| (HeaderName::from_static("hemilux-exposure-s"), e)));
+    response
 }
 
 /// `/v1/map.png`: the tone-mapped polar map; with `?marks=1` the lights are drawn on it.
@@ -179,7 +187,7 @@ pub(super) async fn map_exr(State(context): State<Context>, _: Allowed) -> Respo
     answer(context.studio.picture(Kind::MapExr, frame, paint).await, "image/x-exr", frame, is_fresh)
 }
 
-fn answer(bytes: Option<Bytes>, kind: &'static str, frame: u64, is_fresh: bool) -> Response {
+pub(super) fn answer(bytes: Option<Bytes>, kind: &'static str, frame: u64, is_fresh: bool) -> Response {
     let Some(bytes) = bytes else {
         return line(StatusCode::INTERNAL_SERVER_ERROR, "the picture could not be made");
     };

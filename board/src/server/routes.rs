@@ -1,7 +1,8 @@
 //! The table of requests: what there is, for whom, and how it is asked for.
 
 use super::{
-    Context, access, change, client, config, events, lights, metrics, pages, pictures, screenshot, xr,
+    Context, access, change, client, config, events, lights, metrics, page, pages, pictures, screenshot,
+    sphere, xr,
 };
 use axum::Router;
 use axum::extract::{DefaultBodyLimit, MatchedPath, Request, State};
@@ -12,8 +13,9 @@ use axum::routing::{get, post};
 use lights::Format;
 
 /// A path, with the method that it is asked for with; `/openapi.json` describes the same.
-pub(super) const ROUTES: [&str; 25] = [
+pub(super) const ROUTES: [&str; 28] = [
     "/",
+    "/page/{name}",
     "/info",
     "/change",
     "/data",
@@ -36,6 +38,8 @@ pub(super) const ROUTES: [&str; 25] = [
     "/v1/status",
     "/v1/map.png",
     "/v1/map.exr",
+    "/v1/map.hdr",
+    "/v1/mask.png",
     "/v1/xr",
     "/v1/image/{index}",
 ];
@@ -49,7 +53,8 @@ pub(super) fn index_of(path: &str) -> Option<usize> {
 pub(super) fn router(context: Context) -> Router {
     let light_set = |format| get(move |context, uri, headers| lights::answer(context, uri, headers, format));
     let paths = Router::new()
-        .route("/", get(pages::index))
+        .route("/", get(page::index))
+        .route("/page/{name}", get(page::part))
         .route("/info", get(pages::info))
         .route("/change", get(change::change).head(not_allowed))
         .route("/data", light_set(Some(Format::Text)))
@@ -72,6 +77,8 @@ pub(super) fn router(context: Context) -> Router {
         .route("/v1/status", get(pages::status))
         .route("/v1/map.png", get(pictures::map_png).head(not_allowed))
         .route("/v1/map.exr", get(pictures::map_exr).head(not_allowed))
+        .route("/v1/map.hdr", get(sphere::map_hdr).head(not_allowed))
+        .route("/v1/mask.png", get(sphere::mask_png).head(not_allowed))
         .route("/v1/xr", get(xr::xr))
         .route("/v1/image/{index}", get(pictures::image_at).head(not_allowed));
     paths

@@ -59,7 +59,7 @@ async fn what_is_described_as_protected_is() {
             protected += usize::from(is_described);
         }
     }
-    assert_eq!(protected, 9, "change, the config, and seven with pictures");
+    assert_eq!(protected, 11, "change, the config, and nine with pictures");
 }
 
 /// Whether `value` has all that `schema` requires, references followed.

@@ -7,7 +7,7 @@ const SECRET: &str = "correct-horse-battery";
 const BASIC: [&str; 2] =
     ["Basic OmNvcnJlY3QtaG9yc2UtYmF0dGVyeQ==", "Basic YW55Ym9keTpjb3JyZWN0LWhvcnNlLWJhdHRlcnk="];
 /// What changes state or shows pictures.
-const PROTECTED: [(&str, &str); 9] = [
+const PROTECTED: [(&str, &str); 11] = [
     ("GET", "/change?samples=20"),
     ("GET", "/image"),
     ("GET", "/image?0"),
@@ -16,6 +16,8 @@ const PROTECTED: [(&str, &str); 9] = [
     ("GET", "/screenshots/x.png"),
     ("GET", "/v1/map.png"),
     ("GET", "/v1/map.exr"),
+    ("GET", "/v1/map.hdr"),
+    ("GET", "/v1/mask.png"),
     ("PATCH", "/v1/config"),
 ];
 

@@ -1,0 +1,186 @@
+// Puts the page together: light sets come in as events, pictures and the status are asked for while the page is looked at.
+
+import { Hemilux } from "/client.js";
+import { Burst } from "./burst.js";
+import { fetchMap, fetchMask } from "./map.js";
+import { Numbers } from "./numbers.js";
+import { Scene } from "./scene.js";
+import { Settings } from "./settings.js";
+import { Sky } from "./sky.js";
+import { Table } from "./table.js";
+
+/** Most lights that the page takes: more could not be told apart. */
+const LIGHTS = 512;
+
+/** Pauses between two maps, two masks and two looks at the status, ms. */
+const MAP_PAUSE = 150, MASK_PAUSE = 1000, STATUS_PAUSE = 1000;
+
+const by = id => document.getElementById(id);
+const sleep = ms => new Promise(done => setTimeout(done, ms));
+const isStill = matchMedia("(prefers-reduced-motion: reduce)");
+
+const sky = new Sky(by("sky-canvas"), by("sky-tip"));
+const numbers = new Numbers(by("tiles"), by("latency"));
+const settings = new Settings(by("settings-form"), by("save"), by("save-text"));
+const table = new Table(by("rows"), by("rows-text"), by("list").querySelector("details"));
+const burst = new Burst(by("burst"));
+
+/** `mayAll`: whether pictures and changes are for us, null before that is known. */
+let probe = null, scene = null, status = null, mayAll = null, wakeUp = [], changed = -1;
+
+function connect() {
+  if (probe || document.hidden) return;
+  probe = new Hemilux(location.origin, { ambient: true, lights: LIGHTS });
+  probe.addEventListener("set", ({ detail: set }) => take(set));
+  probe.addEventListener("state", ({ detail: state }) => tell(state));
+}
+
+function take(set) {
+  sky.lights = set.lights;
+  numbers.take(set);
+  table.take(set);
+  count(set);
+  if (set.stale) tell("stale");
+  scene?.draw();
+}
+
+/** A set for this page is thinned: how many lights there are, the status knows. */
+function count(set) {
+  const all = status?.last && status.run === set.run ? status.last : null;
+  const isThinned = set.lights.length >= LIGHTS && all;
+  numbers.count(isThinned ? all.lights : set.lights.length, settings.value("lights"), set.sampler);
+}
+
+function tell(state) {
+  const set = probe?.latest, stale = set?.stale;
+  const [word, text] = state === "live" ? ["Live", ""]
+    : state === "stale" ? ["Stale", `the last frame is ${(stale.age_ms / 1000).toFixed(1)} s old: ${stale.reason}`]
+    : ["Lost", set ? "the probe does not answer; what you see is its last word. Trying again…" : "the probe does not answer. Trying again…"];
+  const isNew = by("state").dataset.state !== state;
+  by("state").dataset.state = document.body.dataset.state = state;
+  by("state-word").textContent = word;
+  by("state-text").textContent = text || (status ? `${status.source}, run ${status.run}` : "");
+  document.title = state === "live" ? "hemilux" : `${word}: hemilux`;
+  if (isNew && state === "live") wake();
+}
+
+/** Those who wait for better times go on. */
+function wake() {
+  wakeUp.splice(0).forEach(go => go());
+}
+
+/** Whether pictures can be had now; else waits for a change of that. */
+async function ready() {
+  while (document.hidden || !mayAll || probe?.state !== "live") {
+    await Promise.race([new Promise(go => wakeUp.push(go)), sleep(1000)]);
+  }
+}
+
+/** Does `work` again and again while there is somebody to see it. */
+async function repeat(pause, work) {
+  for (;;) {
+    await ready();
+    try { await work(); } catch { await look(); await sleep(500); }
+    await sleep(pause);
+  }
+}
+
+async function look() {
+  let found;
+  try {
+    const answer = await fetch("/v1/status", { cache: "no-store" });
+    if (!answer.ok) return;
+    found = await answer.json();
+  } catch { return; }
+  const isNewRun = status?.run !== found.run;
+  status = found;
+  numbers.status(found);
+  if (mayAll !== found.allowed) {
+    mayAll = found.allowed;
+    settings.locked = !mayAll;
+    by("login").hidden = mayAll;
+    if (!mayAll) forget();
+    wake();
+  }
+  if (isNewRun || changed !== found.changes) {
+    await settings.load();
+    changed = found.changes;
+  }
+  if (isNewRun && probe) tell(probe.state);
+}
+
+/** Pictures that may not be seen are not kept on the screen. */
+function forget() {
+  sky.map = sky.mask = null;
+  if (scene) scene.map = null;
+  burst.clear();
+}
+
+async function logIn(event) {
+  event.preventDefault();
+  by("login-error").textContent = "";
+  try {
+    const answer = await fetch("/login", { method: "POST", body: new URLSearchParams({ token: by("token").value }) });
+    if (answer.status === 401) by("login-error").textContent = "That is not the token.";
+    else if (!answer.ok) by("login-error").textContent = (await answer.text()).trim();
+    else by("token").value = "";
+  } catch { by("login-error").textContent = "The probe does not answer."; }
+  await look();
+}
+
+function lightScene() {
+  try {
+    scene = new Scene(by("scene-canvas"), supply, ({ rate, shadows, lights, moving }) => {
+      const text = `${moving && rate ? `${rate.toFixed(0)} pictures/s, ` : ""}shadows of ${shadows} of ${lights}`;
+      if (by("scene-rate").textContent !== text) by("scene-rate").textContent = text;
+    });
+  } catch (error) {
+    by("scene-none").textContent = error.message;
+    by("scene-none").hidden = false;
+  }
+}
+
+/** The lights of this moment: they glide between two sets unless the reader wants no motion. */
+function supply(now) {
+  const set = probe?.latest;
+  if (!set) return { lights: [], ambient: null, moving: false };
+  const moving = probe.state === "live" && !isStill.matches;
+  return { lights: isStill.matches ? [...set.lights] : [...probe.interpolated(now)], ambient: set.ambient_sh, moving };
+}
+
+function controls() {
+  by("login").addEventListener("submit", logIn);
+  for (const radio of document.querySelectorAll("[name=view]")) radio.addEventListener("change", () => { sky.view = radio.value; });
+  by("exposure").addEventListener("input", e => {
+    const ev = e.target.valueAsNumber;
+    by("exposure-text").textContent = `${ev > 0 ? "+" : ev < 0 ? "−" : ""}${Math.abs(ev).toFixed(1)} EV`;
+    sky.exposure = ev;
+    if (scene) scene.exposure = ev;
+  });
+  by("show-dots").addEventListener("change", e => { sky.dots = e.target.checked; });
+  by("show-marks").addEventListener("change", e => { sky.marks = e.target.checked; });
+  for (const [id, option] of [["show-sky", "sky"], ["show-rays", "rays"]]) {
+    by(id).addEventListener("change", e => scene?.set({ [option]: e.target.checked }));
+  }
+  by("show-shadows").addEventListener("change", e => scene?.set({ shadows: e.target.value }));
+  settings.addEventListener("denied", look);
+  document.addEventListener("visibilitychange", () => {
+    // Browsers have few connections to one place: a page that nobody sees gives its own back.
+    if (document.hidden) { probe?.close(); probe = null; } else { connect(); wake(); }
+  });
+}
+
+controls();
+settings.locked = true;
+connect();
+lightScene();
+look();
+setInterval(() => { if (!document.hidden) look(); }, STATUS_PAUSE);
+repeat(MAP_PAUSE, async () => {
+  const map = await fetchMap();
+  if (!map || !mayAll) return;
+  sky.map = map;
+  if (scene) scene.map = map;
+});
+repeat(MASK_PAUSE, async () => { const mask = await fetchMask(); if (mask && mayAll) sky.mask = mask; });
+repeat(2 * STATUS_PAUSE, () => burst.load());

@@ -1,0 +1,42 @@
+// The pictures of a burst, shortest exposure first.
+
+export class Burst {
+  #box; #urls = [];
+
+  constructor(box) { this.#box = box; }
+
+  /** Fetches all of them, one after the other: the probe makes one at a time. */
+  async load() {
+    for (let i = 0, count = 1; i < count; i++) {
+      const answer = await fetch(`/v1/image/${i}`, { cache: "no-store" });
+      if (answer.status === 401) throw new Error("not allowed");
+      if (!answer.ok) return;
+      count = Number(answer.headers.get("hemilux-exposures")) || 1;
+      this.#show(i, await answer.blob(), Number(answer.headers.get("hemilux-exposure-s")));
+      while (this.#box.children.length > count) this.#box.lastChild.remove();
+    }
+  }
+
+  clear() {
+    this.#urls.forEach(URL.revokeObjectURL);
+    this.#urls = [];
+    this.#box.replaceChildren();
+  }
+
+  #show(i, blob, seconds) {
+    const text = `${Number((1000 * seconds).toPrecision(3))} ms`;
+    if (!this.#box.children[i]) {
+      const figure = document.createElement("figure"), link = document.createElement("a");
+      Object.assign(link, { href: `/v1/image/${i}`, target: "_blank" });
+      link.append(document.createElement("img"));
+      figure.append(link, document.createElement("figcaption"));
+      this.#box.append(figure);
+    }
+    const [image, caption] = this.#box.children[i].querySelectorAll("img, figcaption");
+    const old = this.#urls[i];
+    image.src = this.#urls[i] = URL.createObjectURL(blob);
+    image.alt = `Exposure of ${text}`;
+    caption.textContent = text;
+    if (old) URL.revokeObjectURL(old);
+  }
+}

@@ -1,0 +1,72 @@
+// How much is drawn, by how long frames take: shadows are given up first, then pixels, then single lights.
+
+/** From the dearest to the cheapest: lights with shadows, samples of each, pixels per pixel of the screen, lights shaded one by one. */
+const LADDER = [
+  { shadows: 32, taps: 8, scale: 1, lights: 64 }, { shadows: 16, taps: 8, scale: 1, lights: 64 }, { shadows: 8, taps: 6, scale: 1, lights: 64 },
+  { shadows: 4, taps: 4, scale: 1, lights: 64 }, { shadows: 1, taps: 2, scale: 1, lights: 64 }, { shadows: 0, taps: 1, scale: 1, lights: 64 },
+  { shadows: 0, taps: 1, scale: 0.7, lights: 64 }, { shadows: 0, taps: 1, scale: 0.7, lights: 24 }, { shadows: 0, taps: 1, scale: 0.5, lights: 12 },
+];
+
+/** Frame times that are too long and those that leave room, ms; without a GPU less is expected, and the processor left some air. */
+const GPU = { long: 34, room: 20, first: 1, pause: 0 }, SOFTWARE = { long: 95, room: 75, first: 3, pause: 55 };
+
+/** Frames of the mean, those to look at before a step down, and up. */
+const MEAN = 4, DOWN = 5, UP = 90;
+
+export class Quality {
+  /** The dearest step whatever it takes. */
+  isFixed = false;
+  #limits; #step; #mean = null; #frames = 0; #last = 0; #patience = UP;
+
+  constructor() {
+    this.#limits = isSoftware ? SOFTWARE : GPU;
+    this.#step = this.#limits.first;
+  }
+
+  get current() { return LADDER[this.isFixed ? 0 : this.#step]; }
+
+  /** Time to leave between two pictures, ms. */
+  get pause() { return this.#limits.pause; }
+
+  /** Frames a second, 0 before there are some. */
+  get rate() { return this.#mean ? 1000 / this.#mean : 0; }
+
+  /** A frame begins; only one that `follows` another without a pause tells how long that took. */
+  frame(now, follows) {
+    const passed = now - this.#last, { long, room } = this.#limits;
+    this.#last = now;
+    if (!follows) return;
+    this.#mean = this.#mean === null ? passed : this.#mean + (passed - this.#mean) / MEAN;
+    this.#frames++;
+    if (this.isFixed) return;
+    // Where it is far too slow there is no time to look for long.
+    const haste = Math.min(3, Math.floor(this.#mean / long));
+    if (haste > 0 && this.#frames > DOWN / haste && this.#step < LADDER.length - 1) {
+      this.#move(haste);
+      // What was too much once is not tried again soon.
+      this.#patience = Math.min(4 * this.#patience, 100 * UP);
+    } else if (this.#frames > this.#patience && this.#mean < room && this.#step > 0) this.#move(-1);
+  }
+
+  #move(by) {
+    this.#step = Math.min(LADDER.length - 1, this.#step + by);
+    this.#frames = 0;
+    this.#mean = null;
+  }
+}
+
+function softwareRenderer() {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  if (!gl) return false;
+  const name = String(gl.getParameter(gl.RENDERER)) + (gl.getExtension("WEBGL_debug_renderer_info") ? gl.getParameter(37446) : "");
+  gl.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name);
+}
+
+/** Whether WebGL is done by the processor. */
+export const isSoftware = softwareRenderer();
+
+/** For drawing in two dimensions; without a GPU by the shortest way, or each picture would wait for the scene's. */
+export function penOf(canvas) {
+  return canvas.getContext("2d", { willReadFrequently: isSoftware });
+}

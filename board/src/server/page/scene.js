@@ -1,0 +1,270 @@
+// A few solids under the current lights, in WebGL2: the strongest lights with shadows, what is too many in harmonics.
+
+import { luminance } from "./map.js";
+import { Orbit } from "./orbit.js";
+import { Quality, isSoftware } from "./quality.js";
+import { MOST_LIGHTS, depth, plain, rays, sky, solid } from "./shaders.js";
+import { BALL, STRIDE, scene } from "./shapes.js";
+
+/** Depth maps: side in texels, and how many there are. */
+const SIDE = 512, LAYERS = 32;
+
+/** Widest picture, pixels. */
+const WIDEST = 1600;
+
+/** Time constant of the exposure, ms: short enough to follow a lamp that is switched on, long enough not to hide flicker. */
+const EYE_TIME = 1500;
+
+export class Scene {
+  #canvas; #gl; #programs; #solids; #rays; #depths; #map; #known = false; #orbit; #quality;
+  #supply; #told; #due = 0; #visible = true; #goesOn = false; #exposure = 0; #last = 0; #ev = 0;
+  #options = { sky: true, rays: false, shadows: "auto" };
+
+  /** `supply(now)` gives { lights, ambient, moving }; `told` is called with what is drawn and how fast. Throws where WebGL2 is missing. */
+  constructor(canvas, supply, told) {
+    this.#canvas = canvas;
+    this.#supply = supply;
+    this.#told = told;
+    // Without a GPU edges are not smoothed, which would take four times as long.
+    this.#gl = canvas.getContext("webgl2", { antialias: !isSoftware, alpha: false, preserveDrawingBuffer: false });
+    if (!this.#gl) throw new Error("This browser has no WebGL2: the scene cannot be drawn.");
+    this.#quality = new Quality();
+    this.#make();
+    this.#orbit = new Orbit(canvas, () => this.draw());
+    canvas.addEventListener("webglcontextlost", e => e.preventDefault());
+    canvas.addEventListener("webglcontextrestored", () => { this.#make(); this.draw(); });
+    document.addEventListener("visibilitychange", () => { this.#goesOn = false; this.draw(); });
+    new ResizeObserver(() => this.draw()).observe(canvas);
+    new IntersectionObserver(([entry]) => { this.#visible = entry.isIntersecting; this.draw(); }).observe(canvas);
+  }
+
+  /** `sky` and `rays` are shown or not; `shadows` are "auto" (as many as time allows), "all" or "none". */
+  set(options) {
+    Object.assign(this.#options, options);
+    this.#quality.isFixed = this.#options.shadows === "all";
+    this.draw();
+  }
+
+  /** Stops brighter than the scene's own mean asks for. */
+  set exposure(ev) { this.#ev = ev; this.draw(); }
+
+  /** The map to show behind, or null. */
+  set map(map) {
+    const gl = this.#gl;
+    this.#known = Boolean(map);
+    if (map) {
+      gl.activeTexture(gl.TEXTURE1);
+      gl.bindTexture(gl.TEXTURE_2D, this.#map);
+      gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB16F, map.width, map.height, 0, gl.RGB, gl.FLOAT, map.texels);
+    }
+    this.draw();
+  }
+
+  /** Draws soon, and goes on while the lights move. */
+  draw() {
+    this.#due ||= requestAnimationFrame(now => {
+      this.#due = 0;
+      if (!this.#visible || this.#gl.isContextLost()) this.#goesOn = false;
+      else if (now - this.#last < this.#quality.pause) this.draw();
+      else {
+        this.#goesOn = this.#frame(now);
+        if (this.#goesOn) this.draw();
+      }
+    });
+  }
+
+  #make() {
+    const gl = this.#gl, { vertices, indices, solids } = scene();
+    this.#programs = Object.fromEntries(Object.entries({ depth, solid, plain, sky, rays }).map(([name, p]) => [name, program(gl, p)]));
+    this.#solids = { array: gl.createVertexArray(), solids, all: indices.length };
+    gl.bindVertexArray(this.#solids.array);
+    gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
+    gl.bufferData(gl.ARRAY_BUFFER, vertices, gl.STATIC_DRAW);
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
+    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, indices, gl.STATIC_DRAW);
+    [[3, 0], [3, 3], [3, 6], [1, 9]].forEach(([size, offset], i) => attribute(gl, i, size, STRIDE, offset));
+    this.#rays = { array: gl.createVertexArray(), buffer: gl.createBuffer() };
+    gl.bindVertexArray(this.#rays.array);
+    gl.bindBuffer(gl.ARRAY_BUFFER, this.#rays.buffer);
+    attribute(gl, 0, 3, 7, 0);
+    attribute(gl, 1, 4, 7, 3);
+    gl.bindVertexArray(null);
+    this.#depths = depthMaps(gl);
+    this.#map = gl.createTexture();
+    gl.activeTexture(gl.TEXTURE1);
+    gl.bindTexture(gl.TEXTURE_2D, this.#map);
+    for (const [name, value] of [[gl.TEXTURE_WRAP_S, gl.REPEAT], [gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE], [gl.TEXTURE_MIN_FILTER, gl.LINEAR], [gl.TEXTURE_MAG_FILTER, gl.LINEAR]]) {
+      gl.texParameteri(gl.TEXTURE_2D, name, value);
+    }
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB16F, 1, 1, 0, gl.RGB, gl.FLOAT, new Float32Array(3));
+    this.#known = false;
+  }
+
+  #frame(now) {
+    const { lights, ambient, moving } = this.#supply(now);
+    if (moving) this.#quality.frame(now, this.#goesOn);
+    const quality = this.#quality.current, gl = this.#gl;
+    this.#fit(quality.scale);
+    const sorted = lights.filter(l => l.direction[2] > -1).sort((a, b) => luminance(...b.irradiance) - luminance(...a.irradiance));
+    const single = sorted.slice(0, Math.min(MOST_LIGHTS, quality.lights)), harmonics = gathered(ambient, sorted.slice(single.length));
+    this.#adapt(now, sorted, harmonics);
+    const shadows = this.#options.shadows !== "none" ? Math.min(quality.shadows, single.length) : 0;
+    for (let i = 0; i < shadows; i++) this.#drawDepth(single[i], i);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    gl.viewport(0, 0, this.#canvas.width, this.#canvas.height);
+    gl.disable(gl.POLYGON_OFFSET_FILL);
+    gl.clear(gl.DEPTH_BUFFER_BIT);
+    const camera = this.#orbit.camera(this.#canvas.width / this.#canvas.height);
+    this.#drawSky(camera);
+    this.#drawSolids(camera, single, harmonics, shadows, quality.taps);
+    if (this.#options.rays) this.#drawRays(camera, sorted);
+    this.#told({ rate: this.#quality.rate, shadows, lights: single.length, moving });
+    return moving;
+  }
+
+  #fit(scale) {
+    const ratio = Math.min(2, window.devicePixelRatio || 1) * scale, { clientWidth, clientHeight } = this.#canvas;
+    const shrink = Math.min(1, WIDEST / (clientWidth * ratio || 1));
+    const width = Math.max(1, Math.round(clientWidth * ratio * shrink)), height = Math.max(1, Math.round(clientHeight * ratio * shrink));
+    if (this.#canvas.width !== width || this.#canvas.height !== height) Object.assign(this.#canvas, { width, height });
+  }
+
+  /** A white ground comes out at a fixed grey, slowly as an eye adapts. */
+  #adapt(now, lights, harmonics) {
+    const level = lights.reduce((sum, l) => sum + luminance(...l.irradiance) * Math.max(0, l.direction[2]), 0)
+      + Math.max(0, Math.PI * 0.282095 * luminance(...harmonics[0]));
+    const wanted = level > 0 ? 2.2 / level : 1, part = this.#exposure ? 1 - Math.exp(-Math.min(1000, now - this.#last) / EYE_TIME) : 1;
+    this.#exposure = this.#exposure ? this.#exposure * (wanted / this.#exposure) ** part : wanted;
+    this.#last = now;
+  }
+
+  get #scale() { return this.#exposure * 2 ** this.#ev; }
+
+  #drawDepth({ direction }, layer) {
+    const gl = this.#gl, { use, at } = this.#programs.depth;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.#depths.targets[layer]);
+    gl.viewport(0, 0, SIDE, SIDE);
+    gl.clear(gl.DEPTH_BUFFER_BIT);
+    gl.enable(gl.POLYGON_OFFSET_FILL);
+    gl.polygonOffset(2, 4);
+    use();
+    gl.uniform3fv(at.light, direction);
+    gl.uniform3fv(at.centre, BALL.centre);
+    gl.uniform1f(at.radius, BALL.radius);
+    gl.bindVertexArray(this.#solids.array);
+    gl.drawElements(gl.TRIANGLES, this.#solids.solids, gl.UNSIGNED_INT, 0);
+  }
+
+  #drawSky({ back, eye }) {
+    const gl = this.#gl, { use, at } = this.#programs.sky;
+    use();
+    gl.disable(gl.DEPTH_TEST);
+    gl.uniformMatrix4fv(at.back, false, back);
+    gl.uniform3fv(at.eye, eye);
+    gl.uniform1i(at.map, 1);
+    gl.uniform1i(at.known, Number(this.#known && this.#options.sky));
+    gl.uniform1f(at.exposure, this.#scale);
+    gl.bindVertexArray(null);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+    gl.enable(gl.DEPTH_TEST);
+  }
+
+  #drawSolids({ view, eye }, lights, harmonics, shadows, taps) {
+    const gl = this.#gl, { use, at } = shadows ? this.#programs.solid : this.#programs.plain;
+    use();
+    const directions = new Float32Array(4 * MOST_LIGHTS), energies = new Float32Array(4 * MOST_LIGHTS);
+    lights.forEach((light, i) => {
+      directions.set([...light.direction, Math.sin(Math.min(80, light.radius_deg) * Math.PI / 180)], 4 * i);
+      energies.set(light.irradiance, 4 * i);
+    });
+    gl.uniformMatrix4fv(at.view, false, view);
+    gl.uniform3fv(at.eye, eye);
+    gl.uniform3fv(at.centre, BALL.centre);
+    gl.uniform1f(at.radius, BALL.radius);
+    gl.uniform1f(at.exposure, this.#scale);
+    gl.uniform1i(at.lights, lights.length);
+    gl.uniform1i(at.shadows, shadows);
+    gl.uniform1i(at.taps, taps);
+    gl.uniform4fv(at.direction, directions);
+    gl.uniform4fv(at.irradiance, energies);
+    gl.uniform3fv(at.ambient, harmonics.flat());
+    gl.uniform1i(at.depths, 0);
+    gl.bindVertexArray(this.#solids.array);
+    gl.enable(gl.BLEND);
+    gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+    gl.drawElements(gl.TRIANGLES, this.#solids.all, gl.UNSIGNED_INT, 0);
+    gl.disable(gl.BLEND);
+  }
+
+  /** Each light as a line from where it comes from; the longer and the larger its end, the more energy. */
+  #drawRays({ view }, lights) {
+    const gl = this.#gl, { use, at } = this.#programs.rays, top = lights.length ? luminance(...lights[0].irradiance) || 1 : 1;
+    const vertices = lights.flatMap(({ direction, irradiance }) => {
+      const part = Math.sqrt(luminance(...irradiance) / top), brightest = Math.max(...irradiance, 1e-20);
+      const colour = irradiance.map(v => Math.max(0.12, (v / brightest) ** (1 / 2.2)));
+      return [3, 2.8 - 2.2 * part].flatMap((r, end) =>
+        [...direction.map((v, i) => v * r + BALL.centre[i] * (3 - r) / 3), ...colour, end ? 1 : (3 + 13 * part) * Math.min(2, window.devicePixelRatio || 1)]);
+    });
+    use();
+    gl.bindVertexArray(this.#rays.array);
+    gl.bindBuffer(gl.ARRAY_BUFFER, this.#rays.buffer);
+    gl.bufferData(gl.ARRAY_BUFFER, new Float32Array(vertices), gl.STREAM_DRAW);
+    gl.uniformMatrix4fv(at.view, false, view);
+    gl.drawArrays(gl.LINES, 0, 2 * lights.length);
+    gl.drawArrays(gl.POINTS, 0, 2 * lights.length);
+  }
+}
+
+/** Harmonics of radiance: those given and those of lights that are not shaded one by one, each a peak that holds its irradiance. */
+function gathered(ambient, lights) {
+  const sums = (ambient ?? Array(9).fill([0, 0, 0])).map(row => [...row]);
+  for (const { direction: [x, y, z], irradiance } of lights) {
+    const basis = [0.282095, 0.488603 * y, 0.488603 * z, 0.488603 * x, 1.092548 * x * y, 1.092548 * y * z, 0.315392 * (3 * z * z - 1),
+      1.092548 * x * z, 0.546274 * (x * x - y * y)];
+    basis.forEach((b, i) => irradiance.forEach((e, c) => { sums[i][c] += b * e; }));
+  }
+  return sums;
+}
+
+function depthMaps(gl) {
+  const texture = gl.createTexture();
+  gl.activeTexture(gl.TEXTURE0);
+  gl.bindTexture(gl.TEXTURE_2D_ARRAY, texture);
+  gl.texStorage3D(gl.TEXTURE_2D_ARRAY, 1, gl.DEPTH_COMPONENT16, SIDE, SIDE, LAYERS);
+  for (const [name, value] of [[gl.TEXTURE_MIN_FILTER, gl.LINEAR], [gl.TEXTURE_MAG_FILTER, gl.LINEAR], [gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE],
+    [gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE], [gl.TEXTURE_COMPARE_MODE, gl.COMPARE_REF_TO_TEXTURE], [gl.TEXTURE_COMPARE_FUNC, gl.LEQUAL]]) {
+    gl.texParameteri(gl.TEXTURE_2D_ARRAY, name, value);
+  }
+  const targets = Array.from({ length: LAYERS }, (_, layer) => {
+    const target = gl.createFramebuffer();
+    gl.bindFramebuffer(gl.FRAMEBUFFER, target);
+    gl.framebufferTextureLayer(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, texture, 0, layer);
+    gl.drawBuffers([gl.NONE]);
+    return target;
+  });
+  gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+  return { texture, targets };
+}
+
+function attribute(gl, index, size, stride, offset) {
+  gl.enableVertexAttribArray(index);
+  gl.vertexAttribPointer(index, size, gl.FLOAT, false, 4 * stride, 4 * offset);
+}
+
+/** A linked program and the places of its uniforms. */
+function program(gl, { vertex, fragment }) {
+  const made = gl.createProgram();
+  for (const [kind, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
+    const shader = gl.createShader(kind);
+    gl.shaderSource(shader, source);
+    gl.compileShader(shader);
+    gl.attachShader(made, shader);
+    if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS) && !gl.isContextLost()) throw new Error(`a shader: ${gl.getShaderInfoLog(shader)}`);
+  }
+  gl.linkProgram(made);
+  if (!gl.getProgramParameter(made, gl.LINK_STATUS) && !gl.isContextLost()) throw new Error(`a program: ${gl.getProgramInfoLog(made)}`);
+  const count = gl.getProgramParameter(made, gl.ACTIVE_UNIFORMS) ?? 0;
+  const names = Array.from({ length: count }, (_, i) => gl.getActiveUniform(made, i).name);
+  const at = Object.fromEntries(names.map(name => [name.replace("[0]", ""), gl.getUniformLocation(made, name)]));
+  return { at, use: () => gl.useProgram(made) };
+}

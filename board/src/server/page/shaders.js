@@ -1,0 +1,162 @@
+// The scene's programs, GLSL ES 3.00. All directions are the probe's: +Z is up.
+
+/** Lights that are shaded one by one; the rest are in the harmonics. */
+export const MOST_LIGHTS = 64;
+
+const HEAD = `#version 300 es
+precision highp float;
+precision highp sampler2DArrayShadow;
+`;
+
+/** Axes across a light's direction [Duff et al. 2017]; the depth maps and who reads them use the same. */
+const ACROSS = `
+void across(vec3 n, out vec3 u, out vec3 v) {
+  float s = n.z >= 0.0 ? 1.0 : -1.0, a = -1.0 / (s + n.z), b = n.x * n.y * a;
+  u = vec3(1.0 + s * n.x * n.x * a, s * b, -s * n.x);
+  v = vec3(b, s + n.y * n.y * a, -n.y);
+}
+`;
+
+/** Linear colour to display: the sigmoid on luminance, then sRGB. */
+const DISPLAY = `
+vec3 display(vec3 c) {
+  float y = max(dot(c, vec3(0.2126, 0.7152, 0.0722)), 1e-9), r = pow(y * 2.2, 1.1);
+  c = clamp(c * (r / (1.0 + r) / y), 0.0, 1.0);
+  return mix(12.92 * c, 1.055 * pow(c, vec3(1.0 / 2.4)) - 0.055, step(0.0031308, c));
+}
+`;
+
+export const depth = {
+  vertex: `${HEAD}${ACROSS}
+layout(location = 0) in vec3 position;
+uniform vec3 light, centre;
+uniform float radius;
+void main() {
+  vec3 u, v, p = (position - centre) / radius;
+  across(light, u, v);
+  gl_Position = vec4(dot(p, u), dot(p, v), -dot(p, light), 1.0);
+}`,
+  fragment: `${HEAD}void main() {}`,
+};
+
+export const solid = {
+  vertex: `${HEAD}
+layout(location = 0) in vec3 position;
+layout(location = 1) in vec3 normal;
+layout(location = 2) in vec3 colour;
+layout(location = 3) in float roughness;
+uniform mat4 view;
+out vec3 p, n, albedo;
+out float rough;
+void main() {
+  p = position; n = normal; albedo = colour; rough = roughness;
+  gl_Position = view * vec4(position, 1.0);
+}`,
+  fragment: `${HEAD}${ACROSS}${DISPLAY}
+in vec3 p, n, albedo;
+in float rough;
+uniform vec3 eye, centre;
+uniform float radius, exposure;
+uniform int lights, shadows, taps;
+uniform vec4 direction[${MOST_LIGHTS}];   // w: sine of the angular radius
+uniform vec4 irradiance[${MOST_LIGHTS}];  // linear RGB
+uniform vec3 ambient[9];                   // harmonics of radiance
+uniform sampler2DArrayShadow depths;
+out vec4 result;
+const float PI = 3.14159265;
+
+// Part of the light that reaches p: the depth map, read over a disc as wide as the light's penumbra about a hand's width behind an edge.
+float reaches(int i, vec3 l, float wide, float turn) {
+  vec3 u, v, q = (p + n * 0.02 - centre) / radius;
+  across(l, u, v);
+  vec2 at = 0.5 + 0.5 * vec2(dot(q, u), dot(q, v));
+  if (any(lessThan(at, vec2(0.0))) || any(greaterThan(at, vec2(1.0)))) return 1.0;
+  float here = clamp(0.5 - 0.5 * dot(q, l) - 0.004, 0.0, 1.0), spread = clamp(0.3 * wide / radius, 0.0015, 0.1), sum = 0.0;
+  for (int k = 0; k < taps; k++) {
+    float r = sqrt((float(k) + 0.5) / float(taps)), a = turn + 2.399963 * float(k);
+    sum += texture(depths, vec4(at + spread * r * vec2(cos(a), sin(a)), float(i), here));
+  }
+  return sum / float(taps);
+}
+
+vec3 harmonics(vec3 d, vec3 scale) {
+  return max(vec3(0.0), scale.x * 0.282095 * ambient[0]
+    + scale.y * 0.488603 * (d.y * ambient[1] + d.z * ambient[2] + d.x * ambient[3])
+    + scale.z * (1.092548 * (d.x * d.y * ambient[4] + d.y * d.z * ambient[5] + d.x * d.z * ambient[7])
+    + 0.315392 * (3.0 * d.z * d.z - 1.0) * ambient[6] + 0.546274 * (d.x * d.x - d.y * d.y) * ambient[8]));
+}
+
+void main() {
+  vec3 m = normalize(n), view = normalize(eye - p);
+  float nv = max(dot(m, view), 0.02), turn = 6.2832 * fract(52.9829189 * fract(dot(gl_FragCoord.xy, vec2(0.06711056, 0.00583715))));
+  // Lambert and [Ramamoorthi2001]; the gloss of what is in harmonics is their radiance.
+  vec3 diffuse = harmonics(m, vec3(PI, 2.0 * PI / 3.0, PI / 4.0)), gloss = harmonics(reflect(-view, m), vec3(1.0)) * 0.04;
+  for (int i = 0; i < lights; i++) {
+    vec3 l = direction[i].xyz;
+    float nl = dot(m, l);
+    if (nl <= 0.0) continue;
+    vec3 e = irradiance[i].rgb;
+    if (i < shadows) e *= reaches(i, l, direction[i].w, turn);
+    diffuse += e * nl;
+    if (rough > 0.5) continue;
+    // GGX with Schlick's terms, wider where the light is; what is rough does without.
+    float a = min(1.0, rough * rough + 0.5 * direction[i].w), a2 = a * a, k = 0.5 * a;
+    vec3 h = normalize(l + view);
+    float nh = max(dot(m, h), 0.0), t = nh * nh * (a2 - 1.0) + 1.0, g = 1.0 - max(dot(h, view), 0.0), f = 0.04 + 0.96 * g * g * g * g * g;
+    gloss += e * nl * f * a2 / (PI * t * t) / (4.0 * mix(nl, 1.0, k) * mix(nv, 1.0, k));
+  }
+  float fade = 1.0 - smoothstep(4.5, 8.8, length(p.xy));
+  result = vec4(display(exposure * (albedo / PI * diffuse + gloss)) * fade, fade);
+}`,
+};
+
+/** The same without shadows: what is not called still costs a renderer without a GPU a third of its time. */
+export const plain = {
+  vertex: solid.vertex,
+  fragment: solid.fragment.replace(/^.*reaches\(i, l,.*$/m, ""),
+};
+
+export const sky = {
+  vertex: `${HEAD}
+uniform mat4 back;
+uniform vec3 eye;
+out vec3 d;
+void main() {
+  vec2 at = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0;
+  vec4 far = back * vec4(at, 1.0, 1.0);
+  d = far.xyz / far.w - eye;
+  gl_Position = vec4(at, 1.0, 1.0);
+}`,
+  fragment: `${HEAD}${DISPLAY}
+in vec3 d;
+uniform sampler2D map;
+uniform bool known;
+uniform float exposure;
+out vec4 result;
+void main() {
+  vec3 v = normalize(d);
+  vec3 dark = mix(vec3(0.075, 0.075, 0.085), vec3(0.13, 0.13, 0.15), smoothstep(-0.4, 0.4, v.z));
+  vec2 at = vec2(0.5 - atan(v.y, v.x) / 6.2831853, acos(clamp(v.z, 0.0, 1.0)) / 1.5707963);
+  vec3 radiance = textureLod(map, at, 0.0).rgb;
+  // What the lens does not see has no colour of its own.
+  vec3 above = known ? mix(dark, display(exposure * radiance), smoothstep(0.0, 1e-3, exposure * radiance.g)) : dark;
+  result = vec4(mix(dark, above, smoothstep(-0.02, 0.015, v.z) * (known ? 1.0 : 0.0)), 1.0);
+}`,
+};
+
+export const rays = {
+  vertex: `${HEAD}
+layout(location = 0) in vec3 position;
+layout(location = 1) in vec4 colour;
+uniform mat4 view;
+out vec3 c;
+void main() {
+  c = colour.rgb;
+  gl_Position = view * vec4(position, 1.0);
+  gl_PointSize = colour.a;
+}`,
+  fragment: `${HEAD}
+in vec3 c;
+out vec4 result;
+void main() { result = vec4(c, 1.0); }`,
+};

@@ -1,0 +1,115 @@
+//! The page in a real browser: chromium without a window, driven by playwright-core from `page/*.mjs`.
+//!
+//! HEMILUX_NODE names a folder with node_modules/playwright-core and axe-core (`npm install --prefix FOLDER playwright-core axe-core`). What is
+//! not there is skipped with a line that says so; `HEMILUX_RIG=1` demands it all.
+
+mod bench;
+
+use bench::Bench;
+use hemilux::server::{Access, Limits, Options, Token};
+use std::io::{BufRead, BufReader, Write};
+use std::os::unix::fs::PermissionsExt;
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
+
+const EVERY: Duration = Duration::from_millis(100);
+const SECRET: &str = "correct-horse-battery";
+
+/// A browser without a GPU takes all there is of a machine: one at a time.
+static BROWSER: Mutex<()> = Mutex::new(());
+
+/// The browser and the folder with the modules, or a line that says what is missing.
+fn tools() -> Option<(&'static str, PathBuf)> {
+    let runs = |name: &str| {
+        Command::new(name).arg("--version").stdin(Stdio::null()).output().is_ok_and(|o| o.status.success())
+    };
+    let browser = ["chromium", "chromium-browser", "google-chrome"].into_iter().find(|name| runs(name));
+    let node = std::env::var_os("HEMILUX_NODE").map(PathBuf::from);
+    let has =
+        |f: &PathBuf| ["playwright-core", "axe-core"].iter().all(|m| f.join("node_modules").join(m).is_dir());
+    let missing = match (browser, node.filter(has)) {
+        (Some(browser), Some(folder)) if runs("node") => return Some((browser, folder)),
+        (None, _) => "chromium",
+        (_, None) => "HEMILUX_NODE, a folder with node_modules/playwright-core and axe-core",
+        _ => "node",
+    };
+    assert!(std::env::var("HEMILUX_RIG").is_err(), "no {missing}, and HEMILUX_RIG demands it");
+    println!("skipped: no {missing}");
+    None
+}
+
+/// Runs a scenario of `page/run.mjs` against `bench`, which is stopped and started again where the scenario asks for it.
+fn run(scenario: &str, mut bench: Bench) {
+    let Some((browser, folder)) = tools() else { return };
+    let _alone = BROWSER.lock().unwrap_or_else(PoisonError::into_inner);
+    bench.wait();
+    let address = bench.address();
+    let mut child = Command::new("node")
+        .arg(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/page/run.mjs"))
+        .args([scenario, &format!("http://{address}/"), SECRET])
+        .env("HEMILUX_NODE", folder)
+        .env("HEMILUX_BROWSER", browser)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("node runs");
+    let mut said = child.stdin.take().expect("a pipe");
+    let (mut told, mut stopped) = (Vec::new(), None);
+    for line in BufReader::new(child.stdout.take().expect("a pipe")).lines() {
+        let line = line.expect("text");
+        match line.as_str() {
+            "stop" => {
+                bench.running.stop();
+                stopped = Some(bench.probe);
+                bench = Bench::running(EVERY, Limits::default(), Options::default());
+            }
+            "start" => {
+                drop(stopped.take());
+                bench = Bench::at(address, EVERY);
+            }
+            _ => told.push(line),
+        }
+        // Who does not ask does not listen.
+        let _ = writeln!(said, "done");
+    }
+    let _ = child.wait();
+    println!("{scenario}: {}", told.join("\n"));
+    assert_eq!(told.last().map(String::as_str), Some("passed"), "{scenario}: {}", told.join("\n"));
+}
+
+fn open() -> Bench {
+    Bench::running(EVERY, Limits::default(), Options::default())
+}
+
+#[test]
+fn the_page_shows_the_light_and_follows_it() {
+    run("live", open());
+}
+
+#[test]
+fn controls_act_by_keyboard_on_a_phone_and_nothing_bars_the_way() {
+    run("controls", open());
+}
+
+#[test]
+fn every_setting_acts_and_wrong_input_is_refused_in_place() {
+    run("settings", open());
+}
+
+#[test]
+fn nothing_is_shown_or_changed_without_the_token() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("token");
+    std::fs::write(&file, SECRET).expect("a file");
+    std::fs::set_permissions(&file, std::fs::Permissions::from_mode(0o600)).expect("permissions");
+    let (token, _) = Token::load_or_make(&file).expect("a token");
+    let access = Access::with_token(token).expect("random numbers");
+    run("login", Bench::running(EVERY, Limits::default(), Options { access, ..Options::default() }));
+}
+
+#[test]
+fn the_page_outlives_the_probe() {
+    run("restart", open());
+}
