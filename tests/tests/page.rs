@@ -41,9 +41,10 @@ fn tools() -> Option<(&'static str, PathBuf)> {
 }
 
 /// Runs a scenario of `page/run.mjs` against `bench`, which is stopped and started again where the scenario asks for it.
-fn run(scenario: &str, mut bench: Bench) {
+fn run(scenario: &str, bench: impl FnOnce() -> Bench) {
     let Some((browser, folder)) = tools() else { return };
     let _alone = BROWSER.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut bench = bench();
     bench.wait();
     let address = bench.address();
     let mut child = Command::new("node")
@@ -85,17 +86,17 @@ fn open() -> Bench {
 
 #[test]
 fn the_page_shows_the_light_and_follows_it() {
-    run("live", open());
+    run("live", open);
 }
 
 #[test]
 fn controls_act_by_keyboard_on_a_phone_and_nothing_bars_the_way() {
-    run("controls", open());
+    run("controls", open);
 }
 
 #[test]
 fn every_setting_acts_and_wrong_input_is_refused_in_place() {
-    run("settings", open());
+    run("settings", open);
 }
 
 #[test]
@@ -106,10 +107,10 @@ fn nothing_is_shown_or_changed_without_the_token() {
     std::fs::set_permissions(&file, std::fs::Permissions::from_mode(0o600)).expect("permissions");
     let (token, _) = Token::load_or_make(&file).expect("a token");
     let access = Access::with_token(token).expect("random numbers");
-    run("login", Bench::running(EVERY, Limits::default(), Options { access, ..Options::default() }));
+    run("login", || Bench::running(EVERY, Limits::default(), Options { access, ..Options::default() }));
 }
 
 #[test]
 fn the_page_outlives_the_probe() {
-    run("restart", open());
+    run("restart", open);
 }

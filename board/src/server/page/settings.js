@@ -116,9 +116,13 @@ function field(name, schema, change) {
     error.textContent = text;
     control.parts.forEach(part => part.setAttribute("aria-invalid", String(Boolean(text))));
   };
+  let shown;
   const show = (schema, isBusy) => {
     hint.textContent = `${schema.description} ${range(schema)}`;
-    if (isBusy) return;
+    const value = JSON.stringify(schema.value);
+    // What is wrong stays to be seen until it is mended or the value changes.
+    if (isBusy || (error.textContent && value === shown)) return;
+    shown = value;
     control.show(schema);
     fail("");
   };
