@@ -29,8 +29,10 @@ pub(super) const CEILINGS: [f32; 10] = [0.25, 0.5, 0.7, 1.0, 1.5, 3.0, 6.0, 12.0
 /// The last.
 pub(super) const ALL: usize = CEILINGS.len() - 1;
 
-/// Where the search for the best of them begins.
+/// Where the search for the best of them begins, and how it goes on.
 pub(super) const USUAL: usize = 4;
+pub(super) const HIGHER: &[usize] = &[5, 6, 7, 8];
+pub(super) const LOWER: &[usize] = &[3, 2, 1, 0];
 
 /// Radius of a disc as large as one of those quads, radians: (4 / 768)^(1/2).
 pub(super) const RADIUS: f32 = 0.0722;

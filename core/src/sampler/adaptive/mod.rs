@@ -69,7 +69,7 @@ pub struct Adaptive<B, H, L, T> {
     sources: source::Sources,
     fit: weights::Fit,
     receivers: receivers::Receivers,
-    /// What the errors of the receivers were found for: nothing yet, or how many lights.
+    /// What the errors of the receivers were found for: nothing yet, or how many lights there might be; a map may have fewer.
     looked_at: Option<usize>,
     cut: cut::Cut,
     activity: activity::Activity,
@@ -158,8 +158,8 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<Track>> Adaptiv
         filter::settle(lights, tracks, quiet);
         let nodes = Nodes::new(map, request.ambient.then_some(&self.ambient));
         keep_energy(lights, nodes.quad(0, 0).rgb());
-        let turn = if self.looked_at == Some(self.count) { TURN } else { RECEIVERS };
-        self.looked_at = Some(self.count);
+        let turn = if self.looked_at == Some(count) { TURN } else { RECEIVERS };
+        self.looked_at = Some(count);
         let error = self.error(map, request, turn);
         self.wanted.note(error);
         error
@@ -172,7 +172,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<Track>> Adaptiv
         }
         // From the usual ceiling up or down as long as that pays; or none, so that a few lights are never worse than no light.
         let mut best = (self.look(map, request, limit, ambient::USUAL), ambient::USUAL);
-        for ceilings in [&[5usize, 6, 7, 8] as &[usize], &[3, 2, 1, 0], &[ambient::ALL]] {
+        for ceilings in [ambient::HIGHER, ambient::LOWER, &[ambient::ALL]] {
             for ceiling in ceilings {
                 let error = self.look(map, request, limit, *ceiling);
                 if error >= best.0 {
@@ -293,5 +293,35 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<Track>> Sampler
         self.ceiling = (ambient::USUAL, 0);
         self.wanted.reset();
         self.tree.reset();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::healpix;
+    use crate::polar::LatLongView;
+    use crate::pyramid::{Pyramid, Quad, pyramid_len};
+
+    #[test]
+    fn a_map_that_rests_is_not_searched_again_however_few_lights_it_needs() {
+        const ORDER: u8 = 3;
+        let quads = [Quad::default(); pyramid_len(Domain::Sphere, ORDER)];
+        let mut map = Pyramid::try_new(quads, Domain::Sphere, ORDER).expect("room enough");
+        for (ipix, quad) in map.texels_mut().iter_mut().enumerate() {
+            *quad = Quad::from_light([1.0; 3], healpix::centre(ORDER, ipix as u32).as_vec3());
+        }
+        map.build();
+        let bits = [0u8; bits_len(Domain::Sphere, ORDER)];
+        let (lights, tracks) = ([Light::default(); 8], [Track::default(); 8]);
+        let memory = ([bits; 2], [Leaf::default(); 8], [lights; 2], [tracks; 2]);
+        let mut sampler =
+            Adaptive::try_new((Domain::Sphere, ORDER), memory.0, memory.1, memory.2, memory.3).expect("room");
+        let map = Map { pyramid: map.view(), polar: LatLongView::NONE };
+        for frame in 0..10 {
+            let made = sampler.update(&map, &Request { lights: 8, tolerance: None, ambient: true });
+            assert!(made.lights.is_empty(), "a flat map needs none");
+            assert_eq!(sampler.ceiling.1, frame, "frames since the last search");
+        }
     }
 }
