@@ -17,6 +17,7 @@ pub mod plan;
 pub mod front;
 
 pub mod pyramid;
+mod root;
 
 pub mod fill;
 pub mod polar;

@@ -23,10 +23,10 @@ pub struct Light {
     pub parent: Option<u32>,
 }
 
-/// Angular radius in degrees of the uniform cap whose mean direction has length `resultant`: R = (1 + cos a) / 2.
+/// Angular radius in degrees of the uniform cap of an angular `variance`: that is (1 - cos a) / 2.
 #[must_use]
-pub fn cap_radius_deg(resultant: f32) -> f32 {
-    libm::acosf((2.0 * resultant - 1.0).clamp(-1.0, 1.0)).to_degrees()
+pub fn cap_radius_deg(variance: f32) -> f32 {
+    2.0 * libm::asinf(libm::sqrtf(variance.clamp(0.0, 1.0))).to_degrees()
 }
 
 /// Least squared length of a mean direction that is more than rounding: f32 sums of opposite light cancel to about 1e-7.
@@ -41,7 +41,7 @@ impl Light {
             id,
             direction: mean.and_then(Vec3::try_normalize).unwrap_or_else(fallback),
             irradiance: quad.rgb(),
-            radius_deg: cap_radius_deg(quad.resultant()),
+            radius_deg: cap_radius_deg(quad.variance()),
             age: 0,
             parent: None,
         }

@@ -7,6 +7,7 @@ use crate::color::{self, MAX_ENERGY, luminance};
 use crate::format::Format;
 use crate::healpix::{self, Domain};
 use crate::plan::Texel;
+use crate::root::root;
 use glam::Vec3;
 
 /// Sums over one quad.
@@ -64,10 +65,16 @@ impl Quad {
         if self.y() > 0.0 { self.first_moment() / self.y() } else { Vec3::ZERO }
     }
 
-    /// Length of the mean direction, |m| / Y, in 0..=1; 1 for a quad without light.
+    /// Angular variance: 1 less the length of the mean direction, |m| / Y; 0 for a quad without light.
     #[must_use]
-    pub fn resultant(&self) -> f32 {
-        if self.y() > 0.0 { self.mean_direction().length().min(1.0) } else { 1.0 }
+    pub fn variance(&self) -> f32 {
+        // 1 - r = (1 - r^2) / (1 + r), in which an error of the root counts half.
+        let squared = self.mean_direction().length_squared();
+        if self.y() > 0.0 {
+            (1.0 - squared).max(0.0) / (1.0 + root(squared.max(f32::MIN_POSITIVE)))
+        } else {
+            0.0
+        }
     }
 
     /// Whether all of it is what [`Quad::from_light`] could have made.

@@ -95,7 +95,7 @@ fn merged(a: &Light, b: &Light) -> Light {
     let moment = a.direction * (ya * resultant(a)) + b.direction * (yb * resultant(b));
     let total = ya + yb;
     let radius_deg =
-        if total > 0.0 { cap_radius_deg((moment.length() / total).min(1.0)) } else { keep.radius_deg };
+        if total > 0.0 { cap_radius_deg(1.0 - (moment.length() / total).min(1.0)) } else { keep.radius_deg };
     let direction = (moment / total).try_normalize().unwrap_or(keep.direction);
     let irradiance = core::array::from_fn(|c| a.irradiance[c] + b.irradiance[c]);
     Light { direction, irradiance, radius_deg, ..*keep }

@@ -66,7 +66,7 @@ fn a_cap_has_the_radius_of_its_mean_resultant_length() {
     for (resultant, degrees) in
         [(1.0, 0.0), (0.75, 60.0), (0.5, 90.0), (0.0, 180.0), (1.1, 0.0), (-1.0, 180.0)]
     {
-        assert!((cap_radius_deg(resultant) - degrees).abs() < 1e-3, "{resultant}");
+        assert!((cap_radius_deg(1.0 - resultant) - degrees).abs() < 1e-3, "{resultant}");
     }
     assert_eq!(Light::default().radius_deg, 0.0);
 }

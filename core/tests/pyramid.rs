@@ -43,11 +43,11 @@ fn moments_point_where_the_light_comes_from() {
     let quad = Quad::from_light([2.0, 3.0, 4.0], lamp);
     let y = 0.2126 * 2.0 + 0.7152 * 3.0 + 0.0722 * 4.0;
     assert!((quad.y() - y).abs() < 1e-6 && (quad.first_moment() - y * lamp).length() < 1e-6);
-    assert!((quad.resultant() - 1.0).abs() < 1e-6);
+    assert!((quad.variance()).abs() < 1e-6);
     let mut both = quad;
     both.add(&Quad::from_light([2.0, 3.0, 4.0], -lamp));
-    assert!(both.resultant() < 1e-6 && (both.y() - 2.0 * y).abs() < 1e-5);
-    assert_eq!(Quad::default().resultant(), 1.0);
+    assert!(both.variance() > 1.0 - 1e-6 && (both.y() - 2.0 * y).abs() < 1e-5);
+    assert_eq!(Quad::default().variance(), 0.0);
 }
 
 #[test]

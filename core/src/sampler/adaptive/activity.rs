@@ -19,8 +19,8 @@ const MOST: f32 = 3.0;
 /// Least step of a quad's first moment, over its energy, that is motion and no noise; and the step that counts as full motion.
 const STEP: (f32, f32) = (0.025, 0.25);
 
-/// How fast the factor rises and falls, a frame.
-const RISE_AND_FALL: (f32, f32) = (0.5, 0.2);
+/// How fast the factor rises and falls, a frame: at once, so that what was split before does not hold the lights.
+const RISE_AND_FALL: (f32, f32) = (1.0, 0.5);
 
 /// A quad changes beyond noise if its share changes by this part.
 const CHANGE: f32 = 0.08;

@@ -44,7 +44,7 @@ const FITTED: usize = 64;
 const GATHERED: usize = 8;
 
 /// Receivers looked at in a frame that goes on as the last: all in eight frames.
-const TURN: usize = RECEIVERS / 8;
+const TURN: usize = RECEIVERS / 16;
 
 /// Frames after which another ceiling of the ambient light may be tried.
 const REST: u32 = 32;

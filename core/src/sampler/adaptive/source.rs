@@ -8,15 +8,16 @@ use super::nodes::Nodes;
 use super::tree::Leaf;
 use crate::light::Light;
 use crate::pyramid::Quad;
+use crate::root;
 use glam::Vec3;
 
 /// Most sources.
 pub(super) const SOURCES: usize = 1024;
 
-/// Levels of the tree between a leaf and its pieces: 512 pieces in all as long as weights are fitted, which costs as much as there are;
+/// Levels of the tree between a leaf and its pieces: 256 pieces in all as long as weights are fitted, which costs as much as there are;
 /// more for more lights.
 fn levels(lights: usize) -> u8 {
-    let most = if lights <= super::FITTED { SOURCES / 2 } else { SOURCES };
+    let most = if lights <= super::FITTED { SOURCES / 4 } else { SOURCES };
     (most / lights.max(1)).checked_ilog2().unwrap_or(0) as u8
 }
 
@@ -71,10 +72,9 @@ impl Sources {
         }
         for (leaf, quad) in pieces(nodes, leaves, lights.len()) {
             let owner = if lights.len() <= GATHERED { nearest(lights, &quad) } else { leaf };
-            if let (Some(source), Some(at)) =
-                (self.all.get_mut(self.len), quad.mean_direction().try_normalize())
+            if let (Some(source), Some(at)) = (self.all.get_mut(self.len), root::unit(quad.mean_direction()))
             {
-                let radius = disc(1.0 - quad.resultant());
+                let radius = disc(quad.variance());
                 *source = Source { at, radius, y: quad.y(), owner: owner as u16 };
                 self.len += 1;
             }
@@ -91,7 +91,7 @@ impl Sources {
     }
 }
 
-/// Radius of a uniform disc whose mean direction is shorter than 1 by `spread`, which is a quarter of its square.
-fn disc(spread: f32) -> f32 {
-    2.0 * libm::sqrtf(spread.max(0.0))
+/// Radius of a uniform disc of that angular variance, which is a quarter of its square.
+fn disc(variance: f32) -> f32 {
+    2.0 * root::root(variance.max(1e-12))
 }

@@ -8,17 +8,19 @@ use crate::arena::Buffer;
 use crate::healpix::Domain;
 use crate::light::Light;
 use crate::pyramid::{PyramidView, Quad};
+use crate::root::root;
 use crate::sampler::heap;
 use glam::Vec3;
 
 /// A split of the last frame is given up only for one that is more important by this factor less 1.
 ///
-/// At 2 % texel noise the importance of a quad moves by a few per cent; less lets noise change the tree, more keeps lights where they
-/// are no longer needed.
-const HYSTERESIS: f32 = 0.3;
+/// At 2 % texel noise the importance of a quad moves by a few per cent; less than that lets noise change the tree. More keeps lights
+/// where they are, so that a lamp switched on takes fewer from the rest of the scene, and one that moves has fewer of its own. Of 0, 0.3,
+/// 1, 1.3, 1.6 and 3, 1 is the most that costs moving lamps nothing.
+const HYSTERESIS: f32 = 1.0;
 
 /// Least 1 - |m| that counts: what is closer together than this is one direction.
-const LEAST_SPREAD: f32 = 1e-7;
+const LEAST_VARIANCE: f32 = 1e-7;
 
 /// A node that may be split.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -163,8 +165,8 @@ impl Emit<'_> {
 /// region's width, (1 - |m|)^(1/2): Y^2 (1 - |m|)^(1/2) in the mean square, so 1/4 would be its exponent here. Open receivers
 /// see Y (1 - |m|). Of 1/4, 3/8 and 1/2, 3/8 is the best compromise over the maps and scenarios of `host-sim`.
 fn importance(quad: &Quad) -> f32 {
-    let fourth = libm::sqrtf(libm::sqrtf((1.0 - quad.resultant()).max(LEAST_SPREAD)));
-    quad.y() * fourth * libm::sqrtf(fourth)
+    let fourth = root(root(quad.variance().max(LEAST_VARIANCE)));
+    quad.y() * fourth * root(fourth)
 }
 
 /// Whether `a` is split before `b`; ties by place, so that they never depend on history.

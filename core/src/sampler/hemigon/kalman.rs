@@ -5,7 +5,7 @@
 //!
 //! ```text
 //! P += Q;  S = P + R;  w = step / sqrt(S)
-//! |w|^2 > gate:          a jump: all of it, P = R (or none, if it is to be confirmed and the last frame had none that way)
+//! |w|^2 > gate:          a jump: all of it, P = R (or none, if it is to be confirmed and the last frame neither had one that way nor jumped)
 //! |CUSUM of w| > alarm:  a small step that persists: all of it, P = R
 //! else                   P / S of it, P = P R / S
 //! ```
@@ -51,8 +51,10 @@ pub struct Kalman {
     /// P.
     variance: f32,
     cusum: Vec3,
-    /// The last frame's jump, taken or not, in standard deviations.
+    /// The last frame's jump if it was not taken, in standard deviations.
     suspected: Vec3,
+    /// Whether the last frame's step was taken whole.
+    jumped: bool,
 }
 
 impl Kalman {
@@ -67,24 +69,24 @@ impl Kalman {
         let variance = self.variance + parameters.drift_hz / parameters.frame_rate_hz * noise;
         let w = step / libm::sqrtf(variance + noise);
         if !w.is_finite() {
-            return self.jump(noise, Vec3::ZERO);
+            return self.jump(noise);
         }
         let is_drift = self.accumulate(w) > parameters.alarm;
         let exceeds = w.length_squared() > parameters.gate;
-        let is_confirmed = !parameters.confirm || self.suspected.dot(w) > 0.0;
-        let suspected = if exceeds { w } else { Vec3::ZERO };
+        // What moved in the last frame may go on any way.
+        let is_confirmed = !parameters.confirm || self.jumped || self.suspected.dot(w) > 0.0;
         if (exceeds && is_confirmed) || is_drift {
-            return self.jump(noise, suspected);
+            return self.jump(noise);
         }
-        self.suspected = suspected;
+        (self.suspected, self.jumped) = (if exceeds { w } else { Vec3::ZERO }, false);
         let gain = if exceeds { 0.0 } else { variance / (variance + noise) };
         self.variance = variance * (1.0 - gain);
         gain
     }
 
-    /// Takes a step whole. The next jump that way needs no confirmation: it goes on.
-    fn jump(&mut self, noise: f32, suspected: Vec3) -> f32 {
-        *self = Self { suspected, ..Self::at(noise) };
+    /// Takes a step whole.
+    fn jump(&mut self, noise: f32) -> f32 {
+        *self = Self { jumped: true, ..Self::at(noise) };
         1.0
     }
 
@@ -106,8 +108,10 @@ pub struct Track {
     colour: [f32; 3],
     /// As measured in the last two frames.
     measured: [Vec3; 2],
-    /// Variance of the noise per axis, radians squared.
-    noise: f32,
+    /// Variance of the noise per axis, radians squared, from second differences: what accelerates counts as noise.
+    uneven: f32,
+    /// Running mean of the product of successive steps over the longer one's square: 1 for even motion, [`NOISE_HEADING`] for noise.
+    heading: f32,
     /// Frames that the noise was measured in, at most [`SETTLED`].
     measurements: u8,
 }
@@ -117,6 +121,9 @@ const LEAST_NOISE: f32 = 1e-8;
 
 /// Frames over which the noise is averaged.
 const SETTLED: u8 = 10;
+
+/// The mean product of successive steps of normal noise in the plane, over the longer one's square: each step undoes part of the last.
+const NOISE_HEADING: f32 = -0.27;
 
 /// A measurement counts at most this many times the mean: jumps are no noise.
 const MOST_NOISE: f32 = 9.0;
@@ -128,7 +135,8 @@ impl Track {
             direction: seen.direction,
             colour: seen.colour,
             measured: [seen.direction; 2],
-            noise: LEAST_NOISE,
+            uneven: LEAST_NOISE,
+            heading: 0.0,
             measurements: 0,
         }
     }
@@ -136,22 +144,28 @@ impl Track {
     /// Learns the noise from the second difference of the path, in which steady motion cancels: its variance is six times the noise's.
     fn learn(&mut self, direction: Vec3) {
         let [last, before] = self.measured;
-        let found = (direction - last * 2.0 + before).length_squared() / (6.0 * 2.0);
-        let most = if self.measurements > 3 { MOST_NOISE * self.noise } else { f32::INFINITY };
+        let (step, step_before) = (direction - last, last - before);
+        let found = (step - step_before).length_squared() / (6.0 * 2.0);
+        let most = if self.measurements > 3 { MOST_NOISE * self.uneven } else { f32::INFINITY };
         self.measurements = (self.measurements + 1).min(SETTLED);
-        self.noise += (found.min(most) - self.noise) / f32::from(self.measurements);
-        self.noise = self.noise.max(LEAST_NOISE);
+        let weight = 1.0 / f32::from(self.measurements);
+        self.uneven += (found.min(most) - self.uneven) * weight;
+        self.uneven = self.uneven.max(LEAST_NOISE);
+        let longer = step.length_squared().max(step_before.length_squared());
+        let heading = if longer > 0.0 { step.dot(step_before) / longer } else { 0.0 };
+        self.heading += (heading - self.heading) * weight;
         self.measured = [direction, last];
     }
 
+    /// Variance of the noise per axis, radians squared: none of what goes on the way it went.
+    fn noise(&self) -> f32 {
+        (self.uneven * (self.heading / NOISE_HEADING).clamp(0.0, 1.0)).max(LEAST_NOISE)
+    }
+
     fn step(&mut self, parameters: &Parameters, is_jump: bool, seen: Seen) {
-        let noise = self.noise;
+        let noise = self.noise();
         let step = tangent(self.direction, seen.direction);
-        let gain = if is_jump {
-            self.kalman.jump(noise, Vec3::ZERO)
-        } else {
-            self.kalman.gain(parameters, step, noise)
-        };
+        let gain = if is_jump { self.kalman.jump(noise) } else { self.kalman.gain(parameters, step, noise) };
         let moved = self.direction + (seen.direction - self.direction) * gain;
         self.direction = moved.try_normalize().unwrap_or(seen.direction);
         if gain == 1.0 {
