@@ -33,7 +33,6 @@ use crate::light::{Decomposition, Light};
 use crate::pyramid::PyramidView;
 pub use filter::Track;
 use nodes::Nodes;
-use receivers::RECEIVERS;
 use tree::Tree;
 pub use tree::{Leaf, bits_len};
 
@@ -42,9 +41,6 @@ const FITTED: usize = 64;
 
 /// Most lights that are moved to the centroids of what is nearest to them.
 const GATHERED: usize = 8;
-
-/// Receivers looked at in a frame that goes on as the last: all in eight frames.
-const TURN: usize = RECEIVERS / 16;
 
 /// Frames after which another ceiling of the ambient light may be tried.
 const REST: u32 = 32;
@@ -158,9 +154,9 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<Track>> Adaptiv
         filter::settle(lights, tracks, quiet);
         let nodes = Nodes::new(map, request.ambient.then_some(&self.ambient));
         keep_energy(lights, nodes.quad(0, 0).rgb());
-        let turn = if self.looked_at == Some(count) { TURN } else { RECEIVERS };
+        let anew = self.looked_at != Some(count);
         self.looked_at = Some(count);
-        let error = self.error(map, request, turn);
+        let error = self.error(map, request, anew);
         self.wanted.note(error);
         error
     }
@@ -194,7 +190,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<Track>> Adaptiv
         self.place(map, request, limit, ceiling);
         self.weigh(map, request);
         self.looked_at = None;
-        self.error(map, request, RECEIVERS)
+        self.error(map, request, true)
     }
 
     /// Puts at most `limit` lights in place.
@@ -225,8 +221,8 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<Track>> Adaptiv
         keep_energy(lights, nodes.quad(0, 0).rgb());
     }
 
-    /// Estimates the shadowed error; `turn` receivers look at the lights anew.
-    fn error(&mut self, map: &PyramidView<'_>, request: &Request, turn: usize) -> f32 {
+    /// Estimates the shadowed error; receivers look at the lights `anew`, or a part of them.
+    fn error(&mut self, map: &PyramidView<'_>, request: &Request, anew: bool) -> f32 {
         let lights = &self.lights[0].as_ref()[..self.count];
         if self.count > source::SOURCES {
             return estimate::shadowed_error(lights);
@@ -244,7 +240,8 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<Track>> Adaptiv
                 self.receivers.add(at, ambient::RADIUS, y * whole);
             }
         }
-        self.receivers.error(turn).max(estimate::FLOOR)
+        let error = if anew { self.receivers.look() } else { self.receivers.turn() };
+        error.max(estimate::FLOOR)
     }
 }
 

@@ -13,6 +13,15 @@ pub(super) const RECEIVERS: usize = 512;
 /// Most points: sources, lights and quads of ambient light.
 const POINTS: usize = 2 * super::source::SOURCES + super::ambient::QUADS;
 
+/// Receivers looked at in a frame that goes on as the last: all in sixteen frames.
+const TURN: usize = RECEIVERS / 16;
+
+/// Points times receivers in one frame: more, and the first frame after a cut would take several times as long as any other.
+const MOST: usize = 1 << 19;
+
+/// From one receiver to the next: a step that leads to all of them, by way of all directions.
+const STRIDE: usize = 197;
+
 /// Mean over receivers of max(0, n . d) V(d): 1/4 times the share of the sphere outside the mean cone.
 const MEAN: f32 = 0.224_17;
 
@@ -33,10 +42,11 @@ struct Receiver {
 #[derive(Clone, Debug)]
 pub(super) struct Receivers {
     receivers: [Receiver; RECEIVERS],
-    /// The error of each as it was found last, over the mean.
+    /// The errors of the receivers in the order of [`STRIDE`], as they were found last, over the mean.
     errors: [f32; RECEIVERS],
-    /// The receiver whose turn it is.
+    /// Whose turn it is, and how many have had one.
     next: usize,
+    known: usize,
     axes: [[i16; POINTS]; 3],
     energies: [i32; POINTS],
     /// 1 / diameter, in Q12 per Q14 of angle, Q8.
@@ -50,6 +60,7 @@ impl Receivers {
             receivers: core::array::from_fn(receiver),
             errors: [0.0; RECEIVERS],
             next: 0,
+            known: 0,
             axes: [[0; POINTS]; 3],
             energies: [0; POINTS],
             slopes: [0; POINTS],
@@ -74,15 +85,28 @@ impl Receivers {
         }
     }
 
-    /// Looks through the next `count` receivers and gives the RMS error over all, over their mean.
-    pub(super) fn error(&mut self, count: usize) -> f32 {
+    /// Looks with the eyes of all receivers anew, or of as many as [`MOST`] allows; gives the RMS error over them, over their mean.
+    pub(super) fn look(&mut self) -> f32 {
+        self.known = 0;
+        self.go_on(RECEIVERS.min(MOST / self.points.max(1)).max(TURN))
+    }
+
+    /// As [`Receivers::look`], but with the eyes of [`TURN`] more receivers: the errors of the others are as they were found before.
+    pub(super) fn turn(&mut self) -> f32 {
+        self.go_on(TURN)
+    }
+
+    fn go_on(&mut self, count: usize) -> f32 {
         for _ in 0..count {
-            let receiver = self.receivers[self.next];
-            self.errors[self.next] = self.received(&receiver) as f32 / (SHARE * 4096.0 * MEAN);
+            let receiver = self.receivers[(self.next * STRIDE) % RECEIVERS];
+            self.errors[self.next % RECEIVERS] = self.received(&receiver) as f32 / (SHARE * 4096.0 * MEAN);
             self.next = (self.next + 1) % RECEIVERS;
+            self.known = (self.known + 1).min(RECEIVERS);
         }
-        let sum: f32 = self.errors.iter().map(|e| e * e).sum();
-        libm::sqrtf(sum / RECEIVERS as f32)
+        // The last `known` up to `next`.
+        let first = self.next + RECEIVERS - self.known;
+        let sum: f32 = (first..first + self.known).map(|k| self.errors[k % RECEIVERS]).map(|e| e * e).sum();
+        libm::sqrtf(sum / self.known.max(1) as f32)
     }
 
     /// What a receiver gets, Q30.
