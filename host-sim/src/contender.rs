@@ -35,20 +35,27 @@ impl Method {
     /// The fewest lights that it gives.
     #[must_use]
     pub fn least(&self, domain: Domain) -> usize {
-        if self.kind == Kind::Core { samplers::least_lights(self.name, domain).unwrap_or(1) } else { 1 }
+        if self.kind == Kind::Core { samplers::least_lights(self.base(), domain).unwrap_or(1) } else { 1 }
     }
 
-    /// The method whose lights are gathered.
+    /// The method whose lights are gathered, or the sampler that is asked for ambient light.
     #[must_use]
     pub fn base(&self) -> &'static str {
-        self.name.strip_suffix("+v").unwrap_or(self.name)
+        self.name.strip_suffix("+v").or(self.name.strip_suffix("+sh")).unwrap_or(self.name)
+    }
+
+    /// What is asked of a sampler of the core.
+    #[must_use]
+    pub fn request(&self, lights: usize) -> Request {
+        Request { ambient: self.name.ends_with("+sh"), ..Request::of_lights(lights) }
     }
 }
 
-/// All methods: the core's by [`samplers::NAMES`], then the baselines, then `volume`.
+/// All methods: the core's by [`samplers::NAMES`] and `adaptive` with ambient light, then the baselines, then `volume`.
 #[must_use]
 pub fn methods() -> Vec<Method> {
-    let core = samplers::NAMES.iter().map(|name| Method { name, kind: Kind::Core });
+    let core =
+        samplers::NAMES.into_iter().chain(["adaptive+sh"]).map(|name| Method { name, kind: Kind::Core });
     let baselines = baseline::all().into_iter().map(|b| {
         let kind = if b.name().ends_with("+v") { Kind::Gathered } else { Kind::Baseline };
         Method { name: b.name(), kind }
@@ -108,7 +115,7 @@ pub fn run_core(scenario: &Scenario, counts: &[usize]) -> Vec<Run> {
         .iter()
         .flat_map(|&method| counts.iter().map(move |&lights| (method, lights)))
         .map(|(method, lights)| {
-            (method, lights, samplers::make(method.name, &shape, lights).ok(), Vec::new())
+            (method, lights, samplers::make(method.base(), &shape, lights).ok(), Vec::new())
         })
         .collect();
     for (t, map) in scenario.seen().iter().enumerate() {
@@ -116,7 +123,7 @@ pub fn run_core(scenario: &Scenario, counts: &[usize]) -> Vec<Run> {
         for (method, lights, sampler, sets) in &mut running {
             if let Some(sampler) = sampler {
                 let lights = scenario.lights(t, *lights, method.least(scenario.domain));
-                sets.push(judged(&sampler.update(&maps.view(), &Request::of_lights(lights))));
+                sets.push(judged(&sampler.update(&maps.view(), &method.request(lights))));
             }
         }
     }

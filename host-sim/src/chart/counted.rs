@@ -32,7 +32,7 @@ pub fn sample_frames(sampler: &str, lights: usize, frames: usize) -> Result<(), 
 
 /// Adds the instructions per frame to the core's points of `lights` lights; without valgrind nothing.
 pub(super) fn add(points: &mut [Point], lights: usize) {
-    for point in points.iter_mut().filter(|p| p.burst_ms.is_some() && p.lights == lights) {
+    for point in points.iter_mut().filter(|p| samplers::NAMES.contains(&p.sampler) && p.lights == lights) {
         let run = |frames| count(point.sampler, lights, frames);
         let [few, many] = FRAMES.map(run);
         point.instructions = few.zip(many).map(|(a, b)| b.saturating_sub(a) / (FRAMES[1] - FRAMES[0]) as u64);

@@ -166,10 +166,11 @@ fn pareto(mut values: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
     values
 }
 
-/// How a method is drawn: the core's thick and filled, the literature's thin and hollow, gathered ones dashed.
+/// How a method is drawn: the core's thick and filled, the literature's thin and hollow, what builds upon another dashed.
 struct Look {
     colour: RGBColor,
     kind: Kind,
+    dashed: bool,
 }
 
 impl Look {
@@ -179,15 +180,17 @@ impl Look {
         let mut bases: Vec<&str> = all.iter().filter(core).map(Method::base).collect();
         bases.dedup();
         let index = bases.iter().position(|name| *name == method.base()).unwrap_or(0);
-        Self { colour: PALETTE[index % PALETTE.len()], kind: method.kind }
+        let dashed = method.base() != method.name;
+        Self { colour: PALETTE[index % PALETTE.len()], kind: method.kind, dashed }
     }
 
     fn curve(&self, canvas: &Canvas<'_>, points: &[(usize, [f64; 2])]) {
         let line: Vec<[f64; 2]> = points.iter().map(|(_, at)| *at).collect();
-        match self.kind {
-            Kind::Core => canvas.line(&line, self.colour, 3),
-            Kind::Gathered => canvas.dashes(&line, self.colour, 1),
-            Kind::Baseline | Kind::Offline => canvas.line(&line, self.colour, 1),
+        let width = if self.kind == Kind::Core { 3 } else { 1 };
+        if self.dashed {
+            canvas.dashes(&line, self.colour, width);
+        } else {
+            canvas.line(&line, self.colour, width);
         }
         for (lights, at) in points {
             let radius = if *lights == MARKED { 5 } else { 2 };

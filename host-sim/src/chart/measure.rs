@@ -3,7 +3,7 @@
 use super::Point;
 use crate::baseline::gather;
 use crate::burst;
-use crate::contender::{Kind, baseline_called, judged, methods};
+use crate::contender::{Kind, Method, baseline_called, judged, methods};
 use crate::env::EnvMap;
 use crate::error::SimError;
 use crate::maps::{self, Maps};
@@ -12,7 +12,6 @@ use hemilux::pipeline::{Pipeline, Settings};
 use hemilux::recorded::LensFile;
 use hemilux::samplers::{self, Shape};
 use hemilux_core::lens::{Intrinsics, Lens, Model};
-use hemilux_core::sampler::Request;
 use std::time::Instant;
 
 /// A map, prepared for samplers and for the judge.
@@ -54,14 +53,14 @@ impl Ground {
     /// # Panics
     /// If the sampler does not exist or gives more lights at least.
     #[must_use]
-    pub fn time_core(&self, name: &str, lights: usize, repeats: usize) -> Timed {
-        let mut sampler = samplers::make(name, &self.shape, lights)
+    pub fn time_core(&self, method: &Method, lights: usize, repeats: usize) -> Timed {
+        let mut sampler = samplers::make(method.base(), &self.shape, lights)
             .expect("a name and a count from the samplers' own lists");
         let view = self.maps.view();
         let (mut times, mut set) = (Vec::new(), LitSet::default());
         for _ in 0..repeats.max(1) {
             let began = Instant::now();
-            let made = sampler.update(&view, &Request::of_lights(lights));
+            let made = sampler.update(&view, &method.request(lights));
             times.push(1e3 * began.elapsed().as_secs_f64());
             set = judged(&made);
         }
@@ -117,11 +116,12 @@ pub(super) fn bursts(env: &EnvMap, points: &mut [Point], repeats: usize) -> Resu
     let sensor = burst::Sensor { bits: 8, full_well: 10_000.0, read_noise: 3.0 };
     let (calibration, burst) = burst::in_memory(env, &standard_lens(), &burst::THESIS_EXPOSURES_S, sensor, 1);
     let exposures: Vec<_> = burst.frames.iter().map(|f| f.exposure).collect();
-    let core: Vec<_> = methods().into_iter().filter(|m| m.kind == Kind::Core).map(|m| m.name).collect();
-    for point in points.iter_mut().filter(|p| core.contains(&p.sampler)) {
-        let least = samplers::least_lights(point.sampler, Domain::Hemisphere).unwrap_or(1);
-        let lights = point.lights.max(least);
-        let settings = Settings { sampler: point.sampler.into(), lights, ..Settings::default() };
+    let core: Vec<_> = methods().into_iter().filter(|m| m.kind == Kind::Core).collect();
+    for point in points {
+        let Some(method) = core.iter().find(|m| m.name == point.sampler) else { continue };
+        let lights = point.lights.max(method.least(Domain::Hemisphere));
+        let ambient = method.request(lights).ambient;
+        let settings = Settings { sampler: method.base().into(), lights, ambient, ..Settings::default() };
         let mut pipeline = Pipeline::try_new(calibration.clone(), &exposures, settings)?;
         let mut times = Vec::new();
         for _ in 0..repeats.max(1) {

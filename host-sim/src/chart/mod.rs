@@ -157,7 +157,7 @@ fn over_maps(
     let (mut raw, mut gathered) = (Vec::new(), Vec::new());
     for ground in grounds {
         if method.kind == Kind::Core {
-            raw.push(ground.time_core(method.name, lights, repeats));
+            raw.push(ground.time_core(method, lights, repeats));
         } else {
             let [plain, with_v] = ground.time_baseline(method.name, lights);
             raw.push(plain);

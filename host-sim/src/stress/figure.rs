@@ -1,9 +1,9 @@
 //! The report as small multiples: one panel per scenario, one line per method, everything in per cent on one log axis.
 
 use super::Row;
+use crate::contender::{Kind, methods};
 use crate::draw::{BLUE, Canvas, GREEN, GREY, INK, LogAxis, PALE, PURPLE, VERMILLION, plain};
 use crate::scenario;
-use hemilux::samplers;
 use plotters::style::RGBColor;
 use plotters::style::text_anchor::HPos;
 
@@ -76,9 +76,10 @@ fn draw_panel(canvas: &Canvas<'_>, [x, y]: [f64; 2], name: &str, rows: &[&Row]) 
         canvas.line(&[[at, top], [at, bottom]], PALE, 1);
         canvas.text(&format!("{} %", plain(value)), [at, bottom + 10.0], HPos::Center, 10, GREY);
     }
+    let core: Vec<_> = methods().into_iter().filter(|m| m.kind == Kind::Core).collect();
     for (k, row) in rows.iter().enumerate() {
         let middle = top + LINE * (k as f64 + 0.5);
-        let colour = if samplers::NAMES.contains(&row.sampler) { INK } else { GREY };
+        let colour = if core.iter().any(|m| m.name == row.sampler) { INK } else { GREY };
         canvas.text(row.sampler, [x + LABELS - 6.0, middle], HPos::Right, 11, colour);
         canvas.text(&extra.value(row), [x + LABELS + PLOT + EXTRA - 4.0, middle], HPos::Right, 10, colour);
         marks(canvas, &axis, middle, row);
