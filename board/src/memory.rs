@@ -117,7 +117,8 @@ fn sampler(name: &str, order: u8, grid: &Grid, lights: usize) -> Vec<Room> {
         _ => vec![
             Room::of::<u8>("sampler: bits", 2 * q2tree::interior_len(domain, order)),
             Room::of::<q2tree::Leaf>("sampler: heap", lights),
-            Room::of::<Light>("sampler: lights", 2 * lights),
+            Room::of::<Light>("sampler: lights", lights),
+            Room::of::<q2tree::Past>("sampler: past", lights),
         ],
     }
 }

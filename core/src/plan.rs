@@ -68,6 +68,7 @@ pub struct Texel {
 
 /// Why a plan was refused.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum PlanError {
     /// The image has no pixels, or more than 2^26.
     BadSize,
@@ -138,6 +139,7 @@ pub struct PlanView<'a> {
 
 /// Elements that a plan needs of each buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PlanSize {
     /// Image rows.
     pub spans: usize,

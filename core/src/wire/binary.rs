@@ -152,6 +152,7 @@ fn short(text: &str) -> &str {
 
 /// Why bytes are not a light set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum DecodeError {
     /// They do not begin with `HMLX`.
     NotALightSet,

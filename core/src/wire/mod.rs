@@ -21,6 +21,7 @@ use embedded_io::Write;
 
 /// What a light's numbers are in.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Unit {
     /// Proportional to lux, with an unknown factor.
     #[default]
@@ -137,6 +138,7 @@ type Fmt<E> = Result<(), embedded_io::WriteFmtError<E>>;
 
 /// Why a set could not be written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum EncodeError<E> {
     /// The writer refused.
     Io(E),
