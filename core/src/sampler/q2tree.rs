@@ -178,7 +178,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, P: Buffer<Past>> Q2Tree<B
             self.push(&mut len, map, 0, ipix);
         }
         while lit < lights
-            && let Some(leaf) = heap::pop(&mut self.heap.as_mut()[..len], before)
+            && let Some(leaf) = heap::pop(self.heap.as_mut().get_mut(..len).unwrap_or_default(), before)
         {
             len -= 1;
             let (order, ipix) = (leaf.order(), leaf.ipix());
@@ -198,11 +198,14 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, P: Buffer<Past>> Q2Tree<B
     /// Adds a leaf to the heap unless it is dark or of the finest order.
     fn push(&mut self, len: &mut usize, map: &PyramidView<'_>, order: u8, ipix: u32) {
         let importance = self.importance(map, order, ipix);
-        let leaves = self.heap.as_mut();
-        if importance > 0.0 && order < map.order() && *len < leaves.len() {
-            leaves[*len] = Leaf { importance, id: id_of(order, ipix) };
+        if importance > 0.0
+            && order < map.order()
+            && let Some(leaves) = self.heap.as_mut().get_mut(..=*len)
+            && let Some(last) = leaves.last_mut()
+        {
+            *last = Leaf { importance, id: id_of(order, ipix) };
             *len += 1;
-            heap::sift_up(&mut leaves[..*len], before);
+            heap::sift_up(leaves, before);
         }
     }
 
