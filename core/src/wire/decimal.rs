@@ -8,7 +8,21 @@ const DIGITS: usize = 9;
 
 /// Writes a whole number.
 pub(super) fn whole<W: Write>(w: &mut W, n: u64) -> Result<(), W::Error> {
-    put(w, itoa::Buffer::new().format(n))
+    let mut digits = [b'0'; 20];
+    let (mut high, mut used) = (n, 0);
+    for digit in digits.iter_mut().rev() {
+        // Cores of 32 bits divide by calls where more bits are needed.
+        let (rest, last) = match u32::try_from(high) {
+            Ok(low) => (u64::from(low / 10), (low % 10) as u8),
+            Err(_) => (high / 10, (high % 10) as u8),
+        };
+        *digit += last;
+        (high, used) = (rest, used + 1);
+        if rest == 0 {
+            break;
+        }
+    }
+    w.write_all(digits.get(20 - used..).unwrap_or_default())
 }
 
 /// Writes the shortest number that reads back as `v`; what is not finite becomes 0.
