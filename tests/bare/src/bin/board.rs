@@ -47,9 +47,9 @@ fn run() -> Result<(), Wrong> {
     defmt::info!("energy: scene {}, map {}, lights {}", report.taken.energy, report.map, report.energy);
     defmt::info!("brightest light {=f32} degrees from the lamp", report.lamp_deg);
     let [front, pyramid, sample, encode] =
-        core::array::from_fn(|i| report.ticks[i + 1].wrapping_sub(report.ticks[i]) & 0x00ff_ffff);
+        core::array::from_fn(|i| start::instructions(report.ticks[i], report.ticks[i + 1]));
     defmt::info!(
-        "ticks: front {=u32} pyramid {=u32} sample {=u32} encode {=u32}",
+        "instructions: front {=u32} pyramid {=u32} sample {=u32} encode {=u32}",
         front,
         pyramid,
         sample,

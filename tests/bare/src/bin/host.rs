@@ -11,7 +11,6 @@ fn main() -> ExitCode {
     let mut rest = &mut json[..];
     let report = hemilux_bare::run(memory, || 0, &mut rest);
     let written = room - rest.len();
-    eprintln!("{report:?}");
     match report.and_then(|r| r.check()) {
         Ok(()) if std::io::stdout().write_all(&json[..written]).is_ok() => ExitCode::SUCCESS,
         other => {

@@ -8,7 +8,7 @@ mod machine;
 #[path = "cortex_a.rs"]
 mod machine;
 
-pub use machine::{NAME, clock};
+pub use machine::{NAME, clock, instructions};
 
 use core::ops::Range;
 
