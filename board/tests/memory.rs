@@ -44,7 +44,7 @@ unsafe impl GlobalAlloc for Counting {
 static ALLOCATOR: Counting = Counting;
 
 /// What a probe holds besides its buffers: names, settings, histograms of its stages, channels.
-const REST: usize = 16 << 10;
+const REST: usize = 12 << 10;
 
 /// Frames after which everything has its memory: each of the four published sets has been used.
 const WARM_UP: usize = 6;
