@@ -17,6 +17,8 @@ pub mod clock;
 pub mod config_file;
 #[cfg(feature = "pipeline")]
 pub mod memory;
+#[cfg(all(target_os = "linux", target_arch = "arm", target_feature = "neon"))]
+mod neon;
 #[cfg(feature = "pipeline")]
 pub mod picture;
 #[cfg(feature = "pipeline")]

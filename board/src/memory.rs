@@ -71,6 +71,7 @@ impl Plan {
             Room::of::<Quad>("pyramid", pyramid_len(Domain::Hemisphere, order)),
             Room::of::<Light>("published lights", 4 * s.lights),
         ];
+        rooms.push(Room { name: "sampler: state", count: 1, size: pipeline.sampler_bytes() });
         rooms.extend(sampler(&s.sampler, order, &s.grid, s.lights));
         if pipeline.needs_polar() {
             rooms.push(Room::of::<[f32; 3]>("polar map", s.grid.len()));
@@ -78,6 +79,12 @@ impl Plan {
         }
         let source_order = plan.source_order();
         Self { width: c.width, height: c.height, exposures, lights: s.lights, order, source_order, rooms }
+    }
+
+    /// The buffers, the frames first.
+    #[must_use]
+    pub fn rooms(&self) -> &[Room] {
+        &self.rooms
     }
 
     /// Bytes of all buffers.
@@ -117,7 +124,8 @@ fn sampler(name: &str, order: u8, grid: &Grid, lights: usize) -> Vec<Room> {
         _ => vec![
             Room::of::<u8>("sampler: bits", 2 * q2tree::interior_len(domain, order)),
             Room::of::<q2tree::Leaf>("sampler: heap", lights),
-            Room::of::<Light>("sampler: lights", 2 * lights),
+            Room::of::<Light>("sampler: lights", lights),
+            Room::of::<q2tree::Past>("sampler: past", lights),
         ],
     }
 }

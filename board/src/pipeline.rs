@@ -284,6 +284,12 @@ impl Pipeline {
         self.sampler.needs_polar()
     }
 
+    /// Bytes of what the sampler keeps outside of buffers.
+    #[must_use]
+    pub fn sampler_bytes(&self) -> usize {
+        size_of_val(&*self.sampler)
+    }
+
     /// What is known of the camera.
     #[must_use]
     pub fn calibration(&self) -> &Calibration {

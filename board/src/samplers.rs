@@ -10,7 +10,7 @@ use hemilux_core::sampler::hemigon::inversion::{Inversion, Ring, rings_len};
 use hemilux_core::sampler::hemigon::kalman::{self, Gated, Track as Path};
 use hemilux_core::sampler::hemigon::{self, Hemigon};
 use hemilux_core::sampler::pharr::{MAX_ROWS, Pharr};
-use hemilux_core::sampler::q2tree::{Leaf, Parameters, Q2Tree, interior_len};
+use hemilux_core::sampler::q2tree::{Leaf, Parameters, Past, Q2Tree, interior_len};
 use hemilux_core::sampler::{Request, Sampler};
 
 /// Names that `--sampler` and `change?algorithm=` accept.
@@ -126,10 +126,9 @@ pub fn make(name: &str, shape: &Shape, lights: usize) -> Result<Box<dyn Sampler 
 
 fn q2tree(parameters: Parameters, shape: &Shape, lights: usize) -> Box<dyn Sampler + Send> {
     let bits = || vec![0u8; interior_len(shape.domain, shape.order)];
-    let light = || vec![Light::default(); lights];
     let heap = vec![Leaf::default(); lights];
-    let sampler =
-        Q2Tree::try_new(parameters, (shape.domain, shape.order), [bits(), bits()], heap, [light(), light()]);
+    let room = (vec![Light::default(); lights], vec![Past::default(); lights]);
+    let sampler = Q2Tree::try_new(parameters, (shape.domain, shape.order), [bits(), bits()], heap, room);
     Box::new(sampler.expect("the bit sets have the length that the tree names"))
 }
 

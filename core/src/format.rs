@@ -168,6 +168,7 @@ pub struct Layout {
 
 /// Why a layout was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum LayoutError {
     /// No pixels, or more than 2^26.
     BadSize,

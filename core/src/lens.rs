@@ -21,6 +21,7 @@ pub enum Model {
 
 /// Why a lens was refused.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum LensError {
     /// A number is not finite, or a focal length not positive.
     BadNumber,

@@ -66,3 +66,12 @@ impl<'a> Decomposition<'a> {
         Self { lights, ambient: None, estimated_error: None }
     }
 }
+
+/// Id, direction, irradiance and radius.
+#[cfg(feature = "defmt")]
+impl defmt::Format for Light {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        let (d, e) = (self.direction, self.irradiance);
+        defmt::write!(f, "light {} to {} of {}, {} degrees", self.id, [d.x, d.y, d.z], e, self.radius_deg);
+    }
+}

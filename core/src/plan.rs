@@ -68,6 +68,7 @@ pub struct Texel {
 
 /// Why a plan was refused.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum PlanError {
     /// The image has no pixels, or more than 2^26.
     BadSize,
@@ -138,6 +139,7 @@ pub struct PlanView<'a> {
 
 /// Elements that a plan needs of each buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PlanSize {
     /// Image rows.
     pub spans: usize,
@@ -270,7 +272,7 @@ impl<S: Buffer<Span>, W: Buffer<u16>, R: Buffer<Run>, T: Buffer<Texel>> Plan<S, 
 
     fn measure_texels(&mut self, lens: &Lens) {
         let mut unseen = 0.0;
-        let texels = &mut self.texels.as_mut()[..self.size.texels];
+        let texels = self.texels.as_mut().get_mut(..self.size.texels).unwrap_or_default();
         for (ipix, texel) in texels.iter_mut().enumerate() {
             *texel = measure(lens, (self.width, self.height), self.order, ipix as u32);
             unseen += f64::from(texel.unseen_sr);
@@ -286,9 +288,9 @@ impl<S: Buffer<Span>, W: Buffer<u16>, R: Buffer<Run>, T: Buffer<Texel>> Plan<S, 
             height: self.height,
             order: self.order,
             source_order: self.source_order,
-            spans: &self.spans.as_ref()[..self.size.spans],
-            weights: &self.weights.as_ref()[..self.size.weights],
-            runs: &self.runs.as_ref()[..self.size.runs],
+            spans: self.spans.as_ref().get(..self.size.spans).unwrap_or_default(),
+            weights: self.weights.as_ref().get(..self.size.weights).unwrap_or_default(),
+            runs: self.runs.as_ref().get(..self.size.runs).unwrap_or_default(),
             texels: self.texels(),
             weight_unit: self.weight_unit,
             weight_sum: self.weight_sum,
@@ -299,7 +301,7 @@ impl<S: Buffer<Span>, W: Buffer<u16>, R: Buffer<Run>, T: Buffer<Texel>> Plan<S, 
     /// Texels of the map, at [`Plan::order`].
     #[must_use]
     pub fn texels(&self) -> &[Texel] {
-        &self.texels.as_ref()[..self.size.texels]
+        self.texels.as_ref().get(..self.size.texels).unwrap_or_default()
     }
 
     /// Its sizes.

@@ -131,14 +131,14 @@ impl<Q: Buffer<Quad>> Pyramid<Q> {
     /// Quads of the finest order, to be filled before [`Pyramid::build`].
     pub fn texels_mut(&mut self) -> &mut [Quad] {
         let at = first(self.domain, self.order)..first(self.domain, self.order + 1);
-        &mut self.quads.as_mut()[at]
+        self.quads.as_mut().get_mut(at).unwrap_or_default()
     }
 
     /// The quads of `order`, at most the finest, dark: sums of light go into their energy, in any lanes, for [`Pyramid::finish`].
     pub fn accumulators(&mut self, order: u8) -> &mut [Quad] {
         let order = order.min(self.order);
         let at = first(self.domain, order)..first(self.domain, order + 1);
-        let quads = &mut self.quads.as_mut()[at];
+        let quads = self.quads.as_mut().get_mut(at).unwrap_or_default();
         quads.fill(Quad::default());
         quads
     }
@@ -149,12 +149,13 @@ impl<Q: Buffer<Quad>> Pyramid<Q> {
     /// is kept. Sums that noise round black made negative hold no light.
     pub fn finish(&mut self, order: u8, geometry: &[Texel], lanes: &Lanes) {
         let texels = first(self.domain, self.order);
-        if order < self.order {
-            let (coarse, texels) = self.quads.as_mut().split_at_mut(texels);
+        if order < self.order
+            && let Some((coarse, texels)) = self.quads.as_mut().split_at_mut_checked(texels)
+        {
             let sums = coarse.get(first(self.domain, order)..).unwrap_or_default();
             share_out(self.domain, (order, sums), (self.order, texels));
         }
-        light_up(&mut self.quads.as_mut()[texels..], geometry, lanes);
+        light_up(self.quads.as_mut().get_mut(texels..).unwrap_or_default(), geometry, lanes);
         if order < self.order {
             self.build();
         } else {
@@ -183,7 +184,8 @@ impl<Q: Buffer<Quad>> Pyramid<Q> {
             for at in 0..4 << order {
                 let (face, x) = (4 + (at >> order), at & last);
                 let child = 4 * healpix::join(order, face, x, last - x) as usize;
-                self.texels_mut()[child << shift..(child + 1) << shift].fill(Quad::default());
+                let below = self.texels_mut().get_mut(child << shift..(child + 1) << shift);
+                below.unwrap_or_default().fill(Quad::default());
             }
         }
     }
@@ -199,8 +201,8 @@ impl<Q: Buffer<Quad>> Pyramid<Q> {
 #[inline(never)]
 fn sum_up(quads: &mut [Quad], domain: Domain, order: u8) {
     for order in (0..order).rev() {
-        let (coarse, fine) = quads.split_at_mut(first(domain, order + 1));
-        let parents = &mut coarse[first(domain, order)..];
+        let Some((coarse, fine)) = quads.split_at_mut_checked(first(domain, order + 1)) else { return };
+        let parents = coarse.get_mut(first(domain, order)..).unwrap_or_default();
         let (children, _) = fine.as_chunks::<4>();
         for (parent, four) in parents.iter_mut().zip(children) {
             *parent = sum(four);
@@ -338,7 +340,7 @@ impl<'a> PyramidView<'a> {
     #[must_use]
     pub fn quads_of(&self, order: u8) -> &'a [Quad] {
         let order = order.min(self.order);
-        &self.quads[first(self.domain, order)..first(self.domain, order + 1)]
+        self.quads.get(first(self.domain, order)..first(self.domain, order + 1)).unwrap_or_default()
     }
 
     /// Quad `ipix` of `order`; a dark one outside the map.

@@ -49,6 +49,7 @@ impl Response {
 
 /// Why a response cannot be tabulated.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ResponseError {
     /// White is not above black, or the codes do not fit the sample type.
     BadLevels,

@@ -9,7 +9,7 @@ use hemilux_core::light::Light;
 use hemilux_core::polar::{Grid, LatLongView};
 use hemilux_core::pyramid::{Pyramid, Quad};
 use hemilux_core::sampler::pharr::Pharr;
-use hemilux_core::sampler::q2tree::{Leaf, Parameters, Placement, Q2Tree, interior_len};
+use hemilux_core::sampler::q2tree::{Leaf, Parameters, Past, Placement, Q2Tree, interior_len};
 use hemilux_core::sampler::{Map, Request, Sampler};
 use std::collections::HashSet;
 
@@ -81,8 +81,14 @@ fn run(seed: u64) {
     let room = || vec![Light::default(); capacity];
     let bits = || vec![0; interior_len(domain, order)];
     let heap = vec![Leaf::default(); capacity];
-    let mut tree = Q2Tree::try_new(parameters, (domain, order), [bits(), bits()], heap, [room(), room()])
-        .expect("room enough");
+    let mut tree = Q2Tree::try_new(
+        parameters,
+        (domain, order),
+        [bits(), bits()],
+        heap,
+        (room(), vec![Past::default(); capacity]),
+    )
+    .expect("room enough");
     let mut pharr = Pharr::try_new(&grid, vec![0.0; grid.len()], room()).expect("room enough");
     for _ in 0..3 {
         let pyramid = pyramid(&mut rng, domain, order);

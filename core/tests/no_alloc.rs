@@ -13,7 +13,7 @@ use hemilux_core::light::Light;
 use hemilux_core::merge::Samples;
 use hemilux_core::polar::{Grid, LatLong, PolarPlan, Share, shares_len};
 use hemilux_core::sampler::pharr::Pharr;
-use hemilux_core::sampler::q2tree::{Leaf, Parameters, Q2Tree, interior_len};
+use hemilux_core::sampler::q2tree::{Leaf, Parameters, Past, Q2Tree, interior_len};
 use hemilux_core::sampler::{Map, Request, Sampler};
 use hemilux_core::wire::{self, LightSet};
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -45,10 +45,10 @@ static ALLOCATOR: Counting = Counting;
 const ORDER: u8 = 5;
 const LIGHTS: usize = 64;
 
-fn q2tree(parameters: Parameters) -> Q2Tree<Vec<u8>, Vec<Leaf>, Vec<Light>> {
+fn q2tree(parameters: Parameters) -> Q2Tree<Vec<u8>, Vec<Leaf>, Vec<Light>, Vec<Past>> {
     let bits = || vec![0; interior_len(Domain::Hemisphere, ORDER)];
-    let room = || vec![Light::default(); LIGHTS];
-    let memory = ([bits(), bits()], vec![Leaf::default(); LIGHTS], [room(), room()]);
+    let room = (vec![Light::default(); LIGHTS], vec![Past::default(); LIGHTS]);
+    let memory = ([bits(), bits()], vec![Leaf::default(); LIGHTS], room);
     Q2Tree::try_new(parameters, (Domain::Hemisphere, ORDER), memory.0, memory.1, memory.2)
         .expect("room enough")
 }

@@ -8,18 +8,17 @@ use hemilux_core::healpix::{self, Domain};
 use hemilux_core::light::Light;
 use hemilux_core::polar::LatLongView;
 use hemilux_core::pyramid::{Pyramid, Quad};
-use hemilux_core::sampler::q2tree::{Leaf, Parameters, Placement, Q2Tree, interior_len};
+use hemilux_core::sampler::q2tree::{Leaf, Parameters, Past, Placement, Q2Tree, interior_len};
 use hemilux_core::sampler::{Map, Request, Sampler};
 use std::collections::{HashMap, HashSet};
 
-type VecTree = Q2Tree<Vec<u8>, Vec<Leaf>, Vec<Light>>;
+type VecTree = Q2Tree<Vec<u8>, Vec<Leaf>, Vec<Light>, Vec<Past>>;
 
 fn tree(parameters: Parameters, domain: Domain, order: u8, lights: usize) -> VecTree {
     let bits = || vec![0xff; interior_len(domain, order)];
-    let room = || vec![Light::default(); lights];
+    let room = (vec![Light::default(); lights], vec![Past::default(); lights]);
     let heap = vec![Leaf::default(); lights];
-    Q2Tree::try_new(parameters, (domain, order), [bits(), bits()], heap, [room(), room()])
-        .expect("room enough")
+    Q2Tree::try_new(parameters, (domain, order), [bits(), bits()], heap, room).expect("room enough")
 }
 
 fn update(tree: &mut VecTree, map: &Pyramid<Vec<Quad>>, lights: usize) -> Vec<Light> {
@@ -236,12 +235,17 @@ fn bits_one_byte_short_are_refused() {
     // Quads of orders 0 to 2 of the sphere: 12 + 48 + 192 = 252, in 32 bytes.
     assert_eq!(interior_len(Domain::Sphere, 3), 32);
     assert_eq!(interior_len(Domain::Sphere, 0), 0);
-    let lights = || vec![Light::default(); 20];
     let new = |a: usize, b: usize| {
         let bits = [vec![0u8; a], vec![0u8; b]];
         let heap = vec![Leaf::default(); 20];
-        Q2Tree::try_new(Parameters::CENTROID, (Domain::Sphere, 3), bits, heap, [lights(), lights()])
-            .map(|_| ())
+        Q2Tree::try_new(
+            Parameters::CENTROID,
+            (Domain::Sphere, 3),
+            bits,
+            heap,
+            (vec![Light::default(); 20], vec![Past::default(); 20]),
+        )
+        .map(|_| ())
     };
     assert_eq!(new(32, 32), Ok(()));
     assert_eq!(new(31, 32), Err(TooSmall { needed: 32, lent: 31 }));

@@ -7,22 +7,21 @@ use hemilux_core::healpix::{self, Domain};
 use hemilux_core::light::Light;
 use hemilux_core::polar::LatLongView;
 use hemilux_core::pyramid::{Pyramid, Quad};
-use hemilux_core::sampler::q2tree::{Leaf, Parameters, Q2Tree, interior_len};
+use hemilux_core::sampler::q2tree::{Leaf, Parameters, Past, Q2Tree, interior_len};
 use hemilux_core::sampler::{Map, Request, Sampler};
 use std::collections::BTreeSet;
 
 /// A quad by order and index.
 type Place = (u8, u32);
-type VecTree = Q2Tree<Vec<u8>, Vec<Leaf>, Vec<Light>>;
+type VecTree = Q2Tree<Vec<u8>, Vec<Leaf>, Vec<Light>, Vec<Past>>;
 
 const ORDER: u8 = 4;
 
 fn tree(parameters: Parameters, domain: Domain, lights: usize) -> VecTree {
     let bits = || vec![0; interior_len(domain, ORDER)];
-    let room = || vec![Light::default(); lights];
+    let room = (vec![Light::default(); lights], vec![Past::default(); lights]);
     let heap = vec![Leaf::default(); lights];
-    Q2Tree::try_new(parameters, (domain, ORDER), [bits(), bits()], heap, [room(), room()])
-        .expect("room enough")
+    Q2Tree::try_new(parameters, (domain, ORDER), [bits(), bits()], heap, room).expect("room enough")
 }
 
 fn random(domain: Domain, seed: u64) -> Pyramid<Vec<Quad>> {

@@ -83,7 +83,7 @@ fn save_exr(path: &Path, map: &LatLongView<'_>) -> Result<(), SimError> {
 /// [`SimError`] when standard output is closed.
 pub fn print(set: &LightSet<'_>) -> Result<(), SimError> {
     let mut line = Vec::new();
-    wire::json(set, &mut line).map_err(|e| SimError::Failed(format!("light set: {e}")))?;
+    wire::json(set, &mut line).map_err(|e| SimError::Failed(format!("light set: {e:?}")))?;
     line.push(b'\n');
     let closed =
         |e: std::io::Error| SimError::Failed(format!("standard output: found {e}, expected a reader"));

@@ -16,6 +16,7 @@ use rows::{Part, Scratch};
 
 /// What a burst held besides its lights.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Seen {
     /// Share of the hemisphere's solid angle that even the shortest exposure clips.
     pub clipped: f64,
@@ -27,6 +28,7 @@ pub struct Seen {
 
 /// Frames or a map that do not fit the plan or the merge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum FrontError {
     /// Another number of frames than the merge has exposures.
     FrameCount {
@@ -121,7 +123,21 @@ fn add_up(
     plan: &PlanView<'_>,
     quads: &mut [Quad],
 ) -> Sums {
-    let (scratch, radiance) = (Scratch::new(), [0.0; _]);
+    let format = layout.format();
+    Scratch::with(format, |scratch| walk(frames, layout, merge, plan, quads, scratch))
+}
+
+/// Span after span, chunk after chunk.
+#[inline(never)]
+fn walk(
+    frames: &[Samples<'_>],
+    layout: &Layout,
+    merge: &MergeView<'_>,
+    plan: &PlanView<'_>,
+    quads: &mut [Quad],
+    scratch: Scratch<'_>,
+) -> Sums {
+    let radiance = [0.0; _];
     let mut chunks = Chunks { frames, layout, merge, scratch, radiance, weights: [0.0; _] };
     let mut sums = Sums::default();
     let (mut weights, mut runs) = (plan.weights, plan.runs);
@@ -179,16 +195,16 @@ type Radiance = [f32; 4 * CHUNK + 4];
 const SECOND: usize = 2 * CHUNK;
 
 /// Merges and adds chunk after chunk.
-struct Chunks<'a, 'f> {
+struct Chunks<'a, 'f, 's> {
     frames: &'a [Samples<'f>],
     layout: &'a Layout,
     merge: &'a MergeView<'a>,
-    scratch: Scratch,
+    scratch: Scratch<'s>,
     radiance: Radiance,
     weights: [f32; CHUNK],
 }
 
-impl Chunks<'_, '_> {
+impl Chunks<'_, '_, '_> {
     fn add(&mut self, part: Part, weights: &[u16], runs: &mut &[Run], quads: &mut [Quad], sums: &mut Sums) {
         let from = *runs;
         self.weights.iter_mut().zip(weights).for_each(|(w, q)| *w = f32::from(*q));

@@ -7,6 +7,7 @@ pub const MAX_EXPOSURES: usize = 12;
 
 /// One exposure of a burst.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Exposure {
     /// Exposure time, seconds.
     pub seconds: f64,
@@ -16,6 +17,7 @@ pub struct Exposure {
 
 /// Why a burst cannot be merged.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum MergeError {
     /// No exposures, or more than [`MAX_EXPOSURES`].
     BadCount {

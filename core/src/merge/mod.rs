@@ -411,7 +411,7 @@ impl MergeView<'_> {
     /// y / gain of `code` in exposure `i`, 2^-27.
     fn exposure(&self, channel: usize, code: u32, i: usize) -> i32 {
         let y = i64::from(self.curve.exposure_q27(channel, code));
-        ((y * i64::from(self.own.inverse_gain[i])) >> GAIN_BITS) as i32
+        ((y * i64::from(self.own.inverse_gain.get(i).copied().unwrap_or(0))) >> GAIN_BITS) as i32
     }
 
     fn radiance(&self, sum: i32, mask: usize) -> f32 {

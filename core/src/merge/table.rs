@@ -67,7 +67,7 @@ impl<const N: usize, const K: usize> Table<'_, N, K> {
             return None;
         }
         let codes = codes.map(|c| &c[..count]);
-        Some(self.merge(|i, j, k| codes[i][j][k], reciprocals, out))
+        Some(self.merge(|i, j, k| codes[i].get(j).map_or(0, |pixel| pixel[k]), reciprocals, out))
     }
 
     /// As [`Table::interleaved`], for samples of each channel on their own.
@@ -83,7 +83,7 @@ impl<const N: usize, const K: usize> Table<'_, N, K> {
             return None;
         }
         let codes = codes.map(|planes| planes.map(|c| &c[..count]));
-        Some(self.merge(|i, j, k| codes[i][k][j], reciprocals, out))
+        Some(self.merge(|i, j, k| codes[i][k].get(j).copied().unwrap_or(0), reciprocals, out))
     }
 
     /// Merges samples; `code` gives exposure, pixel and sample.

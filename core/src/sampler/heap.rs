@@ -3,26 +3,33 @@
 /// Moves the last element to its place.
 pub(super) fn sift_up<T: Copy>(heap: &mut [T], before: fn(&T, &T) -> bool) {
     let mut i = heap.len().saturating_sub(1);
-    while i > 0 && before(&heap[i], &heap[(i - 1) / 2]) {
-        heap.swap(i, (i - 1) / 2);
+    while let Some((above, own)) = heap.split_at_mut_checked(i)
+        && let (Some(parent), Some(child)) = (above.get_mut(i.wrapping_sub(1) / 2), own.first_mut())
+        && before(child, parent)
+    {
+        core::mem::swap(parent, child);
         i = (i - 1) / 2;
     }
 }
 
 /// Takes the first element of a heap, which is then one shorter.
 pub(super) fn pop<T: Copy>(heap: &mut [T], before: fn(&T, &T) -> bool) -> Option<T> {
-    let last = heap.len().checked_sub(1)?;
-    heap.swap(0, last);
-    let top = heap[last];
-    let heap = &mut heap[..last];
+    let (last, heap) = heap.split_last_mut()?;
+    let Some(first) = heap.first_mut() else { return Some(*last) };
+    let top = core::mem::replace(first, *last);
     let mut i = 0;
-    loop {
-        let (left, right) = (2 * i + 1, 2 * i + 2);
-        let first = if right < last && before(&heap[right], &heap[left]) { right } else { left };
-        if first >= last || !before(&heap[first], &heap[i]) {
-            return Some(top);
-        }
-        heap.swap(i, first);
-        i = first;
+    while let Some((above, below)) = heap.split_at_mut_checked(i + 1)
+        && let Some(parent) = above.last_mut()
+        && let Some(left) = below.get(i).copied()
+    {
+        // The children of i are 2 i + 1 and 2 i + 2, i and i + 1 places on from here.
+        let right = below.get(i + 1).is_some_and(|right| before(right, &left));
+        let Some(child) = below.get_mut(i + usize::from(right)).filter(|child| before(child, parent)) else {
+            break;
+        };
+        core::mem::swap(parent, child);
+        i += i + 1 + usize::from(right);
     }
+    *last = top;
+    Some(top)
 }

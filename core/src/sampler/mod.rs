@@ -25,6 +25,7 @@ pub struct Map<'a> {
 
 /// What is asked of a sampler for one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Request {
     /// Most lights.
     pub lights: usize,

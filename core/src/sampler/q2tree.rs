@@ -62,8 +62,47 @@ impl Parameters {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Leaf {
     importance: f32,
-    order: u8,
-    ipix: u32,
+    /// As its light's.
+    id: u32,
+}
+
+impl Leaf {
+    fn order(&self) -> u8 {
+        order_of(self.id)
+    }
+
+    fn ipix(&self) -> u32 {
+        ipix_of(self.id)
+    }
+}
+
+/// The id of the light of a leaf: its index after a leading bit pair for its order.
+fn id_of(order: u8, ipix: u32) -> u32 {
+    (4 << (2 * order)) + ipix
+}
+
+/// The order of a leaf: 4 * 4^order + ipix with ipix < 12 * 4^order has its leading bit at 2 order + 2 to 2 order + 3.
+fn order_of(id: u32) -> u8 {
+    (id.max(4).ilog2() / 2 - 1) as u8
+}
+
+fn ipix_of(id: u32) -> u32 {
+    id.wrapping_sub(4 << (2 * order_of(id)))
+}
+
+/// What the next frame needs to know of a light.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Past {
+    id: u32,
+    age: u32,
+    /// 0 for none.
+    parent: u32,
+}
+
+impl Past {
+    fn of(light: &Light) -> Self {
+        Self { id: light.id, age: light.age, parent: light.parent.unwrap_or(0) }
+    }
 }
 
 /// Bytes of the bit set that marks interior quads of a map of `order`.
@@ -72,19 +111,20 @@ pub const fn interior_len(domain: Domain, order: u8) -> usize {
     if order == 0 { 0 } else { crate::pyramid::pyramid_len(domain, order - 1).div_ceil(8) }
 }
 
-/// The sampler. `B` holds [`interior_len`] bytes, twice; `H` one [`Leaf`] per light; `L` one [`Light`] per light, twice.
+/// The sampler. `B` holds [`interior_len`] bytes, twice; `H` one [`Leaf`], `L` one [`Light`] and `P` one [`Past`] per light.
 #[derive(Clone, Debug)]
-pub struct Q2Tree<B, H, L> {
+pub struct Q2Tree<B, H, L, P> {
     parameters: Parameters,
     /// Interior quads of this frame and of the last.
     interior: [B; 2],
     heap: H,
-    lights: [L; 2],
+    lights: L,
+    past: P,
     count: usize,
 }
 
-impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>> Q2Tree<B, H, L> {
-    /// Takes the memory for maps of `domain` up to `order` and for as many lights as the shortest of `heap` and `lights` holds.
+impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, P: Buffer<Past>> Q2Tree<B, H, L, P> {
+    /// Takes the memory for maps of `domain` up to `order` and for as many lights as the shortest of `heap`, `lights` and `past` holds.
     ///
     /// # Errors
     /// [`TooSmall`].
@@ -93,20 +133,19 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>> Q2Tree<B, H, L> {
         (domain, order): (Domain, u8),
         mut interior: [B; 2],
         heap: H,
-        lights: [L; 2],
+        (lights, past): (L, P),
     ) -> Result<Self, TooSmall> {
         for bits in &mut interior {
             arena::check(bits, interior_len(domain, order))?;
             bits.as_mut().fill(0);
         }
-        Ok(Self { parameters, interior, heap, lights, count: 0 })
+        Ok(Self { parameters, interior, heap, lights, past, count: 0 })
     }
 
     /// Most lights it can give.
     #[must_use]
     pub fn capacity(&self) -> usize {
-        let [a, b] = &self.lights;
-        self.heap.as_ref().len().min(a.as_ref().len()).min(b.as_ref().len())
+        self.heap.as_ref().len().min(self.lights.as_ref().len()).min(self.past.as_ref().len())
     }
 
     fn importance(&self, map: &PyramidView<'_>, order: u8, ipix: u32) -> f32 {
@@ -139,19 +178,19 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>> Q2Tree<B, H, L> {
             self.push(&mut len, map, 0, ipix);
         }
         while lit < lights
-            && let Some(leaf) = heap::pop(&mut self.heap.as_mut()[..len], before)
+            && let Some(leaf) = heap::pop(self.heap.as_mut().get_mut(..len).unwrap_or_default(), before)
         {
             len -= 1;
-            let children = 4 * leaf.ipix..4 * leaf.ipix + 4;
-            let gain =
-                children.clone().filter(|ipix| is_lit(leaf.order + 1, *ipix)).count().saturating_sub(1);
+            let (order, ipix) = (leaf.order(), leaf.ipix());
+            let children = 4 * ipix..4 * ipix + 4;
+            let gain = children.clone().filter(|ipix| is_lit(order + 1, *ipix)).count().saturating_sub(1);
             if lit + gain > lights {
                 continue;
             }
             lit += gain;
-            set(self.interior[0].as_mut(), index(map.domain(), leaf.order, leaf.ipix));
+            set(self.interior[0].as_mut(), index(map.domain(), order, ipix));
             for ipix in children {
-                self.push(&mut len, map, leaf.order + 1, ipix);
+                self.push(&mut len, map, order + 1, ipix);
             }
         }
     }
@@ -159,19 +198,26 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>> Q2Tree<B, H, L> {
     /// Adds a leaf to the heap unless it is dark or of the finest order.
     fn push(&mut self, len: &mut usize, map: &PyramidView<'_>, order: u8, ipix: u32) {
         let importance = self.importance(map, order, ipix);
-        let leaves = self.heap.as_mut();
-        if importance > 0.0 && order < map.order() && *len < leaves.len() {
-            leaves[*len] = Leaf { importance, order, ipix };
+        if importance > 0.0
+            && order < map.order()
+            && let Some(leaves) = self.heap.as_mut().get_mut(..=*len)
+            && let Some(last) = leaves.last_mut()
+        {
+            *last = Leaf { importance, id: id_of(order, ipix) };
             *len += 1;
-            heap::sift_up(&mut leaves[..*len], before);
+            heap::sift_up(leaves, before);
         }
+    }
+
+    /// Keeps what the next frame needs of this one's lights; returns how many there were.
+    fn remember(&mut self) -> usize {
+        let lights = self.lights.as_ref().iter().take(self.count);
+        self.past.as_mut().iter_mut().zip(lights).map(|(past, light)| *past = Past::of(light)).count()
     }
 
     /// Writes the lights of the lit leaves in NESTED order; returns how many.
     fn emit(&mut self, map: &PyramidView<'_>) -> usize {
-        self.lights.swap(0, 1);
-        let [lights, _] = &mut self.lights;
-        let lights = lights.as_mut();
+        let lights = self.lights.as_mut();
         let interior = self.interior[0].as_ref();
         let mut count = 0;
         walk(map, interior, |order, ipix, quad| {
@@ -213,7 +259,7 @@ fn walk(map: &PyramidView<'_>, interior: &[u8], mut f: impl FnMut(u8, u32, &Quad
 
 /// The light of one leaf.
 fn place(placement: Placement, domain: Domain, order: u8, ipix: u32, quad: &Quad) -> Light {
-    let id = (4 << (2 * order)) + ipix;
+    let id = id_of(order, ipix);
     let mut light = Light::at_centroid(id, quad, || healpix::centre(order, ipix).as_vec3());
     if let Placement::Jitter { spread } = placement {
         let [x, y] = jitter(id, f64::from(spread));
@@ -252,11 +298,11 @@ fn set(bits: &mut [u8], index: usize) {
 
 /// Whether `a` is split before `b`: by importance, then coarse before fine, then by index, so that ties never depend on history.
 fn before(a: &Leaf, b: &Leaf) -> bool {
-    (a.importance, b.order, b.ipix) > (b.importance, a.order, a.ipix)
+    (a.importance, b.id) > (b.importance, a.id)
 }
 
 /// Ages and parents: both lists are in NESTED order, so one pass finds each light's place in the last frame.
-fn inherit(lights: &mut [Light], previous: &[Light]) {
+fn inherit(lights: &mut [Light], previous: &[Past]) {
     let mut old = previous.iter().peekable();
     for light in lights {
         let (start, end) = range(light.id);
@@ -264,7 +310,7 @@ fn inherit(lights: &mut [Light], previous: &[Light]) {
         let Some(o) = old.peek() else { return };
         if o.id == light.id {
             light.age = o.age.saturating_add(1);
-            light.parent = o.parent;
+            light.parent = Some(o.parent).filter(|id| *id != 0);
         } else if range(o.id).0 <= start && end <= range(o.id).1 {
             light.parent = Some(o.id);
         }
@@ -273,14 +319,12 @@ fn inherit(lights: &mut [Light], previous: &[Light]) {
 
 /// The quads of [`healpix::MAX_ORDER`] that the leaf `id` covers.
 fn range(id: u32) -> (u64, u64) {
-    let order = (31 - id.leading_zeros()).saturating_sub(2) / 2;
-    // 4 * 4^order + ipix with ipix < 12 * 4^order: the leading bit is at 2 order + 2 to 2 order + 3.
-    let ipix = u64::from(id) - (4 << (2 * order));
-    let shift = 2 * (u32::from(healpix::MAX_ORDER) - order);
+    let ipix = u64::from(ipix_of(id));
+    let shift = 2 * u32::from(healpix::MAX_ORDER.saturating_sub(order_of(id)));
     (ipix << shift, (ipix + 1) << shift)
 }
 
-impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>> Sampler for Q2Tree<B, H, L> {
+impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, P: Buffer<Past>> Sampler for Q2Tree<B, H, L, P> {
     fn name(&self) -> &'static str {
         match self.parameters.placement {
             Placement::Centroid => "q2tree",
@@ -292,15 +336,15 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>> Sampler for Q2Tree<B, H, 
         let lights = request.lights.min(self.capacity());
         let fits =
             arena::check(&self.interior[0], interior_len(map.pyramid.domain(), map.pyramid.order())).is_ok();
-        let previous = self.count;
+        let previous = self.remember();
         self.count = 0;
         if fits && lights >= map.pyramid.domain().faces() {
             self.grow(&map.pyramid, lights);
             self.count = self.emit(&map.pyramid);
-            let [lights, old] = &mut self.lights;
-            inherit(&mut lights.as_mut()[..self.count], &old.as_ref()[..previous]);
+            let old = self.past.as_ref().get(..previous).unwrap_or_default();
+            inherit(self.lights.as_mut().get_mut(..self.count).unwrap_or_default(), old);
         }
-        Decomposition::of_lights(&self.lights[0].as_ref()[..self.count])
+        Decomposition::of_lights(self.lights.as_ref().get(..self.count).unwrap_or_default())
     }
 
     fn reset(&mut self) {

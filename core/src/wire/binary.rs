@@ -28,7 +28,7 @@
 //!
 //! A reader takes the places of the lights from the header (offsets 6 and 50), so that both may grow.
 
-use super::{Coordinates, EncodeError, Latency, LightSet, Stale, Unit, number};
+use super::{Coordinates, Latency, LightSet, Stale, Unit, number};
 use crate::light::{Light, Sh9};
 use embedded_io::Write;
 use glam::Vec3;
@@ -51,12 +51,8 @@ const AXES: [Coordinates; 4] =
 /// Writes `set` in the layout of the module's documentation. A name or reason over 65,535 bytes is cut.
 ///
 /// # Errors
-/// [`EncodeError`] when the writer refuses.
-pub fn binary<W: Write>(set: &LightSet<'_>, w: &mut W) -> Result<(), EncodeError<W::Error>> {
-    bytes(set, w).map_err(EncodeError::Io)
-}
-
-fn bytes<W: Write>(set: &LightSet<'_>, w: &mut W) -> Result<(), W::Error> {
+/// The writer's.
+pub fn binary<W: Write>(set: &LightSet<'_>, w: &mut W) -> Result<(), W::Error> {
     let sampler = short(set.sampler);
     let reason = short(set.stale.map_or("", |s| s.reason));
     let mut head = Head { bytes: [0; HEAD] };
@@ -152,6 +148,7 @@ fn short(text: &str) -> &str {
 
 /// Why bytes are not a light set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum DecodeError {
     /// They do not begin with `HMLX`.
     NotALightSet,

@@ -1,91 +1,119 @@
 //! Light set as JSON.
 
-use super::{EncodeError, Fmt, LightSet, number, numbers};
+use super::{LightSet, decimal, numbers, put, whole};
 use crate::light::{Light, Sh9};
 use embedded_io::Write;
 
 /// Writes `set` as one JSON object without a line break.
 ///
 /// # Errors
-/// [`EncodeError`] when the writer refuses.
-pub fn json<W: Write>(set: &LightSet<'_>, w: &mut W) -> Result<(), EncodeError<W::Error>> {
-    Ok(object(set, w)?)
-}
-
-fn object<W: Write>(set: &LightSet<'_>, w: &mut W) -> Fmt<W::Error> {
-    write!(w, "{{\"version\":1,\"run\":")?;
+/// The writer's.
+pub fn json<W: Write>(set: &LightSet<'_>, w: &mut W) -> Result<(), W::Error> {
+    put(w, "{\"version\":1,\"run\":")?;
     string(w, set.run)?;
-    write!(w, ",\"frame\":{},\"timestamp_ns\":{},\"wall_ms\":{}", set.frame, set.timestamp_ns, set.wall_ms)?;
-    write!(w, ",\"valid\":{},\"stale\":", set.valid)?;
+    count(w, ",\"frame\":", set.frame)?;
+    count(w, ",\"timestamp_ns\":", set.timestamp_ns)?;
+    count(w, ",\"wall_ms\":", set.wall_ms)?;
+    put(w, if set.valid { ",\"valid\":true,\"stale\":" } else { ",\"valid\":false,\"stale\":" })?;
     match set.stale {
-        None => write!(w, "null")?,
+        None => put(w, "null")?,
         Some(stale) => {
-            write!(w, "{{\"age_ms\":{},\"reason\":", stale.age_ms)?;
+            count(w, "{\"age_ms\":", stale.age_ms)?;
+            put(w, ",\"reason\":")?;
             string(w, stale.reason)?;
-            write!(w, "}}")?;
+            put(w, "}")?;
         }
     }
-    write!(w, ",\"sampler\":")?;
+    put(w, ",\"sampler\":")?;
     string(w, set.sampler)?;
-    write!(w, ",\"requested\":{},\"unit\":\"{}\"", set.requested, set.unit.name())?;
-    write!(w, ",\"coordinates\":\"{}\",\"lights\":[", set.coordinates.name())?;
+    count(w, ",\"requested\":", set.requested.into())?;
+    for part in
+        [",\"unit\":\"", set.unit.name(), "\",\"coordinates\":\"", set.coordinates.name(), "\",\"lights\":["]
+    {
+        put(w, part)?;
+    }
     for (i, one) in set.lights.iter().enumerate() {
         light(w, set, one, i == 0)?;
     }
-    write!(w, "]")?;
+    put(w, "]")?;
     if let Some(sh) = set.ambient_sh {
         harmonics(w, &set.coordinates.harmonics(sh))?;
     }
     triple(w, ",\"scalar_flux\":", &set.scalar_flux)?;
     triple(w, ",\"horizontal_irradiance\":", &set.horizontal_irradiance)?;
-    write!(w, ",\"clipped\":{},\"unseen\":{}", number(set.clipped), number(set.unseen))?;
+    put(w, ",\"clipped\":")?;
+    decimal(w, set.clipped)?;
+    put(w, ",\"unseen\":")?;
+    decimal(w, set.unseen)?;
+    put(w, ",\"estimated_error\":")?;
     match set.estimated_error {
-        None => write!(w, ",\"estimated_error\":null")?,
-        Some(e) => write!(w, ",\"estimated_error\":{}", number(e))?,
+        None => put(w, "null")?,
+        Some(e) => decimal(w, e)?,
     }
     let l = &set.latency;
-    write!(w, ",\"latency_us\":{{\"capture\":{},\"front\":{},\"pyramid\":{}", l.capture, l.front, l.pyramid)?;
-    write!(
-        w,
-        ",\"sample\":{},\"filter\":{},\"encode\":{},\"total\":{}}}}}",
-        l.sample, l.filter, l.encode, l.total
-    )
+    count(w, ",\"latency_us\":{\"capture\":", l.capture.into())?;
+    for (name, us) in [
+        (",\"front\":", l.front),
+        (",\"pyramid\":", l.pyramid),
+        (",\"sample\":", l.sample),
+        (",\"filter\":", l.filter),
+        (",\"encode\":", l.encode),
+        (",\"total\":", l.total),
+    ] {
+        count(w, name, us.into())?;
+    }
+    put(w, "}}")
 }
 
-fn light<W: Write>(w: &mut W, set: &LightSet<'_>, light: &Light, first: bool) -> Fmt<W::Error> {
-    let comma = if first { "" } else { "," };
-    write!(w, "{comma}{{\"id\":{}", light.id)?;
+fn light<W: Write>(w: &mut W, set: &LightSet<'_>, light: &Light, first: bool) -> Result<(), W::Error> {
+    count(w, if first { "{\"id\":" } else { ",{\"id\":" }, light.id.into())?;
     triple(w, ",\"direction\":", &set.coordinates.direction(light.direction).to_array())?;
     triple(w, ",\"irradiance\":", &light.irradiance)?;
-    write!(w, ",\"radius_deg\":{},\"age\":{},\"parent\":", number(light.radius_deg), light.age)?;
+    put(w, ",\"radius_deg\":")?;
+    decimal(w, light.radius_deg)?;
+    count(w, ",\"age\":", light.age.into())?;
+    put(w, ",\"parent\":")?;
     match light.parent {
-        None => write!(w, "null}}"),
-        Some(id) => write!(w, "{id}}}"),
+        None => put(w, "null}"),
+        Some(id) => {
+            whole(w, id.into())?;
+            put(w, "}")
+        }
     }
 }
 
-fn harmonics<W: Write>(w: &mut W, sh: &Sh9) -> Fmt<W::Error> {
+fn harmonics<W: Write>(w: &mut W, sh: &Sh9) -> Result<(), W::Error> {
     for (i, row) in sh.iter().enumerate() {
         triple(w, if i == 0 { ",\"ambient_sh\":[" } else { "," }, row)?;
     }
-    write!(w, "]")
+    put(w, "]")
 }
 
-fn triple<W: Write>(w: &mut W, key: &str, values: &[f32; 3]) -> Fmt<W::Error> {
-    write!(w, "{key}[")?;
+fn triple<W: Write>(w: &mut W, key: &str, values: &[f32; 3]) -> Result<(), W::Error> {
+    put(w, key)?;
+    put(w, "[")?;
     numbers(w, values, ",")?;
-    write!(w, "]")
+    put(w, "]")
+}
+
+fn count<W: Write>(w: &mut W, key: &str, n: u64) -> Result<(), W::Error> {
+    put(w, key)?;
+    whole(w, n)
 }
 
 /// A quoted string with what JSON forbids in one escaped.
-fn string<W: Write>(w: &mut W, s: &str) -> Fmt<W::Error> {
-    write!(w, "\"")?;
-    for c in s.chars() {
-        match c {
-            '"' | '\\' => write!(w, "\\{c}")?,
-            c if u32::from(c) < 0x20 => write!(w, "\\u{:04x}", u32::from(c))?,
-            c => write!(w, "{c}")?,
+fn string<W: Write>(w: &mut W, s: &str) -> Result<(), W::Error> {
+    put(w, "\"")?;
+    for b in s.bytes() {
+        match b {
+            b'"' | b'\\' => w.write_all(&[b'\\', b])?,
+            b if b < 0x20 => {
+                let hex = |digit: u8| if digit < 10 { b'0' + digit } else { b'a' + digit - 10 };
+                put(w, "\\u00")?;
+                w.write_all(&[hex(b >> 4), hex(b & 15)])?;
+            }
+            b => w.write_all(&[b])?,
         }
     }
-    write!(w, "\"")
+    put(w, "\"")
 }

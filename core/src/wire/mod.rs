@@ -4,6 +4,7 @@
 
 mod binary;
 mod coordinates;
+mod decimal;
 mod json;
 mod text;
 mod xml;
@@ -17,10 +18,12 @@ pub use xml::xml;
 pub use xr::{Estimate, estimate};
 
 use crate::light::{Light, Sh9};
+use decimal::{decimal, whole};
 use embedded_io::Write;
 
 /// What a light's numbers are in.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Unit {
     /// Proportional to lux, with an unknown factor.
     #[default]
@@ -133,47 +136,21 @@ impl LightSet<'_> {
     };
 }
 
-type Fmt<E> = Result<(), embedded_io::WriteFmtError<E>>;
-
-/// Why a set could not be written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum EncodeError<E> {
-    /// The writer refused.
-    Io(E),
-    /// A number could not be formatted.
-    Format,
-}
-
-impl<E> From<embedded_io::WriteFmtError<E>> for EncodeError<E> {
-    fn from(e: embedded_io::WriteFmtError<E>) -> Self {
-        match e {
-            embedded_io::WriteFmtError::FmtError => Self::Format,
-            embedded_io::WriteFmtError::Other(e) => Self::Io(e),
-        }
-    }
-}
-
-impl<E: core::fmt::Debug> core::fmt::Display for EncodeError<E> {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self {
-            Self::Io(e) => write!(f, "the writer refused: {e:?}"),
-            Self::Format => write!(f, "a number could not be formatted"),
-        }
-    }
-}
-
-impl<E: core::fmt::Debug> core::error::Error for EncodeError<E> {}
-
 /// A number as the formats hold it: what is not finite becomes 0, which no stage produces.
 fn number(v: f32) -> f32 {
     if v.is_finite() { v } else { 0.0 }
 }
 
 /// Writes numbers with `separator` between them.
-fn numbers<W: Write>(w: &mut W, values: &[f32], separator: &str) -> Fmt<W::Error> {
+fn numbers<W: Write>(w: &mut W, values: &[f32], separator: &str) -> Result<(), W::Error> {
     for (i, v) in values.iter().enumerate() {
-        let between = if i == 0 { "" } else { separator };
-        write!(w, "{between}{}", number(*v))?;
+        put(w, if i == 0 { "" } else { separator })?;
+        decimal(w, *v)?;
     }
     Ok(())
+}
+
+/// Writes words as they are.
+fn put<W: Write>(w: &mut W, words: &str) -> Result<(), W::Error> {
+    w.write_all(words.as_bytes())
 }

@@ -1,44 +1,46 @@
 //! Light set as plain text: one light a line.
 
-use super::{EncodeError, Fmt, LightSet, numbers};
+use super::{LightSet, numbers, put, whole};
 use embedded_io::Write;
 
 /// Writes `set` as comment lines that start with `#`, then `id x y z r g b` for each light.
 ///
 /// # Errors
-/// [`EncodeError`] when the writer refuses.
-pub fn text<W: Write>(set: &LightSet<'_>, w: &mut W) -> Result<(), EncodeError<W::Error>> {
-    Ok(lines(set, w)?)
-}
-
-fn lines<W: Write>(set: &LightSet<'_>, w: &mut W) -> Fmt<W::Error> {
-    write!(w, "# run ")?;
+/// The writer's.
+pub fn text<W: Write>(set: &LightSet<'_>, w: &mut W) -> Result<(), W::Error> {
+    put(w, "# run ")?;
     words(w, set.run)?;
-    write!(w, "\n# frame {}\n# sampler ", set.frame)?;
+    put(w, "\n# frame ")?;
+    whole(w, set.frame)?;
+    put(w, "\n# sampler ")?;
     words(w, set.sampler)?;
-    write!(w, "\n# unit {}\n# coordinates {}\n", set.unit.name(), set.coordinates.name())?;
+    for part in ["\n# unit ", set.unit.name(), "\n# coordinates ", set.coordinates.name(), "\n# stale "] {
+        put(w, part)?;
+    }
     match set.stale {
-        None => writeln!(w, "# stale no")?,
+        None => put(w, "no")?,
         Some(stale) => {
-            write!(w, "# stale {} ms ", stale.age_ms)?;
+            whole(w, stale.age_ms)?;
+            put(w, " ms ")?;
             words(w, stale.reason)?;
-            writeln!(w)?;
         }
     }
+    put(w, "\n")?;
     for light in set.lights {
-        write!(w, "{} ", light.id)?;
+        whole(w, light.id.into())?;
+        put(w, " ")?;
         numbers(w, &set.coordinates.direction(light.direction).to_array(), " ")?;
-        write!(w, " ")?;
+        put(w, " ")?;
         numbers(w, &light.irradiance, " ")?;
-        writeln!(w)?;
+        put(w, "\n")?;
     }
     Ok(())
 }
 
 /// Words of a comment; control characters, which could end its line, become spaces.
-fn words<W: Write>(w: &mut W, s: &str) -> Fmt<W::Error> {
-    for c in s.chars() {
-        write!(w, "{}", if c.is_control() { ' ' } else { c })?;
-    }
-    Ok(())
+fn words<W: Write>(w: &mut W, s: &str) -> Result<(), W::Error> {
+    s.chars().try_for_each(|c| match c {
+        c if c.is_control() => put(w, " "),
+        c => put(w, c.encode_utf8(&mut [0; 4])),
+    })
 }

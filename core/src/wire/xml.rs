@@ -1,55 +1,53 @@
 //! Light set as XML.
 
-use super::{EncodeError, Fmt, LightSet, number};
+use super::{LightSet, decimal, put, whole};
 use embedded_io::Write;
 
 /// Writes `set` as one `<lights>` element.
 ///
 /// # Errors
-/// [`EncodeError`] when the writer refuses.
-pub fn xml<W: Write>(set: &LightSet<'_>, w: &mut W) -> Result<(), EncodeError<W::Error>> {
-    Ok(element(set, w)?)
-}
-
-fn element<W: Write>(set: &LightSet<'_>, w: &mut W) -> Fmt<W::Error> {
-    write!(w, "<lights version=\"1\" run=\"")?;
+/// The writer's.
+pub fn xml<W: Write>(set: &LightSet<'_>, w: &mut W) -> Result<(), W::Error> {
+    put(w, "<lights version=\"1\" run=\"")?;
     escaped(w, set.run)?;
-    write!(w, "\" frame=\"{}\" sampler=\"", set.frame)?;
+    put(w, "\" frame=\"")?;
+    whole(w, set.frame)?;
+    put(w, "\" sampler=\"")?;
     escaped(w, set.sampler)?;
-    write!(w, "\" unit=\"{}\" coordinates=\"{}\" stale=\"", set.unit.name(), set.coordinates.name())?;
+    for part in ["\" unit=\"", set.unit.name(), "\" coordinates=\"", set.coordinates.name(), "\" stale=\""] {
+        put(w, part)?;
+    }
     if let Some(stale) = set.stale {
-        write!(w, "{} ms ", stale.age_ms)?;
+        whole(w, stale.age_ms)?;
+        put(w, " ms ")?;
         escaped(w, stale.reason)?;
     }
-    write!(w, "\">")?;
+    put(w, "\">")?;
     for light in set.lights {
+        put(w, "<light id=\"")?;
+        whole(w, light.id.into())?;
         let d = set.coordinates.direction(light.direction);
         let [r, g, b] = light.irradiance;
-        write!(
-            w,
-            "<light id=\"{}\" x=\"{}\" y=\"{}\" z=\"{}\"",
-            light.id,
-            number(d.x),
-            number(d.y),
-            number(d.z)
-        )?;
-        write!(w, " r=\"{}\" g=\"{}\" b=\"{}\"/>", number(r), number(g), number(b))?;
+        for (name, v) in [("x", d.x), ("y", d.y), ("z", d.z), ("r", r), ("g", g), ("b", b)] {
+            for part in ["\" ", name, "=\""] {
+                put(w, part)?;
+            }
+            decimal(w, v)?;
+        }
+        put(w, "\"/>")?;
     }
-    write!(w, "</lights>")
+    put(w, "</lights>")
 }
 
 /// Text of an attribute; control characters and the two non-characters, which XML 1.0 forbids, become spaces.
-fn escaped<W: Write>(w: &mut W, s: &str) -> Fmt<W::Error> {
-    for c in s.chars() {
-        match c {
-            '&' => write!(w, "&amp;")?,
-            '<' => write!(w, "&lt;")?,
-            '>' => write!(w, "&gt;")?,
-            '"' => write!(w, "&quot;")?,
-            '\u{fffe}' | '\u{ffff}' => write!(w, " ")?,
-            c if c.is_control() => write!(w, " ")?,
-            c => write!(w, "{c}")?,
-        }
-    }
-    Ok(())
+fn escaped<W: Write>(w: &mut W, s: &str) -> Result<(), W::Error> {
+    s.chars().try_for_each(|c| match c {
+        '&' => put(w, "&amp;"),
+        '<' => put(w, "&lt;"),
+        '>' => put(w, "&gt;"),
+        '"' => put(w, "&quot;"),
+        '\u{fffe}' | '\u{ffff}' => put(w, " "),
+        c if c.is_control() => put(w, " "),
+        c => put(w, c.encode_utf8(&mut [0; 4])),
+    })
 }

@@ -1,0 +1,142 @@
+//! What `--plan` prints is what a probe takes.
+
+#![cfg(feature = "server")]
+#![allow(unsafe_code, reason = "a global allocator cannot be written without it")]
+
+use hemilux::memory::Plan;
+use hemilux::pipeline::{Pipeline, Settings};
+use hemilux::probe::{Config, Worker};
+use hemilux::samplers::NAMES;
+use hemilux::scene;
+use hemilux::source::{Pace, ReplaySource, SceneSource, Source};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+
+/// Passes everything on to the system's allocator and adds up what each thread holds.
+struct Counting;
+
+thread_local! {
+    static BYTES: Cell<isize> = const { Cell::new(0) };
+}
+
+fn count(bytes: isize) {
+    // A thread that is ending has no counter any more.
+    let _ = BYTES.try_with(|n| n.set(n.get() + bytes));
+}
+
+// SAFETY: every method hands its arguments to `System` unchanged; the counter is a plain thread-local number that needs no memory.
+// What is not overridden goes through these two.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count(layout.size().cast_signed());
+        // SAFETY: the caller keeps `GlobalAlloc`'s contract.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        count(-layout.size().cast_signed());
+        // SAFETY: as above.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// What a probe holds besides its buffers: names, settings, histograms of its stages, channels.
+const REST: usize = 12 << 10;
+
+/// Frames after which everything has its memory: each of the four published sets has been used.
+const WARM_UP: usize = 6;
+
+fn room() -> Box<dyn Source> {
+    Box::new(SceneSource::new(scene::by_name("room").expect("a scene"), Pace::Free))
+}
+
+fn settings(sampler: &str, lights: usize) -> Settings {
+    Settings { sampler: sampler.into(), lights, ..Settings::default() }
+}
+
+fn plan(source: &dyn Source, settings: Settings) -> Plan {
+    let pipeline = Pipeline::try_new(source.calibration().clone(), &source.exposures(), settings);
+    Plan::of(&pipeline.expect("a pipeline"))
+}
+
+/// Asserts that a probe takes what its plan says.
+fn check(source: Box<dyn Source>, settings: &Settings) {
+    let plan = plan(&*source, settings.clone());
+    let planned = plan.bytes();
+    let before = BYTES.get();
+    let config = Config { pipeline: settings.clone(), gui: false };
+    let mut worker = Worker::try_new(source, "test".into(), config).expect("a worker");
+    for _ in 0..WARM_UP {
+        worker.step().expect("a frame");
+    }
+    let taken = usize::try_from(BYTES.get() - before).expect("more than before");
+    println!("{}, {} lights: {planned} bytes planned, {taken} taken", settings.sampler, settings.lights);
+    let what = format!("{settings:?}: found {taken} bytes taken, expected\n{plan}");
+    assert!((planned..=planned + REST).contains(&taken), "{what}");
+}
+
+#[test]
+fn the_counter_counts() {
+    let before = BYTES.get();
+    let mut held = vec![1u8; 1000];
+    assert_eq!(BYTES.get() - before, 1000, "a vector");
+    held.reserve_exact(2000);
+    assert_eq!(BYTES.get() - before, 3000, "a larger one");
+    drop(std::hint::black_box(held));
+    assert_eq!(BYTES.get() - before, 0, "none");
+}
+
+#[test]
+fn every_sampler_takes_what_the_plan_says() {
+    for name in NAMES {
+        check(room(), &settings(name, 200));
+    }
+    check(room(), &settings("adaptive", 4096));
+    // Above 12,000 lights the map is finer.
+    check(room(), &settings("q2tree", 20_000));
+}
+
+#[test]
+fn recordings_take_what_the_plan_says() {
+    let manifest = |response: &str, white: u32| {
+        format!(
+            "version = 1\n[lens]\nmodel = \"equidistant\"\ncentre = [99.5, 99.5]\nfocal = [60.0, 60.0]\nmax_angle_deg = 80.0\n\
+             [response]\nmodel = \"{response}\"\nscale = 1.0\n[sensor]\nblack = 0\nwhite = {white}\n\
+             [[frame]]\nfile = \"a.png\"\nexposure_s = 0.01\n[[frame]]\nfile = \"b.png\"\nexposure_s = 0.04\n"
+        )
+    };
+    for (response, words) in [("linear", false), ("srgb", false), ("linear", true), ("srgb", true)] {
+        let folder = tempfile::tempdir().expect("a folder");
+        for (file, code) in [("a.png", 60u8), ("b.png", 180)] {
+            let path = folder.path().join(file);
+            let bytes =
+                image::DynamicImage::from(image::RgbImage::from_pixel(200, 200, image::Rgb([code; 3])));
+            let image = if words { bytes.to_rgb16().into() } else { bytes };
+            image.save(path).expect("an image");
+        }
+        let text = manifest(response, if words { 65535 } else { 255 });
+        std::fs::write(folder.path().join("burst.toml"), text).expect("a manifest");
+        let source = ReplaySource::open(folder.path(), Pace::Free).expect("a recording");
+        check(Box::new(source), &settings("q2tree", 64));
+    }
+}
+
+#[test]
+fn four_thousand_lights_fit_into_8_mb_besides_the_frames() {
+    let source = room();
+    let c = source.calibration();
+    assert_eq!((c.width, c.height), (640, 480), "the size that is promised for");
+    for name in NAMES {
+        let plan = plan(&*source, settings(name, 4096));
+        let frames = &plan.rooms()[0];
+        assert_eq!((frames.name, frames.bytes()), ("frames", 3 * 640 * 480 * source.exposures().len()));
+        let besides = plan.bytes() - frames.bytes();
+        assert!(
+            besides <= 8 << 20,
+            "{name}: found {besides} bytes besides the frames, expected 8 MB\n{plan}"
+        );
+    }
+}

@@ -1,0 +1,121 @@
+//! What came of it, and whether it is right.
+
+use crate::scene::{LAMP, Taken};
+use hemilux_core::arena::TooSmall;
+use hemilux_core::color;
+use hemilux_core::format::LayoutError;
+use hemilux_core::front::FrontError;
+use hemilux_core::lens::LensError;
+use hemilux_core::light::Light;
+use hemilux_core::merge::MergeError;
+use hemilux_core::plan::{PlanError, PlanSize};
+use hemilux_core::response::ResponseError;
+use hemilux_core::wire::LightSet;
+
+/// Why there are no lights, or wrong ones.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum Wrong {
+    /// The lens.
+    Lens(LensError),
+    /// The response.
+    Response(ResponseError),
+    /// The exposures.
+    Merge(MergeError),
+    /// The plan.
+    Plan(PlanError),
+    /// The frames' layout.
+    Layout(LayoutError),
+    /// The frames.
+    Front(FrontError),
+    /// A buffer.
+    Memory(TooSmall),
+    /// The writer refused.
+    Output,
+    /// What is checked, what was found and what was expected, at most.
+    Check(&'static str, f32, f32),
+}
+
+macro_rules! from {
+    ($($error:ident => $variant:ident),*) => {
+        $(impl From<$error> for Wrong {
+            fn from(e: $error) -> Self {
+                Self::$variant(e)
+            }
+        })*
+    };
+}
+from!(LensError => Lens, ResponseError => Response, MergeError => Merge, PlanError => Plan, LayoutError => Layout,
+      FrontError => Front, TooSmall => Memory);
+
+/// The frame in numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Report {
+    /// What the camera saw.
+    pub taken: Taken,
+    /// How many lights.
+    pub lights: usize,
+    /// Their sum.
+    pub energy: [f32; 3],
+    /// The map's.
+    pub map: [f32; 3],
+    /// Largest difference of a direction's length from 1.
+    pub length: f32,
+    /// From the brightest light to the lamp, degrees.
+    pub lamp_deg: f32,
+    /// Share of the hemisphere that clips.
+    pub clipped: f32,
+    /// Elements of the plan.
+    pub plan: PlanSize,
+    /// The clock before and after front end, pyramid, sampler, and encoding.
+    pub ticks: [u32; 5],
+}
+
+impl Report {
+    pub(crate) fn of(set: &LightSet<'_>, plan: PlanSize, ticks: [u32; 5]) -> Self {
+        let mut energy = [0.0; 3];
+        set.lights.iter().for_each(|l| color::add(&mut energy, l.irradiance));
+        let length = |l: &Light| (l.direction.length() - 1.0).abs();
+        let y = |l: &Light| color::luminance(l.irradiance);
+        let brightest = set.lights.iter().max_by(|a, b| y(a).total_cmp(&y(b)));
+        Self {
+            taken: Taken::default(),
+            lights: set.lights.len(),
+            energy,
+            map: set.scalar_flux,
+            length: set.lights.iter().map(length).fold(0.0, f32::max),
+            lamp_deg: brightest.map_or(180.0, |l| l.direction.angle_between(LAMP).to_degrees()),
+            clipped: set.clipped,
+            plan,
+            ticks,
+        }
+    }
+
+    /// Whether the lights are those of the scene.
+    ///
+    /// # Errors
+    /// The first [`Wrong::Check`].
+    pub fn check(&self) -> Result<(), Wrong> {
+        let off = |a: [f32; 3], b: [f32; 3]| {
+            a.iter()
+                .zip(b)
+                .map(|(a, b)| (a - b).abs() / b)
+                .fold(0.0, |most: f32, v| if v <= most { most } else { v })
+        };
+        // The tree has a light for every leaf: 256, less the two that a split on the horizon may pass over.
+        let missing = crate::LIGHTS.abs_diff(self.lights) as f32;
+        let checks = [
+            ("lights missing", missing, 2.0),
+            ("energy of the lights against the map's, ratio", off(self.energy, self.map), 1e-5),
+            // Half a code of noise in the dark.
+            ("energy of the map against the scene's, ratio", off(self.map, self.taken.energy), 0.01),
+            ("length of a direction", self.length, 1e-6),
+            ("from the brightest light to the lamp, degrees", self.lamp_deg, 4.0),
+            ("clipped share", self.clipped, 0.0),
+        ];
+        match checks.into_iter().find(|(_, found, most)| found.is_nan() || found > most) {
+            Some((what, found, most)) => Err(Wrong::Check(what, found, most)),
+            None => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,110 @@
+//! What the camera sees: a sky, a window and a lamp, through an equidistant fisheye, with the sensor's noise.
+
+use crate::memory::SIDE;
+use core::f64::consts::FRAC_PI_2;
+use glam::{DVec2, DVec3, Vec3};
+use hemilux_core::color;
+use hemilux_core::lens::{Intrinsics, Lens, Model};
+use hemilux_core::merge::Exposure;
+
+/// A fisheye whose 180 degrees just fit into the image.
+pub const LENS: Intrinsics = Intrinsics {
+    model: Model::Equidistant,
+    centre_px: DVec2::splat((SIDE as f64 - 1.0) / 2.0),
+    focal_px: DVec2::splat((SIDE as f64 / 2.0 - 0.5) / FRAC_PI_2),
+    skew_px: 0.0,
+    max_theta: FRAC_PI_2,
+    vignetting: [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+};
+
+/// Codes of no light and of full scale.
+pub const BLACK: f64 = 8.0;
+/// See [`BLACK`].
+pub const WHITE: f64 = 255.0;
+
+/// Radiance that fills a pixel in the shortest exposure: a quarter more than the lamp's.
+const FULL: f64 = 50.0;
+
+/// 1, 8 and 64 ms.
+pub const EXPOSURES: [Exposure; 3] = [exposure(0.001), exposure(0.008), exposure(0.064)];
+
+/// Radiance of relative exposure 1 at one second.
+pub const SCALE: f64 = FULL * EXPOSURES[0].seconds;
+
+const fn exposure(seconds: f64) -> Exposure {
+    Exposure { seconds, gain: 1.0 }
+}
+
+/// Unit vector towards the lamp: 60 degrees up.
+pub const LAMP: Vec3 = Vec3::new(0.433_012_7, 0.25, 0.866_025_4);
+
+/// Cosine of the lamp's radius of 4 degrees, and its radiance.
+const LAMP_COS: f64 = 0.997_564_05;
+const LAMP_RGB: [f32; 3] = [40.0, 30.0, 18.0];
+
+/// Unit vector towards the window, 35 degrees up; cosine of its radius of 12 degrees, and its radiance.
+const WINDOW: DVec3 = DVec3::new(-0.769_751_1, -0.280_166_5, 0.573_576_44);
+const WINDOW_COS: f64 = 0.978_147_6;
+const WINDOW_RGB: [f32; 3] = [3.0, 3.2, 3.5];
+
+/// Radiance of the sky at the horizon and overhead.
+const HORIZON: [f32; 3] = [0.30, 0.35, 0.45];
+const ZENITH: [f32; 3] = [0.15, 0.25, 0.55];
+
+/// Radiance from `direction`.
+fn radiance(direction: DVec3) -> [f32; 3] {
+    if direction.dot(LAMP.as_dvec3()) > LAMP_COS {
+        return LAMP_RGB;
+    }
+    if direction.dot(WINDOW) > WINDOW_COS {
+        return WINDOW_RGB;
+    }
+    let up = direction.z as f32;
+    core::array::from_fn(|c| HORIZON[c] + up * (ZENITH[c] - HORIZON[c]))
+}
+
+/// What [`expose`] knows of a burst.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Taken {
+    /// Sum of L dOmega over the pixels above the horizon.
+    pub energy: [f32; 3],
+    /// FNV-1a of all frames: the same on every machine.
+    pub hash: u32,
+}
+
+/// Takes the burst: red, green, blue bytes.
+pub fn expose<const N: usize>(lens: &Lens, frames: &mut [[u8; N]]) -> Taken {
+    let mut energy = [0.0; 3];
+    let mut noise = Noise(0x9e37_79b9);
+    for at in 0..SIDE * SIDE {
+        let pixel = DVec2::new(f64::from(at % SIDE), f64::from(at / SIDE));
+        let direction = lens.unproject(pixel);
+        let rgb = direction.map_or([0.0; 3], radiance);
+        if direction.is_some_and(|d| d.z > 0.0) {
+            color::add(&mut energy, color::scaled(rgb, lens.solid_angle(pixel).unwrap_or(0.0) as f32));
+        }
+        for (frame, exposure) in frames.iter_mut().zip(EXPOSURES) {
+            let own = frame.as_chunks_mut::<3>().0.get_mut(at as usize);
+            own.into_iter().flatten().zip(rgb).for_each(|(code, v)| *code = noise.code(v, exposure.seconds));
+        }
+    }
+    let hash =
+        frames.iter().flatten().fold(0x811c_9dc5, |h, b| (h ^ u32::from(*b)).wrapping_mul(0x0100_0193));
+    Taken { energy, hash }
+}
+
+/// Xorshift, \[Marsaglia2003\].
+struct Noise(u32);
+
+impl Noise {
+    /// The code of a radiance, with a code's noise.
+    fn code(&mut self, radiance: f32, seconds: f64) -> u8 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 17;
+        self.0 ^= self.0 << 5;
+        let noise = self.0 as f32 / 4_294_967_296.0;
+        let range = ((WHITE - BLACK) * seconds / SCALE) as f32;
+        // Rounded down: the noise is from 0 to 1.
+        (radiance * range + BLACK as f32 + noise) as u8
+    }
+}
