@@ -349,6 +349,14 @@ pub struct LensFile {
     pub response_table: Option<toml::Table>,
 }
 
+impl LensFile {
+    /// Codes to relative exposure, where the file says it.
+    #[must_use]
+    pub fn told_response(&self) -> Option<Response> {
+        self.response_table.as_ref().map(|_| self.response)
+    }
+}
+
 /// Reads a lens file: a `[lens]` table with its `size`, and optionally `[response]` and `[sensor]`.
 ///
 /// # Errors

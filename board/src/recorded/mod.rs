@@ -73,7 +73,7 @@ pub fn read_burst(folder: &Path) -> Result<(Calibration, Burst), RecordedError> 
     let mut frames: Vec<_> =
         frames.map(|(image, f)| Frame { exposure: f.exposure(), pixels: image.pixels }).collect();
     frames.sort_by(|a, b| light(a).total_cmp(&light(b)));
-    Ok((calibration, Burst { frames, timestamp_ns }))
+    Ok((calibration, Burst { frames, timestamp_ns, ..Burst::default() }))
 }
 
 fn light(frame: &Frame) -> f64 {

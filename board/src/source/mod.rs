@@ -129,12 +129,22 @@ pub fn open(spec: &Spec) -> Result<Box<dyn Source>, OpenError> {
         Spec::Replay(folder) => Ok(Box::new(ReplaySource::open(folder, Pace::TEN_A_SECOND)?)),
         #[cfg(all(feature = "v4l2", target_os = "linux"))]
         Spec::Camera(spec) => {
-            let camera = camera::CameraSource::open(Box::new(crate::v4l2::real::RealKernel), spec)?;
-            for agreed in camera.agreed() {
-                tracing::info!("{spec}: {} {} asked for, {} got", agreed.what, agreed.asked, agreed.got);
-            }
-            Ok(Box::new(camera))
+            Ok(Box::new(camera::CameraSource::open(Box::new(crate::v4l2::real::RealKernel), spec)?))
         }
+    }
+}
+
+/// As [`open`], but waits for a camera that is not there yet.
+///
+/// # Errors
+/// [`OpenError`].
+pub fn open_or_wait(spec: &Spec) -> Result<Box<dyn Source>, OpenError> {
+    match spec {
+        #[cfg(all(feature = "v4l2", target_os = "linux"))]
+        Spec::Camera(spec) => {
+            Ok(Box::new(camera::CameraSource::open_or_wait(Box::new(crate::v4l2::real::RealKernel), spec)?))
+        }
+        other => open(other),
     }
 }
 

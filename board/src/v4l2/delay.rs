@@ -86,11 +86,11 @@ impl Camera {
     fn level(&mut self, kernel: &mut dyn Kernel) -> Result<(u32, f32), CameraError> {
         for _ in 0..MOST_BROKEN {
             let Some(buffer) = self.dequeue(kernel, SILENCE.0)? else { continue };
-            let whole = self.setup.picture.frame_bytes();
+            let whole = self.setup.picture.layout.frame_bytes();
             let good = buffer.flags & abi::BUFFER_ERROR == 0 && buffer.bytes_used as usize >= whole;
             let bytes = self.setup.video.bytes(buffer.index).get(..whole).filter(|_| good);
             let level = bytes.map(|bytes| {
-                luma::sample(&self.setup.picture, bytes, &mut self.codes);
+                luma::sample(&self.setup.picture.layout, bytes, &mut self.codes);
                 luma::mean(&self.codes)
             });
             self.queue(buffer.index)?;

@@ -42,6 +42,11 @@ impl CameraSpec {
         self.text.split(',').next().unwrap_or_default().into()
     }
 
+    /// Whether the option `name` is given.
+    pub(super) fn names(&self, name: &str) -> bool {
+        self.pairs().any(|(given, _)| given == name)
+    }
+
     fn pairs(&self) -> impl Iterator<Item = (&str, &str)> {
         self.text.split(',').skip(1).map(|pair| pair.split_once('=').unwrap_or((pair, "")))
     }
