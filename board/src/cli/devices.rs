@@ -2,6 +2,7 @@
 
 use super::{Failure, say};
 use crate::source::camera::CameraSpec;
+use crate::v4l2::Kernel;
 use crate::v4l2::capture::Camera;
 use crate::v4l2::device::{self, Description};
 use crate::v4l2::frame::{Counters, RawFrame};
@@ -95,6 +96,8 @@ struct Report {
 struct Seen {
     sequence: u32,
     timestamp_ns: u64,
+    /// CLOCK_MONOTONIC when it was there for us: a driver that loses frames although a buffer waits for it is itself late.
+    arrived_ns: u64,
     /// Index into the exposures.
     exposure: Option<usize>,
     known: &'static str,
@@ -114,6 +117,7 @@ fn check(spec: &CameraSpec, options: &Devices) -> Result<(), Failure> {
             frames.push(Seen {
                 sequence: taken.sequence,
                 timestamp_ns: taken.timestamp_ns,
+                arrived_ns: RealKernel.now_ns(),
                 exposure: taken.slot,
                 known,
                 level,

@@ -170,3 +170,97 @@ fn write_toml(path: &Path, table: &Table) -> Result<(), Failure> {
     let text = toml::to_string(table).map_err(|e| unwritable(path, &e))?;
     fs::write(path, text).map_err(|e| unwritable(path, &e))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibration::{Burst, Calibration};
+    use crate::pipeline::{Pipeline, Settings};
+    use crate::recorded::{read_burst, read_sequence};
+    use crate::source::{Pace, ReplaySource};
+    use crate::v4l2::fake::{FakeKernel, Fault, Script};
+    use hemilux_core::format::{Format, Pattern};
+    use hemilux_core::light::Light;
+
+    /// The scripted camera, whose codes are linear in all formats.
+    fn source(script: &Script) -> CameraSource {
+        let (width, height) = script.size;
+        let lens = tempfile::NamedTempFile::new().expect("a file");
+        let text = format!(
+            "[lens]\nmodel = \"equidistant\"\nsize = [{width}, {height}]\ncentre = [31.5, 23.5]\nfocal = [15.0, 15.0]\n\
+             max_angle_deg = 85.0\n[response]\nmodel = \"linear\"\n"
+        );
+        fs::write(lens.path(), text).expect("written");
+        let options = format!("/dev/video0,exposures=0.001/0.006/0.036,lens={}", lens.path().display());
+        let spec = CameraSpec::parse(&options).expect("options");
+        CameraSource::open(Box::new(FakeKernel::new(script.clone())), &spec).expect("a camera")
+    }
+
+    /// The lights of one burst, and what they are summed of.
+    fn lights(calibration: &Calibration, burst: &Burst) -> (Vec<Light>, [f32; 3]) {
+        let exposures: Vec<_> = burst.frames.iter().map(|f| f.exposure).collect();
+        let pipeline = Pipeline::try_new(calibration.clone(), &exposures, Settings::default());
+        let mut pipeline = pipeline.expect("a pipeline");
+        let processed = pipeline.process(burst).expect("lights");
+        (processed.decomposition.lights.to_vec(), processed.scalar_flux)
+    }
+
+    fn next(source: &mut dyn Source) -> Burst {
+        let mut burst = Burst::default();
+        while source.next(&mut burst).is_err() {}
+        burst
+    }
+
+    /// The scene does not move: each burst has the same light.
+    #[test]
+    fn what_is_recorded_gives_the_lights_that_the_camera_gave() {
+        let yuv = Yuv { limited: true, matrix: Matrix::Bt601 };
+        let cases = [
+            ("YUYV", (64, 47), Format::Yuyv(yuv)),
+            ("NV12", (64, 48), Format::Nv12(yuv)),
+            ("pBAA", (66, 48), Format::Raw10(Pattern::Bggr)),
+            ("GB10", (64, 48), Format::Bayer16(Pattern::Gbrg, 10)),
+            ("RG16", (64, 48), Format::Bayer16(Pattern::Rggb, 16)),
+            ("GREY", (65, 47), Format::Grey),
+        ];
+        for (name, size, format) in cases {
+            let script = Script { formats: vec![name], size, ..Script::default() };
+            let folder = tempfile::tempdir().expect("a folder");
+            let told = record(source(&script), 3, folder.path()).expect("recorded");
+            assert!(told.contains("3 bursts") && told.contains("0 broken"), "{told}");
+
+            let mut live = source(&script);
+            let burst = next(&mut live);
+            let calibration = live.calibration().clone();
+            drop(live);
+            let (expected, flux) = lights(&calibration, &burst);
+            assert!(!expected.is_empty() && flux.iter().all(|v| *v > 0.0), "{name}: {flux:?}");
+            let mut replay = ReplaySource::open(folder.path(), Pace::Free).expect("a recording");
+            assert_eq!((replay.len(), replay.calibration()), (3, &calibration), "{name}");
+            assert_eq!(
+                (replay.calibration().format, replay.calibration().bytes_per_line),
+                (format, format.line_bytes(size.0) + 16),
+                "as it came"
+            );
+            for _ in 0..3 {
+                let again = next(&mut replay);
+                assert_eq!(again.frames, burst.frames, "{name}: byte for byte");
+                assert_eq!(lights(replay.calibration(), &again), (expected.clone(), flux), "{name}");
+            }
+            let first = &read_sequence(folder.path()).expect("a sequence")[0];
+            let (_, read) = read_burst(&first.1).expect("a burst");
+            assert!(first.0 > 0 && read.timestamp_ns == first.0, "{name}: its time");
+        }
+    }
+
+    #[test]
+    fn a_recording_goes_on_after_the_camera_was_away() {
+        let faults = vec![(400, Fault::Disconnect(Duration::from_millis(3500)))];
+        let script = Script { faults, loss: 0.05, ..Script::default() };
+        let folder = tempfile::tempdir().expect("a folder");
+        let told = record(source(&script), 150, folder.path()).expect("recorded");
+        assert!(told.contains("150 bursts") && told.contains("reopened 1 times"), "{told}");
+        let replay = ReplaySource::open(folder.path(), Pace::Free).expect("a recording");
+        assert_eq!(replay.len(), 150, "all of them");
+    }
+}

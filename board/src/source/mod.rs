@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 
 /// Gives one burst after the other.
 pub trait Source: Send {
-    /// What is known of its camera.
+    /// What is known of its camera. It changes only with a burst: that of a camera which came later than the source was opened.
     fn calibration(&self) -> &Calibration;
 
     /// Exposures of its bursts, ascending.

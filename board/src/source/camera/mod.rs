@@ -4,6 +4,8 @@
 mod assemble;
 mod spec;
 mod terms;
+#[cfg(test)]
+mod tests;
 
 pub use spec::{CameraSpec, HELP};
 pub use terms::Terms;
@@ -22,6 +24,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
+
+/// Rounds of exposures without a burst after which it is said why there is none: three seconds at 30 Hz with three exposures.
+const MOST_ROUNDS: usize = 30;
 
 /// Longest wait for a burst in one call.
 const WAIT: Duration = Duration::from_millis(250);
@@ -244,13 +249,24 @@ impl Drop for CameraSource {
     }
 }
 
+/// Says why `count` frames were no burst.
+fn useless(camera: &Camera, count: usize) -> String {
+    let (path, wrong) = (camera.path().display(), camera.counters().mismatches);
+    format!(
+        "{path}: found no burst in {count} frames, {wrong} of them brighter or darker than their exposures say, expected exposures that can \
+         be told apart: a lens file with the camera's [response], or fewer exposures"
+    )
+}
+
 /// Takes frames until told to stop; `burst` is the first memory for them.
 fn capture(mut supervisor: Supervisor, mut burst: RawBurst, shared: &Shared) {
     let (mut frame, mut assembler) = (RawFrame::default(), Assembler::default());
     let (mut streaming, mut resyncs, mut terms) = (false, 0, Arc::clone(&burst.terms));
+    // Frames since the last burst.
+    let mut unused = 0;
     while !shared.stop.load(Ordering::Relaxed) {
         if !streaming && let Some(camera) = supervisor.camera() {
-            streaming = true;
+            (streaming, unused) = (true, 0);
             terms = Arc::new(Terms::of(camera));
             for Agreed { what, asked, got } in camera.agreed() {
                 tracing::info!("{}: {what} {asked} asked for, {got} got", camera.path().display());
@@ -264,7 +280,7 @@ fn capture(mut supervisor: Supervisor, mut burst: RawBurst, shared: &Shared) {
                 burst.terms = Arc::clone(&terms);
                 let mut state = shared.lock();
                 std::mem::swap(&mut state.burst, &mut burst);
-                state.fresh = true;
+                (state.fresh, state.down, unused) = (true, None, 0);
                 state.reopened = supervisor.reopened();
                 state.counters = supervisor.camera().map(Camera::counters).unwrap_or_default();
                 let found = state.counters.resyncs;
@@ -278,7 +294,15 @@ fn capture(mut supervisor: Supervisor, mut burst: RawBurst, shared: &Shared) {
                 }
                 resyncs = found;
             }
-            Outcome::Frame | Outcome::Nothing => {}
+            Outcome::Frame => {
+                unused += 1;
+                if unused == MOST_ROUNDS * terms.seconds.len() {
+                    let why = supervisor.camera().map(|c| useless(c, unused));
+                    shared.lock().down = why;
+                    shared.news.notify_all();
+                }
+            }
+            Outcome::Nothing => {}
             Outcome::Down(reason) => {
                 streaming = false;
                 let mut state = shared.lock();

@@ -187,13 +187,20 @@ impl World {
         self.script.formats[0].as_bytes().try_into().expect("four characters")
     }
 
-    /// How pictures lie: limited range, rows apart from each other.
-    fn layout(&self) -> Layout {
+    /// Limited range where there is one.
+    fn format(&self) -> Format {
         let yuv = Yuv { limited: true, ..Yuv::default() };
-        let format = Format::from_fourcc(self.fourcc(), yuv).expect("a format that is read");
+        Format::from_fourcc(self.fourcc(), yuv).expect("a format that is read")
+    }
+
+    fn bytes_per_line(&self) -> usize {
+        self.format().line_bytes(self.script.size.0) + PADDING
+    }
+
+    /// How pictures lie.
+    fn layout(&self) -> Layout {
         let (width, height) = self.script.size;
-        Layout::try_new(format, width, height, format.line_bytes(width) + PADDING)
-            .expect("a size that suits it")
+        Layout::try_new(self.format(), width, height, self.bytes_per_line()).expect("a size that suits it")
     }
 
     fn is_gone(&self) -> bool {
@@ -299,5 +306,8 @@ impl Kernel for FakeKernel {
         let mut w = self.world();
         let to = w.now_ns + duration.as_nanos() as u64;
         w.advance(to);
+        drop(w);
+        // Other tests want the machine too.
+        std::thread::sleep(Duration::from_millis(1));
     }
 }

@@ -56,12 +56,8 @@ impl Node for FakeNode {
             Call::SetFormat(d) => {
                 (d.pixel.width, d.pixel.height) = (width, height);
                 d.pixel.fourcc = u32::from_le_bytes(w.fourcc());
-                // A driver that leaves the stride to the reader where it grants what the reader may refuse.
-                if (width % 2, height % 2) == (0, 0) {
-                    let layout = w.layout();
-                    let (line, bytes) = (layout.bytes_per_line(), layout.frame_bytes());
-                    (d.pixel.bytes_per_line, d.pixel.size_image) = (line as u32, bytes as u32);
-                }
+                let line = w.bytes_per_line();
+                (d.pixel.bytes_per_line, d.pixel.size_image) = (line as u32, 2 * line as u32 * height);
             }
             Call::SetParameters(d) => d.interval = [w.script.period.as_millis() as u32, 1000],
             Call::QueryControl(_) | Call::GetControl(_) | Call::SetControl(_) if on_sensor != self.sensor => {
