@@ -74,6 +74,8 @@ pub struct Frame {
 pub struct Burst {
     /// The frames.
     pub frames: Vec<Frame>,
+    /// CLOCK_MONOTONIC at which none of its frames had begun to be exposed, nanoseconds; 0 where unknown.
+    pub before_ns: u64,
     /// CLOCK_MONOTONIC at its end, nanoseconds; 0 where unknown.
     pub timestamp_ns: u64,
 }

@@ -179,7 +179,8 @@ fn say(text: &str) -> Result<(), Failure> {
 
 fn serve(options: &Serve) -> Result<(), Failure> {
     let plan = Plan::of(options)?;
-    let source = source::open(&plan.source).map_err(Failure::new)?;
+    let open = if options.plan { source::open } else { source::open_or_wait };
+    let source = open(&plan.source).map_err(Failure::new)?;
     if options.plan {
         let settings = plan.config.pipeline;
         let pipeline = Pipeline::try_new(source.calibration().clone(), &source.exposures(), settings);

@@ -157,7 +157,7 @@ fn cameras_are_listed_and_what_is_not_there_is_named() {
     let out = folder.path().to_str().expect("UTF-8");
     let camera = "v4l2:/dev/video-nowhere";
     let cases: [(&[&str], i32, &str); 6] = [
-        (&["serve", "--listen", "127.0.0.1:0", "--source", camera], 1, "/dev/video-nowhere: found no camera"),
+        (&["serve", "--plan", "--source", camera], 1, "/dev/video-nowhere: found no camera"),
         (&["devices", "--check", camera], 1, "/dev/video-nowhere: found no camera"),
         (&["devices", "--check", "scene:room"], 2, "expected v4l2:PATH"),
         (
@@ -180,4 +180,29 @@ fn cameras_are_listed_and_what_is_not_there_is_named() {
     std::fs::write(folder.path().join("x"), "x").expect("a file");
     let (status, _, stderr) = ended(&["record", "--source", camera, "--bursts", "1", "--out", out]);
     assert_eq!((status, stderr.contains("expected an empty folder")), (Some(2), true), "{stderr}");
+}
+
+#[cfg(all(feature = "v4l2", target_os = "linux"))]
+#[test]
+fn a_camera_that_is_not_there_yet_is_waited_for_and_clients_are_told() {
+    let options =
+        ["serve", "--listen", "127.0.0.1:0", "--source", "v4l2:/dev/video-nowhere", "--sampler", "pharr"];
+    let (mut child, line, _stdout) = serving(&options);
+    let address = line.strip_prefix("hemilux: serving http://").and_then(|l| l.split_once("/ "));
+    let (address, _) = address.unwrap_or_else(|| panic!("{line}"));
+    let mut stream = TcpStream::connect(address).expect("a connection");
+    write!(stream, "GET /v1/lights HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n")
+        .expect("a request");
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).expect("an answer");
+    assert!(
+        answer.starts_with("HTTP/1.1 503")
+            && answer.contains("no frame yet: /dev/video-nowhere: found no camera"),
+        "{answer}"
+    );
+    signal(&child, "-TERM");
+    assert!(child.wait().expect("it ends").success(), "stopped as ever");
+    let mut errors = String::new();
+    child.stderr.take().expect("a pipe").read_to_string(&mut errors).expect("UTF-8");
+    assert_eq!(errors.matches("found no camera").count(), 1, "logged once: {errors}");
 }

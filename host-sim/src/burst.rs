@@ -144,7 +144,7 @@ pub fn in_memory(
         format,
         bytes_per_line: format.line_bytes(lens.size[0]),
     };
-    (calibration, Burst { frames, timestamp_ns: 0 })
+    (calibration, Burst { frames, ..Burst::default() })
 }
 
 fn check(job: &Job) -> Result<(), SimError> {

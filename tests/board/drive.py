@@ -7,13 +7,21 @@ for name in ("arch", "qemu", "kernel", "initrd"):
     parser.add_argument(f"--{name}", required=True)
 parser.add_argument("--frames", type=int, default=200)
 parser.add_argument("--disconnects", type=int, default=3)
-parser.add_argument("--lost", type=int, default=0, help="most lost frames; more than 0 only on a machine that is known to be busy")
+parser.add_argument("--lost", type=int, default=0, help="most frames that the emulated driver may lose although a buffer waits for it; more than 0 only "
+                    "where others use the machine too. Frames that are lost for want of a buffer are the probe's fault and never allowed")
+parser.add_argument("--deb", action="store_true", help="the guest has a package to install and to remove")
 parser.add_argument("--console", help="file for all that the guest says")
 options = parser.parse_args()
 
 # Luma of vivid's white at brightness 128 is 234 (seen with v4l2-ctl, limited range); brightness shifts it step by step.
 VALUES = [32, 80, 128]
 LUMA = [234 - (128 - v) for v in VALUES]
+
+# Longest wait for anything, seconds. All waits end with what they wait for, so that it costs nothing on a quick machine.
+PATIENCE = 600
+
+# Buffers that the probe lends the driver.
+BUFFERS = 6
 
 
 def fail(why):
@@ -60,9 +68,9 @@ class Guest:
         self.process.stdin.write((line + "\n").encode())
         self.process.stdin.flush()
 
-    def wait(self, mark, seconds):
+    def wait(self, mark):
         """The rest of the guest's next line that begins with `mark`."""
-        end = time.time() + seconds
+        end = time.time() + PATIENCE
         while time.time() < end:
             for line in self.lines:
                 if line.startswith("RIG exit") and mark != "exit":
@@ -73,25 +81,25 @@ class Guest:
             if self.process.poll() is not None:
                 self.give_up(f"QEMU ended before '{mark}'")
             time.sleep(0.05)
-        self.give_up(f"no '{mark}' in {seconds} s")
+        self.give_up(f"no '{mark}' in {PATIENCE} s")
 
     def give_up(self, why):
         print("\n".join(self.lines[-40:]), file=sys.stderr)
         fail(why)
 
     def file(self, name):
-        return urllib.request.urlopen(f"{self.files}/{name}", timeout=60).read()
+        return urllib.request.urlopen(f"{self.files}/{name}", timeout=PATIENCE).read()
 
     def recovered(self, n):
         """Waits until the lights are fresh again."""
-        end = time.time() + 60
+        end = time.time() + PATIENCE
         while self.lights()["stale"] is not None:
             if time.time() > end:
                 self.give_up(f"no recovery after disconnect {n}")
             time.sleep(0.1)
 
     def lights(self):
-        return json.loads(urllib.request.urlopen(f"{self.probe}/lights.json", timeout=20).read())
+        return json.loads(urllib.request.urlopen(f"{self.probe}/lights.json", timeout=PATIENCE).read())
 
 
 def judge_compliance(text):
@@ -104,6 +112,17 @@ def judge_compliance(text):
     print(f"           {total[0]}")
 
 
+def lost(frames):
+    """Frames that are missing: the probe's, while which it held all buffers, and the driver's, which had one and was late itself."""
+    ours = theirs = 0
+    for k in range(1, len(frames)):
+        for sequence in range(frames[k - 1]["sequence"] + 1, frames[k]["sequence"]):
+            due = frames[0]["timestamp_ns"] + (sequence - frames[0]["sequence"]) * 40_000_000
+            held = sum(due <= f["arrived_ns"] for f in frames[max(0, k - BUFFERS):k])
+            ours, theirs = (ours + 1, theirs) if held >= BUFFERS else (ours, theirs + 1)
+    return ours, theirs
+
+
 def judge_schedule(report):
     """Each frame has exactly the brightness that the schedule says of its sequence number."""
     frames = report["frames"]
@@ -114,8 +133,12 @@ def judge_schedule(report):
     print(f"           {len(frames)} of {span} frames, {report['rate_hz']:.2f} Hz, {len(known)} with a known exposure, {len(wrong)} wrong, "
           f"{report['late']} writes left out as late, control delay {report['delay']}")
     check(not wrong, f"check: {len(wrong)} frames of another brightness than scheduled: {wrong[:3]}")
-    check(span - len(frames) <= options.lost, f"check: {span - len(frames)} frames lost")
+    ours, theirs = lost(frames)
+    if ours + theirs:
+        print(f"           {ours} frames lost for want of a buffer, {theirs} by the driver although it had one: the emulated machine was starved")
+    check(ours == 0 and theirs <= options.lost, f"check: {ours} frames lost by the probe, {theirs} by the driver")
     check(abs(report["rate_hz"] - 25) < 0.3, f"check: {report['rate_hz']} Hz")
+    check(report["broken"] == 0, f"check: {report['broken']} broken frames")
     check(len(known) >= 0.95 * len(frames), f"check: {len(known)} frames with a known exposure")
     for slot in range(3):
         check(sum(f["exposure"] == slot for f in known) > 0.2 * len(known), f"check: exposure {slot} hardly came")
@@ -135,6 +158,7 @@ def judge_recording(archive):
             raw = read(f"{burst['folder']}/{frame['file']}")
             luma = raw[::2]
             check(len(raw) == 614400 and abs(sum(luma) / len(luma) - expected) < 1.5, f"record: {frame}, luma {sum(luma) / len(luma)}")
+            check(frame["known"] == "predicted", f"record: {frame}: the control delay was not found out")
         numbers = [f["sequence"] for f in manifest["frame"]]
         check(max(numbers) - min(numbers) < 6, f"record: frames {numbers} in one burst")
 
@@ -147,20 +171,22 @@ def held(line):
 
 guest = Guest()
 try:
-    guest.wait("ready", 120)
+    guest.wait("ready")
     time.sleep(0.3)
     guest.tell(f"{options.frames} {options.disconnects}")
-    guest.wait("compliance", 120)
+    if options.deb:
+        guest.wait("installed")
+    guest.wait("compliance")
     judge_compliance(guest.file("compliance.txt").decode(errors="replace"))
-    guest.wait("devices", 20)
+    guest.wait("devices")
     cameras = json.loads(guest.file("devices.json"))
     sizes = [(s["width"], s["height"]) for f in cameras[0]["formats"] if f["fourcc"] == "YUYV" for s in f["sizes"]]
     check(len(cameras) == 1 and cameras[0]["driver"] == "vivid" and (640, 480) in sizes, f"devices: {cameras}")
-    guest.wait("check", 60 + options.frames)
+    guest.wait("check")
     judge_schedule(json.loads(guest.file("check.json")))
-    guest.wait("record", 60)
+    guest.wait("record")
     judge_recording(guest.file("rec.tar"))
-    guest.wait("serving", 240)
+    guest.wait("serving")
     first, then = guest.lights(), guest.lights()
     check(first["valid"] and first["stale"] is None and first["lights"] and sum(first["scalar_flux"]) > 0, f"lights: {first}")
     check(then["frame"] > first["frame"], f"frame {then['frame']} after {first['frame']}")
@@ -168,19 +194,19 @@ try:
     guest.tell("go")
     for n in range(options.disconnects):
         if n == 0:
-            guest.wait("pulled", 60)
+            guest.wait("pulled")
             time.sleep(1)
             stale = guest.lights()
             check(stale["valid"] and stale["stale"] and "found no camera" in stale["stale"]["reason"], f"while it is unplugged: {stale['stale']}")
             print(f"           stale: {stale['stale']}")
             guest.tell("go")
-        guest.wait(f"plugged {n}", 60)
+        guest.wait(f"plugged {n}")
         guest.recovered(n)
         guest.tell("go")
-    after = guest.wait("held-after", 60)
-    guest.wait("recovered", 10)
+    after = guest.wait("held-after")
+    guest.wait("recovered")
     if options.disconnects > 3:
-        before, after = held(guest.wait("held-before", 1)), held(after)
+        before, after = held(guest.wait("held-before")), held(after)
         for name in ("fds", "maps", "threads"):
             check(after[name] <= before[name], f"leaked {name}: {before} then {after}")
         check(after["VmRSS:"] <= before["VmRSS:"] + 1024, f"memory grew: {before} then {after}")
@@ -193,10 +219,12 @@ try:
     fresh = guest.lights()
     check(fresh["stale"] is None and fresh["run"] == first["run"], "not the same probe, or not fresh")
     guest.tell("go")
-    check(guest.wait("stopped", 20) == "0", "the probe did not end well")
+    check(guest.wait("stopped") == "0", "the probe did not end well")
     guest.tell("go")
-    check(guest.wait("exit", 20) == "0", "the guest failed")
-    guest.process.wait(20)
+    if options.deb:
+        guest.wait("removed")
+    check(guest.wait("exit") == "0", "the guest failed")
+    guest.process.wait(PATIENCE)
 finally:
     if guest.process.poll() is None:
         guest.process.kill()

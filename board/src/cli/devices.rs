@@ -2,8 +2,10 @@
 
 use super::{Failure, say};
 use crate::source::camera::CameraSpec;
-use crate::v4l2::capture::{Camera, Counters, RawFrame};
+use crate::v4l2::Kernel;
+use crate::v4l2::capture::Camera;
 use crate::v4l2::device::{self, Description};
+use crate::v4l2::frame::{Counters, RawFrame};
 use crate::v4l2::luma;
 use crate::v4l2::real::RealKernel;
 use crate::v4l2::schedule::Known;
@@ -94,6 +96,8 @@ struct Report {
 struct Seen {
     sequence: u32,
     timestamp_ns: u64,
+    /// CLOCK_MONOTONIC when it was there for us: a driver that loses frames although a buffer waits for it is itself late.
+    arrived_ns: u64,
     /// Index into the exposures.
     exposure: Option<usize>,
     known: &'static str,
@@ -107,12 +111,13 @@ fn check(spec: &CameraSpec, options: &Devices) -> Result<(), Failure> {
     let (mut frame, mut codes, mut frames) = (RawFrame::default(), Vec::new(), Vec::new());
     while frames.len() < options.frames as usize {
         if camera.next(&mut RealKernel, Duration::from_millis(500), &mut frame).map_err(Failure::new)? {
-            luma::sample(camera.picture(), &frame.bytes, &mut codes);
+            luma::sample(&camera.picture().layout, &frame.bytes, &mut codes);
             let (taken, level) = (frame.taken, luma::mean(&codes));
             let known = taken.known.name();
             frames.push(Seen {
                 sequence: taken.sequence,
                 timestamp_ns: taken.timestamp_ns,
+                arrived_ns: RealKernel.now_ns(),
                 exposure: taken.slot,
                 known,
                 level,

@@ -5,8 +5,10 @@ use crate::source::Source;
 use crate::source::SourceError;
 use crate::source::camera::{CameraSource, CameraSpec, RawBurst};
 use crate::v4l2::formats;
+use crate::v4l2::frame::Counters;
 use crate::v4l2::real::RealKernel;
 use clap::Args;
+use hemilux_core::format::{Matrix, Yuv};
 use hemilux_core::lens::{Intrinsics, Model};
 use std::fmt::Display;
 use std::fs;
@@ -40,41 +42,43 @@ pub(super) fn run(options: &Record) -> Result<(), Failure> {
             out.display()
         )));
     }
-    let mut source = CameraSource::open(Box::new(RealKernel), &options.source).map_err(Failure::new)?;
+    let source = CameraSource::open(Box::new(RealKernel), &options.source).map_err(Failure::new)?;
+    let told = record(source, options.bursts as usize, out);
+    say(&told.map_err(|f| Failure { line: format!("{}: {}", options.source, f.line), ..f })?)
+}
+
+/// Writes `bursts` bursts of `source` below `out` and tells what came of it.
+fn record(mut source: CameraSource, bursts: usize, out: &Path) -> Result<String, Failure> {
     let head = head(&source);
     let mut list = Vec::new();
     let mut last = Instant::now();
-    while list.len() < options.bursts as usize {
+    while list.len() < bursts {
         match source.next_raw() {
             Ok(burst) => {
                 last = Instant::now();
                 let folder = format!("{:06}", list.len() + 1);
-                list.push((write_burst(&out.join(&folder), &head, burst)?, folder));
+                write_burst(&out.join(&folder), &head, burst)?;
+                list.push((burst.timestamp_ns(), folder));
             }
             Err(SourceError::NotYet | SourceError::Broken(_)) if last.elapsed() < PATIENCE => {}
             Err(SourceError::Gone(_)) if last.elapsed() < PATIENCE => {
                 std::thread::sleep(Duration::from_millis(250));
             }
             Err(error) => {
-                let why = format!("{error}, and no burst for {} s", PATIENCE.as_secs());
-                return Err(Failure::new(format!(
-                    "{}: {why}; {} bursts are in {}",
-                    options.source,
-                    list.len(),
-                    out.display()
-                )));
+                // What there is can be played.
+                write_list(out, &list)?;
+                let (seconds, count) = (PATIENCE.as_secs(), list.len());
+                let kept = format!("{count} bursts are in {}", out.display());
+                return Err(Failure::new(format!("{error}, and no burst for {seconds} s; {kept}")));
             }
         }
     }
     write_list(out, &list)?;
-    let (counters, reopened) = source.counters();
-    say(&format!(
-        "hemilux: {} bursts in {} ({} frames lost, {} broken, {} mismatches, camera reopened {reopened} times)\n",
+    let (Counters { lost, broken, mismatches, .. }, reopened) = source.counters();
+    Ok(format!(
+        "hemilux: {} bursts in {} ({lost} frames lost, {broken} broken, {mismatches} mismatches, camera reopened {reopened} times)\n",
         list.len(),
         out.display(),
-        counters.lost,
-        counters.broken,
-        counters.mismatches
     ))
 }
 
@@ -88,25 +92,26 @@ fn table(pairs: impl IntoIterator<Item = (&'static str, Value)>) -> Value {
 
 /// What all bursts have in common: lens, response, levels and format.
 fn head(source: &CameraSource) -> Table {
-    let (c, p) = (source.calibration(), source.picture());
+    let (c, p) = (source.calibration(), &source.terms().picture);
     let mut head = Table::new();
     head.insert("version".into(), Value::Integer(1));
     let lens =
         source.lens().map_or_else(|| lens(c.lens.intrinsics()), |l| Value::Table(l.lens_table.clone()));
     head.insert("lens".into(), lens);
     let told = source.lens().and_then(|l| l.response_table.clone());
-    let usual = if p.layout.is_raw() { "linear" } else { "srgb" };
+    let usual = if p.is_raw() { "linear" } else { "srgb" };
     head.insert("response".into(), told.map_or_else(|| table([("model", usual.into())]), Value::Table));
     head.insert("sensor".into(), table([("black", c.black.into()), ("white", c.white.into())]));
+    let line = i64::try_from(p.layout.bytes_per_line()).unwrap_or(i64::MAX);
     let mut format = vec![
-        ("width", Value::Integer(p.width.into())),
-        ("height", Value::Integer(p.height.into())),
+        ("width", Value::Integer(p.width().into())),
+        ("height", Value::Integer(p.height().into())),
         ("fourcc", formats::name(p.fourcc).into()),
-        ("bytes_per_line", Value::Integer(p.stride.into())),
+        ("bytes_per_line", Value::Integer(line)),
     ];
-    if p.layout.is_yuv() {
-        format.push(("range", if p.full_range { "full" } else { "limited" }.into()));
-        format.push(("matrix", if p.bt709 { "bt709" } else { "bt601" }.into()));
+    if let Some(Yuv { limited, matrix }) = p.yuv() {
+        format.push(("range", if limited { "limited" } else { "full" }.into()));
+        format.push(("matrix", if matrix == Matrix::Bt709 { "bt709" } else { "bt601" }.into()));
     }
     head.insert("format".into(), table(format));
     head
@@ -129,11 +134,11 @@ fn lens(i: &Intrinsics) -> Value {
     ])
 }
 
-/// Writes one burst and gives its time.
-fn write_burst(folder: &Path, head: &Table, burst: &RawBurst) -> Result<u64, Failure> {
+/// Writes one burst.
+fn write_burst(folder: &Path, head: &Table, burst: &RawBurst) -> Result<(), Failure> {
     fs::create_dir(folder).map_err(|e| unwritable(folder, &e))?;
     let mut frames = Vec::new();
-    for (i, (frame, seconds)) in burst.frames.iter().zip(&burst.seconds).enumerate() {
+    for (i, (frame, seconds)) in burst.frames.iter().zip(&burst.terms.seconds).enumerate() {
         let file = format!("{i}.raw");
         fs::write(folder.join(&file), &frame.bytes).map_err(|e| unwritable(&folder.join(&file), &e))?;
         let integer = |v: u64| Value::Integer(i64::try_from(v).unwrap_or(i64::MAX));
@@ -147,8 +152,7 @@ fn write_burst(folder: &Path, head: &Table, burst: &RawBurst) -> Result<u64, Fai
     }
     let mut manifest = head.clone();
     manifest.insert("frame".into(), Value::Array(frames));
-    write_toml(&folder.join("burst.toml"), &manifest)?;
-    Ok(burst.frames.iter().map(|f| f.taken.timestamp_ns).max().unwrap_or(0))
+    write_toml(&folder.join("burst.toml"), &manifest)
 }
 
 fn write_list(out: &Path, list: &[(u64, String)]) -> Result<(), Failure> {
@@ -165,4 +169,98 @@ fn write_list(out: &Path, list: &[(u64, String)]) -> Result<(), Failure> {
 fn write_toml(path: &Path, table: &Table) -> Result<(), Failure> {
     let text = toml::to_string(table).map_err(|e| unwritable(path, &e))?;
     fs::write(path, text).map_err(|e| unwritable(path, &e))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibration::{Burst, Calibration};
+    use crate::pipeline::{Pipeline, Settings};
+    use crate::recorded::{read_burst, read_sequence};
+    use crate::source::{Pace, ReplaySource};
+    use crate::v4l2::fake::{FakeKernel, Fault, Script};
+    use hemilux_core::format::{Format, Pattern};
+    use hemilux_core::light::Light;
+
+    /// The scripted camera, whose codes are linear in all formats.
+    fn source(script: &Script) -> CameraSource {
+        let (width, height) = script.size;
+        let lens = tempfile::NamedTempFile::new().expect("a file");
+        let text = format!(
+            "[lens]\nmodel = \"equidistant\"\nsize = [{width}, {height}]\ncentre = [31.5, 23.5]\nfocal = [15.0, 15.0]\n\
+             max_angle_deg = 85.0\n[response]\nmodel = \"linear\"\n"
+        );
+        fs::write(lens.path(), text).expect("written");
+        let options = format!("/dev/video0,exposures=0.001/0.006/0.036,lens={}", lens.path().display());
+        let spec = CameraSpec::parse(&options).expect("options");
+        CameraSource::open(Box::new(FakeKernel::new(script.clone())), &spec).expect("a camera")
+    }
+
+    /// The lights of one burst, and what they are summed of.
+    fn lights(calibration: &Calibration, burst: &Burst) -> (Vec<Light>, [f32; 3]) {
+        let exposures: Vec<_> = burst.frames.iter().map(|f| f.exposure).collect();
+        let pipeline = Pipeline::try_new(calibration.clone(), &exposures, Settings::default());
+        let mut pipeline = pipeline.expect("a pipeline");
+        let processed = pipeline.process(burst).expect("lights");
+        (processed.decomposition.lights.to_vec(), processed.scalar_flux)
+    }
+
+    fn next(source: &mut dyn Source) -> Burst {
+        let mut burst = Burst::default();
+        while source.next(&mut burst).is_err() {}
+        burst
+    }
+
+    /// The scene does not move: each burst has the same light.
+    #[test]
+    fn what_is_recorded_gives_the_lights_that_the_camera_gave() {
+        let yuv = Yuv { limited: true, matrix: Matrix::Bt601 };
+        let cases = [
+            ("YUYV", (64, 47), Format::Yuyv(yuv)),
+            ("NV12", (64, 48), Format::Nv12(yuv)),
+            ("pBAA", (66, 48), Format::Raw10(Pattern::Bggr)),
+            ("GB10", (64, 48), Format::Bayer16(Pattern::Gbrg, 10)),
+            ("RG16", (64, 48), Format::Bayer16(Pattern::Rggb, 16)),
+            ("GREY", (65, 47), Format::Grey),
+        ];
+        for (name, size, format) in cases {
+            let script = Script { formats: vec![name], size, ..Script::default() };
+            let folder = tempfile::tempdir().expect("a folder");
+            let told = record(source(&script), 3, folder.path()).expect("recorded");
+            assert!(told.contains("3 bursts") && told.contains("0 broken"), "{told}");
+
+            let mut live = source(&script);
+            let burst = next(&mut live);
+            let calibration = live.calibration().clone();
+            drop(live);
+            let (expected, flux) = lights(&calibration, &burst);
+            assert!(!expected.is_empty() && flux.iter().all(|v| *v > 0.0), "{name}: {flux:?}");
+            let mut replay = ReplaySource::open(folder.path(), Pace::Free).expect("a recording");
+            assert_eq!((replay.len(), replay.calibration()), (3, &calibration), "{name}");
+            assert_eq!(
+                (replay.calibration().format, replay.calibration().bytes_per_line),
+                (format, format.line_bytes(size.0) + 16),
+                "as it came"
+            );
+            for _ in 0..3 {
+                let again = next(&mut replay);
+                assert_eq!(again.frames, burst.frames, "{name}: byte for byte");
+                assert_eq!(lights(replay.calibration(), &again), (expected.clone(), flux), "{name}");
+            }
+            let first = &read_sequence(folder.path()).expect("a sequence")[0];
+            let (_, read) = read_burst(&first.1).expect("a burst");
+            assert!(first.0 > 0 && read.timestamp_ns == first.0, "{name}: its time");
+        }
+    }
+
+    #[test]
+    fn a_recording_goes_on_after_the_camera_was_away() {
+        let faults = vec![(400, Fault::Disconnect(Duration::from_millis(3500)))];
+        let script = Script { faults, loss: 0.05, ..Script::default() };
+        let folder = tempfile::tempdir().expect("a folder");
+        let told = record(source(&script), 150, folder.path()).expect("recorded");
+        assert!(told.contains("150 bursts") && told.contains("reopened 1 times"), "{told}");
+        let replay = ReplaySource::open(folder.path(), Pace::Free).expect("a recording");
+        assert_eq!(replay.len(), 150, "all of them");
+    }
 }

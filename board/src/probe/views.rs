@@ -14,6 +14,8 @@ use tokio::sync::watch;
 pub struct BurstView {
     /// The light set's frame.
     pub frame: u64,
+    /// CLOCK_MONOTONIC at which none of the exposures had begun, nanoseconds; 0 where unknown.
+    pub before_ns: u64,
     /// The exposures, shortest first.
     pub frames: Vec<Frame>,
     /// How to read the samples.
@@ -94,6 +96,7 @@ impl Views {
     pub(super) fn serve(&self, burst: &Burst, pipeline: &mut Pipeline, set: &Published) {
         self.bursts.serve(|| BurstView {
             frame: set.frame,
+            before_ns: burst.before_ns,
             frames: burst.frames.clone(),
             calibration: pipeline.calibration().clone(),
         });

@@ -82,7 +82,7 @@ impl Worker {
         let outcome = self.source.next(&mut self.burst);
         let capture = began.elapsed();
         self.follow_wishes();
-        let outcome = outcome.and_then(|()| self.process(capture));
+        let outcome = outcome.and_then(|()| self.follow_camera()).and_then(|()| self.process(capture));
         match outcome {
             Ok(()) => self.recover(),
             Err(SourceError::NotYet) => {}
@@ -126,6 +126,18 @@ impl Worker {
         self.frames += 1;
         self.link.latest.send_replace(Some(Arc::clone(&set)));
         self.link.views.serve(&self.burst, &mut self.pipeline, &set);
+        Ok(())
+    }
+
+    /// Makes the pipeline anew for a camera that came later than the probe, and otherwise than it was asked for.
+    fn follow_camera(&mut self) -> Result<(), SourceError> {
+        let calibration = self.source.calibration();
+        if calibration == self.pipeline.calibration() {
+            return Ok(());
+        }
+        let settings = self.pipeline.settings().clone();
+        let made = Pipeline::try_new(calibration.clone(), &self.source.exposures(), settings);
+        self.pipeline = made.map_err(|e| SourceError::Broken(e.to_string()))?;
         Ok(())
     }
 

@@ -1,4 +1,4 @@
-//! `burst.toml`, `sequence.toml` and lens files.
+//! `burst.toml` and `sequence.toml`.
 
 use super::{MAX_MANIFEST_BYTES, RecordedError};
 use crate::calibration::Calibration;
@@ -26,9 +26,9 @@ pub(super) struct Manifest {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct LensTable {
+pub(super) struct LensTable {
     model: String,
-    size: Option<[u32; 2]>,
+    pub(super) size: Option<[u32; 2]>,
     centre: [f64; 2],
     focal: [f64; 2],
     #[serde(default)]
@@ -46,7 +46,7 @@ fn no_vignetting() -> Vec<f64> {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct ResponseTable {
+pub(super) struct ResponseTable {
     model: String,
     red: Option<Vec<f64>>,
     green: Option<Vec<f64>>,
@@ -61,9 +61,9 @@ fn one() -> f64 {
 
 #[derive(Deserialize, Default)]
 #[serde(deny_unknown_fields)]
-struct SensorTable {
-    black: Option<f64>,
-    white: Option<f64>,
+pub(super) struct SensorTable {
+    pub(super) black: Option<f64>,
+    pub(super) white: Option<f64>,
     white_balance: Option<[f32; 3]>,
 }
 
@@ -123,21 +123,6 @@ impl FrameTable {
     }
 }
 
-/// A file with a `[lens]` table, as `hemilux-sim burst --lens` takes.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct LensManifest {
-    #[serde(default = "version_one")]
-    version: i64,
-    lens: LensTable,
-    response: Option<ResponseTable>,
-    sensor: Option<SensorTable>,
-}
-
-fn version_one() -> i64 {
-    1
-}
-
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct SequenceFile {
@@ -171,7 +156,7 @@ pub(super) fn read<T: for<'de> Deserialize<'de>>(path: &Path) -> Result<T, Recor
     })
 }
 
-fn check_version(path: &Path, version: i64) -> Result<(), RecordedError> {
+pub(super) fn check_version(path: &Path, version: i64) -> Result<(), RecordedError> {
     if version == 1 {
         Ok(())
     } else {
@@ -273,7 +258,7 @@ fn calibration(
 }
 
 impl LensTable {
-    fn lens(&self, path: &Path) -> Result<Lens, RecordedError> {
+    pub(super) fn lens(&self, path: &Path) -> Result<Lens, RecordedError> {
         let refuse = |found: String, expected: &str| Err(RecordedError::new(path, found, expected));
         let count = |n: usize| format!("{n} coefficients k for the lens model {:?}", self.model);
         let model = match (self.model.as_str(), self.k.as_slice()) {
@@ -308,7 +293,7 @@ impl LensTable {
 }
 
 impl ResponseTable {
-    fn response(&self, path: &Path) -> Result<Response, RecordedError> {
+    pub(super) fn response(&self, path: &Path) -> Result<Response, RecordedError> {
         let channels = [("red", &self.red), ("green", &self.green), ("blue", &self.blue)];
         match self.model.as_str() {
             "linear" => Ok(Response::Linear),
@@ -330,46 +315,6 @@ impl ResponseTable {
             }
         }
     }
-}
-
-/// What a lens file says.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LensFile {
-    /// The lens.
-    pub lens: Lens,
-    /// Image columns and rows.
-    pub size: [u32; 2],
-    /// Codes to relative exposure; linear where the file has no `[response]`.
-    pub response: Response,
-    /// Black and white level where the file names both.
-    pub levels: Option<(f64, f64)>,
-    /// The text of its `[lens]` and `[response]` tables' values, for copying into a `burst.toml`.
-    pub lens_table: toml::Table,
-    /// As `lens_table`.
-    pub response_table: Option<toml::Table>,
-}
-
-/// Reads a lens file: a `[lens]` table with its `size`, and optionally `[response]` and `[sensor]`.
-///
-/// # Errors
-/// [`RecordedError`].
-pub fn read_lens(path: &Path) -> Result<LensFile, RecordedError> {
-    let file: LensManifest = read(path)?;
-    check_version(path, file.version)?;
-    let Some(size) = file.lens.size.filter(|s| s[0] > 0 && s[1] > 0) else {
-        return Err(RecordedError::new(path, "[lens] without a size", "size = [columns, rows]"));
-    };
-    let response = file.response.as_ref().map_or(Ok(Response::Linear), |r| r.response(path))?;
-    let raw: toml::Table = read(path)?;
-    let table = |name: &str| raw.get(name).and_then(toml::Value::as_table).cloned();
-    Ok(LensFile {
-        lens: file.lens.lens(path)?,
-        size,
-        response,
-        levels: file.sensor.and_then(|s| Some((s.black?, s.white?))),
-        lens_table: table("lens").unwrap_or_default(),
-        response_table: table("response"),
-    })
 }
 
 /// Reads a `sequence.toml`.

@@ -3,6 +3,7 @@
 //! What is read is hostile until parsed: sizes are bounded, names are bare, and every refusal is one line.
 
 mod images;
+mod lens;
 mod manifest;
 
 use crate::calibration::{Burst, Calibration, Frame, Pixels};
@@ -11,7 +12,7 @@ use manifest::Manifest;
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
-pub use manifest::{LensFile, read_lens};
+pub use lens::{LensFile, read_lens};
 
 /// Largest `burst.toml`, `sequence.toml` or lens file, bytes.
 const MAX_MANIFEST_BYTES: u64 = 1 << 20;
@@ -73,7 +74,7 @@ pub fn read_burst(folder: &Path) -> Result<(Calibration, Burst), RecordedError> 
     let mut frames: Vec<_> =
         frames.map(|(image, f)| Frame { exposure: f.exposure(), pixels: image.pixels }).collect();
     frames.sort_by(|a, b| light(a).total_cmp(&light(b)));
-    Ok((calibration, Burst { frames, timestamp_ns }))
+    Ok((calibration, Burst { frames, timestamp_ns, ..Burst::default() }))
 }
 
 fn light(frame: &Frame) -> f64 {

@@ -5,12 +5,13 @@ use super::develop;
 use super::lights::{LONGEST_WAIT, no_frame_yet};
 use super::{Context, line};
 use crate::calibration::{Calibration, Frame};
+use crate::clock;
 use crate::picture;
 use crate::probe::settings::short;
-use crate::probe::{BurstView, MapView, Slot};
+use crate::probe::{BurstView, Link, MapView, Slot};
 use axum::body::Bytes;
 use axum::extract::{Path, RawQuery, State};
-use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE};
+use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE, RETRY_AFTER};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode};
 use axum::response::{IntoResponse, Response};
 use image::codecs::jpeg::JpegEncoder;
@@ -25,8 +26,8 @@ const QUALITY: u8 = 90;
 /// Pictures that are kept: the exposures of a burst and the map in its forms.
 const SHELF: usize = 16;
 
-/// Longest wait for a fresh shot: slow sources take two bursts to give one that began after the request.
-const CAPTURE_WAIT: Duration = Duration::from_secs(5);
+/// Longest wait for a fresh shot: two bursts, of which the first was under way; exposures of a second each make three-second bursts.
+const CAPTURE_WAIT: Duration = Duration::from_secs(8);
 
 /// Part of a shot's samples that may be clipped.
 const CLIPPED: f64 = 0.01;
@@ -121,26 +122,36 @@ fn no_exposure(index: Option<&str>, last: usize) -> Response {
     )
 }
 
-/// `capture`: a shot of a burst that began after the request: of its exposures the longest that is hardly clipped.
+/// `capture`: a single shot that was taken after the request: of the first burst whose exposures all began after it, the longest
+/// exposure that is hardly clipped.
 pub(super) async fn capture(State(context): State<Context>, _: Allowed) -> Response {
-    let now = context.link.subscribe().borrow().as_ref().map(|set| set.frame);
-    // The burst that is under way may have begun before; the one after it has not.
-    let first = now.map_or(0, |frame| frame + 2);
+    let asked_ns = clock::monotonic_ns();
     let fresh = async {
         loop {
-            let (view, is_fresh) = view(&context.link.views().bursts).await?;
-            if is_fresh && view.frame >= first {
-                return Some(view);
+            match view(&context.link.views().bursts).await {
+                Some((view, true)) if view.before_ns >= asked_ns => return Some(view),
+                // While the source is known to be down, nothing is to be waited for.
+                Some((_, false)) | None if context.link.failure().is_some() => return None,
+                _ => {}
             }
         }
     };
-    match tokio::time::timeout(CAPTURE_WAIT, fresh).await {
-        Ok(Some(view)) => {
-            let at = well_exposed(&view);
-            jpeg_answer(&context, view, at, true).await
-        }
-        _ => no_frame_yet(&context.link),
-    }
+    let Ok(Some(view)) = tokio::time::timeout(CAPTURE_WAIT, fresh).await else {
+        return nothing_fresh(&context.link);
+    };
+    let seen = Arc::clone(&view);
+    let at = tokio::task::spawn_blocking(move || well_exposed(&seen)).await.unwrap_or(0);
+    jpeg_answer(&context, view, at, true).await
+}
+
+fn nothing_fresh(link: &Link) -> Response {
+    let within = format!("no burst began within {} s of the request", CAPTURE_WAIT.as_secs());
+    let mut response = line(
+        StatusCode::SERVICE_UNAVAILABLE,
+        &format!("no fresh shot: {}", link.failure().unwrap_or(within)),
+    );
+    response.headers_mut().insert(RETRY_AFTER, HeaderValue::from_static("1"));
+    response
 }
 
 async fn jpeg_answer(context: &Context, view: Arc<BurstView>, at: usize, is_fresh: bool) -> Response {

@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 
 /// Gives one burst after the other.
 pub trait Source: Send {
-    /// What is known of its camera.
+    /// What is known of its camera. It changes only with a burst: that of a camera which came later than the source was opened.
     fn calibration(&self) -> &Calibration;
 
     /// Exposures of its bursts, ascending.
@@ -129,12 +129,22 @@ pub fn open(spec: &Spec) -> Result<Box<dyn Source>, OpenError> {
         Spec::Replay(folder) => Ok(Box::new(ReplaySource::open(folder, Pace::TEN_A_SECOND)?)),
         #[cfg(all(feature = "v4l2", target_os = "linux"))]
         Spec::Camera(spec) => {
-            let camera = camera::CameraSource::open(Box::new(crate::v4l2::real::RealKernel), spec)?;
-            for agreed in camera.agreed() {
-                tracing::info!("{spec}: {} {} asked for, {} got", agreed.what, agreed.asked, agreed.got);
-            }
-            Ok(Box::new(camera))
+            Ok(Box::new(camera::CameraSource::open(Box::new(crate::v4l2::real::RealKernel), spec)?))
         }
+    }
+}
+
+/// As [`open`], but waits for a camera that is not there yet.
+///
+/// # Errors
+/// [`OpenError`].
+pub fn open_or_wait(spec: &Spec) -> Result<Box<dyn Source>, OpenError> {
+    match spec {
+        #[cfg(all(feature = "v4l2", target_os = "linux"))]
+        Spec::Camera(spec) => {
+            Ok(Box::new(camera::CameraSource::open_or_wait(Box::new(crate::v4l2::real::RealKernel), spec)?))
+        }
+        other => open(other),
     }
 }
 

@@ -80,7 +80,8 @@ impl Source for ReplaySource {
         wait_for(due)?;
         // The clock runs from when the burst was due, unless it is already late: then the recording plays slower.
         self.due = Some((due + self.intervals[self.at]).max(Instant::now()));
-        burst.timestamp_ns = clock::monotonic_ns();
+        burst.before_ns = clock::monotonic_ns();
+        burst.timestamp_ns = burst.before_ns;
         copy_frames(&self.bursts[self.at].frames, &mut burst.frames);
         self.at = (self.at + 1) % self.bursts.len();
         Ok(())
@@ -193,7 +194,7 @@ mod tests {
     fn a_recording_that_does_not_fit_is_refused_in_one_line() {
         let exposure = Exposure { seconds: 1.0, gain: 1.0 };
         let frame = Frame { exposure, pixels: Pixels::U16(vec![0; 1 << 20]) };
-        let burst = Burst { frames: vec![frame], timestamp_ns: 0 };
+        let burst = Burst { frames: vec![frame], ..Burst::default() };
         assert!(check_size(Path::new("x"), 256, &burst).is_ok(), "at capacity");
         let error = check_size(Path::new("x"), 257, &burst).expect_err("one over").to_string();
         assert_eq!(error, "x: found a recording of 257 bursts, 514 MB in memory, expected at most 512 MB");

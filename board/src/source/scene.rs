@@ -131,6 +131,7 @@ impl Source for SceneSource {
     fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
         let number = self.due()?;
         make_room(burst, &self.exposures);
+        burst.before_ns = clock::monotonic_ns();
         self.render(number, burst);
         burst.timestamp_ns = clock::monotonic_ns();
         Ok(())

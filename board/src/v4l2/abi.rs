@@ -8,359 +8,357 @@ pub use super::ids::*;
 /// Bytes of a pointer, which some unions hold.
 const POINTER: usize = size_of::<usize>();
 
+/// A value of all zero bits.
+trait Zero {
+    const ZERO: Self;
+}
+
+macro_rules! zero {
+    ($($number:ty)*) => { $(impl Zero for $number { const ZERO: Self = 0; })* };
+}
+
+zero! { u8 u16 u32 u64 i64 usize }
+
+impl<T: Zero, const N: usize> Zero for [T; N] {
+    const ZERO: Self = [T::ZERO; N];
+}
+
+/// A structure of the kernel whose fields are zero unless a value is given, with the bytes that a C compiler gives it: on x86-64 and
+/// AArch64, and on ARMv7 with `_TIME_BITS=64`.
 macro_rules! plain {
-    ($(#[$doc:meta])* $name:ident { $($(#[$field_doc:meta])* $field:ident: $type:ty = $zero:expr,)* }) => {
+    (@value $type:ty) => { <$type as Zero>::ZERO };
+    (@value $type:ty, $value:expr) => { $value };
+    ($(#[$doc:meta])* $name:ident($wide:literal, $narrow:literal) { $($(#[$field_doc:meta])* $field:ident: $type:ty $(= $value:expr)?,)* }) => {
         $(#[$doc])*
         #[derive(Clone, Copy, Debug)]
         #[repr(C)]
         pub struct $name { $($(#[$field_doc])* pub $field: $type,)* }
         impl Default for $name {
             fn default() -> Self {
-                Self { $($field: $zero,)* }
+                Self { $($field: plain!(@value $type $(, $value)?),)* }
             }
         }
+        const _: () = assert!(size_of::<$name>() == if POINTER == 8 { $wide } else { $narrow }, "not the kernel's layout");
     };
 }
 
 plain! {
     /// `struct v4l2_capability`.
-    Capability {
+    Capability(104, 104) {
         /// Name of the driver, ends with NUL.
-        driver: [u8; 16] = [0; 16],
+        driver: [u8; 16],
         /// Name of the device.
-        card: [u8; 32] = [0; 32],
+        card: [u8; 32],
         /// Where it is plugged in.
-        bus_info: [u8; 32] = [0; 32],
+        bus_info: [u8; 32],
         /// Kernel version.
-        version: u32 = 0,
+        version: u32,
         /// Of the physical device.
-        capabilities: u32 = 0,
+        capabilities: u32,
         /// Of this node; valid with [`CAP_DEVICE_CAPS`].
-        device_caps: u32 = 0,
+        device_caps: u32,
         /// Zero.
-        reserved: [u32; 3] = [0; 3],
+        reserved: [u32; 3],
     }
 }
 
 plain! {
     /// `struct v4l2_fmtdesc`.
-    FormatDescription {
+    FormatDescription(64, 64) {
         /// Asked for.
-        index: u32 = 0,
+        index: u32,
         /// Asked for: [`CAPTURE`].
         kind: u32 = CAPTURE,
         /// [`FORMAT_EMULATED`] and others.
-        flags: u32 = 0,
+        flags: u32,
         /// For people.
-        description: [u8; 32] = [0; 32],
+        description: [u8; 32],
         /// The four characters.
-        fourcc: u32 = 0,
+        fourcc: u32,
         /// Media bus code.
-        mbus_code: u32 = 0,
+        mbus_code: u32,
         /// Zero.
-        reserved: [u32; 3] = [0; 3],
+        reserved: [u32; 3],
     }
 }
 
 plain! {
     /// `struct v4l2_frmsizeenum`.
-    SizeDescription {
+    SizeDescription(44, 44) {
         /// Asked for.
-        index: u32 = 0,
+        index: u32,
         /// Asked for.
-        fourcc: u32 = 0,
+        fourcc: u32,
         /// [`DISCRETE`] or not.
-        kind: u32 = 0,
+        kind: u32,
         /// Discrete: width, height. Else: least, largest, step of the width, then of the height.
-        size: [u32; 6] = [0; 6],
+        size: [u32; 6],
         /// Zero.
-        reserved: [u32; 2] = [0; 2],
+        reserved: [u32; 2],
     }
 }
 
 plain! {
     /// `struct v4l2_frmivalenum`.
-    IntervalDescription {
+    IntervalDescription(52, 52) {
         /// Asked for.
-        index: u32 = 0,
+        index: u32,
         /// Asked for.
-        fourcc: u32 = 0,
+        fourcc: u32,
         /// Asked for.
-        width: u32 = 0,
+        width: u32,
         /// Asked for.
-        height: u32 = 0,
+        height: u32,
         /// [`DISCRETE`] or not.
-        kind: u32 = 0,
+        kind: u32,
         /// Discrete: one fraction in seconds. Else: least, largest, step.
-        interval: [u32; 6] = [0; 6],
+        interval: [u32; 6],
         /// Zero.
-        reserved: [u32; 2] = [0; 2],
+        reserved: [u32; 2],
     }
 }
 
 plain! {
     /// `struct v4l2_pix_format`.
-    PixelFormat {
+    PixelFormat(48, 48) {
         /// Columns.
-        width: u32 = 0,
+        width: u32,
         /// Rows.
-        height: u32 = 0,
+        height: u32,
         /// The four characters.
-        fourcc: u32 = 0,
+        fourcc: u32,
         /// [`FIELD_NONE`]: progressive.
         field: u32 = FIELD_NONE,
         /// Bytes from one row to the next.
-        bytes_per_line: u32 = 0,
+        bytes_per_line: u32,
         /// Largest bytes of a frame.
-        size_image: u32 = 0,
+        size_image: u32,
         /// Colour space.
-        colorspace: u32 = 0,
+        colorspace: u32,
         /// Zero.
-        private: u32 = 0,
+        private: u32,
         /// Zero.
-        flags: u32 = 0,
+        flags: u32,
         /// [`YCBCR_709`] and others; 0 is the colour space's own.
-        ycbcr: u32 = 0,
+        ycbcr: u32,
         /// [`FULL_RANGE`] and others; 0 is the colour space's own.
-        quantization: u32 = 0,
+        quantization: u32,
         /// Transfer function.
-        transfer: u32 = 0,
+        transfer: u32,
     }
 }
 
 plain! {
     /// `struct v4l2_format` of a single-planar capture.
-    Format {
+    Format(208, 204) {
         /// Asked for: [`CAPTURE`].
         kind: u32 = CAPTURE,
         /// The kernel's union holds pointers: on 64 bits there is a gap before it.
-        align: [usize; 0] = [],
+        align: [usize; 0],
         /// The picture.
         pixel: PixelFormat = PixelFormat::default(),
         /// The rest of the union.
-        rest: [u32; 38] = [0; 38],
+        rest: [u32; 38],
     }
 }
 
 plain! {
     /// `struct v4l2_streamparm` of a capture.
-    Parameters {
+    Parameters(204, 204) {
         /// Asked for: [`CAPTURE`].
         kind: u32 = CAPTURE,
         /// [`TIME_PER_FRAME`] where the interval can be set.
-        capability: u32 = 0,
+        capability: u32,
         /// Zero.
-        mode: u32 = 0,
+        mode: u32,
         /// Seconds per frame, numerator and denominator.
-        interval: [u32; 2] = [0; 2],
+        interval: [u32; 2],
         /// The rest of the union.
-        rest: [u32; 46] = [0; 46],
+        rest: [u32; 46],
     }
 }
 
 plain! {
     /// `struct v4l2_query_ext_ctrl`.
-    ControlDescription {
+    ControlDescription(232, 232) {
         /// Asked for, perhaps with [`NEXT_CONTROL`].
-        id: u32 = 0,
+        id: u32,
         /// [`TYPE_INTEGER`] and others; new kernels have types that are not named here.
-        kind: u32 = 0,
+        kind: u32,
         /// For people.
-        name: [u8; 32] = [0; 32],
+        name: [u8; 32],
         /// Least value.
-        minimum: i64 = 0,
+        minimum: i64,
         /// Largest value.
-        maximum: i64 = 0,
+        maximum: i64,
         /// From value to value.
-        step: u64 = 0,
+        step: u64,
         /// At power-on.
-        default: i64 = 0,
+        default: i64,
         /// [`CONTROL_DISABLED`] and others.
-        flags: u32 = 0,
+        flags: u32,
         /// Bytes of an element.
-        element_size: u32 = 0,
+        element_size: u32,
         /// Elements.
-        elements: u32 = 0,
+        elements: u32,
         /// Dimensions.
-        dimensions: u32 = 0,
+        dimensions: u32,
         /// Sizes of the dimensions.
-        sizes: [u32; 4] = [0; 4],
+        sizes: [u32; 4],
         /// Zero.
-        reserved: [u32; 32] = [0; 32],
+        reserved: [u32; 32],
     }
 }
 
 plain! {
     /// `struct v4l2_querymenu`.
-    MenuItem {
+    MenuItem(44, 44) {
         /// Asked for.
-        id: u32 = 0,
+        id: u32,
         /// Asked for.
-        index: u32 = 0,
+        index: u32,
         /// Name, or in its first eight bytes a number.
-        name: [u8; 32] = [0; 32],
+        name: [u8; 32],
         /// Zero.
-        reserved: u32 = 0,
+        reserved: u32,
     }
 }
 
 plain! {
     /// `struct v4l2_ext_control` with a number.
-    Control {
+    Control(20, 20) {
         /// Which.
-        id: u32 = 0,
+        id: u32,
         /// 0: no pointer.
-        size: u32 = 0,
+        size: u32,
         /// Zero.
-        reserved: u32 = 0,
+        reserved: u32,
         /// The number's bytes: 32 bits in the first, or 64 in both.
-        value: [u32; 2] = [0; 2],
+        value: [u32; 2],
     }
 }
 
 plain! {
     /// `struct v4l2_requestbuffers`.
-    BufferRequest {
+    BufferRequest(20, 20) {
         /// Asked for, then granted.
-        count: u32 = 0,
+        count: u32,
         /// Asked for: [`CAPTURE`].
         kind: u32 = CAPTURE,
         /// Asked for: [`MMAP`].
         memory: u32 = MMAP,
         /// Of the queue.
-        capabilities: u32 = 0,
+        capabilities: u32,
         /// Zero.
-        flags: u32 = 0,
+        flags: u32,
     }
 }
 
 plain! {
     /// `struct v4l2_buffer`, with times of 64 bits.
-    Buffer {
+    Buffer(88, 80) {
         /// Which.
-        index: u32 = 0,
+        index: u32,
         /// Asked for: [`CAPTURE`].
         kind: u32 = CAPTURE,
         /// Bytes that hold something.
-        bytes_used: u32 = 0,
+        bytes_used: u32,
         /// [`BUFFER_ERROR`] and others.
-        flags: u32 = 0,
+        flags: u32,
         /// Zero for progressive pictures in, [`FIELD_NONE`] out.
-        field: u32 = 0,
+        field: u32,
         /// Seconds and microseconds.
-        timestamp: [i64; 2] = [0; 2],
+        timestamp: [i64; 2],
         /// Unused.
-        timecode: [u32; 4] = [0; 4],
+        timecode: [u32; 4],
         /// Counts the frames of the sensor.
-        sequence: u32 = 0,
+        sequence: u32,
         /// Asked for: [`MMAP`].
         memory: u32 = MMAP,
         /// What to map, in the first word.
-        offset: [u32; POINTER / 4] = [0; POINTER / 4],
+        offset: [u32; POINTER / 4],
         /// Bytes to map.
-        length: u32 = 0,
+        length: u32,
         /// Zero.
-        reserved: u32 = 0,
+        reserved: u32,
         /// Zero.
-        request: u32 = 0,
+        request: u32,
     }
 }
 
 plain! {
     /// `struct v4l2_event_subscription`.
-    Subscription {
+    Subscription(32, 32) {
         /// [`EVENT_SOURCE_CHANGE`].
-        kind: u32 = 0,
+        kind: u32,
         /// Zero.
-        id: u32 = 0,
+        id: u32,
         /// Zero.
-        flags: u32 = 0,
+        flags: u32,
         /// Zero.
-        reserved: [u32; 5] = [0; 5],
+        reserved: [u32; 5],
     }
 }
 
 plain! {
     /// `struct v4l2_event`, with times of 64 bits.
-    Event {
+    Event(136, 136) {
         /// [`EVENT_SOURCE_CHANGE`].
-        kind: u32 = 0,
+        kind: u32,
         /// The union, eight bytes aligned.
-        data: [u64; 8] = [0; 8],
+        data: [u64; 8],
         /// Still to come.
-        pending: u32 = 0,
+        pending: u32,
         /// Counts events.
-        sequence: u32 = 0,
+        sequence: u32,
         /// Seconds and nanoseconds.
-        timestamp: [i64; 2] = [0; 2],
+        timestamp: [i64; 2],
         /// Zero.
-        id: u32 = 0,
+        id: u32,
         /// Zero.
-        reserved: [u32; 8] = [0; 8],
+        reserved: [u32; 8],
     }
 }
 
 plain! {
     /// `struct v4l2_subdev_format`.
-    PadFormat {
+    PadFormat(88, 88) {
         /// Asked for: [`FORMAT_ACTIVE`].
         which: u32 = FORMAT_ACTIVE,
         /// Asked for: 0, a sensor's output.
-        pad: u32 = 0,
+        pad: u32,
         /// Columns.
-        width: u32 = 0,
+        width: u32,
         /// Rows.
-        height: u32 = 0,
+        height: u32,
         /// Media bus code.
-        code: u32 = 0,
+        code: u32,
         /// [`FIELD_NONE`]: progressive.
         field: u32 = FIELD_NONE,
         /// Colour space.
-        colorspace: u32 = 0,
+        colorspace: u32,
         /// Encoding, quantisation, transfer function, flags, zero.
-        rest: [u16; 14] = [0; 14],
+        rest: [u16; 14],
         /// Stream and zero.
-        reserved: [u32; 8] = [0; 8],
+        reserved: [u32; 8],
     }
 }
 
 plain! {
     /// `struct v4l2_subdev_mbus_code_enum`.
-    BusCode {
+    BusCode(48, 48) {
         /// Asked for: 0.
-        pad: u32 = 0,
+        pad: u32,
         /// Asked for.
-        index: u32 = 0,
+        index: u32,
         /// Media bus code.
-        code: u32 = 0,
+        code: u32,
         /// Asked for: [`FORMAT_ACTIVE`].
         which: u32 = FORMAT_ACTIVE,
         /// Flags, stream and zero.
-        reserved: [u32; 8] = [0; 8],
+        reserved: [u32; 8],
     }
 }
-
-/// What `linux/videodev2.h` gives with a C compiler: x86-64 and AArch64 first, ARMv7 with `_TIME_BITS=64` second.
-const fn sized<T>(wide: usize, narrow: usize) {
-    assert!(size_of::<T>() == if POINTER == 8 { wide } else { narrow }, "not the kernel's layout");
-}
-const _: () = {
-    sized::<Capability>(104, 104);
-    sized::<FormatDescription>(64, 64);
-    sized::<SizeDescription>(44, 44);
-    sized::<IntervalDescription>(52, 52);
-    sized::<Format>(208, 204);
-    sized::<Parameters>(204, 204);
-    sized::<ControlDescription>(232, 232);
-    sized::<MenuItem>(44, 44);
-    sized::<Control>(20, 20);
-    sized::<BufferRequest>(20, 20);
-    sized::<Buffer>(88, 80);
-    sized::<Subscription>(32, 32);
-    sized::<Event>(136, 136);
-    sized::<PadFormat>(88, 88);
-    sized::<BusCode>(48, 48);
-};
 
 /// `V4L2_BUF_TYPE_VIDEO_CAPTURE`.
 pub const CAPTURE: u32 = 1;

@@ -4,6 +4,7 @@ use super::arrivals::Arrivals;
 use super::device::failed;
 use super::exposure::{Setting, Unit};
 use super::formats::Picture;
+use super::frame::{Counters, RawFrame, Taken, stamped_ns};
 use super::schedule::{Known, MAX_DELAY, Schedule, is_after};
 use super::setup::{self, Agreed, Options, Setup};
 use super::verify::{Levels, Verdict, Verifier};
@@ -29,52 +30,6 @@ const MOST_REPEATS: u32 = 30;
 /// Part of a period after a frame should have come up to which a control is written: later, the next frame may begin before it is.
 pub(super) const IN_TIME: f64 = 0.6;
 
-/// What happened to frames since the camera was opened.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counters {
-    /// Frames that came whole.
-    pub frames: u64,
-    /// Frames that the sensor counted and nobody delivered.
-    pub lost: u64,
-    /// Frames with the error flag, too short, or with a number that was there before.
-    pub broken: u64,
-    /// Writes of the exposure that were left out because they would have come too late.
-    pub late: u64,
-    /// Frames whose exposure the ratio to their neighbour contradicted.
-    pub mismatches: u64,
-    /// Times that another control delay was found to be right.
-    pub resyncs: u64,
-}
-
-/// A frame's identity.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Taken {
-    /// Counts the sensor's frames.
-    pub sequence: u32,
-    /// CLOCK_MONOTONIC, as the driver says.
-    pub timestamp_ns: u64,
-    /// Index into [`Camera::settings`]; `None` where the frame may have one exposure or another.
-    pub slot: Option<usize>,
-    /// How it is known.
-    pub known: Known,
-}
-
-/// A frame as the driver gave it.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct RawFrame {
-    /// Whose.
-    pub taken: Taken,
-    /// As the picture's format has them.
-    pub bytes: Vec<u8>,
-}
-
-impl Default for RawFrame {
-    fn default() -> Self {
-        let taken = Taken { sequence: 0, timestamp_ns: 0, slot: None, known: Known::Unknown };
-        Self { taken, bytes: Vec::new() }
-    }
-}
-
 /// A streaming camera. Dropping it stops the stream and closes everything.
 pub struct Camera {
     path: PathBuf,
@@ -98,9 +53,10 @@ impl Camera {
     /// [`CameraError`]; everything is closed again.
     pub fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<Self, CameraError> {
         let setup = setup::open(kernel, options)?;
-        let raw = setup.picture.layout.is_raw();
-        let response = if raw { Response::Linear } else { Response::Srgb };
-        let levels = options.levels.unwrap_or(Levels { response, black: setup.black, white: 1.0 });
+        let usual = if setup.picture.is_raw() { Response::Linear } else { Response::Srgb };
+        let most = setup.picture.max_code();
+        let (black, white) = options.levels.map_or((setup.black, 1.0), |(b, w)| (b / most, w / most));
+        let levels = Levels { response: options.response.unwrap_or(usual), black, white };
         let seconds: Vec<f64> = setup.settings.iter().map(|s| s.seconds).collect();
         let exposes = setup.knob.as_ref().is_some_and(|k| k.unit != Unit::StandIn) && seconds.len() > 1;
         let known = options.delay.or(setup.delay);
@@ -192,14 +148,14 @@ impl Camera {
 
     /// Looks at a frame, copies it if it is whole, and gives its buffer back.
     fn finish(&mut self, buffer: &abi::Buffer, frame: &mut RawFrame) -> Result<bool, CameraError> {
-        let whole = self.setup.picture.frame_bytes();
+        let whole = self.setup.picture.layout.frame_bytes();
         let bytes = self.setup.video.bytes(buffer.index);
         let broken = buffer.flags & abi::BUFFER_ERROR != 0;
         let bytes = bytes.get(..whole).filter(|_| !broken && buffer.bytes_used as usize >= whole);
         let good = bytes.is_some();
         match bytes {
             Some(bytes) => {
-                luma::sample(&self.setup.picture, bytes, &mut self.codes);
+                luma::sample(&self.setup.picture.layout, bytes, &mut self.codes);
                 frame.bytes.clear();
                 frame.bytes.extend_from_slice(bytes);
                 self.counters.frames += 1;
@@ -383,12 +339,6 @@ impl Camera {
         let queued = persist(|| self.setup.video.call(Call::Queue(&mut buffer)));
         queued.map_err(|e| failed(&self.path, "QBUF", e, "a buffer to be taken back"))
     }
-}
-
-/// The driver's timestamp.
-fn stamped_ns(buffer: &abi::Buffer) -> u64 {
-    let [s, us] = buffer.timestamp.map(|v| u64::try_from(v).unwrap_or(0));
-    s.saturating_mul(1_000_000_000).saturating_add(us.saturating_mul(1000))
 }
 
 fn map(video: &mut dyn Node, path: &Path, index: u32) -> Result<(), CameraError> {

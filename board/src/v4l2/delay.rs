@@ -7,12 +7,25 @@ use super::{CameraError, Kernel, abi, luma};
 /// Least difference of the mean relative code between two exposures that shows a step: ten times what a webcam's noise leaves of it.
 const LEAST_STEP: f32 = 0.02;
 
-/// Most steps that are tried, and how many must show the same delay.
+/// Most steps that are tried, and how many must show the same delay. Steps that a lost or late frame spoilt are made again: a board that
+/// is busy while it starts spoils many.
 const TRIALS: u32 = 12;
+const SPOILT: u32 = 48;
 const AGREEING: u32 = 3;
 
 /// Most frames in a row that may be broken.
 const MOST_BROKEN: u32 = 100;
+
+/// What a step showed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Step {
+    /// The brightness followed so many frames after the next one.
+    After(u32),
+    /// Nothing happened, or too late.
+    Nothing,
+    /// A frame was lost or late just then.
+    Spoilt,
+}
 
 impl Camera {
     /// Finds out the control delay: writes the other end of the exposures and counts frames until the brightness follows.
@@ -26,15 +39,16 @@ impl Camera {
         if step.abs() >= LEAST_STEP {
             let mut votes = [0u32; MAX_DELAY as usize + 1];
             let (mut at, middle) = (0, levels[0] + step / 2.0);
-            for _ in 0..TRIALS {
+            let (mut made, mut spoilt) = (0, 0);
+            while made < TRIALS && spoilt < SPOILT && votes.iter().all(|v| *v < AGREEING) {
                 at = 1 - at;
-                if let Some(delay) =
-                    self.trial(kernel, ends[at], |level| ((level > middle) == (step > 0.0)) == (at == 1))?
-                {
-                    votes[delay as usize] += 1;
-                }
-                if votes.iter().any(|v| *v >= AGREEING) {
-                    break;
+                let reached = |level| ((level > middle) == (step > 0.0)) == (at == 1);
+                match self.trial(kernel, ends[at], reached)? {
+                    Step::After(delay) => {
+                        (made, votes[delay as usize]) = (made + 1, votes[delay as usize] + 1)
+                    }
+                    Step::Nothing => made += 1,
+                    Step::Spoilt => spoilt += 1,
                 }
             }
             let (delay, most) = votes
@@ -60,37 +74,42 @@ impl Camera {
         Ok(level.1)
     }
 
-    /// Writes an exposure and counts frames until `reached`; `None` where a frame was lost just then, or nothing happened.
+    /// Writes an exposure and counts frames until `reached`.
     fn trial(
         &mut self,
         kernel: &mut dyn Kernel,
         slot: usize,
         reached: impl Fn(f32) -> bool,
-    ) -> Result<Option<u32>, CameraError> {
+    ) -> Result<Step, CameraError> {
         let (after, _) = self.level(kernel)?;
         self.write(kernel, after, slot)?;
         let in_time = self.lateness(kernel) <= IN_TIME;
-        let (mut before, mut found) = (after, None);
+        let (mut before, mut found) = (after, Step::Nothing);
         for _ in 0..=MAX_DELAY + 1 {
             let (sequence, level) = self.level(kernel)?;
-            if found.is_none() && reached(level) {
+            if found == Step::Nothing && reached(level) {
                 let whole = sequence == before.wrapping_add(1) && in_time;
-                found = Some(whole.then(|| sequence.wrapping_sub(after) - 1));
+                let delay = sequence.wrapping_sub(after).wrapping_sub(1);
+                found = match delay {
+                    _ if !whole => Step::Spoilt,
+                    0..=MAX_DELAY => Step::After(delay),
+                    _ => Step::Nothing,
+                };
             }
             before = sequence;
         }
-        Ok(found.flatten().filter(|d| *d <= MAX_DELAY))
+        Ok(found)
     }
 
     /// Waits for a frame: its number and its mean brightness.
     fn level(&mut self, kernel: &mut dyn Kernel) -> Result<(u32, f32), CameraError> {
         for _ in 0..MOST_BROKEN {
             let Some(buffer) = self.dequeue(kernel, SILENCE.0)? else { continue };
-            let whole = self.setup.picture.frame_bytes();
+            let whole = self.setup.picture.layout.frame_bytes();
             let good = buffer.flags & abi::BUFFER_ERROR == 0 && buffer.bytes_used as usize >= whole;
             let bytes = self.setup.video.bytes(buffer.index).get(..whole).filter(|_| good);
             let level = bytes.map(|bytes| {
-                luma::sample(&self.setup.picture, bytes, &mut self.codes);
+                luma::sample(&self.setup.picture.layout, bytes, &mut self.codes);
                 luma::mean(&self.codes)
             });
             self.queue(buffer.index)?;

@@ -20,6 +20,7 @@ pub mod exposure;
 #[cfg(test)]
 pub(crate) mod fake;
 pub mod formats;
+pub mod frame;
 mod ids;
 pub mod luma;
 #[cfg(target_os = "linux")]

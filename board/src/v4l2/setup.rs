@@ -3,8 +3,10 @@
 use super::controls::{self, Info};
 use super::device::{self, failed};
 use super::exposure::{self, Knob, Sensor, Setting, Unit};
-use super::formats::{self, Layout, Mosaic, Picture};
+use super::formats::{self, Picture};
 use super::{Call, CameraError, Kernel, Node, abi, persist};
+use hemilux_core::format::{Pattern, Yuv};
+use hemilux_core::response::Response;
 use rustix::io::Errno;
 use std::path::{Path, PathBuf};
 
@@ -26,6 +28,8 @@ pub struct Options {
     pub subdevice: Option<PathBuf>,
     /// Columns and rows.
     pub size: (u32, u32),
+    /// The size that pictures must have, where a lens is known for no other.
+    pub lens_size: Option<(u32, u32)>,
     /// Pixel format; the best readable one otherwise.
     pub fourcc: Option<u32>,
     /// Frames a second.
@@ -36,8 +40,10 @@ pub struct Options {
     pub stand_in: Option<StandIn>,
     /// Frames after the next one until a control acts; found out otherwise.
     pub delay: Option<u32>,
-    /// What codes mean, where it is known better than by the pixel format.
-    pub levels: Option<super::verify::Levels>,
+    /// Codes to relative exposure; by the pixel format otherwise.
+    pub response: Option<Response>,
+    /// Codes of darkness and of relative exposure 1; by the sensor and the pixel format otherwise.
+    pub levels: Option<(f64, f64)>,
 }
 
 impl Options {
@@ -48,11 +54,13 @@ impl Options {
             path: path.into(),
             subdevice: None,
             size: (640, 480),
+            lens_size: None,
             fourcc: None,
             rate_hz: 30.0,
             exposures_s: vec![0.000_9, 0.005_5, 0.033_3],
             stand_in: None,
             delay: None,
+            response: None,
             levels: None,
         }
     }
@@ -113,6 +121,12 @@ pub(super) fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<Setup, 
         found,
         expected,
     })?;
+    let got = (picture.width(), picture.height());
+    if let Some(lens) = options.lens_size.filter(|lens| *lens != got) {
+        let found = format!("pictures of {} pixels", size(got));
+        let expected = format!("{} as the lens file says: another size= or another lens", size(lens));
+        return Err(CameraError::Unfit { path: path.clone(), found, expected });
+    }
     let mut period_s = set_rate(video.as_mut(), options.rate_hz, path)?;
     let holder: &mut dyn Node = match &mut sensor {
         Some(node) => node.as_mut(),
@@ -120,7 +134,7 @@ pub(super) fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<Setup, 
     };
     let (knob, settings) = expose(holder, options, &picture, known, &mut period_s);
     let mut agreed = vec![
-        agreed("size", size(options.size), size((picture.width, picture.height))),
+        agreed("size", size(options.size), size(got)),
         agreed(
             "format",
             options.fourcc.map_or("the best".into(), formats::name),
@@ -134,7 +148,7 @@ pub(super) fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<Setup, 
         got: if knob.is_some() { format!("{:.2} ms", s.seconds * 1e3) } else { "no control".into() },
     }));
     let black = known
-        .filter(|_| picture.layout.is_raw())
+        .filter(|_| picture.is_raw())
         .map_or(0.0, |s| f64::from(s.black.0) / f64::from((1u32 << s.black.1) - 1));
     Ok(Setup {
         video,
@@ -183,10 +197,10 @@ fn expose(
             controls::settle(node, id, info.minimum);
         }
     }
-    let knob = Knob::find(node, picture.width).filter(|_| manual);
+    let knob = Knob::find(node, picture.width()).filter(|_| manual);
     if let Some(knob) = knob {
         let longest = options.exposures_s.iter().copied().fold(0.0, f64::max);
-        if let Some(s) = exposure::stretch_frame(node, &knob, picture.height, longest, known) {
+        if let Some(s) = exposure::stretch_frame(node, &knob, picture.height(), longest, known) {
             *period_s = s;
         }
         let settings = exposure::agree(node, &knob, &options.exposures_s, *period_s);
@@ -198,19 +212,27 @@ fn expose(
 }
 
 /// Media bus codes of mosaics, most bits first.
-const BUS_CODES: [(u32, u32, (u32, u32)); 12] = [
-    (0x3008, 12, (1, 1)),
-    (0x3010, 12, (0, 1)),
-    (0x3011, 12, (1, 0)),
-    (0x3012, 12, (0, 0)),
-    (0x3007, 10, (1, 1)),
-    (0x300e, 10, (0, 1)),
-    (0x300a, 10, (1, 0)),
-    (0x300f, 10, (0, 0)),
-    (0x3001, 8, (1, 1)),
-    (0x3013, 8, (0, 1)),
-    (0x3002, 8, (1, 0)),
-    (0x3014, 8, (0, 0)),
+const BUS_CODES: [(u32, u32, Pattern); 20] = [
+    (0x301d, 16, Pattern::Bggr),
+    (0x301e, 16, Pattern::Gbrg),
+    (0x301f, 16, Pattern::Grbg),
+    (0x3020, 16, Pattern::Rggb),
+    (0x3019, 14, Pattern::Bggr),
+    (0x301a, 14, Pattern::Gbrg),
+    (0x301b, 14, Pattern::Grbg),
+    (0x301c, 14, Pattern::Rggb),
+    (0x3008, 12, Pattern::Bggr),
+    (0x3010, 12, Pattern::Gbrg),
+    (0x3011, 12, Pattern::Grbg),
+    (0x3012, 12, Pattern::Rggb),
+    (0x3007, 10, Pattern::Bggr),
+    (0x300e, 10, Pattern::Gbrg),
+    (0x300a, 10, Pattern::Grbg),
+    (0x300f, 10, Pattern::Rggb),
+    (0x3001, 8, Pattern::Bggr),
+    (0x3013, 8, Pattern::Gbrg),
+    (0x3002, 8, Pattern::Grbg),
+    (0x3014, 8, Pattern::Rggb),
 ];
 
 /// Agrees on the pictures: first with a sensor, whose answer the bridge must then be told, or its stream does not start.
@@ -226,32 +248,25 @@ fn set_format(
     {
         (wished, mosaic) = (size, Some((bits, found)));
     }
-    let fitting = |layout: Layout| match mosaic {
-        Some((bits, Mosaic { red_x, red_y })) => {
-            let same = |m: Mosaic| (m.red_x, m.red_y) == (red_x, red_y);
-            layout.bits() == bits
-                && matches!(layout, Layout::Bayer8(m) | Layout::Bayer10Packed(m) | Layout::Bayer12Packed(m) | Layout::Bayer16(m, _) if same(m))
-        }
-        None => true,
+    let fitting = |fourcc: u32| match (mosaic, formats::format(fourcc, Yuv::default())) {
+        (Some((bits, pattern)), Some(f)) => f.pattern() == Some(pattern) && f.max_code() == (1 << bits) - 1,
+        (None, Some(_)) => true,
+        (_, None) => false,
     };
     let offered = device::formats(video);
     let readable = offered.iter().filter_map(|f| Some((formats::rank(formats::parse(&f.fourcc)?)?, f)));
     let named =
         |f: &device::FormatInfo| options.fourcc.is_none_or(|wished| formats::name(wished) == f.fourcc);
-    let mut readable: Vec<_> = readable
-        .filter(|(_, f)| named(f) && formats::parse(&f.fourcc).and_then(formats::layout).is_some_and(fitting))
-        .collect();
+    let mut readable: Vec<_> =
+        readable.filter(|(_, f)| named(f) && formats::parse(&f.fourcc).is_some_and(fitting)).collect();
     readable.sort_by_key(|(rank, f)| {
         (device::nearest_size(f, wished) != Some(wished) && mosaic.is_none(), *rank)
     });
     let Some((_, best)) = readable.first() else {
-        let offers = offered.iter().map(|f| f.fourcc.as_str()).collect::<Vec<_>>().join(", ");
-        let expected = options.fourcc.map_or_else(|| format!("one of {}", formats::names()), formats::name);
-        return Err(CameraError::Unfit {
-            path: path.clone(),
-            found: format!("the pixel formats {offers}"),
-            expected,
-        });
+        let offers: Vec<_> = offered.iter().map(|f| f.fourcc.as_str()).collect();
+        let (found, any) = formats::none_of(&offers);
+        let expected = options.fourcc.map_or(any, formats::name);
+        return Err(CameraError::Unfit { path: path.clone(), found, expected });
     };
     let fourcc = formats::parse(&best.fourcc).unwrap_or_default();
     let (width, height) =
@@ -264,7 +279,7 @@ fn set_format(
 }
 
 /// Sets a sensor's own format: its bits, its mosaic and its size.
-fn set_pad(sensor: &mut dyn Node, wished: (u32, u32)) -> Option<(u32, Mosaic, (u32, u32))> {
+fn set_pad(sensor: &mut dyn Node, wished: (u32, u32)) -> Option<(u32, Pattern, (u32, u32))> {
     let mut offered = Vec::new();
     for index in 0..64 {
         let mut code = abi::BusCode { index, ..Default::default() };
@@ -276,8 +291,8 @@ fn set_pad(sensor: &mut dyn Node, wished: (u32, u32)) -> Option<(u32, Mosaic, (u
     let (code, ..) = *BUS_CODES.iter().find(|(code, ..)| offered.contains(code))?;
     let mut pad = abi::PadFormat { width: wished.0, height: wished.1, code, ..Default::default() };
     persist(|| sensor.call(Call::SetPadFormat(&mut pad))).ok()?;
-    let (_, bits, (red_x, red_y)) = *BUS_CODES.iter().find(|(code, ..)| *code == pad.code)?;
-    Some((bits, Mosaic { red_x, red_y }, (pad.width, pad.height)))
+    let (_, bits, pattern) = *BUS_CODES.iter().find(|(code, ..)| *code == pad.code)?;
+    Some((bits, pattern, (pad.width, pad.height)))
 }
 
 /// Asks for a rate and gives the time of a frame that was granted. Drivers that cannot are right too.

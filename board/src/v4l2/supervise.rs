@@ -1,8 +1,9 @@
 //! Cameras die: cables are pulled, drivers stall, other programs take the device. Whatever it is, everything is closed and opened anew
 //! every second, for ever.
 
-use super::capture::{Camera, RawFrame};
+use super::capture::Camera;
 use super::formats::Picture;
+use super::frame::RawFrame;
 use super::setup::Options;
 use super::{CameraError, Kernel};
 use std::time::Duration;
@@ -30,8 +31,8 @@ pub struct Supervisor {
     options: Options,
     camera: Option<Camera>,
     retry_ns: u64,
-    /// What frames must stay like: the plan of the lens is made for it.
-    picture: Picture,
+    /// What frames must stay like once there were some: the plan of the lens is made for it.
+    picture: Option<Picture>,
     reopened: u64,
 }
 
@@ -40,24 +41,28 @@ impl Supervisor {
     ///
     /// # Errors
     /// [`CameraError`]: what is wrong from the start is for people to put right.
-    pub fn open(mut kernel: Box<dyn Kernel>, mut options: Options) -> Result<Self, CameraError> {
-        let camera = Camera::open(kernel.as_mut(), &options)?;
-        // What was found out once need not be found out again; where it changes, the frames will tell.
-        options.delay = camera.delay();
-        let picture = *camera.picture();
-        Ok(Self { kernel, options, camera: Some(camera), retry_ns: 0, picture, reopened: 0 })
+    pub fn open(kernel: Box<dyn Kernel>, options: Options) -> Result<Self, CameraError> {
+        let mut new = Self { kernel, options, camera: None, retry_ns: 0, picture: None, reopened: 0 };
+        new.bring_up()?;
+        Ok(new)
+    }
+
+    /// Opens the camera or, where it is not there yet or gives nothing, waits for it as after an unplugging.
+    ///
+    /// # Errors
+    /// [`CameraError`]: what else is wrong is for people to put right.
+    pub fn open_or_wait(kernel: Box<dyn Kernel>, options: Options) -> Result<Self, CameraError> {
+        let mut new = Self { kernel, options, camera: None, retry_ns: 0, picture: None, reopened: 0 };
+        match new.bring_up() {
+            Ok(()) | Err(CameraError::Gone(_) | CameraError::Silent { .. }) => Ok(new),
+            Err(error) => Err(error),
+        }
     }
 
     /// The camera while it is up.
     #[must_use]
     pub fn camera(&self) -> Option<&Camera> {
         self.camera.as_ref()
-    }
-
-    /// How its frames are to be read, now and after it has come back.
-    #[must_use]
-    pub fn picture(&self) -> &Picture {
-        &self.picture
     }
 
     /// Times that it has come back.
@@ -88,25 +93,33 @@ impl Supervisor {
             self.kernel.sleep(WAIT.min(Duration::from_nanos(left)));
             return Outcome::Nothing;
         }
-        match Camera::open(self.kernel.as_mut(), &self.options) {
-            Ok(camera) if *camera.picture() == self.picture => {
-                self.camera = Some(camera);
-                self.reopened += 1;
+        let again = self.picture.is_some();
+        match self.bring_up() {
+            Ok(()) => {
+                self.reopened += u64::from(again);
                 Outcome::Nothing
-            }
-            Ok(camera) => {
-                let error = changed(&camera, &self.picture);
-                drop(camera);
-                self.down(&error)
             }
             Err(error) => self.down(&error),
         }
     }
+
+    fn bring_up(&mut self) -> Result<(), CameraError> {
+        let camera = Camera::open(self.kernel.as_mut(), &self.options)?;
+        let picture = self.picture.get_or_insert(*camera.picture());
+        if picture != camera.picture() {
+            return Err(changed(&camera, picture));
+        }
+        // What was found out once need not be found out again; where it changes, the frames will tell.
+        self.options.delay = self.options.delay.or(camera.delay());
+        self.camera = Some(camera);
+        Ok(())
+    }
 }
 
 fn changed(camera: &Camera, before: &Picture) -> CameraError {
-    let tell =
-        |p: &Picture| format!("pictures of {} x {} {}", p.width, p.height, super::formats::name(p.fourcc));
+    let tell = |p: &Picture| {
+        format!("pictures of {} x {} {}", p.width(), p.height(), super::formats::name(p.fourcc))
+    };
     let (found, expected) = (tell(camera.picture()), format!("{} as before", tell(before)));
     CameraError::Unfit { path: camera.path().into(), found, expected }
 }

@@ -1,11 +1,11 @@
 //! The camera against the scripted kernel: every frame's exposure, on good days and bad.
 
 use super::abi;
-use super::capture::{Camera, RawFrame};
+use super::capture::Camera;
 use super::fake::{FakeKernel, Fault, Kind, Script};
+use super::frame::RawFrame;
 use super::schedule::Known;
 use super::setup::{Options, StandIn};
-use super::verify::Levels;
 use super::{CameraError, device};
 use hemilux_core::response::Response;
 use std::time::Duration;
@@ -13,11 +13,10 @@ use std::time::Duration;
 const SECOND: Duration = Duration::from_secs(1);
 
 fn options() -> Options {
-    let levels = Levels { response: Response::Linear, black: 0.0, white: 1.0 };
     Options {
         size: (64, 48),
         exposures_s: vec![0.001, 0.006, 0.036],
-        levels: Some(levels),
+        response: Some(Response::Linear),
         ..Options::of("/dev/video0")
     }
 }
@@ -140,7 +139,8 @@ fn a_uvc_camera_is_taken_out_of_its_automatics() {
 /// Line time 100 us: 64 + 936 pixels at 10 MHz.
 #[test]
 fn a_sensor_gets_its_frame_length_before_its_lines_and_keeps_its_gain() {
-    let mut kernel = FakeKernel::new(Script { kind: Kind::Csi, delay: 2, ..Script::default() });
+    let mut kernel =
+        FakeKernel::new(Script { kind: Kind::Csi, formats: vec!["BA81"], delay: 2, ..Script::default() });
     let mut camera = Camera::open(&mut kernel, &options()).expect("a camera");
     let lines: Vec<_> = camera.settings().iter().map(|s| s.value).collect();
     assert_eq!(lines, [10, 60, 360], "lines of 100 us");
@@ -241,7 +241,7 @@ fn cameras_are_listed_with_what_they_can() {
     assert_eq!(cameras.len(), 1, "{cameras:?}");
     assert_eq!((cameras[0].name.as_str(), cameras[0].exposure_s), ("fake", Some((1e-4, 0.5))), "{cameras:?}");
     assert_eq!(cameras[0].formats[0].sizes[0].rates, [25.0], "{cameras:?}");
-    let mut kernel = FakeKernel::new(Script { kind: Kind::Csi, ..Script::default() });
+    let mut kernel = FakeKernel::new(Script { kind: Kind::Csi, formats: vec!["BA81"], ..Script::default() });
     let cameras = device::list(&mut kernel).expect("cameras");
     assert_eq!(cameras[0].sensor.as_deref(), Some("/dev/v4l-subdev0".as_ref()), "{cameras:?}");
     assert_eq!(kernel.held(), (0, 0), "all closed");

@@ -73,7 +73,7 @@ pub fn make(case: &Case) -> Vec<Burst> {
             let pixels = Pixels::U8(pack(case.format, c.width as usize, &codes));
             Frame { exposure: Exposure { seconds, gain: 1.0 }, pixels }
         };
-        Burst { frames: SECONDS.into_iter().enumerate().map(frame).collect(), timestamp_ns: 0 }
+        Burst { frames: SECONDS.into_iter().enumerate().map(frame).collect(), ..Burst::default() }
     };
     (0..BURSTS).map(burst).collect()
 }

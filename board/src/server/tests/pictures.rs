@@ -1,7 +1,10 @@
 //! Pictures, read back by decoders.
 
 use super::*;
+use crate::calibration::Pixels;
 use image::{DynamicImage, ImageFormat};
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex};
 
 fn decode(got: &Got, kind: &str, format: ImageFormat) -> DynamicImage {
     assert_eq!(
@@ -48,18 +51,75 @@ async fn exposures_are_jpegs_that_grow_brighter() {
     }
 }
 
-#[tokio::test]
-async fn a_capture_is_of_a_burst_that_began_after_the_request() {
-    let probe = probe(usize::MAX);
-    let app = routes(&probe);
-    for _ in 0..3 {
-        let before = probe.link().subscribe().borrow().as_ref().map_or(0, |set| set.frame);
-        let got = fetch(&app, "GET", "/capture", &[], "").await;
-        let frame: u64 = got.header("hemilux-frame").parse().expect("a number");
-        assert!(frame >= before + 2 || before == 0, "{frame} after {before}");
-        let picture = decode(&got, "image/jpeg", ImageFormat::Jpeg);
-        assert!((5.0..250.0).contains(&mean(&picture)), "something is to be seen: {}", mean(&picture));
+/// A camera with a queue: bursts come three bursts after they were taken. Each picture has one code that tells its number.
+struct Queue {
+    scene: SceneSource,
+    waiting: VecDeque<Burst>,
+    /// When each burst was taken.
+    taken_ns: Arc<Mutex<Vec<u64>>>,
+}
+
+fn code_of(number: usize) -> u8 {
+    (20 + 5 * (number % 40)) as u8
+}
+
+impl Source for Queue {
+    fn calibration(&self) -> &Calibration {
+        self.scene.calibration()
     }
+
+    fn exposures(&self) -> Vec<Exposure> {
+        self.scene.exposures()
+    }
+
+    fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
+        let mut new = Burst::default();
+        self.scene.next(&mut new)?;
+        let mut taken_ns = self.taken_ns.lock().expect("no panic");
+        for frame in &mut new.frames {
+            let Pixels::U8(codes) = &mut frame.pixels else { panic!("bytes") };
+            codes.fill(code_of(taken_ns.len()));
+        }
+        taken_ns.push(new.before_ns);
+        self.waiting.push_back(new);
+        let old = if self.waiting.len() > 3 { self.waiting.pop_front() } else { None };
+        old.map(|old| *burst = old).ok_or(SourceError::NotYet)
+    }
+}
+
+#[tokio::test]
+async fn a_capture_was_taken_after_the_request_however_late_bursts_come() {
+    let taken_ns = Arc::default();
+    let scene = scene::by_name("lamps").expect("a scene");
+    let scene = SceneSource::new(scene, Pace::Every(Duration::from_millis(20)));
+    let queue = Queue { scene, waiting: VecDeque::new(), taken_ns: Arc::clone(&taken_ns) };
+    let probe = Probe::start(Box::new(queue), "test:queue".into(), Config::default()).expect("a probe");
+    let app = routes(&probe);
+    for _ in 0..5 {
+        let asked_ns = crate::clock::monotonic_ns();
+        let got = fetch(&app, "GET", "/capture", &[], "").await;
+        let number: usize = got.header("hemilux-frame").parse().expect("a number");
+        let taken = taken_ns.lock().expect("no panic")[number];
+        assert!(taken >= asked_ns, "burst {number}: {} us before the request", (asked_ns - taken) / 1000);
+        let seen = mean(&decode(&got, "image/jpeg", ImageFormat::Jpeg));
+        assert!((seen - f64::from(code_of(number))).abs() < 2.0, "burst {number}: {seen}");
+    }
+    let newest = fetch(&app, "GET", "/image", &[], "").await.header("hemilux-frame").parse::<usize>();
+    let queued = taken_ns.lock().expect("no panic").len() - newest.expect("a number");
+    assert!(queued >= 3, "the newest burst is an old one here: {queued}");
+}
+
+#[tokio::test]
+async fn without_a_fresh_shot_a_line_says_why() {
+    let probe = probe(3);
+    let app = routes(&probe);
+    while probe.link().failure().is_none() {
+        tokio::time::sleep(Duration::from_millis(10)).await;
+    }
+    let got = fetch(&app, "GET", "/capture", &[], "").await;
+    let body = String::from_utf8_lossy(&got.body).into_owned();
+    assert_eq!((got.status, got.header("retry-after")), (503, "1"), "{body}");
+    assert_eq!(body.trim_end(), "no fresh shot: <unplugged>", "one line");
 }
 
 #[tokio::test]

@@ -1,6 +1,6 @@
 //! Frames to bursts: the newest frame of each exposure, once there is one of each.
 
-use crate::v4l2::capture::RawFrame;
+use crate::v4l2::frame::RawFrame;
 
 /// Most frames, in rounds of all exposures, that may lie between the oldest and the newest of a burst: one is the rule, and a lost
 /// frame costs another. Older ones show another moment.
@@ -46,7 +46,7 @@ impl Assembler {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::v4l2::capture::Taken;
+    use crate::v4l2::frame::Taken;
     use crate::v4l2::schedule::Known;
 
     fn push(assembler: &mut Assembler, sequence: u32, slot: Option<usize>) -> Option<Vec<u32>> {

@@ -3,29 +3,30 @@
 
 mod assemble;
 mod spec;
+mod terms;
+#[cfg(test)]
+mod tests;
 
 pub use spec::{CameraSpec, HELP};
+pub use terms::Terms;
 
 use super::{Source, SourceError};
 use crate::calibration::{Burst, Calibration, Frame, Pixels};
 use crate::recorded::{LensFile, RecordedError, read_lens};
-use crate::v4l2::capture::{Camera, Counters, RawFrame};
-use crate::v4l2::formats::Picture;
-use crate::v4l2::setup::Agreed;
+use crate::v4l2::capture::Camera;
+use crate::v4l2::frame::{Counters, RawFrame};
+use crate::v4l2::setup::{Agreed, Options};
 use crate::v4l2::supervise::{Outcome, Supervisor};
-use crate::v4l2::verify::Levels;
 use crate::v4l2::{CameraError, Kernel};
 use assemble::Assembler;
-use glam::DVec2;
-use hemilux_core::format::{Format, Matrix, Yuv};
-use hemilux_core::lens::{Intrinsics, Lens, Model};
 use hemilux_core::merge::Exposure;
-use hemilux_core::response::Response;
-use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
+
+/// Rounds of exposures without a burst after which it is said why there is none: three seconds at 30 Hz with three exposures.
+const MOST_ROUNDS: usize = 30;
 
 /// Longest wait for a burst in one call.
 const WAIT: Duration = Duration::from_millis(250);
@@ -39,16 +40,6 @@ pub enum OpenCameraError {
     /// The lens file.
     #[error(transparent)]
     Lens(#[from] RecordedError),
-    /// The lens is for other pictures.
-    #[error("{path}: found a lens of {} x {} pixels, expected {} x {} as the camera gives", found.0, found.1, expected.0, expected.1)]
-    LensSize {
-        /// The lens file.
-        path: PathBuf,
-        /// What it is for.
-        found: (u32, u32),
-        /// What the camera gives.
-        expected: (u32, u32),
-    },
     /// The camera.
     #[error(transparent)]
     Camera(#[from] CameraError),
@@ -58,16 +49,38 @@ pub enum OpenCameraError {
 }
 
 /// A burst as the camera gave it.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct RawBurst {
     /// One frame for each exposure, ascending.
     pub frames: Vec<RawFrame>,
-    /// Their exposure times.
-    pub seconds: Vec<f64>,
+    /// What the camera had agreed to.
+    pub terms: Arc<Terms>,
+}
+
+impl RawBurst {
+    fn none(terms: &Arc<Terms>) -> Self {
+        Self { frames: Vec::new(), terms: Arc::clone(terms) }
+    }
+
+    /// CLOCK_MONOTONIC at which its first exposure had not begun yet: drivers stamp a frame when it begins or when it has come, a
+    /// period and its exposure later at most.
+    #[must_use]
+    pub fn before_ns(&self) -> u64 {
+        let began = |(frame, s): (&RawFrame, &f64)| {
+            frame.taken.timestamp_ns.saturating_sub(self.terms.period_ns).saturating_sub((s * 1e9) as u64)
+        };
+        self.frames.iter().zip(&self.terms.seconds).map(began).min().unwrap_or(0)
+    }
+
+    /// CLOCK_MONOTONIC of its newest frame.
+    #[must_use]
+    pub fn timestamp_ns(&self) -> u64 {
+        self.frames.iter().map(|f| f.taken.timestamp_ns).max().unwrap_or(0)
+    }
 }
 
 /// What the capture thread and the others share.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct State {
     burst: RawBurst,
     fresh: bool,
@@ -77,7 +90,7 @@ struct State {
     reopened: u64,
 }
 
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct Shared {
     state: Mutex<State>,
     news: Condvar,
@@ -94,9 +107,6 @@ impl Shared {
 #[derive(Debug)]
 pub struct CameraSource {
     calibration: Calibration,
-    picture: Picture,
-    exposures: Vec<Exposure>,
-    agreed: Vec<Agreed>,
     lens: Option<LensFile>,
     raw: RawBurst,
     shared: Arc<Shared>,
@@ -109,49 +119,56 @@ impl CameraSource {
     /// # Errors
     /// [`OpenCameraError`].
     pub fn open(kernel: Box<dyn Kernel>, spec: &CameraSpec) -> Result<Self, OpenCameraError> {
+        Self::supervised(spec, |options| Supervisor::open(kernel, options))
+    }
+
+    /// As [`Self::open`], but a camera that is not there yet is waited for: until then, the calibration is that of the camera that is
+    /// asked for.
+    ///
+    /// # Errors
+    /// [`OpenCameraError`].
+    pub fn open_or_wait(kernel: Box<dyn Kernel>, spec: &CameraSpec) -> Result<Self, OpenCameraError> {
+        Self::supervised(spec, |options| Supervisor::open_or_wait(kernel, options))
+    }
+
+    fn supervised(
+        spec: &CameraSpec,
+        open: impl FnOnce(Options) -> Result<Supervisor, CameraError>,
+    ) -> Result<Self, OpenCameraError> {
         let mut options = spec.options().map_err(OpenCameraError::Options)?;
-        let lens = spec.lens().map(|path| read_lens(&path).map(|lens| (path, lens))).transpose()?;
-        options.levels = lens.as_ref().and_then(|(_, lens)| levels(lens, options.fourcc));
-        let supervisor = Supervisor::open(kernel, options)?;
-        let picture = *supervisor.picture();
-        if let Some((path, lens)) = &lens
-            && lens.size != [picture.width, picture.height]
-        {
-            let (found, expected) = (lens.size.into(), (picture.width, picture.height));
-            return Err(OpenCameraError::LensSize { path: path.clone(), found, expected });
+        let lens = spec.lens().map(|path| read_lens(&path)).transpose()?;
+        if let Some(lens) = &lens {
+            let size = lens.size.into();
+            options.lens_size = Some(size);
+            options.size = if spec.names("size") { options.size } else { size };
+            (options.response, options.levels) = (lens.told_response(), lens.levels);
         }
-        let lens = lens.map(|(_, lens)| lens);
-        let camera = supervisor.camera().expect("a supervisor begins with its camera up");
-        let seconds: Vec<f64> = camera.settings().iter().map(|s| s.seconds).collect();
-        let calibration = calibration(&picture, camera.black(), lens.as_ref());
-        let agreed = camera.agreed().to_vec();
-        let shared = Arc::new(Shared::default());
+        let assumed = Terms::assumed(&options);
+        let supervisor = open(options)?;
+        let terms = Arc::new(supervisor.camera().map_or(assumed, Terms::of));
+        let raw = RawBurst::none(&terms);
+        let state = State {
+            burst: RawBurst::none(&terms),
+            fresh: false,
+            down: None,
+            counters: Counters::default(),
+            reopened: 0,
+        };
+        let shared =
+            Arc::new(Shared { state: Mutex::new(state), news: Condvar::new(), stop: AtomicBool::new(false) });
         let thread = std::thread::Builder::new().name("hemilux-camera".into());
         let theirs = Arc::clone(&shared);
-        let thread = thread.spawn(move || capture(supervisor, &theirs)).map_err(OpenCameraError::Thread)?;
-        let exposures = seconds.iter().map(|s| Exposure { seconds: *s, gain: 1.0 }).collect();
-        Ok(Self {
-            calibration,
-            picture,
-            exposures,
-            agreed,
-            lens,
-            raw: RawBurst::default(),
-            shared,
-            thread: Some(thread),
-        })
+        let burst = RawBurst::none(&terms);
+        let thread =
+            thread.spawn(move || capture(supervisor, burst, &theirs)).map_err(OpenCameraError::Thread)?;
+        let calibration = terms.calibration(lens.as_ref());
+        Ok(Self { calibration, lens, raw, shared, thread: Some(thread) })
     }
 
-    /// What was asked of the camera and what was got.
+    /// What was agreed on with the camera.
     #[must_use]
-    pub fn agreed(&self) -> &[Agreed] {
-        &self.agreed
-    }
-
-    /// How raw frames are to be read.
-    #[must_use]
-    pub fn picture(&self) -> &Picture {
-        &self.picture
+    pub fn terms(&self) -> &Terms {
+        &self.raw.terms
     }
 
     /// The lens file, where there is one.
@@ -178,7 +195,12 @@ impl CameraSource {
         let (mut state, _) = waited.unwrap_or_else(PoisonError::into_inner);
         if state.fresh {
             state.fresh = false;
+            let before = Arc::clone(&self.raw.terms);
             std::mem::swap(&mut state.burst, &mut self.raw);
+            drop(state);
+            if self.raw.terms != before {
+                self.calibration = self.raw.terms.calibration(self.lens.as_ref());
+            }
             return Ok(&self.raw);
         }
         Err(state.down.clone().map_or(SourceError::NotYet, SourceError::Gone))
@@ -191,14 +213,14 @@ impl Source for CameraSource {
     }
 
     fn exposures(&self) -> Vec<Exposure> {
-        self.exposures.clone()
+        self.terms().seconds.iter().map(|seconds| Exposure { seconds: *seconds, gain: 1.0 }).collect()
     }
 
     fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
         self.next_raw()?;
-        let RawBurst { frames, seconds } = &self.raw;
+        let RawBurst { frames, terms } = &self.raw;
         burst.frames.truncate(frames.len());
-        for (i, (raw, seconds)) in frames.iter().zip(seconds).enumerate() {
+        for (i, (raw, seconds)) in frames.iter().zip(&terms.seconds).enumerate() {
             if burst.frames.len() == i {
                 burst.frames.push(Frame {
                     exposure: Exposure { seconds: *seconds, gain: 1.0 },
@@ -211,7 +233,7 @@ impl Source for CameraSource {
                 other => *other = Pixels::U8(raw.bytes.clone()),
             }
         }
-        burst.timestamp_ns = frames.iter().map(|f| f.taken.timestamp_ns).max().unwrap_or(0);
+        (burst.before_ns, burst.timestamp_ns) = (self.raw.before_ns(), self.raw.timestamp_ns());
         Ok(())
     }
 }
@@ -227,26 +249,38 @@ impl Drop for CameraSource {
     }
 }
 
-/// Takes frames until told to stop.
-fn capture(mut supervisor: Supervisor, shared: &Shared) {
-    let (mut frame, mut assembler, mut burst) =
-        (RawFrame::default(), Assembler::default(), RawBurst::default());
-    let (mut streaming, mut resyncs) = (false, 0);
+/// Says why `count` frames were no burst.
+fn useless(camera: &Camera, count: usize) -> String {
+    let (path, wrong) = (camera.path().display(), camera.counters().mismatches);
+    format!(
+        "{path}: found no burst in {count} frames, {wrong} of them brighter or darker than their exposures say, expected exposures that can \
+         be told apart: a lens file with the camera's [response], or fewer exposures"
+    )
+}
+
+/// Takes frames until told to stop; `burst` is the first memory for them.
+fn capture(mut supervisor: Supervisor, mut burst: RawBurst, shared: &Shared) {
+    let (mut frame, mut assembler) = (RawFrame::default(), Assembler::default());
+    let (mut streaming, mut resyncs, mut terms) = (false, 0, Arc::clone(&burst.terms));
+    // Frames since the last burst.
+    let mut unused = 0;
     while !shared.stop.load(Ordering::Relaxed) {
         if !streaming && let Some(camera) = supervisor.camera() {
-            streaming = true;
-            burst.seconds = camera.settings().iter().map(|s| s.seconds).collect();
-            assembler.reset(burst.seconds.len());
+            (streaming, unused) = (true, 0);
+            terms = Arc::new(Terms::of(camera));
+            for Agreed { what, asked, got } in camera.agreed() {
+                tracing::info!("{}: {what} {asked} asked for, {got} got", camera.path().display());
+            }
+            assembler.reset(terms.seconds.len());
             shared.lock().down = None;
         }
         match supervisor.step(&mut frame) {
             Outcome::Frame if assembler.push(&mut frame) => {
                 assembler.take(&mut burst.frames);
+                burst.terms = Arc::clone(&terms);
                 let mut state = shared.lock();
-                let seconds = burst.seconds.clone();
                 std::mem::swap(&mut state.burst, &mut burst);
-                burst.seconds = seconds;
-                state.fresh = true;
+                (state.fresh, state.down, unused) = (true, None, 0);
                 state.reopened = supervisor.reopened();
                 state.counters = supervisor.camera().map(Camera::counters).unwrap_or_default();
                 let found = state.counters.resyncs;
@@ -260,7 +294,15 @@ fn capture(mut supervisor: Supervisor, shared: &Shared) {
                 }
                 resyncs = found;
             }
-            Outcome::Frame | Outcome::Nothing => {}
+            Outcome::Frame => {
+                unused += 1;
+                if unused == MOST_ROUNDS * terms.seconds.len() {
+                    let why = supervisor.camera().map(|c| useless(c, unused));
+                    shared.lock().down = why;
+                    shared.news.notify_all();
+                }
+            }
+            Outcome::Nothing => {}
             Outcome::Down(reason) => {
                 streaming = false;
                 let mut state = shared.lock();
@@ -270,51 +312,4 @@ fn capture(mut supervisor: Supervisor, shared: &Shared) {
             }
         }
     }
-}
-
-/// What a lens file says of codes, relative to the largest.
-fn levels(lens: &LensFile, fourcc: Option<u32>) -> Option<Levels> {
-    let (black, white) = lens.levels?;
-    let bits = fourcc.and_then(crate::v4l2::formats::layout).map_or(8, |l| l.bits());
-    let most = f64::from((1u32 << bits) - 1);
-    Some(Levels { response: lens.response, black: black / most, white: white / most })
-}
-
-/// From the lens file and, for what it does not say, from the picture: sensors are linear, cameras' own pictures follow sRGB more or less.
-fn calibration(picture: &Picture, black: f64, lens: Option<&LensFile>) -> Calibration {
-    let most = f64::from((1u32 << picture.layout.bits()) - 1);
-    let usual = if picture.layout.is_raw() { Response::Linear } else { Response::Srgb };
-    let told = lens.filter(|l| l.response_table.is_some());
-    let (black, white) = lens.and_then(|l| l.levels).unwrap_or((black * most, most));
-    let matrix = if picture.bt709 { Matrix::Bt709 } else { Matrix::Bt601 };
-    let yuv = Yuv { limited: !picture.full_range, matrix };
-    Calibration {
-        lens: lens.map_or_else(|| assumed_lens(picture), |l| l.lens),
-        width: picture.width,
-        height: picture.height,
-        response: told.map_or(usual, |l| l.response),
-        scale: 1.0,
-        black,
-        white,
-        white_balance: [1.0; 3],
-        format: Format::from_fourcc(picture.fourcc.to_le_bytes(), yuv)
-            .expect("the formats of cameras are the core's"),
-        bytes_per_line: picture.stride as usize,
-    }
-}
-
-/// An equidistant fisheye that sees 180 degrees across the shorter side: what a lens is taken for until it is calibrated.
-fn assumed_lens(picture: &Picture) -> Lens {
-    let (width, height) = (f64::from(picture.width), f64::from(picture.height));
-    let mut vignetting = [0.0; 8];
-    vignetting[0] = 1.0;
-    let lens = Lens::try_new(Intrinsics {
-        model: Model::Equidistant,
-        centre_px: DVec2::new((width - 1.0) / 2.0, (height - 1.0) / 2.0),
-        focal_px: DVec2::splat(width.min(height) / std::f64::consts::PI),
-        skew_px: 0.0,
-        max_theta: std::f64::consts::FRAC_PI_2,
-        vignetting,
-    });
-    lens.expect("an equidistant lens of 180 degrees is a lens")
 }

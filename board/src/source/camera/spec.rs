@@ -9,7 +9,7 @@ use std::path::PathBuf;
 
 /// Options of a camera for the help text.
 pub const HELP: &str = "\
-Camera options, after the path: ,lens=FILE (a [lens] table; else 180 degrees across the picture are assumed), ,size=640x480,
+Camera options, after the path: ,lens=FILE (a [lens] table; else 180 degrees across the picture are assumed), ,size=640x480 (else the lens's),
 ,format=YUYV, ,rate=30, ,exposures=0.0009/0.0055/0.0333 (seconds), ,sensor=/dev/v4l-subdev0, ,delay=2 (frames, else measured),
 ,stand-in=Brightness:64/128/192 (for benches: a control in the place of the exposure).";
 
@@ -40,6 +40,11 @@ impl CameraSpec {
     #[must_use]
     pub fn path(&self) -> PathBuf {
         self.text.split(',').next().unwrap_or_default().into()
+    }
+
+    /// Whether the option `name` is given.
+    pub(super) fn names(&self, name: &str) -> bool {
+        self.pairs().any(|(given, _)| given == name)
     }
 
     fn pairs(&self) -> impl Iterator<Item = (&str, &str)> {

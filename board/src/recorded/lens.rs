@@ -1,0 +1,71 @@
+//! Lens files: what is known of a camera before it is opened.
+
+use super::RecordedError;
+use super::manifest::{LensTable, ResponseTable, SensorTable, check_version, read};
+use hemilux_core::lens::Lens;
+use hemilux_core::response::Response;
+use serde::Deserialize;
+use std::path::Path;
+
+/// A file with a `[lens]` table, as `hemilux-sim burst --lens` takes.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LensManifest {
+    #[serde(default = "version_one")]
+    version: i64,
+    lens: LensTable,
+    response: Option<ResponseTable>,
+    sensor: Option<SensorTable>,
+}
+
+fn version_one() -> i64 {
+    1
+}
+
+/// What a lens file says.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LensFile {
+    /// The lens.
+    pub lens: Lens,
+    /// Image columns and rows.
+    pub size: [u32; 2],
+    /// Codes to relative exposure; linear where the file has no `[response]`.
+    pub response: Response,
+    /// Black and white level where the file names both.
+    pub levels: Option<(f64, f64)>,
+    /// The text of its `[lens]` and `[response]` tables' values, for copying into a `burst.toml`.
+    pub lens_table: toml::Table,
+    /// As `lens_table`.
+    pub response_table: Option<toml::Table>,
+}
+
+impl LensFile {
+    /// Codes to relative exposure, where the file says it.
+    #[must_use]
+    pub fn told_response(&self) -> Option<Response> {
+        self.response_table.as_ref().map(|_| self.response)
+    }
+}
+
+/// Reads a lens file: a `[lens]` table with its `size`, and optionally `[response]` and `[sensor]`.
+///
+/// # Errors
+/// [`RecordedError`].
+pub fn read_lens(path: &Path) -> Result<LensFile, RecordedError> {
+    let file: LensManifest = read(path)?;
+    check_version(path, file.version)?;
+    let Some(size) = file.lens.size.filter(|s| s[0] > 0 && s[1] > 0) else {
+        return Err(RecordedError::new(path, "[lens] without a size", "size = [columns, rows]"));
+    };
+    let response = file.response.as_ref().map_or(Ok(Response::Linear), |r| r.response(path))?;
+    let raw: toml::Table = read(path)?;
+    let table = |name: &str| raw.get(name).and_then(toml::Value::as_table).cloned();
+    Ok(LensFile {
+        lens: file.lens.lens(path)?,
+        size,
+        response,
+        levels: file.sensor.and_then(|s| Some((s.black?, s.white?))),
+        lens_table: table("lens").unwrap_or_default(),
+        response_table: table("response"),
+    })
+}

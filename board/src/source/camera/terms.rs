@@ -1,0 +1,92 @@
+//! What was agreed on with a camera, and what follows for reading its frames.
+
+use crate::calibration::Calibration;
+use crate::recorded::LensFile;
+use crate::v4l2::capture::Camera;
+use crate::v4l2::formats::{self, Picture};
+use crate::v4l2::setup::Options;
+use glam::DVec2;
+use hemilux_core::format::{Format, Layout, Yuv};
+use hemilux_core::lens::{Intrinsics, Lens, Model};
+use hemilux_core::response::Response;
+
+/// What was agreed on with a camera.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Terms {
+    /// How its frames are to be read.
+    pub picture: Picture,
+    /// Relative code of darkness, where the sensor is known; 0 otherwise.
+    pub black: f64,
+    /// From frame to frame.
+    pub period_ns: u64,
+    /// The exposures, ascending.
+    pub seconds: Vec<f64>,
+}
+
+impl Terms {
+    /// Those of an open camera.
+    pub(super) fn of(camera: &Camera) -> Self {
+        Self {
+            picture: *camera.picture(),
+            black: camera.black(),
+            period_ns: camera.period().as_nanos() as u64,
+            seconds: camera.settings().iter().map(|s| s.seconds).collect(),
+        }
+    }
+
+    /// Those of a camera that is not there yet: as it is asked for, in the format that nearly all webcams have.
+    pub(super) fn assumed(options: &Options) -> Self {
+        let yuv = Yuv { limited: true, ..Yuv::default() };
+        let fourcc = options.fourcc.unwrap_or(u32::from_le_bytes(*b"YUYV"));
+        let (width, height) = options.size;
+        let format = formats::format(fourcc, yuv).unwrap_or(Format::Grey);
+        // An odd size or a huge one will be rounded or refused by the camera.
+        let layout = Layout::tight(format, width, height);
+        let layout =
+            layout.or_else(|_| Layout::tight(format, 640, 480)).expect("640 x 480 suits all formats");
+        let period_ns = (1e9 / options.rate_hz) as u64;
+        Self {
+            picture: Picture { fourcc, layout },
+            black: 0.0,
+            period_ns,
+            seconds: options.exposures_s.clone(),
+        }
+    }
+
+    /// From the lens file and, for what it does not say, from the picture: sensors are linear, cameras' own pictures follow sRGB more
+    /// or less.
+    pub(super) fn calibration(&self, lens: Option<&LensFile>) -> Calibration {
+        let (picture, layout) = (&self.picture, &self.picture.layout);
+        let most = picture.max_code();
+        let usual = if picture.is_raw() { Response::Linear } else { Response::Srgb };
+        let (black, white) = lens.and_then(|l| l.levels).unwrap_or((self.black * most, most));
+        Calibration {
+            lens: lens.map_or_else(|| assumed_lens(layout), |l| l.lens),
+            width: layout.width(),
+            height: layout.height(),
+            response: lens.and_then(LensFile::told_response).unwrap_or(usual),
+            scale: 1.0,
+            black,
+            white,
+            white_balance: [1.0; 3],
+            format: layout.format(),
+            bytes_per_line: layout.bytes_per_line(),
+        }
+    }
+}
+
+/// An equidistant fisheye that sees 180 degrees across the shorter side: what a lens is taken for until it is calibrated.
+fn assumed_lens(layout: &Layout) -> Lens {
+    let (width, height) = (f64::from(layout.width()), f64::from(layout.height()));
+    let mut vignetting = [0.0; 8];
+    vignetting[0] = 1.0;
+    let lens = Lens::try_new(Intrinsics {
+        model: Model::Equidistant,
+        centre_px: DVec2::new((width - 1.0) / 2.0, (height - 1.0) / 2.0),
+        focal_px: DVec2::splat(width.min(height) / std::f64::consts::PI),
+        skew_px: 0.0,
+        max_theta: std::f64::consts::FRAC_PI_2,
+        vignetting,
+    });
+    lens.expect("an equidistant lens of 180 degrees is a lens")
+}

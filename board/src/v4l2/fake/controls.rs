@@ -1,0 +1,104 @@
+//! The controls of the simulated camera, and what they make of its light.
+
+use super::{Kind, World};
+use crate::v4l2::abi;
+use hemilux_core::format::Format;
+use rustix::io::Errno;
+
+impl World {
+    pub(super) fn set(&mut self, id: u32, value: i64) -> Result<(), Errno> {
+        if id == abi::EXPOSURE_ABSOLUTE && self.controls[&abi::EXPOSURE_AUTO] == 3 {
+            return Err(Errno::ACCESS);
+        }
+        let (low, high) = self.range(id).ok_or(Errno::INVAL)?;
+        let value = value.clamp(low, high);
+        self.controls.insert(id, value);
+        self.written.push((id, value));
+        if id == self.knob() {
+            self.writes.push((if self.streaming { self.next + self.script.delay } else { 0 }, value));
+        }
+        Ok(())
+    }
+
+    /// Range of a control that this kind of camera has.
+    fn range(&self, id: u32) -> Option<(i64, i64)> {
+        let csi = self.script.kind == Kind::Csi;
+        match id {
+            abi::EXPOSURE_AUTO if self.script.kind == Kind::Uvc => Some((0, 3)),
+            abi::DYNAMIC_FRAME_RATE if self.script.kind == Kind::Uvc => Some((0, 1)),
+            abi::EXPOSURE_ABSOLUTE if self.script.kind == Kind::Uvc => Some(self.script.range),
+            // The sensor's exposure ends four lines before the frame does.
+            abi::EXPOSURE if csi => {
+                Some((4, i64::from(self.script.size.1) + self.controls[&abi::VBLANK] - 4))
+            }
+            abi::VBLANK if csi => Some((10, 4000)),
+            abi::HBLANK if csi => Some((936, 936)),
+            abi::PIXEL_RATE if csi => Some((10_000_000, 10_000_000)),
+            abi::ANALOGUE_GAIN if csi => Some((0, 232)),
+            abi::BRIGHTNESS => Some((0, 255)),
+            _ => None,
+        }
+    }
+
+    pub(super) fn describe(&self, d: &mut abi::ControlDescription) -> Result<(), Errno> {
+        let id = if d.id & abi::NEXT_CONTROL == 0 {
+            d.id
+        } else {
+            let after = d.id & !abi::NEXT_CONTROL;
+            let next = self.controls.keys().find(|id| **id > after && self.range(**id).is_some());
+            *next.ok_or(Errno::INVAL)?
+        };
+        let (minimum, maximum) = self.range(id).ok_or(Errno::INVAL)?;
+        let kind = match id {
+            abi::EXPOSURE_AUTO => abi::TYPE_MENU,
+            abi::PIXEL_RATE => abi::TYPE_INTEGER64,
+            // A type from the future, which must not upset anybody.
+            abi::HBLANK => 0x7777,
+            _ => abi::TYPE_INTEGER,
+        };
+        *d = abi::ControlDescription { id, kind, minimum, maximum, step: 1, ..Default::default() };
+        let name: &[u8] = if id == abi::BRIGHTNESS { b"Brightness" } else { b"\xff\xfecontrol" };
+        d.name[..name.len()].copy_from_slice(name);
+        Ok(())
+    }
+
+    /// A scene whose radiance rises a thousandfold from left to right, as a linear sensor sees it.
+    pub(super) fn expose(&self, value: i64) -> Vec<u8> {
+        let layout = self.layout();
+        let (width, most) = (layout.width(), f64::from(layout.format().max_code()));
+        // Lines take 100 us like the units of UVC.
+        let seconds = value as f64 * 1e-4;
+        let code = |x: u32, top: f64| {
+            let radiance = self.script.light * 10f64.powf(3.0 * (f64::from(x) / f64::from(width) - 1.0));
+            (top * radiance * seconds / 0.033).round().min(top) as u16
+        };
+        let luma = |x| 16 + code(x, 219.0) as u8;
+        let mut row: Vec<u8> = match layout.format() {
+            Format::Yuyv(_) => (0..width).flat_map(|x| [luma(x), CHROMA[x as usize % 2]]).collect(),
+            Format::Nv12(_) => (0..width).map(luma).collect(),
+            Format::Raw10(_) => (0..width).step_by(4).flat_map(|x| four(|i| code(x + i, most))).collect(),
+            Format::Bayer16(..) => (0..width).flat_map(|x| code(x, most).to_le_bytes()).collect(),
+            Format::Grey | Format::Bayer8(_) => (0..width).map(|x| code(x, most) as u8).collect(),
+            other => unreachable!("{other:?} is not made here"),
+        };
+        row.resize(layout.bytes_per_line(), 0xee);
+        let mut bytes = row.repeat(layout.height() as usize);
+        if let Format::Nv12(_) = layout.format() {
+            let mut chroma = CHROMA.repeat(width as usize / 2);
+            chroma.resize(layout.bytes_per_line(), 0xee);
+            bytes.extend(chroma.repeat(layout.height() as usize / 2));
+        }
+        bytes.truncate(layout.frame_bytes());
+        bytes
+    }
+}
+
+/// Cb and Cr of the whole picture: warm.
+const CHROMA: [u8; 2] = [100, 150];
+
+/// Four pixels of ten bits.
+fn four(code: impl Fn(u32) -> u16) -> [u8; 5] {
+    let [a, b, c, d] = [0, 1, 2, 3].map(code);
+    let low = [a, b, c, d].iter().rev().fold(0, |low, v| low << 2 | (*v & 3) as u8);
+    [(a >> 2) as u8, (b >> 2) as u8, (c >> 2) as u8, (d >> 2) as u8, low]
+}
