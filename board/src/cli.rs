@@ -15,11 +15,12 @@ use crate::samplers::{MAX_LIGHTS, NAMES};
 use crate::server::{self, Guard, Limits, Options};
 use crate::source::{self, Spec};
 use crate::systemd;
-use crate::timing::STAGES;
+use crate::timing::read_budgets;
 use clap::builder::PossibleValuesParser;
 use clap::error::ErrorKind;
 use clap::{Args, Parser, Subcommand};
 use hemilux_core::fill::Extrapolation;
+use hemilux_core::wire::STAGES;
 use plan::Plan;
 use std::ffi::OsString;
 use std::io::{self, Write};
@@ -109,6 +110,10 @@ struct Serve {
     /// What stands for the part of the hemisphere that the lens does not see: none or average [default: none].
     #[arg(long, value_name = "NAME", value_parser = extrapolation)]
     extrapolation: Option<Extrapolation>,
+    /// Longest times of stages, milliseconds, such as front=30,total=60: capture, front (merge and map), pyramid, sample, filter, encode and
+    /// total [default: 110, 30, 6, 12, 2, 10, 60]. Each set names what overran, /info and /metrics count it.
+    #[arg(long, value_name = "STAGE=MS,...", value_parser = read_budgets)]
+    budget: Option<[Option<f32>; STAGES]>,
     /// Announce the probe on the network by mDNS, as a service of type _hemilux._tcp.
     #[cfg(feature = "mdns")]
     #[arg(long)]
@@ -209,9 +214,7 @@ fn serve(options: &Serve) -> Result<(), Failure> {
     running.stop();
     let link = probe.link();
     drop(probe);
-    for (name, stage) in STAGES.into_iter().zip(link.timings()) {
-        eprintln!("hemilux: {name}: {stage}");
-    }
+    eprintln!("{}", link.timings());
     Ok(())
 }
 
@@ -275,7 +278,9 @@ mod tests {
 
     #[test]
     fn wrong_usage_is_one_line_that_names_the_option() {
-        let cases: [(&[&str], &str); 13] = [
+        let cases: [(&[&str], &str); 15] = [
+            (&["--budget", "front"], "STAGE=MILLISECONDS"),
+            (&["--budget", "front=30,lunch=60"], "'lunch=60'"),
             (&["--lights", "0"], "1 to 50000"),
             (&["--lights", "50001"], "50000"),
             (&["--lights", "many"], "'many'"),

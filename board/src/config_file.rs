@@ -133,6 +133,10 @@ fn item(value: &serde_json::Value) -> Option<Item> {
         serde_json::Value::Number(v) => {
             v.as_i64().map(toml_edit::value).or_else(|| v.as_f64().map(toml_edit::value))
         }
+        serde_json::Value::Array(list) => {
+            let list: Option<toml_edit::Array> = list.iter().map(serde_json::Value::as_f64).collect();
+            list.map(toml_edit::value)
+        }
         _ => None,
     }
 }
@@ -140,6 +144,7 @@ fn item(value: &serde_json::Value) -> Option<Item> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::probe::settings::wish_of;
 
     #[test]
     fn settings_are_written_back_and_all_else_stays() {
@@ -152,6 +157,8 @@ mod tests {
         assert_eq!(kept.token_file, Some(folder.path().join("secret")), "beside the file");
         let mut config = Config { gui: true, ..Config::default() };
         config.pipeline.lights = 99;
+        config.exposures_s = Some(vec![0.001, 0.25]);
+        config.budgets.set_ms(1, 12.5);
         file.save(&config).expect("written");
         let written = fs::read_to_string(&path).expect("a file");
         assert!(
@@ -161,6 +168,12 @@ mod tests {
         );
         let (_, again) = ConfigFile::open(&path).expect("a configuration");
         assert_eq!((again.settings["gui"].as_bool(), again.listen), (Some(true), kept.listen), "{written}");
+        assert_eq!(again.settings["budget_front_ms"].as_float(), Some(12.5), "{written}");
+        let json = serde_json::to_value(again.settings).expect("JSON");
+        let change = wish_of(json.as_object().expect("settings")).expect("what was written is read");
+        let mut read = Config::default();
+        change.apply(&mut read);
+        assert_eq!(read, config, "{written}");
         assert_eq!(folder.path().read_dir().expect("a folder").count(), 1, "nothing is left beside it");
     }
 

@@ -16,6 +16,8 @@ pub mod clock;
 #[cfg(feature = "server")]
 pub mod config_file;
 #[cfg(feature = "pipeline")]
+pub mod judge;
+#[cfg(feature = "server")]
 pub mod memory;
 #[cfg(all(target_os = "linux", target_arch = "arm", target_feature = "neon"))]
 mod neon;

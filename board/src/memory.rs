@@ -2,6 +2,8 @@
 
 use crate::calibration::Calibration;
 use crate::pipeline::Pipeline;
+use crate::probe::compare;
+use crate::samplers::{NAMES, Tuning};
 use hemilux_core::healpix::Domain;
 use hemilux_core::light::Light;
 use hemilux_core::merge::Reciprocal;
@@ -49,6 +51,8 @@ pub struct Plan {
     /// Order at which pixels are added up.
     source_order: u8,
     rooms: Vec<Room>,
+    /// What a comparison takes besides while a client asks for one, at most.
+    comparison: usize,
 }
 
 impl Plan {
@@ -72,13 +76,15 @@ impl Plan {
             Room::of::<Light>("published lights", 4 * s.lights),
         ];
         rooms.push(Room { name: "sampler: state", count: 1, size: pipeline.sampler_bytes() });
-        rooms.extend(sampler(&s.sampler, order, &s.grid, s.lights));
+        rooms.extend(sampler(&s.sampler, order, &s.grid, s.lights, &s.tuning));
         if pipeline.needs_polar() {
             rooms.push(Room::of::<[f32; 3]>("polar map", s.grid.len()));
             rooms.push(Room::of::<Share>("polar shares", shares_len(&s.grid, order)));
         }
         let source_order = plan.source_order();
-        Self { width: c.width, height: c.height, exposures, lights: s.lights, order, source_order, rooms }
+        let comparison = comparison(order, &s.grid, &s.tuning, pipeline.needs_polar());
+        let (width, height) = (c.width, c.height);
+        Self { width, height, exposures, lights: s.lights, order, source_order, rooms, comparison }
     }
 
     /// The buffers, the frames first.
@@ -94,8 +100,17 @@ impl Plan {
     }
 }
 
-/// What [`crate::samplers::make`] takes.
-fn sampler(name: &str, order: u8, grid: &Grid, lights: usize) -> Vec<Room> {
+/// What `/v1/compare` takes at most: the sampler that takes most, its sets, and the polar map where the first sampler does without.
+fn comparison(order: u8, grid: &Grid, tuning: &Tuning, has_polar: bool) -> usize {
+    let of = |name: &&str| {
+        sampler(name, order, grid, compare::MOST_LIGHTS, tuning).iter().map(Room::bytes).sum::<usize>()
+    };
+    let polar = grid.len() * size_of::<[f32; 3]>() + shares_len(grid, order) * size_of::<Share>();
+    NAMES.iter().map(of).max().unwrap_or(0) + compare::bytes(order) + if has_polar { 0 } else { polar }
+}
+
+/// What [`crate::samplers::make_tuned`] takes.
+fn sampler(name: &str, order: u8, grid: &Grid, lights: usize, tuning: &Tuning) -> Vec<Room> {
     let domain = Domain::Hemisphere;
     let few = lights.min(hemigon::MAX_LIGHTS);
     let inversion = || {
@@ -112,7 +127,7 @@ fn sampler(name: &str, order: u8, grid: &Grid, lights: usize) -> Vec<Room> {
         }
         "hemigon" => [inversion(), vec![Room::of::<kalman::Track>("sampler: tracks", 2 * few)]].concat(),
         "hemigon-fir" => {
-            let taps = fir::Kernel::new(&fir::Parameters::default()).weights().len();
+            let taps = fir::Kernel::new(&tuning.fir()).weights().len();
             [inversion(), vec![Room::of::<glam::Vec3>("sampler: paths", 2 * few * taps)]].concat()
         }
         "adaptive" => vec![
@@ -144,6 +159,7 @@ impl fmt::Display for Plan {
         for room in &self.rooms {
             writeln!(f, "{:<17} {:>10} {:>6} {:>12}", room.name, room.count, room.size, room.bytes())?;
         }
-        writeln!(f, "{:<17} {:>30}", "sum, bytes", self.bytes())
+        writeln!(f, "{:<17} {:>30}", "sum, bytes", self.bytes())?;
+        writeln!(f, "{:<17} {:>30}", "comparison", format!("at most {}", self.comparison))
     }
 }

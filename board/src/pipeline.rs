@@ -4,7 +4,7 @@
 //! sampler or a picture needs it first.
 
 use crate::calibration::{Burst, Calibration};
-use crate::samplers::{self, SamplerError, Shape};
+use crate::samplers::{self, SamplerError, Shape, Tuning};
 use hemilux_core::fill::{self, Extrapolation};
 use hemilux_core::format::{Format, Layout, LayoutError};
 use hemilux_core::front::{self, FrontError, Seen};
@@ -32,6 +32,10 @@ pub struct Settings {
     pub ambient: bool,
     /// What stands for the unseen part of the hemisphere.
     pub extrapolation: Extrapolation,
+    /// What the sampler lets its user choose besides.
+    pub tuning: Tuning,
+    /// Order of the map; `None` for what the lights need.
+    pub order: Option<u8>,
     /// Shape of the polar map.
     pub grid: Grid,
 }
@@ -44,6 +48,8 @@ impl Default for Settings {
             tolerance: None,
             ambient: false,
             extrapolation: Extrapolation::None,
+            tuning: Tuning::default(),
+            order: None,
             grid: Grid::POLAR,
         }
     }
@@ -54,6 +60,18 @@ impl Settings {
     #[must_use]
     pub fn request(&self) -> Request {
         Request { lights: self.lights, tolerance: self.tolerance, ambient: self.ambient }
+    }
+
+    /// Order of the map.
+    #[must_use]
+    pub fn order(&self) -> u8 {
+        self.order.unwrap_or_else(|| samplers::order_for(self.lights))
+    }
+
+    /// Whether `other` needs the same sampler, map apart.
+    fn same_sampler(&self, other: &Self) -> bool {
+        let tuning = |s: &Self| s.tuning.of(&s.sampler);
+        self.sampler == other.sampler && self.lights == other.lights && tuning(self) == tuning(other)
     }
 }
 
@@ -72,6 +90,9 @@ pub enum PipelineError {
     /// The lens does not fit the image.
     #[error("lens: found {0}, expected an image circle on the sensor whose pixels fill the map")]
     Plan(PlanError),
+    /// The source does not take such exposure times.
+    #[error("exposures_s: {0}")]
+    Exposures(String),
     /// No such sampler.
     #[error(transparent)]
     Sampler(#[from] SamplerError),
@@ -169,10 +190,10 @@ impl Pipeline {
         exposures: &[Exposure],
         settings: Settings,
     ) -> Result<Self, PipelineError> {
-        let order = samplers::order_for(settings.lights);
+        let order = settings.order();
         let shape = Shape { domain: Domain::Hemisphere, order, grid: settings.grid };
         samplers::check(&settings.sampler, Domain::Hemisphere, &settings.request())?;
-        let sampler = samplers::make(&settings.sampler, &shape, settings.lights)?;
+        let sampler = samplers::make_tuned(&settings.sampler, &shape, settings.lights, &settings.tuning)?;
         let layout = calibration.layout().map_err(PipelineError::Format)?;
         let merge = merge(&calibration, exposures)?;
         let plan = plan(&calibration, &layout, order)?;
@@ -201,15 +222,16 @@ impl Pipeline {
     /// # Errors
     /// [`PipelineError`].
     pub fn configure(&mut self, settings: Settings) -> Result<(), PipelineError> {
-        let same_maps = samplers::order_for(settings.lights) == self.pyramid.view().order()
-            && settings.grid == self.settings.grid;
+        let same_maps =
+            settings.order() == self.pyramid.view().order() && settings.grid == self.settings.grid;
         if !same_maps {
             *self = Self::try_new(self.calibration.clone(), &self.exposures, settings)?;
             return Ok(());
         }
         samplers::check(&settings.sampler, Domain::Hemisphere, &settings.request())?;
-        if settings.sampler != self.settings.sampler || settings.lights != self.settings.lights {
-            self.sampler = samplers::make(&settings.sampler, &self.shape(), settings.lights)?;
+        if !settings.same_sampler(&self.settings) {
+            let (shape, tuning) = (self.shape(), &settings.tuning);
+            self.sampler = samplers::make_tuned(&settings.sampler, &shape, settings.lights, tuning)?;
             if self.sampler.needs_polar() && self.polar.is_none() {
                 self.polar = Some(Polar::new(&self.shape()));
             }
@@ -218,7 +240,9 @@ impl Pipeline {
         Ok(())
     }
 
-    fn shape(&self) -> Shape {
+    /// The maps that its samplers read.
+    #[must_use]
+    pub fn shape(&self) -> Shape {
         let order = self.pyramid.view().order();
         Shape { domain: Domain::Hemisphere, order, grid: self.settings.grid }
     }
@@ -259,6 +283,29 @@ impl Pipeline {
         let done = began.elapsed();
         let times = Times { front, pyramid: summed - front, sample: done - summed };
         Ok(Processed { decomposition, seen, scalar_flux: total.rgb(), horizontal_irradiance, times })
+    }
+
+    /// What another sampler makes of the last burst, and how long it took for that.
+    pub fn sample_again<'a>(
+        &mut self,
+        sampler: &'a mut dyn Sampler,
+        request: &Request,
+    ) -> (Decomposition<'a>, Duration) {
+        let map = if sampler.needs_polar() {
+            self.map()
+        } else {
+            Map { pyramid: self.pyramid.view(), polar: LatLongView::NONE }
+        };
+        let began = Instant::now();
+        let made = sampler.update(&map, request);
+        (made, began.elapsed())
+    }
+
+    /// The quads of `order`, at most the map's, of the last burst.
+    #[must_use]
+    pub fn sketch(&self, order: u8) -> &[Quad] {
+        let view = self.pyramid.view();
+        view.quads_of(order.min(view.order()))
     }
 
     /// Rebuilds the merge when a burst comes with other exposures.

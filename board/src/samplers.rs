@@ -12,6 +12,7 @@ use hemilux_core::sampler::hemigon::{self, Hemigon};
 use hemilux_core::sampler::pharr::{MAX_ROWS, Pharr};
 use hemilux_core::sampler::q2tree::{Leaf, Parameters, Past, Q2Tree, interior_len};
 use hemilux_core::sampler::{Request, Sampler};
+use std::ops::RangeInclusive;
 
 /// Names that `--sampler` and `change?algorithm=` accept.
 pub const NAMES: [&str; 6] = ["adaptive", "q2tree", "q2tree-jitter", "pharr", "hemigon", "hemigon-fir"];
@@ -20,7 +21,56 @@ pub const NAMES: [&str; 6] = ["adaptive", "q2tree", "q2tree-jitter", "pharr", "h
 pub const MAX_LIGHTS: usize = 50_000;
 
 /// Tolerances that may be asked for, ratios.
-pub const TOLERANCES: std::ops::RangeInclusive<f32> = 0.002..=1.0;
+pub const TOLERANCES: RangeInclusive<f32> = 0.002..=1.0;
+
+/// Orders of the map that may be asked for.
+pub const ORDERS: RangeInclusive<u8> = 4..=8;
+
+/// Thresholds of `q2tree` that may be asked for, ratios.
+pub const THRESHOLDS: RangeInclusive<f32> = 0.0..=10.0;
+
+/// Lengths of the filter of `hemigon-fir`, frames.
+pub const TAPS: RangeInclusive<usize> = 1..=fir::MAX_TAPS;
+
+/// Cut-off frequencies of that filter: up to half the frame rate that it reckons with.
+pub const CUTOFFS_HZ: RangeInclusive<f32> = 0.05..=5.0;
+
+/// What samplers let their user choose beside what is asked for in each frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tuning {
+    /// Relative threshold of `q2tree` and `q2tree-jitter`, of [`THRESHOLDS`].
+    pub threshold: f32,
+    /// Frames that `hemigon-fir` filters over, of [`TAPS`].
+    pub taps: usize,
+    /// Its cut-off frequency, of [`CUTOFFS_HZ`].
+    pub cutoff_hz: f32,
+}
+
+impl Default for Tuning {
+    fn default() -> Self {
+        let fir::Parameters { taps, cutoff_hz, .. } = fir::Parameters::default();
+        Self { threshold: Parameters::CENTROID.threshold, taps, cutoff_hz: cutoff_hz as f32 }
+    }
+}
+
+impl Tuning {
+    /// As the filter takes it.
+    #[must_use]
+    pub fn fir(&self) -> fir::Parameters {
+        fir::Parameters { taps: self.taps, cutoff_hz: self.cutoff_hz.into(), ..fir::Parameters::default() }
+    }
+
+    /// What matters to the sampler called `name`: the rest is as by default.
+    #[must_use]
+    pub fn of(self, name: &str) -> Self {
+        let default = Self::default();
+        match name {
+            "q2tree" | "q2tree-jitter" => Self { threshold: self.threshold, ..default },
+            "hemigon-fir" => Self { threshold: default.threshold, ..self },
+            _ => default,
+        }
+    }
+}
 
 /// The shape of the maps that a sampler will read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -107,8 +157,22 @@ pub fn check(name: &str, domain: Domain, request: &Request) -> Result<(), Sample
 /// # Errors
 /// [`SamplerError`] for names, light counts and maps that do not exist.
 pub fn make(name: &str, shape: &Shape, lights: usize) -> Result<Box<dyn Sampler + Send>, SamplerError> {
+    make_tuned(name, shape, lights, &Tuning::default())
+}
+
+/// The same, tuned.
+///
+/// # Errors
+/// As [`make`].
+pub fn make_tuned(
+    name: &str,
+    shape: &Shape,
+    lights: usize,
+    tuning: &Tuning,
+) -> Result<Box<dyn Sampler + Send>, SamplerError> {
     let ambient = lights == 0 && name == "adaptive";
     check(name, shape.domain, &Request { ambient, ..Request::of_lights(lights) })?;
+    let tree = |parameters| q2tree(Parameters { threshold: tuning.threshold, ..parameters }, shape, lights);
     match name {
         "pharr" => {
             let conditional = vec![0.0f32; shape.grid.len()];
@@ -117,9 +181,9 @@ pub fn make(name: &str, shape: &Shape, lights: usize) -> Result<Box<dyn Sampler 
         }
         "adaptive" => Ok(adaptive(shape, lights)),
         "hemigon" => Ok(gated(shape, lights.min(hemigon::MAX_LIGHTS))),
-        "hemigon-fir" => Ok(filtered(shape, lights.min(hemigon::MAX_LIGHTS))),
-        "q2tree" => Ok(q2tree(Parameters::CENTROID, shape, lights)),
-        "q2tree-jitter" => Ok(q2tree(Parameters::JITTER, shape, lights)),
+        "hemigon-fir" => Ok(filtered(shape, lights.min(hemigon::MAX_LIGHTS), &tuning.fir())),
+        "q2tree" => Ok(tree(Parameters::CENTROID)),
+        "q2tree-jitter" => Ok(tree(Parameters::JITTER)),
         _ => Err(SamplerError::Unknown(name.into())),
     }
 }
@@ -148,10 +212,9 @@ fn gated(shape: &Shape, lights: usize) -> Box<dyn Sampler + Send> {
     hemigon(shape, lights, filter.expect("two tracks per light"))
 }
 
-fn filtered(shape: &Shape, lights: usize) -> Box<dyn Sampler + Send> {
-    let parameters = fir::Parameters::default();
-    let paths = vec![glam::Vec3::ZERO; 2 * lights * Kernel::new(&parameters).weights().len()];
-    let filter = Fir::try_new(&parameters, lights, paths);
+fn filtered(shape: &Shape, lights: usize, parameters: &fir::Parameters) -> Box<dyn Sampler + Send> {
+    let paths = vec![glam::Vec3::ZERO; 2 * lights * Kernel::new(parameters).weights().len()];
+    let filter = Fir::try_new(parameters, lights, paths);
     hemigon(shape, lights, filter.expect("two paths of as many directions as taps per light"))
 }
 

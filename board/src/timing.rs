@@ -1,8 +1,7 @@
 //! How long the stages take: histograms of fixed size, and budgets that are counted when they are overrun.
 
-use hemilux_core::wire::Latency;
+use hemilux_core::wire::{Latency, Overrun, STAGES};
 use std::fmt;
-use std::time::Duration;
 
 /// Buckets per doubling: percentiles are within 1/16 of their value.
 const PER_OCTAVE: usize = 8;
@@ -10,18 +9,56 @@ const PER_OCTAVE: usize = 8;
 /// Doublings from one microsecond: to a little over a minute.
 const OCTAVES: usize = 26;
 
-/// Names of the stages, in the order of [`Timings::stages`].
-pub const STAGES: [&str; 6] = ["capture", "front", "pyramid", "sample", "encode", "total"];
+/// Budgets that may be set, milliseconds.
+pub const BUDGETS_MS: std::ops::RangeInclusive<f32> = 0.01..=60_000.0;
 
-/// Longest times that stages are meant to take.
+/// Longest times that stages are meant to take, microseconds, in the order of [`Latency::NAMES`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Budgets([Duration; STAGES.len()]);
+pub struct Budgets(pub [u32; STAGES]);
 
 impl Default for Budgets {
     /// Those of ten frames a second on a small board: capture may wait for the whole period, the rest shares half of it.
     fn default() -> Self {
-        Self([110, 30, 6, 12, 10, 60].map(Duration::from_millis))
+        Self([110_000, 30_000, 6_000, 12_000, 2_000, 10_000, 60_000])
     }
+}
+
+impl Budgets {
+    /// The budget of stage `i`, milliseconds; 0 beyond the last.
+    #[must_use]
+    pub fn ms(&self, i: usize) -> f32 {
+        self.0.get(i).map_or(0.0, |us| *us as f32 / 1e3)
+    }
+
+    /// Sets the budget of stage `i`, milliseconds, to the nearest microsecond.
+    pub fn set_ms(&mut self, i: usize, ms: f32) {
+        if let Some(us) = self.0.get_mut(i) {
+            *us = (ms * 1e3).round() as u32;
+        }
+    }
+}
+
+/// Reads `front=30,total=60`: milliseconds by stage, in the order of [`Latency::NAMES`].
+///
+/// # Errors
+/// What was found and what was expected.
+pub fn read_budgets(text: &str) -> Result<[Option<f32>; STAGES], String> {
+    let mut budgets = [None; STAGES];
+    for pair in text.split(',') {
+        let (name, value) = pair.split_once('=').unwrap_or((pair, ""));
+        let stage = Latency::NAMES.iter().position(|stage| *stage == name.trim());
+        let ms = value.trim().parse().ok().filter(|ms| BUDGETS_MS.contains(ms));
+        let (Some(stage), Some(ms)) = (stage, ms) else {
+            return Err(format!(
+                "found '{pair}', expected STAGE=MILLISECONDS with {} and {} to {}, such as front=30,total=60",
+                Latency::NAMES.join(", "),
+                BUDGETS_MS.start(),
+                BUDGETS_MS.end()
+            ));
+        };
+        budgets[stage] = Some(ms);
+    }
+    Ok(budgets)
 }
 
 /// Durations of one stage.
@@ -38,13 +75,13 @@ impl Histogram {
         Self { counts: [0; PER_OCTAVE * OCTAVES], count: 0, most_us: 0, overruns: 0 }
     }
 
-    fn add(&mut self, us: u32, budget: Duration) {
+    fn add(&mut self, us: u32, budget_us: u32) {
         if let Some(n) = self.counts.get_mut(bucket(us)) {
             *n = n.saturating_add(1);
         }
         self.count += 1;
         self.most_us = self.most_us.max(us);
-        self.overruns += u64::from(u128::from(us) > budget.as_micros());
+        self.overruns += u64::from(us > budget_us);
     }
 
     /// The upper edge of the bucket that holds the `part`th of all durations, at most the longest.
@@ -95,17 +132,10 @@ pub struct Stage {
     pub budget: u32,
 }
 
-impl fmt::Display for Stage {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { p50, p95, p99, most, overruns, budget } = self;
-        write!(f, "{p50} {p95} {p99} {most} µs (p50 p95 p99 max), {overruns} over {budget} µs")
-    }
-}
-
 /// Durations of all stages.
 #[derive(Clone, Debug)]
 pub struct Timings {
-    stages: [Histogram; STAGES.len()],
+    stages: [Histogram; STAGES],
     budgets: Budgets,
 }
 
@@ -113,26 +143,56 @@ impl Timings {
     /// No frames yet.
     #[must_use]
     pub fn new(budgets: Budgets) -> Self {
-        Self { stages: [const { Histogram::new() }; STAGES.len()], budgets }
+        Self { stages: [const { Histogram::new() }; STAGES], budgets }
     }
 
-    /// Adds a frame.
-    pub fn add(&mut self, l: &Latency) {
-        let all = [l.capture, l.front, l.pyramid, l.sample, l.encode, l.total];
-        for ((stage, us), budget) in self.stages.iter_mut().zip(all).zip(self.budgets.0) {
+    /// Adds a frame and tells what took too long.
+    pub fn add(&mut self, latency: &Latency) -> Overrun {
+        for ((stage, us), budget) in self.stages.iter_mut().zip(latency.all()).zip(self.budgets.0) {
             stage.add(us, budget);
         }
+        Overrun::of(latency, &self.budgets.0)
     }
 
-    /// What became of each stage, in the order of [`STAGES`].
+    /// Other budgets from the next frame on; overruns that were counted stay counted.
+    pub fn set_budgets(&mut self, budgets: Budgets) {
+        self.budgets = budgets;
+    }
+
+    /// Frames that were added.
     #[must_use]
-    pub fn stages(&self) -> [Stage; STAGES.len()] {
+    pub fn frames(&self) -> u64 {
+        self.stages[0].count
+    }
+
+    /// What became of each stage, in the order of [`Latency::NAMES`].
+    #[must_use]
+    pub fn stages(&self) -> [Stage; STAGES] {
         std::array::from_fn(|i| {
             let h = &self.stages[i];
             let [p50, p95, p99] = [0.5, 0.95, 0.99].map(|part| h.percentile(part));
-            let budget = u32::try_from(self.budgets.0[i].as_micros()).unwrap_or(u32::MAX);
-            Stage { p50, p95, p99, most: h.most_us, overruns: h.overruns, budget }
+            Stage { p50, p95, p99, most: h.most_us, overruns: h.overruns, budget: self.budgets.0[i] }
         })
+    }
+}
+
+/// A short table for people, milliseconds.
+impl fmt::Display for Timings {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let frames = self.frames();
+        writeln!(
+            f,
+            "{:<9}{:>10}{:>10}{:>10}{:>10}{:>10}{:>10}",
+            "ms", "p50", "p95", "p99", "max", "budget", "over"
+        )?;
+        for (name, s) in Latency::NAMES.iter().zip(self.stages()) {
+            write!(f, "{name:<9}")?;
+            for us in [s.p50, s.p95, s.p99, s.most, s.budget] {
+                write!(f, "{:>10.3}", f64::from(us) / 1e3)?;
+            }
+            writeln!(f, "{:>10}", s.overruns)?;
+        }
+        write!(f, "{frames} frames")
     }
 }
 
@@ -153,16 +213,41 @@ mod tests {
 
     #[test]
     fn percentiles_maximum_and_overruns_are_those_of_the_durations() {
-        let mut timings = Timings::new(Budgets([Duration::from_micros(900); STAGES.len()]));
+        let mut timings = Timings::new(Budgets([900; STAGES]));
         for us in 1..=1000 {
-            timings.add(&Latency { front: us, total: 7, ..Latency::default() });
+            let over = timings.add(&Latency { front: us, total: 7, ..Latency::default() });
+            assert_eq!(over.names().eq(["front"]), us > 900, "frame of {us} µs");
         }
-        let [_, front, _, _, _, total] = timings.stages();
+        let [_, front, _, _, _, _, total] = timings.stages();
         for (found, exact) in [(front.p50, 500.0), (front.p95, 950.0), (front.p99, 990.0)] {
-            assert!((f64::from(found) / exact - 1.0).abs() < 0.126, "{front}");
+            assert!((f64::from(found) / exact - 1.0).abs() < 0.126, "{front:?}");
         }
         assert_eq!((front.most, front.overruns, front.budget), (1000, 100, 900));
         assert_eq!((total.p50, total.p99, total.most, total.overruns), (7, 7, 7, 0));
         assert_eq!(Timings::new(Budgets::default()).stages()[0].p99, 0, "no frames");
+    }
+
+    #[test]
+    fn the_table_has_a_line_for_each_stage_and_counts_the_frames() {
+        let mut timings = Timings::new(Budgets::default());
+        timings.add(&Latency { front: 31_000, ..Latency::default() });
+        let text = timings.to_string();
+        let front: Vec<_> =
+            text.lines().find(|l| l.starts_with("front")).expect("front").split_whitespace().collect();
+        assert_eq!(front, ["front", "31.000", "31.000", "31.000", "31.000", "30.000", "1"], "{text}");
+        assert_eq!((text.lines().count(), text.lines().last()), (STAGES + 2, Some("1 frames")), "{text}");
+    }
+
+    #[test]
+    fn budgets_are_read_by_stage_and_others_stay() {
+        let budgets = read_budgets("front=25,total=0.5");
+        let expected = [None, Some(25.0), None, None, None, None, Some(0.5)];
+        assert_eq!(budgets, Ok(expected), "two are set");
+        for wrong in
+            ["", "front", "front=", "front=-1", "front=nan", "front=0", "speed=3", "front=1e9", "front=1,"]
+        {
+            let line = read_budgets(wrong).expect_err(wrong);
+            assert!(line.contains("expected STAGE=MILLISECONDS with capture, front,"), "{wrong}: {line}");
+        }
     }
 }

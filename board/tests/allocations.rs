@@ -62,7 +62,7 @@ fn requests(source: Box<dyn Source>, sampler: &str) -> u64 {
     let pipeline =
         Settings { sampler: sampler.into(), extrapolation: Extrapolation::Average, ..Settings::default() };
     let mut worker =
-        Worker::try_new(source, "test".into(), Config { pipeline, gui: false }).expect("a worker");
+        Worker::try_new(source, "test".into(), Config { pipeline, ..Config::default() }).expect("a worker");
     let mut client = worker.link().subscribe();
     for _ in 0..WARM_UP {
         worker.step().expect("a frame");

@@ -6,7 +6,7 @@ use common::{RngExt, direction, seeded};
 use embedded_io::SliceWriteError;
 use glam::Vec3;
 use hemilux_core::light::{Light, Sh9};
-use hemilux_core::wire::{self, Coordinates, Latency, LightSet, Stale, Unit};
+use hemilux_core::wire::{self, Coordinates, Latency, LightSet, Overrun, Stale, Unit};
 use serde_json::Value;
 
 const HOSTILE: &str = "a\"b\\c\n1 2 3\r\t\u{0}\u{1f}\u{7f}\u{85}\u{2028}\u{fffe}\u{ffff}<&>'é🌞]]>-->";
@@ -76,6 +76,7 @@ fn set<'a>(lights: &'a [Light], ambient: Option<&'a Sh9>) -> LightSet<'a> {
             encode: 6,
             total: u32::MAX,
         },
+        overrun: Overrun::NONE,
     }
 }
 
@@ -97,9 +98,9 @@ fn triple(value: &Value) -> [f32; 3] {
     core::array::from_fn(|i| numbers[i].to_string().parse().expect("a number"))
 }
 
-/// As formats.md lists them.
+/// As formats.md lists them, and `overrun`.
 const KEYS: &str = "version run frame timestamp_ns wall_ms valid stale sampler requested unit coordinates lights scalar_flux \
-                    horizontal_irradiance clipped unseen estimated_error latency_us";
+                    horizontal_irradiance clipped unseen estimated_error latency_us overrun";
 
 #[test]
 fn json_holds_exactly_the_keys_of_the_format() {
@@ -143,6 +144,17 @@ fn json_gives_back_what_went_in() {
         );
     }
     assert_eq!(value["ambient_sh"].as_array().map(Vec::len), Some(9));
+}
+
+#[test]
+fn what_takes_longer_than_its_budget_is_named_and_what_takes_as_long_is_not() {
+    let mut set = LightSet::EMPTY;
+    set.latency = Latency { capture: 10, front: 11, filter: 9, total: 500, ..Latency::default() };
+    set.overrun = Overrun::of(&set.latency, &[10, 10, 10, 10, 8, 10, 499]);
+    let value: Value = serde_json::from_str(&encode(json, &set)).expect("JSON");
+    assert_eq!(value["overrun"], serde_json::json!(["front", "filter", "total"]));
+    let value: Value = serde_json::from_str(&encode(json, &LightSet::EMPTY)).expect("JSON");
+    assert_eq!(value["overrun"], serde_json::json!([]));
 }
 
 #[test]

@@ -5,7 +5,9 @@ mod common;
 use common::{RngExt, direction, seeded};
 use glam::Vec3;
 use hemilux_core::light::{Light, Sh9};
-use hemilux_core::wire::{self, BinarySet, Coordinates, DecodeError, Latency, LightSet, Stale, Unit};
+use hemilux_core::wire::{
+    self, BinarySet, Coordinates, DecodeError, Latency, LightSet, Overrun, Stale, Unit,
+};
 
 fn lights() -> Vec<Light> {
     let mut rng = seeded(7);
@@ -40,6 +42,7 @@ fn set<'a>(lights: &'a [Light], ambient: Option<&'a Sh9>) -> LightSet<'a> {
         unseen: 0.5,
         estimated_error: Some(0.125),
         latency: Latency { capture: 1, front: 2, pyramid: 3, sample: 4, filter: 5, encode: 6, total: 7 },
+        overrun: Overrun::NONE,
     }
 }
 

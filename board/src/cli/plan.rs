@@ -83,8 +83,10 @@ fn settings(options: &Serve, kept: toml::Table) -> Result<Config, (String, Strin
     let object = json.as_object().cloned().unwrap_or_default();
     let change = wish_of(&object).map_err(|errors| errors.into_iter().next().unwrap_or_default())?;
     change.apply(&mut config);
-    let Serve { sampler, lights, extrapolation, tolerance, ambient, .. } = options.clone();
+    let Serve { sampler, lights, extrapolation, tolerance, ambient, budget, .. } = options.clone();
     let (tolerance, ambient) = (tolerance.map(Some), ambient.then_some(true));
-    Change { sampler, lights, extrapolation, tolerance, ambient, gui: None }.apply(&mut config);
+    let budgets_ms = budget.unwrap_or_default();
+    Change { sampler, lights, extrapolation, tolerance, ambient, budgets_ms, ..Change::default() }
+        .apply(&mut config);
     Ok(config)
 }

@@ -1,7 +1,6 @@
 //! Wishes on their way to the processing thread, and its answers.
 
-use super::{Change, Config, lock};
-use crate::samplers::SamplerError;
+use super::{Change, Config, Refusal, lock};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use tokio::sync::watch;
@@ -14,7 +13,7 @@ pub struct Applied {
     /// What is in effect.
     pub config: Config,
     /// Why that wish was refused, if it was.
-    pub refused: Option<String>,
+    pub refused: Option<Refusal>,
 }
 
 #[derive(Debug)]
@@ -42,7 +41,7 @@ impl Mailbox {
     }
 
     /// Takes a wish that can come true: one client's mistake must not spoil another's change.
-    pub(super) fn post(&self, change: &Change) -> Result<u64, SamplerError> {
+    pub(super) fn post(&self, change: &Change) -> Result<u64, Refusal> {
         let mut wanted = lock(&self.wanted);
         let mut config = wanted.config.clone();
         change.apply(&mut config);
@@ -63,7 +62,7 @@ impl Mailbox {
     }
 
     /// Answers wish `serial`: `in_effect` is what stands now.
-    pub(super) fn answer(&self, serial: u64, in_effect: Config, refused: Option<String>) {
+    pub(super) fn answer(&self, serial: u64, in_effect: Config, refused: Option<Refusal>) {
         let mut wanted = lock(&self.wanted);
         if refused.is_some() && wanted.serial == serial {
             wanted.config = in_effect.clone();
@@ -87,7 +86,7 @@ mod tests {
         let (taken, config) = mailbox.take().expect("a wish");
         assert_eq!((taken, config.pipeline.lights, config.gui), (serial, 20, true), "both");
         assert_eq!(mailbox.take(), None, "taken once");
-        mailbox.answer(serial, Config::default(), Some("no".into()));
+        mailbox.answer(serial, Config::default(), Some(Refusal { setting: "lights", why: "no".into() }));
         post(Change { gui: Some(true), ..Change::default() });
         let (_, config) = mailbox.take().expect("a wish");
         assert_eq!((config.pipeline.lights, config.gui), (64, true), "the refused wish is gone");

@@ -3,6 +3,7 @@
 //! It never waits for a client: results go through a latest-value slot ([`Link::subscribe`]), wishes come in through a mailbox
 //! and take effect with the next frame. After its first frames it takes no memory (`board/tests/allocations.rs`).
 
+pub mod compare;
 mod config;
 mod mailbox;
 mod published;
@@ -10,16 +11,16 @@ pub mod settings;
 mod views;
 mod worker;
 
-pub use config::{Change, Config, EXTRAPOLATIONS, extrapolation_name};
+pub use config::{Change, Config, EXTRAPOLATIONS, Refusal, extrapolation_name};
 pub use mailbox::Applied;
 pub use published::Published;
 pub use views::{BurstView, Given, MapView, Slot, Views};
 pub use worker::Worker;
 
 use crate::pipeline::PipelineError;
-use crate::samplers::SamplerError;
 use crate::source::Source;
-use crate::timing::{Budgets, STAGES, Stage, Timings};
+use crate::timing::Timings;
+use compare::Comparison;
 use hemilux_core::wire::Stale;
 use mailbox::Mailbox;
 use std::hash::{BuildHasher, Hasher, RandomState};
@@ -54,6 +55,17 @@ pub struct Link {
     stopping: AtomicBool,
     turns: AtomicU64,
     views: Views,
+    comparison: Comparison,
+    exposures: Mutex<Exposures>,
+}
+
+/// The exposures of the source.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Exposures {
+    /// As they are now, seconds, rising.
+    pub seconds: Vec<f64>,
+    /// Why they cannot be changed, if so.
+    pub fixed: Option<&'static str>,
 }
 
 /// Why the last set is not fresh.
@@ -74,19 +86,21 @@ impl Staleness {
 }
 
 impl Link {
-    fn new(source: String, config: Config) -> Self {
+    fn new(source: String, config: Config, exposures: Exposures) -> Self {
         Self {
             run: run_id(),
             source,
             started: Instant::now(),
             latest: watch::Sender::new(None),
+            timings: Mutex::new(Timings::new(config.budgets)),
             mailbox: Mailbox::new(config),
             failure: Mutex::new(None),
-            timings: Mutex::new(Timings::new(Budgets::default())),
             encode_us: AtomicU32::new(0),
             stopping: AtomicBool::new(false),
             turns: AtomicU64::new(0),
             views: Views::default(),
+            comparison: Comparison::default(),
+            exposures: Mutex::new(exposures),
         }
     }
 
@@ -123,8 +137,8 @@ impl Link {
     /// Wishes for a change; the number is that of the [`Applied`] which answers it.
     ///
     /// # Errors
-    /// [`SamplerError`] when what is wished for does not exist, and nothing changes.
-    pub fn change(&self, change: &Change) -> Result<u64, SamplerError> {
+    /// [`Refusal`] when what is wished for does not exist, and nothing changes.
+    pub fn change(&self, change: &Change) -> Result<u64, Refusal> {
         self.mailbox.post(change)
     }
 
@@ -148,10 +162,22 @@ impl Link {
         &self.views
     }
 
+    /// Where to ask for a second sampler's sets.
+    #[must_use]
+    pub fn comparison(&self) -> &Comparison {
+        &self.comparison
+    }
+
+    /// The source's exposures.
+    #[must_use]
+    pub fn exposures(&self) -> Exposures {
+        lock(&self.exposures).clone()
+    }
+
     /// How long each stage has taken since the start, and how often longer than its budget.
     #[must_use]
-    pub fn timings(&self) -> [Stage; STAGES.len()] {
-        lock(&self.timings).stages()
+    pub fn timings(&self) -> Timings {
+        lock(&self.timings).clone()
     }
 
     fn set_failure(&self, reason: Option<String>) {

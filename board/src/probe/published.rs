@@ -1,7 +1,7 @@
 //! Finished sets, in memory that goes round.
 
 use hemilux_core::light::{Light, Sh9};
-use hemilux_core::wire::{Coordinates, Latency, LightSet, Stale, Unit};
+use hemilux_core::wire::{Coordinates, Latency, LightSet, Overrun, Stale, Unit};
 use std::sync::Arc;
 
 /// A finished set that owns what it says.
@@ -33,6 +33,8 @@ pub struct Published {
     pub estimated_error: Option<f32>,
     /// Time spent in each stage.
     pub latency: Latency,
+    /// What took longer than its budget.
+    pub overrun: Overrun,
     /// Frames a second, smoothed; 0 until there are two.
     pub rate_hz: f32,
 }
@@ -60,37 +62,45 @@ impl Published {
             unseen: self.unseen,
             estimated_error: self.estimated_error,
             latency: self.latency,
+            overrun: self.overrun,
+        }
+    }
+
+    /// What holds for whoever samples the frame of `set`.
+    pub(super) fn of_frame(set: &Self) -> Self {
+        let Self { frame, timestamp_ns, wall_ms, scalar_flux, horizontal_irradiance, .. } = *set;
+        let Self { clipped, unseen, latency, rate_hz, .. } = *set;
+        Self {
+            frame,
+            timestamp_ns,
+            wall_ms,
+            scalar_flux,
+            horizontal_irradiance,
+            clipped,
+            unseen,
+            latency,
+            rate_hz,
+            ..Self::default()
         }
     }
 }
 
 /// Sets that go round: one is shown, one is being filled, two are with clients that still encode them.
-const SETS: usize = 4;
+pub(super) const SETS: usize = 4;
 
 /// Gives out a set to fill that nobody reads any more.
 #[derive(Debug)]
-pub(super) struct Ring {
-    sets: [Arc<Published>; SETS],
+pub(super) struct Ring<T> {
+    sets: [Arc<T>; SETS],
 }
 
-impl Ring {
-    pub(super) fn new(lights: usize) -> Self {
-        let mut ring = Self { sets: Default::default() };
-        ring.reserve(lights);
-        ring
-    }
-
-    /// Makes room for `lights` lights in every set. A set that is being read stays and is replaced when its turn comes.
-    pub(super) fn reserve(&mut self, lights: usize) {
-        for set in &mut self.sets {
-            if set.lights.capacity() < lights {
-                *set = Arc::new(Published { lights: Vec::with_capacity(lights), ..Published::default() });
-            }
-        }
+impl<T: Default> Ring<T> {
+    pub(super) fn new(make: impl Fn() -> T) -> Self {
+        Self { sets: std::array::from_fn(|_| Arc::new(make())) }
     }
 
     /// Fills a free set and hands it out. Only when clients hold all of them is a new one made.
-    pub(super) fn fill(&mut self, fill: impl FnOnce(&mut Published)) -> Arc<Published> {
+    pub(super) fn fill(&mut self, fill: impl FnOnce(&mut T)) -> Arc<T> {
         let free = self.sets.iter_mut().position(|set| Arc::get_mut(set).is_some());
         let at = free.unwrap_or_else(|| {
             self.sets[0] = Arc::default();
@@ -103,13 +113,31 @@ impl Ring {
     }
 }
 
+impl Ring<Published> {
+    /// With room for `lights` lights in every set.
+    pub(super) fn with_lights(lights: usize) -> Self {
+        let mut ring = Self::new(Published::default);
+        ring.reserve(lights);
+        ring
+    }
+
+    /// Makes room for `lights` lights in every set. A set that is being read stays and is replaced when its turn comes.
+    pub(super) fn reserve(&mut self, lights: usize) {
+        for set in &mut self.sets {
+            if set.lights.capacity() < lights {
+                *set = Arc::new(Published { lights: Vec::with_capacity(lights), ..Published::default() });
+            }
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn sets_go_round_and_a_held_one_is_left_alone() {
-        let mut ring = Ring::new(10);
+        let mut ring = Ring::with_lights(10);
         let held: Vec<_> = (0..SETS as u64).map(|n| ring.fill(|set| set.frame = n)).collect();
         let one_over = ring.fill(|set| set.frame = 99);
         let frames: Vec<_> = held.iter().map(|set| set.frame).collect();

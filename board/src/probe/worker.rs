@@ -1,7 +1,8 @@
 //! The loop of the processing thread.
 
+use super::compare::Arena;
 use super::published::{Published, Ring};
-use super::{Config, Link};
+use super::{Config, Exposures, Link, Refusal};
 use crate::calibration::Burst;
 use crate::clock;
 use crate::pipeline::{Pipeline, PipelineError, Processed};
@@ -23,8 +24,11 @@ pub struct Worker {
     source: Box<dyn Source>,
     pipeline: Pipeline,
     burst: Burst,
-    ring: Ring,
-    gui: bool,
+    ring: Ring<Published>,
+    /// The second sampler, while one is compared.
+    arena: Arena,
+    /// What is in effect.
+    config: Config,
     link: Arc<Link>,
     /// Frames published.
     frames: u64,
@@ -39,17 +43,22 @@ impl Worker {
     ///
     /// # Errors
     /// [`PipelineError`] when the source and the settings do not make a pipeline.
-    pub fn try_new(source: Box<dyn Source>, name: String, config: Config) -> Result<Self, PipelineError> {
+    pub fn try_new(mut source: Box<dyn Source>, name: String, config: Config) -> Result<Self, PipelineError> {
+        if config.exposures_s.is_some() {
+            source.set_exposures(config.exposures_s.as_deref()).map_err(PipelineError::Exposures)?;
+        }
         let settings = config.pipeline.clone();
-        let ring = Ring::new(settings.lights);
+        let ring = Ring::with_lights(settings.lights);
         let pipeline = Pipeline::try_new(source.calibration().clone(), &source.exposures(), settings)?;
+        let link = Link::new(name, config.clone(), exposures(&*source));
         Ok(Self {
             source,
             pipeline,
             burst: Burst::default(),
             ring,
-            gui: config.gui,
-            link: Arc::new(Link::new(name, config)),
+            arena: Arena::default(),
+            config,
+            link: Arc::new(link),
             frames: 0,
             last: None,
             interval_s: 0.0,
@@ -109,12 +118,13 @@ impl Worker {
             encode: self.link.encode_us.load(Ordering::Relaxed),
             ..processed.times.latency()
         };
-        let frame = self.frames;
+        let (frame, timings) = (self.frames, &self.link.timings);
         let set = self.ring.fill(|set| {
             fill(set, &processed);
             latency.total =
                 u32::try_from(clock::monotonic_ns().saturating_sub(ended_ns) / 1000).unwrap_or(u32::MAX);
             set.latency = latency;
+            set.overrun = super::lock(timings).add(&latency);
             set.frame = frame;
             set.timestamp_ns = ended_ns;
             set.wall_ms = clock::wall_ms();
@@ -122,9 +132,9 @@ impl Worker {
             set.sampler = name;
             set.requested = requested;
         });
-        super::lock(&self.link.timings).add(&latency);
         self.frames += 1;
         self.link.latest.send_replace(Some(Arc::clone(&set)));
+        self.arena.compare(&self.link.comparison, &mut self.pipeline, &set);
         self.link.views.serve(&self.burst, &mut self.pipeline, &set);
         Ok(())
     }
@@ -144,13 +154,32 @@ impl Worker {
     /// Makes the newest wish come true, or says why not.
     fn follow_wishes(&mut self) {
         let Some((serial, config)) = self.link.mailbox.take() else { return };
-        let outcome = self.pipeline.configure(config.pipeline.clone());
-        let refused = outcome.err().map(|e| e.to_string());
-        self.gui = if refused.is_none() { config.gui } else { self.gui };
-        let in_effect = Config { pipeline: self.pipeline.settings().clone(), gui: self.gui };
-        self.ring.reserve(in_effect.pipeline.lights);
+        let refused = self.follow(&config).err();
+        if refused.is_none() {
+            self.config = config;
+        }
+        let in_effect = self.config.clone();
         tracing::info!(?in_effect, ?refused, "settings");
         self.link.mailbox.answer(serial, in_effect, refused);
+    }
+
+    /// All of `config`, or nothing.
+    fn follow(&mut self, config: &Config) -> Result<(), Refusal> {
+        let is_new = config.exposures_s != self.config.exposures_s;
+        if is_new {
+            let refused = |why| Refusal { setting: "exposures_s", why };
+            self.source.set_exposures(config.exposures_s.as_deref()).map_err(refused)?;
+        }
+        if let Err(error) = self.pipeline.configure(config.pipeline.clone()) {
+            if is_new && self.source.set_exposures(self.config.exposures_s.as_deref()).is_err() {
+                tracing::warn!("source {}: the exposures of before are refused", self.link.source);
+            }
+            return Err(error.into());
+        }
+        *super::lock(&self.link.exposures) = exposures(&*self.source);
+        super::lock(&self.link.timings).set_budgets(config.budgets);
+        self.ring.reserve(config.pipeline.lights);
+        Ok(())
     }
 
     fn fail(&mut self, error: &SourceError) {
@@ -175,6 +204,11 @@ impl Drop for Worker {
     fn drop(&mut self) {
         self.link.set_failure(Some("the processing thread has ended".into()));
     }
+}
+
+fn exposures(source: &dyn Source) -> Exposures {
+    let seconds = source.exposures().iter().map(|e| e.seconds).collect();
+    Exposures { seconds, fixed: source.fixed_exposures() }
 }
 
 fn fill(set: &mut Published, processed: &Processed<'_>) {

@@ -2,8 +2,8 @@
 
 use super::{Context, access, line, pages};
 use crate::probe::settings::{Kind, SETTINGS, short};
-use crate::probe::{Applied, Change};
-use crate::samplers::{NAMES, SamplerError, least_lights};
+use crate::probe::{Applied, Change, Refusal};
+use crate::samplers::{NAMES, least_lights};
 use axum::extract::rejection::QueryRejection;
 use axum::extract::{Query, State};
 use axum::http::{HeaderMap, StatusCode, Uri};
@@ -37,7 +37,7 @@ pub(super) async fn change(
     match make(&context, &change).await {
         Ok(Some(answer)) => confirm(&answer, &pairs),
         Ok(None) => pages::change_pending(&pairs).into_response(),
-        Err(found) => refused(&found.to_string()),
+        Err(refusal) => refused(&refusal.why),
     }
 }
 
@@ -45,7 +45,7 @@ pub(super) async fn change(
 ///
 /// # Errors
 /// Why nothing was changed.
-pub(super) async fn make(context: &Context, change: &Change) -> Result<Option<Applied>, SamplerError> {
+pub(super) async fn make(context: &Context, change: &Change) -> Result<Option<Applied>, Refusal> {
     let mut applied = context.link.applied();
     let serial = context.link.change(change)?;
     let looked_at = tokio::time::timeout(LONGEST_WAIT, applied.wait_for(|a| a.serial >= serial)).await;
@@ -54,13 +54,14 @@ pub(super) async fn make(context: &Context, change: &Change) -> Result<Option<Ap
 
 fn confirm(answer: &Applied, pairs: &[(String, String)]) -> Response {
     match &answer.refused {
-        Some(reason) => refused(reason),
+        Some(refusal) => refused(&refusal.why),
         None => pages::change_done(&answer.config, pairs).into_response(),
     }
 }
 
 /// 400 with what was found and the list of what is accepted.
 fn refused(found: &str) -> Response {
+    let found = found.strip_prefix("found ").unwrap_or(found);
     line(StatusCode::BAD_REQUEST, &format!("found {found}; nothing was changed. Accepted:\n{}", accepted()))
 }
 
@@ -74,7 +75,12 @@ pub(super) fn accepted() -> String {
             format!("{}=N ({})", setting.parameter, each.join(", "))
         }
         Kind::Whole(least, most) => format!("{}=N ({least}..{most})", setting.parameter),
-        Kind::Real(least, most) => format!("{}=E|off ({least}..{most})", setting.parameter),
+        Kind::OptionalWhole(least, most) => format!("{}=N|off ({least}..{most})", setting.parameter),
+        Kind::Real(least, most) => format!("{}=X ({least}..{most})", setting.parameter),
+        Kind::Optional(least, most) => format!("{}=X|off ({least}..{most})", setting.parameter),
+        Kind::List(least, most, count) => {
+            format!("{}=X,X,...|off (1 to {count} rising, {least}..{most})", setting.parameter)
+        }
         Kind::Switch => format!("{}=on|off", setting.parameter),
     };
     SETTINGS.iter().map(line).collect::<Vec<_>>().join("\n")

@@ -2,8 +2,8 @@
 
 use super::access::{Allowed, BODY_TIME};
 use super::{Context, change};
-use crate::probe::settings::{SETTINGS, at_fault, wish_of};
-use crate::probe::{Applied, Config};
+use crate::probe::settings::{SETTINGS, wish_of};
+use crate::probe::{Applied, Config, Refusal};
 use axum::body::Bytes;
 use axum::extract::{FromRequest, Query, Request, State};
 use axum::http::StatusCode;
@@ -41,8 +41,10 @@ pub(super) async fn change(State(context): State<Context>, _: Allowed, request: 
         Err(each) => return errors(StatusCode::BAD_REQUEST, &json!(each)),
     };
     match change::make(&context, &change).await {
-        Err(why) => refused(at_fault(&why), &format!("found {why}")),
-        Ok(Some(Applied { refused: Some(why), .. })) => refused("sampler", &format!("found {why}")),
+        Err(Refusal { setting, why }) | Ok(Some(Applied { refused: Some(Refusal { setting, why }), .. })) => {
+            let found = if why.starts_with("found ") { "" } else { "found " };
+            refused(setting, &format!("{found}{why}"))
+        }
         Ok(Some(Applied { config, .. })) if save => keep(&context, config).await,
         Ok(Some(Applied { config, .. })) => answer(StatusCode::OK, &document(&context, &config)),
         Ok(None) => {
@@ -76,8 +78,14 @@ async fn keep(context: &Context, config: Config) -> Response {
 fn document(context: &Context, config: &Config) -> Value {
     let values: serde_json::Map<_, _> =
         SETTINGS.iter().map(|s| (s.name.to_owned(), s.value(config))).collect();
-    let settings: serde_json::Map<_, _> =
+    let mut settings: serde_json::Map<_, _> =
         SETTINGS.iter().map(|s| (s.name.to_owned(), s.schema(config))).collect();
+    let exposures = context.link.exposures();
+    if let Some(schema) = settings.get_mut("exposures_s") {
+        schema["current"] = json!(exposures.seconds);
+        schema["readOnly"] = json!(exposures.fixed.is_some());
+        schema["reason"] = json!(exposures.fixed);
+    }
     let pending = false;
     json!({"values": values, "settings": settings, "can_save": context.file.is_some(), "pending": pending})
 }

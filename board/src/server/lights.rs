@@ -259,7 +259,7 @@ fn encode(variant: Variant, link: &Link, answer: &Answer, room: usize) -> Option
 }
 
 /// `lights` merged into at most `most`; `None` only for a fault of ours.
-fn thin(lights: &[Light], most: usize) -> Option<Vec<Light>> {
+pub(super) fn thin(lights: &[Light], most: usize) -> Option<Vec<Light>> {
     let (mut lights, mut pairs) = (lights.to_vec(), vec![Pair::default(); lights.len()]);
     let count = merge(&mut lights, most, &mut pairs).ok()?;
     lights.truncate(count);

@@ -4,9 +4,11 @@ use super::Context;
 use super::counts::{CLASSES, Counts, DELIVERY_US};
 use super::routes::ROUTES;
 use crate::probe::Published;
+use crate::timing::Timings;
 use axum::extract::State;
 use axum::http::header::CONTENT_TYPE;
 use axum::response::{IntoResponse, Response};
+use hemilux_core::wire::Latency;
 use std::fmt::Write;
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -26,6 +28,7 @@ pub(super) async fn metrics(State(context): State<Context>) -> Response {
     );
     if let Some(set) = &latest {
         frames(&mut text, set, link.staleness(set).age_ms);
+        stages(&mut text, &link.timings());
     }
     connections(&mut text, &context.counts);
     requests(&mut text, &context.counts);
@@ -58,23 +61,39 @@ fn frames(text: &mut String, set: &Published, age_ms: u64) {
     if let Some(error) = set.estimated_error {
         one(text, "estimated_error_ratio", "gauge", "The sampler's estimate of its error.", error.into());
     }
-    let l = &set.latency;
-    let stages = [
-        ("capture", l.capture),
-        ("front", l.front),
-        ("pyramid", l.pyramid),
-        ("sample", l.sample),
-        ("filter", l.filter),
-        ("encode", l.encode),
-        ("total", l.total),
-    ];
     head(text, "stage_seconds", "gauge", "Time that the last frame spent in each stage.");
-    for (stage, us) in stages {
+    for (stage, us) in Latency::NAMES.iter().zip(set.latency.all()) {
         let _ = writeln!(text, "hemilux_stage_seconds{{stage=\"{stage}\"}} {}", f64::from(us) / 1e6);
     }
     head(text, "irradiance", "gauge", "Horizontal irradiance of the last frame, in the light sets' unit.");
     for (channel, v) in ["red", "green", "blue"].iter().zip(set.horizontal_irradiance) {
         let _ = writeln!(text, "hemilux_irradiance{{channel=\"{channel}\"}} {v}");
+    }
+}
+
+/// Percentiles since the start, budgets, and how often they were overrun.
+fn stages(text: &mut String, timings: &Timings) {
+    let stages = || Latency::NAMES.iter().zip(timings.stages());
+    head(
+        text,
+        "stage_quantile_seconds",
+        "gauge",
+        "What that part of all frames stayed within; 1 is the longest.",
+    );
+    for (stage, s) in stages() {
+        for (quantile, us) in [("0.5", s.p50), ("0.95", s.p95), ("0.99", s.p99), ("1", s.most)] {
+            let labels = format!("stage=\"{stage}\",quantile=\"{quantile}\"");
+            let _ = writeln!(text, "hemilux_stage_quantile_seconds{{{labels}}} {}", f64::from(us) / 1e6);
+        }
+    }
+    head(text, "stage_budget_seconds", "gauge", "Longest time that each stage is meant to take.");
+    for (stage, s) in stages() {
+        let budget = f64::from(s.budget) / 1e6;
+        let _ = writeln!(text, "hemilux_stage_budget_seconds{{stage=\"{stage}\"}} {budget}");
+    }
+    head(text, "stage_overruns_total", "counter", "Frames that took longer than the budget of that moment.");
+    for (stage, s) in stages() {
+        let _ = writeln!(text, "hemilux_stage_overruns_total{{stage=\"{stage}\"}} {}", s.overruns);
     }
 }
 

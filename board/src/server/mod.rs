@@ -6,6 +6,7 @@
 mod access;
 mod change;
 mod client;
+mod compare;
 mod config;
 mod connection;
 mod counts;
@@ -71,6 +72,7 @@ struct Shared {
     cache: Cache,
     studio: Studio,
     album: Album,
+    bench: compare::Bench,
     counts: Arc<Counts>,
     guard: Guard,
     access: Access,
@@ -105,6 +107,7 @@ pub fn app(link: Arc<Link>, options: Options) -> App {
         cache: Cache::default(),
         studio: Studio::default(),
         album: Album::default(),
+        bench: compare::Bench::default(),
         counts: Arc::clone(&counts),
         guard,
         access,

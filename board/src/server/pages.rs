@@ -3,11 +3,12 @@
 use super::{Context, change, config};
 use crate::probe::{Config, EXTRAPOLATIONS, Published, extrapolation_name};
 use crate::samplers::{MAX_LIGHTS, NAMES};
-use crate::timing::STAGES;
+use crate::timing::Timings;
 use axum::extract::State;
 use axum::http::header::CACHE_CONTROL;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{Html, IntoResponse, Response};
+use hemilux_core::wire::Latency;
 use serde_json::json;
 use std::fmt::Write;
 use std::sync::atomic::Ordering::Relaxed;
@@ -29,12 +30,14 @@ pub(super) async fn info(State(context): State<Context>) -> Response {
         ("running for", format!("{} s", link.started().elapsed().as_secs())),
     ];
     rows.extend(settings(&config));
+    let exposures = link.exposures().seconds.iter().map(|s| format!("{} ms", 1e3 * s)).collect::<Vec<_>>();
+    rows.push(("exposures", exposures.join(", ")));
     match &latest {
         Some(set) => rows.extend(measured(set, link.staleness(set).age_ms)),
         None => rows.push(("frames", "none yet".into())),
     }
-    rows.extend(STAGES.into_iter().zip(link.timings()).map(|(name, stage)| (name, stage.to_string())));
-    let body = format!("{}<p><a href=\"/change\">Change the settings</a></p>", table(&rows));
+    let times = latest.map_or_else(String::new, |set| times(&set.latency, &link.timings()));
+    let body = format!("{}{times}<p><a href=\"/change\">Change the settings</a></p>", table(&rows));
     ([(CACHE_CONTROL, "no-store")], page("info", &body)).into_response()
 }
 
@@ -43,13 +46,18 @@ pub(super) async fn status(State(context): State<Context>, headers: HeaderMap) -
     let link = &context.link;
     let latest = link.subscribe().borrow().clone();
     let frame = latest.as_ref().map(|set| {
-        let l = &set.latency;
+        let names = Latency::NAMES.iter().map(ToString::to_string);
+        let latency: serde_json::Map<_, _> = names.zip(set.latency.all().map(Into::into)).collect();
         json!({
             "frame": set.frame, "age_ms": link.staleness(set).age_ms, "rate_hz": set.rate_hz, "lights": set.lights.len(),
             "sampler": set.sampler, "clipped": set.clipped, "unseen": set.unseen, "estimated_error": set.estimated_error,
-            "latency_us": {"capture": l.capture, "front": l.front, "pyramid": l.pyramid, "sample": l.sample,
-                "filter": l.filter, "encode": l.encode, "total": l.total},
+            "latency_us": latency, "overrun": set.overrun.names().collect::<Vec<_>>(),
         })
+    });
+    let timings = link.timings();
+    let stages = Latency::NAMES.iter().zip(timings.stages()).map(|(name, s)| {
+        json!({"stage": name, "budget_us": s.budget, "overruns": s.overruns,
+            "p50_us": s.p50, "p95_us": s.p95, "p99_us": s.p99, "max_us": s.most})
     });
     let document = json!({
         "version": env!("CARGO_PKG_VERSION"),
@@ -63,6 +71,8 @@ pub(super) async fn status(State(context): State<Context>, headers: HeaderMap) -
         "needs_token": matches!(context.access, super::Access::Token { .. }),
         "allowed": context.access.admits(&headers),
         "last": frame,
+        "frames": timings.frames(),
+        "stages": stages.collect::<Vec<_>>(),
     });
     config::answer(StatusCode::OK, &document)
 }
@@ -82,7 +92,6 @@ fn settings(config: &Config) -> [Row; 5] {
 }
 
 fn measured(set: &Published, age_ms: u64) -> Vec<Row> {
-    let l = &set.latency;
     let percent = |v: f32| format!("{:.2} % of the hemisphere", 100.0 * v);
     vec![
         ("frames", (set.frame + 1).to_string()),
@@ -91,14 +100,21 @@ fn measured(set: &Published, age_ms: u64) -> Vec<Row> {
         ("lights", set.lights.len().to_string()),
         ("clipped", percent(set.clipped)),
         ("unseen", percent(set.unseen)),
-        ("capture", format!("{} µs, waiting included", l.capture)),
-        ("front", format!("{} µs", l.front)),
-        ("pyramid", format!("{} µs", l.pyramid)),
-        ("sample", format!("{} µs", l.sample)),
-        ("filter", format!("{} µs", l.filter)),
-        ("encode", format!("{} µs, of the frame before", l.encode)),
-        ("total", format!("{} µs from the end of the burst", l.total)),
     ]
+}
+
+/// What each stage took and may take.
+fn times(last: &Latency, timings: &Timings) -> String {
+    let head = ["last", "p50", "p95", "p99", "longest", "budget", "over it"].map(|t| format!("<th>{t}</th>"));
+    let mut html = format!("<h2>Times, ms</h2><table><tr><th></th>{}</tr>", head.concat());
+    for ((name, us), s) in Latency::NAMES.iter().zip(last.all()).zip(timings.stages()) {
+        let _ = write!(html, "<tr><th>{name}</th>");
+        for us in [us, s.p50, s.p95, s.p99, s.most, s.budget] {
+            let _ = write!(html, "<td>{:.3}</td>", f64::from(us) / 1e3);
+        }
+        let _ = write!(html, "<td>{} of {} frames</td></tr>", s.overruns, timings.frames());
+    }
+    html + "</table><p>Capture has waiting in it, encode is the frame before's, total runs from the end of the burst.</p>"
 }
 
 /// The list of requests and the form.

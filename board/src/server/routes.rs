@@ -1,8 +1,8 @@
 //! The table of requests: what there is, for whom, and how it is asked for.
 
 use super::{
-    Context, access, change, client, config, events, lights, metrics, page, pages, pictures, screenshot,
-    sphere, xr,
+    Context, access, change, client, compare, config, events, lights, metrics, page, pages, pictures,
+    screenshot, sphere, xr,
 };
 use axum::Router;
 use axum::extract::{DefaultBodyLimit, MatchedPath, Request, State};
@@ -13,7 +13,7 @@ use axum::routing::{get, post};
 use lights::Format;
 
 /// A path, with the method that it is asked for with; `/openapi.json` describes the same.
-pub(super) const ROUTES: [&str; 28] = [
+pub(super) const ROUTES: [&str; 29] = [
     "/",
     "/page/{name}",
     "/info",
@@ -34,6 +34,7 @@ pub(super) const ROUTES: [&str; 28] = [
     "/v1/lights",
     "/v1/events",
     "/v1/socket",
+    "/v1/compare",
     "/v1/config",
     "/v1/status",
     "/v1/map.png",
@@ -73,6 +74,7 @@ pub(super) fn router(context: Context) -> Router {
         .route("/v1/lights", light_set(None))
         .route("/v1/events", get(events::events).head(not_allowed))
         .route("/v1/socket", get(events::socket).head(not_allowed))
+        .route("/v1/compare", get(compare::compare).head(not_allowed))
         .route("/v1/config", get(config::show).patch(config::change))
         .route("/v1/status", get(pages::status))
         .route("/v1/map.png", get(pictures::map_png).head(not_allowed))

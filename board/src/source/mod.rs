@@ -24,6 +24,19 @@ pub trait Source: Send {
     /// Exposures of its bursts, ascending.
     fn exposures(&self) -> Vec<Exposure>;
 
+    /// Why its exposures cannot be changed, if so.
+    fn fixed_exposures(&self) -> Option<&'static str> {
+        Some("the source's exposures are fixed")
+    }
+
+    /// Changes the exposures to these times, seconds, rising; `None` for its own. The next burst has them.
+    ///
+    /// # Errors
+    /// Why not, and nothing changes.
+    fn set_exposures(&mut self, _seconds: Option<&[f64]>) -> Result<(), String> {
+        Err(format!("found exposures, expected none: {}", self.fixed_exposures().unwrap_or_default()))
+    }
+
     /// Waits for the next burst and fills `burst`, reusing its memory.
     ///
     /// It returns within half a second, with [`SourceError::NotYet`] when there is no burst by then, so that the caller can look

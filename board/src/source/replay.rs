@@ -71,6 +71,10 @@ impl Source for ReplaySource {
         &self.calibration
     }
 
+    fn fixed_exposures(&self) -> Option<&'static str> {
+        Some("a recording keeps the exposures that it was made with")
+    }
+
     fn exposures(&self) -> Vec<Exposure> {
         self.bursts[0].frames.iter().map(|f| f.exposure).collect()
     }

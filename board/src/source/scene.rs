@@ -40,17 +40,17 @@ const ELECTRONS: f32 = 40.0;
 /// Entries of the noise table; rows read it from pseudo-random places.
 const NOISE: usize = 1 << 14;
 
-/// Renders a [`Scene`] as bursts of three exposures of 640 x 480 RGB24 pixels through the standard lens of 160 x 140 degrees.
+/// Renders a [`Scene`] as bursts of exposures (three, unless others are asked for) of 640 x 480 RGB24 pixels through the standard lens of 160 x 140 degrees.
 pub struct SceneSource {
     scene: Scene,
     calibration: Calibration,
-    exposures: [Exposure; 3],
+    exposures: Vec<Exposure>,
     directions: Vec<[f32; 3]>,
     still: Vec<f32>,
     row: Vec<f32>,
     noise: Vec<f32>,
     /// Codes per radiance of each exposure.
-    gains: [f32; 3],
+    gains: Vec<f32>,
     pace: Pace,
     began: Option<Instant>,
     /// Bursts so far, those left out included.
@@ -67,8 +67,8 @@ impl SceneSource {
         let still = directions.iter().flat_map(|d| if seen(d) { scene.still(*d) } else { [0.0; 3] });
         Self {
             scene,
-            exposures: SECONDS.map(|seconds| Exposure { seconds, gain: 1.0 }),
-            gains: SECONDS.map(|t| (f64::from(WHITE - BLACK) * t / calibration.scale) as f32),
+            exposures: SECONDS.iter().map(exposure).collect(),
+            gains: SECONDS.iter().map(gain).collect(),
             still: still.collect(),
             row: vec![0.0; ROW],
             noise: noise(),
@@ -109,11 +109,11 @@ impl SceneSource {
             for (patch, _) in touched {
                 paint(patch, &self.directions[y * WIDTH..(y + 1) * WIDTH], &mut self.row);
             }
-            for (i, (frame, gain)) in burst.frames.iter_mut().zip(self.gains).enumerate() {
+            for (i, (frame, gain)) in burst.frames.iter_mut().zip(&self.gains).enumerate() {
                 let Pixels::U8(codes) = &mut frame.pixels else { continue };
                 let seed = number.wrapping_mul(3).wrapping_add(i as u32).wrapping_mul(HEIGHT as u32);
                 let at = scramble(seed.wrapping_add(y as u32)) as usize % (NOISE - ROW);
-                expose(&self.row, gain, &self.noise[at..at + ROW], &mut codes[y * ROW..(y + 1) * ROW]);
+                expose(&self.row, *gain, &self.noise[at..at + ROW], &mut codes[y * ROW..(y + 1) * ROW]);
             }
         }
     }
@@ -125,7 +125,18 @@ impl Source for SceneSource {
     }
 
     fn exposures(&self) -> Vec<Exposure> {
-        self.exposures.to_vec()
+        self.exposures.clone()
+    }
+
+    fn fixed_exposures(&self) -> Option<&'static str> {
+        None
+    }
+
+    fn set_exposures(&mut self, seconds: Option<&[f64]>) -> Result<(), String> {
+        let seconds = seconds.unwrap_or(&SECONDS);
+        self.exposures = seconds.iter().map(exposure).collect();
+        self.gains = seconds.iter().map(gain).collect();
+        Ok(())
     }
 
     fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
@@ -138,7 +149,16 @@ impl Source for SceneSource {
     }
 }
 
-/// Makes `burst` three frames of RGB24, which after the first time it already is.
+fn exposure(seconds: &f64) -> Exposure {
+    Exposure { seconds: *seconds, gain: 1.0 }
+}
+
+/// Codes per radiance of an exposure of `seconds`.
+fn gain(seconds: &f64) -> f32 {
+    (f64::from(WHITE - BLACK) * seconds / (FULL * SECONDS[0])) as f32
+}
+
+/// Makes `burst` as many frames of RGB24, which after the first time it already is.
 fn make_room(burst: &mut Burst, exposures: &[Exposure]) {
     let fits = |f: &Frame| matches!(&f.pixels, Pixels::U8(codes) if codes.len() == ROW * HEIGHT);
     if burst.frames.len() != exposures.len() || !burst.frames.iter().all(fits) {

@@ -28,7 +28,7 @@
 //!
 //! A reader takes the places of the lights from the header (offsets 6 and 50), so that both may grow.
 
-use super::{Coordinates, Latency, LightSet, Stale, Unit, number};
+use super::{Coordinates, Latency, LightSet, Overrun, Stale, Unit, number};
 use crate::light::{Light, Sh9};
 use embedded_io::Write;
 use glam::Vec3;
@@ -81,10 +81,7 @@ pub fn binary<W: Write>(set: &LightSet<'_>, w: &mut W) -> Result<(), W::Error> {
     for (i, v) in [a, b, c, d, e, f, set.clipped, set.unseen, error].into_iter().enumerate() {
         head.put(64 + 4 * i, number(v).to_le_bytes());
     }
-    let l = &set.latency;
-    for (i, us) in
-        [l.capture, l.front, l.pyramid, l.sample, l.filter, l.encode, l.total].into_iter().enumerate()
-    {
+    for (i, us) in set.latency.all().into_iter().enumerate() {
         head.put(100 + 4 * i, us.to_le_bytes());
     }
     w.write_all(&head.bytes)?;
@@ -259,6 +256,7 @@ impl<'a> BinarySet<'a> {
                 encode: us(5),
                 total: us(6),
             },
+            overrun: Overrun::NONE,
         }
     }
 

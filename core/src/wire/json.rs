@@ -1,6 +1,6 @@
 //! Light set as JSON.
 
-use super::{LightSet, decimal, numbers, put, whole};
+use super::{Latency, LightSet, decimal, numbers, put, whole};
 use crate::light::{Light, Sh9};
 use embedded_io::Write;
 
@@ -50,19 +50,18 @@ pub fn json<W: Write>(set: &LightSet<'_>, w: &mut W) -> Result<(), W::Error> {
         None => put(w, "null")?,
         Some(e) => decimal(w, e)?,
     }
-    let l = &set.latency;
-    count(w, ",\"latency_us\":{\"capture\":", l.capture.into())?;
-    for (name, us) in [
-        (",\"front\":", l.front),
-        (",\"pyramid\":", l.pyramid),
-        (",\"sample\":", l.sample),
-        (",\"filter\":", l.filter),
-        (",\"encode\":", l.encode),
-        (",\"total\":", l.total),
-    ] {
-        count(w, name, us.into())?;
+    for (i, (name, us)) in Latency::NAMES.iter().zip(set.latency.all()).enumerate() {
+        put(w, if i == 0 { ",\"latency_us\":{\"" } else { ",\"" })?;
+        put(w, name)?;
+        count(w, "\":", us.into())?;
     }
-    put(w, "}}")
+    put(w, "},\"overrun\":[")?;
+    for (i, name) in set.overrun.names().enumerate() {
+        put(w, if i == 0 { "\"" } else { ",\"" })?;
+        put(w, name)?;
+        put(w, "\"")?;
+    }
+    put(w, "]}")
 }
 
 fn light<W: Write>(w: &mut W, set: &LightSet<'_>, light: &Light, first: bool) -> Result<(), W::Error> {

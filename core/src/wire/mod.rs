@@ -71,6 +71,45 @@ pub struct Latency {
     pub total: u32,
 }
 
+/// How many times [`Latency`] holds.
+pub const STAGES: usize = 7;
+
+impl Latency {
+    /// Names of the times on the wire, in their order everywhere.
+    pub const NAMES: [&str; STAGES] = ["capture", "front", "pyramid", "sample", "filter", "encode", "total"];
+
+    /// The times in the order of [`Self::NAMES`].
+    #[must_use]
+    pub const fn all(&self) -> [u32; STAGES] {
+        [self.capture, self.front, self.pyramid, self.sample, self.filter, self.encode, self.total]
+    }
+}
+
+/// Which of the times of a [`Latency`] were longer than their budget.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Overrun(u8);
+
+impl Overrun {
+    /// None of them.
+    pub const NONE: Self = Self(0);
+
+    /// Those of `latency` that are longer than their budget, both in microseconds.
+    #[must_use]
+    pub fn of(latency: &Latency, budgets_us: &[u32; STAGES]) -> Self {
+        let over = latency.all().into_iter().zip(budgets_us).map(|(us, budget)| us > *budget);
+        Self(over.enumerate().fold(0, |bits, (i, over)| bits | u8::from(over) << i))
+    }
+
+    /// Their names.
+    pub fn names(self) -> impl Iterator<Item = &'static str> {
+        Latency::NAMES
+            .into_iter()
+            .enumerate()
+            .filter(move |(i, _)| self.0 >> i & 1 == 1)
+            .map(|(_, name)| name)
+    }
+}
+
 /// One frame's lights and what is known about them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LightSet<'a> {
@@ -110,6 +149,8 @@ pub struct LightSet<'a> {
     pub estimated_error: Option<f32>,
     /// Time spent in each stage.
     pub latency: Latency,
+    /// Which of the times were over budget; in JSON alone.
+    pub overrun: Overrun,
 }
 
 impl LightSet<'_> {
@@ -133,6 +174,7 @@ impl LightSet<'_> {
         unseen: 0.0,
         estimated_error: None,
         latency: Latency { capture: 0, front: 0, pyramid: 0, sample: 0, filter: 0, encode: 0, total: 0 },
+        overrun: Overrun::NONE,
     };
 }
 

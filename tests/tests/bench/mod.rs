@@ -120,7 +120,7 @@ impl Bench {
         lights: usize,
         options: Options,
     ) -> Self {
-        let config = Config { pipeline: Settings { lights, ..Settings::default() }, gui: false };
+        let config = Config { pipeline: Settings { lights, ..Settings::default() }, ..Config::default() };
         Self::on(TcpListener::bind("127.0.0.1:0").expect("a port"), source, steps, limits, config, options)
     }
 

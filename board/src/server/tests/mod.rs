@@ -1,5 +1,6 @@
 //! Routes without sockets.
 
+mod compare;
 mod openapi;
 mod pictures;
 mod security;

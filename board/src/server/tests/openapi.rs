@@ -13,7 +13,11 @@ fn document() -> Value {
 
 /// A path that can be asked for.
 fn filled(path: &str) -> String {
-    let query = if path == "/change" { "?samples=20" } else { "" };
+    let query = match path {
+        "/change" => "?samples=20",
+        "/v1/compare" => "?algorithm=q2tree",
+        _ => "",
+    };
     path.replace("{name}", "x.png").replace("{index}", "0") + query
 }
 
@@ -59,7 +63,7 @@ async fn what_is_described_as_protected_is() {
             protected += usize::from(is_described);
         }
     }
-    assert_eq!(protected, 11, "change, the config, and nine with pictures");
+    assert_eq!(protected, 12, "change, the config, the comparison, and nine with pictures");
 }
 
 /// Whether `value` has all that `schema` requires, references followed.
@@ -87,14 +91,34 @@ fn check(document: &Value, schema: &Value, value: &Value, place: &str) {
     }
 }
 
+/// Whoever refuses a parameter names those that it takes.
+#[tokio::test]
+async fn every_parameter_that_is_taken_is_described() {
+    let document = document();
+    let probe = probe(usize::MAX);
+    let app = routes(&probe);
+    for path in ["/change", "/v1/compare", "/v1/lights"] {
+        let (_, _, text) = get(&app, &format!("{path}?x=1")).await;
+        let (_, accepted) = text.split_once("Accepted:\n").unwrap_or_else(|| panic!("{path}: {text}"));
+        let names = accepted.lines().filter_map(|l| l.split_once('=')).map(|(name, _)| name);
+        let taken: BTreeSet<_> = names.collect();
+        let parameters = document["paths"][path]["get"]["parameters"].as_array().expect("parameters");
+        let described: BTreeSet<_> = parameters.iter().filter_map(|p| p["name"].as_str()).collect();
+        assert_eq!(described, taken, "{path}");
+    }
+}
+
 #[tokio::test]
 async fn answers_have_what_their_schemas_name() {
     let document = document();
     let probe = probe(usize::MAX);
     let app = routes(&probe);
-    for (path, schema) in
-        [("/v1/lights?ambient=1", "LightSet"), ("/v1/config", "Config"), ("/v1/xr", "Estimate")]
-    {
+    for (path, schema) in [
+        ("/v1/lights?ambient=1", "LightSet"),
+        ("/v1/config", "Config"),
+        ("/v1/compare?algorithm=q2tree", "Comparison"),
+        ("/v1/xr", "Estimate"),
+    ] {
         let got = fetch(&app, "GET", path, &[], "").await;
         check(&document, &document["components"]["schemas"][schema], &got.json(), schema);
     }

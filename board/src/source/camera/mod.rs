@@ -212,6 +212,10 @@ impl Source for CameraSource {
         &self.calibration
     }
 
+    fn fixed_exposures(&self) -> Option<&'static str> {
+        Some("a camera's are chosen when the probe starts: --source v4l2:PATH,exposures=S/S/S")
+    }
+
     fn exposures(&self) -> Vec<Exposure> {
         self.terms().seconds.iter().map(|seconds| Exposure { seconds: *seconds, gain: 1.0 }).collect()
     }

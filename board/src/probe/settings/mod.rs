@@ -1,7 +1,11 @@
-//! The table of settings: what each is called, may be, and means. The requests, the configuration file and the schema read it.
+//! The settings: what each is called, may be, and means. The requests, the configuration file and the schema read their [table](SETTINGS).
 
-use super::config::{Change, Config, EXTRAPOLATIONS, extrapolation_name};
-use crate::samplers::{MAX_LIGHTS, NAMES, SamplerError, TOLERANCES, least_lights};
+mod table;
+
+pub use table::SETTINGS;
+
+use super::config::{Change, Config};
+use crate::samplers::least_lights;
 use hemilux_core::healpix::Domain;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
@@ -13,10 +17,42 @@ pub enum Kind {
     Choice(&'static [&'static str]),
     /// A whole number from the first to the second.
     Whole(u64, u64),
-    /// A number from the first to the second, or null for none.
+    /// The same, or null for none.
+    OptionalWhole(u64, u64),
+    /// A number from the first to the second.
     Real(f32, f32),
+    /// The same, or null for none.
+    Optional(f32, f32),
+    /// Rising numbers from the first to the second, at most so many, or null for none.
+    List(f32, f32, usize),
     /// On or off.
     Switch,
+}
+
+/// What settings stand together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Group {
+    /// From the map to the lights.
+    Lights,
+    /// From the lens to the map.
+    Map,
+    /// How long it may take.
+    Budgets,
+    /// What has no effect on the lights.
+    Other,
+}
+
+impl Group {
+    /// Its name in the schema.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Lights => "lights",
+            Self::Map => "map",
+            Self::Budgets => "budgets",
+            Self::Other => "other",
+        }
+    }
 }
 
 /// One setting.
@@ -26,6 +62,8 @@ pub struct Setting {
     pub name: &'static str,
     /// Its name in `change`, by the thesis.
     pub parameter: &'static str,
+    /// Where it belongs.
+    pub group: Group,
     /// What it may be.
     pub kind: Kind,
     /// Unit of a number.
@@ -35,70 +73,9 @@ pub struct Setting {
     value: fn(&Config) -> Value,
     /// Puts an admitted value into a wish.
     wish: fn(&mut Change, &Value),
+    /// Whether it has an effect beside the others.
+    in_use: fn(&Config) -> bool,
 }
-
-const EXTRAPOLATION_NAMES: [&str; EXTRAPOLATIONS.len()] = [EXTRAPOLATIONS[0].0, EXTRAPOLATIONS[1].0];
-
-/// All settings.
-pub const SETTINGS: [Setting; 6] = [
-    Setting {
-        name: "sampler",
-        parameter: "algorithm",
-        kind: Kind::Choice(&NAMES),
-        unit: None,
-        what: "How the map becomes lights.",
-        value: |c| json!(c.pipeline.sampler),
-        wish: |c, v| c.sampler = v.as_str().map(Into::into),
-    },
-    Setting {
-        name: "lights",
-        parameter: "samples",
-        kind: Kind::Whole(0, MAX_LIGHTS as u64),
-        unit: Some("lights"),
-        what: "Most lights of a set; each sampler has a least number, and adaptive with ambient light may do without any.",
-        value: |c| json!(c.pipeline.lights),
-        wish: |c, v| c.lights = v.as_u64().and_then(|n| usize::try_from(n).ok()),
-    },
-    Setting {
-        name: "tolerance",
-        parameter: "tolerance",
-        kind: Kind::Real(*TOLERANCES.start(), *TOLERANCES.end()),
-        unit: Some("ratio"),
-        what: "The fewest lights are given whose shadowed error is at most this; adaptive alone. Without it, as many as lights says.",
-        value: |c| c.pipeline.tolerance.map_or(Value::Null, |t| json!(shortest(t))),
-        wish: |c, v| c.tolerance = Some(v.as_f64().map(|t| t as f32)),
-    },
-    Setting {
-        name: "ambient",
-        parameter: "ambient",
-        kind: Kind::Switch,
-        unit: None,
-        what: "Whether what has no direction becomes spherical harmonics in the place of lights; adaptive alone.",
-        value: |c| json!(c.pipeline.ambient),
-        wish: |c, v| c.ambient = v.as_bool(),
-    },
-    Setting {
-        name: "extrapolation",
-        parameter: "extrapolation",
-        kind: Kind::Choice(&EXTRAPOLATION_NAMES),
-        unit: None,
-        what: "What stands for the part of the hemisphere that the lens does not see: darkness, or the average of what it sees.",
-        value: |c| json!(extrapolation_name(c.pipeline.extrapolation)),
-        wish: |c, v| {
-            c.extrapolation =
-                EXTRAPOLATIONS.iter().find(|(name, _)| v.as_str() == Some(*name)).map(|(_, e)| *e);
-        },
-    },
-    Setting {
-        name: "gui",
-        parameter: "gui",
-        kind: Kind::Switch,
-        unit: None,
-        what: "Whether screenshot may draw its debug picture, which costs a copy of the map each time.",
-        value: |c| json!(c.gui),
-        wish: |c, v| c.gui = v.as_bool(),
-    },
-];
 
 impl Setting {
     /// Its value in `config`.
@@ -113,8 +90,12 @@ impl Setting {
         let value = match self.kind {
             Kind::Choice(_) => json!(word),
             Kind::Whole(..) => json!(word.parse::<u64>().ok()?),
-            Kind::Real(..) if word == "off" => Value::Null,
-            Kind::Real(..) => json!(word.parse::<f64>().ok()?),
+            Kind::Optional(..) | Kind::OptionalWhole(..) | Kind::List(..) if word == "off" => Value::Null,
+            Kind::OptionalWhole(..) => json!(word.parse::<u64>().ok()?),
+            Kind::Real(..) | Kind::Optional(..) => json!(word.parse::<f64>().ok()?),
+            Kind::List(..) => {
+                json!(word.split(',').map(str::parse::<f64>).collect::<Result<Vec<_>, _>>().ok()?)
+            }
             Kind::Switch => json!(match word {
                 "on" => true,
                 "off" => false,
@@ -137,11 +118,22 @@ impl Setting {
     }
 
     fn admits(&self, value: &Value) -> bool {
+        let real = |v: &Value, least, most| v.as_f64().is_some_and(|v| (least..=most).contains(&(v as f32)));
+        let whole = |v: &Value, least, most| v.as_u64().is_some_and(|v| (least..=most).contains(&v));
         match self.kind {
             Kind::Choice(words) => value.as_str().is_some_and(|v| words.contains(&v)),
-            Kind::Whole(least, most) => value.as_u64().is_some_and(|v| (least..=most).contains(&v)),
-            Kind::Real(least, most) => {
-                value.is_null() || value.as_f64().is_some_and(|v| (least..=most).contains(&(v as f32)))
+            Kind::Whole(least, most) => whole(value, least, most),
+            Kind::OptionalWhole(least, most) => value.is_null() || whole(value, least, most),
+            Kind::Real(least, most) => real(value, least, most),
+            Kind::Optional(least, most) => value.is_null() || real(value, least, most),
+            Kind::List(least, most, count) => {
+                let rises = |list: &Vec<Value>| list.windows(2).all(|w| w[0].as_f64() < w[1].as_f64());
+                value.is_null()
+                    || value.as_array().is_some_and(|list| {
+                        (1..=count).contains(&list.len())
+                            && list.iter().all(|v| real(v, least, most))
+                            && rises(list)
+                    })
             }
             Kind::Switch => value.is_boolean(),
         }
@@ -153,7 +145,12 @@ impl Setting {
         match self.kind {
             Kind::Choice(words) => format!("one of {}", words.join(", ")),
             Kind::Whole(least, most) => format!("a whole number from {least} to {most}"),
-            Kind::Real(least, most) => format!("a number from {least} to {most}, or null"),
+            Kind::OptionalWhole(least, most) => format!("a whole number from {least} to {most}, or null"),
+            Kind::Real(least, most) => format!("a number from {least} to {most}"),
+            Kind::Optional(least, most) => format!("a number from {least} to {most}, or null"),
+            Kind::List(least, most, count) => {
+                format!("1 to {count} rising numbers from {least} to {most}, or null")
+            }
             Kind::Switch => "true or false".into(),
         }
     }
@@ -161,21 +158,32 @@ impl Setting {
     /// What it may be and means, for programs; `least` and `most` are those of the sampler in use where that matters.
     #[must_use]
     pub fn schema(&self, config: &Config) -> Value {
-        let mut schema = match self.kind {
-            Kind::Choice(words) => json!({"type": "string", "enum": words}),
+        let real = |least, most| json!({"minimum": shortest(least), "maximum": shortest(most)});
+        let (kinds, mut schema) = match self.kind {
+            Kind::Choice(words) => (json!("string"), json!({"enum": words})),
             Kind::Whole(least, most) => {
                 let own = || least_lights(&config.pipeline.sampler, Domain::Hemisphere).map(|n| n as u64);
                 let is_own = self.name == "lights" && !config.pipeline.ambient;
                 let least = is_own.then(own).flatten().unwrap_or(least);
-                json!({"type": "integer", "minimum": least, "maximum": most})
+                (json!("integer"), json!({"minimum": least, "maximum": most}))
             }
-            Kind::Real(least, most) => {
-                json!({"type": ["number", "null"], "minimum": shortest(least), "maximum": shortest(most)})
+            Kind::OptionalWhole(least, most) => {
+                (json!(["integer", "null"]), json!({"minimum": least, "maximum": most}))
             }
-            Kind::Switch => json!({"type": "boolean"}),
+            Kind::Real(least, most) => (json!("number"), real(least, most)),
+            Kind::Optional(least, most) => (json!(["number", "null"]), real(least, most)),
+            Kind::List(least, most, count) => (
+                json!(["array", "null"]),
+                json!({"items": {"type": "number", "minimum": shortest(least), "maximum": shortest(most)},
+                    "minItems": 1, "maxItems": count}),
+            ),
+            Kind::Switch => (json!("boolean"), json!({})),
         };
+        schema["type"] = kinds;
         schema["unit"] = json!(self.unit);
+        schema["group"] = json!(self.group.name());
         schema["description"] = json!(self.what);
+        schema["in_use"] = json!((self.in_use)(config));
         schema["value"] = self.value(config);
         schema
     }
@@ -200,16 +208,6 @@ pub fn wish_of(object: &Map<String, Value>) -> Result<Change, BTreeMap<String, S
         }
     }
     if errors.is_empty() { Ok(change) } else { Err(errors) }
-}
-
-/// The setting that is at fault when settings do not go together.
-#[must_use]
-pub fn at_fault(error: &SamplerError) -> &'static str {
-    match error {
-        SamplerError::BadLights { .. } => "lights",
-        SamplerError::BadTolerance(_) => "tolerance",
-        _ => "sampler",
-    }
 }
 
 /// The number that a person would write for `v`: 0.03 and not 0.029999999329447746.

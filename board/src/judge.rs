@@ -1,0 +1,261 @@
+//! How well light sets stand for a map, frame by frame: the errors of `hemilux-sim score` on part of its receivers, cheap enough for a board
+//! that works at the same time.
+//!
+//! Of the 768 open receivers every third is looked at, of the 512 shadowed ones every second. The map is given as a sketch: the quads of one
+//! order with their energy and centroid. With 2048 quads that is a hundred times finer than the sets it judges.
+
+use glam::Vec3;
+use hemilux_core::color::luminance;
+use hemilux_core::harmonics::basis;
+use hemilux_core::healpix::{self, Domain};
+use hemilux_core::light::{Light, Sh9};
+use hemilux_core::pyramid::Quad;
+use std::f32::consts::TAU;
+
+/// Open and shadowed receivers of the whole score.
+const OPEN: usize = 768;
+const SHADOWED: usize = 512;
+
+/// Receivers of each kind that are looked at.
+const LOOKED_AT: usize = 256;
+
+/// A set to be judged.
+#[derive(Clone, Copy, Debug)]
+pub struct Lit<'a> {
+    /// Its lights.
+    pub lights: &'a [Light],
+    /// Radiance beside them.
+    pub ambient: Option<&'a Sh9>,
+}
+
+/// What is thought of a set; all ratios.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Score {
+    /// RMS error of irradiance over open receivers, over its mean.
+    pub open: f32,
+    /// The same over receivers with an occluding cone.
+    pub shadowed: f32,
+    /// Error of the whole energy, over it.
+    pub energy: f32,
+    /// RMS change since the frame before that the map did not make, over shadowed receivers; `None` where there is none before.
+    pub flicker: Option<f32>,
+}
+
+/// A normal, and a cone from which nothing comes.
+#[derive(Clone, Copy, Debug)]
+struct Receiver {
+    normal: Vec3,
+    axis: Vec3,
+    /// Cosine of the cone's half-angle; above 1 for no cone.
+    cos: f32,
+}
+
+/// Points of light, one array per component so that sums run in vector registers.
+#[derive(Clone, Debug, Default)]
+struct Points {
+    axes: [Vec<f32>; 3],
+    energies: Vec<f32>,
+}
+
+/// What the receivers get from something.
+type Seen = Vec<f32>;
+
+/// Judges `N` sets of each frame.
+#[derive(Clone, Debug)]
+pub struct Judge<const N: usize> {
+    open: Vec<Receiver>,
+    shadowed: Vec<Receiver>,
+    points: Points,
+    /// What the shadowed receivers got in the last frame, and its number: from the map, then from each set.
+    last: Option<(u64, Vec<Seen>)>,
+}
+
+impl<const N: usize> Default for Judge<N> {
+    fn default() -> Self {
+        let open = |i| fib(i * OPEN / LOOKED_AT, OPEN);
+        let open = (0..LOOKED_AT).map(|i| Receiver { normal: open(i), axis: open(i), cos: 2.0 });
+        Self {
+            open: open.collect(),
+            shadowed: (0..LOOKED_AT).map(|i| shadowed(i * SHADOWED / LOOKED_AT)).collect(),
+            points: Points::default(),
+            last: None,
+        }
+    }
+}
+
+impl<const N: usize> Judge<N> {
+    /// Judges the sets of frame `frame`, whose hemisphere is `sketch`. Over a dark map all figures are 0.
+    pub fn judge(&mut self, frame: u64, sketch: &[Quad], sets: [Lit<'_>; N]) -> [Score; N] {
+        self.points.of_map(sketch);
+        let total: f32 = self.points.energies.iter().sum();
+        let (open, shadowed) = (self.points.seen_by(&self.open), self.points.seen_by(&self.shadowed));
+        let before = self.last.take().filter(|(last, _)| last + 1 == frame);
+        let mut seen = vec![shadowed];
+        let scores = std::array::from_fn(|i| {
+            self.points.of_set(&sets[i], sketch.len());
+            let energy: f32 = self.points.energies.iter().sum();
+            let (lit, shaded) = (self.points.seen_by(&self.open), self.points.seen_by(&self.shadowed));
+            let map = &seen[0];
+            let flicker = before.as_ref().map(|(_, old)| {
+                let change = |k: usize| (shaded[k] - old[i + 1][k]) - (map[k] - old[0][k]);
+                over(rms((0..map.len()).map(change)), mean(map))
+            });
+            let score = Score {
+                open: over(rms(lit.iter().zip(&open).map(|(a, b)| a - b)), mean(&open)),
+                shadowed: over(rms(shaded.iter().zip(map).map(|(a, b)| a - b)), mean(map)),
+                energy: over((energy - total).abs(), total),
+                flicker,
+            };
+            seen.push(shaded);
+            score
+        });
+        self.last = Some((frame, seen));
+        scores
+    }
+}
+
+impl Points {
+    fn of_map(&mut self, sketch: &[Quad]) {
+        self.clear();
+        let order = order_of(sketch.len());
+        for (ipix, quad) in (0..).zip(sketch).filter(|(_, quad)| quad.y() > 0.0) {
+            let light = Light::at_centroid(1, quad, || healpix::centre(order, ipix).as_vec3());
+            self.push(light.direction, quad.y());
+        }
+    }
+
+    /// The lights, and the ambient light at the middle of each of `quads` quads.
+    fn of_set(&mut self, set: &Lit<'_>, quads: usize) {
+        self.clear();
+        for light in set.lights {
+            self.push(light.direction, luminance(light.irradiance));
+        }
+        let Some(sh) = set.ambient else { return };
+        let order = order_of(quads);
+        for ipix in 0..Domain::Hemisphere.quads(order) as u32 {
+            let d = healpix::centre(order, ipix).as_vec3();
+            let radiance: f32 = basis(d).iter().zip(sh).map(|(b, rgb)| b * luminance(*rgb)).sum();
+            let omega = healpix::solid_angle(order) * Domain::Hemisphere.share(order, ipix);
+            self.push(d, radiance * omega as f32);
+        }
+    }
+
+    fn clear(&mut self) {
+        self.axes.iter_mut().for_each(Vec::clear);
+        self.energies.clear();
+    }
+
+    fn push(&mut self, direction: Vec3, energy: f32) {
+        self.axes.iter_mut().zip(direction.to_array()).for_each(|(axis, v)| axis.push(v));
+        self.energies.push(energy);
+    }
+
+    fn seen_by(&self, receivers: &[Receiver]) -> Seen {
+        let [x, y, z] = &self.axes;
+        let seen = |r: &Receiver| {
+            let (n, a) = (r.normal, r.axis);
+            let points = x.iter().zip(y).zip(z).zip(&self.energies);
+            let parts = points.map(|(((x, y), z), e)| {
+                let part = e * (n.x * x + n.y * y + n.z * z).max(0.0);
+                if a.x * x + a.y * y + a.z * z > r.cos { 0.0 } else { part }
+            });
+            parts.sum()
+        };
+        receivers.iter().map(seen).collect()
+    }
+}
+
+/// The order of a hemisphere of so many quads.
+fn order_of(quads: usize) -> u8 {
+    (0..healpix::MAX_ORDER).find(|order| Domain::Hemisphere.quads(*order) >= quads).unwrap_or(0)
+}
+
+/// Direction `k` of the spherical Fibonacci lattice of `count` points.
+fn fib(k: usize, count: usize) -> Vec3 {
+    let z = 1.0 - (2 * k + 1) as f32 / count as f32;
+    let phi = TAU * (k as f64 * 0.618_033_988_749_894_9).fract() as f32;
+    let across = (1.0 - z * z).sqrt();
+    Vec3::new(across * phi.cos(), across * phi.sin(), z)
+}
+
+/// Shadowed receiver `k`: a cone of 10 to 60 degrees half-angle round another lattice point.
+fn shadowed(k: usize) -> Receiver {
+    let half_angle = 10.0 + 50.0 * ((k as f64 + 0.5) * 0.754_877_666_246_692_7).fract();
+    Receiver {
+        normal: fib(k, SHADOWED),
+        axis: fib((197 * k + 101) % SHADOWED, SHADOWED),
+        cos: half_angle.to_radians().cos() as f32,
+    }
+}
+
+fn mean(values: &[f32]) -> f32 {
+    values.iter().sum::<f32>() / values.len().max(1) as f32
+}
+
+fn rms(values: impl ExactSizeIterator<Item = f32>) -> f32 {
+    let count = values.len().max(1) as f32;
+    (values.map(|v| v * v).sum::<f32>() / count).sqrt()
+}
+
+fn over(error: f32, scale: f32) -> f32 {
+    if scale > 0.0 { error / scale } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn quad(direction: Vec3, y: f32) -> Quad {
+        Quad::from_light([y; 3], direction.normalize())
+    }
+
+    /// A map of one lamp at quad `ipix`, and the light that stands for it.
+    fn lamp(ipix: u32, y: f32) -> (Vec<Quad>, Light) {
+        let mut sketch = vec![Quad::default(); Domain::Hemisphere.quads(4)];
+        let direction = healpix::centre(4, ipix).as_vec3();
+        sketch[ipix as usize] = quad(direction, y);
+        (sketch, Light { id: 1, direction, irradiance: [y; 3], ..Light::default() })
+    }
+
+    #[test]
+    fn the_right_light_has_no_error_and_none_has_all() {
+        let (sketch, light) = lamp(100, 3.0);
+        let (right, none) = (Lit { lights: &[light], ambient: None }, Lit { lights: &[], ambient: None });
+        let [a, b] = Judge::default().judge(0, &sketch, [right, none]);
+        assert!(a.open < 1e-5 && a.shadowed < 1e-5 && a.energy < 1e-6 && a.flicker.is_none(), "{a:?}");
+        // Over normals of the whole sphere: the RMS of max(0, cos) over its mean is sqrt(1/6) / (1/4).
+        assert!((b.open - 1.633).abs() < 0.02 && b.energy == 1.0, "{b:?}");
+    }
+
+    #[test]
+    fn flicker_is_what_the_map_does_not_do_and_needs_the_frame_before() {
+        let ((one, a), (other, b)) = (lamp(100, 3.0), lamp(700, 3.0));
+        let mut judge = Judge::default();
+        let lit = |light| Lit { lights: light, ambient: None };
+        let (a, b) = ([a], [b]);
+        judge.judge(7, &one, [lit(&a), lit(&b)]);
+        let [follows, stays] = judge.judge(8, &other, [lit(&b), lit(&b)]);
+        assert!(follows.flicker.is_some_and(|f| f < 1e-5), "{follows:?}");
+        assert!(stays.flicker.is_some_and(|f| f > 0.5), "the map has moved, the light has not: {stays:?}");
+        let [late, _] = judge.judge(10, &one, [lit(&a), lit(&b)]);
+        assert_eq!(late.flicker, None, "a frame is missing");
+    }
+
+    #[test]
+    fn an_even_sky_is_as_well_in_harmonics() {
+        let quads = 0..Domain::Hemisphere.quads(4) as u32;
+        let omega = |ipix| (healpix::solid_angle(4) * Domain::Hemisphere.share(4, ipix)) as f32;
+        let sketch: Vec<_> = quads.map(|i| quad(healpix::centre(4, i).as_vec3(), 2.0 * omega(i))).collect();
+        let mut sh = Sh9::default();
+        sh[0] = [2.0 / 0.282_095; 3];
+        let [score] = Judge::default().judge(0, &sketch, [Lit { lights: &[], ambient: Some(&sh) }]);
+        assert!(score.open < 1e-3 && score.shadowed < 1e-3 && score.energy < 1e-4, "{score:?}");
+    }
+
+    #[test]
+    fn darkness_gives_no_error() {
+        let sketch = vec![Quad::default(); Domain::Hemisphere.quads(4)];
+        let [score] = Judge::default().judge(0, &sketch, [Lit { lights: &[], ambient: None }]);
+        assert_eq!(score, Score::default(), "all 0");
+    }
+}

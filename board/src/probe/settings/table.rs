@@ -1,0 +1,168 @@
+//! The table itself: one entry for each setting.
+
+use super::{Group, Kind, Setting, shortest};
+use crate::probe::config::{EXTRAPOLATIONS, extrapolation_name};
+use crate::samplers::{CUTOFFS_HZ, MAX_LIGHTS, NAMES, ORDERS, TAPS, THRESHOLDS, TOLERANCES};
+use crate::timing::BUDGETS_MS;
+use hemilux_core::merge::MAX_EXPOSURES;
+use serde_json::{Value, json};
+
+const EXTRAPOLATION_NAMES: [&str; EXTRAPOLATIONS.len()] = [EXTRAPOLATIONS[0].0, EXTRAPOLATIONS[1].0];
+
+/// Exposure times that may be asked for, seconds.
+const EXPOSURES_S: (f32, f32) = (1e-6, 60.0);
+
+/// The budget of the `$i`th of [`hemilux_core::wire::Latency::NAMES`].
+macro_rules! budget {
+    ($name:literal, $i:literal, $what:literal) => {
+        Setting {
+            name: $name,
+            parameter: $name,
+            group: Group::Budgets,
+            kind: Kind::Real(*BUDGETS_MS.start(), *BUDGETS_MS.end()),
+            unit: Some("ms"),
+            what: $what,
+            value: |c| json!(shortest(c.budgets.ms($i))),
+            wish: |c, v| c.budgets_ms[$i] = v.as_f64().map(|ms| ms as f32),
+            in_use: |_| true,
+        }
+    };
+}
+
+/// All settings.
+pub const SETTINGS: [Setting; 18] = [
+    Setting {
+        name: "sampler",
+        parameter: "algorithm",
+        group: Group::Lights,
+        kind: Kind::Choice(&NAMES),
+        unit: None,
+        what: "How the map becomes lights.",
+        value: |c| json!(c.pipeline.sampler),
+        wish: |c, v| c.sampler = v.as_str().map(Into::into),
+        in_use: |_| true,
+    },
+    Setting {
+        name: "lights",
+        parameter: "samples",
+        group: Group::Lights,
+        kind: Kind::Whole(0, MAX_LIGHTS as u64),
+        unit: Some("lights"),
+        what: "Most lights of a set; each sampler has a least number, and adaptive with ambient light may do without any.",
+        value: |c| json!(c.pipeline.lights),
+        wish: |c, v| c.lights = v.as_u64().and_then(|n| usize::try_from(n).ok()),
+        in_use: |_| true,
+    },
+    Setting {
+        name: "tolerance",
+        parameter: "tolerance",
+        group: Group::Lights,
+        kind: Kind::Optional(*TOLERANCES.start(), *TOLERANCES.end()),
+        unit: Some("ratio"),
+        what: "The fewest lights are given whose shadowed error is at most this; adaptive alone. Without it, as many as lights says.",
+        value: |c| c.pipeline.tolerance.map_or(Value::Null, |t| json!(shortest(t))),
+        wish: |c, v| c.tolerance = Some(v.as_f64().map(|t| t as f32)),
+        in_use: |c| c.pipeline.sampler == "adaptive",
+    },
+    Setting {
+        name: "ambient",
+        parameter: "ambient",
+        group: Group::Lights,
+        kind: Kind::Switch,
+        unit: None,
+        what: "Whether what has no direction becomes spherical harmonics in the place of lights; adaptive alone.",
+        value: |c| json!(c.pipeline.ambient),
+        wish: |c, v| c.ambient = v.as_bool(),
+        in_use: |c| c.pipeline.sampler == "adaptive",
+    },
+    Setting {
+        name: "q2tree_threshold",
+        parameter: "q2tree_threshold",
+        group: Group::Lights,
+        kind: Kind::Real(*THRESHOLDS.start(), *THRESHOLDS.end()),
+        unit: Some("ratio"),
+        what: "A split of the last frame is kept unless another matters more by this share: more flickers less and follows later.",
+        value: |c| json!(shortest(c.pipeline.tuning.threshold)),
+        wish: |c, v| c.threshold = v.as_f64().map(|t| t as f32),
+        in_use: |c| c.pipeline.sampler.starts_with("q2tree"),
+    },
+    Setting {
+        name: "fir_taps",
+        parameter: "fir_taps",
+        group: Group::Lights,
+        kind: Kind::Whole(*TAPS.start() as u64, *TAPS.end() as u64),
+        unit: Some("frames"),
+        what: "Frames that the filter of hemigon-fir spans: more flickers less and follows later; 1 filters nothing.",
+        value: |c| json!(c.pipeline.tuning.taps),
+        wish: |c, v| c.taps = v.as_u64().and_then(|n| usize::try_from(n).ok()),
+        in_use: |c| c.pipeline.sampler == "hemigon-fir",
+    },
+    Setting {
+        name: "fir_cutoff_hz",
+        parameter: "fir_cutoff_hz",
+        group: Group::Lights,
+        kind: Kind::Real(*CUTOFFS_HZ.start(), *CUTOFFS_HZ.end()),
+        unit: Some("Hz"),
+        what: "Changes faster than this are filtered out by hemigon-fir, at ten frames a second; at other rates it scales with them.",
+        value: |c| json!(shortest(c.pipeline.tuning.cutoff_hz)),
+        wish: |c, v| c.cutoff_hz = v.as_f64().map(|f| f as f32),
+        in_use: |c| c.pipeline.sampler == "hemigon-fir",
+    },
+    Setting {
+        name: "exposures_s",
+        parameter: "exposures_s",
+        group: Group::Map,
+        kind: Kind::List(EXPOSURES_S.0, EXPOSURES_S.1, MAX_EXPOSURES),
+        unit: Some("s"),
+        what: "The exposure times of a burst, rising; without them the source's own.",
+        value: |c| json!(c.exposures_s),
+        wish: |c, v| {
+            let times = v.as_array().map(|list| list.iter().filter_map(Value::as_f64).collect());
+            c.exposures_s = Some(times);
+        },
+        in_use: |_| true,
+    },
+    Setting {
+        name: "order",
+        parameter: "order",
+        group: Group::Map,
+        kind: Kind::OptionalWhole(*ORDERS.start() as u64, *ORDERS.end() as u64),
+        unit: Some("(8 x 4^order texels)"),
+        what: "Size of the HEALPix map: each step doubles its resolution and quadruples its memory. Without it, 6, or 7 above 12,000 lights.",
+        value: |c| json!(c.pipeline.order),
+        wish: |c, v| c.order = Some(v.as_u64().and_then(|n| u8::try_from(n).ok())),
+        in_use: |_| true,
+    },
+    Setting {
+        name: "extrapolation",
+        parameter: "extrapolation",
+        group: Group::Map,
+        kind: Kind::Choice(&EXTRAPOLATION_NAMES),
+        unit: None,
+        what: "What stands for the part of the hemisphere that the lens does not see: darkness, or the average of what it sees.",
+        value: |c| json!(extrapolation_name(c.pipeline.extrapolation)),
+        wish: |c, v| {
+            c.extrapolation =
+                EXTRAPOLATIONS.iter().find(|(name, _)| v.as_str() == Some(*name)).map(|(_, e)| *e);
+        },
+        in_use: |_| true,
+    },
+    budget!("budget_capture_ms", 0, "Longest time that waiting for a burst and copying it should take."),
+    budget!("budget_front_ms", 1, "Longest time that merge and map should take."),
+    budget!("budget_pyramid_ms", 2, "Longest time that the sums above the map should take."),
+    budget!("budget_sample_ms", 3, "Longest time that the sampler should take."),
+    budget!("budget_filter_ms", 4, "Longest time that filters outside the sampler should take."),
+    budget!("budget_encode_ms", 5, "Longest time that writing a set for clients should take."),
+    budget!("budget_total_ms", 6, "Longest time from the end of the burst to the finished set."),
+    Setting {
+        name: "gui",
+        parameter: "gui",
+        group: Group::Other,
+        kind: Kind::Switch,
+        unit: None,
+        what: "Whether screenshot may draw its debug picture, which costs a copy of the map each time.",
+        value: |c| json!(c.gui),
+        wish: |c, v| c.gui = v.as_bool(),
+        in_use: |_| true,
+    },
+];

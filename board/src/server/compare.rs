@@ -1,0 +1,173 @@
+//! `/v1/compare`: what another sampler makes of the same frames, beside the probe's own set. It makes the board work, so it needs the token, and
+//! there is one other sampler at a time for all who ask.
+
+use super::access::Allowed;
+use super::lights::{Answer, LONGEST_WAIT, no_frame_yet, thin};
+use super::{Context, line};
+use crate::judge::{Judge, Lit, Score};
+use crate::probe::compare::{Contender, MOST_LIGHTS, Pair};
+use crate::probe::settings::short;
+use crate::probe::{Published, Staleness};
+use crate::samplers::{self, NAMES};
+use axum::extract::{Query, State};
+use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE, RETRY_AFTER};
+use axum::http::{HeaderValue, StatusCode, Uri};
+use axum::response::{IntoResponse, Response};
+use hemilux_core::healpix::Domain;
+use hemilux_core::sampler::Request;
+use hemilux_core::wire::{self, Coordinates};
+use serde_json::json;
+use std::sync::Arc;
+
+/// Judges each pair once for all who ask; held by who does.
+#[derive(Default)]
+pub(super) struct Bench(Arc<tokio::sync::Mutex<Judged>>);
+
+#[derive(Default)]
+struct Judged {
+    judge: Judge<2>,
+    /// What the scores are of.
+    key: Option<(Contender, u64)>,
+    scores: [Score; 2],
+}
+
+impl Judged {
+    fn scores(&mut self, pair: &Pair) -> [Score; 2] {
+        let key = Some((pair.contender, pair.first.frame));
+        if self.key != key {
+            if self.key.is_some_and(|(contender, _)| contender != pair.contender) {
+                self.judge = Judge::default();
+            }
+            let sets = [lit(&pair.first), lit(&pair.second.set)];
+            self.scores = self.judge.judge(pair.first.frame, &pair.second.sketch, sets);
+            self.key = key;
+        }
+        self.scores
+    }
+}
+
+fn lit(set: &Published) -> Lit<'_> {
+    Lit { lights: &set.lights, ambient: set.ambient.as_ref() }
+}
+
+/// What is asked for.
+struct Wanted {
+    contender: Contender,
+    coordinates: Coordinates,
+    after: Option<u64>,
+}
+
+/// Parameters and their values, one a line.
+fn accepted() -> String {
+    let coordinates = Coordinates::names().collect::<Vec<_>>().join("|");
+    let names = NAMES.join("|");
+    format!("algorithm={names}\nlights=1..{MOST_LIGHTS}\ncoordinates={coordinates}\nafter=FRAME")
+}
+
+fn wanted(uri: &Uri) -> Result<Wanted, String> {
+    let Ok(Query(pairs)) = Query::<Vec<(String, String)>>::try_from_uri(uri) else {
+        return Err("a query that cannot be read".into());
+    };
+    let (mut sampler, mut lights) = (None, 64);
+    let (mut coordinates, mut after) = (Coordinates::Probe, None);
+    for (i, (name, value)) in pairs.iter().enumerate() {
+        if pairs[..i].iter().any(|(n, _)| n == name) {
+            return Err(format!("parameter '{}' twice", short(name)));
+        }
+        let known = match name.as_str() {
+            "algorithm" => NAMES.into_iter().find(|n| n == value).map(|n| sampler = Some(n)),
+            "lights" => value.parse().ok().filter(|n| (1..=MOST_LIGHTS).contains(n)).map(|n| lights = n),
+            "coordinates" => Coordinates::from_name(value).map(|c| coordinates = c),
+            "after" => value.parse().ok().map(|n| after = Some(n)),
+            _ => return Err(format!("unknown parameter '{}'", short(name))),
+        };
+        known.ok_or_else(|| format!("{name} '{}'", short(value)))?;
+    }
+    let sampler = sampler.ok_or("no algorithm")?;
+    samplers::check(sampler, Domain::Hemisphere, &Request::of_lights(lights)).map_err(|e| e.to_string())?;
+    Ok(Wanted { contender: Contender { sampler, lights }, coordinates, after })
+}
+
+/// Answers with the next frame's two sets and what is thought of them.
+pub(super) async fn compare(State(context): State<Context>, _: Allowed, uri: Uri) -> Response {
+    let Wanted { contender, coordinates, after } = match wanted(&uri) {
+        Ok(wanted) => wanted,
+        Err(found) => {
+            return line(StatusCode::BAD_REQUEST, &format!("found {found}. Accepted:\n{}", accepted()));
+        }
+    };
+    let link = &context.link;
+    let _seat = match link.comparison().ask(contender) {
+        Ok(seat) => seat,
+        Err(other) => return taken(other),
+    };
+    let mut pairs = link.comparison().pairs();
+    let begun = pairs.borrow_and_update().as_ref().map(|pair| pair.first.frame).filter(|_| after.is_none());
+    let fits = |pair: &Option<Pair>| {
+        let frame = pair.as_ref().filter(|p| p.contender == contender).map(|p| p.first.frame);
+        frame.is_some_and(|frame| Some(frame) != after && Some(frame) != begun)
+    };
+    let waited = tokio::time::timeout(LONGEST_WAIT, pairs.wait_for(fits)).await;
+    let is_late = !matches!(waited, Ok(Ok(_)));
+    drop(waited);
+    let pair = pairs.borrow().clone().filter(|pair| pair.contender == contender);
+    let Some(pair) = pair else { return no_frame_yet(link) };
+    let answer = Answer::of(link, Arc::clone(&pair.first), is_late);
+    let bench = Arc::clone(&context.bench.0).lock_owned().await;
+    let run = link.run().to_owned();
+    let work = move || written(bench, &run, &pair, answer.stale.as_ref(), coordinates);
+    match tokio::task::spawn_blocking(work).await {
+        Ok(Some(text)) => {
+            let head = [
+                (CONTENT_TYPE, HeaderValue::from_static("application/json")),
+                (CACHE_CONTROL, HeaderValue::from_static("no-store")),
+            ];
+            (head, text).into_response()
+        }
+        _ => line(StatusCode::INTERNAL_SERVER_ERROR, "the light sets could not be encoded"),
+    }
+}
+
+/// Somebody looks at another sampler.
+fn taken(other: Contender) -> Response {
+    let Contender { sampler, lights } = other;
+    let text = format!("found a comparison with {sampler} and {lights} lights, expected none: one at a time");
+    let mut response = line(StatusCode::CONFLICT, &text);
+    response.headers_mut().insert(RETRY_AFTER, HeaderValue::from_static("1"));
+    response
+}
+
+/// The answer; `None` only for a fault of ours.
+fn written(
+    mut bench: tokio::sync::OwnedMutexGuard<Judged>,
+    run: &str,
+    pair: &Pair,
+    stale: Option<&Staleness>,
+    coordinates: Coordinates,
+) -> Option<Vec<u8>> {
+    let scores = bench.scores(pair);
+    drop(bench);
+    let sets = [&*pair.first, &pair.second.set];
+    let mut text =
+        format!("{{\"version\":1,\"run\":\"{run}\",\"frame\":{},\"sets\":[", pair.first.frame).into_bytes();
+    for (i, set) in sets.into_iter().enumerate() {
+        let mut on_wire = set.on_wire(run, stale.map(Staleness::on_wire));
+        on_wire.coordinates = coordinates;
+        on_wire.ambient_sh = set.ambient.as_ref();
+        let thinned;
+        if set.lights.len() > MOST_LIGHTS {
+            thinned = thin(&set.lights, MOST_LIGHTS)?;
+            on_wire.lights = &thinned;
+        }
+        text.extend_from_slice(if i == 0 { b"" } else { b"," });
+        wire::json(&on_wire, &mut text).ok()?;
+    }
+    let score = |(score, set): (Score, &Published)| {
+        let Score { open, shadowed, energy, flicker } = score;
+        json!({"lights": set.lights.len(), "open": open, "shadowed": shadowed, "energy": energy, "flicker": flicker,
+            "estimated_error": set.estimated_error, "sample_us": set.latency.sample})
+    };
+    let scores: Vec<_> = scores.into_iter().zip(sets).map(score).collect();
+    text.extend_from_slice(format!("],\"scores\":{}}}\n", json!(scores)).as_bytes());
+    Some(text)
+}

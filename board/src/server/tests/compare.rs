@@ -1,0 +1,103 @@
+//! `/v1/compare`.
+
+use super::security::locked;
+use super::*;
+use crate::probe::compare::MOST_LIGHTS;
+
+#[tokio::test]
+async fn two_sets_of_the_same_frame_come_with_what_is_thought_of_them() {
+    let probe = probe(usize::MAX);
+    let app = routes(&probe);
+    let mut last = None;
+    for round in 0..4 {
+        let after = last.map_or_else(String::new, |frame: u64| format!("&after={frame}"));
+        let got =
+            fetch(&app, "GET", &format!("/v1/compare?algorithm=q2tree&lights=40{after}"), &[], "").await;
+        let value = got.json();
+        let frame = value["frame"].as_u64().expect("a frame");
+        assert!(last.is_none_or(|last| frame > last), "a later one");
+        let [first, second] = [0, 1].map(|i| &value["sets"][i]);
+        assert_eq!(
+            (first["frame"].as_u64(), second["frame"].as_u64()),
+            (Some(frame), Some(frame)),
+            "one frame"
+        );
+        assert_eq!((&first["sampler"], &second["sampler"]), (&"adaptive".into(), &"q2tree".into()));
+        assert_eq!((&first["requested"], &second["requested"]), (&64.into(), &40.into()));
+        assert_eq!(first["scalar_flux"], second["scalar_flux"], "of the same light");
+        for (set, score) in [(first, &value["scores"][0]), (second, &value["scores"][1])] {
+            assert_eq!(set["lights"].as_array().map(Vec::len), score["lights"].as_u64().map(|n| n as usize));
+            assert_eq!(set["latency_us"]["sample"], score["sample_us"], "its own time");
+            let ratio = |name: &str| score[name].as_f64().unwrap_or_else(|| panic!("{name}: {score}"));
+            assert!(ratio("shadowed") > 1e-4 && ratio("shadowed") < 0.1 && ratio("energy") < 1e-3, "{score}");
+            assert_eq!(score["flicker"].is_null(), last != Some(frame - 1), "round {round}: {score}");
+        }
+        last = Some(frame);
+    }
+    // The probe's own set is what it was.
+    let (_, _, text) = get(&app, "/v1/lights").await;
+    assert!(text.contains("\"sampler\":\"adaptive\""), "{text}");
+}
+
+#[tokio::test]
+async fn another_comparison_has_to_wait_and_is_let_in_when_nobody_looks() {
+    let probe = probe(usize::MAX);
+    let app = routes(&probe);
+    assert_eq!(get(&app, "/v1/compare?algorithm=q2tree").await.0, 200, "the first");
+    let (status, _, text) = get(&app, "/v1/compare?algorithm=pharr&lights=9").await;
+    assert!(status == 409 && text.contains("q2tree and 64 lights"), "{status}: {text}");
+    assert_eq!(get(&app, "/v1/compare?algorithm=q2tree").await.0, 200, "who goes on is let in");
+    tokio::time::sleep(Duration::from_millis(600)).await;
+    let (status, _, text) = get(&app, "/v1/compare?algorithm=pharr&lights=9").await;
+    assert!(status == 200 && text.contains("\"sampler\":\"pharr\""), "{status}: {text}");
+}
+
+#[tokio::test]
+async fn samplers_that_need_another_map_and_another_size_of_it_are_compared() {
+    let probe = probe(usize::MAX);
+    let app = routes(&probe);
+    for name in ["hemigon", "hemigon-fir", "pharr", "adaptive", "q2tree-jitter"] {
+        let got = fetch(&app, "GET", &format!("/v1/compare?algorithm={name}"), &[], "").await.json();
+        assert_eq!(got["sets"][1]["sampler"], name);
+        assert!(got["scores"][1]["shadowed"].as_f64().is_some_and(|e| e < 0.2), "{name}: {}", got["scores"]);
+        tokio::time::sleep(Duration::from_millis(520)).await;
+    }
+    let changed = fetch(&app, "PATCH", "/v1/config", &[], "{\"order\": 5}").await;
+    assert_eq!(changed.status, 200, "{}", changed.text());
+    let got = fetch(&app, "GET", "/v1/compare?algorithm=q2tree", &[], "").await.json();
+    assert!(got["scores"][1]["energy"].as_f64().is_some_and(|e| e < 1e-3), "{}", got["scores"]);
+}
+
+#[tokio::test]
+async fn what_cannot_be_compared_is_refused_with_the_list_and_who_has_no_token_too() {
+    let probe = probe(usize::MAX);
+    let app = routes(&probe);
+    let most = format!("algorithm=pharr&lights={}", MOST_LIGHTS + 1);
+    for query in [
+        "",
+        "algorithm=guess",
+        "algorithm=q2tree&lights=3",
+        &most,
+        "algorithm=pharr&lights=0",
+        "lights=5",
+        "algorithm=pharr&colour=red",
+        "algorithm=pharr&algorithm=pharr",
+        "algorithm=pharr&after=-1",
+    ] {
+        let (status, _, text) = get(&app, &format!("/v1/compare?{query}")).await;
+        assert!(status == 400 && text.contains("algorithm=adaptive|q2tree"), "{query}: {status} {text}");
+    }
+    let (status, ..) = get(&locked(&probe), "/v1/compare?algorithm=pharr").await;
+    assert_eq!(status, 401, "it makes the board work");
+}
+
+#[tokio::test]
+async fn a_source_that_has_stopped_gives_the_last_pair_and_says_so() {
+    let probe = probe(30);
+    let app = routes(&probe);
+    let got = fetch(&app, "GET", "/v1/compare?algorithm=pharr", &[], "").await;
+    assert_eq!(got.status, 200, "while there are frames");
+    tokio::time::sleep(Duration::from_millis(900)).await;
+    let got = fetch(&app, "GET", "/v1/compare?algorithm=pharr", &[], "").await.json();
+    assert_eq!(got["sets"][1]["stale"]["reason"], "<unplugged>", "{}", got["sets"][1]["stale"]);
+}
