@@ -24,7 +24,7 @@ pub const MAX_LIGHTS: usize = 50_000;
 pub const TOLERANCES: RangeInclusive<f32> = 0.002..=1.0;
 
 /// Orders of the map that may be asked for.
-pub const ORDERS: RangeInclusive<u8> = 4..=8;
+pub const ORDERS: RangeInclusive<u8> = 4..=7;
 
 /// Thresholds of `q2tree` that may be asked for, ratios.
 pub const THRESHOLDS: RangeInclusive<f32> = 0.0..=10.0;

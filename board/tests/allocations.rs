@@ -4,6 +4,7 @@
 #![allow(unsafe_code, reason = "a global allocator cannot be written without it")]
 
 use hemilux::pipeline::Settings;
+use hemilux::probe::compare::Contender;
 use hemilux::probe::{Config, Worker};
 use hemilux::samplers::NAMES;
 use hemilux::scene;
@@ -58,12 +59,16 @@ const WARM_UP: usize = 6;
 const FRAMES: usize = 60;
 
 /// Requests for memory of [`FRAMES`] frames, made on this thread, while a client holds on to some sets and others are told.
-fn requests(source: Box<dyn Source>, sampler: &str) -> u64 {
+fn requests(source: Box<dyn Source>, sampler: &str, rival: Option<&'static str>) -> u64 {
     let pipeline =
         Settings { sampler: sampler.into(), extrapolation: Extrapolation::Average, ..Settings::default() };
     let mut worker =
         Worker::try_new(source, "test".into(), Config { pipeline, ..Config::default() }).expect("a worker");
-    let mut client = worker.link().subscribe();
+    let link = worker.link();
+    let mut client = link.subscribe();
+    let _seat =
+        rival.map(|sampler| link.comparison().ask(Contender { sampler, lights: 48 }).expect("a seat"));
+    let pairs = link.comparison().pairs();
     for _ in 0..WARM_UP {
         worker.step().expect("a frame");
     }
@@ -79,6 +84,8 @@ fn requests(source: Box<dyn Source>, sampler: &str) -> u64 {
     let last = client.borrow().clone().expect("a set");
     assert_eq!(last.frame, (WARM_UP + FRAMES - 1) as u64, "every frame was published");
     assert!(!last.lights.is_empty() && held.is_some(), "with lights");
+    let pair = pairs.borrow().as_ref().map(|p| (p.first.frame, p.second.set.frame, p.second.set.sampler));
+    assert_eq!(pair, rival.map(|name| (last.frame, last.frame, name)), "the pair that was asked for");
     requests
 }
 
@@ -94,7 +101,16 @@ fn no_sampler_allocates_per_frame() {
     for name in NAMES {
         let scene = scene::by_name("lamps").expect("a scene");
         let source = Box::new(SceneSource::new(scene, Pace::Free));
-        assert_eq!(requests(source, name), 0, "{name}");
+        assert_eq!(requests(source, name, None), 0, "{name}");
+    }
+}
+
+#[test]
+fn a_comparison_does_not_allocate_per_frame_whatever_it_compares() {
+    for name in NAMES {
+        let scene = scene::by_name("lamps").expect("a scene");
+        let source = Box::new(SceneSource::new(scene, Pace::Free));
+        assert_eq!(requests(source, "q2tree", Some(name)), 0, "{name}");
     }
 }
 
@@ -110,5 +126,5 @@ fn a_replay_does_not_allocate_per_frame() {
         [[frame]]\nfile = \"b.png\"\nexposure_s = 0.04\n";
     std::fs::write(folder.path().join("burst.toml"), manifest).expect("a manifest");
     let source = Box::new(ReplaySource::open(folder.path(), Pace::Free).expect("a recording"));
-    assert_eq!(requests(source, "q2tree"), 0, "replay");
+    assert_eq!(requests(source, "q2tree", None), 0, "replay");
 }

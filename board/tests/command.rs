@@ -56,7 +56,11 @@ fn it_prints_its_address_serves_and_ends_well() {
         let mut errors = String::new();
         child.stderr.take().expect("a pipe").read_to_string(&mut errors).expect("UTF-8");
         assert_eq!(status.code(), Some(0), "{name}: {errors}");
-        assert!(errors.lines().all(|line| line.contains("(p50 p95 p99 max)")), "{name}: {errors}");
+        let (head, rest) = errors.split_once('\n').unwrap_or_default();
+        assert!(head.starts_with("ms") && head.ends_with("budget      over"), "{name}: {errors}");
+        let stages: Vec<_> = rest.lines().filter_map(|line| line.split_whitespace().next()).collect();
+        let expected = ["capture", "front", "pyramid", "sample", "filter", "encode", "total"];
+        assert!(stages.starts_with(&expected) && rest.ends_with(" frames\n"), "{name}: {errors}");
     }
 }
 

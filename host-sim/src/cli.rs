@@ -7,10 +7,11 @@ use crate::{burst, chart, decompose, render, replay, score, stress};
 use clap::{Args, Parser, Subcommand};
 use hemilux::pipeline::Settings;
 use hemilux::samplers;
+use hemilux::timing::Budgets;
 use hemilux_core::fill::Extrapolation;
 use hemilux_core::healpix::Domain;
-use hemilux_core::polar::Grid;
 use hemilux_core::sampler::Request;
+use hemilux_core::wire::STAGES;
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "Examples:
@@ -239,6 +240,10 @@ struct BenchArgs {
     /// Processes exactly this many frames and times nothing, for instruction counters.
     #[arg(long, value_name = "T", requires = "case")]
     frames: Option<usize>,
+    /// Longest times that medians may have, milliseconds, such as front=30,total=60; what is longer is named in the last column [default: the
+    /// probe's].
+    #[arg(long, value_name = "STAGE=MS,...", value_parser = hemilux::timing::read_budgets)]
+    budget: Option<[Option<f32>; STAGES]>,
 }
 
 #[derive(Args, Debug)]
@@ -288,7 +293,8 @@ pub fn run(cli: Cli) -> Result<(), SimError> {
             };
             let SamplerArgs { sampler, lights } = args.sampler;
             let ModelArgs { tolerance, ambient } = args.model;
-            let settings = Settings { sampler, lights, tolerance, ambient, extrapolation, grid: Grid::POLAR };
+            let settings =
+                Settings { sampler, lights, tolerance, ambient, extrapolation, ..Settings::default() };
             replay::run(&replay::Job { burst: args.burst, settings, files: args.files.into() })
         }
         Command::Score(a) => {
@@ -302,7 +308,13 @@ pub fn run(cli: Cli) -> Result<(), SimError> {
         }
         Command::Chart(a) => chart::run(&chart::Job { env: a.env, out: a.out, quick: a.quick }),
         Command::Render(a) => render::run(&render::Job { env: a.env, set: a.set, out: a.out, over: a.over }),
-        Command::Bench(a) => bench::run(&bench::Job { json: a.json, case: a.case, frames: a.frames }),
+        Command::Bench(a) => {
+            let mut budgets = Budgets::default();
+            for (i, ms) in a.budget.unwrap_or_default().into_iter().enumerate() {
+                budgets.set_ms(i, ms.unwrap_or(budgets.ms(i)));
+            }
+            bench::run(&bench::Job { json: a.json, case: a.case, frames: a.frames, budgets })
+        }
         Command::SampleFrames(a) => {
             chart::counted::sample_frames(&a.sampler.sampler, a.sampler.lights, a.frames)
         }

@@ -6,6 +6,9 @@
 mod bench;
 
 use bench::Bench;
+use hemilux::config_file::ConfigFile;
+use hemilux::probe::Config;
+use hemilux::probe::settings::wish_of;
 use hemilux::server::{Access, Limits, Options, Token};
 use std::io::{BufRead, BufReader, Write};
 use std::os::unix::fs::PermissionsExt;
@@ -97,6 +100,38 @@ fn controls_act_by_keyboard_on_a_phone_and_nothing_bars_the_way() {
 #[test]
 fn every_setting_acts_and_wrong_input_is_refused_in_place() {
     run("settings", open);
+}
+
+#[test]
+fn two_methods_stand_side_by_side_on_the_same_frames() {
+    run("compare", open);
+}
+
+#[test]
+fn what_is_saved_is_there_at_the_next_start() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("hemilux.toml");
+    std::fs::write(&path, "# Mine.\nlisten = \"127.0.0.1:0\"\n").expect("a file");
+    let (file, _) = ConfigFile::open(&path).expect("a configuration");
+    let options = Options { file: Some(file), ..Options::default() };
+    run("save", || Bench::running(EVERY, Limits::default(), options));
+    if tools().is_none() {
+        return;
+    }
+    let (_, kept) = ConfigFile::open(&path).expect("a configuration");
+    let settings = serde_json::to_value(kept.settings).expect("JSON");
+    let mut config = Config::default();
+    wish_of(settings.as_object().expect("settings")).expect("settings").apply(&mut config);
+    assert_eq!((config.pipeline.lights, config.budgets.ms(1)), (21, 12.5), "{settings}");
+    assert_eq!(config.exposures_s, Some(vec![0.001, 0.02]), "{settings}");
+    let text = std::fs::read_to_string(&path).expect("a file");
+    assert!(text.starts_with("# Mine.\nlisten = \"127.0.0.1:0\"\n"), "all else stays: {text}");
+}
+
+/// Figures for people; nothing is asserted of them.
+#[test]
+fn the_first_picture_and_the_scene_are_timed() {
+    run("speed", open);
 }
 
 #[test]

@@ -52,15 +52,7 @@ export class Hemilux extends EventTarget {
   interpolated(now = performance.now()) {
     if (!this.latest) return [];
     const part = Math.min(1, Math.max(0, (now - this.#arrived) / this.#interval));
-    if (!this.#previous || part === 1) return this.latest.lights;
-    const before = new Map(this.#previous.lights.map(light => [light.id, light]));
-    const lights = this.latest.lights.map(light => {
-      const old = before.get(light.id);
-      before.delete(light.id);
-      return old ? between(old, light, part) : scaled(light, part);
-    });
-    for (const gone of before.values()) lights.push(scaled(gone, 1 - part));
-    return lights;
+    return this.#previous ? mix(this.#previous.lights, this.latest.lights, part) : this.latest.lights;
   }
 
   #connect() {
@@ -114,6 +106,19 @@ export class Hemilux extends EventTarget {
     this.state = state;
     this.dispatchEvent(new CustomEvent("state", { detail: state }));
   }
+}
+
+/** The lights between two sets' (`part` 0 to 1), each on its way by its id; what is new fades in, what is gone fades out. */
+export function mix(old, latest, part) {
+  if (part >= 1) return latest;
+  const before = new Map(old.map(light => [light.id, light]));
+  const lights = latest.map(light => {
+    const was = before.get(light.id);
+    before.delete(light.id);
+    return was ? between(was, light, part) : scaled(light, part);
+  });
+  for (const gone of before.values()) lights.push(scaled(gone, 1 - part));
+  return lights;
 }
 
 function between(a, b, part) {

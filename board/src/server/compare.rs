@@ -111,7 +111,7 @@ pub(super) async fn compare(State(context): State<Context>, _: Allowed, uri: Uri
     let is_late = !matches!(waited, Ok(Ok(_)));
     drop(waited);
     let pair = pairs.borrow().clone().filter(|pair| pair.contender == contender);
-    let Some(pair) = pair else { return no_frame_yet(link) };
+    let Some(pair) = pair else { return no_pair_yet(&context) };
     let answer = Answer::of(link, Arc::clone(&pair.first), is_late);
     let bench = Arc::clone(&context.bench.0).lock_owned().await;
     let run = link.run().to_owned();
@@ -126,6 +126,16 @@ pub(super) async fn compare(State(context): State<Context>, _: Allowed, uri: Uri
         }
         _ => line(StatusCode::INTERNAL_SERVER_ERROR, "the light sets could not be encoded"),
     }
+}
+
+fn no_pair_yet(context: &Context) -> Response {
+    if context.link.subscribe().borrow().is_none() {
+        return no_frame_yet(&context.link);
+    }
+    let mut response =
+        line(StatusCode::SERVICE_UNAVAILABLE, "no pair yet: no frame has come since the request");
+    response.headers_mut().insert(RETRY_AFTER, HeaderValue::from_static("1"));
+    response
 }
 
 /// Somebody looks at another sampler.

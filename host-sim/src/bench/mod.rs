@@ -9,6 +9,8 @@ use bursts::{BURSTS, calibration};
 pub use case::Case;
 use hemilux::calibration::{Burst, Pixels};
 use hemilux::pipeline::{Pipeline, Settings};
+use hemilux::timing::Budgets;
+use hemilux_core::wire::{Latency, Overrun};
 use serde::Serialize;
 use std::time::{Duration, Instant};
 
@@ -28,6 +30,8 @@ pub struct Job {
     pub case: Option<Case>,
     /// Exactly so many frames, and no timing.
     pub frames: Option<usize>,
+    /// What medians are held against.
+    pub budgets: Budgets,
 }
 
 /// One case's times, medians in milliseconds.
@@ -48,6 +52,8 @@ struct Row {
     /// Half the distance between the quartiles of each, over its median.
     spread: Spread,
     frames: usize,
+    /// Stages whose median is over budget.
+    over: Vec<&'static str>,
 }
 
 #[derive(Debug, Serialize)]
@@ -76,17 +82,18 @@ pub fn run(job: &Job) -> Result<(), SimError> {
     let mut rows = Vec::new();
     if !job.json {
         println!(
-            "{:<34}{:>8}{:>8}{:>9}{:>8}{:>8}{:>8}{:>9}",
-            "case", "copy", "front", "pyramid", "sample", "total", "ratio", "spread"
+            "{:<34}{:>8}{:>8}{:>9}{:>8}{:>8}{:>8}{:>9}  {}",
+            "case", "copy", "front", "pyramid", "sample", "total", "ratio", "spread", "over budget"
         );
     }
     for case in &cases {
-        let row = measure(case)?;
+        let row = measure(case, &job.budgets)?;
         if !job.json {
             let Row { copy_ms, front_ms, pyramid_ms, sample_ms, total_ms, memcpy_ratio, .. } = row;
             let spread = 100.0 * row.spread.total;
+            let over = if row.over.is_empty() { "-".into() } else { row.over.join(",") };
             println!(
-                "{case:<34}{copy_ms:>8.3}{front_ms:>8.3}{pyramid_ms:>9.3}{sample_ms:>8.3}{total_ms:>8.3}{memcpy_ratio:>8.2}{spread:>7.1} %"
+                "{case:<34}{copy_ms:>8.3}{front_ms:>8.3}{pyramid_ms:>9.3}{sample_ms:>8.3}{total_ms:>8.3}{memcpy_ratio:>8.2}{spread:>7.1} %  {over}"
             );
         }
         rows.push(row);
@@ -114,7 +121,7 @@ fn repeat(case: &Case, frames: usize) -> Result<(), SimError> {
     Ok(())
 }
 
-fn measure(case: &Case) -> Result<Row, SimError> {
+fn measure(case: &Case, budgets: &Budgets) -> Result<Row, SimError> {
     let bursts = bursts::make(case);
     let mut pipeline = pipeline(case, &bursts)?;
     let mut copy = Copy::new(&bursts[0]);
@@ -140,6 +147,14 @@ fn measure(case: &Case) -> Result<Row, SimError> {
     });
     let spread =
         Spread { copy: copy.1, front: front.1, pyramid: pyramid.1, sample: sample.1, total: total.1 };
+    let us = |ms: f64| (1e3 * ms) as u32;
+    let latency = Latency {
+        front: us(front.0),
+        pyramid: us(pyramid.0),
+        sample: us(sample.0),
+        total: us(total.0),
+        ..Latency::default()
+    };
     Ok(Row {
         format: case.format_name(),
         width: case.size.0,
@@ -155,6 +170,7 @@ fn measure(case: &Case) -> Result<Row, SimError> {
         memcpy_ratio: total.0 / copy.0,
         spread,
         frames: frame - WARM_UP,
+        over: Overrun::of(&latency, &budgets.0).names().collect(),
     })
 }
 

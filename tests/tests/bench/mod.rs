@@ -56,14 +56,18 @@ struct Film {
 impl Film {
     fn new(every: Duration) -> Self {
         let mut scene = scene(Pace::Free);
-        let burst = |_| {
-            let mut burst = Burst::default();
-            scene.next(&mut burst).expect("a burst");
-            burst
-        };
-        let bursts = (0..8).map(burst).collect();
+        let bursts = bursts(&mut scene);
         Self { scene, bursts, every, shown: 0, due: Instant::now() }
     }
+}
+
+fn bursts(scene: &mut SceneSource) -> Vec<Burst> {
+    let burst = |_| {
+        let mut burst = Burst::default();
+        scene.next(&mut burst).expect("a burst");
+        burst
+    };
+    (0..8).map(burst).collect()
 }
 
 impl Source for Film {
@@ -73,6 +77,16 @@ impl Source for Film {
 
     fn exposures(&self) -> Vec<Exposure> {
         self.scene.exposures()
+    }
+
+    fn fixed_exposures(&self) -> Option<&'static str> {
+        None
+    }
+
+    fn set_exposures(&mut self, seconds: Option<&[f64]>) -> Result<(), String> {
+        self.scene.set_exposures(seconds)?;
+        self.bursts = bursts(&mut self.scene);
+        Ok(())
     }
 
     fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError> {

@@ -71,7 +71,7 @@ export function picture(page, selector) {
           green.push(data[i + 1]);
           colours.add(data[i] << 16 | data[i + 1] << 8 | data[i + 2]);
         }
-        done(sum > 0 ? { mean: sum / (3 * green.length), colours: colours.size, data: green } : null);
+        done(sum > 0 ? { mean: sum / (3 * green.length), colours: colours.size, data: green, width: copy.width } : null);
       }));
       if (found) return found;
     }

@@ -2,12 +2,14 @@
 
 import { Hemilux } from "/client.js";
 import { Burst } from "./burst.js";
+import { Comparison } from "./compare.js";
 import { fetchMap, fetchMask } from "./map.js";
 import { Numbers } from "./numbers.js";
 import { Scene } from "./scene.js";
 import { Settings } from "./settings.js";
 import { Sky } from "./sky.js";
 import { Table } from "./table.js";
+import { Times } from "./times.js";
 
 /** Most lights that the page takes: more could not be told apart. */
 const LIGHTS = 512;
@@ -19,11 +21,16 @@ const by = id => document.getElementById(id);
 const sleep = ms => new Promise(done => setTimeout(done, ms));
 const isStill = matchMedia("(prefers-reduced-motion: reduce)");
 
-const sky = new Sky(by("sky-canvas"), by("sky-tip"));
-const numbers = new Numbers(by("tiles"), by("latency"));
+const sky = new Sky(by("sky-canvas"), by("sky-tip")), otherSky = new Sky(by("sky-canvas-2"), by("sky-tip-2"));
+const numbers = new Numbers(by("tiles")), times = new Times(by("latency"));
 const settings = new Settings(by("settings-form"), by("save"), by("save-text"));
 const table = new Table(by("rows"), by("rows-text"), by("list").querySelector("details"));
 const burst = new Burst(by("burst"));
+const names = [...document.querySelectorAll("[data-of]")];
+const comparison = new Comparison({
+  on: by("compare-on"), sampler: by("compare-sampler"), lights: by("compare-lights"), error: by("compare-error"), result: by("compare-result"),
+  names: [by("compare-first"), by("compare-second")], rows: by("compare-rows"), history: by("compare-history"),
+});
 
 /** `mayAll`: whether pictures and changes are for us, null before that is known. */
 let probe = null, scene = null, status = null, mayAll = null, wakeUp = [], changed = -1;
@@ -36,8 +43,9 @@ function connect() {
 }
 
 function take(set) {
-  sky.lights = set.lights;
+  if (!comparison.pair) sky.lights = set.lights;
   numbers.take(set);
+  times.take(set);
   table.take(set);
   count(set);
   if (set.stale) tell("stale");
@@ -95,9 +103,10 @@ async function look() {
   const isNewRun = status?.run !== found.run;
   status = found;
   numbers.status(found);
+  times.status(found);
   if (mayAll !== found.allowed) {
     mayAll = found.allowed;
-    settings.locked = !mayAll;
+    settings.locked = comparison.locked = !mayAll;
     by("login").hidden = mayAll;
     if (!mayAll) forget();
     wake();
@@ -111,7 +120,7 @@ async function look() {
 
 /** Pictures that may not be seen are not kept on the screen. */
 function forget() {
-  sky.map = sky.mask = null;
+  sky.map = sky.mask = otherSky.map = otherSky.mask = null;
   if (scene) scene.map = null;
   burst.clear();
 }
@@ -142,28 +151,54 @@ function lightScene() {
 
 /** The lights of this moment: they glide between two sets unless the reader wants no motion. */
 function supply(now) {
-  const set = probe?.latest;
-  if (!set) return { lights: [], ambient: null, moving: false };
-  const moving = probe.state === "live" && !isStill.matches;
-  return { lights: isStill.matches ? [...set.lights] : [...probe.interpolated(now)], ambient: set.ambient_sh, moving };
+  const set = probe?.latest, moving = probe?.state === "live" && !isStill.matches, { pair } = comparison;
+  if (pair) {
+    const lights = isStill.matches ? pair.sets.map(s => s.lights) : comparison.interpolated(now);
+    return { views: pair.sets.map((s, i) => ({ lights: [...lights[i]], ambient: s.ambient_sh })), moving };
+  }
+  if (!set) return { views: [], moving: false };
+  return { views: [{ lights: isStill.matches ? [...set.lights] : [...probe.interpolated(now)], ambient: set.ambient_sh }], moving };
 }
+
+/** Two of everything while a comparison goes on. */
+function showPair({ detail: { sets } }) {
+  document.body.classList.add("comparing");
+  [sky, otherSky].forEach((one, i) => { one.lights = sets[i].lights; });
+  for (const name of names) {
+    const text = `${sets[name.dataset.of].sampler}, ${sets[name.dataset.of].lights.length} lights`;
+    if (name.textContent !== text) name.textContent = text;
+  }
+  scene?.draw();
+}
+
+function showOne() {
+  document.body.classList.remove("comparing");
+  if (probe?.latest) sky.lights = probe.latest.lights;
+  scene?.draw();
+}
+
+const skies = act => [sky, otherSky].forEach(act);
 
 function controls() {
   by("login").addEventListener("submit", logIn);
-  for (const radio of document.querySelectorAll("[name=view]")) radio.addEventListener("change", () => { sky.view = radio.value; });
+  for (const radio of document.querySelectorAll("[name=view]")) radio.addEventListener("change", () => skies(one => { one.view = radio.value; }));
   by("exposure").addEventListener("input", e => {
     const ev = e.target.valueAsNumber;
     by("exposure-text").textContent = `${ev > 0 ? "+" : ev < 0 ? "−" : ""}${Math.abs(ev).toFixed(1)} EV`;
-    sky.exposure = ev;
+    skies(one => { one.exposure = ev; });
     if (scene) scene.exposure = ev;
   });
-  by("show-dots").addEventListener("change", e => { sky.dots = e.target.checked; });
-  by("show-marks").addEventListener("change", e => { sky.marks = e.target.checked; });
+  by("show-dots").addEventListener("change", e => skies(one => { one.dots = e.target.checked; }));
+  by("show-marks").addEventListener("change", e => skies(one => { one.marks = e.target.checked; }));
   for (const [id, option] of [["show-sky", "sky"], ["show-rays", "rays"]]) {
     by(id).addEventListener("change", e => scene?.set({ [option]: e.target.checked }));
   }
   by("show-shadows").addEventListener("change", e => scene?.set({ shadows: e.target.value }));
   settings.addEventListener("denied", look);
+  settings.addEventListener("changed", ({ detail }) => { comparison.samplers = detail.sampler.enum; });
+  comparison.addEventListener("denied", look);
+  comparison.addEventListener("pair", showPair);
+  comparison.addEventListener("end", showOne);
   document.addEventListener("visibilitychange", () => {
     // Browsers have few connections to one place: a page that nobody sees gives its own back.
     if (document.hidden) { probe?.close(); probe = null; } else { connect(); wake(); }
@@ -171,7 +206,7 @@ function controls() {
 }
 
 controls();
-settings.locked = true;
+settings.locked = comparison.locked = true;
 connect();
 lightScene();
 look();
@@ -179,8 +214,8 @@ setInterval(() => { if (!document.hidden) look(); }, STATUS_PAUSE);
 repeat(MAP_PAUSE, async () => {
   const map = await fetchMap();
   if (!map || !mayAll) return;
-  sky.map = map;
+  skies(one => { one.map = map; });
   if (scene) scene.map = map;
 });
-repeat(MASK_PAUSE, async () => { const mask = await fetchMask(); if (mask && mayAll) sky.mask = mask; });
+repeat(MASK_PAUSE, async () => { const mask = await fetchMask(); if (mask && mayAll) skies(one => { one.mask = mask; }); });
 repeat(2 * STATUS_PAUSE, () => burst.load());

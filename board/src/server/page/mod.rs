@@ -21,6 +21,9 @@ static FILES: &[(&str, &str, &str)] = files! {
     "icon.svg": SVG,
     "app.js": JAVASCRIPT,
     "burst.js": JAVASCRIPT,
+    "compare.js": JAVASCRIPT,
+    "fields.js": JAVASCRIPT,
+    "figures.js": JAVASCRIPT,
     "map.js": JAVASCRIPT,
     "numbers.js": JAVASCRIPT,
     "orbit.js": JAVASCRIPT,
@@ -32,6 +35,7 @@ static FILES: &[(&str, &str, &str)] = files! {
     "shapes.js": JAVASCRIPT,
     "sky.js": JAVASCRIPT,
     "table.js": JAVASCRIPT,
+    "times.js": JAVASCRIPT,
 };
 
 /// The page itself.

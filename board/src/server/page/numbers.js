@@ -1,16 +1,10 @@
-// The figures that tell how well the probe does, and its latency with where the time goes.
+// The figures that tell how well the probe does.
 
+import { element, milliseconds, percent, short } from "./figures.js";
 import { luminance } from "./map.js";
-import { penOf } from "./quality.js";
-
-/** Sets that the history shows. */
-const KEPT = 300;
 
 /** Part that the newest frame has in the smoothed flicker. */
 const SMOOTHING = 0.05;
-
-const STAGES = [["front", "merge and map", "#4c9be8"], ["pyramid", "pyramid", "#7a6ff0"], ["sample", "sampler", "#e8a33d"],
-  ["filter", "filter", "#d95f8c"], ["encode", "encoding", "#5bb98c"]];
 
 const TILES = [
   ["error", "Estimated error", "shadowed, of the mean irradiance"],
@@ -30,15 +24,10 @@ const NORMALS = Array.from({ length: 64 }, (_, i) => {
   return [across * Math.cos(phi), across * Math.sin(phi), z];
 });
 
-const percent = v => `${(100 * v).toPrecision(100 * v >= 9.95 ? 3 : 2)}`;
-const figures = v => v === 0 ? "0" : Math.abs(v) >= 1e5 || Math.abs(v) < 1e-3 ? v.toExponential(2) : v.toPrecision(3);
-const milliseconds = us => us >= 1e5 ? (us / 1000).toFixed(0) : (us / 1000).toPrecision(us >= 1000 ? 3 : 2);
-
 export class Numbers {
-  #values = new Map(); #notes = new Map(); #bars = new Map(); #canvas; #budget;
-  #totals = []; #receivers = null; #flicker = null; #run = null; #rate = 0;
+  #values = new Map(); #notes = new Map(); #receivers = null; #flicker = null; #run = null;
 
-  constructor(tiles, latency) {
+  constructor(tiles) {
     for (const [id, name, note] of TILES) {
       const box = tiles.appendChild(document.createElement("div"));
       box.append(element("dt", name));
@@ -48,49 +37,30 @@ export class Numbers {
       this.#values.set(id, value);
       this.#notes.set(id, small);
     }
-    this.#budget = latency.appendChild(element("p", ""));
-    this.#budget.className = "hint";
-    const bar = latency.appendChild(element("div", "")), legend = latency.appendChild(element("ul", ""));
-    bar.className = "stages";
-    bar.setAttribute("aria-hidden", "true");
-    legend.className = "legend";
-    for (const [stage, name, colour] of STAGES) {
-      const part = bar.appendChild(element("i", "")), row = legend.appendChild(element("li", "")), swatch = row.appendChild(element("i", ""));
-      part.style.background = swatch.style.background = colour;
-      this.#bars.set(stage, { part, name, text: row.appendChild(element("span", name)) });
-    }
-    this.#canvas = latency.appendChild(document.createElement("canvas"));
-    this.#canvas.id = "history";
-    this.#canvas.setAttribute("role", "img");
   }
 
   /** A new light set. */
   take(set) {
     if (set.run !== this.#run) {
       this.#run = set.run;
-      this.#totals = [];
       this.#receivers = this.#flicker = null;
     }
     this.#follow(set.lights);
-    this.#totals.push(set.latency_us.total);
-    if (this.#totals.length > KEPT) this.#totals.shift();
     this.#tile("error", set.estimated_error === null ? "–" : percent(set.estimated_error), set.estimated_error === null ? "" : "%",
       set.estimated_error === null ? `${set.sampler} does not estimate it` : undefined);
     const total = luminance(...set.horizontal_irradiance);
-    this.#tile("illuminance", figures(total), set.unit === "lux" ? "lx" : "rel.");
+    this.#tile("illuminance", short(total), set.unit === "lux" ? "lx" : "rel.");
     this.#tile("flicker", this.#flicker === null ? "–" : percent(this.#flicker), this.#flicker === null ? "" : "%");
     this.#tile("clipped", percent(set.clipped), "%");
     this.#values.get("clipped").classList.toggle("warn", set.clipped > 0);
     this.#tile("unseen", percent(set.unseen), "%");
     this.#tile("latency", milliseconds(set.latency_us.total), "ms");
-    this.#latency(set.latency_us);
   }
 
   /** `/v1/status`. */
   status({ last, streams, connections, source }) {
     this.#tile("clients", streams, "", `${streams === 1 ? "stream" : "streams"}, ${connections} connections`);
     if (!last) return;
-    this.#rate = last.rate_hz;
     this.#tile("rate", last.rate_hz.toFixed(1), "/s", source);
   }
 
@@ -117,56 +87,4 @@ export class Numbers {
     }
     this.#receivers = now;
   }
-
-  #latency(us) {
-    const sum = STAGES.reduce((total, [stage]) => total + us[stage], 0) || 1;
-    for (const [stage, { part, name, text }] of this.#bars) {
-      part.style.width = `${100 * us[stage] / sum}%`;
-      text.textContent = `${name} ${milliseconds(us[stage])} ms`;
-    }
-    const budget = this.#rate > 0 ? 1e6 / this.#rate : null;
-    this.#budget.textContent = `${milliseconds(us.total)} ms from the end of the burst` +
-      (budget ? `: ${percent(us.total / budget)} % of the ${milliseconds(budget)} ms between frames.` : ".") +
-      ` The burst took ${milliseconds(us.capture)} ms, waiting included.`;
-    this.#draw(budget);
-  }
-
-  /** The last totals as a curve, below the line of what there is time for where that is near. */
-  #draw(budget) {
-    const canvas = this.#canvas, ratio = window.devicePixelRatio || 1, box = canvas.getBoundingClientRect();
-    if (!box.width) return;
-    if (canvas.width !== Math.round(box.width * ratio)) {
-      canvas.width = Math.round(box.width * ratio);
-      canvas.height = Math.round(box.height * ratio);
-    }
-    const pen = penOf(canvas), style = getComputedStyle(canvas), { width, height } = canvas;
-    const most = Math.max(...this.#totals, 1), top = niceAbove(1.1 * most), place = v => height - 2 - (height - 4) * v / top;
-    pen.clearRect(0, 0, width, height);
-    pen.strokeStyle = pen.fillStyle = style.color;
-    pen.globalAlpha = 0.25;
-    pen.lineWidth = ratio;
-    for (const part of [0.5, 1]) { pen.beginPath(); pen.moveTo(0, place(top * part)); pen.lineTo(width, place(top * part)); pen.stroke(); }
-    if (budget && budget < top) { pen.globalAlpha = 0.9; pen.fillRect(0, place(budget), width, 2 * ratio); }
-    pen.globalAlpha = 0.9;
-    pen.font = `${11 * ratio}px system-ui, sans-serif`;
-    pen.textBaseline = "top";
-    pen.fillText(`${milliseconds(top)} ms`, 3, 4 * ratio);
-    pen.globalAlpha = 1;
-    pen.lineWidth = 1.5 * ratio;
-    pen.strokeStyle = "#e8a33d";
-    pen.beginPath();
-    this.#totals.forEach((v, i) => pen.lineTo(width * (KEPT - this.#totals.length + i + 1) / KEPT, place(v)));
-    pen.stroke();
-    canvas.setAttribute("aria-label", `Latency of the last ${this.#totals.length} frames, at most ${milliseconds(most)} milliseconds`);
-  }
-}
-
-/** 1, 2 or 5 times a power of ten, not below `v`. */
-function niceAbove(v) {
-  const power = 10 ** Math.floor(Math.log10(v));
-  return [1, 2, 5, 10].find(k => k * power >= v) * power;
-}
-
-function element(name, text) {
-  return Object.assign(document.createElement(name), { textContent: text });
 }

@@ -4,6 +4,9 @@ const HOME = { around: -1.95, up: 0.33, away: 5.4 };
 const TARGET = [0, 0, 0.62];
 const FIELD = 38 * Math.PI / 180;
 
+/** Width over height that the solids need. */
+const WIDTH = 1.2;
+
 export class Orbit {
   #at = { ...HOME }; #pointers = new Map(); #changed;
 
@@ -56,8 +59,8 @@ export class Orbit {
     const eye = back.map((v, i) => TARGET[i] + away * v);
     const right = [-Math.sin(around), Math.cos(around), 0];
     const top = [back[1] * right[2] - back[2] * right[1], back[2] * right[0] - back[0] * right[2], back[0] * right[1] - back[1] * right[0]];
-    // A narrow picture sees as far to its sides as a square one.
-    const f = 1 / Math.tan(FIELD / 2) * Math.min(1, aspect), near = 0.1, far = 40, a = (far + near) / (near - far), b = 2 * far * near / (near - far);
+    // A narrow picture sees as far to its sides as one that is a little wider than high.
+    const f = 1 / Math.tan(FIELD / 2) * Math.min(1, aspect / WIDTH), near = 0.1, far = 40, a = (far + near) / (near - far), b = 2 * far * near / (near - far);
     const dot = (u, v) => u[0] * v[0] + u[1] * v[1] + u[2] * v[2], rows = [right.map(v => v * f / aspect), top.map(v => v * f), back.map(v => v * a)];
     const move = [-dot(rows[0], eye), -dot(rows[1], eye), -dot(rows[2], eye) + b];
     const view = [0, 1, 2].flatMap(c => [rows[0][c], rows[1][c], rows[2][c], -back[c]]).concat(move, dot(back, eye));

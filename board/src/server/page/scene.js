@@ -9,6 +9,9 @@ import { BALL, STRIDE, scene } from "./shapes.js";
 /** Depth maps: side in texels, and how many there are. */
 const SIDE = 512, LAYERS = 32;
 
+/** How much longer the pause between pictures is where there is no motion to be smooth: without a GPU others need the processor. */
+const SELDOM = 4;
+
 /** Widest picture, pixels. */
 const WIDEST = 1600;
 
@@ -20,7 +23,7 @@ export class Scene {
   #supply; #told; #due = 0; #visible = true; #goesOn = false; #exposure = 0; #last = 0; #ev = 0;
   #options = { sky: true, rays: false, shadows: "auto" };
 
-  /** `supply(now)` gives { lights, ambient, moving }; `told` is called with what is drawn and how fast. Throws where WebGL2 is missing. */
+  /** `supply(now)` gives { views: [{ lights, ambient }], moving }, two views side by side for a comparison; `told` is called with what is drawn and how fast. Throws where WebGL2 is missing. */
   constructor(canvas, supply, told) {
     this.#canvas = canvas;
     this.#supply = supply;
@@ -65,7 +68,7 @@ export class Scene {
     this.#due ||= requestAnimationFrame(now => {
       this.#due = 0;
       if (!this.#visible || this.#gl.isContextLost()) this.#goesOn = false;
-      else if (now - this.#last < this.#quality.pause) this.draw();
+      else if (now - this.#last < this.#quality.pause * (this.#goesOn ? 1 : SELDOM)) this.draw();
       else {
         this.#goesOn = this.#frame(now);
         if (this.#goesOn) this.draw();
@@ -101,24 +104,33 @@ export class Scene {
   }
 
   #frame(now) {
-    const { lights, ambient, moving } = this.#supply(now);
+    const { views, moving } = this.#supply(now);
     if (moving) this.#quality.frame(now, this.#goesOn);
     const quality = this.#quality.current, gl = this.#gl;
     this.#fit(quality.scale);
-    const sorted = lights.filter(l => l.direction[2] > -1).sort((a, b) => luminance(...b.irradiance) - luminance(...a.irradiance));
-    const single = sorted.slice(0, Math.min(MOST_LIGHTS, quality.lights)), harmonics = gathered(ambient, sorted.slice(single.length));
-    this.#adapt(now, sorted, harmonics);
-    const shadows = this.#options.shadows !== "none" ? Math.min(quality.shadows, single.length) : 0;
-    for (let i = 0; i < shadows; i++) this.#drawDepth(single[i], i);
+    const parts = views.map(({ lights, ambient }) => {
+      const sorted = lights.filter(l => l.direction[2] > -1).sort((a, b) => luminance(...b.irradiance) - luminance(...a.irradiance));
+      const single = sorted.slice(0, Math.min(MOST_LIGHTS, quality.lights));
+      return { sorted, single, harmonics: gathered(ambient, sorted.slice(single.length)) };
+    });
+    if (!parts.length) return moving;
+    // Both under the first one's exposure, or a comparison would hide differences.
+    this.#adapt(now, parts[0].sorted, parts[0].harmonics);
+    const shadows = this.#options.shadows !== "none" ? Math.min(Math.ceil(quality.shadows / parts.length), parts[0].single.length) : 0;
+    const width = Math.floor(this.#canvas.width / parts.length), height = this.#canvas.height, camera = this.#orbit.camera(width / height);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
-    gl.viewport(0, 0, this.#canvas.width, this.#canvas.height);
-    gl.disable(gl.POLYGON_OFFSET_FILL);
+    gl.disable(gl.SCISSOR_TEST);
     gl.clear(gl.DEPTH_BUFFER_BIT);
-    const camera = this.#orbit.camera(this.#canvas.width / this.#canvas.height);
-    this.#drawSky(camera);
-    this.#drawSolids(camera, single, harmonics, shadows, quality.taps);
-    if (this.#options.rays) this.#drawRays(camera, sorted);
-    this.#told({ rate: this.#quality.rate, shadows, lights: single.length, moving });
+    parts.forEach(({ sorted, single, harmonics }, i) => {
+      for (let k = 0; k < shadows && k < single.length; k++) this.#drawDepth(single[k], k);
+      gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+      gl.viewport(i * width, 0, width, height);
+      gl.disable(gl.POLYGON_OFFSET_FILL);
+      this.#drawSky(camera);
+      this.#drawSolids(camera, single, harmonics, Math.min(shadows, single.length), quality.taps);
+      if (this.#options.rays) this.#drawRays(camera, sorted);
+    });
+    this.#told({ rate: this.#quality.rate, shadows, lights: parts[0].single.length, moving });
     return moving;
   }
 

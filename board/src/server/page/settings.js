@@ -1,16 +1,19 @@
 // The settings, made from what /v1/config says of each: a change is sent at once, and what is wrong with it stands beside its field.
 
+import { field } from "./fields.js";
+
 /** Time after the last keystroke or move of a slider until it is sent, ms. */
 const PAUSE = 250;
 
-/** Those that come first, and a name that says more than the short one. */
-const ORDER = ["sampler", "lights", "tolerance", "ambient", "extrapolation"], TITLES = { gui: "Debug picture" };
+/** Those that come first, in their order. */
+const ORDER = ["sampler", "lights", "tolerance", "ambient", "q2tree_threshold", "fir_taps", "fir_cutoff_hz", "extrapolation", "order", "exposures_s",
+  "budget_total_ms", "budget_capture_ms", "budget_front_ms", "budget_pyramid_ms", "budget_sample_ms", "budget_filter_ms", "budget_encode_ms"];
 
-/** Above so many values a slider's steps grow with the value. */
-const LINEAR = 100;
+/** The groups, and those that are open at first. */
+const GROUPS = { lights: "From the map to the lights", map: "From the lens to the map", budgets: "Budgets", other: "Other" }, OPEN = ["lights", "map"];
 
 export class Settings extends EventTarget {
-  #form; #save; #saveText; #fields = new Map(); #timers = new Map(); #serial = 0; #values = {};
+  #form; #save; #saveText; #fields = new Map(); #timers = new Map(); #serial = 0; #values = {}; #locked = false;
 
   /** Dispatches "denied" when the token is missing, and "changed" with the settings after a change. */
   constructor(form, save, saveText) {
@@ -33,9 +36,9 @@ export class Settings extends EventTarget {
 
   /** Whether changes are let through. */
   set locked(locked) {
-    for (const control of this.#form.querySelectorAll("input, select")) control.disabled = locked;
+    this.#locked = locked;
+    for (const field of this.#fields.values()) field.locked = locked;
     this.#save.disabled = locked;
-    this.#form.dataset.locked = locked;
   }
 
   #show({ values, settings, can_save, pending }) {
@@ -44,13 +47,22 @@ export class Settings extends EventTarget {
     const names = Object.keys(settings).sort((a, b) => place(a) - place(b));
     if (names.join() !== [...this.#fields.keys()].join()) {
       this.#fields = new Map(names.map(name => [name, field(name, settings[name], value => this.#later(name, value))]));
-      this.#form.replaceChildren(...[...this.#fields.values()].map(f => f.box));
-      if (this.#form.dataset.locked === "true") this.locked = true;
+      this.#form.replaceChildren(...Object.keys(GROUPS).map(group => this.#group(group, names.filter(name => settings[name].group === group))));
+      this.locked = this.#locked;
     }
     for (const name of names) this.#fields.get(name).show(settings[name], this.#timers.has(name));
     this.#save.hidden = !can_save;
     if (pending) this.#say("Accepted; it takes effect with the next frame, which has not come yet.");
     this.dispatchEvent(new CustomEvent("changed", { detail: settings }));
+  }
+
+  #group(group, names) {
+    const box = document.createElement("details"), title = document.createElement("summary");
+    box.open = OPEN.includes(group);
+    box.id = `group-${group}`;
+    title.textContent = GROUPS[group];
+    box.append(title, ...names.map(name => this.#fields.get(name).box));
+    return box;
   }
 
   #later(name, value) {
@@ -62,7 +74,7 @@ export class Settings extends EventTarget {
   }
 
   async #send(name, value) {
-    if (value === undefined) return this.#fields.get(name).fail("found no number");
+    if (value === undefined) return this.#fields.get(name).fail(`found ${this.#fields.get(name).isList ? "something else, expected numbers" : "no number"}`);
     const serial = ++this.#serial;
     for (const field of this.#fields.values()) field.fail("");
     this.#say("");
@@ -72,6 +84,7 @@ export class Settings extends EventTarget {
     if (answer.settings) return this.#show(answer);
     if (status === 401) this.dispatchEvent(new Event("denied"));
     const errors = answer.errors ?? { [name]: answer.text };
+    for (const one of Object.keys(errors)) this.#fields.get(one)?.reveal();
     for (const [field, text] of Object.entries(errors)) (this.#fields.get(field) ?? this.#fields.get(name)).fail(text);
     // A choice that does not go together with another field's value is taken back, and that field says why.
     if (!(name in errors)) {
@@ -100,94 +113,4 @@ async function patch(url, wish) {
   } catch {
     return [0, { text: "not sent: the probe does not answer" }];
   }
-}
-
-/** A row with label, control, explanation and place for an error; `change` is called with each new value, undefined for none. */
-function field(name, schema, change) {
-  const box = document.createElement("div"), row = make("div", { className: "row" }), id = `set-${name}`;
-  const control = kind(schema)(id, schema, change);
-  const label = make("label", { className: "name", htmlFor: id, textContent: TITLES[name] ?? name[0].toUpperCase() + name.slice(1).replaceAll("_", " ") });
-  const hint = make("p", { className: "hint", id: `${id}-hint` }), error = make("p", { className: "error", id: `${id}-error` });
-  error.setAttribute("role", "alert");
-  row.append(label, ...control.parts);
-  box.append(row, hint, error);
-  for (const part of control.parts) part.setAttribute("aria-describedby", `${hint.id} ${error.id}`);
-  const fail = text => {
-    error.textContent = text;
-    control.parts.forEach(part => part.setAttribute("aria-invalid", String(Boolean(text))));
-  };
-  let shown;
-  const show = (schema, isBusy) => {
-    hint.textContent = `${schema.description} ${range(schema)}`;
-    const value = JSON.stringify(schema.value);
-    // What is wrong stays to be seen until it is mended or the value changes.
-    if (isBusy || (error.textContent && value === shown)) return;
-    shown = value;
-    control.show(schema);
-    fail("");
-  };
-  return { box, fail, show, get text() { return error.textContent; } };
-}
-
-function range({ minimum, maximum, unit }) {
-  return minimum === undefined ? "" : `${minimum} to ${maximum}${unit ? ` ${unit}` : ""}.`;
-}
-
-function kind({ type, enum: words }) {
-  if (words) return choice;
-  if (type === "boolean") return toggle;
-  return [].concat(type).includes("null") ? optional : number;
-}
-
-function choice(id, { enum: words }, change) {
-  const select = make("select", { id });
-  select.append(...words.map(word => make("option", { value: word, textContent: word })));
-  select.addEventListener("change", () => change(select.value));
-  return { parts: [select], show: ({ value }) => { select.value = value; } };
-}
-
-function toggle(id, _, change) {
-  const box = make("input", { id, type: "checkbox" });
-  box.addEventListener("change", () => change(box.checked));
-  return { parts: [box], show: ({ value }) => { box.checked = value; } };
-}
-
-/** A number with a slider; where there are many values the slider is logarithmic. */
-function number(id, schema, change) {
-  const input = make("input", { id, type: "number" }), slider = make("input", { type: "range", min: 0, max: 1, step: 0.001 });
-  slider.setAttribute("aria-label", `${id.slice(4)}, roughly`);
-  const scale = { least: 0, most: 1 };
-  const isLog = () => scale.most - scale.least > LINEAR;
-  const to = v => isLog() ? Math.log((v - scale.least) + 1) / Math.log(scale.most - scale.least + 1) : (v - scale.least) / (scale.most - scale.least);
-  const from = p => isLog() ? scale.least + (scale.most - scale.least + 1) ** p - 1 : scale.least + p * (scale.most - scale.least);
-  input.addEventListener("input", () => {
-    if (input.value !== "") slider.value = to(input.valueAsNumber);
-    change(input.value === "" ? undefined : input.valueAsNumber);
-  });
-  slider.addEventListener("input", () => {
-    input.valueAsNumber = schema.type === "integer" ? Math.round(from(slider.valueAsNumber)) : Number(from(slider.valueAsNumber).toPrecision(3));
-    change(input.valueAsNumber);
-  });
-  const show = ({ minimum, maximum, value, type }) => {
-    Object.assign(scale, { least: minimum, most: maximum });
-    Object.assign(input, { min: minimum, max: maximum, step: type === "integer" ? 1 : "any" });
-    input.value = value;
-    slider.value = to(value);
-  };
-  return { parts: [input, slider], show };
-}
-
-/** A number that may be left out: an empty field is none. */
-function optional(id, _, change) {
-  const input = make("input", { id, type: "number", step: "any", placeholder: "off" });
-  input.addEventListener("input", () => change(input.validity.badInput ? undefined : input.value === "" ? null : input.valueAsNumber));
-  const show = ({ minimum, maximum, value }) => {
-    Object.assign(input, { min: minimum, max: maximum });
-    input.value = value ?? "";
-  };
-  return { parts: [input], show };
-}
-
-function make(name, properties) {
-  return Object.assign(document.createElement(name), properties);
 }

@@ -4,6 +4,16 @@ use super::security::locked;
 use super::*;
 use crate::probe::compare::MOST_LIGHTS;
 
+/// The answer once there is a pair: a busy machine may have none in time.
+async fn compare(app: &Router, query: &str) -> Got {
+    loop {
+        let got = fetch(app, "GET", &format!("/v1/compare?{query}"), &[], "").await;
+        if got.status != 503 {
+            return got;
+        }
+    }
+}
+
 #[tokio::test]
 async fn two_sets_of_the_same_frame_come_with_what_is_thought_of_them() {
     let probe = probe(usize::MAX);
@@ -11,8 +21,7 @@ async fn two_sets_of_the_same_frame_come_with_what_is_thought_of_them() {
     let mut last = None;
     for round in 0..4 {
         let after = last.map_or_else(String::new, |frame: u64| format!("&after={frame}"));
-        let got =
-            fetch(&app, "GET", &format!("/v1/compare?algorithm=q2tree&lights=40{after}"), &[], "").await;
+        let got = compare(&app, &format!("algorithm=q2tree&lights=40{after}")).await;
         let value = got.json();
         let frame = value["frame"].as_u64().expect("a frame");
         assert!(last.is_none_or(|last| frame > last), "a later one");
@@ -30,7 +39,11 @@ async fn two_sets_of_the_same_frame_come_with_what_is_thought_of_them() {
             assert_eq!(set["latency_us"]["sample"], score["sample_us"], "its own time");
             let ratio = |name: &str| score[name].as_f64().unwrap_or_else(|| panic!("{name}: {score}"));
             assert!(ratio("shadowed") > 1e-4 && ratio("shadowed") < 0.1 && ratio("energy") < 1e-3, "{score}");
-            assert_eq!(score["flicker"].is_null(), last != Some(frame - 1), "round {round}: {score}");
+            assert_eq!(
+                score["flicker"].is_null(),
+                last.map(|last| last + 1) != Some(frame),
+                "round {round}: {score}"
+            );
         }
         last = Some(frame);
     }
@@ -43,13 +56,13 @@ async fn two_sets_of_the_same_frame_come_with_what_is_thought_of_them() {
 async fn another_comparison_has_to_wait_and_is_let_in_when_nobody_looks() {
     let probe = probe(usize::MAX);
     let app = routes(&probe);
-    assert_eq!(get(&app, "/v1/compare?algorithm=q2tree").await.0, 200, "the first");
+    assert_eq!(compare(&app, "algorithm=q2tree").await.status, 200, "the first");
     let (status, _, text) = get(&app, "/v1/compare?algorithm=pharr&lights=9").await;
     assert!(status == 409 && text.contains("q2tree and 64 lights"), "{status}: {text}");
-    assert_eq!(get(&app, "/v1/compare?algorithm=q2tree").await.0, 200, "who goes on is let in");
+    assert_eq!(compare(&app, "algorithm=q2tree").await.status, 200, "who goes on is let in");
     tokio::time::sleep(Duration::from_millis(600)).await;
-    let (status, _, text) = get(&app, "/v1/compare?algorithm=pharr&lights=9").await;
-    assert!(status == 200 && text.contains("\"sampler\":\"pharr\""), "{status}: {text}");
+    let got = compare(&app, "algorithm=pharr&lights=9").await;
+    assert!(got.status == 200 && got.text().contains("\"sampler\":\"pharr\""), "{}", got.text());
 }
 
 #[tokio::test]
@@ -57,14 +70,14 @@ async fn samplers_that_need_another_map_and_another_size_of_it_are_compared() {
     let probe = probe(usize::MAX);
     let app = routes(&probe);
     for name in ["hemigon", "hemigon-fir", "pharr", "adaptive", "q2tree-jitter"] {
-        let got = fetch(&app, "GET", &format!("/v1/compare?algorithm={name}"), &[], "").await.json();
+        let got = compare(&app, &format!("algorithm={name}")).await.json();
         assert_eq!(got["sets"][1]["sampler"], name);
         assert!(got["scores"][1]["shadowed"].as_f64().is_some_and(|e| e < 0.2), "{name}: {}", got["scores"]);
         tokio::time::sleep(Duration::from_millis(520)).await;
     }
     let changed = fetch(&app, "PATCH", "/v1/config", &[], "{\"order\": 5}").await;
     assert_eq!(changed.status, 200, "{}", changed.text());
-    let got = fetch(&app, "GET", "/v1/compare?algorithm=q2tree", &[], "").await.json();
+    let got = compare(&app, "algorithm=q2tree").await.json();
     assert!(got["scores"][1]["energy"].as_f64().is_some_and(|e| e < 1e-3), "{}", got["scores"]);
 }
 
@@ -95,9 +108,13 @@ async fn what_cannot_be_compared_is_refused_with_the_list_and_who_has_no_token_t
 async fn a_source_that_has_stopped_gives_the_last_pair_and_says_so() {
     let probe = probe(30);
     let app = routes(&probe);
-    let got = fetch(&app, "GET", "/v1/compare?algorithm=pharr", &[], "").await;
-    assert_eq!(got.status, 200, "while there are frames");
-    tokio::time::sleep(Duration::from_millis(900)).await;
-    let got = fetch(&app, "GET", "/v1/compare?algorithm=pharr", &[], "").await.json();
-    assert_eq!(got["sets"][1]["stale"]["reason"], "<unplugged>", "{}", got["sets"][1]["stale"]);
+    let began = std::time::Instant::now();
+    loop {
+        let got = compare(&app, "algorithm=pharr").await.json();
+        let reason = got["sets"][1]["stale"]["reason"].clone();
+        if reason == "<unplugged>" {
+            return;
+        }
+        assert!(began.elapsed() < Duration::from_secs(30), "{reason}");
+    }
 }

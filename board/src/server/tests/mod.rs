@@ -39,6 +39,14 @@ impl Source for Mortal {
         self.scene.exposures()
     }
 
+    fn fixed_exposures(&self) -> Option<&'static str> {
+        self.scene.fixed_exposures()
+    }
+
+    fn set_exposures(&mut self, seconds: Option<&[f64]>) -> Result<(), String> {
+        self.scene.set_exposures(seconds)
+    }
+
     fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
         self.left = self.left.checked_sub(1).ok_or_else(|| SourceError::Gone("<unplugged>".into()))?;
         self.scene.next(burst)

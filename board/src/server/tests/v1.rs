@@ -131,15 +131,22 @@ async fn the_schema_says_what_each_setting_may_be_and_every_such_value_is_taken(
     for (name, setting) in &settings {
         assert_eq!(setting["value"], config["values"][name], "{name}");
         assert!(setting["description"].as_str().is_some_and(|d| d.ends_with('.')), "{name}");
-        let values = match setting["type"].as_str() {
+        let kinds = setting["type"].as_array().map_or_else(|| vec![setting["type"].clone()], Clone::clone);
+        let mut values = match kinds[0].as_str() {
             Some("string") => setting["enum"].as_array().expect("words").clone(),
             Some("integer") => {
-                vec![40.into(), setting["maximum"].as_u64().expect("a number").min(300).into()]
+                let (least, most) =
+                    (setting["minimum"].clone(), setting["maximum"].as_u64().expect("a number"));
+                vec![least, most.min(300).into()]
             }
+            Some("number") => vec![setting["minimum"].clone(), 0.5.into(), setting["maximum"].clone()],
             Some("boolean") => vec![true.into(), false.into()],
-            None => vec![setting["minimum"].clone(), 0.03.into(), setting["maximum"].clone(), Value::Null],
+            Some("array") => vec![serde_json::json!([0.002, 0.03]), serde_json::json!([0.001])],
             other => panic!("{name}: {other:?}"),
         };
+        if kinds.contains(&"null".into()) {
+            values.push(Value::Null);
+        }
         for value in values {
             let mut wish = serde_json::json!({"sampler": "adaptive"});
             wish[name] = value.clone();

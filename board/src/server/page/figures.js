@@ -1,0 +1,68 @@
+// Numbers as the page writes them, and the small curves beside them.
+
+import { penOf } from "./quality.js";
+
+/** A ratio in per cent, without the sign. */
+export const percent = v => `${(100 * v).toPrecision(100 * v >= 9.95 ? 3 : 2)}`;
+
+/** Microseconds in milliseconds. */
+export const milliseconds = us => us >= 1e5 ? (us / 1000).toFixed(0) : us === 0 ? "0" : (us / 1000).toPrecision(us >= 1000 ? 3 : 2);
+
+/** Three figures. */
+export const short = v => v === 0 ? "0" : Math.abs(v) >= 1e5 || Math.abs(v) < 1e-3 ? v.toExponential(2) : v.toPrecision(3);
+
+/** A round number, not far above `v`. */
+export function niceAbove(v) {
+  const power = 10 ** Math.floor(Math.log10(v));
+  return [1, 1.5, 2, 3, 4, 5, 6, 8, 10].find(k => k * power >= v) * power;
+}
+
+export function element(name, text, properties = {}) {
+  return Object.assign(document.createElement(name), { textContent: text, ...properties });
+}
+
+/** A pen for a canvas whose pixels are the screen's, cleared; null while it is not shown. */
+export function cleared(canvas) {
+  const ratio = window.devicePixelRatio || 1, box = canvas.getBoundingClientRect();
+  if (!box.width) return null;
+  const [width, height] = [Math.round(box.width * ratio), Math.round(box.height * ratio)];
+  if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
+  const pen = penOf(canvas);
+  pen.clearRect(0, 0, width, height);
+  return { pen, ratio, width, height };
+}
+
+/** Curves over the last `kept` frames from 0 to `top`, which is written with `unit` where it is given; `line` is drawn across where it is below. */
+export function curves(canvas, kept, top, all, { label = "", line = null } = {}) {
+  const paper = cleared(canvas);
+  if (!paper) return;
+  const { pen, ratio, width, height } = paper, place = v => height - 2 - (height - 4) * Math.min(1, v / top);
+  pen.strokeStyle = pen.fillStyle = getComputedStyle(canvas).color;
+  pen.lineWidth = ratio;
+  if (label) {
+    pen.globalAlpha = 0.25;
+    for (const part of [0, 0.5, 1]) { pen.beginPath(); pen.moveTo(0, place(top * part)); pen.lineTo(width, place(top * part)); pen.stroke(); }
+    pen.globalAlpha = 0.9;
+    pen.font = `${11 * ratio}px system-ui, sans-serif`;
+    pen.textBaseline = "top";
+    pen.fillText(label, 3, 4 * ratio);
+  }
+  if (line !== null && line <= top) {
+    pen.globalAlpha = 0.8;
+    pen.setLineDash([4 * ratio, 3 * ratio]);
+    pen.beginPath();
+    pen.moveTo(0, place(line));
+    pen.lineTo(width, place(line));
+    pen.stroke();
+    pen.setLineDash([]);
+  }
+  pen.globalAlpha = 1;
+  pen.lineWidth = 1.5 * ratio;
+  pen.lineJoin = "round";
+  for (const [colour, values] of all) {
+    pen.strokeStyle = colour;
+    pen.beginPath();
+    values.forEach((v, i) => pen.lineTo(width * (kept - values.length + i + 1) / kept, place(v)));
+    pen.stroke();
+  }
+}

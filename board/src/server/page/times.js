@@ -1,0 +1,90 @@
+// How long each stage takes, against its budget: a bar, a curve of the last frames, and how often it was too long.
+
+import { curves, element, milliseconds, niceAbove } from "./figures.js";
+
+/** Frames that the curves show, and the time between two drawings of them, ms. */
+const KEPT = 300, PAUSE = 150;
+
+/** Part of a bar's width that is the budget. */
+const FULL = 0.8;
+
+const STAGES = [
+  ["capture", "capture", "waiting for the burst included", "#8a94a8"], ["front", "merge, map", "", "#4c9be8"], ["pyramid", "pyramid", "", "#7a6ff0"],
+  ["sample", "sampler", "", "#e8a33d"], ["filter", "filter", "outside the sampler", "#d95f8c"], ["encode", "encoding", "of the frame before", "#5bb98c"],
+  ["total", "total", "end of burst to finished set", "#c2b8a3"],
+];
+
+export class Times {
+  #rows = new Map(); #sum; #kept = new Map(STAGES.map(([stage]) => [stage, []])); #budgets = {}; #run = null; #drawn = 0; #rate = 0;
+
+  constructor(box) {
+    this.#sum = box.appendChild(element("p", "", { className: "hint" }));
+    const table = box.appendChild(element("table", "", { className: "times" })), head = table.createTHead().insertRow();
+    for (const name of ["Stage", "In its budget", "Last frames", "Now / budget", "95 %", "Over"]) head.append(element("th", name, { scope: "col" }));
+    const body = table.createTBody();
+    for (const [stage, name, note, colour] of STAGES) {
+      const row = body.insertRow(), title = row.appendChild(element("th", name, { scope: "row", title: note }));
+      title.id = `t-${stage}`;
+      const bar = row.insertCell().appendChild(element("div", "", { className: "bar-of" })), part = bar.appendChild(element("i", "")), tick = bar.appendChild(element("b", ""));
+      bar.setAttribute("aria-hidden", "true");
+      part.style.background = colour;
+      const curve = row.insertCell().appendChild(element("canvas", "", { className: "curve" }));
+      curve.setAttribute("role", "img");
+      const both = row.insertCell(), now = both.appendChild(element("span", "")), budget = both.appendChild(element("small", ""));
+      const most = row.insertCell(), over = row.insertCell();
+      Object.entries({ now, budget, most, over }).forEach(([kind, box]) => { box.id = `t-${stage}-${kind}`; });
+      this.#rows.set(stage, { row, part, tick, curve, now, most, budget, over, colour, name });
+    }
+  }
+
+  /** A new light set. */
+  take({ run, latency_us: us, overrun }) {
+    if (run !== this.#run) {
+      this.#run = run;
+      for (const values of this.#kept.values()) values.length = 0;
+    }
+    for (const [stage, values] of this.#kept) {
+      values.push(us[stage]);
+      if (values.length > KEPT) values.shift();
+    }
+    const now = performance.now();
+    if (now - this.#drawn < PAUSE) return;
+    this.#drawn = now;
+    for (const [stage, row] of this.#rows) this.#show(stage, row, us[stage], (overrun ?? []).includes(stage));
+    const period = this.#rate > 0 ? 1e6 / this.#rate : null;
+    this.#sum.textContent = `${milliseconds(us.total)} ms from the end of the burst to the finished set` +
+      (period ? `, ${(100 * us.total / period).toFixed(0)} % of the ${milliseconds(period)} ms between frames.` : ".");
+  }
+
+  #show(stage, { row, part, tick, curve, now, colour, name }, us, isOver) {
+    const budget = this.#budgets[stage], values = this.#kept.get(stage), most = Math.max(...values, 1);
+    row.classList.toggle("over", isOver);
+    write(now, milliseconds(us));
+    part.style.width = budget ? `${100 * Math.min(1, FULL * us / budget)}%` : "0";
+    const high = [...values].sort((a, b) => a - b)[Math.floor(0.95 * (values.length - 1))];
+    tick.style.left = budget ? `${100 * Math.min(1, FULL * high / budget)}%` : "0";
+    const top = niceAbove(1.1 * most);
+    curves(curve, KEPT, top, [[colour, values]], { line: budget });
+    curve.setAttribute("aria-label", `${name}, last ${values.length} frames: at most ${milliseconds(most)} milliseconds`);
+  }
+
+  /** `/v1/status`: budgets, percentiles since the start and overruns. */
+  status({ stages, frames, last }) {
+    this.#rate = last?.rate_hz ?? 0;
+    for (const { stage, budget_us, overruns, p50_us, p95_us, p99_us, max_us } of stages ?? []) {
+      const row = this.#rows.get(stage);
+      if (!row) continue;
+      this.#budgets[stage] = budget_us;
+      write(row.most, `${milliseconds(p95_us)} ms`);
+      write(row.budget, ` / ${Number((budget_us / 1000).toPrecision(4))} ms`);
+      write(row.over, overruns === 0 ? "never" : `${share(overruns / Math.max(1, frames))} %`);
+      row.row.title = `since the start, ${frames} frames: half within ${milliseconds(p50_us)} ms, 95 % ${milliseconds(p95_us)}, 99 % ${milliseconds(p99_us)}, all ${milliseconds(max_us)}; ${overruns} over budget`;
+    }
+  }
+}
+
+const share = v => 100 * v >= 10 ? (100 * v).toFixed(0) : (100 * v).toPrecision(1);
+
+function write(box, text) {
+  if (box.textContent !== text) box.textContent = text;
+}

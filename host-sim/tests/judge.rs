@@ -1,0 +1,58 @@
+//! What the probe thinks of light sets while it runs, against the score itself.
+
+use hemilux::judge::{Judge, Lit};
+use hemilux::samplers::{self, Shape};
+use hemilux_core::healpix::Domain;
+use hemilux_core::sampler::Request;
+use hemilux_sim::decompose::read;
+use hemilux_sim::maps::{self, Maps};
+use hemilux_sim::metrics::{Lit as Scored, LitSet, Reference};
+use std::path::Path;
+
+/// How far the RMS over part of the receivers may be from that over all: with 256 of them chance alone makes 6 %.
+const APART: f64 = 0.2;
+
+/// Errors below this are those of the sketch as well, which is a hundred times coarser than the map.
+const LEAST: f64 = 2e-3;
+
+#[test]
+fn errors_are_those_of_the_score() {
+    for scene in ["scene:room", "scene:sky", "scene:lamps"] {
+        let env = read(Path::new(scene)).expect("a scene");
+        let shape =
+            Shape { domain: Domain::Hemisphere, order: 6, grid: maps::grid(&env, Domain::Hemisphere) };
+        let mut maps = Maps::new(shape.domain, shape.order, shape.grid);
+        maps.fill(&env);
+        let reference = Reference::new(&env, Domain::Hemisphere);
+        for (name, lights, ambient) in
+            [("adaptive", 8, false), ("adaptive", 16, true), ("q2tree", 16, false), ("pharr", 64, false)]
+        {
+            let mut sampler = samplers::make(name, &shape, lights).expect("a sampler");
+            let map = maps.view();
+            let made = sampler.update(&map, &Request { ambient, ..Request::of_lights(lights) });
+            let scored = |l: &hemilux_core::light::Light| Scored {
+                direction: l.direction.as_dvec3().to_array(),
+                irradiance: l.irradiance.map(f64::from),
+                id: l.id,
+            };
+            let set = LitSet {
+                lights: made.lights.iter().map(scored).collect(),
+                ambient_sh: made.ambient.map(|sh| sh.map(|row| row.map(f64::from))),
+            };
+            let truth = reference.score(&set);
+            let lit = Lit { lights: made.lights, ambient: made.ambient.as_ref() };
+            let [found] = Judge::default().judge(0, map.pyramid.quads_of(4), [lit]);
+            for (what, found, truth) in
+                [("open", found.open, truth.open), ("shadowed", found.shadowed, truth.shadowed)]
+            {
+                let found = f64::from(found);
+                println!("{scene} {name} {lights} {what}: {found:.4}, score {truth:.4}");
+                assert!(
+                    (found - truth).abs() < APART * truth + LEAST,
+                    "{scene} {name} {lights} {what}: {found}, score {truth}"
+                );
+            }
+            assert!(found.energy < 2e-3, "{scene} {name}: {found:?}");
+        }
+    }
+}
