@@ -42,6 +42,8 @@ Examples:
   hemilux --plan --lights 20000                  what that would take of memory
   curl http://127.0.0.1:8080/lights.json         the next frame's lights
   curl 'http://127.0.0.1:8080/change?algorithm=pharr&samples=128'
+  curl 'http://127.0.0.1:8080/v1/compare?algorithm=q2tree&lights=64'   what another sampler makes of the same frame
+  hemilux --budget front=30,total=60             what takes longer is counted and told
 
 Sources: v4l2:PATH, scene:room, scene:sky, scene:lamps, scene:overcast, replay:DIR.
 Exit status: 0 when stopped by SIGINT or SIGTERM, 1 after a failure, 2 for wrong usage.
