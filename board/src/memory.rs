@@ -3,7 +3,7 @@
 use crate::calibration::Calibration;
 use crate::pipeline::Pipeline;
 use crate::probe::compare;
-use crate::samplers::{NAMES, Tuning};
+use crate::samplers::{self, NAMES, Shape, Tuning};
 use hemilux_core::healpix::Domain;
 use hemilux_core::light::Light;
 use hemilux_core::merge::Reciprocal;
@@ -55,6 +55,9 @@ pub struct Plan {
     comparison: usize,
 }
 
+/// Lights that every sampler can give: their state does not depend on them.
+const SMALL: usize = 12;
+
 impl Plan {
     /// The buffers of `pipeline` and its sampler.
     #[must_use]
@@ -82,7 +85,7 @@ impl Plan {
             rooms.push(Room::of::<Share>("polar shares", shares_len(&s.grid, order)));
         }
         let source_order = plan.source_order();
-        let comparison = comparison(order, &s.grid, &s.tuning, pipeline.needs_polar());
+        let comparison = comparison(&pipeline.shape(), &s.tuning, pipeline.needs_polar());
         let (width, height) = (c.width, c.height);
         Self { width, height, exposures, lights: s.lights, order, source_order, rooms, comparison }
     }
@@ -101,12 +104,15 @@ impl Plan {
 }
 
 /// What `/v1/compare` takes at most: the sampler that takes most, its sets, and the polar map where the first sampler does without.
-fn comparison(order: u8, grid: &Grid, tuning: &Tuning, has_polar: bool) -> usize {
+fn comparison(shape: &Shape, tuning: &Tuning, has_polar: bool) -> usize {
+    let Shape { order, grid, .. } = shape;
+    let state = |name: &str| samplers::make(name, shape, SMALL).map_or(0, |sampler| size_of_val(&*sampler));
     let of = |name: &&str| {
-        sampler(name, order, grid, compare::MOST_LIGHTS, tuning).iter().map(Room::bytes).sum::<usize>()
+        let rooms = sampler(name, *order, grid, compare::MOST_LIGHTS, tuning);
+        state(name) + rooms.iter().map(Room::bytes).sum::<usize>()
     };
-    let polar = grid.len() * size_of::<[f32; 3]>() + shares_len(grid, order) * size_of::<Share>();
-    NAMES.iter().map(of).max().unwrap_or(0) + compare::bytes(order) + if has_polar { 0 } else { polar }
+    let polar = grid.len() * size_of::<[f32; 3]>() + shares_len(grid, *order) * size_of::<Share>();
+    NAMES.iter().map(of).max().unwrap_or(0) + compare::bytes(*order) + if has_polar { 0 } else { polar }
 }
 
 /// What [`crate::samplers::make_tuned`] takes.
