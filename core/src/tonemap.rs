@@ -20,9 +20,58 @@ pub fn sigmoid(rgb: [f32; 3], adaptation: f32) -> [u8; 3] {
 }
 
 /// sRGB code of linear `v`, clamped to 0..=1.
+///
+/// # Accuracy
+/// Within 0.01 of a code of the formula, before it is rounded. By a table: a fifth of the instructions of `powf` on ARMv7, whose
+/// approximation in micromath is off by up to eleven codes (`examples/math`).
 #[must_use]
 pub fn srgb_code(v: f32) -> u8 {
     let v = v.clamp(0.0, 1.0);
-    let encoded = if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * libm::powf(v, 1.0 / 2.4) - 0.055 };
+    let encoded = if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * power(v) - 0.055 };
     (255.0 * encoded + 0.5) as u8
+}
+
+/// Octaves below 1 that the table covers: down to 1/512, below where the transfer function is straight.
+const OCTAVES: u32 = 9;
+
+/// Bits of the mantissa that choose a step: 64 steps an octave, between which the line is within 1e-5 of the curve.
+const STEP_BITS: u32 = 6;
+const SHIFT: u32 = f32::MANTISSA_DIGITS - 1 - STEP_BITS;
+const STEPS: usize = (OCTAVES << STEP_BITS) as usize;
+
+/// The bits of the table's first argument: those of a float are nearly its logarithm.
+const BASE: u32 = 1f32.to_bits() - (OCTAVES << (f32::MANTISSA_DIGITS - 1));
+
+/// v^(1 / 2.4) at each step.
+static POWERS: [f32; STEPS + 1] = {
+    let mut powers = [0.0; STEPS + 1];
+    let mut i = 0;
+    while i <= STEPS {
+        powers[i] = twelfth_root_of_fifth_power(f32::from_bits(BASE + ((i as u32) << SHIFT)) as f64) as f32;
+        i += 1;
+    }
+    powers
+};
+
+/// `v`^(1 / 2.4) for `v` from 1/512 up to 1, which is itself.
+fn power(v: f32) -> f32 {
+    let bits = v.to_bits().wrapping_sub(BASE);
+    let steps = POWERS.get((bits >> SHIFT) as usize..).and_then(|p| p.first_chunk());
+    let Some([a, b]) = steps else { return v };
+    let part = (bits & ((1 << SHIFT) - 1)) as f32 * (1.0 / (1u32 << SHIFT) as f32);
+    a + (b - a) * part
+}
+
+/// By Newton's method for y^12 = x^5, which falls from 1 to the root of any x in 0..=1.
+const fn twelfth_root_of_fifth_power(x: f64) -> f64 {
+    let x5 = x * x * x * x * x;
+    let mut y = 1.0;
+    let mut round = 0;
+    while round < 64 {
+        let y3: f64 = y * y * y;
+        let y11 = y3 * y3 * y3 * y * y;
+        y -= (y11 * y - x5) / (12.0 * y11);
+        round += 1;
+    }
+    y
 }

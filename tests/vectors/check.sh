@@ -10,8 +10,8 @@ binary=$1
 wanted='
 hemilux_core::merge::linear::Linear::block 6 vmull.s16|vmul.i32 8
 hemilux_core::merge::linear::Linear::block 6 vcvt.f32.s32 8
-hemilux_core::front::add_up 1 vcvt.f32.u32 1
-hemilux_core::front::add_up 1 vmla.f32|vfma.f32 3
+hemilux_core::front::walk 1 vcvt.f32.u32 1
+hemilux_core::front::walk 1 vmla.f32|vfma.f32 3
 '
 arm-linux-gnueabihf-objdump -dC --no-show-raw-insn "$binary" >"${TMPDIR:-/tmp}/vectors.$$"
 trap 'rm -f "${TMPDIR:-/tmp}/vectors.$$"' EXIT

@@ -1,0 +1,108 @@
+//! What the functions of the core's per-light and per-pixel paths cost and err, by where they come from: libm, micromath, a table, or
+//! the standard library (the processor's own square root, the C library's rest).
+//!
+//! ```text
+//! math --out DIR [--counts FILE]     math.txt and math.svg; FILE has lines "NAME WAY INSTRUCTIONS" of tests/instructions/math.sh
+//! math NAME WAY CALLS                so many calls and nothing else, for instruction counters
+//! ```
+
+mod chart;
+mod ways;
+
+use chart::Row;
+use std::collections::HashMap;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use ways::{FUNCTIONS, Function, WAYS};
+
+/// Arguments in rotation when calls are counted.
+const ARGUMENTS: usize = 1024;
+
+/// Arguments whose errors are looked at.
+const GRID: usize = 1 << 20;
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let done = match words[..] {
+        ["--out", out] => report(out.into(), None),
+        ["--out", out, "--counts", counts] => report(out.into(), Some(counts.into())),
+        [name, way, calls] => repeat(name, way, calls),
+        _ => Err("found other arguments, expected --out DIR [--counts FILE] or NAME WAY CALLS".into()),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(e) => {
+            eprintln!("math: {e}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Calls one function in one way.
+fn repeat(name: &str, way: &str, calls: &str) -> Result<(), String> {
+    let function = FUNCTIONS.iter().find(|f| f.name == name).ok_or(format!("found function {name}"))?;
+    let calls: usize =
+        calls.parse().map_err(|e| format!("{calls}: found {e}, expected a number of calls"))?;
+    let xs: Vec<f32> = (0..ARGUMENTS).map(|i| function.argument(i, ARGUMENTS)).collect();
+    let table = function.table();
+    let sum = match way {
+        "none" => sum(&xs, calls, |x| x),
+        "libm" => sum(&xs, calls, function.libm),
+        "micromath" => sum(&xs, calls, function.micromath),
+        "table" => sum(&xs, calls, |x| table.at(x)),
+        "std" => sum(&xs, calls, function.std),
+        _ => return Err(format!("found way {way}, expected none or one of {}", WAYS.join(", "))),
+    };
+    std::hint::black_box(sum);
+    Ok(())
+}
+
+/// As every way is called through one loop, what the loop takes is what `none` takes.
+fn sum(xs: &[f32], calls: usize, f: impl Fn(f32) -> f32) -> f32 {
+    xs.iter().cycle().take(calls).map(|x| f(std::hint::black_box(*x))).sum()
+}
+
+fn report(out: PathBuf, counts: Option<PathBuf>) -> Result<(), String> {
+    let counts = counts.map(|path| {
+        let text = std::fs::read_to_string(&path).map_err(|e| format!("{}: found {e}", path.display()))?;
+        let line = |l: &str| {
+            let words: Vec<_> = l.split_whitespace().collect();
+            let [name, way, n] = words[..] else { return None };
+            Some(((name.to_string(), way.to_string()), n.parse::<f64>().ok()?))
+        };
+        Ok::<_, String>(text.lines().filter_map(line).collect::<HashMap<_, _>>())
+    });
+    let counts = counts.transpose()?.unwrap_or_default();
+    let row = |function: &'static Function| {
+        let table = function.table();
+        let ways: [&dyn Fn(f32) -> f32; WAYS.len()] =
+            [&function.libm, &function.micromath, &|x| table.at(x), &function.std];
+        let errors = ways.map(|f| worst(function, f));
+        let count = |way: &str| counts.get(&(function.name.to_string(), way.to_string())).copied();
+        Row { function, errors, counts: WAYS.map(count) }
+    };
+    let rows: Vec<_> = FUNCTIONS.iter().map(row).collect();
+    let text = chart::table(&rows);
+    print!("{text}");
+    let write = |name: &str, text: &str| {
+        let path = out.join(name);
+        std::fs::write(&path, text)
+            .map_err(|e| format!("{}: found {e}, expected to write it", path.display()))
+    };
+    std::fs::create_dir_all(&out)
+        .map_err(|e| format!("--out {}: found {e}, expected a folder", out.display()))?;
+    write("math.txt", &text)?;
+    write("math.svg", &chart::svg(&rows))
+}
+
+/// Largest error over the function's range.
+fn worst(function: &Function, f: &dyn Fn(f32) -> f32) -> f64 {
+    let error = |i: usize| {
+        let x = function.argument(i, GRID);
+        let (found, exact) = (f64::from(f(x)), (function.exact)(f64::from(x)));
+        let off = (found - exact).abs();
+        if function.relative && exact != 0.0 { off / exact.abs() } else { off }
+    };
+    (0..GRID).map(error).fold(0.0, f64::max)
+}
