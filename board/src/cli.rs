@@ -63,7 +63,7 @@ struct Cli {
 enum Command {
     /// Decompose what a source gives and serve it (what hemilux does without a command).
     #[command(after_help = EXAMPLES)]
-    Serve(Serve),
+    Serve(Box<Serve>),
     /// List the cameras and what they can do, or check one.
     #[cfg(all(feature = "v4l2", target_os = "linux"))]
     #[command(after_help = source::camera::HELP)]
@@ -153,7 +153,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<(), Failure>
         Ok(cli) => cli,
         Err(error) => return explain(&error),
     };
-    match cli.command.unwrap_or(Command::Serve(cli.serve)) {
+    match cli.command.unwrap_or_else(|| Command::Serve(Box::new(cli.serve))) {
         Command::Serve(options) => serve(&options),
         #[cfg(all(feature = "v4l2", target_os = "linux"))]
         Command::Devices(options) => devices::run(&options),

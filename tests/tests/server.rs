@@ -8,6 +8,7 @@ use hemilux::server::Limits;
 use serde_json::Value;
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
+use std::process::{Command, Stdio};
 use std::thread::{JoinHandle, sleep, spawn};
 use std::time::{Duration, Instant};
 
@@ -221,4 +222,39 @@ fn a_stalled_reader_costs_nothing_but_its_socket() {
     let _idle = connect(address);
     sleep(SETTLED);
     assert_eq!(ask(address, "/info", "").status, 200, "the stalled connection is gone");
+}
+
+/// Whether libxml2 finds `xml` valid by `lights.xsd`; `None` where there is no xmllint.
+fn is_valid(xml: &str) -> Option<bool> {
+    let schema = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/lights.xsd");
+    let child = Command::new("xmllint")
+        .args(["--noout", "--schema", schema, "-"])
+        .stdin(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn();
+    let Ok(mut child) = child else {
+        assert!(std::env::var("HEMILUX_RIG").is_err(), "no xmllint, and HEMILUX_RIG demands it");
+        println!("skipped: no xmllint");
+        return None;
+    };
+    child.stdin.take().expect("a pipe").write_all(xml.as_bytes()).expect("it reads");
+    Some(child.wait().expect("it ends").success())
+}
+
+#[test]
+fn xml_is_valid_to_somebody_elses_validator() {
+    let bench = Bench::new(Limits::default());
+    bench.frame();
+    let xml = ask(bench.address(), "/xml?coordinates=unity", "").body;
+    let Some(fresh) = is_valid(&xml) else { return };
+    assert!(fresh, "{xml}");
+    bench.step(Step::Fail("<\"unplugged\"> & gone"));
+    let stale = ask(bench.address(), "/v1/lights?format=xml", "").body;
+    assert!(stale.contains("unplugged") && is_valid(&stale) == Some(true), "{stale}");
+    for (right, wrong) in
+        [("version=\"1\"", "version=\"2\""), ("<light id", "<lamp id"), (" x=\"", " w=\""), ("z=\"", "z=\"9")]
+    {
+        let broken = xml.replacen(right, wrong, 1);
+        assert!(broken != xml && is_valid(&broken) == Some(false), "{wrong} is not found out");
+    }
 }

@@ -82,8 +82,8 @@ pub fn run(job: &Job) -> Result<(), SimError> {
     let mut rows = Vec::new();
     if !job.json {
         println!(
-            "{:<34}{:>8}{:>8}{:>9}{:>8}{:>8}{:>8}{:>9}  {}",
-            "case", "copy", "front", "pyramid", "sample", "total", "ratio", "spread", "over budget"
+            "{:<34}{:>8}{:>8}{:>9}{:>8}{:>8}{:>8}{:>9}  over budget",
+            "case", "copy", "front", "pyramid", "sample", "total", "ratio", "spread"
         );
     }
     for case in &cases {

@@ -9,6 +9,9 @@ const VIEWS = { lens, polar };
 /** Widest picture that is painted, pixels: more would only cost time, a texel is larger. */
 const WIDEST = 560;
 
+/** Width from which dots have their full size, pixels of the screen. */
+const ROOMY = 420;
+
 const degrees = v => v * 180 / Math.PI;
 
 export class Sky {
@@ -155,9 +158,10 @@ export class Sky {
     }
   }
 
-  /** Areas go with energy; many lights have smaller dots, so that they do not hide the picture. */
+  /** Areas go with energy; many lights and small pictures have smaller dots, so that they do not hide the picture. */
   #radius(light, top) {
-    const ratio = window.devicePixelRatio || 1, crowd = Math.min(1, Math.sqrt(64 / Math.max(1, this.#lights.length)));
+    const ratio = window.devicePixelRatio || 1, room = Math.min(1, this.#canvas.width / ratio / ROOMY);
+    const crowd = room * Math.min(1, Math.sqrt(64 / Math.max(1, this.#lights.length)));
     return ratio * (2.5 + 13 * crowd * Math.sqrt(luminance(...light.irradiance) / top));
   }
 
