@@ -90,13 +90,14 @@ class Guest:
     def file(self, name):
         return urllib.request.urlopen(f"{self.files}/{name}", timeout=PATIENCE).read()
 
-    def recovered(self, n):
-        """Waits until the lights are fresh again."""
+    def until(self, found, why):
+        """Asks until there is something."""
         end = time.time() + PATIENCE
-        while self.lights()["stale"] is not None:
+        while not (it := found()):
             if time.time() > end:
-                self.give_up(f"no recovery after disconnect {n}")
+                self.give_up(why)
             time.sleep(0.1)
+        return it
 
     def lights(self):
         return json.loads(urllib.request.urlopen(f"{self.probe}/lights.json", timeout=PATIENCE).read())
@@ -195,13 +196,12 @@ try:
     for n in range(options.disconnects):
         if n == 0:
             guest.wait("pulled")
-            time.sleep(1)
-            stale = guest.lights()
-            check(stale["valid"] and stale["stale"] and "found no camera" in stale["stale"]["reason"], f"while it is unplugged: {stale['stale']}")
-            print(f"           stale: {stale['stale']}")
+            gone = lambda stale: stale if stale and "found no camera" in stale["reason"] else None
+            stale = guest.until(lambda: gone(guest.lights()["stale"]), "no light set that says that the camera is unplugged")
+            print(f"           stale: {stale}")
             guest.tell("go")
         guest.wait(f"plugged {n}")
-        guest.recovered(n)
+        guest.until(lambda: guest.lights()["stale"] is None, f"no recovery after disconnect {n}")
         guest.tell("go")
     after = guest.wait("held-after")
     guest.wait("recovered")
