@@ -7,8 +7,6 @@ for name in ("arch", "qemu", "kernel", "initrd"):
     parser.add_argument(f"--{name}", required=True)
 parser.add_argument("--frames", type=int, default=200)
 parser.add_argument("--disconnects", type=int, default=3)
-parser.add_argument("--lost", type=int, default=0, help="most frames that the emulated driver may lose although a buffer waits for it; more than 0 only "
-                    "where others use the machine too. Frames that are lost for want of a buffer are the probe's fault and never allowed")
 parser.add_argument("--deb", action="store_true", help="the guest has a package to install and to remove")
 parser.add_argument("--console", help="file for all that the guest says")
 options = parser.parse_args()
@@ -47,7 +45,9 @@ class Guest:
             s.close()
         self.probe, self.files = (f"http://127.0.0.1:{p}" for p in ports)
         forward = f"user,id=n,restrict=on,hostfwd=tcp:127.0.0.1:{ports[0]}-:8080,hostfwd=tcp:127.0.0.1:{ports[1]}-:8081"
-        common = ["-m", "512", "-nographic", "-nodefaults", "-no-reboot", "-serial", "stdio", "-accel", "tcg", "-kernel", options.kernel,
+        # The guest's clock counts its instructions, two nanoseconds each (a processor of 500 MIPS): however little of the host it gets, its
+        # time passes with its work, and its camera is never late because of other work here.
+        common = ["-icount", "shift=1,sleep=off", "-rtc", "clock=vm", "-m", "512", "-nographic", "-nodefaults", "-no-reboot", "-serial", "stdio", "-accel", "tcg", "-kernel", options.kernel,
                   "-initrd", options.initrd, "-netdev", forward]
         if options.arch == "arm":
             machine = ["arm", "-M", "virt", "-cpu", "cortex-a7", "-append", "console=ttyAMA0 quiet panic=-1", "-device", "virtio-net-device,netdev=n"]
@@ -90,13 +90,14 @@ class Guest:
     def file(self, name):
         return urllib.request.urlopen(f"{self.files}/{name}", timeout=PATIENCE).read()
 
-    def recovered(self, n):
-        """Waits until the lights are fresh again."""
+    def until(self, found, why):
+        """Asks until there is something."""
         end = time.time() + PATIENCE
-        while self.lights()["stale"] is not None:
+        while not (it := found()):
             if time.time() > end:
-                self.give_up(f"no recovery after disconnect {n}")
+                self.give_up(why)
             time.sleep(0.1)
+        return it
 
     def lights(self):
         return json.loads(urllib.request.urlopen(f"{self.probe}/lights.json", timeout=PATIENCE).read())
@@ -135,8 +136,8 @@ def judge_schedule(report):
     check(not wrong, f"check: {len(wrong)} frames of another brightness than scheduled: {wrong[:3]}")
     ours, theirs = lost(frames)
     if ours + theirs:
-        print(f"           {ours} frames lost for want of a buffer, {theirs} by the driver although it had one: the emulated machine was starved")
-    check(ours == 0 and theirs <= options.lost, f"check: {ours} frames lost by the probe, {theirs} by the driver")
+        print(f"           {ours} frames lost for want of a buffer, {theirs} by the driver although it had one")
+    check(ours + theirs == 0, f"check: {ours} frames lost by the probe, {theirs} by the driver")
     check(abs(report["rate_hz"] - 25) < 0.3, f"check: {report['rate_hz']} Hz")
     check(report["broken"] == 0, f"check: {report['broken']} broken frames")
     check(len(known) >= 0.95 * len(frames), f"check: {len(known)} frames with a known exposure")
@@ -195,13 +196,12 @@ try:
     for n in range(options.disconnects):
         if n == 0:
             guest.wait("pulled")
-            time.sleep(1)
-            stale = guest.lights()
-            check(stale["valid"] and stale["stale"] and "found no camera" in stale["stale"]["reason"], f"while it is unplugged: {stale['stale']}")
-            print(f"           stale: {stale['stale']}")
+            gone = lambda stale: stale if stale and "found no camera" in stale["reason"] else None
+            stale = guest.until(lambda: gone(guest.lights()["stale"]), "no light set that says that the camera is unplugged")
+            print(f"           stale: {stale}")
             guest.tell("go")
         guest.wait(f"plugged {n}")
-        guest.recovered(n)
+        guest.until(lambda: guest.lights()["stale"] is None, f"no recovery after disconnect {n}")
         guest.tell("go")
     after = guest.wait("held-after")
     guest.wait("recovered")

@@ -45,7 +45,8 @@ impl Camera {
                 let reached = |level| ((level > middle) == (step > 0.0)) == (at == 1);
                 match self.trial(kernel, ends[at], reached)? {
                     Step::After(delay) => {
-                        (made, votes[delay as usize]) = (made + 1, votes[delay as usize] + 1)
+                        made += 1;
+                        votes[delay as usize] += 1;
                     }
                     Step::Nothing => made += 1,
                     Step::Spoilt => spoilt += 1,
