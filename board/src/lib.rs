@@ -17,7 +17,7 @@ pub mod clock;
 pub mod config_file;
 #[cfg(feature = "pipeline")]
 pub mod memory;
-#[cfg(all(target_os = "linux", target_arch = "arm", target_feature = "neon"))]
+#[cfg(all(target_os = "linux", target_arch = "arm", built_with_neon))]
 mod neon;
 #[cfg(feature = "pipeline")]
 pub mod picture;
