@@ -19,7 +19,7 @@ pub mod config_file;
 pub mod judge;
 #[cfg(feature = "server")]
 pub mod memory;
-#[cfg(all(target_os = "linux", target_arch = "arm", target_feature = "neon"))]
+#[cfg(all(target_os = "linux", target_arch = "arm", built_with_neon))]
 mod neon;
 #[cfg(feature = "pipeline")]
 pub mod picture;

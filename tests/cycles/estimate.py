@@ -88,6 +88,8 @@ def cycles(blocks, triple, features, cpu, comment):
     for region in re.split(r"^\[\d+\] Code Region - ", done.stdout, flags=re.M)[1:]:
         total = re.search(r"Total Cycles:\s+(\d+)", region)
         found[int(region.split()[0][1:])] = int(total[1]) / 100
+    if len(found) != len(blocks):
+        sys.exit(f"estimate: llvm-mca for {cpu}: found cycles of {len(found)} blocks, expected {len(blocks)}")
     return found
 
 
@@ -140,7 +142,7 @@ def main():
         for row in rows_of(block):
             instructions[row] += block[0]
     for cpu in cpus:
-        each = cycles([c for _, c in chosen], triple, features, cpu, "@" if machine == "ARM" else "//")
+        each = cycles([c for _, c in chosen], triple, features, cpu, "@" if machine == "ARM" else "#")
         for i, (block, _) in enumerate(chosen):
             for row in rows_of(block):
                 spent[cpu][row] += each[i] * block[3]

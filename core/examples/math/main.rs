@@ -11,7 +11,7 @@ mod ways;
 
 use chart::Row;
 use std::collections::HashMap;
-use std::path::PathBuf;
+use std::path::Path;
 use std::process::ExitCode;
 use ways::{FUNCTIONS, Function, WAYS};
 
@@ -25,8 +25,8 @@ fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
     let done = match words[..] {
-        ["--out", out] => report(out.into(), None),
-        ["--out", out, "--counts", counts] => report(out.into(), Some(counts.into())),
+        ["--out", out] => report(Path::new(out), None),
+        ["--out", out, "--counts", counts] => report(Path::new(out), Some(Path::new(counts))),
         [name, way, calls] => repeat(name, way, calls),
         _ => Err("found other arguments, expected --out DIR [--counts FILE] or NAME WAY CALLS".into()),
     };
@@ -63,9 +63,9 @@ fn sum(xs: &[f32], calls: usize, f: impl Fn(f32) -> f32) -> f32 {
     xs.iter().cycle().take(calls).map(|x| f(std::hint::black_box(*x))).sum()
 }
 
-fn report(out: PathBuf, counts: Option<PathBuf>) -> Result<(), String> {
+fn report(out: &Path, counts: Option<&Path>) -> Result<(), String> {
     let counts = counts.map(|path| {
-        let text = std::fs::read_to_string(&path).map_err(|e| format!("{}: found {e}", path.display()))?;
+        let text = std::fs::read_to_string(path).map_err(|e| format!("{}: found {e}", path.display()))?;
         let line = |l: &str| {
             let words: Vec<_> = l.split_whitespace().collect();
             let [name, way, n] = words[..] else { return None };
