@@ -1,4 +1,5 @@
-// node screenshots.mjs URL FOLDER: pictures of the page of a running probe, for the README: page.png as on a desk, page-phone.png as on a phone.
+// node screenshots.mjs URL FOLDER: pictures of the page of a running probe, for the README: page.png as on a desk,
+// page-phone.png as on a phone, page-compare.png with two methods side by side.
 // HEMILUX_NODE and HEMILUX_BROWSER as in browser.mjs.
 
 import { launch, open, picture, state, until } from "./browser.mjs";
@@ -7,14 +8,20 @@ const [url, folder] = process.argv.slice(2);
 const WAYS = [
   ["page.png", { viewport: { width: 1440, height: 900 }, colorScheme: "dark" }],
   ["page-phone.png", { viewport: { width: 360, height: 1000 }, colorScheme: "light" }],
+  ["page-compare.png", { viewport: { width: 1440, height: 1000 }, colorScheme: "dark" }, "q2tree-jitter"],
 ];
 
 const browser = await launch();
-for (const [name, options] of WAYS) {
+for (const [name, options, other] of WAYS) {
   const { context, page } = await open(browser, url, { ...options, reducedMotion: "reduce" });
   await state(page, "live");
   await page.waitForSelector("#burst figure:nth-child(3) img");
-  await page.selectOption("#show-shadows", "all");
+  if (other) {
+    await page.selectOption("#compare-sampler", other);
+    await page.check("#compare-on");
+    await page.waitForSelector("#compare-result:not([hidden])");
+  }
+  if (!other) await page.selectOption("#show-shadows", "all");
   await page.locator("#scene-canvas").scrollIntoViewIfNeeded();
   await until("the scene", async () => (await picture(page, "#scene-canvas")).colours > 300);
   // What the history shows has to come first.
