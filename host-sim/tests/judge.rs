@@ -12,8 +12,9 @@ use std::path::Path;
 /// How far the RMS over part of the receivers may be from that over all: with 256 of them chance alone makes 6 %.
 const APART: f64 = 0.2;
 
-/// Errors below this are those of the sketch as well, which is a hundred times coarser than the map.
-const LEAST: f64 = 2e-3;
+/// Errors below these, open and shadowed, are those of the sketch as well. A cone's edge through a lamp hides it in the map and not in the
+/// sketch, or the other way round: one such receiver alone makes 1 % (lamps, with ambient light: 0.4 % found, 1.4 % scored).
+const LEAST: [f64; 2] = [2e-3, 1e-2];
 
 #[test]
 fn errors_are_those_of_the_score() {
@@ -48,7 +49,7 @@ fn errors_are_those_of_the_score() {
                 let found = f64::from(found);
                 println!("{scene} {name} {lights} {what}: {found:.4}, score {truth:.4}");
                 assert!(
-                    (found - truth).abs() < APART * truth + LEAST,
+                    (found - truth).abs() < APART * truth + LEAST[usize::from(what == "shadowed")],
                     "{scene} {name} {lights} {what}: {found}, score {truth}"
                 );
             }
