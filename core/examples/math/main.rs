@@ -90,7 +90,7 @@ fn report(out: &Path, counts: Option<&Path>) -> Result<(), String> {
         std::fs::write(&path, text)
             .map_err(|e| format!("{}: found {e}, expected to write it", path.display()))
     };
-    std::fs::create_dir_all(&out)
+    std::fs::create_dir_all(out)
         .map_err(|e| format!("--out {}: found {e}, expected a folder", out.display()))?;
     write("math.txt", &text)?;
     write("math.svg", &chart::svg(&rows))
