@@ -230,3 +230,33 @@ impl<T: Buffer<Track>> Follow for Gated<T> {
         self.abrupt = false;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::NOISE_HEADING;
+    use core::f64::consts::TAU;
+    use glam::DVec2;
+
+    /// A normal point of the plane, by Box and Muller from mixed bits.
+    fn point(i: u32) -> DVec2 {
+        let mixed = |k: u32| {
+            let x = (i.wrapping_mul(4).wrapping_add(k)).wrapping_mul(0x9e37_79b9);
+            let x = (x ^ x >> 16).wrapping_mul(0x85eb_ca6b);
+            let x = (x ^ x >> 13).wrapping_mul(0xc2b2_ae35);
+            (f64::from(x ^ x >> 16) + 0.5) / f64::from(u32::MAX)
+        };
+        let r = libm::sqrt(-2.0 * libm::log(mixed(0).min(1.0)));
+        DVec2::new(r * libm::cos(TAU * mixed(1)), r * libm::sin(TAU * mixed(1)))
+    }
+
+    #[test]
+    fn successive_steps_of_noise_undo_each_other_by_so_much() {
+        const COUNT: u32 = 200_000;
+        let heading = |i| {
+            let (step, before) = (point(i + 2) - point(i + 1), point(i + 1) - point(i));
+            step.dot(before) / step.length_squared().max(before.length_squared())
+        };
+        let mean = (0..COUNT).map(heading).sum::<f64>() / f64::from(COUNT);
+        assert!((mean - f64::from(NOISE_HEADING)).abs() < 0.005, "{mean}");
+    }
+}
