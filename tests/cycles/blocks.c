@@ -4,29 +4,11 @@
  *
  * CODE is where the program's code begins, FRAME the function that begins a frame, both in hex as nm and readelf print them; counting
  * begins with the first frame. At the end it writes a line "ADDRESS INSTRUCTIONS COUNT" per block and "frames COUNT" to the file named
- * by $COUNTS. One thread only. Prototypes as in ../instructions/count.c. Build: gcc -shared -fPIC -O2 -o blocks.so blocks.c */
-#include <stdbool.h>
-#include <stdint.h>
+ * by $COUNTS. One thread only. Build: gcc -shared -fPIC -O2 -o blocks.so blocks.c */
+#include "../instructions/plugin.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-typedef uint64_t qemu_plugin_id_t;
-struct qemu_plugin_tb;
-struct qemu_plugin_insn;
-typedef struct qemu_info qemu_info_t;
-enum { QEMU_PLUGIN_INLINE_ADD_U64 };
-enum { QEMU_PLUGIN_CB_NO_REGS };
-void qemu_plugin_register_vcpu_tb_trans_cb(qemu_plugin_id_t, void (*)(qemu_plugin_id_t, struct qemu_plugin_tb *));
-void qemu_plugin_register_vcpu_tb_exec_inline(struct qemu_plugin_tb *, int op, void *ptr, uint64_t imm);
-void qemu_plugin_register_vcpu_tb_exec_cb(struct qemu_plugin_tb *, void (*)(unsigned, void *), int flags, void *);
-void qemu_plugin_register_atexit_cb(qemu_plugin_id_t, void (*)(qemu_plugin_id_t, void *), void *);
-size_t qemu_plugin_tb_n_insns(const struct qemu_plugin_tb *);
-struct qemu_plugin_insn *qemu_plugin_tb_get_insn(const struct qemu_plugin_tb *, size_t);
-uint64_t qemu_plugin_insn_vaddr(const struct qemu_plugin_insn *);
-uint64_t qemu_plugin_start_code(void);
-
-__attribute__((visibility("default"))) int qemu_plugin_version = 1;
 
 /* Open addressing; a block that is translated again has the same place. */
 enum { BLOCKS = 1 << 18 };

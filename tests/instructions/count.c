@@ -4,30 +4,12 @@
  *
  * FILE begins with "code ADDRESS frame ADDRESS": where the program's code begins, and the function that begins a frame; counting
  * begins with the first. At the end it writes one line "NAME COUNT" per name, "other COUNT" and "frames COUNT" to the file named by
- * $COUNTS. One thread only: the inline addition is not atomic. Debian packages no qemu-plugin.h, so the prototypes used (API version 1) are declared here.
+ * $COUNTS. One thread only: the inline addition is not atomic.
  * Build: gcc -shared -fPIC -O2 -o count.so count.c */
-#include <stdbool.h>
-#include <stdint.h>
+#include "plugin.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-typedef uint64_t qemu_plugin_id_t;
-struct qemu_plugin_tb;
-struct qemu_plugin_insn;
-typedef struct qemu_info qemu_info_t;
-enum { QEMU_PLUGIN_INLINE_ADD_U64 };
-enum { QEMU_PLUGIN_CB_NO_REGS };
-void qemu_plugin_register_vcpu_tb_trans_cb(qemu_plugin_id_t, void (*)(qemu_plugin_id_t, struct qemu_plugin_tb *));
-void qemu_plugin_register_vcpu_tb_exec_inline(struct qemu_plugin_tb *, int op, void *ptr, uint64_t imm);
-void qemu_plugin_register_vcpu_tb_exec_cb(struct qemu_plugin_tb *, void (*)(unsigned, void *), int flags, void *);
-void qemu_plugin_register_atexit_cb(qemu_plugin_id_t, void (*)(qemu_plugin_id_t, void *), void *);
-size_t qemu_plugin_tb_n_insns(const struct qemu_plugin_tb *);
-struct qemu_plugin_insn *qemu_plugin_tb_get_insn(const struct qemu_plugin_tb *, size_t);
-uint64_t qemu_plugin_insn_vaddr(const struct qemu_plugin_insn *);
-uint64_t qemu_plugin_start_code(void);
-
-__attribute__((visibility("default"))) int qemu_plugin_version = 1;
 
 enum { RANGES = 1 << 16, NAMES = 32 };
 static struct { uint64_t start, end; unsigned name; } ranges[RANGES];
