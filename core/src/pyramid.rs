@@ -245,7 +245,7 @@ fn light_up(quads: &mut [Quad], geometry: &[Texel], lanes: &Lanes) {
 #[inline]
 fn light(quad: &mut Quad, texel: &Texel, rgb: &impl Fn([f32; 4]) -> [f32; 3]) {
     // Most of what holds no light is below the horizon or not seen.
-    if quad.energy == [0.0; 4] {
+    if quad.energy.iter().fold(0, |bits, e| bits | e.to_bits()) == 0 {
         return;
     }
     let [r, g, b] = rgb(quad.energy.map(positive));

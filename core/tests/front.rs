@@ -5,7 +5,7 @@ mod common;
 use common::{
     RngExt, VecPlan, bench_lens, burst, dark, expose, full_circle, off, plain, plan, radiance_of, seeded,
 };
-use core::f64::consts::{FRAC_PI_2, TAU};
+use core::f64::consts::TAU;
 use glam::{DVec2, DVec3};
 use hemilux_core::format::{Format, Layout};
 use hemilux_core::front::{self, FrontError};
@@ -72,7 +72,8 @@ fn energy_of_the_pixels_is_the_energy_of_the_map() {
         for (found, expected) in map.view().total().rgb().into_iter().zip(above) {
             let error = off(f64::from(found), expected);
             worst = worst.max(error);
-            assert!(error < 1e-4, "{width} x {height}: {error}");
+            // Every pixel a lamp of its own: the worst that one weight a run can do, and most where there are few pixels.
+            assert!(error < if width < 100 { 1e-3 } else { 1e-4 }, "{width} x {height}: {error}");
         }
         let y = |rgb: [f64; 3]| 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2];
         assert!((seen.below - y(below) / y(above)).abs() < 1e-4, "{width} x {height}: {seen:?}");
@@ -141,7 +142,8 @@ fn a_sun_of_two_pixels_keeps_its_energy_and_place() {
         };
         let expected = radiance_of(60_000) * (omega(at) + omega(at + DVec2::X));
         let total = map.view().total();
-        assert!(off(f64::from(total.energy[2]), expected) < 1e-4, "{width}: {total:?} {expected}");
+        // Two pixels that have not their own weight but the mean of their runs.
+        assert!(off(f64::from(total.energy[2]), expected) < 1e-3, "{width}: {total:?} {expected}");
         let d = lens.unproject(at + 0.5 * DVec2::X).expect("inside the view");
         let found = total.first_moment().as_dvec3().normalize();
         // Half the diagonal of the texels that caught it.
@@ -243,22 +245,30 @@ fn images_that_cannot_be_planned_are_refused() {
 
 #[test]
 fn texels_of_runs_are_those_of_their_pixels() {
-    let lens = bench_lens();
-    let plan = plan(&lens, 640, 480, 5);
-    let view = plan.view();
-    let texels = view.runs.iter().flat_map(|run| std::iter::repeat_n(run.texel() as u32, run.len()));
-    let mut cells = texels.zip(view.weights);
-    for (row, span) in view.spans.iter().enumerate() {
-        for column in 0..640u32 {
-            let seen = lens.unproject(DVec2::new(f64::from(column), row as f64));
-            let visited = (span.first..span.first + span.len).contains(&column);
-            assert_eq!(seen.is_some(), visited, "{column} {row}");
-            if let Some(d) = seen {
+    for (lens, width, height, order) in views() {
+        let plan = plan(&lens, width, height, order);
+        let view = plan.view();
+        let own = view.runs.iter().zip(view.weights);
+        let mut cells = own.flat_map(|(run, w)| std::iter::repeat_n((run.texel() as u32, *w), run.len()));
+        let below = Domain::Hemisphere.quads(plan.source_order()) as u32;
+        for (row, span) in view.spans.iter().enumerate() {
+            for column in 0..width {
+                let at = DVec2::new(f64::from(column), row as f64);
+                let seen = lens.unproject(at);
+                let visited = (span.first..span.first + span.len).contains(&column);
+                assert_eq!(seen.is_some(), visited, "{column} {row}");
+                let Some(d) = seen else { continue };
                 let (texel, weight) = cells.next().expect("a texel for every seen pixel");
-                assert_eq!(texel, healpix::ipix(plan.source_order(), d));
-                assert!(d.angle_between(DVec3::Z) < FRAC_PI_2 && *weight > 0);
+                let expected = if d.z > 0.0 { healpix::ipix(plan.source_order(), d) } else { below };
+                assert_eq!(texel, expected, "{column} {row}");
+                let pixel_sr = lens.solid_angle(at).expect("seen");
+                let own = pixel_sr / lens.illumination(d.z.acos());
+                let error = (f64::from(weight) * view.weight_unit - own).abs();
+                // Half a pixel's width in radians, where a run's own pixels are hardly wider than the next one.
+                let most = 0.55 * pixel_sr.sqrt() * own + view.weight_unit;
+                assert!(error <= most, "{column} {row}: {weight} {own}");
             }
         }
+        assert_eq!(cells.next(), None, "no run more");
     }
-    assert_eq!(cells.next(), None);
 }

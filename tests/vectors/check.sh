@@ -8,10 +8,14 @@ binary=$1
 
 # function, least functions of that name, instructions that each must hold at least so often
 wanted='
-hemilux_core::merge::linear::Linear::block 6 vmull.s16|vmul.i32 8
-hemilux_core::merge::linear::Linear::block 6 vcvt.f32.s32 8
-hemilux_core::front::walk 1 vcvt.f32.u32 1
-hemilux_core::front::walk 1 vmla.f32|vfma.f32 3
+hemilux_core::merge::linear::Linear::merge 8 vmax.u(8|16) 1
+hemilux_core::merge::linear::Linear::merge 8 vshl.u16 1
+hemilux_core::front::gather::sum_up 1 vmlal.s16 1
+hemilux_core::front::gather::sum_up 1 vadd.i32 1
+hemilux_core::front::gather::cut 1 vsub.i32 1
+hemilux_core::front::gather::cut 1 vcvt.f32.s32.*q 1
+hemilux_core::front::gather::add 2 vmla.f32|vfma.f32 3
+hemilux_core::front::yuv::Pairs::paint_as 4 vqadd.s16 3
 '
 arm-linux-gnueabihf-objdump -dC --no-show-raw-insn "$binary" >"${TMPDIR:-/tmp}/vectors.$$"
 trap 'rm -f "${TMPDIR:-/tmp}/vectors.$$"' EXIT

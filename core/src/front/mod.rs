@@ -1,7 +1,9 @@
 //! The fused front end: a burst goes in, energy per texel comes out, without a full-size HDR image between.
 //!
-//! Rows are merged in chunks that stay in the nearest cache and added straight to the quads of the map.
+//! Rows are merged in chunks that stay in the nearest cache, into whole counts of light. Those are summed up over the chunk, so that
+//! the light of a run is the difference of two sums however long it is, and goes straight to its quad of the map.
 
+mod gather;
 mod rows;
 mod yuv;
 
@@ -10,8 +12,9 @@ use crate::color::{MAX_ENERGY, luminance};
 use crate::format::{Format, Layout};
 use crate::healpix::Domain;
 use crate::merge::{Channels, Codes, MAX_EXPOSURES, MergeView, Samples};
-use crate::plan::{CHUNK, PlanView, Run};
+use crate::plan::{CHUNK, PlanView};
 use crate::pyramid::{Lanes, Pyramid, Quad};
+use gather::{Light, Products, Radiance, Room, Runs};
 use rows::{Part, Scratch};
 
 /// What a burst held besides its lights.
@@ -123,32 +126,24 @@ fn add_up(
     plan: &PlanView<'_>,
     quads: &mut [Quad],
 ) -> Sums {
-    let format = layout.format();
-    Scratch::with(format, |scratch| walk(frames, layout, merge, plan, quads, scratch))
+    Scratch::with(layout.format(), merge.wants_planes(), |scratch| {
+        Room::with(merge.has_products(), |room| {
+            walk(Chunks::new(frames, layout, merge, (scratch, room)), plan, quads)
+        })
+    })
 }
 
 /// Span after span, chunk after chunk.
 #[inline(never)]
-fn walk(
-    frames: &[Samples<'_>],
-    layout: &Layout,
-    merge: &MergeView<'_>,
-    plan: &PlanView<'_>,
-    quads: &mut [Quad],
-    scratch: Scratch<'_>,
-) -> Sums {
-    let radiance = [0.0; _];
-    let mut chunks = Chunks { frames, layout, merge, scratch, radiance, weights: [0.0; _] };
+fn walk(mut chunks: Chunks<'_, '_, '_>, plan: &PlanView<'_>, quads: &mut [Quad]) -> Sums {
     let mut sums = Sums::default();
-    let (mut weights, mut runs) = (plan.weights, plan.runs);
+    let mut runs = Runs { runs: plan.runs, weights: plan.weights };
     for (row, span) in plan.spans.iter().enumerate() {
         let mut left = span.len as usize;
         let mut first = span.first as usize;
         while left > 0 {
             let len = left.min(CHUNK);
-            let Some((own, rest)) = weights.split_at_checked(len) else { return sums };
-            weights = rest;
-            chunks.add(Part { row, first, len }, own, &mut runs, quads, &mut sums);
+            chunks.add(Part { row, first, len }, &mut runs, quads, &mut sums);
             (first, left) = (first + len, left - len);
         }
     }
@@ -188,179 +183,83 @@ pub struct Sums {
     clipped: u64,
 }
 
-/// A chunk's radiance: up to four samples a place, and what [`four_lanes`] reads behind the last.
-type Radiance = [f32; 4 * CHUNK + 4];
-
-/// Where the second row of a mosaic's cells begins.
-const SECOND: usize = 2 * CHUNK;
-
 /// Merges and adds chunk after chunk.
 struct Chunks<'a, 'f, 's> {
     frames: &'a [Samples<'f>],
     layout: &'a Layout,
     merge: &'a MergeView<'a>,
+    channels: Channels,
     scratch: Scratch<'s>,
-    radiance: Radiance,
-    weights: [f32; CHUNK],
+    room: Room<'s>,
+    sums: gather::Sums,
+    light: Light,
 }
 
-impl Chunks<'_, '_, '_> {
-    fn add(&mut self, part: Part, weights: &[u16], runs: &mut &[Run], quads: &mut [Quad], sums: &mut Sums) {
-        let from = *runs;
-        self.weights.iter_mut().zip(weights).for_each(|(w, q)| *w = f32::from(*q));
-        let unusual = self.merge(part);
-        let w = &self.weights[..part.len.min(CHUNK)];
-        let below = &mut sums.below;
-        match self.layout.format() {
-            Format::Grey => gather_grey(runs, w, &self.radiance, quads, below),
-            f if f.pattern().is_some() => gather_cells(runs, w, &self.radiance, quads, below),
-            _ => gather_rgb(runs, w, &self.radiance, quads, below),
-        }
-        if unusual {
-            sums.clipped += self.clipped(part, weights, from, quads.len());
-        }
+/// The channels of `format`, as its lanes know them.
+fn channels(format: Format) -> Channels {
+    match (format, format.pattern()) {
+        (_, Some(pattern)) => Channels::Four(pattern.channels()),
+        (Format::Grey, _) => Channels::One([1]),
+        (Format::Bgr24, _) => Channels::Three([2, 1, 0]),
+        _ => Channels::RGB,
+    }
+}
+
+impl<'a, 'f, 's> Chunks<'a, 'f, 's> {
+    fn new(
+        frames: &'a [Samples<'f>],
+        layout: &'a Layout,
+        merge: &'a MergeView<'a>,
+        (scratch, room): (Scratch<'s>, Room<'s>),
+    ) -> Self {
+        let (sums, light) = (gather::Sums([[0; 4]; _]), [[0.0; 4]; _]);
+        Self { frames, layout, merge, channels: channels(layout.format()), scratch, room, sums, light }
     }
 
-    /// The rows of samples that a part's places have: their codes' place, channels and place in the radiance.
-    fn rows(&self, part: Part) -> ([(Part, Channels, usize); 2], usize) {
-        let Some(pattern) = self.layout.format().pattern() else {
-            let (channels, samples) = match self.layout.format() {
-                Format::Grey => (Channels::One([1]), 1),
-                Format::Bgr24 => (Channels::Three([2, 1, 0]), 3),
-                _ => (Channels::RGB, 3),
-            };
-            return ([(part, channels, 0); 2], samples);
+    fn add(&mut self, part: Part, runs: &mut Runs<'_>, quads: &mut [Quad], sums: &mut Sums) {
+        let samples = self.channels.many();
+        let mut codes = [Codes::NONE; MAX_EXPOSURES];
+        let codes = self.scratch.codes(self.frames, self.layout, part, self.merge.wants_planes(), &mut codes);
+        let all = ..samples * part.len;
+        let merged = match &mut self.room {
+            Room::Products(Products { sums, reciprocals }) => {
+                match (sums.get_mut(all), reciprocals.get_mut(all)) {
+                    (Some(a), Some(b)) => self.merge.products(codes, a, b),
+                    _ => return,
+                }
+            }
+            Room::Counts(counts) => match counts.get_mut(all) {
+                Some(counts) => self.merge.counts(codes, self.channels, counts),
+                None => return,
+            },
         };
-        let [a, b, c, d] = pattern.channels();
-        let row = |i| Part { row: 2 * part.row + i, ..part };
-        ([(row(0), Channels::Two([a, b]), 0), (row(1), Channels::Two([c, d]), SECOND)], 2)
-    }
-
-    /// Merges a part into `radiance`; says whether any sample may be clipped.
-    fn merge(&mut self, part: Part) -> bool {
-        let (rows, samples) = self.rows(part);
-        let count = if samples == 2 { 2 } else { 1 };
-        let mut unusual = false;
-        for (part, channels, at) in rows.into_iter().take(count) {
-            let mut codes = [Codes::NONE; MAX_EXPOSURES];
-            let codes = self.scratch.codes(self.frames, self.layout, part, &mut codes);
-            let Some(out) = self.radiance.get_mut(at..at + samples * part.len) else { continue };
-            unusual |= self.merge.samples(codes, channels, out);
+        if merged {
+            let room = (&mut self.sums, &mut self.light);
+            runs.add_merged(part.len, (&self.room, samples), room, quads, &mut sums.below);
+        } else {
+            unusual(codes, self.merge, (self.channels, part.len), runs, quads, sums);
         }
-        unusual
-    }
-
-    /// Weight of the part's clipped places above the horizon: those of texels below `texels`.
-    fn clipped(&mut self, part: Part, weights: &[u16], runs: &[Run], texels: usize) -> u64 {
-        let (rows, samples) = self.rows(part);
-        let count = if samples == 2 { 2 } else { 1 };
-        let mut clipped = [false; CHUNK];
-        for (part, _, _) in rows.into_iter().take(count) {
-            let mut codes = [Codes::NONE; MAX_EXPOSURES];
-            let codes = self.scratch.codes(self.frames, self.layout, part, &mut codes);
-            for (j, found) in clipped.iter_mut().enumerate().take(part.len) {
-                *found |= (samples * j..samples * (j + 1)).any(|at| self.merge.is_clipped(codes, at));
-            }
-        }
-        let texel_of = runs.iter().flat_map(|run| core::iter::repeat_n(run.texel(), run.len()));
-        let places = weights.iter().zip(clipped).zip(texel_of);
-        places.filter(|((_, c), texel)| *c && *texel < texels).map(|((w, _), _)| u64::from(*w)).sum()
     }
 }
 
-/// Adds pixels of one sample to their texels and takes their runs; what lies below the horizon, in the texel after the last, goes to
-/// `below`.
-fn gather_grey(
-    runs: &mut &[Run],
-    weights: &[f32],
-    radiance: &Radiance,
+/// Adds a chunk of `len` places in floats, by the rules themselves; what it needs lies on a stack frame of its own.
+#[inline(never)]
+fn unusual(
+    codes: &[Codes<'_>],
+    merge: &MergeView<'_>,
+    (channels, len): (Channels, usize),
+    runs: &mut Runs<'_>,
     quads: &mut [Quad],
-    below: &mut [f32; 4],
+    sums: &mut Sums,
 ) {
-    let mut left = weights.iter().zip(radiance);
-    while left.len() > 0 {
-        let Some((run, rest)) = runs.split_first() else { return };
-        *runs = rest;
-        let sum = left.by_ref().take(run.len()).fold(0.0, |sum, (w, v)| sum + v * w);
-        add([sum, 0.0, 0.0, 0.0], run, quads, below);
+    let samples = channels.many();
+    let mut room: Radiance = [0.0; _];
+    let Some(radiance) = room.get_mut(..samples * len) else { return };
+    if merge.samples(codes, channels, radiance) {
+        let is_clipped = |j| (samples * j..samples * (j + 1)).any(|at| merge.is_clipped(codes, at));
+        sums.clipped += runs.weight(len, quads.len(), is_clipped);
     }
-}
-
-/// As [`gather_grey`], for three samples a pixel.
-fn gather_rgb(
-    runs: &mut &[Run],
-    mut weights: &[f32],
-    radiance: &Radiance,
-    quads: &mut [Quad],
-    below: &mut [f32; 4],
-) {
-    let mut values = radiance.as_slice();
-    while !weights.is_empty() {
-        let Some((run, rest)) = runs.split_first() else { return };
-        *runs = rest;
-        let Some((own, others)) = weights.split_at_checked(run.len()) else { return };
-        weights = others;
-        let Some((pixels, rest)) = values.split_at_checked(3 * own.len()) else { return };
-        let sum = if cfg!(target_arch = "arm") { three_lanes(pixels, own) } else { four_lanes(values, own) };
-        values = rest;
-        add(sum, run, quads, below);
-    }
-}
-
-/// Sum of pixels times weights, for cores that have no vectors of IEEE floats.
-#[inline(always)]
-fn three_lanes(pixels: &[f32], weights: &[f32]) -> [f32; 4] {
-    let mut sum = [0.0; 3];
-    for (pixel, w) in pixels.as_chunks::<3>().0.iter().zip(weights) {
-        for (s, v) in sum.iter_mut().zip(pixel) {
-            *s += v * w;
-        }
-    }
-    [sum[0], sum[1], sum[2], 0.0]
-}
-
-/// The same in whole vectors: the fourth lane is the next pixel's first and means nothing.
-#[inline(always)]
-fn four_lanes(mut pixels: &[f32], weights: &[f32]) -> [f32; 4] {
-    let mut sum = [0.0; 4];
-    for w in weights {
-        let Some((four, _)) = pixels.split_first_chunk::<4>() else { break };
-        for (s, v) in sum.iter_mut().zip(four) {
-            *s += v * w;
-        }
-        pixels = &pixels[3..];
-    }
-    sum
-}
-
-/// As [`gather_grey`], for the cells of a mosaic: two samples of each of two rows.
-fn gather_cells(
-    runs: &mut &[Run],
-    weights: &[f32],
-    radiance: &Radiance,
-    quads: &mut [Quad],
-    below: &mut [f32; 4],
-) {
-    let (first, second) = radiance.split_at(SECOND);
-    let rows = first.as_chunks::<2>().0.iter().zip(second.as_chunks::<2>().0);
-    let mut cells = rows.zip(weights);
-    while cells.len() > 0 {
-        let Some((run, rest)) = runs.split_first() else { return };
-        *runs = rest;
-        let mut sum = [0.0f32; 4];
-        for (([a, b], [c, d]), w) in cells.by_ref().take(run.len()) {
-            for (s, v) in sum.iter_mut().zip([a, b, c, d]) {
-                *s += v * w;
-            }
-        }
-        add(sum, run, quads, below);
-    }
-}
-
-#[inline(always)]
-fn add(sum: [f32; 4], run: &Run, quads: &mut [Quad], below: &mut [f32; 4]) {
-    let to = quads.get_mut(run.texel()).map_or(below, |q| &mut q.energy);
-    *to = core::array::from_fn(|i| to[i] + sum[i]);
+    runs.add_radiance(len, (&room, samples), quads, &mut sums.below);
 }
 
 fn check_frames(frames: &[Samples<'_>], layout: &Layout, merge: &MergeView<'_>) -> Result<(), FrontError> {

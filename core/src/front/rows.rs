@@ -5,17 +5,20 @@ use crate::format::{Format, Layout};
 use crate::merge::{Codes, MAX_EXPOSURES, Samples};
 use crate::plan::CHUNK;
 
-/// Whole groups of samples that a chunk of a mosaic's row may touch.
-const WORDS: usize = 2 * CHUNK + 4;
+/// Samples of a chunk of whole pairs of cells.
+const WORDS: usize = 4 * (CHUNK + 2);
 
 /// Whole pairs of pixels that a chunk may touch.
 pub(super) const PAIRED: usize = CHUNK + 2;
 
 /// Unpacked codes of the chunk that is being merged; none for formats that need no unpacking, whose frames then fit a small stack.
 pub(super) struct Scratch<'s> {
-    planes: &'s mut [[[u8; PAIRED]; 3]],
+    planes: &'s mut [Planes],
     words: &'s mut [[u16; WORDS]],
 }
+
+/// Planes of pixels, or the samples of cells.
+pub(super) type Planes = [[u8; PAIRED]; 4];
 
 /// Part of an image row: the row and its first place, and how many places; those of a mosaic are its 2 x 2 cells.
 #[derive(Clone, Copy)]
@@ -26,23 +29,33 @@ pub(super) struct Part {
 }
 
 impl Scratch<'_> {
-    /// Calls `f` with as much as the format needs.
-    pub(super) fn with<R>(format: Format, f: impl FnOnce(Scratch<'_>) -> R) -> R {
+    /// Calls `f` with as much as the format needs; `wants_planes` of it.
+    pub(super) fn with<R>(format: Format, wants_planes: bool, f: impl FnOnce(Scratch<'_>) -> R) -> R {
         match format {
-            Format::Yuyv(_) | Format::Nv12(_) => planes(f),
+            Format::Yuyv(_) | Format::Nv12(_) | Format::Bayer8(_) => planes(f),
+            Format::Rgb24 | Format::Bgr24 if wants_planes => planes(f),
             Format::Bayer16(..) | Format::Raw10(_) | Format::Raw12(_) => words(f),
             _ => f(Scratch { planes: &mut [], words: &mut [] }),
         }
     }
 
-    /// The codes of `part` in every frame, of at most [`CHUNK`] places.
+    /// The codes of `part` in every frame, of at most [`CHUNK`] places; bytes of three channels as planes where those are wanted.
     pub(super) fn codes<'a, 'c>(
         &'a mut self,
         frames: &[Samples<'a>],
         layout: &Layout,
         part: Part,
+        planes: bool,
         codes: &'c mut [Codes<'a>; MAX_EXPOSURES],
     ) -> &'c [Codes<'a>] {
+        if let Some(bytes) = plain_bytes(layout.format()).filter(|bytes| !(planes && *bytes == 3)) {
+            let at = part.row * layout.bytes_per_line() + bytes * part.first;
+            for (slot, frame) in codes.iter_mut().zip(frames) {
+                let Samples::U8(all) = frame else { continue };
+                *slot = Codes::Bytes(all.get(at..at + bytes * part.len).unwrap_or_default());
+            }
+            return &codes[..frames.len().min(MAX_EXPOSURES)];
+        }
         let (mut planes, mut words) = (self.planes.iter_mut(), self.words.iter_mut());
         for (slot, frame) in codes.iter_mut().zip(frames) {
             *slot = match frame {
@@ -59,10 +72,19 @@ impl Scratch<'_> {
     }
 }
 
+/// Bytes of a place in a row of samples, where those are codes as they lie there.
+fn plain_bytes(format: Format) -> Option<usize> {
+    match format {
+        Format::Rgb24 | Format::Bgr24 => Some(3),
+        Format::Grey => Some(1),
+        _ => None,
+    }
+}
+
 // A stack frame of its own for each.
 #[inline(never)]
 fn planes<R>(f: impl FnOnce(Scratch<'_>) -> R) -> R {
-    f(Scratch { planes: &mut [[[0; PAIRED]; 3]; MAX_EXPOSURES], words: &mut [] })
+    f(Scratch { planes: &mut [[[0; PAIRED]; 4]; MAX_EXPOSURES], words: &mut [] })
 }
 
 #[inline(never)]
@@ -70,84 +92,111 @@ fn words<R>(f: impl FnOnce(Scratch<'_>) -> R) -> R {
     f(Scratch { planes: &mut [], words: &mut [[0; WORDS]; MAX_EXPOSURES] })
 }
 
-/// As [`Scratch::codes`], for one frame; `None` without the room that its format needs.
+/// As [`Scratch::codes`], for one frame of samples that need work; `None` without the room that its format needs.
+#[inline(never)]
 fn unpack<'a>(
-    all: &'a [u8],
+    all: &[u8],
     layout: &Layout,
     part: Part,
-    planes: Option<&'a mut [[u8; PAIRED]; 3]>,
+    planes: Option<&'a mut Planes>,
     words: Option<&'a mut [u16; WORDS]>,
 ) -> Option<Codes<'a>> {
     let Part { row, first, len } = part;
-    let start = row * layout.bytes_per_line();
-    let line = |from: usize, count: usize| all.get(start + from..start + from + count).unwrap_or_default();
+    let at = |row: usize, from: usize, count: usize| {
+        let start = row * layout.bytes_per_line() + from;
+        all.get(start..start + count).unwrap_or_default()
+    };
     // Of two that share something, the first may lie before the part.
     let odd = first % 2;
-    let pairs = (odd + len).div_ceil(2);
-    Some(match layout.format() {
-        Format::Rgb24 | Format::Bgr24 => Codes::Bytes(line(3 * first, 3 * len)),
-        Format::Grey => Codes::Bytes(line(first, len)),
-        Format::Bayer8(_) => Codes::Bytes(line(2 * first, 2 * len)),
-        // Its frames are words already.
-        Format::Rgb48 => Codes::NONE,
+    let (first, pairs) = (first - odd, (odd + len).div_ceil(2));
+    // The two rows of a mosaic's cells, of so many bytes for two cells.
+    let rows = |bytes: usize| [0, 1].map(|i| at(2 * row + i, bytes * (first / 2), bytes * pairs));
+    match layout.format() {
+        // Their codes lie as they should.
+        Format::Grey | Format::Rgb48 => None,
+        Format::Rgb24 | Format::Bgr24 => {
+            let (pixels, _) = at(row, 3 * part.first, 3 * len).as_chunks::<3>();
+            let planes = planes?;
+            let [r, g, b, _] = planes.each_mut();
+            for (((r, g), b), pixel) in r.iter_mut().zip(g).zip(b).zip(pixels) {
+                (*r, *g, *b) = (pixel[0], pixel[1], pixel[2]);
+            }
+            Some(cut(planes, 0, len))
+        }
+        Format::Bayer8(_) => {
+            let bytes = planes?.as_flattened_mut();
+            two_cells(rows(4), bytes, |four: &[u8; 4]| *four);
+            Some(Codes::Bytes(bytes.get(4 * odd..4 * (odd + len)).unwrap_or_default()))
+        }
         Format::Bayer16(..) => {
-            let words = words?;
-            let (bytes, _) = line(4 * first, 4 * len).as_chunks::<2>();
-            words.iter_mut().zip(bytes).for_each(|(word, b)| *word = u16::from_le_bytes(*b));
-            some(words, 0, 2 * len)
+            let of = |b: &[u8; 8]| [0, 2, 4, 6].map(|i| u16::from_le_bytes([b[i], b[i + 1]]));
+            words.map(|words| cells(rows(8), words, odd, len, of))
         }
-        Format::Raw10(_) => {
-            let words = words?;
-            let (groups, _) = line((first - odd) / 2 * 5, pairs * 5).as_chunks::<5>();
-            words
-                .as_chunks_mut::<4>()
-                .0
-                .iter_mut()
-                .zip(groups)
-                .for_each(|(four, group)| *four = raw10(group));
-            some(words, 2 * odd, 2 * len)
-        }
+        Format::Raw10(_) => words.map(|words| cells(rows(5), words, odd, len, raw10)),
         Format::Raw12(_) => {
-            let words = words?;
-            let (groups, _) = line(3 * first, 3 * len).as_chunks::<3>();
-            words.as_chunks_mut::<2>().0.iter_mut().zip(groups).for_each(|(two, group)| *two = raw12(group));
-            some(words, 0, 2 * len)
+            let of = |[a, b, c, d, e, f]: &[u8; 6]| {
+                let ([a, b], [c, d]) = (raw12(&[*a, *b, *c]), raw12(&[*d, *e, *f]));
+                [a, b, c, d]
+            };
+            words.map(|words| cells(rows(6), words, odd, len, of))
         }
         Format::Yuyv(yuv) => {
             let planes = planes?;
-            yuv::from_yuyv(line(2 * (first - odd), 4 * pairs), yuv, planes);
-            cut(planes, odd, len)
+            yuv::from_yuyv(at(row, 2 * first, 4 * pairs), yuv, planes);
+            Some(cut(planes, odd, len))
         }
         Format::Nv12(yuv) => {
             let planes = planes?;
-            let chroma = (layout.height() as usize + row / 2) * layout.bytes_per_line() + first - odd;
-            let chroma = all.get(chroma..chroma + 2 * pairs).unwrap_or_default();
-            yuv::from_nv12(line(first - odd, 2 * pairs), chroma, yuv, planes);
-            cut(planes, odd, len)
+            let chroma = at(layout.height() as usize + row / 2, first, 2 * pairs);
+            yuv::from_nv12(at(row, first, 2 * pairs), chroma, yuv, planes);
+            Some(cut(planes, odd, len))
         }
-    })
+    }
 }
 
-fn some(words: &[u16; WORDS], from: usize, len: usize) -> Codes<'_> {
-    Codes::Words(words.get(from..from + len).unwrap_or_default())
+/// Cells `odd` to `odd + len` of two rows, as [`two_cells`] lays them.
+#[inline(always)]
+fn cells<'a, const B: usize>(
+    rows: [&[u8]; 2],
+    words: &'a mut [u16; WORDS],
+    odd: usize,
+    len: usize,
+    unpacked: impl Fn(&[u8; B]) -> [u16; 4],
+) -> Codes<'a> {
+    two_cells(rows, words, unpacked);
+    Codes::Words(words.get(4 * odd..4 * (odd + len)).unwrap_or_default())
 }
 
-fn cut(planes: &[[u8; PAIRED]; 3], from: usize, len: usize) -> Codes<'_> {
-    Codes::Planes(planes.each_ref().map(|plane| plane.get(from..from + len).unwrap_or_default()))
+/// Lays the samples of two rows, of which `unpacked` makes four of `B` bytes, cell by cell.
+#[inline(always)]
+fn two_cells<T, const B: usize>(rows: [&[u8]; 2], out: &mut [T], unpacked: impl Fn(&[u8; B]) -> [T; 4]) {
+    let [first, second] = rows.map(|row| row.as_chunks::<B>().0);
+    for (out, (first, second)) in out.as_chunks_mut::<8>().0.iter_mut().zip(first.iter().zip(second)) {
+        let ([a, b, e, f], [c, d, g, h]) = (unpacked(first), unpacked(second));
+        *out = [a, b, c, d, e, f, g, h];
+    }
 }
 
-/// Four samples of 10 bits.
-fn raw10(&[a, b, c, d, low]: &[u8; 5]) -> [u16; 4] {
-    let low = u16::from(low);
-    [
-        u16::from(a) << 2 | low & 3,
-        u16::from(b) << 2 | low >> 2 & 3,
-        u16::from(c) << 2 | low >> 4 & 3,
-        u16::from(d) << 2 | low >> 6,
-    ]
+fn cut(planes: &Planes, from: usize, len: usize) -> Codes<'_> {
+    let [r, g, b, _] = planes.each_ref().map(|plane| plane.get(from..from + len).unwrap_or_default());
+    Codes::Planes([r, g, b])
+}
+
+/// Four samples of 10 bits, two by two in the halves of words.
+#[inline(always)]
+fn raw10(group: &[u8; 5]) -> [u16; 4] {
+    let upper = group.first_chunk().map_or(0, |four| u32::from_le_bytes(*four));
+    let low = u32::from(group[4]);
+    // Two bits of each in the low bits of a byte.
+    let low = low | low << 6;
+    let low = low | low << 12;
+    let even = (upper & 0x00ff_00ff) << 2 | low & 0x0003_0003;
+    let odd = (upper >> 8 & 0x00ff_00ff) << 2 | low >> 8 & 0x0003_0003;
+    [even as u16, odd as u16, (even >> 16) as u16, (odd >> 16) as u16]
 }
 
 /// Two samples of 12 bits.
+#[inline(always)]
 fn raw12(&[a, b, low]: &[u8; 3]) -> [u16; 2] {
     let low = u16::from(low);
     [u16::from(a) << 4 | low & 15, u16::from(b) << 4 | low >> 4]

@@ -5,7 +5,7 @@
 //! gathered from, nothing branches, and a block of samples is a row of vector instructions. Most blocks need less: those where every
 //! exposure is valid, all but the longest, or the longest in some samples.
 
-use super::Exposure;
+use super::{COUNT_BITS, Exposure};
 
 /// Most exposures of the unrolled loops; longer bursts go through the tables.
 pub(super) const MAX_UNROLLED: usize = 4;
@@ -19,10 +19,12 @@ const WORST: f64 = 2e-4;
 /// Largest error of the black level, codes.
 const BLACK_ERROR: f64 = 0.002;
 
-/// Samples that are merged at a time: four vectors of bytes.
-const BLOCK: usize = 64;
+/// Samples of a loop's step: lanes of a vector of 16-bit integers.
+const BLOCK: usize = 8;
 
-/// A block of anything.
+/// Codes of a step that only compares.
+const WIDE: usize = 16;
+
 type Block<T> = [T; BLOCK];
 
 /// A sample as a frame holds it.
@@ -85,6 +87,7 @@ impl Linear {
         if (white << shift) as usize * many > i16::MAX as usize {
             return None;
         }
+        let most = MOST.min(((1 << COUNT_BITS) - 1) / (white << shift).max(1));
         let mut parts = [1.0; MAX_UNROLLED];
         let mut sum = 0.0;
         for (part, e) in parts.iter_mut().zip(exposures) {
@@ -93,7 +96,7 @@ impl Linear {
         }
         let parts = &parts[..many];
         let (one, error) =
-            (MOST / 2..=MOST).map(|one| (one, worst(one, parts))).min_by(|a, b| a.1.total_cmp(&b.1))?;
+            (most / 2..=most).map(|one| (one, worst(one, parts))).min_by(|a, b| a.1.total_cmp(&b.1))?;
         if error > WORST {
             return None;
         }
@@ -113,156 +116,185 @@ impl Linear {
         f64::from(self.one) * f64::from(1u32 << self.shift)
     }
 
-    /// Merges as many samples as `out` holds; says whether any clips in the shortest exposure or saturates in one that is shorter
-    /// than a valid one, so that this loop's answer is not the merge's.
+    /// Merges as many samples as the two hold, into sums and reciprocals whose products are the light; says whether it could: where one
+    /// clips in the shortest exposure or saturates in one that is shorter than a valid one, this loop's answer is not the merge's.
     ///
     /// # Accuracy
     /// Reciprocals are within 2e-4 of their values, sums are exact.
-    pub(super) fn merge<T: Code, const N: usize>(&self, codes: [&[T]; N], out: &mut [f32]) -> bool {
-        // A level that no code reaches is no limit; saturation that none reaches would need another comparison.
-        let white = T::try_from(self.white).unwrap_or(T::MAX);
-        let Ok(saturated) = T::try_from(self.saturated) else { return true };
-        if codes.iter().any(|c| c.len() < out.len()) {
-            return true;
-        }
-        let mut unusual = false;
-        let (blocks, rest) = out.as_chunks_mut::<BLOCK>();
-        let whole = codes.map(|c| c.as_chunks::<BLOCK>().0);
-        for (i, out) in blocks.iter_mut().enumerate() {
-            let Some(codes) = at(&whole, i) else { return true };
-            unusual |= self.block(codes, (white, saturated), out);
-        }
-        if !rest.is_empty() {
-            let mut padded = [[T::default(); BLOCK]; N];
-            for (to, from) in padded.iter_mut().zip(codes) {
-                to.iter_mut()
-                    .zip(from.iter().skip(BLOCK * blocks.len()).take(rest.len()))
-                    .for_each(|(t, f)| *t = *f);
-            }
-            let mut last = [0.0; BLOCK];
-            unusual |= self.block(padded.each_ref(), (white, saturated), &mut last);
-            rest.iter_mut().zip(last).for_each(|(to, v)| *to = v);
-        }
-        unusual
-    }
-
     // A name to look for its vector instructions under.
     #[inline(never)]
-    fn block<T: Code, const N: usize>(
+    pub(super) fn merge<T: Code, const N: usize>(
         &self,
-        codes: [&Block<T>; N],
-        (white, saturated): (T, T),
-        out: &mut Block<f32>,
+        codes: [&[T]; N],
+        sums: &mut [i16],
+        reciprocals: &mut [i16],
     ) -> bool {
-        let (shorter, least, most) = extremes(codes);
-        if shorter >= saturated {
-            return self.mixed(codes, (white, saturated), out);
+        // A level that no code reaches is no limit; saturation that none reaches would need another comparison.
+        let white = T::try_from(self.white).unwrap_or(T::MAX);
+        let Ok(saturated) = T::try_from(self.saturated) else { return false };
+        let count = sums.len().min(reciprocals.len());
+        if codes.iter().any(|c| c.len() < count) {
+            return false;
         }
-        let all = [codes.as_slice(), codes.get(..N - 1).unwrap_or_default()];
+        let codes = codes.map(|c| c.get(..count).unwrap_or_default());
+        let (sums, reciprocals) = (first_of(sums, count), first_of(reciprocals, count));
+        let [shorter @ .., longest] = &codes[..] else { return false };
+        let (least, most) = extremes(longest);
+        let is_certain = shorter.iter().all(|c| extremes(c).1 < saturated);
+        if !is_certain || (N == 1 && most >= saturated) {
+            let mut any = Any { white, saturated, doubts: [0; BLOCK] };
+            self.each_block(&mut any, codes, sums, reciprocals);
+            return any.doubts == [0; BLOCK];
+        }
         if most < saturated {
-            self.uniform(all[0], out);
-        } else if least >= saturated && N > 1 {
-            self.uniform(all[1], out);
-        } else if N > 1 {
-            self.mixed_in_last(codes, saturated, out);
+            self.each_block(&mut AllBut::<0>, codes, sums, reciprocals);
+        } else if least >= saturated {
+            self.each_block(&mut AllBut::<1>, codes, sums, reciprocals);
         } else {
-            return self.mixed(codes, (white, saturated), out);
+            self.each_block(&mut LongestOr { saturated }, codes, sums, reciprocals);
         }
-        false
+        true
     }
 
-    /// Samples that are valid in all of `codes`.
+    /// Merges block by block. The last block overlaps the one before it; where there are fewer codes than one, those that lack are 0.
     #[inline(always)]
-    fn uniform<T: Code>(&self, codes: &[&Block<T>], out: &mut Block<f32>) {
-        let black = self.black.wrapping_mul(codes.len() as i16);
-        let reciprocal = codes.len().checked_sub(1).and_then(|i| self.whole.get(i)).copied().unwrap_or(0);
-        for (j, value) in out.iter_mut().enumerate() {
-            let sum = codes.iter().fold(0i16, |sum, c| sum.wrapping_add(c[j].low()));
-            let sum = sum.wrapping_shl(self.shift).wrapping_sub(black);
-            *value = (i32::from(sum) * i32::from(reciprocal)) as f32;
-        }
-    }
-
-    /// Samples that are valid in all exposures but, some of them, the longest.
-    #[inline(always)]
-    fn mixed_in_last<T: Code, const N: usize>(
+    fn each_block<T: Code, const N: usize>(
         &self,
-        codes: [&Block<T>; N],
-        saturated: T,
-        out: &mut Block<f32>,
+        case: &mut impl Case<T, N>,
+        codes: [&[T]; N],
+        sums: &mut [i16],
+        reciprocals: &mut [i16],
     ) {
-        let (shorter, last) = (&codes[..N - 1], codes[N - 1]);
-        let black = self.black.wrapping_mul(N as i16 - 1);
-        let (whole, step) = (self.whole[N.saturating_sub(2)], self.steps[N - 1]);
-        let (mut sums, mut reciprocals) = ([0i16; BLOCK], [0i16; BLOCK]);
-        for j in 0..BLOCK {
-            let sum = shorter.iter().fold(0i16, |sum, c| sum.wrapping_add(c[j].low()));
-            let mask = if last[j] < saturated { -1i16 } else { 0 };
-            let light = last[j].low().wrapping_shl(self.shift).wrapping_sub(self.black);
-            sums[j] = sum.wrapping_shl(self.shift).wrapping_sub(black).wrapping_add(light & mask);
-            reciprocals[j] = whole.wrapping_add(step & mask);
+        let zeros = [T::default(); BLOCK];
+        let blocks = codes.map(|c| c.as_chunks::<BLOCK>().0);
+        let places = sums.as_chunks_mut::<BLOCK>().0.iter_mut().zip(reciprocals.as_chunks_mut::<BLOCK>().0);
+        for (i, (sums, reciprocals)) in places.enumerate() {
+            [*sums, *reciprocals] = case.merge(self, blocks.map(|blocks| blocks.get(i).unwrap_or(&zeros)));
         }
-        multiply(&sums, &reciprocals, out);
+        if let (Some(sums), Some(reciprocals)) = (sums.last_chunk_mut(), reciprocals.last_chunk_mut()) {
+            [*sums, *reciprocals] = case.merge(self, codes.map(|c| c.last_chunk().unwrap_or(&zeros)));
+            return;
+        }
+        let padded = codes.map(|c| {
+            let mut padded = zeros;
+            padded.iter_mut().zip(c).for_each(|(to, code)| *to = *code);
+            padded
+        });
+        let [own_sums, own_reciprocals] = case.merge(self, padded.each_ref());
+        sums.iter_mut().zip(own_sums).for_each(|(to, own)| *to = own);
+        reciprocals.iter_mut().zip(own_reciprocals).for_each(|(to, own)| *to = own);
     }
+}
 
-    /// Any samples; says whether the answer is in doubt.
-    fn mixed<T: Code, const N: usize>(
-        &self,
-        codes: [&Block<T>; N],
-        (white, saturated): (T, T),
-        out: &mut Block<f32>,
-    ) -> bool {
-        let valid = |c: T| if c < saturated { -1i16 } else { 0 };
-        let mut doubts = 0i16;
-        let (mut sums, mut reciprocals) = ([0i16; BLOCK], [0i16; BLOCK]);
-        for j in 0..BLOCK {
+/// What is known of a row's samples.
+trait Case<T: Code, const N: usize> {
+    fn merge(&mut self, linear: &Linear, codes: [&Block<T>; N]) -> [Block<i16>; 2];
+}
+
+/// All are valid in every exposure but the `LESS` longest.
+struct AllBut<const LESS: usize>;
+
+impl<T: Code, const N: usize, const LESS: usize> Case<T, N> for AllBut<LESS> {
+    #[inline(always)]
+    fn merge(&mut self, linear: &Linear, codes: [&Block<T>; N]) -> [Block<i16>; 2] {
+        let many = N.saturating_sub(LESS);
+        let black = linear.black.wrapping_mul(many as i16);
+        let mut sums = [0i16; BLOCK];
+        for (j, to) in sums.iter_mut().enumerate() {
+            let sum = codes.iter().take(many).fold(0i16, |sum, c| sum.wrapping_add(c[j].low()));
+            *to = sum.wrapping_shl(linear.shift).wrapping_sub(black);
+        }
+        let whole = many.checked_sub(1).and_then(|i| linear.whole.get(i));
+        [sums, [whole.copied().unwrap_or(0); BLOCK]]
+    }
+}
+
+/// All are valid in every exposure but the longest, some of them there too.
+struct LongestOr<T> {
+    saturated: T,
+}
+
+/// Anything.
+struct Any<T> {
+    white: T,
+    saturated: T,
+    /// Not 0 where an answer is not certain.
+    doubts: Block<i16>,
+}
+
+impl<T: Code, const N: usize> Case<T, N> for LongestOr<T> {
+    #[inline(always)]
+    fn merge(&mut self, linear: &Linear, codes: [&Block<T>; N]) -> [Block<i16>; 2] {
+        let black = linear.black.wrapping_mul(N as i16 - 1);
+        let (whole, step) = (linear.whole[N.saturating_sub(2)], linear.steps[N - 1]);
+        let [mut sums, mut reciprocals] = [[0; BLOCK]; 2];
+        for (j, (sum, reciprocal)) in sums.iter_mut().zip(&mut reciprocals).enumerate() {
+            let shorter = codes.iter().take(N - 1).fold(0i16, |sum, c| sum.wrapping_add(c[j].low()));
+            let last = codes[N - 1][j];
+            let mask = if last < self.saturated { -1i16 } else { 0 };
+            let light = last.low().wrapping_shl(linear.shift).wrapping_sub(linear.black);
+            *sum = shorter.wrapping_shl(linear.shift).wrapping_sub(black).wrapping_add(light & mask);
+            *reciprocal = whole.wrapping_add(step & mask);
+        }
+        [sums, reciprocals]
+    }
+}
+
+impl<T: Code, const N: usize> Case<T, N> for Any<T> {
+    #[inline(always)]
+    fn merge(&mut self, linear: &Linear, codes: [&Block<T>; N]) -> [Block<i16>; 2] {
+        let valid = |c: T| if c < self.saturated { -1i16 } else { 0 };
+        let [mut sums, mut reciprocals] = [[0; BLOCK]; 2];
+        for (j, (value, factor)) in sums.iter_mut().zip(&mut reciprocals).enumerate() {
             let first = codes[0][j];
             let mut shorter = valid(first);
-            doubts = doubts.wrapping_sub(!shorter);
-            let (mut sum, mut used, mut reciprocal) = (first.min(white).low(), 1i16, self.steps[0]);
-            for (codes, step) in codes[1..].iter().zip(&self.steps[1..]) {
-                let mask = valid(codes[j]);
-                sum = sum.wrapping_add(codes[j].low() & mask);
+            let mut doubts = !shorter;
+            let (mut sum, mut used, mut reciprocal) = (first.min(self.white).low(), 1i16, linear.steps[0]);
+            for (codes, step) in codes[1..].iter().zip(&linear.steps[1..]) {
+                let code = codes[j];
+                let mask = valid(code);
+                sum = sum.wrapping_add(code.low() & mask);
                 used = used.wrapping_sub(mask);
                 reciprocal = reciprocal.wrapping_add(step & mask);
-                doubts = doubts.wrapping_sub(mask & !shorter);
+                doubts |= mask & !shorter;
                 shorter = mask;
             }
-            sums[j] = sum.wrapping_shl(self.shift).wrapping_sub(used.wrapping_mul(self.black));
-            reciprocals[j] = reciprocal;
+            self.doubts[j] |= doubts;
+            *value = sum.wrapping_shl(linear.shift).wrapping_sub(used.wrapping_mul(linear.black));
+            *factor = reciprocal;
         }
-        multiply(&sums, &reciprocals, out);
-        doubts != 0
+        [sums, reciprocals]
     }
 }
 
-/// Block `i` of every exposure.
-fn at<'a, T: Copy, const N: usize>(blocks: &[&'a [Block<T>]; N], i: usize) -> Option<[&'a Block<T>; N]> {
-    let mut found = [blocks.first()?.get(i)?; N];
-    for (slot, blocks) in found.iter_mut().zip(blocks) {
-        *slot = blocks.get(i)?;
-    }
-    Some(found)
-}
-
-/// The largest code of all exposures but the longest; the least and the largest of that.
+/// The first `count`, of at least as many.
 #[inline(always)]
-fn extremes<T: Code, const N: usize>(codes: [&Block<T>; N]) -> (T, T, T) {
-    let (mut shorter, mut least, mut most) = (T::default(), T::MAX, T::default());
-    for j in 0..BLOCK {
-        for c in &codes[..N - 1] {
-            shorter = shorter.max(c[j]);
-        }
-        least = least.min(codes[N - 1][j]);
-        most = most.max(codes[N - 1][j]);
+fn first_of(values: &mut [i16], count: usize) -> &mut [i16] {
+    values.get_mut(..count).unwrap_or_default()
+}
+
+/// The least and the largest code.
+#[inline(always)]
+fn extremes<T: Code>(codes: &[T]) -> (T, T) {
+    let (mut least, mut most) = ([T::MAX; WIDE], [T::default(); WIDE]);
+    for block in codes.as_chunks().0 {
+        widen(&mut least, &mut most, block);
     }
-    (shorter, least, most)
+    if let Some(block) = codes.last_chunk() {
+        widen(&mut least, &mut most, block);
+    }
+    let rest = if codes.len() < WIDE { codes } else { &[] };
+    let all = |values: [T; WIDE], of: fn(T, T) -> T, first| {
+        values.into_iter().chain(rest.iter().copied()).fold(first, of)
+    };
+    (all(least, T::min, T::MAX), all(most, T::max, T::default()))
 }
 
 #[inline(always)]
-fn multiply(sums: &Block<i16>, reciprocals: &Block<i16>, out: &mut Block<f32>) {
-    for ((value, sum), reciprocal) in out.iter_mut().zip(sums).zip(reciprocals) {
-        *value = (i32::from(*sum) * i32::from(*reciprocal)) as f32;
+fn widen<T: Code>(least: &mut [T; WIDE], most: &mut [T; WIDE], block: &[T; WIDE]) {
+    for ((least, most), code) in least.iter_mut().zip(most).zip(block) {
+        *least = (*least).min(*code);
+        *most = (*most).max(*code);
     }
 }
 

@@ -4,105 +4,20 @@
 //! neither saturated nor (non-linear responses only) below the trust of its table. Without a valid sample the longest unsaturated
 //! exposure decides; where even the shortest saturates, its own value stands as a lower bound and the pixel counts as clipped.
 //!
-//! Three loops do the work: [`linear`] for linear sensors, [`table`] for every other one of 8 bits, and a plain one for the rest and
-//! for what is rare in the others' samples.
+//! Two loops do the work, [`linear`] for linear sensors and [`table`] for every other one of 8 bits. Both give whole counts of light,
+//! whose sums are exact. A plain one gives floats for the rest, and for what is rare in the others' samples.
 
+mod codes;
 mod exposure;
 mod linear;
 mod table;
 
 use crate::arena::{self, Buffer};
 use crate::response::{CURVE_BITS, Curve, Depth};
+pub use codes::{Channels, Codes, Samples};
 use exposure::check;
 pub use exposure::{Exposure, MAX_EXPOSURES, MergeError};
 use linear::{Code, Linear};
-
-/// One frame, packed as a [`crate::format::Layout`] says.
-#[derive(Clone, Copy, Debug)]
-pub enum Samples<'a> {
-    /// The bytes of any format but [`crate::format::Format::Rgb48`].
-    U8(&'a [u8]),
-    /// The words of [`crate::format::Format::Rgb48`].
-    U16(&'a [u16]),
-}
-
-impl Samples<'_> {
-    /// Bytes or words.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        match self {
-            Self::U8(s) => s.len(),
-            Self::U16(s) => s.len(),
-        }
-    }
-
-    /// Whether there are none.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-}
-
-/// Codes of a part of a frame, one for each sample.
-#[derive(Clone, Copy, Debug)]
-pub enum Codes<'a> {
-    /// As bytes.
-    Bytes(&'a [u8]),
-    /// As words.
-    Words(&'a [u16]),
-    /// Red, green and blue bytes, each on their own.
-    Planes([&'a [u8]; 3]),
-}
-
-impl<'a> Codes<'a> {
-    /// No codes.
-    pub const NONE: Self = Self::Bytes(&[]);
-
-    /// The code of sample `at`; 0 where there is none.
-    fn code(&self, at: usize) -> u32 {
-        match self {
-            Self::Bytes(s) => s.get(at).copied().map_or(0, u32::from),
-            Self::Words(s) => s.get(at).copied().map_or(0, u32::from),
-            Self::Planes(s) => s[at % 3].get(at / 3).copied().map_or(0, u32::from),
-        }
-    }
-
-    fn bytes(&self) -> Option<&'a [u8]> {
-        if let Self::Bytes(s) = *self { Some(s) } else { None }
-    }
-
-    fn planes(&self) -> Option<[&'a [u8]; 3]> {
-        if let Self::Planes(s) = *self { Some(s) } else { None }
-    }
-
-    fn words(&self) -> Option<&'a [u16]> {
-        if let Self::Words(s) = *self { Some(s) } else { None }
-    }
-}
-
-/// The channels (0 red, 1 green, 2 blue) of a run of samples, over and over.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Channels {
-    /// All of one.
-    One([usize; 1]),
-    /// Two in turn: a row of a mosaic.
-    Two([usize; 2]),
-    /// Three in turn.
-    Three([usize; 3]),
-}
-
-impl Channels {
-    /// Red, green, blue.
-    pub const RGB: Self = Self::Three([0, 1, 2]);
-
-    fn of(&self, at: usize) -> usize {
-        match self {
-            Self::One([c]) => *c,
-            Self::Two(c) => c[at % 2],
-            Self::Three(c) => c[at % 3],
-        }
-    }
-}
 
 /// What a sum of light is worth: light x factor - offset.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -176,6 +91,9 @@ fn linear<C: Buffer<i32>>(curve: &Curve<C>, exposures: &[Exposure]) -> Option<Li
 
 const GAIN_BITS: u32 = 30;
 
+/// Bits of a whole count of light: sixteen add up in 32 bits.
+pub const COUNT_BITS: u32 = 27;
+
 impl<C: Buffer<i32>, P: Buffer<u32>, R: Buffer<Reciprocal>> Merge<C, P, R> {
     /// Prepares the merge of `exposures`, which ascend by time x gain; `scale` is the radiance of relative exposure 1 at one
     /// second and gain 1. The buffers hold what [`merge_size`] says.
@@ -209,12 +127,13 @@ impl<C: Buffer<i32>, P: Buffer<u32>, R: Buffer<Reciprocal>> Merge<C, P, R> {
             Way::Table(scale) => (scale.one, scale.raised),
             _ => (plain_one, 0.0),
         };
-        // Radiance of one count, seconds of the shortest exposure.
-        let unit = scale / (least_gain * shortest)
-            * match (&way, curve.linear_levels()) {
-                (Way::Linear(l), Some((black, white))) => 1.0 / (l.counts_per_code() * (white - black)),
-                _ => 1.0 / f64::from(1u32 << 20),
-            };
+        // Counts of relative exposure 1 in the shortest exposure.
+        let counts = match (&way, curve.linear_levels()) {
+            (Way::Linear(l), Some((black, white))) => l.counts_per_code() * (white - black),
+            (Way::Table(table::Scale { whole: Some(whole), .. }), _) => whole.one,
+            _ => f64::from(1u32 << 20),
+        };
+        let unit = scale / (least_gain * shortest) / counts;
         for (mask, r) in reciprocals.as_mut().iter_mut().enumerate().take(size.reciprocals) {
             let used = || exposures.iter().enumerate().filter(|(i, _)| mask >> i & 1 == 1);
             let seconds: f64 = used().map(|(_, e)| e.seconds).sum();
@@ -301,30 +220,61 @@ impl MergeView<'_> {
         self.own.count
     }
 
-    /// Merges samples whose channels are `channels` over and over into `out`, in counts of [`Merge::unit`]; noise round black may
-    /// be negative. `codes` are the same samples in each exposure. Says whether any sample may be clipped.
+    /// Whether [`MergeView::counts`] wants the channels of bytes on their own.
+    #[must_use]
+    pub fn wants_planes(&self) -> bool {
+        matches!(&self.own.way, Way::Table(scale) if scale.whole.is_some())
+    }
+
+    /// Whether [`MergeView::products`] merges these samples.
+    #[must_use]
+    pub fn has_products(&self) -> bool {
+        matches!(self.own.way, Way::Linear(_))
+    }
+
+    /// As [`MergeView::counts`], which are the products of what is given: one step less where they are summed up anyway.
+    #[must_use]
+    pub fn products(&self, codes: &[Codes<'_>], sums: &mut [i16], reciprocals: &mut [i16]) -> bool {
+        let Way::Linear(linear) = &self.own.way else { return false };
+        match codes.first() {
+            Some(Codes::Bytes(_)) => unrolled(linear, codes, Codes::bytes, sums, reciprocals),
+            Some(Codes::Words(_)) => unrolled(linear, codes, Codes::words, sums, reciprocals),
+            _ => false,
+        }
+    }
+
+    /// Merges samples whose channels are `channels` over and over into whole counts of [`Merge::unit`], below 2^[`COUNT_BITS`]
+    /// either way; noise round black may be negative. `codes` are the same samples in each exposure.
     ///
-    /// Samples that a frame does not have are dark.
+    /// Says whether it could: not all bursts have whole counts, and some samples are in doubt. Then [`MergeView::samples`] can.
     ///
     /// # Accuracy
     /// Within 0.1 % RMS of an `f64` merge with the same weights over seven decades (`tests/merge_twin`).
+    #[must_use]
+    pub fn counts(&self, codes: &[Codes<'_>], channels: Channels, out: &mut [i32]) -> bool {
+        match &self.own.way {
+            Way::Linear(_) => self.multiplied(codes, out),
+            Way::Table(scale) => self.tables(scale).counts(codes, channels, out),
+            Way::Plain => false,
+        }
+    }
+
+    /// As [`MergeView::counts`], of any samples. Says whether any may be clipped.
+    ///
+    /// Samples that a frame does not have are dark.
     pub fn samples(&self, codes: &[Codes<'_>], channels: Channels, out: &mut [f32]) -> bool {
-        // The tables leave a mark where no exposure is valid; the other loops' answers are all in doubt or there are none.
-        let (unusual, all) = match &self.own.way {
-            Way::Linear(linear) => (self.linear(linear, codes, out), true),
-            Way::Table(scale) => {
-                let merged = match channels {
-                    Channels::One(c) => self.by_table(scale, codes, c, out),
-                    Channels::Two(c) => self.by_table(scale, codes, c, out),
-                    Channels::Three(c) => self.by_table(scale, codes, c, out),
-                };
-                (merged.unwrap_or(true), merged.is_none())
-            }
-            Way::Plain => (true, true),
-        };
-        if unusual {
-            for (at, value) in out.iter_mut().enumerate().filter(|(_, v)| all || v.is_nan()) {
+        let mut doubtful = true;
+        if let Way::Table(scale) = &self.own.way
+            && scale.whole.is_none()
+        {
+            self.tables(scale).floats(codes, channels, self.reciprocals, out);
+            doubtful = false;
+        }
+        let mut unusual = false;
+        for (at, value) in out.iter_mut().enumerate() {
+            if doubtful || value.is_nan() {
                 *value = self.sample(codes, channels.of(at), at);
+                unusual = true;
             }
         }
         unusual
@@ -336,52 +286,30 @@ impl MergeView<'_> {
         codes.iter().take(self.own.count).all(|c| self.curve.is_saturated(c.code(at)))
     }
 
-    fn linear(&self, linear: &Linear, codes: &[Codes<'_>], out: &mut [f32]) -> bool {
-        match codes.first() {
-            Some(Codes::Bytes(_)) => unrolled(linear, codes, Codes::bytes, out),
-            Some(Codes::Words(_)) => unrolled(linear, codes, Codes::words, out),
-            _ => true,
+    fn multiplied(&self, codes: &[Codes<'_>], out: &mut [i32]) -> bool {
+        const PIECE: usize = 128;
+        let (mut sums, mut reciprocals) = ([0; PIECE], [0; PIECE]);
+        for (i, out) in out.chunks_mut(PIECE).enumerate() {
+            let mut own = [Codes::NONE; MAX_EXPOSURES];
+            for (own, codes) in own.iter_mut().zip(codes) {
+                *own = codes.part(PIECE * i, out.len());
+            }
+            let own = own.get(..codes.len()).unwrap_or_default();
+            let (sums, reciprocals) = (&mut sums[..out.len()], &mut reciprocals[..out.len()]);
+            if !self.products(own, sums, reciprocals) {
+                return false;
+            }
+            for (value, (sum, reciprocal)) in out.iter_mut().zip(sums.iter().zip(reciprocals)) {
+                *value = i32::from(*sum) * i32::from(*reciprocal);
+            }
         }
+        true
     }
 
-    fn by_table<const K: usize>(
-        &self,
-        scale: &table::Scale,
-        codes: &[Codes<'_>],
-        channels: [usize; K],
-        out: &mut [f32],
-    ) -> Option<bool> {
-        match self.own.count {
-            1 => self.table::<1, K>(scale, codes, channels, out),
-            2 => self.table::<2, K>(scale, codes, channels, out),
-            3 => self.table::<3, K>(scale, codes, channels, out),
-            4 => self.table::<4, K>(scale, codes, channels, out),
-            5..=8 => self.table::<8, K>(scale, codes, channels, out),
-            _ => self.table::<MAX_EXPOSURES, K>(scale, codes, channels, out),
-        }
-    }
-
-    fn table<const N: usize, const K: usize>(
-        &self,
-        scale: &table::Scale,
-        codes: &[Codes<'_>],
-        channels: [usize; K],
-        out: &mut [f32],
-    ) -> Option<bool> {
+    fn tables<'a>(&'a self, scale: &'a table::Scale) -> table::Tables<'a> {
         let (entries, _) = self.tables.as_chunks::<256>();
-        let (tables, _) = entries.as_chunks::<3>();
-        let used = |i: &usize| *i < self.own.count;
-        // What there is not adds nothing.
-        let table = |i| Some(i).filter(used).and_then(|i| tables.get(i)).unwrap_or(&table::NOTHING);
-        let table = table::Table { tables: core::array::from_fn(table), channels, scale };
-        // Nor does it matter what is looked up there.
-        let code = |i: usize| codes.get(if used(&i) { i } else { 0 }).copied().unwrap_or(Codes::NONE);
-        let codes: [Codes<'_>; N] = core::array::from_fn(code);
-        let reciprocals = self.reciprocals;
-        if let Some(bytes) = all(&codes, Codes::bytes) {
-            return table.interleaved(bytes, reciprocals, out);
-        }
-        all(&codes, Codes::planes).and_then(|planes| table.planes(planes, reciprocals, out))
+        let tables = entries.as_chunks::<3>().0;
+        table::Tables { tables: tables.get(..self.own.count).unwrap_or_default(), scale }
     }
 
     /// Radiance of one sample by the rules themselves.
@@ -420,36 +348,26 @@ impl MergeView<'_> {
     }
 }
 
-/// What `of` makes of every element; none where it makes nothing of one.
-fn all<'a, T: Copy + Default, const N: usize>(
-    codes: &[Codes<'a>; N],
-    of: impl Fn(&Codes<'a>) -> Option<T>,
-) -> Option<[T; N]> {
-    let mut found = [T::default(); N];
-    for (slot, codes) in found.iter_mut().zip(codes) {
-        *slot = of(codes)?;
-    }
-    Some(found)
-}
-
 /// Runs the loop of [`linear`] for as many exposures as there are.
+#[inline(always)]
 fn unrolled<'a, T: Code + 'a>(
     linear: &Linear,
     codes: &[Codes<'a>],
     slice: impl Fn(&Codes<'a>) -> Option<&'a [T]>,
-    out: &mut [f32],
+    sums: &mut [i16],
+    reciprocals: &mut [i16],
 ) -> bool {
     let mut slices: [&[T]; linear::MAX_UNROLLED] = [&[]; _];
     for (slot, samples) in slices.iter_mut().zip(codes) {
-        let Some(found) = slice(samples) else { return true };
+        let Some(found) = slice(samples) else { return false };
         *slot = found;
     }
     let [a, b, c, d] = slices;
     match codes.len() {
-        1 => linear.merge([a], out),
-        2 => linear.merge([a, b], out),
-        3 => linear.merge([a, b, c], out),
-        4 => linear.merge([a, b, c, d], out),
-        _ => true,
+        1 => linear.merge([a], sums, reciprocals),
+        2 => linear.merge([a, b], sums, reciprocals),
+        3 => linear.merge([a, b, c], sums, reciprocals),
+        4 => linear.merge([a, b, c, d], sums, reciprocals),
+        _ => false,
     }
 }

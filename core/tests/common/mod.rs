@@ -6,7 +6,9 @@ use hemilux_core::format::{Format, Layout};
 use hemilux_core::front::{self, FrontError, Seen};
 use hemilux_core::healpix::{self, Domain};
 use hemilux_core::lens::{Intrinsics, Lens, Model};
-use hemilux_core::merge::{Exposure, Merge, Reciprocal, Samples, merge_size};
+use hemilux_core::merge::{
+    COUNT_BITS, Channels, Codes, Exposure, Merge, MergeView, Reciprocal, Samples, merge_size,
+};
 use hemilux_core::plan::{Plan, Run, Span, Texel, plan_size};
 use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
 use hemilux_core::response::{Curve, Depth, Response, curve_len};
@@ -141,4 +143,40 @@ pub fn burst(
 ) -> Result<Seen, FrontError> {
     let layout = Layout::tight(Format::Rgb48, plan.width(), plan.height()).expect("a sound size");
     front::burst(frames, &layout, &one_exposure().view(), &plan.view(), balance, map)
+}
+
+/// Counts of samples of whole pixels: whole ones of as many pixels at a time as have them, floats of the rest. Says of how many
+/// samples they are whole.
+pub fn merged(view: &MergeView<'_>, codes: &[Codes<'_>], channels: Channels, out: &mut [f32]) -> usize {
+    let many = channels.many();
+    let mut counts = vec![0; out.len()];
+    if view.counts(codes, channels, &mut counts) {
+        let whole = |v: &i32| {
+            assert!(v.unsigned_abs() < 1 << COUNT_BITS, "{v}");
+            *v as f32
+        };
+        out.iter_mut().zip(&counts).for_each(|(to, v)| *to = whole(v));
+        return out.len();
+    }
+    if out.len() <= many {
+        view.samples(codes, channels, out);
+        return 0;
+    }
+    let middle = out.len() / many / 2 * many;
+    let (first, second) = out.split_at_mut(middle);
+    let side = |after| codes.iter().map(|c| half(c, middle, after)).collect::<Vec<_>>();
+    merged(view, &side(false), channels, first) + merged(view, &side(true), channels, second)
+}
+
+/// The samples of `codes` before or from `middle` on.
+fn half<'a>(codes: &Codes<'a>, middle: usize, after: bool) -> Codes<'a> {
+    fn cut<T>(all: &[T], middle: usize, after: bool) -> &[T] {
+        let (first, second) = all.split_at(middle.min(all.len()));
+        if after { second } else { first }
+    }
+    match *codes {
+        Codes::Bytes(s) => Codes::Bytes(cut(s, middle, after)),
+        Codes::Words(s) => Codes::Words(cut(s, middle, after)),
+        Codes::Planes(s) => Codes::Planes(s.map(|s| cut(s, middle / 3, after))),
+    }
 }

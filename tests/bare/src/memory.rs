@@ -22,8 +22,8 @@ pub const ORDER: u8 = 4;
 pub const LIGHTS: usize = 256;
 
 /// Pixels inside the lens circle, and runs of them that share a texel: what `plan_size` says of the scene's lens.
-const WEIGHTS: usize = 7080;
-const RUNS: usize = 3816;
+const WEIGHTS: usize = RUNS;
+const RUNS: usize = 3900;
 
 const FRAME: usize = 3 * (SIDE * SIDE) as usize;
 const TEXELS: usize = Domain::Hemisphere.quads(ORDER);

@@ -1,20 +1,16 @@
 //! The plan pixel -> texel: built once per calibration, run through by every frame.
 //!
-//! Every pixel whose centre lies inside the lens circle carries its own solid angle to one HEALPix texel, so no light is lost
-//! between pixels and texels. Accumulation happens at the finest order whose texels are still clearly larger than the largest
+//! Every pixel whose centre lies inside the lens circle carries its solid angle to one HEALPix texel, so no light is lost between
+//! pixels and texels. Neighbours in a row that share a texel share their mean weight too, as long as that is within 0.25 % of theirs.
+//! Accumulation happens at the finest order whose texels are still clearly larger than the largest
 //! pixel; finer orders are filled from it with the energy kept ([`crate::front`]).
 
+mod visit;
+
 use crate::arena::{self, Buffer, TooSmall};
-use crate::healpix::{self, Domain};
+use crate::healpix::Domain;
 use crate::lens::Lens;
-use glam::{DVec2, DVec3};
-
-/// Least solid angle of a texel over that of the largest pixel: with 2.25 a texel is 1.5 pixels wide, so that each holds at least
-/// one pixel's centre. Less leaves holes; more blurs.
-const TEXEL_OVER_PIXEL: f64 = 2.25;
-
-/// Sub-samples a side with which a texel's unseen share is measured.
-const SHARE_SAMPLES: u32 = 4;
+use visit::{measure, span, survey, visit_runs};
 
 /// Pixels of one image row that a plan visits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -26,7 +22,10 @@ pub struct Span {
 }
 
 /// Most pixels that are merged at a time: a few KB of codes and radiance, small beside any first-level cache.
-pub const CHUNK: usize = 128;
+pub const CHUNK: usize = 192;
+
+/// Most pixels of a run: that many counts of light of [`crate::merge::COUNT_BITS`] add up in 32 bits.
+pub const MAX_RUN: usize = 16;
 
 /// Pixels side by side in a row whose light goes to one texel at the plan's accumulation order; the texel after the last collects
 /// what is below the horizon. None crosses from one [`CHUNK`] of its span to the next.
@@ -44,7 +43,7 @@ impl Run {
         (self.0 >> 8) as usize
     }
 
-    /// Pixels, at most [`CHUNK`].
+    /// Pixels, at most [`MAX_RUN`].
     #[must_use]
     pub const fn len(self) -> usize {
         (self.0 & 255) as usize
@@ -123,15 +122,15 @@ pub struct PlanView<'a> {
     pub source_order: u8,
     /// The columns of each image row that are visited.
     pub spans: &'a [Span],
-    /// Solid angle over relative illumination of each visited pixel, in units of `weight_unit`.
+    /// Mean solid angle over relative illumination of each run's pixels, in units of `weight_unit`.
     pub weights: &'a [u16],
-    /// Where they go, in memory order.
+    /// Where the visited pixels go, in memory order.
     pub runs: &'a [Run],
     /// Texels of the map, at `order`.
     pub texels: &'a [Texel],
     /// Steradians of one count of weight.
     pub weight_unit: f64,
-    /// Sum of all weights.
+    /// Sum of all pixels' weights.
     pub weight_sum: u64,
     /// The share of the hemisphere that the lens does not see.
     pub unseen: f64,
@@ -143,9 +142,9 @@ pub struct PlanView<'a> {
 pub struct PlanSize {
     /// Image rows.
     pub spans: usize,
-    /// Pixels inside the lens circle.
+    /// Weights of runs.
     pub weights: usize,
-    /// Runs of pixels that share a texel.
+    /// Runs of pixels that share a texel and a weight.
     pub runs: usize,
     /// Texels of the map.
     pub texels: usize,
@@ -160,9 +159,9 @@ pub fn plan_size(lens: &Lens, width: u32, height: u32, order: u8) -> Result<Plan
     let survey = survey(lens, width, height)?;
     let source_order = survey.source_order(order)?;
     let mut runs = 0;
-    visit_runs(lens, width, height, source_order, |_| runs += 1, |_| ());
+    visit_runs(lens, width, height, source_order, |_, _| runs += 1);
     let texels = Domain::Hemisphere.quads(order);
-    Ok(PlanSize { spans: height as usize, weights: survey.count, runs, texels })
+    Ok(PlanSize { spans: height as usize, weights: runs, runs, texels })
 }
 
 fn check(width: u32, height: u32, order: u8) -> Result<(), PlanError> {
@@ -171,46 +170,6 @@ fn check(width: u32, height: u32, order: u8) -> Result<(), PlanError> {
         return Err(PlanError::BadSize);
     }
     if order > 10 { Err(PlanError::BadOrder) } else { Ok(()) }
-}
-
-/// What all pixels together say.
-#[derive(Default)]
-struct Survey {
-    count: usize,
-    /// Largest solid angle.
-    largest: f64,
-    /// Largest weight.
-    heaviest: f64,
-}
-
-fn survey(lens: &Lens, width: u32, height: u32) -> Result<Survey, PlanError> {
-    let mut survey = Survey::default();
-    for row in 0..height {
-        visit(lens, row, span(lens, width, row), |pixel| {
-            survey.count += 1;
-            survey.largest = survey.largest.max(pixel.solid_angle);
-            survey.heaviest = survey.heaviest.max(pixel.weight);
-        });
-    }
-    if survey.count == 0 { Err(PlanError::NothingSeen) } else { Ok(survey) }
-}
-
-impl Survey {
-    fn source_order(&self, order: u8) -> Result<u8, PlanError> {
-        let fits = |order: &u8| healpix::solid_angle(*order) >= TEXEL_OVER_PIXEL * self.largest;
-        (0..=order).rev().find(fits).ok_or(PlanError::BadOrder)
-    }
-}
-
-/// The columns of `row` that see something: an image circle is convex, so it is one run.
-fn span(lens: &Lens, width: u32, row: u32) -> Span {
-    let seen = |column: &u32| lens.unproject(DVec2::new(f64::from(*column), f64::from(row))).is_some();
-    let first = (0..width).find(seen);
-    let last = (0..width).rev().find(seen);
-    match (first, last) {
-        (Some(first), Some(last)) => Span { first, len: last + 1 - first },
-        _ => Span::default(),
-    }
 }
 
 impl<S: Buffer<Span>, W: Buffer<u16>, R: Buffer<Run>, T: Buffer<Texel>> Plan<S, W, R, T> {
@@ -229,9 +188,8 @@ impl<S: Buffer<Span>, W: Buffer<u16>, R: Buffer<Run>, T: Buffer<Texel>> Plan<S, 
         let survey = survey(lens, width, height)?;
         let texel_count = Domain::Hemisphere.quads(order);
         arena::check(&spans, height as usize).map_err(PlanError::TooSmall)?;
-        arena::check(&weights, survey.count).map_err(PlanError::TooSmall)?;
         arena::check(&texels, texel_count).map_err(PlanError::TooSmall)?;
-        let size = PlanSize { spans: height as usize, weights: survey.count, runs: 0, texels: texel_count };
+        let size = PlanSize { spans: height as usize, weights: 0, runs: 0, texels: texel_count };
         let mut plan = Self {
             spans,
             weights,
@@ -247,6 +205,7 @@ impl<S: Buffer<Span>, W: Buffer<u16>, R: Buffer<Run>, T: Buffer<Texel>> Plan<S, 
             size,
         };
         plan.lay_out(lens);
+        arena::check(&plan.weights, plan.size.weights).map_err(PlanError::TooSmall)?;
         arena::check(&plan.runs, plan.size.runs).map_err(PlanError::TooSmall)?;
         plan.measure_texels(lens);
         Ok(plan)
@@ -258,15 +217,13 @@ impl<S: Buffer<Span>, W: Buffer<u16>, R: Buffer<Run>, T: Buffer<Texel>> Plan<S, 
         }
         let mut runs = self.runs.as_mut().iter_mut();
         let mut weights = self.weights.as_mut().iter_mut();
-        let (unit, sum, count) = (self.weight_unit, &mut self.weight_sum, &mut self.size.runs);
-        let take = |run| {
-            *count += 1;
-            runs.next().into_iter().for_each(|slot| *slot = run);
-        };
-        visit_runs(lens, self.width, self.height, self.source_order, take, |weight| {
+        let (unit, sum, size) = (self.weight_unit, &mut self.weight_sum, &mut self.size);
+        visit_runs(lens, self.width, self.height, self.source_order, |run, weight| {
             let weight = libm::round(weight / unit) as u16;
-            *sum += u64::from(weight);
+            *sum += u64::from(weight) * run.len() as u64;
+            runs.next().into_iter().for_each(|slot| *slot = run);
             weights.next().into_iter().for_each(|slot| *slot = weight);
+            (size.runs, size.weights) = (size.runs + 1, size.weights + 1);
         });
     }
 
@@ -339,76 +296,4 @@ impl<S: Buffer<Span>, W: Buffer<u16>, R: Buffer<Run>, T: Buffer<Texel>> Plan<S, 
     pub fn unseen(&self) -> f64 {
         self.unseen
     }
-}
-
-/// Geometry of one visited pixel.
-struct Pixel {
-    direction: DVec3,
-    solid_angle: f64,
-    /// Solid angle over relative illumination.
-    weight: f64,
-}
-
-/// Calls `f` with the geometry of every pixel of `span` in `row`.
-fn visit(lens: &Lens, row: u32, span: Span, mut f: impl FnMut(Pixel)) {
-    for column in span.first..span.first + span.len {
-        let at = DVec2::new(f64::from(column), f64::from(row));
-        // A pixel between two seen ones is seen; a rounding slip at the rim weighs nothing.
-        let direction = lens.unproject(at).unwrap_or(DVec3::NEG_Z);
-        let solid_angle = lens.solid_angle(at).unwrap_or(0.0);
-        let theta = libm::atan2(libm::hypot(direction.x, direction.y), direction.z);
-        f(Pixel { direction, solid_angle, weight: solid_angle / lens.illumination(theta) });
-    }
-}
-
-/// Calls `run` with every run of pixels and `weight` with every pixel's weight, both in memory order.
-fn visit_runs(
-    lens: &Lens,
-    width: u32,
-    height: u32,
-    order: u8,
-    mut run: impl FnMut(Run),
-    mut weight: impl FnMut(f64),
-) {
-    let below = Domain::Hemisphere.quads(order) as u32;
-    for row in 0..height {
-        let (mut texel, mut len, mut place) = (below, 0, 0);
-        visit(lens, row, span(lens, width, row), |pixel| {
-            let above = pixel.direction.z > 0.0;
-            let own = if above { healpix::ipix(order, pixel.direction) } else { below };
-            if len > 0 && (own != texel || place % CHUNK == 0) {
-                run(Run::new(texel, len));
-                len = 0;
-            }
-            (texel, len, place) = (own, len + 1, place + 1);
-            weight(pixel.weight);
-        });
-        if len > 0 {
-            run(Run::new(texel, len));
-        }
-    }
-}
-
-/// Centroid and unseen solid angle of one texel of the hemisphere.
-fn measure(lens: &Lens, size: (u32, u32), order: u8, ipix: u32) -> Texel {
-    let inside = |p: DVec2| {
-        let within = |v: f64, n: u32| v >= -0.5 && v <= f64::from(n) - 0.5;
-        within(p.x, size.0) && within(p.y, size.1)
-    };
-    let (mut sum, mut above, mut seen) = (DVec3::ZERO, 0u32, 0u32);
-    for i in 0..SHARE_SAMPLES * SHARE_SAMPLES {
-        let at = |k: u32| (f64::from(k) + 0.5) / f64::from(SHARE_SAMPLES);
-        let direction = healpix::point(order, ipix, at(i % SHARE_SAMPLES), at(i / SHARE_SAMPLES));
-        if direction.z > 0.0 {
-            sum += direction;
-            above += 1;
-            seen += u32::from(lens.project(direction).is_some_and(inside));
-        }
-    }
-    if above == 0 {
-        return Texel { direction: [1.0, 0.0, 0.0], unseen_sr: 0.0 };
-    }
-    let solid_angle = healpix::solid_angle(order) * Domain::Hemisphere.share(order, ipix);
-    let share = f64::from(above - seen) / f64::from(above);
-    Texel { direction: sum.normalize().as_vec3().to_array(), unseen_sr: (solid_angle * share) as f32 }
 }

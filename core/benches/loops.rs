@@ -1,0 +1,77 @@
+//! The hot loops on their own: `cargo bench -p hemilux-core`.
+
+#[path = "../tests/common/mod.rs"]
+mod common;
+
+use common::{bench_lens, dark, one_exposure, plan};
+use divan::{Bencher, black_box};
+use hemilux_core::format::{Format, Layout};
+use hemilux_core::front;
+use hemilux_core::healpix::Domain;
+use hemilux_core::light::Light;
+use hemilux_core::merge::{Channels, Codes, Exposure, Samples};
+use hemilux_core::polar::LatLongView;
+use hemilux_core::response::{Curve, Depth, Response, curve_len};
+use hemilux_core::sampler::q2tree::{Leaf, Parameters, Past, Q2Tree, interior_len};
+use hemilux_core::sampler::{Map, Request, Sampler};
+
+const ORDER: u8 = 6;
+
+fn main() {
+    divan::main();
+}
+
+/// Codes that are neither alike nor saturated.
+fn bytes(count: usize) -> Vec<u8> {
+    (0..count as u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 25) as u8).collect()
+}
+
+/// A chunk of three exposures, linear or not.
+#[divan::bench(args = [true, false])]
+fn merge(bencher: Bencher<'_, '_>, linear: bool) {
+    let response = if linear { Response::Linear } else { Response::Srgb };
+    let curve = Curve::try_new(&response, Depth::U8, 0.0, 255.0, vec![0; curve_len(Depth::U8)]);
+    let exposures = [0.001, 0.006, 0.036].map(|seconds| Exposure { seconds, gain: 1.0 });
+    let merge = common::merge(curve.expect("sound"), &exposures);
+    let plane = bytes(384);
+    let codes = if linear { Codes::Bytes(&plane) } else { Codes::Planes([&plane[..128]; 3]) };
+    let mut counts = vec![0; 384];
+    bencher.bench_local(|| merge.view().counts(black_box(&[codes; 3]), Channels::RGB, &mut counts));
+}
+
+/// A frame of one exposure to texels.
+#[divan::bench]
+fn accumulate(bencher: Bencher<'_, '_>) {
+    let (plan, merge, mut map) =
+        (plan(&bench_lens(), 640, 480, ORDER), one_exposure(), dark(Domain::Hemisphere, ORDER));
+    let layout = Layout::tight(Format::Rgb48, 640, 480).expect("a sound size");
+    let frame: Vec<u16> = bytes(3 * 640 * 480).into_iter().map(|v| 256 * u16::from(v)).collect();
+    let frames = [Samples::U16(&frame)];
+    bencher.bench_local(|| front::accumulate(&frames, &layout, &merge.view(), &plan.view(), &mut map));
+}
+
+/// Texels to a pyramid.
+#[divan::bench]
+fn pyramid(bencher: Bencher<'_, '_>) {
+    let mut map = common::lit(Domain::Hemisphere, ORDER, |ipix| [1.0 + (ipix % 7) as f32; 3]);
+    bencher.bench_local(|| map.build());
+}
+
+/// A pyramid to lights.
+#[divan::bench(args = [64, 5_000])]
+fn q2tree(bencher: Bencher<'_, '_>, lights: usize) {
+    let map = common::lit(Domain::Hemisphere, ORDER, |ipix| [1.0 + (ipix % 7) as f32; 3]);
+    let bits = || vec![0; interior_len(Domain::Hemisphere, ORDER)];
+    let shape = (Domain::Hemisphere, ORDER);
+    let mut tree = Q2Tree::try_new(
+        Parameters::CENTROID,
+        shape,
+        [bits(), bits()],
+        vec![Leaf::default(); lights],
+        (vec![Light::default(); lights], vec![Past::default(); lights]),
+    )
+    .expect("room enough");
+    let polar = LatLongView::NONE;
+    let map = Map { pyramid: map.view(), polar };
+    bencher.bench_local(|| tree.update(&map, &Request::of_lights(lights)).lights.len());
+}

@@ -1,0 +1,207 @@
+//! Sums of light over runs, added to their texels.
+
+use crate::plan::{CHUNK, Run};
+use crate::pyramid::Quad;
+
+/// A chunk's whole counts: up to four samples a place, and what [`sum_up`] reads behind the last.
+pub(super) type Counts = [i32; 4 * CHUNK + 4];
+
+/// A chunk's radiance in floats, as [`Counts`].
+pub(super) type Radiance = [f32; 4 * CHUNK + 4];
+
+/// A chunk's light as products of the two, as [`Counts`].
+pub(super) struct Products {
+    pub(super) sums: [i16; 4 * CHUNK + 4],
+    pub(super) reciprocals: [i16; 4 * CHUNK + 4],
+}
+
+/// What a chunk's light is summed up from.
+pub(super) enum Room<'s> {
+    Counts(&'s mut Counts),
+    Products(&'s mut Products),
+}
+
+impl Room<'_> {
+    /// Calls `f` with one of the two.
+    pub(super) fn with<R>(has_products: bool, f: impl FnOnce(Room<'_>) -> R) -> R {
+        if has_products { products(f) } else { counts(f) }
+    }
+}
+
+// A stack frame of its own for each.
+#[inline(never)]
+fn products<R>(f: impl FnOnce(Room<'_>) -> R) -> R {
+    f(Room::Products(&mut Products { sums: [0; _], reciprocals: [0; _] }))
+}
+
+#[inline(never)]
+fn counts<R>(f: impl FnOnce(Room<'_>) -> R) -> R {
+    f(Room::Counts(&mut [0; _]))
+}
+
+/// Sums of all places of a chunk up to each, modulo 2^32: their differences are exact.
+pub(super) struct Sums(pub(super) [[i32; 4]; CHUNK]);
+
+/// Light of each run of a chunk.
+pub(super) type Light = [[f32; 4]; CHUNK];
+
+/// Runs and their weights, taken as chunks come.
+pub(super) struct Runs<'a> {
+    pub(super) runs: &'a [Run],
+    pub(super) weights: &'a [u16],
+}
+
+/// Sums up the first `len` places of `samples` each.
+// A name to look for its vector instructions under.
+#[inline(never)]
+fn sum_up(light: &Room<'_>, samples: usize, len: usize, sums: &mut Sums) {
+    let sums = sums.0.get_mut(..len).unwrap_or_default();
+    match light {
+        Room::Counts(counts) => match samples {
+            1 => add_up(sums.iter_mut().zip(single(&**counts, len)), |own| own),
+            3 => add_up(sums.iter_mut().zip(triple(&**counts, len)), |own| own),
+            _ => add_up(sums.iter_mut().zip(four(&**counts, len)), |own| own),
+        },
+        Room::Products(Products { sums: a, reciprocals: b }) => match samples {
+            1 => add_up(sums.iter_mut().zip(single(a, len).zip(single(b, len))), product),
+            3 => add_up(sums.iter_mut().zip(triple(a, len).zip(triple(b, len))), product),
+            _ => add_up(sums.iter_mut().zip(four(a, len).zip(four(b, len))), product),
+        },
+    }
+}
+
+/// The lanes of the first `len` places of one sample.
+#[inline(always)]
+fn single<T: Copy + Default>(samples: &[T], len: usize) -> impl Iterator<Item = [T; 4]> {
+    samples.get(..len).unwrap_or_default().iter().map(|v| [*v, T::default(), T::default(), T::default()])
+}
+
+/// Of three: the fourth lane is the next place's first and means nothing, but four in a row are a vector.
+#[inline(always)]
+fn triple<T: Copy>(samples: &[T], len: usize) -> impl Iterator<Item = [T; 4]> {
+    let of = |from: usize| {
+        samples.get(from..).unwrap_or_default().as_chunks::<3>().0.get(..len).unwrap_or_default()
+    };
+    of(0).iter().zip(of(3)).map(|([a, b, c], [next, ..])| [*a, *b, *c, *next])
+}
+
+/// Of four.
+#[inline(always)]
+fn four<T: Copy>(samples: &[T], len: usize) -> impl Iterator<Item = [T; 4]> {
+    samples.as_chunks::<4>().0.get(..len).unwrap_or_default().iter().map(|[a, b, c, d]| [*a, *b, *c, *d])
+}
+
+#[inline(always)]
+fn product((sums, reciprocals): ([i16; 4], [i16; 4])) -> [i32; 4] {
+    core::array::from_fn(|i| i32::from(sums[i]) * i32::from(reciprocals[i]))
+}
+
+#[inline(always)]
+fn add_up<'a, P>(places: impl Iterator<Item = (&'a mut [i32; 4], P)>, four: impl Fn(P) -> [i32; 4]) {
+    let mut sum = [0i32; 4];
+    for (to, place) in places {
+        let own = four(place);
+        sum = core::array::from_fn(|i| sum[i].wrapping_add(own[i]));
+        *to = sum;
+    }
+}
+
+/// Gives the light of the runs of the first `len` places and says how many runs those are.
+#[inline(never)]
+fn cut(runs: &[Run], len: usize, sums: &Sums, light: &mut Light) -> usize {
+    let sums = sums.0.get(..len).unwrap_or_default();
+    let mut before = [0i32; 4];
+    let mut last = usize::MAX;
+    for (i, (run, light)) in runs.iter().zip(light).enumerate() {
+        last = last.wrapping_add(run.len());
+        // The run after the chunk's last ends in no place of the chunk.
+        let Some(sum) = sums.get(last) else { return i };
+        *light = core::array::from_fn(|lane| sum[lane].wrapping_sub(before[lane]) as f32);
+        before = *sum;
+    }
+    runs.len().min(CHUNK)
+}
+
+/// Adds the light of runs to their texels; what lies below the horizon, in the texel after the last, goes to `below`.
+#[inline(never)]
+fn add<const LANES: usize>(
+    runs: &[Run],
+    weights: &[u16],
+    light: &Light,
+    quads: &mut [Quad],
+    below: &mut [f32; 4],
+) {
+    for ((run, weight), light) in runs.iter().zip(weights).zip(light) {
+        let weight = f32::from(*weight);
+        let texel = match quads.get_mut(run.texel()) {
+            Some(quad) => &mut quad.energy,
+            None => &mut *below,
+        };
+        for lane in 0..LANES.min(4) {
+            texel[lane] += light[lane] * weight;
+        }
+    }
+}
+
+impl Runs<'_> {
+    /// Adds the light of the first `len` places.
+    pub(super) fn add_merged(
+        &mut self,
+        len: usize,
+        (merged, samples): (&Room<'_>, usize),
+        (sums, light): (&mut Sums, &mut Light),
+        quads: &mut [Quad],
+        below: &mut [f32; 4],
+    ) {
+        sum_up(merged, samples, len, sums);
+        let taken = cut(self.runs, len, sums, light);
+        let (Some(runs), Some(weights)) = (self.runs.get(..taken), self.weights.get(..taken)) else { return };
+        if samples == 3 && cfg!(target_arch = "arm") {
+            // Without vectors of floats a lane that means nothing costs as much as the others.
+            add::<3>(runs, weights, light, quads, below);
+        } else {
+            add::<4>(runs, weights, light, quads, below);
+        }
+        self.skip(taken);
+    }
+
+    /// Weight of those of the first `len` places that `is` and whose texels are below `texels`.
+    pub(super) fn weight(&self, len: usize, texels: usize, is: impl Fn(usize) -> bool) -> u64 {
+        let own = self.runs.iter().zip(self.weights);
+        let places = own.flat_map(|(run, weight)| core::iter::repeat_n((run.texel(), *weight), run.len()));
+        let found = places.take(len).enumerate().filter(|(i, (texel, _))| *texel < texels && is(*i));
+        found.map(|(_, (_, weight))| u64::from(weight)).sum()
+    }
+
+    fn skip(&mut self, count: usize) {
+        self.runs = self.runs.get(count..).unwrap_or_default();
+        self.weights = self.weights.get(count..).unwrap_or_default();
+    }
+
+    /// Adds floats.
+    pub(super) fn add_radiance(
+        &mut self,
+        len: usize,
+        (radiance, samples): (&Radiance, usize),
+        quads: &mut [Quad],
+        below: &mut [f32; 4],
+    ) {
+        let value = |i: usize, lane: usize| {
+            let own = radiance.get(samples * i + lane).filter(|_| lane < samples);
+            own.copied().unwrap_or(0.0)
+        };
+        let (mut from, mut taken) = (0, 0);
+        for (run, weight) in self.runs.iter().zip(self.weights) {
+            if from >= len {
+                break;
+            }
+            let places = from..from + run.len();
+            let texel = quads.get_mut(run.texel()).map_or(&mut *below, |q| &mut q.energy);
+            for (lane, sum) in texel.iter_mut().enumerate() {
+                *sum += places.clone().map(|i| value(i, lane)).sum::<f32>() * f32::from(*weight);
+            }
+            (from, taken) = (places.end, taken + 1);
+        }
+        self.skip(taken);
+    }
+}

@@ -1,0 +1,112 @@
+//! Samples of frames, as they come to the merge.
+
+/// One frame, packed as a [`crate::format::Layout`] says.
+#[derive(Clone, Copy, Debug)]
+pub enum Samples<'a> {
+    /// The bytes of any format but [`crate::format::Format::Rgb48`].
+    U8(&'a [u8]),
+    /// The words of [`crate::format::Format::Rgb48`].
+    U16(&'a [u16]),
+}
+
+impl Samples<'_> {
+    /// Bytes or words.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        match self {
+            Self::U8(s) => s.len(),
+            Self::U16(s) => s.len(),
+        }
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// Codes of a part of a frame, one for each sample.
+#[derive(Clone, Copy, Debug)]
+pub enum Codes<'a> {
+    /// As bytes.
+    Bytes(&'a [u8]),
+    /// As words.
+    Words(&'a [u16]),
+    /// Red, green and blue bytes, each on their own.
+    Planes([&'a [u8]; 3]),
+}
+
+impl<'a> Codes<'a> {
+    /// No codes.
+    pub const NONE: Self = Self::Bytes(&[]);
+
+    /// The code of sample `at`; 0 where there is none.
+    pub(super) fn code(&self, at: usize) -> u32 {
+        match self {
+            Self::Bytes(s) => s.get(at).copied().map_or(0, u32::from),
+            Self::Words(s) => s.get(at).copied().map_or(0, u32::from),
+            Self::Planes(s) => s[at % 3].get(at / 3).copied().map_or(0, u32::from),
+        }
+    }
+
+    /// `len` samples from `from` on, of those that are not planes.
+    pub(super) fn part(&self, from: usize, len: usize) -> Self {
+        match self {
+            Self::Bytes(s) => Self::Bytes(s.get(from..from + len).unwrap_or_default()),
+            Self::Words(s) => Self::Words(s.get(from..from + len).unwrap_or_default()),
+            Self::Planes(_) => Self::NONE,
+        }
+    }
+
+    /// The bytes of channel `k` of `many`, where they are on their own.
+    pub(super) fn plane(&self, k: usize, many: usize) -> Option<&'a [u8]> {
+        match (self, many) {
+            (Self::Planes(planes), 3) => planes.get(k).copied(),
+            (Self::Bytes(bytes), 1) => Some(bytes),
+            _ => None,
+        }
+    }
+
+    pub(super) fn bytes(&self) -> Option<&'a [u8]> {
+        if let Self::Bytes(s) = *self { Some(s) } else { None }
+    }
+
+    pub(super) fn words(&self) -> Option<&'a [u16]> {
+        if let Self::Words(s) = *self { Some(s) } else { None }
+    }
+}
+
+/// The channels (0 red, 1 green, 2 blue) of a run of samples, over and over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Channels {
+    /// All of one.
+    One([usize; 1]),
+    /// Three in turn.
+    Three([usize; 3]),
+    /// Four in turn: the cells of a mosaic.
+    Four([usize; 4]),
+}
+
+impl Channels {
+    /// Red, green, blue.
+    pub const RGB: Self = Self::Three([0, 1, 2]);
+
+    /// How many take turns.
+    #[must_use]
+    pub fn many(&self) -> usize {
+        match self {
+            Self::One(_) => 1,
+            Self::Three(_) => 3,
+            Self::Four(_) => 4,
+        }
+    }
+
+    pub(super) fn of(&self, at: usize) -> usize {
+        match self {
+            Self::One([c]) => *c,
+            Self::Three(c) => c[at % 3],
+            Self::Four(c) => c[at % 4],
+        }
+    }
+}

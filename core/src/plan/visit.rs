@@ -1,0 +1,147 @@
+//! What a lens does to pixels and texels: weights, runs and centroids, in `f64`, once per plan.
+
+use super::{CHUNK, MAX_RUN, PlanError, Run, Span, Texel};
+use crate::healpix::{self, Domain};
+use crate::lens::Lens;
+use glam::{DVec2, DVec3};
+
+/// Least solid angle of a texel over that of the largest pixel: with 2.25 a texel is 1.5 pixels wide, so that each holds at least
+/// one pixel's centre. Less leaves holes; more blurs.
+const TEXEL_OVER_PIXEL: f64 = 2.25;
+
+/// Sub-samples a side with which a texel's unseen share is measured.
+const SHARE_SAMPLES: u32 = 4;
+
+/// Largest difference of a pixel's weight from the mean of its run, over the mean and per radian of a pixel: 0.25 % at 640 x 480 pixels.
+/// The light of a single bright pixel may be off by as much, that of anything larger by far less, since the sum of the weights is kept.
+/// Neighbours differ the more the coarser the image is, so that this makes about as many runs of a texel's pixels in any.
+const WEIGHT_ERROR: f64 = 0.49;
+
+/// What all pixels together say.
+#[derive(Default)]
+pub(super) struct Survey {
+    count: usize,
+    /// Largest solid angle.
+    largest: f64,
+    /// Largest weight.
+    pub(super) heaviest: f64,
+}
+
+pub(super) fn survey(lens: &Lens, width: u32, height: u32) -> Result<Survey, PlanError> {
+    let mut survey = Survey::default();
+    for row in 0..height {
+        visit(lens, row, span(lens, width, row), |pixel| {
+            survey.count += 1;
+            survey.largest = survey.largest.max(pixel.solid_angle);
+            survey.heaviest = survey.heaviest.max(pixel.weight);
+        });
+    }
+    if survey.count == 0 { Err(PlanError::NothingSeen) } else { Ok(survey) }
+}
+
+impl Survey {
+    pub(super) fn source_order(&self, order: u8) -> Result<u8, PlanError> {
+        let fits = |order: &u8| healpix::solid_angle(*order) >= TEXEL_OVER_PIXEL * self.largest;
+        (0..=order).rev().find(fits).ok_or(PlanError::BadOrder)
+    }
+}
+
+/// The columns of `row` that see something: an image circle is convex, so it is one run.
+pub(super) fn span(lens: &Lens, width: u32, row: u32) -> Span {
+    let seen = |column: &u32| lens.unproject(DVec2::new(f64::from(*column), f64::from(row))).is_some();
+    let first = (0..width).find(seen);
+    let last = (0..width).rev().find(seen);
+    match (first, last) {
+        (Some(first), Some(last)) => Span { first, len: last + 1 - first },
+        _ => Span::default(),
+    }
+}
+
+/// Geometry of one visited pixel.
+struct Pixel {
+    direction: DVec3,
+    solid_angle: f64,
+    /// Solid angle over relative illumination.
+    weight: f64,
+}
+
+/// Calls `f` with the geometry of every pixel of `span` in `row`.
+fn visit(lens: &Lens, row: u32, span: Span, mut f: impl FnMut(Pixel)) {
+    for column in span.first..span.first + span.len {
+        let at = DVec2::new(f64::from(column), f64::from(row));
+        // A pixel between two seen ones is seen; a rounding slip at the rim weighs nothing.
+        let direction = lens.unproject(at).unwrap_or(DVec3::NEG_Z);
+        let solid_angle = lens.solid_angle(at).unwrap_or(0.0);
+        let theta = libm::atan2(libm::hypot(direction.x, direction.y), direction.z);
+        f(Pixel { direction, solid_angle, weight: solid_angle / lens.illumination(theta) });
+    }
+}
+
+/// A run that grows.
+#[derive(Clone, Copy)]
+struct Growing {
+    texel: u32,
+    len: usize,
+    least: f64,
+    most: f64,
+    sum: f64,
+}
+
+impl Growing {
+    fn of(texel: u32, weight: f64) -> Self {
+        Self { texel, len: 1, least: weight, most: weight, sum: weight }
+    }
+
+    /// With one more pixel, where that may share its texel and weight.
+    fn with(&self, texel: u32, &Pixel { weight, solid_angle, .. }: &Pixel) -> Option<Self> {
+        let (least, most, sum) = (self.least.min(weight), self.most.max(weight), self.sum + weight);
+        let mean = sum / (self.len + 1) as f64;
+        let alike = (most - mean).max(mean - least) <= WEIGHT_ERROR * libm::sqrt(solid_angle) * mean;
+        let fits = texel == self.texel && self.len < MAX_RUN && alike;
+        fits.then_some(Self { len: self.len + 1, least, most, sum, ..*self })
+    }
+}
+
+/// Calls `take` with every run of pixels and the mean of their weights, in memory order.
+pub(super) fn visit_runs(lens: &Lens, width: u32, height: u32, order: u8, mut take: impl FnMut(Run, f64)) {
+    let below = Domain::Hemisphere.quads(order) as u32;
+    let mut take = |run: Growing| take(Run::new(run.texel, run.len), run.sum / run.len as f64);
+    for row in 0..height {
+        let (mut growing, mut place) = (None::<Growing>, 0);
+        visit(lens, row, span(lens, width, row), |pixel| {
+            let above = pixel.direction.z > 0.0;
+            let texel = if above { healpix::ipix(order, pixel.direction) } else { below };
+            let longer = growing.filter(|_| place % CHUNK > 0).and_then(|run| run.with(texel, &pixel));
+            if longer.is_none() {
+                growing.into_iter().for_each(&mut take);
+            }
+            growing = longer.or(Some(Growing::of(texel, pixel.weight)));
+            place += 1;
+        });
+        growing.into_iter().for_each(&mut take);
+    }
+}
+
+/// Centroid and unseen solid angle of one texel of the hemisphere.
+pub(super) fn measure(lens: &Lens, size: (u32, u32), order: u8, ipix: u32) -> Texel {
+    let inside = |p: DVec2| {
+        let within = |v: f64, n: u32| v >= -0.5 && v <= f64::from(n) - 0.5;
+        within(p.x, size.0) && within(p.y, size.1)
+    };
+    let (mut sum, mut above, mut seen) = (DVec3::ZERO, 0u32, 0u32);
+    for i in 0..SHARE_SAMPLES * SHARE_SAMPLES {
+        let at = |k: u32| (f64::from(k) + 0.5) / f64::from(SHARE_SAMPLES);
+        let direction = healpix::point(order, ipix, at(i % SHARE_SAMPLES), at(i / SHARE_SAMPLES));
+        if direction.z > 0.0 {
+            sum += direction;
+            above += 1;
+            seen += u32::from(lens.project(direction).is_some_and(inside));
+        }
+    }
+    if above == 0 {
+        return Texel { direction: [1.0, 0.0, 0.0], unseen_sr: 0.0 };
+    }
+    let solid_angle = healpix::solid_angle(order) * Domain::Hemisphere.share(order, ipix);
+    let share = f64::from(above - seen) / f64::from(above);
+    Texel { direction: sum.normalize().as_vec3().to_array(), unseen_sr: (solid_angle * share) as f32 }
+}
