@@ -94,7 +94,7 @@ fn the_page_shows_the_light_and_follows_it() {
 
 #[test]
 fn controls_act_by_keyboard_on_a_phone_and_nothing_bars_the_way() {
-    run("controls", open);
+    run("controls", || Bench::still(EVERY));
 }
 
 #[test]

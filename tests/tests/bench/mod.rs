@@ -44,6 +44,9 @@ impl Source for Scripted {
     }
 }
 
+/// Frames of a film with a moving lamp.
+const FRAMES: usize = 8;
+
 /// A few bursts over and over, at a pace that costs next to nothing.
 struct Film {
     scene: SceneSource,
@@ -54,20 +57,20 @@ struct Film {
 }
 
 impl Film {
-    fn new(every: Duration) -> Self {
+    fn new(every: Duration, frames: usize) -> Self {
         let mut scene = scene(Pace::Free);
-        let bursts = bursts(&mut scene);
+        let bursts = bursts(&mut scene, frames);
         Self { scene, bursts, every, shown: 0, due: Instant::now() }
     }
 }
 
-fn bursts(scene: &mut SceneSource) -> Vec<Burst> {
+fn bursts(scene: &mut SceneSource, count: usize) -> Vec<Burst> {
     let burst = |_| {
         let mut burst = Burst::default();
         scene.next(&mut burst).expect("a burst");
         burst
     };
-    (0..8).map(burst).collect()
+    (0..count).map(burst).collect()
 }
 
 impl Source for Film {
@@ -85,7 +88,7 @@ impl Source for Film {
 
     fn set_exposures(&mut self, seconds: Option<&[f64]>) -> Result<(), String> {
         self.scene.set_exposures(seconds)?;
-        self.bursts = bursts(&mut self.scene);
+        self.bursts = bursts(&mut self.scene, self.bursts.len());
         Ok(())
     }
 
@@ -124,7 +127,13 @@ impl Bench {
     /// A probe with a burst every `every`, for `options`.
     pub fn running(every: Duration, limits: Limits, options: Options) -> Self {
         let (steps, _) = channel();
-        Self::of(Box::new(Film::new(every)), steps, limits, 64, options)
+        Self::of(Box::new(Film::new(every, FRAMES)), steps, limits, 64, options)
+    }
+
+    /// The same with a lamp that stands still.
+    pub fn still(every: Duration) -> Self {
+        let (steps, _) = channel();
+        Self::of(Box::new(Film::new(every, 1)), steps, Limits::default(), 64, Options::default())
     }
 
     pub fn of(
@@ -142,7 +151,7 @@ impl Bench {
     pub fn at(address: SocketAddr, every: Duration) -> Self {
         let (steps, _) = channel();
         let listener = TcpListener::bind(address).expect("the same port");
-        let (source, limits) = (Box::new(Film::new(every)), Limits::default());
+        let (source, limits) = (Box::new(Film::new(every, FRAMES)), Limits::default());
         Self::on(listener, source, steps, limits, Config::default(), Options::default())
     }
 

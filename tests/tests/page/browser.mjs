@@ -9,7 +9,7 @@ const require = createRequire(`${process.env.HEMILUX_NODE}/`);
 const { chromium } = require("playwright-core");
 
 /** Longest wait for anything, ms: a busy machine without a GPU takes its time. */
-export const PATIENCE = 60_000;
+export const PATIENCE = 120_000;
 
 /** WebGL by the processor. */
 const FLAGS = ["--no-sandbox", "--disable-dev-shm-usage", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"];
@@ -20,10 +20,19 @@ export async function launch() {
   return chromium.launch({ executablePath, args: FLAGS, timeout: PATIENCE });
 }
 
-/** A page of `url`, and the list of what went wrong in it. A refused request is the test's own doing and no fault of the page. */
+/** What WebGL has drawn is gone once it is shown, unless it is asked to be kept: then a picture can be taken at any time. */
+function keepDrawings() {
+  const real = HTMLCanvasElement.prototype.getContext;
+  HTMLCanvasElement.prototype.getContext = function (kind, options) { return real.call(this, kind, { ...options, preserveDrawingBuffer: true }); };
+}
+
+/** A page of `url`, and the list of what went wrong in it. A refused request is the test's own doing and no
+ * fault of the page. The options are Playwright's, and `isTimed` for a page whose drawing is left as it is. */
 export async function open(browser, url, options = {}) {
-  const context = await browser.newContext({ viewport: { width: 1280, height: 900 }, ...options });
+  const { isTimed, ...others } = options;
+  const context = await browser.newContext({ viewport: { width: 1280, height: 900 }, ...others });
   const page = await context.newPage(), faults = [];
+  if (!isTimed) await page.addInitScript(keepDrawings);
   page.setDefaultTimeout(PATIENCE);
   page.on("pageerror", error => faults.push(`exception: ${error.message}`));
   page.on("console", message => {
@@ -52,37 +61,48 @@ export const state = (page, name) => page.waitForSelector(`#state[data-state=${n
 export const text = (page, selector) => page.textContent(selector);
 export const json = (page, url) => page.evaluate(async u => (await fetch(u)).json(), url);
 
-/** Mean, number of colours, and the green of every pixel of what a canvas shows. */
-export function picture(page, selector) {
-  return page.evaluate(async selector => {
-    const canvas = document.querySelector(selector), copy = new OffscreenCanvas(canvas.width, canvas.height), pen = copy.getContext("2d");
-    // What WebGL has drawn can be read until the browser shows it: by who is called after the drawing, and before the showing.
-    for (let tries = 0; tries < 300; tries++) {
-      await new Promise(done => setTimeout(done, 29 * Math.random()));
-      const found = await new Promise(done => requestAnimationFrame(() => {
-        if (!canvas.width || !canvas.height) return done(null);
-        copy.width = canvas.width;
-        copy.height = canvas.height;
-        pen.drawImage(canvas, 0, 0);
-        const { data } = pen.getImageData(0, 0, copy.width, copy.height), colours = new Set(), green = [];
-        let sum = 0;
-        for (let i = 0; i < data.length; i += 4) {
-          sum += data[i] + data[i + 1] + data[i + 2];
-          green.push(data[i + 1]);
-          colours.add(data[i] << 16 | data[i + 1] << 8 | data[i + 2]);
-        }
-        done(sum > 0 ? { mean: sum / (3 * green.length), colours: colours.size, data: green, width: copy.width } : null);
-      }));
-      if (found) return found;
+/**
+ * What a canvas shows, as soon as it shows something: its mean, the number of colours, and the greens in its left and right half. The picture stays in
+ * the page under `name` for {@link difference}; of the scene it also keeps how it was drawn, since another quality is another picture.
+ */
+export function picture(page, selector, name = "now") {
+  return until(`${selector} shows something`, () => page.evaluate(([selector, name]) => {
+    const canvas = document.querySelector(selector), { width, height } = canvas;
+    if (!width || !height) return null;
+    const pen = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
+    pen.drawImage(canvas, 0, 0);
+    const { data } = pen.getImageData(0, 0, width, height), colours = new Set(), halves = [new Set(), new Set()];
+    let sum = 0;
+    for (let i = 0; i < data.length; i += 4) {
+      sum += data[i] + data[i + 1] + data[i + 2];
+      colours.add(data[i] << 16 | data[i + 1] << 8 | data[i + 2]);
+      halves[i / 4 % width < width / 2 ? 0 : 1].add(data[i + 1]);
     }
-    throw new Error(`${selector} stays black`);
-  }, selector);
+    const look = `${width} x ${height} ${canvas.dataset.look ?? ""}`;
+    (window.pictures ??= {})[name] = { data, look };
+    return sum > 0 && { mean: sum / (3 * width * height), colours: colours.size, greens: halves.map(half => half.size) };
+  }, [selector, name]));
 }
 
-/** Part of the pixels that differ between two pictures by more than noise. */
-export function difference(a, b) {
-  if (a.data.length !== b.data.length) return 1;
-  return a.data.filter((v, i) => Math.abs(v - b.data[i]) > 8).length / a.data.length;
+/** Part of the pixels that differ visibly between two pictures that were kept; null where size or quality do, since that shows nothing. */
+export function difference(page, a, b) {
+  return page.evaluate(([a, b]) => {
+    const [one, other] = [window.pictures[a], window.pictures[b]];
+    if (one.look !== other.look) return null;
+    let count = 0;
+    for (let i = 1; i < one.data.length; i += 4) if (Math.abs(one.data[i] - other.data[i]) > 2) count++;
+    return 4 * count / one.data.length;
+  }, [a, b]);
+}
+
+/** Waits until what a canvas shows differs in more than `part` of its pixels from the picture `from`; that one is taken anew when the quality changes. */
+export function changes(page, what, selector, from, part) {
+  return until(what, async () => {
+    await picture(page, selector);
+    const found = await difference(page, from, "now");
+    if (found === null) await picture(page, selector, from);
+    return found > part;
+  });
 }
 
 /** What axe-core calls serious or critical. */

@@ -2,8 +2,8 @@
 
 import { penOf } from "./quality.js";
 
-/** A ratio in per cent, without the sign. */
-export const percent = v => `${(100 * v).toPrecision(100 * v >= 9.95 ? 3 : 2)}`;
+/** A ratio in per cent, without the sign; what is next to nothing is not spelled out. */
+export const percent = v => v > 0 && v < 1e-5 ? "<0.001" : (100 * v).toPrecision(100 * v >= 9.95 ? 3 : 2);
 
 /** Microseconds in milliseconds. */
 export const milliseconds = us => us >= 1e5 ? (us / 1000).toFixed(0) : us === 0 ? "0" : (us / 1000).toPrecision(us >= 1000 ? 3 : 2);

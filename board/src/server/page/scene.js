@@ -130,6 +130,8 @@ export class Scene {
       this.#drawSolids(camera, single, harmonics, Math.min(shadows, single.length), quality.taps);
       if (this.#options.rays) this.#drawRays(camera, sorted);
     });
+    const look = `${shadows} shadows, ${parts[0].single.length} lights`;
+    if (this.#canvas.dataset.look !== look) this.#canvas.dataset.look = look;
     this.#told({ rate: this.#quality.rate, shadows, lights: parts[0].single.length, moving });
     return moving;
   }
