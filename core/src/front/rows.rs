@@ -1,6 +1,6 @@
 //! Rows of packed bytes as codes, a slice for each exposure.
 
-use super::yuv;
+use super::yuv::{self, Pairs};
 use crate::format::{Format, Layout};
 use crate::merge::{Codes, MAX_EXPOSURES, Samples};
 use crate::plan::CHUNK;
@@ -14,6 +14,8 @@ pub(super) const PAIRED: usize = CHUNK + 2;
 /// Unpacked codes of the chunk that is being merged; none for formats that need no unpacking, whose frames then fit a small stack.
 pub(super) struct Scratch<'s> {
     planes: &'s mut [Planes],
+    /// With planes.
+    pairs: Option<&'s mut Pairs>,
     words: &'s mut [[u16; WORDS]],
 }
 
@@ -35,7 +37,7 @@ impl Scratch<'_> {
             Format::Yuyv(_) | Format::Nv12(_) | Format::Bayer8(_) => planes(f),
             Format::Rgb24 | Format::Bgr24 if wants_planes => planes(f),
             Format::Bayer16(..) | Format::Raw10(_) | Format::Raw12(_) => words(f),
-            _ => f(Scratch { planes: &mut [], words: &mut [] }),
+            _ => f(Scratch { planes: &mut [], pairs: None, words: &mut [] }),
         }
     }
 
@@ -64,7 +66,8 @@ impl Scratch<'_> {
                     Codes::Words(all.get(at..at + 3 * part.len).unwrap_or_default())
                 }
                 Samples::U8(all) => {
-                    unpack(all, layout, part, planes.next(), words.next()).unwrap_or(Codes::NONE)
+                    let planes = planes.next().zip(self.pairs.as_deref_mut());
+                    unpack(all, layout, part, planes, words.next()).unwrap_or(Codes::NONE)
                 }
             };
         }
@@ -84,12 +87,13 @@ fn plain_bytes(format: Format) -> Option<usize> {
 // A stack frame of its own for each.
 #[inline(never)]
 fn planes<R>(f: impl FnOnce(Scratch<'_>) -> R) -> R {
-    f(Scratch { planes: &mut [[[0; PAIRED]; 4]; MAX_EXPOSURES], words: &mut [] })
+    let planes = &mut [[[0; PAIRED]; 4]; MAX_EXPOSURES];
+    f(Scratch { planes, pairs: Some(&mut Pairs::new()), words: &mut [] })
 }
 
 #[inline(never)]
 fn words<R>(f: impl FnOnce(Scratch<'_>) -> R) -> R {
-    f(Scratch { planes: &mut [], words: &mut [[0; WORDS]; MAX_EXPOSURES] })
+    f(Scratch { planes: &mut [], pairs: None, words: &mut [[0; WORDS]; MAX_EXPOSURES] })
 }
 
 /// As [`Scratch::codes`], for one frame of samples that need work; `None` without the room that its format needs.
@@ -98,7 +102,7 @@ fn unpack<'a>(
     all: &[u8],
     layout: &Layout,
     part: Part,
-    planes: Option<&'a mut Planes>,
+    planes: Option<(&'a mut Planes, &mut Pairs)>,
     words: Option<&'a mut [u16; WORDS]>,
 ) -> Option<Codes<'a>> {
     let Part { row, first, len } = part;
@@ -116,7 +120,7 @@ fn unpack<'a>(
         Format::Grey | Format::Rgb48 => None,
         Format::Rgb24 | Format::Bgr24 => {
             let (pixels, _) = at(row, 3 * part.first, 3 * len).as_chunks::<3>();
-            let planes = planes?;
+            let (planes, _) = planes?;
             let [r, g, b, _] = planes.each_mut();
             for (((r, g), b), pixel) in r.iter_mut().zip(g).zip(b).zip(pixels) {
                 (*r, *g, *b) = (pixel[0], pixel[1], pixel[2]);
@@ -124,7 +128,7 @@ fn unpack<'a>(
             Some(cut(planes, 0, len))
         }
         Format::Bayer8(_) => {
-            let bytes = planes?.as_flattened_mut();
+            let bytes = planes?.0.as_flattened_mut();
             two_cells(rows(4), bytes, |four: &[u8; 4]| *four);
             Some(Codes::Bytes(bytes.get(4 * odd..4 * (odd + len)).unwrap_or_default()))
         }
@@ -141,14 +145,14 @@ fn unpack<'a>(
             words.map(|words| cells(rows(6), words, odd, len, of))
         }
         Format::Yuyv(yuv) => {
-            let planes = planes?;
-            yuv::from_yuyv(at(row, 2 * first, 4 * pairs), yuv, planes);
+            let (planes, room) = planes?;
+            yuv::from_yuyv(at(row, 2 * first, 4 * pairs), yuv, room, planes);
             Some(cut(planes, odd, len))
         }
         Format::Nv12(yuv) => {
-            let planes = planes?;
+            let (planes, room) = planes?;
             let chroma = at(layout.height() as usize + row / 2, first, 2 * pairs);
-            yuv::from_nv12(at(row, first, 2 * pairs), chroma, yuv, planes);
+            yuv::from_nv12(at(row, first, 2 * pairs), chroma, yuv, room, planes);
             Some(cut(planes, odd, len))
         }
     }

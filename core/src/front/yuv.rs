@@ -58,17 +58,27 @@ fn part(products: i32) -> i16 {
     (products >> (BITS - PART)) as i16
 }
 
-/// Codes of luma of pixels and of chroma of pairs, or what they add to a code.
-struct Pairs {
+/// Room for a chunk: codes of luma of pixels and of chroma of pairs, and what chroma adds to each code.
+pub(super) struct Pairs {
     luma: [i16; 2 * PAIRS],
     chroma: [Values; 2],
+    parts: [Values; 3],
+    /// Both chroma of each pair.
+    mixed: [i16; 2 * PAIRS],
     /// How many are used.
     count: usize,
 }
 
 impl Pairs {
-    fn new(count: usize) -> Self {
-        Self { luma: [0; _], chroma: [[0; PAIRS]; 2], count: count.next_multiple_of(8).min(PAIRS) }
+    pub(super) fn new() -> Self {
+        Self { luma: [0; _], chroma: [[0; _]; 2], parts: [[0; _]; 3], mixed: [0; _], count: 0 }
+    }
+
+    /// For so many pairs, whose codes are then to be filled in: whole vectors, the last of which may hold what an earlier chunk left, at
+    /// places that nobody reads.
+    fn of(&mut self, count: usize) -> &mut Self {
+        self.count = count.next_multiple_of(8).min(PAIRS);
+        self
     }
 
     /// Paints them.
@@ -91,8 +101,7 @@ impl Pairs {
         };
         let product = |coefficient: i16, value: i16| i32::from(coefficient) * i32::from(value);
         let all = 0..self.count.min(PAIRS);
-        let ([cb, cr], mut chroma) = (&self.chroma, [[0i16; PAIRS]; 3]);
-        let [red, green, blue] = &mut chroma;
+        let ([cb, cr], [red, green, blue]) = (&self.chroma, &mut self.parts);
         for i in all.clone() {
             red[i] = part(product(m.red, cr[i] - 128));
         }
@@ -108,12 +117,13 @@ impl Pairs {
         if LIMITED {
             // Rounded up, since chroma is rounded down.
             let up = (1 << (BITS - PART)) - 1;
-            luma.iter_mut().for_each(|y| *y = part(product(m.luma, *y - m.black) + up) + HALF);
+            luma.iter_mut()
+                .for_each(|y| *y = part(product(m.luma, y.wrapping_sub(m.black)) + up).wrapping_add(HALF));
         } else {
-            luma.iter_mut().for_each(|y| *y = (*y << PART) + HALF);
+            luma.iter_mut().for_each(|y| *y = (*y << PART).wrapping_add(HALF));
         }
         let code = |luma: i16, chroma: i16| (luma.saturating_add(chroma) >> PART).clamp(0, 255) as u8;
-        for (plane, chroma) in planes.iter_mut().zip(&chroma) {
+        for (plane, chroma) in planes.iter_mut().zip(&self.parts) {
             let pairs = plane.as_chunks_mut::<2>().0.iter_mut().zip(luma.as_chunks::<2>().0);
             for ((to, [y0, y1]), c) in pairs.zip(chroma) {
                 *to = [code(*y0, *c), code(*y1, *c)];
@@ -124,12 +134,12 @@ impl Pairs {
 
 /// From Y0 Cb Y1 Cr.
 #[inline(never)]
-pub(super) fn from_yuyv(line: &[u8], yuv: Yuv, planes: &mut Planes) {
-    let mut pairs = Pairs::new(line.len() / 4);
-    let mut chroma = [0; 2 * PAIRS];
-    split(line, &mut pairs.luma, &mut chroma);
+pub(super) fn from_yuyv(line: &[u8], yuv: Yuv, pairs: &mut Pairs, planes: &mut Planes) {
+    let pairs = pairs.of(line.len() / 4);
+    split(line, &mut pairs.luma, &mut pairs.mixed);
     let [cb, cr] = &mut pairs.chroma;
-    for ((cb, cr), pair) in cb.iter_mut().zip(cr).zip(chroma.as_chunks::<2>().0) {
+    let used = pairs.mixed.as_chunks::<2>().0.iter().take(pairs.count);
+    for ((cb, cr), pair) in cb.iter_mut().zip(cr).zip(used) {
         [*cb, *cr] = *pair;
     }
     pairs.paint(yuv, planes);
@@ -137,8 +147,8 @@ pub(super) fn from_yuyv(line: &[u8], yuv: Yuv, planes: &mut Planes) {
 
 /// From a row of luma and the row of Cb Cr pairs that belongs to it.
 #[inline(never)]
-pub(super) fn from_nv12(luma: &[u8], chroma: &[u8], yuv: Yuv, planes: &mut Planes) {
-    let mut pairs = Pairs::new(chroma.len() / 2);
+pub(super) fn from_nv12(luma: &[u8], chroma: &[u8], yuv: Yuv, pairs: &mut Pairs, planes: &mut Planes) {
+    let pairs = pairs.of(chroma.len() / 2);
     pairs.luma.iter_mut().zip(luma).for_each(|(to, y)| *to = i16::from(*y));
     let [cb, cr] = &mut pairs.chroma;
     split(chroma, cb, cr);
