@@ -128,6 +128,11 @@ fn what_is_saved_is_there_at_the_next_start() {
     assert!(text.starts_with("# Mine.\nlisten = \"127.0.0.1:0\"\n"), "all else stays: {text}");
 }
 
+#[test]
+fn what_is_given_up_for_speed_hardly_shows() {
+    run("shading", || Bench::still(EVERY));
+}
+
 /// Figures for people; nothing is asserted of them.
 #[test]
 fn the_first_picture_and_the_scene_are_timed() {

@@ -12,7 +12,7 @@ const { chromium } = require("playwright-core");
 export const PATIENCE = 120_000;
 
 /** WebGL by the processor. */
-const FLAGS = ["--no-sandbox", "--disable-dev-shm-usage", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"];
+const FLAGS = ["--no-sandbox", "--disable-dev-shm-usage", "--disable-gpu", "--enable-unsafe-swiftshader"];
 
 export async function launch() {
   const program = process.env.HEMILUX_BROWSER ?? "chromium", folders = process.env.PATH.split(":");
@@ -78,7 +78,7 @@ export function picture(page, selector, name = "now") {
       colours.add(data[i] << 16 | data[i + 1] << 8 | data[i + 2]);
       halves[i / 4 % width < width / 2 ? 0 : 1].add(data[i + 1]);
     }
-    const look = `${width} x ${height} ${canvas.dataset.look ?? ""}`;
+    const look = `${width} x ${height} ${canvas.dataset.quality ?? ""}`;
     (window.pictures ??= {})[name] = { data, look };
     return sum > 0 && { mean: sum / (3 * width * height), colours: colours.size, greens: halves.map(half => half.size) };
   }, [selector, name]));

@@ -26,6 +26,7 @@ async function live(browser) {
   await page.locator("#scene-canvas").scrollIntoViewIfNeeded();
   // The map behind it moves too, and says nothing of the light on it.
   await page.uncheck("#show-sky");
+  await page.waitForSelector("#scene-canvas[data-shown='0 EV']");
   await until("the scene is lit", async () => (await picture(page, "#scene-canvas", "scene")).colours > 300);
   await changes(page, "the scene changes when the lamp moves", "#scene-canvas", "scene", 0.01);
   check(faults.length === 0, faults.join("\n"));
@@ -59,10 +60,12 @@ async function controls(browser) {
   await page.keyboard.press("Escape");
   await page.waitForSelector("#sky-tip", { state: "hidden" });
   await page.focus("#scene-canvas");
+  await page.waitForSelector("#scene-canvas[data-shown='sky 0 EV']");
   await until("the scene is drawn", async () => (await picture(page, "#scene-canvas", "scene")).colours > 200);
   for (let i = 0; i < 5; i++) await page.keyboard.press("ArrowLeft");
   await changes(page, "the keys turn the scene", "#scene-canvas", "scene", 0.05);
   await page.keyboard.press("Home");
+  await until("and back", async () => (await picture(page, "#scene-canvas")).colours > 200 && await difference(page, "scene", "now") < 0.001);
   await page.check("#show-rays");
   await changes(page, "lines are drawn", "#scene-canvas", "scene", 0.005);
   await page.click("#list summary");
@@ -265,6 +268,55 @@ async function save(browser) {
   await context.close();
 }
 
+/** What is given up for speed hardly shows: light baked by normal against the sum over all lights, highlights of a few lights against those of all. */
+async function shading(browser) {
+  const { context, page, faults } = await open(browser, url, { reducedMotion: "reduce" });
+  await state(page, "live");
+  const { lights } = await json(page, "/v1/lights"), baked = await page.evaluate(async lights => {
+    const { SIDE, bake } = await import("/page/irradiance.js"), map = bake(lights, null, 1);
+    const place = ([x, y, z]) => {
+      const sum = Math.abs(x) + Math.abs(y) + Math.abs(z), [u, v] = [x / sum, y / sum];
+      const at = z >= 0 ? [u, v] : [(1 - Math.abs(v)) * Math.sign(u), (1 - Math.abs(u)) * Math.sign(v)];
+      return at.map(c => (0.5 + 0.5 * c) * (SIDE - 1));
+    };
+    const read = normal => {
+      const [x, y] = place(normal), [i, j] = [x, y].map(c => Math.min(SIDE - 2, Math.floor(c))), [a, b] = [x - i, y - j];
+      const at = (i, j) => map[3 * (j * SIDE + i) + 1];
+      return (1 - b) * ((1 - a) * at(i, j) + a * at(i + 1, j)) + b * ((1 - a) * at(i, j + 1) + a * at(i + 1, j + 1));
+    };
+    let [square, most, mean] = [0, 0, 0];
+    const count = 4000;
+    for (let k = 0; k < count; k++) {
+      const z = 1 - 2 * (k + 0.5) / count, r = Math.sqrt(1 - z * z), n = [r * Math.cos(2.399963 * k), r * Math.sin(2.399963 * k), z];
+      const exact = lights.reduce((sum, { direction: d, irradiance }) => sum + irradiance[1] * Math.max(0, n[0] * d[0] + n[1] * d[1] + n[2] * d[2]), 0);
+      const off = read(n) - exact;
+      [square, most, mean] = [square + off * off, Math.max(most, Math.abs(off)), mean + exact / count];
+    }
+    return { rms: Math.sqrt(square / count) / mean, most: most / mean };
+  }, lights);
+  check(lights.length === 64 && baked.rms < 0.004 && baked.most < 0.05, `the baked light is off by ${baked.rms} of the mean, at most ${baked.most}`);
+  const draw = async (name, quality) => {
+    await page.evaluate(async quality => {
+      const { LADDER } = await import("/page/quality.js");
+      LADDER.forEach(step => Object.assign(step, quality));
+    }, quality);
+    await page.waitForSelector(`#scene-canvas[data-quality$=' ${quality.glossy}']`);
+    await picture(page, "#scene-canvas", name);
+  };
+  await page.locator("#scene-canvas").scrollIntoViewIfNeeded();
+  const part = { shadows: 0, taps: 1, scale: 1 };
+  for (const [name, glossy] of [["few", 6], ["none", 0], ["all", 64]]) await draw(name, { ...part, glossy });
+  // Every picture is compared as if of one quality: that is what is asked.
+  const [few, none] = await page.evaluate(() => ["few", "none"].map(name => {
+    const [one, all] = [window.pictures[name].data, window.pictures.all.data];
+    return one.reduce((sum, v, i) => sum + Math.abs(v - all[i]), 0) / one.length;
+  }));
+  check(few < none && few < 0.3, `highlights of a few lights are off by ${few} codes of 255`);
+  check(faults.length === 0, faults.join("\n"));
+  console.log(`baked light off by ${(100 * baked.rms).toFixed(3)} % of the mean, at most ${(100 * baked.most).toFixed(2)} %; six highlights by ${few.toFixed(3)} codes of 255, none by ${none.toFixed(3)}`);
+  await context.close();
+}
+
 /** How fast it is here: told, not judged. Several tries, since others may be busy. */
 async function speed(browser) {
   const best = { live: Infinity, sky: Infinity, scene: Infinity, rate: 0 };
@@ -345,7 +397,7 @@ async function restart(browser) {
 
 const browser = await launch();
 try {
-  await { live, controls, settings, compare, save, speed, login, restart }[scenario](browser);
+  await { live, controls, settings, compare, save, shading, speed, login, restart }[scenario](browser);
   console.log("passed");
 } catch (error) {
   console.log(`failed: ${error.message.replaceAll("\n", " ")}`);

@@ -139,8 +139,8 @@ async function logIn(event) {
 
 function lightScene() {
   try {
-    scene = new Scene(by("scene-canvas"), supply, ({ rate, shadows, lights, moving }) => {
-      const text = `${moving && rate ? `${rate.toFixed(0)} pictures/s, ` : ""}shadows of ${shadows} of ${lights}`;
+    scene = new Scene(by("scene-canvas"), supply, ({ rate, shadows, moving }) => {
+      const text = `${moving && rate ? `${rate.toFixed(0)} pictures/s, ` : ""}${shadows ? `shadows of ${shadows} ${shadows === 1 ? "light" : "lights"}` : "no shadows"}`;
       if (by("scene-rate").textContent !== text) by("scene-rate").textContent = text;
     });
   } catch (error) {

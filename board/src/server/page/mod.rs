@@ -24,6 +24,7 @@ static FILES: &[(&str, &str, &str)] = files! {
     "compare.js": JAVASCRIPT,
     "fields.js": JAVASCRIPT,
     "figures.js": JAVASCRIPT,
+    "irradiance.js": JAVASCRIPT,
     "map.js": JAVASCRIPT,
     "numbers.js": JAVASCRIPT,
     "orbit.js": JAVASCRIPT,

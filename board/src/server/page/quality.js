@@ -1,22 +1,22 @@
-// How much is drawn, by how long frames take: shadows are given up first, then pixels, then single lights.
+// How much is drawn, by how long frames take: shadows are given up first, then highlights of weak lights, then pixels.
 
-/** From the dearest to the cheapest: lights with shadows, samples of each, pixels per pixel of the screen, lights shaded one by one. */
-const LADDER = [
-  { shadows: 32, taps: 8, scale: 1, lights: 64 }, { shadows: 16, taps: 8, scale: 1, lights: 64 }, { shadows: 8, taps: 6, scale: 1, lights: 64 },
-  { shadows: 4, taps: 4, scale: 1, lights: 64 }, { shadows: 1, taps: 2, scale: 1, lights: 64 }, { shadows: 0, taps: 1, scale: 1, lights: 64 },
-  { shadows: 0, taps: 1, scale: 0.7, lights: 64 }, { shadows: 0, taps: 1, scale: 0.7, lights: 24 }, { shadows: 0, taps: 1, scale: 0.5, lights: 12 },
+/** From the dearest to the cheapest: lights with shadows, samples of each, pixels per pixel of the screen, lights with highlights. */
+export const LADDER = [
+  { shadows: 32, taps: 8, scale: 1, glossy: 64 }, { shadows: 16, taps: 8, scale: 1, glossy: 64 }, { shadows: 8, taps: 6, scale: 1, glossy: 64 },
+  { shadows: 4, taps: 4, scale: 1, glossy: 64 }, { shadows: 1, taps: 2, scale: 1, glossy: 16 }, { shadows: 0, taps: 1, scale: 1, glossy: 16 },
+  { shadows: 0, taps: 1, scale: 1, glossy: 6 }, { shadows: 0, taps: 1, scale: 0.7, glossy: 6 }, { shadows: 0, taps: 1, scale: 0.5, glossy: 6 },
 ];
 
 /** Frame times that are too long and those that leave room, ms; without a GPU less is expected, and the processor left some air. */
-const GPU = { long: 34, room: 20, first: 1, pause: 0 }, SOFTWARE = { long: 95, room: 75, first: 3, pause: 55 };
+const GPU = { long: 34, room: 20, first: 1, pause: 0 }, SOFTWARE = { long: 95, room: 75, first: 5, pause: 55 };
 
-/** Frames of the mean, those to look at before a step down, and up. */
-const MEAN = 4, DOWN = 5, UP = 90;
+/** Frames of the mean, those to look at before a step down, and up, and those at the beginning that tell of the page being loaded. */
+const MEAN = 4, DOWN = 5, UP = 40, FIRST = 8;
 
 export class Quality {
   /** The dearest step whatever it takes. */
   isFixed = false;
-  #limits; #step; #mean = null; #frames = 0; #last = 0; #patience = UP;
+  #limits; #step; #mean = null; #frames = -FIRST; #last = 0; #patience = UP; #hasRisen = false;
 
   constructor() {
     this.#limits = isSoftware ? SOFTWARE : GPU;
@@ -36,16 +36,20 @@ export class Quality {
     const passed = now - this.#last, { long, room } = this.#limits;
     this.#last = now;
     if (!follows) return;
+    if (++this.#frames <= 0) return;
     this.#mean = this.#mean === null ? passed : this.#mean + (passed - this.#mean) / MEAN;
-    this.#frames++;
     if (this.isFixed) return;
     // Where it is far too slow there is no time to look for long.
     const haste = Math.min(3, Math.floor(this.#mean / long));
     if (haste > 0 && this.#frames > DOWN / haste && this.#step < LADDER.length - 1) {
       this.#move(haste);
-      // What was too much once is not tried again soon.
-      this.#patience = Math.min(4 * this.#patience, 100 * UP);
-    } else if (this.#frames > this.#patience && this.#mean < room && this.#step > 0) this.#move(-1);
+      // What was tried and was too much is not tried again soon.
+      if (this.#hasRisen) this.#patience = Math.min(4 * this.#patience, 100 * UP);
+      this.#hasRisen = false;
+    } else if (this.#frames > this.#patience && this.#mean < room && this.#step > 0) {
+      this.#move(-1);
+      this.#hasRisen = true;
+    }
   }
 
   #move(by) {

@@ -1,9 +1,10 @@
-// A few solids under the current lights, in WebGL2: the strongest lights with shadows, what is too many in harmonics.
+// A few solids under the current lights, in WebGL2: all of them baked by where a surface faces, the strongest with shadows and highlights.
 
+import { SIDE as BAKED, bake, basis } from "./irradiance.js";
 import { luminance } from "./map.js";
 import { Orbit } from "./orbit.js";
 import { Quality, isSoftware } from "./quality.js";
-import { MOST_LIGHTS, depth, plain, rays, sky, solid } from "./shaders.js";
+import { MOST_LIGHTS, depth, matt, rays, shiny, sky, solid } from "./shaders.js";
 import { BALL, STRIDE, scene } from "./shapes.js";
 
 /** Depth maps: side in texels, and how many there are. */
@@ -19,7 +20,7 @@ const WIDEST = 1600;
 const EYE_TIME = 1500;
 
 export class Scene {
-  #canvas; #gl; #programs; #solids; #rays; #depths; #map; #known = false; #orbit; #quality;
+  #canvas; #gl; #programs; #solids; #rays; #depths; #map; #sums = new Float32Array(3 * BAKED * BAKED); #known = false; #orbit; #quality;
   #supply; #told; #due = 0; #visible = true; #goesOn = false; #exposure = 0; #last = 0; #ev = 0;
   #options = { sky: true, rays: false, shadows: "auto" };
 
@@ -77,9 +78,9 @@ export class Scene {
   }
 
   #make() {
-    const gl = this.#gl, { vertices, indices, solids } = scene();
-    this.#programs = Object.fromEntries(Object.entries({ depth, solid, plain, sky, rays }).map(([name, p]) => [name, program(gl, p)]));
-    this.#solids = { array: gl.createVertexArray(), solids, all: indices.length };
+    const gl = this.#gl, { vertices, indices, rough, solids } = scene();
+    this.#programs = Object.fromEntries(Object.entries({ depth, solid, shiny, matt, sky, rays }).map(([name, p]) => [name, program(gl, p)]));
+    this.#solids = { array: gl.createVertexArray(), rough, solids, all: indices.length };
     gl.bindVertexArray(this.#solids.array);
     gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
     gl.bufferData(gl.ARRAY_BUFFER, vertices, gl.STATIC_DRAW);
@@ -93,13 +94,8 @@ export class Scene {
     attribute(gl, 1, 4, 7, 3);
     gl.bindVertexArray(null);
     this.#depths = depthMaps(gl);
-    this.#map = gl.createTexture();
-    gl.activeTexture(gl.TEXTURE1);
-    gl.bindTexture(gl.TEXTURE_2D, this.#map);
-    for (const [name, value] of [[gl.TEXTURE_WRAP_S, gl.REPEAT], [gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE], [gl.TEXTURE_MIN_FILTER, gl.LINEAR], [gl.TEXTURE_MAG_FILTER, gl.LINEAR]]) {
-      gl.texParameteri(gl.TEXTURE_2D, name, value);
-    }
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB16F, 1, 1, 0, gl.RGB, gl.FLOAT, new Float32Array(3));
+    this.#map = image(gl, gl.TEXTURE1, gl.REPEAT);
+    image(gl, gl.TEXTURE2, gl.CLAMP_TO_EDGE);
     this.#known = false;
   }
 
@@ -108,32 +104,36 @@ export class Scene {
     if (moving) this.#quality.frame(now, this.#goesOn);
     const quality = this.#quality.current, gl = this.#gl;
     this.#fit(quality.scale);
-    const parts = views.map(({ lights, ambient }) => {
-      const sorted = lights.filter(l => l.direction[2] > -1).sort((a, b) => luminance(...b.irradiance) - luminance(...a.irradiance));
-      const single = sorted.slice(0, Math.min(MOST_LIGHTS, quality.lights));
-      return { sorted, single, harmonics: gathered(ambient, sorted.slice(single.length)) };
-    });
+    const parts = views.map(({ lights, ambient }) =>
+      ({ ambient, lights: lights.filter(l => l.direction[2] > -1).sort((a, b) => luminance(...b.irradiance) - luminance(...a.irradiance)) }));
     if (!parts.length) return moving;
     // Both under the first one's exposure, or a comparison would hide differences.
-    this.#adapt(now, parts[0].sorted, parts[0].harmonics);
-    const shadows = this.#options.shadows !== "none" ? Math.min(Math.ceil(quality.shadows / parts.length), parts[0].single.length) : 0;
+    this.#adapt(now, parts[0]);
+    const count = parts[0].lights.length, most = this.#options.shadows !== "none" ? Math.min(Math.ceil(quality.shadows / parts.length), count) : 0;
     const width = Math.floor(this.#canvas.width / parts.length), height = this.#canvas.height, camera = this.#orbit.camera(width / height);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.disable(gl.SCISSOR_TEST);
     gl.clear(gl.DEPTH_BUFFER_BIT);
-    parts.forEach(({ sorted, single, harmonics }, i) => {
-      for (let k = 0; k < shadows && k < single.length; k++) this.#drawDepth(single[k], k);
+    parts.forEach((part, i) => {
+      const shadows = Math.min(most, part.lights.length);
+      for (let k = 0; k < shadows; k++) this.#drawDepth(part.lights[k], k);
       gl.bindFramebuffer(gl.FRAMEBUFFER, null);
       gl.viewport(i * width, 0, width, height);
       gl.disable(gl.POLYGON_OFFSET_FILL);
       this.#drawSky(camera);
-      this.#drawSolids(camera, single, harmonics, Math.min(shadows, single.length), quality.taps);
-      if (this.#options.rays) this.#drawRays(camera, sorted);
+      this.#drawSolids(camera, part, shadows, quality);
+      if (this.#options.rays) this.#drawRays(camera, part.lights);
     });
-    const look = `${shadows} shadows, ${parts[0].single.length} lights`;
-    if (this.#canvas.dataset.look !== look) this.#canvas.dataset.look = look;
-    this.#told({ rate: this.#quality.rate, shadows, lights: parts[0].single.length, moving });
+    this.#tell(`shadows of ${most} of ${count}, highlights of ${Math.min(quality.glossy, count)}`);
+    this.#told({ rate: this.#quality.rate, shadows: most, moving });
     return moving;
+  }
+
+  /** For who reads the picture: what it shows, and how well. */
+  #tell(quality) {
+    const { sky, rays } = this.#options, shown = `${sky ? "sky " : ""}${rays ? "lines " : ""}${this.#ev} EV`, { dataset } = this.#canvas;
+    if (dataset.quality !== quality) dataset.quality = quality;
+    if (dataset.shown !== shown) dataset.shown = shown;
   }
 
   #fit(scale) {
@@ -144,9 +144,9 @@ export class Scene {
   }
 
   /** A white ground comes out at a fixed grey, slowly as an eye adapts. */
-  #adapt(now, lights, harmonics) {
+  #adapt(now, { lights, ambient }) {
     const level = lights.reduce((sum, l) => sum + luminance(...l.irradiance) * Math.max(0, l.direction[2]), 0)
-      + Math.max(0, Math.PI * 0.282095 * luminance(...harmonics[0]));
+      + (ambient ? Math.max(0, Math.PI * 0.282095 * luminance(...ambient[0])) : 0);
     const wanted = level > 0 ? 2.2 / level : 1, part = this.#exposure ? 1 - Math.exp(-Math.min(1000, now - this.#last) / EYE_TIME) : 1;
     this.#exposure = this.#exposure ? this.#exposure * (wanted / this.#exposure) ** part : wanted;
     this.#last = now;
@@ -183,30 +183,41 @@ export class Scene {
     gl.enable(gl.DEPTH_TEST);
   }
 
-  #drawSolids({ view, eye }, lights, harmonics, shadows, taps) {
-    const gl = this.#gl, { use, at } = shadows ? this.#programs.solid : this.#programs.plain;
-    use();
+  #drawSolids({ view, eye }, { lights, ambient }, shadows, { glossy, taps }) {
+    const gl = this.#gl, scale = this.#scale, { solid, shiny, matt } = this.#programs, { rough, solids, all } = this.#solids;
+    gl.activeTexture(gl.TEXTURE2);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB16F, BAKED, BAKED, 0, gl.RGB, gl.FLOAT, bake(lights.slice(shadows), ambient, scale, this.#sums));
     const directions = new Float32Array(4 * MOST_LIGHTS), energies = new Float32Array(4 * MOST_LIGHTS);
-    lights.forEach((light, i) => {
+    lights.slice(0, Math.max(shadows, glossy)).forEach((light, i) => {
       directions.set([...light.direction, Math.sin(Math.min(80, light.radius_deg) * Math.PI / 180)], 4 * i);
-      energies.set(light.irradiance, 4 * i);
+      energies.set(light.irradiance.map(v => v * scale), 4 * i);
     });
-    gl.uniformMatrix4fv(at.view, false, view);
-    gl.uniform3fv(at.eye, eye);
-    gl.uniform3fv(at.centre, BALL.centre);
-    gl.uniform1f(at.radius, BALL.radius);
-    gl.uniform1f(at.exposure, this.#scale);
-    gl.uniform1i(at.lights, lights.length);
-    gl.uniform1i(at.shadows, shadows);
-    gl.uniform1i(at.taps, taps);
-    gl.uniform4fv(at.direction, directions);
-    gl.uniform4fv(at.irradiance, energies);
-    gl.uniform3fv(at.ambient, harmonics.flat());
-    gl.uniform1i(at.depths, 0);
+    // What is rough shows no highlights: to it all lights are harmonics.
+    const soft = gathered(ambient, lights, scale), rest = gathered(ambient, lights.slice(glossy), scale);
+    const draw = ({ use, at }, harmonics, from, to) => {
+      use();
+      gl.uniformMatrix4fv(at.view, false, view);
+      gl.uniform3fv(at.eye, eye);
+      gl.uniform3fv(at.harmonics, harmonics);
+      gl.uniform1i(at.baked, 2);
+      // What a program does without has no place, and is not told.
+      gl.uniform3fv(at.centre ?? null, BALL.centre);
+      gl.uniform1f(at.radius ?? null, BALL.radius);
+      gl.uniform1i(at.glossy ?? null, Math.min(glossy, lights.length));
+      gl.uniform1i(at.shadows ?? null, shadows);
+      gl.uniform1i(at.taps ?? null, taps);
+      gl.uniform4fv(at.direction ?? null, directions);
+      gl.uniform4fv(at.irradiance ?? null, energies);
+      gl.uniform1i(at.depths ?? null, 0);
+      gl.drawElements(gl.TRIANGLES, to - from, gl.UNSIGNED_INT, 4 * from);
+    };
     gl.bindVertexArray(this.#solids.array);
+    draw(shadows ? solid : matt, soft, 0, rough);
+    draw(shadows ? solid : shiny, rest, rough, solids);
+    // The ground fades out into what is behind it.
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
-    gl.drawElements(gl.TRIANGLES, this.#solids.all, gl.UNSIGNED_INT, 0);
+    draw(shadows ? solid : matt, soft, solids, all);
     gl.disable(gl.BLEND);
   }
 
@@ -229,15 +240,24 @@ export class Scene {
   }
 }
 
-/** Harmonics of radiance: those given and those of lights that are not shaded one by one, each a peak that holds its irradiance. */
-function gathered(ambient, lights) {
-  const sums = (ambient ?? Array(9).fill([0, 0, 0])).map(row => [...row]);
-  for (const { direction: [x, y, z], irradiance } of lights) {
-    const basis = [0.282095, 0.488603 * y, 0.488603 * z, 0.488603 * x, 1.092548 * x * y, 1.092548 * y * z, 0.315392 * (3 * z * z - 1),
-      1.092548 * x * z, 0.546274 * (x * x - y * y)];
-    basis.forEach((b, i) => irradiance.forEach((e, c) => { sums[i][c] += b * e; }));
-  }
+/** Harmonics of radiance, times `scale`: those given and those of lights without highlights, each a peak that holds its irradiance. */
+function gathered(ambient, lights, scale) {
+  const sums = new Float32Array(27), add = (row, k, part) => row.forEach((v, c) => { sums[3 * k + c] += part * v * scale; });
+  ambient?.forEach((row, k) => add(row, k, 1));
+  for (const { direction, irradiance } of lights) basis(...direction).forEach((b, k) => add(irradiance, k, b));
   return sums;
+}
+
+/** A texture of linear colours, for now black. */
+function image(gl, unit, wrap) {
+  const texture = gl.createTexture();
+  gl.activeTexture(unit);
+  gl.bindTexture(gl.TEXTURE_2D, texture);
+  for (const [name, value] of [[gl.TEXTURE_WRAP_S, wrap], [gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE], [gl.TEXTURE_MIN_FILTER, gl.LINEAR], [gl.TEXTURE_MAG_FILTER, gl.LINEAR]]) {
+    gl.texParameteri(gl.TEXTURE_2D, name, value);
+  }
+  gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB16F, 1, 1, 0, gl.RGB, gl.FLOAT, new Float32Array(3));
+  return texture;
 }
 
 function depthMaps(gl) {

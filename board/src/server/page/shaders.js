@@ -1,6 +1,8 @@
 // The scene's programs, GLSL ES 3.00. All directions are the probe's: +Z is up.
 
-/** Lights that are shaded one by one; the rest are in the harmonics. */
+import { PLACE } from "./irradiance.js";
+
+/** Most lights that pixels see one by one: for shadows and highlights. */
 export const MOST_LIGHTS = 64;
 
 const HEAD = `#version 300 es
@@ -17,12 +19,13 @@ void across(vec3 n, out vec3 u, out vec3 v) {
 }
 `;
 
-/** Linear colour to display: the sigmoid on luminance, then sRGB. */
+/** Linear colour to display: the sigmoid on luminance, then sRGB, its power by roots: a power costs a renderer without a GPU dear. */
 const DISPLAY = `
 vec3 display(vec3 c) {
   float y = max(dot(c, vec3(0.2126, 0.7152, 0.0722)), 1e-9), r = pow(y * 2.2, 1.1);
   c = clamp(c * (r / (1.0 + r) / y), 0.0, 1.0);
-  return mix(12.92 * c, 1.055 * pow(c, vec3(1.0 / 2.4)) - 0.055, step(0.0031308, c));
+  vec3 a = sqrt(c), b = sqrt(a);
+  return mix(12.92 * c, 0.662002687 * a + 0.684122060 * b - 0.323583601 * sqrt(b) - 0.022541147 * c, step(0.0031308, c));
 }
 `;
 
@@ -46,21 +49,27 @@ layout(location = 1) in vec3 normal;
 layout(location = 2) in vec3 colour;
 layout(location = 3) in float roughness;
 uniform mat4 view;
-out vec3 p, n, albedo;
+uniform vec3 eye;
+uniform vec3 harmonics[9];  // of radiance, times the exposure: what has no highlight of its own
+out vec3 p, n, albedo, sheen;
 out float rough;
 void main() {
   p = position; n = normal; albedo = colour; rough = roughness;
+  vec3 d = reflect(normalize(position - eye), normal);
+  sheen = 0.04 * max(vec3(0.0), 0.282095 * harmonics[0] + 0.488603 * (d.y * harmonics[1] + d.z * harmonics[2] + d.x * harmonics[3])
+    + 1.092548 * (d.x * d.y * harmonics[4] + d.y * d.z * harmonics[5] + d.x * d.z * harmonics[7])
+    + 0.315392 * (3.0 * d.z * d.z - 1.0) * harmonics[6] + 0.546274 * (d.x * d.x - d.y * d.y) * harmonics[8]);
   gl_Position = view * vec4(position, 1.0);
 }`,
-  fragment: `${HEAD}${ACROSS}${DISPLAY}
-in vec3 p, n, albedo;
+  fragment: `${HEAD}${ACROSS}${PLACE}${DISPLAY}
+in vec3 p, n, albedo, sheen;
 in float rough;
 uniform vec3 eye, centre;
-uniform float radius, exposure;
-uniform int lights, shadows, taps;
+uniform float radius;
+uniform int glossy, shadows, taps;
 uniform vec4 direction[${MOST_LIGHTS}];   // w: sine of the angular radius
-uniform vec4 irradiance[${MOST_LIGHTS}];  // linear RGB
-uniform vec3 ambient[9];                   // harmonics of radiance
+uniform vec4 irradiance[${MOST_LIGHTS}];  // linear RGB, times the exposure
+uniform sampler2D baked;                   // by normal, of all lights but those with shadows
 uniform sampler2DArrayShadow depths;
 out vec4 result;
 const float PI = 3.14159265;
@@ -79,42 +88,35 @@ float reaches(int i, vec3 l, float wide, float turn) {
   return sum / float(taps);
 }
 
-vec3 harmonics(vec3 d, vec3 scale) {
-  return max(vec3(0.0), scale.x * 0.282095 * ambient[0]
-    + scale.y * 0.488603 * (d.y * ambient[1] + d.z * ambient[2] + d.x * ambient[3])
-    + scale.z * (1.092548 * (d.x * d.y * ambient[4] + d.y * d.z * ambient[5] + d.x * d.z * ambient[7])
-    + 0.315392 * (3.0 * d.z * d.z - 1.0) * ambient[6] + 0.546274 * (d.x * d.x - d.y * d.y) * ambient[8]));
-}
-
 void main() {
-  vec3 m = normalize(n), view = normalize(eye - p);
-  float nv = max(dot(m, view), 0.02), turn = 6.2832 * fract(52.9829189 * fract(dot(gl_FragCoord.xy, vec2(0.06711056, 0.00583715))));
-  // Lambert and [Ramamoorthi2001]; the gloss of what is in harmonics is their radiance.
-  vec3 diffuse = harmonics(m, vec3(PI, 2.0 * PI / 3.0, PI / 4.0)), gloss = harmonics(reflect(-view, m), vec3(1.0)) * 0.04;
-  for (int i = 0; i < lights; i++) {
-    vec3 l = direction[i].xyz;
-    float nl = dot(m, l);
-    if (nl <= 0.0) continue;
-    vec3 e = irradiance[i].rgb;
-    if (i < shadows) e *= reaches(i, l, direction[i].w, turn);
-    diffuse += e * nl;
-    if (rough > 0.5) continue;
-    // GGX with Schlick's terms, wider where the light is; what is rough does without.
-    float a = min(1.0, rough * rough + 0.5 * direction[i].w), a2 = a * a, k = 0.5 * a;
-    vec3 h = normalize(l + view);
-    float nh = max(dot(m, h), 0.0), t = nh * nh * (a2 - 1.0) + 1.0, g = 1.0 - max(dot(h, view), 0.0), f = 0.04 + 0.96 * g * g * g * g * g;
-    gloss += e * nl * f * a2 / (PI * t * t) / (4.0 * mix(nl, 1.0, k) * mix(nv, 1.0, k));
+  vec3 m = normalize(n), diffuse = texture(baked, place(m)).rgb, gloss = sheen;
+  // What is rough has no highlights, and no need to look at lights that throw no shadows.
+  int count = rough > 0.5 ? shadows : max(shadows, glossy);
+  if (count > 0) {
+    vec3 view = normalize(eye - p);
+    float nv = max(dot(m, view), 0.02), turn = 6.2832 * fract(52.9829189 * fract(dot(gl_FragCoord.xy, vec2(0.06711056, 0.00583715))));
+    for (int i = 0; i < count; i++) {
+      vec3 l = direction[i].xyz;
+      float nl = dot(m, l);
+      if (nl <= 0.0) continue;
+      vec3 e = irradiance[i].rgb;
+      if (i < shadows) { e *= reaches(i, l, direction[i].w, turn); diffuse += e * nl; }
+      if (rough > 0.5 || i >= glossy) continue;
+      // GGX with Schlick's terms, wider where the light is.
+      float a = min(1.0, rough * rough + 0.5 * direction[i].w), a2 = a * a, k = 0.5 * a;
+      vec3 h = normalize(l + view);
+      float nh = max(dot(m, h), 0.0), t = nh * nh * (a2 - 1.0) + 1.0, g = 1.0 - max(dot(h, view), 0.0), f = 0.04 + 0.96 * g * g * g * g * g;
+      gloss += e * nl * f * a2 / (PI * t * t) / (4.0 * mix(nl, 1.0, k) * mix(nv, 1.0, k));
+    }
   }
   float fade = 1.0 - smoothstep(4.5, 8.8, length(p.xy));
-  result = vec4(display(exposure * (albedo / PI * diffuse + gloss)) * fade, fade);
+  result = vec4(display(albedo / PI * diffuse + gloss) * fade, fade);
 }`,
 };
 
-/** The same without shadows: what is not called still costs a renderer without a GPU a third of its time. */
-export const plain = {
-  vertex: solid.vertex,
-  fragment: solid.fragment.replace(/^.*reaches\(i, l,.*$/m, ""),
-};
+/** The same without shadows, and for what is rough without the loop too: what is not called still costs a renderer without a GPU much of its time. */
+export const shiny = { vertex: solid.vertex, fragment: solid.fragment.replace(/^.*reaches\(i, l,.*$/m, "") };
+export const matt = { vertex: solid.vertex, fragment: shiny.fragment.replace(/int count = .*;/, "const int count = 0;") };
 
 export const sky = {
   vertex: `${HEAD}
@@ -136,6 +138,7 @@ out vec4 result;
 void main() {
   vec3 v = normalize(d);
   vec3 dark = mix(vec3(0.075, 0.075, 0.085), vec3(0.13, 0.13, 0.15), smoothstep(-0.4, 0.4, v.z));
+  if (v.z < -0.02) { result = vec4(dark, 1.0); return; }
   vec2 at = vec2(0.5 - atan(v.y, v.x) / 6.2831853, acos(clamp(v.z, 0.0, 1.0)) / 1.5707963);
   vec3 radiance = textureLod(map, at, 0.0).rgb;
   // What the lens does not see has no colour of its own.

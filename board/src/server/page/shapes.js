@@ -23,23 +23,30 @@ class Mesh {
   arrays() { return { vertices: new Float32Array(this.#vertices), indices: new Uint32Array(this.#indices) }; }
 }
 
-/** Vertices, indices, and the number of indices that are solids; those after them are the ground. */
+/** Vertices, indices, and how many of these are solids that are rough, and solids at all; those after them are the ground. */
 export function scene() {
   const mesh = new Mesh();
   rabbit(mesh, { colour: [0.72, 0.66, 0.58], roughness: 0.75 });
-  ball(mesh, [1.25, 0.75, 0.5], 0.5, { colour: [0.5, 0.035, 0.03], roughness: 0.12 });
   block(mesh, [-0.95, 1.05, 0.45], [0.42, 0.42, 0.45], 0.5, { colour: [0.12, 0.25, 0.55], roughness: 0.55 });
+  const rough = mesh.count;
+  ball(mesh, [1.25, 0.75, 0.5], 0.5, { colour: [0.5, 0.035, 0.03], roughness: 0.12 });
   cone(mesh, [0.95, -1.15, 0], 0.42, 1.1, { colour: [0.16, 0.42, 0.2], roughness: 0.45 });
   pole(mesh, [-1.3, -0.6, 0], 0.05, 1.9, { colour: [0.75, 0.75, 0.78], roughness: 0.25 });
   const solids = mesh.count;
   ground(mesh, 9, { colour: [0.42, 0.41, 0.39], roughness: 0.9 });
-  return { ...mesh.arrays(), solids };
+  return { ...mesh.arrays(), rough, solids };
 }
 
-function ground(mesh, radius, look) {
-  const middle = mesh.vertex([0, 0, 0], [0, 0, 1], look), rim = [];
-  for (let i = 0; i < 64; i++) rim.push(mesh.vertex([radius * Math.cos(i * Math.PI / 32), radius * Math.sin(i * Math.PI / 32), 0], [0, 0, 1], look));
-  rim.forEach((v, i) => mesh.triangle(middle, v, rim[(i + 1) % 64]));
+/** Rings, since what is told of a vertex is told of half a ring about it. */
+function ground(mesh, radius, look, rings = 8) {
+  const ring = k => Array.from({ length: 64 }, (_, i) =>
+    mesh.vertex([k / rings * radius * Math.cos(i * Math.PI / 32), k / rings * radius * Math.sin(i * Math.PI / 32), 0], [0, 0, 1], look));
+  let inner = Array(64).fill(mesh.vertex([0, 0, 0], [0, 0, 1], look));
+  for (let k = 1; k <= rings; k++) {
+    const outer = ring(k);
+    outer.forEach((v, i) => mesh.quad(inner[i], v, outer[(i + 1) % 64], inner[(i + 1) % 64]));
+    inner = outer;
+  }
 }
 
 /** A surface of revolution: a ring of vertices for each [radius, height, normal's across, normal's up]. */
