@@ -2,7 +2,7 @@
 
 use crate::baseline::{self, gather};
 use crate::env::EnvMap;
-use crate::maps::{self, Maps, Plan};
+use crate::maps::{self, Maps};
 use crate::metrics::{Domain, Lit, LitSet};
 use crate::scenario::Scenario;
 use hemilux::samplers::{self, Shape};
@@ -108,7 +108,6 @@ pub fn run_core(scenario: &Scenario, counts: &[usize]) -> Vec<Run> {
     let first = &scenario.seen()[0];
     let shape =
         Shape { domain: scenario.domain, order: order(counts), grid: maps::grid(first, scenario.domain) };
-    let plan = Plan::new((first.width(), first.height()), shape.domain, shape.order);
     let mut maps = Maps::new(shape.domain, shape.order, shape.grid);
     let core: Vec<Method> = methods().into_iter().filter(|m| m.kind == Kind::Core).collect();
     let mut running: Vec<_> = core
@@ -119,7 +118,7 @@ pub fn run_core(scenario: &Scenario, counts: &[usize]) -> Vec<Run> {
         })
         .collect();
     for (t, map) in scenario.seen().iter().enumerate() {
-        maps.fill_by(&plan, map);
+        maps.fill(map);
         for (method, lights, sampler, sets) in &mut running {
             if let Some(sampler) = sampler {
                 let lights = scenario.lights(t, *lights, method.least(scenario.domain));
