@@ -2,6 +2,7 @@
 
 use crate::env::EnvMap;
 use crate::metrics::{Grid as Texels, luminance};
+use hemilux::samplers::{self, Shape};
 use hemilux_core::healpix::{self, Domain};
 use hemilux_core::polar::{Grid, LatLong};
 use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
@@ -84,6 +85,42 @@ impl Maps {
         for (k, texel) in self.polar.texels_mut().iter_mut().enumerate() {
             *texel = radiance(direction(k)).map(|v| v * grid.solid_angle(k / grid.width) as f32);
         }
+    }
+}
+
+/// Maps of every order that some number of lights needs.
+pub struct OrderedMaps {
+    /// Each order once.
+    all: Vec<(Shape, Maps)>,
+}
+
+impl OrderedMaps {
+    /// Makes dark maps of the size of `env` for samplers of these numbers of lights.
+    #[must_use]
+    pub fn new(env: &EnvMap, domain: Domain, counts: &[usize]) -> Self {
+        let mut orders: Vec<u8> = counts.iter().map(|&lights| samplers::order_for(lights)).collect();
+        orders.sort_unstable();
+        orders.dedup();
+        let grid = grid(env, domain);
+        let made = orders.into_iter().map(|order| Shape { domain, order, grid });
+        Self { all: made.map(|shape| (shape, Maps::new(domain, shape.order, grid))).collect() }
+    }
+
+    /// Takes the light of `env`.
+    pub fn fill(&mut self, env: &EnvMap) {
+        self.all.iter_mut().for_each(|(_, maps)| maps.fill(env));
+    }
+
+    /// What a sampler of `lights` lights reads, and its shape.
+    ///
+    /// # Panics
+    /// If [`OrderedMaps::new`] was not told of a number of lights like this.
+    #[must_use]
+    pub fn of(&self, lights: usize) -> (&Shape, Map<'_>) {
+        let order = samplers::order_for(lights);
+        let of = self.all.iter().find(|(shape, _)| shape.order == order);
+        let (shape, maps) = of.expect("a map of every order that was named");
+        (shape, maps.view())
     }
 }
 
