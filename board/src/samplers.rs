@@ -115,10 +115,10 @@ pub enum SamplerError {
     TooManyRows(usize),
 }
 
-/// Finest order that `lights` lights need: 6, or 7 above 12,000.
+/// Finest order that `lights` lights need: 6, or 7 from 256 on, where a small sun in one texel of order 6 would err more than all else.
 #[must_use]
 pub fn order_for(lights: usize) -> u8 {
-    if lights > 12_000 { 7 } else { 6 }
+    if lights < 256 { 6 } else { 7 }
 }
 
 /// The fewest lights that the sampler called `name` gives: a tree has a light per base quad. `None` for an unknown name.

@@ -95,7 +95,7 @@ fn every_sampler_takes_what_the_plan_says() {
         check(room(), &settings(name, 200));
     }
     check(room(), &settings("adaptive", 4096));
-    // Above 12,000 lights the map is finer.
+    // From 256 lights on the map is finer.
     check(room(), &settings("q2tree", 20_000));
 }
 

@@ -2,10 +2,10 @@
 
 use crate::baseline::{self, gather};
 use crate::env::EnvMap;
-use crate::maps::{self, Maps, Plan};
+use crate::maps::{self, OrderedMaps};
 use crate::metrics::{Domain, Lit, LitSet};
 use crate::scenario::Scenario;
-use hemilux::samplers::{self, Shape};
+use hemilux::samplers;
 use hemilux_core::light::Decomposition;
 use hemilux_core::sampler::Request;
 
@@ -97,33 +97,24 @@ pub struct Run {
     pub sets: Option<Vec<LitSet>>,
 }
 
-/// The finest order that any of `counts` lights needs.
-fn order(counts: &[usize]) -> u8 {
-    samplers::order_for(counts.iter().copied().max().unwrap_or(1))
-}
-
 /// Runs the core's samplers over a sequence, each with each number of lights; the maps are made once for all of them.
 #[must_use]
 pub fn run_core(scenario: &Scenario, counts: &[usize]) -> Vec<Run> {
-    let first = &scenario.seen()[0];
-    let shape =
-        Shape { domain: scenario.domain, order: order(counts), grid: maps::grid(first, scenario.domain) };
-    let plan = Plan::new((first.width(), first.height()), shape.domain, shape.order);
-    let mut maps = Maps::new(shape.domain, shape.order, shape.grid);
+    let mut maps = OrderedMaps::new(&scenario.seen()[0], scenario.domain, counts);
     let core: Vec<Method> = methods().into_iter().filter(|m| m.kind == Kind::Core).collect();
     let mut running: Vec<_> = core
         .iter()
         .flat_map(|&method| counts.iter().map(move |&lights| (method, lights)))
         .map(|(method, lights)| {
-            (method, lights, samplers::make(method.base(), &shape, lights).ok(), Vec::new())
+            (method, lights, samplers::make(method.base(), maps.of(lights).0, lights).ok(), Vec::new())
         })
         .collect();
     for (t, map) in scenario.seen().iter().enumerate() {
-        maps.fill_by(&plan, map);
-        for (method, lights, sampler, sets) in &mut running {
+        maps.fill(map);
+        for (method, most, sampler, sets) in &mut running {
             if let Some(sampler) = sampler {
-                let lights = scenario.lights(t, *lights, method.least(scenario.domain));
-                sets.push(judged(&sampler.update(&maps.view(), &method.request(lights))));
+                let lights = scenario.lights(t, *most, method.least(scenario.domain));
+                sets.push(judged(&sampler.update(&maps.of(*most).1, &method.request(lights))));
             }
         }
     }

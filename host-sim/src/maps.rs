@@ -1,21 +1,20 @@
 //! Environment maps as the samplers read them: HEALPix pyramid and latitude-longitude map, the energy kept.
 
 use crate::env::EnvMap;
-use glam::DVec3;
+use crate::metrics::{Grid as Texels, luminance};
+use hemilux::samplers::{self, Shape};
 use hemilux_core::healpix::{self, Domain};
 use hemilux_core::polar::{Grid, LatLong};
 use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
 use hemilux_core::sampler::Map;
 use hemilux_core::sampler::pharr::MAX_ROWS;
-use std::f64::consts::{PI, TAU};
-
-/// Sub-samples a side per HEALPix texel's width, so that each texel's share of a map texel is right within a few per cent.
-const FINENESS: f64 = 6.0;
+use std::f64::consts::PI;
 
 /// Pyramid and latitude-longitude map of one environment map.
 pub struct Maps {
     pyramid: Pyramid<Vec<Quad>>,
     polar: LatLong<Vec<[f32; 3]>>,
+    plan: Option<Plan>,
 }
 
 /// The latitude-longitude map that samplers read for environment maps like `env`.
@@ -36,12 +35,29 @@ impl Maps {
         let pyramid = Pyramid::try_new(quads, domain, order).expect("as many quads as the pyramid names");
         let polar =
             LatLong::try_new(grid, vec![[0.0; 3]; grid.len()]).expect("as many texels as the grid has");
-        Self { pyramid, polar }
+        Self { pyramid, polar, plan: None }
     }
 
-    /// Takes the light of `env`.
+    /// Takes the light of `env`: each texel's at its centre, where it is scored, so that no light is where the map has none.
     pub fn fill(&mut self, env: &EnvMap) {
-        self.fill_pyramid(env);
+        let view = self.pyramid.view();
+        let plan = match self.plan.take() {
+            Some(plan) if plan.grid.fits(env) => plan,
+            _ => Plan::new(env, view.domain(), view.order()),
+        };
+        let mut sums = vec![[0.0f64; 6]; view.domain().quads(view.order())];
+        for ((direction, rgb), ipix) in plan.grid.fluxes(env).zip(&plan.quads) {
+            let y = luminance(rgb);
+            let light = [rgb, direction.map(|v| v * y)];
+            sums[*ipix as usize].iter_mut().zip(light.as_flattened()).for_each(|(s, v)| *s += v);
+        }
+        for (quad, s) in self.pyramid.texels_mut().iter_mut().zip(&sums) {
+            let s = s.map(|v| v as f32);
+            let y = hemilux_core::color::luminance([s[0], s[1], s[2]]);
+            *quad = Quad { energy: [s[0], s[1], s[2], y], moment: [s[3], s[4], s[5], 0.0] };
+        }
+        self.pyramid.build();
+        self.plan = Some(plan);
         resample(env, &mut self.polar);
     }
 
@@ -49,26 +65,6 @@ impl Maps {
     #[must_use]
     pub fn view(&self) -> Map<'_> {
         Map { pyramid: self.pyramid.view(), polar: self.polar.view() }
-    }
-
-    /// Takes the light of `env`, whose shape is that of `plan`.
-    ///
-    /// # Panics
-    /// If the plan was made for maps of another shape.
-    pub fn fill_by(&mut self, plan: &Plan, env: &EnvMap) {
-        assert_eq!(plan.size, (env.width(), env.height()), "the plan is for maps of another size");
-        let view = self.pyramid.view();
-        assert_eq!((plan.domain, plan.order), (view.domain(), view.order()), "the plan is for other maps");
-        let mut sums = vec![[0.0f64; 6]; view.domain().quads(view.order())];
-        for (rgb, share) in plan.shares.iter().map(|s| (env.texels()[s.texel as usize], s)) {
-            let [r, g, b] = rgb.map(f64::from);
-            let y = 0.2126 * r + 0.7152 * g + 0.0722 * b;
-            let [x, y_axis, z] = share.moment.map(|m| y * m);
-            let light = [r * share.sr, g * share.sr, b * share.sr, x, y_axis, z];
-            sums[share.ipix as usize].iter_mut().zip(light).for_each(|(s, v)| *s += v);
-        }
-        self.store(&sums);
-        resample(env, &mut self.polar);
     }
 
     /// Takes each quad's and each texel's radiance at its centre: quick, for work that only has to be done, not judged.
@@ -90,110 +86,55 @@ impl Maps {
             *texel = radiance(direction(k)).map(|v| v * grid.solid_angle(k / grid.width) as f32);
         }
     }
+}
 
-    fn fill_pyramid(&mut self, env: &EnvMap) {
-        let view = self.pyramid.view();
-        let (order, domain) = (view.order(), view.domain());
-        let mut sums = vec![[0.0f64; 6]; domain.quads(order)];
-        cut((env.width(), env.height()), domain, order, |texel, direction, sr| {
-            let rgb = env.texels()[texel].map(|v| f64::from(v) * sr);
-            deposit(&mut sums, order, direction, rgb);
-        });
-        self.store(&sums);
+/// Maps of every order that some number of lights needs.
+pub struct OrderedMaps {
+    /// Each order once.
+    all: Vec<(Shape, Maps)>,
+}
+
+impl OrderedMaps {
+    /// Makes dark maps of the size of `env` for samplers of these numbers of lights.
+    #[must_use]
+    pub fn new(env: &EnvMap, domain: Domain, counts: &[usize]) -> Self {
+        let mut orders: Vec<u8> = counts.iter().map(|&lights| samplers::order_for(lights)).collect();
+        orders.sort_unstable();
+        orders.dedup();
+        let grid = grid(env, domain);
+        let made = orders.into_iter().map(|order| Shape { domain, order, grid });
+        Self { all: made.map(|shape| (shape, Maps::new(domain, shape.order, grid))).collect() }
     }
 
-    fn store(&mut self, sums: &[[f64; 6]]) {
-        for (quad, s) in self.pyramid.texels_mut().iter_mut().zip(sums) {
-            let s = s.map(|v| v as f32);
-            let y = hemilux_core::color::luminance([s[0], s[1], s[2]]);
-            *quad = Quad { energy: [s[0], s[1], s[2], y], moment: [s[3], s[4], s[5], 0.0] };
-        }
-        self.pyramid.build();
+    /// Takes the light of `env`.
+    pub fn fill(&mut self, env: &EnvMap) {
+        self.all.iter_mut().for_each(|(_, maps)| maps.fill(env));
+    }
+
+    /// What a sampler of `lights` lights reads, and its shape.
+    ///
+    /// # Panics
+    /// If [`OrderedMaps::new`] was not told of a number of lights like this.
+    #[must_use]
+    pub fn of(&self, lights: usize) -> (&Shape, Map<'_>) {
+        let order = samplers::order_for(lights);
+        let of = self.all.iter().find(|(shape, _)| shape.order == order);
+        let (shape, maps) = of.expect("a map of every order that was named");
+        (shape, maps.view())
     }
 }
 
-/// Which texel gives how much to which quad: worked out once for the maps of a sequence.
-#[derive(Clone, Debug)]
-pub struct Plan {
-    size: (usize, usize),
-    domain: Domain,
-    order: u8,
-    shares: Vec<Share>,
-}
-
-/// The common part of a texel and a quad.
-#[derive(Clone, Copy, Debug)]
-struct Share {
-    texel: u32,
-    ipix: u32,
-    /// Its solid angle.
-    sr: f64,
-    /// Integral of the direction over it.
-    moment: [f64; 3],
+/// The texels of maps of one size and the quad that each is in: worked out once for the maps of a sequence.
+struct Plan {
+    grid: Texels,
+    quads: Vec<u32>,
 }
 
 impl Plan {
-    /// For maps of `width` x `height` texels.
-    #[must_use]
-    pub fn new((width, height): (usize, usize), domain: Domain, order: u8) -> Self {
-        let mut shares: Vec<Share> = Vec::new();
-        let mut first = 0;
-        cut((width, height), domain, order, |texel, direction, sr| {
-            let (texel, ipix) = (texel as u32, healpix::ipix(order, direction));
-            if shares.get(first).is_none_or(|share| share.texel != texel) {
-                first = shares.len();
-            }
-            let part = direction * sr;
-            match shares[first..].iter_mut().find(|share| share.ipix == ipix) {
-                Some(share) => {
-                    share.sr += sr;
-                    share.moment.iter_mut().zip(part.to_array()).for_each(|(m, v)| *m += v);
-                }
-                None => shares.push(Share { texel, ipix, sr, moment: part.to_array() }),
-            }
-        });
-        Self { size: (width, height), domain, order, shares }
-    }
-}
-
-/// Cuts every texel into equal parts and calls `part(texel, direction, steradians)` for each, texel by texel.
-fn cut((width, height): (usize, usize), domain: Domain, order: u8, mut part: impl FnMut(usize, DVec3, f64)) {
-    let quad_width = healpix::solid_angle(order).sqrt();
-    for row in 0..height {
-        let (top, bottom) = edges(height, row, domain);
-        if bottom <= top {
-            continue;
-        }
-        let across = ((top + bottom) * 0.5).sin() * TAU / width as f64;
-        let parts = |extent: f64| ((FINENESS * extent / quad_width).ceil() as usize).clamp(1, 64);
-        let (m, n) = (parts(bottom - top), parts(across));
-        let sr = (top.cos() - bottom.cos()) * TAU / (width * m * n) as f64;
-        for column in 0..width {
-            for k in 0..m * n {
-                let share = |i: usize, n: usize| (i as f64 + 0.5) / n as f64;
-                let z = top.cos() + share(k / n, m) * (bottom.cos() - top.cos());
-                let phi = PI - (column as f64 + share(k % n, n)) * TAU / width as f64;
-                let sin = (1.0 - z * z).max(0.0).sqrt();
-                part(row * width + column, DVec3::new(sin * phi.cos(), sin * phi.sin(), z), sr);
-            }
-        }
-    }
-}
-
-/// Theta of the upper and the lower edge of a map's row, inside the domain.
-fn edges(height: usize, row: usize, domain: Domain) -> (f64, f64) {
-    let limit = if domain == Domain::Sphere { PI } else { PI / 2.0 };
-    let edge = |i: usize| (i as f64 * PI / height as f64).min(limit);
-    (edge(row), edge(row + 1))
-}
-
-fn deposit(sums: &mut [[f64; 6]], order: u8, direction: DVec3, rgb: [f64; 3]) {
-    let y = 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2];
-    let sum = &mut sums[healpix::ipix(order, direction) as usize];
-    for (s, v) in
-        sum.iter_mut().zip([rgb[0], rgb[1], rgb[2], y * direction.x, y * direction.y, y * direction.z])
-    {
-        *s += v;
+    fn new(env: &EnvMap, domain: Domain, order: u8) -> Self {
+        let grid = Texels::new(env, domain);
+        let quads = grid.directions().iter().map(|&d| healpix::ipix(order, d.into())).collect();
+        Self { grid, quads }
     }
 }
 

@@ -23,6 +23,8 @@ struct Panel<'a> {
     y_label: &'a str,
     x: fn(&Point) -> Option<f64>,
     y: fn(&Point) -> Option<f64>,
+    /// Marks the fewest lights that reach 5 and 2 per cent.
+    parsimony: bool,
 }
 
 fn percent(v: Option<f64>) -> Option<f64> {
@@ -39,6 +41,7 @@ pub(super) fn time(points: &[Point]) -> String {
             y_label: "open error, % of mean irradiance",
             x: |p| Some(p.sample_ms),
             y: |p| percent(p.open),
+            parsimony: false,
         },
         Panel {
             title: "Sampling alone: shadowed receivers",
@@ -46,6 +49,7 @@ pub(super) fn time(points: &[Point]) -> String {
             y_label: y,
             x: |p| Some(p.sample_ms),
             y: |p| percent(p.shadowed),
+            parsimony: false,
         },
         Panel {
             title: "Burst of three 640 x 480 frames to lights",
@@ -53,12 +57,13 @@ pub(super) fn time(points: &[Point]) -> String {
             y_label: y,
             x: |p| p.burst_ms,
             y: |p| percent(p.shadowed),
+            parsimony: false,
         },
     ];
-    page("Speed against accuracy: each curve runs over the number of lights", points, &panels, false)
+    page("Speed against accuracy: each curve runs over the number of lights", points, &panels)
 }
 
-/// Lights against error, with the fewest lights that reach 5 and 2 per cent.
+/// Lights against error, with the fewest lights that reach 5 and 2 per cent, and against flicker.
 pub(super) fn lights(points: &[Point]) -> String {
     let panels = [
         Panel {
@@ -67,6 +72,7 @@ pub(super) fn lights(points: &[Point]) -> String {
             y_label: "open error, % of mean irradiance",
             x: |p| Some(p.lights as f64),
             y: |p| percent(p.open),
+            parsimony: false,
         },
         Panel {
             title: "Shadowed receivers; crosses: fewest lights for 5 % and 2 %",
@@ -74,12 +80,21 @@ pub(super) fn lights(points: &[Point]) -> String {
             y_label: "shadowed error, % of mean irradiance",
             x: |p| Some(p.lights as f64),
             y: |p| percent(p.shadowed),
+            parsimony: true,
+        },
+        Panel {
+            title: "Flicker by number of lights",
+            x_label: "lights",
+            y_label: "mean over bulb, walker, clouds, seam, switch; % of mean irradiance",
+            x: |p| Some(p.lights as f64),
+            y: |p| percent(p.flicker),
+            parsimony: false,
         },
     ];
-    page("How many lights does it take?", points, &panels, true)
+    page("How many lights does it take?", points, &panels)
 }
 
-fn page(title: &str, points: &[Point], panels: &[Panel<'_>], parsimony: bool) -> String {
+fn page(title: &str, points: &[Point], panels: &[Panel<'_>]) -> String {
     let width = (LEFT + PANEL[0]) * panels.len() as f64 + LEGEND + 24.0;
     let mut buffer = String::new();
     let canvas = Canvas::new(&mut buffer, (width as u32, (TOP + PANEL[1] + FOOT) as u32));
@@ -91,14 +106,14 @@ fn page(title: &str, points: &[Point], panels: &[Panel<'_>], parsimony: bool) ->
     canvas.text(&note, [16.0, 52.0], HPos::Left, 13, GREY);
     for (k, panel) in panels.iter().enumerate() {
         let left = LEFT + (LEFT + PANEL[0]) * k as f64;
-        draw_panel(&canvas, left, panel, points, parsimony && k + 1 == panels.len());
+        draw_panel(&canvas, left, panel, points);
     }
     legend(&canvas, (LEFT + PANEL[0]) * panels.len() as f64 + 24.0, points);
     canvas.finish();
     buffer
 }
 
-fn draw_panel(canvas: &Canvas<'_>, left: f64, panel: &Panel<'_>, points: &[Point], parsimony: bool) {
+fn draw_panel(canvas: &Canvas<'_>, left: f64, panel: &Panel<'_>, points: &[Point]) {
     let drawn: Vec<(&Point, [f64; 2])> =
         points.iter().filter_map(|p| Some((p, [(panel.x)(p)?, (panel.y)(p)?]))).collect();
     let x = LogAxis::round(drawn.iter().map(|d| d.1[0]), [left, left + PANEL[0]]);
@@ -107,7 +122,7 @@ fn draw_panel(canvas: &Canvas<'_>, left: f64, panel: &Panel<'_>, points: &[Point
     let at = |[a, b]: [f64; 2]| [x.at(a), y.at(b)];
     let front: Vec<[f64; 2]> = pareto(drawn.iter().map(|d| d.1).collect()).into_iter().map(at).collect();
     canvas.line(&front, FRONT, 9);
-    if parsimony {
+    if panel.parsimony {
         for tolerance in [5.0, 2.0] {
             let level = y.at(tolerance);
             canvas.line(&[[left, level], [left + PANEL[0], level]], GREY, 1);
@@ -128,7 +143,7 @@ fn draw_panel(canvas: &Canvas<'_>, left: f64, panel: &Panel<'_>, points: &[Point
             .map(|(p, value)| (p.lights, at(*value)))
             .collect();
         look.curve(canvas, &curve);
-        if parsimony {
+        if panel.parsimony {
             for tolerance in [0.05, 0.02] {
                 let Some(lights) = fewest(points, method.name, tolerance) else { continue };
                 let reached = curve.iter().filter(|(n, _)| *n == lights);

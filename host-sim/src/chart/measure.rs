@@ -6,19 +6,18 @@ use crate::burst;
 use crate::contender::{Kind, Method, baseline_called, judged, methods};
 use crate::env::EnvMap;
 use crate::error::SimError;
-use crate::maps::{self, Maps};
+use crate::maps::OrderedMaps;
 use crate::metrics::{Domain, LitSet, Reference, Score};
 use hemilux::pipeline::{Pipeline, Settings};
 use hemilux::recorded::LensFile;
-use hemilux::samplers::{self, Shape};
+use hemilux::samplers;
 use hemilux_core::lens::{Intrinsics, Lens, Model};
 use std::time::Instant;
 
 /// A map, prepared for samplers and for the judge.
 pub struct Ground {
     env: EnvMap,
-    shape: Shape,
-    maps: Maps,
+    maps: OrderedMaps,
     reference: Reference,
 }
 
@@ -36,10 +35,9 @@ impl Ground {
     #[must_use]
     pub fn new(env: &EnvMap) -> Self {
         let domain = Domain::Sphere;
-        let shape = Shape { domain, order: samplers::order_for(super::MOST), grid: maps::grid(env, domain) };
-        let mut maps = Maps::new(domain, shape.order, shape.grid);
+        let mut maps = OrderedMaps::new(env, domain, &[1, super::MOST]);
         maps.fill(env);
-        Self { env: env.clone(), shape, maps, reference: Reference::new(env, domain) }
+        Self { env: env.clone(), maps, reference: Reference::new(env, domain) }
     }
 
     /// Scores a set.
@@ -54,9 +52,9 @@ impl Ground {
     /// If the sampler does not exist or gives more lights at least.
     #[must_use]
     pub fn time_core(&self, method: &Method, lights: usize, repeats: usize) -> Timed {
-        let mut sampler = samplers::make(method.base(), &self.shape, lights)
+        let (shape, view) = self.maps.of(lights);
+        let mut sampler = samplers::make(method.base(), shape, lights)
             .expect("a name and a count from the samplers' own lists");
-        let view = self.maps.view();
         let (mut times, mut set) = (Vec::new(), LitSet::default());
         for _ in 0..repeats.max(1) {
             let began = Instant::now();

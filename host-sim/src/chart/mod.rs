@@ -1,10 +1,11 @@
-//! `hemilux-sim chart`: time against error, and lights against error, of every method.
+//! `hemilux-sim chart`: time against error, and lights against error and flicker, of every method.
 //!
 //! Every method decomposes every map with every number of lights, on one thread, nothing else of ours running; the scores are worked
 //! out afterwards on all cores. `volume` is left out: it decomposes sequences, and one map says nothing about it.
 
 pub mod counted;
 mod figure;
+mod flicker;
 mod measure;
 #[cfg(test)]
 mod tests;
@@ -58,6 +59,8 @@ pub struct Point {
     pub worst_shadowed: Option<f64>,
     /// Energy error, largest.
     pub energy: Option<f64>,
+    /// Flicker over sequences, mean; for some numbers of lights alone.
+    pub flicker: Option<f64>,
     /// How many maps.
     pub maps: usize,
     /// From a burst of three 640 x 480 frames to lights, milliseconds; the core's samplers alone.
@@ -77,6 +80,7 @@ pub fn run(job: &Job) -> Result<(), SimError> {
     let repeats = if job.quick { 3 } else { 7 };
     let mut points = points(&maps, &methods(), step, repeats);
     measure::bursts(&maps[0], &mut points, repeats)?;
+    flicker::add(&mut points, job.quick);
     if !job.quick {
         counted::add(&mut points, COUNTED);
     }
@@ -181,6 +185,7 @@ fn point(grounds: &[Ground], sampler: &'static str, lights: usize, runs: &[Timed
         shadowed: finite(mean(|s| s.shadowed)),
         worst_shadowed: finite(worst(|s| s.shadowed)),
         energy: finite(worst(|s| s.energy)),
+        flicker: None,
         maps: runs.len(),
         burst_ms: None,
         instructions: None,
@@ -204,7 +209,7 @@ pub fn fewest(points: &[Point], sampler: &str, tolerance: f64) -> Option<usize> 
 /// The points as a table.
 fn text(points: &[Point]) -> String {
     let mut out = format!(
-        "{:<18}{:>7}{:>11}{:>9}{:>11}{:>9}{:>11}{:>11}{:>14}\n",
+        "{:<18}{:>7}{:>11}{:>9}{:>11}{:>9}{:>11}{:>11}{:>11}{:>14}\n",
         "sampler",
         "lights",
         "sample ms",
@@ -212,6 +217,7 @@ fn text(points: &[Point]) -> String {
         "shadowed %",
         "worst %",
         "energy",
+        "flicker %",
         "burst ms",
         "instructions"
     );
@@ -222,13 +228,14 @@ fn text(points: &[Point]) -> String {
         let instructions = p.instructions.map_or("-".into(), |v| v.to_string());
         let _ = writeln!(
             out,
-            "{:<18}{:>7}{:>11.4}{:>9}{:>11}{:>9}{energy:>11}{burst:>11}{instructions:>14}",
+            "{:<18}{:>7}{:>11.4}{:>9}{:>11}{:>9}{energy:>11}{:>11}{burst:>11}{instructions:>14}",
             p.sampler,
             p.lights,
             p.sample_ms,
             percent(p.open),
             percent(p.shadowed),
-            percent(p.worst_shadowed)
+            percent(p.worst_shadowed),
+            percent(p.flicker)
         );
     }
     out

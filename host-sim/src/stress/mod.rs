@@ -46,7 +46,7 @@ pub fn run(job: &Job) -> Result<(), SimError> {
     let bar = progress::bar("stress", scenario::NAMES.len());
     let rows = progress::on_all_cores(scenario::NAMES.len(), |k| {
         let background = (!backgrounds.is_empty()).then(|| backgrounds[k % backgrounds.len()].1.clone());
-        let rows = rows(scenario::NAMES[k], &Setting { background, ..setting.clone() }, job.core);
+        let rows = rows(scenario::NAMES[k], &Setting { background, ..setting.clone() }, job.core, &COUNTS);
         bar.set_message(scenario::NAMES[k]);
         bar.inc(1);
         rows
@@ -62,17 +62,17 @@ pub fn run(job: &Job) -> Result<(), SimError> {
     Ok(())
 }
 
-/// Runs one scenario.
+/// Runs one scenario, every method with each number of lights.
 ///
 /// # Panics
 /// If there is no scenario of this name.
 #[must_use]
-pub fn rows(name: &str, setting: &Setting, core: bool) -> Vec<Row> {
+pub fn rows(name: &str, setting: &Setting, core: bool, counts: &[usize]) -> Vec<Row> {
     let scenario = scenario::make(name, setting).expect("the name of a scenario");
     let judge = Judge::new(&scenario);
-    let mut runs = contender::run_core(&scenario, &COUNTS);
+    let mut runs = contender::run_core(&scenario, counts);
     if !core {
-        runs.extend(contender::run_baselines(&scenario, &COUNTS));
+        runs.extend(contender::run_baselines(&scenario, counts));
     }
     runs.iter().map(|run| judge.row(run)).collect()
 }

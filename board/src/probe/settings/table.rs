@@ -128,7 +128,7 @@ pub const SETTINGS: [Setting; 18] = [
         group: Group::Map,
         kind: Kind::OptionalWhole(*ORDERS.start() as u64, *ORDERS.end() as u64),
         unit: Some("(8 x 4^order texels)"),
-        what: "Size of the HEALPix map: each step doubles its resolution and quadruples its memory. Without it, 6, or 7 above 12,000 lights.",
+        what: "Size of the HEALPix map: each step doubles its resolution and quadruples its memory. Without it, 6, or 7 from 256 lights on.",
         value: |c| json!(c.pipeline.order),
         wish: |c, v| c.order = Some(v.as_u64().and_then(|n| u8::try_from(n).ok())),
         in_use: |_| true,

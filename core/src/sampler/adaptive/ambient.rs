@@ -128,26 +128,35 @@ impl Ambient {
         }
     }
 
-    /// What exceeds the ceiling in a quad of `order`, looked at in its quarters.
+    /// The order at which light is held against the ceiling.
+    fn fine(&self, map: &PyramidView<'_>) -> u8 {
+        (self.order + 1).min(map.order())
+    }
+
+    /// What exceeds the ceiling in a quad of `self.order`, looked at in its quarters.
     fn cut(&self, map: &PyramidView<'_>, ipix: usize) -> Quad {
-        let fine = (self.order + 1).min(map.order());
+        let fine = self.fine(map);
         let shift = 2 * (fine - self.order);
         let mut sum = Quad::default();
         for child in (ipix << shift) as u32..((ipix + 1) << shift) as u32 {
-            sum.add(&self.above(map, fine, child));
+            sum.add(&self.above(map, fine, fine, child));
         }
         sum
     }
 
-    fn above(&self, map: &PyramidView<'_>, order: u8, ipix: u32) -> Quad {
-        let quad = map.quad(order, ipix);
-        let ceiling = self.ceiling[(ipix >> (2 * (order - self.order))) as usize % QUADS];
-        let omega = omega(self.domain, order, ipix);
+    /// What exceeds the ceiling in a quad of `order`: the same part of all that is in one quad of the order `fine`, so that the sum over
+    /// quads of any order is the same.
+    fn above(&self, map: &PyramidView<'_>, fine: u8, order: u8, ipix: u32) -> Quad {
+        let within = ipix >> (2 * (order - fine));
+        let y = map.quad(fine, within).y();
+        let ceiling = self.ceiling[(within >> (2 * (fine - self.order))) as usize % QUADS];
+        let omega = omega(self.domain, fine, within);
         let below = ceiling * omega;
-        if omega <= 0.0 || quad.y() <= below {
+        if omega <= 0.0 || y <= below {
             return Quad::default();
         }
-        let part = (quad.y() - below) / quad.y();
+        let part = (y - below) / y;
+        let quad = map.quad(order, ipix);
         Quad { energy: quad.energy.map(|v| v * part), moment: quad.moment.map(|v| v * part) }
     }
 
@@ -156,7 +165,7 @@ impl Ambient {
         if order <= self.order {
             self.excess.get(at(order, ipix as usize)).copied().unwrap_or_default()
         } else {
-            self.above(map, order, ipix)
+            self.above(map, self.fine(map), order, ipix)
         }
     }
 
@@ -220,4 +229,43 @@ fn inverse(mut m: [[f64; 9]; 9]) -> [[f64; 9]; 9] {
         }
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Ambient, USUAL};
+    use crate::healpix::{self, Domain};
+    use crate::pyramid::{Pyramid, Quad, pyramid_len};
+
+    #[test]
+    fn what_exceeds_the_ceiling_adds_up_at_every_order() {
+        const ORDER: u8 = 5;
+        let mut map = Pyramid::try_new(
+            [Quad::default(); pyramid_len(Domain::Hemisphere, ORDER)],
+            Domain::Hemisphere,
+            ORDER,
+        )
+        .expect("room enough");
+        // A map coarser than the pyramid: light in every fifth texel, more of it in a few.
+        for (ipix, quad) in map.texels_mut().iter_mut().enumerate().step_by(5) {
+            let y = if ipix % 400 == 0 { 30.0 } else { 1.0 };
+            *quad = Quad::from_light([y; 3], healpix::centre(ORDER, ipix as u32).as_vec3());
+        }
+        map.build();
+        let mut ambient = Ambient::new(Domain::Hemisphere, ORDER);
+        ambient.fit(&map.view(), USUAL);
+        let sum = |order: u8| -> f32 {
+            let quads = Domain::Hemisphere.quads(order) as u32;
+            (0..quads).map(|ipix| ambient.excess(&map.view(), order, ipix).y()).sum()
+        };
+        let whole = sum(0);
+        assert!(whole > 0.1 * map.view().total().y(), "{whole} exceeds");
+        for order in 1..=ORDER {
+            assert!(
+                (sum(order) / whole - 1.0).abs() < 1e-4,
+                "order {order}: {}, expected {whole}",
+                sum(order)
+            );
+        }
+    }
 }

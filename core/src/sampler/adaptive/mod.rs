@@ -212,9 +212,6 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<Track>> Adaptiv
         let nodes = Nodes::new(map, request.ambient.then_some(&self.ambient));
         let lights = &mut self.lights[0].as_mut()[..self.count];
         self.sources.fill(&nodes, self.tree.leaves(), lights);
-        if request.ambient {
-            self.sources.keep_energy(nodes.quad(0, 0).y());
-        }
         if (2..=FITTED).contains(&self.count) {
             self.fit.run(self.sources.as_slice(), lights);
         }

@@ -80,15 +80,6 @@ impl Sources {
             }
         }
     }
-
-    /// Scales the sources so that they add up to `total`: what exceeds an ambient light is not quite the sum of what its parts exceed it by.
-    pub(super) fn keep_energy(&mut self, total: f32) {
-        let all = &mut self.all[..self.len];
-        let sum: f32 = all.iter().map(|s| s.y).sum();
-        if sum > 0.0 {
-            all.iter_mut().for_each(|s| s.y *= total / sum);
-        }
-    }
 }
 
 /// Radius of a uniform disc of that angular variance, which is a quarter of its square.

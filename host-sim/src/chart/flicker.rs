@@ -1,0 +1,35 @@
+//! Flicker by number of lights: its mean over scenarios in which something moves or is switched.
+
+use super::Point;
+use crate::contender;
+use crate::progress;
+use crate::scenario::{self, Setting};
+use crate::stress::Judge;
+
+/// The scenarios, on the quick stress report's small maps.
+pub(super) const SCENARIOS: [&str; 5] = ["swinging-bulb", "walker", "clouds", "seam", "switch"];
+
+/// Numbers of lights, and those of a quick chart.
+const COUNTS: &[usize] = &[4, 16, 64, 256, 1024];
+const QUICK: &[usize] = &[16, 64];
+
+/// Adds the flicker to those points that have such a number of lights.
+pub(super) fn add(points: &mut [Point], quick: bool) {
+    let counts = if quick { QUICK } else { COUNTS };
+    let bar = progress::bar("flicker", SCENARIOS.len());
+    let rows = progress::on_all_cores(SCENARIOS.len(), |k| {
+        let scenario = scenario::make(SCENARIOS[k], &Setting::QUICK).expect("the name of a scenario");
+        let judge = Judge::new(&scenario);
+        let mut runs = contender::run_core(&scenario, counts);
+        runs.extend(contender::run_baselines(&scenario, counts));
+        bar.inc(1);
+        runs.iter().map(|run| judge.row(run)).collect::<Vec<_>>()
+    });
+    bar.finish_and_clear();
+    for point in points {
+        let of = rows.iter().flatten().filter(|r| (r.sampler, r.lights) == (point.sampler, point.lights));
+        let flicker: Vec<f64> = of.filter_map(|row| row.flicker_mean).collect();
+        point.flicker =
+            (flicker.len() == SCENARIOS.len()).then(|| flicker.iter().sum::<f64>() / flicker.len() as f64);
+    }
+}
