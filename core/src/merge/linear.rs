@@ -275,9 +275,9 @@ fn first_of(values: &mut [i16], count: usize) -> &mut [i16] {
 
 /// The least or the largest code, of those that `of` is about; the default of none. Both in one loop were no vectors on AArch64.
 #[inline(always)]
-fn extreme<T: Code>(codes: &[T], of: fn(T, T) -> T) -> T {
+fn extreme<T: Code>(codes: &[T], of: impl Fn(T, T) -> T) -> T {
     let Some(last) = codes.last_chunk::<WIDE>() else {
-        return codes.iter().copied().reduce(of).unwrap_or_default();
+        return codes.iter().copied().reduce(&of).unwrap_or_default();
     };
     let mut found = *last;
     for block in codes.as_chunks::<WIDE>().0 {
@@ -285,7 +285,7 @@ fn extreme<T: Code>(codes: &[T], of: fn(T, T) -> T) -> T {
             *found = of(*found, *code);
         }
     }
-    found.into_iter().reduce(of).unwrap_or_default()
+    found.into_iter().reduce(&of).unwrap_or_default()
 }
 
 /// Largest relative error of `parts` of `one` once they are whole numbers.
