@@ -82,7 +82,7 @@ impl Plan {
         rooms.extend(sampler(&s.sampler, order, &s.grid, s.lights, &s.tuning));
         if pipeline.needs_polar() {
             rooms.push(Room::of::<[f32; 3]>("polar map", s.grid.len()));
-            rooms.push(Room::of::<Share>("polar shares", shares_len(&s.grid, order)));
+            rooms.push(Room::of::<Share>("polar shares", shares_len(&s.grid, samplers::polar_order(order))));
         }
         let source_order = plan.source_order();
         let comparison = comparison(&pipeline.shape(), &s.tuning, pipeline.needs_polar());
@@ -111,7 +111,8 @@ fn comparison(shape: &Shape, tuning: &Tuning, has_polar: bool) -> usize {
         let rooms = sampler(name, *order, grid, compare::MOST_LIGHTS, tuning);
         state(name) + rooms.iter().map(Room::bytes).sum::<usize>()
     };
-    let polar = grid.len() * size_of::<[f32; 3]>() + shares_len(grid, *order) * size_of::<Share>();
+    let polar = grid.len() * size_of::<[f32; 3]>()
+        + shares_len(grid, samplers::polar_order(*order)) * size_of::<Share>();
     NAMES.iter().map(of).max().unwrap_or(0) + compare::bytes(*order) + if has_polar { 0 } else { polar }
 }
 

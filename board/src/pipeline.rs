@@ -127,10 +127,11 @@ impl Polar {
     fn new(shape: &Shape) -> Self {
         let grid = &shape.grid;
         let map = LatLong::try_new(*grid, vec![[0.0; 3]; grid.len()]);
-        let shares = vec![Share::default(); shares_len(grid, shape.order)];
+        let order = samplers::polar_order(shape.order);
+        let shares = vec![Share::default(); shares_len(grid, order)];
         Self {
             map: map.expect("as many texels as the grid has"),
-            plan: PolarPlan::try_new(grid, shape.order, shares).expect("as many shares as the plan names"),
+            plan: PolarPlan::try_new(grid, order, shares).expect("as many shares as the plan names"),
         }
     }
 

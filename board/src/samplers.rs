@@ -121,6 +121,12 @@ pub fn order_for(lights: usize) -> u8 {
     if lights < 256 { 6 } else { 7 }
 }
 
+/// Order whose quads fill the polar map: as fine as that map, and its plan is made in a moment.
+#[must_use]
+pub fn polar_order(order: u8) -> u8 {
+    order.min(6)
+}
+
 /// The fewest lights that the sampler called `name` gives: a tree has a light per base quad. `None` for an unknown name.
 #[must_use]
 pub fn least_lights(name: &str, domain: Domain) -> Option<usize> {

@@ -114,11 +114,11 @@ impl<B: Buffer<[f32; 3]>> LatLong<B> {
         LatLongView { grid: self.grid, texels: &self.texels.as_ref()[..self.grid.len()] }
     }
 
-    /// Fills the map from the texels of a pyramid by `plan`; the energy is kept.
+    /// Fills the map from a pyramid's quads of the order of `plan`; the energy is kept.
     pub fn fill<E: Buffer<Share>>(&mut self, plan: &PolarPlan<E>, pyramid: &PyramidView<'_>) {
         let texels = self.texels_mut();
         texels.fill([0.0; 3]);
-        let quads = pyramid.quads_of(pyramid.order());
+        let quads = pyramid.quads_of(plan.order);
         for share in plan.shares() {
             let (Some(to), Some(quad)) = (texels.get_mut(share.to as usize), quads.get(share.from as usize))
             else {
@@ -145,6 +145,7 @@ pub struct Share {
 pub struct PolarPlan<E> {
     shares: E,
     count: usize,
+    order: u8,
 }
 
 /// Most sub-samples a side: near the zenith one HEALPix texel covers a quarter turn of columns.
@@ -195,7 +196,7 @@ pub fn shares_len(grid: &Grid, order: u8) -> usize {
 }
 
 impl<E: Buffer<Share>> PolarPlan<E> {
-    /// Builds the plan from a pyramid of `order` to `grid` in [`shares_len`] shares.
+    /// Builds the plan from quads of `order`, the pyramid's own or a coarser one, to `grid` in [`shares_len`] shares.
     ///
     /// # Errors
     /// [`TooSmall`].
@@ -208,7 +209,7 @@ impl<E: Buffer<Share>> PolarPlan<E> {
                 *slot = Share { from, to, part };
             }
         });
-        Ok(Self { shares, count: needed })
+        Ok(Self { shares, count: needed, order })
     }
 
     fn shares(&self) -> &[Share] {
