@@ -201,14 +201,14 @@ impl<E: Buffer<Share>> PolarPlan<E> {
     /// # Errors
     /// [`TooSmall`].
     pub fn try_new(grid: &Grid, order: u8, mut shares: E) -> Result<Self, TooSmall> {
-        let needed = shares_len(grid, order);
-        arena::check(&shares, needed)?;
-        let mut slots = shares.as_mut().iter_mut();
+        let (mut needed, mut slots) = (0, shares.as_mut().iter_mut());
         visit(grid, order, |from, to, part| {
+            needed += 1;
             if let Some(slot) = slots.next() {
                 *slot = Share { from, to, part };
             }
         });
+        arena::check(&shares, needed)?;
         Ok(Self { shares, count: needed, order })
     }
 
