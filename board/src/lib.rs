@@ -25,6 +25,8 @@ mod neon;
 pub mod picture;
 #[cfg(feature = "pipeline")]
 pub mod pipeline;
+#[cfg(feature = "pipeline")]
+mod polar;
 #[cfg(feature = "server")]
 pub mod probe;
 #[cfg(feature = "pipeline")]

@@ -4,6 +4,7 @@
 //! sampler or a picture needs it first.
 
 use crate::calibration::{Burst, Calibration};
+use crate::polar::Polar;
 use crate::samplers::{self, SamplerError, Shape, Tuning};
 use hemilux_core::fill::{self, Extrapolation};
 use hemilux_core::format::{Format, Layout, LayoutError};
@@ -12,12 +13,11 @@ use hemilux_core::healpix::Domain;
 use hemilux_core::light::Decomposition;
 use hemilux_core::merge::{Exposure, MAX_EXPOSURES, Merge, MergeError, Reciprocal, Samples, merge_size};
 use hemilux_core::plan::{Plan, PlanError, Run, Span, Texel, plan_size};
-use hemilux_core::polar::{Grid, LatLong, LatLongView, PolarPlan, Share, shares_len};
-use hemilux_core::pyramid::{Pyramid, PyramidView, Quad, pyramid_len};
+use hemilux_core::polar::{Grid, LatLongView};
+use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
 use hemilux_core::response::{Curve, ResponseError, curve_len};
 use hemilux_core::sampler::{Map, Request, Sampler};
 use hemilux_core::wire::Latency;
-use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
 /// What a user chooses.
@@ -116,42 +116,6 @@ pub struct Pipeline {
     /// Whether `polar` holds the current frame.
     polar_fresh: bool,
     sampler: Box<dyn Sampler + Send>,
-}
-
-/// A latitude-longitude map, and where its energy comes from.
-struct Polar {
-    map: LatLong<Vec<[f32; 3]>>,
-    plan: Arc<PolarPlan<Vec<Share>>>,
-}
-
-/// The plan in use in this process: it takes long to make, and depends on nothing but its shape.
-static PLAN: Mutex<(Option<(Grid, u8)>, Weak<PolarPlan<Vec<Share>>>)> = Mutex::new((None, Weak::new()));
-
-/// The plan in use, or a new one.
-fn polar_plan(grid: &Grid, order: u8) -> Arc<PolarPlan<Vec<Share>>> {
-    let mut known = PLAN.lock().unwrap_or_else(PoisonError::into_inner);
-    if let Some(plan) = known.1.upgrade().filter(|_| known.0 == Some((*grid, order))) {
-        return plan;
-    }
-    let shares = vec![Share::default(); shares_len(grid, order)];
-    let plan = Arc::new(PolarPlan::try_new(grid, order, shares).expect("as many shares as the plan names"));
-    *known = (Some((*grid, order)), Arc::downgrade(&plan));
-    plan
-}
-
-impl Polar {
-    fn new(shape: &Shape) -> Self {
-        let grid = &shape.grid;
-        let map = LatLong::try_new(*grid, vec![[0.0; 3]; grid.len()]);
-        Self {
-            map: map.expect("as many texels as the grid has"),
-            plan: polar_plan(grid, samplers::polar_order(shape.order)),
-        }
-    }
-
-    fn fill(&mut self, pyramid: &PyramidView<'_>) {
-        self.map.fill(&self.plan, pyramid);
-    }
 }
 
 /// What each stage took.

@@ -1,0 +1,50 @@
+//! The polar map of a pipeline, for the samplers and clients that want one.
+
+use crate::samplers::{self, Shape};
+use hemilux_core::polar::{Grid, LatLong, PolarPlan, Share, shares_len};
+use hemilux_core::pyramid::PyramidView;
+use std::sync::{Arc, Mutex, PoisonError, Weak};
+
+type Plan = PolarPlan<Vec<Share>>;
+
+/// A latitude-longitude map, and where its energy comes from.
+pub(crate) struct Polar {
+    pub map: LatLong<Vec<[f32; 3]>>,
+    plan: Arc<Plan>,
+}
+
+/// The plan in use in this process: it takes long to make, and depends on nothing but its shape.
+static KNOWN: Mutex<Option<Known>> = Mutex::new(None);
+
+struct Known {
+    shape: (Grid, u8),
+    plan: Weak<Plan>,
+}
+
+/// The plan in use, or a new one.
+fn plan(grid: &Grid, order: u8) -> Arc<Plan> {
+    let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
+    let shape = (*grid, order);
+    if let Some(plan) = known.as_ref().filter(|k| k.shape == shape).and_then(|k| k.plan.upgrade()) {
+        return plan;
+    }
+    let shares = vec![Share::default(); shares_len(grid, order)];
+    let plan = Arc::new(PolarPlan::try_new(grid, order, shares).expect("as many shares as the plan names"));
+    *known = Some(Known { shape, plan: Arc::downgrade(&plan) });
+    plan
+}
+
+impl Polar {
+    pub fn new(shape: &Shape) -> Self {
+        let grid = &shape.grid;
+        let map = LatLong::try_new(*grid, vec![[0.0; 3]; grid.len()]);
+        Self {
+            map: map.expect("as many texels as the grid has"),
+            plan: plan(grid, samplers::polar_order(shape.order)),
+        }
+    }
+
+    pub fn fill(&mut self, pyramid: &PyramidView<'_>) {
+        self.map.fill(&self.plan, pyramid);
+    }
+}
