@@ -139,7 +139,7 @@ impl Linear {
         let codes = codes.map(|c| c.get(..count).unwrap_or_default());
         let (sums, reciprocals) = (first_of(sums, count), first_of(reciprocals, count));
         let [shorter @ .., longest] = &codes[..] else { return false };
-        let (least, most) = (extreme(longest, T::min), extreme(longest, T::max));
+        let most = extreme(longest, T::max);
         let is_certain = shorter.iter().all(|c| extreme(c, T::max) < saturated);
         if !is_certain || (N == 1 && most >= saturated) {
             let mut any = Any { white, saturated, doubts: [0; BLOCK] };
@@ -148,7 +148,7 @@ impl Linear {
         }
         if most < saturated {
             self.each_block(&mut AllBut::<0>, codes, sums, reciprocals);
-        } else if least >= saturated {
+        } else if extreme(longest, T::min) >= saturated {
             self.each_block(&mut AllBut::<1>, codes, sums, reciprocals);
         } else {
             self.each_block(&mut LongestOr { saturated }, codes, sums, reciprocals);
