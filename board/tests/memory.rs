@@ -134,7 +134,7 @@ fn recordings_take_what_the_plan_says() {
 }
 
 #[test]
-fn four_thousand_lights_fit_into_8_mb_besides_the_frames() {
+fn four_thousand_lights_at_order_6_fit_into_8_mb_besides_the_frames() {
     let _alone = alone();
     let source = room();
     let c = source.calibration();
