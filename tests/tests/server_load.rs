@@ -18,6 +18,8 @@ use std::time::{Duration, Instant};
 
 /// Requests of the short form.
 const SHORT: u64 = 20_000;
+/// Fewest requests of two clients alone, at the frames' pace.
+const ALONE: u64 = 400;
 const GUESTS: u8 = 200;
 /// Growth of memory that is no leak: buffers of two hundred more connections, on both sides of the socket.
 const GROWTH_BYTES: u64 = 48 << 20;
@@ -252,7 +254,7 @@ fn every_request_of_a_crowd_is_answered_rightly_and_memory_stays() {
         .map_or(SHORT, |n| n.parse().expect("a number of requests"));
     let limits = Limits { connections: 512, ..Limits::default() };
     let bench = Bench::running(Duration::from_millis(20), limits, Options::default());
-    let [idle, _] = load(&bench, 400, 0, false);
+    let [idle, _] = load(&bench, ALONE.max(requests / 250), 0, false);
     let [constant, guests] = load(&bench, requests, GUESTS, true);
     println!("from the finished set to its last byte read, ms at 50 and 99 per cent:");
     println!("  two clients alone       {:.2} {:.2}", idle.0, idle.1);

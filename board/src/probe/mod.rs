@@ -28,7 +28,7 @@ use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Instant;
-use tokio::sync::watch;
+use tokio::sync::{Notify, watch};
 
 /// Why the probe could not start.
 #[derive(Debug, thiserror::Error)]
@@ -48,6 +48,8 @@ pub struct Link {
     source: String,
     started: Instant,
     latest: watch::Sender<Option<Arc<Published>>>,
+    /// Wakes who waits for a set, those first who have waited longest.
+    news: Notify,
     mailbox: Mailbox,
     failure: Mutex<Option<String>>,
     timings: Mutex<Timings>,
@@ -92,6 +94,7 @@ impl Link {
             source,
             started: Instant::now(),
             latest: watch::Sender::new(None),
+            news: Notify::new(),
             timings: Mutex::new(Timings::new(config.budgets)),
             mailbox: Mailbox::new(config),
             failure: Mutex::new(None),
@@ -122,10 +125,27 @@ impl Link {
         self.started
     }
 
-    /// The newest set, if any; the receiver tells when there is a newer one.
+    /// The newest set, if any; the receiver tells whether there is a newer one, [`Link::newer`] waits for it.
     #[must_use]
     pub fn subscribe(&self) -> watch::Receiver<Option<Arc<Published>>> {
         self.latest.subscribe()
+    }
+
+    /// Waits for a set that `seen` has not seen. Of many, who came first is woken first: steady clients, that wait for every frame, do
+    /// not queue behind a crowd.
+    pub async fn newer(&self, seen: &watch::Receiver<Option<Arc<Published>>>) {
+        let news = self.news.notified();
+        tokio::pin!(news);
+        // In the queue before the look, so that nothing is missed between them.
+        news.as_mut().enable();
+        if !seen.has_changed().unwrap_or(true) {
+            news.await;
+        }
+    }
+
+    fn publish(&self, set: Arc<Published>) {
+        self.latest.send_replace(Some(set));
+        self.news.notify_waiters();
     }
 
     /// What is in effect, and news of it.
@@ -250,5 +270,31 @@ impl Drop for Probe {
                 tracing::error!("the processing thread panicked");
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn who_waits_for_a_set_gets_it_in_the_order_of_arrival_and_a_newer_one_at_once() {
+        let link = Arc::new(Link::new("test".into(), Config::default(), Exposures::default()));
+        let (woken, mut order) = tokio::sync::mpsc::unbounded_channel();
+        // More than are woken in one go.
+        for i in 0..100 {
+            let (link, woken) = (Arc::clone(&link), woken.clone());
+            tokio::spawn(async move {
+                link.newer(&link.subscribe()).await;
+                woken.send(i).expect("a listener");
+            });
+            tokio::task::yield_now().await;
+        }
+        let seen = link.subscribe();
+        link.publish(Arc::default());
+        for i in 0..100 {
+            assert_eq!(order.recv().await, Some(i));
+        }
+        link.newer(&seen).await;
     }
 }

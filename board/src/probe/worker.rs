@@ -133,7 +133,7 @@ impl Worker {
             set.requested = requested;
         });
         self.frames += 1;
-        self.link.latest.send_replace(Some(Arc::clone(&set)));
+        self.link.publish(Arc::clone(&set));
         self.arena.compare(&self.link.comparison, &mut self.pipeline, &set);
         self.link.views.serve(&self.burst, &mut self.pipeline, &set);
         Ok(())

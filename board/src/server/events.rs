@@ -53,7 +53,7 @@ impl Feed {
         } else {
             tokio::select! {
                 () = told(&mut stop) => return None,
-                waited = tokio::time::timeout(LONGEST_WAIT, self.latest.changed()) => waited.is_err(),
+                waited = tokio::time::timeout(LONGEST_WAIT, self.context.link.newer(&self.latest)) => waited.is_err(),
             }
         };
         let link = &self.context.link;

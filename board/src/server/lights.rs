@@ -172,12 +172,12 @@ pub(super) async fn health(State(context): State<Context>) -> Response {
 /// Waits for the set that follows frame `after`, or for the next one. Another frame than `after` is an answer at once: it is newer,
 /// or the probe has begun anew.
 pub(super) async fn next_set(link: &Link, after: Option<u64>) -> Option<Answer> {
-    let mut latest = link.subscribe();
+    let latest = link.subscribe();
     let known = latest.borrow().clone();
     if let Some(set) = known.filter(|set| after.is_some_and(|frame| frame != set.frame)) {
         return Some(Answer::of(link, set, false));
     }
-    let in_time = tokio::time::timeout(LONGEST_WAIT, latest.changed()).await.is_ok();
+    let in_time = tokio::time::timeout(LONGEST_WAIT, link.newer(&latest)).await.is_ok();
     let set = latest.borrow().clone()?;
     Some(Answer::of(link, set, !in_time))
 }
