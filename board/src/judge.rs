@@ -10,11 +10,7 @@ use hemilux_core::harmonics::basis;
 use hemilux_core::healpix::{self, Domain};
 use hemilux_core::light::{Light, Sh9};
 use hemilux_core::pyramid::Quad;
-use std::f32::consts::TAU;
-
-/// Open and shadowed receivers of the whole score.
-const OPEN: usize = 768;
-const SHADOWED: usize = 512;
+use hemilux_core::receiver::{self, OPEN, SHADOWED, Shadowed};
 
 /// Receivers of each kind that are looked at.
 const LOOKED_AT: usize = 256;
@@ -72,11 +68,17 @@ pub struct Judge<const N: usize> {
 
 impl<const N: usize> Default for Judge<N> {
     fn default() -> Self {
-        let open = |i| fib(i * OPEN / LOOKED_AT, OPEN);
-        let open = (0..LOOKED_AT).map(|i| Receiver { normal: open(i), axis: open(i), cos: 2.0 });
+        let open = |i| {
+            let normal = receiver::open(i * OPEN / LOOKED_AT);
+            Receiver { normal, axis: normal, cos: 2.0 }
+        };
+        let shadowed = |i| {
+            let Shadowed { normal, axis, half_angle } = receiver::shadowed(i * SHADOWED / LOOKED_AT);
+            Receiver { normal, axis, cos: half_angle.cos() as f32 }
+        };
         Self {
-            open: open.collect(),
-            shadowed: (0..LOOKED_AT).map(|i| shadowed(i * SHADOWED / LOOKED_AT)).collect(),
+            open: (0..LOOKED_AT).map(open).collect(),
+            shadowed: (0..LOOKED_AT).map(shadowed).collect(),
             points: Points::default(),
             last: None,
         }
@@ -168,24 +170,6 @@ impl Points {
 /// The order of a hemisphere of so many quads.
 fn order_of(quads: usize) -> u8 {
     (0..healpix::MAX_ORDER).find(|order| Domain::Hemisphere.quads(*order) >= quads).unwrap_or(0)
-}
-
-/// Direction `k` of the spherical Fibonacci lattice of `count` points.
-fn fib(k: usize, count: usize) -> Vec3 {
-    let z = 1.0 - (2 * k + 1) as f32 / count as f32;
-    let phi = TAU * (k as f64 * 0.618_033_988_749_894_9).fract() as f32;
-    let across = (1.0 - z * z).sqrt();
-    Vec3::new(across * phi.cos(), across * phi.sin(), z)
-}
-
-/// Shadowed receiver `k`: a cone of 10 to 60 degrees half-angle round another lattice point.
-fn shadowed(k: usize) -> Receiver {
-    let half_angle = 10.0 + 50.0 * ((k as f64 + 0.5) * 0.754_877_666_246_692_7).fract();
-    Receiver {
-        normal: fib(k, SHADOWED),
-        axis: fib((197 * k + 101) % SHADOWED, SHADOWED),
-        cos: half_angle.to_radians().cos() as f32,
-    }
 }
 
 fn mean(values: &[f32]) -> f32 {

@@ -23,6 +23,7 @@ pub mod fill;
 pub mod polar;
 
 pub mod light;
+pub mod receiver;
 pub mod sampler;
 
 pub mod thin;

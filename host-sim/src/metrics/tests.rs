@@ -289,3 +289,18 @@ fn parsimony_is_the_smallest_count_that_will_do() {
     assert_eq!(parsimony(&points, 0.05), Some(32));
     assert_eq!(parsimony(&points, 0.001), None);
 }
+
+#[test]
+fn the_core_knows_the_same_receivers() {
+    use hemilux_core::receiver;
+    let near = |a: [f64; 3], b: glam::Vec3| (0..3).all(|i| (a[i] - f64::from(b[i])).abs() < 1e-6);
+    assert_eq!((receiver::OPEN, receiver::SHADOWED), (OPEN, SHADOWED));
+    for k in 0..OPEN {
+        assert!(near(open(k).normal, receiver::open(k)), "open {k}");
+    }
+    for k in 0..SHADOWED {
+        let (ours, core) = (shadowed(k), receiver::shadowed(k));
+        assert!(near(ours.normal, core.normal) && near(ours.axis, core.axis), "shadowed {k}");
+        assert!((ours.cos_half_angle - core.half_angle.cos()).abs() < 1e-12, "shadowed {k}");
+    }
+}

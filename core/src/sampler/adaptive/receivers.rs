@@ -1,14 +1,10 @@
 //! The shadowed error as it is scored: what the lights and the map give to 512 receivers with occluding cones.
 //!
-//! The receivers are those by which light sets are judged: normals on a spherical Fibonacci lattice, and a cone of 10 to 60 degrees
-//! half-angle round another lattice point that hides what is in it. The map is given as [`super::source`] sees it: discs, of which a
-//! cone's edge hides a part. All in integers, so that the loop vectorises: directions in Q14, energies as shares in Q18.
+//! The receivers are those by which light sets are judged, [`crate::receiver`]. The map is given as [`super::source`] sees it: discs, of
+//! which a cone's edge hides a part. All in integers, so that the loop vectorises: directions in Q14, energies as shares in Q18.
 
-use core::f64::consts::TAU;
+use crate::receiver::{self, SHADOWED as RECEIVERS, Shadowed};
 use glam::Vec3;
-
-/// How many receivers there are.
-pub(super) const RECEIVERS: usize = 512;
 
 /// Most points: sources, lights and quads of ambient light.
 const POINTS: usize = 2 * super::source::SOURCES + super::ambient::QUADS;
@@ -134,21 +130,13 @@ impl Receivers {
 
 /// Receiver `k`.
 fn receiver(k: usize) -> Receiver {
-    let half_angle = 10.0 + 50.0 * libm::fmod((k as f64 + 0.5) * 0.754_877_666_246_692_7, 1.0);
+    let Shadowed { normal, axis, half_angle } = receiver::shadowed(k);
     Receiver {
-        normal: fixed(lattice(k)),
-        axis: fixed(lattice((197 * k + 101) % RECEIVERS)),
-        cos: (libm::cos(half_angle.to_radians()) * f64::from(1u32 << 28)) as i32,
-        per_sin: (4096.0 / libm::sin(half_angle.to_radians())) as i32,
+        normal: fixed(normal),
+        axis: fixed(axis),
+        cos: (libm::cos(half_angle) * f64::from(1u32 << 28)) as i32,
+        per_sin: (4096.0 / libm::sin(half_angle)) as i32,
     }
-}
-
-/// Point `k` of the spherical Fibonacci lattice.
-fn lattice(k: usize) -> Vec3 {
-    let z = 1.0 - (2 * k + 1) as f64 / RECEIVERS as f64;
-    let phi = TAU * libm::fmod(k as f64 * 0.618_033_988_749_894_9, 1.0);
-    let r = libm::sqrt(1.0 - z * z);
-    Vec3::new((r * libm::cos(phi)) as f32, (r * libm::sin(phi)) as f32, z as f32)
 }
 
 /// A unit vector in Q14.
