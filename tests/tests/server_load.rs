@@ -24,8 +24,9 @@ const GUESTS: u8 = 200;
 /// Growth of memory that is no leak: buffers of two hundred more connections, on both sides of the socket.
 const GROWTH_BYTES: u64 = 48 << 20;
 
-/// Longest time that a guest leaves between two requests, ms.
-const LOOK_MS: u64 = 100;
+/// Longest times that a guest leaves between two requests, ms: each for a third of the requests, so that the report charts delay
+/// against load.
+const LOOKS_MS: [u64; 3] = [400, 200, 100];
 
 /// What is asked for in turn.
 const PATHS: [&str; 8] = [
@@ -41,6 +42,8 @@ const PATHS: [&str; 8] = [
 
 struct Run {
     address: SocketAddr,
+    /// Longest time that a guest leaves between two requests, ms.
+    look_ms: u64,
     /// Requests that are still to be made.
     left: AtomicU64,
     answered: AtomicU64,
@@ -106,7 +109,7 @@ fn client(run: &Run, from: [u8; 4], stay: u64, times: &Mutex<Vec<u32>>) {
             made += 1;
             // Guests look at what they got for a while.
             if stay < u64::MAX {
-                sleep(Duration::from_millis(17 * made % LOOK_MS));
+                sleep(Duration::from_millis(17 * made % run.look_ms));
             }
             if closes {
                 break;
@@ -193,16 +196,43 @@ fn percentile(times: &mut [u32], part: f64) -> f64 {
     f64::from(times.get(at).copied().unwrap_or(0)) / 1e3
 }
 
-/// Runs `constant` and `guests` clients over `requests` requests and gives the times of both, milliseconds at 50 and 99 per cent.
-fn load(bench: &Bench, requests: u64, guests: u8, changing: bool) -> [(f64, f64); 2] {
+/// What the server measured so far: milliseconds, and how many answers were handed to their connections within.
+fn delivered(address: SocketAddr) -> Vec<(f64, f64)> {
+    let page = bench::ask(address, "/metrics", "").body;
+    let bucket = |line: &str| {
+        let (bound, count) =
+            line.strip_prefix("hemilux_delivery_seconds_bucket{le=\"")?.split_once("\"} ")?;
+        Some((1e3 * bound.parse::<f64>().ok()?, count.parse().ok()?))
+    };
+    page.lines().filter_map(bucket).collect()
+}
+
+/// Between two such, the time within which `part` of the answers went, as Prometheus reckons it: evenly between bounds.
+fn quantile(before: &[(f64, f64)], after: &[(f64, f64)], part: f64) -> f64 {
+    let counts = before.iter().zip(after).map(|((_, b), (ms, a))| (*ms, a - b));
+    let wanted = part * counts.clone().last().map_or(0.0, |(_, all)| all);
+    let mut below = (0.0, 0.0);
+    for (ms, count) in counts {
+        if count >= wanted && count > below.1 {
+            return below.0 + (ms - below.0) * (wanted - below.1) / (count - below.1);
+        }
+        below = (ms, count);
+    }
+    below.0
+}
+
+/// Two clients over `requests` requests, with `guests` or alone; tells how it went.
+fn load(bench: &Bench, requests: u64, guests: u8, look_ms: u64) {
     let run = Arc::new(Run {
         address: bench.address(),
+        look_ms,
         left: requests.into(),
         answered: 0.into(),
         over: false.into(),
         constant_us: Mutex::default(),
         guests_us: Mutex::default(),
     });
+    let before = delivered(run.address);
     let mut clients: Vec<JoinHandle<()>> = Vec::new();
     for i in 1..=2 {
         let run = Arc::clone(&run);
@@ -216,7 +246,7 @@ fn load(bench: &Bench, requests: u64, guests: u8, changing: bool) -> [(f64, f64)
         }));
     }
     let theirs = Arc::clone(&run);
-    let changing = changing.then(|| spawn(move || changer(&theirs)));
+    let changing = (guests > 0).then(|| spawn(move || changer(&theirs)));
     let began = Instant::now();
     let mut early = None;
     while !clients.iter().all(JoinHandle::is_finished) {
@@ -230,21 +260,27 @@ fn load(bench: &Bench, requests: u64, guests: u8, changing: bool) -> [(f64, f64)
     for client in clients {
         client.join().expect("every answer was right");
     }
+    let passed = began.elapsed().as_secs_f64();
     let changes = changing.map_or(0, |changer| changer.join().expect("every change was confirmed"));
     assert_eq!(run.answered.load(Relaxed), requests, "none lost");
-    let passed = began.elapsed().as_secs_f64();
+    let after = delivered(run.address);
+    let sent = [0.5, 0.99].map(|part| quantile(&before, &after, part));
+    let read = [&run.constant_us, &run.guests_us].map(|times| {
+        let mut times = times.lock().expect("no panic");
+        [0.5, 0.99].map(|part| percentile(&mut times, part))
+    });
     let early = early.unwrap_or(late);
+    let ms = |[half, most]: [f64; 2]| format!("{half:6.2} {most:6.2}");
     println!(
-        "{requests} requests in {passed:.1} s ({:.0} a second), {changes} changes; memory {:.1} MB at a fifth, {:.1} MB at the end",
+        "{guests:6} {requests:8} {:9.0} {changes:7} | {} | {} | {} | {:5.1} {:5.1}",
         requests as f64 / passed,
+        ms(sent),
+        ms(read[0]),
+        ms(read[1]),
         early as f64 / 1e6,
         late as f64 / 1e6
     );
     assert!(late < early + GROWTH_BYTES, "memory grew from {early} to {late} bytes");
-    [&run.constant_us, &run.guests_us].map(|times| {
-        let mut times = times.lock().expect("no panic");
-        (percentile(&mut times, 0.5), percentile(&mut times, 0.99))
-    })
 }
 
 #[test]
@@ -254,15 +290,16 @@ fn every_request_of_a_crowd_is_answered_rightly_and_memory_stays() {
         .map_or(SHORT, |n| n.parse().expect("a number of requests"));
     let limits = Limits { connections: 512, ..Limits::default() };
     let bench = Bench::running(Duration::from_millis(20), limits, Options::default());
-    let [idle, _] = load(&bench, ALONE.max(requests / 250), 0, false);
-    let [constant, guests] = load(&bench, requests, GUESTS, true);
-    println!("from the finished set to its last byte read, ms at 50 and 99 per cent:");
-    println!("  two clients alone       {:.2} {:.2}", idle.0, idle.1);
-    println!("  the same in the crowd   {:.2} {:.2}", constant.0, constant.1);
-    println!("  the crowd               {:.2} {:.2}", guests.0, guests.1);
-    let page = bench::ask(bench.address(), "/metrics", "").body;
-    let delivery = page.lines().filter(|l| l.starts_with("hemilux_delivery_seconds"));
-    println!("what the server measured, to the answer handed to the connection:");
-    delivery.for_each(|line| println!("  {line}"));
+    println!(
+        "                                   | ms from the finished set, 50 and 99 per cent of answers    | memory, MB, at"
+    );
+    println!(
+        "guests requests  a second changes | handed on     | read by the two | by guests     | a fifth, the end"
+    );
+    load(&bench, ALONE.max(requests / 250), 0, 1);
+    for (i, look_ms) in (0..).zip(LOOKS_MS) {
+        // Thirds, the last with what is left.
+        load(&bench, requests * (i + 1) / 3 - requests * i / 3, GUESTS, look_ms);
+    }
     bench.running.stop();
 }
