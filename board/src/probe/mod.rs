@@ -134,11 +134,15 @@ impl Link {
     /// Waits for a set that `seen` has not seen. Of many, who came first is woken first: steady clients, that wait for every frame, do
     /// not queue behind a crowd.
     pub async fn newer(&self, seen: &watch::Receiver<Option<Arc<Published>>>) {
-        let news = self.news.notified();
-        tokio::pin!(news);
-        // In the queue before the look, so that nothing is missed between them.
-        news.as_mut().enable();
-        if !seen.has_changed().unwrap_or(true) {
+        loop {
+            let news = self.news.notified();
+            tokio::pin!(news);
+            // In the queue before the look, so that nothing is missed between them.
+            news.as_mut().enable();
+            if seen.has_changed().unwrap_or(true) {
+                return;
+            }
+            // It may be the news of a set that was there already.
             news.await;
         }
     }
@@ -296,5 +300,23 @@ mod tests {
             assert_eq!(order.recv().await, Some(i));
         }
         link.newer(&seen).await;
+    }
+
+    #[tokio::test]
+    async fn late_news_of_a_set_that_was_seen_wake_nobody() {
+        let link = Arc::new(Link::new("test".into(), Config::default(), Exposures::default()));
+        link.latest.send_replace(Some(Arc::default()));
+        let waiting = tokio::spawn({
+            let link = Arc::clone(&link);
+            async move { link.newer(&link.subscribe()).await }
+        });
+        tokio::task::yield_now().await;
+        link.news.notify_waiters();
+        for _ in 0..3 {
+            tokio::task::yield_now().await;
+        }
+        assert!(!waiting.is_finished(), "the set was there before it asked");
+        link.publish(Arc::default());
+        waiting.await.expect("a newer set");
     }
 }
