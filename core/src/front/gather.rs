@@ -106,7 +106,8 @@ fn add_up<'a, P>(places: impl Iterator<Item = (&'a mut [i32; 4], P)>, four: impl
     }
 }
 
-/// Gives the light of the runs of the first `len` places and says how many runs those are.
+/// Gives the light of the runs of the first `len` places and says how many runs those are. 32-bit ARM has vectors for whole numbers alone:
+/// there this loop is one of vectors as long as [`add`] is another.
 #[inline(never)]
 fn cut(runs: &[Run], len: usize, sums: &Sums, light: &mut Light) -> usize {
     let sums = sums.0.get(..len).unwrap_or_default();
@@ -122,12 +123,12 @@ fn cut(runs: &[Run], len: usize, sums: &Sums, light: &mut Light) -> usize {
     runs.len().min(CHUNK)
 }
 
-/// Adds the light of runs to their texels; what lies below the horizon, in the texel after the last, goes to `below`.
+/// Adds the light of as many runs as `light` has to their texels; what lies below the horizon, in the texel after the last, goes to `below`.
 #[inline(never)]
 fn add<const LANES: usize>(
     runs: &[Run],
     weights: &[u16],
-    light: &Light,
+    light: &[[f32; 4]],
     quads: &mut [Quad],
     below: &mut [f32; 4],
 ) {
@@ -143,6 +144,33 @@ fn add<const LANES: usize>(
     }
 }
 
+/// [`cut`] and [`add`] in one loop, where floats have vectors too.
+#[inline(never)]
+fn cut_and_add(
+    (runs, weights): (&[Run], &[u16]),
+    sums: &[[i32; 4]],
+    quads: &mut [Quad],
+    below: &mut [f32; 4],
+) -> usize {
+    let mut before = [0i32; 4];
+    let mut last = usize::MAX;
+    for (i, (run, weight)) in runs.iter().zip(weights).enumerate() {
+        last = last.wrapping_add(run.len());
+        // The run after the chunk's last ends in no place of the chunk.
+        let Some(sum) = sums.get(last) else { return i };
+        let weight = f32::from(*weight);
+        let texel = match quads.get_mut(run.texel()) {
+            Some(quad) => &mut quad.energy,
+            None => &mut *below,
+        };
+        for lane in 0..4 {
+            texel[lane] += sum[lane].wrapping_sub(before[lane]) as f32 * weight;
+        }
+        before = *sum;
+    }
+    runs.len().min(weights.len())
+}
+
 impl Runs<'_> {
     /// Adds the light of the first `len` places.
     pub(super) fn add_merged(
@@ -154,14 +182,19 @@ impl Runs<'_> {
         below: &mut [f32; 4],
     ) {
         sum_up(merged, samples, len, sums);
-        let taken = cut(self.runs, len, sums, light);
-        let (Some(runs), Some(weights)) = (self.runs.get(..taken), self.weights.get(..taken)) else { return };
-        if samples == 3 && cfg!(target_arch = "arm") {
-            // Without vectors of floats a lane that means nothing costs as much as the others.
-            add::<3>(runs, weights, light, quads, below);
+        let taken = if cfg!(target_arch = "arm") {
+            let taken = cut(self.runs, len, sums, light);
+            let light = light.get(..taken).unwrap_or_default();
+            if samples == 3 {
+                // A lane that means nothing costs as much as the others.
+                add::<3>(self.runs, self.weights, light, quads, below);
+            } else {
+                add::<4>(self.runs, self.weights, light, quads, below);
+            }
+            taken
         } else {
-            add::<4>(runs, weights, light, quads, below);
-        }
+            cut_and_add((self.runs, self.weights), sums.0.get(..len).unwrap_or_default(), quads, below)
+        };
         self.skip(taken);
     }
 
