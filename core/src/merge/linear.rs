@@ -276,15 +276,18 @@ fn first_of(values: &mut [i16], count: usize) -> &mut [i16] {
 /// The least or the largest code, of those that `of` is about; the default of none. Both in one loop were no vectors on AArch64.
 #[inline(always)]
 fn extreme<T: Code>(codes: &[T], of: impl Fn(T, T) -> T) -> T {
-    let Some(last) = codes.last_chunk::<WIDE>() else {
+    let (Some(first), Some(last)) = (codes.first_chunk::<WIDE>(), codes.last_chunk::<WIDE>()) else {
         return codes.iter().copied().reduce(&of).unwrap_or_default();
     };
-    let mut found = *last;
-    for block in codes.as_chunks::<WIDE>().0 {
+    let mut found = *first;
+    let mut take = |block: &[T; WIDE]| {
         for (found, code) in found.iter_mut().zip(block) {
             *found = of(*found, *code);
         }
-    }
+    };
+    // The last not first: memory is read ahead of who reads in order.
+    codes.as_chunks::<WIDE>().0.iter().for_each(&mut take);
+    take(last);
     found.into_iter().reduce(&of).unwrap_or_default()
 }
 
