@@ -120,26 +120,49 @@ pub fn point(order: u8, ipix: u32, x: f64, y: f64) -> DVec3 {
     let (face, column, row) = split(order, ipix);
     let nside = (1u32 << order) as f64;
     let (u, v) = ((f64::from(column) + x) / nside, (f64::from(row) + y) / nside);
-    // Ring coordinate from the north pole, in units of the face's diagonal.
-    let ring = f64::from(2 + face / 4) - u - v;
-    let offset = match face {
-        0..=3 | 8..=11 => 2 * (face & 3) + 1,
-        _ => 2 * (face & 3),
-    };
-    let (n, z, sin_theta2) = if ring < 1.0 {
-        let cap = ring * ring / 3.0;
-        (ring, 1.0 - cap, cap * (2.0 - cap))
-    } else if ring > 3.0 {
-        let n = 4.0 - ring;
-        let cap = n * n / 3.0;
-        (n, cap - 1.0, cap * (2.0 - cap))
-    } else {
-        let z = (2.0 - ring) * 2.0 / 3.0;
-        (1.0, z, 1.0 - z * z)
-    };
-    let phi = if n > 0.0 { FRAC_PI_4 * (f64::from(offset) + (u - v) / n) } else { 0.0 };
-    let sin_theta = libm::sqrt(sin_theta2);
-    DVec3::new(sin_theta * libm::cos(phi), sin_theta * libm::sin(phi), z)
+    let circle = Circle::new(face, u + v);
+    let phi = circle.phi(face, u - v);
+    DVec3::new(circle.sin_theta * libm::cos(phi), circle.sin_theta * libm::sin(phi), circle.z)
+}
+
+/// A circle of latitude: the points of a face whose sum of coordinates is the same.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Circle {
+    /// Height over the horizon.
+    pub z: f64,
+    /// Distance from the polar axis.
+    pub sin_theta: f64,
+    /// Half the length of its part in a face, of the face's half diagonal.
+    half: f64,
+}
+
+impl Circle {
+    /// Where the coordinates u and v, both in 0..=1, of points of `face` add up to `sum`.
+    pub fn new(face: u32, sum: f64) -> Self {
+        // Ring coordinate from the north pole, in units of the face's diagonal.
+        let ring = f64::from(2 + face / 4) - sum;
+        let (half, z, sin_theta2) = if ring < 1.0 {
+            let cap = ring * ring / 3.0;
+            (ring, 1.0 - cap, cap * (2.0 - cap))
+        } else if ring > 3.0 {
+            let n = 4.0 - ring;
+            let cap = n * n / 3.0;
+            (n, cap - 1.0, cap * (2.0 - cap))
+        } else {
+            let z = (2.0 - ring) * 2.0 / 3.0;
+            (1.0, z, 1.0 - z * z)
+        };
+        Self { z, sin_theta: libm::sqrt(sin_theta2), half }
+    }
+
+    /// Azimuth, radians, of the point of `face` on it where the coordinates differ by `difference` = u - v.
+    pub fn phi(&self, face: u32, difference: f64) -> f64 {
+        let offset = match face {
+            0..=3 | 8..=11 => 2 * (face & 3) + 1,
+            _ => 2 * (face & 3),
+        };
+        if self.half > 0.0 { FRAC_PI_4 * (f64::from(offset) + difference / self.half) } else { 0.0 }
+    }
 }
 
 /// Direction of the centre of quad `ipix`.

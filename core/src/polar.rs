@@ -4,7 +4,7 @@
 //! phi = pi - (j + 1/2) 2 pi / W, so that columns run clockwise seen from above.
 
 use crate::arena::{self, Buffer, TooSmall};
-use crate::healpix::{self, Domain};
+use crate::healpix::{self, Circle, Domain};
 use crate::pyramid::PyramidView;
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
 use glam::DVec3;
@@ -59,15 +59,22 @@ impl Grid {
     #[must_use]
     pub fn texel(&self, direction: DVec3) -> Option<usize> {
         let theta = libm::atan2(libm::hypot(direction.x, direction.y), direction.z);
+        let row = self.row(theta)?;
+        Some(row * self.width + self.column(libm::atan2(direction.y, direction.x)))
+    }
+
+    /// The row that holds `theta`; `None` outside the domain or without texels.
+    fn row(&self, theta: f64) -> Option<usize> {
         let row = theta / self.theta(self.height) * self.height as f64;
-        let phi = libm::atan2(direction.y, direction.x);
-        let column = (PI - phi) / TAU * self.width as f64;
         let outside = row >= self.height as f64 && self.domain == Domain::Hemisphere;
-        if outside || self.is_empty() {
-            return None;
-        }
-        let row = (row as usize).min(self.height - 1);
-        Some(row * self.width + (column as usize).min(self.width - 1))
+        (!outside && !self.is_empty()).then(|| (row as usize).min(self.height - 1))
+    }
+
+    /// The column that holds `phi`, -pi to 2 pi.
+    fn column(&self, phi: f64) -> usize {
+        let turns = (PI - phi) / TAU;
+        let column = if turns < 0.0 { turns + 1.0 } else { turns } * self.width as f64;
+        (column as usize).min(self.width - 1)
     }
 }
 
@@ -154,45 +161,76 @@ const MAX_SIDE: u32 = 64;
 /// Sub-samples per column or row that a quad crosses: with 5 a constant sky is even within a few per cent; more takes longer to plan.
 const FINENESS: f64 = 5.0;
 
-/// Sub-samples a side, so that each column that a quad of `order` at `theta` crosses gets some.
-fn side(grid: &Grid, order: u8, theta: f64) -> u32 {
+/// Sub-samples a side, so that each column that a quad of `order` about theta crosses gets some.
+fn side(grid: &Grid, order: u8, sin_theta: f64) -> u32 {
     let extent = libm::sqrt(healpix::solid_angle(order));
-    let column = libm::sin(theta).max(1e-6) * TAU / grid.width.max(1) as f64;
+    let column = sin_theta.max(1e-6) * TAU / grid.width.max(1) as f64;
     let row = grid.theta(1);
     (libm::ceil(FINENESS * extent / column.min(row)) as u32).clamp(4, MAX_SIDE)
 }
 
-/// Calls `f(from, to, part)` for every share of the plan.
-fn visit(grid: &Grid, order: u8, mut f: impl FnMut(u32, u32, f32)) {
-    for ipix in 0..grid.domain.quads(order) as u32 {
-        if grid.domain.share(order, ipix) == 0.0 {
+/// Calls `f` for every share of the quads of `face`, in the order of the quads.
+fn visit(grid: &Grid, order: u8, face: u32, mut f: impl FnMut(Share)) {
+    let nside = f64::from(1u32 << order);
+    let mut targets = [0u32; (MAX_SIDE * MAX_SIDE) as usize];
+    for from in face << (2 * order)..(face + 1) << (2 * order) {
+        if grid.domain.share(order, from) == 0.0 {
             continue;
         }
-        let z = healpix::centre(order, ipix).z;
-        let n = side(grid, order, libm::acos(z.clamp(-1.0, 1.0)));
-        let mut targets = [0u32; (MAX_SIDE * MAX_SIDE) as usize];
+        let (_, x, y) = healpix::split(order, from);
+        let along = |sum: f64| Circle::new(face, (f64::from(x + y) + sum) / nside);
+        let n = side(grid, order, along(1.0).sin_theta);
+        let step = 1.0 / f64::from(n);
         let mut count = 0;
-        for i in 0..n * n {
-            let at = |k: u32| (f64::from(k) + 0.5) / f64::from(n);
-            if let Some(to) = grid.texel(healpix::point(order, ipix, at(i % n), at(i / n))) {
-                targets[count] = to as u32;
-                count += 1;
+        // Sub-samples (i, j) of the same i + j lie in one row.
+        for sum in 0..2 * n - 1 {
+            let circle = along(f64::from(sum + 1) * step);
+            let Some(row) = grid.row(libm::atan2(circle.sin_theta, circle.z)) else { continue };
+            for i in sum.saturating_sub(n - 1)..=sum.min(n - 1) {
+                let across = f64::from(2 * i) - f64::from(sum);
+                let phi = circle.phi(face, (f64::from(x) - f64::from(y) + across * step) / nside);
+                if let Some(target) = targets.get_mut(count) {
+                    *target = (row * grid.width + grid.column(phi)) as u32;
+                    count += 1;
+                }
             }
         }
         let targets = &mut targets[..count];
         targets.sort_unstable();
         for same in targets.chunk_by(|a, b| a == b) {
-            f(ipix, same[0], same.len() as f32 / count as f32);
+            f(Share { from, to: same[0], part: same.len() as f32 / count as f32 });
         }
     }
+}
+
+/// How many faces beside each other have the same shares, but for a turn: where quarter turns are whole columns, all four.
+fn alike(grid: &Grid) -> u32 {
+    if grid.width.is_multiple_of(4) { 4 } else { 1 }
+}
+
+/// The first of each row of faces that are [`alike`].
+fn faces(grid: &Grid) -> impl Iterator<Item = u32> {
+    (0..grid.domain.faces() as u32).step_by(alike(grid) as usize)
 }
 
 /// Shares that [`PolarPlan::try_new`] needs.
 #[must_use]
 pub fn shares_len(grid: &Grid, order: u8) -> usize {
     let mut count = 0;
-    visit(grid, order, |_, _, _| count += 1);
+    for face in faces(grid) {
+        visit(grid, order, face, |_| count += alike(grid) as usize);
+    }
     count
+}
+
+impl Share {
+    /// The same `quarters` of a turn on: azimuth rises with the face and falls with the column.
+    fn turned(self, grid: &Grid, order: u8, quarters: u32) -> Self {
+        let width = grid.width as u32;
+        let (row, column) = (self.to / width, self.to % width);
+        let column = (column + width - quarters * width / 4) % width;
+        Self { from: self.from + (quarters << (2 * order)), to: row * width + column, part: self.part }
+    }
 }
 
 impl<E: Buffer<Share>> PolarPlan<E> {
@@ -201,13 +239,27 @@ impl<E: Buffer<Share>> PolarPlan<E> {
     /// # Errors
     /// [`TooSmall`].
     pub fn try_new(grid: &Grid, order: u8, mut shares: E) -> Result<Self, TooSmall> {
-        let (mut needed, mut slots) = (0, shares.as_mut().iter_mut());
-        visit(grid, order, |from, to, part| {
-            needed += 1;
-            if let Some(slot) = slots.next() {
-                *slot = Share { from, to, part };
+        let (slots, mut needed) = (shares.as_mut(), 0);
+        for face in faces(grid) {
+            let first = needed;
+            visit(grid, order, face, |share| {
+                if let Some(slot) = slots.get_mut(needed) {
+                    *slot = share;
+                }
+                needed += 1;
+            });
+            let len = needed - first;
+            for quarters in 1..alike(grid) {
+                for i in first..first + len {
+                    if let Some(share) = slots.get(i).copied()
+                        && let Some(slot) = slots.get_mut(needed)
+                    {
+                        *slot = share.turned(grid, order, quarters);
+                    }
+                    needed += 1;
+                }
             }
-        });
+        }
         arena::check(&shares, needed)?;
         Ok(Self { shares, count: needed, order })
     }
