@@ -17,6 +17,9 @@ const LIGHTS = 512;
 /** Pauses between two maps, two masks and two looks at the status, ms. */
 const MAP_PAUSE = 150, MASK_PAUSE = 1000, STATUS_PAUSE = 1000;
 
+/** Longest time that all else waits for the sky, ms. */
+const SKY_FIRST = 1000;
+
 const by = id => document.getElementById(id);
 const sleep = ms => new Promise(done => setTimeout(done, ms));
 const isStill = matchMedia("(prefers-reduced-motion: reduce)");
@@ -33,7 +36,7 @@ const comparison = new Comparison({
 });
 
 /** `mayAll`: whether pictures and changes are for us, null before that is known. */
-let probe = null, scene = null, status = null, mayAll = null, wakeUp = [], changed = -1;
+let probe = null, scene = null, status = null, mayAll = null, wakeUp = [], changed = -1, shown = () => {};
 
 function connect() {
   if (probe || document.hidden) return;
@@ -137,12 +140,15 @@ async function logIn(event) {
   await look();
 }
 
+/** Makes the scene as the controls have it. */
 function lightScene() {
   try {
     scene = new Scene(by("scene-canvas"), supply, ({ rate, shadows, moving }) => {
       const text = `${moving && rate ? `${rate.toFixed(0)} pictures/s, ` : ""}${shadows ? `shadows of ${shadows} ${shadows === 1 ? "light" : "lights"}` : "no shadows"}`;
       if (by("scene-rate").textContent !== text) by("scene-rate").textContent = text;
     });
+    scene.set({ sky: by("show-sky").checked, rays: by("show-rays").checked, shadows: by("show-shadows").value });
+    scene.exposure = by("exposure").valueAsNumber;
   } catch (error) {
     by("scene-none").textContent = error.message;
     by("scene-none").hidden = false;
@@ -208,7 +214,6 @@ function controls() {
 controls();
 settings.locked = comparison.locked = true;
 connect();
-lightScene();
 look();
 setInterval(() => { if (!document.hidden) look(); }, STATUS_PAUSE);
 repeat(MAP_PAUSE, async () => {
@@ -216,6 +221,11 @@ repeat(MAP_PAUSE, async () => {
   if (!map || !mayAll) return;
   skies(one => { one.map = map; });
   if (scene) scene.map = map;
+  else requestAnimationFrame(() => setTimeout(shown));
 });
-repeat(MASK_PAUSE, async () => { const mask = await fetchMask(); if (mask && mayAll) skies(one => { one.mask = mask; }); });
-repeat(2 * STATUS_PAUSE, () => burst.load());
+// The sky is shown first, where there is one to be had: without a GPU the scene is long in the making, and the probe makes one picture at a time.
+Promise.race([new Promise(done => { shown = done; }), sleep(SKY_FIRST)]).then(() => {
+  repeat(MASK_PAUSE, async () => { const mask = await fetchMask(); if (mask && mayAll) skies(one => { one.mask = mask; }); });
+  repeat(2 * STATUS_PAUSE, () => burst.load());
+  setTimeout(lightScene);
+});

@@ -10,7 +10,7 @@ export const lens = {
     return across > 0 ? [0.5 + r * x / across, 0.5 + r * y / across] : [0.5, 0.5];
   },
   angles(u, v) {
-    const x = 2 * u - 1, y = 2 * v - 1, r = Math.hypot(x, y);
+    const x = 2 * u - 1, y = 2 * v - 1, r = Math.sqrt(x * x + y * y);
     return r < 1 ? [r * HALF, Math.atan2(y, x)] : null;
   },
 };
@@ -37,7 +37,10 @@ export function plan(view, width, height, map) {
       const column = (Math.PI - angles[1]) / (2 * Math.PI) * map.width - 0.5 + map.width;
       const top = Math.max(0, Math.floor(row)), bottom = Math.min(map.height - 1, Math.floor(row) + 1);
       const left = Math.floor(column) % map.width, right = (left + 1) % map.width;
-      at.set([top * map.width + left, top * map.width + right, bottom * map.width + left, bottom * map.width + right], 4 * i);
+      at[4 * i] = top * map.width + left;
+      at[4 * i + 1] = top * map.width + right;
+      at[4 * i + 2] = bottom * map.width + left;
+      at[4 * i + 3] = bottom * map.width + right;
       part[2 * i] = column - Math.floor(column);
       part[2 * i + 1] = Math.min(1, Math.max(0, row - top));
     }

@@ -8,7 +8,7 @@ export const LADDER = [
 ];
 
 /** Frame times that are too long and those that leave room, ms; without a GPU less is expected, and the processor left some air. */
-const GPU = { long: 34, room: 20, first: 1, pause: 0 }, SOFTWARE = { long: 95, room: 75, first: 5, pause: 55 };
+const GPU = { long: 34, room: 20, first: 1, pause: 0 }, SOFTWARE = { long: 95, room: 84, first: 5, pause: 55 };
 
 /** Frames of the mean, those to look at before a step down, and up, and those at the beginning that tell of the page being loaded. */
 const MEAN = 4, DOWN = 5, UP = 40, FIRST = 8;
@@ -19,7 +19,7 @@ export class Quality {
   #limits; #step; #mean = null; #frames = -FIRST; #last = 0; #patience = UP; #hasRisen = false;
 
   constructor() {
-    this.#limits = isSoftware ? SOFTWARE : GPU;
+    this.#limits = isSoftware() ? SOFTWARE : GPU;
     this.#step = this.#limits.first;
   }
 
@@ -59,6 +59,11 @@ export class Quality {
   }
 }
 
+let known = null;
+
+/** Whether WebGL is done by the processor. It takes a while to find out, so nobody asks before there is something to draw. */
+export const isSoftware = () => known ??= softwareRenderer();
+
 function softwareRenderer() {
   const gl = document.createElement("canvas").getContext("webgl2");
   if (!gl) return false;
@@ -67,10 +72,7 @@ function softwareRenderer() {
   return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name);
 }
 
-/** Whether WebGL is done by the processor. */
-export const isSoftware = softwareRenderer();
-
 /** For drawing in two dimensions; without a GPU by the shortest way, or each picture would wait for the scene's. */
 export function penOf(canvas) {
-  return canvas.getContext("2d", { willReadFrequently: isSoftware });
+  return canvas.getContext("2d", { willReadFrequently: isSoftware() });
 }

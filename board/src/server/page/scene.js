@@ -30,7 +30,7 @@ export class Scene {
     this.#supply = supply;
     this.#told = told;
     // Without a GPU edges are not smoothed, which would take four times as long.
-    this.#gl = canvas.getContext("webgl2", { antialias: !isSoftware, alpha: false, preserveDrawingBuffer: false });
+    this.#gl = canvas.getContext("webgl2", { antialias: !isSoftware(), alpha: false, preserveDrawingBuffer: false });
     if (!this.#gl) throw new Error("This browser has no WebGL2: the scene cannot be drawn.");
     this.#quality = new Quality();
     this.#make();
@@ -78,9 +78,9 @@ export class Scene {
   }
 
   #make() {
-    const gl = this.#gl, { vertices, indices, rough, solids } = scene();
+    const gl = this.#gl, { vertices, indices, shining, solids, opaque } = scene();
     this.#programs = Object.fromEntries(Object.entries({ depth, solid, shiny, matt, sky, rays }).map(([name, p]) => [name, program(gl, p)]));
-    this.#solids = { array: gl.createVertexArray(), rough, solids, all: indices.length };
+    this.#solids = { array: gl.createVertexArray(), shining, solids, opaque, all: indices.length };
     gl.bindVertexArray(this.#solids.array);
     gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
     gl.bufferData(gl.ARRAY_BUFFER, vertices, gl.STATIC_DRAW);
@@ -97,6 +97,10 @@ export class Scene {
     this.#map = image(gl, gl.TEXTURE1, gl.REPEAT);
     image(gl, gl.TEXTURE2, gl.CLAMP_TO_EDGE);
     this.#known = false;
+    gl.enable(gl.CULL_FACE);
+    gl.enable(gl.DEPTH_TEST);
+    gl.depthFunc(gl.LEQUAL);
+    gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
   }
 
   #frame(now) {
@@ -120,8 +124,7 @@ export class Scene {
       gl.bindFramebuffer(gl.FRAMEBUFFER, null);
       gl.viewport(i * width, 0, width, height);
       gl.disable(gl.POLYGON_OFFSET_FILL);
-      this.#drawSky(camera);
-      this.#drawSolids(camera, part, shadows, quality);
+      this.#drawSolids(camera, part, shadows, quality, () => this.#drawSky(camera));
       if (this.#options.rays) this.#drawRays(camera, part.lights);
     });
     this.#tell(`shadows of ${most} of ${count}, highlights of ${Math.min(quality.glossy, count)}`);
@@ -172,7 +175,6 @@ export class Scene {
   #drawSky({ back, eye }) {
     const gl = this.#gl, { use, at } = this.#programs.sky;
     use();
-    gl.disable(gl.DEPTH_TEST);
     gl.uniformMatrix4fv(at.back, false, back);
     gl.uniform3fv(at.eye, eye);
     gl.uniform1i(at.map, 1);
@@ -180,11 +182,11 @@ export class Scene {
     gl.uniform1f(at.exposure, this.#scale);
     gl.bindVertexArray(null);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
-    gl.enable(gl.DEPTH_TEST);
   }
 
-  #drawSolids({ view, eye }, { lights, ambient }, shadows, { glossy, taps }) {
-    const gl = this.#gl, scale = this.#scale, { solid, shiny, matt } = this.#programs, { rough, solids, all } = this.#solids;
+  /** `behind` draws what is behind, after all that hides it and before what it shines through. */
+  #drawSolids({ view, eye }, { lights, ambient }, shadows, { glossy, taps }, behind) {
+    const gl = this.#gl, scale = this.#scale, { solid, shiny, matt } = this.#programs, { array, shining, solids, opaque, all } = this.#solids;
     gl.activeTexture(gl.TEXTURE2);
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB16F, BAKED, BAKED, 0, gl.RGB, gl.FLOAT, bake(lights.slice(shadows), ambient, scale, this.#sums));
     const directions = new Float32Array(4 * MOST_LIGHTS), energies = new Float32Array(4 * MOST_LIGHTS);
@@ -196,6 +198,7 @@ export class Scene {
     const soft = gathered(ambient, lights, scale), rest = gathered(ambient, lights.slice(glossy), scale);
     const draw = ({ use, at }, harmonics, from, to) => {
       use();
+      gl.bindVertexArray(array);
       gl.uniformMatrix4fv(at.view, false, view);
       gl.uniform3fv(at.eye, eye);
       gl.uniform3fv(at.harmonics, harmonics);
@@ -211,13 +214,12 @@ export class Scene {
       gl.uniform1i(at.depths ?? null, 0);
       gl.drawElements(gl.TRIANGLES, to - from, gl.UNSIGNED_INT, 4 * from);
     };
-    gl.bindVertexArray(this.#solids.array);
-    draw(shadows ? solid : matt, soft, 0, rough);
-    draw(shadows ? solid : shiny, rest, rough, solids);
-    // The ground fades out into what is behind it.
+    draw(shadows ? solid : shiny, rest, 0, shining);
+    draw(shadows ? solid : matt, soft, shining, opaque);
+    behind();
+    // Far away the ground fades out into what is behind it.
     gl.enable(gl.BLEND);
-    gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
-    draw(shadows ? solid : matt, soft, solids, all);
+    draw(shadows ? solid : matt, soft, opaque, all);
     gl.disable(gl.BLEND);
   }
 

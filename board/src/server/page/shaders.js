@@ -1,6 +1,7 @@
 // The scene's programs, GLSL ES 3.00. All directions are the probe's: +Z is up.
 
 import { PLACE } from "./irradiance.js";
+import { FADED, FADES } from "./shapes.js";
 
 /** Most lights that pixels see one by one: for shadows and highlights. */
 export const MOST_LIGHTS = 64;
@@ -43,7 +44,7 @@ void main() {
 };
 
 export const solid = {
-  vertex: `${HEAD}
+  vertex: `${HEAD}${PLACE}
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 normal;
 layout(location = 2) in vec3 colour;
@@ -51,25 +52,26 @@ layout(location = 3) in float roughness;
 uniform mat4 view;
 uniform vec3 eye;
 uniform vec3 harmonics[9];  // of radiance, times the exposure: what has no highlight of its own
-out vec3 p, n, albedo, sheen;
+uniform sampler2D baked;     // by normal, of all lights but those with shadows: smooth enough to be read at vertices alone
+out vec3 p, n, albedo, diffuse, sheen;
 out float rough;
 void main() {
   p = position; n = normal; albedo = colour; rough = roughness;
+  diffuse = textureLod(baked, place(normal), 0.0).rgb;
   vec3 d = reflect(normalize(position - eye), normal);
   sheen = 0.04 * max(vec3(0.0), 0.282095 * harmonics[0] + 0.488603 * (d.y * harmonics[1] + d.z * harmonics[2] + d.x * harmonics[3])
     + 1.092548 * (d.x * d.y * harmonics[4] + d.y * d.z * harmonics[5] + d.x * d.z * harmonics[7])
     + 0.315392 * (3.0 * d.z * d.z - 1.0) * harmonics[6] + 0.546274 * (d.x * d.x - d.y * d.y) * harmonics[8]);
   gl_Position = view * vec4(position, 1.0);
 }`,
-  fragment: `${HEAD}${ACROSS}${PLACE}${DISPLAY}
-in vec3 p, n, albedo, sheen;
+  fragment: `${HEAD}${ACROSS}${DISPLAY}
+in vec3 p, n, albedo, diffuse, sheen;
 in float rough;
 uniform vec3 eye, centre;
 uniform float radius;
 uniform int glossy, shadows, taps;
 uniform vec4 direction[${MOST_LIGHTS}];   // w: sine of the angular radius
 uniform vec4 irradiance[${MOST_LIGHTS}];  // linear RGB, times the exposure
-uniform sampler2D baked;                   // by normal, of all lights but those with shadows
 uniform sampler2DArrayShadow depths;
 out vec4 result;
 const float PI = 3.14159265;
@@ -89,7 +91,7 @@ float reaches(int i, vec3 l, float wide, float turn) {
 }
 
 void main() {
-  vec3 m = normalize(n), diffuse = texture(baked, place(m)).rgb, gloss = sheen;
+  vec3 m = normalize(n), matt = diffuse, gloss = sheen;
   // What is rough has no highlights, and no need to look at lights that throw no shadows.
   int count = rough > 0.5 ? shadows : max(shadows, glossy);
   if (count > 0) {
@@ -100,17 +102,16 @@ void main() {
       float nl = dot(m, l);
       if (nl <= 0.0) continue;
       vec3 e = irradiance[i].rgb;
-      if (i < shadows) { e *= reaches(i, l, direction[i].w, turn); diffuse += e * nl; }
+      if (i < shadows) { e *= reaches(i, l, direction[i].w, turn); matt += e * nl; }
       if (rough > 0.5 || i >= glossy) continue;
-      // GGX with Schlick's terms, wider where the light is.
-      float a = min(1.0, rough * rough + 0.5 * direction[i].w), a2 = a * a, k = 0.5 * a;
-      vec3 h = normalize(l + view);
-      float nh = max(dot(m, h), 0.0), t = nh * nh * (a2 - 1.0) + 1.0, g = 1.0 - max(dot(h, view), 0.0), f = 0.04 + 0.96 * g * g * g * g * g;
-      gloss += e * nl * f * a2 / (PI * t * t) / (4.0 * mix(nl, 1.0, k) * mix(nv, 1.0, k));
+      // GGX with Schlick's terms, wider where the light is; of the vector halfway between l and view only its cosines are needed.
+      float a = min(1.0, rough * rough + 0.5 * direction[i].w), a2 = a * a, k = 0.5 * a, both = max(1.0 + dot(l, view), 1e-4), sum = nl + nv;
+      float t = min(1.0, 0.5 * sum * sum / both) * (a2 - 1.0) + 1.0, g = 1.0 - sqrt(0.5 * both), f = 0.04 + 0.96 * g * g * g * g * g;
+      gloss += e * (nl * f * a2 / (4.0 * PI * t * t * mix(nl, 1.0, k) * mix(nv, 1.0, k)));
     }
   }
-  float fade = 1.0 - smoothstep(4.5, 8.8, length(p.xy));
-  result = vec4(display(albedo / PI * diffuse + gloss) * fade, fade);
+  float fade = 1.0 - smoothstep(${FADES.toFixed(1)}, ${FADED.toFixed(1)}, length(p.xy));
+  result = vec4(display(albedo / PI * matt + gloss) * fade, fade);
 }`,
 };
 
@@ -118,6 +119,7 @@ void main() {
 export const shiny = { vertex: solid.vertex, fragment: solid.fragment.replace(/^.*reaches\(i, l,.*$/m, "") };
 export const matt = { vertex: solid.vertex, fragment: shiny.fragment.replace(/int count = .*;/, "const int count = 0;") };
 
+/** Behind all that is drawn before it. */
 export const sky = {
   vertex: `${HEAD}
 uniform mat4 back;

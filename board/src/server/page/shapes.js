@@ -6,6 +6,9 @@ export const STRIDE = 10;
 /** Everything that stands on the ground fits into this ball, from the ground's middle up. */
 export const BALL = { centre: [0, 0, 0.75], radius: 2.35 };
 
+/** Distances at which the ground begins to fade, and has gone. */
+export const FADES = 4.5, FADED = 8.8;
+
 class Mesh {
   #vertices = []; #indices = [];
 
@@ -23,25 +26,30 @@ class Mesh {
   arrays() { return { vertices: new Float32Array(this.#vertices), indices: new Uint32Array(this.#indices) }; }
 }
 
-/** Vertices, indices, and how many of these are solids that are rough, and solids at all; those after them are the ground. */
+/** Vertices, indices, and how many of these are solids that shine, solids at all, and opaque; those between are the near ground, those after them the
+ * far one. Triangles go round anticlockwise as seen from without. */
 export function scene() {
   const mesh = new Mesh();
-  rabbit(mesh, { colour: [0.72, 0.66, 0.58], roughness: 0.75 });
-  block(mesh, [-0.95, 1.05, 0.45], [0.42, 0.42, 0.45], 0.5, { colour: [0.12, 0.25, 0.55], roughness: 0.55 });
-  const rough = mesh.count;
   ball(mesh, [1.25, 0.75, 0.5], 0.5, { colour: [0.5, 0.035, 0.03], roughness: 0.12 });
   cone(mesh, [0.95, -1.15, 0], 0.42, 1.1, { colour: [0.16, 0.42, 0.2], roughness: 0.45 });
   pole(mesh, [-1.3, -0.6, 0], 0.05, 1.9, { colour: [0.75, 0.75, 0.78], roughness: 0.25 });
-  const solids = mesh.count;
-  ground(mesh, 9, { colour: [0.42, 0.41, 0.39], roughness: 0.9 });
-  return { ...mesh.arrays(), rough, solids };
+  const shining = mesh.count;
+  rabbit(mesh, { colour: [0.72, 0.66, 0.58], roughness: 0.75 });
+  block(mesh, [-0.95, 1.05, 0.45], [0.42, 0.42, 0.45], 0.5, { colour: [0.12, 0.25, 0.55], roughness: 0.55 });
+  const solids = mesh.count, earth = { colour: [0.42, 0.41, 0.39], roughness: 0.9 };
+  ground(mesh, 0, FADES, earth);
+  const opaque = mesh.count;
+  ground(mesh, FADES, FADED, earth);
+  return { ...mesh.arrays(), shining, solids, opaque };
 }
 
 /** Rings, since what is told of a vertex is told of half a ring about it. */
-function ground(mesh, radius, look, rings = 8) {
-  const ring = k => Array.from({ length: 64 }, (_, i) =>
-    mesh.vertex([k / rings * radius * Math.cos(i * Math.PI / 32), k / rings * radius * Math.sin(i * Math.PI / 32), 0], [0, 0, 1], look));
-  let inner = Array(64).fill(mesh.vertex([0, 0, 0], [0, 0, 1], look));
+function ground(mesh, from, to, look, rings = 4) {
+  const ring = k => Array.from({ length: 64 }, (_, i) => {
+    const [r, a] = [from + k / rings * (to - from), i * Math.PI / 32];
+    return mesh.vertex([r * Math.cos(a), r * Math.sin(a), 0], [0, 0, 1], look);
+  });
+  let inner = ring(0);
   for (let k = 1; k <= rings; k++) {
     const outer = ring(k);
     outer.forEach((v, i) => mesh.quad(inner[i], v, outer[(i + 1) % 64], inner[(i + 1) % 64]));
@@ -77,7 +85,7 @@ function cone(mesh, base, radius, height, look) {
 }
 
 function pole(mesh, base, radius, height, look) {
-  turned(mesh, base, [[radius, 0, 1, 0], [radius, height, 1, 0], [radius, height, 0, 1], [0, height, 0, 1]], look, 16);
+  turned(mesh, base, [[radius, 0, 1, 0], [radius, height, 1, 0], [radius, height, 0, 1], [0, height, 0, 1]], look, 24);
 }
 
 function block(mesh, [x, y, z], half, turn, look) {
@@ -110,11 +118,11 @@ const LIMBS = [
 /** About the distance to the rabbit's skin, negative inside. */
 function rabbitDistance(x, y, z) {
   let d = 9;
-  for (const { centre, radii, cos, sin } of LIMBS) {
-    const [a, b, h] = [x - centre[0], y - centre[1], z - centre[2]], u = cos * a - sin * h, w = sin * a + cos * h;
-    const k = Math.hypot(u / radii[0], b / radii[1], w / radii[2]);
-    const g = Math.hypot(u / radii[0] ** 2, b / radii[1] ** 2, w / radii[2] ** 2);
-    const e = k * (k - 1) / (g + 1e-9), blend = Math.max(0, 1 - Math.abs(e - d) / 0.09);
+  for (const { centre, radii: [p, q, r], cos, sin } of LIMBS) {
+    const a = x - centre[0], h = z - centre[2], u = (cos * a - sin * h) / p, v = (y - centre[1]) / q, w = (sin * a + cos * h) / r;
+    // By hand: Math.hypot takes ten times as long.
+    const k = Math.sqrt(u * u + v * v + w * w), g = Math.sqrt((u / p) ** 2 + (v / q) ** 2 + (w / r) ** 2), e = k * (k - 1) / (g + 1e-9);
+    const blend = Math.max(0, 1 - Math.abs(e - d) / 0.09);
     d = Math.min(d, e) - 0.09 * blend * blend / 4;
   }
   return d;

@@ -15,7 +15,7 @@ const ROOMY = 420;
 const degrees = v => v * 180 / Math.PI;
 
 export class Sky {
-  #canvas; #tip; #pen;
+  #canvas; #tip;
   #view = "lens";
   #map = null; #mask = null; #lights = [];
   #plan = null; #picture = new OffscreenCanvas(1, 1); #marks = new OffscreenCanvas(1, 1);
@@ -25,7 +25,6 @@ export class Sky {
   constructor(canvas, tip) {
     this.#canvas = canvas;
     this.#tip = tip;
-    this.#pen = penOf(canvas);
     new ResizeObserver(() => this.#fit()).observe(canvas);
     new IntersectionObserver(([entry]) => { this.#visible = entry.isIntersecting; this.#tone(); }).observe(canvas);
     canvas.addEventListener("pointermove", e => this.#point(e));
@@ -120,7 +119,7 @@ export class Sky {
   }
 
   #draw() {
-    const pen = this.#pen, { x, y, w, h } = this.#frame(), round = this.#view === "lens";
+    const pen = penOf(this.#canvas), { x, y, w, h } = this.#frame(), round = this.#view === "lens";
     pen.clearRect(0, 0, this.#canvas.width, this.#canvas.height);
     pen.save();
     pen.beginPath();
@@ -138,7 +137,7 @@ export class Sky {
 
   /** Lines of 30 and 60 degrees elevation, and where the azimuth is 0 and 90. */
   #grid(x, y, w, h, round) {
-    const pen = this.#pen, ratio = window.devicePixelRatio || 1;
+    const pen = penOf(this.#canvas), ratio = window.devicePixelRatio || 1;
     pen.lineWidth = ratio;
     pen.strokeStyle = pen.fillStyle = "rgb(255 255 255 / .45)";
     pen.font = `${11 * ratio}px system-ui, sans-serif`;
@@ -166,7 +165,7 @@ export class Sky {
   }
 
   #drawDots(x, y, w, h) {
-    const pen = this.#pen, ratio = window.devicePixelRatio || 1;
+    const pen = penOf(this.#canvas), ratio = window.devicePixelRatio || 1;
     const top = this.#lights.length ? Math.max(1e-20, luminance(...this.#lights[0].irradiance)) : 1;
     for (const light of this.#lights) {
       const [u, v] = VIEWS[this.#view].place(light.direction), r = this.#radius(light, top);

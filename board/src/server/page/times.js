@@ -51,20 +51,25 @@ export class Times {
     if (now - this.#drawn < PAUSE) return;
     this.#drawn = now;
     for (const [stage, row] of this.#rows) this.#show(stage, row, us[stage], (overrun ?? []).includes(stage));
+    // Curves ask for their size: what changes it is written before.
+    for (const [stage, row] of this.#rows) this.#draw(stage, row);
     const period = this.#rate > 0 ? 1e6 / this.#rate : null;
     this.#sum.textContent = `${milliseconds(us.total)} ms from the end of the burst to the finished set` +
       (period ? `, ${(100 * us.total / period).toFixed(0)} % of the ${milliseconds(period)} ms between frames.` : ".");
   }
 
-  #show(stage, { row, part, tick, curve, now, colour, name }, us, isOver) {
-    const budget = this.#budgets[stage], values = this.#kept.get(stage), most = Math.max(...values, 1);
+  #show(stage, { row, part, tick, now }, us, isOver) {
+    const budget = this.#budgets[stage], values = this.#kept.get(stage);
     row.classList.toggle("over", isOver);
     write(now, milliseconds(us));
     part.style.width = budget ? `${100 * Math.min(1, FULL * us / budget)}%` : "0";
     const high = [...values].sort((a, b) => a - b)[Math.floor(0.95 * (values.length - 1))];
     tick.style.left = budget ? `${100 * Math.min(1, FULL * high / budget)}%` : "0";
-    const top = niceAbove(1.1 * most);
-    curves(curve, KEPT, top, [[colour, values]], { line: budget });
+  }
+
+  #draw(stage, { curve, colour, name }) {
+    const values = this.#kept.get(stage), most = Math.max(...values, 1);
+    curves(curve, KEPT, niceAbove(1.1 * most), [[colour, values]], { line: this.#budgets[stage] });
     curve.setAttribute("aria-label", `${name}, last ${values.length} frames: at most ${milliseconds(most)} milliseconds`);
   }
 
