@@ -7,12 +7,12 @@ import { luminance } from "./map.js";
 const SMOOTHING = 0.05;
 
 const TILES = [
-  ["error", "Estimated error", "shadowed, of the mean irradiance"],
+  ["error", "Estimated error", "shadowed, of the mean"],
   ["lights", "Lights", ""],
   ["rate", "Frames", ""],
-  ["latency", "Latency", "end of burst to finished set"],
+  ["latency", "Latency", "from burst to set"],
   ["illuminance", "Illuminance", "on the level ground"],
-  ["flicker", "Flicker", "change a frame, 64 normals; true motion is in it"],
+  ["flicker", "Flicker", "change a frame, motion included"],
   ["clipped", "Clipped", "of the hemisphere"],
   ["unseen", "Unseen", "of the hemisphere"],
   ["clients", "Clients", ""],
