@@ -66,8 +66,8 @@ export async function speed(browser, url) {
       // Before there is a map, marks of one pixel are all that is drawn.
       watch(CanvasRenderingContext2D, "drawImage", (id, picture) => { if (id === "sky-canvas" && picture.width > 1) window.seen.sky ??= performance.now(); });
       watch(WebGL2RenderingContext, "drawElements", () => { window.seen.scene ??= performance.now(); });
-      // The sky behind is drawn once a picture.
-      watch(WebGL2RenderingContext, "drawArrays", () => { window.seen.frames++; });
+      // What is far shines through once a picture.
+      watch(WebGL2RenderingContext, "enable", (_, what) => { if (what === WebGL2RenderingContext.BLEND) window.seen.frames++; });
     });
     await page.goto(url);
     await state(page, "live");

@@ -10,13 +10,13 @@ export const LADDER = [
 /** Frame times that are too long and those that leave room, ms; without a GPU less is expected, and the processor left some air. */
 const GPU = { long: 34, room: 20, first: 1, pause: 0 }, SOFTWARE = { long: 95, room: 84, first: 5, pause: 55 };
 
-/** Frames of the mean, those to look at before a step down, and up, and those at the beginning that tell of the page being loaded. */
+/** Frames of the mean, those that are too long before a step down, those to look at before one up, and those at the beginning that tell of the page being loaded. */
 const MEAN = 4, DOWN = 5, UP = 40, FIRST = 8;
 
 export class Quality {
   /** The dearest step whatever it takes. */
   isFixed = false;
-  #limits; #step; #mean = null; #frames = -FIRST; #last = 0; #patience = UP; #hasRisen = false;
+  #limits; #step; #mean = null; #slow = 0; #frames = -FIRST; #last = 0; #patience = UP; #hasRisen = false;
 
   constructor() {
     this.#limits = isSoftware() ? SOFTWARE : GPU;
@@ -39,9 +39,10 @@ export class Quality {
     if (++this.#frames <= 0) return;
     this.#mean = this.#mean === null ? passed : this.#mean + (passed - this.#mean) / MEAN;
     if (this.isFixed) return;
-    // Where it is far too slow there is no time to look for long.
+    // One long frame is no reason; where it is far too slow there is no time to look for long.
     const haste = Math.min(3, Math.floor(this.#mean / long));
-    if (haste > 0 && this.#frames > DOWN / haste && this.#step < LADDER.length - 1) {
+    this.#slow = haste > 0 ? this.#slow + haste : 0;
+    if (this.#slow > DOWN && this.#step < LADDER.length - 1) {
       this.#move(haste);
       // What was tried and was too much is not tried again soon.
       if (this.#hasRisen) this.#patience = Math.min(4 * this.#patience, 100 * UP);
@@ -54,7 +55,7 @@ export class Quality {
 
   #move(by) {
     this.#step = Math.min(LADDER.length - 1, this.#step + by);
-    this.#frames = 0;
+    this.#frames = this.#slow = 0;
     this.#mean = null;
   }
 }

@@ -4,11 +4,14 @@ import { SIDE as BAKED, bake, basis } from "./irradiance.js";
 import { luminance } from "./map.js";
 import { Orbit } from "./orbit.js";
 import { Quality, isSoftware } from "./quality.js";
-import { MOST_LIGHTS, depth, matt, rays, shiny, sky, solid } from "./shaders.js";
+import { MOST_LIGHTS, depth, dome, matt, rays, shiny, sky, solid } from "./shaders.js";
 import { BALL, STRIDE, scene } from "./shapes.js";
 
 /** Depth maps: side in texels, and how many there are. */
 const SIDE = 512, LAYERS = 32;
+
+/** The sky's disc: side in texels, a degree or less each, and the change of exposure from which it is painted anew, stops. */
+const DISC = 256, FINE = 0.02;
 
 /** How much longer the pause between pictures is where there is no motion to be smooth: without a GPU others need the processor. */
 const SELDOM = 4;
@@ -20,7 +23,7 @@ const WIDEST = 1600;
 const EYE_TIME = 1500;
 
 export class Scene {
-  #canvas; #gl; #programs; #solids; #rays; #depths; #map; #sums = new Float32Array(3 * BAKED * BAKED); #known = false; #orbit; #quality;
+  #canvas; #gl; #programs; #solids; #rays; #depths; #map; #dome; #sums = new Float32Array(3 * BAKED * BAKED); #known = false; #orbit; #quality;
   #supply; #told; #due = 0; #visible = true; #goesOn = false; #exposure = 0; #last = 0; #ev = 0;
   #options = { sky: true, rays: false, shadows: "auto" };
 
@@ -56,6 +59,7 @@ export class Scene {
   set map(map) {
     const gl = this.#gl;
     this.#known = Boolean(map);
+    this.#dome.scale = 0;
     if (map) {
       gl.activeTexture(gl.TEXTURE1);
       gl.bindTexture(gl.TEXTURE_2D, this.#map);
@@ -79,7 +83,7 @@ export class Scene {
 
   #make() {
     const gl = this.#gl, { vertices, indices, shining, solids, opaque } = scene();
-    this.#programs = Object.fromEntries(Object.entries({ depth, solid, shiny, matt, sky, rays }).map(([name, p]) => [name, program(gl, p)]));
+    this.#programs = Object.fromEntries(Object.entries({ depth, dome, solid, shiny, matt, sky, rays }).map(([name, p]) => [name, program(gl, p)]));
     this.#solids = { array: gl.createVertexArray(), shining, solids, opaque, all: indices.length };
     gl.bindVertexArray(this.#solids.array);
     gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
@@ -96,6 +100,7 @@ export class Scene {
     this.#depths = depthMaps(gl);
     this.#map = image(gl, gl.TEXTURE1, gl.REPEAT);
     image(gl, gl.TEXTURE2, gl.CLAMP_TO_EDGE);
+    this.#dome = { target: disc(gl), scale: 0 };
     this.#known = false;
     gl.enable(gl.CULL_FACE);
     gl.enable(gl.DEPTH_TEST);
@@ -115,8 +120,8 @@ export class Scene {
     this.#adapt(now, parts[0]);
     const count = parts[0].lights.length, most = this.#options.shadows !== "none" ? Math.min(Math.ceil(quality.shadows / parts.length), count) : 0;
     const width = Math.floor(this.#canvas.width / parts.length), height = this.#canvas.height, camera = this.#orbit.camera(width / height);
+    if (this.#known && this.#options.sky) this.#paintDome();
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
-    gl.disable(gl.SCISSOR_TEST);
     gl.clear(gl.DEPTH_BUFFER_BIT);
     parts.forEach((part, i) => {
       const shadows = Math.min(most, part.lights.length);
@@ -172,14 +177,26 @@ export class Scene {
     gl.drawElements(gl.TRIANGLES, this.#solids.solids, gl.UNSIGNED_INT, 0);
   }
 
+  #paintDome() {
+    if (Math.abs(Math.log2(this.#scale / this.#dome.scale)) < FINE) return;
+    const gl = this.#gl, { use, at } = this.#programs.dome;
+    this.#dome.scale = this.#scale;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.#dome.target);
+    gl.viewport(0, 0, DISC, DISC);
+    use();
+    gl.uniform1i(at.map, 1);
+    gl.uniform1f(at.exposure, this.#scale);
+    gl.bindVertexArray(null);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+  }
+
   #drawSky({ back, eye }) {
     const gl = this.#gl, { use, at } = this.#programs.sky;
     use();
     gl.uniformMatrix4fv(at.back, false, back);
     gl.uniform3fv(at.eye, eye);
-    gl.uniform1i(at.map, 1);
-    gl.uniform1i(at.known, Number(this.#known && this.#options.sky));
-    gl.uniform1f(at.exposure, this.#scale);
+    gl.uniform1i(at.disc, 3);
+    gl.uniform1f(at.known, Number(this.#known && this.#options.sky));
     gl.bindVertexArray(null);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
@@ -260,6 +277,16 @@ function image(gl, unit, wrap) {
   }
   gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB16F, 1, 1, 0, gl.RGB, gl.FLOAT, new Float32Array(3));
   return texture;
+}
+
+/** What the sky's disc is painted to. */
+function disc(gl) {
+  const texture = image(gl, gl.TEXTURE3, gl.CLAMP_TO_EDGE), target = gl.createFramebuffer();
+  gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, DISC, DISC, 0, gl.RGBA, gl.UNSIGNED_BYTE, null);
+  gl.bindFramebuffer(gl.FRAMEBUFFER, target);
+  gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, texture, 0);
+  gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+  return target;
 }
 
 function depthMaps(gl) {

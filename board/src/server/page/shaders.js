@@ -119,6 +119,27 @@ void main() {
 export const shiny = { vertex: solid.vertex, fragment: solid.fragment.replace(/^.*reaches\(i, l,.*$/m, "") };
 export const matt = { vertex: solid.vertex, fragment: shiny.fragment.replace(/int count = .*;/, "const int count = 0;") };
 
+/** The map as the sky shows it, on a disc of equal areas [Lambert 1772]: painted when the map changes, so that a picture's pixels need neither angles nor
+ * tones. Alpha tells what the lens sees. */
+export const dome = {
+  vertex: `${HEAD}
+out vec2 q;
+void main() {
+  q = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0;
+  gl_Position = vec4(q, 0.0, 1.0);
+}`,
+  fragment: `${HEAD}${DISPLAY}
+in vec2 q;
+uniform sampler2D map;
+uniform float exposure;
+out vec4 result;
+void main() {
+  vec2 at = vec2(0.5 - atan(q.y, q.x) / 6.2831853, acos(clamp(1.0 - dot(q, q), 0.0, 1.0)) / 1.5707963);
+  vec3 radiance = exposure * textureLod(map, at, 0.0).rgb;
+  result = vec4(display(radiance), smoothstep(0.0, 1e-3, radiance.g));
+}`,
+};
+
 /** Behind all that is drawn before it. */
 export const sky = {
   vertex: `${HEAD}
@@ -131,21 +152,16 @@ void main() {
   d = far.xyz / far.w - eye;
   gl_Position = vec4(at, 1.0, 1.0);
 }`,
-  fragment: `${HEAD}${DISPLAY}
+  fragment: `${HEAD}
 in vec3 d;
-uniform sampler2D map;
-uniform bool known;
-uniform float exposure;
+uniform sampler2D disc;
+uniform float known;
 out vec4 result;
 void main() {
-  vec3 v = normalize(d);
-  vec3 dark = mix(vec3(0.075, 0.075, 0.085), vec3(0.13, 0.13, 0.15), smoothstep(-0.4, 0.4, v.z));
-  if (v.z < -0.02) { result = vec4(dark, 1.0); return; }
-  vec2 at = vec2(0.5 - atan(v.y, v.x) / 6.2831853, acos(clamp(v.z, 0.0, 1.0)) / 1.5707963);
-  vec3 radiance = textureLod(map, at, 0.0).rgb;
+  vec3 v = normalize(d), dark = mix(vec3(0.075, 0.075, 0.085), vec3(0.13, 0.13, 0.15), smoothstep(-0.4, 0.4, v.z));
+  vec4 above = textureLod(disc, 0.5 + 0.5 * v.xy * inversesqrt(1.0 + max(v.z, 0.0)), 0.0);
   // What the lens does not see has no colour of its own.
-  vec3 above = known ? mix(dark, display(exposure * radiance), smoothstep(0.0, 1e-3, exposure * radiance.g)) : dark;
-  result = vec4(mix(dark, above, smoothstep(-0.02, 0.015, v.z) * (known ? 1.0 : 0.0)), 1.0);
+  result = vec4(mix(dark, above.rgb, known * above.a * smoothstep(-0.02, 0.015, v.z)), 1.0);
 }`,
 };
 
