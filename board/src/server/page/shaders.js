@@ -120,7 +120,7 @@ export const shiny = { vertex: solid.vertex, fragment: solid.fragment.replace(/^
 export const matt = { vertex: solid.vertex, fragment: shiny.fragment.replace(/int count = .*;/, "const int count = 0;") };
 
 /** The map as the sky shows it, on a disc of equal areas [Lambert 1772]: painted when the map changes, so that a picture's pixels need neither angles nor
- * tones. Alpha tells what the lens sees. */
+ * tones. Alpha, by which it is multiplied, tells what the lens sees. */
 export const dome = {
   vertex: `${HEAD}
 out vec2 q;
@@ -136,7 +136,7 @@ out vec4 result;
 void main() {
   vec2 at = vec2(0.5 - atan(q.y, q.x) / 6.2831853, acos(clamp(1.0 - dot(q, q), 0.0, 1.0)) / 1.5707963);
   vec3 radiance = exposure * textureLod(map, at, 0.0).rgb;
-  result = vec4(display(radiance), smoothstep(0.0, 1e-3, radiance.g));
+  result = smoothstep(0.0, 1e-3, radiance.g) * vec4(display(radiance), 1.0);
 }`,
 };
 
@@ -161,7 +161,8 @@ void main() {
   vec3 v = normalize(d), dark = mix(vec3(0.075, 0.075, 0.085), vec3(0.13, 0.13, 0.15), smoothstep(-0.4, 0.4, v.z));
   vec4 above = textureLod(disc, 0.5 + 0.5 * v.xy * inversesqrt(1.0 + max(v.z, 0.0)), 0.0);
   // What the lens does not see has no colour of its own.
-  result = vec4(mix(dark, above.rgb, known * above.a * smoothstep(-0.02, 0.015, v.z)), 1.0);
+  above *= known * smoothstep(-0.02, 0.015, v.z);
+  result = vec4(dark * (1.0 - above.a) + above.rgb, 1.0);
 }`,
 };
 
