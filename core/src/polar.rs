@@ -226,9 +226,9 @@ pub fn shares_len(grid: &Grid, order: u8) -> usize {
 impl Share {
     /// The same `quarters` of a turn on: azimuth rises with the face and falls with the column.
     fn turned(self, grid: &Grid, order: u8, quarters: u32) -> Self {
-        let width = grid.width as u32;
+        let width = (grid.width as u32).max(1);
         let (row, column) = (self.to / width, self.to % width);
-        let column = (column + width - quarters * width / 4) % width;
+        let column = (column + width - width / 4 * quarters) % width;
         Self { from: self.from + (quarters << (2 * order)), to: row * width + column, part: self.part }
     }
 }
