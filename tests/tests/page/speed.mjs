@@ -63,6 +63,8 @@ export async function speed(browser, url) {
         const real = type.prototype[name];
         type.prototype[name] = function (...all) { act(this.canvas.id, ...all); return real.apply(this, all); };
       };
+      const told = new MutationObserver(() => { if (document.querySelector("#state[data-state=live]")) window.seen.live ??= performance.now(); });
+      told.observe(document, { subtree: true, attributes: true, attributeFilter: ["data-state"] });
       // Before there is a map, marks of one pixel are all that is drawn.
       watch(CanvasRenderingContext2D, "drawImage", (id, picture) => { if (id === "sky-canvas" && picture.width > 1) window.seen.sky ??= performance.now(); });
       watch(WebGL2RenderingContext, "drawElements", () => { window.seen.scene ??= performance.now(); });
@@ -70,10 +72,8 @@ export async function speed(browser, url) {
       watch(WebGL2RenderingContext, "enable", (_, what) => { if (what === WebGL2RenderingContext.BLEND) window.seen.frames++; });
     });
     await page.goto(url);
-    await state(page, "live");
-    const live = await page.evaluate(() => performance.now());
-    await until("the first picture", () => page.evaluate(() => window.seen.sky && window.seen.scene));
-    const { sky, scene } = await page.evaluate(() => window.seen);
+    await until("the first picture", () => page.evaluate(() => window.seen.live && window.seen.sky && window.seen.scene));
+    const { live, sky, scene } = await page.evaluate(() => window.seen);
     await page.addStyleTag({ content: "#scene-canvas { width: 640px; height: 360px; aspect-ratio: auto }" });
     await page.locator("#scene-canvas").scrollIntoViewIfNeeded();
     await page.waitForTimeout(4000);
