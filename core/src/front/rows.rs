@@ -8,8 +8,8 @@ use crate::plan::CHUNK;
 /// Samples of a chunk of whole pairs of cells.
 const WORDS: usize = 4 * (CHUNK + 2);
 
-/// Whole pairs of pixels that a chunk may touch.
-pub(super) const PAIRED: usize = CHUNK + 2;
+/// Pixels of whole pairs that a chunk may touch, in whole vectors.
+pub(super) const PAIRED: usize = (CHUNK + 2).next_multiple_of(16);
 
 /// Unpacked codes of the chunk that is being merged; none for formats that need no unpacking, whose frames then fit a small stack.
 pub(super) struct Scratch<'s> {

@@ -3,21 +3,30 @@
 use super::rows::{PAIRED, Planes};
 use crate::format::{Matrix, Yuv};
 
-/// Fraction bits of the coefficients.
-const BITS: u32 = 13;
+/// Pixels of a step: as many as a vector holds codes.
+const STEP: usize = 16;
 
-/// Fraction bits of what luma and chroma add to a code: exact where luma is whole, else within 1/64 of a code before it is rounded.
+/// Fraction bits of luma and of what chroma adds to it: exact where luma is whole, else within 1/64 of a code before it is rounded.
 const PART: u32 = 6;
 
-/// Pairs of pixels that share their chroma, of a chunk: whole vectors of them.
-const PAIRS: usize = (PAIRED / 2).next_multiple_of(8);
+/// Fraction bits of chroma, which fills 16 bits.
+const CHROMA: u32 = 8;
 
-/// A colour matrix, 2^-[`BITS`].
+/// Fraction bits of the coefficients of chroma: the upper half of a product has [`PART`].
+const BITS: u32 = 16 + PART - CHROMA;
+
+/// Fraction bits of the coefficient of luma, which is doubled first.
+const LUMA_BITS: u32 = 16 - 1;
+
+/// A colour matrix in fixed point.
 struct Coefficients {
+    /// Less 1.
     luma: i16,
+    /// 2^-[`PART`].
     black: i16,
     red: i16,
     green: [i16; 2],
+    /// Less 1, since it may be above 2.
     blue: i16,
 }
 
@@ -32,101 +41,93 @@ impl Coefficients {
         };
         let kg = 1.0 - kr - kb;
         let (luma, chroma) = if yuv.limited { (255.0 / 219.0, 255.0 / 224.0) } else { (1.0, 1.0) };
+        let green = [chroma * -2.0 * kb * (1.0 - kb) / kg, chroma * -2.0 * kr * (1.0 - kr) / kg];
         Self {
-            luma: fixed(luma),
-            black: if yuv.limited { 16 } else { 0 },
-            red: fixed(chroma * 2.0 * (1.0 - kr)),
-            green: [fixed(chroma * -2.0 * kb * (1.0 - kb) / kg), fixed(chroma * -2.0 * kr * (1.0 - kr) / kg)],
-            blue: fixed(chroma * 2.0 * (1.0 - kb)),
+            luma: fixed(luma - 1.0, LUMA_BITS),
+            black: if yuv.limited { 16 << PART } else { 0 },
+            red: fixed(chroma * 2.0 * (1.0 - kr), BITS),
+            green: [fixed(green[0], BITS), fixed(green[1], BITS)],
+            blue: fixed(chroma * 2.0 * (1.0 - kb) - 1.0, BITS),
         }
     }
 }
 
-/// The nearest number of 2^-[`BITS`].
-const fn fixed(v: f64) -> i16 {
-    let scaled = v * (1u32 << BITS) as f64;
+/// The nearest number of 2^-`bits`.
+const fn fixed(v: f64, bits: u32) -> i16 {
+    let scaled = v * (1u32 << bits) as f64;
     (if scaled < 0.0 { scaled - 0.5 } else { scaled + 0.5 }) as i16
 }
 
-/// A value of each pair.
-type Values = [i16; PAIRS];
-
-/// Part of a code: the sum of products, rounded down to [`PART`] fraction bits, which does not change how a whole luma plus it is
-/// rounded.
 #[inline(always)]
-fn part(products: i32) -> i16 {
-    (products >> (BITS - PART)) as i16
+fn product(coefficient: i16, value: i16) -> i32 {
+    i32::from(coefficient) * i32::from(value)
 }
 
-/// Room for a chunk: codes of luma of pixels and of chroma of pairs, and what chroma adds to each code.
+/// The upper half of a sum of products, rounded down, which does not change how a whole luma plus it is rounded.
+#[inline(always)]
+fn upper(products: i32) -> i16 {
+    (products >> 16) as i16
+}
+
+/// Room for the pixels of a chunk.
 pub(super) struct Pairs {
-    luma: [i16; 2 * PAIRS],
-    chroma: [Values; 2],
-    parts: [Values; 3],
-    /// Both chroma of each pair.
-    mixed: [i16; 2 * PAIRS],
-    /// How many are used.
-    count: usize,
+    /// 2^-[`PART`].
+    luma: [i16; PAIRED],
+    /// Cb and Cr of each pair of pixels, from no colour, 2^-[`CHROMA`].
+    chroma: [i16; PAIRED],
+    /// What chroma adds to the red, green and blue of each pixel and half a code, which rounds; 2^-[`PART`].
+    parts: [[i16; PAIRED]; 3],
 }
 
 impl Pairs {
     pub(super) fn new() -> Self {
-        Self { luma: [0; _], chroma: [[0; _]; 2], parts: [[0; _]; 3], mixed: [0; _], count: 0 }
+        Self { luma: [0; _], chroma: [0; _], parts: [[0; _]; 3] }
     }
 
-    /// For so many pairs, whose codes are then to be filled in: whole vectors, the last of which may hold what an earlier chunk left, at
-    /// places that nobody reads.
-    fn of(&mut self, count: usize) -> &mut Self {
-        self.count = count.next_multiple_of(8).min(PAIRS);
-        self
-    }
-
-    /// Paints them.
-    fn paint(&mut self, yuv: Yuv, planes: &mut Planes) {
+    /// Paints the first `count` pixels.
+    fn paint(&mut self, count: usize, yuv: Yuv, planes: &mut Planes) {
         match (yuv.matrix, yuv.limited) {
-            (Matrix::Bt601, false) => self.paint_as::<false, false>(planes),
-            (Matrix::Bt601, true) => self.paint_as::<false, true>(planes),
-            (Matrix::Bt709, false) => self.paint_as::<true, false>(planes),
-            (Matrix::Bt709, true) => self.paint_as::<true, true>(planes),
+            (Matrix::Bt601, false) => self.paint_as::<false, false>(count, planes),
+            (Matrix::Bt601, true) => self.paint_as::<false, true>(count, planes),
+            (Matrix::Bt709, false) => self.paint_as::<true, false>(count, planes),
+            (Matrix::Bt709, true) => self.paint_as::<true, true>(count, planes),
         }
     }
 
-    /// Each step is a loop over 16-bit numbers of the same kind.
+    /// Each step is a loop over 16-bit numbers of the same kind, in whole vectors: the last may hold what an earlier chunk left, at
+    /// places that nobody reads.
     // A name to look for its vector instructions under.
     #[inline(never)]
-    fn paint_as<const BT709: bool, const LIMITED: bool>(&mut self, planes: &mut Planes) {
+    fn paint_as<const BT709: bool, const LIMITED: bool>(&mut self, count: usize, planes: &mut Planes) {
         let m = const {
             let matrix = if BT709 { Matrix::Bt709 } else { Matrix::Bt601 };
             Coefficients::of(Yuv { limited: LIMITED, matrix })
         };
-        let product = |coefficient: i16, value: i16| i32::from(coefficient) * i32::from(value);
-        let all = 0..self.count.min(PAIRS);
-        let ([cb, cr], [red, green, blue]) = (&self.chroma, &mut self.parts);
-        for i in all.clone() {
-            red[i] = part(product(m.red, cr[i] - 128));
-        }
-        for i in all.clone() {
-            green[i] = part(product(m.green[0], cb[i] - 128) + product(m.green[1], cr[i] - 128));
-        }
-        for i in all.clone() {
-            blue[i] = part(product(m.blue, cb[i] - 128));
-        }
-        // Half a code rounds.
         const HALF: i16 = 1 << (PART - 1);
-        let luma = &mut self.luma[..2 * all.end];
+        let count = STEP * count.div_ceil(STEP).min(PAIRED / STEP);
+        let luma = &mut self.luma[..count];
         if LIMITED {
-            // Rounded up, since chroma is rounded down.
-            let up = (1 << (BITS - PART)) - 1;
-            luma.iter_mut()
-                .for_each(|y| *y = part(product(m.luma, y.wrapping_sub(m.black)) + up).wrapping_add(HALF));
-        } else {
-            luma.iter_mut().for_each(|y| *y = (*y << PART).wrapping_add(HALF));
+            for y in &mut *luma {
+                // Rounded up, since chroma is rounded down.
+                let below = m.black.wrapping_sub(*y);
+                *y = upper(product(m.luma, below << 1)).wrapping_add(below).wrapping_neg();
+            }
         }
-        let code = |luma: i16, chroma: i16| (luma.saturating_add(chroma) >> PART).clamp(0, 255) as u8;
-        for (plane, chroma) in planes.iter_mut().zip(&self.parts) {
-            let pairs = plane.as_chunks_mut::<2>().0.iter_mut().zip(luma.as_chunks::<2>().0);
-            for ((to, [y0, y1]), c) in pairs.zip(chroma) {
-                *to = [code(*y0, *c), code(*y1, *c)];
+        let pairs = self.chroma[..count].as_chunks::<2>().0;
+        let [red, green, blue] = self.parts.each_mut().map(|part| &mut part[..count]);
+        for ([_, cr], red) in pairs.iter().zip(red.as_chunks_mut::<2>().0) {
+            *red = [upper(product(m.red, *cr)).wrapping_add(HALF); 2];
+        }
+        for ([cb, cr], green) in pairs.iter().zip(green.as_chunks_mut::<2>().0) {
+            *green = [upper(product(m.green[0], *cb) + product(m.green[1], *cr)).wrapping_add(HALF); 2];
+        }
+        for ([cb, _], blue) in pairs.iter().zip(blue.as_chunks_mut::<2>().0) {
+            let whole = *cb >> (CHROMA - PART);
+            *blue = [upper(product(m.blue, *cb)).wrapping_add(whole).wrapping_add(HALF); 2];
+        }
+        for (plane, part) in planes.iter_mut().zip(&self.parts) {
+            for ((to, y), c) in plane[..count].iter_mut().zip(&*luma).zip(&part[..count]) {
+                *to = (y.saturating_add(*c) >> PART).clamp(0, 255) as u8;
             }
         }
     }
@@ -135,31 +136,21 @@ impl Pairs {
 /// From Y0 Cb Y1 Cr.
 #[inline(never)]
 pub(super) fn from_yuyv(line: &[u8], yuv: Yuv, pairs: &mut Pairs, planes: &mut Planes) {
-    let pairs = pairs.of(line.len() / 4);
-    split(line, &mut pairs.luma, &mut pairs.mixed);
-    let [cb, cr] = &mut pairs.chroma;
-    let used = pairs.mixed.as_chunks::<2>().0.iter().take(pairs.count);
-    for ((cb, cr), pair) in cb.iter_mut().zip(cr).zip(used) {
-        [*cb, *cr] = *pair;
+    for ((y, c), pair) in pairs.luma.iter_mut().zip(&mut pairs.chroma).zip(line.as_chunks::<2>().0) {
+        let word = u16::from_le_bytes(*pair);
+        (*y, *c) = (((word & 255) << PART) as i16, (word & 0xff00 ^ 0x8000) as i16);
     }
-    pairs.paint(yuv, planes);
+    pairs.paint(line.len() / 2, yuv, planes);
 }
 
 /// From a row of luma and the row of Cb Cr pairs that belongs to it.
 #[inline(never)]
 pub(super) fn from_nv12(luma: &[u8], chroma: &[u8], yuv: Yuv, pairs: &mut Pairs, planes: &mut Planes) {
-    let pairs = pairs.of(chroma.len() / 2);
-    pairs.luma.iter_mut().zip(luma).for_each(|(to, y)| *to = i16::from(*y));
-    let [cb, cr] = &mut pairs.chroma;
-    split(chroma, cb, cr);
-    pairs.paint(yuv, planes);
-}
-
-/// The first and the second of each two bytes, as the halves of one word.
-#[inline(always)]
-fn split(bytes: &[u8], first: &mut [i16], second: &mut [i16]) {
-    for ((first, second), pair) in first.iter_mut().zip(second).zip(bytes.as_chunks::<2>().0) {
-        let word = u16::from_le_bytes(*pair);
-        (*first, *second) = ((word & 255) as i16, (word >> 8) as i16);
+    for (to, y) in pairs.luma.iter_mut().zip(luma) {
+        *to = i16::from(*y) << PART;
     }
+    for (to, c) in pairs.chroma.iter_mut().zip(chroma) {
+        *to = (u16::from(c ^ 128) << CHROMA) as i16;
+    }
+    pairs.paint(luma.len(), yuv, planes);
 }
