@@ -115,15 +115,14 @@ impl Pairs {
         }
         let pairs = self.chroma[..count].as_chunks::<2>().0;
         let [red, green, blue] = self.parts.each_mut().map(|part| &mut part[..count]);
-        for ([_, cr], red) in pairs.iter().zip(red.as_chunks_mut::<2>().0) {
+        let (red, blue) = (red.as_chunks_mut::<2>().0, blue.as_chunks_mut::<2>().0);
+        for (([cb, cr], red), blue) in pairs.iter().zip(red).zip(blue) {
+            let whole = *cb >> (CHROMA - PART);
             *red = [upper(product(m.red, *cr)).wrapping_add(HALF); 2];
+            *blue = [upper(product(m.blue, *cb)).wrapping_add(whole).wrapping_add(HALF); 2];
         }
         for ([cb, cr], green) in pairs.iter().zip(green.as_chunks_mut::<2>().0) {
             *green = [upper(product(m.green[0], *cb) + product(m.green[1], *cr)).wrapping_add(HALF); 2];
-        }
-        for ([cb, _], blue) in pairs.iter().zip(blue.as_chunks_mut::<2>().0) {
-            let whole = *cb >> (CHROMA - PART);
-            *blue = [upper(product(m.blue, *cb)).wrapping_add(whole).wrapping_add(HALF); 2];
         }
         for (plane, part) in planes.iter_mut().zip(&self.parts) {
             for ((to, y), c) in plane[..count].iter_mut().zip(&*luma).zip(&part[..count]) {
