@@ -275,7 +275,7 @@ fn first_of(values: &mut [i16], count: usize) -> &mut [i16] {
 
 /// The least or the largest code, of those that `of` is about; the default of none. Both in one loop were no vectors on AArch64.
 #[inline(always)]
-fn extreme<T: Code>(codes: &[T], of: impl Fn(T, T) -> T) -> T {
+pub(super) fn extreme<T: Code>(codes: &[T], of: impl Fn(T, T) -> T) -> T {
     let (Some(first), Some(last)) = (codes.first_chunk::<WIDE>(), codes.last_chunk::<WIDE>()) else {
         return codes.iter().copied().reduce(&of).unwrap_or_default();
     };

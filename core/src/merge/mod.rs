@@ -307,9 +307,7 @@ impl MergeView<'_> {
     }
 
     fn tables<'a>(&'a self, scale: &'a table::Scale) -> table::Tables<'a> {
-        let (entries, _) = self.tables.as_chunks::<256>();
-        let tables = entries.as_chunks::<3>().0;
-        table::Tables { tables: tables.get(..self.own.count).unwrap_or_default(), scale }
+        table::Tables { rows: self.tables.as_chunks().0, exposures: self.own.count, scale }
     }
 
     /// Radiance of one sample by the rules themselves.

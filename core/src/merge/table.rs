@@ -1,11 +1,12 @@
 //! The merge of 8-bit samples by tables: one sum adds up both the light and the mask of valid exposures.
 //!
-//! An entry holds y / gain of a code in its low bits and a mark for its exposure above them, or 0 where the code is not valid. The
-//! low bits hold the sum of all exposures without a carry.
+//! An entry holds y / gain of a code in its upper bits and a mark for its exposure below them, or 0 where the code is not valid. The
+//! upper bits hold the sum of all exposures without a carry.
 //!
 //! Of few exposures that are not far apart the light of a sample becomes a whole count, by one multiplication. There an untrusted
 //! code of the longest has its light too, and a mark of its own: it decides where nothing else is valid.
 
+use super::linear::extreme;
 use super::{COUNT_BITS, Channels, Codes, Exposure, Reciprocal};
 use crate::arena::Buffer;
 use crate::response::{CURVE_BITS, Curve};
@@ -19,17 +20,20 @@ const MAX_UNROLLED: usize = 4;
 /// Largest sum of times over the shortest of whole counts: the light of the darkest code is then still tens of counts.
 const WIDEST: f64 = 128.0;
 
-/// Samples of one channel that are merged at a time, and told apart by their least and largest code.
-const BLOCK: usize = 64;
+/// Samples of a step.
+const STEP: usize = 8;
+
+/// Marks of whole counts: one for each exposure and [`DARK`]. What they add to the light is less than its least bit.
+const WHOLE_MARKS: u32 = MAX_UNROLLED as u32 + 1;
 
 /// A table of one exposure and channel.
 type Row = [u32; 256];
 
-/// Where the light ends and the marks begin.
+/// Where the marks end and the light begins.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Scale {
-    /// Bits of light.
-    bits: u32,
+    /// Bits of marks.
+    marks: u32,
     /// Counts of relative exposure 1 at the least gain.
     pub(super) one: f64,
     /// Relative exposure that every entry is raised by, so that none is negative.
@@ -41,7 +45,7 @@ pub(super) struct Scale {
 /// Reciprocals of whole counts.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Whole {
-    /// By which the light of a mask is multiplied, 2^-32; odd where the mask leaves the light in doubt.
+    /// By which the light of a mask is multiplied, 2^-32; 0 where the mask leaves the light in doubt.
     reciprocals: [u32; 32],
     /// First trusted and first saturated code.
     valid: [u8; 2],
@@ -59,64 +63,202 @@ pub(super) fn fill<C: Buffer<i32>>(tables: &mut [u32], curve: &Curve<C>, exposur
     let shortest = exposures.iter().map(|e| e.seconds).fold(f64::INFINITY, f64::min);
     let seconds: f64 = exposures.iter().map(|e| e.seconds).sum();
     let is_whole = least >= 0.0 && exposures.len() <= MAX_UNROLLED && seconds <= WIDEST * shortest;
-    let bits = 32 - exposures.len() as u32 - u32::from(is_whole);
+    let marks = if is_whole { WHOLE_MARKS } else { exposures.len() as u32 };
     // Rounding may add half a count for each exposure.
-    let one = (f64::from((1u64 << bits) as f32) - 32.0) / ((most - least) * all);
-    for (i, (table, e)) in tables.chunks_exact_mut(ENTRIES).zip(exposures).enumerate() {
-        let dark = if is_whole && i + 1 == exposures.len() { DARK } else { 0 };
-        for (at, entry) in table.iter_mut().enumerate() {
-            let (channel, code) = (at / 256, at as u32 % 256);
-            let light = libm::round((y(channel, code) - least) * (least_gain / e.gain) * one) as u32;
-            *entry = match (curve.is_saturated(code), curve.is_trusted(code)) {
-                (false, true) => light | 1 << (bits + i as u32),
-                (false, false) if dark > 0 => light | dark,
-                _ => 0,
-            };
+    let one = ((1u64 << (32 - marks)) as f64 - 32.0) / ((most - least) * all);
+    let rows = tables.as_chunks_mut::<256>().0;
+    for (channel, rows) in rows.chunks_exact_mut(exposures.len().max(1)).enumerate() {
+        for (i, (row, e)) in rows.iter_mut().zip(exposures).enumerate() {
+            let dark = if is_whole && i + 1 == exposures.len() { DARK } else { 0 };
+            for (code, entry) in (0..).zip(row) {
+                let light = libm::round((y(channel, code) - least) * (least_gain / e.gain) * one) as u32;
+                *entry = match (curve.is_saturated(code), curve.is_trusted(code)) {
+                    (false, true) => light << marks | 1 << i,
+                    (false, false) if dark > 0 => light << marks | dark,
+                    _ => 0,
+                };
+            }
         }
     }
-    let whole = is_whole.then(|| Whole::of(curve, exposures, (shortest, bits, one)));
-    Scale { bits, one, raised: -least, whole }
+    let whole = is_whole.then(|| Whole::of(curve, exposures, (shortest, one)));
+    Scale { marks, one, raised: -least, whole }
 }
 
 /// The mark of an untrusted code of the longest exposure.
-const DARK: u32 = 1 << 31;
+const DARK: u32 = 1 << MAX_UNROLLED;
 
 impl Whole {
-    fn of<C: Buffer<i32>>(
-        curve: &Curve<C>,
-        exposures: &[Exposure],
-        (shortest, bits, one): (f64, u32, f64),
-    ) -> Self {
+    fn of<C: Buffer<i32>>(curve: &Curve<C>, exposures: &[Exposure], (shortest, one): (f64, f64)) -> Self {
         let many = exposures.len();
         // Full scale of the shortest exposure alone is 2^COUNT_BITS.
-        let full = 2.0 * f64::from(1u32 << (COUNT_BITS + 31 - bits));
+        let full = f64::from(1u32 << COUNT_BITS);
         let reciprocal = |mask: usize| {
-            let alone = mask == 1 << many;
+            let alone = mask == DARK as usize;
             let used = exposures
                 .iter()
                 .enumerate()
                 .filter(|(i, _)| if alone { i + 1 == many } else { mask >> i & 1 == 1 });
             let seconds: f64 = used.map(|(_, e)| e.seconds).sum();
-            if mask == 0 || mask > 1 << many {
-                return 1;
+            if mask == 0 || (mask >= 1 << many && !alone) {
+                return 0;
             }
-            (libm::round(full * shortest / seconds).min(f64::from(u32::MAX)) as u32) & !1
+            libm::round(full * shortest / seconds) as u32
         };
         let first =
             |has: &dyn Fn(u32) -> bool| (0..=255).find(|code| has(u32::from(*code))).unwrap_or(u8::MAX);
         let valid = [first(&|code| curve.is_trusted(code)), first(&|code| curve.is_saturated(code))];
-        let one = one * full / (1u64 << 32) as f64;
+        let one = one * f64::from(1u32 << WHOLE_MARKS) * full / (1u64 << 32) as f64;
         Self { reciprocals: core::array::from_fn(reciprocal), valid, one }
+    }
+
+    /// Merges samples of channel `k`; says whether it could.
+    // A name to look for its instructions under.
+    #[inline(never)]
+    fn plane<'a, const K: usize>(
+        &self,
+        rows: &[Row],
+        codes: &[&'a [u8]],
+        k: usize,
+        out: &mut [[i32; K]],
+    ) -> bool {
+        let [trusted, saturated] = self.valid;
+        // Exposures that are valid in none of the samples need no look; where the others are valid in all, neither do masks.
+        let (mut used, mut mask, mut certain, mut is_dark) = (0..0, 0usize, 0, false);
+        for (i, codes) in codes.iter().enumerate() {
+            let (least, most) = (extreme(codes, u8::min), extreme(codes, u8::max));
+            let is_longest = i + 1 == rows.len();
+            is_dark = is_longest && least < trusted;
+            if least >= saturated || (most < trusted && !is_longest) {
+                continue;
+            }
+            if used.is_empty() {
+                used.start = i;
+            }
+            used.end = i + 1;
+            mask |= 1 << i;
+            certain += usize::from(least >= trusted && most < saturated);
+        }
+        if (certain == 0 || is_dark) && !self.has_answers(codes) {
+            return false;
+        }
+        let one = Some(self.reciprocals[mask & 31]).filter(|_| certain == used.len());
+        // One zip for all: their ends are compared once.
+        let steps = |c: &&'a [u8]| c.as_chunks::<STEP>().0.iter();
+        match (rows.get(used.clone()), codes.get(used)) {
+            (Some([r]), Some([a])) => self.look_up([r], [a], steps(a).map(|a| [a]), one, k, out),
+            (Some([r, s]), Some([a, b])) => {
+                let steps = steps(a).zip(steps(b)).map(|(a, b)| [a, b]);
+                self.look_up([r, s], [a, b], steps, one, k, out);
+            }
+            (Some([r, s, t]), Some([a, b, c])) => {
+                let steps = steps(a).zip(steps(b)).zip(steps(c)).map(|((a, b), c)| [a, b, c]);
+                self.look_up([r, s, t], [a, b, c], steps, one, k, out);
+            }
+            (Some([r, s, t, u]), Some([a, b, c, d])) => {
+                let steps = steps(a).zip(steps(b)).zip(steps(c).zip(steps(d)));
+                let steps = steps.map(|((a, b), (c, d))| [a, b, c, d]);
+                self.look_up([r, s, t, u], [a, b, c, d], steps, one, k, out);
+            }
+            _ => return false,
+        }
+        true
+    }
+
+    /// Whether each sample has some valid exposure, or is dark in the longest and valid in none.
+    // A name to look for its vector instructions under.
+    #[inline(never)]
+    fn has_answers(&self, codes: &[&[u8]]) -> bool {
+        const WIDE: usize = 16;
+        let [trusted, saturated] = self.valid;
+        let Some((longest, shorter)) = codes.split_last() else { return false };
+        let (steps, rest) = longest.as_chunks::<WIDE>();
+        let mut doubts = [0; WIDE];
+        for (i, last) in steps.iter().enumerate() {
+            let mut any = [0; WIDE];
+            for codes in shorter {
+                let own = codes.as_chunks().0.get(i).unwrap_or(&[0; WIDE]);
+                for (any, code) in any.iter_mut().zip(own) {
+                    *any |= mask(*code >= trusted) & mask(*code < saturated);
+                }
+            }
+            for ((doubts, last), any) in doubts.iter_mut().zip(last).zip(any) {
+                *doubts |= (any & mask(*last < trusted)) | (!any & mask(*last >= saturated));
+            }
+        }
+        let valid = |code: u8| code >= trusted && code < saturated;
+        let from = longest.len() - rest.len();
+        let is_sure = |(i, last): (usize, &u8)| {
+            let any = shorter.iter().any(|codes| codes.get(from + i).is_some_and(|code| valid(*code)));
+            if any { *last >= trusted } else { *last < saturated }
+        };
+        doubts == [0; WIDE] && rest.iter().enumerate().all(is_sure)
+    }
+
+    /// Adds up what `rows` hold for `codes`, which are `steps` and a rest, times the reciprocal `one`, or else that of each mask.
+    #[inline(always)]
+    fn look_up<'a, const U: usize, const K: usize>(
+        &self,
+        rows: [&Row; U],
+        codes: [&&[u8]; U],
+        steps: impl Iterator<Item = [&'a [u8; STEP]; U]>,
+        one: Option<u32>,
+        k: usize,
+        out: &mut [[i32; K]],
+    ) {
+        let (whole, rest) = out.as_chunks_mut::<STEP>();
+        let from = STEP * whole.len();
+        let each = |mask: usize| self.reciprocals[mask & 31];
+        let steps = whole.iter_mut().zip(steps);
+        if let Some(one) = one {
+            for (out, codes) in steps {
+                step(rows, codes, |_| one, k, out);
+            }
+        } else {
+            for (out, codes) in steps {
+                step(rows, codes, each, k, out);
+            }
+        }
+        for (i, out) in rest.iter_mut().enumerate() {
+            let codes = codes.map(|c| c.get(from + i).map_or(&[0], core::array::from_ref));
+            step(rows, codes, each, k, core::array::from_mut(out));
+        }
     }
 }
 
-/// The tables of a burst, three a exposure.
+fn mask(is: bool) -> u8 {
+    if is { u8::MAX } else { 0 }
+}
+
+/// Adds up what `rows` hold for `codes` and multiplies by the `reciprocal` of the marks.
+#[inline(always)]
+fn step<const S: usize, const U: usize, const K: usize>(
+    rows: [&Row; U],
+    codes: [&[u8; S]; U],
+    reciprocal: impl Fn(usize) -> u32,
+    k: usize,
+    out: &mut [[i32; K]; S],
+) {
+    for (j, pixel) in out.iter_mut().enumerate() {
+        let sum = rows.iter().zip(codes).fold(0u32, |sum, (row, c)| sum.wrapping_add(row[usize::from(c[j])]));
+        let reciprocal = reciprocal((sum & ((1 << WHOLE_MARKS) - 1)) as usize);
+        let Some(to) = pixel.get_mut(k) else { return };
+        *to = ((u64::from(sum) * u64::from(reciprocal)) >> 32) as i32;
+    }
+}
+
+/// The tables of a burst: those of all exposures for each channel in turn.
 pub(super) struct Tables<'a> {
-    pub(super) tables: &'a [[Row; 3]],
+    pub(super) rows: &'a [Row],
+    pub(super) exposures: usize,
     pub(super) scale: &'a Scale,
 }
 
 impl Tables<'_> {
+    /// The tables of all exposures for `channel`.
+    fn of(&self, channel: usize) -> &[Row] {
+        self.rows.chunks_exact(self.exposures.max(1)).nth(channel).unwrap_or_default()
+    }
+
     /// Merges planes into whole counts; says whether it could: where all samples have some valid exposure, or are dark in the longest.
     pub(super) fn counts(&self, codes: &[Codes<'_>], channels: Channels, out: &mut [i32]) -> bool {
         let Some(whole) = &self.scale.whole else { return false };
@@ -134,105 +276,23 @@ impl Tables<'_> {
         channels: [usize; K],
         out: &mut [[i32; K]],
     ) -> bool {
-        match self.tables.len() {
-            1 => self.blocks::<1, K>(whole, codes, channels, out),
-            2 => self.blocks::<2, K>(whole, codes, channels, out),
-            3 => self.blocks::<3, K>(whole, codes, channels, out),
-            4 => self.blocks::<4, K>(whole, codes, channels, out),
-            _ => false,
-        }
-    }
-
-    fn blocks<const N: usize, const K: usize>(
-        &self,
-        whole: &Whole,
-        codes: &[Codes<'_>],
-        channels: [usize; K],
-        out: &mut [[i32; K]],
-    ) -> bool {
-        let (Some(tables), Some(codes)) = (self.tables.first_chunk::<N>(), codes.first_chunk::<N>()) else {
-            return false;
-        };
-        let mut doubts = 0;
+        let many = self.exposures;
+        let Some(codes) = codes.get(..many) else { return false };
         for (k, channel) in channels.into_iter().enumerate() {
-            let rows = tables.each_ref().map(|t| &t[channel.min(2)]);
-            let planes = codes.map(|c| c.plane(k, K).and_then(|p| p.get(..out.len())));
-            if planes.iter().any(Option::is_none) {
+            let mut planes: [&[u8]; MAX_UNROLLED] = [&[]; _];
+            for (plane, codes) in planes.iter_mut().zip(codes) {
+                let Some(found) = codes.plane(k, K).and_then(|p| p.get(..out.len())) else { return false };
+                *plane = found;
+            }
+            let is_merged = match (self.of(channel).get(..many), planes.get(..many)) {
+                (Some(rows), Some(planes)) => whole.plane(rows, planes, k, out),
+                _ => false,
+            };
+            if !is_merged {
                 return false;
             }
-            let planes = planes.map(Option::unwrap_or_default);
-            for (i, out) in out.chunks_mut(BLOCK).enumerate() {
-                let own =
-                    planes.map(|p| p.get(BLOCK * i..).and_then(|p| p.get(..out.len())).unwrap_or_default());
-                doubts |= self.block(whole, &rows, own, k, out);
-            }
         }
-        doubts & 1 == 0
-    }
-
-    /// Merges samples of channel `k`; says by an odd number that one is in doubt.
-    // A name to look for its instructions under.
-    #[inline(never)]
-    fn block<const N: usize, const K: usize>(
-        &self,
-        whole: &Whole,
-        rows: &[&Row; N],
-        codes: [&[u8]; N],
-        k: usize,
-        out: &mut [[i32; K]],
-    ) -> u32 {
-        let [trusted, saturated] = whole.valid;
-        // Exposures that are valid in none of the samples need no look; where the others are valid in all, neither do masks.
-        let (mut used, mut count, mut mask, mut mixed) = ([(rows[0], codes[0]); N], 0, 0usize, false);
-        for (i, (row, codes)) in rows.iter().zip(codes).enumerate() {
-            let (least, most) = codes.iter().fold((u8::MAX, 0), |(l, m), c| (l.min(*c), m.max(*c)));
-            if least >= saturated || (most < trusted && i + 1 < N) {
-                continue;
-            }
-            used[count % N] = (*row, codes);
-            (count, mask) = (count + 1, mask | 1 << i);
-            mixed |= least < trusted || most >= saturated;
-        }
-        let (one, each) = (whole.reciprocals[mask & 31], |mask: usize| whole.reciprocals[mask & 31]);
-        match (count, mixed) {
-            (1, false) => self.look_up::<1, K>(used.first_chunk(), |_| one, k, out),
-            (2, false) => self.look_up::<2, K>(used.first_chunk(), |_| one, k, out),
-            (3, false) => self.look_up::<3, K>(used.first_chunk(), |_| one, k, out),
-            (4, false) => self.look_up::<4, K>(used.first_chunk(), |_| one, k, out),
-            (1, true) => self.look_up::<1, K>(used.first_chunk(), each, k, out),
-            (2, true) => self.look_up::<2, K>(used.first_chunk(), each, k, out),
-            (3, true) => self.look_up::<3, K>(used.first_chunk(), each, k, out),
-            (4, true) => self.look_up::<4, K>(used.first_chunk(), each, k, out),
-            _ => 1,
-        }
-    }
-
-    /// Adds up what `used` hold; `reciprocal` is that of a mask. Gives the reciprocals' bits.
-    #[inline(always)]
-    fn look_up<const U: usize, const K: usize>(
-        &self,
-        used: Option<&[(&Row, &[u8]); U]>,
-        reciprocal: impl Fn(usize) -> u32,
-        k: usize,
-        out: &mut [[i32; K]],
-    ) -> u32 {
-        let Some(used) = used else { return 1 };
-        let bits = self.scale.bits & 31;
-        let light = (1u32 << bits) - 1;
-        let count = out.len();
-        if k >= K || used.iter().any(|(_, codes)| codes.len() < count) {
-            return 1;
-        }
-        let used = used.map(|(row, codes)| (row, codes.get(..count).unwrap_or_default()));
-        let mut doubts = 0;
-        for (j, pixel) in out.iter_mut().enumerate() {
-            let light_of = |row: &Row, codes: &[u8]| row[usize::from(codes.get(j).copied().unwrap_or(0))];
-            let sum = used.iter().fold(0u32, |sum, (row, codes)| sum.wrapping_add(light_of(row, codes)));
-            let reciprocal = reciprocal((sum >> bits) as usize);
-            doubts |= reciprocal;
-            pixel[k] = ((u64::from(sum & light) * u64::from(reciprocal)) >> 32) as i32;
-        }
-        doubts
+        true
     }
 
     /// Merges whole pixels into floats; those of samples that are valid nowhere are no numbers.
@@ -243,15 +303,14 @@ impl Tables<'_> {
         reciprocals: &[Reciprocal],
         out: &mut [f32],
     ) {
-        let bits = self.scale.bits & 31;
-        let light = (1u32 << bits) - 1;
+        let marks = self.scale.marks & 31;
         for (at, value) in out.iter_mut().enumerate() {
             let channel = channels.of(at).min(2);
-            let looked_up =
-                self.tables.iter().zip(codes).map(|(t, c)| t[channel][(c.code(at) as usize).min(255)]);
+            let rows = self.of(channel).iter().zip(codes);
+            let looked_up = rows.map(|(row, c)| row[(c.code(at) as usize).min(255)]);
             let sum = looked_up.fold(0u32, u32::wrapping_add);
-            let r = reciprocals.get((sum >> bits) as usize).copied().unwrap_or_default();
-            *value = (sum & light) as i32 as f32 * r.factor - r.offset;
+            let r = reciprocals.get((sum & ((1 << marks) - 1)) as usize).copied().unwrap_or_default();
+            *value = (sum >> marks) as i32 as f32 * r.factor - r.offset;
         }
     }
 }
