@@ -153,3 +153,37 @@ pub(super) fn from_nv12(luma: &[u8], chroma: &[u8], yuv: Yuv, pairs: &mut Pairs,
     }
     pairs.paint(luma.len(), yuv, planes);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every luma with a grid of chroma, against the formulas in floats: as rounded, but where those are within 1/40 of a code of a half.
+    #[test]
+    fn codes_are_those_of_the_formulas() {
+        for (matrix, kr, kb) in [(Matrix::Bt601, 0.299, 0.114), (Matrix::Bt709, 0.2126, 0.0722)] {
+            for limited in [false, true] {
+                let (mut pairs, mut planes) = (Pairs::new(), [[0; PAIRED]; 4]);
+                let (black, luma, chroma) =
+                    if limited { (16.0, 255.0 / 219.0, 255.0 / 224.0) } else { (0.0, 1.0, 1.0) };
+                for (y, (cb, cr)) in (0..=255u8).flat_map(|y| {
+                    let grid = (0..=255u8).step_by(15);
+                    grid.clone().flat_map(move |cb| grid.clone().map(move |cr| (y, (cb, cr))))
+                }) {
+                    let line = [y, cb, 255 - y, cr];
+                    from_yuyv(&line, Yuv { limited, matrix }, &mut pairs, &mut planes);
+                    let [b, r] = [cb, cr].map(|c| chroma * (f64::from(c) - 128.0));
+                    let (red, blue) = (2.0 * (1.0 - kr) * r, 2.0 * (1.0 - kb) * b);
+                    let green = -(kr * red + kb * blue) / (1.0 - kr - kb);
+                    for (i, y) in [y, 255 - y].into_iter().enumerate() {
+                        for (plane, add) in planes.iter().zip([red, green, blue]) {
+                            let exact = (luma * (f64::from(y) - black) + add).clamp(0.0, 255.0);
+                            let off = (f64::from(plane[i]) - exact).abs();
+                            assert!(off < 0.525, "{matrix:?} {limited} {line:?}: {} for {exact}", plane[i]);
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
