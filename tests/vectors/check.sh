@@ -16,6 +16,9 @@ hemilux_core::front::gather::cut 1 vsub.i32 1
 hemilux_core::front::gather::cut 1 vcvt.f32.s32.*q 1
 hemilux_core::front::gather::add 2 vmla.f32|vfma.f32 3
 hemilux_core::front::yuv::Pairs::paint_as 4 vqadd.s16 3
+hemilux_core::front::yuv::Pairs::paint_as 4 vmull.s16 8
+hemilux_core::merge::table::Whole::plane 2 vmax.u8 1
+hemilux_core::merge::table::Whole::has_answers 1 vcg[et].u8 2
 '
 arm-linux-gnueabihf-objdump -dC --no-show-raw-insn "$binary" >"${TMPDIR:-/tmp}/vectors.$$"
 trap 'rm -f "${TMPDIR:-/tmp}/vectors.$$"' EXIT
