@@ -210,7 +210,7 @@ fn delivered(address: SocketAddr) -> Vec<(f64, f64)> {
 /// Between two such, the time within which `part` of the answers went, as Prometheus reckons it: evenly between bounds.
 fn quantile(before: &[(f64, f64)], after: &[(f64, f64)], part: f64) -> f64 {
     let counts = before.iter().zip(after).map(|((_, b), (ms, a))| (*ms, a - b));
-    let wanted = part * counts.clone().last().map_or(0.0, |(_, all)| all);
+    let wanted = part * counts.clone().next_back().map_or(0.0, |(_, all)| all);
     let mut below = (0.0, 0.0);
     for (ms, count) in counts {
         if count >= wanted && count > below.1 {
