@@ -238,3 +238,35 @@ impl Runs<'_> {
         self.skip(taken);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What 32-bit ARM does and what others do: on any machine the same energies, bit by bit, and as many runs.
+    #[test]
+    fn cut_then_added_and_both_at_once_are_the_same() {
+        const TEXELS: usize = 5;
+        let lens = [1, 3, 2, 7, 1, 4, 9, 5];
+        let runs = core::array::from_fn::<_, 8, _>(|i| Run::new((3 * i % (TEXELS + 1)) as u32, lens[i]));
+        let weights = [9, 700, 65_535, 1, 0, 31, 4_000, 12];
+        // Sums go beyond 32 bits; their differences do not.
+        let mut sums = Sums([[0; 4]; CHUNK]);
+        let mut sum = [i32::MAX - 100, i32::MIN, -5, 0];
+        for (i, to) in sums.0.iter_mut().enumerate() {
+            sum = core::array::from_fn(|lane| sum[lane].wrapping_add((37 * i + 11 * lane) as i32 % 1009));
+            *to = sum;
+        }
+        // A chunk ends with a run.
+        for (len, count) in [(1, 1), (4, 2), (13, 4), (32, 8)] {
+            let (mut quads, mut below) = ([[Quad::default(); TEXELS]; 2], [[0.0; 4]; 2]);
+            let mut light: Light = [[0.0; 4]; CHUNK];
+            let taken = cut(&runs, len, &sums, &mut light);
+            add::<4>(&runs, &weights, &light[..taken], &mut quads[0], &mut below[0]);
+            let at_once = cut_and_add((&runs, &weights), &sums.0[..len], &mut quads[1], &mut below[1]);
+            assert_eq!((taken, at_once), (count, count), "{len} places");
+            assert_eq!((quads[0], below[0]), (quads[1], below[1]), "{len} places");
+            assert!(quads[0].iter().any(|q| q.energy[1] != 0.0), "light");
+        }
+    }
+}

@@ -33,7 +33,7 @@ pub const MAX_RUN: usize = 16;
 pub struct Run(u32);
 
 impl Run {
-    fn new(texel: u32, len: usize) -> Self {
+    pub(crate) fn new(texel: u32, len: usize) -> Self {
         Self(texel << 8 | len as u32)
     }
 
