@@ -1,0 +1,36 @@
+//! The instruction counts that the READMEs state, against the baseline that they are taken from.
+
+use std::fs::read_to_string;
+
+#[test]
+fn the_readmes_state_the_counts_of_the_baseline() {
+    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
+    let read = |name: &str| read_to_string(format!("{root}/{name}")).expect(name);
+    let (baseline, top, core) =
+        (read("tests/instructions/baseline.txt"), read("README.md"), read("core/README.md"));
+    let names = [
+        ("rgb24:640x480:q2tree:64", "RGB24, `q2tree`"),
+        ("rgb24:640x480:adaptive:64", "RGB24, `adaptive`"),
+        ("raw10:640x480:q2tree:64", "RAW10, `q2tree`"),
+        ("yuyv:640x480:q2tree:64", "YUYV, `q2tree`"),
+    ];
+    let mut totals = Vec::new();
+    for (case, name) in names {
+        let line = baseline.lines().find_map(|l| l.strip_prefix(case)).expect(case);
+        let counts = line.split_whitespace().map(|n| n.parse::<f64>().expect("a count") / 1e6);
+        let counts: [f64; 5] = counts.collect::<Vec<_>>().try_into().expect("five of them");
+        let [front, pyramid, sample, other, all] = counts;
+        let row = format!(
+            "| {name}, 64 lights | {front:.1} M | {pyramid:.2} M | {sample:.2} M | {other:.2} M | {all:.1} M |"
+        );
+        assert!(core.contains(&row), "expected in core/README.md: {row}");
+        if case.contains("q2tree") {
+            totals.push(format!("{all:.1} M"));
+        } else {
+            let told = format!("`adaptive` takes {sample:.1} M instructions on ARMv7");
+            assert!(top.contains(&told), "expected in README.md: {told}");
+        }
+    }
+    let row = format!("| ARMv7 with NEON, instructions | {} |", totals.join(" | "));
+    assert!(top.contains(&row), "expected in README.md: {row}");
+}
