@@ -3,7 +3,7 @@
 //! A lens is radially symmetric in normalised image coordinates; a pixel's centre has whole-number coordinates. All of it is
 //! `f64`: it runs once per calibration, never per frame.
 
-use core::f64::consts::{FRAC_PI_2, PI, TAU};
+use core::f64::consts::{FRAC_PI_2, PI};
 use glam::{DVec2, DVec3};
 
 /// The radial law r(theta) of a lens, r in units of the focal length.
@@ -191,12 +191,6 @@ impl Lens {
         let slope = slope(&self.p.model, theta);
         let ratio = if r > 1e-9 { libm::sin(theta) / r } else { 1.0 / slope };
         Some(ratio / slope / (self.p.focal_px.x * self.p.focal_px.y))
-    }
-
-    /// Solid angle of everything the lens could see were the sensor large enough, steradians.
-    #[must_use]
-    pub fn cap_solid_angle(&self) -> f64 {
-        TAU * (1.0 - libm::cos(self.p.max_theta))
     }
 
     fn normalised(&self, pixel: DVec2) -> DVec2 {

@@ -3,7 +3,7 @@
 use crate::pyramid::Quad;
 use glam::Vec3;
 
-/// Real spherical harmonics of degree 0 to 2, one RGB triple each, in the order of `formats.md`.
+/// Real spherical harmonics of degree 0 to 2, one RGB triple each, in the order of `board/FORMATS.md`.
 pub type Sh9 = [[f32; 3]; 9];
 
 /// A directional light.

@@ -50,7 +50,7 @@ const fn with(lights: usize, tolerance: Option<f32>, ambient: bool) -> Request {
     Request { lights, tolerance, ambient }
 }
 
-/// The shadowed error as `metrics.md` has it, in f64 over all texels.
+/// The shadowed error as `host-sim/METRICS.md` has it, in f64 over all texels.
 fn judged(map: &Pyramid<Vec<Quad>>, made: &Made) -> f64 {
     let view = map.view();
     let lattice = |k: usize| {

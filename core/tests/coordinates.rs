@@ -1,4 +1,4 @@
-//! Axes of other programs: directions by `formats.md`, harmonics by evaluating the basis at turned directions.
+//! Axes of other programs: directions by `board/FORMATS.md`, harmonics by evaluating the basis at turned directions.
 
 mod common;
 
@@ -27,7 +27,7 @@ fn basis(d: DVec3) -> [f64; 9] {
     ]
 }
 
-/// formats.md: from probe (x, y, z).
+/// `board/FORMATS.md`: from probe (x, y, z).
 fn turned(c: Coordinates, d: DVec3) -> DVec3 {
     match c {
         Coordinates::Probe => d,

@@ -93,7 +93,7 @@ fn fir(taps: usize, rate: f64, signal: &[f64]) -> Vec<f64> {
 
 #[test]
 fn filters_have_the_measured_figures() {
-    // `algorithms.md` 7.3: jitter, frames to 90 %, ramp lag, at 6.7 and at 30 frames a second.
+    // Figures of a prototype in NumPy: jitter, frames to 90 %, ramp lag, at 6.7 and at 30 frames a second.
     let rows: [Row; 4] = [
         ("fir 7", |rate, s| fir(7, rate, s), [[0.52, 5.1, 0.88], [0.47, 5.7, 0.19]]),
         ("fir 15", |rate, s| fir(15, rate, s), [[0.49, 9.7, 2.08], [0.32, 11.6, 0.45]]),

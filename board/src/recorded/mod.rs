@@ -1,4 +1,4 @@
-//! Recorded bursts: folders with a `burst.toml` and one image per exposure, as `formats.md` defines them.
+//! Recorded bursts: folders with a `burst.toml` and one image per exposure, as `board/FORMATS.md` defines them.
 //!
 //! What is read is hostile until parsed: sizes are bounded, names are bare, and every refusal is one line.
 

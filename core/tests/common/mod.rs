@@ -47,7 +47,7 @@ pub fn plain(model: Model, centre: [f64; 2], focal: f64, max_deg: f64) -> Intrin
     }
 }
 
-/// The lens of `formats.md`'s benchmark: 160 x 140 degrees on 640 x 480.
+/// The standard lens of `board/FORMATS.md`: 160 x 140 degrees on 640 x 480.
 pub fn bench_lens() -> Lens {
     Lens::try_new(plain(Model::Equidistant, [319.5, 239.5], 196.4, 80.0)).expect("a sound lens")
 }

@@ -87,7 +87,7 @@ pub(super) fn median(mut values: Vec<f64>) -> f64 {
     values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// The standard lens of `formats.md`: what `fixtures/lens-160x140.toml` holds.
+/// The standard lens of `board/FORMATS.md`, with the values of `fixtures/lens-160x140.toml`.
 fn standard_lens() -> LensFile {
     let mut vignetting = [0.0; 8];
     vignetting[0] = 1.0;

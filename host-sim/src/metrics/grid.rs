@@ -69,12 +69,6 @@ impl Grid {
         self.rows
     }
 
-    /// Rows of the whole map.
-    #[must_use]
-    pub fn map_height(&self) -> usize {
-        self.size.1
-    }
-
     /// Unit directions of the texels that count.
     #[must_use]
     pub fn directions(&self) -> &[[f64; 3]] {

@@ -1,4 +1,4 @@
-//! `hemilux-sim stress`: every scenario x every method x three numbers of lights, by `metrics.md`.
+//! `hemilux-sim stress`: every scenario x every method x three numbers of lights, as `host-sim/METRICS.md` defines them.
 
 mod figure;
 mod judge;

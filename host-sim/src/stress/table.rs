@@ -13,7 +13,7 @@ pub fn text(rows: &[Row], setting: &Setting, backgrounds: &str) -> String {
          # leak: unwarranted change in what cannot see the switched lamp. step: frames until a change has settled.\n\
          # transit: energy in empty sky over the switched lamp's. track: degrees off a moving source.\n\
          # noise: degrees that lights move per frame of a static noisy scene. churn: lights born and died per frame.\n\
-         # Definitions in metrics.md; a dash where a figure has no meaning.\n",
+         # Definitions in host-sim/METRICS.md; a dash where a figure has no meaning.\n",
         setting.width,
         setting.width.div_ceil(2),
         setting.frames,

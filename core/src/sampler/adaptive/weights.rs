@@ -1,7 +1,7 @@
 //! Weights that light receivers with random occluders best.
 //!
 //! Let K(d, d') be the mean over receivers of what a unit light from d and one from d' give together: over normals and occluding caps as
-//! `metrics.md` draws them it depends on the angle between d and d' alone. The expected squared error of lights w_i at l_i in the
+//! `host-sim/METRICS.md` draws them it depends on the angle between d and d' alone. The expected squared error of lights w_i at l_i in the
 //! place of a map mu is then |mu - sum w_i delta(l_i)|^2 in the norm of K, and least where K w = K mu. Starting from the energies of
 //! the leaves, the correction x solves (K + R) x = r with r_i = sum over sources s of y_s (K(l_i, s) - K(l_i, l_owner(s))), under
 //! sum x = 0. R, a ridge in proportion to 1 / energy, keeps dim lights from paying for bright ones. Cholesky, in place.
