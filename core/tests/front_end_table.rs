@@ -1,0 +1,250 @@
+//! Bursts of every supported format give the map and the lights of a committed table, bit for bit on every machine.
+//!
+//! `front_end_table.txt` was written by the parts that the front end is made of, before they had one constructor. To accept a change,
+//! run with `HEMILUX_ACCEPT=1` and say in the commit why the light changed.
+
+use core::f64::consts::PI;
+use glam::DVec2;
+use hemilux_core::fill;
+use hemilux_core::format::{Format, Layout, Matrix, Pattern, Yuv};
+use hemilux_core::front;
+use hemilux_core::healpix::Domain;
+use hemilux_core::lens::{Intrinsics, Lens, Model};
+use hemilux_core::light::Light;
+use hemilux_core::merge::{Exposure, Merge, Reciprocal, Samples, merge_size};
+use hemilux_core::plan::{Plan, Run, Span, Texel, plan_size};
+use hemilux_core::polar::LatLongView;
+use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
+use hemilux_core::response::{Curve, Response, curve_len};
+use hemilux_core::sampler::q2tree::{Leaf, Parameters, Past, Q2Tree, interior_len};
+use hemilux_core::sampler::{Map, Request, Sampler};
+use std::fmt::Write as _;
+
+const TABLE: &str = "tests/front_end_table.txt";
+const LIGHTS: usize = 64;
+
+/// One row of the table.
+struct Case {
+    name: String,
+    format: Format,
+    response: Response,
+    exposures: Vec<Exposure>,
+    /// Bytes of a row beyond its pixels.
+    padding: usize,
+    order: u8,
+    extrapolated: bool,
+}
+
+impl Case {
+    fn new(format: Format) -> Self {
+        Self {
+            name: format!("{format:?}"),
+            format,
+            response: Response::Linear,
+            exposures: exposures(&[0.001, 0.008, 0.064], 1.0),
+            padding: 0,
+            order: 4,
+            extrapolated: false,
+        }
+    }
+
+    fn named(self, what: &str) -> Self {
+        Self { name: format!("{}, {what}", self.name), ..self }
+    }
+}
+
+fn exposures(seconds: &[f64], gain: f64) -> Vec<Exposure> {
+    seconds.iter().map(|seconds| Exposure { seconds: *seconds, gain }).collect()
+}
+
+fn formats() -> Vec<Format> {
+    let patterns = [Pattern::Rggb, Pattern::Grbg, Pattern::Gbrg, Pattern::Bggr];
+    let yuvs = [Matrix::Bt601, Matrix::Bt709]
+        .into_iter()
+        .flat_map(|matrix| [false, true].map(|limited| Yuv { limited, matrix }));
+    let mut formats = vec![Format::Rgb24, Format::Bgr24, Format::Rgb48, Format::Grey];
+    formats.extend(yuvs.flat_map(|yuv| [Format::Yuyv(yuv), Format::Nv12(yuv)]));
+    formats.extend(patterns.into_iter().flat_map(|p| {
+        let words = [10, 12, 14, 16].map(|bits| Format::Bayer16(p, bits));
+        [Format::Bayer8(p), Format::Raw10(p), Format::Raw12(p)].into_iter().chain(words)
+    }));
+    formats
+}
+
+fn cases() -> Vec<Case> {
+    let polynomial = Response::Polynomial([
+        [0.1, 0.2, 0.3, 0.38, 0.0],
+        [0.0, 0.3, 0.3, 0.4, 0.0],
+        [0.2, 0.2, 0.2, 0.37, 0.01],
+    ]);
+    let gains = [1.0, 4.0, 8.0].map(|gain| Exposure { seconds: 0.004, gain }).to_vec();
+    let twelve: Vec<f64> = (0..12).map(|i| 0.000_5 * 1.7f64.powi(i)).collect();
+    formats()
+        .into_iter()
+        .flat_map(|format| {
+            let case = || Case::new(format);
+            [
+                case().named("linear"),
+                Case { padding: 6, order: 5, ..case() }.named("padded rows, order 5"),
+                Case { response: Response::Srgb, ..case() }.named("sRGB"),
+                Case { response: polynomial, extrapolated: true, ..case() }
+                    .named("polynomials, extrapolated"),
+                Case { exposures: exposures(&[0.01], 2.0), ..case() }.named("one exposure"),
+                Case { exposures: gains.clone(), ..case() }.named("three gains"),
+                Case { exposures: exposures(&twelve, 1.0), response: Response::Srgb, ..case() }
+                    .named("twelve exposures, sRGB"),
+            ]
+        })
+        .collect()
+}
+
+const WIDTH: u32 = 212;
+const HEIGHT: u32 = 160;
+
+/// A lens that sees below the horizon, with skew and vignetting, whose circle the sensor cuts.
+fn lens() -> Lens {
+    Lens::try_new(Intrinsics {
+        model: Model::KannalaBrandt([0.01, -0.002, 0.0, 0.0]),
+        centre_px: DVec2::new(104.3, 80.7),
+        focal_px: DVec2::new(56.0, 55.0),
+        skew_px: 0.4,
+        max_theta: 95.0 / 180.0 * PI,
+        vignetting: [1.0, 0.0, -0.1, 0.0, 0.01, 0.0, 0.0, 0.0],
+    })
+    .expect("a sound lens")
+}
+
+/// Bytes that rise with the exposure up to where they clip, from a pattern of places with some noise.
+fn bytes(layout: &Layout, exposure: usize) -> Vec<u8> {
+    let mut state = 0x9e37_79b9u32.wrapping_mul(exposure as u32 + 1);
+    let line = layout.bytes_per_line() as u32;
+    let mut byte = |at: u32| {
+        state ^= state << 13;
+        state ^= state >> 17;
+        state ^= state << 5;
+        let (row, column) = (at / line, at % line);
+        // A lamp that clips everywhere, one that clips in the longer exposures, and a sky that slopes.
+        let lamp = (row.abs_diff(60) + column.abs_diff(line / 2)) < 9;
+        let window = (row.abs_diff(100) + column.abs_diff(line / 3)) < 30;
+        let base = if lamp {
+            4000
+        } else if window {
+            90
+        } else {
+            4 + (row + 3 * column / (line / WIDTH).max(1)) % 23
+        };
+        let code =
+            6 + base * (1 << (3 * exposure.min(4))) / (1 << exposure.saturating_sub(4).min(3)) + state % 5;
+        code.min(255) as u8
+    };
+    let Format::Bayer16(_, bits) = layout.format() else {
+        return (0..layout.frame_bytes() as u32).map(byte).collect();
+    };
+    let word = |at: u32| (u16::from(byte(2 * at)) << (bits - 8) | (at % 4) as u16).to_le_bytes();
+    (0..layout.frame_bytes() as u32 / 2).flat_map(word).collect()
+}
+
+/// FNV-1a of 32-bit words.
+struct Hash(u64);
+
+impl Hash {
+    fn add(&mut self, word: u32) {
+        for byte in word.to_le_bytes() {
+            self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+        }
+    }
+
+    fn add_f64(&mut self, v: f64) {
+        let bits = v.to_bits();
+        self.add(bits as u32);
+        self.add((bits >> 32) as u32);
+    }
+}
+
+/// What a frame's pixels, map and lights are, in three words and a readable sum.
+fn row(case: &Case) -> String {
+    let layout = Layout::try_new(case.format, WIDTH, HEIGHT, case.format.line_bytes(WIDTH) + case.padding)
+        .expect("a layout");
+    let frames: Vec<Vec<u8>> = (0..case.exposures.len()).map(|i| bytes(&layout, i)).collect();
+    let words: Vec<Vec<u16>> =
+        frames.iter().map(|f| f.as_chunks().0.iter().map(|b| u16::from_le_bytes(*b)).collect()).collect();
+    let is_words = case.format == Format::Rgb48;
+    let samples: Vec<Samples<'_>> = frames
+        .iter()
+        .zip(&words)
+        .map(|(b, w)| if is_words { Samples::U16(w) } else { Samples::U8(b) })
+        .collect();
+    let white = f64::from(case.format.max_code());
+    let black = if white > 255.0 { white / 32.0 } else { 6.0 };
+
+    let depth = case.format.depth();
+    let curve =
+        Curve::try_new(&case.response, depth, black, white, vec![0; curve_len(depth)]).expect("a curve");
+    let planes = matches!(case.format, Format::Yuyv(_) | Format::Nv12(_));
+    let curve = if planes { curve.looked_up() } else { curve };
+    let size = merge_size(&curve, &case.exposures).expect("a merge");
+    let memory = (vec![0; size.tables], vec![Reciprocal::default(); size.reciprocals]);
+    let merge = Merge::try_new(curve, &case.exposures, 0.05, memory).expect("a merge");
+    let (width, height) = layout.places();
+    let lens = if case.format.pattern().is_some() { lens().halved() } else { lens() };
+    let size = plan_size(&lens, width, height, case.order).expect("a plan");
+    let memory = (
+        vec![Span::default(); size.spans],
+        vec![0; size.weights],
+        vec![Run::default(); size.runs],
+        vec![Texel::default(); size.texels],
+    );
+    let plan = Plan::try_new(&lens, width, height, case.order, memory).expect("a plan");
+    let quads = vec![Quad::default(); pyramid_len(Domain::Hemisphere, case.order)];
+    let mut map = Pyramid::try_new(quads, Domain::Hemisphere, case.order).expect("a map");
+    let seen = front::burst(&samples, &layout, &merge.view(), &plan.view(), [1.1, 1.0, 0.9], &mut map)
+        .expect("a burst");
+    if case.extrapolated {
+        fill::average(&mut map, plan.texels());
+    }
+    let report = [seen.clipped, seen.unseen, seen.below];
+
+    let mut hash = Hash(0xcbf2_9ce4_8422_2325);
+    frames.iter().flatten().for_each(|b| hash.add(u32::from(*b)));
+    let burst = hash.0;
+    let view = map.view();
+    for order in 0..=case.order {
+        for quad in view.quads_of(order) {
+            quad.energy.iter().chain(&quad.moment).for_each(|v| hash.add(v.to_bits()));
+        }
+    }
+    report.into_iter().for_each(|v| hash.add_f64(v));
+    let light = hash.0;
+    for light in lights(&view, case.order) {
+        hash.add(light.id);
+        light.direction.to_array().into_iter().chain(light.irradiance).for_each(|v| hash.add(v.to_bits()));
+    }
+    let y = view.total().y();
+    format!("{} | {burst:016x} | {y:.6e} | {:.4} | {light:016x} | {:016x}", case.name, report[0], hash.0)
+}
+
+fn lights(view: &hemilux_core::pyramid::PyramidView<'_>, order: u8) -> Vec<Light> {
+    let bits = || vec![0; interior_len(Domain::Hemisphere, order)];
+    let room = (vec![Light::default(); LIGHTS], vec![Past::default(); LIGHTS]);
+    let heap = vec![Leaf::default(); LIGHTS];
+    let mut tree =
+        Q2Tree::try_new(Parameters::CENTROID, (Domain::Hemisphere, order), [bits(), bits()], heap, room)
+            .expect("room");
+    let map = Map { pyramid: *view, polar: LatLongView::NONE };
+    tree.update(&map, &Request::of_lights(LIGHTS)).lights.to_vec()
+}
+
+#[test]
+fn every_format_gives_the_light_of_the_table() {
+    let mut found = String::from(
+        "format, response and exposures | frames | luminance | clipped | map | map and lights\n",
+    );
+    cases().iter().for_each(|case| writeln!(found, "{}", row(case)).expect("a string grows"));
+    if std::env::var_os("HEMILUX_ACCEPT").is_some() {
+        std::fs::write(TABLE, &found).expect("a table that can be written");
+    }
+    let expected = std::fs::read_to_string(TABLE).expect("a table");
+    let differs = found.lines().zip(expected.lines()).find(|(a, b)| a != b);
+    assert_eq!(differs, None, "found, expected");
+    assert_eq!(found.lines().count(), expected.lines().count(), "rows");
+}
