@@ -1,4 +1,4 @@
-//! `hemilux-sim burst`: what a camera under an environment map would have recorded.
+//! `hemilux-sim burst`: simulates the burst that a camera under an environment map records.
 
 use crate::decompose;
 use crate::env::EnvMap;
@@ -6,7 +6,7 @@ use crate::error::SimError;
 use crate::output;
 use glam::{DVec2, DVec3};
 use hemilux::calibration::{Burst, Calibration, Frame, Pixels};
-use hemilux::recorded::{self, LensFile};
+use hemilux::recorded::{self, LensFile, Levels};
 use hemilux_core::format::Format;
 use hemilux_core::merge::Exposure;
 use hemilux_core::response::Response;
@@ -19,8 +19,8 @@ use std::path::PathBuf;
 /// Relative exposure of the brightest visible texel in the shortest exposure, unless the scene is too contrasty.
 const HEADROOM: f64 = 0.9;
 
-/// Least mean relative exposure of the longest frame: eight codes of twelve bits. Scenes of more contrast clip their lamps, as
-/// they would on a camera, rather than drown everything else in noise.
+/// Least mean relative exposure of the longest frame: eight codes of twelve bits. In scenes of more contrast the brightest texels clip, as
+/// on a camera, so that the rest of the scene stays above the noise.
 const LEAST_MEAN: f64 = 0.002;
 
 /// Exposure times of \[Nikodym2012\], seconds.
@@ -37,7 +37,7 @@ pub struct Sensor {
     pub read_noise: f64,
 }
 
-/// A burst to be made.
+/// Arguments of `burst`.
 #[derive(Clone, Debug)]
 pub struct Job {
     /// Environment map.
@@ -52,7 +52,7 @@ pub struct Job {
     pub sensor: Sensor,
     /// Seed of the noise.
     pub seed: u64,
-    /// Folder to be made.
+    /// Folder that is written; created where it does not exist.
     pub out: PathBuf,
 }
 
@@ -76,19 +76,14 @@ pub fn run(job: &Job) -> Result<(), SimError> {
     let lens = recorded::read_lens(&job.lens)?;
     let scene = expose(&env, &lens);
     let scale = job.scale.unwrap_or_else(|| fitted_scale(&scene, &job.exposures));
-    let (black, white) = levels(&lens, job.sensor);
+    let levels = levels(&lens, job.sensor);
     std::fs::create_dir_all(&job.out).map_err(|e| SimError::at(&job.out, e, "a folder that can be made"))?;
-    let camera = Camera {
-        levels: (black, white),
-        scale,
-        sensor: job.sensor,
-        curves: curves(&lens.response, black, white),
-    };
+    let camera = Camera { levels, scale, sensor: job.sensor, curves: curves(&lens.response, levels) };
     for (index, seconds) in job.exposures.iter().enumerate() {
         let codes = camera.record(&scene, *seconds, &mut noise(job.seed, index));
-        save(job, &scene, &codes, index, white)?;
+        save(job, &scene, &codes, index, levels.white)?;
     }
-    output::save(&job.out.join("burst.toml"), manifest(job, &lens, scale, (black, white)).as_bytes())
+    output::save(&job.out.join("burst.toml"), manifest(job, &lens, scale, levels).as_bytes())
 }
 
 /// The brightest texel just fits into the shortest exposure, unless the scene is too contrasty.
@@ -99,16 +94,16 @@ fn fitted_scale(scene: &Scene, exposures: &[f64]) -> f64 {
     if fitted > 0.0 { fitted } else { 1.0 }
 }
 
-fn levels(lens: &LensFile, sensor: Sensor) -> (f64, f64) {
+fn levels(lens: &LensFile, sensor: Sensor) -> Levels {
     let full = f64::from((1u32 << sensor.bits) - 1);
-    lens.levels.unwrap_or((f64::from(1u32 << sensor.bits >> 4), full))
+    lens.levels.unwrap_or(Levels { black: f64::from(1u32 << sensor.bits >> 4), white: full })
 }
 
 fn noise(seed: u64, index: usize) -> Pcg64 {
     Pcg64::seed_from_u64(seed.wrapping_mul(0x9e37_79b9).wrapping_add(index as u64))
 }
 
-/// The same burst in memory, with what the pipeline must know of the camera; exposures ascend.
+/// Simulates a burst in memory and returns it with the camera's calibration; `exposures` must ascend.
 #[must_use]
 pub fn in_memory(
     env: &EnvMap,
@@ -119,9 +114,10 @@ pub fn in_memory(
 ) -> (Calibration, Burst) {
     let scene = expose(env, lens);
     let scale = fitted_scale(&scene, exposures);
-    let (black, white) = levels(lens, sensor);
-    let curves = curves(&lens.response, black, white);
-    let camera = Camera { levels: (black, white), scale, sensor, curves };
+    let levels = levels(lens, sensor);
+    let Levels { black, white } = levels;
+    let curves = curves(&lens.response, levels);
+    let camera = Camera { levels, scale, sensor, curves };
     let format = if white <= 255.0 { Format::Rgb24 } else { Format::Rgb48 };
     let frame = |(index, &seconds): (usize, &f64)| {
         let codes = camera.record(&scene, seconds, &mut noise(seed, index));
@@ -210,7 +206,7 @@ fn lookup(env: &EnvMap, direction: DVec3) -> [f32; 3] {
 }
 
 /// Relative exposure of every code, per channel.
-fn curves(response: &Response, black: f64, white: f64) -> [Vec<f64>; 3] {
+fn curves(response: &Response, Levels { black, white }: Levels) -> [Vec<f64>; 3] {
     let codes = 0..=(white as u32);
     std::array::from_fn(|c| {
         codes.clone().map(|z| response.exposure(c, (f64::from(z) - black) / (white - black))).collect()
@@ -218,7 +214,7 @@ fn curves(response: &Response, black: f64, white: f64) -> [Vec<f64>; 3] {
 }
 
 struct Camera {
-    levels: (f64, f64),
+    levels: Levels,
     scale: f64,
     sensor: Sensor,
     curves: [Vec<f64>; 3],
@@ -252,7 +248,7 @@ impl Camera {
         let above = curve.partition_point(|v| *v < y).min(curve.len() - 1);
         let below = above.saturating_sub(1);
         let nearer = if (y - curve[below]).abs() < (curve[above] - y).abs() { below } else { above };
-        (nearer as f64).min(self.levels.1) as u16
+        (nearer as f64).min(self.levels.white) as u16
     }
 }
 
@@ -271,7 +267,7 @@ fn save(job: &Job, scene: &Scene, codes: &[u16], index: usize, white: f64) -> Re
     output::save(&path, bytes.get_ref())
 }
 
-fn manifest(job: &Job, lens: &LensFile, scale: f64, (black, white): (f64, f64)) -> String {
+fn manifest(job: &Job, lens: &LensFile, scale: f64, Levels { black, white }: Levels) -> String {
     use toml::{Table, Value};
     let mut response = lens.response_table.clone().unwrap_or_default();
     response.entry("model").or_insert_with(|| Value::from("linear"));

@@ -57,7 +57,7 @@ enum Command {
 
 #[derive(Args, Debug)]
 struct SamplerArgs {
-    /// How lights are found.
+    /// Method of decomposition.
     #[arg(long, default_value = "adaptive", value_parser = clap::builder::PossibleValuesParser::new(samplers::NAMES))]
     sampler: String,
     /// Most lights; 0 with --ambient leaves spherical harmonics alone.
@@ -70,7 +70,7 @@ struct ModelArgs {
     /// Gives the fewest lights whose shadowed error is at most this ratio: 0.03 is 3 per cent.
     #[arg(long, value_name = "E")]
     tolerance: Option<f32>,
-    /// Gives what has no direction as nine spherical-harmonic coefficients in the place of lights.
+    /// Separates ambient light as nine spherical-harmonic coefficients.
     #[arg(long)]
     ambient: bool,
 }
@@ -125,7 +125,7 @@ struct ReplayArgs {
     sampler: SamplerArgs,
     #[command(flatten)]
     model: ModelArgs,
-    /// What stands for the part of the hemisphere that the lens does not see.
+    /// Radiance of the part of the hemisphere outside the field of view.
     #[arg(long, value_enum, default_value = "none")]
     extrapolation: ExtrapolationArg,
     #[command(flatten)]
@@ -134,9 +134,9 @@ struct ReplayArgs {
 
 #[derive(clap::ValueEnum, Clone, Copy, Debug)]
 enum ExtrapolationArg {
-    /// Darkness.
+    /// Black.
     None,
-    /// The average radiance of what is seen.
+    /// The mean radiance of the visible part.
     Average,
 }
 
@@ -250,12 +250,12 @@ struct BenchArgs {
 struct SampleFramesArgs {
     #[command(flatten)]
     sampler: SamplerArgs,
-    /// How often.
+    /// Number of frames.
     #[arg(long, default_value_t = 1)]
     frames: usize,
 }
 
-/// The folder that was named, or the one that the environment names.
+/// The folder of the option, or of the environment variable `HEMILUX_HDRI`.
 fn hdri(named: Option<PathBuf>) -> Result<PathBuf, SimError> {
     let from_environment = || std::env::var_os("HEMILUX_HDRI").map(PathBuf::from);
     let expected = "--backgrounds: found no folder, expected one, or HEMILUX_HDRI in the environment";

@@ -12,7 +12,7 @@ use hemilux_core::wire::{Latency, LightSet};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// What to decompose, and how.
+/// Arguments of `decompose`.
 #[derive(Clone, Debug)]
 pub struct Job {
     /// A map, or a folder of maps that are one sequence in name order.
@@ -25,7 +25,7 @@ pub struct Job {
     pub domain: Domain,
     /// Maps a second of a sequence.
     pub fps: f64,
-    /// Pictures and maps.
+    /// Paths of pictures and maps to write.
     pub files: Files,
 }
 
@@ -80,7 +80,7 @@ pub fn run(job: &Job) -> Result<(), SimError> {
     Ok(())
 }
 
-/// Rows of the map of a built-in scene: as many as the maps that the project's figures are made on.
+/// Rows of the map of a built-in scene, as in the maps of the charts.
 const SCENE_ROWS: usize = 256;
 
 /// Reads a map, or makes that of the built-in scene `scene:NAME` at its beginning, and tells on standard error how many texels were

@@ -1,4 +1,4 @@
-//! What the SVG charts share: colours that colour-blind readers tell apart, text, log axes in pixels.
+//! Primitives of the SVG charts: colours that colour-blind readers can distinguish, text, logarithmic axes.
 
 use plotters::backend::SVGBackend;
 use plotters::coord::Shift;
@@ -25,7 +25,7 @@ pub const GREY: RGBColor = RGBColor(120, 120, 120);
 /// Grid lines.
 pub const PALE: RGBColor = RGBColor(224, 224, 224);
 
-/// A drawing whose errors cannot happen: the backend writes to memory.
+/// An SVG drawing in memory, whose backend cannot fail.
 pub struct Canvas<'a> {
     area: DrawingArea<SVGBackend<'a>, Shift>,
 }
@@ -152,7 +152,7 @@ impl LogAxis {
     }
 }
 
-/// A number as people write it: no trailing zeros, no exponent.
+/// A number in decimal notation without trailing zeros or exponent.
 #[must_use]
 pub fn plain(v: f64) -> String {
     format!("{}", (v * 1e6).round() / 1e6)

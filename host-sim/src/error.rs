@@ -1,4 +1,4 @@
-//! What a command may end with: one line, and the exit code.
+//! The error of a command: one line of text and an exit status.
 
 use std::fmt::Display;
 use std::path::Path;
@@ -6,16 +6,16 @@ use std::path::Path;
 /// Why a command stopped.
 #[derive(Debug, thiserror::Error)]
 pub enum SimError {
-    /// The command line asks for something that does not exist: exit 2.
+    /// The command line is wrong: exit status 2.
     #[error("{0}")]
     Usage(String),
-    /// The work failed: exit 1.
+    /// The command failed: exit status 1.
     #[error("{0}")]
     Failed(String),
 }
 
 impl SimError {
-    /// A failure at a file.
+    /// A failure that names a file, what was found and what was expected.
     pub fn at(path: &Path, found: impl Display, expected: &str) -> Self {
         Self::Failed(format!("{}: found {found}, expected {expected}", path.display()))
     }

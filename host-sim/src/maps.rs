@@ -1,4 +1,4 @@
-//! Environment maps as the samplers read them: HEALPix pyramid and latitude-longitude map, the energy kept.
+//! The input of the samplers, made from environment maps: a HEALPix pyramid and a latitude-longitude map of the same energy.
 
 use crate::env::EnvMap;
 use crate::metrics::{Grid as Texels, luminance};
@@ -38,7 +38,7 @@ impl Maps {
         Self { pyramid, polar, plan: None }
     }
 
-    /// Takes the light of `env`: each texel's at its centre, where it is scored, so that no light is where the map has none.
+    /// Fills pyramid and polar map with the energy of `env`. Each texel's energy is placed at the texel's centre, as in the scores.
     pub fn fill(&mut self, env: &EnvMap) {
         let view = self.pyramid.view();
         let plan = match self.plan.take() {
@@ -61,13 +61,13 @@ impl Maps {
         resample(env, &mut self.polar);
     }
 
-    /// What samplers read.
+    /// Views of both maps.
     #[must_use]
     pub fn view(&self) -> Map<'_> {
         Map { pyramid: self.pyramid.view(), polar: self.polar.view() }
     }
 
-    /// Takes each quad's and each texel's radiance at its centre: quick, for work that only has to be done, not judged.
+    /// Takes each quad's and each texel's radiance at its centre: fast and inexact, for benchmarks.
     pub fn fill_at_centres(&mut self, radiance: impl Fn([f64; 3]) -> [f32; 3]) {
         let order = self.pyramid.view().order();
         let sr = healpix::solid_angle(order) as f32;
@@ -88,9 +88,9 @@ impl Maps {
     }
 }
 
-/// Maps of every order that some number of lights needs.
+/// One [`Maps`] per HEALPix order that the numbers of lights need.
 pub struct OrderedMaps {
-    /// Each order once.
+    /// Shape and maps, one entry per order.
     all: Vec<(Shape, Maps)>,
 }
 
@@ -106,15 +106,15 @@ impl OrderedMaps {
         Self { all: made.map(|shape| (shape, Maps::new(domain, shape.order, grid))).collect() }
     }
 
-    /// Takes the light of `env`.
+    /// Fills the maps of every order with the energy of `env`.
     pub fn fill(&mut self, env: &EnvMap) {
         self.all.iter_mut().for_each(|(_, maps)| maps.fill(env));
     }
 
-    /// What a sampler of `lights` lights reads, and its shape.
+    /// Shape and maps for a sampler of `lights` lights.
     ///
     /// # Panics
-    /// If [`OrderedMaps::new`] was not told of a number of lights like this.
+    /// If no number of lights given to [`OrderedMaps::new`] has the same order.
     #[must_use]
     pub fn of(&self, lights: usize) -> (&Shape, Map<'_>) {
         let order = samplers::order_for(lights);
@@ -124,7 +124,7 @@ impl OrderedMaps {
     }
 }
 
-/// The texels of maps of one size and the quad that each is in: worked out once for the maps of a sequence.
+/// The texels of maps of one size and the quad that each is in: computed once for the maps of a sequence.
 struct Plan {
     grid: Texels,
     quads: Vec<u32>,
@@ -138,15 +138,23 @@ impl Plan {
     }
 }
 
-/// Shares of an axis' cells: (from, to, part of the source cell).
-fn overlaps(from: &[f64], to: &[f64]) -> Vec<(usize, usize, f64)> {
+/// Overlap of a source cell and a target cell along one axis.
+struct Overlap {
+    from: usize,
+    to: usize,
+    /// Overlap over the width of the source cell.
+    share: f64,
+}
+
+/// Overlaps of the cells between the edges `from` with the cells between the edges `to`.
+fn overlaps(from: &[f64], to: &[f64]) -> Vec<Overlap> {
     let mut shares = Vec::new();
     for (i, source) in from.windows(2).enumerate() {
         let width = source[1] - source[0];
         for (j, target) in to.windows(2).enumerate() {
             let common = source[1].min(target[1]) - source[0].max(target[0]);
             if common > 1e-12 * width && width > 0.0 {
-                shares.push((i, j, common / width));
+                shares.push(Overlap { from: i, to: j, share: common / width });
             }
         }
     }
@@ -164,12 +172,12 @@ fn resample(env: &EnvMap, polar: &mut LatLong<Vec<[f32; 3]>>) {
     let (columns_from, columns_to) = (steps(env.width()), steps(grid.width));
     let columns = overlaps(&columns_from, &columns_to);
     let mut sums = vec![[0.0f64; 3]; grid.len()];
-    for (i, to_row, part) in overlaps(&rows_from, &rows_to) {
-        let omega = env.solid_angle(i) * part;
-        for &(j, to_column, share) in &columns {
-            let rgb = env.texels()[i * env.width() + j];
-            for (s, v) in sums[to_row * grid.width + to_column].iter_mut().zip(rgb) {
-                *s += f64::from(v) * omega * share;
+    for row in overlaps(&rows_from, &rows_to) {
+        let omega = env.solid_angle(row.from) * row.share;
+        for column in &columns {
+            let rgb = env.texels()[row.from * env.width() + column.from];
+            for (s, v) in sums[row.to * grid.width + column.to].iter_mut().zip(rgb) {
+                *s += f64::from(v) * omega * column.share;
             }
         }
     }

@@ -1,4 +1,4 @@
-//! What commands write: light sets, pictures and maps.
+//! Output of the commands: light sets, pictures and maps.
 
 use crate::error::SimError;
 use hemilux_core::light::Light;
@@ -7,7 +7,7 @@ use hemilux_core::wire::{self, LightSet};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Where the pictures and maps of a command go.
+/// Paths of the pictures and maps that a command writes.
 #[derive(Clone, Debug, Default)]
 pub struct Files {
     /// Tone-mapped map with the lights.
@@ -17,7 +17,7 @@ pub struct Files {
 }
 
 impl Files {
-    /// Writes what was asked for; of a sequence, frame `index` goes to a numbered file.
+    /// Writes the picture and the map whose paths are set; frame `index` of a sequence goes to a numbered file.
     ///
     /// # Errors
     /// [`SimError`] naming the file that could not be written.
@@ -51,7 +51,7 @@ fn numbered(path: &Path, index: Option<usize>) -> PathBuf {
     path.with_file_name(format!("{stem}-{index:04}{extension}"))
 }
 
-/// Writes a file whole.
+/// Writes `bytes` as the whole contents of a file.
 ///
 /// # Errors
 /// [`SimError`] naming the file.

@@ -1,8 +1,8 @@
-//! Progress on standard error; nothing where that is no terminal.
+//! Progress bars on standard error, hidden where standard error is not a terminal.
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// A bar over `steps` steps of `what`, which vanishes when dropped.
+/// A bar of `steps` steps labelled `what`, removed when dropped.
 #[must_use]
 pub fn bar(what: &'static str, steps: usize) -> ProgressBar {
     let style = ProgressStyle::with_template("{prefix} [{bar:32}] {pos}/{len} {msg} {elapsed}, {eta} left")

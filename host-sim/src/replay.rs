@@ -10,25 +10,25 @@ use hemilux_core::response::{Curve, curve_len};
 use hemilux_core::wire::LightSet;
 use std::path::{Path, PathBuf};
 
-/// What to replay, and how.
+/// Arguments of `replay`.
 #[derive(Clone, Debug)]
 pub struct Job {
     /// A burst, or a folder of bursts that are one sequence.
     pub burst: PathBuf,
     /// Sampler, lights, extrapolation.
     pub settings: Settings,
-    /// Pictures and maps.
+    /// Paths of pictures and maps to write.
     pub files: Files,
 }
 
-/// Prints one light set per burst, and what the bursts held on standard error.
+/// Prints one light set per burst on standard output, and a summary of each burst on standard error.
 ///
 /// # Errors
 /// [`SimError`].
 pub fn run(job: &Job) -> Result<(), SimError> {
     let bursts = recorded::read_sequence(&job.burst)?;
     let mut pipeline: Option<Pipeline> = None;
-    for (index, (timestamp_ns, folder)) in bursts.iter().enumerate() {
+    for (index, recorded::BurstFolder { folder, timestamp_ns }) in bursts.iter().enumerate() {
         let (calibration, burst) = recorded::read_burst(folder)?;
         let same = pipeline.take().filter(|p| *p.calibration() == calibration);
         let running = match same {
@@ -74,7 +74,7 @@ pub fn run(job: &Job) -> Result<(), SimError> {
     Ok(())
 }
 
-/// Names the burst that a pipeline refused; a wrong sampler or number of lights is the command line's fault.
+/// Adds the path of the burst to an error of the pipeline; a wrong sampler or number of lights is a usage error.
 fn at(folder: &Path, e: PipelineError) -> SimError {
     match e {
         PipelineError::Sampler(e) => e.into(),
@@ -82,7 +82,7 @@ fn at(folder: &Path, e: PipelineError) -> SimError {
     }
 }
 
-/// A neighbouring pair of exposures, by the file and by the pixels.
+/// Exposure ratio of two neighbouring frames, by the manifest and by the pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ratio {
     /// Exposure times by the file, seconds.
@@ -95,7 +95,7 @@ pub struct Ratio {
     pub samples: usize,
 }
 
-/// Measures the ratios of neighbouring exposures: nominal times lie, on real cameras by up to a fifth. None for frames that are packed
+/// Measures the ratios of neighbouring exposures; the times that real cameras report are off by up to a fifth. Empty for frames packed
 /// otherwise than as red, green and blue.
 #[must_use]
 pub fn ratios(calibration: &Calibration, burst: &Burst) -> Vec<Ratio> {

@@ -1,6 +1,6 @@
 //! Scores a light set from a JSON file against an environment map.
 //!
-//! The file is hostile until it is parsed: every refusal is one line that names the file, what was found
+//! The file is untrusted: every error is one line that names the file, what was found
 //! and what was expected. Fields that a score does not need are ignored, as later versions may add some.
 
 use std::path::{Path, PathBuf};
@@ -13,8 +13,8 @@ use crate::metrics::{Domain, Lit, LitSet, Reference, Score, sh};
 
 /// Largest file that is read, bytes; 4096 lights take about one megabyte.
 const MAX_BYTES: u64 = 64 << 20;
-/// How far a direction's length may be from 1. Six decimals in text keep 2e-6; 1 % forgives a producer
-/// that writes two decimals and refuses anything that is no direction at all.
+/// How far a direction's length may be from 1. Six decimals in text keep 2e-6; 1 % accepts a producer
+/// that writes two decimals and rejects vectors that are not directions.
 const LENGTH_TOLERANCE: f64 = 0.01;
 /// The format's version.
 const VERSION: u32 = 1;

@@ -15,7 +15,7 @@ const MAX_BYTES: u64 = 1 << 29;
 
 const EXPECTED: &str = "a whole PNG, JPEG, PGM or PPM image";
 
-/// Reads one image, by what it holds and not by its name; grey is repeated in all channels.
+/// Reads one image; the format follows from the contents, not from the file name. Grey is repeated in all channels.
 pub(super) fn read(path: &Path) -> Result<Image, RecordedError> {
     let refused = |found: &dyn std::fmt::Display| RecordedError::new(path, found, EXPECTED);
     let reader = ImageReader::open(path).map_err(|e| refused(&e))?;
@@ -43,10 +43,10 @@ pub(super) fn read(path: &Path) -> Result<Image, RecordedError> {
     Ok(Image { layout, pixels })
 }
 
-/// Bytes that a driver may have put behind a frame.
+/// Largest number of bytes after the rows of a raw frame.
 const MAX_TRAILER: u64 = 1 << 16;
 
-/// Reads one frame as a driver gave it.
+/// Reads one frame as the driver packed it.
 pub(super) fn read_raw(path: &Path, layout: Layout) -> Result<Image, RecordedError> {
     let rows = layout.frame_bytes() as u64;
     let expected = format!("{rows} bytes of a raw frame");

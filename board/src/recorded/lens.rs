@@ -1,4 +1,4 @@
-//! Lens files: what is known of a camera before it is opened.
+//! Lens files: lens, response and levels of a camera.
 
 use super::RecordedError;
 use super::manifest::{LensTable, ResponseTable, SensorTable, check_version, read};
@@ -22,7 +22,16 @@ fn version_one() -> i64 {
     1
 }
 
-/// What a lens file says.
+/// Black and white level of a sensor, codes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Levels {
+    /// Code of darkness.
+    pub black: f64,
+    /// Code of relative exposure 1.
+    pub white: f64,
+}
+
+/// Contents of a lens file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LensFile {
     /// The lens.
@@ -32,15 +41,15 @@ pub struct LensFile {
     /// Codes to relative exposure; linear where the file has no `[response]`.
     pub response: Response,
     /// Black and white level where the file names both.
-    pub levels: Option<(f64, f64)>,
-    /// The text of its `[lens]` and `[response]` tables' values, for copying into a `burst.toml`.
+    pub levels: Option<Levels>,
+    /// The values of the `[lens]` table, for copying into a `burst.toml`.
     pub lens_table: toml::Table,
-    /// As `lens_table`.
+    /// The values of the `[response]` table, where the file has one.
     pub response_table: Option<toml::Table>,
 }
 
 impl LensFile {
-    /// Codes to relative exposure, where the file says it.
+    /// The response, where the file has a `[response]` table.
     #[must_use]
     pub fn told_response(&self) -> Option<Response> {
         self.response_table.as_ref().map(|_| self.response)
@@ -64,7 +73,7 @@ pub fn read_lens(path: &Path) -> Result<LensFile, RecordedError> {
         lens: file.lens.lens(path)?,
         size,
         response,
-        levels: file.sensor.and_then(|s| Some((s.black?, s.white?))),
+        levels: file.sensor.and_then(|s| Some(Levels { black: s.black?, white: s.white? })),
         lens_table: table("lens").unwrap_or_default(),
         response_table: table("response"),
     })

@@ -1,6 +1,6 @@
 //! `burst.toml` and `sequence.toml`.
 
-use super::{MAX_MANIFEST_BYTES, RecordedError};
+use super::{BurstFolder, MAX_MANIFEST_BYTES, RecordedError};
 use crate::calibration::Calibration;
 use glam::DVec2;
 use hemilux_core::format::{Format, Layout, Matrix, Yuv};
@@ -9,7 +9,7 @@ use hemilux_core::merge::{Exposure, MAX_EXPOSURES};
 use hemilux_core::response::Response;
 use serde::Deserialize;
 use std::io::Read;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Component, Path};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -67,7 +67,7 @@ pub(super) struct SensorTable {
     white_balance: Option<[f32; 3]>,
 }
 
-/// How raw frames are packed.
+/// Packing of raw frames: the `[format]` table.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct FormatTable {
@@ -168,14 +168,14 @@ pub(super) fn check_version(path: &Path, version: i64) -> Result<(), RecordedErr
     }
 }
 
-/// Whether `name` names something in the folder itself.
+/// Whether `name` is a file name without a folder part.
 fn is_bare(name: &str) -> bool {
     let mut parts = Path::new(name).components();
     matches!((parts.next(), parts.next()), (Some(Component::Normal(_)), None)) && !name.contains(['/', '\\'])
 }
 
 impl Manifest {
-    /// Refuses what contradicts itself, before any image is read.
+    /// Checks versions, counts, names and numbers before any image is read.
     pub(super) fn check(&self, path: &Path) -> Result<(), RecordedError> {
         let refuse = |found: String, expected: &str| Err(RecordedError::new(path, found, expected));
         check_version(path, self.version)?;
@@ -322,7 +322,7 @@ impl ResponseTable {
 }
 
 /// Reads a `sequence.toml`.
-pub(super) fn read_sequence(path: &Path, folder: &Path) -> Result<Vec<(u64, PathBuf)>, RecordedError> {
+pub(super) fn read_sequence(path: &Path, folder: &Path) -> Result<Vec<BurstFolder>, RecordedError> {
     let file: SequenceFile = read(path)?;
     check_version(path, file.version)?;
     if file.burst.is_empty() {
@@ -338,5 +338,6 @@ pub(super) fn read_sequence(path: &Path, folder: &Path) -> Result<Vec<(u64, Path
     if !file.burst.is_sorted_by_key(|b| b.timestamp_ns) {
         return Err(RecordedError::new(path, "timestamps that go back", "ascending timestamp_ns"));
     }
-    Ok(file.burst.into_iter().map(|b| (b.timestamp_ns, folder.join(b.folder))).collect())
+    let at = |b: SequenceEntry| BurstFolder { folder: folder.join(b.folder), timestamp_ns: b.timestamp_ns };
+    Ok(file.burst.into_iter().map(at).collect())
 }

@@ -1,6 +1,6 @@
 //! Recorded bursts: folders with a `burst.toml` and one image per exposure, as `board/FORMATS.md` defines them.
 //!
-//! What is read is hostile until parsed: sizes are bounded, names are bare, and every refusal is one line.
+//! Input is untrusted: sizes are bounded, file names have no folder part, and every error is one line.
 
 mod images;
 mod lens;
@@ -12,7 +12,7 @@ use manifest::Manifest;
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
-pub use lens::{LensFile, read_lens};
+pub use lens::{LensFile, Levels, read_lens};
 
 /// Largest `burst.toml`, `sequence.toml` or lens file, bytes.
 const MAX_MANIFEST_BYTES: u64 = 1 << 20;
@@ -87,15 +87,24 @@ struct Image {
     pixels: Pixels,
 }
 
-/// The bursts of a recording, in time: (timestamp in nanoseconds, folder).
+/// One burst of a recording, before it is read.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct BurstFolder {
+    /// The folder that holds its `burst.toml`.
+    pub folder: PathBuf,
+    /// Time of the burst by the recording's `sequence.toml`, nanoseconds; 0 where it has none.
+    pub timestamp_ns: u64,
+}
+
+/// Lists the bursts of a recording in the order of time.
 ///
 /// `folder` is a burst itself, holds a `sequence.toml`, or holds bursts, which are then taken in name order.
 ///
 /// # Errors
 /// [`RecordedError`].
-pub fn read_sequence(folder: &Path) -> Result<Vec<(u64, PathBuf)>, RecordedError> {
+pub fn read_sequence(folder: &Path) -> Result<Vec<BurstFolder>, RecordedError> {
     if folder.join("burst.toml").is_file() {
-        return Ok(vec![(0, folder.into())]);
+        return Ok(vec![BurstFolder { folder: folder.into(), timestamp_ns: 0 }]);
     }
     let list = folder.join("sequence.toml");
     if list.is_file() {
@@ -106,7 +115,7 @@ pub fn read_sequence(folder: &Path) -> Result<Vec<(u64, PathBuf)>, RecordedError
     let mut folders: Vec<_> = entries
         .filter_map(|entry| Some(entry.ok()?.path()))
         .filter(|path| path.join("burst.toml").is_file())
-        .map(|path| (0, path))
+        .map(|folder| BurstFolder { folder, timestamp_ns: 0 })
         .collect();
     folders.sort();
     if folders.is_empty() {

@@ -35,7 +35,7 @@ impl ReplaySource {
         let listed = recorded::read_sequence(folder)?;
         let mut bursts: Vec<Burst> = Vec::with_capacity(listed.len());
         let mut camera: Option<Calibration> = None;
-        for (timestamp_ns, path) in &listed {
+        for recorded::BurstFolder { folder: path, timestamp_ns } in &listed {
             let (calibration, mut burst) = recorded::read_burst(path)?;
             check_size(folder, listed.len(), &burst)?;
             if *camera.get_or_insert_with(|| calibration.clone()) != calibration {

@@ -1,4 +1,4 @@
-//! What the reference samplers work on: cells of a map with exact energy and exact centroid.
+//! Cells of a map with exact energy and exact centroid: the input of the reference samplers.
 
 use std::f64::consts::{PI, TAU};
 use std::ops::{Add, AddAssign};
@@ -7,7 +7,7 @@ use crate::env::EnvMap;
 use crate::metrics::vector::{add_scaled, dot, norm, unit};
 use crate::metrics::{Domain, Grid, Lit, luminance};
 
-/// Sums over texels: everything a light needs to know about what it stands for.
+/// Sums over the texels that a light represents: energy, luminance and first moment.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Flux {
     /// Sum of L dOmega, RGB.
@@ -126,7 +126,7 @@ impl Cells {
         self.height
     }
 
-    /// How many cells there are.
+    /// Number of cells.
     #[must_use]
     pub fn len(&self) -> usize {
         self.flux.len()
@@ -167,7 +167,7 @@ impl Cells {
         (0..self.len()).filter(|&k| self.flux[k].luminance > 0.0)
     }
 
-    /// Sums over everything.
+    /// Sums over all cells.
     #[must_use]
     pub fn total(&self) -> Flux {
         self.flux.iter().fold(Flux::default(), |sum, &flux| sum + flux)

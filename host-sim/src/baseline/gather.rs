@@ -5,8 +5,8 @@ use super::cells::{Cells, voronoi};
 use crate::env::EnvMap;
 use crate::metrics::{Domain, Lit};
 
-/// Gives each texel's energy to its nearest light and moves the lights to the energy centroids of what
-/// they got. Ids stay; lights that get nothing go. With no light to start from the result is empty.
+/// Gives each texel's energy to its nearest light and moves each light to the centroid of
+/// that energy. Ids are kept; lights without energy are dropped. Without a light to start from the result is empty.
 #[must_use]
 pub fn gather(map: &EnvMap, domain: Domain, lights: &[Lit]) -> Vec<Lit> {
     let centres: Vec<[f64; 3]> = lights.iter().map(|light| light.direction).collect();

@@ -40,7 +40,7 @@ struct Point {
 }
 
 impl Lloyd {
-    /// Starts anew on every map, as published.
+    /// A sampler that starts from one point on every map, as published.
     #[must_use]
     pub fn cold() -> Self {
         Self::default()
@@ -71,7 +71,7 @@ impl Lloyd {
         self.next_id += 1;
     }
 
-    /// Adds a point to each of the `count` worst cells; tells how many it could add.
+    /// Adds a point to each of the `count` worst cells; returns how many were added.
     fn insert_worst(&mut self, cells: &Cells, count: usize) -> usize {
         let assigned = self.assign(cells);
         let centres: Vec<[f64; 3]> = self.points.iter().map(|p| p.direction).collect();
@@ -110,7 +110,7 @@ impl Lloyd {
         }
     }
 
-    /// Puts back what relaxation dropped, so that the count is reached where the map allows it.
+    /// Adds points in place of those that relaxation dropped, so that the count is reached where the map allows it.
     fn repair(&mut self, cells: &Cells, lights: usize) {
         for _ in 0..REPAIRS {
             self.relax(cells, 1);

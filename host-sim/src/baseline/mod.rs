@@ -1,4 +1,4 @@
-//! The reference samplers that comparisons are made with: methods from the literature, plain and exact.
+//! Reference samplers for comparisons: methods from the literature.
 //!
 //! All are deterministic and keep the map's energy in every channel (to rounding). They work on texels or
 //! on a reduced map whose cells carry exact energies and centroids ([`cells`]). An all-black map has no
@@ -36,7 +36,7 @@ pub use volume::volume;
 use crate::env::EnvMap;
 use crate::metrics::{Domain, Lit};
 
-/// A sampler: a map in, at most so many lights out.
+/// A sampler: decomposes a map into at most a given number of lights.
 pub trait Baseline {
     /// Its name in charts and reports.
     fn name(&self) -> &'static str;

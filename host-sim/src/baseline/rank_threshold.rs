@@ -61,7 +61,7 @@ impl Baseline for RankThreshold {
     }
 }
 
-/// A light for each candidate in whose Voronoi cell anything shines.
+/// A light for each candidate whose Voronoi cell is not black.
 fn weigh(cells: &Cells, kept: &[(u32, [f64; 3])]) -> Vec<Lit> {
     let centres: Vec<[f64; 3]> = kept.iter().map(|&(_, direction)| direction).collect();
     let sums = voronoi(cells, &centres);
@@ -69,7 +69,7 @@ fn weigh(cells: &Cells, kept: &[(u32, [f64; 3])]) -> Vec<Lit> {
     lit.map(|(&(id, direction), flux)| Lit { direction, irradiance: flux.rgb, id }).collect()
 }
 
-/// (rank, direction) of the chosen candidates, by rank; the starved ones are passed over.
+/// (rank, direction) of the chosen candidates, by rank; candidates without energy are skipped.
 fn keep(
     cells: &Cells,
     candidates: &[[f64; 3]],

@@ -11,7 +11,7 @@ pub struct Rect {
     pub columns: (usize, usize),
 }
 
-/// Which way a rectangle is cut.
+/// Axis of a cut.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axis {
     /// Between two rows.
@@ -58,7 +58,7 @@ pub struct Sat {
 }
 
 impl Sat {
-    /// Sums up the cells.
+    /// Builds the table of the cells' prefix sums.
     #[must_use]
     pub fn new(cells: &Cells) -> Self {
         let (width, height) = (cells.width(), cells.height());
@@ -101,14 +101,14 @@ impl Sat {
     }
 }
 
-/// A rectangle, what shines in it, and how urgent it is to cut it.
+/// A rectangle, its flux and its priority.
 #[derive(Clone, Copy, Debug)]
 pub struct Region {
-    /// Where.
+    /// The rectangle.
     pub rect: Rect,
-    /// Sums over it.
+    /// Flux inside the rectangle.
     pub flux: Flux,
-    /// The larger, the sooner it is cut; negative where it cannot be cut.
+    /// The region of highest priority is cut next; negative where it cannot be cut.
     pub priority: f64,
 }
 

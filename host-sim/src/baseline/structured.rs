@@ -66,7 +66,7 @@ fn layers(cells: &Cells) -> Vec<Option<usize>> {
     (0..cells.len()).map(layer).collect()
 }
 
-/// Cells of one layer that hang together.
+/// Connected cells of one layer.
 struct Component {
     layer: usize,
     members: Vec<usize>,

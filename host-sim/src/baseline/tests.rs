@@ -1,4 +1,4 @@
-//! What every sampler must keep, and what it reaches on real maps.
+//! Properties of every sampler, and its errors on real maps.
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -230,7 +230,7 @@ fn voronoi_gives_each_hemisphere_its_half() {
     assert!(halves.iter().all(|half| (half.rgb[0] - std::f64::consts::TAU).abs() < 1e-9));
 }
 
-/// The shared real maps, in `$HEMILUX_HDRI` or beside the checkout; says so aloud where there are none.
+/// The real maps in `$HEMILUX_HDRI` or beside the checkout; prints a message where there are none.
 fn real_maps() -> Vec<(PathBuf, EnvMap)> {
     let beside = || concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/hdri").into();
     let folder = std::env::var_os("HEMILUX_HDRI").map_or_else(beside, PathBuf::from);

@@ -31,7 +31,7 @@ impl Baseline for VarianceMin {
     }
 }
 
-/// The cut, along either axis, whose worse part is best; both parts must shine.
+/// The cut, along either axis, whose larger variance of the two parts is least; neither part may be black.
 fn best_cut(sat: &Sat, region: &Region) -> Option<(Rect, Rect)> {
     let mut best: Option<(f64, (Rect, Rect))> = None;
     for axis in [Axis::Rows, Axis::Columns] {

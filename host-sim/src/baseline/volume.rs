@@ -22,14 +22,14 @@ const SOLID_ANGLE_EXPONENT: f64 = 0.25;
 ///
 /// A box is a HEALPix quad (the whole domain at first, then twelve base quads, then quarters) during an
 /// interval of frames. Its importance is the energy of its brightest frame times dOmega^(1/4). The box of
-/// greatest importance is split next: in time where its energy is restless, before the frame that best
-/// separates the quiet part from the other; else in space, as long as the lights of all frames together
+/// greatest importance is split next: in time where its energy varies, before the frame that best
+/// separates frames of low and high energy; else in space, as long as the lights of all frames together
 /// stay within the budget. The number of lights per frame adapts, frames that need more get more.
 /// A box gives each of its frames one light: that frame's energy, from the centroid of the whole box, so
 /// that a light stands still while its box lasts. Its id is the box's.
 ///
 /// Known of the original: quads in space or a binary split in time per step, an importance metric of its
-/// own, the whole sequence needed. The metric, the rule that chooses and the placement are ours.
+/// own, the whole sequence needed. The metric, the choice of the split and the placement are this implementation's.
 ///
 /// # References
 /// L. Wan, S.-K. Mak, T.-T. Wong, C.-S. Leung, "Spatiotemporal sampling of dynamic environment sequences",
@@ -119,7 +119,7 @@ impl Leaf {
         self.frames.clone().filter(|&t| pyramids[t].flux(self.quad).luminance > 0.0).count()
     }
 
-    /// The two halves of a restless box: cut where the squared deviations from two means are least.
+    /// The two halves of a box whose energy varies: cut where the sum of squared deviations from the two means is least.
     fn in_time(&self, pyramids: &[Pyramid]) -> Option<[Self; 2]> {
         let energy: Vec<f64> = self.frames.clone().map(|t| pyramids[t].flux(self.quad).luminance).collect();
         let (sum, brightest) = (energy.iter().sum::<f64>(), energy.iter().copied().fold(0.0, f64::max));
@@ -141,7 +141,7 @@ impl Leaf {
         (best.1 > 0).then(|| [part(self.frames.start..at), part(at..self.frames.end)])
     }
 
-    /// The quarters of the quad that shine.
+    /// The quarters of the quad that are not black.
     fn in_space(&self, pyramids: &[Pyramid]) -> Vec<Self> {
         if self.quad.level > FINEST {
             return Vec::new();

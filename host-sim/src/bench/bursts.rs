@@ -16,13 +16,13 @@ pub const BURSTS: usize = 8;
 /// Exposure times of \[Nikodym2012\], seconds.
 const SECONDS: [f64; 3] = crate::burst::THESIS_EXPOSURES_S;
 
-/// Radiance that fills a pixel in the shortest exposure: above what any scene holds.
+/// Radiance of full scale in the shortest exposure, above the radiance of every built-in scene.
 const FULL: f64 = 60.0;
 
 /// Focal length over image width: that of the standard lens.
 const FOCAL: f64 = 196.4 / 640.0;
 
-/// What is known of the camera that takes `case`'s bursts: formats of luma and chroma follow sRGB, all others are linear.
+/// Calibration of the camera of `case`'s bursts: formats of luma and chroma follow sRGB, all others are linear.
 #[must_use]
 pub fn calibration(case: &Case) -> Calibration {
     let (width, height) = case.size;

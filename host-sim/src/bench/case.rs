@@ -1,4 +1,4 @@
-//! What is measured: a format, a size, a sampler and a number of lights.
+//! Benchmark cases: a pixel format, a size, a sampler and a number of lights.
 
 use hemilux::samplers::{MAX_LIGHTS, NAMES};
 use hemilux_core::format::{Format, Pattern, Yuv};

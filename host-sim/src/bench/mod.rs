@@ -1,4 +1,4 @@
-//! `hemilux-sim bench`: what each stage takes, on one thread, beside the time of copying the same bytes.
+//! `hemilux-sim bench`: the time of each stage on one thread, beside the time of copying the same bytes.
 
 pub mod bursts;
 pub mod case;
@@ -21,16 +21,16 @@ const LEAST_TIME: Duration = Duration::from_millis(400);
 /// Frames before the first that is timed: each burst once.
 const WARM_UP: usize = BURSTS;
 
-/// What to run.
+/// Arguments of `bench`.
 #[derive(Clone, Debug)]
 pub struct Job {
-    /// JSON in the place of a table.
+    /// Whether the report is JSON instead of a table.
     pub json: bool,
-    /// One case in the place of all.
+    /// The only case to run; all cases where `None`.
     pub case: Option<Case>,
-    /// Exactly so many frames, and no timing.
+    /// Number of frames to process without timing.
     pub frames: Option<usize>,
-    /// What medians are held against.
+    /// Largest allowed median of each stage.
     pub budgets: Budgets,
 }
 

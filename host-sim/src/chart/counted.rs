@@ -15,7 +15,7 @@ const FRAMES: [usize; 2] = [2, 10];
 /// The map that pharr reads.
 const GRID: Grid = Grid { width: 256, height: 128, domain: Domain::Sphere };
 
-/// Samples a procedural room `frames` times and does nothing else: what callgrind counts.
+/// Samples a procedural room `frames` times and does nothing else, so that callgrind counts the sampler alone.
 ///
 /// # Errors
 /// [`SimError`] for samplers that do not exist.
@@ -39,7 +39,7 @@ pub(super) fn add(points: &mut [Point], lights: usize) {
     }
 }
 
-/// Instructions of a whole run; none where callgrind is not installed or says something else.
+/// Instructions of a whole run; `None` where callgrind is not installed or its output has no count.
 fn count(sampler: &str, lights: usize, frames: usize) -> Option<u64> {
     let output = Command::new("valgrind")
         .args(["--tool=callgrind", "--callgrind-out-file=/dev/null"])

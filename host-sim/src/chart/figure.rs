@@ -169,7 +169,7 @@ fn axes(canvas: &Canvas<'_>, panel: &Panel<'_>, x: &LogAxis, y: &LogAxis) {
     canvas.text(panel.x_label, [(left + right) / 2.0, bottom + 32.0], HPos::Center, 12, INK);
 }
 
-/// The points that no other beats in both figures, from left to right.
+/// The Pareto front: points that no other point is better than in both values, from left to right.
 fn pareto(mut values: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
     values.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
     let mut least = f64::INFINITY;

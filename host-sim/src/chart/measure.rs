@@ -14,19 +14,19 @@ use hemilux::samplers;
 use hemilux_core::lens::{Intrinsics, Lens, Model};
 use std::time::Instant;
 
-/// A map, prepared for samplers and for the judge.
+/// A map in the forms that samplers and scores read.
 pub struct Ground {
     env: EnvMap,
     maps: OrderedMaps,
     reference: Reference,
 }
 
-/// What a method made of a map, and in what time.
+/// Lights of a method on one map, and the time it took.
 #[derive(Clone, Debug)]
 pub struct Timed {
-    /// The lights.
+    /// Directional lights and ambient light.
     pub set: LitSet,
-    /// Milliseconds.
+    /// Time, milliseconds.
     pub ms: f64,
 }
 

@@ -1,7 +1,7 @@
 //! `hemilux-sim chart`: time against error, and lights against error and flicker, of every method.
 //!
-//! Every method decomposes every map with every number of lights, on one thread, nothing else of ours running; the scores are worked
-//! out afterwards on all cores. `volume` is left out: it decomposes sequences, and one map says nothing about it.
+//! Every method decomposes every map with every number of lights, on one thread while no other thread of the program runs; the scores are computed
+//! afterwards on all cores. `volume` is left out: it decomposes sequences, and one map says nothing about it.
 
 pub mod counted;
 mod figure;
@@ -30,7 +30,7 @@ pub const MOST: usize = 1024;
 /// Lights for which instructions are counted.
 const COUNTED: usize = 64;
 
-/// What to chart, and where.
+/// Arguments of `chart`.
 #[derive(Clone, Debug)]
 pub struct Job {
     /// Folder of maps; procedural ones where `None`.
@@ -61,7 +61,7 @@ pub struct Point {
     pub energy: Option<f64>,
     /// Flicker over sequences, mean; for some numbers of lights alone.
     pub flicker: Option<f64>,
-    /// How many maps.
+    /// Number of maps.
     pub maps: usize,
     /// From a burst of three 640 x 480 frames to lights, milliseconds; the core's samplers alone.
     pub burst_ms: Option<f64>,

@@ -51,7 +51,7 @@ impl Grid {
         self.size == (map.width(), map.height())
     }
 
-    /// What part of a map it covers.
+    /// The part of the map that the grid covers.
     #[must_use]
     pub fn domain(&self) -> Domain {
         self.domain
@@ -93,7 +93,7 @@ impl Grid {
         self.fluxes(map).map(|(d, flux)| (d, luminance(flux))).filter(|&(_, flux)| flux > 0.0)
     }
 
-    /// What each function of the ambient basis does to the probes, made at the first use.
+    /// Irradiance of the probes under the ambient basis, computed at the first use.
     pub(super) fn ambient(&self) -> &AmbientResponse {
         self.ambient.get_or_init(|| AmbientResponse::new(self))
     }

@@ -1,7 +1,7 @@
-//! How a light set is scored: the one implementation behind charts, stress report and comparisons.
+//! Scores of light sets as `host-sim/METRICS.md` defines them: the one implementation for charts, stress report and comparisons.
 //!
 //! Everything is f64, all scores are dimensionless ratios and lower is better. Texels are those of
-//! [`Grid`], probes those of [`probes`]; [`Reference`] holds what a map does to the probes and scores a
+//! [`Grid`], probes those of [`probes`]; [`Reference`] holds the irradiance of the probes under a map and scores a
 //! [`LitSet`] against it; [`stability`] scores sequences.
 //!
 //! # Degenerate maps

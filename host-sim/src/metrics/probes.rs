@@ -21,7 +21,7 @@ pub fn fib(k: usize, count: usize) -> [f64; 3] {
     [r * phi.cos(), r * phi.sin(), z]
 }
 
-/// A receiver: a normal, and a cone from which it gets nothing.
+/// A receiver: a normal and a cone of directions that contribute no light.
 #[derive(Clone, Copy, Debug)]
 pub struct Probe {
     /// Unit normal.
@@ -121,7 +121,7 @@ impl ProbeSet {
         }
     }
 
-    /// The same sums for the nine functions of the ambient basis in the place of the flux.
+    /// Sum over the texels of basis_i(d) dOmega max(0, n_k . d) V_k(d), for every probe k and each function i of the ambient basis.
     fn ambient(&self, grid: &Grid) -> Vec<[f64; 9]> {
         let mut sums = vec![[0.0; 9]; self.probes.len()];
         for (k, &d) in grid.directions().iter().enumerate() {
@@ -137,7 +137,7 @@ impl ProbeSet {
     }
 }
 
-/// What each function of the ambient basis does to each probe, summed over a grid's texels.
+/// Irradiance of each probe under each function of the ambient basis, summed over a grid's texels.
 #[derive(Debug)]
 pub(super) struct AmbientResponse {
     pub(super) open: Vec<[f64; 9]>,

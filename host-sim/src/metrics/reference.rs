@@ -1,4 +1,4 @@
-//! What a map does to the probes, and how far a light set is from it.
+//! Irradiance of the probes under a map, and the errors of a light set against it.
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -12,13 +12,13 @@ use crate::env::EnvMap;
 pub struct Score {
     /// RMS over the open probes of (E_set - E_ref) / mu.
     pub open: f64,
-    /// The same over the shadowed probes.
+    /// RMS over the shadowed probes of (E_set - E_ref) / mu.
     pub shadowed: f64,
-    /// |set's sum - map's sum| / map's sum, of luminance; has no excuse to exceed 1e-3.
+    /// |set's sum - map's sum| / map's sum, of luminance; at most 1e-3 for a correct sampler.
     pub energy: f64,
 }
 
-/// A map as the probes see it.
+/// The irradiance of every probe under one map.
 #[derive(Clone, Debug)]
 pub struct Reference {
     grid: Arc<Grid>,
@@ -53,7 +53,7 @@ impl Reference {
         Self::on_grid(Arc::new(Grid::new(map, domain)), map)
     }
 
-    /// The same for another map, over the same domain; maps of one size share their grid.
+    /// Integrates another map over the same domain; maps of one size share one grid.
     #[must_use]
     pub fn following(&self, map: &EnvMap) -> Self {
         if self.grid.fits(map) {
@@ -128,7 +128,7 @@ impl Reference {
         }
     }
 
-    /// The shadowed error alone, for those who score a long sequence.
+    /// The shadowed error alone: half the work of [`Reference::score`], for long sequences.
     #[must_use]
     pub fn shadowed_error(&self, set: &LitSet) -> f64 {
         self.shadowed.error(&self.shadowed_of(set))

@@ -29,7 +29,7 @@ pub struct Spread {
 }
 
 impl Spread {
-    /// Of these values; none where there are none.
+    /// Mean and largest of `values`; `None` for no values.
     #[must_use]
     pub fn of(values: &[f64]) -> Option<Self> {
         let max = values.iter().copied().reduce(f64::max)?;
@@ -37,7 +37,7 @@ impl Spread {
     }
 }
 
-/// Change that the scene did not make: for t = 1, 2, ...
+/// Change of the set's light beyond the change of the scene's: for t = 1, 2, ...
 /// RMS_k((E_set(t) - E_set(t-1)) - (E_ref(t) - E_ref(t-1))) / mu(t).
 #[must_use]
 pub fn flicker(references: &[Reference], sets: &[LitSet]) -> Vec<f64> {
@@ -74,15 +74,25 @@ fn mu_among(reference: &Reference, probes: &[usize]) -> f64 {
     probes.iter().map(|&k| reference.shadowed()[k]).sum::<f64>() / probes.len().max(1) as f64
 }
 
-/// How far a local change leaks: RMS_k(E_set(after) - E_set(before)) / mu(after) over the probes that
-/// cannot see the switched source, those with |E_ref(after) - E_ref(before)| <= 1e-6 mu(after).
+/// One frame of a sequence: the reference of its map and the light set that stands for the map.
+#[derive(Clone, Copy, Debug)]
+pub struct ScoredFrame<'a> {
+    /// Irradiance of the probes under the map.
+    pub reference: &'a Reference,
+    /// The light set.
+    pub set: &'a LitSet,
+}
+
+/// Change of the light at receivers that cannot see the switched source: RMS_k(E_set(after) - E_set(before)) / mu(after)
+/// over the probes with |E_ref(after) - E_ref(before)| <= 1e-6 mu(after).
 ///
 /// Ideally 0; none where every probe sees the source.
 #[must_use]
-pub fn unwarranted_change(before: (&Reference, &LitSet), after: (&Reference, &LitSet)) -> Option<f64> {
-    let mu = after.0.shadowed_mu();
-    let truth = differences(after.0.shadowed(), before.0.shadowed());
-    let made = differences(&after.0.shadowed_of(after.1), &before.0.shadowed_of(before.1));
+pub fn unwarranted_change(before: ScoredFrame<'_>, after: ScoredFrame<'_>) -> Option<f64> {
+    let mu = after.reference.shadowed_mu();
+    let truth = differences(after.reference.shadowed(), before.reference.shadowed());
+    let irradiance = |frame: ScoredFrame<'_>| frame.reference.shadowed_of(frame.set);
+    let made = differences(&irradiance(after), &irradiance(before));
     let blind: Vec<f64> =
         made.iter().zip(truth).filter(|(_, t)| t.abs() <= UNCHANGED * mu).map(|(&m, _)| m).collect();
     (!blind.is_empty()).then(|| relative(rms(blind.into_iter()), mu))
@@ -148,7 +158,7 @@ pub fn stray_energy(grid: &Grid, map: &EnvMap, set: &LitSet, sources: &[Source])
 }
 
 /// Transit energy: the largest [`stray_energy`] of the frames, over the switched source's energy (its sum
-/// of Y dOmega). It catches lights that travel through empty sky.
+/// of Y dOmega). Large where lights move between sources through empty sky.
 #[must_use]
 pub fn transit_energy(stray: &[f64], switched_energy: f64) -> f64 {
     relative(stray.iter().copied().fold(0.0, f64::max), switched_energy)

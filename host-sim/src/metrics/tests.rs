@@ -222,7 +222,13 @@ fn unwarranted_change_looks_at_the_blind_probes_alone() {
     let before = Reference::new(&dark, Domain::Sphere);
     let after = before.following(&lit);
     let (was, is) = (texel_lights(&dark, Domain::Sphere), texel_lights(&lit, Domain::Sphere));
-    assert_eq!(unwarranted_change((&before, &was), (&after, &is)), Some(0.0));
+    assert_eq!(
+        unwarranted_change(
+            ScoredFrame { reference: &before, set: &was },
+            ScoredFrame { reference: &after, set: &is }
+        ),
+        Some(0.0)
+    );
     // A sampler that puts a light of unit energy at the zenith when the source is switched on: the probes
     // that see the zenith and not the source notice.
     let mut leaky = is.clone();
@@ -230,7 +236,11 @@ fn unwarranted_change_looks_at_the_blind_probes_alone() {
     let blind = |k: &usize| shadowed(*k).weight(direction(128, 64, 60, 7)) == 0.0;
     let seen: Vec<f64> = (0..SHADOWED).filter(blind).map(|k| shadowed(k).weight([0.0, 0.0, 1.0])).collect();
     let expected = (seen.iter().map(|v| v * v).sum::<f64>() / seen.len() as f64).sqrt() / after.shadowed_mu();
-    let found = unwarranted_change((&before, &was), (&after, &leaky)).unwrap();
+    let found = unwarranted_change(
+        ScoredFrame { reference: &before, set: &was },
+        ScoredFrame { reference: &after, set: &leaky },
+    )
+    .unwrap();
     assert!((found - expected).abs() < 1e-9, "{found} against {expected}");
 }
 

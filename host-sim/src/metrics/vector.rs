@@ -1,4 +1,4 @@
-//! The little vector algebra the judge needs.
+//! Vectors of three f64 for the scores.
 
 /// Scalar product.
 pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {

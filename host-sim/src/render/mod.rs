@@ -1,4 +1,4 @@
-//! `hemilux-sim render`: what a light set's error looks like.
+//! `hemilux-sim render`: pictures of a scene under a map and under a light set, and their difference.
 //!
 //! A ground plane, a glossy sphere, a box and a torus, lit directly (no light between surfaces) under the map and under the light set,
 //! both with hard shadow rays, and the signed difference. The map is a list of directional lights too, so fine that it counts as the
@@ -29,14 +29,14 @@ use std::path::PathBuf;
 
 /// Sides of a panel, pixels.
 const PANEL: [usize; 2] = [640, 420];
-/// Maps of at most so many lit texels are taken as they are.
+/// Largest number of lit texels that are rendered one light each; larger maps are reduced to quads.
 const TEXELS: usize = 4096;
 /// Order of the quads that stand for larger maps: 3,072 of 3.7 degrees.
 const ORDER: u8 = 4;
 /// Directions that stand for ambient light.
 const AMBIENT: usize = 512;
 
-/// What to render.
+/// Arguments of `render`.
 #[derive(Clone, Debug)]
 pub struct Job {
     /// The map.

@@ -2,7 +2,7 @@
 
 use crate::metrics::vector::{add_scaled, dot, norm, unit};
 
-/// What of an offset keeps a shadow ray off the surface that it starts from.
+/// Offset of a shadow ray's origin from the surface, so that the ray does not hit that surface.
 const OFFSET: f64 = 1e-4;
 /// Steps of sphere tracing after which the torus counts as missed; forty suffice for grazing rays.
 const STEPS: usize = 64;
@@ -10,7 +10,7 @@ const STEPS: usize = 64;
 /// A half-line.
 #[derive(Clone, Copy, Debug)]
 pub struct Ray {
-    /// Where it starts.
+    /// Origin.
     pub origin: [f64; 3],
     /// Unit vector.
     pub direction: [f64; 3],
@@ -59,7 +59,7 @@ const TORUS: ([f64; 3], [f64; 3], f64, f64) = ([1.85, -0.35, 0.92], [0.48, -0.6,
 const TORUS_MATERIAL: Material = Material { albedo: [0.28, 0.48, 0.40], gloss: None };
 
 impl Scene {
-    /// All of it.
+    /// Ground, sphere, box and torus.
     pub const STANDARD: Self = Self { solids: true };
     /// The ground alone.
     pub const EMPTY: Self = Self { solids: false };

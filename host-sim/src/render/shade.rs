@@ -1,4 +1,4 @@
-//! Direct light from directional lights: Lambert, and a normalised Phong lobe for the glossy.
+//! Direct illumination by directional lights: a Lambert term and a normalised Phong lobe.
 
 use super::scene::{Hit, Scene};
 use crate::metrics::vector::{add_scaled, dot};

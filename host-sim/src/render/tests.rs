@@ -1,4 +1,4 @@
-//! What the renderer promises.
+//! Tests of the renderer against closed forms.
 
 use super::scene::{Hit, Ray};
 use super::*;

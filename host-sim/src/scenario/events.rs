@@ -107,7 +107,7 @@ pub(super) fn dark_and_back(stage: &Stage) -> Scenario {
     Scenario { changes: vec![off, on], ..Scenario::of("dark-and-back", truth) }
 }
 
-/// From a third on every texel holds the clip value of the longest exposure: a burst that was overexposed whole.
+/// From a third of the sequence on every texel holds the clip value of the longest exposure, as in a burst that is overexposed throughout.
 pub(super) fn all_clipped(stage: &Stage) -> Scenario {
     let change = stage.frames() / 3;
     let clipped = repainted(&stage.room, |_, _| [4.0; 3]);
@@ -125,8 +125,8 @@ pub(super) fn n_changes(stage: &Stage) -> Scenario {
 
 /// Faults of the capture, by the radiance that the merge makes of them (a sample is valid unless it saturates; radiance is the sum
 /// of the valid samples over the sum of their times):
-/// - the shortest exposure is dropped: what it alone held is cut at the clip of the next;
-/// - the longest is doubled in the place of the middle one: what the longest does not hold falls back to the shortest and its noise;
+/// - the shortest exposure is dropped: radiance above the clip value of the next exposure is cut to that value;
+/// - the longest is doubled in the place of the middle one: radiance above the clip value of the longest exposure comes from the shortest one, with its noise;
 /// - the first two are out of order: each sample is divided by the other's time.
 ///
 /// Between the faults two good frames pass.

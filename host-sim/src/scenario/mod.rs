@@ -1,10 +1,10 @@
-//! Sequences of maps with known truth, each one where some method fails.
+//! Sequences of maps whose true radiance is known; in each of them some method fails.
 //!
 //! All are seeded and deterministic. What a scenario adds to its background has compact support: outside a lamp's disc not one
 //! texel changes. Where the camera sees something else than the scene (noise, mains flicker, faulty exposures), `truth` is the
-//! scene and `seen` what samplers get; everything is judged against the truth.
+//! scene and `seen` what samplers get; every score is against `truth`.
 //!
-//! | name | what happens | who is expected to fail |
+//! | name | what happens | methods expected to fail |
 //! |---|---|---|
 //! | `switch` | a lamp is switched on, then off | samplers with global distributions; temporal filters |
 //! | `swinging-bulb` | a small bulb swings on its cord | fixed cells: the light stands, its energy changes |
@@ -55,14 +55,14 @@ pub const NAMES: [&str; 17] = [
     "hue-shift",
 ];
 
-/// How large, how long and on what.
+/// Size, length, seed and background of a sequence.
 #[derive(Clone, Debug)]
 pub struct Setting {
     /// Columns of the maps; half as many rows.
     pub width: usize,
     /// Frames of a sequence, at least 8.
     pub frames: usize,
-    /// Seed of everything random.
+    /// Seed of the random generator.
     pub seed: u64,
     /// A map to put in the place of the procedural room or sky.
     pub background: Option<EnvMap>,
@@ -75,16 +75,16 @@ impl Setting {
     pub const QUICK: Self = Self { width: 96, frames: 12, seed: 1, background: None };
 }
 
-/// A sequence and what is known of it.
+/// A sequence of maps and its true sources.
 #[derive(Clone, Debug)]
 pub struct Scenario {
     /// One of [`NAMES`].
     pub name: &'static str,
     /// What part of the maps counts.
     pub domain: Domain,
-    /// The scene, frame by frame.
+    /// True radiance, one map per frame.
     pub truth: Vec<EnvMap>,
-    /// What the probe makes of it, where that differs.
+    /// The maps as the probe measures them, where they differ from `truth`.
     pub seen: Option<Vec<EnvMap>>,
     /// The sources of compact support, frame by frame.
     pub sources: Vec<Vec<Source>>,
@@ -94,7 +94,7 @@ pub struct Scenario {
     pub changes: Vec<usize>,
     /// Sum of Y dOmega of the switched source, where a source of compact support is switched.
     pub switched_energy: Option<f64>,
-    /// Receivers that see the first source do not count.
+    /// Whether receivers that see the first source are left out of the scores.
     pub in_shadow: bool,
     /// The share of the lights that is asked for, frame by frame; all of them where empty.
     pub share: Vec<f64>,
@@ -103,7 +103,7 @@ pub struct Scenario {
 }
 
 impl Scenario {
-    /// A sequence over the sphere of which nothing else is known.
+    /// A sequence over the sphere without sources, changes or noise.
     fn of(name: &'static str, truth: Vec<EnvMap>) -> Self {
         let sources = vec![Vec::new(); truth.len()];
         Self {
@@ -121,7 +121,7 @@ impl Scenario {
         }
     }
 
-    /// What samplers get.
+    /// The maps that samplers are given: `seen` where it exists, else `truth`.
     #[must_use]
     pub fn seen(&self) -> &[EnvMap] {
         self.seen.as_deref().unwrap_or(&self.truth)

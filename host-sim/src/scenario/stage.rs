@@ -1,4 +1,4 @@
-//! What scenarios are built from: backgrounds, discs of exact energy, drifting clouds.
+//! Parts of scenarios: backgrounds, discs of exact energy, drifting clouds.
 
 use super::Setting;
 use crate::env::EnvMap;
@@ -14,7 +14,7 @@ const SUBSAMPLES: usize = 6;
 /// The size, the length and the background of a sequence.
 #[derive(Debug)]
 pub struct Stage {
-    /// As the caller chose.
+    /// Size, length, seed and background that the caller chose.
     pub setting: Setting,
     /// The room, or the caller's map.
     pub room: EnvMap,
@@ -64,23 +64,31 @@ pub fn energy(map: &EnvMap) -> f64 {
     Grid::new(map, Domain::Sphere).luminous(map).map(|(_, flux)| flux).sum()
 }
 
-/// `map` with a uniform disc of `flux` (sum of Y dOmega) and `colour` added at `source`: exactly that energy, and not a
-/// texel touched that the disc does not reach.
+/// `map` with a uniform disc of `flux` (sum of Y dOmega) and `colour` added at `source`: the map gains exactly that energy, and no
+/// texel outside the disc changes.
 #[must_use]
 pub fn with_disc(map: &EnvMap, source: Source, colour: [f64; 3], flux: f64) -> EnvMap {
     let cover = coverage(map, source);
-    let covered: f64 = cover.iter().map(|&(k, part)| part * map.solid_angle(k / map.width())).sum();
+    let covered: f64 = cover.iter().map(|c| c.part * map.solid_angle(c.texel / map.width())).sum();
     let mut texels = map.texels().to_vec();
     let flux = flux / luminance(colour);
-    for (k, part) in cover {
+    for Covered { texel, part } in cover {
         let y = flux * part / covered;
-        texels[k].iter_mut().zip(colour).for_each(|(v, c)| *v += (c * y) as f32);
+        texels[texel].iter_mut().zip(colour).for_each(|(v, c)| *v += (c * y) as f32);
     }
     EnvMap::new(map.width(), map.height(), texels)
 }
 
-/// (texel, covered part) of the texels that a disc reaches; a disc that slips between all sub-samples covers the texel it is in.
-fn coverage(map: &EnvMap, source: Source) -> Vec<(usize, f64)> {
+/// A texel that a disc reaches.
+struct Covered {
+    /// Index of the texel, row-major.
+    texel: usize,
+    /// Part of its area inside the disc, 0 to 1.
+    part: f64,
+}
+
+/// The texels that a disc reaches; a disc that slips between all sub-samples covers the texel it is in.
+fn coverage(map: &EnvMap, source: Source) -> Vec<Covered> {
     let (width, height) = (map.width(), map.height());
     let reach = source.radius_deg + 180.0 * std::f64::consts::SQRT_2 / height as f64;
     let mut cover = Vec::new();
@@ -91,16 +99,18 @@ fn coverage(map: &EnvMap, source: Source) -> Vec<(usize, f64)> {
             nearest = (off, k);
         }
         if off <= reach {
-            let part = covered_part((width, height), k, source);
+            let part = covered_part(map, k, source);
             if part > 0.0 {
-                cover.push((k, part));
+                cover.push(Covered { texel: k, part });
             }
         }
     }
-    if cover.is_empty() { vec![(nearest.1, 1.0)] } else { cover }
+    if cover.is_empty() { vec![Covered { texel: nearest.1, part: 1.0 }] } else { cover }
 }
 
-fn covered_part((width, height): (usize, usize), k: usize, source: Source) -> f64 {
+/// Part of texel `k` inside the disc, by [`SUBSAMPLES`] x [`SUBSAMPLES`] samples.
+fn covered_part(map: &EnvMap, k: usize, source: Source) -> f64 {
+    let (width, height) = (map.width(), map.height());
     let n = SUBSAMPLES;
     let at = |i: usize| (i as f64 + 0.5) / n as f64;
     let inside = (0..n * n).filter(|&s| {
@@ -182,7 +192,7 @@ pub fn cloud(d: [f64; 3], drift: f64) -> f64 {
     (0.5 + 1.6 * sum).clamp(0.0, 1.0)
 }
 
-/// Every texel by itself: `paint(direction, old)`.
+/// The map with every texel replaced by `paint(direction, old)`.
 #[must_use]
 pub fn repainted(map: &EnvMap, paint: impl Fn([f64; 3], [f32; 3]) -> [f32; 3]) -> EnvMap {
     let texels = map.texels().iter().enumerate();

@@ -1,4 +1,4 @@
-//! What scenarios promise.
+//! Properties of the scenarios.
 
 use super::stage::energy;
 use super::*;

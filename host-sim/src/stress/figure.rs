@@ -16,15 +16,15 @@ const HEAD: f64 = 34.0;
 const FOOT: f64 = 30.0;
 const MARGIN: f64 = 14.0;
 const TITLE: f64 = 70.0;
-/// The legend takes a panel's place and needs this much.
+/// Width and height of the legend, pixels; the legend takes the place of a panel.
 const LEGEND_HEIGHT: f64 = 210.0;
 /// Per cent at the ends of every panel's axis.
 const RANGE: [f64; 2] = [0.02, 300.0];
 /// A method fails where it is this many times worse than the panel's median,
 const FAILS: f64 = 2.5;
-/// or worse than this, whatever the others do.
+/// or worse than this absolute error.
 const BAD: f64 = 0.1;
-/// Flicker below this nobody sees.
+/// Flicker below this ratio is not visible and never counts as a failure.
 const LEAST_FLICKER: f64 = 0.005;
 const FAILED: RGBColor = RGBColor(255, 240, 214);
 

@@ -1,7 +1,7 @@
 //! The figures of one run over one scenario.
 
 use crate::contender::Run;
-use crate::metrics::stability::{self as stability, Spread};
+use crate::metrics::stability::{self as stability, ScoredFrame, Spread};
 use crate::metrics::{LitSet, Reference, probes};
 use crate::scenario::Scenario;
 use serde::Serialize;
@@ -35,7 +35,7 @@ pub struct Row {
     pub churn: Option<f64>,
 }
 
-/// A scenario as the probes see it.
+/// The irradiance of the probes in every frame of a scenario.
 pub struct Judge<'a> {
     scenario: &'a Scenario,
     references: Vec<Reference>,
@@ -116,7 +116,7 @@ impl<'a> Judge<'a> {
     }
 
     fn unwarranted(&self, sets: &[LitSet]) -> Option<f64> {
-        let at = |t: usize| (&self.references[t], &sets[t]);
+        let at = |t: usize| ScoredFrame { reference: &self.references[t], set: &sets[t] };
         let changes = self.scenario.changes.iter();
         changes.filter_map(|&t| stability::unwarranted_change(at(t - 1), at(t))).reduce(f64::max)
     }

@@ -43,7 +43,7 @@ fn switching_fills_its_own_figures() {
 
 #[test]
 fn receivers_in_the_shadow_do_not_see_the_sun() {
-    // As many suns again change nothing for those who cannot see it: the reference stays the same.
+    // A second sun in the same place leaves the reference of receivers that cannot see it unchanged.
     let scenario = scenario::make("sun-shadow", &TINY).unwrap();
     let rows = rows("sun-shadow", &TINY, true, &[64]);
     let pharr = rows.iter().find(|r| r.sampler == "pharr" && r.lights == 64).unwrap();

@@ -141,7 +141,8 @@ impl CameraSource {
             let size = lens.size.into();
             options.lens_size = Some(size);
             options.size = if spec.names("size") { options.size } else { size };
-            (options.response, options.levels) = (lens.told_response(), lens.levels);
+            (options.response, options.levels) =
+                (lens.told_response(), lens.levels.map(|l| (l.black, l.white)));
         }
         let assumed = Terms::assumed(&options);
         let supervisor = open(options)?;

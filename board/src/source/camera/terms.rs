@@ -59,7 +59,8 @@ impl Terms {
         let (picture, layout) = (&self.picture, &self.picture.layout);
         let most = picture.max_code();
         let usual = if picture.is_raw() { Response::Linear } else { Response::Srgb };
-        let (black, white) = lens.and_then(|l| l.levels).unwrap_or((self.black * most, most));
+        let (black, white) =
+            lens.and_then(|l| l.levels).map(|l| (l.black, l.white)).unwrap_or((self.black * most, most));
         Calibration {
             lens: lens.map_or_else(|| assumed_lens(layout), |l| l.lens),
             width: layout.width(),
