@@ -75,7 +75,7 @@ fn run(scenario: &str, bench: impl FnOnce() -> Bench) {
             }
             _ => told.push(line),
         }
-        // Who does not ask does not listen.
+        // The scenario may have ended already.
         let _ = writeln!(said, "done");
     }
     let _ = child.wait();

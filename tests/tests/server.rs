@@ -109,7 +109,7 @@ fn before_the_first_set_there_is_503() {
 }
 
 #[test]
-fn whoever_waits_is_answered_at_shutdown() {
+fn waiting_requests_are_answered_at_shutdown() {
     let bench = Bench::new(Limits::default());
     let address = bench.address();
     let frame = bench.frame();
@@ -117,7 +117,7 @@ fn whoever_waits_is_answered_at_shutdown() {
     sleep(SETTLED);
     let began = Instant::now();
     bench.running.stop();
-    assert!(began.elapsed() < Duration::from_millis(2400), "nobody had to be cut off");
+    assert!(began.elapsed() < Duration::from_millis(2400), "no connection had to be closed by force");
     for client in waiting {
         let answer = client.join().expect("an answer");
         assert_eq!((answer.status, &answer.json()["frame"]), (200, &frame.into()), "{answer:?}");

@@ -107,7 +107,7 @@ fn a_websocket_client_gets_every_set_and_a_farewell() {
     assert!(events.read(&mut [0; 4096]).expect("events") > 0, "they begin");
     let began = Instant::now();
     bench.running.stop();
-    assert!(began.elapsed() < Duration::from_secs(2), "nobody had to be cut off");
+    assert!(began.elapsed() < Duration::from_secs(2), "no connection had to be closed by force");
     let farewell = std::iter::from_fn(|| socket.read().ok()).find(|m| matches!(m, Message::Close(_)));
     assert!(farewell.is_some(), "a close frame");
     let mut rest = Vec::new();

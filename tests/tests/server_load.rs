@@ -122,7 +122,7 @@ fn client(run: &Run, from: [u8; 4], stay: u64, times: &Mutex<Vec<u32>>) {
 /// Guests have machines of their own; here they at least leave the processors to the server when it wants them.
 fn give_way() {
     // On Linux a thread has a priority of its own.
-    rustix::process::setpriority_process(None, 19).expect("nobody is refused less");
+    rustix::process::setpriority_process(None, 19).expect("lowering the priority needs no privilege");
 }
 
 fn one(

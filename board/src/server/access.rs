@@ -1,4 +1,4 @@
-//! Who may change settings and see pictures.
+//! Access control for changes of settings and for pictures.
 //!
 //! With a token, a request must carry it as `Authorization: Bearer`, as the password of `Authorization: Basic` (what old clients and
 //! pictures in pages can send; the name does not matter), or carry the cookie that the log-in form gives. It never stands in a URL.
@@ -22,22 +22,22 @@ const BEARER: &str = "Bearer realm=\"hemilux\"";
 
 const COOKIE_NAME: &str = "hemilux";
 
-/// Who may change settings and see pictures.
+/// The condition under which a request may change settings and see pictures.
 #[derive(Clone, Debug)]
 pub enum Access {
-    /// Whoever reaches the port.
+    /// None: every request that reaches the port may.
     Open,
-    /// Who has the token.
+    /// The request must carry the token or the session cookie.
     Token {
-        /// What people know.
+        /// The token that clients send.
         token: Token,
-        /// What the cookie of who has logged in holds; it ends with the program.
+        /// The value of the session cookie, random for each run of the program.
         session: Token,
     },
 }
 
 impl Access {
-    /// For who has `token`.
+    /// Requires `token`, or the cookie of a session that was opened with it.
     ///
     /// # Errors
     /// [`super::TokenError`] when there are no random numbers for the cookie.
@@ -92,8 +92,8 @@ pub(super) fn check(context: &Context, uri: &Uri, headers: &HeaderMap) -> Option
         return None;
     }
     context.counts.refused("token");
-    // A page with the form for people, a challenge for pictures and programs; one that a browser would ask a password for, but not
-    // where a script waits for the answer.
+    // Navigations get the log-in form. Pictures and programs get a Basic challenge, for which a browser shows a password dialog;
+    // fetch requests of scripts get a Bearer challenge, for which it does not.
     let text = |name: HeaderName| headers.get(name).and_then(|v| v.to_str().ok()).unwrap_or_default();
     let is_script = text(HeaderName::from_static("sec-fetch-mode")) == "cors";
     let person = text(ACCEPT).contains("text/html");
@@ -121,7 +121,7 @@ pub(super) struct LogIn {
     token: String,
 }
 
-/// The form.
+/// Shows the log-in form.
 pub(super) async fn form(State(context): State<Context>) -> Response {
     match context.access {
         Access::Open => line(StatusCode::OK, "this probe has no token: there is nothing to log in to"),
@@ -129,7 +129,7 @@ pub(super) async fn form(State(context): State<Context>) -> Response {
     }
 }
 
-/// Gives the cookie to who knows the token.
+/// Sets the session cookie when the form holds the token.
 pub(super) async fn log_in(State(context): State<Context>, request: Request) -> Response {
     if guard::is_foreign(request.uri(), request.headers(), &context.origins) {
         context.counts.refused("foreign");

@@ -1,5 +1,5 @@
-//! `/v1/compare`: what another sampler makes of the same frames, beside the probe's own set. It makes the board work, so it needs the token, and
-//! there is one other sampler at a time for all who ask.
+//! `/v1/compare`: the probe's own light set beside that of a second sampler for the same frame. It costs processing time, so it needs the token,
+//! and one second sampler runs at a time for all clients.
 
 use super::access::Allowed;
 use super::lights::{Answer, LONGEST_WAIT, no_frame_yet, thin};
@@ -19,19 +19,19 @@ use hemilux_core::wire::{self, Coordinates};
 use serde_json::json;
 use std::sync::Arc;
 
-/// Judges each pair once for all who ask; held by who does.
+/// Scores each pair of sets once for all requests; locked while a pair is scored.
 #[derive(Default)]
-pub(super) struct Bench(Arc<tokio::sync::Mutex<Judged>>);
+pub(super) struct ComparisonScores(Arc<tokio::sync::Mutex<ScoreState>>);
 
 #[derive(Default)]
-struct Judged {
+struct ScoreState {
     judge: Judge<2>,
-    /// What the scores are of.
+    /// The sampler and frame that `scores` belong to.
     key: Option<(Contender, u64)>,
     scores: [Score; 2],
 }
 
-impl Judged {
+impl ScoreState {
     fn scores(&mut self, pair: &Pair) -> [Score; 2] {
         let key = Some((pair.contender, pair.first.frame));
         if self.key != key {
@@ -88,7 +88,7 @@ fn wanted(uri: &Uri) -> Result<Wanted, String> {
     Ok(Wanted { contender: Contender { sampler, lights }, coordinates, after })
 }
 
-/// Answers with the next frame's two sets and what is thought of them.
+/// Answers with the next frame's two sets and their scores.
 pub(super) async fn compare(State(context): State<Context>, _: Allowed, uri: Uri) -> Response {
     let Wanted { contender, coordinates, after } = match wanted(&uri) {
         Ok(wanted) => wanted,
@@ -113,7 +113,7 @@ pub(super) async fn compare(State(context): State<Context>, _: Allowed, uri: Uri
     let pair = pairs.borrow().clone().filter(|pair| pair.contender == contender);
     let Some(pair) = pair else { return no_pair_yet(&context) };
     let answer = Answer::of(link, Arc::clone(&pair.first), is_late);
-    let bench = Arc::clone(&context.bench.0).lock_owned().await;
+    let bench = Arc::clone(&context.scores.0).lock_owned().await;
     let run = link.run().to_owned();
     let work = move || written(bench, &run, &pair, answer.stale.as_ref(), coordinates);
     match tokio::task::spawn_blocking(work).await {
@@ -138,7 +138,7 @@ fn no_pair_yet(context: &Context) -> Response {
     response
 }
 
-/// Somebody looks at another sampler.
+/// Refusal while another comparison is in progress.
 fn taken(other: Contender) -> Response {
     let Contender { sampler, lights } = other;
     let text = format!("found a comparison with {sampler} and {lights} lights, expected none: one at a time");
@@ -147,9 +147,9 @@ fn taken(other: Contender) -> Response {
     response
 }
 
-/// The answer; `None` only for a fault of ours.
+/// The answer; `None` only for a programming error.
 fn written(
-    mut bench: tokio::sync::OwnedMutexGuard<Judged>,
+    mut bench: tokio::sync::OwnedMutexGuard<ScoreState>,
     run: &str,
     pair: &Pair,
     stale: Option<&Staleness>,

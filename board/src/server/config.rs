@@ -65,7 +65,7 @@ async fn keep(context: &Context, config: Config) -> Response {
         Ok(Ok(())) => answer(StatusCode::OK, &document),
         Ok(Err(error)) => {
             tracing::warn!("{error}");
-            // The reason names a path, which is nobody's business here.
+            // The reason names a path, which is not disclosed to clients.
             errors(
                 StatusCode::INTERNAL_SERVER_ERROR,
                 &json!({"save": "in effect, but the configuration file could not be written"}),

@@ -1,9 +1,9 @@
-//! Connections: how many, how long they may dawdle, and how they end.
+//! Connections: their number, their idle and stall timeouts, and shutdown.
 
 use super::App;
 use super::counts::Counts;
-use super::crowd::{Crowd, Full, Seat};
-use super::patience::Patient;
+use super::limiter::{ConnectionLimiter, LimitReached, Permit};
+use super::stall::StallTimeout;
 use axum::Router;
 use axum::body::Body;
 use axum::http::header::CONNECTION;
@@ -26,32 +26,32 @@ use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 
-/// Threads that serve: one encodes while the other goes on.
+/// Threads that serve requests: one can encode a set while the other serves.
 const THREADS: usize = 2;
 
 /// Bytes of a request's head; browsers send about one kilobyte.
 const HEAD_BYTES: usize = 16 << 10;
 
-/// Pause after a connection could not be taken, as when the process has no more file descriptors.
+/// Pause after `accept` has failed, for example for lack of file descriptors.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
 
-/// What a connection over the limit is told.
+/// The answer to a connection over the limit.
 const BUSY: &[u8] = b"HTTP/1.1 503 Service Unavailable\r\nRetry-After: 1\r\nConnection: close\r\nContent-Length: 21\r\n\r\ntoo many connections\n";
 
-/// Bounds on what clients may take.
+/// Limits on clients' use of resources.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
     /// Connections at a time: each takes a file descriptor and some 30 KB.
     pub connections: usize,
     /// Connections at a time from one address (of IPv6: one network of 64 bits).
     pub per_address: usize,
-    /// Requests on one connection, after which the client has to make another: nobody keeps a place for ever.
+    /// Requests on one connection, after which the server closes it.
     pub requests: u64,
-    /// Longest time to send a request's head, and to say nothing between requests.
+    /// Timeout for the head of a request, and for the idle time between requests.
     pub head: Duration,
-    /// Longest time without taking any of an answer.
+    /// Timeout for an answer of which the client accepts no byte.
     pub stall: Duration,
-    /// Longest time to finish at shutdown: more than a request waits for a frame.
+    /// Timeout for the shutdown of all connections: longer than a request waits for a frame.
     pub grace: Duration,
 }
 
@@ -68,13 +68,13 @@ impl Default for Limits {
     }
 }
 
-/// A server at work, on threads of its own; dropping it ends it at once, [`Running::stop`] ends it well.
+/// A running server on its own threads. Dropping it aborts it, [`Running::stop`] shuts it down.
 pub struct Running {
     address: SocketAddr,
     limits: Limits,
     runtime: Runtime,
     stop: Arc<watch::Sender<bool>>,
-    crowd: Arc<Crowd>,
+    limiter: Arc<ConnectionLimiter>,
     accepting: JoinHandle<()>,
 }
 
@@ -84,7 +84,7 @@ pub struct Signals {
     terminate: Signal,
 }
 
-/// Serves `app` to whoever connects to `listener`.
+/// Serves `app` on `listener`.
 ///
 /// # Errors
 /// The operating system gives no threads or refuses the listener.
@@ -98,14 +98,14 @@ pub fn start(listener: std::net::TcpListener, app: App, limits: Limits) -> io::R
     let address = listener.local_addr()?;
     let listener = runtime.block_on(async { TcpListener::from_std(listener) })?;
     let App { router, stop, counts } = app;
-    let crowd = Crowd::new(limits.connections, limits.per_address);
-    let door = Door { router, counts, limits, stop: stop.subscribe(), crowd: Arc::clone(&crowd) };
-    let accepting = runtime.spawn(door.open(listener));
-    Ok(Running { address, limits, runtime, stop, crowd, accepting })
+    let limiter = ConnectionLimiter::new(limits.connections, limits.per_address);
+    let acceptor = Acceptor { router, counts, limits, stop: stop.subscribe(), limiter: Arc::clone(&limiter) };
+    let accepting = runtime.spawn(acceptor.run(listener));
+    Ok(Running { address, limits, runtime, stop, limiter, accepting })
 }
 
 impl Running {
-    /// Where it listens.
+    /// The address that it listens on.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address
@@ -133,12 +133,12 @@ impl Running {
         });
     }
 
-    /// Takes no more connections, answers whoever waits and returns when all have gone, or after [`Limits::grace`].
+    /// Accepts no more connections, answers waiting requests and returns when all connections are closed, or after [`Limits::grace`].
     pub fn stop(self) {
         self.stop.send_replace(true);
         let gone = self.runtime.block_on(async {
             let _ = self.accepting.await;
-            tokio::time::timeout(self.limits.grace, self.crowd.gone()).await.is_ok()
+            tokio::time::timeout(self.limits.grace, self.limiter.wait_empty()).await.is_ok()
         });
         if !gone {
             tracing::warn!("connections that did not end in {} ms were cut", self.limits.grace.as_millis());
@@ -147,25 +147,25 @@ impl Running {
     }
 }
 
-/// What lets connections in.
-struct Door {
+/// Accepts connections.
+struct Acceptor {
     router: Router,
     counts: Arc<Counts>,
     limits: Limits,
     stop: watch::Receiver<bool>,
-    crowd: Arc<Crowd>,
+    limiter: Arc<ConnectionLimiter>,
 }
 
-impl Door {
-    async fn open(self, listener: TcpListener) {
+impl Acceptor {
+    async fn run(self, listener: TcpListener) {
         let mut stop = self.stop.clone();
         loop {
             let arrival = tokio::select! {
                 arrival = listener.accept() => arrival,
-                () = told(&mut stop) => return,
+                () = stopped(&mut stop) => return,
             };
             match arrival {
-                Ok((stream, from)) => self.let_in(stream, from),
+                Ok((stream, from)) => self.admit(stream, from),
                 Err(error) => {
                     tracing::warn!("a connection could not be taken: {error}");
                     tokio::time::sleep(ACCEPT_PAUSE).await;
@@ -174,64 +174,65 @@ impl Door {
         }
     }
 
-    fn let_in(&self, stream: TcpStream, from: SocketAddr) {
-        let seat = match self.crowd.seat(from.ip()) {
-            Ok(seat) => seat,
+    fn admit(&self, stream: TcpStream, from: SocketAddr) {
+        let permit = match self.limiter.try_acquire(from.ip()) {
+            Ok(permit) => permit,
             Err(full) => {
-                let reason = if full == Full::All { "connections" } else { "connections of one address" };
+                let reason =
+                    if full == LimitReached::All { "connections" } else { "connections of one address" };
                 self.counts.refused(reason);
                 // A fresh socket has room for this; if not, closing it must do.
                 let _ = stream.try_write(BUSY);
                 return;
             }
         };
-        let visit = Visit::new(seat, Arc::clone(&self.counts));
-        tokio::spawn(attend(stream, self.router.clone(), self.limits, self.stop.clone(), visit));
+        let guard = ConnectionGuard::new(permit, Arc::clone(&self.counts));
+        tokio::spawn(serve_connection(stream, self.router.clone(), self.limits, self.stop.clone(), guard));
     }
 }
 
-/// Waits until the server is told to stop, or is gone.
-pub(super) async fn told(stop: &mut watch::Receiver<bool>) {
+/// Waits for the shutdown of the server.
+pub(super) async fn stopped(stop: &mut watch::Receiver<bool>) {
     let _ = stop.wait_for(|stop| *stop).await;
 }
 
-/// A connection's place and count; a WebSocket keeps it after HTTP has ended.
+/// The permit and the count of a connection, which a WebSocket keeps after the HTTP exchange has ended.
 #[derive(Debug)]
-pub(super) struct Visit {
-    _seat: Seat,
+pub(super) struct ConnectionGuard {
+    _permit: Permit,
     counts: Arc<Counts>,
 }
 
-impl Visit {
-    fn new(seat: Seat, counts: Arc<Counts>) -> Arc<Self> {
+impl ConnectionGuard {
+    fn new(permit: Permit, counts: Arc<Counts>) -> Arc<Self> {
         counts.accepted.fetch_add(1, Relaxed);
         counts.open.fetch_add(1, Relaxed);
-        Arc::new(Self { _seat: seat, counts })
+        Arc::new(Self { _permit: permit, counts })
     }
 }
 
-impl Drop for Visit {
+impl Drop for ConnectionGuard {
     fn drop(&mut self) {
         self.counts.open.fetch_sub(1, Relaxed);
     }
 }
 
 /// Serves one connection until either side ends it.
-async fn attend(
+async fn serve_connection(
     stream: TcpStream,
     router: Router,
     limits: Limits,
     mut stop: watch::Receiver<bool>,
-    visit: Arc<Visit>,
+    guard: Arc<ConnectionGuard>,
 ) {
     // Without it the end of an answer may wait 40 ms for the client's acknowledgement.
     let _ = stream.set_nodelay(true);
-    let (asked, guest) = (AtomicU64::new(0), Arc::clone(&visit));
+    let (asked, shared_guard) = (AtomicU64::new(0), Arc::clone(&guard));
     let service = TowerToHyperService::new(router);
     let answer = service_fn(|request: Request<Incoming>| {
         let is_last = asked.fetch_add(1, Relaxed) + 1 >= limits.requests;
         let mut request = request.map(Body::new);
-        request.extensions_mut().insert(Arc::clone(&guest));
+        request.extensions_mut().insert(Arc::clone(&shared_guard));
         let answer = service.call(request);
         async move {
             let mut response: Response = answer.await?;
@@ -245,23 +246,23 @@ async fn attend(
         .timer(TokioTimer::new())
         .header_read_timeout(limits.head)
         .max_buf_size(HEAD_BYTES)
-        .serve_connection(TokioIo::new(Patient::new(stream, limits.stall)), answer)
+        .serve_connection(TokioIo::new(StallTimeout::new(stream, limits.stall)), answer)
         .with_upgrades();
     tokio::pin!(connection);
     let ended = tokio::select! {
         ended = connection.as_mut() => ended,
-        () = told(&mut stop) => {
+        () = stopped(&mut stop) => {
             connection.as_mut().graceful_shutdown();
             connection.await
         }
     };
     if let Err(error) = ended {
-        visit.counts.refused(reason_of(&error));
+        guard.counts.refused(reason_of(&error));
         tracing::debug!("connection: {error}");
     }
 }
 
-/// Why a connection ended badly, as the counts name it; most are clients that went away, which is nobody's fault.
+/// The reason under which the end of a connection is counted; most are clients that disconnected.
 fn reason_of(error: &hyper::Error) -> &'static str {
     if error.is_timeout() {
         "slow"

@@ -1,7 +1,7 @@
-//! `/v1/events` and `/v1/socket`: a light set per frame, pushed. A client that does not keep up misses frames, never holds up others,
-//! and always gets the newest one next.
+//! `/v1/events` and `/v1/socket`: a light set per frame, pushed. A slow client misses frames and
+//! delays no other client; the next set that it gets is the newest.
 
-use super::connection::{Visit, told};
+use super::connection::{ConnectionGuard, stopped};
 use super::guard::is_foreign;
 use super::lights::{Answer, Format, LONGEST_WAIT, event_id, since_ready};
 use super::query::{Variant, Wanted, wanted};
@@ -20,18 +20,18 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use tokio::sync::watch;
 
-/// Largest message of a WebSocket's client; we need none.
+/// Largest message that a WebSocket client may send; none is needed.
 const MESSAGE_BYTES: usize = 1 << 10;
 
-/// What a client that lost its connection waits before it connects again.
+/// Delay before a client reconnects.
 const RETRY: &str = "retry: 1000\n\n";
 
-/// Light sets for one client, the newest each time.
+/// The stream of newest light sets for one client.
 struct Feed {
     context: Context,
     variant: Variant,
     latest: watch::Receiver<Option<Arc<Published>>>,
-    /// What the client has: nothing yet, or this event.
+    /// The id of the client's last event, if any.
     has: Option<String>,
     is_first: bool,
 }
@@ -52,7 +52,7 @@ impl Feed {
             false
         } else {
             tokio::select! {
-                () = told(&mut stop) => return None,
+                () = stopped(&mut stop) => return None,
                 waited = tokio::time::timeout(LONGEST_WAIT, self.context.link.newer(&self.latest)) => waited.is_err(),
             }
         };
@@ -76,7 +76,7 @@ impl Drop for Feed {
     }
 }
 
-/// What a stream is asked for.
+/// Parses the parameters of a stream.
 fn variant(uri: &Uri, fixed: Option<Format>) -> Result<Variant, String> {
     match wanted(uri, &HeaderMap::new(), fixed) {
         Ok(Wanted { variant, after: None }) => Ok(variant),
@@ -133,11 +133,11 @@ pub(super) async fn socket(
         Err(found) => return line(StatusCode::BAD_REQUEST, &found),
     };
     // The connection's place is kept until the socket is closed.
-    let visit = extensions.get::<Arc<Visit>>().cloned();
+    let guard = extensions.get::<Arc<ConnectionGuard>>().cloned();
     let upgrade = upgrade.max_message_size(MESSAGE_BYTES).max_frame_size(MESSAGE_BYTES).write_buffer_size(0);
     upgrade.on_upgrade(move |socket| async move {
         push(socket, Feed::new(context, variant, None)).await;
-        drop(visit);
+        drop(guard);
     })
 }
 
@@ -164,7 +164,7 @@ async fn push(mut socket: WebSocket, mut feed: Feed) {
     }
 }
 
-/// Waits for `next` while the client says nothing but pings and what we do not listen to; `None` when it goes.
+/// Waits for `next` while ignoring the client's messages; `None` when the client closes the socket.
 async fn unless_closed<T>(socket: &mut WebSocket, next: impl Future<Output = T>) -> Option<T> {
     tokio::pin!(next);
     loop {

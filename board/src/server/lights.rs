@@ -1,4 +1,4 @@
-//! `/v1/lights`, `/data`, `/xml` and `/lights.json`: the next finished frame, encoded once per frame for all who ask alike.
+//! `/v1/lights`, `/data`, `/xml` and `/lights.json`: the next finished frame, encoded once per frame for all requests with equal parameters.
 
 use super::query::{Variant, Wanted, wanted};
 use super::{Context, line};
@@ -15,16 +15,16 @@ use hemilux_core::wire;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Longest wait for the next frame: clients ask again after two seconds.
+/// Longest wait for the next frame, below the two seconds after which clients repeat a request.
 pub(super) const LONGEST_WAIT: Duration = Duration::from_millis(1500);
 
-/// Age in which the answers about a source that has stopped share their bytes: what they say is off by less than this.
+/// Resolution of the age in answers about a stopped source: answers within one step share their bytes.
 const STALE_STEP_MS: u64 = 100;
 
-/// Lights above which encoding takes so long (about a millisecond) that it must not hold up other connections.
+/// Number of lights above which encoding takes more than about a millisecond and moves to a thread of its own.
 const MANY_LIGHTS: usize = 2048;
 
-/// Ways of writing whose bytes are kept at a time: more clients with more wishes than this share less.
+/// Largest number of variants whose bytes are kept; beyond it the least recently requested variant is dropped.
 const VARIANTS: usize = 16;
 
 /// A form of the light set.
@@ -57,7 +57,7 @@ impl Format {
         })
     }
 
-    /// Writes `set` into a buffer with room for `room` bytes; `None` only for a fault of ours, since memory refuses nothing.
+    /// Writes `set` into a buffer with room for `room` bytes; `None` only for a programming error, since writing to memory does not fail.
     fn encode(self, set: &wire::LightSet<'_>, room: usize) -> Option<Vec<u8>> {
         let mut bytes = Vec::with_capacity(room);
         let written = match self {
@@ -76,24 +76,24 @@ impl Format {
     }
 }
 
-/// What a client that connects again names as the last event that it has.
+/// The id of an event, which a client sends back as Last-Event-ID when it reconnects.
 pub(super) fn event_id(run: &str, frame: u64) -> String {
     format!("{run}-{frame}")
 }
 
-/// The newest bytes of each variant, the last asked for first.
+/// The encoded bytes of the newest set for each variant, most recently requested first.
 #[derive(Default)]
 pub(super) struct Cache {
     variants: Mutex<Vec<(Variant, Arc<Place>)>>,
-    /// Held by who encodes a large set: one core is enough for that, the others are the probe's.
+    /// Held while a large set is encoded: at most one core is used for that.
     large: tokio::sync::Mutex<()>,
 }
 
-/// Where a variant's bytes are.
+/// The bytes of one variant.
 #[derive(Default)]
 struct Place {
     encoded: Mutex<Encoded>,
-    /// Held by who encodes; those who find the bytes do not queue for it.
+    /// Held while the set is encoded; requests that find the bytes in the cache do not wait for it.
     encoding: tokio::sync::Mutex<()>,
 }
 
@@ -112,7 +112,7 @@ pub(super) struct Answer {
 }
 
 impl Answer {
-    /// `set` as it is now: stale when it is older than a client waits, or `is_late`.
+    /// `set` with its present age: stale when older than [`LONGEST_WAIT`], or when `is_late`.
     pub(super) fn of(link: &Link, set: Arc<Published>, is_late: bool) -> Self {
         let age = link.staleness(&set);
         let stale = (is_late || u128::from(age.age_ms) > LONGEST_WAIT.as_millis()).then_some(age);
@@ -158,7 +158,7 @@ pub(super) fn since_ready(set: &Published) -> Duration {
     Duration::from_nanos(clock::monotonic_ns().saturating_sub(ready_ns))
 }
 
-/// Says whether frames are coming.
+/// Answers 200 while the newest frame is at most [`LONGEST_WAIT`] old, else 503.
 pub(super) async fn health(State(context): State<Context>) -> Response {
     let latest = context.link.subscribe().borrow().clone();
     let Some(set) = latest else { return no_frame_yet(&context.link) };
@@ -190,7 +190,7 @@ pub(super) fn no_frame_yet(link: &Link) -> Response {
 }
 
 impl Cache {
-    /// The bytes of `answer`: whoever comes first encodes, the others wait for it.
+    /// The bytes of `answer`: the first request encodes the set, concurrent ones wait for it.
     pub(super) async fn bytes(&self, variant: Variant, link: &Arc<Link>, answer: Answer) -> Option<Bytes> {
         let key = (answer.set.frame, answer.stale.as_ref().map(|s| s.age_ms / STALE_STEP_MS));
         let place = self.place(variant);
@@ -201,7 +201,7 @@ impl Cache {
         if let Some(bytes) = place.find(key) {
             return Some(bytes);
         }
-        // The last frame's length and an eighth: one allocation a frame.
+        // Capacity of 9/8 of the previous frame's length: one allocation per frame.
         let last = lock(&place.encoded).bytes.len();
         let room = last + last / 8;
         let bytes = if answer.set.lights.len() > MANY_LIGHTS {
@@ -216,7 +216,7 @@ impl Cache {
         Some(bytes)
     }
 
-    /// Where the bytes of `variant` are; the one that was not asked for longest makes room.
+    /// The cache entry of `variant`; evicts the least recently requested one when the cache is full.
     fn place(&self, variant: Variant) -> Arc<Place> {
         let mut all = lock(&self.variants);
         let known = all.iter().position(|(v, _)| *v == variant);
@@ -234,7 +234,7 @@ impl Place {
     }
 }
 
-/// Locks for a moment; what is behind our locks is whole at any moment.
+/// Locks `mutex`, also after a panic of another thread: no critical section leaves partial updates.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -258,7 +258,7 @@ fn encode(variant: Variant, link: &Link, answer: &Answer, room: usize) -> Option
     Some(Bytes::from(bytes))
 }
 
-/// `lights` merged into at most `most`; `None` only for a fault of ours.
+/// `lights` merged into at most `most`; `None` only for a programming error.
 pub(super) fn thin(lights: &[Light], most: usize) -> Option<Vec<Light>> {
     let (mut lights, mut pairs) = (lights.to_vec(), vec![Pair::default(); lights.len()]);
     let count = merge(&mut lights, most, &mut pairs).ok()?;

@@ -1,7 +1,7 @@
 //! The HTTP server: the requests of the thesis's appendix A.1, and `/v1`.
 //!
-//! [`app`] makes the routes from a [`Link`], testable without sockets; [`start`] serves them. A client that asks for data waits
-//! for the next finished frame; a slow or dead one costs nothing but its own socket. `openapi.json` documents every request.
+//! [`app`] makes the routes from a [`Link`], testable without sockets; [`start`] serves them. A request for data waits
+//! for the next finished frame; slow clients delay no other client. `openapi.json` documents every request.
 
 mod access;
 mod change;
@@ -10,20 +10,20 @@ mod compare;
 mod config;
 mod connection;
 mod counts;
-mod crowd;
 mod develop;
 mod events;
 mod guard;
 mod lights;
+mod limiter;
 mod metrics;
 mod page;
 mod pages;
-mod patience;
 mod pictures;
 mod query;
 mod routes;
 mod screenshot;
 mod sphere;
+mod stall;
 mod token;
 mod xr;
 
@@ -39,40 +39,40 @@ use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use counts::Counts;
 use lights::Cache;
-use pictures::Studio;
-use screenshot::Album;
+use pictures::PictureCache;
+use screenshot::Screenshots;
 use std::sync::Arc;
 use tokio::sync::watch;
 
-/// Who is served what.
+/// Access rules of the server.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// Which Host headers are answered.
+    /// The accepted Host headers.
     pub guard: Guard,
-    /// Who may change settings and see pictures.
+    /// The condition for changes of settings and for pictures.
     pub access: Access,
-    /// Origins (`http://host:port`) of other sites whose pages may use the server as its own do.
+    /// Origins (`http://host:port`) of other sites whose pages have the rights of the server's own pages.
     pub origins: Vec<String>,
-    /// Where settings are written back to when a client asks for it.
+    /// The file that `PATCH /v1/config?save=1` writes settings to.
     pub file: Option<ConfigFile>,
 }
 
 impl Default for Options {
-    /// For this machine alone, without a token.
+    /// Access from this machine only, without a token.
     fn default() -> Self {
         Self { guard: Guard::loopback(), access: Access::Open, origins: Vec::new(), file: None }
     }
 }
 
-/// What every handler sees.
+/// The state that handlers share.
 type Context = Arc<Shared>;
 
 struct Shared {
     link: Arc<Link>,
     cache: Cache,
-    studio: Studio,
-    album: Album,
-    bench: compare::Bench,
+    pictures: PictureCache,
+    screenshots: Screenshots,
+    scores: compare::ComparisonScores,
     counts: Arc<Counts>,
     guard: Guard,
     access: Access,
@@ -105,9 +105,9 @@ pub fn app(link: Arc<Link>, options: Options) -> App {
     let shared = Shared {
         link,
         cache: Cache::default(),
-        studio: Studio::default(),
-        album: Album::default(),
-        bench: compare::Bench::default(),
+        pictures: PictureCache::default(),
+        screenshots: Screenshots::default(),
+        scores: compare::ComparisonScores::default(),
         counts: Arc::clone(&counts),
         guard,
         access,

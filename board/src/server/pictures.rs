@@ -1,4 +1,4 @@
-//! Pictures: the burst's exposures, a fresh shot and the map. They are made when asked for, one at a time, once per frame for all.
+//! Pictures: the burst's exposures, a fresh shot and the map. They are rendered on request, one at a time, once per frame for all clients.
 
 use super::access::Allowed;
 use super::develop;
@@ -23,8 +23,8 @@ use std::time::Duration;
 /// JPEG quality: artefacts are below the sensor's noise.
 const QUALITY: u8 = 90;
 
-/// Pictures that are kept: the exposures of a burst and the map in its forms.
-const SHELF: usize = 16;
+/// Largest number of pictures that are kept: the exposures of a burst and the forms of the map.
+const MAX_PICTURES: usize = 16;
 
 /// Longest wait for a fresh shot: two bursts, of which the first was under way; exposures of a second each make three-second bursts.
 const CAPTURE_WAIT: Duration = Duration::from_secs(8);
@@ -32,9 +32,9 @@ const CAPTURE_WAIT: Duration = Duration::from_secs(8);
 /// Part of a shot's samples that may be clipped.
 const CLIPPED: f64 = 0.01;
 
-/// What is drawn.
+/// The contents of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum PictureKind {
     Exposure(usize),
     Map { marks: bool },
     MapExr,
@@ -42,38 +42,38 @@ pub(super) enum Kind {
     Mask,
 }
 
-/// Where pictures are made.
+/// Renders pictures and keeps the newest of each kind.
 #[derive(Debug, Default)]
-pub(super) struct Studio {
-    /// One at a time: they take tens of milliseconds of a core that the probe needs.
-    easel: tokio::sync::Mutex<()>,
-    /// Kind, frame and bytes, the newest first.
-    shelf: Mutex<Vec<(Kind, u64, Bytes)>>,
+pub(super) struct PictureCache {
+    /// Held while a picture is rendered: that takes tens of milliseconds of a core.
+    rendering: tokio::sync::Mutex<()>,
+    /// Kind, frame and encoded bytes of each picture, the newest first.
+    kept: Mutex<Vec<(PictureKind, u64, Bytes)>>,
 }
 
-impl Studio {
-    /// The picture of `frame`, made by `paint` unless it is there.
-    pub(super) async fn picture(
+impl PictureCache {
+    /// The picture of `frame`, made by `render` unless it is there.
+    pub(super) async fn get_or_render(
         &self,
-        kind: Kind,
+        kind: PictureKind,
         frame: u64,
-        paint: impl FnOnce() -> Option<Vec<u8>> + Send + 'static,
+        render: impl FnOnce() -> Option<Vec<u8>> + Send + 'static,
     ) -> Option<Bytes> {
-        let _alone = self.easel.lock().await;
+        let _alone = self.rendering.lock().await;
         if let Some(bytes) = self.find(kind, frame) {
             return Some(bytes);
         }
-        let bytes = Bytes::from(tokio::task::spawn_blocking(paint).await.ok()??);
-        let mut shelf = self.shelf.lock().unwrap_or_else(PoisonError::into_inner);
-        shelf.retain(|(k, ..)| *k != kind);
-        shelf.truncate(SHELF - 1);
-        shelf.insert(0, (kind, frame, bytes.clone()));
+        let bytes = Bytes::from(tokio::task::spawn_blocking(render).await.ok()??);
+        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        kept.retain(|(k, ..)| *k != kind);
+        kept.truncate(MAX_PICTURES - 1);
+        kept.insert(0, (kind, frame, bytes.clone()));
         Some(bytes)
     }
 
-    fn find(&self, kind: Kind, frame: u64) -> Option<Bytes> {
-        let shelf = self.shelf.lock().unwrap_or_else(PoisonError::into_inner);
-        shelf.iter().find(|(k, f, _)| (*k, *f) == (kind, frame)).map(|(.., bytes)| bytes.clone())
+    fn find(&self, kind: PictureKind, frame: u64) -> Option<Bytes> {
+        let kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        kept.iter().find(|(k, f, _)| (*k, *f) == (kind, frame)).map(|(.., bytes)| bytes.clone())
     }
 }
 
@@ -158,8 +158,8 @@ async fn jpeg_answer(context: &Context, view: Arc<BurstView>, at: usize, is_fres
     let frame = view.frame;
     let count = view.frames.len();
     let exposure = view.frames.get(at).map_or(0.0, |f| f.exposure.seconds * f.exposure.gain);
-    let paint = move || jpeg(view.frames.get(at)?, &view.calibration);
-    let bytes = context.studio.picture(Kind::Exposure(at), frame, paint).await;
+    let render = move || jpeg(view.frames.get(at)?, &view.calibration);
+    let bytes = context.pictures.get_or_render(PictureKind::Exposure(at), frame, render).await;
     let mut response = answer(bytes, "image/jpeg", frame, is_fresh);
     let exposure = HeaderValue::from_str(&exposure.to_string());
     response.headers_mut().insert(HeaderName::from_static("hemilux-exposures"), count.into());
@@ -184,8 +184,13 @@ pub(super) async fn map_png(
         return no_frame_yet(&context.link);
     };
     let frame = view.frame;
-    let paint = move || png(&view, marks);
-    answer(context.studio.picture(Kind::Map { marks }, frame, paint).await, "image/png", frame, is_fresh)
+    let render = move || png(&view, marks);
+    answer(
+        context.pictures.get_or_render(PictureKind::Map { marks }, frame, render).await,
+        "image/png",
+        frame,
+        is_fresh,
+    )
 }
 
 /// `/v1/map.exr`: the whole sphere's radiance, dark below the horizon.
@@ -194,8 +199,13 @@ pub(super) async fn map_exr(State(context): State<Context>, _: Allowed) -> Respo
         return no_frame_yet(&context.link);
     };
     let frame = view.frame;
-    let paint = move || exr(&view);
-    answer(context.studio.picture(Kind::MapExr, frame, paint).await, "image/x-exr", frame, is_fresh)
+    let render = move || exr(&view);
+    answer(
+        context.pictures.get_or_render(PictureKind::MapExr, frame, render).await,
+        "image/x-exr",
+        frame,
+        is_fresh,
+    )
 }
 
 pub(super) fn answer(bytes: Option<Bytes>, kind: &'static str, frame: u64, is_fresh: bool) -> Response {

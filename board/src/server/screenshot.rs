@@ -17,13 +17,13 @@ const KEPT: usize = 16;
 
 /// The screenshots, the newest first.
 #[derive(Debug, Default)]
-pub(super) struct Album {
+pub(super) struct Screenshots {
     pictures: Mutex<(u64, VecDeque<(String, Bytes)>)>,
     /// One picture is painted at a time.
     painting: tokio::sync::Mutex<()>,
 }
 
-impl Album {
+impl Screenshots {
     /// Keeps a picture; the names of all, the newest first.
     fn keep(&self, run: &str, frame: u64, png: Bytes) -> Vec<String> {
         let mut guard = self.lock();
@@ -48,20 +48,20 @@ pub(super) async fn take(State(context): State<Context>, _: Allowed) -> Response
     if !context.link.applied().borrow().config.gui {
         return (StatusCode::CONFLICT, pages::no_screenshot()).into_response();
     }
-    let _alone = context.album.painting.lock().await;
+    let _alone = context.screenshots.painting.lock().await;
     let Some((map, _)) = view(&context.link.views().maps).await else { return no_frame_yet(&context.link) };
     let frame = map.frame;
     let painted = tokio::task::spawn_blocking(move || png(&map, true)).await;
     let Ok(Some(picture)) = painted else {
         return line(StatusCode::INTERNAL_SERVER_ERROR, "the picture could not be made");
     };
-    let names = context.album.keep(context.link.run(), frame, picture.into());
+    let names = context.screenshots.keep(context.link.run(), frame, picture.into());
     ([(CACHE_CONTROL, "no-store")], pages::screenshot(&names)).into_response()
 }
 
 /// A screenshot that was taken before.
 pub(super) async fn kept(State(context): State<Context>, _: Allowed, Path(name): Path<String>) -> Response {
-    match context.album.find(&name) {
+    match context.screenshots.find(&name) {
         // A name is never used again.
         Some(png) => {
             ([(CONTENT_TYPE, "image/png"), (CACHE_CONTROL, "private, max-age=86400, immutable")], png)
@@ -77,17 +77,17 @@ mod tests {
 
     #[test]
     fn the_last_sixteen_stay_under_names_of_their_own() {
-        let album = Album::default();
+        let screenshots = Screenshots::default();
         let mut all = Vec::new();
         for i in 0..20 {
-            all = album.keep("k3v9", 7, Bytes::from(vec![i]));
+            all = screenshots.keep("k3v9", 7, Bytes::from(vec![i]));
         }
         assert_eq!(
             (all.len(), all[0].as_str(), all[15].as_str()),
             (16, "k3v9-000007-20.png", "k3v9-000007-5.png"),
             "{all:?}"
         );
-        assert_eq!(album.find(&all[15]), Some(Bytes::from_static(&[4])), "the oldest that stays");
-        assert_eq!(album.find("k3v9-000007-4.png"), None, "gone");
+        assert_eq!(screenshots.find(&all[15]), Some(Bytes::from_static(&[4])), "the oldest that stays");
+        assert_eq!(screenshots.find("k3v9-000007-4.png"), None, "gone");
     }
 }

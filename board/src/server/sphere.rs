@@ -4,7 +4,7 @@ use super::Context;
 use super::access::Allowed;
 use super::develop;
 use super::lights::no_frame_yet;
-use super::pictures::{Kind, answer, view};
+use super::pictures::{PictureKind, answer, view};
 use crate::calibration::{Calibration, Frame};
 use crate::probe::{BurstView, MapView};
 use axum::extract::State;
@@ -27,8 +27,13 @@ pub(super) async fn map_hdr(State(context): State<Context>, _: Allowed) -> Respo
         return no_frame_yet(&context.link);
     };
     let frame = view.frame;
-    let paint = move || hdr(&view);
-    answer(context.studio.picture(Kind::MapHdr, frame, paint).await, "image/vnd.radiance", frame, is_fresh)
+    let render = move || hdr(&view);
+    answer(
+        context.pictures.get_or_render(PictureKind::MapHdr, frame, render).await,
+        "image/vnd.radiance",
+        frame,
+        is_fresh,
+    )
 }
 
 /// `/v1/mask.png`: the hemisphere in the map's shape, black where the lens does not see, white where even the shortest exposure clips.
@@ -38,12 +43,17 @@ pub(super) async fn mask_png(State(context): State<Context>, _: Allowed) -> Resp
         return no_frame_yet(&context.link);
     };
     let frame = view.frame;
-    let paint = move || {
+    let render = move || {
         let mut bytes = Cursor::new(Vec::new());
         mask(&view, &grid)?.write_to(&mut bytes, ImageFormat::Png).ok()?;
         Some(bytes.into_inner())
     };
-    answer(context.studio.picture(Kind::Mask, frame, paint).await, "image/png", frame, is_fresh)
+    answer(
+        context.pictures.get_or_render(PictureKind::Mask, frame, render).await,
+        "image/png",
+        frame,
+        is_fresh,
+    )
 }
 
 fn hdr(view: &MapView) -> Option<Vec<u8>> {

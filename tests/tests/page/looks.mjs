@@ -112,7 +112,7 @@ export async function compare(browser, url) {
   await until("and right ones taken again", async () => /^16 of 16/.test(await cell(1, 3)) && await text(page, "#compare-error") === "");
   await page.uncheck("#compare-on");
   await page.waitForSelector("#sky-canvas-2", { state: "hidden" });
-  // While somebody else looks at another one, we have to wait, and go on by ourselves.
+  // While another client compares another sampler, the page waits and then continues without a click.
   await page.evaluate(() => {
     window.others = true;
     (async () => { while (window.others) await fetch("/v1/compare?algorithm=hemigon&lights=7"); })();
@@ -123,7 +123,7 @@ export async function compare(browser, url) {
   await page.evaluate(() => { window.others = false; });
   await page.waitForSelector("#compare-result:not([hidden])");
   await until("nothing is in the way any more", async () => await text(page, "#compare-error") === "");
-  check((await json(page, "/v1/config")).values.sampler === "adaptive", "nobody else's light has changed");
+  check((await json(page, "/v1/config")).values.sampler === "adaptive", "the probe's own sampler is unchanged");
   check(faults.length === 0, faults.join("\n"));
   await context.close();
 }

@@ -75,7 +75,7 @@ function tell(state) {
   if (isNew && state === "live") wake();
 }
 
-/** Those who wait for better times go on. */
+/** Continues the loops that are paused. */
 function wake() {
   wakeUp.splice(0).forEach(go => go());
 }
@@ -87,7 +87,7 @@ async function ready() {
   }
 }
 
-/** Does `work` again and again while there is somebody to see it. */
+/** Repeats `work` while the page is visible. */
 async function repeat(pause, work) {
   for (;;) {
     await ready();
@@ -206,7 +206,7 @@ function controls() {
   comparison.addEventListener("pair", showPair);
   comparison.addEventListener("end", showOne);
   document.addEventListener("visibilitychange", () => {
-    // Browsers have few connections to one place: a page that nobody sees gives its own back.
+    // Browsers have few connections to one place: a hidden page closes its own.
     if (document.hidden) { probe?.close(); probe = null; } else { connect(); wake(); }
   });
 }

@@ -62,7 +62,7 @@ export class Quality {
 
 let known = null;
 
-/** Whether WebGL is done by the processor. It takes a while to find out, so nobody asks before there is something to draw. */
+/** Whether WebGL is done by the processor. The check takes some time, so it runs only when there is something to draw. */
 export const isSoftware = () => known ??= softwareRenderer();
 
 function softwareRenderer() {

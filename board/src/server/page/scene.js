@@ -137,7 +137,7 @@ export class Scene {
     return moving;
   }
 
-  /** For who reads the picture: what it shows, and how well. */
+  /** A text alternative for screen readers: what the picture shows, and at which quality. */
   #tell(quality) {
     const { sky, rays } = this.#options, shown = `${sky ? "sky " : ""}${rays ? "lines " : ""}${this.#ev} EV`, { dataset } = this.#canvas;
     if (dataset.quality !== quality) dataset.quality = quality;

@@ -25,7 +25,7 @@ export class Settings extends EventTarget {
     save.addEventListener("click", () => this.#keep());
   }
 
-  /** Reads the settings anew; what somebody is typing stays. */
+  /** Reads the settings anew; fields that are being edited are not overwritten. */
   async load() {
     const answer = await fetch("/v1/config", { cache: "no-store" });
     if (answer.ok) this.#show(await answer.json());

@@ -11,7 +11,7 @@ precision highp float;
 precision highp sampler2DArrayShadow;
 `;
 
-/** Axes across a light's direction [Duff et al. 2017]; the depth maps and who reads them use the same. */
+/** Axes across a light's direction [Duff et al. 2017]; the depth maps and the code that samples them use the same axes. */
 const ACROSS = `
 void across(vec3 n, out vec3 u, out vec3 v) {
   float s = n.z >= 0.0 ? 1.0 : -1.0, a = -1.0 / (s + n.z), b = n.x * n.y * a;

@@ -3,7 +3,7 @@
 import { luminance, screenColour } from "./map.js";
 import { angles } from "./sky.js";
 
-/** Most rows, and the time between two writings, ms: faster nobody reads. */
+/** Largest number of rows, and the shortest time between two updates, ms. */
 const ROWS = 100, PAUSE = 500;
 
 export class Table {

@@ -59,7 +59,7 @@ async fn another_comparison_has_to_wait_and_is_let_in_when_nobody_looks() {
     assert_eq!(compare(&app, "algorithm=q2tree").await.status, 200, "the first");
     let (status, _, text) = get(&app, "/v1/compare?algorithm=pharr&lights=9").await;
     assert!(status == 409 && text.contains("q2tree and 64 lights"), "{status}: {text}");
-    assert_eq!(compare(&app, "algorithm=q2tree").await.status, 200, "who goes on is let in");
+    assert_eq!(compare(&app, "algorithm=q2tree").await.status, 200, "the client in progress continues");
     tokio::time::sleep(Duration::from_millis(600)).await;
     let got = compare(&app, "algorithm=pharr&lights=9").await;
     assert!(got.status == 200 && got.text().contains("\"sampler\":\"pharr\""), "{}", got.text());

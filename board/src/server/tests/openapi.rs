@@ -7,6 +7,12 @@ use std::collections::BTreeSet;
 
 const METHODS: [&str; 5] = ["GET", "POST", "PATCH", "PUT", "DELETE"];
 
+#[test]
+fn the_description_has_short_lines() {
+    let longest = include_str!("../openapi.json").lines().map(str::len).max();
+    assert!(longest <= Some(160), "{longest:?}");
+}
+
 fn document() -> Value {
     serde_json::from_str(include_str!("../openapi.json")).expect("JSON")
 }
@@ -91,7 +97,7 @@ fn check(document: &Value, schema: &Value, value: &Value, place: &str) {
     }
 }
 
-/// Whoever refuses a parameter names those that it takes.
+/// Refusals list the accepted parameters; the description must list the same.
 #[tokio::test]
 async fn every_parameter_that_is_taken_is_described() {
     let document = document();
@@ -103,7 +109,13 @@ async fn every_parameter_that_is_taken_is_described() {
         let names = accepted.lines().filter_map(|l| l.split_once('=')).map(|(name, _)| name);
         let taken: BTreeSet<_> = names.collect();
         let parameters = document["paths"][path]["get"]["parameters"].as_array().expect("parameters");
-        let described: BTreeSet<_> = parameters.iter().filter_map(|p| p["name"].as_str()).collect();
+        let resolved = |p: &Value| {
+            p["$ref"].as_str().and_then(|r| document.pointer(r.trim_start_matches('#'))).unwrap_or(p)["name"]
+                .as_str()
+                .map(str::to_owned)
+        };
+        let described: BTreeSet<_> = parameters.iter().filter_map(resolved).collect();
+        let taken: BTreeSet<_> = taken.into_iter().map(str::to_owned).collect();
         assert_eq!(described, taken, "{path}");
     }
 }

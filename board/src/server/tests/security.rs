@@ -1,4 +1,4 @@
-//! Who is let in: tokens, other sites, other names.
+//! Access control: tokens, requests of other sites, Host headers.
 
 use super::*;
 

@@ -1,4 +1,4 @@
-//! A connection that gives up on a peer which takes nothing.
+//! A stream with a write timeout.
 
 use std::io;
 use std::pin::Pin;
@@ -7,33 +7,33 @@ use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::time::{Sleep, sleep};
 
-/// A stream whose writes fail when the peer has taken nothing for `patience`.
-pub(super) struct Patient<S> {
+/// A stream whose writes fail when the peer accepts no byte for `stall`.
+pub(super) struct StallTimeout<S> {
     stream: S,
-    patience: Duration,
+    stall: Duration,
     /// Runs while a write waits.
-    alarm: Option<Pin<Box<Sleep>>>,
+    timer: Option<Pin<Box<Sleep>>>,
 }
 
-impl<S> Patient<S> {
-    pub(super) fn new(stream: S, patience: Duration) -> Self {
-        Self { stream, patience, alarm: None }
+impl<S> StallTimeout<S> {
+    pub(super) fn new(stream: S, stall: Duration) -> Self {
+        Self { stream, stall, timer: None }
     }
 
-    /// Starts the alarm when `progress` waits, and stops it when it does not.
+    /// Starts the timer when `progress` is pending and clears it otherwise.
     fn watch<T>(&mut self, cx: &mut Context<'_>, progress: Poll<io::Result<T>>) -> Poll<io::Result<T>> {
         if progress.is_ready() {
-            self.alarm = None;
+            self.timer = None;
             return progress;
         }
-        let patience = self.patience;
-        let alarm = self.alarm.get_or_insert_with(|| Box::pin(sleep(patience)));
-        ready!(alarm.as_mut().poll(cx));
+        let stall = self.stall;
+        let timer = self.timer.get_or_insert_with(|| Box::pin(sleep(stall)));
+        ready!(timer.as_mut().poll(cx));
         Poll::Ready(Err(io::ErrorKind::TimedOut.into()))
     }
 }
 
-impl<S: AsyncRead + Unpin> AsyncRead for Patient<S> {
+impl<S: AsyncRead + Unpin> AsyncRead for StallTimeout<S> {
     fn poll_read(
         mut self: Pin<&mut Self>,
         cx: &mut Context<'_>,
@@ -43,7 +43,7 @@ impl<S: AsyncRead + Unpin> AsyncRead for Patient<S> {
     }
 }
 
-impl<S: AsyncWrite + Unpin> AsyncWrite for Patient<S> {
+impl<S: AsyncWrite + Unpin> AsyncWrite for StallTimeout<S> {
     fn poll_write(mut self: Pin<&mut Self>, cx: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
         let progress = Pin::new(&mut self.stream).poll_write(cx, bytes);
         self.watch(cx, progress)
