@@ -5,6 +5,7 @@
 //! order with their energy and centroid. With 2048 quads that is a hundred times finer than the sets it judges.
 
 use glam::Vec3;
+use hemilux_core::Order;
 use hemilux_core::color::luminance;
 use hemilux_core::harmonics::basis;
 use hemilux_core::healpix::{self, Domain};
@@ -169,7 +170,7 @@ impl Points {
 
 /// The order of a hemisphere of so many quads.
 fn order_of(quads: usize) -> u8 {
-    (0..healpix::MAX_ORDER).find(|order| Domain::Hemisphere.quads(*order) >= quads).unwrap_or(0)
+    (0..Order::MAX.get()).find(|order| Domain::Hemisphere.quads(*order) >= quads).unwrap_or(0)
 }
 
 fn mean(values: &[f32]) -> f32 {

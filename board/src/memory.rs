@@ -4,6 +4,7 @@ use crate::calibration::Calibration;
 use crate::pipeline::Pipeline;
 use crate::probe::compare;
 use crate::samplers::{self, NAMES, Shape, Tuning};
+use hemilux_core::Order;
 use hemilux_core::healpix::Domain;
 use hemilux_core::light::Light;
 use hemilux_core::merge::Reciprocal;
@@ -75,14 +76,17 @@ impl Plan {
             Room::of::<u16>("weights", size.weights),
             Room::of::<Run>("runs", size.runs),
             Room::of::<Texel>("texels", size.texels),
-            Room::of::<Quad>("pyramid", pyramid_len(Domain::Hemisphere, order)),
+            Room::of::<Quad>("pyramid", pyramid_len(Domain::Hemisphere, Order::saturating(order))),
             Room::of::<Light>("published lights", 4 * s.lights),
         ];
         rooms.push(Room { name: "sampler: state", count: 1, size: pipeline.sampler_bytes() });
         rooms.extend(sampler(&s.sampler, order, &s.grid, s.lights, &s.tuning));
         if pipeline.needs_polar() {
             rooms.push(Room::of::<[f32; 3]>("polar map", s.grid.len()));
-            rooms.push(Room::of::<Share>("polar shares", shares_len(&s.grid, samplers::polar_order(order))));
+            rooms.push(Room::of::<Share>(
+                "polar shares",
+                shares_len(&s.grid, Order::saturating(samplers::polar_order(order))),
+            ));
         }
         let source_order = plan.source_order();
         let comparison = comparison(&pipeline.shape(), &s.tuning, pipeline.needs_polar());
@@ -112,7 +116,7 @@ fn comparison(shape: &Shape, tuning: &Tuning, has_polar: bool) -> usize {
         state(name) + rooms.iter().map(Room::bytes).sum::<usize>()
     };
     let polar = grid.len() * size_of::<[f32; 3]>()
-        + shares_len(grid, samplers::polar_order(*order)) * size_of::<Share>();
+        + shares_len(grid, Order::saturating(samplers::polar_order(*order))) * size_of::<Share>();
     NAMES.iter().map(of).max().unwrap_or(0) + compare::bytes(*order) + if has_polar { 0 } else { polar }
 }
 
@@ -138,13 +142,13 @@ fn sampler(name: &str, order: u8, grid: &Grid, lights: usize, tuning: &Tuning) -
             [inversion(), vec![Room::of::<glam::Vec3>("sampler: paths", 2 * few * taps)]].concat()
         }
         "adaptive" => vec![
-            Room::of::<u8>("sampler: bits", 2 * adaptive::bits_len(domain, order)),
+            Room::of::<u8>("sampler: bits", 2 * adaptive::bits_len(domain, Order::saturating(order))),
             Room::of::<adaptive::Leaf>("sampler: heap", lights),
             Room::of::<Light>("sampler: lights", 2 * lights),
             Room::of::<adaptive::Track>("sampler: tracks", 2 * lights),
         ],
         _ => vec![
-            Room::of::<u8>("sampler: bits", 2 * q2tree::interior_len(domain, order)),
+            Room::of::<u8>("sampler: bits", 2 * q2tree::interior_len(domain, Order::saturating(order))),
             Room::of::<q2tree::Leaf>("sampler: heap", lights),
             Room::of::<Light>("sampler: lights", lights),
             Room::of::<q2tree::Past>("sampler: past", lights),

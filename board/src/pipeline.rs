@@ -6,6 +6,7 @@
 use crate::calibration::{Burst, Calibration};
 use crate::polar::Polar;
 use crate::samplers::{self, SamplerError, Shape, Tuning};
+use hemilux_core::Order;
 use hemilux_core::fill::{self, Extrapolation};
 use hemilux_core::format::{Format, Layout, LayoutError};
 use hemilux_core::front::{self, FrontError, Seen};
@@ -176,9 +177,9 @@ impl Pipeline {
         let layout = calibration.layout().map_err(PipelineError::Format)?;
         let merge = merge(&calibration, exposures)?;
         let plan = plan(&calibration, &layout, order)?;
-        let quads = vec![Quad::default(); pyramid_len(Domain::Hemisphere, order)];
-        let pyramid =
-            Pyramid::try_new(quads, Domain::Hemisphere, order).expect("as many quads as the pyramid names");
+        let quads = vec![Quad::default(); pyramid_len(Domain::Hemisphere, Order::saturating(order))];
+        let pyramid = Pyramid::try_new(quads, Domain::Hemisphere, Order::saturating(order))
+            .expect("as many quads as the pyramid names");
         let polar = sampler.needs_polar().then(|| Polar::new(&shape));
         let exposures = exposures.to_vec();
         let polar_fresh = false;
@@ -202,7 +203,7 @@ impl Pipeline {
     /// [`PipelineError`].
     pub fn configure(&mut self, settings: Settings) -> Result<(), PipelineError> {
         let same_maps =
-            settings.order() == self.pyramid.view().order() && settings.grid == self.settings.grid;
+            settings.order() == self.pyramid.view().order().get() && settings.grid == self.settings.grid;
         if !same_maps {
             *self = Self::try_new(self.calibration.clone(), &self.exposures, settings)?;
             return Ok(());
@@ -222,7 +223,7 @@ impl Pipeline {
     /// The maps that its samplers read.
     #[must_use]
     pub fn shape(&self) -> Shape {
-        let order = self.pyramid.view().order();
+        let order = self.pyramid.view().order().get();
         Shape { domain: Domain::Hemisphere, order, grid: self.settings.grid }
     }
 
@@ -284,7 +285,7 @@ impl Pipeline {
     #[must_use]
     pub fn sketch(&self, order: u8) -> &[Quad] {
         let view = self.pyramid.view();
-        view.quads_of(order.min(view.order()))
+        view.quads_of(order.min(view.order().get()))
     }
 
     /// Rebuilds the merge when a burst comes with other exposures.

@@ -1,6 +1,7 @@
 //! The polar map of a pipeline, for the samplers and clients that want one.
 
 use crate::samplers::{self, Shape};
+use hemilux_core::Order;
 use hemilux_core::polar::{Grid, LatLong, PolarPlan, Share, shares_len};
 use hemilux_core::pyramid::PyramidView;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
@@ -28,8 +29,10 @@ fn plan(grid: &Grid, order: u8) -> Arc<Plan> {
     if let Some(plan) = known.as_ref().filter(|k| k.shape == shape).and_then(|k| k.plan.upgrade()) {
         return plan;
     }
-    let shares = vec![Share::default(); shares_len(grid, order)];
-    let plan = Arc::new(PolarPlan::try_new(grid, order, shares).expect("as many shares as the plan names"));
+    let shares = vec![Share::default(); shares_len(grid, Order::saturating(order))];
+    let plan = Arc::new(
+        PolarPlan::try_new(grid, Order::saturating(order), shares).expect("as many shares as the plan names"),
+    );
     *known = Some(Known { shape, plan: Arc::downgrade(&plan) });
     plan
 }

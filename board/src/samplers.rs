@@ -1,5 +1,6 @@
 //! The samplers by name, with memory from the heap.
 
+use hemilux_core::Order;
 use hemilux_core::healpix::Domain;
 use hemilux_core::light::Light;
 use hemilux_core::polar::Grid;
@@ -195,19 +196,25 @@ pub fn make_tuned(
 }
 
 fn q2tree(parameters: Parameters, shape: &Shape, lights: usize) -> Box<dyn Sampler + Send> {
-    let bits = || vec![0u8; interior_len(shape.domain, shape.order)];
+    let bits = || vec![0u8; interior_len(shape.domain, Order::saturating(shape.order))];
     let heap = vec![Leaf::default(); lights];
     let room = (vec![Light::default(); lights], vec![Past::default(); lights]);
-    let sampler = Q2Tree::try_new(parameters, (shape.domain, shape.order), [bits(), bits()], heap, room);
+    let sampler = Q2Tree::try_new(
+        parameters,
+        (shape.domain, Order::saturating(shape.order)),
+        [bits(), bits()],
+        heap,
+        room,
+    );
     Box::new(sampler.expect("the bit sets have the length that the tree names"))
 }
 
 fn adaptive(shape: &Shape, lights: usize) -> Box<dyn Sampler + Send> {
-    let bits = || vec![0u8; bits_len(shape.domain, shape.order)];
+    let bits = || vec![0u8; bits_len(shape.domain, Order::saturating(shape.order))];
     let light = || vec![Light::default(); lights];
     let tracks = || vec![Track::default(); lights];
     let heap = vec![adaptive::Leaf::default(); lights];
-    let over = (shape.domain, shape.order);
+    let over = (shape.domain, Order::saturating(shape.order));
     let sampler = Adaptive::try_new(over, [bits(), bits()], heap, [light(), light()], [tracks(), tracks()]);
     Box::new(sampler.expect("the bit sets have the length that the tree names"))
 }

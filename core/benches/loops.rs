@@ -5,6 +5,7 @@ mod common;
 
 use common::{bench_lens, dark, one_exposure, plan};
 use divan::{Bencher, black_box};
+use hemilux_core::Order;
 use hemilux_core::format::{Format, Layout};
 use hemilux_core::front;
 use hemilux_core::healpix::Domain;
@@ -61,8 +62,8 @@ fn pyramid(bencher: Bencher<'_, '_>) {
 #[divan::bench(args = [64, 5_000])]
 fn q2tree(bencher: Bencher<'_, '_>, lights: usize) {
     let map = common::lit(Domain::Hemisphere, ORDER, |ipix| [1.0 + (ipix % 7) as f32; 3]);
-    let bits = || vec![0; interior_len(Domain::Hemisphere, ORDER)];
-    let shape = (Domain::Hemisphere, ORDER);
+    let bits = || vec![0; interior_len(Domain::Hemisphere, Order::saturating(ORDER))];
+    let shape = (Domain::Hemisphere, Order::saturating(ORDER));
     let mut tree = Q2Tree::try_new(
         Parameters::CENTROID,
         shape,

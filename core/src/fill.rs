@@ -25,7 +25,7 @@ const QUADS: usize = Domain::Hemisphere.quads(ORDER);
 ///
 /// A map coarser than order 3 stays as it is.
 pub fn average<Q: Buffer<Quad>>(map: &mut Pyramid<Q>, geometry: &[Texel]) -> [f32; 3] {
-    let order = map.view().order();
+    let order = map.view().order().get();
     if order < ORDER || map.view().domain() != Domain::Hemisphere {
         return [0.0; 3];
     }
@@ -41,7 +41,7 @@ pub fn average<Q: Buffer<Quad>>(map: &mut Pyramid<Q>, geometry: &[Texel]) -> [f3
 /// Mean radiance of the middle half, by luminance, of the order-3 quads of which at least half is seen.
 fn seen_average<Q: Buffer<Quad>>(map: &Pyramid<Q>, geometry: &[Texel]) -> [f32; 3] {
     let view = map.view();
-    let below = 1 << (2 * (view.order() - ORDER));
+    let below = 1 << (2 * (view.order().get() - ORDER));
     let mut seen = [(0.0f32, [0.0f32; 3]); QUADS];
     let mut count = 0;
     for (ipix, (texels, quad)) in geometry.chunks(below).zip(view.quads_of(ORDER)).enumerate() {

@@ -3,12 +3,100 @@
 //! Quad `ipix` of `order` lies in base face `ipix >> 2 order`; the remaining bits interleave its column (even bits) and row
 //! (odd bits) inside the face. The children of quad p are 4p..4p+3 of the next order. After \[Gorski2005\], section 5 and
 //! appendix A; the face-wise form of the inverse is ours.
+//!
+//! Functions of an index take the order as a number and are total: an order above [`Order::MAX`] counts as that, and an index
+//! beyond the last quad gives some value, never a panic. What allocates or lends memory for a map takes an [`Order`].
 
 use core::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 use glam::DVec3;
 
-/// Highest order this module indexes: 12 * 4^13 quads still fit a `u32`.
-pub const MAX_ORDER: u8 = 13;
+/// The order of a HEALPix map: each base face holds 4^order quads. Only orders that this crate indexes exist.
+///
+/// ```
+/// use hemilux_core::Order;
+///
+/// let order: Order = 5.try_into()?;
+/// assert_eq!(order.get(), 5);
+/// assert!(Order::try_new(40).is_err());
+/// # Ok::<(), hemilux_core::BadOrder>(())
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Order(u8);
+
+/// An order above [`Order::MAX`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct BadOrder {
+    /// The refused order.
+    pub found: u8,
+}
+
+impl core::fmt::Display for BadOrder {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "a map of order {}, expected at most {}", self.found, Order::MAX)
+    }
+}
+
+impl core::error::Error for BadOrder {}
+
+impl Order {
+    /// Order 0: the base faces themselves.
+    pub const ZERO: Self = Self(0);
+
+    /// Order 13, the highest: 12 * 4^13 quads still fit a `u32`.
+    pub const MAX: Self = Self(13);
+
+    /// Checks that `order` is at most [`Order::MAX`].
+    ///
+    /// # Errors
+    /// [`BadOrder`].
+    pub const fn try_new(order: u8) -> Result<Self, BadOrder> {
+        if order > Self::MAX.0 { Err(BadOrder { found: order }) } else { Ok(Self(order)) }
+    }
+
+    /// `order`, or [`Order::MAX`] where that is lower.
+    #[must_use]
+    pub const fn saturating(order: u8) -> Self {
+        if order > Self::MAX.0 { Self::MAX } else { Self(order) }
+    }
+
+    /// The order as a number.
+    #[must_use]
+    pub const fn get(self) -> u8 {
+        self.0
+    }
+}
+
+impl TryFrom<u8> for Order {
+    type Error = BadOrder;
+
+    fn try_from(order: u8) -> Result<Self, BadOrder> {
+        Self::try_new(order)
+    }
+}
+
+impl From<Order> for u8 {
+    fn from(order: Order) -> Self {
+        order.0
+    }
+}
+
+impl core::fmt::Display for Order {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+/// Twice an order that is at most [`Order::MAX`]: the bits of an index inside a base face.
+const fn inner_bits(order: u8) -> u32 {
+    2 * Order::saturating(order).0 as u32
+}
+
+/// Quads along a side of a base face.
+const fn side(order: u8) -> u32 {
+    1 << Order::saturating(order).0
+}
 
 /// Which part of the sphere a map holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,7 +120,7 @@ impl Domain {
     /// Quads of `order` that a map of this domain stores.
     #[must_use]
     pub const fn quads(self, order: u8) -> usize {
-        self.faces() << (2 * order)
+        self.faces() << inner_bits(order)
     }
 
     /// Its solid angle, steradians.
@@ -53,7 +141,7 @@ impl Domain {
         let (face, x, y) = split(order, ipix);
         match face {
             0..=3 => 1.0,
-            4..=7 => match (x + y + 1).cmp(&(1 << order)) {
+            4..=7 => match (x + y + 1).cmp(&side(order)) {
                 core::cmp::Ordering::Less => 0.0,
                 core::cmp::Ordering::Equal => 0.5,
                 core::cmp::Ordering::Greater => 1.0,
@@ -66,27 +154,28 @@ impl Domain {
 /// Solid angle of a quad: 4 pi / (12 * 4^order) steradians.
 #[must_use]
 pub fn solid_angle(order: u8) -> f64 {
-    PI / 3.0 / (1u64 << (2 * order)) as f64
+    PI / 3.0 / f64::from(1u32 << inner_bits(order))
 }
 
 /// Base face, column and row of a quad.
 #[must_use]
 pub fn split(order: u8, ipix: u32) -> (u32, u32, u32) {
-    let inner = ipix & ((1 << (2 * order)) - 1);
-    (ipix >> (2 * order), even_bits(inner), even_bits(inner >> 1))
+    let inner = ipix & ((1 << inner_bits(order)) - 1);
+    (ipix >> inner_bits(order), even_bits(inner), even_bits(inner >> 1))
 }
 
 /// The index of column `x`, row `y` of `face`: the inverse of [`split`].
 #[must_use]
 pub fn join(order: u8, face: u32, x: u32, y: u32) -> u32 {
-    (face << (2 * order)) | spread_bits(x) | (spread_bits(y) << 1)
+    (face << inner_bits(order)) | spread_bits(x) | (spread_bits(y) << 1)
 }
 
 /// The quad of `order` that holds `direction` (a unit vector).
 #[must_use]
 pub fn ipix(order: u8, direction: DVec3) -> u32 {
-    let nside = (1u32 << order) as f64;
-    let last = (1u32 << order) - 1;
+    let order = Order::saturating(order).0;
+    let nside = f64::from(side(order));
+    let last = side(order) - 1;
     let z = direction.z;
     let za = libm::fabs(z);
     let phi = libm::atan2(direction.y, direction.x);
@@ -118,7 +207,7 @@ pub fn ipix(order: u8, direction: DVec3) -> u32 {
 #[must_use]
 pub fn point(order: u8, ipix: u32, x: f64, y: f64) -> DVec3 {
     let (face, column, row) = split(order, ipix);
-    let nside = (1u32 << order) as f64;
+    let nside = f64::from(side(order));
     let (u, v) = ((f64::from(column) + x) / nside, (f64::from(row) + y) / nside);
     let circle = Circle::new(face, u + v);
     let phi = circle.phi(face, u - v);

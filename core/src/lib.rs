@@ -29,3 +29,5 @@ pub mod sampler;
 pub mod thin;
 pub mod tonemap;
 pub mod wire;
+
+pub use healpix::{BadOrder, Order};

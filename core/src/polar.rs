@@ -4,7 +4,7 @@
 //! phi = pi - (j + 1/2) 2 pi / W, so that columns run clockwise seen from above.
 
 use crate::arena::{self, Buffer, TooSmall};
-use crate::healpix::{self, Circle, Domain};
+use crate::healpix::{self, Circle, Domain, Order};
 use crate::pyramid::PyramidView;
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
 use glam::DVec3;
@@ -215,7 +215,8 @@ fn faces(grid: &Grid) -> impl Iterator<Item = u32> {
 
 /// Shares that [`PolarPlan::try_new`] needs.
 #[must_use]
-pub fn shares_len(grid: &Grid, order: u8) -> usize {
+pub fn shares_len(grid: &Grid, order: Order) -> usize {
+    let order = order.get();
     let mut count = 0;
     for face in faces(grid) {
         visit(grid, order, face, |_| count += alike(grid) as usize);
@@ -238,7 +239,8 @@ impl<E: Buffer<Share>> PolarPlan<E> {
     ///
     /// # Errors
     /// [`TooSmall`].
-    pub fn try_new(grid: &Grid, order: u8, mut shares: E) -> Result<Self, TooSmall> {
+    pub fn try_new(grid: &Grid, order: Order, mut shares: E) -> Result<Self, TooSmall> {
+        let order = order.get();
         let (slots, mut needed) = (shares.as_mut(), 0);
         for face in faces(grid) {
             let first = needed;

@@ -5,7 +5,7 @@
 use crate::arena::{self, Buffer, TooSmall};
 use crate::color::{self, MAX_ENERGY, luminance};
 use crate::format::Format;
-use crate::healpix::{self, Domain};
+use crate::healpix::{self, Domain, Order};
 use crate::plan::Texel;
 use crate::root::root;
 use glam::Vec3;
@@ -86,12 +86,12 @@ impl Quad {
 
 /// Quads of all orders up to `order`.
 #[must_use]
-pub const fn pyramid_len(domain: Domain, order: u8) -> usize {
-    first(domain, order + 1)
+pub const fn pyramid_len(domain: Domain, order: Order) -> usize {
+    first(domain, order.get() + 1)
 }
 
 /// Index of the first quad of `order`: faces (4^order - 1) / 3.
-const fn first(domain: Domain, order: u8) -> usize {
+pub(crate) const fn first(domain: Domain, order: u8) -> usize {
     domain.faces() * (((1 << (2 * order)) - 1) / 3)
 }
 
@@ -116,10 +116,10 @@ impl<Q: Buffer<Quad>> Pyramid<Q> {
     ///
     /// # Errors
     /// [`TooSmall`].
-    pub fn try_new(mut quads: Q, domain: Domain, order: u8) -> Result<Self, TooSmall> {
+    pub fn try_new(mut quads: Q, domain: Domain, order: Order) -> Result<Self, TooSmall> {
         arena::check(&quads, pyramid_len(domain, order))?;
         quads.as_mut().fill(Quad::default());
-        Ok(Self { quads, domain, order })
+        Ok(Self { quads, domain, order: order.get() })
     }
 
     /// Quads of the finest order.
@@ -332,8 +332,8 @@ impl<'a> PyramidView<'a> {
 
     /// Finest order.
     #[must_use]
-    pub fn order(&self) -> u8 {
-        self.order
+    pub fn order(&self) -> Order {
+        Order::saturating(self.order)
     }
 
     /// All quads of `order`, which is at most the finest.

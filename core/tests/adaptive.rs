@@ -4,6 +4,7 @@ mod common;
 
 use common::{RngExt, dark, grey, lit, seeded};
 use glam::Vec3;
+use hemilux_core::Order;
 use hemilux_core::arena::TooSmall;
 use hemilux_core::healpix::{self, Domain};
 use hemilux_core::light::Light;
@@ -16,12 +17,18 @@ use std::collections::HashSet;
 type VecAdaptive = Adaptive<Vec<u8>, Vec<Leaf>, Vec<Light>, Vec<Track>>;
 
 fn adaptive(domain: Domain, order: u8, lights: usize) -> VecAdaptive {
-    let bits = || vec![0xff; bits_len(domain, order)];
+    let bits = || vec![0xff; bits_len(domain, Order::saturating(order))];
     let room = || vec![Light::default(); lights];
     let tracks = || vec![Track::default(); lights];
     let heap = vec![Leaf::default(); lights];
-    Adaptive::try_new((domain, order), [bits(), bits()], heap, [room(), room()], [tracks(), tracks()])
-        .expect("room enough")
+    Adaptive::try_new(
+        (domain, Order::saturating(order)),
+        [bits(), bits()],
+        heap,
+        [room(), room()],
+        [tracks(), tracks()],
+    )
+    .expect("room enough")
 }
 
 fn update(sampler: &mut VecAdaptive, map: &Pyramid<Vec<Quad>>, lights: usize) -> Vec<Light> {
@@ -296,7 +303,7 @@ fn the_memory_is_exactly_what_is_named() {
         let room = || vec![Light::default(); 9];
         let tracks = || [vec![Track::default(); 9], vec![Track::default(); 8]];
         Adaptive::try_new(
-            (Domain::Hemisphere, order),
+            (Domain::Hemisphere, Order::saturating(order)),
             [bits(), bits()],
             vec![Leaf::default(); 9],
             [room(), room()],
@@ -304,7 +311,7 @@ fn the_memory_is_exactly_what_is_named() {
         )
     };
     // 2^(3 + 2 order) nodes above the texels, a bit each.
-    assert_eq!(bits_len(Domain::Hemisphere, order), 64);
+    assert_eq!(bits_len(Domain::Hemisphere, Order::saturating(order)), 64);
     assert_eq!(made(63).map(|_| ()), Err(TooSmall { needed: 64, lent: 63 }));
     let mut sampler = made(64).expect("as many bits as are named");
     // The shortest of the lists decides.

@@ -4,6 +4,7 @@ mod common;
 
 use common::{RngExt, above, dark, grey, lit, seeded};
 use glam::{DVec3, Vec3};
+use hemilux_core::Order;
 use hemilux_core::harmonics;
 use hemilux_core::healpix::{self, Domain};
 use hemilux_core::light::{Decomposition, Light, Sh9};
@@ -15,12 +16,18 @@ use hemilux_core::sampler::{Map, Request, Sampler};
 type VecAdaptive = Adaptive<Vec<u8>, Vec<Leaf>, Vec<Light>, Vec<Track>>;
 
 fn adaptive(domain: Domain, order: u8, lights: usize) -> VecAdaptive {
-    let bits = || vec![0; bits_len(domain, order)];
+    let bits = || vec![0; bits_len(domain, Order::saturating(order))];
     let room = || vec![Light::default(); lights];
     let tracks = || vec![Track::default(); lights];
     let heap = vec![Leaf::default(); lights];
-    Adaptive::try_new((domain, order), [bits(), bits()], heap, [room(), room()], [tracks(), tracks()])
-        .expect("room enough")
+    Adaptive::try_new(
+        (domain, Order::saturating(order)),
+        [bits(), bits()],
+        heap,
+        [room(), room()],
+        [tracks(), tracks()],
+    )
+    .expect("room enough")
 }
 
 /// One set, in memory of its own.
@@ -43,7 +50,7 @@ fn update(sampler: &mut VecAdaptive, map: &Pyramid<Vec<Quad>>, request: Request)
 
 fn fresh(map: &Pyramid<Vec<Quad>>, request: Request) -> Made {
     let view = map.view();
-    update(&mut adaptive(view.domain(), view.order(), 256), map, request)
+    update(&mut adaptive(view.domain(), view.order().get(), 256), map, request)
 }
 
 const fn with(lights: usize, tolerance: Option<f32>, ambient: bool) -> Request {
@@ -60,13 +67,14 @@ fn judged(map: &Pyramid<Vec<Quad>>, made: &Made) -> f64 {
         DVec3::new(r * phi.cos(), r * phi.sin(), z)
     };
     let texels: Vec<(DVec3, f64, f64)> = view
-        .quads_of(view.order())
+        .quads_of(view.order().get())
         .iter()
         .enumerate()
-        .filter(|(ipix, _)| view.domain().share(view.order(), *ipix as u32) > 0.0)
+        .filter(|(ipix, _)| view.domain().share(view.order().get(), *ipix as u32) > 0.0)
         .map(|(ipix, quad)| {
-            let at = above(view.domain(), view.order(), ipix as u32);
-            let omega = healpix::solid_angle(view.order()) * view.domain().share(view.order(), ipix as u32);
+            let at = above(view.domain(), view.order().get(), ipix as u32);
+            let omega = healpix::solid_angle(view.order().get())
+                * view.domain().share(view.order().get(), ipix as u32);
             let sh = made.ambient.map_or(0.0, |sh| f64::from(harmonics::radiance(&sh, at)[1]));
             (at.as_dvec3().normalize(), f64::from(quad.energy[1]), sh * omega)
         })

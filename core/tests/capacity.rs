@@ -5,6 +5,7 @@
 mod common;
 
 use common::{bench_lens, expose, plan};
+use hemilux_core::Order;
 use hemilux_core::arena::TooSmall;
 use hemilux_core::healpix::Domain;
 use hemilux_core::light::{Light, cap_radius_deg};
@@ -53,11 +54,11 @@ fn room_to_spare_changes_nothing() {
 
 #[test]
 fn arrays_and_slices_can_be_lent() {
-    let needed = pyramid_len(Domain::Hemisphere, 1);
+    let needed = pyramid_len(Domain::Hemisphere, Order::saturating(1));
     let mut slice = [Quad::default(); 40];
     assert_eq!(slice.len(), needed);
-    assert!(Pyramid::try_new(&mut slice[..], Domain::Hemisphere, 1).is_ok());
-    assert!(Pyramid::try_new(slice, Domain::Hemisphere, 1).is_ok());
+    assert!(Pyramid::try_new(&mut slice[..], Domain::Hemisphere, Order::saturating(1)).is_ok());
+    assert!(Pyramid::try_new(slice, Domain::Hemisphere, Order::saturating(1)).is_ok());
 }
 
 #[test]

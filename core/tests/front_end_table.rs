@@ -5,6 +5,7 @@
 
 use core::f64::consts::PI;
 use glam::DVec2;
+use hemilux_core::Order;
 use hemilux_core::fill;
 use hemilux_core::format::{Format, Layout, Matrix, Pattern, Yuv};
 use hemilux_core::front;
@@ -195,8 +196,8 @@ fn row(case: &Case) -> String {
         vec![Texel::default(); size.texels],
     );
     let plan = Plan::try_new(&lens, width, height, case.order, memory).expect("a plan");
-    let quads = vec![Quad::default(); pyramid_len(Domain::Hemisphere, case.order)];
-    let mut map = Pyramid::try_new(quads, Domain::Hemisphere, case.order).expect("a map");
+    let quads = vec![Quad::default(); pyramid_len(Domain::Hemisphere, Order::saturating(case.order))];
+    let mut map = Pyramid::try_new(quads, Domain::Hemisphere, Order::saturating(case.order)).expect("a map");
     let seen = front::burst(&samples, &layout, &merge.view(), &plan.view(), [1.1, 1.0, 0.9], &mut map)
         .expect("a burst");
     if case.extrapolated {
@@ -224,12 +225,17 @@ fn row(case: &Case) -> String {
 }
 
 fn lights(view: &hemilux_core::pyramid::PyramidView<'_>, order: u8) -> Vec<Light> {
-    let bits = || vec![0; interior_len(Domain::Hemisphere, order)];
+    let bits = || vec![0; interior_len(Domain::Hemisphere, Order::saturating(order))];
     let room = (vec![Light::default(); LIGHTS], vec![Past::default(); LIGHTS]);
     let heap = vec![Leaf::default(); LIGHTS];
-    let mut tree =
-        Q2Tree::try_new(Parameters::CENTROID, (Domain::Hemisphere, order), [bits(), bits()], heap, room)
-            .expect("room");
+    let mut tree = Q2Tree::try_new(
+        Parameters::CENTROID,
+        (Domain::Hemisphere, Order::saturating(order)),
+        [bits(), bits()],
+        heap,
+        room,
+    )
+    .expect("room");
     let map = Map { pyramid: *view, polar: LatLongView::NONE };
     tree.update(&map, &Request::of_lights(LIGHTS)).lights.to_vec()
 }

@@ -6,7 +6,7 @@ use cdshealpix::nested;
 use common::{RngExt, direction, off, seeded};
 use core::f64::consts::{FRAC_PI_2, TAU};
 use glam::DVec3;
-use hemilux_core::healpix::{self, Domain, MAX_ORDER};
+use hemilux_core::healpix::{self, Domain, Order};
 
 fn from_lon_lat((lon, lat): (f64, f64)) -> DVec3 {
     DVec3::new(lat.cos() * lon.cos(), lat.cos() * lon.sin(), lat.sin())
@@ -33,7 +33,7 @@ fn every_quad_of_the_coarse_orders_is_where_cdshealpix_has_it() {
 
 #[test]
 fn random_directions_fall_where_cdshealpix_puts_them() {
-    for order in 0..=MAX_ORDER {
+    for order in 0..=Order::MAX.get() {
         let mut rng = seeded(u64::from(order));
         for _ in 0..100_000 {
             let d = direction(&mut rng);
@@ -44,7 +44,7 @@ fn random_directions_fall_where_cdshealpix_puts_them() {
 
 #[test]
 fn centres_of_fine_orders_agree_with_cdshealpix() {
-    for order in 7..=MAX_ORDER {
+    for order in 7..=Order::MAX.get() {
         let mut rng = seeded(u64::from(order));
         for _ in 0..20_000 {
             let ipix = rng.random_range(0..12u32 << (2 * order));
@@ -57,7 +57,7 @@ fn centres_of_fine_orders_agree_with_cdshealpix() {
 
 #[test]
 fn points_near_the_poles_keep_their_quads() {
-    for order in 0..=MAX_ORDER {
+    for order in 0..=Order::MAX.get() {
         let mut rng = seeded(77);
         for _ in 0..10_000 {
             let colatitude = 10f64.powf(rng.random_range(-7.0..-1.0));
@@ -73,7 +73,7 @@ fn points_near_the_poles_keep_their_quads() {
 
 #[test]
 fn points_of_a_quad_map_back_into_it() {
-    for order in 0..=MAX_ORDER {
+    for order in 0..=Order::MAX.get() {
         let mut rng = seeded(u64::from(order) + 40);
         for _ in 0..20_000 {
             let ipix = rng.random_range(0..12u32 << (2 * order));
@@ -103,7 +103,7 @@ fn poles_equator_and_quarter_turns_belong_to_a_quad_that_touches_them() {
         }
     }
     edges.retain(|d| (d.length() - 1.0).abs() < 1e-9);
-    for order in 0..=MAX_ORDER {
+    for order in 0..=Order::MAX.get() {
         for d in &edges {
             let ipix = healpix::ipix(order, *d);
             assert!(ipix < 12 << (2 * order), "order {order} {d}");
@@ -141,7 +141,7 @@ fn children_are_four_times_the_parent_and_on() {
     let mut rng = seeded(5);
     for _ in 0..100_000 {
         let d = direction(&mut rng);
-        for order in 0..MAX_ORDER {
+        for order in 0..Order::MAX.get() {
             assert_eq!(healpix::ipix(order + 1, d) / 4, healpix::ipix(order, d), "order {order} {d}");
         }
     }
@@ -186,7 +186,7 @@ fn a_share_is_the_part_of_the_quad_above_the_horizon() {
 fn hostile_directions_give_some_quad() {
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, 0.0] {
         for d in [DVec3::splat(bad), DVec3::new(bad, 0.0, 1.0), DVec3::new(0.0, 1.0, bad)] {
-            for order in [0, 5, MAX_ORDER] {
+            for order in [0, 5, Order::MAX.get()] {
                 assert!(healpix::ipix(order, d) < 12 << (2 * order), "order {order} {d}");
             }
         }

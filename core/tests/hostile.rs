@@ -3,6 +3,7 @@
 mod common;
 
 use common::{Pcg64Mcg, RngExt, above, dark, seeded};
+use hemilux_core::Order;
 use hemilux_core::color::luminance;
 use hemilux_core::healpix::Domain;
 use hemilux_core::light::Light;
@@ -79,11 +80,11 @@ fn run(seed: u64) {
     let parameters = Parameters { placement, threshold, ..Parameters::CENTROID };
     let capacity = rng.random_range(0..300);
     let room = || vec![Light::default(); capacity];
-    let bits = || vec![0; interior_len(domain, order)];
+    let bits = || vec![0; interior_len(domain, Order::saturating(order))];
     let heap = vec![Leaf::default(); capacity];
     let mut tree = Q2Tree::try_new(
         parameters,
-        (domain, order),
+        (domain, Order::saturating(order)),
         [bits(), bits()],
         heap,
         (room(), vec![Past::default(); capacity]),

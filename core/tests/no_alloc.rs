@@ -5,6 +5,7 @@ mod common;
 
 use common::{bench_lens, dark, plan};
 use core::cell::Cell;
+use hemilux_core::Order;
 use hemilux_core::fill;
 use hemilux_core::format::{self, Format};
 use hemilux_core::front;
@@ -46,10 +47,10 @@ const ORDER: u8 = 5;
 const LIGHTS: usize = 64;
 
 fn q2tree(parameters: Parameters) -> Q2Tree<Vec<u8>, Vec<Leaf>, Vec<Light>, Vec<Past>> {
-    let bits = || vec![0; interior_len(Domain::Hemisphere, ORDER)];
+    let bits = || vec![0; interior_len(Domain::Hemisphere, Order::saturating(ORDER))];
     let room = (vec![Light::default(); LIGHTS], vec![Past::default(); LIGHTS]);
     let memory = ([bits(), bits()], vec![Leaf::default(); LIGHTS], room);
-    Q2Tree::try_new(parameters, (Domain::Hemisphere, ORDER), memory.0, memory.1, memory.2)
+    Q2Tree::try_new(parameters, (Domain::Hemisphere, Order::saturating(ORDER)), memory.0, memory.1, memory.2)
         .expect("room enough")
 }
 
@@ -59,8 +60,8 @@ fn a_hundred_frames_allocate_nothing() {
     let (merge, view) = (common::one_exposure(), plan.view());
     let layout = format::Layout::tight(Format::Rgb48, 640, 480).expect("a sound size");
     let mut map = dark(Domain::Hemisphere, ORDER);
-    let shares = vec![Share::default(); shares_len(&Grid::POLAR, ORDER)];
-    let polar_plan = PolarPlan::try_new(&Grid::POLAR, ORDER, shares).expect("room enough");
+    let shares = vec![Share::default(); shares_len(&Grid::POLAR, Order::saturating(ORDER))];
+    let polar_plan = PolarPlan::try_new(&Grid::POLAR, Order::saturating(ORDER), shares).expect("room enough");
     let mut polar = LatLong::try_new(Grid::POLAR, vec![[0.0; 3]; Grid::POLAR.len()]).expect("room enough");
     let mut pharr =
         Pharr::try_new(&Grid::POLAR, vec![0.0; Grid::POLAR.len()], vec![Light::default(); LIGHTS])

@@ -5,6 +5,7 @@ mod common;
 use common::{RngExt, grey, lit, off, seeded};
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
 use glam::DVec3;
+use hemilux_core::Order;
 use hemilux_core::arena::TooSmall;
 use hemilux_core::healpix::{self, Domain};
 use hemilux_core::polar::{Grid, LatLong, PolarPlan, Share, shares_len};
@@ -26,8 +27,8 @@ fn grids() -> [(Grid, u8); 6] {
 }
 
 fn polar_plan(grid: &Grid, order: u8) -> PolarPlan<Vec<Share>> {
-    let shares = vec![Share::default(); shares_len(grid, order)];
-    PolarPlan::try_new(grid, order, shares).expect("room enough")
+    let shares = vec![Share::default(); shares_len(grid, Order::saturating(order))];
+    PolarPlan::try_new(grid, Order::saturating(order), shares).expect("room enough")
 }
 
 fn polar(map: &Pyramid<Vec<Quad>>, grid: Grid, plan: &PolarPlan<Vec<Share>>) -> LatLong<Vec<[f32; 3]>> {
@@ -142,9 +143,10 @@ fn every_texel_of_a_grid_is_found_at_its_centre() {
 #[test]
 fn buffers_one_short_are_refused_and_an_empty_grid_is_harmless() {
     let small = grid(8, 4, Domain::Hemisphere);
-    let needed = shares_len(&small, 2);
-    assert!(PolarPlan::try_new(&small, 2, vec![Share::default(); needed]).is_ok());
-    let short = PolarPlan::try_new(&small, 2, vec![Share::default(); needed - 1]).map(|_| ());
+    let needed = shares_len(&small, Order::saturating(2));
+    assert!(PolarPlan::try_new(&small, Order::saturating(2), vec![Share::default(); needed]).is_ok());
+    let short =
+        PolarPlan::try_new(&small, Order::saturating(2), vec![Share::default(); needed - 1]).map(|_| ());
     assert_eq!(short, Err(TooSmall { needed, lent: needed - 1 }));
     let short = LatLong::try_new(small, vec![[0.0; 3]; 31]).map(|_| ());
     assert_eq!(short, Err(TooSmall { needed: 32, lent: 31 }));

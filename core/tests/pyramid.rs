@@ -5,6 +5,7 @@ mod common;
 use common::{RngExt, above, dark, expose, full_circle, grey, lit, off, plain, plan, seeded};
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
 use glam::{DVec2, DVec3, Vec3};
+use hemilux_core::Order;
 use hemilux_core::arena::TooSmall;
 use hemilux_core::fill;
 use hemilux_core::format::Format;
@@ -121,10 +122,11 @@ fn a_hemisphere_holds_no_light_below_the_horizon() {
 #[test]
 fn a_pyramid_one_quad_short_is_refused() {
     // 8 (1 + 4 + 16) and 12 (1 + 4 + 16).
-    assert_eq!(pyramid_len(Domain::Hemisphere, 2), 168);
-    assert_eq!(pyramid_len(Domain::Sphere, 2), 252);
-    assert!(Pyramid::try_new(vec![Quad::default(); 252], Domain::Sphere, 2).is_ok());
-    let short = Pyramid::try_new(vec![Quad::default(); 251], Domain::Sphere, 2).map(|_| ());
+    assert_eq!(pyramid_len(Domain::Hemisphere, Order::saturating(2)), 168);
+    assert_eq!(pyramid_len(Domain::Sphere, Order::saturating(2)), 252);
+    assert!(Pyramid::try_new(vec![Quad::default(); 252], Domain::Sphere, Order::saturating(2)).is_ok());
+    let short =
+        Pyramid::try_new(vec![Quad::default(); 251], Domain::Sphere, Order::saturating(2)).map(|_| ());
     assert_eq!(short, Err(TooSmall { needed: 252, lent: 251 }));
 }
 

@@ -3,6 +3,7 @@
 mod common;
 
 use common::{RngExt, dark, grey, lit, off, seeded};
+use hemilux_core::Order;
 use hemilux_core::arena::TooSmall;
 use hemilux_core::healpix::{self, Domain};
 use hemilux_core::light::Light;
@@ -15,10 +16,11 @@ use std::collections::{HashMap, HashSet};
 type VecTree = Q2Tree<Vec<u8>, Vec<Leaf>, Vec<Light>, Vec<Past>>;
 
 fn tree(parameters: Parameters, domain: Domain, order: u8, lights: usize) -> VecTree {
-    let bits = || vec![0xff; interior_len(domain, order)];
+    let bits = || vec![0xff; interior_len(domain, Order::saturating(order))];
     let room = (vec![Light::default(); lights], vec![Past::default(); lights]);
     let heap = vec![Leaf::default(); lights];
-    Q2Tree::try_new(parameters, (domain, order), [bits(), bits()], heap, room).expect("room enough")
+    Q2Tree::try_new(parameters, (domain, Order::saturating(order)), [bits(), bits()], heap, room)
+        .expect("room enough")
 }
 
 fn update(tree: &mut VecTree, map: &Pyramid<Vec<Quad>>, lights: usize) -> Vec<Light> {
@@ -233,14 +235,14 @@ fn centroids_do_not_depend_on_the_unit_of_light() {
 #[test]
 fn bits_one_byte_short_are_refused() {
     // Quads of orders 0 to 2 of the sphere: 12 + 48 + 192 = 252, in 32 bytes.
-    assert_eq!(interior_len(Domain::Sphere, 3), 32);
-    assert_eq!(interior_len(Domain::Sphere, 0), 0);
+    assert_eq!(interior_len(Domain::Sphere, Order::saturating(3)), 32);
+    assert_eq!(interior_len(Domain::Sphere, Order::saturating(0)), 0);
     let new = |a: usize, b: usize| {
         let bits = [vec![0u8; a], vec![0u8; b]];
         let heap = vec![Leaf::default(); 20];
         Q2Tree::try_new(
             Parameters::CENTROID,
-            (Domain::Sphere, 3),
+            (Domain::Sphere, Order::saturating(3)),
             bits,
             heap,
             (vec![Light::default(); 20], vec![Past::default(); 20]),

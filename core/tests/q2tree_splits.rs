@@ -3,6 +3,7 @@
 mod common;
 
 use common::{RngExt, lit, seeded};
+use hemilux_core::Order;
 use hemilux_core::healpix::{self, Domain};
 use hemilux_core::light::Light;
 use hemilux_core::polar::LatLongView;
@@ -18,10 +19,11 @@ type VecTree = Q2Tree<Vec<u8>, Vec<Leaf>, Vec<Light>, Vec<Past>>;
 const ORDER: u8 = 4;
 
 fn tree(parameters: Parameters, domain: Domain, lights: usize) -> VecTree {
-    let bits = || vec![0; interior_len(domain, ORDER)];
+    let bits = || vec![0; interior_len(domain, Order::saturating(ORDER))];
     let room = (vec![Light::default(); lights], vec![Past::default(); lights]);
     let heap = vec![Leaf::default(); lights];
-    Q2Tree::try_new(parameters, (domain, ORDER), [bits(), bits()], heap, room).expect("room enough")
+    Q2Tree::try_new(parameters, (domain, Order::saturating(ORDER)), [bits(), bits()], heap, room)
+        .expect("room enough")
 }
 
 fn random(domain: Domain, seed: u64) -> Pyramid<Vec<Quad>> {

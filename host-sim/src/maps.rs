@@ -3,6 +3,7 @@
 use crate::env::EnvMap;
 use crate::metrics::{Grid as Texels, luminance};
 use hemilux::samplers::{self, Shape};
+use hemilux_core::Order;
 use hemilux_core::healpix::{self, Domain};
 use hemilux_core::polar::{Grid, LatLong};
 use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
@@ -31,8 +32,9 @@ impl Maps {
     /// Makes dark maps.
     #[must_use]
     pub fn new(domain: Domain, order: u8, grid: Grid) -> Self {
-        let quads = vec![Quad::default(); pyramid_len(domain, order)];
-        let pyramid = Pyramid::try_new(quads, domain, order).expect("as many quads as the pyramid names");
+        let quads = vec![Quad::default(); pyramid_len(domain, Order::saturating(order))];
+        let pyramid = Pyramid::try_new(quads, domain, Order::saturating(order))
+            .expect("as many quads as the pyramid names");
         let polar =
             LatLong::try_new(grid, vec![[0.0; 3]; grid.len()]).expect("as many texels as the grid has");
         Self { pyramid, polar, plan: None }
@@ -43,9 +45,9 @@ impl Maps {
         let view = self.pyramid.view();
         let plan = match self.plan.take() {
             Some(plan) if plan.grid.fits(env) => plan,
-            _ => Plan::new(env, view.domain(), view.order()),
+            _ => Plan::new(env, view.domain(), view.order().get()),
         };
-        let mut sums = vec![[0.0f64; 6]; view.domain().quads(view.order())];
+        let mut sums = vec![[0.0f64; 6]; view.domain().quads(view.order().get())];
         for ((direction, rgb), ipix) in plan.grid.fluxes(env).zip(&plan.quads) {
             let y = luminance(rgb);
             let light = [rgb, direction.map(|v| v * y)];
@@ -69,7 +71,7 @@ impl Maps {
 
     /// Takes each quad's and each texel's radiance at its centre: fast and inexact, for benchmarks.
     pub fn fill_at_centres(&mut self, radiance: impl Fn([f64; 3]) -> [f32; 3]) {
-        let order = self.pyramid.view().order();
+        let order = self.pyramid.view().order().get();
         let sr = healpix::solid_angle(order) as f32;
         for (ipix, quad) in self.pyramid.texels_mut().iter_mut().enumerate() {
             let centre = healpix::centre(order, ipix as u32);

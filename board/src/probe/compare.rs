@@ -4,6 +4,7 @@ use super::published::Ring;
 use super::{Published, lock};
 use crate::pipeline::Pipeline;
 use crate::samplers::{self, SamplerError, Tuning};
+use hemilux_core::Order;
 use hemilux_core::light::Light;
 use hemilux_core::pyramid::{Quad, pyramid_len};
 use hemilux_core::sampler::{Request, Sampler};
@@ -215,7 +216,8 @@ impl Rival {
 /// Bytes that a comparison takes beside the sampler's own.
 #[must_use]
 pub fn bytes(order: u8) -> usize {
-    let quads = pyramid_len(hemilux_core::healpix::Domain::Hemisphere, SKETCH_ORDER.min(order));
+    let quads =
+        pyramid_len(hemilux_core::healpix::Domain::Hemisphere, Order::saturating(SKETCH_ORDER.min(order)));
     super::published::SETS * (MOST_LIGHTS * size_of::<Light>() + quads * size_of::<Quad>())
 }
 

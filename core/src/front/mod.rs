@@ -111,7 +111,7 @@ pub fn accumulate<Q: Buffer<Quad>>(
     if layout.places() != (plan.width, plan.height) {
         return Err(FrontError::OtherSize);
     }
-    if map.view().domain() != Domain::Hemisphere || map.view().order() != plan.order {
+    if map.view().domain() != Domain::Hemisphere || map.view().order().get() != plan.order {
         return Err(FrontError::OtherMap);
     }
     Ok(add_up(frames, layout, merge, plan, map.accumulators(plan.source_order)))

@@ -15,7 +15,7 @@
 
 use super::{Map, Request, Sampler, heap};
 use crate::arena::{self, Buffer, TooSmall};
-use crate::healpix::{self, Domain};
+use crate::healpix::{self, Domain, Order};
 use crate::light::{Decomposition, Light};
 use crate::pyramid::{PyramidView, Quad};
 
@@ -107,8 +107,8 @@ impl Past {
 
 /// Bytes of the bit set that marks interior quads of a map of `order`.
 #[must_use]
-pub const fn interior_len(domain: Domain, order: u8) -> usize {
-    if order == 0 { 0 } else { crate::pyramid::pyramid_len(domain, order - 1).div_ceil(8) }
+pub const fn interior_len(domain: Domain, order: Order) -> usize {
+    crate::pyramid::first(domain, order.get()).div_ceil(8)
 }
 
 /// The sampler. `B` holds [`interior_len`] bytes, twice; `H` one [`Leaf`], `L` one [`Light`] and `P` one [`Past`] per light.
@@ -130,7 +130,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, P: Buffer<Past>> Q2Tree<B
     /// [`TooSmall`].
     pub fn try_new(
         parameters: Parameters,
-        (domain, order): (Domain, u8),
+        (domain, order): (Domain, Order),
         mut interior: [B; 2],
         heap: H,
         (lights, past): (L, P),
@@ -162,7 +162,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, P: Buffer<Past>> Q2Tree<B
             libm::powf(omega, p.solid_angle_exponent)
         };
         let was_interior =
-            order < map.order() && bit(self.interior[1].as_ref(), index(map.domain(), order, ipix));
+            order < map.order().get() && bit(self.interior[1].as_ref(), index(map.domain(), order, ipix));
         weighted * size * if was_interior { 1.0 + p.threshold } else { 1.0 }
     }
 
@@ -199,7 +199,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, P: Buffer<Past>> Q2Tree<B
     fn push(&mut self, len: &mut usize, map: &PyramidView<'_>, order: u8, ipix: u32) {
         let importance = self.importance(map, order, ipix);
         if importance > 0.0
-            && order < map.order()
+            && order < map.order().get()
             && let Some(leaves) = self.heap.as_mut().get_mut(..=*len)
             && let Some(last) = leaves.last_mut()
         {
@@ -235,7 +235,7 @@ fn walk(map: &PyramidView<'_>, interior: &[u8], mut f: impl FnMut(u8, u32, &Quad
     for face in 0..map.domain().faces() as u32 {
         let (mut order, mut ipix) = (0, face);
         loop {
-            let is_interior = order < map.order() && bit(interior, index(map.domain(), order, ipix));
+            let is_interior = order < map.order().get() && bit(interior, index(map.domain(), order, ipix));
             if is_interior {
                 order += 1;
                 ipix <<= 2;
@@ -283,7 +283,7 @@ fn jitter(id: u32, spread: f64) -> [f64; 2] {
 
 /// Number of a quad among those of all orders.
 fn index(domain: Domain, order: u8, ipix: u32) -> usize {
-    crate::pyramid::pyramid_len(domain, order) - domain.quads(order) + ipix as usize
+    crate::pyramid::first(domain, order) + ipix as usize
 }
 
 fn bit(bits: &[u8], index: usize) -> bool {
@@ -317,10 +317,10 @@ fn inherit(lights: &mut [Light], previous: &[Past]) {
     }
 }
 
-/// The quads of [`healpix::MAX_ORDER`] that the leaf `id` covers.
+/// The quads of [`Order::MAX`] that the leaf `id` covers.
 fn range(id: u32) -> (u64, u64) {
     let ipix = u64::from(ipix_of(id));
-    let shift = 2 * u32::from(healpix::MAX_ORDER.saturating_sub(order_of(id)));
+    let shift = 2 * u32::from(Order::MAX.get().saturating_sub(order_of(id)));
     (ipix << shift, (ipix + 1) << shift)
 }
 

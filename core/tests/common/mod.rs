@@ -2,6 +2,7 @@
 #![allow(dead_code, reason = "each test file uses its own part")]
 
 use glam::{DVec2, DVec3, Vec3};
+use hemilux_core::Order;
 use hemilux_core::format::{Format, Layout};
 use hemilux_core::front::{self, FrontError, Seen};
 use hemilux_core::healpix::{self, Domain};
@@ -76,7 +77,12 @@ pub fn plan(lens: &Lens, width: u32, height: u32, order: u8) -> VecPlan {
 
 /// A dark pyramid.
 pub fn dark(domain: Domain, order: u8) -> Pyramid<Vec<Quad>> {
-    Pyramid::try_new(vec![Quad::default(); pyramid_len(domain, order)], domain, order).expect("room enough")
+    Pyramid::try_new(
+        vec![Quad::default(); pyramid_len(domain, Order::saturating(order))],
+        domain,
+        Order::saturating(order),
+    )
+    .expect("room enough")
 }
 
 /// A built pyramid whose texel `ipix` holds `energy(ipix)`, at its centre; texels outside the domain stay dark.

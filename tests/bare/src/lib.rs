@@ -17,6 +17,7 @@ pub use report::{Report, Wrong};
 use embedded_io::Write;
 use hemilux_core::format::{Format, Layout};
 use hemilux_core::front;
+use hemilux_core::Order;
 use hemilux_core::healpix::Domain;
 use hemilux_core::lens::Lens;
 use hemilux_core::merge::{Merge, Samples};
@@ -51,8 +52,8 @@ fn decompose<W: Write>(
     let memory = (&mut m.spans, &mut m.weights, &mut m.runs, &mut m.texels);
     let plan = Plan::try_new(lens, SIDE, SIDE, ORDER, memory)?;
     let layout = Layout::tight(Format::Rgb24, SIDE, SIDE)?;
-    let mut map = Pyramid::try_new(&mut m.quads, Domain::Hemisphere, ORDER)?;
-    let over = (Domain::Hemisphere, ORDER);
+    let mut map = Pyramid::try_new(&mut m.quads, Domain::Hemisphere, Order::saturating(ORDER))?;
+    let over = (Domain::Hemisphere, Order::saturating(ORDER));
     let mut sampler = Q2Tree::try_new(
         Parameters::CENTROID,
         over,

@@ -1,6 +1,7 @@
 //! All the memory there is: one static, so that the linker refuses a program that needs more.
 
 use core::mem::size_of;
+use hemilux_core::Order;
 use hemilux_core::healpix::Domain;
 use hemilux_core::light::Light;
 use hemilux_core::merge::Reciprocal;
@@ -27,8 +28,8 @@ const RUNS: usize = 3900;
 
 const FRAME: usize = 3 * (SIDE * SIDE) as usize;
 const TEXELS: usize = Domain::Hemisphere.quads(ORDER);
-const QUADS: usize = pyramid_len(Domain::Hemisphere, ORDER);
-const BITS: usize = interior_len(Domain::Hemisphere, ORDER);
+const QUADS: usize = pyramid_len(Domain::Hemisphere, Order::saturating(ORDER));
+const BITS: usize = interior_len(Domain::Hemisphere, Order::saturating(ORDER));
 
 /// Memory of fixed size, of zeros until [`Memory::fill`].
 type Room<T, const N: usize> = heapless::Vec<T, N>;

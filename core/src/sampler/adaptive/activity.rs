@@ -3,7 +3,7 @@
 //! A light that stands for something that moves errs anew in every frame, which is seen as flicker, so there more lights pay. And as
 //! long as nothing moves what changes is noise, which may be smoothed.
 
-use crate::healpix::Domain;
+use crate::healpix::{Domain, Order};
 use crate::pyramid::{PyramidView, pyramid_len};
 use glam::Vec3;
 
@@ -11,7 +11,7 @@ use glam::Vec3;
 const ORDER: u8 = 3;
 
 const QUADS: usize = Domain::Sphere.quads(ORDER);
-const SUMS: usize = pyramid_len(Domain::Sphere, ORDER);
+const SUMS: usize = pyramid_len(Domain::Sphere, Order::saturating(ORDER));
 
 /// By how much a quad whose light moves counts more. Of 2, 3, 5 and 9 this gave the least flicker per error over moving lamps.
 const MOST: f32 = 3.0;
@@ -69,7 +69,7 @@ impl Activity {
     /// Takes the next frame; true if something moves. Maps coarser than order 3 are always at rest.
     pub(super) fn see(&mut self, map: &PyramidView<'_>) -> bool {
         let whole = map.total().y();
-        if map.order() < ORDER || whole <= 0.0 {
+        if map.order().get() < ORDER || whole <= 0.0 {
             return false;
         }
         let (mut moved, mut one, mut two) = (0.0f32, 0.0f32, 0.0f32);

@@ -9,7 +9,7 @@
 
 use crate::color::{self, luminance};
 use crate::harmonics;
-use crate::healpix::{self, Domain};
+use crate::healpix::{self, Domain, Order};
 use crate::light::Sh9;
 use crate::pyramid::{PyramidView, Quad};
 use glam::Vec3;
@@ -21,7 +21,7 @@ const ORDER: u8 = 3;
 pub(super) const QUADS: usize = Domain::Sphere.quads(ORDER);
 
 /// Quads of that and of all coarser orders.
-const SUMS: usize = crate::pyramid::pyramid_len(Domain::Sphere, ORDER);
+const SUMS: usize = crate::pyramid::pyramid_len(Domain::Sphere, Order::saturating(ORDER));
 
 /// Light above one of these times the fit is not ambient; the last leaves nothing to lights.
 pub(super) const CEILINGS: [f32; 10] = [0.25, 0.5, 0.7, 1.0, 1.5, 3.0, 6.0, 12.0, 24.0, f32::INFINITY];
@@ -130,7 +130,7 @@ impl Ambient {
 
     /// The order at which light is held against the ceiling.
     fn fine(&self, map: &PyramidView<'_>) -> u8 {
-        (self.order + 1).min(map.order())
+        (self.order + 1).min(map.order().get())
     }
 
     /// What exceeds the ceiling in a quad of `self.order`, looked at in its quarters.
@@ -234,16 +234,16 @@ fn inverse(mut m: [[f64; 9]; 9]) -> [[f64; 9]; 9] {
 #[cfg(test)]
 mod tests {
     use super::{Ambient, USUAL};
-    use crate::healpix::{self, Domain};
+    use crate::healpix::{self, Domain, Order};
     use crate::pyramid::{Pyramid, Quad, pyramid_len};
 
     #[test]
     fn what_exceeds_the_ceiling_adds_up_at_every_order() {
         const ORDER: u8 = 5;
         let mut map = Pyramid::try_new(
-            [Quad::default(); pyramid_len(Domain::Hemisphere, ORDER)],
+            [Quad::default(); pyramid_len(Domain::Hemisphere, Order::saturating(ORDER))],
             Domain::Hemisphere,
-            ORDER,
+            Order::saturating(ORDER),
         )
         .expect("room enough");
         // A map coarser than the pyramid: light in every fifth texel, more of it in a few.

@@ -28,7 +28,7 @@ mod weights;
 
 use super::{Map, Request, Sampler};
 use crate::arena::{self, Buffer, TooSmall};
-use crate::healpix::Domain;
+use crate::healpix::{Domain, Order};
 use crate::light::{Decomposition, Light};
 use crate::pyramid::PyramidView;
 pub use filter::Track;
@@ -78,7 +78,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<Track>> Adaptiv
     /// # Errors
     /// [`TooSmall`].
     pub fn try_new(
-        (domain, order): (Domain, u8),
+        (domain, order): (Domain, Order),
         bits: [B; 2],
         heap: H,
         lights: [L; 2],
@@ -93,7 +93,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<Track>> Adaptiv
             lights,
             tracks,
             count: 0,
-            ambient: ambient::Ambient::new(domain, order),
+            ambient: ambient::Ambient::new(domain, order.get()),
             ceiling: (ambient::USUAL, 0),
             wanted: count::Count::default(),
             sources: source::Sources::new(),
@@ -300,17 +300,23 @@ mod tests {
     #[test]
     fn a_map_that_rests_is_not_searched_again_however_few_lights_it_needs() {
         const ORDER: u8 = 3;
-        let quads = [Quad::default(); pyramid_len(Domain::Sphere, ORDER)];
-        let mut map = Pyramid::try_new(quads, Domain::Sphere, ORDER).expect("room enough");
+        let quads = [Quad::default(); pyramid_len(Domain::Sphere, Order::saturating(ORDER))];
+        let mut map = Pyramid::try_new(quads, Domain::Sphere, Order::saturating(ORDER)).expect("room enough");
         for (ipix, quad) in map.texels_mut().iter_mut().enumerate() {
             *quad = Quad::from_light([1.0; 3], healpix::centre(ORDER, ipix as u32).as_vec3());
         }
         map.build();
-        let bits = [0u8; bits_len(Domain::Sphere, ORDER)];
+        let bits = [0u8; bits_len(Domain::Sphere, Order::saturating(ORDER))];
         let (lights, tracks) = ([Light::default(); 8], [Track::default(); 8]);
         let memory = ([bits; 2], [Leaf::default(); 8], [lights; 2], [tracks; 2]);
-        let mut sampler =
-            Adaptive::try_new((Domain::Sphere, ORDER), memory.0, memory.1, memory.2, memory.3).expect("room");
+        let mut sampler = Adaptive::try_new(
+            (Domain::Sphere, Order::saturating(ORDER)),
+            memory.0,
+            memory.1,
+            memory.2,
+            memory.3,
+        )
+        .expect("room");
         let map = Map { pyramid: map.view(), polar: LatLongView::NONE };
         for frame in 0..10 {
             let made = sampler.update(&map, &Request { lights: 8, tolerance: None, ambient: true });

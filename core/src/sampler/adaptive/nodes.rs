@@ -37,7 +37,7 @@ impl<'a> Nodes<'a> {
 
     /// Level of the texels.
     pub(super) fn last(&self) -> u8 {
-        self.top + 2 * self.map.order()
+        self.top + 2 * self.map.order().get()
     }
 
     /// Sums over quad `ipix` of `order`.

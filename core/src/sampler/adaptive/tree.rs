@@ -5,7 +5,7 @@
 use super::activity::Activity;
 use super::nodes::{self, Nodes};
 use crate::arena::Buffer;
-use crate::healpix::Domain;
+use crate::healpix::{Domain, Order};
 use crate::light::Light;
 use crate::pyramid::{PyramidView, Quad};
 use crate::root::root;
@@ -32,8 +32,8 @@ pub struct Leaf {
 
 /// Bytes of the bit set that marks the interior nodes over maps of `order`.
 #[must_use]
-pub const fn bits_len(domain: Domain, order: u8) -> usize {
-    (1usize << (nodes::top(domain) + 2 * order)).div_ceil(8)
+pub const fn bits_len(domain: Domain, order: Order) -> usize {
+    (1usize << (nodes::top(domain) + 2 * order.get())).div_ceil(8)
 }
 
 /// Interior nodes of this frame and of the last, and the heap of leaves.

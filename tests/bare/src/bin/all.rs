@@ -8,6 +8,7 @@ use glam::Vec3;
 use hemilux_bare as _;
 use hemilux_core::fill;
 use hemilux_core::harmonics;
+use hemilux_core::Order;
 use hemilux_core::healpix::Domain;
 use hemilux_core::light::Light;
 use hemilux_core::polar::{Grid, LatLong, PolarPlan};
@@ -37,7 +38,7 @@ fn lent<T>() -> &'static mut [T] {
 }
 
 fn maps() -> Option<()> {
-    let (domain, order) = black_box((Domain::Hemisphere, 5));
+    let (domain, order) = black_box((Domain::Hemisphere, Order::saturating(5)));
     let grid = black_box(Grid::POLAR);
     let mut pyramid = Pyramid::try_new(lent(), domain, order).ok()?;
     fill::average(&mut pyramid, lent());
