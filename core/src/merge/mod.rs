@@ -4,7 +4,7 @@
 //! neither saturated nor (non-linear responses only) below the trust of its table. Without a valid sample the longest unsaturated
 //! exposure decides; where even the shortest saturates, its own value stands as a lower bound and the pixel counts as clipped.
 //!
-//! Two loops do the work, [`linear`] for linear sensors and [`table`] for every other one of 8 bits. Both give whole counts of light,
+//! Two loops do the work, the module `linear` for linear sensors and the module `table` for every other one of 8 bits. Both give whole counts of light,
 //! whose sums are exact. A plain one gives floats for the rest, and for what is rare in the others' samples.
 
 mod codes;
@@ -346,7 +346,7 @@ impl MergeView<'_> {
     }
 }
 
-/// Runs the loop of [`linear`] for as many exposures as there are.
+/// Runs the loop of [`Linear`] for as many exposures as there are.
 #[inline(always)]
 fn unrolled<'a, T: Code + 'a>(
     linear: &Linear,

@@ -35,8 +35,11 @@ const comparison = new Comparison({
   names: [by("compare-first"), by("compare-second")], rows: by("compare-rows"), history: by("compare-history"),
 });
 
+/** Resolves the promises of `ready`. */
+const wakeUp = [];
+
 /** `mayAll`: whether pictures and changes are for us, null before that is known. */
-let probe = null, scene = null, status = null, mayAll = null, wakeUp = [], changed = -1, shown = () => {};
+let probe = null, scene = null, status = null, mayAll = null, changed = -1, shown = () => {};
 
 function connect() {
   if (probe || document.hidden) return;

@@ -203,7 +203,7 @@ export class Scene {
 
   /** `behind` draws what is behind, after all that hides it and before what it shines through. */
   #drawSolids({ view, eye }, { lights, ambient }, shadows, { glossy, taps }, behind) {
-    const gl = this.#gl, scale = this.#scale, { solid, shiny, matt } = this.#programs, { array, shining, solids, opaque, all } = this.#solids;
+    const gl = this.#gl, scale = this.#scale, { solid, shiny, matt } = this.#programs, { array, shining, opaque, all } = this.#solids;
     gl.activeTexture(gl.TEXTURE2);
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB16F, BAKED, BAKED, 0, gl.RGB, gl.FLOAT, bake(lights.slice(shadows), ambient, scale, this.#sums));
     const directions = new Float32Array(4 * MOST_LIGHTS), energies = new Float32Array(4 * MOST_LIGHTS);

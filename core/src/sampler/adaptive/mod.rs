@@ -1,15 +1,15 @@
 //! `adaptive`: a binary tree over the pyramid, energy centroids that are smoothed but not delayed, and weights that light shadowed
 //! receivers best. Our own method.
 //!
-//! 1. [`ambient`], where asked for: what has no direction, as spherical harmonics; the rest is for what exceeds it.
-//! 2. [`count`]: with a tolerance, the fewest lights that reach it, without hunting.
-//! 3. [`tree`] over [`nodes`]: best-first splits of a binary tree by Y (1 - |m|)^(3/8), which is nearly what a light costs in shadowed
+//! 1. `ambient`, where asked for: what has no direction, as spherical harmonics; the rest is for what exceeds it.
+//! 2. `count`: with a tolerance, the fewest lights that reach it, without hunting.
+//! 3. `tree` over `nodes`: best-first splits of a binary tree by Y (1 - |m|)^(3/8), which is nearly what a light costs in shadowed
 //!    error. Each split adds one light, so every number of lights is reached, down to one.
-//! 4. [`gather`]: up to eight lights are moved to the centroids of what is nearest to them; more lights gain little from it and flicker.
-//! 5. [`filter`]: noise is taken from directions; a light that moves or jumps is followed at once. After a [`cut`] all begins anew.
-//! 6. [`weights`]: up to 64 lights share their energy so that the expected error over receivers with random occluders is least.
+//! 4. `gather`: up to eight lights are moved to the centroids of what is nearest to them; more lights gain little from it and flicker.
+//! 5. `filter`: noise is taken from directions; a light that moves or jumps is followed at once. After a `cut` all begins anew.
+//! 6. `weights`: up to 64 lights share their energy so that the expected error over receivers with random occluders is least.
 //!    Above, it would cost more than another light does.
-//! 7. [`receivers`], or [`estimate`] for many lights: how wrong the set is for shadowed receivers. Both see the map as [`source`]s.
+//! 7. `receivers`, or `estimate` for many lights: how wrong the set is for shadowed receivers. Both see the map as sources (`source`).
 //!
 //! The total energy of each channel is that of the map in every frame.
 
