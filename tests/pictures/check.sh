@@ -1,0 +1,38 @@
+#!/usr/bin/env bash
+# Runs the commands of the README that make the committed pictures, and compares what they write with fixtures/, byte for byte.
+#
+#   tests/pictures/check.sh HEMILUX-SIM            exit status 1 where a picture differs
+#   tests/pictures/check.sh HEMILUX-SIM --write    replaces the committed pictures
+#
+# Not compared: page*.png, screenshots of a live page (tests/tests/page/screenshots.mjs takes them), and the positions along the axis of time
+# in chart-time.svg, which are measured on the machine at hand: its words (methods, axes) are compared. exports.png belongs to
+# tests/exports. The work takes two minutes on two cores.
+set -euo pipefail
+sim=$(realpath "$1")
+cd "$(dirname "$0")/../.."
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+mkdir "$work/out"
+
+# The README's commands, with this program and this folder in place of `cargo run` and `out`.
+grep -E '^cargo run --release -p hemilux-sim -- (decompose|render|chart|stress) ' README.md | grep -F 'out/' >"$work/commands"
+while read -r command; do
+    command=${command/#cargo run --release -p hemilux-sim --/"$sim"}
+    echo "${command#"$sim"}"
+    bash -c "${command// out\// $work/out/}" 2>>"$work/log" || { cat "$work/log"; exit 1; }
+done <"$work/commands"
+
+words() { grep -oE '[A-Za-z][A-Za-z+%() ,-]+' "$1" | sort -u; }
+failed=0
+for picture in room.png render.png stress/stress.svg charts/chart-lights.svg charts/chart-time.svg; do
+    made=$work/out/$picture committed=fixtures/$(basename "$picture")
+    if [ "${2:-}" = --write ]; then
+        cp "$made" "$committed"
+    elif [ "$(basename "$picture")" = chart-time.svg ]; then
+        diff <(words "$committed") <(words "$made") || { echo "$committed: found other words than the README's command writes" >&2; failed=1; }
+    else
+        cmp "$committed" "$made" || { echo "$committed: found a picture that differs from the README's command's" >&2; failed=1; }
+    fi
+done
+[ $failed = 0 ] && echo "pictures: the committed ones are those of the commands"
+exit $failed
