@@ -15,6 +15,8 @@ pub mod client;
 pub mod clock;
 #[cfg(feature = "server")]
 pub mod config_file;
+#[cfg(feature = "export")]
+pub mod export;
 #[cfg(feature = "pipeline")]
 pub mod judge;
 #[cfg(feature = "server")]

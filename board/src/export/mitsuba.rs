@@ -1,0 +1,29 @@
+//! A Mitsuba 3 scene: one `directional` emitter for each light, for `<include>` or as a scene of its own.
+
+use super::{Numbers, Text, notes};
+use hemilux_core::wire::LightSet;
+
+const LOSSES: [&str; 2] = [
+    "left out: angular radii, since directional emitters are points",
+    "irradiance is perpendicular to the light; direction is that in which the light travels; values are linear Rec. 709",
+];
+
+pub(super) fn text(set: &LightSet<'_>) -> String {
+    let mut text = Text::default();
+    text.line("<?xml version=\"1.0\" encoding=\"UTF-8\"?>");
+    for note in notes(set, &LOSSES) {
+        // A comment of XML holds no two hyphens.
+        text.line(format_args!("<!-- {} -->", note.replace("--", "- ").trim_end_matches('-')));
+    }
+    text.line("<scene version=\"3.0.0\">");
+    for light in set.lights {
+        let travel = set.coordinates.direction(-light.direction).to_array();
+        let [x, y, z] = travel.map(|v| Numbers([v], "").to_string());
+        let irradiance = Numbers(light.irradiance, ", ");
+        text.line(format_args!("    <emitter type=\"directional\" id=\"light_{}\">", light.id));
+        text.line(format_args!("        <vector name=\"direction\" x=\"{x}\" y=\"{y}\" z=\"{z}\"/>"));
+        text.line(format_args!("        <rgb name=\"irradiance\" value=\"{irradiance}\"/>\n    </emitter>"));
+    }
+    text.line("</scene>");
+    text.0
+}

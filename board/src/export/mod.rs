@@ -1,0 +1,228 @@
+//! Light sets as files of other programs: CSV, glTF, USD, Radiance and Mitsuba scenes beside the forms of [`hemilux_core::wire`].
+//!
+//! Each file begins with comments that state the set's origin, its axes and unit, and what the form cannot hold. In glTF, whose JSON has no
+//! comments, they are in `asset.extras.notes`.
+
+mod csv;
+mod glb;
+mod mitsuba;
+mod radiance;
+mod usda;
+
+use hemilux_core::light::Light;
+use hemilux_core::wire::{self, Coordinates, LightSet, Unit};
+use std::fmt::{self, Display, Write};
+
+/// A form of the light set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Form {
+    /// JSON, the complete form.
+    Json,
+    /// Plain text, one light a line.
+    Text,
+    /// XML.
+    Xml,
+    /// Comma-separated values, one light a line.
+    Csv,
+    /// Binary glTF 2.0 with KHR_lights_punctual.
+    Glb,
+    /// USD in its text form: DistantLights, and a DomeLight with the map.
+    Usda,
+    /// A Radiance scene description with one source per light.
+    Radiance,
+    /// A Mitsuba 3 scene with one directional emitter per light.
+    Mitsuba,
+}
+
+/// Why a set cannot be written in a form.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ExportError {
+    /// Axes that the other program cannot be told of.
+    #[error("coordinates {found} with format {form}: expected {expected}")]
+    Axes {
+        /// The form.
+        form: &'static str,
+        /// The axes asked for.
+        found: &'static str,
+        /// The axes that the form can hold.
+        expected: &'static str,
+    },
+    /// More bytes than the form can count.
+    #[error("a set of {0} lights: expected fewer for this format")]
+    TooLarge(usize),
+}
+
+impl Form {
+    /// All forms with their names.
+    pub const NAMED: [(&'static str, Self); 8] = [
+        ("json", Self::Json),
+        ("text", Self::Text),
+        ("xml", Self::Xml),
+        ("csv", Self::Csv),
+        ("glb", Self::Glb),
+        ("usda", Self::Usda),
+        ("rad", Self::Radiance),
+        ("mitsuba", Self::Mitsuba),
+    ];
+
+    /// The form called `name`.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::NAMED.iter().find(|(n, _)| *n == name).map(|(_, form)| *form)
+    }
+
+    /// Its name.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        Self::NAMED.iter().find(|(_, form)| *form == self).map_or("", |(name, _)| *name)
+    }
+
+    /// Its media type.
+    #[must_use]
+    pub const fn media_type(self) -> &'static str {
+        match self {
+            Self::Json => "application/json",
+            Self::Text => "text/plain; charset=utf-8",
+            Self::Xml | Self::Mitsuba => "application/xml",
+            Self::Csv => "text/csv; charset=utf-8",
+            Self::Glb => "model/gltf-binary",
+            Self::Usda => "model/vnd.usda",
+            Self::Radiance => "text/plain; charset=us-ascii",
+        }
+    }
+
+    /// Whether one file holds one set, so that a sequence of sets cannot be written one after the other.
+    #[must_use]
+    pub const fn is_scene(self) -> bool {
+        matches!(self, Self::Glb | Self::Usda | Self::Radiance | Self::Mitsuba)
+    }
+
+    /// The axes of the other program, used unless others are asked for.
+    #[must_use]
+    pub const fn native_axes(self) -> Coordinates {
+        match self {
+            Self::Glb | Self::Usda | Self::Mitsuba => Coordinates::YUp,
+            Self::Json | Self::Text | Self::Xml | Self::Csv | Self::Radiance => Coordinates::Probe,
+        }
+    }
+
+    /// `axes`, or the native ones without a choice.
+    ///
+    /// # Errors
+    /// [`ExportError::Axes`]: scenes are right-handed, and glTF is always +Y up.
+    pub fn axes(self, axes: Option<Coordinates>) -> Result<Coordinates, ExportError> {
+        let axes = axes.unwrap_or(self.native_axes());
+        let expected = match (self, axes) {
+            (Self::Glb, Coordinates::YUp) => return Ok(axes),
+            (Self::Glb, _) => "y-up, the axes of every glTF file",
+            (_, Coordinates::Probe | Coordinates::YUp) => return Ok(axes),
+            (form, _) if !form.is_scene() => return Ok(axes),
+            _ => "probe or y-up, which are right-handed",
+        };
+        Err(ExportError::Axes { form: self.name(), found: axes.name(), expected })
+    }
+}
+
+/// Appends `set` in the axes of `set.coordinates` to `bytes`.
+///
+/// `map` is the path of a latitude-longitude map of the same scene, as the file is to name it; USD alone refers to it.
+///
+/// # Errors
+/// [`ExportError`] for axes or sizes that the form cannot hold; nothing is appended.
+pub fn encode(
+    form: Form,
+    set: &LightSet<'_>,
+    map: Option<&str>,
+    bytes: &mut Vec<u8>,
+) -> Result<(), ExportError> {
+    form.axes(Some(set.coordinates))?;
+    let text = match form {
+        Form::Glb => return glb::write(set, bytes),
+        Form::Json | Form::Text | Form::Xml => {
+            let write = match form {
+                Form::Json => wire::json,
+                Form::Text => wire::text,
+                _ => wire::xml,
+            };
+            let Ok(()) = write(set, bytes);
+            return Ok(());
+        }
+        Form::Csv => csv::text(set),
+        Form::Usda => usda::text(set, map),
+        Form::Radiance => radiance::text(set),
+        Form::Mitsuba => mitsuba::text(set),
+    };
+    bytes.extend_from_slice(text.as_bytes());
+    Ok(())
+}
+
+/// A growing file of text.
+#[derive(Default)]
+struct Text(String);
+
+impl Text {
+    /// Appends a line. Writing to a string does not fail.
+    fn line(&mut self, line: impl Display) {
+        let _ = writeln!(self.0, "{line}");
+    }
+}
+
+/// Numbers with `between` between them; what is not finite becomes 0.
+struct Numbers<'a, const N: usize>([f32; N], &'a str);
+
+impl<const N: usize> Display for Numbers<'_, N> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (i, v) in self.0.iter().enumerate() {
+            write!(f, "{}{}", if i == 0 { "" } else { self.1 }, if v.is_finite() { *v } else { 0.0 })?;
+        }
+        Ok(())
+    }
+}
+
+/// An irradiance as intensity times colour, the largest component of the colour being 1.
+fn intensity_and_colour(irradiance: [f32; 3]) -> (f32, [f32; 3]) {
+    let [r, g, b] = irradiance.map(|v| if v.is_finite() { v.max(0.0) } else { 0.0 });
+    let intensity = r.max(g).max(b);
+    if intensity > 0.0 { (intensity, [r, g, b].map(|v| v / intensity)) } else { (0.0, [1.0; 3]) }
+}
+
+/// The rotation (x, y, z, w) that turns a lamp shining along -Z so that its light comes from `light`.
+fn orientation(set: &LightSet<'_>, light: &Light) -> [f32; 4] {
+    let towards = set.coordinates.direction(light.direction).as_dvec3();
+    let towards = towards.try_normalize().unwrap_or(glam::DVec3::Z);
+    glam::DQuat::from_rotation_arc(glam::DVec3::NEG_Z, -towards).normalize().as_quat().to_array()
+}
+
+/// Part of a uniform disc's irradiance, of angular radius `radius_deg`, that a surface facing its centre receives.
+fn facing(radius_deg: f32) -> f32 {
+    (1.0 + radius_deg.clamp(0.0, 90.0).to_radians().cos()) / 2.0
+}
+
+/// The comments at the head of a file: the set, its axes and unit, the energy that is left out, and then `losses`.
+fn notes(set: &LightSet<'_>, losses: &[&str]) -> Vec<String> {
+    let LightSet { run, frame, sampler, .. } = set;
+    let count = set.lights.len();
+    let mut notes =
+        vec![format!("hemilux light set: run {run}, frame {frame}, sampler {sampler}, {count} lights")];
+    notes.push(format!("axes: {}", set.coordinates.name()));
+    notes.push(match set.unit {
+        Unit::Lux => "unit: lux".into(),
+        Unit::Relative => "unit: relative, lux times an unknown factor".to_string(),
+    });
+    if let Some(stale) = set.stale {
+        notes.push(format!("stale: {} ms: {}", stale.age_ms, stale.reason));
+    }
+    if let Some(sh) = set.ambient_sh {
+        // Over the sphere a constant of coefficient c has the flux 2 sqrt(pi) c.
+        let flux = sh[0].map(|c| 2.0 * std::f32::consts::PI.sqrt() * c);
+        notes.push(format!("left out: the ambient light, scalar flux {}; JSON has it", Numbers(flux, " ")));
+    }
+    notes.extend(losses.iter().map(|loss| (*loss).to_string()));
+    notes.into_iter().map(|note| on_one_line(&note)).collect()
+}
+
+/// Control characters, which could end a comment of a line, become spaces.
+fn on_one_line(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
+}

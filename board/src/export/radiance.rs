@@ -1,0 +1,47 @@
+//! A Radiance scene: one `source` for each light.
+
+use super::{Numbers, Text, notes};
+use hemilux_core::light::Light;
+use hemilux_core::wire::{LightSet, Unit};
+
+const LOSSES: [&str; 2] = [
+    "a light is a disc of uniform radiance and the light's energy; its least diameter is the sun's, 0.533 degrees",
+    "left out: identity over time, except in names",
+];
+
+/// Least angular radius, degrees: a source without extent would need infinite radiance.
+const LEAST_RADIUS_DEG: f32 = 0.2665;
+
+/// Luminous efficacy by which Radiance's programs turn radiance into luminance, lm/W.
+const EFFICACY: f32 = 179.0;
+
+pub(super) fn text(set: &LightSet<'_>) -> String {
+    let mut text = Text::default();
+    for note in notes(set, &LOSSES) {
+        text.line(format_args!("# {note}"));
+    }
+    let factor = match set.unit {
+        Unit::Lux => {
+            text.line("# radiance in W/(m2 sr) = luminance / 179 lm/W, as rpict and rtrace take it");
+            EFFICACY.recip()
+        }
+        Unit::Relative => 1.0,
+    };
+    for light in set.lights {
+        source(&mut text, set, light, factor);
+    }
+    text.0
+}
+
+fn source(text: &mut Text, set: &LightSet<'_>, light: &Light, factor: f32) {
+    let radius = light.radius_deg.clamp(LEAST_RADIUS_DEG, 90.0);
+    // The cap's solid angle, 2 pi (1 - cos r), without the cancellation of small radii.
+    let half = f64::from(radius).to_radians() / 2.0;
+    let solid_angle = (4.0 * std::f64::consts::PI * half.sin() * half.sin()) as f32;
+    let radiance = light.irradiance.map(|e| e / solid_angle * factor);
+    let name = light.id;
+    text.line(format_args!("\nvoid light light_{name}_emission\n0\n0\n3 {}", Numbers(radiance, " ")));
+    let [x, y, z] = set.coordinates.direction(light.direction).to_array();
+    let place = Numbers([x, y, z, 2.0 * radius], " ");
+    text.line(format_args!("light_{name}_emission source light_{name}\n0\n0\n4 {place}"));
+}
