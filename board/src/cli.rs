@@ -19,7 +19,7 @@ use crate::timing::read_budgets;
 use clap::builder::PossibleValuesParser;
 use clap::error::ErrorKind;
 use clap::{Args, Parser, Subcommand};
-use hemilux_core::fill::Extrapolation;
+use hemilux_core::Extrapolation;
 use hemilux_core::wire::STAGES;
 use plan::Plan;
 use std::ffi::OsString;

@@ -6,19 +6,13 @@
 use crate::calibration::{Burst, Calibration};
 use crate::polar::Polar;
 use crate::samplers::{self, SamplerError, Shape, Tuning};
-use hemilux_core::Order;
-use hemilux_core::fill::{self, Extrapolation};
-use hemilux_core::format::{Format, Layout, LayoutError};
-use hemilux_core::front::{self, FrontError, Seen};
-use hemilux_core::healpix::Domain;
-use hemilux_core::light::Decomposition;
-use hemilux_core::merge::{Exposure, MAX_EXPOSURES, Merge, MergeError, Reciprocal, Samples, merge_size};
-use hemilux_core::plan::{Plan, PlanError, Run, Span, Texel, plan_size};
 use hemilux_core::polar::{Grid, LatLongView};
-use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
-use hemilux_core::response::{Curve, ResponseError, curve_len};
-use hemilux_core::sampler::{Map, Request, Sampler};
+use hemilux_core::pyramid::Quad;
 use hemilux_core::wire::Latency;
+use hemilux_core::{
+    BurstError, Coverage, Decomposition, Domain, Exposure, Extrapolation, FrontEnd, FrontError,
+    MAX_EXPOSURES, Map, MergeError, Order, PlanError, Request, ResponseError, Sampler, Samples, Sizes,
+};
 use std::time::{Duration, Instant};
 
 /// What a user chooses.
@@ -83,9 +77,6 @@ pub enum PipelineError {
     /// The response cannot be tabulated.
     #[error("response: found {0}, expected a rising curve and a white level above black")]
     Response(ResponseError),
-    /// The frames cannot lie so.
-    #[error("format: found {0}, expected a size and bytes per line that fit it")]
-    Format(LayoutError),
     /// The exposures do not merge.
     #[error("exposures: found {0}, expected up to twelve positive times at most 2^24 apart")]
     Merge(MergeError),
@@ -100,18 +91,29 @@ pub enum PipelineError {
     Sampler(#[from] SamplerError),
     /// Frames that do not fit.
     #[error("burst: found {0}, expected frames as calibrated")]
+    Burst(BurstError),
+    /// Anything else that the front end refuses.
+    #[error("calibration: found {0}, expected one that the core can process")]
     Front(FrontError),
+}
+
+impl From<FrontError> for PipelineError {
+    fn from(error: FrontError) -> Self {
+        match error {
+            FrontError::Response(e) => Self::Response(e),
+            FrontError::Exposures(e) => Self::Merge(e),
+            FrontError::Plan(e) => Self::Plan(e),
+            FrontError::Burst(e) => Self::Burst(e),
+            other => Self::Front(other),
+        }
+    }
 }
 
 /// A hemisphere map and what samples it.
 pub struct Pipeline {
-    calibration: Calibration,
     settings: Settings,
     exposures: Vec<Exposure>,
-    layout: Layout,
-    merge: HeapMerge,
-    plan: HeapPlan,
-    pyramid: Pyramid<Vec<Quad>>,
+    front: FrontEnd<Vec<u64>>,
     /// Taken when a sampler or a picture needs it first.
     polar: Option<Polar>,
     /// Whether `polar` holds the current frame.
@@ -151,7 +153,7 @@ pub struct Processed<'a> {
     /// The lights.
     pub decomposition: Decomposition<'a>,
     /// What the burst held besides.
-    pub seen: Seen,
+    pub seen: Coverage,
     /// Sum of L dOmega.
     pub scalar_flux: [f32; 3],
     /// Sum of L cos(theta) dOmega.
@@ -174,27 +176,10 @@ impl Pipeline {
         let shape = Shape { domain: Domain::Hemisphere, order, grid: settings.grid };
         samplers::check(&settings.sampler, Domain::Hemisphere, &settings.request())?;
         let sampler = samplers::make_tuned(&settings.sampler, &shape, settings.lights, &settings.tuning)?;
-        let layout = calibration.layout().map_err(PipelineError::Format)?;
-        let merge = merge(&calibration, exposures)?;
-        let plan = plan(&calibration, &layout, order)?;
-        let quads = vec![Quad::default(); pyramid_len(Domain::Hemisphere, Order::saturating(order))];
-        let pyramid = Pyramid::try_new(quads, Domain::Hemisphere, Order::saturating(order))
-            .expect("as many quads as the pyramid names");
+        let front = front_end(&calibration, exposures, &settings)?;
         let polar = sampler.needs_polar().then(|| Polar::new(&shape));
         let exposures = exposures.to_vec();
-        let polar_fresh = false;
-        Ok(Self {
-            calibration,
-            settings,
-            exposures,
-            layout,
-            merge,
-            plan,
-            pyramid,
-            polar,
-            polar_fresh,
-            sampler,
-        })
+        Ok(Self { settings, exposures, front, polar, polar_fresh: false, sampler })
     }
 
     /// Changes what the user chose, keeping what need not change; on an error the old settings stand.
@@ -202,10 +187,9 @@ impl Pipeline {
     /// # Errors
     /// [`PipelineError`].
     pub fn configure(&mut self, settings: Settings) -> Result<(), PipelineError> {
-        let same_maps =
-            settings.order() == self.pyramid.view().order().get() && settings.grid == self.settings.grid;
+        let same_maps = settings.order() == self.front.order().get() && settings.grid == self.settings.grid;
         if !same_maps {
-            *self = Self::try_new(self.calibration.clone(), &self.exposures, settings)?;
+            *self = Self::try_new(*self.front.calibration(), &self.exposures, settings)?;
             return Ok(());
         }
         samplers::check(&settings.sampler, Domain::Hemisphere, &settings.request())?;
@@ -216,6 +200,7 @@ impl Pipeline {
                 self.polar = Some(Polar::new(&self.shape()));
             }
         }
+        self.front.set_extrapolation(settings.extrapolation);
         self.settings = settings;
         Ok(())
     }
@@ -223,7 +208,7 @@ impl Pipeline {
     /// The maps that its samplers read.
     #[must_use]
     pub fn shape(&self) -> Shape {
-        let order = self.pyramid.view().order().get();
+        let order = self.front.order().get();
         Shape { domain: Domain::Hemisphere, order, grid: self.settings.grid }
     }
 
@@ -239,22 +224,15 @@ impl Pipeline {
             *slot = frame.pixels.samples();
         }
         let frames = &frames[..burst.frames.len().min(MAX_EXPOSURES)];
-        let balance = self.calibration.white_balance;
-        let (plan, merge) = (self.plan.view(), self.merge.view());
-        let sums = front::accumulate(frames, &self.layout, &merge, &plan, &mut self.pyramid)
-            .map_err(PipelineError::Front)?;
-        let front = began.elapsed();
-        let seen = front::finish(&sums, &self.layout, &merge, &plan, balance, &mut self.pyramid);
-        if self.settings.extrapolation == Extrapolation::Average {
-            fill::average(&mut self.pyramid, self.plan.texels());
-        }
+        let mut front = Duration::ZERO;
+        let seen = self.front.process_timed(frames, || front = began.elapsed())?;
         self.polar_fresh = self.sampler.needs_polar();
         if self.polar_fresh {
             let shape = self.shape();
-            self.polar.get_or_insert_with(|| Polar::new(&shape)).fill(&self.pyramid.view());
+            self.polar.get_or_insert_with(|| Polar::new(&shape)).fill(&self.front.map());
         }
         let summed = began.elapsed();
-        let view = self.pyramid.view();
+        let view = self.front.map();
         let (total, horizontal_irradiance) = (view.total(), view.horizontal_irradiance());
         let polar =
             self.polar.as_ref().filter(|_| self.polar_fresh).map_or(LatLongView::NONE, |p| p.map.view());
@@ -274,7 +252,7 @@ impl Pipeline {
         let map = if sampler.needs_polar() {
             self.map()
         } else {
-            Map { pyramid: self.pyramid.view(), polar: LatLongView::NONE }
+            Map { pyramid: self.front.map(), polar: LatLongView::NONE }
         };
         let began = Instant::now();
         let made = sampler.update(&map, request);
@@ -284,7 +262,7 @@ impl Pipeline {
     /// The quads of `order`, at most the map's, of the last burst.
     #[must_use]
     pub fn sketch(&self, order: u8) -> &[Quad] {
-        let view = self.pyramid.view();
+        let view = self.front.map();
         view.quads_of(order.min(view.order().get()))
     }
 
@@ -293,7 +271,13 @@ impl Pipeline {
         let same = self.exposures.iter().eq(burst.frames.iter().map(|f| &f.exposure));
         if !same {
             let exposures: Vec<_> = burst.frames.iter().map(|f| f.exposure).collect();
-            self.merge = merge(&self.calibration, &exposures)?;
+            match self.front.set_exposures(&exposures) {
+                Ok(()) => {}
+                Err(FrontError::Memory(_)) => {
+                    self.front = front_end(self.front.calibration(), &exposures, &self.settings)?;
+                }
+                Err(error) => return Err(error.into()),
+            }
             self.exposures = exposures;
         }
         Ok(())
@@ -320,19 +304,19 @@ impl Pipeline {
     /// What is known of the camera.
     #[must_use]
     pub fn calibration(&self) -> &Calibration {
-        &self.calibration
+        self.front.calibration()
     }
 
-    /// The merge of the current exposures.
+    /// What makes the map.
     #[must_use]
-    pub fn merge(&self) -> &HeapMerge {
-        &self.merge
+    pub fn front(&self) -> &FrontEnd<Vec<u64>> {
+        &self.front
     }
 
-    /// The plan of the current lens.
+    /// Exposures of the last burst.
     #[must_use]
-    pub fn plan(&self) -> &HeapPlan {
-        &self.plan
+    pub fn exposures(&self) -> usize {
+        self.exposures.len()
     }
 
     /// The map of the last burst, before sampling.
@@ -340,42 +324,22 @@ impl Pipeline {
         let shape = self.shape();
         let polar = self.polar.get_or_insert_with(|| Polar::new(&shape));
         if !self.polar_fresh {
-            polar.fill(&self.pyramid.view());
+            polar.fill(&self.front.map());
             self.polar_fresh = true;
         }
-        Map { pyramid: self.pyramid.view(), polar: polar.map.view() }
+        Map { pyramid: self.front.map(), polar: polar.map.view() }
     }
 }
 
-/// A merge with memory from the heap.
-pub type HeapMerge = Merge<Vec<i32>, Vec<u32>, Vec<Reciprocal>>;
-
-/// A plan with memory from the heap.
-pub type HeapPlan = Plan<Vec<Span>, Vec<u16>, Vec<Run>, Vec<Texel>>;
-
-fn merge(calibration: &Calibration, exposures: &[Exposure]) -> Result<HeapMerge, PipelineError> {
-    let c = calibration;
-    let depth = c.format.depth();
-    let table = vec![0; curve_len(depth)];
-    let curve =
-        Curve::try_new(&c.response, depth, c.black, c.white, table).map_err(PipelineError::Response)?;
-    let planes = matches!(c.format, Format::Yuyv(_) | Format::Nv12(_));
-    let curve = if planes { curve.looked_up() } else { curve };
-    let size = merge_size(&curve, exposures).map_err(PipelineError::Merge)?;
-    let memory = (vec![0; size.tables], vec![Reciprocal::default(); size.reciprocals]);
-    Merge::try_new(curve, exposures, c.scale, memory).map_err(PipelineError::Merge)
-}
-
-fn plan(calibration: &Calibration, layout: &Layout, order: u8) -> Result<HeapPlan, PipelineError> {
-    let (width, height) = layout.places();
-    let mosaic = layout.format().pattern().is_some();
-    let lens = if mosaic { calibration.lens.halved() } else { calibration.lens };
-    let size = plan_size(&lens, width, height, order).map_err(PipelineError::Plan)?;
-    let memory = (
-        vec![Span::default(); size.spans],
-        vec![0; size.weights],
-        vec![Run::default(); size.runs],
-        vec![Texel::default(); size.texels],
-    );
-    Plan::try_new(&lens, width, height, order, memory).map_err(PipelineError::Plan)
+/// A front end with memory from the heap.
+fn front_end(
+    calibration: &Calibration,
+    exposures: &[Exposure],
+    settings: &Settings,
+) -> Result<FrontEnd<Vec<u64>>, PipelineError> {
+    let order = Order::saturating(settings.order());
+    let sizes = Sizes::of(calibration, exposures, order)?;
+    let mut front = FrontEnd::try_new(*calibration, exposures, order, vec![0; sizes.words()])?;
+    front.set_extrapolation(settings.extrapolation);
+    Ok(front)
 }

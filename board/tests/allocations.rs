@@ -9,7 +9,7 @@ use hemilux::probe::{Config, Worker};
 use hemilux::samplers::NAMES;
 use hemilux::scene;
 use hemilux::source::{Pace, ReplaySource, SceneSource, Source};
-use hemilux_core::fill::Extrapolation;
+use hemilux_core::Extrapolation;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 

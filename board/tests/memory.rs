@@ -138,11 +138,11 @@ fn four_thousand_lights_at_order_6_fit_into_8_mb_besides_the_frames() {
     let _alone = alone();
     let source = room();
     let c = source.calibration();
-    assert_eq!((c.width, c.height), (640, 480), "the size that is promised for");
+    assert_eq!((c.layout.width(), c.layout.height()), (640, 480), "the size that is promised for");
     for name in NAMES {
         let settings = Settings { order: Some(6), ..settings(name, 4096) };
         let plan = plan(&*source, settings);
-        let frames = &plan.rooms()[0];
+        let frames = &plan.buffers()[0];
         assert_eq!((frames.name, frames.bytes()), ("frames", 3 * 640 * 480 * source.exposures().len()));
         let besides = plan.bytes() - frames.bytes();
         assert!(

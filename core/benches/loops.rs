@@ -5,16 +5,19 @@ mod common;
 
 use common::{bench_lens, dark, one_exposure, plan};
 use divan::{Bencher, black_box};
+use hemilux_core::Levels;
 use hemilux_core::Order;
 use hemilux_core::format::{Format, Layout};
-use hemilux_core::front;
 use hemilux_core::healpix::Domain;
+use hemilux_core::internals::front;
+use hemilux_core::internals::merge::{Channels, Codes};
+use hemilux_core::internals::response::{Curve, curve_len};
 use hemilux_core::light::Light;
-use hemilux_core::merge::{Channels, Codes, Exposure, Samples};
 use hemilux_core::polar::LatLongView;
-use hemilux_core::response::{Curve, Depth, Response, curve_len};
 use hemilux_core::sampler::q2tree::{Leaf, Parameters, Past, Q2Tree, interior_len};
 use hemilux_core::sampler::{Map, Request, Sampler};
+use hemilux_core::{Depth, Response};
+use hemilux_core::{Exposure, Samples};
 
 const ORDER: u8 = 6;
 
@@ -31,7 +34,12 @@ fn bytes(count: usize) -> Vec<u8> {
 #[divan::bench(args = [true, false])]
 fn merge(bencher: Bencher<'_, '_>, linear: bool) {
     let response = if linear { Response::Linear } else { Response::Srgb };
-    let curve = Curve::try_new(&response, Depth::U8, 0.0, 255.0, vec![0; curve_len(Depth::U8)]);
+    let curve = Curve::try_new(
+        &response,
+        Depth::U8,
+        Levels { black: 0.0, white: 255.0 },
+        vec![0; curve_len(Depth::U8)],
+    );
     let exposures = [0.001, 0.006, 0.036].map(|seconds| Exposure { seconds, gain: 1.0 });
     let merge = common::merge(curve.expect("sound"), &exposures);
     let plane = bytes(384);
@@ -40,15 +48,15 @@ fn merge(bencher: Bencher<'_, '_>, linear: bool) {
     bencher.bench_local(|| merge.view().counts(black_box(&[codes; 3]), Channels::RGB, &mut counts));
 }
 
-/// A frame of one exposure to texels.
+/// A frame of one exposure to a map.
 #[divan::bench]
-fn accumulate(bencher: Bencher<'_, '_>) {
+fn burst(bencher: Bencher<'_, '_>) {
     let (plan, merge, mut map) =
         (plan(&bench_lens(), 640, 480, ORDER), one_exposure(), dark(Domain::Hemisphere, ORDER));
     let layout = Layout::tight(Format::Rgb48, 640, 480).expect("a sound size");
     let frame: Vec<u16> = bytes(3 * 640 * 480).into_iter().map(|v| 256 * u16::from(v)).collect();
     let frames = [Samples::U16(&frame)];
-    bencher.bench_local(|| front::accumulate(&frames, &layout, &merge.view(), &plan.view(), &mut map));
+    bencher.bench_local(|| front::burst(&frames, &layout, &merge.view(), &plan.view(), [1.0; 3], &mut map));
 }
 
 /// Texels to a pyramid.

@@ -137,6 +137,22 @@ impl Lens {
         &self.p
     }
 
+    /// An equidistant lens, r = f theta, with square pixels and without vignetting: principal point and focal length in pixels, and
+    /// the edge of the field of view in radians off axis.
+    ///
+    /// # Errors
+    /// [`LensError`].
+    pub fn equidistant(centre_px: [f64; 2], focal_px: f64, max_theta: f64) -> Result<Self, LensError> {
+        Self::try_new(Intrinsics {
+            model: Model::Equidistant,
+            centre_px: DVec2::from_array(centre_px),
+            focal_px: DVec2::splat(focal_px),
+            skew_px: 0.0,
+            max_theta,
+            vignetting: [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+        })
+    }
+
     /// The lens as an image of half the size sees it, in which each pixel is the mean of 2 x 2.
     #[must_use]
     pub fn halved(&self) -> Self {

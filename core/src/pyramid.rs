@@ -8,10 +8,12 @@ use crate::format::Format;
 use crate::healpix::{self, Domain, Order};
 use crate::plan::Texel;
 use crate::root::root;
+use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
 /// Sums over one quad.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
 pub struct Quad {
     /// Sum of L dOmega for red, green, blue and luminance.
     pub energy: [f32; 4],
@@ -120,6 +122,11 @@ impl<Q: Buffer<Quad>> Pyramid<Q> {
         arena::check(&quads, pyramid_len(domain, order))?;
         quads.as_mut().fill(Quad::default());
         Ok(Self { quads, domain, order: order.get() })
+    }
+
+    /// The pyramid whose quads are the first of `quads`, as they are.
+    pub(crate) fn over(quads: Q, domain: Domain, order: Order) -> Self {
+        Self { quads, domain, order: order.get() }
     }
 
     /// Quads of the finest order.
@@ -324,6 +331,11 @@ fn sum(four: &[Quad; 4]) -> Quad {
 }
 
 impl<'a> PyramidView<'a> {
+    /// The pyramid whose quads are the first of `quads`.
+    pub(crate) fn over(quads: &'a [Quad], domain: Domain, order: Order) -> Self {
+        Self { quads, domain, order: order.get() }
+    }
+
     /// The part of the sphere it holds.
     #[must_use]
     pub fn domain(&self) -> Domain {

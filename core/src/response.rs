@@ -19,6 +19,16 @@ pub const SATURATED: f64 = 0.98;
 /// lower biases dark regions upwards by the sum of those constants, higher drops samples that still help.
 pub const TRUSTED: f64 = 16.0 / 255.0;
 
+/// Codes between which a response is defined.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Levels {
+    /// Code of darkness.
+    pub black: f64,
+    /// Code of relative exposure 1.
+    pub white: f64,
+}
+
 /// How a camera turns relative exposure y in 0..=1 into a relative code x in 0..=1, inverted: y(x).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Response {
@@ -105,7 +115,7 @@ impl Depth {
     }
 }
 
-/// Tabulated relative exposure of every code, for three channels.
+/// Tabulated relative exposure of every code, for three channels; `B` is `()` where the table lies elsewhere.
 #[derive(Clone, Copy, Debug)]
 pub struct Curve<B> {
     table: B,
@@ -117,7 +127,7 @@ pub struct Curve<B> {
     /// First trusted code.
     trusted: u32,
     /// Codes of relative exposure 0 and 1.
-    levels: (f64, f64),
+    levels: Levels,
     linear: bool,
 }
 
@@ -127,8 +137,31 @@ pub const fn curve_len(depth: Depth) -> usize {
     3 * depth.entries()
 }
 
+impl Curve<()> {
+    /// What is known of the curve before its table is filled.
+    ///
+    /// # Errors
+    /// [`ResponseError::BadLevels`].
+    pub(crate) fn untabulated(
+        response: &Response,
+        depth: Depth,
+        levels: Levels,
+    ) -> Result<Self, ResponseError> {
+        let Levels { black, white } = levels;
+        let range = white - black;
+        if !(black >= 0.0 && range > 0.0 && white <= f64::from(depth.max())) {
+            return Err(ResponseError::BadLevels);
+        }
+        let shift = (32 - (white as u32).leading_zeros()).saturating_sub(12);
+        let code = |x: f64| libm::ceil(black + x * range) as u32;
+        let linear = matches!(response, Response::Linear);
+        let trusted = if linear { 0 } else { code(TRUSTED) };
+        Ok(Self { table: (), depth, shift, saturated: code(SATURATED), trusted, levels, linear })
+    }
+}
+
 impl<B: Buffer<i32>> Curve<B> {
-    /// Tabulates `response` between the codes `black` and `white` into `table` ([`curve_len`] entries).
+    /// Tabulates `response` between black and white into `table` ([`curve_len`] entries).
     ///
     /// # Accuracy
     /// Rounded to 2^-27; where white is above 4095, codes interpolate linearly between 2048 to 4096 entries, within 3e-5 of a
@@ -139,32 +172,25 @@ impl<B: Buffer<i32>> Curve<B> {
     pub fn try_new(
         response: &Response,
         depth: Depth,
-        black: f64,
-        white: f64,
+        levels: Levels,
         mut table: B,
     ) -> Result<Self, ResponseError> {
-        let range = white - black;
-        if !(black >= 0.0 && range > 0.0 && white <= f64::from(depth.max())) {
-            return Err(ResponseError::BadLevels);
-        }
+        let curve = Curve::untabulated(response, depth, levels)?;
         arena::check(&table, curve_len(depth)).map_err(ResponseError::TooSmall)?;
-        let entries = depth.entries();
-        let shift = (32 - (white as u32).leading_zeros()).saturating_sub(12);
-        for (channel, row) in table.as_mut().chunks_exact_mut(entries).take(3).enumerate() {
-            fill_row(response, channel, row, |i| (f64::from((i as u32) << shift) - black) / range)
-                .ok_or(ResponseError::BadCurve { channel })?;
+        let x = |i: usize| {
+            let code = f64::from((i as u32) << curve.shift);
+            (code - levels.black) / (levels.white - levels.black)
+        };
+        for (channel, row) in table.as_mut().chunks_exact_mut(depth.entries()).take(3).enumerate() {
+            fill_row(response, channel, row, x).ok_or(ResponseError::BadCurve { channel })?;
         }
-        let code = |x: f64| libm::ceil(black + x * range) as u32;
-        let linear = matches!(response, Response::Linear);
-        let trusted = if linear { 0 } else { code(TRUSTED) };
-        Ok(Self { table, depth, shift, saturated: code(SATURATED), trusted, levels: (black, white), linear })
+        Ok(curve.over(table))
     }
 
     /// The same curve in borrowed memory.
     #[must_use]
     pub fn view(&self) -> Curve<&[i32]> {
-        let Self { depth, shift, saturated, trusted, levels, linear, .. } = *self;
-        Curve { table: self.table.as_ref(), depth, shift, saturated, trusted, levels, linear }
+        self.over(self.table.as_ref())
     }
 }
 
@@ -173,13 +199,21 @@ impl<B: AsRef<[i32]>> Curve<B> {
     #[must_use]
     pub fn exposure_q27(&self, channel: usize, code: u32) -> i32 {
         let entries = self.depth.entries();
-        let at = channel * entries + ((code >> self.shift) as usize).min(entries - 2);
+        let at = channel.min(2) * entries + ((code >> self.shift) as usize).min(entries - 2);
         let Some(&[low, high]) = self.table.as_ref().get(at..at + 2) else { return 0 };
         if self.shift == 0 {
             return low;
         }
         let part = code & ((1 << self.shift) - 1);
         low + ((i64::from(high - low) * i64::from(part)) >> self.shift) as i32
+    }
+}
+
+impl<B> Curve<B> {
+    /// The same curve, whose table is now `table`.
+    pub(crate) fn over<T>(&self, table: T) -> Curve<T> {
+        let Self { depth, shift, saturated, trusted, levels, linear, .. } = *self;
+        Curve { table, depth, shift, saturated, trusted, levels, linear }
     }
 
     /// Whether `code` is clipped, or so near that it cannot be told.
@@ -208,8 +242,12 @@ impl<B: AsRef<[i32]>> Curve<B> {
 
     /// Black and white level, codes, where relative exposure is linear between them.
     #[must_use]
-    pub fn linear_levels(&self) -> Option<(f64, f64)> {
+    pub fn linear_levels(&self) -> Option<Levels> {
         self.linear.then_some(self.levels)
+    }
+
+    pub(crate) fn into_table(self) -> B {
+        self.table
     }
 
     /// Sample depth.

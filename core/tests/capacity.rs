@@ -6,10 +6,11 @@ mod common;
 
 use common::{bench_lens, expose, plan};
 use hemilux_core::Order;
-use hemilux_core::arena::TooSmall;
+use hemilux_core::PlanError;
+use hemilux_core::TooSmall;
 use hemilux_core::healpix::Domain;
+use hemilux_core::internals::plan::{Plan, Run, Span, Texel, plan_size};
 use hemilux_core::light::{Light, cap_radius_deg};
-use hemilux_core::plan::{Plan, PlanError, Run, Span, Texel, plan_size};
 use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
 use hemilux_core::tonemap::{sigmoid, srgb_code};
 

@@ -7,12 +7,14 @@ use common::{
 };
 use core::f64::consts::TAU;
 use glam::{DVec2, DVec3};
+use hemilux_core::BurstError;
+use hemilux_core::PlanError;
+use hemilux_core::Samples;
 use hemilux_core::format::{Format, Layout};
-use hemilux_core::front::{self, FrontError};
 use hemilux_core::healpix::{self, Domain};
+use hemilux_core::internals::front::{self};
+use hemilux_core::internals::plan::plan_size;
 use hemilux_core::lens::{Intrinsics, Lens, Model};
-use hemilux_core::merge::Samples;
-use hemilux_core::plan::{PlanError, plan_size};
 
 /// Lenses, image sizes and map orders that differ in everything that could matter.
 fn views() -> Vec<(Lens, u32, u32, u8)> {
@@ -212,22 +214,22 @@ fn frames_and_maps_that_do_not_fit_are_refused() {
     let run = |frames: &[Samples<'_>], map: &mut _| {
         burst(&plan, frames, [1.0; 3], map).expect_err("must be refused")
     };
-    assert_eq!(run(&[], &mut map), FrontError::FrameCount { found: 0, expected: 1 });
+    assert_eq!(run(&[], &mut map), BurstError::FrameCount { found: 0, expected: 1 });
     let short = [Samples::U16(&frame[1..])];
-    let refused = FrontError::FrameSize { index: 0, found: frame.len() - 1, expected: frame.len() };
+    let refused = BurstError::FrameSize { index: 0, found: frame.len() - 1, expected: frame.len() };
     assert_eq!(run(&short, &mut map), refused);
-    assert_eq!(run(&[Samples::U8(&bytes)], &mut map), FrontError::FrameDepth { index: 0 });
+    assert_eq!(run(&[Samples::U8(&bytes)], &mut map), BurstError::FrameDepth { index: 0 });
     for mut other in [dark(Domain::Hemisphere, 2), dark(Domain::Hemisphere, 4), dark(Domain::Sphere, 3)] {
-        assert_eq!(run(&[Samples::U16(&frame)], &mut other), FrontError::OtherMap);
+        assert_eq!(run(&[Samples::U16(&frame)], &mut other), BurstError::OtherMap);
     }
     let finer = common::plan(&bench_lens(), 640, 480, 5);
     let refused = burst(&finer, &[Samples::U16(&frame)], [1.0; 3], &mut map);
-    assert_eq!(refused, Err(FrontError::OtherMap));
+    assert_eq!(refused, Err(BurstError::OtherMap));
     let layout = Layout::tight(Format::Rgb48, 320, 240).expect("a sound size");
     let merge = common::one_exposure();
     let refused =
         front::burst(&[Samples::U16(&frame)], &layout, &merge.view(), &plan.view(), [1.0; 3], &mut map);
-    assert_eq!(refused, Err(FrontError::OtherSize));
+    assert_eq!(refused, Err(BurstError::OtherSize));
 }
 
 #[test]

@@ -5,20 +5,15 @@
 
 use core::f64::consts::PI;
 use glam::DVec2;
-use hemilux_core::Order;
-use hemilux_core::fill;
-use hemilux_core::format::{Format, Layout, Matrix, Pattern, Yuv};
-use hemilux_core::front;
-use hemilux_core::healpix::Domain;
-use hemilux_core::lens::{Intrinsics, Lens, Model};
-use hemilux_core::light::Light;
-use hemilux_core::merge::{Exposure, Merge, Reciprocal, Samples, merge_size};
-use hemilux_core::plan::{Plan, Run, Span, Texel, plan_size};
+use hemilux_core::format::{Matrix, Pattern, Yuv};
+use hemilux_core::lens::{Intrinsics, Model};
 use hemilux_core::polar::LatLongView;
-use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
-use hemilux_core::response::{Curve, Response, curve_len};
+use hemilux_core::pyramid::PyramidView;
 use hemilux_core::sampler::q2tree::{Leaf, Parameters, Past, Q2Tree, interior_len};
-use hemilux_core::sampler::{Map, Request, Sampler};
+use hemilux_core::{
+    Calibration, Domain, Exposure, Extrapolation, Format, FrontEnd, Layout, Lens, Levels, Light, Map, Order,
+    Request, Response, Sampler, Samples, Sizes,
+};
 use std::fmt::Write as _;
 
 const TABLE: &str = "tests/front_end_table.txt";
@@ -178,37 +173,26 @@ fn row(case: &Case) -> String {
     let white = f64::from(case.format.max_code());
     let black = if white > 255.0 { white / 32.0 } else { 6.0 };
 
-    let depth = case.format.depth();
-    let curve =
-        Curve::try_new(&case.response, depth, black, white, vec![0; curve_len(depth)]).expect("a curve");
-    let planes = matches!(case.format, Format::Yuyv(_) | Format::Nv12(_));
-    let curve = if planes { curve.looked_up() } else { curve };
-    let size = merge_size(&curve, &case.exposures).expect("a merge");
-    let memory = (vec![0; size.tables], vec![Reciprocal::default(); size.reciprocals]);
-    let merge = Merge::try_new(curve, &case.exposures, 0.05, memory).expect("a merge");
-    let (width, height) = layout.places();
-    let lens = if case.format.pattern().is_some() { lens().halved() } else { lens() };
-    let size = plan_size(&lens, width, height, case.order).expect("a plan");
-    let memory = (
-        vec![Span::default(); size.spans],
-        vec![0; size.weights],
-        vec![Run::default(); size.runs],
-        vec![Texel::default(); size.texels],
-    );
-    let plan = Plan::try_new(&lens, width, height, case.order, memory).expect("a plan");
-    let quads = vec![Quad::default(); pyramid_len(Domain::Hemisphere, Order::saturating(case.order))];
-    let mut map = Pyramid::try_new(quads, Domain::Hemisphere, Order::saturating(case.order)).expect("a map");
-    let seen = front::burst(&samples, &layout, &merge.view(), &plan.view(), [1.1, 1.0, 0.9], &mut map)
-        .expect("a burst");
+    let mut calibration = Calibration::new(lens(), layout);
+    calibration.response = case.response;
+    calibration.levels = Levels { black, white };
+    calibration.scale = 0.05;
+    calibration.white_balance = [1.1, 1.0, 0.9];
+    let order = Order::saturating(case.order);
+    let sizes = Sizes::of(&calibration, &case.exposures, order).expect("sizes");
+    let mut front =
+        FrontEnd::try_new(calibration, &case.exposures, order, vec![0; sizes.words()]).expect("a front end");
+    assert_eq!(front.sizes(), sizes, "{}", case.name);
     if case.extrapolated {
-        fill::average(&mut map, plan.texels());
+        front.set_extrapolation(Extrapolation::Average);
     }
+    let seen = front.process(&samples).expect("a burst");
     let report = [seen.clipped, seen.unseen, seen.below];
 
     let mut hash = Hash(0xcbf2_9ce4_8422_2325);
     frames.iter().flatten().for_each(|b| hash.add(u32::from(*b)));
     let burst = hash.0;
-    let view = map.view();
+    let view = front.map();
     for order in 0..=case.order {
         for quad in view.quads_of(order) {
             quad.energy.iter().chain(&quad.moment).for_each(|v| hash.add(v.to_bits()));
@@ -224,7 +208,7 @@ fn row(case: &Case) -> String {
     format!("{} | {burst:016x} | {y:.6e} | {:.4} | {light:016x} | {:016x}", case.name, report[0], hash.0)
 }
 
-fn lights(view: &hemilux_core::pyramid::PyramidView<'_>, order: u8) -> Vec<Light> {
+fn lights(view: &PyramidView<'_>, order: u8) -> Vec<Light> {
     let bits = || vec![0; interior_len(Domain::Hemisphere, Order::saturating(order))];
     let room = (vec![Light::default(); LIGHTS], vec![Past::default(); LIGHTS]);
     let heap = vec![Leaf::default(); LIGHTS];

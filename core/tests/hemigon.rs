@@ -4,7 +4,7 @@ mod common;
 
 use common::{Pcg64Mcg, RngExt, dark, direction, off, seeded};
 use glam::Vec3;
-use hemilux_core::arena::TooSmall;
+use hemilux_core::TooSmall;
 use hemilux_core::color::luminance;
 use hemilux_core::healpix::Domain;
 use hemilux_core::light::Light;

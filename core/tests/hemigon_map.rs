@@ -5,7 +5,7 @@ mod common;
 use common::{Pcg64Mcg, RngExt, off, seeded};
 use core::f64::consts::{FRAC_PI_4, TAU};
 use glam::DVec3;
-use hemilux_core::arena::TooSmall;
+use hemilux_core::TooSmall;
 use hemilux_core::color::luminance;
 use hemilux_core::healpix::Domain;
 use hemilux_core::polar::{Grid, LatLongView};

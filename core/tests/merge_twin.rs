@@ -3,11 +3,12 @@
 mod common;
 
 use common::{RngExt, VecMerge, merge, merged, off, seeded};
-use hemilux_core::arena::TooSmall;
-use hemilux_core::merge::{
-    Channels, Codes, Exposure, MAX_EXPOSURES, Merge, MergeError, Reciprocal, merge_size,
-};
-use hemilux_core::response::{Curve, Depth, Response, SATURATED, TRUSTED, curve_len};
+use hemilux_core::Levels;
+use hemilux_core::TooSmall;
+use hemilux_core::internals::merge::{Channels, Codes, Merge, Reciprocal, merge_size};
+use hemilux_core::internals::response::{Curve, SATURATED, TRUSTED, curve_len};
+use hemilux_core::{Depth, Response};
+use hemilux_core::{Exposure, MAX_EXPOSURES, MergeError};
 
 /// What the product makes of a pixel.
 #[derive(Clone, Copy, Debug)]
@@ -82,7 +83,12 @@ impl Sensor {
 
     fn product(&self, exposures: &[Exposure]) -> VecMerge {
         let table = vec![0; curve_len(self.depth)];
-        let curve = Curve::try_new(&self.response, self.depth, self.black, self.white, table);
+        let curve = Curve::try_new(
+            &self.response,
+            self.depth,
+            Levels { black: self.black, white: self.white },
+            table,
+        );
         merge(curve.expect("sound"), exposures)
     }
 
@@ -283,7 +289,14 @@ fn a_response_that_overshoots_white_is_not_cut() {
 
 #[test]
 fn one_to_twelve_exposures_are_merged() {
-    let curve = || Curve::try_new(&Response::Linear, Depth::U8, 0.0, 255.0, vec![0; curve_len(Depth::U8)]);
+    let curve = || {
+        Curve::try_new(
+            &Response::Linear,
+            Depth::U8,
+            Levels { black: 0.0, white: 255.0 },
+            vec![0; curve_len(Depth::U8)],
+        )
+    };
     let merge = |exposures: &[Exposure]| {
         Merge::try_new(curve().expect("sound"), exposures, 1.0, (vec![0; 12 * 768], room(1 << 12)))
             .map(|m| m.exposures())
@@ -319,7 +332,12 @@ fn one_to_twelve_exposures_are_merged() {
 #[test]
 fn a_scale_that_is_no_number_is_refused() {
     for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        let curve = Curve::try_new(&Response::Linear, Depth::U8, 0.0, 255.0, vec![0; curve_len(Depth::U8)]);
+        let curve = Curve::try_new(
+            &Response::Linear,
+            Depth::U8,
+            Levels { black: 0.0, white: 255.0 },
+            vec![0; curve_len(Depth::U8)],
+        );
         let memory = (vec![0; 0], room(2));
         let merge = Merge::try_new(curve.expect("sound"), &times(&[1.0]), bad, memory).map(|_| ());
         assert_eq!(merge, Err(MergeError::BadScale), "{bad}");

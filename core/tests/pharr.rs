@@ -5,7 +5,7 @@ mod common;
 use common::{RngExt, dark, off, seeded};
 use core::f64::consts::{PI, TAU};
 use glam::DVec3;
-use hemilux_core::arena::TooSmall;
+use hemilux_core::TooSmall;
 use hemilux_core::color::luminance;
 use hemilux_core::healpix::Domain;
 use hemilux_core::light::Light;

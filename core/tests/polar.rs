@@ -6,7 +6,7 @@ use common::{RngExt, grey, lit, off, seeded};
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
 use glam::DVec3;
 use hemilux_core::Order;
-use hemilux_core::arena::TooSmall;
+use hemilux_core::TooSmall;
 use hemilux_core::healpix::{self, Domain};
 use hemilux_core::polar::{Grid, LatLong, PolarPlan, Share, shares_len};
 use hemilux_core::pyramid::{Pyramid, Quad};

@@ -6,13 +6,14 @@ use common::{RngExt, above, dark, expose, full_circle, grey, lit, off, plain, pl
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
 use glam::{DVec2, DVec3, Vec3};
 use hemilux_core::Order;
-use hemilux_core::arena::TooSmall;
-use hemilux_core::fill;
+use hemilux_core::TooSmall;
 use hemilux_core::format::Format;
 use hemilux_core::healpix::{self, Domain};
+use hemilux_core::internals::fill;
+use hemilux_core::internals::plan::Texel;
+use hemilux_core::internals::pyramid::Lanes;
 use hemilux_core::lens::{Lens, Model};
-use hemilux_core::plan::Texel;
-use hemilux_core::pyramid::{Lanes, Pyramid, Quad, pyramid_len};
+use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
 
 #[test]
 fn parents_are_the_sums_of_their_children() {

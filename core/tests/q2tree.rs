@@ -4,7 +4,7 @@ mod common;
 
 use common::{RngExt, dark, grey, lit, off, seeded};
 use hemilux_core::Order;
-use hemilux_core::arena::TooSmall;
+use hemilux_core::TooSmall;
 use hemilux_core::healpix::{self, Domain};
 use hemilux_core::light::Light;
 use hemilux_core::polar::LatLongView;

@@ -3,8 +3,10 @@
 mod common;
 
 use common::off;
-use hemilux_core::arena::TooSmall;
-use hemilux_core::response::{CURVE_BITS, Curve, Depth, Response, ResponseError, curve_len};
+use hemilux_core::Levels;
+use hemilux_core::TooSmall;
+use hemilux_core::internals::response::{CURVE_BITS, Curve, curve_len};
+use hemilux_core::{Depth, Response, ResponseError};
 
 fn curve(
     response: &Response,
@@ -12,7 +14,7 @@ fn curve(
     black: f64,
     white: f64,
 ) -> Result<Curve<Vec<i32>>, ResponseError> {
-    Curve::try_new(response, depth, black, white, vec![0; curve_len(depth)])
+    Curve::try_new(response, depth, Levels { black, white }, vec![0; curve_len(depth)])
 }
 
 /// IEC 61966-2-1.
@@ -110,7 +112,13 @@ fn curves_that_fall_or_leave_their_range_are_refused() {
 fn a_table_one_entry_short_is_refused() {
     for depth in [Depth::U8, Depth::U16] {
         let needed = curve_len(depth);
-        let short = Curve::try_new(&Response::Linear, depth, 0.0, 200.0, vec![0; needed - 1]).map(|_| ());
+        let short = Curve::try_new(
+            &Response::Linear,
+            depth,
+            Levels { black: 0.0, white: 200.0 },
+            vec![0; needed - 1],
+        )
+        .map(|_| ());
         assert_eq!(short, Err(ResponseError::TooSmall(TooSmall { needed, lent: needed - 1 })));
     }
 }

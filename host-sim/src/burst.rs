@@ -7,9 +7,9 @@ use crate::output;
 use glam::{DVec2, DVec3};
 use hemilux::calibration::{Burst, Calibration, Frame, Pixels};
 use hemilux::recorded::{self, LensFile, Levels};
+use hemilux_core::Exposure;
+use hemilux_core::Response;
 use hemilux_core::format::Format;
-use hemilux_core::merge::Exposure;
-use hemilux_core::response::Response;
 use rand::{Rng, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
@@ -104,6 +104,9 @@ fn noise(seed: u64, index: usize) -> Pcg64 {
 }
 
 /// Simulates a burst in memory and returns it with the camera's calibration; `exposures` must ascend.
+///
+/// # Panics
+/// Where the lens's image has more than 2^26 pixels.
 #[must_use]
 pub fn in_memory(
     env: &EnvMap,
@@ -128,25 +131,19 @@ pub fn in_memory(
         Frame { exposure: Exposure { seconds, gain: 1.0 }, pixels }
     };
     let frames = exposures.iter().enumerate().map(frame).collect();
-    let calibration = Calibration {
-        lens: lens.lens,
-        width: lens.size[0],
-        height: lens.size[1],
-        response: lens.response,
-        scale,
-        black,
-        white,
-        white_balance: [1.0; 3],
-        format,
-        bytes_per_line: format.line_bytes(lens.size[0]),
-    };
+    let [width, height] = lens.size;
+    let mut calibration = Calibration::try_new(lens.lens, format, width, height)
+        .expect("a lens file's size is one that an image can have");
+    calibration.response = lens.response;
+    calibration.levels = hemilux_core::Levels { black, white };
+    calibration.scale = scale;
     (calibration, Burst { frames, ..Burst::default() })
 }
 
 fn check(job: &Job) -> Result<(), SimError> {
     let count = job.exposures.len();
-    if !(1..=hemilux_core::merge::MAX_EXPOSURES).contains(&count) {
-        let most = hemilux_core::merge::MAX_EXPOSURES;
+    if !(1..=hemilux_core::MAX_EXPOSURES).contains(&count) {
+        let most = hemilux_core::MAX_EXPOSURES;
         return Err(SimError::Usage(format!("--exposures: found {count} times, expected 1 to {most}")));
     }
     if let Some(bad) = job.exposures.iter().find(|t| !(**t > 0.0 && t.is_finite())) {

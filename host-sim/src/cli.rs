@@ -8,7 +8,7 @@ use clap::{Args, Parser, Subcommand};
 use hemilux::pipeline::Settings;
 use hemilux::samplers;
 use hemilux::timing::Budgets;
-use hemilux_core::fill::Extrapolation;
+use hemilux_core::Extrapolation;
 use hemilux_core::healpix::Domain;
 use hemilux_core::sampler::Request;
 use hemilux_core::wire::STAGES;

@@ -6,7 +6,7 @@ use hemilux::calibration::{Burst, Calibration, Frame};
 use hemilux::pipeline::{Pipeline, PipelineError, Settings};
 use hemilux::recorded;
 use hemilux_core::format::Format;
-use hemilux_core::response::{Curve, curve_len};
+use hemilux_core::internals::response::{Curve, curve_len};
 use hemilux_core::wire::LightSet;
 use std::path::{Path, PathBuf};
 
@@ -100,18 +100,18 @@ pub struct Ratio {
 #[must_use]
 pub fn ratios(calibration: &Calibration, burst: &Burst) -> Vec<Ratio> {
     let c = calibration;
-    if !matches!(c.format, Format::Rgb24 | Format::Rgb48) {
+    if !matches!(c.layout.format(), Format::Rgb24 | Format::Rgb48) {
         return Vec::new();
     }
-    let depth = c.format.depth();
+    let depth = c.layout.format().depth();
     let table = vec![0; curve_len(depth)];
-    let Ok(curve) = Curve::try_new(&c.response, depth, c.black, c.white, table) else { return Vec::new() };
+    let Ok(curve) = Curve::try_new(&c.response, depth, c.levels, table) else { return Vec::new() };
     burst.frames.windows(2).map(|pair| ratio(&curve, pair)).collect()
 }
 
 fn ratio(curve: &Curve<Vec<i32>>, pair: &[Frame]) -> Ratio {
     // A twentieth of full scale: below it quantisation decides.
-    let least = 1 << (hemilux_core::response::CURVE_BITS - 5);
+    let least = 1 << (hemilux_core::internals::response::CURVE_BITS - 5);
     let light = |f: &Frame| f.exposure.seconds * f.exposure.gain;
     let [short, long] = [codes(&pair[0]), codes(&pair[1])];
     let mut found: Vec<f64> = std::iter::zip(short, long)

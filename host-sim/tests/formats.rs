@@ -73,7 +73,7 @@ fn raw_frames_in_files_are_those_in_memory() {
             "version = 1\n[lens]\nmodel = \"equidistant\"\ncentre = [319.5, 239.5]\nfocal = [196.4, 196.4]\nmax_angle_deg = 80.0\n\
              [response]\nmodel = \"{model}\"\nscale = {}\n[sensor]\nblack = {}\nwhite = {}\n\
              [format]\nwidth = 640\nheight = 480\nfourcc = \"{fourcc}\"\n{yuv}",
-            c.scale, c.black, c.white
+            c.scale, c.levels.black, c.levels.white
         );
         for (i, frame) in burst.frames.iter().enumerate() {
             let Pixels::U8(bytes) = &frame.pixels else { panic!("packed bytes") };

@@ -6,7 +6,8 @@ use glam::{DVec2, DVec3};
 use hemilux::calibration::{Burst, Calibration, Frame, Pixels};
 use hemilux::pipeline::{Pipeline, Settings};
 use hemilux::recorded;
-use hemilux_core::merge::{Channels, Codes};
+use hemilux_core::internals::merge::{Channels, Codes};
+use hemilux_core::{FrontEnd, Order, Sizes};
 
 fn load() -> Option<(Calibration, Burst)> {
     Some(recorded::read_burst(&common::shared("office-burst")?).expect("a burst"))
@@ -19,17 +20,22 @@ fn pipeline(calibration: &Calibration, burst: &Burst, settings: Settings) -> Pip
 
 /// Radiance of every sample by the product's merge.
 fn merged<'a>(calibration: &Calibration, burst: &'a Burst) -> Vec<(f64, bool)> {
-    let pipeline = pipeline(calibration, burst, Settings::default());
+    let exposures: Vec<_> = burst.frames.iter().map(|f| f.exposure).collect();
+    let order = Order::ZERO;
+    let sizes = Sizes::of(calibration, &exposures, order).expect("sizes");
+    let memory = vec![0; sizes.words()];
+    let mut front = FrontEnd::try_new(*calibration, &exposures, order, memory).expect("a front end");
     let codes = |frame: &'a Frame| match &frame.pixels {
         Pixels::U8(bytes) => Codes::Bytes(bytes),
         Pixels::U16(words) => Codes::Words(words),
     };
     let codes: Vec<_> = burst.frames.iter().map(codes).collect();
-    let merge = pipeline.merge().view();
-    let mut out = vec![0.0; 3 * (calibration.width * calibration.height) as usize];
-    merge.samples(&codes, Channels::RGB, &mut out);
-    let clipped = |at: usize| (at / 3 * 3..at / 3 * 3 + 3).any(|i| merge.is_clipped(&codes, i));
-    out.iter().enumerate().map(|(at, v)| (f64::from(*v) * merge.unit(), clipped(at))).collect()
+    let mut out = vec![0.0; 3 * (calibration.layout.width() * calibration.layout.height()) as usize];
+    front.with_merge(|merge| {
+        merge.samples(&codes, Channels::RGB, &mut out);
+        let clipped = |at: usize| (at / 3 * 3..at / 3 * 3 + 3).any(|i| merge.is_clipped(&codes, i));
+        out.iter().enumerate().map(|(at, v)| (f64::from(*v) * merge.unit(), clipped(at))).collect()
+    })
 }
 
 /// The camera's response as `burst.toml` states it, straight from the file's numbers.
@@ -79,7 +85,7 @@ fn hat(burst: &Burst, i: usize) -> Option<f64> {
 }
 
 fn inside(calibration: &Calibration) -> Vec<Option<DVec3>> {
-    let (w, h) = (calibration.width, calibration.height);
+    let (w, h) = (calibration.layout.width(), calibration.layout.height());
     let pixels = (0..h).flat_map(|y| (0..w).map(move |x| DVec2::new(x.into(), y.into())));
     pixels.map(|p| calibration.lens.unproject(p)).collect()
 }
@@ -122,7 +128,10 @@ fn the_lights_lie_where_the_pixels_light_is() {
     let ours = merged(&calibration, &burst);
     let mut sum = DVec3::ZERO;
     for (p, direction) in inside(&calibration).iter().enumerate() {
-        let at = DVec2::new((p % calibration.width as usize) as f64, (p / calibration.width as usize) as f64);
+        let at = DVec2::new(
+            (p % calibration.layout.width() as usize) as f64,
+            (p / calibration.layout.width() as usize) as f64,
+        );
         if let (Some(d), Some(omega)) = (direction.filter(|d| d.z > 0.0), calibration.lens.solid_angle(at)) {
             let y = 0.2126 * ours[3 * p].0 + 0.7152 * ours[3 * p + 1].0 + 0.0722 * ours[3 * p + 2].0;
             sum += d * y * omega;

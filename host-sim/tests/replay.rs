@@ -26,23 +26,24 @@ fn record(case: &Case, fourcc: &str, folder: &Path) {
 
 fn manifest(c: &Calibration, fourcc: &str) -> String {
     let i = c.lens.intrinsics();
-    let response = if matches!(c.format, Format::Yuyv(_) | Format::Nv12(_)) { "srgb" } else { "linear" };
+    let response =
+        if matches!(c.layout.format(), Format::Yuyv(_) | Format::Nv12(_)) { "srgb" } else { "linear" };
     format!(
         "version = 1\n[lens]\nmodel = \"equidistant\"\nsize = [{}, {}]\ncentre = [{}, {}]\nfocal = [{}, {}]\nmax_angle_deg = 80.0\n\
          [response]\nmodel = \"{response}\"\nscale = {}\n[sensor]\nblack = {}\nwhite = {}\n\
          [format]\nwidth = {}\nheight = {}\nfourcc = \"{fourcc}\"\nbytes_per_line = {}\nrange = \"limited\"\n",
-        c.width,
-        c.height,
+        c.layout.width(),
+        c.layout.height(),
         i.centre_px.x,
         i.centre_px.y,
         i.focal_px.x,
         i.focal_px.y,
         c.scale,
-        c.black,
-        c.white,
-        c.width,
-        c.height,
-        c.bytes_per_line
+        c.levels.black,
+        c.levels.white,
+        c.layout.width(),
+        c.layout.height(),
+        c.layout.bytes_per_line()
     )
 }
 

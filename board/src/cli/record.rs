@@ -101,7 +101,7 @@ fn head(source: &CameraSource) -> Table {
     let told = source.lens().and_then(|l| l.response_table.clone());
     let usual = if p.is_raw() { "linear" } else { "srgb" };
     head.insert("response".into(), told.map_or_else(|| table([("model", usual.into())]), Value::Table));
-    head.insert("sensor".into(), table([("black", c.black.into()), ("white", c.white.into())]));
+    head.insert("sensor".into(), table([("black", c.levels.black.into()), ("white", c.levels.white.into())]));
     let line = i64::try_from(p.layout.bytes_per_line()).unwrap_or(i64::MAX);
     let mut format = vec![
         ("width", Value::Integer(p.width().into())),
@@ -238,7 +238,7 @@ mod tests {
             let mut replay = ReplaySource::open(folder.path(), Pace::Free).expect("a recording");
             assert_eq!((replay.len(), replay.calibration()), (3, &calibration), "{name}");
             assert_eq!(
-                (replay.calibration().format, replay.calibration().bytes_per_line),
+                (replay.calibration().layout.format(), replay.calibration().layout.bytes_per_line()),
                 (format, format.line_bytes(size.0) + 16),
                 "as it came"
             );

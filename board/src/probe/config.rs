@@ -3,7 +3,7 @@
 use crate::pipeline::{PipelineError, Settings};
 use crate::samplers::{self, SamplerError};
 use crate::timing::Budgets;
-use hemilux_core::fill::Extrapolation;
+use hemilux_core::Extrapolation;
 use hemilux_core::healpix::Domain;
 use hemilux_core::wire::STAGES;
 

@@ -2,8 +2,8 @@
 
 use super::RecordedError;
 use super::manifest::{LensTable, ResponseTable, SensorTable, check_version, read};
+use hemilux_core::Response;
 use hemilux_core::lens::Lens;
-use hemilux_core::response::Response;
 use serde::Deserialize;
 use std::path::Path;
 

@@ -5,8 +5,8 @@ use crate::calibration::Calibration;
 use glam::DVec2;
 use hemilux_core::format::{Format, Layout, Matrix, Yuv};
 use hemilux_core::lens::{Intrinsics, Lens, Model};
-use hemilux_core::merge::{Exposure, MAX_EXPOSURES};
-use hemilux_core::response::Response;
+use hemilux_core::{Exposure, MAX_EXPOSURES};
+use hemilux_core::{Levels, Response};
 use serde::Deserialize;
 use std::io::Read;
 use std::path::{Component, Path};
@@ -247,18 +247,12 @@ fn calibration(
         return Err(RecordedError::new(path, format!("scale = {scale}"), "a positive number"));
     }
     let response = response.map_or(Ok(Response::Linear), |r| r.response(path))?;
-    Ok(Calibration {
-        lens: lens.lens(path)?,
-        width: layout.width(),
-        height: layout.height(),
-        response,
-        scale,
-        black,
-        white,
-        white_balance,
-        format: layout.format(),
-        bytes_per_line: layout.bytes_per_line(),
-    })
+    let mut calibration = Calibration::new(lens.lens(path)?, *layout);
+    calibration.response = response;
+    calibration.levels = Levels { black, white };
+    calibration.scale = scale;
+    calibration.white_balance = white_balance;
+    Ok(calibration)
 }
 
 impl LensTable {

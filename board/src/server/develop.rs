@@ -1,8 +1,8 @@
 //! Camera frames as pictures to look at: eight bits, red, green and blue, whatever the packing.
 
 use crate::calibration::{Calibration, Frame, Pixels};
+use hemilux_core::Response;
 use hemilux_core::format::{Format, Layout, Matrix, Pattern, Yuv};
-use hemilux_core::response::Response;
 use hemilux_core::tonemap::srgb_code;
 
 /// The interleaved codes of `frame`; `None` if it is shorter than its layout says.
@@ -10,7 +10,7 @@ use hemilux_core::tonemap::srgb_code;
 /// Codes of eight bits stay as they are; deeper ones are scaled, and linear ones given the sRGB curve. A mosaic's cells of two by two
 /// are four equal pixels.
 pub(super) fn develop(frame: &Frame, calibration: &Calibration) -> Option<Vec<u8>> {
-    let layout = calibration.layout().ok()?;
+    let layout = calibration.layout;
     let mut rgb = vec![0u8; 3 * layout.width() as usize * layout.height() as usize];
     let table = deep(calibration);
     match &frame.pixels {
@@ -33,17 +33,17 @@ pub(super) fn develop(frame: &Frame, calibration: &Calibration) -> Option<Vec<u8
 
 /// Code at and above which a developed sample is clipped.
 pub(super) fn white(calibration: &Calibration) -> f64 {
-    if calibration.format.max_code() > 255 { 255.0 } else { calibration.white }
+    if calibration.layout.format().max_code() > 255 { 255.0 } else { calibration.levels.white }
 }
 
 /// Eight bits of each deeper code; empty for formats without.
 fn deep(c: &Calibration) -> Vec<u8> {
-    if c.format.max_code() <= 255 {
+    if c.layout.format().max_code() <= 255 {
         return Vec::new();
     }
     let is_linear = matches!(c.response, Response::Linear);
     let code = |v: u16| {
-        let x = ((f64::from(v) - c.black) / (c.white - c.black)) as f32;
+        let x = ((f64::from(v) - c.levels.black) / (c.levels.white - c.levels.black)) as f32;
         if is_linear { srgb_code(x) } else { (255.0 * x.clamp(0.0, 1.0) + 0.5) as u8 }
     };
     (0..=u16::MAX).map(code).collect()
@@ -116,21 +116,13 @@ fn rgb(yuv: Yuv, y: u8, u: u8, v: u8) -> [u8; 3] {
 mod tests {
     use super::*;
     use crate::source::{SceneSource, Source};
-    use hemilux_core::merge::Exposure;
+    use hemilux_core::Exposure;
 
     fn seen(format: Format, width: u32, height: u32, bytes: Vec<u8>) -> Option<Vec<u8>> {
         let scene = crate::scene::by_name("room").expect("a scene");
         let source = SceneSource::new(scene, crate::source::Pace::Free);
-        let calibration = Calibration {
-            width,
-            height,
-            format,
-            bytes_per_line: format.line_bytes(width),
-            white: f64::from(format.max_code()),
-            black: 0.0,
-            response: Response::Linear,
-            ..source.calibration().clone()
-        };
+        let lens = source.calibration().lens;
+        let calibration = Calibration::try_new(lens, format, width, height).expect("a layout");
         let exposure = Exposure { seconds: 0.01, gain: 1.0 };
         develop(&Frame { exposure, pixels: Pixels::U8(bytes) }, &calibration)
     }

@@ -235,7 +235,7 @@ fn jpeg(frame: &Frame, c: &Calibration) -> Option<Vec<u8>> {
     let codes = develop::develop(frame, c)?;
     let mut bytes = Vec::new();
     JpegEncoder::new_with_quality(&mut bytes, QUALITY)
-        .encode(&codes, c.width, c.height, ExtendedColorType::Rgb8)
+        .encode(&codes, c.layout.width(), c.layout.height(), ExtendedColorType::Rgb8)
         .ok()?;
     Some(bytes)
 }

@@ -88,13 +88,13 @@ fn mask(view: &BurstView, grid: &Grid) -> Option<GrayImage> {
 /// Whether `direction` is imaged on a pixel.
 fn is_seen(c: &Calibration, direction: DVec3) -> bool {
     let within = |v: f64, size: u32| (-0.5..f64::from(size) - 0.5).contains(&v);
-    c.lens.project(direction).is_some_and(|p| within(p.x, c.width) && within(p.y, c.height))
+    c.lens.project(direction).is_some_and(|p| within(p.x, c.layout.width()) && within(p.y, c.layout.height()))
 }
 
 /// Pixels of which a channel is at the white level.
 fn clipped(frame: &Frame, c: &Calibration) -> Vec<DVec2> {
     let codes = develop::develop(frame, c).unwrap_or_default();
-    let (white, width) = (develop::white(c), (c.width as usize).max(1));
+    let (white, width) = (develop::white(c), (c.layout.width() as usize).max(1));
     let full =
         codes.chunks_exact(3).enumerate().filter(|(_, rgb)| rgb.iter().any(|v| f64::from(*v) >= white));
     full.map(|(i, _)| DVec2::new((i % width) as f64, (i / width) as f64)).collect()

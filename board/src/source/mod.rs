@@ -13,7 +13,7 @@ pub use scene::SceneSource;
 use crate::calibration::{Burst, Calibration};
 use crate::recorded::RecordedError;
 use crate::scene::{self as scenes, NAMES};
-use hemilux_core::merge::Exposure;
+use hemilux_core::Exposure;
 use std::path::{Path, PathBuf};
 
 /// Gives one burst after the other.

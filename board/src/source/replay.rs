@@ -7,7 +7,7 @@ use super::{Pace, Source, SourceError};
 use crate::calibration::{Burst, Calibration, Frame, Pixels};
 use crate::clock;
 use crate::recorded::{self, RecordedError};
-use hemilux_core::merge::Exposure;
+use hemilux_core::Exposure;
 use std::path::Path;
 use std::time::{Duration, Instant};
 

@@ -6,10 +6,10 @@ use crate::calibration::{Burst, Calibration, Frame, Pixels};
 use crate::clock;
 use crate::scene::{Patch, Scene};
 use glam::DVec2;
+use hemilux_core::Exposure;
+use hemilux_core::Levels;
 use hemilux_core::format::Format;
 use hemilux_core::lens::{Intrinsics, Lens, Model};
-use hemilux_core::merge::Exposure;
-use hemilux_core::response::Response;
 use std::ops::Range;
 use std::time::Instant;
 
@@ -182,18 +182,12 @@ fn calibration() -> Calibration {
         max_theta: 80f64.to_radians(),
         vignetting,
     });
-    Calibration {
-        lens: lens.expect("the standard lens is a lens"),
-        width: WIDTH as u32,
-        height: HEIGHT as u32,
-        response: Response::Linear,
-        scale: FULL * SECONDS[0],
-        black: f64::from(BLACK),
-        white: f64::from(WHITE),
-        white_balance: [1.0; 3],
-        format: Format::Rgb24,
-        bytes_per_line: ROW,
-    }
+    let lens = lens.expect("the standard lens is a lens");
+    let mut calibration = Calibration::try_new(lens, Format::Rgb24, WIDTH as u32, HEIGHT as u32)
+        .expect("the standard size is a size");
+    calibration.levels = Levels { black: f64::from(BLACK), white: f64::from(WHITE) };
+    calibration.scale = FULL * SECONDS[0];
+    calibration
 }
 
 /// The direction that pixel `index` sees; zero outside the lens circle.

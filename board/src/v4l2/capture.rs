@@ -9,7 +9,7 @@ use super::schedule::{Known, MAX_DELAY, Schedule, is_after};
 use super::setup::{self, Agreed, Options, Setup};
 use super::verify::{Levels, Verdict, Verifier};
 use super::{Call, CameraError, Kernel, Node, Ready, abi, luma, persist};
-use hemilux_core::response::Response;
+use hemilux_core::Response;
 use rustix::io::Errno;
 use std::path::{Path, PathBuf};
 use std::time::Duration;

@@ -5,8 +5,8 @@ use super::device::{self, failed};
 use super::exposure::{self, Knob, Sensor, Setting, Unit};
 use super::formats::{self, Picture};
 use super::{Call, CameraError, Kernel, Node, abi, persist};
+use hemilux_core::Response;
 use hemilux_core::format::{Pattern, Yuv};
-use hemilux_core::response::Response;
 use rustix::io::Errno;
 use std::path::{Path, PathBuf};
 

@@ -7,7 +7,7 @@ use super::frame::RawFrame;
 use super::schedule::Known;
 use super::setup::{Options, StandIn};
 use super::{CameraError, device};
-use hemilux_core::response::Response;
+use hemilux_core::Response;
 use std::time::Duration;
 
 const SECOND: Duration = Duration::from_secs(1);

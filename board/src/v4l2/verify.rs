@@ -5,7 +5,7 @@
 //! explains what is seen replaces the one that was believed.
 
 use super::schedule::{MAX_DELAY, Schedule};
-use hemilux_core::response::Response;
+use hemilux_core::Response;
 use std::collections::VecDeque;
 
 /// Relative codes between which a sample is compared: below, noise and the black level weigh; above, cameras bend before they clip.

@@ -20,7 +20,7 @@ use rows::{Part, Scratch};
 /// What a burst held besides its lights.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Seen {
+pub struct Coverage {
     /// Share of the hemisphere's solid angle that even the shortest exposure clips.
     pub clipped: f64,
     /// Share of the hemisphere's solid angle that the lens does not see.
@@ -32,7 +32,7 @@ pub struct Seen {
 /// Frames or a map that do not fit the plan or the merge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum FrontError {
+pub enum BurstError {
     /// Another number of frames than the merge has exposures.
     FrameCount {
         /// Frames in the burst.
@@ -60,7 +60,7 @@ pub enum FrontError {
     OtherMap,
 }
 
-impl core::fmt::Display for FrontError {
+impl core::fmt::Display for BurstError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
             Self::FrameCount { found, expected } => write!(f, "{found} frames, expected {expected}"),
@@ -76,14 +76,14 @@ impl core::fmt::Display for FrontError {
     }
 }
 
-impl core::error::Error for FrontError {}
+impl core::error::Error for BurstError {}
 
 /// Merges a burst whose frames lie as `layout` says into `map` and builds it.
 ///
 /// `white_balance` multiplies the channels.
 ///
 /// # Errors
-/// [`FrontError`] when the frames do not fit; `map` is then unchanged.
+/// [`BurstError`] when the frames do not fit; `map` is then unchanged.
 pub fn burst<Q: Buffer<Quad>>(
     frames: &[Samples<'_>],
     layout: &Layout,
@@ -91,28 +91,28 @@ pub fn burst<Q: Buffer<Quad>>(
     plan: &PlanView<'_>,
     white_balance: [f32; 3],
     map: &mut Pyramid<Q>,
-) -> Result<Seen, FrontError> {
-    let sums = accumulate(frames, layout, merge, plan, map)?;
-    Ok(finish(&sums, layout, merge, plan, white_balance, map))
+) -> Result<Coverage, BurstError> {
+    let excluded = accumulate(frames, layout, merge, plan, map)?;
+    Ok(finish(&excluded, layout, merge, plan, white_balance, map))
 }
 
 /// The first half of [`burst`]: adds every visited place to its texel. The map is whole again after [`finish`].
 ///
 /// # Errors
-/// [`FrontError`] when the frames do not fit; `map` is then unchanged.
-pub fn accumulate<Q: Buffer<Quad>>(
+/// [`BurstError`] when the frames do not fit; `map` is then unchanged.
+pub(crate) fn accumulate<Q: Buffer<Quad>>(
     frames: &[Samples<'_>],
     layout: &Layout,
     merge: &MergeView<'_>,
     plan: &PlanView<'_>,
     map: &mut Pyramid<Q>,
-) -> Result<Sums, FrontError> {
+) -> Result<Excluded, BurstError> {
     check_frames(frames, layout, merge)?;
     if layout.places() != (plan.width, plan.height) {
-        return Err(FrontError::OtherSize);
+        return Err(BurstError::OtherSize);
     }
     if map.view().domain() != Domain::Hemisphere || map.view().order().get() != plan.order {
-        return Err(FrontError::OtherMap);
+        return Err(BurstError::OtherMap);
     }
     Ok(add_up(frames, layout, merge, plan, map.accumulators(plan.source_order)))
 }
@@ -125,7 +125,7 @@ fn add_up(
     merge: &MergeView<'_>,
     plan: &PlanView<'_>,
     quads: &mut [Quad],
-) -> Sums {
+) -> Excluded {
     Scratch::with(layout.format(), merge.wants_planes(), |scratch| {
         Room::with(merge.has_products(), |room| {
             walk(Chunks::new(frames, layout, merge, (scratch, room)), plan, quads)
@@ -135,40 +135,40 @@ fn add_up(
 
 /// Span after span, chunk after chunk.
 #[inline(never)]
-fn walk(mut chunks: Chunks<'_, '_, '_>, plan: &PlanView<'_>, quads: &mut [Quad]) -> Sums {
-    let mut sums = Sums::default();
+fn walk(mut chunks: Chunks<'_, '_, '_>, plan: &PlanView<'_>, quads: &mut [Quad]) -> Excluded {
+    let mut excluded = Excluded::default();
     let mut runs = Runs { runs: plan.runs, weights: plan.weights };
     for (row, span) in plan.spans.iter().enumerate() {
         let mut left = span.len as usize;
         let mut first = span.first as usize;
         while left > 0 {
             let len = left.min(CHUNK);
-            chunks.add(Part { row, first, len }, &mut runs, quads, &mut sums);
+            chunks.add(Part { row, first, len }, &mut runs, quads, &mut excluded);
             (first, left) = (first + len, left - len);
         }
     }
-    sums
+    excluded
 }
 
 /// The second half of [`burst`]: energy, moments and the orders above.
-pub fn finish<Q: Buffer<Quad>>(
-    sums: &Sums,
+pub(crate) fn finish<Q: Buffer<Quad>>(
+    excluded: &Excluded,
     layout: &Layout,
     merge: &MergeView<'_>,
     plan: &PlanView<'_>,
     white_balance: [f32; 3],
     map: &mut Pyramid<Q>,
-) -> Seen {
+) -> Coverage {
     let unit = merge.unit() * plan.weight_unit;
     // However bright the unit of light, no sum leaves what samplers may read.
     let most = f64::from(MAX_ENERGY) / (merge.most() * plan.weight_sum as f64);
     let scale = white_balance.map(|w| (f64::from(w) * unit).min(most) as f32);
     let lanes = Lanes::of(layout.format(), scale);
     map.finish(plan.source_order, plan.texels, &lanes);
-    let below = luminance(lanes.rgb(sums.below.map(|v| v.max(0.0))));
+    let below = luminance(lanes.rgb(excluded.below.map(|v| v.max(0.0))));
     let above = if below > 0.0 { map.view().total().y() } else { 0.0 };
-    Seen {
-        clipped: (sums.clipped as f64 * plan.weight_unit / Domain::Hemisphere.solid_angle()).min(1.0),
+    Coverage {
+        clipped: (excluded.clipped as f64 * plan.weight_unit / Domain::Hemisphere.solid_angle()).min(1.0),
         unseen: plan.unseen,
         below: if above > 0.0 { f64::from(below / above) } else { 0.0 },
     }
@@ -176,8 +176,8 @@ pub fn finish<Q: Buffer<Quad>>(
 
 /// What does not go into the map.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Sums {
-    /// Light from below the horizon.
+pub(crate) struct Excluded {
+    /// Sums of light from below the horizon, by lane.
     below: [f32; 4],
     /// Weight of clipped places above the horizon.
     clipped: u64,
@@ -216,7 +216,7 @@ impl<'a, 'f, 's> Chunks<'a, 'f, 's> {
         Self { frames, layout, merge, channels: channels(layout.format()), scratch, room, sums, light }
     }
 
-    fn add(&mut self, part: Part, runs: &mut Runs<'_>, quads: &mut [Quad], sums: &mut Sums) {
+    fn add(&mut self, part: Part, runs: &mut Runs<'_>, quads: &mut [Quad], excluded: &mut Excluded) {
         let samples = self.channels.many();
         let mut codes = [Codes::NONE; MAX_EXPOSURES];
         let codes = self.scratch.codes(self.frames, self.layout, part, self.merge.wants_planes(), &mut codes);
@@ -235,9 +235,9 @@ impl<'a, 'f, 's> Chunks<'a, 'f, 's> {
         };
         if merged {
             let room = (&mut self.sums, &mut self.light);
-            runs.add_merged(part.len, (&self.room, samples), room, quads, &mut sums.below);
+            runs.add_merged(part.len, (&self.room, samples), room, quads, &mut excluded.below);
         } else {
-            unusual(codes, self.merge, (self.channels, part.len), runs, quads, sums);
+            unusual(codes, self.merge, (self.channels, part.len), runs, quads, excluded);
         }
     }
 }
@@ -250,34 +250,34 @@ fn unusual(
     (channels, len): (Channels, usize),
     runs: &mut Runs<'_>,
     quads: &mut [Quad],
-    sums: &mut Sums,
+    excluded: &mut Excluded,
 ) {
     let samples = channels.many();
     let mut room: Radiance = [0.0; _];
     let Some(radiance) = room.get_mut(..samples * len) else { return };
     if merge.samples(codes, channels, radiance) {
         let is_clipped = |j| (samples * j..samples * (j + 1)).any(|at| merge.is_clipped(codes, at));
-        sums.clipped += runs.weight(len, quads.len(), is_clipped);
+        excluded.clipped += runs.weight(len, quads.len(), is_clipped);
     }
-    runs.add_radiance(len, (&room, samples), quads, &mut sums.below);
+    runs.add_radiance(len, (&room, samples), quads, &mut excluded.below);
 }
 
-fn check_frames(frames: &[Samples<'_>], layout: &Layout, merge: &MergeView<'_>) -> Result<(), FrontError> {
+fn check_frames(frames: &[Samples<'_>], layout: &Layout, merge: &MergeView<'_>) -> Result<(), BurstError> {
     if frames.len() != merge.exposures() {
-        return Err(FrontError::FrameCount { found: frames.len(), expected: merge.exposures() });
+        return Err(BurstError::FrameCount { found: frames.len(), expected: merge.exposures() });
     }
     let words = layout.format() == Format::Rgb48;
     let wrong = |f: &Samples<'_>| matches!(f, Samples::U16(_)) != words;
     if let Some(index) = frames.iter().position(wrong) {
-        return Err(FrontError::FrameDepth { index });
+        return Err(BurstError::FrameDepth { index });
     }
     if layout.format().depth() != merge.depth() {
-        return Err(FrontError::FrameDepth { index: 0 });
+        return Err(BurstError::FrameDepth { index: 0 });
     }
     let bytes = layout.frame_bytes();
     let expected = if words { bytes / 2 } else { bytes };
     match frames.iter().position(|f| f.len() < expected) {
-        Some(index) => Err(FrontError::FrameSize { index, found: frames[index].len(), expected }),
+        Some(index) => Err(BurstError::FrameSize { index, found: frames[index].len(), expected }),
         None => Ok(()),
     }
 }

@@ -6,6 +6,7 @@
 //! exposure is valid, all but the longest, or the longest in some samples.
 
 use super::{COUNT_BITS, Exposure};
+use crate::response::Levels;
 
 /// Most exposures of the unrolled loops; longer bursts go through the tables.
 pub(super) const MAX_UNROLLED: usize = 4;
@@ -72,7 +73,8 @@ pub(super) struct Linear {
 
 impl Linear {
     /// Finds reciprocals for `exposures`, whose codes run from `black` to `white`; `None` where 16 bits do not suffice.
-    pub(super) fn find(exposures: &[Exposure], (black, white): (f64, f64), saturated: u32) -> Option<Self> {
+    pub(super) fn find(exposures: &[Exposure], levels: Levels, saturated: u32) -> Option<Self> {
+        let Levels { black, white } = levels;
         let gain = exposures.first()?.gain;
         let many = exposures.len();
         let too_negative = black > white - black;

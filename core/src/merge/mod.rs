@@ -14,13 +14,15 @@ mod table;
 
 use crate::arena::{self, Buffer};
 use crate::response::{CURVE_BITS, Curve, Depth};
+use bytemuck::{Pod, Zeroable};
 pub use codes::{Channels, Codes, Samples};
 use exposure::check;
 pub use exposure::{Exposure, MAX_EXPOSURES, MergeError};
 use linear::{Code, Linear};
 
 /// What a sum of light is worth: light x factor - offset.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
 pub struct Reciprocal {
     factor: f32,
     offset: f32,
@@ -78,14 +80,14 @@ pub struct MergeSize {
 ///
 /// # Errors
 /// [`MergeError`].
-pub fn merge_size<C: Buffer<i32>>(curve: &Curve<C>, exposures: &[Exposure]) -> Result<MergeSize, MergeError> {
+pub fn merge_size<C>(curve: &Curve<C>, exposures: &[Exposure]) -> Result<MergeSize, MergeError> {
     check(exposures)?;
     let needs_tables = curve.depth() == Depth::U8 && linear(curve, exposures).is_none();
     let tables = if needs_tables { exposures.len() * table::ENTRIES } else { 0 };
     Ok(MergeSize { tables, reciprocals: 1 << exposures.len() })
 }
 
-fn linear<C: Buffer<i32>>(curve: &Curve<C>, exposures: &[Exposure]) -> Option<Linear> {
+fn linear<C>(curve: &Curve<C>, exposures: &[Exposure]) -> Option<Linear> {
     Linear::find(exposures, curve.linear_levels()?, curve.saturated())
 }
 
@@ -129,7 +131,7 @@ impl<C: Buffer<i32>, P: Buffer<u32>, R: Buffer<Reciprocal>> Merge<C, P, R> {
         };
         // Counts of relative exposure 1 in the shortest exposure.
         let counts = match (&way, curve.linear_levels()) {
-            (Way::Linear(l), Some((black, white))) => l.counts_per_code() * (white - black),
+            (Way::Linear(l), Some(levels)) => l.counts_per_code() * (levels.white - levels.black),
             (Way::Table(table::Scale { whole: Some(whole), .. }), _) => whole.one,
             _ => f64::from(1u32 << 20),
         };
@@ -157,12 +159,17 @@ impl<C: Buffer<i32>, P: Buffer<u32>, R: Buffer<Reciprocal>> Merge<C, P, R> {
     /// What a frame runs through.
     #[must_use]
     pub fn view(&self) -> MergeView<'_> {
-        MergeView {
-            curve: self.curve.view(),
-            tables: self.tables.as_ref(),
+        let tables = Tables {
+            curve: self.curve.view().into_table(),
+            exposures: self.tables.as_ref(),
             reciprocals: self.reciprocals.as_ref(),
-            own: self.own,
-        }
+        };
+        self.detached().over(tables)
+    }
+
+    /// The merge without its tables, which stay where they are.
+    pub(crate) fn detached(&self) -> Detached {
+        Detached { curve: self.curve.over(()), own: self.own }
     }
 
     /// Radiance of one count.
@@ -188,6 +195,35 @@ impl<C: Buffer<i32>, P: Buffer<u32>, R: Buffer<Reciprocal>> Merge<C, P, R> {
     pub fn size(&self) -> MergeSize {
         let tables = if let Way::Table(_) = self.own.way { self.own.count * table::ENTRIES } else { 0 };
         MergeSize { tables, reciprocals: 1 << self.own.count }
+    }
+}
+
+/// The tables of a merge, which lie in memory that something else holds.
+#[derive(Clone, Copy)]
+pub(crate) struct Tables<'a> {
+    /// Relative exposure of each code.
+    pub(crate) curve: &'a [i32],
+    /// Light of each code in each exposure.
+    pub(crate) exposures: &'a [u32],
+    pub(crate) reciprocals: &'a [Reciprocal],
+}
+
+/// A merge apart from its tables.
+#[derive(Clone, Debug)]
+pub(crate) struct Detached {
+    pub(crate) curve: Curve<()>,
+    own: Own,
+}
+
+impl Detached {
+    /// The merge that runs through `tables`, which it was made with.
+    pub(crate) fn over<'a>(&self, tables: Tables<'a>) -> MergeView<'a> {
+        MergeView {
+            curve: self.curve.over(tables.curve),
+            tables: tables.exposures,
+            reciprocals: tables.reciprocals,
+            own: self.own,
+        }
     }
 }
 

@@ -10,10 +10,12 @@ mod visit;
 use crate::arena::{self, Buffer, TooSmall};
 use crate::healpix::Domain;
 use crate::lens::Lens;
+use bytemuck::{Pod, Zeroable};
 use visit::{measure, span, survey, visit_runs};
 
 /// Pixels of one image row that a plan visits.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
 pub struct Span {
     /// First column.
     pub first: u32,
@@ -29,7 +31,8 @@ pub const MAX_RUN: usize = 16;
 
 /// Pixels side by side in a row whose light goes to one texel at the plan's accumulation order; the texel after the last collects
 /// what is below the horizon. None crosses from one [`CHUNK`] of its span to the next.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(transparent)]
 pub struct Run(u32);
 
 impl Run {
@@ -57,7 +60,8 @@ impl Run {
 }
 
 /// What the plan knows of a texel of the map.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
 pub struct Texel {
     /// Unit direction of the centroid of its part of the domain.
     pub direction: [f32; 3],
@@ -99,6 +103,12 @@ pub struct Plan<S, W, R, T> {
     weights: W,
     runs: R,
     texels: T,
+    numbers: Numbers,
+}
+
+/// The numbers of a plan.
+#[derive(Clone, Copy, Debug)]
+struct Numbers {
     width: u32,
     height: u32,
     order: u8,
@@ -107,6 +117,50 @@ pub struct Plan<S, W, R, T> {
     weight_sum: u64,
     unseen: f64,
     size: PlanSize,
+}
+
+/// The tables of a plan, which lie in memory that something else holds.
+#[derive(Clone, Copy)]
+pub(crate) struct Tables<'a> {
+    pub(crate) spans: &'a [Span],
+    pub(crate) weights: &'a [u16],
+    pub(crate) runs: &'a [Run],
+    pub(crate) texels: &'a [Texel],
+}
+
+/// A plan apart from its tables.
+#[derive(Clone, Debug)]
+pub(crate) struct Detached {
+    numbers: Numbers,
+}
+
+impl Detached {
+    /// The plan that runs through `tables`, which it was made with.
+    pub(crate) fn over<'a>(&self, tables: Tables<'a>) -> PlanView<'a> {
+        let Numbers { width, height, order, source_order, weight_unit, weight_sum, unseen, size } =
+            self.numbers;
+        PlanView {
+            width,
+            height,
+            order,
+            source_order,
+            spans: tables.spans.get(..size.spans).unwrap_or_default(),
+            weights: tables.weights.get(..size.weights).unwrap_or_default(),
+            runs: tables.runs.get(..size.runs).unwrap_or_default(),
+            texels: tables.texels.get(..size.texels).unwrap_or_default(),
+            weight_unit,
+            weight_sum,
+            unseen,
+        }
+    }
+
+    pub(crate) fn size(&self) -> PlanSize {
+        self.numbers.size
+    }
+
+    pub(crate) fn source_order(&self) -> u8 {
+        self.numbers.source_order
+    }
 }
 
 /// What a frame runs through.
@@ -164,7 +218,7 @@ pub fn plan_size(lens: &Lens, width: u32, height: u32, order: u8) -> Result<Plan
     Ok(PlanSize { spans: height as usize, weights: runs, runs, texels })
 }
 
-fn check(width: u32, height: u32, order: u8) -> Result<(), PlanError> {
+pub(crate) fn check(width: u32, height: u32, order: u8) -> Result<(), PlanError> {
     let pixels = u64::from(width) * u64::from(height);
     if pixels == 0 || pixels > 1 << 26 {
         return Err(PlanError::BadSize);
@@ -190,11 +244,7 @@ impl<S: Buffer<Span>, W: Buffer<u16>, R: Buffer<Run>, T: Buffer<Texel>> Plan<S, 
         arena::check(&spans, height as usize).map_err(PlanError::TooSmall)?;
         arena::check(&texels, texel_count).map_err(PlanError::TooSmall)?;
         let size = PlanSize { spans: height as usize, weights: 0, runs: 0, texels: texel_count };
-        let mut plan = Self {
-            spans,
-            weights,
-            runs,
-            texels,
+        let numbers = Numbers {
             width,
             height,
             order,
@@ -204,21 +254,24 @@ impl<S: Buffer<Span>, W: Buffer<u16>, R: Buffer<Run>, T: Buffer<Texel>> Plan<S, 
             unseen: 0.0,
             size,
         };
+        let mut plan = Self { spans, weights, runs, texels, numbers };
         plan.lay_out(lens);
-        arena::check(&plan.weights, plan.size.weights).map_err(PlanError::TooSmall)?;
-        arena::check(&plan.runs, plan.size.runs).map_err(PlanError::TooSmall)?;
+        let size = plan.numbers.size;
+        arena::check(&plan.weights, size.weights).map_err(PlanError::TooSmall)?;
+        arena::check(&plan.runs, size.runs).map_err(PlanError::TooSmall)?;
         plan.measure_texels(lens);
         Ok(plan)
     }
 
     fn lay_out(&mut self, lens: &Lens) {
-        for (row, slot) in (0..self.height).zip(self.spans.as_mut()) {
-            *slot = span(lens, self.width, row);
+        let Numbers { width, height, source_order, weight_unit: unit, .. } = self.numbers;
+        for (row, slot) in (0..height).zip(self.spans.as_mut()) {
+            *slot = span(lens, width, row);
         }
         let mut runs = self.runs.as_mut().iter_mut();
         let mut weights = self.weights.as_mut().iter_mut();
-        let (unit, sum, size) = (self.weight_unit, &mut self.weight_sum, &mut self.size);
-        visit_runs(lens, self.width, self.height, self.source_order, |run, weight| {
+        let (sum, size) = (&mut self.numbers.weight_sum, &mut self.numbers.size);
+        visit_runs(lens, width, height, source_order, |run, weight| {
             let weight = libm::round(weight / unit) as u16;
             *sum += u64::from(weight) * run.len() as u64;
             runs.next().into_iter().for_each(|slot| *slot = run);
@@ -229,71 +282,71 @@ impl<S: Buffer<Span>, W: Buffer<u16>, R: Buffer<Run>, T: Buffer<Texel>> Plan<S, 
 
     fn measure_texels(&mut self, lens: &Lens) {
         let mut unseen = 0.0;
-        let texels = self.texels.as_mut().get_mut(..self.size.texels).unwrap_or_default();
+        let texels = self.texels.as_mut().get_mut(..self.numbers.size.texels).unwrap_or_default();
         for (ipix, texel) in texels.iter_mut().enumerate() {
-            *texel = measure(lens, (self.width, self.height), self.order, ipix as u32);
+            *texel =
+                measure(lens, (self.numbers.width, self.numbers.height), self.numbers.order, ipix as u32);
             unseen += f64::from(texel.unseen_sr);
         }
-        self.unseen = unseen / Domain::Hemisphere.solid_angle();
+        self.numbers.unseen = unseen / Domain::Hemisphere.solid_angle();
     }
 
     /// What a frame runs through.
     #[must_use]
     pub fn view(&self) -> PlanView<'_> {
-        PlanView {
-            width: self.width,
-            height: self.height,
-            order: self.order,
-            source_order: self.source_order,
-            spans: self.spans.as_ref().get(..self.size.spans).unwrap_or_default(),
-            weights: self.weights.as_ref().get(..self.size.weights).unwrap_or_default(),
-            runs: self.runs.as_ref().get(..self.size.runs).unwrap_or_default(),
-            texels: self.texels(),
-            weight_unit: self.weight_unit,
-            weight_sum: self.weight_sum,
-            unseen: self.unseen,
-        }
+        let tables = Tables {
+            spans: self.spans.as_ref(),
+            weights: self.weights.as_ref(),
+            runs: self.runs.as_ref(),
+            texels: self.texels.as_ref(),
+        };
+        self.detached().over(tables)
+    }
+
+    /// The plan without its tables, which stay where they are.
+    pub(crate) fn detached(&self) -> Detached {
+        Detached { numbers: self.numbers }
     }
 
     /// Texels of the map, at [`Plan::order`].
     #[must_use]
     pub fn texels(&self) -> &[Texel] {
-        self.texels.as_ref().get(..self.size.texels).unwrap_or_default()
+        self.texels.as_ref().get(..self.numbers.size.texels).unwrap_or_default()
     }
 
     /// Its sizes.
     #[must_use]
     pub fn size(&self) -> PlanSize {
-        self.size
+        self.numbers.size
     }
 
     /// Image columns.
     #[must_use]
     pub fn width(&self) -> u32 {
-        self.width
+        self.numbers.width
     }
 
     /// Image rows.
     #[must_use]
     pub fn height(&self) -> u32 {
-        self.height
+        self.numbers.height
     }
 
     /// Order of the map.
     #[must_use]
     pub fn order(&self) -> u8 {
-        self.order
+        self.numbers.order
     }
 
     /// Order at which pixels are accumulated: that of the map, or the finest that the pixels can fill.
     #[must_use]
     pub fn source_order(&self) -> u8 {
-        self.source_order
+        self.numbers.source_order
     }
 
     /// The share of the hemisphere that the lens does not see.
     #[must_use]
     pub fn unseen(&self) -> f64 {
-        self.unseen
+        self.numbers.unseen
     }
 }

@@ -2,17 +2,19 @@
 #![allow(dead_code, reason = "each test file uses its own part")]
 
 use glam::{DVec2, DVec3, Vec3};
+use hemilux_core::Levels;
 use hemilux_core::Order;
 use hemilux_core::format::{Format, Layout};
-use hemilux_core::front::{self, FrontError, Seen};
 use hemilux_core::healpix::{self, Domain};
+use hemilux_core::internals::front::{self};
+use hemilux_core::internals::merge::{COUNT_BITS, Channels, Codes, Merge, MergeView, Reciprocal, merge_size};
+use hemilux_core::internals::plan::{Plan, Run, Span, Texel, plan_size};
+use hemilux_core::internals::response::{Curve, curve_len};
 use hemilux_core::lens::{Intrinsics, Lens, Model};
-use hemilux_core::merge::{
-    COUNT_BITS, Channels, Codes, Exposure, Merge, MergeView, Reciprocal, Samples, merge_size,
-};
-use hemilux_core::plan::{Plan, Run, Span, Texel, plan_size};
 use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
-use hemilux_core::response::{Curve, Depth, Response, curve_len};
+use hemilux_core::{BurstError, Coverage};
+use hemilux_core::{Depth, Response};
+use hemilux_core::{Exposure, Samples};
 pub use rand::RngExt;
 use rand::SeedableRng;
 pub use rand_pcg::Pcg64Mcg;
@@ -116,7 +118,12 @@ pub fn off(a: f64, b: f64) -> f64 {
 
 /// The merge of one 16-bit linear exposure of 10 ms, white at 65535.
 pub fn one_exposure() -> VecMerge {
-    let curve = Curve::try_new(&Response::Linear, Depth::U16, 0.0, 65535.0, vec![0; curve_len(Depth::U16)]);
+    let curve = Curve::try_new(
+        &Response::Linear,
+        Depth::U16,
+        Levels { black: 0.0, white: 65535.0 },
+        vec![0; curve_len(Depth::U16)],
+    );
     let exposure = Exposure { seconds: 0.01, gain: 1.0 };
     merge(curve.expect("sound"), &[exposure])
 }
@@ -134,7 +141,7 @@ pub fn radiance_of(code: u16) -> f64 {
 }
 
 /// Runs one frame of 16-bit samples through the front end into a built pyramid.
-pub fn expose(plan: &VecPlan, frame: &[u16]) -> (Pyramid<Vec<Quad>>, Seen) {
+pub fn expose(plan: &VecPlan, frame: &[u16]) -> (Pyramid<Vec<Quad>>, Coverage) {
     let mut map = dark(Domain::Hemisphere, plan.order());
     let seen = burst(plan, &[Samples::U16(frame)], [1.0; 3], &mut map);
     (map, seen.expect("a frame that fits"))
@@ -146,7 +153,7 @@ pub fn burst(
     frames: &[Samples<'_>],
     balance: [f32; 3],
     map: &mut Pyramid<Vec<Quad>>,
-) -> Result<Seen, FrontError> {
+) -> Result<Coverage, BurstError> {
     let layout = Layout::tight(Format::Rgb48, plan.width(), plan.height()).expect("a sound size");
     front::burst(frames, &layout, &one_exposure().view(), &plan.view(), balance, map)
 }

@@ -5,10 +5,10 @@ use super::pack::pack;
 use glam::DVec2;
 use hemilux::calibration::{Burst, Calibration, Frame, Pixels};
 use hemilux::scene;
+use hemilux_core::Exposure;
 use hemilux_core::format::Format;
 use hemilux_core::lens::{Intrinsics, Lens, Model};
-use hemilux_core::merge::Exposure;
-use hemilux_core::response::Response;
+use hemilux_core::{Levels, Response};
 
 /// Bursts in rotation: more bytes than a second-level cache holds.
 pub const BURSTS: usize = 8;
@@ -37,18 +37,13 @@ pub fn calibration(case: &Case) -> Calibration {
     });
     let gamma = matches!(case.format, Format::Yuyv(_) | Format::Nv12(_));
     let white = f64::from(case.format.max_code());
-    Calibration {
-        lens: lens.expect("the standard lens is a lens"),
-        width,
-        height,
-        response: if gamma { Response::Srgb } else { Response::Linear },
-        scale: FULL * SECONDS[0],
-        black: if gamma { 0.0 } else { (white / 32.0).round() },
-        white,
-        white_balance: [1.0; 3],
-        format: case.format,
-        bytes_per_line: case.format.line_bytes(width),
-    }
+    let lens = lens.expect("the standard lens is a lens");
+    let mut calibration =
+        Calibration::try_new(lens, case.format, width, height).expect("a case's size is that of its format");
+    calibration.response = if gamma { Response::Srgb } else { Response::Linear };
+    calibration.levels = Levels { black: if gamma { 0.0 } else { (white / 32.0).round() }, white };
+    calibration.scale = FULL * SECONDS[0];
+    calibration
 }
 
 /// [`BURSTS`] bursts a tenth of a second apart; the same in every run.
@@ -56,8 +51,10 @@ pub fn calibration(case: &Case) -> Calibration {
 pub fn make(case: &Case) -> Vec<Burst> {
     let c = calibration(case);
     let scene = scene::by_name("room").expect("a built-in scene");
-    let directions: Vec<_> = (0..c.width * c.height)
-        .map(|i| c.lens.unproject(DVec2::new(f64::from(i % c.width), f64::from(i / c.width))))
+    let directions: Vec<_> = (0..c.layout.width() * c.layout.height())
+        .map(|i| {
+            c.lens.unproject(DVec2::new(f64::from(i % c.layout.width()), f64::from(i / c.layout.width())))
+        })
         .map(|d| d.map(|d| d.as_vec3().to_array()))
         .collect();
     let still: Vec<_> = directions.iter().map(|d| d.map_or([0.0; 3], |d| scene.still(d))).collect();
@@ -70,7 +67,7 @@ pub fn make(case: &Case) -> Vec<Burst> {
         let image: Vec<_> = still.iter().zip(&directions).map(over).collect();
         let frame = |(i, seconds): (usize, f64)| {
             let codes = expose(&c, &image, seconds, (n * SECONDS.len() + i) as u32);
-            let pixels = Pixels::U8(pack(case.format, c.width as usize, &codes));
+            let pixels = Pixels::U8(pack(case.format, c.layout.width() as usize, &codes));
             Frame { exposure: Exposure { seconds, gain: 1.0 }, pixels }
         };
         Burst { frames: SECONDS.into_iter().enumerate().map(frame).collect(), ..Burst::default() }
@@ -80,7 +77,7 @@ pub fn make(case: &Case) -> Vec<Burst> {
 
 /// Codes with noise of half a code and of light itself.
 fn expose(c: &Calibration, image: &[[f32; 3]], seconds: f64, seed: u32) -> Vec<[u16; 3]> {
-    let (gain, range) = ((seconds / c.scale) as f32, (c.white - c.black) as f32);
+    let (gain, range) = ((seconds / c.scale) as f32, (c.levels.white - c.levels.black) as f32);
     let gamma = c.response != Response::Linear;
     let mut state = seed.wrapping_mul(0x9e37_79b9) | 1;
     let mut noise = || {
@@ -94,7 +91,7 @@ fn expose(c: &Calibration, image: &[[f32; 3]], seconds: f64, seed: u32) -> Vec<[
         let y = radiance * gain;
         let y = (y + noise() * (0.03 * y.max(0.0).sqrt() + 0.004)).max(0.0);
         let x = if gamma { srgb(y.min(1.0)) } else { y };
-        (x * range + c.black as f32 + 0.5).clamp(0.0, c.white as f32) as u16
+        (x * range + c.levels.black as f32 + 0.5).clamp(0.0, c.levels.white as f32) as u16
     };
     image.iter().map(|rgb| rgb.map(&mut code)).collect()
 }

@@ -102,7 +102,7 @@ fn standard_lens() -> LensFile {
     LensFile {
         lens: Lens::try_new(intrinsics).expect("a lens that the formats name"),
         size: [640, 480],
-        response: hemilux_core::response::Response::Linear,
+        response: hemilux_core::Response::Linear,
         levels: None,
         lens_table: toml::Table::new(),
         response_table: None,

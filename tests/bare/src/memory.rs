@@ -4,10 +4,11 @@ use core::mem::size_of;
 use hemilux_core::Order;
 use hemilux_core::healpix::Domain;
 use hemilux_core::light::Light;
-use hemilux_core::merge::Reciprocal;
-use hemilux_core::plan::{Run, Span, Texel};
+use hemilux_core::internals::merge::Reciprocal;
+use hemilux_core::internals::plan::{Run, Span, Texel};
 use hemilux_core::pyramid::{Quad, pyramid_len};
-use hemilux_core::response::{Depth, curve_len};
+use hemilux_core::{Depth};
+use hemilux_core::internals::response::{curve_len};
 use hemilux_core::sampler::q2tree::{Leaf, Past, interior_len};
 use static_cell::ConstStaticCell;
 

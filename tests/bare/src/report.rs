@@ -1,15 +1,16 @@
 //! What came of it, and whether it is right.
 
 use crate::scene::{LAMP, Taken};
-use hemilux_core::arena::TooSmall;
+use hemilux_core::TooSmall;
 use hemilux_core::color;
 use hemilux_core::format::LayoutError;
-use hemilux_core::front::FrontError;
+use hemilux_core::FrontError;
 use hemilux_core::lens::LensError;
 use hemilux_core::light::Light;
-use hemilux_core::merge::MergeError;
-use hemilux_core::plan::{PlanError, PlanSize};
-use hemilux_core::response::ResponseError;
+use hemilux_core::MergeError;
+use hemilux_core::{PlanError};
+use hemilux_core::internals::plan::{PlanSize};
+use hemilux_core::ResponseError;
 use hemilux_core::wire::LightSet;
 
 /// Why there are no lights, or wrong ones.

@@ -7,7 +7,7 @@ use hemilux::probe::{Config, Probe};
 use hemilux::scene as scenes;
 use hemilux::server::{self, Limits, Options, Running};
 use hemilux::source::{Pace, SceneSource, Source, SourceError};
-use hemilux_core::merge::Exposure;
+use hemilux_core::Exposure;
 use serde_json::Value;
 use std::io::{ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};

@@ -4,7 +4,7 @@ use super::{Group, Kind, Setting, shortest};
 use crate::probe::config::{EXTRAPOLATIONS, extrapolation_name};
 use crate::samplers::{CUTOFFS_HZ, MAX_LIGHTS, NAMES, ORDERS, TAPS, THRESHOLDS, TOLERANCES};
 use crate::timing::BUDGETS_MS;
-use hemilux_core::merge::MAX_EXPOSURES;
+use hemilux_core::MAX_EXPOSURES;
 use serde_json::{Value, json};
 
 const EXTRAPOLATION_NAMES: [&str; EXTRAPOLATIONS.len()] = [EXTRAPOLATIONS[0].0, EXTRAPOLATIONS[1].0];

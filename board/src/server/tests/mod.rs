@@ -14,7 +14,7 @@ use crate::scene;
 use crate::source::{Pace, SceneSource, Source, SourceError};
 use axum::body::Body;
 use axum::http::Request;
-use hemilux_core::merge::Exposure;
+use hemilux_core::Exposure;
 use serde_json::Value;
 use std::time::Duration;
 use tower::ServiceExt;

@@ -27,7 +27,7 @@ async fn exposures_are_jpegs_that_grow_brighter() {
     let app = routes(&probe);
     let (width, height, last) = {
         let scene = SceneSource::new(scene::by_name("lamps").expect("a scene"), Pace::Free);
-        (scene.calibration().width, scene.calibration().height, scene.exposures().len() - 1)
+        (scene.calibration().layout.width(), scene.calibration().layout.height(), scene.exposures().len() - 1)
     };
     let mut means = Vec::new();
     for i in 0..=last {

@@ -19,7 +19,7 @@ use crate::v4l2::setup::{Agreed, Options};
 use crate::v4l2::supervise::{Outcome, Supervisor};
 use crate::v4l2::{CameraError, Kernel};
 use assemble::Assembler;
-use hemilux_core::merge::Exposure;
+use hemilux_core::Exposure;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;

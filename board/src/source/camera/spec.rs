@@ -3,7 +3,7 @@
 use crate::v4l2::formats;
 use crate::v4l2::schedule::MAX_DELAY;
 use crate::v4l2::setup::{Options, StandIn};
-use hemilux_core::merge::MAX_EXPOSURES;
+use hemilux_core::MAX_EXPOSURES;
 use std::fmt;
 use std::path::PathBuf;
 

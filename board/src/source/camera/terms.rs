@@ -8,7 +8,7 @@ use crate::v4l2::setup::Options;
 use glam::DVec2;
 use hemilux_core::format::{Format, Layout, Yuv};
 use hemilux_core::lens::{Intrinsics, Lens, Model};
-use hemilux_core::response::Response;
+use hemilux_core::{Levels, Response};
 
 /// What was agreed on with a camera.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,18 +61,11 @@ impl Terms {
         let usual = if picture.is_raw() { Response::Linear } else { Response::Srgb };
         let (black, white) =
             lens.and_then(|l| l.levels).map(|l| (l.black, l.white)).unwrap_or((self.black * most, most));
-        Calibration {
-            lens: lens.map_or_else(|| assumed_lens(layout), |l| l.lens),
-            width: layout.width(),
-            height: layout.height(),
-            response: lens.and_then(LensFile::told_response).unwrap_or(usual),
-            scale: 1.0,
-            black,
-            white,
-            white_balance: [1.0; 3],
-            format: layout.format(),
-            bytes_per_line: layout.bytes_per_line(),
-        }
+        let mut calibration =
+            Calibration::new(lens.map_or_else(|| assumed_lens(layout), |l| l.lens), *layout);
+        calibration.response = lens.and_then(LensFile::told_response).unwrap_or(usual);
+        calibration.levels = Levels { black, white };
+        calibration
     }
 }
 

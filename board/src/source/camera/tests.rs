@@ -27,7 +27,7 @@ fn a_camera_that_comes_after_the_probe_is_waited_for() {
     assert_eq!(missing, "/dev/video0: found no camera, expected one that is plugged in", "without waiting");
 
     let source = CameraSource::open_or_wait(Box::new(kernel.clone()), &spec("")).expect("a source");
-    assert_eq!(source.calibration().width, 640, "as it is asked for");
+    assert_eq!(source.calibration().layout.width(), 640, "as it is asked for");
     let mut worker = Worker::try_new(Box::new(source), "test".into(), Config::default()).expect("a worker");
     let link = worker.link();
     while link.failure().is_none() {
@@ -58,8 +58,12 @@ fn the_calibration_is_that_of_the_camera_once_it_is_there() {
         assert!(began.elapsed() < Duration::from_secs(30), "it comes up");
     }
     let c = source.calibration();
-    assert!(matches!(c.format, Format::Raw10(_)), "{c:?}");
-    assert_eq!((c.width, c.height, c.bytes_per_line, c.white), (64, 48, 80 + 16, 1023.0), "as granted");
+    assert!(matches!(c.layout.format(), Format::Raw10(_)), "{c:?}");
+    assert_eq!(
+        (c.layout.width(), c.layout.height(), c.layout.bytes_per_line(), c.levels.white),
+        (64, 48, 80 + 16, 1023.0),
+        "as granted"
+    );
     assert_eq!(source.exposures().len(), burst.frames.len(), "as agreed");
 }
 
@@ -112,7 +116,7 @@ fn a_lens_names_the_size_and_what_it_is_not_for_is_refused() {
     let source =
         CameraSource::open(Box::new(FakeKernel::new(Script::default())), &lens(64)).expect("it suits");
     let asked = Terms::assumed(&Options::of("/dev/video0")).picture.width();
-    assert_eq!((source.calibration().width, asked), (64, 640), "not the usual size");
+    assert_eq!((source.calibration().layout.width(), asked), (64, 640), "not the usual size");
     let error =
         CameraSource::open(Box::new(FakeKernel::new(Script::default())), &lens(80)).expect_err("another");
     let line = error.to_string();

@@ -6,7 +6,7 @@ use core::convert::Infallible;
 use core::hint::black_box;
 use glam::Vec3;
 use hemilux_bare as _;
-use hemilux_core::fill;
+use hemilux_core::internals::fill;
 use hemilux_core::harmonics;
 use hemilux_core::Order;
 use hemilux_core::healpix::Domain;

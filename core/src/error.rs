@@ -1,0 +1,52 @@
+//! The error of the front end's constructor and of its bursts.
+
+use crate::arena::TooSmall;
+use crate::front::BurstError;
+use crate::merge::MergeError;
+use crate::plan::PlanError;
+use crate::response::ResponseError;
+
+/// Why a front end was refused, or a burst.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum FrontError {
+    /// The response cannot be tabulated between the levels.
+    Response(ResponseError),
+    /// The exposures cannot be merged, or the scale is no number of radiance.
+    Exposures(MergeError),
+    /// The lens, the image size and the order do not go together.
+    Plan(PlanError),
+    /// A factor of the white balance that is not a positive finite number.
+    BadWhiteBalance,
+    /// The lent memory is too short; the numbers are words of 64 bits.
+    Memory(TooSmall),
+    /// Frames that do not fit the calibration and the exposures.
+    Burst(BurstError),
+}
+
+impl core::fmt::Display for FrontError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Response(e) => e.fmt(f),
+            Self::Exposures(e) => e.fmt(f),
+            Self::Plan(e) => e.fmt(f),
+            Self::BadWhiteBalance => write!(f, "a white balance that is not of positive numbers"),
+            Self::Memory(e) => e.fmt(f),
+            Self::Burst(e) => e.fmt(f),
+        }
+    }
+}
+
+impl core::error::Error for FrontError {}
+
+macro_rules! from {
+    ($($error:ident => $variant:ident),*) => {
+        $(impl From<$error> for FrontError {
+            fn from(e: $error) -> Self {
+                Self::$variant(e)
+            }
+        })*
+    };
+}
+from!(ResponseError => Response, MergeError => Exposures, PlanError => Plan, TooSmall => Memory, BurstError => Burst);

@@ -1,0 +1,196 @@
+//! The front end of one camera: bursts of exposures in, a map of the light from above the horizon out.
+
+use crate::arena::{self, Buffer, TooSmall};
+use crate::calibration::Calibration;
+use crate::error::FrontError;
+use crate::fill::{self, Extrapolation};
+use crate::front::{self, Coverage};
+use crate::healpix::{Domain, Order};
+use crate::light::Decomposition;
+use crate::merge::{self, Exposure, Merge, MergeView, Samples};
+use crate::plan::{self, Plan, PlanError};
+use crate::polar::LatLongView;
+use crate::pyramid::{Pyramid, PyramidView, Quad};
+use crate::sampler::{Map, Request, Sampler};
+use crate::sizes::{self, Parts, Sizes, merge_sizes};
+
+/// Turns the bursts of one camera into a hemisphere map, in memory that the caller lends: a `Vec<u64>`, an array, or a slice of either.
+///
+/// The map is dark at first and stays the last burst's until the next one is processed.
+#[derive(Clone, Debug)]
+pub struct FrontEnd<B> {
+    calibration: Calibration,
+    order: Order,
+    extrapolation: Extrapolation,
+    merge: merge::Detached,
+    plan: plan::Detached,
+    sizes: Sizes,
+    memory: B,
+}
+
+impl<B: Buffer<u64>> FrontEnd<B> {
+    /// Prepares bursts of `exposures`, which ascend by time x gain, for a map of `order`. [`Sizes::words`] says how much memory
+    /// that takes.
+    ///
+    /// # Errors
+    /// [`FrontError`].
+    pub fn try_new(
+        calibration: Calibration,
+        exposures: &[Exposure],
+        order: Order,
+        mut memory: B,
+    ) -> Result<Self, FrontError> {
+        let is_factor = |w: &f32| *w > 0.0 && w.is_finite();
+        if !calibration.white_balance.iter().all(is_factor) {
+            return Err(FrontError::BadWhiteBalance);
+        }
+        let needed = merge_sizes(&calibration, exposures)?;
+        let fixed = Sizes::fixed(&calibration, order)?;
+        let words = memory.as_mut();
+        arena::check(&words, fixed.words())?;
+        let plan = lay_out(&calibration, order, &fixed, words)?;
+        let sizes = fixed.with_plan(plan.size()).with_merge(needed);
+        arena::check(&words, sizes.words())?;
+        let parts = Parts::divide(words, &sizes);
+        parts.quads.fill(Quad::default());
+        let curve = calibration.curve(parts.curve)?;
+        let tables = (parts.tables, parts.reciprocals);
+        let merge = Merge::try_new(curve, exposures, calibration.scale, tables)?.detached();
+        let extrapolation = Extrapolation::default();
+        Ok(Self { calibration, order, extrapolation, merge, plan, sizes, memory })
+    }
+
+    /// Prepares bursts of other exposures; the map stays.
+    ///
+    /// # Errors
+    /// [`FrontError`]: exposures that cannot be merged, or that need more memory than was lent; the old ones then stay.
+    pub fn set_exposures(&mut self, exposures: &[Exposure]) -> Result<(), FrontError> {
+        let sizes = self.sizes.with_merge(merge_sizes(&self.calibration, exposures)?);
+        let words = self.memory.as_mut();
+        arena::check(&words, sizes.words())?;
+        let parts = Parts::divide(words, &sizes);
+        let curve = self.merge.curve.over(parts.curve);
+        let tables = (parts.tables, parts.reciprocals);
+        self.merge = Merge::try_new(curve, exposures, self.calibration.scale, tables)?.detached();
+        self.sizes = sizes;
+        Ok(())
+    }
+
+    /// Chooses what stands for the part of the hemisphere that the lens does not see; nothing at first.
+    pub fn set_extrapolation(&mut self, extrapolation: Extrapolation) {
+        self.extrapolation = extrapolation;
+    }
+
+    /// Merges the frames of one burst, in the order of the exposures, and builds the map.
+    ///
+    /// # Errors
+    /// [`FrontError::Burst`] for frames that do not fit; the last map then stays.
+    pub fn process(&mut self, frames: &[Samples<'_>]) -> Result<Coverage, FrontError> {
+        self.process_timed(frames, || {})
+    }
+
+    /// [`FrontEnd::process`], which calls `added_up` between its stages: when all pixels are added up, before the map is built.
+    ///
+    /// # Errors
+    /// Those of [`FrontEnd::process`].
+    pub fn process_timed(
+        &mut self,
+        frames: &[Samples<'_>],
+        added_up: impl FnOnce(),
+    ) -> Result<Coverage, FrontError> {
+        let Calibration { layout, white_balance, .. } = &self.calibration;
+        let parts = Parts::divide(self.memory.as_mut(), &self.sizes);
+        let merge = self.merge.over(merge::Tables {
+            curve: parts.curve,
+            exposures: parts.tables,
+            reciprocals: parts.reciprocals,
+        });
+        let plan = self.plan.over(plan::Tables {
+            spans: parts.spans,
+            weights: parts.weights,
+            runs: parts.runs,
+            texels: parts.texels,
+        });
+        let mut map = Pyramid::over(parts.quads, Domain::Hemisphere, self.order);
+        let excluded = front::accumulate(frames, layout, &merge, &plan, &mut map)?;
+        added_up();
+        let coverage = front::finish(&excluded, layout, &merge, &plan, *white_balance, &mut map);
+        if self.extrapolation == Extrapolation::Average {
+            fill::average(&mut map, plan.texels);
+        }
+        Ok(coverage)
+    }
+
+    /// The map of the last burst.
+    #[must_use]
+    pub fn map(&self) -> PyramidView<'_> {
+        let quads = sizes::quads(self.memory.as_ref(), &self.sizes);
+        PyramidView::over(quads, Domain::Hemisphere, self.order)
+    }
+
+    /// Lets `sampler` decompose the last map, at most into as many lights as it was given memory for. For samplers that
+    /// [need no polar map](Sampler::needs_polar): others find it empty and give no lights.
+    pub fn decompose<'s>(
+        &self,
+        sampler: &'s mut (impl Sampler + ?Sized),
+        request: &Request,
+    ) -> Decomposition<'s> {
+        sampler.update(&Map { pyramid: self.map(), polar: LatLongView::NONE }, request)
+    }
+
+    /// What is known of the camera.
+    #[must_use]
+    pub fn calibration(&self) -> &Calibration {
+        &self.calibration
+    }
+
+    /// Order of the map.
+    #[must_use]
+    pub fn order(&self) -> Order {
+        self.order
+    }
+
+    /// Order at which pixels are added up: that of the map, or the finest whose texels are larger than the pixels.
+    #[must_use]
+    pub fn source_order(&self) -> Order {
+        Order::saturating(self.plan.source_order())
+    }
+
+    /// Elements of the buffers in use.
+    #[must_use]
+    pub fn sizes(&self) -> Sizes {
+        self.sizes
+    }
+
+    /// Calls `f` with the merge of the exposures, for tests of the parts.
+    #[doc(hidden)]
+    pub fn with_merge<R>(&mut self, f: impl FnOnce(&MergeView<'_>) -> R) -> R {
+        let Parts { curve, tables, reciprocals, .. } = Parts::divide(self.memory.as_mut(), &self.sizes);
+        f(&self.merge.over(merge::Tables { curve, exposures: tables, reciprocals }))
+    }
+}
+
+/// Builds the plan behind the buffers of fixed size, and its weights where they belong.
+fn lay_out(
+    calibration: &Calibration,
+    order: Order,
+    fixed: &Sizes,
+    words: &mut [u64],
+) -> Result<plan::Detached, FrontError> {
+    let lent = words.len();
+    // How many runs there are shows only when they are laid out.
+    let most = fixed.with_most_runs(lent);
+    let parts = Parts::divide(words, &most);
+    let (width, height) = calibration.layout.places();
+    let tables = (parts.spans, parts.weights, parts.runs, parts.texels);
+    let plan = match Plan::try_new(&calibration.place_lens(), width, height, order.get(), tables) {
+        Ok(plan) => plan.detached(),
+        Err(PlanError::TooSmall(TooSmall { needed, .. })) => {
+            let needed = Sizes { runs: needed, weights: needed, ..*fixed }.words();
+            return Err(TooSmall { needed, lent }.into());
+        }
+        Err(e) => return Err(e.into()),
+    };
+    sizes::close_gap(words, &most, &fixed.with_plan(plan.size()));
+    Ok(plan)
+}
