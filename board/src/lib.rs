@@ -19,6 +19,8 @@ pub mod config_file;
 pub mod export;
 #[cfg(feature = "pipeline")]
 pub mod judge;
+#[cfg(feature = "maps")]
+pub mod maps;
 #[cfg(feature = "server")]
 pub mod memory;
 #[cfg(all(target_os = "linux", target_arch = "arm", built_with_neon))]

@@ -6,6 +6,7 @@ use crate::error::SimError;
 use crate::output;
 use glam::{DVec2, DVec3};
 use hemilux::calibration::{Burst, Calibration, Frame, Pixels};
+use hemilux::maps::ReadOptions;
 use hemilux::recorded::{self, LensFile, Levels};
 use hemilux_core::Exposure;
 use hemilux_core::Response;
@@ -42,6 +43,8 @@ pub struct Sensor {
 pub struct Job {
     /// Environment map.
     pub env: PathBuf,
+    /// How the map is read.
+    pub options: ReadOptions,
     /// Lens file.
     pub lens: PathBuf,
     /// Exposure times, seconds.
@@ -72,7 +75,7 @@ struct Scene {
 /// [`SimError`].
 pub fn run(job: &Job) -> Result<(), SimError> {
     check(job)?;
-    let env = decompose::read(&job.env)?;
+    let env = decompose::read(&job.env, &job.options)?;
     let lens = recorded::read_lens(&job.lens)?;
     let scene = expose(&env, &lens);
     let scale = job.scale.unwrap_or_else(|| fitted_scale(&scene, &job.exposures));

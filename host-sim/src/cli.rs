@@ -1,5 +1,7 @@
 //! The command line.
 
+mod maps;
+
 use crate::bench;
 use crate::error::SimError;
 use crate::output::Files;
@@ -9,9 +11,9 @@ use hemilux::pipeline::Settings;
 use hemilux::samplers;
 use hemilux::timing::Budgets;
 use hemilux_core::Extrapolation;
-use hemilux_core::healpix::Domain;
 use hemilux_core::sampler::Request;
 use hemilux_core::wire::STAGES;
+use maps::MapArgs;
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "Examples:
@@ -106,9 +108,8 @@ struct DecomposeArgs {
     sampler: SamplerArgs,
     #[command(flatten)]
     model: ModelArgs,
-    /// Uses the upper half alone, as a probe that looks up sees it.
-    #[arg(long)]
-    hemisphere: bool,
+    #[command(flatten)]
+    map: MapArgs,
     /// Maps a second of a sequence.
     #[arg(long, default_value_t = 10.0)]
     fps: f64,
@@ -148,9 +149,8 @@ struct ScoreArgs {
     /// The light set, JSON.
     #[arg(long, value_name = "LIGHTS.json")]
     set: PathBuf,
-    /// Scores against the upper half of the map alone.
-    #[arg(long)]
-    hemisphere: bool,
+    #[command(flatten)]
+    map: MapArgs,
 }
 
 #[derive(Args, Debug)]
@@ -158,6 +158,8 @@ struct BurstArgs {
     /// A latitude-longitude OpenEXR or Radiance HDR map, or scene:NAME.
     #[arg(long, value_name = "FILE")]
     env: PathBuf,
+    #[command(flatten)]
+    map: MapArgs,
     /// A file with a [lens] table (with its size) and optionally [response] and [sensor], as in a burst.toml.
     #[arg(long, value_name = "FILE.toml")]
     lens: PathBuf,
@@ -218,6 +220,8 @@ struct RenderArgs {
     /// The map, for the reference and the background.
     #[arg(long, value_name = "FILE")]
     env: PathBuf,
+    #[command(flatten)]
+    map: MapArgs,
     /// The light set, JSON, as `decompose` prints it.
     #[arg(long, value_name = "LIGHTS.json")]
     set: PathBuf,
@@ -275,13 +279,12 @@ pub fn run(cli: Cli) -> Result<(), SimError> {
                     args.fps
                 )));
             }
-            let domain = if args.hemisphere { Domain::Hemisphere } else { Domain::Sphere };
             let SamplerArgs { sampler, lights } = args.sampler;
             decompose::run(&decompose::Job {
                 env: args.env,
                 sampler,
                 request: args.model.request(lights),
-                domain,
+                options: args.map.into(),
                 fps: args.fps,
                 files: args.files.into(),
             })
@@ -298,7 +301,9 @@ pub fn run(cli: Cli) -> Result<(), SimError> {
             replay::run(&replay::Job { burst: args.burst, settings, files: args.files.into() })
         }
         Command::Score(a) => {
-            let line = score::score_command(&decompose::read(&a.env)?, &a.set, a.hemisphere)?;
+            let options = a.map.into();
+            let map = decompose::read(&a.env, &options)?;
+            let line = score::score_command(&map, &a.set, decompose::domain(&map, &options))?;
             println!("{line}");
             Ok(())
         }
@@ -307,7 +312,13 @@ pub fn run(cli: Cli) -> Result<(), SimError> {
             stress::run(&stress::Job { out: a.out, quick: a.quick, core: a.core, backgrounds })
         }
         Command::Chart(a) => chart::run(&chart::Job { env: a.env, out: a.out, quick: a.quick }),
-        Command::Render(a) => render::run(&render::Job { env: a.env, set: a.set, out: a.out, over: a.over }),
+        Command::Render(a) => render::run(&render::Job {
+            env: a.env,
+            options: a.map.into(),
+            set: a.set,
+            out: a.out,
+            over: a.over,
+        }),
         Command::Bench(a) => {
             let mut budgets = Budgets::default();
             for (i, ms) in a.budget.unwrap_or_default().into_iter().enumerate() {
@@ -322,6 +333,7 @@ pub fn run(cli: Cli) -> Result<(), SimError> {
             let sensor = burst::Sensor { bits: a.bits, full_well: a.full_well, read_noise: a.read_noise };
             burst::run(&burst::Job {
                 env: a.env,
+                options: a.map.into(),
                 lens: a.lens,
                 exposures: a.exposures,
                 scale: a.scale,

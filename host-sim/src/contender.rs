@@ -5,6 +5,7 @@ use crate::env::EnvMap;
 use crate::maps::{self, OrderedMaps};
 use crate::metrics::{Domain, Lit, LitSet};
 use crate::scenario::Scenario;
+use hemilux::maps::ReadOptions;
 use hemilux::samplers;
 use hemilux_core::light::Decomposition;
 use hemilux_core::sampler::Request;
@@ -173,7 +174,7 @@ pub fn read_maps(
     width: usize,
 ) -> Result<Vec<(String, EnvMap)>, crate::error::SimError> {
     let read = |path: std::path::PathBuf| {
-        let map = crate::decompose::read(&path)?;
+        let map = crate::decompose::read(&path, &ReadOptions::default())?;
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         Ok((name, if map.width() > width { maps::resized(&map, width) } else { map }))
     };

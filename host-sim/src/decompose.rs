@@ -4,6 +4,7 @@ use crate::env::EnvMap;
 use crate::error::SimError;
 use crate::maps::{self, Maps};
 use crate::output::{self, Files};
+use hemilux::maps::{Covers, FLOAT_MAX, HALF_MAX, ReadOptions};
 use hemilux::samplers::{self, Shape};
 use hemilux::scene;
 use hemilux_core::healpix::Domain;
@@ -21,8 +22,8 @@ pub struct Job {
     pub sampler: String,
     /// Lights, tolerance, ambient light.
     pub request: Request,
-    /// The whole sphere or its upper half.
-    pub domain: Domain,
+    /// How maps are read; `covers` selects the upper half of a map of the whole sphere too.
+    pub options: ReadOptions,
     /// Maps a second of a sequence.
     pub fps: f64,
     /// Paths of pictures and maps to write.
@@ -34,17 +35,19 @@ pub struct Job {
 /// # Errors
 /// [`SimError`].
 pub fn run(job: &Job) -> Result<(), SimError> {
-    samplers::check(&job.sampler, job.domain, &job.request)?;
     let paths = list(&job.env)?;
-    let first = read(&paths[0])?;
+    let first = read(&paths[0], &job.options)?;
+    let domain = domain(&first, &job.options);
+    samplers::check(&job.sampler, domain, &job.request)?;
     let order = samplers::order_for(job.request.lights);
-    let shape = Shape { domain: job.domain, order, grid: maps::grid(&first, job.domain) };
+    let shape = Shape { domain, order, grid: maps::grid(&first, domain) };
     let mut sampler = samplers::make(&job.sampler, &shape, job.request.lights)?;
     let mut maps = Maps::new(shape.domain, shape.order, shape.grid);
     let many = paths.len() > 1 || job.env.is_dir();
     let mut first = Some(first);
     for (frame, path) in paths.iter().enumerate() {
-        let env = first.take().map_or_else(|| read(path), Ok)?;
+        let env = first.take().map_or_else(|| read(path, &job.options), Ok)?;
+        check_domain(&env, domain, path, &job.options)?;
         let began = Instant::now();
         maps.fill(&env);
         let filled = began.elapsed();
@@ -70,6 +73,7 @@ pub fn run(job: &Job) -> Result<(), SimError> {
             ambient_sh: made.ambient.as_ref(),
             scalar_flux: map.pyramid.total().rgb(),
             horizontal_irradiance: map.pyramid.horizontal_irradiance(),
+            clipped: env.clipped_share(domain) as f32,
             estimated_error: made.estimated_error,
             latency,
             ..LightSet::EMPTY
@@ -88,17 +92,45 @@ const SCENE_ROWS: usize = 256;
 ///
 /// # Errors
 /// [`SimError`].
-pub fn read(path: &Path) -> Result<EnvMap, SimError> {
+pub fn read(path: &Path, options: &ReadOptions) -> Result<EnvMap, SimError> {
     if let Some(name) = path.to_str().and_then(|p| p.strip_prefix("scene:")) {
         let expected = format!("scene:{}", scene::NAMES.join(", scene:"));
         let scene = scene::by_name(name).ok_or_else(|| SimError::at(path, "no such scene", &expected))?;
         return Ok(EnvMap::from_fn(2 * SCENE_ROWS, SCENE_ROWS, |d| scene.radiance(d.map(|v| v as f32), 0.0)));
     }
-    let env = EnvMap::read(path)?;
-    if env.clamped > 0 {
-        eprintln!("hemilux-sim: {}: clamped {} texels to 0..65504", path.display(), env.clamped);
+    let env = EnvMap::read_with(path, options)?;
+    let tell = |note: &str| eprintln!("hemilux-sim: {}: {note}", path.display());
+    env.notes.iter().for_each(|note| tell(note));
+    if env.negative > 0 {
+        tell(&format!("{} texels with negative values or NaN, which count as 0", env.negative));
+    }
+    if env.clipped() > 0 {
+        tell(&format!("{} texels above the largest value that is kept ({})", env.clipped(), kept()));
     }
     Ok(env)
+}
+
+fn kept() -> String {
+    format!("{HALF_MAX} of half floats and infinities, {FLOAT_MAX:e} of others")
+}
+
+/// The part of the sphere that counts: what the command line says, else what the map covers.
+#[must_use]
+pub fn domain(env: &EnvMap, options: &ReadOptions) -> Domain {
+    match options.covers {
+        Some(Covers::Hemisphere) => Domain::Hemisphere,
+        Some(Covers::Sphere) => Domain::Sphere,
+        None => env.domain(),
+    }
+}
+
+/// Refuses a map of a sequence that covers another part of the sphere than the first one.
+fn check_domain(env: &EnvMap, expected: Domain, path: &Path, options: &ReadOptions) -> Result<(), SimError> {
+    if domain(env, options) == expected {
+        return Ok(());
+    }
+    let found = format!("a map of the {}", Covers::name(if expected == Domain::Sphere { Covers::Hemisphere } else { Covers::Sphere }));
+    Err(SimError::at(path, found, "the coverage of the sequence's first map (--hemisphere or --sphere sets it)"))
 }
 
 /// The maps that `env` names: itself, or what a folder holds in name order.
@@ -112,12 +144,12 @@ pub fn list(env: &Path) -> Result<Vec<PathBuf>, SimError> {
     let entries = std::fs::read_dir(env).map_err(|e| SimError::at(env, e, "a readable folder"))?;
     let is_map = |path: &PathBuf| {
         let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
-        matches!(extension.as_deref(), Some("exr" | "hdr"))
+        matches!(extension.as_deref(), Some("exr" | "hdr" | "pic" | "rgbe" | "xyze" | "pfm"))
     };
     let mut paths: Vec<_> = entries.filter_map(|entry| Some(entry.ok()?.path())).filter(is_map).collect();
     paths.sort();
     if paths.is_empty() {
-        Err(SimError::at(env, "no .exr or .hdr file", "at least one map"))
+        Err(SimError::at(env, "no .exr, .hdr, .pic or .pfm file", "at least one map"))
     } else {
         Ok(paths)
     }

@@ -30,8 +30,8 @@ impl SimError {
     }
 }
 
-impl From<crate::env::EnvError> for SimError {
-    fn from(e: crate::env::EnvError) -> Self {
+impl From<hemilux::maps::MapError> for SimError {
+    fn from(e: hemilux::maps::MapError) -> Self {
         Self::Failed(e.to_string())
     }
 }

@@ -1,6 +1,8 @@
 //! Output of the commands: light sets, pictures and maps.
 
 use crate::error::SimError;
+use hemilux::maps::{self, Covers};
+use hemilux_core::healpix::Domain;
 use hemilux_core::light::Light;
 use hemilux_core::polar::LatLongView;
 use hemilux_core::wire::{self, LightSet};
@@ -59,22 +61,19 @@ pub fn save(path: &Path, bytes: &[u8]) -> Result<(), SimError> {
     std::fs::write(path, bytes).map_err(|e| SimError::at(path, e, "a file that can be written"))
 }
 
-/// Writes radiance as 32-bit OpenEXR.
+/// Writes radiance as 32-bit OpenEXR with a statement of the covered part of the sphere.
 fn save_exr(path: &Path, map: &LatLongView<'_>) -> Result<(), SimError> {
-    use exr::prelude::{Image, SpecificChannels, WritableImage};
     let grid = map.grid;
-    let pixel = |at: exr::math::Vec2<usize>| {
-        let omega = grid.solid_angle(at.y()) as f32;
-        let [r, g, b] = map.texels[at.y() * grid.width + at.x()].map(|v| v / omega);
-        (r, g, b)
+    let covers = match grid.domain {
+        Domain::Sphere => Covers::Sphere,
+        Domain::Hemisphere => Covers::Hemisphere,
     };
-    let mut bytes = std::io::Cursor::new(Vec::new());
-    Image::from_channels((grid.width, grid.height), SpecificChannels::rgb(pixel))
-        .write()
-        .non_parallel()
-        .to_buffered(&mut bytes)
-        .map_err(|e| SimError::at(path, e, "a map that OpenEXR can hold"))?;
-    save(path, bytes.get_ref())
+    let radiance = |row: usize, column: usize| {
+        let omega = grid.solid_angle(row) as f32;
+        map.texels[row * grid.width + column].map(|v| v / omega)
+    };
+    let bytes = maps::write::openexr(grid.width, grid.height, covers, radiance);
+    save(path, &bytes.map_err(|e| SimError::at(path, e, "a map that OpenEXR can hold"))?)
 }
 
 /// Writes one light set as a line of JSON to standard output.

@@ -50,9 +50,8 @@ type Refusal = (String, &'static str);
 ///
 /// # Errors
 /// When the set cannot be read or is not what it should be.
-pub fn score_command(map: &EnvMap, set: &Path, hemisphere: bool) -> Result<String, ScoreError> {
+pub fn score_command(map: &EnvMap, set: &Path, domain: Domain) -> Result<String, ScoreError> {
     let lights = read_set(set)?;
-    let domain = if hemisphere { Domain::Hemisphere } else { Domain::Sphere };
     Ok(to_json(&Reference::new(map, domain).score(&lights)))
 }
 
@@ -275,16 +274,16 @@ mod tests {
         );
         std::fs::write(&json, text).unwrap();
         let map = EnvMap::read(&env).unwrap();
-        for hemisphere in [false, true] {
-            let line = score_command(&map, &json, hemisphere).unwrap();
+        for domain in [Domain::Sphere, Domain::Hemisphere] {
+            let line = score_command(&map, &json, domain).unwrap();
             let score: serde_json::Value = serde_json::from_str(&line).unwrap();
             for key in ["open", "shadowed", "energy"] {
                 assert!(score[key].as_f64().unwrap() < 1e-12, "{line}");
             }
         }
-        let missing = score_command(&map, &folder.path().join("none.json"), false).unwrap_err().to_string();
+        let missing = score_command(&map, &folder.path().join("none.json"), Domain::Sphere).unwrap_err().to_string();
         assert!(missing.contains("none.json") && !missing.contains('\n'), "{missing}");
-        let swapped = score_command(&map, &env, false).unwrap_err().to_string();
+        let swapped = score_command(&map, &env, Domain::Sphere).unwrap_err().to_string();
         assert!(
             swapped.contains("env.exr: found ") && swapped.contains("expected one light set"),
             "{swapped}"

@@ -21,6 +21,7 @@ use crate::metrics::{Domain, Grid, LitSet, luminance, sh};
 use crate::output;
 use crate::progress;
 use crate::score::read_set;
+use hemilux::maps::ReadOptions;
 use hemilux_core::healpix;
 use scene::{Camera, Scene};
 use shade::Directional;
@@ -41,6 +42,8 @@ const AMBIENT: usize = 512;
 pub struct Job {
     /// The map.
     pub env: PathBuf,
+    /// How the map is read.
+    pub options: ReadOptions,
     /// The light set, JSON.
     pub set: PathBuf,
     /// The picture.
@@ -55,7 +58,7 @@ pub struct Job {
 /// [`SimError`].
 pub fn run(job: &Job) -> Result<(), SimError> {
     let set = read_set(&job.set)?;
-    let env = decompose::read(&job.env)?;
+    let env = decompose::read(&job.env, &job.options)?;
     let made = of_set(&set);
     let picture = match &job.over {
         Some(photo) => over::composite(&over::read(photo)?, &made),

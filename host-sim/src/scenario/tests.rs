@@ -22,7 +22,7 @@ fn all_are_whole_deterministic_and_seeded() {
         assert_eq!(a.name, name);
         assert!(a.truth == b.truth && a.seen == b.seen && a.share == b.share, "{name} differs from itself");
         assert_eq!((a.truth.len(), a.seen().len(), a.sources.len()), (9, 9, 9), "{name}");
-        assert!(a.seen().iter().all(|map| map.clamped == 0 && energy(map) > 0.0), "{name}");
+        assert!(a.seen().iter().all(|map| map.clipped() + map.negative == 0 && energy(map) > 0.0), "{name}");
         assert!(a.changes.iter().all(|&t| (1..9).contains(&t)), "{name}");
     }
     assert!(make("none", &SMALL).is_none());

@@ -1,0 +1,235 @@
+//! Environment maps in files: OpenEXR, Radiance HDR and PFM, decoded to linear Rec. 709 radiance on a latitude-longitude grid.
+//!
+//! Every header field that changes radiance or direction is applied or is the reason of a [`MapError`] that names it. Sizes are
+//! checked against [`ReadOptions::max_pixels`] and the file's length before texels are stored. `board/FORMATS.md`, section
+//! "Environment maps", lists the fields.
+
+mod limit;
+pub mod openexr;
+mod pfm;
+mod primaries;
+mod projection;
+pub mod radiance;
+mod range;
+#[cfg(test)]
+mod tests;
+pub mod write;
+
+pub use projection::Projection;
+pub use range::{Changed, FLOAT_MAX, HALF_MAX, limit as limit_range};
+
+use std::fmt::Display;
+use std::io::{BufRead, BufReader, Seek};
+use std::path::{Path, PathBuf};
+
+/// Largest number of texels that is read by default: 16384 x 8192.
+pub const MAX_PIXELS: u64 = 1 << 27;
+
+/// The part of the sphere that a map covers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Covers {
+    /// All directions: theta from 0 in the first row to pi in the last.
+    Sphere,
+    /// The upper half: theta from 0 in the first row to pi / 2 in the last.
+    Hemisphere,
+}
+
+impl Covers {
+    /// The value of the attribute or header line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Sphere => "sphere",
+            Self::Hemisphere => "hemisphere",
+        }
+    }
+
+    fn from_name(name: &str) -> Option<Self> {
+        [Self::Sphere, Self::Hemisphere].into_iter().find(|c| c.name() == name)
+    }
+}
+
+/// How a map file is read.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct ReadOptions {
+    /// Largest number of texels. `None` stands for [`MAX_PIXELS`] and a limit that follows from the file's length.
+    pub max_pixels: Option<u64>,
+    /// The layer of an OpenEXR file, such as `ViewLayer.Combined`.
+    pub layer: Option<String>,
+    /// The projection, where the file's own statement is missing or wrong.
+    pub projection: Option<Projection>,
+    /// The covered part of the sphere, where the file's own statement is missing or wrong.
+    pub covers: Option<Covers>,
+}
+
+/// A decoded map.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DecodedMap {
+    /// Columns; azimuth pi in the left edge of the first column, -pi in the right edge of the last.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Radiance in linear Rec. 709, row-major from the zenith; every value is finite and at least 0.
+    pub texels: Vec<[f32; 3]>,
+    /// The part of the sphere that the rows cover.
+    pub covers: Covers,
+    /// Statements about the file that the user should read, such as a conversion of primaries.
+    pub notes: Vec<String>,
+    /// Texels that were changed because a value was negative or not a number.
+    pub negative: usize,
+    /// For each row, the number of texels with a value above the largest that is kept.
+    pub clipped: Vec<u32>,
+}
+
+/// Why a map could not be read: one line that names the file, what was found and what was expected.
+#[derive(Debug, thiserror::Error)]
+#[error("{path}: found {found}, expected {expected}")]
+pub struct MapError {
+    /// The file.
+    pub path: PathBuf,
+    /// What was found.
+    pub found: String,
+    /// What was expected.
+    pub expected: String,
+}
+
+/// What was found in a map file, and what was expected.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Refusal {
+    /// What was found.
+    pub found: String,
+    /// What was expected.
+    pub expected: String,
+}
+
+impl Refusal {
+    pub(crate) fn new(found: impl Display, expected: impl Display) -> Self {
+        let one_line = |v: String| {
+            let line: Vec<_> = v.split_whitespace().collect();
+            line.join(" ").chars().filter(|c| !c.is_control()).take(400).collect()
+        };
+        Self { found: one_line(found.to_string()), expected: one_line(expected.to_string()) }
+    }
+}
+
+const EXPECTED: &str = "a latitude-longitude OpenEXR, Radiance HDR or PFM map";
+
+/// Texels as a format's reader gives them.
+struct Raster {
+    width: usize,
+    height: usize,
+    texels: Vec<[f32; 3]>,
+}
+
+/// What a file's header states, in the terms that all formats share.
+#[derive(Default)]
+struct Stated {
+    covers: Option<Covers>,
+    projection: Option<Projection>,
+    /// Whether values are half floats.
+    half: bool,
+    notes: Vec<String>,
+}
+
+/// Reads a map file.
+///
+/// # Errors
+/// [`MapError`]: the file cannot be read, has another format, states something that is not supported, or is too large.
+pub fn read(path: &Path, options: &ReadOptions) -> Result<DecodedMap, MapError> {
+    let at = |r: Refusal| MapError { path: path.into(), found: r.found, expected: r.expected };
+    let io = |e: std::io::Error| at(Refusal::new(e, "a latitude-longitude map that can be read"));
+    let file = std::fs::File::open(path).map_err(io)?;
+    let bytes = file.metadata().map_err(io)?.len();
+    read_from(BufReader::new(file), bytes, options).map_err(at)
+}
+
+/// Reads a map of `bytes` bytes.
+///
+/// # Errors
+/// [`Refusal`].
+pub fn read_from<R: BufRead + Seek>(
+    mut reader: R,
+    bytes: u64,
+    options: &ReadOptions,
+) -> Result<DecodedMap, Refusal> {
+    let begin = reader.fill_buf().map_err(|e| Refusal::new(e, EXPECTED))?;
+    let begin = begin[..begin.len().min(12)].to_vec();
+    let budget = limit::Budget { bytes, max_pixels: options.max_pixels };
+    if options.layer.is_some() && !openexr::is(&begin) {
+        return Err(Refusal::new("a file format without layers", "no --layer"));
+    }
+    let (raster, stated) = if openexr::is(&begin) {
+        openexr::read(reader, &budget, options)?
+    } else if radiance::is(&begin) {
+        radiance::read(reader, &budget, options)?
+    } else if pfm::is(&begin) {
+        pfm::read(reader, &budget)?
+    } else {
+        return Err(Refusal::new(other(&begin), EXPECTED));
+    };
+    finish(raster, stated, options)
+}
+
+/// Applies projection, range and coverage.
+fn finish(mut raster: Raster, stated: Stated, options: &ReadOptions) -> Result<DecodedMap, Refusal> {
+    let Stated { covers, projection, half, mut notes } = stated;
+    let range = range::limit(&mut raster.texels, raster.width, half);
+    let projection = options.projection.or(projection).unwrap_or(Projection::LatLong);
+    let (width, height) = (raster.width, raster.height);
+    let raster = projection::to_lat_long(raster, projection)?;
+    let four_to_one = projection == Projection::LatLong && width == 4 * height;
+    let covers = match options.covers {
+        // A whole map may be asked for its upper half: then the file still covers the sphere.
+        Some(Covers::Hemisphere) if covers != Some(Covers::Hemisphere) && !four_to_one => Covers::Sphere,
+        Some(covers) => covers,
+        None => covers.unwrap_or(Covers::Sphere),
+    };
+    let wide = match covers {
+        Covers::Sphere => 2,
+        Covers::Hemisphere => 4,
+    };
+    if projection == Projection::LatLong && width != wide * height && width > 2 {
+        notes.push(shape_note(width, height, wide));
+    }
+    let Raster { width: columns, height: rows, texels } = raster;
+    let clipped = match projection {
+        Projection::LatLong => range.clipped,
+        // Resampling keeps no rows: each row of the result has the share of the whole.
+        _ => {
+            let all = range.clipped.iter().map(|n| *n as usize).sum::<usize>();
+            vec![(all * columns).div_ceil(width * height) as u32; rows]
+        }
+    };
+    let (width, height) = (columns, rows);
+    Ok(DecodedMap { width, height, texels, covers, notes, negative: range.negative, clipped })
+}
+
+fn shape_note(width: usize, height: usize, wide: usize) -> String {
+    let advice = match (width, height) {
+        (w, h) if w == 4 * h => "; --hemisphere reads 4:1 as the upper half",
+        (w, h) if w == h => "; --projection angular or mirror-ball reads a round map",
+        (w, h) if 4 * w == 3 * h || 3 * w == 4 * h || 6 * w == h => "; --projection cube reads a cube map",
+        _ => "",
+    };
+    format!("{width} x {height} texels, a shape that is not {wide}:1, spread over the covered directions{advice}")
+}
+
+/// The name of a known other format.
+fn other(begin: &[u8]) -> String {
+    let known: [(&[u8], &str); 11] = [
+        (b"\x89PNG", "a PNG picture, which holds display colours"),
+        (b"\xff\xd8\xff", "a JPEG picture, which holds display colours"),
+        (b"II*\0", "a TIFF file"),
+        (b"MM\0*", "a TIFF file"),
+        (b"DDS ", "a DDS texture"),
+        (b"\xabKTX", "a KTX texture"),
+        (b"GIF8", "a GIF picture"),
+        (b"BM", "a BMP picture"),
+        (b"qoif", "a QOI picture"),
+        (b"RIFF", "a RIFF file, such as WebP"),
+        (b"8BPS", "a Photoshop file"),
+    ];
+    let name = known.iter().find(|(magic, _)| begin.starts_with(magic)).map(|(_, name)| *name);
+    let bytes = &begin[..begin.len().min(4)];
+    name.map_or_else(|| format!("a file that begins with {bytes:02x?}"), Into::into)
+}

@@ -1,0 +1,122 @@
+//! OpenEXR files: scan lines and tiles, one part or several, flat images.
+
+mod layers;
+mod pixels;
+
+use super::limit::Budget;
+use super::primaries::{self, Primaries};
+use super::write::COVERS;
+use super::{Covers, Projection, Raster, ReadOptions, Refusal, Stated};
+use exr::meta::attribute::{AttributeValue, EnvironmentMap, IntegerBounds, SampleType, Text};
+use exr::meta::header::Header;
+use layers::Layer;
+use std::io::{BufRead, Seek};
+
+const EXPECTED: &str = "an OpenEXR file that decodes";
+
+pub(super) fn is(begin: &[u8]) -> bool {
+    begin.starts_with(&[0x76, 0x2f, 0x31, 0x01])
+}
+
+pub(super) fn read(
+    reader: impl BufRead + Seek,
+    budget: &Budget,
+    options: &ReadOptions,
+) -> Result<(Raster, Stated), Refusal> {
+    let reader = exr::block::read(reader, false).map_err(|e| Refusal::new(e, EXPECTED))?;
+    let headers = reader.headers().to_vec();
+    let layer = layers::choose(&headers, options.layer.as_deref())?;
+    let header = &headers[layer.part];
+    let window = map_window(header, options)?;
+    let [width, height] = [window.size.x() as u64, window.size.y() as u64];
+    budget.check(width, height)?;
+    check_blocks(header, budget)?;
+    let mut raster = budget.raster(width, height)?;
+    pixels::decode(reader, header, &layer, window, &mut raster)?;
+    let mut stated = stated(header, &layer)?;
+    if let Some(primaries) = chromaticities(header).filter(|p| !p.are_rec_709()) {
+        primaries::convert(&mut raster.texels, &primaries.to_rec_709()?);
+        stated.notes.push("converted from the file's chromaticities to Rec. 709 without adaptation of white".into());
+    }
+    if window != data_window(header) {
+        let place = |b: IntegerBounds| {
+            format!("{} x {} at ({}, {})", b.size.x(), b.size.y(), b.position.x(), b.position.y())
+        };
+        let data = place(data_window(header));
+        stated.notes.push(format!("data window {data} placed in the display window {}", place(window)));
+    }
+    Ok((raster, stated))
+}
+
+fn data_window(header: &Header) -> IntegerBounds {
+    IntegerBounds { position: header.own_attributes.layer_position, size: header.layer_size }
+}
+
+/// The window that the map fills. Environment maps that say so fill the data window (OpenEXR, "Environment Maps"); others fill the
+/// display window, outside of which texels are not part of the picture and inside of which missing texels are black.
+fn map_window(header: &Header, options: &ReadOptions) -> Result<IntegerBounds, Refusal> {
+    let (data, display) = (data_window(header), header.shared_attributes.display_window);
+    let is_environment = options.projection.is_none() && header.own_attributes.environment_map.is_some();
+    if is_environment || data == display {
+        return Ok(data);
+    }
+    let inside = |a: i32, a_size: usize, b: i32, b_size: usize| {
+        let (a, b) = (i64::from(a), i64::from(b));
+        a < b + b_size as i64 && b < a + a_size as i64
+    };
+    let overlap = inside(data.position.x(), data.size.x(), display.position.x(), display.size.x())
+        && inside(data.position.y(), data.size.y(), display.position.y(), display.size.y());
+    if overlap {
+        return Ok(display);
+    }
+    let found = format!("the data window {data:?} outside of the display window {display:?}");
+    Err(Refusal::new(found, "windows that overlap"))
+}
+
+/// Checks the memory that one block takes, before the first one is decompressed.
+fn check_blocks(header: &Header, budget: &Budget) -> Result<(), Refusal> {
+    budget.check(header.layer_size.x() as u64, header.layer_size.y() as u64)?;
+    let block = header.max_block_byte_size() as u64;
+    let most = 1024 * budget.bytes.max(1 << 12);
+    if block <= most {
+        return Ok(());
+    }
+    let found = format!("blocks of {block} bytes in a file of {} bytes", budget.bytes);
+    Err(Refusal::new(found, format!("at most {most} bytes a block")))
+}
+
+fn stated(header: &Header, layer: &Layer) -> Result<Stated, Refusal> {
+    let own = &header.own_attributes;
+    let mut notes = Vec::new();
+    if layer.is_one_of_several {
+        notes.push(format!("read the layer {}", layer.name));
+    }
+    if let Some(luminance) = own.white_luminance {
+        notes.push(format!("whiteLuminance {luminance} cd/m2 is not applied: radiance is in the unit of the file"));
+    }
+    let half = layer.channels.iter().all(|c| header.channels.list[*c].sample_type == SampleType::F16);
+    let projection = match own.environment_map {
+        Some(EnvironmentMap::Cube) => Some(Projection::Cube),
+        Some(EnvironmentMap::LatitudeLongitude) => Some(Projection::LatLong),
+        None => None,
+    };
+    Ok(Stated { covers: covers(header)?, projection, half, notes })
+}
+
+/// The value of [`COVERS`].
+fn covers(header: &Header) -> Result<Option<Covers>, Refusal> {
+    let name = Text::from(COVERS);
+    let value = header.own_attributes.other.get(&name).or_else(|| header.shared_attributes.other.get(&name));
+    let Some(value) = value else { return Ok(None) };
+    let covers = match value {
+        AttributeValue::Text(text) => Covers::from_name(&text.to_string()),
+        _ => None,
+    };
+    let refused = || Refusal::new(format!("{COVERS} = {value:?}"), "sphere or hemisphere");
+    covers.map(Some).ok_or_else(refused)
+}
+
+fn chromaticities(header: &Header) -> Option<Primaries> {
+    let c = header.shared_attributes.chromaticities?;
+    Some(Primaries([c.red, c.green, c.blue, c.white].map(|v| [v.x().into(), v.y().into()])))
+}

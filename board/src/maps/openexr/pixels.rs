@@ -1,0 +1,85 @@
+//! Decompression of the blocks of one part into a window.
+
+use super::super::{Raster, Refusal};
+use super::EXPECTED;
+use super::layers::Layer;
+use exr::block::UncompressedBlock;
+use exr::block::reader::{ChunksReader, Reader};
+use exr::meta::attribute::{IntegerBounds, SampleType};
+use exr::meta::header::Header;
+use exr::prelude::f16;
+use std::io::{BufRead, Seek};
+
+/// Decodes the full-resolution blocks of the layer's part; texels outside of `window` are dropped.
+pub(super) fn decode(
+    reader: Reader<impl BufRead + Seek>,
+    header: &Header,
+    layer: &Layer,
+    window: IntegerBounds,
+    raster: &mut Raster,
+) -> Result<(), Refusal> {
+    let refused = |e: exr::error::Error| Refusal::new(e, EXPECTED);
+    let wanted = |index: exr::block::BlockIndex| index.layer == layer.part && index.level.x() == 0 && index.level.y() == 0;
+    let chunks = reader.filter_chunks(false, |_, _, index| wanted(index)).map_err(refused)?;
+    let place = Place {
+        x: i64::from(header.own_attributes.layer_position.x()) - i64::from(window.position.x()),
+        y: i64::from(header.own_attributes.layer_position.y()) - i64::from(window.position.y()),
+    };
+    for block in chunks.sequential_decompressor(false) {
+        let block = block.map_err(refused)?;
+        if wanted(block.index) {
+            place.block(&block, header, layer, raster)?;
+        }
+    }
+    raster.complete();
+    Ok(())
+}
+
+/// Position of the data window inside of the raster.
+struct Place {
+    x: i64,
+    y: i64,
+}
+
+impl Place {
+    fn block(&self, block: &UncompressedBlock, header: &Header, layer: &Layer, raster: &mut Raster) -> Result<(), Refusal> {
+        let channels = &header.channels.list;
+        let sizes: Vec<usize> = channels.iter().map(|c| c.sample_type.bytes_per_sample()).collect();
+        let columns = block.index.pixel_size.x();
+        let line: usize = sizes.iter().map(|s| s * columns).sum();
+        for (i, bytes) in block.data.chunks_exact(line.max(1)).take(block.index.pixel_size.y()).enumerate() {
+            let y = self.y + (block.index.pixel_position.y() + i) as i64;
+            let Some(y) = usize::try_from(y).ok().filter(|y| *y < raster.height) else { continue };
+            let left = self.x + block.index.pixel_position.x() as i64;
+            let row = raster.row_mut(y);
+            for (k, channel) in layer.channels.into_iter().enumerate() {
+                let start: usize = sizes[..channel].iter().map(|s| s * columns).sum();
+                let samples = bytes.get(start..start + sizes[channel] * columns);
+                let samples = samples.ok_or_else(|| Refusal::new("a block that is too short", EXPECTED))?;
+                samples_into(samples, channels[channel].sample_type, left, row, k);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Stores samples from column `left` on in component `k` of a row, dropping what is outside.
+fn samples_into(bytes: &[u8], kind: SampleType, left: i64, row: &mut [[f32; 3]], k: usize) {
+    let skipped = usize::try_from(-left).unwrap_or(0);
+    let first = usize::try_from(left).unwrap_or(0);
+    let targets = row.iter_mut().skip(first).map(|texel| &mut texel[k]);
+    match kind {
+        SampleType::F16 => {
+            let values = bytes.as_chunks::<2>().0.iter().skip(skipped).map(|b| f16::from_ne_bytes(*b).to_f32());
+            targets.zip(values).for_each(|(t, v)| *t = v);
+        }
+        SampleType::F32 => {
+            let values = bytes.as_chunks::<4>().0.iter().skip(skipped).map(|b| f32::from_ne_bytes(*b));
+            targets.zip(values).for_each(|(t, v)| *t = v);
+        }
+        SampleType::U32 => {
+            let values = bytes.as_chunks::<4>().0.iter().skip(skipped).map(|b| u32::from_ne_bytes(*b) as f32);
+            targets.zip(values).for_each(|(t, v)| *t = v);
+        }
+    }
+}

@@ -1,0 +1,65 @@
+//! Portable float maps: `PF` or `Pf`, size, byte order, then rows of 32-bit floats from the bottom.
+
+use super::limit::Budget;
+use super::{Raster, Refusal, Stated};
+use std::io::{BufRead, Read};
+
+const EXPECTED: &str = "a PFM file: PF or Pf, columns, rows, 1.0 or -1.0, then 32-bit floats";
+
+pub(super) fn is(begin: &[u8]) -> bool {
+    matches!(begin, [b'P', b'F' | b'f', b' ' | b'\n' | b'\r' | b'\t', ..])
+}
+
+pub(super) fn read(mut reader: impl BufRead, budget: &Budget) -> Result<(Raster, Stated), Refusal> {
+    let grey = word(&mut reader)? == "Pf";
+    let mut number = || -> Result<u64, Refusal> {
+        let text = word(&mut reader)?;
+        text.parse::<u32>().map(u64::from).map_err(|_| Refusal::new(format!("the size {text:?}"), EXPECTED))
+    };
+    let (width, height) = (number()?, number()?);
+    let scale = word(&mut reader)?;
+    let little = match scale.parse::<f32>() {
+        Ok(-1.0) => true,
+        Ok(1.0) => false,
+        _ => return Err(Refusal::new(format!("the scale {scale:?}"), EXPECTED)),
+    };
+    let mut raster = budget.raster(width, height)?;
+    let samples = if grey { 1 } else { 3 };
+    let mut row = Vec::new();
+    let line = raster.width as u64 * samples as u64 * 4;
+    for y in 0..raster.height {
+        row.clear();
+        reader.by_ref().take(line).read_to_end(&mut row).map_err(|e| Refusal::new(e, EXPECTED))?;
+        if row.len() as u64 != line {
+            return Err(Refusal::new(format!("a PFM file that ends in row {y}"), format!("{height} rows")));
+        }
+        let values = row.as_chunks::<4>().0.iter().map(|b| if little { f32::from_le_bytes(*b) } else { f32::from_be_bytes(*b) });
+        let values: Vec<f32> = values.collect();
+        raster.texels.extend(values.chunks_exact(samples).map(|v| [v[0], v[samples / 2], v[samples - 1]]));
+    }
+    flip(&mut raster);
+    Ok((raster, Stated::default()))
+}
+
+/// Reverses the order of the rows.
+fn flip(raster: &mut Raster) {
+    let (width, height) = (raster.width, raster.height);
+    for y in 0..height / 2 {
+        let (upper, lower) = raster.texels.split_at_mut((height - 1 - y) * width);
+        upper[y * width..][..width].swap_with_slice(&mut lower[..width]);
+    }
+}
+
+/// The bytes up to the next white space, of which one byte is consumed.
+fn word(reader: &mut impl BufRead) -> Result<String, Refusal> {
+    let mut text = String::new();
+    for byte in reader.by_ref().take(64).bytes() {
+        let byte = byte.map_err(|e| Refusal::new(e, EXPECTED))?;
+        if !byte.is_ascii_whitespace() {
+            text.push(byte as char);
+        } else if !text.is_empty() {
+            return Ok(text);
+        }
+    }
+    Err(Refusal::new("a PFM header that does not end", EXPECTED))
+}

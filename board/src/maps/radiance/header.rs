@@ -1,0 +1,153 @@
+//! The header of a Radiance picture: lines of text, an empty line, and the resolution line.
+
+use super::super::{Covers, Refusal};
+use super::scanlines::{Axis, Resolution};
+use std::io::{BufRead, Read};
+
+/// Longest line of a header, bytes.
+const MAX_LINE: u64 = 4096;
+
+/// Most lines of a header.
+const MAX_LINES: usize = 4096;
+
+const EXPECTED: &str = "a Radiance HDR picture: #?RADIANCE, header lines, an empty line, -Y rows +X columns, scanlines";
+
+/// What the header states.
+#[derive(Debug)]
+pub(super) struct Header {
+    /// Product of all EXPOSURE lines.
+    exposure: f64,
+    /// Products of all COLORCORR lines.
+    correction: [f64; 3],
+    /// Whether texels are CIE XYZ and not RGB.
+    pub is_xyz: bool,
+    /// CIE (x, y) of red, green, blue and white.
+    pub primaries: Option<[[f64; 2]; 4]>,
+    /// A view that is no latitude-longitude map.
+    pub view: Option<String>,
+    pub covers: Option<Covers>,
+    pub resolution: Resolution,
+}
+
+impl Header {
+    /// Factors from stored values to radiance.
+    pub fn factors(&self) -> [f32; 3] {
+        self.correction.map(|c| (1.0 / (self.exposure * c)) as f32)
+    }
+}
+
+/// Reads up to the first scanline.
+pub(super) fn read(reader: &mut impl BufRead) -> Result<Header, Refusal> {
+    // The signature names the program: RADIANCE, RGBE and others begin the same format.
+    line(reader)?;
+    let mut header = Header {
+        exposure: 1.0,
+        correction: [1.0; 3],
+        is_xyz: false,
+        primaries: None,
+        view: None,
+        covers: None,
+        resolution: Resolution { major: Axis::DOWN, minor: Axis::RIGHT },
+    };
+    for _ in 0..MAX_LINES {
+        let text = line(reader)?;
+        if text.is_empty() {
+            header.resolution = resolution(&line(reader)?)?;
+            return Ok(header);
+        }
+        header.apply(&text)?;
+    }
+    Err(Refusal::new(format!("more than {MAX_LINES} header lines"), EXPECTED))
+}
+
+impl Header {
+    /// Applies one line; lines that begin with white space belong to the history of the picture and do not count.
+    fn apply(&mut self, text: &str) -> Result<(), Refusal> {
+        let Some((name, value)) = text.split_once('=') else { return Ok(()) };
+        match name {
+            "FORMAT" => self.format(value.trim())?,
+            "EXPOSURE" => {
+                let [exposure] = numbers(text, value)?;
+                self.exposure = product(self.exposure, exposure, text)?;
+            }
+            "COLORCORR" => {
+                let correction: [f64; 3] = numbers(text, value)?;
+                for (all, one) in self.correction.iter_mut().zip(correction) {
+                    *all = product(*all, one, text)?;
+                }
+            }
+            "PRIMARIES" => {
+                let [a, b, c, d, e, f, g, h] = numbers(text, value)?;
+                self.primaries = Some([[a, b], [c, d], [e, f], [g, h]]);
+            }
+            "VIEW" if is_projection(value) => self.view = Some(value.trim().into()),
+            "HEMILUX_COVERS" => {
+                let expected = "HEMILUX_COVERS=sphere or hemisphere";
+                let covers = Covers::from_name(value.trim());
+                self.covers = Some(covers.ok_or_else(|| Refusal::new(text, expected))?);
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn format(&mut self, value: &str) -> Result<(), Refusal> {
+        self.is_xyz = match value {
+            "32-bit_rle_rgbe" => false,
+            "32-bit_rle_xyze" => true,
+            other => {
+                let expected = "FORMAT=32-bit_rle_rgbe or 32-bit_rle_xyze";
+                return Err(Refusal::new(format!("FORMAT={other}"), expected));
+            }
+        };
+        Ok(())
+    }
+}
+
+/// Whether a VIEW line states a type, a direction or an angle; a position alone changes nothing.
+fn is_projection(value: &str) -> bool {
+    let flags = value.split_whitespace().filter_map(|word| word.strip_prefix("-v"));
+    flags.into_iter().any(|flag| matches!(flag.bytes().next(), Some(b't' | b'd' | b'u' | b'h' | b'v' | b's' | b'l')))
+}
+
+/// The product of factors; zero means that a program did not know the factor.
+fn product(all: f64, one: f64, text: &str) -> Result<f64, Refusal> {
+    let product = if one == 0.0 { all } else { all * one };
+    let usable = one >= 0.0 && (1e-30..1e30).contains(&product);
+    if usable { Ok(product) } else { Err(Refusal::new(text, "factors of at least 0 whose product is finite")) }
+}
+
+fn numbers<const N: usize>(text: &str, value: &str) -> Result<[f64; N], Refusal> {
+    let parsed: Result<Vec<f64>, _> = value.split_whitespace().map(str::parse).collect();
+    let numbers = parsed.ok().and_then(|v| <[f64; N]>::try_from(v).ok());
+    numbers.ok_or_else(|| Refusal::new(text, format!("{N} numbers")))
+}
+
+/// One line without its end, LF or CR LF.
+fn line(reader: &mut impl BufRead) -> Result<String, Refusal> {
+    let mut bytes = Vec::new();
+    let read = reader.by_ref().take(MAX_LINE).read_until(b'\n', &mut bytes);
+    read.map_err(|e| Refusal::new(e, EXPECTED))?;
+    if bytes.pop() != Some(b'\n') {
+        return Err(Refusal::new("a header that does not end", EXPECTED));
+    }
+    bytes.pop_if(|last| *last == b'\r');
+    Ok(String::from_utf8_lossy(&bytes).into_owned())
+}
+
+/// Parses a line such as `-Y 256 +X 512`.
+fn resolution(text: &str) -> Result<Resolution, Refusal> {
+    let refused = || Refusal::new(format!("the resolution line {text:?}"), "a line such as -Y 256 +X 512");
+    let words: Vec<&str> = text.split_whitespace().collect();
+    let [major, rows, minor, columns] = words[..] else { return Err(refused()) };
+    let axis = |name: &str, count: &str| {
+        let (sign, letter) = name.split_at_checked(1)?;
+        let count = count.parse::<u32>().ok()?;
+        let is_positive = ["-", "+"].iter().position(|s| *s == sign)? == 1;
+        Some(Axis { is_x: ["Y", "X"].iter().position(|l| *l == letter)? == 1, is_positive, count })
+    };
+    match (axis(major, rows), axis(minor, columns)) {
+        (Some(major), Some(minor)) if major.is_x != minor.is_x => Ok(Resolution { major, minor }),
+        _ => Err(refused()),
+    }
+}

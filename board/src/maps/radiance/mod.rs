@@ -1,0 +1,53 @@
+//! Radiance HDR pictures (`.hdr`, `.pic`): RGBE and XYZE.
+//!
+//! The decoder of the `image` crate ignores EXPOSURE, COLORCORR, PRIMARIES, VIEW and the axis order, and refuses `#?RGBE` and XYZE;
+//! hence this reader.
+
+mod header;
+mod scanlines;
+
+use super::limit::Budget;
+use super::primaries::{self, Primaries};
+use super::{Raster, ReadOptions, Refusal, Stated};
+use header::Header;
+use std::io::BufRead;
+
+pub(super) fn is(begin: &[u8]) -> bool {
+    begin.starts_with(b"#?")
+}
+
+pub(super) fn read(
+    mut reader: impl BufRead,
+    budget: &Budget,
+    options: &ReadOptions,
+) -> Result<(Raster, Stated), Refusal> {
+    let header = header::read(&mut reader)?;
+    if let (Some(view), None) = (&header.view, options.projection) {
+        let expected = "a latitude-longitude map (--projection latlong or angular reads the picture nevertheless)";
+        return Err(Refusal::new(format!("VIEW={view}"), expected));
+    }
+    let size = header.resolution.size();
+    let mut raster = budget.raster(size[0], size[1])?;
+    header.resolution.decode(&mut reader, &mut raster)?;
+    let mut stated = Stated { covers: header.covers, ..Stated::default() };
+    convert(&header, &mut raster, &mut stated)?;
+    Ok((raster, stated))
+}
+
+/// Applies EXPOSURE, COLORCORR, FORMAT and PRIMARIES.
+fn convert(header: &Header, raster: &mut Raster, stated: &mut Stated) -> Result<(), Refusal> {
+    let factors = header.factors();
+    if factors != [1.0; 3] {
+        raster.texels.iter_mut().flatten().zip(factors.iter().cycle()).for_each(|(v, f)| *v *= f);
+    }
+    let primaries = match (header.is_xyz, header.primaries) {
+        (true, _) => Some(primaries::XYZ),
+        (false, stated) => stated.map(Primaries),
+    };
+    if let Some(primaries) = primaries.filter(|p| !p.are_rec_709()) {
+        primaries::convert(&mut raster.texels, &primaries.to_rec_709()?);
+        let from = if header.is_xyz { "CIE XYZ" } else { "the primaries of the header" };
+        stated.notes.push(format!("converted from {from} to Rec. 709 without adaptation of white"));
+    }
+    Ok(())
+}

@@ -1,0 +1,153 @@
+//! Scanlines of a Radiance picture: flat, run-length encoded as before 1991, or run-length encoded by component.
+
+use super::super::{Raster, Refusal};
+use std::io::{BufRead, ErrorKind};
+
+/// Scanlines of these lengths may be encoded by component.
+const BY_COMPONENT: std::ops::RangeInclusive<usize> = 8..=0x7fff;
+
+/// Red, green, blue and exponent.
+type Rgbe = [u8; 4];
+
+/// One axis of a picture, in the order in which it is stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Axis {
+    pub is_x: bool,
+    /// Whether X runs to the right or Y upwards.
+    pub is_positive: bool,
+    pub count: u32,
+}
+
+impl Axis {
+    pub const DOWN: Self = Self { is_x: false, is_positive: false, count: 0 };
+    pub const RIGHT: Self = Self { is_x: true, is_positive: true, count: 0 };
+
+    /// The column or row of the stored position `k`.
+    fn place(self, k: usize) -> usize {
+        if self.is_x == self.is_positive { k } else { self.count as usize - 1 - k }
+    }
+}
+
+/// The order of texels: scanlines follow each other along `major` and hold texels along `minor`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Resolution {
+    pub major: Axis,
+    pub minor: Axis,
+}
+
+impl Resolution {
+    /// Columns and rows of the upright picture.
+    pub fn size(&self) -> [u64; 2] {
+        let (x, y) = if self.major.is_x { (self.major, self.minor) } else { (self.minor, self.major) };
+        [x.count.into(), y.count.into()]
+    }
+
+    /// Decodes all scanlines.
+    pub fn decode(&self, reader: &mut impl BufRead, raster: &mut Raster) -> Result<(), Refusal> {
+        let mut line = Vec::new();
+        for stored in 0..self.major.count as usize {
+            decode_line(reader, self.minor.count as usize, &mut line)
+                .map_err(|found| Refusal::new(format!("scanline {stored}: {found}"), "a whole scanline"))?;
+            let at = self.major.place(stored);
+            self.store(&line, at, raster);
+        }
+        raster.complete();
+        Ok(())
+    }
+
+    fn store(&self, line: &[Rgbe], at: usize, raster: &mut Raster) {
+        if self.major.is_x {
+            for (k, texel) in line.iter().enumerate() {
+                raster.row_mut(self.minor.place(k))[at] = radiance(*texel);
+            }
+        } else {
+            let row = raster.row_mut(at);
+            for (k, texel) in line.iter().enumerate() {
+                row[self.minor.place(k)] = radiance(*texel);
+            }
+        }
+    }
+}
+
+/// Mantissas times 2^(exponent - 136).
+fn radiance([r, g, b, e]: Rgbe) -> [f32; 3] {
+    // The factor of e = 255 is 2^119, that of e = 1 is 2^-135: a product of two powers that f32 holds.
+    let half = |n: i32| f32::from_bits(((127 + n) as u32) << 23);
+    let n = i32::from(e) - 136;
+    let (first, second) = (half(n / 2), half(n - n / 2));
+    if e == 0 { [0.0; 3] } else { [r, g, b].map(|v| f32::from(v) * first * second) }
+}
+
+fn decode_line(reader: &mut impl BufRead, length: usize, line: &mut Vec<Rgbe>) -> Result<(), String> {
+    line.clear();
+    if !BY_COMPONENT.contains(&length) {
+        return decode_flat(reader, length, None, line);
+    }
+    let first = texel(reader)?;
+    let [2, 2, high @ 0..0x80, low] = first else {
+        return decode_flat(reader, length, Some(first), line);
+    };
+    let stated = usize::from(u16::from_be_bytes([high, low]));
+    if stated != length {
+        return Err(format!("{stated} texels in a picture of {length} along this axis"));
+    }
+    line.resize(length, [0; 4]);
+    (0..4).try_for_each(|component| decode_component(reader, component, line))
+}
+
+/// One component of a scanline: runs (128 + length, value) and literals (length, values).
+fn decode_component(reader: &mut impl BufRead, component: usize, line: &mut [Rgbe]) -> Result<(), String> {
+    let mut at = 0;
+    while at < line.len() {
+        let code = usize::from(byte(reader)?);
+        let (count, run) = if code > 128 { (code - 128, Some(byte(reader)?)) } else { (code, None) };
+        let texels = line.get_mut(at..at + count).ok_or("a run beyond the end of the scanline")?;
+        for texel in texels {
+            texel[component] = run.map_or_else(|| byte(reader), Ok)?;
+        }
+        at += count;
+    }
+    Ok(())
+}
+
+/// Texels one by one; (1, 1, 1, n) repeats the texel before, n times, and repeats in sequence are digits of base 256.
+fn decode_flat(
+    reader: &mut impl BufRead,
+    length: usize,
+    mut first: Option<Rgbe>,
+    line: &mut Vec<Rgbe>,
+) -> Result<(), String> {
+    let mut shift = 0;
+    while line.len() < length {
+        let next = first.take().map_or_else(|| texel(reader), Ok)?;
+        let [1, 1, 1, n] = next else {
+            line.push(next);
+            shift = 0;
+            continue;
+        };
+        let last = *line.last().ok_or("a repetition without a texel before it")?;
+        let count = if shift < 32 { usize::from(n) << shift } else { 0 };
+        if count > length - line.len() {
+            return Err("a repetition beyond the end of the scanline".into());
+        }
+        line.resize(line.len() + count, last);
+        shift += 8;
+    }
+    Ok(())
+}
+
+fn texel(reader: &mut impl BufRead) -> Result<Rgbe, String> {
+    let mut texel = [0; 4];
+    reader.read_exact(&mut texel).map_err(|e| told(&e))?;
+    Ok(texel)
+}
+
+fn byte(reader: &mut impl BufRead) -> Result<u8, String> {
+    let mut byte = [0; 1];
+    reader.read_exact(&mut byte).map_err(|e| told(&e))?;
+    Ok(byte[0])
+}
+
+fn told(e: &std::io::Error) -> String {
+    if e.kind() == ErrorKind::UnexpectedEof { "the end of the file".into() } else { e.to_string() }
+}

@@ -1,0 +1,37 @@
+//! The range of radiance that is kept.
+
+/// Largest finite half float; infinities, which stand for overflow, become this.
+pub const HALF_MAX: f32 = 65504.0;
+
+/// Largest radiance of 32-bit float and RGBE maps: above every light source in any unit, and its square fits f32.
+pub const FLOAT_MAX: f32 = 1e12;
+
+/// Texels that [`limit`] changed.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub struct Changed {
+    /// Texels with a negative value or NaN, which became 0.
+    pub negative: usize,
+    /// For each row, the number of texels with a value above the largest one.
+    pub clipped: Vec<u32>,
+}
+
+/// Brings every value of rows of `width` texels into 0..=[`HALF_MAX`] (`half`) or 0..=[`FLOAT_MAX`]; an infinity becomes [`HALF_MAX`].
+pub fn limit(texels: &mut [[f32; 3]], width: usize, half: bool) -> Changed {
+    let most = if half { HALF_MAX } else { FLOAT_MAX };
+    let mut changed = Changed { negative: 0, clipped: vec![0; texels.len().div_ceil(width.max(1))] };
+    for (index, texel) in texels.iter_mut().enumerate() {
+        if texel.iter().all(|v| (0.0..=most).contains(v)) {
+            continue;
+        }
+        changed.negative += usize::from(texel.iter().any(|v| v.is_nan() || *v < 0.0));
+        if texel.iter().any(|v| *v > most) {
+            changed.clipped[index / width] += 1;
+        }
+        *texel = texel.map(|v| match v {
+            v if v.is_nan() => 0.0,
+            f32::INFINITY => HALF_MAX,
+            v => v.clamp(0.0, most),
+        });
+    }
+    changed
+}

@@ -1,0 +1,47 @@
+//! Writing of maps, with a statement of the part of the sphere that they cover.
+
+use super::Covers;
+use exr::meta::attribute::{AttributeValue, EnvironmentMap, Text};
+use exr::prelude::{Encoding, Image, Layer, LayerAttributes, SpecificChannels, WritableImage};
+
+/// OpenEXR attribute with the value `sphere` or `hemisphere`.
+pub const COVERS: &str = "hemilux.covers";
+
+/// Radiance header line of the same meaning, with its end.
+#[must_use]
+pub fn radiance_line(covers: Covers) -> String {
+    format!("HEMILUX_COVERS={}\n", covers.name())
+}
+
+/// The attributes of a latitude-longitude map.
+#[must_use]
+pub fn attributes(covers: Covers) -> LayerAttributes {
+    let mut attributes = LayerAttributes { software_name: Some("hemilux".into()), ..LayerAttributes::default() };
+    // OpenEXR's own attribute promises the whole sphere.
+    if covers == Covers::Sphere {
+        attributes.environment_map = Some(EnvironmentMap::LatitudeLongitude);
+    }
+    attributes.other.insert(Text::from(COVERS), AttributeValue::Text(covers.name().into()));
+    attributes
+}
+
+/// Encodes a map as 32-bit OpenEXR; `radiance(row, column)` is linear Rec. 709.
+///
+/// # Errors
+/// What the encoder refused.
+pub fn openexr(
+    width: usize,
+    height: usize,
+    covers: Covers,
+    radiance: impl Fn(usize, usize) -> [f32; 3] + Sync,
+) -> Result<Vec<u8>, exr::error::Error> {
+    let pixel = |at: exr::math::Vec2<usize>| {
+        let [r, g, b] = radiance(at.y(), at.x());
+        (r, g, b)
+    };
+    let channels = SpecificChannels::rgb(pixel);
+    let layer = Layer::new((width, height), attributes(covers), Encoding::FAST_LOSSLESS, channels);
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes)?;
+    Ok(bytes.into_inner())
+}
