@@ -129,8 +129,15 @@ fn check_domain(env: &EnvMap, expected: Domain, path: &Path, options: &ReadOptio
     if domain(env, options) == expected {
         return Ok(());
     }
-    let found = format!("a map of the {}", Covers::name(if expected == Domain::Sphere { Covers::Hemisphere } else { Covers::Sphere }));
-    Err(SimError::at(path, found, "the coverage of the sequence's first map (--hemisphere or --sphere sets it)"))
+    let found = format!(
+        "a map of the {}",
+        Covers::name(if expected == Domain::Sphere { Covers::Hemisphere } else { Covers::Sphere })
+    );
+    Err(SimError::at(
+        path,
+        found,
+        "the coverage of the sequence's first map (--hemisphere or --sphere sets it)",
+    ))
 }
 
 /// The maps that `env` names: itself, or what a folder holds in name order.

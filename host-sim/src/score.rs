@@ -281,7 +281,8 @@ mod tests {
                 assert!(score[key].as_f64().unwrap() < 1e-12, "{line}");
             }
         }
-        let missing = score_command(&map, &folder.path().join("none.json"), Domain::Sphere).unwrap_err().to_string();
+        let missing =
+            score_command(&map, &folder.path().join("none.json"), Domain::Sphere).unwrap_err().to_string();
         assert!(missing.contains("none.json") && !missing.contains('\n'), "{missing}");
         let swapped = score_command(&map, &env, Domain::Sphere).unwrap_err().to_string();
         assert!(

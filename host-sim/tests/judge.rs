@@ -19,7 +19,7 @@ const LEAST: [f64; 2] = [2e-3, 1e-2];
 #[test]
 fn errors_are_those_of_the_score() {
     for scene in ["scene:room", "scene:sky", "scene:lamps"] {
-        let env = read(Path::new(scene)).expect("a scene");
+        let env = read(Path::new(scene), &hemilux::maps::ReadOptions::default()).expect("a scene");
         let shape =
             Shape { domain: Domain::Hemisphere, order: 6, grid: maps::grid(&env, Domain::Hemisphere) };
         let mut maps = Maps::new(shape.domain, shape.order, shape.grid);

@@ -35,7 +35,8 @@ impl Budget {
     /// An empty raster with memory reserved for its texels, which are only touched as they are decoded.
     pub fn raster(&self, width: u64, height: u64) -> Result<Raster, Refusal> {
         self.check(width, height)?;
-        let size = |v: u64| usize::try_from(v).map_err(|_| Refusal::new(format!("a side of {v}"), "a smaller map"));
+        let size =
+            |v: u64| usize::try_from(v).map_err(|_| Refusal::new(format!("a side of {v}"), "a smaller map"));
         let (width, height) = (size(width)?, size(height)?);
         let mut texels = Vec::new();
         let found = format!("{width} x {height} texels");

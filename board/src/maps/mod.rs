@@ -211,7 +211,9 @@ fn shape_note(width: usize, height: usize, wide: usize) -> String {
         (w, h) if 4 * w == 3 * h || 3 * w == 4 * h || 6 * w == h => "; --projection cube reads a cube map",
         _ => "",
     };
-    format!("{width} x {height} texels, a shape that is not {wide}:1, spread over the covered directions{advice}")
+    format!(
+        "{width} x {height} texels, a shape that is not {wide}:1, spread over the covered directions{advice}"
+    )
 }
 
 /// The name of a known other format.

@@ -33,7 +33,11 @@ pub(super) fn read(mut reader: impl BufRead, budget: &Budget) -> Result<(Raster,
         if row.len() as u64 != line {
             return Err(Refusal::new(format!("a PFM file that ends in row {y}"), format!("{height} rows")));
         }
-        let values = row.as_chunks::<4>().0.iter().map(|b| if little { f32::from_le_bytes(*b) } else { f32::from_be_bytes(*b) });
+        let values = row
+            .as_chunks::<4>()
+            .0
+            .iter()
+            .map(|b| if little { f32::from_le_bytes(*b) } else { f32::from_be_bytes(*b) });
         let values: Vec<f32> = values.collect();
         raster.texels.extend(values.chunks_exact(samples).map(|v| [v[0], v[samples / 2], v[samples - 1]]));
     }

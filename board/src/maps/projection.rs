@@ -41,7 +41,11 @@ pub(super) fn to_lat_long(raster: Raster, projection: Projection) -> Result<Rast
     let (width, height) = (raster.width, raster.height);
     let square = || {
         let found = format!("{width} x {height} texels");
-        if width == height { Ok(width as f64) } else { Err(Refusal::new(found, "a square map for this projection")) }
+        if width == height {
+            Ok(width as f64)
+        } else {
+            Err(Refusal::new(found, "a square map for this projection"))
+        }
     };
     match projection {
         Projection::LatLong => Ok(raster),
@@ -54,7 +58,9 @@ pub(super) fn to_lat_long(raster: Raster, projection: Projection) -> Result<Rast
 fn resample(from: &Raster, source: &impl Source) -> Result<Raster, Refusal> {
     let width = source.columns().max(2);
     let height = width / 2;
-    let too_large = |_| Refusal::new(format!("{width} x {height} texels after projection"), "a map that fits into memory");
+    let too_large = |_| {
+        Refusal::new(format!("{width} x {height} texels after projection"), "a map that fits into memory")
+    };
     let mut weights: Vec<f32> = Vec::new();
     weights.try_reserve_exact(from.texels.len()).map_err(too_large)?;
     weights.resize(from.texels.len(), 0.0);
@@ -217,7 +223,9 @@ const DOWN: [f64; 3] = [0.0, 0.0, -1.0];
 impl Cube {
     fn new(width: usize, height: usize) -> Result<Self, Refusal> {
         let face = |column, row, centre, right, up| Face { place: [column, row], centre, right, up };
-        let middle = |row| [face(0, row, LEFT, FORWARD, UP), face(1, row, FORWARD, RIGHT, UP), face(2, row, RIGHT, BACK, UP)];
+        let middle = |row| {
+            [face(0, row, LEFT, FORWARD, UP), face(1, row, FORWARD, RIGHT, UP), face(2, row, RIGHT, BACK, UP)]
+        };
         let caps = [face(1, 0, UP, RIGHT, BACK), face(1, 2, DOWN, RIGHT, FORWARD)];
         let [left, front, right] = middle(1);
         let [top, bottom] = caps;
@@ -251,7 +259,8 @@ impl Source for Cube {
         let best = self.faces.iter().max_by(|a, b| along(a.centre).total_cmp(&along(b.centre)));
         let face = best.unwrap_or(&self.faces[0]);
         let depth = along(face.centre).max(1e-9);
-        let within = |v: f64| ((v / depth + 1.0) / 2.0 * self.side as f64).clamp(0.0, self.side as f64 - 1e-6);
+        let within =
+            |v: f64| ((v / depth + 1.0) / 2.0 * self.side as f64).clamp(0.0, self.side as f64 - 1e-6);
         let origin = face.place.map(|k| (k * self.side) as f64);
         [origin[0] + within(along(face.right)), origin[1] + within(-along(face.up))]
     }

@@ -61,7 +61,9 @@ fn radiance_orientations_give_the_same_upright_picture() {
 
 #[test]
 fn radiance_factors_divide_and_multiply_each_other() {
-    let red = |header: &str| reds(&decode(&radiance(&format!("{header}\n\n-Y 2 +X 4\n"), &flat())).expect(header))[0];
+    let red = |header: &str| {
+        reds(&decode(&radiance(&format!("{header}\n\n-Y 2 +X 4\n"), &flat())).expect(header))[0]
+    };
     for (header, expected) in [
         ("EXPOSURE=4", 0.25),
         ("EXPOSURE= 4.0\nEXPOSURE=0.5", 0.5),
@@ -75,7 +77,17 @@ fn radiance_factors_divide_and_multiply_each_other() {
     ] {
         assert_eq!(red(header), expected, "{header:?}");
     }
-    for bad in ["EXPOSURE=-1", "EXPOSURE=nan", "EXPOSURE=x", "EXPOSURE=1e40", "COLORCORR=1 1", "FORMAT=32-bit_rle_luv", "PRIMARIES=0 0 0 0 0 0 0 0", "PRIMARIES=1 2", "HEMILUX_COVERS=disc"] {
+    for bad in [
+        "EXPOSURE=-1",
+        "EXPOSURE=nan",
+        "EXPOSURE=x",
+        "EXPOSURE=1e40",
+        "COLORCORR=1 1",
+        "FORMAT=32-bit_rle_luv",
+        "PRIMARIES=0 0 0 0 0 0 0 0",
+        "PRIMARIES=1 2",
+        "HEMILUX_COVERS=disc",
+    ] {
         let told = refusal(&radiance(&format!("{bad}\n\n-Y 2 +X 4\n"), &flat()));
         assert!(told.contains(&bad[..4]) || told.contains("primaries"), "{bad}: {told}");
     }
@@ -102,7 +114,9 @@ fn radiance_primaries_and_xyze_become_rec_709() {
         assert_eq!(map.notes.len(), 1, "{header}: {:?}", map.notes);
     }
     let same = "PRIMARIES=0.64 0.33 0.3 0.6 0.15 0.06 0.3127 0.329";
-    assert!(decode(&radiance(&format!("{same}\n\n-Y 2 +X 4\n"), &flat())).expect("Rec. 709").notes.is_empty());
+    assert!(
+        decode(&radiance(&format!("{same}\n\n-Y 2 +X 4\n"), &flat())).expect("Rec. 709").notes.is_empty()
+    );
 }
 
 #[test]
@@ -169,8 +183,13 @@ fn pfm_rows_run_upwards_in_either_byte_order() {
 }
 
 /// An OpenEXR file of one layer with these channels, each of one value.
-fn uniform(channels: &[(&str, f32)], size: (usize, usize), attributes: LayerAttributes) -> Image<Layer<AnyChannels<FlatSamples>>> {
-    let channel = |(name, value): &(&str, f32)| AnyChannel::new(*name, FlatSamples::F32(vec![*value; size.0 * size.1]));
+fn uniform(
+    channels: &[(&str, f32)],
+    size: (usize, usize),
+    attributes: LayerAttributes,
+) -> Image<Layer<AnyChannels<FlatSamples>>> {
+    let channel =
+        |(name, value): &(&str, f32)| AnyChannel::new(*name, FlatSamples::F32(vec![*value; size.0 * size.1]));
     let list = AnyChannels::sort(channels.iter().map(channel).collect());
     Image::from_layer(Layer::new(size, attributes, Encoding::FAST_LOSSLESS, list))
 }
@@ -185,17 +204,28 @@ const RGB: [(&str, f32); 3] = [("R", 3.0), ("G", 2.0), ("B", 1.0)];
 
 #[test]
 fn openexr_colour_layers_are_found_by_name() {
-    let mut blender = vec![("ViewLayer.Combined.A", 1.0), ("ViewLayer.Depth.Z", 9.0), ("ViewLayer.Normal.X", 9.0)];
+    let mut blender =
+        vec![("ViewLayer.Combined.A", 1.0), ("ViewLayer.Depth.Z", 9.0), ("ViewLayer.Normal.X", 9.0)];
     blender.extend([("ViewLayer.Normal.Y", 9.0), ("ViewLayer.Normal.Z", 9.0)]);
-    blender.extend([("ViewLayer.Combined.R", 3.0), ("ViewLayer.Combined.G", 2.0), ("ViewLayer.Combined.B", 1.0)]);
+    blender.extend([
+        ("ViewLayer.Combined.R", 3.0),
+        ("ViewLayer.Combined.G", 2.0),
+        ("ViewLayer.Combined.B", 1.0),
+    ]);
     let one = |channels: &[(&str, f32)]| written(&uniform(channels, (4, 2), LayerAttributes::default()));
-    for channels in [&RGB[..], &blender, &[("Background.R", 3.0), ("Background.G", 2.0), ("Background.B", 1.0)]] {
+    for channels in
+        [&RGB[..], &blender, &[("Background.R", 3.0), ("Background.G", 2.0), ("Background.B", 1.0)]]
+    {
         assert_eq!(decode(&one(channels)).expect("a map").texels[5], [3.0, 2.0, 1.0], "{channels:?}");
     }
     assert_eq!(decode(&one(&[("Y", 4.0), ("A", 1.0)])).expect("a map").texels[0], [4.0; 3], "grey");
     let told = refusal(&one(&[("Z", 4.0), ("N.X", 1.0), ("N.Y", 1.0)]));
     assert!(told.contains("N.X, N.Y, Z"), "{told}");
-    blender.extend([("ViewLayer.DiffDir.R", 7.0), ("ViewLayer.DiffDir.G", 7.0), ("ViewLayer.DiffDir.B", 7.0)]);
+    blender.extend([
+        ("ViewLayer.DiffDir.R", 7.0),
+        ("ViewLayer.DiffDir.G", 7.0),
+        ("ViewLayer.DiffDir.B", 7.0),
+    ]);
     let several = one(&blender);
     let told = refusal(&several);
     assert!(told.contains("ViewLayer.Combined, ViewLayer.DiffDir | --layer"), "{told}");
@@ -204,18 +234,27 @@ fn openexr_colour_layers_are_found_by_name() {
         assert_eq!(decode_with(&several, &options).expect(name).texels[0][0], red, "{name}");
     }
     let options = ReadOptions { layer: Some("none".into()), ..ReadOptions::default() };
-    assert!(decode_with(&several, &options).expect_err("refused").found.contains("\"none\""), "an unknown layer");
+    assert!(
+        decode_with(&several, &options).expect_err("refused").found.contains("\"none\""),
+        "an unknown layer"
+    );
 }
 
 #[test]
 fn openexr_data_window_is_placed_in_the_display_window() {
     let image = |at: (i32, i32), size: (usize, usize), map: Option<attribute::EnvironmentMap>| {
-        let attributes = LayerAttributes { layer_position: Vec2(at.0, at.1), environment_map: map, ..LayerAttributes::default() };
+        let attributes = LayerAttributes {
+            layer_position: Vec2(at.0, at.1),
+            environment_map: map,
+            ..LayerAttributes::default()
+        };
         let mut image = uniform(&RGB, size, attributes);
         image.attributes.display_window = IntegerBounds::new((0, 0), (8, 4));
         written(&image)
     };
-    let lit = |map: &DecodedMap| -> Vec<usize> { (0..map.texels.len()).filter(|k| map.texels[*k][0] > 0.0).collect() };
+    let lit = |map: &DecodedMap| -> Vec<usize> {
+        (0..map.texels.len()).filter(|k| map.texels[*k][0] > 0.0).collect()
+    };
     let crop = decode(&image((2, 1), (2, 2), None)).expect("a crop");
     assert_eq!((crop.width, crop.height, lit(&crop)), (8, 4, vec![10, 11, 18, 19]), "crop");
     let over = decode(&image((-3, -1), (16, 9), None)).expect("an overscan");
@@ -223,14 +262,19 @@ fn openexr_data_window_is_placed_in_the_display_window() {
     let corner = decode(&image((6, -1), (16, 2), None)).expect("both");
     assert_eq!(lit(&corner), [6, 7], "crop and overscan");
     assert!(refusal(&image((8, 0), (4, 4), None)).contains("display window"), "apart");
-    let own = decode(&image((2, 1), (2, 1), Some(attribute::EnvironmentMap::LatitudeLongitude))).expect("a map");
+    let own =
+        decode(&image((2, 1), (2, 1), Some(attribute::EnvironmentMap::LatitudeLongitude))).expect("a map");
     assert_eq!((own.width, own.height), (2, 1), "an environment map is its data window");
 }
 
 #[test]
 fn openexr_chromaticities_become_rec_709() {
     let channels = [("R", 0.37276), ("G", 0.34935), ("B", 0.14241)];
-    let mut image = uniform(&channels, (4, 2), LayerAttributes { white_luminance: Some(100.0), ..LayerAttributes::default() });
+    let mut image = uniform(
+        &channels,
+        (4, 2),
+        LayerAttributes { white_luminance: Some(100.0), ..LayerAttributes::default() },
+    );
     let third = 1.0 / 3.0;
     image.attributes.chromaticities = Some(attribute::Chromaticities {
         red: Vec2(1.0, 0.0),
@@ -271,7 +315,9 @@ fn openexr_parts_are_layers() {
 
 #[test]
 fn tiles_and_half_floats_are_read() {
-    let channels = SpecificChannels::rgb(|at: Vec2<usize>| (f16::from_f32((at.y() * 40 + at.x()) as f32), f16::ONE, f16::INFINITY));
+    let channels = SpecificChannels::rgb(|at: Vec2<usize>| {
+        (f16::from_f32((at.y() * 40 + at.x()) as f32), f16::ONE, f16::INFINITY)
+    });
     for blocks in [Blocks::Tiles(Vec2(16, 8)), Blocks::ScanLines] {
         let encoding = Encoding { compression: Compression::ZIP1, blocks, line_order: LineOrder::Increasing };
         let layer = Layer::new((40, 20), LayerAttributes::default(), encoding, channels.clone());
@@ -299,19 +345,38 @@ fn floats_above_the_half_range_keep_their_value() {
 #[test]
 fn coverage_comes_back_and_can_be_overruled() {
     let file = |covers| write::openexr(8, 2, covers, |row, _| [row as f32; 3]).expect("a file");
-    let read = |bytes: &[u8], covers| decode_with(bytes, &ReadOptions { covers, ..ReadOptions::default() }).expect("a map").covers;
+    let read = |bytes: &[u8], covers| {
+        decode_with(bytes, &ReadOptions { covers, ..ReadOptions::default() }).expect("a map").covers
+    };
     let hemisphere = file(Covers::Hemisphere);
     assert_eq!(read(&hemisphere, None), Covers::Hemisphere, "stated");
     assert_eq!(read(&hemisphere, Some(Covers::Sphere)), Covers::Sphere, "overruled");
     assert_eq!(read(&file(Covers::Sphere), None), Covers::Sphere, "stated");
-    assert_eq!(read(&file(Covers::Sphere), Some(Covers::Hemisphere)), Covers::Hemisphere, "overruled by a 4:1 shape");
-    let header = format!("{}
+    assert_eq!(
+        read(&file(Covers::Sphere), Some(Covers::Hemisphere)),
+        Covers::Hemisphere,
+        "overruled by a 4:1 shape"
+    );
+    let header = format!(
+        "{}
 -Y 2 +X 4
-", write::radiance_line(Covers::Hemisphere));
+",
+        write::radiance_line(Covers::Hemisphere)
+    );
     assert_eq!(read(&radiance(&header, &flat()), None), Covers::Hemisphere, "a header line");
-    assert_eq!(read(&radiance("
+    assert_eq!(
+        read(
+            &radiance(
+                "
 -Y 2 +X 4
-", &flat()), Some(Covers::Hemisphere)), Covers::Sphere, "its upper half");
+",
+                &flat()
+            ),
+            Some(Covers::Hemisphere)
+        ),
+        Covers::Sphere,
+        "its upper half"
+    );
 }
 
 /// A map of `size` whose texel (column, row) has the value of `paint`.
@@ -336,7 +401,8 @@ fn flux(map: &DecodedMap) -> (f64, [f64; 3]) {
 }
 
 fn projected(bytes: &[u8], projection: Projection) -> DecodedMap {
-    decode_with(bytes, &ReadOptions { projection: Some(projection), ..ReadOptions::default() }).expect("a map")
+    decode_with(bytes, &ReadOptions { projection: Some(projection), ..ReadOptions::default() })
+        .expect("a map")
 }
 
 #[test]
@@ -381,18 +447,27 @@ fn projections_put_lamps_where_their_definitions_do() {
     for (projection, size, at, expected) in cases {
         let (_, moment) = flux(&projected(&painted(size, lamp(at)), projection));
         let cosine: f64 = moment.iter().zip(expected).map(|(a, b)| a * b).sum();
-        assert!(cosine > 4f64.to_radians().cos(), "{projection:?} {size:?}: {moment:?}, expected {expected:?}");
+        assert!(
+            cosine > 4f64.to_radians().cos(),
+            "{projection:?} {size:?}: {moment:?}, expected {expected:?}"
+        );
     }
     // The back face of a vertical cross is upside down: its lower edge touches the top face, at 45 degrees above the horizon behind.
     let (_, moment) = flux(&projected(&painted((96, 128), lamp((47, 127))), Projection::Cube));
     assert!(moment[0] < -0.68 && moment[2] > 0.68, "{moment:?}");
     let (_, moment) = flux(&projected(&painted((96, 128), lamp((32, 111))), Projection::Cube));
-    assert!(moment[0] < -0.68 && moment[1] > 0.68, "the back face's left edge touches the left face: {moment:?}");
+    assert!(
+        moment[0] < -0.68 && moment[1] > 0.68,
+        "the back face's left edge touches the left face: {moment:?}"
+    );
 }
 
 #[test]
 fn openexr_cube_maps_are_converted_as_stated() {
-    let attributes = LayerAttributes { environment_map: Some(attribute::EnvironmentMap::Cube), ..LayerAttributes::default() };
+    let attributes = LayerAttributes {
+        environment_map: Some(attribute::EnvironmentMap::Cube),
+        ..LayerAttributes::default()
+    };
     let map = decode(&written(&uniform(&RGB, (8, 48), attributes))).expect("a map");
     assert_eq!((map.width, map.height), (32, 16), "a latitude-longitude map");
     assert!((flux(&map).0 / (12.0 * PI) - 1.0).abs() < 0.005, "flux");
@@ -400,7 +475,9 @@ fn openexr_cube_maps_are_converted_as_stated() {
 
 #[test]
 fn shapes_that_are_not_two_to_one_are_told() {
-    for (size, advice) in [((8, 8), "angular"), ((16, 4), "--hemisphere"), ((6, 8), "cube"), ((9, 5), "not 2:1")] {
+    for (size, advice) in
+        [((8, 8), "angular"), ((16, 4), "--hemisphere"), ((6, 8), "cube"), ((9, 5), "not 2:1")]
+    {
         let notes = decode(&painted(size, |_, _| 1.0)).expect("a map").notes;
         assert!(notes.iter().any(|n| n.contains(advice)), "{size:?}: {notes:?}");
     }
@@ -430,7 +507,9 @@ fn other_formats_and_broken_files_are_refused_by_name() {
 #[test]
 fn max_pixels_takes_the_place_of_both_limits() {
     let bytes = painted((64, 32), |_, _| 1.0);
-    let with = |max_pixels| decode_with(&bytes, &ReadOptions { max_pixels: Some(max_pixels), ..ReadOptions::default() });
+    let with = |max_pixels| {
+        decode_with(&bytes, &ReadOptions { max_pixels: Some(max_pixels), ..ReadOptions::default() })
+    };
     assert!(with(2048).is_ok(), "at the limit");
     assert!(with(2047).expect_err("refused").expected.contains("2047"), "above it");
 }

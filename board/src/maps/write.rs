@@ -16,7 +16,8 @@ pub fn radiance_line(covers: Covers) -> String {
 /// The attributes of a latitude-longitude map.
 #[must_use]
 pub fn attributes(covers: Covers) -> LayerAttributes {
-    let mut attributes = LayerAttributes { software_name: Some("hemilux".into()), ..LayerAttributes::default() };
+    let mut attributes =
+        LayerAttributes { software_name: Some("hemilux".into()), ..LayerAttributes::default() };
     // OpenEXR's own attribute promises the whole sphere.
     if covers == Covers::Sphere {
         attributes.environment_map = Some(EnvironmentMap::LatitudeLongitude);

@@ -100,7 +100,13 @@ fn hostile_inputs_are_refused_in_one_line() {
     std::fs::write(path("junk"), b"\x89PNG\r\n\x1a\nnothing\n\nmore").unwrap();
     exr::prelude::write_rgb_file(path("dark.exr"), 8, 4, |_, _| (0.0f32, 0.0, 0.0)).unwrap();
     let job = |env: &str, set: &str, over: Option<&str>| {
-        run(&Job { env: path(env), options: ReadOptions::default(), set: path(set), out: path("out.png"), over: over.map(path) })
+        run(&Job {
+            env: path(env),
+            options: ReadOptions::default(),
+            set: path(set),
+            out: path("out.png"),
+            over: over.map(path),
+        })
     };
     for refused in [
         job("none.exr", "set.json", None),

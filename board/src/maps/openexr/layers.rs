@@ -45,12 +45,16 @@ pub(super) fn choose(headers: &[Header], name: Option<&str>) -> Result<Layer, Re
             let found = format!("no layer {:?} among {}", name.unwrap_or_default(), names(&all));
             Err(Refusal::new(found, "--layer with the name of a colour layer"))
         }
-        _ => Err(Refusal::new(format!("several colour layers: {}", names(candidates)), "--layer with one of these names")),
+        _ => Err(Refusal::new(
+            format!("several colour layers: {}", names(candidates)),
+            "--layer with one of these names",
+        )),
     }
 }
 
 fn names<'a>(layers: impl IntoIterator<Item = &'a Layer>) -> String {
-    let names = layers.into_iter().map(|l| if l.name.is_empty() { "(unnamed)".into() } else { l.name.clone() });
+    let names =
+        layers.into_iter().map(|l| if l.name.is_empty() { "(unnamed)".into() } else { l.name.clone() });
     listed(names)
 }
 
@@ -66,7 +70,10 @@ fn listed(names: impl Iterator<Item = String>) -> String {
 fn no_colour(headers: &[Header]) -> Refusal {
     let channels = headers.iter().flat_map(|h| h.channels.list.iter().map(|c| c.name.to_string()));
     let deep = if headers.iter().any(|h| h.deep) { "deep data, " } else { "" };
-    Refusal::new(format!("{deep}channels {}", listed(channels)), "a flat layer with channels R, G and B, or Y alone")
+    Refusal::new(
+        format!("{deep}channels {}", listed(channels)),
+        "a flat layer with channels R, G and B, or Y alone",
+    )
 }
 
 /// The colour layers of one part.
@@ -80,8 +87,10 @@ fn of_part(part: usize, header: &Header) -> Vec<Layer> {
     prefixes.dedup();
     let part_name = header.own_attributes.layer_name.as_ref().map(ToString::to_string).unwrap_or_default();
     let layer = |prefix: &str| {
-        let find = |wanted: &[&str]| names.iter().position(|n| split(n).0 == prefix && wanted.contains(&split(n).1));
-        let colour = [&["R", "r", "red", "Red"], &["G", "g", "green", "Green"], &["B", "b", "blue", "Blue"]].map(|w| find(w));
+        let find =
+            |wanted: &[&str]| names.iter().position(|n| split(n).0 == prefix && wanted.contains(&split(n).1));
+        let colour = [&["R", "r", "red", "Red"], &["G", "g", "green", "Green"], &["B", "b", "blue", "Blue"]]
+            .map(|w| find(w));
         // X or Z beside Y is a position or a normal; RY or BY beside it is chroma.
         let is_luminance = find(&["X", "x", "Z", "z", "RY", "BY"]).is_none();
         let grey = find(&["Y", "y"]).filter(|_| is_luminance);

@@ -36,7 +36,9 @@ pub(super) fn read(
     let mut stated = stated(header, &layer)?;
     if let Some(primaries) = chromaticities(header).filter(|p| !p.are_rec_709()) {
         primaries::convert(&mut raster.texels, &primaries.to_rec_709()?);
-        stated.notes.push("converted from the file's chromaticities to Rec. 709 without adaptation of white".into());
+        stated
+            .notes
+            .push("converted from the file's chromaticities to Rec. 709 without adaptation of white".into());
     }
     if window != data_window(header) {
         let place = |b: IntegerBounds| {
@@ -92,7 +94,9 @@ fn stated(header: &Header, layer: &Layer) -> Result<Stated, Refusal> {
         notes.push(format!("read the layer {}", layer.name));
     }
     if let Some(luminance) = own.white_luminance {
-        notes.push(format!("whiteLuminance {luminance} cd/m2 is not applied: radiance is in the unit of the file"));
+        notes.push(format!(
+            "whiteLuminance {luminance} cd/m2 is not applied: radiance is in the unit of the file"
+        ));
     }
     let half = layer.channels.iter().all(|c| header.channels.list[*c].sample_type == SampleType::F16);
     let projection = match own.environment_map {

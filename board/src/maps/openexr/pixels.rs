@@ -19,7 +19,9 @@ pub(super) fn decode(
     raster: &mut Raster,
 ) -> Result<(), Refusal> {
     let refused = |e: exr::error::Error| Refusal::new(e, EXPECTED);
-    let wanted = |index: exr::block::BlockIndex| index.layer == layer.part && index.level.x() == 0 && index.level.y() == 0;
+    let wanted = |index: exr::block::BlockIndex| {
+        index.layer == layer.part && index.level.x() == 0 && index.level.y() == 0
+    };
     let chunks = reader.filter_chunks(false, |_, _, index| wanted(index)).map_err(refused)?;
     let place = Place {
         x: i64::from(header.own_attributes.layer_position.x()) - i64::from(window.position.x()),
@@ -42,7 +44,13 @@ struct Place {
 }
 
 impl Place {
-    fn block(&self, block: &UncompressedBlock, header: &Header, layer: &Layer, raster: &mut Raster) -> Result<(), Refusal> {
+    fn block(
+        &self,
+        block: &UncompressedBlock,
+        header: &Header,
+        layer: &Layer,
+        raster: &mut Raster,
+    ) -> Result<(), Refusal> {
         let channels = &header.channels.list;
         let sizes: Vec<usize> = channels.iter().map(|c| c.sample_type.bytes_per_sample()).collect();
         let columns = block.index.pixel_size.x();
@@ -70,7 +78,8 @@ fn samples_into(bytes: &[u8], kind: SampleType, left: i64, row: &mut [[f32; 3]],
     let targets = row.iter_mut().skip(first).map(|texel| &mut texel[k]);
     match kind {
         SampleType::F16 => {
-            let values = bytes.as_chunks::<2>().0.iter().skip(skipped).map(|b| f16::from_ne_bytes(*b).to_f32());
+            let values =
+                bytes.as_chunks::<2>().0.iter().skip(skipped).map(|b| f16::from_ne_bytes(*b).to_f32());
             targets.zip(values).for_each(|(t, v)| *t = v);
         }
         SampleType::F32 => {

@@ -10,7 +10,8 @@ const MAX_LINE: u64 = 4096;
 /// Most lines of a header.
 const MAX_LINES: usize = 4096;
 
-const EXPECTED: &str = "a Radiance HDR picture: #?RADIANCE, header lines, an empty line, -Y rows +X columns, scanlines";
+const EXPECTED: &str =
+    "a Radiance HDR picture: #?RADIANCE, header lines, an empty line, -Y rows +X columns, scanlines";
 
 /// What the header states.
 #[derive(Debug)]
@@ -107,14 +108,20 @@ impl Header {
 /// Whether a VIEW line states a type, a direction or an angle; a position alone changes nothing.
 fn is_projection(value: &str) -> bool {
     let flags = value.split_whitespace().filter_map(|word| word.strip_prefix("-v"));
-    flags.into_iter().any(|flag| matches!(flag.bytes().next(), Some(b't' | b'd' | b'u' | b'h' | b'v' | b's' | b'l')))
+    flags
+        .into_iter()
+        .any(|flag| matches!(flag.bytes().next(), Some(b't' | b'd' | b'u' | b'h' | b'v' | b's' | b'l')))
 }
 
 /// The product of factors; zero means that a program did not know the factor.
 fn product(all: f64, one: f64, text: &str) -> Result<f64, Refusal> {
     let product = if one == 0.0 { all } else { all * one };
     let usable = one >= 0.0 && (1e-30..1e30).contains(&product);
-    if usable { Ok(product) } else { Err(Refusal::new(text, "factors of at least 0 whose product is finite")) }
+    if usable {
+        Ok(product)
+    } else {
+        Err(Refusal::new(text, "factors of at least 0 whose product is finite"))
+    }
 }
 
 fn numbers<const N: usize>(text: &str, value: &str) -> Result<[f64; N], Refusal> {

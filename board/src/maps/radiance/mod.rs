@@ -23,7 +23,8 @@ pub(super) fn read(
 ) -> Result<(Raster, Stated), Refusal> {
     let header = header::read(&mut reader)?;
     if let (Some(view), None) = (&header.view, options.projection) {
-        let expected = "a latitude-longitude map (--projection latlong or angular reads the picture nevertheless)";
+        let expected =
+            "a latitude-longitude map (--projection latlong or angular reads the picture nevertheless)";
         return Err(Refusal::new(format!("VIEW={view}"), expected));
     }
     let size = header.resolution.size();
