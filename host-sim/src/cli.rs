@@ -4,15 +4,17 @@ mod maps;
 
 use crate::bench;
 use crate::error::SimError;
+use crate::export::Export;
 use crate::output::Files;
 use crate::{burst, chart, decompose, render, replay, score, stress};
 use clap::{Args, Parser, Subcommand};
+use hemilux::export::Form;
 use hemilux::pipeline::Settings;
 use hemilux::samplers;
 use hemilux::timing::Budgets;
 use hemilux_core::Extrapolation;
 use hemilux_core::sampler::Request;
-use hemilux_core::wire::STAGES;
+use hemilux_core::wire::{Coordinates, STAGES};
 use maps::MapArgs;
 use std::path::PathBuf;
 
@@ -23,6 +25,7 @@ const EXAMPLES: &str = "Examples:
   hemilux-sim replay --burst burst --sampler q2tree --lights 64 --picture burst.png
   hemilux-sim decompose --env room.exr --lights 64 > lights.json
   hemilux-sim render --env room.exr --set lights.json --out render.png
+  hemilux-sim decompose --env room.exr --lights 64 --format usda > lights.usda
   hemilux-sim chart --env maps --out charts
   hemilux-sim stress --out stress --quick";
 
@@ -93,10 +96,36 @@ struct FileArgs {
     map: Option<PathBuf>,
 }
 
-impl From<FileArgs> for Files {
-    fn from(args: FileArgs) -> Self {
-        Self { picture: args.picture, map: args.map }
+impl FileArgs {
+    fn files(self, export: &Export) -> Files {
+        Files { picture: self.picture, map: self.map, whole_maps: export.needs_whole_maps() }
     }
+}
+
+#[derive(Args, Debug)]
+struct ExportArgs {
+    /// Form of the light set: json, text, xml, csv, glb (glTF), usda (USD), rad (Radiance) or mitsuba.
+    #[arg(long, value_name = "NAME", default_value = "json", value_parser = form)]
+    format: Form,
+    /// Axes of the light set: probe, y-up, unity, unreal, or the name of a program, such as blender [default: those of the format].
+    #[arg(long, value_name = "NAME", value_parser = coordinates)]
+    coordinates: Option<Coordinates>,
+}
+
+impl ExportArgs {
+    fn export(&self) -> Result<Export, SimError> {
+        Export::try_new(self.format, self.coordinates)
+    }
+}
+
+fn form(text: &str) -> Result<Form, String> {
+    let names = || Form::NAMED.map(|(name, _)| name).join(", ");
+    Form::from_name(text).ok_or_else(|| format!("expected one of {}", names()))
+}
+
+fn coordinates(text: &str) -> Result<Coordinates, String> {
+    let names = || Coordinates::names().collect::<Vec<_>>().join(", ");
+    Coordinates::from_name(text).ok_or_else(|| format!("expected one of {}", names()))
 }
 
 #[derive(Args, Debug)]
@@ -115,6 +144,8 @@ struct DecomposeArgs {
     fps: f64,
     #[command(flatten)]
     files: FileArgs,
+    #[command(flatten)]
+    export: ExportArgs,
 }
 
 #[derive(Args, Debug)]
@@ -131,6 +162,8 @@ struct ReplayArgs {
     extrapolation: ExtrapolationArg,
     #[command(flatten)]
     files: FileArgs,
+    #[command(flatten)]
+    export: ExportArgs,
 }
 
 #[derive(clap::ValueEnum, Clone, Copy, Debug)]
@@ -280,13 +313,15 @@ pub fn run(cli: Cli) -> Result<(), SimError> {
                 )));
             }
             let SamplerArgs { sampler, lights } = args.sampler;
+            let export = args.export.export()?;
             decompose::run(&decompose::Job {
                 env: args.env,
                 sampler,
                 request: args.model.request(lights),
                 options: args.map.into(),
                 fps: args.fps,
-                files: args.files.into(),
+                files: args.files.files(&export),
+                export,
             })
         }
         Command::Replay(args) => {
@@ -298,7 +333,9 @@ pub fn run(cli: Cli) -> Result<(), SimError> {
             let ModelArgs { tolerance, ambient } = args.model;
             let settings =
                 Settings { sampler, lights, tolerance, ambient, extrapolation, ..Settings::default() };
-            replay::run(&replay::Job { burst: args.burst, settings, files: args.files.into() })
+            let export = args.export.export()?;
+            let files = args.files.files(&export);
+            replay::run(&replay::Job { burst: args.burst, settings, files, export })
         }
         Command::Score(a) => {
             let options = a.map.into();

@@ -2,8 +2,9 @@
 
 use crate::env::EnvMap;
 use crate::error::SimError;
+use crate::export::Export;
 use crate::maps::{self, Maps};
-use crate::output::{self, Files};
+use crate::output::Files;
 use hemilux::maps::{Covers, FLOAT_MAX, HALF_MAX, ReadOptions};
 use hemilux::samplers::{self, Shape};
 use hemilux::scene;
@@ -28,6 +29,8 @@ pub struct Job {
     pub fps: f64,
     /// Paths of pictures and maps to write.
     pub files: Files,
+    /// Form and axes of the light sets.
+    pub export: Export,
 }
 
 /// Prints one light set per map.
@@ -36,6 +39,7 @@ pub struct Job {
 /// [`SimError`].
 pub fn run(job: &Job) -> Result<(), SimError> {
     let paths = list(&job.env)?;
+    job.export.check_count(paths.len())?;
     let first = read(&paths[0], &job.options)?;
     let domain = domain(&first, &job.options);
     samplers::check(&job.sampler, domain, &job.request)?;
@@ -78,10 +82,16 @@ pub fn run(job: &Job) -> Result<(), SimError> {
             latency,
             ..LightSet::EMPTY
         };
-        output::print(&set)?;
+        job.export.print(&set, map_name(job, domain).as_deref())?;
         job.files.write(many.then_some(frame), &map.polar, made.lights)?;
     }
     Ok(())
+}
+
+/// The map that a light set refers to: the one that is written, else the one that was read, where that covers the whole sphere.
+fn map_name(job: &Job, domain: Domain) -> Option<PathBuf> {
+    let read = || job.env.canonicalize().ok().filter(|env| env.is_file() && domain == Domain::Sphere);
+    job.files.map_name().or_else(read)
 }
 
 /// Rows of the map of a built-in scene, as in the maps of the charts.

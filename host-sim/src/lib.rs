@@ -10,6 +10,7 @@ pub mod decompose;
 pub mod draw;
 pub mod env;
 pub mod error;
+pub mod export;
 pub mod maps;
 pub mod metrics;
 pub mod output;

@@ -5,8 +5,6 @@ use hemilux::maps::{self, Covers};
 use hemilux_core::healpix::Domain;
 use hemilux_core::light::Light;
 use hemilux_core::polar::LatLongView;
-use hemilux_core::wire::{self, LightSet};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Paths of the pictures and maps that a command writes.
@@ -16,9 +14,17 @@ pub struct Files {
     pub picture: Option<PathBuf>,
     /// The map as OpenEXR.
     pub map: Option<PathBuf>,
+    /// Whether the map of a hemisphere is written as that of a whole sphere, black below the horizon.
+    pub whole_maps: bool,
 }
 
 impl Files {
+    /// The name by which a light set beside the map refers to it.
+    #[must_use]
+    pub fn map_name(&self) -> Option<PathBuf> {
+        self.map.as_ref().and_then(|path| Some(Path::new(".").join(path.file_name()?)))
+    }
+
     /// Writes the picture and the map whose paths are set; frame `index` of a sequence goes to a numbered file.
     ///
     /// # Errors
@@ -39,7 +45,7 @@ impl Files {
             save(&path, bytes.get_ref())?;
         }
         if let Some(path) = &self.map {
-            save_exr(&numbered(path, index), map)?;
+            save_exr(&numbered(path, index), map, self.whole_maps)?;
         }
         Ok(())
     }
@@ -62,29 +68,20 @@ pub fn save(path: &Path, bytes: &[u8]) -> Result<(), SimError> {
 }
 
 /// Writes radiance as 32-bit OpenEXR with a statement of the covered part of the sphere.
-fn save_exr(path: &Path, map: &LatLongView<'_>) -> Result<(), SimError> {
+fn save_exr(path: &Path, map: &LatLongView<'_>, whole: bool) -> Result<(), SimError> {
     let grid = map.grid;
-    let covers = match grid.domain {
-        Domain::Sphere => Covers::Sphere,
-        Domain::Hemisphere => Covers::Hemisphere,
+    let (covers, height) = match grid.domain {
+        Domain::Sphere => (Covers::Sphere, grid.height),
+        Domain::Hemisphere if whole => (Covers::Sphere, 2 * grid.height),
+        Domain::Hemisphere => (Covers::Hemisphere, grid.height),
     };
     let radiance = |row: usize, column: usize| {
+        if row >= grid.height {
+            return [0.0; 3];
+        }
         let omega = grid.solid_angle(row) as f32;
         map.texels[row * grid.width + column].map(|v| v / omega)
     };
-    let bytes = maps::write::openexr(grid.width, grid.height, covers, radiance);
+    let bytes = maps::write::openexr(grid.width, height, covers, radiance);
     save(path, &bytes.map_err(|e| SimError::at(path, e, "a map that OpenEXR can hold"))?)
-}
-
-/// Writes one light set as a line of JSON to standard output.
-///
-/// # Errors
-/// [`SimError`] when standard output is closed.
-pub fn print(set: &LightSet<'_>) -> Result<(), SimError> {
-    let mut line = Vec::new();
-    wire::json(set, &mut line).map_err(|e| SimError::Failed(format!("light set: {e:?}")))?;
-    line.push(b'\n');
-    let closed =
-        |e: std::io::Error| SimError::Failed(format!("standard output: found {e}, expected a reader"));
-    std::io::stdout().write_all(&line).map_err(closed)
 }

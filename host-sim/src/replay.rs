@@ -1,7 +1,8 @@
 //! `hemilux-sim replay`: recorded bursts through the probe's own pipeline.
 
 use crate::error::SimError;
-use crate::output::{self, Files};
+use crate::export::Export;
+use crate::output::Files;
 use hemilux::calibration::{Burst, Calibration, Frame};
 use hemilux::pipeline::{Pipeline, PipelineError, Settings};
 use hemilux::recorded;
@@ -19,6 +20,8 @@ pub struct Job {
     pub settings: Settings,
     /// Paths of pictures and maps to write.
     pub files: Files,
+    /// Form and axes of the light sets.
+    pub export: Export,
 }
 
 /// Prints one light set per burst on standard output, and a summary of each burst on standard error.
@@ -27,6 +30,7 @@ pub struct Job {
 /// [`SimError`].
 pub fn run(job: &Job) -> Result<(), SimError> {
     let bursts = recorded::read_sequence(&job.burst)?;
+    job.export.check_count(bursts.len())?;
     let mut pipeline: Option<Pipeline> = None;
     for (index, recorded::BurstFolder { folder, timestamp_ns }) in bursts.iter().enumerate() {
         let (calibration, burst) = recorded::read_burst(folder)?;
@@ -67,7 +71,7 @@ pub fn run(job: &Job) -> Result<(), SimError> {
             latency: processed.times.latency(),
             ..LightSet::EMPTY
         };
-        output::print(&set)?;
+        job.export.print(&set, job.files.map_name().as_deref())?;
         let lights = made.lights.to_vec();
         job.files.write((bursts.len() > 1).then_some(index), &pipeline.map().polar, &lights)?;
     }

@@ -1,0 +1,62 @@
+//! The form and axes in which commands write light sets to standard output.
+
+use crate::error::SimError;
+use hemilux::export::{Form, encode};
+use hemilux_core::wire::{Coordinates, LightSet};
+use std::io::Write;
+use std::path::Path;
+
+/// The form and axes of a command's light sets.
+#[derive(Clone, Copy, Debug)]
+pub struct Export {
+    form: Form,
+    axes: Coordinates,
+}
+
+impl Export {
+    /// `form` in `axes`, or in the axes of the program that reads it.
+    ///
+    /// # Errors
+    /// [`SimError::Usage`] for axes that the form cannot hold.
+    pub fn try_new(form: Form, axes: Option<Coordinates>) -> Result<Self, SimError> {
+        let axes = form.axes(axes).map_err(|e| SimError::Usage(format!("--coordinates: found {e}")))?;
+        Ok(Self { form, axes })
+    }
+
+    /// Whether the maps that a command writes have to be whole spheres, since the other program knows no hemispheres.
+    #[must_use]
+    pub fn needs_whole_maps(&self) -> bool {
+        self.form == Form::Usda
+    }
+
+    /// Refuses a sequence of `count` sets where one file holds one set.
+    ///
+    /// # Errors
+    /// [`SimError::Usage`].
+    pub fn check_count(&self, count: usize) -> Result<(), SimError> {
+        if count <= 1 || !self.form.is_scene() {
+            return Ok(());
+        }
+        let name = self.form.name();
+        Err(SimError::Usage(format!(
+            "--format {name}: found a sequence of {count}, expected one map or burst, or the format json, text, xml or csv"
+        )))
+    }
+
+    /// Writes one light set to standard output. `map` is a map of the same scene, which USD refers to.
+    ///
+    /// # Errors
+    /// [`SimError`] when standard output is closed.
+    pub fn print(&self, set: &LightSet<'_>, map: Option<&Path>) -> Result<(), SimError> {
+        let set = LightSet { coordinates: self.axes, ..*set };
+        let map = map.map(|path| path.to_string_lossy());
+        let mut bytes = Vec::new();
+        encode(self.form, &set, map.as_deref(), &mut bytes).map_err(|e| SimError::Failed(e.to_string()))?;
+        if self.form != Form::Glb && bytes.last() != Some(&b'\n') {
+            bytes.push(b'\n');
+        }
+        let closed =
+            |e: std::io::Error| SimError::Failed(format!("standard output: found {e}, expected a reader"));
+        std::io::stdout().write_all(&bytes).map_err(closed)
+    }
+}
