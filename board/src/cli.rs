@@ -10,9 +10,9 @@ mod record;
 use crate::announce;
 use crate::memory;
 use crate::pipeline::Pipeline;
-use crate::probe::{Config, EXTRAPOLATIONS, Probe};
+use crate::probe::{Config, EXTRAPOLATIONS, Link, Probe};
 use crate::samplers::{MAX_LIGHTS, NAMES};
-use crate::server::{self, Guard, Limits, Options};
+use crate::server::{self, Event, KnownHosts, Limits, Options, Running, Signals};
 use crate::source::{self, Spec};
 use crate::systemd;
 use crate::timing::read_budgets;
@@ -24,8 +24,9 @@ use hemilux_core::wire::STAGES;
 use plan::Plan;
 use std::ffi::OsString;
 use std::io::{self, Write};
-use std::net::{Ipv4Addr, SocketAddr, TcpListener};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener};
 use std::path::PathBuf;
+use std::time::Duration;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -48,6 +49,9 @@ Examples:
 Sources: v4l2:PATH, scene:room, scene:sky, scene:lamps, scene:overcast, replay:DIR.
 Exit status: 0 when stopped by SIGINT or SIGTERM, 1 after a failure, 2 for wrong usage.
 RUST_LOG=info tells more on stderr.";
+
+/// Longest time from SIGTERM to the end of the process.
+const STOP_TIME: Duration = Duration::from_millis(950);
 
 /// A light probe: fisheye bursts in, directional lights out, over HTTP.
 #[derive(Debug, Parser)]
@@ -94,6 +98,10 @@ struct Serve {
     /// Let pages of this other site, such as http://localhost:8000, use the probe; may be given more than once.
     #[arg(long = "allow-origin", value_name = "ORIGIN", value_parser = origin)]
     allow_origins: Vec<String>,
+    /// A proxy in front of the probe that is believed what it says of clients (Forwarded, or X-Forwarded-For and -Proto); it must pass
+    /// Host on. May be given more than once.
+    #[arg(long = "trusted-proxy", value_name = "ADDR")]
+    trusted_proxies: Vec<IpAddr>,
     /// TOML file with these options and the settings; `PATCH /v1/config?save=1` writes the settings back to it.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
@@ -194,30 +202,60 @@ fn serve(options: &Serve) -> Result<(), Failure> {
         return say(&memory::Plan::of(&pipeline.map_err(Failure::new)?).to_string());
     }
     let access = plan.access()?;
+    let limits = Limits::default().within_descriptors();
+    let limits = limits.map_err(|e| Failure::new(format!("the server: found {e}")))?;
     let listener = TcpListener::bind(plan.listen).map_err(|e| not_bound(plan.listen, &e))?;
     let Config { pipeline, .. } = &plan.config;
     let what = format!("{}, {}, {} lights", plan.source, pipeline.sampler, pipeline.lights);
     let probe = Probe::start(source, plan.source.to_string(), plan.config).map_err(Failure::new)?;
-    let guard = Guard::of(plan.listen, &plan.hosts);
-    let app = server::app(probe.link(), Options { guard, access, origins: plan.origins, file: plan.file });
+    let Plan { hosts, origins, proxies, file, listen, .. } = plan;
+    let hosts = KnownHosts::of(listen, &hosts);
+    let app = server::app(probe.link(), Options { hosts, access, origins, proxies, file });
     let failed = |e: io::Error| Failure::new(format!("the server: found {e}, expected it to start"));
-    let running = server::start(listener, app, Limits::default()).map_err(failed)?;
+    let running = server::start(listener, app, limits).map_err(failed)?;
     let mut signals = running.signals().map_err(failed)?;
     say(&format!("hemilux: serving http://{}/ ({what})\n", running.address()))?;
     systemd::serving(&running.address().to_string(), &probe.link());
     #[cfg(feature = "mdns")]
     let announced = options.announce.then(|| announce::announce(running.address()));
-    running.wait(&mut signals);
+    let event = wait(&running, &mut signals, &probe.link(), options);
     tracing::info!("stopping");
     systemd::stopping();
+    end_in_time(if event == Event::Stop { 0 } else { 1 });
     #[cfg(feature = "mdns")]
     drop(announced);
-    // The probe goes on until all who wait for a frame have theirs.
     running.stop();
     let link = probe.link();
     drop(probe);
+    if event == Event::Ended {
+        return Err(Failure::new("the processing thread: found its end, expected it to run until SIGTERM"));
+    }
     eprintln!("{}", link.timings());
     Ok(())
+}
+
+/// Waits for the end of the program; reads the configuration file anew when told to.
+fn wait(running: &Running, signals: &mut Signals, link: &Link, options: &Serve) -> Event {
+    loop {
+        match running.wait(signals, link.ended()) {
+            Event::Reload => match plan::reload(options, link) {
+                Ok(()) => tracing::info!(
+                    "SIGHUP: the settings of the configuration file are in effect from the next frame"
+                ),
+                Err(failure) => eprintln!("hemilux: SIGHUP: {}; nothing was changed", failure.line),
+            },
+            end => return end,
+        }
+    }
+}
+
+/// Ends the process with `status` after [`STOP_TIME`], whatever a camera, a client or the network holds up.
+fn end_in_time(status: i32) {
+    let end = move || {
+        std::thread::sleep(STOP_TIME);
+        std::process::exit(status);
+    };
+    let _ = std::thread::Builder::new().name("hemilux-stop".into()).spawn(end);
 }
 
 fn not_bound(address: SocketAddr, error: &io::Error) -> Failure {

@@ -2,9 +2,11 @@
 
 use crate::probe::Config;
 use crate::probe::settings::SETTINGS;
+use rustix::fs::OFlags;
 use serde::Deserialize;
 use std::fs;
-use std::io::Write;
+use std::io::{Read, Write};
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use toml_edit::{DocumentMut, Item};
@@ -37,6 +39,9 @@ pub struct Kept {
     /// As `--allow-origin`.
     #[serde(default)]
     pub allow_origins: Vec<String>,
+    /// As `--trusted-proxy`.
+    #[serde(default)]
+    pub trusted_proxies: Vec<String>,
     /// The settings of `/v1/config`.
     #[serde(flatten)]
     pub settings: toml::Table,
@@ -77,7 +82,7 @@ impl ConfigFile {
             kept.settings.keys().find(|key| SETTINGS.iter().all(|s| s.name != key.as_str()))
         {
             let names = SETTINGS.map(|s| s.name).join(", ");
-            let others = "source, listen, open, token_file, hosts, allow_origins";
+            let others = "source, listen, open, token_file, hosts, allow_origins, trusted_proxies";
             return Err(content(format!("found '{unknown}', expected one of {others}, {names}")));
         }
         let folder = path.parent().unwrap_or(Path::new(""));
@@ -104,26 +109,36 @@ impl ConfigFile {
             .map_err(|e| ConfigFileError::Write(self.path.clone(), e))
     }
 
-    /// Replaces the file by way of another beside it, so that no reader sees half of it.
+    /// Replaces the file by way of a new one beside it, so that no reader sees half of it.
     fn replace(&self, bytes: &[u8]) -> std::io::Result<()> {
-        // A link stays a link: what it points to is replaced.
+        // Where the name is a link, the file that it points to is replaced.
         let path = fs::canonicalize(&self.path)?;
-        let mut name = path.file_name().unwrap_or_default().to_owned();
-        name.push(".new");
-        let beside = path.with_file_name(name);
-        let mut file = fs::File::create(&beside)?;
-        file.set_permissions(fs::metadata(&path)?.permissions())?;
-        file.write_all(bytes).and_then(|()| file.sync_all()).and_then(|()| fs::rename(&beside, &path))
+        let about = fs::metadata(&path)?;
+        let (owner, user) = (about.uid(), rustix::process::geteuid().as_raw());
+        if owner != user {
+            return Err(std::io::Error::other(format!("user {owner} as its owner, not {user}")));
+        }
+        let folder = path.parent().unwrap_or(Path::new("/"));
+        let mut file = tempfile::Builder::new().prefix(".hemilux-").tempfile_in(folder)?;
+        file.as_file().set_permissions(about.permissions())?;
+        file.write_all(bytes).and_then(|()| file.as_file().sync_all())?;
+        file.persist(&path).map_err(|e| e.error)?;
+        Ok(())
     }
 }
 
 fn read(path: &Path) -> Result<String, ConfigFileError> {
     let failed = |e| ConfigFileError::Read(path.into(), e);
-    let length = fs::metadata(path).map_err(failed)?.len();
-    if length > MOST_BYTES {
-        return Err(ConfigFileError::TooLong(path.into()));
+    // Opening a FIFO would wait for its other end.
+    let opened =
+        fs::OpenOptions::new().read(true).custom_flags(OFlags::NONBLOCK.bits().cast_signed()).open(path);
+    let file = opened.map_err(failed)?;
+    if !file.metadata().map_err(failed)?.is_file() {
+        return Err(failed(std::io::Error::other("a FIFO, a device or a folder")));
     }
-    fs::read_to_string(path).map_err(failed)
+    let mut text = String::new();
+    let length = file.take(MOST_BYTES + 1).read_to_string(&mut text).map_err(failed)?;
+    if length as u64 > MOST_BYTES { Err(ConfigFileError::TooLong(path.into())) } else { Ok(text) }
 }
 
 fn item(value: &serde_json::Value) -> Option<Item> {
@@ -190,6 +205,15 @@ mod tests {
                 line.contains("hemilux.toml") && line.contains(named) && !line.contains('\n'),
                 "{text}: {line}"
             );
+        }
+        let fifo = folder.path().join("fifo");
+        assert!(
+            std::process::Command::new("mkfifo").arg(&fifo).status().expect("mkfifo").success(),
+            "a FIFO"
+        );
+        for path in [fifo.as_path(), Path::new("/dev/zero"), folder.path()] {
+            let error = ConfigFile::open(path).map(|_| ()).expect_err("no file").to_string();
+            assert!(error.contains("found a FIFO, a device or a folder"), "{error}");
         }
         let error =
             ConfigFile::open(&folder.path().join("none.toml")).map(|_| ()).expect_err("no file").to_string();

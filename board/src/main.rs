@@ -1,10 +1,12 @@
 //! The probe's command.
 
 use std::io::{IsTerminal, Write};
+use std::panic::PanicHookInfo;
 use std::process::ExitCode;
 use tracing_subscriber::EnvFilter;
 
 fn main() -> ExitCode {
+    std::panic::set_hook(Box::new(tell_panic));
     let filter = EnvFilter::builder().with_default_directive(tracing::Level::WARN.into()).from_env_lossy();
     tracing_subscriber::fmt()
         .with_env_filter(filter)
@@ -18,4 +20,16 @@ fn main() -> ExitCode {
             ExitCode::from(failure.status)
         }
     }
+}
+
+/// Tells a panic in one line.
+fn tell_panic(panic: &PanicHookInfo<'_>) {
+    let thread = std::thread::current();
+    let place = panic.location().map_or_else(String::new, |place| format!(" at {place}"));
+    let why = panic.payload_as_str().unwrap_or("no reason").replace('\n', " ");
+    let _ = writeln!(
+        std::io::stderr(),
+        "hemilux: thread {} panicked{place}: {why}",
+        thread.name().unwrap_or("?")
+    );
 }

@@ -2,13 +2,13 @@
 
 use super::{Failure, Serve, address, origin};
 use crate::config_file::{ConfigFile, Kept};
-use crate::probe::settings::wish_of;
-use crate::probe::{Change, Config};
+use crate::probe::settings::{SETTINGS, wish_of};
+use crate::probe::{Change, Config, Link};
 use crate::server::{self, Access, Token};
 use crate::source::Spec;
 use std::fmt::Display;
 use std::io::{self, Write};
-use std::net::{Ipv4Addr, SocketAddr};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
 
 /// The thesis's port.
@@ -21,6 +21,7 @@ pub(super) struct Plan {
     pub(super) token_file: Option<PathBuf>,
     pub(super) hosts: Vec<String>,
     pub(super) origins: Vec<String>,
+    pub(super) proxies: Vec<IpAddr>,
     pub(super) config: Config,
     pub(super) file: Option<ConfigFile>,
 }
@@ -36,6 +37,8 @@ impl Plan {
         let source = kept.source.as_deref().map(str::parse::<Spec>).transpose();
         let listen = kept.listen.as_deref().map(address).transpose();
         let origins = kept.allow_origins.iter().map(|o| origin(o)).collect::<Result<Vec<_>, _>>();
+        let proxies = kept.trusted_proxies.iter().map(|text| text.parse::<IpAddr>());
+        let proxies = proxies.collect::<Result<Vec<_>, _>>().map_err(|e| wrong("trusted_proxies", &e))?;
         let source = options.source.clone().or(source.map_err(|e| wrong("source", &e))?);
         let listen = options.listen.or(listen.map_err(|e| wrong("listen", &e))?);
         let plan = Self {
@@ -45,6 +48,7 @@ impl Plan {
             hosts: [kept.hosts, options.hosts.clone()].concat(),
             origins: [origins.map_err(|e| wrong("allow_origins", &e))?, options.allow_origins.clone()]
                 .concat(),
+            proxies: [proxies, options.trusted_proxies.clone()].concat(),
             config: settings(options, kept.settings).map_err(|(key, why)| wrong(&key, &why))?,
             file,
         };
@@ -74,6 +78,25 @@ impl Plan {
         }
         Access::with_token(token).map_err(Failure::new)
     }
+}
+
+/// Reads the configuration file anew and puts its settings, with the options' last word, into effect with the next frame. Where else the
+/// file has changed, the probe has to be started anew.
+pub(super) fn reload(options: &Serve, link: &Link) -> Result<(), Failure> {
+    if options.config.is_none() {
+        return Err(Failure::new(
+            "found no configuration file, expected the probe to be started with --config FILE",
+        ));
+    }
+    let plan = Plan::of(options)?;
+    let values = SETTINGS.iter().map(|s| (s.name.to_owned(), s.value(&plan.config))).collect();
+    let change = wish_of(&values);
+    let change = change.map_err(|errors| {
+        let (key, why) = errors.into_iter().next().unwrap_or_default();
+        Failure::new(format!("{key}: {why}"))
+    })?;
+    link.change(&change).map_err(Failure::new)?;
+    Ok(())
 }
 
 /// The settings: defaults, then the file's, then the options'. An error names the setting.

@@ -55,6 +55,8 @@ pub struct Link {
     timings: Mutex<Timings>,
     encode_us: AtomicU32,
     stopping: AtomicBool,
+    /// True when the processing thread has ended.
+    ended: watch::Sender<bool>,
     turns: AtomicU64,
     views: Views,
     comparison: Comparison,
@@ -100,6 +102,7 @@ impl Link {
             failure: Mutex::new(None),
             encode_us: AtomicU32::new(0),
             stopping: AtomicBool::new(false),
+            ended: watch::Sender::new(false),
             turns: AtomicU64::new(0),
             views: Views::default(),
             comparison: Comparison::default(),
@@ -217,6 +220,11 @@ impl Link {
     #[must_use]
     pub fn turns(&self) -> u64 {
         self.turns.load(Ordering::Relaxed)
+    }
+
+    /// Waits for the end of the processing thread.
+    pub async fn ended(&self) {
+        let _ = self.ended.subscribe().wait_for(|ended| *ended).await;
     }
 
     fn is_stopping(&self) -> bool {

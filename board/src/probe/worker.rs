@@ -203,6 +203,7 @@ impl Drop for Worker {
     /// Whoever still asks is told that no more frames come.
     fn drop(&mut self) {
         self.link.set_failure(Some("the processing thread has ended".into()));
+        self.link.ended.send_replace(true);
     }
 }
 

@@ -2,23 +2,27 @@
 //!
 //! With a token, a request must carry it as `Authorization: Bearer`, as the password of `Authorization: Basic` (what old clients and
 //! pictures in pages can send; the name does not matter), or carry the cookie that the log-in form gives. It never stands in a URL.
-//! A browser sends cookies and Basic passwords by itself, so requests that a page of another site made are refused in any case.
+//! A browser sends cookies and Basic passwords by itself, so requests that a page of another site caused are refused in any case.
 
-use super::guard;
+use super::attempts::Attempts;
+use super::connection::ClientKey;
+use super::origin::{Cause, Sender};
+use super::proxy::Scheme;
 use super::token::Token;
 use super::{Context, line, pages};
 use axum::extract::{Form, FromRequest, FromRequestParts, Request, State};
-use axum::http::header::{ACCEPT, AUTHORIZATION, COOKIE, LOCATION, SET_COOKIE, WWW_AUTHENTICATE};
+use axum::http::header::{AUTHORIZATION, COOKIE, LOCATION, RETRY_AFTER, SET_COOKIE, WWW_AUTHENTICATE};
 use axum::http::request::Parts;
-use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, Uri};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode};
 use axum::response::{IntoResponse, Response};
 use data_encoding::BASE64;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Longest time to send a body.
 pub(super) const BODY_TIME: Duration = Duration::from_secs(5);
 
 const BEARER: &str = "Bearer realm=\"hemilux\"";
+const BASIC_OR_BEARER: &str = "Basic realm=\"hemilux\", charset=\"UTF-8\", Bearer realm=\"hemilux\"";
 
 const COOKIE_NAME: &str = "hemilux";
 
@@ -36,6 +40,17 @@ pub enum Access {
     },
 }
 
+/// Why a request is not admitted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Denial {
+    /// It carries no credentials.
+    Missing,
+    /// Its credentials are wrong.
+    Wrong,
+    /// The client has sent too many wrong ones: these were not looked at.
+    Blocked(Duration),
+}
+
 impl Access {
     /// Requires `token`, or the cookie of a session that was opened with it.
     ///
@@ -45,30 +60,74 @@ impl Access {
         Ok(Self::Token { token, session: Token::random()? })
     }
 
-    /// Whether a request with these headers carries what is needed.
-    pub(super) fn admits(&self, headers: &HeaderMap) -> bool {
-        let Self::Token { token, session } = self else { return true };
+    /// Checks the credentials in `headers`; wrong tokens are counted under `client`.
+    pub(super) fn admit(
+        &self,
+        headers: &HeaderMap,
+        client: ClientKey,
+        attempts: &Attempts,
+    ) -> Result<(), Denial> {
+        let Self::Token { session, .. } = self else { return Ok(()) };
         let mut given = headers.get_all(AUTHORIZATION).iter();
-        let (first, second) = (given.next(), given.next());
-        if let (Some(value), None) = (first, second) {
-            return credential(value).is_some_and(|secret| token.is(&secret));
+        match (given.next(), given.next()) {
+            (Some(value), None) => {
+                self.check(&credential(value).map_or(Vec::new(), |c| c.secret), client, attempts)
+            }
+            (Some(_), Some(_)) => Err(Denial::Wrong),
+            // The session's value has 256 random bits: it needs no protection from guessing.
+            (None, _) if cookies(headers).any(|value| session.is(value.as_bytes())) => Ok(()),
+            (None, _) => Err(Denial::Missing),
         }
-        let cookies = headers.get_all(COOKIE).iter().filter_map(|v| v.to_str().ok());
-        let mut pairs = cookies.flat_map(|v| v.split(';')).filter_map(|pair| pair.trim().split_once('='));
-        first.is_none() && pairs.any(|(name, value)| name == COOKIE_NAME && session.is(value.as_bytes()))
+    }
+
+    /// Checks whether `secret` is the token, unless `client` has failed too often.
+    fn check(&self, secret: &[u8], client: ClientKey, attempts: &Attempts) -> Result<(), Denial> {
+        let Self::Token { token, .. } = self else { return Ok(()) };
+        let now = Instant::now();
+        if let Some(wait) = attempts.blocked(client, now) {
+            return Err(Denial::Blocked(wait));
+        }
+        if token.is(secret) {
+            return Ok(());
+        }
+        attempts.failed(client, now);
+        Err(Denial::Wrong)
     }
 }
 
-/// The secret in an Authorization header.
-fn credential(value: &HeaderValue) -> Option<Vec<u8>> {
+/// The values of the session cookie.
+fn cookies(headers: &HeaderMap) -> impl Iterator<Item = &str> {
+    let all = headers.get_all(COOKIE).iter().filter_map(|v| v.to_str().ok());
+    let pairs = all.flat_map(|v| v.split(';')).filter_map(|pair| pair.trim().split_once('='));
+    pairs.filter(|(name, _)| *name == COOKIE_NAME).map(|(_, value)| value)
+}
+
+/// What an Authorization header holds.
+#[derive(Debug, PartialEq, Eq)]
+struct Credential {
+    is_basic: bool,
+    secret: Vec<u8>,
+}
+
+fn credential(value: &HeaderValue) -> Option<Credential> {
     let (scheme, rest) = value.to_str().ok()?.split_once(' ')?;
     let rest = rest.trim();
     if scheme.eq_ignore_ascii_case("bearer") {
-        return Some(rest.into());
+        return Some(Credential { is_basic: false, secret: rest.into() });
     }
     let decoded = scheme.eq_ignore_ascii_case("basic").then(|| BASE64.decode(rest.as_bytes()).ok())??;
     let colon = decoded.iter().position(|b| *b == b':')?;
-    Some(decoded[colon + 1..].to_vec())
+    Some(Credential { is_basic: true, secret: decoded[colon + 1..].to_vec() })
+}
+
+/// Whether a browser sent a password that it remembers.
+pub(super) fn is_basic(headers: &HeaderMap) -> bool {
+    headers.get_all(AUTHORIZATION).iter().filter_map(credential).any(|c| c.is_basic)
+}
+
+/// Whether a request carries a Bearer token, which no page of another site can add.
+pub(super) fn is_bearer(headers: &HeaderMap) -> bool {
+    headers.get_all(AUTHORIZATION).iter().filter_map(credential).any(|c| !c.is_basic)
 }
 
 /// Proof that a request may change settings and see pictures: a handler that takes it is protected.
@@ -78,41 +137,55 @@ impl FromRequestParts<Context> for Allowed {
     type Rejection = Response;
 
     async fn from_request_parts(parts: &mut Parts, context: &Context) -> Result<Self, Response> {
-        check(context, &parts.uri, &parts.headers).map_or(Ok(Self), Err)
+        check(context, &Sender::of(parts)).map_or(Ok(Self), Err)
     }
 }
 
 /// The refusal of a request that may not change settings and see pictures.
-pub(super) fn check(context: &Context, uri: &Uri, headers: &HeaderMap) -> Option<Response> {
-    if guard::is_foreign(uri, headers, &context.origins) {
-        context.counts.refused("foreign");
-        return Some(line(StatusCode::FORBIDDEN, "a request made by a page of another site"));
+pub(super) fn check(context: &Context, sender: &Sender) -> Option<Response> {
+    if sender.cause(&context.origins) == Cause::ForeignPage {
+        return Some(foreign(context, "a request made by a page of another site"));
     }
-    if context.access.admits(headers) {
-        return None;
+    let denial = context.access.admit(&sender.headers, sender.client.key(), &context.attempts).err()?;
+    Some(denied(context, sender, denial))
+}
+
+/// The refusal of a request that a page of another site caused.
+pub(super) fn foreign(context: &Context, text: &str) -> Response {
+    context.counts.refused("foreign");
+    line(StatusCode::FORBIDDEN, text)
+}
+
+fn denied(context: &Context, sender: &Sender, denial: Denial) -> Response {
+    if let Denial::Blocked(wait) = denial {
+        return blocked(context, wait);
     }
     context.counts.refused("token");
     // Navigations get the log-in form. Pictures and programs get a Basic challenge, for which a browser shows a password dialog;
     // fetch requests of scripts get a Bearer challenge, for which it does not.
-    let text = |name: HeaderName| headers.get(name).and_then(|v| v.to_str().ok()).unwrap_or_default();
-    let is_script = text(HeaderName::from_static("sec-fetch-mode")) == "cors";
-    let person = text(ACCEPT).contains("text/html");
-    let (mut response, challenge) = if person {
-        (pages::login("This needs the probe's token.").into_response(), BEARER)
+    let accepts_pages =
+        sender.text(&axum::http::header::ACCEPT).is_some_and(|accept| accept.contains("text/html"));
+    let is_script = sender.text(&HeaderName::from_static("sec-fetch-mode")) == Some("cors");
+    let mut response = if accepts_pages {
+        pages::login("This needs the probe's token.").into_response()
     } else {
         let text = "this needs the probe's token: as Authorization: Bearer TOKEN, as a Basic password, or log in at /login";
-        (
-            line(StatusCode::UNAUTHORIZED, text),
-            if is_script {
-                BEARER
-            } else {
-                "Basic realm=\"hemilux\", charset=\"UTF-8\", Bearer realm=\"hemilux\""
-            },
-        )
+        line(StatusCode::UNAUTHORIZED, text)
     };
+    let challenge = if accepts_pages || is_script { BEARER } else { BASIC_OR_BEARER };
     *response.status_mut() = StatusCode::UNAUTHORIZED;
     response.headers_mut().insert(WWW_AUTHENTICATE, HeaderValue::from_static(challenge));
-    Some(response)
+    response
+}
+
+/// The refusal of credentials that were not looked at.
+fn blocked(context: &Context, wait: Duration) -> Response {
+    context.counts.refused("guessing");
+    let seconds = wait.as_secs() + 1;
+    let text = format!("too many wrong tokens from this address: wait {seconds} s");
+    let mut response = line(StatusCode::TOO_MANY_REQUESTS, &text);
+    response.headers_mut().insert(RETRY_AFTER, seconds.into());
+    response
 }
 
 #[derive(serde::Deserialize)]
@@ -124,29 +197,39 @@ pub(super) struct LogIn {
 /// Shows the log-in form.
 pub(super) async fn form(State(context): State<Context>) -> Response {
     match context.access {
-        Access::Open => line(StatusCode::OK, "this probe has no token: there is nothing to log in to"),
+        Access::Open => no_token(),
         Access::Token { .. } => pages::login("").into_response(),
     }
 }
 
+fn no_token() -> Response {
+    line(StatusCode::OK, "this probe has no token: there is nothing to log in to")
+}
+
 /// Sets the session cookie when the form holds the token.
-pub(super) async fn log_in(State(context): State<Context>, request: Request) -> Response {
-    if guard::is_foreign(request.uri(), request.headers(), &context.origins) {
-        context.counts.refused("foreign");
-        return line(StatusCode::FORBIDDEN, "a log-in sent by a page of another site");
+pub(super) async fn log_in(State(context): State<Context>, sender: Sender, request: Request) -> Response {
+    if sender.cause(&context.origins) == Cause::ForeignPage {
+        return foreign(&context, "a log-in sent by a page of another site");
     }
     let form = tokio::time::timeout(BODY_TIME, Form::<LogIn>::from_request(request, &())).await;
     let Ok(Ok(Form(LogIn { token: given }))) = form else {
         return line(StatusCode::BAD_REQUEST, "found another body, expected the form's one field, token");
     };
-    let Access::Token { token, session } = &context.access else {
-        return line(StatusCode::OK, "this probe has no token: there is nothing to log in to");
-    };
-    if !token.is(given.trim().as_bytes()) {
-        context.counts.refused("token");
-        return (StatusCode::UNAUTHORIZED, pages::login("That is not the token.")).into_response();
+    let Access::Token { session, .. } = &context.access else { return no_token() };
+    match context.access.check(given.trim().as_bytes(), sender.client.key(), &context.attempts) {
+        Ok(()) => logged_in(session, sender.client.scheme),
+        Err(Denial::Blocked(wait)) => blocked(&context, wait),
+        Err(_) => {
+            context.counts.refused("token");
+            (StatusCode::UNAUTHORIZED, pages::login("That is not the token.")).into_response()
+        }
     }
-    let cookie = format!("{COOKIE_NAME}={}; Path=/; HttpOnly; SameSite=Strict", session.reveal());
+}
+
+/// Gives the cookie; over HTTPS, the browser shall send it over HTTPS only.
+fn logged_in(session: &Token, scheme: Scheme) -> Response {
+    let secure = if scheme == Scheme::Https { "; Secure" } else { "" };
+    let cookie = format!("{COOKIE_NAME}={}; Path=/; HttpOnly; SameSite=Strict{secure}", session.reveal());
     let mut response = StatusCode::SEE_OTHER.into_response();
     response.headers_mut().insert(LOCATION, HeaderValue::from_static("/"));
     // base64url is always a header value.
@@ -162,7 +245,7 @@ mod tests {
 
     #[test]
     fn the_secret_is_found_in_both_schemes() {
-        let secret = |text: &'static str| credential(&HeaderValue::from_static(text));
+        let secret = |text: &'static str| credential(&HeaderValue::from_static(text)).map(|c| c.secret);
         // RFC 7617's and RFC 6750's own examples.
         assert_eq!(secret("Basic QWxhZGRpbjpvcGVuIHNlc2FtZQ=="), Some(b"open sesame".to_vec()), "Basic");
         assert_eq!(secret("bearer mF_9.B5f-4.1JqM"), Some(b"mF_9.B5f-4.1JqM".to_vec()), "Bearer");

@@ -1,47 +1,90 @@
 //! `/change`: settings, all or none of them, in effect from the next frame.
 
-use super::{Context, access, line, pages};
+use super::access::{self, BODY_TIME};
+use super::origin::{Cause, Sender};
+use super::{Context, line, pages};
 use crate::probe::settings::{Kind, SETTINGS, short};
 use crate::probe::{Applied, Change, Refusal};
 use crate::samplers::{NAMES, least_lights};
 use axum::extract::rejection::QueryRejection;
-use axum::extract::{Query, State};
-use axum::http::{HeaderMap, StatusCode, Uri};
+use axum::extract::{Form, FromRequest, Query, Request, State};
+use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use hemilux_core::healpix::Domain;
 use std::time::Duration;
 
-/// Longest wait for the frame that confirms a change; a dead source gives none.
+/// Longest wait for the frame that confirms a change.
 const LONGEST_WAIT: Duration = Duration::from_millis(1500);
 
 type Pairs = Vec<(String, String)>;
 
-/// Shows the form, or changes what the parameters say.
+/// Shows the form, or changes the settings in the query.
+///
+/// A browser's request needs proof that a page of this server caused it, else it gets the parameters as a form to confirm. With
+/// remembered Basic credentials, every navigation gets that form: the browser adds them to any link.
 pub(super) async fn change(
     State(context): State<Context>,
-    uri: Uri,
-    headers: HeaderMap,
+    sender: Sender,
     query: Result<Query<Pairs>, QueryRejection>,
 ) -> Response {
     let Ok(Query(pairs)) = query else { return refused("a query that cannot be read") };
     if pairs.is_empty() {
         return pages::change_form(&context.link.applied().borrow().config).into_response();
     }
-    if let Some(refusal) = access::check(&context, &uri, &headers) {
+    match sender.cause(&context.origins) {
+        _ if access::is_bearer(&sender.headers) => apply(&context, &sender, &pairs).await,
+        Cause::OwnPage if sender.is_navigation() && access::is_basic(&sender.headers) => confirm_form(&pairs),
+        Cause::Program | Cause::OwnPage => apply(&context, &sender, &pairs).await,
+        Cause::Unproven => unproven(&context, &pairs),
+        Cause::ForeignPage if sender.is_navigation() => unproven(&context, &pairs),
+        Cause::ForeignPage => access::foreign(&context, "a request made by a page of another site"),
+    }
+}
+
+/// Changes the settings in the form. Browsers send Origin with every form, so a page of another site gives itself away.
+pub(super) async fn submit(State(context): State<Context>, sender: Sender, request: Request) -> Response {
+    if matches!(sender.cause(&context.origins), Cause::ForeignPage | Cause::Unproven) {
+        return access::foreign(&context, "a form sent by a page of another site");
+    }
+    if let Some(refusal) = access::check(&context, &sender) {
         return refusal;
     }
-    let change = match parse(&pairs) {
+    let form = tokio::time::timeout(BODY_TIME, Form::<Pairs>::from_request(request, &())).await;
+    match form {
+        Ok(Ok(Form(pairs))) if !pairs.is_empty() => apply_allowed(&context, &pairs).await,
+        _ => refused("another body than a form with at least one field"),
+    }
+}
+
+fn unproven(context: &Context, pairs: &[(String, String)]) -> Response {
+    context.counts.refused("unproven");
+    confirm_form(pairs)
+}
+
+fn confirm_form(pairs: &[(String, String)]) -> Response {
+    (StatusCode::FORBIDDEN, pages::change_confirm(pairs)).into_response()
+}
+
+async fn apply(context: &Context, sender: &Sender, pairs: &[(String, String)]) -> Response {
+    if let Some(refusal) = access::check(context, sender) {
+        return refusal;
+    }
+    apply_allowed(context, pairs).await
+}
+
+async fn apply_allowed(context: &Context, pairs: &[(String, String)]) -> Response {
+    let change = match parse(pairs) {
         Ok(change) => change,
         Err(found) => return refused(&found),
     };
-    match make(&context, &change).await {
-        Ok(Some(answer)) => confirm(&answer, &pairs),
-        Ok(None) => pages::change_pending(&pairs).into_response(),
+    match make(context, &change).await {
+        Ok(Some(answer)) => confirm(&answer, pairs),
+        Ok(None) => pages::change_pending(pairs).into_response(),
         Err(refusal) => refused(&refusal.why),
     }
 }
 
-/// Changes settings and waits until the processing thread has taken them up; `None` when that takes longer than a client waits.
+/// Changes settings and waits until the processing thread has applied them; `None` when that takes longer than [`LONGEST_WAIT`].
 ///
 /// # Errors
 /// Why nothing was changed.

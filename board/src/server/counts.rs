@@ -5,9 +5,20 @@ use std::array;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-/// Reasons for a refusal.
-pub(super) const REASONS: [&str; 7] =
-    ["malformed", "host", "foreign", "token", "connections", "connections of one address", "slow"];
+/// Reasons for a refusal, and for the end of a connection.
+pub(super) const REASONS: [&str; 11] = [
+    "malformed",
+    "host",
+    "foreign",
+    "token",
+    "connections",
+    "slow",
+    "unproven",
+    "guessing",
+    "memory",
+    "displaced",
+    "accept",
+];
 
 /// Status classes, 1xx to 5xx.
 pub(super) const CLASSES: usize = 5;

@@ -1,10 +1,12 @@
 //! `/v1/events` and `/v1/socket`: a light set per frame, pushed. A slow client misses frames and
 //! delays no other client; the next set that it gets is the newest.
 
+use super::access;
 use super::connection::{ConnectionGuard, stopped};
-use super::guard::is_foreign;
-use super::lights::{Answer, Format, LONGEST_WAIT, event_id, since_ready};
+use super::lights::{Format, LONGEST_WAIT, event_id, since_ready};
+use super::origin::{Cause, Sender};
 use super::query::{Variant, Wanted, wanted};
+use super::sets::Missing;
 use super::{Context, line};
 use crate::probe::Published;
 use axum::body::{Body, Bytes};
@@ -18,10 +20,23 @@ use futures_util::StreamExt;
 use std::convert::Infallible;
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
+use std::time::{Duration, Instant};
 use tokio::sync::watch;
 
 /// Largest message that a WebSocket client may send; none is needed.
 const MESSAGE_BYTES: usize = 1 << 10;
+
+/// Largest message that is read at all; above it the connection ends without a close code.
+const READ_BYTES: usize = 64 << 10;
+
+/// Longest time for the exchange of close frames.
+const CLOSE_TIME: Duration = Duration::from_secs(1);
+
+/// Shortest time between two looks at a slow client's backlog.
+const BACKLOG_PAUSE: Duration = Duration::from_millis(20);
+
+/// Longest time for which a slow client is sent nothing: its backlog may look longer than it is.
+const LONGEST_SKIP: Duration = Duration::from_millis(1200);
 
 /// Delay before a client reconnects.
 const RETRY: &str = "retry: 1000\n\n";
@@ -31,37 +46,78 @@ struct Feed {
     context: Context,
     variant: Variant,
     latest: watch::Receiver<Option<Arc<Published>>>,
+    /// The client's connection; `None` for a request without a socket.
+    connection: Option<Arc<ConnectionGuard>>,
     /// The id of the client's last event, if any.
     has: Option<String>,
     is_first: bool,
+    /// Length of the last set, bytes.
+    length: usize,
+    sent: Instant,
+}
+
+/// A set for the client.
+enum Next {
+    Set(Bytes),
+    /// There is no set yet.
+    None,
+    /// The server stops.
+    Stop,
 }
 
 impl Feed {
-    fn new(context: Context, variant: Variant, has: Option<String>) -> Self {
+    fn new(
+        context: Context,
+        variant: Variant,
+        connection: Option<Arc<ConnectionGuard>>,
+        has: Option<String>,
+    ) -> Self {
         context.counts.streams.fetch_add(1, Relaxed);
         let latest = context.link.subscribe();
-        Self { context, variant, latest, has, is_first: true }
+        Self { context, variant, latest, connection, has, is_first: true, length: 0, sent: Instant::now() }
     }
 
-    /// The next set's bytes: at once if the client does not have the newest, else with the next frame, or after
-    /// [`LONGEST_WAIT`] the last one again, marked stale. `None` when the server stops; no bytes before the first set.
-    async fn next(&mut self) -> Option<Bytes> {
+    /// The next set's bytes: at once if the client does not have the newest, else with the next frame for which the client has taken
+    /// enough of the last ones, or after [`LONGEST_WAIT`] the last one again, marked stale.
+    async fn next(&mut self) -> Next {
         let mut stop = self.context.stop.subscribe();
         let is_late = if std::mem::take(&mut self.is_first) && self.has_news() {
             self.latest.mark_unchanged();
             false
         } else {
             tokio::select! {
-                () = stopped(&mut stop) => return None,
-                waited = tokio::time::timeout(LONGEST_WAIT, self.context.link.newer(&self.latest)) => waited.is_err(),
+                () = stopped(&mut stop) => return Next::Stop,
+                is_late = self.wait() => is_late,
             }
         };
-        let link = &self.context.link;
-        let Some(set) = self.latest.borrow_and_update().clone() else { return Some(Bytes::new()) };
-        if !is_late {
-            self.context.counts.delivered(since_ready(&set));
+        self.latest.mark_unchanged();
+        let ready = match self.context.sets.newest(self.variant, &self.context.link, is_late).await {
+            Ok(ready) => ready,
+            Err(Missing::NoSet | Missing::Full) => return Next::None,
+            Err(Missing::Fault) => return Next::Stop,
+        };
+        if !ready.is_stale {
+            self.context.counts.delivered(since_ready(&ready.set));
         }
-        self.context.cache.bytes(self.variant, link, Answer::of(link, set, is_late)).await
+        (self.length, self.sent) = (ready.bytes.len(), Instant::now());
+        Next::Set(ready.bytes)
+    }
+
+    /// Waits for a newer set, and until the client has room for one; whether none came in [`LONGEST_WAIT`].
+    async fn wait(&self) -> bool {
+        let newer = self.context.link.newer(&self.latest);
+        let is_late = tokio::time::timeout(LONGEST_WAIT, newer).await.is_err();
+        // A slow client misses the sets of this time and then gets the newest one.
+        while self.is_backlogged() {
+            tokio::time::sleep(BACKLOG_PAUSE).await;
+        }
+        is_late
+    }
+
+    /// Whether sets would pile up on their way to the client.
+    fn is_backlogged(&self) -> bool {
+        let is_recent = self.sent.elapsed() < LONGEST_SKIP;
+        is_recent && self.connection.as_ref().is_some_and(|c| c.queues.is_backlogged(2 * self.length))
     }
 
     fn has_news(&self) -> bool {
@@ -86,17 +142,25 @@ fn variant(uri: &Uri, fixed: Option<Format>) -> Result<Variant, String> {
 }
 
 /// Server-sent events: the data of each is a light set as JSON.
-pub(super) async fn events(State(context): State<Context>, uri: Uri, headers: HeaderMap) -> Response {
+pub(super) async fn events(
+    State(context): State<Context>,
+    uri: Uri,
+    headers: HeaderMap,
+    extensions: Extensions,
+) -> Response {
     let variant = match variant(&uri, Some(Format::Event)) {
         Ok(variant) => variant,
         Err(found) => return line(StatusCode::BAD_REQUEST, &found),
     };
     let has = headers.get("last-event-id").and_then(|v| v.to_str().ok()).map(Into::into);
-    let feed = Feed::new(context, variant, has);
+    let feed = Feed::new(context, variant, extensions.get().cloned(), has);
     let sets = futures_util::stream::unfold(feed, |mut feed| async move {
-        let bytes = feed.next().await?;
-        // A comment, so that a client that has gone is noticed.
-        let bytes = if bytes.is_empty() { Bytes::from_static(b": no frame yet\n\n") } else { bytes };
+        let bytes = match feed.next().await {
+            Next::Set(bytes) => bytes,
+            // A comment, so that a client that has gone is noticed.
+            Next::None => Bytes::from_static(b": no frame yet\n\n"),
+            Next::Stop => return None,
+        };
         Some((Ok::<_, Infallible>(bytes), feed))
     });
     let first = futures_util::stream::iter([Ok(Bytes::from_static(RETRY.as_bytes()))]);
@@ -112,15 +176,13 @@ pub(super) async fn events(State(context): State<Context>, uri: Uri, headers: He
 /// A WebSocket: each message is a light set, text unless `format=binary`.
 pub(super) async fn socket(
     State(context): State<Context>,
-    uri: Uri,
-    headers: HeaderMap,
+    sender: Sender,
     extensions: Extensions,
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> Response {
-    // Browsers let any page open a WebSocket to anywhere.
-    if is_foreign(&uri, &headers, &context.origins) {
-        context.counts.refused("foreign");
-        return line(StatusCode::FORBIDDEN, "a WebSocket opened by a page of another site");
+    // Browsers let any page open a WebSocket to anywhere, and tell its origin.
+    if sender.cause(&context.origins) == Cause::ForeignPage {
+        return access::foreign(&context, "a WebSocket opened by a page of another site");
     }
     let Ok(upgrade) = upgrade else {
         return line(
@@ -128,50 +190,71 @@ pub(super) async fn socket(
             "this is a WebSocket; GET /v1/events and /v1/lights need none",
         );
     };
-    let variant = match variant(&uri, None) {
+    let variant = match variant(&sender.uri, None) {
         Ok(variant) => variant,
         Err(found) => return line(StatusCode::BAD_REQUEST, &found),
     };
-    // The connection's place is kept until the socket is closed.
-    let guard = extensions.get::<Arc<ConnectionGuard>>().cloned();
-    let upgrade = upgrade.max_message_size(MESSAGE_BYTES).max_frame_size(MESSAGE_BYTES).write_buffer_size(0);
+    // The connection's permit is kept until the socket is closed.
+    let connection: Option<Arc<ConnectionGuard>> = extensions.get().cloned();
+    let answering = connection.as_ref().map(|connection| connection.begin());
+    // Larger messages are refused by close code 1009, see [`unless_closed`].
+    let upgrade = upgrade.max_message_size(READ_BYTES).max_frame_size(READ_BYTES).write_buffer_size(0);
     upgrade.on_upgrade(move |socket| async move {
-        push(socket, Feed::new(context, variant, None)).await;
-        drop(guard);
+        push(socket, Feed::new(context, variant, connection, None)).await;
+        drop(answering);
     })
+}
+
+/// Why a WebSocket ends.
+enum End {
+    /// The client has closed it, or is gone.
+    Client,
+    /// The client has sent a message that is too large.
+    TooLarge,
 }
 
 /// Sends sets until either side ends it.
 async fn push(mut socket: WebSocket, mut feed: Feed) {
-    loop {
-        let Some(bytes) = unless_closed(&mut socket, feed.next()).await else { return };
-        let message = match bytes {
-            Some(bytes) if bytes.is_empty() => continue,
-            Some(bytes) if feed.variant.format == Format::Binary => Message::Binary(bytes),
-            Some(bytes) => match Utf8Bytes::try_from(bytes) {
-                Ok(text) => Message::Text(text),
-                Err(_) => return,
-            },
-            None => {
-                let away = CloseFrame { code: close_code::AWAY, reason: "the probe stops".into() };
-                let _ = socket.send(Message::Close(Some(away))).await;
-                return;
-            }
+    let end = loop {
+        let bytes = match unless_closed(&mut socket, feed.next()).await {
+            Ok(Next::Set(bytes)) => bytes,
+            Ok(Next::None) => continue,
+            Ok(Next::Stop) => break (close_code::AWAY, "the probe stops"),
+            Err(End::TooLarge) => break (close_code::SIZE, "messages of more than 1,024 bytes are refused"),
+            // The answer to the client's close frame is sent by the library, when it is read on.
+            Err(End::Client) => return finish(socket).await,
+        };
+        let message = if feed.variant.format == Format::Binary {
+            Message::Binary(bytes)
+        } else {
+            // Sets are UTF-8.
+            Message::Text(Utf8Bytes::try_from(bytes).unwrap_or_default())
         };
         if socket.send(message).await.is_err() {
             return;
         }
-    }
+    };
+    let (code, reason) = end;
+    let _ = socket.send(Message::Close(Some(CloseFrame { code, reason: reason.into() }))).await;
+    finish(socket).await;
 }
 
-/// Waits for `next` while ignoring the client's messages; `None` when the client closes the socket.
-async fn unless_closed<T>(socket: &mut WebSocket, next: impl Future<Output = T>) -> Option<T> {
+/// Exchanges close frames: reads until the client has ended the connection, or for [`CLOSE_TIME`].
+async fn finish(mut socket: WebSocket) {
+    let rest = async { while let Some(Ok(_)) = socket.recv().await {} };
+    let _ = tokio::time::timeout(CLOSE_TIME, rest).await;
+}
+
+/// Waits for `next` while the client sends nothing but small messages, which are ignored.
+async fn unless_closed<T>(socket: &mut WebSocket, next: impl Future<Output = T>) -> Result<T, End> {
     tokio::pin!(next);
     loop {
         tokio::select! {
-            next = &mut next => return Some(next),
+            next = &mut next => return Ok(next),
             message = socket.recv() => match message {
-                Some(Ok(Message::Close(_)) | Err(_)) | None => return None,
+                Some(Ok(Message::Text(text))) if text.len() > MESSAGE_BYTES => return Err(End::TooLarge),
+                Some(Ok(Message::Binary(bytes))) if bytes.len() > MESSAGE_BYTES => return Err(End::TooLarge),
+                Some(Ok(Message::Close(_)) | Err(_)) | None => return Err(End::Client),
                 Some(Ok(_)) => {}
             },
         }

@@ -4,6 +4,7 @@
 //! for the next finished frame; slow clients delay no other client. `openapi.json` documents every request.
 
 mod access;
+mod attempts;
 mod change;
 mod client;
 mod compare;
@@ -11,36 +12,45 @@ mod config;
 mod connection;
 mod counts;
 mod develop;
+mod encoder;
 mod events;
-mod guard;
+mod headers;
+mod hosts;
 mod lights;
-mod limiter;
+mod memory;
 mod metrics;
+mod origin;
 mod page;
 mod pages;
+mod picture_cache;
 mod pictures;
+mod proxy;
 mod query;
 mod routes;
 mod screenshot;
+mod sets;
 mod sphere;
-mod stall;
 mod token;
 mod xr;
 
 pub use access::Access;
-pub use connection::{Limits, Running, Signals, start};
-pub use guard::{Guard, is_loopback};
+pub use connection::{Event, Limits, Running, Signals, start};
+pub use hosts::{KnownHosts, is_loopback};
 pub use token::{Token, TokenError};
 
 use crate::config_file::ConfigFile;
 use crate::probe::Link;
+use attempts::Attempts;
 use axum::Router;
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use counts::Counts;
-use lights::Cache;
-use pictures::PictureCache;
+use memory::AnswerMemory;
+use picture_cache::PictureCache;
+use proxy::Proxies;
 use screenshot::Screenshots;
+use sets::EncodedSets;
+use std::net::IpAddr;
 use std::sync::Arc;
 use tokio::sync::watch;
 
@@ -48,11 +58,13 @@ use tokio::sync::watch;
 #[derive(Clone, Debug)]
 pub struct Options {
     /// The accepted Host headers.
-    pub guard: Guard,
+    pub hosts: KnownHosts,
     /// The condition for changes of settings and for pictures.
     pub access: Access,
     /// Origins (`http://host:port`) of other sites whose pages have the rights of the server's own pages.
     pub origins: Vec<String>,
+    /// Addresses of proxies that are believed what they say of the clients whose requests they forward.
+    pub proxies: Vec<IpAddr>,
     /// The file that `PATCH /v1/config?save=1` writes settings to.
     pub file: Option<ConfigFile>,
 }
@@ -60,7 +72,8 @@ pub struct Options {
 impl Default for Options {
     /// Access from this machine only, without a token.
     fn default() -> Self {
-        Self { guard: Guard::loopback(), access: Access::Open, origins: Vec::new(), file: None }
+        let (origins, proxies) = (Vec::new(), Vec::new());
+        Self { hosts: KnownHosts::loopback(), access: Access::Open, origins, proxies, file: None }
     }
 }
 
@@ -69,14 +82,16 @@ type Context = Arc<Shared>;
 
 struct Shared {
     link: Arc<Link>,
-    cache: Cache,
+    sets: EncodedSets,
     pictures: PictureCache,
     screenshots: Screenshots,
     scores: compare::ComparisonScores,
     counts: Arc<Counts>,
-    guard: Guard,
+    hosts: KnownHosts,
     access: Access,
+    attempts: Attempts,
     origins: Vec<String>,
+    proxies: Arc<Proxies>,
     file: Option<ConfigFile>,
     /// True when the server is told to stop: streams end.
     stop: Arc<watch::Sender<bool>>,
@@ -86,6 +101,8 @@ struct Shared {
 pub struct App {
     router: Router,
     counts: Arc<Counts>,
+    proxies: Arc<Proxies>,
+    memory: Arc<AnswerMemory>,
     stop: Arc<watch::Sender<bool>>,
 }
 
@@ -99,23 +116,25 @@ impl App {
 /// All routes, with the checks of `options` before them.
 #[must_use]
 pub fn app(link: Arc<Link>, options: Options) -> App {
-    let stop = Arc::new(watch::Sender::new(false));
-    let counts = Arc::new(Counts::default());
-    let Options { guard, access, origins, file } = options;
+    let Options { hosts, access, origins, proxies, file } = options;
+    let (stop, counts) = (Arc::new(watch::Sender::new(false)), Arc::new(Counts::default()));
+    let (memory, proxies) = (Arc::new(AnswerMemory::default()), Arc::new(Proxies::new(&proxies)));
     let shared = Shared {
         link,
-        cache: Cache::default(),
-        pictures: PictureCache::default(),
+        sets: EncodedSets::new(Arc::clone(&memory)),
+        pictures: PictureCache::new(Arc::clone(&memory)),
         screenshots: Screenshots::default(),
         scores: compare::ComparisonScores::default(),
         counts: Arc::clone(&counts),
-        guard,
+        hosts,
         access,
+        attempts: Attempts::default(),
         origins,
+        proxies: Arc::clone(&proxies),
         file,
         stop: Arc::clone(&stop),
     };
-    App { router: routes::router(Arc::new(shared)), counts, stop }
+    App { router: routes::router(Arc::new(shared)), counts, proxies, memory, stop }
 }
 
 /// An answer of one line of plain text.

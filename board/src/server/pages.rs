@@ -1,12 +1,13 @@
 //! The HTML pages, and `/v1/status` with what they show. Whatever comes from outside the program is escaped.
 
+use super::origin::Sender;
 use super::{Context, change, config};
 use crate::probe::{Config, EXTRAPOLATIONS, Published, extrapolation_name};
 use crate::samplers::{MAX_LIGHTS, NAMES};
 use crate::timing::Timings;
 use axum::extract::State;
+use axum::http::StatusCode;
 use axum::http::header::CACHE_CONTROL;
-use axum::http::{HeaderMap, StatusCode};
 use axum::response::{Html, IntoResponse, Response};
 use hemilux_core::wire::Latency;
 use serde_json::json;
@@ -42,7 +43,7 @@ pub(super) async fn info(State(context): State<Context>) -> Response {
 }
 
 /// The same for programs.
-pub(super) async fn status(State(context): State<Context>, headers: HeaderMap) -> Response {
+pub(super) async fn status(State(context): State<Context>, sender: Sender) -> Response {
     let link = &context.link;
     let latest = link.subscribe().borrow().clone();
     let frame = latest.as_ref().map(|set| {
@@ -69,7 +70,7 @@ pub(super) async fn status(State(context): State<Context>, headers: HeaderMap) -
         "streams": context.counts.streams.load(Relaxed),
         "changes": link.applied().borrow().serial,
         "needs_token": matches!(context.access, super::Access::Token { .. }),
-        "allowed": context.access.admits(&headers),
+        "allowed": context.access.admit(&sender.headers, sender.client.key(), &context.attempts).is_ok(),
         "last": frame,
         "frames": timings.frames(),
         "stages": stages.collect::<Vec<_>>(),
@@ -127,7 +128,7 @@ pub(super) fn change_form(config: &Config) -> Html<String> {
     let requests: String =
         change::accepted().lines().map(|l| format!("<li><code>/change?{l}</code></li>")).collect();
     let body = format!(
-        "<form action=\"/change\" method=\"get\">\
+        "<form action=\"/change\" method=\"post\">\
          <label>Algorithm <select name=\"algorithm\">{samplers}</select></label>\
          <label>Samples <input name=\"samples\" type=\"number\" min=\"1\" max=\"{MAX_LIGHTS}\" value=\"{}\"></label>\
          <label>Extrapolation <select name=\"extrapolation\">{extrapolations}</select></label>\
@@ -140,6 +141,20 @@ pub(super) fn change_form(config: &Config) -> Html<String> {
         s.lights
     );
     page("change", &body)
+}
+
+/// Asks for a confirmation of a change that the browser sent without proof that a page of this server caused it.
+pub(super) fn change_confirm(pairs: &[(String, String)]) -> Html<String> {
+    let field = |(name, value): &(String, String)| {
+        let (name, value) = (escaped(name), escaped(value));
+        format!("<label>{name} <input name=\"{name}\" value=\"{value}\"></label>")
+    };
+    let fields: String = pairs.iter().map(field).collect();
+    let body = format!(
+        "<p>Nothing was changed. Any page can make a browser send this request, so please confirm the change:</p>\
+         <form action=\"/change\" method=\"post\">{fields}<button>Change</button></form>"
+    );
+    page("confirm the change", &body)
 }
 
 /// Confirms a change.

@@ -2,14 +2,14 @@
 
 use super::access::Allowed;
 use super::develop;
-use super::lights::{LONGEST_WAIT, no_frame_yet};
+use super::lights::{LONGEST_WAIT, no_frame_yet, too_much};
+use super::picture_cache::{NoPicture, Picture, PictureKind, Rendered, Shot, View};
 use super::{Context, line};
 use crate::calibration::{Calibration, Frame};
 use crate::clock;
 use crate::picture;
 use crate::probe::settings::short;
 use crate::probe::{BurstView, Link, MapView, Slot};
-use axum::body::Bytes;
 use axum::extract::{Path, RawQuery, State};
 use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE, RETRY_AFTER};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode};
@@ -17,14 +17,14 @@ use axum::response::{IntoResponse, Response};
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageFormat};
 use std::io::Cursor;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
 /// JPEG quality: artefacts are below the sensor's noise.
 const QUALITY: u8 = 90;
 
-/// Largest number of pictures that are kept: the exposures of a burst and the forms of the map.
-const MAX_PICTURES: usize = 16;
+/// Longest wait for a view while the source is known to have failed.
+const FAILED_WAIT: Duration = Duration::from_millis(100);
 
 /// Longest wait for a fresh shot: two bursts, of which the first was under way; exposures of a second each make three-second bursts.
 const CAPTURE_WAIT: Duration = Duration::from_secs(8);
@@ -32,59 +32,16 @@ const CAPTURE_WAIT: Duration = Duration::from_secs(8);
 /// Part of a shot's samples that may be clipped.
 const CLIPPED: f64 = 0.01;
 
-/// The contents of a picture.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum PictureKind {
-    Exposure(usize),
-    Map { marks: bool },
-    MapExr,
-    MapHdr,
-    Mask,
-}
-
-/// Renders pictures and keeps the newest of each kind.
-#[derive(Debug, Default)]
-pub(super) struct PictureCache {
-    /// Held while a picture is rendered: that takes tens of milliseconds of a core.
-    rendering: tokio::sync::Mutex<()>,
-    /// Kind, frame and encoded bytes of each picture, the newest first.
-    kept: Mutex<Vec<(PictureKind, u64, Bytes)>>,
-}
-
-impl PictureCache {
-    /// The picture of `frame`, made by `render` unless it is there.
-    pub(super) async fn get_or_render(
-        &self,
-        kind: PictureKind,
-        frame: u64,
-        render: impl FnOnce() -> Option<Vec<u8>> + Send + 'static,
-    ) -> Option<Bytes> {
-        let _alone = self.rendering.lock().await;
-        if let Some(bytes) = self.find(kind, frame) {
-            return Some(bytes);
-        }
-        let bytes = Bytes::from(tokio::task::spawn_blocking(render).await.ok()??);
-        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
-        kept.retain(|(k, ..)| *k != kind);
-        kept.truncate(MAX_PICTURES - 1);
-        kept.insert(0, (kind, frame, bytes.clone()));
-        Some(bytes)
-    }
-
-    fn find(&self, kind: PictureKind, frame: u64) -> Option<Bytes> {
-        let kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
-        kept.iter().find(|(k, f, _)| (*k, *f) == (kind, frame)).map(|(.., bytes)| bytes.clone())
-    }
-}
-
-/// The next frame's view, or after [`LONGEST_WAIT`] the last one that there was; the second value says which.
-pub(super) async fn view<T>(slot: &Slot<T>) -> Option<(Arc<T>, bool)> {
+/// The next frame's view, or after [`LONGEST_WAIT`] the last one that there was; at once where the source is known to have failed.
+pub(super) async fn view<T>(link: &Link, slot: &Slot<T>) -> View<Arc<T>> {
+    let since_ns = clock::monotonic_ns();
     let (number, mut given) = slot.ask();
-    let waited = tokio::time::timeout(LONGEST_WAIT, given.wait_for(|g| g.number >= number)).await;
+    let longest = if link.failure().is_some() { FAILED_WAIT } else { LONGEST_WAIT };
+    let waited = tokio::time::timeout(longest, given.wait_for(|g| g.number >= number)).await;
     let is_fresh = waited.is_ok();
     drop(waited);
     let view = given.borrow().view.clone();
-    view.map(|view| (view, is_fresh))
+    view.map_or(View::None, |view| View::Of { view, since_ns, is_fresh })
 }
 
 /// `image` and `image?N`: exposure N of the next burst, 0 the shortest; the longest without N.
@@ -102,16 +59,13 @@ pub(super) async fn image_at(
 }
 
 async fn exposure(context: &Context, index: Option<&str>) -> Response {
-    let number = index.map(str::parse::<usize>);
-    let Some((view, is_fresh)) = view(&context.link.views().bursts).await else {
-        return no_frame_yet(&context.link);
-    };
-    let last = view.frames.len().saturating_sub(1);
-    let Ok(at) = number.unwrap_or(Ok(last)) else { return no_exposure(index, last) };
-    if at > last {
-        return no_exposure(index, last);
-    }
-    jpeg_answer(context, view, at, is_fresh).await
+    let last = context.link.exposures().seconds.len().saturating_sub(1);
+    let number = index.map_or(Some(last), |text| text.parse::<usize>().ok().filter(|at| *at <= last));
+    let Some(at) = number else { return no_exposure(index, last) };
+    let link = &context.link;
+    let look = |_| view(link, &link.views().bursts);
+    let render = move |view: Arc<BurstView>| shot(&view, at.min(view.frames.len().saturating_sub(1)));
+    answer(context, context.pictures.picture(PictureKind::Exposure(at), look, render).await, "image/jpeg")
 }
 
 fn no_exposure(index: Option<&str>, last: usize) -> Response {
@@ -122,26 +76,26 @@ fn no_exposure(index: Option<&str>, last: usize) -> Response {
     )
 }
 
-/// `capture`: a single shot that was taken after the request: of the first burst whose exposures all began after it, the longest
+/// `capture`: a picture that was taken after the request: of the first burst whose exposures all began after it, the longest
 /// exposure that is hardly clipped.
 pub(super) async fn capture(State(context): State<Context>, _: Allowed) -> Response {
-    let asked_ns = clock::monotonic_ns();
-    let fresh = async {
-        loop {
-            match view(&context.link.views().bursts).await {
-                Some((view, true)) if view.before_ns >= asked_ns => return Some(view),
-                // While the source is known to be down, nothing is to be waited for.
-                Some((_, false)) | None if context.link.failure().is_some() => return None,
-                _ => {}
+    let link = &context.link;
+    let look = |asked_ns| async move {
+        match view(link, &link.views().bursts).await {
+            View::Of { view, is_fresh: true, .. } if view.before_ns >= asked_ns => {
+                View::Of { since_ns: view.before_ns, view, is_fresh: true }
             }
+            // While the source is known to have failed, there is nothing to wait for.
+            View::Of { is_fresh: false, .. } | View::None if link.failure().is_some() => View::None,
+            _ => View::TooOld,
         }
     };
-    let Ok(Some(view)) = tokio::time::timeout(CAPTURE_WAIT, fresh).await else {
-        return nothing_fresh(&context.link);
-    };
-    let seen = Arc::clone(&view);
-    let at = tokio::task::spawn_blocking(move || well_exposed(&seen)).await.unwrap_or(0);
-    jpeg_answer(&context, view, at, true).await
+    let render = |view: Arc<BurstView>| shot(&view, well_exposed(&view));
+    let picture = context.pictures.picture(PictureKind::Capture, look, render);
+    match tokio::time::timeout(CAPTURE_WAIT, picture).await {
+        Ok(Err(NoPicture::NoView)) | Err(_) => nothing_fresh(link),
+        Ok(picture) => answer(&context, picture, "image/jpeg"),
+    }
 }
 
 fn nothing_fresh(link: &Link) -> Response {
@@ -151,19 +105,6 @@ fn nothing_fresh(link: &Link) -> Response {
         &format!("no fresh shot: {}", link.failure().unwrap_or(within)),
     );
     response.headers_mut().insert(RETRY_AFTER, HeaderValue::from_static("1"));
-    response
-}
-
-async fn jpeg_answer(context: &Context, view: Arc<BurstView>, at: usize, is_fresh: bool) -> Response {
-    let frame = view.frame;
-    let count = view.frames.len();
-    let exposure = view.frames.get(at).map_or(0.0, |f| f.exposure.seconds * f.exposure.gain);
-    let render = move || jpeg(view.frames.get(at)?, &view.calibration);
-    let bytes = context.pictures.get_or_render(PictureKind::Exposure(at), frame, render).await;
-    let mut response = answer(bytes, "image/jpeg", frame, is_fresh);
-    let exposure = HeaderValue::from_str(&exposure.to_string());
-    response.headers_mut().insert(HeaderName::from_static("hemilux-exposures"), count.into());
-    response.headers_mut().extend(exposure.map(|e| (HeaderName::from_static("hemilux-exposure-s"), e)));
     response
 }
 
@@ -180,46 +121,67 @@ pub(super) async fn map_png(
             return line(StatusCode::BAD_REQUEST, &format!("found '{}'. Accepted: marks=0|1", short(other)));
         }
     };
-    let Some((view, is_fresh)) = view(&context.link.views().maps).await else {
-        return no_frame_yet(&context.link);
-    };
-    let frame = view.frame;
-    let render = move || png(&view, marks);
-    answer(
-        context.pictures.get_or_render(PictureKind::Map { marks }, frame, render).await,
-        "image/png",
-        frame,
-        is_fresh,
-    )
+    map(&context, PictureKind::Map { marks }, "image/png", move |view| png(view, marks)).await
 }
 
 /// `/v1/map.exr`: the whole sphere's radiance, dark below the horizon.
 pub(super) async fn map_exr(State(context): State<Context>, _: Allowed) -> Response {
-    let Some((view, is_fresh)) = view(&context.link.views().maps).await else {
-        return no_frame_yet(&context.link);
-    };
-    let frame = view.frame;
-    let render = move || exr(&view);
-    answer(
-        context.pictures.get_or_render(PictureKind::MapExr, frame, render).await,
-        "image/x-exr",
-        frame,
-        is_fresh,
-    )
+    map(&context, PictureKind::MapExr, "image/x-exr", exr).await
 }
 
-pub(super) fn answer(bytes: Option<Bytes>, kind: &'static str, frame: u64, is_fresh: bool) -> Response {
-    let Some(bytes) = bytes else {
-        return line(StatusCode::INTERNAL_SERVER_ERROR, "the picture could not be made");
+/// Answers with a picture of the map.
+pub(super) async fn map(
+    context: &Context,
+    kind: PictureKind,
+    content_type: &'static str,
+    paint: impl FnOnce(&MapView) -> Option<Vec<u8>> + Send + 'static,
+) -> Response {
+    let link = &context.link;
+    let look = |_| view(link, &link.views().maps);
+    let render =
+        move |view: Arc<MapView>| Some(Rendered { bytes: paint(&view)?, frame: view.frame, shot: None });
+    answer(context, context.pictures.picture(kind, look, render).await, content_type)
+}
+
+/// Answers with a picture, or says why there is none.
+pub(super) fn answer(
+    context: &Context,
+    picture: Result<Picture, NoPicture>,
+    content_type: &'static str,
+) -> Response {
+    let Picture { bytes, frame, shot, is_fresh } = match picture {
+        Ok(picture) => picture,
+        Err(why) => return no_picture(context, why),
     };
     let mut headers = HeaderMap::new();
-    headers.insert(CONTENT_TYPE, HeaderValue::from_static(kind));
+    headers.insert(CONTENT_TYPE, HeaderValue::from_static(content_type));
     headers.insert(CACHE_CONTROL, HeaderValue::from_static("no-store"));
     headers.insert(HeaderName::from_static("hemilux-frame"), frame.into());
     if !is_fresh {
         headers.insert(HeaderName::from_static("hemilux-stale"), HeaderValue::from_static("true"));
     }
+    if let Some(Shot { of, seconds }) = shot {
+        headers.insert(HeaderName::from_static("hemilux-exposures"), of.into());
+        let seconds = HeaderValue::from_str(&seconds.to_string());
+        headers.extend(seconds.map(|s| (HeaderName::from_static("hemilux-exposure-s"), s)));
+    }
     (headers, bytes).into_response()
+}
+
+/// Says why there is no picture.
+pub(super) fn no_picture(context: &Context, why: NoPicture) -> Response {
+    match why {
+        NoPicture::NoView => no_frame_yet(&context.link),
+        NoPicture::Full => too_much(context),
+        NoPicture::Fault => line(StatusCode::INTERNAL_SERVER_ERROR, "the picture could not be made"),
+    }
+}
+
+/// The JPEG of exposure `at`.
+fn shot(view: &BurstView, at: usize) -> Option<Rendered> {
+    let frame = view.frames.get(at)?;
+    let shot = Shot { of: view.frames.len(), seconds: frame.exposure.seconds * frame.exposure.gain };
+    Some(Rendered { bytes: jpeg(frame, &view.calibration)?, frame: view.frame, shot: Some(shot) })
 }
 
 fn well_exposed(view: &BurstView) -> usize {

@@ -9,7 +9,7 @@ use axum::http::{HeaderMap, Uri};
 use hemilux_core::wire::Coordinates;
 
 /// How a set is written; sets written alike are written once.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Variant {
     pub(super) format: Format,
     pub(super) coordinates: Coordinates,
@@ -47,6 +47,8 @@ pub(super) fn wanted(
         return Err(refused("a query that cannot be read".into()));
     };
     let mut wanted = Wanted { variant: Variant::of(fixed.unwrap_or(Format::Json)), after: None };
+    // The estimate has the harmonics in any case.
+    wanted.variant.ambient = fixed == Some(Format::Estimate);
     let mut named = fixed.is_some();
     for (i, (name, value)) in pairs.iter().enumerate() {
         if pairs[..i].iter().any(|(n, _)| n == name) {

@@ -1,18 +1,22 @@
-//! The table of requests: what there is, for whom, and how it is asked for.
+//! The table of requests.
 
 use super::{
-    Context, access, change, client, compare, config, events, lights, metrics, page, pages, pictures,
-    screenshot, sphere, xr,
+    Context, access, change, client, compare, config, events, headers, lights, metrics, page, pages,
+    pictures, proxy, screenshot, sphere, xr,
 };
 use axum::Router;
-use axum::extract::{DefaultBodyLimit, MatchedPath, Request, State};
+use axum::extract::{MatchedPath, Request, State};
 use axum::http::StatusCode;
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::Response;
 use axum::routing::{get, post};
 use lights::Format;
+use tower_http::limit::RequestBodyLimitLayer;
 
-/// A path, with the method that it is asked for with; `/openapi.json` describes the same.
+/// Largest body of a request; handlers that need none leave it unread.
+const MAX_BODY_BYTES: usize = 16 << 10;
+
+/// All paths; `/openapi.json` describes the same.
 pub(super) const ROUTES: [&str; 29] = [
     "/",
     "/page/{name}",
@@ -57,7 +61,7 @@ pub(super) fn router(context: Context) -> Router {
         .route("/", get(page::index))
         .route("/page/{name}", get(page::part))
         .route("/info", get(pages::info))
-        .route("/change", get(change::change).head(not_allowed))
+        .route("/change", get(change::change).head(not_allowed).merge(post(change::submit)))
         .route("/data", light_set(Some(Format::Text)))
         .route("/xml", light_set(Some(Format::Xml)))
         .route("/image", get(pictures::image).head(not_allowed))
@@ -86,8 +90,10 @@ pub(super) fn router(context: Context) -> Router {
     paths
         .fallback(not_found)
         .method_not_allowed_fallback(not_allowed)
-        .layer(DefaultBodyLimit::max(super::guard::MAX_BODY_BYTES as usize))
-        .layer(from_fn_with_state(context.clone(), super::guard::check))
+        .layer(RequestBodyLimitLayer::new(MAX_BODY_BYTES))
+        .layer(headers::cors(&context.origins))
+        .layer(from_fn_with_state(context.clone(), headers::finish))
+        .layer(from_fn_with_state(context.clone(), proxy::identify))
         .layer(from_fn_with_state(context.clone(), count))
         .with_state(context)
 }

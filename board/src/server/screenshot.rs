@@ -1,16 +1,17 @@
 //! `screenshot`: the debug picture, kept under a name of its own. The last sixteen stay, in memory: no request writes a file.
 
 use super::access::Allowed;
-use super::lights::no_frame_yet;
-use super::pictures::{png, view};
+use super::picture_cache::{PictureKind, Rendered};
+use super::pictures::{no_picture, png, view};
 use super::{Context, line, pages};
+use crate::probe::MapView;
 use axum::body::Bytes;
 use axum::extract::{Path, State};
 use axum::http::StatusCode;
 use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE};
 use axum::response::{IntoResponse, Response};
 use std::collections::VecDeque;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Screenshots that stay.
 const KEPT: usize = 16;
@@ -19,8 +20,6 @@ const KEPT: usize = 16;
 #[derive(Debug, Default)]
 pub(super) struct Screenshots {
     pictures: Mutex<(u64, VecDeque<(String, Bytes)>)>,
-    /// One picture is painted at a time.
-    painting: tokio::sync::Mutex<()>,
 }
 
 impl Screenshots {
@@ -48,14 +47,14 @@ pub(super) async fn take(State(context): State<Context>, _: Allowed) -> Response
     if !context.link.applied().borrow().config.gui {
         return (StatusCode::CONFLICT, pages::no_screenshot()).into_response();
     }
-    let _alone = context.screenshots.painting.lock().await;
-    let Some((map, _)) = view(&context.link.views().maps).await else { return no_frame_yet(&context.link) };
-    let frame = map.frame;
-    let painted = tokio::task::spawn_blocking(move || png(&map, true)).await;
-    let Ok(Some(picture)) = painted else {
-        return line(StatusCode::INTERNAL_SERVER_ERROR, "the picture could not be made");
+    let link = &context.link;
+    let look = |_| view(link, &link.views().maps);
+    let render = |map: Arc<MapView>| Some(Rendered { bytes: png(&map, true)?, frame: map.frame, shot: None });
+    let picture = match context.pictures.picture(PictureKind::Screenshot, look, render).await {
+        Ok(picture) => picture,
+        Err(why) => return no_picture(&context, why),
     };
-    let names = context.screenshots.keep(context.link.run(), frame, picture.into());
+    let names = context.screenshots.keep(link.run(), picture.frame, picture.bytes);
     ([(CACHE_CONTROL, "no-store")], pages::screenshot(&names)).into_response()
 }
 

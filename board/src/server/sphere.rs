@@ -3,8 +3,8 @@
 use super::Context;
 use super::access::Allowed;
 use super::develop;
-use super::lights::no_frame_yet;
-use super::pictures::{PictureKind, answer, view};
+use super::picture_cache::{PictureKind, Rendered};
+use super::pictures::{answer, map, view};
 use crate::calibration::{Calibration, Frame};
 use crate::probe::{BurstView, MapView};
 use axum::extract::State;
@@ -15,6 +15,7 @@ use image::codecs::hdr::HdrEncoder;
 use image::{GrayImage, ImageFormat, Rgb};
 use std::f64::consts::PI;
 use std::io::Cursor;
+use std::sync::Arc;
 
 /// Grey values of the mask.
 const UNSEEN: u8 = 0;
@@ -23,37 +24,20 @@ const CLIPPED: u8 = 255;
 
 /// `/v1/map.hdr`: the whole sphere's radiance, dark below the horizon.
 pub(super) async fn map_hdr(State(context): State<Context>, _: Allowed) -> Response {
-    let Some((view, is_fresh)) = view(&context.link.views().maps).await else {
-        return no_frame_yet(&context.link);
-    };
-    let frame = view.frame;
-    let render = move || hdr(&view);
-    answer(
-        context.pictures.get_or_render(PictureKind::MapHdr, frame, render).await,
-        "image/vnd.radiance",
-        frame,
-        is_fresh,
-    )
+    map(&context, PictureKind::MapHdr, "image/vnd.radiance", hdr).await
 }
 
 /// `/v1/mask.png`: the hemisphere in the map's shape, black where the lens does not see, white where even the shortest exposure clips.
 pub(super) async fn mask_png(State(context): State<Context>, _: Allowed) -> Response {
-    let grid = context.link.applied().borrow().config.pipeline.grid;
-    let Some((view, is_fresh)) = view(&context.link.views().bursts).await else {
-        return no_frame_yet(&context.link);
-    };
-    let frame = view.frame;
-    let render = move || {
+    let link = &context.link;
+    let grid = link.applied().borrow().config.pipeline.grid;
+    let look = |_| view(link, &link.views().bursts);
+    let render = move |view: Arc<BurstView>| {
         let mut bytes = Cursor::new(Vec::new());
         mask(&view, &grid)?.write_to(&mut bytes, ImageFormat::Png).ok()?;
-        Some(bytes.into_inner())
+        Some(Rendered { bytes: bytes.into_inner(), frame: view.frame, shot: None })
     };
-    answer(
-        context.pictures.get_or_render(PictureKind::Mask, frame, render).await,
-        "image/png",
-        frame,
-        is_fresh,
-    )
+    answer(&context, context.pictures.picture(PictureKind::Mask, look, render).await, "image/png")
 }
 
 fn hdr(view: &MapView) -> Option<Vec<u8>> {

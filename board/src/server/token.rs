@@ -1,10 +1,11 @@
 //! The secret that lets people change settings and see pictures.
 
 use data_encoding::BASE64URL_NOPAD;
+use rustix::fs::OFlags;
 use std::fmt;
 use std::fs::{File, OpenOptions};
 use std::io::{ErrorKind, Read, Write};
-use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use subtle::ConstantTimeEq;
 
@@ -40,14 +41,30 @@ pub enum TokenError {
         "token file {0}: found permissions {1:04o}, expected 0600: others could read it (chmod 600 it and change the token)"
     )]
     Permissions(PathBuf, u32),
+    /// It belongs to another user.
+    #[error("token file {path}: found user {owner} as its owner, expected {user} or root")]
+    Owner {
+        /// The file.
+        path: PathBuf,
+        /// Its owner.
+        owner: u32,
+        /// The user that the probe runs as.
+        user: u32,
+    },
     /// It does not hold one token.
     #[error(
-        "token file {0}: found something else, expected one line of {LEAST} to {MOST} printable ASCII characters without spaces"
+        "token file {0}: found something else, expected a file with one line of {LEAST} to {MOST} printable ASCII characters without spaces"
     )]
     Content(PathBuf),
     /// The operating system has no random numbers.
     #[error("found no random numbers ({0}), expected the operating system to give some")]
     Random(getrandom::Error),
+}
+
+/// Whether `file` is a file of no bytes, as is left when the machine lost its power while one was written.
+fn is_empty_file(file: &File) -> std::io::Result<bool> {
+    let about = file.metadata()?;
+    Ok(about.is_file() && about.len() == 0)
 }
 
 impl Token {
@@ -61,28 +78,49 @@ impl Token {
         Ok(Self { secret: BASE64URL_NOPAD.encode(&bytes) })
     }
 
-    /// The token in the file at `path`, which is made with a random one (permissions 0600) when it is not there; the second value says so.
+    /// The token in the file at `path`. Where there is none, or an empty one, it is made with a random token (permissions 0600); the
+    /// second value says so.
     ///
     /// # Errors
     /// [`TokenError`].
     pub fn load_or_make(path: &Path) -> Result<(Self, bool), TokenError> {
         let failed = |e| TokenError::File(path.into(), e);
-        let made = OpenOptions::new().write(true).create_new(true).mode(0o600).open(path);
-        match made {
-            Ok(mut file) => {
-                let token = Self::random()?;
-                writeln!(file, "{}", token.secret).and_then(|()| file.sync_all()).map_err(failed)?;
-                Ok((token, true))
+        // Opening a FIFO would wait for its other end.
+        let opened =
+            OpenOptions::new().read(true).custom_flags(OFlags::NONBLOCK.bits().cast_signed()).open(path);
+        match opened {
+            Ok(file) if is_empty_file(&file).map_err(failed)? => {
+                Self::make(path, true).map(|token| (token, true))
             }
-            Err(e) if e.kind() == ErrorKind::AlreadyExists => Self::load(path).map(|token| (token, false)),
+            Ok(file) => Self::load(path, file).map(|token| (token, false)),
+            Err(e) if e.kind() == ErrorKind::NotFound => Self::make(path, false).map(|token| (token, true)),
             Err(e) => Err(failed(e)),
         }
     }
 
-    fn load(path: &Path) -> Result<Self, TokenError> {
+    /// Writes a random token under a new name, which then becomes `path`: no reader sees half of it, and no link is followed.
+    fn make(path: &Path, replaces: bool) -> Result<Self, TokenError> {
         let failed = |e| TokenError::File(path.into(), e);
-        let file = File::open(path).map_err(failed)?;
-        let mode = file.metadata().map_err(failed)?.permissions().mode() & 0o7777;
+        let token = Self::random()?;
+        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let mut file = tempfile::Builder::new().prefix(".hemilux-").tempfile_in(folder).map_err(failed)?;
+        writeln!(file, "{}", token.secret).and_then(|()| file.as_file().sync_all()).map_err(failed)?;
+        let named = if replaces { file.persist(path) } else { file.persist_noclobber(path) };
+        named.map_err(|e| failed(e.error))?;
+        Ok(token)
+    }
+
+    fn load(path: &Path, file: File) -> Result<Self, TokenError> {
+        let failed = |e| TokenError::File(path.into(), e);
+        let about = file.metadata().map_err(failed)?;
+        if !about.is_file() {
+            return Err(TokenError::Content(path.into()));
+        }
+        let (owner, user) = (about.uid(), rustix::process::geteuid().as_raw());
+        if owner != user && owner != 0 {
+            return Err(TokenError::Owner { path: path.into(), owner, user });
+        }
+        let mode = about.permissions().mode() & 0o7777;
         if mode & 0o077 != 0 {
             return Err(TokenError::Permissions(path.into(), mode));
         }
@@ -127,6 +165,28 @@ mod tests {
     }
 
     #[test]
+    fn an_empty_file_gets_a_token_and_a_link_in_its_place_is_not_followed() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (path, elsewhere) = (folder.path().join("token"), folder.path().join("elsewhere"));
+        std::fs::write(&elsewhere, b"").expect("a file");
+        std::os::unix::fs::symlink(&elsewhere, &path).expect("a link");
+        let (_, new) = Token::load_or_make(&path).expect("made");
+        assert!(new && path.symlink_metadata().expect("a file").is_file(), "a file of its own");
+        assert_eq!(std::fs::read(&elsewhere).expect("a file"), b"", "untouched");
+        assert_eq!(folder.path().read_dir().expect("a folder").count(), 2, "nothing is left beside them");
+    }
+
+    #[test]
+    fn a_fifo_is_no_token() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("token");
+        let made = std::process::Command::new("mkfifo").args(["-m", "600"]).arg(&path).status();
+        assert!(made.expect("mkfifo").success(), "a FIFO");
+        let refused = Token::load_or_make(&path).map(|_| ()).expect_err("refused").to_string();
+        assert!(refused.contains("expected a file with one line"), "{refused}");
+    }
+
+    #[test]
     fn files_that_others_may_read_or_that_hold_no_token_are_refused() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("token");
@@ -139,14 +199,13 @@ mod tests {
         assert!(refused(good, 0o644).contains("permissions 0644, expected 0600"), "readable by all");
         assert!(refused(good, 0o620).contains("0620"), "writable by the group");
         for content in [
-            &b""[..],
-            b"short\n",
+            &b"short\n"[..],
             b"with a space in its midst\n",
             b"two lines, each\nof them long",
             b"\xff\xfe0123456789abcdef",
             &[b'a'; 300],
         ] {
-            assert!(refused(content, 0o600).contains("expected one line"), "{content:?}");
+            assert!(refused(content, 0o600).contains("expected a file with one line"), "{content:?}");
         }
         let nowhere = Token::load_or_make(&folder.path().join("no/such/folder"));
         assert!(nowhere.expect_err("refused").to_string().contains("no/such/folder"), "named");

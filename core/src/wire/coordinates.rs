@@ -4,7 +4,7 @@ use crate::light::Sh9;
 use glam::Vec3;
 
 /// Named axes of the wire formats.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Coordinates {
     /// (x, y, z): +Z the lens axis. Also `blender` and `ros`.

@@ -46,6 +46,8 @@ async fn what_changes_or_shows_pictures_needs_the_token_and_nothing_else_does() 
         "Digest x",
     ];
     for (method, uri) in PROTECTED {
+        // Each with a burst of wrong tokens of its own.
+        let app = locked(&probe);
         for given in wrong {
             let headers = [("authorization", given)];
             let headers = if given.is_empty() { &[][..] } else { &headers[..] };
@@ -169,12 +171,21 @@ async fn an_allowed_origin_is_served_and_no_other() {
     let studio = ("origin", "http://studio.example:8000");
     let got = fetch(&app, "GET", "/v1/lights", &[studio, ("sec-fetch-site", "cross-site")], "").await;
     assert_eq!((got.status, got.header("access-control-allow-origin")), (200, studio.1), "may read");
-    assert!(got.headers.get_all("vary").iter().any(|v| v == "Origin"), "caches are told");
+    let vary = got.headers.get_all("vary").iter().filter_map(|v| v.to_str().ok());
+    assert!(vary.flat_map(|v| v.split(", ")).any(|v| v.eq_ignore_ascii_case("origin")), "caches are told");
     let got = fetch(&app, "PATCH", "/v1/config", &[studio], "{\"lights\": 20}").await;
     assert_eq!(got.status, 200, "may change: {}", got.text());
     let preflight = [studio, ("access-control-request-method", "PATCH")];
     let got = fetch(&app, "OPTIONS", "/v1/config", &preflight, "").await;
-    assert_eq!((got.status, got.header("access-control-allow-methods")), (204, "GET, PATCH"), "preflight");
+    assert_eq!(
+        (got.status, got.header("access-control-allow-methods")),
+        (200, "GET,POST,PATCH"),
+        "preflight"
+    );
+    let allowed = got.header("access-control-allow-headers").to_owned();
+    for name in ["authorization", "content-type", "last-event-id"] {
+        assert!(allowed.split(',').any(|given| given == name), "{name}: {allowed}");
+    }
     for other in [
         "http://studio.example:8001",
         "http://studio.example",
@@ -184,12 +195,80 @@ async fn an_allowed_origin_is_served_and_no_other() {
         let got = fetch(&app, "GET", "/v1/lights", &[("origin", other)], "").await;
         assert_eq!(got.header("access-control-allow-origin"), "", "{other}");
         assert_eq!(got.header("cross-origin-resource-policy"), "same-origin", "{other}");
+        let preflight = [("origin", other), ("access-control-request-method", "PATCH")];
+        let got = fetch(&app, "OPTIONS", "/v1/config", &preflight, "").await;
+        assert_eq!(got.header("access-control-allow-origin"), "", "{other}: the browser goes no further");
+    }
+}
+
+#[tokio::test]
+async fn guessing_the_token_is_slowed_and_the_status_is_no_way_round() {
+    let probe = probe(usize::MAX);
+    let app = locked(&probe);
+    let wrong = [("authorization", "Bearer correct-horse-batterx")];
+    let right = [("authorization", "Bearer correct-horse-battery")];
+    assert_eq!(fetch(&app, "GET", "/v1/status", &right, "").await.json()["allowed"], true, "at first");
+    for _ in 0..5 {
+        assert_eq!(fetch(&app, "GET", "/v1/map.png", &wrong, "").await.status, 401, "looked at");
         assert_eq!(
-            fetch(&app, "OPTIONS", "/v1/config", &[("origin", other)], "").await.status,
-            405,
-            "{other}"
+            fetch(&app, "GET", "/v1/status", &wrong, "").await.json()["allowed"],
+            false,
+            "counts as well"
         );
     }
+    let got = fetch(&app, "GET", "/v1/map.png", &right, "").await;
+    let wait: u64 = got.header("retry-after").parse().expect("seconds");
+    assert!(got.status == 429 && (1..=3).contains(&wait), "not looked at: {} {wait}", got.status);
+    assert_eq!(fetch(&app, "GET", "/v1/status", &right, "").await.json()["allowed"], false, "no oracle");
+    let form = [("content-type", "application/x-www-form-urlencoded"), ("origin", "http://localhost:8080")];
+    let got = fetch(&app, "POST", "/login", &form, "token=correct-horse-battery").await;
+    assert_eq!(got.status, 429, "nor is the log-in");
+    let (_, _, metrics) = get(&app, "/metrics").await;
+    assert!(metrics.contains("hemilux_refused_total{reason=\"guessing\"} 2\n"), "{metrics}");
+}
+
+/// Headers of Chromium's requests over plain HTTP, to which it adds no Sec-Fetch-Site.
+const BROWSER: [(&str, &str); 2] =
+    [("user-agent", "Mozilla/5.0 (X11; Linux x86_64)"), ("accept", "text/html,*/*;q=0.8")];
+
+#[tokio::test]
+async fn a_browser_without_proof_gets_a_form_and_programs_go_on() {
+    let probe = probe(usize::MAX);
+    let config = || probe.link().applied().borrow().config.clone();
+    for app in [routes(&probe), locked(&probe)] {
+        let got = fetch(&app, "GET", "/change?samples=20&gui=on", &BROWSER, "").await;
+        assert_eq!(got.status, 403, "to be confirmed");
+        for part in ["method=\"post\"", "name=\"samples\" value=\"20\"", "name=\"gui\" value=\"on\""] {
+            assert!(got.text().contains(part), "{part}: {}", got.text());
+        }
+    }
+    let app = locked(&probe);
+    let remembered =
+        [&BROWSER[..], &[("authorization", BASIC[0]), ("referer", "http://localhost:8080/")]].concat();
+    assert_eq!(
+        fetch(&app, "GET", "/change?samples=20", &remembered, "").await.status,
+        403,
+        "a link with Basic"
+    );
+    assert_eq!(config(), Config::default(), "unchanged");
+    let form = ("content-type", "application/x-www-form-urlencoded");
+    for origin in ["http://evil.example", "null"] {
+        let headers = [&remembered[..2], &[("authorization", BASIC[0]), form, ("origin", origin)]].concat();
+        assert_eq!(fetch(&app, "POST", "/change", &headers, "samples=20").await.status, 403, "{origin}");
+    }
+    let own =
+        [&BROWSER[..], &[("authorization", BASIC[0]), form, ("origin", "http://localhost:8080")]].concat();
+    assert_eq!(fetch(&app, "POST", "/change", &own, "samples=20").await.status, 200, "confirmed");
+    assert_eq!(config().pipeline.lights, 20, "changed");
+    let curl = [("user-agent", "curl/8.14.1"), ("accept", "*/*"), ("authorization", BASIC[0])];
+    assert_eq!(fetch(&app, "GET", "/change?samples=21", &curl, "").await.status, 200, "a program");
+    let bearer = [&BROWSER[..], &[("authorization", "Bearer correct-horse-battery")]].concat();
+    assert_eq!(
+        fetch(&app, "GET", "/change?samples=22", &bearer, "").await.status,
+        200,
+        "calls itself Mozilla"
+    );
+    assert_eq!(config().pipeline.lights, 22, "changed");
 }
 
 #[tokio::test]
@@ -202,8 +281,8 @@ async fn hosts_that_are_not_known_are_refused() {
         let two = [("host", "localhost"), ("host", "localhost")];
         assert_eq!(ask(&routes, "GET", uri, &two).await.0, 400, "{uri}");
     }
-    let guard = Guard::of(([0, 0, 0, 0], 8080).into(), &["probe.lan".to_owned()]);
-    let reachable = app(probe.link(), Options { guard, ..Options::default() }).router();
+    let hosts = KnownHosts::of(([0, 0, 0, 0], 8080).into(), &["probe.lan".to_owned()]);
+    let reachable = app(probe.link(), Options { hosts, ..Options::default() }).router();
     for (host, expected) in [("10.0.0.1:8080", 200), ("probe.lan", 200), ("evil.example", 421)] {
         assert_eq!(ask(&reachable, "GET", "/lights.json", &[("host", host)]).await.0, expected, "{host}");
     }
@@ -214,6 +293,9 @@ async fn large_bodies_are_refused() {
     let probe = probe(usize::MAX);
     let app = routes(&probe);
     let large = format!("{{\"lights\": {}20}}", " ".repeat(20_000));
-    assert_eq!(fetch(&app, "PATCH", "/v1/config", &[], &large).await.status, 413, "with its length");
-    assert_eq!(fetch(&app, "POST", "/login", &[], &large).await.status, 413, "a form");
+    let told = large.len().to_string();
+    let told = [("content-length", told.as_str())];
+    assert_eq!(fetch(&app, "PATCH", "/v1/config", &told, &large).await.status, 413, "with its length");
+    assert_eq!(fetch(&app, "POST", "/login", &told, &large).await.status, 413, "a form");
+    assert_eq!(fetch(&app, "PATCH", "/v1/config", &[], &large).await.status, 400, "in pieces");
 }

@@ -1,0 +1,149 @@
+//! The state of a connection: what the client has shown so far, and whether the server has cut the connection.
+
+use futures_util::task::AtomicWaker;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::task::Context;
+use std::time::Instant;
+
+/// Time of a blocked write after which a connection counts as stalled, milliseconds.
+const STALLED_MS: u64 = 1000;
+
+/// How much a connection has shown, in rising order: at a limit, the lowest one is displaced.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Rank {
+    /// No complete request so far; the number is the time of its arrival.
+    Unfinished(u64),
+    /// Between two requests; the number is the time of the last answer.
+    Idle(u64),
+    /// An answer is blocked because the client does not read; the number is the time since when.
+    Stalled(u64),
+    /// A request is being answered; the number is that of the bytes that the client has taken.
+    Answering(u64),
+}
+
+/// What is known of a connection; shared between its stream, its requests and the limiter.
+#[derive(Debug)]
+pub(in crate::server) struct Activity {
+    epoch: Instant,
+    /// Requests whose heads were complete.
+    requests: AtomicU64,
+    /// Requests that are being answered.
+    answering: AtomicU64,
+    /// Bytes that the kernel has taken for the client.
+    taken: AtomicU64,
+    /// Time of the last change between idle and answering, milliseconds since `epoch`.
+    changed_ms: AtomicU64,
+    /// Time since when a write is blocked, milliseconds since `epoch`; [`u64::MAX`] while none is.
+    blocked_ms: AtomicU64,
+    is_cut: AtomicBool,
+    waker: AtomicWaker,
+}
+
+impl Activity {
+    /// A connection that has just arrived; times count from `epoch`.
+    pub(super) fn new(epoch: Instant) -> Arc<Self> {
+        let activity = Self {
+            epoch,
+            requests: AtomicU64::new(0),
+            answering: AtomicU64::new(0),
+            taken: AtomicU64::new(0),
+            changed_ms: AtomicU64::new(0),
+            blocked_ms: AtomicU64::new(u64::MAX),
+            is_cut: AtomicBool::new(false),
+            waker: AtomicWaker::new(),
+        };
+        activity.changed_ms.store(activity.now_ms(), Relaxed);
+        Arc::new(activity)
+    }
+
+    fn now_ms(&self) -> u64 {
+        u64::try_from(self.epoch.elapsed().as_millis()).unwrap_or(u64::MAX)
+    }
+
+    /// Begins a request; the value is held until it is answered.
+    pub(in crate::server) fn begin(self: &Arc<Self>) -> Answering {
+        self.requests.fetch_add(1, Relaxed);
+        self.answering.fetch_add(1, Relaxed);
+        self.changed_ms.store(self.now_ms(), Relaxed);
+        Answering(Arc::clone(self))
+    }
+
+    /// Number of requests so far.
+    pub(super) fn requests(&self) -> u64 {
+        self.requests.load(Relaxed)
+    }
+
+    /// Adds `bytes` that the client's side has taken, which also ends a blocked write.
+    pub(super) fn progress(&self, bytes: usize) {
+        self.taken.fetch_add(bytes as u64, Relaxed);
+        self.blocked_ms.store(u64::MAX, Relaxed);
+    }
+
+    /// Notes that a write is blocked from now on.
+    pub(super) fn blocked(&self) {
+        let _ = self.blocked_ms.compare_exchange(u64::MAX, self.now_ms(), Relaxed, Relaxed);
+    }
+
+    /// What the connection has shown.
+    pub(super) fn rank(&self) -> Rank {
+        let blocked = self.blocked_ms.load(Relaxed);
+        if self.now_ms().saturating_sub(STALLED_MS) >= blocked {
+            Rank::Stalled(blocked)
+        } else if self.answering.load(Relaxed) > 0 {
+            Rank::Answering(self.taken.load(Relaxed))
+        } else if self.requests() == 0 {
+            Rank::Unfinished(self.changed_ms.load(Relaxed))
+        } else {
+            Rank::Idle(self.changed_ms.load(Relaxed))
+        }
+    }
+
+    /// Ends the connection: its stream fails from now on and is reset.
+    pub(super) fn cut(&self) {
+        self.is_cut.store(true, Relaxed);
+        self.waker.wake();
+    }
+
+    /// Whether the connection was cut; else the task of `cx` is woken when it is.
+    pub(super) fn poll_cut(&self, cx: &Context<'_>) -> bool {
+        self.waker.register(cx.waker());
+        self.is_cut.load(Relaxed)
+    }
+}
+
+/// A request that is being answered.
+#[derive(Debug)]
+pub(in crate::server) struct Answering(Arc<Activity>);
+
+impl Drop for Answering {
+    fn drop(&mut self) {
+        self.0.changed_ms.store(self.0.now_ms(), Relaxed);
+        self.0.answering.fetch_sub(1, Relaxed);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn connections_rank_by_what_they_have_shown() {
+        let activity = Activity::new(Instant::now());
+        assert!(matches!(activity.rank(), Rank::Unfinished(_)), "no request yet");
+        let request = activity.begin();
+        activity.progress(100);
+        assert_eq!(activity.rank(), Rank::Answering(100), "one request");
+        drop(request);
+        assert!(matches!(activity.rank(), Rank::Idle(_)), "answered");
+        activity.blocked_ms.store(0, Relaxed);
+        let activity = Activity {
+            epoch: Instant::now() - std::time::Duration::from_secs(2),
+            ..Arc::into_inner(activity).expect("one owner")
+        };
+        assert_eq!(activity.rank(), Rank::Stalled(0), "blocked for two seconds");
+        let order =
+            [Rank::Unfinished(9), Rank::Idle(7), Rank::Stalled(3), Rank::Answering(0), Rank::Answering(1)];
+        assert!(order.is_sorted(), "{order:?}");
+    }
+}

@@ -1,0 +1,242 @@
+//! Limits the number of connections, in total and per client. At a limit, a new connection displaces the one that has shown least.
+
+use super::activity::{Activity, Rank};
+use std::cmp::Reverse;
+use std::collections::HashMap;
+use std::net::{IpAddr, Ipv6Addr};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+/// The key that a client's connections are counted under: its address, or for IPv6 its /64 network, which one customer usually has
+/// alone.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(in crate::server) struct ClientKey(IpAddr);
+
+impl ClientKey {
+    pub(in crate::server) fn of(ip: IpAddr) -> Self {
+        Self(match ip.to_canonical() {
+            IpAddr::V6(ip) if !ip.is_loopback() => Ipv6Addr::from(u128::from(ip) & (u128::MAX << 64)).into(),
+            ip => ip,
+        })
+    }
+}
+
+/// Grants permits for connections up to a total and a number per client.
+#[derive(Debug)]
+pub(in crate::server) struct ConnectionLimiter {
+    epoch: Instant,
+    total: usize,
+    per_client: usize,
+    state: Mutex<State>,
+    /// Notified when a permit is released.
+    released: tokio::sync::Notify,
+}
+
+#[derive(Debug, Default)]
+struct State {
+    next_id: u64,
+    /// Permits that are not released, displaced ones included.
+    permits: usize,
+    /// Connections that count.
+    entries: HashMap<u64, Entry>,
+}
+
+#[derive(Debug)]
+struct Entry {
+    /// `None` for a connection of a trusted proxy that no client uses at present.
+    client: Option<ClientKey>,
+    activity: Arc<Activity>,
+}
+
+/// Permission for one connection, released on drop.
+#[derive(Debug)]
+pub(in crate::server) struct Permit {
+    limiter: Arc<ConnectionLimiter>,
+    id: u64,
+    activity: Arc<Activity>,
+}
+
+impl ConnectionLimiter {
+    pub(super) fn new(total: usize, per_client: usize) -> Arc<Self> {
+        let (state, released) = (Mutex::default(), tokio::sync::Notify::new());
+        Arc::new(Self { epoch: Instant::now(), total, per_client, state, released })
+    }
+
+    /// Grants a permit to a connection of `client`. Displaces another connection where a limit is reached; `None` where none
+    /// may be displaced.
+    pub(super) fn try_acquire(self: &Arc<Self>, client: Option<ClientKey>) -> Option<Permit> {
+        let mut state = self.lock();
+        state.make_room(client, self.per_client);
+        if state.entries.len() >= self.total {
+            state.displace_for(client)?;
+        }
+        let activity = Activity::new(self.epoch);
+        let id = state.next_id;
+        state.next_id += 1;
+        state.permits += 1;
+        state.entries.insert(id, Entry { client, activity: Arc::clone(&activity) });
+        Some(Permit { limiter: Arc::clone(self), id, activity })
+    }
+
+    /// Cuts the connection whose answer has been blocked longest; whether there was one.
+    pub(in crate::server) fn cut_stalled(&self) -> bool {
+        let mut state = self.lock();
+        let stalled = state.lowest(|entry| matches!(entry.activity.rank(), Rank::Stalled(_)));
+        stalled.is_some_and(|id| state.displace(id).is_some())
+    }
+
+    /// Cuts all connections.
+    pub(super) fn cut_all(&self) {
+        self.lock().entries.values().for_each(|entry| entry.activity.cut());
+    }
+
+    /// Waits until all permits are released.
+    pub(super) async fn wait_empty(&self) {
+        loop {
+            let released = self.released.notified();
+            tokio::pin!(released);
+            released.as_mut().enable();
+            if self.lock().permits == 0 {
+                return;
+            }
+            released.await;
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl State {
+    /// The entry of lowest rank among those that `is_meant`.
+    fn lowest(&self, is_meant: impl Fn(&Entry) -> bool) -> Option<u64> {
+        let entries = self.entries.iter().filter(|(_, entry)| is_meant(entry));
+        entries.min_by_key(|(id, entry)| (entry.activity.rank(), Reverse(**id))).map(|(id, _)| *id)
+    }
+
+    fn displace(&mut self, id: u64) -> Option<()> {
+        self.entries.remove(&id).map(|entry| entry.activity.cut())
+    }
+
+    fn count(&self, client: Option<ClientKey>) -> usize {
+        self.entries.values().filter(|entry| entry.client == client).count()
+    }
+
+    /// Displaces connections of `client` until there is room for one more below `limit`.
+    fn make_room(&mut self, client: Option<ClientKey>, limit: usize) {
+        while client.is_some() && self.count(client) >= limit.max(1) {
+            let Some(lowest) = self.lowest(|entry| entry.client == client) else { return };
+            self.displace(lowest);
+        }
+    }
+
+    /// Displaces a connection at the total limit: of the client with the most connections if `client` has fewer, else one of
+    /// `client` itself. A client without connections displaces one that answers no request where all clients have one each.
+    fn displace_for(&mut self, client: Option<ClientKey>) -> Option<()> {
+        let own = self.count(client);
+        let most = self.entries.values().map(|entry| self.count(entry.client)).max()?;
+        let lowest = if most > own.max(1) {
+            self.lowest(|entry| self.count(entry.client) == most)
+        } else if own > 0 {
+            self.lowest(|entry| entry.client == client)
+        } else {
+            self.lowest(|entry| entry.activity.rank() < Rank::Stalled(0))
+        };
+        self.displace(lowest?)
+    }
+}
+
+impl Permit {
+    pub(in crate::server) fn activity(&self) -> &Arc<Activity> {
+        &self.activity
+    }
+
+    /// Counts the connection of a proxy under the client whose request it forwards.
+    pub(in crate::server) fn assign(&self, client: ClientKey) {
+        let mut state = self.limiter.lock();
+        if state.entries.get(&self.id).is_none_or(|entry| entry.client == Some(client)) {
+            return;
+        }
+        state.make_room(Some(client), self.limiter.per_client);
+        if let Some(entry) = state.entries.get_mut(&self.id) {
+            entry.client = Some(client);
+        }
+    }
+}
+
+impl Drop for Permit {
+    fn drop(&mut self) {
+        let mut state = self.limiter.lock();
+        state.entries.remove(&self.id);
+        state.permits -= 1;
+        drop(state);
+        self.limiter.released.notify_waiters();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::task::{Context, Waker};
+
+    fn client(text: &str) -> Option<ClientKey> {
+        Some(ClientKey::of(text.parse().expect("an address")))
+    }
+
+    fn is_cut(permit: &Permit) -> bool {
+        permit.activity.poll_cut(&Context::from_waker(Waker::noop()))
+    }
+
+    #[test]
+    fn a_connection_over_the_clients_limit_displaces_the_one_that_has_shown_least() {
+        let limiter = ConnectionLimiter::new(9, 2);
+        let busy = limiter.try_acquire(client("10.0.0.1")).expect("a permit");
+        let _request = busy.activity.begin();
+        let silent = limiter.try_acquire(client("::ffff:10.0.0.1")).expect("a permit of the same client");
+        let third = limiter.try_acquire(client("10.0.0.1")).expect("a permit");
+        assert_eq!([&busy, &silent, &third].map(is_cut), [false, true, false], "no request, no permit");
+        let other = limiter.try_acquire(client("10.0.0.2")).expect("a permit");
+        assert!(!is_cut(&other) && !is_cut(&third), "another client");
+    }
+
+    #[test]
+    fn at_the_total_limit_the_client_with_the_most_connections_loses_one() {
+        let limiter = ConnectionLimiter::new(4, 4);
+        let many = [(); 3].map(|()| limiter.try_acquire(client("10.0.0.1")).expect("a permit"));
+        let requests = many.each_ref().map(|permit| permit.activity.begin());
+        let one = limiter.try_acquire(client("10.0.0.2")).expect("a permit");
+        let new = limiter.try_acquire(client("10.0.0.3")).expect("a permit");
+        assert_eq!(many.iter().filter(|permit| is_cut(permit)).count(), 1, "one of three");
+        assert!(!is_cut(&one) && !is_cut(&new), "the others stay");
+        drop((requests, many));
+        assert_eq!(limiter.lock().entries.len(), 2, "released");
+    }
+
+    #[test]
+    fn without_anything_to_displace_a_connection_is_refused() {
+        let limiter = ConnectionLimiter::new(2, 2);
+        let permits = ["10.0.0.1", "10.0.0.2"].map(|ip| limiter.try_acquire(client(ip)).expect("a permit"));
+        let _requests = permits.each_ref().map(|permit| permit.activity.begin());
+        assert!(limiter.try_acquire(client("10.0.0.3")).is_none(), "both answer a request");
+    }
+
+    #[test]
+    fn a_network_of_64_bits_is_one_client() {
+        let limiter = ConnectionLimiter::new(9, 1);
+        let first = limiter.try_acquire(client("2001:db8::1")).expect("a permit");
+        let other = limiter.try_acquire(client("2001:db8:0:1::1")).expect("a permit");
+        let second = limiter.try_acquire(client("2001:db8::ffff:1")).expect("a permit");
+        assert_eq!([&first, &other, &second].map(is_cut), [true, false, false], "the same network");
+    }
+
+    #[test]
+    fn forwarded_requests_count_under_their_own_clients() {
+        let limiter = ConnectionLimiter::new(9, 1);
+        let permits = [(); 3].map(|()| limiter.try_acquire(None).expect("a proxy's connection"));
+        for (permit, ip) in permits.iter().zip(["10.0.0.1", "10.0.0.2", "10.0.0.1"]) {
+            permit.assign(client(ip).expect("a client"));
+        }
+        assert_eq!(permits.each_ref().map(is_cut), [true, false, false], "two of one client, limit one");
+    }
+}

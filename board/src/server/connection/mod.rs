@@ -1,0 +1,192 @@
+//! Connections: start and shutdown of the server, and the limits on clients.
+
+mod acceptor;
+mod activity;
+mod limiter;
+mod stream;
+mod tcp;
+
+pub(super) use acceptor::ConnectionGuard;
+pub(super) use limiter::{ClientKey, ConnectionLimiter};
+
+use super::App;
+use acceptor::Acceptor;
+use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+use std::io;
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::net::TcpListener;
+use tokio::runtime::{Builder, Runtime};
+use tokio::signal::unix::{Signal, SignalKind, signal};
+use tokio::sync::watch;
+use tokio::task::JoinHandle;
+
+/// Threads that serve requests.
+const THREADS: usize = 2;
+
+/// Largest number of threads for work that blocks: the unit allows 64 tasks in all.
+const BLOCKING_THREADS: usize = 8;
+
+/// File descriptors beside those of connections: cameras, files, the runtime's own.
+const OTHER_DESCRIPTORS: u64 = 64;
+
+/// Time after which connections that were cut at shutdown are left to the operating system.
+const CUT: Duration = Duration::from_millis(100);
+
+/// Limits on clients' use of resources.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limits {
+    /// Connections at a time: each takes a file descriptor and some 30 KB, and as much of the kernel.
+    pub connections: usize,
+    /// Connections at a time from one client (for IPv6: one network of 64 bits). One more displaces the one that has shown least.
+    pub per_address: usize,
+    /// Requests on one connection, after which the server closes it.
+    pub requests: u64,
+    /// Timeout for the head of a request, and for the idle time between requests.
+    pub head: Duration,
+    /// Timeout for an answer of which the client accepts no byte.
+    pub stall: Duration,
+    /// Timeout for the shutdown of all connections, after which they are reset.
+    pub grace: Duration,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self {
+            connections: 256,
+            per_address: 32,
+            requests: 100_000,
+            head: Duration::from_secs(5),
+            stall: Duration::from_secs(10),
+            grace: Duration::from_millis(500),
+        }
+    }
+}
+
+impl Limits {
+    /// These limits with as many connections as the process may have file descriptors for; raises that number where possible.
+    ///
+    /// # Errors
+    /// The process may have fewer than `OTHER_DESCRIPTORS` file descriptors and one connection.
+    pub fn within_descriptors(self) -> io::Result<Self> {
+        let wanted = self.connections as u64 + OTHER_DESCRIPTORS;
+        let Rlimit { current, maximum } = getrlimit(Resource::Nofile);
+        let most = maximum.map_or(wanted, |maximum| maximum.min(wanted));
+        let raised = current.is_some_and(|current| current < most)
+            && setrlimit(Resource::Nofile, Rlimit { current: Some(most), maximum }).is_ok();
+        let allowed = if raised { most } else { current.unwrap_or(wanted).min(wanted) };
+        let connections =
+            usize::try_from(allowed.saturating_sub(OTHER_DESCRIPTORS)).unwrap_or(self.connections);
+        if connections == 0 {
+            let text = format!(
+                "a limit of {allowed} file descriptors, expected more than {OTHER_DESCRIPTORS} (ulimit -n)"
+            );
+            return Err(io::Error::other(text));
+        }
+        Ok(Self { connections: connections.min(self.connections), ..self })
+    }
+}
+
+/// A running server on its own threads. Dropping it aborts it, [`Running::stop`] shuts it down.
+pub struct Running {
+    address: SocketAddr,
+    limits: Limits,
+    runtime: Runtime,
+    stop: Arc<watch::Sender<bool>>,
+    limiter: Arc<ConnectionLimiter>,
+    accepting: JoinHandle<()>,
+}
+
+/// SIGINT, SIGTERM and SIGHUP, which are caught from now on.
+pub struct Signals {
+    interrupt: Signal,
+    terminate: Signal,
+    hang_up: Signal,
+}
+
+/// What ended [`Running::wait`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Event {
+    /// SIGINT or SIGTERM.
+    Stop,
+    /// SIGHUP.
+    Reload,
+    /// The future that was waited for as well.
+    Ended,
+}
+
+/// Serves `app` on `listener`.
+///
+/// # Errors
+/// The operating system gives no threads or refuses the listener.
+pub fn start(listener: std::net::TcpListener, app: App, limits: Limits) -> io::Result<Running> {
+    let runtime = Builder::new_multi_thread()
+        .worker_threads(THREADS)
+        .max_blocking_threads(BLOCKING_THREADS)
+        .thread_name("hemilux-http")
+        .enable_all()
+        .build()?;
+    tcp::prepare_listener(&listener)?;
+    listener.set_nonblocking(true)?;
+    let address = listener.local_addr()?;
+    let listener = runtime.block_on(async { TcpListener::from_std(listener) })?;
+    let limiter = ConnectionLimiter::new(limits.connections, limits.per_address);
+    let stop = Arc::clone(&app.stop);
+    let acceptor = Acceptor::new(app, limits, Arc::clone(&limiter));
+    let accepting = runtime.spawn(acceptor.run(listener));
+    Ok(Running { address, limits, runtime, stop, limiter, accepting })
+}
+
+impl Running {
+    /// The address that it listens on.
+    #[must_use]
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Catches SIGINT, SIGTERM and SIGHUP.
+    ///
+    /// # Errors
+    /// The operating system refuses.
+    pub fn signals(&self) -> io::Result<Signals> {
+        let _inside = self.runtime.enter();
+        Ok(Signals {
+            interrupt: signal(SignalKind::interrupt())?,
+            terminate: signal(SignalKind::terminate())?,
+            hang_up: signal(SignalKind::hangup())?,
+        })
+    }
+
+    /// Waits for a signal, or for the end of `other`.
+    pub fn wait(&self, signals: &mut Signals, other: impl Future<Output = ()>) -> Event {
+        self.runtime.block_on(async {
+            tokio::select! {
+                _ = signals.interrupt.recv() => Event::Stop,
+                _ = signals.terminate.recv() => Event::Stop,
+                _ = signals.hang_up.recv() => Event::Reload,
+                () = other => Event::Ended,
+            }
+        })
+    }
+
+    /// Accepts no more connections, answers waiting requests and returns when all connections are closed. After [`Limits::grace`] the
+    /// remaining ones are reset.
+    pub fn stop(self) {
+        self.stop.send_replace(true);
+        self.runtime.block_on(async {
+            let _ = self.accepting.await;
+            if tokio::time::timeout(self.limits.grace, self.limiter.wait_empty()).await.is_err() {
+                tracing::warn!("reset connections that did not end in {} ms", self.limits.grace.as_millis());
+                self.limiter.cut_all();
+                let _ = tokio::time::timeout(CUT, self.limiter.wait_empty()).await;
+            }
+        });
+        self.runtime.shutdown_background();
+    }
+}
+
+/// Waits for the shutdown of the server.
+pub(super) async fn stopped(stop: &mut watch::Receiver<bool>) {
+    let _ = stop.wait_for(|stop| *stop).await;
+}

@@ -1,0 +1,119 @@
+//! The byte stream of a connection: with a write timeout, progress accounting, and a reset instead of a slow end.
+
+use super::activity::Activity;
+use super::tcp;
+use socket2::SockRef;
+use std::io;
+use std::net::Shutdown;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::task::{Context, Poll, ready};
+use std::time::Duration;
+use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use tokio::net::TcpStream;
+use tokio::time::{Sleep, sleep};
+
+/// A stream that fails when its connection is cut, and when a write makes no progress for `stall`. Then it is reset on drop, so that
+/// the kernel keeps none of its data.
+pub(super) struct ClientStream {
+    stream: Arc<TcpStream>,
+    stall: Duration,
+    activity: Arc<Activity>,
+    /// Runs while a write is blocked.
+    timer: Option<Pin<Box<Sleep>>>,
+    /// Whether the connection is to be reset: then it has no orderly end.
+    has_failed: bool,
+}
+
+impl ClientStream {
+    pub(super) fn new(stream: Arc<TcpStream>, stall: Duration, activity: Arc<Activity>) -> Self {
+        Self { stream, stall, activity, timer: None, has_failed: false }
+    }
+
+    fn fail<T>(&mut self, kind: io::ErrorKind) -> Poll<io::Result<T>> {
+        self.has_failed = true;
+        tcp::reset_on_close(&self.stream);
+        Poll::Ready(Err(kind.into()))
+    }
+
+    /// Starts the timer when `progress` is pending and clears it otherwise.
+    fn watch<T>(&mut self, cx: &mut Context<'_>, progress: Poll<io::Result<T>>) -> Poll<io::Result<T>> {
+        if progress.is_ready() {
+            self.timer = None;
+            return progress;
+        }
+        self.activity.blocked();
+        let stall = self.stall;
+        let timer = self.timer.get_or_insert_with(|| Box::pin(sleep(stall)));
+        ready!(timer.as_mut().poll(cx));
+        self.fail(io::ErrorKind::TimedOut)
+    }
+}
+
+/// Repeats `attempt` when `ready` until it does not find the socket busy.
+fn retry<T>(
+    cx: &mut Context<'_>,
+    ready: impl Fn(&mut Context<'_>) -> Poll<io::Result<()>>,
+    mut attempt: impl FnMut() -> io::Result<T>,
+) -> Poll<io::Result<T>> {
+    loop {
+        ready!(ready(cx))?;
+        match attempt() {
+            Err(e) if e.kind() == io::ErrorKind::WouldBlock => {}
+            done => return Poll::Ready(done),
+        }
+    }
+}
+
+impl AsyncRead for ClientStream {
+    fn poll_read(
+        mut self: Pin<&mut Self>,
+        cx: &mut Context<'_>,
+        buf: &mut ReadBuf<'_>,
+    ) -> Poll<io::Result<()>> {
+        if self.activity.poll_cut(cx) {
+            return self.fail(io::ErrorKind::ConnectionAborted);
+        }
+        let stream = &self.stream;
+        let read = retry(cx, |cx| stream.poll_read_ready(cx), || stream.try_read(buf.initialize_unfilled()));
+        buf.advance(ready!(read)?);
+        Poll::Ready(Ok(()))
+    }
+}
+
+impl AsyncWrite for ClientStream {
+    fn poll_write(self: Pin<&mut Self>, cx: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
+        self.poll_write_vectored(cx, &[io::IoSlice::new(bytes)])
+    }
+
+    fn poll_write_vectored(
+        mut self: Pin<&mut Self>,
+        cx: &mut Context<'_>,
+        parts: &[io::IoSlice<'_>],
+    ) -> Poll<io::Result<usize>> {
+        if self.activity.poll_cut(cx) {
+            return self.fail(io::ErrorKind::ConnectionAborted);
+        }
+        let stream = &self.stream;
+        let progress = retry(cx, |cx| stream.poll_write_ready(cx), || stream.try_write_vectored(parts));
+        if let Poll::Ready(Ok(bytes)) = progress {
+            self.activity.progress(bytes);
+        }
+        self.watch(cx, progress)
+    }
+
+    fn is_write_vectored(&self) -> bool {
+        true
+    }
+
+    fn poll_flush(self: Pin<&mut Self>, _: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Poll::Ready(Ok(()))
+    }
+
+    fn poll_shutdown(self: Pin<&mut Self>, _: &mut Context<'_>) -> Poll<io::Result<()>> {
+        if self.has_failed {
+            return Poll::Ready(Ok(()));
+        }
+        Poll::Ready(SockRef::from(&*self.stream).shutdown(Shutdown::Write))
+    }
+}

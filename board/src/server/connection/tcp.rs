@@ -1,0 +1,80 @@
+//! Options and state of TCP sockets. Buffers are small, so that slow clients hold little memory of the kernel and get recent data.
+
+use socket2::SockRef;
+use std::io;
+use std::os::fd::{AsFd, AsRawFd, BorrowedFd};
+use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use std::sync::{Arc, Weak};
+use std::time::Duration;
+use tokio::net::TcpStream;
+
+/// Size of a send buffer, bytes. Linux doubles it and counts its own overhead: about 32 KB of data fit.
+const SEND_BYTES: usize = 32 << 10;
+
+/// Size of a receive buffer, bytes: requests are at most 16 KB of head and 16 KB of body.
+const RECEIVE_BYTES: usize = 16 << 10;
+
+/// Sets the sizes of the buffers of the sockets that `listener` accepts.
+pub(super) fn prepare_listener(listener: &impl AsFd) -> io::Result<()> {
+    let listener = SockRef::from(listener);
+    listener.set_send_buffer_size(SEND_BYTES)?;
+    listener.set_recv_buffer_size(RECEIVE_BYTES)
+}
+
+/// Sends without delay, and lets the kernel give up on a peer that acknowledges nothing for `stall`, also after the program has
+/// closed the socket.
+pub(super) fn prepare(stream: &TcpStream, stall: Duration) {
+    // Without it the end of an answer may wait 40 ms for the client's acknowledgement.
+    let _ = stream.set_nodelay(true);
+    let _ = SockRef::from(stream).set_tcp_user_timeout(Some(stall));
+}
+
+/// Discards unsent data and resets the connection when the socket is closed.
+pub(super) fn reset_on_close(stream: &TcpStream) {
+    let _ = SockRef::from(stream).set_linger(Some(Duration::ZERO));
+}
+
+/// The queues of a connection's socket, as long as it is open.
+#[derive(Debug)]
+pub(in crate::server) struct Queues {
+    stream: Weak<TcpStream>,
+    /// Largest receive window that the client has offered, bytes.
+    widest: AtomicU32,
+}
+
+impl Queues {
+    pub(super) fn of(stream: &Arc<TcpStream>) -> Self {
+        Self { stream: Arc::downgrade(stream), widest: AtomicU32::new(0) }
+    }
+
+    /// Whether the client lags behind: data is unsent, more than `allowed` bytes are unacknowledged, or more than half of the
+    /// client's receive window is full.
+    pub(in crate::server) fn is_backlogged(&self, allowed: usize) -> bool {
+        let Some(info) = self.stream.upgrade().and_then(|stream| tcp_info(stream.as_fd())) else {
+            return false;
+        };
+        let widest = self.widest.fetch_max(info.tcpi_snd_wnd, Relaxed).max(info.tcpi_snd_wnd);
+        let in_flight = u64::from(info.tcpi_unacked) * u64::from(info.tcpi_snd_mss.max(1));
+        info.tcpi_notsent_bytes > 0
+            || in_flight > (allowed as u64).max(2 * u64::from(info.tcpi_snd_mss))
+            || info.tcpi_snd_wnd < widest / 2
+    }
+}
+
+/// The kernel's figures of a TCP connection; fields that an old kernel does not know are 0.
+#[allow(unsafe_code, reason = "no safe wrapper gives struct tcp_info")]
+fn tcp_info(socket: BorrowedFd<'_>) -> Option<libc::tcp_info> {
+    let mut info = std::mem::MaybeUninit::<libc::tcp_info>::zeroed();
+    let mut length = size_of::<libc::tcp_info>() as libc::socklen_t;
+    // SAFETY: the descriptor is open, the buffer has `length` bytes, and any bytes are a valid `tcp_info`, which has only integers.
+    unsafe {
+        let failed = libc::getsockopt(
+            socket.as_raw_fd(),
+            libc::IPPROTO_TCP,
+            libc::TCP_INFO,
+            info.as_mut_ptr().cast(),
+            &raw mut length,
+        );
+        (failed == 0).then(|| info.assume_init())
+    }
+}

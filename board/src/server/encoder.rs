@@ -1,0 +1,162 @@
+//! One thread for all work of clients that takes long, so that it takes at most half of one core. Of the jobs that wait, the one whose
+//! kind has had the least time goes first: cheap answers keep their rate, costly ones come more slowly.
+
+use rustix::process::setpriority_process;
+use std::collections::HashMap;
+use std::hash::Hash;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, Weak};
+use std::time::{Duration, Instant};
+use tokio::sync::oneshot;
+
+/// Time of a job above which the thread rests as long as the job took.
+const LONG: Duration = Duration::from_millis(1);
+
+/// Time in which half of what a kind has had is forgotten.
+const HALF_LIFE: Duration = Duration::from_secs(1);
+
+/// Largest number of kinds whose time is known.
+const KINDS: usize = 256;
+
+/// The priority of the thread: below that of the processing thread and of those that serve.
+const NICE: i32 = 10;
+
+/// A thread that does jobs of kind `K`; it ends when this is dropped.
+#[derive(Debug)]
+pub(super) struct Encoder<K> {
+    queue: Arc<Queue<K>>,
+}
+
+#[derive(Debug)]
+struct Queue<K> {
+    state: Mutex<State<K>>,
+    changed: Condvar,
+}
+
+struct State<K> {
+    jobs: Vec<Job<K>>,
+    /// Time that each kind has had, and when that was noted.
+    spent: HashMap<K, (Duration, Instant)>,
+}
+
+impl<K> std::fmt::Debug for State<K> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "State({} jobs)", self.jobs.len())
+    }
+}
+
+struct Job<K> {
+    kind: K,
+    work: Box<dyn FnOnce() + Send>,
+}
+
+impl<K> Drop for Encoder<K> {
+    fn drop(&mut self) {
+        self.queue.changed.notify_all();
+    }
+}
+
+impl<K: Copy + Eq + Hash + Send + 'static> Encoder<K> {
+    /// Starts the thread, called `name`.
+    pub(super) fn new(name: &str) -> Self {
+        let state = Mutex::new(State { jobs: Vec::new(), spent: HashMap::new() });
+        let queue = Arc::new(Queue { state, changed: Condvar::new() });
+        let theirs = Arc::downgrade(&queue);
+        if let Err(error) = std::thread::Builder::new().name(name.into()).spawn(move || run(&theirs)) {
+            tracing::warn!("thread {name}: found {error}, expected it to start");
+        }
+        Self { queue }
+    }
+
+    /// Does `work` on the thread; `None` when it panics.
+    pub(super) async fn run<T: Send + 'static>(
+        &self,
+        kind: K,
+        work: impl FnOnce() -> T + Send + 'static,
+    ) -> Option<T> {
+        let (done, result) = oneshot::channel();
+        let work = Box::new(move || drop(done.send(work())));
+        self.queue.lock().jobs.push(Job { kind, work });
+        self.queue.changed.notify_one();
+        result.await.ok()
+    }
+}
+
+impl<K> Queue<K> {
+    fn lock(&self) -> MutexGuard<'_, State<K>> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl<K: Copy + Eq + Hash> State<K> {
+    /// What `kind` has had, halved for each [`HALF_LIFE`] that has passed.
+    fn spent(&self, kind: K, now: Instant) -> Duration {
+        let Some((spent, noted)) = self.spent.get(&kind) else { return Duration::ZERO };
+        let lives = now.saturating_duration_since(*noted).as_secs_f32() / HALF_LIFE.as_secs_f32();
+        spent.mul_f32((-lives).exp2())
+    }
+
+    fn note(&mut self, kind: K, took: Duration, now: Instant) {
+        let spent = self.spent(kind, now) + took;
+        if self.spent.len() >= KINDS && !self.spent.contains_key(&kind) {
+            self.spent.clear();
+        }
+        self.spent.insert(kind, (spent, now));
+    }
+
+    fn next(&mut self, now: Instant) -> Option<Job<K>> {
+        let least = (0..self.jobs.len()).min_by_key(|i| self.spent(self.jobs[*i].kind, now))?;
+        Some(self.jobs.remove(least))
+    }
+}
+
+/// Does jobs until the encoder is dropped.
+fn run<K: Copy + Eq + Hash>(queue: &Weak<Queue<K>>) {
+    // On Linux, a thread has a priority of its own.
+    let _ = setpriority_process(None, NICE);
+    while let Some(queue) = queue.upgrade() {
+        let mut state = queue.lock();
+        let Some(Job { kind, work }) = state.next(Instant::now()) else {
+            let waited = queue.changed.wait_timeout(state, Duration::from_millis(200));
+            drop(waited);
+            continue;
+        };
+        drop(state);
+        let began = Instant::now();
+        // The waiting request learns of a panic by its channel.
+        let _ = std::panic::catch_unwind(std::panic::AssertUnwindSafe(work));
+        let took = began.elapsed();
+        queue.lock().note(kind, took, Instant::now());
+        if took > LONG {
+            std::thread::sleep(took);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn work_is_done_elsewhere_and_a_panic_is_told() {
+        let encoder = Encoder::<u8>::new("test");
+        let here = std::thread::current().id();
+        assert_eq!(encoder.run(1, move || std::thread::current().id() != here).await, Some(true), "done");
+        assert_eq!(encoder.run(1, || -> () { std::panic::panic_any(()) }).await, None, "told");
+        assert_eq!(encoder.run(1, || 7).await, Some(7), "and it goes on");
+    }
+
+    #[test]
+    fn the_kind_that_has_had_least_goes_first() {
+        let now = Instant::now();
+        let mut state = State { jobs: Vec::new(), spent: HashMap::new() };
+        state.note(1, Duration::from_millis(10), now);
+        state.note(2, Duration::from_millis(4), now);
+        for kind in [1, 2, 3] {
+            state.jobs.push(Job { kind, work: Box::new(|| ()) });
+        }
+        let order = [(); 3].map(|()| state.next(now).expect("a job").kind);
+        assert_eq!(order, [3, 2, 1], "least first");
+        let later = now + 2 * HALF_LIFE;
+        assert_eq!(state.spent(1, later), Duration::from_millis(10) / 4, "forgotten by and by");
+    }
+}

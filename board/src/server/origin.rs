@@ -1,0 +1,178 @@
+//! Where requests come from: a program, a page of this server, or a page of another site.
+//!
+//! A page of another site can make a browser send requests here: as an image, a form, a link, a script. It cannot read the answers,
+//! but a request that changes settings would have its effect. Browsers tell where a request comes from with Sec-Fetch-Site (only over
+//! HTTPS and to localhost), Origin (not with images and links) and Referer (the page may switch it off). What remains without any of
+//! these is told from a program by headers that a page cannot remove: see [`is_browser`].
+
+use super::hosts::host;
+use super::proxy::{Client, Scheme};
+use axum::extract::FromRequestParts;
+use axum::http::header::{ACCEPT, ACCEPT_LANGUAGE, ORIGIN, REFERER, UPGRADE_INSECURE_REQUESTS, USER_AGENT};
+use axum::http::request::Parts;
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Uri};
+use std::convert::Infallible;
+
+/// What caused a request.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Cause {
+    /// A program, not a browser.
+    Program,
+    /// A page of this server, or of an allowed origin.
+    OwnPage,
+    /// A page of another site.
+    ForeignPage,
+    /// A browser, which does not tell the page: an address that was typed, or any page that hides itself.
+    Unproven,
+}
+
+/// What a handler has to know of a request's sender.
+#[derive(Clone, Debug)]
+pub(super) struct Sender {
+    pub(super) uri: Uri,
+    pub(super) headers: HeaderMap,
+    pub(super) client: Client,
+}
+
+impl Sender {
+    pub(super) fn of(parts: &Parts) -> Self {
+        let client = parts.extensions.get::<Client>().copied().unwrap_or_default();
+        Self { uri: parts.uri.clone(), headers: parts.headers.clone(), client }
+    }
+
+    /// What caused the request; pages of the origins in `allowed` count as the server's own.
+    pub(super) fn cause(&self, allowed: &[String]) -> Cause {
+        if self.headers.get(ORIGIN).is_some_and(|origin| is_allowed(origin, allowed)) {
+            return Cause::OwnPage;
+        }
+        let site = self.text(&HeaderName::from_static("sec-fetch-site"));
+        // A page cannot make a browser send this of another site: then the scheme may be another one than a proxy tells.
+        let scheme = if site == Some("same-origin") { Scheme::Either } else { self.client.scheme };
+        let told = self.text(&ORIGIN).or_else(|| self.text(&REFERER)).map(|url| self.is_own(url, scheme));
+        match (site, told) {
+            (Some("same-origin"), None) | (None | Some("same-origin" | "none"), Some(true)) => Cause::OwnPage,
+            (None | Some("none"), None) if !is_browser(&self.headers) => Cause::Program,
+            (None | Some("none"), None) => Cause::Unproven,
+            _ => Cause::ForeignPage,
+        }
+    }
+
+    /// Whether a browser shows the answer as a page.
+    pub(super) fn is_navigation(&self) -> bool {
+        let mode = self.text(&HeaderName::from_static("sec-fetch-mode"));
+        let accepts_pages = self.text(&ACCEPT).is_some_and(|accept| accept.contains("text/html"));
+        is_browser(&self.headers) && mode.map_or(accepts_pages, |mode| mode == "navigate")
+    }
+
+    /// The text of a header; one that is no text counts as `null`.
+    pub(super) fn text(&self, name: &HeaderName) -> Option<&str> {
+        self.headers.get(name).map(|value| value.to_str().unwrap_or("null"))
+    }
+
+    /// Whether `url` is on the host that the request is for.
+    fn is_own(&self, url: &str, scheme: Scheme) -> bool {
+        let host = host(&self.uri, &self.headers).unwrap_or_default();
+        let on = |prefix: &str, port: &str| {
+            let authority =
+                url.strip_prefix(prefix).and_then(|rest| rest.split('/').next()).unwrap_or_default();
+            let bare =
+                |authority: &str| authority.strip_suffix(port).unwrap_or(authority).to_ascii_lowercase();
+            !authority.is_empty() && bare(authority) == bare(host)
+        };
+        (scheme != Scheme::Https && on("http://", ":80"))
+            || (scheme != Scheme::Http && on("https://", ":443"))
+    }
+}
+
+impl<S: Sync> FromRequestParts<S> for Sender {
+    type Rejection = Infallible;
+
+    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Infallible> {
+        Ok(Self::of(parts))
+    }
+}
+
+pub(super) fn is_allowed(origin: &HeaderValue, allowed: &[String]) -> bool {
+    allowed.iter().any(|a| a.as_bytes() == origin.as_bytes())
+}
+
+/// Whether a request has a header that browsers send by themselves: a User-Agent with `Mozilla/`, Accept-Language,
+/// Upgrade-Insecure-Requests, or one that begins with `Sec-` (but for those of WebSockets).
+///
+/// A program that sends one of them is taken for a browser; with `Authorization: Bearer` or its own Origin it may still change settings.
+pub(super) fn is_browser(headers: &HeaderMap) -> bool {
+    let has_prefix = |name: &str| name.starts_with("sec-") && !name.starts_with("sec-websocket-");
+    headers.get(USER_AGENT).is_some_and(|agent| agent.as_bytes().windows(8).any(|w| w == b"Mozilla/"))
+        || headers.contains_key(ACCEPT_LANGUAGE)
+        || headers.contains_key(UPGRADE_INSECURE_REQUESTS)
+        || headers.keys().any(|name| has_prefix(name.as_str()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cause(scheme: Scheme, headers: &[(&'static str, &'static str)]) -> Cause {
+        let host = [("host", "localhost:8080")];
+        let pairs = host.iter().chain(headers);
+        let headers = pairs.map(|(n, v)| (HeaderName::from_static(n), HeaderValue::from_static(v))).collect();
+        let client = Client { scheme, ..Client::default() };
+        let sender = Sender { uri: Uri::from_static("/change?samples=2"), headers, client };
+        sender.cause(&["http://studio.example".into()])
+    }
+
+    #[test]
+    fn pages_of_this_server_and_of_allowed_origins_are_its_own() {
+        for (name, value) in [
+            ("origin", "http://localhost:8080"),
+            ("referer", "http://localhost:8080/change"),
+            ("sec-fetch-site", "same-origin"),
+            ("origin", "http://studio.example"),
+        ] {
+            assert_eq!(cause(Scheme::Http, &[(name, value)]), Cause::OwnPage, "{name}: {value}");
+        }
+    }
+
+    #[test]
+    fn pages_of_other_sites_are_foreign() {
+        for (name, value) in [
+            ("origin", "null"),
+            ("origin", "http://localhost:8081"),
+            ("origin", "https://localhost:8080"),
+            ("origin", "https://evil.example"),
+            ("referer", "http://localhost:8080.evil.example/"),
+            ("referer", "http:///"),
+            ("sec-fetch-site", "cross-site"),
+            ("sec-fetch-site", "same-site"),
+        ] {
+            assert_eq!(cause(Scheme::Http, &[(name, value)]), Cause::ForeignPage, "{name}: {value}");
+        }
+    }
+
+    #[test]
+    fn a_browser_that_tells_no_page_is_told_from_a_program() {
+        for (name, value) in [
+            ("user-agent", "Mozilla/5.0 (X11; Linux x86_64)"),
+            ("accept-language", "en"),
+            ("upgrade-insecure-requests", "1"),
+            ("sec-fetch-site", "none"),
+            ("sec-ch-ua", "x"),
+        ] {
+            assert_eq!(cause(Scheme::Http, &[(name, value)]), Cause::Unproven, "{name}: {value}");
+        }
+        for (name, value) in [("user-agent", "curl/8.14.1"), ("user-agent", "Java/1.8.0"), ("accept", "*/*")]
+        {
+            assert_eq!(cause(Scheme::Http, &[(name, value)]), Cause::Program, "{name}: {value}");
+        }
+    }
+
+    #[test]
+    fn behind_a_proxy_the_scheme_is_the_clients() {
+        let origin = [("origin", "https://localhost:8080")];
+        assert_eq!(cause(Scheme::Https, &origin), Cause::OwnPage, "https");
+        assert_eq!(cause(Scheme::Either, &origin), Cause::OwnPage, "a proxy that does not say");
+        assert_eq!(cause(Scheme::Https, &[("origin", "http://localhost:8080")]), Cause::ForeignPage, "http");
+        let fetched = [origin[0], ("sec-fetch-site", "same-origin")];
+        assert_eq!(cause(Scheme::Http, &fetched), Cause::OwnPage, "the browser says so");
+    }
+}

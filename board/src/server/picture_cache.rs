@@ -1,0 +1,213 @@
+//! Pictures on request: made one at a time on one thread, at most so many a second for all clients, each for all requests that came
+//! before its burst.
+
+use super::encoder::Encoder;
+use super::memory::{AnswerMemory, Kept, body};
+use crate::clock;
+use axum::body::Bytes;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+use tokio::time::Instant;
+
+/// Shortest time between two pictures: twenty a second for all clients.
+const INTERVAL: Duration = Duration::from_millis(50);
+
+/// Largest picture that is kept, bytes; larger ones are shared only while they are being sent.
+const KEPT_BYTES: usize = 1 << 20;
+
+/// The contents of a picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum PictureKind {
+    /// An exposure of a burst, by rising exposure time.
+    Exposure(usize),
+    /// The best exposure of a burst that began after the request.
+    Capture,
+    /// The tone-mapped map, with or without the lights drawn on it.
+    Map {
+        /// Whether the lights are drawn.
+        marks: bool,
+    },
+    /// The map as OpenEXR.
+    MapExr,
+    /// The map as Radiance HDR.
+    MapHdr,
+    /// What is unseen and clipped.
+    Mask,
+    /// The tone-mapped map with the lights, to be kept under a name.
+    Screenshot,
+}
+
+/// What there is to render, or why not.
+pub(super) enum View<T> {
+    /// A view that answers requests up to a moment of CLOCK_MONOTONIC, nanoseconds.
+    Of {
+        /// What is rendered.
+        view: T,
+        /// The moment.
+        since_ns: u64,
+        /// Whether it is of a frame after the request.
+        is_fresh: bool,
+    },
+    /// A view that is too old for this request: another one is asked for.
+    TooOld,
+    /// There is none.
+    None,
+}
+
+/// The exposure that a picture shows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Shot {
+    /// Number of exposures of the burst.
+    pub(super) of: usize,
+    /// Exposure time with gain, seconds.
+    pub(super) seconds: f64,
+}
+
+/// A picture before it is encoded.
+pub(super) struct Rendered {
+    pub(super) bytes: Vec<u8>,
+    pub(super) frame: u64,
+    pub(super) shot: Option<Shot>,
+}
+
+/// A picture that is ready to be sent.
+#[derive(Clone, Debug)]
+pub(super) struct Picture {
+    pub(super) bytes: Bytes,
+    pub(super) frame: u64,
+    pub(super) shot: Option<Shot>,
+    pub(super) is_fresh: bool,
+}
+
+/// Why there is no picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum NoPicture {
+    /// There is nothing to render.
+    NoView,
+    /// Answers take too much memory.
+    Full,
+    /// It could not be rendered.
+    Fault,
+}
+
+/// Renders pictures and keeps the newest of each kind.
+pub(super) struct PictureCache {
+    /// Held while a picture is made; the time of the last one.
+    making: tokio::sync::Mutex<Option<Instant>>,
+    made: Mutex<Vec<Made>>,
+    thread: Encoder<PictureKind>,
+    memory: Arc<AnswerMemory>,
+}
+
+struct Made {
+    kind: PictureKind,
+    since_ns: u64,
+    kept: Kept,
+    /// The picture but for its bytes.
+    picture: Picture,
+}
+
+impl PictureCache {
+    pub(super) fn new(memory: Arc<AnswerMemory>) -> Self {
+        let (making, made) = (tokio::sync::Mutex::default(), Mutex::default());
+        Self { making, made, thread: Encoder::new("hemilux-picture"), memory }
+    }
+
+    /// The picture of `kind`: one that was made of a view later than this request, or a new one, `render`ed from what `look` gives.
+    pub(super) async fn picture<T, F>(
+        &self,
+        kind: PictureKind,
+        look: impl Fn(u64) -> F,
+        render: impl FnOnce(T) -> Option<Rendered> + Send + 'static,
+    ) -> Result<Picture, NoPicture>
+    where
+        T: Send + 'static,
+        F: Future<Output = View<T>>,
+    {
+        let asked_ns = clock::monotonic_ns();
+        loop {
+            let mut last = self.making.lock().await;
+            if let Some(picture) = self.find(kind, asked_ns) {
+                return Ok(picture);
+            }
+            if let Some(last) = *last {
+                tokio::time::sleep_until(last + INTERVAL).await;
+            }
+            self.memory.room().await.ok_or(NoPicture::Full)?;
+            *last = Some(Instant::now());
+            let (view, since_ns, is_fresh) = match look(asked_ns).await {
+                View::Of { view, since_ns, is_fresh } => (view, since_ns, is_fresh),
+                View::TooOld => continue,
+                View::None => return Err(NoPicture::NoView),
+            };
+            let rendered =
+                self.thread.run(kind, move || render(view)).await.flatten().ok_or(NoPicture::Fault)?;
+            return Ok(self.keep(kind, since_ns, is_fresh, rendered));
+        }
+    }
+
+    fn keep(&self, kind: PictureKind, since_ns: u64, is_fresh: bool, rendered: Rendered) -> Picture {
+        let Rendered { bytes, frame, shot } = rendered;
+        let is_small = bytes.len() <= KEPT_BYTES;
+        let held = self.memory.hold(bytes);
+        let mut kept = Kept::new(&held);
+        if !is_small {
+            kept.release();
+        }
+        let picture = Picture { bytes: Bytes::new(), frame, shot, is_fresh };
+        let mut made = self.lock();
+        made.retain(|made| made.kind != kind);
+        made.push(Made { kind, since_ns, kept, picture: picture.clone() });
+        Picture { bytes: body(&held), ..picture }
+    }
+
+    fn find(&self, kind: PictureKind, asked_ns: u64) -> Option<Picture> {
+        let made = self.lock();
+        let made = made.iter().find(|made| made.kind == kind && made.since_ns >= asked_ns)?;
+        Some(Picture { bytes: made.kept.find()?, ..made.picture.clone() })
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Vec<Made>> {
+        self.made.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+    #[tokio::test]
+    async fn requests_that_wait_together_share_a_picture_and_later_ones_get_another() {
+        let cache = PictureCache::new(Arc::default());
+        let looks = AtomicU64::new(0);
+        let ask = || {
+            let look = |_| {
+                let frame = looks.fetch_add(1, Relaxed);
+                async move {
+                    // The others ask meanwhile.
+                    tokio::task::yield_now().await;
+                    View::Of { view: frame, since_ns: clock::monotonic_ns(), is_fresh: true }
+                }
+            };
+            let render = |frame| Some(Rendered { bytes: vec![1], frame, shot: None });
+            cache.picture(PictureKind::Mask, look, render)
+        };
+        let (a, b, c) = tokio::join!(ask(), ask(), ask());
+        let frames = [a, b, c].map(|picture| picture.expect("a picture").frame);
+        assert_eq!((frames, looks.load(Relaxed)), ([0; 3], 1), "one for three");
+        assert_eq!(ask().await.expect("a picture").frame, 1, "a later request");
+    }
+
+    #[tokio::test]
+    async fn pictures_are_made_at_a_bounded_rate() {
+        let cache = PictureCache::new(Arc::default());
+        let began = Instant::now();
+        for frame in 0..4 {
+            let look = |_| async move { View::Of { view: frame, since_ns: 0, is_fresh: true } };
+            let render = |frame| Some(Rendered { bytes: vec![1], frame, shot: None });
+            cache.picture(PictureKind::Mask, look, render).await.expect("a picture");
+        }
+        assert!(began.elapsed() >= 3 * INTERVAL, "{:?}", began.elapsed());
+    }
+}

@@ -1,0 +1,213 @@
+//! Trusted proxies: what they say of the clients whose requests they forward. Nothing of it is believed from other addresses.
+
+use super::connection::{ClientKey, ConnectionGuard};
+use super::{Context, line};
+use axum::extract::{Request, State};
+use axum::http::header::FORWARDED;
+use axum::http::{HeaderMap, HeaderName, StatusCode};
+use axum::middleware::Next;
+use axum::response::Response;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::sync::Arc;
+
+/// The header with the addresses that a request has come from, each proxy appending its predecessor's.
+const X_FORWARDED_FOR: HeaderName = HeaderName::from_static("x-forwarded-for");
+
+/// The header with the scheme of the client's own request.
+const X_FORWARDED_PROTO: HeaderName = HeaderName::from_static("x-forwarded-proto");
+
+/// The proxies that are believed.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Proxies(Vec<IpAddr>);
+
+/// The scheme of a client's own request.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Scheme {
+    Http,
+    Https,
+    /// A trusted proxy does not say which.
+    Either,
+}
+
+/// The client of a request.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Client {
+    pub(super) address: IpAddr,
+    pub(super) scheme: Scheme,
+}
+
+impl Default for Client {
+    /// The client of a request without a socket: this machine.
+    fn default() -> Self {
+        Self { address: Ipv4Addr::LOCALHOST.into(), scheme: Scheme::Http }
+    }
+}
+
+impl Client {
+    /// The key that its connections and its failed log-ins are counted under.
+    pub(super) fn key(&self) -> ClientKey {
+        ClientKey::of(self.address)
+    }
+}
+
+/// What the headers of a forwarded request say.
+#[derive(Debug, Default)]
+struct Forwarding {
+    /// The addresses that the request has come from, the last proxy's entry last; `None` for one that is not told.
+    addresses: Vec<Option<IpAddr>>,
+    scheme: Option<Scheme>,
+}
+
+impl Proxies {
+    pub(super) fn new(addresses: &[IpAddr]) -> Self {
+        Self(addresses.iter().map(IpAddr::to_canonical).collect())
+    }
+
+    pub(super) fn contains(&self, address: IpAddr) -> bool {
+        self.0.contains(&address)
+    }
+
+    /// The client of a request that came from `peer`.
+    ///
+    /// # Errors
+    /// What is wrong with the headers of a trusted proxy.
+    fn client(&self, peer: IpAddr, headers: &HeaderMap) -> Result<Client, &'static str> {
+        if !self.contains(peer) {
+            return Ok(Client { address: peer, scheme: Scheme::Http });
+        }
+        let found = match (headers.contains_key(FORWARDED), headers.contains_key(X_FORWARDED_FOR)) {
+            // A proxy sets one of them, so the other was sent by the client.
+            (true, true) => {
+                return Err("both Forwarded and X-Forwarded-For, expected the proxy to remove one");
+            }
+            (true, false) => forwarded(headers).ok_or("a Forwarded header that cannot be read")?,
+            (false, _) => x_forwarded(headers).ok_or("an X-Forwarded-For header that cannot be read")?,
+        };
+        // Each entry was written by the proxy that follows it: from the right, the first that is no proxy itself is the client.
+        let is_client = |entry: &&Option<IpAddr>| entry.is_none_or(|address| !self.contains(address));
+        let client = found.addresses.iter().rev().find(is_client).copied().flatten();
+        Ok(Client { address: client.unwrap_or(peer), scheme: found.scheme.unwrap_or(Scheme::Either) })
+    }
+}
+
+/// The comma-separated elements of all headers called `name`.
+fn elements<'a>(headers: &'a HeaderMap, name: &HeaderName) -> Option<Vec<&'a str>> {
+    let texts: Option<Vec<_>> = headers.get_all(name).iter().map(|v| v.to_str().ok()).collect();
+    Some(
+        texts?
+            .into_iter()
+            .flat_map(|text| text.split(','))
+            .map(str::trim)
+            .filter(|e| !e.is_empty())
+            .collect(),
+    )
+}
+
+fn scheme(text: &str) -> Option<Scheme> {
+    match text.to_ascii_lowercase().as_str() {
+        "http" | "ws" => Some(Scheme::Http),
+        "https" | "wss" => Some(Scheme::Https),
+        _ => None,
+    }
+}
+
+/// An address with or without a port, IPv6 with or without brackets.
+fn address(text: &str) -> Option<IpAddr> {
+    let bare = text.trim_start_matches('[').trim_end_matches(']');
+    let address = bare.parse().ok().or_else(|| text.parse::<SocketAddr>().ok().map(|a| a.ip()));
+    address.map(|ip: IpAddr| ip.to_canonical())
+}
+
+fn x_forwarded(headers: &HeaderMap) -> Option<Forwarding> {
+    let scheme = elements(headers, &X_FORWARDED_PROTO)?.last().and_then(|text| scheme(text));
+    let addresses = elements(headers, &X_FORWARDED_FOR)?.into_iter().map(|text| address(text).map(Some));
+    Some(Forwarding { addresses: addresses.collect::<Option<_>>()?, scheme })
+}
+
+/// RFC 7239: `for=192.0.2.1;proto=https, for="[2001:db8::1]:80"`. Names such as `unknown` tell no address.
+fn forwarded(headers: &HeaderMap) -> Option<Forwarding> {
+    let mut found = Forwarding::default();
+    for element in elements(headers, &FORWARDED)? {
+        let mut from = None;
+        for pair in element.split(';') {
+            let (name, value) = pair.trim().split_once('=')?;
+            let value = value.trim_matches('"');
+            match name.to_ascii_lowercase().as_str() {
+                "for" => from = address(value),
+                "proto" => found.scheme = scheme(value),
+                _ => {}
+            }
+        }
+        found.addresses.push(from);
+    }
+    Some(found)
+}
+
+/// Finds out the client of a request and counts the connection under it.
+pub(super) async fn identify(State(context): State<Context>, mut request: Request, next: Next) -> Response {
+    let guard = request.extensions().get::<Arc<ConnectionGuard>>().cloned();
+    let client = match &guard {
+        None => Client::default(),
+        Some(guard) => match context.proxies.client(guard.address, request.headers()) {
+            Ok(client) => client,
+            Err(found) => {
+                context.counts.refused("malformed");
+                return line(StatusCode::BAD_REQUEST, &format!("found {found}"));
+            }
+        },
+    };
+    if let Some(guard) = guard.filter(|guard| guard.address != client.address) {
+        guard.assign(client.key());
+    }
+    request.extensions_mut().insert(client);
+    next.run(request).await
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use axum::http::HeaderValue;
+
+    fn client(
+        peer: &str,
+        headers: &[(&'static str, &'static str)],
+    ) -> Result<(String, Scheme), &'static str> {
+        let ip = |text: &str| text.parse().expect("an address");
+        let proxies = Proxies::new(&[ip("127.0.0.1"), ip("10.0.0.9")]);
+        let headers = headers.iter().map(|(n, v)| (HeaderName::from_static(n), HeaderValue::from_static(v)));
+        let found = proxies.client(ip(peer), &headers.collect());
+        found.map(|client| (client.address.to_string(), client.scheme))
+    }
+
+    #[test]
+    fn only_a_trusted_proxy_is_believed() {
+        let spoofed = [("x-forwarded-for", "192.0.2.1"), ("x-forwarded-proto", "https")];
+        assert_eq!(client("192.0.2.7", &spoofed), Ok(("192.0.2.7".into(), Scheme::Http)), "not trusted");
+        assert_eq!(client("127.0.0.1", &spoofed), Ok(("192.0.2.1".into(), Scheme::Https)), "trusted");
+    }
+
+    #[test]
+    fn the_last_address_that_is_no_proxy_is_the_client() {
+        let chain = [("x-forwarded-for", "203.0.113.5, 192.0.2.1, 10.0.0.9")];
+        assert_eq!(
+            client("127.0.0.1", &chain),
+            Ok(("192.0.2.1".into(), Scheme::Either)),
+            "the first is invented"
+        );
+        let forwarded =
+            [("forwarded", "for=203.0.113.5, For=\"[2001:db8::1]:4711\";proto=https;by=10.0.0.9")];
+        assert_eq!(client("127.0.0.1", &forwarded), Ok(("2001:db8::1".into(), Scheme::Https)), "RFC 7239");
+        assert_eq!(client("127.0.0.1", &[]), Ok(("127.0.0.1".into(), Scheme::Either)), "says nothing");
+    }
+
+    #[test]
+    fn contradictory_and_unreadable_headers_are_refused() {
+        for headers in [
+            &[("forwarded", "for=192.0.2.1"), ("x-forwarded-for", "192.0.2.2")][..],
+            &[("x-forwarded-for", "somewhere")],
+            &[("forwarded", "192.0.2.1")],
+        ] {
+            assert!(client("127.0.0.1", headers).is_err(), "{headers:?}");
+        }
+    }
+}

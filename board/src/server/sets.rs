@@ -1,0 +1,196 @@
+//! The encoded forms of the newest light set: each is made once per frame, for all requests with equal parameters.
+
+use super::encoder::Encoder;
+use super::lights::Answer;
+use super::memory::{AnswerMemory, Kept, body};
+use super::query::Variant;
+use crate::probe::{Link, Published, Staleness};
+use axum::body::Bytes;
+use hemilux_core::light::Light;
+use hemilux_core::thin::{Pair, merge};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+/// Resolution of the age in answers about a stopped source: answers within one step share their bytes.
+const STALE_STEP_MS: u64 = 100;
+
+/// Number of lights above which encoding takes more than about a tenth of a millisecond and moves to the encoding thread.
+const MANY_LIGHTS: usize = 256;
+
+/// Largest number of variants whose bytes are kept; beyond it the least recently requested variant is dropped.
+const VARIANTS: usize = 64;
+
+/// Most bytes that are kept while no client is being sent them.
+const KEPT_BYTES: usize = 16 << 20;
+
+/// The encoded bytes of the newest set for each variant, most recently requested first.
+pub(super) struct EncodedSets {
+    variants: Mutex<Vec<(Variant, Arc<Entry>)>>,
+    encoder: Encoder<Variant>,
+    memory: Arc<AnswerMemory>,
+}
+
+/// The bytes of one variant.
+#[derive(Default)]
+struct Entry {
+    encoded: Mutex<Encoded>,
+    /// Held while the set is encoded; requests that find the bytes in the cache do not wait for it.
+    encoding: tokio::sync::Mutex<()>,
+}
+
+#[derive(Clone, Default)]
+struct Encoded {
+    key: Option<Key>,
+    kept: Kept,
+    /// Length of the bytes.
+    length: usize,
+}
+
+/// What bytes are of: a frame, and the age of a stale set in steps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Key {
+    frame: u64,
+    stale_steps: Option<u64>,
+}
+
+impl Key {
+    fn of(answer: &Answer) -> Self {
+        let stale_steps = answer.stale.as_ref().map(|s| s.age_ms / STALE_STEP_MS);
+        Self { frame: answer.set.frame, stale_steps }
+    }
+}
+
+/// Why there are no bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Missing {
+    /// There is no set yet.
+    NoSet,
+    /// Answers take too much memory.
+    Full,
+    /// A programming error.
+    Fault,
+}
+
+/// A set that is ready to be sent.
+#[derive(Clone, Debug)]
+pub(super) struct Ready {
+    pub(super) bytes: Bytes,
+    /// The set.
+    pub(super) set: Arc<Published>,
+    pub(super) is_stale: bool,
+}
+
+impl EncodedSets {
+    pub(super) fn new(memory: Arc<AnswerMemory>) -> Self {
+        Self { variants: Mutex::default(), encoder: Encoder::new("hemilux-encode"), memory }
+    }
+
+    /// The newest set in the form `variant`, marked stale when it `is_late`. The first request encodes it, concurrent ones wait.
+    pub(super) async fn newest(
+        &self,
+        variant: Variant,
+        link: &Arc<Link>,
+        is_late: bool,
+    ) -> Result<Ready, Missing> {
+        let entry = self.entry(variant);
+        let answer = Answer::newest(link, is_late).ok_or(Missing::NoSet)?;
+        if let Some(ready) = entry.find(&answer) {
+            return Ok(ready);
+        }
+        drop(answer);
+        let _alone = entry.encoding.lock().await;
+        let answer = Answer::newest(link, is_late).ok_or(Missing::NoSet)?;
+        if let Some(ready) = entry.find(&answer) {
+            return Ok(ready);
+        }
+        self.memory.room().await.ok_or(Missing::Full)?;
+        // Capacity of 9/8 of the previous frame's length: one allocation per frame.
+        let last = lock(&entry.encoded).length;
+        let room = last + last / 8;
+        let (answer, bytes) = if answer.set.lights.len() > MANY_LIGHTS {
+            let link = Arc::clone(link);
+            drop(answer);
+            let work = move || {
+                // The newest set by the time that the thread gets to it.
+                let answer = Answer::newest(&link, is_late)?;
+                encode(variant, &link, &answer, room).map(|bytes| (answer, bytes))
+            };
+            self.encoder.run(variant, work).await.flatten().ok_or(Missing::Fault)?
+        } else {
+            let bytes = encode(variant, link, &answer, room).ok_or(Missing::Fault)?;
+            (answer, bytes)
+        };
+        Ok(self.keep(&entry, answer, bytes))
+    }
+
+    fn keep(&self, entry: &Entry, answer: Answer, bytes: Vec<u8>) -> Ready {
+        let (key, length) = (Some(Key::of(&answer)), bytes.len());
+        let held = self.memory.hold(bytes);
+        *lock(&entry.encoded) = Encoded { key, kept: Kept::new(&held), length };
+        self.release_old();
+        Ready { bytes: body(&held), is_stale: answer.stale.is_some(), set: answer.set }
+    }
+
+    /// Keeps no more than [`KEPT_BYTES`] of sets that no client is being sent: those of the variants requested last.
+    fn release_old(&self) {
+        let mut kept = 0;
+        for (_, entry) in lock(&self.variants).iter() {
+            let mut encoded = lock(&entry.encoded);
+            kept += encoded.kept.len();
+            if kept > KEPT_BYTES {
+                kept -= encoded.kept.len();
+                encoded.kept.release();
+            }
+        }
+    }
+
+    /// The cache entry of `variant`; evicts the least recently requested one when the cache is full.
+    fn entry(&self, variant: Variant) -> Arc<Entry> {
+        let mut all = lock(&self.variants);
+        let known = all.iter().position(|(v, _)| *v == variant);
+        let entry = known.map_or_else(|| (variant, Arc::default()), |i| all.remove(i));
+        all.truncate(VARIANTS - 1);
+        all.insert(0, entry);
+        Arc::clone(&all[0].1)
+    }
+}
+
+impl Entry {
+    fn find(&self, answer: &Answer) -> Option<Ready> {
+        let encoded = lock(&self.encoded);
+        let bytes = encoded.kept.find().filter(|_| encoded.key == Some(Key::of(answer)))?;
+        Some(Ready { bytes, set: Arc::clone(&answer.set), is_stale: answer.stale.is_some() })
+    }
+}
+
+/// Locks `mutex`, also after a panic of another thread: no critical section leaves partial updates.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn encode(variant: Variant, link: &Link, answer: &Answer, room: usize) -> Option<Vec<u8>> {
+    let began = Instant::now();
+    let set = &answer.set;
+    let mut on_wire = set.on_wire(link.run(), answer.stale.as_ref().map(Staleness::on_wire));
+    on_wire.coordinates = variant.coordinates;
+    on_wire.ambient_sh = set.ambient.as_ref().filter(|_| variant.ambient);
+    let thinned;
+    if let Some(most) = variant.lights.filter(|most| *most < set.lights.len()) {
+        thinned = thin(&set.lights, most)?;
+        on_wire.lights = &thinned;
+    }
+    if let Some(most) = variant.lights {
+        on_wire.requested = on_wire.requested.min(u32::try_from(most).unwrap_or(u32::MAX));
+    }
+    let bytes = variant.format.encode(&on_wire, room)?;
+    link.set_encode_us(u32::try_from(began.elapsed().as_micros()).unwrap_or(u32::MAX));
+    Some(bytes)
+}
+
+/// `lights` merged into at most `most`; `None` only for a programming error.
+pub(super) fn thin(lights: &[Light], most: usize) -> Option<Vec<Light>> {
+    let (mut lights, mut pairs) = (lights.to_vec(), vec![Pair::default(); lights.len()]);
+    let count = merge(&mut lights, most, &mut pairs).ok()?;
+    lights.truncate(count);
+    Some(lights)
+}
