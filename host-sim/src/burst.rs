@@ -138,7 +138,7 @@ pub fn in_memory(
     let mut calibration = Calibration::try_new(lens.lens, format, width, height)
         .expect("a lens file's size is one that an image can have");
     calibration.response = lens.response;
-    calibration.levels = hemilux_core::Levels { black, white };
+    calibration.levels = Levels { black, white };
     calibration.scale = scale;
     (calibration, Burst { frames, ..Burst::default() })
 }

@@ -6,10 +6,11 @@ use crate::bench;
 use crate::error::SimError;
 use crate::export::Export;
 use crate::output::Files;
-use crate::{burst, chart, decompose, render, replay, score, stress};
+use crate::{burst, chart, decompose, import, render, replay, score, stress};
 use clap::{Args, Parser, Subcommand};
 use hemilux::export::Form;
 use hemilux::pipeline::Settings;
+use hemilux::recorded::ReadLimits;
 use hemilux::samplers;
 use hemilux::timing::Budgets;
 use hemilux_core::Extrapolation;
@@ -41,6 +42,8 @@ pub struct Cli {
 enum Command {
     /// Decomposes latitude-longitude HDR maps: one JSON light set per map on standard output.
     Decompose(DecomposeArgs),
+    /// Makes a burst of bracketed photographs by their EXIF data.
+    Import(ImportArgs),
     /// Runs recorded bursts through the probe's pipeline: one JSON light set per burst on standard output.
     Replay(ReplayArgs),
     /// Scores a light set against the map it stands for: open, shadowed and energy error as ratios.
@@ -150,9 +153,18 @@ struct DecomposeArgs {
 
 #[derive(Args, Debug)]
 struct ReplayArgs {
-    /// A folder with a burst.toml, or a folder of such folders.
+    /// A folder with a burst.toml, a folder of such folders, or (with --lens) a folder of photographs.
     #[arg(long, value_name = "DIR")]
     burst: PathBuf,
+    /// Lens file for a folder of photographs without a burst.toml.
+    #[arg(long, value_name = "FILE")]
+    lens: Option<PathBuf>,
+    /// Exposure times that count: those stated, or the longest one and the ratios measured in the pixels.
+    #[arg(long, value_enum, default_value = "stated")]
+    exposures: ExposuresArg,
+    /// Most pixels of an image; by default 134217728, and less for short files.
+    #[arg(long, value_name = "N")]
+    max_pixels: Option<u64>,
     #[command(flatten)]
     sampler: SamplerArgs,
     #[command(flatten)]
@@ -164,6 +176,27 @@ struct ReplayArgs {
     files: FileArgs,
     #[command(flatten)]
     export: ExportArgs,
+}
+
+#[derive(Args, Debug)]
+struct ImportArgs {
+    /// The photographs, JPEG or PNG with EXIF data.
+    #[arg(required = true, value_name = "PHOTO")]
+    photos: Vec<PathBuf>,
+    /// Lens file of the camera.
+    #[arg(long, value_name = "FILE")]
+    lens: PathBuf,
+    /// Folder to write.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+}
+
+#[derive(clap::ValueEnum, Clone, Copy, Debug)]
+enum ExposuresArg {
+    /// Those of the manifest or of the EXIF data.
+    Stated,
+    /// The longest stated one, and the others by measured ratios.
+    Measured,
 }
 
 #[derive(clap::ValueEnum, Clone, Copy, Debug)]
@@ -335,8 +368,21 @@ pub fn run(cli: Cli) -> Result<(), SimError> {
                 Settings { sampler, lights, tolerance, ambient, extrapolation, ..Settings::default() };
             let export = args.export.export()?;
             let files = args.files.files(&export);
-            replay::run(&replay::Job { burst: args.burst, settings, files, export })
+            let exposures = match args.exposures {
+                ExposuresArg::Stated => replay::Exposures::Stated,
+                ExposuresArg::Measured => replay::Exposures::Measured,
+            };
+            replay::run(&replay::Job {
+                burst: args.burst,
+                lens: args.lens,
+                limits: ReadLimits { max_pixels: args.max_pixels, ..ReadLimits::default() },
+                exposures,
+                settings,
+                files,
+                export,
+            })
         }
+        Command::Import(a) => import::run(&import::Job { lens: a.lens, photos: a.photos, out: a.out }),
         Command::Score(a) => {
             let options = a.map.into();
             let map = decompose::read(&a.env, &options)?;

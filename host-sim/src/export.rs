@@ -48,10 +48,27 @@ impl Export {
     /// # Errors
     /// [`SimError`] when standard output is closed.
     pub fn print(&self, set: &LightSet<'_>, map: Option<&Path>) -> Result<(), SimError> {
+        self.print_with(set, map, &[])
+    }
+
+    /// As [`Export::print`]; JSON names the frames that were left out of the burst as `frames_left_out`, where there are any.
+    ///
+    /// # Errors
+    /// As [`Export::print`].
+    pub fn print_with(
+        &self,
+        set: &LightSet<'_>,
+        map: Option<&Path>,
+        frames_left_out: &[String],
+    ) -> Result<(), SimError> {
         let set = LightSet { coordinates: self.axes, ..*set };
         let map = map.map(|path| path.to_string_lossy());
         let mut bytes = Vec::new();
         encode(self.form, &set, map.as_deref(), &mut bytes).map_err(|e| SimError::Failed(e.to_string()))?;
+        let names = serde_json::Value::from(frames_left_out);
+        if self.form == Form::Json && !frames_left_out.is_empty() && bytes.pop_if(|b| *b == b'}').is_some() {
+            bytes.extend(format!(",\"frames_left_out\":{names}}}").bytes());
+        }
         if self.form != Form::Glb && bytes.last() != Some(&b'\n') {
             bytes.push(b'\n');
         }

@@ -11,6 +11,7 @@ pub mod draw;
 pub mod env;
 pub mod error;
 pub mod export;
+pub mod import;
 pub mod maps;
 pub mod metrics;
 pub mod output;

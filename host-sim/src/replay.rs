@@ -2,10 +2,11 @@
 
 use crate::error::SimError;
 use crate::export::Export;
+use crate::import;
 use crate::output::Files;
 use hemilux::calibration::{Burst, Calibration, Frame};
 use hemilux::pipeline::{Pipeline, PipelineError, Settings};
-use hemilux::recorded;
+use hemilux::recorded::{self, BurstFolder, ReadLimits, RecordedBurst};
 use hemilux_core::format::Format;
 use hemilux_core::internals::response::{Curve, curve_len};
 use hemilux_core::wire::LightSet;
@@ -16,6 +17,12 @@ use std::path::{Path, PathBuf};
 pub struct Job {
     /// A burst, or a folder of bursts that are one sequence.
     pub burst: PathBuf,
+    /// Lens file, for a folder of photographs without a `burst.toml`.
+    pub lens: Option<PathBuf>,
+    /// Limits on the images.
+    pub limits: ReadLimits,
+    /// Which exposure times count.
+    pub exposures: Exposures,
     /// Sampler, lights, extrapolation.
     pub settings: Settings,
     /// Paths of pictures and maps to write.
@@ -24,58 +31,144 @@ pub struct Job {
     pub export: Export,
 }
 
+/// Which exposure times count.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Exposures {
+    /// Those of the manifest.
+    #[default]
+    Stated,
+    /// The longest one of the manifest, and the others by the ratios measured in the pixels.
+    Measured,
+}
+
 /// Prints one light set per burst on standard output, and a summary of each burst on standard error.
 ///
 /// # Errors
 /// [`SimError`].
 pub fn run(job: &Job) -> Result<(), SimError> {
-    let bursts = recorded::read_sequence(&job.burst)?;
+    let bursts = list(job)?;
     job.export.check_count(bursts.len())?;
+    let many = bursts.len() > 1;
     let mut pipeline: Option<Pipeline> = None;
-    for (index, recorded::BurstFolder { folder, timestamp_ns }) in bursts.iter().enumerate() {
-        let (calibration, burst) = recorded::read_burst(folder)?;
+    for (index, folder) in bursts.iter().enumerate() {
+        let mut read = read(job, &folder.folder)?;
+        read.burst.timestamp_ns = read.burst.timestamp_ns.max(folder.timestamp_ns);
+        let left_out = prepare(job, &folder.folder, &mut read, pipeline.is_none());
+        let RecordedBurst { calibration, burst, .. } = read;
+        let exposures: Vec<_> = burst.frames.iter().map(|f| f.exposure).collect();
         let same = pipeline.take().filter(|p| *p.calibration() == calibration);
         let running = match same {
             Some(p) => p,
             None => {
-                print_ratios(&calibration, &burst);
-                let exposures: Vec<_> = burst.frames.iter().map(|f| f.exposure).collect();
-                Pipeline::try_new(calibration, &exposures, job.settings.clone()).map_err(|e| at(folder, e))?
+                let made = Pipeline::try_new(calibration, &exposures, job.settings.clone());
+                made.map_err(|e| at(&folder.folder, e))?
             }
         };
         let pipeline = pipeline.insert(running);
-        let processed = pipeline.process(&burst).map_err(|e| at(folder, e))?;
-        let seen = processed.seen;
-        eprintln!(
-            "hemilux-sim: {}: clipped {:.4} and unseen {:.4} of the hemisphere, light from below {:.4} of that from above",
-            folder.display(),
-            seen.clipped,
-            seen.unseen,
-            seen.below
-        );
-        let made = processed.decomposition;
-        let set = LightSet {
-            run: "sim",
-            frame: index as u64,
-            timestamp_ns: (*timestamp_ns).max(burst.timestamp_ns),
-            valid: true,
-            sampler: &job.settings.sampler,
-            requested: job.settings.lights as u32,
-            lights: made.lights,
-            ambient_sh: made.ambient.as_ref(),
-            scalar_flux: processed.scalar_flux,
-            horizontal_irradiance: processed.horizontal_irradiance,
-            clipped: seen.clipped as f32,
-            unseen: seen.unseen as f32,
-            estimated_error: made.estimated_error,
-            latency: processed.times.latency(),
-            ..LightSet::EMPTY
-        };
-        job.export.print(&set, job.files.map_name().as_deref())?;
-        let lights = made.lights.to_vec();
-        job.files.write((bursts.len() > 1).then_some(index), &pipeline.map().polar, &lights)?;
+        process(job, pipeline, &burst, Place { index, many, folder: &folder.folder }, &left_out)?;
     }
     Ok(())
+}
+
+/// The bursts of the recording; a folder of photographs is one burst.
+fn list(job: &Job) -> Result<Vec<BurstFolder>, SimError> {
+    let is_photographs = !job.burst.join("burst.toml").is_file() && !import::list(&job.burst)?.is_empty();
+    if !is_photographs {
+        return Ok(recorded::read_sequence(&job.burst)?);
+    }
+    if job.lens.is_some() {
+        return Ok(vec![BurstFolder { folder: job.burst.clone(), timestamp_ns: 0 }]);
+    }
+    let expected = "a burst.toml (hemilux-sim import --lens LENS PHOTO... --out DIR writes one; replay --lens LENS does without)";
+    Err(SimError::at(&job.burst, "photographs without a burst.toml", expected))
+}
+
+fn read(job: &Job, folder: &Path) -> Result<RecordedBurst, SimError> {
+    match &job.lens {
+        Some(lens) if !folder.join("burst.toml").is_file() => {
+            let text = import::describe(lens, &import::list(folder)?)?;
+            Ok(recorded::read_described(folder, &text, &job.limits)?)
+        }
+        _ => Ok(recorded::read_recorded(folder, &job.limits)?),
+    }
+}
+
+/// Leaves out frames that contradict their neighbours, prints the exposure ratios and applies them where asked for.
+fn prepare(job: &Job, folder: &Path, read: &mut RecordedBurst, tells: bool) -> Vec<String> {
+    let left_out = recorded::leave_out(read);
+    for frame in &left_out {
+        eprintln!("hemilux-sim: {}: left out: {}", folder.join(&frame.file).display(), frame.why);
+    }
+    let ratios = ratios(&read.calibration, &read.burst);
+    if tells {
+        print_ratios(&ratios);
+    }
+    if job.exposures == Exposures::Measured {
+        apply(&ratios, &mut read.burst);
+    }
+    left_out.into_iter().map(|frame| frame.file).collect()
+}
+
+/// Sets the exposure times by the measured ratios, from the longest exposure down.
+fn apply(ratios: &[Ratio], burst: &mut Burst) {
+    let light = |f: &Frame| f.exposure.seconds * f.exposure.gain;
+    for (i, ratio) in ratios.iter().enumerate().rev() {
+        let longer = light(&burst.frames[i + 1]);
+        let usable = ratio.samples >= LEAST_SAMPLES && ratio.measured.is_finite() && ratio.measured > 0.0;
+        let factor = if usable { ratio.measured } else { ratio.nominal };
+        let exposure = &mut burst.frames[i].exposure;
+        exposure.seconds = longer / factor / exposure.gain;
+    }
+}
+
+/// Fewest samples whose ratio takes the place of the stated one.
+const LEAST_SAMPLES: usize = 1000;
+
+/// A burst's place in its sequence.
+#[derive(Clone, Copy)]
+struct Place<'a> {
+    index: usize,
+    many: bool,
+    folder: &'a Path,
+}
+
+fn process(
+    job: &Job,
+    pipeline: &mut Pipeline,
+    burst: &Burst,
+    place: Place<'_>,
+    left_out: &[String],
+) -> Result<(), SimError> {
+    let processed = pipeline.process(burst).map_err(|e| at(place.folder, e))?;
+    let seen = processed.seen;
+    eprintln!(
+        "hemilux-sim: {}: clipped {:.4} and unseen {:.4} of the hemisphere, light from below {:.4} of that from above",
+        place.folder.display(),
+        seen.clipped,
+        seen.unseen,
+        seen.below
+    );
+    let made = processed.decomposition;
+    let set = LightSet {
+        run: "sim",
+        frame: place.index as u64,
+        timestamp_ns: burst.timestamp_ns,
+        valid: true,
+        sampler: &job.settings.sampler,
+        requested: job.settings.lights as u32,
+        lights: made.lights,
+        ambient_sh: made.ambient.as_ref(),
+        scalar_flux: processed.scalar_flux,
+        horizontal_irradiance: processed.horizontal_irradiance,
+        clipped: seen.clipped as f32,
+        unseen: seen.unseen as f32,
+        estimated_error: made.estimated_error,
+        latency: processed.times.latency(),
+        ..LightSet::EMPTY
+    };
+    job.export.print_with(&set, job.files.map_name().as_deref(), left_out)?;
+    let lights = made.lights.to_vec();
+    job.files.write(place.many.then_some(place.index), &pipeline.map().polar, &lights)
 }
 
 /// Adds the path of the burst to an error of the pipeline; a wrong sampler or number of lights is a usage error.
@@ -141,8 +234,7 @@ fn codes(frame: &Frame) -> Box<dyn Iterator<Item = u32> + '_> {
     }
 }
 
-fn print_ratios(calibration: &Calibration, burst: &Burst) {
-    let ratios = ratios(calibration, burst);
+fn print_ratios(ratios: &[Ratio]) {
     if ratios.is_empty() {
         return;
     }

@@ -1,46 +1,167 @@
 //! The images and raw frames of a recorded burst.
 
-use super::{Image, RecordedError};
+use super::{Image, ReadLimits, RecordedError, jpeg};
 use crate::calibration::Pixels;
 use hemilux_core::format::{Format, Layout};
-use image::{DynamicImage, ImageFormat, ImageReader, Limits};
-use std::io::Read;
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+use std::fs::File;
+use std::io::{BufRead, BufReader, Cursor, Read, Seek};
 use std::path::Path;
 
-/// Longest side of an image, pixels.
-const MAX_SIDE: u32 = 1 << 14;
+/// Pixels that one byte of a file may stand for, beyond [`FREE_PIXELS`].
+const PIXELS_PER_BYTE: u64 = 200;
 
-/// Most bytes that decoding one image may take.
-const MAX_BYTES: u64 = 1 << 29;
+/// Pixels that a file of any length may have; uniform images compress without limit.
+const FREE_PIXELS: u64 = 1 << 23;
+
+/// Bytes that a decoder may allocate beside the pixels.
+const DECODER_BYTES: u64 = 1 << 26;
 
 const EXPECTED: &str = "a whole PNG, JPEG, PGM or PPM image";
 
-/// Reads one image; the format follows from the contents, not from the file name. Grey is repeated in all channels.
-pub(super) fn read(path: &Path) -> Result<Image, RecordedError> {
-    let refused = |found: &dyn std::fmt::Display| RecordedError::new(path, found, EXPECTED);
-    let reader = ImageReader::open(path).map_err(|e| refused(&e))?;
-    let mut reader = reader.with_guessed_format().map_err(|e| refused(&e))?;
-    match reader.format() {
-        Some(ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::Pnm) => {}
-        Some(other) => return Err(refused(&format!("a {other:?} image"))),
-        None => return Err(refused(&"a file of another type")),
+/// An image whose header was read.
+pub(super) struct Opened {
+    decoder: Box<dyn ImageDecoder>,
+    /// Largest sample of a PNM image.
+    maxval: Option<u32>,
+    orientation: image::metadata::Orientation,
+    format: Format,
+    size: [u32; 2],
+}
+
+impl Opened {
+    /// Columns and rows of the upright image.
+    pub fn size(&self) -> [u32; 2] {
+        let [width, height] = self.size;
+        let turned = self.orientation.to_exif() >= 5;
+        if turned { [height, width] } else { [width, height] }
     }
-    let mut limits = Limits::default();
-    limits.max_image_width = Some(MAX_SIDE);
-    limits.max_image_height = Some(MAX_SIDE);
-    limits.max_alloc = Some(MAX_BYTES);
-    reader.limits(limits);
-    let image = reader.decode().map_err(|e| refused(&e))?;
+
+    /// Bytes of the decoded samples.
+    pub fn bytes(&self) -> u64 {
+        let sample = if self.format == Format::Rgb48 { 2 } else { 1 };
+        3 * sample * u64::from(self.size[0]) * u64::from(self.size[1])
+    }
+}
+
+/// Reads the header of an image; the format follows from the contents, not from the file name.
+pub(super) fn open(path: &Path, limits: &ReadLimits) -> Result<Opened, RecordedError> {
+    let refused = |found: &dyn std::fmt::Display| RecordedError::new(path, found, EXPECTED);
+    let file = File::open(path).map_err(|e| refused(&e))?;
+    let length = file.metadata().map_err(|e| refused(&e))?.len();
+    let mut file = BufReader::new(file);
+    let begin = file.fill_buf().map_err(|e| refused(&e))?;
+    let kind = image::guess_format(begin).ok();
+    let maxval = if kind == Some(ImageFormat::Pnm) { maxval(begin) } else { None };
+    let mut decoder = match kind {
+        Some(ImageFormat::Png | ImageFormat::Pnm) => decoder(file, kind),
+        Some(ImageFormat::Jpeg) => decoder(Cursor::new(whole_jpeg(path, file)?), kind),
+        _ => return Err(refused(&other(begin, kind))),
+    }
+    .map_err(|e| refused(&e))?;
+    let (width, height) = decoder.dimensions();
+    limits.check(path, [width, height], length)?;
+    let orientation = decoder.orientation().unwrap_or(image::metadata::Orientation::NoTransforms);
+    let deep = decoder.color_type().bytes_per_pixel() / decoder.color_type().channel_count() > 1;
+    let format = if deep { Format::Rgb48 } else { Format::Rgb24 };
+    Ok(Opened { decoder, maxval, orientation, format, size: [width, height] })
+}
+
+/// A decoder whose memory beside the pixels is limited.
+fn decoder(
+    input: impl BufRead + Seek + 'static,
+    format: Option<ImageFormat>,
+) -> image::ImageResult<Box<dyn ImageDecoder>> {
+    let mut reader = ImageReader::new(input);
+    if let Some(format) = format {
+        reader.set_format(format);
+    }
+    let mut decoder: Box<dyn ImageDecoder> = Box::new(reader.into_decoder()?);
+    let mut limits = Limits::no_limits();
+    limits.max_alloc = Some(decoder.total_bytes().saturating_add(DECODER_BYTES));
+    decoder.set_limits(limits)?;
+    Ok(decoder)
+}
+
+/// The bytes of a JPEG file that has an end; the decoder fills what is missing with grey.
+fn whole_jpeg(path: &Path, mut file: BufReader<File>) -> Result<Vec<u8>, RecordedError> {
+    let mut bytes = Vec::new();
+    file.read_to_end(&mut bytes).map_err(|e| RecordedError::new(path, e, EXPECTED))?;
+    if jpeg::is_whole(&bytes) {
+        return Ok(bytes);
+    }
+    Err(RecordedError::new(path, "a JPEG image that ends early", EXPECTED))
+}
+
+/// Decodes an image upright; grey is repeated in all channels, and PNM samples keep their codes.
+pub(super) fn read(path: &Path, opened: Opened) -> Result<Image, RecordedError> {
+    let refused = |found: &dyn std::fmt::Display| RecordedError::new(path, found, EXPECTED);
+    let Opened { decoder, maxval, orientation, format, .. } = opened;
+    let mut image = DynamicImage::from_decoder(decoder).map_err(|e| refused(&e))?;
+    image.apply_orientation(orientation);
     let (width, height) = (image.width(), image.height());
-    let (format, pixels) = match image {
-        DynamicImage::ImageLuma16(_)
-        | DynamicImage::ImageLumaA16(_)
-        | DynamicImage::ImageRgb16(_)
-        | DynamicImage::ImageRgba16(_) => (Format::Rgb48, Pixels::U16(image.into_rgb16().into_raw())),
-        _ => (Format::Rgb24, Pixels::U8(image.into_rgb8().into_raw())),
+    let mut pixels = match format {
+        Format::Rgb48 => Pixels::U16(image.into_rgb16().into_raw()),
+        _ => Pixels::U8(image.into_rgb8().into_raw()),
     };
+    if let Some(maxval) = maxval {
+        unscale(&mut pixels, maxval);
+    }
     let layout = Layout::tight(format, width, height).map_err(|e| refused(&e))?;
-    Ok(Image { layout, pixels })
+    Ok(Image { layout, pixels, white: maxval.map(f64::from) })
+}
+
+/// Brings samples that the decoder scaled to the whole range back to codes of 0 to `maxval`.
+fn unscale(pixels: &mut Pixels, maxval: u32) {
+    let code = |v: u32, most: u32| (v * maxval + most / 2) / most;
+    match pixels {
+        Pixels::U8(codes) => codes.iter_mut().for_each(|v| *v = code((*v).into(), 0xff) as u8),
+        Pixels::U16(codes) => codes.iter_mut().for_each(|v| *v = code((*v).into(), 0xffff) as u16),
+    }
+}
+
+/// The largest sample that the header of a PGM, PPM or PAM image states.
+fn maxval(begin: &[u8]) -> Option<u32> {
+    let text = String::from_utf8_lossy(&begin[..begin.len().min(4096)]);
+    let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default());
+    let mut words = lines.flat_map(str::split_whitespace);
+    match words.next()? {
+        "P2" | "P3" | "P5" | "P6" => words.nth(2)?.parse().ok(),
+        "P7" => words.find(|word| *word == "MAXVAL").and_then(|_| words.next())?.parse().ok(),
+        _ => None,
+    }
+    .filter(|maxval| (1..=0xffff).contains(maxval))
+}
+
+/// The name of a format that is not read.
+fn other(begin: &[u8], kind: Option<ImageFormat>) -> String {
+    let raw = [
+        "a raw picture or TIFF file (develop it to a linear 16-bit PNG: no raw reader has a permissive licence)",
+        "a file of another type",
+    ];
+    let is_raw = [&b"II*\0"[..], b"MM\0*", b"FUJIFILM", b"IIU\0", b"IIRO"]
+        .iter()
+        .any(|magic| begin.starts_with(magic));
+    let is_raw = is_raw || begin.get(4..11) == Some(b"ftypcrx");
+    match kind {
+        Some(ImageFormat::Tiff) | None if is_raw => raw[0].into(),
+        Some(kind) => format!("a {kind:?} image"),
+        None => raw[1].into(),
+    }
+}
+
+impl ReadLimits {
+    /// Checks the size of one image, before memory is taken for its pixels.
+    fn check(&self, path: &Path, [width, height]: [u32; 2], length: u64) -> Result<(), RecordedError> {
+        let pixels = u64::from(width) * u64::from(height);
+        let by_length = length.saturating_mul(PIXELS_PER_BYTE).max(FREE_PIXELS);
+        let most = self.max_pixels.unwrap_or(Self::MAX_PIXELS.min(by_length));
+        if pixels <= most {
+            return Ok(());
+        }
+        let found = format!("{width} x {height} pixels in a file of {length} bytes");
+        Err(RecordedError::new(path, found, format!("at most {most} pixels")))
+    }
 }
 
 /// Largest number of bytes after the rows of a raw frame.
@@ -51,13 +172,13 @@ pub(super) fn read_raw(path: &Path, layout: Layout) -> Result<Image, RecordedErr
     let rows = layout.frame_bytes() as u64;
     let expected = format!("{rows} bytes of a raw frame");
     let refused = |found: &dyn std::fmt::Display| RecordedError::new(path, found, &expected);
-    let file = std::fs::File::open(path).map_err(|e| refused(&e))?;
+    let file = File::open(path).map_err(|e| refused(&e))?;
     let most = rows + layout.bytes_per_line() as u64 + MAX_TRAILER;
     let mut bytes = Vec::new();
     file.take(most + 1).read_to_end(&mut bytes).map_err(|e| refused(&e))?;
     match bytes.len() as u64 {
         found if found < rows => Err(refused(&format!("{found} bytes"))),
         found if found > most => Err(refused(&format!("more than {most} bytes"))),
-        _ => Ok(Image { layout, pixels: Pixels::U8(bytes) }),
+        _ => Ok(Image { layout, pixels: Pixels::U8(bytes), white: None }),
     }
 }

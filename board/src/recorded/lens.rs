@@ -2,6 +2,7 @@
 
 use super::RecordedError;
 use super::manifest::{LensTable, ResponseTable, SensorTable, check_version, read};
+use hemilux_core::Levels;
 use hemilux_core::Response;
 use hemilux_core::lens::Lens;
 use serde::Deserialize;
@@ -20,15 +21,6 @@ struct LensManifest {
 
 fn version_one() -> i64 {
     1
-}
-
-/// Black and white level of a sensor, codes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Levels {
-    /// Code of darkness.
-    pub black: f64,
-    /// Code of relative exposure 1.
-    pub white: f64,
 }
 
 /// Contents of a lens file.

@@ -150,7 +150,12 @@ pub(super) fn read<T: for<'de> Deserialize<'de>>(path: &Path) -> Result<T, Recor
     if text.len() as u64 > MAX_MANIFEST_BYTES {
         return Err(RecordedError::new(path, "more than a megabyte", what));
     }
-    toml::from_str(&text).map_err(|e| {
+    parse(path, &text)
+}
+
+/// Parses the text of a TOML file.
+pub(super) fn parse<T: for<'de> Deserialize<'de>>(path: &Path, text: &str) -> Result<T, RecordedError> {
+    toml::from_str(text).map_err(|e| {
         let line = e.span().map_or(0, |s| text[..s.start.min(text.len())].matches('\n').count() + 1);
         RecordedError::new(
             path,
@@ -208,14 +213,19 @@ impl Manifest {
         self.format.as_ref().map(|table| table.layout(path)).transpose()
     }
 
-    pub(super) fn calibration(&self, path: &Path, layout: &Layout) -> Result<Calibration, RecordedError> {
+    pub(super) fn calibration(
+        &self,
+        path: &Path,
+        layout: &Layout,
+        white: Option<f64>,
+    ) -> Result<Calibration, RecordedError> {
         let (width, height) = (layout.width(), layout.height());
         if let Some(size) = self.lens.size.filter(|s| *s != [width, height]) {
             let found = format!("[lens] size = [{}, {}] and images of {width} x {height}", size[0], size[1]);
             return Err(RecordedError::new(path, found, "the same size"));
         }
         let response = self.response.as_ref();
-        calibration(path, &self.lens, response, &self.sensor, layout)
+        calibration(path, &self.lens, response, &self.sensor, layout, white)
     }
 }
 
@@ -225,9 +235,10 @@ fn calibration(
     response: Option<&ResponseTable>,
     sensor: &SensorTable,
     layout: &Layout,
+    stated_white: Option<f64>,
 ) -> Result<Calibration, RecordedError> {
     let black = sensor.black.unwrap_or(0.0);
-    let most = f64::from(layout.format().max_code());
+    let most = stated_white.unwrap_or(f64::from(layout.format().max_code()));
     let white = sensor.white.unwrap_or(most);
     if !(black >= 0.0 && black < white && white <= most) {
         let found = format!("[sensor] black = {black}, white = {white}");

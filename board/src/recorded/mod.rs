@@ -2,7 +2,9 @@
 //!
 //! Input is untrusted: sizes are bounded, file names have no folder part, and every error is one line.
 
+mod consistency;
 mod images;
+mod jpeg;
 mod lens;
 mod manifest;
 
@@ -12,7 +14,9 @@ use manifest::Manifest;
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
-pub use lens::{LensFile, Levels, read_lens};
+pub use consistency::{LeftOut, leave_out};
+pub use hemilux_core::Levels;
+pub use lens::{LensFile, read_lens};
 
 /// Largest `burst.toml`, `sequence.toml` or lens file, bytes.
 const MAX_MANIFEST_BYTES: u64 = 1 << 20;
@@ -41,40 +45,124 @@ impl RecordedError {
     }
 }
 
+/// Limits on what is read, checked before memory is taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ReadLimits {
+    /// Most pixels of one image; `None` stands for [`ReadLimits::MAX_PIXELS`] and a limit that follows from the file's length.
+    pub max_pixels: Option<u64>,
+    /// Most bytes of the samples of a burst.
+    pub max_burst_bytes: u64,
+}
+
+impl ReadLimits {
+    /// Most pixels of one image by default: 134 million.
+    pub const MAX_PIXELS: u64 = 1 << 27;
+}
+
+impl Default for ReadLimits {
+    fn default() -> Self {
+        Self { max_pixels: None, max_burst_bytes: 1 << 30 }
+    }
+}
+
 /// Reads one burst, its frames in ascending order of exposure.
 ///
 /// # Errors
 /// [`RecordedError`] for files that are missing, truncated, of another type or contradict each other.
 pub fn read_burst(folder: &Path) -> Result<(Calibration, Burst), RecordedError> {
+    let read = read_recorded(folder, &ReadLimits::default())?;
+    Ok((read.calibration, read.burst))
+}
+
+/// A burst that was read, with the names of its files.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RecordedBurst {
+    /// What is known of the camera.
+    pub calibration: Calibration,
+    /// The frames in ascending order of exposure.
+    pub burst: Burst,
+    /// The file of each frame.
+    pub files: Vec<String>,
+}
+
+/// Reads one burst within `limits`.
+///
+/// # Errors
+/// As [`read_burst`], and for images above the limits.
+pub fn read_recorded(folder: &Path, limits: &ReadLimits) -> Result<RecordedBurst, RecordedError> {
     let path = folder.join("burst.toml");
-    let manifest: Manifest = manifest::read(&path)?;
-    manifest.check(&path)?;
-    let mut images = Vec::with_capacity(manifest.frame.len());
-    let raw = manifest.layout(&path)?;
-    for frame in &manifest.frame {
-        let file = folder.join(&frame.file);
-        images.push(raw.map_or_else(|| images::read(&file), |layout| images::read_raw(&file, layout))?);
-    }
+    read_manifest(folder, &path, manifest::read(&path)?, limits)
+}
+
+/// Reads the burst in `folder` that the text of a `burst.toml` describes.
+///
+/// # Errors
+/// As [`read_recorded`].
+pub fn read_described(
+    folder: &Path,
+    text: &str,
+    limits: &ReadLimits,
+) -> Result<RecordedBurst, RecordedError> {
+    read_manifest(folder, folder, manifest::parse(folder, text)?, limits)
+}
+
+fn read_manifest(
+    folder: &Path,
+    path: &Path,
+    manifest: Manifest,
+    limits: &ReadLimits,
+) -> Result<RecordedBurst, RecordedError> {
+    manifest.check(path)?;
+    let files: Vec<PathBuf> = manifest.frame.iter().map(|f| folder.join(&f.file)).collect();
+    let images = match manifest.layout(path)? {
+        Some(layout) => {
+            check_bytes(folder, files.len() as u64 * layout.frame_bytes() as u64, limits)?;
+            files.iter().map(|file| images::read_raw(file, layout)).collect::<Result<Vec<_>, _>>()?
+        }
+        None => read_images(folder, &files, limits)?,
+    };
     let layout = images[0].layout;
-    for (image, frame) in images.iter().zip(&manifest.frame) {
-        let file = folder.join(&frame.file);
-        let [found, expected] = [image.layout, layout].map(|l| (l.width(), l.height()));
-        if found != expected {
-            let (found, expected) = (format!("{} x {} pixels", found.0, found.1), expected);
-            let expected = format!("{} x {} as the first frame", expected.0, expected.1);
-            return Err(RecordedError::new(&file, found, expected));
-        }
-        if image.layout != layout {
-            return Err(RecordedError::new(&file, "another sample depth", "the first frame's"));
-        }
+    if let Some((_, file)) = images.iter().zip(&files).find(|(image, _)| image.layout != layout) {
+        return Err(RecordedError::new(file, "another sample depth", "the first frame's"));
     }
-    let calibration = manifest.calibration(&path, &layout)?;
+    if let Some((_, file)) = images.iter().zip(&files).find(|(image, _)| image.white != images[0].white) {
+        return Err(RecordedError::new(file, "another maxval", "the first frame's"));
+    }
+    let calibration = manifest.calibration(path, &layout, images[0].white)?;
     let timestamp_ns = manifest.frame.iter().filter_map(|f| f.timestamp_ns).max().unwrap_or(0);
     let frames = images.into_iter().zip(&manifest.frame);
-    let mut frames: Vec<_> =
-        frames.map(|(image, f)| Frame { exposure: f.exposure(), pixels: image.pixels }).collect();
-    frames.sort_by(|a, b| light(a).total_cmp(&light(b)));
-    Ok((calibration, Burst { frames, timestamp_ns, ..Burst::default() }))
+    let mut frames: Vec<(Frame, String)> = frames
+        .map(|(image, f)| (Frame { exposure: f.exposure(), pixels: image.pixels }, f.file.clone()))
+        .collect();
+    frames.sort_by(|(a, _), (b, _)| light(a).total_cmp(&light(b)));
+    let (frames, files) = frames.into_iter().unzip();
+    Ok(RecordedBurst { calibration, burst: Burst { frames, timestamp_ns, ..Burst::default() }, files })
+}
+
+/// Reads the headers of all images, checks what they take together, then decodes one after the other.
+fn read_images(folder: &Path, files: &[PathBuf], limits: &ReadLimits) -> Result<Vec<Image>, RecordedError> {
+    let mut size = None;
+    let mut bytes = 0;
+    for file in files {
+        let opened = images::open(file, limits)?;
+        let (found, expected) = (opened.size(), *size.get_or_insert(opened.size()));
+        if found != expected {
+            let found = format!("{} x {} pixels", found[0], found[1]);
+            let expected = format!("{} x {} as the first frame", expected[0], expected[1]);
+            return Err(RecordedError::new(file, found, expected));
+        }
+        bytes += opened.bytes();
+    }
+    check_bytes(folder, bytes, limits)?;
+    files.iter().map(|file| images::read(file, images::open(file, limits)?)).collect()
+}
+
+fn check_bytes(folder: &Path, bytes: u64, limits: &ReadLimits) -> Result<(), RecordedError> {
+    if bytes <= limits.max_burst_bytes {
+        return Ok(());
+    }
+    let found = format!("frames of {} MB together", bytes >> 20);
+    Err(RecordedError::new(folder, found, format!("at most {} MB", limits.max_burst_bytes >> 20)))
 }
 
 fn light(frame: &Frame) -> f64 {
@@ -85,6 +173,8 @@ fn light(frame: &Frame) -> f64 {
 struct Image {
     layout: Layout,
     pixels: Pixels,
+    /// Code of relative exposure 1, where the file states it.
+    white: Option<f64>,
 }
 
 /// One burst of a recording, before it is read.

@@ -1,0 +1,154 @@
+//! `hemilux-sim import`: bracketed photographs to a recorded burst, by what their EXIF data states.
+
+mod photo;
+mod transfer;
+
+use crate::error::SimError;
+use crate::output;
+use hemilux::recorded::{self, LensFile};
+use hemilux_core::MAX_EXPOSURES;
+use photo::Photo;
+use std::path::{Path, PathBuf};
+use toml::{Table, Value};
+
+/// Arguments of `import`.
+#[derive(Clone, Debug)]
+pub struct Job {
+    /// Lens file of the camera.
+    pub lens: PathBuf,
+    /// The photographs, in any order.
+    pub photos: Vec<PathBuf>,
+    /// Folder that is written; created where it does not exist.
+    pub out: PathBuf,
+}
+
+/// Copies the photographs into a folder and writes its `burst.toml`.
+///
+/// # Errors
+/// [`SimError`]: photographs that state no exposure time, or that differ in camera, lens or size.
+pub fn run(job: &Job) -> Result<(), SimError> {
+    let text = describe(&job.lens, &job.photos)?;
+    let writable = |e: std::io::Error| SimError::at(&job.out, e, "a folder that can be written");
+    std::fs::create_dir_all(&job.out).map_err(writable)?;
+    for photo in &job.photos {
+        let to = job.out.join(photo.file_name().unwrap_or_default());
+        let is_there =
+            to.canonicalize().ok().is_some_and(|to| photo.canonicalize().is_ok_and(|from| from == to));
+        if !is_there {
+            std::fs::copy(photo, &to).map_err(writable)?;
+        }
+    }
+    output::save(&job.out.join("burst.toml"), text.as_bytes())
+}
+
+/// The photographs of a folder in name order.
+///
+/// # Errors
+/// [`SimError`] for a folder that cannot be read.
+pub fn list(folder: &Path) -> Result<Vec<PathBuf>, SimError> {
+    let entries = std::fs::read_dir(folder).map_err(|e| SimError::at(folder, e, "a readable folder"))?;
+    let is_photo = |path: &PathBuf| {
+        let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+        matches!(extension.as_deref(), Some("jpg" | "jpeg" | "png" | "pgm" | "ppm" | "tif" | "tiff" | "dng"))
+    };
+    let mut photos: Vec<_> = entries.filter_map(|entry| Some(entry.ok()?.path())).filter(is_photo).collect();
+    photos.sort();
+    Ok(photos)
+}
+
+/// The text of a `burst.toml` for photographs, which are listed on standard error with what was found in them.
+///
+/// # Errors
+/// [`SimError`] as for [`run`].
+pub fn describe(lens: &Path, paths: &[PathBuf]) -> Result<String, SimError> {
+    let lens = recorded::read_lens(lens)?;
+    let mut photos = paths.iter().map(|path| Photo::read(path)).collect::<Result<Vec<_>, _>>()?;
+    check(&photos)?;
+    photos.sort_by(|a, b| a.light().total_cmp(&b.light()));
+    let response = response(&lens, &photos)?;
+    tell(&photos, &response);
+    Ok(manifest(&lens, response, &photos).to_string())
+}
+
+/// Refuses what cannot belong to one burst.
+fn check(photos: &[Photo]) -> Result<(), SimError> {
+    if !(1..=MAX_EXPOSURES).contains(&photos.len()) {
+        return Err(SimError::Usage(format!("PHOTO: found {}, expected 1 to {MAX_EXPOSURES}", photos.len())));
+    }
+    let first = &photos[0];
+    for (index, photo) in photos.iter().enumerate() {
+        for (found, expected) in photo.same.iter().zip(&first.same) {
+            if found.value != expected.value {
+                let text = format!("{} {}", found.name, found.shown());
+                let wanted = format!("{} as {}", expected.shown(), first.file());
+                return Err(SimError::at(&photo.path, text, &wanted));
+            }
+        }
+        if photos[..index].iter().any(|other| other.file() == photo.file()) {
+            return Err(SimError::at(
+                &photo.path,
+                "a second photograph of this name",
+                "different file names",
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// The `[response]` table: that of the lens file, else the transfer function that the photographs state.
+fn response(lens: &LensFile, photos: &[Photo]) -> Result<Table, SimError> {
+    if let Some(table) = &lens.response_table {
+        return Ok(table.clone());
+    }
+    let first = photos[0].transfer;
+    if let Some(other) = photos.iter().find(|p| p.transfer != first) {
+        let found = format!("the transfer function {}", other.transfer.name());
+        return Err(SimError::at(&other.path, found, &format!("{} as {}", first.name(), photos[0].file())));
+    }
+    Ok(Table::from_iter([("model".to_string(), Value::from(first.name()))]))
+}
+
+/// Prints what was found.
+fn tell(photos: &[Photo], response: &Table) {
+    eprintln!("hemilux-sim: {} photographs, response {}", photos.len(), response["model"]);
+    eprintln!("    {:<24}{:>12}{:>8}{:>8}{:>12}  camera", "file", "exposure s", "ISO", "f/", "light");
+    let shown = |v: Option<f64>| v.map_or_else(|| "-".into(), |v| format!("{v}"));
+    for p in photos {
+        let camera = p.same.first().map(photo::Same::shown).unwrap_or_default();
+        let light = p.light() / photos[0].light();
+        eprintln!(
+            "    {:<24}{:>12.6}{:>8}{:>8}{:>12.3}  {camera}",
+            p.file(),
+            p.seconds,
+            shown(p.iso),
+            shown(p.aperture),
+            light
+        );
+    }
+}
+
+fn manifest(lens: &LensFile, response: Table, photos: &[Photo]) -> Table {
+    let base = &photos[0];
+    let frames = photos.iter().map(|photo| {
+        Value::Table(Table::from_iter([
+            ("file".to_string(), Value::from(photo.file())),
+            ("exposure_s".to_string(), Value::from(photo.seconds)),
+            ("gain".to_string(), Value::from(photo.gain() / base.gain())),
+            ("known".to_string(), Value::from("reported")),
+        ]))
+    });
+    let mut table = Table::from_iter([
+        ("version".to_string(), Value::from(1)),
+        ("lens".to_string(), Value::Table(lens.lens_table.clone())),
+        ("response".to_string(), Value::Table(response)),
+        ("frame".to_string(), Value::from(frames.collect::<Vec<_>>())),
+    ]);
+    if let Some(levels) = lens.levels {
+        let sensor = [("black", levels.black), ("white", levels.white)];
+        table.insert(
+            "sensor".into(),
+            Value::Table(sensor.into_iter().map(|(k, v)| (k.into(), v.into())).collect()),
+        );
+    }
+    table
+}
