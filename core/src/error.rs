@@ -1,7 +1,10 @@
 //! The error of the front end's constructor and of its bursts.
 
 use crate::arena::TooSmall;
+use crate::format::LayoutError;
 use crate::front::BurstError;
+use crate::healpix::BadOrder;
+use crate::lens::LensError;
 use crate::merge::MergeError;
 use crate::plan::PlanError;
 use crate::response::ResponseError;
@@ -11,6 +14,12 @@ use crate::response::ResponseError;
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum FrontError {
+    /// The lens is none.
+    Lens(LensError),
+    /// Frames cannot lie as the layout says.
+    Layout(LayoutError),
+    /// There is no such order.
+    Order(BadOrder),
     /// The response cannot be tabulated between the levels.
     Response(ResponseError),
     /// The exposures cannot be merged, or the scale is no number of radiance.
@@ -28,6 +37,9 @@ pub enum FrontError {
 impl core::fmt::Display for FrontError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
+            Self::Lens(e) => e.fmt(f),
+            Self::Layout(e) => e.fmt(f),
+            Self::Order(e) => e.fmt(f),
             Self::Response(e) => e.fmt(f),
             Self::Exposures(e) => e.fmt(f),
             Self::Plan(e) => e.fmt(f),
@@ -49,4 +61,5 @@ macro_rules! from {
         })*
     };
 }
-from!(ResponseError => Response, MergeError => Exposures, PlanError => Plan, TooSmall => Memory, BurstError => Burst);
+from!(LensError => Lens, LayoutError => Layout, BadOrder => Order, ResponseError => Response, MergeError => Exposures,
+      PlanError => Plan, TooSmall => Memory, BurstError => Burst);

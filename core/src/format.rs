@@ -147,12 +147,12 @@ impl Format {
     pub const fn line_bytes(self, width: u32) -> usize {
         let width = width as usize;
         match self {
-            Self::Rgb24 | Self::Bgr24 => 3 * width,
-            Self::Rgb48 => 6 * width,
+            Self::Rgb24 | Self::Bgr24 => width.saturating_mul(3),
+            Self::Rgb48 => width.saturating_mul(6),
             Self::Grey | Self::Nv12(_) | Self::Bayer8(_) => width,
-            Self::Yuyv(_) | Self::Bayer16(..) => 2 * width,
-            Self::Raw10(_) => width.div_ceil(4) * 5,
-            Self::Raw12(_) => width.div_ceil(2) * 3,
+            Self::Yuyv(_) | Self::Bayer16(..) => width.saturating_mul(2),
+            Self::Raw10(_) => width.div_ceil(4).saturating_mul(5),
+            Self::Raw12(_) => width.div_ceil(2).saturating_mul(3),
         }
     }
 }
@@ -264,7 +264,7 @@ impl Layout {
             Format::Nv12(_) => self.height as usize / 2 * 3,
             _ => self.height as usize,
         };
-        (rows - 1) * self.bytes_per_line + self.format.line_bytes(self.width)
+        (rows - 1).saturating_mul(self.bytes_per_line).saturating_add(self.format.line_bytes(self.width))
     }
 
     /// Columns and rows of the places that get a radiance: pixels, or the 2 x 2 cells of a mosaic.

@@ -44,13 +44,13 @@ impl<B: Buffer<u64>> FrontEnd<B> {
         if !calibration.white_balance.iter().all(is_factor) {
             return Err(FrontError::BadWhiteBalance);
         }
-        let needed = merge_sizes(&calibration, exposures)?;
-        let fixed = Sizes::fixed(&calibration, order)?;
+        let fixed = Sizes::fixed(&calibration, order)?.with_merge(merge_sizes(&calibration, exposures)?);
         let words = memory.as_mut();
-        arena::check(&words, fixed.words())?;
-        let plan = lay_out(&calibration, order, &fixed, words)?;
-        let sizes = fixed.with_plan(plan.size()).with_merge(needed);
-        arena::check(&words, sizes.words())?;
+        let Some(plan) = lay_out(&calibration, order, &fixed, words)? else {
+            let needed = Sizes::of(&calibration, exposures, order)?.words();
+            return Err(TooSmall { needed, lent: words.len() }.into());
+        };
+        let sizes = fixed.with_plan(plan.size());
         let parts = Parts::divide(words, &sizes);
         parts.quads.fill(Quad::default());
         let curve = calibration.curve(parts.curve)?;
@@ -133,15 +133,21 @@ impl<B: Buffer<u64>> FrontEnd<B> {
     pub fn decompose<'s>(
         &self,
         sampler: &'s mut (impl Sampler + ?Sized),
-        request: &Request,
+        request: impl Into<Request>,
     ) -> Decomposition<'s> {
-        sampler.update(&Map { pyramid: self.map(), polar: LatLongView::NONE }, request)
+        sampler.update(&Map { pyramid: self.map(), polar: LatLongView::NONE }, &request.into())
     }
 
     /// What is known of the camera.
     #[must_use]
     pub fn calibration(&self) -> &Calibration {
         &self.calibration
+    }
+
+    /// Part of the sphere and order of the map, as samplers take them.
+    #[must_use]
+    pub fn shape(&self) -> (Domain, Order) {
+        (Domain::Hemisphere, self.order)
     }
 
     /// Order of the map.
@@ -170,27 +176,26 @@ impl<B: Buffer<u64>> FrontEnd<B> {
     }
 }
 
-/// Builds the plan behind the buffers of fixed size, and its weights where they belong.
+/// Builds the plan where [`Parts::divide`] finds it once its size is known; `None` where `words` are too few.
 fn lay_out(
     calibration: &Calibration,
     order: Order,
     fixed: &Sizes,
     words: &mut [u64],
-) -> Result<plan::Detached, FrontError> {
-    let lent = words.len();
+) -> Result<Option<plan::Detached>, PlanError> {
+    if words.len() < fixed.words() {
+        return Ok(None);
+    }
     // How many runs there are shows only when they are laid out.
-    let most = fixed.with_most_runs(lent);
+    let most = fixed.with_most_runs(words.len());
     let parts = Parts::divide(words, &most);
     let (width, height) = calibration.layout.places();
     let tables = (parts.spans, parts.weights, parts.runs, parts.texels);
     let plan = match Plan::try_new(&calibration.place_lens(), width, height, order.get(), tables) {
         Ok(plan) => plan.detached(),
-        Err(PlanError::TooSmall(TooSmall { needed, .. })) => {
-            let needed = Sizes { runs: needed, weights: needed, ..*fixed }.words();
-            return Err(TooSmall { needed, lent }.into());
-        }
-        Err(e) => return Err(e.into()),
+        Err(PlanError::TooSmall(_)) => return Ok(None),
+        Err(e) => return Err(e),
     };
     sizes::close_gap(words, &most, &fixed.with_plan(plan.size()));
-    Ok(plan)
+    Ok(Some(plan))
 }

@@ -40,6 +40,7 @@ pub use light::{Decomposition, Light};
 pub use merge::{Exposure, MAX_EXPOSURES, MergeError, Samples};
 pub use plan::PlanError;
 pub use response::{Depth, Levels, Response, ResponseError};
+pub use sampler::q2tree::Q2Tree;
 pub use sampler::{Map, Request, Sampler};
 pub use sizes::{BufferSize, Sizes};
 

@@ -24,10 +24,10 @@ impl Grid {
     /// One texel per degree of a hemisphere, as in \[Nikodym2012\].
     pub const POLAR: Self = Self { width: 360, height: 90, domain: Domain::Hemisphere };
 
-    /// Texels.
+    /// Texels; `usize::MAX` where their number does not fit, which no buffer holds.
     #[must_use]
     pub const fn len(&self) -> usize {
-        self.width * self.height
+        self.width.saturating_mul(self.height)
     }
 
     /// Whether it has no texel.
@@ -43,6 +43,11 @@ impl Grid {
         row as f64 * span / self.height as f64
     }
 
+    /// Whether a texel's index fits 32 bits and there is one.
+    fn is_indexable(&self) -> bool {
+        !self.is_empty() && u32::try_from(self.len()).is_ok()
+    }
+
     /// Phi of the left edge of `column`, radians.
     #[must_use]
     pub fn phi(&self, column: usize) -> f64 {
@@ -52,10 +57,10 @@ impl Grid {
     /// Solid angle of a texel of `row`, steradians.
     #[must_use]
     pub fn solid_angle(&self, row: usize) -> f64 {
-        (libm::cos(self.theta(row)) - libm::cos(self.theta(row + 1))) * TAU / self.width as f64
+        (libm::cos(self.theta(row)) - libm::cos(self.theta(row.saturating_add(1)))) * TAU / self.width as f64
     }
 
-    /// The texel that holds `direction` (a unit vector); `None` outside the domain or without texels.
+    /// The texel that holds `direction` (a unit vector); `None` outside the domain, without texels or with 2^32 and more.
     #[must_use]
     pub fn texel(&self, direction: DVec3) -> Option<usize> {
         let theta = libm::atan2(libm::hypot(direction.x, direction.y), direction.z);
@@ -63,26 +68,25 @@ impl Grid {
         Some(row * self.width + self.column(libm::atan2(direction.y, direction.x)))
     }
 
-    /// The row that holds `theta`; `None` outside the domain or without texels.
+    /// The row that holds `theta`; `None` outside the domain, without texels or with 2^32 and more.
     fn row(&self, theta: f64) -> Option<usize> {
         let row = theta / self.theta(self.height) * self.height as f64;
         let outside = row >= self.height as f64 && self.domain == Domain::Hemisphere;
-        (!outside && !self.is_empty()).then(|| (row as usize).min(self.height - 1))
+        (!outside && self.is_indexable()).then(|| (row as usize).min(self.height - 1))
     }
 
     /// The column that holds `phi`, -pi to 2 pi.
     fn column(&self, phi: f64) -> usize {
         let turns = (PI - phi) / TAU;
         let column = if turns < 0.0 { turns + 1.0 } else { turns } * self.width as f64;
-        (column as usize).min(self.width - 1)
+        (column as usize).min(self.width.saturating_sub(1))
     }
 }
 
 /// Energy of each texel, L dOmega in RGB, row-major.
 #[derive(Clone, Debug)]
 pub struct LatLong<B> {
-    /// Its shape.
-    pub grid: Grid,
+    grid: Grid,
     texels: B,
 }
 
@@ -96,7 +100,7 @@ pub struct LatLongView<'a> {
 }
 
 impl LatLongView<'_> {
-    /// A map that nobody asked for.
+    /// A map without texels, for samplers that need none.
     pub const NONE: Self = Self { grid: Grid { width: 0, height: 0, domain: Domain::Sphere }, texels: &[] };
 }
 
@@ -112,13 +116,22 @@ impl<B: Buffer<[f32; 3]>> LatLong<B> {
 
     /// All texels, row-major.
     pub fn texels_mut(&mut self) -> &mut [[f32; 3]] {
-        &mut self.texels.as_mut()[..self.grid.len()]
+        self.texels.as_mut().get_mut(..self.grid.len()).unwrap_or_default()
+    }
+
+    /// Shape of the map.
+    #[must_use]
+    pub fn grid(&self) -> Grid {
+        self.grid
     }
 
     /// What samplers read.
     #[must_use]
     pub fn view(&self) -> LatLongView<'_> {
-        LatLongView { grid: self.grid, texels: &self.texels.as_ref()[..self.grid.len()] }
+        LatLongView {
+            grid: self.grid,
+            texels: self.texels.as_ref().get(..self.grid.len()).unwrap_or_default(),
+        }
     }
 
     /// Fills the map from a pyramid's quads of the order of `plan`; the energy is kept.
@@ -227,10 +240,11 @@ pub fn shares_len(grid: &Grid, order: Order) -> usize {
 impl Share {
     /// The same `quarters` of a turn on: azimuth rises with the face and falls with the column.
     fn turned(self, grid: &Grid, order: u8, quarters: u32) -> Self {
-        let width = (grid.width as u32).max(1);
-        let (row, column) = (self.to / width, self.to % width);
-        let column = (column + width - width / 4 * quarters) % width;
-        Self { from: self.from + (quarters << (2 * order)), to: row * width + column, part: self.part }
+        let width = (grid.width as u64).max(1);
+        let (row, column) = (u64::from(self.to) / width, u64::from(self.to) % width);
+        let column = (column + width - width / 4 * u64::from(quarters)) % width;
+        let to = (row * width + column) as u32;
+        Self { from: self.from + (quarters << (2 * order)), to, part: self.part }
     }
 }
 
@@ -267,6 +281,6 @@ impl<E: Buffer<Share>> PolarPlan<E> {
     }
 
     fn shares(&self) -> &[Share] {
-        &self.shares.as_ref()[..self.count]
+        self.shares.as_ref().get(..self.count).unwrap_or_default()
     }
 }

@@ -45,6 +45,7 @@ const WORD: usize = size_of::<u64>();
 
 /// Elements of each buffer of a [`FrontEnd`](crate::FrontEnd).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub struct Sizes {
     /// Sums over quads of the map: 32 bytes each.
@@ -69,7 +70,7 @@ impl Sizes {
     /// What a front end of these arguments needs. It visits every pixel, as [`FrontEnd::try_new`](crate::FrontEnd::try_new) does.
     ///
     /// # Errors
-    /// [`FrontError`]: the same as the constructor's, but for the memory.
+    /// [`FrontError`]: those of the constructor, but for the memory, the curve and the white balance, which need no size.
     pub fn of(calibration: &Calibration, exposures: &[Exposure], order: Order) -> Result<Self, FrontError> {
         let (width, height) = calibration.layout.places();
         let plan = plan_size(&calibration.place_lens(), width, height, order.get())?;
@@ -102,10 +103,12 @@ impl Sizes {
 
     /// As many runs as fit into `words` of 64 bits beside the buffers of fixed size.
     pub(crate) fn with_most_runs(self, words: usize) -> Self {
-        // One word each may be filled in part.
-        let left = words.saturating_sub(self.words()).saturating_sub(2);
-        let runs = left.saturating_mul(WORD) / (size_of::<Run>() + size_of::<u16>());
-        Self { runs, weights: runs, ..self }
+        let left = words.saturating_sub(self.words());
+        let with = |runs| Self { runs, weights: runs, ..self };
+        // Less by what the last word of each buffer leaves empty.
+        let most = left.saturating_mul(WORD) / (size_of::<Run>() + size_of::<u16>());
+        let fitting = (0..4).map(|less| with(most.saturating_sub(less)));
+        fitting.into_iter().find(|sizes| sizes.words() <= words).unwrap_or(with(0))
     }
 
     /// The buffers one by one, in the order in which they lie.
@@ -189,12 +192,16 @@ pub(crate) fn quads<'m>(memory: &'m [u64], sizes: &Sizes) -> &'m [Quad] {
 /// Moves the weights that `most` places to where `exact`, which has fewer runs, does.
 pub(crate) fn close_gap(memory: &mut [u64], most: &Sizes, exact: &Sizes) {
     let up_to = |sizes: &Sizes, buffers: usize| -> usize {
-        sizes.buffers().iter().take(buffers).map(BufferSize::words).sum()
+        sizes.buffers().iter().take(buffers).fold(0, |sum, buffer| sum.saturating_add(buffer.words()))
     };
     const WEIGHTS: usize = 5;
-    let (from, to) = (up_to(most, WEIGHTS), up_to(exact, WEIGHTS));
-    let len = up_to(exact, WEIGHTS + 1) - to;
-    if to <= from && from.saturating_add(len) <= memory.len() {
-        memory.copy_within(from..from + len, to);
+    let to = up_to(exact, WEIGHTS);
+    let from = up_to(most, WEIGHTS).max(to);
+    for at in to..up_to(exact, WEIGHTS + 1) {
+        // A loop in place of `copy_within`, whose panic for a wrong range a linker cannot rule out.
+        let moved = memory.get(from - to + at).copied();
+        if let (Some(slot), Some(word)) = (memory.get_mut(at), moved) {
+            *slot = word;
+        }
     }
 }

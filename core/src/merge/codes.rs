@@ -9,6 +9,18 @@ pub enum Samples<'a> {
     U16(&'a [u16]),
 }
 
+impl<'a> From<&'a [u8]> for Samples<'a> {
+    fn from(bytes: &'a [u8]) -> Self {
+        Self::U8(bytes)
+    }
+}
+
+impl<'a> From<&'a [u16]> for Samples<'a> {
+    fn from(words: &'a [u16]) -> Self {
+        Self::U16(words)
+    }
+}
+
 impl Samples<'_> {
     /// Bytes or words.
     #[must_use]

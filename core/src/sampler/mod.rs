@@ -44,6 +44,12 @@ impl Request {
     }
 }
 
+impl From<usize> for Request {
+    fn from(lights: usize) -> Self {
+        Self::of_lights(lights)
+    }
+}
+
 /// Turns a sequence of maps into light sets.
 pub trait Sampler {
     /// Its name in commands and light sets.

@@ -58,6 +58,12 @@ impl Parameters {
     pub const JITTER: Self = Self { placement: Placement::Jitter { spread: 0.5 }, ..Self::CENTROID };
 }
 
+impl Default for Parameters {
+    fn default() -> Self {
+        Self::CENTROID
+    }
+}
+
 /// A leaf that may be split.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Leaf {

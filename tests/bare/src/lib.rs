@@ -15,21 +15,8 @@ pub use memory::{LIGHTS, MEMORY, Memory, ORDER, SIDE};
 pub use report::{Report, Wrong};
 
 use embedded_io::Write;
-use hemilux_core::format::{Format, Layout};
-use hemilux_core::internals::front;
-use hemilux_core::Order;
-use hemilux_core::healpix::Domain;
-use hemilux_core::lens::Lens;
-use hemilux_core::{Samples};
-use hemilux_core::internals::merge::{Merge};
-use hemilux_core::internals::plan::Plan;
-use hemilux_core::polar::LatLongView;
-use hemilux_core::pyramid::Pyramid;
-use hemilux_core::{Depth, Response};
-use hemilux_core::internals::response::{Curve};
-use hemilux_core::sampler::q2tree::{Parameters, Q2Tree};
-use hemilux_core::sampler::{Map, Request, Sampler};
 use hemilux_core::wire::{self, LightSet};
+use hemilux_core::{Calibration, Format, FrontEnd, Lens, Levels, Q2Tree};
 
 /// Takes a burst of the scene, makes lights of it and writes them to `out` as JSON. `clock` counts whatever time is told in.
 ///
@@ -49,32 +36,21 @@ fn decompose<W: Write>(
     out: &mut W,
 ) -> Result<Report, Wrong> {
     let m = memory;
-    let curve = Curve::try_new(&Response::Linear, Depth::U8, scene::BLACK, scene::WHITE, &mut m.curve)?;
-    let merge = Merge::try_new(curve, &scene::EXPOSURES, scene::SCALE, (&mut m.tables, &mut m.reciprocals))?;
-    let memory = (&mut m.spans, &mut m.weights, &mut m.runs, &mut m.texels);
-    let plan = Plan::try_new(lens, SIDE, SIDE, ORDER, memory)?;
-    let layout = Layout::tight(Format::Rgb24, SIDE, SIDE)?;
-    let mut map = Pyramid::try_new(&mut m.quads, Domain::Hemisphere, Order::saturating(ORDER))?;
-    let over = (Domain::Hemisphere, Order::saturating(ORDER));
-    let mut sampler = Q2Tree::try_new(
-        Parameters::CENTROID,
-        over,
-        m.bits.each_mut(),
-        &mut m.heap,
-        (&mut m.lights, &mut m.past),
-    )?;
+    let mut calibration = Calibration::try_new(*lens, Format::Rgb24, SIDE, SIDE)?;
+    calibration.levels = Levels { black: scene::BLACK, white: scene::WHITE };
+    calibration.scale = scene::SCALE;
+    let mut front = FrontEnd::try_new(calibration, &scene::EXPOSURES, ORDER.try_into()?, &mut m.map)?;
+    let room = (&mut m.lights, &mut m.past);
+    let mut sampler =
+        Q2Tree::try_new(Default::default(), front.shape(), m.bits.each_mut(), &mut m.heap, room)?;
 
-    let (merge, view) = (merge.view(), plan.view());
-    let frames = m.frames.each_ref().map(|f| Samples::U8(f));
-    let began = clock();
-    let sums = front::accumulate(&frames, &layout, &merge, &view, &mut map)?;
-    let added = clock();
-    let seen = front::finish(&sums, &layout, &merge, &view, [1.0; 3], &mut map);
+    let frames = m.frames.each_ref().map(|f| f.as_slice().into());
+    let (began, mut added) = (clock(), 0);
+    let seen = front.process_timed(&frames, || added = clock())?;
     let built = clock();
-    let map = map.view();
-    let request = Request::of_lights(LIGHTS);
-    let lights = sampler.update(&Map { pyramid: map, polar: LatLongView::NONE }, &request).lights;
+    let lights = front.decompose(&mut sampler, LIGHTS).lights;
     let sampled = clock();
+    let map = front.map();
     let set = LightSet {
         run: "bare",
         valid: true,
@@ -89,5 +65,5 @@ fn decompose<W: Write>(
     };
     wire::json(&set, out).map_err(|_| Wrong::Output)?;
     let ticks = [began, added, built, sampled, clock()];
-    Ok(Report::of(&set, plan.size(), ticks))
+    Ok(Report::of(&set, front.sizes(), ticks))
 }

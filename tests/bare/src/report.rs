@@ -1,33 +1,14 @@
 //! What came of it, and whether it is right.
 
 use crate::scene::{LAMP, Taken};
-use hemilux_core::TooSmall;
-use hemilux_core::color;
-use hemilux_core::format::LayoutError;
-use hemilux_core::FrontError;
-use hemilux_core::lens::LensError;
-use hemilux_core::light::Light;
-use hemilux_core::MergeError;
-use hemilux_core::{PlanError};
-use hemilux_core::internals::plan::{PlanSize};
-use hemilux_core::ResponseError;
 use hemilux_core::wire::LightSet;
+use hemilux_core::{BadOrder, FrontError, LayoutError, LensError, Light, Sizes, TooSmall, color};
 
 /// Why there are no lights, or wrong ones.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum Wrong {
-    /// The lens.
-    Lens(LensError),
-    /// The response.
-    Response(ResponseError),
-    /// The exposures.
-    Merge(MergeError),
-    /// The plan.
-    Plan(PlanError),
-    /// The frames' layout.
-    Layout(LayoutError),
-    /// The frames.
+    /// The camera, the front end or the frames.
     Front(FrontError),
     /// A buffer.
     Memory(TooSmall),
@@ -38,16 +19,21 @@ pub enum Wrong {
 }
 
 macro_rules! from {
-    ($($error:ident => $variant:ident),*) => {
+    ($($error:ident),*) => {
         $(impl From<$error> for Wrong {
             fn from(e: $error) -> Self {
-                Self::$variant(e)
+                Self::Front(e.into())
             }
         })*
     };
 }
-from!(LensError => Lens, ResponseError => Response, MergeError => Merge, PlanError => Plan, LayoutError => Layout,
-      FrontError => Front, TooSmall => Memory);
+from!(FrontError, LensError, LayoutError, BadOrder);
+
+impl From<TooSmall> for Wrong {
+    fn from(e: TooSmall) -> Self {
+        Self::Memory(e)
+    }
+}
 
 /// The frame in numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -66,14 +52,14 @@ pub struct Report {
     pub lamp_deg: f32,
     /// Share of the hemisphere that clips.
     pub clipped: f32,
-    /// Elements of the plan.
-    pub plan: PlanSize,
+    /// Elements of the front end's buffers.
+    pub sizes: Sizes,
     /// The clock before and after front end, pyramid, sampler, and encoding.
     pub ticks: [u32; 5],
 }
 
 impl Report {
-    pub(crate) fn of(set: &LightSet<'_>, plan: PlanSize, ticks: [u32; 5]) -> Self {
+    pub(crate) fn of(set: &LightSet<'_>, sizes: Sizes, ticks: [u32; 5]) -> Self {
         let mut energy = [0.0; 3];
         set.lights.iter().for_each(|l| color::add(&mut energy, l.irradiance));
         let length = |l: &Light| (l.direction.length() - 1.0).abs();
@@ -87,7 +73,7 @@ impl Report {
             length: set.lights.iter().map(length).fold(0.0, f32::max),
             lamp_deg: brightest.map_or(180.0, |l| l.direction.angle_between(LAMP).to_degrees()),
             clipped: set.clipped,
-            plan,
+            sizes,
             ticks,
         }
     }

@@ -3,9 +3,9 @@
 use crate::memory::SIDE;
 use core::f64::consts::FRAC_PI_2;
 use glam::{DVec2, DVec3, Vec3};
+use hemilux_core::Exposure;
 use hemilux_core::color;
 use hemilux_core::lens::{Intrinsics, Lens, Model};
-use hemilux_core::Exposure;
 
 /// A fisheye whose 180 degrees just fit into the image.
 pub const LENS: Intrinsics = Intrinsics {

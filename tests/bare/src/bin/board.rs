@@ -37,7 +37,7 @@ fn run() -> Result<(), Wrong> {
     let report = hemilux_bare::run(memory, start::clock, &mut json)?;
     embedded_io::Write::flush(&mut json).map_err(|_| Wrong::Output)?;
     let (used, room) = start::depth();
-    defmt::info!("plan {}", report.plan);
+    defmt::info!("{}", report.sizes);
     defmt::info!(
         "frames {=u32:#x}; {=usize} lights in {=usize} bytes of JSON",
         report.taken.hash,
