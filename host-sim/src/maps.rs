@@ -78,7 +78,7 @@ impl Maps {
             *quad = Quad::from_light(radiance(centre.to_array()).map(|v| v * sr), centre.as_vec3());
         }
         self.pyramid.build();
-        let grid = self.polar.grid;
+        let grid = self.polar.grid();
         let direction = |k: usize| {
             let theta = (grid.theta(k / grid.width) + grid.theta(k / grid.width + 1)) / 2.0;
             let phi = grid.phi(k % grid.width) - PI / grid.width as f64;
@@ -165,7 +165,7 @@ fn overlaps(from: &[f64], to: &[f64]) -> Vec<Overlap> {
 
 /// Fills a latitude-longitude map of energy from one of radiance, both axes by overlap.
 fn resample(env: &EnvMap, polar: &mut LatLong<Vec<[f32; 3]>>) {
-    let grid = polar.grid;
+    let grid = polar.grid();
     // Along -cos(theta), where equal steps are equal solid angles.
     let rows_from: Vec<f64> =
         (0..=env.height()).map(|i| -(i as f64 * PI / env.height() as f64).cos()).collect();
