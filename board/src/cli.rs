@@ -11,7 +11,7 @@ use crate::announce;
 use crate::memory;
 use crate::pipeline::Pipeline;
 use crate::probe::{Config, EXTRAPOLATIONS, Link, Probe};
-use crate::samplers::{MAX_LIGHTS, NAMES};
+use crate::samplers::MAX_LIGHTS;
 use crate::server::{self, Event, KnownHosts, Limits, Options, Running, Signals};
 use crate::source::{self, Spec};
 use crate::systemd;
@@ -20,6 +20,7 @@ use clap::builder::PossibleValuesParser;
 use clap::error::ErrorKind;
 use clap::{Args, Parser, Subcommand};
 use hemilux_core::Extrapolation;
+use hemilux_core::SamplerKind;
 use hemilux_core::wire::STAGES;
 use plan::Plan;
 use std::ffi::OsString;
@@ -106,7 +107,7 @@ struct Serve {
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     /// How the map becomes lights [default: adaptive].
-    #[arg(long, value_name = "NAME", value_parser = PossibleValuesParser::new(NAMES))]
+    #[arg(long, value_name = "NAME", value_parser = PossibleValuesParser::new(SamplerKind::NAMES))]
     sampler: Option<String>,
     /// Most lights of a set [default: 64].
     #[arg(long, value_name = "N", value_parser = lights)]
@@ -326,7 +327,7 @@ mod tests {
             (&["--lights", "many"], "'many'"),
             (&["--lights"], "--lights"),
             (&["--sampler", "q2tree", "--lights", "1"], "for 'q2tree'"),
-            (&["--sampler", "guess"], NAMES[0]),
+            (&["--sampler", "guess"], SamplerKind::NAMES[0]),
             (&["--extrapolation", "all"], "none or average"),
             (&["--listen", "8080"], "ADDR:PORT"),
             (&["--listen", "0.0.0.0:0"], "--open"),

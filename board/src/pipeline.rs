@@ -6,6 +6,7 @@
 use crate::calibration::{Burst, Calibration};
 use crate::polar::Polar;
 use crate::samplers::{self, SamplerError, Shape, Tuning};
+use hemilux_core::SamplerKind;
 use hemilux_core::polar::{Grid, LatLongView};
 use hemilux_core::pyramid::Quad;
 use hemilux_core::wire::Latency;
@@ -18,8 +19,8 @@ use std::time::{Duration, Instant};
 /// What a user chooses.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// Name of the sampler.
-    pub sampler: String,
+    /// The sampler.
+    pub sampler: SamplerKind,
     /// Most lights.
     pub lights: usize,
     /// The shadowed error that the fewest possible lights are to reach; `adaptive` alone.
@@ -39,7 +40,7 @@ pub struct Settings {
 impl Default for Settings {
     fn default() -> Self {
         Self {
-            sampler: "adaptive".into(),
+            sampler: SamplerKind::Adaptive,
             lights: 64,
             tolerance: None,
             ambient: false,
@@ -66,7 +67,7 @@ impl Settings {
 
     /// Whether `other` needs the same sampler, map apart.
     fn same_sampler(&self, other: &Self) -> bool {
-        let tuning = |s: &Self| s.tuning.of(&s.sampler);
+        let tuning = |s: &Self| s.tuning.of(s.sampler);
         self.sampler == other.sampler && self.lights == other.lights && tuning(self) == tuning(other)
     }
 }
@@ -174,8 +175,8 @@ impl Pipeline {
     ) -> Result<Self, PipelineError> {
         let order = settings.order();
         let shape = Shape { domain: Domain::Hemisphere, order, grid: settings.grid };
-        samplers::check(&settings.sampler, Domain::Hemisphere, &settings.request())?;
-        let sampler = samplers::make_tuned(&settings.sampler, &shape, settings.lights, &settings.tuning)?;
+        samplers::check(settings.sampler, Domain::Hemisphere, &settings.request())?;
+        let sampler = samplers::make_tuned(settings.sampler, &shape, settings.lights, &settings.tuning)?;
         let front = front_end(&calibration, exposures, &settings)?;
         let polar = sampler.needs_polar().then(|| Polar::new(&shape));
         let exposures = exposures.to_vec();
@@ -192,10 +193,10 @@ impl Pipeline {
             *self = Self::try_new(*self.front.calibration(), &self.exposures, settings)?;
             return Ok(());
         }
-        samplers::check(&settings.sampler, Domain::Hemisphere, &settings.request())?;
+        samplers::check(settings.sampler, Domain::Hemisphere, &settings.request())?;
         if !settings.same_sampler(&self.settings) {
             let (shape, tuning) = (self.shape(), &settings.tuning);
-            self.sampler = samplers::make_tuned(&settings.sampler, &shape, settings.lights, tuning)?;
+            self.sampler = samplers::make_tuned(settings.sampler, &shape, settings.lights, tuning)?;
             if self.sampler.needs_polar() && self.polar.is_none() {
                 self.polar = Some(Polar::new(&self.shape()));
             }

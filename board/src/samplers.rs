@@ -12,11 +12,8 @@ use hemilux_core::sampler::hemigon::kalman::{self, Gated, Track as Path};
 use hemilux_core::sampler::hemigon::{self, Hemigon};
 use hemilux_core::sampler::pharr::{MAX_ROWS, Pharr};
 use hemilux_core::sampler::q2tree::{Leaf, Parameters, Past, Q2Tree, interior_len};
-use hemilux_core::sampler::{Request, Sampler};
+use hemilux_core::sampler::{Request, Sampler, SamplerKind};
 use std::ops::RangeInclusive;
-
-/// Names that `--sampler` and `change?algorithm=` accept.
-pub const NAMES: [&str; 6] = ["adaptive", "q2tree", "q2tree-jitter", "pharr", "hemigon", "hemigon-fir"];
 
 /// Most lights that may be asked for.
 pub const MAX_LIGHTS: usize = 50_000;
@@ -61,14 +58,14 @@ impl Tuning {
         fir::Parameters { taps: self.taps, cutoff_hz: self.cutoff_hz.into(), ..fir::Parameters::default() }
     }
 
-    /// What matters to the sampler called `name`: the rest is as by default.
+    /// The values that the sampler `kind` reads; the others are the defaults.
     #[must_use]
-    pub fn of(self, name: &str) -> Self {
+    pub fn of(self, kind: SamplerKind) -> Self {
         let default = Self::default();
-        match name {
-            "q2tree" | "q2tree-jitter" => Self { threshold: self.threshold, ..default },
-            "hemigon-fir" => Self { threshold: default.threshold, ..self },
-            _ => default,
+        match kind {
+            SamplerKind::Q2Tree | SamplerKind::Q2TreeJitter => Self { threshold: self.threshold, ..default },
+            SamplerKind::HemigonFir => Self { threshold: default.threshold, ..self },
+            SamplerKind::Adaptive | SamplerKind::Pharr | SamplerKind::Hemigon => default,
         }
     }
 }
@@ -84,32 +81,30 @@ pub struct Shape {
     pub grid: Grid,
 }
 
-/// Why there is no such sampler.
+/// Why a sampler cannot be made or cannot do what is requested.
 #[derive(Debug, thiserror::Error, PartialEq)]
+#[non_exhaustive]
 pub enum SamplerError {
-    /// An unknown name.
-    #[error("sampler '{0}', expected one of {list}", list = NAMES.join(", "))]
-    Unknown(String),
-    /// More lights than any sampler gives.
-    #[error("{found} lights, expected {least} to {MAX_LIGHTS} for '{name}'")]
+    /// A number of lights that the sampler does not give.
+    #[error("{found} lights, expected {least} to {MAX_LIGHTS} for '{sampler}'")]
     BadLights {
-        /// What was asked for.
+        /// The number that was requested.
         found: usize,
         /// The fewest that the sampler gives on such maps.
         least: usize,
         /// The sampler.
-        name: String,
+        sampler: SamplerKind,
     },
     /// A tolerance that no decomposition can be held to.
     #[error("tolerance {0}, expected 0.002 to 1 (0.03 is 3 per cent of shadowed error)")]
     BadTolerance(f32),
-    /// A sampler that always gives as many lights as it is asked for.
-    #[error("{what} with '{name}', expected 'adaptive', which alone knows its error")]
+    /// A sampler that always gives as many lights as are requested.
+    #[error("{what} with '{sampler}', expected 'adaptive', which alone knows its error")]
     NotModelled {
         /// Tolerance or ambient light.
         what: &'static str,
         /// The sampler.
-        name: String,
+        sampler: SamplerKind,
     },
     /// A map with more rows than `pharr` can hold.
     #[error("a map of {0} rows, expected at most {MAX_ROWS} for 'pharr'")]
@@ -128,70 +123,62 @@ pub fn polar_order(order: u8) -> u8 {
     order.min(6)
 }
 
-/// The fewest lights that the sampler called `name` gives: a tree has a light per base quad. `None` for an unknown name.
-#[must_use]
-pub fn least_lights(name: &str, domain: Domain) -> Option<usize> {
-    match name {
-        "adaptive" | "pharr" | "hemigon" | "hemigon-fir" => Some(1),
-        "q2tree" | "q2tree-jitter" => Some(domain.faces()),
-        _ => None,
-    }
-}
-
-/// Whether the sampler called `name` can do what is requested on such maps.
+/// Whether the sampler `kind` can do what is requested on maps of `domain`.
 ///
 /// # Errors
 /// [`SamplerError`] for what it cannot.
-pub fn check(name: &str, domain: Domain, request: &Request) -> Result<(), SamplerError> {
-    let least = least_lights(name, domain).ok_or_else(|| SamplerError::Unknown(name.into()))?;
-    let asked = [("a tolerance", request.tolerance.is_some()), ("ambient light", request.ambient)];
-    if let Some((what, _)) = asked.into_iter().find(|(_, asked)| *asked && name != "adaptive") {
-        return Err(SamplerError::NotModelled { what, name: name.into() });
+pub fn check(kind: SamplerKind, domain: Domain, request: &Request) -> Result<(), SamplerError> {
+    let requested = [("a tolerance", request.tolerance.is_some()), ("ambient light", request.ambient)];
+    if let Some((what, _)) = requested.into_iter().find(|(_, is)| *is && !kind.estimates_error()) {
+        return Err(SamplerError::NotModelled { what, sampler: kind });
     }
     if let Some(tolerance) = request.tolerance.filter(|t| !TOLERANCES.contains(t)) {
         return Err(SamplerError::BadTolerance(tolerance));
     }
-    let least = if request.ambient { 0 } else { least };
+    let least = if request.ambient { 0 } else { kind.least_lights(domain) };
     if !(least..=MAX_LIGHTS).contains(&request.lights) {
-        return Err(SamplerError::BadLights { found: request.lights, least, name: name.into() });
+        return Err(SamplerError::BadLights { found: request.lights, least, sampler: kind });
     }
     Ok(())
 }
 
-/// Makes the sampler called `name` for maps of `shape`, with room for `lights` lights; `hemigon` and `hemigon-fir` give at most
+/// Makes the sampler `kind` for maps of `shape`, with memory for `lights` lights; `hemigon` and `hemigon-fir` give at most
 /// [`hemigon::MAX_LIGHTS`].
 ///
 /// # Errors
-/// [`SamplerError`] for names, light counts and maps that do not exist.
-pub fn make(name: &str, shape: &Shape, lights: usize) -> Result<Box<dyn Sampler + Send>, SamplerError> {
-    make_tuned(name, shape, lights, &Tuning::default())
+/// [`SamplerError`] for light counts that the sampler does not give and maps that it does not take.
+pub fn make(
+    kind: SamplerKind,
+    shape: &Shape,
+    lights: usize,
+) -> Result<Box<dyn Sampler + Send>, SamplerError> {
+    make_tuned(kind, shape, lights, &Tuning::default())
 }
 
-/// The same, tuned.
+/// Like [`make`], with values other than the defaults.
 ///
 /// # Errors
-/// As [`make`].
+/// Like [`make`].
 pub fn make_tuned(
-    name: &str,
+    kind: SamplerKind,
     shape: &Shape,
     lights: usize,
     tuning: &Tuning,
 ) -> Result<Box<dyn Sampler + Send>, SamplerError> {
-    let ambient = lights == 0 && name == "adaptive";
-    check(name, shape.domain, &Request { ambient, ..Request::of_lights(lights) })?;
+    let ambient = lights == 0 && kind.estimates_error();
+    check(kind, shape.domain, &Request { ambient, ..Request::of_lights(lights) })?;
     let tree = |parameters| q2tree(Parameters { threshold: tuning.threshold, ..parameters }, shape, lights);
-    match name {
-        "pharr" => {
+    match kind {
+        SamplerKind::Pharr => {
             let conditional = vec![0.0f32; shape.grid.len()];
             let sampler = Pharr::try_new(&shape.grid, conditional, vec![Light::default(); lights]);
             Ok(Box::new(sampler.map_err(|_| SamplerError::TooManyRows(shape.grid.height))?))
         }
-        "adaptive" => Ok(adaptive(shape, lights)),
-        "hemigon" => Ok(gated(shape, lights.min(hemigon::MAX_LIGHTS))),
-        "hemigon-fir" => Ok(filtered(shape, lights.min(hemigon::MAX_LIGHTS), &tuning.fir())),
-        "q2tree" => Ok(tree(Parameters::CENTROID)),
-        "q2tree-jitter" => Ok(tree(Parameters::JITTER)),
-        _ => Err(SamplerError::Unknown(name.into())),
+        SamplerKind::Adaptive => Ok(adaptive(shape, lights)),
+        SamplerKind::Hemigon => Ok(gated(shape, lights.min(hemigon::MAX_LIGHTS))),
+        SamplerKind::HemigonFir => Ok(filtered(shape, lights.min(hemigon::MAX_LIGHTS), &tuning.fir())),
+        SamplerKind::Q2Tree => Ok(tree(Parameters::CENTROID)),
+        SamplerKind::Q2TreeJitter => Ok(tree(Parameters::JITTER)),
     }
 }
 

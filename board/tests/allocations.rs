@@ -6,10 +6,10 @@
 use hemilux::pipeline::Settings;
 use hemilux::probe::compare::Contender;
 use hemilux::probe::{Config, Worker};
-use hemilux::samplers::NAMES;
 use hemilux::scene;
 use hemilux::source::{Pace, ReplaySource, SceneSource, Source};
 use hemilux_core::Extrapolation;
+use hemilux_core::SamplerKind;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
@@ -59,9 +59,8 @@ const WARM_UP: usize = 6;
 const FRAMES: usize = 60;
 
 /// Requests for memory of [`FRAMES`] frames, made on this thread, while a client holds on to some sets and others are told.
-fn requests(source: Box<dyn Source>, sampler: &str, rival: Option<&'static str>) -> u64 {
-    let pipeline =
-        Settings { sampler: sampler.into(), extrapolation: Extrapolation::Average, ..Settings::default() };
+fn requests(source: Box<dyn Source>, sampler: SamplerKind, rival: Option<SamplerKind>) -> u64 {
+    let pipeline = Settings { sampler, extrapolation: Extrapolation::Average, ..Settings::default() };
     let mut worker =
         Worker::try_new(source, "test".into(), Config { pipeline, ..Config::default() }).expect("a worker");
     let link = worker.link();
@@ -85,7 +84,7 @@ fn requests(source: Box<dyn Source>, sampler: &str, rival: Option<&'static str>)
     assert_eq!(last.frame, (WARM_UP + FRAMES - 1) as u64, "every frame was published");
     assert!(!last.lights.is_empty() && held.is_some(), "with lights");
     let pair = pairs.borrow().as_ref().map(|p| (p.first.frame, p.second.set.frame, p.second.set.sampler));
-    assert_eq!(pair, rival.map(|name| (last.frame, last.frame, name)), "the pair that was asked for");
+    assert_eq!(pair, rival.map(|kind| (last.frame, last.frame, kind.name())), "the pair that was asked for");
     requests
 }
 
@@ -98,7 +97,7 @@ fn the_counter_counts() {
 
 #[test]
 fn no_sampler_allocates_per_frame() {
-    for name in NAMES {
+    for name in SamplerKind::ALL {
         let scene = scene::by_name("lamps").expect("a scene");
         let source = Box::new(SceneSource::new(scene, Pace::Free));
         assert_eq!(requests(source, name, None), 0, "{name}");
@@ -107,10 +106,10 @@ fn no_sampler_allocates_per_frame() {
 
 #[test]
 fn a_comparison_does_not_allocate_per_frame_whatever_it_compares() {
-    for name in NAMES {
+    for name in SamplerKind::ALL {
         let scene = scene::by_name("lamps").expect("a scene");
         let source = Box::new(SceneSource::new(scene, Pace::Free));
-        assert_eq!(requests(source, "q2tree", Some(name)), 0, "{name}");
+        assert_eq!(requests(source, SamplerKind::Q2Tree, Some(name)), 0, "{name}");
     }
 }
 
@@ -126,5 +125,5 @@ fn a_replay_does_not_allocate_per_frame() {
         [[frame]]\nfile = \"b.png\"\nexposure_s = 0.04\n";
     std::fs::write(folder.path().join("burst.toml"), manifest).expect("a manifest");
     let source = Box::new(ReplaySource::open(folder.path(), Pace::Free).expect("a recording"));
-    assert_eq!(requests(source, "q2tree", None), 0, "replay");
+    assert_eq!(requests(source, SamplerKind::Q2Tree, None), 0, "replay");
 }

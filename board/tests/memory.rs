@@ -6,9 +6,9 @@
 use hemilux::memory::Plan;
 use hemilux::pipeline::{Pipeline, Settings};
 use hemilux::probe::{Config, Worker};
-use hemilux::samplers::NAMES;
 use hemilux::scene;
 use hemilux::source::{Pace, ReplaySource, SceneSource, Source};
+use hemilux_core::SamplerKind;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -54,8 +54,8 @@ fn room() -> Box<dyn Source> {
     Box::new(SceneSource::new(scene::by_name("room").expect("a scene"), Pace::Free))
 }
 
-fn settings(sampler: &str, lights: usize) -> Settings {
-    Settings { sampler: sampler.into(), lights, ..Settings::default() }
+fn settings(sampler: SamplerKind, lights: usize) -> Settings {
+    Settings { sampler, lights, ..Settings::default() }
 }
 
 fn plan(source: &dyn Source, settings: Settings) -> Plan {
@@ -99,12 +99,12 @@ fn the_counter_counts() {
 #[test]
 fn every_sampler_takes_what_the_plan_says() {
     let _alone = alone();
-    for name in NAMES {
+    for name in SamplerKind::ALL {
         check(room(), &settings(name, 200));
     }
-    check(room(), &settings("adaptive", 4096));
+    check(room(), &settings(SamplerKind::Adaptive, 4096));
     // From 256 lights on the map is finer.
-    check(room(), &settings("q2tree", 20_000));
+    check(room(), &settings(SamplerKind::Q2Tree, 20_000));
 }
 
 #[test]
@@ -129,7 +129,7 @@ fn recordings_take_what_the_plan_says() {
         let text = manifest(response, if words { 65535 } else { 255 });
         std::fs::write(folder.path().join("burst.toml"), text).expect("a manifest");
         let source = ReplaySource::open(folder.path(), Pace::Free).expect("a recording");
-        check(Box::new(source), &settings("q2tree", 64));
+        check(Box::new(source), &settings(SamplerKind::Q2Tree, 64));
     }
 }
 
@@ -139,7 +139,7 @@ fn four_thousand_lights_at_order_6_fit_into_8_mb_besides_the_frames() {
     let source = room();
     let c = source.calibration();
     assert_eq!((c.layout.width(), c.layout.height()), (640, 480), "the size that is promised for");
-    for name in NAMES {
+    for name in SamplerKind::ALL {
         let settings = Settings { order: Some(6), ..settings(name, 4096) };
         let plan = plan(&*source, settings);
         let frames = &plan.buffers()[0];

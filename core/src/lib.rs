@@ -41,7 +41,7 @@ pub use merge::{Exposure, MAX_EXPOSURES, MergeError, Samples};
 pub use plan::PlanError;
 pub use response::{Depth, Levels, Response, ResponseError};
 pub use sampler::q2tree::Q2Tree;
-pub use sampler::{Map, Request, Sampler};
+pub use sampler::{Map, Request, Sampler, SamplerKind, UnknownSampler};
 pub use sizes::{BufferSize, Sizes};
 
 /// The parts that [`FrontEnd`] is made of, for this workspace's tests of each. No part of the interface: anything may change.

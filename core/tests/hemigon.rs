@@ -4,6 +4,7 @@ mod common;
 
 use common::{Pcg64Mcg, RngExt, dark, direction, off, seeded};
 use glam::Vec3;
+use hemilux_core::SamplerKind;
 use hemilux_core::TooSmall;
 use hemilux_core::color::luminance;
 use hemilux_core::healpix::Domain;
@@ -90,7 +91,7 @@ fn check(lights: &[Light], texels: &[[f32; 3]], what: &str) {
 #[test]
 fn names_and_limits() {
     let (mut a, mut b) = (hemigon(&ODD, 10), published(&ODD, 10));
-    assert_eq!((a.name(), b.name()), ("hemigon", "hemigon-fir"));
+    assert_eq!((a.kind(), b.kind()), (SamplerKind::Hemigon, SamplerKind::HemigonFir));
     assert!(a.needs_polar() && b.needs_polar());
     let texels = energies(ODD, |_, _| [1.0; 3]);
     for sampler in [&mut a, &mut b] {
@@ -339,8 +340,8 @@ fn a_switched_lamp_is_followed_at_once_and_by_the_fir_late() {
         }
         let steady = energy[59];
         let found = energy[30..].iter().position(|e| off(*e, steady) < 0.1).expect("it settles") + 1;
-        println!("{}: {found} frames", sampler.name());
-        assert!(frames.contains(&found), "{}: {found} frames: {energy:?}", sampler.name());
+        println!("{}: {found} frames", sampler.kind());
+        assert!(frames.contains(&found), "{}: {found} frames: {energy:?}", sampler.kind());
     }
 }
 
@@ -423,7 +424,11 @@ fn ages_count_and_a_reset_forgets() {
         // After a reset it is as new: the same as a sampler that saw nothing.
         let other = energies(SPHERE, |_, _| [direction(&mut rng).z.abs() as f32 + 0.1; 3]);
         sampler.reset();
-        let fresh = if sampler.name() == "hemigon" { hemigon(&SPHERE, 16) } else { published(&SPHERE, 16) };
+        let fresh = if sampler.kind() == SamplerKind::Hemigon {
+            hemigon(&SPHERE, 16)
+        } else {
+            published(&SPHERE, 16)
+        };
         let mut pair = [sampler, fresh];
         let [a, b] = pair.each_mut().map(|s| update(&mut **s, SPHERE, &other, 16));
         assert_eq!(a, b);

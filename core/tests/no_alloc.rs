@@ -87,7 +87,7 @@ fn a_hundred_frames_allocate_nothing() {
             [&mut pharr, a, b]
         };
         for sampler in samplers {
-            let name = sampler.name();
+            let name = sampler.kind().name();
             let lights = sampler.update(&map, &request).lights;
             let set = LightSet { sampler: name, lights, unseen: seen.unseen as f32, ..LightSet::EMPTY };
             wire::json(&set, &mut &mut bytes[..]).expect("room enough");

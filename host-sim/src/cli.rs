@@ -11,9 +11,9 @@ use clap::{Args, Parser, Subcommand};
 use hemilux::export::Form;
 use hemilux::pipeline::Settings;
 use hemilux::recorded::ReadLimits;
-use hemilux::samplers;
 use hemilux::timing::Budgets;
 use hemilux_core::Extrapolation;
+use hemilux_core::SamplerKind;
 use hemilux_core::sampler::Request;
 use hemilux_core::wire::{Coordinates, STAGES};
 use maps::MapArgs;
@@ -66,8 +66,8 @@ enum Command {
 #[derive(Args, Debug)]
 struct SamplerArgs {
     /// Method of decomposition.
-    #[arg(long, default_value = "adaptive", value_parser = clap::builder::PossibleValuesParser::new(samplers::NAMES))]
-    sampler: String,
+    #[arg(long, default_value_t, value_parser = sampler_parser())]
+    sampler: SamplerKind,
     /// Most lights; 0 with --ambient leaves spherical harmonics alone.
     #[arg(long, default_value_t = 64)]
     lights: usize,
@@ -410,7 +410,7 @@ pub fn run(cli: Cli) -> Result<(), SimError> {
             bench::run(&bench::Job { json: a.json, case: a.case, frames: a.frames, budgets })
         }
         Command::SampleFrames(a) => {
-            chart::counted::sample_frames(&a.sampler.sampler, a.sampler.lights, a.frames)
+            chart::counted::sample_frames(a.sampler.sampler, a.sampler.lights, a.frames)
         }
         Command::Burst(a) => {
             let sensor = burst::Sensor { bits: a.bits, full_well: a.full_well, read_noise: a.read_noise };
@@ -426,4 +426,10 @@ pub fn run(cli: Cli) -> Result<(), SimError> {
             })
         }
     }
+}
+
+/// Parses the name of a sampler and lists the names in the help.
+fn sampler_parser() -> impl clap::builder::TypedValueParser<Value = SamplerKind> {
+    use clap::builder::{PossibleValuesParser, TypedValueParser};
+    PossibleValuesParser::new(SamplerKind::NAMES).try_map(|name| name.parse::<SamplerKind>())
 }

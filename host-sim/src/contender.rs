@@ -7,6 +7,7 @@ use crate::metrics::{Domain, Lit, LitSet};
 use crate::scenario::Scenario;
 use hemilux::maps::ReadOptions;
 use hemilux::samplers;
+use hemilux_core::SamplerKind;
 use hemilux_core::light::Decomposition;
 use hemilux_core::sampler::Request;
 
@@ -36,7 +37,7 @@ impl Method {
     /// The fewest lights that it gives.
     #[must_use]
     pub fn least(&self, domain: Domain) -> usize {
-        if self.kind == Kind::Core { samplers::least_lights(self.base(), domain).unwrap_or(1) } else { 1 }
+        if self.kind == Kind::Core { self.sampler().least_lights(domain) } else { 1 }
     }
 
     /// The method whose lights are gathered, or the sampler that is asked for ambient light.
@@ -45,18 +46,24 @@ impl Method {
         self.name.strip_suffix("+v").or(self.name.strip_suffix("+sh")).unwrap_or(self.name)
     }
 
-    /// What is asked of a sampler of the core.
+    /// The core's sampler; the default one for a method that is none.
+    #[must_use]
+    pub fn sampler(&self) -> SamplerKind {
+        self.base().parse().unwrap_or_default()
+    }
+
+    /// The request to a sampler of the core.
     #[must_use]
     pub fn request(&self, lights: usize) -> Request {
         Request { ambient: self.name.ends_with("+sh"), ..Request::of_lights(lights) }
     }
 }
 
-/// All methods: the core's by [`samplers::NAMES`] and `adaptive` with ambient light, then the baselines, then `volume`.
+/// All methods: the core's by [`SamplerKind::NAMES`] and `adaptive` with ambient light, then the baselines, then `volume`.
 #[must_use]
 pub fn methods() -> Vec<Method> {
     let core =
-        samplers::NAMES.into_iter().chain(["adaptive+sh"]).map(|name| Method { name, kind: Kind::Core });
+        SamplerKind::NAMES.into_iter().chain(["adaptive+sh"]).map(|name| Method { name, kind: Kind::Core });
     let baselines = baseline::all().into_iter().map(|b| {
         let kind = if b.name().ends_with("+v") { Kind::Gathered } else { Kind::Baseline };
         Method { name: b.name(), kind }
@@ -107,7 +114,7 @@ pub fn run_core(scenario: &Scenario, counts: &[usize]) -> Vec<Run> {
         .iter()
         .flat_map(|&method| counts.iter().map(move |&lights| (method, lights)))
         .map(|(method, lights)| {
-            (method, lights, samplers::make(method.base(), maps.of(lights).0, lights).ok(), Vec::new())
+            (method, lights, samplers::make(method.sampler(), maps.of(lights).0, lights).ok(), Vec::new())
         })
         .collect();
     for (t, map) in scenario.seen().iter().enumerate() {

@@ -8,6 +8,7 @@ use crate::output::Files;
 use hemilux::maps::{Covers, FLOAT_MAX, HALF_MAX, ReadOptions};
 use hemilux::samplers::{self, Shape};
 use hemilux::scene;
+use hemilux_core::SamplerKind;
 use hemilux_core::healpix::Domain;
 use hemilux_core::sampler::Request;
 use hemilux_core::wire::{Latency, LightSet};
@@ -19,8 +20,8 @@ use std::time::Instant;
 pub struct Job {
     /// A map, or a folder of maps that are one sequence in name order.
     pub env: PathBuf,
-    /// Name of the sampler.
-    pub sampler: String,
+    /// The sampler.
+    pub sampler: SamplerKind,
     /// Lights, tolerance, ambient light.
     pub request: Request,
     /// How maps are read; `covers` selects the upper half of a map of the whole sphere too.
@@ -42,10 +43,10 @@ pub fn run(job: &Job) -> Result<(), SimError> {
     job.export.check_count(paths.len())?;
     let first = read(&paths[0], &job.options)?;
     let domain = domain(&first, &job.options);
-    samplers::check(&job.sampler, domain, &job.request)?;
+    samplers::check(job.sampler, domain, &job.request)?;
     let order = samplers::order_for(job.request.lights);
     let shape = Shape { domain, order, grid: maps::grid(&first, domain) };
-    let mut sampler = samplers::make(&job.sampler, &shape, job.request.lights)?;
+    let mut sampler = samplers::make(job.sampler, &shape, job.request.lights)?;
     let mut maps = Maps::new(shape.domain, shape.order, shape.grid);
     let many = paths.len() > 1 || job.env.is_dir();
     let mut first = Some(first);
@@ -56,7 +57,7 @@ pub fn run(job: &Job) -> Result<(), SimError> {
         maps.fill(&env);
         let filled = began.elapsed();
         let map = maps.view();
-        let name = sampler.name();
+        let name = sampler.kind().name();
         let made = sampler.update(&map, &job.request);
         let us = |d: std::time::Duration| u32::try_from(d.as_micros()).unwrap_or(u32::MAX);
         let total = began.elapsed();

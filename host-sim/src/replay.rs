@@ -154,7 +154,7 @@ fn process(
         frame: place.index as u64,
         timestamp_ns: burst.timestamp_ns,
         valid: true,
-        sampler: &job.settings.sampler,
+        sampler: job.settings.sampler.name(),
         requested: job.settings.lights as u32,
         lights: made.lights,
         ambient_sh: made.ambient.as_ref(),

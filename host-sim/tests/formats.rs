@@ -3,17 +3,18 @@
 use hemilux::calibration::{Burst, Calibration, Pixels};
 use hemilux::pipeline::{Pipeline, Settings};
 use hemilux::recorded;
+use hemilux_core::SamplerKind;
 use hemilux_core::format::{Format, Layout, LayoutError, Matrix, Pattern, Yuv};
 use hemilux_sim::bench::{Case, bursts};
 
 fn case(format: Format) -> Case {
-    Case { format, size: (640, 480), sampler: "q2tree", lights: 64 }
+    Case { format, size: (640, 480), sampler: SamplerKind::Q2Tree, lights: 64 }
 }
 
 /// Flux of red, green and blue, and the mean direction of the lights.
 fn light(calibration: &Calibration, burst: &Burst) -> ([f64; 3], glam::Vec3) {
     let exposures: Vec<_> = burst.frames.iter().map(|f| f.exposure).collect();
-    let settings = Settings { sampler: "q2tree".into(), ..Settings::default() };
+    let settings = Settings { sampler: SamplerKind::Q2Tree, ..Settings::default() };
     let mut pipeline = Pipeline::try_new(calibration.clone(), &exposures, settings).expect("a pipeline");
     let processed = pipeline.process(burst).expect("lights");
     let lights = processed.decomposition.lights.iter();

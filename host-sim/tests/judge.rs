@@ -2,6 +2,7 @@
 
 use hemilux::judge::{Judge, Lit};
 use hemilux::samplers::{self, Shape};
+use hemilux_core::SamplerKind;
 use hemilux_core::healpix::Domain;
 use hemilux_core::sampler::Request;
 use hemilux_sim::decompose::read;
@@ -25,9 +26,12 @@ fn errors_are_those_of_the_score() {
         let mut maps = Maps::new(shape.domain, shape.order, shape.grid);
         maps.fill(&env);
         let reference = Reference::new(&env, Domain::Hemisphere);
-        for (name, lights, ambient) in
-            [("adaptive", 8, false), ("adaptive", 16, true), ("q2tree", 16, false), ("pharr", 64, false)]
-        {
+        for (name, lights, ambient) in [
+            (SamplerKind::Adaptive, 8, false),
+            (SamplerKind::Adaptive, 16, true),
+            (SamplerKind::Q2Tree, 16, false),
+            (SamplerKind::Pharr, 64, false),
+        ] {
             let mut sampler = samplers::make(name, &shape, lights).expect("a sampler");
             let map = maps.view();
             let made = sampler.update(&map, &Request { ambient, ..Request::of_lights(lights) });

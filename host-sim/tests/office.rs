@@ -6,6 +6,7 @@ use glam::{DVec2, DVec3};
 use hemilux::calibration::{Burst, Calibration, Frame, Pixels};
 use hemilux::pipeline::{Pipeline, Settings};
 use hemilux::recorded;
+use hemilux_core::SamplerKind;
 use hemilux_core::internals::merge::{Channels, Codes};
 use hemilux_core::{FrontEnd, Order, Sizes};
 
@@ -137,8 +138,8 @@ fn the_lights_lie_where_the_pixels_light_is() {
             sum += d * y * omega;
         }
     }
-    for sampler in ["q2tree", "adaptive"] {
-        let settings = Settings { sampler: sampler.into(), ..Settings::default() };
+    for sampler in [SamplerKind::Q2Tree, SamplerKind::Adaptive] {
+        let settings = Settings { sampler, ..Settings::default() };
         let mut pipeline = pipeline(&calibration, &burst, settings);
         let processed = pipeline.process(&burst).expect("lights");
         let lights = processed.decomposition.lights.iter();

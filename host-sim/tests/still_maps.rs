@@ -3,6 +3,7 @@
 mod common;
 
 use hemilux::samplers;
+use hemilux_core::SamplerKind;
 use hemilux_core::healpix::Domain;
 use hemilux_core::sampler::Request;
 use hemilux_sim::contender::judged;
@@ -28,7 +29,7 @@ fn prepare() -> Vec<Prepared> {
 }
 
 /// Scores and estimates of one sampler on every map.
-fn scores(prepared: &[Prepared], sampler: &str, request: &Request) -> Vec<(Score, Option<f32>)> {
+fn scores(prepared: &[Prepared], sampler: SamplerKind, request: &Request) -> Vec<(Score, Option<f32>)> {
     let score = |p: &Prepared| {
         let (shape, map) = p.maps.of(request.lights);
         let mut sampler = samplers::make(sampler, shape, request.lights).expect("a sampler");
@@ -44,13 +45,13 @@ fn errors_on_real_maps_are_as_stated() {
     let prepared = prepare();
     // Mean open and shadowed error, per cent: what the project promises, not what it reaches.
     let promises = [
-        ("pharr", 64, 6.0, 7.0),
-        ("q2tree", 64, 0.8, 2.6),
-        ("adaptive", 4, 13.0, 20.0),
-        ("adaptive", 16, 2.0, 6.0),
-        ("adaptive", 64, 0.40, 2.0),
-        ("adaptive", 256, 0.10, 0.60),
-        ("adaptive", 1024, 0.02, 0.22),
+        (SamplerKind::Pharr, 64, 6.0, 7.0),
+        (SamplerKind::Q2Tree, 64, 0.8, 2.6),
+        (SamplerKind::Adaptive, 4, 13.0, 20.0),
+        (SamplerKind::Adaptive, 16, 2.0, 6.0),
+        (SamplerKind::Adaptive, 64, 0.40, 2.0),
+        (SamplerKind::Adaptive, 256, 0.10, 0.60),
+        (SamplerKind::Adaptive, 1024, 0.02, 0.22),
     ];
     for (sampler, lights, open, shadowed) in promises {
         if prepared.is_empty() {
@@ -75,7 +76,7 @@ fn estimates_are_near_the_truth() {
         [1, 4, 8, 16, 32, 64, 128, 256].map(|n| [(n, false), (n, true)]).into_iter().flatten()
     {
         let request = Request { lights, tolerance: None, ambient };
-        for (score, estimate) in scores(&prepared, "adaptive", &request) {
+        for (score, estimate) in scores(&prepared, SamplerKind::Adaptive, &request) {
             let ratio = f64::from(estimate.expect("adaptive estimates")) / score.shadowed.max(0.002);
             near += usize::from((0.8..=1.25).contains(&ratio));
             all += 1;
@@ -91,7 +92,7 @@ fn ambient_light_takes_the_place_of_many_lights() {
     // Mean shadowed error, per cent; energy within 1e-3.
     for (lights, promise) in [(0, 12.0), (16, 2.8), (64, 1.2)] {
         let request = Request { lights, tolerance: None, ambient: true };
-        let scores = scores(&prepared, "adaptive", &request);
+        let scores = scores(&prepared, SamplerKind::Adaptive, &request);
         let mean = 100.0 * scores.iter().map(|(s, _)| s.shadowed).sum::<f64>() / scores.len().max(1) as f64;
         println!("adaptive {lights} and ambient: shadowed {mean:.3} %");
         assert!(mean <= promise, "{lights}: {mean} %");
@@ -104,7 +105,7 @@ fn a_tolerance_is_kept() {
     let prepared = prepare();
     for (tolerance, ambient) in [(0.03, false), (0.03, true), (0.1, true)] {
         let request = Request { lights: 1024, tolerance: Some(tolerance), ambient };
-        for (score, _) in scores(&prepared, "adaptive", &request) {
+        for (score, _) in scores(&prepared, SamplerKind::Adaptive, &request) {
             assert!(
                 score.shadowed <= 1.25 * f64::from(tolerance),
                 "{tolerance}, {ambient}: {}",

@@ -107,6 +107,7 @@ fn settings(options: &Serve, kept: toml::Table) -> Result<Config, (String, Strin
     let change = wish_of(&object).map_err(|errors| errors.into_iter().next().unwrap_or_default())?;
     change.apply(&mut config);
     let Serve { sampler, lights, extrapolation, tolerance, ambient, budget, .. } = options.clone();
+    let sampler = sampler.and_then(|name| name.parse().ok());
     let (tolerance, ambient) = (tolerance.map(Some), ambient.then_some(true));
     let budgets_ms = budget.unwrap_or_default();
     Change { sampler, lights, extrapolation, tolerance, ambient, budgets_ms, ..Change::default() }

@@ -5,6 +5,7 @@ use super::{Published, lock};
 use crate::pipeline::Pipeline;
 use crate::samplers::{self, SamplerError, Tuning};
 use hemilux_core::Order;
+use hemilux_core::SamplerKind;
 use hemilux_core::light::Light;
 use hemilux_core::pyramid::{Quad, pyramid_len};
 use hemilux_core::sampler::{Request, Sampler};
@@ -29,8 +30,8 @@ pub const SKETCH_ORDER: u8 = 4;
 /// A second sampler.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Contender {
-    /// A name of [`samplers::NAMES`].
-    pub sampler: &'static str,
+    /// The sampler.
+    pub sampler: SamplerKind,
     /// Lights asked for, at most [`MOST_LIGHTS`].
     pub lights: usize,
 }
@@ -187,7 +188,7 @@ impl Rival {
     }
 
     fn sample(&mut self, pipeline: &mut Pipeline, first: &Published) -> Arc<Second> {
-        let Contender { sampler: name, lights } = self.contender;
+        let Contender { sampler, lights } = self.contender;
         let request = Request::of_lights(lights);
         let (made, took) = pipeline.sample_again(self.sampler.as_mut(), &request);
         let sample = u32::try_from(took.as_micros()).unwrap_or(u32::MAX);
@@ -199,7 +200,7 @@ impl Rival {
             lights.extend_from_slice(made.lights);
             let total = first.latency.total.saturating_sub(first.latency.sample).saturating_add(sample);
             *set = Published {
-                sampler: name,
+                sampler: sampler.name(),
                 requested: self.contender.lights as u32,
                 lights,
                 ambient: made.ambient,
@@ -225,8 +226,8 @@ pub fn bytes(order: u8) -> usize {
 mod tests {
     use super::*;
 
-    const TREE: Contender = Contender { sampler: "q2tree", lights: 64 };
-    const OTHER: Contender = Contender { sampler: "pharr", lights: 64 };
+    const TREE: Contender = Contender { sampler: SamplerKind::Q2Tree, lights: 64 };
+    const OTHER: Contender = Contender { sampler: SamplerKind::Pharr, lights: 64 };
 
     #[test]
     fn one_sampler_at_a_time_and_none_when_nobody_looks() {

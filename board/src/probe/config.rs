@@ -4,6 +4,7 @@ use crate::pipeline::{PipelineError, Settings};
 use crate::samplers::{self, SamplerError};
 use crate::timing::Budgets;
 use hemilux_core::Extrapolation;
+use hemilux_core::SamplerKind;
 use hemilux_core::healpix::Domain;
 use hemilux_core::wire::STAGES;
 
@@ -70,15 +71,15 @@ impl Config {
     /// # Errors
     /// [`Refusal`].
     pub fn check(&self) -> Result<(), Refusal> {
-        Ok(samplers::check(&self.pipeline.sampler, Domain::Hemisphere, &self.pipeline.request())?)
+        Ok(samplers::check(self.pipeline.sampler, Domain::Hemisphere, &self.pipeline.request())?)
     }
 }
 
 /// A wish: what is `None` stays.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Change {
-    /// A name of [`crate::samplers::NAMES`].
-    pub sampler: Option<String>,
+    /// The sampler.
+    pub sampler: Option<SamplerKind>,
     /// Most lights, 1 to [`crate::samplers::MAX_LIGHTS`].
     pub lights: Option<usize>,
     /// What stands for the unseen.
@@ -107,9 +108,7 @@ impl Change {
     /// Makes the wish come true in `config`.
     pub fn apply(&self, config: &mut Config) {
         let settings = &mut config.pipeline;
-        if let Some(sampler) = &self.sampler {
-            settings.sampler.clone_from(sampler);
-        }
+        settings.sampler = self.sampler.unwrap_or(settings.sampler);
         settings.lights = self.lights.unwrap_or(settings.lights);
         settings.extrapolation = self.extrapolation.unwrap_or(settings.extrapolation);
         settings.tolerance = self.tolerance.unwrap_or(settings.tolerance);

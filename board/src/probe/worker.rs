@@ -6,7 +6,6 @@ use super::{Config, Exposures, Link, Refusal};
 use crate::calibration::Burst;
 use crate::clock;
 use crate::pipeline::{Pipeline, PipelineError, Processed};
-use crate::samplers::NAMES;
 use crate::source::{Source, SourceError};
 use hemilux_core::wire::Latency;
 use std::sync::Arc;
@@ -109,7 +108,7 @@ impl Worker {
         let now = Instant::now();
         let rate_hz = rate(&mut self.interval_s, self.last.replace(now).map(|last| now - last));
         let settings = self.pipeline.settings();
-        let name = NAMES.iter().find(|n| **n == settings.sampler).copied().unwrap_or("");
+        let name = settings.sampler.name();
         let requested = u32::try_from(settings.lights).unwrap_or(u32::MAX);
         let processed = self.pipeline.process(&self.burst);
         let processed = processed.map_err(|e| SourceError::Broken(e.to_string()))?;

@@ -5,11 +5,11 @@ use super::origin::{Cause, Sender};
 use super::{Context, line, pages};
 use crate::probe::settings::{Kind, SETTINGS, short};
 use crate::probe::{Applied, Change, Refusal};
-use crate::samplers::{NAMES, least_lights};
 use axum::extract::rejection::QueryRejection;
 use axum::extract::{Form, FromRequest, Query, Request, State};
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
+use hemilux_core::SamplerKind;
 use hemilux_core::healpix::Domain;
 use std::time::Duration;
 
@@ -113,8 +113,8 @@ pub(super) fn accepted() -> String {
     let line = |setting: &crate::probe::settings::Setting| match setting.kind {
         Kind::Choice(words) => format!("{}={}", setting.parameter, words.join("|")),
         Kind::Whole(least, most) if setting.name == "lights" => {
-            let least = |name| least_lights(name, Domain::Hemisphere).map_or(least, |n| n as u64);
-            let each = NAMES.map(|name| format!("{}..{most} for {name}", least(name)));
+            let own = |kind: SamplerKind| least.max(kind.least_lights(Domain::Hemisphere) as u64);
+            let each = SamplerKind::ALL.map(|kind| format!("{}..{most} for {kind}", own(kind)));
             format!("{}=N ({})", setting.parameter, each.join(", "))
         }
         Kind::Whole(least, most) => format!("{}=N ({least}..{most})", setting.parameter),

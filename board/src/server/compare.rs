@@ -9,11 +9,12 @@ use crate::judge::{Judge, Lit, Score};
 use crate::probe::compare::{Contender, MOST_LIGHTS, Pair};
 use crate::probe::settings::short;
 use crate::probe::{Published, Staleness};
-use crate::samplers::{self, NAMES};
+use crate::samplers;
 use axum::extract::{Query, State};
 use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE, RETRY_AFTER};
 use axum::http::{HeaderValue, StatusCode, Uri};
 use axum::response::{IntoResponse, Response};
+use hemilux_core::SamplerKind;
 use hemilux_core::healpix::Domain;
 use hemilux_core::sampler::Request;
 use hemilux_core::wire::{self, Coordinates};
@@ -61,7 +62,7 @@ struct Wanted {
 /// Parameters and their values, one a line.
 fn accepted() -> String {
     let coordinates = Coordinates::names().collect::<Vec<_>>().join("|");
-    let names = NAMES.join("|");
+    let names = SamplerKind::NAMES.join("|");
     format!("algorithm={names}\nlights=1..{MOST_LIGHTS}\ncoordinates={coordinates}\nafter=FRAME")
 }
 
@@ -76,7 +77,7 @@ fn wanted(uri: &Uri) -> Result<Wanted, String> {
             return Err(format!("parameter '{}' twice", short(name)));
         }
         let known = match name.as_str() {
-            "algorithm" => NAMES.into_iter().find(|n| n == value).map(|n| sampler = Some(n)),
+            "algorithm" => value.parse().ok().map(|kind| sampler = Some(kind)),
             "lights" => value.parse().ok().filter(|n| (1..=MOST_LIGHTS).contains(n)).map(|n| lights = n),
             "coordinates" => Coordinates::from_name(value).map(|c| coordinates = c),
             "after" => value.parse().ok().map(|n| after = Some(n)),

@@ -3,12 +3,13 @@
 use super::origin::Sender;
 use super::{Context, change, config};
 use crate::probe::{Config, EXTRAPOLATIONS, Published, extrapolation_name};
-use crate::samplers::{MAX_LIGHTS, NAMES};
+use crate::samplers::MAX_LIGHTS;
 use crate::timing::Timings;
 use axum::extract::State;
 use axum::http::StatusCode;
 use axum::http::header::CACHE_CONTROL;
 use axum::response::{Html, IntoResponse, Response};
+use hemilux_core::SamplerKind;
 use hemilux_core::wire::Latency;
 use serde_json::json;
 use std::fmt::Write;
@@ -84,7 +85,7 @@ fn settings(config: &Config) -> [Row; 5] {
     let s = &config.pipeline;
     let grid = format!("{} x {}", s.grid.width, s.grid.height);
     [
-        ("algorithm", s.sampler.clone()),
+        ("algorithm", s.sampler.to_string()),
         ("samples", s.lights.to_string()),
         ("extrapolation", extrapolation_name(s.extrapolation).into()),
         ("gui", on_off(config.gui).into()),
@@ -121,7 +122,7 @@ fn times(last: &Latency, timings: &Timings) -> String {
 /// The list of requests and the form.
 pub(super) fn change_form(config: &Config) -> Html<String> {
     let s = &config.pipeline;
-    let samplers = options(NAMES.iter().copied(), &s.sampler);
+    let samplers = options(SamplerKind::NAMES.into_iter(), s.sampler.name());
     let extrapolations =
         options(EXTRAPOLATIONS.iter().map(|(name, _)| *name), extrapolation_name(s.extrapolation));
     let gui = options(["on", "off"], on_off(config.gui));

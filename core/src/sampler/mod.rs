@@ -7,12 +7,14 @@ pub mod adaptive;
 pub mod halton;
 mod heap;
 pub mod hemigon;
+mod kind;
 pub mod pharr;
 pub mod q2tree;
 
 use crate::light::Decomposition;
 use crate::polar::LatLongView;
 use crate::pyramid::PyramidView;
+pub use kind::{SamplerKind, UnknownSampler};
 
 /// What a sampler reads.
 #[derive(Clone, Copy, Debug)]
@@ -52,8 +54,8 @@ impl From<usize> for Request {
 
 /// Turns a sequence of maps into light sets.
 pub trait Sampler {
-    /// Its name in commands and light sets.
-    fn name(&self) -> &'static str;
+    /// Which sampler it is.
+    fn kind(&self) -> SamplerKind;
 
     /// Whether it reads [`Map::polar`].
     fn needs_polar(&self) -> bool {

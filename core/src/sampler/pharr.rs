@@ -4,7 +4,7 @@
 //! its second picks phi from that row's conditional one. All lights have the same luminance; their colour is the texel's. No
 //! filter: what changes anywhere moves every light that comes later in the order of the distribution.
 
-use super::{Map, Request, Sampler, halton};
+use super::{Map, Request, Sampler, SamplerKind, halton};
 use crate::arena::{self, Buffer, TooSmall};
 use crate::color::{luminance, sound};
 use crate::light::{Decomposition, Light};
@@ -110,8 +110,8 @@ fn seam(width: usize) -> f64 {
 }
 
 impl<C: Buffer<f32>, L: Buffer<Light>> Sampler for Pharr<C, L> {
-    fn name(&self) -> &'static str {
-        "pharr"
+    fn kind(&self) -> SamplerKind {
+        SamplerKind::Pharr
     }
 
     fn needs_polar(&self) -> bool {

@@ -13,7 +13,7 @@
 //!
 //! The tree is one bit per quad (is it interior?), walked in NESTED order: no node pool, no search.
 
-use super::{Map, Request, Sampler, heap};
+use super::{Map, Request, Sampler, SamplerKind, heap};
 use crate::arena::{self, Buffer, TooSmall};
 use crate::healpix::{self, Domain, Order};
 use crate::light::{Decomposition, Light};
@@ -331,10 +331,10 @@ fn range(id: u32) -> (u64, u64) {
 }
 
 impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, P: Buffer<Past>> Sampler for Q2Tree<B, H, L, P> {
-    fn name(&self) -> &'static str {
+    fn kind(&self) -> SamplerKind {
         match self.parameters.placement {
-            Placement::Centroid => "q2tree",
-            Placement::Jitter { .. } => "q2tree-jitter",
+            Placement::Centroid => SamplerKind::Q2Tree,
+            Placement::Jitter { .. } => SamplerKind::Q2TreeJitter,
         }
     }
 

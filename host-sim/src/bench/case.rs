@@ -1,6 +1,7 @@
 //! Benchmark cases: a pixel format, a size, a sampler and a number of lights.
 
-use hemilux::samplers::{MAX_LIGHTS, NAMES};
+use hemilux::samplers::MAX_LIGHTS;
+use hemilux_core::SamplerKind;
 use hemilux_core::format::{Format, Pattern, Yuv};
 use std::fmt;
 use std::str::FromStr;
@@ -29,8 +30,8 @@ pub struct Case {
     pub format: Format,
     /// Columns and rows.
     pub size: (u32, u32),
-    /// The sampler's name.
-    pub sampler: &'static str,
+    /// The sampler.
+    pub sampler: SamplerKind,
     /// Most lights.
     pub lights: usize,
 }
@@ -64,9 +65,7 @@ impl FromStr for Case {
         let side = |v: &str| v.parse().ok().filter(|n| (16..=MAX_SIDE).contains(n) && n % 2 == 0);
         let size = size.split_once('x').and_then(|(w, h)| Some((side(w)?, side(h)?)));
         let size = size.ok_or_else(|| format!("even sides from 16 to {MAX_SIDE} expected, as 640x480"))?;
-        let known = NAMES.into_iter().find(|n| *n == sampler);
-        let sampler =
-            known.ok_or_else(|| format!("sampler '{sampler}', expected one of {}", NAMES.join(", ")))?;
+        let sampler = sampler.parse().map_err(|unknown| format!("sampler '{sampler}': {unknown}"))?;
         let lights = lights.parse().ok().filter(|n| (1..=MAX_LIGHTS).contains(n)).ok_or_else(shape)?;
         Ok(Self { format, size, sampler, lights })
     }
@@ -80,11 +79,11 @@ pub fn standard() -> Vec<Case> {
     let vga = (640, 480);
     let mut cases = Vec::new();
     for lights in [64, 200] {
-        cases.extend(NAMES.map(|sampler| case(0, vga, sampler, lights)));
-        cases.extend([1, 2].map(|format| case(format, vga, "q2tree", lights)));
+        cases.extend(SamplerKind::ALL.map(|sampler| case(0, vga, sampler, lights)));
+        cases.extend([1, 2].map(|format| case(format, vga, SamplerKind::Q2Tree, lights)));
     }
-    cases.extend((3..FORMATS.len()).map(|format| case(format, vga, "q2tree", 64)));
-    cases.extend([(1280, 960), (2592, 1944)].map(|size| case(0, size, "q2tree", 64)));
-    cases.extend([5_000, 50_000].map(|lights| case(0, vga, "q2tree", lights)));
+    cases.extend((3..FORMATS.len()).map(|format| case(format, vga, SamplerKind::Q2Tree, 64)));
+    cases.extend([(1280, 960), (2592, 1944)].map(|size| case(0, size, SamplerKind::Q2Tree, 64)));
+    cases.extend([5_000, 50_000].map(|lights| case(0, vga, SamplerKind::Q2Tree, lights)));
     cases
 }

@@ -107,7 +107,7 @@ pub fn run(job: &Job) -> Result<(), SimError> {
 
 fn pipeline(case: &Case, bursts: &[Burst]) -> Result<Pipeline, SimError> {
     let exposures: Vec<_> = bursts[0].frames.iter().map(|f| f.exposure).collect();
-    let settings = Settings { sampler: case.sampler.into(), lights: case.lights, ..Settings::default() };
+    let settings = Settings { sampler: case.sampler, lights: case.lights, ..Settings::default() };
     Ok(Pipeline::try_new(calibration(case), &exposures, settings)?)
 }
 
@@ -160,7 +160,7 @@ fn measure(case: &Case, budgets: &Budgets) -> Result<Row, SimError> {
         width: case.size.0,
         height: case.size.1,
         exposures: bursts[0].frames.len(),
-        sampler: case.sampler,
+        sampler: case.sampler.name(),
         lights: case.lights,
         copy_ms: copy.0,
         front_ms: front.0,

@@ -6,6 +6,7 @@ use crate::maps::Maps;
 use crate::metrics::Domain;
 use crate::scenario::stage;
 use hemilux::samplers::{self, Shape};
+use hemilux_core::SamplerKind;
 use hemilux_core::polar::Grid;
 use hemilux_core::sampler::Request;
 use std::process::Command;
@@ -18,8 +19,8 @@ const GRID: Grid = Grid { width: 256, height: 128, domain: Domain::Sphere };
 /// Samples a procedural room `frames` times and does nothing else, so that callgrind counts the sampler alone.
 ///
 /// # Errors
-/// [`SimError`] for samplers that do not exist.
-pub fn sample_frames(sampler: &str, lights: usize, frames: usize) -> Result<(), SimError> {
+/// [`SimError`] for a number of lights that the sampler does not give.
+pub fn sample_frames(sampler: SamplerKind, lights: usize, frames: usize) -> Result<(), SimError> {
     let shape = Shape { domain: Domain::Sphere, order: samplers::order_for(lights), grid: GRID };
     let mut sampler = samplers::make(sampler, &shape, lights)?;
     let mut maps = Maps::new(shape.domain, shape.order, shape.grid);
@@ -32,7 +33,7 @@ pub fn sample_frames(sampler: &str, lights: usize, frames: usize) -> Result<(), 
 
 /// Adds the instructions per frame to the core's points of `lights` lights; without valgrind nothing.
 pub(super) fn add(points: &mut [Point], lights: usize) {
-    for point in points.iter_mut().filter(|p| samplers::NAMES.contains(&p.sampler) && p.lights == lights) {
+    for point in points.iter_mut().filter(|p| SamplerKind::NAMES.contains(&p.sampler) && p.lights == lights) {
         let run = |frames| count(point.sampler, lights, frames);
         let [few, many] = FRAMES.map(run);
         point.instructions = few.zip(many).map(|(a, b)| b.saturating_sub(a) / (FRAMES[1] - FRAMES[0]) as u64);

@@ -53,7 +53,7 @@ impl Ground {
     #[must_use]
     pub fn time_core(&self, method: &Method, lights: usize, repeats: usize) -> Timed {
         let (shape, view) = self.maps.of(lights);
-        let mut sampler = samplers::make(method.base(), shape, lights)
+        let mut sampler = samplers::make(method.sampler(), shape, lights)
             .expect("a name and a count from the samplers' own lists");
         let (mut times, mut set) = (Vec::new(), LitSet::default());
         for _ in 0..repeats.max(1) {
@@ -119,7 +119,7 @@ pub(super) fn bursts(env: &EnvMap, points: &mut [Point], repeats: usize) -> Resu
         let Some(method) = core.iter().find(|m| m.name == point.sampler) else { continue };
         let lights = point.lights.max(method.least(Domain::Hemisphere));
         let ambient = method.request(lights).ambient;
-        let settings = Settings { sampler: method.base().into(), lights, ambient, ..Settings::default() };
+        let settings = Settings { sampler: method.sampler(), lights, ambient, ..Settings::default() };
         let mut pipeline = Pipeline::try_new(calibration.clone(), &exposures, settings)?;
         let mut times = Vec::new();
         for _ in 0..repeats.max(1) {

@@ -1,6 +1,7 @@
 //! The chart's layout on tiny maps.
 
 use super::*;
+use hemilux_core::SamplerKind;
 
 fn two_maps() -> Vec<EnvMap> {
     let lamp = |d: [f64; 3]| if d[2] > 0.9 { [40.0f32, 30.0, 20.0] } else { [0.3, 0.2, 0.2] };
@@ -45,8 +46,8 @@ fn counts_run_from_the_least_to_1024() {
 }
 
 #[test]
-fn counted_work_refuses_what_does_not_exist() {
-    assert!(counted::sample_frames("q2tree", 16, 2).is_ok());
-    let refused = counted::sample_frames("q3tree", 16, 2).unwrap_err();
+fn counted_work_refuses_a_number_of_lights_that_a_tree_does_not_give() {
+    assert!(counted::sample_frames(SamplerKind::Q2Tree, 16, 2).is_ok());
+    let refused = counted::sample_frames(SamplerKind::Q2Tree, 1, 2).unwrap_err();
     assert_eq!(refused.code(), 2);
 }

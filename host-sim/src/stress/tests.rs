@@ -55,7 +55,7 @@ fn receivers_in_the_shadow_do_not_see_the_sun() {
 #[test]
 fn methods_are_the_cores_then_the_literatures() {
     let all = methods();
-    assert!(all[..hemilux::samplers::NAMES.len()].iter().all(|m| m.kind == Kind::Core));
+    assert!(all[..hemilux_core::SamplerKind::ALL.len()].iter().all(|m| m.kind == Kind::Core));
     assert_eq!(all.last().map(|m| m.name), Some("volume"));
     let names: std::collections::HashSet<_> = all.iter().map(|m| m.name).collect();
     assert_eq!(names.len(), all.len());

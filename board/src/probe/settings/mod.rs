@@ -5,7 +5,6 @@ mod table;
 pub use table::SETTINGS;
 
 use super::config::{Change, Config};
-use crate::samplers::least_lights;
 use hemilux_core::healpix::Domain;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
@@ -162,9 +161,9 @@ impl Setting {
         let (kinds, mut schema) = match self.kind {
             Kind::Choice(words) => (json!("string"), json!({"enum": words})),
             Kind::Whole(least, most) => {
-                let own = || least_lights(&config.pipeline.sampler, Domain::Hemisphere).map(|n| n as u64);
+                let own = || config.pipeline.sampler.least_lights(Domain::Hemisphere) as u64;
                 let is_own = self.name == "lights" && !config.pipeline.ambient;
-                let least = is_own.then(own).flatten().unwrap_or(least);
+                let least = if is_own { own() } else { least };
                 (json!("integer"), json!({"minimum": least, "maximum": most}))
             }
             Kind::OptionalWhole(least, most) => {

@@ -2,9 +2,10 @@
 
 use super::{Group, Kind, Setting, shortest};
 use crate::probe::config::{EXTRAPOLATIONS, extrapolation_name};
-use crate::samplers::{CUTOFFS_HZ, MAX_LIGHTS, NAMES, ORDERS, TAPS, THRESHOLDS, TOLERANCES};
+use crate::samplers::{CUTOFFS_HZ, MAX_LIGHTS, ORDERS, TAPS, THRESHOLDS, TOLERANCES};
 use crate::timing::BUDGETS_MS;
 use hemilux_core::MAX_EXPOSURES;
+use hemilux_core::SamplerKind;
 use serde_json::{Value, json};
 
 const EXTRAPOLATION_NAMES: [&str; EXTRAPOLATIONS.len()] = [EXTRAPOLATIONS[0].0, EXTRAPOLATIONS[1].0];
@@ -35,11 +36,11 @@ pub const SETTINGS: [Setting; 18] = [
         name: "sampler",
         parameter: "algorithm",
         group: Group::Lights,
-        kind: Kind::Choice(&NAMES),
+        kind: Kind::Choice(&SamplerKind::NAMES),
         unit: None,
         what: "How the map becomes lights.",
-        value: |c| json!(c.pipeline.sampler),
-        wish: |c, v| c.sampler = v.as_str().map(Into::into),
+        value: |c| json!(c.pipeline.sampler.name()),
+        wish: |c, v| c.sampler = v.as_str().and_then(|name| name.parse().ok()),
         in_use: |_| true,
     },
     Setting {
@@ -62,7 +63,7 @@ pub const SETTINGS: [Setting; 18] = [
         what: "The fewest lights are given whose shadowed error is at most this; adaptive alone. Without it, as many as lights says.",
         value: |c| c.pipeline.tolerance.map_or(Value::Null, |t| json!(shortest(t))),
         wish: |c, v| c.tolerance = Some(v.as_f64().map(|t| t as f32)),
-        in_use: |c| c.pipeline.sampler == "adaptive",
+        in_use: |c| c.pipeline.sampler.estimates_error(),
     },
     Setting {
         name: "ambient",
@@ -73,7 +74,7 @@ pub const SETTINGS: [Setting; 18] = [
         what: "Whether what has no direction becomes spherical harmonics in the place of lights; adaptive alone.",
         value: |c| json!(c.pipeline.ambient),
         wish: |c, v| c.ambient = v.as_bool(),
-        in_use: |c| c.pipeline.sampler == "adaptive",
+        in_use: |c| c.pipeline.sampler.estimates_error(),
     },
     Setting {
         name: "q2tree_threshold",
@@ -84,7 +85,7 @@ pub const SETTINGS: [Setting; 18] = [
         what: "A split of the last frame is kept unless another matters more by this share: more flickers less and follows later.",
         value: |c| json!(shortest(c.pipeline.tuning.threshold)),
         wish: |c, v| c.threshold = v.as_f64().map(|t| t as f32),
-        in_use: |c| c.pipeline.sampler.starts_with("q2tree"),
+        in_use: |c| c.pipeline.sampler.is_q2tree(),
     },
     Setting {
         name: "fir_taps",
@@ -95,7 +96,7 @@ pub const SETTINGS: [Setting; 18] = [
         what: "Frames that the filter of hemigon-fir spans: more flickers less and follows later; 1 filters nothing.",
         value: |c| json!(c.pipeline.tuning.taps),
         wish: |c, v| c.taps = v.as_u64().and_then(|n| usize::try_from(n).ok()),
-        in_use: |c| c.pipeline.sampler == "hemigon-fir",
+        in_use: |c| c.pipeline.sampler == SamplerKind::HemigonFir,
     },
     Setting {
         name: "fir_cutoff_hz",
@@ -106,7 +107,7 @@ pub const SETTINGS: [Setting; 18] = [
         what: "Changes faster than this are filtered out by hemigon-fir, at ten frames a second; at other rates it scales with them.",
         value: |c| json!(shortest(c.pipeline.tuning.cutoff_hz)),
         wish: |c, v| c.cutoff_hz = v.as_f64().map(|f| f as f32),
-        in_use: |c| c.pipeline.sampler == "hemigon-fir",
+        in_use: |c| c.pipeline.sampler == SamplerKind::HemigonFir,
     },
     Setting {
         name: "exposures_s",

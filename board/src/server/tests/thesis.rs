@@ -1,7 +1,7 @@
 //! The requests of the thesis's appendix A.1.
 
 use super::*;
-use crate::samplers::NAMES;
+use hemilux_core::SamplerKind;
 
 #[tokio::test]
 async fn every_request_answers_in_its_own_type() {
@@ -44,7 +44,7 @@ async fn data_is_the_next_frame_each_time() {
 async fn a_change_is_in_the_next_set() {
     let probe = probe(usize::MAX);
     let app = routes(&probe);
-    for (i, name) in NAMES.iter().enumerate() {
+    for (i, name) in SamplerKind::NAMES.iter().enumerate() {
         let lights = 20 + i;
         let uri = format!("/change?algorithm={name}&samples={lights}&extrapolation=average&gui=on");
         let (status, _, page) = get(&app, &uri).await;
@@ -81,7 +81,10 @@ async fn wrong_changes_change_nothing_and_say_what_is_accepted() {
     ] {
         let (status, kind, body) = get(&app, &format!("/change?{query}")).await;
         assert_eq!((status, kind.as_str()), (400, "text/plain; charset=utf-8"), "{query}: {body}");
-        assert!(body.contains(&NAMES.join("|")) && body.contains("gui=on|off"), "{query}: {body}");
+        assert!(
+            body.contains(&SamplerKind::NAMES.join("|")) && body.contains("gui=on|off"),
+            "{query}: {body}"
+        );
     }
     assert_eq!(probe.link().applied().borrow().config, Config::default(), "unchanged");
 }

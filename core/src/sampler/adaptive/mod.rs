@@ -26,7 +26,7 @@ mod source;
 mod tree;
 mod weights;
 
-use super::{Map, Request, Sampler};
+use super::{Map, Request, Sampler, SamplerKind};
 use crate::arena::{self, Buffer, TooSmall};
 use crate::healpix::{Domain, Order};
 use crate::light::{Decomposition, Light};
@@ -260,8 +260,8 @@ fn keep_energy(lights: &mut [Light], total: [f32; 3]) {
 }
 
 impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<Track>> Sampler for Adaptive<B, H, L, T> {
-    fn name(&self) -> &'static str {
-        "adaptive"
+    fn kind(&self) -> SamplerKind {
+        SamplerKind::Adaptive
     }
 
     fn update(&mut self, map: &Map<'_>, request: &Request) -> Decomposition<'_> {

@@ -2,6 +2,7 @@
 
 use super::follow::{Follow, Seen};
 use crate::arena::{self, Buffer, TooSmall};
+use crate::sampler::SamplerKind;
 use core::f64::consts::PI;
 use glam::Vec3;
 
@@ -99,7 +100,7 @@ impl<P: Buffer<Vec3>> Fir<P> {
 }
 
 impl<P: Buffer<Vec3>> Follow for Fir<P> {
-    const NAME: &'static str = "hemigon-fir";
+    const KIND: SamplerKind = SamplerKind::HemigonFir;
 
     fn slots(&self) -> usize {
         self.paths.as_ref().len() / self.kernel.taps

@@ -1,5 +1,6 @@
 //! What a filter of light paths does.
 
+use crate::sampler::SamplerKind;
 use glam::Vec3;
 
 /// A light as the map has it, or as a filter gives it out.
@@ -13,8 +14,8 @@ pub struct Seen {
 
 /// Filters the lights of a sequence of frames. Each light keeps its slot as long as it lives.
 pub trait Follow {
-    /// The sampler's name with this filter.
-    const NAME: &'static str;
+    /// The sampler that uses this filter.
+    const KIND: SamplerKind;
 
     /// Slots that it has memory for.
     fn slots(&self) -> usize;

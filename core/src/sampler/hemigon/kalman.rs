@@ -15,6 +15,7 @@
 
 use super::follow::{Follow, Seen};
 use crate::arena::{self, Buffer, TooSmall};
+use crate::sampler::SamplerKind;
 use glam::Vec3;
 
 /// Parameters of the filter.
@@ -206,7 +207,7 @@ impl<T: Buffer<Track>> Gated<T> {
 }
 
 impl<T: Buffer<Track>> Follow for Gated<T> {
-    const NAME: &'static str = "hemigon";
+    const KIND: SamplerKind = SamplerKind::Hemigon;
 
     fn slots(&self) -> usize {
         self.tracks.as_ref().len()

@@ -18,7 +18,7 @@ pub mod inversion;
 pub mod kalman;
 pub mod sequence;
 
-use super::{Map, Request, Sampler};
+use super::{Map, Request, Sampler, SamplerKind};
 use crate::arena::{self, Buffer, TooSmall};
 use crate::color::{luminance, sound};
 use crate::light::{Decomposition, Light};
@@ -157,8 +157,8 @@ where
     A: Buffer<u32>,
     L: Buffer<Light>,
 {
-    fn name(&self) -> &'static str {
-        F::NAME
+    fn kind(&self) -> SamplerKind {
+        F::KIND
     }
 
     fn needs_polar(&self) -> bool {

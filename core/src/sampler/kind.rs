@@ -1,0 +1,113 @@
+//! The samplers by their names in commands, settings and light sets.
+
+use crate::healpix::Domain;
+use core::fmt;
+use core::str::FromStr;
+
+/// A sampler, by its published or own name.
+///
+/// The enum is exhaustive on purpose: a program that matches on it is told by the compiler when a sampler is added.
+///
+/// ```
+/// use hemilux_core::SamplerKind;
+/// assert_eq!("q2tree-jitter".parse(), Ok(SamplerKind::Q2TreeJitter));
+/// assert_eq!(SamplerKind::Adaptive.to_string(), "adaptive");
+/// assert!("guess".parse::<SamplerKind>().is_err());
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum SamplerKind {
+    /// [`super::adaptive`].
+    #[default]
+    Adaptive,
+    /// [`super::q2tree`] with lights at energy centroids.
+    Q2Tree,
+    /// [`super::q2tree`] with the published placement of lights.
+    Q2TreeJitter,
+    /// [`super::pharr`].
+    Pharr,
+    /// [`super::hemigon`] with the gated Kalman filter.
+    Hemigon,
+    /// [`super::hemigon`] with the published filters.
+    HemigonFir,
+}
+
+impl SamplerKind {
+    /// Every sampler, the default one first.
+    pub const ALL: [Self; 6] =
+        [Self::Adaptive, Self::Q2Tree, Self::Q2TreeJitter, Self::Pharr, Self::Hemigon, Self::HemigonFir];
+
+    /// The names of [`SamplerKind::ALL`], in the same order.
+    pub const NAMES: [&str; Self::ALL.len()] = {
+        let mut names = [""; Self::ALL.len()];
+        let mut i = 0;
+        while i < names.len() {
+            names[i] = Self::ALL[i].name();
+            i += 1;
+        }
+        names
+    };
+
+    /// The name in commands, settings and light sets.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Adaptive => "adaptive",
+            Self::Q2Tree => "q2tree",
+            Self::Q2TreeJitter => "q2tree-jitter",
+            Self::Pharr => "pharr",
+            Self::Hemigon => "hemigon",
+            Self::HemigonFir => "hemigon-fir",
+        }
+    }
+
+    /// Whether the sampler estimates its error: it alone takes a tolerance and ambient light.
+    #[must_use]
+    pub const fn estimates_error(self) -> bool {
+        matches!(self, Self::Adaptive)
+    }
+
+    /// Whether the sampler is a spherical Q2-tree.
+    #[must_use]
+    pub const fn is_q2tree(self) -> bool {
+        matches!(self, Self::Q2Tree | Self::Q2TreeJitter)
+    }
+
+    /// The fewest lights that the sampler gives on lit maps of `domain`: a Q2-tree has one light per base quad.
+    #[must_use]
+    pub const fn least_lights(self, domain: Domain) -> usize {
+        if self.is_q2tree() { domain.faces() } else { 1 }
+    }
+}
+
+impl fmt::Display for SamplerKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+/// A string is not the name of a sampler.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct UnknownSampler;
+
+impl fmt::Display for UnknownSampler {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("an unknown sampler, expected one of")?;
+        let separators = [" "].into_iter().chain(core::iter::repeat(", "));
+        SamplerKind::NAMES
+            .iter()
+            .zip(separators)
+            .try_for_each(|(name, separator)| write!(f, "{separator}{name}"))
+    }
+}
+
+impl core::error::Error for UnknownSampler {}
+
+impl FromStr for SamplerKind {
+    type Err = UnknownSampler;
+
+    fn from_str(name: &str) -> Result<Self, UnknownSampler> {
+        Self::ALL.into_iter().find(|kind| kind.name() == name).ok_or(UnknownSampler)
+    }
+}
