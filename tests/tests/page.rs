@@ -9,7 +9,7 @@ use bench::Bench;
 use hemilux::config_file::ConfigFile;
 use hemilux::probe::Config;
 use hemilux::probe::settings::wish_of;
-use hemilux::server::{Access, Limits, Options, Token};
+use hemilux::server::{Access, KnownHosts, Limits, Options, Token};
 use std::io::{BufRead, BufReader, Write};
 use std::os::unix::fs::PermissionsExt;
 use std::path::PathBuf;
@@ -139,15 +139,41 @@ fn the_first_picture_and_the_scene_are_timed() {
     run("speed", open);
 }
 
-#[test]
-fn nothing_is_shown_or_changed_without_the_token() {
+/// Access with the token [`SECRET`].
+fn with_token() -> Access {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("token");
     std::fs::write(&file, SECRET).expect("a file");
     std::fs::set_permissions(&file, std::fs::Permissions::from_mode(0o600)).expect("permissions");
     let (token, _) = Token::load_or_make(&file).expect("a token");
-    let access = Access::with_token(token).expect("random numbers");
+    Access::with_token(token).expect("random numbers")
+}
+
+#[test]
+fn nothing_is_shown_or_changed_without_the_token() {
+    let access = with_token();
     run("login", || Bench::running(EVERY, Limits::default(), Options { access, ..Options::default() }));
+}
+
+/// A probe that is also known as `probe.lan`.
+fn known(access: Access) -> Bench {
+    let hosts = KnownHosts::of(([127, 0, 0, 1], 0).into(), &["probe.lan".to_owned()]);
+    Bench::running(EVERY, Limits::default(), Options { hosts, access, ..Options::default() })
+}
+
+#[test]
+fn foreign_pages_change_nothing_without_a_token() {
+    run("foreignOpen", || known(Access::Open));
+}
+
+#[test]
+fn foreign_pages_change_nothing_with_remembered_basic_credentials() {
+    run("foreignBasic", || known(with_token()));
+}
+
+#[test]
+fn foreign_pages_change_nothing_with_a_session_cookie() {
+    run("foreignCookie", || known(with_token()));
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! One thread for all work of clients that takes long, so that it takes at most half of one core. Of the jobs that wait, the one whose
 //! kind has had the least time goes first: cheap answers keep their rate, costly ones come more slowly.
 
-use rustix::process::setpriority_process;
+use rustix::process::{getpriority_process, setpriority_process};
 use std::collections::HashMap;
 use std::hash::Hash;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, Weak};
@@ -16,9 +16,6 @@ const HALF_LIFE: Duration = Duration::from_secs(1);
 
 /// Largest number of kinds whose time is known.
 const KINDS: usize = 256;
-
-/// The priority of the thread: below that of the processing thread and of those that serve.
-const NICE: i32 = 10;
 
 /// A thread that does jobs of kind `K`; it ends when this is dropped.
 #[derive(Debug)]
@@ -56,12 +53,12 @@ impl<K> Drop for Encoder<K> {
 }
 
 impl<K: Copy + Eq + Hash + Send + 'static> Encoder<K> {
-    /// Starts the thread, called `name`.
-    pub(super) fn new(name: &str) -> Self {
+    /// Starts the thread, called `name`, at a priority that is lower than that of the process by `nice`.
+    pub(super) fn new(name: &str, nice: i32) -> Self {
         let state = Mutex::new(State { jobs: Vec::new(), spent: HashMap::new() });
         let queue = Arc::new(Queue { state, changed: Condvar::new() });
         let theirs = Arc::downgrade(&queue);
-        if let Err(error) = std::thread::Builder::new().name(name.into()).spawn(move || run(&theirs)) {
+        if let Err(error) = std::thread::Builder::new().name(name.into()).spawn(move || run(&theirs, nice)) {
             tracing::warn!("thread {name}: found {error}, expected it to start");
         }
         Self { queue }
@@ -109,10 +106,14 @@ impl<K: Copy + Eq + Hash> State<K> {
     }
 }
 
+/// Lowers the priority of the calling thread; on Linux, it has one of its own.
+fn nice_thread(by: i32) -> rustix::io::Result<()> {
+    setpriority_process(None, getpriority_process(None)? + by)
+}
+
 /// Does jobs until the encoder is dropped.
-fn run<K: Copy + Eq + Hash>(queue: &Weak<Queue<K>>) {
-    // On Linux, a thread has a priority of its own.
-    let _ = setpriority_process(None, NICE);
+fn run<K: Copy + Eq + Hash>(queue: &Weak<Queue<K>>, nice: i32) {
+    let _ = nice_thread(nice);
     while let Some(queue) = queue.upgrade() {
         let mut state = queue.lock();
         let Some(Job { kind, work }) = state.next(Instant::now()) else {
@@ -138,7 +139,7 @@ mod tests {
 
     #[tokio::test]
     async fn work_is_done_elsewhere_and_a_panic_is_told() {
-        let encoder = Encoder::<u8>::new("test");
+        let encoder = Encoder::<u8>::new("test", 0);
         let here = std::thread::current().id();
         assert_eq!(encoder.run(1, move || std::thread::current().id() != here).await, Some(true), "done");
         assert_eq!(encoder.run(1, || -> () { std::panic::panic_any(()) }).await, None, "told");

@@ -12,6 +12,9 @@ use tokio::time::Instant;
 /// Shortest time between two pictures: twenty a second for all clients.
 const INTERVAL: Duration = Duration::from_millis(50);
 
+/// The thread's priority below that of the process.
+const NICE: i32 = 10;
+
 /// Largest picture that is kept, bytes; larger ones are shared only while they are being sent.
 const KEPT_BYTES: usize = 1 << 20;
 
@@ -110,7 +113,7 @@ struct Made {
 impl PictureCache {
     pub(super) fn new(memory: Arc<AnswerMemory>) -> Self {
         let (making, made) = (tokio::sync::Mutex::default(), Mutex::default());
-        Self { making, made, thread: Encoder::new("hemilux-picture"), memory }
+        Self { making, made, thread: Encoder::new("hemilux-picture", NICE), memory }
     }
 
     /// The picture of `kind`: one that was made of a view later than this request, or a new one, `render`ed from what `look` gives.

@@ -82,7 +82,7 @@ pub(super) struct Ready {
 
 impl EncodedSets {
     pub(super) fn new(memory: Arc<AnswerMemory>) -> Self {
-        Self { variants: Mutex::default(), encoder: Encoder::new("hemilux-encode"), memory }
+        Self { variants: Mutex::default(), encoder: Encoder::new("hemilux-encode", 0), memory }
     }
 
     /// The newest set in the form `variant`, marked stale when it `is_late`. The first request encodes it, concurrent ones wait.

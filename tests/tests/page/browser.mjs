@@ -11,8 +11,8 @@ const { chromium } = require("playwright-core");
 /** Longest wait for anything, ms: a busy machine without a GPU takes its time. */
 export const PATIENCE = 120_000;
 
-/** WebGL by the processor. */
-const FLAGS = ["--no-sandbox", "--disable-dev-shm-usage", "--disable-gpu", "--enable-unsafe-swiftshader"];
+/** WebGL by the processor, and two names that are not localhost, which browsers trust more than other names. */
+const FLAGS = ["--host-resolver-rules=MAP probe.lan 127.0.0.1, MAP evil.test 127.0.0.1", "--no-sandbox", "--disable-dev-shm-usage", "--disable-gpu", "--enable-unsafe-swiftshader"];
 
 export async function launch() {
   const program = process.env.HEMILUX_BROWSER ?? "chromium", folders = process.env.PATH.split(":");

@@ -2,11 +2,12 @@
 
 import { login, restart } from "./absence.mjs";
 import { launch } from "./browser.mjs";
+import { foreignBasic, foreignCookie, foreignOpen } from "./foreign.mjs";
 import { compare, controls, live } from "./looks.mjs";
 import { save, settings } from "./settings.mjs";
 import { shading, speed } from "./speed.mjs";
 
-const SCENARIOS = { live, controls, settings, compare, save, shading, speed, login, restart };
+const SCENARIOS = { live, controls, settings, compare, save, shading, speed, login, restart, foreignOpen, foreignBasic, foreignCookie };
 const [scenario, url, token] = process.argv.slice(2);
 
 const browser = await launch();
