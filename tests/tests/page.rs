@@ -5,15 +5,14 @@
 
 mod bench;
 
-use bench::Bench;
+use bench::{Bench, browser};
 use hemilux::config_file::ConfigFile;
 use hemilux::probe::Config;
 use hemilux::probe::settings::wish_of;
 use hemilux::server::{Access, KnownHosts, Limits, Options, Token};
 use std::io::{BufRead, BufReader, Write};
 use std::os::unix::fs::PermissionsExt;
-use std::path::PathBuf;
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
@@ -23,38 +22,14 @@ const SECRET: &str = "correct-horse-battery";
 /// A browser without a GPU takes all there is of a machine: one at a time.
 static BROWSER: Mutex<()> = Mutex::new(());
 
-/// The browser and the folder with the modules, or a line that says what is missing.
-fn tools() -> Option<(&'static str, PathBuf)> {
-    let runs = |name: &str| {
-        Command::new(name).arg("--version").stdin(Stdio::null()).output().is_ok_and(|o| o.status.success())
-    };
-    let browser = ["chromium", "chromium-browser", "google-chrome"].into_iter().find(|name| runs(name));
-    let node = std::env::var_os("HEMILUX_NODE").map(PathBuf::from);
-    let has =
-        |f: &PathBuf| ["playwright-core", "axe-core"].iter().all(|m| f.join("node_modules").join(m).is_dir());
-    let missing = match (browser, node.filter(has)) {
-        (Some(browser), Some(folder)) if runs("node") => return Some((browser, folder)),
-        (None, _) => "chromium",
-        (_, None) => "HEMILUX_NODE, a folder with node_modules/playwright-core and axe-core",
-        _ => "node",
-    };
-    assert!(std::env::var("HEMILUX_RIG").is_err(), "no {missing}, and HEMILUX_RIG demands it");
-    println!("skipped: no {missing}");
-    None
-}
-
 /// Runs a scenario of `page/run.mjs` against `bench`, which is stopped and started again where the scenario asks for it.
 fn run(scenario: &str, bench: impl FnOnce() -> Bench) {
-    let Some((browser, folder)) = tools() else { return };
+    let Some((program, folder)) = browser::tools() else { return };
     let _alone = BROWSER.lock().unwrap_or_else(PoisonError::into_inner);
     let mut bench = bench();
     bench.wait();
     let address = bench.address();
-    let mut child = Command::new("node")
-        .arg(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/page/run.mjs"))
-        .args([scenario, &format!("http://{address}/"), SECRET])
-        .env("HEMILUX_NODE", folder)
-        .env("HEMILUX_BROWSER", browser)
+    let mut child = browser::scenario(scenario, &format!("http://{address}/"), SECRET, program, &folder)
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .spawn()
@@ -115,7 +90,7 @@ fn what_is_saved_is_there_at_the_next_start() {
     let (file, _) = ConfigFile::open(&path).expect("a configuration");
     let options = Options { file: Some(file), ..Options::default() };
     run("save", || Bench::running(EVERY, Limits::default(), options));
-    if tools().is_none() {
+    if browser::tools().is_none() {
         return;
     }
     let (_, kept) = ConfigFile::open(&path).expect("a configuration");
