@@ -2,6 +2,7 @@
 
 #[cfg(all(feature = "v4l2", target_os = "linux"))]
 mod devices;
+mod lens;
 mod plan;
 #[cfg(all(feature = "v4l2", target_os = "linux"))]
 mod record;
@@ -69,6 +70,8 @@ enum Command {
     /// Decompose what a source gives and serve it (what hemilux does without a command).
     #[command(after_help = EXAMPLES)]
     Serve(Box<Serve>),
+    /// Convert lens files.
+    Lens(lens::Lens),
     /// List the cameras and what they can do, or check one.
     #[cfg(all(feature = "v4l2", target_os = "linux"))]
     #[command(after_help = source::camera::HELP)]
@@ -164,6 +167,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<(), Failure>
     };
     match cli.command.unwrap_or_else(|| Command::Serve(Box::new(cli.serve))) {
         Command::Serve(options) => serve(&options),
+        Command::Lens(options) => lens::run(&options),
         #[cfg(all(feature = "v4l2", target_os = "linux"))]
         Command::Devices(options) => devices::run(&options),
         #[cfg(all(feature = "v4l2", target_os = "linux"))]

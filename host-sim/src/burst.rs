@@ -77,6 +77,7 @@ pub fn run(job: &Job) -> Result<(), SimError> {
     check(job)?;
     let env = decompose::read(&job.env, &job.options)?;
     let lens = recorded::read_lens(&job.lens)?;
+    lens.notes.iter().for_each(|note| eprintln!("hemilux-sim: {}: {note}", job.lens.display()));
     let scene = expose(&env, &lens);
     let scale = job.scale.unwrap_or_else(|| fitted_scale(&scene, &job.exposures));
     let levels = levels(&lens, job.sensor);

@@ -1,7 +1,7 @@
 //! Lens files: lens, response and levels of a camera.
 
 use super::RecordedError;
-use super::manifest::{LensTable, ResponseTable, SensorTable, check_version, read};
+use super::manifest::{LensTable, ResponseTable, SensorTable, check_version, parse, read_text};
 use hemilux_core::Levels;
 use hemilux_core::Response;
 use hemilux_core::lens::Lens;
@@ -38,6 +38,8 @@ pub struct LensFile {
     pub lens_table: toml::Table,
     /// The values of the `[response]` table, where the file has one.
     pub response_table: Option<toml::Table>,
+    /// Statements about a file of another program: what was fitted, what was taken.
+    pub notes: Vec<String>,
 }
 
 impl LensFile {
@@ -48,18 +50,33 @@ impl LensFile {
     }
 }
 
-/// Reads a lens file: a `[lens]` table with its `size`, and optionally `[response]` and `[sensor]`.
+/// Whether a text is a lens file of hemilux: it has a `[lens]` table or a `lens.` key.
+#[cfg(feature = "foreign-lenses")]
+fn is_ours(text: &str) -> bool {
+    let mut lines = text.lines().map(str::trim_start);
+    let has_key = lines
+        .any(|line| line.starts_with("[lens]") || line.starts_with("lens.") || line.starts_with("lens ="));
+    has_key || text.lines().any(|line| line.trim_start().starts_with("version ="))
+}
+
+/// Reads a lens file: a `[lens]` table with its `size`, and optionally `[response]` and `[sensor]`; or, with the feature
+/// `foreign-lenses`, a file of OpenCV, Kalibr, ROS, COLMAP or OCamCalib.
 ///
 /// # Errors
 /// [`RecordedError`].
 pub fn read_lens(path: &Path) -> Result<LensFile, RecordedError> {
-    let file: LensManifest = read(path)?;
+    let text = read_text(path)?;
+    #[cfg(feature = "foreign-lenses")]
+    if !is_ours(&text) {
+        return super::foreign::read(path, &text);
+    }
+    let file: LensManifest = parse(path, &text)?;
     check_version(path, file.version)?;
     let Some(size) = file.lens.size.filter(|s| s[0] > 0 && s[1] > 0) else {
         return Err(RecordedError::new(path, "[lens] without a size", "size = [columns, rows]"));
     };
     let response = file.response.as_ref().map_or(Ok(Response::Linear), |r| r.response(path))?;
-    let raw: toml::Table = read(path)?;
+    let raw: toml::Table = parse(path, &text)?;
     let table = |name: &str| raw.get(name).and_then(toml::Value::as_table).cloned();
     Ok(LensFile {
         lens: file.lens.lens(path)?,
@@ -68,5 +85,6 @@ pub fn read_lens(path: &Path) -> Result<LensFile, RecordedError> {
         levels: file.sensor.and_then(|s| Some(Levels { black: s.black?, white: s.white? })),
         lens_table: table("lens").unwrap_or_default(),
         response_table: table("response"),
+        notes: Vec::new(),
     })
 }

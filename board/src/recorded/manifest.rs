@@ -141,7 +141,12 @@ struct SequenceEntry {
 
 /// Reads a TOML file of bounded size.
 pub(super) fn read<T: for<'de> Deserialize<'de>>(path: &Path) -> Result<T, RecordedError> {
-    let what = "a readable TOML file";
+    parse(path, &read_text(path)?)
+}
+
+/// Reads a text file of bounded size.
+pub(super) fn read_text(path: &Path) -> Result<String, RecordedError> {
+    let what = "a readable text file";
     let file = std::fs::File::open(path).map_err(|e| RecordedError::new(path, e, what))?;
     let mut text = String::new();
     file.take(MAX_MANIFEST_BYTES + 1)
@@ -150,7 +155,7 @@ pub(super) fn read<T: for<'de> Deserialize<'de>>(path: &Path) -> Result<T, Recor
     if text.len() as u64 > MAX_MANIFEST_BYTES {
         return Err(RecordedError::new(path, "more than a megabyte", what));
     }
-    parse(path, &text)
+    Ok(text)
 }
 
 /// Parses the text of a TOML file.

@@ -3,6 +3,8 @@
 //! Input is untrusted: sizes are bounded, file names have no folder part, and every error is one line.
 
 mod consistency;
+#[cfg(feature = "foreign-lenses")]
+pub mod foreign;
 mod images;
 mod jpeg;
 mod lens;

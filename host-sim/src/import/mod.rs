@@ -61,7 +61,9 @@ pub fn list(folder: &Path) -> Result<Vec<PathBuf>, SimError> {
 /// # Errors
 /// [`SimError`] as for [`run`].
 pub fn describe(lens: &Path, paths: &[PathBuf]) -> Result<String, SimError> {
-    let lens = recorded::read_lens(lens)?;
+    let path = lens;
+    let lens = recorded::read_lens(path)?;
+    lens.notes.iter().for_each(|note| eprintln!("hemilux-sim: {}: {note}", path.display()));
     let mut photos = paths.iter().map(|path| Photo::read(path)).collect::<Result<Vec<_>, _>>()?;
     check(&photos)?;
     photos.sort_by(|a, b| a.light().total_cmp(&b.light()));

@@ -1,0 +1,76 @@
+//! Lens files of other programs: OpenCV (YAML, JSON, XML), Kalibr camchains, ROS `camera_info`, COLMAP `cameras.txt` and OCamCalib
+//! text.
+//!
+//! Models that [`hemilux_core::lens`] has are taken as they are; others are fitted by a Kannala-Brandt polynomial, and the largest
+//! deviation is told in degrees. None of these files states a field of view: the lens sees what the image holds, up to
+//! [`MAX_ANGLE_DEG`] off axis.
+
+mod colmap;
+mod convert;
+mod fit;
+mod keys;
+mod model;
+mod ocam;
+#[cfg(test)]
+mod tests;
+mod tree;
+
+pub use convert::{Target, convert};
+
+use super::{LensFile, RecordedError};
+use hemilux_core::Response;
+use model::Camera;
+use std::path::Path;
+
+/// Largest angle off axis of a lens whose file states none: a probe that looks up needs the hemisphere.
+const MAX_ANGLE_DEG: f64 = 90.0;
+
+const EXPECTED: &str = "a [lens] table, or a lens file of OpenCV, Kalibr, ROS, COLMAP or OCamCalib";
+
+/// What was found in a lens file, and what was expected.
+type Refusal = (String, String);
+
+fn refuse<T>(found: impl Into<String>, expected: impl Into<String>) -> Result<T, Refusal> {
+    Err((found.into(), expected.into()))
+}
+
+/// Reads a lens file that is not one of hemilux.
+pub(super) fn read(path: &Path, text: &str) -> Result<LensFile, RecordedError> {
+    parse(text).map_err(|(found, expected)| RecordedError::new(path, found, expected))
+}
+
+pub(super) fn parse(text: &str) -> Result<LensFile, Refusal> {
+    let mut notes = Vec::new();
+    let camera = camera(text, &mut notes)?;
+    let fitted = fit::lens(&camera)?;
+    if let Some(degrees) = fitted.deviation_deg {
+        notes.push(format!(
+            "{} fitted by kannala-brandt, off by at most {degrees:.4} degrees",
+            camera.model.name()
+        ));
+    }
+    let degrees = fitted.lens.intrinsics().max_theta.to_degrees();
+    notes.push(format!("the file states no field of view: {degrees:.2} degrees off axis are taken"));
+    Ok(LensFile {
+        lens: fitted.lens,
+        size: camera.size,
+        response: Response::Linear,
+        levels: None,
+        lens_table: convert::table(&fitted.lens, camera.size),
+        response_table: None,
+        notes,
+    })
+}
+
+/// The camera that a text describes, by the kind of the text.
+fn camera(text: &str, notes: &mut Vec<String>) -> Result<Camera, Refusal> {
+    let begin = text.trim_start_matches('\u{feff}').trim_start();
+    if ocam::is(begin) {
+        return ocam::parse(text);
+    }
+    if colmap::is(begin) {
+        return colmap::parse(text, notes);
+    }
+    let tree = if begin.starts_with('<') { tree::from_xml(text)? } else { tree::from_yaml(text)? };
+    keys::camera(&tree, notes)
+}
