@@ -4,11 +4,11 @@ use crate::arena::{self, Buffer, TooSmall};
 use crate::calibration::Calibration;
 use crate::error::FrontError;
 use crate::fill::{self, Extrapolation};
-use crate::front::{self, Coverage};
+use crate::front::{self, BurstError, Coverage, Excluded};
 use crate::healpix::{Domain, Order};
 use crate::light::Decomposition;
 use crate::merge::{self, Exposure, Merge, MergeView, Samples};
-use crate::plan::{self, Plan, PlanError};
+use crate::plan::{self, Plan, PlanError, PlanView};
 use crate::polar::LatLongView;
 use crate::pyramid::{Pyramid, PyramidView, Quad};
 use crate::sampler::{Map, Request, Sampler};
@@ -19,13 +19,19 @@ use crate::sizes::{self, Parts, Sizes, merge_sizes};
 /// The map is dark at first and stays the last burst's until the next one is processed.
 #[derive(Clone, Debug)]
 pub struct FrontEnd<B> {
+    state: State,
+    memory: B,
+}
+
+/// All but the memory: compiled once, whatever memory is lent.
+#[derive(Clone, Debug)]
+struct State {
     calibration: Calibration,
     order: Order,
     extrapolation: Extrapolation,
     merge: merge::Detached,
     plan: plan::Detached,
     sizes: Sizes,
-    memory: B,
 }
 
 impl<B: Buffer<u64>> FrontEnd<B> {
@@ -40,24 +46,7 @@ impl<B: Buffer<u64>> FrontEnd<B> {
         order: Order,
         mut memory: B,
     ) -> Result<Self, FrontError> {
-        let is_factor = |w: &f32| *w > 0.0 && w.is_finite();
-        if !calibration.white_balance.iter().all(is_factor) {
-            return Err(FrontError::BadWhiteBalance);
-        }
-        let fixed = Sizes::fixed(&calibration, order)?.with_merge(merge_sizes(&calibration, exposures)?);
-        let words = memory.as_mut();
-        let Some(plan) = lay_out(&calibration, order, &fixed, words)? else {
-            let needed = Sizes::of(&calibration, exposures, order)?.words();
-            return Err(TooSmall { needed, lent: words.len() }.into());
-        };
-        let sizes = fixed.with_plan(plan.size());
-        let parts = Parts::divide(words, &sizes);
-        parts.quads.fill(Quad::default());
-        let curve = calibration.curve(parts.curve)?;
-        let tables = (parts.tables, parts.reciprocals);
-        let merge = Merge::try_new(curve, exposures, calibration.scale, tables)?.detached();
-        let extrapolation = Extrapolation::default();
-        Ok(Self { calibration, order, extrapolation, merge, plan, sizes, memory })
+        State::try_new(calibration, exposures, order, memory.as_mut()).map(|state| Self { state, memory })
     }
 
     /// Prepares bursts of other exposures; the map stays.
@@ -65,20 +54,12 @@ impl<B: Buffer<u64>> FrontEnd<B> {
     /// # Errors
     /// [`FrontError`]: exposures that cannot be merged, or that need more memory than was lent; the old ones then stay.
     pub fn set_exposures(&mut self, exposures: &[Exposure]) -> Result<(), FrontError> {
-        let sizes = self.sizes.with_merge(merge_sizes(&self.calibration, exposures)?);
-        let words = self.memory.as_mut();
-        arena::check(&words, sizes.words())?;
-        let parts = Parts::divide(words, &sizes);
-        let curve = self.merge.curve.over(parts.curve);
-        let tables = (parts.tables, parts.reciprocals);
-        self.merge = Merge::try_new(curve, exposures, self.calibration.scale, tables)?.detached();
-        self.sizes = sizes;
-        Ok(())
+        self.state.set_exposures(exposures, self.memory.as_mut())
     }
 
     /// Chooses what stands for the part of the hemisphere that the lens does not see; nothing at first.
     pub fn set_extrapolation(&mut self, extrapolation: Extrapolation) {
-        self.extrapolation = extrapolation;
+        self.state.extrapolation = extrapolation;
     }
 
     /// Merges the frames of one burst, in the order of the exposures, and builds the map.
@@ -98,34 +79,17 @@ impl<B: Buffer<u64>> FrontEnd<B> {
         frames: &[Samples<'_>],
         added_up: impl FnOnce(),
     ) -> Result<Coverage, FrontError> {
-        let Calibration { layout, white_balance, .. } = &self.calibration;
-        let parts = Parts::divide(self.memory.as_mut(), &self.sizes);
-        let merge = self.merge.over(merge::Tables {
-            curve: parts.curve,
-            exposures: parts.tables,
-            reciprocals: parts.reciprocals,
-        });
-        let plan = self.plan.over(plan::Tables {
-            spans: parts.spans,
-            weights: parts.weights,
-            runs: parts.runs,
-            texels: parts.texels,
-        });
-        let mut map = Pyramid::over(parts.quads, Domain::Hemisphere, self.order);
-        let excluded = front::accumulate(frames, layout, &merge, &plan, &mut map)?;
+        let memory = self.memory.as_mut();
+        let excluded = self.state.accumulate(frames, memory)?;
         added_up();
-        let coverage = front::finish(&excluded, layout, &merge, &plan, *white_balance, &mut map);
-        if self.extrapolation == Extrapolation::Average {
-            fill::average(&mut map, plan.texels);
-        }
-        Ok(coverage)
+        Ok(self.state.finish(&excluded, memory))
     }
 
     /// The map of the last burst.
     #[must_use]
     pub fn map(&self) -> PyramidView<'_> {
-        let quads = sizes::quads(self.memory.as_ref(), &self.sizes);
-        PyramidView::over(quads, Domain::Hemisphere, self.order)
+        let quads = sizes::quads(self.memory.as_ref(), &self.state.sizes);
+        PyramidView::over(quads, Domain::Hemisphere, self.state.order)
     }
 
     /// Lets `sampler` decompose the last map, at most into as many lights as it was given memory for. For samplers that
@@ -141,38 +105,107 @@ impl<B: Buffer<u64>> FrontEnd<B> {
     /// What is known of the camera.
     #[must_use]
     pub fn calibration(&self) -> &Calibration {
-        &self.calibration
+        &self.state.calibration
     }
 
     /// Part of the sphere and order of the map, as samplers take them.
     #[must_use]
     pub fn shape(&self) -> (Domain, Order) {
-        (Domain::Hemisphere, self.order)
+        (Domain::Hemisphere, self.state.order)
     }
 
     /// Order of the map.
     #[must_use]
     pub fn order(&self) -> Order {
-        self.order
+        self.state.order
     }
 
     /// Order at which pixels are added up: that of the map, or the finest whose texels are larger than the pixels.
     #[must_use]
     pub fn source_order(&self) -> Order {
-        Order::saturating(self.plan.source_order())
+        Order::saturating(self.state.plan.source_order())
     }
 
     /// Elements of the buffers in use.
     #[must_use]
     pub fn sizes(&self) -> Sizes {
-        self.sizes
+        self.state.sizes
     }
 
     /// Calls `f` with the merge of the exposures, for tests of the parts.
     #[doc(hidden)]
     pub fn with_merge<R>(&mut self, f: impl FnOnce(&MergeView<'_>) -> R) -> R {
-        let Parts { curve, tables, reciprocals, .. } = Parts::divide(self.memory.as_mut(), &self.sizes);
-        f(&self.merge.over(merge::Tables { curve, exposures: tables, reciprocals }))
+        let Parts { curve, tables, reciprocals, .. } = Parts::divide(self.memory.as_mut(), &self.state.sizes);
+        f(&self.state.merge.over(merge::Tables { curve, exposures: tables, reciprocals }))
+    }
+}
+
+impl State {
+    #[inline(never)]
+    fn try_new(
+        calibration: Calibration,
+        exposures: &[Exposure],
+        order: Order,
+        memory: &mut [u64],
+    ) -> Result<Self, FrontError> {
+        let is_factor = |w: &f32| *w > 0.0 && w.is_finite();
+        if !calibration.white_balance.iter().all(is_factor) {
+            return Err(FrontError::BadWhiteBalance);
+        }
+        let fixed = Sizes::fixed(&calibration, order)?.with_merge(merge_sizes(&calibration, exposures)?);
+        let Some(plan) = lay_out(&calibration, order, &fixed, memory)? else {
+            let needed = Sizes::of(&calibration, exposures, order)?.words();
+            return Err(TooSmall { needed, lent: memory.len() }.into());
+        };
+        let sizes = fixed.with_plan(plan.size());
+        let parts = Parts::divide(memory, &sizes);
+        parts.quads.fill(Quad::default());
+        let curve = calibration.curve(parts.curve)?;
+        let tables = (parts.tables, parts.reciprocals);
+        let merge = Merge::try_new(curve, exposures, calibration.scale, tables)?.detached();
+        Ok(Self { calibration, order, extrapolation: Extrapolation::default(), merge, plan, sizes })
+    }
+
+    #[inline(never)]
+    fn set_exposures(&mut self, exposures: &[Exposure], memory: &mut [u64]) -> Result<(), FrontError> {
+        let sizes = self.sizes.with_merge(merge_sizes(&self.calibration, exposures)?);
+        arena::check(&memory, sizes.words())?;
+        let parts = Parts::divide(memory, &sizes);
+        let curve = self.merge.curve.over(parts.curve);
+        let tables = (parts.tables, parts.reciprocals);
+        self.merge = Merge::try_new(curve, exposures, self.calibration.scale, tables)?.detached();
+        self.sizes = sizes;
+        Ok(())
+    }
+
+    /// The first half of a burst: every pixel is added to its texel.
+    #[inline(never)]
+    fn accumulate(&self, frames: &[Samples<'_>], memory: &mut [u64]) -> Result<Excluded, BurstError> {
+        let (merge, plan, mut map) = self.parts(memory);
+        front::accumulate(frames, &self.calibration.layout, &merge, &plan, &mut map)
+    }
+
+    /// The second half: sums become light, and the orders above the texels are built.
+    #[inline(never)]
+    fn finish(&self, excluded: &Excluded, memory: &mut [u64]) -> Coverage {
+        let Calibration { layout, white_balance, .. } = &self.calibration;
+        let (merge, plan, mut map) = self.parts(memory);
+        let coverage = front::finish(excluded, layout, &merge, &plan, *white_balance, &mut map);
+        if self.extrapolation == Extrapolation::Average {
+            fill::average(&mut map, plan.texels);
+        }
+        coverage
+    }
+
+    /// What a frame runs through, in `memory`.
+    fn parts<'m>(&'m self, memory: &'m mut [u64]) -> (MergeView<'m>, PlanView<'m>, Pyramid<&'m mut [Quad]>) {
+        let parts = Parts::divide(memory, &self.sizes);
+        let tables =
+            merge::Tables { curve: parts.curve, exposures: parts.tables, reciprocals: parts.reciprocals };
+        let merge = self.merge.over(tables);
+        let Parts { spans, weights, runs, texels, quads, .. } = parts;
+        let plan = self.plan.over(plan::Tables { spans, weights, runs, texels });
+        (merge, plan, Pyramid::over(quads, Domain::Hemisphere, self.order))
     }
 }
 

@@ -246,10 +246,6 @@ impl<B> Curve<B> {
         self.linear.then_some(self.levels)
     }
 
-    pub(crate) fn into_table(self) -> B {
-        self.table
-    }
-
     /// Sample depth.
     #[must_use]
     pub fn depth(&self) -> Depth {

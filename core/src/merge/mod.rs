@@ -64,7 +64,7 @@ pub struct MergeView<'a> {
     tables: &'a [u32],
     /// Indexed by the mask of valid exposures.
     reciprocals: &'a [Reciprocal],
-    own: Own,
+    own: &'a Own,
 }
 
 /// Elements that a merge needs of each buffer.
@@ -159,12 +159,12 @@ impl<C: Buffer<i32>, P: Buffer<u32>, R: Buffer<Reciprocal>> Merge<C, P, R> {
     /// What a frame runs through.
     #[must_use]
     pub fn view(&self) -> MergeView<'_> {
-        let tables = Tables {
-            curve: self.curve.view().into_table(),
-            exposures: self.tables.as_ref(),
+        MergeView {
+            curve: self.curve.view(),
+            tables: self.tables.as_ref(),
             reciprocals: self.reciprocals.as_ref(),
-        };
-        self.detached().over(tables)
+            own: &self.own,
+        }
     }
 
     /// The merge without its tables, which stay where they are.
@@ -217,12 +217,12 @@ pub(crate) struct Detached {
 
 impl Detached {
     /// The merge that runs through `tables`, which it was made with.
-    pub(crate) fn over<'a>(&self, tables: Tables<'a>) -> MergeView<'a> {
+    pub(crate) fn over<'a>(&'a self, tables: Tables<'a>) -> MergeView<'a> {
         MergeView {
             curve: self.curve.over(tables.curve),
             tables: tables.exposures,
             reciprocals: tables.reciprocals,
-            own: self.own,
+            own: &self.own,
         }
     }
 }

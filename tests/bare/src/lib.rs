@@ -36,10 +36,7 @@ fn decompose<W: Write>(
     out: &mut W,
 ) -> Result<Report, Wrong> {
     let m = memory;
-    let mut calibration = Calibration::try_new(*lens, Format::Rgb24, SIDE, SIDE)?;
-    calibration.levels = Levels { black: scene::BLACK, white: scene::WHITE };
-    calibration.scale = scene::SCALE;
-    let mut front = FrontEnd::try_new(calibration, &scene::EXPOSURES, ORDER.try_into()?, &mut m.map)?;
+    let mut front = front_end(lens, &mut m.map)?;
     let room = (&mut m.lights, &mut m.past);
     let mut sampler =
         Q2Tree::try_new(Default::default(), front.shape(), m.bits.each_mut(), &mut m.heap, room)?;
@@ -66,4 +63,13 @@ fn decompose<W: Write>(
     wire::json(&set, out).map_err(|_| Wrong::Output)?;
     let ticks = [began, added, built, sampled, clock()];
     Ok(Report::of(&set, front.sizes(), ticks))
+}
+
+/// The front end of the scene's camera. What it is made from leaves the stack here.
+#[inline(never)]
+fn front_end<'m>(lens: &Lens, memory: &'m mut [u64]) -> Result<FrontEnd<&'m mut [u64]>, Wrong> {
+    let mut calibration = Calibration::try_new(*lens, Format::Rgb24, SIDE, SIDE)?;
+    calibration.levels = Levels { black: scene::BLACK, white: scene::WHITE };
+    calibration.scale = scene::SCALE;
+    Ok(FrontEnd::try_new(calibration, &scene::EXPOSURES, ORDER.try_into()?, memory)?)
 }

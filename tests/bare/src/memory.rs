@@ -17,7 +17,7 @@ pub const ORDER: u8 = 4;
 pub const LIGHTS: usize = 256;
 
 /// Words of the front end: what `Sizes` says of the scene's camera.
-const WORDS: usize = 18_430;
+const WORDS: usize = 18_398;
 
 const FRAME: usize = 3 * (SIDE * SIDE) as usize;
 const BITS: usize = interior_len(Domain::Hemisphere, Order::saturating(ORDER));
