@@ -1,4 +1,14 @@
 //! How the samples of a frame lie in memory, by the names that V4L2 gives them.
+//!
+//! ```
+//! use hemilux_core::format::{Format, Layout, Yuv};
+//!
+//! let format = Format::from_fourcc(*b"pRAA", Yuv::default()).expect("packed 10-bit Bayer");
+//! assert_eq!((format.max_code(), format.line_bytes(640)), (1023, 800));
+//! let layout = Layout::try_new(format, 640, 480, 832)?;
+//! assert_eq!(layout.frame_bytes(), 479 * 832 + 800);
+//! # Ok::<(), hemilux_core::LayoutError>(())
+//! ```
 
 use crate::response::Depth;
 

@@ -17,6 +17,22 @@ use crate::sizes::{self, Parts, Sizes, merge_sizes};
 /// Turns the bursts of one camera into a hemisphere map, in memory that the caller lends: a `Vec<u64>`, an array, or a slice of either.
 ///
 /// The map is dark at first and stays the last burst's until the next one is processed.
+///
+/// ```
+/// use hemilux_core::{Calibration, Exposure, Format, FrontEnd, Lens, Sizes};
+///
+/// let lens = Lens::equidistant([15.5, 15.5], 9.0, 1.5)?;
+/// let calibration = Calibration::try_new(lens, Format::Grey, 32, 32)?;
+/// let exposures = [Exposure { seconds: 0.01, gain: 1.0 }];
+/// let sizes = Sizes::of(&calibration, &exposures, 2.try_into()?)?;
+/// let mut front = FrontEnd::try_new(calibration, &exposures, 2.try_into()?, vec![0; sizes.words()])?;
+/// let coverage = front.process(&[[51u8; 32 * 32].as_slice().into()])?;
+/// assert_eq!(coverage.clipped, 0.0);
+/// // A radiance of 20: code 51 of 255 in a hundredth of a second, over all that the lens sees.
+/// let seen = std::f32::consts::TAU * (1.0 - coverage.unseen as f32);
+/// assert!((front.map().total().y() / (20.0 * seen) - 1.0).abs() < 0.05);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct FrontEnd<B> {
     state: State,

@@ -2,6 +2,24 @@
 //!
 //! A lens is radially symmetric in normalised image coordinates; a pixel's centre has whole-number coordinates. All of it is
 //! `f64`: it runs once per calibration, never per frame.
+//!
+//! ```
+//! use glam::DVec2;
+//! use hemilux_core::lens::{Intrinsics, Lens, Model};
+//!
+//! let lens = Lens::try_new(Intrinsics {
+//!     model: Model::KannalaBrandt([-0.012, 0.006, -0.004, 0.0006]),
+//!     centre_px: DVec2::new(319.5, 239.5),
+//!     focal_px: DVec2::new(196.4, 196.1),
+//!     skew_px: 0.0,
+//!     max_theta: 80f64.to_radians(),
+//!     vignetting: [1.0, 0.0, -0.1, 0.0, 0.0, 0.0, 0.0, 0.0],
+//! })?;
+//! let direction = lens.unproject(DVec2::new(400.0, 100.0)).expect("a pixel inside the image circle");
+//! assert!(lens.project(direction).expect("seen").distance(DVec2::new(400.0, 100.0)) < 1e-9);
+//! assert_eq!(lens.unproject(DVec2::new(0.0, 0.0)), None);
+//! # Ok::<(), hemilux_core::LensError>(())
+//! ```
 
 use core::f64::consts::{FRAC_PI_2, PI};
 use glam::{DVec2, DVec3};

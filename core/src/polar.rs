@@ -2,6 +2,24 @@
 //!
 //! Row i covers theta from i span / H to (i + 1) span / H with span = pi / 2 (hemisphere) or pi (sphere); column j is centred at
 //! phi = pi - (j + 1/2) 2 pi / W, so that columns run clockwise seen from above.
+//!
+//! ```
+//! use hemilux_core::polar::{Grid, LatLong, PolarPlan, Share, shares_len};
+//! use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
+//! use hemilux_core::{Domain, Order};
+//!
+//! let order = Order::try_new(2)?;
+//! let grid = Grid { width: 8, height: 4, domain: Domain::Sphere };
+//! let plan = PolarPlan::try_new(&grid, order, vec![Share::default(); shares_len(&grid, order)])?;
+//! let mut map = LatLong::try_new(grid, [[0.0; 3]; 32])?;
+//! let mut pyramid = Pyramid::try_new(vec![Quad::default(); pyramid_len(grid.domain, order)], grid.domain, order)?;
+//! pyramid.texels_mut()[7] = Quad::from_light([1.0; 3], glam::Vec3::Z);
+//! pyramid.build();
+//! map.fill(&plan, &pyramid.view());
+//! let energy: f32 = map.view().texels.iter().map(|rgb| rgb[0]).sum();
+//! assert!((energy - 1.0).abs() < 1e-6);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use crate::arena::{self, Buffer, TooSmall};
 use crate::healpix::{self, Circle, Domain, Order};

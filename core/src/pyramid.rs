@@ -1,6 +1,21 @@
 //! The NESTED pyramid: energy and first moment of every quad of every order.
 //!
 //! The four children of a quad are neighbours in memory, so each order is one linear pass over the next finer one.
+//!
+//! ```
+//! use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
+//! use hemilux_core::{Domain, Order, healpix};
+//!
+//! let order = Order::try_new(3)?;
+//! let mut memory = [Quad::default(); pyramid_len(Domain::Hemisphere, Order::saturating(3))];
+//! let mut map = Pyramid::try_new(&mut memory, Domain::Hemisphere, order)?;
+//! let towards = healpix::centre(3, 100).as_vec3();
+//! map.texels_mut()[100] = Quad::from_light([2.0, 1.0, 0.5], towards);
+//! map.build();
+//! assert_eq!(map.view().total().rgb(), [2.0, 1.0, 0.5]);
+//! assert_eq!(map.view().quad(2, 25).y(), map.view().quad(3, 100).y());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use crate::arena::{self, Buffer, TooSmall};
 use crate::color::{self, MAX_ENERGY, luminance};

@@ -23,20 +23,20 @@ use hemilux_core::{Calibration, Format, FrontEnd, Lens, Levels, Q2Tree};
 /// # Errors
 /// [`Wrong`]: what was refused.
 pub fn run<W: Write>(memory: &mut Memory, clock: fn() -> u32, out: &mut W) -> Result<Report, Wrong> {
-    let lens = Lens::try_new(scene::LENS)?;
-    let taken = scene::expose(&lens, &mut memory.frames);
-    decompose(memory, &lens, clock, out).map(|report| Report { taken, ..report })
+    let taken = expose(memory)?;
+    decompose(memory, clock, out).map(|report| Report { taken, ..report })
+}
+
+/// Fills the frames. The lens leaves the stack here.
+#[inline(never)]
+fn expose(memory: &mut Memory) -> Result<scene::Taken, Wrong> {
+    Ok(scene::expose(&Lens::try_new(scene::LENS)?, &mut memory.frames))
 }
 
 /// From frames to bytes: what a product does.
-fn decompose<W: Write>(
-    memory: &mut Memory,
-    lens: &Lens,
-    clock: fn() -> u32,
-    out: &mut W,
-) -> Result<Report, Wrong> {
+fn decompose<W: Write>(memory: &mut Memory, clock: fn() -> u32, out: &mut W) -> Result<Report, Wrong> {
     let m = memory;
-    let mut front = front_end(lens, &mut m.map)?;
+    let mut front = front_end(&mut m.map)?;
     let room = (&mut m.lights, &mut m.past);
     let mut sampler =
         Q2Tree::try_new(Default::default(), front.shape(), m.bits.each_mut(), &mut m.heap, room)?;
@@ -67,8 +67,9 @@ fn decompose<W: Write>(
 
 /// The front end of the scene's camera. What it is made from leaves the stack here.
 #[inline(never)]
-fn front_end<'m>(lens: &Lens, memory: &'m mut [u64]) -> Result<FrontEnd<&'m mut [u64]>, Wrong> {
-    let mut calibration = Calibration::try_new(*lens, Format::Rgb24, SIDE, SIDE)?;
+fn front_end(memory: &mut [u64]) -> Result<FrontEnd<&mut [u64]>, Wrong> {
+    let lens = Lens::try_new(scene::LENS)?;
+    let mut calibration = Calibration::try_new(lens, Format::Rgb24, SIDE, SIDE)?;
     calibration.levels = Levels { black: scene::BLACK, white: scene::WHITE };
     calibration.scale = scene::SCALE;
     Ok(FrontEnd::try_new(calibration, &scene::EXPOSURES, ORDER.try_into()?, memory)?)
