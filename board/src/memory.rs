@@ -4,11 +4,8 @@ use crate::calibration::Calibration;
 use crate::pipeline::Pipeline;
 use crate::probe::compare;
 use crate::samplers::{self, Shape, Tuning};
-use hemilux_core::polar::{Grid, Share, shares_len};
-use hemilux_core::sampler::hemigon::inversion::{Ring, rings_len};
-use hemilux_core::sampler::hemigon::{self, fir, kalman};
-use hemilux_core::sampler::{adaptive, q2tree};
-use hemilux_core::{BufferSize, Domain, Light, Order, SamplerKind};
+use hemilux_core::polar::{Share, shares_len};
+use hemilux_core::{BufferSize, Light, Order, SamplerKind};
 use std::fmt;
 
 /// The buffers of a pipeline, and the numbers that they follow from.
@@ -45,7 +42,7 @@ impl Plan {
             count: 1,
             element_bytes: pipeline.sampler_bytes(),
         });
-        buffers.extend(sampler(s.sampler, order, &s.grid, s.lights, &s.tuning));
+        buffers.extend(samplers::buffers(s.sampler, &pipeline.shape(), s.lights, &s.tuning));
         if pipeline.needs_polar() {
             buffers.push(BufferSize::of::<[f32; 3]>("polar map", s.grid.len()));
             buffers.push(BufferSize::of::<Share>(
@@ -78,7 +75,7 @@ fn comparison(shape: &Shape, tuning: &Tuning, has_polar: bool) -> usize {
     let state =
         |kind: SamplerKind| samplers::make(kind, shape, SMALL).map_or(0, |sampler| size_of_val(&*sampler));
     let of = |kind: SamplerKind| {
-        let buffers = sampler(kind, *order, grid, compare::MOST_LIGHTS, tuning);
+        let buffers = samplers::buffers(kind, shape, compare::MOST_LIGHTS, tuning);
         state(kind) + buffers.iter().map(BufferSize::bytes).sum::<usize>()
     };
     let polar = grid.len() * size_of::<[f32; 3]>()
@@ -86,47 +83,6 @@ fn comparison(shape: &Shape, tuning: &Tuning, has_polar: bool) -> usize {
     SamplerKind::ALL.into_iter().map(of).max().unwrap_or(0)
         + compare::bytes(*order)
         + if has_polar { 0 } else { polar }
-}
-
-/// What [`crate::samplers::make_tuned`] takes.
-fn sampler(kind: SamplerKind, order: u8, grid: &Grid, lights: usize, tuning: &Tuning) -> Vec<BufferSize> {
-    let domain = Domain::Hemisphere;
-    let few = lights.min(hemigon::MAX_LIGHTS);
-    let inversion = || {
-        vec![
-            BufferSize::of::<f32>("sampler: rows", grid.len()),
-            BufferSize::of::<Ring>("sampler: rings", rings_len(grid)),
-            BufferSize::of::<u32>("sampler: slots", 2 * few),
-            BufferSize::of::<Light>("sampler: lights", few),
-        ]
-    };
-    match kind {
-        SamplerKind::Pharr => {
-            vec![
-                BufferSize::of::<f32>("sampler: rows", grid.len()),
-                BufferSize::of::<Light>("sampler: lights", lights),
-            ]
-        }
-        SamplerKind::Hemigon => {
-            [inversion(), vec![BufferSize::of::<kalman::Track>("sampler: tracks", 2 * few)]].concat()
-        }
-        SamplerKind::HemigonFir => {
-            let taps = fir::Kernel::new(&tuning.fir()).weights().len();
-            [inversion(), vec![BufferSize::of::<glam::Vec3>("sampler: paths", 2 * few * taps)]].concat()
-        }
-        SamplerKind::Adaptive => vec![
-            BufferSize::of::<u8>("sampler: bits", 2 * adaptive::bits_len(domain, Order::saturating(order))),
-            BufferSize::of::<adaptive::Leaf>("sampler: heap", lights),
-            BufferSize::of::<Light>("sampler: lights", 2 * lights),
-            BufferSize::of::<adaptive::Track>("sampler: tracks", 2 * lights),
-        ],
-        SamplerKind::Q2Tree | SamplerKind::Q2TreeJitter => vec![
-            BufferSize::of::<u8>("sampler: bits", 2 * q2tree::interior_len(domain, Order::saturating(order))),
-            BufferSize::of::<q2tree::Leaf>("sampler: heap", lights),
-            BufferSize::of::<Light>("sampler: lights", lights),
-            BufferSize::of::<q2tree::Past>("sampler: past", lights),
-        ],
-    }
 }
 
 fn frames(c: &Calibration, exposures: usize) -> BufferSize {

@@ -1,18 +1,18 @@
 //! The samplers by name, with memory from the heap.
 
-use hemilux_core::Order;
 use hemilux_core::healpix::Domain;
 use hemilux_core::light::Light;
 use hemilux_core::polar::Grid;
-use hemilux_core::sampler::adaptive::{self, Adaptive, Track, bits_len};
-use hemilux_core::sampler::hemigon::fir::{self, Fir, Kernel};
+use hemilux_core::sampler::adaptive::{self, Adaptive, Track};
+use hemilux_core::sampler::hemigon::fir::{self, Fir};
 use hemilux_core::sampler::hemigon::follow::Follow;
-use hemilux_core::sampler::hemigon::inversion::{Inversion, Ring, rings_len};
+use hemilux_core::sampler::hemigon::inversion::{Inversion, Ring};
 use hemilux_core::sampler::hemigon::kalman::{self, Gated, Track as Path};
 use hemilux_core::sampler::hemigon::{self, Hemigon};
-use hemilux_core::sampler::pharr::{MAX_ROWS, Pharr};
-use hemilux_core::sampler::q2tree::{Leaf, Parameters, Past, Q2Tree, interior_len};
+use hemilux_core::sampler::pharr::{self, Pharr};
+use hemilux_core::sampler::q2tree::{self, Parameters, Past, Q2Tree};
 use hemilux_core::sampler::{Request, Sampler, SamplerKind};
+use hemilux_core::{BufferSize, Order};
 use std::ops::RangeInclusive;
 
 /// Most lights that may be asked for.
@@ -106,9 +106,6 @@ pub enum SamplerError {
         /// The sampler.
         sampler: SamplerKind,
     },
-    /// A map with more rows than `pharr` can hold.
-    #[error("a map of {0} rows, expected at most {MAX_ROWS} for 'pharr'")]
-    TooManyRows(usize),
 }
 
 /// Finest order that `lights` lights need: 6, or 7 from 256 on, where a small sun in one texel of order 6 would err more than all else.
@@ -167,62 +164,99 @@ pub fn make_tuned(
 ) -> Result<Box<dyn Sampler + Send>, SamplerError> {
     let ambient = lights == 0 && kind.estimates_error();
     check(kind, shape.domain, &Request { ambient, ..Request::of_lights(lights) })?;
-    let tree = |parameters| q2tree(Parameters { threshold: tuning.threshold, ..parameters }, shape, lights);
+    let tree =
+        |parameters| make_q2tree(Parameters { threshold: tuning.threshold, ..parameters }, shape, lights);
+    let few = lights.min(hemigon::MAX_LIGHTS);
+    Ok(match kind {
+        SamplerKind::Adaptive => make_adaptive(shape, lights),
+        SamplerKind::Q2Tree => tree(Parameters::CENTROID),
+        SamplerKind::Q2TreeJitter => tree(Parameters::JITTER),
+        SamplerKind::Pharr => make_pharr(shape, lights),
+        SamplerKind::Hemigon => make_gated(shape, few),
+        SamplerKind::HemigonFir => make_filtered(shape, few, &tuning.fir()),
+    })
+}
+
+/// The buffers of the sampler that [`make_tuned`] makes.
+#[must_use]
+pub fn buffers(kind: SamplerKind, shape: &Shape, lights: usize, tuning: &Tuning) -> Vec<BufferSize> {
+    let Shape { domain, order, grid } = *shape;
+    let order = Order::saturating(order);
+    let few = lights.min(hemigon::MAX_LIGHTS);
+    let filtered = |filter| [hemigon::Sizes::new(&grid, few).buffers().to_vec(), vec![filter]].concat();
     match kind {
-        SamplerKind::Pharr => {
-            let conditional = vec![0.0f32; shape.grid.len()];
-            let sampler = Pharr::try_new(&shape.grid, conditional, vec![Light::default(); lights]);
-            Ok(Box::new(sampler.map_err(|_| SamplerError::TooManyRows(shape.grid.height))?))
+        SamplerKind::Adaptive => adaptive::Sizes::new(domain, order, lights).buffers().to_vec(),
+        SamplerKind::Q2Tree | SamplerKind::Q2TreeJitter => {
+            q2tree::Sizes::new(domain, order, lights).buffers().to_vec()
         }
-        SamplerKind::Adaptive => Ok(adaptive(shape, lights)),
-        SamplerKind::Hemigon => Ok(gated(shape, lights.min(hemigon::MAX_LIGHTS))),
-        SamplerKind::HemigonFir => Ok(filtered(shape, lights.min(hemigon::MAX_LIGHTS), &tuning.fir())),
-        SamplerKind::Q2Tree => Ok(tree(Parameters::CENTROID)),
-        SamplerKind::Q2TreeJitter => Ok(tree(Parameters::JITTER)),
+        SamplerKind::Pharr => pharr::Sizes::new(&grid, lights).buffers().to_vec(),
+        SamplerKind::Hemigon => filtered(BufferSize::of::<kalman::Track>("sampler: tracks", 2 * few)),
+        SamplerKind::HemigonFir => {
+            filtered(BufferSize::of::<glam::Vec3>("sampler: paths", fir::paths_len(&tuning.fir(), few)))
+        }
     }
 }
 
-fn q2tree(parameters: Parameters, shape: &Shape, lights: usize) -> Box<dyn Sampler + Send> {
-    let bits = || vec![0u8; interior_len(shape.domain, Order::saturating(shape.order))];
-    let heap = vec![Leaf::default(); lights];
-    let room = (vec![Light::default(); lights], vec![Past::default(); lights]);
-    let sampler = Q2Tree::try_new(
-        parameters,
-        (shape.domain, Order::saturating(shape.order)),
-        [bits(), bits()],
-        heap,
-        room,
-    );
+fn make_pharr(shape: &Shape, lights: usize) -> Box<dyn Sampler + Send> {
+    let sizes = pharr::Sizes::new(&shape.grid, lights);
+    let memory = pharr::Memory {
+        conditional: vec![0.0; sizes.texels],
+        marginal: vec![0.0; sizes.rows],
+        lights: vec![Light::default(); sizes.lights],
+    };
+    Box::new(
+        Pharr::try_new(&shape.grid, memory).expect("the buffers have the lengths that the sampler names"),
+    )
+}
+
+fn make_q2tree(parameters: Parameters, shape: &Shape, lights: usize) -> Box<dyn Sampler + Send> {
+    let order = Order::saturating(shape.order);
+    let sizes = q2tree::Sizes::new(shape.domain, order, lights);
+    let bits = || vec![0u8; sizes.interior];
+    let leaves = vec![q2tree::Leaf::default(); sizes.lights];
+    let room = (vec![Light::default(); sizes.lights], vec![Past::default(); sizes.lights]);
+    let sampler = Q2Tree::try_new(parameters, (shape.domain, order), [bits(), bits()], leaves, room);
     Box::new(sampler.expect("the bit sets have the length that the tree names"))
 }
 
-fn adaptive(shape: &Shape, lights: usize) -> Box<dyn Sampler + Send> {
-    let bits = || vec![0u8; bits_len(shape.domain, Order::saturating(shape.order))];
-    let light = || vec![Light::default(); lights];
-    let tracks = || vec![Track::default(); lights];
-    let heap = vec![adaptive::Leaf::default(); lights];
-    let over = (shape.domain, Order::saturating(shape.order));
-    let sampler = Adaptive::try_new(over, [bits(), bits()], heap, [light(), light()], [tracks(), tracks()]);
+fn make_adaptive(shape: &Shape, lights: usize) -> Box<dyn Sampler + Send> {
+    let order = Order::saturating(shape.order);
+    let sizes = adaptive::Sizes::new(shape.domain, order, lights);
+    let (bits, light) = (|| vec![0u8; sizes.interior], || vec![Light::default(); sizes.lights]);
+    let tracks = || vec![Track::default(); sizes.lights];
+    let memory = adaptive::Memory {
+        interior: [bits(), bits()],
+        leaves: vec![adaptive::Leaf::default(); sizes.lights],
+        lights: [light(), light()],
+        tracks: [tracks(), tracks()],
+        workspace: Box::new(adaptive::Workspace::new()),
+    };
+    let sampler = Adaptive::try_new(shape.domain, order, memory);
     Box::new(sampler.expect("the bit sets have the length that the tree names"))
 }
 
-fn gated(shape: &Shape, lights: usize) -> Box<dyn Sampler + Send> {
+fn make_gated(shape: &Shape, lights: usize) -> Box<dyn Sampler + Send> {
     let tracks = vec![Path::default(); 2 * lights];
     let filter = Gated::try_new(kalman::Parameters::LIGHTS, lights, tracks);
-    hemigon(shape, lights, filter.expect("two tracks per light"))
+    make_hemigon(shape, lights, filter.expect("two tracks per light"))
 }
 
-fn filtered(shape: &Shape, lights: usize, parameters: &fir::Parameters) -> Box<dyn Sampler + Send> {
-    let paths = vec![glam::Vec3::ZERO; 2 * lights * Kernel::new(parameters).weights().len()];
+fn make_filtered(shape: &Shape, lights: usize, parameters: &fir::Parameters) -> Box<dyn Sampler + Send> {
+    let paths = vec![glam::Vec3::ZERO; fir::paths_len(parameters, lights)];
     let filter = Fir::try_new(parameters, lights, paths);
-    hemigon(shape, lights, filter.expect("two paths of as many directions as taps per light"))
+    make_hemigon(shape, lights, filter.expect("two paths of as many directions as taps per light"))
 }
 
-fn hemigon<F: Follow + Send + 'static>(shape: &Shape, lights: usize, filter: F) -> Box<dyn Sampler + Send> {
-    let conditional = vec![0.0f32; shape.grid.len()];
-    let rings = vec![Ring::default(); rings_len(&shape.grid)];
+fn make_hemigon<F: Follow + Send + 'static>(
+    shape: &Shape,
+    lights: usize,
+    filter: F,
+) -> Box<dyn Sampler + Send> {
+    let sizes = hemigon::Sizes::new(&shape.grid, lights);
+    let (conditional, rings) = (vec![0.0f32; sizes.texels], vec![Ring::default(); sizes.rings]);
     let inversion =
         Inversion::try_new(&shape.grid, conditional, rings).expect("memory for each texel and ring");
-    let sampler = Hemigon::try_new(inversion, filter, vec![0; 2 * lights], vec![Light::default(); lights]);
+    let lights = vec![Light::default(); sizes.lights];
+    let sampler = Hemigon::try_new(inversion, filter, vec![0; sizes.lives], lights);
     Box::new(sampler.expect("two slots per light"))
 }

@@ -10,25 +10,24 @@ use hemilux_core::healpix::{self, Domain};
 use hemilux_core::light::Light;
 use hemilux_core::polar::LatLongView;
 use hemilux_core::pyramid::{Pyramid, Quad};
-use hemilux_core::sampler::adaptive::{Adaptive, Leaf, Track, bits_len};
+use hemilux_core::sampler::adaptive::{Adaptive, Leaf, Memory, Track, Workspace, bits_len};
 use hemilux_core::sampler::{Map, Request, Sampler};
 use std::collections::HashSet;
 
-type VecAdaptive = Adaptive<Vec<u8>, Vec<Leaf>, Vec<Light>, Vec<Track>>;
+type VecAdaptive = Adaptive<Vec<u8>, Vec<Leaf>, Vec<Light>, Vec<Track>, Box<Workspace>>;
 
 fn adaptive(domain: Domain, order: u8, lights: usize) -> VecAdaptive {
     let bits = || vec![0xff; bits_len(domain, Order::saturating(order))];
     let room = || vec![Light::default(); lights];
     let tracks = || vec![Track::default(); lights];
-    let heap = vec![Leaf::default(); lights];
-    Adaptive::try_new(
-        (domain, Order::saturating(order)),
-        [bits(), bits()],
-        heap,
-        [room(), room()],
-        [tracks(), tracks()],
-    )
-    .expect("room enough")
+    let memory = Memory {
+        interior: [bits(), bits()],
+        leaves: vec![Leaf::default(); lights],
+        lights: [room(), room()],
+        tracks: [tracks(), tracks()],
+        workspace: Box::default(),
+    };
+    Adaptive::try_new(domain, Order::saturating(order), memory).expect("room enough")
 }
 
 fn update(sampler: &mut VecAdaptive, map: &Pyramid<Vec<Quad>>, lights: usize) -> Vec<Light> {
@@ -302,13 +301,14 @@ fn the_memory_is_exactly_what_is_named() {
         let bits = || vec![0u8; bits];
         let room = || vec![Light::default(); 9];
         let tracks = || [vec![Track::default(); 9], vec![Track::default(); 8]];
-        Adaptive::try_new(
-            (Domain::Hemisphere, Order::saturating(order)),
-            [bits(), bits()],
-            vec![Leaf::default(); 9],
-            [room(), room()],
-            tracks(),
-        )
+        let memory = Memory {
+            interior: [bits(), bits()],
+            leaves: vec![Leaf::default(); 9],
+            lights: [room(), room()],
+            tracks: tracks(),
+            workspace: Box::<Workspace>::default(),
+        };
+        Adaptive::try_new(Domain::Hemisphere, Order::saturating(order), memory)
     };
     // 2^(3 + 2 order) nodes above the texels, a bit each.
     assert_eq!(bits_len(Domain::Hemisphere, Order::saturating(order)), 64);

@@ -10,24 +10,23 @@ use hemilux_core::healpix::{self, Domain};
 use hemilux_core::light::{Decomposition, Light, Sh9};
 use hemilux_core::polar::LatLongView;
 use hemilux_core::pyramid::{Pyramid, Quad};
-use hemilux_core::sampler::adaptive::{Adaptive, Leaf, Track, bits_len};
+use hemilux_core::sampler::adaptive::{Adaptive, Leaf, Memory, Track, Workspace, bits_len};
 use hemilux_core::sampler::{Map, Request, Sampler};
 
-type VecAdaptive = Adaptive<Vec<u8>, Vec<Leaf>, Vec<Light>, Vec<Track>>;
+type VecAdaptive = Adaptive<Vec<u8>, Vec<Leaf>, Vec<Light>, Vec<Track>, Box<Workspace>>;
 
 fn adaptive(domain: Domain, order: u8, lights: usize) -> VecAdaptive {
     let bits = || vec![0; bits_len(domain, Order::saturating(order))];
     let room = || vec![Light::default(); lights];
     let tracks = || vec![Track::default(); lights];
-    let heap = vec![Leaf::default(); lights];
-    Adaptive::try_new(
-        (domain, Order::saturating(order)),
-        [bits(), bits()],
-        heap,
-        [room(), room()],
-        [tracks(), tracks()],
-    )
-    .expect("room enough")
+    let memory = Memory {
+        interior: [bits(), bits()],
+        leaves: vec![Leaf::default(); lights],
+        lights: [room(), room()],
+        tracks: [tracks(), tracks()],
+        workspace: Box::default(),
+    };
+    Adaptive::try_new(domain, Order::saturating(order), memory).expect("room enough")
 }
 
 /// One set, in memory of its own.

@@ -9,7 +9,12 @@ use hemilux_core::healpix::Domain;
 use hemilux_core::light::Light;
 use hemilux_core::polar::{Grid, LatLongView};
 use hemilux_core::pyramid::{Pyramid, Quad};
-use hemilux_core::sampler::pharr::Pharr;
+use hemilux_core::sampler::adaptive::{self, Adaptive};
+use hemilux_core::sampler::hemigon::follow::Follow;
+use hemilux_core::sampler::hemigon::inversion::{Inversion, Ring, rings_len};
+use hemilux_core::sampler::hemigon::kalman::{self, Gated};
+use hemilux_core::sampler::hemigon::{Hemigon, fir};
+use hemilux_core::sampler::pharr::{self, Pharr};
 use hemilux_core::sampler::q2tree::{Leaf, Parameters, Past, Placement, Q2Tree, interior_len};
 use hemilux_core::sampler::{Map, Request, Sampler};
 use std::collections::HashSet;
@@ -69,35 +74,81 @@ fn check(lights: &[Light], requested: usize, what: &str) {
     }
 }
 
+type Sampling = Box<dyn Sampler>;
+
+fn q2tree(parameters: Parameters, domain: Domain, order: Order, lights: usize) -> Sampling {
+    let bits = || vec![0; interior_len(domain, order)];
+    let room = (vec![Light::default(); lights], vec![Past::default(); lights]);
+    let heap = vec![Leaf::default(); lights];
+    Box::new(Q2Tree::try_new(parameters, (domain, order), [bits(), bits()], heap, room).expect("room enough"))
+}
+
+fn pharr(grid: &Grid, lights: usize) -> Sampling {
+    let (conditional, marginal) = (vec![0.0; grid.len()], vec![0.0; grid.height]);
+    let memory = pharr::Memory { conditional, marginal, lights: vec![Light::default(); lights] };
+    Box::new(Pharr::try_new(grid, memory).expect("room enough"))
+}
+
+fn adaptive(domain: Domain, order: Order, lights: usize) -> Sampling {
+    let bits = || vec![0; adaptive::bits_len(domain, order)];
+    let (room, tracks) = (|| vec![Light::default(); lights], || vec![adaptive::Track::default(); lights]);
+    let memory = adaptive::Memory {
+        interior: [bits(), bits()],
+        leaves: vec![adaptive::Leaf::default(); lights],
+        lights: [room(), room()],
+        tracks: [tracks(), tracks()],
+        workspace: Box::new(adaptive::Workspace::new()),
+    };
+    Box::new(Adaptive::try_new(domain, order, memory).expect("room enough"))
+}
+
+fn hemigon<F: Follow + 'static>(grid: &Grid, lights: usize, filter: F) -> Sampling {
+    let rings = vec![Ring::default(); rings_len(grid)];
+    let inversion = Inversion::try_new(grid, vec![0.0; grid.len()], rings).expect("room enough");
+    let (lives, lights) = (vec![0; 2 * lights], vec![Light::default(); lights]);
+    Box::new(Hemigon::try_new(inversion, filter, lives, lights).expect("room enough"))
+}
+
+/// Every sampler, for `lights` lights.
+fn samplers(rng: &mut Pcg64Mcg, domain: Domain, order: Order, grid: &Grid, lights: usize) -> Vec<Sampling> {
+    let jitter = Placement::Jitter { spread: rng.random() };
+    let tracks = vec![kalman::Track::default(); 2 * lights];
+    let gated = Gated::try_new(kalman::Parameters::LIGHTS, lights, tracks).expect("room enough");
+    let parameters = fir::Parameters { taps: rng.random_range(0..70), ..fir::Parameters::default() };
+    let paths = vec![glam::Vec3::ZERO; fir::paths_len(&parameters, lights)];
+    let published = fir::Fir::try_new(&parameters, lights, paths).expect("room enough");
+    let tree = |placement, threshold| Parameters { placement, threshold, ..Parameters::CENTROID };
+    vec![
+        q2tree(tree(Placement::Centroid, rng.random()), domain, order, lights),
+        q2tree(tree(jitter, rng.random()), domain, order, lights),
+        pharr(grid, lights),
+        adaptive(domain, order, lights),
+        hemigon(grid, lights, gated),
+        hemigon(grid, lights, published),
+    ]
+}
+
 fn run(seed: u64) {
     let mut rng = seeded(seed);
     let domain = if rng.random() { Domain::Sphere } else { Domain::Hemisphere };
     let order = rng.random_range(0..4);
     let grid = Grid { width: rng.random_range(1..12), height: rng.random_range(1..9), domain };
-    let placement =
-        if rng.random() { Placement::Centroid } else { Placement::Jitter { spread: rng.random() } };
-    let threshold = rng.random();
-    let parameters = Parameters { placement, threshold, ..Parameters::CENTROID };
     let capacity = rng.random_range(0..300);
-    let room = || vec![Light::default(); capacity];
-    let bits = || vec![0; interior_len(domain, Order::saturating(order))];
-    let heap = vec![Leaf::default(); capacity];
-    let mut tree = Q2Tree::try_new(
-        parameters,
-        (domain, Order::saturating(order)),
-        [bits(), bits()],
-        heap,
-        (room(), vec![Past::default(); capacity]),
-    )
-    .expect("room enough");
-    let mut pharr = Pharr::try_new(&grid, vec![0.0; grid.len()], room()).expect("room enough");
+    let mut samplers = samplers(&mut rng, domain, Order::saturating(order), &grid, capacity);
     for _ in 0..3 {
         let pyramid = pyramid(&mut rng, domain, order);
         let texels: Vec<_> = (0..grid.len()).map(|_| rgb(&mut rng)).collect();
         let map = Map { pyramid: pyramid.view(), polar: LatLongView { grid, texels: &texels } };
         let lights = rng.random_range(0..400);
-        check(tree.update(&map, &Request::of_lights(lights)).lights, lights, &format!("q2tree {seed}"));
-        check(pharr.update(&map, &Request::of_lights(lights)).lights, lights, &format!("pharr {seed}"));
+        let tolerance = rng.random::<bool>().then(|| rng.random_range(0.0..1.0));
+        let request = Request { lights, tolerance, ambient: rng.random() };
+        for sampler in &mut samplers {
+            let what = format!("{} {seed}", sampler.kind());
+            let made = sampler.update(&map, &request);
+            check(made.lights, lights, &what);
+            let ambient = made.ambient.iter().flatten().flatten();
+            assert!(ambient.chain(&made.estimated_error).all(|v| v.is_finite()), "{what}");
+        }
         let total = pyramid.view().total();
         assert!(total.energy.iter().chain(&total.moment).all(|v| v.is_finite()), "{seed}: {total:?}");
         assert!(pyramid.view().horizontal_irradiance().iter().all(|v| v.is_finite()), "{seed}");
@@ -105,8 +156,33 @@ fn run(seed: u64) {
 }
 
 #[test]
-fn two_thousand_hostile_maps_give_sound_lights() {
+fn no_sampler_gives_a_light_that_is_not_finite_and_positive_on_two_thousand_hostile_maps() {
     (0..2000).for_each(run);
+}
+
+/// Every texel of the map has 96 random bits: most hold no light, a few hold nearly all of it, and colours differ by up to 76 decades.
+#[test]
+fn no_sampler_gives_a_light_that_is_not_finite_and_positive_on_maps_of_random_bits() {
+    for seed in 0..300 {
+        let mut rng = seeded(seed);
+        let grid = Grid { width: 48, height: 24, domain: Domain::Sphere };
+        let order = Order::saturating(3);
+        let mut samplers = samplers(&mut rng, Domain::Sphere, order, &grid, 64);
+        for _ in 0..3 {
+            let mut bits = || [(); 3].map(|()| f32::from_bits(rng.random()));
+            let texels: Vec<_> = (0..grid.len()).map(|_| bits()).collect();
+            let mut pyramid = dark(Domain::Sphere, 3);
+            for (ipix, quad) in pyramid.texels_mut().iter_mut().enumerate() {
+                *quad = Quad::from_light(bits(), above(Domain::Sphere, 3, ipix as u32));
+            }
+            pyramid.build();
+            let map = Map { pyramid: pyramid.view(), polar: LatLongView { grid, texels: &texels } };
+            for sampler in &mut samplers {
+                let what = format!("{} {seed}", sampler.kind());
+                check(sampler.update(&map, &Request::of_lights(64)).lights, 64, &what);
+            }
+        }
+    }
 }
 
 #[test]

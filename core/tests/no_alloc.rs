@@ -13,7 +13,7 @@ use hemilux_core::internals::fill;
 use hemilux_core::internals::front;
 use hemilux_core::light::Light;
 use hemilux_core::polar::{Grid, LatLong, PolarPlan, Share, shares_len};
-use hemilux_core::sampler::pharr::Pharr;
+use hemilux_core::sampler::pharr::{self, Pharr};
 use hemilux_core::sampler::q2tree::{Leaf, Parameters, Past, Q2Tree, interior_len};
 use hemilux_core::sampler::{Map, Request, Sampler};
 use hemilux_core::wire::{self, LightSet};
@@ -63,9 +63,12 @@ fn a_hundred_frames_allocate_nothing() {
     let shares = vec![Share::default(); shares_len(&Grid::POLAR, Order::saturating(ORDER))];
     let polar_plan = PolarPlan::try_new(&Grid::POLAR, Order::saturating(ORDER), shares).expect("room enough");
     let mut polar = LatLong::try_new(Grid::POLAR, vec![[0.0; 3]; Grid::POLAR.len()]).expect("room enough");
-    let mut pharr =
-        Pharr::try_new(&Grid::POLAR, vec![0.0; Grid::POLAR.len()], vec![Light::default(); LIGHTS])
-            .expect("room");
+    let memory = pharr::Memory {
+        conditional: vec![0.0; Grid::POLAR.len()],
+        marginal: vec![0.0; Grid::POLAR.height],
+        lights: vec![Light::default(); LIGHTS],
+    };
+    let mut pharr = Pharr::try_new(&Grid::POLAR, memory).expect("room");
     let mut trees = [q2tree(Parameters::CENTROID), q2tree(Parameters::JITTER)];
     let mut frame: Vec<u16> =
         (0..3 * 640 * 480u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 17) as u16).collect();

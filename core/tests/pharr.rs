@@ -10,15 +10,23 @@ use hemilux_core::color::luminance;
 use hemilux_core::healpix::Domain;
 use hemilux_core::light::Light;
 use hemilux_core::polar::{Grid, LatLongView};
-use hemilux_core::sampler::pharr::{MAX_ROWS, Pharr};
+use hemilux_core::sampler::pharr::{Memory, Pharr};
 use hemilux_core::sampler::{Map, Request, Sampler, halton};
 
 const POLAR: Grid = Grid::POLAR;
 const SPHERE: Grid = Grid { width: 64, height: 32, domain: Domain::Sphere };
 const ODD: Grid = Grid { width: 7, height: 5, domain: Domain::Hemisphere };
 
-fn sampler(grid: &Grid, lights: usize) -> Pharr<Vec<f32>, Vec<Light>> {
-    Pharr::try_new(grid, vec![0.0; grid.len()], vec![Light::default(); lights]).expect("room enough")
+fn memory(texels: usize, rows: usize, lights: usize) -> Memory<Vec<f32>, Vec<f64>, Vec<Light>> {
+    Memory {
+        conditional: vec![0.0; texels],
+        marginal: vec![0.0; rows],
+        lights: vec![Light::default(); lights],
+    }
+}
+
+fn sampler(grid: &Grid, lights: usize) -> Pharr<Vec<f32>, Vec<f64>, Vec<Light>> {
+    Pharr::try_new(grid, memory(grid.len(), grid.height, lights)).expect("room enough")
 }
 
 fn decompose(grid: Grid, texels: &[[f32; 3]], lights: usize) -> Vec<Light> {
@@ -220,9 +228,8 @@ fn a_map_of_one_texel_gives_lights() {
 
 #[test]
 fn buffers_one_short_are_refused() {
-    let short = Pharr::try_new(&ODD, vec![0.0; 34], vec![Light::default(); 1]).map(|_| ());
+    let short = Pharr::try_new(&ODD, memory(34, ODD.height, 1)).map(|_| ());
     assert_eq!(short, Err(TooSmall { needed: 35, lent: 34 }));
-    let tall = Grid { width: 1, height: MAX_ROWS + 1, domain: Domain::Sphere };
-    let refused = Pharr::try_new(&tall, vec![0.0; tall.len()], vec![Light::default(); 1]).map(|_| ());
-    assert_eq!(refused, Err(TooSmall { needed: MAX_ROWS + 1, lent: MAX_ROWS }));
+    let low = Pharr::try_new(&ODD, memory(35, ODD.height - 1, 1)).map(|_| ());
+    assert_eq!(low, Err(TooSmall { needed: ODD.height, lent: ODD.height - 1 }));
 }

@@ -8,7 +8,6 @@ use hemilux_core::healpix::{self, Domain};
 use hemilux_core::polar::{Grid, LatLong};
 use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
 use hemilux_core::sampler::Map;
-use hemilux_core::sampler::pharr::MAX_ROWS;
 use std::f64::consts::PI;
 
 /// Pyramid and latitude-longitude map of one environment map.
@@ -25,7 +24,7 @@ pub fn grid(env: &EnvMap, domain: Domain) -> Grid {
         Domain::Sphere => env.height(),
         Domain::Hemisphere => env.height().div_ceil(2),
     };
-    Grid { width: env.width(), height: rows.min(MAX_ROWS), domain }
+    Grid { width: env.width(), height: rows, domain }
 }
 
 impl Maps {

@@ -1,4 +1,7 @@
 //! A binary heap in lent memory: the element for which `before` holds against all others comes first.
+//!
+//! `heapless::BinaryHeap` owns an array whose length is a constant, and its view is made of such an array alone; here the caller lends a
+//! slice of a length known at run time, which holds the leaves of the finished tree afterwards.
 
 /// Moves the last element to its place.
 pub(super) fn sift_up<T: Copy>(heap: &mut [T], before: fn(&T, &T) -> bool) {

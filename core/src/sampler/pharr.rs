@@ -9,38 +9,101 @@ use crate::arena::{self, Buffer, TooSmall};
 use crate::color::{luminance, sound};
 use crate::light::{Decomposition, Light};
 use crate::polar::{Grid, LatLongView};
+use crate::sizes::BufferSize;
 use core::f64::consts::TAU;
 use glam::DVec3;
-
-/// Most rows of a map, for the marginal distribution.
-///
-/// A 4096 x 2048 panorama fits; the polar map has 90 rows.
-pub const MAX_ROWS: usize = 2048;
 
 /// Largest number below 1, so that a coordinate never points beyond the last bin.
 const BELOW_ONE: f64 = 1.0 - 1.0 / 16_777_216.0;
 
-/// The sampler `pharr`. `C` holds one `f32` per texel of the map, `L` one light per light.
+/// The buffers of [`Pharr`]; their lengths are in [`Sizes`].
 #[derive(Clone, Debug)]
-pub struct Pharr<C, L> {
+pub struct Memory<C, M, L> {
+    /// Distribution of each row over its columns.
+    pub conditional: C,
+    /// Distribution over the rows.
+    pub marginal: M,
+    /// The lights.
+    pub lights: L,
+}
+
+/// Lengths of the buffers in [`Memory`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub struct Sizes {
+    /// Elements of [`Memory::conditional`]: one per texel.
+    pub texels: usize,
+    /// Elements of [`Memory::marginal`]: one per row.
+    pub rows: usize,
+    /// Elements of [`Memory::lights`].
+    pub lights: usize,
+}
+
+impl Sizes {
+    /// Lengths for maps of `grid` and up to `lights` lights.
+    #[must_use]
+    pub const fn new(grid: &Grid, lights: usize) -> Self {
+        Self { texels: grid.len(), rows: grid.height, lights }
+    }
+
+    /// Names and bytes of all buffers.
+    #[must_use]
+    pub const fn buffers(&self) -> [BufferSize; 3] {
+        [
+            BufferSize::of::<f32>("sampler: rows", self.texels),
+            BufferSize::of::<f64>("sampler: marginal", self.rows),
+            BufferSize::of::<Light>("sampler: lights", self.lights),
+        ]
+    }
+}
+
+/// The sampler `pharr`, over the buffers of [`Memory`].
+///
+/// ```
+/// use hemilux_core::sampler::pharr::{Memory, Pharr, Sizes};
+/// use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
+/// use hemilux_core::polar::{Grid, LatLongView};
+/// use hemilux_core::{Domain, Light, Map, Order, Request, Sampler};
+///
+/// let grid = Grid { width: 8, height: 4, domain: Domain::Sphere };
+/// let sizes = Sizes::new(&grid, 4);
+/// let memory = Memory {
+///     conditional: vec![0.0; sizes.texels],
+///     marginal: vec![0.0; sizes.rows],
+///     lights: vec![Light::default(); sizes.lights],
+/// };
+/// let mut sampler = Pharr::try_new(&grid, memory)?;
+/// // A uniform map whose texels hold radiance times solid angle; `pharr` reads nothing else.
+/// let texels: Vec<_> = (0..grid.len()).map(|i| [grid.solid_angle(i / 8) as f32; 3]).collect();
+/// let quads = vec![Quad::default(); pyramid_len(Domain::Sphere, Order::saturating(0))];
+/// let pyramid = Pyramid::try_new(quads, Domain::Sphere, Order::saturating(0))?;
+/// let map = Map { pyramid: pyramid.view(), polar: LatLongView { grid, texels: &texels } };
+/// let made = sampler.update(&map, &Request::of_lights(4));
+/// // Four lights of equal luminance, which add up to 4 pi.
+/// assert_eq!(made.lights.len(), 4);
+/// assert!((made.lights[0].irradiance[1] - core::f32::consts::PI).abs() < 1e-4);
+/// # Ok::<(), hemilux_core::TooSmall>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Pharr<C, M, L> {
     conditional: C,
     /// Upper ends of the rows' shares of the luminance, not normalised.
-    marginal: [f64; MAX_ROWS],
+    marginal: M,
     lights: L,
     count: usize,
 }
 
-impl<C: Buffer<f32>, L: Buffer<Light>> Pharr<C, L> {
+impl<C: Buffer<f32>, M: Buffer<f64>, L: Buffer<Light>> Pharr<C, M, L> {
     /// Takes the memory for maps of `grid`.
     ///
     /// # Errors
-    /// [`TooSmall`]: the conditional distributions need a number per texel, the marginal one has [`MAX_ROWS`] rows.
-    pub fn try_new(grid: &Grid, conditional: C, lights: L) -> Result<Self, TooSmall> {
+    /// [`TooSmall`]: the conditional distributions need a number per texel, the marginal one a number per row.
+    pub fn try_new(grid: &Grid, memory: Memory<C, M, L>) -> Result<Self, TooSmall> {
+        let Memory { conditional, marginal, lights } = memory;
         arena::check(&conditional, grid.len())?;
-        if grid.height > MAX_ROWS {
-            return Err(TooSmall { needed: grid.height, lent: MAX_ROWS });
-        }
-        Ok(Self { conditional, marginal: [0.0; MAX_ROWS], lights, count: 0 })
+        arena::check(&marginal, grid.height)?;
+        Ok(Self { conditional, marginal, lights, count: 0 })
     }
 
     /// Most lights it can give.
@@ -57,7 +120,7 @@ impl<C: Buffer<f32>, L: Buffer<Light>> Pharr<C, L> {
             .chunks_exact(width.max(1))
             .zip(self.conditional.as_mut().chunks_exact_mut(width.max(1)));
         let mut total = 0.0;
-        for ((texels, row), end) in rows.zip(&mut self.marginal) {
+        for ((texels, row), end) in rows.zip(self.marginal.as_mut()) {
             let mut sum = 0.0;
             for (k, upper) in row.iter_mut().enumerate() {
                 sum += light_of(texels[column(width, k)]);
@@ -72,7 +135,7 @@ impl<C: Buffer<f32>, L: Buffer<Light>> Pharr<C, L> {
     /// The light at point (`u`, `v`) of the unit square.
     fn sample(&self, map: &LatLongView<'_>, total: f64, [u, v]: [f64; 2]) -> (DVec3, [f32; 3], f64) {
         let (width, height) = (map.grid.width, map.grid.height);
-        let marginal = &self.marginal[..height.min(MAX_ROWS)];
+        let marginal = &self.marginal.as_ref()[..height];
         let target = u.min(BELOW_ONE) * total;
         let row = marginal.partition_point(|end| *end <= target).min(marginal.len() - 1);
         let start = if row == 0 { 0.0 } else { marginal[row - 1] };
@@ -109,7 +172,7 @@ fn seam(width: usize) -> f64 {
     if width.is_multiple_of(2) { 0.0 } else { TAU / width as f64 / 2.0 }
 }
 
-impl<C: Buffer<f32>, L: Buffer<Light>> Sampler for Pharr<C, L> {
+impl<C: Buffer<f32>, M: Buffer<f64>, L: Buffer<Light>> Sampler for Pharr<C, M, L> {
     fn kind(&self) -> SamplerKind {
         SamplerKind::Pharr
     }
@@ -122,7 +185,7 @@ impl<C: Buffer<f32>, L: Buffer<Light>> Sampler for Pharr<C, L> {
         let texels = map.polar.texels.len();
         let fits = texels == map.polar.grid.len()
             && texels <= self.conditional.as_ref().len()
-            && map.polar.grid.height <= MAX_ROWS;
+            && map.polar.grid.height <= self.marginal.as_ref().len();
         let total = if fits { self.distribute(&map.polar) } else { 0.0 };
         let count = if total > 0.0 { request.lights.min(self.capacity()) } else { 0 };
         let each = total / count.max(1) as f64;

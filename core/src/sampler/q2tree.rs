@@ -18,6 +18,7 @@ use crate::arena::{self, Buffer, TooSmall};
 use crate::healpix::{self, Domain, Order};
 use crate::light::{Decomposition, Light};
 use crate::pyramid::{PyramidView, Quad};
+use crate::sizes::BufferSize;
 
 /// Where a light stands inside its quad.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -115,6 +116,36 @@ impl Past {
 #[must_use]
 pub const fn interior_len(domain: Domain, order: Order) -> usize {
     crate::pyramid::first(domain, order.get()).div_ceil(8)
+}
+
+/// Lengths of the buffers of [`Q2Tree`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub struct Sizes {
+    /// Bytes of each of the two bit sets.
+    pub interior: usize,
+    /// Elements of the heap, the lights and their past.
+    pub lights: usize,
+}
+
+impl Sizes {
+    /// Lengths for maps of `domain` up to `order` and up to `lights` lights.
+    #[must_use]
+    pub const fn new(domain: Domain, order: Order, lights: usize) -> Self {
+        Self { interior: interior_len(domain, order), lights }
+    }
+
+    /// Names and bytes of all buffers.
+    #[must_use]
+    pub const fn buffers(&self) -> [BufferSize; 4] {
+        [
+            BufferSize::of::<u8>("sampler: bits", self.interior.saturating_mul(2)),
+            BufferSize::of::<Leaf>("sampler: heap", self.lights),
+            BufferSize::of::<Light>("sampler: lights", self.lights),
+            BufferSize::of::<Past>("sampler: past", self.lights),
+        ]
+    }
 }
 
 /// The sampler. `B` holds [`interior_len`] bytes, twice; `H` one [`Leaf`], `L` one [`Light`] and `P` one [`Past`] per light.

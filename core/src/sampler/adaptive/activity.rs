@@ -57,8 +57,9 @@ pub(super) struct Activity {
 }
 
 impl Activity {
-    pub(super) fn new() -> Self {
-        Self { past: [Past::default(); QUADS], factor: [1.0; SUMS], frames: 0, moving: 0 }
+    pub(super) const fn new() -> Self {
+        let none = Past { y: 0.0, moment: Vec3::ZERO, y_before: 0.0 };
+        Self { past: [none; QUADS], factor: [1.0; SUMS], frames: 0, moving: 0 }
     }
 
     pub(super) fn reset(&mut self) {

@@ -59,22 +59,29 @@ pub(super) struct Ambient {
 }
 
 impl Ambient {
-    pub(super) fn new(domain: Domain, order: u8) -> Self {
-        let order = order.min(ORDER);
-        let mut directions = [Vec3::Z; QUADS];
-        for (ipix, direction) in directions.iter_mut().enumerate().take(domain.quads(order)) {
-            *direction = healpix::centre(order, ipix as u32).as_vec3();
-        }
+    pub(super) const fn new() -> Self {
         Self {
-            domain,
-            order,
-            directions,
-            inverse: inverse(products(domain)).map(|row| row.map(|v| v as f32)),
+            domain: Domain::Sphere,
+            order: 0,
+            directions: [Vec3::Z; QUADS],
+            inverse: [[0.0; 9]; 9],
             sh: [[0.0; 3]; 9],
             level: [0.0; QUADS],
             ceiling: [f32::INFINITY; QUADS],
-            excess: [Quad::default(); SUMS],
+            excess: [Quad { energy: [0.0; 4], moment: [0.0; 4] }; SUMS],
         }
+    }
+
+    /// Takes the geometry of maps of `domain` up to `order`; a fit of before is forgotten.
+    pub(super) fn prepare(&mut self, domain: Domain, order: u8) {
+        (self.domain, self.order) = (domain, order.min(ORDER));
+        for (ipix, direction) in self.directions.iter_mut().enumerate().take(domain.quads(self.order)) {
+            *direction = healpix::centre(self.order, ipix as u32).as_vec3();
+        }
+        self.inverse = inverse(products(domain)).map(|row| row.map(|v| v as f32));
+        self.sh = [[0.0; 3]; 9];
+        self.level = [0.0; QUADS];
+        self.excess = [Quad::default(); SUMS];
     }
 
     /// The ambient light, radiance.
@@ -252,7 +259,8 @@ mod tests {
             *quad = Quad::from_light([y; 3], healpix::centre(ORDER, ipix as u32).as_vec3());
         }
         map.build();
-        let mut ambient = Ambient::new(Domain::Hemisphere, ORDER);
+        let mut ambient = Ambient::new();
+        ambient.prepare(Domain::Hemisphere, ORDER);
         ambient.fit(&map.view(), USUAL);
         let sum = |order: u8| -> f32 {
             let quads = Domain::Hemisphere.quads(order) as u32;

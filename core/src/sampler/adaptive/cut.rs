@@ -27,24 +27,23 @@ impl Cut {
 
     /// Remembers the frame; true if it has nothing to do with the last one.
     pub(super) fn seen(&mut self, map: &PyramidView<'_>) -> bool {
-        let mut ratios = [0.0f32; QUADS];
-        let (mut both, mut one) = (0, 0);
+        let mut ratios = heapless::Vec::<f32, QUADS>::new();
+        let mut one = 0;
         for (past, quad) in self.past.iter_mut().zip(map.quads_of(ORDER)) {
             let now = quad.y();
             match (*past > 0.0, now > 0.0) {
                 (true, true) => {
-                    ratios[both] = now / *past;
-                    both += 1;
+                    // One ratio a quad: the list has a place for each.
+                    let _ = ratios.push(now / *past);
                 }
                 (false, false) => {}
                 _ => one += 1,
             }
             *past = now;
         }
-        let ratios = &mut ratios[..both];
         ratios.sort_unstable_by(f32::total_cmp);
-        let median = ratios.get(both / 2).copied().unwrap_or(0.0);
+        let median = ratios.get(ratios.len() / 2).copied().unwrap_or(0.0);
         let near = ratios.iter().filter(|r| **r < median * FACTOR && **r * FACTOR > median).count();
-        2 * near < both + one
+        2 * near < ratios.len() + one
     }
 }

@@ -20,6 +20,7 @@ mod cut;
 mod estimate;
 mod filter;
 mod gather;
+mod memory;
 mod nodes;
 mod receivers;
 mod source;
@@ -31,7 +32,9 @@ use crate::arena::{self, Buffer, TooSmall};
 use crate::healpix::{Domain, Order};
 use crate::light::{Decomposition, Light};
 use crate::pyramid::PyramidView;
+use core::borrow::BorrowMut;
 pub use filter::Track;
+pub use memory::{Memory, Sizes, Workspace};
 use nodes::Nodes;
 use tree::Tree;
 pub use tree::{Leaf, bits_len};
@@ -48,60 +51,79 @@ const REST: u32 = 32;
 /// An error this many times that of the ceiling in use, or less, makes another one worth the change.
 const BETTER: f32 = 0.95;
 
-/// The sampler. `B` holds [`bits_len`] bytes, twice; `H` one [`Leaf`] per light; `L` one [`Light`] per light, twice; `T` one [`Track`]
-/// per light, twice.
+/// The sampler, over the buffers of [`Memory`].
+///
+/// ```
+/// use hemilux_core::sampler::adaptive::{Adaptive, Leaf, Memory, Sizes, Track, Workspace};
+/// use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
+/// use hemilux_core::polar::LatLongView;
+/// use hemilux_core::{Domain, Light, Map, Order, Request, Sampler};
+///
+/// // A map of 192 texels with one lit texel of irradiance 2 from straight above.
+/// let (domain, order) = (Domain::Sphere, Order::saturating(2));
+/// let mut map = Pyramid::try_new(vec![Quad::default(); pyramid_len(domain, order)], domain, order)?;
+/// map.texels_mut()[0] = Quad::from_light([2.0; 3], glam::Vec3::Z);
+/// map.build();
+///
+/// let sizes = Sizes::new(domain, order, 16);
+/// let memory = Memory {
+///     interior: [vec![0; sizes.interior], vec![0; sizes.interior]],
+///     leaves: vec![Leaf::default(); sizes.lights],
+///     lights: [vec![Light::default(); sizes.lights], vec![Light::default(); sizes.lights]],
+///     tracks: [vec![Track::default(); sizes.lights], vec![Track::default(); sizes.lights]],
+///     workspace: Box::new(Workspace::new()),
+/// };
+/// let mut sampler = Adaptive::try_new(domain, order, memory)?;
+/// let map = Map { pyramid: map.view(), polar: LatLongView::NONE };
+/// let made = sampler.update(&map, &Request::of_lights(16));
+/// assert_eq!(made.lights.len(), 1);
+/// assert!((made.lights[0].irradiance[0] - 2.0).abs() < 1e-6);
+/// # Ok::<(), hemilux_core::TooSmall>(())
+/// ```
 #[derive(Clone, Debug)]
-pub struct Adaptive<B, H, L, T> {
+pub struct Adaptive<B, H, L, T, W> {
     domain: Domain,
     tree: Tree<B, H>,
     lights: [L; 2],
     tracks: [T; 2],
     count: usize,
-    ambient: ambient::Ambient,
     /// Which of [`ambient::CEILINGS`] is in use, and for how many frames.
     ceiling: (usize, u32),
     /// The number of lights for a tolerance.
     wanted: count::Count,
-    sources: source::Sources,
-    fit: weights::Fit,
-    receivers: receivers::Receivers,
     /// What the errors of the receivers were found for: nothing yet, or how many lights there might be; a map may have fewer.
     looked_at: Option<usize>,
-    cut: cut::Cut,
-    activity: activity::Activity,
+    workspace: W,
 }
 
-impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<Track>> Adaptive<B, H, L, T> {
-    /// Takes the memory for maps of `domain` up to `order` and for as many lights as the shortest of `heap`, `lights` and `tracks`
-    /// holds.
+impl<B, H, L, T, W> Adaptive<B, H, L, T, W>
+where
+    B: Buffer<u8>,
+    H: Buffer<Leaf>,
+    L: Buffer<Light>,
+    T: Buffer<Track>,
+    W: BorrowMut<Workspace>,
+{
+    /// Takes the memory for maps of `domain` up to `order`, and for as many lights as the shortest of its lists holds.
     ///
     /// # Errors
-    /// [`TooSmall`].
-    pub fn try_new(
-        (domain, order): (Domain, Order),
-        bits: [B; 2],
-        heap: H,
-        lights: [L; 2],
-        tracks: [T; 2],
-    ) -> Result<Self, TooSmall> {
-        for bits in &bits {
+    /// [`TooSmall`] for bits shorter than [`Sizes::interior`].
+    pub fn try_new(domain: Domain, order: Order, memory: Memory<B, H, L, T, W>) -> Result<Self, TooSmall> {
+        let Memory { interior, leaves, lights, tracks, mut workspace } = memory;
+        for bits in &interior {
             arena::check(bits, bits_len(domain, order))?;
         }
+        workspace.borrow_mut().prepare(domain, order);
         let mut new = Self {
             domain,
-            tree: Tree::new(bits, heap),
+            tree: Tree::new(interior, leaves),
             lights,
             tracks,
             count: 0,
-            ambient: ambient::Ambient::new(domain, order.get()),
             ceiling: (ambient::USUAL, 0),
             wanted: count::Count::default(),
-            sources: source::Sources::new(),
-            fit: weights::Fit::new(),
-            receivers: receivers::Receivers::new(),
             looked_at: None,
-            cut: cut::Cut::new(),
-            activity: activity::Activity::new(),
+            workspace,
         };
         new.reset();
         Ok(new)
@@ -117,10 +139,10 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<Track>> Adaptiv
 
     /// Makes the lights of one frame; returns their estimated error.
     fn decompose(&mut self, map: &PyramidView<'_>, request: &Request) -> f32 {
-        if self.cut.seen(map) {
+        if self.workspace.borrow_mut().cut.seen(map) {
             self.reset();
         }
-        let moving = self.activity.see(map);
+        let moving = self.workspace.borrow_mut().activity.see(map);
         let previous = self.count;
         self.lights.swap(0, 1);
         self.tracks.swap(0, 1);
@@ -152,7 +174,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<Track>> Adaptiv
         let (lights, tracks) =
             (&mut self.lights[0].as_mut()[..self.count], &mut self.tracks[0].as_mut()[..self.count]);
         filter::settle(lights, tracks, quiet);
-        let nodes = Nodes::new(map, request.ambient.then_some(&self.ambient));
+        let nodes = Nodes::new(map, request.ambient.then_some(&self.workspace.borrow().ambient));
         keep_energy(lights, nodes.quad(0, 0).rgb());
         let anew = self.looked_at != Some(count);
         self.looked_at = Some(count);
@@ -195,11 +217,12 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<Track>> Adaptiv
 
     /// Puts at most `limit` lights in place.
     fn place(&mut self, map: &PyramidView<'_>, request: &Request, limit: usize, ceiling: usize) {
+        let work = self.workspace.borrow_mut();
         if request.ambient {
-            self.ambient.fit(map, if limit == 0 { ambient::ALL } else { ceiling });
+            work.ambient.fit(map, if limit == 0 { ambient::ALL } else { ceiling });
         }
-        let nodes = Nodes::new(map, request.ambient.then_some(&self.ambient));
-        self.tree.grow(&nodes, &self.activity, limit);
+        let nodes = Nodes::new(map, request.ambient.then_some(&work.ambient));
+        self.tree.grow(&nodes, &work.activity, limit);
         self.count = self.tree.emit(&nodes, &mut self.lights[0].as_mut()[..limit]);
         let lights = &mut self.lights[0].as_mut()[..self.count];
         if self.count <= GATHERED {
@@ -209,11 +232,12 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<Track>> Adaptiv
 
     /// Gives the lights their energies.
     fn weigh(&mut self, map: &PyramidView<'_>, request: &Request) {
-        let nodes = Nodes::new(map, request.ambient.then_some(&self.ambient));
+        let Workspace { ambient, sources, fit, .. } = self.workspace.borrow_mut();
+        let nodes = Nodes::new(map, request.ambient.then_some(&*ambient));
         let lights = &mut self.lights[0].as_mut()[..self.count];
-        self.sources.fill(&nodes, self.tree.leaves(), lights);
+        sources.fill(&nodes, self.tree.leaves(), lights);
         if (2..=FITTED).contains(&self.count) {
-            self.fit.run(self.sources.as_slice(), lights);
+            fit.run(sources.as_slice(), lights);
         }
         keep_energy(lights, nodes.quad(0, 0).rgb());
     }
@@ -225,19 +249,20 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<Track>> Adaptiv
             return estimate::shadowed_error(lights);
         }
         let whole = 1.0 / map.total().y();
-        self.receivers.clear();
-        for source in self.sources.as_slice() {
-            self.receivers.add(source.at, source.radius, source.y * whole);
+        let Workspace { ambient, sources, receivers, .. } = self.workspace.borrow_mut();
+        receivers.clear();
+        for source in sources.as_slice() {
+            receivers.add(source.at, source.radius, source.y * whole);
         }
         for light in lights {
-            self.receivers.add(light.direction, 0.0, -crate::color::luminance(light.irradiance) * whole);
+            receivers.add(light.direction, 0.0, -crate::color::luminance(light.irradiance) * whole);
         }
         if request.ambient {
-            for (at, y) in self.ambient.left(map) {
-                self.receivers.add(at, ambient::RADIUS, y * whole);
+            for (at, y) in ambient.left(map) {
+                receivers.add(at, ambient::RADIUS, y * whole);
             }
         }
-        let error = if anew { self.receivers.look() } else { self.receivers.turn() };
+        let error = if anew { receivers.look() } else { receivers.turn() };
         error.max(estimate::FLOOR)
     }
 }
@@ -259,7 +284,14 @@ fn keep_energy(lights: &mut [Light], total: [f32; 3]) {
     }
 }
 
-impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<Track>> Sampler for Adaptive<B, H, L, T> {
+impl<B, H, L, T, W> Sampler for Adaptive<B, H, L, T, W>
+where
+    B: Buffer<u8>,
+    H: Buffer<Leaf>,
+    L: Buffer<Light>,
+    T: Buffer<Track>,
+    W: BorrowMut<Workspace>,
+{
     fn kind(&self) -> SamplerKind {
         SamplerKind::Adaptive
     }
@@ -275,7 +307,9 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<Track>> Sampler
         };
         Decomposition {
             lights: &self.lights[0].as_ref()[..self.count],
-            ambient: request.ambient.then(|| if known { *self.ambient.harmonics() } else { [[0.0; 3]; 9] }),
+            ambient: request
+                .ambient
+                .then(|| if known { *self.workspace.borrow().ambient.harmonics() } else { [[0.0; 3]; 9] }),
             estimated_error: Some(error),
         }
     }
@@ -283,7 +317,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<Track>> Sampler
     fn reset(&mut self) {
         self.count = 0;
         self.looked_at = None;
-        self.activity.reset();
+        self.workspace.borrow_mut().activity.reset();
         self.ceiling = (ambient::USUAL, 0);
         self.wanted.reset();
         self.tree.reset();
@@ -307,16 +341,15 @@ mod tests {
         }
         map.build();
         let bits = [0u8; bits_len(Domain::Sphere, Order::saturating(ORDER))];
-        let (lights, tracks) = ([Light::default(); 8], [Track::default(); 8]);
-        let memory = ([bits; 2], [Leaf::default(); 8], [lights; 2], [tracks; 2]);
-        let mut sampler = Adaptive::try_new(
-            (Domain::Sphere, Order::saturating(ORDER)),
-            memory.0,
-            memory.1,
-            memory.2,
-            memory.3,
-        )
-        .expect("room");
+        let memory = Memory {
+            interior: [bits; 2],
+            leaves: [Leaf::default(); 8],
+            lights: [[Light::default(); 8]; 2],
+            tracks: [[Track::default(); 8]; 2],
+            workspace: Workspace::new(),
+        };
+        let mut sampler =
+            Adaptive::try_new(Domain::Sphere, Order::saturating(ORDER), memory).expect("bits enough");
         let map = Map { pyramid: map.view(), polar: LatLongView::NONE };
         for frame in 0..10 {
             let made = sampler.update(&map, &Request { lights: 8, tolerance: None, ambient: true });

@@ -51,9 +51,9 @@ pub(super) struct Receivers {
 }
 
 impl Receivers {
-    pub(super) fn new() -> Self {
+    pub(super) const fn new() -> Self {
         Self {
-            receivers: core::array::from_fn(receiver),
+            receivers: [Receiver { normal: [0; 3], axis: [0; 3], cos: 0, per_sin: 0 }; RECEIVERS],
             errors: [0.0; RECEIVERS],
             next: 0,
             known: 0,
@@ -62,6 +62,14 @@ impl Receivers {
             slopes: [0; POINTS],
             points: 0,
         }
+    }
+
+    /// Places the receivers; what they saw before is forgotten.
+    pub(super) fn prepare(&mut self) {
+        for (k, receiver) in self.receivers.iter_mut().enumerate() {
+            *receiver = receiver_at(k);
+        }
+        (self.next, self.known, self.points) = (0, 0, 0);
     }
 
     pub(super) fn clear(&mut self) {
@@ -129,7 +137,7 @@ impl Receivers {
 }
 
 /// Receiver `k`.
-fn receiver(k: usize) -> Receiver {
+fn receiver_at(k: usize) -> Receiver {
     let Shadowed { normal, axis, half_angle } = receiver::shadowed(k);
     Receiver {
         normal: fixed(normal),

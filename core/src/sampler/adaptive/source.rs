@@ -51,32 +51,30 @@ pub(super) struct Source {
 /// The sources of one frame.
 #[derive(Clone, Debug)]
 pub(super) struct Sources {
-    all: [Source; SOURCES],
-    len: usize,
+    all: heapless::Vec<Source, SOURCES>,
 }
 
 impl Sources {
-    pub(super) fn new() -> Self {
-        Self { all: [Source::default(); SOURCES], len: 0 }
+    pub(super) const fn new() -> Self {
+        Self { all: heapless::Vec::new() }
     }
 
     pub(super) fn as_slice(&self) -> &[Source] {
-        &self.all[..self.len]
+        &self.all
     }
 
     /// Looks at the regions of `lights`, which are those of `leaves`, or gathered ones; at none if there are too many.
     pub(super) fn fill(&mut self, nodes: &Nodes<'_>, leaves: &[Leaf], lights: &[Light]) {
-        self.len = 0;
+        self.all.clear();
         if lights.len() > SOURCES {
             return;
         }
         for (leaf, quad) in pieces(nodes, leaves, lights.len()) {
             let owner = if lights.len() <= GATHERED { nearest(lights, &quad) } else { leaf };
-            if let (Some(source), Some(at)) = (self.all.get_mut(self.len), root::unit(quad.mean_direction()))
-            {
+            if let Some(at) = root::unit(quad.mean_direction()) {
                 let radius = disc(quad.variance());
-                *source = Source { at, radius, y: quad.y(), owner: owner as u16 };
-                self.len += 1;
+                // At most `SOURCES` pieces are made; a full list refuses the rest.
+                let _ = self.all.push(Source { at, radius, y: quad.y(), owner: owner as u16 });
             }
         }
     }

@@ -30,8 +30,7 @@ impl Default for Parameters {
 /// The coefficients of a filter, the newest frame's first.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Kernel {
-    weights: [f64; MAX_TAPS],
-    taps: usize,
+    weights: heapless::Vec<f64, MAX_TAPS>,
 }
 
 impl Kernel {
@@ -41,26 +40,25 @@ impl Kernel {
         let taps = parameters.taps.clamp(1, MAX_TAPS);
         let last = (taps - 1) as f64;
         let step = 2.0 * parameters.cutoff_hz / parameters.frame_rate_hz;
-        let mut weights = [0.0; MAX_TAPS];
-        for (k, weight) in weights[..taps].iter_mut().enumerate() {
+        let weight = |k: usize| {
             let k = k as f64;
             let window = if taps > 1 { 0.54 - 0.46 * libm::cos(2.0 * PI * k / last) } else { 1.0 };
-            *weight = window * sinc(step * (k - last / 2.0));
-        }
-        let sum: f64 = weights[..taps].iter().sum();
+            window * sinc(step * (k - last / 2.0))
+        };
+        let mut weights: heapless::Vec<f64, MAX_TAPS> = (0..taps).map(weight).collect();
+        let sum: f64 = weights.iter().sum();
         if sum.is_finite() && sum.abs() > 1e-6 {
             weights.iter_mut().for_each(|w| *w /= sum);
-            Self { weights, taps }
         } else {
-            weights[0] = 1.0;
-            Self { weights, taps: 1 }
+            weights = core::iter::once(1.0).collect();
         }
+        Self { weights }
     }
 
     /// The coefficients, the newest frame's first.
     #[must_use]
     pub fn weights(&self) -> &[f64] {
-        &self.weights[..self.taps]
+        &self.weights
     }
 }
 
@@ -68,7 +66,15 @@ fn sinc(x: f64) -> f64 {
     if x == 0.0 { 1.0 } else { libm::sin(PI * x) / (PI * x) }
 }
 
-/// Both filters. `P` holds [`Kernel::weights`] directions for each of two slots per light.
+/// Elements that [`Fir::try_new`] needs for `lights` lights.
+#[must_use]
+pub fn paths_len(parameters: &Parameters, lights: usize) -> usize {
+    Kernel::new(parameters).weights().len().saturating_mul(2).saturating_mul(lights)
+}
+
+/// Both filters. `P` holds [`paths_len`] directions: a ring of the last directions for each of two slots per light.
+///
+/// The rings have as many places as the filter has taps, a number known at run time: `heapless::HistoryBuf` fixes it at compile time.
 #[derive(Clone, Debug)]
 pub struct Fir<P> {
     kernel: Kernel,
@@ -88,13 +94,13 @@ impl<P: Buffer<Vec3>> Fir<P> {
     /// [`TooSmall`].
     pub fn try_new(parameters: &Parameters, lights: usize, paths: P) -> Result<Self, TooSmall> {
         let kernel = Kernel::new(parameters);
-        arena::check(&paths, 2 * lights * kernel.taps)?;
+        arena::check(&paths, paths_len(parameters, lights))?;
         Ok(Self { kernel, paths, totals: [[0.0; 3]; MAX_TAPS], head: 0, begun: false })
     }
 
     /// Weight and ring position of each frame, the newest first.
     fn frames(&self) -> impl Iterator<Item = (f64, usize)> {
-        let (head, taps) = (self.head, self.kernel.taps);
+        let (head, taps) = (self.head, self.kernel.weights.len());
         self.kernel.weights().iter().enumerate().map(move |(k, w)| (*w, (head + taps - k) % taps))
     }
 }
@@ -103,11 +109,11 @@ impl<P: Buffer<Vec3>> Follow for Fir<P> {
     const KIND: SamplerKind = SamplerKind::HemigonFir;
 
     fn slots(&self) -> usize {
-        self.paths.as_ref().len() / self.kernel.taps
+        self.paths.as_ref().len() / self.kernel.weights.len()
     }
 
     fn begin(&mut self, _: bool) {
-        self.head = (self.head + 1) % self.kernel.taps;
+        self.head = (self.head + 1) % self.kernel.weights.len();
     }
 
     fn total(&mut self, total: [f64; 3]) -> [f64; 3] {
@@ -127,7 +133,7 @@ impl<P: Buffer<Vec3>> Follow for Fir<P> {
     }
 
     fn follow(&mut self, slot: usize, is_new: bool, seen: Seen) -> Seen {
-        let taps = self.kernel.taps;
+        let taps = self.kernel.weights.len();
         let Some(path) = self.paths.as_mut().get_mut(slot * taps..(slot + 1) * taps) else { return seen };
         if is_new {
             path.fill(seen.direction);

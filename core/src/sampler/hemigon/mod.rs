@@ -22,17 +22,54 @@ use super::{Map, Request, Sampler, SamplerKind};
 use crate::arena::{self, Buffer, TooSmall};
 use crate::color::{luminance, sound};
 use crate::light::{Decomposition, Light};
-use crate::polar::LatLongView;
+use crate::polar::{Grid, LatLongView};
+use crate::sizes::BufferSize;
 use core::f64::consts::TAU;
 use event::Detector;
 use follow::{Follow, Seen};
-use inversion::{Inversion, Ring};
+use inversion::{Inversion, Ring, rings_len};
 
 /// Most lights; a request for more gives as many.
 pub const MAX_LIGHTS: usize = 8192;
 
 /// Lights by which the share of a hemisphere may be off before it moves: half a light is rounding, the rest keeps noise from moving it.
 const HYSTERESIS: f64 = 0.6;
+
+/// Lengths of the buffers of [`Hemigon`] and its [`Inversion`]; the filter's are its own ([`fir::paths_len`], two
+/// [`kalman::Track`]s per light).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub struct Sizes {
+    /// Conditional distributions: one number per texel.
+    pub texels: usize,
+    /// Rings of the map.
+    pub rings: usize,
+    /// Lives: two numbers per light.
+    pub lives: usize,
+    /// Lights, at most [`MAX_LIGHTS`].
+    pub lights: usize,
+}
+
+impl Sizes {
+    /// Lengths for maps of `grid` and up to `lights` lights.
+    #[must_use]
+    pub const fn new(grid: &Grid, lights: usize) -> Self {
+        let lights = if lights < MAX_LIGHTS { lights } else { MAX_LIGHTS };
+        Self { texels: grid.len(), rings: rings_len(grid), lives: 2 * lights, lights }
+    }
+
+    /// Names and bytes of all buffers.
+    #[must_use]
+    pub const fn buffers(&self) -> [BufferSize; 4] {
+        [
+            BufferSize::of::<f32>("sampler: rows", self.texels),
+            BufferSize::of::<Ring>("sampler: rings", self.rings),
+            BufferSize::of::<u32>("sampler: slots", self.lives),
+            BufferSize::of::<Light>("sampler: lights", self.lights),
+        ]
+    }
+}
 
 /// The sampler. `C` and `R` are the memory of [`Inversion`], `F` the filter; `A` holds two numbers per light, `L` one [`Light`].
 #[derive(Clone, Debug)]

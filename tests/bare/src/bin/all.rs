@@ -13,13 +13,13 @@ use hemilux_core::internals::fill;
 use hemilux_core::light::Light;
 use hemilux_core::polar::{Grid, LatLong, PolarPlan};
 use hemilux_core::pyramid::Pyramid;
-use hemilux_core::sampler::adaptive::Adaptive;
+use hemilux_core::sampler::adaptive::{self, Adaptive};
 use hemilux_core::sampler::hemigon::Hemigon;
 use hemilux_core::sampler::hemigon::fir::{self, Fir};
 use hemilux_core::sampler::hemigon::follow::Follow;
 use hemilux_core::sampler::hemigon::inversion::Inversion;
 use hemilux_core::sampler::hemigon::kalman::{self, Gated};
-use hemilux_core::sampler::pharr::Pharr;
+use hemilux_core::sampler::pharr::{self, Pharr};
 use hemilux_core::sampler::q2tree::{Parameters, Q2Tree};
 use hemilux_core::sampler::{Map, Request, Sampler};
 use hemilux_core::wire::{self, BinarySet, LightSet};
@@ -46,15 +46,22 @@ fn maps() -> Option<()> {
     let mut polar = LatLong::try_new(grid, lent()).ok()?;
     polar.fill(&plan, &pyramid.view());
     let map = Map { pyramid: pyramid.view(), polar: polar.view() };
-    run(&map, Pharr::try_new(&grid, lent(), lent()).ok()?);
+    let memory = pharr::Memory { conditional: lent(), marginal: lent(), lights: lent() };
+    run(&map, Pharr::try_new(&grid, memory).ok()?);
     let room = (lent(), lent());
     run(
         &map,
         Q2Tree::try_new(black_box(Parameters::JITTER), (domain, order), [lent(), lent()], lent(), room)
             .ok()?,
     );
-    let (lights, tracks) = ([lent(), lent()], [lent(), lent()]);
-    run(&map, Adaptive::try_new((domain, order), [lent(), lent()], lent(), lights, tracks).ok()?);
+    let memory = adaptive::Memory {
+        interior: [lent(), lent()],
+        leaves: lent(),
+        lights: [lent(), lent()],
+        tracks: [lent(), lent()],
+        workspace: lent().first_mut()?,
+    };
+    run(&map, Adaptive::try_new(domain, order, memory).ok()?);
     hemigon(&map, &grid, Gated::try_new(kalman::Parameters::LIGHTS, black_box(9), lent()).ok()?)?;
     hemigon(&map, &grid, Fir::try_new(&fir::Parameters::default(), black_box(9), lent()).ok()?)
 }

@@ -1,0 +1,93 @@
+//! The memory that [`super::Adaptive`] is lent.
+
+use super::{activity, ambient, cut, filter, receivers, source, tree, weights};
+use crate::healpix::{Domain, Order};
+use crate::light::Light;
+use crate::sizes::BufferSize;
+
+/// Intermediate results of a fixed size, about 160 KB whatever the number of lights: the sources that stand for the map, the matrix of
+/// the weights, the receivers of the estimate, the ambient light and what is known of the last frames.
+#[derive(Clone, Debug)]
+pub struct Workspace {
+    pub(super) ambient: ambient::Ambient,
+    pub(super) sources: source::Sources,
+    pub(super) fit: weights::Fit,
+    pub(super) receivers: receivers::Receivers,
+    pub(super) cut: cut::Cut,
+    pub(super) activity: activity::Activity,
+}
+
+impl Workspace {
+    /// An empty workspace. It can initialise a `static`.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            ambient: ambient::Ambient::new(),
+            sources: source::Sources::new(),
+            fit: weights::Fit::new(),
+            receivers: receivers::Receivers::new(),
+            cut: cut::Cut::new(),
+            activity: activity::Activity::new(),
+        }
+    }
+
+    /// Makes the workspace ready for maps of `domain` up to `order`.
+    pub(super) fn prepare(&mut self, domain: Domain, order: Order) {
+        self.ambient.prepare(domain, order.get());
+        self.receivers.prepare();
+        self.cut = cut::Cut::new();
+        self.activity.reset();
+    }
+}
+
+impl Default for Workspace {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// The buffers of [`super::Adaptive`]; their lengths are in [`Sizes`].
+#[derive(Clone, Debug)]
+pub struct Memory<B, H, L, T, W> {
+    /// Bits of the interior nodes of the tree, of this frame and the last.
+    pub interior: [B; 2],
+    /// Leaves of the tree.
+    pub leaves: H,
+    /// Lights of this frame and the last.
+    pub lights: [L; 2],
+    /// States of the lights' filters, of this frame and the last.
+    pub tracks: [T; 2],
+    /// One [`Workspace`], by value, reference or box.
+    pub workspace: W,
+}
+
+/// Lengths of the buffers in [`Memory`], each of the two where there are two.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub struct Sizes {
+    /// Bytes of [`Memory::interior`].
+    pub interior: usize,
+    /// Elements of [`Memory::leaves`], [`Memory::lights`] and [`Memory::tracks`].
+    pub lights: usize,
+}
+
+impl Sizes {
+    /// Lengths for maps of `domain` up to `order` and up to `lights` lights.
+    #[must_use]
+    pub const fn new(domain: Domain, order: Order, lights: usize) -> Self {
+        Self { interior: tree::bits_len(domain, order), lights }
+    }
+
+    /// Names and bytes of all buffers.
+    #[must_use]
+    pub const fn buffers(&self) -> [BufferSize; 5] {
+        [
+            BufferSize::of::<u8>("sampler: bits", self.interior.saturating_mul(2)),
+            BufferSize::of::<tree::Leaf>("sampler: heap", self.lights),
+            BufferSize::of::<Light>("sampler: lights", self.lights.saturating_mul(2)),
+            BufferSize::of::<filter::Track>("sampler: tracks", self.lights.saturating_mul(2)),
+            BufferSize::of::<Workspace>("sampler: work", 1),
+        ]
+    }
+}
