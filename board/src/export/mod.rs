@@ -14,7 +14,7 @@ use hemilux_core::wire::{self, Coordinates, LightSet, Unit};
 use std::fmt::{self, Display, Write};
 
 /// A form of the light set.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Form {
     /// JSON, the complete form.

@@ -135,6 +135,9 @@ impl Drop for Feed {
 /// Parses the parameters of a stream.
 fn variant(uri: &Uri, fixed: Option<Format>) -> Result<Variant, String> {
     match wanted(uri, &HeaderMap::new(), fixed) {
+        Ok(Wanted { variant: Variant { format: Format::File(form), .. }, .. }) => {
+            Err(format!("found format {}, expected json, text, xml or binary in a stream", form.name()))
+        }
         Ok(Wanted { variant, after: None }) => Ok(variant),
         Ok(_) => Err("found after, expected none: a stream begins with the newest set".into()),
         Err(found) => Err(found.unwrap_or_default()),

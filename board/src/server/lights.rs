@@ -5,6 +5,7 @@ use super::query::{Wanted, wanted};
 use super::sets::Missing;
 use super::{Context, line, xr};
 use crate::clock;
+use crate::export::{Form, encode};
 use crate::probe::{Link, Published, Staleness};
 use axum::extract::State;
 use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE, RETRY_AFTER, VARY};
@@ -17,6 +18,9 @@ use std::time::Duration;
 /// Longest wait for the next frame, below the two seconds after which clients repeat a request.
 pub(super) const LONGEST_WAIT: Duration = Duration::from_millis(1500);
 
+/// The file name by which USD refers to the map: that of `/v1/map.exr`, when both are saved in one folder.
+const MAP: &str = "./map.exr";
+
 /// A form of the light set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Format {
@@ -28,12 +32,23 @@ pub(super) enum Format {
     Event,
     /// The values of a WebXR light estimate.
     Estimate,
+    /// A file of another program, of [`Form::Csv`] and the scenes.
+    File(Form),
 }
 
 impl Format {
     /// What `format=` accepts.
-    pub(super) const NAMED: [(&str, Self); 4] =
-        [("json", Self::Json), ("text", Self::Text), ("xml", Self::Xml), ("binary", Self::Binary)];
+    pub(super) const NAMED: [(&str, Self); 9] = [
+        ("json", Self::Json),
+        ("text", Self::Text),
+        ("xml", Self::Xml),
+        ("binary", Self::Binary),
+        ("csv", Self::File(Form::Csv)),
+        ("glb", Self::File(Form::Glb)),
+        ("usda", Self::File(Form::Usda)),
+        ("rad", Self::File(Form::Radiance)),
+        ("mitsuba", Self::File(Form::Mitsuba)),
+    ];
 
     pub(super) fn from_name(name: &str) -> Option<Self> {
         Self::NAMED.iter().find(|(n, _)| *n == name).map(|(_, format)| *format)
@@ -46,6 +61,7 @@ impl Format {
             Self::Xml => "application/xml",
             Self::Binary => "application/vnd.hemilux.lights",
             Self::Event => "text/event-stream",
+            Self::File(form) => form.media_type(),
         })
     }
 
@@ -63,6 +79,7 @@ impl Format {
                 bytes.extend_from_slice(b"\n\n");
                 written
             }
+            Self::File(form) => return encode(form, set, Some(MAP), &mut bytes).ok().map(|()| bytes),
             Self::Estimate => {
                 bytes.extend_from_slice(xr::document(set).as_bytes());
                 Ok(())

@@ -50,6 +50,7 @@ pub(super) fn wanted(
     // The estimate has the harmonics in any case.
     wanted.variant.ambient = fixed == Some(Format::Estimate);
     let mut named = fixed.is_some();
+    let mut axes = None;
     for (i, (name, value)) in pairs.iter().enumerate() {
         if pairs[..i].iter().any(|(n, _)| n == name) {
             return Err(refused(format!("parameter '{}' twice", short(name))));
@@ -60,7 +61,7 @@ pub(super) fn wanted(
                 named = true;
                 Format::from_name(value).map(|f| variant.format = f)
             }
-            "coordinates" => Coordinates::from_name(value).map(|c| variant.coordinates = c),
+            "coordinates" => Coordinates::from_name(value).map(|c| axes = Some(c)),
             "ambient" => flag(value).map(|f| variant.ambient = f),
             "lights" => number(value).map(|n| variant.lights = Some(n)),
             "after" => value.parse().ok().map(|n| wanted.after = Some(n)),
@@ -71,6 +72,10 @@ pub(super) fn wanted(
     if !named {
         wanted.variant.format = negotiated(headers).ok_or(None)?;
     }
+    wanted.variant.coordinates = match wanted.variant.format {
+        Format::File(form) => form.axes(axes).map_err(|e| refused(e.to_string()))?,
+        _ => axes.unwrap_or_default(),
+    };
     Ok(wanted)
 }
 
@@ -140,6 +145,13 @@ mod tests {
         };
         assert_eq!(found, Ok(Wanted { variant, after: Some(u64::MAX) }), "all");
         assert_eq!(ask(""), Ok(Wanted { variant: Variant::of(Format::Json), after: None }), "none");
+        let axes = |query| ask(query).expect(query).variant.coordinates;
+        assert_eq!(
+            [axes("format=glb"), axes("format=rad")],
+            [Coordinates::YUp, Coordinates::Probe],
+            "native axes"
+        );
+        assert_eq!(axes("coordinates=probe&format=usda"), Coordinates::Probe, "in any order");
     }
 
     #[test]
@@ -147,6 +159,8 @@ mod tests {
         for query in [
             "format=yaml",
             "coordinates=maya",
+            "format=glb&coordinates=unity",
+            "coordinates=unreal&format=usda",
             "ambient=yes",
             "lights=0",
             "lights=50001",

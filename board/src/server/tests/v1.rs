@@ -12,6 +12,11 @@ async fn lights_come_in_the_form_that_is_asked_for() {
         ("?format=text", "application/json", "text/plain; charset=utf-8", "# run "),
         ("", "application/xml", "application/xml", "<lights version=\"1\""),
         ("?format=binary", "*/*", "application/vnd.hemilux.lights", "HMLX"),
+        ("?format=csv", "*/*", "text/csv; charset=utf-8", "# hemilux light set"),
+        ("?format=glb", "*/*", "model/gltf-binary", "glTF"),
+        ("?format=usda&lights=4", "*/*", "model/vnd.usda", "#usda 1.0"),
+        ("?format=rad", "*/*", "text/plain; charset=us-ascii", "# hemilux light set"),
+        ("?format=mitsuba&coordinates=blender", "*/*", "application/xml", "<?xml "),
     ] {
         let got = fetch(&app, "GET", &format!("/v1/lights{query}"), &[("accept", accept)], "").await;
         assert_eq!((got.status, got.header("content-type")), (200, kind), "{query}");
@@ -31,6 +36,7 @@ async fn lights_come_in_the_form_that_is_asked_for() {
         "/v1/events?format=json",
         "/v1/events?after=3",
         "/lights.json?lights=0",
+        "/v1/lights?format=glb&coordinates=unity",
     ] {
         assert_eq!(get(&app, uri).await.0, 400, "{uri}");
     }
