@@ -13,6 +13,12 @@ pub fn radiance_line(covers: Covers) -> String {
     format!("HEMILUX_COVERS={}\n", covers.name())
 }
 
+/// Adds [`radiance_line`] to the header of an encoded Radiance picture.
+pub fn state_coverage(picture: &mut Vec<u8>, covers: Covers) {
+    let after_signature = picture.iter().position(|b| *b == b'\n').map_or(0, |at| at + 1);
+    picture.splice(after_signature..after_signature, radiance_line(covers).into_bytes());
+}
+
 /// The attributes of a latitude-longitude map.
 #[must_use]
 pub fn attributes(covers: Covers) -> LayerAttributes {

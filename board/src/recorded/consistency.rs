@@ -12,13 +12,13 @@ const LEAST: f64 = 1.0 / 32.0;
 const DARKER: f64 = 8.0;
 
 /// Samples whose radiance differs by more than this factor, beside the median ratio, show different things.
-const DIFFERENT: f64 = 2.0;
+const DIFFERENT: f64 = 1.4;
 
 /// Share of dark (or saturated) samples above which a frame is black (or overexposed).
 const NEARLY_ALL: f64 = 0.9;
 
 /// Share of different samples above which two frames show different scenes.
-const MOVED: f64 = 0.25;
+const MOVED: f64 = 0.2;
 
 /// Fewest samples that a judgement rests on.
 const ENOUGH: usize = 64;
@@ -76,7 +76,11 @@ fn curve(c: &Calibration) -> Option<Curve<Vec<i32>>> {
 
 /// A frame that its neighbours contradict.
 fn worst(curve: &Curve<Vec<i32>>, frames: &[Frame]) -> Option<(usize, Contradiction)> {
-    let between = |of: usize, by: usize| contradiction(curve, &frames[of], &frames[by]);
+    let between = |of: usize, by: usize| {
+        let seen_from = |of: usize, by: usize| contradiction(curve, &frames[of], &frames[by]);
+        // That two frames show different scenes may be seen from either one.
+        seen_from(of, by).or_else(|| seen_from(by, of).filter(|c| *c == Contradiction::Different))
+    };
     let last = frames.len().checked_sub(1)?;
     for index in 0..=last {
         let neighbours = [index.checked_sub(1), Some(index + 1).filter(|i| *i <= last)];
@@ -126,7 +130,7 @@ fn contradiction(curve: &Curve<Vec<i32>>, of: &Frame, by: &Frame) -> Option<Cont
             unsaturated += 1;
             bright += usize::from(curve.is_saturated(a));
         }
-        if !curve.is_saturated(a) && found >= LEAST {
+        if !curve.is_saturated(a) && (found >= LEAST || expected >= 2.0 * LEAST) {
             ratios.push(found / known);
         }
     }

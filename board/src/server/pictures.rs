@@ -7,6 +7,7 @@ use super::picture_cache::{NoPicture, Picture, PictureKind, Rendered, Shot, View
 use super::{Context, line};
 use crate::calibration::{Calibration, Frame};
 use crate::clock;
+use crate::maps::{Covers, write};
 use crate::picture;
 use crate::probe::settings::short;
 use crate::probe::{BurstView, Link, MapView, Slot};
@@ -211,25 +212,10 @@ pub(super) fn png(view: &MapView, marks: bool) -> Option<Vec<u8>> {
 }
 
 fn exr(view: &MapView) -> Option<Vec<u8>> {
-    use exr::meta::attribute::EnvironmentMap;
-    use exr::prelude::{Encoding, Image, Layer, LayerAttributes, SpecificChannels, WritableImage};
     let grid = view.grid;
-    let pixel = |at: exr::math::Vec2<usize>| {
-        let energy = view.texels.get(at.y() * grid.width + at.x()).copied().unwrap_or_default();
-        let [r, g, b] = energy.map(|v| v / grid.solid_angle(at.y()) as f32);
-        if at.y() < grid.height { (r, g, b) } else { (0.0, 0.0, 0.0) }
+    let radiance = |row: usize, column: usize| {
+        let energy = view.texels.get(row * grid.width + column).copied().unwrap_or_default();
+        if row < grid.height { energy.map(|v| v / grid.solid_angle(row) as f32) } else { [0.0; 3] }
     };
-    let layer = Layer::new(
-        (grid.width, 2 * grid.height),
-        LayerAttributes {
-            software_name: Some("hemilux".into()),
-            environment_map: Some(EnvironmentMap::LatitudeLongitude),
-            ..LayerAttributes::default()
-        },
-        Encoding::FAST_LOSSLESS,
-        SpecificChannels::rgb(pixel),
-    );
-    let mut bytes = Cursor::new(Vec::new());
-    Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).ok()?;
-    Some(bytes.into_inner())
+    write::openexr(grid.width, 2 * grid.height, Covers::Sphere, radiance).ok()
 }

@@ -6,6 +6,7 @@ use super::develop;
 use super::picture_cache::{PictureKind, Rendered};
 use super::pictures::{answer, map, view};
 use crate::calibration::{Calibration, Frame};
+use crate::maps::{Covers, write};
 use crate::probe::{BurstView, MapView};
 use axum::extract::State;
 use axum::response::Response;
@@ -50,6 +51,7 @@ fn hdr(view: &MapView) -> Option<Vec<u8>> {
     pixels.resize(2 * grid.len(), Rgb([0.0; 3]));
     let mut bytes = Vec::new();
     HdrEncoder::new(&mut bytes).encode(&pixels, grid.width, 2 * grid.height).ok()?;
+    write::state_coverage(&mut bytes, Covers::Sphere);
     Some(bytes)
 }
 
