@@ -3,11 +3,11 @@
 use hemilux_core::healpix::Domain;
 use hemilux_core::light::Light;
 use hemilux_core::polar::Grid;
-use hemilux_core::sampler::adaptive::{self, Adaptive, Track};
+use hemilux_core::sampler::adaptive::{self, Adaptive, LightFilter};
 use hemilux_core::sampler::hemigon::fir::{self, Fir};
 use hemilux_core::sampler::hemigon::follow::Follow;
 use hemilux_core::sampler::hemigon::inversion::{Inversion, Ring};
-use hemilux_core::sampler::hemigon::kalman::{self, Gated, Track as Path};
+use hemilux_core::sampler::hemigon::kalman::{self, Gated, PathFilter};
 use hemilux_core::sampler::hemigon::{self, Hemigon};
 use hemilux_core::sampler::pharr::{self, Pharr};
 use hemilux_core::sampler::q2tree::{self, Parameters, Past, Q2Tree};
@@ -190,7 +190,7 @@ pub fn buffers(kind: SamplerKind, shape: &Shape, lights: usize, tuning: &Tuning)
             q2tree::Sizes::new(domain, order, lights).buffers().to_vec()
         }
         SamplerKind::Pharr => pharr::Sizes::new(&grid, lights).buffers().to_vec(),
-        SamplerKind::Hemigon => filtered(BufferSize::of::<kalman::Track>("sampler: tracks", 2 * few)),
+        SamplerKind::Hemigon => filtered(BufferSize::of::<PathFilter>("sampler: tracks", 2 * few)),
         SamplerKind::HemigonFir => {
             filtered(BufferSize::of::<glam::Vec3>("sampler: paths", fir::paths_len(&tuning.fir(), few)))
         }
@@ -223,7 +223,7 @@ fn make_adaptive(shape: &Shape, lights: usize) -> Box<dyn Sampler + Send> {
     let order = Order::saturating(shape.order);
     let sizes = adaptive::Sizes::new(shape.domain, order, lights);
     let (bits, light) = (|| vec![0u8; sizes.interior], || vec![Light::default(); sizes.lights]);
-    let tracks = || vec![Track::default(); sizes.lights];
+    let tracks = || vec![LightFilter::default(); sizes.lights];
     let memory = adaptive::Memory {
         interior: [bits(), bits()],
         leaves: vec![adaptive::Leaf::default(); sizes.lights],
@@ -236,7 +236,7 @@ fn make_adaptive(shape: &Shape, lights: usize) -> Box<dyn Sampler + Send> {
 }
 
 fn make_gated(shape: &Shape, lights: usize) -> Box<dyn Sampler + Send> {
-    let tracks = vec![Path::default(); 2 * lights];
+    let tracks = vec![PathFilter::default(); 2 * lights];
     let filter = Gated::try_new(kalman::Parameters::LIGHTS, lights, tracks);
     make_hemigon(shape, lights, filter.expect("two tracks per light"))
 }

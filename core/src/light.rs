@@ -9,21 +9,21 @@ pub type Sh9 = [[f32; 3]; 9];
 /// A directional light.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Light {
-    /// Survives from frame to frame as long as the light does; never 0.
+    /// Number of the light, the same in each frame for as long as the light exists; never 0.
     pub id: u32,
     /// Unit vector from the probe towards the light.
     pub direction: Vec3,
-    /// Perpendicular irradiance, linear RGB: the sum of L dOmega over what the light stands for.
+    /// Perpendicular irradiance, linear RGB: the sum of radiance times solid angle over the region that the light stands for.
     pub irradiance: [f32; 3],
     /// Angular radius of a uniform cap with the same mean resultant length, degrees.
     pub radius_deg: f32,
-    /// Frames since its first.
+    /// Number of frames since the light's first.
     pub age: u32,
-    /// The light it split from.
+    /// Id of the light that this light split from, `None` for a light of the first frame.
     pub parent: Option<u32>,
 }
 
-/// Angular radius in degrees of the uniform cap of an angular `variance`: that is (1 - cos a) / 2.
+/// Angular radius a in degrees of the uniform cap whose angular variance (1 - cos a) / 2 is `variance`.
 #[must_use]
 pub fn cap_radius_deg(variance: f32) -> f32 {
     2.0 * libm::asinf(libm::sqrtf(variance.clamp(0.0, 1.0))).to_degrees()
@@ -48,19 +48,19 @@ impl Light {
     }
 }
 
-/// What a sampler makes of one frame.
+/// The result of a sampler for one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Decomposition<'a> {
-    /// The lights, at most as many as were asked for.
+    /// The lights, at most as many as were requested.
     pub lights: &'a [Light],
-    /// Radiance of what the lights do not stand for.
+    /// Radiance of the light that the directional lights leave out, as spherical harmonics; `None` where it was not requested.
     pub ambient: Option<Sh9>,
     /// Estimate of the shadowed error, a ratio; `None` for samplers without one.
     pub estimated_error: Option<f32>,
 }
 
 impl<'a> Decomposition<'a> {
-    /// Lights alone.
+    /// A result of lights alone, without ambient light or an estimate.
     #[must_use]
     pub fn of_lights(lights: &'a [Light]) -> Self {
         Self { lights, ambient: None, estimated_error: None }

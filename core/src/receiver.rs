@@ -1,15 +1,15 @@
-//! The receivers by which light sets are judged: surfaces of all directions, open to the whole sphere or with an occluding cone.
+//! The receivers of the score: surfaces of all directions, open to the whole sphere or with an occluding cone.
 
 use core::f64::consts::TAU;
 use glam::Vec3;
 
-/// How many open receivers there are.
+/// Number of open receivers.
 pub const OPEN: usize = 768;
 
-/// How many shadowed receivers there are.
+/// Number of shadowed receivers.
 pub const SHADOWED: usize = 512;
 
-/// A receiver with a cone from which nothing comes.
+/// A receiver with an occluding cone: light from directions inside the cone does not reach it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shadowed {
     /// Unit normal.

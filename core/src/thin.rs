@@ -1,4 +1,4 @@
-//! Fewer lights for one client: merged to a number, or left out where they cannot be seen.
+//! Fewer lights from a finished set: merged to a number, or restricted to those that a surface can receive.
 //!
 //! After the clustering and the invisible-light elimination of \[Havran2005\] (Interactive System for Dynamic Scene Lighting using
 //! Captured Video Environment Maps), of which only the abstract was at hand: cost and order are ours.
@@ -8,13 +8,13 @@ use crate::color::luminance;
 use crate::light::{Light, cap_radius_deg};
 use glam::Vec3;
 
-/// A light looks for its partner among this many that follow it: all of a small set, and of a large one those near it in a tree's order.
+/// Number of following lights among which a light's partner is searched: all of a small set; of a large one, those near it in a tree's order.
 const WINDOW: usize = 256;
 
-/// Part of the lights that are merged before costs are looked at anew.
+/// Divisor of the number of lights: so many merges are made before the costs are computed again.
 const PART: usize = 8;
 
-/// Two lights and what it costs to make them one.
+/// Two lights and the cost of merging them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pair {
     cost: f32,
@@ -29,6 +29,22 @@ pub struct Pair {
 ///
 /// # Errors
 /// [`TooSmall`] for `pairs`; the lights are then untouched.
+///
+/// # Examples
+/// ```
+/// use hemilux_core::{Light, thin};
+/// let light = |id, x: f32| Light {
+///     id,
+///     direction: glam::Vec3::new(x, 0.0, 1.0).normalize(),
+///     irradiance: [1.0; 3],
+///     ..Light::default()
+/// };
+/// let mut lights = [light(1, 0.0), light(2, 0.01), light(3, 5.0)];
+/// let mut pairs = vec![Default::default(); lights.len()];
+/// // The two neighbours become one light of their energy.
+/// assert_eq!(thin::merge(&mut lights, 2, &mut pairs), Ok(2));
+/// assert_eq!((lights[0].irradiance, lights[1].id), ([2.0; 3], 3));
+/// ```
 pub fn merge<P: Buffer<Pair>>(lights: &mut [Light], most: usize, pairs: &mut P) -> Result<usize, TooSmall> {
     arena::check(pairs, lights.len())?;
     let pairs = pairs.as_mut();
@@ -72,7 +88,7 @@ fn partners(lights: &[Light], pairs: &mut [Pair]) -> usize {
     last
 }
 
-/// Moves the lights with an id to the front, in their order.
+/// Moves the lights whose id is not 0 to the front and keeps their order.
 fn compact(lights: &mut [Light]) -> usize {
     let mut count = 0;
     for i in 0..lights.len() {
@@ -88,7 +104,8 @@ fn energy(light: &Light) -> f32 {
     luminance(light.irradiance)
 }
 
-/// One light for two: expected squared error over shadowed receivers is nearly in proportion to y1 y2 times their distance.
+/// The cost of one light in place of two: the expected squared error over shadowed receivers is nearly proportional to y1 y2 times their
+/// distance.
 fn merged(a: &Light, b: &Light) -> Light {
     let (ya, yb) = (energy(a), energy(b));
     let keep = if yb > ya { b } else { a };
@@ -108,7 +125,8 @@ fn resultant(light: &Light) -> f32 {
 
 /// The lights that a surface can see whose normals are within `spread` (radians) of the unit vector `normal`.
 ///
-/// 0 for a flat surface; a light counts with its angular radius, so that soft shadows keep their edge.
+/// `spread` is 0 for a flat surface. A light is kept if any part of its disc is above the horizon of a normal, so that soft shadows keep
+/// their edge.
 pub fn facing(lights: &[Light], normal: Vec3, spread: f32) -> impl Iterator<Item = &Light> {
     lights.iter().filter(move |light| {
         let beyond = (spread.max(0.0) + light.radius_deg.to_radians()).min(core::f32::consts::FRAC_PI_2);

@@ -10,16 +10,16 @@ use hemilux_core::healpix::{self, Domain};
 use hemilux_core::light::Light;
 use hemilux_core::polar::LatLongView;
 use hemilux_core::pyramid::{Pyramid, Quad};
-use hemilux_core::sampler::adaptive::{Adaptive, Leaf, Memory, Track, Workspace, bits_len};
+use hemilux_core::sampler::adaptive::{Adaptive, Leaf, LightFilter, Memory, Workspace, bits_len};
 use hemilux_core::sampler::{Map, Request, Sampler};
 use std::collections::HashSet;
 
-type VecAdaptive = Adaptive<Vec<u8>, Vec<Leaf>, Vec<Light>, Vec<Track>, Box<Workspace>>;
+type VecAdaptive = Adaptive<Vec<u8>, Vec<Leaf>, Vec<Light>, Vec<LightFilter>, Box<Workspace>>;
 
 fn adaptive(domain: Domain, order: u8, lights: usize) -> VecAdaptive {
     let bits = || vec![0xff; bits_len(domain, Order::saturating(order))];
     let room = || vec![Light::default(); lights];
-    let tracks = || vec![Track::default(); lights];
+    let tracks = || vec![LightFilter::default(); lights];
     let memory = Memory {
         interior: [bits(), bits()],
         leaves: vec![Leaf::default(); lights],
@@ -300,7 +300,7 @@ fn the_memory_is_exactly_what_is_named() {
     let made = |bits: usize| {
         let bits = || vec![0u8; bits];
         let room = || vec![Light::default(); 9];
-        let tracks = || [vec![Track::default(); 9], vec![Track::default(); 8]];
+        let tracks = || [vec![LightFilter::default(); 9], vec![LightFilter::default(); 8]];
         let memory = Memory {
             interior: [bits(), bits()],
             leaves: vec![Leaf::default(); 9],

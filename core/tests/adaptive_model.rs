@@ -10,15 +10,15 @@ use hemilux_core::healpix::{self, Domain};
 use hemilux_core::light::{Decomposition, Light, Sh9};
 use hemilux_core::polar::LatLongView;
 use hemilux_core::pyramid::{Pyramid, Quad};
-use hemilux_core::sampler::adaptive::{Adaptive, Leaf, Memory, Track, Workspace, bits_len};
+use hemilux_core::sampler::adaptive::{Adaptive, Leaf, LightFilter, Memory, Workspace, bits_len};
 use hemilux_core::sampler::{Map, Request, Sampler};
 
-type VecAdaptive = Adaptive<Vec<u8>, Vec<Leaf>, Vec<Light>, Vec<Track>, Box<Workspace>>;
+type VecAdaptive = Adaptive<Vec<u8>, Vec<Leaf>, Vec<Light>, Vec<LightFilter>, Box<Workspace>>;
 
 fn adaptive(domain: Domain, order: u8, lights: usize) -> VecAdaptive {
     let bits = || vec![0; bits_len(domain, Order::saturating(order))];
     let room = || vec![Light::default(); lights];
-    let tracks = || vec![Track::default(); lights];
+    let tracks = || vec![LightFilter::default(); lights];
     let memory = Memory {
         interior: [bits(), bits()],
         leaves: vec![Leaf::default(); lights],

@@ -13,7 +13,7 @@ use hemilux_core::polar::{Grid, LatLongView};
 use hemilux_core::sampler::hemigon::fir::{Fir, Parameters};
 use hemilux_core::sampler::hemigon::follow::Follow;
 use hemilux_core::sampler::hemigon::inversion::{Inversion, Ring, rings_len};
-use hemilux_core::sampler::hemigon::kalman::{self, Gated, Track};
+use hemilux_core::sampler::hemigon::kalman::{self, Gated, PathFilter};
 use hemilux_core::sampler::hemigon::{Hemigon, MAX_LIGHTS};
 use hemilux_core::sampler::{Map, Request, Sampler};
 use std::collections::HashSet;
@@ -34,7 +34,7 @@ fn with<F: Follow + 'static>(grid: &Grid, filter: F, lights: usize) -> Box<dyn S
 }
 
 fn hemigon(grid: &Grid, lights: usize) -> Box<dyn Sampler> {
-    let tracks = vec![Track::default(); 2 * lights];
+    let tracks = vec![PathFilter::default(); 2 * lights];
     let filter = Gated::try_new(kalman::Parameters::LIGHTS, lights, tracks).expect("room enough");
     with(grid, filter, lights)
 }
@@ -107,12 +107,13 @@ fn names_and_limits() {
 
 #[test]
 fn buffers_one_short_are_refused() {
-    let tracks = |n| Gated::try_new(kalman::Parameters::LIGHTS, 4, vec![Track::default(); n]).map(|_| ());
+    let tracks =
+        |n| Gated::try_new(kalman::Parameters::LIGHTS, 4, vec![PathFilter::default(); n]).map(|_| ());
     assert_eq!((tracks(8), tracks(7)), (Ok(()), Err(TooSmall { needed: 8, lent: 7 })));
     let paths = |n| Fir::try_new(&Parameters::default(), 4, vec![Vec3::ZERO; n]).map(|_| ());
     assert_eq!((paths(56), paths(55)), (Ok(()), Err(TooSmall { needed: 56, lent: 55 })));
     let sampler = |tracks, lives| {
-        let filter = Gated::try_new(kalman::Parameters::LIGHTS, 0, vec![Track::default(); tracks]);
+        let filter = Gated::try_new(kalman::Parameters::LIGHTS, 0, vec![PathFilter::default(); tracks]);
         let inversion = Inversion::try_new(&ODD, vec![0.0; 35], vec![Ring::default(); 5]).expect("room");
         let lights = vec![Light::default(); 4];
         Hemigon::try_new(inversion, filter.expect("room"), vec![0; lives], lights).map(|_| ())

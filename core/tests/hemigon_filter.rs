@@ -6,8 +6,8 @@ use common::{RngExt, off, seeded};
 use core::f64::consts::PI;
 use glam::Vec3;
 use hemilux_core::sampler::hemigon::fir::{self, Kernel};
-use hemilux_core::sampler::hemigon::follow::{Follow, Seen};
-use hemilux_core::sampler::hemigon::kalman::{Gated, Kalman, Parameters, Track};
+use hemilux_core::sampler::hemigon::follow::{Follow, PathPoint};
+use hemilux_core::sampler::hemigon::kalman::{Gated, Kalman, Parameters, PathFilter};
 
 /// Normal noise of deviation 1.
 fn noise(count: usize) -> Vec<f64> {
@@ -191,8 +191,8 @@ fn a_step_that_is_no_number_is_taken_whole() {
 fn a_light_that_swings_is_followed_and_noise_is_not() {
     // 35 degrees to either side in eight frames, as on the cord of a lamp; then the same light at rest, 1 degree of noise on it.
     let at = |a: f64| Vec3::new(a.sin() as f32, 0.3, a.cos() as f32).normalize();
-    let seen = |a: f64| Seen { direction: at(a), colour: [1.0; 3] };
-    let mut filter = Gated::try_new(Parameters::LIGHTS, 1, [Track::default(); 2]).expect("room for one");
+    let seen = |a: f64| PathPoint { direction: at(a), colour: [1.0; 3] };
+    let mut filter = Gated::try_new(Parameters::LIGHTS, 1, [PathFilter::default(); 2]).expect("room for one");
     let noise = noise(60);
     let (mut lag, mut jitter) = (Vec::new(), Vec::new());
     for (t, n) in noise.iter().enumerate() {

@@ -91,7 +91,8 @@ fn pharr(grid: &Grid, lights: usize) -> Sampling {
 
 fn adaptive(domain: Domain, order: Order, lights: usize) -> Sampling {
     let bits = || vec![0; adaptive::bits_len(domain, order)];
-    let (room, tracks) = (|| vec![Light::default(); lights], || vec![adaptive::Track::default(); lights]);
+    let (room, tracks) =
+        (|| vec![Light::default(); lights], || vec![adaptive::LightFilter::default(); lights]);
     let memory = adaptive::Memory {
         interior: [bits(), bits()],
         leaves: vec![adaptive::Leaf::default(); lights],
@@ -112,7 +113,7 @@ fn hemigon<F: Follow + 'static>(grid: &Grid, lights: usize, filter: F) -> Sampli
 /// Every sampler, for `lights` lights.
 fn samplers(rng: &mut Pcg64Mcg, domain: Domain, order: Order, grid: &Grid, lights: usize) -> Vec<Sampling> {
     let jitter = Placement::Jitter { spread: rng.random() };
-    let tracks = vec![kalman::Track::default(); 2 * lights];
+    let tracks = vec![kalman::PathFilter::default(); 2 * lights];
     let gated = Gated::try_new(kalman::Parameters::LIGHTS, lights, tracks).expect("room enough");
     let parameters = fir::Parameters { taps: rng.random_range(0..70), ..fir::Parameters::default() };
     let paths = vec![glam::Vec3::ZERO; fir::paths_len(&parameters, lights)];

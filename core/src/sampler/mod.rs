@@ -1,7 +1,7 @@
 //! Samplers: state machines that turn maps into lights.
 //!
-//! A sampler owns its arena, keeps what it needs of the past, allocates nothing and gives every light an id that survives as long
-//! as the light does. The server and the simulator know only the trait.
+//! A sampler works in memory that the caller lends, keeps the state that later frames need, allocates nothing, and gives each light an id
+//! that stays the same from frame to frame for as long as the light exists. The server and the simulator use the [`Sampler`] trait alone.
 
 pub mod adaptive;
 pub mod halton;
@@ -16,7 +16,7 @@ use crate::polar::LatLongView;
 use crate::pyramid::PyramidView;
 pub use kind::{SamplerKind, UnknownSampler};
 
-/// What a sampler reads.
+/// The input of a sampler: one frame's light, in two forms.
 #[derive(Clone, Copy, Debug)]
 pub struct Map<'a> {
     /// The HEALPix pyramid.
@@ -25,16 +25,16 @@ pub struct Map<'a> {
     pub polar: LatLongView<'a>,
 }
 
-/// What is asked of a sampler for one frame.
+/// The request to a sampler for one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Request {
-    /// Most lights.
+    /// Largest number of lights in the set.
     pub lights: usize,
-    /// The shadowed error, a ratio, that the fewest possible lights are to reach; without one there are as many as the map allows. Read
-    /// by samplers that estimate their error.
+    /// Shadowed error, a ratio, that the set reaches with as few lights as possible; `None` requests as many lights as the map allows. Only
+    /// samplers that [estimate their error](SamplerKind::estimates_error) read it.
     pub tolerance: Option<f32>,
-    /// Spherical harmonics for what has no direction. Read by `adaptive` alone.
+    /// Whether light without a direction goes into spherical harmonics. Only `adaptive` reads it.
     pub ambient: bool,
 }
 

@@ -20,7 +20,7 @@ use crate::light::{Decomposition, Light};
 use crate::pyramid::{PyramidView, Quad};
 use crate::sizes::BufferSize;
 
-/// Where a light stands inside its quad.
+/// Placement of a light inside its quad.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Placement {
     /// At the energy centroid: `q2tree`.
@@ -42,7 +42,7 @@ pub struct Parameters {
     pub solid_angle_exponent: f32,
     /// Relative threshold tau below which a split of the last frame is kept.
     pub threshold: f32,
-    /// Where lights stand.
+    /// Placement of the lights.
     pub placement: Placement,
 }
 
@@ -69,7 +69,7 @@ impl Default for Parameters {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Leaf {
     importance: f32,
-    /// As its light's.
+    /// The id of the leaf's light.
     id: u32,
 }
 
@@ -97,7 +97,7 @@ fn ipix_of(id: u32) -> u32 {
     id.wrapping_sub(4 << (2 * order_of(id)))
 }
 
-/// What the next frame needs to know of a light.
+/// Id, age and parent of a light of the last frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Past {
     id: u32,

@@ -1,4 +1,4 @@
-//! Where light moves, and whether it does at all.
+//! Detects where light moves, and whether it moves at all.
 //!
 //! A light that stands for something that moves errs anew in every frame, which is seen as flicker, so there more lights pay. And as
 //! long as nothing moves what changes is noise, which may be smoothed.
@@ -35,19 +35,19 @@ const DRIFT: f32 = 1.6;
 /// Frames for which a scene is thought to move after it was seen to.
 const AFTER: u32 = 2;
 
-/// What was seen of a quad, as shares of the whole.
+/// A quad in the last two frames, as shares of the map's light.
 #[derive(Clone, Copy, Debug, Default)]
-struct Past {
+struct QuadHistory {
     y: f32,
     moment: Vec3,
-    /// Energy in the frame before.
+    /// Luminance energy in the frame before the last.
     y_before: f32,
 }
 
-/// The last frames, and what they say.
+/// State from the last frames, and the factors derived from it.
 #[derive(Clone, Debug)]
 pub(super) struct Activity {
-    past: [Past; QUADS],
+    past: [QuadHistory; QUADS],
     /// By how much quads of all orders up to [`ORDER`] count more: the most of what is in them.
     factor: [f32; SUMS],
     /// Frames seen.
@@ -58,7 +58,7 @@ pub(super) struct Activity {
 
 impl Activity {
     pub(super) const fn new() -> Self {
-        let none = Past { y: 0.0, moment: Vec3::ZERO, y_before: 0.0 };
+        let none = QuadHistory { y: 0.0, moment: Vec3::ZERO, y_before: 0.0 };
         Self { past: [none; QUADS], factor: [1.0; SUMS], frames: 0, moving: 0 }
     }
 
@@ -90,7 +90,7 @@ impl Activity {
                 let factor = &mut self.factor[at(ORDER, ipix)];
                 *factor += (aim - *factor) * if aim > *factor { RISE_AND_FALL.0 } else { RISE_AND_FALL.1 };
             }
-            *past = Past { y, moment, y_before: past.y };
+            *past = QuadHistory { y, moment, y_before: past.y };
         }
         for order in (0..ORDER).rev() {
             for ipix in 0..map.domain().quads(order) {
@@ -104,7 +104,7 @@ impl Activity {
         self.moving > 0
     }
 
-    /// By how much a quad counts more.
+    /// Factor on the importance of quad `ipix` of `order`.
     pub(super) fn factor(&self, order: u8, ipix: u32) -> f32 {
         let shift = 2 * order.saturating_sub(ORDER);
         self.factor.get(at(order.min(ORDER), (ipix >> shift) as usize)).copied().unwrap_or(1.0)

@@ -1,4 +1,4 @@
-//! Ambient light: what has no direction, as spherical harmonics, and what exceeds it, for the lights.
+//! Ambient light: light without a direction as spherical harmonics, and the light that exceeds it, for the directional lights.
 //!
 //! A least-squares fit of degree 2 to the map, repeated with what exceeds a ceiling over the last fit cut off, so that lamps and the sun
 //! drop out and the fit comes to rest on what surrounds them. What was cut off is the lights' and only theirs; the constant function is
@@ -26,10 +26,10 @@ const SUMS: usize = crate::pyramid::pyramid_len(Domain::Sphere, Order::saturatin
 /// Light above one of these times the fit is not ambient; the last leaves nothing to lights.
 pub(super) const CEILINGS: [f32; 10] = [0.25, 0.5, 0.7, 1.0, 1.5, 3.0, 6.0, 12.0, 24.0, f32::INFINITY];
 
-/// The last.
+/// Index of the infinite ceiling in [`CEILINGS`].
 pub(super) const ALL: usize = CEILINGS.len() - 1;
 
-/// Where the search for the best of them begins, and how it goes on.
+/// Index in [`CEILINGS`] at which the search for the best ceiling begins, then the indices that it tries upwards and downwards.
 pub(super) const USUAL: usize = 4;
 pub(super) const HIGHER: &[usize] = &[5, 6, 7, 8];
 pub(super) const LOWER: &[usize] = &[3, 2, 1, 0];
@@ -37,7 +37,7 @@ pub(super) const LOWER: &[usize] = &[3, 2, 1, 0];
 /// Radius of a disc as large as one of those quads, radians: (4 / 768)^(1/2).
 pub(super) const RADIUS: f32 = 0.0722;
 
-/// Fits.
+/// Number of fits.
 const ROUNDS: usize = 4;
 
 /// The ambient light of one map and what exceeds it.
@@ -54,7 +54,7 @@ pub(super) struct Ambient {
     level: [f32; QUADS],
     /// Luminance above which light is not ambient.
     ceiling: [f32; QUADS],
-    /// What exceeds it, of all orders up to `order`.
+    /// Light above the ceiling, for quads of all orders up to `order`.
     excess: [Quad; SUMS],
 }
 
@@ -167,7 +167,7 @@ impl Ambient {
         Quad { energy: quad.energy.map(|v| v * part), moment: quad.moment.map(|v| v * part) }
     }
 
-    /// What exceeds the ambient light in a quad.
+    /// The light of a quad that exceeds the ambient light.
     pub(super) fn excess(&self, map: &PyramidView<'_>, order: u8, ipix: u32) -> Quad {
         if order <= self.order {
             self.excess.get(at(order, ipix as usize)).copied().unwrap_or_default()

@@ -1,4 +1,4 @@
-//! How many lights a tolerance needs, found at once and then kept without hunting.
+//! The number of lights that a tolerance needs: found in one frame, then kept with hysteresis.
 
 /// An error beyond this times the tolerance calls for more lights.
 const TOO_MUCH: f32 = 1.1;
@@ -15,7 +15,7 @@ const PATIENCE: u32 = 16;
 /// The number of lights, from frame to frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Count {
-    /// What it was chosen for, and what was chosen.
+    /// The tolerance and the number chosen for it.
     known: Option<(f32, usize)>,
     /// The error of the last frame.
     error: f32,
@@ -24,7 +24,7 @@ pub(super) struct Count {
 }
 
 impl Count {
-    /// The number for this frame, of `least..=most`; `error` tells what a number would err.
+    /// The number of lights for this frame, in `least..=most`; `error` gives the error of a number of lights.
     pub(super) fn choose(
         &mut self,
         tolerance: f32,
@@ -52,7 +52,7 @@ impl Count {
         count
     }
 
-    /// Notes what the frame's lights err.
+    /// Stores the error of the frame's lights.
     pub(super) fn note(&mut self, error: f32) {
         let little = self.known.is_some_and(|(tolerance, _)| error < LITTLE * tolerance);
         self.calm = if little { self.calm + 1 } else { 0 };
@@ -64,7 +64,7 @@ impl Count {
     }
 }
 
-/// The fewest that err no more than `tolerance`, or `most`: doubled until enough, then halved between.
+/// The fewest lights whose error is at most `tolerance`, or `most`: doubling, then bisection.
 fn fewest(tolerance: f32, (least, most): (usize, usize), error: &mut impl FnMut(usize) -> f32) -> usize {
     let (mut low, mut high) = (least, least);
     while high < most && error(high) > tolerance {

@@ -1,4 +1,4 @@
-//! Tells a cut, after which the past is worth nothing, from a scene that goes on.
+//! Detects a cut: a frame that does not continue the last one, after which the state of earlier frames is discarded.
 //!
 //! With r the ratio of a quad's light to that of the last frame, a scene that goes on has most r near their median, however much the
 //! whole was dimmed and whatever one lamp does; after a cut more than half are elsewhere.
@@ -14,7 +14,7 @@ const QUADS: usize = crate::healpix::Domain::Sphere.quads(ORDER);
 /// Ratios within this factor of their median are of a scene that goes on: clouds and lamps change a wall by less.
 const FACTOR: f32 = 1.5;
 
-/// The last frame's light.
+/// Luminance of each quad in the last frame.
 #[derive(Clone, Debug)]
 pub(super) struct Cut {
     past: [f32; QUADS],
@@ -25,7 +25,7 @@ impl Cut {
         Self { past: [0.0; QUADS] }
     }
 
-    /// Remembers the frame; true if it has nothing to do with the last one.
+    /// Stores the frame; returns whether it is a cut.
     pub(super) fn seen(&mut self, map: &PyramidView<'_>) -> bool {
         let mut ratios = heapless::Vec::<f32, QUADS>::new();
         let mut one = 0;

@@ -1,6 +1,6 @@
 //! Estimate of the shadowed error from the lights alone.
 //!
-//! With y_i a light's share of the luminance and v_i = 1 - |m_i| the angular variance of what it stands for, an occluder's edge
+//! With y_i a light's share of the luminance and v_i = 1 - |m_i| the angular variance of its region, an occluder's edge
 //! gives about sum y^2 v^(1/2) in the mean square (see the tree's importance), and sums of neighbouring powers tell how unequal the
 //! lights are. The logarithm of the error is fitted as a linear function of theirs: over nine real maps in three orientations, sphere
 //! and hemisphere, 2 to 512 lights, each map left out of its own fit, 84 % of the estimates are within 1.25 of the truth (89 %
@@ -9,7 +9,7 @@
 use crate::color::luminance;
 use crate::light::Light;
 
-/// Least estimate: below it the map's own texels decide.
+/// Smallest estimate: below it the size of the map's texels dominates the error.
 pub(super) const FLOOR: f32 = 0.002;
 
 /// Constant and exponents of sum y^2 v^(1/2), sum y v and sum y^2 v^(3/4).

@@ -23,9 +23,9 @@ const NEW_STEP: f32 = 0.02;
 /// Mean step that is expected of a new light's energy, over it.
 const NEW_SHARE: f32 = 0.01;
 
-/// What the filter knows of a light.
+/// State of the filter of one light.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Track {
+pub struct LightFilter {
     /// Direction as given last.
     direction: Vec3,
     /// Share of the whole as given last; 0 at first.
@@ -57,16 +57,16 @@ pub(super) enum Regions {
 /// Replaces the lights' directions by filtered ones and carries their ages; old and new lights ascend by id.
 pub(super) fn follow(
     lights: &mut [Light],
-    tracks: &mut [Track],
+    tracks: &mut [LightFilter],
     leaves: &[Leaf],
-    (old, old_tracks): (&[Light], &[Track]),
+    (old, old_tracks): (&[Light], &[LightFilter]),
 ) -> Regions {
     let gathered = (lights.len() <= super::GATHERED).then(|| GATHERED + lights.len() as u8);
     let mut kept = 0;
     let mut past = old.iter().zip(old_tracks).peekable();
     for ((light, track), leaf) in lights.iter_mut().zip(tracks).zip(leaves) {
         while past.next_if(|(o, _)| o.id < light.id).is_some() {}
-        *track = Track {
+        *track = LightFilter {
             direction: light.direction,
             share: 0.0,
             place: Signal { mean: Vec3::ZERO, length: NEW_STEP * light.radius_deg.to_radians() },
@@ -89,7 +89,7 @@ pub(super) fn follow(
 }
 
 /// Notes the lights' energies and, if the scene is `quiet`, replaces them by filtered ones, which no longer add up exactly.
-pub(super) fn settle(lights: &mut [Light], tracks: &mut [Track], quiet: bool) {
+pub(super) fn settle(lights: &mut [Light], tracks: &mut [LightFilter], quiet: bool) {
     let whole: f32 = lights.iter().map(|l| luminance(l.irradiance)).sum();
     for (light, track) in lights.iter_mut().zip(tracks) {
         let seen = if whole > 0.0 { luminance(light.irradiance) / whole } else { 0.0 };

@@ -1,4 +1,4 @@
-//! Lloyd steps for a handful of lights: each takes the energy of what is nearest to it and moves to its centroid.
+//! Lloyd steps for up to eight lights: each light takes the energy of the quads nearest to it and moves to their centroid.
 
 use super::GATHERED;
 use super::nodes::Nodes;
@@ -7,7 +7,7 @@ use super::tree::Leaf;
 use crate::light::Light;
 use crate::pyramid::Quad;
 
-/// Steps: the error is within 2 % of convergence after four, from the tree's lights.
+/// Number of Lloyd steps: from the tree's lights, the error is within 2 % of convergence after four.
 const STEPS: usize = 4;
 
 /// Moves at most [`GATHERED`] lights; the sum of their energies is kept.

@@ -86,7 +86,7 @@ impl Sizes {
             BufferSize::of::<u8>("sampler: bits", self.interior.saturating_mul(2)),
             BufferSize::of::<tree::Leaf>("sampler: heap", self.lights),
             BufferSize::of::<Light>("sampler: lights", self.lights.saturating_mul(2)),
-            BufferSize::of::<filter::Track>("sampler: tracks", self.lights.saturating_mul(2)),
+            BufferSize::of::<filter::LightFilter>("sampler: tracks", self.lights.saturating_mul(2)),
             BufferSize::of::<Workspace>("sampler: work", 1),
         ]
     }

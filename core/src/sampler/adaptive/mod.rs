@@ -1,15 +1,17 @@
 //! `adaptive`: a binary tree over the pyramid, energy centroids that are smoothed but not delayed, and weights that light shadowed
 //! receivers best. Our own method.
 //!
-//! 1. `ambient`, where asked for: what has no direction, as spherical harmonics; the rest is for what exceeds it.
-//! 2. `count`: with a tolerance, the fewest lights that reach it, without hunting.
+//! 1. `ambient`, where requested: light without a direction becomes spherical harmonics; the other stages work on the light above them.
+//! 2. `count`: with a tolerance, the fewest lights that reach it; hysteresis keeps their number from oscillating.
 //! 3. `tree` over `nodes`: best-first splits of a binary tree by Y (1 - |m|)^(3/8), which is nearly what a light costs in shadowed
 //!    error. Each split adds one light, so every number of lights is reached, down to one.
-//! 4. `gather`: up to eight lights are moved to the centroids of what is nearest to them; more lights gain little from it and flicker.
-//! 5. `filter`: noise is taken from directions; a light that moves or jumps is followed at once. After a `cut` all begins anew.
+//! 4. `gather`: up to eight lights move to the centroids of the light that is nearest to them; more lights gain little by it and flicker.
+//! 5. `filter`: directions are smoothed against noise; a light that moves or jumps is followed without delay. After a `cut`, a frame that does
+//!    not continue the last one, every filter starts anew.
 //! 6. `weights`: up to 64 lights share their energy so that the expected error over receivers with random occluders is least.
 //!    Above, it would cost more than another light does.
-//! 7. `receivers`, or `estimate` for many lights: how wrong the set is for shadowed receivers. Both see the map as sources (`source`).
+//! 7. `receivers`, or `estimate` for many lights: the estimated error of the set for shadowed receivers. Both approximate the map by sources
+//!    (`source`).
 //!
 //! The total energy of each channel is that of the map in every frame.
 
@@ -33,7 +35,7 @@ use crate::healpix::{Domain, Order};
 use crate::light::{Decomposition, Light};
 use crate::pyramid::PyramidView;
 use core::borrow::BorrowMut;
-pub use filter::Track;
+pub use filter::LightFilter;
 pub use memory::{Memory, Sizes, Workspace};
 use nodes::Nodes;
 use tree::Tree;
@@ -42,19 +44,19 @@ pub use tree::{Leaf, bits_len};
 /// Most lights whose weights are fitted.
 const FITTED: usize = 64;
 
-/// Most lights that are moved to the centroids of what is nearest to them.
+/// Most lights that `gather` moves.
 const GATHERED: usize = 8;
 
-/// Frames after which another ceiling of the ambient light may be tried.
+/// Frames between two searches for a better ceiling of the ambient light.
 const REST: u32 = 32;
 
-/// An error this many times that of the ceiling in use, or less, makes another one worth the change.
+/// Another ceiling replaces the one in use if its error is at most this times the error of the one in use.
 const BETTER: f32 = 0.95;
 
 /// The sampler, over the buffers of [`Memory`].
 ///
 /// ```
-/// use hemilux_core::sampler::adaptive::{Adaptive, Leaf, Memory, Sizes, Track, Workspace};
+/// use hemilux_core::sampler::adaptive::{Adaptive, Leaf, Memory, Sizes, LightFilter, Workspace};
 /// use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
 /// use hemilux_core::polar::LatLongView;
 /// use hemilux_core::{Domain, Light, Map, Order, Request, Sampler};
@@ -70,7 +72,7 @@ const BETTER: f32 = 0.95;
 ///     interior: [vec![0; sizes.interior], vec![0; sizes.interior]],
 ///     leaves: vec![Leaf::default(); sizes.lights],
 ///     lights: [vec![Light::default(); sizes.lights], vec![Light::default(); sizes.lights]],
-///     tracks: [vec![Track::default(); sizes.lights], vec![Track::default(); sizes.lights]],
+///     tracks: [vec![LightFilter::default(); sizes.lights], vec![LightFilter::default(); sizes.lights]],
 ///     workspace: Box::new(Workspace::new()),
 /// };
 /// let mut sampler = Adaptive::try_new(domain, order, memory)?;
@@ -91,7 +93,7 @@ pub struct Adaptive<B, H, L, T, W> {
     ceiling: (usize, u32),
     /// The number of lights for a tolerance.
     wanted: count::Count,
-    /// What the errors of the receivers were found for: nothing yet, or how many lights there might be; a map may have fewer.
+    /// The number of lights that the receivers' errors were computed for; `None` before the first frame.
     looked_at: Option<usize>,
     workspace: W,
 }
@@ -101,7 +103,7 @@ where
     B: Buffer<u8>,
     H: Buffer<Leaf>,
     L: Buffer<Light>,
-    T: Buffer<Track>,
+    T: Buffer<LightFilter>,
     W: BorrowMut<Workspace>,
 {
     /// Takes the memory for maps of `domain` up to `order`, and for as many lights as the shortest of its lists holds.
@@ -183,7 +185,7 @@ where
         error
     }
 
-    /// What `limit` lights would err; with ambient light, under the best ceiling, which is kept.
+    /// The estimated error of `limit` lights; with ambient light, under the ceiling of least error, which is kept.
     fn trial(&mut self, map: &PyramidView<'_>, request: &Request, limit: usize) -> f32 {
         if !request.ambient || limit == 0 {
             return self.look(map, request, limit, ambient::ALL);
@@ -207,7 +209,7 @@ where
         best.0
     }
 
-    /// The error of `limit` lights under a ceiling, in the eyes of all receivers.
+    /// The estimated error of `limit` lights under a ceiling, over all receivers.
     fn look(&mut self, map: &PyramidView<'_>, request: &Request, limit: usize, ceiling: usize) -> f32 {
         self.place(map, request, limit, ceiling);
         self.weigh(map, request);
@@ -289,7 +291,7 @@ where
     B: Buffer<u8>,
     H: Buffer<Leaf>,
     L: Buffer<Light>,
-    T: Buffer<Track>,
+    T: Buffer<LightFilter>,
     W: BorrowMut<Workspace>,
 {
     fn kind(&self) -> SamplerKind {
@@ -345,7 +347,7 @@ mod tests {
             interior: [bits; 2],
             leaves: [Leaf::default(); 8],
             lights: [[Light::default(); 8]; 2],
-            tracks: [[Track::default(); 8]; 2],
+            tracks: [[LightFilter::default(); 8]; 2],
             workspace: Workspace::new(),
         };
         let mut sampler =

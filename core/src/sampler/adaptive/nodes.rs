@@ -70,7 +70,7 @@ impl<'a> Nodes<'a> {
         self.sum(below / 2, (face << below) | (index & ((1 << below) - 1)))
     }
 
-    /// By how much a node counts more because light moves in it.
+    /// Factor on the importance of a node in which light moves.
     pub(super) fn activity(&self, activity: &Activity, level: u8, index: u32) -> f32 {
         let Some(below) = level.checked_sub(self.top) else {
             let under = self.top - level;

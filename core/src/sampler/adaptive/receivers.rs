@@ -1,7 +1,7 @@
 //! The shadowed error as it is scored: what the lights and the map give to 512 receivers with occluding cones.
 //!
-//! The receivers are those by which light sets are judged, [`crate::receiver`]. The map is given as [`super::source`] sees it: discs, of
-//! which a cone's edge hides a part. All in integers, so that the loop vectorises: directions in Q14, energies as shares in Q18.
+//! The receivers are those of the score, [`crate::receiver`]. The map is approximated by the discs of [`super::source`], of which a cone's
+//! edge may hide a part. All in integers, so that the loop vectorises: directions in Q14, energies as shares in Q18.
 
 use crate::receiver::{self, SHADOWED as RECEIVERS, Shadowed};
 use glam::Vec3;
@@ -9,7 +9,7 @@ use glam::Vec3;
 /// Most points: sources, lights and quads of ambient light.
 const POINTS: usize = 2 * super::source::SOURCES + super::ambient::QUADS;
 
-/// Receivers looked at in a frame that goes on as the last: all in sixteen frames.
+/// Receivers evaluated in a frame that continues the last one: all of them in sixteen frames.
 const TURN: usize = RECEIVERS / 16;
 
 /// Points times receivers in one frame: more, and the first frame after a cut would take several times as long as any other.
@@ -34,13 +34,13 @@ struct Receiver {
     per_sin: i32,
 }
 
-/// The receivers, and what is seen by them: points of positive and negative energy.
+/// The receivers, and the points that they receive: sources of positive energy, lights of negative energy.
 #[derive(Clone, Debug)]
 pub(super) struct Receivers {
     receivers: [Receiver; RECEIVERS],
     /// The errors of the receivers in the order of [`STRIDE`], as they were found last, over the mean.
     errors: [f32; RECEIVERS],
-    /// Whose turn it is, and how many have had one.
+    /// The receiver to evaluate next, and the number of receivers whose error is known.
     next: usize,
     known: usize,
     axes: [[i16; POINTS]; 3],
@@ -64,7 +64,7 @@ impl Receivers {
         }
     }
 
-    /// Places the receivers; what they saw before is forgotten.
+    /// Places the receivers and discards their errors.
     pub(super) fn prepare(&mut self) {
         for (k, receiver) in self.receivers.iter_mut().enumerate() {
             *receiver = receiver_at(k);
@@ -89,13 +89,13 @@ impl Receivers {
         }
     }
 
-    /// Looks with the eyes of all receivers anew, or of as many as [`MOST`] allows; gives the RMS error over them, over their mean.
+    /// Evaluates all receivers, or as many as [`MOST`] allows; returns the RMS of their errors over the mean irradiance.
     pub(super) fn look(&mut self) -> f32 {
         self.known = 0;
         self.go_on(RECEIVERS.min(MOST / self.points.max(1)).max(TURN))
     }
 
-    /// As [`Receivers::look`], but with the eyes of [`TURN`] more receivers: the errors of the others are as they were found before.
+    /// Like [`Receivers::look`], but evaluates [`TURN`] more receivers and keeps the known errors of the others.
     pub(super) fn turn(&mut self) -> f32 {
         self.go_on(TURN)
     }
@@ -113,7 +113,7 @@ impl Receivers {
         libm::sqrtf(sum / self.known.max(1) as f32)
     }
 
-    /// What a receiver gets, Q30.
+    /// Net irradiance of a receiver, Q30.
     fn received(&self, to: &Receiver) -> i32 {
         let n = self.points.min(POINTS);
         let [x, y, z] = [&self.axes[0][..n], &self.axes[1][..n], &self.axes[2][..n]];

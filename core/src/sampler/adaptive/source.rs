@@ -1,6 +1,6 @@
-//! The sources: a coarse picture of the map, by which weights are fitted and errors estimated.
+//! The sources: a coarse approximation of the map by discs, used to fit weights and to estimate errors.
 //!
-//! Each is a piece of a leaf: what is bright and small is seen as finely as what is dim and wide.
+//! Each source is a part of a leaf, so that bright small regions and dim wide ones get equally many sources.
 
 use super::GATHERED;
 use super::gather::nearest;
@@ -14,8 +14,8 @@ use glam::Vec3;
 /// Most sources.
 pub(super) const SOURCES: usize = 1024;
 
-/// Levels of the tree between a leaf and its pieces: 256 pieces in all as long as weights are fitted, which costs as much as there are;
-/// more for more lights.
+/// Levels of the tree between a leaf and its sources: 256 sources in all for sets whose weights are fitted, since the fit's cost grows with
+/// them, and up to [`SOURCES`] for larger sets.
 fn levels(lights: usize) -> u8 {
     let most = if lights <= super::FITTED { SOURCES / 4 } else { SOURCES };
     (most / lights.max(1)).checked_ilog2().unwrap_or(0) as u8
@@ -42,7 +42,7 @@ pub(super) struct Source {
     pub(super) at: Vec3,
     /// Radius of the uniform disc with its mean resultant length, radians.
     pub(super) radius: f32,
-    /// Its luminance energy.
+    /// Luminance energy of the source.
     pub(super) y: f32,
     /// Index of the light that stands for it.
     pub(super) owner: u16,
@@ -63,7 +63,8 @@ impl Sources {
         &self.all
     }
 
-    /// Looks at the regions of `lights`, which are those of `leaves`, or gathered ones; at none if there are too many.
+    /// Replaces the sources by those of `lights`, whose regions are `leaves` or, for few lights, gathered; empty for more than [`SOURCES`]
+    /// lights.
     pub(super) fn fill(&mut self, nodes: &Nodes<'_>, leaves: &[Leaf], lights: &[Light]) {
         self.all.clear();
         if lights.len() > SOURCES {
@@ -80,7 +81,7 @@ impl Sources {
     }
 }
 
-/// Radius of a uniform disc of that angular variance, which is a quarter of its square.
+/// Radius in radians of the uniform disc whose angular variance, radius^2 / 4, is `variance`.
 fn disc(variance: f32) -> f32 {
     2.0 * root::root(variance.max(1e-12))
 }

@@ -1,4 +1,4 @@
-//! The tree: which nodes are split, chosen best first, and the lights of its leaves.
+//! The tree: nodes are split best-first; each lit leaf gives a light.
 //!
 //! A light's id is the first texel of its leaf, counted from 1: the left child of a split keeps the parent's id, the right one is new.
 
@@ -19,7 +19,7 @@ use glam::Vec3;
 /// 1, 1.3, 1.6 and 3, 1 is the most that costs moving lamps nothing.
 const HYSTERESIS: f32 = 1.0;
 
-/// Least 1 - |m| that counts: what is closer together than this is one direction.
+/// Smallest angular variance 1 - |m|: light closer together than this counts as one direction.
 const LEAST_VARIANCE: f32 = 1e-7;
 
 /// A node that may be split.
@@ -60,7 +60,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>> Tree<B, H> {
         self.interior.iter_mut().for_each(|bits| bits.as_mut().fill(0));
     }
 
-    /// Begins a frame: what was split last is the past.
+    /// Begins a frame: the interior nodes become those of the last frame.
     pub(super) fn advance(&mut self) {
         self.interior.swap(0, 1);
     }
@@ -159,7 +159,7 @@ impl Emit<'_> {
     }
 }
 
-/// Nearly a node's share of the squared shadowed error, to the power 1/2: Y (1 - |m|)^(3/8).
+/// The importance of a node, Y (1 - |m|)^(3/8): nearly the square root of its share of the squared shadowed error.
 ///
 /// An occluder's edge that crosses a light's region errs by about Y, and crosses it with a probability in proportion to the
 /// region's width, (1 - |m|)^(1/2): Y^2 (1 - |m|)^(1/2) in the mean square, so 1/4 would be its exponent here. Open receivers
@@ -169,7 +169,7 @@ fn importance(quad: &Quad) -> f32 {
     quad.y() * fourth * root(fourth)
 }
 
-/// Whether `a` is split before `b`; ties by place, so that they never depend on history.
+/// Whether `a` is split before `b`; ties are broken by level and index, so that the order never depends on earlier frames.
 fn before(a: &Leaf, b: &Leaf) -> bool {
     (a.importance, b.level, b.index) > (b.importance, a.level, a.index)
 }

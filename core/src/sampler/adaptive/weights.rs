@@ -1,4 +1,4 @@
-//! Weights that light receivers with random occluders best.
+//! Weights of least expected error over receivers with random occluders.
 //!
 //! Let K(d, d') be the mean over receivers of what a unit light from d and one from d' give together: over normals and occluding caps as
 //! `host-sim/METRICS.md` draws them it depends on the angle between d and d' alone. The expected squared error of lights w_i at l_i in the
@@ -44,7 +44,7 @@ fn coarse_root(v: f32) -> f32 {
     v * r * (0.703_952_3 * (2.389_244_6 - v * r * r))
 }
 
-/// A millionth of a radian.
+/// Smallest argument of the square root: the squared sine of a millionth of a radian.
 const LEAST: f32 = 1e-12;
 
 /// Scratch memory of the fit.
@@ -96,7 +96,7 @@ impl Fit {
         }
     }
 
-    /// Adds what a source's own place changes against that of the light that stands for it.
+    /// Adds to the residual the difference between a source at its own direction and at the direction of its light.
     fn source(&mut self, n: usize, source: &Source) {
         let Some(stands) = self.matrix[..n].get(usize::from(source.owner)) else { return };
         let mut own = [0.0; FITTED];
@@ -186,7 +186,7 @@ mod tests {
         if g < 1e-9 { (1.0 - libm::cos(a)) / 2.0 } else { (0..RINGS).map(ring).sum::<f64>() / (4.0 * PI) }
     }
 
-    /// The mean over receivers of what lights `g` apart give together, integrated.
+    /// The mean over receivers of the product of the irradiances of two unit lights `g` radians apart, integrated numerically.
     fn twin(g: f64) -> f64 {
         const CAPS: u32 = 40;
         let open = (libm::sin(g) + (PI - g) * libm::cos(g)) / (6.0 * PI);

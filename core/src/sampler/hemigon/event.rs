@@ -1,4 +1,4 @@
-//! Tells an abrupt change of the whole map from noise and motion.
+//! Distinguishes an abrupt change of the whole map from noise and motion.
 
 use super::inversion::light_of;
 use crate::polar::LatLongView;
@@ -19,10 +19,10 @@ const MEMORY: f32 = 0.1;
 /// A change counts at most this many times the usual one: what is abrupt is not usual until it goes on.
 const MOST: f32 = 3.0;
 
-/// Where the light of the last map was, and how much of it usually moves.
+/// Distribution of the last map's light over blocks, and the usual change from map to map.
 #[derive(Clone, Debug)]
 pub(super) struct Detector {
-    /// Parts of the light.
+    /// Share of the light in each block.
     blocks: [f32; ROWS * COLUMNS],
     usual: Option<f32>,
     begun: bool,

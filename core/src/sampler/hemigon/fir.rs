@@ -1,6 +1,6 @@
 //! The two published filters: finite impulse responses over the total energy and over each light's path.
 
-use super::follow::{Follow, Seen};
+use super::follow::{Follow, PathPoint};
 use crate::arena::{self, Buffer, TooSmall};
 use crate::sampler::SamplerKind;
 use core::f64::consts::PI;
@@ -132,7 +132,7 @@ impl<P: Buffer<Vec3>> Follow for Fir<P> {
         sum.map(|v| v.max(0.0))
     }
 
-    fn follow(&mut self, slot: usize, is_new: bool, seen: Seen) -> Seen {
+    fn follow(&mut self, slot: usize, is_new: bool, seen: PathPoint) -> PathPoint {
         let taps = self.kernel.weights.len();
         let Some(path) = self.paths.as_mut().get_mut(slot * taps..(slot + 1) * taps) else { return seen };
         if is_new {
@@ -145,7 +145,7 @@ impl<P: Buffer<Vec3>> Follow for Fir<P> {
             // Side lobes overshoot: a light stays in its hemisphere.
             mean.z = 0.0;
         }
-        Seen { direction: mean.try_normalize().unwrap_or(seen.direction), ..seen }
+        PathPoint { direction: mean.try_normalize().unwrap_or(seen.direction), ..seen }
     }
 
     fn reset(&mut self) {

@@ -1,11 +1,11 @@
-//! What a filter of light paths does.
+//! The interface of a filter of light paths.
 
 use crate::sampler::SamplerKind;
 use glam::Vec3;
 
-/// A light as the map has it, or as a filter gives it out.
+/// Direction and colour of a light in one frame, before or after the filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Seen {
+pub struct PathPoint {
     /// Unit vector.
     pub direction: Vec3,
     /// Colour of luminance about 1.
@@ -17,7 +17,7 @@ pub trait Follow {
     /// The sampler that uses this filter.
     const KIND: SamplerKind;
 
-    /// Slots that it has memory for.
+    /// Number of slots that the filter has memory for.
     fn slots(&self) -> usize;
 
     /// Begins a frame; `abrupt` if the map is no continuation of the last.
@@ -29,7 +29,7 @@ pub trait Follow {
     }
 
     /// The next step of the light in `slot`, which begins there if `is_new`.
-    fn follow(&mut self, slot: usize, is_new: bool, seen: Seen) -> Seen;
+    fn follow(&mut self, slot: usize, is_new: bool, seen: PathPoint) -> PathPoint;
 
     /// Forgets the past.
     fn reset(&mut self);

@@ -47,7 +47,7 @@ pub const fn rings_len(grid: &Grid) -> usize {
     }
 }
 
-/// Where a point of the square lands.
+/// Image of a point of the square.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
     /// Unit vector.

@@ -13,7 +13,7 @@
 //! The CUSUM is Crosier's for vectors (1988), which on a line is the two-sided one. [`Gated`] runs one filter per light, estimates R from the
 //! light's own path and lets go of all lights at once when the whole map changes.
 
-use super::follow::{Follow, Seen};
+use super::follow::{Follow, PathPoint};
 use crate::arena::{self, Buffer, TooSmall};
 use crate::sampler::SamplerKind;
 use glam::Vec3;
@@ -102,7 +102,7 @@ impl Kalman {
 
 /// What [`Gated`] knows of a light.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Track {
+pub struct PathFilter {
     kalman: Kalman,
     /// As given out last.
     direction: Vec3,
@@ -129,8 +129,8 @@ const NOISE_HEADING: f32 = -0.27;
 /// A measurement counts at most this many times the mean: jumps are no noise.
 const MOST_NOISE: f32 = 9.0;
 
-impl Track {
-    fn begin(seen: Seen) -> Self {
+impl PathFilter {
+    fn begin(seen: PathPoint) -> Self {
         Self {
             kalman: Kalman::at(LEAST_NOISE),
             direction: seen.direction,
@@ -163,7 +163,7 @@ impl Track {
         (self.uneven * (self.heading / NOISE_HEADING).clamp(0.0, 1.0)).max(LEAST_NOISE)
     }
 
-    fn step(&mut self, parameters: &Parameters, is_jump: bool, seen: Seen) {
+    fn step(&mut self, parameters: &Parameters, is_jump: bool, seen: PathPoint) {
         let noise = self.noise();
         let step = tangent(self.direction, seen.direction);
         let gain = if is_jump { self.kalman.jump(noise) } else { self.kalman.gain(parameters, step, noise) };
@@ -187,7 +187,7 @@ fn tangent(from: Vec3, to: Vec3) -> Vec3 {
     if sin > 0.0 { across * (libm::atan2f(sin, cos) / sin) } else { to - from }
 }
 
-/// A gated Kalman filter for each light. `T` holds one [`Track`] for each of two slots per light.
+/// A gated Kalman filter for each light. `T` holds one [`PathFilter`] for each of two slots per light.
 #[derive(Clone, Debug)]
 pub struct Gated<T> {
     parameters: Parameters,
@@ -195,7 +195,7 @@ pub struct Gated<T> {
     abrupt: bool,
 }
 
-impl<T: Buffer<Track>> Gated<T> {
+impl<T: Buffer<PathFilter>> Gated<T> {
     /// Takes the memory for `lights` lights.
     ///
     /// # Errors
@@ -206,7 +206,7 @@ impl<T: Buffer<Track>> Gated<T> {
     }
 }
 
-impl<T: Buffer<Track>> Follow for Gated<T> {
+impl<T: Buffer<PathFilter>> Follow for Gated<T> {
     const KIND: SamplerKind = SamplerKind::Hemigon;
 
     fn slots(&self) -> usize {
@@ -217,14 +217,14 @@ impl<T: Buffer<Track>> Follow for Gated<T> {
         self.abrupt = abrupt;
     }
 
-    fn follow(&mut self, slot: usize, is_new: bool, seen: Seen) -> Seen {
+    fn follow(&mut self, slot: usize, is_new: bool, seen: PathPoint) -> PathPoint {
         let Some(track) = self.tracks.as_mut().get_mut(slot) else { return seen };
         if is_new {
-            *track = Track::begin(seen);
+            *track = PathFilter::begin(seen);
         } else {
             track.step(&self.parameters, self.abrupt, seen);
         }
-        Seen { direction: track.direction, colour: track.colour }
+        PathPoint { direction: track.direction, colour: track.colour }
     }
 
     fn reset(&mut self) {

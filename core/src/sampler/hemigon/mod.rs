@@ -26,17 +26,17 @@ use crate::polar::{Grid, LatLongView};
 use crate::sizes::BufferSize;
 use core::f64::consts::TAU;
 use event::Detector;
-use follow::{Follow, Seen};
+use follow::{Follow, PathPoint};
 use inversion::{Inversion, Ring, rings_len};
 
-/// Most lights; a request for more gives as many.
+/// Most lights; a request for more gives this number.
 pub const MAX_LIGHTS: usize = 8192;
 
 /// Lights by which the share of a hemisphere may be off before it moves: half a light is rounding, the rest keeps noise from moving it.
 const HYSTERESIS: f64 = 0.6;
 
 /// Lengths of the buffers of [`Hemigon`] and its [`Inversion`]; the filter's are its own ([`fir::paths_len`], two
-/// [`kalman::Track`]s per light).
+/// [`kalman::PathFilter`]s per light).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
@@ -72,6 +72,33 @@ impl Sizes {
 }
 
 /// The sampler. `C` and `R` are the memory of [`Inversion`], `F` the filter; `A` holds two numbers per light, `L` one [`Light`].
+///
+/// # Examples
+/// ```
+/// use hemilux_core::polar::{Grid, LatLongView};
+/// use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
+/// use hemilux_core::sampler::hemigon::inversion::{Inversion, Ring};
+/// use hemilux_core::sampler::hemigon::kalman::{Gated, Parameters, PathFilter};
+/// use hemilux_core::sampler::hemigon::{Hemigon, Sizes};
+/// use hemilux_core::{Domain, Light, Map, Order, Request, Sampler};
+///
+/// let grid = Grid { width: 16, height: 4, domain: Domain::Hemisphere };
+/// let sizes = Sizes::new(&grid, 8);
+/// let inversion = Inversion::try_new(&grid, vec![0.0; sizes.texels], vec![Ring::default(); sizes.rings])?;
+/// let filter = Gated::try_new(Parameters::LIGHTS, sizes.lights, vec![PathFilter::default(); sizes.lives])?;
+/// let lights = vec![Light::default(); sizes.lights];
+/// let mut sampler = Hemigon::try_new(inversion, filter, vec![0; sizes.lives], lights)?;
+///
+/// let texels: Vec<_> = (0..grid.len()).map(|i| [grid.solid_angle(i / 16) as f32; 3]).collect();
+/// let quads = vec![Quad::default(); pyramid_len(Domain::Hemisphere, Order::saturating(0))];
+/// let pyramid = Pyramid::try_new(quads, Domain::Hemisphere, Order::saturating(0))?;
+/// let map = Map { pyramid: pyramid.view(), polar: LatLongView { grid, texels: &texels } };
+/// let made = sampler.update(&map, &Request::of_lights(8));
+/// // A uniform hemisphere of radiance 1 has a scalar flux of 2 pi.
+/// let flux: f32 = made.lights.iter().map(|light| light.irradiance[0]).sum();
+/// assert!((flux - core::f32::consts::TAU).abs() < 1e-4);
+/// # Ok::<(), hemilux_core::TooSmall>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Hemigon<C, R, F, A, L> {
     inversion: Inversion<C, R>,
@@ -129,8 +156,10 @@ where
                 *life = 0;
                 continue;
             };
-            let seen =
-                Seen { direction: place.direction.as_vec3(), colour: colour_of(map.texels[place.texel]) };
+            let seen = PathPoint {
+                direction: place.direction.as_vec3(),
+                colour: colour_of(map.texels[place.texel]),
+            };
             let is = self.filter.follow(slot, *life == 0, seen);
             // The light's share of the sphere, 1 / (n pdf), as a cap.
             let cap = 1.0 / (points as f64 * place.pdf_sa);
