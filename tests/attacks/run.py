@@ -80,19 +80,21 @@ def request(path, extra=""):
 
 def answer(sock, rest=b""):
     """Status, body and what was read too much."""
-    while b"\r\n\r\n" not in rest:
-        more = sock.recv(1 << 16)
-        if not more:
-            raise ConnectionError("closed")
-        rest += more
-    head, rest = rest.split(b"\r\n\r\n", 1)
+    data = bytearray(rest)
+    while (end := data.find(b"\r\n\r\n")) < 0:
+        receive(sock, data)
+    head, start = bytes(data[:end]), end + 4
     length = int(re.search(rb"content-length: (\d+)", head.lower()).group(1))
-    while len(rest) < length:
-        more = sock.recv(1 << 20)
-        if not more:
-            raise ConnectionError("closed")
-        rest += more
-    return int(head.split(b" ")[1]), rest[:length], rest[length:]
+    while len(data) < start + length:
+        receive(sock, data)
+    return int(head.split(b" ")[1]), bytes(data[start:start + length]), bytes(data[start + length:])
+
+
+def receive(sock, data):
+    more = sock.recv(1 << 20)
+    if not more:
+        raise ConnectionError("closed")
+    data += more
 
 
 def good(port, path, seconds, address, result):
@@ -105,7 +107,7 @@ def good(port, path, seconds, address, result):
         status, body, rest = answer(sock, rest)
         now = time.monotonic()
         match = re.search(rb'"frame":(\d+)', body[:400])
-        frame = int(match.group(1)) if match else int.from_bytes(body[16:24], "little")
+        frame = int(match.group(1)) if match else int.from_bytes(body[8:16], "little")
         if last is not None:
             missed += max(0, frame - last - 1)
             longest = max(longest, now - before)
@@ -160,6 +162,16 @@ def flooded(args, name, lights, paths, clients, path="/lights.json"):
     process.terminate()
     process.join()
     report(name, program, found)
+
+
+def alone(args):
+    """The good client without an attack: what the machine gives at the time."""
+    for lights, path in ((64, "/lights.json"), (2000, "/lights.json"), (20000, "/lights.json"), (50000, "/v1/lights?format=binary")):
+        program = Program(args.program, lights)
+        watched, result = beside(program, args.seconds, path)
+        found = result.get(timeout=args.seconds + 30)
+        watched.join()
+        report(f"alone, {lights} lights", program, found)
 
 
 def distinct_lights(args):
@@ -304,7 +316,7 @@ def guesses(args):
     os.remove(token)
 
 
-ATTACKS = {f.__name__: f for f in (distinct_lights, large_sets, pictures, slow_reader, never_read, slow_answers, stalled_heads, guesses)}
+ATTACKS = {f.__name__: f for f in (alone, distinct_lights, large_sets, pictures, slow_reader, never_read, slow_answers, stalled_heads, guesses)}
 
 
 def main():

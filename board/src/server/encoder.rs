@@ -2,13 +2,14 @@
 //! kind has had the least time goes first: cheap answers keep their rate, costly ones come more slowly.
 
 use rustix::process::{getpriority_process, setpriority_process};
+use rustix::time::{ClockId, clock_gettime};
 use std::collections::HashMap;
 use std::hash::Hash;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
 
-/// Time of a job above which the thread rests as long as the job took.
+/// Processor time of a job above which the thread rests as long as the job took.
 const LONG: Duration = Duration::from_millis(1);
 
 /// Time in which half of what a kind has had is forgotten.
@@ -31,7 +32,7 @@ struct Queue<K> {
 
 struct State<K> {
     jobs: Vec<Job<K>>,
-    /// Time that each kind has had, and when that was noted.
+    /// Processor time that each kind has had, and when that was noted.
     spent: HashMap<K, (Duration, Instant)>,
 }
 
@@ -111,6 +112,13 @@ fn nice_thread(by: i32) -> rustix::io::Result<()> {
     setpriority_process(None, getpriority_process(None)? + by)
 }
 
+/// Time of a processor that the calling thread has had.
+fn processor_time() -> Duration {
+    let time = clock_gettime(ClockId::ThreadCPUTime);
+    let (seconds, nanoseconds) = (u64::try_from(time.tv_sec), u32::try_from(time.tv_nsec));
+    Duration::new(seconds.unwrap_or(0), nanoseconds.unwrap_or(0))
+}
+
 /// Does jobs until the encoder is dropped.
 fn run<K: Copy + Eq + Hash>(queue: &Weak<Queue<K>>, nice: i32) {
     let _ = nice_thread(nice);
@@ -122,10 +130,10 @@ fn run<K: Copy + Eq + Hash>(queue: &Weak<Queue<K>>, nice: i32) {
             continue;
         };
         drop(state);
-        let began = Instant::now();
+        let began = processor_time();
         // The waiting request learns of a panic by its channel.
         let _ = std::panic::catch_unwind(std::panic::AssertUnwindSafe(work));
-        let took = began.elapsed();
+        let took = processor_time().saturating_sub(began);
         queue.lock().note(kind, took, Instant::now());
         if took > LONG {
             std::thread::sleep(took);

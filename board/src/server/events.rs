@@ -2,7 +2,7 @@
 //! delays no other client; the next set that it gets is the newest.
 
 use super::access;
-use super::connection::{ConnectionGuard, stopped};
+use super::connection::{ConnectionGuard, Enlarged, stopped};
 use super::lights::{Format, LONGEST_WAIT, event_id, since_ready};
 use super::origin::{Cause, Sender};
 use super::query::{Variant, Wanted, wanted};
@@ -53,6 +53,8 @@ struct Feed {
     is_first: bool,
     /// Length of the last set, bytes.
     length: usize,
+    /// Held while sets are so long that they need a large send buffer.
+    enlarged: Option<Enlarged>,
     sent: Instant,
 }
 
@@ -74,7 +76,17 @@ impl Feed {
     ) -> Self {
         context.counts.streams.fetch_add(1, Relaxed);
         let latest = context.link.subscribe();
-        Self { context, variant, latest, connection, has, is_first: true, length: 0, sent: Instant::now() }
+        Self {
+            context,
+            variant,
+            latest,
+            connection,
+            has,
+            is_first: true,
+            length: 0,
+            enlarged: None,
+            sent: Instant::now(),
+        }
     }
 
     /// The next set's bytes: at once if the client does not have the newest, else with the next frame for which the client has taken
@@ -100,6 +112,10 @@ impl Feed {
             self.context.counts.delivered(since_ready(&ready.set));
         }
         (self.length, self.sent) = (ready.bytes.len(), Instant::now());
+        if self.enlarged.is_none() {
+            let length = self.length as u64;
+            self.enlarged = self.connection.as_ref().and_then(|c| c.queues.enlarge(length));
+        }
         Next::Set(ready.bytes)
     }
 

@@ -3,7 +3,7 @@
 use super::activity::{Activity, Answering};
 use super::limiter::{ClientKey, ConnectionLimiter, Permit};
 use super::stream::ClientStream;
-use super::tcp::{self, Queues};
+use super::tcp::{self, Enlarged, Queues};
 use super::{Limits, stopped};
 use crate::server::App;
 use crate::server::counts::Counts;
@@ -25,13 +25,16 @@ use std::net::{IpAddr, SocketAddr};
 use std::pin::Pin;
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
-use std::task::{Context, Poll};
+use std::task::{Context, Poll, ready};
 use std::time::Duration;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::watch;
 
 /// Bytes of a request's head; browsers send about one kilobyte.
 const HEAD_BYTES: usize = 16 << 10;
+
+/// Length of the pieces of an answer, bytes.
+const PIECE_BYTES: usize = 64 << 10;
 
 /// Pause after `accept` has failed, for example for lack of file descriptors.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
@@ -128,10 +131,13 @@ impl Drop for ConnectionGuard {
     }
 }
 
-/// The body of an answer; its connection counts as answering until it is sent.
+/// The body of an answer in pieces of [`PIECE_BYTES`]: its connection counts as answering until the last one is being sent.
 struct AnswerBody {
     body: Body,
+    /// What is left of the last piece.
+    rest: Bytes,
     _answering: Answering,
+    _enlarged: Option<Enlarged>,
 }
 
 impl HttpBody for AnswerBody {
@@ -142,15 +148,32 @@ impl HttpBody for AnswerBody {
         mut self: Pin<&mut Self>,
         cx: &mut Context<'_>,
     ) -> Poll<Option<Result<Frame<Bytes>, Self::Error>>> {
-        Pin::new(&mut self.body).poll_frame(cx)
+        if self.rest.is_empty() {
+            let frame = match ready!(Pin::new(&mut self.body).poll_frame(cx)) {
+                Some(Ok(frame)) => frame,
+                end => return Poll::Ready(end),
+            };
+            match frame.into_data() {
+                Ok(data) => self.rest = data,
+                Err(other) => return Poll::Ready(Some(Ok(other))),
+            }
+        }
+        let length = self.rest.len().min(PIECE_BYTES);
+        Poll::Ready(Some(Ok(Frame::data(self.rest.split_to(length)))))
     }
 
     fn is_end_stream(&self) -> bool {
-        self.body.is_end_stream()
+        self.rest.is_empty() && self.body.is_end_stream()
     }
 
     fn size_hint(&self) -> SizeHint {
-        self.body.size_hint()
+        let (inner, rest) = (self.body.size_hint(), self.rest.len() as u64);
+        let mut hint = SizeHint::new();
+        hint.set_lower(inner.lower() + rest);
+        if let Some(upper) = inner.upper() {
+            hint.set_upper(upper + rest);
+        }
+        hint
     }
 }
 
@@ -168,13 +191,17 @@ async fn serve_connection(
         let is_last = guard.activity().requests() >= limits.requests;
         let mut request = request.map(Body::new);
         request.extensions_mut().insert(Arc::clone(&guard));
-        let answer = service.call(request);
+        let (answer, theirs) = (service.call(request), Arc::clone(&guard));
         async move {
             let mut response: Response = answer.await?;
             if is_last {
                 response.headers_mut().insert(CONNECTION, HeaderValue::from_static("close"));
             }
-            Ok::<_, Infallible>(response.map(|body| AnswerBody { body, _answering: answering }))
+            let length = response.body().size_hint().exact().unwrap_or(0);
+            let enlarged = theirs.queues.enlarge(length);
+            let wrap =
+                |body| AnswerBody { body, rest: Bytes::new(), _answering: answering, _enlarged: enlarged };
+            Ok::<_, Infallible>(response.map(wrap))
         }
     });
     let stream = ClientStream::new(stream, limits.stall, Arc::clone(guard.activity()));

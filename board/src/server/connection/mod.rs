@@ -8,6 +8,7 @@ mod tcp;
 
 pub(super) use acceptor::ConnectionGuard;
 pub(super) use limiter::{ClientKey, ConnectionLimiter};
+pub(super) use tcp::Enlarged;
 
 use super::App;
 use acceptor::Acceptor;

@@ -3,7 +3,7 @@
 use socket2::SockRef;
 use std::io;
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd};
-use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering::Relaxed};
 use std::sync::{Arc, Weak};
 use std::time::Duration;
 use tokio::net::TcpStream;
@@ -11,14 +11,31 @@ use tokio::net::TcpStream;
 /// Size of a send buffer, bytes. Linux doubles it and counts its own overhead: about 32 KB of data fit.
 const SEND_BYTES: usize = 32 << 10;
 
+/// Size of the send buffer of a connection with a large answer, bytes: through a small one it would go in many small steps.
+const LARGE_SEND_BYTES: usize = 192 << 10;
+
+/// Length of an answer above which it is large, bytes.
+const LARGE_BYTES: u64 = 48 << 10;
+
+/// Largest number of connections with large send buffers.
+const LARGE_BUFFERS: usize = 32;
+
+/// Number of connections with large send buffers.
+static LARGE: AtomicUsize = AtomicUsize::new(0);
+
 /// Size of a receive buffer, bytes: requests are at most 16 KB of head and 16 KB of body.
 const RECEIVE_BYTES: usize = 16 << 10;
+
+/// Largest segment, bytes. The loopback interface has segments of 64 KB, of which a small buffer holds less than the two after which a
+/// receiver acknowledges at once: it would wait 40 ms for each.
+const SEGMENT_BYTES: u32 = 8 << 10;
 
 /// Sets the sizes of the buffers of the sockets that `listener` accepts.
 pub(super) fn prepare_listener(listener: &impl AsFd) -> io::Result<()> {
     let listener = SockRef::from(listener);
     listener.set_send_buffer_size(SEND_BYTES)?;
-    listener.set_recv_buffer_size(RECEIVE_BYTES)
+    listener.set_recv_buffer_size(RECEIVE_BYTES)?;
+    listener.set_tcp_mss(SEGMENT_BYTES)
 }
 
 /// Sends without delay, and lets the kernel give up on a peer that acknowledges nothing for `stall`, also after the program has
@@ -47,6 +64,17 @@ impl Queues {
         Self { stream: Arc::downgrade(stream), widest: AtomicU32::new(0) }
     }
 
+    /// Enlarges the send buffer for an answer of `length` bytes until the value is dropped, where it is large and not too many are.
+    pub(in crate::server) fn enlarge(&self, length: u64) -> Option<Enlarged> {
+        let stream = (length > LARGE_BYTES).then(|| self.stream.upgrade())??;
+        let enlarged = Enlarged(Weak::clone(&self.stream));
+        if LARGE.fetch_add(1, Relaxed) >= LARGE_BUFFERS {
+            return None;
+        }
+        SockRef::from(&*stream).set_send_buffer_size(LARGE_SEND_BYTES).ok()?;
+        Some(enlarged)
+    }
+
     /// Whether the client lags behind: data is unsent, more than `allowed` bytes are unacknowledged, or more than half of the
     /// client's receive window is full.
     pub(in crate::server) fn is_backlogged(&self, allowed: usize) -> bool {
@@ -58,6 +86,19 @@ impl Queues {
         info.tcpi_notsent_bytes > 0
             || in_flight > (allowed as u64).max(2 * u64::from(info.tcpi_snd_mss))
             || info.tcpi_snd_wnd < widest / 2
+    }
+}
+
+/// A connection with a large send buffer.
+#[derive(Debug)]
+pub(in crate::server) struct Enlarged(Weak<TcpStream>);
+
+impl Drop for Enlarged {
+    fn drop(&mut self) {
+        LARGE.fetch_sub(1, Relaxed);
+        if let Some(stream) = self.0.upgrade() {
+            let _ = SockRef::from(&*stream).set_send_buffer_size(SEND_BYTES);
+        }
     }
 }
 
