@@ -14,6 +14,9 @@ use serde::Serialize;
 use std::fmt::Write;
 use std::time::Duration;
 
+/// Most broken frames beyond the number of complete ones.
+const MOST_BROKEN: u64 = 100;
+
 #[derive(Clone, Debug, Args)]
 pub(super) struct Devices {
     /// Write JSON.
@@ -78,6 +81,8 @@ struct Report {
     agreed: Vec<(&'static str, String, String)>,
     /// Seconds.
     exposures: Vec<f64>,
+    /// Indices of those that were measured, because they are not the control's.
+    measured: Vec<usize>,
     /// Of the control that makes them.
     values: Vec<i64>,
     delay: Option<u32>,
@@ -85,7 +90,10 @@ struct Report {
     delivered: u64,
     lost: u64,
     broken: u64,
+    broken_kinds: String,
     late: u64,
+    failed_writes: u64,
+    unstamped: u64,
     mismatches: u64,
     resyncs: u64,
     frames: Vec<Seen>,
@@ -110,6 +118,13 @@ fn check(spec: &CameraSpec, options: &Devices) -> Result<(), Failure> {
     let mut camera = Camera::open(&mut RealKernel, &wished).map_err(Failure::new)?;
     let (mut frame, mut codes, mut frames) = (RawFrame::default(), Vec::new(), Vec::new());
     while frames.len() < options.frames as usize {
+        let broken = camera.counters().broken;
+        if broken.total() > MOST_BROKEN + frames.len() as u64 {
+            let path = camera.path().display();
+            return Err(Failure::new(format!(
+                "{path}: found broken frames ({broken}), expected complete ones"
+            )));
+        }
         if camera.next(&mut RealKernel, Duration::from_millis(500), &mut frame).map_err(Failure::new)? {
             luma::sample(&camera.picture().layout, &frame.bytes, &mut codes);
             let (taken, level) = (frame.taken, luma::mean(&codes));
@@ -129,7 +144,8 @@ fn check(spec: &CameraSpec, options: &Devices) -> Result<(), Failure> {
 }
 
 fn report(camera: &Camera, frames: Vec<Seen>) -> Report {
-    let Counters { frames: delivered, lost, broken, late, mismatches, resyncs } = camera.counters();
+    let Counters { frames: delivered, lost, broken, late, failed_writes, unstamped, mismatches, resyncs } =
+        camera.counters();
     let span = frames
         .last()
         .zip(frames.first())
@@ -137,14 +153,18 @@ fn report(camera: &Camera, frames: Vec<Seen>) -> Report {
     let rate_hz = span.filter(|(_, ns)| *ns > 0).map_or(0.0, |(n, ns)| f64::from(n) / (ns as f64 / 1e9));
     Report {
         agreed: camera.agreed().iter().map(|a| (a.what, a.asked.clone(), a.got.clone())).collect(),
-        exposures: camera.settings().iter().map(|s| s.seconds).collect(),
+        exposures: camera.seconds(),
+        measured: camera.measured(),
         values: camera.settings().iter().map(|s| s.value).collect(),
         delay: camera.delay(),
         rate_hz,
         delivered,
         lost,
-        broken,
+        broken: broken.total(),
+        broken_kinds: broken.to_string(),
         late,
+        failed_writes,
+        unstamped,
         mismatches,
         resyncs,
         frames,
@@ -162,17 +182,27 @@ fn summary(report: &Report) -> String {
     let _ = writeln!(text, "{:<10} {delay}", "delay");
     let _ = writeln!(
         text,
-        "{:<10} {:.2} Hz measured, {} frames, {} lost, {} broken",
-        "frames", report.rate_hz, report.delivered, report.lost, report.broken
+        "{:<10} {:.2} Hz measured, {} frames, {} lost, broken: {}, {} stamped by another clock",
+        "frames", report.rate_hz, report.delivered, report.lost, report.broken_kinds, report.unstamped
     );
     let count = |known: Known| report.frames.iter().filter(|f| f.known == known.name()).count();
-    let all =
-        [Known::Verified, Known::Predicted, Known::Unknown].map(|k| format!("{} {}", count(k), k.name()));
+    let all = [Known::Verified, Known::Measured, Known::Predicted, Known::Unknown]
+        .map(|k| format!("{} {}", count(k), k.name()));
     let _ = writeln!(text, "{:<10} {}", "exposures", all.join(", "));
+    for slot in &report.measured {
+        let seconds = report.exposures.get(*slot).copied().unwrap_or_default();
+        let _ = writeln!(
+            text,
+            "{:<10} exposure {} is {:.2} ms by brightness",
+            "measured",
+            slot + 1,
+            seconds * 1e3
+        );
+    }
     let _ = writeln!(
         text,
-        "{:<10} {} writes left out as late, {} mismatches, {} resynchronisations",
-        "schedule", report.late, report.mismatches, report.resyncs
+        "{:<10} {} writes left out as late, {} refused, {} mismatches, {} resynchronisations",
+        "schedule", report.late, report.failed_writes, report.mismatches, report.resyncs
     );
     text
 }

@@ -76,9 +76,10 @@ fn record(mut source: CameraSource, bursts: usize, out: &Path) -> Result<String,
     write_list(out, &list)?;
     let (Counters { lost, broken, mismatches, .. }, reopened) = source.counters();
     Ok(format!(
-        "hemilux: {} bursts in {} ({lost} frames lost, {broken} broken, {mismatches} mismatches, camera reopened {reopened} times)\n",
+        "hemilux: {} bursts in {} ({lost} frames lost, {} broken, {mismatches} mismatches, camera reopened {reopened} times)\n",
         list.len(),
         out.display(),
+        broken.total(),
     ))
 }
 

@@ -1,11 +1,18 @@
-//! When frames are due: how much time is left before the next one begins.
+//! The grid on which frames arrive: how much time is left before the next one begins.
 //!
-//! A frame that comes late, because the driver or the board was busy, is followed by one in time: what counts is not when the newest frame came, but
-//! when it should have.
+//! A frame that comes late, because the driver or the board was busy, is followed by one in time: the grid is that of the times at which frames
+//! were due. Drivers' timestamps refine it only while they advance with the arrivals on CLOCK_MONOTONIC; stamps of another clock, constant
+//! or jumping ones are replaced by the arrival.
 
 /// Part of a period by which frames are allowed to drift against the grid from one to the next, so that it follows a clock that goes
 /// otherwise than ours. Less would call a slower camera late, more would forget a late frame too soon.
 const DRIFT: f64 = 0.02;
+
+/// Largest age of a timestamp on arrival, periods: the exposure, the transfer and a full queue.
+const OLDEST: f64 = 8.0;
+
+/// Frames after which the least age is that of the newest ones alone, so that a jump of the stamps is forgotten.
+const WINDOW: u32 = 16;
 
 /// Weight of the newest interval in the measured period: about the last sixteen count.
 const SMOOTHING: f64 = 1.0 / 16.0;
@@ -14,8 +21,14 @@ const SMOOTHING: f64 = 1.0 / 16.0;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Arrivals {
     period_ns: f64,
-    /// Least time from a frame's timestamp to its arrival, lately.
+    /// Least time from a frame's timestamp to its arrival, in this window of frames and the one before.
     age_ns: u64,
+    window_age_ns: u64,
+    window: u32,
+    /// The newest timestamp of the driver, and whether it is used.
+    stamped_ns: u64,
+    /// Time of the newest frame on CLOCK_MONOTONIC.
+    time_ns: u64,
     /// Number of the newest frame and when it came.
     newest: Option<u32>,
     arrived_ns: u64,
@@ -29,15 +42,27 @@ impl Arrivals {
         Self {
             period_ns: period_s * 1e9,
             age_ns: u64::MAX,
+            window_age_ns: u64::MAX,
+            window: 0,
+            stamped_ns: 0,
+            time_ns: now_ns,
             newest: None,
             arrived_ns: now_ns,
             due_ns: now_ns as f64,
         }
     }
 
-    /// Notes frame `sequence`, fetched at `now_ns`, with the driver's timestamp.
-    pub fn note(&mut self, sequence: u32, stamped_ns: u64, now_ns: u64) {
-        let arrived_ns = self.arrival(stamped_ns, now_ns);
+    /// Notes frame `sequence`, fetched at `now_ns`, with the driver's timestamp; true if that timestamp is used.
+    pub fn note(&mut self, sequence: u32, stamped_ns: u64, now_ns: u64) -> bool {
+        let good = self.is_good(stamped_ns, now_ns);
+        self.stamped_ns = stamped_ns;
+        self.time_ns = if good { stamped_ns } else { now_ns };
+        let arrived_ns = if good { self.arrival(stamped_ns, now_ns) } else { now_ns };
+        self.advance(sequence, arrived_ns);
+        good
+    }
+
+    fn advance(&mut self, sequence: u32, arrived_ns: u64) {
         let steps = self.newest.replace(sequence).map(|before| f64::from(sequence.wrapping_sub(before)));
         let Some(steps) = steps.filter(|s| *s >= 1.0) else {
             (self.arrived_ns, self.due_ns) = (arrived_ns, arrived_ns as f64);
@@ -56,14 +81,27 @@ impl Arrivals {
         self.arrived_ns = arrived_ns;
     }
 
-    /// A frame that waited in the queue arrived earlier than now: when, its timestamp tells by the least age seen.
+    /// Whether a timestamp is of CLOCK_MONOTONIC: not constant, not of the future, and no older than a full queue.
+    fn is_good(&self, stamped_ns: u64, now_ns: u64) -> bool {
+        let age = now_ns.saturating_sub(stamped_ns) as f64;
+        stamped_ns > self.stamped_ns && stamped_ns <= now_ns && age <= OLDEST * self.period_ns
+    }
+
+    /// When a frame that may have waited in the queue arrived: its timestamp and the least age seen lately.
     fn arrival(&mut self, stamped_ns: u64, now_ns: u64) -> u64 {
         let age = now_ns.saturating_sub(stamped_ns);
-        if stamped_ns == 0 || stamped_ns > now_ns || age as f64 > 20.0 * self.period_ns {
-            return now_ns;
+        self.window += 1;
+        self.window_age_ns = self.window_age_ns.min(age);
+        self.age_ns = self.age_ns.min(age);
+        if self.window >= WINDOW {
+            (self.age_ns, self.window_age_ns, self.window) = (self.window_age_ns, u64::MAX, 0);
         }
-        self.age_ns = self.age_ns.saturating_add((self.period_ns / 1000.0) as u64).min(age);
         stamped_ns.saturating_add(self.age_ns).min(now_ns)
+    }
+
+    /// CLOCK_MONOTONIC of the newest frame: the driver's timestamp, or its arrival.
+    pub fn time_ns(&self) -> u64 {
+        self.time_ns
     }
 
     /// When the newest frame came.
@@ -110,8 +148,32 @@ mod tests {
     #[test]
     fn frames_that_waited_count_from_when_they_came() {
         let mut a = Arrivals::new(0.04, 0);
-        (1..10u64).for_each(|n| a.note(n as u32, n * 40 * MS, n * 40 * MS + 5 * MS));
+        for n in 1..10u64 {
+            a.note(n as u32, n * 40 * MS, n * 40 * MS + 5 * MS);
+        }
         a.note(10, 400 * MS, 435 * MS);
         assert!(a.lateness(435 * MS) > 0.7, "{}", a.lateness(435 * MS));
+    }
+
+    /// Stamps of the wall clock, of a constant, of half the speed and jumping by seconds: each frame's time is within its queue of now.
+    #[test]
+    fn timestamps_of_another_clock_are_replaced_by_arrivals() {
+        let stamps: [fn(u64) -> u64; 5] = [
+            |n| 1_700_000_000_000 * MS + n * 40 * MS,
+            |_| 1000 * MS,
+            |n| n * 20 * MS,
+            |n| (n * 40 + 3000 * (n / 7 % 2)) * MS,
+            |n| (n * 40).saturating_sub(3000 * (n / 7 % 2)) * MS,
+        ];
+        for (which, stamp) in stamps.into_iter().enumerate() {
+            let mut a = Arrivals::new(0.04, 1000 * MS);
+            for n in 25..500u64 {
+                let now = n * 40 * MS + 5 * MS;
+                a.note(n as u32, stamp(n), now);
+                let age_ms = now.abs_diff(a.time_ns()) / MS;
+                assert!(a.time_ns() <= now && age_ms <= 320, "clock {which}, frame {n}: {age_ms} ms");
+                assert!(n < 40 || a.lateness(now) < 0.9, "clock {which}, frame {n}: {}", a.lateness(now));
+            }
+        }
     }
 }

@@ -24,6 +24,10 @@ pub(super) const SILENCE: (Duration, f64) = (Duration::from_secs(1), 5.0);
 /// Delay that is believed where none is known and none can be found out: that of most sensors.
 const USUAL_DELAY: u32 = 2;
 
+/// Most writes of the exposure in a row that the driver may refuse before the camera is opened anew, and tries of the first one.
+const MOST_REFUSED: u32 = 30;
+const FIRST_TRIES: u32 = 4;
+
 /// Most frames in a row whose numbers do not rise before the camera is opened anew.
 const MOST_REPEATS: u32 = 30;
 
@@ -44,6 +48,16 @@ pub struct Camera {
     /// Frames in a row whose numbers do not rise.
     repeats: u32,
     arrivals: Arrivals,
+    /// Writes in a row that the driver refused.
+    refused: u32,
+}
+
+/// A buffer that the driver has filled.
+#[derive(Debug)]
+pub(super) struct Filled {
+    pub buffer: abi::Buffer,
+    /// Whether the frame is complete.
+    pub good: bool,
 }
 
 impl Camera {
@@ -70,6 +84,7 @@ impl Camera {
             last: None,
             repeats: 0,
             arrivals: Arrivals::new(setup.period_s, kernel.now_ns()),
+            refused: 0,
             setup,
         };
         camera.start(kernel)?;
@@ -96,6 +111,27 @@ impl Camera {
     #[must_use]
     pub fn settings(&self) -> &[Setting] {
         &self.setup.settings
+    }
+
+    /// The exposures in seconds, ascending: measured where brightness ratios contradict the control, else as the control says.
+    #[must_use]
+    pub fn seconds(&self) -> Vec<f64> {
+        let measured = |slot| self.verifier.as_ref().and_then(|v| v.measured().seconds(slot));
+        let settings = self.setup.settings.iter().enumerate();
+        settings.map(|(slot, s)| measured(slot).unwrap_or(s.seconds)).collect()
+    }
+
+    /// Exposures whose measured time differs from the control's by more than 10 %, as indices into [`Self::settings`].
+    #[must_use]
+    pub fn measured(&self) -> Vec<usize> {
+        let deviates = |slot: &usize| self.verifier.as_ref().is_some_and(|v| v.measured().deviates(*slot));
+        (0..self.setup.settings.len()).filter(deviates).collect()
+    }
+
+    /// Times that measured exposures were taken over since the camera was opened.
+    #[must_use]
+    pub fn exposure_changes(&self) -> u64 {
+        self.verifier.as_ref().map_or(0, |v| v.measured().changes())
     }
 
     /// Relative code of darkness, where the sensor is known; 0 otherwise.
@@ -139,32 +175,28 @@ impl Camera {
         timeout: Duration,
         frame: &mut RawFrame,
     ) -> Result<bool, CameraError> {
-        let Some(buffer) = self.dequeue(kernel, timeout)? else { return Ok(false) };
-        if buffer.flags & abi::BUFFER_ERROR == 0 {
-            self.write_due(kernel, buffer.sequence)?;
+        let Some(filled) = self.dequeue(kernel, timeout)? else { return Ok(false) };
+        if filled.good {
+            self.write_due(kernel, filled.buffer.sequence)?;
         }
-        self.finish(&buffer, frame)
+        self.finish(&filled, frame)
     }
 
     /// Looks at a frame, copies it if it is whole, and gives its buffer back.
-    fn finish(&mut self, buffer: &abi::Buffer, frame: &mut RawFrame) -> Result<bool, CameraError> {
-        let whole = self.setup.picture.layout.frame_bytes();
-        let bytes = self.setup.video.bytes(buffer.index);
-        let broken = buffer.flags & abi::BUFFER_ERROR != 0;
-        let bytes = bytes.get(..whole).filter(|_| !broken && buffer.bytes_used as usize >= whole);
+    fn finish(&mut self, filled: &Filled, frame: &mut RawFrame) -> Result<bool, CameraError> {
+        let (buffer, layout) = (&filled.buffer, &self.setup.picture.layout);
+        let bytes = self.setup.video.bytes(buffer.index).get(..layout.frame_bytes());
+        let bytes = bytes.filter(|_| filled.good);
         let good = bytes.is_some();
-        match bytes {
-            Some(bytes) => {
-                luma::sample(&self.setup.picture.layout, bytes, &mut self.codes);
-                frame.bytes.clear();
-                frame.bytes.extend_from_slice(bytes);
-                self.counters.frames += 1;
-            }
-            None => self.counters.broken += 1,
+        if let Some(bytes) = bytes {
+            luma::sample(layout, bytes, &mut self.codes);
+            frame.bytes.clear();
+            frame.bytes.extend_from_slice(bytes);
+            self.counters.frames += 1;
         }
         self.queue(buffer.index)?;
         if good {
-            let timestamp_ns = stamped_ns(buffer);
+            let timestamp_ns = self.arrivals.time_ns();
             let (slot, known) = self.identify(buffer.sequence);
             frame.taken = Taken { sequence: buffer.sequence, timestamp_ns, slot, known };
         }
@@ -181,7 +213,8 @@ impl Camera {
         let Some(verifier) = &mut self.verifier else { return (slot, guess) };
         match verifier.compare(sequence, &mut self.codes, &self.schedule) {
             Verdict::Agrees => (slot, Known::Verified),
-            Verdict::CannotTell => (slot, guess),
+            Verdict::Measured => (slot, Known::Measured),
+            Verdict::CannotTell | Verdict::Near => (slot, guess),
             Verdict::Differs => {
                 self.counters.mismatches += 1;
                 if let Some(delay) = verifier.better_delay(&self.schedule) {
@@ -220,12 +253,28 @@ impl Camera {
         let Setup { video, sensor, knob, settings, .. } = &mut self.setup;
         let (Some(knob), Some(setting)) = (knob, settings.get(slot)) else { return Ok(()) };
         let node: &mut dyn Node = sensor.as_deref_mut().unwrap_or(video.as_mut());
-        setup::write(node, &knob.info, setting).map_err(|e| {
-            failed(&self.path, "writing the exposure", e, "a control that can be set while streaming")
-        })?;
+        if let Err(errno) = setup::write(node, &knob.info, setting) {
+            return self.refuse(errno, sequence);
+        }
+        self.refused = 0;
         let late = self.lateness(kernel);
         let doubt = if late <= IN_TIME { 0 } else { late.ceil().min(f64::from(MAX_DELAY)) as u32 };
         self.schedule.wrote(sequence, slot, doubt);
+        Ok(())
+    }
+
+    /// The driver refused a write: one or a few cost a frame each, more of them the camera.
+    fn refuse(&mut self, errno: Errno, sequence: u32) -> Result<(), CameraError> {
+        self.refused += 1;
+        self.counters.failed_writes += 1;
+        if errno == Errno::NODEV {
+            return Err(CameraError::Gone(self.path.clone()));
+        }
+        if self.refused > MOST_REFUSED {
+            let expected = "a control that can be set while streaming";
+            return Err(failed(&self.path, "writing the exposure", errno, expected));
+        }
+        self.schedule.failed(sequence);
         Ok(())
     }
 
@@ -234,57 +283,62 @@ impl Camera {
         &mut self,
         kernel: &mut dyn Kernel,
         timeout: Duration,
-    ) -> Result<Option<abi::Buffer>, CameraError> {
+    ) -> Result<Option<Filled>, CameraError> {
         let ready = persist(|| self.setup.video.wait(timeout));
         let Ready { frame, event, gone } = ready.map_err(|e| failed(&self.path, "poll", e, "frames"))?;
         if event {
             self.look_at_event()?;
         }
         if !frame {
-            return if gone { Err(CameraError::Gone(self.path.clone())) } else { self.silence(kernel) };
+            return if gone {
+                Err(CameraError::Gone(self.path.clone()))
+            } else {
+                self.silence(kernel).map(|()| None)
+            };
         }
         let mut buffer = abi::Buffer::default();
         match persist(|| self.setup.video.call(Call::Dequeue(&mut buffer))) {
             Ok(()) => {}
-            Err(Errno::AGAIN) => return self.silence(kernel),
+            Err(Errno::AGAIN) => return self.silence(kernel).map(|()| None),
             Err(e) => return Err(failed(&self.path, "DQBUF", e, "a frame")),
         }
-        self.count(kernel, &mut buffer)?;
-        Ok(Some(buffer))
+        let repeated = !self.count(kernel, &buffer)?;
+        let whole = self.setup.picture.layout.frame_bytes();
+        let good = self.counters.broken.check(&buffer, repeated, whole);
+        Ok(Some(Filled { buffer, good }))
     }
 
-    /// A number that does not rise says nothing of the frame: busy drivers repeat one now and then, and the frame is left out.
-    fn repeat(&mut self, buffer: &mut abi::Buffer, last: u32) -> Result<(), CameraError> {
-        buffer.flags |= abi::BUFFER_ERROR;
+    /// Busy drivers repeat a number now and then: the frame is dropped, since its exposure is unknown.
+    fn repeat(&mut self, sequence: u32, last: u32) -> Result<bool, CameraError> {
         self.repeats += 1;
         if self.repeats <= MOST_REPEATS {
-            return Ok(());
+            return Ok(false);
         }
-        let found = format!("frame {} after frame {last}, again and again", buffer.sequence);
+        let found = format!("frame {sequence} after frame {last}, {MOST_REPEATS} times in a row");
         Err(CameraError::Unfit { path: self.path.clone(), found, expected: "rising numbers".into() })
     }
 
-    /// Keeps the books of what came when.
-    fn count(&mut self, kernel: &dyn Kernel, buffer: &mut abi::Buffer) -> Result<(), CameraError> {
+    /// Notes a frame's number and arrival; false if the number does not rise.
+    fn count(&mut self, kernel: &dyn Kernel, buffer: &abi::Buffer) -> Result<bool, CameraError> {
         if let Some(last) = self.last {
             if !is_after(buffer.sequence, last) {
-                return self.repeat(buffer, last);
+                return self.repeat(buffer.sequence, last);
             }
             self.repeats = 0;
             self.counters.lost += u64::from(buffer.sequence.wrapping_sub(last) - 1);
         }
         self.last = Some(buffer.sequence);
-        let stamped_ns = stamped_ns(buffer);
-        self.arrivals.note(buffer.sequence, stamped_ns, kernel.now_ns());
-        Ok(())
+        let stamp_is_used = self.arrivals.note(buffer.sequence, stamped_ns(buffer), kernel.now_ns());
+        self.counters.unstamped += u64::from(!stamp_is_used);
+        Ok(true)
     }
 
-    /// Nothing came: fine for a while.
-    fn silence(&self, kernel: &dyn Kernel) -> Result<Option<abi::Buffer>, CameraError> {
+    /// No frame came: an error after five periods and a second.
+    fn silence(&self, kernel: &dyn Kernel) -> Result<(), CameraError> {
         let silent_ns = kernel.now_ns().saturating_sub(self.arrivals.arrived_ns());
         let allowed = SILENCE.0.max(Duration::from_secs_f64(SILENCE.1 * self.setup.period_s));
         if u128::from(silent_ns) <= allowed.as_nanos() {
-            return Ok(None);
+            return Ok(());
         }
         let (ms, period_ms) = (allowed.as_millis() as u64, (self.setup.period_s * 1e3) as u64);
         Err(CameraError::Silent { path: self.path.clone(), ms, period_ms })
@@ -324,12 +378,35 @@ impl Camera {
         let streaming = persist(|| self.setup.video.call(Call::StreamOn));
         streaming.map_err(|e| failed(&self.path, "STREAMON", e, "a sensor whose format and links fit"))?;
         self.arrivals = Arrivals::new(self.setup.period_s, kernel.now_ns());
-        Ok(())
+        self.restore(kernel)
+    }
+
+    /// Sets the controls of a camera again that reset them when the stream started.
+    fn restore(&mut self, kernel: &mut dyn Kernel) -> Result<(), CameraError> {
+        let changed = setup::restore(&mut self.setup);
+        let expected = self.setup.settings.first().map(|s| s.value);
+        let exposes = self.setup.knob.is_some();
+        if !changed && (!exposes || setup::exposure_value(&mut self.setup) == expected) {
+            return Ok(());
+        }
+        self.setup.agreed.push(Agreed {
+            what: "controls",
+            asked: "kept at STREAMON".into(),
+            got: "reset, set again".into(),
+        });
+        self.schedule.doubt_initial();
+        self.write(kernel, u32::MAX, 0)
     }
 
     /// What is set before the stream starts holds from its first frame on.
     fn write_first(&mut self, kernel: &mut dyn Kernel) -> Result<(), CameraError> {
-        self.write(kernel, 0, 0)?;
+        for _ in 0..FIRST_TRIES {
+            let failed = self.counters.failed_writes;
+            self.write(kernel, 0, 0)?;
+            if self.counters.failed_writes == failed {
+                break;
+            }
+        }
         self.schedule = Schedule::new(self.setup.settings.len(), 0, self.schedule.delay());
         Ok(())
     }

@@ -2,7 +2,7 @@
 
 use super::capture::{Camera, IN_TIME, SILENCE};
 use super::schedule::MAX_DELAY;
-use super::{CameraError, Kernel, abi, luma};
+use super::{CameraError, Kernel, luma};
 
 /// Least difference of the mean relative code between two exposures that shows a step: ten times what a webcam's noise leaves of it.
 const LEAST_STEP: f32 = 0.02;
@@ -83,8 +83,9 @@ impl Camera {
         reached: impl Fn(f32) -> bool,
     ) -> Result<Step, CameraError> {
         let (after, _) = self.level(kernel)?;
+        let failed = self.counters().failed_writes;
         self.write(kernel, after, slot)?;
-        let in_time = self.lateness(kernel) <= IN_TIME;
+        let in_time = self.lateness(kernel) <= IN_TIME && self.counters().failed_writes == failed;
         let (mut before, mut found) = (after, Step::Nothing);
         for _ in 0..=MAX_DELAY + 1 {
             let (sequence, level) = self.level(kernel)?;
@@ -105,10 +106,9 @@ impl Camera {
     /// Waits for a frame: its number and its mean brightness.
     fn level(&mut self, kernel: &mut dyn Kernel) -> Result<(u32, f32), CameraError> {
         for _ in 0..MOST_BROKEN {
-            let Some(buffer) = self.dequeue(kernel, SILENCE.0)? else { continue };
-            let whole = self.setup.picture.layout.frame_bytes();
-            let good = buffer.flags & abi::BUFFER_ERROR == 0 && buffer.bytes_used as usize >= whole;
-            let bytes = self.setup.video.bytes(buffer.index).get(..whole).filter(|_| good);
+            let Some(filled) = self.dequeue(kernel, SILENCE.0)? else { continue };
+            let (buffer, whole) = (filled.buffer, self.setup.picture.layout.frame_bytes());
+            let bytes = self.setup.video.bytes(buffer.index).get(..whole).filter(|_| filled.good);
             let level = bytes.map(|bytes| {
                 luma::sample(&self.setup.picture.layout, bytes, &mut self.codes);
                 luma::mean(&self.codes)
@@ -118,7 +118,7 @@ impl Camera {
                 return Ok((buffer.sequence, level));
             }
         }
-        let found = format!("{MOST_BROKEN} broken frames in a row");
+        let found = format!("{MOST_BROKEN} broken frames in a row ({})", self.counters().broken);
         Err(CameraError::Unfit { path: self.path().into(), found, expected: "whole ones".into() })
     }
 }

@@ -108,25 +108,72 @@ pub fn sensor(name: &str) -> Option<&'static Sensor> {
     SENSORS.iter().find(|s| name.starts_with(s.name))
 }
 
-/// What the automatics that would change an exposure behind our back are set to: all off.
-const AUTOMATICS: [(u32, i64); 4] = [
-    (abi::AUTOGAIN, 0),
-    (abi::AUTO_WHITE_BALANCE, 0),
-    (abi::DYNAMIC_FRAME_RATE, 0),
-    (abi::BACKLIGHT_COMPENSATION, 0),
+/// Automatic processing that changes brightness, colour or sharpness of a frame; 0 is off for each.
+const AUTOMATICS: [u32; 11] = [
+    abi::AUTOGAIN,
+    abi::AUTO_WHITE_BALANCE,
+    abi::DYNAMIC_FRAME_RATE,
+    abi::BACKLIGHT_COMPENSATION,
+    abi::AUTO_HUE,
+    abi::SHARPNESS,
+    abi::AUTO_BRIGHTNESS,
+    abi::AUTO_FOCUS,
+    abi::WHITE_BALANCE_PRESET,
+    abi::WIDE_DYNAMIC_RANGE,
+    abi::AUTO_ISO,
 ];
 
-/// Switches off what changes exposures by itself, where a node has it; says whether the exposure can be set by hand.
-pub fn go_manual(node: &mut dyn Node) -> bool {
-    for (id, off) in AUTOMATICS {
-        let _ = controls::settle(node, id, off);
+/// A control that is held at a value while the camera streams.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Held {
+    /// The control.
+    pub info: Info,
+    /// Its value.
+    pub wanted: i64,
+    /// The value that was read back after it was set.
+    pub found: Option<i64>,
+}
+
+impl Held {
+    /// Sets control `id`, if the node has it, and reads it back.
+    pub fn set(node: &mut dyn Node, id: u32, wanted: i64) -> Option<Self> {
+        let info = controls::find(node, id).filter(Info::is_settable)?;
+        let wanted = info.nearest(wanted);
+        let _ = controls::set(node, &info, wanted);
+        let found = controls::value(node, &info).ok();
+        Some(Self { info, wanted, found })
     }
+
+    /// Whether the control has its value.
+    #[must_use]
+    pub fn holds(&self) -> bool {
+        self.found == Some(self.wanted)
+    }
+}
+
+/// The controls of a camera whose automatic processing is off.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Manual {
+    /// Whether the exposure can be set.
+    pub settable: bool,
+    /// The controls that were set.
+    pub held: Vec<Held>,
+}
+
+/// Switches automatic processing off, where a node has it.
+pub fn go_manual(node: &mut dyn Node) -> Manual {
+    let mut held: Vec<Held> = AUTOMATICS.into_iter().filter_map(|id| Held::set(node, id, 0)).collect();
     if controls::find(node, abi::EXPOSURE_AUTO).is_none() {
-        return true;
+        return Manual { settable: true, held };
     }
     // Most cameras have only some of the modes.
     let modes = abi::MANUAL_MODES.into_iter().filter(|m| controls::has_item(node, abi::EXPOSURE_AUTO, *m));
-    modes.collect::<Vec<_>>().into_iter().any(|m| controls::settle(node, abi::EXPOSURE_AUTO, m) == Some(m))
+    let modes: Vec<i64> = modes.collect();
+    let mode = modes.into_iter().find_map(|m| Held::set(node, abi::EXPOSURE_AUTO, m).filter(Held::holds));
+    let settable = mode.is_some();
+    // First, since it releases the others.
+    held.splice(0..0, mode);
+    Manual { settable, held }
 }
 
 /// Makes a sensor's frame long enough for an exposure of `longest_s` and gives the time of a frame in seconds.
@@ -147,6 +194,65 @@ pub fn stretch_frame(
     Some((i64::from(height) + blank) as f64 * line)
 }
 
+/// Most values that are tried for an exposure that the camera refuses or changes.
+const MOST_TRIES: usize = 512;
+
+/// Exposures that are tried are within this factor of the one that is wished for.
+const TRIED_FACTOR: f64 = 4.0;
+
+/// Difference from the wished-for exposure, natural logarithm, from which other values are tried: the control's own steps are finer.
+const TRIED_FROM: f64 = 0.05;
+
+/// Sets the exposure to the nearest value that the camera takes and gives what is read back; `None` if it takes none.
+///
+/// Some cameras refuse or ignore all values but those of a coarse list that they do not tell. Values beside `wanted` are tried by rising
+/// distance until none can be nearer than the nearest one read back.
+fn take_nearest(node: &mut dyn Node, info: &Info, wanted: i64, most: i64) -> Option<i64> {
+    let distance = |value: i64| (value.max(1) as f64 / wanted.max(1) as f64).ln().abs();
+    let mut best: Option<i64> = None;
+    // A write may fail once by chance.
+    let tries = [wanted; 3].into_iter().chain(beside(wanted, info, most));
+    for value in tries.take(MOST_TRIES) {
+        if best.is_some_and(|b| distance(b) <= distance(value).max(TRIED_FROM)) {
+            break;
+        }
+        if controls::set(node, info, value).is_ok()
+            && let Ok(found) = controls::value(node, info)
+            && best.is_none_or(|b| distance(found) < distance(b))
+        {
+            best = Some(found);
+        }
+    }
+    let best = best?;
+    let _ = controls::set(node, info, best);
+    controls::value(node, info).ok()
+}
+
+/// The values of a control beside `wanted`, by rising ratio to it.
+fn beside(wanted: i64, info: &Info, most: i64) -> impl Iterator<Item = i64> {
+    let step = info.step.max(1);
+    let (least, most) = (info.minimum.max(1), info.maximum.min(most));
+    let (mut below, mut above) = (wanted, wanted);
+    let next = move || {
+        let (down, up) = (below.saturating_sub(step), above.saturating_add(step));
+        let is_in = |v: i64| {
+            let ratio = v as f64 / wanted.max(1) as f64;
+            (least..=most).contains(&v) && (1.0 / TRIED_FACTOR..=TRIED_FACTOR).contains(&ratio)
+        };
+        let nearer_above = (up as f64) * (down as f64) <= (wanted as f64).powi(2);
+        if is_in(up) && (nearer_above || !is_in(down)) {
+            above = up;
+            Some(up)
+        } else if is_in(down) {
+            below = down;
+            Some(down)
+        } else {
+            None
+        }
+    };
+    std::iter::from_fn(next)
+}
+
 /// Sets each wished-for exposure and reads it back: what the camera makes of them, ascending and without repetition.
 pub fn agree(node: &mut dyn Node, knob: &Knob, wished_s: &[f64], period_s: f64) -> Vec<Setting> {
     let Some(second) = knob.unit.second() else { return Vec::new() };
@@ -158,8 +264,7 @@ pub fn agree(node: &mut dyn Node, knob: &Knob, wished_s: &[f64], period_s: f64) 
     for asked_s in wished_s {
         let wanted = ((asked_s / second).round().clamp(1.0, 1e9) as i64).min(most.max(1));
         let wanted = info.nearest(wanted);
-        let _ = controls::set(node, &info, wanted);
-        let value = controls::value(node, &info).unwrap_or(wanted);
+        let Some(value) = take_nearest(node, &info, wanted, most.max(1)) else { continue };
         let setting = Setting { value, asked_s: *asked_s, seconds: value as f64 * second };
         if setting.seconds > 0.0 && agreed.iter().all(|s| s.value != value) {
             agreed.push(setting);

@@ -6,18 +6,80 @@ use super::schedule::Known;
 /// What happened to frames since the camera was opened.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
-    /// Frames that came whole.
+    /// Complete frames.
     pub frames: u64,
-    /// Frames that the sensor counted and nobody delivered.
+    /// Frames that the sensor counted and the driver did not deliver.
     pub lost: u64,
-    /// Frames with the error flag, too short, or with a number that was there before.
-    pub broken: u64,
+    /// Frames that were dropped, by their fault.
+    pub broken: Broken,
     /// Writes of the exposure that were left out because they would have come too late.
     pub late: u64,
+    /// Writes of the exposure that the driver refused.
+    pub failed_writes: u64,
+    /// Frames whose timestamp is not of CLOCK_MONOTONIC or did not advance; they have their arrival time.
+    pub unstamped: u64,
     /// Frames whose exposure the ratio to their neighbour contradicted.
     pub mismatches: u64,
     /// Times that another control delay was found to be right.
     pub resyncs: u64,
+}
+
+/// Dropped frames, by their fault.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Broken {
+    /// Frames with the driver's error flag.
+    pub flagged: u64,
+    /// Frames without a byte.
+    pub empty: u64,
+    /// Frames of fewer bytes than the format has.
+    pub short: u64,
+    /// Frames whose number does not rise.
+    pub repeated: u64,
+}
+
+impl Broken {
+    /// All of them.
+    #[must_use]
+    pub const fn total(&self) -> u64 {
+        self.flagged.saturating_add(self.empty).saturating_add(self.short).saturating_add(self.repeated)
+    }
+
+    /// Those that are not in `earlier`.
+    #[must_use]
+    pub const fn since(&self, earlier: &Self) -> Self {
+        Self {
+            flagged: self.flagged.saturating_sub(earlier.flagged),
+            empty: self.empty.saturating_sub(earlier.empty),
+            short: self.short.saturating_sub(earlier.short),
+            repeated: self.repeated.saturating_sub(earlier.repeated),
+        }
+    }
+
+    /// Counts a frame by its fault, if it has one; true if all `whole` bytes of the format are there.
+    pub(super) const fn check(&mut self, buffer: &abi::Buffer, repeated: bool, whole: usize) -> bool {
+        let count = match buffer.bytes_used as usize {
+            _ if repeated => &mut self.repeated,
+            0 => &mut self.empty,
+            _ if buffer.flags & abi::BUFFER_ERROR != 0 => &mut self.flagged,
+            bytes if bytes < whole => &mut self.short,
+            _ => return true,
+        };
+        *count += 1;
+        false
+    }
+}
+
+impl std::fmt::Display for Broken {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let kinds = [
+            (self.flagged, "with the error flag"),
+            (self.empty, "empty"),
+            (self.short, "short"),
+            (self.repeated, "with a repeated number"),
+        ];
+        let told: Vec<_> = kinds.iter().filter(|k| k.0 > 0).map(|(n, kind)| format!("{n} {kind}")).collect();
+        f.write_str(if told.is_empty() { "none".into() } else { told.join(", ") }.as_str())
+    }
 }
 
 /// A frame's identity.
@@ -25,20 +87,20 @@ pub struct Counters {
 pub struct Taken {
     /// Counts the sensor's frames.
     pub sequence: u32,
-    /// CLOCK_MONOTONIC, as the driver says.
+    /// CLOCK_MONOTONIC as the driver says, or of the arrival where the driver's stamp is of another clock.
     pub timestamp_ns: u64,
     /// Index into the camera's settings; `None` where the frame may have one exposure or another.
     pub slot: Option<usize>,
-    /// How it is known.
+    /// How the exposure is known.
     pub known: Known,
 }
 
 /// A frame as the driver gave it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RawFrame {
-    /// Whose.
+    /// Number, time and exposure.
     pub taken: Taken,
-    /// As the picture's format has them.
+    /// Samples as the picture's format packs them.
     pub bytes: Vec<u8>,
 }
 

@@ -37,6 +37,21 @@ pub const EXPOSURE_AUTO: u32 = 0x009a_0901;
 pub const EXPOSURE_ABSOLUTE: u32 = 0x009a_0902;
 /// `V4L2_CID_EXPOSURE_AUTO_PRIORITY`: whether the frame rate may fall.
 pub const DYNAMIC_FRAME_RATE: u32 = 0x009a_0903;
+/// `V4L2_CID_HUE_AUTO`.
+pub const AUTO_HUE: u32 = 0x0098_0919;
+/// `V4L2_CID_SHARPNESS`.
+pub const SHARPNESS: u32 = 0x0098_091b;
+/// `V4L2_CID_AUTOBRIGHTNESS`.
+pub const AUTO_BRIGHTNESS: u32 = 0x0098_0920;
+/// `V4L2_CID_FOCUS_AUTO`.
+pub const AUTO_FOCUS: u32 = 0x009a_090c;
+/// `V4L2_CID_AUTO_N_PRESET_WHITE_BALANCE`, a menu whose item 0 is manual.
+pub const WHITE_BALANCE_PRESET: u32 = 0x009a_0914;
+/// `V4L2_CID_WIDE_DYNAMIC_RANGE`.
+pub const WIDE_DYNAMIC_RANGE: u32 = 0x009a_0915;
+/// `V4L2_CID_ISO_SENSITIVITY_AUTO`, a menu whose item 0 is manual.
+pub const AUTO_ISO: u32 = 0x009a_0918;
+
 /// `V4L2_CID_VBLANK`, lines.
 pub const VBLANK: u32 = 0x009e_0901;
 /// `V4L2_CID_HBLANK`, pixels.

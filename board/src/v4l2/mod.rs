@@ -19,10 +19,13 @@ pub mod device;
 pub mod exposure;
 #[cfg(test)]
 pub(crate) mod fake;
+#[cfg(test)]
+mod field_tests;
 pub mod formats;
 pub mod frame;
 mod ids;
 pub mod luma;
+pub mod measured;
 #[cfg(target_os = "linux")]
 pub mod real;
 pub mod schedule;

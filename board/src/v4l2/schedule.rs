@@ -15,13 +15,15 @@ const KEPT: usize = 64;
 /// Where a frame's exposure is known from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Known {
-    /// The camera told it with the frame.
+    /// The camera reported it with the frame.
     Reported,
-    /// It follows from what was written when.
+    /// It follows from the writes of the control.
     Predicted,
-    /// Predicted, and the brightness beside its neighbour agrees.
+    /// Predicted, and the brightness ratio to a neighbouring frame agrees within 10 %.
     Verified,
-    /// Predicted otherwise than seen, or nothing to predict it from.
+    /// Measured from brightness ratios, which differ from the control's value by more than 10 %.
+    Measured,
+    /// The brightness ratio contradicts the prediction, or there is no prediction.
     Unknown,
 }
 
@@ -33,6 +35,7 @@ impl Known {
             Self::Reported => "reported",
             Self::Predicted => "predicted",
             Self::Verified => "verified",
+            Self::Measured => "measured",
             Self::Unknown => "unknown",
         }
     }
@@ -54,8 +57,10 @@ pub struct Schedule {
     delay: u32,
     slots: usize,
     writes: VecDeque<Write>,
-    /// Before the first write.
+    /// The exposure before the first write.
     initial: usize,
+    /// Whether `initial` is certain.
+    initial_certain: bool,
 }
 
 /// Whether sequence number `a` comes after `b`; numbers wrap.
@@ -73,7 +78,20 @@ impl Schedule {
             slots: slots.max(1),
             writes: VecDeque::with_capacity(KEPT),
             initial,
+            initial_certain: true,
         }
+    }
+
+    /// The camera started with another exposure than the one that was set.
+    pub fn doubt_initial(&mut self) {
+        self.initial_certain = false;
+    }
+
+    /// A write after frame `sequence` failed: whether it acted is uncertain until the next write acts.
+    pub fn failed(&mut self, sequence: u32) {
+        let target = sequence.wrapping_add(1).wrapping_add(self.delay);
+        let stays = self.slot_of(target.wrapping_sub(1)).0;
+        self.wrote(sequence, stays, u32::MAX);
     }
 
     /// Frames after the next one until a write acts.
@@ -126,7 +144,7 @@ impl Schedule {
         match self.writes.iter().rev().find(acts) {
             Some(w) => (w.slot, sequence.wrapping_sub(first(w)) >= w.doubt),
             None if self.writes.len() == KEPT => (self.initial, false),
-            None => (self.initial, true),
+            None => (self.initial, self.initial_certain),
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::controls::{self, Info};
 use super::device::{self, failed};
-use super::exposure::{self, Knob, Sensor, Setting, Unit};
+use super::exposure::{self, Held, Knob, Manual, Sensor, Setting, Unit};
 use super::formats::{self, Picture};
 use super::{Call, CameraError, Kernel, Node, abi, persist};
 use hemilux_core::Response;
@@ -85,6 +85,8 @@ pub(super) struct Setup {
     pub picture: Picture,
     pub period_s: f64,
     pub knob: Option<Knob>,
+    /// Controls that keep their values while the camera streams, in the order in which they are set.
+    pub held: Vec<Held>,
     /// At least one; without a knob exactly one, of the frame's own time.
     pub settings: Vec<Setting>,
     /// From the table of sensors.
@@ -132,7 +134,7 @@ pub(super) fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<Setup, 
         Some(node) => node.as_mut(),
         None => video.as_mut(),
     };
-    let (knob, settings) = expose(holder, options, &picture, known, &mut period_s);
+    let Exposing { knob, settings, held } = expose(holder, options, &picture, known, &mut period_s);
     let mut agreed = vec![
         agreed("size", size(options.size), size(got)),
         agreed(
@@ -147,6 +149,7 @@ pub(super) fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<Setup, 
         asked: format!("{:.2} ms", s.asked_s * 1e3),
         got: if knob.is_some() { format!("{:.2} ms", s.seconds * 1e3) } else { "no control".into() },
     }));
+    agreed.extend(held.iter().filter(|h| !h.holds()).map(refused));
     let black = known
         .filter(|_| picture.is_raw())
         .map_or(0.0, |s| f64::from(s.black.0) / f64::from((1u32 << s.black.1) - 1));
@@ -156,6 +159,7 @@ pub(super) fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<Setup, 
         picture,
         period_s,
         knob,
+        held,
         settings,
         delay: known.map(|s| s.delay),
         black,
@@ -171,14 +175,52 @@ fn size((width, height): (u32, u32)) -> String {
     format!("{width} x {height}")
 }
 
-/// Takes the exposure into our hands and agrees on its values; the frame's time follows a sensor's longest exposure.
+/// A control that did not take its value.
+fn refused(held: &Held) -> Agreed {
+    let got = held.found.map_or_else(|| "unreadable".into(), |value| value.to_string());
+    agreed("control", format!("{} = {}", held.info.name, held.wanted), got)
+}
+
+/// Sets controls again that a camera changed when its stream started; true if there were any.
+pub(super) fn restore(setup: &mut Setup) -> bool {
+    let Setup { video, sensor, held, .. } = setup;
+    let node: &mut dyn Node = match sensor {
+        Some(sensor) => sensor.as_mut(),
+        None => video.as_mut(),
+    };
+    let mut changed = false;
+    for control in held.iter_mut() {
+        if controls::value(node, &control.info).ok() == control.found {
+            continue;
+        }
+        changed = true;
+        let _ = controls::set(node, &control.info, control.found.unwrap_or(control.wanted));
+    }
+    changed
+}
+
+/// The value of the exposure control as it is read back.
+pub(super) fn exposure_value(setup: &mut Setup) -> Option<i64> {
+    let Setup { video, sensor, knob, .. } = setup;
+    let node: &mut dyn Node = sensor.as_deref_mut().unwrap_or(video.as_mut());
+    controls::value(node, &knob.as_ref()?.info).ok()
+}
+
+/// How a camera's exposure is controlled.
+struct Exposing {
+    knob: Option<Knob>,
+    settings: Vec<Setting>,
+    held: Vec<Held>,
+}
+
+/// Switches the exposure to manual and agrees on its values; the frame's time follows a sensor's longest exposure.
 fn expose(
     node: &mut dyn Node,
     options: &Options,
     picture: &Picture,
     known: Option<&Sensor>,
     period_s: &mut f64,
-) -> (Option<Knob>, Vec<Setting>) {
+) -> Exposing {
     if let Some(stand_in) = &options.stand_in {
         let all = controls::all(node);
         let info =
@@ -187,28 +229,33 @@ fn expose(
         let settings =
             settings.map(|(value, s)| Setting { value: *value, asked_s: *s, seconds: *s }).collect();
         if let Some(info) = info {
-            return (Some(Knob { info, unit: Unit::StandIn }), settings);
+            let knob = Some(Knob { info, unit: Unit::StandIn });
+            return Exposing { knob, settings, held: Vec::new() };
         }
     }
-    let manual = exposure::go_manual(node);
+    let Manual { settable, mut held } = exposure::go_manual(node);
     // The gain stays at its least: the linear part of every sensor, and the least noise per light.
     for id in [abi::ANALOGUE_GAIN, abi::GAIN] {
-        if let Some(info) = controls::find(node, id) {
-            controls::settle(node, id, info.minimum);
-        }
+        held.extend(Held::set(node, id, i64::MIN));
     }
-    let knob = Knob::find(node, picture.width()).filter(|_| manual);
+    let knob = Knob::find(node, picture.width()).filter(|_| settable);
     if let Some(knob) = knob {
         let longest = options.exposures_s.iter().copied().fold(0.0, f64::max);
         if let Some(s) = exposure::stretch_frame(node, &knob, picture.height(), longest, known) {
             *period_s = s;
         }
+        if let Some(info) = controls::find(node, abi::VBLANK).filter(Info::is_settable)
+            && let Ok(value) = controls::value(node, &info)
+        {
+            held.push(Held { info, wanted: value, found: Some(value) });
+        }
         let settings = exposure::agree(node, &knob, &options.exposures_s, *period_s);
         if !settings.is_empty() {
-            return (Some(knob), settings);
+            return Exposing { knob: Some(knob), settings, held };
         }
     }
-    (None, vec![Setting { value: 0, asked_s: *period_s, seconds: *period_s }])
+    let whole = Setting { value: 0, asked_s: *period_s, seconds: *period_s };
+    Exposing { knob: None, settings: vec![whole], held }
 }
 
 /// Media bus codes of mosaics, most bits first.

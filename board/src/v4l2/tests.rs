@@ -2,8 +2,8 @@
 
 use super::abi;
 use super::capture::Camera;
-use super::fake::{FakeKernel, Fault, Kind, Script};
-use super::frame::RawFrame;
+use super::fake::{FakeKernel, Fault, Kind, Manner, Script};
+use super::frame::{Broken, RawFrame};
 use super::schedule::Known;
 use super::setup::{Options, StandIn};
 use super::{CameraError, device};
@@ -136,6 +136,68 @@ fn a_uvc_camera_is_taken_out_of_its_automatics() {
     assert!(world.written.contains(&(abi::DYNAMIC_FRAME_RATE, 0)), "the frame rate stays");
 }
 
+#[test]
+fn a_camera_that_resets_its_controls_at_streamon_is_set_again() {
+    let mut kernel = FakeKernel::new(Script { reset_at_start: true, loss: 0.05, ..Script::default() });
+    let mut camera = Camera::open(&mut kernel, &options()).expect("a camera");
+    let tally = run(&mut camera, &mut kernel, 1000);
+    assert_eq!(tally.wrong, 0, "{tally:?}");
+    assert!(tally.verified > 500, "{tally:?}");
+    let held = [abi::EXPOSURE_AUTO, abi::AUTO_WHITE_BALANCE, abi::SHARPNESS, abi::DYNAMIC_FRAME_RATE];
+    assert_eq!(held.map(|id| kernel.world().control(id)), [1, 0, 0, 0], "manual, and all automatics off");
+    assert!(camera.agreed().iter().any(|a| a.got == "reset, set again"), "{:?}", camera.agreed());
+}
+
+#[test]
+fn a_control_that_cannot_be_switched_off_is_named() {
+    let mut kernel = FakeKernel::new(Script { least_sharpness: 2, ..Script::default() });
+    let camera = Camera::open(&mut kernel, &options()).expect("a camera");
+    let refused: Vec<_> = camera.agreed().iter().filter(|a| a.what == "control").collect();
+    assert_eq!(refused.len(), 1, "{refused:?}");
+    assert_eq!((refused[0].asked.as_str(), refused[0].got.as_str()), ("Sharpness = 0", "2"), "by name");
+}
+
+/// The sensor's exposures are 1.0, 3.9 and 31.2 ms for 0.9, 5.5 and 33.3 ms.
+#[test]
+fn exposures_that_the_sensor_does_not_make_are_measured() {
+    let really = Some(vec![5, 10, 20, 39, 78, 156, 312, 625]);
+    let mut kernel = FakeKernel::new(Script { really, range: (5, 20000), ..Script::default() });
+    let options = Options { exposures_s: vec![0.0009, 0.0055, 0.0333], ..options() };
+    let mut camera = Camera::open(&mut kernel, &options).expect("a camera");
+    run(&mut camera, &mut kernel, 100);
+    let (seconds, true_s) = (camera.seconds(), [0.001, 0.0039, 0.0312]);
+    for (k, pair) in seconds.windows(2).enumerate() {
+        let off = pair[1] / pair[0] / (true_s[k + 1] / true_s[k]);
+        assert!((off - 1.0).abs() < 0.05, "step {k}: {off}, {seconds:?}");
+    }
+    let mut frame = RawFrame::default();
+    let mut known = Vec::new();
+    while known.len() < 100 {
+        camera.next(&mut kernel, SECOND, &mut frame).expect("a frame");
+        known.push(frame.taken.known);
+    }
+    let count = |k: Known| known.iter().filter(|f| **f == k).count();
+    assert!(count(Known::Measured) > 50 && count(Known::Verified) == 0, "{known:?}");
+    assert_eq!(camera.counters().mismatches, 0, "not contradicted: measured");
+}
+
+/// Cameras with lists of their own: refused, ignored or rounded down, the nearest in the list is what the camera has.
+#[test]
+fn the_nearest_of_an_exposure_list_is_found_for_each_way_of_refusing() {
+    for (list, expected) in
+        [(vec![3, 50, 123, 250, 900], vec![3, 50, 250]), (vec![7, 70, 300], vec![7, 70, 300])]
+    {
+        for manner in [Manner::Refuses, Manner::Ignores, Manner::RoundsDown] {
+            let script =
+                Script { accepts: Some(list.clone()), manner, range: (1, 20000), ..Script::default() };
+            let options = Options { exposures_s: vec![0.0005, 0.0055, 0.0333], ..options() };
+            let camera = Camera::open(&mut FakeKernel::new(script), &options).expect("a camera");
+            let values: Vec<_> = camera.settings().iter().map(|s| s.value).collect();
+            assert_eq!(values, expected, "{manner:?} of {list:?}");
+        }
+    }
+}
+
 /// Line time 100 us: 64 + 936 pixels at 10 MHz.
 #[test]
 fn a_sensor_gets_its_frame_length_before_its_lines_and_keeps_its_gain() {
@@ -159,11 +221,12 @@ fn a_sensor_gets_its_frame_length_before_its_lines_and_keeps_its_gain() {
 
 #[test]
 fn broken_frames_are_left_out_and_counted() {
-    let faults = vec![(300, Fault::Short), (310, Fault::Error), (320, Fault::Repeat)];
+    let faults = vec![(300, Fault::Short), (310, Fault::Error), (320, Fault::Repeat), (330, Fault::Empty)];
     let mut kernel = FakeKernel::new(Script { faults, ..Script::default() });
     let mut camera = Camera::open(&mut kernel, &options()).expect("a camera");
     let tally = run(&mut camera, &mut kernel, 400);
-    assert_eq!((camera.counters().broken, tally.wrong), (3, 0), "{tally:?}");
+    let expected = Broken { flagged: 1, empty: 1, short: 1, repeated: 1 };
+    assert_eq!((camera.counters().broken, tally.wrong), (expected, 0), "{tally:?}");
 }
 
 #[test]

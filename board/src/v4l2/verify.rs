@@ -1,9 +1,11 @@
-//! Whether exposures are what they are said to be: two neighbours' brightness where both see well.
+//! Compares the exposure times that the schedule predicts with the brightness of neighbouring frames.
 //!
-//! Where two frames show the same light, the ratio of their relative exposures is that of their times. Its median over the places that are neither
-//! dark nor clipped in either frame is compared with what the schedule says; when it says otherwise again and again, the delay that
-//! explains what is seen replaces the one that was believed.
+//! Where two frames show the same light, the ratio of their relative exposures is that of their times. Its median over the samples that are
+//! neither dark nor clipped in either frame is compared with the predicted ratio. A ratio within 10 % verifies the frame. When ratios
+//! contradict the schedule repeatedly, the delay that explains them replaces the current one; when they stay apart from the control's
+//! values at a constant factor, [`Measured`] takes the factor over.
 
+use super::measured::Measured;
 use super::schedule::{MAX_DELAY, Schedule};
 use hemilux_core::Response;
 use std::collections::VecDeque;
@@ -17,23 +19,23 @@ const ENOUGH: usize = 48;
 /// Largest distance of the two frames, frames: light and things move.
 const NEIGHBOURS: u32 = 4;
 
-/// Part of the smallest step between two exposures, in logarithms, by which a ratio may be off. Half would be the border between
-/// two explanations.
-const TOLERANCE: f64 = 0.4;
-
-/// Largest tolerance: a factor of 1.65, which covers a camera whose tone curve is only roughly known.
-const LARGEST_TOLERANCE: f64 = 0.5;
-
 /// Comparisons that are remembered, and how many of them must disagree before another delay is looked for.
 const REMEMBERED: usize = 12;
 const DISAGREEING: usize = 4;
 
+/// Largest difference of a verified ratio, natural logarithm: 10 %.
+pub(super) const VERIFIED: f64 = 0.0953;
+
 /// What a comparison says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// The ratio is that of the exposures.
+    /// The ratio is within 10 % of that of the control's values.
     Agrees,
-    /// It is not.
+    /// The ratio is within 10 % of that of the measured exposures, which are not the control's values.
+    Measured,
+    /// The ratio tells the exposures apart, but is not within 10 %.
+    Near,
+    /// The ratio contradicts the schedule.
     Differs,
     /// Too few places are seen well in both.
     CannotTell,
@@ -54,25 +56,31 @@ pub struct Levels {
 #[derive(Debug)]
 pub struct Verifier {
     levels: Levels,
-    log_s: Vec<f64>,
-    tolerance: f64,
+    measured: Measured,
     before: Option<u32>,
     codes: Vec<f32>,
     ratios: Vec<f32>,
-    seen: VecDeque<(u32, u32, f64)>,
+    seen: VecDeque<Seen>,
+}
+
+/// The brightness ratio of two frames.
+#[derive(Clone, Copy, Debug)]
+struct Seen {
+    /// Sequence number of the older frame.
+    before: u32,
+    /// Sequence number of the newer frame.
+    after: u32,
+    /// Natural logarithm of the ratio, newer to older.
+    log_ratio: f64,
 }
 
 impl Verifier {
     /// Compares frames of exposures of `seconds`.
     #[must_use]
     pub fn new(levels: Levels, seconds: &[f64]) -> Self {
-        let log_s: Vec<f64> = seconds.iter().map(|s| s.ln()).collect();
-        let gaps = log_s.windows(2).map(|w| (w[1] - w[0]).abs());
-        let tolerance = (TOLERANCE * gaps.fold(f64::INFINITY, f64::min)).min(LARGEST_TOLERANCE);
         Self {
             levels,
-            log_s,
-            tolerance,
+            measured: Measured::new(seconds),
             before: None,
             codes: Vec::new(),
             ratios: Vec::new(),
@@ -90,31 +98,42 @@ impl Verifier {
         if self.seen.len() == REMEMBERED {
             self.seen.pop_front();
         }
-        self.seen.push_back((before, sequence, ratio));
-        self.judge((before, sequence, ratio), schedule, schedule.delay())
+        let seen = Seen { before, after: sequence, log_ratio: ratio };
+        self.seen.push_back(seen);
+        if let (Some(old), Some(new)) = (schedule.exposure_of(before), schedule.exposure_of(sequence)) {
+            self.measured.note(old, new, ratio);
+        }
+        self.judge(seen, schedule, schedule.delay())
+    }
+
+    /// The exposures as they were measured.
+    #[must_use]
+    pub fn measured(&self) -> &Measured {
+        &self.measured
     }
 
     /// The delay that explains what was seen lately, if the believed one does not.
     pub fn better_delay(&mut self, schedule: &Schedule) -> Option<u32> {
-        let count =
-            |delay, verdict| self.seen.iter().filter(|s| self.judge(**s, schedule, delay) == verdict).count();
-        if count(schedule.delay(), Verdict::Differs) < DISAGREEING {
+        let count = |delay: u32, counted: &dyn Fn(Verdict) -> bool| {
+            self.seen.iter().filter(|s| counted(self.judge(**s, schedule, delay))).count()
+        };
+        let explained = |delay| count(delay, &|v| !matches!(v, Verdict::Differs | Verdict::CannotTell));
+        if count(schedule.delay(), &|v| v == Verdict::Differs) < DISAGREEING {
             return None;
         }
-        let best = (0..=MAX_DELAY).max_by_key(|d| (count(*d, Verdict::Agrees), MAX_DELAY - d))?;
-        let explains = 4 * count(best, Verdict::Agrees) >= 3 * self.seen.len();
-        if best == schedule.delay() || !explains {
+        let best = (0..=MAX_DELAY).max_by_key(|d| (explained(*d), MAX_DELAY - d))?;
+        if best == schedule.delay() || 4 * explained(best) < 3 * self.seen.len() {
             return None;
         }
         self.seen.clear();
+        self.measured.forget();
         Some(best)
     }
 
-    fn judge(&self, (before, after, ratio): (u32, u32, f64), schedule: &Schedule, delay: u32) -> Verdict {
-        let log = |sequence| self.log_s.get(schedule.exposure_with(sequence, delay)?).copied();
-        match (log(before), log(after)) {
-            (Some(b), Some(a)) if (ratio - (a - b)).abs() <= self.tolerance => Verdict::Agrees,
-            (Some(_), Some(_)) => Verdict::Differs,
+    fn judge(&self, seen: Seen, schedule: &Schedule, delay: u32) -> Verdict {
+        let slots = (schedule.exposure_with(seen.before, delay), schedule.exposure_with(seen.after, delay));
+        match slots {
+            (Some(old), Some(new)) => self.measured.judge(old, new, seen.log_ratio),
             _ => Verdict::CannotTell,
         }
     }

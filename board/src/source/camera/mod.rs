@@ -2,6 +2,9 @@
 //! nor piles frames up.
 
 mod assemble;
+mod capture;
+#[cfg(test)]
+mod field_tests;
 mod spec;
 mod terms;
 #[cfg(test)]
@@ -13,20 +16,15 @@ pub use terms::Terms;
 use super::{Source, SourceError};
 use crate::calibration::{Burst, Calibration, Frame, Pixels};
 use crate::recorded::{LensFile, RecordedError, read_lens};
-use crate::v4l2::capture::Camera;
 use crate::v4l2::frame::{Counters, RawFrame};
-use crate::v4l2::setup::{Agreed, Options};
-use crate::v4l2::supervise::{Outcome, Supervisor};
+use crate::v4l2::setup::Options;
+use crate::v4l2::supervise::Supervisor;
 use crate::v4l2::{CameraError, Kernel};
-use assemble::Assembler;
 use hemilux_core::Exposure;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
-
-/// Rounds of exposures without a burst after which it is said why there is none: three seconds at 30 Hz with three exposures.
-const MOST_ROUNDS: usize = 30;
 
 /// Longest wait for a burst in one call.
 const WAIT: Duration = Duration::from_millis(250);
@@ -160,8 +158,9 @@ impl CameraSource {
         let thread = std::thread::Builder::new().name("hemilux-camera".into());
         let theirs = Arc::clone(&shared);
         let burst = RawBurst::none(&terms);
-        let thread =
-            thread.spawn(move || capture(supervisor, burst, &theirs)).map_err(OpenCameraError::Thread)?;
+        let thread = thread
+            .spawn(move || capture::run(supervisor, burst, &theirs))
+            .map_err(OpenCameraError::Thread)?;
         let calibration = terms.calibration(lens.as_ref());
         Ok(Self { calibration, lens, raw, shared, thread: Some(thread) })
     }
@@ -223,22 +222,8 @@ impl Source for CameraSource {
 
     fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
         self.next_raw()?;
-        let RawBurst { frames, terms } = &self.raw;
-        burst.frames.truncate(frames.len());
-        for (i, (raw, seconds)) in frames.iter().zip(&terms.seconds).enumerate() {
-            if burst.frames.len() == i {
-                burst.frames.push(Frame {
-                    exposure: Exposure { seconds: *seconds, gain: 1.0 },
-                    pixels: Pixels::U8(Vec::new()),
-                });
-            }
-            burst.frames[i].exposure = Exposure { seconds: *seconds, gain: 1.0 };
-            match &mut burst.frames[i].pixels {
-                Pixels::U8(bytes) => bytes.clone_from(&raw.bytes),
-                other => *other = Pixels::U8(raw.bytes.clone()),
-            }
-        }
         (burst.before_ns, burst.timestamp_ns) = (self.raw.before_ns(), self.raw.timestamp_ns());
+        hand_over(&mut self.raw, burst);
         Ok(())
     }
 }
@@ -254,67 +239,16 @@ impl Drop for CameraSource {
     }
 }
 
-/// Says why `count` frames were no burst.
-fn useless(camera: &Camera, count: usize) -> String {
-    let (path, wrong) = (camera.path().display(), camera.counters().mismatches);
-    format!(
-        "{path}: found no burst in {count} frames, {wrong} of them brighter or darker than their exposures say, expected exposures that can \
-         be told apart: a lens file with the camera's [response], or fewer exposures"
-    )
-}
-
-/// Takes frames until told to stop; `burst` is the first memory for them.
-fn capture(mut supervisor: Supervisor, mut burst: RawBurst, shared: &Shared) {
-    let (mut frame, mut assembler) = (RawFrame::default(), Assembler::default());
-    let (mut streaming, mut resyncs, mut terms) = (false, 0, Arc::clone(&burst.terms));
-    // Frames since the last burst.
-    let mut unused = 0;
-    while !shared.stop.load(Ordering::Relaxed) {
-        if !streaming && let Some(camera) = supervisor.camera() {
-            (streaming, unused) = (true, 0);
-            terms = Arc::new(Terms::of(camera));
-            for Agreed { what, asked, got } in camera.agreed() {
-                tracing::info!("{}: {what} {asked} asked for, {got} got", camera.path().display());
-            }
-            assembler.reset(terms.seconds.len());
-            shared.lock().down = None;
-        }
-        match supervisor.step(&mut frame) {
-            Outcome::Frame if assembler.push(&mut frame) => {
-                assembler.take(&mut burst.frames);
-                burst.terms = Arc::clone(&terms);
-                let mut state = shared.lock();
-                std::mem::swap(&mut state.burst, &mut burst);
-                (state.fresh, state.down, unused) = (true, None, 0);
-                state.reopened = supervisor.reopened();
-                state.counters = supervisor.camera().map(Camera::counters).unwrap_or_default();
-                let found = state.counters.resyncs;
-                drop(state);
-                shared.news.notify_all();
-                if found > resyncs {
-                    tracing::warn!(
-                        "the camera's exposures act {:?} frames after the next one: put right",
-                        supervisor.camera().and_then(Camera::delay)
-                    );
-                }
-                resyncs = found;
-            }
-            Outcome::Frame => {
-                unused += 1;
-                if unused == MOST_ROUNDS * terms.seconds.len() {
-                    let why = supervisor.camera().map(|c| useless(c, unused));
-                    shared.lock().down = why;
-                    shared.news.notify_all();
-                }
-            }
-            Outcome::Nothing => {}
-            Outcome::Down(reason) => {
-                streaming = false;
-                let mut state = shared.lock();
-                (state.down, state.fresh) = (Some(reason), false);
-                drop(state);
-                shared.news.notify_all();
-            }
+/// Moves the frames of `raw` into `burst` and the memory of `burst` into `raw`: a frame is copied once, out of the driver's buffer.
+fn hand_over(raw: &mut RawBurst, burst: &mut Burst) {
+    let (frames, seconds) = (&mut raw.frames, &raw.terms.seconds);
+    let empty = || Frame { exposure: Exposure { seconds: 1.0, gain: 1.0 }, pixels: Pixels::U8(Vec::new()) };
+    burst.frames.resize_with(frames.len(), empty);
+    for ((raw, seconds), frame) in frames.iter_mut().zip(seconds).zip(&mut burst.frames) {
+        frame.exposure = Exposure { seconds: *seconds, gain: 1.0 };
+        match &mut frame.pixels {
+            Pixels::U8(bytes) => std::mem::swap(bytes, &mut raw.bytes),
+            other => *other = Pixels::U8(std::mem::take(&mut raw.bytes)),
         }
     }
 }

@@ -30,7 +30,7 @@ impl Terms {
             picture: *camera.picture(),
             black: camera.black(),
             period_ns: camera.period().as_nanos() as u64,
-            seconds: camera.settings().iter().map(|s| s.seconds).collect(),
+            seconds: camera.seconds(),
         }
     }
 

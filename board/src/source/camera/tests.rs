@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::probe::{Config, Worker};
-use crate::v4l2::fake::{FakeKernel, Script};
+use crate::v4l2::fake::{FakeKernel, Fault, Script};
 use crate::v4l2::frame::Taken;
 use crate::v4l2::schedule::Known;
 use hemilux_core::format::Format;
@@ -86,6 +86,21 @@ fn a_camera_whose_frames_contradict_its_exposures_is_explained() {
 }
 
 #[test]
+fn frames_that_are_all_broken_are_named_as_the_reason() {
+    let faults = vec![(300, Fault::AllError)];
+    let kernel = FakeKernel::new(Script { formats: vec!["BA81"], faults, ..Script::default() });
+    let mut source = CameraSource::open(Box::new(kernel), &spec("")).expect("a source");
+    let (mut burst, began) = (Burst::default(), Instant::now());
+    let line = loop {
+        match source.next(&mut burst) {
+            Err(SourceError::Gone(line)) => break line,
+            other => assert!(began.elapsed() < Duration::from_secs(30), "it is told: {other:?}"),
+        }
+    };
+    assert!(line.contains("with the error flag") && line.contains("expected complete frames"), "{line}");
+}
+
+#[test]
 fn what_does_not_pass_by_waiting_is_refused_in_a_line() {
     let of = |formats: &[&'static str], size| Script { formats: formats.to_vec(), size, ..Script::default() };
     let line = refused(of(&["MJPG"], (64, 48)), "");
@@ -124,6 +139,30 @@ fn a_lens_names_the_size_and_what_it_is_not_for_is_refused() {
         line.contains("found pictures of 64 x 48 pixels, expected 80 x 48 as the lens file says"),
         "{line}"
     );
+}
+
+#[test]
+fn a_burst_is_moved_and_not_copied_on_its_way_to_the_merge() {
+    let taken = Taken { sequence: 0, timestamp_ns: 0, slot: None, known: Known::Predicted };
+    let terms = Terms { seconds: vec![0.001, 0.006], ..Terms::assumed(&Options::of("/dev/video0")) };
+    let frame = |code| RawFrame { taken, bytes: vec![code; 4096] };
+    let mut raw = RawBurst { frames: vec![frame(1), frame(2)], terms: Arc::new(terms) };
+    let mut burst = Burst::default();
+    let buffers = |raw: &RawBurst| raw.frames.iter().map(|f| f.bytes.as_ptr()).collect::<Vec<_>>();
+    let merged = |burst: &Burst| {
+        let bytes = burst.frames.iter().map(|f| match &f.pixels {
+            Pixels::U8(bytes) => bytes.as_ptr(),
+            Pixels::U16(_) => std::ptr::null(),
+        });
+        bytes.collect::<Vec<_>>()
+    };
+    let first = buffers(&raw);
+    hand_over(&mut raw, &mut burst);
+    assert_eq!(merged(&burst), first, "the same memory");
+    raw.frames = vec![frame(3), frame(4)];
+    let second = buffers(&raw);
+    hand_over(&mut raw, &mut burst);
+    assert_eq!((merged(&burst), buffers(&raw)), (second, first), "and the old memory goes back");
 }
 
 /// On paper: frames 40 ms apart, stamped when they have come.

@@ -1,6 +1,6 @@
 //! The controls of the simulated camera, and what they make of its light.
 
-use super::{Kind, World};
+use super::{Kind, Manner, World};
 use crate::v4l2::abi;
 use hemilux_core::format::Format;
 use rustix::io::Errno;
@@ -11,7 +11,25 @@ impl World {
             return Err(Errno::ACCESS);
         }
         let (low, high) = self.range(id).ok_or(Errno::INVAL)?;
-        let value = value.clamp(low, high);
+        let least = if id == abi::SHARPNESS { self.script.least_sharpness } else { low };
+        let mut value = value.clamp(low, high).max(least);
+        if id == self.knob() {
+            self.tried += 1;
+            let every = self.script.fail_write_every;
+            let fails = every > 0 && self.streaming && self.tried.is_multiple_of(every);
+            if fails {
+                return Err(Errno::IO);
+            }
+            if let Some(list) = self.script.accepts.as_ref().filter(|list| !list.contains(&value)) {
+                match self.script.manner {
+                    Manner::Refuses => return Err(Errno::IO),
+                    Manner::Ignores => return Ok(()),
+                    Manner::RoundsDown => {
+                        value = list.iter().copied().rfind(|v| *v < value).unwrap_or(list[0])
+                    }
+                }
+            }
+        }
         self.controls.insert(id, value);
         self.written.push((id, value));
         if id == self.knob() {
@@ -20,11 +38,27 @@ impl World {
         Ok(())
     }
 
+    /// What some cameras do when their stream starts.
+    pub(super) fn reset(&mut self) {
+        for (id, value) in [
+            (abi::AUTO_WHITE_BALANCE, 1),
+            (abi::SHARPNESS, 3),
+            (abi::DYNAMIC_FRAME_RATE, 1),
+            (abi::EXPOSURE_ABSOLUTE, 156),
+            (abi::EXPOSURE_AUTO, 3),
+        ] {
+            self.controls.insert(id, value);
+        }
+        self.writes = vec![(0, 156)];
+    }
+
     /// Range of a control that this kind of camera has.
     fn range(&self, id: u32) -> Option<(i64, i64)> {
         let csi = self.script.kind == Kind::Csi;
         match id {
             abi::EXPOSURE_AUTO if self.script.kind == Kind::Uvc => Some((0, 3)),
+            abi::AUTO_WHITE_BALANCE if self.script.kind == Kind::Uvc => Some((0, 1)),
+            abi::SHARPNESS if self.script.kind == Kind::Uvc => Some((0, 7)),
             abi::DYNAMIC_FRAME_RATE if self.script.kind == Kind::Uvc => Some((0, 1)),
             abi::EXPOSURE_ABSOLUTE if self.script.kind == Kind::Uvc => Some(self.script.range),
             // The sensor's exposure ends four lines before the frame does.
@@ -52,12 +86,16 @@ impl World {
         let kind = match id {
             abi::EXPOSURE_AUTO => abi::TYPE_MENU,
             abi::PIXEL_RATE => abi::TYPE_INTEGER64,
-            // A type from the future, which must not upset anybody.
+            // A type that is not known yet.
             abi::HBLANK => 0x7777,
             _ => abi::TYPE_INTEGER,
         };
         *d = abi::ControlDescription { id, kind, minimum, maximum, step: 1, ..Default::default() };
-        let name: &[u8] = if id == abi::BRIGHTNESS { b"Brightness" } else { b"\xff\xfecontrol" };
+        let name: &[u8] = match id {
+            abi::BRIGHTNESS => b"Brightness",
+            abi::SHARPNESS => b"Sharpness",
+            _ => b"\xff\xfecontrol",
+        };
         d.name[..name.len()].copy_from_slice(name);
         Ok(())
     }

@@ -28,6 +28,10 @@ pub enum Fault {
     Disconnect(Duration),
     /// The frame has too few bytes.
     Short,
+    /// The frame has no byte.
+    Empty,
+    /// All frames from here on have the error flag.
+    AllError,
     /// The frame has the error flag.
     Error,
     /// No frames for so long.
@@ -51,6 +55,14 @@ pub enum Kind {
     NoExposure,
 }
 
+/// What a camera does with an exposure that is not in its list.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Manner {
+    Refuses,
+    Ignores,
+    RoundsDown,
+}
+
 /// How the camera behaves.
 #[derive(Clone, Debug)]
 pub struct Script {
@@ -71,6 +83,19 @@ pub struct Script {
     /// Radiance: 1 fills a pixel in 33 ms at the bright end of the picture.
     pub light: f64,
     pub faults: Vec<(u64, Fault)>,
+    /// Automatic processing and exposure are reset when the stream starts.
+    pub reset_at_start: bool,
+    /// Sharpness cannot be set to less.
+    pub least_sharpness: i64,
+    /// Every so manyth write of the exposure fails while streaming; 0 none.
+    pub fail_write_every: u32,
+    /// Stamps are those of the wall clock, else the simulated ones.
+    pub wall_clock: bool,
+    /// Exposures that are taken, and what happens to others.
+    pub accepts: Option<Vec<i64>>,
+    pub manner: Manner,
+    /// Exposures that the sensor really has; the control reads back what was written.
+    pub really: Option<Vec<i64>>,
 }
 
 impl Default for Script {
@@ -89,6 +114,13 @@ impl Default for Script {
             range,
             light: 4.0,
             faults: Vec::new(),
+            reset_at_start: false,
+            least_sharpness: 0,
+            fail_write_every: 0,
+            wall_clock: false,
+            accepts: None,
+            manner: Manner::Refuses,
+            really: None,
         }
     }
 }
@@ -116,7 +148,9 @@ pub struct World {
     queued: VecDeque<u32>,
     done: VecDeque<(abi::Buffer, Vec<u8>)>,
     events: u32,
+    all_error: bool,
     calls: u32,
+    pub tried: u32,
     random: u64,
     generation: u32,
 }
@@ -129,8 +163,10 @@ impl FakeKernel {
         let controls = BTreeMap::from([
             (abi::BRIGHTNESS, 128),
             (abi::EXPOSURE_AUTO, 3),
-            (abi::EXPOSURE_ABSOLUTE, 150),
+            (abi::EXPOSURE_ABSOLUTE, 156),
             (abi::DYNAMIC_FRAME_RATE, 1),
+            (abi::SHARPNESS, 3),
+            (abi::AUTO_WHITE_BALANCE, 1),
             (abi::EXPOSURE, 100),
             (abi::VBLANK, 10),
             (abi::HBLANK, 936),
@@ -155,7 +191,9 @@ impl FakeKernel {
             queued: VecDeque::new(),
             done: VecDeque::new(),
             events: 0,
+            all_error: false,
             calls: 0,
+            tried: 0,
             random: 0x9e37_79b9_7f4a_7c15,
             generation: 0,
         })))
@@ -180,6 +218,17 @@ impl World {
             Kind::Csi => abi::EXPOSURE,
             Kind::NoExposure => abi::BRIGHTNESS,
         }
+    }
+
+    /// The value of a control.
+    pub fn control(&self, id: u32) -> i64 {
+        self.controls[&id]
+    }
+
+    /// What the sensor makes of an exposure.
+    pub fn really(&self, value: i64) -> i64 {
+        let all = self.script.really.iter().flatten();
+        all.copied().min_by_key(|v| (v - value).abs()).unwrap_or(value)
     }
 
     /// The first format that is offered.
@@ -246,6 +295,8 @@ impl World {
                     return;
                 }
                 Fault::Short => used -= 1,
+                Fault::Empty => used = 0,
+                Fault::AllError => self.all_error = true,
                 Fault::Error => flags = abi::BUFFER_ERROR,
                 Fault::Stall(time) => self.start_ns += time.as_nanos() as u64,
                 Fault::Repeat => number -= 1,
@@ -253,11 +304,18 @@ impl World {
                 Fault::SourceChange => self.events += 1,
             }
         }
+        if self.all_error {
+            flags = abi::BUFFER_ERROR;
+        }
         if self.chance() < self.script.loss {
             return;
         }
         let Some(index) = self.queued.pop_front() else { return };
-        let us = (self.finished_at(frame) / 1000).cast_signed();
+        let mut us = (self.finished_at(frame) / 1000).cast_signed();
+        if self.script.wall_clock {
+            let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+            us = now.expect("after 1970").as_micros() as i64;
+        }
         let timestamp = [us / 1_000_000, us % 1_000_000];
         let buffer = abi::Buffer {
             index,
@@ -267,7 +325,7 @@ impl World {
             sequence: number,
             ..Default::default()
         };
-        let picture = self.expose(value);
+        let picture = self.expose(self.really(value));
         self.done.push_back((buffer, picture));
     }
 }

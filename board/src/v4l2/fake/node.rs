@@ -96,6 +96,9 @@ impl Node for FakeNode {
                 w.writes = last.into_iter().collect();
                 (w.streaming, w.next, w.start_ns) = (true, 0, w.now_ns);
                 w.truth.clear();
+                if w.script.reset_at_start {
+                    w.reset();
+                }
             }
             Call::StreamOff => w.streaming = false,
             Call::Subscribe(_) => {}

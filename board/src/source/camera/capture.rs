@@ -1,0 +1,168 @@
+//! The capture thread: takes frames, assembles bursts and reports why there are none.
+
+use super::assemble::Assembler;
+use super::{RawBurst, Shared, Terms};
+use crate::v4l2::capture::Camera;
+use crate::v4l2::frame::{Broken, RawFrame};
+use crate::v4l2::setup::Agreed;
+use crate::v4l2::supervise::{Outcome, Supervisor};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+/// Rounds of exposures without a burst after which the reason is reported: three seconds at 30 Hz with three exposures.
+const MOST_ROUNDS: u64 = 30;
+
+/// Takes frames until `shared.stop`; `burst` is the first memory for them.
+pub(super) fn run(supervisor: Supervisor, burst: RawBurst, shared: &Shared) {
+    let terms = Arc::clone(&burst.terms);
+    let mut capture = Capture {
+        supervisor,
+        shared,
+        assembler: Assembler::default(),
+        frame: RawFrame::default(),
+        burst,
+        terms,
+        streaming: false,
+        resyncs: 0,
+        changes: 0,
+        unused: Unused::default(),
+    };
+    while !shared.stop.load(Ordering::Relaxed) {
+        capture.step();
+    }
+}
+
+/// Frames since the last burst.
+#[derive(Clone, Copy, Debug, Default)]
+struct Unused {
+    complete: u64,
+    /// The counts of broken frames at the last burst.
+    broken: Broken,
+    reported: bool,
+}
+
+struct Capture<'a> {
+    supervisor: Supervisor,
+    shared: &'a Shared,
+    assembler: Assembler,
+    frame: RawFrame,
+    burst: RawBurst,
+    terms: Arc<Terms>,
+    streaming: bool,
+    /// Delays that were corrected and exposures that were measured, as far as they are logged.
+    resyncs: u64,
+    changes: u64,
+    unused: Unused,
+}
+
+impl Capture<'_> {
+    fn step(&mut self) {
+        if !self.streaming {
+            self.begin();
+        }
+        match self.supervisor.step(&mut self.frame) {
+            Outcome::Frame => {
+                self.take_over_exposures();
+                if self.assembler.push(&mut self.frame) {
+                    self.publish();
+                } else {
+                    self.unused.complete += 1;
+                }
+            }
+            Outcome::Nothing => {}
+            Outcome::Down(reason) => {
+                self.streaming = false;
+                self.report(Some(reason));
+            }
+        }
+        self.report_useless();
+    }
+
+    /// A camera has started.
+    fn begin(&mut self) {
+        let Some(camera) = self.supervisor.camera() else { return };
+        (self.streaming, self.unused, self.changes) = (true, Unused::default(), 0);
+        self.terms = Arc::new(Terms::of(camera));
+        for Agreed { what, asked, got } in camera.agreed() {
+            let path = camera.path().display();
+            match *what {
+                "control" | "controls" => tracing::warn!("{path}: {what} {asked} expected, {got} found"),
+                _ => tracing::info!("{path}: {what} {asked} asked for, {got} got"),
+            }
+        }
+        self.assembler.reset(self.terms.seconds.len());
+        self.shared.lock().down = None;
+    }
+
+    /// Changes the exposures of the coming bursts to measured ones.
+    fn take_over_exposures(&mut self) {
+        let Some(camera) = self.supervisor.camera() else { return };
+        if camera.exposure_changes() == self.changes {
+            return;
+        }
+        self.changes = camera.exposure_changes();
+        let (told, path) = (Arc::clone(&self.terms), camera.path().display());
+        self.terms = Arc::new(Terms::of(camera));
+        self.assembler.reset(self.terms.seconds.len());
+        let ms = |s: &[f64]| s.iter().map(|s| format!("{:.2}", s * 1e3)).collect::<Vec<_>>().join(", ");
+        tracing::warn!(
+            "{path}: found exposures of {} ms by brightness, expected {} ms: the measured ones are used",
+            ms(&self.terms.seconds),
+            ms(&told.seconds)
+        );
+    }
+
+    fn publish(&mut self) {
+        self.assembler.take(&mut self.burst.frames);
+        self.burst.terms = Arc::clone(&self.terms);
+        let camera = self.supervisor.camera();
+        let counters = camera.map(Camera::counters).unwrap_or_default();
+        let mut state = self.shared.lock();
+        std::mem::swap(&mut state.burst, &mut self.burst);
+        (state.fresh, state.down) = (true, None);
+        (state.reopened, state.counters) = (self.supervisor.reopened(), counters);
+        drop(state);
+        self.shared.news.notify_all();
+        if counters.resyncs > self.resyncs {
+            let delay = camera.and_then(Camera::delay);
+            tracing::warn!("the camera's exposures act {delay:?} frames after the next one: corrected");
+        }
+        self.resyncs = counters.resyncs;
+        self.unused = Unused { broken: counters.broken, ..Unused::default() };
+    }
+
+    /// Reports once why many frames were no burst.
+    fn report_useless(&mut self) {
+        let Some(camera) = self.supervisor.camera() else { return };
+        let broken = camera.counters().broken.since(&self.unused.broken);
+        let rounds = MOST_ROUNDS * self.terms.seconds.len() as u64;
+        if !self.unused.reported && self.unused.complete + broken.total() >= rounds {
+            self.unused.reported = true;
+            let why = useless(camera, self.unused.complete, &broken);
+            self.report(Some(why));
+        }
+    }
+
+    fn report(&self, down: Option<String>) {
+        let mut state = self.shared.lock();
+        (state.down, state.fresh) = (down, false);
+        drop(state);
+        self.shared.news.notify_all();
+    }
+}
+
+/// Why frames were no burst: `complete` ones that could not be told apart, or `broken` ones.
+fn useless(camera: &Camera, complete: u64, broken: &Broken) -> String {
+    let (path, wrong) = (camera.path().display(), camera.counters().mismatches);
+    let count = complete + broken.total();
+    if broken.total() > complete {
+        return format!(
+            "{path}: found no burst in {count} frames ({broken}), expected complete frames: another cable, port or power supply, a \
+             smaller size= or a lower rate="
+        );
+    }
+    format!(
+        "{path}: found no burst in {count} frames, {wrong} of them brighter or darker than their exposures say, expected exposures that can \
+         be told apart: a lens file with the camera's [response], or fewer exposures"
+    )
+}

@@ -1,0 +1,177 @@
+//! Exposures measured from brightness ratios, for cameras whose sensor does not do what the control reads back.
+//!
+//! Ratios say nothing of a common factor, so the median of the deviations from the control's values is taken for no deviation.
+
+use super::verify::{VERIFIED, Verdict};
+use std::collections::VecDeque;
+
+/// Part of the smallest step between two exposures, in logarithms, by which a ratio may be off. Half would be the border between
+/// two explanations.
+const TOLERANCE: f64 = 0.4;
+
+/// Largest tolerance: a factor of 1.65, which covers a camera whose tone curve is only roughly known.
+const LARGEST_TOLERANCE: f64 = 0.5;
+
+/// Ratios of each step that are kept.
+const KEPT: usize = 8;
+
+/// Largest spread of the ratios of a step, in logarithms: flickering light and moving things spread more.
+const SPREAD: f64 = 0.08;
+
+/// Largest deviation of a step from the control's values, in logarithms. A wrong tone curve deviates more.
+const LARGEST_DEVIATION: f64 = 1.0;
+
+/// Change of an exposure, in logarithms, from which it is taken over.
+const CHANGE: f64 = 0.03;
+
+/// The exposures of a burst: as the control says, and as they were measured.
+#[derive(Clone, Debug)]
+pub struct Measured {
+    /// Natural logarithm of the control's values, seconds, ascending.
+    told: Vec<f64>,
+    /// The same as measured; equal to `told` where that is within 10 %.
+    measured: Vec<f64>,
+    /// The newest ratios from each exposure to the next longer one, in logarithms.
+    steps: Vec<VecDeque<f64>>,
+    /// Largest difference of a ratio that still tells exposures apart, in logarithms.
+    tolerance: f64,
+    changes: u64,
+}
+
+impl Measured {
+    /// Starts from the control's values, `seconds`, ascending.
+    #[must_use]
+    pub fn new(seconds: &[f64]) -> Self {
+        let told: Vec<f64> = seconds.iter().map(|s| s.ln()).collect();
+        let steps = vec![VecDeque::with_capacity(KEPT); told.len().saturating_sub(1)];
+        Self { tolerance: tolerance(&told), measured: told.clone(), told, steps, changes: 0 }
+    }
+
+    /// Exposure `slot` in seconds.
+    #[must_use]
+    pub fn seconds(&self, slot: usize) -> Option<f64> {
+        self.measured.get(slot).map(|log| log.exp())
+    }
+
+    /// Whether exposure `slot` differs from the control's value by more than 10 %.
+    #[must_use]
+    pub fn deviates(&self, slot: usize) -> bool {
+        self.measured.get(slot).zip(self.told.get(slot)).is_some_and(|(m, t)| (m - t).abs() > VERIFIED)
+    }
+
+    /// Times that measured exposures were taken over.
+    #[must_use]
+    pub fn changes(&self) -> u64 {
+        self.changes
+    }
+
+    /// Drops the ratios, which belong to another delay.
+    pub(super) fn forget(&mut self) {
+        self.steps.iter_mut().for_each(VecDeque::clear);
+    }
+
+    /// Compares the ratio from exposure `old` to exposure `new` with what is expected.
+    pub(super) fn judge(&self, old: usize, new: usize, log_ratio: f64) -> Verdict {
+        let step = |of: &[f64]| of.get(new).zip(of.get(old)).map(|(new, old)| new - old);
+        let (Some(told), Some(measured)) = (step(&self.told), step(&self.measured)) else {
+            return Verdict::CannotTell;
+        };
+        let off = (log_ratio - measured).abs();
+        let deviates = self.deviates(old) || self.deviates(new);
+        match () {
+            () if !deviates && (log_ratio - told).abs() <= VERIFIED => Verdict::Agrees,
+            () if deviates && off <= VERIFIED => Verdict::Measured,
+            () if off <= self.tolerance => Verdict::Near,
+            () => Verdict::Differs,
+        }
+    }
+
+    /// Notes the ratio from exposure `old` to exposure `new`, and takes exposures over that stay apart from the control's.
+    pub(super) fn note(&mut self, old: usize, new: usize, log_ratio: f64) {
+        let (step, up) = match (old.checked_add(1) == Some(new), new.checked_add(1) == Some(old)) {
+            (true, _) => (old, log_ratio),
+            (_, true) => (new, -log_ratio),
+            _ => return,
+        };
+        let Some(kept) = self.steps.get_mut(step) else { return };
+        if kept.len() == KEPT {
+            kept.pop_front();
+        }
+        kept.push_back(up);
+        self.take_over();
+    }
+
+    fn take_over(&mut self) {
+        let mut deviation = vec![0.0];
+        for (step, kept) in self.steps.iter().enumerate() {
+            let told = self.told[step + 1] - self.told[step];
+            let current = self.measured[step + 1] - self.measured[step];
+            let found =
+                settled(kept).filter(|log| (log - told).abs() <= LARGEST_DEVIATION && *log > VERIFIED);
+            let found = found.unwrap_or(current) - told;
+            deviation.push(deviation[step] + if found.abs() > VERIFIED { found } else { 0.0 });
+        }
+        let mut sorted = deviation.clone();
+        sorted.sort_by(f64::total_cmp);
+        let middle = sorted[sorted.len() / 2];
+        let measured: Vec<f64> = self.told.iter().zip(&deviation).map(|(t, d)| t + d - middle).collect();
+        if measured.iter().zip(&self.measured).any(|(new, old)| (new - old).abs() > CHANGE) {
+            (self.tolerance, self.measured) = (tolerance(&measured), measured);
+            self.changes += 1;
+        }
+    }
+}
+
+/// The median of the ratios of a step, once there are enough of them and they agree.
+fn settled(kept: &VecDeque<f64>) -> Option<f64> {
+    let mut sorted: Vec<f64> = kept.iter().copied().collect();
+    sorted.sort_by(f64::total_cmp);
+    let (most, least) = (sorted.get(KEPT - 2)?, sorted.get(1)?);
+    (most - least <= SPREAD).then(|| sorted[KEPT / 2])
+}
+
+fn tolerance(logs: &[f64]) -> f64 {
+    let gaps = logs.windows(2).map(|w| (w[1] - w[0]).abs());
+    (TOLERANCE * gaps.fold(f64::INFINITY, f64::min)).min(LARGEST_TOLERANCE)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn noted(seconds: &[f64], ratios: &[(usize, usize, f64)]) -> Measured {
+        let mut measured = Measured::new(seconds);
+        for _ in 0..KEPT {
+            ratios.iter().for_each(|(old, new, ratio)| measured.note(*old, *new, ratio.ln()));
+        }
+        measured
+    }
+
+    /// On paper: the control says 10, 20 and 40 ms, the longest is cut at 30 ms.
+    #[test]
+    fn a_cut_exposure_is_measured_and_the_others_stay() {
+        let m = noted(&[0.01, 0.02, 0.04], &[(0, 1, 2.0), (1, 2, 1.5)]);
+        let found: Vec<f64> = (0..3).map(|slot| (m.seconds(slot).expect("three") * 1e5).round()).collect();
+        assert_eq!(found, [1000.0, 2000.0, 3000.0], "10, 20 and 30 ms");
+        assert_eq!([0, 1, 2].map(|slot| m.deviates(slot)), [false, false, true], "the longest alone");
+        assert_eq!(m.judge(0, 1, 2f64.ln()), Verdict::Agrees, "as the control says");
+        assert_eq!(m.judge(2, 1, -(1.5f64.ln())), Verdict::Measured, "as measured");
+    }
+
+    #[test]
+    fn a_ratio_within_10_percent_verifies_and_one_beyond_does_not() {
+        let m = Measured::new(&[0.01, 0.08]);
+        let found = [7.3, 8.7, 9.0, 12.0, 14.0].map(|ratio: f64| m.judge(0, 1, ratio.ln()));
+        let expected = [Verdict::Agrees, Verdict::Agrees, Verdict::Near, Verdict::Near, Verdict::Differs];
+        assert_eq!(found, expected, "of a ratio of 8");
+    }
+
+    #[test]
+    fn flicker_and_wrong_tone_curves_change_no_exposure() {
+        let mut flicker = Measured::new(&[0.01, 0.02]);
+        (0..40).for_each(|n| flicker.note(0, 1, [1.5f64, 2.5, 1.9][n % 3].ln()));
+        assert_eq!(flicker.changes(), 0, "ratios that spread");
+        let curve = noted(&[0.001, 0.006], &[(0, 1, 50.0)]);
+        assert_eq!(curve.changes(), 0, "8 times off");
+    }
+}
