@@ -48,13 +48,14 @@ fn seen_average<Q: Buffer<Quad>>(map: &Pyramid<Q>, geometry: &[Texel]) -> [f32; 
         let omega = (healpix::solid_angle(ORDER) * Domain::Hemisphere.share(ORDER, ipix as u32)) as f32;
         let visible = omega - texels.iter().map(|t| t.unseen_sr).sum::<f32>();
         if omega > 0.0 && visible > 0.5 * omega {
-            seen[count] = (quad.y() / visible, quad.rgb().map(|v| v / visible));
+            let Some(slot) = seen.get_mut(count) else { break };
+            *slot = (quad.y() / visible, quad.rgb().map(|v| v / visible));
             count += 1;
         }
     }
-    let seen = &mut seen[..count];
+    let seen = seen.get_mut(..count).unwrap_or_default();
     seen.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-    let middle = &seen[count / 4..count - count / 4];
+    let middle = seen.get(count / 4..count - count / 4).unwrap_or_default();
     let mut sum = [0.0; 3];
     middle.iter().for_each(|(_, rgb)| crate::color::add(&mut sum, *rgb));
     if middle.is_empty() { sum } else { sum.map(|v| v / middle.len() as f32) }

@@ -277,6 +277,15 @@ impl Layout {
         (rows - 1).saturating_mul(self.bytes_per_line).saturating_add(self.format.line_bytes(self.width))
     }
 
+    /// Least samples of a frame as [`Samples`](crate::Samples) counts them: words of [`Format::Rgb48`], bytes of any other format.
+    #[must_use]
+    pub const fn frame_samples(&self) -> usize {
+        match self.format {
+            Format::Rgb48 => self.frame_bytes() / 2,
+            _ => self.frame_bytes(),
+        }
+    }
+
     /// Columns and rows of the places that get a radiance: pixels, or the 2 x 2 cells of a mosaic.
     #[must_use]
     pub const fn places(&self) -> (u32, u32) {
@@ -285,4 +294,24 @@ impl Layout {
             None => (self.width, self.height),
         }
     }
+}
+
+/// Four samples of 10 bits, two by two in the halves of words.
+#[inline(always)]
+pub(crate) fn raw10(group: &[u8; 5]) -> [u16; 4] {
+    let upper = group.first_chunk().map_or(0, |four| u32::from_le_bytes(*four));
+    let low = u32::from(group[4]);
+    // Two bits of each in the low bits of a byte.
+    let low = low | low << 6;
+    let low = low | low << 12;
+    let even = (upper & 0x00ff_00ff) << 2 | low & 0x0003_0003;
+    let odd = (upper >> 8 & 0x00ff_00ff) << 2 | low >> 8 & 0x0003_0003;
+    [even as u16, odd as u16, (even >> 16) as u16, (odd >> 16) as u16]
+}
+
+/// Two samples of 12 bits.
+#[inline(always)]
+pub(crate) fn raw12(&[a, b, low]: &[u8; 3]) -> [u16; 2] {
+    let low = u16::from(low);
+    [u16::from(a) << 4 | low & 15, u16::from(b) << 4 | low >> 4]
 }

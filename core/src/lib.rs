@@ -26,6 +26,7 @@ mod plan;
 mod response;
 mod root;
 mod sizes;
+mod unpack;
 
 pub use arena::{Buffer, TooSmall};
 pub use calibration::Calibration;
@@ -43,6 +44,7 @@ pub use response::{Depth, Levels, Response, ResponseError};
 pub use sampler::q2tree::Q2Tree;
 pub use sampler::{Map, Request, Sampler, SamplerKind, UnknownSampler};
 pub use sizes::{BufferSize, Sizes};
+pub use unpack::{read_luma, read_rgb_row};
 
 /// The parts that [`FrontEnd`] is made of, for this workspace's tests of each. No part of the interface: anything may change.
 #[doc(hidden)]

@@ -4,7 +4,7 @@
 //! the light of a run is the difference of two sums however long it is, and goes straight to its quad of the map.
 
 mod gather;
-mod rows;
+pub(crate) mod rows;
 mod yuv;
 
 use crate::arena::Buffer;
@@ -274,8 +274,7 @@ fn check_frames(frames: &[Samples<'_>], layout: &Layout, merge: &MergeView<'_>) 
     if layout.format().depth() != merge.depth() {
         return Err(BurstError::FrameDepth { index: 0 });
     }
-    let bytes = layout.frame_bytes();
-    let expected = if words { bytes / 2 } else { bytes };
+    let expected = layout.frame_samples();
     match frames.iter().position(|f| f.len() < expected) {
         Some(index) => Err(BurstError::FrameSize { index, found: frames[index].len(), expected }),
         None => Ok(()),

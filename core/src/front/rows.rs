@@ -1,7 +1,7 @@
 //! Rows of packed bytes as codes, a slice for each exposure.
 
 use super::yuv::{self, Pairs};
-use crate::format::{Format, Layout};
+use crate::format::{Format, Layout, raw10, raw12};
 use crate::merge::{Codes, MAX_EXPOSURES, Samples};
 use crate::plan::CHUNK;
 
@@ -12,7 +12,7 @@ const WORDS: usize = 4 * (CHUNK + 2);
 pub(super) const PAIRED: usize = (CHUNK + 2).next_multiple_of(16);
 
 /// Unpacked codes of the chunk that is being merged; none for formats that need no unpacking, whose frames then fit a small stack.
-pub(super) struct Scratch<'s> {
+pub(crate) struct Scratch<'s> {
     planes: &'s mut [Planes],
     /// With planes.
     pairs: Option<&'s mut Pairs>,
@@ -24,15 +24,15 @@ pub(super) type Planes = [[u8; PAIRED]; 4];
 
 /// Part of an image row: the row and its first place, and how many places; those of a mosaic are its 2 x 2 cells.
 #[derive(Clone, Copy)]
-pub(super) struct Part {
-    pub(super) row: usize,
-    pub(super) first: usize,
-    pub(super) len: usize,
+pub(crate) struct Part {
+    pub(crate) row: usize,
+    pub(crate) first: usize,
+    pub(crate) len: usize,
 }
 
 impl Scratch<'_> {
     /// Calls `f` with as much as the format needs; `wants_planes` of it.
-    pub(super) fn with<R>(format: Format, wants_planes: bool, f: impl FnOnce(Scratch<'_>) -> R) -> R {
+    pub(crate) fn with<R>(format: Format, wants_planes: bool, f: impl FnOnce(Scratch<'_>) -> R) -> R {
         match format {
             Format::Yuyv(_) | Format::Nv12(_) | Format::Bayer8(_) => planes(f),
             Format::Rgb24 | Format::Bgr24 if wants_planes => planes(f),
@@ -42,7 +42,7 @@ impl Scratch<'_> {
     }
 
     /// The codes of `part` in every frame, of at most [`CHUNK`] places; bytes of three channels as planes where those are wanted.
-    pub(super) fn codes<'a, 'c>(
+    pub(crate) fn codes<'a, 'c>(
         &'a mut self,
         frames: &[Samples<'a>],
         layout: &Layout,
@@ -184,24 +184,4 @@ fn two_cells<T, const B: usize>(rows: [&[u8]; 2], out: &mut [T], unpacked: impl 
 fn cut(planes: &Planes, from: usize, len: usize) -> Codes<'_> {
     let [r, g, b, _] = planes.each_ref().map(|plane| plane.get(from..from + len).unwrap_or_default());
     Codes::Planes([r, g, b])
-}
-
-/// Four samples of 10 bits, two by two in the halves of words.
-#[inline(always)]
-fn raw10(group: &[u8; 5]) -> [u16; 4] {
-    let upper = group.first_chunk().map_or(0, |four| u32::from_le_bytes(*four));
-    let low = u32::from(group[4]);
-    // Two bits of each in the low bits of a byte.
-    let low = low | low << 6;
-    let low = low | low << 12;
-    let even = (upper & 0x00ff_00ff) << 2 | low & 0x0003_0003;
-    let odd = (upper >> 8 & 0x00ff_00ff) << 2 | low >> 8 & 0x0003_0003;
-    [even as u16, odd as u16, (even >> 16) as u16, (odd >> 16) as u16]
-}
-
-/// Two samples of 12 bits.
-#[inline(always)]
-fn raw12(&[a, b, low]: &[u8; 3]) -> [u16; 2] {
-    let low = u16::from(low);
-    [u16::from(a) << 4 | low & 15, u16::from(b) << 4 | low >> 4]
 }

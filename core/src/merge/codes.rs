@@ -62,6 +62,15 @@ impl<'a> Codes<'a> {
         }
     }
 
+    /// The code of sample `at`.
+    pub(crate) fn get(&self, at: usize) -> Option<u16> {
+        match self {
+            Self::Bytes(s) => s.get(at).copied().map(u16::from),
+            Self::Words(s) => s.get(at).copied(),
+            Self::Planes(s) => s[at % 3].get(at / 3).copied().map(u16::from),
+        }
+    }
+
     /// `len` samples from `from` on, of those that are not planes.
     pub(super) fn part(&self, from: usize, len: usize) -> Self {
         match self {

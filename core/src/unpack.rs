@@ -1,0 +1,115 @@
+//! Samples of single rows and pixels, unpacked as the front end unpacks them: for pictures of frames and statistics of brightness.
+
+use crate::format::{Format, Layout, raw10, raw12};
+use crate::front::rows::{Part, Scratch};
+use crate::merge::{Codes, MAX_EXPOSURES, Samples};
+use crate::plan::CHUNK;
+
+/// The brightness of the pixel at column `x` and row `y` as a relative code: 0 black, 1 white, outside of both for codes of limited
+/// range beyond those. Green of three channels, the pixel's own sample of a mosaic; 0 where the frame has no such pixel.
+///
+/// ```
+/// use hemilux_core::format::{Format, Layout, Pattern};
+/// use hemilux_core::{Samples, read_luma};
+///
+/// let layout = Layout::tight(Format::Raw10(Pattern::Rggb), 4, 2)?;
+/// // Pixels 0x3ff, 0x001, 0x200, 0x102: the upper eight bits of each, then two low bits each.
+/// let row = [0xff, 0x00, 0x80, 0x40, 0b10_00_01_11];
+/// let frame = [row, row].concat();
+/// assert_eq!(read_luma(&layout, Samples::U8(&frame), 0, 1), 1.0);
+/// assert_eq!(read_luma(&layout, Samples::U8(&frame), 2, 1), 512.0 / 1023.0);
+/// # Ok::<(), hemilux_core::LayoutError>(())
+/// ```
+#[must_use]
+pub fn read_luma(layout: &Layout, frame: Samples<'_>, x: u32, y: u32) -> f32 {
+    if x >= layout.width() || y >= layout.height() {
+        return 0.0;
+    }
+    let (x, format) = (x as usize, layout.format());
+    let code = match frame {
+        Samples::U8(bytes) => {
+            let line = (y as usize).saturating_mul(layout.bytes_per_line());
+            code_of_byte_row(format, bytes.get(line..).unwrap_or_default(), x)
+        }
+        Samples::U16(words) => {
+            let at = (y as usize).saturating_mul(layout.bytes_per_line() / 2).saturating_add(3 * x + 1);
+            words.get(at).copied().unwrap_or(0)
+        }
+    };
+    match format {
+        Format::Yuyv(yuv) | Format::Nv12(yuv) if yuv.limited => (f32::from(code) - 16.0) / 219.0,
+        _ => f32::from(code) / format.max_code() as f32,
+    }
+}
+
+/// Luma, green or the mosaic's sample of pixel `x` of a row; 0 beyond its end.
+fn code_of_byte_row(format: Format, row: &[u8], x: usize) -> u16 {
+    let byte = |at: usize| u16::from(row.get(at).copied().unwrap_or(0));
+    match format {
+        Format::Grey | Format::Bayer8(_) | Format::Nv12(_) => byte(x),
+        Format::Yuyv(_) => byte(2 * x),
+        Format::Rgb24 | Format::Bgr24 => byte(3 * x + 1),
+        Format::Raw10(_) => row.as_chunks().0.get(x / 4).map_or(0, |group| raw10(group)[x % 4]),
+        Format::Raw12(_) => row.as_chunks().0.get(x / 2).map_or(0, |group| raw12(group)[x % 2]),
+        Format::Bayer16(..) => row.as_chunks().0.get(x).map_or(0, |word| u16::from_le_bytes(*word)),
+        // No format of bytes.
+        Format::Rgb48 => 0,
+    }
+}
+
+/// Red, green and blue codes of the pixels of row `y`, as many as `out` holds. Luma and chroma are converted as the front end does; the
+/// four pixels of a mosaic's cell get the codes of its red, its first green and its blue sample.
+///
+/// Pixels that the frame does not have are left as they are.
+pub fn read_rgb_row(layout: &Layout, frame: Samples<'_>, y: u32, out: &mut [[u16; 3]]) {
+    let is_words = layout.format() == Format::Rgb48;
+    if y >= layout.height() || matches!(frame, Samples::U16(_)) != is_words {
+        return;
+    }
+    Scratch::with(layout.format(), false, |scratch| read_chunks(layout, frame, y as usize, out, scratch));
+}
+
+fn read_chunks(
+    layout: &Layout,
+    frame: Samples<'_>,
+    y: usize,
+    out: &mut [[u16; 3]],
+    mut scratch: Scratch<'_>,
+) {
+    let pattern = layout.format().pattern();
+    let cell = if pattern.is_some() { 2 } else { 1 };
+    let width = (layout.width() as usize).min(out.len());
+    let pixels = out.get_mut(..width).unwrap_or_default();
+    for (i, pixels) in pixels.chunks_mut(cell * CHUNK).enumerate() {
+        let part = Part { row: y / cell, first: CHUNK * i, len: pixels.len().div_ceil(cell) };
+        let mut codes = [Codes::NONE; MAX_EXPOSURES];
+        let codes = scratch.codes(&[frame], layout, part, false, &mut codes);
+        let Some(codes) = codes.first() else { return };
+        spread(layout.format(), codes, cell, pixels);
+    }
+}
+
+/// Gives each pixel the codes of its place.
+fn spread(format: Format, codes: &Codes<'_>, cell: usize, pixels: &mut [[u16; 3]]) {
+    let channels = format.pattern().map(|pattern| pattern.channels());
+    // Where red, the first green and blue are in a place's samples.
+    let samples = match (format, channels) {
+        (_, Some(channels)) => [0, 1, 2].map(|c| channels.iter().position(|own| *own == c).unwrap_or(0)),
+        (Format::Bgr24, _) => [2, 1, 0],
+        (Format::Grey, _) => [0; 3],
+        _ => [0, 1, 2],
+    };
+    let many = match (format, channels) {
+        (_, Some(_)) => 4,
+        (Format::Grey, _) => 1,
+        _ => 3,
+    };
+    for (x, pixel) in pixels.iter_mut().enumerate() {
+        let place = many * (x / cell);
+        for (value, sample) in pixel.iter_mut().zip(samples) {
+            if let Some(code) = codes.get(place + sample) {
+                *value = code;
+            }
+        }
+    }
+}
