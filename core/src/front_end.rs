@@ -8,7 +8,7 @@ use crate::front::{self, BurstError, Coverage, Excluded};
 use crate::healpix::{Domain, Order};
 use crate::light::Decomposition;
 use crate::merge::{self, Exposure, Merge, MergeView, Samples};
-use crate::plan::{self, Plan, PlanError, PlanView};
+use crate::plan::{self, Plan, PlanError, PlanView, Texel};
 use crate::polar::LatLongView;
 use crate::pyramid::{Pyramid, PyramidView, Quad};
 use crate::sampler::{Map, Request, Sampler};
@@ -39,12 +39,16 @@ pub struct FrontEnd<B> {
     memory: B,
 }
 
+/// Fills the unseen part of a map.
+type Extrapolate = fn(&mut Pyramid<&mut [Quad]>, &[Texel]);
+
 /// All but the memory: compiled once, whatever memory is lent.
 #[derive(Clone, Debug)]
 struct State {
     calibration: Calibration,
     order: Order,
-    extrapolation: Extrapolation,
+    /// Not an enum, so that programs that never ask for an extrapolation do not link it.
+    extrapolate: Option<Extrapolate>,
     merge: merge::Detached,
     plan: plan::Detached,
     sizes: Sizes,
@@ -75,7 +79,10 @@ impl<B: Buffer<u64>> FrontEnd<B> {
 
     /// Chooses what stands for the part of the hemisphere that the lens does not see; nothing at first.
     pub fn set_extrapolation(&mut self, extrapolation: Extrapolation) {
-        self.state.extrapolation = extrapolation;
+        self.state.extrapolate = match extrapolation {
+            Extrapolation::None => None,
+            Extrapolation::Average => Some(|map, texels| _ = fill::average(map, texels)),
+        };
     }
 
     /// Merges the frames of one burst, in the order of the exposures, and builds the map.
@@ -179,7 +186,7 @@ impl State {
         let curve = calibration.curve(parts.curve)?;
         let tables = (parts.tables, parts.reciprocals);
         let merge = Merge::try_new(curve, exposures, calibration.scale, tables)?.detached();
-        Ok(Self { calibration, order, extrapolation: Extrapolation::default(), merge, plan, sizes })
+        Ok(Self { calibration, order, extrapolate: None, merge, plan, sizes })
     }
 
     #[inline(never)]
@@ -207,8 +214,8 @@ impl State {
         let Calibration { layout, white_balance, .. } = &self.calibration;
         let (merge, plan, mut map) = self.parts(memory);
         let coverage = front::finish(excluded, layout, &merge, &plan, *white_balance, &mut map);
-        if self.extrapolation == Extrapolation::Average {
-            fill::average(&mut map, plan.texels);
+        if let Some(extrapolate) = self.extrapolate {
+            extrapolate(&mut map, plan.texels);
         }
         coverage
     }
