@@ -7,7 +7,7 @@ use super::{MAX_PIXELS, Raster, Refusal};
 const PIXELS_PER_BYTE: u64 = 200;
 
 /// Texels that a file of any length may have.
-const FREE: u64 = 1 << 16;
+const FREE: u64 = 1 << 20;
 
 /// What a file may unpack to.
 pub(super) struct Budget {
@@ -32,34 +32,22 @@ impl Budget {
         Err(Refusal::new(found, format!("at most {most} texels (--max-pixels sets the limit)")))
     }
 
-    /// An empty raster with memory reserved for its texels, which are only touched as they are decoded.
+    /// A black raster. Its memory is zeroed by the system at the first use of each page, so that a file takes no more than it decodes.
     pub fn raster(&self, width: u64, height: u64) -> Result<Raster, Refusal> {
         self.check(width, height)?;
-        let size =
-            |v: u64| usize::try_from(v).map_err(|_| Refusal::new(format!("a side of {v}"), "a smaller map"));
+        let too_large = || Refusal::new(format!("{width} x {height} texels"), "a map that fits into memory");
+        let size = |v: u64| usize::try_from(v).map_err(|_| too_large());
         let (width, height) = (size(width)?, size(height)?);
-        let mut texels = Vec::new();
-        let found = format!("{width} x {height} texels");
-        let reserved = width.checked_mul(height).map(|count| texels.try_reserve_exact(count));
-        match reserved {
-            Some(Ok(())) => Ok(Raster { width, height, texels }),
-            _ => Err(Refusal::new(found, "a map that fits into memory")),
-        }
+        let count = width.checked_mul(height).ok_or_else(too_large)?;
+        // A failed allocation would end the process: asked for once in a way that can fail.
+        Vec::<[f32; 3]>::new().try_reserve_exact(count).map_err(|_| too_large())?;
+        Ok(Raster { width, height, texels: vec![[0.0; 3]; count] })
     }
 }
 
 impl Raster {
-    /// Sets the texel at `index`, filling with black up to it.
+    /// The texels of a row.
     pub fn row_mut(&mut self, row: usize) -> &mut [[f32; 3]] {
-        let end = (row + 1) * self.width;
-        if self.texels.len() < end {
-            self.texels.resize(end, [0.0; 3]);
-        }
-        &mut self.texels[row * self.width..end]
-    }
-
-    /// Fills what was not decoded with black.
-    pub fn complete(&mut self) {
-        self.texels.resize(self.width * self.height, [0.0; 3]);
+        &mut self.texels[row * self.width..(row + 1) * self.width]
     }
 }

@@ -39,19 +39,10 @@ pub(super) fn read(mut reader: impl BufRead, budget: &Budget) -> Result<(Raster,
             .iter()
             .map(|b| if little { f32::from_le_bytes(*b) } else { f32::from_be_bytes(*b) });
         let values: Vec<f32> = values.collect();
-        raster.texels.extend(values.chunks_exact(samples).map(|v| [v[0], v[samples / 2], v[samples - 1]]));
+        let texels = values.chunks_exact(samples).map(|v| [v[0], v[samples / 2], v[samples - 1]]);
+        raster.row_mut(height as usize - 1 - y).iter_mut().zip(texels).for_each(|(to, texel)| *to = texel);
     }
-    flip(&mut raster);
     Ok((raster, Stated::default()))
-}
-
-/// Reverses the order of the rows.
-fn flip(raster: &mut Raster) {
-    let (width, height) = (raster.width, raster.height);
-    for y in 0..height / 2 {
-        let (upper, lower) = raster.texels.split_at_mut((height - 1 - y) * width);
-        upper[y * width..][..width].swap_with_slice(&mut lower[..width]);
-    }
 }
 
 /// The bytes up to the next white space, of which one byte is consumed.

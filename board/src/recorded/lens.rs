@@ -65,18 +65,25 @@ fn is_ours(text: &str) -> bool {
 /// # Errors
 /// [`RecordedError`].
 pub fn read_lens(path: &Path) -> Result<LensFile, RecordedError> {
-    let text = read_text(path)?;
+    parse_lens(path, &read_text(path)?)
+}
+
+/// As [`read_lens`], for a text; errors name `path`.
+///
+/// # Errors
+/// [`RecordedError`].
+pub fn parse_lens(path: &Path, text: &str) -> Result<LensFile, RecordedError> {
     #[cfg(feature = "foreign-lenses")]
-    if !is_ours(&text) {
-        return super::foreign::read(path, &text);
+    if !is_ours(text) {
+        return super::foreign::read(path, text);
     }
-    let file: LensManifest = parse(path, &text)?;
+    let file: LensManifest = parse(path, text)?;
     check_version(path, file.version)?;
     let Some(size) = file.lens.size.filter(|s| s[0] > 0 && s[1] > 0) else {
         return Err(RecordedError::new(path, "[lens] without a size", "size = [columns, rows]"));
     };
     let response = file.response.as_ref().map_or(Ok(Response::Linear), |r| r.response(path))?;
-    let raw: toml::Table = parse(path, &text)?;
+    let raw: toml::Table = parse(path, text)?;
     let table = |name: &str| raw.get(name).and_then(toml::Value::as_table).cloned();
     Ok(LensFile {
         lens: file.lens.lens(path)?,

@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 
 pub use consistency::{LeftOut, leave_out};
 pub use hemilux_core::Levels;
-pub use lens::{LensFile, read_lens};
+pub use lens::{LensFile, parse_lens, read_lens};
 
 /// Largest `burst.toml`, `sequence.toml` or lens file, bytes.
 const MAX_MANIFEST_BYTES: u64 = 1 << 20;

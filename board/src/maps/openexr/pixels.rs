@@ -33,7 +33,6 @@ pub(super) fn decode(
             place.block(&block, header, layer, raster)?;
         }
     }
-    raster.complete();
     Ok(())
 }
 

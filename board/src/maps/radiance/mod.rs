@@ -27,9 +27,7 @@ pub(super) fn read(
             "a latitude-longitude map (--projection latlong or angular reads the picture nevertheless)";
         return Err(Refusal::new(format!("VIEW={view}"), expected));
     }
-    let size = header.resolution.size();
-    let mut raster = budget.raster(size[0], size[1])?;
-    header.resolution.decode(&mut reader, &mut raster)?;
+    let mut raster = header.resolution.decode(&mut reader, budget)?;
     let mut stated = Stated { covers: header.covers, ..Stated::default() };
     convert(&header, &mut raster, &mut stated)?;
     Ok((raster, stated))

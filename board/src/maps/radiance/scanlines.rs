@@ -1,5 +1,6 @@
 //! Scanlines of a Radiance picture: flat, run-length encoded as before 1991, or run-length encoded by component.
 
+use super::super::limit::Budget;
 use super::super::{Raster, Refusal};
 use std::io::{BufRead, ErrorKind};
 
@@ -36,37 +37,30 @@ pub(super) struct Resolution {
 }
 
 impl Resolution {
-    /// Columns and rows of the upright picture.
-    pub fn size(&self) -> [u64; 2] {
-        let (x, y) = if self.major.is_x { (self.major, self.minor) } else { (self.minor, self.major) };
-        [x.count.into(), y.count.into()]
-    }
-
-    /// Decodes all scanlines.
-    pub fn decode(&self, reader: &mut impl BufRead, raster: &mut Raster) -> Result<(), Refusal> {
+    /// Decodes all scanlines. Columns are decoded as rows and turned at the end, so that what is touched is what is decoded.
+    pub fn decode(&self, reader: &mut impl BufRead, budget: &Budget) -> Result<Raster, Refusal> {
+        let mut raster = budget.raster(self.minor.count.into(), self.major.count.into())?;
         let mut line = Vec::new();
         for stored in 0..self.major.count as usize {
             decode_line(reader, self.minor.count as usize, &mut line)
                 .map_err(|found| Refusal::new(format!("scanline {stored}: {found}"), "a whole scanline"))?;
-            let at = self.major.place(stored);
-            self.store(&line, at, raster);
-        }
-        raster.complete();
-        Ok(())
-    }
-
-    fn store(&self, line: &[Rgbe], at: usize, raster: &mut Raster) {
-        if self.major.is_x {
-            for (k, texel) in line.iter().enumerate() {
-                raster.row_mut(self.minor.place(k))[at] = radiance(*texel);
-            }
-        } else {
-            let row = raster.row_mut(at);
+            let row = raster.row_mut(self.major.place(stored));
             for (k, texel) in line.iter().enumerate() {
                 row[self.minor.place(k)] = radiance(*texel);
             }
         }
+        if self.major.is_x { transposed(&raster, budget) } else { Ok(raster) }
     }
+}
+
+/// The raster with rows and columns exchanged.
+fn transposed(from: &Raster, budget: &Budget) -> Result<Raster, Refusal> {
+    let mut to = budget.raster(from.height as u64, from.width as u64)?;
+    for y in 0..to.height {
+        let column = from.texels.iter().skip(y).step_by(from.width);
+        to.row_mut(y).iter_mut().zip(column).for_each(|(texel, value)| *texel = *value);
+    }
+    Ok(to)
 }
 
 /// Mantissas times 2^(exponent - 136).
