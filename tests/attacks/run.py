@@ -106,6 +106,8 @@ def good(port, path, seconds, address, result):
         sock.sendall(request(path))
         status, body, rest = answer(sock, rest)
         now = time.monotonic()
+        if status != 200:
+            raise ConnectionError(f"{status}: {body[:99]}")
         match = re.search(rb'"frame":(\d+)', body[:400])
         frame = int(match.group(1)) if match else int.from_bytes(body[8:16], "little")
         if last is not None:

@@ -7,7 +7,10 @@ use std::sync::{Arc, OnceLock, Weak};
 use std::time::Duration;
 
 /// Bytes of all answers above which connections that do not read are cut before another answer is made.
-const LIMIT: usize = 32 << 20;
+const LIMIT: usize = 16 << 20;
+
+/// Time of a blocked write after which a connection is cut for want of memory, milliseconds.
+const BLOCKED_MS: u64 = 300;
 
 /// Time between two looks at the memory.
 const PAUSE: Duration = Duration::from_millis(50);
@@ -94,7 +97,7 @@ impl AnswerMemory {
                 return Some(());
             }
             if let Some(limiter) = self.limiter.get() {
-                limiter.cut_stalled();
+                limiter.cut_blocked(BLOCKED_MS);
             }
             tokio::time::sleep(PAUSE).await;
         }

@@ -1,7 +1,7 @@
 //! The encoded forms of the newest light set: each is made once per frame, for all requests with equal parameters.
 
 use super::encoder::Encoder;
-use super::lights::Answer;
+use super::lights::{Answer, Format};
 use super::memory::{AnswerMemory, Kept, body};
 use super::query::Variant;
 use crate::probe::{Link, Published, Staleness};
@@ -17,16 +17,25 @@ const STALE_STEP_MS: u64 = 100;
 /// Number of lights above which encoding takes more than about a tenth of a millisecond and moves to the encoding thread.
 const MANY_LIGHTS: usize = 256;
 
+/// Number of lights above which text takes milliseconds to write, ten times as long as binary forms.
+const TEXT_LIGHTS: usize = 8192;
+
+/// Priority of the thread for costly answers below that of the process.
+const NICE: i32 = 10;
+
 /// Largest number of variants whose bytes are kept; beyond it the least recently requested variant is dropped.
 const VARIANTS: usize = 64;
 
 /// Most bytes that are kept while no client is being sent them.
-const KEPT_BYTES: usize = 16 << 20;
+const KEPT_BYTES: usize = 4 << 20;
 
 /// The encoded bytes of the newest set for each variant, most recently requested first.
 pub(super) struct EncodedSets {
     variants: Mutex<Vec<(Variant, Arc<Entry>)>>,
+    /// Encodes sets of many lights.
     encoder: Encoder<Variant>,
+    /// Encodes what takes longest, so that nothing else waits for it.
+    costly: Encoder<Variant>,
     memory: Arc<AnswerMemory>,
 }
 
@@ -82,7 +91,7 @@ pub(super) struct Ready {
 
 impl EncodedSets {
     pub(super) fn new(memory: Arc<AnswerMemory>) -> Self {
-        Self { variants: Mutex::default(), encoder: Encoder::new("hemilux-encode", 0), memory }
+        Self { variants: Mutex::default(), encoder: Encoder::new("hemilux-encode", 0), costly: Encoder::new("hemilux-costly", NICE), memory }
     }
 
     /// The newest set in the form `variant`, marked stale when it `is_late`. The first request encodes it, concurrent ones wait.
@@ -108,6 +117,7 @@ impl EncodedSets {
         let last = lock(&entry.encoded).length;
         let room = last + last / 8;
         let (answer, bytes) = if answer.set.lights.len() > MANY_LIGHTS {
+            let is_costly = is_costly(variant, answer.set.lights.len());
             let link = Arc::clone(link);
             drop(answer);
             let work = move || {
@@ -115,7 +125,8 @@ impl EncodedSets {
                 let answer = Answer::newest(&link, is_late)?;
                 encode(variant, &link, &answer, room).map(|bytes| (answer, bytes))
             };
-            self.encoder.run(variant, work).await.flatten().ok_or(Missing::Fault)?
+            let encoder = if is_costly { &self.costly } else { &self.encoder };
+            encoder.run(variant, work).await.flatten().ok_or(Missing::Fault)?
         } else {
             let bytes = encode(variant, link, &answer, room).ok_or(Missing::Fault)?;
             (answer, bytes)
@@ -161,6 +172,12 @@ impl Entry {
         let bytes = encoded.kept.find().filter(|_| encoded.key == Some(Key::of(answer)))?;
         Some(Ready { bytes, set: Arc::clone(&answer.set), is_stale: answer.stale.is_some() })
     }
+}
+
+/// Whether the set takes so long to encode that its clients get it at a lower rate: thinned ones, and large ones as text.
+fn is_costly(variant: Variant, lights: usize) -> bool {
+    let is_thinned = variant.lights.is_some_and(|most| most < lights);
+    is_thinned || (lights > TEXT_LIGHTS && variant.format != Format::Binary && variant != Variant::of(variant.format))
 }
 
 /// Locks `mutex`, also after a panic of another thread: no critical section leaves partial updates.

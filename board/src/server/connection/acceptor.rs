@@ -105,6 +105,7 @@ pub(in crate::server) struct ConnectionGuard {
 
 impl ConnectionGuard {
     fn new(permit: Permit, address: IpAddr, stream: &Arc<TcpStream>, counts: Arc<Counts>) -> Arc<Self> {
+        permit.activity().attach(stream);
         counts.accepted.fetch_add(1, Relaxed);
         counts.open.fetch_add(1, Relaxed);
         Arc::new(Self { permit, address, queues: Queues::of(stream), counts })

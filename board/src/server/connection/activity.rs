@@ -1,10 +1,12 @@
 //! The state of a connection: what the client has shown so far, and whether the server has cut the connection.
 
+use super::tcp;
 use futures_util::task::AtomicWaker;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock, Weak};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::task::Context;
 use std::time::Instant;
+use tokio::net::TcpStream;
 
 /// Time of a blocked write after which a connection counts as stalled, milliseconds.
 const STALLED_MS: u64 = 1000;
@@ -38,6 +40,8 @@ pub(in crate::server) struct Activity {
     blocked_ms: AtomicU64,
     is_cut: AtomicBool,
     waker: AtomicWaker,
+    /// The connection's socket, as long as it is open.
+    socket: OnceLock<Weak<TcpStream>>,
 }
 
 impl Activity {
@@ -52,6 +56,7 @@ impl Activity {
             blocked_ms: AtomicU64::new(u64::MAX),
             is_cut: AtomicBool::new(false),
             waker: AtomicWaker::new(),
+            socket: OnceLock::new(),
         };
         activity.changed_ms.store(activity.now_ms(), Relaxed);
         Arc::new(activity)
@@ -99,8 +104,21 @@ impl Activity {
         }
     }
 
-    /// Ends the connection: its stream fails from now on and is reset.
+    /// Tells the connection's socket.
+    pub(super) fn attach(&self, stream: &Arc<TcpStream>) {
+        let _ = self.socket.set(Arc::downgrade(stream));
+    }
+
+    /// Time for which a write has been blocked, milliseconds.
+    pub(super) fn blocked_for_ms(&self) -> u64 {
+        self.now_ms().saturating_sub(self.blocked_ms.load(Relaxed))
+    }
+
+    /// Ends the connection: its stream fails from now on. Its socket is reset, even if the program ends before its task runs again.
     pub(super) fn cut(&self) {
+        if let Some(stream) = self.socket.get().and_then(Weak::upgrade) {
+            tcp::reset_on_close(&stream);
+        }
         self.is_cut.store(true, Relaxed);
         self.waker.wake();
     }

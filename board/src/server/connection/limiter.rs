@@ -78,11 +78,14 @@ impl ConnectionLimiter {
         Some(Permit { limiter: Arc::clone(self), id, activity })
     }
 
-    /// Cuts the connection whose answer has been blocked longest; whether there was one.
-    pub(in crate::server) fn cut_stalled(&self) -> bool {
+    /// Cuts the connections whose answers have been blocked for `ms` milliseconds or longer.
+    pub(in crate::server) fn cut_blocked(&self, ms: u64) {
         let mut state = self.lock();
-        let stalled = state.lowest(|entry| matches!(entry.activity.rank(), Rank::Stalled(_)));
-        stalled.is_some_and(|id| state.displace(id).is_some())
+        let is_blocked = |entry: &Entry| entry.activity.blocked_for_ms() >= ms;
+        let blocked: Vec<_> = state.entries.iter().filter(|(_, e)| is_blocked(e)).map(|(id, _)| *id).collect();
+        for id in blocked {
+            state.displace(id);
+        }
     }
 
     /// Cuts all connections.
