@@ -4,7 +4,7 @@ mod bench;
 
 use bench::{Answer, Bench, Step, ask, connect, connect_from, get, raw};
 use hemilux::probe::Config;
-use hemilux::server::Limits;
+use hemilux::server::{Event, Limits};
 use serde_json::Value;
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
@@ -98,6 +98,16 @@ fn the_last_set_is_stale_while_the_source_is_gone_and_fresh_again_after() {
     sleep(SETTLED);
     bench.frame();
     assert_eq!(waiting.join().expect("an answer").json()["stale"], Value::Null, "fresh again");
+}
+
+#[test]
+fn the_end_of_the_processing_thread_ends_the_wait_for_signals() {
+    let bench = Bench::new(Limits::default());
+    bench.frame();
+    let (mut signals, link) = (bench.running.signals().expect("signals"), bench.probe.link());
+    bench.step(Step::Panic);
+    assert_eq!(bench.running.wait(&mut signals, link.ended()), Event::Ended, "the program ends");
+    assert!(link.failure().is_some_and(|f| f.contains("ended")), "clients are told");
 }
 
 #[test]

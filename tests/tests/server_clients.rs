@@ -66,6 +66,31 @@ fn curl_reads_sets_and_changes_settings() {
     assert!(String::from_utf8_lossy(&events.stdout).matches("\ndata: {").count() > 3, "{events:?}");
 }
 
+/// The code of the close frame with which `socket` ends.
+fn close_code(socket: &mut tungstenite::WebSocket<impl Read + Write>) -> Option<u16> {
+    let last = std::iter::from_fn(|| socket.read().ok()).find(|message| matches!(message, Message::Close(_)));
+    match last {
+        Some(Message::Close(Some(frame))) => Some(frame.code.into()),
+        _ => None,
+    }
+}
+
+/// RFC 6455, 5.5.1 and 7.4.1.
+#[test]
+fn websockets_end_with_the_codes_of_the_standard() {
+    let bench = running();
+    let url = format!("ws://{}/v1/socket", bench.address());
+    let (mut socket, _) = tungstenite::connect(&url).expect("a socket");
+    socket.read().expect("a set");
+    let normal = tungstenite::protocol::CloseFrame { code: 1000.into(), reason: "".into() };
+    socket.close(Some(normal)).expect("a close frame");
+    assert_eq!(close_code(&mut socket), Some(1000), "the client's own code");
+    let (mut socket, _) = tungstenite::connect(&url).expect("a socket");
+    socket.read().expect("a set");
+    socket.send(Message::Text("x".repeat(2000).into())).expect("a message");
+    assert_eq!(close_code(&mut socket), Some(1009), "a message that is too large");
+}
+
 #[test]
 fn a_websocket_client_gets_every_set_and_a_farewell() {
     let bench = running();

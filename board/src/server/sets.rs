@@ -91,7 +91,12 @@ pub(super) struct Ready {
 
 impl EncodedSets {
     pub(super) fn new(memory: Arc<AnswerMemory>) -> Self {
-        Self { variants: Mutex::default(), encoder: Encoder::new("hemilux-encode", 0), costly: Encoder::new("hemilux-costly", NICE), memory }
+        Self {
+            variants: Mutex::default(),
+            encoder: Encoder::new("hemilux-encode", 0),
+            costly: Encoder::new("hemilux-costly", NICE),
+            memory,
+        }
     }
 
     /// The newest set in the form `variant`, marked stale when it `is_late`. The first request encodes it, concurrent ones wait.
@@ -177,7 +182,10 @@ impl Entry {
 /// Whether the set takes so long to encode that its clients get it at a lower rate: thinned ones, and large ones as text.
 fn is_costly(variant: Variant, lights: usize) -> bool {
     let is_thinned = variant.lights.is_some_and(|most| most < lights);
-    is_thinned || (lights > TEXT_LIGHTS && variant.format != Format::Binary && variant != Variant::of(variant.format))
+    is_thinned
+        || (lights > TEXT_LIGHTS
+            && variant.format != Format::Binary
+            && variant != Variant::of(variant.format))
 }
 
 /// Locks `mutex`, also after a panic of another thread: no critical section leaves partial updates.

@@ -21,6 +21,7 @@ use std::time::{Duration, Instant};
 pub enum Step {
     Burst,
     Fail(&'static str),
+    Panic,
 }
 
 struct Scripted {
@@ -40,6 +41,7 @@ impl Source for Scripted {
     fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
         match self.steps.recv_timeout(Duration::from_millis(50)) {
             Ok(Step::Burst) => self.scene.next(burst),
+            Ok(Step::Panic) => panic!("asked for by the test"),
             Ok(Step::Fail(reason)) => Err(SourceError::Gone(reason.into())),
             Err(_) => Err(SourceError::NotYet),
         }

@@ -2,8 +2,8 @@
 
 use super::tcp;
 use futures_util::task::AtomicWaker;
-use std::sync::{Arc, OnceLock, Weak};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, OnceLock, Weak};
 use std::task::Context;
 use std::time::Instant;
 use tokio::net::TcpStream;

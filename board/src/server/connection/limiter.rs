@@ -82,7 +82,8 @@ impl ConnectionLimiter {
     pub(in crate::server) fn cut_blocked(&self, ms: u64) {
         let mut state = self.lock();
         let is_blocked = |entry: &Entry| entry.activity.blocked_for_ms() >= ms;
-        let blocked: Vec<_> = state.entries.iter().filter(|(_, e)| is_blocked(e)).map(|(id, _)| *id).collect();
+        let blocked: Vec<_> =
+            state.entries.iter().filter(|(_, e)| is_blocked(e)).map(|(id, _)| *id).collect();
         for id in blocked {
             state.displace(id);
         }
