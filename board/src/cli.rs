@@ -48,7 +48,7 @@ Examples:
   curl 'http://127.0.0.1:8080/v1/compare?algorithm=q2tree&lights=64'   what another sampler makes of the same frame
   hemilux --budget front=30,total=60             what takes longer is counted and told
 
-Sources: v4l2:PATH, scene:room, scene:sky, scene:lamps, scene:overcast, replay:DIR.
+Sources: v4l2:PATH, pipe:PATH, scene:room, scene:sky, scene:lamps, scene:overcast, replay:DIR.
 Exit status: 0 when stopped by SIGINT or SIGTERM, 1 after a failure, 2 for wrong usage.
 RUST_LOG=info tells more on stderr.";
 
@@ -84,7 +84,7 @@ enum Command {
 
 #[derive(Clone, Debug, Args)]
 struct Serve {
-    /// Where bursts come from: v4l2:PATH, scene:NAME or replay:DIR [default: scene:room].
+    /// Where bursts come from: v4l2:PATH, pipe:PATH, scene:NAME or replay:DIR [default: scene:room].
     #[arg(long, value_parser = str::parse::<Spec>)]
     source: Option<Spec>,
     /// Where to listen; port 0 is any free one [default: 127.0.0.1:8080].

@@ -82,46 +82,67 @@ pub enum Format {
     Bayer16(Pattern, u8),
 }
 
+/// Placeholder of [`FOURCCS`], which is replaced by the caller's.
+const DEFAULT_YUV: Yuv = Yuv { limited: false, matrix: Matrix::Bt601 };
+
+/// V4L2's four characters of each format: linear sensor codes first, packed before 16-bit words and more bits before fewer; then pictures
+/// processed by the camera, the ones with more of their colour first; grey at the end.
+const FOURCCS: [([u8; 4], Format); 33] = [
+    (*b"pBCC", Format::Raw12(Pattern::Bggr)),
+    (*b"pGCC", Format::Raw12(Pattern::Gbrg)),
+    (*b"pgCC", Format::Raw12(Pattern::Grbg)),
+    (*b"pRCC", Format::Raw12(Pattern::Rggb)),
+    (*b"pBAA", Format::Raw10(Pattern::Bggr)),
+    (*b"pGAA", Format::Raw10(Pattern::Gbrg)),
+    (*b"pgAA", Format::Raw10(Pattern::Grbg)),
+    (*b"pRAA", Format::Raw10(Pattern::Rggb)),
+    (*b"BYR2", Format::Bayer16(Pattern::Bggr, 16)),
+    (*b"GB16", Format::Bayer16(Pattern::Gbrg, 16)),
+    (*b"GR16", Format::Bayer16(Pattern::Grbg, 16)),
+    (*b"RG16", Format::Bayer16(Pattern::Rggb, 16)),
+    (*b"BG14", Format::Bayer16(Pattern::Bggr, 14)),
+    (*b"GB14", Format::Bayer16(Pattern::Gbrg, 14)),
+    (*b"GR14", Format::Bayer16(Pattern::Grbg, 14)),
+    (*b"RG14", Format::Bayer16(Pattern::Rggb, 14)),
+    (*b"BG12", Format::Bayer16(Pattern::Bggr, 12)),
+    (*b"GB12", Format::Bayer16(Pattern::Gbrg, 12)),
+    (*b"BA12", Format::Bayer16(Pattern::Grbg, 12)),
+    (*b"RG12", Format::Bayer16(Pattern::Rggb, 12)),
+    (*b"BG10", Format::Bayer16(Pattern::Bggr, 10)),
+    (*b"GB10", Format::Bayer16(Pattern::Gbrg, 10)),
+    (*b"BA10", Format::Bayer16(Pattern::Grbg, 10)),
+    (*b"RG10", Format::Bayer16(Pattern::Rggb, 10)),
+    (*b"BA81", Format::Bayer8(Pattern::Bggr)),
+    (*b"GBRG", Format::Bayer8(Pattern::Gbrg)),
+    (*b"GRBG", Format::Bayer8(Pattern::Grbg)),
+    (*b"RGGB", Format::Bayer8(Pattern::Rggb)),
+    (*b"YUYV", Format::Yuyv(DEFAULT_YUV)),
+    (*b"NV12", Format::Nv12(DEFAULT_YUV)),
+    (*b"RGB3", Format::Rgb24),
+    (*b"BGR3", Format::Bgr24),
+    (*b"GREY", Format::Grey),
+];
+
 impl Format {
+    /// V4L2's four characters of each format that is read, the best for light measurement first.
+    ///
+    /// ```
+    /// use hemilux_core::format::Format;
+    /// assert_eq!(Format::fourccs().next(), Some(*b"pBCC"));
+    /// assert_eq!(Format::fourccs().last(), Some(*b"GREY"));
+    /// ```
+    pub fn fourccs() -> impl Iterator<Item = [u8; 4]> {
+        FOURCCS.iter().map(|(name, _)| *name)
+    }
+
     /// The format that V4L2 calls `fourcc`; `yuv` is for those that carry luma and chroma.
     #[must_use]
     pub fn from_fourcc(fourcc: [u8; 4], yuv: Yuv) -> Option<Self> {
-        use Pattern::{Bggr, Gbrg, Grbg, Rggb};
-        Some(match &fourcc {
-            b"RGB3" => Self::Rgb24,
-            b"BGR3" => Self::Bgr24,
-            b"GREY" => Self::Grey,
-            b"YUYV" => Self::Yuyv(yuv),
-            b"NV12" => Self::Nv12(yuv),
-            b"BA81" => Self::Bayer8(Bggr),
-            b"GBRG" => Self::Bayer8(Gbrg),
-            b"GRBG" => Self::Bayer8(Grbg),
-            b"RGGB" => Self::Bayer8(Rggb),
-            b"pBAA" => Self::Raw10(Bggr),
-            b"pGAA" => Self::Raw10(Gbrg),
-            b"pgAA" => Self::Raw10(Grbg),
-            b"pRAA" => Self::Raw10(Rggb),
-            b"pBCC" => Self::Raw12(Bggr),
-            b"pGCC" => Self::Raw12(Gbrg),
-            b"pgCC" => Self::Raw12(Grbg),
-            b"pRCC" => Self::Raw12(Rggb),
-            b"BG10" => Self::Bayer16(Bggr, 10),
-            b"GB10" => Self::Bayer16(Gbrg, 10),
-            b"BA10" => Self::Bayer16(Grbg, 10),
-            b"RG10" => Self::Bayer16(Rggb, 10),
-            b"BG12" => Self::Bayer16(Bggr, 12),
-            b"GB12" => Self::Bayer16(Gbrg, 12),
-            b"BA12" => Self::Bayer16(Grbg, 12),
-            b"RG12" => Self::Bayer16(Rggb, 12),
-            b"BG14" => Self::Bayer16(Bggr, 14),
-            b"GB14" => Self::Bayer16(Gbrg, 14),
-            b"GR14" => Self::Bayer16(Grbg, 14),
-            b"RG14" => Self::Bayer16(Rggb, 14),
-            b"BYR2" => Self::Bayer16(Bggr, 16),
-            b"GB16" => Self::Bayer16(Gbrg, 16),
-            b"GR16" => Self::Bayer16(Grbg, 16),
-            b"RG16" => Self::Bayer16(Rggb, 16),
-            _ => return None,
+        let (_, format) = FOURCCS.iter().find(|(name, _)| *name == fourcc)?;
+        Some(match format {
+            Self::Yuyv(_) => Self::Yuyv(yuv),
+            Self::Nv12(_) => Self::Nv12(yuv),
+            other => *other,
         })
     }
 

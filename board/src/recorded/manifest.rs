@@ -205,9 +205,12 @@ impl Manifest {
                 }
             }
             if let Some(known) = frame.known.as_deref()
-                && !["reported", "predicted", "verified", "unknown"].contains(&known)
+                && !["reported", "predicted", "verified", "measured", "unknown"].contains(&known)
             {
-                return refuse(format!("known = {known:?}"), "reported, predicted, verified or unknown");
+                return refuse(
+                    format!("known = {known:?}"),
+                    "reported, predicted, verified, measured or unknown",
+                );
             }
         }
         Ok(())

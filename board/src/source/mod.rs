@@ -1,8 +1,10 @@
-//! Where bursts come from: cameras, built-in scenes and recordings.
+//! Where bursts come from: cameras, frames of other programs, built-in scenes and recordings.
 
 #[cfg(all(feature = "v4l2", target_os = "linux"))]
 pub mod camera;
 mod pace;
+#[cfg(all(feature = "v4l2", target_os = "linux"))]
+pub mod pipe;
 mod replay;
 mod scene;
 
@@ -71,17 +73,23 @@ pub enum Spec {
     /// A camera.
     #[cfg(all(feature = "v4l2", target_os = "linux"))]
     Camera(camera::CameraSpec),
+    /// Frames of another program.
+    #[cfg(all(feature = "v4l2", target_os = "linux"))]
+    Pipe(pipe::PipeSpec),
 }
 
 /// Why a source could not be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
     /// No such kind of source.
-    #[error("found '{0}', expected v4l2:PATH, scene:NAME or replay:DIR")]
+    #[error("found '{0}', expected v4l2:PATH, pipe:PATH, scene:NAME or replay:DIR")]
     Unknown(String),
     /// A kind of source that this build does not have.
     #[error("found '{0}', but this build has no V4L2 support: expected scene:NAME or replay:DIR")]
     NoV4l2(String),
+    /// Options of a pipe.
+    #[error("{0}")]
+    PipeOptions(String),
     /// Options of a camera.
     #[error("v4l2: {0}")]
     CameraOptions(String),
@@ -111,8 +119,12 @@ impl std::str::FromStr for Spec {
             Some(("v4l2", name)) => {
                 camera::CameraSpec::parse(name).map(Self::Camera).map_err(OpenError::CameraOptions)
             }
+            #[cfg(all(feature = "v4l2", target_os = "linux"))]
+            Some(("pipe", name)) => {
+                pipe::PipeSpec::parse(name).map(Self::Pipe).map_err(OpenError::PipeOptions)
+            }
             #[cfg(not(all(feature = "v4l2", target_os = "linux")))]
-            Some(("v4l2", _)) => Err(OpenError::NoV4l2(text.into())),
+            Some(("v4l2" | "pipe", _)) => Err(OpenError::NoV4l2(text.into())),
             _ => Err(OpenError::Unknown(text.into())),
         }
     }
@@ -125,6 +137,8 @@ impl std::fmt::Display for Spec {
             Self::Replay(folder) => write!(f, "replay:{}", folder.display()),
             #[cfg(all(feature = "v4l2", target_os = "linux"))]
             Self::Camera(spec) => write!(f, "v4l2:{spec}"),
+            #[cfg(all(feature = "v4l2", target_os = "linux"))]
+            Self::Pipe(spec) => write!(f, "pipe:{spec}"),
         }
     }
 }
@@ -144,6 +158,8 @@ pub fn open(spec: &Spec) -> Result<Box<dyn Source>, OpenError> {
         Spec::Camera(spec) => {
             Ok(Box::new(camera::CameraSource::open(Box::new(crate::v4l2::real::RealKernel), spec)?))
         }
+        #[cfg(all(feature = "v4l2", target_os = "linux"))]
+        Spec::Pipe(spec) => Ok(Box::new(pipe::PipeSource::open(spec)?)),
     }
 }
 
@@ -167,18 +183,24 @@ mod tests {
 
     #[test]
     fn names_of_sources_are_read_back() {
-        for text in
-            ["scene:room", "scene:overcast", "replay:/tmp/a:b", "replay:.", "v4l2:/dev/video0,rate=25"]
-        {
+        for text in [
+            "scene:room",
+            "scene:overcast",
+            "replay:/tmp/a:b",
+            "replay:.",
+            "v4l2:/dev/video0,rate=25",
+            "pipe:/run/f,lens=l.toml",
+        ] {
             assert_eq!(text.parse::<Spec>().expect("a source").to_string(), text, "{text}");
         }
     }
 
     #[test]
     fn other_names_are_refused_in_one_line_that_says_what_is_accepted() {
-        for text in ["", "room", "scene", "scene:", "scene:Room", "replay:", "v4l2:", "http://x"] {
+        for text in ["", "room", "scene", "scene:", "scene:Room", "replay:", "v4l2:", "pipe:", "http://x"] {
             let error = text.parse::<Spec>().expect_err(text).to_string();
-            let tells = ["scene:NAME", "overcast", "v4l2:PATH"].iter().any(|t| error.contains(t));
+            let tells =
+                ["scene:NAME", "overcast", "v4l2:PATH", "pipe:PATH"].iter().any(|t| error.contains(t));
             assert!(tells && !error.contains('\n'), "{text}: {error}");
         }
     }

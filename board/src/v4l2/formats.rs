@@ -1,15 +1,7 @@
-//! Pixel formats by their four characters, and which of a camera's to take. How their samples lie is the core's business.
+//! Pixel formats by their four characters, and the choice of a camera's best one. [`Format`] has the list and the packing.
 
 use super::abi;
 use hemilux_core::format::{Format, Layout, LayoutError, Matrix, Yuv};
-
-/// What is taken, best first: linear sensor codes, in fewer bytes before more bits; then pictures made by the camera, with more of their
-/// colour first; grey at the end.
-const KNOWN: [&[u8; 4]; 33] = [
-    b"pBCC", b"pGCC", b"pgCC", b"pRCC", b"pBAA", b"pGAA", b"pgAA", b"pRAA", b"BYR2", b"GB16", b"GR16",
-    b"RG16", b"BG14", b"GB14", b"GR14", b"RG14", b"BG12", b"GB12", b"BA12", b"RG12", b"BG10", b"GB10",
-    b"BA10", b"RG10", b"BA81", b"GBRG", b"GRBG", b"RGGB", b"YUYV", b"NV12", b"RGB3", b"BGR3", b"GREY",
-];
 
 /// Compressed pictures, which are not read: their codes near black and white are lost.
 const COMPRESSED: [&str; 2] = ["MJPG", "JPEG"];
@@ -21,13 +13,13 @@ const MAX_STRIDE: usize = 1 << 17;
 /// Place of `fourcc` among the formats that are read, 0 the best.
 #[must_use]
 pub fn rank(fourcc: u32) -> Option<usize> {
-    KNOWN.iter().position(|name| u32::from_le_bytes(**name) == fourcc)
+    Format::fourccs().position(|name| u32::from_le_bytes(name) == fourcc)
 }
 
 /// How frames of `fourcc` are packed; `None` where they are not read.
 #[must_use]
 pub fn format(fourcc: u32, yuv: Yuv) -> Option<Format> {
-    rank(fourcc).and_then(|_| Format::from_fourcc(fourcc.to_le_bytes(), yuv))
+    Format::from_fourcc(fourcc.to_le_bytes(), yuv)
 }
 
 /// The four characters of `fourcc`, without trailing blanks.
@@ -52,7 +44,7 @@ pub fn parse(name: &str) -> Option<u32> {
 /// The names of all formats that are read.
 #[must_use]
 pub fn names() -> String {
-    KNOWN.map(|n| name(u32::from_le_bytes(*n))).join(", ")
+    Format::fourccs().map(|n| name(u32::from_le_bytes(n))).collect::<Vec<_>>().join(", ")
 }
 
 /// What to say of a camera that offers nothing readable but `offered`: what was found and what would be right.
@@ -181,8 +173,8 @@ mod tests {
 
     #[test]
     fn the_core_reads_what_is_taken_from_cameras() {
-        for (place, name) in KNOWN.iter().enumerate() {
-            let fourcc = u32::from_le_bytes(**name);
+        for (place, name) in Format::fourccs().enumerate() {
+            let fourcc = u32::from_le_bytes(name);
             assert_eq!(rank(fourcc), Some(place), "each once");
             assert!(format(fourcc, Yuv::default()).is_some(), "{}", super::name(fourcc));
         }

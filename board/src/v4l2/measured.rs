@@ -2,8 +2,25 @@
 //!
 //! Ratios say nothing of a common factor, so the median of the deviations from the control's values is taken for no deviation.
 
-use super::verify::{VERIFIED, Verdict};
 use std::collections::VecDeque;
+
+/// Largest difference of a verified ratio, natural logarithm: 10 %.
+const VERIFIED: f64 = 0.0953;
+
+/// What a comparison says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// The ratio is within 10 % of that of the control's values.
+    Agrees,
+    /// The ratio is within 10 % of that of the measured exposures, which are not the control's values.
+    Measured,
+    /// The ratio tells the exposures apart, but is not within 10 %.
+    Near,
+    /// The ratio contradicts the schedule.
+    Differs,
+    /// Too few places are seen well in both.
+    CannotTell,
+}
 
 /// Part of the smallest step between two exposures, in logarithms, by which a ratio may be off. Half would be the border between
 /// two explanations.

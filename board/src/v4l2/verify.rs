@@ -5,7 +5,7 @@
 //! contradict the schedule repeatedly, the delay that explains them replaces the current one; when they stay apart from the control's
 //! values at a constant factor, [`Measured`] takes the factor over.
 
-use super::measured::Measured;
+use super::measured::{Measured, Verdict};
 use super::schedule::{MAX_DELAY, Schedule};
 use hemilux_core::Response;
 use std::collections::VecDeque;
@@ -22,24 +22,6 @@ const NEIGHBOURS: u32 = 4;
 /// Comparisons that are remembered, and how many of them must disagree before another delay is looked for.
 const REMEMBERED: usize = 12;
 const DISAGREEING: usize = 4;
-
-/// Largest difference of a verified ratio, natural logarithm: 10 %.
-pub(super) const VERIFIED: f64 = 0.0953;
-
-/// What a comparison says.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
-    /// The ratio is within 10 % of that of the control's values.
-    Agrees,
-    /// The ratio is within 10 % of that of the measured exposures, which are not the control's values.
-    Measured,
-    /// The ratio tells the exposures apart, but is not within 10 %.
-    Near,
-    /// The ratio contradicts the schedule.
-    Differs,
-    /// Too few places are seen well in both.
-    CannotTell,
-}
 
 /// What a camera's codes mean.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,7 +1,8 @@
 //! The capture thread: takes frames, assembles bursts and reports why there are none.
 
 use super::assemble::Assembler;
-use super::{RawBurst, Shared, Terms};
+use super::shared::{RawBurst, Shared};
+use super::terms::Terms;
 use crate::v4l2::capture::Camera;
 use crate::v4l2::frame::{Broken, RawFrame};
 use crate::v4l2::setup::Agreed;

@@ -5,24 +5,27 @@ mod assemble;
 mod capture;
 #[cfg(test)]
 mod field_tests;
+mod shared;
 mod spec;
 mod terms;
 #[cfg(test)]
 mod tests;
 
+pub use shared::RawBurst;
 pub use spec::{CameraSpec, HELP};
 pub use terms::Terms;
 
 use super::{Source, SourceError};
 use crate::calibration::{Burst, Calibration, Frame, Pixels};
 use crate::recorded::{LensFile, RecordedError, read_lens};
-use crate::v4l2::frame::{Counters, RawFrame};
+use crate::v4l2::frame::Counters;
 use crate::v4l2::setup::Options;
 use crate::v4l2::supervise::Supervisor;
 use crate::v4l2::{CameraError, Kernel};
 use hemilux_core::Exposure;
+use shared::{Shared, State};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -44,61 +47,6 @@ pub enum OpenCameraError {
     /// The operating system gave no thread.
     #[error("the capture thread: found {0}, expected it to start")]
     Thread(std::io::Error),
-}
-
-/// A burst as the camera gave it.
-#[derive(Clone, Debug)]
-pub struct RawBurst {
-    /// One frame for each exposure, ascending.
-    pub frames: Vec<RawFrame>,
-    /// What the camera had agreed to.
-    pub terms: Arc<Terms>,
-}
-
-impl RawBurst {
-    fn none(terms: &Arc<Terms>) -> Self {
-        Self { frames: Vec::new(), terms: Arc::clone(terms) }
-    }
-
-    /// CLOCK_MONOTONIC at which its first exposure had not begun yet: drivers stamp a frame when it begins or when it has come, a
-    /// period and its exposure later at most.
-    #[must_use]
-    pub fn before_ns(&self) -> u64 {
-        let began = |(frame, s): (&RawFrame, &f64)| {
-            frame.taken.timestamp_ns.saturating_sub(self.terms.period_ns).saturating_sub((s * 1e9) as u64)
-        };
-        self.frames.iter().zip(&self.terms.seconds).map(began).min().unwrap_or(0)
-    }
-
-    /// CLOCK_MONOTONIC of its newest frame.
-    #[must_use]
-    pub fn timestamp_ns(&self) -> u64 {
-        self.frames.iter().map(|f| f.taken.timestamp_ns).max().unwrap_or(0)
-    }
-}
-
-/// What the capture thread and the others share.
-#[derive(Debug)]
-struct State {
-    burst: RawBurst,
-    fresh: bool,
-    /// Why there are no frames, while there are none.
-    down: Option<String>,
-    counters: Counters,
-    reopened: u64,
-}
-
-#[derive(Debug)]
-struct Shared {
-    state: Mutex<State>,
-    news: Condvar,
-    stop: AtomicBool,
-}
-
-impl Shared {
-    fn lock(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
 }
 
 /// Bursts of a camera.

@@ -35,7 +35,7 @@ impl Terms {
     }
 
     /// Those of a camera that is not there yet: as it is asked for, in the format that nearly all webcams have.
-    pub(super) fn assumed(options: &Options) -> Self {
+    pub(in crate::source) fn assumed(options: &Options) -> Self {
         let yuv = Yuv { limited: true, ..Yuv::default() };
         let fourcc = options.fourcc.unwrap_or(u32::from_le_bytes(*b"YUYV"));
         let (width, height) = options.size;
@@ -55,7 +55,7 @@ impl Terms {
 
     /// From the lens file and, for what it does not say, from the picture: sensors are linear, cameras' own pictures follow sRGB more
     /// or less.
-    pub(super) fn calibration(&self, lens: Option<&LensFile>) -> Calibration {
+    pub(in crate::source) fn calibration(&self, lens: Option<&LensFile>) -> Calibration {
         let (picture, layout) = (&self.picture, &self.picture.layout);
         let most = picture.max_code();
         let usual = if picture.is_raw() { Response::Linear } else { Response::Srgb };

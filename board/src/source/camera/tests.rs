@@ -3,7 +3,7 @@
 use super::*;
 use crate::probe::{Config, Worker};
 use crate::v4l2::fake::{FakeKernel, Fault, Script};
-use crate::v4l2::frame::Taken;
+use crate::v4l2::frame::{RawFrame, Taken};
 use crate::v4l2::schedule::Known;
 use hemilux_core::format::Format;
 use std::time::Instant;

@@ -1,0 +1,62 @@
+//! Bursts as the camera gave them, and their hand-over from the capture thread.
+
+use super::terms::Terms;
+use crate::v4l2::frame::{Counters, RawFrame};
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+
+/// A burst as the camera gave it.
+#[derive(Clone, Debug)]
+pub struct RawBurst {
+    /// One frame for each exposure, ascending.
+    pub frames: Vec<RawFrame>,
+    /// What the camera had agreed to.
+    pub terms: Arc<Terms>,
+}
+
+impl RawBurst {
+    pub(super) fn none(terms: &Arc<Terms>) -> Self {
+        Self { frames: Vec::new(), terms: Arc::clone(terms) }
+    }
+
+    /// CLOCK_MONOTONIC at which its first exposure had not begun yet: drivers stamp a frame when it begins or when it has come, a
+    /// period and its exposure later at most.
+    #[must_use]
+    pub fn before_ns(&self) -> u64 {
+        let began = |(frame, s): (&RawFrame, &f64)| {
+            frame.taken.timestamp_ns.saturating_sub(self.terms.period_ns).saturating_sub((s * 1e9) as u64)
+        };
+        self.frames.iter().zip(&self.terms.seconds).map(began).min().unwrap_or(0)
+    }
+
+    /// CLOCK_MONOTONIC of its newest frame.
+    #[must_use]
+    pub fn timestamp_ns(&self) -> u64 {
+        self.frames.iter().map(|f| f.taken.timestamp_ns).max().unwrap_or(0)
+    }
+}
+
+/// The newest burst of the capture thread and the state of its camera.
+#[derive(Debug)]
+pub(super) struct State {
+    pub burst: RawBurst,
+    pub fresh: bool,
+    /// Why there are no frames, while there are none.
+    pub down: Option<String>,
+    pub counters: Counters,
+    pub reopened: u64,
+}
+
+/// The newest burst, its condition variable and the request to stop.
+#[derive(Debug)]
+pub(super) struct Shared {
+    pub state: Mutex<State>,
+    pub news: Condvar,
+    pub stop: AtomicBool,
+}
+
+impl Shared {
+    pub fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}

@@ -1,0 +1,101 @@
+//! The 72 bytes in front of each frame of a pipe.
+
+use crate::v4l2::abi;
+use crate::v4l2::formats::Picture;
+use hemilux_core::MAX_EXPOSURES;
+
+/// Bytes of a header of version 1.
+pub(super) const BYTES: usize = 72;
+
+/// Most bytes of a frame.
+const MAX_FRAME_BYTES: u32 = 64 << 20;
+
+/// Exposure times and gains that are accepted.
+const SECONDS: std::ops::RangeInclusive<f64> = 1e-7..=3600.0;
+const GAIN: std::ops::RangeInclusive<f64> = 1e-3..=1e5;
+
+/// A frame's header.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Header {
+    /// Size, packing and pixel format.
+    pub picture: Picture,
+    /// Bytes of the frame that follow.
+    pub payload: usize,
+    /// Exposures of a burst.
+    pub count: usize,
+    /// Number of the frame, rising.
+    pub sequence: u64,
+    /// CLOCK_MONOTONIC at which the exposure began, nanoseconds; 0 where unknown.
+    pub timestamp_ns: u64,
+    /// Exposure time.
+    pub seconds: f64,
+    /// Product of analogue and digital gain.
+    pub gain: f64,
+    /// Code of darkness.
+    pub black: f64,
+}
+
+/// The `N` bytes from `at` on; zeros beyond the end.
+fn field<const N: usize>(bytes: &[u8; BYTES], at: usize) -> [u8; N] {
+    bytes.get(at..).and_then(|b| b.first_chunk()).copied().unwrap_or([0; N])
+}
+
+impl Header {
+    /// Reads and checks a header.
+    ///
+    /// # Errors
+    /// What was found and what was expected.
+    pub fn parse(bytes: &[u8; BYTES]) -> Result<Self, String> {
+        let refuse = |found: String, expected: &str| Err(format!("found {found}, expected {expected}"));
+        let u16_at = |at| u16::from_le_bytes(field(bytes, at));
+        let u32_at = |at| u32::from_le_bytes(field(bytes, at));
+        let f64_at = |at| f64::from_le_bytes(field(bytes, at));
+        if field::<4>(bytes, 0) != *b"HLXF" || u16_at(4) != 1 || usize::from(u16_at(6)) != BYTES {
+            let found = format!("a header that begins with {:02x?}", field::<8>(bytes, 0));
+            return refuse(found, "HLXF, version 1 and 72 bytes, each of 16 bits");
+        }
+        let picture =
+            picture(bytes).map_err(|(found, expected)| format!("found {found}, expected {expected}"))?;
+        let (payload, whole) = (u32_at(24), picture.layout.frame_bytes());
+        if payload > MAX_FRAME_BYTES || (payload as usize) < whole {
+            return refuse(format!("a frame of {payload} bytes"), &format!("{whole} to {MAX_FRAME_BYTES}"));
+        }
+        let count = usize::from(u16_at(30));
+        if !(1..=MAX_EXPOSURES).contains(&count) {
+            return refuse(format!("bursts of {count} exposures"), &format!("1 to {MAX_EXPOSURES}"));
+        }
+        let (seconds, gain, black) = (f64_at(48), f64_at(56), f64_at(64));
+        if !SECONDS.contains(&seconds) || !GAIN.contains(&gain) {
+            return refuse(
+                format!("an exposure of {seconds} s and gain {gain}"),
+                "1e-7 to 3600 s and 0.001 to 100000",
+            );
+        }
+        if !(0.0..picture.max_code()).contains(&black) {
+            return refuse(format!("a code of darkness of {black}"), &format!("0 to {}", picture.max_code()));
+        }
+        let sequence = u64::from_le_bytes(field(bytes, 32));
+        let timestamp_ns = u64::from_le_bytes(field(bytes, 40));
+        let payload = payload as usize;
+        Ok(Self { picture, payload, count, sequence, timestamp_ns, seconds, gain, black })
+    }
+}
+
+/// The picture that a header describes, checked as a driver's is.
+fn picture(bytes: &[u8; BYTES]) -> Result<Picture, (String, String)> {
+    let u32_at = |at| u32::from_le_bytes(field(bytes, at));
+    let flags = u16::from_le_bytes(field(bytes, 28));
+    Picture::of(&abi::PixelFormat {
+        fourcc: u32_at(8),
+        width: u32_at(12),
+        height: u32_at(16),
+        bytes_per_line: u32_at(20),
+        quantization: if flags & 1 == 0 { abi::FULL_RANGE } else { LIMITED_RANGE },
+        ycbcr: if flags & 2 == 0 { YCBCR_601 } else { abi::YCBCR_709 },
+        ..abi::PixelFormat::default()
+    })
+}
+
+/// `V4L2_QUANTIZATION_LIM_RANGE` and `V4L2_YCBCR_ENC_601`.
+const LIMITED_RANGE: u32 = 2;
+const YCBCR_601: u32 = 1;
