@@ -11,7 +11,7 @@ url = probe + "/v1/lights?lights=4"
 pause = 0.25
 while left:
     try:
-        # The probe answers within 1.5 s; who has waited for two asks again.
+        # The probe answers within 1.5 s; after two seconds without an answer the request is repeated.
         with urllib.request.urlopen(url, timeout=2) as answer:
             found = json.load(answer)
     except OSError as error:

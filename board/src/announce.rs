@@ -1,4 +1,4 @@
-//! The probe by name on the network: an mDNS service of type `_hemilux._tcp`, for those who ask for it.
+//! Announces the probe on the network by mDNS, as a service of type `_hemilux._tcp`.
 
 use mdns_sd::{ServiceDaemon, ServiceInfo};
 use std::net::SocketAddr;

@@ -90,7 +90,7 @@ struct Serve {
     /// Where to listen; port 0 is any free one [default: 127.0.0.1:8080].
     #[arg(long, value_name = "ADDR:PORT", value_parser = address)]
     listen: Option<SocketAddr>,
-    /// Allow --listen beyond this machine without a token: whoever reaches the port may read and change everything.
+    /// Allow --listen beyond this machine without a token: every client that reaches the port may read and change everything.
     #[arg(long, conflicts_with = "token_file")]
     open: bool,
     /// Changes and pictures need the token in this file, which is made (permissions 0600) if it is not there.

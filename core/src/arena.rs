@@ -1,6 +1,6 @@
 //! Memory that the caller lends: a `Vec` on a host, an array or a static slice on bare metal.
 
-/// A fixed-capacity buffer of `T`, whoever owns it.
+/// A fixed-capacity buffer of `T`, owned or borrowed.
 pub trait Buffer<T>: AsRef<[T]> + AsMut<[T]> {}
 
 impl<T, B: AsRef<[T]> + AsMut<[T]> + ?Sized> Buffer<T> for B {}

@@ -1,6 +1,8 @@
 //! The command line.
 
+mod export;
 mod maps;
+mod values;
 
 use crate::bench;
 use crate::error::SimError;
@@ -8,16 +10,17 @@ use crate::export::Export;
 use crate::output::Files;
 use crate::{burst, chart, decompose, import, render, replay, score, stress};
 use clap::{Args, Parser, Subcommand};
-use hemilux::export::Form;
+use export::ExportArgs;
 use hemilux::pipeline::Settings;
 use hemilux::recorded::ReadLimits;
 use hemilux::timing::Budgets;
 use hemilux_core::Extrapolation;
 use hemilux_core::SamplerKind;
 use hemilux_core::sampler::Request;
-use hemilux_core::wire::{Coordinates, STAGES};
+use hemilux_core::wire::STAGES;
 use maps::MapArgs;
 use std::path::PathBuf;
+use values::{ExposuresArg, ExtrapolationArg, sampler_parser};
 
 const EXAMPLES: &str = "Examples:
   hemilux-sim decompose --env room.exr --lights 64 --picture room.png
@@ -106,32 +109,6 @@ impl FileArgs {
 }
 
 #[derive(Args, Debug)]
-struct ExportArgs {
-    /// Form of the light set: json, text, xml, csv, glb (glTF), usda (USD), rad (Radiance) or mitsuba.
-    #[arg(long, value_name = "NAME", default_value = "json", value_parser = form)]
-    format: Form,
-    /// Axes of the light set: probe, y-up, unity, unreal, or the name of a program, such as blender [default: those of the format].
-    #[arg(long, value_name = "NAME", value_parser = coordinates)]
-    coordinates: Option<Coordinates>,
-}
-
-impl ExportArgs {
-    fn export(&self) -> Result<Export, SimError> {
-        Export::try_new(self.format, self.coordinates)
-    }
-}
-
-fn form(text: &str) -> Result<Form, String> {
-    let names = || Form::NAMED.map(|(name, _)| name).join(", ");
-    Form::from_name(text).ok_or_else(|| format!("expected one of {}", names()))
-}
-
-fn coordinates(text: &str) -> Result<Coordinates, String> {
-    let names = || Coordinates::names().collect::<Vec<_>>().join(", ");
-    Coordinates::from_name(text).ok_or_else(|| format!("expected one of {}", names()))
-}
-
-#[derive(Args, Debug)]
 struct DecomposeArgs {
     /// A latitude-longitude OpenEXR or Radiance HDR map, a folder of them (one sequence in name order), or scene:NAME.
     #[arg(long, value_name = "FILE|FOLDER")]
@@ -189,22 +166,6 @@ struct ImportArgs {
     /// Folder to write.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-}
-
-#[derive(clap::ValueEnum, Clone, Copy, Debug)]
-enum ExposuresArg {
-    /// Those of the manifest or of the EXIF data.
-    Stated,
-    /// The longest stated one, and the others by measured ratios.
-    Measured,
-}
-
-#[derive(clap::ValueEnum, Clone, Copy, Debug)]
-enum ExtrapolationArg {
-    /// Black.
-    None,
-    /// The mean radiance of the visible part.
-    Average,
 }
 
 #[derive(Args, Debug)]
@@ -338,50 +299,8 @@ fn hdri(named: Option<PathBuf>) -> Result<PathBuf, SimError> {
 /// [`SimError`].
 pub fn run(cli: Cli) -> Result<(), SimError> {
     match cli.command {
-        Command::Decompose(args) => {
-            if !(args.fps > 0.0 && args.fps.is_finite()) {
-                return Err(SimError::Usage(format!(
-                    "--fps: found {}, expected a positive number",
-                    args.fps
-                )));
-            }
-            let SamplerArgs { sampler, lights } = args.sampler;
-            let export = args.export.export()?;
-            decompose::run(&decompose::Job {
-                env: args.env,
-                sampler,
-                request: args.model.request(lights),
-                options: args.map.into(),
-                fps: args.fps,
-                files: args.files.files(&export),
-                export,
-            })
-        }
-        Command::Replay(args) => {
-            let extrapolation = match args.extrapolation {
-                ExtrapolationArg::None => Extrapolation::None,
-                ExtrapolationArg::Average => Extrapolation::Average,
-            };
-            let SamplerArgs { sampler, lights } = args.sampler;
-            let ModelArgs { tolerance, ambient } = args.model;
-            let settings =
-                Settings { sampler, lights, tolerance, ambient, extrapolation, ..Settings::default() };
-            let export = args.export.export()?;
-            let files = args.files.files(&export);
-            let exposures = match args.exposures {
-                ExposuresArg::Stated => replay::Exposures::Stated,
-                ExposuresArg::Measured => replay::Exposures::Measured,
-            };
-            replay::run(&replay::Job {
-                burst: args.burst,
-                lens: args.lens,
-                limits: ReadLimits { max_pixels: args.max_pixels, ..ReadLimits::default() },
-                exposures,
-                settings,
-                files,
-                export,
-            })
-        }
+        Command::Decompose(args) => run_decompose(args),
+        Command::Replay(args) => run_replay(args),
         Command::Import(a) => import::run(&import::Job { lens: a.lens, photos: a.photos, out: a.out }),
         Command::Score(a) => {
             let options = a.map.into();
@@ -428,8 +347,44 @@ pub fn run(cli: Cli) -> Result<(), SimError> {
     }
 }
 
-/// Parses the name of a sampler and lists the names in the help.
-fn sampler_parser() -> impl clap::builder::TypedValueParser<Value = SamplerKind> {
-    use clap::builder::{PossibleValuesParser, TypedValueParser};
-    PossibleValuesParser::new(SamplerKind::NAMES).try_map(|name| name.parse::<SamplerKind>())
+fn run_decompose(args: DecomposeArgs) -> Result<(), SimError> {
+    if !(args.fps > 0.0 && args.fps.is_finite()) {
+        return Err(SimError::Usage(format!("--fps: found {}, expected a positive number", args.fps)));
+    }
+    let SamplerArgs { sampler, lights } = args.sampler;
+    let export = args.export.export()?;
+    decompose::run(&decompose::Job {
+        env: args.env,
+        sampler,
+        request: args.model.request(lights),
+        options: args.map.into(),
+        fps: args.fps,
+        files: args.files.files(&export),
+        export,
+    })
+}
+
+fn run_replay(args: ReplayArgs) -> Result<(), SimError> {
+    let extrapolation = match args.extrapolation {
+        ExtrapolationArg::None => Extrapolation::None,
+        ExtrapolationArg::Average => Extrapolation::Average,
+    };
+    let SamplerArgs { sampler, lights } = args.sampler;
+    let ModelArgs { tolerance, ambient } = args.model;
+    let settings = Settings { sampler, lights, tolerance, ambient, extrapolation, ..Settings::default() };
+    let export = args.export.export()?;
+    let files = args.files.files(&export);
+    let exposures = match args.exposures {
+        ExposuresArg::Stated => replay::Exposures::Stated,
+        ExposuresArg::Measured => replay::Exposures::Measured,
+    };
+    replay::run(&replay::Job {
+        burst: args.burst,
+        lens: args.lens,
+        limits: ReadLimits { max_pixels: args.max_pixels, ..ReadLimits::default() },
+        exposures,
+        settings,
+        files,
+        export,
+    })
 }

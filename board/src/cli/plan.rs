@@ -69,7 +69,7 @@ impl Plan {
         )))
     }
 
-    /// Who may do what. A token that is not there yet is made; stderr says where, never what.
+    /// The access rules. Creates the token file if it does not exist; stderr names the file and never shows the token.
     pub(super) fn access(&self) -> Result<Access, Failure> {
         let Some(file) = &self.token_file else { return Ok(Access::Open) };
         let (token, is_new) = Token::load_or_make(file).map_err(Failure::new)?;

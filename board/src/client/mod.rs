@@ -109,7 +109,7 @@ struct Sets {
     spare: Option<Arc<Set>>,
     arrived: Instant,
     interval: Duration,
-    /// Counts sets, for those who wait.
+    /// Notifies waiting threads of a new set.
     count: u64,
     state: State,
 }
@@ -227,7 +227,7 @@ impl Shared {
         is_news
     }
 
-    /// Memory for the next set: that of one nobody has any more.
+    /// Memory for the next set: that of an earlier set without other owners, or new.
     fn spare(&self) -> Set {
         let spare = self.lock().spare.take();
         spare.and_then(|set| Arc::try_unwrap(set).ok()).unwrap_or_default()

@@ -1,7 +1,11 @@
 //! A Mitsuba 3 scene: one `directional` emitter for each light, for `<include>` or as a scene of its own.
 
 use super::{Numbers, Text, notes};
+use hemilux_core::color::luminance;
 use hemilux_core::wire::LightSet;
+
+/// Least weight of an emitter: weights of zero alone are refused.
+const LEAST_WEIGHT: f32 = 1e-9;
 
 const LOSSES: [&str; 2] = [
     "left out: angular radii, since directional emitters are points",
@@ -22,7 +26,11 @@ pub(super) fn text(set: &LightSet<'_>) -> String {
         let irradiance = Numbers(light.irradiance, ", ");
         text.line(format_args!("    <emitter type=\"directional\" id=\"light_{}\">", light.id));
         text.line(format_args!("        <vector name=\"direction\" x=\"{x}\" y=\"{y}\" z=\"{z}\"/>"));
-        text.line(format_args!("        <rgb name=\"irradiance\" value=\"{irradiance}\"/>\n    </emitter>"));
+        text.line(format_args!("        <rgb name=\"irradiance\" value=\"{irradiance}\"/>"));
+        let weight = Numbers([luminance(light.irradiance).max(LEAST_WEIGHT)], "");
+        text.line(format_args!(
+            "        <float name=\"sampling_weight\" value=\"{weight}\"/>\n    </emitter>"
+        ));
     }
     text.line("</scene>");
     text.0

@@ -103,7 +103,7 @@ fn write(set: &LightSet<'_>) {
     ));
 }
 
-/// Where bytes go that nobody reads.
+/// A writer that discards its bytes.
 struct Sink;
 
 impl embedded_io::ErrorType for Sink {

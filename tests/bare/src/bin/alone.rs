@@ -17,7 +17,7 @@ fn main() -> ! {
     semihosting::process::exit(i32::from(!right))
 }
 
-/// Where bytes go that nobody reads.
+/// A writer that discards its bytes.
 struct Sink(u32);
 
 impl embedded_io::ErrorType for Sink {

@@ -1,0 +1,25 @@
+//! Values of options.
+
+use hemilux_core::SamplerKind;
+
+#[derive(clap::ValueEnum, Clone, Copy, Debug)]
+pub(super) enum ExposuresArg {
+    /// Those of the manifest or of the EXIF data.
+    Stated,
+    /// The longest stated one, and the others by measured ratios.
+    Measured,
+}
+
+#[derive(clap::ValueEnum, Clone, Copy, Debug)]
+pub(super) enum ExtrapolationArg {
+    /// Black.
+    None,
+    /// The mean radiance of the visible part.
+    Average,
+}
+
+/// Parses the name of a sampler and lists the names in the help.
+pub(super) fn sampler_parser() -> impl clap::builder::TypedValueParser<Value = SamplerKind> {
+    use clap::builder::{PossibleValuesParser, TypedValueParser};
+    PossibleValuesParser::new(SamplerKind::NAMES).try_map(|name| name.parse::<SamplerKind>())
+}
