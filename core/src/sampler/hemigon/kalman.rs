@@ -117,7 +117,7 @@ pub struct PathFilter {
     measurements: u8,
 }
 
-/// Least noise: lights are not smoothed below 0.006 degrees, which nobody sees.
+/// Least noise: lights are not smoothed below 0.006 degrees, which is below visibility.
 const LEAST_NOISE: f32 = 1e-8;
 
 /// Frames over which the noise is averaged.
