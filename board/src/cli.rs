@@ -203,7 +203,7 @@ fn serve(options: &Serve) -> Result<(), Failure> {
     let source = open(&plan.source).map_err(Failure::new)?;
     if options.plan {
         let settings = plan.config.pipeline;
-        let pipeline = Pipeline::try_new(source.calibration().clone(), &source.exposures(), settings);
+        let pipeline = Pipeline::try_new(*source.calibration(), &source.exposures(), settings);
         return say(&memory::Plan::of(&pipeline.map_err(Failure::new)?).to_string());
     }
     let access = plan.access()?;

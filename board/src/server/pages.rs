@@ -122,7 +122,7 @@ fn times(last: &Latency, timings: &Timings) -> String {
 /// The list of requests and the form.
 pub(super) fn change_form(config: &Config) -> Html<String> {
     let s = &config.pipeline;
-    let samplers = options(SamplerKind::NAMES.into_iter(), s.sampler.name());
+    let samplers = options(SamplerKind::NAMES, s.sampler.name());
     let extrapolations =
         options(EXTRAPOLATIONS.iter().map(|(name, _)| *name), extrapolation_name(s.extrapolation));
     let gui = options(["on", "off"], on_off(config.gui));

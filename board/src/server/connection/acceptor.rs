@@ -217,7 +217,12 @@ async fn serve_connection(
         ended = connection.as_mut() => ended,
         () = stopped(&mut stop) => {
             connection.as_mut().graceful_shutdown();
-            connection.await
+            let ended = connection.as_mut().await;
+            // What the client has not taken by now would wait in the kernel after the program's end.
+            if guard.queues.is_backlogged(0) {
+                guard.activity().cut();
+            }
+            ended
         }
     };
     if let Err(error) = ended {
