@@ -108,7 +108,8 @@ fn unpack<'a>(
     let Part { row, first, len } = part;
     let at = |row: usize, from: usize, count: usize| {
         let start = row * layout.bytes_per_line() + from;
-        all.get(start..start + count).unwrap_or_default()
+        // The last row of a frame may end inside of two cells.
+        all.get(start..(start + count).min(all.len())).unwrap_or_default()
     };
     // Of two that share something, the first may lie before the part.
     let odd = first % 2;
@@ -177,6 +178,19 @@ fn two_cells<T, const B: usize>(rows: [&[u8]; 2], out: &mut [T], unpacked: impl 
     let [first, second] = rows.map(|row| row.as_chunks::<B>().0);
     for (out, (first, second)) in out.as_chunks_mut::<8>().0.iter_mut().zip(first.iter().zip(second)) {
         let ([a, b, e, f], [c, d, g, h]) = (unpacked(first), unpacked(second));
+        *out = [a, b, c, d, e, f, g, h];
+    }
+    let whole = first.len().min(second.len());
+    if rows.iter().any(|row| row.len() > B * whole)
+        && let Some(out) = out.as_chunks_mut::<8>().0.get_mut(whole)
+    {
+        let padded = rows.map(|row| {
+            let mut group = [0; B];
+            let rest = row.get(B * whole..).unwrap_or_default();
+            group.iter_mut().zip(rest).for_each(|(to, byte)| *to = *byte);
+            unpacked(&group)
+        });
+        let [[a, b, e, f], [c, d, g, h]] = padded;
         *out = [a, b, c, d, e, f, g, h];
     }
 }
