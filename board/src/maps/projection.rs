@@ -229,12 +229,12 @@ impl Cube {
         let caps = [face(1, 0, UP, RIGHT, BACK), face(1, 2, DOWN, RIGHT, FORWARD)];
         let [left, front, right] = middle(1);
         let [top, bottom] = caps;
-        if width % 3 == 0 && 4 * width == 3 * height {
+        if width.is_multiple_of(3) && 4 * width == 3 * height {
             // The back face hangs below the bottom face, upside down.
             let back = face(1, 3, BACK, RIGHT, DOWN);
             return Ok(Self { side: width / 3, faces: [left, front, right, top, bottom, back] });
         }
-        if height % 3 == 0 && 3 * width == 4 * height {
+        if height.is_multiple_of(3) && 3 * width == 4 * height {
             let back = face(3, 1, BACK, LEFT, UP);
             return Ok(Self { side: height / 3, faces: [left, front, right, top, bottom, back] });
         }

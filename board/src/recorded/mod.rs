@@ -93,7 +93,7 @@ pub struct RecordedBurst {
 /// As [`read_burst`], and for images above the limits.
 pub fn read_recorded(folder: &Path, limits: &ReadLimits) -> Result<RecordedBurst, RecordedError> {
     let path = folder.join("burst.toml");
-    read_manifest(folder, &path, manifest::read(&path)?, limits)
+    read_manifest(folder, &path, &manifest::read(&path)?, limits)
 }
 
 /// Reads the burst in `folder` that the text of a `burst.toml` describes.
@@ -105,13 +105,13 @@ pub fn read_described(
     text: &str,
     limits: &ReadLimits,
 ) -> Result<RecordedBurst, RecordedError> {
-    read_manifest(folder, folder, manifest::parse(folder, text)?, limits)
+    read_manifest(folder, folder, &manifest::parse(folder, text)?, limits)
 }
 
 fn read_manifest(
     folder: &Path,
     path: &Path,
-    manifest: Manifest,
+    manifest: &Manifest,
     limits: &ReadLimits,
 ) -> Result<RecordedBurst, RecordedError> {
     manifest.check(path)?;

@@ -121,7 +121,7 @@ pub(super) fn bursts(env: &EnvMap, points: &mut [Point], repeats: usize) -> Resu
         let lights = point.lights.max(method.least(Domain::Hemisphere));
         let ambient = method.request(lights).ambient;
         let settings = Settings { sampler: method.sampler(), lights, ambient, ..Settings::default() };
-        let mut pipeline = Pipeline::try_new(calibration.clone(), &exposures, settings)?;
+        let mut pipeline = Pipeline::try_new(calibration, &exposures, settings)?;
         let mut times = Vec::new();
         for _ in 0..repeats.max(1) {
             let began = Instant::now();

@@ -126,8 +126,7 @@ fn solve(mut m: [[f64; 6]; 5]) -> Option<[f64; 5]> {
             return None;
         }
         m[i] = row;
-        for (k, other) in m.iter_mut().enumerate().filter(|(k, _)| *k != i) {
-            let _ = k;
+        for (_, other) in m.iter_mut().enumerate().filter(|(k, _)| *k != i) {
             let factor = other[i];
             other.iter_mut().zip(row).for_each(|(v, r)| *v -= factor * r);
         }

@@ -90,7 +90,7 @@ fn of_kalibr(node: &Node) -> Result<Camera, Refusal> {
         _ => refuse(format!("the distortion model {distorted:?} of {kind:?}"), "radtan or none"),
     };
     let (model, rest) = match (kind, p.as_slice()) {
-        ("pinhole", [rest @ ..]) => match (distorted, k.as_slice()) {
+        ("pinhole", rest) => match (distorted, k.as_slice()) {
             ("fov", [w]) => (Model::FieldOfView(*w), rest),
             ("equidistant" | "equi", _) => (named(Some("equidistant"), &k)?, rest),
             _ => (Model::Pinhole(radtan()?), rest),
