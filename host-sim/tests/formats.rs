@@ -15,7 +15,7 @@ fn case(format: Format) -> Case {
 fn light(calibration: &Calibration, burst: &Burst) -> ([f64; 3], glam::Vec3) {
     let exposures: Vec<_> = burst.frames.iter().map(|f| f.exposure).collect();
     let settings = Settings { sampler: SamplerKind::Q2Tree, ..Settings::default() };
-    let mut pipeline = Pipeline::try_new(calibration, &exposures, settings).expect("a pipeline");
+    let mut pipeline = Pipeline::try_new(*calibration, &exposures, settings).expect("a pipeline");
     let processed = pipeline.process(burst).expect("lights");
     let lights = processed.decomposition.lights.iter();
     let mean: glam::Vec3 = lights.map(|l| l.direction * l.irradiance[1]).sum();
