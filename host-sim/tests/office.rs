@@ -16,7 +16,7 @@ fn load() -> Option<(Calibration, Burst)> {
 
 fn pipeline(calibration: &Calibration, burst: &Burst, settings: Settings) -> Pipeline {
     let exposures: Vec<_> = burst.frames.iter().map(|f| f.exposure).collect();
-    Pipeline::try_new(calibration, &exposures, settings).expect("a pipeline")
+    Pipeline::try_new(*calibration, &exposures, settings).expect("a pipeline")
 }
 
 /// Radiance of every sample by the product's merge.
