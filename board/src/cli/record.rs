@@ -200,7 +200,7 @@ mod tests {
     /// The lights of one burst, and what they are summed of.
     fn lights(calibration: &Calibration, burst: &Burst) -> (Vec<Light>, [f32; 3]) {
         let exposures: Vec<_> = burst.frames.iter().map(|f| f.exposure).collect();
-        let pipeline = Pipeline::try_new(calibration.clone(), &exposures, Settings::default());
+        let pipeline = Pipeline::try_new(*calibration, &exposures, Settings::default());
         let mut pipeline = pipeline.expect("a pipeline");
         let processed = pipeline.process(burst).expect("lights");
         (processed.decomposition.lights.to_vec(), processed.scalar_flux)
@@ -232,7 +232,7 @@ mod tests {
 
             let mut live = source(&script);
             let burst = next(&mut live);
-            let calibration = live.calibration().clone();
+            let calibration = *live.calibration();
             drop(live);
             let (expected, flux) = lights(&calibration, &burst);
             assert!(!expected.is_empty() && flux.iter().all(|v| *v > 0.0), "{name}: {flux:?}");

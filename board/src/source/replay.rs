@@ -38,7 +38,7 @@ impl ReplaySource {
         for recorded::BurstFolder { folder: path, timestamp_ns } in &listed {
             let (calibration, mut burst) = recorded::read_burst(path)?;
             check_size(folder, listed.len(), &burst)?;
-            if *camera.get_or_insert_with(|| calibration.clone()) != calibration {
+            if *camera.get_or_insert(calibration) != calibration {
                 let expected = "the lens, response and image size of the sequence's first burst";
                 return Err(RecordedError::new(path, "another camera", expected));
             }

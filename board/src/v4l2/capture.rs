@@ -15,19 +15,14 @@ use rustix::io::Errno;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Buffers that the driver is asked for. One is being filled and one being read; the others let a busy board be late by four frames without
-/// losing any.
-const BUFFERS: u32 = 6;
-
-/// Without a frame for so long, and for so many periods, the camera is taken for dead: as libcamera does.
+/// Without a frame for so long, and for so many periods, the camera is considered to have failed, as in libcamera.
 pub(super) const SILENCE: (Duration, f64) = (Duration::from_secs(1), 5.0);
 
-/// Delay that is believed where none is known and none can be found out: that of most sensors.
+/// Delay that is assumed where none is known and none can be measured: that of most sensors.
 const USUAL_DELAY: u32 = 2;
 
-/// Most writes of the exposure in a row that the driver may refuse before the camera is opened anew, and tries of the first one.
+/// Most writes of the exposure in a row that the driver may refuse before the camera is opened again.
 const MOST_REFUSED: u32 = 30;
-const FIRST_TRIES: u32 = 4;
 
 /// Most frames in a row whose numbers do not rise before the camera is opened anew.
 const MOST_REPEATS: u32 = 30;
@@ -37,18 +32,18 @@ pub(super) const IN_TIME: f64 = 0.6;
 
 /// A streaming camera. Dropping it stops the stream and closes everything.
 pub struct Camera {
-    path: PathBuf,
+    pub(super) path: PathBuf,
     pub(super) setup: Setup,
     pub(super) schedule: Schedule,
     /// Whether the schedule's delay is more than a guess.
     pub(super) sure: bool,
     verifier: Option<Verifier>,
     pub(super) codes: Vec<f32>,
-    counters: Counters,
+    pub(super) counters: Counters,
     last: Option<u32>,
     /// Frames in a row whose numbers do not rise.
     repeats: u32,
-    arrivals: Arrivals,
+    pub(super) arrivals: Arrivals,
     /// Writes in a row that the driver refused.
     refused: u32,
 }
@@ -355,76 +350,11 @@ impl Camera {
         Ok(())
     }
 
-    /// Takes buffers, sets the first exposure and starts the stream.
-    fn start(&mut self, kernel: &mut dyn Kernel) -> Result<(), CameraError> {
-        let video = self.setup.video.as_mut();
-        let mut subscription = abi::Subscription { kind: abi::EVENT_SOURCE_CHANGE, ..Default::default() };
-        let _ = persist(|| video.call(Call::Subscribe(&mut subscription)));
-        let path = &self.path;
-        let mut request = abi::BufferRequest { count: BUFFERS, ..Default::default() };
-        persist(|| video.call(Call::RequestBuffers(&mut request))).map_err(|e| {
-            failed(path, "REQBUFS", e, "memory for frames, and no other program that streams")
-        })?;
-        if !(2..=32).contains(&request.count) {
-            let (found, expected) = (format!("{} buffers", request.count), "2 to 32".into());
-            return Err(CameraError::Unfit { path: path.clone(), found, expected });
-        }
-        for index in 0..request.count {
-            map(video, path, index)?;
-        }
-        for index in 0..request.count {
-            self.queue(index)?;
-        }
-        self.write_first(kernel)?;
-        let streaming = persist(|| self.setup.video.call(Call::StreamOn));
-        streaming.map_err(|e| failed(&self.path, "STREAMON", e, "a sensor whose format and links fit"))?;
-        self.arrivals = Arrivals::new(self.setup.period_s, kernel.now_ns());
-        self.restore(kernel)
-    }
-
-    /// Sets the controls of a camera again that reset them when the stream started.
-    fn restore(&mut self, kernel: &mut dyn Kernel) -> Result<(), CameraError> {
-        let changed = setup::restore(&mut self.setup);
-        let expected = self.setup.settings.first().map(|s| s.value);
-        let exposes = self.setup.knob.is_some();
-        if !changed && (!exposes || setup::exposure_value(&mut self.setup) == expected) {
-            return Ok(());
-        }
-        self.setup.agreed.push(Agreed {
-            what: "controls",
-            asked: "kept at STREAMON".into(),
-            got: "reset, set again".into(),
-        });
-        self.schedule.doubt_initial();
-        self.write(kernel, u32::MAX, 0)
-    }
-
-    /// What is set before the stream starts holds from its first frame on.
-    fn write_first(&mut self, kernel: &mut dyn Kernel) -> Result<(), CameraError> {
-        for _ in 0..FIRST_TRIES {
-            let failed = self.counters.failed_writes;
-            self.write(kernel, 0, 0)?;
-            if self.counters.failed_writes == failed {
-                break;
-            }
-        }
-        self.schedule = Schedule::new(self.setup.settings.len(), 0, self.schedule.delay());
-        Ok(())
-    }
-
     pub(super) fn queue(&mut self, index: u32) -> Result<(), CameraError> {
         let mut buffer = abi::Buffer { index, ..Default::default() };
         let queued = persist(|| self.setup.video.call(Call::Queue(&mut buffer)));
         queued.map_err(|e| failed(&self.path, "QBUF", e, "a buffer to be taken back"))
     }
-}
-
-fn map(video: &mut dyn Node, path: &Path, index: u32) -> Result<(), CameraError> {
-    let mut buffer = abi::Buffer { index, ..Default::default() };
-    persist(|| video.call(Call::QueryBuffer(&mut buffer)))
-        .map_err(|e| failed(path, "QUERYBUF", e, "the buffer"))?;
-    buffer.index = index;
-    video.map(&buffer).map_err(|e| failed(path, "mmap", e, "memory for frames"))
 }
 
 impl Drop for Camera {

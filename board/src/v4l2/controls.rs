@@ -3,7 +3,7 @@
 use super::{Call, Node, abi, persist, text};
 use rustix::io::Errno;
 
-/// Most controls that a driver is believed to have; vivid has about a hundred.
+/// Most controls that are read from a driver; vivid has about a hundred.
 const MAX_CONTROLS: usize = 1024;
 
 /// A control as the driver describes it.
@@ -79,7 +79,7 @@ pub fn all(node: &mut dyn Node) -> Vec<Info> {
     let mut last = 0;
     while found.len() < MAX_CONTROLS {
         let mut d = abi::ControlDescription { id: last | abi::NEXT_CONTROL, ..Default::default() };
-        // Numbers that do not rise would go round for ever.
+        // Numbers that do not rise would make an endless loop.
         if persist(|| node.call(Call::QueryControl(&mut d))).is_err() || d.id <= last {
             break;
         }

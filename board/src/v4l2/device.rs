@@ -7,7 +7,7 @@ use rustix::io::Errno;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// Most entries of each list that a driver is believed to have.
+/// Most entries of each list that are read from a driver.
 const MAX_FORMATS: u32 = 64;
 const MAX_SIZES: u32 = 64;
 const MAX_RATES: u32 = 64;
@@ -21,7 +21,7 @@ pub struct Description {
     pub name: String,
     /// Where it is plugged in.
     pub bus: String,
-    /// Who drives it.
+    /// Name of its driver.
     pub driver: String,
     /// What it gives.
     pub formats: Vec<FormatInfo>,

@@ -1,9 +1,10 @@
-//! Real cameras through Video4Linux: what the kernel says, and cameras as what they are for us.
+//! Cameras through Video4Linux.
 //!
-//! [`abi`] has the kernel's structures, [`Kernel`] and [`Node`] are the seam at which tests put a scripted kernel, [`real`] is the
-//! real one and the only module with `unsafe`. Above the seam: [`device`] asks what a camera can do, [`controls`] finds and sets
-//! what makes its exposure, [`schedule`] knows which frame has which exposure, [`verify`] looks whether that is true, and
-//! [`capture`] brings it all together, one frame at a time, and [`supervise`] opens what has died again.
+//! [`abi`] has the kernel's structures. The traits [`Kernel`] and [`Node`] stand for the kernel: [`real`] implements them by system calls
+//! and is the only module with `unsafe`; tests implement them by a scripted kernel. [`device`] lists a camera's formats and ranges,
+//! [`controls`] reads and sets controls, [`exposure`] finds the exposure control and its values, [`setup`] agrees on format, rate and
+//! exposures, [`schedule`] predicts each frame's exposure, [`verify`] and [`measured`] compare it with brightness ratios, [`capture`]
+//! gives one frame at a time, and [`supervise`] opens a failed camera again.
 //!
 //! There is no bindgen and so no libclang here: sixteen requests, whose layouts are asserted when the crate is compiled. The crate `v4l`
 //! (0.14) would save the enumeration only: it panics on control types that it does not know and when a stream cannot be stopped,
@@ -30,6 +31,7 @@ pub mod measured;
 pub mod real;
 pub mod schedule;
 pub mod setup;
+mod start;
 pub mod supervise;
 #[cfg(test)]
 mod tests;
@@ -65,7 +67,7 @@ pub enum Call<'a> {
     EnumBusCodes(&'a mut abi::BusCode),
 }
 
-/// What waiting for a node gave.
+/// Result of waiting for a node.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Ready {
     /// A frame can be taken.
@@ -117,11 +119,11 @@ pub trait Kernel: Send {
     /// CLOCK_MONOTONIC, nanoseconds: the clock of the frames' timestamps.
     fn now_ns(&self) -> u64;
 
-    /// Lets time pass.
+    /// Sleeps for `duration`.
     fn sleep(&mut self, duration: Duration);
 }
 
-/// Why a camera does not give frames.
+/// Why a camera delivers no frames.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CameraError {
     /// A request failed.
@@ -129,14 +131,14 @@ pub enum CameraError {
     Failed {
         /// The node.
         path: PathBuf,
-        /// What was tried.
+        /// The operation that failed.
         operation: &'static str,
         /// The kernel's answer in words.
         errno: String,
-        /// What would have been right.
+        /// The expected condition.
         expected: &'static str,
     },
-    /// The device is not there, or not any more.
+    /// The device is missing or was unplugged.
     #[error("{0}: found no camera, expected one that is plugged in")]
     Gone(PathBuf),
     /// No frame for too long.
@@ -144,12 +146,12 @@ pub enum CameraError {
     Silent {
         /// The node.
         path: PathBuf,
-        /// How long.
+        /// Time without a frame, milliseconds.
         ms: u64,
-        /// Time between frames.
+        /// Time between frames, milliseconds.
         period_ms: u64,
     },
-    /// Something is not as it must be.
+    /// A property of the device is not usable.
     #[error("{path}: found {found}, expected {expected}")]
     Unfit {
         /// The node.

@@ -64,7 +64,7 @@ const _: () = {
     assert!(SUBDEV_S_FMT == 0xc058_5605, "VIDIOC_SUBDEV_S_FMT");
 };
 
-/// Longest mapping that is believed: a frame of 64 megapixels of four bytes.
+/// Longest mapping: a frame of 64 megapixels of four bytes.
 const MAX_BUFFER_BYTES: u32 = 256 << 20;
 
 /// A buffer of the driver in our address space.

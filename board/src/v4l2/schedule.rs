@@ -6,7 +6,7 @@
 
 use std::collections::VecDeque;
 
-/// Longest control delay that is believed, frames after the next one.
+/// Longest control delay, frames after the next one.
 pub const MAX_DELAY: u32 = 8;
 
 /// Writes that are remembered: more than the longest delay and the longest queue of frames together.

@@ -1,5 +1,5 @@
-//! Cameras die: cables are pulled, drivers stall, other programs take the device. Whatever it is, everything is closed and opened anew
-//! every second, for ever.
+//! Recovery of a camera whose cable is pulled, whose driver stalls or whose device another program takes: it is closed and opened again
+//! every second, without limit.
 
 use super::capture::Camera;
 use super::formats::Picture;
@@ -8,7 +8,7 @@ use super::setup::Options;
 use super::{CameraError, Kernel};
 use std::time::Duration;
 
-/// From one try to the next: long enough for a device to settle, short enough that nobody notices.
+/// From one try to the next: long enough for a device to settle, short enough for a light set that is two seconds old.
 const RETRY: Duration = Duration::from_secs(1);
 
 /// Longest wait in one step: it bounds how late a shutdown is noticed.
@@ -21,17 +21,17 @@ pub enum Outcome {
     Frame,
     /// Nothing yet.
     Nothing,
-    /// The camera is down, and why.
+    /// The camera is closed, for this reason.
     Down(String),
 }
 
-/// A camera that comes back.
+/// A camera that is opened again after each failure.
 pub struct Supervisor {
     kernel: Box<dyn Kernel>,
     options: Options,
     camera: Option<Camera>,
     retry_ns: u64,
-    /// What frames must stay like once there were some: the plan of the lens is made for it.
+    /// Size and packing of the first frames, which later ones must have: the lens's tables are made for it.
     picture: Option<Picture>,
     reopened: u64,
 }
@@ -65,7 +65,7 @@ impl Supervisor {
         self.camera.as_ref()
     }
 
-    /// Times that it has come back.
+    /// Times that the camera was opened again.
     #[must_use]
     pub fn reopened(&self) -> u64 {
         self.reopened

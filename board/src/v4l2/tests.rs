@@ -1,4 +1,4 @@
-//! The camera against the scripted kernel: every frame's exposure, on good days and bad.
+//! The camera against the scripted kernel: every frame's exposure, with and without faults.
 
 use super::abi;
 use super::capture::Camera;

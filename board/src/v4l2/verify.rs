@@ -94,7 +94,7 @@ impl Verifier {
         &self.measured
     }
 
-    /// The delay that explains what was seen lately, if the believed one does not.
+    /// The delay that explains what was seen lately, if the current one does not.
     pub fn better_delay(&mut self, schedule: &Schedule) -> Option<u32> {
         let count = |delay: u32, counted: &dyn Fn(Verdict) -> bool| {
             self.seen.iter().filter(|s| counted(self.judge(**s, schedule, delay))).count()

@@ -1,4 +1,4 @@
-//! A scripted kernel with a simulated camera, in simulated time: what a real one does on a bad day, on demand.
+//! A scripted kernel with a simulated camera, in simulated time: with the faults of real ones, on demand.
 //!
 //! The camera exposes frame `n` from the light that the newest control write gives which came at least `delay` whole frames before it.
 //! What each frame really was exposed with is kept as the truth that tests compare with.
@@ -72,7 +72,7 @@ pub struct Script {
     pub size: (u32, u32),
     pub period: Duration,
     pub delay: u32,
-    /// Share of frames that nobody delivers.
+    /// Share of frames that are lost.
     pub loss: f64,
     /// Every so manyth request is interrupted; 0 none.
     pub interrupt: u32,

@@ -1,0 +1,83 @@
+//! The start of a camera's stream: buffers, the first exposure, STREAMON, and the controls that it may reset.
+
+use super::arrivals::Arrivals;
+use super::capture::Camera;
+use super::device::failed;
+use super::schedule::Schedule;
+use super::setup::{self, Agreed};
+use super::{Call, CameraError, Kernel, Node, abi, persist};
+use std::path::Path;
+
+/// Buffers that the driver is asked for. One is being filled and one being read; the others let a busy board be late by four frames without
+/// losing any.
+const BUFFERS: u32 = 6;
+
+/// Tries of the first write of the exposure.
+const FIRST_TRIES: u32 = 4;
+
+impl Camera {
+    /// Takes buffers, sets the first exposure and starts the stream.
+    pub(super) fn start(&mut self, kernel: &mut dyn Kernel) -> Result<(), CameraError> {
+        let video = self.setup.video.as_mut();
+        let mut subscription = abi::Subscription { kind: abi::EVENT_SOURCE_CHANGE, ..Default::default() };
+        let _ = persist(|| video.call(Call::Subscribe(&mut subscription)));
+        let path = &self.path;
+        let mut request = abi::BufferRequest { count: BUFFERS, ..Default::default() };
+        persist(|| video.call(Call::RequestBuffers(&mut request))).map_err(|e| {
+            failed(path, "REQBUFS", e, "memory for frames, and no other program that streams")
+        })?;
+        if !(2..=32).contains(&request.count) {
+            let (found, expected) = (format!("{} buffers", request.count), "2 to 32".into());
+            return Err(CameraError::Unfit { path: path.clone(), found, expected });
+        }
+        for index in 0..request.count {
+            map(video, path, index)?;
+        }
+        for index in 0..request.count {
+            self.queue(index)?;
+        }
+        self.write_first(kernel)?;
+        let streaming = persist(|| self.setup.video.call(Call::StreamOn));
+        streaming.map_err(|e| failed(&self.path, "STREAMON", e, "a sensor whose format and links fit"))?;
+        self.arrivals = Arrivals::new(self.setup.period_s, kernel.now_ns());
+        self.restore(kernel)
+    }
+
+    /// Sets the controls of a camera again that reset them when the stream started.
+    fn restore(&mut self, kernel: &mut dyn Kernel) -> Result<(), CameraError> {
+        let changed = setup::restore(&mut self.setup);
+        let expected = self.setup.settings.first().map(|s| s.value);
+        let exposes = self.setup.knob.is_some();
+        if !changed && (!exposes || setup::exposure_value(&mut self.setup) == expected) {
+            return Ok(());
+        }
+        self.setup.agreed.push(Agreed {
+            what: "controls",
+            asked: "kept at STREAMON".into(),
+            got: "reset, set again".into(),
+        });
+        self.schedule.doubt_initial();
+        self.write(kernel, u32::MAX, 0)
+    }
+
+    /// What is set before the stream starts holds from its first frame on.
+    fn write_first(&mut self, kernel: &mut dyn Kernel) -> Result<(), CameraError> {
+        for _ in 0..FIRST_TRIES {
+            let failed = self.counters.failed_writes;
+            self.write(kernel, 0, 0)?;
+            if self.counters.failed_writes == failed {
+                break;
+            }
+        }
+        self.schedule = Schedule::new(self.setup.settings.len(), 0, self.schedule.delay());
+        Ok(())
+    }
+}
+
+fn map(video: &mut dyn Node, path: &Path, index: u32) -> Result<(), CameraError> {
+    let mut buffer = abi::Buffer { index, ..Default::default() };
+    persist(|| video.call(Call::QueryBuffer(&mut buffer)))
+        .map_err(|e| failed(path, "QUERYBUF", e, "the buffer"))?;
+    buffer.index = index;
+    video.map(&buffer).map_err(|e| failed(path, "mmap", e, "memory for frames"))
+}
