@@ -286,7 +286,7 @@ mod tests {
         for name in scene::NAMES {
             let mut source = source(name);
             let mut pipeline =
-                Pipeline::try_new(source.calibration().clone(), &source.exposures(), Settings::default())
+                Pipeline::try_new(*source.calibration(), &source.exposures(), Settings::default())
                     .expect("a pipeline");
             let mut burst = Burst::default();
             source.next(&mut burst).expect("a burst");

@@ -59,7 +59,7 @@ impl Input {
             Self::File(file) | Self::Fifo(file) => file.as_fd(),
             Self::Socket(socket) => socket.as_fd(),
         };
-        let timeout = Timespec { tv_sec: 0, tv_nsec: i64::from(timeout.subsec_nanos()) as _ };
+        let Ok(timeout) = Timespec::try_from(timeout) else { return };
         // After a signal the caller reads in vain once and waits again.
         let _ = poll(&mut [PollFd::new(&fd, PollFlags::IN)], Some(&timeout));
     }

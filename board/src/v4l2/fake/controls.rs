@@ -25,7 +25,7 @@ impl World {
                     Manner::Refuses => return Err(Errno::IO),
                     Manner::Ignores => return Ok(()),
                     Manner::RoundsDown => {
-                        value = list.iter().copied().rfind(|v| *v < value).unwrap_or(list[0])
+                        value = list.iter().copied().rfind(|v| *v < value).unwrap_or(list[0]);
                     }
                 }
             }
