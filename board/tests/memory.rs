@@ -59,7 +59,7 @@ fn settings(sampler: SamplerKind, lights: usize) -> Settings {
 }
 
 fn plan(source: &dyn Source, settings: Settings) -> Plan {
-    let pipeline = Pipeline::try_new(source.calibration().clone(), &source.exposures(), settings);
+    let pipeline = Pipeline::try_new(*source.calibration(), &source.exposures(), settings);
     Plan::of(&pipeline.expect("a pipeline"))
 }
 

@@ -98,7 +98,7 @@ impl Views {
             frame: set.frame,
             before_ns: burst.before_ns,
             frames: burst.frames.clone(),
-            calibration: pipeline.calibration().clone(),
+            calibration: *pipeline.calibration(),
         });
         self.maps.serve(|| {
             let polar = pipeline.map().polar;

@@ -48,7 +48,7 @@ impl Worker {
         }
         let settings = config.pipeline.clone();
         let ring = Ring::with_lights(settings.lights);
-        let pipeline = Pipeline::try_new(source.calibration().clone(), &source.exposures(), settings)?;
+        let pipeline = Pipeline::try_new(*source.calibration(), &source.exposures(), settings)?;
         let link = Link::new(name, config.clone(), exposures(&*source));
         Ok(Self {
             source,
@@ -145,7 +145,7 @@ impl Worker {
             return Ok(());
         }
         let settings = self.pipeline.settings().clone();
-        let made = Pipeline::try_new(calibration.clone(), &self.source.exposures(), settings);
+        let made = Pipeline::try_new(*calibration, &self.source.exposures(), settings);
         self.pipeline = made.map_err(|e| SourceError::Broken(e.to_string()))?;
         Ok(())
     }
