@@ -2,7 +2,7 @@
 
 use crate::calibration::Calibration;
 use crate::pipeline::Pipeline;
-use crate::probe::compare;
+use crate::probe::{compare, tiers};
 use crate::samplers::{self, Shape, Tuning};
 use hemilux_core::polar::{Share, shares_len};
 use hemilux_core::{BufferSize, Light, Order, SamplerKind};
@@ -22,6 +22,8 @@ pub struct Plan {
     buffers: Vec<BufferSize>,
     /// What a comparison takes besides while a client asks for one, at most.
     comparison: usize,
+    /// What each tier takes besides while clients request it, at most.
+    tier: usize,
 }
 
 /// Lights that every sampler can give: their state does not depend on them.
@@ -52,8 +54,9 @@ impl Plan {
         }
         let source_order = front.source_order().get();
         let comparison = comparison(&pipeline.shape(), &s.tuning, pipeline.needs_polar());
+        let tier = tier(&pipeline.shape(), &s.tuning, s.lights);
         let (width, height) = (c.layout.width(), c.layout.height());
-        Self { width, height, exposures, lights: s.lights, order, source_order, buffers, comparison }
+        Self { width, height, exposures, lights: s.lights, order, source_order, buffers, comparison, tier }
     }
 
     /// The buffers, the frames first.
@@ -67,6 +70,15 @@ impl Plan {
     pub fn bytes(&self) -> usize {
         self.buffers.iter().map(BufferSize::bytes).sum()
     }
+}
+
+/// What a tier takes at most: the sampler that takes most, and its sets.
+fn tier(shape: &Shape, tuning: &Tuning, lights: usize) -> usize {
+    let lights = lights.clamp(1, tiers::MOST_LIGHTS);
+    let of =
+        |kind| samplers::buffers(kind, shape, lights, tuning).iter().map(BufferSize::bytes).sum::<usize>();
+    let sampler = SamplerKind::ALL.into_iter().map(of).max().unwrap_or(0);
+    sampler + BufferSize::of::<Light>("sets", 4 * lights).bytes()
 }
 
 /// What `/v1/compare` takes at most: the sampler that takes most, its sets, and the polar map where the first sampler does without.
@@ -106,6 +118,7 @@ impl fmt::Display for Plan {
             )?;
         }
         writeln!(f, "{:<17} {:>30}", "sum, bytes", self.bytes())?;
-        writeln!(f, "{:<17} {:>30}", "comparison", format!("at most {}", self.comparison))
+        writeln!(f, "{:<17} {:>30}", "comparison", format!("at most {}", self.comparison))?;
+        writeln!(f, "{:<17} {:>30}", "each tier", format!("at most {}", self.tier))
     }
 }

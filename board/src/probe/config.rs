@@ -1,5 +1,6 @@
 //! What a user may change while the probe runs.
 
+use super::tiers;
 use crate::pipeline::{PipelineError, Settings};
 use crate::samplers::{self, SamplerError};
 use crate::timing::Budgets;
@@ -19,7 +20,7 @@ pub fn extrapolation_name(extrapolation: Extrapolation) -> &'static str {
 }
 
 /// What is chosen.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Config {
     /// The pipeline's part.
     pub pipeline: Settings,
@@ -29,6 +30,20 @@ pub struct Config {
     pub budgets: Budgets,
     /// Whether `screenshot` may draw the debug picture; without effect on the frames.
     pub gui: bool,
+    /// Largest number of tiers, of [`super::tiers::MOST`].
+    pub tiers: usize,
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Self {
+            pipeline: Settings::default(),
+            exposures_s: None,
+            budgets: Budgets::default(),
+            gui: false,
+            tiers: tiers::USUAL,
+        }
+    }
 }
 
 /// Why settings cannot be, and which is at fault.
@@ -102,6 +117,8 @@ pub struct Change {
     pub budgets_ms: [Option<f32>; STAGES],
     /// The debug picture.
     pub gui: Option<bool>,
+    /// Largest number of tiers.
+    pub tiers: Option<usize>,
 }
 
 impl Change {
@@ -127,5 +144,6 @@ impl Change {
             }
         }
         config.gui = self.gui.unwrap_or(config.gui);
+        config.tiers = self.tiers.unwrap_or(config.tiers);
     }
 }

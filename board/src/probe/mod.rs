@@ -8,6 +8,7 @@ mod config;
 mod mailbox;
 mod published;
 pub mod settings;
+pub mod tiers;
 mod views;
 mod worker;
 
@@ -28,6 +29,7 @@ use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Instant;
+use tiers::Tiers;
 use tokio::sync::{Notify, watch};
 
 /// Why the probe could not start.
@@ -60,6 +62,7 @@ pub struct Link {
     turns: AtomicU64,
     views: Views,
     comparison: Comparison,
+    tiers: Tiers,
     exposures: Mutex<Exposures>,
 }
 
@@ -98,6 +101,7 @@ impl Link {
             latest: watch::Sender::new(None),
             news: Notify::new(),
             timings: Mutex::new(Timings::new(config.budgets)),
+            tiers: Tiers::new(&config.pipeline, config.tiers),
             mailbox: Mailbox::new(config),
             failure: Mutex::new(None),
             encode_us: AtomicU32::new(0),
@@ -193,6 +197,12 @@ impl Link {
     #[must_use]
     pub fn comparison(&self) -> &Comparison {
         &self.comparison
+    }
+
+    /// Sets for clients that request other lights than the probe's own set has.
+    #[must_use]
+    pub fn tiers(&self) -> &Tiers {
+        &self.tiers
     }
 
     /// The source's exposures.

@@ -56,6 +56,7 @@ impl Published {
             coordinates: Coordinates::Probe,
             lights: &self.lights,
             ambient_sh: None,
+            left_out: None,
             scalar_flux: self.scalar_flux,
             horizontal_irradiance: self.horizontal_irradiance,
             clipped: self.clipped,

@@ -2,6 +2,7 @@
 
 use super::compare::Arena;
 use super::published::{Published, Ring};
+use super::tiers::TierSamplers;
 use super::{Config, Exposures, Link, Refusal};
 use crate::calibration::Burst;
 use crate::clock;
@@ -26,6 +27,7 @@ pub struct Worker {
     ring: Ring<Published>,
     /// The second sampler, while one is compared.
     arena: Arena,
+    tiers: TierSamplers,
     /// What is in effect.
     config: Config,
     link: Arc<Link>,
@@ -56,6 +58,7 @@ impl Worker {
             burst: Burst::default(),
             ring,
             arena: Arena::default(),
+            tiers: TierSamplers::default(),
             config,
             link: Arc::new(link),
             frames: 0,
@@ -132,6 +135,7 @@ impl Worker {
             set.requested = requested;
         });
         self.frames += 1;
+        self.tiers.sample(&self.link.tiers, &mut self.pipeline, &set);
         self.link.publish(Arc::clone(&set));
         self.arena.compare(&self.link.comparison, &mut self.pipeline, &set);
         self.link.views.serve(&self.burst, &mut self.pipeline, &set);
@@ -156,6 +160,7 @@ impl Worker {
         let refused = self.follow(&config).err();
         if refused.is_none() {
             self.config = config;
+            self.link.tiers.follow(&self.config.pipeline, self.config.tiers);
         }
         let in_effect = self.config.clone();
         tracing::info!(?in_effect, ?refused, "settings");

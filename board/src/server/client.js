@@ -28,7 +28,8 @@ export class Hemilux extends EventTarget {
   #timer = 0;
   #closed = false;
 
-  /** `base` is the probe's address, by default where this module came from; options: `coordinates`, `lights`, `ambient`. */
+  /** `base` is the probe's address, by default where this module came from; options: `coordinates`, `lights`, `ambient`
+   * (true, false, or "own" for what the probe itself is set to). */
   constructor(base = new URL(import.meta.url).origin, options = {}) {
     super();
     this.#url = new URL("/v1/events", base);

@@ -3,7 +3,7 @@
 
 use super::access;
 use super::connection::{ConnectionGuard, Enlarged, stopped};
-use super::lights::{Format, LONGEST_WAIT, event_id, since_ready};
+use super::lights::{Format, LONGEST_WAIT, event_id, since_ready, wait_for_tier};
 use super::origin::{Cause, Sender};
 use super::query::{Variant, Wanted, wanted};
 use super::sets::Missing;
@@ -103,6 +103,7 @@ impl Feed {
             }
         };
         self.latest.mark_unchanged();
+        let is_late = !wait_for_tier(&self.context, self.variant.selection).await || is_late;
         let ready = match self.context.sets.newest(self.variant, &self.context.link, is_late).await {
             Ok(ready) => ready,
             Err(Missing::NoSet | Missing::Full) => return Next::None,

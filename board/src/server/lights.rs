@@ -6,6 +6,7 @@ use super::sets::Missing;
 use super::{Context, line, xr};
 use crate::clock;
 use crate::export::{Form, encode};
+use crate::probe::tiers::{Selection, Served};
 use crate::probe::{Link, Published, Staleness};
 use axum::extract::State;
 use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE, RETRY_AFTER, VARY};
@@ -52,6 +53,11 @@ impl Format {
 
     pub(super) fn from_name(name: &str) -> Option<Self> {
         Self::NAMED.iter().find(|(n, _)| *n == name).map(|(_, format)| *format)
+    }
+
+    /// Whether the form holds ambient light beside lights.
+    pub(super) fn has_ambient(self) -> bool {
+        matches!(self, Self::Json | Self::Binary | Self::Event | Self::Estimate)
     }
 
     fn content_type(self) -> HeaderValue {
@@ -109,9 +115,13 @@ impl Answer {
         Self { set, stale }
     }
 
-    /// The newest set, if there is one.
-    pub(super) fn newest(link: &Link, is_late: bool) -> Option<Self> {
-        let set = link.subscribe().borrow().clone()?;
+    /// The newest set of `selection`, if there is a set; the probe's own one where that of the selection is not made yet.
+    pub(super) fn newest(link: &Link, selection: Selection, is_late: bool) -> Option<Self> {
+        let own = link.subscribe().borrow().clone()?;
+        let set = match link.tiers().request(selection) {
+            Served::Set(set) => set,
+            Served::Own | Served::NotYet(_) => own,
+        };
         Some(Self::of(link, set, is_late))
     }
 }
@@ -131,7 +141,7 @@ pub(super) async fn answer(
             return line(StatusCode::NOT_ACCEPTABLE, text);
         }
     };
-    let is_late = !wait_for_set(&context, after).await;
+    let is_late = !wait_for_set(&context, after).await || !wait_for_tier(&context, variant.selection).await;
     let ready = match context.sets.newest(variant, &context.link, is_late).await {
         Ok(ready) => ready,
         Err(Missing::NoSet) => return no_frame_yet(&context.link),
@@ -189,6 +199,26 @@ pub(super) async fn wait_for_set(context: &Context, after: Option<u64>) -> bool 
     tokio::select! {
         waited = tokio::time::timeout(LONGEST_WAIT, context.link.newer(&latest)) => waited.is_ok(),
         () = stopped(&mut stop) => false,
+    }
+}
+
+/// Waits for the first set of the tier that serves `selection`, at most [`LONGEST_WAIT`]; whether there is one.
+pub(super) async fn wait_for_tier(context: &Context, selection: Selection) -> bool {
+    let deadline = tokio::time::Instant::now() + LONGEST_WAIT;
+    let mut stop = context.stop.subscribe();
+    loop {
+        let latest = context.link.subscribe();
+        if !matches!(context.link.tiers().request(selection), Served::NotYet(_)) {
+            return true;
+        }
+        tokio::select! {
+            waited = tokio::time::timeout_at(deadline, context.link.newer(&latest)) => {
+                if waited.is_err() {
+                    return false;
+                }
+            }
+            () = stopped(&mut stop) => return false,
+        }
     }
 }
 

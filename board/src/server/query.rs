@@ -2,6 +2,7 @@
 
 use super::lights::Format;
 use crate::probe::settings::short;
+use crate::probe::tiers::Selection;
 use crate::samplers::MAX_LIGHTS;
 use axum::extract::Query;
 use axum::http::header::ACCEPT;
@@ -13,15 +14,14 @@ use hemilux_core::wire::Coordinates;
 pub(super) struct Variant {
     pub(super) format: Format,
     pub(super) coordinates: Coordinates,
-    /// With `ambient_sh`.
-    pub(super) ambient: bool,
-    /// Thinned to at most so many lights.
-    pub(super) lights: Option<usize>,
+    /// Lights and ambient light.
+    pub(super) selection: Selection,
 }
 
 impl Variant {
     pub(super) fn of(format: Format) -> Self {
-        Self { format, coordinates: Coordinates::Probe, ambient: false, lights: None }
+        let selection = Selection { lights: None, ambient: Some(false) };
+        Self { format, coordinates: Coordinates::Probe, selection }
     }
 }
 
@@ -48,7 +48,7 @@ pub(super) fn wanted(
     };
     let mut wanted = Wanted { variant: Variant::of(fixed.unwrap_or(Format::Json)), after: None };
     // The estimate has the harmonics in any case.
-    wanted.variant.ambient = fixed == Some(Format::Estimate);
+    wanted.variant.selection.ambient = Some(fixed == Some(Format::Estimate));
     let mut named = fixed.is_some();
     let mut axes = None;
     for (i, (name, value)) in pairs.iter().enumerate() {
@@ -62,8 +62,8 @@ pub(super) fn wanted(
                 Format::from_name(value).map(|f| variant.format = f)
             }
             "coordinates" => Coordinates::from_name(value).map(|c| axes = Some(c)),
-            "ambient" => flag(value).map(|f| variant.ambient = f),
-            "lights" => number(value).map(|n| variant.lights = Some(n)),
+            "ambient" => ambient(value).map(|a| variant.selection.ambient = a),
+            "lights" => number(value).map(|n| variant.selection.lights = Some(n)),
             "after" => value.parse().ok().map(|n| wanted.after = Some(n)),
             _ => return Err(refused(format!("unknown parameter '{}'", short(name)))),
         };
@@ -72,6 +72,10 @@ pub(super) fn wanted(
     if !named {
         wanted.variant.format = negotiated(headers).ok_or(None)?;
     }
+    if !wanted.variant.format.has_ambient() {
+        // Lights alone, with all energy.
+        wanted.variant.selection.ambient = Some(false);
+    }
     wanted.variant.coordinates = match wanted.variant.format {
         Format::File(form) => form.axes(axes).map_err(|e| refused(e.to_string()))?,
         _ => axes.unwrap_or_default(),
@@ -79,10 +83,12 @@ pub(super) fn wanted(
     Ok(wanted)
 }
 
-fn flag(value: &str) -> Option<bool> {
+/// 1, 0, or `own` for the probe's own setting.
+fn ambient(value: &str) -> Option<Option<bool>> {
     match value {
-        "1" => Some(true),
-        "0" => Some(false),
+        "1" => Some(Some(true)),
+        "0" => Some(Some(false)),
+        "own" => Some(None),
         _ => None,
     }
 }
@@ -96,7 +102,7 @@ fn accepted(with_format: bool) -> String {
     let coordinates = Coordinates::names().collect::<Vec<_>>().join("|");
     let formats = Format::NAMED.map(|(name, _)| name).join("|");
     let format = if with_format { format!("format={formats}\n") } else { String::new() };
-    format!("{format}coordinates={coordinates}\nlights=1..{MAX_LIGHTS}\nambient=0|1\nafter=FRAME")
+    format!("{format}coordinates={coordinates}\nlights=1..{MAX_LIGHTS}\nambient=0|1|own\nafter=FRAME")
 }
 
 /// The format that suits the Accept header best; JSON where there is none, and for browsers.
@@ -140,8 +146,7 @@ mod tests {
         let variant = Variant {
             format: Format::Binary,
             coordinates: Coordinates::Unity,
-            ambient: true,
-            lights: Some(12),
+            selection: Selection { lights: Some(12), ambient: Some(true) },
         };
         assert_eq!(found, Ok(Wanted { variant, after: Some(u64::MAX) }), "all");
         assert_eq!(ask(""), Ok(Wanted { variant: Variant::of(Format::Json), after: None }), "none");

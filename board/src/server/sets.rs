@@ -4,6 +4,7 @@ use super::encoder::Encoder;
 use super::lights::{Answer, Format};
 use super::memory::{AnswerMemory, Kept, body};
 use super::query::Variant;
+use crate::probe::tiers::Selection;
 use crate::probe::{Link, Published, Staleness};
 use axum::body::Bytes;
 use hemilux_core::light::Light;
@@ -107,13 +108,13 @@ impl EncodedSets {
         is_late: bool,
     ) -> Result<Ready, Missing> {
         let entry = self.entry(variant);
-        let answer = Answer::newest(link, is_late).ok_or(Missing::NoSet)?;
+        let answer = Answer::newest(link, variant.selection, is_late).ok_or(Missing::NoSet)?;
         if let Some(ready) = entry.find(&answer) {
             return Ok(ready);
         }
         drop(answer);
         let _alone = entry.encoding.lock().await;
-        let answer = Answer::newest(link, is_late).ok_or(Missing::NoSet)?;
+        let answer = Answer::newest(link, variant.selection, is_late).ok_or(Missing::NoSet)?;
         if let Some(ready) = entry.find(&answer) {
             return Ok(ready);
         }
@@ -127,7 +128,7 @@ impl EncodedSets {
             drop(answer);
             let work = move || {
                 // The newest set by the time that the thread gets to it.
-                let answer = Answer::newest(&link, is_late)?;
+                let answer = Answer::newest(&link, variant.selection, is_late)?;
                 encode(variant, &link, &answer, room).map(|bytes| (answer, bytes))
             };
             let encoder = if is_costly { &self.costly } else { &self.encoder };
@@ -193,20 +194,24 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-fn encode(variant: Variant, link: &Link, answer: &Answer, room: usize) -> Option<Vec<u8>> {
+pub(super) fn encode(variant: Variant, link: &Link, answer: &Answer, room: usize) -> Option<Vec<u8>> {
     let began = Instant::now();
     let set = &answer.set;
     let mut on_wire = set.on_wire(link.run(), answer.stale.as_ref().map(Staleness::on_wire));
     on_wire.coordinates = variant.coordinates;
-    on_wire.ambient_sh = set.ambient.as_ref().filter(|_| variant.ambient);
+    let Selection { lights, ambient } = variant.selection;
+    on_wire.ambient_sh =
+        set.ambient.as_ref().filter(|_| variant.format.has_ambient() && ambient.unwrap_or(true));
     let thinned;
-    if let Some(most) = variant.lights.filter(|most| *most < set.lights.len()) {
+    // The first set of a tier may be missing when the source has stopped.
+    if let Some(most) = lights.filter(|most| *most < set.lights.len()) {
         thinned = thin(&set.lights, most)?;
         on_wire.lights = &thinned;
     }
-    if let Some(most) = variant.lights {
+    if let Some(most) = lights {
         on_wire.requested = on_wire.requested.min(u32::try_from(most).unwrap_or(u32::MAX));
     }
+    on_wire.left_out = on_wire.missing_flux();
     let bytes = variant.format.encode(&on_wire, room)?;
     link.set_encode_us(u32::try_from(began.elapsed().as_micros()).unwrap_or(u32::MAX));
     Some(bytes)

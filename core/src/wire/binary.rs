@@ -242,6 +242,7 @@ impl<'a> BinarySet<'a> {
             coordinates: AXES.get(usize::from(byte_at(self.head, 49))).copied().unwrap_or_default(),
             lights: &[],
             ambient_sh: None,
+            left_out: None,
             scalar_flux: [real(64), real(68), real(72)],
             horizontal_irradiance: [real(76), real(80), real(84)],
             clipped: real(88),

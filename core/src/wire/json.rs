@@ -39,6 +39,9 @@ pub fn json<W: Write>(set: &LightSet<'_>, w: &mut W) -> Result<(), W::Error> {
     if let Some(sh) = set.ambient_sh {
         harmonics(w, &set.coordinates.harmonics(sh))?;
     }
+    if let Some(left_out) = &set.left_out {
+        triple(w, ",\"left_out\":", left_out)?;
+    }
     triple(w, ",\"scalar_flux\":", &set.scalar_flux)?;
     triple(w, ",\"horizontal_irradiance\":", &set.horizontal_irradiance)?;
     put(w, ",\"clipped\":")?;

@@ -137,6 +137,9 @@ pub struct LightSet<'a> {
     pub lights: &'a [Light],
     /// Radiance of what is not in `lights`, in probe axes.
     pub ambient_sh: Option<&'a Sh9>,
+    /// Scalar flux that is neither in `lights` nor in `ambient_sh`; `None` where it is less than a thousandth of `scalar_flux`. The binary
+    /// form leaves it out: it follows from the other numbers.
+    pub left_out: Option<[f32; 3]>,
     /// Sum of L dOmega over everything.
     pub scalar_flux: [f32; 3],
     /// Sum of L cos(theta) dOmega above the horizon.
@@ -168,6 +171,7 @@ impl LightSet<'_> {
         coordinates: Coordinates::Probe,
         lights: &[],
         ambient_sh: None,
+        left_out: None,
         scalar_flux: [0.0; 3],
         horizontal_irradiance: [0.0; 3],
         clipped: 0.0,
@@ -176,6 +180,29 @@ impl LightSet<'_> {
         latency: Latency { capture: 0, front: 0, pyramid: 0, sample: 0, filter: 0, encode: 0, total: 0 },
         overrun: Overrun::NONE,
     };
+}
+
+/// Largest share of the scalar flux that a set may lack without a word.
+const SILENT: f32 = 1e-3;
+
+impl LightSet<'_> {
+    /// The scalar flux over the upper hemisphere that `lights` and `ambient_sh` do not hold, for [`LightSet::left_out`].
+    #[must_use]
+    pub fn missing_flux(&self) -> Option<[f32; 3]> {
+        // Integrals over the hemisphere of the basis functions (0,0) and (1,0); those of the others are 0.
+        const CONSTANT: f64 = 1.772_453_850_905_516;
+        const LINEAR: f64 = 1.534_990_061_919_733;
+        let missing: [f64; 3] = core::array::from_fn(|c| {
+            let lights: f64 = self.lights.iter().map(|light| f64::from(light.irradiance[c])).sum();
+            let ambient = self
+                .ambient_sh
+                .map_or(0.0, |sh| CONSTANT * f64::from(sh[0][c]) + LINEAR * f64::from(sh[2][c]));
+            f64::from(self.scalar_flux[c]) - lights - ambient
+        });
+        let most = self.scalar_flux.iter().fold(0.0f32, |most, v| most.max(*v));
+        let is_silent = missing.iter().all(|v| v.abs() <= f64::from(SILENT * most));
+        (!is_silent).then(|| missing.map(|v| v as f32))
+    }
 }
 
 /// A number as the formats hold it: what is not finite becomes 0, which no stage produces.

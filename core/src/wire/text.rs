@@ -25,6 +25,10 @@ pub fn text<W: Write>(set: &LightSet<'_>, w: &mut W) -> Result<(), W::Error> {
             words(w, stale.reason)?;
         }
     }
+    if let Some(left_out) = &set.left_out {
+        put(w, "\n# left_out ")?;
+        numbers(w, left_out, " ")?;
+    }
     put(w, "\n")?;
     for light in set.lights {
         whole(w, light.id.into())?;

@@ -1,6 +1,6 @@
 //! Light set as XML.
 
-use super::{LightSet, decimal, put, whole};
+use super::{LightSet, decimal, numbers, put, whole};
 use embedded_io::Write;
 
 /// Writes `set` as one `<lights>` element.
@@ -21,6 +21,10 @@ pub fn xml<W: Write>(set: &LightSet<'_>, w: &mut W) -> Result<(), W::Error> {
         whole(w, stale.age_ms)?;
         put(w, " ms ")?;
         escaped(w, stale.reason)?;
+    }
+    if let Some(left_out) = &set.left_out {
+        put(w, "\" left_out=\"")?;
+        numbers(w, left_out, " ")?;
     }
     put(w, "\">")?;
     for light in set.lights {

@@ -2,6 +2,7 @@
 
 use super::{Group, Kind, Setting, shortest};
 use crate::probe::config::{EXTRAPOLATIONS, extrapolation_name};
+use crate::probe::tiers;
 use crate::samplers::{CUTOFFS_HZ, MAX_LIGHTS, ORDERS, TAPS, THRESHOLDS, TOLERANCES};
 use crate::timing::BUDGETS_MS;
 use hemilux_core::MAX_EXPOSURES;
@@ -31,7 +32,7 @@ macro_rules! budget {
 }
 
 /// All settings.
-pub const SETTINGS: [Setting; 18] = [
+pub const SETTINGS: [Setting; 19] = [
     Setting {
         name: "sampler",
         parameter: "algorithm",
@@ -155,6 +156,17 @@ pub const SETTINGS: [Setting; 18] = [
     budget!("budget_filter_ms", 4, "Longest time that filters outside the sampler should take."),
     budget!("budget_encode_ms", 5, "Longest time that writing a set for clients should take."),
     budget!("budget_total_ms", 6, "Longest time from the end of the burst to the finished set."),
+    Setting {
+        name: "tiers",
+        parameter: "tiers",
+        group: Group::Other,
+        kind: Kind::Whole(*tiers::MOST.start() as u64, *tiers::MOST.end() as u64),
+        unit: Some("sets"),
+        what: "Most light sets made per frame beside the probe's own, for clients that request other numbers of lights or ambient light; more requests share them.",
+        value: |c| json!(c.tiers),
+        wish: |c, v| c.tiers = v.as_u64().and_then(|n| usize::try_from(n).ok()),
+        in_use: |_| true,
+    },
     Setting {
         name: "gui",
         parameter: "gui",

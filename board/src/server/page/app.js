@@ -43,7 +43,7 @@ let probe = null, scene = null, status = null, mayAll = null, changed = -1, show
 
 function connect() {
   if (probe || document.hidden) return;
-  probe = new Hemilux(location.origin, { ambient: true, lights: LIGHTS });
+  probe = new Hemilux(location.origin, { ambient: "own", lights: LIGHTS });
   probe.addEventListener("set", ({ detail: set }) => take(set));
   probe.addEventListener("state", ({ detail: state }) => tell(state));
 }

@@ -6,6 +6,7 @@ mod pictures;
 mod security;
 mod thesis;
 mod v1;
+mod whole;
 
 use super::*;
 use crate::calibration::{Burst, Calibration};

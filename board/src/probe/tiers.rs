@@ -1,0 +1,327 @@
+//! Tiers: light sets for clients that request fewer lights than the probe's own set has, or ambient light where it has none, or none where
+//! it has.
+//!
+//! A tier is a sampler with a state of its own that runs once per frame while clients request its sets, so that ids and filters hold from
+//! frame to frame. The number of tiers is bounded ([`Tiers::set_most`]): a request beyond it is served by a tier of fewer lights, never by
+//! one of more. So the work per frame does not grow with what clients request.
+
+use super::lock;
+use super::published::{Published, Ring};
+use crate::pipeline::{Pipeline, Settings};
+use crate::samplers::{self, Tuning};
+use hemilux_core::SamplerKind;
+use hemilux_core::healpix::Domain;
+use hemilux_core::sampler::{Request, Sampler};
+use hemilux_core::wire::Latency;
+use std::ops::RangeInclusive;
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+/// Numbers of tiers that may be set. One of each class, with and without ambient light, is the least that serves every request.
+pub const MOST: RangeInclusive<usize> = 2..=16;
+
+/// Default number of tiers: at 64 lights each adds at most 0.2 ms per frame on x86-64.
+pub const USUAL: usize = 4;
+
+/// Most lights of a tier; larger requests that the probe's own set does not serve get this number.
+pub const MOST_LIGHTS: usize = 2048;
+
+/// Time without a request after which a tier is dropped, provided that [`KEPT_FRAMES`] frames have passed as well.
+const KEPT: Duration = Duration::from_secs(3);
+
+/// Frames without a request for which a tier is kept at least: exposures may last longer than [`KEPT`].
+const KEPT_FRAMES: u64 = 3;
+
+/// The contents of a light set that a client requests.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Selection {
+    /// Largest number of lights; `None` for as many as the probe's own set.
+    pub lights: Option<usize>,
+    /// Whether light without a direction is in spherical harmonics; `None` for the probe's own setting.
+    pub ambient: Option<bool>,
+}
+
+impl Selection {
+    /// The probe's own set.
+    pub const OWN: Self = Self { lights: None, ambient: None };
+}
+
+/// Lights and ambient light of a tier.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Tier {
+    /// Largest number of lights.
+    pub lights: usize,
+    /// Whether light without a direction is in spherical harmonics.
+    pub ambient: bool,
+}
+
+/// A tier and when it was requested last.
+#[derive(Clone, Copy, Debug)]
+struct Requested {
+    tier: Tier,
+    at: Instant,
+    frame: u64,
+}
+
+#[derive(Debug)]
+struct Table {
+    most: usize,
+    /// Lights and ambient light of the probe's own set.
+    own: Tier,
+    frame: u64,
+    requested: Vec<Requested>,
+    /// The tiers' sets of the newest frame.
+    sets: Vec<(Tier, Arc<Published>)>,
+}
+
+/// The tiers that clients request, and their newest sets.
+#[derive(Debug)]
+pub struct Tiers(Mutex<Table>);
+
+impl Tiers {
+    pub(super) fn new(settings: &Settings, most: usize) -> Self {
+        let own = own(settings);
+        let (requested, sets) = (Vec::with_capacity(*MOST.end()), Vec::with_capacity(*MOST.end()));
+        Self(Mutex::new(Table { most: clamp(most), own, frame: 0, requested, sets }))
+    }
+
+    /// Requests sets of `selection` for the next frames and returns the newest one, if there is one yet.
+    #[must_use]
+    pub fn request(&self, selection: Selection) -> Served {
+        let mut table = lock(&self.0);
+        match table.assign(selection) {
+            None => Served::Own,
+            Some(tier) => table
+                .sets
+                .iter()
+                .find(|(t, _)| *t == tier)
+                .map_or(Served::NotYet(tier), |(_, set)| Served::Set(Arc::clone(set))),
+        }
+    }
+
+    /// The tiers in use, and the largest number of tiers.
+    #[must_use]
+    pub fn in_use(&self) -> (Vec<Tier>, usize) {
+        let table = lock(&self.0);
+        (table.requested.iter().map(|r| r.tier).collect(), table.most)
+    }
+
+    /// The probe's own settings have changed: sets of before are withdrawn.
+    pub(super) fn follow(&self, settings: &Settings, most: usize) {
+        let mut table = lock(&self.0);
+        (table.own, table.most) = (own(settings), clamp(most));
+        let own = table.own;
+        table.requested.retain(|r| r.tier != own && r.tier.lights <= own.lights);
+        let most = table.most;
+        table.requested.truncate(most);
+        table.sets.clear();
+    }
+
+    /// Drops tiers that clients no longer request, and calls `each` for the others.
+    fn frame(&self, mut each: impl FnMut(Tier)) {
+        let mut table = lock(&self.0);
+        table.frame += 1;
+        let frame = table.frame;
+        table.requested.retain(|r| r.at.elapsed() < KEPT || frame - r.frame <= KEPT_FRAMES);
+        table.requested.iter().for_each(|r| each(r.tier));
+    }
+
+    fn publish(&self, sets: impl Iterator<Item = (Tier, Arc<Published>)>) {
+        let mut table = lock(&self.0);
+        table.sets.clear();
+        table.sets.extend(sets);
+    }
+}
+
+/// The answer to a request.
+#[derive(Clone, Debug)]
+pub enum Served {
+    /// The probe's own set has what is requested.
+    Own,
+    /// The newest set of a tier.
+    Set(Arc<Published>),
+    /// The tier's first set comes with one of the next frames.
+    NotYet(Tier),
+}
+
+impl Table {
+    /// The tier that serves `selection`; `None` for the probe's own set. Creates one while there is room for it.
+    fn assign(&mut self, selection: Selection) -> Option<Tier> {
+        let lights = selection.lights.unwrap_or(self.own.lights).min(self.own.lights);
+        let ambient = selection.ambient.unwrap_or(self.own.ambient);
+        if (Tier { lights, ambient }) == self.own {
+            return None;
+        }
+        let wanted = Tier { lights: lights.min(MOST_LIGHTS), ambient };
+        let (at, frame) = (Instant::now(), self.frame);
+        let is_new = !self.requested.iter().any(|r| r.tier == wanted);
+        if is_new && self.has_room(ambient) {
+            self.requested.push(Requested { tier: wanted, at, frame });
+        } else if is_new && !self.requested.iter().any(|r| serves(r.tier, wanted)) {
+            // No tier of this class is small enough: the smallest one shrinks, for all of its clients.
+            let class = self.requested.iter_mut().filter(|r| r.tier.ambient == ambient);
+            if let Some(smallest) = class.min_by_key(|r| r.tier.lights) {
+                smallest.tier = wanted;
+            }
+        }
+        let fitting = self.requested.iter_mut().filter(|r| serves(r.tier, wanted));
+        let best = fitting.max_by_key(|r| r.tier.lights)?;
+        (best.at, best.frame) = (at, frame);
+        Some(best.tier)
+    }
+
+    /// Whether a tier can be added. One place is kept for the other class, with or without ambient light.
+    fn has_room(&self, ambient: bool) -> bool {
+        let other = self.requested.iter().filter(|r| r.tier.ambient != ambient).count();
+        let kept = usize::from(other == 0);
+        self.requested.len() + kept < self.most
+    }
+}
+
+/// Whether a set of `tier` has no more than what is `wanted`.
+fn serves(tier: Tier, wanted: Tier) -> bool {
+    tier.ambient == wanted.ambient && tier.lights <= wanted.lights
+}
+
+fn own(settings: &Settings) -> Tier {
+    Tier { lights: settings.lights, ambient: settings.ambient }
+}
+
+fn clamp(most: usize) -> usize {
+    most.clamp(*MOST.start(), *MOST.end())
+}
+
+/// The samplers of the tiers, on the processing thread.
+#[derive(Default)]
+pub(super) struct TierSamplers {
+    running: Vec<Running>,
+    wanted: Vec<Tier>,
+}
+
+struct Running {
+    tier: Tier,
+    kind: SamplerKind,
+    /// The map's order and the tuning that the sampler was made for.
+    made_for: (u8, Tuning),
+    sampler: Box<dyn Sampler + Send>,
+    ring: Ring<Published>,
+    set: Option<Arc<Published>>,
+}
+
+impl TierSamplers {
+    /// Samples the last burst for each tier and publishes the sets; `own` is the probe's own set of the frame.
+    pub(super) fn sample(&mut self, tiers: &Tiers, pipeline: &mut Pipeline, own: &Published) {
+        self.wanted.clear();
+        tiers.frame(|tier| self.wanted.push(tier));
+        let wanted = &self.wanted;
+        self.running.retain(|r| wanted.contains(&r.tier) && r.is_made_for(pipeline));
+        for tier in wanted {
+            if !self.running.iter().any(|r| r.tier == *tier) {
+                match Running::new(*tier, pipeline) {
+                    Ok(running) => self.running.push(running),
+                    Err(error) => tracing::warn!("a set of {} lights: found {error}", tier.lights),
+                }
+            }
+        }
+        self.running.iter_mut().for_each(|running| running.sample(pipeline, own));
+        tiers.publish(self.running.iter().filter_map(|r| Some((r.tier, Arc::clone(r.set.as_ref()?)))));
+    }
+}
+
+impl Running {
+    fn new(tier: Tier, pipeline: &Pipeline) -> Result<Self, samplers::SamplerError> {
+        let kind = kind(tier, pipeline.settings());
+        let tuning = pipeline.settings().tuning;
+        let sampler = samplers::make_tuned(kind, &pipeline.shape(), tier.lights, &tuning)?;
+        let made_for = (pipeline.settings().order(), tuning.of(kind));
+        Ok(Self { tier, kind, made_for, sampler, ring: Ring::with_lights(tier.lights), set: None })
+    }
+
+    fn is_made_for(&self, pipeline: &Pipeline) -> bool {
+        let settings = pipeline.settings();
+        self.kind == kind(self.tier, settings)
+            && self.made_for == (settings.order(), settings.tuning.of(self.kind))
+    }
+
+    fn sample(&mut self, pipeline: &mut Pipeline, own: &Published) {
+        let Tier { lights, ambient } = self.tier;
+        let tolerance = pipeline.settings().tolerance.filter(|_| self.kind.estimates_error());
+        let request = Request { tolerance, ambient, ..Request::of_lights(lights) };
+        let (made, took) = pipeline.sample_again(self.sampler.as_mut(), &request);
+        let sample = u32::try_from(took.as_micros()).unwrap_or(u32::MAX);
+        self.set = Some(self.ring.fill(|set| {
+            let mut room = std::mem::take(&mut set.lights);
+            room.clear();
+            room.extend_from_slice(made.lights);
+            *set = Published {
+                sampler: self.kind.name(),
+                requested: u32::try_from(lights).unwrap_or(u32::MAX),
+                lights: room,
+                ambient: made.ambient,
+                estimated_error: made.estimated_error,
+                latency: Latency { sample, ..own.latency },
+                ..Published::of_frame(own)
+            };
+        }));
+    }
+}
+
+/// The sampler of a tier: the probe's own, or `adaptive` where that gives more lights at least or has no ambient light.
+fn kind(tier: Tier, settings: &Settings) -> SamplerKind {
+    let own = settings.sampler;
+    let fits =
+        tier.lights >= own.least_lights(Domain::Hemisphere) && (!tier.ambient || own.estimates_error());
+    if fits { own } else { SamplerKind::Adaptive }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn table(most: usize, ambient: bool) -> Table {
+        let own = Tier { lights: 64, ambient };
+        Table { most, own, frame: 0, requested: Vec::new(), sets: Vec::new() }
+    }
+
+    fn select(lights: usize, ambient: bool) -> Selection {
+        Selection { lights: Some(lights), ambient: Some(ambient) }
+    }
+
+    #[test]
+    fn requests_that_the_own_set_serves_make_no_tier() {
+        let mut table = table(4, false);
+        for selection in [Selection::OWN, select(64, false), select(50_000, false)] {
+            assert_eq!(table.assign(selection), None, "{selection:?}");
+        }
+        assert!(table.requested.is_empty(), "{:?}", table.requested);
+    }
+
+    #[test]
+    fn any_sequence_of_requests_gets_at_most_the_lights_requested_from_a_bounded_number_of_tiers() {
+        for (most, own_ambient) in [(2, false), (2, true), (4, false), (16, true)] {
+            let mut table = table(most, own_ambient);
+            let mut random = 1u32;
+            for _ in 0..10_000 {
+                random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                let (lights, ambient) = (1 + (random >> 16) as usize % 80, random >> 31 == 1);
+                match table.assign(select(lights, ambient)) {
+                    None => assert!(lights >= 64 && ambient == own_ambient, "{lights} {ambient}"),
+                    Some(tier) => assert!(tier.lights <= lights && tier.ambient == ambient, "{tier:?}"),
+                }
+                assert!(table.requested.len() <= most, "{} tiers of {most}", table.requested.len());
+            }
+        }
+    }
+
+    #[test]
+    fn a_request_beyond_the_number_of_tiers_shares_the_largest_that_is_small_enough() {
+        let mut table = table(3, false);
+        let one = |lights| Some(Tier { lights, ambient: false });
+        assert_eq!(table.assign(select(4, false)), one(4));
+        assert_eq!(table.assign(select(16, false)), one(16));
+        assert_eq!(table.assign(select(20, false)), one(16), "the third place is the other class's");
+        assert_eq!(table.assign(select(2, false)), one(2), "the smallest one shrinks");
+        assert_eq!(table.assign(select(4, false)), one(2));
+        assert_eq!(table.assign(select(30, true)), Some(Tier { lights: 30, ambient: true }));
+    }
+}
