@@ -99,6 +99,17 @@ impl Tiers {
         }
     }
 
+    /// The selection whose sets answer requests for `selection`: equal for all requests that share a tier.
+    #[must_use]
+    pub fn resolve(&self, selection: Selection) -> Selection {
+        let mut table = lock(&self.0);
+        let own = table.own.ambient;
+        table.assign(selection).map_or(Selection { lights: None, ambient: Some(own) }, |tier| Selection {
+            lights: Some(tier.lights),
+            ambient: Some(tier.ambient),
+        })
+    }
+
     /// The tiers in use, and the largest number of tiers.
     #[must_use]
     pub fn in_use(&self) -> (Vec<Tier>, usize) {

@@ -93,22 +93,29 @@ impl Feed {
     /// enough of the last ones, or after [`LONGEST_WAIT`] the last one again, marked stale.
     async fn next(&mut self) -> Next {
         let mut stop = self.context.stop.subscribe();
-        let is_late = if std::mem::take(&mut self.is_first) && self.has_news() {
+        let (ready, id) = loop {
+            let is_late = if std::mem::take(&mut self.is_first) && self.has_news() {
+                false
+            } else {
+                tokio::select! {
+                    () = stopped(&mut stop) => return Next::Stop,
+                    is_late = self.wait() => is_late,
+                }
+            };
             self.latest.mark_unchanged();
-            false
-        } else {
-            tokio::select! {
-                () = stopped(&mut stop) => return Next::Stop,
-                is_late = self.wait() => is_late,
+            let is_late = !wait_for_tier(&self.context, self.variant.selection).await || is_late;
+            let ready = match self.context.sets.newest(self.variant, &self.context.link, is_late).await {
+                Ok(ready) => ready,
+                Err(Missing::NoSet | Missing::Full) => return Next::None,
+                Err(Missing::Fault) => return Next::Stop,
+            };
+            let id = event_id(self.context.link.run(), ready.set.frame);
+            // A set that came between the notification and the look was sent already.
+            if is_late || self.has.as_ref() != Some(&id) {
+                break (ready, id);
             }
         };
-        self.latest.mark_unchanged();
-        let is_late = !wait_for_tier(&self.context, self.variant.selection).await || is_late;
-        let ready = match self.context.sets.newest(self.variant, &self.context.link, is_late).await {
-            Ok(ready) => ready,
-            Err(Missing::NoSet | Missing::Full) => return Next::None,
-            Err(Missing::Fault) => return Next::Stop,
-        };
+        self.has = Some(id);
         if !ready.is_stale {
             self.context.counts.delivered(since_ready(&ready.set));
         }

@@ -9,6 +9,7 @@ use crate::probe::{Link, Published, Staleness};
 use axum::body::Bytes;
 use hemilux_core::light::Light;
 use hemilux_core::thin::{Pair, merge};
+use hemilux_core::wire::Coordinates;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
@@ -107,6 +108,8 @@ impl EncodedSets {
         link: &Arc<Link>,
         is_late: bool,
     ) -> Result<Ready, Missing> {
+        // Requests that share a tier share the bytes.
+        let variant = Variant { selection: link.tiers().resolve(variant.selection), ..variant };
         let entry = self.entry(variant);
         let answer = Answer::newest(link, variant.selection, is_late).ok_or(Missing::NoSet)?;
         if let Some(ready) = entry.find(&answer) {
@@ -182,11 +185,11 @@ impl Entry {
 
 /// Whether the set takes so long to encode that its clients get it at a lower rate: thinned ones, and large ones as text.
 fn is_costly(variant: Variant, lights: usize) -> bool {
-    let is_thinned = variant.lights.is_some_and(|most| most < lights);
+    let is_thinned = variant.selection.lights.is_some_and(|most| most < lights);
     is_thinned
         || (lights > TEXT_LIGHTS
             && variant.format != Format::Binary
-            && variant != Variant::of(variant.format))
+            && variant.coordinates != Coordinates::Probe)
 }
 
 /// Locks `mutex`, also after a panic of another thread: no critical section leaves partial updates.
