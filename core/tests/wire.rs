@@ -62,6 +62,7 @@ fn set<'a>(lights: &'a [Light], ambient: Option<&'a Sh9>) -> LightSet<'a> {
         coordinates: Coordinates::YUp,
         lights,
         ambient_sh: ambient,
+        left_out: None,
         scalar_flux: [1.0, 2.0, 3.0],
         horizontal_irradiance: [0.5, 1.0, 1.5],
         clipped: 0.0,

@@ -36,6 +36,7 @@ fn set<'a>(lights: &'a [Light], ambient: Option<&'a Sh9>) -> LightSet<'a> {
         coordinates: Coordinates::Unity,
         lights,
         ambient_sh: ambient,
+        left_out: None,
         scalar_flux: [1.0, 2.0, 3.0],
         horizontal_irradiance: [4.0, 5.0, 6.0],
         clipped: 0.25,
