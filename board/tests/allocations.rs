@@ -59,14 +59,14 @@ const WARM_UP: usize = 6;
 const FRAMES: usize = 60;
 
 /// Requests for memory of [`FRAMES`] frames, made on this thread, while a client holds on to some sets and others are told.
-fn requests(source: Box<dyn Source>, sampler: SamplerKind, rival: Option<SamplerKind>) -> u64 {
+fn requests(source: Box<dyn Source>, sampler: SamplerKind, secondary: Option<SamplerKind>) -> u64 {
     let pipeline = Settings { sampler, extrapolation: Extrapolation::Average, ..Settings::default() };
     let mut worker =
         Worker::try_new(source, "test".into(), Config { pipeline, ..Config::default() }).expect("a worker");
     let link = worker.link();
     let mut client = link.subscribe();
-    let _seat =
-        rival.map(|sampler| link.comparison().ask(Contender { sampler, lights: 48 }).expect("a seat"));
+    let _permit =
+        secondary.map(|sampler| link.comparison().ask(Contender { sampler, lights: 48 }).expect("a permit"));
     let pairs = link.comparison().pairs();
     for _ in 0..WARM_UP {
         worker.step().expect("a frame");
@@ -84,7 +84,11 @@ fn requests(source: Box<dyn Source>, sampler: SamplerKind, rival: Option<Sampler
     assert_eq!(last.frame, (WARM_UP + FRAMES - 1) as u64, "every frame was published");
     assert!(!last.lights.is_empty() && held.is_some(), "with lights");
     let pair = pairs.borrow().as_ref().map(|p| (p.first.frame, p.second.set.frame, p.second.set.sampler));
-    assert_eq!(pair, rival.map(|kind| (last.frame, last.frame, kind.name())), "the pair that was asked for");
+    assert_eq!(
+        pair,
+        secondary.map(|kind| (last.frame, last.frame, kind.name())),
+        "the pair that was asked for"
+    );
     requests
 }
 

@@ -23,6 +23,7 @@ mod front;
 mod front_end;
 mod merge;
 mod plan;
+mod quad;
 mod response;
 mod root;
 mod sizes;

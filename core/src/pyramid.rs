@@ -18,88 +18,11 @@
 //! ```
 
 use crate::arena::{self, Buffer, TooSmall};
-use crate::color::{self, MAX_ENERGY, luminance};
+use crate::color::{self, luminance};
 use crate::format::Format;
 use crate::healpix::{self, Domain, Order};
 use crate::plan::Texel;
-use crate::root::root;
-use bytemuck::{Pod, Zeroable};
-use glam::Vec3;
-
-/// Sums over one quad.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-#[repr(C)]
-pub struct Quad {
-    /// Sum of L dOmega for red, green, blue and luminance.
-    pub energy: [f32; 4],
-    /// Sum of Y dOmega x direction; the fourth lane is unused.
-    pub moment: [f32; 4],
-}
-
-impl Quad {
-    /// The quad that holds `rgb` from `direction` (a unit vector) alone.
-    ///
-    /// Light that is negative or no number is none, and no channel exceeds [`color::MAX_ENERGY`].
-    #[must_use]
-    pub fn from_light(rgb: [f32; 3], direction: Vec3) -> Self {
-        let rgb = color::sound(rgb);
-        let y = luminance(rgb);
-        let m = direction * y;
-        Self { energy: [rgb[0], rgb[1], rgb[2], y], moment: [m.x, m.y, m.z, 0.0] }
-    }
-
-    /// Adds another quad's sums.
-    pub fn add(&mut self, other: &Self) {
-        for i in 0..4 {
-            self.energy[i] += other.energy[i];
-            self.moment[i] += other.moment[i];
-        }
-    }
-
-    /// Red, green and blue energy.
-    #[must_use]
-    pub fn rgb(&self) -> [f32; 3] {
-        [self.energy[0], self.energy[1], self.energy[2]]
-    }
-
-    /// Luminance energy.
-    #[must_use]
-    pub fn y(&self) -> f32 {
-        self.energy[3]
-    }
-
-    /// First moment of the luminance.
-    #[must_use]
-    pub fn first_moment(&self) -> Vec3 {
-        Vec3::new(self.moment[0], self.moment[1], self.moment[2])
-    }
-
-    /// Mean direction m / Y, not normalised; 0 for a quad without light.
-    ///
-    /// Divided first, so that its length neither under- nor overflows whatever the unit of light.
-    #[must_use]
-    pub fn mean_direction(&self) -> Vec3 {
-        if self.y() > 0.0 { self.first_moment() / self.y() } else { Vec3::ZERO }
-    }
-
-    /// Angular variance: 1 less the length of the mean direction, |m| / Y; 0 for a quad without light.
-    #[must_use]
-    pub fn variance(&self) -> f32 {
-        // 1 - r = (1 - r^2) / (1 + r), in which an error of the root counts half.
-        let squared = self.mean_direction().length_squared();
-        if self.y() > 0.0 {
-            (1.0 - squared).max(0.0) / (1.0 + root(squared.max(f32::MIN_POSITIVE)))
-        } else {
-            0.0
-        }
-    }
-
-    /// Whether all of it is what [`Quad::from_light`] could have made.
-    fn is_sound(&self) -> bool {
-        let energies = self.energy.iter().fold(true, |sound, e| sound & (0.0..=2.0 * MAX_ENERGY).contains(e));
-        self.moment.iter().fold(energies, |sound, m| sound & (m.abs() <= 2.0 * MAX_ENERGY))
-    }
-}
+pub use crate::quad::Quad;
 
 /// Quads of all orders up to `order`.
 #[must_use]

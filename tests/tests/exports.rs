@@ -68,7 +68,7 @@ fn of_glb(file: &[u8]) -> Vec<Read> {
             let rotation = floats(&node["rotation"]).try_into().expect("a quaternion");
             let index = node["extensions"]["KHR_lights_punctual"]["light"].as_u64().expect("an index");
             let light = &all[index as usize];
-            assert_eq!(light["type"], "directional");
+            assert_eq!(light["type"], "directional", "the type of a light");
             let colour = floats(&light["color"]);
             assert!(colour.iter().all(|c| (0.0..=1.0).contains(c)), "{light}");
             let intensity = light["intensity"].as_f64().expect("a number");
@@ -121,7 +121,7 @@ fn of_mitsuba(file: &str) -> Vec<Read> {
     let emitters = document.descendants().filter(|n| n.has_tag_name("emitter"));
     emitters
         .map(|emitter| {
-            assert_eq!(emitter.attribute("type"), Some("directional"));
+            assert_eq!(emitter.attribute("type"), Some("directional"), "the type of an emitter");
             let child = |tag| emitter.children().find(|n| n.has_tag_name(tag)).expect("a child");
             let number =
                 |name| child("vector").attribute(name).expect("a number").parse::<f64>().expect("a number");
@@ -133,7 +133,7 @@ fn of_mitsuba(file: &str) -> Vec<Read> {
 
 fn of_csv(file: &str) -> Vec<Read> {
     let mut lines = file.lines().filter(|l| !l.starts_with('#'));
-    assert_eq!(lines.next(), Some("id,x,y,z,r,g,b,radius_deg,age,parent"));
+    assert_eq!(lines.next(), Some("id,x,y,z,r,g,b,radius_deg,age,parent"), "the head of the table");
     let rows = lines.map(|l| l.split(',').map(str::to_string).collect::<Vec<_>>());
     rows.map(|row| {
         assert_eq!(row.len(), 10, "{row:?}");
@@ -170,9 +170,9 @@ fn each_form_keeps_directions_and_irradiances() {
             for (read, light) in found.iter().zip(&lights) {
                 let [x, y, z] = light.direction.to_array().map(f64::from);
                 let expected = if axes == Coordinates::YUp { [x, z, -y] } else { [x, y, z] };
-                for i in 0..3 {
+                for (i, expected) in expected.into_iter().enumerate() {
                     assert!(
-                        (read.direction[i] - expected[i]).abs() < 2e-6,
+                        (read.direction[i] - expected).abs() < 2e-6,
                         "{form:?} {axes:?} {read:?} {light:?}"
                     );
                     let e = f64::from(light.irradiance[i]);

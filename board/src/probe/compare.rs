@@ -1,4 +1,4 @@
-//! A second sampler on the same frames, while somebody asks for it: one at a time for all clients, and none when nobody looks.
+//! A second sampler on the same frames, while clients request it: one at a time for all clients, and none without requests.
 
 use super::published::Ring;
 use super::{Published, lock};
@@ -36,7 +36,7 @@ pub struct Contender {
     pub lights: usize,
 }
 
-/// What the second sampler made of a frame.
+/// The second sampler's result for a frame.
 #[derive(Clone, Debug, Default)]
 pub struct Second {
     /// Its lights.
@@ -48,25 +48,25 @@ pub struct Second {
 /// Two sets of one frame.
 #[derive(Clone, Debug)]
 pub struct Pair {
-    /// Who is compared.
+    /// The second sampler.
     pub contender: Contender,
-    /// What everybody gets.
+    /// The probe's own set.
     pub first: Arc<Published>,
-    /// What the second sampler gives.
+    /// The second sampler's set.
     pub second: Arc<Second>,
 }
 
-/// Who asks for what, and the newest pair.
+/// The requests for a second sampler, and the newest pair.
 #[derive(Debug)]
 pub struct Comparison {
-    desk: Mutex<Desk>,
-    /// Whether the processing thread has to look at the desk.
+    state: Mutex<ComparisonState>,
+    /// Whether the processing thread has to read the state.
     is_wanted: AtomicBool,
     pairs: watch::Sender<Option<Pair>>,
 }
 
 #[derive(Debug)]
-struct Desk {
+struct ComparisonState {
     contender: Option<Contender>,
     /// Clients that wait now.
     waiting: usize,
@@ -77,71 +77,71 @@ struct Desk {
 impl Default for Comparison {
     fn default() -> Self {
         Self {
-            desk: Mutex::new(Desk { contender: None, waiting: 0, seen: Instant::now() }),
+            state: Mutex::new(ComparisonState { contender: None, waiting: 0, seen: Instant::now() }),
             is_wanted: AtomicBool::new(false),
             pairs: watch::Sender::new(None),
         }
     }
 }
 
-/// A client's place: pairs come as long as somebody has one, and a while longer.
+/// A client's permit: pairs are made while there is a permit, and for [`KEPT`] afterwards.
 #[derive(Debug)]
-pub struct Seat<'a>(&'a Comparison);
+pub struct Permit<'a>(&'a Comparison);
 
-impl Drop for Seat<'_> {
+impl Drop for Permit<'_> {
     fn drop(&mut self) {
-        let mut desk = lock(&self.0.desk);
-        desk.waiting = desk.waiting.saturating_sub(1);
-        desk.seen = Instant::now();
+        let mut state = lock(&self.0.state);
+        state.waiting = state.waiting.saturating_sub(1);
+        state.seen = Instant::now();
     }
 }
 
 impl Comparison {
-    /// Asks for `contender`'s pairs.
+    /// Requests `contender`'s pairs.
     ///
     /// # Errors
-    /// The other sampler that somebody looks at.
-    pub fn ask(&self, contender: Contender) -> Result<Seat<'_>, Contender> {
-        let mut desk = lock(&self.desk);
-        let is_held = desk.waiting > 0 || desk.seen.elapsed() < HELD;
-        if let Some(other) = desk.contender.filter(|other| *other != contender && is_held) {
+    /// The other sampler, if clients hold permits for one.
+    pub fn ask(&self, contender: Contender) -> Result<Permit<'_>, Contender> {
+        let mut state = lock(&self.state);
+        let is_held = state.waiting > 0 || state.seen.elapsed() < HELD;
+        if let Some(other) = state.contender.filter(|other| *other != contender && is_held) {
             return Err(other);
         }
-        desk.contender = Some(contender);
-        desk.waiting += 1;
-        desk.seen = Instant::now();
+        state.contender = Some(contender);
+        state.waiting += 1;
+        state.seen = Instant::now();
         self.is_wanted.store(true, Ordering::Release);
-        Ok(Seat(self))
+        Ok(Permit(self))
     }
 
-    /// The newest pair, and news of it.
+    /// A receiver of the newest pair.
     #[must_use]
     pub fn pairs(&self) -> watch::Receiver<Option<Pair>> {
         self.pairs.subscribe()
     }
 
-    /// Who is to be compared in this frame; one load when nobody asks.
+    /// The second sampler of this frame; one atomic load without requests.
     fn wanted(&self) -> Option<Contender> {
         if !self.is_wanted.load(Ordering::Acquire) {
             return None;
         }
-        let mut desk = lock(&self.desk);
-        if desk.waiting == 0 && desk.seen.elapsed() > KEPT {
-            desk.contender = None;
+        let mut state = lock(&self.state);
+        if state.waiting == 0 && state.seen.elapsed() > KEPT {
+            state.contender = None;
             self.is_wanted.store(false, Ordering::Release);
         }
-        desk.contender
+        state.contender
     }
 }
 
-/// The processing thread's part.
+/// The processing thread's part of a comparison.
 #[derive(Default)]
-pub(super) struct Arena {
-    rival: Option<Rival>,
+pub(super) struct SecondarySlot {
+    secondary: Option<SecondarySampler>,
 }
 
 /// The second sampler with its memory.
-struct Rival {
+struct SecondarySampler {
     contender: Contender,
     /// Order of the map and tuning that it was made for.
     made_for: (u8, Tuning),
@@ -149,32 +149,32 @@ struct Rival {
     ring: Ring<Second>,
 }
 
-impl Arena {
-    /// Lets the second sampler work on the last frame, whose set is `first`, if somebody asked for it.
+impl SecondarySlot {
+    /// Runs the second sampler on the last frame, whose set is `first`, if a client requests it.
     pub(super) fn compare(&mut self, link: &Comparison, pipeline: &mut Pipeline, first: &Arc<Published>) {
         let Some(contender) = link.wanted() else {
-            if self.rival.take().is_some() {
+            if self.secondary.take().is_some() {
                 link.pairs.send_replace(None);
             }
             return;
         };
         let made_for = (pipeline.settings().order(), pipeline.settings().tuning.of(contender.sampler));
-        let same = |r: &Rival| r.contender == contender && r.made_for == made_for;
-        if !self.rival.as_ref().is_some_and(same) {
-            self.rival = None;
-            match Rival::new(contender, made_for, pipeline) {
-                Ok(rival) => self.rival = Some(rival),
+        let same = |r: &SecondarySampler| r.contender == contender && r.made_for == made_for;
+        if !self.secondary.as_ref().is_some_and(same) {
+            self.secondary = None;
+            match SecondarySampler::new(contender, made_for, pipeline) {
+                Ok(secondary) => self.secondary = Some(secondary),
                 Err(error) => tracing::warn!("comparison: found {error}"),
             }
         }
-        if let Some(rival) = &mut self.rival {
-            let second = rival.sample(pipeline, first);
+        if let Some(secondary) = &mut self.secondary {
+            let second = secondary.sample(pipeline, first);
             link.pairs.send_replace(Some(Pair { contender, first: Arc::clone(first), second }));
         }
     }
 }
 
-impl Rival {
+impl SecondarySampler {
     fn new(contender: Contender, made_for: (u8, Tuning), pipeline: &Pipeline) -> Result<Self, SamplerError> {
         let Contender { sampler, lights } = contender;
         let shape = pipeline.shape();
@@ -230,23 +230,23 @@ mod tests {
     const OTHER: Contender = Contender { sampler: SamplerKind::Pharr, lights: 64 };
 
     #[test]
-    fn one_sampler_at_a_time_and_none_when_nobody_looks() {
+    fn one_sampler_runs_at_a_time_and_none_without_requests() {
         let comparison = Comparison::default();
-        assert_eq!(comparison.wanted(), None, "nobody has asked");
-        let first = comparison.ask(TREE).expect("a seat");
+        assert_eq!(comparison.wanted(), None, "no request");
+        let first = comparison.ask(TREE).expect("a permit");
         let second = comparison.ask(TREE).expect("the same for two");
-        assert_eq!(comparison.ask(OTHER).expect_err("another"), TREE, "says who is in the way");
+        assert_eq!(comparison.ask(OTHER).expect_err("another"), TREE, "names the sampler in use");
         drop(first);
         assert_eq!(comparison.wanted(), Some(TREE), "one is left");
         drop(second);
         assert!(comparison.ask(OTHER).is_err(), "it may go on asking");
         let past =
-            |by| lock(&comparison.desk).seen = Instant::now().checked_sub(by).expect("an uptime of seconds");
+            |by| lock(&comparison.state).seen = Instant::now().checked_sub(by).expect("an uptime of seconds");
         past(HELD);
         assert_eq!(comparison.wanted(), Some(TREE), "its memory is kept for a while");
         drop(comparison.ask(OTHER).expect("the other's turn"));
         past(KEPT + Duration::from_millis(1));
-        assert_eq!(comparison.wanted(), None, "nobody looks any more");
+        assert_eq!(comparison.wanted(), None, "no requests for KEPT");
         assert!(
             !comparison.is_wanted.load(Ordering::Relaxed),
             "and the processing thread need not look either"

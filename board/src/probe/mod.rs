@@ -1,7 +1,7 @@
 //! The processing thread: takes bursts from a source, runs the pipeline and publishes the newest light set.
 //!
-//! It never waits for a client: results go through a latest-value slot ([`Link::subscribe`]), wishes come in through a mailbox
-//! and take effect with the next frame. After its first frames it takes no memory (`board/tests/allocations.rs`).
+//! The thread never waits for a client: results go through a latest-value channel ([`Link::subscribe`]), changes of the settings come in
+//! through a mailbox and take effect with the next frame. After the first frames it allocates nothing (`board/tests/allocations.rs`).
 
 pub mod compare;
 mod config;
@@ -43,15 +43,15 @@ pub enum StartError {
     Thread(std::io::Error),
 }
 
-/// What the processing thread and everybody else share.
+/// The state that the processing thread and the server share.
 #[derive(Debug)]
 pub struct Link {
     run: String,
     source: String,
     started: Instant,
     latest: watch::Sender<Option<Arc<Published>>>,
-    /// Wakes who waits for a set, those first who have waited longest.
-    news: Notify,
+    /// Notifies waiters of a new set in FIFO order.
+    notify: Notify,
     mailbox: Mailbox,
     failure: Mutex<Option<String>>,
     timings: Mutex<Timings>,
@@ -99,7 +99,7 @@ impl Link {
             source,
             started: Instant::now(),
             latest: watch::Sender::new(None),
-            news: Notify::new(),
+            notify: Notify::new(),
             timings: Mutex::new(Timings::new(config.budgets)),
             tiers: Tiers::new(&config.pipeline, config.tiers),
             mailbox: Mailbox::new(config),
@@ -132,43 +132,43 @@ impl Link {
         self.started
     }
 
-    /// The newest set, if any; the receiver tells whether there is a newer one, [`Link::newer`] waits for it.
+    /// A receiver of the newest set, if any; [`Link::newer`] waits for a newer one.
     #[must_use]
     pub fn subscribe(&self) -> watch::Receiver<Option<Arc<Published>>> {
         self.latest.subscribe()
     }
 
-    /// Waits for a set that `seen` has not seen. Of many, who came first is woken first: steady clients, that wait for every frame, do
-    /// not queue behind a crowd.
+    /// Waits for a set newer than the last one that `seen` has read. Waiters are notified in FIFO order, so that clients that wait for every
+    /// frame are not delayed by a burst of others.
     pub async fn newer(&self, seen: &watch::Receiver<Option<Arc<Published>>>) {
         loop {
-            let news = self.news.notified();
-            tokio::pin!(news);
-            // In the queue before the look, so that nothing is missed between them.
-            news.as_mut().enable();
+            let notified = self.notify.notified();
+            tokio::pin!(notified);
+            // Queued before the check, so that no set is missed between them.
+            notified.as_mut().enable();
             if seen.has_changed().unwrap_or(true) {
                 return;
             }
-            // It may be the news of a set that was there already.
-            news.await;
+            // The notification may be that of a set that was published before the check.
+            notified.await;
         }
     }
 
     fn publish(&self, set: Arc<Published>) {
         self.latest.send_replace(Some(set));
-        self.news.notify_waiters();
+        self.notify.notify_waiters();
     }
 
-    /// What is in effect, and news of it.
+    /// A receiver of the settings in effect.
     #[must_use]
     pub fn applied(&self) -> watch::Receiver<Applied> {
         self.mailbox.applied()
     }
 
-    /// Wishes for a change; the number is that of the [`Applied`] which answers it.
+    /// Requests a change of the settings; returns the number of the [`Applied`] that answers it.
     ///
     /// # Errors
-    /// [`Refusal`] when what is wished for does not exist, and nothing changes.
+    /// [`Refusal`] for values that cannot be set; nothing changes then.
     pub fn change(&self, change: &Change) -> Result<u64, Refusal> {
         self.mailbox.post(change)
     }
@@ -181,19 +181,19 @@ impl Link {
         Staleness { age_ms: age_ns / 1_000_000, reason }
     }
 
-    /// What is wrong with the source, if anything.
+    /// The fault of the source, if it has one.
     #[must_use]
     pub fn failure(&self) -> Option<String> {
         lock(&self.failure).clone()
     }
 
-    /// Where to ask for exposures and maps.
+    /// Requests for exposures and maps.
     #[must_use]
     pub fn views(&self) -> &Views {
         &self.views
     }
 
-    /// Where to ask for a second sampler's sets.
+    /// Requests for a second sampler's sets.
     #[must_use]
     pub fn comparison(&self) -> &Comparison {
         &self.comparison
@@ -242,7 +242,7 @@ impl Link {
     }
 }
 
-/// Locks, also after another thread has panicked: what is behind our locks is whole at any moment.
+/// Locks `mutex`, also after a panic of another thread: no critical section leaves partial updates.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -276,7 +276,7 @@ impl Probe {
         Ok(Self { link, thread: Some(thread) })
     }
 
-    /// What the server talks to.
+    /// The shared state between the processing thread and the server.
     #[must_use]
     pub fn link(&self) -> Arc<Link> {
         Arc::clone(&self.link)
@@ -300,7 +300,7 @@ mod tests {
     use super::*;
 
     #[tokio::test]
-    async fn who_waits_for_a_set_gets_it_in_the_order_of_arrival_and_a_newer_one_at_once() {
+    async fn waiters_are_notified_in_fifo_order_and_a_newer_set_returns_at_once() {
         let link = Arc::new(Link::new("test".into(), Config::default(), Exposures::default()));
         let (woken, mut order) = tokio::sync::mpsc::unbounded_channel();
         // More than are woken in one go.
@@ -321,7 +321,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn late_news_of_a_set_that_was_seen_wake_nobody() {
+    async fn stale_notification_does_not_wake_waiters() {
         let link = Arc::new(Link::new("test".into(), Config::default(), Exposures::default()));
         link.latest.send_replace(Some(Arc::default()));
         let waiting = tokio::spawn({
@@ -329,7 +329,7 @@ mod tests {
             async move { link.newer(&link.subscribe()).await }
         });
         tokio::task::yield_now().await;
-        link.news.notify_waiters();
+        link.notify.notify_waiters();
         for _ in 0..3 {
             tokio::task::yield_now().await;
         }

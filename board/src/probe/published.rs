@@ -1,10 +1,10 @@
-//! Finished sets, in memory that goes round.
+//! Finished sets, in a ring of reused memory.
 
 use hemilux_core::light::{Light, Sh9};
 use hemilux_core::wire::{Coordinates, Latency, LightSet, Overrun, Stale, Unit};
 use std::sync::Arc;
 
-/// A finished set that owns what it says.
+/// A finished light set that owns its lights.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Published {
     /// Counts from 0 in each run.
@@ -15,11 +15,11 @@ pub struct Published {
     pub wall_ms: u64,
     /// The sampler's name.
     pub sampler: &'static str,
-    /// Lights asked for.
+    /// Largest number of lights requested.
     pub requested: u32,
     /// The lights.
     pub lights: Vec<Light>,
-    /// Radiance of what the lights do not stand for.
+    /// Radiance of the light that is not in `lights`, as spherical harmonics.
     pub ambient: Option<Sh9>,
     /// Sum of L dOmega.
     pub scalar_flux: [f32; 3],
@@ -33,7 +33,7 @@ pub struct Published {
     pub estimated_error: Option<f32>,
     /// Time spent in each stage.
     pub latency: Latency,
-    /// What took longer than its budget.
+    /// The stages that took longer than their budgets.
     pub overrun: Overrun,
     /// Frames a second, smoothed; 0 until there are two.
     pub rate_hz: f32,
@@ -67,7 +67,7 @@ impl Published {
         }
     }
 
-    /// What holds for whoever samples the frame of `set`.
+    /// A set without lights, with the values that every sampler shares for the frame of `set`.
     pub(super) fn of_frame(set: &Self) -> Self {
         let Self { frame, timestamp_ns, wall_ms, scalar_flux, horizontal_irradiance, .. } = *set;
         let Self { clipped, unseen, latency, rate_hz, .. } = *set;
@@ -86,10 +86,10 @@ impl Published {
     }
 }
 
-/// Sets that go round: one is shown, one is being filled, two are with clients that still encode them.
+/// Number of sets in a ring: one is published, one is being filled, two are being encoded.
 pub(super) const SETS: usize = 4;
 
-/// Gives out a set to fill that nobody reads any more.
+/// Hands out sets to fill that have no reader.
 #[derive(Debug)]
 pub(super) struct Ring<T> {
     sets: [Arc<T>; SETS],
@@ -100,7 +100,7 @@ impl<T: Default> Ring<T> {
         Self { sets: std::array::from_fn(|_| Arc::new(make())) }
     }
 
-    /// Fills a free set and hands it out. Only when clients hold all of them is a new one made.
+    /// Fills a set that has no reader and hands it out; allocates one only when readers hold all of them.
     pub(super) fn fill(&mut self, fill: impl FnOnce(&mut T)) -> Arc<T> {
         let free = self.sets.iter_mut().position(|set| Arc::get_mut(set).is_some());
         let at = free.unwrap_or_else(|| {
@@ -137,7 +137,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sets_go_round_and_a_held_one_is_left_alone() {
+    fn sets_are_reused_and_a_held_one_is_not_overwritten() {
         let mut ring = Ring::with_lights(10);
         let held: Vec<_> = (0..SETS as u64).map(|n| ring.fill(|set| set.frame = n)).collect();
         let one_over = ring.fill(|set| set.frame = 99);

@@ -1,4 +1,4 @@
-//! What pictures are made of, copied from the processing thread only when somebody asks.
+//! The data for pictures, copied by the processing thread only on request.
 
 use super::Published;
 use crate::calibration::{Burst, Calibration, Frame};
@@ -31,19 +31,19 @@ pub struct MapView {
     pub texels: Vec<[f32; 3]>,
     /// The light set's frame.
     pub frame: u64,
-    /// What was made of the map.
+    /// The lights of the map.
     pub lights: Vec<Light>,
 }
 
 impl MapView {
-    /// As painters read it.
+    /// The map as a view.
     #[must_use]
     pub fn map(&self) -> LatLongView<'_> {
         LatLongView { grid: self.grid, texels: &self.texels }
     }
 }
 
-/// One kind of view: who wants one takes a number, the next frame's view answers all numbers taken before.
+/// One kind of view: each request takes a number, and the next frame's view answers all numbers taken before.
 #[derive(Debug)]
 pub struct Slot<T> {
     asked: AtomicU64,
@@ -73,7 +73,7 @@ impl<T> Slot<T> {
         (self.asked.fetch_add(1, Ordering::AcqRel) + 1, given)
     }
 
-    /// Makes a view if somebody waits.
+    /// Makes a view if a request waits.
     fn serve(&self, make: impl FnOnce() -> T) {
         let asked = self.asked.load(Ordering::Acquire);
         if asked > self.given.borrow().number {
@@ -82,7 +82,7 @@ impl<T> Slot<T> {
     }
 }
 
-/// All kinds.
+/// Requests for each kind of view.
 #[derive(Debug, Default)]
 pub struct Views {
     /// Exposures.
@@ -92,7 +92,7 @@ pub struct Views {
 }
 
 impl Views {
-    /// Gives whoever asked what they asked for; costs two loads when nobody did.
+    /// Answers the requests for views of this frame; two atomic loads without requests.
     pub(super) fn serve(&self, burst: &Burst, pipeline: &mut Pipeline, set: &Published) {
         self.bursts.serve(|| BurstView {
             frame: set.frame,
@@ -117,13 +117,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_view_is_made_once_for_all_who_asked_before_it() {
+    fn a_view_is_made_once_for_all_requests_before_it() {
         let slot = Slot::<u32>::default();
-        slot.serve(|| unreachable!("nobody asked"));
+        slot.serve(|| unreachable!("no request"));
         let (first, given) = slot.ask();
         let (second, _) = slot.ask();
         slot.serve(|| 7);
-        slot.serve(|| unreachable!("nobody asked again"));
+        slot.serve(|| unreachable!("no new request"));
         let now = given.borrow();
         assert!(now.number >= first && now.number >= second, "both are answered");
         assert_eq!(now.view.as_deref(), Some(&7), "with one view");

@@ -1,6 +1,6 @@
 //! The loop of the processing thread.
 
-use super::compare::Arena;
+use super::compare::SecondarySlot;
 use super::published::{Published, Ring};
 use super::tiers::TierSamplers;
 use super::{Config, Exposures, Link, Refusal};
@@ -19,16 +19,16 @@ const PAUSE: Duration = Duration::from_millis(100);
 /// Part that the newest interval has in the smoothed frame rate: about the last ten frames count.
 const SMOOTHING: f32 = 0.1;
 
-/// Takes bursts, processes them and publishes what comes out.
+/// Takes bursts, processes them and publishes the light sets.
 pub struct Worker {
     source: Box<dyn Source>,
     pipeline: Pipeline,
     burst: Burst,
     ring: Ring<Published>,
     /// The second sampler, while one is compared.
-    arena: Arena,
+    secondary: SecondarySlot,
     tiers: TierSamplers,
-    /// What is in effect.
+    /// The settings in effect.
     config: Config,
     link: Arc<Link>,
     /// Frames published.
@@ -57,7 +57,7 @@ impl Worker {
             pipeline,
             burst: Burst::default(),
             ring,
-            arena: Arena::default(),
+            secondary: SecondarySlot::default(),
             tiers: TierSamplers::default(),
             config,
             link: Arc::new(link),
@@ -68,7 +68,7 @@ impl Worker {
         })
     }
 
-    /// What the server talks to.
+    /// The shared state between this thread and the server.
     #[must_use]
     pub fn link(&self) -> Arc<Link> {
         Arc::clone(&self.link)
@@ -87,7 +87,7 @@ impl Worker {
     /// Waits for one burst and publishes its lights, or does nothing when none is due.
     ///
     /// # Errors
-    /// The fault of the source or the burst, which clients are told too; the last set stands.
+    /// The fault of the source or the burst, which clients are told as well; the last set stays.
     pub fn step(&mut self) -> Result<(), SourceError> {
         let began = Instant::now();
         let outcome = self.source.next(&mut self.burst);
@@ -137,7 +137,7 @@ impl Worker {
         self.frames += 1;
         self.tiers.sample(&self.link.tiers, &mut self.pipeline, &set);
         self.link.publish(Arc::clone(&set));
-        self.arena.compare(&self.link.comparison, &mut self.pipeline, &set);
+        self.secondary.compare(&self.link.comparison, &mut self.pipeline, &set);
         self.link.views.serve(&self.burst, &mut self.pipeline, &set);
         Ok(())
     }
@@ -154,7 +154,7 @@ impl Worker {
         Ok(())
     }
 
-    /// Makes the newest wish come true, or says why not.
+    /// Applies the newest change of the settings, or answers why it cannot.
     fn follow_wishes(&mut self) {
         let Some((serial, config)) = self.link.mailbox.take() else { return };
         let refused = self.follow(&config).err();
@@ -204,7 +204,7 @@ impl Worker {
 }
 
 impl Drop for Worker {
-    /// Whoever still asks is told that no more frames come.
+    /// Tells waiting clients that no more frames come.
     fn drop(&mut self) {
         self.link.set_failure(Some("the processing thread has ended".into()));
         self.link.ended.send_replace(true);

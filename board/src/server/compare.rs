@@ -99,8 +99,8 @@ pub(super) async fn compare(State(context): State<Context>, _: Allowed, uri: Uri
         }
     };
     let link = &context.link;
-    let _seat = match link.comparison().ask(contender) {
-        Ok(seat) => seat,
+    let _permit = match link.comparison().ask(contender) {
+        Ok(permit) => permit,
         Err(other) => return taken(other),
     };
     let mut pairs = link.comparison().pairs();

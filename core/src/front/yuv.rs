@@ -94,8 +94,8 @@ impl Pairs {
         }
     }
 
-    /// Each step is a loop over 16-bit numbers of the same kind, in whole vectors: the last may hold what an earlier chunk left, at
-    /// places that nobody reads.
+    /// Each step is a loop over 16-bit numbers of the same kind, in whole vectors: the last vector may hold values of an
+    /// earlier chunk at places that are not read.
     // A name to look for its vector instructions under.
     #[inline(never)]
     fn paint_as<const BT709: bool, const LIMITED: bool>(&mut self, count: usize, planes: &mut Planes) {

@@ -287,7 +287,7 @@ pub(super) fn extreme<T: Code>(codes: &[T], of: impl Fn(T, T) -> T) -> T {
             *found = of(*found, *code);
         }
     };
-    // The last not first: memory is read ahead of who reads in order.
+    // In rising order, with the last block at the end: the processor prefetches memory that is read in order.
     codes.as_chunks::<WIDE>().0.iter().for_each(&mut take);
     take(last);
     found.into_iter().reduce(&of).unwrap_or_default()

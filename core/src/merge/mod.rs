@@ -8,6 +8,7 @@
 //! whose sums are exact. A plain one gives floats for the rest, and for what is rare in the others' samples.
 
 mod codes;
+mod detached;
 mod exposure;
 mod linear;
 mod table;
@@ -16,6 +17,7 @@ use crate::arena::{self, Buffer};
 use crate::response::{CURVE_BITS, Curve, Depth};
 use bytemuck::{Pod, Zeroable};
 pub use codes::{Channels, Codes, Samples};
+pub(crate) use detached::{Detached, Tables};
 use exposure::check;
 pub use exposure::{Exposure, MAX_EXPOSURES, MergeError};
 use linear::{Code, Linear};
@@ -195,35 +197,6 @@ impl<C: Buffer<i32>, P: Buffer<u32>, R: Buffer<Reciprocal>> Merge<C, P, R> {
     pub fn size(&self) -> MergeSize {
         let tables = if let Way::Table(_) = self.own.way { self.own.count * table::ENTRIES } else { 0 };
         MergeSize { tables, reciprocals: 1 << self.own.count }
-    }
-}
-
-/// The tables of a merge, which lie in memory that something else holds.
-#[derive(Clone, Copy)]
-pub(crate) struct Tables<'a> {
-    /// Relative exposure of each code.
-    pub(crate) curve: &'a [i32],
-    /// Light of each code in each exposure.
-    pub(crate) exposures: &'a [u32],
-    pub(crate) reciprocals: &'a [Reciprocal],
-}
-
-/// A merge apart from its tables.
-#[derive(Clone, Debug)]
-pub(crate) struct Detached {
-    pub(crate) curve: Curve<()>,
-    own: Own,
-}
-
-impl Detached {
-    /// The merge that runs through `tables`, which it was made with.
-    pub(crate) fn over<'a>(&'a self, tables: Tables<'a>) -> MergeView<'a> {
-        MergeView {
-            curve: self.curve.over(tables.curve),
-            tables: tables.exposures,
-            reciprocals: tables.reciprocals,
-            own: &self.own,
-        }
     }
 }
 

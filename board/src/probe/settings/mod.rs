@@ -214,7 +214,7 @@ fn shortest(v: f32) -> f64 {
     v.to_string().parse().unwrap_or(v.into())
 }
 
-/// Longest part of somebody's text that is repeated, characters.
+/// Longest part of a client's text that is repeated in an answer, characters.
 const ECHO: usize = 40;
 
 /// Text of a client, short and on one line.

@@ -24,6 +24,17 @@ fn one<T>(index: u32, value: T) -> Result<T, Errno> {
     if index == 0 { Ok(value) } else { Err(Errno::INVAL) }
 }
 
+/// Starts streaming: the last exposure written applies from the first frame on.
+fn start(w: &mut World) {
+    let last = w.writes.last().map(|(_, v)| (0, *v));
+    w.writes = last.into_iter().collect();
+    (w.streaming, w.next, w.start_ns) = (true, 0, w.now_ns);
+    w.truth.clear();
+    if w.script.reset_at_start {
+        w.reset();
+    }
+}
+
 impl Node for FakeNode {
     fn call(&mut self, call: Call<'_>) -> Result<(), Errno> {
         let mut w = self.world.lock().expect("whole");
@@ -91,15 +102,7 @@ impl Node for FakeNode {
                 *d = buffer;
                 self.contents[d.index as usize] = Some(picture);
             }
-            Call::StreamOn => {
-                let last = w.writes.last().map(|(_, v)| (0, *v));
-                w.writes = last.into_iter().collect();
-                (w.streaming, w.next, w.start_ns) = (true, 0, w.now_ns);
-                w.truth.clear();
-                if w.script.reset_at_start {
-                    w.reset();
-                }
-            }
+            Call::StreamOn => start(&mut w),
             Call::StreamOff => w.streaming = false,
             Call::Subscribe(_) => {}
             Call::DequeueEvent(d) => {
