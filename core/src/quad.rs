@@ -20,6 +20,7 @@ impl Quad {
     ///
     /// Light that is negative or no number is none, and no channel exceeds [`color::MAX_ENERGY`].
     #[must_use]
+    #[inline]
     pub fn from_light(rgb: [f32; 3], direction: Vec3) -> Self {
         let rgb = color::sound(rgb);
         let y = luminance(rgb);
@@ -28,6 +29,7 @@ impl Quad {
     }
 
     /// Adds another quad's sums.
+    #[inline]
     pub fn add(&mut self, other: &Self) {
         for i in 0..4 {
             self.energy[i] += other.energy[i];
@@ -37,18 +39,21 @@ impl Quad {
 
     /// Red, green and blue energy.
     #[must_use]
+    #[inline]
     pub fn rgb(&self) -> [f32; 3] {
         [self.energy[0], self.energy[1], self.energy[2]]
     }
 
     /// Luminance energy.
     #[must_use]
+    #[inline]
     pub fn y(&self) -> f32 {
         self.energy[3]
     }
 
     /// First moment of the luminance.
     #[must_use]
+    #[inline]
     pub fn first_moment(&self) -> Vec3 {
         Vec3::new(self.moment[0], self.moment[1], self.moment[2])
     }
@@ -57,12 +62,14 @@ impl Quad {
     ///
     /// Divided first, so that its length neither under- nor overflows whatever the unit of light.
     #[must_use]
+    #[inline]
     pub fn mean_direction(&self) -> Vec3 {
         if self.y() > 0.0 { self.first_moment() / self.y() } else { Vec3::ZERO }
     }
 
     /// Angular variance: 1 less the length of the mean direction, |m| / Y; 0 for a quad without light.
     #[must_use]
+    #[inline]
     pub fn variance(&self) -> f32 {
         // 1 - r = (1 - r^2) / (1 + r), in which an error of the root counts half.
         let squared = self.mean_direction().length_squared();
@@ -74,6 +81,7 @@ impl Quad {
     }
 
     /// Whether all of it is what [`Quad::from_light`] could have made.
+    #[inline]
     pub(crate) fn is_sound(&self) -> bool {
         let energies = self.energy.iter().fold(true, |sound, e| sound & (0.0..=2.0 * MAX_ENERGY).contains(e));
         self.moment.iter().fold(energies, |sound, m| sound & (m.abs() <= 2.0 * MAX_ENERGY))

@@ -181,16 +181,27 @@ fn two_cells<T, const B: usize>(rows: [&[u8]; 2], out: &mut [T], unpacked: impl 
         *out = [a, b, c, d, e, f, g, h];
     }
     let whole = first.len().min(second.len());
-    if rows.iter().any(|row| row.len() > B * whole)
-        && let Some(out) = out.as_chunks_mut::<8>().0.get_mut(whole)
-    {
-        let padded = rows.map(|row| {
-            let mut group = [0; B];
-            let rest = row.get(B * whole..).unwrap_or_default();
-            group.iter_mut().zip(rest).for_each(|(to, byte)| *to = *byte);
-            unpacked(&group)
-        });
-        let [[a, b, e, f], [c, d, g, h]] = padded;
+    if rows[0].len().max(rows[1].len()) > B * whole {
+        two_cells_of_a_rest(rows, whole, out, unpacked);
+    }
+}
+
+/// Like [`two_cells`] for the bytes after `whole` groups of `B`: the end of a frame inside of a group, padded with zeros.
+#[cold]
+#[inline(never)]
+fn two_cells_of_a_rest<T, const B: usize>(
+    rows: [&[u8]; 2],
+    whole: usize,
+    out: &mut [T],
+    unpacked: impl Fn(&[u8; B]) -> [T; 4],
+) {
+    let [[a, b, e, f], [c, d, g, h]] = rows.map(|row| {
+        let mut group = [0; B];
+        let rest = row.get(B * whole..).unwrap_or_default();
+        group.iter_mut().zip(rest).for_each(|(to, byte)| *to = *byte);
+        unpacked(&group)
+    });
+    if let Some(out) = out.as_chunks_mut::<8>().0.get_mut(whole) {
         *out = [a, b, c, d, e, f, g, h];
     }
 }
