@@ -23,10 +23,11 @@ export async function settings(browser, url) {
   await act("lights", fill(20), async () => await count() === 20);
   await act("tolerance", fill(0.3), async () => await count() < 20);
   await act("tolerance", fill(""), async () => await count() === 20);
-  await act("ambient", s => page.check(s), async () => "ambient_sh" in await json(page, "/v1/lights?ambient=1"));
+  await act("ambient", s => page.check(s), async () => "ambient_sh" in await json(page, "/v1/lights?ambient=own"));
   await act("ambient", s => page.uncheck(s), async () => (await values()).ambient === false);
   const dark = await level();
   await act("extrapolation", choose("average"), async () => await level() > 1.02 * dark);
+  await act("tiers", fill(7), async () => (await json(page, "/v1/status")).tiers.most === 7);
   await act("gui", s => page.check(s), async () => page.evaluate(async () => (await fetch("/screenshot")).status === 200));
   // Without the shortest exposure the lamp clips, and two pictures are left.
   await act("exposures_s", fill("0.02, 0.05"), async () => Number.parseFloat(await text(page, "#n-clipped")) > 0 && await page.locator("#burst figure").count() === 2);
