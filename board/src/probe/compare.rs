@@ -84,7 +84,7 @@ impl Default for Comparison {
     }
 }
 
-/// A client's permit: pairs are made while there is a permit, and for [`KEPT`] afterwards.
+/// A client's permit: pairs are made while there is a permit, and for three seconds afterwards.
 #[derive(Debug)]
 pub struct Permit<'a>(&'a Comparison);
 

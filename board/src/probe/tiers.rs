@@ -2,7 +2,7 @@
 //! it has.
 //!
 //! A tier is a sampler with a state of its own that runs once per frame while clients request its sets, so that ids and filters hold from
-//! frame to frame. The number of tiers is bounded ([`Tiers::set_most`]): a request beyond it is served by a tier of fewer lights, never by
+//! frame to frame. The number of tiers is bounded by a setting ([`MOST`]): a request beyond it is served by a tier of fewer lights, never by
 //! one of more. So the work per frame does not grow with what clients request.
 
 use super::lock;

@@ -3,7 +3,7 @@
 //!
 //! Models that [`hemilux_core::lens`] has are taken as they are; others are fitted by a Kannala-Brandt polynomial, and the largest
 //! deviation is told in degrees. None of these files states a field of view: the lens sees what the image holds, up to
-//! [`MAX_ANGLE_DEG`] off axis.
+//! `MAX_ANGLE_DEG` off axis.
 
 mod colmap;
 mod convert;
