@@ -134,7 +134,7 @@ struct Plan {
 impl Plan {
     fn new(env: &EnvMap, domain: Domain, order: u8) -> Self {
         let grid = Texels::new(env, domain);
-        let quads = grid.directions().iter().map(|&d| healpix::ipix(order, d.into())).collect();
+        let quads = grid.directions().map(|d| healpix::ipix(order, d.into())).collect();
         Self { grid, quads }
     }
 }
@@ -172,6 +172,13 @@ fn resample(env: &EnvMap, polar: &mut LatLong<Vec<[f32; 3]>>) {
     let steps = |n: usize| (0..=n).map(|j| j as f64 / n as f64).collect::<Vec<_>>();
     let (columns_from, columns_to) = (steps(env.width()), steps(grid.width));
     let columns = overlaps(&columns_from, &columns_to);
+    if (env.width(), env.height()) == (grid.width, grid.height) && grid.domain == Domain::Sphere {
+        // Cell by cell, without a list of sums.
+        for (k, (texel, rgb)) in polar.texels_mut().iter_mut().zip(env.texels()).enumerate() {
+            *texel = rgb.map(|v| (f64::from(v) * env.solid_angle(k / grid.width)) as f32);
+        }
+        return;
+    }
     let mut sums = vec![[0.0f64; 3]; grid.len()];
     for row in overlaps(&rows_from, &rows_to) {
         let omega = env.solid_angle(row.from) * row.share;

@@ -16,7 +16,9 @@ pub struct Grid {
     size: (usize, usize),
     rows: usize,
     domain: Domain,
-    directions: Vec<[f64; 3]>,
+    /// (sin, cos) of each row's theta and of each column's phi: a direction is a product of two, so that none is stored per texel.
+    rows_sin_cos: Vec<(f64, f64)>,
+    columns_sin_cos: Vec<(f64, f64)>,
     solid_angle_of_row: Vec<f64>,
     ambient: OnceLock<AmbientResponse>,
 }
@@ -30,19 +32,22 @@ impl Grid {
             Domain::Sphere => height,
             Domain::Hemisphere => height.div_ceil(2),
         };
-        let mut directions = Vec::with_capacity(rows * width);
+        let mut rows_sin_cos = Vec::with_capacity(rows);
         let mut solid_angle_of_row = Vec::with_capacity(rows);
         for row in 0..rows {
             if domain == Domain::Hemisphere && 2 * row + 1 == height {
                 let top = row as f64 * PI / height as f64;
                 solid_angle_of_row.push(top.cos() * TAU / width as f64);
-                directions.extend((0..width).map(|column| at_theta((top + FRAC_PI_2) / 2.0, width, column)));
+                rows_sin_cos.push(((top + FRAC_PI_2) / 2.0).sin_cos());
             } else {
                 solid_angle_of_row.push(map.solid_angle(row));
-                directions.extend((0..width).map(|column| map.direction(row, column)));
+                rows_sin_cos.push(((row as f64 + 0.5) * PI / height as f64).sin_cos());
             }
         }
-        Self { size: (width, height), rows, domain, directions, solid_angle_of_row, ambient: OnceLock::new() }
+        let phi = |column: usize| PI - (column as f64 + 0.5) * TAU / width as f64;
+        let columns_sin_cos = (0..width).map(|column| phi(column).sin_cos()).collect();
+        let (size, ambient) = ((width, height), OnceLock::new());
+        Self { size, rows, domain, rows_sin_cos, columns_sin_cos, solid_angle_of_row, ambient }
     }
 
     /// Whether a map has this grid's size.
@@ -70,9 +75,10 @@ impl Grid {
     }
 
     /// Unit directions of the texels that count.
-    #[must_use]
-    pub fn directions(&self) -> &[[f64; 3]] {
-        &self.directions
+    pub fn directions(&self) -> impl Iterator<Item = [f64; 3]> + '_ {
+        self.rows_sin_cos
+            .iter()
+            .flat_map(|&(sin, cos)| self.columns_sin_cos.iter().map(move |&(y, x)| [sin * x, sin * y, cos]))
     }
 
     /// Solid angle of texel `k`, steradians.
@@ -84,8 +90,8 @@ impl Grid {
     /// (direction, L dOmega in RGB) of every texel of `map` that counts.
     pub fn fluxes<'a>(&'a self, map: &'a EnvMap) -> impl Iterator<Item = ([f64; 3], [f64; 3])> + 'a {
         debug_assert!(self.fits(map), "the grid was made for maps of another size");
-        let texels = self.directions.iter().zip(map.texels()).enumerate();
-        texels.map(|(k, (&d, rgb))| (d, rgb.map(|v| f64::from(v) * self.solid_angle(k))))
+        let texels = self.directions().zip(map.texels()).enumerate();
+        texels.map(|(k, (d, rgb))| (d, rgb.map(|v| f64::from(v) * self.solid_angle(k))))
     }
 
     /// (direction, Y dOmega) of every texel of `map` that counts and is not black.
@@ -97,9 +103,4 @@ impl Grid {
     pub(super) fn ambient(&self) -> &AmbientResponse {
         self.ambient.get_or_init(|| AmbientResponse::new(self))
     }
-}
-
-fn at_theta(theta: f64, width: usize, column: usize) -> [f64; 3] {
-    let phi = PI - (column as f64 + 0.5) * TAU / width as f64;
-    [theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()]
 }

@@ -124,7 +124,7 @@ impl ProbeSet {
     /// Sum over the texels of basis_i(d) dOmega max(0, n_k . d) V_k(d), for every probe k and each function i of the ambient basis.
     fn ambient(&self, grid: &Grid) -> Vec<[f64; 9]> {
         let mut sums = vec![[0.0; 9]; self.probes.len()];
-        for (k, &d) in grid.directions().iter().enumerate() {
+        for (k, d) in grid.directions().enumerate() {
             let functions = sh::basis(d).map(|y| y * grid.solid_angle(k));
             for (probe, sums) in self.probes.iter().zip(&mut sums) {
                 let weight = probe.weight(d);
@@ -149,7 +149,7 @@ pub(super) struct AmbientResponse {
 impl AmbientResponse {
     pub(super) fn new(grid: &Grid) -> Self {
         let mut total = [0.0; 9];
-        for (k, &d) in grid.directions().iter().enumerate() {
+        for (k, d) in grid.directions().enumerate() {
             let functions = sh::basis(d);
             total.iter_mut().zip(functions).for_each(|(sum, y)| *sum += y * grid.solid_angle(k));
         }

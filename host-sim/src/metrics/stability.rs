@@ -197,8 +197,8 @@ fn set_fluxes<'a>(grid: &'a Grid, set: &'a LitSet) -> impl Iterator<Item = ([f64
     let inside = set.lights.iter().filter(|light| holds(grid.domain(), light.direction));
     let lights = inside.map(|light| (light.direction, luminance(light.irradiance)));
     let ambient = ambient_luminance(set).into_iter().flat_map(move |c| {
-        let texels = grid.directions().iter().enumerate();
-        texels.map(move |(k, &d)| (d, sh::evaluate(&c, d) * grid.solid_angle(k)))
+        let texels = grid.directions().enumerate();
+        texels.map(move |(k, d)| (d, sh::evaluate(&c, d) * grid.solid_angle(k)))
     });
     lights.chain(ambient)
 }

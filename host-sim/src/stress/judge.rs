@@ -156,8 +156,8 @@ fn finite(value: Option<f64>) -> Option<f64> {
 fn in_shadow(scenario: &Scenario, reference: &Reference) -> Vec<usize> {
     let texel_deg = 180.0 / scenario.truth[0].height() as f64;
     let sources: Vec<_> = scenario.sources.iter().filter_map(|s| s.first()).collect();
-    let near = |d: &&[f64; 3]| sources.iter().any(|source| source.distance_deg(**d) <= texel_deg);
-    let lit: Vec<[f64; 3]> = reference.grid().directions().iter().filter(near).copied().collect();
+    let near = |d: &[f64; 3]| sources.iter().any(|source| source.distance_deg(*d) <= texel_deg);
+    let lit: Vec<[f64; 3]> = reference.grid().directions().filter(near).collect();
     let blind = |k: &usize| lit.iter().all(|&d| probes::shadowed(*k).weight(d) == 0.0);
     (0..probes::SHADOWED).filter(blind).collect()
 }
