@@ -122,7 +122,7 @@ impl Tiers {
         let mut table = lock(&self.0);
         (table.own, table.most) = (own(settings), clamp(most));
         let own = table.own;
-        table.requested.retain(|r| r.tier != own && r.tier.lights <= own.lights);
+        table.requested.retain(|r| r.tier != own && r.tier.lights <= own.lights.max(1));
         let most = table.most;
         table.requested.truncate(most);
         table.sets.clear();
@@ -158,8 +158,10 @@ pub enum Served {
 impl Table {
     /// The tier that serves `selection`; `None` for the probe's own set. Creates one while there is room for it.
     fn assign(&mut self, selection: Selection) -> Option<Tier> {
-        let lights = selection.lights.unwrap_or(self.own.lights).min(self.own.lights);
         let ambient = selection.ambient.unwrap_or(self.own.ambient);
+        // A probe of ambient light alone has no light; without ambient light one light holds all energy.
+        let most = self.own.lights.max(usize::from(!ambient));
+        let lights = selection.lights.unwrap_or(most).min(most);
         if (Tier { lights, ambient }) == self.own {
             return None;
         }
@@ -305,6 +307,16 @@ mod tests {
             assert_eq!(table.assign(selection), None, "{selection:?}");
         }
         assert!(table.requested.is_empty(), "{:?}", table.requested);
+    }
+
+    #[test]
+    fn without_ambient_light_there_is_a_light_beside_a_probe_of_ambient_light_alone() {
+        let mut table = table(4, true);
+        table.own.lights = 0;
+        for selection in [Selection { lights: None, ambient: Some(false) }, select(8, false)] {
+            assert_eq!(table.assign(selection), Some(Tier { lights: 1, ambient: false }), "{selection:?}");
+        }
+        assert_eq!(table.assign(select(8, true)), None, "the probe's own set");
     }
 
     #[test]

@@ -106,6 +106,7 @@ fn check(worker: &Worker, what: &str) -> usize {
     let link = worker.link();
     let mut checked = 0;
     for selection in selections() {
+        let mut json = Held::default();
         for format in [Format::Json, Format::Event, Format::Text, Format::Xml, Format::Binary] {
             let ambient = if format.has_ambient() { selection.ambient } else { Some(false) };
             let selection = Selection { ambient, ..selection };
@@ -127,6 +128,21 @@ fn check(worker: &Worker, what: &str) -> usize {
             if selection.ambient == Some(false) {
                 assert_eq!(held.ambient, [0.0; 3], "{what} {variant:?}");
             }
+            // The binary form states no rest: its lights and ambient light are those of the JSON form of the same request.
+            if format == Format::Json {
+                json = held;
+            } else if format == Format::Binary {
+                let scale = whole[0].max(whole[1]).max(whole[2]);
+                let pairs =
+                    held.lights.iter().zip(&json.lights).chain(held.ambient.iter().zip(&json.ambient));
+                for (binary, text) in pairs {
+                    assert!(
+                        (binary - text).abs() <= 1e-5 * scale,
+                        "{what} {variant:?}: {held:?}, JSON {json:?}"
+                    );
+                }
+                assert_eq!(held.count, json.count, "{what} {variant:?}");
+            }
             checked += 1;
         }
     }
@@ -145,7 +161,7 @@ fn energy_is_whole_or_the_rest_is_told_in_every_form_for_every_request() {
     let mut checked = 0;
     for scene in ["room", "sky", "lamps", "overcast"] {
         for sampler in SamplerKind::ALL {
-            for (lights, ambient) in [(16, false), (64, false), (8, true), (64, true)] {
+            for (lights, ambient) in [(16, false), (64, false), (8, true), (64, true), (0, true)] {
                 if ambient && !sampler.estimates_error() {
                     continue;
                 }
