@@ -12,7 +12,7 @@ use hemilux_core::pyramid::Quad;
 use hemilux_core::wire::Latency;
 use hemilux_core::{
     BurstError, Coverage, Decomposition, Domain, Exposure, Extrapolation, FrontEnd, FrontError,
-    MAX_EXPOSURES, Map, MergeError, Order, PlanError, Request, ResponseError, Sampler, Samples, Sizes,
+    MAX_EXPOSURES, Map, MergeError, Order, PixelTableError, Request, ResponseError, Sampler, Samples, Sizes,
 };
 use std::time::{Duration, Instant};
 
@@ -83,7 +83,7 @@ pub enum PipelineError {
     Merge(MergeError),
     /// The lens does not fit the image.
     #[error("lens: found {0}, expected an image circle on the sensor whose pixels fill the map")]
-    Plan(PlanError),
+    PixelTable(PixelTableError),
     /// The source does not take such exposure times.
     #[error("exposures_s: {0}")]
     Exposures(String),
@@ -103,7 +103,7 @@ impl From<FrontError> for PipelineError {
         match error {
             FrontError::Response(e) => Self::Response(e),
             FrontError::Exposures(e) => Self::Merge(e),
-            FrontError::Plan(e) => Self::Plan(e),
+            FrontError::PixelTable(e) => Self::PixelTable(e),
             FrontError::Burst(e) => Self::Burst(e),
             other => Self::Front(other),
         }

@@ -2,11 +2,11 @@
 
 use crate::samplers::{self, Shape};
 use hemilux_core::Order;
-use hemilux_core::polar::{Grid, LatLong, PolarPlan, Share, shares_len};
+use hemilux_core::polar::{Grid, LatLong, PolarTable, Share, shares_len};
 use hemilux_core::pyramid::PyramidView;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
-type Plan = PolarPlan<Vec<Share>>;
+type Plan = PolarTable<Vec<Share>>;
 
 /// A latitude-longitude map, and where its energy comes from.
 pub(crate) struct Polar {
@@ -31,7 +31,8 @@ fn plan(grid: &Grid, order: u8) -> Arc<Plan> {
     }
     let shares = vec![Share::default(); shares_len(grid, Order::saturating(order))];
     let plan = Arc::new(
-        PolarPlan::try_new(grid, Order::saturating(order), shares).expect("as many shares as the plan names"),
+        PolarTable::try_new(grid, Order::saturating(order), shares)
+            .expect("as many shares as the plan names"),
     );
     *known = Some(Known { shape, plan: Arc::downgrade(&plan) });
     plan

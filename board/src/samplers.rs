@@ -12,7 +12,7 @@ use hemilux_core::sampler::hemigon::{self, Hemigon};
 use hemilux_core::sampler::pharr::{self, Pharr};
 use hemilux_core::sampler::q2tree::{self, Parameters, Past, Q2Tree};
 use hemilux_core::sampler::{Request, Sampler, SamplerKind};
-use hemilux_core::{BufferSize, Order};
+use hemilux_core::{BufferSize, MapShape, Order};
 use std::ops::RangeInclusive;
 
 /// Most lights that may be asked for.
@@ -214,8 +214,9 @@ fn make_q2tree(parameters: Parameters, shape: &Shape, lights: usize) -> Box<dyn 
     let sizes = q2tree::Sizes::new(shape.domain, order, lights);
     let bits = || vec![0u8; sizes.interior];
     let leaves = vec![q2tree::Leaf::default(); sizes.lights];
-    let room = (vec![Light::default(); sizes.lights], vec![Past::default(); sizes.lights]);
-    let sampler = Q2Tree::try_new(parameters, (shape.domain, order), [bits(), bits()], leaves, room);
+    let (lights, past) = (vec![Light::default(); sizes.lights], vec![Past::default(); sizes.lights]);
+    let shape = MapShape { domain: shape.domain, order };
+    let sampler = Q2Tree::try_new(parameters, shape, [bits(), bits()], leaves, lights, past);
     Box::new(sampler.expect("the bit sets have the length that the tree names"))
 }
 

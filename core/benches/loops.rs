@@ -3,18 +3,16 @@
 #[path = "../tests/common/mod.rs"]
 mod common;
 
-use common::{bench_lens, dark, one_exposure, plan};
+use common::{bench_lens, dark, one_exposure, pixel_table};
 use divan::{Bencher, black_box};
 use hemilux_core::Levels;
-use hemilux_core::Order;
 use hemilux_core::format::{Format, Layout};
 use hemilux_core::healpix::Domain;
 use hemilux_core::internals::front;
 use hemilux_core::internals::merge::{Channels, Codes};
 use hemilux_core::internals::response::{Curve, curve_len};
-use hemilux_core::light::Light;
 use hemilux_core::polar::LatLongView;
-use hemilux_core::sampler::q2tree::{Leaf, Parameters, Past, Q2Tree, interior_len};
+use hemilux_core::sampler::q2tree::Parameters;
 use hemilux_core::sampler::{Map, Request, Sampler};
 use hemilux_core::{Depth, Response};
 use hemilux_core::{Exposure, Samples};
@@ -51,12 +49,14 @@ fn merge(bencher: Bencher<'_, '_>, linear: bool) {
 /// A frame of one exposure to a map.
 #[divan::bench]
 fn burst(bencher: Bencher<'_, '_>) {
-    let (plan, merge, mut map) =
-        (plan(&bench_lens(), 640, 480, ORDER), one_exposure(), dark(Domain::Hemisphere, ORDER));
+    let (pixel_table, merge, mut map) =
+        (pixel_table(&bench_lens(), 640, 480, ORDER), one_exposure(), dark(Domain::Hemisphere, ORDER));
     let layout = Layout::tight(Format::Rgb48, 640, 480).expect("a sound size");
     let frame: Vec<u16> = bytes(3 * 640 * 480).into_iter().map(|v| 256 * u16::from(v)).collect();
     let frames = [Samples::U16(&frame)];
-    bencher.bench_local(|| front::burst(&frames, &layout, &merge.view(), &plan.view(), [1.0; 3], &mut map));
+    bencher.bench_local(|| {
+        front::burst(&frames, &layout, &merge.view(), &pixel_table.view(), [1.0; 3], &mut map)
+    });
 }
 
 /// Texels to a pyramid.
@@ -70,16 +70,7 @@ fn pyramid(bencher: Bencher<'_, '_>) {
 #[divan::bench(args = [64, 5_000])]
 fn q2tree(bencher: Bencher<'_, '_>, lights: usize) {
     let map = common::lit(Domain::Hemisphere, ORDER, |ipix| [1.0 + (ipix % 7) as f32; 3]);
-    let bits = || vec![0; interior_len(Domain::Hemisphere, Order::saturating(ORDER))];
-    let shape = (Domain::Hemisphere, Order::saturating(ORDER));
-    let mut tree = Q2Tree::try_new(
-        Parameters::CENTROID,
-        shape,
-        [bits(), bits()],
-        vec![Leaf::default(); lights],
-        (vec![Light::default(); lights], vec![Past::default(); lights]),
-    )
-    .expect("room enough");
+    let mut tree = common::q2tree(Parameters::CENTROID, Domain::Hemisphere, ORDER, lights);
     let polar = LatLongView::NONE;
     let map = Map { pyramid: map.view(), polar };
     bencher.bench_local(|| tree.update(&map, &Request::of_lights(lights)).lights.len());

@@ -33,7 +33,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     // The sampler: 21 bytes hold a bit for each quad of the map that the tree may split.
     let (heap, lights, past) =
         ([Default::default(); LIGHTS], [Default::default(); LIGHTS], [Default::default(); LIGHTS]);
-    let mut tree = Q2Tree::try_new(Default::default(), front.shape(), [[0; 21]; 2], heap, (lights, past))?;
+    let mut tree = Q2Tree::try_new(Default::default(), front.shape(), [[0; 21]; 2], heap, lights, past)?;
 
     // One burst.
     let frames = TIMES.map(take_frame);

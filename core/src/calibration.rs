@@ -1,6 +1,6 @@
 //! What is known of a camera: the description from which the front end is made.
 
-use crate::arena::Buffer;
+use crate::buffer::Buffer;
 use crate::format::{Format, Layout, LayoutError};
 use crate::lens::Lens;
 use crate::response::{Curve, Levels, Response, ResponseError};
@@ -49,8 +49,8 @@ impl Calibration {
         Layout::tight(format, width, height).map(|layout| Self::new(lens, layout))
     }
 
-    /// The lens as the image of [`Layout::places`] sees it.
-    pub(crate) fn place_lens(&self) -> Lens {
+    /// The lens in pixels of the merged image ([`Layout::merged_size`]).
+    pub(crate) fn merged_lens(&self) -> Lens {
         if self.layout.format().pattern().is_some() { self.lens.halved() } else { self.lens }
     }
 

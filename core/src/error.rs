@@ -1,12 +1,12 @@
 //! The error of the front end's constructor and of its bursts.
 
-use crate::arena::TooSmall;
+use crate::buffer::TooSmall;
 use crate::format::LayoutError;
 use crate::front::BurstError;
 use crate::healpix::BadOrder;
 use crate::lens::LensError;
 use crate::merge::MergeError;
-use crate::plan::PlanError;
+use crate::pixel_table::PixelTableError;
 use crate::response::ResponseError;
 
 /// Why a front end was refused, or a burst.
@@ -25,7 +25,7 @@ pub enum FrontError {
     /// The exposures cannot be merged, or the scale is no number of radiance.
     Exposures(MergeError),
     /// The lens, the image size and the order do not go together.
-    Plan(PlanError),
+    PixelTable(PixelTableError),
     /// A factor of the white balance that is not a positive finite number.
     BadWhiteBalance,
     /// The lent memory is too short; the numbers are words of 64 bits.
@@ -42,7 +42,7 @@ impl core::fmt::Display for FrontError {
             Self::Order(e) => e.fmt(f),
             Self::Response(e) => e.fmt(f),
             Self::Exposures(e) => e.fmt(f),
-            Self::Plan(e) => e.fmt(f),
+            Self::PixelTable(e) => e.fmt(f),
             Self::BadWhiteBalance => write!(f, "a white balance that is not of positive numbers"),
             Self::Memory(e) => e.fmt(f),
             Self::Burst(e) => e.fmt(f),
@@ -62,4 +62,4 @@ macro_rules! from {
     };
 }
 from!(LensError => Lens, LayoutError => Layout, BadOrder => Order, ResponseError => Response, MergeError => Exposures,
-      PlanError => Plan, TooSmall => Memory, BurstError => Burst);
+      PixelTableError => PixelTable, TooSmall => Memory, BurstError => Burst);

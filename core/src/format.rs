@@ -188,6 +188,16 @@ impl Format {
     }
 }
 
+/// Columns and rows of an image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct ImageSize {
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+}
+
 /// A frame's size and how its rows lie.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Layout {
@@ -307,12 +317,12 @@ impl Layout {
         }
     }
 
-    /// Columns and rows of the places that get a radiance: pixels, or the 2 x 2 cells of a mosaic.
+    /// Size of the merged image: that of the frame or, of a Bayer mosaic, half of it, since each 2 x 2 cell becomes one RGB pixel.
     #[must_use]
-    pub const fn places(&self) -> (u32, u32) {
+    pub const fn merged_size(&self) -> ImageSize {
         match self.format.pattern() {
-            Some(_) => (self.width / 2, self.height / 2),
-            None => (self.width, self.height),
+            Some(_) => ImageSize { width: self.width / 2, height: self.height / 2 },
+            None => ImageSize { width: self.width, height: self.height },
         }
     }
 }

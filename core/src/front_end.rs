@@ -1,14 +1,14 @@
 //! The front end of one camera: bursts of exposures in, a map of the light from above the horizon out.
 
-use crate::arena::{self, Buffer, TooSmall};
+use crate::buffer::{self, Buffer, TooSmall};
 use crate::calibration::Calibration;
 use crate::error::FrontError;
-use crate::fill::{self, Extrapolation};
+use crate::extrapolation::{self, Extrapolation};
 use crate::front::{self, BurstError, Coverage, Excluded};
-use crate::healpix::{Domain, Order};
+use crate::healpix::{Domain, MapShape, Order};
 use crate::light::Decomposition;
 use crate::merge::{self, Exposure, Merge, MergeView, Samples};
-use crate::plan::{self, Plan, PlanError, PlanView, Texel};
+use crate::pixel_table::{self, PixelTable, PixelTableError, PixelTableView, Texel};
 use crate::polar::LatLongView;
 use crate::pyramid::{Pyramid, PyramidView, Quad};
 use crate::sampler::{Map, Request, Sampler};
@@ -50,7 +50,7 @@ struct State {
     /// Not an enum, so that programs that never ask for an extrapolation do not link it.
     extrapolate: Option<Extrapolate>,
     merge: merge::Detached,
-    plan: plan::Detached,
+    pixel_table: pixel_table::Detached,
     sizes: Sizes,
 }
 
@@ -81,7 +81,7 @@ impl<B: Buffer<u64>> FrontEnd<B> {
     pub fn set_extrapolation(&mut self, extrapolation: Extrapolation) {
         self.state.extrapolate = match extrapolation {
             Extrapolation::None => None,
-            Extrapolation::Average => Some(|map, texels| _ = fill::average(map, texels)),
+            Extrapolation::Average => Some(|map, texels| _ = extrapolation::average(map, texels)),
         };
     }
 
@@ -131,10 +131,10 @@ impl<B: Buffer<u64>> FrontEnd<B> {
         &self.state.calibration
     }
 
-    /// Part of the sphere and order of the map, as samplers take them.
+    /// Part of the sphere and order of the map: the argument that constructors of samplers take.
     #[must_use]
-    pub fn shape(&self) -> (Domain, Order) {
-        (Domain::Hemisphere, self.state.order)
+    pub fn shape(&self) -> MapShape {
+        MapShape { domain: Domain::Hemisphere, order: self.state.order }
     }
 
     /// Order of the map.
@@ -146,7 +146,7 @@ impl<B: Buffer<u64>> FrontEnd<B> {
     /// Order at which pixels are added up: that of the map, or the finest whose texels are larger than the pixels.
     #[must_use]
     pub fn source_order(&self) -> Order {
-        Order::saturating(self.state.plan.source_order())
+        Order::saturating(self.state.pixel_table.source_order())
     }
 
     /// Elements of the buffers in use.
@@ -163,6 +163,13 @@ impl<B: Buffer<u64>> FrontEnd<B> {
     }
 }
 
+/// The stages of a burst, over the buffers of a front end.
+struct Stages<'m> {
+    merge: MergeView<'m>,
+    pixel_table: PixelTableView<'m>,
+    map: Pyramid<&'m mut [Quad]>,
+}
+
 impl State {
     #[inline(never)]
     fn try_new(
@@ -176,27 +183,27 @@ impl State {
             return Err(FrontError::BadWhiteBalance);
         }
         let fixed = Sizes::fixed(&calibration, order)?.with_merge(merge_sizes(&calibration, exposures)?);
-        let Some(plan) = lay_out(&calibration, order, &fixed, memory)? else {
+        let Some(pixel_table) = lay_out(&calibration, order, &fixed, memory)? else {
             let needed = Sizes::of(&calibration, exposures, order)?.words();
             return Err(TooSmall { needed, lent: memory.len() }.into());
         };
-        let sizes = fixed.with_plan(plan.size());
+        let sizes = fixed.with_pixel_table(pixel_table.size());
         let parts = Parts::divide(memory, &sizes);
         parts.quads.fill(Quad::default());
         let curve = calibration.curve(parts.curve)?;
-        let tables = (parts.tables, parts.reciprocals);
-        let merge = Merge::try_new(curve, exposures, calibration.scale, tables)?.detached();
-        Ok(Self { calibration, order, extrapolate: None, merge, plan, sizes })
+        let merge = Merge::try_new(curve, exposures, calibration.scale, parts.tables, parts.reciprocals)?;
+        let merge = merge.detached();
+        Ok(Self { calibration, order, extrapolate: None, merge, pixel_table, sizes })
     }
 
     #[inline(never)]
     fn set_exposures(&mut self, exposures: &[Exposure], memory: &mut [u64]) -> Result<(), FrontError> {
         let sizes = self.sizes.with_merge(merge_sizes(&self.calibration, exposures)?);
-        arena::check(&memory, sizes.words())?;
+        buffer::check(&memory, sizes.words())?;
         let parts = Parts::divide(memory, &sizes);
         let curve = self.merge.curve.over(parts.curve);
-        let tables = (parts.tables, parts.reciprocals);
-        self.merge = Merge::try_new(curve, exposures, self.calibration.scale, tables)?.detached();
+        let scale = self.calibration.scale;
+        self.merge = Merge::try_new(curve, exposures, scale, parts.tables, parts.reciprocals)?.detached();
         self.sizes = sizes;
         Ok(())
     }
@@ -204,54 +211,55 @@ impl State {
     /// The first half of a burst: every pixel is added to its texel.
     #[inline(never)]
     fn accumulate(&self, frames: &[Samples<'_>], memory: &mut [u64]) -> Result<Excluded, BurstError> {
-        let (merge, plan, mut map) = self.parts(memory);
-        front::accumulate(frames, &self.calibration.layout, &merge, &plan, &mut map)
+        let Stages { merge, pixel_table, mut map } = self.stages(memory);
+        front::accumulate(frames, &self.calibration.layout, &merge, &pixel_table, &mut map)
     }
 
     /// The second half: sums become light, and the orders above the texels are built.
     #[inline(never)]
     fn finish(&self, excluded: &Excluded, memory: &mut [u64]) -> Coverage {
         let Calibration { layout, white_balance, .. } = &self.calibration;
-        let (merge, plan, mut map) = self.parts(memory);
-        let coverage = front::finish(excluded, layout, &merge, &plan, *white_balance, &mut map);
+        let Stages { merge, pixel_table, mut map } = self.stages(memory);
+        let coverage = front::finish(excluded, layout, &merge, &pixel_table, *white_balance, &mut map);
         if let Some(extrapolate) = self.extrapolate {
-            extrapolate(&mut map, plan.texels);
+            extrapolate(&mut map, pixel_table.texels);
         }
         coverage
     }
 
-    /// What a frame runs through, in `memory`.
-    fn parts<'m>(&'m self, memory: &'m mut [u64]) -> (MergeView<'m>, PlanView<'m>, Pyramid<&'m mut [Quad]>) {
+    /// The stages of a burst over their buffers in `memory`.
+    fn stages<'m>(&'m self, memory: &'m mut [u64]) -> Stages<'m> {
         let parts = Parts::divide(memory, &self.sizes);
         let tables =
             merge::Tables { curve: parts.curve, exposures: parts.tables, reciprocals: parts.reciprocals };
         let merge = self.merge.over(tables);
         let Parts { spans, weights, runs, texels, quads, .. } = parts;
-        let plan = self.plan.over(plan::Tables { spans, weights, runs, texels });
-        (merge, plan, Pyramid::over(quads, Domain::Hemisphere, self.order))
+        let pixel_table = self.pixel_table.over(pixel_table::Buffers { spans, weights, runs, texels });
+        Stages { merge, pixel_table, map: Pyramid::over(quads, Domain::Hemisphere, self.order) }
     }
 }
 
-/// Builds the plan where [`Parts::divide`] finds it once its size is known; `None` where `words` are too few.
+/// Builds the pixel table where [`Parts::divide`] finds it once its size is known; `None` where `words` are too few.
 fn lay_out(
     calibration: &Calibration,
     order: Order,
     fixed: &Sizes,
     words: &mut [u64],
-) -> Result<Option<plan::Detached>, PlanError> {
+) -> Result<Option<pixel_table::Detached>, PixelTableError> {
     if words.len() < fixed.words() {
         return Ok(None);
     }
     // How many runs there are shows only when they are laid out.
     let most = fixed.with_most_runs(words.len());
     let parts = Parts::divide(words, &most);
-    let (width, height) = calibration.layout.places();
-    let tables = (parts.spans, parts.weights, parts.runs, parts.texels);
-    let plan = match Plan::try_new(&calibration.place_lens(), width, height, order.get(), tables) {
-        Ok(plan) => plan.detached(),
-        Err(PlanError::TooSmall(_)) => return Ok(None),
+    let Parts { spans, weights, runs, texels, .. } = parts;
+    let buffers = pixel_table::Buffers { spans, weights, runs, texels };
+    let image = calibration.layout.merged_size();
+    let pixel_table = match PixelTable::try_new(&calibration.merged_lens(), image, order.get(), buffers) {
+        Ok(pixel_table) => pixel_table.detached(),
+        Err(PixelTableError::TooSmall(_)) => return Ok(None),
         Err(e) => return Err(e),
     };
-    sizes::close_gap(words, &most, &fixed.with_plan(plan.size()));
-    Ok(Some(plan))
+    sizes::close_gap(words, &most, &fixed.with_pixel_table(pixel_table.size()));
+    Ok(Some(pixel_table))
 }

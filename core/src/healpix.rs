@@ -98,6 +98,15 @@ const fn side(order: u8) -> u32 {
     1 << Order::saturating(order).0
 }
 
+/// The part of the sphere that a HEALPix map covers, and its resolution.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MapShape {
+    /// Part of the sphere.
+    pub domain: Domain,
+    /// Order of the texels.
+    pub order: Order,
+}
+
 /// Which part of the sphere a map holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Domain {
@@ -138,7 +147,7 @@ impl Domain {
         if self == Self::Sphere {
             return 1.0;
         }
-        let (face, x, y) = split(order, ipix);
+        let FaceCell { face, x, y } = split(order, ipix);
         match face {
             0..=3 => 1.0,
             4..=7 => match (x + y + 1).cmp(&side(order)) {
@@ -157,17 +166,37 @@ pub fn solid_angle(order: u8) -> f64 {
     PI / 3.0 / f64::from(1u32 << inner_bits(order))
 }
 
-/// Base face, column and row of a quad.
-#[must_use]
-pub fn split(order: u8, ipix: u32) -> (u32, u32, u32) {
-    let inner = ipix & ((1 << inner_bits(order)) - 1);
-    (ipix >> inner_bits(order), even_bits(inner), even_bits(inner >> 1))
+/// The position of a quad: its base face, and its column and row in the grid of 2^order x 2^order quads of that face.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct FaceCell {
+    /// Base face, 0..=11.
+    pub face: u32,
+    /// Column in the face, counted towards north-east.
+    pub x: u32,
+    /// Row in the face, counted towards north-west.
+    pub y: u32,
 }
 
-/// The index of column `x`, row `y` of `face`: the inverse of [`split`].
+/// Splits the NESTED index `ipix` of a quad of `order` into face, column and row.
+///
+/// ```
+/// use hemilux_core::healpix::{FaceCell, join, split};
+///
+/// let cell = split(1, 6);
+/// assert_eq!(cell, FaceCell { face: 1, x: 0, y: 1 });
+/// assert_eq!(join(1, cell), 6);
+/// ```
 #[must_use]
-pub fn join(order: u8, face: u32, x: u32, y: u32) -> u32 {
-    (face << inner_bits(order)) | spread_bits(x) | (spread_bits(y) << 1)
+pub fn split(order: u8, ipix: u32) -> FaceCell {
+    let inner = ipix & ((1 << inner_bits(order)) - 1);
+    FaceCell { face: ipix >> inner_bits(order), x: even_bits(inner), y: even_bits(inner >> 1) }
+}
+
+/// The NESTED index of the quad of `order` at `cell`: the inverse of [`split`].
+#[must_use]
+pub fn join(order: u8, cell: FaceCell) -> u32 {
+    (cell.face << inner_bits(order)) | spread_bits(cell.x) | (spread_bits(cell.y) << 1)
 }
 
 /// The quad of `order` that holds `direction` (a unit vector).
@@ -192,7 +221,7 @@ pub fn ipix(order: u8, direction: DVec3) -> u32 {
             core::cmp::Ordering::Less => fd & 3,
             core::cmp::Ordering::Greater => (fa & 3) + 8,
         };
-        return join(order, face, ascending & last, last - (descending & last));
+        return join(order, FaceCell { face, x: ascending & last, y: last - (descending & last) });
     }
     let quarter = (turns as u32).min(3);
     let within = turns - f64::from(quarter);
@@ -200,13 +229,18 @@ pub fn ipix(order: u8, direction: DVec3) -> u32 {
     let sin_theta2 = direction.x * direction.x + direction.y * direction.y;
     let ring = nside * libm::sqrt(3.0 * sin_theta2 / (1.0 + za));
     let (down, up) = (cell(within * ring), cell((1.0 - within) * ring));
-    if z > 0.0 { join(order, quarter, last - up, last - down) } else { join(order, quarter + 8, down, up) }
+    let cell = if z > 0.0 {
+        FaceCell { face: quarter, x: last - up, y: last - down }
+    } else {
+        FaceCell { face: quarter + 8, x: down, y: up }
+    };
+    join(order, cell)
 }
 
 /// Direction of the point (`x`, `y`), both in 0..=1, of quad `ipix`; (1/2, 1/2) is its centre.
 #[must_use]
 pub fn point(order: u8, ipix: u32, x: f64, y: f64) -> DVec3 {
-    let (face, column, row) = split(order, ipix);
+    let FaceCell { face, x: column, y: row } = split(order, ipix);
     let nside = f64::from(side(order));
     let (u, v) = ((f64::from(column) + x) / nside, (f64::from(row) + y) / nside);
     let circle = Circle::new(face, u + v);

@@ -15,32 +15,32 @@ pub mod thin;
 pub mod tonemap;
 pub mod wire;
 
-mod arena;
+mod buffer;
 mod calibration;
 mod error;
-mod fill;
+mod extrapolation;
 mod front;
 mod front_end;
 mod merge;
-mod plan;
+mod pixel_table;
 mod quad;
 mod response;
 mod root;
 mod sizes;
 mod unpack;
 
-pub use arena::{Buffer, TooSmall};
+pub use buffer::{Buffer, TooSmall};
 pub use calibration::Calibration;
 pub use error::FrontError;
-pub use fill::Extrapolation;
-pub use format::{Format, Layout, LayoutError};
+pub use extrapolation::Extrapolation;
+pub use format::{Format, ImageSize, Layout, LayoutError};
 pub use front::{BurstError, Coverage};
 pub use front_end::FrontEnd;
-pub use healpix::{BadOrder, Domain, Order};
+pub use healpix::{BadOrder, Domain, MapShape, Order};
 pub use lens::{Lens, LensError};
 pub use light::{Decomposition, Light};
 pub use merge::{Exposure, MAX_EXPOSURES, MergeError, Samples};
-pub use plan::PlanError;
+pub use pixel_table::PixelTableError;
 pub use response::{Depth, Levels, Response, ResponseError};
 pub use sampler::q2tree::Q2Tree;
 pub use sampler::{Map, Request, Sampler, SamplerKind, UnknownSampler};
@@ -50,8 +50,8 @@ pub use unpack::{read_luma, read_rgb_row};
 /// The parts that [`FrontEnd`] is made of, for this workspace's tests of each. No part of the interface: anything may change.
 #[doc(hidden)]
 pub mod internals {
-    pub mod fill {
-        pub use crate::fill::*;
+    pub mod extrapolation {
+        pub use crate::extrapolation::*;
     }
     pub mod front {
         pub use crate::front::*;
@@ -59,8 +59,8 @@ pub mod internals {
     pub mod merge {
         pub use crate::merge::*;
     }
-    pub mod plan {
-        pub use crate::plan::*;
+    pub mod pixel_table {
+        pub use crate::pixel_table::*;
     }
     pub mod pyramid {
         pub use crate::pyramid::*;

@@ -4,25 +4,25 @@
 //! phi = pi - (j + 1/2) 2 pi / W, so that columns run clockwise seen from above.
 //!
 //! ```
-//! use hemilux_core::polar::{Grid, LatLong, PolarPlan, Share, shares_len};
+//! use hemilux_core::polar::{Grid, LatLong, PolarTable, Share, shares_len};
 //! use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
 //! use hemilux_core::{Domain, Order};
 //!
 //! let order = Order::try_new(2)?;
 //! let grid = Grid { width: 8, height: 4, domain: Domain::Sphere };
-//! let plan = PolarPlan::try_new(&grid, order, vec![Share::default(); shares_len(&grid, order)])?;
+//! let table = PolarTable::try_new(&grid, order, vec![Share::default(); shares_len(&grid, order)])?;
 //! let mut map = LatLong::try_new(grid, [[0.0; 3]; 32])?;
 //! let mut pyramid = Pyramid::try_new(vec![Quad::default(); pyramid_len(grid.domain, order)], grid.domain, order)?;
 //! pyramid.texels_mut()[7] = Quad::from_light([1.0; 3], glam::Vec3::Z);
 //! pyramid.build();
-//! map.fill(&plan, &pyramid.view());
+//! map.fill(&table, &pyramid.view());
 //! let energy: f32 = map.view().texels.iter().map(|rgb| rgb[0]).sum();
 //! assert!((energy - 1.0).abs() < 1e-6);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-use crate::arena::{self, Buffer, TooSmall};
-use crate::healpix::{self, Circle, Domain, Order};
+use crate::buffer::{self, Buffer, TooSmall};
+use crate::healpix::{self, Circle, Domain, FaceCell, Order};
 use crate::pyramid::PyramidView;
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
 use glam::DVec3;
@@ -128,7 +128,7 @@ impl<B: Buffer<[f32; 3]>> LatLong<B> {
     /// # Errors
     /// [`TooSmall`].
     pub fn try_new(grid: Grid, texels: B) -> Result<Self, TooSmall> {
-        arena::check(&texels, grid.len())?;
+        buffer::check(&texels, grid.len())?;
         Ok(Self { grid, texels })
     }
 
@@ -152,12 +152,12 @@ impl<B: Buffer<[f32; 3]>> LatLong<B> {
         }
     }
 
-    /// Fills the map from a pyramid's quads of the order of `plan`; the energy is kept.
-    pub fn fill<E: Buffer<Share>>(&mut self, plan: &PolarPlan<E>, pyramid: &PyramidView<'_>) {
+    /// Fills the map from a pyramid's quads of the order of `table`; the energy is kept.
+    pub fn fill<E: Buffer<Share>>(&mut self, table: &PolarTable<E>, pyramid: &PyramidView<'_>) {
         let texels = self.texels_mut();
         texels.fill([0.0; 3]);
-        let quads = pyramid.quads_of(plan.order);
-        for share in plan.shares() {
+        let quads = pyramid.quads_of(table.order);
+        for share in table.shares() {
             let (Some(to), Some(quad)) = (texels.get_mut(share.to as usize), quads.get(share.from as usize))
             else {
                 continue;
@@ -180,7 +180,7 @@ pub struct Share {
 
 /// Which HEALPix texel's energy goes where in a latitude-longitude map: built once.
 #[derive(Clone, Debug)]
-pub struct PolarPlan<E> {
+pub struct PolarTable<E> {
     shares: E,
     count: usize,
     order: u8,
@@ -189,7 +189,7 @@ pub struct PolarPlan<E> {
 /// Most sub-samples a side: near the zenith one HEALPix texel covers a quarter turn of columns.
 const MAX_SIDE: u32 = 64;
 
-/// Sub-samples per column or row that a quad crosses: with 5 a constant sky is even within a few per cent; more takes longer to plan.
+/// Sub-samples per column or row that a quad crosses: with 5 a constant sky is even within a few per cent; more takes longer to table.
 const FINENESS: f64 = 5.0;
 
 /// Sub-samples a side, so that each column that a quad of `order` about theta crosses gets some.
@@ -208,7 +208,7 @@ fn visit(grid: &Grid, order: u8, face: u32, mut f: impl FnMut(Share)) {
         if grid.domain.share(order, from) == 0.0 {
             continue;
         }
-        let (_, x, y) = healpix::split(order, from);
+        let FaceCell { x, y, .. } = healpix::split(order, from);
         let along = |sum: f64| Circle::new(face, (f64::from(x + y) + sum) / nside);
         let n = side(grid, order, along(1.0).sin_theta);
         let step = 1.0 / f64::from(n);
@@ -244,7 +244,7 @@ fn faces(grid: &Grid) -> impl Iterator<Item = u32> {
     (0..grid.domain.faces() as u32).step_by(alike(grid) as usize)
 }
 
-/// Shares that [`PolarPlan::try_new`] needs.
+/// Shares that [`PolarTable::try_new`] needs.
 #[must_use]
 pub fn shares_len(grid: &Grid, order: Order) -> usize {
     let order = order.get();
@@ -266,8 +266,8 @@ impl Share {
     }
 }
 
-impl<E: Buffer<Share>> PolarPlan<E> {
-    /// Builds the plan from quads of `order`, the pyramid's own or a coarser one, to `grid` in [`shares_len`] shares.
+impl<E: Buffer<Share>> PolarTable<E> {
+    /// Builds the table from quads of `order`, the pyramid's own or a coarser one, to `grid` in [`shares_len`] shares.
     ///
     /// # Errors
     /// [`TooSmall`].
@@ -294,7 +294,7 @@ impl<E: Buffer<Share>> PolarPlan<E> {
                 }
             }
         }
-        arena::check(&shares, needed)?;
+        buffer::check(&shares, needed)?;
         Ok(Self { shares, count: needed, order })
     }
 

@@ -17,11 +17,11 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-use crate::arena::{self, Buffer, TooSmall};
+use crate::buffer::{self, Buffer, TooSmall};
 use crate::color::{self, luminance};
 use crate::format::Format;
-use crate::healpix::{self, Domain, Order};
-use crate::plan::Texel;
+use crate::healpix::{self, Domain, FaceCell, Order};
+use crate::pixel_table::Texel;
 pub use crate::quad::Quad;
 
 /// Quads of all orders up to `order`.
@@ -57,7 +57,7 @@ impl<Q: Buffer<Quad>> Pyramid<Q> {
     /// # Errors
     /// [`TooSmall`].
     pub fn try_new(mut quads: Q, domain: Domain, order: Order) -> Result<Self, TooSmall> {
-        arena::check(&quads, pyramid_len(domain, order))?;
+        buffer::check(&quads, pyramid_len(domain, order))?;
         quads.as_mut().fill(Quad::default());
         Ok(Self { quads, domain, order: order.get() })
     }
@@ -98,7 +98,7 @@ impl<Q: Buffer<Quad>> Pyramid<Q> {
             && let Some((coarse, texels)) = self.quads.as_mut().split_at_mut_checked(texels)
         {
             let sums = coarse.get(first(self.domain, order)..).unwrap_or_default();
-            share_out(self.domain, (order, sums), (self.order, texels));
+            share_out(self.domain, Level { order, quads: sums }, self.order, texels);
         }
         light_up(self.quads.as_mut().get_mut(texels..).unwrap_or_default(), geometry, lanes);
         if order < self.order {
@@ -127,8 +127,9 @@ impl<Q: Buffer<Quad>> Pyramid<Q> {
             let shift = 2 * (self.order - order - 1);
             let last = (1u32 << order) - 1;
             for at in 0..4 << order {
-                let (face, x) = (4 + (at >> order), at & last);
-                let child = 4 * healpix::join(order, face, x, last - x) as usize;
+                let x = at & last;
+                let cell = FaceCell { face: 4 + (at >> order), x, y: last - x };
+                let child = 4 * healpix::join(order, cell) as usize;
                 let below = self.texels_mut().get_mut(child << shift..(child + 1) << shift);
                 below.unwrap_or_default().fill(Quad::default());
             }
@@ -155,8 +156,15 @@ fn sum_up(quads: &mut [Quad], domain: Domain, order: u8) {
     }
 }
 
+/// The quads of one order.
+struct Level<'a> {
+    order: u8,
+    quads: &'a [Quad],
+}
+
 /// Gives every texel its part of the sum of its ancestor: by solid angle inside the domain.
-fn share_out(domain: Domain, (order, sums): (u8, &[Quad]), (fine, texels): (u8, &mut [Quad])) {
+fn share_out(domain: Domain, coarse: Level<'_>, fine: u8, texels: &mut [Quad]) {
+    let Level { order, quads: sums } = coarse;
     let shift = 2 * (fine - order);
     let equal = 1.0 / (1u32 << shift) as f32;
     for (sum, (ancestor, below)) in sums.iter().zip(texels.chunks_exact_mut(1 << shift).enumerate()) {

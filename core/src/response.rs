@@ -1,6 +1,6 @@
 //! Sensor codes to relative exposure: black and white level, and the camera's response.
 
-use crate::arena::{self, Buffer, TooSmall};
+use crate::buffer::{self, Buffer, TooSmall};
 
 /// Fraction bits of a tabulated relative exposure: 1.0 is `1 << CURVE_BITS`.
 ///
@@ -176,7 +176,7 @@ impl<B: Buffer<i32>> Curve<B> {
         mut table: B,
     ) -> Result<Self, ResponseError> {
         let curve = Curve::untabulated(response, depth, levels)?;
-        arena::check(&table, curve_len(depth)).map_err(ResponseError::TooSmall)?;
+        buffer::check(&table, curve_len(depth)).map_err(ResponseError::TooSmall)?;
         let x = |i: usize| {
             let code = f64::from((i as u32) << curve.shift);
             (code - levels.black) / (levels.white - levels.black)

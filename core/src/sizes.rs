@@ -4,7 +4,7 @@ use crate::calibration::Calibration;
 use crate::error::FrontError;
 use crate::healpix::{Domain, Order};
 use crate::merge::{Exposure, MergeError, MergeSize, Reciprocal, merge_size};
-use crate::plan::{self, PlanSize, Run, Span, Texel, plan_size};
+use crate::pixel_table::{self, PixelTableSize, Run, Span, Texel, pixel_table_size};
 use crate::pyramid::{Quad, pyramid_len};
 use crate::response::curve_len;
 use bytemuck::Pod;
@@ -72,19 +72,21 @@ impl Sizes {
     /// # Errors
     /// [`FrontError`]: those of the constructor, but for the memory, the curve and the white balance, which need no size.
     pub fn of(calibration: &Calibration, exposures: &[Exposure], order: Order) -> Result<Self, FrontError> {
-        let (width, height) = calibration.layout.places();
-        let plan = plan_size(&calibration.place_lens(), width, height, order.get())?;
-        Ok(Self::fixed(calibration, order)?.with_plan(plan).with_merge(merge_sizes(calibration, exposures)?))
+        let image = calibration.layout.merged_size();
+        let pixel_table = pixel_table_size(&calibration.merged_lens(), image, order.get())?;
+        Ok(Self::fixed(calibration, order)?
+            .with_pixel_table(pixel_table)
+            .with_merge(merge_sizes(calibration, exposures)?))
     }
 
     /// The sizes that follow from the image's rows, the order and the depth alone.
     pub(crate) fn fixed(calibration: &Calibration, order: Order) -> Result<Self, FrontError> {
-        let (width, height) = calibration.layout.places();
-        plan::check(width, height, order.get())?;
+        let image = calibration.layout.merged_size();
+        pixel_table::check(image, order.get())?;
         Ok(Self {
             quads: pyramid_len(Domain::Hemisphere, order),
             texels: Domain::Hemisphere.quads(order.get()),
-            spans: height as usize,
+            spans: image.height as usize,
             curve: curve_len(calibration.layout.format().depth()),
             runs: 0,
             weights: 0,
@@ -93,8 +95,8 @@ impl Sizes {
         })
     }
 
-    pub(crate) fn with_plan(self, plan: PlanSize) -> Self {
-        Self { runs: plan.runs, weights: plan.weights, ..self }
+    pub(crate) fn with_pixel_table(self, pixel_table: PixelTableSize) -> Self {
+        Self { runs: pixel_table.runs, weights: pixel_table.weights, ..self }
     }
 
     pub(crate) fn with_merge(self, merge: MergeSize) -> Self {

@@ -3,7 +3,7 @@
 //! After the clustering and the invisible-light elimination of \[Havran2005\] (Interactive System for Dynamic Scene Lighting using
 //! Captured Video Environment Maps), of which only the abstract was at hand: cost and order are ours.
 
-use crate::arena::{self, Buffer, TooSmall};
+use crate::buffer::{self, Buffer, TooSmall};
 use crate::color::luminance;
 use crate::light::{Light, cap_radius_deg};
 use glam::Vec3;
@@ -46,7 +46,7 @@ pub struct Pair {
 /// assert_eq!((lights[0].irradiance, lights[1].id), ([2.0; 3], 3));
 /// ```
 pub fn merge<P: Buffer<Pair>>(lights: &mut [Light], most: usize, pairs: &mut P) -> Result<usize, TooSmall> {
-    arena::check(pairs, lights.len())?;
+    buffer::check(pairs, lights.len())?;
     let pairs = pairs.as_mut();
     let mut count = lights.len();
     if most == 0 {

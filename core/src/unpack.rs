@@ -3,7 +3,7 @@
 use crate::format::{Format, Layout, raw10, raw12};
 use crate::front::rows::{Part, Scratch};
 use crate::merge::{Codes, MAX_EXPOSURES, Samples};
-use crate::plan::CHUNK;
+use crate::pixel_table::CHUNK;
 
 /// The brightness of the pixel at column `x` and row `y` as a relative code: 0 black, 1 white, outside of both for codes of limited
 /// range beyond those. Green of three channels, the pixel's own sample of a mosaic; 0 where the frame has no such pixel.

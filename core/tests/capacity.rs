@@ -4,28 +4,32 @@
 
 mod common;
 
-use common::{bench_lens, expose, plan};
-use hemilux_core::Order;
-use hemilux_core::PlanError;
-use hemilux_core::TooSmall;
+use common::{bench_lens, expose, pixel_table};
 use hemilux_core::healpix::Domain;
-use hemilux_core::internals::plan::{Plan, Run, Span, Texel, plan_size};
+use hemilux_core::internals::pixel_table::{Buffers, PixelTable, Run, Span, Texel, pixel_table_size};
 use hemilux_core::light::{Light, cap_radius_deg};
 use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
 use hemilux_core::tonemap::{sigmoid, srgb_code};
+use hemilux_core::{ImageSize, Order, PixelTableError, TooSmall};
+
+const SIZE: ImageSize = ImageSize { width: 320, height: 240 };
 
 #[test]
 fn a_plan_takes_exactly_what_it_asks_for() {
     let lens = bench_lens();
-    let size = plan_size(&lens, 320, 240, 3).expect("a sound image");
+    let size = pixel_table_size(&lens, SIZE, 3).expect("a sound image");
     let (s, w, r, t) = (size.spans, size.weights, size.runs, size.texels);
     let build = |s: usize, w: usize, r: usize, t: usize| {
-        let texels = vec![Texel::default(); t];
-        let memory = (vec![Span::default(); s], vec![0; w], vec![Run::default(); r], texels);
-        Plan::try_new(&lens, 320, 240, 3, memory).map(|p| p.size())
+        let buffers = Buffers {
+            spans: vec![Span::default(); s],
+            weights: vec![0; w],
+            runs: vec![Run::default(); r],
+            texels: vec![Texel::default(); t],
+        };
+        PixelTable::try_new(&lens, SIZE, 3, buffers).map(|p| p.size())
     };
     assert_eq!(build(s, w, r, t), Ok(size));
-    let short = |needed: usize| Err(PlanError::TooSmall(TooSmall { needed, lent: needed - 1 }));
+    let short = |needed: usize| Err(PixelTableError::TooSmall(TooSmall { needed, lent: needed - 1 }));
     assert_eq!(build(s - 1, w, r, t), short(s));
     assert_eq!(build(s, w - 1, r, t), short(w));
     assert_eq!(build(s, w, r - 1, t), short(r));
@@ -37,15 +41,15 @@ fn a_plan_takes_exactly_what_it_asks_for() {
 #[test]
 fn room_to_spare_changes_nothing() {
     let lens = bench_lens();
-    let exact = plan(&lens, 320, 240, 3);
-    let size = plan_size(&lens, 320, 240, 3).expect("a sound image");
-    let memory = (
-        vec![Span { first: 0, len: 9 }; size.spans + 5],
-        vec![60_000; size.weights + 5],
-        vec![exact.view().runs[0]; size.runs + 5],
-        vec![Texel { direction: [9.0; 3], unseen_sr: 9.0 }; size.texels + 5],
-    );
-    let roomy = Plan::try_new(&lens, 320, 240, 3, memory).expect("room enough");
+    let exact = pixel_table(&lens, 320, 240, 3);
+    let size = pixel_table_size(&lens, SIZE, 3).expect("a sound image");
+    let buffers = Buffers {
+        spans: vec![Span { first: 0, len: 9 }; size.spans + 5],
+        weights: vec![60_000; size.weights + 5],
+        runs: vec![exact.view().runs[0]; size.runs + 5],
+        texels: vec![Texel { direction: [9.0; 3], unseen_sr: 9.0 }; size.texels + 5],
+    };
+    let roomy = PixelTable::try_new(&lens, SIZE, 3, buffers).expect("room enough");
     let (a, b) = (roomy.view(), exact.view());
     assert_eq!((a.spans, a.weights, a.runs, a.texels), (b.spans, b.weights, b.runs, b.texels));
     let frame = vec![9_000; 3 * 320 * 240];

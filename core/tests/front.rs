@@ -1,19 +1,21 @@
-//! No light is lost between pixels and texels: the plan and the front end against sums over pixels in `f64`.
+//! No light is lost between pixels and texels: the pixel table and the front end against sums over pixels in `f64`.
 
 mod common;
 
 use common::{
-    RngExt, VecPlan, bench_lens, burst, dark, expose, full_circle, off, plain, plan, radiance_of, seeded,
+    RngExt, VecPixelTable, bench_lens, burst, dark, expose, full_circle, off, pixel_table, plain,
+    radiance_of, seeded,
 };
 use core::f64::consts::TAU;
 use glam::{DVec2, DVec3};
 use hemilux_core::BurstError;
-use hemilux_core::PlanError;
+use hemilux_core::ImageSize;
+use hemilux_core::PixelTableError;
 use hemilux_core::Samples;
 use hemilux_core::format::{Format, Layout};
 use hemilux_core::healpix::{self, Domain};
 use hemilux_core::internals::front::{self};
-use hemilux_core::internals::plan::plan_size;
+use hemilux_core::internals::pixel_table::pixel_table_size;
 use hemilux_core::lens::{Intrinsics, Lens, Model};
 
 /// Lenses, image sizes and map orders that differ in everything that could matter.
@@ -50,20 +52,20 @@ fn weights(lens: &Lens, width: u32, height: u32) -> Vec<(f64, f64)> {
         .collect()
 }
 
-fn constant(plan: &VecPlan, code: u16) -> Vec<u16> {
-    vec![code; 3 * (plan.width() * plan.height()) as usize]
+fn constant(pixel_table: &VecPixelTable, code: u16) -> Vec<u16> {
+    vec![code; 3 * (pixel_table.width() * pixel_table.height()) as usize]
 }
 
 #[test]
 fn energy_of_the_pixels_is_the_energy_of_the_map() {
     let mut worst = 0.0f64;
     for (lens, width, height, order) in views() {
-        let plan = plan(&lens, width, height, order);
+        let pixel_table = pixel_table(&lens, width, height, order);
         let mut rng = seeded(4);
         // Seven decades between the darkest and the brightest would not fit one exposure: three and a half do.
         let frame: Vec<u16> =
             (0..3 * width * height).map(|_| 10f64.powf(rng.random_range(1.0..4.5)) as u16).collect();
-        let (map, seen) = expose(&plan, &frame);
+        let (map, seen) = expose(&pixel_table, &frame);
         let (mut above, mut below) = ([0.0; 3], [0.0; 3]);
         for (weight, rgb) in weights(&lens, width, height).iter().zip(frame.as_chunks::<3>().0) {
             for c in 0..3 {
@@ -87,13 +89,13 @@ fn energy_of_the_pixels_is_the_energy_of_the_map() {
 #[test]
 fn a_constant_scene_gives_its_radiance_times_what_is_seen() {
     for (lens, width, height, order) in views() {
-        let plan = plan(&lens, width, height, order);
+        let pixel_table = pixel_table(&lens, width, height, order);
         // What a lens with vignetting makes of constant light.
         let pixels = (0..width * height).map(|i| DVec2::new(f64::from(i % width), f64::from(i / width)));
         let illumination = |p| lens.unproject(p).map_or(0.0, |d| lens.illumination(d.z.acos()));
         let frame: Vec<u16> = pixels.flat_map(|p| [(30_000.0 * illumination(p)).round() as u16; 3]).collect();
-        let (map, _) = expose(&plan, &frame);
-        let expected = radiance_of(30_000) * TAU * (1.0 - plan.unseen());
+        let (map, _) = expose(&pixel_table, &frame);
+        let expected = radiance_of(30_000) * TAU * (1.0 - pixel_table.unseen());
         let error = off(f64::from(map.view().total().energy[1]), expected);
         // The rim of the image circle is as fine as the pixels: a circle of 21 pixels is off by more.
         assert!(error < if width > 200 { 2e-3 } else { 3e-2 }, "{width} x {height}: {error}");
@@ -103,13 +105,13 @@ fn a_constant_scene_gives_its_radiance_times_what_is_seen() {
 #[test]
 fn seen_and_unseen_make_the_hemisphere() {
     for (lens, width, height, order) in views() {
-        let plan = plan(&lens, width, height, order);
+        let pixel_table = pixel_table(&lens, width, height, order);
         let p = *lens.intrinsics();
         let plain = Lens::try_new(Intrinsics { vignetting: [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], ..p });
         let seen: f64 = weights(&plain.expect("sound"), width, height).iter().map(|w| w.0).sum();
-        let sum = seen / TAU + plan.unseen();
+        let sum = seen / TAU + pixel_table.unseen();
         assert!((sum - 1.0).abs() < if width > 200 { 2e-3 } else { 3e-2 }, "{width} x {height}: {sum}");
-        for (ipix, texel) in plan.texels().iter().enumerate() {
+        for (ipix, texel) in pixel_table.texels().iter().enumerate() {
             let own = healpix::solid_angle(order) * Domain::Hemisphere.share(order, ipix as u32);
             assert!((0.0..=own * 1.000_001).contains(&f64::from(texel.unseen_sr)), "{texel:?}");
             let length = DVec3::from_array(texel.direction.map(f64::from)).length();
@@ -120,24 +122,24 @@ fn seen_and_unseen_make_the_hemisphere() {
 
 #[test]
 fn what_a_wide_lens_sees_below_the_horizon_is_left_out_and_told() {
-    let plan = plan(&full_circle(Model::Equisolid, 936, 93.0), 936, 936, 5);
-    let (map, seen) = expose(&plan, &constant(&plan, 20_000));
+    let pixel_table = pixel_table(&full_circle(Model::Equisolid, 936, 93.0), 936, 936, 5);
+    let (map, seen) = expose(&pixel_table, &constant(&pixel_table, 20_000));
     // (cos 90 - cos 93) / (1 - cos 90).
     let expected = -(93f64.to_radians().cos());
     assert!(off(seen.below, expected) < 5e-3, "{seen:?}");
     assert!(off(f64::from(map.view().total().energy[0]), TAU * radiance_of(20_000)) < 1e-3);
-    assert_eq!(plan.unseen(), 0.0);
+    assert_eq!(pixel_table.unseen(), 0.0);
 }
 
 #[test]
 fn a_sun_of_two_pixels_keeps_its_energy_and_place() {
     for (lens, width, height, order) in views().into_iter().filter(|v| v.1 > 200) {
-        let plan = plan(&lens, width, height, order);
-        let mut frame = constant(&plan, 0);
+        let pixel_table = pixel_table(&lens, width, height, order);
+        let mut frame = constant(&pixel_table, 0);
         let at = DVec2::new(f64::from(width / 2 + 40), f64::from(height / 2 - 30));
         let first = ((height / 2 - 30) * width + width / 2 + 40) as usize;
         frame[3 * first..3 * first + 6].fill(60_000);
-        let (map, _) = expose(&plan, &frame);
+        let (map, _) = expose(&pixel_table, &frame);
         let omega = |p: DVec2| {
             let d = lens.unproject(p).expect("inside the view");
             lens.solid_angle(p).expect("inside the view") / lens.illumination(d.z.acos())
@@ -149,7 +151,7 @@ fn a_sun_of_two_pixels_keeps_its_energy_and_place() {
         let d = lens.unproject(at + 0.5 * DVec2::X).expect("inside the view");
         let found = total.first_moment().as_dvec3().normalize();
         // Half the diagonal of the texels that caught it.
-        assert!(found.distance(d) < healpix::solid_angle(plan.source_order()).sqrt(), "{found} {d}");
+        assert!(found.distance(d) < healpix::solid_angle(pixel_table.source_order()).sqrt(), "{found} {d}");
     }
 }
 
@@ -162,15 +164,16 @@ fn no_texel_inside_the_view_stays_empty() {
     };
     let narrow = (Lens::try_new(narrow).expect("a sound lens"), 320, 240, 6);
     for (lens, width, height, order) in views().into_iter().chain([coarse, narrow]) {
-        let plan = plan(&lens, width, height, order);
-        let (map, _) = expose(&plan, &constant(&plan, 20_000));
+        let pixel_table = pixel_table(&lens, width, height, order);
+        let (map, _) = expose(&pixel_table, &constant(&pixel_table, 20_000));
         let expected: f64 = weights(&lens, width, height).iter().map(|w| w.0).sum();
         assert!(off(f64::from(map.view().total().y()), expected * radiance_of(20_000)) < 1e-4);
-        let inside = plan.texels().iter().zip(map.texels()).enumerate().filter(|(ipix, (texel, _))| {
-            Domain::Hemisphere.share(order, *ipix as u32) > 0.0 && texel.unseen_sr == 0.0
-        });
+        let inside =
+            pixel_table.texels().iter().zip(map.texels()).enumerate().filter(|(ipix, (texel, _))| {
+                Domain::Hemisphere.share(order, *ipix as u32) > 0.0 && texel.unseen_sr == 0.0
+            });
         let empty = inside.clone().filter(|(_, (_, quad))| quad.y() <= 0.0).count();
-        let source = plan.source_order();
+        let source = pixel_table.source_order();
         assert_eq!(empty, 0, "{:?} {width} x {height}, order {source} of {order}, {}", lens, inside.count());
     }
 }
@@ -178,8 +181,8 @@ fn no_texel_inside_the_view_stays_empty() {
 #[test]
 fn a_white_frame_of_a_large_image_does_not_overflow() {
     for (max_deg, order) in [(90.0, 0), (178.0, 2)] {
-        let plan = plan(&full_circle(Model::Equidistant, 1600, max_deg), 1600, 1600, order);
-        let (map, seen) = expose(&plan, &constant(&plan, 65_535));
+        let pixel_table = pixel_table(&full_circle(Model::Equidistant, 1600, max_deg), 1600, 1600, order);
+        let (map, seen) = expose(&pixel_table, &constant(&pixel_table, 65_535));
         let total = f64::from(map.view().total().y());
         assert!(off(total, TAU * 100.0) < 2e-3, "{total}");
         let below = -max_deg.to_radians().cos();
@@ -191,13 +194,13 @@ fn a_white_frame_of_a_large_image_does_not_overflow() {
 #[test]
 fn clipped_and_white_balance_are_told_and_applied() {
     let (width, height) = (640, 480);
-    let plan = plan(&bench_lens(), width, height, 4);
-    let mut frame = constant(&plan, 10_000);
+    let pixel_table = pixel_table(&bench_lens(), width, height, 4);
+    let mut frame = constant(&pixel_table, 10_000);
     let half = frame.len() / 2;
     frame[..half].fill(65_535);
     let mut map = dark(Domain::Hemisphere, 4);
     let balance = [2.0, 1.0, 0.5];
-    let seen = burst(&plan, &[Samples::U16(&frame)], balance, &mut map).expect("fits");
+    let seen = burst(&pixel_table, &[Samples::U16(&frame)], balance, &mut map).expect("fits");
     let weights = weights(&bench_lens(), width, height);
     let clipped: f64 = weights[..weights.len() / 2].iter().map(|w| w.0).sum();
     assert!((seen.clipped - clipped / TAU).abs() < 1e-4, "{seen:?}");
@@ -207,12 +210,12 @@ fn clipped_and_white_balance_are_told_and_applied() {
 
 #[test]
 fn frames_and_maps_that_do_not_fit_are_refused() {
-    let plan = plan(&bench_lens(), 640, 480, 3);
-    let frame = constant(&plan, 7);
+    let pixel_table = pixel_table(&bench_lens(), 640, 480, 3);
+    let frame = constant(&pixel_table, 7);
     let bytes = vec![7u8; frame.len()];
     let mut map = dark(Domain::Hemisphere, 3);
     let run = |frames: &[Samples<'_>], map: &mut _| {
-        burst(&plan, frames, [1.0; 3], map).expect_err("must be refused")
+        burst(&pixel_table, frames, [1.0; 3], map).expect_err("must be refused")
     };
     assert_eq!(run(&[], &mut map), BurstError::FrameCount { found: 0, expected: 1 });
     let short = [Samples::U16(&frame[1..])];
@@ -222,37 +225,55 @@ fn frames_and_maps_that_do_not_fit_are_refused() {
     for mut other in [dark(Domain::Hemisphere, 2), dark(Domain::Hemisphere, 4), dark(Domain::Sphere, 3)] {
         assert_eq!(run(&[Samples::U16(&frame)], &mut other), BurstError::OtherMap);
     }
-    let finer = common::plan(&bench_lens(), 640, 480, 5);
+    let finer = common::pixel_table(&bench_lens(), 640, 480, 5);
     let refused = burst(&finer, &[Samples::U16(&frame)], [1.0; 3], &mut map);
     assert_eq!(refused, Err(BurstError::OtherMap));
     let layout = Layout::tight(Format::Rgb48, 320, 240).expect("a sound size");
     let merge = common::one_exposure();
-    let refused =
-        front::burst(&[Samples::U16(&frame)], &layout, &merge.view(), &plan.view(), [1.0; 3], &mut map);
+    let refused = front::burst(
+        &[Samples::U16(&frame)],
+        &layout,
+        &merge.view(),
+        &pixel_table.view(),
+        [1.0; 3],
+        &mut map,
+    );
     assert_eq!(refused, Err(BurstError::OtherSize));
 }
 
 #[test]
 fn images_that_cannot_be_planned_are_refused() {
     let lens = bench_lens();
-    assert_eq!(plan_size(&lens, 0, 480, 5), Err(PlanError::BadSize));
-    assert_eq!(plan_size(&lens, 1 << 14, (1 << 12) + 1, 5), Err(PlanError::BadSize));
-    assert_eq!(plan_size(&lens, 640, 480, 11), Err(PlanError::BadOrder));
+    assert_eq!(
+        pixel_table_size(&lens, ImageSize { width: 0, height: 480 }, 5),
+        Err(PixelTableError::BadSize)
+    );
+    assert_eq!(
+        pixel_table_size(&lens, ImageSize { width: 1 << 14, height: (1 << 12) + 1 }, 5),
+        Err(PixelTableError::BadSize)
+    );
+    assert_eq!(
+        pixel_table_size(&lens, ImageSize { width: 640, height: 480 }, 11),
+        Err(PixelTableError::BadOrder)
+    );
     let aside = Lens::try_new(plain(Model::Equidistant, [-5000.0; 2], 100.0, 80.0)).expect("a sound lens");
-    assert_eq!(plan_size(&aside, 640, 480, 5), Err(PlanError::NothingSeen));
+    assert_eq!(
+        pixel_table_size(&aside, ImageSize { width: 640, height: 480 }, 5),
+        Err(PixelTableError::NothingSeen)
+    );
     // Pixels larger than the texels of order 0.
     let huge = full_circle(Model::Equidistant, 3, 90.0);
-    assert_eq!(plan_size(&huge, 3, 3, 0), Err(PlanError::BadOrder));
+    assert_eq!(pixel_table_size(&huge, ImageSize { width: 3, height: 3 }, 0), Err(PixelTableError::BadOrder));
 }
 
 #[test]
 fn texels_of_runs_are_those_of_their_pixels() {
     for (lens, width, height, order) in views() {
-        let plan = plan(&lens, width, height, order);
-        let view = plan.view();
+        let pixel_table = pixel_table(&lens, width, height, order);
+        let view = pixel_table.view();
         let own = view.runs.iter().zip(view.weights);
         let mut cells = own.flat_map(|(run, w)| std::iter::repeat_n((run.texel() as u32, *w), run.len()));
-        let below = Domain::Hemisphere.quads(plan.source_order()) as u32;
+        let below = Domain::Hemisphere.quads(pixel_table.source_order()) as u32;
         for (row, span) in view.spans.iter().enumerate() {
             for column in 0..width {
                 let at = DVec2::new(f64::from(column), row as f64);
@@ -261,7 +282,7 @@ fn texels_of_runs_are_those_of_their_pixels() {
                 assert_eq!(seen.is_some(), visited, "{column} {row}");
                 let Some(d) = seen else { continue };
                 let (texel, weight) = cells.next().expect("a texel for every seen pixel");
-                let expected = if d.z > 0.0 { healpix::ipix(plan.source_order(), d) } else { below };
+                let expected = if d.z > 0.0 { healpix::ipix(pixel_table.source_order(), d) } else { below };
                 assert_eq!(texel, expected, "{column} {row}");
                 let pixel_sr = lens.solid_angle(at).expect("seen");
                 let own = pixel_sr / lens.illumination(d.z.acos());

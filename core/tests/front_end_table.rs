@@ -3,13 +3,15 @@
 //! `front_end_table.txt` was written by the parts that the front end is made of, before they had one constructor. To accept a change,
 //! run with `HEMILUX_ACCEPT=1` and say in the commit why the light changed.
 
+mod common;
+
 use core::f64::consts::PI;
 use glam::DVec2;
 use hemilux_core::format::{Matrix, Pattern, Yuv};
 use hemilux_core::lens::{Intrinsics, Model};
 use hemilux_core::polar::LatLongView;
 use hemilux_core::pyramid::PyramidView;
-use hemilux_core::sampler::q2tree::{Leaf, Parameters, Past, Q2Tree, interior_len};
+use hemilux_core::sampler::q2tree::Parameters;
 use hemilux_core::{
     Calibration, Domain, Exposure, Extrapolation, Format, FrontEnd, Layout, Lens, Levels, Light, Map, Order,
     Request, Response, Sampler, Samples, Sizes,
@@ -209,17 +211,7 @@ fn row(case: &Case) -> String {
 }
 
 fn lights(view: &PyramidView<'_>, order: u8) -> Vec<Light> {
-    let bits = || vec![0; interior_len(Domain::Hemisphere, Order::saturating(order))];
-    let room = (vec![Light::default(); LIGHTS], vec![Past::default(); LIGHTS]);
-    let heap = vec![Leaf::default(); LIGHTS];
-    let mut tree = Q2Tree::try_new(
-        Parameters::CENTROID,
-        (Domain::Hemisphere, Order::saturating(order)),
-        [bits(), bits()],
-        heap,
-        room,
-    )
-    .expect("room");
+    let mut tree = common::q2tree(Parameters::CENTROID, Domain::Hemisphere, order, LIGHTS);
     let map = Map { pyramid: *view, polar: LatLongView::NONE };
     tree.update(&map, &Request::of_lights(LIGHTS)).lights.to_vec()
 }

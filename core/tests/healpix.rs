@@ -6,7 +6,7 @@ use cdshealpix::nested;
 use common::{RngExt, direction, off, seeded};
 use core::f64::consts::{FRAC_PI_2, TAU};
 use glam::DVec3;
-use hemilux_core::healpix::{self, Domain, Order};
+use hemilux_core::healpix::{self, Domain, FaceCell, Order};
 
 fn from_lon_lat((lon, lat): (f64, f64)) -> DVec3 {
     DVec3::new(lat.cos() * lon.cos(), lat.cos() * lon.sin(), lat.sin())
@@ -126,14 +126,14 @@ fn touches(order: u8, ipix: u32, d: DVec3) -> bool {
 fn split_and_join_are_inverse() {
     for order in 0..=6u8 {
         for ipix in 0..12u32 << (2 * order) {
-            let (face, x, y) = healpix::split(order, ipix);
+            let FaceCell { face, x, y } = healpix::split(order, ipix);
             assert!(face < 12 && x >> order == 0 && y >> order == 0, "{ipix}");
-            assert_eq!(healpix::join(order, face, x, y), ipix);
+            assert_eq!(healpix::join(order, FaceCell { face, x, y }), ipix);
         }
     }
     // Hand-written: x = 0b0101, y = 0b0011 interleave to 0b00_01_10_11 (y first).
-    assert_eq!(healpix::join(4, 0, 0b0101, 0b0011), 0b0001_1011);
-    assert_eq!(healpix::join(13, 11, 8191, 8191), 12 * (1 << 26) - 1);
+    assert_eq!(healpix::join(4, FaceCell { face: 0, x: 0b0101, y: 0b0011 }), 0b0001_1011);
+    assert_eq!(healpix::join(13, FaceCell { face: 11, x: 8191, y: 8191 }), 12 * (1 << 26) - 1);
 }
 
 #[test]

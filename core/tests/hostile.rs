@@ -15,7 +15,7 @@ use hemilux_core::sampler::hemigon::inversion::{Inversion, Ring, rings_len};
 use hemilux_core::sampler::hemigon::kalman::{self, Gated};
 use hemilux_core::sampler::hemigon::{Hemigon, fir};
 use hemilux_core::sampler::pharr::{self, Pharr};
-use hemilux_core::sampler::q2tree::{Leaf, Parameters, Past, Placement, Q2Tree, interior_len};
+use hemilux_core::sampler::q2tree::{Parameters, Placement};
 use hemilux_core::sampler::{Map, Request, Sampler};
 use std::collections::HashSet;
 
@@ -77,10 +77,7 @@ fn check(lights: &[Light], requested: usize, what: &str) {
 type Sampling = Box<dyn Sampler>;
 
 fn q2tree(parameters: Parameters, domain: Domain, order: Order, lights: usize) -> Sampling {
-    let bits = || vec![0; interior_len(domain, order)];
-    let room = (vec![Light::default(); lights], vec![Past::default(); lights]);
-    let heap = vec![Leaf::default(); lights];
-    Box::new(Q2Tree::try_new(parameters, (domain, order), [bits(), bits()], heap, room).expect("room enough"))
+    Box::new(common::q2tree(parameters, domain, order.get(), lights))
 }
 
 fn pharr(grid: &Grid, lights: usize) -> Sampling {

@@ -7,9 +7,10 @@ mod common;
 use common::{Pcg64Mcg, RngExt, seeded};
 use glam::{DVec2, DVec3, Vec3};
 use hemilux_core::format::{Matrix, Pattern, Yuv};
+use hemilux_core::healpix::FaceCell;
 use hemilux_core::lens::{Intrinsics, Model};
 use hemilux_core::light::cap_radius_deg;
-use hemilux_core::polar::{Grid, LatLong, PolarPlan, Share, shares_len};
+use hemilux_core::polar::{Grid, LatLong, PolarTable, Share, shares_len};
 use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
 use hemilux_core::{
     BadOrder, Calibration, Domain, Exposure, Extrapolation, Format, FrontEnd, FrontError, Layout, Lens,
@@ -81,7 +82,8 @@ fn healpix_is_total() {
         assert!(healpix::solid_angle(order) > 0.0 && domain.quads(order) >= domain.faces());
         assert!((0.0..=1.0).contains(&domain.share(order, ipix)));
         let (x, y) = (double(&mut rng), double(&mut rng));
-        black_box((place, healpix::join(order, whole(&mut rng), whole(&mut rng), whole(&mut rng))));
+        let cell = FaceCell { face: whole(&mut rng), x: whole(&mut rng), y: whole(&mut rng) };
+        black_box((place, healpix::join(order, cell)));
         black_box((healpix::ipix(order, d), healpix::point(order, ipix, x, y), healpix::centre(order, ipix)));
     }
 }
@@ -107,13 +109,13 @@ fn polar_plans_of_any_grid_and_pyramid_are_total() {
         let grid = Grid { width: size(&mut rng), height: size(&mut rng), domain: domain(&mut rng) };
         let order = Order::saturating(rng.random_range(0..3));
         let mut shares = vec![Share::default(); shares_len(&grid, order)];
-        let plan = PolarPlan::try_new(&grid, order, &mut shares[..]).expect("as many shares as are named");
+        let table = PolarTable::try_new(&grid, order, &mut shares[..]).expect("as many shares as are named");
         let mut map = LatLong::try_new(Grid { width: 4, height: 3, domain: Domain::Sphere }, [[0.0; 3]; 12])
             .expect("room");
         let finest = Order::saturating(rng.random_range(0..3));
         let domain = domain(&mut rng);
         let pyramid = Pyramid::try_new(vec![Quad::default(); pyramid_len(domain, finest)], domain, finest);
-        map.fill(&plan, &pyramid.expect("room").view());
+        map.fill(&table, &pyramid.expect("room").view());
     }
 }
 
@@ -172,7 +174,7 @@ fn layouts_are_total() {
         let layout = Layout::try_new(format, width, height, size(&mut rng));
         for layout in layout.into_iter().chain(Layout::tight(format, width, height)) {
             assert!(layout.frame_bytes() >= format.line_bytes(width), "{layout:?}");
-            assert!(layout.places().0 > 0 && layout.places().1 > 0, "{layout:?}");
+            assert!(layout.merged_size().width > 0 && layout.merged_size().height > 0, "{layout:?}");
         }
     }
 }

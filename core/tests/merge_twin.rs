@@ -298,7 +298,7 @@ fn one_to_twelve_exposures_are_merged() {
         )
     };
     let merge = |exposures: &[Exposure]| {
-        Merge::try_new(curve().expect("sound"), exposures, 1.0, (vec![0; 12 * 768], room(1 << 12)))
+        Merge::try_new(curve().expect("sound"), exposures, 1.0, vec![0; 12 * 768], room(1 << 12))
             .map(|m| m.exposures())
     };
     for n in 1..=MAX_EXPOSURES {
@@ -316,7 +316,7 @@ fn one_to_twelve_exposures_are_merged() {
     }
     // Linear 8-bit samples of equal gain need no tables, others one of 768 entries for each exposure.
     let build = |curve, exposures: &[Exposure], tables, reciprocals| {
-        Merge::try_new(curve, exposures, 1.0, (vec![0; tables], room(reciprocals))).map(|_| ())
+        Merge::try_new(curve, exposures, 1.0, vec![0; tables], room(reciprocals)).map(|_| ())
     };
     let short = |needed| Err(MergeError::TooSmall(TooSmall { needed, lent: needed - 1 }));
     let three = times(&[1.0; 3]);
@@ -338,8 +338,8 @@ fn a_scale_that_is_no_number_is_refused() {
             Levels { black: 0.0, white: 255.0 },
             vec![0; curve_len(Depth::U8)],
         );
-        let memory = (vec![0; 0], room(2));
-        let merge = Merge::try_new(curve.expect("sound"), &times(&[1.0]), bad, memory).map(|_| ());
+        let merge = Merge::try_new(curve.expect("sound"), &times(&[1.0]), bad, vec![0; 0], room(2));
+        let merge = merge.map(|_| ());
         assert_eq!(merge, Err(MergeError::BadScale), "{bad}");
     }
 }

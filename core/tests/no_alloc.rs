@@ -3,18 +3,18 @@
 
 mod common;
 
-use common::{bench_lens, dark, plan};
+use common::{VecQ2Tree, bench_lens, dark, pixel_table};
 use core::cell::Cell;
 use hemilux_core::Order;
 use hemilux_core::Samples;
 use hemilux_core::format::{self, Format};
 use hemilux_core::healpix::Domain;
-use hemilux_core::internals::fill;
+use hemilux_core::internals::extrapolation;
 use hemilux_core::internals::front;
 use hemilux_core::light::Light;
-use hemilux_core::polar::{Grid, LatLong, PolarPlan, Share, shares_len};
+use hemilux_core::polar::{Grid, LatLong, PolarTable, Share, shares_len};
 use hemilux_core::sampler::pharr::{self, Pharr};
-use hemilux_core::sampler::q2tree::{Leaf, Parameters, Past, Q2Tree, interior_len};
+use hemilux_core::sampler::q2tree::Parameters;
 use hemilux_core::sampler::{Map, Request, Sampler};
 use hemilux_core::wire::{self, LightSet};
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -46,22 +46,19 @@ static ALLOCATOR: Counting = Counting;
 const ORDER: u8 = 5;
 const LIGHTS: usize = 64;
 
-fn q2tree(parameters: Parameters) -> Q2Tree<Vec<u8>, Vec<Leaf>, Vec<Light>, Vec<Past>> {
-    let bits = || vec![0; interior_len(Domain::Hemisphere, Order::saturating(ORDER))];
-    let room = (vec![Light::default(); LIGHTS], vec![Past::default(); LIGHTS]);
-    let memory = ([bits(), bits()], vec![Leaf::default(); LIGHTS], room);
-    Q2Tree::try_new(parameters, (Domain::Hemisphere, Order::saturating(ORDER)), memory.0, memory.1, memory.2)
-        .expect("room enough")
+fn q2tree(parameters: Parameters) -> VecQ2Tree {
+    common::q2tree(parameters, Domain::Hemisphere, ORDER, LIGHTS)
 }
 
 #[test]
 fn a_hundred_frames_allocate_nothing() {
-    let plan = plan(&bench_lens(), 640, 480, ORDER);
-    let (merge, view) = (common::one_exposure(), plan.view());
+    let pixel_table = pixel_table(&bench_lens(), 640, 480, ORDER);
+    let (merge, view) = (common::one_exposure(), pixel_table.view());
     let layout = format::Layout::tight(Format::Rgb48, 640, 480).expect("a sound size");
     let mut map = dark(Domain::Hemisphere, ORDER);
     let shares = vec![Share::default(); shares_len(&Grid::POLAR, Order::saturating(ORDER))];
-    let polar_plan = PolarPlan::try_new(&Grid::POLAR, Order::saturating(ORDER), shares).expect("room enough");
+    let polar_plan =
+        PolarTable::try_new(&Grid::POLAR, Order::saturating(ORDER), shares).expect("room enough");
     let mut polar = LatLong::try_new(Grid::POLAR, vec![[0.0; 3]; Grid::POLAR.len()]).expect("room enough");
     let memory = pharr::Memory {
         conditional: vec![0.0; Grid::POLAR.len()],
@@ -82,7 +79,7 @@ fn a_hundred_frames_allocate_nothing() {
         let frames = [Samples::U16(&frame)];
         let seen = front::burst(&frames, &layout, &merge.view(), &view, [1.0; 3], &mut map);
         let seen = seen.expect("a frame that fits");
-        fill::average(&mut map, plan.texels());
+        extrapolation::average(&mut map, pixel_table.texels());
         polar.fill(&polar_plan, &map.view());
         let map = Map { pyramid: map.view(), polar: polar.view() };
         let samplers: [&mut dyn Sampler; 3] = {

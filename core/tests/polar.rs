@@ -8,7 +8,7 @@ use glam::DVec3;
 use hemilux_core::Order;
 use hemilux_core::TooSmall;
 use hemilux_core::healpix::{self, Domain};
-use hemilux_core::polar::{Grid, LatLong, PolarPlan, Share, shares_len};
+use hemilux_core::polar::{Grid, LatLong, PolarTable, Share, shares_len};
 use hemilux_core::pyramid::{Pyramid, Quad};
 
 fn grid(width: usize, height: usize, domain: Domain) -> Grid {
@@ -26,14 +26,14 @@ fn grids() -> [(Grid, u8); 6] {
     ]
 }
 
-fn polar_plan(grid: &Grid, order: u8) -> PolarPlan<Vec<Share>> {
+fn polar_plan(grid: &Grid, order: u8) -> PolarTable<Vec<Share>> {
     let shares = vec![Share::default(); shares_len(grid, Order::saturating(order))];
-    PolarPlan::try_new(grid, Order::saturating(order), shares).expect("room enough")
+    PolarTable::try_new(grid, Order::saturating(order), shares).expect("room enough")
 }
 
-fn polar(map: &Pyramid<Vec<Quad>>, grid: Grid, plan: &PolarPlan<Vec<Share>>) -> LatLong<Vec<[f32; 3]>> {
+fn polar(map: &Pyramid<Vec<Quad>>, grid: Grid, table: &PolarTable<Vec<Share>>) -> LatLong<Vec<[f32; 3]>> {
     let mut polar = LatLong::try_new(grid, vec![[0.0; 3]; grid.len()]).expect("room enough");
-    polar.fill(plan, &map.view());
+    polar.fill(table, &map.view());
     polar
 }
 
@@ -78,7 +78,7 @@ fn a_constant_sky_has_the_same_radiance_everywhere() {
 fn a_lamp_lands_in_the_texel_that_holds_it() {
     let order = 5;
     for grid in [Grid::POLAR, grid(64, 32, Domain::Sphere), grid(37, 19, Domain::Sphere)] {
-        let plan = polar_plan(&grid, order);
+        let table = polar_plan(&grid, order);
         let mut rng = seeded(12);
         for _ in 0..20 {
             let lamp = loop {
@@ -88,7 +88,7 @@ fn a_lamp_lands_in_the_texel_that_holds_it() {
                 }
             };
             let map = lit(grid.domain, order, |i| grey(if i == lamp { 1.0 } else { 0.0 }));
-            let polar = polar(&map, grid, &plan);
+            let polar = polar(&map, grid, &table);
             let mut mean = DVec3::ZERO;
             for (i, texel) in polar.view().texels.iter().enumerate() {
                 // Row i at theta (i + 1/2) span / H, column j at phi = pi - (j + 1/2) 2 pi / W.
@@ -144,9 +144,9 @@ fn every_texel_of_a_grid_is_found_at_its_centre() {
 fn buffers_one_short_are_refused_and_an_empty_grid_is_harmless() {
     let small = grid(8, 4, Domain::Hemisphere);
     let needed = shares_len(&small, Order::saturating(2));
-    assert!(PolarPlan::try_new(&small, Order::saturating(2), vec![Share::default(); needed]).is_ok());
+    assert!(PolarTable::try_new(&small, Order::saturating(2), vec![Share::default(); needed]).is_ok());
     let short =
-        PolarPlan::try_new(&small, Order::saturating(2), vec![Share::default(); needed - 1]).map(|_| ());
+        PolarTable::try_new(&small, Order::saturating(2), vec![Share::default(); needed - 1]).map(|_| ());
     assert_eq!(short, Err(TooSmall { needed, lent: needed - 1 }));
     let short = LatLong::try_new(small, vec![[0.0; 3]; 31]).map(|_| ());
     assert_eq!(short, Err(TooSmall { needed: 32, lent: 31 }));

@@ -2,15 +2,15 @@
 
 mod common;
 
-use common::{RngExt, above, dark, expose, full_circle, grey, lit, off, plain, plan, seeded};
+use common::{RngExt, above, dark, expose, full_circle, grey, lit, off, pixel_table, plain, seeded};
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
 use glam::{DVec2, DVec3, Vec3};
 use hemilux_core::Order;
 use hemilux_core::TooSmall;
 use hemilux_core::format::Format;
 use hemilux_core::healpix::{self, Domain};
-use hemilux_core::internals::fill;
-use hemilux_core::internals::plan::Texel;
+use hemilux_core::internals::extrapolation;
+use hemilux_core::internals::pixel_table::Texel;
 use hemilux_core::internals::pyramid::Lanes;
 use hemilux_core::lens::{Lens, Model};
 use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
@@ -138,9 +138,9 @@ fn narrow() -> Lens {
 
 #[test]
 fn a_constant_sky_fills_what_is_not_seen_with_its_radiance() {
-    let plan = plan(&narrow(), 640, 480, 5);
-    let (mut map, _) = expose(&plan, &[20_000; 3 * 640 * 480]);
-    let radiance = fill::average(&mut map, plan.texels());
+    let pixel_table = pixel_table(&narrow(), 640, 480, 5);
+    let (mut map, _) = expose(&pixel_table, &[20_000; 3 * 640 * 480]);
+    let radiance = extrapolation::average(&mut map, pixel_table.texels());
     let expected = common::radiance_of(20_000);
     println!("average off by {:.1e}", off(f64::from(radiance[1]), expected));
     assert!(off(f64::from(radiance[1]), expected) < 5e-3, "{radiance:?} {expected}");
@@ -150,9 +150,9 @@ fn a_constant_sky_fills_what_is_not_seen_with_its_radiance() {
 
 #[test]
 fn one_lamp_does_not_brighten_the_rim() {
-    let plan = plan(&narrow(), 640, 480, 5);
+    let pixel_table = pixel_table(&narrow(), 640, 480, 5);
     let mut frame = vec![20u16; 3 * 640 * 480];
-    let (mut dim, _) = expose(&plan, &frame);
+    let (mut dim, _) = expose(&pixel_table, &frame);
     // A disc of 5 degrees, three thousand times as bright as the rest: 70 % of the plain mean.
     for (i, rgb) in frame.as_chunks_mut::<3>().0.iter_mut().enumerate() {
         let at = DVec2::new((i % 640) as f64, (i / 640) as f64);
@@ -160,8 +160,8 @@ fn one_lamp_does_not_brighten_the_rim() {
             *rgb = [60_000; 3];
         }
     }
-    let (mut lamp, _) = expose(&plan, &frame);
-    let rim = |map: &mut Pyramid<_>| f64::from(fill::average(map, plan.texels())[0]);
+    let (mut lamp, _) = expose(&pixel_table, &frame);
+    let rim = |map: &mut Pyramid<_>| f64::from(extrapolation::average(map, pixel_table.texels())[0]);
     let (without, with) = (rim(&mut dim), rim(&mut lamp));
     assert!(off(with, without) < 0.01, "{with} {without}");
 }
@@ -169,25 +169,25 @@ fn one_lamp_does_not_brighten_the_rim() {
 #[test]
 fn nothing_is_filled_where_all_is_seen_or_the_map_is_coarse() {
     let lens = full_circle(Model::Equidistant, 301, 90.0);
-    let plan = plan(&lens, 301, 301, 5);
-    let (mut map, _) = expose(&plan, &vec![20_000; 3 * 301 * 301]);
+    let pixel_table = pixel_table(&lens, 301, 301, 5);
+    let (mut map, _) = expose(&pixel_table, &vec![20_000; 3 * 301 * 301]);
     let before = map.view().total();
-    fill::average(&mut map, plan.texels());
+    extrapolation::average(&mut map, pixel_table.texels());
     assert_eq!(map.view().total(), before);
-    let coarse = common::plan(&narrow(), 640, 480, 2);
+    let coarse = common::pixel_table(&narrow(), 640, 480, 2);
     let (mut map, _) = expose(&coarse, &[20_000; 3 * 640 * 480]);
     let before = map.view().total();
-    assert_eq!(fill::average(&mut map, coarse.texels()), [0.0; 3]);
+    assert_eq!(extrapolation::average(&mut map, coarse.texels()), [0.0; 3]);
     assert_eq!(map.view().total(), before);
-    assert_eq!(fill::average(&mut lit(Domain::Sphere, 4, |_| grey(1.0)), &[]), [0.0; 3]);
+    assert_eq!(extrapolation::average(&mut lit(Domain::Sphere, 4, |_| grey(1.0)), &[]), [0.0; 3]);
 }
 
 #[test]
 fn light_of_the_filled_rim_comes_from_the_rim() {
-    let plan = plan(&narrow(), 640, 480, 5);
-    let (mut map, _) = expose(&plan, &[20_000; 3 * 640 * 480]);
+    let pixel_table = pixel_table(&narrow(), 640, 480, 5);
+    let (mut map, _) = expose(&pixel_table, &[20_000; 3 * 640 * 480]);
     let before = map.view().total().first_moment();
-    fill::average(&mut map, plan.texels());
+    extrapolation::average(&mut map, pixel_table.texels());
     let rim = (map.view().total().first_moment() - before).as_dvec3();
     // A constant sky has its mean direction at the zenith, half a unit long: pi L.
     let whole = map.view().total().first_moment().as_dvec3() / (PI * common::radiance_of(20_000));

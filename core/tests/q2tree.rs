@@ -2,28 +2,18 @@
 
 mod common;
 
-use common::{RngExt, dark, grey, lit, off, seeded};
+use common::{RngExt, VecQ2Tree, dark, grey, lit, off, q2tree as tree, seeded};
 use hemilux_core::Order;
-use hemilux_core::TooSmall;
 use hemilux_core::healpix::{self, Domain};
 use hemilux_core::light::Light;
 use hemilux_core::polar::LatLongView;
 use hemilux_core::pyramid::{Pyramid, Quad};
 use hemilux_core::sampler::q2tree::{Leaf, Parameters, Past, Placement, Q2Tree, interior_len};
 use hemilux_core::sampler::{Map, Request, Sampler};
+use hemilux_core::{MapShape, TooSmall};
 use std::collections::{HashMap, HashSet};
 
-type VecTree = Q2Tree<Vec<u8>, Vec<Leaf>, Vec<Light>, Vec<Past>>;
-
-fn tree(parameters: Parameters, domain: Domain, order: u8, lights: usize) -> VecTree {
-    let bits = || vec![0xff; interior_len(domain, Order::saturating(order))];
-    let room = (vec![Light::default(); lights], vec![Past::default(); lights]);
-    let heap = vec![Leaf::default(); lights];
-    Q2Tree::try_new(parameters, (domain, Order::saturating(order)), [bits(), bits()], heap, room)
-        .expect("room enough")
-}
-
-fn update(tree: &mut VecTree, map: &Pyramid<Vec<Quad>>, lights: usize) -> Vec<Light> {
+fn update(tree: &mut VecQ2Tree, map: &Pyramid<Vec<Quad>>, lights: usize) -> Vec<Light> {
     let map = Map { pyramid: map.view(), polar: LatLongView::NONE };
     tree.update(&map, &Request::of_lights(lights)).lights.to_vec()
 }
@@ -242,10 +232,11 @@ fn bits_one_byte_short_are_refused() {
         let heap = vec![Leaf::default(); 20];
         Q2Tree::try_new(
             Parameters::CENTROID,
-            (Domain::Sphere, Order::saturating(3)),
+            MapShape { domain: Domain::Sphere, order: Order::saturating(3) },
             bits,
             heap,
-            (vec![Light::default(); 20], vec![Past::default(); 20]),
+            vec![Light::default(); 20],
+            vec![Past::default(); 20],
         )
         .map(|_| ())
     };

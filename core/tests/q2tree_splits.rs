@@ -2,28 +2,21 @@
 
 mod common;
 
-use common::{RngExt, lit, seeded};
-use hemilux_core::Order;
+use common::{RngExt, VecQ2Tree, lit, seeded};
 use hemilux_core::healpix::{self, Domain};
 use hemilux_core::light::Light;
 use hemilux_core::polar::LatLongView;
 use hemilux_core::pyramid::{Pyramid, Quad};
-use hemilux_core::sampler::q2tree::{Leaf, Parameters, Past, Q2Tree, interior_len};
+use hemilux_core::sampler::q2tree::Parameters;
 use hemilux_core::sampler::{Map, Request, Sampler};
 use std::collections::BTreeSet;
 
 /// A quad by order and index.
 type Place = (u8, u32);
-type VecTree = Q2Tree<Vec<u8>, Vec<Leaf>, Vec<Light>, Vec<Past>>;
-
 const ORDER: u8 = 4;
 
-fn tree(parameters: Parameters, domain: Domain, lights: usize) -> VecTree {
-    let bits = || vec![0; interior_len(domain, Order::saturating(ORDER))];
-    let room = (vec![Light::default(); lights], vec![Past::default(); lights]);
-    let heap = vec![Leaf::default(); lights];
-    Q2Tree::try_new(parameters, (domain, Order::saturating(ORDER)), [bits(), bits()], heap, room)
-        .expect("room enough")
+fn tree(parameters: Parameters, domain: Domain, lights: usize) -> VecQ2Tree {
+    common::q2tree(parameters, domain, ORDER, lights)
 }
 
 fn random(domain: Domain, seed: u64) -> Pyramid<Vec<Quad>> {
@@ -42,7 +35,7 @@ fn interior(lights: &[Light]) -> BTreeSet<Place> {
     all
 }
 
-fn update(tree: &mut VecTree, map: &Pyramid<Vec<Quad>>, lights: usize) -> BTreeSet<Place> {
+fn update(tree: &mut VecQ2Tree, map: &Pyramid<Vec<Quad>>, lights: usize) -> BTreeSet<Place> {
     let map = Map { pyramid: map.view(), polar: LatLongView::NONE };
     interior(tree.update(&map, &Request::of_lights(lights)).lights)
 }

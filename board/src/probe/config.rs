@@ -71,7 +71,7 @@ impl From<PipelineError> for Refusal {
     fn from(error: PipelineError) -> Self {
         match error {
             PipelineError::Sampler(error) => error.into(),
-            PipelineError::Plan(_) => Self { setting: "order", why: error.to_string() },
+            PipelineError::PixelTable(_) => Self { setting: "order", why: error.to_string() },
             PipelineError::Merge(_) | PipelineError::Exposures(_) => {
                 Self { setting: "exposures_s", why: error.to_string() }
             }

@@ -1,6 +1,6 @@
 //! Sums of light over runs, added to their texels.
 
-use crate::plan::{CHUNK, Run};
+use crate::pixel_table::{CHUNK, Run};
 use crate::pyramid::Quad;
 
 /// A chunk's whole counts: up to four samples a place, and what [`sum_up`] reads behind the last.
@@ -16,34 +16,34 @@ pub(super) struct Products {
 }
 
 /// What a chunk's light is summed up from.
-pub(super) enum Room<'s> {
+pub(super) enum MergedChunk<'s> {
     Counts(&'s mut Counts),
     Products(&'s mut Products),
 }
 
-impl Room<'_> {
+impl MergedChunk<'_> {
     /// Calls `f` with one of the two.
-    pub(super) fn with<R>(has_products: bool, f: impl FnOnce(Room<'_>) -> R) -> R {
+    pub(super) fn with<R>(has_products: bool, f: impl FnOnce(MergedChunk<'_>) -> R) -> R {
         if has_products { products(f) } else { counts(f) }
     }
 }
 
 // A stack frame of its own for each.
 #[inline(never)]
-fn products<R>(f: impl FnOnce(Room<'_>) -> R) -> R {
-    f(Room::Products(&mut Products { sums: [0; _], reciprocals: [0; _] }))
+fn products<R>(f: impl FnOnce(MergedChunk<'_>) -> R) -> R {
+    f(MergedChunk::Products(&mut Products { sums: [0; _], reciprocals: [0; _] }))
 }
 
 #[inline(never)]
-fn counts<R>(f: impl FnOnce(Room<'_>) -> R) -> R {
-    f(Room::Counts(&mut [0; _]))
+fn counts<R>(f: impl FnOnce(MergedChunk<'_>) -> R) -> R {
+    f(MergedChunk::Counts(&mut [0; _]))
 }
 
 /// Sums of all places of a chunk up to each, modulo 2^32: their differences are exact.
-pub(super) struct Sums(pub(super) [[i32; 4]; CHUNK]);
+pub(super) struct PrefixSums(pub(super) [[i32; 4]; CHUNK]);
 
 /// Light of each run of a chunk.
-pub(super) type Light = [[f32; 4]; CHUNK];
+pub(super) type RunLight = [[f32; 4]; CHUNK];
 
 /// Runs and their weights, taken as chunks come.
 pub(super) struct Runs<'a> {
@@ -54,18 +54,18 @@ pub(super) struct Runs<'a> {
 /// Sums up the first `len` places of `samples` each.
 // A name to look for its vector instructions under.
 #[inline(never)]
-fn sum_up(light: &Room<'_>, samples: usize, len: usize, sums: &mut Sums) {
+pub(super) fn sum_up(light: &MergedChunk<'_>, samples: usize, len: usize, sums: &mut PrefixSums) {
     let sums = sums.0.get_mut(..len).unwrap_or_default();
     match light {
-        Room::Counts(counts) => match samples {
+        MergedChunk::Counts(counts) => match samples {
             1 => add_up(sums.iter_mut().zip(single(&**counts, len)), |own| own),
             3 => add_up(sums.iter_mut().zip(triple(&**counts, len)), |own| own),
             _ => add_up(sums.iter_mut().zip(four(&**counts, len)), |own| own),
         },
-        Room::Products(Products { sums: a, reciprocals: b }) => match samples {
-            1 => add_up(sums.iter_mut().zip(single(a, len).zip(single(b, len))), product),
-            3 => add_up(sums.iter_mut().zip(triple(a, len).zip(triple(b, len))), product),
-            _ => add_up(sums.iter_mut().zip(four(a, len).zip(four(b, len))), product),
+        MergedChunk::Products(Products { sums: a, reciprocals: b }) => match samples {
+            1 => add_up(sums.iter_mut().zip(single(a, len).zip(single(b, len))), |(a, b)| product(a, b)),
+            3 => add_up(sums.iter_mut().zip(triple(a, len).zip(triple(b, len))), |(a, b)| product(a, b)),
+            _ => add_up(sums.iter_mut().zip(four(a, len).zip(four(b, len))), |(a, b)| product(a, b)),
         },
     }
 }
@@ -92,7 +92,7 @@ fn four<T: Copy>(samples: &[T], len: usize) -> impl Iterator<Item = [T; 4]> {
 }
 
 #[inline(always)]
-fn product((sums, reciprocals): ([i16; 4], [i16; 4])) -> [i32; 4] {
+fn product(sums: [i16; 4], reciprocals: [i16; 4]) -> [i32; 4] {
     core::array::from_fn(|i| i32::from(sums[i]) * i32::from(reciprocals[i]))
 }
 
@@ -109,7 +109,7 @@ fn add_up<'a, P>(places: impl Iterator<Item = (&'a mut [i32; 4], P)>, four: impl
 /// Gives the light of the runs of the first `len` places and says how many runs those are. 32-bit ARM has vectors for whole numbers alone:
 /// there this loop is one of vectors as long as [`add`] is another.
 #[inline(never)]
-fn cut(runs: &[Run], len: usize, sums: &Sums, light: &mut Light) -> usize {
+fn cut(runs: &[Run], len: usize, sums: &PrefixSums, light: &mut RunLight) -> usize {
     let sums = sums.0.get(..len).unwrap_or_default();
     let mut before = [0i32; 4];
     let mut last = usize::MAX;
@@ -147,7 +147,8 @@ fn add<const LANES: usize>(
 /// [`cut`] and [`add`] in one loop, where floats have vectors too.
 #[inline(never)]
 fn cut_and_add(
-    (runs, weights): (&[Run], &[u16]),
+    runs: &[Run],
+    weights: &[u16],
     sums: &[[i32; 4]],
     quads: &mut [Quad],
     below: &mut [f32; 4],
@@ -176,12 +177,12 @@ impl Runs<'_> {
     pub(super) fn add_merged(
         &mut self,
         len: usize,
-        (merged, samples): (&Room<'_>, usize),
-        (sums, light): (&mut Sums, &mut Light),
+        samples: usize,
+        sums: &PrefixSums,
+        light: &mut RunLight,
         quads: &mut [Quad],
         below: &mut [f32; 4],
     ) {
-        sum_up(merged, samples, len, sums);
         let taken = if cfg!(target_arch = "arm") {
             let taken = cut(self.runs, len, sums, light);
             let light = light.get(..taken).unwrap_or_default();
@@ -193,7 +194,7 @@ impl Runs<'_> {
             }
             taken
         } else {
-            cut_and_add((self.runs, self.weights), sums.0.get(..len).unwrap_or_default(), quads, below)
+            cut_and_add(self.runs, self.weights, sums.0.get(..len).unwrap_or_default(), quads, below)
         };
         self.skip(taken);
     }
@@ -215,7 +216,8 @@ impl Runs<'_> {
     pub(super) fn add_radiance(
         &mut self,
         len: usize,
-        (radiance, samples): (&Radiance, usize),
+        samples: usize,
+        radiance: &Radiance,
         quads: &mut [Quad],
         below: &mut [f32; 4],
     ) {
@@ -251,7 +253,7 @@ mod tests {
         let runs = core::array::from_fn::<_, 8, _>(|i| Run::new((3 * i % (TEXELS + 1)) as u32, lens[i]));
         let weights = [9, 700, 65_535, 1, 0, 31, 4_000, 12];
         // Sums go beyond 32 bits; their differences do not.
-        let mut sums = Sums([[0; 4]; CHUNK]);
+        let mut sums = PrefixSums([[0; 4]; CHUNK]);
         let mut sum = [i32::MAX - 100, i32::MIN, -5, 0];
         for (i, to) in sums.0.iter_mut().enumerate() {
             sum = core::array::from_fn(|lane| sum[lane].wrapping_add((37 * i + 11 * lane) as i32 % 1009));
@@ -260,10 +262,10 @@ mod tests {
         // A chunk ends with a run.
         for (len, count) in [(1, 1), (4, 2), (13, 4), (32, 8)] {
             let (mut quads, mut below) = ([[Quad::default(); TEXELS]; 2], [[0.0; 4]; 2]);
-            let mut light: Light = [[0.0; 4]; CHUNK];
+            let mut light: RunLight = [[0.0; 4]; CHUNK];
             let taken = cut(&runs, len, &sums, &mut light);
             add::<4>(&runs, &weights, &light[..taken], &mut quads[0], &mut below[0]);
-            let at_once = cut_and_add((&runs, &weights), &sums.0[..len], &mut quads[1], &mut below[1]);
+            let at_once = cut_and_add(&runs, &weights, &sums.0[..len], &mut quads[1], &mut below[1]);
             assert_eq!((taken, at_once), (count, count), "{len} places");
             assert_eq!((quads[0], below[0]), (quads[1], below[1]), "{len} places");
             assert!(quads[0].iter().any(|q| q.energy[1] != 0.0), "light");

@@ -7,14 +7,14 @@ mod gather;
 pub(crate) mod rows;
 mod yuv;
 
-use crate::arena::Buffer;
+use crate::buffer::Buffer;
 use crate::color::{MAX_ENERGY, luminance};
 use crate::format::{Format, Layout};
 use crate::healpix::Domain;
 use crate::merge::{Channels, Codes, MAX_EXPOSURES, MergeView, Samples};
-use crate::plan::{CHUNK, PlanView};
+use crate::pixel_table::{CHUNK, PixelTableView};
 use crate::pyramid::{Lanes, Pyramid, Quad};
-use gather::{Light, Products, Radiance, Room, Runs};
+use gather::{MergedChunk, PrefixSums, Products, Radiance, RunLight, Runs};
 use rows::{Part, Scratch};
 
 /// What a burst held besides its lights.
@@ -29,7 +29,7 @@ pub struct Coverage {
     pub below: f64,
 }
 
-/// Frames or a map that do not fit the plan or the merge.
+/// Frames or a map that do not fit the pixel table or the merge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum BurstError {
@@ -54,9 +54,9 @@ pub enum BurstError {
         /// Which one.
         index: usize,
     },
-    /// A layout of another size than the plan's.
+    /// A layout of another size than the pixel table's.
     OtherSize,
-    /// A map that is not a hemisphere of the plan's order.
+    /// A map that is not a hemisphere of the pixel table's order.
     OtherMap,
 }
 
@@ -70,8 +70,8 @@ impl core::fmt::Display for BurstError {
             Self::FrameDepth { index } => {
                 write!(f, "frame {index} of another sample depth than the response")
             }
-            Self::OtherSize => write!(f, "a frame layout of another size than the plan's"),
-            Self::OtherMap => write!(f, "a map that is not a hemisphere of the plan's order"),
+            Self::OtherSize => write!(f, "a frame layout of another size than the pixel table's"),
+            Self::OtherMap => write!(f, "a map that is not a hemisphere of the pixel table's order"),
         }
     }
 }
@@ -88,12 +88,12 @@ pub fn burst<Q: Buffer<Quad>>(
     frames: &[Samples<'_>],
     layout: &Layout,
     merge: &MergeView<'_>,
-    plan: &PlanView<'_>,
+    pixel_table: &PixelTableView<'_>,
     white_balance: [f32; 3],
     map: &mut Pyramid<Q>,
 ) -> Result<Coverage, BurstError> {
-    let excluded = accumulate(frames, layout, merge, plan, map)?;
-    Ok(finish(&excluded, layout, merge, plan, white_balance, map))
+    let excluded = accumulate(frames, layout, merge, pixel_table, map)?;
+    Ok(finish(&excluded, layout, merge, pixel_table, white_balance, map))
 }
 
 /// The first half of [`burst`]: adds every visited place to its texel. The map is whole again after [`finish`].
@@ -104,17 +104,17 @@ pub(crate) fn accumulate<Q: Buffer<Quad>>(
     frames: &[Samples<'_>],
     layout: &Layout,
     merge: &MergeView<'_>,
-    plan: &PlanView<'_>,
+    pixel_table: &PixelTableView<'_>,
     map: &mut Pyramid<Q>,
 ) -> Result<Excluded, BurstError> {
     check_frames(frames, layout, merge)?;
-    if layout.places() != (plan.width, plan.height) {
+    if layout.merged_size() != pixel_table.image {
         return Err(BurstError::OtherSize);
     }
-    if map.view().domain() != Domain::Hemisphere || map.view().order().get() != plan.order {
+    if map.view().domain() != Domain::Hemisphere || map.view().order().get() != pixel_table.order {
         return Err(BurstError::OtherMap);
     }
-    Ok(add_up(frames, layout, merge, plan, map.accumulators(plan.source_order)))
+    Ok(add_up(frames, layout, merge, pixel_table, map.accumulators(pixel_table.source_order)))
 }
 
 // The name is that of a frame's first half in counts and profiles.
@@ -123,22 +123,22 @@ fn add_up(
     frames: &[Samples<'_>],
     layout: &Layout,
     merge: &MergeView<'_>,
-    plan: &PlanView<'_>,
+    pixel_table: &PixelTableView<'_>,
     quads: &mut [Quad],
 ) -> Excluded {
     Scratch::with(layout.format(), merge.wants_planes(), |scratch| {
-        Room::with(merge.has_products(), |room| {
-            walk(Chunks::new(frames, layout, merge, (scratch, room)), plan, quads)
+        MergedChunk::with(merge.has_products(), |merged| {
+            walk(Chunks::new(frames, layout, merge, scratch, merged), pixel_table, quads)
         })
     })
 }
 
 /// Span after span, chunk after chunk.
 #[inline(never)]
-fn walk(mut chunks: Chunks<'_, '_, '_>, plan: &PlanView<'_>, quads: &mut [Quad]) -> Excluded {
+fn walk(mut chunks: Chunks<'_, '_, '_>, pixel_table: &PixelTableView<'_>, quads: &mut [Quad]) -> Excluded {
     let mut excluded = Excluded::default();
-    let mut runs = Runs { runs: plan.runs, weights: plan.weights };
-    for (row, span) in plan.spans.iter().enumerate() {
+    let mut runs = Runs { runs: pixel_table.runs, weights: pixel_table.weights };
+    for (row, span) in pixel_table.spans.iter().enumerate() {
         let mut left = span.len as usize;
         let mut first = span.first as usize;
         while left > 0 {
@@ -155,21 +155,22 @@ pub(crate) fn finish<Q: Buffer<Quad>>(
     excluded: &Excluded,
     layout: &Layout,
     merge: &MergeView<'_>,
-    plan: &PlanView<'_>,
+    pixel_table: &PixelTableView<'_>,
     white_balance: [f32; 3],
     map: &mut Pyramid<Q>,
 ) -> Coverage {
-    let unit = merge.unit() * plan.weight_unit;
+    let unit = merge.unit() * pixel_table.weight_unit;
     // However bright the unit of light, no sum leaves what samplers may read.
-    let most = f64::from(MAX_ENERGY) / (merge.most() * plan.weight_sum as f64);
+    let most = f64::from(MAX_ENERGY) / (merge.most() * pixel_table.weight_sum as f64);
     let scale = white_balance.map(|w| (f64::from(w) * unit).min(most) as f32);
     let lanes = Lanes::of(layout.format(), scale);
-    map.finish(plan.source_order, plan.texels, &lanes);
+    map.finish(pixel_table.source_order, pixel_table.texels, &lanes);
     let below = luminance(lanes.rgb(excluded.below.map(|v| v.max(0.0))));
     let above = if below > 0.0 { map.view().total().y() } else { 0.0 };
     Coverage {
-        clipped: (excluded.clipped as f64 * plan.weight_unit / Domain::Hemisphere.solid_angle()).min(1.0),
-        unseen: plan.unseen,
+        clipped: (excluded.clipped as f64 * pixel_table.weight_unit / Domain::Hemisphere.solid_angle())
+            .min(1.0),
+        unseen: pixel_table.unseen,
         below: if above > 0.0 { f64::from(below / above) } else { 0.0 },
     }
 }
@@ -190,9 +191,9 @@ struct Chunks<'a, 'f, 's> {
     merge: &'a MergeView<'a>,
     channels: Channels,
     scratch: Scratch<'s>,
-    room: Room<'s>,
-    sums: gather::Sums,
-    light: Light,
+    merged: MergedChunk<'s>,
+    sums: PrefixSums,
+    light: RunLight,
 }
 
 /// The channels of `format`, as its lanes know them.
@@ -210,10 +211,11 @@ impl<'a, 'f, 's> Chunks<'a, 'f, 's> {
         frames: &'a [Samples<'f>],
         layout: &'a Layout,
         merge: &'a MergeView<'a>,
-        (scratch, room): (Scratch<'s>, Room<'s>),
+        scratch: Scratch<'s>,
+        merged: MergedChunk<'s>,
     ) -> Self {
-        let (sums, light) = (gather::Sums([[0; 4]; _]), [[0.0; 4]; _]);
-        Self { frames, layout, merge, channels: channels(layout.format()), scratch, room, sums, light }
+        let (sums, light) = (PrefixSums([[0; 4]; _]), [[0.0; 4]; _]);
+        Self { frames, layout, merge, channels: channels(layout.format()), scratch, merged, sums, light }
     }
 
     fn add(&mut self, part: Part, runs: &mut Runs<'_>, quads: &mut [Quad], excluded: &mut Excluded) {
@@ -221,23 +223,23 @@ impl<'a, 'f, 's> Chunks<'a, 'f, 's> {
         let mut codes = [Codes::NONE; MAX_EXPOSURES];
         let codes = self.scratch.codes(self.frames, self.layout, part, self.merge.wants_planes(), &mut codes);
         let all = ..samples * part.len;
-        let merged = match &mut self.room {
-            Room::Products(Products { sums, reciprocals }) => {
+        let is_merged = match &mut self.merged {
+            MergedChunk::Products(Products { sums, reciprocals }) => {
                 match (sums.get_mut(all), reciprocals.get_mut(all)) {
                     (Some(a), Some(b)) => self.merge.products(codes, a, b),
                     _ => return,
                 }
             }
-            Room::Counts(counts) => match counts.get_mut(all) {
+            MergedChunk::Counts(counts) => match counts.get_mut(all) {
                 Some(counts) => self.merge.counts(codes, self.channels, counts),
                 None => return,
             },
         };
-        if merged {
-            let room = (&mut self.sums, &mut self.light);
-            runs.add_merged(part.len, (&self.room, samples), room, quads, &mut excluded.below);
+        if is_merged {
+            gather::sum_up(&self.merged, samples, part.len, &mut self.sums);
+            runs.add_merged(part.len, samples, &self.sums, &mut self.light, quads, &mut excluded.below);
         } else {
-            unusual(codes, self.merge, (self.channels, part.len), runs, quads, excluded);
+            unusual(codes, self.merge, self.channels, part.len, runs, quads, excluded);
         }
     }
 }
@@ -247,19 +249,20 @@ impl<'a, 'f, 's> Chunks<'a, 'f, 's> {
 fn unusual(
     codes: &[Codes<'_>],
     merge: &MergeView<'_>,
-    (channels, len): (Channels, usize),
+    channels: Channels,
+    len: usize,
     runs: &mut Runs<'_>,
     quads: &mut [Quad],
     excluded: &mut Excluded,
 ) {
     let samples = channels.many();
-    let mut room: Radiance = [0.0; _];
-    let Some(radiance) = room.get_mut(..samples * len) else { return };
+    let mut values: Radiance = [0.0; _];
+    let Some(radiance) = values.get_mut(..samples * len) else { return };
     if merge.samples(codes, channels, radiance) {
         let is_clipped = |j| (samples * j..samples * (j + 1)).any(|at| merge.is_clipped(codes, at));
         excluded.clipped += runs.weight(len, quads.len(), is_clipped);
     }
-    runs.add_radiance(len, (&room, samples), quads, &mut excluded.below);
+    runs.add_radiance(len, samples, &values, quads, &mut excluded.below);
 }
 
 fn check_frames(frames: &[Samples<'_>], layout: &Layout, merge: &MergeView<'_>) -> Result<(), BurstError> {

@@ -3,7 +3,7 @@
 use super::yuv::{self, Pairs};
 use crate::format::{Format, Layout, raw10, raw12};
 use crate::merge::{Codes, MAX_EXPOSURES, Samples};
-use crate::plan::CHUNK;
+use crate::pixel_table::CHUNK;
 
 /// Samples of a chunk of whole pairs of cells.
 const WORDS: usize = 4 * (CHUNK + 2);

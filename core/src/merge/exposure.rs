@@ -1,6 +1,6 @@
 //! The exposures of a burst, and which of them merge.
 
-use crate::arena::TooSmall;
+use crate::buffer::TooSmall;
 
 /// Most exposures of a burst.
 pub const MAX_EXPOSURES: usize = 12;

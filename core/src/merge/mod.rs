@@ -13,7 +13,7 @@ mod exposure;
 mod linear;
 mod table;
 
-use crate::arena::{self, Buffer};
+use crate::buffer::{self, Buffer};
 use crate::response::{CURVE_BITS, Curve, Depth};
 use bytemuck::{Pod, Zeroable};
 pub use codes::{Channels, Codes, Samples};
@@ -108,14 +108,15 @@ impl<C: Buffer<i32>, P: Buffer<u32>, R: Buffer<Reciprocal>> Merge<C, P, R> {
         curve: Curve<C>,
         exposures: &[Exposure],
         scale: f64,
-        (mut tables, mut reciprocals): (P, R),
+        mut tables: P,
+        mut reciprocals: R,
     ) -> Result<Self, MergeError> {
         let size = merge_size(&curve, exposures)?;
         if !(scale > 0.0 && scale.is_finite()) {
             return Err(MergeError::BadScale);
         }
-        arena::check(&tables, size.tables).map_err(MergeError::TooSmall)?;
-        arena::check(&reciprocals, size.reciprocals).map_err(MergeError::TooSmall)?;
+        buffer::check(&tables, size.tables).map_err(MergeError::TooSmall)?;
+        buffer::check(&reciprocals, size.reciprocals).map_err(MergeError::TooSmall)?;
         let least = |f: fn(&Exposure) -> f64| exposures.iter().map(f).fold(f64::INFINITY, f64::min);
         let (shortest, least_gain) = (least(|e| e.seconds), least(|e| e.gain));
         let way = match linear(&curve, exposures) {

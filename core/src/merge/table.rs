@@ -8,7 +8,7 @@
 
 use super::linear::extreme;
 use super::{COUNT_BITS, Channels, Codes, Exposure, Reciprocal};
-use crate::arena::Buffer;
+use crate::buffer::Buffer;
 use crate::response::{CURVE_BITS, Curve};
 
 /// Entries for one exposure: 256 codes of three channels.
@@ -80,7 +80,7 @@ pub(super) fn fill<C: Buffer<i32>>(tables: &mut [u32], curve: &Curve<C>, exposur
             }
         }
     }
-    let whole = is_whole.then(|| Whole::of(curve, exposures, (shortest, one)));
+    let whole = is_whole.then(|| Whole::of(curve, exposures, shortest, one));
     Scale { marks, one, raised: -least, whole }
 }
 
@@ -88,7 +88,7 @@ pub(super) fn fill<C: Buffer<i32>>(tables: &mut [u32], curve: &Curve<C>, exposur
 const DARK: u32 = 1 << MAX_UNROLLED;
 
 impl Whole {
-    fn of<C: Buffer<i32>>(curve: &Curve<C>, exposures: &[Exposure], (shortest, one): (f64, f64)) -> Self {
+    fn of<C: Buffer<i32>>(curve: &Curve<C>, exposures: &[Exposure], shortest: f64, one: f64) -> Self {
         let many = exposures.len();
         // Full scale of the shortest exposure alone is 2^COUNT_BITS.
         let full = f64::from(1u32 << COUNT_BITS);

@@ -5,7 +5,7 @@
 //! filter: what changes anywhere moves every light that comes later in the order of the distribution.
 
 use super::{Map, Request, Sampler, SamplerKind, halton};
-use crate::arena::{self, Buffer, TooSmall};
+use crate::buffer::{self, Buffer, TooSmall};
 use crate::color::{luminance, sound};
 use crate::light::{Decomposition, Light};
 use crate::polar::{Grid, LatLongView};
@@ -101,8 +101,8 @@ impl<C: Buffer<f32>, M: Buffer<f64>, L: Buffer<Light>> Pharr<C, M, L> {
     /// [`TooSmall`]: the conditional distributions need a number per texel, the marginal one a number per row.
     pub fn try_new(grid: &Grid, memory: Memory<C, M, L>) -> Result<Self, TooSmall> {
         let Memory { conditional, marginal, lights } = memory;
-        arena::check(&conditional, grid.len())?;
-        arena::check(&marginal, grid.height)?;
+        buffer::check(&conditional, grid.len())?;
+        buffer::check(&marginal, grid.height)?;
         Ok(Self { conditional, marginal, lights, count: 0 })
     }
 
@@ -133,7 +133,7 @@ impl<C: Buffer<f32>, M: Buffer<f64>, L: Buffer<Light>> Pharr<C, M, L> {
     }
 
     /// The light at point (`u`, `v`) of the unit square.
-    fn sample(&self, map: &LatLongView<'_>, total: f64, [u, v]: [f64; 2]) -> (DVec3, [f32; 3], f64) {
+    fn sample(&self, map: &LatLongView<'_>, total: f64, [u, v]: [f64; 2]) -> Sample {
         let (width, height) = (map.grid.width, map.grid.height);
         let marginal = &self.marginal.as_ref()[..height];
         let target = u.min(BELOW_ONE) * total;
@@ -153,8 +153,17 @@ impl<C: Buffer<f32>, M: Buffer<f64>, L: Buffer<Light>> Pharr<C, M, L> {
         let sin = libm::sqrt((1.0 - z * z).max(0.0));
         let direction = DVec3::new(sin * libm::cos(phi), sin * libm::sin(phi), z);
         let rgb = sound(map.texels[row * width + column(width, k)]);
-        (direction, rgb, map.grid.solid_angle(row))
+        Sample { direction, rgb, solid_angle: map.grid.solid_angle(row) }
     }
+}
+
+/// A point drawn from the distribution of a map.
+struct Sample {
+    direction: DVec3,
+    /// Energy of the texel at the point.
+    rgb: [f32; 3],
+    /// Solid angle of that texel, steradians.
+    solid_angle: f64,
 }
 
 /// Luminance of a texel, whatever is in it.
@@ -190,10 +199,11 @@ impl<C: Buffer<f32>, M: Buffer<f64>, L: Buffer<Light>> Sampler for Pharr<C, M, L
         let count = if total > 0.0 { request.lights.min(self.capacity()) } else { 0 };
         let each = total / count.max(1) as f64;
         for i in 0..count {
-            let (direction, rgb, omega) = self.sample(&map.polar, total, halton::point(i as u32 + 1));
+            let Sample { direction, rgb, solid_angle } =
+                self.sample(&map.polar, total, halton::point(i as u32 + 1));
             let y = light_of(rgb);
             // The light's share of the sphere: 1 / (N pdf), and the cap of that size.
-            let cap = omega * each / y;
+            let cap = solid_angle * each / y;
             let radius_deg = libm::acos((1.0 - cap / TAU).clamp(-1.0, 1.0)).to_degrees() as f32;
             let light = &mut self.lights.as_mut()[i];
             let age = if i < self.count { light.age.saturating_add(1) } else { 0 };

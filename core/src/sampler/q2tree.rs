@@ -14,8 +14,8 @@
 //! The tree is one bit per quad (is it interior?), walked in NESTED order: no node pool, no search.
 
 use super::{Map, Request, Sampler, SamplerKind, heap};
-use crate::arena::{self, Buffer, TooSmall};
-use crate::healpix::{self, Domain, Order};
+use crate::buffer::{self, Buffer, TooSmall};
+use crate::healpix::{self, Domain, MapShape, Order};
 use crate::light::{Decomposition, Light};
 use crate::pyramid::{PyramidView, Quad};
 use crate::sizes::BufferSize;
@@ -161,19 +161,21 @@ pub struct Q2Tree<B, H, L, P> {
 }
 
 impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, P: Buffer<Past>> Q2Tree<B, H, L, P> {
-    /// Takes the memory for maps of `domain` up to `order` and for as many lights as the shortest of `heap`, `lights` and `past` holds.
+    /// Creates the sampler for maps of `shape` or of a lower order, and for as many lights as the shortest of `heap`, `lights` and `past`
+    /// has elements. [`Sizes`] states the length of each buffer.
     ///
     /// # Errors
     /// [`TooSmall`].
     pub fn try_new(
         parameters: Parameters,
-        (domain, order): (Domain, Order),
+        shape: MapShape,
         mut interior: [B; 2],
         heap: H,
-        (lights, past): (L, P),
+        lights: L,
+        past: P,
     ) -> Result<Self, TooSmall> {
         for bits in &mut interior {
-            arena::check(bits, interior_len(domain, order))?;
+            buffer::check(bits, interior_len(shape.domain, shape.order))?;
             bits.as_mut().fill(0);
         }
         Ok(Self { parameters, interior, heap, lights, past, count: 0 })
@@ -372,7 +374,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, P: Buffer<Past>> Sampler 
     fn update(&mut self, map: &Map<'_>, request: &Request) -> Decomposition<'_> {
         let lights = request.lights.min(self.capacity());
         let fits =
-            arena::check(&self.interior[0], interior_len(map.pyramid.domain(), map.pyramid.order())).is_ok();
+            buffer::check(&self.interior[0], interior_len(map.pyramid.domain(), map.pyramid.order())).is_ok();
         let previous = self.remember();
         self.count = 0;
         if fits && lights >= map.pyramid.domain().faces() {

@@ -6,24 +6,39 @@ use hemilux_core::Levels;
 use hemilux_core::Order;
 use hemilux_core::format::{Format, Layout};
 use hemilux_core::healpix::{self, Domain};
-use hemilux_core::internals::front::{self};
+use hemilux_core::internals::front;
 use hemilux_core::internals::merge::{COUNT_BITS, Channels, Codes, Merge, MergeView, Reciprocal, merge_size};
-use hemilux_core::internals::plan::{Plan, Run, Span, Texel, plan_size};
+use hemilux_core::internals::pixel_table::{Buffers, PixelTable, Run, Span, Texel, pixel_table_size};
 use hemilux_core::internals::response::{Curve, curve_len};
 use hemilux_core::lens::{Intrinsics, Lens, Model};
+use hemilux_core::light::Light;
 use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
-use hemilux_core::{BurstError, Coverage};
+use hemilux_core::sampler::q2tree::{Leaf, Parameters, Past, Q2Tree, interior_len};
+use hemilux_core::{BurstError, Coverage, ImageSize, MapShape};
 use hemilux_core::{Depth, Response};
 use hemilux_core::{Exposure, Samples};
 pub use rand::RngExt;
 use rand::SeedableRng;
 pub use rand_pcg::Pcg64Mcg;
 
-/// A plan in vectors.
-pub type VecPlan = Plan<Vec<Span>, Vec<u16>, Vec<Run>, Vec<Texel>>;
+/// A pixel table in vectors.
+pub type VecPixelTable = PixelTable<Vec<Span>, Vec<u16>, Vec<Run>, Vec<Texel>>;
 
 /// A merge in vectors.
 pub type VecMerge = Merge<Vec<i32>, Vec<u32>, Vec<Reciprocal>>;
+
+/// The sampler `q2tree` in vectors.
+pub type VecQ2Tree = Q2Tree<Vec<u8>, Vec<Leaf>, Vec<Light>, Vec<Past>>;
+
+/// A `q2tree` for maps of `domain` and `order` with buffers for `lights` lights. The bit sets are set at first: the constructor clears them.
+pub fn q2tree(parameters: Parameters, domain: Domain, order: u8, lights: usize) -> VecQ2Tree {
+    let order = Order::saturating(order);
+    let bits = || vec![0xff; interior_len(domain, order)];
+    let (heap, past) = (vec![Leaf::default(); lights], vec![Past::default(); lights]);
+    let shape = MapShape { domain, order };
+    Q2Tree::try_new(parameters, shape, [bits(), bits()], heap, vec![Light::default(); lights], past)
+        .expect("buffers of the lengths that the sampler names")
+}
 
 /// A generator that replays exactly.
 pub fn seeded(seed: u64) -> Pcg64Mcg {
@@ -65,16 +80,16 @@ pub fn full_circle(model: Model, side: u32, max_deg: f64) -> Lens {
     Lens::try_new(plain(model, [middle; 2], focal, max_deg)).expect("a sound lens")
 }
 
-/// A plan in buffers of exactly the sizes it asks for.
-pub fn plan(lens: &Lens, width: u32, height: u32, order: u8) -> VecPlan {
-    let size = plan_size(lens, width, height, order).expect("a sound image");
-    let memory = (
-        vec![Span::default(); size.spans],
-        vec![0; size.weights],
-        vec![Run::default(); size.runs],
-        vec![Texel::default(); size.texels],
-    );
-    Plan::try_new(lens, width, height, order, memory).expect("a sound plan")
+/// A pixel table in buffers of exactly the sizes it asks for.
+pub fn pixel_table(lens: &Lens, width: u32, height: u32, order: u8) -> VecPixelTable {
+    let size = pixel_table_size(lens, ImageSize { width, height }, order).expect("a sound image");
+    let buffers = Buffers {
+        spans: vec![Span::default(); size.spans],
+        weights: vec![0; size.weights],
+        runs: vec![Run::default(); size.runs],
+        texels: vec![Texel::default(); size.texels],
+    };
+    PixelTable::try_new(lens, ImageSize { width, height }, order, buffers).expect("a sound pixel table")
 }
 
 /// A dark pyramid.
@@ -131,8 +146,8 @@ pub fn one_exposure() -> VecMerge {
 /// A merge of scale 1 in buffers of exactly the sizes it asks for.
 pub fn merge(curve: Curve<Vec<i32>>, exposures: &[Exposure]) -> VecMerge {
     let size = merge_size(&curve, exposures).expect("sound exposures");
-    let memory = (vec![0; size.tables], vec![Reciprocal::default(); size.reciprocals]);
-    Merge::try_new(curve, exposures, 1.0, memory).expect("sound exposures")
+    let reciprocals = vec![Reciprocal::default(); size.reciprocals];
+    Merge::try_new(curve, exposures, 1.0, vec![0; size.tables], reciprocals).expect("sound exposures")
 }
 
 /// Radiance that [`one_exposure`] makes of a code.
@@ -141,21 +156,22 @@ pub fn radiance_of(code: u16) -> f64 {
 }
 
 /// Runs one frame of 16-bit samples through the front end into a built pyramid.
-pub fn expose(plan: &VecPlan, frame: &[u16]) -> (Pyramid<Vec<Quad>>, Coverage) {
-    let mut map = dark(Domain::Hemisphere, plan.order());
-    let seen = burst(plan, &[Samples::U16(frame)], [1.0; 3], &mut map);
+pub fn expose(pixel_table: &VecPixelTable, frame: &[u16]) -> (Pyramid<Vec<Quad>>, Coverage) {
+    let mut map = dark(Domain::Hemisphere, pixel_table.order());
+    let seen = burst(pixel_table, &[Samples::U16(frame)], [1.0; 3], &mut map);
     (map, seen.expect("a frame that fits"))
 }
 
 /// Runs one exposure of 16-bit samples through the front end.
 pub fn burst(
-    plan: &VecPlan,
+    pixel_table: &VecPixelTable,
     frames: &[Samples<'_>],
     balance: [f32; 3],
     map: &mut Pyramid<Vec<Quad>>,
 ) -> Result<Coverage, BurstError> {
-    let layout = Layout::tight(Format::Rgb48, plan.width(), plan.height()).expect("a sound size");
-    front::burst(frames, &layout, &one_exposure().view(), &plan.view(), balance, map)
+    let layout =
+        Layout::tight(Format::Rgb48, pixel_table.width(), pixel_table.height()).expect("a sound size");
+    front::burst(frames, &layout, &one_exposure().view(), &pixel_table.view(), balance, map)
 }
 
 /// Counts of samples of whole pixels: whole ones of as many pixels at a time as have them, floats of the rest. Says of how many

@@ -37,9 +37,9 @@ fn expose(memory: &mut Memory) -> Result<scene::Taken, Wrong> {
 fn decompose<W: Write>(memory: &mut Memory, clock: fn() -> u32, out: &mut W) -> Result<Report, Wrong> {
     let m = memory;
     let mut front = front_end(&mut m.map)?;
-    let room = (&mut m.lights, &mut m.past);
+    let (heap, lights, past) = (&mut m.heap, &mut m.lights, &mut m.past);
     let mut sampler =
-        Q2Tree::try_new(Default::default(), front.shape(), m.bits.each_mut(), &mut m.heap, room)?;
+        Q2Tree::try_new(Default::default(), front.shape(), m.bits.each_mut(), heap, lights, past)?;
 
     let frames = m.frames.each_ref().map(|f| f.as_slice().into());
     let (began, mut added) = (clock(), 0);

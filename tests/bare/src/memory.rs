@@ -23,16 +23,16 @@ const FRAME: usize = 3 * (SIDE * SIDE) as usize;
 const BITS: usize = interior_len(Domain::Hemisphere, Order::saturating(ORDER));
 
 /// Memory of fixed size, of zeros until [`Memory::fill`].
-type Room<T, const N: usize> = heapless::Vec<T, N>;
+type FixedVec<T, const N: usize> = heapless::Vec<T, N>;
 
 /// Frames, map, tree and lights.
 pub struct Memory {
     pub(crate) frames: [[u8; FRAME]; EXPOSURES.len()],
     pub(crate) map: [u64; WORDS],
     pub(crate) bits: [[u8; BITS]; 2],
-    pub(crate) heap: Room<Leaf, LIGHTS>,
-    pub(crate) lights: Room<Light, LIGHTS>,
-    pub(crate) past: Room<Past, LIGHTS>,
+    pub(crate) heap: FixedVec<Leaf, LIGHTS>,
+    pub(crate) lights: FixedVec<Light, LIGHTS>,
+    pub(crate) past: FixedVec<Past, LIGHTS>,
 }
 
 /// The one there is.
@@ -43,9 +43,9 @@ impl Memory {
         frames: [[0; FRAME]; _],
         map: [0; _],
         bits: [[0; BITS]; 2],
-        heap: Room::new(),
-        lights: Room::new(),
-        past: Room::new(),
+        heap: FixedVec::new(),
+        lights: FixedVec::new(),
+        past: FixedVec::new(),
     };
 
     /// Its bytes, buffer by buffer.
@@ -63,6 +63,6 @@ impl Memory {
     }
 }
 
-fn fill<T: Clone + Default, const N: usize>(room: &mut Room<T, N>) {
-    while room.push(T::default()).is_ok() {}
+fn fill<T: Clone + Default, const N: usize>(buffer: &mut FixedVec<T, N>) {
+    while buffer.push(T::default()).is_ok() {}
 }

@@ -30,7 +30,7 @@ mod tree;
 mod weights;
 
 use super::{Map, Request, Sampler, SamplerKind};
-use crate::arena::{self, Buffer, TooSmall};
+use crate::buffer::{self, Buffer, TooSmall};
 use crate::healpix::{Domain, Order};
 use crate::light::{Decomposition, Light};
 use crate::pyramid::PyramidView;
@@ -113,7 +113,7 @@ where
     pub fn try_new(domain: Domain, order: Order, memory: Memory<B, H, L, T, W>) -> Result<Self, TooSmall> {
         let Memory { interior, leaves, lights, tracks, mut workspace } = memory;
         for bits in &interior {
-            arena::check(bits, bits_len(domain, order))?;
+            buffer::check(bits, bits_len(domain, order))?;
         }
         workspace.borrow_mut().prepare(domain, order);
         let mut new = Self {

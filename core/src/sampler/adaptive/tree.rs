@@ -4,7 +4,7 @@
 
 use super::activity::Activity;
 use super::nodes::{self, Nodes};
-use crate::arena::Buffer;
+use crate::buffer::Buffer;
 use crate::healpix::{Domain, Order};
 use crate::light::Light;
 use crate::pyramid::{PyramidView, Quad};

@@ -1,7 +1,7 @@
 //! The two published filters: finite impulse responses over the total energy and over each light's path.
 
 use super::follow::{Follow, PathPoint};
-use crate::arena::{self, Buffer, TooSmall};
+use crate::buffer::{self, Buffer, TooSmall};
 use crate::sampler::SamplerKind;
 use core::f64::consts::PI;
 use glam::Vec3;
@@ -94,7 +94,7 @@ impl<P: Buffer<Vec3>> Fir<P> {
     /// [`TooSmall`].
     pub fn try_new(parameters: &Parameters, lights: usize, paths: P) -> Result<Self, TooSmall> {
         let kernel = Kernel::new(parameters);
-        arena::check(&paths, paths_len(parameters, lights))?;
+        buffer::check(&paths, paths_len(parameters, lights))?;
         Ok(Self { kernel, paths, totals: [[0.0; 3]; MAX_TAPS], head: 0, begun: false })
     }
 

@@ -15,7 +15,7 @@
 //!
 //! The published map is known from its abstract alone (\[Havran2003\]): this one has the properties claimed there and is a reconstruction.
 
-use crate::arena::{self, Buffer, TooSmall};
+use crate::buffer::{self, Buffer, TooSmall};
 use crate::color::{luminance, sound};
 use crate::healpix::Domain;
 use crate::polar::{Grid, LatLongView};
@@ -67,6 +67,23 @@ pub struct Inversion<C, R> {
     rings: R,
 }
 
+/// A point of a ring.
+struct ColumnPoint {
+    column: usize,
+    /// Part of the column's width before the point, 0..=1.
+    across: f64,
+    /// Light of the column.
+    light: f64,
+}
+
+/// Two neighbouring rings and the position between their centres.
+struct RingPair {
+    /// The upper and the lower ring's index.
+    rings: [usize; 2],
+    /// 0 at the centre of the upper ring, 1 at that of the lower.
+    part: f64,
+}
+
 /// Two neighbouring rings' conditional distributions, blended; the floor's light included.
 struct Blend<'a> {
     rows: [&'a [f32]; 2],
@@ -83,8 +100,8 @@ impl Blend<'_> {
         self.weights[0] * part(a) + self.weights[1] * part(b) + even
     }
 
-    /// The column in which the light before reaches `target`, how far across it, and its light.
-    fn find(&self, target: f64) -> (usize, f64, f64) {
+    /// The point of the turn up to which the light is `target`.
+    fn find(&self, target: f64) -> ColumnPoint {
         let (mut low, mut high) = (0, self.rows[0].len());
         while high - low > 1 {
             let middle = usize::midpoint(low, high);
@@ -92,7 +109,7 @@ impl Blend<'_> {
         }
         let (start, end) = (self.before(low), self.before(high));
         let across = if end > start { ((target - start) / (end - start)).clamp(0.0, 1.0) } else { 0.5 };
-        (low, across, end - start)
+        ColumnPoint { column: low, across, light: end - start }
     }
 }
 
@@ -102,8 +119,8 @@ impl<C: Buffer<f32>, R: Buffer<Ring>> Inversion<C, R> {
     /// # Errors
     /// [`TooSmall`].
     pub fn try_new(grid: &Grid, conditional: C, rings: R) -> Result<Self, TooSmall> {
-        arena::check(&conditional, grid.len())?;
-        arena::check(&rings, rings_len(grid))?;
+        buffer::check(&conditional, grid.len())?;
+        buffer::check(&rings, rings_len(grid))?;
         Ok(Self { grid: LatLongView::NONE.grid, conditional, rings })
     }
 
@@ -184,12 +201,12 @@ impl<C: Buffer<f32>, R: Buffer<Ring>> Inversion<C, R> {
         let density = lit * ring.radiance + floor;
         let z = (above.z - (target - end(&above)) / density).clamp(ring.z, above.z);
 
-        let (pair, t) = self.neighbours(libm::acos(z), rings.len());
+        let RingPair { rings: pair, part: t } = self.neighbours(libm::acos(z), rings.len());
         let rows = pair.map(|k| self.row(lower, k));
         let weights = [lit * (1.0 - t) * rings[pair[0]].radiance, lit * t * rings[pair[1]].radiance];
         let blend = Blend { rows: rows.map(|row| self.conditional_of(row)), weights, floor };
         let whole = weights[0] + weights[1] + floor;
-        let (column, across, light) = blend.find(s.min(BELOW_ONE) * whole);
+        let ColumnPoint { column, across, light } = blend.find(s.min(BELOW_ONE) * whole);
 
         let texel = self.lit_texel(map, self.row(lower, k), rows, column)?;
         let width = self.grid.width as f64;
@@ -201,12 +218,12 @@ impl<C: Buffer<f32>, R: Buffer<Ring>> Inversion<C, R> {
         (pdf_sa > 0.0).then_some(Place { direction, texel, pdf_sa })
     }
 
-    /// The rings between whose centres `theta` lies, and where between them.
-    fn neighbours(&self, theta: f64, count: usize) -> ([usize; 2], f64) {
+    /// The two of `count` rings between whose centres `theta` lies.
+    fn neighbours(&self, theta: f64, count: usize) -> RingPair {
         let spacing = self.grid.theta(1);
         let at = (theta / spacing - 0.5).clamp(0.0, (count - 1) as f64);
         let first = (at as usize).min(count.saturating_sub(2));
-        ([first, (first + 1).min(count - 1)], at - first as f64)
+        RingPair { rings: [first, (first + 1).min(count - 1)], part: at - first as f64 }
     }
 
     fn conditional_of(&self, row: usize) -> &[f32] {

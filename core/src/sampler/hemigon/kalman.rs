@@ -14,7 +14,7 @@
 //! light's own path and lets go of all lights at once when the whole map changes.
 
 use super::follow::{Follow, PathPoint};
-use crate::arena::{self, Buffer, TooSmall};
+use crate::buffer::{self, Buffer, TooSmall};
 use crate::sampler::SamplerKind;
 use glam::Vec3;
 
@@ -201,7 +201,7 @@ impl<T: Buffer<PathFilter>> Gated<T> {
     /// # Errors
     /// [`TooSmall`].
     pub fn try_new(parameters: Parameters, lights: usize, tracks: T) -> Result<Self, TooSmall> {
-        arena::check(&tracks, 2 * lights)?;
+        buffer::check(&tracks, 2 * lights)?;
         Ok(Self { parameters, tracks, abrupt: false })
     }
 }

@@ -19,7 +19,7 @@ pub mod kalman;
 pub mod sequence;
 
 use super::{Map, Request, Sampler, SamplerKind};
-use crate::arena::{self, Buffer, TooSmall};
+use crate::buffer::{self, Buffer, TooSmall};
 use crate::color::{luminance, sound};
 use crate::light::{Decomposition, Light};
 use crate::polar::{Grid, LatLongView};
@@ -125,7 +125,7 @@ where
     /// [`TooSmall`]: the filter and `lives` need two slots per light.
     pub fn try_new(inversion: Inversion<C, R>, filter: F, lives: A, lights: L) -> Result<Self, TooSmall> {
         let needed = 2 * lights.as_ref().len().min(MAX_LIGHTS);
-        arena::check(&lives, needed)?;
+        buffer::check(&lives, needed)?;
         if filter.slots() < needed {
             return Err(TooSmall { needed, lent: filter.slots() });
         }

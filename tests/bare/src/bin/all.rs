@@ -6,12 +6,12 @@ use core::convert::Infallible;
 use core::hint::black_box;
 use glam::Vec3;
 use hemilux_bare as _;
-use hemilux_core::Order;
+use hemilux_core::{MapShape, Order};
 use hemilux_core::harmonics;
 use hemilux_core::healpix::Domain;
-use hemilux_core::internals::fill;
+use hemilux_core::internals::extrapolation;
 use hemilux_core::light::Light;
-use hemilux_core::polar::{Grid, LatLong, PolarPlan};
+use hemilux_core::polar::{Grid, LatLong, PolarTable};
 use hemilux_core::pyramid::Pyramid;
 use hemilux_core::sampler::adaptive::{self, Adaptive};
 use hemilux_core::sampler::hemigon::Hemigon;
@@ -41,19 +41,15 @@ fn maps() -> Option<()> {
     let (domain, order) = black_box((Domain::Hemisphere, Order::saturating(5)));
     let grid = black_box(Grid::POLAR);
     let mut pyramid = Pyramid::try_new(lent(), domain, order).ok()?;
-    fill::average(&mut pyramid, lent());
-    let plan = PolarPlan::try_new(&grid, order, lent()).ok()?;
+    extrapolation::average(&mut pyramid, lent());
+    let table = PolarTable::try_new(&grid, order, lent()).ok()?;
     let mut polar = LatLong::try_new(grid, lent()).ok()?;
-    polar.fill(&plan, &pyramid.view());
+    polar.fill(&table, &pyramid.view());
     let map = Map { pyramid: pyramid.view(), polar: polar.view() };
     let memory = pharr::Memory { conditional: lent(), marginal: lent(), lights: lent() };
     run(&map, Pharr::try_new(&grid, memory).ok()?);
-    let room = (lent(), lent());
-    run(
-        &map,
-        Q2Tree::try_new(black_box(Parameters::JITTER), (domain, order), [lent(), lent()], lent(), room)
-            .ok()?,
-    );
+    let (parameters, shape) = (black_box(Parameters::JITTER), MapShape { domain, order });
+    run(&map, Q2Tree::try_new(parameters, shape, [lent(), lent()], lent(), lent(), lent()).ok()?);
     let memory = adaptive::Memory {
         interior: [lent(), lent()],
         leaves: lent(),

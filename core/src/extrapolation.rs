@@ -1,8 +1,8 @@
 //! Extrapolation: an estimate of what the lens does not see.
 
-use crate::arena::Buffer;
+use crate::buffer::Buffer;
 use crate::healpix::{self, Domain};
-use crate::plan::Texel;
+use crate::pixel_table::Texel;
 use crate::pyramid::{Pyramid, Quad};
 use glam::Vec3;
 

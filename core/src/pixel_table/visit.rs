@@ -1,6 +1,7 @@
-//! What a lens does to pixels and texels: weights, runs and centroids, in `f64`, once per plan.
+//! What a lens does to pixels and texels: weights, runs and centroids, in `f64`, once per pixel table.
 
-use super::{CHUNK, MAX_RUN, PlanError, Run, Span, Texel};
+use super::{CHUNK, MAX_RUN, PixelTableError, Run, Span, Texel};
+use crate::format::ImageSize;
 use crate::healpix::{self, Domain};
 use crate::lens::Lens;
 use glam::{DVec2, DVec3};
@@ -27,22 +28,22 @@ pub(super) struct Survey {
     pub(super) heaviest: f64,
 }
 
-pub(super) fn survey(lens: &Lens, width: u32, height: u32) -> Result<Survey, PlanError> {
+pub(super) fn survey(lens: &Lens, image: ImageSize) -> Result<Survey, PixelTableError> {
     let mut survey = Survey::default();
-    for row in 0..height {
-        visit(lens, row, span(lens, width, row), |pixel| {
+    for row in 0..image.height {
+        visit(lens, row, span(lens, image.width, row), |pixel| {
             survey.count += 1;
             survey.largest = survey.largest.max(pixel.solid_angle);
             survey.heaviest = survey.heaviest.max(pixel.weight);
         });
     }
-    if survey.count == 0 { Err(PlanError::NothingSeen) } else { Ok(survey) }
+    if survey.count == 0 { Err(PixelTableError::NothingSeen) } else { Ok(survey) }
 }
 
 impl Survey {
-    pub(super) fn source_order(&self, order: u8) -> Result<u8, PlanError> {
+    pub(super) fn source_order(&self, order: u8) -> Result<u8, PixelTableError> {
         let fits = |order: &u8| healpix::solid_angle(*order) >= TEXEL_OVER_PIXEL * self.largest;
-        (0..=order).rev().find(fits).ok_or(PlanError::BadOrder)
+        (0..=order).rev().find(fits).ok_or(PixelTableError::BadOrder)
     }
 }
 
@@ -103,12 +104,12 @@ impl Growing {
 }
 
 /// Calls `take` with every run of pixels and the mean of their weights, in memory order.
-pub(super) fn visit_runs(lens: &Lens, width: u32, height: u32, order: u8, mut take: impl FnMut(Run, f64)) {
+pub(super) fn visit_runs(lens: &Lens, image: ImageSize, order: u8, mut take: impl FnMut(Run, f64)) {
     let below = Domain::Hemisphere.quads(order) as u32;
     let mut take = |run: Growing| take(Run::new(run.texel, run.len), run.sum / run.len as f64);
-    for row in 0..height {
+    for row in 0..image.height {
         let (mut growing, mut place) = (None::<Growing>, 0);
-        visit(lens, row, span(lens, width, row), |pixel| {
+        visit(lens, row, span(lens, image.width, row), |pixel| {
             let above = pixel.direction.z > 0.0;
             let texel = if above { healpix::ipix(order, pixel.direction) } else { below };
             let longer = growing.filter(|_| place % CHUNK > 0).and_then(|run| run.with(texel, &pixel));
@@ -123,10 +124,10 @@ pub(super) fn visit_runs(lens: &Lens, width: u32, height: u32, order: u8, mut ta
 }
 
 /// Centroid and unseen solid angle of one texel of the hemisphere.
-pub(super) fn measure(lens: &Lens, size: (u32, u32), order: u8, ipix: u32) -> Texel {
+pub(super) fn measure(lens: &Lens, image: ImageSize, order: u8, ipix: u32) -> Texel {
     let inside = |p: DVec2| {
         let within = |v: f64, n: u32| v >= -0.5 && v <= f64::from(n) - 0.5;
-        within(p.x, size.0) && within(p.y, size.1)
+        within(p.x, image.width) && within(p.y, image.height)
     };
     let (mut sum, mut above, mut seen) = (DVec3::ZERO, 0u32, 0u32);
     for i in 0..SHARE_SAMPLES * SHARE_SAMPLES {

@@ -1,4 +1,4 @@
-//! The plan pixel -> texel: built once per calibration, run through by every frame.
+//! The pixel table pixel -> texel: built once per calibration, run through by every frame.
 //!
 //! Every pixel whose centre lies inside the lens circle carries its solid angle to one HEALPix texel, so no light is lost between
 //! pixels and texels. Neighbours in a row that share a texel share their mean weight too, as long as that is within 0.25 % of theirs.
@@ -7,13 +7,14 @@
 
 mod visit;
 
-use crate::arena::{self, Buffer, TooSmall};
+use crate::buffer::{self, Buffer, TooSmall};
+use crate::format::ImageSize;
 use crate::healpix::Domain;
 use crate::lens::Lens;
 use bytemuck::{Pod, Zeroable};
 use visit::{measure, span, survey, visit_runs};
 
-/// Pixels of one image row that a plan visits.
+/// Pixels of one image row that a pixel table visits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Span {
@@ -29,7 +30,7 @@ pub const CHUNK: usize = 192;
 /// Most pixels of a run: that many counts of light of [`crate::merge::COUNT_BITS`] add up in 32 bits.
 pub const MAX_RUN: usize = 16;
 
-/// Pixels side by side in a row whose light goes to one texel at the plan's accumulation order; the texel after the last collects
+/// Pixels side by side in a row whose light goes to one texel at the pixel table's accumulation order; the texel after the last collects
 /// what is below the horizon. None crosses from one [`CHUNK`] of its span to the next.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(transparent)]
@@ -59,7 +60,7 @@ impl Run {
     }
 }
 
-/// What the plan knows of a texel of the map.
+/// What the pixel table knows of a texel of the map.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Texel {
@@ -69,10 +70,10 @@ pub struct Texel {
     pub unseen_sr: f32,
 }
 
-/// Why a plan was refused.
+/// Why a pixel table was refused.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum PlanError {
+pub enum PixelTableError {
     /// The image has no pixels, or more than 2^26.
     BadSize,
     /// The lens circle has no pixel on the sensor.
@@ -83,7 +84,7 @@ pub enum PlanError {
     TooSmall(TooSmall),
 }
 
-impl core::fmt::Display for PlanError {
+impl core::fmt::Display for PixelTableError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
             Self::BadSize => write!(f, "an image without pixels or with more than 67108864"),
@@ -94,67 +95,68 @@ impl core::fmt::Display for PlanError {
     }
 }
 
-impl core::error::Error for PlanError {}
+impl core::error::Error for PixelTableError {}
 
-/// The plan of one lens and image size, in memory the caller lends.
+/// The pixel table of one lens and image size, in memory the caller lends.
 #[derive(Clone, Debug)]
-pub struct Plan<S, W, R, T> {
-    spans: S,
-    weights: W,
-    runs: R,
-    texels: T,
+pub struct PixelTable<S, W, R, T> {
+    buffers: Buffers<S, W, R, T>,
     numbers: Numbers,
 }
 
-/// The numbers of a plan.
+/// The numbers of a pixel table.
 #[derive(Clone, Copy, Debug)]
 struct Numbers {
-    width: u32,
-    height: u32,
+    image: ImageSize,
     order: u8,
     source_order: u8,
     weight_unit: f64,
     weight_sum: u64,
     unseen: f64,
-    size: PlanSize,
+    size: PixelTableSize,
 }
 
-/// The tables of a plan, which lie in memory that something else holds.
-#[derive(Clone, Copy)]
-pub(crate) struct Tables<'a> {
-    pub(crate) spans: &'a [Span],
-    pub(crate) weights: &'a [u16],
-    pub(crate) runs: &'a [Run],
-    pub(crate) texels: &'a [Texel],
+/// The buffers of a pixel table; their lengths are in [`PixelTableSize`].
+#[derive(Clone, Copy, Debug)]
+pub struct Buffers<S, W, R, T> {
+    /// One [`Span`] per image row.
+    pub spans: S,
+    /// One weight per run.
+    pub weights: W,
+    /// One [`Run`] per run.
+    pub runs: R,
+    /// One [`Texel`] per texel of the map.
+    pub texels: T,
 }
 
-/// A plan apart from its tables.
+/// The buffers of a pixel table in borrowed memory.
+pub(crate) type BorrowedBuffers<'a> = Buffers<&'a [Span], &'a [u16], &'a [Run], &'a [Texel]>;
+
+/// A pixel table apart from its tables.
 #[derive(Clone, Debug)]
 pub(crate) struct Detached {
     numbers: Numbers,
 }
 
 impl Detached {
-    /// The plan that runs through `tables`, which it was made with.
-    pub(crate) fn over<'a>(&self, tables: Tables<'a>) -> PlanView<'a> {
-        let Numbers { width, height, order, source_order, weight_unit, weight_sum, unseen, size } =
-            self.numbers;
-        PlanView {
-            width,
-            height,
+    /// The pixel table that runs through `tables`, which it was made with.
+    pub(crate) fn over<'a>(&self, buffers: BorrowedBuffers<'a>) -> PixelTableView<'a> {
+        let Numbers { image, order, source_order, weight_unit, weight_sum, unseen, size } = self.numbers;
+        PixelTableView {
+            image,
             order,
             source_order,
-            spans: tables.spans.get(..size.spans).unwrap_or_default(),
-            weights: tables.weights.get(..size.weights).unwrap_or_default(),
-            runs: tables.runs.get(..size.runs).unwrap_or_default(),
-            texels: tables.texels.get(..size.texels).unwrap_or_default(),
+            spans: buffers.spans.get(..size.spans).unwrap_or_default(),
+            weights: buffers.weights.get(..size.weights).unwrap_or_default(),
+            runs: buffers.runs.get(..size.runs).unwrap_or_default(),
+            texels: buffers.texels.get(..size.texels).unwrap_or_default(),
             weight_unit,
             weight_sum,
             unseen,
         }
     }
 
-    pub(crate) fn size(&self) -> PlanSize {
+    pub(crate) fn size(&self) -> PixelTableSize {
         self.numbers.size
     }
 
@@ -165,11 +167,9 @@ impl Detached {
 
 /// What a frame runs through.
 #[derive(Clone, Copy, Debug)]
-pub struct PlanView<'a> {
-    /// Image columns.
-    pub width: u32,
-    /// Image rows.
-    pub height: u32,
+pub struct PixelTableView<'a> {
+    /// Size of the merged image.
+    pub image: ImageSize,
     /// Order of the map.
     pub order: u8,
     /// Order at which pixels are accumulated: that of the map, or the finest that the pixels can fill.
@@ -190,10 +190,10 @@ pub struct PlanView<'a> {
     pub unseen: f64,
 }
 
-/// Elements that a plan needs of each buffer.
+/// Elements that a pixel table needs of each buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct PlanSize {
+pub struct PixelTableSize {
     /// Image rows.
     pub spans: usize,
     /// Weights of runs.
@@ -204,49 +204,47 @@ pub struct PlanSize {
     pub texels: usize,
 }
 
-/// Counts what [`Plan::try_new`] needs.
+/// Counts what [`PixelTable::try_new`] needs.
 ///
 /// # Errors
-/// [`PlanError`]: nothing seen, or sizes out of range.
-pub fn plan_size(lens: &Lens, width: u32, height: u32, order: u8) -> Result<PlanSize, PlanError> {
-    check(width, height, order)?;
-    let survey = survey(lens, width, height)?;
+/// [`PixelTableError`]: nothing seen, or sizes out of range.
+pub fn pixel_table_size(lens: &Lens, image: ImageSize, order: u8) -> Result<PixelTableSize, PixelTableError> {
+    check(image, order)?;
+    let survey = survey(lens, image)?;
     let source_order = survey.source_order(order)?;
     let mut runs = 0;
-    visit_runs(lens, width, height, source_order, |_, _| runs += 1);
+    visit_runs(lens, image, source_order, |_, _| runs += 1);
     let texels = Domain::Hemisphere.quads(order);
-    Ok(PlanSize { spans: height as usize, weights: runs, runs, texels })
+    Ok(PixelTableSize { spans: image.height as usize, weights: runs, runs, texels })
 }
 
-pub(crate) fn check(width: u32, height: u32, order: u8) -> Result<(), PlanError> {
-    let pixels = u64::from(width) * u64::from(height);
+pub(crate) fn check(image: ImageSize, order: u8) -> Result<(), PixelTableError> {
+    let pixels = u64::from(image.width) * u64::from(image.height);
     if pixels == 0 || pixels > 1 << 26 {
-        return Err(PlanError::BadSize);
+        return Err(PixelTableError::BadSize);
     }
-    if order > 10 { Err(PlanError::BadOrder) } else { Ok(()) }
+    if order > 10 { Err(PixelTableError::BadOrder) } else { Ok(()) }
 }
 
-impl<S: Buffer<Span>, W: Buffer<u16>, R: Buffer<Run>, T: Buffer<Texel>> Plan<S, W, R, T> {
-    /// Builds the plan of an image of `width` x `height` pixels seen through `lens`, for a hemisphere map of `order`.
+impl<S: Buffer<Span>, W: Buffer<u16>, R: Buffer<Run>, T: Buffer<Texel>> PixelTable<S, W, R, T> {
+    /// Builds the pixel table of an image of `width` x `height` pixels seen through `lens`, for a hemisphere map of `order`.
     ///
     /// # Errors
-    /// [`PlanError`]; the sizes are those of [`plan_size`].
+    /// [`PixelTableError`]; the sizes are those of [`pixel_table_size`].
     pub fn try_new(
         lens: &Lens,
-        width: u32,
-        height: u32,
+        image: ImageSize,
         order: u8,
-        (spans, weights, runs, texels): (S, W, R, T),
-    ) -> Result<Self, PlanError> {
-        check(width, height, order)?;
-        let survey = survey(lens, width, height)?;
+        buffers: Buffers<S, W, R, T>,
+    ) -> Result<Self, PixelTableError> {
+        check(image, order)?;
+        let survey = survey(lens, image)?;
         let texel_count = Domain::Hemisphere.quads(order);
-        arena::check(&spans, height as usize).map_err(PlanError::TooSmall)?;
-        arena::check(&texels, texel_count).map_err(PlanError::TooSmall)?;
-        let size = PlanSize { spans: height as usize, weights: 0, runs: 0, texels: texel_count };
+        buffer::check(&buffers.spans, image.height as usize).map_err(PixelTableError::TooSmall)?;
+        buffer::check(&buffers.texels, texel_count).map_err(PixelTableError::TooSmall)?;
+        let size = PixelTableSize { spans: image.height as usize, weights: 0, runs: 0, texels: texel_count };
         let numbers = Numbers {
-            width,
-            height,
+            image,
             order,
             source_order: survey.source_order(order)?,
             weight_unit: survey.heaviest / f64::from(u16::MAX),
@@ -254,24 +252,24 @@ impl<S: Buffer<Span>, W: Buffer<u16>, R: Buffer<Run>, T: Buffer<Texel>> Plan<S, 
             unseen: 0.0,
             size,
         };
-        let mut plan = Self { spans, weights, runs, texels, numbers };
-        plan.lay_out(lens);
-        let size = plan.numbers.size;
-        arena::check(&plan.weights, size.weights).map_err(PlanError::TooSmall)?;
-        arena::check(&plan.runs, size.runs).map_err(PlanError::TooSmall)?;
-        plan.measure_texels(lens);
-        Ok(plan)
+        let mut pixel_table = Self { buffers, numbers };
+        pixel_table.lay_out(lens);
+        let size = pixel_table.numbers.size;
+        buffer::check(&pixel_table.buffers.weights, size.weights).map_err(PixelTableError::TooSmall)?;
+        buffer::check(&pixel_table.buffers.runs, size.runs).map_err(PixelTableError::TooSmall)?;
+        pixel_table.measure_texels(lens);
+        Ok(pixel_table)
     }
 
     fn lay_out(&mut self, lens: &Lens) {
-        let Numbers { width, height, source_order, weight_unit: unit, .. } = self.numbers;
-        for (row, slot) in (0..height).zip(self.spans.as_mut()) {
-            *slot = span(lens, width, row);
+        let Numbers { image, source_order, weight_unit: unit, .. } = self.numbers;
+        for (row, slot) in (0..image.height).zip(self.buffers.spans.as_mut()) {
+            *slot = span(lens, image.width, row);
         }
-        let mut runs = self.runs.as_mut().iter_mut();
-        let mut weights = self.weights.as_mut().iter_mut();
+        let mut runs = self.buffers.runs.as_mut().iter_mut();
+        let mut weights = self.buffers.weights.as_mut().iter_mut();
         let (sum, size) = (&mut self.numbers.weight_sum, &mut self.numbers.size);
-        visit_runs(lens, width, height, source_order, |run, weight| {
+        visit_runs(lens, image, source_order, |run, weight| {
             let weight = libm::round(weight / unit) as u16;
             *sum += u64::from(weight) * run.len() as u64;
             runs.next().into_iter().for_each(|slot| *slot = run);
@@ -282,10 +280,9 @@ impl<S: Buffer<Span>, W: Buffer<u16>, R: Buffer<Run>, T: Buffer<Texel>> Plan<S, 
 
     fn measure_texels(&mut self, lens: &Lens) {
         let mut unseen = 0.0;
-        let texels = self.texels.as_mut().get_mut(..self.numbers.size.texels).unwrap_or_default();
+        let texels = self.buffers.texels.as_mut().get_mut(..self.numbers.size.texels).unwrap_or_default();
         for (ipix, texel) in texels.iter_mut().enumerate() {
-            *texel =
-                measure(lens, (self.numbers.width, self.numbers.height), self.numbers.order, ipix as u32);
+            *texel = measure(lens, self.numbers.image, self.numbers.order, ipix as u32);
             unseen += f64::from(texel.unseen_sr);
         }
         self.numbers.unseen = unseen / Domain::Hemisphere.solid_angle();
@@ -293,43 +290,40 @@ impl<S: Buffer<Span>, W: Buffer<u16>, R: Buffer<Run>, T: Buffer<Texel>> Plan<S, 
 
     /// What a frame runs through.
     #[must_use]
-    pub fn view(&self) -> PlanView<'_> {
-        let tables = Tables {
-            spans: self.spans.as_ref(),
-            weights: self.weights.as_ref(),
-            runs: self.runs.as_ref(),
-            texels: self.texels.as_ref(),
-        };
-        self.detached().over(tables)
+    pub fn view(&self) -> PixelTableView<'_> {
+        let Buffers { spans, weights, runs, texels } = &self.buffers;
+        let (spans, weights) = (spans.as_ref(), weights.as_ref());
+        let (runs, texels) = (runs.as_ref(), texels.as_ref());
+        self.detached().over(Buffers { spans, weights, runs, texels })
     }
 
-    /// The plan without its tables, which stay where they are.
+    /// The pixel table without its tables, which stay where they are.
     pub(crate) fn detached(&self) -> Detached {
         Detached { numbers: self.numbers }
     }
 
-    /// Texels of the map, at [`Plan::order`].
+    /// Texels of the map, at [`PixelTable::order`].
     #[must_use]
     pub fn texels(&self) -> &[Texel] {
-        self.texels.as_ref().get(..self.numbers.size.texels).unwrap_or_default()
+        self.buffers.texels.as_ref().get(..self.numbers.size.texels).unwrap_or_default()
     }
 
     /// Its sizes.
     #[must_use]
-    pub fn size(&self) -> PlanSize {
+    pub fn size(&self) -> PixelTableSize {
         self.numbers.size
     }
 
     /// Image columns.
     #[must_use]
     pub fn width(&self) -> u32 {
-        self.numbers.width
+        self.numbers.image.width
     }
 
     /// Image rows.
     #[must_use]
     pub fn height(&self) -> u32 {
-        self.numbers.height
+        self.numbers.image.height
     }
 
     /// Order of the map.
