@@ -8,6 +8,7 @@ use glam::Vec3;
 
 /// What stands in the place of the part of the hemisphere that the lens does not see.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Extrapolation {
     /// Nothing: darkness.
     #[default]

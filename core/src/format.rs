@@ -40,6 +40,7 @@ impl Pattern {
 
 /// Coefficients that make red, green and blue of luma and chroma.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Matrix {
     /// ITU-R BT.601: what webcams and JPEG use.
     #[default]
@@ -59,6 +60,7 @@ pub struct Yuv {
 
 /// How samples are packed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Format {
     /// Red, green, blue bytes.
     Rgb24,
@@ -210,6 +212,7 @@ pub struct Layout {
 /// Why a layout was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum LayoutError {
     /// No pixels, or more than 2^26.
     BadSize,

@@ -26,6 +26,7 @@ use glam::{DVec2, DVec3};
 
 /// The radial law r(theta) of a lens, r in units of the focal length.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Model {
     /// r = theta.
     Equidistant,
@@ -37,9 +38,38 @@ pub enum Model {
     Radial([f64; 2]),
 }
 
+impl Model {
+    /// The name of the model in calibration files.
+    ///
+    /// ```
+    /// use hemilux_core::lens::Model;
+    /// assert_eq!(Model::KannalaBrandt([0.0; 4]).name(), "kannala-brandt");
+    /// ```
+    #[must_use]
+    pub const fn name(&self) -> &'static str {
+        match self {
+            Self::Equidistant => "equidistant",
+            Self::Equisolid => "equisolid",
+            Self::KannalaBrandt(_) => "kannala-brandt",
+            Self::Radial(_) => "radial",
+        }
+    }
+
+    /// The coefficients of the model in the order of its formula: none, four (`KannalaBrandt`) or two (`Radial`).
+    #[must_use]
+    pub const fn coefficients(&self) -> &[f64] {
+        match self {
+            Self::Equidistant | Self::Equisolid => &[],
+            Self::KannalaBrandt(k) => k,
+            Self::Radial(k) => k,
+        }
+    }
+}
+
 /// Why a lens was refused.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum LensError {
     /// A number is not finite, or a focal length not positive.
     BadNumber,
@@ -114,13 +144,8 @@ impl Lens {
     /// # Errors
     /// [`LensError`]: numbers out of range, or a field of view beyond where the model is monotone.
     pub fn try_new(p: Intrinsics) -> Result<Self, LensError> {
-        let coefficients: &[f64] = match &p.model {
-            Model::KannalaBrandt(k) => k,
-            Model::Radial(k) => k,
-            Model::Equidistant | Model::Equisolid => &[],
-        };
         let finite = p.centre_px.is_finite() && p.focal_px.is_finite() && p.skew_px.is_finite();
-        let sound = coefficients.iter().chain(&p.vignetting).all(|v| v.is_finite());
+        let sound = p.model.coefficients().iter().chain(&p.vignetting).all(|v| v.is_finite());
         if !finite || !sound || p.focal_px.min_element() <= 0.0 {
             return Err(LensError::BadNumber);
         }

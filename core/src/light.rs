@@ -50,6 +50,7 @@ impl Light {
 
 /// The result of a sampler for one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Decomposition<'a> {
     /// The lights, at most as many as were requested.
     pub lights: &'a [Light],

@@ -31,6 +31,7 @@ pub struct Levels {
 
 /// How a camera turns relative exposure y in 0..=1 into a relative code x in 0..=1, inverted: y(x).
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Response {
     /// y = x.
     Linear,
@@ -60,6 +61,7 @@ impl Response {
 /// Why a response cannot be tabulated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum ResponseError {
     /// White is not above black, or the codes do not fit the sample type.
     BadLevels,

@@ -34,6 +34,7 @@ fn turned(c: Coordinates, d: DVec3) -> DVec3 {
         Coordinates::YUp => DVec3::new(d.x, d.z, -d.y),
         Coordinates::Unity => DVec3::new(d.x, d.z, d.y),
         Coordinates::Unreal => DVec3::new(d.x, -d.y, d.z),
+        other => panic!("no twin of {other:?}"),
     }
 }
 

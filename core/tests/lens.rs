@@ -41,6 +41,7 @@ fn law(model: &Model, theta: f64) -> f64 {
             let d = theta.tan().powi(2);
             theta.tan() * (1.0 + k0 * d + k1 * d * d)
         }
+        other => panic!("no twin of {other:?}"),
     }
 }
 

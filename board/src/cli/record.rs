@@ -9,7 +9,7 @@ use crate::v4l2::frame::Counters;
 use crate::v4l2::real::RealKernel;
 use clap::Args;
 use hemilux_core::format::{Matrix, Yuv};
-use hemilux_core::lens::{Intrinsics, Model};
+use hemilux_core::lens::Intrinsics;
 use std::fmt::Display;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -120,15 +120,9 @@ fn head(source: &CameraSource) -> Table {
 
 /// The lens that is assumed where there is no file.
 fn lens(i: &Intrinsics) -> Value {
-    let model = match i.model {
-        Model::Equidistant => "equidistant",
-        Model::Equisolid => "equisolid",
-        Model::KannalaBrandt(_) => "kannala-brandt",
-        Model::Radial(_) => "radial",
-    };
     let two = |v: glam::DVec2| Value::Array(vec![v.x.into(), v.y.into()]);
     table([
-        ("model", model.into()),
+        ("model", i.model.name().into()),
         ("centre", two(i.centre_px)),
         ("focal", two(i.focal_px)),
         ("max_angle_deg", i.max_theta.to_degrees().into()),

@@ -101,7 +101,7 @@ impl Picture {
                     format!("an even number of {even}: choose another size="),
                 )
             }
-            LayoutError::BadSize => (format!("{width} x {height} pixels"), "1 to 67108864 in all".into()),
+            _ => (format!("{width} x {height} pixels"), "1 to 67108864 in all".into()),
         })?;
         Ok(Self { fourcc, layout })
     }

@@ -20,6 +20,7 @@ use rows::{Part, Scratch};
 /// What a burst held besides its lights.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub struct Coverage {
     /// Share of the hemisphere's solid angle that even the shortest exposure clips.
     pub clipped: f64,
@@ -32,6 +33,7 @@ pub struct Coverage {
 /// Frames or a map that do not fit the pixel table or the merge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum BurstError {
     /// Another number of frames than the merge has exposures.
     FrameCount {

@@ -18,6 +18,7 @@ pub struct Exposure {
 /// Why a burst cannot be merged.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum MergeError {
     /// No exposures, or more than [`MAX_EXPOSURES`].
     BadCount {

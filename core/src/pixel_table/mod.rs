@@ -73,6 +73,7 @@ pub struct Texel {
 /// Why a pixel table was refused.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum PixelTableError {
     /// The image has no pixels, or more than 2^26.
     BadSize,

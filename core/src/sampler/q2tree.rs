@@ -22,6 +22,7 @@ use crate::sizes::BufferSize;
 
 /// Placement of a light inside its quad.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Placement {
     /// At the energy centroid: `q2tree`.
     Centroid,

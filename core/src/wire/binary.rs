@@ -146,6 +146,7 @@ fn short(text: &str) -> &str {
 /// Why bytes are not a light set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum DecodeError {
     /// They do not begin with `HMLX`.
     NotALightSet,

@@ -6,6 +6,7 @@ use glam::Vec3;
 /// Named axes of the wire formats.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum Coordinates {
     /// (x, y, z): +Z the lens axis. Also `blender` and `ros`.
     #[default]

@@ -9,6 +9,7 @@ use glam::Vec3;
 /// An `XRLightEstimate`, in WebXR's axes (+Y up). Like everything on the wire, no light is in it twice: the harmonics hold all but the
 /// primary light.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Estimate {
     /// Unit vector towards the primary light; (0, 1, 0) where there is no light.
     pub direction: Vec3,

@@ -7,7 +7,7 @@ use hemilux_core::format::{Format, Matrix, Yuv};
 /// A mosaic takes each pixel's own channel; chroma is the mean of the pixels that share it.
 ///
 /// # Panics
-/// For [`Format::Rgb48`], which is no packing.
+/// For [`Format::Rgb48`], whose samples are 16-bit words, and for formats and matrices that this module does not know.
 #[must_use]
 pub fn pack(format: Format, width: usize, codes: &[[u16; 3]]) -> Vec<u8> {
     let rows = || codes.chunks_exact(width);
@@ -21,7 +21,7 @@ pub fn pack(format: Format, width: usize, codes: &[[u16; 3]]) -> Vec<u8> {
     match format {
         Format::Rgb24 => codes.iter().flatten().map(|v| *v as u8).collect(),
         Format::Bgr24 => codes.iter().flat_map(|[r, g, b]| [*b as u8, *g as u8, *r as u8]).collect(),
-        Format::Rgb48 => panic!("images of 16-bit words are not packed"),
+
         Format::Grey => codes.iter().map(|rgb| rgb[1] as u8).collect(),
         Format::Yuyv(yuv) => {
             let pair = |p: &[[f64; 3]]| {
@@ -49,6 +49,7 @@ pub fn pack(format: Format, width: usize, codes: &[[u16; 3]]) -> Vec<u8> {
         Format::Raw12(p) => {
             mosaic(p.channels()).chunks(width).flat_map(|r| r.chunks(2)).flat_map(raw12).collect()
         }
+        other => panic!("{other:?} is no packing of bytes"),
     }
 }
 
@@ -61,6 +62,7 @@ fn ycc(rgb: [u16; 3], yuv: Yuv) -> [f64; 3] {
     let (kr, kb) = match yuv.matrix {
         Matrix::Bt601 => (0.299, 0.114),
         Matrix::Bt709 => (0.2126, 0.0722),
+        other => panic!("{other:?} has no weights here"),
     };
     let [r, g, b] = rgb.map(f64::from);
     let y = kr * r + (1.0 - kr - kb) * g + kb * b;

@@ -56,14 +56,9 @@ pub fn convert(path: &Path, target: Target) -> Result<Converted, RecordedError> 
 pub(super) fn table(lens: &Lens, size: [u32; 2]) -> Table {
     let p = lens.intrinsics();
     let list = |v: &[f64]| Value::from(v.to_vec());
-    let (model, k): (&str, &[f64]) = match &p.model {
-        Model::Equidistant => ("equidistant", &[]),
-        Model::Equisolid => ("equisolid", &[]),
-        Model::KannalaBrandt(k) => ("kannala-brandt", k),
-        Model::Radial(k) => ("radial", k),
-    };
+    let k = p.model.coefficients();
     let mut table = Table::new();
-    table.insert("model".into(), model.into());
+    table.insert("model".into(), p.model.name().into());
     table.insert("size".into(), size.map(i64::from).to_vec().into());
     table.insert("centre".into(), list(&p.centre_px.to_array()));
     table.insert("focal".into(), list(&p.focal_px.to_array()));
@@ -106,7 +101,7 @@ impl Yaml {
             Model::Equidistant => (true, vec![0.0; 4]),
             Model::KannalaBrandt(k) => (true, k.to_vec()),
             Model::Radial([k1, k2]) => (false, vec![k1, k2, 0.0, 0.0, 0.0]),
-            Model::Equisolid => return Err("an equisolid lens".into()),
+            other => return Err(format!("a lens of the model {}", other.name())),
         };
         if p.vignetting[1..].iter().any(|v| *v != 0.0) {
             return Err("a lens with vignetting".into());
