@@ -8,10 +8,10 @@ use divan::{Bencher, black_box};
 use hemilux_core::Levels;
 use hemilux_core::format::{Format, Layout};
 use hemilux_core::healpix::Domain;
-use hemilux_core::internals::front;
+use hemilux_core::internals;
 use hemilux_core::internals::merge::{Channels, Codes};
-use hemilux_core::internals::response::{Curve, curve_len};
 use hemilux_core::polar::LatLongView;
+use hemilux_core::response::{Curve, curve_len};
 use hemilux_core::sampler::q2tree::Parameters;
 use hemilux_core::sampler::{Map, Request, Sampler};
 use hemilux_core::{Depth, Response};
@@ -55,7 +55,7 @@ fn burst(bencher: Bencher<'_, '_>) {
     let frame: Vec<u16> = bytes(3 * 640 * 480).into_iter().map(|v| 256 * u16::from(v)).collect();
     let frames = [Samples::U16(&frame)];
     bencher.bench_local(|| {
-        front::burst(&frames, &layout, &merge.view(), &pixel_table.view(), [1.0; 3], &mut map)
+        internals::burst(&frames, &layout, &merge.view(), &pixel_table.view(), [1.0; 3], &mut map)
     });
 }
 

@@ -10,6 +10,7 @@ pub mod light;
 pub mod polar;
 pub mod pyramid;
 pub mod receiver;
+pub mod response;
 pub mod sampler;
 pub mod thin;
 pub mod tonemap;
@@ -21,10 +22,10 @@ mod error;
 mod extrapolation;
 mod front;
 mod front_end;
+mod lanes;
 mod merge;
 mod pixel_table;
 mod quad;
-mod response;
 mod root;
 mod sizes;
 mod unpack;
@@ -47,25 +48,21 @@ pub use sampler::{Map, Request, Sampler, SamplerKind, UnknownSampler};
 pub use sizes::{BufferSize, Sizes};
 pub use unpack::{read_luma, read_rgb_row};
 
-/// The parts that [`FrontEnd`] is made of, for this workspace's tests of each. No part of the interface: anything may change.
+/// Stages of the front end, for the tests and benchmarks of this workspace. Unstable: not part of the public interface, changed or
+/// removed without notice.
 #[doc(hidden)]
 pub mod internals {
-    pub mod extrapolation {
-        pub use crate::extrapolation::*;
-    }
-    pub mod front {
-        pub use crate::front::*;
-    }
+    pub use crate::extrapolation::average;
+    pub use crate::front::burst;
+    pub use crate::lanes::Lanes;
     pub mod merge {
-        pub use crate::merge::*;
+        pub use crate::merge::{
+            COUNT_BITS, Channels, Codes, Merge, MergeSize, MergeView, Reciprocal, merge_size,
+        };
     }
     pub mod pixel_table {
-        pub use crate::pixel_table::*;
-    }
-    pub mod pyramid {
-        pub use crate::pyramid::*;
-    }
-    pub mod response {
-        pub use crate::response::*;
+        pub use crate::pixel_table::{
+            Buffers, PixelTable, PixelTableSize, PixelTableView, Run, Span, Texel, pixel_table_size,
+        };
     }
 }

@@ -19,8 +19,8 @@
 
 use crate::buffer::{self, Buffer, TooSmall};
 use crate::color::{self, luminance};
-use crate::format::Format;
 use crate::healpix::{self, Domain, FaceCell, Order};
+use crate::lanes::{Lanes, Pick};
 use crate::pixel_table::Texel;
 pub use crate::quad::Quad;
 
@@ -80,6 +80,7 @@ impl<Q: Buffer<Quad>> Pyramid<Q> {
     }
 
     /// The quads of `order`, at most the finest, dark: sums of light go into their energy, in any lanes, for [`Pyramid::finish`].
+    #[doc(hidden)]
     pub fn accumulators(&mut self, order: u8) -> &mut [Quad] {
         let order = order.min(self.order);
         let at = first(self.domain, order)..first(self.domain, order + 1);
@@ -92,6 +93,7 @@ impl<Q: Buffer<Quad>> Pyramid<Q> {
     ///
     /// Where the texels are finer than `order`, they share their ancestor's energy by solid angle inside the domain, so that the sum
     /// is kept. Sums that noise round black made negative hold no light.
+    #[doc(hidden)]
     pub fn finish(&mut self, order: u8, geometry: &[Texel], lanes: &Lanes) {
         let texels = first(self.domain, self.order);
         if order < self.order
@@ -211,61 +213,6 @@ fn light(quad: &mut Quad, texel: &Texel, rgb: &impl Fn([f32; 4]) -> [f32; 3]) {
 #[inline]
 fn positive(v: f32) -> f32 {
     f32::from_bits((v.to_bits() as i32).max(0) as u32)
-}
-
-/// Which lane of an accumulator is which channel, and what a count is worth.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Lanes {
-    pick: Pick,
-    scale: [f32; 3],
-}
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Pick {
-    /// Red, green, blue; the fourth means nothing.
-    Plain,
-    /// Blue, green, red.
-    Swapped,
-    /// One for all.
-    Grey,
-    /// The pixels of a mosaic's cell: where red, both greens and blue are.
-    Cell { red: usize, green: [usize; 2], blue: usize },
-}
-
-impl Lanes {
-    /// The lanes that the front end gives `format`; `scale` is the energy of a count of each channel.
-    #[must_use]
-    pub fn of(format: Format, scale: [f32; 3]) -> Self {
-        let pick = match (format, format.pattern()) {
-            (_, Some(pattern)) => {
-                let channels = pattern.channels();
-                let find = |c| channels.iter().position(|own| *own == c).unwrap_or(0);
-                let second = channels.iter().rposition(|own| *own == 1).unwrap_or(0);
-                Pick::Cell { red: find(0), green: [find(1), second], blue: find(2) }
-            }
-            (Format::Bgr24, _) => Pick::Swapped,
-            (Format::Grey, _) => Pick::Grey,
-            _ => Pick::Plain,
-        };
-        Self { pick, scale }
-    }
-
-    #[inline]
-    fn scaled(&self, rgb: [f32; 3]) -> [f32; 3] {
-        core::array::from_fn(|c| rgb[c] * self.scale[c])
-    }
-
-    /// Energy of a sum.
-    #[must_use]
-    pub fn rgb(&self, sum: [f32; 4]) -> [f32; 3] {
-        let at = |i: usize| sum[i & 3];
-        self.scaled(match self.pick {
-            Pick::Plain => [sum[0], sum[1], sum[2]],
-            Pick::Swapped => [sum[2], sum[1], sum[0]],
-            Pick::Grey => [sum[0]; 3],
-            Pick::Cell { red, green: [a, b], blue } => [at(red), 0.5 * (at(a) + at(b)), at(blue)],
-        })
-    }
 }
 
 fn sum(four: &[Quad; 4]) -> Quad {

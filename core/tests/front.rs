@@ -14,7 +14,7 @@ use hemilux_core::PixelTableError;
 use hemilux_core::Samples;
 use hemilux_core::format::{Format, Layout};
 use hemilux_core::healpix::{self, Domain};
-use hemilux_core::internals::front::{self};
+use hemilux_core::internals;
 use hemilux_core::internals::pixel_table::pixel_table_size;
 use hemilux_core::lens::{Intrinsics, Lens, Model};
 
@@ -230,7 +230,7 @@ fn frames_and_maps_that_do_not_fit_are_refused() {
     assert_eq!(refused, Err(BurstError::OtherMap));
     let layout = Layout::tight(Format::Rgb48, 320, 240).expect("a sound size");
     let merge = common::one_exposure();
-    let refused = front::burst(
+    let refused = internals::burst(
         &[Samples::U16(&frame)],
         &layout,
         &merge.view(),

@@ -6,7 +6,7 @@ use common::{RngExt, VecMerge, merge, merged, off, seeded};
 use hemilux_core::Levels;
 use hemilux_core::TooSmall;
 use hemilux_core::internals::merge::{Channels, Codes, Merge, Reciprocal, merge_size};
-use hemilux_core::internals::response::{Curve, SATURATED, TRUSTED, curve_len};
+use hemilux_core::response::{Curve, SATURATED, TRUSTED, curve_len};
 use hemilux_core::{Depth, Response};
 use hemilux_core::{Exposure, MAX_EXPOSURES, MergeError};
 

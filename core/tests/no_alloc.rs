@@ -9,8 +9,7 @@ use hemilux_core::Order;
 use hemilux_core::Samples;
 use hemilux_core::format::{self, Format};
 use hemilux_core::healpix::Domain;
-use hemilux_core::internals::extrapolation;
-use hemilux_core::internals::front;
+use hemilux_core::internals;
 use hemilux_core::light::Light;
 use hemilux_core::polar::{Grid, LatLong, PolarTable, Share, shares_len};
 use hemilux_core::sampler::pharr::{self, Pharr};
@@ -77,9 +76,9 @@ fn a_hundred_frames_allocate_nothing() {
     for n in 0..100 {
         frame[n * 997..n * 997 + 3000].fill(60_000);
         let frames = [Samples::U16(&frame)];
-        let seen = front::burst(&frames, &layout, &merge.view(), &view, [1.0; 3], &mut map);
+        let seen = internals::burst(&frames, &layout, &merge.view(), &view, [1.0; 3], &mut map);
         let seen = seen.expect("a frame that fits");
-        extrapolation::average(&mut map, pixel_table.texels());
+        internals::average(&mut map, pixel_table.texels());
         polar.fill(&polar_plan, &map.view());
         let map = Map { pyramid: map.view(), polar: polar.view() };
         let samplers: [&mut dyn Sampler; 3] = {

@@ -9,9 +9,9 @@ use hemilux_core::Order;
 use hemilux_core::TooSmall;
 use hemilux_core::format::Format;
 use hemilux_core::healpix::{self, Domain};
-use hemilux_core::internals::extrapolation;
+use hemilux_core::internals;
+use hemilux_core::internals::Lanes;
 use hemilux_core::internals::pixel_table::Texel;
-use hemilux_core::internals::pyramid::Lanes;
 use hemilux_core::lens::{Lens, Model};
 use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
 
@@ -140,7 +140,7 @@ fn narrow() -> Lens {
 fn a_constant_sky_fills_what_is_not_seen_with_its_radiance() {
     let pixel_table = pixel_table(&narrow(), 640, 480, 5);
     let (mut map, _) = expose(&pixel_table, &[20_000; 3 * 640 * 480]);
-    let radiance = extrapolation::average(&mut map, pixel_table.texels());
+    let radiance = internals::average(&mut map, pixel_table.texels());
     let expected = common::radiance_of(20_000);
     println!("average off by {:.1e}", off(f64::from(radiance[1]), expected));
     assert!(off(f64::from(radiance[1]), expected) < 5e-3, "{radiance:?} {expected}");
@@ -161,7 +161,7 @@ fn one_lamp_does_not_brighten_the_rim() {
         }
     }
     let (mut lamp, _) = expose(&pixel_table, &frame);
-    let rim = |map: &mut Pyramid<_>| f64::from(extrapolation::average(map, pixel_table.texels())[0]);
+    let rim = |map: &mut Pyramid<_>| f64::from(internals::average(map, pixel_table.texels())[0]);
     let (without, with) = (rim(&mut dim), rim(&mut lamp));
     assert!(off(with, without) < 0.01, "{with} {without}");
 }
@@ -172,14 +172,14 @@ fn nothing_is_filled_where_all_is_seen_or_the_map_is_coarse() {
     let pixel_table = pixel_table(&lens, 301, 301, 5);
     let (mut map, _) = expose(&pixel_table, &vec![20_000; 3 * 301 * 301]);
     let before = map.view().total();
-    extrapolation::average(&mut map, pixel_table.texels());
+    internals::average(&mut map, pixel_table.texels());
     assert_eq!(map.view().total(), before);
     let coarse = common::pixel_table(&narrow(), 640, 480, 2);
     let (mut map, _) = expose(&coarse, &[20_000; 3 * 640 * 480]);
     let before = map.view().total();
-    assert_eq!(extrapolation::average(&mut map, coarse.texels()), [0.0; 3]);
+    assert_eq!(internals::average(&mut map, coarse.texels()), [0.0; 3]);
     assert_eq!(map.view().total(), before);
-    assert_eq!(extrapolation::average(&mut lit(Domain::Sphere, 4, |_| grey(1.0)), &[]), [0.0; 3]);
+    assert_eq!(internals::average(&mut lit(Domain::Sphere, 4, |_| grey(1.0)), &[]), [0.0; 3]);
 }
 
 #[test]
@@ -187,7 +187,7 @@ fn light_of_the_filled_rim_comes_from_the_rim() {
     let pixel_table = pixel_table(&narrow(), 640, 480, 5);
     let (mut map, _) = expose(&pixel_table, &[20_000; 3 * 640 * 480]);
     let before = map.view().total().first_moment();
-    extrapolation::average(&mut map, pixel_table.texels());
+    internals::average(&mut map, pixel_table.texels());
     let rim = (map.view().total().first_moment() - before).as_dvec3();
     // A constant sky has its mean direction at the zenith, half a unit long: pi L.
     let whole = map.view().total().first_moment().as_dvec3() / (PI * common::radiance_of(20_000));

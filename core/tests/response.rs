@@ -5,7 +5,7 @@ mod common;
 use common::off;
 use hemilux_core::Levels;
 use hemilux_core::TooSmall;
-use hemilux_core::internals::response::{CURVE_BITS, Curve, curve_len};
+use hemilux_core::response::{CURVE_BITS, Curve, curve_len};
 use hemilux_core::{Depth, Response, ResponseError};
 
 fn curve(

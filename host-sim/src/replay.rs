@@ -8,7 +8,7 @@ use hemilux::calibration::{Burst, Calibration, Frame};
 use hemilux::pipeline::{Pipeline, PipelineError, Settings};
 use hemilux::recorded::{self, BurstFolder, ReadLimits, RecordedBurst};
 use hemilux_core::format::Format;
-use hemilux_core::internals::response::{Curve, curve_len};
+use hemilux_core::response::{Curve, curve_len};
 use hemilux_core::wire::LightSet;
 use std::path::{Path, PathBuf};
 
@@ -208,7 +208,7 @@ pub fn ratios(calibration: &Calibration, burst: &Burst) -> Vec<Ratio> {
 
 fn ratio(curve: &Curve<Vec<i32>>, pair: &[Frame]) -> Ratio {
     // A twentieth of full scale: below it quantisation decides.
-    let least = 1 << (hemilux_core::internals::response::CURVE_BITS - 5);
+    let least = 1 << (hemilux_core::response::CURVE_BITS - 5);
     let light = |f: &Frame| f.exposure.seconds * f.exposure.gain;
     let [short, long] = [codes(&pair[0]), codes(&pair[1])];
     let mut found: Vec<f64> = std::iter::zip(short, long)

@@ -3,7 +3,7 @@
 use super::RecordedBurst;
 use crate::calibration::{Calibration, Frame, Pixels};
 use hemilux_core::format::Format;
-use hemilux_core::internals::response::{CURVE_BITS, Curve, curve_len};
+use hemilux_core::response::{CURVE_BITS, Curve, curve_len};
 
 /// Least relative exposure that predicts the neighbour's: below it quantisation and noise decide.
 const LEAST: f64 = 1.0 / 32.0;

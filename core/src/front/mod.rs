@@ -11,9 +11,10 @@ use crate::buffer::Buffer;
 use crate::color::{MAX_ENERGY, luminance};
 use crate::format::{Format, Layout};
 use crate::healpix::Domain;
+use crate::lanes::Lanes;
 use crate::merge::{Channels, Codes, MAX_EXPOSURES, MergeView, Samples};
 use crate::pixel_table::{CHUNK, PixelTableView};
-use crate::pyramid::{Lanes, Pyramid, Quad};
+use crate::pyramid::{Pyramid, Quad};
 use gather::{MergedChunk, PrefixSums, Products, Radiance, RunLight, Runs};
 use rows::{Part, Scratch};
 

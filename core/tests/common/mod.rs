@@ -6,13 +6,13 @@ use hemilux_core::Levels;
 use hemilux_core::Order;
 use hemilux_core::format::{Format, Layout};
 use hemilux_core::healpix::{self, Domain};
-use hemilux_core::internals::front;
+use hemilux_core::internals;
 use hemilux_core::internals::merge::{COUNT_BITS, Channels, Codes, Merge, MergeView, Reciprocal, merge_size};
 use hemilux_core::internals::pixel_table::{Buffers, PixelTable, Run, Span, Texel, pixel_table_size};
-use hemilux_core::internals::response::{Curve, curve_len};
 use hemilux_core::lens::{Intrinsics, Lens, Model};
 use hemilux_core::light::Light;
 use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
+use hemilux_core::response::{Curve, curve_len};
 use hemilux_core::sampler::q2tree::{Leaf, Parameters, Past, Q2Tree, interior_len};
 use hemilux_core::{BurstError, Coverage, ImageSize, MapShape};
 use hemilux_core::{Depth, Response};
@@ -171,7 +171,7 @@ pub fn burst(
 ) -> Result<Coverage, BurstError> {
     let layout =
         Layout::tight(Format::Rgb48, pixel_table.width(), pixel_table.height()).expect("a sound size");
-    front::burst(frames, &layout, &one_exposure().view(), &pixel_table.view(), balance, map)
+    internals::burst(frames, &layout, &one_exposure().view(), &pixel_table.view(), balance, map)
 }
 
 /// Counts of samples of whole pixels: whole ones of as many pixels at a time as have them, floats of the rest. Says of how many

@@ -9,7 +9,7 @@ use hemilux_bare as _;
 use hemilux_core::{MapShape, Order};
 use hemilux_core::harmonics;
 use hemilux_core::healpix::Domain;
-use hemilux_core::internals::extrapolation;
+use hemilux_core::internals;
 use hemilux_core::light::Light;
 use hemilux_core::polar::{Grid, LatLong, PolarTable};
 use hemilux_core::pyramid::Pyramid;
@@ -41,7 +41,7 @@ fn maps() -> Option<()> {
     let (domain, order) = black_box((Domain::Hemisphere, Order::saturating(5)));
     let grid = black_box(Grid::POLAR);
     let mut pyramid = Pyramid::try_new(lent(), domain, order).ok()?;
-    extrapolation::average(&mut pyramid, lent());
+    internals::average(&mut pyramid, lent());
     let table = PolarTable::try_new(&grid, order, lent()).ok()?;
     let mut polar = LatLong::try_new(grid, lent()).ok()?;
     polar.fill(&table, &pyramid.view());

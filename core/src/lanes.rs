@@ -1,0 +1,58 @@
+//! The lanes of an accumulator: up to four sums per texel, one for each sample of a pixel or of a mosaic cell.
+
+use crate::format::Format;
+
+/// Which lane of an accumulator is which channel, and what a count is worth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lanes {
+    pub(crate) pick: Pick,
+    scale: [f32; 3],
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Pick {
+    /// Red, green, blue; the fourth means nothing.
+    Plain,
+    /// Blue, green, red.
+    Swapped,
+    /// One for all.
+    Grey,
+    /// The pixels of a mosaic's cell: where red, both greens and blue are.
+    Cell { red: usize, green: [usize; 2], blue: usize },
+}
+
+impl Lanes {
+    /// The lanes that the front end gives `format`; `scale` is the energy of a count of each channel.
+    #[must_use]
+    pub fn of(format: Format, scale: [f32; 3]) -> Self {
+        let pick = match (format, format.pattern()) {
+            (_, Some(pattern)) => {
+                let channels = pattern.channels();
+                let find = |c| channels.iter().position(|own| *own == c).unwrap_or(0);
+                let second = channels.iter().rposition(|own| *own == 1).unwrap_or(0);
+                Pick::Cell { red: find(0), green: [find(1), second], blue: find(2) }
+            }
+            (Format::Bgr24, _) => Pick::Swapped,
+            (Format::Grey, _) => Pick::Grey,
+            _ => Pick::Plain,
+        };
+        Self { pick, scale }
+    }
+
+    #[inline]
+    pub(crate) fn scaled(&self, rgb: [f32; 3]) -> [f32; 3] {
+        core::array::from_fn(|c| rgb[c] * self.scale[c])
+    }
+
+    /// Energy of a sum.
+    #[must_use]
+    pub fn rgb(&self, sum: [f32; 4]) -> [f32; 3] {
+        let at = |i: usize| sum[i & 3];
+        self.scaled(match self.pick {
+            Pick::Plain => [sum[0], sum[1], sum[2]],
+            Pick::Swapped => [sum[2], sum[1], sum[0]],
+            Pick::Grey => [sum[0]; 3],
+            Pick::Cell { red, green: [a, b], blue } => [at(red), 0.5 * (at(a) + at(b)), at(blue)],
+        })
+    }
+}
