@@ -6,7 +6,8 @@ usage: run.py PROGRAM [--seconds N] [ATTACK...]
 Needs Python 3.10 and nothing else. Starts PROGRAM on a free port of the loopback interface, with the number of lights and the options
 that the attack is about, and prints a line for each: frames that the good client got and missed, its longest gap between two sets, the
 program's largest resident memory and number of threads, and the kernel's memory for its sockets. The exit status is 1 where a frame was
-missed, a set of the slow reader was older than a second, memory exceeded 64 MB, or a request of a good client was lost.
+missed, the gap between two sets was over 150 ms, a set of the slow reader was older than a second, memory exceeded 64 MB, more than
+8 threads ran, or a request of a good client was lost. The gap is only meaningful on a machine that does nothing else.
 """
 import argparse
 import multiprocessing
@@ -19,6 +20,8 @@ import threading
 import time
 
 MEMORY_MB = 64
+GAP_S = 0.150
+THREADS = 8
 FAILED = []
 
 
@@ -129,7 +132,7 @@ def report(name, program, found, note=""):
     memory, ended, left = program.stop()
     print(f"{name:22} frames {got:4} missed {missed:3} gap {1000 * longest:4.0f} ms  memory {memory:5.1f} MB  "
           f"threads {program.threads:2}  sockets {program.kernel / 1e6:5.1f} MB, {left / 1e6:.1f} after the end ({ended:.2f} s)  {note}", flush=True)
-    if missed or memory + program.kernel / 1e6 > MEMORY_MB or ended > 1.2 or left > 1e6:
+    if missed or longest > GAP_S or program.threads > THREADS or memory + program.kernel / 1e6 > MEMORY_MB or ended > 1.2 or left > 1e6:
         FAILED.append(name)
 
 

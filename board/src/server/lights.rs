@@ -60,6 +60,11 @@ impl Format {
         matches!(self, Self::Json | Self::Binary | Self::Event | Self::Estimate)
     }
 
+    /// About the number of bytes that a light takes.
+    pub(super) fn bytes_per_light(self) -> usize {
+        if self == Self::Binary { 40 } else { 200 }
+    }
+
     fn content_type(self) -> HeaderValue {
         HeaderValue::from_static(match self {
             Self::Json | Self::Estimate => "application/json",

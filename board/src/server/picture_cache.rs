@@ -15,8 +15,11 @@ const INTERVAL: Duration = Duration::from_millis(50);
 /// The thread's priority below that of the process.
 const NICE: i32 = 10;
 
+/// Length of most pictures, bytes.
+const USUAL_BYTES: usize = 1 << 20;
+
 /// Largest picture that is kept, bytes; larger ones are shared only while they are being sent.
-const KEPT_BYTES: usize = 1 << 20;
+pub(super) const KEPT_BYTES: usize = 1 << 20;
 
 /// The contents of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -136,7 +139,7 @@ impl PictureCache {
             if let Some(last) = *last {
                 tokio::time::sleep_until(last + INTERVAL).await;
             }
-            self.memory.room().await.ok_or(NoPicture::Full)?;
+            self.memory.reserve(USUAL_BYTES).await.ok_or(NoPicture::Full)?;
             *last = Some(Instant::now());
             let (view, since_ns, is_fresh) = match look(asked_ns).await {
                 View::Of { view, since_ns, is_fresh } => (view, since_ns, is_fresh),

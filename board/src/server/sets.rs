@@ -29,7 +29,7 @@ const NICE: i32 = 10;
 const VARIANTS: usize = 64;
 
 /// Most bytes that are kept while no client is being sent them.
-const KEPT_BYTES: usize = 4 << 20;
+pub(super) const KEPT_BYTES: usize = 4 << 20;
 
 /// The encoded bytes of the newest set for each variant, most recently requested first.
 pub(super) struct EncodedSets {
@@ -121,10 +121,11 @@ impl EncodedSets {
         if let Some(ready) = entry.find(&answer) {
             return Ok(ready);
         }
-        self.memory.room().await.ok_or(Missing::Full)?;
         // Capacity of 9/8 of the previous frame's length: one allocation per frame.
         let last = lock(&entry.encoded).length;
         let room = last + last / 8;
+        let length = if last > 0 { room } else { variant.format.bytes_per_light() * answer.set.lights.len() };
+        self.memory.reserve(length).await.ok_or(Missing::Full)?;
         let (answer, bytes) = if answer.set.lights.len() > MANY_LIGHTS {
             let is_costly = is_costly(variant, answer.set.lights.len());
             let link = Arc::clone(link);

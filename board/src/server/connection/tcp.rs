@@ -18,7 +18,7 @@ const LARGE_SEND_BYTES: usize = 192 << 10;
 const LARGE_BYTES: u64 = 48 << 10;
 
 /// Largest number of connections with large send buffers.
-const LARGE_BUFFERS: usize = 32;
+const LARGE_BUFFERS: usize = 12;
 
 /// Number of connections with large send buffers.
 static LARGE: AtomicUsize = AtomicUsize::new(0);
