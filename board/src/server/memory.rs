@@ -43,6 +43,12 @@ pub(super) struct Held {
     live: Arc<Live>,
 }
 
+impl Held {
+    pub(super) fn len(&self) -> usize {
+        self.bytes.len()
+    }
+}
+
 /// Number of bytes of all answers.
 #[derive(Debug, Default)]
 struct Live {
@@ -52,18 +58,43 @@ struct Live {
 }
 
 impl Live {
-    /// Whether an answer of about `length` bytes may be made.
-    fn admits(&self, length: usize) -> bool {
+    /// Counts `length` bytes where an answer of about as many may be made.
+    fn try_add(&self, length: usize) -> bool {
         let limit = if length > SMALL { LIMIT - RESERVE } else { LIMIT };
-        let live = self.bytes.load(Relaxed);
-        live <= IDLE || live + length <= limit
+        let add = |live| (live <= IDLE || live + length <= limit).then_some(live + length);
+        self.bytes.fetch_update(Relaxed, Relaxed, add).is_ok()
+    }
+
+    fn subtract(&self, length: usize) {
+        self.bytes.fetch_sub(length, Relaxed);
+        self.dropped.notify_waiters();
     }
 }
 
 impl Drop for Held {
     fn drop(&mut self) {
-        self.live.bytes.fetch_sub(self.bytes.capacity(), Relaxed);
-        self.live.dropped.notify_waiters();
+        self.live.subtract(self.bytes.capacity());
+    }
+}
+
+/// The memory of an answer that is being made.
+#[derive(Debug)]
+pub(super) struct Reserved {
+    length: usize,
+    live: Arc<Live>,
+}
+
+impl Reserved {
+    /// Counts `bytes` in place of what was reserved.
+    pub(super) fn hold(self, bytes: Vec<u8>) -> Arc<Held> {
+        self.live.bytes.fetch_add(bytes.capacity(), Relaxed);
+        Arc::new(Held { bytes, live: Arc::clone(&self.live) })
+    }
+}
+
+impl Drop for Reserved {
+    fn drop(&mut self) {
+        self.live.subtract(self.length);
     }
 }
 
@@ -114,21 +145,16 @@ impl AnswerMemory {
         let _ = self.limiter.set(Arc::clone(limiter));
     }
 
-    pub(super) fn hold(&self, bytes: Vec<u8>) -> Arc<Held> {
-        self.live.bytes.fetch_add(bytes.capacity(), Relaxed);
-        Arc::new(Held { bytes, live: Arc::clone(&self.live) })
-    }
-
-    /// Waits until an answer of about `length` bytes may be made, and cuts connections that do not read while it may not. `None` after
-    /// [`PATIENCE`].
-    pub(super) async fn reserve(&self, length: usize) -> Option<()> {
+    /// Waits until there is memory for an answer of about `length` bytes, and cuts connections that do not read while there is not.
+    /// `None` after [`PATIENCE`].
+    pub(super) async fn reserve(&self, length: usize) -> Option<Reserved> {
         let deadline = Instant::now() + PATIENCE;
         loop {
             let dropped = self.live.dropped.notified();
             tokio::pin!(dropped);
             dropped.as_mut().enable();
-            if self.live.admits(length) {
-                return Some(());
+            if self.live.try_add(length) {
+                return Some(Reserved { length, live: Arc::clone(&self.live) });
             }
             if Instant::now() >= deadline {
                 return None;
@@ -147,27 +173,41 @@ mod tests {
     use std::sync::atomic::AtomicBool;
     use std::task::{Context, Wake, Waker};
 
+    async fn hold(memory: &AnswerMemory, length: usize) -> Arc<Held> {
+        memory.reserve(length).await.expect("memory").hold(vec![1; length])
+    }
+
     #[tokio::test]
     async fn memory_is_counted_until_the_last_share_is_dropped() {
         let memory = AnswerMemory::default();
-        let held = memory.hold(vec![1; LIMIT]);
+        let held = hold(&memory, LIMIT).await;
         let (mut kept, sent) = (Kept::new(&held), body(&held));
         drop(held);
-        assert_eq!(memory.reserve(1).await, None, "full");
+        assert!(memory.reserve(1).await.is_none(), "full");
         kept.release();
         assert_eq!(kept.find().map(|bytes| bytes.len()), Some(LIMIT), "still being sent");
         drop(sent);
-        assert!(kept.find().is_none() && memory.reserve(1).await.is_some(), "gone");
+        assert!(kept.find().is_none() && memory.reserve(LIMIT).await.is_some(), "gone");
+        assert_eq!(memory.live.bytes.load(Relaxed), 0, "a reservation without an answer counts no longer");
     }
 
     #[tokio::test]
     async fn large_answers_leave_memory_to_small_ones() {
         let memory = AnswerMemory::default();
-        let held = memory.hold(vec![1; LIMIT - RESERVE]);
-        assert_eq!(memory.reserve(SMALL + 1).await, None, "a large one");
+        let held = hold(&memory, LIMIT - RESERVE).await;
+        assert!(memory.reserve(SMALL + 1).await.is_none(), "a large one");
         assert!(memory.reserve(SMALL).await.is_some(), "a small one");
         drop(held);
         assert!(memory.reserve(2 * LIMIT).await.is_some(), "any one when nothing else is held");
+    }
+
+    #[tokio::test]
+    async fn answers_that_are_being_made_count() {
+        let memory = AnswerMemory::default();
+        let making = memory.reserve(LIMIT).await;
+        assert!(memory.reserve(1).await.is_none(), "reserved");
+        drop(making);
+        assert!(memory.reserve(1).await.is_some(), "not any longer");
     }
 
     #[tokio::test]
@@ -179,7 +219,7 @@ mod tests {
             }
         }
         let memory = AnswerMemory::default();
-        let held = memory.hold(vec![1; LIMIT]);
+        let held = hold(&memory, LIMIT).await;
         let flag = Arc::new(Flag(AtomicBool::new(false)));
         let waker = Waker::from(Arc::clone(&flag));
         let mut waiting = std::pin::pin!(memory.reserve(1));
@@ -187,6 +227,6 @@ mod tests {
         flag.0.store(false, Relaxed);
         drop(held);
         assert!(flag.0.load(Relaxed), "woken at once, not by the timer");
-        assert_eq!(waiting.await, Some(()), "there is memory");
+        assert!(waiting.await.is_some(), "there is memory");
     }
 }

@@ -2,7 +2,7 @@
 //! before its burst.
 
 use super::encoder::Encoder;
-use super::memory::{AnswerMemory, Kept, body};
+use super::memory::{AnswerMemory, Kept, Reserved, body};
 use crate::clock;
 use axum::body::Bytes;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -139,7 +139,7 @@ impl PictureCache {
             if let Some(last) = *last {
                 tokio::time::sleep_until(last + INTERVAL).await;
             }
-            self.memory.reserve(USUAL_BYTES).await.ok_or(NoPicture::Full)?;
+            let reserved = self.memory.reserve(USUAL_BYTES).await.ok_or(NoPicture::Full)?;
             *last = Some(Instant::now());
             let (view, since_ns, is_fresh) = match look(asked_ns).await {
                 View::Of { view, since_ns, is_fresh } => (view, since_ns, is_fresh),
@@ -148,14 +148,21 @@ impl PictureCache {
             };
             let rendered =
                 self.thread.run(kind, move || render(view)).await.flatten().ok_or(NoPicture::Fault)?;
-            return Ok(self.keep(kind, since_ns, is_fresh, rendered));
+            return Ok(self.keep(kind, since_ns, is_fresh, rendered, reserved));
         }
     }
 
-    fn keep(&self, kind: PictureKind, since_ns: u64, is_fresh: bool, rendered: Rendered) -> Picture {
+    fn keep(
+        &self,
+        kind: PictureKind,
+        since_ns: u64,
+        is_fresh: bool,
+        rendered: Rendered,
+        reserved: Reserved,
+    ) -> Picture {
         let Rendered { bytes, frame, shot } = rendered;
         let is_small = bytes.len() <= KEPT_BYTES;
-        let held = self.memory.hold(bytes);
+        let held = reserved.hold(bytes);
         let mut kept = Kept::new(&held);
         if !is_small {
             kept.release();

@@ -2,7 +2,7 @@
 
 use super::encoder::Encoder;
 use super::lights::{Answer, Format};
-use super::memory::{AnswerMemory, Kept, body};
+use super::memory::{AnswerMemory, Held, Kept, body};
 use super::query::Variant;
 use crate::probe::tiers::Selection;
 use crate::probe::{Link, Published, Staleness};
@@ -125,7 +125,7 @@ impl EncodedSets {
         let last = lock(&entry.encoded).length;
         let room = last + last / 8;
         let length = if last > 0 { room } else { variant.format.bytes_per_light() * answer.set.lights.len() };
-        self.memory.reserve(length).await.ok_or(Missing::Full)?;
+        let reserved = self.memory.reserve(length).await.ok_or(Missing::Full)?;
         let (answer, bytes) = if answer.set.lights.len() > MANY_LIGHTS {
             let is_costly = is_costly(variant, answer.set.lights.len());
             let link = Arc::clone(link);
@@ -141,12 +141,11 @@ impl EncodedSets {
             let bytes = encode(variant, link, &answer, room).ok_or(Missing::Fault)?;
             (answer, bytes)
         };
-        Ok(self.keep(&entry, answer, bytes))
+        Ok(self.keep(&entry, answer, reserved.hold(bytes)))
     }
 
-    fn keep(&self, entry: &Entry, answer: Answer, bytes: Vec<u8>) -> Ready {
-        let (key, length) = (Some(Key::of(&answer)), bytes.len());
-        let held = self.memory.hold(bytes);
+    fn keep(&self, entry: &Entry, answer: Answer, held: Arc<Held>) -> Ready {
+        let (key, length) = (Some(Key::of(&answer)), held.len());
         *lock(&entry.encoded) = Encoded { key, kept: Kept::new(&held), length };
         self.release_old();
         Ready { bytes: body(&held), is_stale: answer.stale.is_some(), set: answer.set }
