@@ -6,6 +6,8 @@ use std::process::ExitCode;
 use tracing_subscriber::EnvFilter;
 
 fn main() -> ExitCode {
+    #[cfg(target_env = "gnu")]
+    return_large_blocks();
     std::panic::set_hook(Box::new(tell_panic));
     let filter = EnvFilter::builder().with_default_directive(tracing::Level::WARN.into()).from_env_lossy();
     tracing_subscriber::fmt()
@@ -20,6 +22,15 @@ fn main() -> ExitCode {
             ExitCode::from(failure.status)
         }
     }
+}
+
+/// Lets the allocator return blocks of 256 KB and more, such as answers of thousands of lights, to the system as soon as they are free.
+/// By default it raises its threshold with the blocks that it sees, and keeps them: 14 MB beside sets of 50,000 lights.
+#[cfg(target_env = "gnu")]
+#[allow(unsafe_code, reason = "the option has no safe wrapper")]
+fn return_large_blocks() {
+    // SAFETY: `mallopt` may be called at any time; it takes and returns integers.
+    unsafe { libc::mallopt(libc::M_MMAP_THRESHOLD, 256 << 10) };
 }
 
 /// Tells a panic in one line.

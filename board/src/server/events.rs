@@ -107,7 +107,7 @@ impl Feed {
             let ready = match self.context.sets.newest(self.variant, &self.context.link, is_late).await {
                 Ok(ready) => ready,
                 Err(Missing::NoSet | Missing::Full) => return Next::None,
-                Err(Missing::Fault) => return Next::Stop,
+                Err(Missing::Fault | Missing::TooLong(_)) => return Next::Stop,
             };
             let id = event_id(self.context.link.run(), ready.set.frame);
             // A set that came between the notification and the look was sent already.

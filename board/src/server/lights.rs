@@ -1,6 +1,7 @@
 //! `/v1/lights`, `/data`, `/xml` and `/lights.json`: the next finished frame, encoded once per frame for all requests with equal parameters.
 
 use super::connection::stopped;
+use super::memory::LONGEST;
 use super::query::{Wanted, wanted};
 use super::sets::Missing;
 use super::{Context, line, xr};
@@ -18,6 +19,9 @@ use std::time::Duration;
 
 /// Longest wait for the next frame, below the two seconds after which clients repeat a request.
 pub(super) const LONGEST_WAIT: Duration = Duration::from_millis(1500);
+
+/// Number of bytes that an answer usually has beside its lights.
+const HEAD_BYTES: usize = 4096;
 
 /// The file name by which USD refers to the map: that of `/v1/map.exr`, when both are saved in one folder.
 const MAP: &str = "./map.exr";
@@ -60,9 +64,27 @@ impl Format {
         matches!(self, Self::Json | Self::Binary | Self::Event | Self::Estimate)
     }
 
-    /// About the number of bytes that a light takes.
-    pub(super) fn bytes_per_light(self) -> usize {
-        if self == Self::Binary { 40 } else { 200 }
+    /// Number of bytes that a light usually does not exceed.
+    const fn bytes_per_light(self) -> usize {
+        match self {
+            Self::Binary => 40,
+            Self::Text | Self::File(Form::Csv) => 110,
+            Self::Xml => 130,
+            Self::Json | Self::Event | Self::File(Form::Radiance) => 180,
+            Self::File(Form::Mitsuba) => 310,
+            Self::Estimate => 0,
+            Self::File(_) => 450,
+        }
+    }
+
+    /// Number of bytes that a set of `lights` lights usually does not exceed.
+    pub(super) const fn expected_length(self, lights: usize) -> usize {
+        HEAD_BYTES + self.bytes_per_light() * lights
+    }
+
+    /// Largest number of lights of an answer.
+    fn most_lights(self) -> usize {
+        (LONGEST - HEAD_BYTES).checked_div(self.bytes_per_light()).unwrap_or(usize::MAX)
     }
 
     fn content_type(self) -> HeaderValue {
@@ -151,6 +173,7 @@ pub(super) async fn answer(
         Ok(ready) => ready,
         Err(Missing::NoSet) => return no_frame_yet(&context.link),
         Err(Missing::Full) => return too_much(&context),
+        Err(Missing::TooLong(lights)) => return too_long(variant.format, lights),
         Err(Missing::Fault) => {
             return line(StatusCode::INTERNAL_SERVER_ERROR, "the light set could not be encoded");
         }
@@ -173,6 +196,15 @@ pub(super) fn too_much(context: &Context) -> Response {
     let mut response = line(StatusCode::SERVICE_UNAVAILABLE, "too many large answers are being sent");
     response.headers_mut().insert(RETRY_AFTER, HeaderValue::from_static("1"));
     response
+}
+
+/// The refusal of a form that is too long for `lights` lights.
+fn too_long(format: Format, lights: usize) -> Response {
+    let most = format.most_lights();
+    let advice = format!(
+        "{lights} lights are too many for this form, which may have {most}: add lights={most}, or format=binary"
+    );
+    line(StatusCode::BAD_REQUEST, &advice)
 }
 
 /// Time since `set` was finished.

@@ -8,17 +8,17 @@ use std::time::Duration;
 use tokio::sync::Notify;
 use tokio::time::Instant;
 
-/// Most bytes of all answers, the next one included.
-const LIMIT: usize = 14 << 20;
-
-/// Part of [`LIMIT`] that only answers of at most [`SMALL`] bytes may use, so that large ones never delay them.
-const RESERVE: usize = 4 << 20;
-
-/// Length of a small answer, bytes.
+/// Length of a small answer, bytes. Small and large answers are counted apart, so that large ones never delay small ones.
 const SMALL: usize = 2 << 20;
 
-/// Bytes of all answers up to which the next one is made whatever its length: caches keep as much while no client is served.
+/// Most bytes of small answers, and of large ones.
+const LIMITS: [usize; 2] = [6 << 20, 10 << 20];
+
+/// Bytes of answers up to which another one is made whatever its length: as many as caches keep while no client is served.
 const IDLE: usize = super::sets::KEPT_BYTES + super::picture_cache::KEPT_BYTES;
+
+/// Length of the longest answer, bytes.
+pub(super) const LONGEST: usize = 12 << 20;
 
 /// Time of a blocked write after which a connection is cut for want of memory, milliseconds.
 const BLOCKED_MS: u64 = 300;
@@ -32,7 +32,7 @@ const PATIENCE: Duration = Duration::from_millis(1500);
 /// Counts the bytes of answers.
 #[derive(Debug, Default)]
 pub(super) struct AnswerMemory {
-    live: Arc<Live>,
+    live: [Arc<Live>; 2],
     limiter: OnceLock<Arc<ConnectionLimiter>>,
 }
 
@@ -43,13 +43,7 @@ pub(super) struct Held {
     live: Arc<Live>,
 }
 
-impl Held {
-    pub(super) fn len(&self) -> usize {
-        self.bytes.len()
-    }
-}
-
-/// Number of bytes of all answers.
+/// Number of bytes of the answers of one kind, small or large.
 #[derive(Debug, Default)]
 struct Live {
     bytes: AtomicUsize,
@@ -59,8 +53,7 @@ struct Live {
 
 impl Live {
     /// Counts `length` bytes where an answer of about as many may be made.
-    fn try_add(&self, length: usize) -> bool {
-        let limit = if length > SMALL { LIMIT - RESERVE } else { LIMIT };
+    fn try_add(&self, length: usize, limit: usize) -> bool {
         let add = |live| (live <= IDLE || live + length <= limit).then_some(live + length);
         self.bytes.fetch_update(Relaxed, Relaxed, add).is_ok()
     }
@@ -148,13 +141,15 @@ impl AnswerMemory {
     /// Waits until there is memory for an answer of about `length` bytes, and cuts connections that do not read while there is not.
     /// `None` after [`PATIENCE`].
     pub(super) async fn reserve(&self, length: usize) -> Option<Reserved> {
+        let kind = usize::from(length > SMALL);
+        let (live, limit) = (&self.live[kind], LIMITS[kind]);
         let deadline = Instant::now() + PATIENCE;
         loop {
-            let dropped = self.live.dropped.notified();
+            let dropped = live.dropped.notified();
             tokio::pin!(dropped);
             dropped.as_mut().enable();
-            if self.live.try_add(length) {
-                return Some(Reserved { length, live: Arc::clone(&self.live) });
+            if live.try_add(length, limit) {
+                return Some(Reserved { length, live: Arc::clone(live) });
             }
             if Instant::now() >= deadline {
                 return None;
@@ -173,6 +168,8 @@ mod tests {
     use std::sync::atomic::AtomicBool;
     use std::task::{Context, Wake, Waker};
 
+    const LARGE: usize = LIMITS[1];
+
     async fn hold(memory: &AnswerMemory, length: usize) -> Arc<Held> {
         memory.reserve(length).await.expect("memory").hold(vec![1; length])
     }
@@ -180,34 +177,34 @@ mod tests {
     #[tokio::test]
     async fn memory_is_counted_until_the_last_share_is_dropped() {
         let memory = AnswerMemory::default();
-        let held = hold(&memory, LIMIT).await;
+        let held = hold(&memory, LARGE).await;
         let (mut kept, sent) = (Kept::new(&held), body(&held));
         drop(held);
-        assert!(memory.reserve(1).await.is_none(), "full");
+        assert!(memory.reserve(SMALL + 1).await.is_none(), "full");
         kept.release();
-        assert_eq!(kept.find().map(|bytes| bytes.len()), Some(LIMIT), "still being sent");
+        assert_eq!(kept.find().map(|bytes| bytes.len()), Some(LARGE), "still being sent");
         drop(sent);
-        assert!(kept.find().is_none() && memory.reserve(LIMIT).await.is_some(), "gone");
-        assert_eq!(memory.live.bytes.load(Relaxed), 0, "a reservation without an answer counts no longer");
+        assert!(kept.find().is_none() && memory.reserve(LARGE).await.is_some(), "gone");
+        assert_eq!(memory.live[1].bytes.load(Relaxed), 0, "a reservation without an answer counts no longer");
     }
 
     #[tokio::test]
     async fn large_answers_leave_memory_to_small_ones() {
         let memory = AnswerMemory::default();
-        let held = hold(&memory, LIMIT - RESERVE).await;
+        let held = hold(&memory, LARGE).await;
         assert!(memory.reserve(SMALL + 1).await.is_none(), "a large one");
         assert!(memory.reserve(SMALL).await.is_some(), "a small one");
         drop(held);
-        assert!(memory.reserve(2 * LIMIT).await.is_some(), "any one when nothing else is held");
+        assert!(memory.reserve(2 * LARGE).await.is_some(), "any one when nothing else is held");
     }
 
     #[tokio::test]
     async fn answers_that_are_being_made_count() {
         let memory = AnswerMemory::default();
-        let making = memory.reserve(LIMIT).await;
-        assert!(memory.reserve(1).await.is_none(), "reserved");
+        let making = memory.reserve(LARGE).await;
+        assert!(memory.reserve(SMALL + 1).await.is_none(), "reserved");
         drop(making);
-        assert!(memory.reserve(1).await.is_some(), "not any longer");
+        assert!(memory.reserve(SMALL + 1).await.is_some(), "not any longer");
     }
 
     #[tokio::test]
@@ -219,10 +216,10 @@ mod tests {
             }
         }
         let memory = AnswerMemory::default();
-        let held = hold(&memory, LIMIT).await;
+        let held = hold(&memory, LARGE).await;
         let flag = Arc::new(Flag(AtomicBool::new(false)));
         let waker = Waker::from(Arc::clone(&flag));
-        let mut waiting = std::pin::pin!(memory.reserve(1));
+        let mut waiting = std::pin::pin!(memory.reserve(SMALL + 1));
         assert!(waiting.as_mut().poll(&mut Context::from_waker(&waker)).is_pending(), "full");
         flag.0.store(false, Relaxed);
         drop(held);

@@ -2,7 +2,7 @@
 
 use super::encoder::Encoder;
 use super::lights::{Answer, Format};
-use super::memory::{AnswerMemory, Held, Kept, body};
+use super::memory::{AnswerMemory, Held, Kept, LONGEST, body};
 use super::query::Variant;
 use crate::probe::tiers::Selection;
 use crate::probe::{Link, Published, Staleness};
@@ -53,8 +53,6 @@ struct Entry {
 struct Encoded {
     key: Option<Key>,
     kept: Kept,
-    /// Length of the bytes.
-    length: usize,
 }
 
 /// What bytes are of: a frame, and the age of a stale set in steps.
@@ -78,6 +76,8 @@ pub(super) enum Missing {
     NoSet,
     /// Answers take too much memory.
     Full,
+    /// The answer alone, of so many lights, would take too much memory.
+    TooLong(usize),
     /// A programming error.
     Fault,
 }
@@ -121,10 +121,13 @@ impl EncodedSets {
         if let Some(ready) = entry.find(&answer) {
             return Ok(ready);
         }
-        // Capacity of 9/8 of the previous frame's length: one allocation per frame.
-        let last = lock(&entry.encoded).length;
-        let room = last + last / 8;
-        let length = if last > 0 { room } else { variant.format.bytes_per_light() * answer.set.lights.len() };
+        // One allocation per frame.
+        let most = variant.selection.lights.unwrap_or(usize::MAX);
+        let lights = answer.set.lights.len().min(most);
+        let length = variant.format.expected_length(lights);
+        if length > LONGEST {
+            return Err(Missing::TooLong(lights));
+        }
         let reserved = self.memory.reserve(length).await.ok_or(Missing::Full)?;
         let (answer, bytes) = if answer.set.lights.len() > MANY_LIGHTS {
             let is_costly = is_costly(variant, answer.set.lights.len());
@@ -133,20 +136,20 @@ impl EncodedSets {
             let work = move || {
                 // The newest set by the time that the thread gets to it.
                 let answer = Answer::newest(&link, variant.selection, is_late)?;
-                encode(variant, &link, &answer, room).map(|bytes| (answer, bytes))
+                encode(variant, &link, &answer, length).map(|bytes| (answer, bytes))
             };
             let encoder = if is_costly { &self.costly } else { &self.encoder };
             encoder.run(variant, work).await.flatten().ok_or(Missing::Fault)?
         } else {
-            let bytes = encode(variant, link, &answer, room).ok_or(Missing::Fault)?;
+            let bytes = encode(variant, link, &answer, length).ok_or(Missing::Fault)?;
             (answer, bytes)
         };
         Ok(self.keep(&entry, answer, reserved.hold(bytes)))
     }
 
     fn keep(&self, entry: &Entry, answer: Answer, held: Arc<Held>) -> Ready {
-        let (key, length) = (Some(Key::of(&answer)), held.len());
-        *lock(&entry.encoded) = Encoded { key, kept: Kept::new(&held), length };
+        let key = Some(Key::of(&answer));
+        *lock(&entry.encoded) = Encoded { key, kept: Kept::new(&held) };
         self.release_old();
         Ready { bytes: body(&held), is_stale: answer.stale.is_some(), set: answer.set }
     }
