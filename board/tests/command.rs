@@ -75,6 +75,26 @@ fn ask(address: &str, request: &str, headers: &str) -> String {
 }
 
 #[test]
+fn a_form_too_long_for_memory_is_refused_with_the_number_of_lights_that_fits() {
+    let (mut child, line, _stdout) = serving(&["--listen", "127.0.0.1:0", "--lights", "50000"]);
+    let address = line.split("http://").nth(1).and_then(|l| l.split('/').next()).expect("an address");
+    let mut stream = TcpStream::connect(address).expect("a connection");
+    write!(stream, "GET /v1/lights?format=usda HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n")
+        .expect("a request");
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).expect("an answer");
+    let expected =
+        "50000 lights are too many for this form, which may have 27952: add lights=27952, or format=binary\n";
+    assert!(answer.starts_with("HTTP/1.1 400") && answer.ends_with(expected), "{answer}");
+    for form in ["json", "xml", "text", "binary", "csv", "rad", "usda&lights=27952"] {
+        let first = ask(address, &format!("GET /v1/lights?format={form}"), "");
+        assert_eq!(first, "HTTP/1.1 200 OK", "{form}");
+    }
+    child.kill().expect("it runs");
+    child.wait().expect("it ends");
+}
+
+#[test]
 fn beyond_loopback_a_token_is_made_kept_and_asked_for() {
     let folder = tempfile::tempdir().expect("a folder");
     let config = folder.path().join("hemilux.toml");

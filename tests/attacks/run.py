@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 """Attacks on the probe's server by clients without a token, each beside a good client that must miss no frame.
 
-usage: run.py PROGRAM [--seconds N] [ATTACK...]
+usage: run.py PROGRAM [--seconds N] [--cgroup NAME] [ATTACK...]
 
-Needs Python 3.10 and nothing else. Starts PROGRAM on a free port of the loopback interface, with the number of lights and the options
+Needs Python 3.10 and nothing else; --cgroup needs root and cgroups of version 1, and gives the program the limits of the service (128 MB,
+64 tasks). Starts PROGRAM on a free port of the loopback interface, with the number of lights and the options
 that the attack is about, and prints a line for each: frames that the good client got and missed, its longest gap between two sets, the
 program's largest resident memory and number of threads, and the kernel's memory for its sockets. The exit status is 1 where a frame was
 missed, the gap between two sets was over 150 ms, a set of the slow reader was older than a second, memory exceeded 64 MB, more than
@@ -22,14 +23,19 @@ import time
 MEMORY_MB = 64
 GAP_S = 0.150
 THREADS = 8
+CGROUP = {"memory/{}/memory.limit_in_bytes": 128 << 20, "pids/{}/pids.max": 64}
 FAILED = []
 
 
 class Program:
     """The program, running."""
+    cgroup = None
 
     def __init__(self, path, lights, options=()):
         command = [path, "--listen", "127.0.0.1:0", "--lights", str(lights), "--open", *options]
+        if Program.cgroup:
+            files = " && ".join(f"echo $$ > /sys/fs/cgroup/{kind}/{Program.cgroup}/cgroup.procs" for kind in ("memory", "pids"))
+            command = ["sh", "-c", f'{files} && exec "$0" "$@"', *command]
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
         self.port = int(re.search(r":(\d+)/", self.process.stdout.readline()).group(1))
         self.threads = 0
@@ -329,7 +335,15 @@ def main():
     parser.add_argument("program")
     parser.add_argument("--seconds", type=int, default=10, help="time of each attack")
     parser.add_argument("attacks", nargs="*", metavar="ATTACK", help=", ".join(ATTACKS))
+    parser.add_argument("--cgroup", help="name of a cgroup that is made for the program")
     args = parser.parse_intermixed_args()
+    if args.cgroup:
+        for file, limit in CGROUP.items():
+            file = f"/sys/fs/cgroup/{file.format(args.cgroup)}"
+            os.makedirs(os.path.dirname(file), exist_ok=True)
+            with open(file, "w") as limits:
+                limits.write(str(limit))
+        Program.cgroup = args.cgroup
     for name in args.attacks or ATTACKS:
         ATTACKS[name](args)
     if FAILED:
