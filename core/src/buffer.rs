@@ -1,17 +1,17 @@
-//! Memory that the caller lends: a `Vec` on a host, an array or a static slice on bare metal.
+//! Lent memory: a `Vec` on a host, an array or a static slice on bare metal.
 
-/// A fixed-capacity buffer of `T`, owned or borrowed.
+/// A buffer of `T` with a fixed length, owned or borrowed. Implemented for everything that is `AsRef<[T]>` and `AsMut<[T]>`.
 pub trait Buffer<T>: AsRef<[T]> + AsMut<[T]> {}
 
 impl<T, B: AsRef<[T]> + AsMut<[T]> + ?Sized> Buffer<T> for B {}
 
-/// A lent buffer is too short.
+/// A lent buffer has too few elements.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct TooSmall {
-    /// Elements that are needed.
+    /// Required number of elements.
     pub needed: usize,
-    /// Elements that were lent.
+    /// Number of elements that were lent.
     pub lent: usize,
 }
 
@@ -23,7 +23,7 @@ impl core::fmt::Display for TooSmall {
 
 impl core::error::Error for TooSmall {}
 
-/// Refuses a buffer with fewer than `needed` elements.
+/// Checks that `buffer` has at least `needed` elements.
 ///
 /// # Errors
 /// [`TooSmall`] with both numbers.

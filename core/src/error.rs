@@ -1,4 +1,4 @@
-//! The error of the front end's constructor and of its bursts.
+//! The error type of the front end.
 
 use crate::buffer::TooSmall;
 use crate::format::LayoutError;
@@ -9,28 +9,28 @@ use crate::merge::MergeError;
 use crate::pixel_table::PixelTableError;
 use crate::response::ResponseError;
 
-/// Why a front end was refused, or a burst.
+/// The reason why a front end cannot be created or a burst cannot be processed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum FrontError {
-    /// The lens is none.
+    /// Invalid lens parameters.
     Lens(LensError),
-    /// Frames cannot lie as the layout says.
+    /// An invalid frame layout.
     Layout(LayoutError),
-    /// There is no such order.
+    /// A map order that does not exist.
     Order(BadOrder),
-    /// The response cannot be tabulated between the levels.
+    /// A response that is not monotone between the levels, or invalid levels.
     Response(ResponseError),
-    /// The exposures cannot be merged, or the scale is no number of radiance.
+    /// Exposures that cannot be merged, or an invalid radiance scale.
     Exposures(MergeError),
-    /// The lens, the image size and the order do not go together.
+    /// A lens, an image size and a map order that do not fit together.
     PixelTable(PixelTableError),
     /// A factor of the white balance that is not a positive finite number.
     BadWhiteBalance,
-    /// The lent memory is too short; the numbers are words of 64 bits.
+    /// Lent memory that is too short; both numbers are 64-bit words.
     Memory(TooSmall),
-    /// Frames that do not fit the calibration and the exposures.
+    /// Frames that do not match the calibration or the exposures.
     Burst(BurstError),
 }
 

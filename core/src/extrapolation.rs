@@ -1,4 +1,4 @@
-//! Extrapolation: an estimate of what the lens does not see.
+//! Extrapolation: an estimate of the light outside of the field of view.
 
 use crate::buffer::Buffer;
 use crate::healpix::{self, Domain};
@@ -6,25 +6,24 @@ use crate::pixel_table::Texel;
 use crate::pyramid::{Pyramid, Quad};
 use glam::Vec3;
 
-/// What stands in the place of the part of the hemisphere that the lens does not see.
+/// The estimate of the light from the part of the hemisphere outside of the field of view.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Extrapolation {
-    /// Nothing: darkness.
+    /// No light.
     #[default]
     None,
-    /// The average radiance of what is seen, without its brightest and darkest quarter: with the plain mean one lamp would light
-    /// the whole rim.
+    /// The mean radiance inside the field of view without its brightest and its darkest quarter: a single lamp does not raise the estimate.
     Average,
 }
 
-/// Order at which the average is taken: 384 quads of 7 degrees, fine enough to tell a lamp from its surroundings.
+/// Order of the quads that are averaged: 384 quads of 7 degrees, fine enough to separate a lamp from its surroundings.
 const ORDER: u8 = 3;
 const QUADS: usize = Domain::Hemisphere.quads(ORDER);
 
-/// Adds the average radiance to the unseen part of a built pyramid's texels and builds it again; returns that radiance.
+/// Adds the mean radiance to the texels outside of the field of view, builds the map again and returns that radiance.
 ///
-/// A map coarser than order 3 stays as it is.
+/// A map of an order below 3 or of the whole sphere is unchanged.
 pub fn average<Q: Buffer<Quad>>(map: &mut Pyramid<Q>, geometry: &[Texel]) -> [f32; 3] {
     let order = map.view().order().get();
     if order < ORDER || map.view().domain() != Domain::Hemisphere {
@@ -39,7 +38,7 @@ pub fn average<Q: Buffer<Quad>>(map: &mut Pyramid<Q>, geometry: &[Texel]) -> [f3
     radiance
 }
 
-/// Mean radiance of the middle half, by luminance, of the order-3 quads of which at least half is seen.
+/// Mean radiance of the middle half, ordered by luminance, of those quads of order 3 that are at least half inside the field of view.
 fn seen_average<Q: Buffer<Quad>>(map: &Pyramid<Q>, geometry: &[Texel]) -> [f32; 3] {
     let view = map.view();
     let below = 1 << (2 * (view.order().get() - ORDER));

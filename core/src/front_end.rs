@@ -1,4 +1,4 @@
-//! The front end of one camera: bursts of exposures in, a map of the light from above the horizon out.
+//! The front end of one camera: converts bursts of exposures to a HEALPix map of the hemisphere above the horizon.
 
 use crate::buffer::{self, Buffer, TooSmall};
 use crate::calibration::Calibration;
@@ -14,9 +14,10 @@ use crate::pyramid::{Pyramid, PyramidView, Quad};
 use crate::sampler::{Map, Request, Sampler};
 use crate::sizes::{self, Parts, Sizes, merge_sizes};
 
-/// Turns the bursts of one camera into a hemisphere map, in memory that the caller lends: a `Vec<u64>`, an array, or a slice of either.
+/// Converts bursts of one camera to a hemisphere map. The buffer `B` holds all tables and the map: a `Vec<u64>`, an array, or a mutable
+/// slice.
 ///
-/// The map is dark at first and stays the last burst's until the next one is processed.
+/// A new map is dark. After each [`FrontEnd::process`] it holds the light of that burst.
 ///
 /// ```
 /// use hemilux_core::{Calibration, Exposure, Format, FrontEnd, Lens, Sizes};
@@ -28,7 +29,7 @@ use crate::sizes::{self, Parts, Sizes, merge_sizes};
 /// let mut front = FrontEnd::try_new(calibration, &exposures, 2.try_into()?, vec![0; sizes.words()])?;
 /// let coverage = front.process(&[[51u8; 32 * 32].as_slice().into()])?;
 /// assert_eq!(coverage.clipped, 0.0);
-/// // A radiance of 20: code 51 of 255 in a hundredth of a second, over all that the lens sees.
+// 51/255 of full scale in 0.01 s is a radiance of 20 over the whole field of view.
 /// let seen = std::f32::consts::TAU * (1.0 - coverage.unseen as f32);
 /// assert!((front.map().total().y() / (20.0 * seen) - 1.0).abs() < 0.05);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -39,15 +40,15 @@ pub struct FrontEnd<B> {
     memory: B,
 }
 
-/// Fills the unseen part of a map.
+/// Fills the part of a map outside of the field of view.
 type Extrapolate = fn(&mut Pyramid<&mut [Quad]>, &[Texel]);
 
-/// All but the memory: compiled once, whatever memory is lent.
+/// The state without the buffer, not generic so that it is compiled once for all types of buffer.
 #[derive(Clone, Debug)]
 struct State {
     calibration: Calibration,
     order: Order,
-    /// Not an enum, so that programs that never ask for an extrapolation do not link it.
+    /// A function pointer instead of an enum: programs that never choose an extrapolation do not link it.
     extrapolate: Option<Extrapolate>,
     merge: merge::Detached,
     pixel_table: pixel_table::Detached,
@@ -55,11 +56,13 @@ struct State {
 }
 
 impl<B: Buffer<u64>> FrontEnd<B> {
-    /// Prepares bursts of `exposures`, which ascend by time x gain, for a map of `order`. [`Sizes::words`] says how much memory
-    /// that takes.
+    /// Creates a front end for bursts of `exposures`, which ascend by time x gain, and a map of `order`. `memory` needs [`Sizes::words`]
+    /// elements.
+    ///
+    /// The time is proportional to the number of pixels and texels.
     ///
     /// # Errors
-    /// [`FrontError`].
+    /// [`FrontError`] for a calibration, exposures and order that do not fit together, and for memory that is too short.
     pub fn try_new(
         calibration: Calibration,
         exposures: &[Exposure],
@@ -69,15 +72,15 @@ impl<B: Buffer<u64>> FrontEnd<B> {
         State::try_new(calibration, exposures, order, memory.as_mut()).map(|state| Self { state, memory })
     }
 
-    /// Prepares bursts of other exposures; the map stays.
+    /// Replaces the exposures of later bursts. The map is unchanged.
     ///
     /// # Errors
-    /// [`FrontError`]: exposures that cannot be merged, or that need more memory than was lent; the old ones then stay.
+    /// [`FrontError`] for exposures that cannot be merged or need more memory than was lent; the previous exposures then remain in use.
     pub fn set_exposures(&mut self, exposures: &[Exposure]) -> Result<(), FrontError> {
         self.state.set_exposures(exposures, self.memory.as_mut())
     }
 
-    /// Chooses what stands for the part of the hemisphere that the lens does not see; nothing at first.
+    /// Selects the estimate of the light outside of the field of view, [`Extrapolation::None`] at first.
     pub fn set_extrapolation(&mut self, extrapolation: Extrapolation) {
         self.state.extrapolate = match extrapolation {
             Extrapolation::None => None,
@@ -85,18 +88,19 @@ impl<B: Buffer<u64>> FrontEnd<B> {
         };
     }
 
-    /// Merges the frames of one burst, in the order of the exposures, and builds the map.
+    /// Merges the frames of one burst and replaces the map. `frames` has one element per exposure, in the order of the exposures.
     ///
     /// # Errors
-    /// [`FrontError::Burst`] for frames that do not fit; the last map then stays.
+    /// [`FrontError::Burst`] for frames that do not match the calibration or the exposures; the map is then unchanged.
     pub fn process(&mut self, frames: &[Samples<'_>]) -> Result<Coverage, FrontError> {
         self.process_timed(frames, || {})
     }
 
-    /// [`FrontEnd::process`], which calls `added_up` between its stages: when all pixels are added up, before the map is built.
+    /// Like [`FrontEnd::process`], but calls `added_up` between its two stages, after the pixels are merged and before the map is built,
+    /// so that the caller can time each stage.
     ///
     /// # Errors
-    /// Those of [`FrontEnd::process`].
+    /// The errors of [`FrontEnd::process`].
     pub fn process_timed(
         &mut self,
         frames: &[Samples<'_>],
@@ -115,8 +119,10 @@ impl<B: Buffer<u64>> FrontEnd<B> {
         PyramidView::over(quads, Domain::Hemisphere, self.state.order)
     }
 
-    /// Lets `sampler` decompose the last map, at most into as many lights as it was given memory for. For samplers that
-    /// [need no polar map](Sampler::needs_polar): others find it empty and give no lights.
+    /// Decomposes the map of the last burst with `sampler`. The number of lights is limited by `request` and by the sampler's buffers.
+    ///
+    /// The sampler gets no latitude-longitude map: samplers that [need one](Sampler::needs_polar) return no lights; use
+    /// [`Sampler::update`] for them.
     pub fn decompose<'s>(
         &self,
         sampler: &'s mut (impl Sampler + ?Sized),
@@ -125,7 +131,7 @@ impl<B: Buffer<u64>> FrontEnd<B> {
         sampler.update(&Map { pyramid: self.map(), polar: LatLongView::NONE }, &request.into())
     }
 
-    /// What is known of the camera.
+    /// The calibration that the front end was created from.
     #[must_use]
     pub fn calibration(&self) -> &Calibration {
         &self.state.calibration
@@ -143,19 +149,20 @@ impl<B: Buffer<u64>> FrontEnd<B> {
         self.state.order
     }
 
-    /// Order at which pixels are added up: that of the map, or the finest whose texels are larger than the pixels.
+    /// Order at which pixels are accumulated: the finest whose texels are at least 2.25 times as large as the largest pixel, at most the
+    /// order of the map.
     #[must_use]
     pub fn source_order(&self) -> Order {
         Order::saturating(self.state.pixel_table.source_order())
     }
 
-    /// Elements of the buffers in use.
+    /// Number of elements in use of each buffer.
     #[must_use]
     pub fn sizes(&self) -> Sizes {
         self.state.sizes
     }
 
-    /// Calls `f` with the merge of the exposures, for tests of the parts.
+    /// Calls `f` with the merge of the exposures. Unstable: for the tests of this workspace.
     #[doc(hidden)]
     pub fn with_merge<R>(&mut self, f: impl FnOnce(&MergeView<'_>) -> R) -> R {
         let Parts { curve, tables, reciprocals, .. } = Parts::divide(self.memory.as_mut(), &self.state.sizes);
@@ -163,7 +170,7 @@ impl<B: Buffer<u64>> FrontEnd<B> {
     }
 }
 
-/// The stages of a burst, over the buffers of a front end.
+/// The stages of a burst over the buffers of a front end.
 struct Stages<'m> {
     merge: MergeView<'m>,
     pixel_table: PixelTableView<'m>,
@@ -208,14 +215,14 @@ impl State {
         Ok(())
     }
 
-    /// The first half of a burst: every pixel is added to its texel.
+    /// First stage of a burst: adds the light of each pixel to its texel.
     #[inline(never)]
     fn accumulate(&self, frames: &[Samples<'_>], memory: &mut [u64]) -> Result<Excluded, BurstError> {
         let Stages { merge, pixel_table, mut map } = self.stages(memory);
         front::accumulate(frames, &self.calibration.layout, &merge, &pixel_table, &mut map)
     }
 
-    /// The second half: sums become light, and the orders above the texels are built.
+    /// Second stage of a burst: converts sums to energy and builds the coarser orders.
     #[inline(never)]
     fn finish(&self, excluded: &Excluded, memory: &mut [u64]) -> Coverage {
         let Calibration { layout, white_balance, .. } = &self.calibration;
@@ -227,7 +234,7 @@ impl State {
         coverage
     }
 
-    /// The stages of a burst over their buffers in `memory`.
+    /// The stages of a burst over `memory`.
     fn stages<'m>(&'m self, memory: &'m mut [u64]) -> Stages<'m> {
         let parts = Parts::divide(memory, &self.sizes);
         let tables =
@@ -239,7 +246,7 @@ impl State {
     }
 }
 
-/// Builds the pixel table where [`Parts::divide`] finds it once its size is known; `None` where `words` are too few.
+/// Builds the pixel table in the place that [`Parts::divide`] gives it for its final size; `None` if `words` are too few.
 fn lay_out(
     calibration: &Calibration,
     order: Order,
@@ -249,7 +256,7 @@ fn lay_out(
     if words.len() < fixed.words() {
         return Ok(None);
     }
-    // How many runs there are shows only when they are laid out.
+    // The number of runs is known only after they are computed.
     let most = fixed.with_most_runs(words.len());
     let parts = Parts::divide(words, &most);
     let Parts { spans, weights, runs, texels, .. } = parts;

@@ -1,16 +1,16 @@
-//! HEALPix in NESTED order: directions to indices and back.
+//! HEALPix in NESTED order: directions to quad indices and back.
 //!
-//! Quad `ipix` of `order` lies in base face `ipix >> 2 order`; the remaining bits interleave its column (even bits) and row
-//! (odd bits) inside the face. The children of quad p are 4p..4p+3 of the next order. After \[Gorski2005\], section 5 and
-//! appendix A; the face-wise form of the inverse is ours.
+//! A quad is a pixel of the HEALPix grid. Quad `ipix` of `order` lies in base face `ipix >> (2 * order)`; the remaining bits interleave
+//! its column (even bits) and row (odd bits) inside the face. The children of quad p are 4p..=4p+3 of the next order. The formulas follow
+//! \[Gorski2005\], section 5 and appendix A.
 //!
-//! Functions of an index take the order as a number and are total: an order above [`Order::MAX`] counts as that, and an index
-//! beyond the last quad gives some value, never a panic. What allocates or lends memory for a map takes an [`Order`].
+//! Functions of an index take the order as a number and never panic: an order above [`Order::MAX`] counts as [`Order::MAX`], and an index
+//! beyond the last quad gives an arbitrary value. Constructors and length functions take an [`Order`].
 
 use core::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 use glam::DVec3;
 
-/// The order of a HEALPix map: each base face holds 4^order quads. Only orders that this crate indexes exist.
+/// The order of a HEALPix map: each of the twelve base faces holds 4^order quads. Values above [`Order::MAX`] cannot be constructed.
 ///
 /// ```
 /// use hemilux_core::Order;
@@ -55,7 +55,7 @@ impl Order {
         if order > Self::MAX.0 { Err(BadOrder { found: order }) } else { Ok(Self(order)) }
     }
 
-    /// `order`, or [`Order::MAX`] where that is lower.
+    /// `order`, limited to [`Order::MAX`].
     #[must_use]
     pub const fn saturating(order: u8) -> Self {
         if order > Self::MAX.0 { Self::MAX } else { Self(order) }
@@ -88,12 +88,12 @@ impl core::fmt::Display for Order {
     }
 }
 
-/// Twice an order that is at most [`Order::MAX`]: the bits of an index inside a base face.
+/// Number of index bits inside a base face: twice the order.
 const fn inner_bits(order: u8) -> u32 {
     2 * Order::saturating(order).0 as u32
 }
 
-/// Quads along a side of a base face.
+/// Number of quads along a side of a base face.
 const fn side(order: u8) -> u32 {
     1 << Order::saturating(order).0
 }
@@ -107,17 +107,17 @@ pub struct MapShape {
     pub order: Order,
 }
 
-/// Which part of the sphere a map holds.
+/// The part of the sphere that a map covers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Domain {
-    /// All twelve base faces.
+    /// The whole sphere: all twelve base faces.
     Sphere,
-    /// What is above the horizon, z > 0: faces 0 to 3 whole, the upper halves of faces 4 to 7.
+    /// The hemisphere above the horizon, z > 0: faces 0 to 3 and the upper halves of faces 4 to 7.
     Hemisphere,
 }
 
 impl Domain {
-    /// Base faces that hold any of it, counted from face 0.
+    /// Number of base faces that a map of this domain stores, counted from face 0.
     #[must_use]
     pub const fn faces(self) -> usize {
         match self {
@@ -126,13 +126,13 @@ impl Domain {
         }
     }
 
-    /// Quads of `order` that a map of this domain stores.
+    /// Number of quads of `order` that a map of this domain stores.
     #[must_use]
     pub const fn quads(self, order: u8) -> usize {
         self.faces() << inner_bits(order)
     }
 
-    /// Its solid angle, steradians.
+    /// Solid angle of the domain, steradians.
     #[must_use]
     pub const fn solid_angle(self) -> f64 {
         match self {
@@ -141,7 +141,7 @@ impl Domain {
         }
     }
 
-    /// The share of quad `ipix` that lies in this domain: 0, 1/2 or 1.
+    /// The share of quad `ipix` that lies inside the domain: 0, 1/2 or 1.
     #[must_use]
     pub fn share(self, order: u8, ipix: u32) -> f64 {
         if self == Self::Sphere {
@@ -199,7 +199,7 @@ pub fn join(order: u8, cell: FaceCell) -> u32 {
     (cell.face << inner_bits(order)) | spread_bits(cell.x) | (spread_bits(cell.y) << 1)
 }
 
-/// The quad of `order` that holds `direction` (a unit vector).
+/// The index of the quad of `order` that contains the unit vector `direction`.
 #[must_use]
 pub fn ipix(order: u8, direction: DVec3) -> u32 {
     let order = Order::saturating(order).0;
@@ -225,7 +225,7 @@ pub fn ipix(order: u8, direction: DVec3) -> u32 {
     }
     let quarter = (turns as u32).min(3);
     let within = turns - f64::from(quarter);
-    // sqrt(3 (1 - |z|)), written so that it stays exact near the poles.
+    // sqrt(3 (1 - |z|)) in a form that is exact near the poles.
     let sin_theta2 = direction.x * direction.x + direction.y * direction.y;
     let ring = nside * libm::sqrt(3.0 * sin_theta2 / (1.0 + za));
     let (down, up) = (cell(within * ring), cell((1.0 - within) * ring));
@@ -237,7 +237,8 @@ pub fn ipix(order: u8, direction: DVec3) -> u32 {
     join(order, cell)
 }
 
-/// Direction of the point (`x`, `y`), both in 0..=1, of quad `ipix`; (1/2, 1/2) is its centre.
+/// The direction of a point inside quad `ipix`: (`x`, `y`) are its coordinates along the column and row axis, 0..=1; (1/2, 1/2) is the
+/// centre.
 #[must_use]
 pub fn point(order: u8, ipix: u32, x: f64, y: f64) -> DVec3 {
     let FaceCell { face, x: column, y: row } = split(order, ipix);
@@ -248,19 +249,19 @@ pub fn point(order: u8, ipix: u32, x: f64, y: f64) -> DVec3 {
     DVec3::new(circle.sin_theta * libm::cos(phi), circle.sin_theta * libm::sin(phi), circle.z)
 }
 
-/// A circle of latitude: the points of a face whose sum of coordinates is the same.
+/// A circle of latitude within a face: the points with equal sums of face coordinates.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Circle {
-    /// Height over the horizon.
+    /// z of the circle.
     pub z: f64,
-    /// Distance from the polar axis.
+    /// Distance of the circle from the z axis.
     pub sin_theta: f64,
-    /// Half the length of its part in a face, of the face's half diagonal.
+    /// Half the length of the circle's arc within a face, as a fraction of the face's half diagonal.
     half: f64,
 }
 
 impl Circle {
-    /// Where the coordinates u and v, both in 0..=1, of points of `face` add up to `sum`.
+    /// The circle on which the face coordinates u and v, both 0..=1, of `face` add up to `sum`.
     pub fn new(face: u32, sum: f64) -> Self {
         // Ring coordinate from the north pole, in units of the face's diagonal.
         let ring = f64::from(2 + face / 4) - sum;
@@ -278,7 +279,7 @@ impl Circle {
         Self { z, sin_theta: libm::sqrt(sin_theta2), half }
     }
 
-    /// Azimuth, radians, of the point of `face` on it where the coordinates differ by `difference` = u - v.
+    /// Azimuth, radians, of the circle's point in `face` with u - v = `difference`.
     pub fn phi(&self, face: u32, difference: f64) -> f64 {
         let offset = match face {
             0..=3 | 8..=11 => 2 * (face & 3) + 1,

@@ -2,7 +2,7 @@
 
 use crate::format::Format;
 
-/// Which lane of an accumulator is which channel, and what a count is worth.
+/// Assigns lanes to channels and converts sums to energy.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lanes {
     pub(crate) pick: Pick,
@@ -11,18 +11,18 @@ pub struct Lanes {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Pick {
-    /// Red, green, blue; the fourth means nothing.
+    /// Red, green, blue; the fourth lane is unused.
     Plain,
-    /// Blue, green, red.
+    /// Blue, green, red; the fourth lane is unused.
     Swapped,
-    /// One for all.
+    /// One lane for all channels.
     Grey,
-    /// The pixels of a mosaic's cell: where red, both greens and blue are.
+    /// The lanes of a mosaic cell: those of red, of both greens and of blue.
     Cell { red: usize, green: [usize; 2], blue: usize },
 }
 
 impl Lanes {
-    /// The lanes that the front end gives `format`; `scale` is the energy of a count of each channel.
+    /// The lanes in which the front end accumulates `format`; `scale` is the energy per count of each channel.
     #[must_use]
     pub fn of(format: Format, scale: [f32; 3]) -> Self {
         let pick = match (format, format.pattern()) {
@@ -44,7 +44,7 @@ impl Lanes {
         core::array::from_fn(|c| rgb[c] * self.scale[c])
     }
 
-    /// Energy of a sum.
+    /// Converts the sum of each lane to red, green and blue energy.
     #[must_use]
     pub fn rgb(&self, sum: [f32; 4]) -> [f32; 3] {
         let at = |i: usize| sum[i & 3];

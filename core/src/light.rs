@@ -1,4 +1,4 @@
-//! Directional lights and the set of them that a frame is decomposed into.
+//! Directional lights, and the result of a sampler.
 
 use crate::pyramid::Quad;
 use glam::Vec3;
@@ -9,17 +9,17 @@ pub type Sh9 = [[f32; 3]; 9];
 /// A directional light.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Light {
-    /// Number of the light, the same in each frame for as long as the light exists; never 0.
+    /// Number of the light, never 0; it stays the same from frame to frame for as long as the light exists.
     pub id: u32,
     /// Unit vector from the probe towards the light.
     pub direction: Vec3,
-    /// Perpendicular irradiance, linear RGB: the sum of radiance times solid angle over the region that the light stands for.
+    /// Perpendicular irradiance, linear RGB: the sum of radiance times solid angle over the region that the light represents.
     pub irradiance: [f32; 3],
-    /// Angular radius of a uniform cap with the same mean resultant length, degrees.
+    /// Angular radius, degrees, of the uniform spherical cap whose angular variance is that of the region.
     pub radius_deg: f32,
-    /// Number of frames since the light's first.
+    /// Number of frames since the frame in which the light appeared.
     pub age: u32,
-    /// Id of the light that this light split from, `None` for a light of the first frame.
+    /// Id of the light from which this light was split off; `None` for a light of the first frame.
     pub parent: Option<u32>,
 }
 
@@ -29,11 +29,11 @@ pub fn cap_radius_deg(variance: f32) -> f32 {
     2.0 * libm::asinf(libm::sqrtf(variance.clamp(0.0, 1.0))).to_degrees()
 }
 
-/// Least squared length of a mean direction that is more than rounding: f32 sums of opposite light cancel to about 1e-7.
+/// Least squared length of a mean direction that is not a rounding error: f32 sums of opposite directions cancel to about 1e-7.
 const LEAST_MEAN2: f32 = 1e-12;
 
 impl Light {
-    /// The light at the energy centroid of `quad`; `fallback` gives its direction where the moment vanishes.
+    /// Creates a light at the energy centroid of `quad`; `fallback` computes the direction if the first moment vanishes.
     #[must_use]
     pub fn at_centroid(id: u32, quad: &Quad, fallback: impl FnOnce() -> Vec3) -> Self {
         let mean = Some(quad.mean_direction()).filter(|m| m.length_squared() > LEAST_MEAN2);

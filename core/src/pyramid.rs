@@ -1,6 +1,6 @@
-//! The NESTED pyramid: energy and first moment of every quad of every order.
+//! The map as a pyramid: energy and first moment of every NESTED HEALPix quad of every order.
 //!
-//! The four children of a quad are neighbours in memory, so each order is one linear pass over the next finer one.
+//! The four children of a quad are adjacent in memory, so each order is computed in one linear pass over the next finer order.
 //!
 //! ```
 //! use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
@@ -24,7 +24,7 @@ use crate::lanes::{Lanes, Pick};
 use crate::pixel_table::Texel;
 pub use crate::quad::Quad;
 
-/// Quads of all orders up to `order`.
+/// Number of quads of all orders from 0 to `order`.
 #[must_use]
 pub const fn pyramid_len(domain: Domain, order: Order) -> usize {
     first(domain, order.get() + 1)
@@ -35,7 +35,7 @@ pub(crate) const fn first(domain: Domain, order: u8) -> usize {
     domain.faces() * (((1 << (2 * order)) - 1) / 3)
 }
 
-/// A map and the sums above it.
+/// A HEALPix map and the sums over its coarser orders, in a lent buffer.
 #[derive(Clone, Debug)]
 pub struct Pyramid<Q> {
     quads: Q,
@@ -43,7 +43,7 @@ pub struct Pyramid<Q> {
     order: u8,
 }
 
-/// A pyramid that samplers read.
+/// A borrowed pyramid: the input of samplers.
 #[derive(Clone, Copy, Debug)]
 pub struct PyramidView<'a> {
     quads: &'a [Quad],
@@ -52,7 +52,7 @@ pub struct PyramidView<'a> {
 }
 
 impl<Q: Buffer<Quad>> Pyramid<Q> {
-    /// Takes [`pyramid_len`] quads, all dark at first.
+    /// Creates a dark map in `quads`, which needs [`pyramid_len`] elements.
     ///
     /// # Errors
     /// [`TooSmall`].
@@ -62,7 +62,7 @@ impl<Q: Buffer<Quad>> Pyramid<Q> {
         Ok(Self { quads, domain, order: order.get() })
     }
 
-    /// The pyramid whose quads are the first of `quads`, as they are.
+    /// A pyramid over quads that are already filled.
     pub(crate) fn over(quads: Q, domain: Domain, order: Order) -> Self {
         Self { quads, domain, order: order.get() }
     }
@@ -73,13 +73,14 @@ impl<Q: Buffer<Quad>> Pyramid<Q> {
         self.view().quads_of(self.order)
     }
 
-    /// Quads of the finest order, to be filled before [`Pyramid::build`].
+    /// Quads of the finest order. Call [`Pyramid::build`] after changing them.
     pub fn texels_mut(&mut self) -> &mut [Quad] {
         let at = first(self.domain, self.order)..first(self.domain, self.order + 1);
         self.quads.as_mut().get_mut(at).unwrap_or_default()
     }
 
-    /// The quads of `order`, at most the finest, dark: sums of light go into their energy, in any lanes, for [`Pyramid::finish`].
+    /// Clears and returns the quads of `order` (at most the finest), into whose `energy` the front end adds sums per lane for
+    /// [`Pyramid::finish`].
     #[doc(hidden)]
     pub fn accumulators(&mut self, order: u8) -> &mut [Quad] {
         let order = order.min(self.order);
@@ -89,10 +90,10 @@ impl<Q: Buffer<Quad>> Pyramid<Q> {
         quads
     }
 
-    /// Makes light of the sums in the [accumulators](Pyramid::accumulators) of `order` and sums the orders above the texels.
+    /// Converts the sums in the [accumulators](Pyramid::accumulators) of `order` to energy and computes the orders above the texels.
     ///
-    /// Where the texels are finer than `order`, they share their ancestor's energy by solid angle inside the domain, so that the sum
-    /// is kept. Sums that noise round black made negative hold no light.
+    /// If the texels are finer than `order`, the sum of an accumulator is divided among its descendants in proportion to their solid angle
+    /// inside the domain. Sums that sensor noise made negative count as 0.
     #[doc(hidden)]
     pub fn finish(&mut self, order: u8, geometry: &[Texel], lanes: &Lanes) {
         let texels = first(self.domain, self.order);
@@ -110,17 +111,16 @@ impl<Q: Buffer<Quad>> Pyramid<Q> {
         }
     }
 
-    /// Sums the orders above the texels.
+    /// Computes the coarser orders from the texels.
     ///
-    /// A texel outside the domain, with a number that is not finite or with negative energy holds no light from here on: samplers
-    /// read what they may trust.
+    /// Texels outside of the domain, and texels with negative or non-finite numbers, are set to 0 first: samplers rely on valid quads.
     pub fn build(&mut self) {
         self.clear_below_horizon();
         self.texels_mut().iter_mut().filter(|q| !q.is_sound()).for_each(|q| *q = Quad::default());
         sum_up(self.quads.as_mut(), self.domain, self.order);
     }
 
-    /// Darkens the texels of a hemisphere that lie below it: under each quad on the horizon, of every order, the lowest child.
+    /// Clears the texels of a hemisphere map that lie below the horizon: at every order, the lowest child of each quad on the horizon.
     fn clear_below_horizon(&mut self) {
         if self.domain == Domain::Sphere {
             return;
@@ -138,14 +138,14 @@ impl<Q: Buffer<Quad>> Pyramid<Q> {
         }
     }
 
-    /// What samplers read.
+    /// Borrows the pyramid for samplers.
     #[must_use]
     pub fn view(&self) -> PyramidView<'_> {
         PyramidView { quads: self.quads.as_ref(), domain: self.domain, order: self.order }
     }
 }
 
-/// Sums each order above the texels from the next finer one.
+/// Computes each order above the texels from the next finer one.
 #[inline(never)]
 fn sum_up(quads: &mut [Quad], domain: Domain, order: u8) {
     for order in (0..order).rev() {
@@ -164,13 +164,13 @@ struct Level<'a> {
     quads: &'a [Quad],
 }
 
-/// Gives every texel its part of the sum of its ancestor: by solid angle inside the domain.
+/// Divides the sum of each coarse quad among its texels by solid angle inside the domain.
 fn share_out(domain: Domain, coarse: Level<'_>, fine: u8, texels: &mut [Quad]) {
     let Level { order, quads: sums } = coarse;
     let shift = 2 * (fine - order);
     let equal = 1.0 / (1u32 << shift) as f32;
     for (sum, (ancestor, below)) in sums.iter().zip(texels.chunks_exact_mut(1 << shift).enumerate()) {
-        // What is whole is shared equally: all but the quads on the horizon.
+        // Quads that lie wholly inside the domain are divided equally.
         let whole = domain.share(order, ancestor as u32);
         for (i, quad) in below.iter_mut().enumerate() {
             let share = if whole == 0.5 {
@@ -184,7 +184,7 @@ fn share_out(domain: Domain, coarse: Level<'_>, fine: u8, texels: &mut [Quad]) {
     }
 }
 
-/// Makes light of the sums in the texels.
+/// Converts the sums in the texels to energy and first moment.
 #[inline(never)]
 fn light_up(quads: &mut [Quad], geometry: &[Texel], lanes: &Lanes) {
     let all = quads.iter_mut().zip(geometry);
@@ -196,10 +196,10 @@ fn light_up(quads: &mut [Quad], geometry: &[Texel], lanes: &Lanes) {
     }
 }
 
-/// Turns a sum into light from the texel's direction.
+/// Converts one sum to energy and first moment towards the centroid of its texel.
 #[inline]
 fn light(quad: &mut Quad, texel: &Texel, rgb: &impl Fn([f32; 4]) -> [f32; 3]) {
-    // Most of what holds no light is below the horizon or not seen.
+    // Texels below the horizon and outside of the field of view are 0.
     if quad.energy.iter().fold(0, |bits, e| bits | e.to_bits()) == 0 {
         return;
     }
@@ -209,7 +209,7 @@ fn light(quad: &mut Quad, texel: &Texel, rgb: &impl Fn([f32; 4]) -> [f32; 3]) {
     *quad = Quad { energy: [r, g, b, y], moment: [x, across, up, 0.0] };
 }
 
-/// `v`, or 0 where it is negative: without a comparison, which costs more than the sum on small cores.
+/// `v`, or 0 if it is negative, without a comparison: on small cores that would cost more than the sum.
 #[inline]
 fn positive(v: f32) -> f32 {
     f32::from_bits((v.to_bits() as i32).max(0) as u32)
@@ -224,37 +224,37 @@ fn sum(four: &[Quad; 4]) -> Quad {
 }
 
 impl<'a> PyramidView<'a> {
-    /// The pyramid whose quads are the first of `quads`.
+    /// A view of quads that are already filled.
     pub(crate) fn over(quads: &'a [Quad], domain: Domain, order: Order) -> Self {
         Self { quads, domain, order: order.get() }
     }
 
-    /// The part of the sphere it holds.
+    /// The part of the sphere that the map covers.
     #[must_use]
     pub fn domain(&self) -> Domain {
         self.domain
     }
 
-    /// Finest order.
+    /// Order of the texels.
     #[must_use]
     pub fn order(&self) -> Order {
         Order::saturating(self.order)
     }
 
-    /// All quads of `order`, which is at most the finest.
+    /// All quads of `order`; of the finest order if `order` is above it.
     #[must_use]
     pub fn quads_of(&self, order: u8) -> &'a [Quad] {
         let order = order.min(self.order);
         self.quads.get(first(self.domain, order)..first(self.domain, order + 1)).unwrap_or_default()
     }
 
-    /// Quad `ipix` of `order`; a dark one outside the map.
+    /// Quad `ipix` of `order`; a dark quad if the index is outside of the map.
     #[must_use]
     pub fn quad(&self, order: u8, ipix: u32) -> Quad {
         self.quads_of(order).get(ipix as usize).copied().unwrap_or_default()
     }
 
-    /// Sum over the whole map.
+    /// Energy and first moment of the whole map.
     #[must_use]
     pub fn total(&self) -> Quad {
         let mut total = Quad::default();
@@ -262,9 +262,10 @@ impl<'a> PyramidView<'a> {
         total
     }
 
-    /// Sum of L cos(theta) dOmega over what is above the horizon: what a cosine-corrected meter lying flat reads.
+    /// Horizontal irradiance: radiance times cos(theta) times solid angle, summed over the hemisphere above the horizon, as a flat
+    /// cosine-corrected meter measures it.
     ///
-    /// Exact for luminance; each channel takes the luminance's mean height within a quad of order 4, 3.7 degrees wide.
+    /// Exact for luminance. Each channel uses the luminance-weighted mean height within quads of order 4 (3.7 degrees).
     #[must_use]
     pub fn horizontal_irradiance(&self) -> [f32; 3] {
         let mut sum = [0.0; 3];
@@ -275,7 +276,7 @@ impl<'a> PyramidView<'a> {
         sum
     }
 
-    /// Radiance of a quad: energy over its solid angle inside the domain.
+    /// Mean radiance of a quad: energy divided by its solid angle inside the domain.
     #[must_use]
     pub fn radiance(&self, order: u8, ipix: u32) -> [f32; 3] {
         let omega = healpix::solid_angle(order) * self.domain.share(order, ipix);

@@ -5,20 +5,20 @@ use crate::root::root;
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
-/// Sums over one quad.
+/// Energy and first moment of the light from one HEALPix quad.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Quad {
-    /// Sum of L dOmega for red, green, blue and luminance.
+    /// Energy: radiance times solid angle, summed over the quad, for red, green, blue and luminance.
     pub energy: [f32; 4],
-    /// Sum of Y dOmega x direction; the fourth lane is unused.
+    /// First moment: luminance energy times unit direction, summed over the quad; the fourth element is unused.
     pub moment: [f32; 4],
 }
 
 impl Quad {
-    /// The quad that holds `rgb` from `direction` (a unit vector) alone.
+    /// A quad with the energy `rgb` from the single unit vector `direction`.
     ///
-    /// Light that is negative or no number is none, and no channel exceeds [`color::MAX_ENERGY`].
+    /// Negative channels and NaN count as 0; channels are limited to [`color::MAX_ENERGY`].
     #[must_use]
     #[inline]
     pub fn from_light(rgb: [f32; 3], direction: Vec3) -> Self {
@@ -28,7 +28,7 @@ impl Quad {
         Self { energy: [rgb[0], rgb[1], rgb[2], y], moment: [m.x, m.y, m.z, 0.0] }
     }
 
-    /// Adds another quad's sums.
+    /// Adds the sums of `other`.
     #[inline]
     pub fn add(&mut self, other: &Self) {
         for i in 0..4 {
@@ -58,20 +58,20 @@ impl Quad {
         Vec3::new(self.moment[0], self.moment[1], self.moment[2])
     }
 
-    /// Mean direction m / Y, not normalised; 0 for a quad without light.
+    /// Mean direction: first moment divided by luminance energy, not normalised; the zero vector for a quad without light.
     ///
-    /// Divided first, so that its length neither under- nor overflows whatever the unit of light.
+    /// The division comes first so that the length neither underflows nor overflows for any unit of light.
     #[must_use]
     #[inline]
     pub fn mean_direction(&self) -> Vec3 {
         if self.y() > 0.0 { self.first_moment() / self.y() } else { Vec3::ZERO }
     }
 
-    /// Angular variance: 1 less the length of the mean direction, |m| / Y; 0 for a quad without light.
+    /// Angular variance: 1 minus the length of the mean direction; 0 for a quad without light.
     #[must_use]
     #[inline]
     pub fn variance(&self) -> f32 {
-        // 1 - r = (1 - r^2) / (1 + r), in which an error of the root counts half.
+        // 1 - r = (1 - r^2) / (1 + r) halves the effect of the error of the root.
         let squared = self.mean_direction().length_squared();
         if self.y() > 0.0 {
             (1.0 - squared).max(0.0) / (1.0 + root(squared.max(f32::MIN_POSITIVE)))
@@ -80,7 +80,7 @@ impl Quad {
         }
     }
 
-    /// Whether all of it is what [`Quad::from_light`] could have made.
+    /// Whether all sums are finite, and the energies non-negative.
     #[inline]
     pub(crate) fn is_sound(&self) -> bool {
         let energies = self.energy.iter().fold(true, |sound, e| sound & (0.0..=2.0 * MAX_ENERGY).contains(e));

@@ -1,4 +1,4 @@
-//! The receivers of the score: surfaces of all directions, open to the whole sphere or with an occluding cone.
+//! The receivers of the error metric: surface points with normals in all directions, unoccluded or with an occluding cone.
 
 use core::f64::consts::TAU;
 use glam::Vec3;

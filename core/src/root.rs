@@ -1,11 +1,11 @@
-//! Square roots without a library call: they vectorise, and on ARMv7 the library's root is a loop over bits.
+//! Square roots without a library call: the code is vectorised, whereas the library's root on ARMv7 is a loop over bits.
 
 use glam::Vec3;
 
-/// Newton steps on the reciprocal root; two bring it within 5e-6.
+/// Number of Newton steps on the reciprocal root; two steps give a relative error of 5e-6.
 const STEPS: usize = 2;
 
-/// 1 / sqrt(v) of a positive, normal number within 5e-6: the exponent halved, then Newton steps.
+/// 1 / sqrt(v) of a positive, normal number within a relative error of 5e-6: the exponent is halved, then Newton steps follow.
 pub(crate) fn inverse(v: f32) -> f32 {
     let mut r = f32::from_bits(0x5f37_59df - (v.to_bits() >> 1));
     for _ in 0..STEPS {
@@ -14,12 +14,12 @@ pub(crate) fn inverse(v: f32) -> f32 {
     r
 }
 
-/// Square root of a positive, normal number within 5e-6.
+/// Square root of a positive, normal number within a relative error of 5e-6.
 pub(crate) fn root(v: f32) -> f32 {
     v * inverse(v)
 }
 
-/// `v` over its length, which is 1 within 5e-6; `None` where it has next to none.
+/// `v` divided by its length, of length 1 within 5e-6; `None` if `v` is not finite or nearly 0.
 pub(crate) fn unit(v: Vec3) -> Option<Vec3> {
     let squared = v.length_squared();
     (squared > 1e-20 && squared < 1e20).then(|| v * inverse(squared))

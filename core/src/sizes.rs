@@ -1,4 +1,4 @@
-//! How much memory a front end needs, and how one lent buffer is divided.
+//! The memory requirement of a front end, and the division of its buffer.
 
 use crate::calibration::Calibration;
 use crate::error::FrontError;
@@ -10,19 +10,19 @@ use crate::response::curve_len;
 use bytemuck::Pod;
 use core::mem::{size_of, take};
 
-/// One part of the memory.
+/// Name, length and element size of one buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BufferSize {
-    /// What it holds.
+    /// Name of the buffer in reports.
     pub name: &'static str,
-    /// Elements.
+    /// Number of elements.
     pub count: usize,
-    /// Bytes of an element.
+    /// Bytes per element.
     pub element_bytes: usize,
 }
 
 impl BufferSize {
-    /// `count` elements of type `T`.
+    /// A buffer of `count` elements of type `T`.
     #[must_use]
     pub const fn of<T>(name: &'static str, count: usize) -> Self {
         Self { name, count, element_bytes: size_of::<T>() }
@@ -34,43 +34,56 @@ impl BufferSize {
         self.count.saturating_mul(self.element_bytes)
     }
 
-    /// Words of 64 bits that hold all elements.
+    /// Number of 64-bit words that hold all elements.
     const fn words(&self) -> usize {
         self.bytes().div_ceil(WORD)
     }
 }
 
-/// Bytes of a word of the lent memory.
+/// Bytes per word of the lent memory.
 const WORD: usize = size_of::<u64>();
 
-/// Elements of each buffer of a [`FrontEnd`](crate::FrontEnd).
+/// Number of elements of each buffer of a [`FrontEnd`](crate::FrontEnd).
+///
+/// ```
+/// use hemilux_core::{Calibration, Exposure, Format, Lens, Sizes};
+///
+/// let lens = Lens::equidistant([15.5, 15.5], 9.0, 1.5)?;
+/// let calibration = Calibration::try_new(lens, Format::Grey, 32, 32)?;
+/// let sizes = Sizes::of(&calibration, &[Exposure { seconds: 0.01, gain: 1.0 }], 2.try_into()?)?;
+/// assert_eq!(sizes.texels, 128);
+/// let bytes: usize = sizes.buffers().iter().map(|buffer| buffer.bytes()).sum();
+/// assert!(8 * sizes.words() >= bytes);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub struct Sizes {
-    /// Sums over quads of the map: 32 bytes each.
+    /// Quads of all orders of the map: 32 bytes each.
     pub quads: usize,
-    /// Geometry of the map's texels: 16 bytes each.
+    /// Texels of the map, with their geometry: 16 bytes each.
     pub texels: usize,
-    /// Columns that the lens sees in each image row: 8 bytes each.
+    /// Image rows, with the range of columns inside the image circle: 8 bytes each.
     pub spans: usize,
-    /// Entries of the response curve: 4 bytes each.
+    /// Entries of the tabulated response: 4 bytes each.
     pub curve: usize,
-    /// Runs of pixels that share a texel: 4 bytes each.
+    /// Runs of adjacent pixels with a common texel and weight: 4 bytes each.
     pub runs: usize,
-    /// Solid angle of each run's pixels: 2 bytes each.
+    /// Weights of runs: 2 bytes each.
     pub weights: usize,
     /// Reciprocals of sums of exposure times: 8 bytes each.
     pub reciprocals: usize,
-    /// Entries of the tables of the exposures: 4 bytes each.
+    /// Entries of the exposure tables: 4 bytes each.
     pub tables: usize,
 }
 
 impl Sizes {
-    /// What a front end of these arguments needs. It visits every pixel, as [`FrontEnd::try_new`](crate::FrontEnd::try_new) does.
+    /// Computes the sizes for a front end of these arguments. The time is that of [`FrontEnd::try_new`](crate::FrontEnd::try_new): every
+    /// pixel is visited.
     ///
     /// # Errors
-    /// [`FrontError`]: those of the constructor, but for the memory, the curve and the white balance, which need no size.
+    /// The [`FrontError`]s of that constructor, except those of the memory, the response curve and the white balance.
     pub fn of(calibration: &Calibration, exposures: &[Exposure], order: Order) -> Result<Self, FrontError> {
         let image = calibration.layout.merged_size();
         let pixel_table = pixel_table_size(&calibration.merged_lens(), image, order.get())?;
@@ -79,7 +92,7 @@ impl Sizes {
             .with_merge(merge_sizes(calibration, exposures)?))
     }
 
-    /// The sizes that follow from the image's rows, the order and the depth alone.
+    /// The sizes that do not depend on the exposures and the lens.
     pub(crate) fn fixed(calibration: &Calibration, order: Order) -> Result<Self, FrontError> {
         let image = calibration.layout.merged_size();
         pixel_table::check(image, order.get())?;
@@ -103,17 +116,17 @@ impl Sizes {
         Self { reciprocals: merge.reciprocals, tables: merge.tables, ..self }
     }
 
-    /// As many runs as fit into `words` of 64 bits beside the buffers of fixed size.
+    /// The largest number of runs that fits into `words` of 64 bits beside the buffers of fixed size.
     pub(crate) fn with_most_runs(self, words: usize) -> Self {
         let left = words.saturating_sub(self.words());
         let with = |runs| Self { runs, weights: runs, ..self };
-        // Less by what the last word of each buffer leaves empty.
+        // Fewer by what the last word of each buffer leaves empty.
         let most = left.saturating_mul(WORD) / (size_of::<Run>() + size_of::<u16>());
         let fitting = (0..4).map(|less| with(most.saturating_sub(less)));
         fitting.into_iter().find(|sizes| sizes.words() <= words).unwrap_or(with(0))
     }
 
-    /// The buffers one by one, in the order in which they lie.
+    /// All buffers, in the order in which they lie in memory.
     #[must_use]
     pub fn buffers(&self) -> [BufferSize; 8] {
         [
@@ -128,14 +141,14 @@ impl Sizes {
         ]
     }
 
-    /// Words of 64 bits to lend for all of them.
+    /// Number of `u64` elements to lend to [`FrontEnd::try_new`](crate::FrontEnd::try_new).
     #[must_use]
     pub fn words(&self) -> usize {
         self.buffers().iter().fold(0, |sum, buffer| sum.saturating_add(buffer.words()))
     }
 }
 
-/// Elements that the merge of `exposures` needs.
+/// Number of elements that the merge of `exposures` needs.
 pub(crate) fn merge_sizes(
     calibration: &Calibration,
     exposures: &[Exposure],
@@ -148,7 +161,7 @@ pub(crate) fn merge_sizes(
     Ok(merge_size(&curve, exposures)?)
 }
 
-/// The buffers in lent memory; a buffer that the memory is too short for is empty.
+/// The buffers in lent memory; a buffer that does not fit is empty.
 pub(crate) struct Parts<'m> {
     pub(crate) quads: &'m mut [Quad],
     pub(crate) texels: &'m mut [Texel],
@@ -176,7 +189,7 @@ impl<'m> Parts<'m> {
     }
 }
 
-/// Takes the words of `count` elements from the front of `memory`.
+/// Splits the words of `count` elements off the front of `memory`.
 fn first<'m, T: Pod>(memory: &mut &'m mut [u64], count: usize) -> &'m mut [T] {
     let words = BufferSize::of::<T>("", count).words();
     let (own, rest) = take(memory).split_at_mut_checked(words).unwrap_or_default();
@@ -184,14 +197,14 @@ fn first<'m, T: Pod>(memory: &mut &'m mut [u64], count: usize) -> &'m mut [T] {
     bytemuck::try_cast_slice_mut(own).unwrap_or_default().get_mut(..count).unwrap_or_default()
 }
 
-/// The quads of the map, which come first.
+/// The quads of the map, which are the first buffer.
 pub(crate) fn quads<'m>(memory: &'m [u64], sizes: &Sizes) -> &'m [Quad] {
     let words = BufferSize::of::<Quad>("", sizes.quads).words();
     let own = memory.get(..words).unwrap_or_default();
     bytemuck::try_cast_slice(own).unwrap_or_default()
 }
 
-/// Moves the weights that `most` places to where `exact`, which has fewer runs, does.
+/// Moves the weights from their place for `most` runs to that for the `exact` number of runs, which is lower.
 pub(crate) fn close_gap(memory: &mut [u64], most: &Sizes, exact: &Sizes) {
     let up_to = |sizes: &Sizes, buffers: usize| -> usize {
         sizes.buffers().iter().take(buffers).fold(0, |sum, buffer| sum.saturating_add(buffer.words()))
@@ -200,7 +213,7 @@ pub(crate) fn close_gap(memory: &mut [u64], most: &Sizes, exact: &Sizes) {
     let to = up_to(exact, WEIGHTS);
     let from = up_to(most, WEIGHTS).max(to);
     for at in to..up_to(exact, WEIGHTS + 1) {
-        // A loop in place of `copy_within`, whose panic for a wrong range a linker cannot rule out.
+        // A loop instead of `copy_within`, whose panic for an invalid range the linker could not remove.
         let moved = memory.get(from - to + at).copied();
         if let (Some(slot), Some(word)) = (memory.get_mut(at), moved) {
             *slot = word;

@@ -1,34 +1,34 @@
-//! Sums of light over runs, added to their texels.
+//! Prefix sums over the pixels of a chunk, and their differences added to texels.
 
 use crate::pixel_table::{CHUNK, Run};
 use crate::pyramid::Quad;
 
-/// A chunk's whole counts: up to four samples a place, and what [`sum_up`] reads behind the last.
+/// Integer radiances of a chunk: up to four samples per pixel, and four elements of padding that [`sum_up`] reads.
 pub(super) type Counts = [i32; 4 * CHUNK + 4];
 
-/// A chunk's radiance in floats, as [`Counts`].
+/// Float radiances of a chunk, in the layout of [`Counts`].
 pub(super) type Radiance = [f32; 4 * CHUNK + 4];
 
-/// A chunk's light as products of the two, as [`Counts`].
+/// Radiances of a chunk as pairs of factors, in the layout of [`Counts`].
 pub(super) struct Products {
     pub(super) sums: [i16; 4 * CHUNK + 4],
     pub(super) reciprocals: [i16; 4 * CHUNK + 4],
 }
 
-/// What a chunk's light is summed up from.
+/// The merged samples of a chunk.
 pub(super) enum MergedChunk<'s> {
     Counts(&'s mut Counts),
     Products(&'s mut Products),
 }
 
 impl MergedChunk<'_> {
-    /// Calls `f` with one of the two.
+    /// Calls `f` with zeroed buffers of one of the two forms.
     pub(super) fn with<R>(has_products: bool, f: impl FnOnce(MergedChunk<'_>) -> R) -> R {
         if has_products { products(f) } else { counts(f) }
     }
 }
 
-// A stack frame of its own for each.
+// Not inlined: each form has a stack frame of its own.
 #[inline(never)]
 fn products<R>(f: impl FnOnce(MergedChunk<'_>) -> R) -> R {
     f(MergedChunk::Products(&mut Products { sums: [0; _], reciprocals: [0; _] }))
@@ -39,20 +39,20 @@ fn counts<R>(f: impl FnOnce(MergedChunk<'_>) -> R) -> R {
     f(MergedChunk::Counts(&mut [0; _]))
 }
 
-/// Sums of all places of a chunk up to each, modulo 2^32: their differences are exact.
+/// Prefix sums per lane over the pixels of a chunk, modulo 2^32; differences of two sums are exact.
 pub(super) struct PrefixSums(pub(super) [[i32; 4]; CHUNK]);
 
-/// Light of each run of a chunk.
+/// Light of each run of a chunk, per lane.
 pub(super) type RunLight = [[f32; 4]; CHUNK];
 
-/// Runs and their weights, taken as chunks come.
+/// The runs and weights that remain to be processed.
 pub(super) struct Runs<'a> {
     pub(super) runs: &'a [Run],
     pub(super) weights: &'a [u16],
 }
 
-/// Sums up the first `len` places of `samples` each.
-// A name to look for its vector instructions under.
+/// Computes prefix sums of the first `len` pixels of `samples` lanes each.
+// Not inlined: tests find its vector instructions under this symbol.
 #[inline(never)]
 pub(super) fn sum_up(light: &MergedChunk<'_>, samples: usize, len: usize, sums: &mut PrefixSums) {
     let sums = sums.0.get_mut(..len).unwrap_or_default();
@@ -70,13 +70,14 @@ pub(super) fn sum_up(light: &MergedChunk<'_>, samples: usize, len: usize, sums: 
     }
 }
 
-/// The lanes of the first `len` places of one sample.
+/// The lanes of the first `len` pixels with one sample each.
 #[inline(always)]
 fn single<T: Copy + Default>(samples: &[T], len: usize) -> impl Iterator<Item = [T; 4]> {
     samples.get(..len).unwrap_or_default().iter().map(|v| [*v, T::default(), T::default(), T::default()])
 }
 
-/// Of three: the fourth lane is the next place's first and means nothing, but four in a row are a vector.
+/// The lanes of pixels with three samples each. The fourth lane holds the next pixel's first sample and is ignored; it makes each load a
+/// full vector.
 #[inline(always)]
 fn triple<T: Copy>(samples: &[T], len: usize) -> impl Iterator<Item = [T; 4]> {
     let of = |from: usize| {
@@ -85,7 +86,7 @@ fn triple<T: Copy>(samples: &[T], len: usize) -> impl Iterator<Item = [T; 4]> {
     of(0).iter().zip(of(3)).map(|([a, b, c], [next, ..])| [*a, *b, *c, *next])
 }
 
-/// Of four.
+/// The lanes of pixels with four samples each.
 #[inline(always)]
 fn four<T: Copy>(samples: &[T], len: usize) -> impl Iterator<Item = [T; 4]> {
     samples.as_chunks::<4>().0.get(..len).unwrap_or_default().iter().map(|[a, b, c, d]| [*a, *b, *c, *d])
@@ -106,8 +107,8 @@ fn add_up<'a, P>(places: impl Iterator<Item = (&'a mut [i32; 4], P)>, four: impl
     }
 }
 
-/// Gives the light of the runs of the first `len` places and says how many runs those are. 32-bit ARM has vectors for whole numbers alone:
-/// there this loop is one of vectors as long as [`add`] is another.
+/// Writes the light of each run within the first `len` pixels to `light` and returns the number of runs. On 32-bit ARM, whose vectors hold
+/// no IEEE floats, this integer loop is separate from [`add`] so that it is vectorised.
 #[inline(never)]
 fn cut(runs: &[Run], len: usize, sums: &PrefixSums, light: &mut RunLight) -> usize {
     let sums = sums.0.get(..len).unwrap_or_default();
@@ -115,7 +116,7 @@ fn cut(runs: &[Run], len: usize, sums: &PrefixSums, light: &mut RunLight) -> usi
     let mut last = usize::MAX;
     for (i, (run, light)) in runs.iter().zip(light).enumerate() {
         last = last.wrapping_add(run.len());
-        // The run after the chunk's last ends in no place of the chunk.
+        // A run that ends beyond the chunk belongs to the next chunk.
         let Some(sum) = sums.get(last) else { return i };
         *light = core::array::from_fn(|lane| sum[lane].wrapping_sub(before[lane]) as f32);
         before = *sum;
@@ -123,7 +124,7 @@ fn cut(runs: &[Run], len: usize, sums: &PrefixSums, light: &mut RunLight) -> usi
     runs.len().min(CHUNK)
 }
 
-/// Adds the light of as many runs as `light` has to their texels; what lies below the horizon, in the texel after the last, goes to `below`.
+/// Adds the weighted light of each run to its texel; texel indices beyond the last texel add to `below`, the light below the horizon.
 #[inline(never)]
 fn add<const LANES: usize>(
     runs: &[Run],
@@ -144,7 +145,7 @@ fn add<const LANES: usize>(
     }
 }
 
-/// [`cut`] and [`add`] in one loop, where floats have vectors too.
+/// [`cut`] and [`add`] in one loop, for processors whose vectors hold floats.
 #[inline(never)]
 fn cut_and_add(
     runs: &[Run],
@@ -157,7 +158,7 @@ fn cut_and_add(
     let mut last = usize::MAX;
     for (i, (run, weight)) in runs.iter().zip(weights).enumerate() {
         last = last.wrapping_add(run.len());
-        // The run after the chunk's last ends in no place of the chunk.
+        // A run that ends beyond the chunk belongs to the next chunk.
         let Some(sum) = sums.get(last) else { return i };
         let weight = f32::from(*weight);
         let texel = match quads.get_mut(run.texel()) {
@@ -173,7 +174,7 @@ fn cut_and_add(
 }
 
 impl Runs<'_> {
-    /// Adds the light of the first `len` places.
+    /// Adds the light of the first `len` pixels from their prefix sums, and removes their runs.
     pub(super) fn add_merged(
         &mut self,
         len: usize,
@@ -187,7 +188,7 @@ impl Runs<'_> {
             let taken = cut(self.runs, len, sums, light);
             let light = light.get(..taken).unwrap_or_default();
             if samples == 3 {
-                // A lane that means nothing costs as much as the others.
+                // Three lanes: the scalar adds of an unused lane would cost as much as a used one.
                 add::<3>(self.runs, self.weights, light, quads, below);
             } else {
                 add::<4>(self.runs, self.weights, light, quads, below);
@@ -199,7 +200,7 @@ impl Runs<'_> {
         self.skip(taken);
     }
 
-    /// Weight of those of the first `len` places that `is` and whose texels are below `texels`.
+    /// Sum of the weights of those of the first `len` pixels that satisfy `is` and whose texel index is below `texels`.
     pub(super) fn weight(&self, len: usize, texels: usize, is: impl Fn(usize) -> bool) -> u64 {
         let own = self.runs.iter().zip(self.weights);
         let places = own.flat_map(|(run, weight)| core::iter::repeat_n((run.texel(), *weight), run.len()));
@@ -212,7 +213,7 @@ impl Runs<'_> {
         self.weights = self.weights.get(count..).unwrap_or_default();
     }
 
-    /// Adds floats.
+    /// Adds the light of the first `len` pixels from float radiances, and removes their runs.
     pub(super) fn add_radiance(
         &mut self,
         len: usize,
@@ -245,21 +246,21 @@ impl Runs<'_> {
 mod tests {
     use super::*;
 
-    /// What 32-bit ARM does and what others do: on any machine the same energies, bit by bit, and as many runs.
+    /// On every processor, the loop of 32-bit ARM and that of others give the same energies bit by bit, and the same number of runs.
     #[test]
     fn cut_then_added_and_both_at_once_are_the_same() {
         const TEXELS: usize = 5;
         let lens = [1, 3, 2, 7, 1, 4, 9, 5];
         let runs = core::array::from_fn::<_, 8, _>(|i| Run::new((3 * i % (TEXELS + 1)) as u32, lens[i]));
         let weights = [9, 700, 65_535, 1, 0, 31, 4_000, 12];
-        // Sums go beyond 32 bits; their differences do not.
+        // Prefix sums overflow 32 bits; their differences do not.
         let mut sums = PrefixSums([[0; 4]; CHUNK]);
         let mut sum = [i32::MAX - 100, i32::MIN, -5, 0];
         for (i, to) in sums.0.iter_mut().enumerate() {
             sum = core::array::from_fn(|lane| sum[lane].wrapping_add((37 * i + 11 * lane) as i32 % 1009));
             *to = sum;
         }
-        // A chunk ends with a run.
+        // Each chunk ends with a run.
         for (len, count) in [(1, 1), (4, 2), (13, 4), (32, 8)] {
             let (mut quads, mut below) = ([[Quad::default(); TEXELS]; 2], [[0.0; 4]; 2]);
             let mut light: RunLight = [[0.0; 4]; CHUNK];

@@ -1,7 +1,7 @@
-//! The fused front end: a burst goes in, energy per texel comes out, without a full-size HDR image between.
+//! The fused front end: merges a burst directly into energy per HEALPix texel, without an HDR image in between.
 //!
-//! Rows are merged in chunks that stay in the nearest cache, into whole counts of light. Those are summed up over the chunk, so that
-//! the light of a run is the difference of two sums however long it is, and goes straight to its quad of the map.
+//! Each image row is processed in chunks of pixels that fit the first-level cache. A chunk is merged into integer radiances, whose prefix
+//! sums are computed; the light of a run of pixels is then the difference of two prefix sums and is added to the texel of the run.
 
 mod gather;
 pub(crate) mod rows;
@@ -18,48 +18,48 @@ use crate::pyramid::{Pyramid, Quad};
 use gather::{MergedChunk, PrefixSums, Products, Radiance, RunLight, Runs};
 use rows::{Part, Scratch};
 
-/// What a burst held besides its lights.
+/// Statistics of one burst.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub struct Coverage {
-    /// Share of the hemisphere's solid angle that even the shortest exposure clips.
+    /// Share of the hemisphere's solid angle in which even the shortest exposure is clipped, 0..=1.
     pub clipped: f64,
-    /// Share of the hemisphere's solid angle that the lens does not see.
+    /// Share of the hemisphere's solid angle outside of the field of view, 0..=1.
     pub unseen: f64,
-    /// Scalar flux from below the horizon, which is left out, over the flux above.
+    /// Scalar flux from below the horizon, which no light represents, divided by the flux from above.
     pub below: f64,
 }
 
-/// Frames or a map that do not fit the pixel table or the merge.
+/// The reason why a burst cannot be processed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum BurstError {
-    /// Another number of frames than the merge has exposures.
+    /// The number of frames differs from the number of exposures.
     FrameCount {
-        /// Frames in the burst.
+        /// Number of frames in the burst.
         found: usize,
-        /// Exposures of the merge.
+        /// Number of exposures.
         expected: usize,
     },
-    /// A frame that is shorter than its layout.
+    /// A frame has fewer samples than its layout states.
     FrameSize {
-        /// Which one.
+        /// Index of the frame.
         index: usize,
-        /// Samples or bytes in it.
+        /// Number of bytes (or words, for 16-bit samples) in the frame.
         found: usize,
-        /// Samples or bytes of the layout.
+        /// Number of bytes (or words) of the layout.
         expected: usize,
     },
-    /// A frame whose samples are not of the depth that the merge knows.
+    /// A frame has samples of another depth than the format.
     FrameDepth {
-        /// Which one.
+        /// Index of the frame.
         index: usize,
     },
-    /// A layout of another size than the pixel table's.
+    /// The size of the layout differs from that of the pixel table.
     OtherSize,
-    /// A map that is not a hemisphere of the pixel table's order.
+    /// The map is not a hemisphere map of the order of the pixel table.
     OtherMap,
 }
 
@@ -81,12 +81,11 @@ impl core::fmt::Display for BurstError {
 
 impl core::error::Error for BurstError {}
 
-/// Merges a burst whose frames lie as `layout` says into `map` and builds it.
-///
-/// `white_balance` multiplies the channels.
+/// Merges a burst of frames with the given `layout` into `map` and builds all orders of the map. `white_balance` multiplies red, green and
+/// blue.
 ///
 /// # Errors
-/// [`BurstError`] when the frames do not fit; `map` is then unchanged.
+/// [`BurstError`] if the frames do not match; `map` is then unchanged.
 pub fn burst<Q: Buffer<Quad>>(
     frames: &[Samples<'_>],
     layout: &Layout,
@@ -99,10 +98,10 @@ pub fn burst<Q: Buffer<Quad>>(
     Ok(finish(&excluded, layout, merge, pixel_table, white_balance, map))
 }
 
-/// The first half of [`burst`]: adds every visited place to its texel. The map is whole again after [`finish`].
+/// First stage of [`burst`]: adds the light of each pixel to its texel. The map is invalid until [`finish`] has run.
 ///
 /// # Errors
-/// [`BurstError`] when the frames do not fit; `map` is then unchanged.
+/// [`BurstError`] if the frames do not match; `map` is then unchanged.
 pub(crate) fn accumulate<Q: Buffer<Quad>>(
     frames: &[Samples<'_>],
     layout: &Layout,
@@ -120,7 +119,7 @@ pub(crate) fn accumulate<Q: Buffer<Quad>>(
     Ok(add_up(frames, layout, merge, pixel_table, map.accumulators(pixel_table.source_order)))
 }
 
-// The name is that of a frame's first half in counts and profiles.
+// Instruction counts and profiles find the first stage of a frame under this symbol.
 #[inline(never)]
 fn add_up(
     frames: &[Samples<'_>],
@@ -136,7 +135,7 @@ fn add_up(
     })
 }
 
-/// Span after span, chunk after chunk.
+/// Processes all spans chunk by chunk.
 #[inline(never)]
 fn walk(mut chunks: Chunks<'_, '_, '_>, pixel_table: &PixelTableView<'_>, quads: &mut [Quad]) -> Excluded {
     let mut excluded = Excluded::default();
@@ -153,7 +152,7 @@ fn walk(mut chunks: Chunks<'_, '_, '_>, pixel_table: &PixelTableView<'_>, quads:
     excluded
 }
 
-/// The second half of [`burst`]: energy, moments and the orders above.
+/// Second stage of [`burst`]: converts sums to energy and first moments, and sums the coarser orders.
 pub(crate) fn finish<Q: Buffer<Quad>>(
     excluded: &Excluded,
     layout: &Layout,
@@ -163,7 +162,7 @@ pub(crate) fn finish<Q: Buffer<Quad>>(
     map: &mut Pyramid<Q>,
 ) -> Coverage {
     let unit = merge.unit() * pixel_table.weight_unit;
-    // However bright the unit of light, no sum leaves what samplers may read.
+    // Limits the energy so that sums stay finite for any radiance scale.
     let most = f64::from(MAX_ENERGY) / (merge.most() * pixel_table.weight_sum as f64);
     let scale = white_balance.map(|w| (f64::from(w) * unit).min(most) as f32);
     let lanes = Lanes::of(layout.format(), scale);
@@ -178,16 +177,16 @@ pub(crate) fn finish<Q: Buffer<Quad>>(
     }
 }
 
-/// What does not go into the map.
+/// Light that is not part of the map.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Excluded {
-    /// Sums of light from below the horizon, by lane.
+    /// Sums of light from below the horizon, per lane.
     below: [f32; 4],
-    /// Weight of clipped places above the horizon.
+    /// Sum of the weights of clipped pixels above the horizon.
     clipped: u64,
 }
 
-/// Merges and adds chunk after chunk.
+/// The state of the loop over chunks.
 struct Chunks<'a, 'f, 's> {
     frames: &'a [Samples<'f>],
     layout: &'a Layout,
@@ -199,7 +198,7 @@ struct Chunks<'a, 'f, 's> {
     light: RunLight,
 }
 
-/// The channels of `format`, as its lanes know them.
+/// The channel of each sample of `format`, in the order of the lanes.
 fn channels(format: Format) -> Channels {
     match (format, format.pattern()) {
         (_, Some(pattern)) => Channels::Four(pattern.channels()),
@@ -247,7 +246,7 @@ impl<'a, 'f, 's> Chunks<'a, 'f, 's> {
     }
 }
 
-/// Adds a chunk of `len` places in floats, by the rules themselves; what it needs lies on a stack frame of its own.
+/// Adds a chunk of `len` pixels with the scalar merge. Not inlined, so that its buffer takes stack only when it is needed.
 #[inline(never)]
 fn unusual(
     codes: &[Codes<'_>],

@@ -1,28 +1,28 @@
-//! Rows of packed bytes as codes, a slice for each exposure.
+//! Unpacks rows of frames into codes: one slice per exposure.
 
 use super::yuv::{self, Pairs};
 use crate::format::{Format, Layout, raw10, raw12};
 use crate::merge::{Codes, MAX_EXPOSURES, Samples};
 use crate::pixel_table::CHUNK;
 
-/// Samples of a chunk of whole pairs of cells.
+/// Number of samples of a chunk, rounded up to whole pairs of mosaic cells.
 const WORDS: usize = 4 * (CHUNK + 2);
 
-/// Pixels of whole pairs that a chunk may touch, in whole vectors.
+/// Number of pixels of a chunk, rounded up to whole pairs and whole vectors.
 pub(super) const PAIRED: usize = (CHUNK + 2).next_multiple_of(16);
 
-/// Unpacked codes of the chunk that is being merged; none for formats that need no unpacking, whose frames then fit a small stack.
+/// Buffers for the unpacked codes of one chunk. Formats that need no unpacking have empty buffers, which keeps the stack small.
 pub(crate) struct Scratch<'s> {
     planes: &'s mut [Planes],
-    /// With planes.
+    /// Used together with `planes`.
     pairs: Option<&'s mut Pairs>,
     words: &'s mut [[u16; WORDS]],
 }
 
-/// Planes of pixels, or the samples of cells.
+/// Planes of pixels, or the interleaved samples of mosaic cells.
 pub(super) type Planes = [[u8; PAIRED]; 4];
 
-/// Part of an image row: the row and its first place, and how many places; those of a mosaic are its 2 x 2 cells.
+/// A part of an image row: the row, the first pixel and the number of pixels. A pixel of a mosaic is a 2 x 2 cell.
 #[derive(Clone, Copy)]
 pub(crate) struct Part {
     pub(crate) row: usize,
@@ -31,7 +31,7 @@ pub(crate) struct Part {
 }
 
 impl Scratch<'_> {
-    /// Calls `f` with as much as the format needs; `wants_planes` of it.
+    /// Calls `f` with the buffers that `format` needs; `wants_planes` states whether the merge reads separate planes.
     pub(crate) fn with<R>(format: Format, wants_planes: bool, f: impl FnOnce(Scratch<'_>) -> R) -> R {
         match format {
             Format::Yuyv(_) | Format::Nv12(_) | Format::Bayer8(_) => planes(f),
@@ -41,7 +41,7 @@ impl Scratch<'_> {
         }
     }
 
-    /// The codes of `part` in every frame, of at most [`CHUNK`] places; bytes of three channels as planes where those are wanted.
+    /// Unpacks `part`, of at most [`CHUNK`] pixels, of every frame. `planes` selects separate planes for bytes of three channels.
     pub(crate) fn codes<'a, 'c>(
         &'a mut self,
         frames: &[Samples<'a>],
@@ -75,7 +75,7 @@ impl Scratch<'_> {
     }
 }
 
-/// Bytes of a place in a row of samples, where those are codes as they lie there.
+/// Bytes per pixel of formats whose bytes are codes without unpacking.
 fn plain_bytes(format: Format) -> Option<usize> {
     match format {
         Format::Rgb24 | Format::Bgr24 => Some(3),
@@ -84,7 +84,7 @@ fn plain_bytes(format: Format) -> Option<usize> {
     }
 }
 
-// A stack frame of its own for each.
+// Not inlined: each kind of buffer has a stack frame of its own.
 #[inline(never)]
 fn planes<R>(f: impl FnOnce(Scratch<'_>) -> R) -> R {
     let planes = &mut [[[0; PAIRED]; 4]; MAX_EXPOSURES];
@@ -96,7 +96,7 @@ fn words<R>(f: impl FnOnce(Scratch<'_>) -> R) -> R {
     f(Scratch { planes: &mut [], pairs: None, words: &mut [[0; WORDS]; MAX_EXPOSURES] })
 }
 
-/// As [`Scratch::codes`], for one frame of samples that need work; `None` without the room that its format needs.
+/// Like [`Scratch::codes`], for one frame of a packed format; `None` if the buffers that the format needs are absent.
 #[inline(never)]
 fn unpack<'a>(
     all: &[u8],
@@ -108,16 +108,16 @@ fn unpack<'a>(
     let Part { row, first, len } = part;
     let at = |row: usize, from: usize, count: usize| {
         let start = row * layout.bytes_per_line() + from;
-        // The last row of a frame may end inside of two cells.
+        // The last row of a frame may end within a pair of cells.
         all.get(start..(start + count).min(all.len())).unwrap_or_default()
     };
-    // Of two that share something, the first may lie before the part.
+    // If two pixels share bytes, unpacking starts at the even one.
     let odd = first % 2;
     let (first, pairs) = (first - odd, (odd + len).div_ceil(2));
-    // The two rows of a mosaic's cells, of so many bytes for two cells.
+    // The two rows of a mosaic's cells, as slices of `bytes` per two cells.
     let rows = |bytes: usize| [0, 1].map(|i| at(2 * row + i, bytes * (first / 2), bytes * pairs));
     match layout.format() {
-        // Their codes lie as they should.
+        // These formats need no unpacking.
         Format::Grey | Format::Rgb48 => None,
         Format::Rgb24 | Format::Bgr24 => {
             let (pixels, _) = at(row, 3 * part.first, 3 * len).as_chunks::<3>();
@@ -159,7 +159,7 @@ fn unpack<'a>(
     }
 }
 
-/// Cells `odd` to `odd + len` of two rows, as [`two_cells`] lays them.
+/// Unpacks two rows into cells and returns cells `odd` to `odd + len`.
 #[inline(always)]
 fn cells<'a, const B: usize>(
     rows: [&[u8]; 2],
@@ -172,7 +172,7 @@ fn cells<'a, const B: usize>(
     Codes::Words(words.get(4 * odd..4 * (odd + len)).unwrap_or_default())
 }
 
-/// Lays the samples of two rows, of which `unpacked` makes four of `B` bytes, cell by cell.
+/// Interleaves two rows of samples into 2 x 2 cells; `unpacked` converts `B` bytes to four samples.
 #[inline(always)]
 fn two_cells<T, const B: usize>(rows: [&[u8]; 2], out: &mut [T], unpacked: impl Fn(&[u8; B]) -> [T; 4]) {
     let [first, second] = rows.map(|row| row.as_chunks::<B>().0);
@@ -186,7 +186,7 @@ fn two_cells<T, const B: usize>(rows: [&[u8]; 2], out: &mut [T], unpacked: impl 
     }
 }
 
-/// Like [`two_cells`] for the bytes after `whole` groups of `B`: the end of a frame inside of a group, padded with zeros.
+/// Like [`two_cells`], for the bytes after `whole` groups of `B` where a frame ends within a group: the missing bytes count as 0.
 #[cold]
 #[inline(never)]
 fn two_cells_of_a_rest<T, const B: usize>(

@@ -1,39 +1,39 @@
-//! Luma and chroma to red, green and blue codes, in 16-bit integers.
+//! Converts luma and chroma to red, green and blue codes in 16-bit integers.
 
 use super::rows::{PAIRED, Planes};
 use crate::format::{Matrix, Yuv};
 
-/// Pixels of a step: as many as a vector holds codes.
+/// Number of pixels per iteration: the lanes of two 128-bit vectors.
 const STEP: usize = 16;
 
-/// Fraction bits of luma and of what chroma adds to it: exact where luma is whole, else within 1/64 of a code before it is rounded.
+/// Fraction bits of luma and of the chroma contributions: exact for full-range luma, otherwise within 1/64 of a code before rounding.
 const PART: u32 = 6;
 
 /// Fraction bits of chroma, which fills 16 bits.
 const CHROMA: u32 = 8;
 
-/// Fraction bits of the coefficients of chroma: the upper half of a product has [`PART`].
+/// Fraction bits of the chroma coefficients: the upper half of a product has [`PART`] fraction bits.
 const BITS: u32 = 16 + PART - CHROMA;
 
-/// Fraction bits of the coefficient of luma, which is doubled first.
+/// Fraction bits of the luma coefficient, whose operand is doubled first.
 const LUMA_BITS: u32 = 16 - 1;
 
-/// A colour matrix in fixed point.
+/// The coefficients of a colour matrix in fixed point.
 struct Coefficients {
-    /// Less 1.
+    /// Luma coefficient minus 1.
     luma: i16,
-    /// 2^-[`PART`].
+    /// Black level of luma, with [`PART`] fraction bits.
     black: i16,
     red: i16,
     green: [i16; 2],
-    /// Less 1, since it may be above 2.
+    /// Coefficient of Cb in blue, minus 1 since it may exceed 2.
     blue: i16,
 }
 
 impl Coefficients {
-    /// From the weights of red and blue in luma: `R = Y + 2 (1 - kr) Cr` and so on.
+    /// Computes the coefficients from the weights of red and blue in luma: `R = Y + 2 (1 - kr) Cr` and so on.
     ///
-    /// Known when the program is compiled, since a vector of 16-bit numbers times a constant takes half the instructions.
+    /// Evaluated at compile time: multiplying a vector of 16-bit integers by a constant takes half the instructions.
     const fn of(yuv: Yuv) -> Self {
         let (kr, kb) = match yuv.matrix {
             Matrix::Bt601 => (0.299, 0.114),
@@ -52,7 +52,7 @@ impl Coefficients {
     }
 }
 
-/// The nearest number of 2^-`bits`.
+/// `v` rounded to `bits` fraction bits.
 const fn fixed(v: f64, bits: u32) -> i16 {
     let scaled = v * (1u32 << bits) as f64;
     (if scaled < 0.0 { scaled - 0.5 } else { scaled + 0.5 }) as i16
@@ -63,19 +63,19 @@ fn product(coefficient: i16, value: i16) -> i32 {
     i32::from(coefficient) * i32::from(value)
 }
 
-/// The upper half of a sum of products, rounded down, which does not change how a whole luma plus it is rounded.
+/// The upper half of a sum of products, rounded down. Adding it to a whole luma rounds like the exact sum.
 #[inline(always)]
 fn upper(products: i32) -> i16 {
     (products >> 16) as i16
 }
 
-/// Room for the pixels of a chunk.
+/// Buffers for the pixels of a chunk.
 pub(super) struct Pairs {
-    /// 2^-[`PART`].
+    /// Luma of each pixel, with [`PART`] fraction bits.
     luma: [i16; PAIRED],
-    /// Cb and Cr of each pair of pixels, from no colour, 2^-[`CHROMA`].
+    /// Cb and Cr of each pair of pixels, 0 for grey, with [`CHROMA`] fraction bits.
     chroma: [i16; PAIRED],
-    /// What chroma adds to the red, green and blue of each pixel and half a code, which rounds; 2^-[`PART`].
+    /// Contribution of chroma to red, green and blue of each pixel plus half a code for rounding, with [`PART`] fraction bits.
     parts: [[i16; PAIRED]; 3],
 }
 
@@ -84,7 +84,7 @@ impl Pairs {
         Self { luma: [0; _], chroma: [0; _], parts: [[0; _]; 3] }
     }
 
-    /// Paints the first `count` pixels.
+    /// Converts the first `count` pixels into `planes`.
     fn paint(&mut self, count: usize, yuv: Yuv, planes: &mut Planes) {
         match (yuv.matrix, yuv.limited) {
             (Matrix::Bt601, false) => self.paint_as::<false, false>(count, planes),
@@ -94,9 +94,9 @@ impl Pairs {
         }
     }
 
-    /// Each step is a loop over 16-bit numbers of the same kind, in whole vectors: the last vector may hold values of an
-    /// earlier chunk at places that are not read.
-    // A name to look for its vector instructions under.
+    /// Each step is a loop over 16-bit integers of one kind in whole vectors; lanes beyond `count` may hold stale values, which are not
+    /// read.
+    // Not inlined: tests find its vector instructions under this symbol.
     #[inline(never)]
     fn paint_as<const BT709: bool, const LIMITED: bool>(&mut self, count: usize, planes: &mut Planes) {
         let m = const {
@@ -108,7 +108,7 @@ impl Pairs {
         let luma = &mut self.luma[..count];
         if LIMITED {
             for y in &mut *luma {
-                // Rounded up, since chroma is rounded down.
+                // Rounds up, since the contribution of chroma is rounded down.
                 let below = m.black.wrapping_sub(*y);
                 *y = upper(product(m.luma, below << 1)).wrapping_add(below).wrapping_neg();
             }
@@ -132,7 +132,7 @@ impl Pairs {
     }
 }
 
-/// From Y0 Cb Y1 Cr.
+/// Converts a row of bytes Y0 Cb Y1 Cr.
 #[inline(never)]
 pub(super) fn from_yuyv(line: &[u8], yuv: Yuv, pairs: &mut Pairs, planes: &mut Planes) {
     for ((y, c), pair) in pairs.luma.iter_mut().zip(&mut pairs.chroma).zip(line.as_chunks::<2>().0) {
@@ -142,7 +142,7 @@ pub(super) fn from_yuyv(line: &[u8], yuv: Yuv, pairs: &mut Pairs, planes: &mut P
     pairs.paint(line.len() / 2, yuv, planes);
 }
 
-/// From a row of luma and the row of Cb Cr pairs that belongs to it.
+/// Converts a row of luma bytes and the row of Cb Cr pairs that belongs to it.
 #[inline(never)]
 pub(super) fn from_nv12(luma: &[u8], chroma: &[u8], yuv: Yuv, pairs: &mut Pairs, planes: &mut Planes) {
     for (to, y) in pairs.luma.iter_mut().zip(luma) {
@@ -158,7 +158,7 @@ pub(super) fn from_nv12(luma: &[u8], chroma: &[u8], yuv: Yuv, pairs: &mut Pairs,
 mod tests {
     use super::*;
 
-    /// Every luma with a grid of chroma, against the formulas in floats: as rounded, but where those are within 1/40 of a code of a half.
+    /// Every luma with a grid of chroma equals the formulas in floats, except within 1/40 of a code of a rounding boundary.
     #[test]
     fn codes_are_those_of_the_formulas() {
         for (matrix, kr, kb) in [(Matrix::Bt601, 0.299, 0.114), (Matrix::Bt709, 0.2126, 0.0722)] {

@@ -1,11 +1,11 @@
-//! Samples of frames, as they come to the merge.
+//! The input samples of the merge.
 
-/// One frame, packed as a [`crate::format::Layout`] says.
+/// The samples of one frame, packed as a [`crate::format::Layout`] states.
 #[derive(Clone, Copy, Debug)]
 pub enum Samples<'a> {
-    /// The bytes of any format but [`crate::format::Format::Rgb48`].
+    /// Bytes, for every format except [`crate::format::Format::Rgb48`].
     U8(&'a [u8]),
-    /// The words of [`crate::format::Format::Rgb48`].
+    /// 16-bit words, for [`crate::format::Format::Rgb48`].
     U16(&'a [u16]),
 }
 
@@ -22,7 +22,7 @@ impl<'a> From<&'a [u16]> for Samples<'a> {
 }
 
 impl Samples<'_> {
-    /// Bytes or words.
+    /// Number of bytes or words.
     #[must_use]
     pub fn len(&self) -> usize {
         match self {
@@ -31,21 +31,21 @@ impl Samples<'_> {
         }
     }
 
-    /// Whether there are none.
+    /// Whether the frame has no samples.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 }
 
-/// Codes of a part of a frame, one for each sample.
+/// Unpacked codes of a part of a frame: one per sample.
 #[derive(Clone, Copy, Debug)]
 pub enum Codes<'a> {
-    /// As bytes.
+    /// Codes of 8 bits, channels interleaved.
     Bytes(&'a [u8]),
-    /// As words.
+    /// Codes of up to 16 bits, channels interleaved.
     Words(&'a [u16]),
-    /// Red, green and blue bytes, each on their own.
+    /// Codes of 8 bits in three planes: red, green, blue.
     Planes([&'a [u8]; 3]),
 }
 
@@ -53,7 +53,7 @@ impl<'a> Codes<'a> {
     /// No codes.
     pub const NONE: Self = Self::Bytes(&[]);
 
-    /// The code of sample `at`; 0 where there is none.
+    /// The code of sample `at`; 0 beyond the end.
     pub(super) fn code(&self, at: usize) -> u32 {
         match self {
             Self::Bytes(s) => s.get(at).copied().map_or(0, u32::from),
@@ -62,7 +62,7 @@ impl<'a> Codes<'a> {
         }
     }
 
-    /// The code of sample `at`.
+    /// The code of sample `at`; `None` beyond the end.
     pub(crate) fn get(&self, at: usize) -> Option<u16> {
         match self {
             Self::Bytes(s) => s.get(at).copied().map(u16::from),
@@ -71,7 +71,7 @@ impl<'a> Codes<'a> {
         }
     }
 
-    /// `len` samples from `from` on, of those that are not planes.
+    /// The interleaved codes `from` to `from + len`; no codes for planes.
     pub(super) fn part(&self, from: usize, len: usize) -> Self {
         match self {
             Self::Bytes(s) => Self::Bytes(s.get(from..from + len).unwrap_or_default()),
@@ -80,7 +80,7 @@ impl<'a> Codes<'a> {
         }
     }
 
-    /// The bytes of channel `k` of `many`, where they are on their own.
+    /// The codes of channel `k` of `many`, if they are contiguous.
     pub(super) fn plane(&self, k: usize, many: usize) -> Option<&'a [u8]> {
         match (self, many) {
             (Self::Planes(planes), 3) => planes.get(k).copied(),
@@ -98,14 +98,14 @@ impl<'a> Codes<'a> {
     }
 }
 
-/// The channels (0 red, 1 green, 2 blue) of a run of samples, over and over.
+/// The channel (0 red, 1 green, 2 blue) of each sample; the pattern repeats along a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Channels {
-    /// All of one.
+    /// All samples have one channel.
     One([usize; 1]),
-    /// Three in turn.
+    /// Three channels alternate.
     Three([usize; 3]),
-    /// Four in turn: the cells of a mosaic.
+    /// Four channels alternate: the samples of a mosaic's 2 x 2 cell.
     Four([usize; 4]),
 }
 
@@ -113,7 +113,7 @@ impl Channels {
     /// Red, green, blue.
     pub const RGB: Self = Self::Three([0, 1, 2]);
 
-    /// How many take turns.
+    /// Length of the pattern.
     #[must_use]
     pub fn many(&self) -> usize {
         match self {

@@ -1,19 +1,19 @@
-//! A merge apart from the memory of its tables.
+//! A merge without the memory of its tables.
 
 use super::{MergeView, Own, Reciprocal};
 use crate::response::Curve;
 
-/// The tables of a merge, which lie in memory that something else holds.
+/// The tables of a merge in borrowed memory.
 #[derive(Clone, Copy)]
 pub(crate) struct Tables<'a> {
-    /// Relative exposure of each code.
+    /// Relative exposure of each code, for three channels.
     pub(crate) curve: &'a [i32],
-    /// Light of each code in each exposure.
+    /// Relative exposure divided by gain of each code in each exposure.
     pub(crate) exposures: &'a [u32],
     pub(crate) reciprocals: &'a [Reciprocal],
 }
 
-/// A merge apart from its tables.
+/// The parameters of a merge whose tables are held elsewhere.
 #[derive(Clone, Debug)]
 pub(crate) struct Detached {
     pub(crate) curve: Curve<()>,
@@ -21,7 +21,7 @@ pub(crate) struct Detached {
 }
 
 impl Detached {
-    /// The merge that runs through `tables`, which it was made with.
+    /// Combines the parameters with `tables`, which must be those that the merge was prepared in.
     pub(crate) fn over<'a>(&'a self, tables: Tables<'a>) -> MergeView<'a> {
         MergeView {
             curve: self.curve.over(tables.curve),

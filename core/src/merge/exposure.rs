@@ -1,45 +1,45 @@
-//! The exposures of a burst, and which of them merge.
+//! The exposures of a burst and their checks.
 
 use crate::buffer::TooSmall;
 
-/// Most exposures of a burst.
+/// Largest number of exposures in a burst.
 pub const MAX_EXPOSURES: usize = 12;
 
-/// One exposure of a burst.
+/// Time and gain of one exposure of a burst.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Exposure {
     /// Exposure time, seconds.
     pub seconds: f64,
-    /// Gain relative to the gain that the calibration knows as 1.
+    /// Sensor gain, relative to the gain at which the calibration's scale was measured.
     pub gain: f64,
 }
 
-/// Why a burst cannot be merged.
+/// The reason why a set of exposures cannot be merged.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum MergeError {
     /// No exposures, or more than [`MAX_EXPOSURES`].
     BadCount {
-        /// How many there were.
+        /// Number of exposures.
         found: usize,
     },
     /// An exposure time or gain that is not a positive finite number.
     BadExposure {
-        /// Which one.
+        /// Index of the exposure.
         index: usize,
     },
     /// Exposures that do not ascend by time x gain.
     NotAscending {
-        /// The first that is below its predecessor.
+        /// Index of the first exposure with a lower time x gain than its predecessor.
         index: usize,
     },
-    /// A scale that is not a positive finite number.
+    /// A radiance scale that is not a positive finite number.
     BadScale,
-    /// Exposure times or gains further apart than 32-bit radiance can hold (2^24 : 1).
+    /// Exposure times or gains with a ratio above 2^24, the range of 32-bit radiance.
     TooFarApart,
-    /// The lent buffer is too short.
+    /// A lent buffer has too few elements.
     TooSmall(TooSmall),
 }
 
@@ -60,7 +60,7 @@ impl core::fmt::Display for MergeError {
 
 impl core::error::Error for MergeError {}
 
-/// Whether the exposures are such as [`super::Merge`] documents.
+/// Checks count, sign, order and range of the exposures.
 pub(super) fn check(exposures: &[Exposure]) -> Result<(), MergeError> {
     let count = exposures.len();
     if !(1..=MAX_EXPOSURES).contains(&count) {

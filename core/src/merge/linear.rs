@@ -1,39 +1,39 @@
-//! The merge of linear samples in 16-bit integers: exact sums, and one multiplication by a reciprocal.
+//! Merge of linear samples in 16-bit integers: an exact sum of codes times the reciprocal of the sum of times.
 //!
-//! Where every exposure that saturates is longer than every one that does not, which all samples of a still scene obey, the
-//! reciprocal of the exposures' sum of times is that of the shortest plus one difference per further valid exposure: no table is
-//! gathered from, nothing branches, and a block of samples is a row of vector instructions. Most blocks need less: those where every
-//! exposure is valid, all but the longest, or the longest in some samples.
+//! A sample that saturates in one exposure saturates in every longer one if the scene is still. The reciprocal for the valid exposures is
+//! then that of the shortest plus one difference per further valid exposure: no table lookup and no branch, so a block of samples maps to
+//! vector instructions. Most blocks have a simpler case: all samples are valid in every exposure, in all but the longest, or in the
+//! longest for some samples only.
 
 use super::{COUNT_BITS, Exposure};
 use crate::response::Levels;
 
-/// Most exposures of the unrolled loops; longer bursts go through the tables.
+/// Largest number of exposures of the unrolled loops; longer bursts use tables.
 pub(super) const MAX_UNROLLED: usize = 4;
 
-/// Largest reciprocal: products of two `i16`.
+/// Largest reciprocal: a radiance is the product of two `i16`.
 const MOST: u32 = i16::MAX as u32;
 
-/// Largest relative error of a reciprocal, a fifth of what the merge may be off.
+/// Largest relative error of a reciprocal: a fifth of the accuracy of the merge.
 const WORST: f64 = 2e-4;
 
-/// Largest error of the black level, codes.
+/// Largest rounding error of the black level, codes.
 const BLACK_ERROR: f64 = 0.002;
 
-/// Samples of a loop's step: lanes of a vector of 16-bit integers.
+/// Number of samples per iteration: the lanes of a 128-bit vector of 16-bit integers.
 const BLOCK: usize = 8;
 
-/// Codes of a step that only compares.
+/// Number of codes per iteration of loops that only compare.
 const WIDE: usize = 16;
 
 type Block<T> = [T; BLOCK];
 
-/// A sample as a frame holds it.
+/// The integer type of a sample.
 pub(super) trait Code: Copy + Default + Ord + TryFrom<u32> {
-    /// The largest.
+    /// Largest value of the type.
     const MAX: Self;
 
-    /// Its low 15 bits; what needs more is saturated.
+    /// The low 15 bits; a code that needs more bits is saturated.
     fn low(self) -> i16;
 }
 
@@ -55,24 +55,24 @@ impl Code for u16 {
     }
 }
 
-/// What the loop needs to know.
+/// The constants of the loop for one set of exposures.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Linear {
-    /// Reciprocal of the shortest exposure alone, then the differences that each longer one adds.
+    /// Reciprocal of the shortest exposure, then the difference that each longer one adds.
     steps: [i16; MAX_UNROLLED],
-    /// Reciprocal of so many exposures, from the shortest, less 1.
+    /// Reciprocal of the i + 1 shortest exposures together.
     whole: [i16; MAX_UNROLLED],
-    /// Black level, 2^-`shift` codes.
+    /// Black level, in units of 2^-`shift` codes.
     black: i16,
     shift: u32,
     white: u32,
     saturated: u32,
-    /// Reciprocal count of the shortest exposure alone.
+    /// Reciprocal of the shortest exposure before rounding of the others.
     one: u32,
 }
 
 impl Linear {
-    /// Finds reciprocals for `exposures`, whose codes run from `black` to `white`; `None` where 16 bits do not suffice.
+    /// Finds reciprocals for `exposures` of samples with the given `levels`; `None` if 16 bits are not precise enough.
     pub(super) fn find(exposures: &[Exposure], levels: Levels, saturated: u32) -> Option<Self> {
         let Levels { black, white } = levels;
         let gain = exposures.first()?.gain;
@@ -113,17 +113,18 @@ impl Linear {
         Some(Self { steps, whole, black, shift, white, saturated, one })
     }
 
-    /// Counts of a relative exposure of 1 code in the shortest exposure.
+    /// Radiance counts of one code above black in the shortest exposure.
     pub(super) fn counts_per_code(&self) -> f64 {
         f64::from(self.one) * f64::from(1u32 << self.shift)
     }
 
-    /// Merges as many samples as the two hold, into sums and reciprocals whose products are the light; says whether it could: where one
-    /// clips in the shortest exposure or saturates in one that is shorter than a valid one, this loop's answer is not the merge's.
+    /// Merges samples into `sums` and `reciprocals`, whose products are the radiances. Returns `false` if a sample is clipped in the
+    /// shortest exposure or saturated in an exposure that is shorter than a valid one: the result of this loop is then not that of the
+    /// merge.
     ///
     /// # Accuracy
-    /// Reciprocals are within 2e-4 of their values, sums are exact.
-    // A name to look for its vector instructions under.
+    /// Reciprocals are within 2e-4 of their exact values; sums are exact.
+    // Not inlined: tests find its vector instructions under this symbol.
     #[inline(never)]
     pub(super) fn merge<T: Code, const N: usize>(
         &self,
@@ -131,7 +132,7 @@ impl Linear {
         sums: &mut [i16],
         reciprocals: &mut [i16],
     ) -> bool {
-        // A level that no code reaches is no limit; saturation that none reaches would need another comparison.
+        // A white level above the type's range clips nothing; a saturation level above it is not supported by the comparison.
         let white = T::try_from(self.white).unwrap_or(T::MAX);
         let Ok(saturated) = T::try_from(self.saturated) else { return false };
         let count = sums.len().min(reciprocals.len());
@@ -158,7 +159,7 @@ impl Linear {
         true
     }
 
-    /// Merges block by block. The last block overlaps the one before it; where there are fewer codes than one, those that lack are 0.
+    /// Merges block by block. The last block overlaps its predecessor; fewer samples than a block are padded with zeros.
     #[inline(always)]
     fn each_block<T: Code, const N: usize>(
         &self,
@@ -188,12 +189,12 @@ impl Linear {
     }
 }
 
-/// What is known of a row's samples.
+/// The validity pattern that all samples of a row share.
 trait Case<T: Code, const N: usize> {
     fn merge(&mut self, linear: &Linear, codes: [&Block<T>; N]) -> [Block<i16>; 2];
 }
 
-/// All are valid in every exposure but the `LESS` longest.
+/// Every sample is valid in all exposures but the `LESS` longest.
 struct AllBut<const LESS: usize>;
 
 impl<T: Code, const N: usize, const LESS: usize> Case<T, N> for AllBut<LESS> {
@@ -211,16 +212,16 @@ impl<T: Code, const N: usize, const LESS: usize> Case<T, N> for AllBut<LESS> {
     }
 }
 
-/// All are valid in every exposure but the longest, some of them there too.
+/// Every sample is valid in all exposures but the longest; some samples are valid in the longest as well.
 struct LongestOr<T> {
     saturated: T,
 }
 
-/// Anything.
+/// Samples of any validity.
 struct Any<T> {
     white: T,
     saturated: T,
-    /// Not 0 where an answer is not certain.
+    /// Not 0 in a lane whose result is not that of the merge.
     doubts: Block<i16>,
 }
 
@@ -269,13 +270,14 @@ impl<T: Code, const N: usize> Case<T, N> for Any<T> {
     }
 }
 
-/// The first `count`, of at least as many.
+/// The first `count` elements.
 #[inline(always)]
 fn first_of(values: &mut [i16], count: usize) -> &mut [i16] {
     values.get_mut(..count).unwrap_or_default()
 }
 
-/// The least or the largest code, of those that `of` is about; the default of none. Both in one loop were no vectors on AArch64.
+/// The minimum or maximum of `codes`, as `of` selects; the default value if there are none. Computing both in one loop was not vectorised
+/// on AArch64.
 #[inline(always)]
 pub(super) fn extreme<T: Code>(codes: &[T], of: impl Fn(T, T) -> T) -> T {
     let (Some(first), Some(last)) = (codes.first_chunk::<WIDE>(), codes.last_chunk::<WIDE>()) else {
@@ -287,13 +289,13 @@ pub(super) fn extreme<T: Code>(codes: &[T], of: impl Fn(T, T) -> T) -> T {
             *found = of(*found, *code);
         }
     };
-    // In rising order, with the last block at the end: the processor prefetches memory that is read in order.
+    // Ascending addresses with the last block at the end: hardware prefetches ascending reads.
     codes.as_chunks::<WIDE>().0.iter().for_each(&mut take);
     take(last);
     found.into_iter().reduce(&of).unwrap_or_default()
 }
 
-/// Largest relative error of `parts` of `one` once they are whole numbers.
+/// Largest relative error of `one` x `parts` after rounding to integers.
 fn worst(one: u32, parts: &[f64]) -> f64 {
     let error = |part: &f64| {
         let exact = f64::from(one) * part;

@@ -1,11 +1,14 @@
-//! HDR merge of a burst by sums: radiance = sum(y_i / gain_i) / sum(t_i) over the valid exposures of each channel.
+//! HDR merge: the radiance of a sample is the sum of y_i / gain_i divided by the sum of the times t_i, over the exposures i in which the
+//! sample is valid; y is relative exposure.
 //!
-//! For a linear sensor this is the photon-noise-optimal mean: the weight of an exposure is its time. A sample is valid when it is
-//! neither saturated nor (non-linear responses only) below the trust of its table. Without a valid sample the longest unsaturated
-//! exposure decides; where even the shortest saturates, its own value stands as a lower bound and the pixel counts as clipped.
+//! For a linear sensor this mean has the least photon noise: each exposure is weighted by its time. A sample is valid in an exposure if
+//! its code is below saturation and, for a non-linear response, at least [`crate::response::TRUSTED`]. If a sample is valid in no
+//! exposure, the longest exposure in which it is not saturated determines the radiance; if it is saturated in all, the value of the
+//! shortest exposure is a lower bound and the pixel counts as clipped.
 //!
-//! Two loops do the work, the module `linear` for linear sensors and the module `table` for every other one of 8 bits. Both give whole counts of light,
-//! whose sums are exact. A plain one gives floats for the rest, and for what is rare in the others' samples.
+//! Two vectorised loops return radiance as integers, whose sums are exact: module `linear` for linear sensors, module `table` for other
+//! responses of 8-bit samples. Bursts whose exposures are too many or too far apart for integers, and samples that are valid in no
+//! exposure, are merged in floats.
 
 mod codes;
 mod detached;
@@ -22,7 +25,7 @@ use exposure::check;
 pub use exposure::{Exposure, MAX_EXPOSURES, MergeError};
 use linear::{Code, Linear};
 
-/// What a sum of light is worth: light x factor - offset.
+/// Converts the sum of table entries to radiance: radiance = sum x factor - offset.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Reciprocal {
@@ -30,7 +33,7 @@ pub struct Reciprocal {
     offset: f32,
 }
 
-/// Which loop merges.
+/// The loop that merges the samples.
 #[derive(Clone, Copy, Debug)]
 enum Way {
     Linear(Linear),
@@ -38,7 +41,7 @@ enum Way {
     Plain,
 }
 
-/// The merge of bursts with one response and one set of exposures.
+/// The merge of bursts of one response curve and one set of exposures, in buffers that the caller lends.
 #[derive(Clone, Debug)]
 pub struct Merge<C, P, R> {
     curve: Curve<C>,
@@ -47,41 +50,41 @@ pub struct Merge<C, P, R> {
     own: Own,
 }
 
-/// What needs no buffer.
+/// The parameters of a merge that need no buffer.
 #[derive(Clone, Copy, Debug)]
 struct Own {
     way: Way,
-    /// 1 / gain of each exposure, 2^-[`GAIN_BITS`].
+    /// 1 / gain of each exposure, relative to the least gain, with [`GAIN_BITS`] fraction bits.
     inverse_gain: [u32; MAX_EXPOSURES],
-    /// Reciprocals are for light of this many counts of [`Curve::exposure_q27`].
+    /// Table counts per unit of [`Curve::exposure_q27`].
     plain: f32,
     count: usize,
     unit: f64,
 }
 
-/// A merge that a frame runs through.
+/// A borrowed merge: the input of the front end for each burst.
 #[derive(Clone, Copy, Debug)]
 pub struct MergeView<'a> {
     curve: Curve<&'a [i32]>,
     tables: &'a [u32],
-    /// Indexed by the mask of valid exposures.
+    /// One element for each bit mask of valid exposures.
     reciprocals: &'a [Reciprocal],
     own: &'a Own,
 }
 
-/// Elements that a merge needs of each buffer.
+/// Number of elements of each buffer of a merge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MergeSize {
-    /// Entries of the tables.
+    /// Entries of the exposure tables.
     pub tables: usize,
-    /// Reciprocals.
+    /// Reciprocals of sums of exposure times: one for each subset of the exposures.
     pub reciprocals: usize,
 }
 
-/// Counts what [`Merge::try_new`] needs.
+/// Computes the buffer lengths of [`Merge::try_new`].
 ///
 /// # Errors
-/// [`MergeError`].
+/// [`MergeError`] for exposures that cannot be merged.
 pub fn merge_size<C>(curve: &Curve<C>, exposures: &[Exposure]) -> Result<MergeSize, MergeError> {
     check(exposures)?;
     let needs_tables = curve.depth() == Depth::U8 && linear(curve, exposures).is_none();
@@ -95,12 +98,12 @@ fn linear<C>(curve: &Curve<C>, exposures: &[Exposure]) -> Option<Linear> {
 
 const GAIN_BITS: u32 = 30;
 
-/// Bits of a whole count of light: sixteen add up in 32 bits.
+/// Number of bits of an integer radiance: 16 of them can be added in 32 bits.
 pub const COUNT_BITS: u32 = 27;
 
 impl<C: Buffer<i32>, P: Buffer<u32>, R: Buffer<Reciprocal>> Merge<C, P, R> {
-    /// Prepares the merge of `exposures`, which ascend by time x gain; `scale` is the radiance of relative exposure 1 at one
-    /// second and gain 1. The buffers hold what [`merge_size`] says.
+    /// Prepares the merge of `exposures`, which ascend by time x gain. `scale` is the radiance of relative exposure 1 at one second and
+    /// gain 1. [`merge_size`] states the length of `tables` and `reciprocals`.
     ///
     /// # Errors
     /// [`MergeError`].
@@ -127,12 +130,12 @@ impl<C: Buffer<i32>, P: Buffer<u32>, R: Buffer<Reciprocal>> Merge<C, P, R> {
             None => Way::Plain,
         };
         let plain_one = f64::from(1u32 << CURVE_BITS);
-        // Counts of relative exposure 1 in the tables, and by how much those are raised.
+        // Table counts of relative exposure 1, and the relative exposure that is added to every entry.
         let (one, raised) = match &way {
             Way::Table(scale) => (scale.one, scale.raised),
             _ => (plain_one, 0.0),
         };
-        // Counts of relative exposure 1 in the shortest exposure.
+        // Integer counts of relative exposure 1 in the shortest exposure.
         let counts = match (&way, curve.linear_levels()) {
             (Way::Linear(l), Some(levels)) => l.counts_per_code() * (levels.white - levels.black),
             (Way::Table(table::Scale { whole: Some(whole), .. }), _) => whole.one,
@@ -159,7 +162,7 @@ impl<C: Buffer<i32>, P: Buffer<u32>, R: Buffer<Reciprocal>> Merge<C, P, R> {
         Ok(Self { curve, tables, reciprocals, own })
     }
 
-    /// What a frame runs through.
+    /// Borrows the merge for the front end.
     #[must_use]
     pub fn view(&self) -> MergeView<'_> {
         MergeView {
@@ -170,30 +173,30 @@ impl<C: Buffer<i32>, P: Buffer<u32>, R: Buffer<Reciprocal>> Merge<C, P, R> {
         }
     }
 
-    /// The merge without its tables, which stay where they are.
+    /// Returns the merge without its buffers.
     pub(crate) fn detached(&self) -> Detached {
         Detached { curve: self.curve.over(()), own: self.own }
     }
 
-    /// Radiance of one count.
+    /// Radiance of one count of the integer and float results.
     #[must_use]
     pub fn unit(&self) -> f64 {
         self.own.unit
     }
 
-    /// Depth of the samples it reads.
+    /// Sample depth that the merge expects.
     #[must_use]
     pub fn depth(&self) -> Depth {
         self.curve.depth()
     }
 
-    /// Exposures of a burst.
+    /// Number of exposures in a burst.
     #[must_use]
     pub fn exposures(&self) -> usize {
         self.own.count
     }
 
-    /// Elements of its buffers.
+    /// Number of elements in use of each buffer.
     #[must_use]
     pub fn size(&self) -> MergeSize {
         let tables = if let Way::Table(_) = self.own.way { self.own.count * table::ENTRIES } else { 0 };
@@ -202,47 +205,47 @@ impl<C: Buffer<i32>, P: Buffer<u32>, R: Buffer<Reciprocal>> Merge<C, P, R> {
 }
 
 impl MergeView<'_> {
-    /// Radiance of one count.
+    /// Radiance of one count of the integer and float results.
     #[must_use]
     pub fn unit(&self) -> f64 {
         self.own.unit
     }
 
-    /// Most counts of any sample.
+    /// Upper bound of the result of any sample, counts.
     #[must_use]
     pub fn most(&self) -> f64 {
-        // What the longest time would make of full scale in the shortest exposure, twice over.
+        // Full scale of the shortest exposure, scaled to the longest time, with a margin of a factor of 2.
         match self.own.way {
             Way::Linear(_) => f64::from(1u32 << 31),
             _ => f64::from(1u32 << 22),
         }
     }
 
-    /// Depth of the samples it reads.
+    /// Sample depth that the merge expects.
     #[must_use]
     pub fn depth(&self) -> Depth {
         self.curve.depth()
     }
 
-    /// Exposures of a burst.
+    /// Number of exposures in a burst.
     #[must_use]
     pub fn exposures(&self) -> usize {
         self.own.count
     }
 
-    /// Whether [`MergeView::counts`] wants the channels of bytes on their own.
+    /// Whether [`MergeView::counts`] needs red, green and blue codes as separate planes.
     #[must_use]
     pub fn wants_planes(&self) -> bool {
         matches!(&self.own.way, Way::Table(scale) if scale.whole.is_some())
     }
 
-    /// Whether [`MergeView::products`] merges these samples.
+    /// Whether [`MergeView::products`] can merge the samples of this burst.
     #[must_use]
     pub fn has_products(&self) -> bool {
         matches!(self.own.way, Way::Linear(_))
     }
 
-    /// As [`MergeView::counts`], which are the products of what is given: one step less where they are summed up anyway.
+    /// Like [`MergeView::counts`], but returns the two factors of each count so that the caller can multiply and accumulate in one step.
     #[must_use]
     pub fn products(&self, codes: &[Codes<'_>], sums: &mut [i16], reciprocals: &mut [i16]) -> bool {
         let Way::Linear(linear) = &self.own.way else { return false };
@@ -253,13 +256,15 @@ impl MergeView<'_> {
         }
     }
 
-    /// Merges samples whose channels are `channels` over and over into whole counts of [`Merge::unit`], below 2^[`COUNT_BITS`]
-    /// either way; noise round black may be negative. `codes` are the same samples in each exposure.
+    /// Merges samples into integer radiances in units of [`Merge::unit`], of magnitude below 2^[`COUNT_BITS`]; sensor noise around the
+    /// black level can make them negative. `codes` holds the same samples once per exposure; `channels` states the colour of each sample
+    /// and repeats along the row.
     ///
-    /// Says whether it could: not all bursts have whole counts, and some samples are in doubt. Then [`MergeView::samples`] can.
+    /// Returns `false` if the burst has no integer loop or if some sample is valid in no exposure; `out` is then undefined, and
+    /// [`MergeView::samples`] merges the samples instead.
     ///
     /// # Accuracy
-    /// Within 0.1 % RMS of an `f64` merge with the same weights over seven decades (`tests/merge_twin`).
+    /// Within 0.1 % RMS of an `f64` merge with the same weights over seven decades of radiance (`tests/merge_twin`).
     #[must_use]
     pub fn counts(&self, codes: &[Codes<'_>], channels: Channels, out: &mut [i32]) -> bool {
         match &self.own.way {
@@ -269,9 +274,9 @@ impl MergeView<'_> {
         }
     }
 
-    /// As [`MergeView::counts`], of any samples. Says whether any may be clipped.
+    /// Merges any samples into float radiances in units of [`Merge::unit`]. Returns whether some sample may be clipped.
     ///
-    /// Samples that a frame does not have are dark.
+    /// Samples beyond the end of a frame count as code 0.
     pub fn samples(&self, codes: &[Codes<'_>], channels: Channels, out: &mut [f32]) -> bool {
         let mut doubtful = true;
         if let Way::Table(scale) = &self.own.way
@@ -320,7 +325,7 @@ impl MergeView<'_> {
         table::Tables { rows: self.tables.as_chunks().0, exposures: self.own.count, scale }
     }
 
-    /// Radiance of one sample by the rules themselves.
+    /// Radiance of sample `at` by the rules of the module's documentation, without vectors or tables.
     fn sample(&self, codes: &[Codes<'_>], channel: usize, at: usize) -> f32 {
         let (mut sum, mut valid, mut longest) = (0i32, 0usize, None);
         for (i, samples) in codes.iter().enumerate().take(self.own.count) {
@@ -344,7 +349,7 @@ impl MergeView<'_> {
         self.radiance(codes.first().map_or(0, |c| self.exposure(channel, c.code(at), 0)), 1)
     }
 
-    /// y / gain of `code` in exposure `i`, 2^-27.
+    /// y / gain of `code` in exposure `i`, with 27 fraction bits.
     fn exposure(&self, channel: usize, code: u32, i: usize) -> i32 {
         let y = i64::from(self.curve.exposure_q27(channel, code));
         ((y * i64::from(self.own.inverse_gain.get(i).copied().unwrap_or(0))) >> GAIN_BITS) as i32
@@ -356,7 +361,7 @@ impl MergeView<'_> {
     }
 }
 
-/// Runs the loop of [`Linear`] for as many exposures as there are.
+/// Calls [`Linear::merge`] with the number of exposures as a constant.
 #[inline(always)]
 fn unrolled<'a, T: Code + 'a>(
     linear: &Linear,

@@ -1,59 +1,60 @@
-//! The merge of 8-bit samples by tables: one sum adds up both the light and the mask of valid exposures.
+//! Merge of 8-bit samples by table lookup: one sum of table entries gives both the sum of light and the mask of valid exposures.
 //!
-//! An entry holds y / gain of a code in its upper bits and a mark for its exposure below them, or 0 where the code is not valid. The
-//! upper bits hold the sum of all exposures without a carry.
+//! The upper bits of an entry hold y / gain of a code; the lower bits hold one flag that marks the exposure. An entry of an invalid code
+//! is 0. The sum of the upper bits over all exposures does not overflow.
 //!
-//! Of few exposures that are not far apart the light of a sample becomes a whole count, by one multiplication. There an untrusted
-//! code of the longest has its light too, and a mark of its own: it decides where nothing else is valid.
+//! For at most four exposures of similar times, one multiplication turns the sum into an integer radiance. In this case an untrusted code
+//! of the longest exposure keeps its light and sets a flag of its own, since it determines the radiance of a sample that is valid in no
+//! exposure.
 
 use super::linear::extreme;
 use super::{COUNT_BITS, Channels, Codes, Exposure, Reciprocal};
 use crate::buffer::Buffer;
 use crate::response::{CURVE_BITS, Curve};
 
-/// Entries for one exposure: 256 codes of three channels.
+/// Number of entries per exposure: 256 codes of three channels.
 pub(super) const ENTRIES: usize = 3 * 256;
 
-/// Most exposures that are merged into whole counts.
+/// Largest number of exposures that are merged into integers.
 const MAX_UNROLLED: usize = 4;
 
-/// Largest sum of times over the shortest of whole counts: the light of the darkest code is then still tens of counts.
+/// Largest ratio of the sum of times to the shortest time: the darkest code is then still worth tens of counts.
 const WIDEST: f64 = 128.0;
 
-/// Samples of a step.
+/// Number of samples per iteration.
 const STEP: usize = 8;
 
-/// Marks of whole counts: one for each exposure and [`DARK`]. What they add to the light is less than its least bit.
+/// Number of flag bits of integer merges: one per exposure and [`DARK`]. The flags change the result by less than one count.
 const WHOLE_MARKS: u32 = MAX_UNROLLED as u32 + 1;
 
-/// A table of one exposure and channel.
+/// The entries of one exposure and channel.
 type Row = [u32; 256];
 
-/// Where the marks end and the light begins.
+/// The number format of the entries.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Scale {
-    /// Bits of marks.
+    /// Number of flag bits.
     marks: u32,
     /// Counts of relative exposure 1 at the least gain.
     pub(super) one: f64,
-    /// Relative exposure that every entry is raised by, so that none is negative.
+    /// Relative exposure that is added to every entry to keep it non-negative.
     pub(super) raised: f64,
-    /// How sums become whole counts.
+    /// Constants of the integer merge, if the exposures permit one.
     pub(super) whole: Option<Whole>,
 }
 
-/// Reciprocals of whole counts.
+/// The constants of the integer merge.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Whole {
-    /// By which the light of a mask is multiplied, 2^-32; 0 where the mask leaves the light in doubt.
+    /// Factor for each mask of valid exposures, with 32 fraction bits; 0 for a mask that does not determine the radiance.
     reciprocals: [u32; 32],
-    /// First trusted and first saturated code.
+    /// First trusted code and first saturated code.
     valid: [u8; 2],
-    /// Counts of relative exposure 1 in the shortest exposure.
+    /// Integer counts of relative exposure 1 in the shortest exposure.
     pub(super) one: f64,
 }
 
-/// Fills `tables` ([`ENTRIES`] for each of `exposures`).
+/// Fills `tables`, [`ENTRIES`] elements per exposure, and returns their number format.
 pub(super) fn fill<C: Buffer<i32>>(tables: &mut [u32], curve: &Curve<C>, exposures: &[Exposure]) -> Scale {
     let y = |channel, code| f64::from(curve.exposure_q27(channel, code)) / f64::from(1u32 << CURVE_BITS);
     let least = (0..3).map(|c| y(c, 0)).fold(0.0, f64::min);
@@ -64,7 +65,7 @@ pub(super) fn fill<C: Buffer<i32>>(tables: &mut [u32], curve: &Curve<C>, exposur
     let seconds: f64 = exposures.iter().map(|e| e.seconds).sum();
     let is_whole = least >= 0.0 && exposures.len() <= MAX_UNROLLED && seconds <= WIDEST * shortest;
     let marks = if is_whole { WHOLE_MARKS } else { exposures.len() as u32 };
-    // Rounding may add half a count for each exposure.
+    // Rounding adds up to half a count per exposure.
     let one = ((1u64 << (32 - marks)) as f64 - 32.0) / ((most - least) * all);
     let rows = tables.as_chunks_mut::<256>().0;
     for (channel, rows) in rows.chunks_exact_mut(exposures.len().max(1)).enumerate() {
@@ -84,7 +85,7 @@ pub(super) fn fill<C: Buffer<i32>>(tables: &mut [u32], curve: &Curve<C>, exposur
     Scale { marks, one, raised: -least, whole }
 }
 
-/// The mark of an untrusted code of the longest exposure.
+/// Flag of an untrusted code of the longest exposure.
 const DARK: u32 = 1 << MAX_UNROLLED;
 
 impl Whole {
@@ -111,8 +112,8 @@ impl Whole {
         Self { reciprocals: core::array::from_fn(reciprocal), valid, one }
     }
 
-    /// Merges samples of channel `k`; says whether it could.
-    // A name to look for its instructions under.
+    /// Merges the samples of channel `k`. Returns `false` if a sample is valid in no exposure.
+    // Not inlined: tests find its instructions under this symbol.
     #[inline(never)]
     fn plane<'a, const K: usize>(
         &self,
@@ -122,7 +123,7 @@ impl Whole {
         out: &mut [[i32; K]],
     ) -> bool {
         let [trusted, saturated] = self.valid;
-        // Exposures that are valid in none of the samples need no look; where the others are valid in all, neither do masks.
+        // Exposures that are valid for no sample are skipped; if the others are valid for all samples, the mask is constant.
         let (mut used, mut mask, mut certain, mut is_dark) = (0..0, 0usize, 0, false);
         for (i, codes) in codes.iter().enumerate() {
             let (least, most) = (extreme(codes, u8::min), extreme(codes, u8::max));
@@ -142,7 +143,7 @@ impl Whole {
             return false;
         }
         let one = Some(self.reciprocals[mask & 31]).filter(|_| certain == used.len());
-        // One zip for all: their ends are compared once.
+        // One zip of all iterators: the length is compared once per iteration.
         let steps = |c: &&'a [u8]| c.as_chunks::<STEP>().0.iter();
         match (rows.get(used.clone()), codes.get(used)) {
             (Some([r]), Some([a])) => self.look_up([r], [a], steps(a).map(|a| [a]), one, k, out),
@@ -164,8 +165,8 @@ impl Whole {
         true
     }
 
-    /// Whether each sample has some valid exposure, or is dark in the longest and valid in none.
-    // A name to look for its vector instructions under.
+    /// Whether each sample is valid in some exposure, or valid in none and untrusted in the longest.
+    // Not inlined: tests find its vector instructions under this symbol.
     #[inline(never)]
     fn has_answers(&self, codes: &[&[u8]]) -> bool {
         const WIDE: usize = 16;
@@ -194,7 +195,7 @@ impl Whole {
         doubts == [0; WIDE] && rest.iter().enumerate().all(is_sure)
     }
 
-    /// Adds up what `rows` hold for `codes`, which are `steps` and a rest, times the reciprocal `one`, or else that of each mask.
+    /// Sums the entries of `codes` (`steps`, then a remainder) and multiplies by the constant factor `one` or by that of each mask.
     #[inline(always)]
     fn look_up<'a, const U: usize, const K: usize>(
         &self,
@@ -229,7 +230,7 @@ fn mask(is: bool) -> u8 {
     if is { u8::MAX } else { 0 }
 }
 
-/// Adds up what `rows` hold for `codes` and multiplies by the `reciprocal` of the marks.
+/// Sums the entries of `codes` and multiplies by the `reciprocal` of their flags.
 #[inline(always)]
 fn step<const S: usize, const U: usize, const K: usize>(
     rows: [&Row; U],
@@ -246,7 +247,7 @@ fn step<const S: usize, const U: usize, const K: usize>(
     }
 }
 
-/// The tables of a burst: those of all exposures for each channel in turn.
+/// The tables of a burst: for each channel, the entries of all exposures.
 pub(super) struct Tables<'a> {
     pub(super) rows: &'a [Row],
     pub(super) exposures: usize,
@@ -254,12 +255,12 @@ pub(super) struct Tables<'a> {
 }
 
 impl Tables<'_> {
-    /// The tables of all exposures for `channel`.
+    /// The entries of all exposures of `channel`.
     fn of(&self, channel: usize) -> &[Row] {
         self.rows.chunks_exact(self.exposures.max(1)).nth(channel).unwrap_or_default()
     }
 
-    /// Merges planes into whole counts; says whether it could: where all samples have some valid exposure, or are dark in the longest.
+    /// Merges planes into integers. Returns `false` if a sample does not satisfy the condition of [`Whole::has_answers`].
     pub(super) fn counts(&self, codes: &[Codes<'_>], channels: Channels, out: &mut [i32]) -> bool {
         let Some(whole) = &self.scale.whole else { return false };
         match channels {
@@ -295,7 +296,7 @@ impl Tables<'_> {
         true
     }
 
-    /// Merges whole pixels into floats; those of samples that are valid nowhere are no numbers.
+    /// Merges interleaved samples into floats; the result of a sample that is valid in no exposure is NaN.
     pub(super) fn floats(
         &self,
         codes: &[Codes<'_>],

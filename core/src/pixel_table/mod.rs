@@ -1,9 +1,10 @@
-//! The pixel table pixel -> texel: built once per calibration, run through by every frame.
+//! The pixel table: for each image pixel, the HEALPix texel that receives its light and the weight of that light.
 //!
-//! Every pixel whose centre lies inside the lens circle carries its solid angle to one HEALPix texel, so no light is lost between
-//! pixels and texels. Neighbours in a row that share a texel share their mean weight too, as long as that is within 0.25 % of theirs.
-//! Accumulation happens at the finest order whose texels are still clearly larger than the largest
-//! pixel; finer orders are filled from it with the energy kept ([`crate::front`]).
+//! The table is computed once per calibration; the front end walks through it for each burst. The solid angle of every pixel whose centre
+//! lies inside the image circle of the lens goes to exactly one texel, so the sum over the texels equals the sum over the pixels.
+//! Neighbouring pixels of a row with the same texel form a run and share their mean weight, as long as no weight differs by more than 0.25
+//! % from that mean. Light is accumulated at the source order: the finest HEALPix order whose texels are at least 2.25 times as large as
+//! the largest pixel. Finer orders are interpolated from it; the total energy is unchanged.
 
 mod visit;
 
@@ -14,7 +15,7 @@ use crate::lens::Lens;
 use bytemuck::{Pod, Zeroable};
 use visit::{measure, span, survey, visit_runs};
 
-/// Pixels of one image row that a pixel table visits.
+/// The columns of one image row that lie inside the image circle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Span {
@@ -24,14 +25,14 @@ pub struct Span {
     pub len: u32,
 }
 
-/// Most pixels that are merged at a time: a few KB of codes and radiance, small beside any first-level cache.
+/// Largest number of pixels that one call of the merge processes: their codes and radiances take a few KB, less than any first-level cache.
 pub const CHUNK: usize = 192;
 
-/// Most pixels of a run: that many counts of light of [`crate::merge::COUNT_BITS`] add up in 32 bits.
+/// Largest number of pixels in a run: the sum of that many counts of [`crate::merge::COUNT_BITS`] bits fits 32 bits.
 pub const MAX_RUN: usize = 16;
 
-/// Pixels side by side in a row whose light goes to one texel at the pixel table's accumulation order; the texel after the last collects
-/// what is below the horizon. None crosses from one [`CHUNK`] of its span to the next.
+/// A run: adjacent pixels of one row whose light is added to one texel of the source order. The texel index one past the last texel
+/// collects light from below the horizon. A run never crosses from one block of [`CHUNK`] pixels of its span to the next.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(transparent)]
 pub struct Run(u32);
@@ -41,47 +42,47 @@ impl Run {
         Self(texel << 8 | len as u32)
     }
 
-    /// The texel, below 2^24.
+    /// Index of the texel, below 2^24.
     #[must_use]
     pub const fn texel(self) -> usize {
         (self.0 >> 8) as usize
     }
 
-    /// Pixels, at most [`MAX_RUN`].
+    /// Number of pixels, at most [`MAX_RUN`].
     #[must_use]
     pub const fn len(self) -> usize {
         (self.0 & 255) as usize
     }
 
-    /// Whether it has none.
+    /// Whether the run has no pixels.
     #[must_use]
     pub const fn is_empty(self) -> bool {
         self.len() == 0
     }
 }
 
-/// What the pixel table knows of a texel of the map.
+/// Geometry of one texel of the map.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Texel {
-    /// Unit direction of the centroid of its part of the domain.
+    /// Unit vector towards the centroid of the part of the texel that lies in the hemisphere.
     pub direction: [f32; 3],
-    /// Solid angle inside the domain that the lens does not see, steradians.
+    /// Solid angle, steradians, of the part of the texel that lies in the hemisphere and outside of the field of view.
     pub unseen_sr: f32,
 }
 
-/// Why a pixel table was refused.
+/// The reason why a pixel table cannot be built.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum PixelTableError {
     /// The image has no pixels, or more than 2^26.
     BadSize,
-    /// The lens circle has no pixel on the sensor.
+    /// No pixel of the image lies inside the image circle of the lens.
     NothingSeen,
-    /// Order above 10, or pixels larger than the texels of order 0.
+    /// An order above 10, or pixels that are larger than the texels of order 0.
     BadOrder,
-    /// A lent buffer is too short.
+    /// A lent buffer has too few elements.
     TooSmall(TooSmall),
 }
 
@@ -98,14 +99,14 @@ impl core::fmt::Display for PixelTableError {
 
 impl core::error::Error for PixelTableError {}
 
-/// The pixel table of one lens and image size, in memory the caller lends.
+/// The pixel table of one lens, image size and map order, in buffers that the caller lends.
 #[derive(Clone, Debug)]
 pub struct PixelTable<S, W, R, T> {
     buffers: Buffers<S, W, R, T>,
     numbers: Numbers,
 }
 
-/// The numbers of a pixel table.
+/// The scalar values of a pixel table.
 #[derive(Clone, Copy, Debug)]
 struct Numbers {
     image: ImageSize,
@@ -133,14 +134,14 @@ pub struct Buffers<S, W, R, T> {
 /// The buffers of a pixel table in borrowed memory.
 pub(crate) type BorrowedBuffers<'a> = Buffers<&'a [Span], &'a [u16], &'a [Run], &'a [Texel]>;
 
-/// A pixel table apart from its tables.
+/// The scalar values of a pixel table whose buffers are held elsewhere.
 #[derive(Clone, Debug)]
 pub(crate) struct Detached {
     numbers: Numbers,
 }
 
 impl Detached {
-    /// The pixel table that runs through `tables`, which it was made with.
+    /// Combines the scalar values with `buffers`, which must be those that the table was built in.
     pub(crate) fn over<'a>(&self, buffers: BorrowedBuffers<'a>) -> PixelTableView<'a> {
         let Numbers { image, order, source_order, weight_unit, weight_sum, unseen, size } = self.numbers;
         PixelTableView {
@@ -166,49 +167,49 @@ impl Detached {
     }
 }
 
-/// What a frame runs through.
+/// A borrowed pixel table: the input of the front end for each burst.
 #[derive(Clone, Copy, Debug)]
 pub struct PixelTableView<'a> {
     /// Size of the merged image.
     pub image: ImageSize,
     /// Order of the map.
     pub order: u8,
-    /// Order at which pixels are accumulated: that of the map, or the finest that the pixels can fill.
+    /// Source order: the order at which light is accumulated, at most `order`.
     pub source_order: u8,
-    /// The columns of each image row that are visited.
+    /// The columns inside the image circle, per image row.
     pub spans: &'a [Span],
-    /// Mean solid angle over relative illumination of each run's pixels, in units of `weight_unit`.
+    /// Weight of each run: mean solid angle of its pixels divided by relative illumination, in units of `weight_unit`.
     pub weights: &'a [u16],
-    /// Where the visited pixels go, in memory order.
+    /// Texel and length of each run, in the order in which its pixels lie in memory.
     pub runs: &'a [Run],
-    /// Texels of the map, at `order`.
+    /// Geometry of the texels of the map, at `order`.
     pub texels: &'a [Texel],
-    /// Steradians of one count of weight.
+    /// Steradians per unit of weight.
     pub weight_unit: f64,
-    /// Sum of all pixels' weights.
+    /// Sum of the weights of all pixels, in units of `weight_unit`.
     pub weight_sum: u64,
-    /// The share of the hemisphere that the lens does not see.
+    /// Share of the hemisphere's solid angle outside of the field of view, 0..=1.
     pub unseen: f64,
 }
 
-/// Elements that a pixel table needs of each buffer.
+/// Number of elements of each buffer of a pixel table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PixelTableSize {
     /// Image rows.
     pub spans: usize,
-    /// Weights of runs.
+    /// Weights: one per run.
     pub weights: usize,
-    /// Runs of pixels that share a texel and a weight.
+    /// Runs of adjacent pixels with a common texel and weight.
     pub runs: usize,
     /// Texels of the map.
     pub texels: usize,
 }
 
-/// Counts what [`PixelTable::try_new`] needs.
+/// Computes the buffer lengths of [`PixelTable::try_new`]; the time is that of building the table.
 ///
 /// # Errors
-/// [`PixelTableError`]: nothing seen, or sizes out of range.
+/// [`PixelTableError`] where no pixel is inside the image circle, or the image size or `order` is out of range.
 pub fn pixel_table_size(lens: &Lens, image: ImageSize, order: u8) -> Result<PixelTableSize, PixelTableError> {
     check(image, order)?;
     let survey = survey(lens, image)?;
@@ -228,10 +229,10 @@ pub(crate) fn check(image: ImageSize, order: u8) -> Result<(), PixelTableError> 
 }
 
 impl<S: Buffer<Span>, W: Buffer<u16>, R: Buffer<Run>, T: Buffer<Texel>> PixelTable<S, W, R, T> {
-    /// Builds the pixel table of an image of `width` x `height` pixels seen through `lens`, for a hemisphere map of `order`.
+    /// Builds the pixel table of an image of size `image`, seen through `lens`, for a hemisphere map of `order`.
     ///
     /// # Errors
-    /// [`PixelTableError`]; the sizes are those of [`pixel_table_size`].
+    /// [`PixelTableError`]; [`pixel_table_size`] states the length of each buffer.
     pub fn try_new(
         lens: &Lens,
         image: ImageSize,
@@ -289,7 +290,7 @@ impl<S: Buffer<Span>, W: Buffer<u16>, R: Buffer<Run>, T: Buffer<Texel>> PixelTab
         self.numbers.unseen = unseen / Domain::Hemisphere.solid_angle();
     }
 
-    /// What a frame runs through.
+    /// Borrows the table for the front end.
     #[must_use]
     pub fn view(&self) -> PixelTableView<'_> {
         let Buffers { spans, weights, runs, texels } = &self.buffers;
@@ -298,18 +299,18 @@ impl<S: Buffer<Span>, W: Buffer<u16>, R: Buffer<Run>, T: Buffer<Texel>> PixelTab
         self.detached().over(Buffers { spans, weights, runs, texels })
     }
 
-    /// The pixel table without its tables, which stay where they are.
+    /// Returns the scalar values without the buffers.
     pub(crate) fn detached(&self) -> Detached {
         Detached { numbers: self.numbers }
     }
 
-    /// Texels of the map, at [`PixelTable::order`].
+    /// Geometry of the texels of the map, at [`PixelTable::order`].
     #[must_use]
     pub fn texels(&self) -> &[Texel] {
         self.buffers.texels.as_ref().get(..self.numbers.size.texels).unwrap_or_default()
     }
 
-    /// Its sizes.
+    /// Number of elements in use of each buffer.
     #[must_use]
     pub fn size(&self) -> PixelTableSize {
         self.numbers.size
@@ -333,13 +334,13 @@ impl<S: Buffer<Span>, W: Buffer<u16>, R: Buffer<Run>, T: Buffer<Texel>> PixelTab
         self.numbers.order
     }
 
-    /// Order at which pixels are accumulated: that of the map, or the finest that the pixels can fill.
+    /// Source order: the order at which light is accumulated, at most that of the map.
     #[must_use]
     pub fn source_order(&self) -> u8 {
         self.numbers.source_order
     }
 
-    /// The share of the hemisphere that the lens does not see.
+    /// Share of the hemisphere's solid angle outside of the field of view, 0..=1.
     #[must_use]
     pub fn unseen(&self) -> f64 {
         self.numbers.unseen

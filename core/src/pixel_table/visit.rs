@@ -1,4 +1,4 @@
-//! What a lens does to pixels and texels: weights, runs and centroids, in `f64`, once per pixel table.
+//! Computes weights, runs and centroids from a lens, in `f64`, once per pixel table.
 
 use super::{CHUNK, MAX_RUN, PixelTableError, Run, Span, Texel};
 use crate::format::ImageSize;
@@ -6,25 +6,26 @@ use crate::healpix::{self, Domain};
 use crate::lens::Lens;
 use glam::{DVec2, DVec3};
 
-/// Least solid angle of a texel over that of the largest pixel: with 2.25 a texel is 1.5 pixels wide, so that each holds at least
-/// one pixel's centre. Less leaves holes; more blurs.
+/// Least ratio of the solid angle of a texel to that of the largest pixel. 2.25 makes a texel 1.5 pixels wide, so that each texel contains
+/// the centre of at least one pixel. A smaller ratio leaves texels without pixels; a larger one blurs the map.
 const TEXEL_OVER_PIXEL: f64 = 2.25;
 
-/// Sub-samples a side with which a texel's unseen share is measured.
+/// Number of sample points along each side of a texel that measure its unseen solid angle.
 const SHARE_SAMPLES: u32 = 4;
 
-/// Largest difference of a pixel's weight from the mean of its run, over the mean and per radian of a pixel: 0.25 % at 640 x 480 pixels.
-/// The light of a single bright pixel may be off by as much, that of anything larger by far less, since the sum of the weights is kept.
-/// Neighbours differ the more the coarser the image is, so that this makes about as many runs of a texel's pixels in any.
+/// Largest relative difference of a pixel's weight from the mean weight of its run, per radian of pixel width: 0.25 % at 640 x 480 pixels.
+/// The light of a single bright pixel may be wrong by that much; that of a larger area is wrong by far less, since the sum of the weights
+/// is exact. Weights of neighbouring pixels differ more in coarser images, so a limit per radian gives about the same number of runs per
+/// texel at every resolution.
 const WEIGHT_ERROR: f64 = 0.49;
 
-/// What all pixels together say.
+/// Extremes over all pixels inside the image circle.
 #[derive(Default)]
 pub(super) struct Survey {
     count: usize,
-    /// Largest solid angle.
+    /// Largest solid angle of a pixel, steradians.
     largest: f64,
-    /// Largest weight.
+    /// Largest weight of a pixel, steradians.
     pub(super) heaviest: f64,
 }
 
@@ -47,7 +48,7 @@ impl Survey {
     }
 }
 
-/// The columns of `row` that see something: an image circle is convex, so it is one run.
+/// Finds the columns of `row` inside the image circle; they are contiguous since a circle is convex.
 pub(super) fn span(lens: &Lens, width: u32, row: u32) -> Span {
     let seen = |column: &u32| lens.unproject(DVec2::new(f64::from(*column), f64::from(row))).is_some();
     let first = (0..width).find(seen);
@@ -58,11 +59,11 @@ pub(super) fn span(lens: &Lens, width: u32, row: u32) -> Span {
     }
 }
 
-/// Geometry of one visited pixel.
+/// Geometry of one pixel inside the image circle.
 struct Pixel {
     direction: DVec3,
     solid_angle: f64,
-    /// Solid angle over relative illumination.
+    /// Solid angle divided by relative illumination, steradians.
     weight: f64,
 }
 
@@ -70,7 +71,7 @@ struct Pixel {
 fn visit(lens: &Lens, row: u32, span: Span, mut f: impl FnMut(Pixel)) {
     for column in span.first..span.first + span.len {
         let at = DVec2::new(f64::from(column), f64::from(row));
-        // A pixel between two seen ones is seen; a rounding slip at the rim weighs nothing.
+        // All pixels of a span lie inside the image circle; one that rounding places outside gets weight 0.
         let direction = lens.unproject(at).unwrap_or(DVec3::NEG_Z);
         let solid_angle = lens.solid_angle(at).unwrap_or(0.0);
         let theta = libm::atan2(libm::hypot(direction.x, direction.y), direction.z);
@@ -78,7 +79,7 @@ fn visit(lens: &Lens, row: u32, span: Span, mut f: impl FnMut(Pixel)) {
     }
 }
 
-/// A run that grows.
+/// A run to which further pixels may be appended.
 #[derive(Clone, Copy)]
 struct Growing {
     texel: u32,
@@ -93,7 +94,7 @@ impl Growing {
         Self { texel, len: 1, least: weight, most: weight, sum: weight }
     }
 
-    /// With one more pixel, where that may share its texel and weight.
+    /// The run with one more pixel; `None` if the pixel has another texel or too different a weight.
     fn with(&self, texel: u32, &Pixel { weight, solid_angle, .. }: &Pixel) -> Option<Self> {
         let (least, most, sum) = (self.least.min(weight), self.most.max(weight), self.sum + weight);
         let mean = sum / (self.len + 1) as f64;
@@ -103,7 +104,7 @@ impl Growing {
     }
 }
 
-/// Calls `take` with every run of pixels and the mean of their weights, in memory order.
+/// Calls `take` with every run and its mean weight, row by row.
 pub(super) fn visit_runs(lens: &Lens, image: ImageSize, order: u8, mut take: impl FnMut(Run, f64)) {
     let below = Domain::Hemisphere.quads(order) as u32;
     let mut take = |run: Growing| take(Run::new(run.texel, run.len), run.sum / run.len as f64);
@@ -123,7 +124,7 @@ pub(super) fn visit_runs(lens: &Lens, image: ImageSize, order: u8, mut take: imp
     }
 }
 
-/// Centroid and unseen solid angle of one texel of the hemisphere.
+/// Measures the centroid and the unseen solid angle of texel `ipix` of the hemisphere.
 pub(super) fn measure(lens: &Lens, image: ImageSize, order: u8, ipix: u32) -> Texel {
     let inside = |p: DVec2| {
         let within = |v: f64, n: u32| v >= -0.5 && v <= f64::from(n) - 0.5;
