@@ -4,7 +4,7 @@
 //! lies inside the image circle of the lens goes to exactly one texel, so the sum over the texels equals the sum over the pixels.
 //! Neighbouring pixels of a row with the same texel form a run and share their mean weight, as long as no weight differs by more than 0.25
 //! % from that mean. Light is accumulated at the source order: the finest HEALPix order whose texels are at least 2.25 times as large as
-//! the largest pixel. Finer orders are interpolated from it; the total energy is unchanged.
+//! the largest pixel. A map of a finer order divides each sum among the descendants of the texel.
 
 mod visit;
 

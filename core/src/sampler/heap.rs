@@ -1,9 +1,9 @@
-//! A binary heap in lent memory: the element for which `before` holds against all others comes first.
+//! A binary heap in a lent slice; the root is the element that `before` orders first.
 //!
-//! `heapless::BinaryHeap` owns an array whose length is a constant, and its view is made of such an array alone; here the caller lends a
-//! slice of a length known at run time, which holds the leaves of the finished tree afterwards.
+//! `heapless::BinaryHeap` has a capacity that is constant at compile time. The length of the lent slice is known only at run time, and the
+//! slice holds the leaves of the finished tree afterwards.
 
-/// Moves the last element to its place.
+/// Moves the last element up to its position.
 pub(super) fn sift_up<T: Copy>(heap: &mut [T], before: fn(&T, &T) -> bool) {
     let mut i = heap.len().saturating_sub(1);
     while let Some((above, own)) = heap.split_at_mut_checked(i)
@@ -15,7 +15,7 @@ pub(super) fn sift_up<T: Copy>(heap: &mut [T], before: fn(&T, &T) -> bool) {
     }
 }
 
-/// Takes the first element of a heap, which is then one shorter.
+/// Removes the root, writes it to the last element and restores the heap in the others.
 pub(super) fn pop<T: Copy>(heap: &mut [T], before: fn(&T, &T) -> bool) -> Option<T> {
     let (last, heap) = heap.split_last_mut()?;
     let Some(first) = heap.first_mut() else { return Some(*last) };
@@ -25,7 +25,7 @@ pub(super) fn pop<T: Copy>(heap: &mut [T], before: fn(&T, &T) -> bool) -> Option
         && let Some(parent) = above.last_mut()
         && let Some(left) = below.get(i).copied()
     {
-        // The children of i are 2 i + 1 and 2 i + 2, i and i + 1 places on from here.
+        // The children of i are 2 i + 1 and 2 i + 2: elements i and i + 1 of `below`.
         let right = below.get(i + 1).is_some_and(|right| before(right, &left));
         let Some(child) = below.get_mut(i + usize::from(right)).filter(|child| before(child, parent)) else {
             break;

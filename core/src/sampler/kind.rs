@@ -1,12 +1,12 @@
-//! The samplers by their names in commands, settings and light sets.
+//! The names of the samplers.
 
 use crate::healpix::Domain;
 use core::fmt;
 use core::str::FromStr;
 
-/// A sampler, by its published or own name.
+/// A sampler, identified by the name that commands, settings and light sets use.
 ///
-/// The enum is exhaustive on purpose: a program that matches on it is told by the compiler when a sampler is added.
+/// The enum is exhaustive so that a `match` without a wildcard fails to compile when a sampler is added.
 ///
 /// ```
 /// use hemilux_core::SamplerKind;
@@ -22,18 +22,18 @@ pub enum SamplerKind {
     Adaptive,
     /// [`super::q2tree`] with lights at energy centroids.
     Q2Tree,
-    /// [`super::q2tree`] with the published placement of lights.
+    /// [`super::q2tree`] with lights at fixed pseudo-random points of their quads, as published.
     Q2TreeJitter,
     /// [`super::pharr`].
     Pharr,
-    /// [`super::hemigon`] with the gated Kalman filter.
+    /// [`super::hemigon`] with the gated Kalman filter of [`super::hemigon::kalman`].
     Hemigon,
-    /// [`super::hemigon`] with the published filters.
+    /// [`super::hemigon`] with the published filters of [`super::hemigon::fir`].
     HemigonFir,
 }
 
 impl SamplerKind {
-    /// Every sampler, the default one first.
+    /// All samplers, the default first.
     pub const ALL: [Self; 6] =
         [Self::Adaptive, Self::Q2Tree, Self::Q2TreeJitter, Self::Pharr, Self::Hemigon, Self::HemigonFir];
 
@@ -61,7 +61,7 @@ impl SamplerKind {
         }
     }
 
-    /// Whether the sampler estimates its error: it alone takes a tolerance and ambient light.
+    /// Whether the sampler estimates its error; such a sampler reads the tolerance and the ambient flag of a [`super::Request`].
     #[must_use]
     pub const fn estimates_error(self) -> bool {
         matches!(self, Self::Adaptive)
@@ -73,7 +73,7 @@ impl SamplerKind {
         matches!(self, Self::Q2Tree | Self::Q2TreeJitter)
     }
 
-    /// The fewest lights that the sampler gives on lit maps of `domain`: a Q2-tree has one light per base quad.
+    /// The smallest number of lights for a map of `domain` that is lit everywhere: a Q2-tree has at least one light per base quad.
     #[must_use]
     pub const fn least_lights(self, domain: Domain) -> usize {
         if self.is_q2tree() { domain.faces() } else { 1 }
@@ -86,7 +86,7 @@ impl fmt::Display for SamplerKind {
     }
 }
 
-/// A string is not the name of a sampler.
+/// The error of parsing a string that is not the name of a sampler.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct UnknownSampler;

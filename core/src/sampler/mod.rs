@@ -1,7 +1,15 @@
-//! Samplers: state machines that turn maps into lights.
+//! Samplers: convert a sequence of maps to sets of directional lights.
 //!
-//! A sampler works in memory that the caller lends, keeps the state that later frames need, allocates nothing, and gives each light an id
-//! that stays the same from frame to frame for as long as the light exists. The server and the simulator use the [`Sampler`] trait alone.
+//! A sampler works in buffers that the caller lends and allocates nothing. It keeps state from frame to frame, so that a light keeps its
+//! id for as long as it exists. All samplers implement [`Sampler`]; [`SamplerKind`] lists their names.
+//!
+//! | module | input | lights |
+//! |---|---|---|
+//! | [`adaptive`] | HEALPix pyramid | of unequal energy, with an estimate of their error; ambient light and their number are optional
+//! outputs |
+//! | [`q2tree`] | HEALPix pyramid | one per leaf of a quadtree, of unequal energy |
+//! | [`pharr`] | latitude-longitude map | of equal luminance, at Halton points |
+//! | [`hemigon`] | latitude-longitude map | of equal luminance, filtered over time |
 
 pub mod adaptive;
 pub mod halton;
@@ -16,12 +24,12 @@ use crate::polar::LatLongView;
 use crate::pyramid::PyramidView;
 pub use kind::{SamplerKind, UnknownSampler};
 
-/// The input of a sampler: one frame's light, in two forms.
+/// The input of a sampler for one frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Map<'a> {
     /// The HEALPix pyramid.
     pub pyramid: PyramidView<'a>,
-    /// The latitude-longitude map; [`LatLongView::NONE`] unless the sampler [needs it](Sampler::needs_polar).
+    /// The latitude-longitude map; [`LatLongView::NONE`] for samplers that [do not read it](Sampler::needs_polar).
     pub polar: LatLongView<'a>,
 }
 
@@ -31,15 +39,15 @@ pub struct Map<'a> {
 pub struct Request {
     /// Largest number of lights in the set.
     pub lights: usize,
-    /// Shadowed error, a ratio, that the set reaches with as few lights as possible; `None` requests as many lights as the map allows. Only
-    /// samplers that [estimate their error](SamplerKind::estimates_error) read it.
+    /// Shadowed error (a ratio: 0.03 is 3 %) that the light set must reach with as few lights as possible; `None` requests `lights`
+    /// lights. Only samplers that [estimate their error](SamplerKind::estimates_error) read it.
     pub tolerance: Option<f32>,
-    /// Whether light without a direction goes into spherical harmonics. Only `adaptive` reads it.
+    /// Whether light without a dominant direction is returned as spherical harmonics. Only `adaptive` reads it.
     pub ambient: bool,
 }
 
 impl Request {
-    /// Up to `lights` lights and nothing else.
+    /// Requests up to `lights` lights, without a tolerance or ambient light.
     #[must_use]
     pub const fn of_lights(lights: usize) -> Self {
         Self { lights, tolerance: None, ambient: false }
@@ -52,19 +60,19 @@ impl From<usize> for Request {
     }
 }
 
-/// Turns a sequence of maps into light sets.
+/// Converts a sequence of maps to sets of directional lights.
 pub trait Sampler {
-    /// Which sampler it is.
+    /// The name of the sampler.
     fn kind(&self) -> SamplerKind;
 
-    /// Whether it reads [`Map::polar`].
+    /// Whether the sampler reads [`Map::polar`].
     fn needs_polar(&self) -> bool {
         false
     }
 
-    /// Decomposes the next frame. A map without light gives no lights.
+    /// Computes the lights of the next frame. A map without light gives no lights.
     fn update(&mut self, map: &Map<'_>, request: &Request) -> Decomposition<'_>;
 
-    /// Forgets the past, as after a jump in time.
+    /// Discards the state of earlier frames, as after a jump in time.
     fn reset(&mut self);
 }

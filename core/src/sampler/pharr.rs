@@ -1,8 +1,9 @@
-//! `pharr`: inversion of the two-dimensional distribution of a latitude-longitude map, as in \[Pharr2004\] and \[Nikodym2012\].
+//! `pharr`: importance sampling of a latitude-longitude map by inversion of its cumulative distribution, as in \[Pharr2004\] and
+//! \[Nikodym2012\].
 //!
-//! Light i takes the same Halton point in every frame: its first coordinate picks theta from the marginal distribution of the rows,
-//! its second picks phi from that row's conditional one. All lights have the same luminance; their colour is the texel's. No
-//! filter: what changes anywhere moves every light that comes later in the order of the distribution.
+//! Light i uses the same point of the Halton sequence in every frame: the first coordinate selects theta from the marginal distribution
+//! over the rows, the second selects phi from the conditional distribution within the row. All lights have equal luminance and the colour
+//! of their texel. The result is not filtered over time: a change of one texel moves all lights that follow it in the distribution.
 
 use super::{Map, Request, Sampler, SamplerKind, halton};
 use crate::buffer::{self, Buffer, TooSmall};
@@ -13,21 +14,21 @@ use crate::sizes::BufferSize;
 use core::f64::consts::TAU;
 use glam::DVec3;
 
-/// Largest number below 1, so that a coordinate never points beyond the last bin.
+/// Largest number below 1: keeps a coordinate of 1 inside the last bin.
 const BELOW_ONE: f64 = 1.0 - 1.0 / 16_777_216.0;
 
 /// The buffers of [`Pharr`]; their lengths are in [`Sizes`].
 #[derive(Clone, Debug)]
 pub struct Memory<C, M, L> {
-    /// Distribution of each row over its columns.
+    /// Cumulative distribution of each row over its columns.
     pub conditional: C,
-    /// Distribution over the rows.
+    /// Cumulative distribution over the rows.
     pub marginal: M,
     /// The lights.
     pub lights: L,
 }
 
-/// Lengths of the buffers in [`Memory`].
+/// Number of elements of each buffer in [`Memory`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
@@ -47,7 +48,7 @@ impl Sizes {
         Self { texels: grid.len(), rows: grid.height, lights }
     }
 
-    /// Names and bytes of all buffers.
+    /// Name and size of each buffer.
     #[must_use]
     pub const fn buffers(&self) -> [BufferSize; 3] {
         [
@@ -88,17 +89,17 @@ impl Sizes {
 #[derive(Clone, Debug)]
 pub struct Pharr<C, M, L> {
     conditional: C,
-    /// Upper ends of the rows' shares of the luminance, not normalised.
+    /// Cumulative luminance up to the end of each row, not normalised.
     marginal: M,
     lights: L,
     count: usize,
 }
 
 impl<C: Buffer<f32>, M: Buffer<f64>, L: Buffer<Light>> Pharr<C, M, L> {
-    /// Takes the memory for maps of `grid`.
+    /// Creates the sampler for maps of at most the size of `grid`. [`Sizes`] states the length of each buffer in `memory`.
     ///
     /// # Errors
-    /// [`TooSmall`]: the conditional distributions need a number per texel, the marginal one a number per row.
+    /// [`TooSmall`] for a distribution with too few elements.
     pub fn try_new(grid: &Grid, memory: Memory<C, M, L>) -> Result<Self, TooSmall> {
         let Memory { conditional, marginal, lights } = memory;
         buffer::check(&conditional, grid.len())?;
@@ -106,13 +107,13 @@ impl<C: Buffer<f32>, M: Buffer<f64>, L: Buffer<Light>> Pharr<C, M, L> {
         Ok(Self { conditional, marginal, lights, count: 0 })
     }
 
-    /// Most lights it can give.
+    /// Largest number of lights: the length of [`Memory::lights`].
     #[must_use]
     pub fn capacity(&self) -> usize {
         self.lights.as_ref().len()
     }
 
-    /// Builds the distributions; returns the map's luminance.
+    /// Computes the cumulative distributions; returns the luminance of the map.
     fn distribute(&mut self, map: &LatLongView<'_>) -> f64 {
         let width = map.grid.width;
         let rows = map
@@ -132,7 +133,7 @@ impl<C: Buffer<f32>, M: Buffer<f64>, L: Buffer<Light>> Pharr<C, M, L> {
         total
     }
 
-    /// The light at point (`u`, `v`) of the unit square.
+    /// Inverts the cumulative distributions at point (`u`, `v`) of the unit square.
     fn sample(&self, map: &LatLongView<'_>, total: f64, [u, v]: [f64; 2]) -> Sample {
         let (width, height) = (map.grid.width, map.grid.height);
         let marginal = &self.marginal.as_ref()[..height];
@@ -166,17 +167,18 @@ struct Sample {
     solid_angle: f64,
 }
 
-/// Luminance of a texel, whatever is in it.
+/// Luminance of a texel; 0 for negative or non-finite energy.
 fn light_of(rgb: [f32; 3]) -> f64 {
     f64::from(luminance(sound(rgb)))
 }
 
-/// The column that is number `k` counted from phi = 0 on, in the map's own order: the distribution's seam lies there, as in the thesis.
+/// The column at position `k` counted from phi = 0 in the column order of the map; the distribution starts at phi = 0, as in
+/// \[Nikodym2012\].
 fn column(width: usize, k: usize) -> usize {
     (width / 2 + k) % width
 }
 
-/// Phi where the count begins: 0, or half a column off it where the number of columns is odd.
+/// Azimuth, radians, at which the count of columns starts: 0, or half a column off 0 if the number of columns is odd.
 fn seam(width: usize) -> f64 {
     if width.is_multiple_of(2) { 0.0 } else { TAU / width as f64 / 2.0 }
 }
@@ -202,7 +204,7 @@ impl<C: Buffer<f32>, M: Buffer<f64>, L: Buffer<Light>> Sampler for Pharr<C, M, L
             let Sample { direction, rgb, solid_angle } =
                 self.sample(&map.polar, total, halton::point(i as u32 + 1));
             let y = light_of(rgb);
-            // The light's share of the sphere: 1 / (N pdf), and the cap of that size.
+            // Solid angle that the light represents, 1 / (N pdf), as a cap.
             let cap = solid_angle * each / y;
             let radius_deg = libm::acos((1.0 - cap / TAU).clamp(-1.0, 1.0)).to_degrees() as f32;
             let light = &mut self.lights.as_mut()[i];

@@ -1,17 +1,48 @@
 //! `q2tree` and `q2tree-jitter`: the spherical Q2-tree of \[Wan2005\] over NESTED HEALPix quads.
 //!
-//! The tree starts from the base quads and splits the leaf of greatest importance L^a dOmega^b until there are as many leaves as
-//! lights. L is the quad's energy and dOmega its solid angle. Both exponents at least 0 make a child less important than its
-//! parent, so the interior nodes are exactly those of greatest importance, and best-first search from the roots finds the tree that
-//! any sequence of merges and splits would. The published frame-to-frame threshold is a bonus of 1 + tau for the quads that were
-//! interior in the last frame: a split is given up only for one that is more important by that factor.
+//! The tree starts from the base quads and repeatedly splits the leaf of greatest importance E^a Omega^b until it has the requested number
+//! of leaves; E is the energy of the quad and Omega its solid angle. With exponents of at least 0 a child is never more important than its
+//! parent, so a best-first search from the roots yields the same tree as any sequence of merges and splits. The published frame-to-frame
+//! threshold tau multiplies the importance of quads that were interior nodes in the last frame by 1 + tau: a split is undone only for a
+//! split that is more important by that factor.
 //!
-//! A split turns one lit leaf into as many as it has lit children: four, or on the horizon of a hemisphere three, since one child
-//! lies below it; dark leaves give no light and take no place. So a lit sphere reaches 12 + 3k lights and a lit hemisphere 8 + 3a + 2b.
-//! A split of the most important leaf that would exceed the request is passed over for the next one that fits: on a hemisphere
-//! that is a leaf on the horizon, so that it gives the request or one less.
+//! A split replaces one lit leaf by its lit children: four, or three for a leaf on the horizon of a hemisphere, whose lowest child is
+//! below the horizon. Dark leaves give no light. A sphere that is lit everywhere therefore has 12 + 3 k lights and a hemisphere 8 + 3 a +
+//! 2 b. If the split of the most important leaf would exceed the request, the next leaf whose split fits is split: on a hemisphere the
+//! number of lights is the request or one less.
 //!
-//! The tree is one bit per quad (is it interior?), walked in NESTED order: no node pool, no search.
+//! The tree is stored as one bit per quad, set for interior nodes, and traversed in NESTED order.
+//!
+//! ```
+//! use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
+//! use hemilux_core::sampler::q2tree::{Leaf, Parameters, Past, Q2Tree, Sizes};
+//! use hemilux_core::{Domain, Light, Map, MapShape, Order, Request, Sampler, healpix, polar::LatLongView};
+//!
+//! let shape = MapShape { domain: Domain::Sphere, order: Order::try_new(3)? };
+//! let sizes = Sizes::new(shape.domain, shape.order, 24);
+//! let mut tree = Q2Tree::try_new(
+//!     Parameters::CENTROID,
+//!     shape,
+//!     [vec![0; sizes.interior], vec![0; sizes.interior]],
+//!     vec![Leaf::default(); sizes.lights],
+//!     vec![Light::default(); sizes.lights],
+//!     vec![Past::default(); sizes.lights],
+//! )?;
+// A uniform sphere of radiance 1.
+//! let quads = vec![Quad::default(); pyramid_len(shape.domain, shape.order)];
+//! let mut pyramid = Pyramid::try_new(quads, shape.domain, shape.order)?;
+//! for (ipix, texel) in pyramid.texels_mut().iter_mut().enumerate() {
+//!     let towards = healpix::centre(3, ipix as u32).as_vec3();
+//!     *texel = Quad::from_light([healpix::solid_angle(3) as f32; 3], towards);
+//! }
+//! pyramid.build();
+//! let map = Map { pyramid: pyramid.view(), polar: LatLongView::NONE };
+//! let lights = tree.update(&map, &Request::of_lights(24)).lights;
+//! assert_eq!(lights.len(), 24);
+//! let flux: f32 = lights.iter().map(|light| light.irradiance[1]).sum();
+//! assert!((flux / (4.0 * core::f32::consts::PI) - 1.0).abs() < 1e-4);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use super::{Map, Request, Sampler, SamplerKind, heap};
 use crate::buffer::{self, Buffer, TooSmall};
@@ -19,17 +50,17 @@ use crate::healpix::{self, Domain, MapShape, Order};
 use crate::light::{Decomposition, Light};
 use crate::pyramid::{PyramidView, Quad};
 use crate::sizes::BufferSize;
+use core::ops::Range;
 
-/// Placement of a light inside its quad.
+/// Position of a light inside its quad.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Placement {
     /// At the energy centroid: `q2tree`.
     Centroid,
-    /// At a point that depends on the quad alone, `spread` (0..=1) of the quad's width round its centre: `q2tree-jitter`, as
-    /// published.
+    /// A pseudo-random point that depends on the quad alone, within `spread` of the quad's width around its centre: `q2tree-jitter`.
     Jitter {
-        /// Part of the quad's width.
+        /// Width of the range of points, as a fraction of the quad's width, 0..=1.
         spread: f32,
     },
 }
@@ -37,18 +68,18 @@ pub enum Placement {
 /// Parameters of the tree.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parameters {
-    /// Exponent a of the energy, at least 0.
+    /// Exponent a of the energy in the importance, at least 0.
     pub energy_exponent: f32,
-    /// Exponent b of the solid angle, at least 0.
+    /// Exponent b of the solid angle in the importance, at least 0.
     pub solid_angle_exponent: f32,
-    /// Relative threshold tau below which a split of the last frame is kept.
+    /// Frame-to-frame threshold tau: relative importance by which another split must exceed one of the last frame to replace it.
     pub threshold: f32,
-    /// Placement of the lights.
+    /// Position of each light inside its quad.
     pub placement: Placement,
 }
 
 impl Parameters {
-    /// a = 1, b = 1/4, no threshold, lights at energy centroids.
+    /// a = 1, b = 1/4, tau = 0, lights at energy centroids.
     pub const CENTROID: Self = Self {
         energy_exponent: 1.0,
         solid_angle_exponent: 0.25,
@@ -56,7 +87,7 @@ impl Parameters {
         placement: Placement::Centroid,
     };
 
-    /// a = 1, b = 1/4, no threshold, the published jitter.
+    /// a = 1, b = 1/4, tau = 0, lights at pseudo-random points within half the width of their quads.
     pub const JITTER: Self = Self { placement: Placement::Jitter { spread: 0.5 }, ..Self::CENTROID };
 }
 
@@ -66,7 +97,7 @@ impl Default for Parameters {
     }
 }
 
-/// A leaf that may be split.
+/// An element of the heap: a leaf that may be split.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Leaf {
     importance: f32,
@@ -84,12 +115,12 @@ impl Leaf {
     }
 }
 
-/// The id of the light of a leaf: its index after a leading bit pair for its order.
+/// The id of the light of a quad, unique over all orders: 4 * 4^order + ipix.
 fn id_of(order: u8, ipix: u32) -> u32 {
     (4 << (2 * order)) + ipix
 }
 
-/// The order of a leaf: 4 * 4^order + ipix with ipix < 12 * 4^order has its leading bit at 2 order + 2 to 2 order + 3.
+/// The order of the quad with `id`: ipix is below 12 * 4^order, so the highest set bit of the id is bit 2 order + 2 or 2 order + 3.
 fn order_of(id: u32) -> u8 {
     (id.max(4).ilog2() / 2 - 1) as u8
 }
@@ -103,7 +134,7 @@ fn ipix_of(id: u32) -> u32 {
 pub struct Past {
     id: u32,
     age: u32,
-    /// 0 for none.
+    /// Id of the parent, 0 for none.
     parent: u32,
 }
 
@@ -113,31 +144,31 @@ impl Past {
     }
 }
 
-/// Bytes of the bit set that marks interior quads of a map of `order`.
+/// Number of bytes of the bit set that marks interior quads of a map of `order`.
 #[must_use]
 pub const fn interior_len(domain: Domain, order: Order) -> usize {
     crate::pyramid::first(domain, order.get()).div_ceil(8)
 }
 
-/// Lengths of the buffers of [`Q2Tree`].
+/// Number of elements of each buffer of [`Q2Tree`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub struct Sizes {
     /// Bytes of each of the two bit sets.
     pub interior: usize,
-    /// Elements of the heap, the lights and their past.
+    /// Elements of the heap, of the lights and of the past lights.
     pub lights: usize,
 }
 
 impl Sizes {
-    /// Lengths for maps of `domain` up to `order` and up to `lights` lights.
+    /// Lengths for maps of `domain` of at most `order` and for up to `lights` lights.
     #[must_use]
     pub const fn new(domain: Domain, order: Order, lights: usize) -> Self {
         Self { interior: interior_len(domain, order), lights }
     }
 
-    /// Names and bytes of all buffers.
+    /// Name and size of each buffer.
     #[must_use]
     pub const fn buffers(&self) -> [BufferSize; 4] {
         [
@@ -149,11 +180,12 @@ impl Sizes {
     }
 }
 
-/// The sampler. `B` holds [`interior_len`] bytes, twice; `H` one [`Leaf`], `L` one [`Light`] and `P` one [`Past`] per light.
+/// The sampler `q2tree` or `q2tree-jitter`. The buffers are `B`: [`interior_len`] bytes, twice; `H`: one [`Leaf`] per light; `L`: one
+/// [`Light`] per light; `P`: one [`Past`] per light.
 #[derive(Clone, Debug)]
 pub struct Q2Tree<B, H, L, P> {
     parameters: Parameters,
-    /// Interior quads of this frame and of the last.
+    /// Bit sets of the interior quads of this frame and of the last frame.
     interior: [B; 2],
     heap: H,
     lights: L,
@@ -182,7 +214,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, P: Buffer<Past>> Q2Tree<B
         Ok(Self { parameters, interior, heap, lights, past, count: 0 })
     }
 
-    /// Most lights it can give.
+    /// Largest number of lights: the length of the shortest of the buffers for lights.
     #[must_use]
     pub fn capacity(&self) -> usize {
         self.heap.as_ref().len().min(self.lights.as_ref().len()).min(self.past.as_ref().len())
@@ -206,7 +238,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, P: Buffer<Past>> Q2Tree<B
         weighted * size * if was_interior { 1.0 + p.threshold } else { 1.0 }
     }
 
-    /// Splits leaves best-first until no split fits into `lights`; marks the interior quads.
+    /// Splits leaves best-first until no split fits into `lights`, and marks the interior quads.
     fn grow(&mut self, map: &PyramidView<'_>, lights: usize) {
         self.interior.swap(0, 1);
         self.interior[0].as_mut().fill(0);
@@ -249,13 +281,13 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, P: Buffer<Past>> Q2Tree<B
         }
     }
 
-    /// Keeps what the next frame needs of this one's lights; returns how many there were.
+    /// Copies id, age and parent of the lights of the last frame; returns their number.
     fn remember(&mut self) -> usize {
         let lights = self.lights.as_ref().iter().take(self.count);
         self.past.as_mut().iter_mut().zip(lights).map(|(past, light)| *past = Past::of(light)).count()
     }
 
-    /// Writes the lights of the lit leaves in NESTED order; returns how many.
+    /// Writes the lights of the lit leaves in NESTED order; returns their number.
     fn emit(&mut self, map: &PyramidView<'_>) -> usize {
         let lights = self.lights.as_mut();
         let interior = self.interior[0].as_ref();
@@ -297,13 +329,13 @@ fn walk(map: &PyramidView<'_>, interior: &[u8], mut f: impl FnMut(u8, u32, &Quad
     }
 }
 
-/// The light of one leaf.
+/// The light of the leaf `ipix` of `order`.
 fn place(placement: Placement, domain: Domain, order: u8, ipix: u32, quad: &Quad) -> Light {
     let id = id_of(order, ipix);
     let mut light = Light::at_centroid(id, quad, || healpix::centre(order, ipix).as_vec3());
     if let Placement::Jitter { spread } = placement {
         let [x, y] = jitter(id, f64::from(spread));
-        // In a quad on the horizon, mirror what falls below it to above.
+        // Points of a quad on the horizon that fall below it are mirrored to above it.
         let below = domain.share(order, ipix) == 0.5 && x + y < 1.0;
         let (x, y) = if below { (1.0 - y, 1.0 - x) } else { (x, y) };
         light.direction = healpix::point(order, ipix, x, y).as_vec3();
@@ -311,9 +343,9 @@ fn place(placement: Placement, domain: Domain, order: u8, ipix: u32, quad: &Quad
     light
 }
 
-/// A point of the unit square that depends on the id alone, `spread` wide round its middle.
+/// A pseudo-random point of the unit square that is a function of `id`, within `spread` / 2 of the centre along each axis.
 fn jitter(id: u32, spread: f64) -> [f64; 2] {
-    // Finaliser of MurmurHash3, which spreads neighbouring ids over all 32 bits.
+    // The finaliser of MurmurHash3 distributes neighbouring ids over all 32 bits.
     let mut h = id;
     h = (h ^ (h >> 16)).wrapping_mul(0x85eb_ca6b);
     h = (h ^ (h >> 13)).wrapping_mul(0xc2b2_ae35);
@@ -321,7 +353,7 @@ fn jitter(id: u32, spread: f64) -> [f64; 2] {
     [h & 0xffff, h >> 16].map(|v| 0.5 + spread * ((f64::from(v) + 0.5) / 65536.0 - 0.5))
 }
 
-/// Number of a quad among those of all orders.
+/// Bit index of a quad, unique over all orders.
 fn index(domain: Domain, order: u8, ipix: u32) -> usize {
     crate::pyramid::first(domain, order) + ipix as usize
 }
@@ -336,32 +368,33 @@ fn set(bits: &mut [u8], index: usize) {
     }
 }
 
-/// Whether `a` is split before `b`: by importance, then coarse before fine, then by index, so that ties never depend on history.
+/// The order of the heap: by importance, then coarse before fine, then by index, so that equal importances give the same tree in every
+/// frame.
 fn before(a: &Leaf, b: &Leaf) -> bool {
     (a.importance, b.id) > (b.importance, a.id)
 }
 
-/// Ages and parents: both lists are in NESTED order, so one pass finds each light's place in the last frame.
+/// Copies ages and parents from the last frame. Both lists are in NESTED order, so one pass finds the predecessor of each light.
 fn inherit(lights: &mut [Light], previous: &[Past]) {
     let mut old = previous.iter().peekable();
     for light in lights {
-        let (start, end) = range(light.id);
-        while old.next_if(|o| range(o.id).1 <= start).is_some() {}
+        let Range { start, end } = range(light.id);
+        while old.next_if(|o| range(o.id).end <= start).is_some() {}
         let Some(o) = old.peek() else { return };
         if o.id == light.id {
             light.age = o.age.saturating_add(1);
             light.parent = Some(o.parent).filter(|id| *id != 0);
-        } else if range(o.id).0 <= start && end <= range(o.id).1 {
+        } else if range(o.id).start <= start && end <= range(o.id).end {
             light.parent = Some(o.id);
         }
     }
 }
 
-/// The quads of [`Order::MAX`] that the leaf `id` covers.
-fn range(id: u32) -> (u64, u64) {
+/// The range of quads of [`Order::MAX`] that the quad `id` contains.
+fn range(id: u32) -> Range<u64> {
     let ipix = u64::from(ipix_of(id));
     let shift = 2 * u32::from(Order::MAX.get().saturating_sub(order_of(id)));
-    (ipix << shift, (ipix + 1) << shift)
+    ipix << shift..(ipix + 1) << shift
 }
 
 impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, P: Buffer<Past>> Sampler for Q2Tree<B, H, L, P> {

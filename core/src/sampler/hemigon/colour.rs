@@ -1,17 +1,18 @@
-//! Equal luminance for every light and the right total for every channel, both at once.
+//! Scales light colours so that all lights have equal luminance and the channels have given totals.
 
 use crate::color::{add, luminance};
 use crate::light::Light;
 
-/// Part of the map's mean colour in every light, so that a channel that no light happens to have can still be made up for.
+/// Fraction of the map's mean colour that is added to every light, so that a channel that is 0 in all lights can reach its total.
 const MEAN: f32 = 1e-3;
 
-/// Rounds: 64 lights of a real map are even within 1e-5 after eight, colours that differ by decades in each channel within a tenth or two.
+/// Number of iterations. After eight, 64 lights of a real map have equal luminance within 1e-5; if colours differ by decades in each
+/// channel, within 10 to 20 %.
 const ROUNDS: usize = 8;
 
-/// Scales the lights' colours so that channels add up to `total` and all lights are about equally luminous.
+/// Scales the irradiances so that each channel adds up to `total` and all lights have about equal luminance.
 ///
-/// Iterative proportional fitting of the table lights x channels; the channels come last and are exact.
+/// Iterative proportional fitting of the matrix lights x channels; the channels are fitted last and are exact.
 pub(super) fn share(lights: &mut [Light], total: [f64; 3]) {
     let y = luminance(total.map(|v| v as f32));
     if y <= 0.0 {
@@ -30,7 +31,7 @@ pub(super) fn share(lights: &mut [Light], total: [f64; 3]) {
     }
 }
 
-/// Scales each channel so that it adds up to its total.
+/// Scales each channel to its total.
 fn fit_channels(lights: &mut [Light], total: [f64; 3]) {
     let mut sum = [0.0f64; 3];
     for light in lights.iter() {

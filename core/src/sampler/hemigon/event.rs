@@ -1,28 +1,28 @@
-//! Distinguishes an abrupt change of the whole map from noise and motion.
+//! Detects abrupt changes of a map, as opposed to noise and motion.
 
 use super::inversion::light_of;
 use crate::polar::LatLongView;
 
-/// Rows and columns of blocks that the map is compared in.
+/// Rows and columns of the blocks in which maps are compared.
 const ROWS: usize = 16;
 const COLUMNS: usize = 48;
 
-/// A change this many times the usual one is abrupt: changes under noise vary by a tenth.
+/// A change is abrupt if it exceeds the mean change by this factor; noise changes it by about a tenth.
 const FACTOR: f32 = 8.0;
 
-/// Least change that is abrupt, a part of the energy: less is left to each light's own filter.
+/// Least abrupt change, as a fraction of the energy; smaller changes are left to the filter of each light.
 const LEAST: f32 = 0.01;
 
-/// Weight of a new change in the usual one.
+/// Weight of a new change in the running mean.
 const MEMORY: f32 = 0.1;
 
-/// A change counts at most this many times the usual one: what is abrupt is not usual until it goes on.
+/// Limit of a change that enters the running mean, relative to that mean, so that one abrupt change does not raise it much.
 const MOST: f32 = 3.0;
 
-/// Distribution of the last map's light over blocks, and the usual change from map to map.
+/// The distribution of the last map's light over blocks, and the running mean of the change from map to map.
 #[derive(Clone, Debug)]
 pub(super) struct Detector {
-    /// Share of the light in each block.
+    /// Fraction of the light in each block.
     blocks: [f32; ROWS * COLUMNS],
     usual: Option<f32>,
     begun: bool,
@@ -37,7 +37,7 @@ impl Detector {
         *self = Self::new();
     }
 
-    /// Takes the next map, of luminance `total`; whether it is no continuation of the last.
+    /// Compares the next map, of luminance `total`, with the last one; returns whether the change is abrupt.
     pub(super) fn is_abrupt(&mut self, map: &LatLongView<'_>, total: f64) -> bool {
         let last = self.blocks;
         self.blocks = blocks(map, total);

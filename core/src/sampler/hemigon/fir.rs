@@ -1,4 +1,16 @@
-//! The two published filters: finite impulse responses over the total energy and over each light's path.
+//! The published filters of `hemigon-fir`: finite impulse responses over the total energy and over the path of each light.
+//!
+//! ```
+//! use glam::Vec3;
+//! use hemilux_core::sampler::hemigon::fir::{Fir, Kernel, Parameters, paths_len};
+//!
+//! let parameters = Parameters { taps: 5, cutoff_hz: 2.0, frame_rate_hz: 10.0 };
+//! let sum: f64 = Kernel::new(&parameters).weights().iter().sum();
+//! assert!((sum - 1.0).abs() < 1e-12);
+// The filter of a sampler with 8 lights: 5 directions for each of two slots per light.
+//! let filter = Fir::try_new(&parameters, 8, vec![Vec3::Z; paths_len(&parameters, 8)])?;
+//! # Ok::<(), hemilux_core::TooSmall>(())
+//! ```
 
 use super::follow::{Follow, PathPoint};
 use crate::buffer::{self, Buffer, TooSmall};
@@ -6,13 +18,13 @@ use crate::sampler::SamplerKind;
 use core::f64::consts::PI;
 use glam::Vec3;
 
-/// Most taps.
+/// Largest number of taps.
 pub const MAX_TAPS: usize = 63;
 
-/// A low-pass filter.
+/// Parameters of the low-pass filters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parameters {
-    /// Frames that it spans, 1 to [`MAX_TAPS`] (clamped); 1 filters nothing.
+    /// Number of frames in the window, 1 to [`MAX_TAPS`] (clamped); 1 disables the filter.
     pub taps: usize,
     /// Cut-off frequency, hertz.
     pub cutoff_hz: f64,
@@ -21,20 +33,20 @@ pub struct Parameters {
 }
 
 impl Default for Parameters {
-    /// Seven taps, 1 Hz at 10 frames a second: 0.3 s late. What was published leaves all three open.
+    /// Seven taps, cut-off 1 Hz, 10 frames per second: a delay of 0.3 s. The publications leave all three open.
     fn default() -> Self {
         Self { taps: 7, cutoff_hz: 1.0, frame_rate_hz: 10.0 }
     }
 }
 
-/// The coefficients of a filter, the newest frame's first.
+/// The coefficients of a filter, that of the newest frame first.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Kernel {
     weights: heapless::Vec<f64, MAX_TAPS>,
 }
 
 impl Kernel {
-    /// A sinc under a Hamming window, its sum 1: `h(k) = w(k) sinc(2 fc (k - (M - 1) / 2) / fs)`.
+    /// Computes a sinc under a Hamming window, normalised to a sum of 1: `h(k) = w(k) sinc(2 fc (k - (M - 1) / 2) / fs)`.
     #[must_use]
     pub fn new(parameters: &Parameters) -> Self {
         let taps = parameters.taps.clamp(1, MAX_TAPS);
@@ -55,7 +67,7 @@ impl Kernel {
         Self { weights }
     }
 
-    /// The coefficients, the newest frame's first.
+    /// The coefficients, that of the newest frame first.
     #[must_use]
     pub fn weights(&self) -> &[f64] {
         &self.weights
@@ -66,29 +78,29 @@ fn sinc(x: f64) -> f64 {
     if x == 0.0 { 1.0 } else { libm::sin(PI * x) / (PI * x) }
 }
 
-/// Elements that [`Fir::try_new`] needs for `lights` lights.
+/// Number of elements of the buffer of [`Fir::try_new`] for `lights` lights.
 #[must_use]
 pub fn paths_len(parameters: &Parameters, lights: usize) -> usize {
     Kernel::new(parameters).weights().len().saturating_mul(2).saturating_mul(lights)
 }
 
-/// Both filters. `P` holds [`paths_len`] directions: a ring of the last directions for each of two slots per light.
+/// The filters of `hemigon-fir`. `P` holds [`paths_len`] directions: a ring buffer of the last directions for each of two slots per light.
 ///
-/// The rings have as many places as the filter has taps, a number known at run time: `heapless::HistoryBuf` fixes it at compile time.
+/// The length of a ring is the number of taps, which is known only at run time; that of `heapless::HistoryBuf` is constant at compile time.
 #[derive(Clone, Debug)]
 pub struct Fir<P> {
     kernel: Kernel,
     paths: P,
-    /// Total energies, a ring as the paths.
+    /// Total energy of the last frames, in a ring buffer like the paths.
     totals: [[f64; 3]; MAX_TAPS],
-    /// Where in the rings the newest frame is.
+    /// Index of the newest frame in the ring buffers.
     head: usize,
-    /// Whether a frame was seen.
+    /// Whether a frame has been processed.
     begun: bool,
 }
 
 impl<P: Buffer<Vec3>> Fir<P> {
-    /// Takes the memory for `lights` lights: two paths of as many directions as there are taps for each.
+    /// Creates the filters for a sampler with `lights` lights. [`paths_len`] states the length of `paths`.
     ///
     /// # Errors
     /// [`TooSmall`].
@@ -98,7 +110,7 @@ impl<P: Buffer<Vec3>> Fir<P> {
         Ok(Self { kernel, paths, totals: [[0.0; 3]; MAX_TAPS], head: 0, begun: false })
     }
 
-    /// Weight and ring position of each frame, the newest first.
+    /// Weight and ring index of each frame, the newest first.
     fn frames(&self) -> impl Iterator<Item = (f64, usize)> {
         let (head, taps) = (self.head, self.kernel.weights.len());
         self.kernel.weights().iter().enumerate().map(move |(k, w)| (*w, (head + taps - k) % taps))
@@ -128,7 +140,7 @@ impl<P: Buffer<Vec3>> Follow for Fir<P> {
                 *s += weight * v;
             }
         }
-        // Side lobes swing below 0 after light is switched off.
+        // Side lobes make the sum negative after light is switched off.
         sum.map(|v| v.max(0.0))
     }
 
@@ -142,7 +154,7 @@ impl<P: Buffer<Vec3>> Follow for Fir<P> {
         let path = &self.paths.as_ref()[slot * taps..(slot + 1) * taps];
         let mut mean: Vec3 = self.frames().map(|(weight, at)| path[at] * weight as f32).sum();
         if mean.z * seen.direction.z < 0.0 {
-            // Side lobes overshoot: a light stays in its hemisphere.
+            // Side lobes overshoot across the horizon: the direction is kept in its hemisphere.
             mean.z = 0.0;
         }
         PathPoint { direction: mean.try_normalize().unwrap_or(seen.direction), ..seen }

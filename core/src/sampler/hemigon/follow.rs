@@ -1,36 +1,36 @@
-//! The interface of a filter of light paths.
+//! The interface of the filters of light paths.
 
 use crate::sampler::SamplerKind;
 use glam::Vec3;
 
-/// Direction and colour of a light in one frame, before or after the filter.
+/// Direction and colour of a light in one frame, before or after a filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathPoint {
     /// Unit vector.
     pub direction: Vec3,
-    /// Colour of luminance about 1.
+    /// Linear RGB of a luminance of about 1.
     pub colour: [f32; 3],
 }
 
-/// Filters the lights of a sequence of frames. Each light keeps its slot as long as it lives.
+/// Filters directions and colours of lights over a sequence of frames. A light keeps its slot for as long as it exists.
 pub trait Follow {
-    /// The sampler that uses this filter.
+    /// The sampler that uses the filter.
     const KIND: SamplerKind;
 
-    /// Number of slots that the filter has memory for.
+    /// Number of slots for which the filter has memory.
     fn slots(&self) -> usize;
 
-    /// Begins a frame; `abrupt` if the map is no continuation of the last.
+    /// Begins a frame; `abrupt` states that the map changed abruptly.
     fn begin(&mut self, abrupt: bool);
 
-    /// The energy that the lights give out for the map's `total`, RGB.
+    /// Filters the total RGB energy of the map; the result is the sum of the irradiances of the lights.
     fn total(&mut self, total: [f64; 3]) -> [f64; 3] {
         total
     }
 
-    /// The next step of the light in `slot`, which begins there if `is_new`.
+    /// Filters the measurement `seen` of the light in `slot`; `is_new` starts a new path with it.
     fn follow(&mut self, slot: usize, is_new: bool, seen: PathPoint) -> PathPoint;
 
-    /// Forgets the past.
+    /// Discards the state of earlier frames.
     fn reset(&mut self);
 }

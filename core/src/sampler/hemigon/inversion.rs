@@ -1,19 +1,21 @@
 //! Hemigon-R: a continuous map from the unit square to a hemisphere under which equal areas hold equal light.
 //!
-//! The square becomes a disk (Shirley and Chiu's concentric map), the disk the hemisphere: the area inside a circle picks theta from
-//! the marginal distribution of the rings, the angle picks phi from the ring's conditional one. With q the area coordinate, s the
-//! turn, `A(k)` the light of ring k per unit of z and `S(k, x)` the part of it before column x:
+//! The concentric map of Shirley and Chiu converts the square to a disk. A point of the disk has an area coordinate q (the area of the
+//! circle through it, relative to the disk) and a turn s (its angle, relative to 2 pi). q selects theta from the marginal distribution of
+//! the rings, s selects phi from the conditional distribution within the ring. With `A(k)` the light of ring k per unit of z and `S(k, x)`
+//! the fraction of it before column x:
 //!
 //! ```text
 //! theta:  M(theta) = q        M = light between the zenith and theta + floor
 //! phi:    C(phi)   = s        C = (1 - t) A(a) S(a, phi) + t A(a + 1) S(a + 1, phi) + floor, over its value at a whole turn
 //! ```
 //!
-//! where a + t is theta in rings, counted from their centres. Blended conditionals have no jumps between rings; both ends of the turn
-//! are the same meridian on every ring, and rings shrink to a point at the zenith: no seam. The floor is a uniform sky of [`FLOOR`] of
-//! the light; with it both directions are continuous wherever the map is lit.
+//! where a + t is theta in units of rings, counted from their centres. The conditional distributions of neighbouring rings are
+//! interpolated, so phi is continuous across rings. Both ends of a turn are the same meridian on every ring, and the rings shrink to a
+//! point at the zenith, so the map has no seam. The floor is a uniform sky with the fraction [`FLOOR`] of the light; it makes both
+//! distributions strictly increasing.
 //!
-//! The published map is known from its abstract alone (\[Havran2003\]): this one has the properties claimed there and is a reconstruction.
+//! Only the abstract of \[Havran2003\] was available: this map has the properties that the abstract states and is a reconstruction.
 
 use crate::buffer::{self, Buffer, TooSmall};
 use crate::color::{luminance, sound};
@@ -22,23 +24,24 @@ use crate::polar::{Grid, LatLongView};
 use core::f64::consts::TAU;
 use glam::DVec3;
 
-/// Part of the light that is spread evenly before the inversion.
+/// Fraction of the light that is distributed uniformly before the inversion.
 ///
-/// Less stretches the map over dark parts by up to 1 / `FLOOR`, more puts lights where there is no light: 0.5 % is one of 200.
+/// A lower value stretches the map over dark regions by up to 1 / `FLOOR`; a higher value places lights in dark regions: at 0.5 %, one
+/// light of 200.
 pub const FLOOR: f64 = 0.005;
 
 /// One ring of a hemisphere.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Ring {
-    /// |z| of its lower edge.
+    /// |z| of the lower edge of the ring.
     z: f64,
     /// Light per unit of z.
     radiance: f64,
-    /// Light between the zenith (or nadir) and the lower edge.
+    /// Light between the pole of the hemisphere and the lower edge.
     end: f64,
 }
 
-/// Rings that [`Inversion::try_new`] needs: a sphere's equator may cut one in two.
+/// Number of rings that [`Inversion::try_new`] needs. On a sphere with an odd number of rows the equator divides one row into two rings.
 #[must_use]
 pub const fn rings_len(grid: &Grid) -> usize {
     match grid.domain {
@@ -47,22 +50,22 @@ pub const fn rings_len(grid: &Grid) -> usize {
     }
 }
 
-/// Image of a point of the square.
+/// The image of a point of the unit square.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
     /// Unit vector.
     pub direction: DVec3,
-    /// The texel whose light it is drawn from.
+    /// Index of the texel whose light the point represents.
     pub texel: usize,
-    /// Density over solid angle, per steradian, within its hemisphere.
+    /// Probability density over solid angle, per steradian, within the hemisphere.
     pub pdf_sa: f64,
 }
 
-/// The distribution of one map. `C` holds one `f32` per texel, `R` [`rings_len`] rings.
+/// The cumulative distributions of one map. `C` holds one `f32` per texel, `R` [`rings_len`] rings.
 #[derive(Clone, Debug)]
 pub struct Inversion<C, R> {
     grid: Grid,
-    /// Each ring's light up to the end of a column, over the ring's; columns counted against the clock from phi = 0.
+    /// Cumulative fraction of the light of each ring up to the end of a column, counted counter-clockwise from phi = 0.
     conditional: C,
     rings: R,
 }
@@ -84,7 +87,7 @@ struct RingPair {
     part: f64,
 }
 
-/// Two neighbouring rings' conditional distributions, blended; the floor's light included.
+/// The interpolated conditional distribution of two neighbouring rings, including the floor.
 struct Blend<'a> {
     rows: [&'a [f32]; 2],
     weights: [f64; 2],
@@ -114,7 +117,7 @@ impl Blend<'_> {
 }
 
 impl<C: Buffer<f32>, R: Buffer<Ring>> Inversion<C, R> {
-    /// Takes the memory for maps with at most the texels of `grid`.
+    /// Creates the distributions for maps of at most the size of `grid`.
     ///
     /// # Errors
     /// [`TooSmall`].
@@ -124,7 +127,8 @@ impl<C: Buffer<f32>, R: Buffer<Ring>> Inversion<C, R> {
         Ok(Self { grid: LatLongView::NONE.grid, conditional, rings })
     }
 
-    /// Takes a map; returns the luminance of its upper and of its lower hemisphere, 0 for a map that does not fit.
+    /// Computes the distributions of `map`. Returns the luminance of its upper and of its lower hemisphere, 0 for a map that does not fit
+    /// the buffers.
     pub fn build(&mut self, map: &LatLongView<'_>) -> [f64; 2] {
         let grid = map.grid;
         let whole = !grid.is_empty() && map.texels.len() == grid.len();
@@ -140,7 +144,7 @@ impl<C: Buffer<f32>, R: Buffer<Ring>> Inversion<C, R> {
         [upper, lower]
     }
 
-    /// Rings of one hemisphere.
+    /// Number of rings of one hemisphere.
     fn count(&self) -> usize {
         match self.grid.domain {
             Domain::Hemisphere => self.grid.height,
@@ -159,7 +163,7 @@ impl<C: Buffer<f32>, R: Buffer<Ring>> Inversion<C, R> {
         if lower { self.grid.height - 1 - k } else { k }
     }
 
-    /// Fills the rings of one hemisphere, from its pole on, and their conditional distributions; returns its luminance.
+    /// Fills the rings of one hemisphere from its pole, and their conditional distributions; returns the luminance of the hemisphere.
     fn stack(&mut self, map: &LatLongView<'_>, lower: bool) -> f64 {
         let (count, width) = (self.count(), self.grid.width);
         let first = if lower { count } else { 0 };
@@ -178,9 +182,9 @@ impl<C: Buffer<f32>, R: Buffer<Ring>> Inversion<C, R> {
         total
     }
 
-    /// Where the point (`u`, `v`) of the unit square lands in a hemisphere; `None` where that holds no light.
+    /// Maps the point `square` of the unit square to the upper or `lower` hemisphere; `None` if that hemisphere has no light.
     ///
-    /// A point that the floor would put where there is no light is placed by the distribution without it.
+    /// A point that the floor would map to a dark texel is mapped by the distribution without the floor.
     #[must_use]
     pub fn place(&self, map: &LatLongView<'_>, lower: bool, square: [f64; 2]) -> Option<Place> {
         let [q, s] = disk(square);
@@ -191,7 +195,7 @@ impl<C: Buffer<f32>, R: Buffer<Ring>> Inversion<C, R> {
     fn invert(&self, map: &LatLongView<'_>, lower: bool, [q, s]: [f64; 2], part: f64) -> Option<Place> {
         let rings = self.rings(lower);
         let total = rings.last()?.end;
-        // Light and floor per unit of z; together they add up to the total.
+        // Light and floor per unit of z; their integrals add up to the total.
         let (lit, floor) = (1.0 - part, part * total);
         let end = |ring: &Ring| lit * ring.end + floor * (1.0 - ring.z);
         let target = q.min(BELOW_ONE) * end(rings.last()?);
@@ -230,22 +234,22 @@ impl<C: Buffer<f32>, R: Buffer<Ring>> Inversion<C, R> {
         &self.conditional.as_ref()[row * self.grid.width..(row + 1) * self.grid.width]
     }
 
-    /// The texel of `own` row in a column or, if that is dark, of the other row of a pair; `None` if both are.
+    /// The texel in `column` of row `own` or, if that is dark, of a row in `pair`; `None` if all are dark.
     fn lit_texel(&self, map: &LatLongView<'_>, own: usize, pair: [usize; 2], column: usize) -> Option<usize> {
         let at = |row: usize| row * self.grid.width + counted(self.grid.width, column);
         [own, pair[0], pair[1]].map(at).into_iter().find(|i| light_of(map.texels[*i]) > 0.0)
     }
 
-    /// Phi where columns are counted from: 0, or half a column off it where their number is odd.
+    /// Azimuth, radians, at which the count of columns starts: 0, or half a column off 0 if the number of columns is odd.
     fn first_phi(&self) -> f64 {
         self.grid.phi(self.grid.width / 2)
     }
 }
 
-/// Largest number below 1, so that a coordinate never points beyond the last bin.
+/// Largest number below 1: keeps a coordinate of 1 inside the last bin.
 const BELOW_ONE: f64 = 1.0 - f64::EPSILON;
 
-/// Writes each column's share of the light up to its end, against the clock from phi = 0; returns the light.
+/// Writes the cumulative fraction of the light up to the end of each column, counter-clockwise from phi = 0; returns the light of the row.
 fn accumulate(texels: &[[f32; 3]], row: &mut [f32]) -> f64 {
     let width = texels.len();
     let sum: f64 = texels.iter().map(|t| light_of(*t)).sum();
@@ -257,17 +261,17 @@ fn accumulate(texels: &[[f32; 3]], row: &mut [f32]) -> f64 {
     sum
 }
 
-/// The column that is number `k` counted against the clock from phi = 0.
+/// The column at position `k`, counted counter-clockwise from phi = 0.
 fn counted(width: usize, k: usize) -> usize {
     (width / 2 + width - 1 - k) % width
 }
 
-/// Luminance of a texel, whatever is in it.
+/// Luminance of a texel; 0 for negative or non-finite energy.
 pub(super) fn light_of(rgb: [f32; 3]) -> f64 {
     f64::from(luminance(sound(rgb)))
 }
 
-/// The concentric map of the unit square to the disk: area inside the point's circle over the disk's, and the point's turn, 0..1.
+/// The concentric map from the unit square to the disk; returns area coordinate and turn, both 0..1.
 fn disk([u, v]: [f64; 2]) -> [f64; 2] {
     let (a, b) = (2.0 * u - 1.0, 2.0 * v - 1.0);
     if a == 0.0 && b == 0.0 {

@@ -1,17 +1,30 @@
-//! The filter that the thesis wished for: a Kalman filter of a random walk that smooths noise and follows an abrupt change at once.
+//! The filter of `hemigon`: a Kalman filter of a random walk that smooths noise and follows abrupt changes without delay.
 //!
-//! [`Kalman`] turns a step (measured minus filtered, on a line or in the tangent plane of the sphere) into the part of it to take. With P
-//! the state's variance, R the noise's and Q = drift R the walk's:
+//! For each measurement, [`Kalman`] computes the gain: the fraction of the step (measured minus filtered) that is taken. P is the variance
+//! of the state, R that of the noise and Q = drift R that of the walk per frame:
 //!
 //! ```text
 //! P += Q;  S = P + R;  w = step / sqrt(S)
-//! |w|^2 > gate:          a jump: all of it, P = R (or none, if it is to be confirmed and the last frame neither had one that way nor jumped)
-//! |CUSUM of w| > alarm:  a small step that persists: all of it, P = R
-//! else                   P / S of it, P = P R / S
+//! |w|^2 > gate:          a jump: gain 1, P = R; with `confirm`, gain 0 unless the last frame jumped
+//!                        or made a step beyond the gate in the same direction
+//! |CUSUM of w| > alarm:  a small persistent step: gain 1, P = R
+//! otherwise:             gain P / S, then P = P R / S
 //! ```
 //!
-//! The CUSUM is Crosier's for vectors (1988), which on a line is the two-sided one. [`Gated`] runs one filter per light, estimates R from the
-//! light's own path and lets go of all lights at once when the whole map changes.
+//! The CUSUM is Crosier's multivariate one (1988), which in one dimension is the two-sided CUSUM. [`Gated`] runs one filter per light,
+//! estimates R from the path of the light, and takes the whole step of every light after an abrupt change of the map.
+//!
+//! ```
+//! use glam::Vec3;
+//! use hemilux_core::sampler::hemigon::kalman::{Kalman, Parameters};
+//!
+//! let parameters = Parameters { confirm: false, ..Parameters::LIGHTS };
+//! let mut filter = Kalman::at(1e-4);
+// A step of 0.1 standard deviations is smoothed; one of 10 is taken whole.
+//! let gain = filter.gain(&parameters, Vec3::X * 1e-3, 1e-4);
+//! assert!(gain > 0.3 && gain < 0.7);
+//! assert_eq!(filter.gain(&parameters, Vec3::X * 0.1, 1e-4), 1.0);
+//! ```
 
 use super::follow::{Follow, PathPoint};
 use crate::buffer::{self, Buffer, TooSmall};
@@ -23,49 +36,50 @@ use glam::Vec3;
 pub struct Parameters {
     /// Frames per second.
     pub frame_rate_hz: f32,
-    /// Variance that the state gains per second, over the noise's. More follows drift sooner and smooths less.
+    /// Variance that the state gains per second, relative to that of the noise. A higher value follows drift faster and smooths less.
     pub drift_hz: f32,
-    /// Squared step in standard deviations beyond which it is a jump.
+    /// Squared step in standard deviations above which it is a jump.
     pub gate: f32,
-    /// Whether a jump counts only when the next frame confirms it.
+    /// Whether a jump is taken only after the next frame confirms it.
     pub confirm: bool,
-    /// Sum of clamped steps, less [`SLACK`] each, beyond which a small step persists; infinite for no such test.
+    /// CUSUM of the steps above which a small step counts as persistent; infinite to disable the test. Each step is clamped and reduced by
+    /// [`SLACK`].
     pub alarm: f32,
 }
 
-/// What a step in standard deviations may be without adding to the CUSUM: tuned to persistent steps of twice that.
+/// Step in standard deviations that does not raise the CUSUM: the test is tuned to persistent steps of twice that size.
 pub const SLACK: f32 = 0.5;
 
-/// Most standard deviations that one frame adds to the CUSUM: an outlier alone raises no alarm.
+/// Limit of the standard deviations that one frame adds to the CUSUM: a single outlier raises no alarm.
 const CLAMP: f32 = 3.0;
 
 impl Parameters {
-    /// For lights on the sphere at ten frames a second. Jumps are confirmed, since noise makes lights at the rim of a lamp hop; what changes
-    /// the map as a whole needs no confirmation. The gate is 99.9 % of chi-squared with two degrees of freedom.
+    /// Parameters for lights at ten frames per second. Jumps are confirmed, since noise moves lights between the edges of a lamp; an
+    /// abrupt change of the whole map needs no confirmation. The gate is the 99.9 % quantile of chi-squared with two degrees of freedom.
     pub const LIGHTS: Self =
         Self { frame_rate_hz: 10.0, drift_hz: 0.5, gate: 13.8, confirm: true, alarm: 5.0 };
 }
 
-/// State of one filter.
+/// State of one Kalman filter.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Kalman {
-    /// P.
+    /// P, the variance of the state.
     variance: f32,
     cusum: Vec3,
-    /// The last frame's jump if it was not taken, in standard deviations.
+    /// The jump of the last frame in standard deviations, if it was not taken.
     suspected: Vec3,
-    /// Whether the last frame's step was taken whole.
+    /// Whether the whole step of the last frame was taken.
     jumped: bool,
 }
 
 impl Kalman {
-    /// A filter that has just taken a measurement of variance `noise`.
+    /// The state after a first measurement of variance `noise`.
     #[must_use]
     pub fn at(noise: f32) -> Self {
         Self { variance: noise, ..Self::default() }
     }
 
-    /// The part of `step` to take, 0..=1, under noise of variance `noise` per axis.
+    /// Computes the gain, 0..=1, for `step` under noise of variance `noise` per axis, and updates the state.
     pub fn gain(&mut self, parameters: &Parameters, step: Vec3, noise: f32) -> f32 {
         let variance = self.variance + parameters.drift_hz / parameters.frame_rate_hz * noise;
         let w = step / libm::sqrtf(variance + noise);
@@ -74,7 +88,7 @@ impl Kalman {
         }
         let is_drift = self.accumulate(w) > parameters.alarm;
         let exceeds = w.length_squared() > parameters.gate;
-        // What moved in the last frame may go on any way.
+        // After a jump, a further step in any direction needs no confirmation.
         let is_confirmed = !parameters.confirm || self.jumped || self.suspected.dot(w) > 0.0;
         if (exceeds && is_confirmed) || is_drift {
             return self.jump(noise);
@@ -85,7 +99,7 @@ impl Kalman {
         gain
     }
 
-    /// Takes a step whole.
+    /// Takes the whole step.
     fn jump(&mut self, noise: f32) -> f32 {
         *self = Self { jumped: true, ..Self::at(noise) };
         1.0
@@ -100,33 +114,35 @@ impl Kalman {
     }
 }
 
-/// What [`Gated`] knows of a light.
+/// The filter state of one light of [`Gated`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PathFilter {
     kalman: Kalman,
-    /// As given out last.
+    /// Filtered direction of the last frame.
     direction: Vec3,
     colour: [f32; 3],
-    /// As measured in the last two frames.
+    /// Measured directions of the last two frames.
     measured: [Vec3; 2],
-    /// Variance of the noise per axis, radians squared, from second differences: what accelerates counts as noise.
+    /// Variance of the noise per axis, radians squared, estimated from second differences; acceleration counts as noise.
     uneven: f32,
-    /// Running mean of the product of successive steps over the longer one's square: 1 for even motion, [`NOISE_HEADING`] for noise.
+    /// Running mean of the scalar product of successive steps, divided by the square of the longer one: 1 for uniform motion,
+    /// [`NOISE_HEADING`] for noise.
     heading: f32,
-    /// Frames that the noise was measured in, at most [`SETTLED`].
+    /// Number of frames in the noise estimate, at most [`SETTLED`].
     measurements: u8,
 }
 
-/// Least noise: lights are not smoothed below 0.006 degrees, which is below visibility.
+/// Least standard deviation squared of the noise: 0.006 degrees, below visibility.
 const LEAST_NOISE: f32 = 1e-8;
 
 /// Frames over which the noise is averaged.
 const SETTLED: u8 = 10;
 
-/// The mean product of successive steps of normal noise in the plane, over the longer one's square: each step undoes part of the last.
+/// Mean of the scalar product of successive steps, divided by the square of the longer one, for normal noise in the plane: each step
+/// partly undoes the last.
 const NOISE_HEADING: f32 = -0.27;
 
-/// A measurement counts at most this many times the mean: jumps are no noise.
+/// Limit of a squared second difference, relative to the estimate, so that jumps do not count as noise.
 const MOST_NOISE: f32 = 9.0;
 
 impl PathFilter {
@@ -142,7 +158,8 @@ impl PathFilter {
         }
     }
 
-    /// Learns the noise from the second difference of the path, in which steady motion cancels: its variance is six times the noise's.
+    /// Updates the noise estimate from the second difference of the path, in which uniform motion cancels; its variance is six times that
+    /// of the noise.
     fn learn(&mut self, direction: Vec3) {
         let [last, before] = self.measured;
         let (step, step_before) = (direction - last, last - before);
@@ -158,7 +175,7 @@ impl PathFilter {
         self.measured = [direction, last];
     }
 
-    /// Variance of the noise per axis, radians squared: none of what goes on the way it went.
+    /// Variance of the noise per axis, radians squared; steps that continue the last one do not count as noise.
     fn noise(&self) -> f32 {
         (self.uneven * (self.heading / NOISE_HEADING).clamp(0.0, 1.0)).max(LEAST_NOISE)
     }
@@ -179,7 +196,7 @@ impl PathFilter {
     }
 }
 
-/// The vector in the tangent plane at `from` that leads to `to`, its length the angle; both are unit vectors.
+/// The tangent vector at the unit vector `from` towards the unit vector `to`; its length is the angle between them.
 fn tangent(from: Vec3, to: Vec3) -> Vec3 {
     let cos = from.dot(to);
     let across = to - from * cos;
@@ -187,7 +204,7 @@ fn tangent(from: Vec3, to: Vec3) -> Vec3 {
     if sin > 0.0 { across * (libm::atan2f(sin, cos) / sin) } else { to - from }
 }
 
-/// A gated Kalman filter for each light. `T` holds one [`PathFilter`] for each of two slots per light.
+/// The filter of `hemigon`: a gated Kalman filter per light. `T` holds one [`PathFilter`] for each of two slots per light.
 #[derive(Clone, Debug)]
 pub struct Gated<T> {
     parameters: Parameters,
@@ -196,7 +213,7 @@ pub struct Gated<T> {
 }
 
 impl<T: Buffer<PathFilter>> Gated<T> {
-    /// Takes the memory for `lights` lights.
+    /// Creates the filter for a sampler with `lights` lights; `tracks` needs two elements per light.
     ///
     /// # Errors
     /// [`TooSmall`].
@@ -238,7 +255,7 @@ mod tests {
     use core::f64::consts::TAU;
     use glam::DVec2;
 
-    /// A normal point of the plane, by Box and Muller from mixed bits.
+    /// A normally distributed point of the plane, by the method of Box and Muller from hashed bits.
     fn point(i: u32) -> DVec2 {
         let mixed = |k: u32| {
             let x = (i.wrapping_mul(4).wrapping_add(k)).wrapping_mul(0x9e37_79b9);

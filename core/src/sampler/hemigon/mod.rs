@@ -1,14 +1,16 @@
-//! `hemigon` and `hemigon-fir`: equally luminous lights through a continuous map from the unit square, followed over time.
+//! `hemigon` and `hemigon-fir`: lights of equal luminance at the images of fixed points of the unit square, filtered over time.
 //!
-//! Light i is where [`inversion`] puts point i of a fixed [`sequence`]: more lights leave those that are there where they are. A sphere
-//! is two hemispheres, each with a sequence of its own, that share the lights by luminance; a light's id says which hemisphere and
-//! which point, so that ids survive when the share moves. Lights of one hemisphere are in the order of their ids.
+//! Light i is the image of point i of a fixed [`sequence`] under the [`inversion`] of the map's distribution, so a higher number of lights
+//! leaves the existing lights in place. A sphere consists of two hemispheres with a sequence each; the lights are divided between them by
+//! luminance. The id of a light encodes its hemisphere and its point, so ids stay the same when the division changes. Lights of a
+//! hemisphere are in the order of their ids.
 //!
-//! Over time a lamp that moves anywhere moves all lights a little. `hemigon-fir` smooths that with the published filters ([`fir`]),
-//! over the energy too, so that its lights do not give out the map's energy of this frame; `hemigon` has a filter that keeps up with
-//! abrupt changes ([`kalman`]), and its lights give out the map's energy in every frame and channel.
+//! Any motion in the map moves all lights slightly. `hemigon-fir` smooths the directions and the total energy with the published filters
+//! ([`fir`]): the sum of its lights lags behind the map. `hemigon` smooths the directions alone, with a filter that follows abrupt changes
+//! without delay ([`kalman`]): the sum of its lights is that of the map in every frame and channel.
 //!
-//! \[Havran2005\] is the system, \[Havran2003\] the map, \[Nikodym2012\] the filters; what they leave open is a reconstruction.
+//! The system is that of \[Havran2005\], the map that of \[Havran2003\], the filters those of \[Nikodym2012\]; details that these
+//! publications leave open are a reconstruction.
 
 mod colour;
 mod event;
@@ -29,23 +31,24 @@ use event::Detector;
 use follow::{Follow, PathPoint};
 use inversion::{Inversion, Ring, rings_len};
 
-/// Most lights; a request for more gives this number.
+/// Largest number of lights.
 pub const MAX_LIGHTS: usize = 8192;
 
-/// Lights by which the share of a hemisphere may be off before it moves: half a light is rounding, the rest keeps noise from moving it.
+/// Error of a hemisphere's number of lights, in lights, that is tolerated before lights are moved: 0.5 is rounding, the rest keeps noise
+/// from moving lights.
 const HYSTERESIS: f64 = 0.6;
 
-/// Lengths of the buffers of [`Hemigon`] and its [`Inversion`]; the filter's are its own ([`fir::paths_len`], two
+/// Number of elements of each buffer of [`Hemigon`] and its [`Inversion`]. The filter has further buffers ([`fir::paths_len`]; two
 /// [`kalman::PathFilter`]s per light).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub struct Sizes {
-    /// Conditional distributions: one number per texel.
+    /// Elements of the conditional distributions: one per texel.
     pub texels: usize,
-    /// Rings of the map.
+    /// Rings of the inversion.
     pub rings: usize,
-    /// Lives: two numbers per light.
+    /// Ages: two per light.
     pub lives: usize,
     /// Lights, at most [`MAX_LIGHTS`].
     pub lights: usize,
@@ -59,7 +62,7 @@ impl Sizes {
         Self { texels: grid.len(), rings: rings_len(grid), lives: 2 * lights, lights }
     }
 
-    /// Names and bytes of all buffers.
+    /// Name and size of each buffer.
     #[must_use]
     pub const fn buffers(&self) -> [BufferSize; 4] {
         [
@@ -71,7 +74,8 @@ impl Sizes {
     }
 }
 
-/// The sampler. `C` and `R` are the memory of [`Inversion`], `F` the filter; `A` holds two numbers per light, `L` one [`Light`].
+/// The sampler `hemigon` or `hemigon-fir`. `C` and `R` are the buffers of [`Inversion`], `F` is the filter, `A` holds two ages per light,
+/// `L` one [`Light`] per light.
 ///
 /// # Examples
 /// ```
@@ -104,10 +108,10 @@ pub struct Hemigon<C, R, F, A, L> {
     inversion: Inversion<C, R>,
     filter: F,
     detector: Detector,
-    /// Frames that the light of each slot has lived, 0 for none: the upper hemisphere's slots, then the lower's.
+    /// Number of frames since the light of each slot appeared, 0 for an unused slot; first the upper hemisphere's slots, then the lower's.
     lives: A,
     lights: L,
-    /// Lights of the last frame by hemisphere.
+    /// Number of lights of each hemisphere in the last frame.
     shares: [usize; 2],
 }
 
@@ -119,10 +123,11 @@ where
     A: Buffer<u32>,
     L: Buffer<Light>,
 {
-    /// Takes the memory for as many lights as `lights` holds, at most [`MAX_LIGHTS`].
+    /// Creates the sampler for as many lights as `lights` has elements, at most [`MAX_LIGHTS`]. `lives` and the filter need two slots per
+    /// light.
     ///
     /// # Errors
-    /// [`TooSmall`]: the filter and `lives` need two slots per light.
+    /// [`TooSmall`].
     pub fn try_new(inversion: Inversion<C, R>, filter: F, lives: A, lights: L) -> Result<Self, TooSmall> {
         let needed = 2 * lights.as_ref().len().min(MAX_LIGHTS);
         buffer::check(&lives, needed)?;
@@ -134,13 +139,13 @@ where
         Ok(new)
     }
 
-    /// Most lights it can give.
+    /// Largest number of lights.
     #[must_use]
     pub fn capacity(&self) -> usize {
         self.lights.as_ref().len().min(MAX_LIGHTS)
     }
 
-    /// Writes the lights that point 0, 1, ... of a hemisphere make into `self.lights` from `first` on; returns how many.
+    /// Writes the lights of one hemisphere to `self.lights` from index `first`; returns their number.
     fn sample(&mut self, map: &LatLongView<'_>, lower: bool, first: usize) -> usize {
         let (capacity, points) = (self.capacity(), self.shares[usize::from(lower)]);
         let mut count = first;
@@ -161,7 +166,7 @@ where
                 colour: colour_of(map.texels[place.texel]),
             };
             let is = self.filter.follow(slot, *life == 0, seen);
-            // The light's share of the sphere, 1 / (n pdf), as a cap.
+            // Solid angle that the light represents, 1 / (n pdf), as a cap.
             let cap = 1.0 / (points as f64 * place.pdf_sa);
             self.lights.as_mut()[count] = Light {
                 id: id(lower, i),
@@ -178,24 +183,24 @@ where
     }
 }
 
-/// A light's number: that of its point, the lower hemisphere's after the upper's.
+/// The id of the light of `point`: ids of the lower hemisphere follow those of the upper.
 fn id(lower: bool, point: usize) -> u32 {
     (point + 1 + if lower { MAX_LIGHTS } else { 0 }) as u32
 }
 
-/// Colour of a texel, of luminance 1.
+/// Colour of a texel, scaled to luminance 1.
 fn colour_of(texel: [f32; 3]) -> [f32; 3] {
     let rgb = sound(texel);
     let y = luminance(rgb);
     rgb.map(|v| v / y)
 }
 
-/// How many of `lights` each hemisphere gets: by luminance, those of the last frame if they are right within [`HYSTERESIS`].
+/// Divides `lights` between the hemispheres by luminance; keeps the division of the last frame if it is right within [`HYSTERESIS`].
 fn divide(lights: usize, energy: [f64; 2], last: [usize; 2]) -> [usize; 2] {
     let total = energy[0] + energy[1];
     let exact = lights as f64 * energy[0] / total;
     let nearest = (libm::floor(exact + 0.5) as usize).min(lights);
-    // Between what the upper hemisphere had and what it has if it takes all that is new or gives all that is gone.
+    // The upper hemisphere keeps a number between its last one and the one that leaves the lower hemisphere's unchanged.
     let (had, other) = (last[0].min(lights), lights.saturating_sub(last[1]));
     let kept = nearest.clamp(had.min(other), had.max(other));
     let is_near = (kept as f64 - exact).abs() <= HYSTERESIS;
@@ -204,7 +209,7 @@ fn divide(lights: usize, energy: [f64; 2], last: [usize; 2]) -> [usize; 2] {
     [upper, lights - upper]
 }
 
-/// Energy of a map, RGB.
+/// RGB energy of a map.
 fn total_of(map: &LatLongView<'_>) -> [f64; 3] {
     let mut total = [0.0; 3];
     for texel in map.texels {
