@@ -1,11 +1,11 @@
-//! What is known of a camera: the description from which the front end is made.
+//! The description of a camera from which a front end is created.
 
 use crate::buffer::Buffer;
 use crate::format::{Format, Layout, LayoutError};
 use crate::lens::Lens;
 use crate::response::{Curve, Levels, Response, ResponseError};
 
-/// Lens, sensor and packing of one camera in one mode.
+/// Lens, frame layout, response and scale of one camera in one mode.
 ///
 /// ```
 /// use hemilux_core::{Calibration, Format, Lens, Levels};
@@ -19,32 +19,32 @@ use crate::response::{Curve, Levels, Response, ResponseError};
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Calibration {
-    /// The lens, in pixels of the full image, whatever the format.
+    /// The lens, in pixels of the frame, for mosaic formats as well.
     pub lens: Lens,
-    /// Size and packing of a frame.
+    /// Format, size and row pitch of a frame.
     pub layout: Layout,
-    /// Codes to relative exposure; linear unless changed.
+    /// Conversion of codes to relative exposure; [`Response::Linear`] by default.
     pub response: Response,
-    /// Black and white level; 0 and the format's largest code unless changed.
+    /// Codes of black and white; 0 and the largest code of the format by default.
     pub levels: Levels,
-    /// Radiance of relative exposure 1 at one second and gain 1; 1 unless changed.
+    /// Radiance of relative exposure 1 at one second and gain 1; 1 by default.
     pub scale: f64,
-    /// Factors of red, green and blue; 1 unless changed.
+    /// Factors of red, green and blue radiance; 1 by default.
     pub white_balance: [f32; 3],
 }
 
 impl Calibration {
-    /// A linear camera of scale 1 whose frames lie as `layout` says.
+    /// A camera with linear response and scale 1, whose frames have the given `layout`.
     #[must_use]
     pub fn new(lens: Lens, layout: Layout) -> Self {
         let levels = Levels { black: 0.0, white: f64::from(layout.format().max_code()) };
         Self { lens, layout, response: Response::Linear, levels, scale: 1.0, white_balance: [1.0; 3] }
     }
 
-    /// A linear camera of scale 1 whose rows have no padding.
+    /// A camera with linear response and scale 1, whose frames have `width` x `height` pixels and rows without padding.
     ///
     /// # Errors
-    /// [`LayoutError`]: a size that the format cannot have.
+    /// [`LayoutError`] for a size that the format cannot have.
     pub fn try_new(lens: Lens, format: Format, width: u32, height: u32) -> Result<Self, LayoutError> {
         Layout::tight(format, width, height).map(|layout| Self::new(lens, layout))
     }
@@ -54,7 +54,7 @@ impl Calibration {
         if self.layout.format().pattern().is_some() { self.lens.halved() } else { self.lens }
     }
 
-    /// The response curve in the form that suits the format, without its table.
+    /// The response curve, without its table, marked for the loop that suits the format.
     ///
     /// # Errors
     /// [`ResponseError::BadLevels`].
@@ -63,7 +63,7 @@ impl Calibration {
         Ok(self.in_form(curve))
     }
 
-    /// The response curve in the form that suits the format.
+    /// The response curve, marked for the loop that suits the format.
     ///
     /// # Errors
     /// [`ResponseError`].
@@ -72,7 +72,7 @@ impl Calibration {
         Ok(self.in_form(curve))
     }
 
-    /// Codes that are computed from luma and chroma come plane by plane, which tables read and the linear loop does not.
+    /// Marks a curve for table lookup if the format has chroma: its codes are converted to planes, which the linear loop does not read.
     fn in_form<B>(&self, curve: Curve<B>) -> Curve<B> {
         let has_chroma = matches!(self.layout.format(), Format::Yuyv(_) | Format::Nv12(_));
         if has_chroma { curve.looked_up() } else { curve }

@@ -1,15 +1,15 @@
 //! Linear RGB with the primaries of Rec. 709, and luminance.
 
-/// Weights of luminance in linear Rec. 709 RGB.
+/// Weights of linear Rec. 709 red, green and blue in luminance.
 pub const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
-/// Y = 0.2126 R + 0.7152 G + 0.0722 B.
+/// Luminance: Y = 0.2126 R + 0.7152 G + 0.0722 B.
 #[must_use]
 pub fn luminance(rgb: [f32; 3]) -> f32 {
     LUMINANCE[0] * rgb[0] + LUMINANCE[1] * rgb[1] + LUMINANCE[2] * rgb[2]
 }
 
-/// `rgb` times a number.
+/// `rgb` times `factor`.
 #[must_use]
 pub fn scaled(rgb: [f32; 3], factor: f32) -> [f32; 3] {
     rgb.map(|v| v * factor)
@@ -22,10 +22,10 @@ pub fn add(sum: &mut [f32; 3], rgb: [f32; 3]) {
     }
 }
 
-/// Most energy of a texel in any unit: so large that no light reaches it, so small that sums over 2^28 texels stay finite.
+/// Largest energy of a texel, in any unit: above any real light, and low enough that sums over 2^28 texels are finite.
 pub const MAX_ENERGY: f32 = 1e29;
 
-/// `rgb` as light: a channel that is negative or no number holds none, and none exceeds [`MAX_ENERGY`].
+/// `rgb` with negative channels and NaN replaced by 0 and other channels limited to [`MAX_ENERGY`].
 #[must_use]
 pub fn sound(rgb: [f32; 3]) -> [f32; 3] {
     rgb.map(|v| if v > 0.0 { v.min(MAX_ENERGY) } else { 0.0 })

@@ -1,4 +1,4 @@
-//! How the samples of a frame lie in memory, by the names that V4L2 gives them.
+//! Pixel formats and memory layouts of frames, with their V4L2 names.
 //!
 //! ```
 //! use hemilux_core::format::{Format, Layout, Yuv};
@@ -12,7 +12,7 @@
 
 use crate::response::Depth;
 
-/// Where red lies in the 2 x 2 cells of a Bayer mosaic: the colours of the first two pixels of the first two rows.
+/// The order of colours in the 2 x 2 cells of a Bayer mosaic: the first two pixels of the first two rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pattern {
     /// Red, green; green, blue.
@@ -38,57 +38,59 @@ impl Pattern {
     }
 }
 
-/// Coefficients that make red, green and blue of luma and chroma.
+/// The coefficients that convert luma and chroma to red, green and blue.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Matrix {
-    /// ITU-R BT.601: what webcams and JPEG use.
+    /// ITU-R BT.601, used by webcams and JPEG.
     #[default]
     Bt601,
     /// ITU-R BT.709.
     Bt709,
 }
 
-/// Codes of luma and chroma.
+/// The encoding of luma and chroma.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Yuv {
-    /// Black at 16 and white at 235 (chroma 16 to 240); else all of 0 to 255.
+    /// Whether luma is 16 (black) to 235 (white) and chroma 16 to 240; otherwise both are 0 to 255.
     pub limited: bool,
-    /// The coefficients.
+    /// The coefficients of red, green and blue in luma.
     pub matrix: Matrix,
 }
 
-/// How samples are packed.
+/// The packing of samples in memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Format {
-    /// Red, green, blue bytes.
+    /// Three bytes per pixel: red, green, blue.
     Rgb24,
-    /// Blue, green, red bytes.
+    /// Three bytes per pixel: blue, green, red.
     Bgr24,
-    /// Red, green, blue of 16 bits in the machine's byte order: images, no camera's format.
+    /// Three 16-bit words per pixel in the machine's byte order: red, green, blue. For image files; not a camera format.
     Rgb48,
-    /// One byte a pixel.
+    /// One byte per pixel.
     Grey,
-    /// Y0 Cb Y1 Cr: chroma for each pair of pixels.
+    /// Four bytes per two pixels: Y0 Cb Y1 Cr.
     Yuyv(Yuv),
-    /// A plane of luma, then a plane of Cb Cr pairs for each 2 x 2 pixels.
+    /// A plane of luma bytes, followed by a plane of Cb Cr pairs, one pair per 2 x 2 pixels.
     Nv12(Yuv),
-    /// A mosaic of bytes.
+    /// A Bayer mosaic of bytes.
     Bayer8(Pattern),
-    /// A mosaic of 10 bits: four pixels' upper eight bits, then a byte with their lower two, the first pixel's lowest.
+    /// A Bayer mosaic of 10 bits, five bytes per four pixels: the upper eight bits of each pixel, then a byte with their lower two bits,
+    /// the first pixel's lowest.
     Raw10(Pattern),
-    /// A mosaic of 12 bits: two pixels' upper eight bits, then a byte with their lower four, the first pixel's lowest.
+    /// A Bayer mosaic of 12 bits, three bytes per two pixels: the upper eight bits of each pixel, then a byte with their lower four bits,
+    /// the first pixel's lowest.
     Raw12(Pattern),
-    /// A mosaic of little-endian 16-bit words, of which this many low bits are used (10 to 16).
+    /// A Bayer mosaic of little-endian 16-bit words; the number states how many low bits are used, 10 to 16.
     Bayer16(Pattern, u8),
 }
 
-/// Placeholder of [`FOURCCS`], which is replaced by the caller's.
+/// Placeholder in [`FOURCCS`], replaced by the caller's value.
 const DEFAULT_YUV: Yuv = Yuv { limited: false, matrix: Matrix::Bt601 };
 
-/// V4L2's four characters of each format: linear sensor codes first, packed before 16-bit words and more bits before fewer; then pictures
-/// processed by the camera, the ones with more of their colour first; grey at the end.
+/// The V4L2 code of each format, best for light measurement first: linear mosaics (packed before 16-bit words, more bits before fewer),
+/// then processed images (more colour resolution first), then grey.
 const FOURCCS: [([u8; 4], Format); 33] = [
     (*b"pBCC", Format::Raw12(Pattern::Bggr)),
     (*b"pGCC", Format::Raw12(Pattern::Gbrg)),
@@ -126,7 +128,7 @@ const FOURCCS: [([u8; 4], Format); 33] = [
 ];
 
 impl Format {
-    /// V4L2's four characters of each format that is read, the best for light measurement first.
+    /// V4L2 four-character codes of all supported formats, best for light measurement first.
     ///
     /// ```
     /// use hemilux_core::format::Format;
@@ -137,7 +139,7 @@ impl Format {
         FOURCCS.iter().map(|(name, _)| *name)
     }
 
-    /// The format that V4L2 calls `fourcc`; `yuv` is for those that carry luma and chroma.
+    /// The format with the V4L2 code `fourcc`; `yuv` applies to formats of luma and chroma. `None` for an unsupported code.
     #[must_use]
     pub fn from_fourcc(fourcc: [u8; 4], yuv: Yuv) -> Option<Self> {
         let (_, format) = FOURCCS.iter().find(|(name, _)| *name == fourcc)?;
@@ -148,7 +150,7 @@ impl Format {
         })
     }
 
-    /// The mosaic's pattern.
+    /// The pattern of a Bayer format; `None` for other formats.
     #[must_use]
     pub const fn pattern(self) -> Option<Pattern> {
         match self {
@@ -157,7 +159,7 @@ impl Format {
         }
     }
 
-    /// Largest code of a sample.
+    /// Largest code of a sample: 255, 1023, 4095 or 65535; less for a [`Format::Bayer16`] of fewer bits.
     #[must_use]
     pub const fn max_code(self) -> u32 {
         match self {
@@ -169,13 +171,13 @@ impl Format {
         }
     }
 
-    /// Depth of a sample once it is unpacked.
+    /// Depth of a sample after unpacking.
     #[must_use]
     pub const fn depth(self) -> Depth {
         if self.max_code() > 255 { Depth::U16 } else { Depth::U8 }
     }
 
-    /// Bytes of `width` pixels without padding.
+    /// Bytes per row of `width` pixels without padding.
     #[must_use]
     pub const fn line_bytes(self, width: u32) -> usize {
         let width = width as usize;
@@ -200,7 +202,7 @@ pub struct ImageSize {
     pub height: u32,
 }
 
-/// A frame's size and how its rows lie.
+/// Format, size and row pitch of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Layout {
     format: Format,
@@ -209,20 +211,20 @@ pub struct Layout {
     bytes_per_line: usize,
 }
 
-/// Why a layout was refused.
+/// The reason why a layout is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum LayoutError {
     /// No pixels, or more than 2^26.
     BadSize,
-    /// Columns or rows that do not make whole cells of the format.
+    /// An odd number of columns or rows for a format that pairs them.
     OddSize,
-    /// Lines shorter than their pixels, or longer than 2^20 bytes.
+    /// A row pitch below the bytes of a row's pixels, or above 2^20 bytes.
     BadLine {
-        /// Bytes of a line.
+        /// Row pitch, bytes.
         found: usize,
-        /// Bytes of its pixels.
+        /// Bytes of a row's pixels.
         expected: usize,
     },
 }
@@ -242,7 +244,7 @@ impl core::fmt::Display for LayoutError {
 impl core::error::Error for LayoutError {}
 
 impl Layout {
-    /// Checks the numbers; `bytes_per_line` is that of the luma plane where there are two.
+    /// Checks the arguments. `bytes_per_line` is the row pitch; for [`Format::Nv12`] it applies to both planes.
     ///
     /// # Errors
     /// [`LayoutError`].
@@ -269,7 +271,7 @@ impl Layout {
         Ok(Self { format, width, height, bytes_per_line })
     }
 
-    /// Rows without padding.
+    /// A layout whose rows have no padding.
     ///
     /// # Errors
     /// [`LayoutError`].
@@ -277,7 +279,7 @@ impl Layout {
         Self::try_new(format, width, height, format.line_bytes(width))
     }
 
-    /// How samples are packed.
+    /// The pixel format.
     #[must_use]
     pub const fn format(&self) -> Format {
         self.format
@@ -295,13 +297,13 @@ impl Layout {
         self.height
     }
 
-    /// Bytes from one row to the next.
+    /// Row pitch: bytes from the start of one row to that of the next.
     #[must_use]
     pub const fn bytes_per_line(&self) -> usize {
         self.bytes_per_line
     }
 
-    /// Least bytes of a frame; the padding of the last row may be missing.
+    /// Smallest number of bytes of a frame; the last row needs no padding.
     #[must_use]
     pub const fn frame_bytes(&self) -> usize {
         let rows = match self.format {
@@ -311,7 +313,8 @@ impl Layout {
         (rows - 1).saturating_mul(self.bytes_per_line).saturating_add(self.format.line_bytes(self.width))
     }
 
-    /// Least samples of a frame as [`Samples`](crate::Samples) counts them: words of [`Format::Rgb48`], bytes of any other format.
+    /// Smallest number of samples of a frame in the units of [`Samples`](crate::Samples): words for [`Format::Rgb48`], bytes for all other
+    /// formats.
     #[must_use]
     pub const fn frame_samples(&self) -> usize {
         match self.format {
@@ -330,12 +333,12 @@ impl Layout {
     }
 }
 
-/// Four samples of 10 bits, two by two in the halves of words.
+/// Unpacks four samples of 10 bits, two at a time in the halves of words.
 #[inline(always)]
 pub(crate) fn raw10(group: &[u8; 5]) -> [u16; 4] {
     let upper = group.first_chunk().map_or(0, |four| u32::from_le_bytes(*four));
     let low = u32::from(group[4]);
-    // Two bits of each in the low bits of a byte.
+    // The low bits of each byte hold two bits of each sample.
     let low = low | low << 6;
     let low = low | low << 12;
     let even = (upper & 0x00ff_00ff) << 2 | low & 0x0003_0003;
@@ -343,7 +346,7 @@ pub(crate) fn raw10(group: &[u8; 5]) -> [u16; 4] {
     [even as u16, odd as u16, (even >> 16) as u16, (odd >> 16) as u16]
 }
 
-/// Two samples of 12 bits.
+/// Unpacks two samples of 12 bits.
 #[inline(always)]
 pub(crate) fn raw12(&[a, b, low]: &[u8; 3]) -> [u16; 2] {
     let low = u16::from(low);

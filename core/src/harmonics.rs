@@ -1,9 +1,19 @@
-//! Real spherical harmonics of degree 0 to 2: orthonormal, without the Condon-Shortley sign, in the order of [`Sh9`].
+//! Real spherical harmonics of degree 0 to 2: orthonormal, without the Condon-Shortley phase, in the order of [`Sh9`].
+//!
+//! ```
+//! use glam::Vec3;
+//! use hemilux_core::harmonics::{basis, radiance};
+// A constant radiance of 2 has one coefficient: 2 sqrt(4 pi).
+//! let mut sh = [[0.0; 3]; 9];
+//! sh[0] = [2.0 * (4.0 * core::f32::consts::PI).sqrt(); 3];
+//! assert!((radiance(&sh, Vec3::X)[0] - 2.0).abs() < 1e-5);
+//! assert!((basis(Vec3::Z)[0] - 0.2821).abs() < 1e-4);
+//! ```
 
 use crate::light::Sh9;
 use glam::Vec3;
 
-/// The nine functions at the unit vector `d`.
+/// Values of the nine basis functions at the unit vector `d`.
 #[must_use]
 pub fn basis(d: Vec3) -> [f32; 9] {
     let Vec3 { x, y, z } = d;
@@ -20,7 +30,7 @@ pub fn basis(d: Vec3) -> [f32; 9] {
     ]
 }
 
-/// Radiance of `sh` towards the unit vector `d`; the series may fall below 0.
+/// Radiance of the series `sh` towards the unit vector `d`; it can be negative.
 #[must_use]
 pub fn radiance(sh: &Sh9, d: Vec3) -> [f32; 3] {
     let mut sum = [0.0; 3];

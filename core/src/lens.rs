@@ -1,7 +1,7 @@
-//! Lens models: pixels to directions and back, and the solid angle of a pixel.
+//! Lens models: conversion between pixels and directions, and the solid angle of a pixel.
 //!
-//! A lens is radially symmetric in normalised image coordinates; a pixel's centre has whole-number coordinates. All of it is
-//! `f64`: it runs once per calibration, never per frame.
+//! Pixel coordinates are (column, row); the centre of a pixel has integer coordinates. A lens is radially symmetric in normalised image
+//! coordinates. All computations are in `f64`; they run once per calibration, not per frame.
 //!
 //! ```
 //! use glam::DVec2;
@@ -24,7 +24,7 @@
 use core::f64::consts::{FRAC_PI_2, PI};
 use glam::{DVec2, DVec3};
 
-/// The radial law r(theta) of a lens, r in units of the focal length.
+/// The radial model r(theta) of a lens: r is the distance from the principal point in units of the focal length.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Model {
@@ -66,26 +66,26 @@ impl Model {
     }
 }
 
-/// Why a lens was refused.
+/// The reason why lens parameters are refused.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum LensError {
-    /// A number is not finite, or a focal length not positive.
+    /// A parameter is not finite, or a focal length is not positive.
     BadNumber,
-    /// The field of view is not in 0..=180 degrees off axis.
+    /// The half-angle of the field of view is not above 0 and at most 180 degrees.
     BadMaxAngle {
-        /// What was asked for, degrees off axis.
+        /// Requested half-angle, degrees.
         degrees: f64,
     },
-    /// The radial law does not grow up to the edge of the field of view.
+    /// r(theta) does not increase up to the edge of the field of view.
     NotMonotone {
-        /// What was asked for, degrees off axis.
+        /// Requested half-angle, degrees.
         degrees: f64,
-        /// Where the law stops growing, degrees off axis.
+        /// Half-angle up to which r(theta) increases, degrees.
         limit_degrees: f64,
     },
-    /// The relative illumination is not positive over the field of view.
+    /// The relative illumination is not positive over the whole field of view.
     BadVignetting,
 }
 
@@ -111,38 +111,38 @@ impl core::fmt::Display for LensError {
 
 impl core::error::Error for LensError {}
 
-/// Intrinsic parameters of a lens before they are checked.
+/// Intrinsic parameters of a lens. [`Lens::try_new`] checks them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Intrinsics {
-    /// The radial law.
+    /// The radial model.
     pub model: Model,
-    /// Principal point, pixels.
+    /// Principal point, pixels: column, row.
     pub centre_px: DVec2,
     /// Focal lengths along columns and rows, pixels.
     pub focal_px: DVec2,
-    /// Columns per unit of normalised row coordinate.
+    /// Skew: columns per unit of the normalised row coordinate.
     pub skew_px: f64,
-    /// Edge of what the lens sees, radians off axis.
+    /// Half-angle of the field of view: angle between the lens axis and the edge, radians.
     pub max_theta: f64,
-    /// Relative illumination as a polynomial in theta (radians), constant first.
+    /// Relative illumination as a polynomial in theta (radians), constant first; `[1.0, 0.0, ..]` without vignetting.
     pub vignetting: [f64; 8],
 }
 
-/// A lens whose radial law grows over its whole field of view.
+/// A checked lens: r(theta) increases and the illumination is positive over the whole field of view.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lens {
     p: Intrinsics,
     max_r: f64,
 }
 
-/// Steps of the check that a law is monotone: a quarter of a degree at most.
+/// Number of angles at which monotonicity is checked: steps of at most a quarter of a degree.
 const MONOTONE_STEPS: u32 = 720;
 
 impl Lens {
     /// Checks the parameters.
     ///
     /// # Errors
-    /// [`LensError`]: numbers out of range, or a field of view beyond where the model is monotone.
+    /// [`LensError`] for parameters out of range, and for a field of view beyond the range in which the model increases.
     pub fn try_new(p: Intrinsics) -> Result<Self, LensError> {
         let finite = p.centre_px.is_finite() && p.focal_px.is_finite() && p.skew_px.is_finite();
         let sound = p.model.coefficients().iter().chain(&p.vignetting).all(|v| v.is_finite());
@@ -174,14 +174,14 @@ impl Lens {
         Ok(())
     }
 
-    /// The parameters it was made from.
+    /// The parameters of the lens.
     #[must_use]
     pub fn intrinsics(&self) -> &Intrinsics {
         &self.p
     }
 
-    /// An equidistant lens, r = f theta, with square pixels and without vignetting: principal point and focal length in pixels, and
-    /// the edge of the field of view in radians off axis.
+    /// An equidistant lens, r = theta, with square pixels and without vignetting. `centre_px` is the principal point (column, row),
+    /// `focal_px` the focal length in pixels, `max_theta` the half-angle of the field of view in radians.
     ///
     /// # Errors
     /// [`LensError`].
@@ -196,7 +196,7 @@ impl Lens {
         })
     }
 
-    /// The lens as an image of half the size sees it, in which each pixel is the mean of 2 x 2.
+    /// The lens in pixels of an image of half the size, in which each pixel is the mean of 2 x 2 pixels.
     #[must_use]
     pub fn halved(&self) -> Self {
         let p = self.p;
@@ -205,16 +205,16 @@ impl Lens {
         Self { p: halved, max_r: self.max_r }
     }
 
-    /// Relative illumination at `theta` (1 = as on the axis of a lens without vignetting).
+    /// Relative illumination at angle `theta` from the axis, radians; 1 without vignetting.
     #[must_use]
     pub fn illumination(&self, theta: f64) -> f64 {
         self.p.vignetting.iter().rev().fold(0.0, |sum, k| sum * theta + k)
     }
 
-    /// The pixel where `direction` (a unit vector) is imaged; `None` outside the field of view.
+    /// The pixel coordinates at which light from the unit vector `direction` is imaged; `None` outside of the field of view.
     ///
     /// # Accuracy
-    /// `project(unproject(p))` returns p within 1e-3 px (`round_trips_stay_within_a_thousandth_of_a_pixel`).
+    /// `project(unproject(p))` is within 1e-3 pixels of p (`round_trips_stay_within_a_thousandth_of_a_pixel`).
     #[must_use]
     pub fn project(&self, direction: DVec3) -> Option<DVec2> {
         let across = libm::hypot(direction.x, direction.y);
@@ -228,7 +228,7 @@ impl Lens {
         Some(self.p.centre_px + image)
     }
 
-    /// The unit direction seen by the point `pixel`; `None` outside the field of view.
+    /// The unit vector towards which `pixel` looks; `None` outside of the field of view.
     #[must_use]
     pub fn unproject(&self, pixel: DVec2) -> Option<DVec3> {
         let n = self.normalised(pixel);
@@ -239,10 +239,9 @@ impl Lens {
         Some(DVec3::new(across.x, across.y, cos))
     }
 
-    /// Solid angle of the pixel centred at `pixel`, steradians, from the Jacobian of [`Lens::unproject`]; `None` outside the
-    /// field of view.
+    /// Solid angle, steradians, of the pixel centred at `pixel`; `None` outside of the field of view.
     ///
-    /// dOmega = sin(theta) dtheta dphi and dA = r dr dphi, so dOmega/dA = sin(theta) / (r r'(theta)).
+    /// Computed from the Jacobian: dOmega = sin(theta) dtheta dphi and dA = r dr dphi, so dOmega/dA = sin(theta) / (r r'(theta)).
     #[must_use]
     pub fn solid_angle(&self, pixel: DVec2) -> Option<f64> {
         let r = self.normalised(pixel).length();
@@ -258,7 +257,7 @@ impl Lens {
         DVec2::new((d.x - self.p.skew_px * y) / self.p.focal_px.x, y)
     }
 
-    /// Inverts the radial law: Newton steps, kept inside a bracket that shrinks.
+    /// Inverts r(theta) by Newton steps within a shrinking bracket.
     fn theta(&self, r: f64) -> Option<f64> {
         if r.is_nan() || r > self.max_r {
             return None;

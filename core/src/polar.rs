@@ -1,7 +1,7 @@
-//! Latitude-longitude maps of energy: the hemispherical polar map of the thesis (360 x 90) and full-sphere maps.
+//! Latitude-longitude maps of energy: the hemispherical map of \[Nikodym2012\] (360 x 90 texels) and maps of the full sphere.
 //!
-//! Row i covers theta from i span / H to (i + 1) span / H with span = pi / 2 (hemisphere) or pi (sphere); column j is centred at
-//! phi = pi - (j + 1/2) 2 pi / W, so that columns run clockwise seen from above.
+//! Row i of a map of H rows covers theta from i span / H to (i + 1) span / H, where span is pi / 2 (hemisphere) or pi (sphere). Column j
+//! of W columns is centred at phi = pi - (j + 1/2) 2 pi / W: columns run clockwise as seen from above.
 //!
 //! ```
 //! use hemilux_core::polar::{Grid, LatLong, PolarTable, Share, shares_len};
@@ -27,14 +27,14 @@ use crate::pyramid::PyramidView;
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
 use glam::DVec3;
 
-/// Sides of a latitude-longitude map.
+/// Size and domain of a latitude-longitude map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Grid {
     /// Columns.
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// The part of the sphere it covers.
+    /// The part of the sphere that the map covers.
     pub domain: Domain,
 }
 
@@ -42,43 +42,44 @@ impl Grid {
     /// One texel per degree of a hemisphere, as in \[Nikodym2012\].
     pub const POLAR: Self = Self { width: 360, height: 90, domain: Domain::Hemisphere };
 
-    /// Texels; `usize::MAX` where their number does not fit, which no buffer holds.
+    /// Number of texels; `usize::MAX` on overflow.
     #[must_use]
     pub const fn len(&self) -> usize {
         self.width.saturating_mul(self.height)
     }
 
-    /// Whether it has no texel.
+    /// Whether the map has no texels.
     #[must_use]
     pub const fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Theta of the upper edge of `row`, radians.
+    /// Theta, radians, of the upper edge of `row`.
     #[must_use]
     pub fn theta(&self, row: usize) -> f64 {
         let span = if self.domain == Domain::Sphere { PI } else { FRAC_PI_2 };
         row as f64 * span / self.height as f64
     }
 
-    /// Whether a texel's index fits 32 bits and there is one.
+    /// Whether the map has texels and their indices fit 32 bits.
     fn is_indexable(&self) -> bool {
         !self.is_empty() && u32::try_from(self.len()).is_ok()
     }
 
-    /// Phi of the left edge of `column`, radians.
+    /// Phi, radians, of the left edge of `column`.
     #[must_use]
     pub fn phi(&self, column: usize) -> f64 {
         PI - column as f64 * TAU / self.width as f64
     }
 
-    /// Solid angle of a texel of `row`, steradians.
+    /// Solid angle, steradians, of a texel of `row`.
     #[must_use]
     pub fn solid_angle(&self, row: usize) -> f64 {
         (libm::cos(self.theta(row)) - libm::cos(self.theta(row.saturating_add(1)))) * TAU / self.width as f64
     }
 
-    /// The texel that holds `direction` (a unit vector); `None` outside the domain, without texels or with 2^32 and more.
+    /// Index of the texel that contains the unit vector `direction`; `None` outside of the domain, and for maps without texels or with
+    /// 2^32 and more.
     #[must_use]
     pub fn texel(&self, direction: DVec3) -> Option<usize> {
         let theta = libm::atan2(libm::hypot(direction.x, direction.y), direction.z);
@@ -86,14 +87,14 @@ impl Grid {
         Some(row * self.width + self.column(libm::atan2(direction.y, direction.x)))
     }
 
-    /// The row that holds `theta`; `None` outside the domain, without texels or with 2^32 and more.
+    /// The row that contains `theta`; `None` outside of the domain, and for maps without texels or with 2^32 and more.
     fn row(&self, theta: f64) -> Option<usize> {
         let row = theta / self.theta(self.height) * self.height as f64;
         let outside = row >= self.height as f64 && self.domain == Domain::Hemisphere;
         (!outside && self.is_indexable()).then(|| (row as usize).min(self.height - 1))
     }
 
-    /// The column that holds `phi`, -pi to 2 pi.
+    /// The column that contains `phi`, -pi to 2 pi.
     fn column(&self, phi: f64) -> usize {
         let turns = (PI - phi) / TAU;
         let column = if turns < 0.0 { turns + 1.0 } else { turns } * self.width as f64;
@@ -101,29 +102,29 @@ impl Grid {
     }
 }
 
-/// Energy of each texel, L dOmega in RGB, row-major.
+/// A latitude-longitude map: the energy (radiance times solid angle, RGB) of each texel, row by row, in a lent buffer.
 #[derive(Clone, Debug)]
 pub struct LatLong<B> {
     grid: Grid,
     texels: B,
 }
 
-/// A latitude-longitude map that samplers read.
+/// A borrowed latitude-longitude map: the input of samplers.
 #[derive(Clone, Copy, Debug)]
 pub struct LatLongView<'a> {
-    /// Its shape.
+    /// Size and domain.
     pub grid: Grid,
-    /// Energy of each texel, row-major; empty when the map was not asked for.
+    /// Energy of each texel, row by row; empty in a map for samplers that do not read it.
     pub texels: &'a [[f32; 3]],
 }
 
 impl LatLongView<'_> {
-    /// A map without texels, for samplers that need none.
+    /// A map without texels, for samplers that do not read it.
     pub const NONE: Self = Self { grid: Grid { width: 0, height: 0, domain: Domain::Sphere }, texels: &[] };
 }
 
 impl<B: Buffer<[f32; 3]>> LatLong<B> {
-    /// Takes `grid.len()` texels.
+    /// Creates a map in `texels`, which needs `grid.len()` elements.
     ///
     /// # Errors
     /// [`TooSmall`].
@@ -132,18 +133,18 @@ impl<B: Buffer<[f32; 3]>> LatLong<B> {
         Ok(Self { grid, texels })
     }
 
-    /// All texels, row-major.
+    /// All texels, row by row.
     pub fn texels_mut(&mut self) -> &mut [[f32; 3]] {
         self.texels.as_mut().get_mut(..self.grid.len()).unwrap_or_default()
     }
 
-    /// Shape of the map.
+    /// Size and domain.
     #[must_use]
     pub fn grid(&self) -> Grid {
         self.grid
     }
 
-    /// What samplers read.
+    /// Borrows the map for samplers.
     #[must_use]
     pub fn view(&self) -> LatLongView<'_> {
         LatLongView {
@@ -152,7 +153,7 @@ impl<B: Buffer<[f32; 3]>> LatLong<B> {
         }
     }
 
-    /// Fills the map from a pyramid's quads of the order of `table`; the energy is kept.
+    /// Replaces the map by the energy of `pyramid`, resampled with `table`. The total energy is that of the quads of the table's order.
     pub fn fill<E: Buffer<Share>>(&mut self, table: &PolarTable<E>, pyramid: &PyramidView<'_>) {
         let texels = self.texels_mut();
         texels.fill([0.0; 3]);
@@ -167,18 +168,18 @@ impl<B: Buffer<[f32; 3]>> LatLong<B> {
     }
 }
 
-/// The part of a HEALPix texel's energy that goes to one texel of a latitude-longitude map.
+/// The fraction of a HEALPix quad's energy that is assigned to one texel of a latitude-longitude map.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Share {
-    /// HEALPix texel.
+    /// Index of the HEALPix quad.
     pub from: u32,
-    /// Texel of the latitude-longitude map.
+    /// Index of the texel of the latitude-longitude map.
     pub to: u32,
-    /// Its part, 0..=1; the parts of one HEALPix texel add up to 1.
+    /// Fraction of the energy, 0..=1; the fractions of one quad add up to 1.
     pub part: f32,
 }
 
-/// Which HEALPix texel's energy goes where in a latitude-longitude map: built once.
+/// The resampling table from HEALPix quads to a latitude-longitude map, computed once per grid and order.
 #[derive(Clone, Debug)]
 pub struct PolarTable<E> {
     shares: E,
@@ -186,13 +187,14 @@ pub struct PolarTable<E> {
     order: u8,
 }
 
-/// Most sub-samples a side: near the zenith one HEALPix texel covers a quarter turn of columns.
+/// Largest number of sub-samples along a side of a quad: near the zenith a quad spans a quarter turn of columns.
 const MAX_SIDE: u32 = 64;
 
-/// Sub-samples per column or row that a quad crosses: with 5 a constant sky is even within a few per cent; more takes longer to table.
+/// Number of sub-samples per column or row that a quad crosses: with 5, a uniform sky is uniform within a few per cent; a larger number
+/// takes longer to compute.
 const FINENESS: f64 = 5.0;
 
-/// Sub-samples a side, so that each column that a quad of `order` about theta crosses gets some.
+/// Number of sub-samples along a side of a quad, so that each column that the quad crosses gets some.
 fn side(grid: &Grid, order: u8, sin_theta: f64) -> u32 {
     let extent = libm::sqrt(healpix::solid_angle(order));
     let column = sin_theta.max(1e-6) * TAU / grid.width.max(1) as f64;
@@ -200,7 +202,7 @@ fn side(grid: &Grid, order: u8, sin_theta: f64) -> u32 {
     (libm::ceil(FINENESS * extent / column.min(row)) as u32).clamp(4, MAX_SIDE)
 }
 
-/// Calls `f` for every share of the quads of `face`, in the order of the quads.
+/// Calls `f` for every share of the quads of `face`, in NESTED order.
 fn visit(grid: &Grid, order: u8, face: u32, mut f: impl FnMut(Share)) {
     let nside = f64::from(1u32 << order);
     let mut targets = [0u32; (MAX_SIDE * MAX_SIDE) as usize];
@@ -213,7 +215,7 @@ fn visit(grid: &Grid, order: u8, face: u32, mut f: impl FnMut(Share)) {
         let n = side(grid, order, along(1.0).sin_theta);
         let step = 1.0 / f64::from(n);
         let mut count = 0;
-        // Sub-samples (i, j) of the same i + j lie in one row.
+        // Sub-samples (i, j) with equal i + j have equal theta.
         for sum in 0..2 * n - 1 {
             let circle = along(f64::from(sum + 1) * step);
             let Some(row) = grid.row(libm::atan2(circle.sin_theta, circle.z)) else { continue };
@@ -234,17 +236,17 @@ fn visit(grid: &Grid, order: u8, face: u32, mut f: impl FnMut(Share)) {
     }
 }
 
-/// How many faces beside each other have the same shares, but for a turn: where quarter turns are whole columns, all four.
+/// Number of adjacent base faces whose shares differ by a rotation only: four if a quarter turn is a whole number of columns.
 fn alike(grid: &Grid) -> u32 {
     if grid.width.is_multiple_of(4) { 4 } else { 1 }
 }
 
-/// The first of each row of faces that are [`alike`].
+/// The first base face of each group of [`alike`] faces.
 fn faces(grid: &Grid) -> impl Iterator<Item = u32> {
     (0..grid.domain.faces() as u32).step_by(alike(grid) as usize)
 }
 
-/// Shares that [`PolarTable::try_new`] needs.
+/// Number of shares that [`PolarTable::try_new`] needs for `grid` and quads of `order`; it takes the time of building the table.
 #[must_use]
 pub fn shares_len(grid: &Grid, order: Order) -> usize {
     let order = order.get();
@@ -256,7 +258,7 @@ pub fn shares_len(grid: &Grid, order: Order) -> usize {
 }
 
 impl Share {
-    /// The same `quarters` of a turn on: azimuth rises with the face and falls with the column.
+    /// The share rotated by `quarters` of a turn: the azimuth increases with the face and decreases with the column.
     fn turned(self, grid: &Grid, order: u8, quarters: u32) -> Self {
         let width = (grid.width as u64).max(1);
         let (row, column) = (u64::from(self.to) / width, u64::from(self.to) % width);
@@ -267,7 +269,7 @@ impl Share {
 }
 
 impl<E: Buffer<Share>> PolarTable<E> {
-    /// Builds the table from quads of `order`, the pyramid's own or a coarser one, to `grid` in [`shares_len`] shares.
+    /// Computes the table from quads of `order`, at most the order of the pyramid, to `grid`. [`shares_len`] states the length of `shares`.
     ///
     /// # Errors
     /// [`TooSmall`].

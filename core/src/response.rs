@@ -1,35 +1,47 @@
-//! Sensor codes to relative exposure: black and white level, and the camera's response.
+//! Conversion of sensor codes to relative exposure: black and white level, and the response of the camera.
+//!
+//! ```
+//! use hemilux_core::response::{CURVE_BITS, Curve, curve_len};
+//! use hemilux_core::{Depth, Levels, Response};
+//!
+//! let levels = Levels { black: 16.0, white: 255.0 };
+//! let curve = Curve::try_new(&Response::Srgb, Depth::U8, levels, vec![0; curve_len(Depth::U8)])?;
+//! assert_eq!(curve.exposure_q27(0, 16), 0);
+//! assert_eq!(curve.exposure_q27(0, 255), 1 << CURVE_BITS);
+//! assert!(curve.is_saturated(252) && !curve.is_trusted(20));
+//! # Ok::<(), hemilux_core::ResponseError>(())
+//! ```
 
 use crate::buffer::{self, Buffer, TooSmall};
 
 /// Fraction bits of a tabulated relative exposure: 1.0 is `1 << CURVE_BITS`.
 ///
-/// Twelve frames of values up to 1.05 still add up in an `i32`: 12 * 1.05 * 2^27 < 2^31.
+/// The sum of twelve values up to 1.05 fits an `i32`: 12 * 1.05 * 2^27 < 2^31.
 pub const CURVE_BITS: u32 = 27;
 
-/// Relative code (0 at black, 1 at white) from which a sample counts as saturated.
+/// Relative code (0 at black, 1 at white) at and above which a sample counts as saturated.
 ///
-/// Sensors bend before their last code and demosaicing or compression spreads clipped values; 2 % is what raw mergers use.
-/// Higher lets half-clipped samples in, which darkens lamps; lower wastes range.
+/// Sensors are non-linear just below their largest code, and demosaicing or compression spreads clipped values. A higher limit admits
+/// partly clipped samples, which darkens lamps; a lower limit wastes range.
 pub const SATURATED: f64 = 0.98;
 
-/// Relative code below which a non-linear response is not trusted while a longer exposure is.
+/// Relative code below which a sample of a non-linear response is used only if no longer exposure is valid.
 ///
-/// There the curve is fitted to a few codes of quantised, noise-lifted data and its constant term alone can exceed the truth;
-/// lower biases dark regions upwards by the sum of those constants, higher drops samples that still help.
+/// In this range the response is fitted to few codes of quantised, noisy data, and its constant term can exceed the true exposure. A lower
+/// limit makes dark regions too bright; a higher limit discards useful samples.
 pub const TRUSTED: f64 = 16.0 / 255.0;
 
-/// Codes between which a response is defined.
+/// The codes of relative exposure 0 and 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Levels {
-    /// Code of darkness.
+    /// Code of relative exposure 0.
     pub black: f64,
     /// Code of relative exposure 1.
     pub white: f64,
 }
 
-/// How a camera turns relative exposure y in 0..=1 into a relative code x in 0..=1, inverted: y(x).
+/// The inverse response of a camera: relative exposure y in 0..=1 as a function y(x) of the relative code x in 0..=1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Response {
@@ -44,8 +56,7 @@ pub enum Response {
 impl Response {
     /// Relative exposure of channel `channel` (0 red, 1 green, 2 blue) at relative code `x`.
     ///
-    /// Codes below black count as negative light where the response is linear, so that noise round black keeps its mean; down to
-    /// -1, so that the sums of twelve frames fit.
+    /// A linear response is negative below black, limited to -1, so that noise around black keeps its mean and sums of twelve frames fit.
     #[must_use]
     pub fn exposure(&self, channel: usize, x: f64) -> f64 {
         let x = x.min(1.0);
@@ -58,19 +69,19 @@ impl Response {
     }
 }
 
-/// Why a response cannot be tabulated.
+/// The reason why a response cannot be tabulated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum ResponseError {
-    /// White is not above black, or the codes do not fit the sample type.
+    /// The white level is not above the black level, or the codes exceed the sample type.
     BadLevels,
-    /// The curve is not finite, falls, or leaves 0..1.05 between black and white.
+    /// Between black and white the curve is not finite, decreases, or leaves 0..1.05.
     BadCurve {
-        /// The channel, 0 red to 2 blue.
+        /// The channel: 0 red, 1 green, 2 blue.
         channel: usize,
     },
-    /// The lent buffer is too short.
+    /// A lent buffer has too few elements.
     TooSmall(TooSmall),
 }
 
@@ -89,12 +100,12 @@ impl core::fmt::Display for ResponseError {
 
 impl core::error::Error for ResponseError {}
 
-/// Bits of a sample as the frames hold it.
+/// Bits per unpacked sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Depth {
-    /// One byte a sample.
+    /// 8 bits.
     U8,
-    /// Two bytes a sample.
+    /// 16 bits.
     U16,
 }
 
@@ -108,7 +119,7 @@ impl Depth {
         }
     }
 
-    /// Table entries per channel: one for each code of up to 12 bits and one to interpolate to.
+    /// Table entries per channel: one per code of up to 12 bits, plus one for interpolation.
     const fn entries(self) -> usize {
         match self {
             Self::U8 => 257,
@@ -117,12 +128,12 @@ impl Depth {
     }
 }
 
-/// Tabulated relative exposure of every code, for three channels; `B` is `()` where the table lies elsewhere.
+/// The tabulated relative exposure of every code, for three channels, in a lent buffer; `B` is `()` if the table is held elsewhere.
 #[derive(Clone, Copy, Debug)]
 pub struct Curve<B> {
     table: B,
     depth: Depth,
-    /// Bits by which a code is shifted to find its table entry: up to 12-bit codes have their own, finer ones interpolate.
+    /// Right shift from a code to its table entry: 0 for codes of up to 12 bits; finer codes are interpolated.
     shift: u32,
     /// First saturated code.
     saturated: u32,
@@ -133,14 +144,14 @@ pub struct Curve<B> {
     linear: bool,
 }
 
-/// Table entries that [`Curve::try_new`] needs for `depth`.
+/// Number of elements of the buffer of [`Curve::try_new`] for samples of `depth`.
 #[must_use]
 pub const fn curve_len(depth: Depth) -> usize {
     3 * depth.entries()
 }
 
 impl Curve<()> {
-    /// What is known of the curve before its table is filled.
+    /// The constants of the curve, without its table.
     ///
     /// # Errors
     /// [`ResponseError::BadLevels`].
@@ -163,11 +174,11 @@ impl Curve<()> {
 }
 
 impl<B: Buffer<i32>> Curve<B> {
-    /// Tabulates `response` between black and white into `table` ([`curve_len`] entries).
+    /// Tabulates `response` between the `levels` into `table`, which needs [`curve_len`] elements.
     ///
     /// # Accuracy
-    /// Rounded to 2^-27; where white is above 4095, codes interpolate linearly between 2048 to 4096 entries, within 3e-5 of a
-    /// smooth curve from a sixteenth of white to saturation (`every_code_is_within_its_documented_error`).
+    /// Entries are rounded to 2^-27. If white is above 4095, codes are interpolated linearly between 2048 to 4096 entries, within 3e-5 of
+    /// a smooth curve from a sixteenth of white to saturation (`every_code_is_within_its_documented_error`).
     ///
     /// # Errors
     /// [`ResponseError`].
@@ -197,7 +208,7 @@ impl<B: Buffer<i32>> Curve<B> {
 }
 
 impl<B: AsRef<[i32]>> Curve<B> {
-    /// Relative exposure of `code` in channel `channel`, with [`CURVE_BITS`] fraction bits; codes above white are white.
+    /// Relative exposure of `code` in channel `channel`, with [`CURVE_BITS`] fraction bits; codes above white count as white.
     #[must_use]
     pub fn exposure_q27(&self, channel: usize, code: u32) -> i32 {
         let entries = self.depth.entries();
@@ -212,50 +223,51 @@ impl<B: AsRef<[i32]>> Curve<B> {
 }
 
 impl<B> Curve<B> {
-    /// The same curve, whose table is now `table`.
+    /// The same curve with its table in `table`.
     pub(crate) fn over<T>(&self, table: T) -> Curve<T> {
         let Self { depth, shift, saturated, trusted, levels, linear, .. } = *self;
         Curve { table, depth, shift, saturated, trusted, levels, linear }
     }
 
-    /// Whether `code` is clipped, or so near that it cannot be told.
+    /// Whether `code` is saturated: at least [`SATURATED`] of the range from black to white.
     #[must_use]
     pub fn is_saturated(&self, code: u32) -> bool {
         code >= self.saturated
     }
 
-    /// Whether the response is trusted at `code`; always true for linear data, where leaving dark samples out would bias the mean.
+    /// Whether `code` is trusted: at least [`TRUSTED`] of the range. Every code of a linear response is trusted, since discarding dark
+    /// samples would bias the mean.
     #[must_use]
     pub fn is_trusted(&self, code: u32) -> bool {
         code >= self.trusted
     }
 
-    /// The same curve, to be looked up even where it is linear: for codes that come plane by plane.
+    /// The same curve, marked for table lookup even if it is linear: for codes that are stored as planes.
     #[must_use]
     pub fn looked_up(self) -> Self {
         Self { linear: false, ..self }
     }
 
-    /// First saturated code.
+    /// The smallest saturated code.
     #[must_use]
     pub fn saturated(&self) -> u32 {
         self.saturated
     }
 
-    /// Black and white level, codes, where relative exposure is linear between them.
+    /// Black and white level of a linear response; `None` for any other.
     #[must_use]
     pub fn linear_levels(&self) -> Option<Levels> {
         self.linear.then_some(self.levels)
     }
 
-    /// Sample depth.
+    /// Depth of the samples.
     #[must_use]
     pub fn depth(&self) -> Depth {
         self.depth
     }
 }
 
-/// Tabulates one channel; `None` where the curve is not finite, falls or leaves 0..1.05.
+/// Tabulates one channel; `None` if the curve is not finite, decreases or leaves 0..1.05.
 fn fill_row(response: &Response, channel: usize, row: &mut [i32], x: impl Fn(usize) -> f64) -> Option<()> {
     let mut last = f64::NEG_INFINITY;
     for (i, entry) in row.iter_mut().enumerate() {

@@ -1,20 +1,21 @@
-//! Fewer lights from a finished set: merged to a number, or restricted to those that a surface can receive.
+//! Reduces a light set: merges lights to a given number, or selects the lights that a surface can receive.
 //!
-//! After the clustering and the invisible-light elimination of \[Havran2005\] (Interactive System for Dynamic Scene Lighting using
-//! Captured Video Environment Maps), of which only the abstract was at hand: cost and order are ours.
+//! Follows the clustering and the elimination of invisible lights of \[Havran2005\], of which only the abstract was available; cost and
+//! order are our own.
 
 use crate::buffer::{self, Buffer, TooSmall};
 use crate::color::luminance;
 use crate::light::{Light, cap_radius_deg};
 use glam::Vec3;
 
-/// Number of following lights among which a light's partner is searched: all of a small set; of a large one, those near it in a tree's order.
+/// Number of subsequent lights among which the partner of a light is searched: all lights of a small set; in a large set those near it in
+/// the order of the tree.
 const WINDOW: usize = 256;
 
-/// Divisor of the number of lights: so many merges are made before the costs are computed again.
+/// Divisor of the number of lights that gives the number of merges before the costs are recomputed.
 const PART: usize = 8;
 
-/// Two lights and the cost of merging them.
+/// A candidate pair of lights and the cost of merging it: an element of the buffer of [`merge`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pair {
     cost: f32,
@@ -22,13 +23,12 @@ pub struct Pair {
     second: u32,
 }
 
-/// Merges lights until at most `most` are left, which are then the first of `lights`, and returns how many; 0 leaves none.
+/// Merges lights until at most `most` are left, moves these to the front of `lights` and returns their number; `most` = 0 leaves no light.
 ///
-/// The energy of each channel is kept. A merged light stands at the centroid of the two and keeps the id, age and parent of the brighter.
-/// `pairs` holds as many as there are lights. Time: about 256 x 8 x the number of lights.
-///
+/// The energy of each channel is unchanged. A merged light is at the centroid of the two and keeps the id, age and parent of the brighter.
+/// `pairs` needs as many elements as `lights`. The time is that of about 2,000 cost computations per light.
 /// # Errors
-/// [`TooSmall`] for `pairs`; the lights are then untouched.
+/// [`TooSmall`] for `pairs`; `lights` is then unchanged.
 ///
 /// # Examples
 /// ```
@@ -41,7 +41,7 @@ pub struct Pair {
 /// };
 /// let mut lights = [light(1, 0.0), light(2, 0.01), light(3, 5.0)];
 /// let mut pairs = vec![Default::default(); lights.len()];
-/// // The two neighbours become one light of their energy.
+// The two neighbours become one light with the sum of their energies.
 /// assert_eq!(thin::merge(&mut lights, 2, &mut pairs), Ok(2));
 /// assert_eq!((lights[0].irradiance, lights[1].id), ([2.0; 3], 3));
 /// ```
@@ -60,7 +60,8 @@ pub fn merge<P: Buffer<Pair>>(lights: &mut [Light], most: usize, pairs: &mut P) 
         let mut done = 0;
         for pair in &pairs[..found] {
             let (a, b) = (pair.first as usize, pair.second as usize);
-            // A light without id has been merged in this round; so has one that was moved, but that errs little.
+            // Id 0 marks a light that was merged into another in this round. A pair whose light has moved is still used: the error is
+            // small.
             if done < merges && live[a].id != 0 && live[b].id != 0 {
                 live[a] = merged(&live[a], &live[b]);
                 live[b].id = 0;
@@ -72,7 +73,7 @@ pub fn merge<P: Buffer<Pair>>(lights: &mut [Light], most: usize, pairs: &mut P) 
     Ok(count)
 }
 
-/// The cheapest partner of each light but the last.
+/// Writes the cheapest partner of each light except the last to `pairs`; returns their number.
 fn partners(lights: &[Light], pairs: &mut [Pair]) -> usize {
     let last = lights.len().saturating_sub(1);
     for (i, (light, pair)) in lights[..last].iter().zip(pairs.iter_mut()).enumerate() {
@@ -88,7 +89,7 @@ fn partners(lights: &[Light], pairs: &mut [Pair]) -> usize {
     last
 }
 
-/// Moves the lights whose id is not 0 to the front and keeps their order.
+/// Moves lights with ids other than 0 to the front in their order; returns their number.
 fn compact(lights: &mut [Light]) -> usize {
     let mut count = 0;
     for i in 0..lights.len() {
@@ -104,8 +105,8 @@ fn energy(light: &Light) -> f32 {
     luminance(light.irradiance)
 }
 
-/// The cost of one light in place of two: the expected squared error over shadowed receivers is nearly proportional to y1 y2 times their
-/// distance.
+/// The merged light. The cost of a merge is y1 y2 times the distance: the expected squared error over shadowed receivers is nearly
+/// proportional to it.
 fn merged(a: &Light, b: &Light) -> Light {
     let (ya, yb) = (energy(a), energy(b));
     let keep = if yb > ya { b } else { a };
@@ -118,15 +119,21 @@ fn merged(a: &Light, b: &Light) -> Light {
     Light { direction, irradiance, radius_deg, ..*keep }
 }
 
-/// Length of the mean direction of a light's cap.
+/// Length of the mean direction over a light's cap.
 fn resultant(light: &Light) -> f32 {
     0.5 + 0.5 * libm::cosf(light.radius_deg.to_radians())
 }
 
-/// The lights that a surface can see whose normals are within `spread` (radians) of the unit vector `normal`.
+/// Selects the lights that reach a surface whose normals are within `spread` radians of the unit vector `normal`; 0 for a flat surface.
 ///
-/// `spread` is 0 for a flat surface. A light is kept if any part of its disc is above the horizon of a normal, so that soft shadows keep
-/// their edge.
+/// A light is selected if any part of its disc is above the horizon of some normal.
+///
+/// ```
+/// use glam::Vec3;
+/// use hemilux_core::{Light, thin};
+/// let lights = [Vec3::Z, Vec3::NEG_Z].map(|direction| Light { direction, ..Light::default() });
+/// assert_eq!(thin::facing(&lights, Vec3::Z, 0.0).count(), 1);
+/// ```
 pub fn facing(lights: &[Light], normal: Vec3, spread: f32) -> impl Iterator<Item = &Light> {
     lights.iter().filter(move |light| {
         let beyond = (spread.max(0.0) + light.radius_deg.to_radians()).min(core::f32::consts::FRAC_PI_2);

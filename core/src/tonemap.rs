@@ -1,13 +1,20 @@
-//! Radiance to what people look at: a sigmoid of log luminance, then the sRGB transfer function.
+//! Tone mapping for pictures: a sigmoid of log luminance, followed by the sRGB transfer function.
+//!
+//! ```
+//! use hemilux_core::tonemap::sigmoid;
+// The adaptation luminance becomes mid-grey: half of the linear range.
+//! assert_eq!(sigmoid([0.3; 3], 0.3), [188; 3]);
+//! ```
 
 use crate::color::luminance;
 
-/// Slope of the sigmoid in log-log units: about film's. Less looks flat, more crushes what is dark.
+/// Slope of the sigmoid in log-log units, about that of film. A lower value gives flat pictures; a higher one darkens shadows.
 const CONTRAST: f32 = 0.8;
 
-/// Display code, 0..=255, of linear `rgb` where `adaptation` is the luminance that becomes mid-grey.
+/// Display codes, 0..=255, of linear `rgb`; luminance `adaptation` is displayed as half of the linear range.
 ///
-/// The sigmoid Y^n / (Y^n + A^n) of Naka and Rushton, with the colour kept. For pictures alone: within 1 of a code of an `f64` twin.
+/// Applies the sigmoid Y^n / (Y^n + A^n) of Naka and Rushton to the luminance and keeps the chromaticity. Within 1 code of an `f64`
+/// implementation.
 #[must_use]
 pub fn sigmoid(rgb: [f32; 3], adaptation: f32) -> [u8; 3] {
     let y = luminance(rgb);
@@ -19,11 +26,11 @@ pub fn sigmoid(rgb: [f32; 3], adaptation: f32) -> [u8; 3] {
     rgb.map(|v| srgb_code(v / y * display))
 }
 
-/// sRGB code of linear `v`, clamped to 0..=1.
+/// sRGB code of linear `v`, which is clamped to 0..=1.
 ///
 /// # Accuracy
-/// Within 0.01 of a code of the formula, before it is rounded. By a table: a fifth of the instructions of `powf` on ARMv7, whose
-/// approximation in micromath is off by up to eleven codes (`examples/math`).
+/// Within 0.01 of a code of the formula before rounding. A table takes a fifth of the instructions of `powf` on ARMv7; the power function
+/// of micromath errs by up to eleven codes (`examples/math`).
 #[must_use]
 pub fn srgb_code(v: f32) -> u8 {
     let v = v.clamp(0.0, 1.0);
@@ -31,18 +38,18 @@ pub fn srgb_code(v: f32) -> u8 {
     (255.0 * encoded + 0.5) as u8
 }
 
-/// Octaves below 1 that the table covers: down to 1/512, below where the transfer function is straight.
+/// Number of octaves below 1 in the table: down to 1/512, where the transfer function is linear.
 const OCTAVES: u32 = 9;
 
-/// Bits of the mantissa that choose a step: 64 steps an octave, between which the line is within 1e-5 of the curve.
+/// Mantissa bits that select a table entry: 64 entries per octave, between which linear interpolation is within 1e-5 of the curve.
 const STEP_BITS: u32 = 6;
 const SHIFT: u32 = f32::MANTISSA_DIGITS - 1 - STEP_BITS;
 const STEPS: usize = (OCTAVES << STEP_BITS) as usize;
 
-/// The bits of the table's first argument: those of a float are nearly its logarithm.
+/// Bit pattern of the smallest argument in the table: the bits of a float are nearly proportional to its logarithm.
 const BASE: u32 = 1f32.to_bits() - (OCTAVES << (f32::MANTISSA_DIGITS - 1));
 
-/// v^(1 / 2.4) at each step.
+/// v^(1 / 2.4) at each table entry.
 static POWERS: [f32; STEPS + 1] = {
     let mut powers = [0.0; STEPS + 1];
     let mut i = 0;
@@ -53,7 +60,7 @@ static POWERS: [f32; STEPS + 1] = {
     powers
 };
 
-/// `v`^(1 / 2.4) for `v` from 1/512 up to 1, which is itself.
+/// `v`^(1 / 2.4) by interpolation for `v` from 1/512 to 1.
 fn power(v: f32) -> f32 {
     let bits = v.to_bits().wrapping_sub(BASE);
     let steps = POWERS.get((bits >> SHIFT) as usize..).and_then(|p| p.first_chunk());
@@ -62,7 +69,7 @@ fn power(v: f32) -> f32 {
     a + (b - a) * part
 }
 
-/// By Newton's method for y^12 = x^5, which falls from 1 to the root of any x in 0..=1.
+/// Newton's method for y^12 = x^5, started at 1, for x in 0..=1.
 const fn twelfth_root_of_fifth_power(x: f64) -> f64 {
     let x5 = x * x * x * x * x;
     let mut y = 1.0;

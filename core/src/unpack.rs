@@ -1,12 +1,13 @@
-//! Samples of single rows and pixels, unpacked as the front end unpacks them: for pictures of frames and statistics of brightness.
+//! Reads single pixels and rows of packed frames: for pictures of frames and brightness statistics.
 
 use crate::format::{Format, Layout, raw10, raw12};
 use crate::front::rows::{Part, Scratch};
 use crate::merge::{Codes, MAX_EXPOSURES, Samples};
 use crate::pixel_table::CHUNK;
 
-/// The brightness of the pixel at column `x` and row `y` as a relative code: 0 black, 1 white, outside of both for codes of limited
-/// range beyond those. Green of three channels, the pixel's own sample of a mosaic; 0 where the frame has no such pixel.
+/// Reads the brightness of the pixel at column `x` and row `y` as a relative code: 0 is black, 1 is white; codes beyond the limited range
+/// of luma give values below 0 or above 1. The brightness is luma, the green channel, or the pixel's own sample of a mosaic. Returns 0
+/// outside of the frame.
 ///
 /// ```
 /// use hemilux_core::format::{Format, Layout, Pattern};
@@ -42,7 +43,7 @@ pub fn read_luma(layout: &Layout, frame: Samples<'_>, x: u32, y: u32) -> f32 {
     }
 }
 
-/// Luma, green or the mosaic's sample of pixel `x` of a row; 0 beyond its end.
+/// Reads luma, green or the mosaic's sample of pixel `x` of a row; 0 beyond the end.
 fn code_of_byte_row(format: Format, row: &[u8], x: usize) -> u16 {
     let byte = |at: usize| u16::from(row.get(at).copied().unwrap_or(0));
     match format {
@@ -52,15 +53,26 @@ fn code_of_byte_row(format: Format, row: &[u8], x: usize) -> u16 {
         Format::Raw10(_) => row.as_chunks().0.get(x / 4).map_or(0, |group| raw10(group)[x % 4]),
         Format::Raw12(_) => row.as_chunks().0.get(x / 2).map_or(0, |group| raw12(group)[x % 2]),
         Format::Bayer16(..) => row.as_chunks().0.get(x).map_or(0, |word| u16::from_le_bytes(*word)),
-        // No format of bytes.
+        // The samples of this format are words.
         Format::Rgb48 => 0,
     }
 }
 
-/// Red, green and blue codes of the pixels of row `y`, as many as `out` holds. Luma and chroma are converted as the front end does; the
-/// four pixels of a mosaic's cell get the codes of its red, its first green and its blue sample.
+/// Reads the red, green and blue codes of row `y` into `out`, up to the end of either. Luma and chroma are converted as in the front end;
+/// the four pixels of a mosaic cell get the codes of its red, its first green and its blue sample.
 ///
-/// Pixels that the frame does not have are left as they are.
+/// Elements of `out` beyond the frame are unchanged.
+///
+/// ```
+/// use hemilux_core::format::{Format, Layout};
+/// use hemilux_core::read_rgb_row;
+///
+/// let layout = Layout::tight(Format::Bgr24, 2, 1)?;
+/// let mut row = [[0; 3]; 2];
+/// read_rgb_row(&layout, [10u8, 20, 30, 1, 2, 3].as_slice().into(), 0, &mut row);
+/// assert_eq!(row, [[30, 20, 10], [3, 2, 1]]);
+/// # Ok::<(), hemilux_core::LayoutError>(())
+/// ```
 pub fn read_rgb_row(layout: &Layout, frame: Samples<'_>, y: u32, out: &mut [[u16; 3]]) {
     let is_words = layout.format() == Format::Rgb48;
     if y >= layout.height() || matches!(frame, Samples::U16(_)) != is_words {
@@ -89,10 +101,10 @@ fn read_chunks(
     }
 }
 
-/// Gives each pixel the codes of its place.
+/// Assigns red, green and blue codes to each pixel.
 fn spread(format: Format, codes: &Codes<'_>, cell: usize, pixels: &mut [[u16; 3]]) {
     let channels = format.pattern().map(|pattern| pattern.channels());
-    // Where red, the first green and blue are in a place's samples.
+    // Positions of red, the first green and blue in the samples of a pixel or cell.
     let samples = match (format, channels) {
         (_, Some(channels)) => [0, 1, 2].map(|c| channels.iter().position(|own| *own == c).unwrap_or(0)),
         (Format::Bgr24, _) => [2, 1, 0],

@@ -1,8 +1,8 @@
-//! Light set as bytes: the compact form, for clients that count them.
+//! The binary form of a light set: 128 bytes plus 40 per light.
 //!
-//! All numbers are little-endian; floats are IEEE 754 single precision. Every field stands at a multiple of its size.
+//! All numbers are little-endian; floats are IEEE 754 single precision. The offset of every field is a multiple of its size.
 //!
-//! | offset | type | what |
+//! | offset | type | content |
 //! |---|---|---|
 //! | 0 | 4 bytes | `HMLX` |
 //! | 4 | u16 | version, 1 |
@@ -10,23 +10,23 @@
 //! | 8 | u64 | frame |
 //! | 16 | u64 | timestamp_ns |
 //! | 24 | u64 | wall_ms |
-//! | 32 | 8 bytes | run, ASCII, filled up with 0 |
+//! | 32 | 8 bytes | run, ASCII, padded with 0 |
 //! | 40 | u32 | requested |
-//! | 44 | u32 | count of lights |
-//! | 48 | u8 | flags: 1 valid, 2 stale, 4 unit is lux, 8 `ambient_sh` is there, 16 `estimated_error` is there |
+//! | 44 | u32 | number of lights |
+//! | 48 | u8 | flags: 1 valid, 2 stale, 4 the unit is lux, 8 `ambient_sh` is present, 16 `estimated_error` is present |
 //! | 49 | u8 | coordinates: 0 probe, 1 y-up, 2 unity, 3 unreal |
-//! | 50 | u16 | bytes of a light, 40 |
+//! | 50 | u16 | bytes per light, 40 |
 //! | 52 | u16, u16 | bytes of the sampler's name, of the reason of `stale` |
 //! | 56 | u64 | age_ms of `stale` |
 //! | 64 | 3 f32 | scalar_flux |
 //! | 76 | 3 f32 | horizontal_irradiance |
 //! | 88 | 3 f32 | clipped, unseen, estimated_error |
 //! | 100 | 7 u32 | latency_us: capture, front, pyramid, sample, filter, encode, total |
-//! | 128 | 27 f32 | `ambient_sh` where there: nine rows of red, green, blue |
-//! | then | lights | each u32 id, u32 parent (0 for none), u32 age, f32 radius_deg, 3 f32 direction, 3 f32 irradiance |
-//! | then | UTF-8 | the sampler's name, the reason |
+//! | 128 | 27 f32 | `ambient_sh` if present: nine rows of red, green, blue |
+//! | next | lights | each u32 id, u32 parent (0 for none), u32 age, f32 radius_deg, 3 f32 direction, 3 f32 irradiance |
+//! | next | UTF-8 | the sampler's name, the reason |
 //!
-//! A reader takes the places of the lights from the header (offsets 6 and 50), so that both may grow.
+//! A reader must take the offset and the size of the lights from the header (offsets 6 and 50), since later versions may extend both.
 
 use super::{Coordinates, Latency, LightSet, Overrun, Stale, Unit, number};
 use crate::light::{Light, Sh9};
@@ -48,10 +48,25 @@ const ERROR: u8 = 16;
 const AXES: [Coordinates; 4] =
     [Coordinates::Probe, Coordinates::YUp, Coordinates::Unity, Coordinates::Unreal];
 
-/// Writes `set` in the layout of the module's documentation. A name or reason over 65,535 bytes is cut.
+/// Writes `set` in the binary form, which [`BinarySet`] reads; `board/FORMATS.md` lists the fields. A sampler's name or a reason over
+/// 65,535 bytes is truncated.
 ///
+/// ```
+/// use hemilux_core::Light;
+/// use hemilux_core::wire::{BinarySet, LightSet, binary};
+///
+/// let lights = [Light { id: 7, irradiance: [3.0, 2.0, 1.0], ..Light::default() }];
+/// let mut bytes = [0; 256];
+/// let mut rest = &mut bytes[..];
+/// binary(&LightSet { frame: 5, lights: &lights, ..LightSet::EMPTY }, &mut rest)?;
+/// let used = 256 - rest.len();
+/// assert_eq!(used, 128 + 40);
+/// let set = BinarySet::try_new(&bytes[..used])?;
+/// assert_eq!((set.head().frame, set.lights().next()), (5, Some(lights[0])));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 /// # Errors
-/// The writer's.
+/// Errors of the writer `w`, such as a full buffer.
 pub fn binary<W: Write>(set: &LightSet<'_>, w: &mut W) -> Result<(), W::Error> {
     let sampler = short(set.sampler);
     let reason = short(set.stale.map_or("", |s| s.reason));
@@ -134,7 +149,7 @@ fn encoded(light: &Light, axes: Coordinates) -> [u8; LIGHT] {
     bytes
 }
 
-/// At most what a `u16` can count, cut at a character's edge.
+/// The longest prefix of whole characters whose length fits a `u16`.
 fn short(text: &str) -> &str {
     let mut end = text.len().min(usize::from(u16::MAX));
     while !text.is_char_boundary(end) {
@@ -143,18 +158,18 @@ fn short(text: &str) -> &str {
     text.get(..end).unwrap_or_default()
 }
 
-/// Why bytes are not a light set.
+/// The reason why bytes are not a binary light set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum DecodeError {
-    /// They do not begin with `HMLX`.
+    /// The bytes do not begin with `HMLX`.
     NotALightSet,
-    /// A version that this reader does not know.
+    /// An unknown version.
     Version(u16),
-    /// They end before what the header names.
+    /// Fewer bytes than the header states.
     TooShort,
-    /// A header that contradicts itself, or text that is not UTF-8.
+    /// An inconsistent header, or text that is not UTF-8.
     Malformed,
 }
 
@@ -171,8 +186,8 @@ impl core::fmt::Display for DecodeError {
 
 impl core::error::Error for DecodeError {}
 
-/// A light set in lent bytes; everything has been checked when [`BinarySet::try_new`] has passed it. Directions and harmonics
-/// are in the axes that the set names.
+/// A binary light set in borrowed bytes, checked by [`BinarySet::try_new`]. Directions and harmonics are in the coordinates that the set
+/// names.
 #[derive(Clone, Copy, Debug)]
 pub struct BinarySet<'a> {
     head: &'a [u8],
@@ -185,7 +200,13 @@ pub struct BinarySet<'a> {
 }
 
 impl<'a> BinarySet<'a> {
-    /// Checks that `bytes` hold a set; what follows it is ignored.
+    /// Checks that `bytes` begin with a complete set; further bytes are ignored.
+    ///
+    /// ```
+    /// use hemilux_core::wire::{BinarySet, DecodeError};
+    /// assert_eq!(BinarySet::try_new(b"GIF89a").map(|_| ()), Err(DecodeError::NotALightSet));
+    /// assert_eq!(BinarySet::try_new(b"HMLX").map(|_| ()), Err(DecodeError::TooShort));
+    /// ```
     ///
     /// # Errors
     /// [`DecodeError`].
@@ -224,7 +245,7 @@ impl<'a> BinarySet<'a> {
         })
     }
 
-    /// Everything but the lights and `ambient_sh`, which [`Self::lights`] and [`Self::ambient_sh`] give.
+    /// All fields except the lights and `ambient_sh`, which [`Self::lights`] and [`Self::ambient_sh`] return.
     #[must_use]
     pub fn head(&self) -> LightSet<'a> {
         let flag = |bit| byte_at(self.head, 48) & bit != 0;
@@ -262,7 +283,7 @@ impl<'a> BinarySet<'a> {
         }
     }
 
-    /// The lights.
+    /// The lights, in the order in which they were written.
     pub fn lights(&self) -> impl ExactSizeIterator<Item = Light> + 'a {
         self.lights.chunks_exact(self.stride).map(|bytes| Light {
             id: u32_at(bytes, 0),
@@ -274,7 +295,7 @@ impl<'a> BinarySet<'a> {
         })
     }
 
-    /// Radiance of what is not in the lights.
+    /// Radiance of the light that the directional lights leave out, as spherical harmonics; `None` if absent.
     #[must_use]
     pub fn ambient_sh(&self) -> Option<Sh9> {
         let bytes = self.harmonics?;
@@ -282,7 +303,7 @@ impl<'a> BinarySet<'a> {
     }
 }
 
-/// The bytes at `at`; zeros beyond the end, which `try_new` rules out.
+/// The bytes at `at`; zeros beyond the end, which `try_new` excludes.
 fn at<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
     bytes.get(at..at + N).and_then(|b| b.try_into().ok()).unwrap_or([0; N])
 }
@@ -303,7 +324,7 @@ fn u64_at(bytes: &[u8], offset: usize) -> u64 {
     u64::from_le_bytes(at(bytes, offset))
 }
 
-/// A number of the sender's, as the formats hold it.
+/// The float at `offset`; a non-finite one counts as 0, as in the other forms.
 fn f32_at(bytes: &[u8], offset: usize) -> f32 {
     number(f32::from_le_bytes(at(bytes, offset)))
 }

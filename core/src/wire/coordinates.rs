@@ -1,17 +1,27 @@
-//! Axes that engines expect, from the probe's (x, y, z).
+//! Coordinate systems of rendering engines, converted from the probe's axes (x, y, z).
 
 use crate::light::Sh9;
 use glam::Vec3;
 
-/// Named axes of the wire formats.
+/// A coordinate system of the wire formats. `Probe` has the axes of this crate: +Z is the lens axis, +X the image columns, +Y the image
+/// rows.
+///
+/// ```
+/// use glam::Vec3;
+/// use hemilux_core::wire::Coordinates;
+///
+/// let unity = Coordinates::from_name("unity").expect("a known name");
+// The lens axis of a probe that points to the zenith is Unity's +Y.
+/// assert_eq!(unity.direction(Vec3::Z), Vec3::Y);
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Coordinates {
-    /// (x, y, z): +Z the lens axis. Also `blender` and `ros`.
+    /// (x, y, z): +Z is the lens axis. Also named `blender` and `ros`.
     #[default]
     Probe,
-    /// (x, z, -y): right-handed, +Y up. Also `gltf`, `three` and `webxr`.
+    /// (x, z, -y): right-handed, +Y up. Also named `gltf`, `three` and `webxr`.
     YUp,
     /// (x, z, y): left-handed, +Y up.
     Unity,
@@ -19,7 +29,7 @@ pub enum Coordinates {
     Unreal,
 }
 
-/// The names a request may use, with what they mean.
+/// The names that requests may use, aliases included.
 const NAMES: [(&str, Coordinates); 9] = [
     ("probe", Coordinates::Probe),
     ("blender", Coordinates::Probe),
@@ -33,18 +43,18 @@ const NAMES: [(&str, Coordinates); 9] = [
 ];
 
 impl Coordinates {
-    /// The axes called `name`.
+    /// The coordinate system with the given name or alias; `None` for an unknown name.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         NAMES.iter().find(|(n, _)| *n == name).map(|(_, c)| *c)
     }
 
-    /// Every name, aliases included.
+    /// All names, aliases included.
     pub fn names() -> impl Iterator<Item = &'static str> {
         NAMES.iter().map(|(n, _)| *n)
     }
 
-    /// Its name on the wire.
+    /// The name in light sets.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -55,7 +65,7 @@ impl Coordinates {
         }
     }
 
-    /// A direction in the probe's axes, in these.
+    /// Converts the direction `d` from the probe's axes.
     #[must_use]
     pub fn direction(self, d: Vec3) -> Vec3 {
         match self {
@@ -66,10 +76,10 @@ impl Coordinates {
         }
     }
 
-    /// Harmonics in the probe's axes, in these.
+    /// Converts spherical harmonics from the probe's axes.
     ///
-    /// With old axes (x, y, z) written in new ones (X, Y, Z), each basis polynomial xy, yz, 3z^2 - 1, xz, x^2 - y^2 becomes a sum
-    /// of the new ones; for `y-up`: x = X, y = -Z, z = Y.
+    /// If the old coordinates (x, y, z) are written in terms of the new ones (X, Y, Z), each basis polynomial xy, yz, 3z^2 - 1, xz, x^2 -
+    /// y^2 becomes a linear combination of the new ones; for `y-up`: x = X, y = -Z, z = Y.
     #[must_use]
     pub fn harmonics(self, c: &Sh9) -> Sh9 {
         match self {
@@ -81,12 +91,12 @@ impl Coordinates {
     }
 }
 
-/// y becomes -y.
+/// Harmonics after the substitution of -y for y.
 fn mirror_y(c: &Sh9) -> Sh9 {
     negated(c, [1, 4, 5])
 }
 
-/// z becomes -z.
+/// Harmonics after the substitution of -z for z.
 fn mirror_z(c: &Sh9) -> Sh9 {
     negated(c, [2, 5, 7])
 }
@@ -95,10 +105,10 @@ fn negated(c: &Sh9, which: [usize; 3]) -> Sh9 {
     core::array::from_fn(|i| if which.contains(&i) { c[i].map(|v| -v) } else { c[i] })
 }
 
-/// y and z change places: xy <-> xz, and 3z^2 - 1 and x^2 - y^2 mix.
+/// Harmonics after the exchange of y and z: xy and xz are exchanged; 3z^2 - 1 and x^2 - y^2 are mixed.
 ///
-/// With A = (3z^2 - 1)/2 and B = sqrt(3)/2 (x^2 - y^2) as the (equally normalised) pair, (3y^2 - 1)/2 = -A/2 - sqrt(3)/2 B and
-/// sqrt(3)/2 (x^2 - z^2) = -sqrt(3)/2 A + B/2.
+/// With A = (3z^2 - 1)/2 and B = sqrt(3)/2 (x^2 - y^2) as the (equally normalised) pair, (3y^2 - 1)/2 = -A/2 - sqrt(3)/2 B and sqrt(3)/2
+/// (x^2 - z^2) = -sqrt(3)/2 A + B/2.
 fn swap_y_z(c: &Sh9) -> Sh9 {
     let half = 0.5;
     let root = 0.866_025_4;

@@ -1,17 +1,17 @@
-//! Numbers in decimal, without an exponent: as `{}` of `core::fmt` writes them, without its panics and in a fraction of its time.
+//! Decimal numbers without an exponent: the same text as `{}` of `core::fmt`, without code that can panic and faster.
 
 use super::{number, put};
 use embedded_io::Write;
 
-/// Most significant digits of an `f32`.
+/// Largest number of significant digits of an `f32`.
 const DIGITS: usize = 9;
 
-/// Writes a whole number.
+/// Writes an unsigned integer.
 pub(super) fn whole<W: Write>(w: &mut W, n: u64) -> Result<(), W::Error> {
     let mut digits = [b'0'; 20];
     let (mut high, mut used) = (n, 0);
     for digit in digits.iter_mut().rev() {
-        // Cores of 32 bits divide by calls where more bits are needed.
+        // 32-bit processors divide 64-bit numbers by a library call.
         let (rest, last) = match u32::try_from(high) {
             Ok(low) => (u64::from(low / 10), (low % 10) as u8),
             Err(_) => (high / 10, (high % 10) as u8),
@@ -25,7 +25,7 @@ pub(super) fn whole<W: Write>(w: &mut W, n: u64) -> Result<(), W::Error> {
     w.write_all(digits.get(20 - used..).unwrap_or_default())
 }
 
-/// Writes the shortest number that reads back as `v`; what is not finite becomes 0.
+/// Writes the shortest decimal that parses to `v`; a non-finite number is written as 0.
 pub(super) fn decimal<W: Write>(w: &mut W, v: f32) -> Result<(), W::Error> {
     let mut buffer = zmij::Buffer::new();
     let text = buffer.format_finite(number(v));
@@ -36,7 +36,7 @@ pub(super) fn decimal<W: Write>(w: &mut W, v: f32) -> Result<(), W::Error> {
     if mantissa.starts_with('-') {
         put(w, "-")?;
     }
-    // One digit stands before the point.
+    // The mantissa has one digit before the point.
     let mut digits = [0; DIGITS];
     let used =
         digits.iter_mut().zip(mantissa.bytes().filter(u8::is_ascii_digit)).map(|(to, b)| *to = b).count();
@@ -47,7 +47,7 @@ pub(super) fn decimal<W: Write>(w: &mut W, v: f32) -> Result<(), W::Error> {
         zeros(w, power.saturating_sub(1))?;
         return w.write_all(digits);
     }
-    // Only numbers far above any digit after the point have a positive exponent.
+    // A positive exponent exceeds the number of digits after the point.
     w.write_all(digits)?;
     zeros(w, (power + 1).saturating_sub(used))
 }

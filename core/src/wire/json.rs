@@ -1,13 +1,25 @@
-//! Light set as JSON.
+//! The JSON form of a light set.
 
 use super::{Latency, LightSet, decimal, numbers, put, whole};
 use crate::light::{Light, Sh9};
 use embedded_io::Write;
 
-/// Writes `set` as one JSON object without a line break.
+/// Writes `set` as one JSON object without line breaks.
+///
+/// ```
+/// use hemilux_core::wire::{LightSet, json};
+///
+/// let mut bytes = [0; 1024];
+/// let mut rest = &mut bytes[..];
+/// json(&LightSet { run: "8c1f", frame: 5, ..LightSet::EMPTY }, &mut rest)?;
+/// let used = 1024 - rest.len();
+/// let text = std::str::from_utf8(&bytes[..used])?;
+/// assert!(text.starts_with(r#"{"version":1,"run":"8c1f","frame":5,"#));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 ///
 /// # Errors
-/// The writer's.
+/// Errors of the writer `w`, such as a full buffer.
 pub fn json<W: Write>(set: &LightSet<'_>, w: &mut W) -> Result<(), W::Error> {
     put(w, "{\"version\":1,\"run\":")?;
     string(w, set.run)?;
@@ -103,7 +115,7 @@ fn count<W: Write>(w: &mut W, key: &str, n: u64) -> Result<(), W::Error> {
     whole(w, n)
 }
 
-/// A quoted string with what JSON forbids in one escaped.
+/// Writes a quoted string with escaped quotes, backslashes and control characters.
 fn string<W: Write>(w: &mut W, s: &str) -> Result<(), W::Error> {
     put(w, "\"")?;
     for b in s.bytes() {

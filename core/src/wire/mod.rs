@@ -1,6 +1,8 @@
-//! The bytes of a light set: JSON, plain text, XML and a compact binary form, written through `embedded-io` without allocation.
+//! Encodings of a light set: JSON, plain text, XML and a compact binary form.
 //!
-//! All values are absolute and linear. Directions and harmonics are turned to the asked-for axes on the way out.
+//! The encoders write to any `embedded_io::Write` (a `&mut &mut [u8]`, for example) and allocate nothing. All values are absolute and
+//! linear. Directions and harmonics are converted to the requested [`Coordinates`]. [`LightSet::EMPTY`] gives default values for the
+//! fields that a program does not set. `board/FORMATS.md` lists the fields of every form.
 
 mod binary;
 mod coordinates;
@@ -21,19 +23,19 @@ use crate::light::{Light, Sh9};
 use decimal::{decimal, whole};
 use embedded_io::Write;
 
-/// What a light's numbers are in.
+/// The unit of irradiances.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Unit {
-    /// Proportional to lux, with an unknown factor.
+    /// Proportional to lux by an unknown factor.
     #[default]
     Relative,
-    /// Photometrically calibrated.
+    /// Lux: the camera is photometrically calibrated.
     Lux,
 }
 
 impl Unit {
-    /// Its name on the wire.
+    /// The name in light sets.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -43,64 +45,64 @@ impl Unit {
     }
 }
 
-/// Why a set is not fresh.
+/// The reason why a light set is out of date.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stale<'a> {
-    /// Milliseconds since the set was made.
+    /// Milliseconds since the set was computed.
     pub age_ms: u64,
-    /// What happened to the source.
+    /// What happened to the camera, for people to read.
     pub reason: &'a str,
 }
 
-/// Time spent in each stage of one frame, microseconds.
+/// Duration of each stage of one frame, microseconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Latency {
-    /// Waiting for and copying the burst.
+    /// Waiting for the burst and copying it.
     pub capture: u32,
-    /// Merge and map in one.
+    /// Merge of the burst and accumulation in texels.
     pub front: u32,
-    /// Sums above the map.
+    /// Energy and coarser orders of the map.
     pub pyramid: u32,
     /// The sampler.
     pub sample: u32,
-    /// Temporal filters outside the sampler.
+    /// Temporal filters outside of the sampler.
     pub filter: u32,
     /// Encoding of the previous frame's set.
     pub encode: u32,
-    /// From the end of the burst to the finished set.
+    /// From the end of the burst to the finished light set.
     pub total: u32,
 }
 
-/// How many times [`Latency`] holds.
+/// Number of durations in [`Latency`].
 pub const STAGES: usize = 7;
 
 impl Latency {
-    /// Names of the times on the wire, in their order everywhere.
+    /// Names of the durations in light sets, in the order of the fields.
     pub const NAMES: [&str; STAGES] = ["capture", "front", "pyramid", "sample", "filter", "encode", "total"];
 
-    /// The times in the order of [`Self::NAMES`].
+    /// The durations in the order of [`Self::NAMES`].
     #[must_use]
     pub const fn all(&self) -> [u32; STAGES] {
         [self.capture, self.front, self.pyramid, self.sample, self.filter, self.encode, self.total]
     }
 }
 
-/// Which of the times of a [`Latency`] were longer than their budget.
+/// The set of stages whose duration exceeds its budget.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Overrun(u8);
 
 impl Overrun {
-    /// None of them.
+    /// No stage.
     pub const NONE: Self = Self(0);
 
-    /// Those of `latency` that are longer than their budget, both in microseconds.
+    /// The stages of `latency` that exceed their budgets; both in microseconds.
     #[must_use]
     pub fn of(latency: &Latency, budgets_us: &[u32; STAGES]) -> Self {
         let over = latency.all().into_iter().zip(budgets_us).map(|(us, budget)| us > *budget);
         Self(over.enumerate().fold(0, |bits, (i, over)| bits | u8::from(over) << i))
     }
 
-    /// Their names.
+    /// Names of the stages, from [`Latency::NAMES`].
     pub fn names(self) -> impl Iterator<Item = &'static str> {
         Latency::NAMES
             .into_iter()
@@ -110,54 +112,54 @@ impl Overrun {
     }
 }
 
-/// One frame's lights and what is known about them.
+/// The lights of one frame with their metadata: the input of the encoders.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LightSet<'a> {
-    /// Changes at every start of the probe.
+    /// Identifier of the run of the program: differs after every start.
     pub run: &'a str,
-    /// Counts from 0 in each run.
+    /// Number of the frame, from 0 in each run.
     pub frame: u64,
     /// CLOCK_MONOTONIC at the end of the burst, nanoseconds.
     pub timestamp_ns: u64,
-    /// Unix time, milliseconds.
+    /// Unix time at the end of the burst, milliseconds.
     pub wall_ms: u64,
-    /// False before the first frame.
+    /// `false` before the first frame.
     pub valid: bool,
-    /// Set when the source has stopped and this is the last good set.
+    /// Present if no new burst arrives and this is the last light set.
     pub stale: Option<Stale<'a>>,
-    /// The sampler's name.
+    /// Name of the sampler.
     pub sampler: &'a str,
-    /// Lights asked for.
+    /// Requested number of lights.
     pub requested: u32,
-    /// What the numbers are in.
+    /// Unit of the irradiances.
     pub unit: Unit,
-    /// Axes of the directions.
+    /// Coordinates to which the encoders convert directions and harmonics.
     pub coordinates: Coordinates,
-    /// The lights, in probe axes.
+    /// The lights, in the probe's axes.
     pub lights: &'a [Light],
-    /// Radiance of what is not in `lights`, in probe axes.
+    /// Radiance of the light that `lights` leave out, as spherical harmonics in the probe's axes.
     pub ambient_sh: Option<&'a Sh9>,
-    /// Scalar flux that is neither in `lights` nor in `ambient_sh`; `None` where it is less than a thousandth of `scalar_flux`. The binary
-    /// form leaves it out: it follows from the other numbers.
+    /// Scalar flux that neither `lights` nor `ambient_sh` contain ([`LightSet::missing_flux`]); `None` if it is below a thousandth of
+    /// `scalar_flux`. The binary form omits it, since it follows from the other fields.
     pub left_out: Option<[f32; 3]>,
-    /// Sum of L dOmega over everything.
+    /// Scalar flux: radiance times solid angle, summed over the map.
     pub scalar_flux: [f32; 3],
-    /// Sum of L cos(theta) dOmega above the horizon.
+    /// Horizontal irradiance: radiance times cos(theta) times solid angle, summed above the horizon.
     pub horizontal_irradiance: [f32; 3],
-    /// Clipped share of the domain's solid angle.
+    /// Fraction of the domain's solid angle in which even the shortest exposure is clipped.
     pub clipped: f32,
-    /// Unseen share of the domain's solid angle.
+    /// Fraction of the domain's solid angle outside of the field of view.
     pub unseen: f32,
-    /// Estimated shadowed error, a ratio.
+    /// Estimated shadowed error, a ratio; `None` for samplers without an estimate.
     pub estimated_error: Option<f32>,
-    /// Time spent in each stage.
+    /// Duration of each stage.
     pub latency: Latency,
-    /// Which of the times were over budget; in JSON alone.
+    /// Stages over their budget; only the JSON form contains them.
     pub overrun: Overrun,
 }
 
 impl LightSet<'_> {
-    /// The set before the first frame.
+    /// A light set without lights, as before the first frame.
     pub const EMPTY: LightSet<'static> = LightSet {
         run: "",
         frame: 0,
@@ -182,14 +184,14 @@ impl LightSet<'_> {
     };
 }
 
-/// Largest share of the scalar flux that a set may lack without a word.
+/// Largest fraction of the scalar flux that is not reported as missing.
 const SILENT: f32 = 1e-3;
 
 impl LightSet<'_> {
-    /// The scalar flux over the upper hemisphere that `lights` and `ambient_sh` do not hold, for [`LightSet::left_out`].
+    /// Scalar flux from the upper hemisphere that neither `lights` nor `ambient_sh` contain: the value of [`LightSet::left_out`].
     #[must_use]
     pub fn missing_flux(&self) -> Option<[f32; 3]> {
-        // Integrals over the hemisphere of the basis functions (0,0) and (1,0); those of the others are 0.
+        // Integrals of the basis functions (0,0) and (1,0) over the hemisphere; those of the others are 0.
         const CONSTANT: f64 = 1.772_453_850_905_516;
         const LINEAR: f64 = 1.534_990_061_919_733;
         let missing: [f64; 3] = core::array::from_fn(|c| {
@@ -205,12 +207,12 @@ impl LightSet<'_> {
     }
 }
 
-/// A number as the formats hold it: what is not finite becomes 0, which no stage produces.
+/// `v`, or 0 if it is not finite: the encoded forms hold finite numbers only.
 fn number(v: f32) -> f32 {
     if v.is_finite() { v } else { 0.0 }
 }
 
-/// Writes numbers with `separator` between them.
+/// Writes numbers with a `separator` between them.
 fn numbers<W: Write>(w: &mut W, values: &[f32], separator: &str) -> Result<(), W::Error> {
     for (i, v) in values.iter().enumerate() {
         put(w, if i == 0 { "" } else { separator })?;
@@ -219,7 +221,7 @@ fn numbers<W: Write>(w: &mut W, values: &[f32], separator: &str) -> Result<(), W
     Ok(())
 }
 
-/// Writes words as they are.
+/// Writes a string without escaping.
 fn put<W: Write>(w: &mut W, words: &str) -> Result<(), W::Error> {
     w.write_all(words.as_bytes())
 }

@@ -1,12 +1,25 @@
-//! Light set as plain text: one light a line.
+//! The plain text form of a light set: one light per line.
 
 use super::{LightSet, numbers, put, whole};
 use embedded_io::Write;
 
-/// Writes `set` as comment lines that start with `#`, then `id x y z r g b` for each light.
+/// Writes `set` as comment lines that start with `#`, followed by one line `id x y z r g b` per light.
+///
+/// ```
+/// use hemilux_core::Light;
+/// use hemilux_core::wire::{LightSet, text};
+///
+/// let light = Light { id: 7, direction: glam::Vec3::Z, irradiance: [3.0, 2.0, 1.0], ..Light::default() };
+/// let mut bytes = [0; 512];
+/// let mut rest = &mut bytes[..];
+/// text(&LightSet { lights: &[light], ..LightSet::EMPTY }, &mut rest)?;
+/// let used = 512 - rest.len();
+/// assert!(bytes[..used].ends_with(b"\n7 0 0 1 3 2 1\n"));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 ///
 /// # Errors
-/// The writer's.
+/// Errors of the writer `w`, such as a full buffer.
 pub fn text<W: Write>(set: &LightSet<'_>, w: &mut W) -> Result<(), W::Error> {
     put(w, "# run ")?;
     words(w, set.run)?;
@@ -41,7 +54,7 @@ pub fn text<W: Write>(set: &LightSet<'_>, w: &mut W) -> Result<(), W::Error> {
     Ok(())
 }
 
-/// Words of a comment; control characters, which could end its line, become spaces.
+/// Writes the text of a comment; control characters, which could end the line, become spaces.
 fn words<W: Write>(w: &mut W, s: &str) -> Result<(), W::Error> {
     s.chars().try_for_each(|c| match c {
         c if c.is_control() => put(w, " "),

@@ -1,12 +1,26 @@
-//! Light set as XML.
+//! The XML form of a light set.
 
 use super::{LightSet, decimal, numbers, put, whole};
 use embedded_io::Write;
 
-/// Writes `set` as one `<lights>` element.
+/// Writes `set` as one `<lights>` element with one `<light>` element per light.
+///
+/// ```
+/// use hemilux_core::Light;
+/// use hemilux_core::wire::{LightSet, xml};
+///
+/// let light = Light { id: 7, direction: glam::Vec3::Z, irradiance: [3.0, 2.0, 1.0], ..Light::default() };
+/// let mut bytes = [0; 512];
+/// let mut rest = &mut bytes[..];
+/// xml(&LightSet { lights: &[light], ..LightSet::EMPTY }, &mut rest)?;
+/// let used = 512 - rest.len();
+/// let element = br#"<light id="7" x="0" y="0" z="1" r="3" g="2" b="1"/></lights>"#;
+/// assert!(bytes[..used].ends_with(element));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 ///
 /// # Errors
-/// The writer's.
+/// Errors of the writer `w`, such as a full buffer.
 pub fn xml<W: Write>(set: &LightSet<'_>, w: &mut W) -> Result<(), W::Error> {
     put(w, "<lights version=\"1\" run=\"")?;
     escaped(w, set.run)?;
@@ -43,7 +57,7 @@ pub fn xml<W: Write>(set: &LightSet<'_>, w: &mut W) -> Result<(), W::Error> {
     put(w, "</lights>")
 }
 
-/// Text of an attribute; control characters and the two non-characters, which XML 1.0 forbids, become spaces.
+/// Writes the text of an attribute; control characters and the two non-characters, which XML 1.0 forbids, become spaces.
 fn escaped<W: Write>(w: &mut W, s: &str) -> Result<(), W::Error> {
     s.chars().try_for_each(|c| match c {
         '&' => put(w, "&amp;"),

@@ -1,4 +1,4 @@
-//! What a WebXR light estimate holds: one main light, and spherical harmonics of everything else.
+//! The WebXR light estimate of a light set: one primary light, and spherical harmonics of all other light.
 
 use super::{Coordinates, LightSet};
 use crate::color::luminance;
@@ -6,20 +6,30 @@ use crate::harmonics::basis;
 use crate::light::{Light, Sh9};
 use glam::Vec3;
 
-/// An `XRLightEstimate`, in WebXR's axes (+Y up). Like everything on the wire, no light is in it twice: the harmonics hold all but the
-/// primary light.
+/// The values of an `XRLightEstimate`, in the axes of WebXR (+Y up). The harmonics contain all light except the primary light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Estimate {
-    /// Unit vector towards the primary light; (0, 1, 0) where there is no light.
+    /// Unit vector towards the primary light; (0, 1, 0) without lights.
     pub direction: Vec3,
-    /// Its perpendicular irradiance; 0 where there is no light.
+    /// Perpendicular irradiance of the primary light; 0 without lights.
     pub intensity: [f32; 3],
-    /// Radiance of the rest, in the basis of `ambient_sh`; WebXR's 27 floats are its rows one after the other.
+    /// Radiance of all other light, in the basis of `ambient_sh`; the 27 floats of WebXR are the rows in order.
     pub harmonics: Sh9,
 }
 
-/// The estimate of `set`: its brightest light is the primary one.
+/// Computes the estimate of `set`; the primary light is the brightest.
+///
+/// ```
+/// use hemilux_core::Light;
+/// use hemilux_core::wire::{LightSet, estimate};
+///
+/// let lamp = Light { id: 1, direction: glam::Vec3::Z, irradiance: [5.0; 3], ..Light::default() };
+/// let sky = Light { id: 2, direction: glam::Vec3::X, irradiance: [1.0; 3], ..Light::default() };
+/// let xr = estimate(&LightSet { lights: &[sky, lamp], ..LightSet::EMPTY });
+/// assert_eq!((xr.direction, xr.intensity), (glam::Vec3::Y, [5.0; 3]));
+/// assert!(xr.harmonics[0][0] > 0.0);
+/// ```
 #[must_use]
 pub fn estimate(set: &LightSet<'_>) -> Estimate {
     let brightness = |l: &Light| luminance(l.irradiance);
