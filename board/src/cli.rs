@@ -1,5 +1,6 @@
 //! The command line: what it accepts, and what each command does.
 
+mod calibrate;
 #[cfg(all(feature = "v4l2", target_os = "linux"))]
 mod devices;
 mod lens;
@@ -70,6 +71,8 @@ enum Command {
     /// Decompose what a source gives and serve it (what hemilux does without a command).
     #[command(after_help = EXAMPLES)]
     Serve(Box<Serve>),
+    /// Calibrate: compute a lens from pictures of a chessboard, or write the chessboard.
+    Calibrate(calibrate::Calibrate),
     /// Convert lens files.
     Lens(lens::Lens),
     /// List the cameras and what they can do, or check one.
@@ -167,6 +170,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<(), Failure>
     };
     match cli.command.unwrap_or_else(|| Command::Serve(Box::new(cli.serve))) {
         Command::Serve(options) => serve(&options),
+        Command::Calibrate(options) => calibrate::run(&options),
         Command::Lens(options) => lens::run(&options),
         #[cfg(all(feature = "v4l2", target_os = "linux"))]
         Command::Devices(options) => devices::run(&options),

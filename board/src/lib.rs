@@ -5,6 +5,8 @@
 
 #[cfg(feature = "mdns")]
 pub mod announce;
+#[cfg(feature = "calibrate")]
+pub mod calibrate;
 #[cfg(feature = "pipeline")]
 pub mod calibration;
 #[cfg(feature = "server")]

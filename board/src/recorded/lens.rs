@@ -17,6 +17,9 @@ struct LensManifest {
     lens: LensTable,
     response: Option<ResponseTable>,
     sensor: Option<SensorTable>,
+    /// How the lens came about; `hemilux calibrate` writes and reads it.
+    #[allow(dead_code, reason = "checked for its type; read as a raw table")]
+    calibration: Option<toml::Table>,
 }
 
 fn version_one() -> i64 {

@@ -179,6 +179,28 @@ struct Image {
     white: Option<f64>,
 }
 
+/// Reads a picture as grey samples of eight bits.
+///
+/// # Errors
+/// [`RecordedError`] for files that are no whole PNG, JPEG, PGM or PPM image.
+#[cfg(feature = "calibrate")]
+pub fn read_grey(path: &Path) -> Result<crate::calibrate::Grey, RecordedError> {
+    let image = images::read(path, images::open(path, &ReadLimits::default())?)?;
+    let mean =
+        |three: [u32; 3], full: u32| ((three[0] + 2 * three[1] + three[2]) * 255 / (4 * full)).min(255) as u8;
+    let full = |largest: u32| image.white.map_or(largest, |white| white as u32).max(1);
+    let pixels = match &image.pixels {
+        Pixels::U8(codes) => {
+            codes.as_chunks::<3>().0.iter().map(|c| mean(c.map(u32::from), full(0xff))).collect()
+        }
+        Pixels::U16(codes) => {
+            codes.as_chunks::<3>().0.iter().map(|c| mean(c.map(u32::from), full(0xffff))).collect()
+        }
+    };
+    let grey = crate::calibrate::Grey::new(image.layout.width() as usize, pixels);
+    grey.ok_or_else(|| RecordedError::new(path, "no pixels", "an image"))
+}
+
 /// One burst of a recording, before it is read.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct BurstFolder {

@@ -1,0 +1,124 @@
+//! The Kannala-Brandt camera with its derivatives.
+
+use nalgebra::{Matrix2x3, SMatrix, SVector, Vector2, Vector3};
+
+/// Number of intrinsic parameters.
+pub(super) const INTRINSICS: usize = 8;
+
+/// Derivatives of a pixel by the intrinsic parameters.
+pub(super) type ByIntrinsics = SMatrix<f64, 2, INTRINSICS>;
+
+/// Focal lengths and centre, pixels, then the four coefficients of \[KannalaBrandt2006\].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Camera(pub SVector<f64, INTRINSICS>);
+
+/// A point's image and its derivatives.
+pub(super) struct Projection {
+    /// The pixel.
+    pub pixel: Vector2<f64>,
+    /// By the point in the camera's axes.
+    pub by_point: Matrix2x3<f64>,
+    /// By the intrinsic parameters.
+    pub by_intrinsics: ByIntrinsics,
+}
+
+impl Camera {
+    /// An equidistant camera.
+    pub fn equidistant(focal: f64, centre: Vector2<f64>) -> Self {
+        Self(SVector::from([focal, focal, centre.x, centre.y, 0.0, 0.0, 0.0, 0.0]))
+    }
+
+    /// Focal lengths along columns and rows.
+    pub fn focal(&self) -> Vector2<f64> {
+        Vector2::new(self.0[0], self.0[1])
+    }
+
+    /// The principal point.
+    pub fn centre(&self) -> Vector2<f64> {
+        Vector2::new(self.0[2], self.0[3])
+    }
+
+    /// The radius at an angle from the axis, in focal lengths.
+    pub fn radius(&self, theta: f64) -> f64 {
+        let t = theta * theta;
+        theta * (1.0 + t * (self.0[4] + t * (self.0[5] + t * (self.0[6] + t * self.0[7]))))
+    }
+
+    /// The derivative of [`Camera::radius`].
+    pub fn slope(&self, theta: f64) -> f64 {
+        let t = theta * theta;
+        1.0 + t * (3.0 * self.0[4] + t * (5.0 * self.0[5] + t * (7.0 * self.0[6] + t * 9.0 * self.0[7])))
+    }
+
+    /// The angle up to which the radius grows, at most pi.
+    pub fn limit(&self) -> f64 {
+        let steps = (1..=720).map(|i| f64::from(i) * std::f64::consts::PI / 720.0);
+        steps.take_while(|theta| self.slope(*theta) > 1e-3).last().unwrap_or(0.0)
+    }
+
+    /// The angle from the axis that is imaged at a radius; the limit's where the radius is beyond it.
+    pub fn angle(&self, radius: f64) -> f64 {
+        let (mut low, mut high) = (0.0, self.limit());
+        for _ in 0..52 {
+            let middle = 0.5 * (low + high);
+            if self.radius(middle) < radius { low = middle } else { high = middle }
+        }
+        0.5 * (low + high)
+    }
+
+    /// The unit direction of a pixel.
+    pub fn direction(&self, pixel: Vector2<f64>) -> Vector3<f64> {
+        let n = (pixel - self.centre()).component_div(&self.focal());
+        let radius = n.norm();
+        let (sin, cos) = self.angle(radius).sin_cos();
+        let across = if radius > 0.0 { n * (sin / radius) } else { Vector2::zeros() };
+        Vector3::new(across.x, across.y, cos)
+    }
+
+    /// The pixel of a point.
+    pub fn pixel(&self, point: &Vector3<f64>) -> Vector2<f64> {
+        let across = point.xy();
+        let theta = across.norm().atan2(point.z);
+        let n = if across.norm() > 0.0 { across * (self.radius(theta) / across.norm()) } else { across };
+        self.centre() + n.component_mul(&self.focal())
+    }
+
+    /// The pixel of a point, with derivatives.
+    pub fn project(&self, point: &Vector3<f64>) -> Projection {
+        let across = point.xy();
+        let rho = across.norm().max(1e-12);
+        let theta = rho.atan2(point.z);
+        let (radius, slope) = (self.radius(theta), self.slope(theta));
+        let unit = if across.norm() > 1e-12 { across / rho } else { Vector2::x() };
+        let distance2 = rho * rho + point.z * point.z;
+        let theta_by_point = Vector3::new(unit.x * point.z, unit.y * point.z, -rho) / distance2;
+        let mut by_point = unit * (theta_by_point * slope).transpose();
+        let tangent = Vector2::new(-unit.y, unit.x);
+        let ratio = if rho > 1e-9 { radius / rho } else { 1.0 / point.z };
+        let turned = tangent * tangent.transpose() * ratio;
+        by_point.fixed_view_mut::<2, 2>(0, 0).add_assign(&turned);
+        by_point.row_mut(0).scale_mut(self.0[0]);
+        by_point.row_mut(1).scale_mut(self.0[1]);
+        let n = unit * radius;
+        Projection {
+            pixel: self.centre() + n.component_mul(&self.focal()),
+            by_point,
+            by_intrinsics: self.by_intrinsics(n, unit, theta),
+        }
+    }
+
+    fn by_intrinsics(&self, n: Vector2<f64>, unit: Vector2<f64>, theta: f64) -> ByIntrinsics {
+        let mut d = ByIntrinsics::zeros();
+        d[(0, 0)] = n.x;
+        d[(1, 1)] = n.y;
+        d[(0, 2)] = 1.0;
+        d[(1, 3)] = 1.0;
+        for power in 0..4 {
+            let by_k = unit.component_mul(&self.focal()) * theta.powi(3 + 2 * power);
+            d.set_column(4 + power as usize, &by_k);
+        }
+        d
+    }
+}
+
+use std::ops::AddAssign;

@@ -1,0 +1,224 @@
+//! Pictures of which no lens can be computed.
+
+use super::Board;
+use super::detect::{self, Found};
+use super::fit::{Fit, root_mean_square};
+use super::lens::Picture;
+use super::pose::{Sighting, from_directions};
+use super::solve::{Free, View, solve};
+
+/// Fewest pictures with a board.
+pub(super) const FEWEST_BOARDS: usize = 3;
+
+/// Why no lens was computed: one line that says what to do.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum LensRefusal {
+    /// Too few pictures.
+    #[error(
+        "found {0} picture(s), expected at least 3, better 15 to 30: show the board at other places of the view and at other angles"
+    )]
+    FewPictures(usize),
+    /// Pictures of several sizes.
+    #[error("{name}: found {} x {} pixels, expected {} x {} as the first picture: take all pictures in one mode of one camera", size[0], size[1], expected[0], expected[1])]
+    Sizes {
+        /// The picture.
+        name: String,
+        /// Its columns and rows.
+        size: [usize; 2],
+        /// Those of the first.
+        expected: [usize; 2],
+    },
+    /// Too few boards.
+    #[error(
+        "found a board of {board} inner corners in {found} of {pictures} pictures, expected it in at least 3: count the corners where four \
+         squares meet, light the board evenly, and hold it still and sharp"
+    )]
+    FewBoards {
+        /// What was looked for.
+        board: Board,
+        /// Pictures with a board.
+        found: usize,
+        /// All pictures.
+        pictures: usize,
+    },
+    /// The board has more corners than stated.
+    #[error(
+        "found a board of more than {board} inner corners in {found} pictures, expected {board}: count its corners anew and give them as --board"
+    )]
+    LargerBoard {
+        /// What was stated.
+        board: Board,
+        /// Pictures that show more.
+        found: usize,
+    },
+    /// The board has fewer corners than stated.
+    #[error(
+        "found boards of at most {found} inner corners, expected {board}: give --board {found}, or show the whole board"
+    )]
+    SmallerBoard {
+        /// What was stated.
+        board: Board,
+        /// The largest that was seen.
+        found: Board,
+    },
+    /// A picture with two boards.
+    #[error(
+        "{name}: found two boards in view, expected one: cover or remove the other, or leave this picture out"
+    )]
+    TwoBoards {
+        /// The picture.
+        name: String,
+    },
+    /// The boards cover a small part of the view.
+    #[error(
+        "found all boards in the {place} of the view, expected them all over it up to the rim: take more pictures with the board elsewhere"
+    )]
+    OnePlace {
+        /// Which part.
+        place: String,
+    },
+    /// A picture in which left and right are exchanged.
+    #[error(
+        "{name}: found a mirrored picture, expected all pictures the same way round: switch mirroring off in the camera, or flip the picture back"
+    )]
+    Mirrored {
+        /// The picture.
+        name: String,
+    },
+    /// The least-squares fit found no lens.
+    #[error(
+        "found corners that fit no lens (error {rms_px:.1} px), expected at most {most_px:.1} px: keep the board flat, and take all pictures with one zoom and focus"
+    )]
+    NoFit {
+        /// Error of the fit.
+        rms_px: f64,
+        /// Largest that is accepted.
+        most_px: f64,
+    },
+    /// The corner detector refused a picture.
+    #[error("{name}: found {found}, expected a picture in which corners can be searched")]
+    Detector {
+        /// The picture.
+        name: String,
+        /// What the detector said.
+        found: String,
+    },
+}
+
+/// All pictures must have the size of the first, and there must be several.
+pub(super) fn pictures(pictures: &[Picture]) -> Result<[usize; 2], LensRefusal> {
+    let few = LensRefusal::FewPictures(pictures.len());
+    let expected = pictures.first().ok_or_else(|| few.clone())?.grey.size();
+    if let Some(other) = pictures.iter().find(|p| p.grey.size() != expected) {
+        return Err(LensRefusal::Sizes { name: other.name.clone(), size: other.grey.size(), expected });
+    }
+    if pictures.len() < FEWEST_BOARDS { Err(few) } else { Ok(expected) }
+}
+
+/// Two boards, too few boards, boards in one place.
+pub(super) fn found(
+    pictures: &[Picture],
+    found: &[Found],
+    board: Board,
+    size: [usize; 2],
+) -> Result<(), LensRefusal> {
+    let two = found.iter().position(|f| f.second >= board.corners() / 2 && f.second >= 9);
+    if let Some(i) = two {
+        return Err(LensRefusal::TwoBoards { name: pictures[i].name.clone() });
+    }
+    let boards = found.iter().filter(|f| !f.seen.is_empty()).count();
+    if boards < FEWEST_BOARDS {
+        return Err(LensRefusal::FewBoards { board, found: boards, pictures: pictures.len() });
+    }
+    smaller(found, board)?;
+    one_place(found, size)
+}
+
+/// The stated board is larger than each that was seen, though many pictures agree on what they show.
+fn smaller(found: &[Found], board: Board) -> Result<(), LensRefusal> {
+    // A column of one or two corners is a mistake of the search rather than a column.
+    let span = |f: &Found, axis: usize| {
+        let filled = |line: &i32| f.seen.iter().filter(|s| s.cell[axis] == *line).count() > 2;
+        (0..board.size()[axis]).filter(filled).count() as u32
+    };
+    let spans: Vec<[u32; 2]> = found.iter().map(|f| [span(f, 0), span(f, 1)]).collect();
+    let agreeing = |one: [u32; 2]| spans.iter().filter(|other| **other == one).count();
+    let Some([columns, rows]) = spans.iter().copied().max_by_key(|one| agreeing(*one)) else { return Ok(()) };
+    let whole = agreeing([board.columns, board.rows]);
+    if 2 * agreeing([columns, rows]) < found.len() || 6 * whole > found.len() {
+        return Ok(());
+    }
+    Err(LensRefusal::SmallerBoard { board, found: Board { columns, rows } })
+}
+
+/// Share of the picture's width and height that corners must span, one of the two.
+const SPANNED: f64 = 0.55;
+
+fn one_place(found: &[Found], size: [usize; 2]) -> Result<(), LensRefusal> {
+    let along = |axis: usize| {
+        let values = || found.iter().flat_map(|f| &f.seen).map(|s| s.at[axis] / size[axis] as f64);
+        (values().fold(1.0, f64::min), values().fold(0.0, f64::max))
+    };
+    let [(left, right), (top, bottom)] = [along(0), along(1)];
+    if right - left > SPANNED || bottom - top > SPANNED {
+        return Ok(());
+    }
+    let part = |low: f64, high: f64, names: [&'static str; 3]| match 0.5 * (low + high) {
+        middle if middle < 0.42 => names[0],
+        middle if middle > 0.58 => names[2],
+        _ => names[1],
+    };
+    let place = [part(top, bottom, ["upper", "", "lower"]), part(left, right, ["left", "", "right"])];
+    let place = place.into_iter().filter(|word| !word.is_empty()).collect::<Vec<_>>().join(" ");
+    Err(LensRefusal::OnePlace {
+        place: if place.is_empty() { "middle".into() } else { format!("{place} part") },
+    })
+}
+
+/// Boards with corners beyond those that were stated.
+pub(super) fn larger(pictures: &[Picture], fit: &Fit, board: Board) -> Result<(), LensRefusal> {
+    let shows_more = |(view, picture): (&View, &usize)| {
+        let sides = detect::beyond(&pictures[*picture].grey, &fit.model, view, board);
+        sides.iter().any(|[found, places]| *places >= 3 && 3 * found >= 2 * places)
+    };
+    let found = fit.views.iter().zip(&fit.pictures).filter(|pair| shows_more(*pair)).count();
+    if 3 * found >= fit.views.len() { Err(LensRefusal::LargerBoard { board, found }) } else { Ok(()) }
+}
+
+/// A picture of which the fit kept few corners, and which fits when left and right are exchanged.
+pub(super) fn mirrored(
+    pictures: &[Picture],
+    found: &[Found],
+    fit: &Fit,
+    board: Board,
+    width: usize,
+) -> Result<(), LensRefusal> {
+    for (i, found) in found.iter().enumerate() {
+        let kept = fit.pictures.iter().position(|p| *p == i).map_or(0, |k| fit.views[k].seen.len());
+        if found.seen.len() < board.corners() / 2 || 2 * kept > found.seen.len() {
+            continue;
+        }
+        let flipped: Vec<Sighting> = found.seen.iter().map(|s| flip(s, board, width)).collect();
+        let (as_is, exchanged) = (posed(fit, &found.seen), posed(fit, &flipped));
+        if exchanged < 2.0 && 2.0 * exchanged < as_is {
+            return Err(LensRefusal::Mirrored { name: pictures[i].name.clone() });
+        }
+    }
+    Ok(())
+}
+
+fn flip(s: &Sighting, board: Board, width: usize) -> Sighting {
+    let mut at = s.at;
+    at.x = width as f64 - 1.0 - at.x;
+    Sighting { cell: [board.size()[0] - 1 - s.cell[0], s.cell[1]], at }
+}
+
+/// The error of a board, pixels, when its pose alone is varied.
+fn posed(fit: &Fit, seen: &[Sighting]) -> f64 {
+    let Some(pose) = from_directions(&fit.model.camera, seen) else { return f64::INFINITY };
+    let mut views = [View { seen: seen.to_vec(), pose }];
+    let mut model = fit.model;
+    solve(&mut model, &mut views, 1e4, Free::Poses, 30);
+    root_mean_square(views[0].residuals(&model))
+}

@@ -1,0 +1,212 @@
+//! From pictures to a lens.
+
+use super::camera::Camera;
+use super::check::{self, LensRefusal};
+use super::detect::{self, Found};
+use super::fit::{Fit, first, root_mean_square};
+use super::pose::Sighting;
+use super::shape::Shape;
+use super::uncertainty::{self, Deviations};
+use super::{Board, Grey};
+use glam::DVec2;
+use hemilux_core::lens::{Intrinsics, Lens, Model};
+use nalgebra::Vector2;
+
+/// Largest error of a fit that is a calibration, pixels.
+const MOST_RMS_PX: f64 = 1.2;
+
+/// How far beyond the outermost corner the lens is taken to follow the fitted law, radians.
+const BEYOND: f64 = 0.14;
+
+/// A picture with the name by which refusals call it.
+#[derive(Clone, Debug)]
+pub struct Picture {
+    /// Usually its file.
+    pub name: String,
+    /// Its samples.
+    pub grey: Grey,
+}
+
+/// The uncertainty of directions at an angle from the axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spread {
+    /// The angle from the axis, degrees.
+    pub angle_deg: f64,
+    /// Standard deviation of a direction, degrees: what the noise of the corners leaves open, at least half of `halves_deg`.
+    pub uncertainty_deg: f64,
+    /// Difference of the lenses of the two halves of the pictures; none with fewer than six boards.
+    pub halves_deg: Option<f64>,
+}
+
+/// A corner's pixel, and found minus computed pixel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Residual {
+    /// The pixel.
+    pub at: DVec2,
+    /// Found minus computed.
+    pub off: DVec2,
+}
+
+/// What one picture contributed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Used {
+    /// The picture's name.
+    pub name: String,
+    /// Its corners that were kept; 0 where the board was not found or not used.
+    pub corners: usize,
+    /// Their error, pixels.
+    pub rms_px: f64,
+}
+
+/// A lens computed from pictures.
+#[derive(Clone, Debug)]
+pub struct Calibrated {
+    /// The lens.
+    pub lens: Lens,
+    /// Columns and rows of the pictures.
+    pub size: [usize; 2],
+    /// The board.
+    pub board: Board,
+    /// What each picture contributed.
+    pub used: Vec<Used>,
+    /// Corners that were found and left out.
+    pub left_out: usize,
+    /// The root of the mean square distance of found and computed corners, pixels.
+    pub rms_px: f64,
+    /// The largest distance, pixels.
+    pub largest_px: f64,
+    /// The angle from the axis of the outermost corner, degrees.
+    pub covered_deg: f64,
+    /// Standard deviations of the focal lengths and the centre, pixels, and of k1 to k4.
+    pub deviations: Deviations,
+    /// Uncertainty by angle.
+    pub spread: Vec<Spread>,
+    /// All residuals.
+    pub residuals: Vec<Residual>,
+    /// Largest distance of the board from a plane, in squares.
+    pub bulge: f64,
+}
+
+impl Calibrated {
+    /// Pictures of which the board was used.
+    #[must_use]
+    pub fn boards(&self) -> usize {
+        self.used.iter().filter(|used| used.corners > 0).count()
+    }
+
+    /// Corners that were kept.
+    #[must_use]
+    pub fn corners(&self) -> usize {
+        self.residuals.len()
+    }
+}
+
+/// Computes the lens that took `pictures` of a chessboard.
+///
+/// # Errors
+/// [`LensRefusal`].
+pub fn calibrate(pictures: &[Picture], board: Board) -> Result<Calibrated, LensRefusal> {
+    let size = check::pictures(pictures)?;
+    let found = pictures.iter().map(|picture| detect(picture, board)).collect::<Result<Vec<_>, _>>()?;
+    check::found(pictures, &found, board, size)?;
+    let seen: Vec<(usize, Vec<Sighting>)> =
+        found.iter().map(|f| f.seen.clone()).enumerate().filter(|(_, seen)| !seen.is_empty()).collect();
+    let mut fit = first(&seen, size, Shape::new(board)).ok_or_else(|| no_fit(f64::INFINITY))?;
+    let mut left_out = fit.settle();
+    check::mirrored(pictures, &found, &fit, board, size[0])?;
+    for _ in 0..2 {
+        complete(pictures, &mut fit, board);
+        left_out = fit.settle();
+    }
+    check::larger(pictures, &fit, board)?;
+    if fit.views.len() < check::FEWEST_BOARDS || fit.rms() > MOST_RMS_PX {
+        return Err(no_fit(fit.rms()));
+    }
+    result(pictures, &fit, board, size, left_out)
+}
+
+fn no_fit(rms_px: f64) -> LensRefusal {
+    LensRefusal::NoFit { rms_px, most_px: MOST_RMS_PX }
+}
+
+fn detect(picture: &Picture, board: Board) -> Result<Found, LensRefusal> {
+    let found = detect::board(&picture.grey, board);
+    found.map_err(|e| LensRefusal::Detector { name: picture.name.clone(), found: e.to_string() })
+}
+
+/// Looks for missing corners in all pictures.
+fn complete(pictures: &[Picture], fit: &mut Fit, board: Board) {
+    for (view, picture) in fit.views.iter_mut().zip(&fit.pictures) {
+        detect::complete(&pictures[*picture].grey, &fit.model, view, board);
+    }
+}
+
+fn result(
+    pictures: &[Picture],
+    fit: &Fit,
+    board: Board,
+    size: [usize; 2],
+    left_out: usize,
+) -> Result<Calibrated, LensRefusal> {
+    let refused = || no_fit(fit.rms());
+    let covered = covered(fit);
+    let covariance = uncertainty::of_parameters(fit).ok_or_else(refused)?;
+    Ok(Calibrated {
+        lens: lens(&fit.model.camera, covered, size).ok_or_else(refused)?,
+        size,
+        board,
+        used: used(pictures, fit),
+        left_out,
+        rms_px: fit.rms(),
+        largest_px: fit.largest(),
+        covered_deg: covered.to_degrees(),
+        deviations: uncertainty::deviations(&covariance),
+        spread: uncertainty::by_angle(fit, &covariance, covered),
+        residuals: residuals(fit),
+        bulge: fit.model.shape.bulge(),
+    })
+}
+
+fn used(pictures: &[Picture], fit: &Fit) -> Vec<Used> {
+    let one = |(i, picture): (usize, &Picture)| {
+        let view = fit.pictures.iter().position(|p| *p == i).map(|k| &fit.views[k]);
+        let rms_px = view.map_or(0.0, |view| root_mean_square(view.residuals(&fit.model)));
+        Used { name: picture.name.clone(), corners: view.map_or(0, |view| view.seen.len()), rms_px }
+    };
+    pictures.iter().enumerate().map(one).collect()
+}
+
+fn residuals(fit: &Fit) -> Vec<Residual> {
+    let vector = |v: Vector2<f64>| DVec2::new(v.x, v.y);
+    let of_view = |view| {
+        let view: &super::solve::View = view;
+        let pairs = view.seen.iter().zip(view.residuals(&fit.model));
+        pairs.map(|(s, off)| Residual { at: vector(s.at), off: vector(off) }).collect::<Vec<_>>()
+    };
+    fit.views.iter().flat_map(of_view).collect()
+}
+
+/// The angle from the axis of the outermost corner.
+fn covered(fit: &Fit) -> f64 {
+    let seen = fit.views.iter().flat_map(|view| &view.seen);
+    seen.map(|s| fit.model.camera.direction(s.at)).map(|d| d.xy().norm().atan2(d.z)).fold(0.0, f64::max)
+}
+
+/// The lens up to a little beyond the outermost corner, where its law grows that far and pixels are left.
+fn lens(camera: &Camera, covered: f64, size: [usize; 2]) -> Option<Lens> {
+    let (focal, centre) = (camera.focal(), camera.centre());
+    let farthest = [[0, 0], [size[0] - 1, 0], [0, size[1] - 1], [size[0] - 1, size[1] - 1]]
+        .map(|[x, y]| (Vector2::new(x as f64, y as f64) - centre).component_div(&focal).norm());
+    let rim = camera.angle(farthest.into_iter().fold(0.0, f64::max));
+    let max_theta = (covered + BEYOND).min(camera.limit() - 0.01).min(rim);
+    let k = std::array::from_fn(|i| camera.0[4 + i]);
+    let intrinsics = Intrinsics {
+        model: Model::KannalaBrandt(k),
+        centre_px: DVec2::new(centre.x, centre.y),
+        focal_px: DVec2::new(focal.x, focal.y),
+        skew_px: 0.0,
+        max_theta,
+        vignetting: [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+    };
+    Lens::try_new(intrinsics).ok()
+}

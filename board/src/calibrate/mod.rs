@@ -1,0 +1,30 @@
+//! Calibration of a lens from pictures of a chessboard.
+//!
+//! Corners are found by their surroundings ([`chess_corners`]), joined square by square to grids, and refined; poses follow from the
+//! directions of the corners, so that boards beyond 90 degrees from the axis are as good as any. One robust least-squares fit gives
+//! lens, poses and the shape of the board, which is never quite flat; corners that were missed are looked for again with its help.
+
+mod board;
+mod camera;
+mod check;
+mod corners;
+mod detect;
+mod fit;
+mod grey;
+mod grid;
+mod lens;
+mod lens_file;
+mod pose;
+mod residuals;
+mod shape;
+mod solve;
+mod target;
+mod uncertainty;
+
+pub use board::Board;
+pub use check::LensRefusal;
+pub use grey::Grey;
+pub use lens::{Calibrated, Picture, Spread, calibrate};
+pub use lens_file::{FileRefusal, write};
+pub use residuals::picture as residual_picture;
+pub use target::{Target, TargetRefusal, svg as target_svg};

@@ -1,0 +1,90 @@
+//! How well the pictures fix the directions of pixels.
+
+use super::camera::Camera;
+use super::fit::Fit;
+use super::lens::Spread;
+use super::solve::covariance;
+use nalgebra::{Matrix3x2, SMatrix, Vector3};
+use std::f64::consts::TAU;
+
+/// Azimuths at which each angle is judged.
+const AZIMUTHS: u32 = 24;
+
+/// Standard deviations of the camera's parameters.
+pub(super) type Deviations = [f64; 8];
+
+/// Covariance of the camera's parameters.
+type Covariance = SMatrix<f64, 8, 8>;
+
+/// The parameters' covariance at the error of the corners.
+pub(super) fn of_parameters(fit: &Fit) -> Option<Covariance> {
+    let unknowns = 8 + 6 * fit.views.len();
+    let free = (2 * fit.corners()).saturating_sub(unknowns).max(1);
+    let squares: f64 = fit.rms().powi(2) * fit.corners() as f64;
+    Some(covariance(&fit.model, &fit.views)? * (squares / free as f64))
+}
+
+/// Standard deviations of the parameters.
+pub(super) fn deviations(covariance: &Covariance) -> Deviations {
+    std::array::from_fn(|i| covariance[(i, i)].max(0.0).sqrt())
+}
+
+/// Directions all around at an angle from the axis.
+fn ring(theta: f64) -> impl Iterator<Item = Vector3<f64>> {
+    (0..AZIMUTHS).map(move |i| {
+        let (sin, cos) = (TAU * f64::from(i) / f64::from(AZIMUTHS)).sin_cos();
+        Vector3::new(theta.sin() * cos, theta.sin() * sin, theta.cos())
+    })
+}
+
+/// The root of the mean square of angles, radians to degrees.
+fn degrees(squares: impl Iterator<Item = f64>) -> f64 {
+    (squares.sum::<f64>() / f64::from(AZIMUTHS)).sqrt().to_degrees()
+}
+
+/// The uncertainty by angle from the axis, each ten degrees and at the edge of the covered field.
+pub(super) fn by_angle(fit: &Fit, covariance: &Covariance, covered: f64) -> Vec<Spread> {
+    let halves = halves(fit);
+    let tens =
+        (0..18).map(|i| f64::from(i) * 10f64.to_radians()).take_while(|theta| *theta < covered - 0.035);
+    let spread = |theta: f64| {
+        let noise_deg = degrees(ring(theta).map(|d| variance(&fit.model.camera, covariance, &d)));
+        let apart = |pair: &[Camera; 2]| degrees(ring(theta).map(|d| apart(&fit.model.camera, pair, &d)));
+        let halves_deg = halves.as_ref().map(apart);
+        Spread {
+            angle_deg: theta.to_degrees(),
+            uncertainty_deg: noise_deg.max(0.5 * halves_deg.unwrap_or(0.0)),
+            halves_deg,
+        }
+    };
+    tens.chain([covered]).map(spread).collect()
+}
+
+/// The variance of the direction of the pixel at which `direction` is seen, square radians.
+fn variance(camera: &Camera, covariance: &Covariance, direction: &Vector3<f64>) -> f64 {
+    let p = camera.project(direction);
+    let first =
+        direction.cross(&if direction.z.abs() < 0.9 { Vector3::z() } else { Vector3::x() }).normalize();
+    let tangents = Matrix3x2::from_columns(&[first, direction.cross(&first)]);
+    let Some(inverse) = (p.by_point * tangents).try_inverse() else { return f64::INFINITY };
+    let by_parameters = inverse * p.by_intrinsics;
+    (by_parameters * covariance * by_parameters.transpose()).trace().max(0.0)
+}
+
+/// Cameras fitted to every second picture and to the others; none where there are fewer than six.
+fn halves(fit: &Fit) -> Option<[Camera; 2]> {
+    let half = |parity: usize| {
+        let views = fit.views.iter().skip(parity).step_by(2).cloned().collect();
+        let mut half = Fit { model: fit.model, views, pictures: Vec::new() };
+        half.polish();
+        half.model.camera
+    };
+    (fit.views.len() >= 6).then(|| [half(0), half(1)])
+}
+
+/// The square of the angle between the directions that two cameras give a pixel.
+fn apart(camera: &Camera, pair: &[Camera; 2], direction: &Vector3<f64>) -> f64 {
+    let pixel = camera.pixel(direction);
+    let [a, b] = pair.each_ref().map(|other| other.direction(pixel));
+    a.cross(&b).norm().atan2(a.dot(&b)).powi(2)
+}
