@@ -42,7 +42,7 @@ mod tests {
     }
 
     #[test]
-    fn directions_are_units_and_nothing_has_none() {
+    fn unit_normalises_and_refuses_zero_and_non_finite_vectors() {
         let v = unit(Vec3::new(3e-5, -4e-5, 1e-5)).expect("some length");
         assert!((v.length() - 1.0).abs() < 1e-5);
         for nothing in [Vec3::ZERO, Vec3::splat(f32::NAN), Vec3::splat(f32::INFINITY), Vec3::splat(1e-30)] {

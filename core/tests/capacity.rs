@@ -15,7 +15,7 @@ use hemilux_core::{ImageSize, Order, PixelTableError, TooSmall};
 const SIZE: ImageSize = ImageSize { width: 320, height: 240 };
 
 #[test]
-fn a_plan_takes_exactly_what_it_asks_for() {
+fn pixel_table_needs_exactly_the_computed_sizes() {
     let lens = bench_lens();
     let size = pixel_table_size(&lens, SIZE, 3).expect("a sound image");
     let (s, w, r, t) = (size.spans, size.weights, size.runs, size.texels);
@@ -39,7 +39,7 @@ fn a_plan_takes_exactly_what_it_asks_for() {
 }
 
 #[test]
-fn room_to_spare_changes_nothing() {
+fn longer_buffers_give_the_same_pixel_table() {
     let lens = bench_lens();
     let exact = pixel_table(&lens, 320, 240, 3);
     let size = pixel_table_size(&lens, SIZE, 3).expect("a sound image");
@@ -58,7 +58,7 @@ fn room_to_spare_changes_nothing() {
 }
 
 #[test]
-fn arrays_and_slices_can_be_lent() {
+fn arrays_and_slices_are_buffers() {
     let needed = pyramid_len(Domain::Hemisphere, Order::saturating(1));
     let mut slice = [Quad::default(); 40];
     assert_eq!(slice.len(), needed);

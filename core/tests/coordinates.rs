@@ -48,7 +48,7 @@ fn the_basis_has_the_published_test_vector() {
 }
 
 #[test]
-fn directions_are_turned_as_the_format_says() {
+fn directions_are_converted_as_documented() {
     for c in ALL {
         let found = c.direction(Vec3::new(1.0, 2.0, 3.0));
         assert_eq!(found.as_dvec3(), turned(c, DVec3::new(1.0, 2.0, 3.0)), "{c:?}");
@@ -56,7 +56,7 @@ fn directions_are_turned_as_the_format_says() {
 }
 
 #[test]
-fn harmonics_of_turned_lights_are_turned_harmonics() {
+fn converting_lights_and_converting_harmonics_commute() {
     let mut rng = seeded(51);
     for c in ALL {
         for _ in 0..200 {

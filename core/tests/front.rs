@@ -57,7 +57,7 @@ fn constant(pixel_table: &VecPixelTable, code: u16) -> Vec<u16> {
 }
 
 #[test]
-fn energy_of_the_pixels_is_the_energy_of_the_map() {
+fn energy_of_the_map_equals_that_of_the_pixels() {
     let mut worst = 0.0f64;
     for (lens, width, height, order) in views() {
         let pixel_table = pixel_table(&lens, width, height, order);
@@ -87,7 +87,7 @@ fn energy_of_the_pixels_is_the_energy_of_the_map() {
 }
 
 #[test]
-fn a_constant_scene_gives_its_radiance_times_what_is_seen() {
+fn uniform_scene_gives_its_radiance_times_the_field_of_view() {
     for (lens, width, height, order) in views() {
         let pixel_table = pixel_table(&lens, width, height, order);
         // What a lens with vignetting makes of constant light.
@@ -103,7 +103,7 @@ fn a_constant_scene_gives_its_radiance_times_what_is_seen() {
 }
 
 #[test]
-fn seen_and_unseen_make_the_hemisphere() {
+fn seen_and_unseen_solid_angles_add_up_to_the_hemisphere() {
     for (lens, width, height, order) in views() {
         let pixel_table = pixel_table(&lens, width, height, order);
         let p = *lens.intrinsics();
@@ -121,7 +121,7 @@ fn seen_and_unseen_make_the_hemisphere() {
 }
 
 #[test]
-fn what_a_wide_lens_sees_below_the_horizon_is_left_out_and_told() {
+fn light_below_the_horizon_is_excluded_and_reported() {
     let pixel_table = pixel_table(&full_circle(Model::Equisolid, 936, 93.0), 936, 936, 5);
     let (map, seen) = expose(&pixel_table, &constant(&pixel_table, 20_000));
     // (cos 90 - cos 93) / (1 - cos 90).
@@ -132,7 +132,7 @@ fn what_a_wide_lens_sees_below_the_horizon_is_left_out_and_told() {
 }
 
 #[test]
-fn a_sun_of_two_pixels_keeps_its_energy_and_place() {
+fn sun_of_two_pixels_keeps_its_energy_and_direction() {
     for (lens, width, height, order) in views().into_iter().filter(|v| v.1 > 200) {
         let pixel_table = pixel_table(&lens, width, height, order);
         let mut frame = constant(&pixel_table, 0);
@@ -156,7 +156,7 @@ fn a_sun_of_two_pixels_keeps_its_energy_and_place() {
 }
 
 #[test]
-fn no_texel_inside_the_view_stays_empty() {
+fn every_texel_inside_the_field_of_view_receives_light() {
     let coarse = (full_circle(Model::Equidistant, 63, 90.0), 64, 63, 7);
     let narrow = Intrinsics {
         focal_px: DVec2::new(80.0, 130.0),
@@ -192,7 +192,7 @@ fn a_white_frame_of_a_large_image_does_not_overflow() {
 }
 
 #[test]
-fn clipped_and_white_balance_are_told_and_applied() {
+fn clipping_is_reported_and_white_balance_applied() {
     let (width, height) = (640, 480);
     let pixel_table = pixel_table(&bench_lens(), width, height, 4);
     let mut frame = constant(&pixel_table, 10_000);
@@ -209,7 +209,7 @@ fn clipped_and_white_balance_are_told_and_applied() {
 }
 
 #[test]
-fn frames_and_maps_that_do_not_fit_are_refused() {
+fn mismatched_frames_and_maps_are_refused() {
     let pixel_table = pixel_table(&bench_lens(), 640, 480, 3);
     let frame = constant(&pixel_table, 7);
     let bytes = vec![7u8; frame.len()];
@@ -242,7 +242,7 @@ fn frames_and_maps_that_do_not_fit_are_refused() {
 }
 
 #[test]
-fn images_that_cannot_be_planned_are_refused() {
+fn images_without_a_pixel_table_are_refused() {
     let lens = bench_lens();
     assert_eq!(
         pixel_table_size(&lens, ImageSize { width: 0, height: 480 }, 5),
@@ -267,7 +267,7 @@ fn images_that_cannot_be_planned_are_refused() {
 }
 
 #[test]
-fn texels_of_runs_are_those_of_their_pixels() {
+fn runs_have_the_texels_of_their_pixels() {
     for (lens, width, height, order) in views() {
         let pixel_table = pixel_table(&lens, width, height, order);
         let view = pixel_table.view();

@@ -4,7 +4,7 @@ use glam::Vec3;
 use hemilux_core::harmonics::{basis, radiance};
 
 #[test]
-fn the_contracts_test_vector() {
+fn basis_matches_the_test_vector_of_the_formats() {
     let expected =
         [0.282095, 0.261169, 0.391754, 0.130585, 0.156078, 0.468235, 0.292864, 0.234117, -0.117059f32];
     let found = basis(Vec3::new(1.0, 2.0, 3.0) / 14f32.sqrt());
@@ -39,7 +39,7 @@ fn the_functions_are_orthonormal() {
 }
 
 #[test]
-fn radiance_is_the_series() {
+fn radiance_evaluates_the_series() {
     let mut sh = [[0.0; 3]; 9];
     sh[0] = [1.0, 2.0, 3.0];
     sh[2] = [0.5, 0.0, -1.0];

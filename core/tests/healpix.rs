@@ -18,7 +18,7 @@ fn reference(order: u8, d: DVec3) -> u64 {
 }
 
 #[test]
-fn every_quad_of_the_coarse_orders_is_where_cdshealpix_has_it() {
+fn quads_of_coarse_orders_agree_with_cdshealpix() {
     let mut worst = 0.0f64;
     for order in 0..=6 {
         for ipix in 0..12u32 << (2 * order) {
@@ -32,7 +32,7 @@ fn every_quad_of_the_coarse_orders_is_where_cdshealpix_has_it() {
 }
 
 #[test]
-fn random_directions_fall_where_cdshealpix_puts_them() {
+fn indices_of_random_directions_agree_with_cdshealpix() {
     for order in 0..=Order::MAX.get() {
         let mut rng = seeded(u64::from(order));
         for _ in 0..100_000 {
@@ -56,7 +56,7 @@ fn centres_of_fine_orders_agree_with_cdshealpix() {
 }
 
 #[test]
-fn points_near_the_poles_keep_their_quads() {
+fn points_near_the_poles_map_back_to_their_quads() {
     for order in 0..=Order::MAX.get() {
         let mut rng = seeded(77);
         for _ in 0..10_000 {
@@ -88,7 +88,7 @@ fn points_of_a_quad_map_back_into_it() {
 
 /// What lies on an edge may belong to any quad that touches it: the quad's closed square must hold it.
 #[test]
-fn poles_equator_and_quarter_turns_belong_to_a_quad_that_touches_them() {
+fn boundary_directions_belong_to_an_adjacent_quad() {
     let mut edges = vec![DVec3::Z, DVec3::NEG_Z];
     for quarter in 0..4 {
         for z in [-0.99, -2.0 / 3.0, -0.3, -1e-17, 0.0, 1e-17, 0.3, 2.0 / 3.0, 0.99] {
@@ -137,7 +137,7 @@ fn split_and_join_are_inverse() {
 }
 
 #[test]
-fn children_are_four_times_the_parent_and_on() {
+fn children_of_p_are_4p_to_4p_plus_3() {
     let mut rng = seeded(5);
     for _ in 0..100_000 {
         let d = direction(&mut rng);
@@ -161,7 +161,7 @@ fn shares_add_up_to_exactly_the_hemisphere() {
 }
 
 #[test]
-fn a_share_is_the_part_of_the_quad_above_the_horizon() {
+fn share_is_the_fraction_of_a_quad_above_the_horizon() {
     for order in 0..=3u8 {
         for ipix in 0..12u32 << (2 * order) {
             let n = 32;
@@ -183,7 +183,7 @@ fn a_share_is_the_part_of_the_quad_above_the_horizon() {
 }
 
 #[test]
-fn hostile_directions_give_some_quad() {
+fn non_finite_directions_give_a_valid_index() {
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, 0.0] {
         for d in [DVec3::splat(bad), DVec3::new(bad, 0.0, 1.0), DVec3::new(0.0, 1.0, bad)] {
             for order in [0, 5, Order::MAX.get()] {

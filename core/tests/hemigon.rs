@@ -89,7 +89,7 @@ fn check(lights: &[Light], texels: &[[f32; 3]], what: &str) {
 }
 
 #[test]
-fn names_and_limits() {
+fn names_and_limits_are_those_documented() {
     let (mut a, mut b) = (hemigon(&ODD, 10), published(&ODD, 10));
     assert_eq!((a.kind(), b.kind()), (SamplerKind::Hemigon, SamplerKind::HemigonFir));
     assert!(a.needs_polar() && b.needs_polar());
@@ -145,7 +145,7 @@ fn lights_are_equally_luminous_and_keep_every_channel() {
 }
 
 #[test]
-fn a_channel_that_no_light_meets_is_kept() {
+fn energy_of_a_channel_that_no_light_samples_is_kept() {
     // One light, and blue in a texel that it is not in.
     let texels = energies(ODD, |row, column| [1.0, 0.5, if row + column == 0 { 1.0 } else { 0.0 }]);
     for n in [1, 3] {
@@ -154,7 +154,7 @@ fn a_channel_that_no_light_meets_is_kept() {
 }
 
 #[test]
-fn another_light_leaves_those_that_are_there() {
+fn additional_light_leaves_existing_lights_in_place() {
     let mut rng = seeded(82);
     for grid in GRIDS {
         let texels = energies(grid, |_, _| rough(&mut rng));
@@ -174,7 +174,7 @@ fn another_light_leaves_those_that_are_there() {
 }
 
 #[test]
-fn hemispheres_share_the_lights_by_luminance() {
+fn lights_are_divided_between_hemispheres_by_luminance() {
     for upper in [0.0, 0.01, 1.0, 3.0, 100.0] {
         let texels = energies(SPHERE, |row, _| [if row < 16 { upper } else { 1.0 }; 3]);
         for n in [1, 2, 16, 100] {
@@ -189,7 +189,7 @@ fn hemispheres_share_the_lights_by_luminance() {
 }
 
 #[test]
-fn ids_stay_when_the_share_moves() {
+fn ids_stay_when_the_division_changes() {
     let mut sampler = hemigon(&SPHERE, 64);
     let mut last: Vec<Light> = Vec::new();
     for t in 0..100u8 {
@@ -205,7 +205,7 @@ fn ids_stay_when_the_share_moves() {
 }
 
 #[test]
-fn a_share_on_the_edge_does_not_flip_under_noise() {
+fn division_at_a_rounding_boundary_is_stable_under_noise() {
     let mut rng = seeded(83);
     let mut sampler = hemigon(&SPHERE, 31);
     let mut shares = HashSet::new();
@@ -218,7 +218,7 @@ fn a_share_on_the_edge_does_not_flip_under_noise() {
 }
 
 #[test]
-fn all_lights_of_one_bright_texel_are_near_it() {
+fn all_lights_of_a_single_lit_texel_are_near_it() {
     for grid in GRIDS {
         for bright in [0, 5, grid.width - 1, grid.len() / 2, grid.len() - 1] {
             let mut texels = vec![[0.0; 3]; grid.len()];
@@ -275,7 +275,7 @@ fn a_map_of_one_texel_gives_lights() {
 }
 
 #[test]
-fn texels_that_are_no_light_hold_none() {
+fn negative_and_non_finite_texels_count_as_dark() {
     const HARD: [f32; 9] =
         [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -1.0, f32::MAX, f32::MIN, 1e-45, 1e-38, 1e29];
     let mut rng = seeded(84);
@@ -293,7 +293,7 @@ fn texels_that_are_no_light_hold_none() {
 }
 
 #[test]
-fn energy_is_exact_over_random_frames_of_random_numbers() {
+fn energy_is_exact_over_random_frames() {
     let mut rng = seeded(85);
     for grid in GRIDS {
         let mut sampler = hemigon(&grid, 300);
@@ -331,7 +331,7 @@ fn at_lamp(lights: &[Light]) -> f64 {
 }
 
 #[test]
-fn a_switched_lamp_is_followed_at_once_and_by_the_fir_late() {
+fn switched_lamp_is_followed_at_once_by_kalman_and_late_by_fir() {
     for (mut sampler, frames) in [(hemigon(&POLAR, 64), 1..=2), (published(&POLAR, 64), 5..=10)] {
         let mut rng = seeded(86);
         let mut energy = Vec::new();
@@ -367,7 +367,7 @@ fn jitter(sampler: &mut dyn Sampler) -> f64 {
 }
 
 #[test]
-fn noise_is_smoothed_as_well_as_by_the_fir() {
+fn kalman_smooths_noise_as_well_as_the_fir() {
     let raw = jitter(&mut *hemigon_fir(&POLAR, 64, &Parameters { taps: 1, ..Parameters::default() }));
     let (kalman, fir) = (jitter(&mut *hemigon(&POLAR, 64)), jitter(&mut *published(&POLAR, 64)));
     println!("degrees a frame: raw {raw:.4}, fir {fir:.4}, kalman {kalman:.4}");
@@ -376,7 +376,7 @@ fn noise_is_smoothed_as_well_as_by_the_fir() {
 }
 
 #[test]
-fn the_fir_gives_out_filtered_energy() {
+fn fir_lights_sum_to_the_filtered_energy() {
     // A sky that brightens from 1 to 3: by hand the sum of the newest coefficients.
     let kernel = hemilux_core::sampler::hemigon::fir::Kernel::new(&Parameters::default());
     let mut sampler = published(&ODD, 16);
@@ -395,7 +395,7 @@ fn the_fir_gives_out_filtered_energy() {
 }
 
 #[test]
-fn side_lobes_leave_lights_in_their_hemisphere() {
+fn fir_side_lobes_do_not_move_lights_across_the_horizon() {
     // A lamp that falls to the horizon and stops there, under a filter that overshoots.
     let sharp = Parameters { taps: 15, cutoff_hz: 3.0, frame_rate_hz: 10.0 };
     let mut sampler = hemigon_fir(&POLAR, 8, &sharp);
@@ -412,7 +412,7 @@ fn side_lobes_leave_lights_in_their_hemisphere() {
 }
 
 #[test]
-fn ages_count_and_a_reset_forgets() {
+fn ages_increase_and_reset_restarts_them() {
     let texels = energies(SPHERE, |_, _| [1.0; 3]);
     let mut rng = seeded(88);
     for mut sampler in [hemigon(&SPHERE, 16), published(&SPHERE, 16)] {

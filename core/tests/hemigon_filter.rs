@@ -92,7 +92,7 @@ fn fir(taps: usize, rate: f64, signal: &[f64]) -> Vec<f64> {
 }
 
 #[test]
-fn filters_have_the_measured_figures() {
+fn filter_figures_match_the_recorded_ones() {
     // Figures of a prototype in NumPy: jitter, frames to 90 %, ramp lag, at 6.7 and at 30 frames a second.
     let rows: [Row; 4] = [
         ("fir 7", |rate, s| fir(7, rate, s), [[0.52, 5.1, 0.88], [0.47, 5.7, 0.19]]),
@@ -112,7 +112,7 @@ fn filters_have_the_measured_figures() {
 }
 
 #[test]
-fn the_filter_is_its_twin_in_double_precision() {
+fn filter_matches_an_f64_implementation() {
     let mut signal = noise(5000);
     for (i, x) in signal.iter_mut().enumerate() {
         *x += if i % 400 > 200 { 15.0 } else { 0.0 } + if i % 97 == 0 { 30.0 } else { 0.0 };
@@ -126,7 +126,7 @@ fn the_filter_is_its_twin_in_double_precision() {
 }
 
 #[test]
-fn at_ten_frames_a_second_it_smooths_better_than_the_fir_and_follows_sooner() {
+fn kalman_smooths_better_than_the_fir_and_follows_sooner() {
     let found = figures(&|s| kalman(Parameters::LIGHTS, s), 10.0);
     let published = figures(&|s| fir(7, 10.0, s), 10.0);
     println!("kalman {found:.3?}, fir {published:.3?}");
@@ -162,7 +162,7 @@ fn fir_kernels_are_windowed_sincs_of_sum_one() {
 }
 
 #[test]
-fn an_outlier_is_passed_over_where_jumps_are_confirmed() {
+fn single_outlier_is_ignored_if_jumps_need_confirmation() {
     let mut signal = vec![0.0; 50];
     signal[30] = 40.0;
     let confirmed = kalman(Parameters::LIGHTS, &signal);
@@ -171,7 +171,7 @@ fn an_outlier_is_passed_over_where_jumps_are_confirmed() {
 }
 
 #[test]
-fn motion_is_confirmed_once() {
+fn continued_motion_is_confirmed_only_once() {
     // Still, then 10 deviations a frame: the first frame is doubted, the others are followed.
     let signal: Vec<f64> = (0..40).map(|i| f64::from((i - 20).max(0)) * 10.0).collect();
     let found = kalman(Parameters::LIGHTS, &signal);
@@ -179,7 +179,7 @@ fn motion_is_confirmed_once() {
 }
 
 #[test]
-fn a_step_that_is_no_number_is_taken_whole() {
+fn non_finite_step_is_taken_whole() {
     let mut filter = Kalman::at(1.0);
     assert_eq!(filter.gain(&Parameters::LIGHTS, Vec3::NAN, 1.0), 1.0);
     // No variance and no noise: nothing to smooth.
@@ -188,7 +188,7 @@ fn a_step_that_is_no_number_is_taken_whole() {
 }
 
 #[test]
-fn a_light_that_swings_is_followed_and_noise_is_not() {
+fn oscillating_light_is_followed_and_noise_is_smoothed() {
     // 35 degrees to either side in eight frames, as on the cord of a lamp; then the same light at rest, 1 degree of noise on it.
     let at = |a: f64| Vec3::new(a.sin() as f32, 0.3, a.cos() as f32).normalize();
     let seen = |a: f64| PathPoint { direction: at(a), colour: [1.0; 3] };

@@ -113,7 +113,7 @@ fn small_steps_in_the_square_are_small_steps_on_the_hemisphere() {
 }
 
 #[test]
-fn both_ends_of_the_turn_are_one_meridian() {
+fn both_ends_of_a_turn_map_to_one_meridian() {
     let mut rng = seeded(63);
     for grid in [POLAR, ODD, ODD_SPHERE] {
         let map = Twin::new(grid, |_, _| rough(&mut rng));
@@ -129,7 +129,7 @@ fn both_ends_of_the_turn_are_one_meridian() {
 }
 
 #[test]
-fn distinct_points_land_apart_and_in_order() {
+fn map_is_injective_and_monotone() {
     // The way back: on any circle of the square points turn strictly with the clock's inverse, and z falls strictly outwards.
     let mut rng = seeded(64);
     let map = Twin::new(POLAR, |row, column| if (row + column) % 5 == 0 { 1000.0 } else { 0.001 });
@@ -237,7 +237,7 @@ fn the_density_is_that_of_the_map() {
 }
 
 #[test]
-fn nothing_lands_where_there_is_no_light() {
+fn no_point_maps_to_a_dark_texel() {
     let mut rng = seeded(67);
     for grid in [POLAR, SPHERE, ODD_SPHERE, ODD] {
         let map = Twin::new(grid, |_, _| if rng.random::<f64>() < 0.02 { rough(&mut rng) } else { 0.0 });
@@ -254,7 +254,7 @@ fn nothing_lands_where_there_is_no_light() {
 }
 
 #[test]
-fn points_of_the_sequence_are_halton_points_of_the_disk() {
+fn sequence_points_are_halton_points_of_the_disk() {
     // In base 3: 1/3, 2/3, 1/9; in base 2: 1/2, 1/4, 3/4. On the axes of the square |2u - 1| = r = sqrt(q).
     let r = [1.0f64 / 3.0, 2.0 / 3.0, 1.0 / 9.0].map(f64::sqrt);
     let upper = [[-r[0], 0.0], [0.0, r[1]], [0.0, -r[2]]];
@@ -286,7 +286,7 @@ fn points_of_the_sequence_are_halton_points_of_the_disk() {
 }
 
 #[test]
-fn maps_that_do_not_fit_are_dark() {
+fn maps_that_exceed_the_buffers_count_as_dark() {
     let mut inversion =
         Inversion::try_new(&ODD, vec![0.0; 35], vec![Ring::default(); 5]).expect("room enough");
     let texels = vec![[1.0; 3]; SPHERE.len()];

@@ -103,7 +103,7 @@ fn grids_of_any_size_are_total() {
 }
 
 #[test]
-fn polar_plans_of_any_grid_and_pyramid_are_total() {
+fn polar_tables_of_any_grid_and_pyramid_are_total() {
     let mut rng = seeded(3);
     for _ in 0..200 {
         let grid = Grid { width: size(&mut rng), height: size(&mut rng), domain: domain(&mut rng) };

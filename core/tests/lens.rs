@@ -50,7 +50,7 @@ fn unit(theta: f64, phi: f64) -> DVec3 {
 }
 
 #[test]
-fn projection_follows_the_published_laws() {
+fn projection_matches_the_formula_of_each_model() {
     for (model, max_deg) in models() {
         let lens = awkward(model, max_deg);
         for i in 0..2000 {
@@ -104,7 +104,7 @@ fn solid_angles_of_all_pixels_add_up_to_the_cap() {
 }
 
 #[test]
-fn solid_angle_is_the_area_that_finite_differences_span() {
+fn solid_angle_matches_finite_differences() {
     for (model, max_deg) in models() {
         let lens = awkward(model, max_deg);
         let mut rng = seeded(2);
@@ -136,7 +136,7 @@ fn the_axis_is_imaged_at_the_centre() {
 }
 
 #[test]
-fn outside_the_field_of_view_there_is_nothing() {
+fn project_and_unproject_return_none_outside_the_field_of_view() {
     for (model, max_deg) in models().into_iter().filter(|(_, max)| *max < 170.0) {
         let lens = awkward(model, max_deg);
         let beyond = (max_deg + 1e-6).to_radians();
@@ -156,7 +156,7 @@ fn outside_the_field_of_view_there_is_nothing() {
 }
 
 #[test]
-fn a_field_of_view_beyond_the_growing_range_is_refused() {
+fn field_of_view_beyond_the_monotone_range_is_refused() {
     let refused = |model, max_deg| match Lens::try_new(plain(model, [0.0; 2], 100.0, max_deg)) {
         Err(LensError::NotMonotone { limit_degrees, .. }) => limit_degrees,
         other => panic!("{other:?} where {model:?} stops growing"),
@@ -176,7 +176,7 @@ fn a_field_of_view_beyond_the_growing_range_is_refused() {
 }
 
 #[test]
-fn bad_numbers_are_refused() {
+fn non_finite_or_non_positive_parameters_are_refused() {
     let sound = plain(Model::Equidistant, [1.0; 2], 100.0, 90.0);
     let refused = |p| Lens::try_new(p).expect_err("must be refused");
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {

@@ -178,7 +178,7 @@ fn rms(sensor: &Sensor, exposures: &[Exposure]) -> f64 {
 }
 
 #[test]
-fn seven_decades_agree_with_the_twin() {
+fn merge_matches_the_f64_twin_over_seven_decades() {
     let bursts = [
         times(&[1e-5, 1e-3, 1e-1, 10.0]),
         times(&[0.000_926, 0.005_555, 0.033_333]),
@@ -201,7 +201,7 @@ fn seven_decades_agree_with_the_twin() {
 }
 
 #[test]
-fn bursts_of_few_exposures_have_whole_counts() {
+fn bursts_of_up_to_four_exposures_merge_to_integers() {
     let exposures = times(&[0.000_926, 0.005_555, 0.033_333]);
     for sensor in sensors().iter().take(4) {
         // Seven decades less what clips.
@@ -226,7 +226,7 @@ fn bursts_of_few_exposures_have_whole_counts() {
 }
 
 #[test]
-fn a_pixel_that_clips_everywhere_keeps_its_clip_value_and_its_flag() {
+fn pixel_clipped_in_every_exposure_keeps_its_lower_bound_and_counts_as_clipped() {
     let exposures = times(&[1e-3, 1e-2, 1e-1]);
     for sensor in sensors() {
         let white = sensor.white as u32;
@@ -239,7 +239,7 @@ fn a_pixel_that_clips_everywhere_keeps_its_clip_value_and_its_flag() {
 }
 
 #[test]
-fn each_channel_has_its_own_mask() {
+fn validity_is_decided_per_channel() {
     let exposures = times(&[1e-3, 1e-2]);
     let sensor = &sensors()[2];
     // Red clips in the long exposure, green in none, blue in both.
@@ -254,7 +254,7 @@ fn each_channel_has_its_own_mask() {
 }
 
 #[test]
-fn noise_round_black_keeps_its_mean() {
+fn noise_around_black_keeps_its_mean() {
     let sensor = Sensor { response: Response::Linear, depth: Depth::U16, black: 256.0, white: 4095.0 };
     let exposures = times(&[1e-3, 1e-2, 1e-1]);
     let mut rng = seeded(9);
@@ -277,7 +277,7 @@ fn noise_round_black_keeps_its_mean() {
 }
 
 #[test]
-fn a_response_that_overshoots_white_is_not_cut() {
+fn response_above_one_below_white_is_not_clamped() {
     // 1.04 at white: what a fit may give, and what the curve accepts.
     let rows = [[0.0, 0.0, 0.94, 0.1, 0.0]; 3];
     let sensor = Sensor { response: Response::Polynomial(rows), depth: Depth::U8, black: 0.0, white: 255.0 };
@@ -331,7 +331,7 @@ fn one_to_twelve_exposures_are_merged() {
 }
 
 #[test]
-fn a_scale_that_is_no_number_is_refused() {
+fn scale_that_is_not_positive_and_finite_is_refused() {
     for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         let curve = Curve::try_new(
             &Response::Linear,
@@ -361,7 +361,7 @@ fn no_code_of_any_frame_overflows() {
 }
 
 #[test]
-fn codes_that_do_not_fit_are_dark_or_clipped_but_never_panic() {
+fn codes_out_of_range_are_dark_or_clipped_and_never_panic() {
     let merge = sensors()[0].product(&times(&[1e-3, 1e-2]));
     let view = merge.view();
     let mut out = [0.0; 12];
@@ -386,7 +386,7 @@ fn room(reciprocals: usize) -> Vec<Reciprocal> {
 
 /// All ways of merging the same codes: byte by byte, as planes, a block at a time or less, in any mixture of saturated exposures.
 #[test]
-fn every_way_of_merging_follows_the_same_rules() {
+fn all_merge_loops_follow_the_same_rules() {
     let exposures = times(&[1e-3, 4e-3, 3e-2]);
     let mut rng = seeded(11);
     for sensor in sensors().iter().take(4) {

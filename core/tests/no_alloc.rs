@@ -100,7 +100,7 @@ fn a_hundred_frames_allocate_nothing() {
 }
 
 #[test]
-fn the_counter_counts() {
+fn allocation_counter_counts() {
     let before = ALLOCATIONS.get();
     drop(core::hint::black_box(vec![1u8; 100]));
     assert_eq!(ALLOCATIONS.get() - before, 1);

@@ -43,7 +43,7 @@ fn energies(grid: Grid, mut l: impl FnMut(usize, usize) -> [f32; 3]) -> Vec<[f32
 }
 
 #[test]
-fn halton_points_are_the_mirrored_digits() {
+fn halton_points_are_radical_inverses() {
     // 1 = 1_2 = 1_3, 2 = 10_2 = 2_3, 3 = 11_2 = 10_3, 6 = 110_2 = 20_3, 11 = 1011_2 = 102_3.
     let expected = [
         (0, [0.0, 0.0]),
@@ -107,7 +107,7 @@ fn lights_follow_the_distribution_of_the_map() {
 }
 
 #[test]
-fn all_lights_of_one_bright_texel_stand_in_it() {
+fn all_lights_of_a_single_lit_texel_are_inside_it() {
     for grid in [POLAR, SPHERE, ODD] {
         for bright in [0, 5, grid.width - 1, grid.len() / 2, grid.len() - 1] {
             let mut texels = vec![[0.0; 3]; grid.len()];
@@ -148,7 +148,7 @@ fn lights_are_equally_luminous_and_keep_the_energy() {
 }
 
 #[test]
-fn lights_are_where_the_halton_point_says_counted_from_phi_zero() {
+fn light_directions_invert_the_halton_points_from_phi_zero() {
     // A constant map: u is the share of the domain's solid angle above the light, v the share of the turn from phi = 0, clockwise
     // seen from above as the map's columns run.
     for (grid, bottom) in [(POLAR, 0.0), (SPHERE, -1.0)] {
@@ -168,7 +168,7 @@ fn lights_are_where_the_halton_point_says_counted_from_phi_zero() {
 }
 
 #[test]
-fn the_first_column_after_the_seam_takes_the_smallest_second_coordinates() {
+fn smallest_second_coordinates_fall_in_the_first_column_after_phi_zero() {
     // All light in the two columns on either side of phi = 0: small v in the one after it in the map's order, great v before.
     for width in [64, 7] {
         let grid = Grid { width, height: 4, domain: Domain::Hemisphere };
@@ -183,7 +183,7 @@ fn the_first_column_after_the_seam_takes_the_smallest_second_coordinates() {
 }
 
 #[test]
-fn ages_count_and_a_reset_forgets() {
+fn ages_increase_and_reset_restarts_them() {
     let texels = energies(ODD, |_, _| [1.0; 3]);
     let pyramid = dark(Domain::Sphere, 0);
     let map = Map { pyramid: pyramid.view(), polar: LatLongView { grid: ODD, texels: &texels } };

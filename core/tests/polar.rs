@@ -38,7 +38,7 @@ fn polar(map: &Pyramid<Vec<Quad>>, grid: Grid, table: &PolarTable<Vec<Share>>) -
 }
 
 #[test]
-fn energy_is_kept() {
+fn resampling_keeps_the_energy() {
     let mut worst = 0.0f64;
     for (grid, order) in grids() {
         let mut rng = seeded(11);
@@ -55,7 +55,7 @@ fn energy_is_kept() {
 }
 
 #[test]
-fn a_constant_sky_has_the_same_radiance_everywhere() {
+fn uniform_sky_stays_uniform() {
     for (grid, order, tolerance) in [
         (Grid::POLAR, 5, 0.10),
         (grid(64, 32, Domain::Sphere), 5, 0.04),
@@ -75,7 +75,7 @@ fn a_constant_sky_has_the_same_radiance_everywhere() {
 }
 
 #[test]
-fn a_lamp_lands_in_the_texel_that_holds_it() {
+fn lamp_is_resampled_to_the_texel_of_its_direction() {
     let order = 5;
     for grid in [Grid::POLAR, grid(64, 32, Domain::Sphere), grid(37, 19, Domain::Sphere)] {
         let table = polar_plan(&grid, order);
@@ -107,7 +107,7 @@ fn a_lamp_lands_in_the_texel_that_holds_it() {
 }
 
 #[test]
-fn texels_are_found_across_the_seam_and_at_the_poles() {
+fn texel_lookup_works_across_the_seam_and_at_the_poles() {
     let grid = grid(360, 180, Domain::Sphere);
     assert_eq!(grid.texel(DVec3::Z).map(|i| i / 360), Some(0));
     assert_eq!(grid.texel(DVec3::NEG_Z).map(|i| i / 360), Some(179));
@@ -129,7 +129,7 @@ fn solid_angles_of_a_grid_add_up() {
 }
 
 #[test]
-fn every_texel_of_a_grid_is_found_at_its_centre() {
+fn texel_lookup_inverts_every_texel_centre() {
     for (grid, _) in grids() {
         for i in 0..grid.len() {
             let theta = 0.5 * (grid.theta(i / grid.width) + grid.theta(i / grid.width + 1));
@@ -141,7 +141,7 @@ fn every_texel_of_a_grid_is_found_at_its_centre() {
 }
 
 #[test]
-fn buffers_one_short_are_refused_and_an_empty_grid_is_harmless() {
+fn buffers_one_short_are_refused_and_an_empty_grid_is_accepted() {
     let small = grid(8, 4, Domain::Hemisphere);
     let needed = shares_len(&small, Order::saturating(2));
     assert!(PolarTable::try_new(&small, Order::saturating(2), vec![Share::default(); needed]).is_ok());

@@ -40,7 +40,7 @@ fn parents_are_the_sums_of_their_children() {
 }
 
 #[test]
-fn moments_point_where_the_light_comes_from() {
+fn first_moments_point_towards_the_light() {
     let lamp = Vec3::new(1.0, 2.0, 3.0).normalize();
     let quad = Quad::from_light([2.0, 3.0, 4.0], lamp);
     let y = 0.2126 * 2.0 + 0.7152 * 3.0 + 0.0722 * 4.0;
@@ -70,7 +70,7 @@ fn horizontal_irradiance_of_a_constant_sky_is_pi() {
 }
 
 #[test]
-fn finer_texels_share_their_ancestors_energy_by_solid_angle() {
+fn finer_texels_divide_their_ancestors_energy_by_solid_angle() {
     let order = 4;
     let geometry: Vec<_> = (0..Domain::Hemisphere.quads(order) as u32)
         .map(|i| Texel { direction: above(Domain::Hemisphere, order, i).to_array(), unseen_sr: 0.0 })
@@ -91,7 +91,7 @@ fn finer_texels_share_their_ancestors_energy_by_solid_angle() {
 }
 
 #[test]
-fn light_that_is_no_number_or_negative_is_none() {
+fn negative_and_non_finite_energy_counts_as_zero() {
     for bad in [f32::NAN, -1.0, f32::NEG_INFINITY] {
         assert_eq!(Quad::from_light([bad, 1.0, 0.0], Vec3::X), Quad::from_light([0.0, 1.0, 0.0], Vec3::X));
     }
@@ -108,7 +108,7 @@ fn light_that_is_no_number_or_negative_is_none() {
 }
 
 #[test]
-fn a_hemisphere_holds_no_light_below_the_horizon() {
+fn hemisphere_map_clears_light_below_the_horizon() {
     for order in 0..6 {
         let mut map = dark(Domain::Hemisphere, order);
         map.texels_mut().fill(Quad::from_light(grey(1.0), Vec3::Z));
@@ -137,7 +137,7 @@ fn narrow() -> Lens {
 }
 
 #[test]
-fn a_constant_sky_fills_what_is_not_seen_with_its_radiance() {
+fn extrapolation_of_a_uniform_sky_has_its_radiance() {
     let pixel_table = pixel_table(&narrow(), 640, 480, 5);
     let (mut map, _) = expose(&pixel_table, &[20_000; 3 * 640 * 480]);
     let radiance = internals::average(&mut map, pixel_table.texels());
@@ -149,7 +149,7 @@ fn a_constant_sky_fills_what_is_not_seen_with_its_radiance() {
 }
 
 #[test]
-fn one_lamp_does_not_brighten_the_rim() {
+fn single_lamp_does_not_raise_the_extrapolated_radiance() {
     let pixel_table = pixel_table(&narrow(), 640, 480, 5);
     let mut frame = vec![20u16; 3 * 640 * 480];
     let (mut dim, _) = expose(&pixel_table, &frame);
@@ -167,7 +167,7 @@ fn one_lamp_does_not_brighten_the_rim() {
 }
 
 #[test]
-fn nothing_is_filled_where_all_is_seen_or_the_map_is_coarse() {
+fn extrapolation_changes_neither_full_nor_coarse_maps() {
     let lens = full_circle(Model::Equidistant, 301, 90.0);
     let pixel_table = pixel_table(&lens, 301, 301, 5);
     let (mut map, _) = expose(&pixel_table, &vec![20_000; 3 * 301 * 301]);
@@ -183,7 +183,7 @@ fn nothing_is_filled_where_all_is_seen_or_the_map_is_coarse() {
 }
 
 #[test]
-fn light_of_the_filled_rim_comes_from_the_rim() {
+fn extrapolated_light_comes_from_outside_the_field_of_view() {
     let pixel_table = pixel_table(&narrow(), 640, 480, 5);
     let (mut map, _) = expose(&pixel_table, &[20_000; 3 * 640 * 480]);
     let before = map.view().total().first_moment();

@@ -24,7 +24,7 @@ fn random(domain: Domain, order: u8, seed: u64) -> Pyramid<Vec<Quad>> {
 }
 
 #[test]
-fn a_sphere_gives_the_largest_count_that_fits() {
+fn sphere_gives_the_largest_count_that_fits() {
     let map = random(Domain::Sphere, 7, 1);
     let mut tree = tree(Parameters::CENTROID, Domain::Sphere, 7, 50_000);
     for request in (12..=2000).chain([50_000]) {
@@ -41,7 +41,7 @@ fn a_sphere_gives_the_largest_count_that_fits() {
 }
 
 #[test]
-fn a_hemisphere_gives_at_most_one_light_less_than_asked_for() {
+fn hemisphere_gives_the_request_or_one_light_less() {
     let map = random(Domain::Hemisphere, 6, 2);
     let mut tree = tree(Parameters::CENTROID, Domain::Hemisphere, 6, 2000);
     for request in 8..=2000 {
@@ -52,7 +52,7 @@ fn a_hemisphere_gives_at_most_one_light_less_than_asked_for() {
 }
 
 #[test]
-fn dark_quads_take_no_place() {
+fn dark_quads_give_no_lights() {
     // Only face 0 is lit: 1 + 3 a lights.
     let map = lit(Domain::Hemisphere, 4, |i| grey(f32::from(i < 256)));
     let mut tree = tree(Parameters::CENTROID, Domain::Hemisphere, 4, 100);
@@ -62,7 +62,7 @@ fn dark_quads_take_no_place() {
 }
 
 #[test]
-fn energy_of_the_lights_is_the_energy_of_the_map() {
+fn energy_of_the_lights_equals_that_of_the_map() {
     for (domain, order) in [(Domain::Sphere, 6), (Domain::Hemisphere, 6)] {
         let map = random(domain, order, 3);
         let mut tree = tree(Parameters::CENTROID, domain, order, 1000);
@@ -79,7 +79,7 @@ fn energy_of_the_lights_is_the_energy_of_the_map() {
 }
 
 #[test]
-fn ages_grow_and_nothing_moves_on_a_static_map() {
+fn static_map_keeps_lights_in_place_and_increases_ages() {
     let map = random(Domain::Hemisphere, 5, 4);
     for parameters in
         [Parameters::CENTROID, Parameters::JITTER, Parameters { threshold: 0.3, ..Parameters::CENTROID }]
@@ -118,7 +118,7 @@ fn a_light_that_splits_is_the_parent_of_its_children() {
 }
 
 #[test]
-fn two_trees_with_the_same_past_agree() {
+fn trees_with_equal_histories_give_equal_lights() {
     let maps: Vec<_> = (0..5).map(|seed| random(Domain::Hemisphere, 4, seed)).collect();
     let run = || {
         let mut tree = tree(Parameters { threshold: 0.2, ..Parameters::JITTER }, Domain::Hemisphere, 4, 64);
@@ -128,7 +128,7 @@ fn two_trees_with_the_same_past_agree() {
 }
 
 #[test]
-fn lights_of_a_hemisphere_stand_above_the_horizon() {
+fn lights_of_a_hemisphere_are_above_the_horizon() {
     for spread in [0.0, 0.5, 1.0] {
         let placement = Placement::Jitter { spread };
         for parameters in [Parameters::CENTROID, Parameters { placement, ..Parameters::JITTER }] {
@@ -146,7 +146,7 @@ fn lights_of_a_hemisphere_stand_above_the_horizon() {
 }
 
 #[test]
-fn jittered_lights_stay_in_their_quads_and_off_each_others_places() {
+fn jittered_lights_are_inside_their_quads_and_distinct() {
     let order = 6;
     let map = random(Domain::Sphere, order, 7);
     let mut tree = tree(Parameters::JITTER, Domain::Sphere, order, 3000);
@@ -179,7 +179,7 @@ fn centroids_are_the_mean_directions_of_their_quads() {
 }
 
 #[test]
-fn one_bright_texel_is_one_light() {
+fn single_lit_texel_gives_one_light() {
     let order = 7;
     for ipix in [0u32, 12_345, 120_000] {
         let map = lit(Domain::Sphere, order, |i| grey(f32::from(i == ipix)));

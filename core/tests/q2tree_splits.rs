@@ -85,7 +85,7 @@ fn interior_quads_are_those_of_greatest_importance() {
 }
 
 #[test]
-fn a_hemisphere_splits_best_first_and_passes_over_what_does_not_fit() {
+fn hemisphere_is_split_best_first_and_splits_that_exceed_the_request_are_skipped() {
     for seed in 0..4 {
         let map = random(Domain::Hemisphere, seed);
         let p = Parameters::CENTROID;
@@ -139,7 +139,7 @@ fn merge_and_split(
 }
 
 #[test]
-fn the_threshold_does_what_merging_and_splitting_would() {
+fn threshold_equals_a_sequence_of_merges_and_splits() {
     for threshold in [0.0, 0.1, 0.5, 3.0] {
         let p = Parameters { threshold, ..Parameters::CENTROID };
         let mut tree = tree(p, Domain::Sphere, 120);
@@ -164,7 +164,7 @@ fn the_threshold_does_what_merging_and_splitting_would() {
 }
 
 #[test]
-fn a_greater_threshold_keeps_more_splits() {
+fn higher_threshold_keeps_more_splits() {
     let kept = |threshold: f32| {
         let mut tree = tree(Parameters { threshold, ..Parameters::CENTROID }, Domain::Sphere, 120);
         let mut last = BTreeSet::new();

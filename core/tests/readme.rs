@@ -1,7 +1,7 @@
 //! The README's first program is the example, so that the documentation tests run what `cargo run --example` does.
 
 #[test]
-fn first_code_of_the_readme_is_the_example() {
+fn first_code_block_of_the_readme_equals_the_example() {
     let readme = include_str!("../README.md");
     let example = include_str!("../examples/burst_to_lights.rs");
     let code = readme.split("```rust\n").nth(1).and_then(|rest| rest.split("```\n").next());

@@ -68,7 +68,7 @@ fn every_code_is_within_its_documented_error() {
 }
 
 #[test]
-fn saturation_and_trust_begin_where_they_say() {
+fn saturation_and_trust_begin_at_the_documented_codes() {
     let srgb = curve(&Response::Srgb, Depth::U8, 0.0, 255.0).expect("sound");
     // 0.98 x 255 = 249.9 and 16/255 x 255 = 16.
     assert!(!srgb.is_saturated(249) && srgb.is_saturated(250));

@@ -20,7 +20,7 @@ fn random(count: u32, seed: u64) -> Vec<Light> {
 }
 
 #[test]
-fn any_number_is_reached_and_the_energy_kept() {
+fn merge_reaches_any_number_and_keeps_the_energy() {
     for count in [1u32, 2, 9, 64, 300, 2000] {
         for most in [1usize, 2, 8, 63, 64, 5000] {
             let before = random(count, u64::from(count));
@@ -40,7 +40,7 @@ fn any_number_is_reached_and_the_energy_kept() {
 }
 
 #[test]
-fn neighbours_are_merged_at_their_centroid_under_the_brighter_ones_id() {
+fn merged_light_is_at_the_centroid_and_keeps_the_brighter_id() {
     let mut lights = [
         light(7, Vec3::Z, 3.0),
         light(8, Vec3::new(0.1, 0.0, 1.0), 1.0),
@@ -59,7 +59,7 @@ fn neighbours_are_merged_at_their_centroid_under_the_brighter_ones_id() {
 }
 
 #[test]
-fn too_little_memory_changes_nothing() {
+fn short_pair_buffer_is_refused_and_lights_are_unchanged() {
     let before = random(10, 3);
     let mut lights = before.clone();
     assert!(merge(&mut lights, 2, &mut vec![Pair::default(); 9]).is_err());
@@ -67,7 +67,7 @@ fn too_little_memory_changes_nothing() {
 }
 
 #[test]
-fn lights_without_energy_or_place_are_no_trouble() {
+fn lights_without_energy_or_direction_are_merged() {
     let mut lights = [light(1, Vec3::X, 0.0), light(2, Vec3::NEG_X, 0.0), light(3, Vec3::Y, f32::MAX)];
     let n = merge(&mut lights, 1, &mut vec![Pair::default(); 3]).expect("room enough");
     assert_eq!((n, lights[0].id), (1, 3));
@@ -77,7 +77,7 @@ fn lights_without_energy_or_place_are_no_trouble() {
 }
 
 #[test]
-fn only_what_a_surface_can_see_is_kept() {
+fn facing_keeps_the_lights_above_the_horizon_of_a_normal() {
     let at = |deg: f32| Vec3::new(deg.to_radians().sin(), 0.0, deg.to_radians().cos());
     let lights: Vec<_> =
         (1..).zip([0.0, 60.0, 89.0, 91.0, 120.0, 180.0]).map(|(id, a)| light(id, at(a), 1.0)).collect();

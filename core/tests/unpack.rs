@@ -21,7 +21,7 @@ fn code(x: u32, y: u32) -> u16 {
 }
 
 #[test]
-fn rows_of_packed_mosaics_are_whole_across_chunks() {
+fn packed_mosaic_rows_are_correct_across_chunk_boundaries() {
     let format = Format::Raw10(Pattern::Gbrg);
     let layout = Layout::try_new(format, WIDTH, 4, format.line_bytes(WIDTH) + 3).expect("a layout");
     let mut bytes = vec![0; 4 * layout.bytes_per_line()];
@@ -44,7 +44,7 @@ fn rows_of_packed_mosaics_are_whole_across_chunks() {
 }
 
 #[test]
-fn rows_of_bytes_and_words_keep_their_channels() {
+fn rgb_rows_of_bytes_and_words_keep_the_channel_order() {
     for format in [Format::Rgb24, Format::Bgr24, Format::Rgb48, Format::Grey] {
         let layout = Layout::tight(format, WIDTH, 2).expect("a layout");
         let samples = if format == Format::Grey { 1 } else { 3 };
@@ -67,7 +67,7 @@ fn rows_of_bytes_and_words_keep_their_channels() {
 
 /// Without chroma, red, green and blue are luma: the matrices' coefficients add up to 1.
 #[test]
-fn rows_of_luma_without_chroma_are_grey() {
+fn luma_with_neutral_chroma_gives_grey_rows() {
     for format in [Format::Yuyv(Yuv::default()), Format::Nv12(Yuv::default())] {
         let layout = Layout::tight(format, WIDTH, 2).expect("a layout");
         let luma = |x: u32, y: u32| ((x * 3 + y * 50) % 256) as u8;
@@ -87,7 +87,7 @@ fn rows_of_luma_without_chroma_are_grey() {
 }
 
 #[test]
-fn pixels_that_a_frame_lacks_are_dark_or_left_alone() {
+fn pixels_beyond_the_frame_are_zero_or_unchanged() {
     let layout = Layout::tight(Format::Grey, 8, 4).expect("a layout");
     let short = Samples::U8(&[9; 12]);
     assert_eq!(read_luma(&layout, short, 3, 1), 9.0 / 255.0);

@@ -118,7 +118,7 @@ fn json_holds_exactly_the_keys_of_the_format() {
 }
 
 #[test]
-fn json_gives_back_what_went_in() {
+fn json_parses_to_the_encoded_values() {
     let (lights, sh) = (lights(3), core::array::from_fn(|i| [i as f32, -0.5, 1e-9]));
     let value: Value = serde_json::from_str(&encode(json, &set(&lights, Some(&sh)))).expect("JSON");
     assert_eq!(value["version"], 1);
@@ -148,7 +148,7 @@ fn json_gives_back_what_went_in() {
 }
 
 #[test]
-fn what_takes_longer_than_its_budget_is_named_and_what_takes_as_long_is_not() {
+fn overrun_names_stages_above_their_budget_but_not_at_it() {
     let mut set = LightSet::EMPTY;
     set.latency = Latency { capture: 10, front: 11, filter: 9, total: 500, ..Latency::default() };
     set.overrun = Overrun::of(&set.latency, &[10, 10, 10, 10, 8, 10, 499]);
@@ -168,7 +168,7 @@ fn the_set_before_the_first_frame_is_not_valid() {
 }
 
 #[test]
-fn hostile_words_stay_inside_their_quotes() {
+fn hostile_strings_are_escaped() {
     let lights = lights(2);
     let stale = Some(Stale { age_ms: 9, reason: HOSTILE });
     let set = LightSet { run: HOSTILE, sampler: HOSTILE, stale, ..set(&lights, None) };
@@ -188,7 +188,7 @@ fn hostile_words_stay_inside_their_quotes() {
 }
 
 #[test]
-fn xml_holds_the_lights() {
+fn xml_contains_every_light() {
     let lights = lights(4);
     let bytes = encode(xml, &LightSet { coordinates: Coordinates::Unreal, ..set(&lights, None) });
     let document = roxmltree::Document::parse(&bytes).expect("XML");
@@ -213,7 +213,7 @@ fn xml_holds_the_lights() {
 }
 
 #[test]
-fn text_is_comments_and_then_a_light_a_line() {
+fn text_has_comments_then_one_line_per_light() {
     let lights = lights(4);
     let stale = Some(Stale { age_ms: 250, reason: "camera gone" });
     let lines = encode(text, &LightSet { stale, coordinates: Coordinates::Unity, ..set(&lights, None) });
@@ -235,7 +235,7 @@ fn text_is_comments_and_then_a_light_a_line() {
 }
 
 #[test]
-fn what_is_no_number_is_written_as_zero() {
+fn non_finite_numbers_are_written_as_zero() {
     for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
         let light = Light {
             id: 1,
@@ -264,7 +264,7 @@ fn what_is_no_number_is_written_as_zero() {
 }
 
 #[test]
-fn a_writer_that_is_full_says_so_at_every_length() {
+fn full_writer_gives_an_error_at_every_length() {
     let (lights, sh) = (lights(2), [[0.5; 3]; 9]);
     let set = set(&lights, Some(&sh));
     for encoder in [json as Encoder, text, xml] {
@@ -299,7 +299,7 @@ fn random_sets_always_parse() {
 }
 
 #[test]
-fn numbers_are_as_short_as_the_library_writes_them_and_read_back() {
+fn decimals_are_as_short_as_those_of_the_standard_library_and_round_trip() {
     let hard = [0, 1, 0x7f7f_ffff, 0x3f80_0000, 0x5a0e_1bca, 0x5a0e_1bc9, 0x3727_c5ac, 0x3727_c5ad];
     // 2^20 strided, so that every exponent is there; both signs.
     let strided = (0..1u32 << 20).map(|i| i.wrapping_mul(4093));

@@ -65,7 +65,7 @@ fn f32_at(bytes: &[u8], at: usize) -> f32 {
 }
 
 #[test]
-fn fields_stand_where_the_table_says() {
+fn fields_are_at_the_documented_offsets() {
     let lights = lights();
     let bytes = encode(&set(&lights, None));
     assert_eq!(&bytes[..8], b"HMLX\x01\x00\x80\x00", "magic, version, first light");
@@ -89,7 +89,7 @@ fn fields_stand_where_the_table_says() {
 }
 
 #[test]
-fn what_is_written_is_read_back() {
+fn decoded_set_equals_the_encoded_set() {
     let lights = lights();
     let ambient: Sh9 = core::array::from_fn(|i| [i as f32, 0.5, -1.0]);
     for (ambient, axes) in [(None, Coordinates::Probe), (Some(&ambient), Coordinates::Unreal)] {
@@ -107,7 +107,7 @@ fn what_is_written_is_read_back() {
 }
 
 #[test]
-fn every_shorter_beginning_is_refused() {
+fn every_truncated_prefix_is_refused() {
     let (lights, ambient) = (lights(), [[1.0; 3]; 9]);
     let bytes = encode(&set(&lights, Some(&ambient)));
     for end in 0..bytes.len() {
@@ -120,7 +120,7 @@ fn every_shorter_beginning_is_refused() {
 }
 
 #[test]
-fn mangled_bytes_never_panic_and_give_finite_numbers() {
+fn corrupted_bytes_never_panic_and_give_finite_numbers() {
     let (lights, ambient) = (lights(), [[1.0; 3]; 9]);
     let good = encode(&set(&lights, Some(&ambient)));
     let mut rng = seeded(9);
@@ -142,7 +142,7 @@ fn mangled_bytes_never_panic_and_give_finite_numbers() {
 }
 
 #[test]
-fn the_estimate_has_the_brightest_light_apart_and_the_rest_in_the_published_harmonics() {
+fn xr_estimate_separates_the_brightest_light_and_sums_the_rest_in_harmonics() {
     let at = |d: Vec3, e: f32| Light {
         id: 1,
         direction: d.normalize(),

@@ -5,52 +5,21 @@ import re
 import subprocess
 import sys
 
+from imports import imports
+from source import blanked, body, is_test, line, test_modules
+
 WORDS = re.compile(r"\b(who|nobody|somebody|everybody|whoever)\b", re.IGNORECASE)
 PROSE = {".rs", ".js", ".mjs", ".md", ".py", ".sh", ".html", ".json", ".toml", ".txt", ".yaml", ".1", ".conf"}
 MOST_FUNCTION_LINES = 80
 MOST_FILE_LINES = 400
 MOST_OPENAPI_COLUMNS = 160
 
-# Rust and JavaScript: comments, strings and characters, so that braces in them do not count. A lifetime has no second quote.
-BLANKED = re.compile(
-    r"//[^\n]*|/\*.*?\*/|b?r(#*)\".*?\"\1|b?\"(?:\\.|[^\"\\])*\"|'(?:\\(?:x..|u\{[^}]*\}|.)|[^'\\\n])'",
-    re.DOTALL,
-)
 FUNCTION = re.compile(r"\bfn\s+(\w+)")
-TEST_MODULE = re.compile(r"#\[cfg\((?:test|all\(test[^\n]*)\)\]\s*(?:#\[[^\n]*\]\s*)*(?:pub\S*\s+)?mod\s+\w+")
 
 
 def tracked(root):
     listed = subprocess.run(["git", "-C", root, "ls-files", "-z"], check=True, capture_output=True, text=True).stdout
     return [pathlib.Path(name) for name in listed.split("\0") if name and (root / name).is_file()]
-
-
-def blanked(source):
-    return BLANKED.sub(lambda m: re.sub(r"[^\n]", " ", m.group()), source)
-
-
-def body(code, start):
-    """The span of the block that follows `start`, or None for a declaration without one."""
-    depth = 0
-    for at in range(start, len(code)):
-        c = code[at]
-        if c in "([":
-            depth += 1
-        elif c in ")]":
-            depth -= 1
-        elif depth == 0 and c == ";":
-            return None
-        elif depth == 0 and c == "{":
-            level = 0
-            for end in range(at, len(code)):
-                level += {"{": 1, "}": -1}.get(code[end], 0)
-                if level == 0:
-                    return at, end
-    return None
-
-
-def line(text, at):
-    return text.count("\n", 0, at) + 1
 
 
 def words(root, paths):
@@ -86,19 +55,14 @@ def functions(root, paths):
                 yield f"{where}: found {lines} lines in fn {match[1]}, expected at most {MOST_FUNCTION_LINES}"
 
 
-def is_test(path):
-    return "tests" in path.parts or path.stem in ("tests", "test")
-
-
 def files(root, paths):
     for path in paths:
         if path.suffix not in (".rs", ".js") or is_test(path):
             continue
         code = blanked((root / path).read_text())
         lines = code.count("\n")
-        for match in TEST_MODULE.finditer(code):
-            span = body(code, match.end())
-            lines -= line(code, span[1]) - line(code, match.start()) + 1 if span else 0
+        for start, end in test_modules(code):
+            lines -= line(code, end - 1) - line(code, start) + 1
         if lines > MOST_FILE_LINES:
             yield f"{path}: found {lines} lines without tests, expected at most {MOST_FILE_LINES}"
 
@@ -121,7 +85,7 @@ def artefacts(root, paths):
 def main():
     root = pathlib.Path(sys.argv[1]).resolve()
     paths = tracked(root)
-    found = [v for rule in (words, functions, files, openapi, artefacts) for v in rule(root, paths)]
+    found = [v for rule in (words, functions, files, imports, openapi, artefacts) for v in rule(root, paths)]
     for violation in found:
         print(violation)
     print(f"style: {len(found)} violations in {len(paths)} files")

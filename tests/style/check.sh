@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Rules of prose and size that a machine can check, over the files that git tracks.
+# Rules of prose, size and imports that a machine can check, over the files that git tracks.
 #
 #   tests/style/check.sh [FOLDER]     one line per violation and exit status 1; FOLDER (this repository by default) is another tree
 set -euo pipefail

@@ -248,7 +248,7 @@ mod tests {
 
     /// On every processor, the loop of 32-bit ARM and that of others give the same energies bit by bit, and the same number of runs.
     #[test]
-    fn cut_then_added_and_both_at_once_are_the_same() {
+    fn cut_then_add_equals_cut_and_add_bit_for_bit() {
         const TEXELS: usize = 5;
         let lens = [1, 3, 2, 7, 1, 4, 9, 5];
         let runs = core::array::from_fn::<_, 8, _>(|i| Run::new((3 * i % (TEXELS + 1)) as u32, lens[i]));

@@ -4,6 +4,7 @@
 //! sums are computed; the light of a run of pixels is then the difference of two prefix sums and is added to the texel of the run.
 
 mod gather;
+mod planes;
 pub(crate) mod rows;
 mod yuv;
 

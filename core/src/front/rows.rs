@@ -1,5 +1,6 @@
 //! Unpacks rows of frames into codes: one slice per exposure.
 
+use super::planes::{PAIRED, Planes};
 use super::yuv::{self, Pairs};
 use crate::format::{Format, Layout, raw10, raw12};
 use crate::merge::{Codes, MAX_EXPOSURES, Samples};
@@ -8,9 +9,6 @@ use crate::pixel_table::CHUNK;
 /// Number of samples of a chunk, rounded up to whole pairs of mosaic cells.
 const WORDS: usize = 4 * (CHUNK + 2);
 
-/// Number of pixels of a chunk, rounded up to whole pairs and whole vectors.
-pub(super) const PAIRED: usize = (CHUNK + 2).next_multiple_of(16);
-
 /// Buffers for the unpacked codes of one chunk. Formats that need no unpacking have empty buffers, which keeps the stack small.
 pub(crate) struct Scratch<'s> {
     planes: &'s mut [Planes],
@@ -18,9 +16,6 @@ pub(crate) struct Scratch<'s> {
     pairs: Option<&'s mut Pairs>,
     words: &'s mut [[u16; WORDS]],
 }
-
-/// Planes of pixels, or the interleaved samples of mosaic cells.
-pub(super) type Planes = [[u8; PAIRED]; 4];
 
 /// A part of an image row: the row, the first pixel and the number of pixels. A pixel of a mosaic is a 2 x 2 cell.
 #[derive(Clone, Copy)]

@@ -1,6 +1,6 @@
 //! Converts luma and chroma to red, green and blue codes in 16-bit integers.
 
-use super::rows::{PAIRED, Planes};
+use super::planes::{PAIRED, Planes};
 use crate::format::{Matrix, Yuv};
 
 /// Number of pixels per iteration: the lanes of two 128-bit vectors.
@@ -160,7 +160,7 @@ mod tests {
 
     /// Every luma with a grid of chroma equals the formulas in floats, except within 1/40 of a code of a rounding boundary.
     #[test]
-    fn codes_are_those_of_the_formulas() {
+    fn rgb_codes_match_the_float_formulas() {
         for (matrix, kr, kb) in [(Matrix::Bt601, 0.299, 0.114), (Matrix::Bt709, 0.2126, 0.0722)] {
             for limited in [false, true] {
                 let (mut pairs, mut planes) = (Pairs::new(), [[0; PAIRED]; 4]);

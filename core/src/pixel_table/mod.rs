@@ -32,7 +32,7 @@ pub const CHUNK: usize = 192;
 pub const MAX_RUN: usize = 16;
 
 /// A run: adjacent pixels of one row whose light is added to one texel of the source order. The texel index one past the last texel
-/// collects light from below the horizon. A run never crosses from one block of [`CHUNK`] pixels of its span to the next.
+/// collects light from below the horizon. A run never crosses from one block of 192 pixels of its span to the next.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(transparent)]
 pub struct Run(u32);

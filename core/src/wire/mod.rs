@@ -121,7 +121,7 @@ pub struct LightSet<'a> {
     pub frame: u64,
     /// CLOCK_MONOTONIC at the end of the burst, nanoseconds.
     pub timestamp_ns: u64,
-    /// Unix time at the end of the burst, milliseconds.
+    /// Unix time, milliseconds.
     pub wall_ms: u64,
     /// `false` before the first frame.
     pub valid: bool,

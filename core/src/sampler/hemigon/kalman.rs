@@ -268,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn successive_steps_of_noise_undo_each_other_by_so_much() {
+    fn noise_heading_is_the_mean_over_normal_noise() {
         const COUNT: u32 = 200_000;
         let heading = |i| {
             let (step, before) = (point(i + 2) - point(i + 1), point(i + 1) - point(i));

@@ -44,6 +44,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod id;
+
 use super::{Map, Request, Sampler, SamplerKind, heap};
 use crate::buffer::{self, Buffer, TooSmall};
 use crate::healpix::{self, Domain, MapShape, Order};
@@ -51,6 +53,7 @@ use crate::light::{Decomposition, Light};
 use crate::pyramid::{PyramidView, Quad};
 use crate::sizes::BufferSize;
 use core::ops::Range;
+use id::{id_of, ipix_of, jitter, order_of, range};
 
 /// Position of a light inside its quad.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -113,20 +116,6 @@ impl Leaf {
     fn ipix(&self) -> u32 {
         ipix_of(self.id)
     }
-}
-
-/// The id of the light of a quad, unique over all orders: 4 * 4^order + ipix.
-fn id_of(order: u8, ipix: u32) -> u32 {
-    (4 << (2 * order)) + ipix
-}
-
-/// The order of the quad with `id`: ipix is below 12 * 4^order, so the highest set bit of the id is bit 2 order + 2 or 2 order + 3.
-fn order_of(id: u32) -> u8 {
-    (id.max(4).ilog2() / 2 - 1) as u8
-}
-
-fn ipix_of(id: u32) -> u32 {
-    id.wrapping_sub(4 << (2 * order_of(id)))
 }
 
 /// Id, age and parent of a light of the last frame.
@@ -343,16 +332,6 @@ fn place(placement: Placement, domain: Domain, order: u8, ipix: u32, quad: &Quad
     light
 }
 
-/// A pseudo-random point of the unit square that is a function of `id`, within `spread` / 2 of the centre along each axis.
-fn jitter(id: u32, spread: f64) -> [f64; 2] {
-    // The finaliser of MurmurHash3 distributes neighbouring ids over all 32 bits.
-    let mut h = id;
-    h = (h ^ (h >> 16)).wrapping_mul(0x85eb_ca6b);
-    h = (h ^ (h >> 13)).wrapping_mul(0xc2b2_ae35);
-    h ^= h >> 16;
-    [h & 0xffff, h >> 16].map(|v| 0.5 + spread * ((f64::from(v) + 0.5) / 65536.0 - 0.5))
-}
-
 /// Bit index of a quad, unique over all orders.
 fn index(domain: Domain, order: u8, ipix: u32) -> usize {
     crate::pyramid::first(domain, order) + ipix as usize
@@ -388,13 +367,6 @@ fn inherit(lights: &mut [Light], previous: &[Past]) {
             light.parent = Some(o.id);
         }
     }
-}
-
-/// The range of quads of [`Order::MAX`] that the quad `id` contains.
-fn range(id: u32) -> Range<u64> {
-    let ipix = u64::from(ipix_of(id));
-    let shift = 2 * u32::from(Order::MAX.get().saturating_sub(order_of(id)));
-    ipix << shift..(ipix + 1) << shift
 }
 
 impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, P: Buffer<Past>> Sampler for Q2Tree<B, H, L, P> {
