@@ -57,7 +57,7 @@ impl Calibration {
     /// The response curve, without its table, marked for the loop that suits the format.
     ///
     /// # Errors
-    /// [`ResponseError::BadLevels`].
+    /// [`ResponseError::BadLevels`] for levels that do not ascend or exceed the samples.
     pub(crate) fn untabulated(&self) -> Result<Curve<()>, ResponseError> {
         let curve = Curve::untabulated(&self.response, self.layout.format().depth(), self.levels)?;
         Ok(self.in_form(curve))
@@ -66,7 +66,7 @@ impl Calibration {
     /// The response curve, marked for the loop that suits the format.
     ///
     /// # Errors
-    /// [`ResponseError`].
+    /// [`ResponseError`] for invalid levels, a curve that is not monotone, and a table with too few elements.
     pub(crate) fn curve<B: Buffer<i32>>(&self, table: B) -> Result<Curve<B>, ResponseError> {
         let curve = Curve::try_new(&self.response, self.layout.format().depth(), self.levels, table)?;
         Ok(self.in_form(curve))

@@ -247,7 +247,7 @@ impl Layout {
     /// Checks the arguments. `bytes_per_line` is the row pitch; for [`Format::Nv12`] it applies to both planes.
     ///
     /// # Errors
-    /// [`LayoutError`].
+    /// [`LayoutError`] for a size that the format cannot have and for rows that are too short or too long.
     pub fn try_new(
         format: Format,
         width: u32,
@@ -274,7 +274,7 @@ impl Layout {
     /// A layout whose rows have no padding.
     ///
     /// # Errors
-    /// [`LayoutError`].
+    /// [`LayoutError`] for a size that the format cannot have and for rows that are too short or too long.
     pub fn tight(format: Format, width: u32, height: u32) -> Result<Self, LayoutError> {
         Self::try_new(format, width, height, format.line_bytes(width))
     }

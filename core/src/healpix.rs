@@ -50,7 +50,7 @@ impl Order {
     /// Checks that `order` is at most [`Order::MAX`].
     ///
     /// # Errors
-    /// [`BadOrder`].
+    /// [`BadOrder`] for an order above [`Order::MAX`].
     pub const fn try_new(order: u8) -> Result<Self, BadOrder> {
         if order > Self::MAX.0 { Err(BadOrder { found: order }) } else { Ok(Self(order)) }
     }

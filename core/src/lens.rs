@@ -75,12 +75,12 @@ pub enum LensError {
     BadNumber,
     /// The half-angle of the field of view is not above 0 and at most 180 degrees.
     BadMaxAngle {
-        /// Requested half-angle, degrees.
+        /// Requested half-angle of the field of view, degrees.
         degrees: f64,
     },
     /// r(theta) does not increase up to the edge of the field of view.
     NotMonotone {
-        /// Requested half-angle, degrees.
+        /// Requested half-angle of the field of view, degrees.
         degrees: f64,
         /// Half-angle up to which r(theta) increases, degrees.
         limit_degrees: f64,
@@ -184,7 +184,7 @@ impl Lens {
     /// `focal_px` the focal length in pixels, `max_theta` the half-angle of the field of view in radians.
     ///
     /// # Errors
-    /// [`LensError`].
+    /// [`LensError`] for parameters out of range.
     pub fn equidistant(centre_px: [f64; 2], focal_px: f64, max_theta: f64) -> Result<Self, LensError> {
         Self::try_new(Intrinsics {
             model: Model::Equidistant,

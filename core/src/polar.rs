@@ -127,7 +127,7 @@ impl<B: Buffer<[f32; 3]>> LatLong<B> {
     /// Creates a map in `texels`, which needs `grid.len()` elements.
     ///
     /// # Errors
-    /// [`TooSmall`].
+    /// [`TooSmall`] if a buffer has too few elements.
     pub fn try_new(grid: Grid, texels: B) -> Result<Self, TooSmall> {
         buffer::check(&texels, grid.len())?;
         Ok(Self { grid, texels })
@@ -272,7 +272,7 @@ impl<E: Buffer<Share>> PolarTable<E> {
     /// Computes the table from quads of `order`, at most the order of the pyramid, to `grid`. [`shares_len`] states the length of `shares`.
     ///
     /// # Errors
-    /// [`TooSmall`].
+    /// [`TooSmall`] if a buffer has too few elements.
     pub fn try_new(grid: &Grid, order: Order, mut shares: E) -> Result<Self, TooSmall> {
         let order = order.get();
         let (slots, mut needed) = (shares.as_mut(), 0);

@@ -55,7 +55,7 @@ impl<Q: Buffer<Quad>> Pyramid<Q> {
     /// Creates a dark map in `quads`, which needs [`pyramid_len`] elements.
     ///
     /// # Errors
-    /// [`TooSmall`].
+    /// [`TooSmall`] if a buffer has too few elements.
     pub fn try_new(mut quads: Q, domain: Domain, order: Order) -> Result<Self, TooSmall> {
         buffer::check(&quads, pyramid_len(domain, order))?;
         quads.as_mut().fill(Quad::default());

@@ -35,9 +35,9 @@ pub const TRUSTED: f64 = 16.0 / 255.0;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Levels {
-    /// Code of relative exposure 0.
+    /// Sensor code of darkness, relative exposure 0; fractions are permitted.
     pub black: f64,
-    /// Code of relative exposure 1.
+    /// Sensor code of full scale, relative exposure 1; fractions are permitted.
     pub white: f64,
 }
 
@@ -139,7 +139,7 @@ pub struct Curve<B> {
     saturated: u32,
     /// First trusted code.
     trusted: u32,
-    /// Codes of relative exposure 0 and 1.
+    /// The codes at which relative exposure is 0 (black) and 1 (white).
     levels: Levels,
     linear: bool,
 }
@@ -154,7 +154,7 @@ impl Curve<()> {
     /// The constants of the curve, without its table.
     ///
     /// # Errors
-    /// [`ResponseError::BadLevels`].
+    /// [`ResponseError::BadLevels`] for levels that do not ascend or exceed the samples.
     pub(crate) fn untabulated(
         response: &Response,
         depth: Depth,
@@ -181,7 +181,7 @@ impl<B: Buffer<i32>> Curve<B> {
     /// a smooth curve from a sixteenth of white to saturation (`every_code_is_within_its_documented_error`).
     ///
     /// # Errors
-    /// [`ResponseError`].
+    /// [`ResponseError`] for invalid levels, a curve that is not monotone, and a table with too few elements.
     pub fn try_new(
         response: &Response,
         depth: Depth,

@@ -15,7 +15,7 @@ use core::mem::{size_of, take};
 pub struct BufferSize {
     /// Name of the buffer in reports.
     pub name: &'static str,
-    /// Number of elements.
+    /// Number of elements in the buffer.
     pub count: usize,
     /// Bytes per element.
     pub element_bytes: usize,

@@ -105,7 +105,7 @@ fn energy(light: &Light) -> f32 {
     luminance(light.irradiance)
 }
 
-/// The merged light. The cost of a merge is y1 y2 times the distance: the expected squared error over shadowed receivers is nearly
+/// Returns the light that replaces `a` and `b`. The cost of this is y1 y2 times the distance: the expected squared error over shadowed receivers is nearly
 /// proportional to it.
 fn merged(a: &Light, b: &Light) -> Light {
     let (ya, yb) = (energy(a), energy(b));

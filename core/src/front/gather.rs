@@ -42,7 +42,7 @@ fn counts<R>(f: impl FnOnce(MergedChunk<'_>) -> R) -> R {
 /// Prefix sums per lane over the pixels of a chunk, modulo 2^32; differences of two sums are exact.
 pub(super) struct PrefixSums(pub(super) [[i32; 4]; CHUNK]);
 
-/// Light of each run of a chunk, per lane.
+/// Sum of the radiances of the pixels of each run of a chunk: one number per lane.
 pub(super) type RunLight = [[f32; 4]; CHUNK];
 
 /// The runs and weights that remain to be processed.

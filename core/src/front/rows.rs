@@ -12,7 +12,7 @@ const WORDS: usize = 4 * (CHUNK + 2);
 /// Buffers for the unpacked codes of one chunk. Formats that need no unpacking have empty buffers, which keeps the stack small.
 pub(crate) struct Scratch<'s> {
     planes: &'s mut [Planes],
-    /// Used together with `planes`.
+    /// Intermediate values of the conversion from luma and chroma; absent if `planes` is empty.
     pairs: Option<&'s mut Pairs>,
     words: &'s mut [[u16; WORDS]],
 }

@@ -33,7 +33,7 @@ pub(super) trait Code: Copy + Default + Ord + TryFrom<u32> {
     /// Largest value of the type.
     const MAX: Self;
 
-    /// The low 15 bits; a code that needs more bits is saturated.
+    /// The low 15 bits of the sample; samples that need more bits are saturated and masked out.
     fn low(self) -> i16;
 }
 
@@ -113,7 +113,7 @@ impl Linear {
         Some(Self { steps, whole, black, shift, white, saturated, one })
     }
 
-    /// Radiance counts of one code above black in the shortest exposure.
+    /// Number of radiance counts that represent one code above black in the shortest exposure.
     pub(super) fn counts_per_code(&self) -> f64 {
         f64::from(self.one) * f64::from(1u32 << self.shift)
     }

@@ -106,7 +106,7 @@ impl<C: Buffer<i32>, P: Buffer<u32>, R: Buffer<Reciprocal>> Merge<C, P, R> {
     /// gain 1. [`merge_size`] states the length of `tables` and `reciprocals`.
     ///
     /// # Errors
-    /// [`MergeError`].
+    /// [`MergeError`] for exposures that cannot be merged, an invalid scale, and buffers with too few elements.
     pub fn try_new(
         curve: Curve<C>,
         exposures: &[Exposure],
@@ -178,7 +178,7 @@ impl<C: Buffer<i32>, P: Buffer<u32>, R: Buffer<Reciprocal>> Merge<C, P, R> {
         Detached { curve: self.curve.over(()), own: self.own }
     }
 
-    /// Radiance of one count of the integer and float results.
+    /// Radiance that the number 1 in a merged result represents.
     #[must_use]
     pub fn unit(&self) -> f64 {
         self.own.unit
@@ -205,7 +205,7 @@ impl<C: Buffer<i32>, P: Buffer<u32>, R: Buffer<Reciprocal>> Merge<C, P, R> {
 }
 
 impl MergeView<'_> {
-    /// Radiance of one count of the integer and float results.
+    /// Radiance that the number 1 in a merged result represents.
     #[must_use]
     pub fn unit(&self) -> f64 {
         self.own.unit

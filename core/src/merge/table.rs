@@ -35,7 +35,7 @@ type Row = [u32; 256];
 pub(super) struct Scale {
     /// Number of flag bits.
     marks: u32,
-    /// Counts of relative exposure 1 at the least gain.
+    /// Number of table counts that represent relative exposure 1 in an exposure of the least gain.
     pub(super) one: f64,
     /// Relative exposure that is added to every entry to keep it non-negative.
     pub(super) raised: f64,
@@ -50,7 +50,7 @@ pub(super) struct Whole {
     reciprocals: [u32; 32],
     /// First trusted code and first saturated code.
     valid: [u8; 2],
-    /// Integer counts of relative exposure 1 in the shortest exposure.
+    /// Number of integer counts that represent relative exposure 1 in the shortest exposure.
     pub(super) one: f64,
 }
 

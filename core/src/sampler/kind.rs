@@ -17,18 +17,18 @@ use core::str::FromStr;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum SamplerKind {
-    /// [`super::adaptive`].
+    /// The sampler of module [`super::adaptive`].
     #[default]
     Adaptive,
-    /// [`super::q2tree`] with lights at energy centroids.
+    /// The sampler of module [`super::q2tree`] with lights at energy centroids.
     Q2Tree,
-    /// [`super::q2tree`] with lights at fixed pseudo-random points of their quads, as published.
+    /// The sampler of module [`super::q2tree`] with lights at fixed pseudo-random points of their quads, as published.
     Q2TreeJitter,
-    /// [`super::pharr`].
+    /// The sampler of module [`super::pharr`].
     Pharr,
-    /// [`super::hemigon`] with the gated Kalman filter of [`super::hemigon::kalman`].
+    /// The sampler of module [`super::hemigon`] with the gated Kalman filter of [`super::hemigon::kalman`].
     Hemigon,
-    /// [`super::hemigon`] with the published filters of [`super::hemigon::fir`].
+    /// The sampler of module [`super::hemigon`] with the published filters of [`super::hemigon::fir`].
     HemigonFir,
 }
 

@@ -209,7 +209,7 @@ impl<'a> BinarySet<'a> {
     /// ```
     ///
     /// # Errors
-    /// [`DecodeError`].
+    /// [`DecodeError`] for bytes that are no complete set of a known version.
     pub fn try_new(bytes: &'a [u8]) -> Result<Self, DecodeError> {
         if bytes.get(..4) != Some(MAGIC) {
             return Err(DecodeError::NotALightSet);

@@ -18,14 +18,14 @@ use glam::Vec3;
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Coordinates {
-    /// (x, y, z): +Z is the lens axis. Also named `blender` and `ros`.
+    /// The probe's axes (x, y, z): +Z is the lens axis. Also named `blender` and `ros`.
     #[default]
     Probe,
-    /// (x, z, -y): right-handed, +Y up. Also named `gltf`, `three` and `webxr`.
+    /// The probe's (x, z, -y): right-handed, +Y up. Also named `gltf`, `three` and `webxr`.
     YUp,
-    /// (x, z, y): left-handed, +Y up.
+    /// The probe's (x, z, y): left-handed, +Y up.
     Unity,
-    /// (x, -y, z): left-handed, +Z up.
+    /// The probe's (x, -y, z): left-handed, +Z up.
     Unreal,
 }
 
@@ -91,12 +91,12 @@ impl Coordinates {
     }
 }
 
-/// Harmonics after the substitution of -y for y.
+/// The harmonics `c` after the substitution of -y for y.
 fn mirror_y(c: &Sh9) -> Sh9 {
     negated(c, [1, 4, 5])
 }
 
-/// Harmonics after the substitution of -z for z.
+/// The harmonics `c` after the substitution of -z for z.
 fn mirror_z(c: &Sh9) -> Sh9 {
     negated(c, [2, 5, 7])
 }
@@ -105,7 +105,7 @@ fn negated(c: &Sh9, which: [usize; 3]) -> Sh9 {
     core::array::from_fn(|i| if which.contains(&i) { c[i].map(|v| -v) } else { c[i] })
 }
 
-/// Harmonics after the exchange of y and z: xy and xz are exchanged; 3z^2 - 1 and x^2 - y^2 are mixed.
+/// The harmonics `c` after the exchange of y and z: xy and xz are exchanged; 3z^2 - 1 and x^2 - y^2 are mixed.
 ///
 /// With A = (3z^2 - 1)/2 and B = sqrt(3)/2 (x^2 - y^2) as the (equally normalised) pair, (3y^2 - 1)/2 = -A/2 - sqrt(3)/2 B and sqrt(3)/2
 /// (x^2 - z^2) = -sqrt(3)/2 A + B/2.

@@ -61,7 +61,7 @@ pub struct Latency {
     pub capture: u32,
     /// Merge of the burst and accumulation in texels.
     pub front: u32,
-    /// Energy and coarser orders of the map.
+    /// Conversion of sums to energy, and coarser orders of the map.
     pub pyramid: u32,
     /// The sampler.
     pub sample: u32,

@@ -57,7 +57,7 @@ pub fn xml<W: Write>(set: &LightSet<'_>, w: &mut W) -> Result<(), W::Error> {
     put(w, "</lights>")
 }
 
-/// Writes the text of an attribute; control characters and the two non-characters, which XML 1.0 forbids, become spaces.
+/// Writes `s` as the text of an attribute; control characters and the two non-characters, which XML 1.0 forbids, become spaces.
 fn escaped<W: Write>(w: &mut W, s: &str) -> Result<(), W::Error> {
     s.chars().try_for_each(|c| match c {
         '&' => put(w, "&amp;"),

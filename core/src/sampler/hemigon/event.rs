@@ -22,7 +22,7 @@ const MOST: f32 = 3.0;
 /// The distribution of the last map's light over blocks, and the running mean of the change from map to map.
 #[derive(Clone, Debug)]
 pub(super) struct Detector {
-    /// Fraction of the light in each block.
+    /// Fraction of the map's luminance energy in each block.
     blocks: [f32; ROWS * COLUMNS],
     usual: Option<f32>,
     begun: bool,

@@ -103,7 +103,7 @@ impl<P: Buffer<Vec3>> Fir<P> {
     /// Creates the filters for a sampler with `lights` lights. [`paths_len`] states the length of `paths`.
     ///
     /// # Errors
-    /// [`TooSmall`].
+    /// [`TooSmall`] if a buffer has too few elements.
     pub fn try_new(parameters: &Parameters, lights: usize, paths: P) -> Result<Self, TooSmall> {
         let kernel = Kernel::new(parameters);
         buffer::check(&paths, paths_len(parameters, lights))?;

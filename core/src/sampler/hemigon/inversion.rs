@@ -35,9 +35,9 @@ pub const FLOOR: f64 = 0.005;
 pub struct Ring {
     /// |z| of the lower edge of the ring.
     z: f64,
-    /// Light per unit of z.
+    /// Luminance energy of the ring per unit of z.
     radiance: f64,
-    /// Light between the pole of the hemisphere and the lower edge.
+    /// Luminance energy between the pole of the hemisphere and the lower edge of the ring.
     end: f64,
 }
 
@@ -73,9 +73,9 @@ pub struct Inversion<C, R> {
 /// A point of a ring.
 struct ColumnPoint {
     column: usize,
-    /// Part of the column's width before the point, 0..=1.
+    /// Position of the point within the column, as a fraction of the column's width, 0..=1.
     across: f64,
-    /// Light of the column.
+    /// Luminance energy of the column in the interpolated distribution.
     light: f64,
 }
 
@@ -95,7 +95,7 @@ struct Blend<'a> {
 }
 
 impl Blend<'_> {
-    /// Light before column `j`.
+    /// Luminance energy before column `j`.
     fn before(&self, j: usize) -> f64 {
         let part = |row: &[f32]| if j == 0 { 0.0 } else { f64::from(row[j - 1]) };
         let [a, b] = self.rows;
@@ -103,7 +103,7 @@ impl Blend<'_> {
         self.weights[0] * part(a) + self.weights[1] * part(b) + even
     }
 
-    /// The point of the turn up to which the light is `target`.
+    /// The point of the ring up to which the luminance energy is `target`.
     fn find(&self, target: f64) -> ColumnPoint {
         let (mut low, mut high) = (0, self.rows[0].len());
         while high - low > 1 {
@@ -120,7 +120,7 @@ impl<C: Buffer<f32>, R: Buffer<Ring>> Inversion<C, R> {
     /// Creates the distributions for maps of at most the size of `grid`.
     ///
     /// # Errors
-    /// [`TooSmall`].
+    /// [`TooSmall`] if a buffer has too few elements.
     pub fn try_new(grid: &Grid, conditional: C, rings: R) -> Result<Self, TooSmall> {
         buffer::check(&conditional, grid.len())?;
         buffer::check(&rings, rings_len(grid))?;

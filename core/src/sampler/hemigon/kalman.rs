@@ -216,7 +216,7 @@ impl<T: Buffer<PathFilter>> Gated<T> {
     /// Creates the filter for a sampler with `lights` lights; `tracks` needs two elements per light.
     ///
     /// # Errors
-    /// [`TooSmall`].
+    /// [`TooSmall`] if a buffer has too few elements.
     pub fn try_new(parameters: Parameters, lights: usize, tracks: T) -> Result<Self, TooSmall> {
         buffer::check(&tracks, 2 * lights)?;
         Ok(Self { parameters, tracks, abrupt: false })

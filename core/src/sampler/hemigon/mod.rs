@@ -127,7 +127,7 @@ where
     /// light.
     ///
     /// # Errors
-    /// [`TooSmall`].
+    /// [`TooSmall`] if a buffer has too few elements.
     pub fn try_new(inversion: Inversion<C, R>, filter: F, lives: A, lights: L) -> Result<Self, TooSmall> {
         let needed = 2 * lights.as_ref().len().min(MAX_LIGHTS);
         buffer::check(&lives, needed)?;

@@ -82,7 +82,7 @@ pub struct Parameters {
 }
 
 impl Parameters {
-    /// a = 1, b = 1/4, tau = 0, lights at energy centroids.
+    /// Exponents a = 1 and b = 1/4, threshold tau = 0, lights at energy centroids.
     pub const CENTROID: Self = Self {
         energy_exponent: 1.0,
         solid_angle_exponent: 0.25,
@@ -90,7 +90,7 @@ impl Parameters {
         placement: Placement::Centroid,
     };
 
-    /// a = 1, b = 1/4, tau = 0, lights at pseudo-random points within half the width of their quads.
+    /// Exponents a = 1 and b = 1/4, threshold tau = 0, lights at pseudo-random points within half the width of their quads.
     pub const JITTER: Self = Self { placement: Placement::Jitter { spread: 0.5 }, ..Self::CENTROID };
 }
 
@@ -187,7 +187,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, P: Buffer<Past>> Q2Tree<B
     /// has elements. [`Sizes`] states the length of each buffer.
     ///
     /// # Errors
-    /// [`TooSmall`].
+    /// [`TooSmall`] if a buffer has too few elements.
     pub fn try_new(
         parameters: Parameters,
         shape: MapShape,
