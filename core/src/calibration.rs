@@ -23,9 +23,11 @@ pub struct Calibration {
     pub lens: Lens,
     /// Format, size and row pitch of a frame.
     pub layout: Layout,
-    /// Conversion of codes to relative exposure; [`Response::Linear`] by default.
+    /// Conversion of codes to relative exposure; [`Response::Linear`] by default. Cameras that process their images, such as webcams, need
+    /// [`Response::Srgb`] or a measured [`Response::Polynomial`].
     pub response: Response,
-    /// Codes of black and white; 0 and the largest code of the format by default.
+    /// Codes of black and white; 0 and the largest code of the format by default. For [`Format::Yuyv`] and [`Format::Nv12`] these are codes
+    /// of red, green and blue after the conversion from luma and chroma, 0 to 255 for both ranges of luma.
     pub levels: Levels,
     /// Radiance of relative exposure 1 at one second and gain 1; 1 by default.
     pub scale: f64,

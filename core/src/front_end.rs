@@ -88,7 +88,8 @@ impl<B: Buffer<u64>> FrontEnd<B> {
         };
     }
 
-    /// Merges the frames of one burst and replaces the map. `frames` has one element per exposure, in the order of the exposures.
+    /// Merges the frames of one burst and replaces the map. `frames` has one element per exposure, in the order of the exposures; a slice
+    /// of bytes or of words converts `into()` an element.
     ///
     /// # Errors
     /// [`FrontError::Burst`] for frames that do not match the calibration or the exposures; the map is then unchanged.

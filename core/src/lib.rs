@@ -32,11 +32,15 @@ mod unpack;
 
 pub use buffer::{Buffer, TooSmall};
 pub use calibration::Calibration;
+/// The crate of the trait `Write`, to which the encoders of [`wire`] write.
+pub use embedded_io;
 pub use error::FrontError;
 pub use extrapolation::Extrapolation;
 pub use format::{Format, ImageSize, Layout, LayoutError};
 pub use front::{BurstError, Coverage};
 pub use front_end::FrontEnd;
+/// The crate of the vector types in this interface: directions are `glam::Vec3` and `glam::DVec3`, pixels `glam::DVec2`.
+pub use glam;
 pub use healpix::{BadOrder, Domain, MapShape, Order};
 pub use lens::{Lens, LensError};
 pub use light::{Decomposition, Light};

@@ -78,6 +78,15 @@ impl Grid {
         (libm::cos(self.theta(row)) - libm::cos(self.theta(row.saturating_add(1)))) * TAU / self.width as f64
     }
 
+    /// Unit vector towards the centre of the texel with index `texel`, counted row by row.
+    #[must_use]
+    pub fn centre(&self, texel: usize) -> DVec3 {
+        let (row, column) = (texel / self.width.max(1), texel % self.width.max(1));
+        let (sin, cos) = libm::sincos(self.theta(row) + 0.5 * self.theta(1));
+        let phi = self.phi(column) - PI / self.width as f64;
+        DVec3::new(sin * libm::cos(phi), sin * libm::sin(phi), cos)
+    }
+
     /// Index of the texel that contains the unit vector `direction`; `None` outside of the domain, and for maps without texels or with
     /// 2^32 and more.
     #[must_use]

@@ -16,6 +16,29 @@
 //! assert_eq!(map.view().quad(2, 25).y(), map.view().quad(3, 100).y());
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
+//!
+//! A pyramid from a latitude-longitude map: the energy of each texel is added to the quad at its centre.
+//!
+//! ```
+//! use hemilux_core::polar::Grid;
+//! use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
+//! use hemilux_core::{Domain, Order, healpix};
+//!
+//! let (grid, order) = (Grid { width: 64, height: 32, domain: Domain::Sphere }, Order::try_new(2)?);
+//! let quads = vec![Quad::default(); pyramid_len(grid.domain, order)];
+//! let mut pyramid = Pyramid::try_new(quads, grid.domain, order)?;
+//! for texel in 0..grid.len() {
+//!     let towards = grid.centre(texel);
+//!     // A uniform radiance of 1.
+//!     let energy = [grid.solid_angle(texel / grid.width) as f32; 3];
+//!     let quad = &mut pyramid.texels_mut()[healpix::ipix(order.get(), towards) as usize];
+//!     quad.add(&Quad::from_light(energy, towards.as_vec3()));
+//! }
+//! pyramid.build();
+//! let total = pyramid.view().total().y();
+//! assert!((total / (4.0 * core::f32::consts::PI) - 1.0).abs() < 1e-4);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use crate::buffer::{self, Buffer, TooSmall};
 use crate::color::{self, luminance};
@@ -159,6 +182,7 @@ fn sum_up(quads: &mut [Quad], domain: Domain, order: u8) {
 }
 
 /// The quads of one order.
+#[derive(Clone, Copy)]
 struct Level<'a> {
     order: u8,
     quads: &'a [Quad],

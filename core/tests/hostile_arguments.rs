@@ -96,6 +96,7 @@ fn grids_of_any_size_are_total() {
         let d = DVec3::new(double(&mut rng), double(&mut rng), double(&mut rng));
         let (row, column) = (size(&mut rng), size(&mut rng));
         black_box((grid.theta(row), grid.phi(column), grid.solid_angle(row), grid.is_empty()));
+        black_box(grid.centre(row));
         assert!(grid.texel(d).is_none_or(|texel| texel < grid.len()), "{grid:?} {d}");
         let map = LatLong::try_new(grid, [[0.0; 3]; 32]);
         assert_eq!(map.is_ok(), grid.len() <= 32, "{grid:?}");

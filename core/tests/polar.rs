@@ -136,6 +136,7 @@ fn texel_lookup_inverts_every_texel_centre() {
             let phi = 0.5 * (grid.phi(i % grid.width) + grid.phi(i % grid.width + 1));
             let d = DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos());
             assert_eq!(grid.texel(d), Some(i), "{grid:?}");
+            assert!(grid.centre(i).distance(d) < 1e-12, "{grid:?} {i}");
         }
     }
 }

@@ -6,13 +6,11 @@ from collections import defaultdict
 
 from source import blanked, is_test, line, test_modules
 
-# Parent modules whose children still import each other, as (folder of the crate, module). The crate roots are not among them.
-PERMITTED = {
-    ("board", "recorded"),
-    ("board", "server"),
-    ("core", "sampler::adaptive"),
-    ("host-sim", "metrics"),
-}
+# Crates in which modules are checked at every level; in the others only those at the crate root.
+NESTED = {"core"}
+
+# Nested modules whose children still import each other, as (folder of the crate, module).
+PERMITTED = {("core", "sampler::adaptive")}
 
 USE = re.compile(r"\b(pub(?:\([^)]*\))?\s+)?use\s+([^;]+);")
 TEST_FILE = re.compile(r"#\[cfg\((?:test|all\(test[^\n]*)\)\]\s*(?:#\[[^\n]*\]\s*)*(?:pub\S*\s+)?mod\s+(\w+)\s*;")
@@ -134,14 +132,15 @@ def shortest_cycle(found, start):
 
 
 def imports(root, paths):
-    """Modules beside each other do not import each other, directly or through others."""
+    """Modules with the same parent do not import each other, directly or through others."""
     crates = defaultdict(list)
     for path in paths:
         if path.suffix == ".rs" and "src" in path.parts and not is_test(path):
             crates[pathlib.Path(*path.parts[: path.parts.index("src") + 1])].append(path)
     for source, files in sorted(crates.items()):
         for parent, found in sorted(Crate(root, source, files).edges().items()):
-            if (str(source.parent), "::".join(parent)) in PERMITTED:
+            crate = str(source.parent)
+            if parent and (crate not in NESTED or (crate, "::".join(parent)) in PERMITTED):
                 continue
             told = set()
             for module in sorted(found):

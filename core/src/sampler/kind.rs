@@ -73,7 +73,8 @@ impl SamplerKind {
         matches!(self, Self::Q2Tree | Self::Q2TreeJitter)
     }
 
-    /// The smallest number of lights for a map of `domain` that is lit everywhere: a Q2-tree has at least one light per base quad.
+    /// The smallest number of lights for a map of `domain` that is lit everywhere: a Q2-tree has at least one light per base
+    /// quad, 12 on a sphere and 8 on a hemisphere, and gives no lights for a lower request.
     #[must_use]
     pub const fn least_lights(self, domain: Domain) -> usize {
         if self.is_q2tree() { domain.faces() } else { 1 }

@@ -113,6 +113,30 @@ impl Overrun {
 }
 
 /// The lights of one frame with their metadata: the input of the encoders.
+///
+/// With a [`FrontEnd`](crate::FrontEnd) `front`, the [`Coverage`](crate::Coverage) of its last burst and the
+/// [`Decomposition`](crate::Decomposition) of a sampler:
+///
+/// ```
+/// use hemilux_core::wire::LightSet;
+/// use hemilux_core::{Buffer, Coverage, Decomposition, FrontEnd};
+///
+/// fn set<'a>(front: &FrontEnd<impl Buffer<u64>>, seen: &Coverage, made: &'a Decomposition<'a>) -> LightSet<'a> {
+///     LightSet {
+///         valid: true,
+///         sampler: "q2tree",
+///         requested: 8,
+///         lights: made.lights,
+///         ambient_sh: made.ambient.as_ref(),
+///         estimated_error: made.estimated_error,
+///         scalar_flux: front.map().total().rgb(),
+///         horizontal_irradiance: front.map().horizontal_irradiance(),
+///         clipped: seen.clipped as f32,
+///         unseen: seen.unseen as f32,
+///         ..LightSet::EMPTY
+///     }
+/// }
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LightSet<'a> {
     /// Identifier of the run of the program: differs after every start.

@@ -1,4 +1,5 @@
-//! The interface of the filters of light paths.
+//! The interface of the filters of light paths. Only [`Hemigon`](super::Hemigon) uses filters: its lights have slots that stay the same from
+//! frame to frame. The lights of `q2tree` are not filtered; `adaptive` has a filter of its own.
 
 use crate::sampler::SamplerKind;
 use glam::Vec3;

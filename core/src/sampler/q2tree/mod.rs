@@ -11,6 +11,8 @@
 //! 2 b. If the split of the most important leaf would exceed the request, the next leaf whose split fits is split: on a hemisphere the
 //! number of lights is the request or one less.
 //!
+//! A request for fewer lights than base quads (12 on a sphere, 8 on a hemisphere) gives no lights.
+//!
 //! The tree is stored as one bit per quad, set for interior nodes, and traversed in NESTED order.
 //!
 //! ```
