@@ -33,6 +33,8 @@ pub struct Calibration {
     pub scale: f64,
     /// Factors of red, green and blue radiance; 1 by default.
     pub white_balance: [f32; 3],
+    /// Whether the codes were compressed with loss, as JPEG does: the merge then trusts fewer of them near black and white.
+    pub compressed: bool,
 }
 
 impl Calibration {
@@ -40,7 +42,15 @@ impl Calibration {
     #[must_use]
     pub fn new(lens: Lens, layout: Layout) -> Self {
         let levels = Levels { black: 0.0, white: f64::from(layout.format().max_code()) };
-        Self { lens, layout, response: Response::Linear, levels, scale: 1.0, white_balance: [1.0; 3] }
+        Self {
+            lens,
+            layout,
+            response: Response::Linear,
+            levels,
+            scale: 1.0,
+            white_balance: [1.0; 3],
+            compressed: false,
+        }
     }
 
     /// A camera with linear response and scale 1, whose frames have `width` x `height` pixels and rows without padding.
@@ -77,6 +87,7 @@ impl Calibration {
     /// Marks a curve for table lookup if the format has chroma: its codes are converted to planes, which the linear loop does not read.
     fn in_form<B>(&self, curve: Curve<B>) -> Curve<B> {
         let has_chroma = matches!(self.layout.format(), Format::Yuyv(_) | Format::Nv12(_));
-        if has_chroma { curve.looked_up() } else { curve }
+        let curve = if has_chroma { curve.looked_up() } else { curve };
+        if self.compressed { curve.compressed() } else { curve }
     }
 }

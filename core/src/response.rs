@@ -31,6 +31,12 @@ pub const SATURATED: f64 = 0.98;
 /// limit makes dark regions too bright; a higher limit discards useful samples.
 pub const TRUSTED: f64 = 16.0 / 255.0;
 
+/// [`SATURATED`] of codes that were compressed with loss: ringing of JPEG spreads clipped values by some 4 % at quality 85.
+pub const SATURATED_COMPRESSED: f64 = 0.95;
+
+/// [`TRUSTED`] of codes that were compressed with loss: there a step of the quantisation exceeds a tenth of the code.
+pub const TRUSTED_COMPRESSED: f64 = 28.0 / 255.0;
+
 /// The codes of relative exposure 0 and 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -166,10 +172,17 @@ impl Curve<()> {
             return Err(ResponseError::BadLevels);
         }
         let shift = (32 - (white as u32).leading_zeros()).saturating_sub(12);
-        let code = |x: f64| libm::ceil(black + x * range) as u32;
         let linear = matches!(response, Response::Linear);
-        let trusted = if linear { 0 } else { code(TRUSTED) };
-        Ok(Self { table: (), depth, shift, saturated: code(SATURATED), trusted, levels, linear })
+        let trusted = if linear { 0 } else { levels.code(TRUSTED) };
+        let saturated = levels.code(SATURATED);
+        Ok(Self { table: (), depth, shift, saturated, trusted, levels, linear })
+    }
+}
+
+impl Levels {
+    /// First code whose relative code is `x` or more.
+    fn code(&self, x: f64) -> u32 {
+        libm::ceil(self.black + x * (self.white - self.black)) as u32
     }
 }
 
@@ -227,6 +240,12 @@ impl<B> Curve<B> {
     pub(crate) fn over<T>(&self, table: T) -> Curve<T> {
         let Self { depth, shift, saturated, trusted, levels, linear, .. } = *self;
         Curve { table, depth, shift, saturated, trusted, levels, linear }
+    }
+
+    /// The curve for codes that were compressed with loss, of which fewer are trusted near black and white.
+    pub(crate) fn compressed(self) -> Self {
+        let trusted = if self.linear { 0 } else { self.levels.code(TRUSTED_COMPRESSED) };
+        Self { trusted, saturated: self.levels.code(SATURATED_COMPRESSED), ..self }
     }
 
     /// Whether `code` is saturated: at least [`SATURATED`] of the range from black to white.

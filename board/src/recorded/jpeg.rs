@@ -2,7 +2,7 @@
 
 /// Whether a JPEG file has its end marker after the first scan; segments such as EXIF, whose thumbnails have end markers of their
 /// own, are passed over by their length.
-pub(super) fn is_whole(bytes: &[u8]) -> bool {
+pub(crate) fn is_whole(bytes: &[u8]) -> bool {
     let mut at = 2;
     let mut in_scan = false;
     while let Some(found) = bytes.get(at..).and_then(|rest| rest.iter().position(|b| *b == 0xff)) {

@@ -18,6 +18,8 @@ use std::path::{Path, PathBuf};
 
 pub use consistency::{LeftOut, leave_out};
 pub use hemilux_core::Levels;
+#[cfg(feature = "v4l2")]
+pub(crate) use jpeg::is_whole as is_whole_jpeg;
 pub use lens::{LensFile, parse_lens, read_lens};
 
 /// Largest `burst.toml`, `sequence.toml` or lens file, bytes.

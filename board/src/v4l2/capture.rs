@@ -180,23 +180,32 @@ impl Camera {
 
     /// Looks at a frame, copies it if it is whole, and gives its buffer back.
     fn finish(&mut self, filled: &Filled, frame: &mut RawFrame) -> Result<bool, CameraError> {
-        let (buffer, layout) = (&filled.buffer, &self.setup.picture.layout);
-        let bytes = self.setup.video.bytes(buffer.index).get(..layout.frame_bytes());
-        let bytes = bytes.filter(|_| filled.good);
-        let good = bytes.is_some();
-        if let Some(bytes) = bytes {
-            luma::sample(layout, bytes, &mut self.codes);
-            frame.bytes.clear();
-            frame.bytes.extend_from_slice(bytes);
-            self.counters.frames += 1;
-        }
+        let buffer = &filled.buffer;
+        let good = self.read(filled, &mut frame.bytes);
         self.queue(buffer.index)?;
         if good {
+            self.counters.frames += 1;
             let timestamp_ns = self.arrivals.time_ns();
             let (slot, known) = self.identify(buffer.sequence);
             frame.taken = Taken { sequence: buffer.sequence, timestamp_ns, slot, known };
         }
         Ok(good)
+    }
+
+    /// Copies or decodes a complete frame into `bytes` and samples its brightness into `codes`.
+    pub(super) fn read(&mut self, filled: &Filled, bytes: &mut Vec<u8>) -> bool {
+        if !filled.good {
+            return false;
+        }
+        let (picture, used) = (&self.setup.picture, filled.buffer.bytes_used as usize);
+        let all = self.setup.video.bytes(filled.buffer.index);
+        let all = if picture.jpeg.is_some() { all.get(..used).unwrap_or(all) } else { all };
+        let is_read = picture.read(all, bytes);
+        if is_read {
+            luma::sample(&picture.layout, bytes, &mut self.codes);
+        }
+        self.counters.broken.damaged += u64::from(!is_read);
+        is_read
     }
 
     /// The exposure of frame `sequence`, whose samples are in `codes`.
@@ -299,7 +308,7 @@ impl Camera {
             Err(e) => return Err(failed(&self.path, "DQBUF", e, "a frame")),
         }
         let repeated = !self.count(kernel, &buffer)?;
-        let whole = self.setup.picture.layout.frame_bytes();
+        let whole = self.setup.picture.least_bytes();
         let good = self.counters.broken.check(&buffer, repeated, whole);
         Ok(Some(Filled { buffer, good }))
     }

@@ -105,17 +105,13 @@ impl Camera {
 
     /// Waits for a frame: its number and its mean brightness.
     fn level(&mut self, kernel: &mut dyn Kernel) -> Result<(u32, f32), CameraError> {
+        let mut bytes = Vec::new();
         for _ in 0..MOST_BROKEN {
             let Some(filled) = self.dequeue(kernel, SILENCE.0)? else { continue };
-            let (buffer, whole) = (filled.buffer, self.setup.picture.layout.frame_bytes());
-            let bytes = self.setup.video.bytes(buffer.index).get(..whole).filter(|_| filled.good);
-            let level = bytes.map(|bytes| {
-                luma::sample(&self.setup.picture.layout, bytes, &mut self.codes);
-                luma::mean(&self.codes)
-            });
-            self.queue(buffer.index)?;
-            if let Some(level) = level {
-                return Ok((buffer.sequence, level));
+            let is_read = self.read(&filled, &mut bytes);
+            self.queue(filled.buffer.index)?;
+            if is_read {
+                return Ok((filled.buffer.sequence, luma::mean(&self.codes)));
             }
         }
         let found = format!("{MOST_BROKEN} broken frames in a row ({})", self.counters().broken);

@@ -1,25 +1,44 @@
 //! Pixel formats by their four characters, and the choice of a camera's best one. [`Format`] has the list and the packing.
 
 use super::abi;
+use super::jpeg::Jpeg;
 use hemilux_core::format::{Format, Layout, LayoutError, Matrix, Yuv};
 
-/// Compressed pictures, which are not read: their codes near black and white are lost.
+/// Formats of JPEG pictures.
 const COMPRESSED: [&str; 2] = ["MJPG", "JPEG"];
+
+/// The format of decoded JPEG pictures.
+const DECODED: u32 = u32::from_le_bytes(*b"RGB3");
 
 /// Longest side of a picture, pixels, and longest row, bytes: with them a frame's bytes fit into 32 bits.
 const MAX_SIDE: u32 = 1 << 14;
 const MAX_STRIDE: usize = 1 << 17;
 
-/// Place of `fourcc` among the formats that are read, 0 the best.
+/// Place of `fourcc` among the formats that are read, 0 the best; JPEG comes after all colours that are not compressed.
 #[must_use]
 pub fn rank(fourcc: u32) -> Option<usize> {
-    Format::fourccs().position(|name| u32::from_le_bytes(name) == fourcc)
+    all().position(|name| name == fourcc)
+}
+
+/// All formats that are read, the best first.
+fn all() -> impl Iterator<Item = u32> {
+    let uncompressed = || Format::fourccs().map(u32::from_le_bytes);
+    let is_grey = |fourcc: &u32| *fourcc == u32::from_le_bytes(*b"GREY");
+    let jpeg = COMPRESSED.into_iter().filter_map(parse);
+    uncompressed().filter(move |f| !is_grey(f)).chain(jpeg).chain(uncompressed().filter(is_grey))
+}
+
+/// Whether pictures of `fourcc` are JPEG.
+#[must_use]
+pub fn is_jpeg(fourcc: u32) -> bool {
+    COMPRESSED.into_iter().filter_map(parse).any(|name| name == fourcc)
 }
 
 /// How frames of `fourcc` are packed; `None` where they are not read.
 #[must_use]
 pub fn format(fourcc: u32, yuv: Yuv) -> Option<Format> {
-    Format::from_fourcc(fourcc.to_le_bytes(), yuv)
+    let read = if is_jpeg(fourcc) { DECODED } else { fourcc };
+    Format::from_fourcc(read.to_le_bytes(), yuv)
 }
 
 /// The four characters of `fourcc`, without trailing blanks.
@@ -44,7 +63,7 @@ pub fn parse(name: &str) -> Option<u32> {
 /// The names of all formats that are read.
 #[must_use]
 pub fn names() -> String {
-    Format::fourccs().map(|n| name(u32::from_le_bytes(n))).collect::<Vec<_>>().join(", ")
+    all().map(name).collect::<Vec<_>>().join(", ")
 }
 
 /// What to say of a camera that offers nothing readable but `offered`: what was found and what would be right.
@@ -52,22 +71,18 @@ pub fn names() -> String {
 pub fn none_of(offered: &[&str]) -> (String, String) {
     let found =
         format!("the pixel formats {}", if offered.is_empty() { "none".into() } else { offered.join(", ") });
-    let compressed = !offered.is_empty() && offered.iter().all(|name| COMPRESSED.contains(name));
-    let why = if compressed {
-        "uncompressed pictures (MJPEG is not read: a camera that offers YUYV too), "
-    } else {
-        ""
-    };
-    (found, format!("{why}one of {}", names()))
+    (found, format!("one of {}", names()))
 }
 
 /// How the frames of an open camera are to be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Picture {
-    /// The four characters.
+    /// The four characters; those of the decoded frames where the camera's are JPEG.
     pub fourcc: u32,
-    /// Size and packing.
+    /// Size and packing; those of the decoded frames where the camera's are JPEG.
     pub layout: Layout,
+    /// The camera's frames where they are JPEG.
+    pub jpeg: Option<Jpeg>,
 }
 
 impl Picture {
@@ -80,6 +95,9 @@ impl Picture {
         let format = format(fourcc, yuv(granted)).ok_or_else(|| none_of(&[&name(fourcc)]))?;
         if width > MAX_SIDE || height > MAX_SIDE {
             return Err((format!("{width} x {height} pixels"), format!("at most {MAX_SIDE} on each side")));
+        }
+        if is_jpeg(fourcc) {
+            return Self::of_jpeg(Jpeg::of(width, height));
         }
         // Some drivers leave the stride to the reader.
         let stride = match granted.bytes_per_line as usize {
@@ -103,7 +121,45 @@ impl Picture {
             }
             _ => (format!("{width} x {height} pixels"), "1 to 67108864 in all".into()),
         })?;
-        Ok(Self { fourcc, layout })
+        Ok(Self { fourcc, layout, jpeg: None })
+    }
+
+    /// The decoded frames of `jpeg`.
+    fn of_jpeg(jpeg: Jpeg) -> Result<Self, (String, String)> {
+        let (width, height) = jpeg.decoded();
+        let layout = Layout::tight(Format::Rgb24, width, height)
+            .map_err(|_| (format!("{width} x {height} pixels"), "1 to 67108864 in all".into()))?;
+        Ok(Self { fourcc: DECODED, layout, jpeg: Some(jpeg) })
+    }
+
+    /// The four characters of the camera's own frames.
+    #[must_use]
+    pub fn camera_fourcc(&self) -> u32 {
+        if self.jpeg.is_some() { u32::from_le_bytes(*b"MJPG") } else { self.fourcc }
+    }
+
+    /// Columns and rows of the camera's own frames, which lens files refer to.
+    #[must_use]
+    pub fn camera_size(&self) -> (u32, u32) {
+        self.jpeg.map_or((self.width(), self.height()), |jpeg| (jpeg.width, jpeg.height))
+    }
+
+    /// Bytes of a complete frame of the camera at least.
+    #[must_use]
+    pub(super) const fn least_bytes(&self) -> usize {
+        if self.jpeg.is_some() { 4 } else { self.layout.frame_bytes() }
+    }
+
+    /// Copies or decodes a frame's `bytes` into `frame`; false where that cannot be.
+    #[must_use]
+    pub(super) fn read(&self, bytes: &[u8], frame: &mut Vec<u8>) -> bool {
+        if let Some(jpeg) = &self.jpeg {
+            return jpeg.decode(bytes, frame);
+        }
+        let Some(bytes) = bytes.get(..self.layout.frame_bytes()) else { return false };
+        frame.clear();
+        frame.extend_from_slice(bytes);
+        true
     }
 
     /// Columns.
@@ -173,8 +229,7 @@ mod tests {
 
     #[test]
     fn the_core_reads_what_is_taken_from_cameras() {
-        for (place, name) in Format::fourccs().enumerate() {
-            let fourcc = u32::from_le_bytes(name);
+        for (place, fourcc) in all().enumerate() {
             assert_eq!(rank(fourcc), Some(place), "each once");
             assert!(format(fourcc, Yuv::default()).is_some(), "{}", super::name(fourcc));
         }
@@ -236,12 +291,17 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_of_compressed_pictures_alone_is_told_so() {
-        let (found, expected) = none_of(&["MJPG"]);
-        assert!(
-            found.contains("MJPG") && expected.contains("MJPEG is not read") && expected.contains("YUYV"),
-            "{found}, {expected}"
+    fn jpeg_comes_after_all_other_colours_and_before_grey() {
+        let rank = |name| rank(parse(name).expect("a name"));
+        assert!(rank("BGR3") < rank("MJPG") && rank("MJPG") < rank("GREY"), "{}", names());
+        let large = Picture::of(&granted("MJPG", 1920, 1080, 0)).expect("JPEG");
+        assert_eq!((large.width(), large.height(), large.camera_size()), (480, 270, (1920, 1080)), "scaled");
+        assert_eq!(
+            (name(large.fourcc), name(large.camera_fourcc())),
+            ("RGB3".into(), "MJPG".into()),
+            "decoded"
         );
-        assert!(!none_of(&["H264"]).1.contains("MJPEG"), "another");
+        let (found, expected) = none_of(&["H264"]);
+        assert!(found.contains("H264") && expected.contains("MJPG"), "{found}, {expected}");
     }
 }

@@ -35,13 +35,16 @@ pub struct Broken {
     pub short: u64,
     /// Frames whose number does not rise.
     pub repeated: u64,
+    /// JPEG frames that are cut or damaged.
+    pub damaged: u64,
 }
 
 impl Broken {
     /// All of them.
     #[must_use]
     pub const fn total(&self) -> u64 {
-        self.flagged.saturating_add(self.empty).saturating_add(self.short).saturating_add(self.repeated)
+        let cut = self.empty.saturating_add(self.short).saturating_add(self.damaged);
+        self.flagged.saturating_add(cut).saturating_add(self.repeated)
     }
 
     /// Those that are not in `earlier`.
@@ -52,6 +55,7 @@ impl Broken {
             empty: self.empty.saturating_sub(earlier.empty),
             short: self.short.saturating_sub(earlier.short),
             repeated: self.repeated.saturating_sub(earlier.repeated),
+            damaged: self.damaged.saturating_sub(earlier.damaged),
         }
     }
 
@@ -76,6 +80,7 @@ impl std::fmt::Display for Broken {
             (self.empty, "empty"),
             (self.short, "short"),
             (self.repeated, "with a repeated number"),
+            (self.damaged, "damaged"),
         ];
         let told: Vec<_> = kinds.iter().filter(|k| k.0 > 0).map(|(n, kind)| format!("{n} {kind}")).collect();
         f.write_str(if told.is_empty() { "none".into() } else { told.join(", ") }.as_str())

@@ -25,6 +25,7 @@ mod field_tests;
 pub mod formats;
 pub mod frame;
 mod ids;
+pub mod jpeg;
 pub mod luma;
 pub mod measured;
 #[cfg(target_os = "linux")]

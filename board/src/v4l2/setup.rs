@@ -123,7 +123,7 @@ pub(super) fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<Setup, 
         found,
         expected,
     })?;
-    let got = (picture.width(), picture.height());
+    let got = picture.camera_size();
     if let Some(lens) = options.lens_size.filter(|lens| *lens != got) {
         let found = format!("pictures of {} pixels", size(got));
         let expected = format!("{} as the lens file says: another size= or another lens", size(lens));
@@ -140,7 +140,7 @@ pub(super) fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<Setup, 
         agreed(
             "format",
             options.fourcc.map_or("the best".into(), formats::name),
-            formats::name(picture.fourcc),
+            formats::name(picture.camera_fourcc()),
         ),
         agreed("rate", format!("{:.2} Hz", options.rate_hz), format!("{:.2} Hz", 1.0 / period_s)),
     ];
@@ -307,7 +307,8 @@ fn set_format(
     let mut readable: Vec<_> =
         readable.filter(|(_, f)| named(f) && formats::parse(&f.fourcc).is_some_and(fitting)).collect();
     readable.sort_by_key(|(rank, f)| {
-        (device::nearest_size(f, wished) != Some(wished) && mosaic.is_none(), *rank)
+        let is_other = device::nearest_size(f, wished) != Some(wished) && mosaic.is_none();
+        (is_other, is_slow(f, wished, options.rate_hz), *rank)
     });
     let Some((_, best)) = readable.first() else {
         let offers: Vec<_> = offered.iter().map(|f| f.fourcc.as_str()).collect();
@@ -323,6 +324,12 @@ fn set_format(
     persist(|| video.call(Call::SetFormat(&mut format)))
         .map_err(|e| failed(path, "S_FMT", e, "a camera that no other program streams from"))?;
     Ok(format.pixel)
+}
+
+/// Whether a format's frames of `size` come at less than half of the rate that is wished for.
+fn is_slow(format: &device::FormatInfo, size: (u32, u32), rate_hz: f64) -> bool {
+    let rates = format.sizes.iter().filter(|s| (s.width, s.height) == size).flat_map(|s| &s.rates);
+    rates.copied().reduce(f64::max).is_some_and(|most| most < rate_hz / 2.0)
 }
 
 /// Sets a sensor's own format: its bits, its mosaic and its size.

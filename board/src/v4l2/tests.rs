@@ -225,8 +225,20 @@ fn broken_frames_are_left_out_and_counted() {
     let mut kernel = FakeKernel::new(Script { faults, ..Script::default() });
     let mut camera = Camera::open(&mut kernel, &options()).expect("a camera");
     let tally = run(&mut camera, &mut kernel, 400);
-    let expected = Broken { flagged: 1, empty: 1, short: 1, repeated: 1 };
+    let expected = Broken { flagged: 1, empty: 1, short: 1, repeated: 1, damaged: 0 };
     assert_eq!((camera.counters().broken, tally.wrong), (expected, 0), "{tally:?}");
+}
+
+#[test]
+fn jpeg_frames_have_their_exposures_and_damaged_ones_are_counted() {
+    let faults = (300..310).map(|at| (at, Fault::Damaged)).collect();
+    let script = Script { formats: vec!["MJPG"], faults, loss: 0.05, ..Script::default() };
+    let mut kernel = FakeKernel::new(script);
+    let mut camera = Camera::open(&mut kernel, &options()).expect("a camera");
+    let tally = run(&mut camera, &mut kernel, 600);
+    let damaged = camera.counters().broken.damaged;
+    assert!((1..=10).contains(&damaged) && tally.wrong == 0, "{damaged} damaged, {tally:?}");
+    assert!(tally.verified > 300, "{tally:?}");
 }
 
 #[test]

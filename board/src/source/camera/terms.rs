@@ -37,7 +37,8 @@ impl Terms {
     /// Those of a camera that is not there yet: as it is asked for, in the format that nearly all webcams have.
     pub(in crate::source) fn assumed(options: &Options) -> Self {
         let yuv = Yuv { limited: true, ..Yuv::default() };
-        let fourcc = options.fourcc.unwrap_or(u32::from_le_bytes(*b"YUYV"));
+        let wished = options.fourcc.filter(|fourcc| !formats::is_jpeg(*fourcc));
+        let fourcc = wished.unwrap_or(u32::from_le_bytes(*b"YUYV"));
         let (width, height) = options.size;
         let format = formats::format(fourcc, yuv).unwrap_or(Format::Grey);
         // An odd size or a huge one will be rounded or refused by the camera.
@@ -46,7 +47,7 @@ impl Terms {
             layout.or_else(|_| Layout::tight(format, 640, 480)).expect("640 x 480 suits all formats");
         let period_ns = (1e9 / options.rate_hz) as u64;
         Self {
-            picture: Picture { fourcc, layout },
+            picture: Picture { fourcc, layout, jpeg: None },
             black: 0.0,
             period_ns,
             seconds: options.exposures_s.clone(),
@@ -61,12 +62,19 @@ impl Terms {
         let usual = if picture.is_raw() { Response::Linear } else { Response::Srgb };
         let (black, white) =
             lens.and_then(|l| l.levels).map(|l| (l.black, l.white)).unwrap_or((self.black * most, most));
-        let mut calibration =
-            Calibration::new(lens.map_or_else(|| assumed_lens(layout), |l| l.lens), *layout);
+        let shrink = picture.jpeg.map_or(1, |jpeg| jpeg.shrink);
+        let lens_file = lens.map(|file| shrunk(file.lens, shrink));
+        let mut calibration = Calibration::new(lens_file.unwrap_or_else(|| assumed_lens(layout)), *layout);
+        calibration.compressed = picture.jpeg.is_some();
         calibration.response = lens.and_then(LensFile::told_response).unwrap_or(usual);
         calibration.levels = Levels { black, white };
         calibration
     }
+}
+
+/// The lens of pictures that are scaled down by `shrink`, a power of two.
+fn shrunk(lens: Lens, shrink: u32) -> Lens {
+    (0..shrink.ilog2()).fold(lens, |lens, _| lens.halved())
 }
 
 /// An equidistant fisheye that sees 180 degrees across the shorter side: what a lens is taken for until it is calibrated.

@@ -110,6 +110,10 @@ impl World {
             let radiance = self.script.light * 10f64.powf(3.0 * (f64::from(x) / f64::from(width) - 1.0));
             (top * radiance * seconds / 0.033).round().min(top) as u16
         };
+        if self.is_jpeg() {
+            let row: Vec<u8> = (0..width).flat_map(|x| [code(x, 255.0) as u8; 3]).collect();
+            return jpeg(&row.repeat(layout.height() as usize), width, layout.height());
+        }
         let luma = |x| 16 + code(x, 219.0) as u8;
         let mut row: Vec<u8> = match layout.format() {
             Format::Yuyv(_) => (0..width).flat_map(|x| [luma(x), CHROMA[x as usize % 2]]).collect(),
@@ -129,6 +133,14 @@ impl World {
         bytes.truncate(layout.frame_bytes());
         bytes
     }
+}
+
+/// A picture as a camera compresses it, of quality 85.
+fn jpeg(rgb: &[u8], width: u32, height: u32) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, 85);
+    encoder.encode(rgb, width, height, image::ExtendedColorType::Rgb8).expect("a JPEG");
+    bytes
 }
 
 /// Cb and Cr of the whole picture: warm.

@@ -30,6 +30,8 @@ pub enum Fault {
     Short,
     /// The frame has no byte.
     Empty,
+    /// The frame is cut in half; of JPEG frames that shows when they are decoded.
+    Damaged,
     /// All frames from here on have the error flag.
     AllError,
     /// The frame has the error flag.
@@ -238,12 +240,21 @@ impl World {
 
     /// Limited range where there is one.
     fn format(&self) -> Format {
+        if self.is_jpeg() {
+            return Format::Rgb24;
+        }
         let yuv = Yuv { limited: true, ..Yuv::default() };
         Format::from_fourcc(self.fourcc(), yuv).expect("a format that is read")
     }
 
+    /// Whether the pictures are JPEG.
+    fn is_jpeg(&self) -> bool {
+        self.fourcc() == *b"MJPG"
+    }
+
     fn bytes_per_line(&self) -> usize {
-        self.format().line_bytes(self.script.size.0) + PADDING
+        let padding = if self.is_jpeg() { 0 } else { PADDING };
+        self.format().line_bytes(self.script.size.0) + padding
     }
 
     /// How pictures lie.
@@ -285,7 +296,8 @@ impl World {
         self.truth.insert(frame, value);
         let faults: Vec<Fault> =
             self.script.faults.iter().filter(|(at, _)| *at == self.total).map(|(_, f)| *f).collect();
-        let (mut flags, mut used, mut number) = (0, self.layout().frame_bytes(), frame);
+        let mut picture = self.expose(self.really(value));
+        let (mut flags, mut used, mut number) = (0, picture.len(), frame);
         for fault in faults {
             match fault {
                 Fault::Disconnect(time) => {
@@ -295,6 +307,10 @@ impl World {
                     return;
                 }
                 Fault::Short => used -= 1,
+                Fault::Damaged => {
+                    used /= 2;
+                    picture.truncate(used);
+                }
                 Fault::Empty => used = 0,
                 Fault::AllError => self.all_error = true,
                 Fault::Error => flags = abi::BUFFER_ERROR,
@@ -325,7 +341,6 @@ impl World {
             sequence: number,
             ..Default::default()
         };
-        let picture = self.expose(self.really(value));
         self.done.push_back((buffer, picture));
     }
 }

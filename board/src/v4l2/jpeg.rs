@@ -1,0 +1,167 @@
+//! JPEG frames of cameras as rows of red, green and blue bytes.
+//!
+//! Pictures of 640 x 480 pixels and fewer are decoded by `zune-jpeg`. Larger ones are scaled to 1/2, 1/4 or 1/8 while they are decoded: a
+//! scaled inverse DCT costs a fraction of the full one. `jpeg-decoder` has it, `zune-jpeg` does not.
+
+use crate::recorded::is_whole_jpeg;
+use zune_jpeg::JpegDecoder;
+use zune_jpeg::zune_core::bytestream::ZCursor;
+use zune_jpeg::zune_core::colorspace::ColorSpace;
+use zune_jpeg::zune_core::options::DecoderOptions;
+
+/// Pixels of the largest picture that is decoded at full size.
+const MOST_FULL: u64 = 640 * 480;
+
+/// Least length of a scaled picture's shorter side, pixels: with a lens of 180 degrees a pixel is 0.75 degrees wide.
+const LEAST_SIDE: u32 = 240;
+
+/// Size of a camera's JPEG frames and the factor by which they are scaled down.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Jpeg {
+    /// Columns of the camera's frame.
+    pub width: u32,
+    /// Rows of the camera's frame.
+    pub height: u32,
+    /// 1, 2, 4 or 8.
+    pub shrink: u32,
+}
+
+impl Jpeg {
+    /// Chooses the scale for frames of `width` x `height` pixels.
+    #[must_use]
+    pub fn of(width: u32, height: u32) -> Self {
+        let is_small = u64::from(width) * u64::from(height) <= MOST_FULL;
+        let fits = |shrink: &u32| width.min(height) / shrink >= LEAST_SIDE;
+        let shrink = if is_small { None } else { [8, 4, 2].into_iter().find(fits) };
+        Self { width, height, shrink: shrink.unwrap_or(1) }
+    }
+
+    /// Columns and rows of the decoded frame.
+    #[must_use]
+    pub const fn decoded(&self) -> (u32, u32) {
+        (self.width.div_ceil(self.shrink), self.height.div_ceil(self.shrink))
+    }
+
+    /// Decodes a frame into `rgb`; false where it is cut, damaged or of another size.
+    #[must_use]
+    pub fn decode(&self, bytes: &[u8], rgb: &mut Vec<u8>) -> bool {
+        let is_whole =
+            bytes.starts_with(&[0xff, 0xd8]) && is_whole_jpeg(bytes) && restarts_are_in_order(bytes);
+        if !is_whole {
+            return false;
+        }
+        let decoded = if self.shrink == 1 { self.full(bytes, rgb) } else { self.scaled(bytes, rgb) };
+        decoded.is_some()
+    }
+
+    fn full(&self, bytes: &[u8], rgb: &mut Vec<u8>) -> Option<()> {
+        let options = DecoderOptions::default()
+            .set_strict_mode(true)
+            .set_max_width(self.width as usize)
+            .set_max_height(self.height as usize)
+            .jpeg_set_out_colorspace(ColorSpace::RGB);
+        let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
+        decoder.decode_headers().ok()?;
+        if decoder.dimensions()? != (self.width as usize, self.height as usize) {
+            return None;
+        }
+        rgb.resize(decoder.output_buffer_size()?, 0);
+        decoder.decode_into(rgb).ok()
+    }
+
+    fn scaled(&self, bytes: &[u8], rgb: &mut Vec<u8>) -> Option<()> {
+        let mut decoder = jpeg_decoder::Decoder::new(bytes);
+        decoder.read_info().ok()?;
+        let found = decoder.info()?;
+        if (u32::from(found.width), u32::from(found.height)) != (self.width, self.height) {
+            return None;
+        }
+        let (width, height) = self.decoded();
+        let granted = decoder.scale(width.try_into().ok()?, height.try_into().ok()?).ok()?;
+        let pixels = decoder.decode().ok()?;
+        if (u32::from(granted.0), u32::from(granted.1)) != (width, height) {
+            return None;
+        }
+        rgb.clear();
+        match found.pixel_format {
+            jpeg_decoder::PixelFormat::RGB24 => rgb.extend_from_slice(&pixels),
+            jpeg_decoder::PixelFormat::L8 => rgb.extend(pixels.iter().flat_map(|grey| [*grey; 3])),
+            _ => return None,
+        }
+        Some(())
+    }
+}
+
+/// Whether the restart markers count from 0 to 7 over and over: a decoder skips a lost one and shifts the rest of the picture.
+fn restarts_are_in_order(bytes: &[u8]) -> bool {
+    let numbers =
+        bytes.windows(2).filter(|w| w[0] == 0xff && (0xd0..=0xd7).contains(&w[1])).map(|w| w[1] - 0xd0);
+    numbers.zip((0..8).cycle()).all(|(found, expected)| found == expected)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::codecs::jpeg::JpegEncoder;
+
+    /// A picture whose red rises from left to right and whose green rises from top to bottom.
+    fn picture(width: u32, height: u32) -> Vec<u8> {
+        let side = |at: u32, of: u32| (255 * at / of) as u8;
+        let pixel = |i: u32| [side(i % width, width), side(i / width, height), 90];
+        (0..width * height).flat_map(pixel).collect()
+    }
+
+    fn encoded(width: u32, height: u32) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let mut encoder = JpegEncoder::new_with_quality(&mut bytes, 90);
+        encoder
+            .encode(&picture(width, height), width, height, image::ExtendedColorType::Rgb8)
+            .expect("a JPEG");
+        bytes
+    }
+
+    #[test]
+    fn the_scale_keeps_240_pixels_of_the_shorter_side() {
+        let sizes =
+            [(640, 480), (1280, 720), (1280, 960), (1920, 1080), (2592, 1944), (3840, 480), (1279, 721)];
+        let found = sizes.map(|(width, height)| Jpeg::of(width, height).shrink);
+        assert_eq!(found, [1, 2, 4, 4, 8, 2, 2], "scales of {sizes:?}");
+        assert_eq!(Jpeg::of(1279, 721).decoded(), (640, 361), "odd sizes are rounded up");
+    }
+
+    #[test]
+    fn a_decoded_frame_has_the_colours_of_the_picture_at_each_scale() {
+        for (width, height) in [(64, 48), (1280, 720), (1920, 1080)] {
+            let (jpeg, mut rgb) = (Jpeg::of(width, height), Vec::new());
+            assert!(jpeg.decode(&encoded(width, height), &mut rgb), "{jpeg:?}");
+            let (columns, rows) = jpeg.decoded();
+            assert_eq!(rgb.len(), (3 * columns * rows) as usize, "{jpeg:?}");
+            let original = picture(width, height);
+            let at = |x: u32, y: u32| 3 * (y * columns + x) as usize;
+            for (x, y) in [(columns / 4, rows / 4), (columns / 2, rows / 3), (3 * columns / 4, rows - 2)] {
+                let of = 3 * (y * jpeg.shrink * width + x * jpeg.shrink) as usize;
+                for channel in 0..3 {
+                    let (found, expected) = (rgb[at(x, y) + channel], original[of + channel]);
+                    assert!(found.abs_diff(expected) <= 6, "{jpeg:?} at {x}, {y}: {found} for {expected}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn cut_and_damaged_frames_are_refused_at_each_scale() {
+        for (width, height) in [(64, 48), (1280, 720)] {
+            let (jpeg, whole, mut rgb) = (Jpeg::of(width, height), encoded(width, height), Vec::new());
+            let without_end = &whole[..whole.len() - 2];
+            let half = [&whole[..whole.len() / 2], &[0xff, 0xd9]].concat();
+            let mut other_marker = whole.clone();
+            let middle = whole.len() - 40;
+            other_marker[middle..middle + 2].copy_from_slice(&[0xff, 0xd5]);
+            for broken in [&[][..], without_end, &half, &other_marker, &whole[100..]] {
+                assert!(!jpeg.decode(broken, &mut rgb), "{width} x {height}: {} bytes", broken.len());
+            }
+            assert!(!Jpeg::of(width + 8, height).decode(&whole, &mut rgb), "another size");
+            assert!(jpeg.decode(&[&whole[..], &[0; 64]].concat(), &mut rgb), "padding after the end");
+        }
+    }
+}
