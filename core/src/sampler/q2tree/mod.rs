@@ -30,7 +30,6 @@
 //!     vec![Light::default(); sizes.lights],
 //!     vec![Past::default(); sizes.lights],
 //! )?;
-// A uniform sphere of radiance 1.
 //! let quads = vec![Quad::default(); pyramid_len(shape.domain, shape.order)];
 //! let mut pyramid = Pyramid::try_new(quads, shape.domain, shape.order)?;
 //! for (ipix, texel) in pyramid.texels_mut().iter_mut().enumerate() {
