@@ -29,7 +29,7 @@ use crate::sizes::{self, Parts, Sizes, merge_sizes};
 /// let mut front = FrontEnd::try_new(calibration, &exposures, 2.try_into()?, vec![0; sizes.words()])?;
 /// let coverage = front.process(&[[51u8; 32 * 32].as_slice().into()])?;
 /// assert_eq!(coverage.clipped, 0.0);
-// 51/255 of full scale in 0.01 s is a radiance of 20 over the whole field of view.
+/// // 51/255 of full scale in 0.01 s is a radiance of 20 over the whole field of view.
 /// let seen = std::f32::consts::TAU * (1.0 - coverage.unseen as f32);
 /// assert!((front.map().total().y() / (20.0 * seen) - 1.0).abs() < 0.05);
 /// # Ok::<(), Box<dyn std::error::Error>>(())

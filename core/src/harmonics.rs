@@ -3,7 +3,7 @@
 //! ```
 //! use glam::Vec3;
 //! use hemilux_core::harmonics::{basis, radiance};
-// A constant radiance of 2 has one coefficient: 2 sqrt(4 pi).
+//! // A constant radiance of 2 has one coefficient: 2 sqrt(4 pi).
 //! let mut sh = [[0.0; 3]; 9];
 //! sh[0] = [2.0 * (4.0 * core::f32::consts::PI).sqrt(); 3];
 //! assert!((radiance(&sh, Vec3::X)[0] - 2.0).abs() < 1e-5);

@@ -41,7 +41,7 @@ pub struct Pair {
 /// };
 /// let mut lights = [light(1, 0.0), light(2, 0.01), light(3, 5.0)];
 /// let mut pairs = vec![Default::default(); lights.len()];
-// The two neighbours become one light with the sum of their energies.
+/// // The two neighbours become one light with the sum of their energies.
 /// assert_eq!(thin::merge(&mut lights, 2, &mut pairs), Ok(2));
 /// assert_eq!((lights[0].irradiance, lights[1].id), ([2.0; 3], 3));
 /// ```

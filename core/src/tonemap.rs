@@ -2,7 +2,7 @@
 //!
 //! ```
 //! use hemilux_core::tonemap::sigmoid;
-// The adaptation luminance becomes mid-grey: half of the linear range.
+//! // The adaptation luminance becomes mid-grey: half of the linear range.
 //! assert_eq!(sigmoid([0.3; 3], 0.3), [188; 3]);
 //! ```
 

@@ -11,7 +11,7 @@ use glam::Vec3;
 /// use hemilux_core::wire::Coordinates;
 ///
 /// let unity = Coordinates::from_name("unity").expect("a known name");
-// The lens axis of a probe that points to the zenith is Unity's +Y.
+/// // The lens axis of a probe that points to the zenith is Unity's +Y.
 /// assert_eq!(unity.direction(Vec3::Z), Vec3::Y);
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]

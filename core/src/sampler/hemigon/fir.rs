@@ -7,7 +7,7 @@
 //! let parameters = Parameters { taps: 5, cutoff_hz: 2.0, frame_rate_hz: 10.0 };
 //! let sum: f64 = Kernel::new(&parameters).weights().iter().sum();
 //! assert!((sum - 1.0).abs() < 1e-12);
-// The filter of a sampler with 8 lights: 5 directions for each of two slots per light.
+//! // The filter of a sampler with 8 lights: 5 directions for each of two slots per light.
 //! let filter = Fir::try_new(&parameters, 8, vec![Vec3::Z; paths_len(&parameters, 8)])?;
 //! # Ok::<(), hemilux_core::TooSmall>(())
 //! ```

@@ -20,7 +20,7 @@
 //!
 //! let parameters = Parameters { confirm: false, ..Parameters::LIGHTS };
 //! let mut filter = Kalman::at(1e-4);
-// A step of 0.1 standard deviations is smoothed; one of 10 is taken whole.
+//! // A step of 0.1 standard deviations is smoothed; one of 10 is taken whole.
 //! let gain = filter.gain(&parameters, Vec3::X * 1e-3, 1e-4);
 //! assert!(gain > 0.3 && gain < 0.7);
 //! assert_eq!(filter.gain(&parameters, Vec3::X * 0.1, 1e-4), 1.0);
