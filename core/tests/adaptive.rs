@@ -2,38 +2,16 @@
 
 mod common;
 
-use common::{RngExt, dark, grey, lit, seeded};
+use common::{RngExt, adaptive, dark, grey, lit, seeded, update};
 use glam::Vec3;
 use hemilux_core::Order;
 use hemilux_core::TooSmall;
 use hemilux_core::healpix::{self, Domain};
 use hemilux_core::light::Light;
-use hemilux_core::polar::LatLongView;
 use hemilux_core::pyramid::{Pyramid, Quad};
+use hemilux_core::sampler::Sampler;
 use hemilux_core::sampler::adaptive::{Adaptive, Leaf, LightFilter, Memory, Workspace, bits_len};
-use hemilux_core::sampler::{Map, Request, Sampler};
 use std::collections::HashSet;
-
-type VecAdaptive = Adaptive<Vec<u8>, Vec<Leaf>, Vec<Light>, Vec<LightFilter>, Box<Workspace>>;
-
-fn adaptive(domain: Domain, order: u8, lights: usize) -> VecAdaptive {
-    let bits = || vec![0xff; bits_len(domain, Order::saturating(order))];
-    let room = || vec![Light::default(); lights];
-    let tracks = || vec![LightFilter::default(); lights];
-    let memory = Memory {
-        interior: [bits(), bits()],
-        leaves: vec![Leaf::default(); lights],
-        lights: [room(), room()],
-        tracks: [tracks(), tracks()],
-        workspace: Box::default(),
-    };
-    Adaptive::try_new(domain, Order::saturating(order), memory).expect("room enough")
-}
-
-fn update(sampler: &mut VecAdaptive, map: &Pyramid<Vec<Quad>>, lights: usize) -> Vec<Light> {
-    let map = Map { pyramid: map.view(), polar: LatLongView::NONE };
-    sampler.update(&map, &Request::of_lights(lights)).lights.to_vec()
-}
 
 fn random(domain: Domain, order: u8, seed: u64) -> Pyramid<Vec<Quad>> {
     let mut rng = seeded(seed);

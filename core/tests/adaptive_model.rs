@@ -2,32 +2,14 @@
 
 mod common;
 
-use common::{RngExt, above, dark, grey, lit, seeded};
+use common::{RngExt, VecAdaptive, above, adaptive, dark, grey, lit, seeded};
 use glam::{DVec3, Vec3};
-use hemilux_core::Order;
 use hemilux_core::harmonics;
 use hemilux_core::healpix::{self, Domain};
 use hemilux_core::light::{Decomposition, Light, Sh9};
 use hemilux_core::polar::LatLongView;
 use hemilux_core::pyramid::{Pyramid, Quad};
-use hemilux_core::sampler::adaptive::{Adaptive, Leaf, LightFilter, Memory, Workspace, bits_len};
 use hemilux_core::sampler::{Map, Request, Sampler};
-
-type VecAdaptive = Adaptive<Vec<u8>, Vec<Leaf>, Vec<Light>, Vec<LightFilter>, Box<Workspace>>;
-
-fn adaptive(domain: Domain, order: u8, lights: usize) -> VecAdaptive {
-    let bits = || vec![0; bits_len(domain, Order::saturating(order))];
-    let room = || vec![Light::default(); lights];
-    let tracks = || vec![LightFilter::default(); lights];
-    let memory = Memory {
-        interior: [bits(), bits()],
-        leaves: vec![Leaf::default(); lights],
-        lights: [room(), room()],
-        tracks: [tracks(), tracks()],
-        workspace: Box::default(),
-    };
-    Adaptive::try_new(domain, Order::saturating(order), memory).expect("room enough")
-}
 
 /// One set, in memory of its own.
 struct Made {

@@ -110,7 +110,7 @@ impl Sensor {
         let mut counts = vec![0.0; 3 * pixels.len()];
         merged(&view, &codes, Channels::RGB, &mut counts);
         let radiance = |(i, rgb): (usize, &[f32; 3])| Radiance {
-            rgb: rgb.map(|v| f64::from(v) * merge.unit()),
+            rgb: rgb.map(|v| f64::from(v) * merge.view().unit()),
             clipped: (3 * i..3 * i + 3).any(|at| view.is_clipped(&codes, at)),
         };
         counts.as_chunks::<3>().0.iter().enumerate().map(radiance).collect()
@@ -300,7 +300,7 @@ fn one_to_twelve_exposures_are_merged() {
     };
     let merge = |exposures: &[Exposure]| {
         Merge::try_new(curve().expect("sound"), exposures, 1.0, vec![0; 12 * 768], room(1 << 12))
-            .map(|m| m.exposures())
+            .map(|m| m.view().exposures())
     };
     for n in 1..=MAX_EXPOSURES {
         let seconds: Vec<f64> = (0..n).map(|i| 1e-3 * 2f64.powi(i as i32)).collect();
@@ -375,7 +375,7 @@ fn codes_out_of_range_are_dark_or_clipped_and_never_panic() {
     // Codes that this table does not have are white.
     let white = run(&[Codes::Words(&[65535; 12]), Codes::Words(&[300; 12])]);
     for value in white {
-        assert!(off(f64::from(value) * merge.unit(), 1e3) < 1e-3, "{value}");
+        assert!(off(f64::from(value) * merge.view().unit(), 1e3) < 1e-3, "{value}");
     }
     assert!(view.is_clipped(&[Codes::Words(&[65535; 12]), Codes::Words(&[300; 12])], 3), "white in both");
 }
@@ -413,7 +413,7 @@ fn all_merge_loops_follow_the_same_rules() {
             for (at, found) in out.iter().enumerate() {
                 let each: Vec<u32> = frames.iter().map(|f| u32::from(f[at])).collect();
                 let (expected, _) = sensor.merge(at % 3, &each, &exposures);
-                let found = f64::from(*found) * merge.unit();
+                let found = f64::from(*found) * merge.view().unit();
                 let scale = expected.abs().max(1e-3 * 1e3);
                 assert!(
                     (found - expected).abs() < 1e-3 * scale,

@@ -2,21 +2,15 @@
 
 mod common;
 
-use common::{RngExt, VecQ2Tree, dark, grey, lit, off, q2tree as tree, seeded};
+use common::{RngExt, dark, grey, lit, off, q2tree as tree, seeded, update};
 use hemilux_core::Order;
 use hemilux_core::healpix::{self, Domain};
 use hemilux_core::light::Light;
-use hemilux_core::polar::LatLongView;
 use hemilux_core::pyramid::{Pyramid, Quad};
+use hemilux_core::sampler::Sampler;
 use hemilux_core::sampler::q2tree::{Leaf, Parameters, Past, Placement, Q2Tree, interior_len};
-use hemilux_core::sampler::{Map, Request, Sampler};
 use hemilux_core::{MapShape, TooSmall};
 use std::collections::{HashMap, HashSet};
-
-fn update(tree: &mut VecQ2Tree, map: &Pyramid<Vec<Quad>>, lights: usize) -> Vec<Light> {
-    let map = Map { pyramid: map.view(), polar: LatLongView::NONE };
-    tree.update(&map, &Request::of_lights(lights)).lights.to_vec()
-}
 
 fn random(domain: Domain, order: u8, seed: u64) -> Pyramid<Vec<Quad>> {
     let mut rng = seeded(seed);

@@ -2,11 +2,11 @@
 
 mod common;
 
-use common::{RngExt, direction, seeded};
+use common::{RngExt, direction, light_set, seeded};
 use embedded_io::SliceWriteError;
 use glam::Vec3;
 use hemilux_core::light::{Light, Sh9};
-use hemilux_core::wire::{self, Coordinates, Latency, LightSet, Overrun, Stale, Unit};
+use hemilux_core::wire::{self, Coordinates, Latency, LightSet, Overrun, Stale};
 use serde_json::Value;
 
 const HOSTILE: &str = "a\"b\\c\n1 2 3\r\t\u{0}\u{1f}\u{7f}\u{85}\u{2028}\u{fffe}\u{ffff}<&>'é🌞]]>-->";
@@ -49,36 +49,8 @@ fn lights(n: u32) -> Vec<Light> {
 }
 
 fn set<'a>(lights: &'a [Light], ambient: Option<&'a Sh9>) -> LightSet<'a> {
-    LightSet {
-        run: "k3v9",
-        frame: u64::MAX,
-        timestamp_ns: 123_456_789_012,
-        wall_ms: 1_700_000_000_000,
-        valid: true,
-        stale: None,
-        sampler: "q2tree",
-        requested: 64,
-        unit: Unit::Lux,
-        coordinates: Coordinates::YUp,
-        lights,
-        ambient_sh: ambient,
-        left_out: None,
-        scalar_flux: [1.0, 2.0, 3.0],
-        horizontal_irradiance: [0.5, 1.0, 1.5],
-        clipped: 0.0,
-        unseen: 0.125,
-        estimated_error: Some(0.004),
-        latency: Latency {
-            capture: 1,
-            front: 2,
-            pyramid: 3,
-            sample: 4,
-            filter: 5,
-            encode: 6,
-            total: u32::MAX,
-        },
-        overrun: Overrun::NONE,
-    }
+    let latency = Latency { total: u32::MAX, ..light_set(&[], None).latency };
+    LightSet { frame: u64::MAX, estimated_error: Some(0.004), latency, ..light_set(lights, ambient) }
 }
 
 fn keys(value: &Value) -> Vec<&str> {

@@ -2,12 +2,10 @@
 
 mod common;
 
-use common::{RngExt, direction, seeded};
+use common::{RngExt, direction, light_set, seeded};
 use glam::Vec3;
 use hemilux_core::light::{Light, Sh9};
-use hemilux_core::wire::{
-    self, BinarySet, Coordinates, DecodeError, Latency, LightSet, Overrun, Stale, Unit,
-};
+use hemilux_core::wire::{self, BinarySet, Coordinates, DecodeError, LightSet, Stale};
 
 fn lights() -> Vec<Light> {
     let mut rng = seeded(7);
@@ -24,26 +22,13 @@ fn lights() -> Vec<Light> {
 
 fn set<'a>(lights: &'a [Light], ambient: Option<&'a Sh9>) -> LightSet<'a> {
     LightSet {
-        run: "k3v9",
-        frame: 0x0102_0304_0506_0708,
-        timestamp_ns: 11,
-        wall_ms: 1_700_000_000_000,
-        valid: true,
         stale: Some(Stale { age_ms: 1 << 40, reason: "unplugged: é" }),
-        sampler: "q2tree",
-        requested: 64,
-        unit: Unit::Lux,
         coordinates: Coordinates::Unity,
-        lights,
-        ambient_sh: ambient,
-        left_out: None,
-        scalar_flux: [1.0, 2.0, 3.0],
+        timestamp_ns: 11,
         horizontal_irradiance: [4.0, 5.0, 6.0],
         clipped: 0.25,
         unseen: 0.5,
-        estimated_error: Some(0.125),
-        latency: Latency { capture: 1, front: 2, pyramid: 3, sample: 4, filter: 5, encode: 6, total: 7 },
-        overrun: Overrun::NONE,
+        ..light_set(lights, ambient)
     }
 }
 

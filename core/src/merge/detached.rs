@@ -1,6 +1,6 @@
 //! A merge without the memory of its tables.
 
-use super::{MergeView, Own, Reciprocal};
+use super::{MergeView, Parameters, Reciprocal};
 use crate::response::Curve;
 
 /// The tables of a merge in borrowed memory.
@@ -17,7 +17,7 @@ pub(crate) struct Tables<'a> {
 #[derive(Clone, Debug)]
 pub(crate) struct Detached {
     pub(crate) curve: Curve<()>,
-    pub(super) own: Own,
+    pub(super) parameters: Parameters,
 }
 
 impl Detached {
@@ -27,7 +27,7 @@ impl Detached {
             curve: self.curve.over(tables.curve),
             tables: tables.exposures,
             reciprocals: tables.reciprocals,
-            own: &self.own,
+            parameters: &self.parameters,
         }
     }
 }

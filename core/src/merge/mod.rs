@@ -35,7 +35,7 @@ pub struct Reciprocal {
 
 /// The loop that merges the samples.
 #[derive(Clone, Copy, Debug)]
-enum Way {
+enum MergeLoop {
     Linear(Linear),
     Table(table::Scale),
     Plain,
@@ -47,13 +47,13 @@ pub struct Merge<C, P, R> {
     curve: Curve<C>,
     tables: P,
     reciprocals: R,
-    own: Own,
+    parameters: Parameters,
 }
 
 /// The parameters of a merge that need no buffer.
 #[derive(Clone, Copy, Debug)]
-struct Own {
-    way: Way,
+struct Parameters {
+    merge_loop: MergeLoop,
     /// 1 / gain of each exposure, relative to the least gain, with [`GAIN_BITS`] fraction bits.
     inverse_gain: [u32; MAX_EXPOSURES],
     /// Table counts per unit of [`Curve::exposure_q27`].
@@ -69,7 +69,7 @@ pub struct MergeView<'a> {
     tables: &'a [u32],
     /// One element for each bit mask of valid exposures.
     reciprocals: &'a [Reciprocal],
-    own: &'a Own,
+    parameters: &'a Parameters,
 }
 
 /// Number of elements of each buffer of a merge.
@@ -122,23 +122,23 @@ impl<C: Buffer<i32>, P: Buffer<u32>, R: Buffer<Reciprocal>> Merge<C, P, R> {
         buffer::check(&reciprocals, size.reciprocals).map_err(MergeError::TooSmall)?;
         let least = |f: fn(&Exposure) -> f64| exposures.iter().map(f).fold(f64::INFINITY, f64::min);
         let (shortest, least_gain) = (least(|e| e.seconds), least(|e| e.gain));
-        let way = match linear(&curve, exposures) {
-            Some(linear) => Way::Linear(linear),
+        let merge_loop = match linear(&curve, exposures) {
+            Some(linear) => MergeLoop::Linear(linear),
             None if size.tables > 0 => {
-                Way::Table(table::fill(&mut tables.as_mut()[..size.tables], &curve, exposures))
+                MergeLoop::Table(table::fill(&mut tables.as_mut()[..size.tables], &curve, exposures))
             }
-            None => Way::Plain,
+            None => MergeLoop::Plain,
         };
         let plain_one = f64::from(1u32 << CURVE_BITS);
         // Table counts of relative exposure 1, and the relative exposure that is added to every entry.
-        let (one, raised) = match &way {
-            Way::Table(scale) => (scale.one, scale.raised),
+        let (one, raised) = match &merge_loop {
+            MergeLoop::Table(scale) => (scale.one, scale.raised),
             _ => (plain_one, 0.0),
         };
         // Integer counts of relative exposure 1 in the shortest exposure.
-        let counts = match (&way, curve.linear_levels()) {
-            (Way::Linear(l), Some(levels)) => l.counts_per_code() * (levels.white - levels.black),
-            (Way::Table(table::Scale { whole: Some(whole), .. }), _) => whole.one,
+        let counts = match (&merge_loop, curve.linear_levels()) {
+            (MergeLoop::Linear(l), Some(levels)) => l.counts_per_code() * (levels.white - levels.black),
+            (MergeLoop::Table(table::Scale { whole: Some(whole), .. }), _) => whole.one,
             _ => f64::from(1u32 << 20),
         };
         let unit = scale / (least_gain * shortest) / counts;
@@ -158,8 +158,8 @@ impl<C: Buffer<i32>, P: Buffer<u32>, R: Buffer<Reciprocal>> Merge<C, P, R> {
             *q = libm::round(least_gain / e.gain * f64::from(1u32 << GAIN_BITS)) as u32;
         }
         let plain = (one / plain_one) as f32;
-        let own = Own { way, inverse_gain, plain, count: exposures.len(), unit };
-        Ok(Self { curve, tables, reciprocals, own })
+        let parameters = Parameters { merge_loop, inverse_gain, plain, count: exposures.len(), unit };
+        Ok(Self { curve, tables, reciprocals, parameters })
     }
 
     /// Borrows the merge for the front end.
@@ -169,38 +169,24 @@ impl<C: Buffer<i32>, P: Buffer<u32>, R: Buffer<Reciprocal>> Merge<C, P, R> {
             curve: self.curve.view(),
             tables: self.tables.as_ref(),
             reciprocals: self.reciprocals.as_ref(),
-            own: &self.own,
+            parameters: &self.parameters,
         }
     }
 
     /// Returns the merge without its buffers.
     pub(crate) fn detached(&self) -> Detached {
-        Detached { curve: self.curve.over(()), own: self.own }
-    }
-
-    /// Radiance that the number 1 in a merged result represents.
-    #[must_use]
-    pub fn unit(&self) -> f64 {
-        self.own.unit
-    }
-
-    /// Sample depth that the merge expects.
-    #[must_use]
-    pub fn depth(&self) -> Depth {
-        self.curve.depth()
-    }
-
-    /// Number of exposures in a burst.
-    #[must_use]
-    pub fn exposures(&self) -> usize {
-        self.own.count
+        Detached { curve: self.curve.over(()), parameters: self.parameters }
     }
 
     /// Number of elements in use of each buffer.
     #[must_use]
     pub fn size(&self) -> MergeSize {
-        let tables = if let Way::Table(_) = self.own.way { self.own.count * table::ENTRIES } else { 0 };
-        MergeSize { tables, reciprocals: 1 << self.own.count }
+        let tables = if let MergeLoop::Table(_) = self.parameters.merge_loop {
+            self.parameters.count * table::ENTRIES
+        } else {
+            0
+        };
+        MergeSize { tables, reciprocals: 1 << self.parameters.count }
     }
 }
 
@@ -208,15 +194,15 @@ impl MergeView<'_> {
     /// Radiance that the number 1 in a merged result represents.
     #[must_use]
     pub fn unit(&self) -> f64 {
-        self.own.unit
+        self.parameters.unit
     }
 
     /// Upper bound of the result of any sample, counts.
     #[must_use]
     pub fn most(&self) -> f64 {
         // Full scale of the shortest exposure, scaled to the longest time, with a margin of a factor of 2.
-        match self.own.way {
-            Way::Linear(_) => f64::from(1u32 << 31),
+        match self.parameters.merge_loop {
+            MergeLoop::Linear(_) => f64::from(1u32 << 31),
             _ => f64::from(1u32 << 22),
         }
     }
@@ -230,25 +216,25 @@ impl MergeView<'_> {
     /// Number of exposures in a burst.
     #[must_use]
     pub fn exposures(&self) -> usize {
-        self.own.count
+        self.parameters.count
     }
 
     /// Whether [`MergeView::counts`] needs red, green and blue codes as separate planes.
     #[must_use]
     pub fn wants_planes(&self) -> bool {
-        matches!(&self.own.way, Way::Table(scale) if scale.whole.is_some())
+        matches!(&self.parameters.merge_loop, MergeLoop::Table(scale) if scale.whole.is_some())
     }
 
     /// Whether [`MergeView::products`] can merge the samples of this burst.
     #[must_use]
     pub fn has_products(&self) -> bool {
-        matches!(self.own.way, Way::Linear(_))
+        matches!(self.parameters.merge_loop, MergeLoop::Linear(_))
     }
 
     /// Like [`MergeView::counts`], but returns the two factors of each count so that the caller can multiply and accumulate in one step.
     #[must_use]
     pub fn products(&self, codes: &[Codes<'_>], sums: &mut [i16], reciprocals: &mut [i16]) -> bool {
-        let Way::Linear(linear) = &self.own.way else { return false };
+        let MergeLoop::Linear(linear) = &self.parameters.merge_loop else { return false };
         match codes.first() {
             Some(Codes::Bytes(_)) => unrolled(linear, codes, Codes::bytes, sums, reciprocals),
             Some(Codes::Words(_)) => unrolled(linear, codes, Codes::words, sums, reciprocals),
@@ -267,10 +253,10 @@ impl MergeView<'_> {
     /// Within 0.1 % RMS of an `f64` merge with the same weights over seven decades of radiance (`tests/merge_twin`).
     #[must_use]
     pub fn counts(&self, codes: &[Codes<'_>], channels: Channels, out: &mut [i32]) -> bool {
-        match &self.own.way {
-            Way::Linear(_) => self.multiplied(codes, out),
-            Way::Table(scale) => self.tables(scale).counts(codes, channels, out),
-            Way::Plain => false,
+        match &self.parameters.merge_loop {
+            MergeLoop::Linear(_) => self.multiplied(codes, out),
+            MergeLoop::Table(scale) => self.tables(scale).counts(codes, channels, out),
+            MergeLoop::Plain => false,
         }
     }
 
@@ -279,7 +265,7 @@ impl MergeView<'_> {
     /// Samples beyond the end of a frame count as code 0.
     pub fn samples(&self, codes: &[Codes<'_>], channels: Channels, out: &mut [f32]) -> bool {
         let mut doubtful = true;
-        if let Way::Table(scale) = &self.own.way
+        if let MergeLoop::Table(scale) = &self.parameters.merge_loop
             && scale.whole.is_none()
         {
             self.tables(scale).floats(codes, channels, self.reciprocals, out);
@@ -298,7 +284,7 @@ impl MergeView<'_> {
     /// Whether sample `at` is saturated in every exposure.
     #[must_use]
     pub fn is_clipped(&self, codes: &[Codes<'_>], at: usize) -> bool {
-        codes.iter().take(self.own.count).all(|c| self.curve.is_saturated(c.code(at)))
+        codes.iter().take(self.parameters.count).all(|c| self.curve.is_saturated(c.code(at)))
     }
 
     fn multiplied(&self, codes: &[Codes<'_>], out: &mut [i32]) -> bool {
@@ -322,13 +308,13 @@ impl MergeView<'_> {
     }
 
     fn tables<'a>(&'a self, scale: &'a table::Scale) -> table::Tables<'a> {
-        table::Tables { rows: self.tables.as_chunks().0, exposures: self.own.count, scale }
+        table::Tables { rows: self.tables.as_chunks().0, exposures: self.parameters.count, scale }
     }
 
     /// Radiance of sample `at` by the rules of the module's documentation, without vectors or tables.
     fn sample(&self, codes: &[Codes<'_>], channel: usize, at: usize) -> f32 {
         let (mut sum, mut valid, mut longest) = (0i32, 0usize, None);
-        for (i, samples) in codes.iter().enumerate().take(self.own.count) {
+        for (i, samples) in codes.iter().enumerate().take(self.parameters.count) {
             let code = samples.code(at);
             if self.curve.is_saturated(code) {
                 continue;
@@ -352,12 +338,12 @@ impl MergeView<'_> {
     /// y / gain of `code` in exposure `i`, with 27 fraction bits.
     fn exposure(&self, channel: usize, code: u32, i: usize) -> i32 {
         let y = i64::from(self.curve.exposure_q27(channel, code));
-        ((y * i64::from(self.own.inverse_gain.get(i).copied().unwrap_or(0))) >> GAIN_BITS) as i32
+        ((y * i64::from(self.parameters.inverse_gain.get(i).copied().unwrap_or(0))) >> GAIN_BITS) as i32
     }
 
     fn radiance(&self, sum: i32, mask: usize) -> f32 {
         let factor = self.reciprocals.get(mask).map_or(0.0, |r| r.factor);
-        sum as f32 * self.own.plain * factor
+        sum as f32 * self.parameters.plain * factor
     }
 }
 

@@ -10,10 +10,14 @@ use hemilux_core::internals;
 use hemilux_core::internals::merge::{COUNT_BITS, Channels, Codes, Merge, MergeView, Reciprocal, merge_size};
 use hemilux_core::internals::pixel_table::{Buffers, PixelTable, Run, Span, Texel, pixel_table_size};
 use hemilux_core::lens::{Intrinsics, Lens, Model};
-use hemilux_core::light::Light;
+use hemilux_core::light::{Light, Sh9};
+use hemilux_core::polar::LatLongView;
 use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
 use hemilux_core::response::{Curve, curve_len};
+use hemilux_core::sampler::adaptive::{self, Adaptive, LightFilter, Memory, Workspace, bits_len};
 use hemilux_core::sampler::q2tree::{Leaf, Parameters, Past, Q2Tree, interior_len};
+use hemilux_core::sampler::{Map, Request, Sampler};
+use hemilux_core::wire::{Coordinates, Latency, LightSet, Overrun, Unit};
 use hemilux_core::{BurstError, Coverage, ImageSize, MapShape};
 use hemilux_core::{Depth, Response};
 use hemilux_core::{Exposure, Samples};
@@ -38,6 +42,58 @@ pub fn q2tree(parameters: Parameters, domain: Domain, order: u8, lights: usize) 
     let shape = MapShape { domain, order };
     Q2Tree::try_new(parameters, shape, [bits(), bits()], heap, vec![Light::default(); lights], past)
         .expect("buffers of the lengths that the sampler names")
+}
+
+/// The sampler `adaptive` in vectors.
+pub type VecAdaptive = Adaptive<Vec<u8>, Vec<adaptive::Leaf>, Vec<Light>, Vec<LightFilter>, Box<Workspace>>;
+
+/// An `adaptive` for maps of `domain` and `order` with buffers for `lights` lights. The bit sets are set at first: the constructor clears
+/// them.
+pub fn adaptive(domain: Domain, order: u8, lights: usize) -> VecAdaptive {
+    let order = Order::saturating(order);
+    let bits = || vec![0xff; bits_len(domain, order)];
+    let buffer = || vec![Light::default(); lights];
+    let filters = || vec![LightFilter::default(); lights];
+    let memory = Memory {
+        interior: [bits(), bits()],
+        leaves: vec![adaptive::Leaf::default(); lights],
+        lights: [buffer(), buffer()],
+        tracks: [filters(), filters()],
+        workspace: Box::default(),
+    };
+    Adaptive::try_new(domain, order, memory).expect("buffers of the lengths that the sampler names")
+}
+
+/// The lights that `sampler` makes of `map`, which it reads as a pyramid.
+pub fn update(sampler: &mut impl Sampler, map: &Pyramid<Vec<Quad>>, lights: usize) -> Vec<Light> {
+    let map = Map { pyramid: map.view(), polar: LatLongView::NONE };
+    sampler.update(&map, &Request::of_lights(lights)).lights.to_vec()
+}
+
+/// A light set of `lights` and `ambient` in which every field has a value of its own.
+pub fn light_set<'a>(lights: &'a [Light], ambient: Option<&'a Sh9>) -> LightSet<'a> {
+    LightSet {
+        run: "k3v9",
+        frame: 0x0102_0304_0506_0708,
+        timestamp_ns: 123_456_789_012,
+        wall_ms: 1_700_000_000_000,
+        valid: true,
+        stale: None,
+        sampler: "q2tree",
+        requested: 64,
+        unit: Unit::Lux,
+        coordinates: Coordinates::YUp,
+        lights,
+        ambient_sh: ambient,
+        left_out: None,
+        scalar_flux: [1.0, 2.0, 3.0],
+        horizontal_irradiance: [0.5, 1.0, 1.5],
+        clipped: 0.0,
+        unseen: 0.125,
+        estimated_error: Some(0.125),
+        latency: Latency { capture: 1, front: 2, pyramid: 3, sample: 4, filter: 5, encode: 6, total: 7 },
+        overrun: Overrun::NONE,
+    }
 }
 
 /// A generator that replays exactly.
