@@ -1,4 +1,4 @@
-//! The hot loops on their own: `cargo bench -p hemilux-core`.
+//! Benchmarks of the hot loops: `cargo bench -p hemilux-core`.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
@@ -23,12 +23,12 @@ fn main() {
     divan::main();
 }
 
-/// Codes that are neither alike nor saturated.
+/// Codes that differ and are not saturated.
 fn bytes(count: usize) -> Vec<u8> {
     (0..count as u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 25) as u8).collect()
 }
 
-/// A chunk of three exposures, linear or not.
+/// Merges a chunk of three exposures, with a linear or a non-linear response.
 #[divan::bench(args = [true, false])]
 fn merge(bencher: Bencher<'_, '_>, linear: bool) {
     let response = if linear { Response::Linear } else { Response::Srgb };
@@ -46,7 +46,7 @@ fn merge(bencher: Bencher<'_, '_>, linear: bool) {
     bencher.bench_local(|| merge.view().counts(black_box(&[codes; 3]), Channels::RGB, &mut counts));
 }
 
-/// A frame of one exposure to a map.
+/// Processes a burst of one exposure.
 #[divan::bench]
 fn burst(bencher: Bencher<'_, '_>) {
     let (pixel_table, merge, mut map) =
@@ -59,14 +59,14 @@ fn burst(bencher: Bencher<'_, '_>) {
     });
 }
 
-/// Texels to a pyramid.
+/// Builds a pyramid from its texels.
 #[divan::bench]
 fn pyramid(bencher: Bencher<'_, '_>) {
     let mut map = common::lit(Domain::Hemisphere, ORDER, |ipix| [1.0 + (ipix % 7) as f32; 3]);
     bencher.bench_local(|| map.build());
 }
 
-/// A pyramid to lights.
+/// Decomposes a pyramid into lights.
 #[divan::bench(args = [64, 5_000])]
 fn q2tree(bencher: Bencher<'_, '_>, lights: usize) {
     let map = common::lit(Domain::Hemisphere, ORDER, |ipix| [1.0 + (ipix % 7) as f32; 3]);

@@ -1,6 +1,6 @@
-//! Lent memory of exactly the needed size is enough; one element less is refused with both numbers.
+//! A lent buffer of exactly the required length is accepted; one element less is refused with both numbers.
 //!
-//! The tables of response and merge, polar maps and samplers have this in their own files.
+//! Tables of response and merge, polar maps and samplers have such tests in their own files.
 
 mod common;
 

@@ -1,4 +1,4 @@
-//! Axes of other programs: directions by `board/FORMATS.md`, harmonics by evaluating the basis at turned directions.
+//! Coordinate systems of other programs: directions by `board/FORMATS.md`, harmonics by evaluation of the basis at converted directions.
 
 mod common;
 
@@ -9,7 +9,7 @@ use hemilux_core::wire::Coordinates;
 
 const ALL: [Coordinates; 4] = [Coordinates::Probe, Coordinates::YUp, Coordinates::Unity, Coordinates::Unreal];
 
-/// The real orthonormal basis without Condon-Shortley sign, written from its textbook form.
+/// The real orthonormal basis without Condon-Shortley phase, written from its textbook form.
 fn basis(d: DVec3) -> [f64; 9] {
     let (x, y, z) = (d.x, d.y, d.z);
     let pi = core::f64::consts::PI;

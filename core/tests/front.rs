@@ -1,4 +1,4 @@
-//! No light is lost between pixels and texels: the pixel table and the front end against sums over pixels in `f64`.
+//! Conservation of light between pixels and texels: the pixel table and the front end against sums over pixels in `f64`.
 
 mod common;
 
@@ -18,7 +18,7 @@ use hemilux_core::internals;
 use hemilux_core::internals::pixel_table::pixel_table_size;
 use hemilux_core::lens::{Intrinsics, Lens, Model};
 
-/// Lenses, image sizes and map orders that differ in everything that could matter.
+/// Lenses, image sizes and map orders.
 fn views() -> Vec<(Lens, u32, u32, u8)> {
     let vignetting = [1.0, 0.0, -0.2, 0.0, 0.01, 0.0, 0.0, 0.0];
     let fading = Intrinsics { vignetting, ..plain(Model::Equidistant, [160.2, 119.1], 98.0, 80.0) };
@@ -38,7 +38,7 @@ fn views() -> Vec<(Lens, u32, u32, u8)> {
     ]
 }
 
-/// Solid angle over illumination of every pixel, above and below the horizon; 0 outside the view.
+/// Solid angle divided by illumination of every pixel, above and below the horizon; 0 outside of the field of view.
 fn weights(lens: &Lens, width: u32, height: u32) -> Vec<(f64, f64)> {
     let pixels = (0..width * height).map(|i| DVec2::new(f64::from(i % width), f64::from(i / width)));
     pixels
@@ -62,7 +62,7 @@ fn energy_of_the_map_equals_that_of_the_pixels() {
     for (lens, width, height, order) in views() {
         let pixel_table = pixel_table(&lens, width, height, order);
         let mut rng = seeded(4);
-        // Seven decades between the darkest and the brightest would not fit one exposure: three and a half do.
+        // A range of three and a half decades, which one 16-bit exposure holds.
         let frame: Vec<u16> =
             (0..3 * width * height).map(|_| 10f64.powf(rng.random_range(1.0..4.5)) as u16).collect();
         let (map, seen) = expose(&pixel_table, &frame);
@@ -76,7 +76,7 @@ fn energy_of_the_map_equals_that_of_the_pixels() {
         for (found, expected) in map.view().total().rgb().into_iter().zip(above) {
             let error = off(f64::from(found), expected);
             worst = worst.max(error);
-            // Every pixel a lamp of its own: the worst that one weight a run can do, and most where there are few pixels.
+            // Random codes per pixel: the worst case for a common weight per run, above all in small images.
             assert!(error < if width < 100 { 1e-3 } else { 1e-4 }, "{width} x {height}: {error}");
         }
         let y = |rgb: [f64; 3]| 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2];
@@ -90,14 +90,14 @@ fn energy_of_the_map_equals_that_of_the_pixels() {
 fn uniform_scene_gives_its_radiance_times_the_field_of_view() {
     for (lens, width, height, order) in views() {
         let pixel_table = pixel_table(&lens, width, height, order);
-        // What a lens with vignetting makes of constant light.
+        // The image of uniform light through a lens with vignetting.
         let pixels = (0..width * height).map(|i| DVec2::new(f64::from(i % width), f64::from(i / width)));
         let illumination = |p| lens.unproject(p).map_or(0.0, |d| lens.illumination(d.z.acos()));
         let frame: Vec<u16> = pixels.flat_map(|p| [(30_000.0 * illumination(p)).round() as u16; 3]).collect();
         let (map, _) = expose(&pixel_table, &frame);
         let expected = radiance_of(30_000) * TAU * (1.0 - pixel_table.unseen());
         let error = off(f64::from(map.view().total().energy[1]), expected);
-        // The rim of the image circle is as fine as the pixels: a circle of 21 pixels is off by more.
+        // The error at the rim is that of the pixels: for a circle of 21 pixels it is larger.
         assert!(error < if width > 200 { 2e-3 } else { 3e-2 }, "{width} x {height}: {error}");
     }
 }
@@ -146,11 +146,11 @@ fn sun_of_two_pixels_keeps_its_energy_and_direction() {
         };
         let expected = radiance_of(60_000) * (omega(at) + omega(at + DVec2::X));
         let total = map.view().total();
-        // Two pixels that have not their own weight but the mean of their runs.
+        // The two pixels have the mean weight of their runs instead of their own.
         assert!(off(f64::from(total.energy[2]), expected) < 1e-3, "{width}: {total:?} {expected}");
         let d = lens.unproject(at + 0.5 * DVec2::X).expect("inside the view");
         let found = total.first_moment().as_dvec3().normalize();
-        // Half the diagonal of the texels that caught it.
+        // Half the diagonal of the texels that received the light.
         assert!(found.distance(d) < healpix::solid_angle(pixel_table.source_order()).sqrt(), "{found} {d}");
     }
 }
@@ -287,7 +287,7 @@ fn runs_have_the_texels_of_their_pixels() {
                 let pixel_sr = lens.solid_angle(at).expect("seen");
                 let own = pixel_sr / lens.illumination(d.z.acos());
                 let error = (f64::from(weight) * view.weight_unit - own).abs();
-                // Half a pixel's width in radians, where a run's own pixels are hardly wider than the next one.
+                // Half a pixel's width in radians, since the pixels of a run are hardly wider than the next one.
                 let most = 0.55 * pixel_sr.sqrt() * own + view.weight_unit;
                 assert!(error <= most, "{column} {row}: {weight} {own}");
             }

@@ -1,4 +1,4 @@
-//! The basis of ambient light: the contract's test vector, and orthonormality by quadrature.
+//! The basis of ambient light: the test vector of `board/FORMATS.md`, and orthonormality by quadrature.
 
 use glam::Vec3;
 use hemilux_core::harmonics::{basis, radiance};

@@ -1,4 +1,4 @@
-//! HEALPix against `cdshealpix`.
+//! HEALPix indices and directions against the crate `cdshealpix`.
 
 mod common;
 
@@ -77,7 +77,7 @@ fn points_of_a_quad_map_back_into_it() {
         let mut rng = seeded(u64::from(order) + 40);
         for _ in 0..20_000 {
             let ipix = rng.random_range(0..12u32 << (2 * order));
-            // Clear of the edges by more than rounding at the finest order.
+            // Farther from the edges than the rounding error at the finest order.
             let [x, y] = [(); 2].map(|()| rng.random_range(1e-6..1.0 - 1e-6));
             let d = healpix::point(order, ipix, x, y);
             assert!((d.length() - 1.0).abs() < 1e-12, "a unit vector");
@@ -86,7 +86,7 @@ fn points_of_a_quad_map_back_into_it() {
     }
 }
 
-/// What lies on an edge may belong to any quad that touches it: the quad's closed square must hold it.
+/// A direction on an edge may belong to any adjacent quad: the closed quad must contain it.
 #[test]
 fn boundary_directions_belong_to_an_adjacent_quad() {
     let mut edges = vec![DVec3::Z, DVec3::NEG_Z];
@@ -112,7 +112,7 @@ fn boundary_directions_belong_to_an_adjacent_quad() {
     }
 }
 
-/// Whether a grid over the closed quad comes as near as its spacing allows.
+/// Whether a grid of points over the closed quad comes as near as its spacing permits.
 fn touches(order: u8, ipix: u32, d: DVec3) -> bool {
     let side = healpix::solid_angle(order).sqrt();
     let near = |i: u32| {
@@ -168,7 +168,7 @@ fn share_is_the_fraction_of_a_quad_above_the_horizon() {
             let above = (0..n * n)
                 .filter(|i| {
                     let at = |k: u32| (f64::from(k) + 0.5) / f64::from(n);
-                    // Off the diagonal, on which a sample would lie exactly on the horizon.
+                    // Off the diagonal, where a sample would lie exactly on the horizon.
                     healpix::point(order, ipix, at(i % n) + 0.002, at(i / n)).z > 0.0
                 })
                 .count();

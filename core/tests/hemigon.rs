@@ -54,7 +54,7 @@ fn update(sampler: &mut dyn Sampler, grid: Grid, texels: &[[f32; 3]], lights: us
     sampler.update(&map, &Request::of_lights(lights)).lights.to_vec()
 }
 
-/// Energies of radiance `l(row, column)`.
+/// A map whose texels have the radiance `l(row, column)`.
 fn energies(grid: Grid, mut l: impl FnMut(usize, usize) -> [f32; 3]) -> Texels {
     (0..grid.len())
         .map(|i| l(i / grid.width, i % grid.width).map(|v| v * grid.solid_angle(i / grid.width) as f32))
@@ -65,7 +65,7 @@ fn total(rgb: impl Iterator<Item = [f32; 3]>) -> [f64; 3] {
     rgb.fold([0.0; 3], |sum, v| core::array::from_fn(|c| sum[c] + f64::from(v[c])))
 }
 
-/// Light that a map holds, by the rule of the metrics: no number and below 0 is none.
+/// Energy of a map, in which non-finite and negative numbers count as 0.
 fn light_in(texels: &[[f32; 3]]) -> [f64; 3] {
     total(texels.iter().map(|t| t.map(|v| if v > 0.0 { v.min(1e29) } else { 0.0 })))
 }
@@ -126,7 +126,7 @@ fn buffers_one_short_are_refused() {
 #[test]
 fn lights_are_equally_luminous_and_keep_every_channel() {
     let mut rng = seeded(81);
-    // Colours within an octave, as real ones; and each channel over four decades.
+    // Colours within an octave, as in real maps; and channels that differ by four decades.
     for (grid, (decades, within)) in GRIDS.into_iter().flat_map(|g| [(g, (0.3, 1e-3)), (g, (4.0, 0.2))]) {
         let texels = energies(grid, |_, _| {
             let l = rough(&mut rng)[0];
@@ -146,7 +146,7 @@ fn lights_are_equally_luminous_and_keep_every_channel() {
 
 #[test]
 fn energy_of_a_channel_that_no_light_samples_is_kept() {
-    // One light, and blue in a texel that it is not in.
+    // One light, and blue only in a texel other than its own.
     let texels = energies(ODD, |row, column| [1.0, 0.5, if row + column == 0 { 1.0 } else { 0.0 }]);
     for n in [1, 3] {
         check(&update(&mut *hemigon(&ODD, n), ODD, &texels, n), &texels, "blue");
@@ -254,7 +254,7 @@ fn black_maps_give_no_lights_and_grey_ones_do() {
                     .all(|l| off(f64::from(l.irradiance[1]), f64::from(lights[0].irradiance[1])) < 1e-6)
             );
             assert_eq!(update(&mut *sampler, grid, &vec![[0.0; 3]; grid.len()], 64), []);
-            // What does not fit is black.
+            // A map that exceeds the buffers counts as dark.
             assert_eq!(update(&mut *sampler, grid, &grey[1..], 64), []);
         }
     }
@@ -312,7 +312,7 @@ fn energy_is_exact_over_random_frames() {
     }
 }
 
-/// A dim sky with 1 % noise and, from frame `on` on, a lamp that holds half of the light.
+/// A dim sky with 1 % noise and, from frame `on`, a lamp with half of the light.
 fn lamp(grid: Grid, rng: &mut Pcg64Mcg, lit: bool) -> Texels {
     energies(grid, |row, column| {
         let is_lamp = lit && (40..46).contains(&row) && (100..110).contains(&column);
@@ -321,7 +321,7 @@ fn lamp(grid: Grid, rng: &mut Pcg64Mcg, lit: bool) -> Texels {
     })
 }
 
-/// Energy-weighted part of the lights within 10 degrees of the lamp.
+/// Energy-weighted fraction of the lights within 10 degrees of the lamp.
 fn at_lamp(lights: &[Light]) -> f64 {
     let (theta, phi) = (POLAR.theta(43), POLAR.phi(105));
     let lamp =
@@ -346,7 +346,7 @@ fn switched_lamp_is_followed_at_once_by_kalman_and_late_by_fir() {
     }
 }
 
-/// RMS over lights and frames of the change of direction from frame to frame, degrees.
+/// RMS of the change of direction from frame to frame over lights and frames, degrees.
 fn jitter(sampler: &mut dyn Sampler) -> f64 {
     let mut rng = seeded(87);
     let mut last: Vec<Light> = Vec::new();
@@ -422,7 +422,7 @@ fn ages_increase_and_reset_restarts_them() {
         sampler.reset();
         let lights = update(&mut *sampler, SPHERE, &texels, 4);
         assert!(lights.iter().all(|l| l.age == 0 && l.parent.is_none()));
-        // After a reset it is as new: the same as a sampler that saw nothing.
+        // After a reset the lights equal those of a new sampler.
         let other = energies(SPHERE, |_, _| [direction(&mut rng).z.abs() as f32 + 0.1; 3]);
         sampler.reset();
         let fresh = if sampler.kind() == SamplerKind::Hemigon {

@@ -9,7 +9,7 @@ use hemilux_core::sampler::hemigon::fir::{self, Kernel};
 use hemilux_core::sampler::hemigon::follow::{Follow, PathPoint};
 use hemilux_core::sampler::hemigon::kalman::{Gated, Kalman, Parameters, PathFilter};
 
-/// Normal noise of deviation 1.
+/// Normal noise of standard deviation 1.
 fn noise(count: usize) -> Vec<f64> {
     let mut rng = seeded(71);
     let mut one = || -> f64 { (1.0 - rng.random::<f64>()).ln() };
@@ -18,13 +18,13 @@ fn noise(count: usize) -> Vec<f64> {
         .collect()
 }
 
-/// What a filter makes of a signal.
+/// A filter as a function from a signal to the filtered signal.
 type Filter<'a> = &'a dyn Fn(&[f64]) -> Vec<f64>;
 
 /// Name, filter at a frame rate, and its figures at two rates.
 type Row = (&'static str, fn(f64, &[f64]) -> Vec<f64>, [[f64; 3]; 2]);
 
-/// RMS on noise, frames to 90 % of a step of 20, mean lag on a ramp of 2 a second: the columns of the design's table.
+/// RMS on noise, frames to 90 % of a step of 20, mean lag on a ramp of 2 a second: the columns of the table below.
 fn figures(filter: Filter<'_>, rate: f64) -> [f64; 3] {
     let still = filter(&noise(100_000));
     let jitter = (still[100..].iter().map(|x| x * x).sum::<f64>() / 99_900.0).sqrt();
@@ -57,7 +57,7 @@ fn kalman(parameters: Parameters, signal: &[f64]) -> Vec<f64> {
     signal.iter().map(step).collect()
 }
 
-/// The same from the description, in f64 and for numbers: two-sided CUSUM by Crosier's recursion.
+/// The filter of the module's documentation in f64 for one-dimensional steps, with the two-sided CUSUM by Crosier's recursion.
 fn kalman_twin(p: &Parameters, signal: &[f64]) -> Vec<f64> {
     let q = f64::from(p.drift_hz) / f64::from(p.frame_rate_hz);
     let (mut x, mut variance, mut sum, mut suspect, mut jumped) = (signal[0], 1.0, 0.0f64, 0.0f64, false);
@@ -83,7 +83,7 @@ fn kalman_twin(p: &Parameters, signal: &[f64]) -> Vec<f64> {
     out
 }
 
-/// The first frame fills the past.
+/// Runs the filter; the first frame fills its history.
 fn fir(taps: usize, rate: f64, signal: &[f64]) -> Vec<f64> {
     let kernel = Kernel::new(&fir::Parameters { taps, cutoff_hz: 1.0, frame_rate_hz: rate });
     (0..signal.len())
@@ -147,7 +147,7 @@ fn fir_kernels_are_windowed_sincs_of_sum_one() {
     let kernel = Kernel::new(&fir::Parameters { taps: 3, cutoff_hz: 1.0, frame_rate_hz: 4.0 });
     let side = 0.08 * 2.0 / PI;
     assert!(off(kernel.weights()[0], side / (1.0 + 2.0 * side)) < 1e-12);
-    // What is no filter passes everything.
+    // Invalid parameters give a filter that passes everything.
     for (taps, cutoff_hz, frame_rate_hz) in
         [(0, 1.0, 10.0), (1, 1.0, 10.0), (9, f64::NAN, 10.0), (9, 1.0, 0.0), (2, 10.0, 10.0)]
     {
@@ -172,7 +172,7 @@ fn single_outlier_is_ignored_if_jumps_need_confirmation() {
 
 #[test]
 fn continued_motion_is_confirmed_only_once() {
-    // Still, then 10 deviations a frame: the first frame is doubted, the others are followed.
+    // At rest, then 10 standard deviations per frame: the first step is suspected, the others are followed.
     let signal: Vec<f64> = (0..40).map(|i| f64::from((i - 20).max(0)) * 10.0).collect();
     let found = kalman(Parameters::LIGHTS, &signal);
     assert_eq!((found[21], &found[22..]), (0.0, &signal[22..]));
@@ -182,14 +182,14 @@ fn continued_motion_is_confirmed_only_once() {
 fn non_finite_step_is_taken_whole() {
     let mut filter = Kalman::at(1.0);
     assert_eq!(filter.gain(&Parameters::LIGHTS, Vec3::NAN, 1.0), 1.0);
-    // No variance and no noise: nothing to smooth.
+    // No variance and no noise: the step is taken whole.
     assert_eq!(Kalman::at(0.0).gain(&Parameters::LIGHTS, Vec3::X, 0.0), 1.0);
     assert_eq!(Kalman::at(0.0).gain(&Parameters::LIGHTS, Vec3::ZERO, 0.0), 1.0);
 }
 
 #[test]
 fn oscillating_light_is_followed_and_noise_is_smoothed() {
-    // 35 degrees to either side in eight frames, as on the cord of a lamp; then the same light at rest, 1 degree of noise on it.
+    // 35 degrees to either side in eight frames, like a lamp on a cord; then the same light at rest with 1 degree of noise.
     let at = |a: f64| Vec3::new(a.sin() as f32, 0.3, a.cos() as f32).normalize();
     let seen = |a: f64| PathPoint { direction: at(a), colour: [1.0; 3] };
     let mut filter = Gated::try_new(Parameters::LIGHTS, 1, [PathFilter::default(); 2]).expect("room for one");
@@ -208,6 +208,6 @@ fn oscillating_light_is_followed_and_noise_is_smoothed() {
     }
     let mean = |v: &[f32]| v.iter().sum::<f32>() / v.len() as f32;
     println!("swinging: {:.2} degrees behind; at rest: {:.2} off", mean(&lag), mean(&jitter));
-    // Of 14 degrees a frame; and of 0.8, the mean size of the noise.
+    // The light moves up to 14 degrees per frame; the mean size of the noise is 0.8 degrees.
     assert!(mean(&lag) < 3.0 && mean(&jitter) < 0.6, "{lag:.1?} {jitter:.2?}");
 }

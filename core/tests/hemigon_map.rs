@@ -45,7 +45,7 @@ impl Twin {
     }
 }
 
-/// Log-uniform over four decades.
+/// A radiance with a log-uniform distribution over four decades.
 fn rough(rng: &mut Pcg64Mcg) -> f32 {
     10f32.powf(rng.random_range(-2.0..2.0))
 }
@@ -84,7 +84,7 @@ fn a_uniform_sky_gives_the_equal_area_concentric_map() {
 #[test]
 fn small_steps_in_the_square_are_small_steps_on_the_hemisphere() {
     let mut rng = seeded(62);
-    // Anywhere; on both diagonals; on the ray psi = 0; round the centre.
+    // Random points; points near both diagonals, near the ray psi = 0 and near the centre.
     let starts: [fn(f64, f64) -> [f64; 2]; 5] = [
         |a, b| [a, b],
         |a, _| [a, a],
@@ -130,7 +130,7 @@ fn both_ends_of_a_turn_map_to_one_meridian() {
 
 #[test]
 fn map_is_injective_and_monotone() {
-    // The way back: on any circle of the square points turn strictly with the clock's inverse, and z falls strictly outwards.
+    // The inverse: along a circle of the square, points turn strictly counter-clockwise; outwards, z decreases strictly.
     let mut rng = seeded(64);
     let map = Twin::new(POLAR, |row, column| if (row + column) % 5 == 0 { 1000.0 } else { 0.001 });
     for _ in 0..200 {
@@ -156,7 +156,7 @@ fn map_is_injective_and_monotone() {
     }
 }
 
-/// Part of a hemisphere's light that each texel gets under the map: the blend of rings integrated by 2,000 steps, from the description.
+/// The fraction of a hemisphere's light that the map assigns to each texel: the interpolated rings integrated in 2,000 steps.
 fn expected(map: &Twin) -> Vec<f64> {
     let grid = map.grid;
     let y = |k: usize, j: usize| f64::from(luminance(map.texels[k * grid.width + j])) / grid.solid_angle(k);

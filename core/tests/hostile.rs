@@ -1,4 +1,4 @@
-//! Whatever a map holds, samplers neither panic nor give out what is no number: 2,000 seeded maps.
+//! Samplers neither panic nor return non-finite lights on 2,000 seeded maps with arbitrary numbers.
 
 mod common;
 
@@ -19,7 +19,7 @@ use hemilux_core::sampler::q2tree::{Parameters, Placement};
 use hemilux_core::sampler::{Map, Request, Sampler};
 use std::collections::HashSet;
 
-/// A number from all over f32, with the hard ones often.
+/// A random number over the range of f32, often a boundary value.
 fn number(rng: &mut Pcg64Mcg) -> f32 {
     const HARD: [f32; 12] = [
         0.0,
@@ -46,7 +46,7 @@ fn rgb(rng: &mut Pcg64Mcg) -> [f32; 3] {
     [(); 3].map(|()| number(rng))
 }
 
-/// Quads written straight into the texels, or made from light; a few of them or all.
+/// Quads with arbitrary sums, or made from light, in a few texels or in all.
 fn pyramid(rng: &mut Pcg64Mcg, domain: Domain, order: u8) -> Pyramid<Vec<Quad>> {
     let mut map = dark(domain, order);
     let density = rng.random_range(0.0..1.2);
@@ -107,7 +107,7 @@ fn hemigon<F: Follow + 'static>(grid: &Grid, lights: usize, filter: F) -> Sampli
     Box::new(Hemigon::try_new(inversion, filter, lives, lights).expect("room enough"))
 }
 
-/// Every sampler, for `lights` lights.
+/// One sampler of each kind, for `lights` lights.
 fn samplers(rng: &mut Pcg64Mcg, domain: Domain, order: Order, grid: &Grid, lights: usize) -> Vec<Sampling> {
     let jitter = Placement::Jitter { spread: rng.random() };
     let tracks = vec![kalman::PathFilter::default(); 2 * lights];
@@ -158,7 +158,7 @@ fn lights_of_every_sampler_are_finite_and_positive_on_hostile_maps() {
     (0..2000).for_each(run);
 }
 
-/// Every texel of the map has 96 random bits: most hold no light, a few hold nearly all of it, and colours differ by up to 76 decades.
+/// Every texel has 96 random bits: most hold no light, a few hold nearly all of it, and channels differ by up to 76 decades.
 #[test]
 fn lights_of_every_sampler_are_finite_and_positive_on_random_bits() {
     for seed in 0..300 {

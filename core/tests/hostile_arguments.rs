@@ -1,6 +1,6 @@
-//! No public function panics, whatever its arguments: seeded numbers from all over each type, with the hard ones often.
+//! No public function panics for any argument: seeded random numbers over the range of each type, often boundary values.
 //!
-//! The tests are built with overflow checks, so that arithmetic that wraps counts as a panic.
+//! The tests are built with overflow checks, so that an arithmetic overflow is a panic.
 
 mod common;
 
@@ -220,7 +220,7 @@ fn response(rng: &mut Pcg64Mcg) -> Response {
     }
 }
 
-/// A camera that may be anything, but often is one.
+/// A camera with random parameters, most of which are valid.
 fn calibration(rng: &mut Pcg64Mcg) -> Option<Calibration> {
     let lens = Lens::try_new(intrinsics(rng)).ok()?;
     let format = format(rng);
@@ -248,7 +248,7 @@ fn exposures(rng: &mut Pcg64Mcg) -> Vec<Exposure> {
     (0..many).map(|i| Exposure { seconds: 0.001 * f64::from(1 << i), gain: gain(i) }).collect()
 }
 
-/// Frames that mostly fit.
+/// Random frames, most of which match the layout.
 fn frames(rng: &mut Pcg64Mcg, front: &FrontEnd<Vec<u64>>, many: usize) -> Vec<Vec<u16>> {
     let layout = front.calibration().layout;
     let many = if rng.random_range(0..8) == 0 { rng.random_range(0..15) } else { many };
@@ -288,7 +288,7 @@ fn process(rng: &mut Pcg64Mcg, front: &mut FrontEnd<Vec<u64>>, many: usize) {
     assert!(total.energy.iter().all(|v| *v >= 0.0), "{total:?} of {:?}", front.calibration());
 }
 
-/// A memory of the named size is enough, and one word less, or half of it, is refused with that size.
+/// The required memory suffices; one word less, or half of it, is refused with the required size.
 fn make(calibration: Calibration, exposures: &[Exposure], order: Order) -> Option<FrontEnd<Vec<u64>>> {
     let words = Sizes::of(&calibration, exposures, order).ok()?.words();
     let lent = if words % 2 == 0 { words - 1 } else { words / 2 };

@@ -10,7 +10,7 @@ use hemilux_core::lens::{Intrinsics, Lens, LensError, Model};
 /// A 190-degree phone clip-on, as OpenCV's fisheye calibration reports such lenses.
 const KANNALA_BRANDT: Model = Model::KannalaBrandt([-0.012, 0.006, -0.004, 0.000_6]);
 
-/// Every model over the widest field it is used with: equation 4.1 grows to the pole only without negative coefficients.
+/// Every model with its widest field of view: equation 4.1 increases up to 90 degrees only without negative coefficients.
 fn models() -> [(Model, f64); 6] {
     [
         (Model::Equidistant, 93.0),
@@ -22,7 +22,7 @@ fn models() -> [(Model, f64); 6] {
     ]
 }
 
-/// Skewed, with unequal focal lengths, off the centre of the image.
+/// A lens with skew, unequal focal lengths and a principal point off the centre.
 fn awkward(model: Model, max_deg: f64) -> Lens {
     let p = plain(model, [467.3, 391.8], 1.0, max_deg);
     let p = Intrinsics { focal_px: DVec2::new(311.2, 298.7), skew_px: 4.5, ..p };

@@ -1,4 +1,4 @@
-//! The merge against an `f64` twin with the same weights, written from the rules in the module docs.
+//! The merge equals an `f64` implementation with the same weights, written from the rules in the module's documentation.
 
 mod common;
 
@@ -10,14 +10,14 @@ use hemilux_core::response::{Curve, SATURATED, TRUSTED, curve_len};
 use hemilux_core::{Depth, Response};
 use hemilux_core::{Exposure, MAX_EXPOSURES, MergeError};
 
-/// What the product makes of a pixel.
+/// The result of the merge for one pixel.
 #[derive(Clone, Copy, Debug)]
 struct Radiance {
     rgb: [f64; 3],
     clipped: bool,
 }
 
-/// A sensor as the twin knows it.
+/// The sensor model of the `f64` implementation.
 struct Sensor {
     response: Response,
     depth: Depth,
@@ -117,7 +117,7 @@ impl Sensor {
     }
 }
 
-/// Red, green and blue of interleaved bytes on their own.
+/// Splits interleaved bytes into red, green and blue planes.
 fn planes(bytes: &[u8]) -> [Vec<u8>; 3] {
     [0, 1, 2].map(|c| bytes.iter().skip(c).step_by(3).copied().collect())
 }
@@ -141,7 +141,7 @@ fn times(seconds: &[f64]) -> Vec<Exposure> {
     seconds.iter().map(|s| Exposure { seconds: *s, gain: 1.0 }).collect()
 }
 
-/// Codes of every exposure of radiances that span seven decades, each channel on its own.
+/// Codes of every exposure for radiances over seven decades, independently per channel.
 fn decades(sensor: &Sensor, exposures: &[Exposure], pixels: usize) -> Vec<[Vec<u32>; 3]> {
     let mut rng = seeded(3);
     let brightest = 1.0 / (exposures[0].seconds * exposures[0].gain);
@@ -156,7 +156,7 @@ fn decades(sensor: &Sensor, exposures: &[Exposure], pixels: usize) -> Vec<[Vec<u
         .collect()
 }
 
-/// RMS relative difference from the twin, over samples that it sees lit.
+/// RMS relative difference from the `f64` implementation over samples that are not black.
 fn rms(sensor: &Sensor, exposures: &[Exposure]) -> f64 {
     let pixels = decades(sensor, exposures, 30_000);
     let out = sensor.run(&pixels, exposures);
@@ -384,7 +384,7 @@ fn room(reciprocals: usize) -> Vec<Reciprocal> {
     vec![Reciprocal::default(); reciprocals]
 }
 
-/// All ways of merging the same codes: byte by byte, as planes, a block at a time or less, in any mixture of saturated exposures.
+/// All loops with the same codes: interleaved, as planes, in blocks and parts of blocks, in any combination of saturated exposures.
 #[test]
 fn all_merge_loops_follow_the_same_rules() {
     let exposures = times(&[1e-3, 4e-3, 3e-2]);
@@ -393,7 +393,7 @@ fn all_merge_loops_follow_the_same_rules() {
         let merge = sensor.product(&exposures);
         let view = merge.view();
         for len in [1, 2, 21, 22, 64, 100, 128] {
-            // Runs of like codes, so that whole blocks saturate or do not, and now and then one that a still scene cannot give.
+            // Runs of equal codes, so that whole blocks saturate or do not, and some codes that a still scene cannot give.
             let top = sensor.white as u32;
             let level: [u32; 3] = [(); 3].map(|()| rng.random_range(0..3));
             let code = |level: u32, rng: &mut common::Pcg64Mcg| match level {

@@ -1,4 +1,4 @@
-//! The core allocates nothing, frame after frame: a counting allocator stays at zero from burst to bytes.
+//! The core allocates no heap memory: a counting allocator stays at zero from burst to bytes for a hundred frames.
 #![allow(unsafe_code, reason = "a global allocator cannot be written without")]
 
 mod common;
@@ -22,7 +22,7 @@ thread_local! {
     static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
 }
 
-/// The system's allocator, counting for each thread.
+/// The system allocator with a counter per thread.
 struct Counting;
 
 // SAFETY: every call goes to the system's allocator unchanged; the counter is a plain thread-local without a destructor.

@@ -35,7 +35,7 @@ fn decompose(grid: Grid, texels: &[[f32; 3]], lights: usize) -> Vec<Light> {
     sampler(&grid, lights).update(&map, &Request::of_lights(lights)).lights.to_vec()
 }
 
-/// Energies of radiance `l(row, column)`.
+/// A map whose texels have the radiance `l(row, column)`.
 fn energies(grid: Grid, mut l: impl FnMut(usize, usize) -> [f32; 3]) -> Vec<[f32; 3]> {
     (0..grid.len())
         .map(|i| l(i / grid.width, i % grid.width).map(|v| v * grid.solid_angle(i / grid.width) as f32))
@@ -63,7 +63,7 @@ fn halton_points_are_radical_inverses() {
     }
 }
 
-/// Pearson's statistic over bins of at least 20 expected lights, and the bins.
+/// Pearson's statistic over bins of at least 20 expected lights, and the number of bins.
 fn chi_square(grid: Grid, texels: &[[f32; 3]], lights: &[Light]) -> (f64, usize) {
     let total: f64 = texels.iter().map(|t| f64::from(luminance(*t))).sum();
     let mut found = vec![0.0; grid.len()];
@@ -113,7 +113,7 @@ fn all_lights_of_a_single_lit_texel_are_inside_it() {
             let mut texels = vec![[0.0; 3]; grid.len()];
             texels[bright] = [1.0, 2.0, 3.0];
             let lights = decompose(grid, &texels, 300);
-            // On the very edge of the texel rounding may fall on either side: step inwards by a millionth.
+            // On the edge of a texel rounding decides: the point is moved inwards by a millionth.
             let theta = grid.theta(bright / grid.width)..=grid.theta(bright / grid.width + 1);
             for light in &lights {
                 let d = light.direction.as_dvec3();
@@ -205,7 +205,7 @@ fn maps_without_light_or_texels_give_no_lights() {
     let pyramid = dark(Domain::Sphere, 0);
     let none = Map { pyramid: pyramid.view(), polar: LatLongView::NONE };
     assert_eq!(sampler(&POLAR, 4).update(&none, &Request::of_lights(4)).lights, []);
-    // More texels than it has room for, and a view whose texels do not fill its grid.
+    // More texels than the buffers hold, and a view with fewer texels than its grid.
     let texels = energies(SPHERE, |_, _| [1.0; 3]);
     for (grid, texels) in [(SPHERE, &texels[..]), (ODD, &texels[..20]), (ODD, &texels[..64])] {
         let map = Map { pyramid: pyramid.view(), polar: LatLongView { grid, texels } };

@@ -1,4 +1,4 @@
-//! Sums of the pyramid against `f64`, and the estimate of what the lens does not see.
+//! Sums of the pyramid against `f64`, and the extrapolation of light outside of the field of view.
 
 mod common;
 
@@ -102,7 +102,7 @@ fn negative_and_non_finite_energy_counts_as_zero() {
     map.texels_mut()[99].moment[2] = f32::INFINITY;
     map.texels_mut()[300].energy = [-1.0; 4];
     map.build();
-    // The whole texel is given up: its numbers do not belong together.
+    // The whole texel is cleared, since its sums are inconsistent.
     assert!(off(f64::from(map.view().total().y()), 768.0 - 3.0) < 1e-6, "{:?}", map.view().total());
     assert_eq!(map.texels()[5], Quad::default());
 }
@@ -131,7 +131,7 @@ fn a_pyramid_one_quad_short_is_refused() {
     assert_eq!(short, Err(TooSmall { needed: 252, lent: 251 }));
 }
 
-/// 160 x 140 degrees, as the bench lens, at a size at which texels are small.
+/// The field of view of the standard lens, in an image of which texels are small.
 fn narrow() -> Lens {
     Lens::try_new(plain(Model::Equidistant, [319.5, 239.5], 196.4, 80.0)).expect("a sound lens")
 }

@@ -152,7 +152,7 @@ fn jittered_lights_are_inside_their_quads_and_distinct() {
         let side = healpix::solid_angle(order).sqrt();
         offsets.push(light.direction.as_dvec3().distance(healpix::centre(order, ipix)) / side);
     }
-    // Uniform over a square of half the quad's width: the mean distance from its middle is 0.3826 of 0.5.
+    // Uniform over a square of half the quad's width: the mean distance from its centre is 0.3826 of 0.5.
     let mean = offsets.iter().sum::<f64>() / offsets.len() as f64;
     assert!((mean - 0.191).abs() < 0.02, "{mean}");
 }
@@ -205,7 +205,7 @@ fn centroids_do_not_depend_on_the_unit_of_light() {
         let mut tree = tree(Parameters::CENTROID, Domain::Sphere, 4, 64);
         update(&mut tree, &random(Domain::Sphere, 4, 9), 64).iter().map(|l| (l.id, l.direction)).collect()
     };
-    // Powers of two, so that nothing rounds differently.
+    // Factors that are powers of two, so that rounding is equal.
     for unit in [2f32.powi(-80), 2f32.powi(-60), 2f32.powi(60), 2f32.powi(80)] {
         let mut rng = seeded(9);
         let map =
@@ -237,7 +237,7 @@ fn bits_one_byte_short_are_refused() {
     assert_eq!(new(32, 32), Ok(()));
     assert_eq!(new(31, 32), Err(TooSmall { needed: 32, lent: 31 }));
     assert_eq!(new(32, 31), Err(TooSmall { needed: 32, lent: 31 }));
-    // A map finer than the tree has bits for gives nothing rather than half a tree.
+    // A map finer than the bit sets gives no lights.
     let mut coarse = tree(Parameters::CENTROID, Domain::Sphere, 3, 64);
     assert_eq!(update(&mut coarse, &random(Domain::Sphere, 4, 1), 64), []);
     assert_eq!(update(&mut coarse, &random(Domain::Sphere, 2, 1), 64).len(), 63);

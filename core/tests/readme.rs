@@ -1,4 +1,4 @@
-//! The README's first program is the example, so that the documentation tests run what `cargo run --example` does.
+//! The first program of the README equals the example, so that the documentation tests run the program of `cargo run --example`.
 
 #[test]
 fn first_code_block_of_the_readme_equals_the_example() {

@@ -1,4 +1,4 @@
-//! Tabulated responses against the formulas in `f64`.
+//! Tabulated responses against their formulas in `f64`.
 
 mod common;
 
@@ -17,7 +17,7 @@ fn curve(
     Curve::try_new(response, depth, Levels { black, white }, vec![0; curve_len(depth)])
 }
 
-/// IEC 61966-2-1.
+/// The transfer function of IEC 61966-2-1.
 fn srgb(x: f64) -> f64 {
     if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
 }

@@ -1,4 +1,4 @@
-//! Thinning: energy, ids, centroids in closed form, and lights that cannot be seen.
+//! Merging and selection of lights: energy, ids, centroids in closed form, and lights below a surface's horizon.
 
 mod common;
 

@@ -1,9 +1,9 @@
-//! Single rows and pixels against bits that are written by hand, and rows wider than the front end's chunks.
+//! Unpacked rows and pixels equal bits written by hand, also for rows wider than the front end's chunks.
 
 use hemilux_core::format::{Pattern, Yuv};
 use hemilux_core::{Format, Layout, Samples, read_luma, read_rgb_row};
 
-/// Wider than two chunks of a mosaic's cells, and no multiple of one.
+/// Wider than two chunks of mosaic cells, and not a multiple of a chunk.
 const WIDTH: u32 = 2 * 2 * 192 + 36;
 
 fn rows(layout: &Layout, frame: Samples<'_>) -> Vec<Vec<[u16; 3]>> {
@@ -15,7 +15,7 @@ fn rows(layout: &Layout, frame: Samples<'_>) -> Vec<Vec<[u16; 3]>> {
     (0..layout.height()).map(row).collect()
 }
 
-/// A code for each pixel, of ten bits.
+/// A code of ten bits for each pixel.
 fn code(x: u32, y: u32) -> u16 {
     ((x * 7 + y * 311) % 1024) as u16
 }

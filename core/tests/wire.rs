@@ -1,4 +1,4 @@
-//! The bytes of light sets, read back by parsers that are not ours.
+//! Encoded light sets parsed by independent parsers.
 
 mod common;
 
@@ -273,7 +273,7 @@ fn random_sets_always_parse() {
 #[test]
 fn decimals_are_as_short_as_those_of_the_standard_library_and_round_trip() {
     let hard = [0, 1, 0x7f7f_ffff, 0x3f80_0000, 0x5a0e_1bca, 0x5a0e_1bc9, 0x3727_c5ac, 0x3727_c5ad];
-    // 2^20 strided, so that every exponent is there; both signs.
+    // All bit patterns in steps of 2^20, so that every exponent occurs with both signs.
     let strided = (0..1u32 << 20).map(|i| i.wrapping_mul(4093));
     let all: Vec<f32> =
         hard.into_iter().chain(strided).map(f32::from_bits).filter(|v| v.is_finite()).collect();
@@ -282,7 +282,7 @@ fn decimals_are_as_short_as_those_of_the_standard_library_and_round_trip() {
         let text = encode(text, &LightSet { lights: &[light], ..LightSet::EMPTY });
         let words: Vec<_> = text.lines().last().expect("a light").split(' ').skip(4).collect();
         for (word, v) in words.iter().zip(three) {
-            // Where two are as near, they may differ in the last digit.
+            // If two decimals are equally near, the last digit may differ.
             assert_eq!((word.parse(), word.len()), (Ok(*v), v.to_string().len()), "{word}: expected {v}");
             assert!(!word.contains(['e', 'E']), "{word}");
         }

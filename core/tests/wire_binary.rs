@@ -1,4 +1,4 @@
-//! The binary light set, read by offsets written from its table, and hostile bytes.
+//! The binary light set, decoded by offsets from its documentation, and corrupted bytes.
 
 mod common;
 

@@ -1,18 +1,18 @@
-//! The table and the chart.
+//! The table and the chart of the results.
 
 use super::ways::{Function, WAYS};
 use std::fmt::Write;
 
-/// What is known of a function.
+/// The results of a function.
 pub struct Row {
     pub function: &'static Function,
-    /// Largest errors.
+    /// Largest errors, by implementation.
     pub errors: [f64; WAYS.len()],
-    /// Instructions of a call on ARMv7.
+    /// Instructions per call on ARMv7, by implementation.
     pub counts: [Option<f64>; WAYS.len()],
 }
 
-/// Plain text.
+/// Formats the results as plain text.
 pub fn table(rows: &[Row]) -> String {
     let mut text = String::from("largest error / instructions of a call on ARMv7\n");
     let _ = write!(text, "{:<10}{:<28}{:<10}", "", "used for", "error is");
@@ -30,15 +30,15 @@ pub fn table(rows: &[Row]) -> String {
     text
 }
 
-/// Okabe and Ito's colours.
+/// Colours of Okabe and Ito.
 const COLOURS: [&str; WAYS.len()] = ["#0072b2", "#d55e00", "#009e73", "#222222"];
 
-/// Left and right ends of the two panels, pixels; rows begin at `TOP` and are `STEP` apart.
+/// Left and right edges of the two panels, pixels; rows start at `TOP` and are `STEP` apart.
 const PANELS: [[f64; 2]; 2] = [[110.0, 470.0], [530.0, 890.0]];
 const TOP: f64 = 90.0;
 const STEP: f64 = 34.0;
 
-/// Errors on the left, instructions on the right, both on logarithmic axes.
+/// Draws the chart: errors on the left, instructions on the right, both on logarithmic axes.
 pub fn svg(rows: &[Row]) -> String {
     let bottom = TOP + STEP * rows.len() as f64;
     let mut s = format!(
@@ -73,7 +73,7 @@ pub fn svg(rows: &[Row]) -> String {
             let _ = writeln!(s, "<path d=\"M{left} {y}H{right}\" stroke=\"#e0e0e0\"/>");
         }
         for (way, colour) in COLOURS.iter().enumerate() {
-            // Ways a little apart, so that none hides another.
+            // Implementations are offset so that none hides another.
             let y = y + 4.0 * (way as f64 - 1.5);
             let values = [Some(row.errors[way].max(1e-9)), row.counts[way].map(|n| n.max(1.0))];
             for (panel, v) in values.into_iter().enumerate() {
@@ -87,7 +87,7 @@ pub fn svg(rows: &[Row]) -> String {
     s
 }
 
-/// Where a value stands in a panel: errors from 1e-9 to 10, instructions from 1 to 10,000.
+/// Position of a value in a panel: errors from 1e-9 to 10, instructions from 1 to 10,000.
 fn place(panel: usize, value: f64) -> f64 {
     let [low, high] = [[-9.0, 1.0], [0.0, 4.0]][panel];
     let [left, right] = PANELS[panel];

@@ -1,9 +1,9 @@
-//! What the functions of the core's per-light and per-pixel paths cost and err, by where they come from: libm, micromath, a table, or
-//! the standard library (the processor's own square root, the C library's rest).
+//! Error and cost of the functions that the core calls per light and per pixel, by implementation: libm, micromath, a table, or the
+//! standard library (the processor's square root, the C library for the others).
 //!
 //! ```text
 //! math --out DIR [--counts FILE]     math.txt and math.svg; FILE has lines "NAME WAY INSTRUCTIONS" of tests/instructions/math.sh
-//! math NAME WAY CALLS                so many calls and nothing else, for instruction counters
+//! math NAME WAY CALLS                makes that many calls, for instruction counters
 //! ```
 
 mod chart;
@@ -15,10 +15,10 @@ use std::path::Path;
 use std::process::ExitCode;
 use ways::{FUNCTIONS, Function, WAYS};
 
-/// Arguments in rotation when calls are counted.
+/// Arguments used in rotation when calls are counted.
 const ARGUMENTS: usize = 1024;
 
-/// Arguments whose errors are looked at.
+/// Number of arguments at which errors are measured.
 const GRID: usize = 1 << 20;
 
 fn main() -> ExitCode {
@@ -39,7 +39,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Calls one function in one way.
+/// Calls one function in one implementation.
 fn repeat(name: &str, way: &str, calls: &str) -> Result<(), String> {
     let function = FUNCTIONS.iter().find(|f| f.name == name).ok_or(format!("found function {name}"))?;
     let calls: usize =
@@ -58,7 +58,7 @@ fn repeat(name: &str, way: &str, calls: &str) -> Result<(), String> {
     Ok(())
 }
 
-/// As every way is called through one loop, what the loop takes is what `none` takes.
+/// All implementations are called through one loop, whose cost is that of `none`.
 fn sum(xs: &[f32], calls: usize, f: impl Fn(f32) -> f32) -> f32 {
     xs.iter().cycle().take(calls).map(|x| f(std::hint::black_box(*x))).sum()
 }

@@ -1,22 +1,22 @@
-//! The functions, and the ways to come by them.
+//! The functions under comparison, and their implementations.
 
 use micromath::F32Ext;
 use std::f64::consts::PI;
 
-/// Names of the ways.
+/// Names of the implementations.
 pub const WAYS: [&str; 4] = ["libm", "micromath", "table", "std"];
 
-/// Most steps of a table: 4 KB.
+/// Largest number of table entries: 4 KB.
 const STEPS: usize = 1024;
 
 /// A function of one argument as the core uses it.
 pub struct Function {
     pub name: &'static str,
-    /// Where.
+    /// Use of the function in the core.
     pub used: &'static str,
-    /// Its arguments; from above 0 they are spread evenly over the octaves.
+    /// Range of the arguments; a range above 0 is sampled evenly per octave.
     pub range: [f64; 2],
-    /// Whether its error is told as a ratio.
+    /// Whether the error is relative.
     pub relative: bool,
     pub exact: fn(f64) -> f64,
     pub libm: fn(f32) -> f32,
@@ -128,18 +128,18 @@ pub const FUNCTIONS: [Function; 10] = [
 ];
 
 impl Function {
-    /// Argument `i` of `n`, from the bottom of the range to its top.
+    /// Argument `i` of `n`, ascending over the range.
     pub fn argument(&self, i: usize, n: usize) -> f32 {
         let [low, high] = self.range;
         let part = (i as f64 + 0.5) / n as f64;
         (if low > 0.0 { low * (high / low).powf(part) } else { low + part * (high - low) }) as f32
     }
 
-    /// Its table.
+    /// The table of the function.
     pub fn table(&self) -> Table {
         let [low, high] = self.range.map(|v| v as f32);
         if low > 0.0 {
-            // So many bits of the mantissa that the octaves' steps are no more than a table has.
+            // The number of mantissa bits for which the entries of all octaves fit the table.
             let steps = |shift: u32| ((high.to_bits() - low.to_bits()) >> shift) as usize;
             let shift = (0..32).find(|s| steps(*s) < STEPS).unwrap_or(31);
             let base = low.to_bits() >> shift << shift;
@@ -153,16 +153,16 @@ impl Function {
     }
 }
 
-/// A function between steps, interpolated.
+/// A table of a function with linear interpolation.
 pub struct Table {
     values: Vec<f32>,
     shape: Shape,
 }
 
 enum Shape {
-    /// Equal steps.
+    /// Equal steps over the range.
     Even { low: f32, per_step: f32 },
-    /// Equal steps within each octave: the bits of a float are nearly its logarithm.
+    /// Equal steps within each octave: the bits of a float are nearly proportional to its logarithm.
     Octaves { base: u32, shift: u32 },
 }
 

@@ -1,4 +1,4 @@
-//! What several test files share: seeded numbers, lenses and maps.
+//! Helpers of several test files: seeded random numbers, lenses, maps, samplers.
 #![allow(dead_code, reason = "each test file uses its own part")]
 
 use glam::{DVec2, DVec3, Vec3};
@@ -96,7 +96,7 @@ pub fn light_set<'a>(lights: &'a [Light], ambient: Option<&'a Sh9>) -> LightSet<
     }
 }
 
-/// A generator that replays exactly.
+/// A random number generator whose sequence depends on the seed alone.
 pub fn seeded(seed: u64) -> Pcg64Mcg {
     Pcg64Mcg::seed_from_u64(seed)
 }
@@ -109,7 +109,7 @@ pub fn direction(rng: &mut Pcg64Mcg) -> DVec3 {
     DVec3::new(r * phi.cos(), r * phi.sin(), z)
 }
 
-/// Equal focal lengths, no skew, no vignetting.
+/// Intrinsics with equal focal lengths, no skew and no vignetting.
 pub fn plain(model: Model, centre: [f64; 2], focal: f64, max_deg: f64) -> Intrinsics {
     Intrinsics {
         model,
@@ -126,7 +126,7 @@ pub fn bench_lens() -> Lens {
     Lens::try_new(plain(Model::Equidistant, [319.5, 239.5], 196.4, 80.0)).expect("a sound lens")
 }
 
-/// A lens that sees `max_deg` off axis, whose circle just fits a square of `side` pixels.
+/// A lens with a field of view of `max_deg` off axis, whose image circle just fits a square of `side` pixels.
 pub fn full_circle(model: Model, side: u32, max_deg: f64) -> Lens {
     let unit = Lens::try_new(plain(model, [0.0; 2], 1.0, max_deg)).expect("a sound lens");
     let theta = max_deg.to_radians() * (1.0 - 1e-12);
@@ -136,7 +136,7 @@ pub fn full_circle(model: Model, side: u32, max_deg: f64) -> Lens {
     Lens::try_new(plain(model, [middle; 2], focal, max_deg)).expect("a sound lens")
 }
 
-/// A pixel table in buffers of exactly the sizes it asks for.
+/// A pixel table in buffers of exactly the required sizes.
 pub fn pixel_table(lens: &Lens, width: u32, height: u32, order: u8) -> VecPixelTable {
     let size = pixel_table_size(lens, ImageSize { width, height }, order).expect("a sound image");
     let buffers = Buffers {
@@ -171,18 +171,18 @@ pub fn lit(domain: Domain, order: u8, mut energy: impl FnMut(u32) -> [f32; 3]) -
     map
 }
 
-/// A direction inside the domain's part of a quad.
+/// A direction inside the part of a quad that lies in the domain.
 pub fn above(domain: Domain, order: u8, ipix: u32) -> Vec3 {
     let at = if domain.share(order, ipix) == 0.5 { 2.0 / 3.0 } else { 0.5 };
     healpix::point(order, ipix, at, at).as_vec3()
 }
 
-/// Grey energy.
+/// A grey of energy `v`.
 pub fn grey(v: f32) -> [f32; 3] {
     [v; 3]
 }
 
-/// |a - b| / |b|.
+/// Relative difference |a - b| / |b|.
 pub fn off(a: f64, b: f64) -> f64 {
     (a - b).abs() / b.abs()
 }
@@ -199,14 +199,14 @@ pub fn one_exposure() -> VecMerge {
     merge(curve.expect("sound"), &[exposure])
 }
 
-/// A merge of scale 1 in buffers of exactly the sizes it asks for.
+/// A merge of scale 1 in buffers of exactly the required sizes.
 pub fn merge(curve: Curve<Vec<i32>>, exposures: &[Exposure]) -> VecMerge {
     let size = merge_size(&curve, exposures).expect("sound exposures");
     let reciprocals = vec![Reciprocal::default(); size.reciprocals];
     Merge::try_new(curve, exposures, 1.0, vec![0; size.tables], reciprocals).expect("sound exposures")
 }
 
-/// Radiance that [`one_exposure`] makes of a code.
+/// Radiance of `code` in [`one_exposure`].
 pub fn radiance_of(code: u16) -> f64 {
     f64::from(code) / 65535.0 / 0.01
 }
@@ -230,8 +230,8 @@ pub fn burst(
     internals::burst(frames, &layout, &one_exposure().view(), &pixel_table.view(), balance, map)
 }
 
-/// Counts of samples of whole pixels: whole ones of as many pixels at a time as have them, floats of the rest. Says of how many
-/// samples they are whole.
+/// Merges whole pixels: integers for as many pixels at a time as have them, floats for the others. Returns the number of samples that were
+/// merged in integers.
 pub fn merged(view: &MergeView<'_>, codes: &[Codes<'_>], channels: Channels, out: &mut [f32]) -> usize {
     let many = channels.many();
     let mut counts = vec![0; out.len()];
@@ -253,7 +253,7 @@ pub fn merged(view: &MergeView<'_>, codes: &[Codes<'_>], channels: Channels, out
     merged(view, &side(false), channels, first) + merged(view, &side(true), channels, second)
 }
 
-/// The samples of `codes` before or from `middle` on.
+/// The samples of `codes` before `middle`, or from `middle` on if `after`.
 fn half<'a>(codes: &Codes<'a>, middle: usize, after: bool) -> Codes<'a> {
     fn cut<T>(all: &[T], middle: usize, after: bool) -> &[T] {
         let (first, second) = all.split_at(middle.min(all.len()));
