@@ -27,7 +27,7 @@ impl core::error::Error for TooSmall {}
 ///
 /// # Errors
 /// [`TooSmall`] with both numbers.
-pub fn check<T>(buffer: &impl AsRef<[T]>, needed: usize) -> Result<(), TooSmall> {
+pub(crate) fn check<T>(buffer: &impl AsRef<[T]>, needed: usize) -> Result<(), TooSmall> {
     let lent = buffer.as_ref().len();
     if lent < needed { Err(TooSmall { needed, lent }) } else { Ok(()) }
 }

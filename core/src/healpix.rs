@@ -253,16 +253,16 @@ pub fn point(order: u8, ipix: u32, x: f64, y: f64) -> DVec3 {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Circle {
     /// z of the circle.
-    pub z: f64,
+    pub(crate) z: f64,
     /// Distance of the circle from the z axis.
-    pub sin_theta: f64,
+    pub(crate) sin_theta: f64,
     /// Half the length of the circle's arc within a face, as a fraction of the face's half diagonal.
     half: f64,
 }
 
 impl Circle {
     /// The circle on which the face coordinates u and v, both 0..=1, of `face` add up to `sum`.
-    pub fn new(face: u32, sum: f64) -> Self {
+    pub(crate) fn new(face: u32, sum: f64) -> Self {
         // Ring coordinate from the north pole, in units of the face's diagonal.
         let ring = f64::from(2 + face / 4) - sum;
         let (half, z, sin_theta2) = if ring < 1.0 {
@@ -280,7 +280,7 @@ impl Circle {
     }
 
     /// Azimuth, radians, of the circle's point in `face` with u - v = `difference`.
-    pub fn phi(&self, face: u32, difference: f64) -> f64 {
+    pub(crate) fn phi(&self, face: u32, difference: f64) -> f64 {
         let offset = match face {
             0..=3 | 8..=11 => 2 * (face & 3) + 1,
             _ => 2 * (face & 3),

@@ -26,10 +26,10 @@ pub struct Span {
 }
 
 /// Largest number of pixels that one call of the merge processes: their codes and radiances take a few KB, less than any first-level cache.
-pub const CHUNK: usize = 192;
+pub(crate) const CHUNK: usize = 192;
 
 /// Largest number of pixels in a run: the sum of that many counts of [`crate::merge::COUNT_BITS`] bits fits 32 bits.
-pub const MAX_RUN: usize = 16;
+pub(crate) const MAX_RUN: usize = 16;
 
 /// A run: adjacent pixels of one row whose light is added to one texel of the source order. The texel index one past the last texel
 /// collects light from below the horizon. A run never crosses from one block of 192 pixels of its span to the next.
@@ -48,7 +48,7 @@ impl Run {
         (self.0 >> 8) as usize
     }
 
-    /// Number of pixels, at most [`MAX_RUN`].
+    /// Number of pixels, at most 16.
     #[must_use]
     pub const fn len(self) -> usize {
         (self.0 & 255) as usize

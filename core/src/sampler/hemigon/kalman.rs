@@ -208,18 +208,18 @@ fn tangent(from: Vec3, to: Vec3) -> Vec3 {
 #[derive(Clone, Debug)]
 pub struct Gated<T> {
     parameters: Parameters,
-    tracks: T,
+    filters: T,
     abrupt: bool,
 }
 
 impl<T: Buffer<PathFilter>> Gated<T> {
-    /// Creates the filter for a sampler with `lights` lights; `tracks` needs two elements per light.
+    /// Creates the filter for a sampler with `lights` lights; `filters` needs two elements per light.
     ///
     /// # Errors
     /// [`TooSmall`] if a buffer has too few elements.
-    pub fn try_new(parameters: Parameters, lights: usize, tracks: T) -> Result<Self, TooSmall> {
-        buffer::check(&tracks, 2 * lights)?;
-        Ok(Self { parameters, tracks, abrupt: false })
+    pub fn try_new(parameters: Parameters, lights: usize, filters: T) -> Result<Self, TooSmall> {
+        buffer::check(&filters, 2 * lights)?;
+        Ok(Self { parameters, filters, abrupt: false })
     }
 }
 
@@ -227,7 +227,7 @@ impl<T: Buffer<PathFilter>> Follow for Gated<T> {
     const KIND: SamplerKind = SamplerKind::Hemigon;
 
     fn slots(&self) -> usize {
-        self.tracks.as_ref().len()
+        self.filters.as_ref().len()
     }
 
     fn begin(&mut self, abrupt: bool) {
@@ -235,13 +235,13 @@ impl<T: Buffer<PathFilter>> Follow for Gated<T> {
     }
 
     fn follow(&mut self, slot: usize, is_new: bool, seen: PathPoint) -> PathPoint {
-        let Some(track) = self.tracks.as_mut().get_mut(slot) else { return seen };
+        let Some(filter) = self.filters.as_mut().get_mut(slot) else { return seen };
         if is_new {
-            *track = PathFilter::begin(seen);
+            *filter = PathFilter::begin(seen);
         } else {
-            track.step(&self.parameters, self.abrupt, seen);
+            filter.step(&self.parameters, self.abrupt, seen);
         }
-        PathPoint { direction: track.direction, colour: track.colour }
+        PathPoint { direction: filter.direction, colour: filter.colour }
     }
 
     fn reset(&mut self) {
