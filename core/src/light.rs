@@ -68,7 +68,7 @@ impl<'a> Decomposition<'a> {
     }
 }
 
-/// Id, direction, irradiance and radius.
+/// Formats id, direction, irradiance and radius of a light.
 #[cfg(feature = "defmt")]
 impl defmt::Format for Light {
     fn format(&self, f: defmt::Formatter<'_>) {

@@ -279,7 +279,7 @@ impl<B> Curve<B> {
         self.linear.then_some(self.levels)
     }
 
-    /// Depth of the samples.
+    /// Depth of the samples whose codes the curve converts.
     #[must_use]
     pub fn depth(&self) -> Depth {
         self.depth
