@@ -231,7 +231,7 @@ mod tests {
     fn the_core_reads_what_is_taken_from_cameras() {
         for (place, fourcc) in all().enumerate() {
             assert_eq!(rank(fourcc), Some(place), "each once");
-            assert!(format(fourcc, Yuv::default()).is_some(), "{}", super::name(fourcc));
+            assert!(format(fourcc, Yuv::default()).is_some(), "{}", name(fourcc));
         }
     }
 
