@@ -7,22 +7,19 @@ mod lens;
 mod plan;
 #[cfg(all(feature = "v4l2", target_os = "linux"))]
 mod record;
+mod settings;
 
 #[cfg(feature = "mdns")]
 use crate::announce;
 use crate::memory;
 use crate::pipeline::Pipeline;
-use crate::probe::{Config, EXTRAPOLATIONS, Link, Probe};
-use crate::samplers::MAX_LIGHTS;
+use crate::probe::{Config, Link, Probe};
 use crate::server::{self, Event, KnownHosts, Limits, Options, Running, Signals};
 use crate::source::{self, Spec};
 use crate::systemd;
 use crate::timing::read_budgets;
-use clap::builder::PossibleValuesParser;
 use clap::error::ErrorKind;
 use clap::{Args, Parser, Subcommand};
-use hemilux_core::Extrapolation;
-use hemilux_core::SamplerKind;
 use hemilux_core::wire::STAGES;
 use plan::Plan;
 use std::ffi::OsString;
@@ -112,21 +109,8 @@ struct Serve {
     /// TOML file with these options and the settings; `PATCH /v1/config?save=1` writes the settings back to it.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// How the map becomes lights [default: adaptive].
-    #[arg(long, value_name = "NAME", value_parser = PossibleValuesParser::new(SamplerKind::NAMES))]
-    sampler: Option<String>,
-    /// Most lights of a set [default: 64].
-    #[arg(long, value_name = "N", value_parser = lights)]
-    lights: Option<usize>,
-    /// Give the fewest lights whose shadowed error is at most this ratio: 0.03 is 3 per cent.
-    #[arg(long, value_name = "E")]
-    tolerance: Option<f32>,
-    /// Give what has no direction as spherical harmonics in the place of lights.
-    #[arg(long)]
-    ambient: bool,
-    /// What stands for the part of the hemisphere that the lens does not see: none or average [default: none].
-    #[arg(long, value_name = "NAME", value_parser = extrapolation)]
-    extrapolation: Option<Extrapolation>,
+    #[command(flatten)]
+    settings: settings::SettingOptions,
     /// Longest times of stages, milliseconds, such as front=30,total=60: capture, front (merge and map), pyramid, sample, filter, encode and
     /// total [default: 110, 30, 6, 12, 2, 10, 60]. Each set names what overran, /info and /metrics count it.
     #[arg(long, value_name = "STAGE=MS,...", value_parser = read_budgets)]
@@ -299,21 +283,10 @@ fn origin(text: &str) -> Result<String, String> {
         .ok_or_else(|| "expected an origin, such as http://localhost:8000".into())
 }
 
-fn lights(text: &str) -> Result<usize, String> {
-    let number = text.parse().ok().filter(|n| (0..=MAX_LIGHTS).contains(n));
-    number.ok_or_else(|| format!("expected a number from 0 to {MAX_LIGHTS}"))
-}
-
-fn extrapolation(text: &str) -> Result<Extrapolation, String> {
-    let known = EXTRAPOLATIONS.iter().find(|(name, _)| *name == text);
-    known
-        .map(|(_, e)| *e)
-        .ok_or_else(|| format!("expected {}", EXTRAPOLATIONS.map(|(name, _)| name).join(" or ")))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use hemilux_core::SamplerKind;
 
     fn refused(arguments: &[&str]) -> Failure {
         let all = ["hemilux"].iter().chain(arguments);
@@ -336,7 +309,7 @@ mod tests {
             (&["--lights"], "--lights"),
             (&["--sampler", "q2tree", "--lights", "1"], "for 'q2tree'"),
             (&["--sampler", "guess"], SamplerKind::NAMES[0]),
-            (&["--extrapolation", "all"], "none or average"),
+            (&["--extrapolation", "all"], "none, average"),
             (&["--listen", "8080"], "ADDR:PORT"),
             (&["--listen", "0.0.0.0:0"], "--open"),
             (&["--listen", "[::]:0"], "--open"),

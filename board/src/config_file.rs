@@ -1,7 +1,7 @@
 //! The configuration file: what the command line says, kept; the command line has the last word.
 
 use crate::probe::Config;
-use crate::probe::settings::SETTINGS;
+use crate::probe::settings::{SETTINGS, Setting};
 use rustix::fs::OFlags;
 use serde::Deserialize;
 use std::fs;
@@ -78,10 +78,8 @@ impl ConfigFile {
             let place = e.span().map_or(String::new(), |span| format!("line {}: ", line(span)));
             content(format!("{place}found {}", e.message().replace('\n', " ")))
         })?;
-        if let Some(unknown) =
-            kept.settings.keys().find(|key| SETTINGS.iter().all(|s| s.name != key.as_str()))
-        {
-            let names = SETTINGS.map(|s| s.name).join(", ");
+        if let Some(unknown) = kept.settings.keys().find(|key| Setting::named(key).is_none()) {
+            let names = Setting::names();
             let others = "source, listen, open, token_file, hosts, allow_origins, trusted_proxies";
             return Err(content(format!("found '{unknown}', expected one of {others}, {names}")));
         }

@@ -3,7 +3,7 @@
 use super::{Failure, Serve, address, origin};
 use crate::config_file::{ConfigFile, Kept};
 use crate::probe::settings::{SETTINGS, wish_of};
-use crate::probe::{Change, Config, Link};
+use crate::probe::{Config, Link};
 use crate::server::{self, Access, Token};
 use crate::source::Spec;
 use std::fmt::Display;
@@ -106,11 +106,9 @@ fn settings(options: &Serve, kept: toml::Table) -> Result<Config, (String, Strin
     let object = json.as_object().cloned().unwrap_or_default();
     let change = wish_of(&object).map_err(|errors| errors.into_iter().next().unwrap_or_default())?;
     change.apply(&mut config);
-    let Serve { sampler, lights, extrapolation, tolerance, ambient, budget, .. } = options.clone();
-    let sampler = sampler.and_then(|name| name.parse().ok());
-    let (tolerance, ambient) = (tolerance.map(Some), ambient.then_some(true));
-    let budgets_ms = budget.unwrap_or_default();
-    Change { sampler, lights, extrapolation, tolerance, ambient, budgets_ms, ..Change::default() }
-        .apply(&mut config);
+    options.settings.change.apply(&mut config);
+    for (stage, ms) in options.budget.iter().flatten().enumerate() {
+        ms.iter().for_each(|ms| config.budgets.set_ms(stage, *ms));
+    }
     Ok(config)
 }

@@ -74,20 +74,26 @@ impl Mailbox {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::probe::settings::wish_of;
+    use serde_json::Value;
 
     #[test]
     fn wishes_add_up_and_a_refusal_takes_them_back() {
         let mailbox = Mailbox::new(Config::default());
         assert_eq!(mailbox.take(), None, "nothing wished");
+        let change = |name, value: Value| {
+            let object = [(String::from(name), value)].into_iter().collect();
+            wish_of(&object).expect("a value within the range")
+        };
         let post = |change| mailbox.post(&change).expect("a wish that can come true");
-        post(Change { lights: Some(20), ..Change::default() });
-        assert!(mailbox.post(&Change { lights: Some(0), ..Change::default() }).is_err(), "no light at all");
-        let serial = post(Change { gui: Some(true), ..Change::default() });
+        post(change("lights", 20.into()));
+        assert!(mailbox.post(&change("lights", 0.into())).is_err(), "no light at all");
+        let serial = post(change("gui", true.into()));
         let (taken, config) = mailbox.take().expect("a wish");
         assert_eq!((taken, config.pipeline.lights, config.gui), (serial, 20, true), "both");
         assert_eq!(mailbox.take(), None, "taken once");
         mailbox.answer(serial, Config::default(), Some(Refusal { setting: "lights", why: "no".into() }));
-        post(Change { gui: Some(true), ..Change::default() });
+        post(change("gui", true.into()));
         let (_, config) = mailbox.take().expect("a wish");
         assert_eq!((config.pipeline.lights, config.gui), (64, true), "the refused wish is gone");
     }

@@ -12,9 +12,10 @@ pub mod tiers;
 mod views;
 mod worker;
 
-pub use config::{Change, Config, EXTRAPOLATIONS, Refusal, extrapolation_name};
+pub use config::{Config, EXTRAPOLATIONS, Refusal, extrapolation_name};
 pub use mailbox::Applied;
 pub use published::Published;
+pub use settings::Change;
 pub use views::{BurstView, Given, MapView, Slot, Views};
 pub use worker::Worker;
 

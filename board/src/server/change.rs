@@ -137,9 +137,8 @@ fn parse(pairs: &[(String, String)]) -> Result<Change, String> {
         }
         let setting = SETTINGS.iter().find(|s| s.parameter == name);
         let setting = setting.ok_or_else(|| format!("unknown parameter '{}'", short(name)))?;
-        let value = setting.parse(word);
-        let set = value.and_then(|value| setting.wish(&mut change, &value).ok());
-        set.ok_or_else(|| format!("{name} '{}'", short(word)))?;
+        let added = setting.parse(word).and_then(|value| change.add(setting, value).ok());
+        added.ok_or_else(|| format!("{name} '{}'", short(word)))?;
     }
     Ok(change)
 }

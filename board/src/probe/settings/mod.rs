@@ -1,13 +1,18 @@
-//! The settings: what each is called, may be, and means. The requests, the configuration file and the schema read their [table](SETTINGS).
+//! The settings: name, type, range, unit and description of each. The configuration file, the command line, the requests, the schema and the
+//! OpenAPI document are derived from the [table](SETTINGS).
 
+mod change;
+mod openapi;
 mod table;
+
+pub use change::{Change, wish_of};
+pub use openapi::{parameters, properties};
 
 pub use table::SETTINGS;
 
-use super::config::{Change, Config};
+use super::config::Config;
 use hemilux_core::healpix::Domain;
-use serde_json::{Map, Value, json};
-use std::collections::BTreeMap;
+use serde_json::{Value, json};
 
 /// What a setting's value may be.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,9 +75,9 @@ pub struct Setting {
     /// What it does, one sentence.
     pub what: &'static str,
     value: fn(&Config) -> Value,
-    /// Puts an admitted value into a wish.
-    wish: fn(&mut Change, &Value),
-    /// Whether it has an effect beside the others.
+    /// Writes an admitted value to the configuration.
+    set: fn(&mut Config, &Value),
+    /// Whether it has an effect with the values of the other settings.
     in_use: fn(&Config) -> bool,
 }
 
@@ -83,7 +88,19 @@ impl Setting {
         (self.value)(config)
     }
 
-    /// Reads a word of a query.
+    /// The setting of this name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<&'static Self> {
+        SETTINGS.iter().find(|s| s.name == name)
+    }
+
+    /// Names of all settings, separated by commas.
+    #[must_use]
+    pub fn names() -> String {
+        SETTINGS.iter().map(|s| s.name).collect::<Vec<_>>().join(", ")
+    }
+
+    /// Parses a value of a query or of the command line.
     #[must_use]
     pub fn parse(&self, word: &str) -> Option<Value> {
         let value = match self.kind {
@@ -102,18 +119,6 @@ impl Setting {
             }),
         };
         self.admits(&value).then_some(value)
-    }
-
-    /// Puts `value` into a wish.
-    ///
-    /// # Errors
-    /// What was expected.
-    pub fn wish(&self, change: &mut Change, value: &Value) -> Result<(), String> {
-        if !self.admits(value) {
-            return Err(self.expected());
-        }
-        (self.wish)(change, value);
-        Ok(())
     }
 
     fn admits(&self, value: &Value) -> bool {
@@ -138,37 +143,47 @@ impl Setting {
         }
     }
 
-    /// What it may be, in words.
+    /// Type and range in words, for a JSON value.
     #[must_use]
     pub fn expected(&self) -> String {
         match self.kind {
-            Kind::Choice(words) => format!("one of {}", words.join(", ")),
-            Kind::Whole(least, most) => format!("a whole number from {least} to {most}"),
-            Kind::OptionalWhole(least, most) => format!("a whole number from {least} to {most}, or null"),
-            Kind::Real(least, most) => format!("a number from {least} to {most}"),
-            Kind::Optional(least, most) => format!("a number from {least} to {most}, or null"),
-            Kind::List(least, most, count) => {
-                format!("1 to {count} rising numbers from {least} to {most}, or null")
-            }
             Kind::Switch => "true or false".into(),
+            _ => self.words() + if self.is_optional() { ", or null" } else { "" },
         }
     }
 
-    /// What it may be and means, for programs; `least` and `most` are those of the sampler in use where that matters.
+    /// Type and range in words, for a value on the command line.
     #[must_use]
-    pub fn schema(&self, config: &Config) -> Value {
+    pub fn expected_word(&self) -> String {
+        self.words() + if self.is_optional() { ", or off" } else { "" }
+    }
+
+    fn is_optional(&self) -> bool {
+        matches!(self.kind, Kind::Optional(..) | Kind::OptionalWhole(..) | Kind::List(..))
+    }
+
+    fn words(&self) -> String {
+        match self.kind {
+            Kind::Choice(words) => format!("one of {}", words.join(", ")),
+            Kind::Whole(least, most) | Kind::OptionalWhole(least, most) => {
+                format!("a whole number from {least} to {most}")
+            }
+            Kind::Real(least, most) | Kind::Optional(least, most) => {
+                format!("a number from {least} to {most}")
+            }
+            Kind::List(least, most, count) => format!("1 to {count} rising numbers from {least} to {most}"),
+            Kind::Switch => "on or off".into(),
+        }
+    }
+
+    /// Type and range as JSON Schema.
+    fn value_schema(&self) -> Value {
         let real = |least, most| json!({"minimum": shortest(least), "maximum": shortest(most)});
+        let whole = |least, most| json!({"minimum": least, "maximum": most});
         let (kinds, mut schema) = match self.kind {
             Kind::Choice(words) => (json!("string"), json!({"enum": words})),
-            Kind::Whole(least, most) => {
-                let own = || config.pipeline.sampler.least_lights(Domain::Hemisphere) as u64;
-                let is_own = self.name == "lights" && !config.pipeline.ambient;
-                let least = if is_own { own() } else { least };
-                (json!("integer"), json!({"minimum": least, "maximum": most}))
-            }
-            Kind::OptionalWhole(least, most) => {
-                (json!(["integer", "null"]), json!({"minimum": least, "maximum": most}))
-            }
+            Kind::Whole(least, most) => (json!("integer"), whole(least, most)),
+            Kind::OptionalWhole(least, most) => (json!(["integer", "null"]), whole(least, most)),
             Kind::Real(least, most) => (json!("number"), real(least, most)),
             Kind::Optional(least, most) => (json!(["number", "null"]), real(least, most)),
             Kind::List(least, most, count) => (
@@ -179,6 +194,16 @@ impl Setting {
             Kind::Switch => (json!("boolean"), json!({})),
         };
         schema["type"] = kinds;
+        schema
+    }
+
+    /// Type, range, unit, description and value in `config` as JSON Schema; `minimum` of `lights` is that of the sampler in use.
+    #[must_use]
+    pub fn schema(&self, config: &Config) -> Value {
+        let mut schema = self.value_schema();
+        if self.name == "lights" && !config.pipeline.ambient {
+            schema["minimum"] = json!(config.pipeline.sampler.least_lights(Domain::Hemisphere));
+        }
         schema["unit"] = json!(self.unit);
         schema["group"] = json!(self.group.name());
         schema["description"] = json!(self.what);
@@ -186,27 +211,6 @@ impl Setting {
         schema["value"] = self.value(config);
         schema
     }
-}
-
-/// The wish that a JSON object of settings makes.
-///
-/// # Errors
-/// For each name that is wrong: what was found and what was expected.
-pub fn wish_of(object: &Map<String, Value>) -> Result<Change, BTreeMap<String, String>> {
-    let mut change = Change::default();
-    let mut errors = BTreeMap::new();
-    for (name, value) in object {
-        let known = SETTINGS.iter().find(|s| s.name == name);
-        let outcome = match known {
-            Some(setting) => setting.wish(&mut change, value),
-            None => Err(format!("one of {}", SETTINGS.map(|s| s.name).join(", "))),
-        };
-        if let Err(expected) = outcome {
-            let found = if known.is_some() { value.to_string() } else { format!("'{name}'") };
-            errors.insert(name.clone(), format!("found {}, expected {expected}", short(&found)));
-        }
-    }
-    if errors.is_empty() { Ok(change) } else { Err(errors) }
 }
 
 /// The number that a person would write for `v`: 0.03 and not 0.029999999329447746.
@@ -233,8 +237,7 @@ mod tests {
         for setting in SETTINGS {
             let mut change = Change::default();
             let value = setting.value(&config);
-            setting.wish(&mut change, &value).expect("its own value");
-            assert_ne!(change, Change::default(), "{}: the wish holds it", setting.name);
+            change.add(setting, value.clone()).expect("its own value");
             let mut again = config.clone();
             change.apply(&mut again);
             assert_eq!(again, config, "{}: nothing else changed", setting.name);

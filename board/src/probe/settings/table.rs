@@ -1,4 +1,4 @@
-//! The table itself: one entry for each setting.
+//! The table of settings: one entry for each.
 
 use super::{Group, Kind, Setting, shortest};
 use crate::probe::config::{EXTRAPOLATIONS, extrapolation_name};
@@ -25,14 +25,30 @@ macro_rules! budget {
             unit: Some("ms"),
             what: $what,
             value: |c| json!(shortest(c.budgets.ms($i))),
-            wish: |c, v| c.budgets_ms[$i] = v.as_f64().map(|ms| ms as f32),
+            set: |c, v| real(v).into_iter().for_each(|ms| c.budgets.set_ms($i, ms)),
             in_use: |_| true,
         }
     };
 }
 
-/// All settings.
-pub const SETTINGS: [Setting; 19] = [
+/// Writes `value` to `field`, or leaves the field if the value has another type. [`Setting::admits`] has excluded this before.
+fn put<T>(field: &mut T, value: Option<T>) {
+    if let Some(value) = value {
+        *field = value;
+    }
+}
+
+fn real(value: &Value) -> Option<f32> {
+    value.as_f64().map(|v| v as f32)
+}
+
+fn whole<T: TryFrom<u64>>(value: &Value) -> Option<T> {
+    value.as_u64().and_then(|n| T::try_from(n).ok())
+}
+
+/// All settings. Each entry is the only declaration of its setting: the configuration file, the command line, `/change`, `/v1/config` and
+/// the OpenAPI document are derived from it. The default value is that of [`Config::default`](crate::probe::Config).
+pub static SETTINGS: &[Setting] = &[
     Setting {
         name: "sampler",
         parameter: "algorithm",
@@ -41,7 +57,7 @@ pub const SETTINGS: [Setting; 19] = [
         unit: None,
         what: "How the map becomes lights.",
         value: |c| json!(c.pipeline.sampler.name()),
-        wish: |c, v| c.sampler = v.as_str().and_then(|name| name.parse().ok()),
+        set: |c, v| put(&mut c.pipeline.sampler, v.as_str().and_then(|name| name.parse().ok())),
         in_use: |_| true,
     },
     Setting {
@@ -52,7 +68,7 @@ pub const SETTINGS: [Setting; 19] = [
         unit: Some("lights"),
         what: "Most lights of a set; each sampler has a least number, and adaptive with ambient light may do without any.",
         value: |c| json!(c.pipeline.lights),
-        wish: |c, v| c.lights = v.as_u64().and_then(|n| usize::try_from(n).ok()),
+        set: |c, v| put(&mut c.pipeline.lights, whole(v)),
         in_use: |_| true,
     },
     Setting {
@@ -63,7 +79,7 @@ pub const SETTINGS: [Setting; 19] = [
         unit: Some("ratio"),
         what: "The fewest lights are given whose shadowed error is at most this; adaptive alone. Without it, as many as lights says.",
         value: |c| c.pipeline.tolerance.map_or(Value::Null, |t| json!(shortest(t))),
-        wish: |c, v| c.tolerance = Some(v.as_f64().map(|t| t as f32)),
+        set: |c, v| c.pipeline.tolerance = real(v),
         in_use: |c| c.pipeline.sampler.estimates_error(),
     },
     Setting {
@@ -74,7 +90,7 @@ pub const SETTINGS: [Setting; 19] = [
         unit: None,
         what: "Whether what has no direction becomes spherical harmonics in the place of lights; adaptive alone.",
         value: |c| json!(c.pipeline.ambient),
-        wish: |c, v| c.ambient = v.as_bool(),
+        set: |c, v| put(&mut c.pipeline.ambient, v.as_bool()),
         in_use: |c| c.pipeline.sampler.estimates_error(),
     },
     Setting {
@@ -85,7 +101,7 @@ pub const SETTINGS: [Setting; 19] = [
         unit: Some("ratio"),
         what: "A split of the last frame is kept unless another matters more by this share: more flickers less and follows later.",
         value: |c| json!(shortest(c.pipeline.tuning.threshold)),
-        wish: |c, v| c.threshold = v.as_f64().map(|t| t as f32),
+        set: |c, v| put(&mut c.pipeline.tuning.threshold, real(v)),
         in_use: |c| c.pipeline.sampler.is_q2tree(),
     },
     Setting {
@@ -96,7 +112,7 @@ pub const SETTINGS: [Setting; 19] = [
         unit: Some("frames"),
         what: "Frames that the filter of hemigon-fir spans: more flickers less and follows later; 1 filters nothing.",
         value: |c| json!(c.pipeline.tuning.taps),
-        wish: |c, v| c.taps = v.as_u64().and_then(|n| usize::try_from(n).ok()),
+        set: |c, v| put(&mut c.pipeline.tuning.taps, whole(v)),
         in_use: |c| c.pipeline.sampler == SamplerKind::HemigonFir,
     },
     Setting {
@@ -107,7 +123,7 @@ pub const SETTINGS: [Setting; 19] = [
         unit: Some("Hz"),
         what: "Changes faster than this are filtered out by hemigon-fir, at ten frames a second; at other rates it scales with them.",
         value: |c| json!(shortest(c.pipeline.tuning.cutoff_hz)),
-        wish: |c, v| c.cutoff_hz = v.as_f64().map(|f| f as f32),
+        set: |c, v| put(&mut c.pipeline.tuning.cutoff_hz, real(v)),
         in_use: |c| c.pipeline.sampler == SamplerKind::HemigonFir,
     },
     Setting {
@@ -118,9 +134,8 @@ pub const SETTINGS: [Setting; 19] = [
         unit: Some("s"),
         what: "The exposure times of a burst, rising; without them the source's own.",
         value: |c| json!(c.exposures_s),
-        wish: |c, v| {
-            let times = v.as_array().map(|list| list.iter().filter_map(Value::as_f64).collect());
-            c.exposures_s = Some(times);
+        set: |c, v| {
+            c.exposures_s = v.as_array().map(|list| list.iter().filter_map(Value::as_f64).collect());
         },
         in_use: |_| true,
     },
@@ -132,7 +147,7 @@ pub const SETTINGS: [Setting; 19] = [
         unit: Some("(8 x 4^order texels)"),
         what: "Size of the HEALPix map: each step doubles its resolution and quadruples its memory. Without it, 6, or 7 from 256 lights on.",
         value: |c| json!(c.pipeline.order),
-        wish: |c, v| c.order = Some(v.as_u64().and_then(|n| u8::try_from(n).ok())),
+        set: |c, v| c.pipeline.order = whole(v),
         in_use: |_| true,
     },
     Setting {
@@ -143,9 +158,9 @@ pub const SETTINGS: [Setting; 19] = [
         unit: None,
         what: "What stands for the part of the hemisphere that the lens does not see: darkness, or the average of what it sees.",
         value: |c| json!(extrapolation_name(c.pipeline.extrapolation)),
-        wish: |c, v| {
-            c.extrapolation =
-                EXTRAPOLATIONS.iter().find(|(name, _)| v.as_str() == Some(*name)).map(|(_, e)| *e);
+        set: |c, v| {
+            let known = EXTRAPOLATIONS.iter().find(|(name, _)| v.as_str() == Some(*name));
+            put(&mut c.pipeline.extrapolation, known.map(|(_, e)| *e));
         },
         in_use: |_| true,
     },
@@ -164,7 +179,7 @@ pub const SETTINGS: [Setting; 19] = [
         unit: Some("sets"),
         what: "Most light sets made per frame beside the probe's own, for clients that request other numbers of lights or ambient light; more requests share them.",
         value: |c| json!(c.tiers),
-        wish: |c, v| c.tiers = v.as_u64().and_then(|n| usize::try_from(n).ok()),
+        set: |c, v| put(&mut c.tiers, whole(v)),
         in_use: |_| true,
     },
     Setting {
@@ -175,7 +190,7 @@ pub const SETTINGS: [Setting; 19] = [
         unit: None,
         what: "Whether screenshot may draw its debug picture, which costs a copy of the map each time.",
         value: |c| json!(c.gui),
-        wish: |c, v| c.gui = v.as_bool(),
+        set: |c, v| put(&mut c.gui, v.as_bool()),
         in_use: |_| true,
     },
 ];

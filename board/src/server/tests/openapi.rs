@@ -2,6 +2,7 @@
 
 use super::security::locked;
 use super::*;
+use crate::server::client::OPENAPI;
 use crate::server::routes::ROUTES;
 use std::collections::BTreeSet;
 
@@ -14,7 +15,7 @@ fn the_description_has_short_lines() {
 }
 
 fn document() -> Value {
-    serde_json::from_str(include_str!("../openapi.json")).expect("JSON")
+    serde_json::from_str(&OPENAPI).expect("JSON")
 }
 
 /// A path that can be asked for.
