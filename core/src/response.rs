@@ -57,6 +57,9 @@ pub enum Response {
     Srgb,
     /// y = c4 x^4 + c3 x^3 + c2 x^2 + c1 x + c0 for red, green and blue, highest power first.
     Polynomial([[f64; 5]; 3]),
+    /// y = sum of c_i B_i(x) for red, green and blue, with the Bernstein polynomials B_0..=B_8 of degree 8: monotone where the
+    /// coefficients ascend.
+    Bernstein([[f64; 9]; 3]),
 }
 
 impl Response {
@@ -70,9 +73,23 @@ impl Response {
             Self::Linear => x.max(-1.0),
             Self::Srgb if x <= 0.040_45 => x.max(0.0) / 12.92,
             Self::Srgb => libm::pow((x + 0.055) / 1.055, 2.4),
+            Self::Bernstein(c) => bernstein(&c[channel % 3], x.max(0.0)),
             Self::Polynomial(c) => c[channel % 3].iter().fold(0.0, |sum, k| sum * x.max(0.0) + k).max(0.0),
         }
     }
+}
+
+/// A polynomial by its Bernstein coefficients: de Casteljau's algorithm.
+fn bernstein(coefficients: &[f64; 9], x: f64) -> f64 {
+    let mut c = *coefficients;
+    for used in (1..c.len()).rev() {
+        for i in 0..used {
+            if let [low, high, ..] = c[i..] {
+                c[i] = low + (high - low) * x;
+            }
+        }
+    }
+    c[0]
 }
 
 /// The reason why a response cannot be tabulated.

@@ -2,6 +2,7 @@
 
 pub mod baseline;
 pub mod bench;
+pub mod boards;
 pub mod burst;
 pub mod chart;
 pub mod cli;

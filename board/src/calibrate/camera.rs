@@ -3,12 +3,15 @@
 use nalgebra::{Matrix2x3, SMatrix, SVector, Vector2, Vector3};
 
 /// Number of intrinsic parameters.
-pub(super) const INTRINSICS: usize = 8;
+pub(super) const INTRINSICS: usize = 10;
 
 /// Derivatives of a pixel by the intrinsic parameters.
 pub(super) type ByIntrinsics = SMatrix<f64, 2, INTRINSICS>;
 
-/// Focal lengths and centre, pixels, then the four coefficients of \[KannalaBrandt2006\].
+/// Coefficients of the radial law that a lens file has; the others are 0 but in trials of whether the law is rich enough.
+pub(super) const KEPT: usize = 8;
+
+/// Focal lengths and centre, pixels, then the coefficients of \[KannalaBrandt2006\], two more than the lens file has.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Camera(pub SVector<f64, INTRINSICS>);
 
@@ -25,7 +28,7 @@ pub(super) struct Projection {
 impl Camera {
     /// An equidistant camera.
     pub fn equidistant(focal: f64, centre: Vector2<f64>) -> Self {
-        Self(SVector::from([focal, focal, centre.x, centre.y, 0.0, 0.0, 0.0, 0.0]))
+        Self(SVector::from([focal, focal, centre.x, centre.y, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
     }
 
     /// Focal lengths along columns and rows.
@@ -41,13 +44,14 @@ impl Camera {
     /// The radius at an angle from the axis, in focal lengths.
     pub fn radius(&self, theta: f64) -> f64 {
         let t = theta * theta;
-        theta * (1.0 + t * (self.0[4] + t * (self.0[5] + t * (self.0[6] + t * self.0[7]))))
+        theta * (1.0 + (4..INTRINSICS).rev().fold(0.0, |sum, i| t * (self.0[i] + sum)))
     }
 
     /// The derivative of [`Camera::radius`].
     pub fn slope(&self, theta: f64) -> f64 {
         let t = theta * theta;
-        1.0 + t * (3.0 * self.0[4] + t * (5.0 * self.0[5] + t * (7.0 * self.0[6] + t * 9.0 * self.0[7])))
+        let factor = |i: usize| (2 * i - 5) as f64;
+        1.0 + (4..INTRINSICS).rev().fold(0.0, |sum, i| t * (factor(i) * self.0[i] + sum))
     }
 
     /// The angle up to which the radius grows, at most pi.
@@ -113,7 +117,7 @@ impl Camera {
         d[(1, 1)] = n.y;
         d[(0, 2)] = 1.0;
         d[(1, 3)] = 1.0;
-        for power in 0..4 {
+        for power in 0..6 {
             let by_k = unit.component_mul(&self.focal()) * theta.powi(3 + 2 * power);
             d.set_column(4 + power as usize, &by_k);
         }

@@ -37,7 +37,7 @@ pub(super) fn first(seen: &[(usize, Vec<Sighting>)], size: [usize; 2], shape: Sh
     let half = 0.5 * size[0].max(size[1]) as f64;
     let starts = TRIED_DEGREES.iter().map(|degrees| Camera::equidistant(half / degrees.to_radians(), middle));
     let mut tried: Vec<(f64, Fit)> =
-        starts.filter_map(|camera| placed(Model { camera, shape }, seen)).collect();
+        starts.filter_map(|camera| placed(Model { camera, shape, rich: false }, seen)).collect();
     tried.sort_by(|a, b| a.0.total_cmp(&b.0));
     tried.truncate(CARRIED);
     let carried = tried.into_iter().map(|(_, mut fit)| {

@@ -32,10 +32,13 @@ pub struct Picture {
 pub struct Spread {
     /// The angle from the axis, degrees.
     pub angle_deg: f64,
-    /// Standard deviation of a direction, degrees: what the noise of the corners leaves open, at least half of `halves_deg`.
+    /// Standard deviation of a direction, degrees: what the noise of the corners leaves open or half of `halves_deg`, whichever is larger,
+    /// and `law_deg`.
     pub uncertainty_deg: f64,
     /// Difference of the lenses of the two halves of the pictures; none with fewer than six boards.
     pub halves_deg: Option<f64>,
+    /// Difference of a lens whose radial law has two coefficients more.
+    pub law_deg: f64,
 }
 
 /// A corner's pixel, and found minus computed pixel.
@@ -150,7 +153,7 @@ fn result(
 ) -> Result<Calibrated, LensRefusal> {
     let refused = || no_fit(fit.rms());
     let covered = covered(fit);
-    let covariance = uncertainty::of_parameters(fit).ok_or_else(refused)?;
+    let covariances = uncertainty::of_parameters(fit).ok_or_else(refused)?;
     Ok(Calibrated {
         lens: lens(&fit.model.camera, covered, size).ok_or_else(refused)?,
         size,
@@ -160,8 +163,8 @@ fn result(
         rms_px: fit.rms(),
         largest_px: fit.largest(),
         covered_deg: covered.to_degrees(),
-        deviations: uncertainty::deviations(&covariance),
-        spread: uncertainty::by_angle(fit, &covariance, covered),
+        deviations: uncertainty::deviations(&covariances),
+        spread: uncertainty::by_angle(fit, &covariances, covered),
         residuals: residuals(fit),
         bulge: fit.model.shape.bulge(),
     })

@@ -1,6 +1,6 @@
 //! Lens files with what is known of how they came about.
 
-use super::Calibrated;
+use super::{Calibrated, FittedResponse};
 use hemilux_core::lens::Model;
 use std::io::Write;
 use std::path::Path;
@@ -113,6 +113,39 @@ fn fill(document: &mut DocumentMut, calibrated: &Calibrated, square_mm: Option<f
     document["calibration"] = Item::Table(statement(calibrated, square_mm));
 }
 
+/// Writes the `[response]` table of a lens file that exists.
+///
+/// # Errors
+/// [`FileRefusal`]: no lens file, or, without `force`, one that has a response.
+pub fn write_response(path: &Path, fitted: &FittedResponse, force: bool) -> Result<(), FileRefusal> {
+    let mut document = read(path, false)?;
+    if document.get("lens").is_none() {
+        return Err(failed(path, &"no [lens] table: compute the lens first"));
+    }
+    if document.get("response").is_some() && !force {
+        return Err(FileRefusal::Better { path: path.display().to_string(), found: "a [response]".into() });
+    }
+    document["response"] = Item::Table(response_table(fitted));
+    save(path, &document.to_string())
+}
+
+/// The `[response]` table as text.
+#[must_use]
+pub fn response_text(fitted: &FittedResponse) -> String {
+    let mut document = DocumentMut::new();
+    document["response"] = Item::Table(response_table(fitted));
+    document.to_string()
+}
+
+fn response_table(fitted: &FittedResponse) -> Table {
+    let mut table = Table::new();
+    table["model"] = value("bernstein");
+    for (name, coefficients) in ["red", "green", "blue"].into_iter().zip(fitted.coefficients) {
+        table[name] = array(coefficients.map(|v| rounded(v, 9)));
+    }
+    table
+}
+
 fn array(values: impl IntoIterator<Item = f64>) -> Item {
     value(values.into_iter().collect::<Array>())
 }
@@ -158,6 +191,7 @@ fn statement(calibrated: &Calibrated, square_mm: Option<f64>) -> Table {
     table["typical_uncertainty_deg"] = value(rounded(typical(calibrated), 5));
     table["angle_deg"] = array(calibrated.spread.iter().map(|s| rounded(s.angle_deg, 2)));
     table["uncertainty_deg"] = array(calibrated.spread.iter().map(|s| rounded(s.uncertainty_deg, 5)));
+    table["law_deg"] = array(calibrated.spread.iter().map(|s| rounded(s.law_deg, 5)));
     if calibrated.spread.iter().all(|s| s.halves_deg.is_some()) {
         table["halves_deg"] =
             array(calibrated.spread.iter().filter_map(|s| s.halves_deg).map(|v| rounded(v, 5)));

@@ -5,6 +5,7 @@
 //! lens, poses and the shape of the board, which is never quite flat; corners that were missed are looked for again with its help.
 
 mod board;
+mod burst;
 mod camera;
 mod check;
 mod corners;
@@ -16,15 +17,20 @@ mod lens;
 mod lens_file;
 mod pose;
 mod residuals;
+mod response;
+#[cfg(test)]
+mod response_tests;
 mod shape;
 mod solve;
 mod target;
 mod uncertainty;
 
 pub use board::Board;
+pub use burst::exposed;
 pub use check::LensRefusal;
 pub use grey::Grey;
 pub use lens::{Calibrated, Picture, Spread, calibrate};
-pub use lens_file::{FileRefusal, write};
+pub use lens_file::{FileRefusal, response_text, write, write_response};
 pub use residuals::picture as residual_picture;
+pub use response::{Exposed, FittedResponse, Neighbours, ResponseRefusal, fit_response};
 pub use target::{Target, TargetRefusal, svg as target_svg};

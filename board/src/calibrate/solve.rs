@@ -1,6 +1,6 @@
 //! Robust least squares over intrinsic parameters and poses: Levenberg-Marquardt, each pose eliminated by its Schur complement.
 
-use super::camera::{Camera, INTRINSICS};
+use super::camera::{Camera, INTRINSICS, KEPT};
 use super::pose::{Pose, Sighting};
 use super::shape::{SHAPE, Shape};
 use nalgebra::{Matrix2x3, Rotation3, SMatrix, SVector, Vector2, Vector3};
@@ -12,7 +12,8 @@ const POSE: usize = 6;
 const SHARED: usize = INTRINSICS + SHAPE;
 
 /// Weights of the shared parameters before any corner is seen: the inverse of their standard deviations, for a residual of one pixel.
-const PRIOR: [f64; SHARED] = [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 500.0, 500.0, 20.0, 20.0, 20.0];
+const PRIOR: [f64; SHARED] =
+    [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 500.0, 500.0, 20.0, 20.0, 20.0];
 
 type Square = SMatrix<f64, SHARED, SHARED>;
 type Column = SVector<f64, SHARED>;
@@ -24,6 +25,8 @@ pub(super) struct Model {
     pub camera: Camera,
     /// The shape of the board.
     pub shape: Shape,
+    /// Whether all coefficients of the radial law are varied, not only those that a lens file has.
+    pub rich: bool,
 }
 
 impl Model {
@@ -37,7 +40,15 @@ impl Model {
     fn moved(&self, step: &Column) -> Self {
         let camera = Camera(self.camera.0 + step.fixed_rows::<INTRINSICS>(0));
         let values = self.shape.values + step.fixed_rows::<SHAPE>(INTRINSICS);
-        Self { camera, shape: self.shape.with(values) }
+        Self { camera, shape: self.shape.with(values), ..*self }
+    }
+
+    /// Calls `fix` for each shared parameter that is not varied.
+    fn fix(&self, mut fix: impl FnMut(usize)) {
+        self.shape.fix(|i| fix(INTRINSICS + i));
+        if !self.rich {
+            (KEPT..INTRINSICS).for_each(fix);
+        }
     }
 
     /// The pixel at which a view shows a corner.
@@ -203,7 +214,7 @@ fn shared_step(
         normal[(i, i)] += weight * weight;
         right[i] -= values[i] * weight * weight;
     }
-    model.shape.fix(|i| fixed(&mut normal, &mut right, INTRINSICS + i));
+    model.fix(|i| fixed(&mut normal, &mut right, i));
     (0..SHARED).for_each(|i| normal[(i, i)] *= 1.0 + damping);
     normal.cholesky().map(|c| c.solve(&right))
 }
@@ -216,15 +227,30 @@ fn fixed(normal: &mut Square, right: &mut Column, i: usize) {
     right[i] = 0.0;
 }
 
-/// The covariance of the camera's parameters for a residual of one pixel, poses and the board's shape free.
-pub(super) fn covariance(model: &Model, views: &[View]) -> Option<SMatrix<f64, INTRINSICS, INTRINSICS>> {
+/// Covariances of the camera's parameters, poses and the board's shape free.
+pub(super) struct Covariances {
+    /// For independent residuals of one pixel.
+    pub independent: SMatrix<f64, KEPT, KEPT>,
+    /// From the scatter of the views' gradients: corners of a picture that err alike, or a lens that the law does not describe, show there.
+    pub by_view: SMatrix<f64, KEPT, KEPT>,
+}
+
+/// The covariances at a fit.
+pub(super) fn covariances(model: &Model, views: &[View]) -> Option<Covariances> {
     let blocks: Vec<Block> = views.iter().map(|view| Block::of(view, model, f64::INFINITY)).collect();
-    let mut normal = Square::zeros();
+    let (mut normal, mut scatter) = (Square::zeros(), Square::zeros());
     for block in &blocks {
-        let inverse = block.damped(0.0)?;
-        normal += block.shared - block.mixed * inverse * block.mixed.transpose();
+        let eliminated = block.mixed * block.damped(0.0)?;
+        normal += block.shared - eliminated * block.mixed.transpose();
+        let gradient = block.right - eliminated * block.right_pose;
+        scatter += gradient * gradient.transpose();
     }
     PRIOR.iter().enumerate().for_each(|(i, weight)| normal[(i, i)] += weight * weight);
-    model.shape.fix(|i| fixed(&mut normal, &mut Column::zeros(), INTRINSICS + i));
-    Some(normal.try_inverse()?.fixed_view::<INTRINSICS, INTRINSICS>(0, 0).into_owned())
+    model.fix(|i| fixed(&mut normal, &mut Column::zeros(), i));
+    model.fix(|i| fixed(&mut scatter, &mut Column::zeros(), i));
+    let inverse = normal.try_inverse()?;
+    let count = views.len() as f64;
+    let scattered = inverse * scatter * inverse * (count / (count - 1.0).max(1.0));
+    let kept = |all: &Square| all.fixed_view::<KEPT, KEPT>(0, 0).into_owned();
+    Some(Covariances { independent: kept(&inverse), by_view: kept(&scattered) })
 }

@@ -1,9 +1,10 @@
 //! How well the pictures fix the directions of pixels.
 
 use super::camera::Camera;
+use super::camera::KEPT;
 use super::fit::Fit;
 use super::lens::Spread;
-use super::solve::covariance;
+use super::solve::{Covariances, Model, covariances};
 use nalgebra::{Matrix3x2, SMatrix, Vector3};
 use std::f64::consts::TAU;
 
@@ -11,22 +12,24 @@ use std::f64::consts::TAU;
 const AZIMUTHS: u32 = 24;
 
 /// Standard deviations of the camera's parameters.
-pub(super) type Deviations = [f64; 8];
+pub(super) type Deviations = [f64; KEPT];
 
 /// Covariance of the camera's parameters.
-type Covariance = SMatrix<f64, 8, 8>;
+type Covariance = SMatrix<f64, KEPT, KEPT>;
 
-/// The parameters' covariance at the error of the corners.
-pub(super) fn of_parameters(fit: &Fit) -> Option<Covariance> {
-    let unknowns = 8 + 6 * fit.views.len();
+/// The parameters' covariances at the error of the corners.
+pub(super) fn of_parameters(fit: &Fit) -> Option<Covariances> {
+    let unknowns = KEPT + 6 * fit.views.len();
     let free = (2 * fit.corners()).saturating_sub(unknowns).max(1);
     let squares: f64 = fit.rms().powi(2) * fit.corners() as f64;
-    Some(covariance(&fit.model, &fit.views)? * (squares / free as f64))
+    let Covariances { independent, by_view } = covariances(&fit.model, &fit.views)?;
+    Some(Covariances { independent: independent * (squares / free as f64), by_view })
 }
 
 /// Standard deviations of the parameters.
-pub(super) fn deviations(covariance: &Covariance) -> Deviations {
-    std::array::from_fn(|i| covariance[(i, i)].max(0.0).sqrt())
+pub(super) fn deviations(covariances: &Covariances) -> Deviations {
+    let variance = |i: usize| covariances.independent[(i, i)].max(covariances.by_view[(i, i)]);
+    std::array::from_fn(|i| variance(i).max(0.0).sqrt())
 }
 
 /// Directions all around at an angle from the axis.
@@ -43,19 +46,19 @@ fn degrees(squares: impl Iterator<Item = f64>) -> f64 {
 }
 
 /// The uncertainty by angle from the axis, each ten degrees and at the edge of the covered field.
-pub(super) fn by_angle(fit: &Fit, covariance: &Covariance, covered: f64) -> Vec<Spread> {
+pub(super) fn by_angle(fit: &Fit, covariances: &Covariances, covered: f64) -> Vec<Spread> {
     let halves = halves(fit);
     let tens =
         (0..18).map(|i| f64::from(i) * 10f64.to_radians()).take_while(|theta| *theta < covered - 0.035);
+    let rich = rich(fit);
     let spread = |theta: f64| {
-        let noise_deg = degrees(ring(theta).map(|d| variance(&fit.model.camera, covariance, &d)));
+        let noise = |of: &Covariance| degrees(ring(theta).map(|d| variance(&fit.model.camera, of, &d)));
+        let noise_deg = noise(&covariances.independent).max(noise(&covariances.by_view));
         let apart = |pair: &[Camera; 2]| degrees(ring(theta).map(|d| apart(&fit.model.camera, pair, &d)));
         let halves_deg = halves.as_ref().map(apart);
-        Spread {
-            angle_deg: theta.to_degrees(),
-            uncertainty_deg: noise_deg.max(0.5 * halves_deg.unwrap_or(0.0)),
-            halves_deg,
-        }
+        let law_deg = apart(&[fit.model.camera, rich]);
+        let uncertainty_deg = noise_deg.max(0.5 * halves_deg.unwrap_or(0.0)).hypot(law_deg);
+        Spread { angle_deg: theta.to_degrees(), uncertainty_deg, halves_deg, law_deg }
     };
     tens.chain([covered]).map(spread).collect()
 }
@@ -67,7 +70,7 @@ fn variance(camera: &Camera, covariance: &Covariance, direction: &Vector3<f64>) 
         direction.cross(&if direction.z.abs() < 0.9 { Vector3::z() } else { Vector3::x() }).normalize();
     let tangents = Matrix3x2::from_columns(&[first, direction.cross(&first)]);
     let Some(inverse) = (p.by_point * tangents).try_inverse() else { return f64::INFINITY };
-    let by_parameters = inverse * p.by_intrinsics;
+    let by_parameters = inverse * p.by_intrinsics.fixed_columns::<KEPT>(0);
     (by_parameters * covariance * by_parameters.transpose()).trace().max(0.0)
 }
 
@@ -80,6 +83,14 @@ fn halves(fit: &Fit) -> Option<[Camera; 2]> {
         half.model.camera
     };
     (fit.views.len() >= 6).then(|| [half(0), half(1)])
+}
+
+/// The camera whose radial law has two coefficients more: where it differs, four do not describe the lens.
+fn rich(fit: &Fit) -> Camera {
+    let mut rich =
+        Fit { model: Model { rich: true, ..fit.model }, views: fit.views.clone(), pictures: Vec::new() };
+    rich.polish();
+    rich.model.camera
 }
 
 /// The square of the angle between the directions that two cameras give a pixel.

@@ -1,7 +1,10 @@
 //! `hemilux calibrate`: what a probe must know of its camera.
 
 use super::{Failure, say};
-use crate::calibrate::{Board, Calibrated, Picture, Target, calibrate, residual_picture, target_svg, write};
+use crate::calibrate::{
+    Board, Calibrated, Picture, Target, calibrate, exposed, fit_response, residual_picture, response_text,
+    target_svg, write, write_response,
+};
 use crate::recorded::read_grey;
 use clap::{Args, Subcommand};
 use std::fmt::Write;
@@ -19,6 +22,20 @@ enum CalibrateCommand {
     Target(TargetOptions),
     /// Compute the lens from pictures of a chessboard.
     Lens(LensOptions),
+    /// Compute the response from a recorded burst of a still scene.
+    Response(ResponseOptions),
+}
+
+#[derive(Debug, Args)]
+struct ResponseOptions {
+    /// Folder of the burst, with its burst.toml: at least 3 exposures 1 to 2 stops apart, camera and scene still.
+    burst: PathBuf,
+    /// Lens file in which the [response] is written; without it, the table goes to stdout.
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Replace the [response] that the lens file has.
+    #[arg(long)]
+    force: bool,
 }
 
 #[derive(Debug, Args)]
@@ -60,6 +77,7 @@ pub(super) fn run(options: &Calibrate) -> Result<(), Failure> {
             say(&target_svg(&target).map_err(|e| Failure::usage(format!("--square-mm: {e}")))?)
         }
         CalibrateCommand::Lens(options) => lens(options),
+        CalibrateCommand::Response(options) => response(options),
     }
 }
 
@@ -74,6 +92,24 @@ fn lens(options: &LensOptions) -> Result<(), Failure> {
         })?;
     }
     say(&report(&calibrated, &options.out))
+}
+
+fn response(options: &ResponseOptions) -> Result<(), Failure> {
+    let (_, frames, step) = exposed(&options.burst).map_err(Failure::new)?;
+    let refused = |e| Failure::new(format!("{}: {e}", options.burst.display()));
+    let fitted = fit_response(&frames, step).map_err(refused)?;
+    for n in &fitted.neighbours {
+        eprintln!(
+            "hemilux: exposures of the ratio {:.3}: {:.3} by the pictures, they agree within {:.1} % in the median",
+            n.declared,
+            n.estimated,
+            100.0 * n.disagreement
+        );
+    }
+    match &options.out {
+        Some(path) => write_response(path, &fitted, options.force).map_err(Failure::new),
+        None => say(&response_text(&fitted)),
+    }
 }
 
 fn picture(path: &Path) -> Result<Picture, Failure> {

@@ -309,6 +309,12 @@ impl LensTable {
     }
 }
 
+/// The coefficients of a monotone curve.
+fn nine_ascending(values: Option<&[f64]>) -> Option<[f64; 9]> {
+    let nine = <[f64; 9]>::try_from(values?).ok()?;
+    (nine.is_sorted() && nine[0] >= 0.0 && nine[8] <= 1.0).then_some(nine)
+}
+
 impl ResponseTable {
     pub(super) fn response(&self, path: &Path) -> Result<Response, RecordedError> {
         let channels = [("red", &self.red), ("green", &self.green), ("blue", &self.blue)];
@@ -326,8 +332,21 @@ impl ResponseTable {
                 }
                 Ok(Response::Polynomial(polynomial))
             }
+            "bernstein" => {
+                let mut rows = [[0.0; 9]; 3];
+                for (row, (name, values)) in rows.iter_mut().zip(channels) {
+                    *row = nine_ascending(values.as_deref()).ok_or_else(|| {
+                        RecordedError::new(
+                            path,
+                            format!("the coefficients of {name}"),
+                            "nine that ascend from 0 to 1",
+                        )
+                    })?;
+                }
+                Ok(Response::Bernstein(rows))
+            }
             other => {
-                let expected = "linear, srgb or polynomial";
+                let expected = "linear, srgb, polynomial or bernstein";
                 Err(RecordedError::new(path, format!("the response model {other:?}"), expected))
             }
         }

@@ -1,0 +1,374 @@
+//! The response of a camera from exposures of one still scene.
+//!
+//! The logarithms of the exposures of one pixel in two frames differ by the logarithm of the frames' ratio, whatever the pixel's light:
+//! \[MitsunagaNayar1999\]. The curve is a sum of Bernstein polynomials with ascending coefficients, hence monotone; the ratios are
+//! estimated with it, held near the declared ones, since any power of a curve fits as well with other ratios.
+
+use nalgebra::{DMatrix, DVector};
+
+/// Coefficients of a curve.
+pub(super) const COEFFICIENTS: usize = 9;
+
+/// Relative codes that are used: below, noise and quantisation prevail; above, samples clip.
+const USED: std::ops::Range<f32> = 0.05..0.96;
+
+/// Least relative code of the shorter frame.
+const LEAST: f64 = 0.035;
+
+/// Weight of the second differences of the logarithms of a curve's increments.
+const SMOOTH: f64 = 2.0;
+
+/// Bins of the longer frame's codes, and fewest pixels of one.
+const BINS: usize = 256;
+const FEWEST_IN_BIN: usize = 8;
+
+/// Standard deviation of the logarithm of a declared ratio, and the weight of all ratios: the curve's power hangs on what most of them are.
+const RATIO_DEVIATION: f64 = 0.01;
+const RATIO_WEIGHT: f64 = 30.0;
+
+/// One frame: relative codes, 0 at black and 1 at white, of red, green and blue of each pixel.
+#[derive(Clone, Debug, Default)]
+pub struct Exposed {
+    /// Time x gain, as declared.
+    pub exposure: f64,
+    /// The relative codes.
+    pub codes: Vec<[f32; 3]>,
+}
+
+/// Why no response was computed.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ResponseRefusal {
+    /// Too few frames.
+    #[error("found {0} frame(s), expected at least 3 exposures of one still scene")]
+    FewFrames(usize),
+    /// Too few pixels are well exposed in two neighbouring frames.
+    #[error(
+        "found {found} pixels that are well exposed in two neighbouring frames, expected at least {expected}: take exposures 1 to 2 stops apart of a scene with bright and dark parts"
+    )]
+    FewPixels {
+        /// How many.
+        found: usize,
+        /// How many are needed.
+        expected: usize,
+    },
+    /// Declared exposures are wrong, or the camera changes its response from frame to frame.
+    #[error(
+        "found exposures whose ratio is {estimated:.2} by the pictures, expected {declared:.2} as declared: check the exposure times, and \
+         switch off automatic exposure, gain and white balance, wide dynamic range and tone mapping"
+    )]
+    Ratio {
+        /// The ratio by the data.
+        estimated: f64,
+        /// The declared ratio.
+        declared: f64,
+    },
+    /// The frames contradict each other.
+    #[error(
+        "found neighbouring exposures that disagree by {percent:.1} % in the median, expected at most {most_percent:.0} %: keep the scene and \
+         the camera still, and switch off automatic exposure, gain and white balance, wide dynamic range, tone mapping, noise reduction \
+         and sharpening"
+    )]
+    Contradiction {
+        /// Median disagreement.
+        percent: f64,
+        /// Largest that is accepted.
+        most_percent: f64,
+    },
+}
+
+/// Two neighbouring frames.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Neighbours {
+    /// Declared ratio of their exposures, the longer over the shorter.
+    pub declared: f64,
+    /// The ratio by the data.
+    pub estimated: f64,
+    /// Median disagreement of the two frames' relative exposures.
+    pub disagreement: f64,
+}
+
+/// A response with how well it fits.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FittedResponse {
+    /// Bernstein coefficients of red, green and blue.
+    pub coefficients: [[f64; COEFFICIENTS]; 3],
+    /// Pairs of frames in ascending order of exposure.
+    pub neighbours: Vec<Neighbours>,
+    /// Median disagreement over all pairs.
+    pub disagreement: f64,
+}
+
+/// Largest deviation of a ratio from the declared one.
+const MOST_RATIO: f64 = 0.3;
+
+/// Largest median disagreement of a response.
+const MOST_DISAGREEMENT: f64 = 0.06;
+
+/// Fewest pairs of samples.
+const FEWEST_PAIRS: usize = 100;
+
+/// Pixels of one code in the longer of two frames.
+#[derive(Clone, Copy, Debug)]
+struct Pair {
+    channel: usize,
+    /// The longer of the two frames' number.
+    step: usize,
+    /// Bernstein polynomials at the code of the shorter and of the longer frame.
+    shorter: [f64; COEFFICIENTS],
+    longer: [f64; COEFFICIENTS],
+    codes: [f64; 2],
+    /// Number of pixels.
+    count: f64,
+}
+
+/// Fits the response to frames in ascending order of exposure; `step` is the size of one code in relative codes.
+///
+/// # Errors
+/// [`ResponseRefusal`].
+pub fn fit_response(frames: &[Exposed], step: f64) -> Result<FittedResponse, ResponseRefusal> {
+    if frames.len() < 3 {
+        return Err(ResponseRefusal::FewFrames(frames.len()));
+    }
+    let pairs = pairs(frames);
+    if pairs.len() < FEWEST_PAIRS {
+        return Err(ResponseRefusal::FewPixels { found: pairs.len(), expected: FEWEST_PAIRS });
+    }
+    let declared: Vec<f64> = frames.windows(2).map(|f| (f[1].exposure / f[0].exposure).ln()).collect();
+    let problem = Problem { pairs: &pairs, declared: &declared, step };
+    let starts = [1.0, 1.8, 2.6].map(|power| problem.solve(problem.start(power)));
+    let best = starts
+        .into_iter()
+        .filter(|(loss, _)| loss.is_finite())
+        .min_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, p)| p);
+    let fitted = problem.result(&best.unwrap_or_else(|| problem.start(1.0)), frames);
+    let is_off = |n: &&Neighbours| (n.estimated / n.declared).ln().abs() > MOST_RATIO;
+    if let Some(&Neighbours { declared, estimated, .. }) = fitted.neighbours.iter().find(is_off) {
+        return Err(ResponseRefusal::Ratio { estimated, declared });
+    }
+    if fitted.disagreement > MOST_DISAGREEMENT {
+        let percent = 100.0 * fitted.disagreement;
+        return Err(ResponseRefusal::Contradiction { percent, most_percent: 100.0 * MOST_DISAGREEMENT });
+    }
+    Ok(fitted)
+}
+
+/// The Bernstein polynomials of degree 8 at `x`.
+fn bernstein(x: f64) -> [f64; COEFFICIENTS] {
+    const BINOMIALS: [f64; COEFFICIENTS] = [1.0, 8.0, 28.0, 56.0, 70.0, 56.0, 28.0, 8.0, 1.0];
+    std::array::from_fn(|i| BINOMIALS[i] * x.powi(i as i32) * (1.0 - x).powi(8 - i as i32))
+}
+
+fn pairs(frames: &[Exposed]) -> Vec<Pair> {
+    let mut pairs = Vec::new();
+    for (step, pair) in frames.windows(2).enumerate() {
+        for channel in 0..3 {
+            pairs.extend(pairs_of(&pair[0], &pair[1], channel, step));
+        }
+    }
+    pairs
+}
+
+/// One pair for each code of the longer frame, with the middle half of the shorter frame's codes averaged: their noise is that of many
+/// pixels, and textures that moved drop out.
+fn pairs_of(shorter: &Exposed, longer: &Exposed, channel: usize, step: usize) -> Vec<Pair> {
+    let mut bins: Vec<Vec<[f32; 2]>> = vec![Vec::new(); BINS];
+    for (a, b) in shorter.codes.iter().zip(&longer.codes) {
+        if USED.contains(&b[channel]) {
+            bins[(b[channel] * BINS as f32) as usize % BINS].push([a[channel], b[channel]]);
+        }
+    }
+    let pair = |bin: Vec<[f32; 2]>| {
+        let (codes, count) = middle(bin)?;
+        (codes[0] > LEAST).then(|| Pair {
+            channel,
+            step,
+            count,
+            shorter: bernstein(codes[0]),
+            longer: bernstein(codes[1]),
+            codes,
+        })
+    };
+    bins.into_iter().filter_map(pair).collect()
+}
+
+/// The mean of the middle half, by the shorter frame's code, and its number of pixels.
+fn middle(mut bin: Vec<[f32; 2]>) -> Option<([f64; 2], f64)> {
+    bin.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let quarter = bin.len() / 4;
+    let kept = bin.get(quarter..bin.len() - quarter).filter(|kept| kept.len() >= FEWEST_IN_BIN)?;
+    let count = kept.len() as f64;
+    let mean = |i: usize| kept.iter().map(|pair| f64::from(pair[i])).sum::<f64>() / count;
+    Some(([mean(0), mean(1)], count))
+}
+
+/// Least squares over the logarithms of the curve's increments and of the ratios.
+struct Problem<'a> {
+    pairs: &'a [Pair],
+    declared: &'a [f64],
+    step: f64,
+}
+
+/// Values and slopes of a curve at both codes of a pair.
+struct Values {
+    shorter: f64,
+    longer: f64,
+    slopes: [f64; 2],
+}
+
+impl Problem<'_> {
+    /// Parameters: nine logarithms of increments for each channel, then the logarithms of the ratios.
+    fn start(&self, power: f64) -> DVector<f64> {
+        let node = |i: usize| (i as f64 / (COEFFICIENTS - 1) as f64).powf(power);
+        let increments = (0..COEFFICIENTS).map(|i| if i == 0 { -10.0 } else { (node(i) - node(i - 1)).ln() });
+        let curves = (0..3).flat_map(|_| increments.clone());
+        DVector::from_vec(curves.chain(self.declared.iter().copied()).collect())
+    }
+
+    fn coefficients(p: &DVector<f64>, channel: usize) -> [f64; COEFFICIENTS] {
+        let increments: [f64; COEFFICIENTS] = std::array::from_fn(|i| p[channel * COEFFICIENTS + i].exp());
+        let total: f64 = increments.iter().sum();
+        let mut sum = 0.0;
+        increments.map(|d| {
+            sum += d / total;
+            sum.min(1.0)
+        })
+    }
+
+    fn values(pair: &Pair, c: &[f64; COEFFICIENTS]) -> Values {
+        let dot = |basis: &[f64; COEFFICIENTS]| basis.iter().zip(c).map(|(b, c)| b * c).sum::<f64>();
+        let slope = |x: f64| {
+            let h = 1e-3;
+            let at = |x: f64| dot(&bernstein(x));
+            (at(x + h) - at(x - h)) / (2.0 * h)
+        };
+        Values { shorter: dot(&pair.shorter), longer: dot(&pair.longer), slopes: pair.codes.map(slope) }
+    }
+
+    /// Residuals in standard deviations: of the pairs, of the ratios, and a weak one that holds increments in range.
+    fn residuals(&self, p: &DVector<f64>, weights: &[f64]) -> DVector<f64> {
+        let curves: [[f64; COEFFICIENTS]; 3] = std::array::from_fn(|channel| Self::coefficients(p, channel));
+        let ratios = 3 * COEFFICIENTS;
+        let of_pair = |(pair, weight): (&Pair, &f64)| {
+            let dot = |basis: &[f64; COEFFICIENTS]| {
+                basis.iter().zip(&curves[pair.channel]).map(|(b, c)| b * c).sum::<f64>()
+            };
+            weight * ((dot(&pair.longer) / dot(&pair.shorter)).ln() - p[ratios + pair.step])
+        };
+        let data = self.pairs.iter().zip(weights).map(of_pair);
+        let off = |i: usize| (p[ratios + i] - self.declared[i]) / RATIO_DEVIATION;
+        let held = (0..self.declared.len())
+            .map(|i| RATIO_WEIGHT * off(i).signum() * (off(i) * off(i)).ln_1p().sqrt());
+        // A constant curve fits ratios of one: a ratio far from the declared one costs more than the loss above.
+        let leash = (0..self.declared.len()).map(|i| RATIO_WEIGHT * 0.05 * off(i));
+        let weak = (0..ratios)
+            .map(|i| if i % COEFFICIENTS == 0 { 0.5 * (p[i] + 12.0) } else { 0.01 * (p[i] + 2.0) });
+        // Exposures in equal steps leave waves of that period open: the smoothest curve is taken.
+        let bend = |i: usize| SMOOTH * (p[i - 1] - 2.0 * p[i] + p[i + 1]);
+        let inner = (0..ratios).filter(|i| (2..COEFFICIENTS - 1).contains(&(i % COEFFICIENTS))).map(bend);
+        DVector::from_vec(data.chain(held).chain(leash).chain(weak).chain(inner).collect())
+    }
+
+    /// The weight of each pair: quantisation and noise of both codes as the curve propagates them, and less for outliers.
+    fn weights(&self, p: &DVector<f64>) -> Vec<f64> {
+        let curves: [[f64; COEFFICIENTS]; 3] = std::array::from_fn(|channel| Self::coefficients(p, channel));
+        let ratios = 3 * COEFFICIENTS;
+        let weight = |pair: &Pair| {
+            let v = Self::values(pair, &curves[pair.channel]);
+            let relative = |slope: f64, value: f64| (self.step * slope / value).powi(2);
+            let variance =
+                (relative(v.slopes[0], v.shorter) + relative(v.slopes[1], v.longer)) / pair.count + 2.5e-5;
+            let off = (v.longer / v.shorter).ln() - p[ratios + pair.step];
+            (1.0 / (variance * (1.0 + off * off / (9.0 * variance)))).sqrt()
+        };
+        self.pairs.iter().map(weight).collect()
+    }
+
+    /// Levenberg-Marquardt with weights that are renewed; returns the robust loss and the parameters.
+    fn solve(&self, mut p: DVector<f64>) -> (f64, DVector<f64>) {
+        let mut damping = 1e-2;
+        for _ in 0..40 {
+            let weights = self.weights(&p);
+            let residuals = self.residuals(&p, &weights);
+            let jacobian = self.jacobian(&p, &weights, &residuals);
+            let (normal, right) = (jacobian.transpose() * &jacobian, jacobian.transpose() * &residuals);
+            let mut damped = normal.clone();
+            (0..p.len()).for_each(|i| damped[(i, i)] *= 1.0 + damping);
+            let Some(step) = damped.cholesky().map(|c| c.solve(&right)) else { break };
+            let next = &p - &step;
+            let gained = self.residuals(&next, &weights).norm_squared() < residuals.norm_squared();
+            damping = if gained { damping * 0.3 } else { damping * 8.0 };
+            if gained {
+                p = next;
+            }
+            if step.amax() < 1e-5 {
+                break;
+            }
+        }
+        let weights = self.weights(&p);
+        let residuals = self.residuals(&p, &weights);
+        // The weight of an outlier is lowered by its residual: undone, its square enters the Cauchy loss.
+        let cauchy = |r: f64| 9.0 * ((r * r / 9.0) / (1.0 - r * r / 9.0).max(1e-9)).ln_1p();
+        let (data, held) = residuals.as_slice().split_at(weights.len());
+        let loss = data.iter().copied().map(cauchy).sum::<f64>() + held.iter().map(|r| r * r).sum::<f64>();
+        (loss, p)
+    }
+
+    /// Derivatives by differences.
+    fn jacobian(&self, p: &DVector<f64>, weights: &[f64], residuals: &DVector<f64>) -> DMatrix<f64> {
+        const H: f64 = 1e-5;
+        let column = |i: usize| {
+            let mut moved = p.clone();
+            moved[i] += H;
+            (self.residuals(&moved, weights) - residuals) / H
+        };
+        DMatrix::from_columns(&(0..p.len()).map(column).collect::<Vec<_>>())
+    }
+
+    fn result(&self, p: &DVector<f64>, frames: &[Exposed]) -> FittedResponse {
+        let curves: [[f64; COEFFICIENTS]; 3] = std::array::from_fn(|channel| Self::coefficients(p, channel));
+        let logarithms = |step: usize| sorted(logarithms(&frames[step..step + 2], &curves));
+        let all: Vec<Vec<f64>> = (0..self.declared.len()).map(logarithms).collect();
+        // Without samples that are trusted in both frames, the fit's own ratio stands.
+        let own = |step: usize| p[3 * COEFFICIENTS + step];
+        let ratio = |(step, values): (usize, &Vec<f64>)| {
+            if values.is_empty() { own(step) } else { middle_of(values) }
+        };
+        let ratios: Vec<f64> = all.iter().enumerate().map(ratio).collect();
+        let off = |step: usize| sorted(all[step].iter().map(|v| (v - ratios[step]).exp_m1().abs()).collect());
+        let off: Vec<Vec<f64>> = (0..all.len()).map(off).collect();
+        let neighbours = |(step, declared): (usize, &f64)| Neighbours {
+            declared: declared.exp(),
+            estimated: ratios[step].exp(),
+            disagreement: middle_of(&off[step]),
+        };
+        let neighbours = self.declared.iter().enumerate().map(neighbours).collect();
+        FittedResponse { coefficients: curves, neighbours, disagreement: middle_of(&sorted(off.concat())) }
+    }
+}
+
+fn sorted(mut values: Vec<f64>) -> Vec<f64> {
+    values.sort_by(f64::total_cmp);
+    values
+}
+
+/// The median of sorted values.
+fn middle_of(sorted: &[f64]) -> f64 {
+    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// Logarithms of the ratios of the samples that the merge trusts in both of two frames.
+fn logarithms(frames: &[Exposed], curves: &[[f64; COEFFICIENTS]; 3]) -> Vec<f64> {
+    const TRUSTED: std::ops::Range<f32> = 0.0627..0.98;
+    let exposure = |code: f32, channel: usize| {
+        let basis = bernstein(code.into());
+        basis.iter().zip(&curves[channel]).map(|(b, c)| b * c).sum::<f64>()
+    };
+    let of_channel = |channel: usize| {
+        let codes = frames[0].codes.iter().zip(&frames[1].codes).map(move |(a, b)| [a[channel], b[channel]]);
+        let both = codes.filter(|[a, b]| TRUSTED.contains(a) && TRUSTED.contains(b));
+        both.map(move |[a, b]| (exposure(b, channel) / exposure(a, channel)).ln())
+    };
+    (0..3).flat_map(of_channel).collect()
+}
