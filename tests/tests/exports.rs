@@ -143,6 +143,27 @@ fn of_csv(file: &str) -> Vec<Read> {
     .collect()
 }
 
+fn of_text(file: &str) -> Vec<Read> {
+    let lights = file.lines().filter(|line| !line.starts_with('#'));
+    let light = |line| {
+        let values = numbers(line);
+        Read { direction: triple(&values[1..]), irradiance: triple(&values[4..]) }
+    };
+    lights.map(light).collect()
+}
+
+fn of_xml(file: &str) -> Vec<Read> {
+    let document = roxmltree::Document::parse(file).expect("XML");
+    let lights = document.descendants().filter(|n| n.has_tag_name("light"));
+    let light = |n: roxmltree::Node<'_, '_>| {
+        let triple = |names: [&str; 3]| {
+            names.map(|name| n.attribute(name).and_then(|v| v.parse().ok()).expect("a number"))
+        };
+        Read { direction: triple(["x", "y", "z"]), irradiance: triple(["r", "g", "b"]) }
+    };
+    lights.map(light).collect()
+}
+
 fn read(form: Form, file: &[u8]) -> Vec<Read> {
     let text = || std::str::from_utf8(file).expect("UTF-8");
     match form {
@@ -150,11 +171,14 @@ fn read(form: Form, file: &[u8]) -> Vec<Read> {
         Form::Usda => of_usda(text()),
         Form::Radiance => of_radiance(text()),
         Form::Mitsuba => of_mitsuba(text()),
+        Form::Text => of_text(text()),
+        Form::Xml => of_xml(text()),
         _ => of_csv(text()),
     }
 }
 
-const FORMS: [Form; 5] = [Form::Glb, Form::Usda, Form::Radiance, Form::Mitsuba, Form::Csv];
+const FORMS: [Form; 7] =
+    [Form::Glb, Form::Usda, Form::Radiance, Form::Mitsuba, Form::Csv, Form::Text, Form::Xml];
 
 #[test]
 fn each_form_keeps_directions_and_irradiances() {
@@ -224,7 +248,7 @@ fn comments_name_unit_stale_source_and_ambient_energy_left_out() {
     let mut sh = Sh9::default();
     // A constant radiance of 1 has the coefficient 2 sqrt(pi) and the flux 4 pi.
     sh[0] = [3.544_907_7; 3];
-    let reason = "unplugged -- \"see\nbelow\" -->";
+    let reason = "unplugged -- \"see\nbelow\" ---> \u{ffff}";
     for form in FORMS {
         let set = LightSet {
             run: "k3v9x",

@@ -1,6 +1,6 @@
 //! A Mitsuba 3 scene: one `directional` emitter for each light, for `<include>` or as a scene of its own.
 
-use super::{Numbers, Text, notes};
+use super::{Numbers, Text, notes, xml_comment};
 use hemilux_core::color::luminance;
 use hemilux_core::wire::LightSet;
 
@@ -16,8 +16,7 @@ pub(super) fn text(set: &LightSet<'_>) -> String {
     let mut text = Text::default();
     text.line("<?xml version=\"1.0\" encoding=\"UTF-8\"?>");
     for note in notes(set, &LOSSES) {
-        // A comment of XML holds no two hyphens.
-        text.line(format_args!("<!-- {} -->", note.replace("--", "- ").trim_end_matches('-')));
+        text.line(xml_comment(&note));
     }
     text.line("<scene version=\"3.0.0\">");
     for light in set.lights {

@@ -124,6 +124,10 @@ impl Form {
     }
 }
 
+/// What plain text and XML cannot hold.
+const PLAIN: [&str; 1] =
+    ["left out: radius, age and parent of each light, the set's sums and estimated error; JSON has them"];
+
 /// Appends `set` in the axes of `set.coordinates` to `bytes`.
 ///
 /// `map` is the path of a latitude-longitude map of the same scene, as the file is to name it; USD alone refers to it.
@@ -139,13 +143,20 @@ pub fn encode(
     form.axes(Some(set.coordinates))?;
     let text = match form {
         Form::Glb => return glb::write(set, bytes),
-        Form::Json | Form::Text | Form::Xml => {
-            let write = match form {
-                Form::Json => wire::json,
-                Form::Text => wire::text,
-                _ => wire::xml,
-            };
-            let Ok(()) = write(set, bytes);
+        Form::Json => {
+            let Ok(()) = wire::json(set, bytes);
+            return Ok(());
+        }
+        Form::Text => {
+            let comments: String = notes(set, &PLAIN).iter().map(|note| format!("# {note}\n")).collect();
+            bytes.extend_from_slice(comments.as_bytes());
+            let Ok(()) = wire::text(set, bytes);
+            return Ok(());
+        }
+        Form::Xml => {
+            let comments: String = notes(set, &PLAIN).iter().map(|note| xml_comment(note) + "\n").collect();
+            bytes.extend_from_slice(comments.as_bytes());
+            let Ok(()) = wire::xml(set, bytes);
             return Ok(());
         }
         Form::Csv => csv::text(set),
@@ -222,7 +233,13 @@ fn notes(set: &LightSet<'_>, losses: &[&str]) -> Vec<String> {
     notes.into_iter().map(|note| on_one_line(&note)).collect()
 }
 
-/// Control characters, which could end a comment of a line, become spaces.
+/// Control characters, which could end a comment of a line, and the characters that XML forbids become spaces.
 fn on_one_line(text: &str) -> String {
-    text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
+    let is_kept = |c: char| !c.is_control() && !matches!(c, '\u{fffe}' | '\u{ffff}');
+    text.chars().map(|c| if is_kept(c) { c } else { ' ' }).collect()
+}
+
+/// `note` as a comment of XML, which holds no two hyphens in a row.
+fn xml_comment(note: &str) -> String {
+    format!("<!-- {} -->", note.replace("--", "- ").trim_end_matches('-'))
 }
