@@ -179,6 +179,9 @@ fn at(folder: &Path, e: PipelineError) -> SimError {
     }
 }
 
+/// Largest number of samples of a frame that a ratio is measured on: of larger frames every n-th pixel. It bounds the memory.
+const MOST_SAMPLES: usize = 3 << 20;
+
 /// Exposure ratio of two neighbouring frames, by the manifest and by the pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ratio {
@@ -210,20 +213,29 @@ fn ratio(curve: &Curve<Vec<i32>>, pair: &[Frame]) -> Ratio {
     // A twentieth of full scale: below it quantisation decides.
     let least = 1 << (hemilux_core::response::CURVE_BITS - 5);
     let light = |f: &Frame| f.exposure.seconds * f.exposure.gain;
+    let step = sample_count(&pair[0]).div_ceil(MOST_SAMPLES);
     let [short, long] = [codes(&pair[0]), codes(&pair[1])];
-    let mut found: Vec<f64> = std::iter::zip(short, long)
+    let mut found: Vec<f32> = std::iter::zip(short, long)
         .enumerate()
+        .filter(|(i, _)| (i / 3) % step == 0)
         .filter(|(_, (a, b))| !curve.is_saturated(*b) && curve.is_trusted(*a))
         .map(|(i, (a, b))| (curve.exposure_q27(i % 3, a), curve.exposure_q27(i % 3, b)))
         .filter(|(a, _)| *a > least)
-        .map(|(a, b)| f64::from(b) / f64::from(a))
+        .map(|(a, b)| (f64::from(b) / f64::from(a)) as f32)
         .collect();
-    found.sort_by(f64::total_cmp);
+    found.sort_by(f32::total_cmp);
     Ratio {
         seconds: [pair[0].exposure.seconds, pair[1].exposure.seconds],
         nominal: light(&pair[1]) / light(&pair[0]),
-        measured: found.get(found.len() / 2).copied().unwrap_or(f64::NAN),
+        measured: found.get(found.len() / 2).map_or(f64::NAN, |ratio| f64::from(*ratio)),
         samples: found.len(),
+    }
+}
+
+fn sample_count(frame: &Frame) -> usize {
+    match &frame.pixels {
+        hemilux::calibration::Pixels::U8(v) => v.len(),
+        hemilux::calibration::Pixels::U16(v) => v.len(),
     }
 }
 
