@@ -3,7 +3,8 @@
 //! The centre of an angular map, of a mirror ball and the front face of a cross are the centre of the latitude-longitude map
 //! (azimuth 0, horizon); up is up. Angular maps and crosses are seen from inside, as latitude-longitude maps are. A mirror ball is a
 //! photograph of the ball, with left and right exchanged by the reflection. Strips of six faces are OpenEXR cube maps:
-//! +X, -X, +Y, -Y, +Z, -Z from the top, with OpenEXR's axes x, y, z along azimuth 90 degrees, the zenith and azimuth 0.
+//! +X, -X, +Y, -Y, +Z, -Z from the top, with OpenEXR's axes x, y, z along azimuth 90 degrees, the zenith and azimuth 0; the outermost
+//! texels are centred on the edges of the faces.
 
 use super::{Raster, Refusal};
 use std::f64::consts::{PI, TAU};
@@ -211,6 +212,8 @@ struct Face {
 struct Cube {
     side: usize,
     faces: [Face; 6],
+    /// Whether the outermost texels of a face are centred on its edges, as OpenEXR defines it, and reach as far beyond as within.
+    has_texels_on_edges: bool,
 }
 
 const FORWARD: [f64; 3] = [1.0, 0.0, 0.0];
@@ -232,11 +235,19 @@ impl Cube {
         if width.is_multiple_of(3) && 4 * width == 3 * height {
             // The back face hangs below the bottom face, upside down.
             let back = face(1, 3, BACK, RIGHT, DOWN);
-            return Ok(Self { side: width / 3, faces: [left, front, right, top, bottom, back] });
+            return Ok(Self {
+                side: width / 3,
+                faces: [left, front, right, top, bottom, back],
+                has_texels_on_edges: false,
+            });
         }
         if height.is_multiple_of(3) && 3 * width == 4 * height {
             let back = face(3, 1, BACK, LEFT, UP);
-            return Ok(Self { side: height / 3, faces: [left, front, right, top, bottom, back] });
+            return Ok(Self {
+                side: height / 3,
+                faces: [left, front, right, top, bottom, back],
+                has_texels_on_edges: false,
+            });
         }
         if 6 * width == height {
             let faces = [
@@ -247,9 +258,30 @@ impl Cube {
                 face(0, 4, FORWARD, RIGHT, UP),
                 face(0, 5, BACK, LEFT, UP),
             ];
-            return Ok(Self { side: width, faces });
+            return Ok(Self { side: width, faces, has_texels_on_edges: width > 1 });
         }
         Err(Refusal::new(format!("{width} x {height} texels"), "a cube map of 3:4, 4:3 or 1:6"))
+    }
+
+    /// The texel of a face, counted from its first one, at `v` from -1 to 1; its fraction grows from one edge of the texel to the other.
+    fn place(&self, v: f64) -> f64 {
+        let side = self.side as f64;
+        let at = if self.has_texels_on_edges {
+            (v + 1.0) / 2.0 * (side - 1.0) + 0.5
+        } else {
+            (v + 1.0) / 2.0 * side
+        };
+        at.clamp(0.0, side - 1e-6)
+    }
+
+    /// The inverse of [`Self::place`] without its clamp.
+    fn position(&self, place: f64) -> f64 {
+        let side = self.side as f64;
+        if self.has_texels_on_edges {
+            2.0 * (place - 0.5) / (side - 1.0) - 1.0
+        } else {
+            2.0 * place / side - 1.0
+        }
     }
 }
 
@@ -259,8 +291,7 @@ impl Source for Cube {
         let best = self.faces.iter().max_by(|a, b| along(a.centre).total_cmp(&along(b.centre)));
         let face = best.unwrap_or(&self.faces[0]);
         let depth = along(face.centre).max(1e-9);
-        let within =
-            |v: f64| ((v / depth + 1.0) / 2.0 * self.side as f64).clamp(0.0, self.side as f64 - 1e-6);
+        let within = |v: f64| self.place(v / depth);
         let origin = face.place.map(|k| (k * self.side) as f64);
         [origin[0] + within(along(face.right)), origin[1] + within(-along(face.up))]
     }
@@ -268,7 +299,8 @@ impl Source for Cube {
     fn direction(&self, column: usize, row: usize) -> [f64; 3] {
         let place = [column / self.side, row / self.side];
         let Some(face) = self.faces.iter().find(|f| f.place == place) else { return FORWARD };
-        let [x, y] = point(self.side as f64, column % self.side, row % self.side);
+        let centre = |k: usize| self.position((k % self.side) as f64 + 0.5);
+        let [x, y] = [centre(column), -centre(row)];
         let d = [0, 1, 2].map(|i| face.centre[i] + face.right[i] * x + face.up[i] * y);
         let length = (1.0 + x * x + y * y).sqrt();
         d.map(|v| v / length)
@@ -279,7 +311,7 @@ impl Source for Cube {
         if self.faces.iter().all(|f| f.place != place) {
             return 0.0;
         }
-        let corner = |k: usize| 2.0 * k as f64 / self.side as f64 - 1.0;
+        let corner = |k: usize| self.position(k as f64).clamp(-1.0, 1.0);
         let area = |x: f64, y: f64| (x * y).atan2((x * x + y * y + 1.0).sqrt());
         let (i, j) = (column % self.side, row % self.side);
         let (x, y) = ([corner(i), corner(i + 1)], [corner(j), corner(j + 1)]);

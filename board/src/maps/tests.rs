@@ -424,6 +424,18 @@ fn uniform_maps_of_every_projection_have_the_flux_of_the_sphere() {
 }
 
 #[test]
+fn texels_of_cube_maps_have_the_solid_angles_of_their_definitions() {
+    // A square of half side h on a face of half side 1: 4 asin(h^2 / (1 + h^2)).
+    let square = |h: f64| 4.0 * (h * h / (1.0 + h * h)).asin();
+    let middle = |place: (usize, usize)| move |x: usize, y: usize| f32::from(u8::from((x, y) == place));
+    // OpenEXR: of five texels in a row the first and the last are centred on the edges.
+    let (strip, _) = flux(&projected(&painted((5, 30), middle((2, 2))), Projection::Cube));
+    assert!((strip / square(1.0 / 4.0) - 1.0).abs() < 1e-6, "{strip}");
+    let (cross, _) = flux(&projected(&painted((15, 20), middle((7, 7))), Projection::Cube));
+    assert!((cross / square(1.0 / 5.0) - 1.0).abs() < 1e-6, "{cross}");
+}
+
+#[test]
 fn projections_put_lamps_where_their_definitions_do() {
     // A lamp to the left of forward by 45 degrees, by hand from each definition.
     let left = [0.5f64.sqrt(), 0.5f64.sqrt(), 0.0];
