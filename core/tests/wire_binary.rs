@@ -105,6 +105,23 @@ fn every_truncated_prefix_is_refused() {
 }
 
 #[test]
+fn numbers_out_of_range_are_refused() {
+    let bytes = encode(&set(&lights(), None));
+    let first = usize::from(u16::from_le_bytes([bytes[6], bytes[7]]));
+    for (what, at, value) in [
+        ("a negative flux", 64, -1.0),
+        ("an unseen part that is no number", 92, f32::NAN),
+        ("an infinite radius", first + 12, f32::INFINITY),
+        ("a direction that is no unit vector", first + 16, 2.0),
+        ("a negative irradiance", first + 36, -1e-3),
+    ] {
+        let mut bytes = bytes.clone();
+        bytes[at..at + 4].copy_from_slice(&value.to_le_bytes());
+        assert_eq!(BinarySet::try_new(&bytes).err(), Some(DecodeError::Malformed), "{what}");
+    }
+}
+
+#[test]
 fn corrupted_bytes_never_panic_and_give_finite_numbers() {
     let (lights, ambient) = (lights(), [[1.0; 3]; 9]);
     let good = encode(&set(&lights, Some(&ambient)));

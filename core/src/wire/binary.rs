@@ -234,7 +234,7 @@ impl<'a> BinarySet<'a> {
         let text = |bytes| core::str::from_utf8(bytes).map_err(|_| DecodeError::Malformed);
         let run = head.get(32..40).unwrap_or_default();
         let run = run.split(|b| *b == 0).next().unwrap_or_default();
-        Ok(Self {
+        let set = Self {
             head,
             harmonics: harmonics.transpose()?,
             lights,
@@ -242,7 +242,22 @@ impl<'a> BinarySet<'a> {
             sampler: text(sampler)?,
             reason: text(reason)?,
             run: text(run)?,
-        })
+        };
+        if set.is_in_range() { Ok(set) } else { Err(DecodeError::Malformed) }
+    }
+
+    /// Whether directions have unit length, all numbers are finite, and all but directions and harmonics are at least 0.
+    fn is_in_range(&self) -> bool {
+        let finite = |bytes: &[u8]| bytes.chunks_exact(4).all(|b| f32::from_le_bytes(at(b, 0)).is_finite());
+        let positive = |bytes: &[u8]| finite(bytes) && bytes.chunks_exact(4).all(|b| f32_at(b, 0) >= 0.0);
+        let light = |bytes: &[u8]| {
+            let length = Vec3::new(f32_at(bytes, 16), f32_at(bytes, 20), f32_at(bytes, 24)).length();
+            (length - 1.0).abs() < 1e-3
+                && [12..16, 28..40].map(|at| bytes.get(at)).into_iter().flatten().all(positive)
+        };
+        self.head.get(64..100).is_some_and(positive)
+            && self.harmonics.is_none_or(finite)
+            && self.lights.chunks_exact(self.stride).all(light)
     }
 
     /// All fields except the lights and `ambient_sh`, which [`Self::lights`] and [`Self::ambient_sh`] return.
