@@ -47,6 +47,7 @@ pub mod server;
 pub mod source;
 #[cfg(feature = "server")]
 pub mod systemd;
+#[cfg(feature = "pipeline")]
 pub mod timing;
 #[cfg(feature = "v4l2")]
 pub mod v4l2;

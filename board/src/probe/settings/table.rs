@@ -168,7 +168,11 @@ pub static SETTINGS: &[Setting] = &[
     budget!("budget_front_ms", 1, "Longest time that merge and map should take."),
     budget!("budget_pyramid_ms", 2, "Longest time that the sums above the map should take."),
     budget!("budget_sample_ms", 3, "Longest time that the sampler should take."),
-    budget!("budget_filter_ms", 4, "Longest time that filters outside the sampler should take."),
+    budget!(
+        "budget_filter_ms",
+        4,
+        "Longest time that filters outside the sampler should take; no such filter exists, so the stage takes 0."
+    ),
     budget!("budget_encode_ms", 5, "Longest time that writing a set for clients should take."),
     budget!("budget_total_ms", 6, "Longest time from the end of the burst to the finished set."),
     Setting {
