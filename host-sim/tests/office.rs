@@ -101,24 +101,25 @@ fn rms(pairs: impl Iterator<Item = (f64, f64)>) -> f64 {
     (sum / count as f64).sqrt()
 }
 
-#[test]
-fn the_merge_equals_an_independent_one_with_the_same_weights() {
-    let Some((calibration, burst)) = load() else { return };
+/// RMS of the merge against `truth` of burst and sample, over the samples inside the lens that are not clipped.
+fn merge_error(truth: impl Fn(&Burst, usize) -> Option<f64>) -> Option<f64> {
+    let (calibration, burst) = load()?;
     let ours = merged(&calibration, &burst);
     let seen = inside(&calibration);
     let lit = (0..ours.len()).filter(|i| seen[i / 3].is_some() && !ours[*i].1);
-    let error = rms(lit.map(|i| (ours[i].0, twin(&burst, i))));
+    Some(rms(lit.filter_map(|i| Some((ours[i].0, truth(&burst, i)?)))))
+}
+
+#[test]
+fn the_merge_equals_an_independent_one_with_the_same_weights() {
+    let Some(error) = merge_error(|burst, i| Some(twin(burst, i))) else { return };
     println!("RMS against the f64 twin: {:.5} %", 100.0 * error);
     assert!(error < 1e-3, "RMS {error}");
 }
 
 #[test]
 fn the_merge_agrees_with_one_of_hat_weights() {
-    let Some((calibration, burst)) = load() else { return };
-    let ours = merged(&calibration, &burst);
-    let seen = inside(&calibration);
-    let lit = (0..ours.len()).filter(|i| seen[i / 3].is_some() && !ours[*i].1);
-    let error = rms(lit.filter_map(|i| Some((ours[i].0, hat(&burst, i)?))));
+    let Some(error) = merge_error(hat) else { return };
     println!("RMS against hat weights: {:.2} %", 100.0 * error);
     assert!(error < 0.10, "RMS {error}");
 }

@@ -5,19 +5,17 @@
 
 mod bench;
 
-use bench::{Bench, browser};
+use bench::{Bench, SECRET, browser, with_token};
 use hemilux::config_file::ConfigFile;
 use hemilux::probe::Config;
 use hemilux::probe::settings::wish_of;
-use hemilux::server::{Access, KnownHosts, Limits, Options, Token};
+use hemilux::server::{Access, KnownHosts, Limits, Options};
 use std::io::{BufRead, BufReader, Write};
-use std::os::unix::fs::PermissionsExt;
 use std::process::Stdio;
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 const EVERY: Duration = Duration::from_millis(100);
-const SECRET: &str = "correct-horse-battery";
 
 /// A browser without a GPU takes all there is of a machine: one at a time.
 static BROWSER: Mutex<()> = Mutex::new(());
@@ -112,16 +110,6 @@ fn what_is_given_up_for_speed_hardly_shows() {
 #[test]
 fn the_first_picture_and_the_scene_are_timed() {
     run("speed", open);
-}
-
-/// Access with the token [`SECRET`].
-fn with_token() -> Access {
-    let folder = tempfile::tempdir().expect("a folder");
-    let file = folder.path().join("token");
-    std::fs::write(&file, SECRET).expect("a file");
-    std::fs::set_permissions(&file, std::fs::Permissions::from_mode(0o600)).expect("permissions");
-    let (token, _) = Token::load_or_make(&file).expect("a token");
-    Access::with_token(token).expect("random numbers")
 }
 
 #[test]

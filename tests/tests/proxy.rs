@@ -4,19 +4,17 @@
 
 mod bench;
 
-use bench::{Bench, ask, browser, connect_from};
-use hemilux::server::{Access, Limits, Options, Token};
+use bench::{Bench, SECRET, ask, browser, connect_from, with_token};
+use hemilux::server::{Access, Limits, Options};
 use std::fmt::Write as _;
 use std::io::{Read, Write};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
-use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 const EVERY: Duration = Duration::from_millis(100);
-const SECRET: &str = "correct-horse-battery";
 
 /// A proxy with an address for HTTPS and one for HTTP; it ends when this is dropped.
 struct Proxy {
@@ -153,15 +151,6 @@ http://:{http} {{
 "
         )
     })
-}
-
-fn with_token() -> Access {
-    let folder = tempfile::tempdir().expect("a folder");
-    let file = folder.path().join("token");
-    std::fs::write(&file, SECRET).expect("a file");
-    std::fs::set_permissions(&file, std::fs::Permissions::from_mode(0o600)).expect("permissions");
-    let (token, _) = Token::load_or_make(&file).expect("a token");
-    Access::with_token(token).expect("random numbers")
 }
 
 fn bench(access: Access, limits: Limits) -> Bench {

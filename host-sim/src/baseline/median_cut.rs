@@ -1,6 +1,5 @@
 //! Median cut [Debevec2005]: halve the energy of the most energetic region until there are enough.
 
-use super::Baseline;
 use super::cells::Cells;
 use super::sat::{Axis, Rect, Region, Sat, cut_greedily};
 use crate::env::EnvMap;
@@ -15,20 +14,11 @@ use crate::metrics::{Domain, Lit};
 ///
 /// # References
 /// P. Debevec, "A median cut algorithm for light probe sampling", SIGGRAPH posters 2005.
-#[derive(Debug, Default)]
-pub struct MedianCut;
-
-impl Baseline for MedianCut {
-    fn name(&self) -> &'static str {
-        "median-cut"
-    }
-
-    fn decompose(&mut self, map: &EnvMap, domain: Domain, lights: usize) -> Vec<Lit> {
-        let cells = Cells::texels(map, domain);
-        let sat = Sat::new(&cells);
-        let regions = cut_greedily(&sat, lights, |flux| flux.luminance, |region| halve(&cells, &sat, region));
-        regions_to_lights(&cells, &regions)
-    }
+pub(super) fn decompose(map: &EnvMap, domain: Domain, lights: usize) -> Vec<Lit> {
+    let cells = Cells::texels(map, domain);
+    let sat = Sat::new(&cells);
+    let regions = cut_greedily(&sat, lights, |flux| flux.luminance, |region| halve(&cells, &sat, region));
+    regions_to_lights(&cells, &regions)
 }
 
 /// One light per region, at its centroid.

@@ -7,11 +7,11 @@
 //!
 //! | name | method | ids |
 //! |---|---|---|
-//! | `median-cut` | [`MedianCut`] | index |
-//! | `variance-min` | [`VarianceMin`] | index |
-//! | `structured` | [`Structured`] | index |
+//! | `median-cut` | [`Stateless::median_cut`] | index |
+//! | `variance-min` | [`Stateless::variance_min`] | index |
+//! | `structured` | [`Stateless::structured`] | index |
 //! | `lloyd`, `lloyd-warm` | [`Lloyd`] | point; live on in `lloyd-warm` |
-//! | `rank-threshold` | [`RankThreshold`] | candidate |
+//! | `rank-threshold` | [`Stateless::rank_threshold`] | candidate |
 //! | NAME`+v` | any of these and a Voronoi gather ([`Gathered`]) | the sampler's |
 //! | (offline) | [`volume()`], a whole sequence at once | box |
 
@@ -27,10 +27,6 @@ mod volume;
 
 pub use gather::{Gathered, gather};
 pub use lloyd::Lloyd;
-pub use median_cut::MedianCut;
-pub use rank_threshold::RankThreshold;
-pub use structured::Structured;
-pub use variance_min::VarianceMin;
 pub use volume::volume;
 
 use crate::env::EnvMap;
@@ -45,22 +41,65 @@ pub trait Baseline {
     fn decompose(&mut self, map: &EnvMap, domain: Domain, lights: usize) -> Vec<Lit>;
 }
 
+/// A sampler without a memory.
+#[derive(Clone, Copy, Debug)]
+pub struct Stateless {
+    name: &'static str,
+    decompose: fn(&EnvMap, Domain, usize) -> Vec<Lit>,
+}
+
+impl Stateless {
+    /// The sampler of Debevec 2005: regions of equal energy.
+    #[must_use]
+    pub const fn median_cut() -> Self {
+        Self { name: "median-cut", decompose: median_cut::decompose }
+    }
+
+    /// The sampler of Viriyothai and Debevec 2009: regions of least variance.
+    #[must_use]
+    pub const fn variance_min() -> Self {
+        Self { name: "variance-min", decompose: variance_min::decompose }
+    }
+
+    /// The sampler of Ostromoukhov et al. 2004: ranked candidates whose rank is below their importance.
+    #[must_use]
+    pub const fn rank_threshold() -> Self {
+        Self { name: "rank-threshold", decompose: rank_threshold::decompose }
+    }
+
+    /// The sampler of Agarwal et al. 2003: threshold layers, farthest-first points.
+    #[must_use]
+    pub const fn structured() -> Self {
+        Self { name: "structured", decompose: structured::decompose }
+    }
+}
+
+impl Baseline for Stateless {
+    fn name(&self) -> &'static str {
+        self.name
+    }
+
+    fn decompose(&mut self, map: &EnvMap, domain: Domain, lights: usize) -> Vec<Lit> {
+        (self.decompose)(map, domain, lights)
+    }
+}
+
 /// Every sampler that works map by map, raw and gathered, each in its first state.
 #[must_use]
 pub fn all() -> Vec<Box<dyn Baseline>> {
     vec![
-        Box::new(MedianCut),
-        Box::new(Gathered::new(MedianCut, "median-cut+v")),
-        Box::new(VarianceMin),
-        Box::new(Gathered::new(VarianceMin, "variance-min+v")),
-        Box::new(Structured),
-        Box::new(Gathered::new(Structured, "structured+v")),
+        Box::new(Stateless::median_cut()),
+        Box::new(Gathered::new(Stateless::median_cut(), "median-cut+v")),
+        Box::new(Stateless::variance_min()),
+        Box::new(Gathered::new(Stateless::variance_min(), "variance-min+v")),
+        Box::new(Stateless::structured()),
+        Box::new(Gathered::new(Stateless::structured(), "structured+v")),
         Box::new(Lloyd::cold()),
         Box::new(Gathered::new(Lloyd::cold(), "lloyd+v")),
         Box::new(Lloyd::warm()),
         Box::new(Gathered::new(Lloyd::warm(), "lloyd-warm+v")),
-        Box::new(RankThreshold),
-        Box::new(Gathered::new(RankThreshold, "rank-threshold+v")),
+        Box::new(Stateless::rank_threshold()),
+        Box::new(Gathered::new(Stateless::rank_threshold(), "rank-threshold+v")),
     ]
 }
 

@@ -3,7 +3,6 @@
 use std::collections::HashSet;
 use std::sync::OnceLock;
 
-use super::Baseline;
 use super::cells::{Cells, voronoi};
 use crate::env::EnvMap;
 use crate::metrics::vector::dot;
@@ -35,30 +34,21 @@ const ROUNDS: usize = 8;
 /// # References
 /// V. Ostromoukhov, C. Donohue, P.-M. Jodoin, "Fast hierarchical importance sampling with blue noise
 /// properties", SIGGRAPH 2004.
-#[derive(Debug, Default)]
-pub struct RankThreshold;
-
-impl Baseline for RankThreshold {
-    fn name(&self) -> &'static str {
-        "rank-threshold"
-    }
-
-    fn decompose(&mut self, map: &EnvMap, domain: Domain, lights: usize) -> Vec<Lit> {
-        let importance = Cells::new(map, domain, IMPORTANCE_WIDTH);
-        let energy = Cells::new(map, domain, GATHER_WIDTH);
-        let mut starved = HashSet::new();
-        let mut found = Vec::new();
-        for _ in 0..ROUNDS {
-            let kept = keep(&importance, candidates(domain), lights, &starved);
-            found = weigh(&energy, &kept);
-            if found.len() == kept.len() {
-                break;
-            }
-            let lit: HashSet<u32> = found.iter().map(|light| light.id).collect();
-            starved.extend(kept.iter().map(|&(id, _)| id).filter(|id| !lit.contains(id)));
+pub(super) fn decompose(map: &EnvMap, domain: Domain, lights: usize) -> Vec<Lit> {
+    let importance = Cells::new(map, domain, IMPORTANCE_WIDTH);
+    let energy = Cells::new(map, domain, GATHER_WIDTH);
+    let mut starved = HashSet::new();
+    let mut found = Vec::new();
+    for _ in 0..ROUNDS {
+        let kept = keep(&importance, candidates(domain), lights, &starved);
+        found = weigh(&energy, &kept);
+        if found.len() == kept.len() {
+            break;
         }
-        found
+        let lit: HashSet<u32> = found.iter().map(|light| light.id).collect();
+        starved.extend(kept.iter().map(|&(id, _)| id).filter(|id| !lit.contains(id)));
     }
+    found
 }
 
 /// A light for each candidate whose Voronoi cell is not black.

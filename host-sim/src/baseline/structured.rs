@@ -1,6 +1,5 @@
 //! Structured importance sampling [Agarwal2003]: threshold layers, farthest-first points, Voronoi strata.
 
-use super::Baseline;
 use super::cells::{Cells, voronoi};
 use crate::env::EnvMap;
 use crate::metrics::vector::dot;
@@ -28,28 +27,14 @@ const WIDTH: usize = 256;
 /// # References
 /// S. Agarwal, R. Ramamoorthi, S. Belongie, H. W. Jensen, "Structured importance sampling of environment
 /// maps", SIGGRAPH 2003.
-#[derive(Debug, Default)]
-pub struct Structured;
-
-impl Baseline for Structured {
-    fn name(&self) -> &'static str {
-        "structured"
-    }
-
-    fn decompose(&mut self, map: &EnvMap, domain: Domain, lights: usize) -> Vec<Lit> {
-        let cells = Cells::new(map, domain, WIDTH);
-        let mut components = components(&cells, &layers(&cells));
-        components.sort_by(|a, b| b.layer.cmp(&a.layer).then(b.metric.total_cmp(&a.metric)));
-        let centres: Vec<[f64; 3]> =
-            place(&cells, &components, lights).into_iter().map(|k| cells.direction(k)).collect();
-        let strata = voronoi(&cells, &centres);
-        strata
-            .iter()
-            .zip(&centres)
-            .enumerate()
-            .map(|(id, (flux, &centre))| flux.lit(centre, id as u32))
-            .collect()
-    }
+pub(super) fn decompose(map: &EnvMap, domain: Domain, lights: usize) -> Vec<Lit> {
+    let cells = Cells::new(map, domain, WIDTH);
+    let mut components = components(&cells, &layers(&cells));
+    components.sort_by(|a, b| b.layer.cmp(&a.layer).then(b.metric.total_cmp(&a.metric)));
+    let centres: Vec<[f64; 3]> =
+        place(&cells, &components, lights).into_iter().map(|k| cells.direction(k)).collect();
+    let strata = voronoi(&cells, &centres);
+    strata.iter().zip(&centres).enumerate().map(|(id, (flux, &centre))| flux.lit(centre, id as u32)).collect()
 }
 
 /// Layer of every cell; none for the black ones.

@@ -1,6 +1,5 @@
 //! Variance minimisation [Viriyothai2009] in its spherical form.
 
-use super::Baseline;
 use super::cells::{Cells, Flux};
 use super::median_cut::regions_to_lights;
 use super::sat::{Axis, Rect, Region, Sat, cut_greedily};
@@ -15,20 +14,11 @@ use crate::metrics::{Domain, Lit};
 ///
 /// # References
 /// K. Viriyothai, P. Debevec, "Variance minimization light probe sampling", SIGGRAPH posters 2009.
-#[derive(Debug, Default)]
-pub struct VarianceMin;
-
-impl Baseline for VarianceMin {
-    fn name(&self) -> &'static str {
-        "variance-min"
-    }
-
-    fn decompose(&mut self, map: &EnvMap, domain: Domain, lights: usize) -> Vec<Lit> {
-        let cells = Cells::texels(map, domain);
-        let sat = Sat::new(&cells);
-        let regions = cut_greedily(&sat, lights, Flux::spread, |region| best_cut(&sat, region));
-        regions_to_lights(&cells, &regions)
-    }
+pub(super) fn decompose(map: &EnvMap, domain: Domain, lights: usize) -> Vec<Lit> {
+    let cells = Cells::texels(map, domain);
+    let sat = Sat::new(&cells);
+    let regions = cut_greedily(&sat, lights, Flux::spread, |region| best_cut(&sat, region));
+    regions_to_lights(&cells, &regions)
 }
 
 /// The cut, along either axis, whose larger variance of the two parts is least; neither part may be black.

@@ -37,15 +37,17 @@ impl Spread {
     }
 }
 
+/// Irradiance of each set beyond its reference's at every shadowed probe.
+fn excess(references: &[Reference], sets: &[LitSet]) -> Vec<Vec<f64>> {
+    let pairs = references.iter().zip(sets);
+    pairs.map(|(reference, set)| differences(&reference.shadowed_of(set), reference.shadowed())).collect()
+}
+
 /// Change of the set's light beyond the change of the scene's: for t = 1, 2, ...
 /// RMS_k((E_set(t) - E_set(t-1)) - (E_ref(t) - E_ref(t-1))) / mu(t).
 #[must_use]
 pub fn flicker(references: &[Reference], sets: &[LitSet]) -> Vec<f64> {
-    let excess: Vec<Vec<f64>> = references
-        .iter()
-        .zip(sets)
-        .map(|(reference, set)| differences(&reference.shadowed_of(set), reference.shadowed()))
-        .collect();
+    let excess = excess(references, sets);
     let steps = excess.windows(2).zip(&references[1.min(references.len())..]);
     steps.map(|(e, now)| relative(rms(differences(&e[1], &e[0]).into_iter()), now.shadowed_mu())).collect()
 }
@@ -60,11 +62,7 @@ pub fn shadowed_error_among(reference: &Reference, set: &LitSet, probes: &[usize
 /// [`flicker`] over some of the shadowed probes alone; mu is the mean over these.
 #[must_use]
 pub fn flicker_among(references: &[Reference], sets: &[LitSet], probes: &[usize]) -> Vec<f64> {
-    let excess: Vec<Vec<f64>> = references
-        .iter()
-        .zip(sets)
-        .map(|(reference, set)| differences(&reference.shadowed_of(set), reference.shadowed()))
-        .collect();
+    let excess = excess(references, sets);
     let steps = excess.windows(2).zip(&references[1.min(references.len())..]);
     let change = |e: &[Vec<f64>]| rms(probes.iter().map(|&k| e[1][k] - e[0][k]));
     steps.map(|(e, now)| relative(change(e), mu_among(now, probes))).collect()

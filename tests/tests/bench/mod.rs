@@ -7,15 +7,29 @@ use hemilux::calibration::{Burst, Calibration};
 use hemilux::pipeline::Settings;
 use hemilux::probe::{Config, Probe};
 use hemilux::scene as scenes;
-use hemilux::server::{self, Limits, Options, Running};
+use hemilux::server::{self, Access, Limits, Options, Running, Token};
 use hemilux::source::{Pace, SceneSource, Source, SourceError};
 use hemilux_core::Exposure;
 use serde_json::Value;
 use std::io::{ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::os::unix::fs::PermissionsExt;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::{JoinHandle, sleep, spawn};
 use std::time::{Duration, Instant};
+
+/// The token of [`with_token`].
+pub const SECRET: &str = "correct-horse-battery";
+
+/// Access with the token [`SECRET`].
+pub fn with_token() -> Access {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("token");
+    std::fs::write(&file, SECRET).expect("a file");
+    std::fs::set_permissions(&file, std::fs::Permissions::from_mode(0o600)).expect("permissions");
+    let (token, _) = Token::load_or_make(&file).expect("a token");
+    Access::with_token(token).expect("random numbers")
+}
 
 /// What the source does next; without one it has nothing.
 pub enum Step {
