@@ -2,8 +2,8 @@
 
 use super::{Failure, say};
 use crate::calibrate::{
-    Board, Calibrated, Picture, Target, calibrate, exposed, fit_response, residual_picture, response_text,
-    target_svg, write, write_response,
+    Board, Calibrated, Grey, Picture, Target, calibrate, exposed, fit_response, residual_picture,
+    response_text, target_svg, write, write_response,
 };
 use crate::recorded::read_grey;
 use clap::{Args, Subcommand};
@@ -113,7 +113,9 @@ fn response(options: &ResponseOptions) -> Result<(), Failure> {
 }
 
 fn picture(path: &Path) -> Result<Picture, Failure> {
-    let grey = read_grey(path).map_err(Failure::new)?;
+    let image = read_grey(path).map_err(Failure::new)?;
+    let no_pixels = || Failure::new(format_args!("{}: found no pixels, expected an image", path.display()));
+    let grey = Grey::new(image.width, image.samples).ok_or_else(no_pixels)?;
     Ok(Picture { name: path.display().to_string(), grey })
 }
 

@@ -181,17 +181,27 @@ struct Image {
     white: Option<f64>,
 }
 
+/// A picture in grey.
+#[cfg(feature = "calibrate")]
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct GreyImage {
+    /// Columns.
+    pub width: usize,
+    /// Samples of eight bits, row after row.
+    pub samples: Vec<u8>,
+}
+
 /// Reads a picture as grey samples of eight bits.
 ///
 /// # Errors
 /// [`RecordedError`] for files that are no whole PNG, JPEG, PGM or PPM image.
 #[cfg(feature = "calibrate")]
-pub fn read_grey(path: &Path) -> Result<crate::calibrate::Grey, RecordedError> {
+pub fn read_grey(path: &Path) -> Result<GreyImage, RecordedError> {
     let image = images::read(path, images::open(path, &ReadLimits::default())?)?;
     let mean =
         |three: [u32; 3], full: u32| ((three[0] + 2 * three[1] + three[2]) * 255 / (4 * full)).min(255) as u8;
     let full = |largest: u32| image.white.map_or(largest, |white| white as u32).max(1);
-    let pixels = match &image.pixels {
+    let samples = match &image.pixels {
         Pixels::U8(codes) => {
             codes.as_chunks::<3>().0.iter().map(|c| mean(c.map(u32::from), full(0xff))).collect()
         }
@@ -199,8 +209,7 @@ pub fn read_grey(path: &Path) -> Result<crate::calibrate::Grey, RecordedError> {
             codes.as_chunks::<3>().0.iter().map(|c| mean(c.map(u32::from), full(0xffff))).collect()
         }
     };
-    let grey = crate::calibrate::Grey::new(image.layout.width() as usize, pixels);
-    grey.ok_or_else(|| RecordedError::new(path, "no pixels", "an image"))
+    Ok(GreyImage { width: image.layout.width() as usize, samples })
 }
 
 /// One burst of a recording, before it is read.
