@@ -209,6 +209,7 @@ pub struct Layout {
     width: u32,
     height: u32,
     bytes_per_line: usize,
+    bin: u32,
 }
 
 /// The reason why a layout is refused.
@@ -268,7 +269,7 @@ impl Layout {
         if bytes_per_line < expected || bytes_per_line > 1 << 20 || words {
             return Err(LayoutError::BadLine { found: bytes_per_line, expected });
         }
-        Ok(Self { format, width, height, bytes_per_line })
+        Ok(Self { format, width, height, bytes_per_line, bin: 1 })
     }
 
     /// A layout whose rows have no padding.
@@ -277,6 +278,26 @@ impl Layout {
     /// [`LayoutError`] for a size that the format cannot have and for rows that are too short or too long.
     pub fn tight(format: Format, width: u32, height: u32) -> Result<Self, LayoutError> {
         Self::try_new(format, width, height, format.line_bytes(width))
+    }
+
+    /// The same frames, of whose mosaic `bin` x `bin` cells are averaged to one RGB pixel while they are read; samples of one colour are
+    /// averaged each. Columns and rows that make no whole pixel are left out.
+    ///
+    /// # Errors
+    /// [`LayoutError::BadSize`] for a format that is no mosaic, a `bin` that is not 1, 2, 4 or 8, and a frame of fewer than `bin` cells.
+    pub const fn binned(self, bin: u32) -> Result<Self, LayoutError> {
+        let is_mosaic = self.format.pattern().is_some() || bin == 1;
+        let fits = self.width / 2 >= bin && self.height / 2 >= bin;
+        match bin {
+            1 | 2 | 4 | 8 if is_mosaic && fits => Ok(Self { bin, ..self }),
+            _ => Err(LayoutError::BadSize),
+        }
+    }
+
+    /// Cells of the mosaic per merged pixel on each side; 1 unless [`Layout::binned`].
+    #[must_use]
+    pub const fn bin(&self) -> u32 {
+        self.bin
     }
 
     /// The pixel format.
@@ -323,11 +344,12 @@ impl Layout {
         }
     }
 
-    /// Size of the merged image: that of the frame or, of a Bayer mosaic, half of it, since each 2 x 2 cell becomes one RGB pixel.
+    /// Size of the merged image: that of the frame or, of a Bayer mosaic, half of it, since each 2 x 2 cell becomes one RGB pixel; of a
+    /// [binned](Layout::binned) one less by that factor.
     #[must_use]
     pub const fn merged_size(&self) -> ImageSize {
         match self.format.pattern() {
-            Some(_) => ImageSize { width: self.width / 2, height: self.height / 2 },
+            Some(_) => ImageSize { width: self.width / 2 / self.bin, height: self.height / 2 / self.bin },
             None => ImageSize { width: self.width, height: self.height },
         }
     }

@@ -78,6 +78,7 @@ pub fn read_rgb_row(layout: &Layout, frame: Samples<'_>, y: u32, out: &mut [[u16
     if y >= layout.height() || matches!(frame, Samples::U16(_)) != is_words {
         return;
     }
+    let Ok(layout) = &layout.binned(1) else { return };
     Scratch::with(layout.format(), false, |scratch| read_chunks(layout, frame, y as usize, out, scratch));
 }
 

@@ -3,6 +3,7 @@
 //! Each image row is processed in chunks of pixels that fit the first-level cache. A chunk is merged into integer radiances, whose prefix
 //! sums are computed; the light of a run of pixels is then the difference of two prefix sums and is added to the texel of the run.
 
+mod bin;
 mod gather;
 mod planes;
 pub(crate) mod rows;
@@ -130,6 +131,7 @@ fn add_up(
     quads: &mut [Quad],
 ) -> Excluded {
     Scratch::with(layout.format(), merge.wants_planes(), |scratch| {
+        let scratch = scratch.saturated_from(merge.saturated());
         MergedChunk::with(merge.has_products(), |merged| {
             walk(Chunks::new(frames, layout, merge, scratch, merged), pixel_table, quads)
         })

@@ -1,5 +1,6 @@
 //! Unpacks rows of frames into codes: one slice per exposure.
 
+use super::bin::Bins;
 use super::planes::{PAIRED, Planes};
 use super::yuv::{self, Pairs};
 use crate::format::{Format, Layout, raw10, raw12};
@@ -15,6 +16,8 @@ pub(crate) struct Scratch<'s> {
     /// Intermediate values of the conversion from luma and chroma; absent if `planes` is empty.
     pairs: Option<&'s mut Pairs>,
     words: &'s mut [[u16; WORDS]],
+    /// The smallest saturated code, for means of samples.
+    saturated: u32,
 }
 
 /// A part of an image row: the row, the first pixel and the number of pixels. A pixel of a mosaic is a 2 x 2 cell.
@@ -32,8 +35,13 @@ impl Scratch<'_> {
             Format::Yuyv(_) | Format::Nv12(_) | Format::Bayer8(_) => planes(f),
             Format::Rgb24 | Format::Bgr24 if wants_planes => planes(f),
             Format::Bayer16(..) | Format::Raw10(_) | Format::Raw12(_) => words(f),
-            _ => f(Scratch { planes: &mut [], pairs: None, words: &mut [] }),
+            _ => f(Scratch { planes: &mut [], pairs: None, words: &mut [], saturated: u32::MAX }),
         }
+    }
+
+    /// The same buffers, for frames whose codes are saturated from `code` on.
+    pub(super) fn saturated_from(self, code: u32) -> Self {
+        Self { saturated: code, ..self }
     }
 
     /// Unpacks `part`, of at most [`CHUNK`] pixels, of every frame. `planes` selects separate planes for bytes of three channels.
@@ -53,12 +61,17 @@ impl Scratch<'_> {
             }
             return &codes[..frames.len().min(MAX_EXPOSURES)];
         }
+        let saturated = self.saturated;
         let (mut planes, mut words) = (self.planes.iter_mut(), self.words.iter_mut());
         for (slot, frame) in codes.iter_mut().zip(frames) {
             *slot = match frame {
                 Samples::U16(all) => {
                     let at = part.row * (layout.bytes_per_line() / 2) + 3 * part.first;
                     Codes::Words(all.get(at..at + 3 * part.len).unwrap_or_default())
+                }
+                Samples::U8(all) if layout.bin() > 1 => {
+                    let bins = Bins::new(all, layout, part.row, part.first, saturated);
+                    binned(&bins, layout.format(), part.len, planes.next(), words.next())
                 }
                 Samples::U8(all) => {
                     let planes = planes.next().zip(self.pairs.as_deref_mut());
@@ -83,12 +96,12 @@ fn plain_bytes(format: Format) -> Option<usize> {
 #[inline(never)]
 fn planes<R>(f: impl FnOnce(Scratch<'_>) -> R) -> R {
     let planes = &mut [[[0; PAIRED]; 4]; MAX_EXPOSURES];
-    f(Scratch { planes, pairs: Some(&mut Pairs::new()), words: &mut [] })
+    f(Scratch { planes, pairs: Some(&mut Pairs::new()), words: &mut [], saturated: u32::MAX })
 }
 
 #[inline(never)]
 fn words<R>(f: impl FnOnce(Scratch<'_>) -> R) -> R {
-    f(Scratch { planes: &mut [], pairs: None, words: &mut [[0; WORDS]; MAX_EXPOSURES] })
+    f(Scratch { planes: &mut [], pairs: None, words: &mut [[0; WORDS]; MAX_EXPOSURES], saturated: u32::MAX })
 }
 
 /// Like [`Scratch::codes`], for one frame of a packed format; `None` if the buffers that the format needs are absent.
@@ -152,6 +165,36 @@ fn unpack<'a>(
             Some(cut(planes, odd, len))
         }
     }
+}
+
+/// Like [`unpack`], for the means of a binned mosaic: bytes go to `planes`, larger codes to `words`.
+fn binned<'a>(
+    bins: &Bins<'_>,
+    format: Format,
+    len: usize,
+    planes: Option<&'a mut Planes>,
+    words: Option<&'a mut [u16; WORDS]>,
+) -> Codes<'a> {
+    match (planes, words) {
+        (Some(planes), _) => {
+            let bytes = planes.as_flattened_mut();
+            binned_bytes(bins, format, bytes.as_chunks_mut::<4>().0.get_mut(..len).unwrap_or_default());
+            Codes::Bytes(bytes.get(..4 * len).unwrap_or_default())
+        }
+        (None, Some(words)) => {
+            bins.read(format, words.as_chunks_mut::<4>().0.get_mut(..len).unwrap_or_default());
+            Codes::Words(words.get(..4 * len).unwrap_or_default())
+        }
+        (None, None) => Codes::NONE,
+    }
+}
+
+#[inline(never)]
+fn binned_bytes(bins: &Bins<'_>, format: Format, out: &mut [[u8; 4]]) {
+    let mut means = [[0u16; 4]; CHUNK];
+    let means = means.get_mut(..out.len()).unwrap_or_default();
+    bins.read(format, means);
+    out.iter_mut().zip(means).for_each(|(bytes, codes)| *bytes = codes.map(|code| code as u8));
 }
 
 /// Unpacks two rows into cells and returns cells `odd` to `odd + len`.

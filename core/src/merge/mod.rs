@@ -281,6 +281,11 @@ impl MergeView<'_> {
         unusual
     }
 
+    /// The smallest saturated code.
+    pub(crate) fn saturated(&self) -> u32 {
+        self.curve.saturated()
+    }
+
     /// Whether sample `at` is saturated in every exposure.
     #[must_use]
     pub fn is_clipped(&self, codes: &[Codes<'_>], at: usize) -> bool {

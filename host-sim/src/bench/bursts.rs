@@ -40,6 +40,8 @@ pub fn calibration(case: &Case) -> Calibration {
     let lens = lens.expect("the standard lens is a lens");
     let mut calibration =
         Calibration::try_new(lens, case.format, width, height).expect("a case's size is that of its format");
+    calibration.layout =
+        calibration.layout.binned(case.bin).expect("a case's bin is one of its format and size");
     calibration.response = if gamma { Response::Srgb } else { Response::Linear };
     calibration.levels = Levels { black: if gamma { 0.0 } else { (white / 32.0).round() }, white };
     calibration.scale = FULL * SECONDS[0];

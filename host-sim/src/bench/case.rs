@@ -2,7 +2,7 @@
 
 use hemilux::samplers::MAX_LIGHTS;
 use hemilux_core::SamplerKind;
-use hemilux_core::format::{Format, Pattern, Yuv};
+use hemilux_core::format::{Format, Layout, Pattern, Yuv};
 use std::fmt;
 use std::str::FromStr;
 
@@ -30,6 +30,8 @@ pub struct Case {
     pub format: Format,
     /// Columns and rows.
     pub size: (u32, u32),
+    /// Cells of a mosaic per merged pixel on each side.
+    pub bin: u32,
     /// The sampler.
     pub sampler: SamplerKind,
     /// Most lights.
@@ -47,7 +49,8 @@ impl Case {
 impl fmt::Display for Case {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (w, h) = self.size;
-        write!(f, "{}:{w}x{h}:{}:{}", self.format_name(), self.sampler, self.lights)
+        let bin = if self.bin > 1 { format!("/{}", self.bin) } else { String::new() };
+        write!(f, "{}{bin}:{w}x{h}:{}:{}", self.format_name(), self.sampler, self.lights)
     }
 }
 
@@ -59,6 +62,8 @@ impl FromStr for Case {
             || "expected FORMAT:WIDTHxHEIGHT:SAMPLER:LIGHTS, such as rgb24:640x480:q2tree:64".to_string();
         let parts: Vec<_> = text.split(':').collect();
         let [format, size, sampler, lights] = parts[..] else { return Err(shape()) };
+        let (format, bin) = format.split_once('/').unwrap_or((format, "1"));
+        let bin = bin.parse().map_err(|_| format!("bin '{bin}', expected 1, 2, 4 or 8"))?;
         let names = FORMATS.map(|(name, _)| name).join(", ");
         let known = FORMATS.iter().find(|(name, _)| *name == format);
         let format = known.ok_or_else(|| format!("format '{format}', expected one of {names}"))?.1;
@@ -67,7 +72,9 @@ impl FromStr for Case {
         let size = size.ok_or_else(|| format!("even sides from 16 to {MAX_SIDE} expected, as 640x480"))?;
         let sampler = sampler.parse().map_err(|unknown| format!("sampler '{sampler}': {unknown}"))?;
         let lights = lights.parse().ok().filter(|n| (1..=MAX_LIGHTS).contains(n)).ok_or_else(shape)?;
-        Ok(Self { format, size, sampler, lights })
+        let layout = Layout::tight(format, size.0, size.1).and_then(|layout| layout.binned(bin));
+        layout.map_err(|_| format!("bin '{bin}', expected 1 or, of a mosaic, 2, 4 or 8"))?;
+        Ok(Self { format, size, bin, sampler, lights })
     }
 }
 
@@ -75,7 +82,7 @@ impl FromStr for Case {
 #[must_use]
 pub fn standard() -> Vec<Case> {
     let case =
-        |format: usize, size, sampler, lights| Case { format: FORMATS[format].1, size, sampler, lights };
+        |format: usize, size, sampler, lights| Case { format: FORMATS[format].1, size, bin: 1, sampler, lights };
     let vga = (640, 480);
     let mut cases = Vec::new();
     for lights in [64, 200] {

@@ -1,0 +1,117 @@
+//! Bins the samples of a mosaic: `bin` x `bin` cells become one, each sample the mean of those of its colour.
+//!
+//! A sample among which one is saturated is saturated: a mean of clipped and unclipped codes would pass for a valid one and darken
+//! the edges of lamps.
+
+use crate::format::{Format, Layout, raw10, raw12};
+
+/// The cells of a binned part of a row.
+#[derive(Clone, Copy)]
+pub(super) struct Bins<'a> {
+    /// The frame's bytes from the first row of the part on.
+    pub(super) bytes: &'a [u8],
+    /// Row pitch, bytes.
+    pub(super) pitch: usize,
+    /// First binned cell.
+    pub(super) first: usize,
+    /// Cells per binned cell on each side, at least 2.
+    pub(super) bin: usize,
+    /// First saturated code.
+    pub(super) saturated: u16,
+    /// Largest code.
+    pub(super) most: u16,
+}
+
+impl<'a> Bins<'a> {
+    pub(super) fn new(bytes: &'a [u8], layout: &Layout, row: usize, first: usize, saturated: u32) -> Self {
+        let (pitch, bin) = (layout.bytes_per_line(), layout.bin() as usize);
+        let most = layout.format().max_code().min(u32::from(u16::MAX)) as u16;
+        let bytes = bytes.get(2 * bin * row * pitch..).unwrap_or_default();
+        Self { bytes, pitch, first, bin, saturated: saturated.min(u32::from(most)) as u16, most }
+    }
+
+    /// Writes four samples of each of the cells that `out` holds.
+    #[inline(never)]
+    pub(super) fn read(&self, format: Format, out: &mut [[u16; 4]]) {
+        let twelve = |[a, b, c, d, e, f]: &[u8; 6]| {
+            let ([a, b], [c, d]) = (raw12(&[*a, *b, *c]), raw12(&[*d, *e, *f]));
+            [a, b, c, d]
+        };
+        match format {
+            Format::Raw10(_) if self.bin == 2 => self.raw10_by_2(out),
+            Format::Raw10(_) => self.mean(out, raw10),
+            Format::Raw12(_) => self.mean(out, twelve),
+            Format::Bayer8(_) => self.mean(out, |four: &[u8; 4]| four.map(u16::from)),
+            Format::Bayer16(..) => {
+                self.mean(out, |b: &[u8; 8]| [0, 2, 4, 6].map(|i| u16::from_le_bytes([b[i], b[i + 1]])));
+            }
+            _ => {}
+        }
+    }
+
+    /// Groups of `B` bytes of row `row` of the part, from the first cell's on.
+    #[inline(always)]
+    fn groups<const B: usize>(&self, row: usize) -> &'a [[u8; B]] {
+        let from = row * self.pitch + B * (self.first * self.bin / 2);
+        self.bytes.get(from..).unwrap_or_default().as_chunks::<B>().0
+    }
+
+    /// Any packing: `unpacked` makes four samples of `B` bytes.
+    #[inline(always)]
+    fn mean<const B: usize>(&self, out: &mut [[u16; 4]], unpacked: impl Fn(&[u8; B]) -> [u16; 4]) {
+        let (groups, count) = (self.bin / 2, (self.bin * self.bin) as u32);
+        for (i, out) in out.iter_mut().enumerate() {
+            let (mut sums, mut largest) = ([0u32; 4], [0u16; 4]);
+            for row in 0..2 * self.bin {
+                let all = self.groups::<B>(row).get(groups * i..groups * (i + 1)).unwrap_or_default();
+                for group in all {
+                    let [a, b, c, d] = unpacked(group);
+                    for (at, pair) in [(2 * (row % 2), [a, c]), (2 * (row % 2) + 1, [b, d])] {
+                        sums[at] += u32::from(pair[0]) + u32::from(pair[1]);
+                        largest[at] = largest[at].max(pair[0]).max(pair[1]);
+                    }
+                }
+            }
+            *out = core::array::from_fn(|at| match largest[at] >= self.saturated {
+                true => self.most,
+                false => ((sums[at] + count / 2) / count) as u16,
+            });
+        }
+    }
+
+    /// 10 bits packed, 2 x 2 cells: the upper bytes of two samples of a colour are added as halves of a word.
+    fn raw10_by_2(&self, out: &mut [[u16; 4]]) {
+        let [a, b, c, d] = [0, 1, 2, 3].map(|row| self.groups::<5>(row));
+        let (above, below) = (a.iter().zip(c), b.iter().zip(d));
+        for (out, (above, below)) in out.iter_mut().zip(above.zip(below)) {
+            let ([red, green], [other, blue]) = (self.pair(above), self.pair(below));
+            *out = [red, green, other, blue];
+        }
+    }
+
+    /// Means of the two colours of two rows.
+    #[inline(always)]
+    fn pair(&self, (first, second): (&[u8; 5], &[u8; 5])) -> [u16; 2] {
+        let upper = |group: &[u8; 5]| group.first_chunk().map_or(0, |four| u32::from_le_bytes(*four));
+        let (u, v) = (upper(first), upper(second));
+        let (p, q) = (u32::from(first[4]), u32::from(second[4]));
+        let mean = |shift: u32| {
+            let halves = (u >> (4 * shift) & 0x00ff_00ff) + (v >> (4 * shift) & 0x00ff_00ff);
+            let low = (p >> shift & 0x33) + (q >> shift & 0x33);
+            let (upper, low) = ((halves & 0xffff) + (halves >> 16), (low & 15) + (low >> 4));
+            upper + ((low + 2) >> 2)
+        };
+        let (even, odd) = (mean(0), mean(2));
+        // A saturated sample alone makes a quarter of its code.
+        if even.max(odd) < u32::from(self.saturated) / 4 {
+            return [even as u16, odd as u16];
+        }
+        self.checked([even, odd], raw10(first), raw10(second))
+    }
+
+    /// The means, unless one of their samples is saturated.
+    fn checked(&self, means: [u32; 2], [a, b, c, d]: [u16; 4], [e, f, g, h]: [u16; 4]) -> [u16; 2] {
+        let largest = [a.max(c).max(e).max(g), b.max(d).max(f).max(h)];
+        core::array::from_fn(|i| if largest[i] >= self.saturated { self.most } else { means[i] as u16 })
+    }
+}
