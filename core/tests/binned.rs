@@ -2,7 +2,9 @@
 
 use hemilux_core::format::Pattern;
 use hemilux_core::lens::Lens;
-use hemilux_core::{Calibration, Exposure, Format, FrontEnd, Layout, LayoutError, Levels, Order, Samples, Sizes};
+use hemilux_core::{
+    Calibration, Exposure, Format, FrontEnd, Layout, LayoutError, Levels, Order, Samples, Sizes,
+};
 
 const FORMATS: [Format; 4] = [
     Format::Raw10(Pattern::Rggb),
@@ -16,7 +18,8 @@ fn pack(format: Format, codes: &[u16]) -> Vec<u8> {
     match format {
         Format::Raw10(_) => {
             let low = |four: &[u16]| (0..4).fold(0, |low, i| low | (four[i] as u8 & 3) << (2 * i));
-            let group = |four: &[u16]| [0, 1, 2, 3].map(|i| (four[i] >> 2) as u8).into_iter().chain([low(four)]);
+            let group =
+                |four: &[u16]| [0, 1, 2, 3].map(|i| (four[i] >> 2) as u8).into_iter().chain([low(four)]);
             codes.chunks(4).flat_map(|four| group(four).collect::<Vec<_>>()).collect()
         }
         Format::Raw12(_) => {
@@ -38,7 +41,8 @@ fn total(format: Format, bin: u32, side: u32, code: impl Fn(u32, u32) -> u16) ->
     let exposures = [Exposure { seconds: 0.01, gain: 1.0 }, Exposure { seconds: 0.04, gain: 1.0 }];
     let order = Order::try_from(4).expect("an order");
     let sizes = Sizes::of(&calibration, &exposures, order).expect("sizes");
-    let mut front = FrontEnd::try_new(calibration, &exposures, order, vec![0; sizes.words()]).expect("a front end");
+    let mut front =
+        FrontEnd::try_new(calibration, &exposures, order, vec![0; sizes.words()]).expect("a front end");
     let frame = |gain: u32| -> Vec<u8> {
         let most = format.max_code();
         let row = |y| (0..side).map(|x| (u32::from(code(x, y)) * gain).min(most) as u16).collect::<Vec<_>>();
@@ -53,7 +57,9 @@ fn total(format: Format, bin: u32, side: u32, code: impl Fn(u32, u32) -> u16) ->
 fn binned_frames_have_the_light_of_the_frame_itself() {
     for format in FORMATS {
         // A pattern of each colour with a mean of 30 and of 90, below saturation in both exposures of 8 bits.
-        let code = |x: u32, y: u32| (if (x + y) % 2 == 0 { 20 } else { 40 }) + ((x / 2 + 2 * (y / 2)) % 4) as u16 * 4;
+        let code = |x: u32, y: u32| {
+            (if (x + y) % 2 == 0 { 20 } else { 40 }) + ((x / 2 + 2 * (y / 2)) % 4) as u16 * 4
+        };
         for bin in [2, 4, 8] {
             // Merged images of 64 x 64 pixels: fewer sample the rim of the lens coarsely.
             let (full, binned) = (total(format, 1, 128 * bin, code), total(format, bin, 128 * bin, code));

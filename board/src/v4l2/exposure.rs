@@ -85,18 +85,20 @@ pub struct Sensor {
     pub delay: u32,
     /// Code of darkness, of so many bits.
     pub black: (u32, u32),
+    /// Columns and rows of the mode that sees all of the sensor; smaller modes crop.
+    pub full_view: (u32, u32),
 }
 
 /// From the tables of libcamera (its sensor helpers and tuning files).
 const SENSORS: [Sensor; 8] = [
-    Sensor { name: "imx219", reserve_lines: 4, delay: 2, black: (64, 10) },
-    Sensor { name: "imx477", reserve_lines: 22, delay: 2, black: (256, 12) },
-    Sensor { name: "imx500", reserve_lines: 22, delay: 2, black: (256, 12) },
-    Sensor { name: "imx519", reserve_lines: 32, delay: 2, black: (64, 10) },
-    Sensor { name: "imx708", reserve_lines: 48, delay: 2, black: (64, 10) },
-    Sensor { name: "imx296", reserve_lines: 4, delay: 2, black: (60, 10) },
-    Sensor { name: "ov5647", reserve_lines: 4, delay: 2, black: (16, 10) },
-    Sensor { name: "ov9281", reserve_lines: 25, delay: 2, black: (64, 10) },
+    Sensor { name: "imx219", reserve_lines: 4, delay: 2, black: (64, 10), full_view: (1640, 1232) },
+    Sensor { name: "imx477", reserve_lines: 22, delay: 2, black: (256, 12), full_view: (2028, 1520) },
+    Sensor { name: "imx500", reserve_lines: 22, delay: 2, black: (256, 12), full_view: (2028, 1520) },
+    Sensor { name: "imx519", reserve_lines: 32, delay: 2, black: (64, 10), full_view: (2328, 1748) },
+    Sensor { name: "imx708", reserve_lines: 48, delay: 2, black: (64, 10), full_view: (2304, 1296) },
+    Sensor { name: "imx296", reserve_lines: 4, delay: 2, black: (60, 10), full_view: (1456, 1088) },
+    Sensor { name: "ov5647", reserve_lines: 4, delay: 2, black: (16, 10), full_view: (1296, 972) },
+    Sensor { name: "ov9281", reserve_lines: 25, delay: 2, black: (64, 10), full_view: (1280, 800) },
 ];
 
 /// Lines kept free on a sensor that is not in the table: more than any of those needs.

@@ -121,7 +121,7 @@ impl Picture {
             }
             _ => (format!("{width} x {height} pixels"), "1 to 67108864 in all".into()),
         })?;
-        Ok(Self { fourcc, layout, jpeg: None })
+        Ok(Self { fourcc, layout: binned(layout), jpeg: None })
     }
 
     /// The decoded frames of `jpeg`.
@@ -194,6 +194,19 @@ impl Picture {
     pub fn max_code(&self) -> f64 {
         f64::from(self.layout.format().max_code())
     }
+}
+
+/// Least rows or columns of a mosaic's merged image that is binned: with a lens of 180 degrees a pixel is 0.75 degrees wide.
+const LEAST_MERGED: u32 = 240;
+
+/// The layout with the largest bin that leaves [`LEAST_MERGED`] rows and columns.
+fn binned(layout: Layout) -> Layout {
+    let fits = |layout: &Layout| {
+        let merged = layout.merged_size();
+        merged.width.min(merged.height) >= LEAST_MERGED
+    };
+    let mut bins = [8, 4, 2].into_iter().filter_map(|bin| layout.binned(bin).ok());
+    bins.find(fits).unwrap_or(layout)
 }
 
 /// Whether a format's rows go in pairs, as its columns do.
@@ -288,6 +301,14 @@ mod tests {
             found == "803 bytes per line" && expected.starts_with("at least 805"),
             "{found}, expected {expected}"
         );
+    }
+
+    #[test]
+    fn large_mosaics_are_binned_and_small_ones_are_not() {
+        for (width, height, bin) in [(640, 480, 1), (1640, 1232, 2), (2028, 1520, 2), (3280, 2464, 4)] {
+            let layout = Picture::of(&granted("pBAA", width, height, 0)).expect("a picture").layout;
+            assert_eq!(layout.bin(), bin, "{width} x {height}");
+        }
     }
 
     #[test]

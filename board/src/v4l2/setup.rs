@@ -28,6 +28,8 @@ pub struct Options {
     pub subdevice: Option<PathBuf>,
     /// Columns and rows.
     pub size: (u32, u32),
+    /// Whether a sensor that is known is asked for the mode that sees all of it in place of `size`.
+    pub full_view: bool,
     /// The size that pictures must have, where a lens is known for no other.
     pub lens_size: Option<(u32, u32)>,
     /// Pixel format; the best readable one otherwise.
@@ -54,6 +56,7 @@ impl Options {
             path: path.into(),
             subdevice: None,
             size: (640, 480),
+            full_view: true,
             lens_size: None,
             fourcc: None,
             rate_hz: 30.0,
@@ -117,7 +120,9 @@ pub(super) fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<Setup, 
     };
     let known = found.as_ref().and_then(|(_, _, name)| exposure::sensor(name));
     let mut sensor = found.map(|(node, _, _)| node);
-    let granted = set_format(video.as_mut(), sensor.as_mut(), options)?;
+    let full_view = known.filter(|_| options.full_view).map(|sensor| sensor.full_view);
+    let asked = full_view.unwrap_or(options.size);
+    let granted = set_format(video.as_mut(), sensor.as_mut(), asked, options)?;
     let picture = Picture::of(&granted).map_err(|(found, expected)| CameraError::Unfit {
         path: path.clone(),
         found,
@@ -136,7 +141,7 @@ pub(super) fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<Setup, 
     };
     let Exposing { knob, settings, held } = expose(holder, options, &picture, known, &mut period_s);
     let mut agreed = vec![
-        agreed("size", size(options.size), size(got)),
+        agreed("size", size(asked), size(got)),
         agreed(
             "format",
             options.fourcc.map_or("the best".into(), formats::name),
@@ -286,12 +291,13 @@ const BUS_CODES: [(u32, u32, Pattern); 20] = [
 fn set_format(
     video: &mut dyn Node,
     sensor: Option<&mut Box<dyn Node>>,
+    asked: (u32, u32),
     options: &Options,
 ) -> Result<abi::PixelFormat, CameraError> {
     let path = &options.path;
-    let (mut wished, mut mosaic) = (options.size, None);
+    let (mut wished, mut mosaic) = (asked, None);
     if let Some(sensor) = sensor
-        && let Some((bits, found, size)) = set_pad(sensor.as_mut(), options.size)
+        && let Some((bits, found, size)) = set_pad(sensor.as_mut(), asked)
     {
         (wished, mosaic) = (size, Some((bits, found)));
     }

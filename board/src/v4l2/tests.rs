@@ -220,6 +220,25 @@ fn a_sensor_gets_its_frame_length_before_its_lines_and_keeps_its_gain() {
 }
 
 #[test]
+fn a_known_sensor_is_asked_for_the_mode_that_sees_all_of_it() {
+    let script = Script {
+        kind: Kind::Csi,
+        sensor: "imx219 10-0010",
+        formats: vec!["BA81"],
+        size: (1640, 1232),
+        ..Script::default()
+    };
+    let asked = |options: Options| {
+        let kernel = FakeKernel::new(script.clone());
+        let camera = Camera::open(&mut kernel.clone(), &options).expect("a camera");
+        let bin = camera.picture().layout.bin();
+        (kernel.world().script.pads.clone(), bin)
+    };
+    assert_eq!(asked(options()), (vec![(1640, 1232)], 2), "not the small mode, and binned");
+    assert_eq!(asked(Options { full_view: false, ..options() }).0, [(64, 48)], "a size that was named");
+}
+
+#[test]
 fn broken_frames_are_left_out_and_counted() {
     let faults = vec![(300, Fault::Short), (310, Fault::Error), (320, Fault::Repeat), (330, Fault::Empty)];
     let mut kernel = FakeKernel::new(Script { faults, ..Script::default() });

@@ -81,8 +81,13 @@ impl FromStr for Case {
 /// The cases of the standard report: every sampler on the standard work, the other formats, and larger images.
 #[must_use]
 pub fn standard() -> Vec<Case> {
-    let case =
-        |format: usize, size, sampler, lights| Case { format: FORMATS[format].1, size, bin: 1, sampler, lights };
+    let case = |format: usize, size, sampler, lights| Case {
+        format: FORMATS[format].1,
+        size,
+        bin: 1,
+        sampler,
+        lights,
+    };
     let vga = (640, 480);
     let mut cases = Vec::new();
     for lights in [64, 200] {

@@ -85,7 +85,7 @@ impl CameraSource {
         let lens = spec.lens().map(|path| read_lens(&path)).transpose()?;
         if let Some(lens) = &lens {
             let size = lens.size.into();
-            options.lens_size = Some(size);
+            (options.lens_size, options.full_view) = (Some(size), false);
             options.size = if spec.names("size") { options.size } else { size };
             (options.response, options.levels) =
                 (lens.told_response(), lens.levels.map(|l| (l.black, l.white)));

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 
 /// Options of a camera for the help text.
 pub const HELP: &str = "\
-Camera options, after the path: ,lens=FILE (a [lens] table; else 180 degrees across the picture are assumed), ,size=640x480 (else the lens's),
+Camera options, after the path: ,lens=FILE (a [lens] table; else 180 degrees across the picture are assumed), ,size=640x480 (else the lens's, or the mode of a known sensor that sees all of it),
 ,format=YUYV, ,rate=30, ,exposures=0.0009/0.0055/0.0333 (seconds), ,sensor=/dev/v4l-subdev0, ,delay=2 (frames, else measured),
 ,stand-in=Brightness:64/128/192 (for benches: a control in the place of the exposure).";
 
@@ -67,6 +67,7 @@ impl CameraSpec {
                 "lens" => return Err(refuse("a lens file")),
                 "size" => {
                     options.size = size(value).ok_or_else(|| refuse("columns x rows, such as 640x480"))?;
+                    options.full_view = false;
                 }
                 "format" => {
                     let known = formats::parse(value).filter(|f| formats::rank(*f).is_some());

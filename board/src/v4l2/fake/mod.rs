@@ -69,6 +69,10 @@ pub enum Manner {
 #[derive(Clone, Debug)]
 pub struct Script {
     pub kind: Kind,
+    /// Name of its sensor's sub-device.
+    pub sensor: &'static str,
+    /// Pad formats that were asked for.
+    pub pads: Vec<(u32, u32)>,
     /// What it offers; pictures are of the first, or of none if they cannot be read.
     pub formats: Vec<&'static str>,
     pub size: (u32, u32),
@@ -106,6 +110,8 @@ impl Default for Script {
         let range = (1, 5000);
         Self {
             kind: Kind::Uvc,
+            sensor: "fake219 10-0010",
+            pads: Vec::new(),
             formats: vec!["GREY"],
             size: (64, 48),
             period,
@@ -367,8 +373,9 @@ impl Kernel for FakeKernel {
     }
 
     fn subdevices(&mut self) -> Vec<(PathBuf, String)> {
-        let csi = self.world().script.kind == Kind::Csi;
-        if csi { vec![("/dev/v4l-subdev0".into(), "fake219 10-0010".into())] } else { Vec::new() }
+        let script = &self.world().script;
+        let is_csi = script.kind == Kind::Csi;
+        if is_csi { vec![("/dev/v4l-subdev0".into(), script.sensor.into())] } else { Vec::new() }
     }
 
     fn now_ns(&self) -> u64 {

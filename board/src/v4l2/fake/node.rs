@@ -109,7 +109,10 @@ impl Node for FakeNode {
                 w.events = w.events.checked_sub(1).ok_or(Errno::NOENT)?;
                 d.kind = abi::EVENT_SOURCE_CHANGE;
             }
-            Call::SetPadFormat(d) => (d.width, d.height) = (width, height),
+            Call::SetPadFormat(d) => {
+                w.script.pads.push((d.width, d.height));
+                (d.width, d.height) = (width, height);
+            }
             Call::EnumBusCodes(d) => d.code = one(d.index, 0x3001)?,
         }
         Ok(())
