@@ -1,4 +1,7 @@
-//! `/metrics`, in the text format of Prometheus.
+//! `/metrics`, in the text format 0.0.4 of Prometheus.
+//!
+//! It is written here and not by a crate: `prometheus-client` writes OpenMetrics, another format, and `prometheus` keeps a registry of
+//! its own, whereas all values here exist already and are read once per request. The tests parse the text with `prometheus-parse`.
 
 use super::Context;
 use super::counts::{CLASSES, Counts, DELIVERY_US};
