@@ -27,6 +27,8 @@ pub struct Settings {
     pub tolerance: Option<f32>,
     /// Spherical harmonics for what has no direction; `adaptive` alone.
     pub ambient: bool,
+    /// Whether the lights are fitted as discs of their radius.
+    pub soft: bool,
     /// What stands for the unseen part of the hemisphere.
     pub extrapolation: Extrapolation,
     /// What the sampler lets its user choose besides.
@@ -44,6 +46,7 @@ impl Default for Settings {
             lights: 64,
             tolerance: None,
             ambient: false,
+            soft: false,
             extrapolation: Extrapolation::None,
             tuning: Tuning::default(),
             order: None,
@@ -56,7 +59,7 @@ impl Settings {
     /// What is asked of the sampler.
     #[must_use]
     pub fn request(&self) -> Request {
-        Request { lights: self.lights, tolerance: self.tolerance, ambient: self.ambient }
+        Request { lights: self.lights, tolerance: self.tolerance, ambient: self.ambient, soft: self.soft }
     }
 
     /// Order of the map.

@@ -35,7 +35,7 @@ fn fresh(map: &Pyramid<Vec<Quad>>, request: Request) -> Made {
 }
 
 const fn with(lights: usize, tolerance: Option<f32>, ambient: bool) -> Request {
-    Request { lights, tolerance, ambient }
+    Request { lights, tolerance, ambient, soft: false }
 }
 
 /// The shadowed error as `host-sim/METRICS.md` has it, in f64 over all texels.

@@ -139,7 +139,7 @@ fn run(seed: u64) {
         let map = Map { pyramid: pyramid.view(), polar: LatLongView { grid, texels: &texels } };
         let lights = rng.random_range(0..400);
         let tolerance = rng.random::<bool>().then(|| rng.random_range(0.0..1.0));
-        let request = Request { lights, tolerance, ambient: rng.random() };
+        let request = Request { lights, tolerance, ambient: rng.random(), soft: rng.random() };
         for sampler in &mut samplers {
             let what = format!("{} {seed}", sampler.kind());
             let made = sampler.update(&map, &request);

@@ -84,11 +84,14 @@ struct ModelArgs {
     /// Separates ambient light as nine spherical-harmonic coefficients.
     #[arg(long)]
     ambient: bool,
+    /// Fits the lights as uniform discs of their radius, for renderers that draw suns of an angular size.
+    #[arg(long)]
+    soft: bool,
 }
 
 impl ModelArgs {
     fn request(&self, lights: usize) -> Request {
-        Request { lights, tolerance: self.tolerance, ambient: self.ambient }
+        Request { lights, tolerance: self.tolerance, ambient: self.ambient, soft: self.soft }
     }
 }
 
@@ -370,8 +373,9 @@ fn run_replay(args: ReplayArgs) -> Result<(), SimError> {
         ExtrapolationArg::Average => Extrapolation::Average,
     };
     let SamplerArgs { sampler, lights } = args.sampler;
-    let ModelArgs { tolerance, ambient } = args.model;
-    let settings = Settings { sampler, lights, tolerance, ambient, extrapolation, ..Settings::default() };
+    let ModelArgs { tolerance, ambient, soft } = args.model;
+    let settings =
+        Settings { sampler, lights, tolerance, ambient, soft, extrapolation, ..Settings::default() };
     let export = args.export.export()?;
     let files = args.files.files(&export);
     let exposures = match args.exposures {

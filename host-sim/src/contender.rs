@@ -40,10 +40,10 @@ impl Method {
         if self.kind == Kind::Core { self.sampler().least_lights(domain) } else { 1 }
     }
 
-    /// The method whose lights are gathered, or the sampler that is asked for ambient light.
+    /// The method whose lights are gathered, or the sampler that is asked for ambient light or discs.
     #[must_use]
     pub fn base(&self) -> &'static str {
-        self.name.strip_suffix("+v").or(self.name.strip_suffix("+sh")).unwrap_or(self.name)
+        self.name.split('+').next().unwrap_or(self.name)
     }
 
     /// The core's sampler; the default one for a method that is none.
@@ -55,15 +55,18 @@ impl Method {
     /// The request to a sampler of the core.
     #[must_use]
     pub fn request(&self, lights: usize) -> Request {
-        Request { ambient: self.name.ends_with("+sh"), ..Request::of_lights(lights) }
+        let asked = |suffix| self.name.split('+').skip(1).any(|s| s == suffix);
+        Request { ambient: asked("sh"), soft: asked("soft"), ..Request::of_lights(lights) }
     }
 }
 
-/// All methods: the core's by [`SamplerKind::NAMES`] and `adaptive` with ambient light, then the baselines, then `volume`.
+/// All methods: the core's by [`SamplerKind::NAMES`] and `adaptive` with ambient light, with discs and with both, then the baselines, then `volume`.
 #[must_use]
 pub fn methods() -> Vec<Method> {
-    let core =
-        SamplerKind::NAMES.into_iter().chain(["adaptive+sh"]).map(|name| Method { name, kind: Kind::Core });
+    let core = SamplerKind::NAMES
+        .into_iter()
+        .chain(["adaptive+sh", "adaptive+soft", "adaptive+sh+soft"])
+        .map(|name| Method { name, kind: Kind::Core });
     let baselines = baseline::all().into_iter().map(|b| {
         let kind = if b.name().ends_with("+v") { Kind::Gathered } else { Kind::Baseline };
         Method { name: b.name(), kind }
@@ -88,6 +91,7 @@ pub fn judged(made: &Decomposition<'_>) -> LitSet {
     let lit = |l: &hemilux_core::light::Light| Lit {
         direction: l.direction.to_array().map(f64::from),
         irradiance: l.irradiance.map(f64::from),
+        radius_deg: f64::from(l.radius_deg),
         id: l.id,
     };
     let ambient_sh = made.ambient.map(|rows| rows.map(|rgb| rgb.map(f64::from)));

@@ -45,7 +45,7 @@ pub enum ScoreError {
 /// What was found, and what was expected there.
 type Refusal = (String, &'static str);
 
-/// Scores a light set against a map and gives the line `{"open":…,"shadowed":…,"energy":…}`: ratios, null where
+/// Scores a light set against a map and gives the line `{"open":…,"shadowed":…,"energy":…,"soft_open":…,"soft_shadowed":…}`: ratios, null where
 /// one is infinite.
 ///
 /// # Errors
@@ -74,7 +74,10 @@ pub fn read_set(path: &Path) -> Result<LitSet, ScoreError> {
 pub fn to_json(score: &Score) -> String {
     let number = |v: f64| if v.is_finite() { serde_json::Value::from(v) } else { serde_json::Value::Null };
     let [open, shadowed, energy] = [score.open, score.shadowed, score.energy].map(number);
-    format!(r#"{{"open":{open},"shadowed":{shadowed},"energy":{energy}}}"#)
+    let [soft_open, soft_shadowed] = [score.soft_open, score.soft_shadowed].map(number);
+    format!(
+        r#"{{"open":{open},"shadowed":{shadowed},"energy":{energy},"soft_open":{soft_open},"soft_shadowed":{soft_shadowed}}}"#
+    )
 }
 
 /// The axes a light set may be given in.
@@ -136,6 +139,8 @@ struct LightJson {
     id: u32,
     direction: [f64; 3],
     irradiance: [f64; 3],
+    #[serde(default)]
+    radius_deg: f64,
 }
 
 fn probe_axes() -> String {
@@ -163,7 +168,16 @@ fn to_lit(light: &LightJson, axes: Axes) -> Result<Lit, Refusal> {
     if let Some(negative) = light.irradiance.iter().find(|&&v| v < 0.0) {
         return Err((format!("light {} with irradiance {negative}", light.id), "values of at least 0"));
     }
-    Ok(Lit { direction: axes.turned_back(direction), irradiance: light.irradiance, id: light.id })
+    if !(0.0..=180.0).contains(&light.radius_deg) {
+        let found = format!("light {} with radius_deg {}", light.id, light.radius_deg);
+        return Err((found, "0 to 180 degrees"));
+    }
+    Ok(Lit {
+        direction: axes.turned_back(direction),
+        irradiance: light.irradiance,
+        radius_deg: light.radius_deg.min(90.0),
+        id: light.id,
+    })
 }
 
 /// One line of at most 160 characters.
@@ -294,7 +308,16 @@ mod tests {
 
     #[test]
     fn infinite_scores_are_null() {
-        let score = Score { open: f64::INFINITY, shadowed: 0.5, energy: 0.0 };
-        assert_eq!(to_json(&score), r#"{"open":null,"shadowed":0.5,"energy":0.0}"#);
+        let score = Score {
+            open: f64::INFINITY,
+            shadowed: 0.5,
+            energy: 0.0,
+            soft_open: 0.25,
+            soft_shadowed: f64::INFINITY,
+        };
+        assert_eq!(
+            to_json(&score),
+            r#"{"open":null,"shadowed":0.5,"energy":0.0,"soft_open":0.25,"soft_shadowed":null}"#
+        );
     }
 }

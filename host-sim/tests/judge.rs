@@ -38,6 +38,7 @@ fn errors_are_those_of_the_score() {
             let scored = |l: &hemilux_core::light::Light| Scored {
                 direction: l.direction.as_dvec3().to_array(),
                 irradiance: l.irradiance.map(f64::from),
+                radius_deg: f64::from(l.radius_deg),
                 id: l.id,
             };
             let set = LitSet {

@@ -4,7 +4,7 @@ mod common;
 
 use common::{root, shared, sim, sim_ok, text};
 use hemilux_sim::env::EnvMap;
-use hemilux_sim::metrics::{Domain, LitSet, Reference};
+use hemilux_sim::metrics::{Domain, LitSet, Reading, Reference};
 use hemilux_sim::score;
 use std::path::Path;
 
@@ -33,8 +33,16 @@ fn errors(map: &Path, sampler: &str) -> Option<(f64, f64)> {
         let sum: f64 = a.iter().zip(&b).map(|(a, b)| (a - b).powi(2)).sum();
         (sum / a.len() as f64).sqrt() / mu
     };
-    let open = rms(reference.open_of(&a), reference.open_of(&b), reference.open_mu());
-    let shadowed = rms(reference.shadowed_of(&a), reference.shadowed_of(&b), reference.shadowed_mu());
+    let open = rms(
+        reference.open_of(&a, Reading::Points),
+        reference.open_of(&b, Reading::Points),
+        reference.open_mu(),
+    );
+    let shadowed = rms(
+        reference.shadowed_of(&a, Reading::Points),
+        reference.shadowed_of(&b, Reading::Points),
+        reference.shadowed_mu(),
+    );
     println!("{} {sampler}: open {:.3} %, shadowed {:.3} %", map.display(), 100.0 * open, 100.0 * shadowed);
     Some((open, shadowed))
 }

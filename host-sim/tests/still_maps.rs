@@ -75,7 +75,7 @@ fn estimates_are_near_the_truth() {
     for (lights, ambient) in
         [1, 4, 8, 16, 32, 64, 128, 256].map(|n| [(n, false), (n, true)]).into_iter().flatten()
     {
-        let request = Request { lights, tolerance: None, ambient };
+        let request = Request { lights, tolerance: None, ambient, soft: false };
         for (score, estimate) in scores(&prepared, SamplerKind::Adaptive, &request) {
             let ratio = f64::from(estimate.expect("adaptive estimates")) / score.shadowed.max(0.002);
             near += usize::from((0.8..=1.25).contains(&ratio));
@@ -91,7 +91,7 @@ fn ambient_light_takes_the_place_of_many_lights() {
     let prepared = prepare();
     // Mean shadowed error, per cent; energy within 1e-3.
     for (lights, promise) in [(0, 12.0), (16, 2.8), (64, 1.2)] {
-        let request = Request { lights, tolerance: None, ambient: true };
+        let request = Request { lights, tolerance: None, ambient: true, soft: false };
         let scores = scores(&prepared, SamplerKind::Adaptive, &request);
         let mean = 100.0 * scores.iter().map(|(s, _)| s.shadowed).sum::<f64>() / scores.len().max(1) as f64;
         println!("adaptive {lights} and ambient: shadowed {mean:.3} %");
@@ -104,7 +104,7 @@ fn ambient_light_takes_the_place_of_many_lights() {
 fn a_tolerance_is_kept() {
     let prepared = prepare();
     for (tolerance, ambient) in [(0.03, false), (0.03, true), (0.1, true)] {
-        let request = Request { lights: 1024, tolerance: Some(tolerance), ambient };
+        let request = Request { lights: 1024, tolerance: Some(tolerance), ambient, soft: false };
         for (score, _) in scores(&prepared, SamplerKind::Adaptive, &request) {
             assert!(
                 score.shadowed <= 1.25 * f64::from(tolerance),

@@ -44,13 +44,16 @@ pub struct Request {
     pub tolerance: Option<f32>,
     /// Whether light without a dominant direction is returned as spherical harmonics. Only `adaptive` reads it.
     pub ambient: bool,
+    /// Whether the lights are drawn as uniform discs of their radius, so that they are fitted as such. Only `adaptive` reads it; the other
+    /// samplers give radii all the same.
+    pub soft: bool,
 }
 
 impl Request {
-    /// Requests up to `lights` lights, without a tolerance or ambient light.
+    /// Requests up to `lights` lights, without a tolerance or ambient light, fitted as points.
     #[must_use]
     pub const fn of_lights(lights: usize) -> Self {
-        Self { lights, tolerance: None, ambient: false }
+        Self { lights, tolerance: None, ambient: false, soft: false }
     }
 }
 

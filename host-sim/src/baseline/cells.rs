@@ -39,10 +39,18 @@ impl Flux {
         (self.luminance - norm(self.moment)).max(0.0)
     }
 
+    /// Radius in degrees of the uniform disc with this angular variance, at most 90.
+    #[must_use]
+    pub fn radius_deg(&self) -> f64 {
+        let part = if self.luminance > 0.0 { (self.spread() / self.luminance).min(0.5) } else { 0.0 };
+        2.0 * part.sqrt().asin().to_degrees()
+    }
+
     /// A light with this energy at the centroid, or at `fallback` where there is none.
     #[must_use]
     pub fn lit(&self, fallback: [f64; 3], id: u32) -> Lit {
-        Lit { direction: self.centroid().unwrap_or(fallback), irradiance: self.rgb, id }
+        let direction = self.centroid().unwrap_or(fallback);
+        Lit { direction, irradiance: self.rgb, radius_deg: self.radius_deg(), id }
     }
 }
 

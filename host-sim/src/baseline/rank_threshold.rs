@@ -56,7 +56,13 @@ fn weigh(cells: &Cells, kept: &[(u32, [f64; 3])]) -> Vec<Lit> {
     let centres: Vec<[f64; 3]> = kept.iter().map(|&(_, direction)| direction).collect();
     let sums = voronoi(cells, &centres);
     let lit = kept.iter().zip(sums).filter(|(_, flux)| flux.luminance > 0.0);
-    lit.map(|(&(id, direction), flux)| Lit { direction, irradiance: flux.rgb, id }).collect()
+    lit.map(|(&(id, direction), flux)| Lit {
+        direction,
+        irradiance: flux.rgb,
+        radius_deg: flux.radius_deg(),
+        id,
+    })
+    .collect()
 }
 
 /// (rank, direction) of the chosen candidates, by rank; candidates without energy are skipped.

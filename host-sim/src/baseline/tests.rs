@@ -247,7 +247,13 @@ fn real_maps() -> Vec<(PathBuf, EnvMap)> {
 
 fn mean(scores: &[Score]) -> Score {
     let over = |of: fn(&Score) -> f64| scores.iter().map(of).sum::<f64>() / scores.len() as f64;
-    Score { open: over(|s| s.open), shadowed: over(|s| s.shadowed), energy: over(|s| s.energy) }
+    Score {
+        open: over(|s| s.open),
+        shadowed: over(|s| s.shadowed),
+        soft_open: over(|s| s.soft_open),
+        soft_shadowed: over(|s| s.soft_shadowed),
+        energy: over(|s| s.energy),
+    }
 }
 
 #[test]

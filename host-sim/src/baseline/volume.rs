@@ -44,7 +44,12 @@ pub fn volume(maps: &[EnvMap], domain: Domain, lights: usize) -> Vec<Vec<Lit>> {
             let flux = pyramids[t].flux(leaf.quad);
             if flux.luminance > 0.0 {
                 let direction = place.centroid().unwrap_or([0.0, 0.0, 1.0]);
-                frames[t].push(Lit { direction, irradiance: flux.rgb, id: id as u32 });
+                frames[t].push(Lit {
+                    direction,
+                    irradiance: flux.rgb,
+                    radius_deg: flux.radius_deg(),
+                    id: id as u32,
+                });
             }
         }
     }

@@ -55,6 +55,10 @@ pub struct Point {
     pub open: Option<f64>,
     /// Shadowed error, mean over the maps.
     pub shadowed: Option<f64>,
+    /// Open error of the lights read as discs, mean over the maps.
+    pub soft_open: Option<f64>,
+    /// Shadowed error of the lights read as discs, mean over the maps.
+    pub soft_shadowed: Option<f64>,
     /// Shadowed error of the worst map.
     pub worst_shadowed: Option<f64>,
     /// Energy error, largest.
@@ -183,6 +187,8 @@ fn point(grounds: &[Ground], sampler: &'static str, lights: usize, runs: &[Timed
         sample_ms: measure::median(runs.iter().map(|run| run.ms).collect()),
         open: finite(mean(|s| s.open)),
         shadowed: finite(mean(|s| s.shadowed)),
+        soft_open: finite(mean(|s| s.soft_open)),
+        soft_shadowed: finite(mean(|s| s.soft_shadowed)),
         worst_shadowed: finite(worst(|s| s.shadowed)),
         energy: finite(worst(|s| s.energy)),
         flicker: None,
@@ -209,13 +215,15 @@ pub fn fewest(points: &[Point], sampler: &str, tolerance: f64) -> Option<usize> 
 /// The points as a table.
 fn text(points: &[Point]) -> String {
     let mut out = format!(
-        "{:<18}{:>7}{:>11}{:>9}{:>11}{:>9}{:>11}{:>11}{:>11}{:>14}\n",
+        "{:<18}{:>7}{:>11}{:>9}{:>11}{:>9}{:>11}{:>11}{:>11}{:>11}{:>11}{:>14}\n",
         "sampler",
         "lights",
         "sample ms",
         "open %",
         "shadowed %",
         "worst %",
+        "soft o. %",
+        "soft s. %",
         "energy",
         "flicker %",
         "burst ms",
@@ -228,13 +236,15 @@ fn text(points: &[Point]) -> String {
         let instructions = p.instructions.map_or("-".into(), |v| v.to_string());
         let _ = writeln!(
             out,
-            "{:<18}{:>7}{:>11.4}{:>9}{:>11}{:>9}{energy:>11}{:>11}{burst:>11}{instructions:>14}",
+            "{:<18}{:>7}{:>11.4}{:>9}{:>11}{:>9}{:>11}{:>11}{energy:>11}{:>11}{burst:>11}{instructions:>14}",
             p.sampler,
             p.lights,
             p.sample_ms,
             percent(p.open),
             percent(p.shadowed),
             percent(p.worst_shadowed),
+            percent(p.soft_open),
+            percent(p.soft_shadowed),
             percent(p.flicker)
         );
     }

@@ -8,6 +8,7 @@
 //! Errors are relative to the map. On an all-black map an error is 0 where the set is dark as well and
 //! infinite otherwise; it is never NaN.
 
+mod disc;
 pub mod grid;
 pub mod probes;
 mod reference;
@@ -15,6 +16,7 @@ pub mod sh;
 pub mod stability;
 pub(crate) mod vector;
 
+pub use disc::{Disc, Reading};
 pub use grid::Grid;
 pub use hemilux_core::healpix::Domain;
 pub use reference::{Reference, Score};
@@ -26,6 +28,8 @@ pub struct Lit {
     pub direction: [f64; 3],
     /// Perpendicular irradiance, RGB: the sum of L dOmega over what the light stands for.
     pub irradiance: [f64; 3],
+    /// Angular radius of the disc that the light is read as, degrees, 0 to 90.
+    pub radius_deg: f64,
     /// Names the light from frame to frame.
     pub id: u32,
 }

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::sync::LazyLock;
 
 use super::vector::dot;
-use super::{Grid, sh};
+use super::{Disc, Grid, sh};
 
 /// How many open probes there are.
 pub const OPEN: usize = 768;
@@ -92,6 +92,16 @@ impl ProbeSet {
             texels.for_each(|(d, flux)| self.add_open(d, flux, &mut sums));
         } else {
             texels.for_each(|(d, flux)| self.add(d, flux, &mut sums));
+        }
+        sums
+    }
+
+    /// Irradiance of every probe under lights that are read as discs: (centre, radius in radians, flux).
+    pub(super) fn irradiance_of_discs(&self, discs: impl Iterator<Item = ([f64; 3], f64, f64)>) -> Vec<f64> {
+        let mut sums = vec![0.0; self.probes.len()];
+        for (centre, radius, flux) in discs {
+            let disc = Disc::new(centre, radius);
+            sums.iter_mut().zip(&self.probes).for_each(|(sum, probe)| *sum += flux * disc.weight(probe));
         }
         sums
     }

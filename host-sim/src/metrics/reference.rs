@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 use super::probes::{OPEN_SET, ProbeSet, SHADOWED_SET};
-use super::{Domain, Grid, LitSet, holds, luminance, relative, rms};
+use super::{Domain, Grid, LitSet, Reading, holds, luminance, relative, rms};
 use crate::env::EnvMap;
 
 /// The accuracy of a light set on one map: dimensionless ratios, lower is better.
@@ -14,6 +14,10 @@ pub struct Score {
     pub open: f64,
     /// RMS over the shadowed probes of (E_set - E_ref) / mu.
     pub shadowed: f64,
+    /// `open` of the lights read as discs of their radius.
+    pub soft_open: f64,
+    /// `shadowed` of the lights read as discs of their radius.
+    pub soft_shadowed: f64,
     /// |set's sum - map's sum| / map's sum, of luminance; at most 1e-3 for a correct sampler.
     pub energy: f64,
 }
@@ -108,30 +112,32 @@ impl Reference {
 
     /// E_set of the open probes.
     #[must_use]
-    pub fn open_of(&self, set: &LitSet) -> Vec<f64> {
-        self.irradiance_of(set, &OPEN_SET, |grid| &grid.ambient().open)
+    pub fn open_of(&self, set: &LitSet, reading: Reading) -> Vec<f64> {
+        self.irradiance_of(set, reading, &OPEN_SET, |grid| &grid.ambient().open)
     }
 
     /// E_set of the shadowed probes.
     #[must_use]
-    pub fn shadowed_of(&self, set: &LitSet) -> Vec<f64> {
-        self.irradiance_of(set, &SHADOWED_SET, |grid| &grid.ambient().shadowed)
+    pub fn shadowed_of(&self, set: &LitSet, reading: Reading) -> Vec<f64> {
+        self.irradiance_of(set, reading, &SHADOWED_SET, |grid| &grid.ambient().shadowed)
     }
 
     /// Scores a set against this map.
     #[must_use]
     pub fn score(&self, set: &LitSet) -> Score {
         Score {
-            open: self.open.error(&self.open_of(set)),
-            shadowed: self.shadowed_error(set),
+            open: self.open.error(&self.open_of(set, Reading::Points)),
+            shadowed: self.shadowed_error(set, Reading::Points),
+            soft_open: self.open.error(&self.open_of(set, Reading::Discs)),
+            soft_shadowed: self.shadowed_error(set, Reading::Discs),
             energy: relative((self.energy_of(set) - self.total).abs(), self.total),
         }
     }
 
-    /// The shadowed error alone: half the work of [`Reference::score`], for long sequences.
+    /// The shadowed error alone: less work than [`Reference::score`], for long sequences.
     #[must_use]
-    pub fn shadowed_error(&self, set: &LitSet) -> f64 {
-        self.shadowed.error(&self.shadowed_of(set))
+    pub fn shadowed_error(&self, set: &LitSet, reading: Reading) -> f64 {
+        self.shadowed.error(&self.shadowed_of(set, reading))
     }
 
     /// Sum of Y(E) over the lights plus the ambient's: 2 sqrt(pi) Y(c00) over the sphere, the sum over
@@ -149,14 +155,25 @@ impl Reference {
     fn irradiance_of<'a>(
         &'a self,
         set: &LitSet,
+        reading: Reading,
         probes: &ProbeSet,
         ambient: impl Fn(&'a Grid) -> &'a [[f64; 9]],
     ) -> Vec<f64> {
-        let mut sums = probes.irradiance(self.counted(set));
+        let mut sums = match reading {
+            Reading::Points => probes.irradiance(self.counted(set)),
+            Reading::Discs => probes.irradiance_of_discs(self.discs(set)),
+        };
         if let Some(c) = ambient_luminance(set) {
             sums.iter_mut().zip(ambient(&self.grid)).for_each(|(sum, row)| *sum += product(&c, row));
         }
         sums
+    }
+
+    /// (direction, radius in radians, Y(E)) of the lights inside the domain.
+    fn discs<'a>(&self, set: &'a LitSet) -> impl Iterator<Item = ([f64; 3], f64, f64)> + 'a {
+        let domain = self.grid.domain();
+        let inside = set.lights.iter().filter(move |light| holds(domain, light.direction));
+        inside.map(|light| (light.direction, light.radius_deg.to_radians(), luminance(light.irradiance)))
     }
 
     /// (direction, Y(E)) of the lights inside the domain.

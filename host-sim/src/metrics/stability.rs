@@ -7,7 +7,7 @@ use std::collections::{HashMap, HashSet};
 
 use super::reference::ambient_luminance;
 use super::vector::{add_scaled, angle_deg};
-use super::{Grid, LitSet, Reference, holds, luminance, relative, rms, sh};
+use super::{Grid, LitSet, Reading, Reference, holds, luminance, relative, rms, sh};
 use crate::env::EnvMap;
 
 /// How near a light must be to a true source to belong to it, degrees (transit energy).
@@ -38,31 +38,38 @@ impl Spread {
 }
 
 /// Irradiance of each set beyond its reference's at every shadowed probe.
-fn excess(references: &[Reference], sets: &[LitSet]) -> Vec<Vec<f64>> {
+fn excess(references: &[Reference], sets: &[LitSet], reading: Reading) -> Vec<Vec<f64>> {
     let pairs = references.iter().zip(sets);
-    pairs.map(|(reference, set)| differences(&reference.shadowed_of(set), reference.shadowed())).collect()
+    pairs
+        .map(|(reference, set)| differences(&reference.shadowed_of(set, reading), reference.shadowed()))
+        .collect()
 }
 
 /// Change of the set's light beyond the change of the scene's: for t = 1, 2, ...
 /// RMS_k((E_set(t) - E_set(t-1)) - (E_ref(t) - E_ref(t-1))) / mu(t).
 #[must_use]
-pub fn flicker(references: &[Reference], sets: &[LitSet]) -> Vec<f64> {
-    let excess = excess(references, sets);
+pub fn flicker(references: &[Reference], sets: &[LitSet], reading: Reading) -> Vec<f64> {
+    let excess = excess(references, sets, reading);
     let steps = excess.windows(2).zip(&references[1.min(references.len())..]);
     steps.map(|(e, now)| relative(rms(differences(&e[1], &e[0]).into_iter()), now.shadowed_mu())).collect()
 }
 
 /// The shadowed error of a set over some of the shadowed probes alone; mu is the mean over these.
 #[must_use]
-pub fn shadowed_error_among(reference: &Reference, set: &LitSet, probes: &[usize]) -> f64 {
-    let excess = differences(&reference.shadowed_of(set), reference.shadowed());
+pub fn shadowed_error_among(reference: &Reference, set: &LitSet, reading: Reading, probes: &[usize]) -> f64 {
+    let excess = differences(&reference.shadowed_of(set, reading), reference.shadowed());
     relative(rms(probes.iter().map(|&k| excess[k])), mu_among(reference, probes))
 }
 
 /// [`flicker`] over some of the shadowed probes alone; mu is the mean over these.
 #[must_use]
-pub fn flicker_among(references: &[Reference], sets: &[LitSet], probes: &[usize]) -> Vec<f64> {
-    let excess = excess(references, sets);
+pub fn flicker_among(
+    references: &[Reference],
+    sets: &[LitSet],
+    reading: Reading,
+    probes: &[usize],
+) -> Vec<f64> {
+    let excess = excess(references, sets, reading);
     let steps = excess.windows(2).zip(&references[1.min(references.len())..]);
     let change = |e: &[Vec<f64>]| rms(probes.iter().map(|&k| e[1][k] - e[0][k]));
     steps.map(|(e, now)| relative(change(e), mu_among(now, probes))).collect()
@@ -89,7 +96,7 @@ pub struct ScoredFrame<'a> {
 pub fn unwarranted_change(before: ScoredFrame<'_>, after: ScoredFrame<'_>) -> Option<f64> {
     let mu = after.reference.shadowed_mu();
     let truth = differences(after.reference.shadowed(), before.reference.shadowed());
-    let irradiance = |frame: ScoredFrame<'_>| frame.reference.shadowed_of(frame.set);
+    let irradiance = |frame: ScoredFrame<'_>| frame.reference.shadowed_of(frame.set, Reading::Points);
     let made = differences(&irradiance(after), &irradiance(before));
     let blind: Vec<f64> =
         made.iter().zip(truth).filter(|(_, t)| t.abs() <= UNCHANGED * mu).map(|(&m, _)| m).collect();
@@ -111,6 +118,23 @@ pub fn motion_noise_deg(sets: &[LitSet]) -> Option<f64> {
         }
     }
     (count > 0).then(|| sum / count as f64)
+}
+
+/// Largest change of a light's radius from one frame to the next, over the radius before, over all pairs of lights of one id in
+/// successive frames. None where no id lives for two frames.
+#[must_use]
+pub fn radius_change(sets: &[LitSet]) -> Option<f64> {
+    let mut largest: Option<f64> = None;
+    for pair in sets.windows(2) {
+        let before: HashMap<u32, f64> = pair[0].lights.iter().map(|l| (l.id, l.radius_deg)).collect();
+        for light in &pair[1].lights {
+            if let Some(&from) = before.get(&light.id) {
+                let change = relative((light.radius_deg - from).abs(), from);
+                largest = Some(largest.map_or(change, |l| l.max(change)));
+            }
+        }
+    }
+    largest
 }
 
 /// Frames after an abrupt change until the shadowed error is within 1.25 x its steady value; the frame

@@ -21,12 +21,12 @@ fn one_texel(row: usize, column: usize) -> EnvMap {
 /// One light per lit texel: the perfect set.
 fn texel_lights(map: &EnvMap, domain: Domain) -> LitSet {
     let grid = Grid::new(map, domain);
-    let lit = |(k, (direction, irradiance))| Lit { direction, irradiance, id: k as u32 };
+    let lit = |(k, (direction, irradiance))| Lit { direction, irradiance, radius_deg: 0.0, id: k as u32 };
     grid.fluxes(map).enumerate().map(lit).collect::<Vec<_>>().into()
 }
 
 fn light(direction: [f64; 3], energy: f64, id: u32) -> Lit {
-    Lit { direction, irradiance: [energy; 3], id }
+    Lit { direction, irradiance: [energy; 3], radius_deg: 0.0, id }
 }
 
 #[test]
@@ -187,9 +187,13 @@ fn hemisphere_leaves_out_what_is_below() {
 #[test]
 fn black_map_is_perfect_in_the_dark_and_infinitely_wrong_lit() {
     let reference = Reference::new(&sky(|_| 0.0), Domain::Sphere);
-    assert_eq!(reference.score(&LitSet::default()), Score { open: 0.0, shadowed: 0.0, energy: 0.0 });
+    assert_eq!(
+        reference.score(&LitSet::default()),
+        Score { open: 0.0, shadowed: 0.0, soft_open: 0.0, soft_shadowed: 0.0, energy: 0.0 }
+    );
     let lit = reference.score(&vec![light([0.0, 0.0, 1.0], 1.0, 0)].into());
-    assert_eq!(lit, Score { open: f64::INFINITY, shadowed: f64::INFINITY, energy: f64::INFINITY });
+    let none = f64::INFINITY;
+    assert_eq!(lit, Score { open: none, shadowed: none, soft_open: none, soft_shadowed: none, energy: none });
 }
 
 #[test]
@@ -201,7 +205,7 @@ fn flicker_is_the_change_the_scene_did_not_make() {
     let perfect = texel_lights(&map, Domain::Sphere);
     let mut brighter = perfect.clone();
     brighter.lights.iter_mut().for_each(|l| l.irradiance = l.irradiance.map(|v| 1.5 * v));
-    let flicker = flicker(&references, &[perfect.clone(), perfect, brighter]);
+    let flicker = flicker(&references, &[perfect.clone(), perfect, brighter], Reading::Points);
     let e = first.shadowed();
     let expected = 0.5 * (e.iter().map(|v| v * v).sum::<f64>() / e.len() as f64).sqrt() / first.shadowed_mu();
     assert_eq!(flicker[0], 0.0);
@@ -209,7 +213,9 @@ fn flicker_is_the_change_the_scene_did_not_make() {
     // A scene that makes the change itself does not flicker.
     let double = EnvMap::new(128, 64, map.texels().iter().map(|t| t.map(|v| 2.0 * v)).collect());
     let sets = [texel_lights(&map, Domain::Sphere), texel_lights(&double, Domain::Sphere)];
-    assert!(stability::flicker(&[first.clone(), first.following(&double)], &sets)[0] < 1e-12);
+    assert!(
+        stability::flicker(&[first.clone(), first.following(&double)], &sets, Reading::Points)[0] < 1e-12
+    );
 }
 
 #[test]

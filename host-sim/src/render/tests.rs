@@ -19,7 +19,7 @@ fn one_light_per_texel_is_the_reference() {
     let env = room(64);
     let grid = Grid::new(&env, Domain::Sphere);
     let lights = grid.fluxes(&env).enumerate();
-    let lit = |(k, (direction, irradiance))| Lit { direction, irradiance, id: k as u32 };
+    let lit = |(k, (direction, irradiance))| Lit { direction, irradiance, radius_deg: 0.0, id: k as u32 };
     let set = LitSet::from(lights.map(lit).collect::<Vec<_>>());
     let camera = Camera::new([24, 16]);
     let [a, b] = [of_map(&env), of_set(&set)].map(|l| shoot(&Scene::STANDARD, &camera, &l, &env, "test"));

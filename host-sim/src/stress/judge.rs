@@ -2,7 +2,7 @@
 
 use crate::contender::Run;
 use crate::metrics::stability::{self as stability, ScoredFrame, Spread};
-use crate::metrics::{LitSet, Reference, probes};
+use crate::metrics::{LitSet, Reading, Reference, probes};
 use crate::scenario::Scenario;
 use serde::Serialize;
 
@@ -21,16 +21,26 @@ pub struct Row {
     pub flicker_mean: Option<f64>,
     /// Flicker, largest.
     pub flicker_max: Option<f64>,
+    /// Shadowed error of the lights read as discs, mean over the frames.
+    pub soft_shadowed: Option<f64>,
+    /// Flicker of the lights read as discs, mean over the frames.
+    pub soft_flicker_mean: Option<f64>,
+    /// Flicker of the lights read as discs, largest.
+    pub soft_flicker_max: Option<f64>,
     /// Unwarranted change, the largest of the switches.
     pub unwarranted: Option<f64>,
     /// Step response, the longest of the changes, frames.
     pub step_frames: Option<usize>,
+    /// Step response of the lights read as discs, the longest of the changes, frames.
+    pub soft_step_frames: Option<usize>,
     /// Transit energy.
     pub transit: Option<f64>,
     /// Tracking error, mean over the path, degrees.
     pub tracking_deg: Option<f64>,
     /// Motion noise, degrees a frame.
     pub motion_noise_deg: Option<f64>,
+    /// Largest change of a light's radius from frame to frame, a ratio.
+    pub radius_change: Option<f64>,
     /// Lights born and died, mean a frame.
     pub churn: Option<f64>,
 }
@@ -73,17 +83,25 @@ impl<'a> Judge<'a> {
                 shadowed: None,
                 flicker_mean: None,
                 flicker_max: None,
+                soft_shadowed: None,
+                soft_flicker_mean: None,
+                soft_flicker_max: None,
                 unwarranted: None,
                 step_frames: None,
+                soft_step_frames: None,
                 transit: None,
                 tracking_deg: None,
                 motion_noise_deg: None,
+                radius_change: None,
                 churn: None,
             };
         };
-        let errors = self.errors(sets);
-        let flicker = Spread::of(&self.flicker(sets));
+        let errors = self.errors(sets, Reading::Points);
+        let soft_errors = self.errors(sets, Reading::Discs);
+        let flicker = Spread::of(&self.flicker(sets, Reading::Points));
+        let soft_flicker = Spread::of(&self.flicker(sets, Reading::Discs));
         let noise = self.scenario.static_noise.then(|| stability::motion_noise_deg(sets));
+        let pulsing = self.scenario.static_noise.then(|| stability::radius_change(sets));
         Row {
             scenario,
             sampler,
@@ -91,27 +109,34 @@ impl<'a> Judge<'a> {
             shadowed: finite(Spread::of(&errors).map(|s| s.mean)),
             flicker_mean: finite(flicker.map(|s| s.mean)),
             flicker_max: finite(flicker.map(|s| s.max)),
+            soft_shadowed: finite(Spread::of(&soft_errors).map(|s| s.mean)),
+            soft_flicker_mean: finite(soft_flicker.map(|s| s.mean)),
+            soft_flicker_max: finite(soft_flicker.map(|s| s.max)),
             unwarranted: finite(self.unwarranted(sets)),
             step_frames: self.step(&errors),
+            soft_step_frames: self.step(&soft_errors),
             transit: finite(self.transit(sets)),
             tracking_deg: finite(self.tracking(sets)),
             motion_noise_deg: finite(noise.flatten()),
+            radius_change: finite(pulsing.flatten()),
             churn: finite(Spread::of(&stability::churn(sets)).map(|s| s.mean)),
         }
     }
 
-    fn errors(&self, sets: &[LitSet]) -> Vec<f64> {
+    fn errors(&self, sets: &[LitSet], reading: Reading) -> Vec<f64> {
         let pairs = self.references.iter().zip(sets);
         match &self.counted {
-            Some(probes) => pairs.map(|(r, set)| stability::shadowed_error_among(r, set, probes)).collect(),
-            None => pairs.map(|(r, set)| r.shadowed_error(set)).collect(),
+            Some(probes) => {
+                pairs.map(|(r, set)| stability::shadowed_error_among(r, set, reading, probes)).collect()
+            }
+            None => pairs.map(|(r, set)| r.shadowed_error(set, reading)).collect(),
         }
     }
 
-    fn flicker(&self, sets: &[LitSet]) -> Vec<f64> {
+    fn flicker(&self, sets: &[LitSet], reading: Reading) -> Vec<f64> {
         match &self.counted {
-            Some(probes) => stability::flicker_among(&self.references, sets, probes),
-            None => stability::flicker(&self.references, sets),
+            Some(probes) => stability::flicker_among(&self.references, sets, reading, probes),
+            None => stability::flicker(&self.references, sets, reading),
         }
     }
 

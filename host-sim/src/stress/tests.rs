@@ -17,11 +17,16 @@ fn json_has_the_keys_of_the_format_and_null_for_no_meaning() {
         "shadowed",
         "flicker_mean",
         "flicker_max",
+        "soft_shadowed",
+        "soft_flicker_mean",
+        "soft_flicker_max",
         "unwarranted",
         "step_frames",
+        "soft_step_frames",
         "transit",
         "tracking_deg",
         "motion_noise_deg",
+        "radius_change",
         "churn",
     ];
     for row in parsed["rows"].as_array().unwrap() {

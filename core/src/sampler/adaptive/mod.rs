@@ -354,7 +354,8 @@ mod tests {
             Adaptive::try_new(Domain::Sphere, Order::saturating(ORDER), memory).expect("bits enough");
         let map = Map { pyramid: map.view(), polar: LatLongView::NONE };
         for frame in 0..10 {
-            let made = sampler.update(&map, &Request { lights: 8, tolerance: None, ambient: true });
+            let made =
+                sampler.update(&map, &Request { lights: 8, tolerance: None, ambient: true, soft: false });
             assert!(made.lights.is_empty(), "a flat map needs none");
             assert_eq!(sampler.ceiling.1, frame, "frames since the last search");
         }

@@ -69,7 +69,7 @@ fn hemigon<F: Follow>(map: &Map<'_>, grid: &Grid, filter: F) -> Option<()> {
 }
 
 fn run(map: &Map<'_>, mut sampler: impl Sampler) {
-    let request = black_box(Request { lights: 9, tolerance: Some(0.1), ambient: true });
+    let request = black_box(Request { lights: 9, tolerance: Some(0.1), ambient: true, soft: true });
     let made = sampler.update(map, &request);
     let sh = made.ambient.unwrap_or_default();
     let set = LightSet { lights: made.lights, ambient_sh: Some(&sh), ..black_box(LightSet::EMPTY) };
