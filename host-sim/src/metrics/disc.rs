@@ -6,7 +6,7 @@ use super::probes::Probe;
 use super::vector::dot;
 
 /// Quadrature points of a disc that an occluding cone hides in part.
-pub const POINTS: usize = 96;
+pub const POINTS: usize = 192;
 
 /// How the lights of a set are read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -6,6 +6,7 @@
 //! 3. `tree` over `nodes`: best-first splits of a binary tree by Y (1 - |m|)^(3/8), which is nearly what a light costs in shadowed
 //!    error. Each split adds one light, so every number of lights is reached, down to one.
 //! 4. `gather`: up to eight lights move to the centroids of the light that is nearest to them; more lights gain little by it and flicker.
+//!    `discs`: of discs, importance is what a disc cannot show, and few of them move to where they err least.
 //! 5. `filter`: directions are smoothed against noise; a light that moves or jumps is followed without delay. After a `cut`, a frame that does
 //!    not continue the last one, every filter starts anew.
 //! 6. `weights`: up to 64 lights share their energy so that the expected error over receivers with random occluders is least.
@@ -19,6 +20,7 @@ mod activity;
 mod ambient;
 mod count;
 mod cut;
+mod discs;
 mod estimate;
 mod filter;
 mod gather;
@@ -219,16 +221,19 @@ where
 
     /// Puts at most `limit` lights in place.
     fn place(&mut self, map: &PyramidView<'_>, request: &Request, limit: usize, ceiling: usize) {
-        let work = self.workspace.borrow_mut();
+        let Workspace { ambient, activity, sources, fit, .. } = self.workspace.borrow_mut();
         if request.ambient {
-            work.ambient.fit(map, if limit == 0 { ambient::ALL } else { ceiling });
+            ambient.fit(map, if limit == 0 { ambient::ALL } else { ceiling });
         }
-        let nodes = Nodes::new(map, request.ambient.then_some(&work.ambient));
-        self.tree.grow(&nodes, &work.activity, limit);
+        let nodes = Nodes::new(map, request.ambient.then_some(&*ambient));
+        self.tree.grow(&nodes, activity, (limit, request.soft));
         self.count = self.tree.emit(&nodes, &mut self.lights[0].as_mut()[..limit]);
         let lights = &mut self.lights[0].as_mut()[..self.count];
         if self.count <= GATHERED {
             gather::gather(&nodes, self.tree.leaves(), lights);
+        }
+        if request.soft {
+            discs::place((sources, fit), &nodes, self.tree.leaves(), lights);
         }
     }
 
@@ -239,7 +244,8 @@ where
         let lights = &mut self.lights[0].as_mut()[..self.count];
         sources.fill(&nodes, self.tree.leaves(), lights);
         if (2..=FITTED).contains(&self.count) {
-            fit.run(sources.as_slice(), lights);
+            let run = if request.soft { weights::Fit::run_discs } else { weights::Fit::run };
+            run(fit, sources.as_slice(), lights);
         }
         keep_energy(lights, nodes.quad(0, 0).rgb());
     }
@@ -257,7 +263,8 @@ where
             receivers.add(source.at, source.radius, source.y * whole);
         }
         for light in lights {
-            receivers.add(light.direction, 0.0, -crate::color::luminance(light.irradiance) * whole);
+            let radius = if request.soft { light.radius_deg.to_radians() } else { 0.0 };
+            receivers.add(light.direction, radius, -crate::color::luminance(light.irradiance) * whole);
         }
         if request.ambient {
             for (at, y) in ambient.left(map) {

@@ -3,6 +3,7 @@
 //! A light's id is the first texel of its leaf, counted from 1: the left child of a split keeps the parent's id, the right one is new.
 
 use super::activity::Activity;
+use super::discs;
 use super::nodes::{self, Nodes};
 use crate::buffer::Buffer;
 use crate::healpix::{Domain, Order};
@@ -66,11 +67,12 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>> Tree<B, H> {
     }
 
     /// Splits the most important leaves until there are `limit` lit ones. May be called again in the same frame.
-    pub(super) fn grow(&mut self, nodes: &Nodes<'_>, activity: &Activity, limit: usize) {
+    pub(super) fn grow(&mut self, nodes: &Nodes<'_>, activity: &Activity, (limit, soft): (usize, bool)) {
         self.interior[0].as_mut().fill(0);
         let mut len = 0;
         let mut lit = 1;
-        self.push(&mut len, (nodes, activity), (0, 0, &nodes.quad(0, 0)), f32::INFINITY);
+        let judge = Judge { nodes, activity, soft };
+        self.push(&mut len, &judge, (0, 0, &nodes.quad(0, 0)), f32::INFINITY);
         while lit < limit {
             let Some(leaf) = heap::pop(&mut self.heap.as_mut()[..len], before) else { break };
             len -= 1;
@@ -80,7 +82,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>> Tree<B, H> {
                 [2 * leaf.index, 2 * leaf.index + 1].map(|index| (index, nodes.quad(level, index)));
             lit += usize::from(children.iter().all(|(_, quad)| quad.y() > 0.0));
             for (index, quad) in &children {
-                self.push(&mut len, (nodes, activity), (level, *index, quad), leaf.importance);
+                self.push(&mut len, &judge, (level, *index, quad), leaf.importance);
             }
         }
     }
@@ -90,17 +92,17 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>> Tree<B, H> {
     fn push(
         &mut self,
         len: &mut usize,
-        (nodes, activity): (&Nodes<'_>, &Activity),
+        judge: &Judge<'_>,
         (level, index, quad): (u8, u32, &Quad),
         most: f32,
     ) {
         let leaves = self.heap.as_mut();
-        if quad.y() <= 0.0 || level >= nodes.last() || *len >= leaves.len() {
+        if quad.y() <= 0.0 || level >= judge.nodes.last() || *len >= leaves.len() {
             return;
         }
         let kept = if bit(self.interior[1].as_ref(), level, index) { 1.0 + HYSTERESIS } else { 1.0 };
-        let kept = kept * nodes.activity(activity, level, index);
-        let importance = (importance(quad) * kept).min(most);
+        let kept = kept * judge.nodes.activity(judge.activity, level, index);
+        let importance = (judge.importance(level, index, quad) * kept).min(most);
         leaves[*len] = Leaf { importance, level, index };
         *len += 1;
         heap::sift_up(&mut leaves[..*len], before);
@@ -122,6 +124,20 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>> Tree<B, H> {
     /// The leaves of the lights that [`Tree::emit`] wrote last.
     pub(super) fn leaves(&self) -> &[Leaf] {
         self.heap.as_ref()
+    }
+}
+
+/// What decides how important a node is.
+struct Judge<'a> {
+    nodes: &'a Nodes<'a>,
+    activity: &'a Activity,
+    /// Whether lights are discs.
+    soft: bool,
+}
+
+impl Judge<'_> {
+    fn importance(&self, level: u8, index: u32, quad: &Quad) -> f32 {
+        if self.soft { discs::importance(self.nodes, level, index, quad) } else { importance(quad) }
     }
 }
 

@@ -9,8 +9,8 @@
 //! The minimisation is that of optimally weighted quadrature in a reproducing kernel space; K near 0 is linear in the angle, which makes
 //! it the energy distance of Szekely and Rizzo. The kernel and its use for lights are ours.
 
-use super::FITTED;
 use super::source::Source;
+use super::{FITTED, discs};
 use crate::light::Light;
 use crate::root::root;
 use glam::Vec3;
@@ -27,12 +27,35 @@ const RIDGE: f32 = 0.01;
 /// Largest change of a light's energy, as a factor: beyond it the fit would trade lights against each other.
 const MOST: f32 = 2.0;
 
+/// [`RIDGE`] for discs, whose kernels overlap more.
+const DISC_RIDGE: f32 = 0.1;
+
+/// [`MOST`] for discs.
+const DISC_MOST: f32 = 4.0;
+
 /// K between unit vectors of which `squared` is the squared sine of half their angle, (1 - cos) / 2.
 #[inline(always)]
-fn kernel(squared: f32) -> f32 {
+pub(super) fn kernel(squared: f32) -> f32 {
     let h = coarse_root(squared);
     KERNEL.iter().rev().fold(0.0, |sum, c| sum * h + c)
 }
+
+/// The derivative of K over K(0) by the cosine of the angle; finite at 0.
+#[inline(always)]
+pub(super) fn slope(squared: f32) -> f32 {
+    let squared = squared.max(LEAST_SQUARED);
+    let per_root = coarse_inverse_root(squared);
+    let h = squared * per_root;
+    let mut by_root = 0.0;
+    for i in (1..KERNEL.len()).rev() {
+        by_root = by_root * h + i as f32 * KERNEL[i];
+    }
+    // With x the cosine, h^2 = (1 - x) / 2.
+    by_root * per_root * -0.25
+}
+
+/// Least argument of [`slope`].
+const LEAST_SQUARED: f32 = 1e-6;
 
 /// Square root within 7e-4, of [`LEAST`] for what is less: a Newton step whose constants halve the error of the usual ones, which
 /// would cost the fit as much again. They are Jan Kadlec's (2010).
@@ -42,6 +65,13 @@ fn coarse_root(v: f32) -> f32 {
     let bits = (v.to_bits() as i32).max(LEAST.to_bits() as i32) as u32;
     let (v, r) = (f32::from_bits(bits), f32::from_bits(0x5f1f_fff9 - (bits >> 1)));
     v * r * (0.703_952_3 * (2.389_244_6 - v * r * r))
+}
+
+/// 1 / square root of a positive number, within 7e-4 of it.
+#[inline(always)]
+fn coarse_inverse_root(v: f32) -> f32 {
+    let r = f32::from_bits(0x5f1f_fff9u32.wrapping_sub(v.to_bits() >> 1));
+    r * (0.703_952_3 * (2.389_244_6 - v * r * r))
 }
 
 /// Smallest argument of the square root: the squared sine of a millionth of a radian.
@@ -68,28 +98,51 @@ impl Fit {
     pub(super) fn run(&mut self, sources: &[Source], lights: &mut [Light]) {
         let n = lights.len().min(FITTED);
         let lights = &mut lights[..n];
-        self.prepare(lights);
+        self.prepare(lights.iter().map(|light| light.direction));
         sources.iter().for_each(|source| self.source(n, source));
+        self.finish(lights, RIDGE, MOST);
+    }
+
+    /// Scales the discs that stand for `sources`, which count as discs too.
+    pub(super) fn run_discs(&mut self, sources: &[Source], lights: &mut [Light]) {
+        let n = lights.len().min(FITTED);
+        let lights = &mut lights[..n];
+        self.prepare(lights.iter().map(discs::vector_of));
+        for source in sources {
+            let mut own = [0.0; FITTED];
+            kernels(&self.axes, discs::mean_vector(source.at, source.radius), &mut own[..n]);
+            self.residual[..n].iter_mut().zip(&own[..n]).for_each(|(r, k)| *r += source.y * k);
+        }
+        for (row, light) in self.matrix.iter().zip(lights.iter()) {
+            let y = energy(light);
+            self.residual[..n].iter_mut().zip(&row[..n]).for_each(|(r, k)| *r -= y * k);
+        }
+        self.finish(lights, DISC_RIDGE, DISC_MOST);
+    }
+
+    /// Solves for the corrections and applies them.
+    fn finish(&mut self, lights: &mut [Light], ridge: f32, most: f32) {
+        let n = lights.len();
         let mean = lights.iter().map(energy).sum::<f32>() / n as f32;
         for (i, light) in lights.iter().enumerate() {
-            self.matrix[i][i] += RIDGE * mean / energy(light).max(1e-6 * mean);
+            self.matrix[i][i] += ridge * mean / energy(light).max(1e-6 * mean);
         }
         if self.solve(n) {
-            scale(lights, &self.residual);
+            scale(lights, &self.residual, most);
         }
     }
 
     /// Fills the matrix and clears the residual.
-    fn prepare(&mut self, lights: &[Light]) {
+    fn prepare(&mut self, vectors: impl Iterator<Item = Vec3> + Clone) {
         self.residual = [0.0; FITTED];
         self.ones = [1.0; FITTED];
-        for (i, light) in lights.iter().enumerate() {
-            for (axis, v) in self.axes.iter_mut().zip(light.direction.to_array()) {
+        for (i, vector) in vectors.clone().enumerate().take(FITTED) {
+            for (axis, v) in self.axes.iter_mut().zip(vector.to_array()) {
                 axis[i] = v;
             }
         }
-        for (i, light) in lights.iter().enumerate() {
-            kernels(&self.axes, light.direction, &mut self.matrix[i][..=i]);
+        for (i, vector) in vectors.enumerate().take(FITTED) {
+            kernels(&self.axes, vector, &mut self.matrix[i][..=i]);
             for j in 0..i {
                 self.matrix[j][i] = self.matrix[i][j];
             }
@@ -162,10 +215,10 @@ fn energy(light: &Light) -> f32 {
 }
 
 /// Adds the corrections to the lights' luminance, their colour kept.
-fn scale(lights: &mut [Light], corrections: &[f32]) {
+fn scale(lights: &mut [Light], corrections: &[f32], most: f32) {
     for (light, x) in lights.iter_mut().zip(corrections) {
         let y = energy(light);
-        let factor = if y > 0.0 { (1.0 + x / y).clamp(1.0 / MOST, MOST) } else { 1.0 };
+        let factor = if y > 0.0 { (1.0 + x / y).clamp(1.0 / most, most) } else { 1.0 };
         light.irradiance = light.irradiance.map(|v| v * factor);
     }
 }
