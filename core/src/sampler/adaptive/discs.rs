@@ -9,7 +9,7 @@
 
 use super::FITTED;
 use super::nodes::Nodes;
-use super::source::{Source, Sources};
+use super::source::{SOURCES, Source, Sources};
 use super::tree::Leaf;
 use super::weights::{Fit, kernel, slope};
 use crate::color::luminance;
@@ -46,6 +46,16 @@ const CURVATURE: (f32, f32) = (0.086, 1.15);
 
 /// Least width of a disc, as half a chord.
 const LEAST_WIDTH: f32 = 1e-3;
+
+/// Most parts of all discs together of a set whose weights are fitted, and of one disc; of larger sets as many as sources.
+const PARTS: usize = 512;
+const MOST_PARTS: usize = 32;
+
+/// A disc of fewer parts is left whole.
+const FEWEST_PARTS: usize = 4;
+
+/// Cosine and sine of the golden angle.
+const GOLDEN: (f32, f32) = (-0.737_368_9, 0.675_490_3);
 
 /// Number of steps of [`steer`] for so many lights: more lights gain less by it and cost more.
 fn steps(lights: usize) -> usize {
@@ -119,6 +129,31 @@ pub(super) fn place(
         steer(sources.as_slice(), lights);
     }
     lights.iter_mut().zip(own).for_each(|(light, own)| light.irradiance = own);
+}
+
+/// The parts of which the estimate makes up a disc of a set of `lights`: centre, radius in radians, share of the energy.
+///
+/// They are pairs on opposite sides of the centre, each pair as far round as the golden angle from the last, so that their mean is the
+/// disc's.
+pub(super) fn parts(light: &Light, lights: usize) -> impl Iterator<Item = (Vec3, f32, f32)> {
+    let most = if lights <= FITTED { PARTS } else { SOURCES };
+    let count = (most / lights.max(1)).min(MOST_PARTS) & !1;
+    let count = if count < FEWEST_PARTS { 1.0 } else { count as f32 };
+    let radius = light.radius_deg.to_radians();
+    let height = 1.0 - libm::cosf(radius);
+    let (across, up) = light.direction.any_orthonormal_pair();
+    let (cos, sin) = GOLDEN;
+    let mut turn = (1.0f32, 0.0f32);
+    (0..count as usize).map(move |i| {
+        turn = if i % 2 == 1 {
+            (-turn.0, -turn.1)
+        } else {
+            (turn.0 * cos - turn.1 * sin, turn.0 * sin + turn.1 * cos)
+        };
+        let z = if count > 1.0 { 1.0 - height * ((i & !1) as f32 + 1.0) / count } else { 1.0 };
+        let r = root((1.0 - z * z).max(0.0));
+        (light.direction * z + (across * turn.0 + up * turn.1) * r, radius / root(count), 1.0 / count)
+    })
 }
 
 /// Mean vectors of discs, one coordinate a row, and their energies.

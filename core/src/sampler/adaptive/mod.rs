@@ -263,8 +263,13 @@ where
             receivers.add(source.at, source.radius, source.y * whole);
         }
         for light in lights {
-            let radius = if request.soft { light.radius_deg.to_radians() } else { 0.0 };
-            receivers.add(light.direction, radius, -crate::color::luminance(light.irradiance) * whole);
+            let share = -crate::color::luminance(light.irradiance) * whole;
+            if request.soft {
+                discs::parts(light, lights.len())
+                    .for_each(|(at, radius, part)| receivers.add(at, radius, share * part));
+            } else {
+                receivers.add(light.direction, 0.0, share);
+            }
         }
         if request.ambient {
             for (at, y) in ambient.left(map) {
