@@ -55,8 +55,17 @@ impl Method {
     /// The request to a sampler of the core.
     #[must_use]
     pub fn request(&self, lights: usize) -> Request {
-        let asked = |suffix| self.name.split('+').skip(1).any(|s| s == suffix);
-        Request { ambient: asked("sh"), soft: asked("soft"), ..Request::of_lights(lights) }
+        Request { ambient: self.is_asked("sh"), soft: self.is_soft(), ..Request::of_lights(lights) }
+    }
+
+    /// Whether its lights are fitted as discs.
+    #[must_use]
+    pub fn is_soft(&self) -> bool {
+        self.is_asked("soft")
+    }
+
+    fn is_asked(&self, suffix: &str) -> bool {
+        self.name.split('+').skip(1).any(|s| s == suffix)
     }
 }
 

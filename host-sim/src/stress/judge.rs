@@ -45,6 +45,13 @@ pub struct Row {
     pub churn: Option<f64>,
 }
 
+/// What is looked at where lights are read as discs.
+struct Soft {
+    shadowed: Option<f64>,
+    flicker: Option<Spread>,
+    step: Option<usize>,
+}
+
 /// The irradiance of the probes in every frame of a scenario.
 pub struct Judge<'a> {
     scenario: &'a Scenario,
@@ -97,11 +104,10 @@ impl<'a> Judge<'a> {
             };
         };
         let errors = self.errors(sets, Reading::Points);
-        let soft_errors = self.errors(sets, Reading::Discs);
+        let soft = run.method.is_soft().then(|| self.soft(sets));
         let flicker = Spread::of(&self.flicker(sets, Reading::Points));
-        let soft_flicker = Spread::of(&self.flicker(sets, Reading::Discs));
         let noise = self.scenario.static_noise.then(|| stability::motion_noise_deg(sets));
-        let pulsing = self.scenario.static_noise.then(|| stability::radius_change(sets));
+        let pulsing = (self.scenario.static_noise && soft.is_some()).then(|| stability::radius_change(sets));
         Row {
             scenario,
             sampler,
@@ -109,17 +115,27 @@ impl<'a> Judge<'a> {
             shadowed: finite(Spread::of(&errors).map(|s| s.mean)),
             flicker_mean: finite(flicker.map(|s| s.mean)),
             flicker_max: finite(flicker.map(|s| s.max)),
-            soft_shadowed: finite(Spread::of(&soft_errors).map(|s| s.mean)),
-            soft_flicker_mean: finite(soft_flicker.map(|s| s.mean)),
-            soft_flicker_max: finite(soft_flicker.map(|s| s.max)),
+            soft_shadowed: finite(soft.as_ref().and_then(|s| s.shadowed)),
+            soft_flicker_mean: finite(soft.as_ref().and_then(|s| s.flicker).map(|s| s.mean)),
+            soft_flicker_max: finite(soft.as_ref().and_then(|s| s.flicker).map(|s| s.max)),
             unwarranted: finite(self.unwarranted(sets)),
             step_frames: self.step(&errors),
-            soft_step_frames: self.step(&soft_errors),
+            soft_step_frames: soft.as_ref().and_then(|s| s.step),
             transit: finite(self.transit(sets)),
             tracking_deg: finite(self.tracking(sets)),
             motion_noise_deg: finite(noise.flatten()),
             radius_change: finite(pulsing.flatten()),
             churn: finite(Spread::of(&stability::churn(sets)).map(|s| s.mean)),
+        }
+    }
+
+    /// The figures of a run whose lights are read as discs.
+    fn soft(&self, sets: &[LitSet]) -> Soft {
+        let errors = self.errors(sets, Reading::Discs);
+        Soft {
+            shadowed: Spread::of(&errors).map(|s| s.mean),
+            flicker: Spread::of(&self.flicker(sets, Reading::Discs)),
+            step: self.step(&errors),
         }
     }
 

@@ -36,7 +36,7 @@ const DOWN: u8 = 2;
 const SPREAD: f32 = 0.05;
 
 /// Part of a Newton step that a centre makes, since its neighbours move as well.
-const RELAXED: f32 = 0.5;
+const RELAXED: f32 = 0.7;
 
 /// Longest step, over the disc's width.
 const LONGEST: f32 = 0.5;
@@ -47,9 +47,11 @@ const CURVATURE: (f32, f32) = (0.086, 1.15);
 /// Least width of a disc, as half a chord.
 const LEAST_WIDTH: f32 = 1e-3;
 
-/// Most parts of all discs together of a set whose weights are fitted, and of one disc; of larger sets as many as sources.
-const PARTS: usize = 512;
-const MOST_PARTS: usize = 32;
+/// Parts of all discs together in the estimate of a set whose weights are fitted; of larger sets as many as sources.
+const PARTS: usize = 256;
+
+/// Fewest and most parts of one disc of a set whose weights are fitted.
+const EACH: (usize, usize) = (8, 32);
 
 /// A disc of fewer parts is left whole.
 const FEWEST_PARTS: usize = 4;
@@ -60,7 +62,7 @@ const GOLDEN: (f32, f32) = (-0.737_368_9, 0.675_490_3);
 /// Number of steps of [`steer`] for so many lights: more lights gain less by it and cost more.
 fn steps(lights: usize) -> usize {
     match lights {
-        2..=16 => 6,
+        2..=16 => 4,
         17..=32 => 2,
         _ => 0,
     }
@@ -136,9 +138,9 @@ pub(super) fn place(
 /// They are pairs on opposite sides of the centre, each pair as far round as the golden angle from the last, so that their mean is the
 /// disc's.
 pub(super) fn parts(light: &Light, lights: usize) -> impl Iterator<Item = (Vec3, f32, f32)> {
-    let most = if lights <= FITTED { PARTS } else { SOURCES };
-    let count = (most / lights.max(1)).min(MOST_PARTS) & !1;
-    let count = if count < FEWEST_PARTS { 1.0 } else { count as f32 };
+    let each =
+        if lights <= FITTED { (PARTS / lights.max(1)).clamp(EACH.0, EACH.1) } else { SOURCES / lights };
+    let count = if each < FEWEST_PARTS { 1.0 } else { (each & !1) as f32 };
     let radius = light.radius_deg.to_radians();
     let height = 1.0 - libm::cosf(radius);
     let (across, up) = light.direction.any_orthonormal_pair();
