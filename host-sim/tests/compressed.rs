@@ -8,7 +8,7 @@ use hemilux_core::{SamplerKind, Samples, read_rgb_row};
 use hemilux_sim::bench::{Case, bursts};
 use hemilux_sim::contender::judged;
 use hemilux_sim::env::EnvMap;
-use hemilux_sim::metrics::{Domain, LitSet, Reference};
+use hemilux_sim::metrics::{Domain, LitSet, Reading, Reference};
 use image::codecs::jpeg::JpegEncoder;
 
 const LIGHTS: usize = 64;
@@ -72,8 +72,14 @@ fn jpeg_frames_of_quality_85_give_the_lights_of_yuyv_frames_within_1_5_percent()
         let plain = lights(&calibration, burst);
         let (calibration, burst) = compressed(&calibration, burst, 85);
         let jpeg = lights(&calibration, &burst);
-        let shadowed = difference(&reference.shadowed_of(&jpeg), &reference.shadowed_of(&plain));
-        let open = difference(&reference.open_of(&jpeg), &reference.open_of(&plain));
+        let shadowed = difference(
+            &reference.shadowed_of(&jpeg, Reading::Points),
+            &reference.shadowed_of(&plain, Reading::Points),
+        );
+        let open = difference(
+            &reference.open_of(&jpeg, Reading::Points),
+            &reference.open_of(&plain, Reading::Points),
+        );
         println!("{size:?}: shadowed {:.2} %, open {:.2} %", 100.0 * shadowed, 100.0 * open);
         assert!(shadowed <= 0.015, "{size:?}: {shadowed}");
         assert!(open <= 0.015, "{size:?}: {open}");
