@@ -166,3 +166,73 @@ fn two_boards_in_view_are_refused() {
     let ended = lens("8x6", &pictures, Path::new("/nonexistent/lens.toml"), &[]);
     assert_refused(&ended, &["Fisheye1_11.png", "two boards"]);
 }
+
+const LENS: &str = "version = 1\n[lens]\nmodel = \"equidistant\"\nsize = [200, 200]\ncentre = [99.5, 99.5]\nfocal = [60.0, 60.0]\n\
+     max_angle_deg = 90.0\n";
+
+fn run(arguments: &[&str]) -> Ended {
+    let output = Command::new(env!("CARGO_BIN_EXE_hemilux")).arg("calibrate").args(arguments).output();
+    let output = output.expect("the program runs");
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("UTF-8");
+    Ended { status: output.status.code(), out: text(output.stdout), error: text(output.stderr) }
+}
+
+#[test]
+fn flat_field_writes_the_vignetting_once() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (lens, flat) = (folder.path().join("lens.toml"), folder.path().join("flat.png"));
+    std::fs::write(&lens, format!("{LENS}[response]\nmodel = \"linear\"\n")).expect("a file");
+    let theta = |x: u32, y: u32| (f64::from(x) - 99.5).hypot(f64::from(y) - 99.5) / 60.0;
+    let image = image::GrayImage::from_fn(200, 200, |x, y| {
+        let light = if theta(x, y) < 1.58 { 1.0 - 0.2 * theta(x, y).powi(2) } else { 0.0 };
+        image::Luma([(230.0 * light).round() as u8])
+    });
+    image.save(&flat).expect("a picture");
+    let arguments =
+        ["vignetting", "--flat", flat.to_str().expect("UTF-8"), "--out", lens.to_str().expect("UTF-8")];
+    let ended = run(&arguments);
+    assert_eq!(ended.status, Some(0), "{}", ended.error);
+    let read = hemilux::recorded::read_lens(&lens).expect("a lens file").lens;
+    for theta in [0.0, 0.5, 1.0, 1.48f64] {
+        let off = read.illumination(theta) / (1.0 - 0.2 * theta * theta) - 1.0;
+        assert!(off.abs() < 0.02, "{theta}: {off}");
+    }
+    assert_refused(&run(&arguments), &["a vignetting", "--force"]);
+}
+
+#[test]
+fn check_has_an_exit_status_for_each_class_of_fault() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let lens = folder.path().join("lens.toml");
+    let check = |text: &str, burst: Option<&Path>| {
+        std::fs::write(&lens, text).expect("a file");
+        let mut arguments = vec!["check", lens.to_str().expect("UTF-8")];
+        arguments.extend(burst.iter().flat_map(|burst| ["--burst", burst.to_str().expect("UTF-8")]));
+        run(&arguments)
+    };
+    assert_eq!(check(LENS, None).status, Some(0));
+    assert_eq!(check("nothing", None).status, Some(3));
+    let beyond = format!("{LENS}[calibration]\ncovered_deg = 50.0\n");
+    assert_eq!(check(&beyond, None).status, Some(6), "used far beyond its calibration");
+    let burst = folder.path().join("burst");
+    std::fs::create_dir(&burst).expect("a folder");
+    let record = |ratio: f64, focal: &str| {
+        let frames = [("a.png", 0.01, 40u8), ("b.png", 0.01 * ratio, 160u8)].map(|(name, seconds, code)| {
+            image::GrayImage::from_pixel(200, 200, image::Luma([code]))
+                .save(burst.join(name))
+                .expect("a picture");
+            format!("[[frame]]\nfile = \"{name}\"\nexposure_s = {seconds}\n")
+        });
+        let text = LENS.replace("60.0", focal) + &frames.concat();
+        std::fs::write(burst.join("burst.toml"), text).expect("a file");
+    };
+    record(4.0, "60.0");
+    assert_eq!(check(LENS, Some(&burst)).status, Some(0));
+    assert_eq!(check(&LENS.replace("[200, 200]", "[200, 202]"), Some(&burst)).status, Some(4));
+    record(2.0, "60.0");
+    let ended = check(LENS, Some(&burst));
+    assert_eq!(ended.status, Some(7), "{}", ended.error);
+    assert!(ended.error.contains("4.00") && ended.error.contains("2.00"), "{}", ended.error);
+    record(4.0, "50.0");
+    assert_eq!(check(LENS, Some(&burst)).status, Some(8));
+}

@@ -25,7 +25,7 @@ pub(super) struct Found {
 pub(super) fn board(grey: &Grey, board: Board) -> Result<Found, ChessError> {
     let whole = board.corners();
     let mut best = Found::default();
-    let mut level = Some((grey.clone(), 1.0));
+    let mut level = Some(first_level(grey));
     while let Some((picture, scale)) = level.filter(|_| best.seen.len() < whole) {
         let corners = find(&picture, scale)?;
         let found = from_corners(grey, &corners, board, scale);
@@ -35,6 +35,19 @@ pub(super) fn board(grey: &Grey, board: Board) -> Result<Found, ChessError> {
         level = picture.halved().filter(|_| scale < 8.0).map(|half| (half, 2.0 * scale));
     }
     Ok(best)
+}
+
+/// Largest side of a picture in which corners are searched: in larger ones texture outnumbers them.
+const LARGEST_SIDE: usize = 1600;
+
+/// The picture at the first size at which corners are searched, and the pixels of the full size in one of it.
+fn first_level(grey: &Grey) -> (Grey, f64) {
+    let mut level = (grey.clone(), 1.0);
+    while level.0.size().into_iter().max() > Some(LARGEST_SIDE) {
+        let Some(half) = level.0.halved() else { break };
+        level = (half, 2.0 * level.1);
+    }
+    level
 }
 
 fn from_corners(grey: &Grey, corners: &[Corner], board: Board, scale: f64) -> Found {

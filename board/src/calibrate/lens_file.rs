@@ -1,6 +1,6 @@
 //! Lens files with what is known of how they came about.
 
-use super::{Calibrated, FittedResponse};
+use super::{Calibrated, FittedResponse, FittedVignetting};
 use hemilux_core::lens::Model;
 use std::io::Write;
 use std::path::Path;
@@ -126,6 +126,28 @@ pub fn write_response(path: &Path, fitted: &FittedResponse, force: bool) -> Resu
         return Err(FileRefusal::Better { path: path.display().to_string(), found: "a [response]".into() });
     }
     document["response"] = Item::Table(response_table(fitted));
+    save(path, &document.to_string())
+}
+
+/// Writes the vignetting into the `[lens]` table of a lens file that exists.
+///
+/// # Errors
+/// [`FileRefusal`]: no lens file, or, without `force`, one that has a vignetting.
+pub fn write_vignetting(path: &Path, fitted: &FittedVignetting, force: bool) -> Result<(), FileRefusal> {
+    let mut document = read(path, false)?;
+    let Some(lens) = document.get_mut("lens").and_then(Item::as_table_like_mut) else {
+        return Err(failed(path, &"no [lens] table: compute the lens first"));
+    };
+    if lens.contains_key("vignetting") && !force {
+        return Err(FileRefusal::Better { path: path.display().to_string(), found: "a vignetting".into() });
+    }
+    lens.insert("vignetting", array(fitted.coefficients.map(|v| rounded(v, 9))));
+    if document.get("calibration").is_none() {
+        document["calibration"] = Item::Table(Table::new());
+    }
+    let statement = &mut document["calibration"];
+    statement["vignetting_rms"] = value(rounded(fitted.rms, 5));
+    statement["vignetting_covered_deg"] = value(rounded(fitted.covered.to_degrees(), 2));
     save(path, &document.to_string())
 }
 

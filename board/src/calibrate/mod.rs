@@ -8,6 +8,7 @@ mod board;
 mod burst;
 mod camera;
 mod check;
+mod check_file;
 mod corners;
 mod detect;
 mod fit;
@@ -24,13 +25,18 @@ mod shape;
 mod solve;
 mod target;
 mod uncertainty;
+mod vignetting;
 
 pub use board::Board;
 pub use burst::exposed;
 pub use check::LensRefusal;
+pub use check_file::{Fault, check};
 pub use grey::Grey;
 pub use lens::{Calibrated, Picture, Spread, calibrate};
-pub use lens_file::{FileRefusal, response_text, write, write_response};
+pub use lens_file::{FileRefusal, response_text, write, write_response, write_vignetting};
 pub use residuals::picture as residual_picture;
 pub use response::{Exposed, FittedResponse, Neighbours, ResponseRefusal, fit_response};
 pub use target::{Target, TargetRefusal, svg as target_svg};
+pub use vignetting::{
+    FittedVignetting, Reading, Shown, VignettingRefusal, fit_vignetting, flat_field, screen,
+};

@@ -360,15 +360,23 @@ fn middle_of(sorted: &[f64]) -> f64 {
 
 /// Logarithms of the ratios of the samples that the merge trusts in both of two frames.
 fn logarithms(frames: &[Exposed], curves: &[[f64; COEFFICIENTS]; 3]) -> Vec<f64> {
-    const TRUSTED: std::ops::Range<f32> = 0.0627..0.98;
-    let exposure = |code: f32, channel: usize| {
-        let basis = bernstein(code.into());
+    logarithms_of(frames, |code, channel| {
+        let basis = bernstein(code);
         basis.iter().zip(&curves[channel]).map(|(b, c)| b * c).sum::<f64>()
-    };
-    let of_channel = |channel: usize| {
-        let codes = frames[0].codes.iter().zip(&frames[1].codes).map(move |(a, b)| [a[channel], b[channel]]);
-        let both = codes.filter(|[a, b]| TRUSTED.contains(a) && TRUSTED.contains(b));
-        both.map(move |[a, b]| (exposure(b, channel) / exposure(a, channel)).ln())
-    };
-    (0..3).flat_map(of_channel).collect()
+    })
+}
+
+/// As [`logarithms`], with the relative exposure of a code and a channel.
+pub(super) fn logarithms_of(frames: &[Exposed], exposure: impl Fn(f64, usize) -> f64) -> Vec<f64> {
+    const TRUSTED: std::ops::Range<f32> = 0.0627..0.98;
+    let mut logarithms = Vec::new();
+    for (a, b) in frames[0].codes.iter().zip(&frames[1].codes) {
+        for channel in 0..3 {
+            if TRUSTED.contains(&a[channel]) && TRUSTED.contains(&b[channel]) {
+                let [a, b] = [a[channel], b[channel]].map(|code| exposure(code.into(), channel));
+                logarithms.push((b / a).ln());
+            }
+        }
+    }
+    logarithms
 }

@@ -2,11 +2,13 @@
 
 use super::{Failure, say};
 use crate::calibrate::{
-    Board, Calibrated, Grey, Picture, Target, calibrate, exposed, fit_response, residual_picture,
-    response_text, target_svg, write, write_response,
+    Board, Calibrated, Fault, Grey, Picture, Shown, Target, calibrate, check, exposed, fit_response,
+    fit_vignetting, flat_field, residual_picture, response_text, screen, target_svg, write, write_response,
+    write_vignetting,
 };
-use crate::recorded::read_grey;
+use crate::recorded::{read_grey, read_lens};
 use clap::{Args, Subcommand};
+use hemilux_core::Response;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -22,8 +24,42 @@ enum CalibrateCommand {
     Target(TargetOptions),
     /// Compute the lens from pictures of a chessboard.
     Lens(LensOptions),
+    /// Compute the relative illumination of a lens from pictures of a lit screen at several angles, or of a flat field.
+    Vignetting(VignettingOptions),
+    /// Check that a lens file, a burst and the camera belong together; the exit status names the class of the fault.
+    #[command(after_help = CHECK_HELP)]
+    Check(CheckOptions),
     /// Compute the response from a recorded burst of a still scene.
     Response(ResponseOptions),
+}
+
+const CHECK_HELP: &str = "\
+Exit status: 0 without a fault, 3 for a file that cannot be read, 4 for another image size, 5 for solid angles that do not add up,
+6 for a lens that is uncertain or used beyond its calibration, 7 for exposures that are not what burst.toml says, 8 for another lens.";
+
+#[derive(Debug, Args)]
+struct CheckOptions {
+    /// Lens file.
+    lens: PathBuf,
+    /// Folder of a burst that the camera recorded.
+    #[arg(long, value_name = "DIR")]
+    burst: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+struct VignettingOptions {
+    /// Pictures at one fixed exposure: of a small lit screen (phone, e-reader) in the dark, one for each angle from the axis to the rim.
+    #[arg(required = true, value_name = "IMAGE")]
+    images: Vec<PathBuf>,
+    /// The pictures show an evenly lit surface that fills the view, such as the inside of a sphere.
+    #[arg(long)]
+    flat: bool,
+    /// Lens file into which the vignetting is written; its [response] applies, sRGB where it has none.
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Replace the vignetting that the lens file has.
+    #[arg(long)]
+    force: bool,
 }
 
 #[derive(Debug, Args)]
@@ -77,6 +113,12 @@ pub(super) fn run(options: &Calibrate) -> Result<(), Failure> {
             say(&target_svg(&target).map_err(|e| Failure::usage(format!("--square-mm: {e}")))?)
         }
         CalibrateCommand::Lens(options) => lens(options),
+        CalibrateCommand::Vignetting(options) => vignetting(options),
+        CalibrateCommand::Check(options) => {
+            let fault = |fault: Fault| Failure { line: fault.to_string(), status: fault.status() };
+            check(&options.lens, options.burst.as_deref()).map_err(fault)?;
+            say("no fault found\n")
+        }
         CalibrateCommand::Response(options) => response(options),
     }
 }
@@ -92,6 +134,47 @@ fn lens(options: &LensOptions) -> Result<(), Failure> {
         })?;
     }
     say(&report(&calibrated, &options.out))
+}
+
+fn vignetting(options: &VignettingOptions) -> Result<(), Failure> {
+    let file = read_lens(&options.out).map_err(Failure::new)?;
+    let response = file.told_response().unwrap_or(Response::Srgb);
+    let mut readings = Vec::new();
+    for path in &options.images {
+        let grey = grey(path)?;
+        let size = grey.size();
+        if size != file.size.map(|n| n as usize) {
+            return Err(Failure::new(format!(
+                "{}: found {} x {} pixels, expected {} x {} as the lens",
+                path.display(),
+                size[0],
+                size[1],
+                file.size[0],
+                file.size[1]
+            )));
+        }
+        let shown = Shown { grey: &grey, response: &response };
+        if options.flat {
+            readings.extend(flat_field(&file.lens, &shown));
+        } else if let Some(reading) = screen(&file.lens, &shown) {
+            readings.push(reading);
+        } else {
+            eprintln!(
+                "hemilux: {}: found no screen that is lit and not clipped, left out: expose so that its code is between a tenth and all of the range",
+                path.display()
+            );
+        }
+    }
+    let fitted = fit_vignetting(&file.lens, &readings).map_err(Failure::new)?;
+    write_vignetting(&options.out, &fitted, options.force).map_err(Failure::new)?;
+    say(&format!(
+        "{} readings up to {:.1} degrees fit within {:.1} %, the worst within {:.1} %\nwrote {}\n",
+        fitted.readings,
+        fitted.covered.to_degrees(),
+        100.0 * fitted.rms,
+        100.0 * fitted.largest,
+        options.out.display()
+    ))
 }
 
 fn response(options: &ResponseOptions) -> Result<(), Failure> {
@@ -112,11 +195,14 @@ fn response(options: &ResponseOptions) -> Result<(), Failure> {
     }
 }
 
-fn picture(path: &Path) -> Result<Picture, Failure> {
+fn grey(path: &Path) -> Result<Grey, Failure> {
     let image = read_grey(path).map_err(Failure::new)?;
     let no_pixels = || Failure::new(format_args!("{}: found no pixels, expected an image", path.display()));
-    let grey = Grey::new(image.width, image.samples).ok_or_else(no_pixels)?;
-    Ok(Picture { name: path.display().to_string(), grey })
+    Grey::new(image.width, image.samples).ok_or_else(no_pixels)
+}
+
+fn picture(path: &Path) -> Result<Picture, Failure> {
+    Ok(Picture { name: path.display().to_string(), grey: grey(path)? })
 }
 
 fn report(calibrated: &Calibrated, out: &Path) -> String {

@@ -18,7 +18,6 @@ struct LensManifest {
     response: Option<ResponseTable>,
     sensor: Option<SensorTable>,
     /// How the lens came about; `hemilux calibrate` writes and reads it.
-    #[allow(dead_code, reason = "checked for its type; read as a raw table")]
     calibration: Option<toml::Table>,
 }
 
@@ -41,6 +40,8 @@ pub struct LensFile {
     pub lens_table: toml::Table,
     /// The values of the `[response]` table, where the file has one.
     pub response_table: Option<toml::Table>,
+    /// The `[calibration]` table: how the lens came about.
+    pub calibration_table: Option<toml::Table>,
     /// Statements about a file of another program: what was fitted, what was taken.
     pub notes: Vec<String>,
 }
@@ -95,6 +96,7 @@ pub fn parse_lens(path: &Path, text: &str) -> Result<LensFile, RecordedError> {
         levels: file.sensor.and_then(|s| Some(Levels { black: s.black?, white: s.white? })),
         lens_table: table("lens").unwrap_or_default(),
         response_table: table("response"),
+        calibration_table: file.calibration,
         notes: Vec::new(),
     })
 }

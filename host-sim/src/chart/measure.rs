@@ -106,6 +106,7 @@ fn standard_lens() -> LensFile {
         levels: None,
         lens_table: toml::Table::new(),
         response_table: None,
+        calibration_table: None,
         notes: Vec::new(),
     }
 }

@@ -58,6 +58,7 @@ pub(super) fn parse(text: &str) -> Result<LensFile, Refusal> {
         levels: None,
         lens_table: convert::table(&fitted.lens, camera.size),
         response_table: None,
+        calibration_table: None,
         notes,
     })
 }

@@ -1,0 +1,190 @@
+//! Whether a lens file, a burst and the camera belong together.
+
+use super::burst::exposed;
+use super::response::{Exposed, logarithms_of};
+use crate::recorded::{LensFile, read_lens};
+use glam::DVec2;
+use hemilux_core::Response;
+use hemilux_core::lens::Lens;
+use std::f64::consts::TAU;
+use std::path::Path;
+
+/// A fault of a calibration; each class has its exit status.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Fault {
+    /// The lens file or the burst cannot be read.
+    #[error("{0}")]
+    Unreadable(String),
+    /// The lens is of another image size.
+    #[error("{path}: found a lens for {} x {} pixels, expected the burst's {} x {}: calibrate in the mode of the probe", lens[0], lens[1], burst[0], burst[1])]
+    Size {
+        /// The lens file.
+        path: String,
+        /// Its size.
+        lens: [u32; 2],
+        /// Size of the images.
+        burst: [u32; 2],
+    },
+    /// The solid angles of the pixels do not add up to the field of view.
+    #[error(
+        "{path}: found pixels of {found:.3} sr together, expected {expected:.3} sr as max_angle_deg says: calibrate the lens anew"
+    )]
+    SolidAngle {
+        /// The lens file.
+        path: String,
+        /// Sum over the pixels.
+        found: f64,
+        /// The field of view's.
+        expected: f64,
+    },
+    /// The lens is used far beyond where it was calibrated, or is uncertain.
+    #[error(
+        "{path}: found a lens {found}, expected a calibration up to the rim: take pictures with the board nearer to the rim"
+    )]
+    Uncertain {
+        /// The lens file.
+        path: String,
+        /// What was found.
+        found: String,
+    },
+    /// The exposures of the burst are not what its table says.
+    #[error(
+        "{path}: found exposures of the ratio {found:.2}, expected {expected:.2} as burst.toml says: calibrate the response, or check that the camera obeys its exposure settings"
+    )]
+    Exposures {
+        /// The burst.
+        path: String,
+        /// Ratio by the pictures.
+        found: f64,
+        /// Declared ratio.
+        expected: f64,
+    },
+    /// The burst was recorded with another lens.
+    #[error(
+        "{path}: found another lens in its burst.toml, expected that of the lens file: the calibration is not the one that the camera was used with"
+    )]
+    OtherLens {
+        /// The burst.
+        path: String,
+    },
+}
+
+impl Fault {
+    /// The exit status of its class: 3 to 8 in the order of the variants.
+    #[must_use]
+    pub fn status(&self) -> u8 {
+        match self {
+            Self::Unreadable(_) => 3,
+            Self::Size { .. } => 4,
+            Self::SolidAngle { .. } => 5,
+            Self::Uncertain { .. } => 6,
+            Self::Exposures { .. } => 7,
+            Self::OtherLens { .. } => 8,
+        }
+    }
+}
+
+/// Largest relative error of the sum of the solid angles.
+const MOST_SOLID: f64 = 0.01;
+
+/// Largest deviation of an exposure ratio.
+const MOST_RATIO: f64 = 0.2;
+
+/// How far beyond the outermost corner of the calibration a lens may be used, degrees, and its largest uncertainty there.
+const MOST_BEYOND_DEG: f64 = 12.0;
+const MOST_UNCERTAIN_DEG: f64 = 1.0;
+
+/// Checks a lens file, and a burst where one is given.
+///
+/// # Errors
+/// The first [`Fault`].
+pub fn check(path: &Path, burst: Option<&Path>) -> Result<(), Fault> {
+    let file = read_lens(path).map_err(|e| Fault::Unreadable(e.to_string()))?;
+    solid_angles(path, &file)?;
+    stated(path, &file)?;
+    burst.map_or(Ok(()), |burst| with_burst(path, &file, burst))
+}
+
+/// Whether the whole image circle lies in the picture, and the pixels' solid angles add up to it.
+fn solid_angles(path: &Path, file: &LensFile) -> Result<(), Fault> {
+    let [width, height] = file.size;
+    let places = (0..height).flat_map(|y| (0..width).map(move |x| DVec2::new(f64::from(x), f64::from(y))));
+    let found: f64 = places.filter_map(|at| file.lens.solid_angle(at)).sum();
+    let expected = TAU * (1.0 - file.lens.intrinsics().max_theta.cos());
+    let whole = is_whole(&file.lens, file.size);
+    let is_off = if whole {
+        (found / expected - 1.0).abs() > MOST_SOLID
+    } else {
+        found > (1.0 + MOST_SOLID) * expected
+    };
+    if is_off || found <= 0.0 {
+        return Err(Fault::SolidAngle { path: path.display().to_string(), found, expected });
+    }
+    Ok(())
+}
+
+/// Whether no pixel of the picture's edge lies in the image circle.
+fn is_whole(lens: &Lens, [width, height]: [u32; 2]) -> bool {
+    let (right, bottom) = (f64::from(width) - 1.0, f64::from(height) - 1.0);
+    let rows = (0..width).flat_map(|x| [DVec2::new(f64::from(x), 0.0), DVec2::new(f64::from(x), bottom)]);
+    let columns = (0..height).flat_map(|y| [DVec2::new(0.0, f64::from(y)), DVec2::new(right, f64::from(y))]);
+    rows.chain(columns).all(|at| lens.unproject(at).is_none())
+}
+
+/// What the file states of its accuracy; a file without a statement passes.
+fn stated(path: &Path, file: &LensFile) -> Result<(), Fault> {
+    let fault = |found: String| Err(Fault::Uncertain { path: path.display().to_string(), found });
+    let Some(statement) = &file.calibration_table else { return Ok(()) };
+    let covered = statement.get("covered_deg").and_then(toml::Value::as_float);
+    let used = file.lens.intrinsics().max_theta.to_degrees();
+    if let Some(covered) = covered.filter(|covered| used > covered + MOST_BEYOND_DEG) {
+        return fault(format!("that is used up to {used:.1} degrees and was calibrated up to {covered:.1}"));
+    }
+    let uncertainties = statement.get("uncertainty_deg").and_then(toml::Value::as_array);
+    let worst = uncertainties.into_iter().flatten().filter_map(toml::Value::as_float).fold(0.0, f64::max);
+    if worst > MOST_UNCERTAIN_DEG {
+        fault(format!("whose uncertainty is {worst:.2} degrees"))
+    } else {
+        Ok(())
+    }
+}
+
+fn with_burst(path: &Path, file: &LensFile, burst: &Path) -> Result<(), Fault> {
+    let (calibration, frames, _) = exposed(burst).map_err(|e| Fault::Unreadable(e.to_string()))?;
+    let size = [calibration.layout.width(), calibration.layout.height()];
+    if size != file.size {
+        return Err(Fault::Size { path: path.display().to_string(), lens: file.size, burst: size });
+    }
+    exposures(burst, &file.told_response().unwrap_or(calibration.response), &frames)?;
+    if is_other(&file.lens, &calibration.lens) {
+        return Err(Fault::OtherLens { path: burst.display().to_string() });
+    }
+    Ok(())
+}
+
+/// Whether two lenses differ by more than two degrees somewhere in the field of both.
+fn is_other(a: &Lens, b: &Lens) -> bool {
+    let max = a.intrinsics().max_theta.min(b.intrinsics().max_theta);
+    let directions =
+        (1..=8).flat_map(|i| (0..8).map(move |j| (0.12 * f64::from(i), TAU * f64::from(j) / 8.0)));
+    directions.filter(|(part, _)| *part < 1.0).any(|(part, phi)| {
+        let theta = part * max;
+        let direction = glam::DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos());
+        let seen = a.project(direction).and_then(|pixel| b.unproject(pixel));
+        seen.is_none_or(|other| direction.dot(other) < 2f64.to_radians().cos())
+    })
+}
+
+fn exposures(path: &Path, response: &Response, frames: &[Exposed]) -> Result<(), Fault> {
+    for pair in frames.windows(2) {
+        let expected = pair[1].exposure / pair[0].exposure;
+        let mut off = logarithms_of(pair, |code, channel| response.exposure(channel, code));
+        off.sort_by(f64::total_cmp);
+        let found = off.get(off.len() / 2).map(|v| v.exp());
+        if let Some(found) = found.filter(|found| (found / expected).ln().abs() > MOST_RATIO) {
+            return Err(Fault::Exposures { path: path.display().to_string(), found, expected });
+        }
+    }
+    Ok(())
+}
