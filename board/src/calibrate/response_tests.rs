@@ -112,7 +112,7 @@ fn office_burst_agrees_with_itself_and_with_its_measured_response() {
     let found = Response::Bernstein(fitted.coefficients);
     // The polynomial of burst.toml itself disagrees with the burst by about ten per cent in the median, ours by less than three: the two
     // curves cannot be nearer to each other than that everywhere. A curve is known up to a factor.
-    for (channel, most) in [0.11, 0.11, 0.13].into_iter().enumerate() {
+    for (channel, most) in [0.11, 0.11, 0.14].into_iter().enumerate() {
         let ratio = |x: f64| found.exposure(channel, x) / calibration.response.exposure(channel, x);
         let ratios: Vec<f64> = (17..=245).map(|code| ratio(f64::from(code) / 255.0)).collect();
         let (least, largest) = ratios.iter().fold((f64::MAX, 0f64), |(a, b), r| (a.min(*r), b.max(*r)));
