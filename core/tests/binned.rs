@@ -58,7 +58,7 @@ fn binned_frames_have_the_light_of_the_frame_itself() {
     for format in FORMATS {
         // A pattern of each colour with a mean of 30 and of 90, below saturation in both exposures of 8 bits.
         let code = |x: u32, y: u32| {
-            (if (x + y) % 2 == 0 { 20 } else { 40 }) + ((x / 2 + 2 * (y / 2)) % 4) as u16 * 4
+            (if (x + y).is_multiple_of(2) { 20 } else { 40 }) + ((x / 2 + 2 * (y / 2)) % 4) as u16 * 4
         };
         for bin in [2, 4, 8] {
             // Merged images of 64 x 64 pixels: fewer sample the rim of the lens coarsely.
@@ -75,7 +75,9 @@ fn binned_frames_have_the_light_of_the_frame_itself() {
 fn a_saturated_sample_makes_its_mean_saturated() {
     for format in FORMATS {
         let most = format.max_code() as u16;
-        let lamp = |x: u32, y: u32| if (x / 2) % 2 == 0 && (y / 2) % 2 == 0 { most / 2 } else { most / 120 };
+        let lamp = |x: u32, y: u32| {
+            if (x / 2).is_multiple_of(2) && (y / 2).is_multiple_of(2) { most / 2 } else { most / 120 }
+        };
         let (full, binned) = (total(format, 1, 64, lamp), total(format, 2, 64, lamp));
         for (found, expected) in binned.iter().zip(full) {
             assert!((found / expected - 1.0).abs() < 0.03, "{format:?}: {binned:?}, {full:?}");

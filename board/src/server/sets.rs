@@ -144,14 +144,14 @@ impl EncodedSets {
             let bytes = encode(variant, link, &answer, length).ok_or(Missing::Fault)?;
             (answer, bytes)
         };
-        Ok(self.keep(&entry, answer, reserved.hold(bytes)))
+        Ok(self.keep(&entry, answer, &reserved.hold(bytes)))
     }
 
-    fn keep(&self, entry: &Entry, answer: Answer, held: Arc<Held>) -> Ready {
+    fn keep(&self, entry: &Entry, answer: Answer, held: &Arc<Held>) -> Ready {
         let key = Some(Key::of(&answer));
-        *lock(&entry.encoded) = Encoded { key, kept: Kept::new(&held) };
+        *lock(&entry.encoded) = Encoded { key, kept: Kept::new(held) };
         self.release_old();
-        Ready { bytes: body(&held), is_stale: answer.stale.is_some(), set: answer.set }
+        Ready { bytes: body(held), is_stale: answer.stale.is_some(), set: answer.set }
     }
 
     /// Keeps no more than [`KEPT_BYTES`] of sets that no client is being sent: those of the variants requested last.
