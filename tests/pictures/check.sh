@@ -4,7 +4,7 @@
 #   tests/pictures/check.sh HEMILUX-SIM            exit status 1 where a picture differs
 #   tests/pictures/check.sh HEMILUX-SIM --write    replaces the committed pictures
 #
-# Not compared: page*.png, screenshots of a live page (tests/tests/page/screenshots.mjs takes them), and the positions along the axis of time
+# Not compared: soft.png (soft.py), page*.png, screenshots of a live page (tests/tests/page/screenshots.mjs takes them), and the positions along the axis of time
 # in chart-time.svg, which are measured on the machine at hand: its words (methods, axes) are compared. exports.png belongs to
 # tests/exports. The work takes two minutes on two cores.
 set -euo pipefail

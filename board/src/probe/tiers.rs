@@ -259,7 +259,8 @@ impl Running {
     fn sample(&mut self, pipeline: &mut Pipeline, own: &Published) {
         let Tier { lights, ambient } = self.tier;
         let tolerance = pipeline.settings().tolerance.filter(|_| self.kind.estimates_error());
-        let request = Request { tolerance, ambient, ..Request::of_lights(lights) };
+        let soft = pipeline.settings().soft;
+        let request = Request { tolerance, ambient, soft, ..Request::of_lights(lights) };
         let (made, took) = pipeline.sample_again(self.sampler.as_mut(), &request);
         let sample = u32::try_from(took.as_micros()).unwrap_or(u32::MAX);
         self.set = Some(self.ring.fill(|set| {

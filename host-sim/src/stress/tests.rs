@@ -74,7 +74,9 @@ fn quick(core: bool, counts: &[usize]) -> Vec<Vec<Row>> {
 #[test]
 fn readme_says_in_how_many_scenarios_ambient_light_is_first() {
     let first = |rows: &Vec<Row>| {
-        let lit = rows.iter().filter_map(|row| Some((row.shadowed?, row.sampler)));
+        // Lights that are fitted as discs are not read as points here.
+        let hard = rows.iter().filter(|row| !row.sampler.ends_with("+soft"));
+        let lit = hard.filter_map(|row| Some((row.shadowed?, row.sampler)));
         lit.min_by(|a, b| a.0.total_cmp(&b.0)).is_some_and(|(_, sampler)| sampler == "adaptive+sh")
     };
     let found = quick(false, &[64]).iter().filter(|rows| first(rows)).count();

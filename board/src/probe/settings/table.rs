@@ -94,6 +94,17 @@ pub static SETTINGS: &[Setting] = &[
         in_use: |c| c.pipeline.sampler.estimates_error(),
     },
     Setting {
+        name: "soft",
+        parameter: "soft",
+        group: Group::Lights,
+        kind: Kind::Switch,
+        unit: None,
+        what: "Whether lights are fitted as uniform discs of their radius, for renderers that draw such; adaptive alone.",
+        value: |c| json!(c.pipeline.soft),
+        set: |c, v| put(&mut c.pipeline.soft, v.as_bool()),
+        in_use: |c| c.pipeline.sampler.estimates_error(),
+    },
+    Setting {
         name: "q2tree_threshold",
         parameter: "q2tree_threshold",
         group: Group::Lights,

@@ -6,7 +6,7 @@ import { field } from "./fields.js";
 const PAUSE = 250;
 
 /** Those that come first, in their order. */
-const ORDER = ["sampler", "lights", "tolerance", "ambient", "q2tree_threshold", "fir_taps", "fir_cutoff_hz", "extrapolation", "order", "exposures_s", "tiers",
+const ORDER = ["sampler", "lights", "tolerance", "ambient", "soft", "q2tree_threshold", "fir_taps", "fir_cutoff_hz", "extrapolation", "order", "exposures_s", "tiers",
   "budget_total_ms", "budget_capture_ms", "budget_front_ms", "budget_pyramid_ms", "budget_sample_ms", "budget_filter_ms", "budget_encode_ms"];
 
 /** The groups, and those that are open at first. */
