@@ -92,7 +92,7 @@ pub fn fit_vignetting(lens: &Lens, readings: &[Reading]) -> Result<FittedVignett
     let coefficients = robust(&used).ok_or(VignettingRefusal::Few(used.len()))?;
     let off: Vec<f64> = used.iter().map(|r| r.light / polynomial(&coefficients, r.theta) - 1.0).collect();
     let rms = (off.iter().map(|v| v * v).sum::<f64>() / off.len() as f64).sqrt();
-    if !(rms <= MOST_RMS) {
+    if rms.is_nan() || rms > MOST_RMS {
         return Err(VignettingRefusal::Scatter { percent: 100.0 * rms });
     }
     let axis = coefficients[0];
