@@ -91,6 +91,7 @@ struct Report {
     lost: u64,
     broken: u64,
     broken_kinds: String,
+    verdict: Vec<String>,
     late: u64,
     failed_writes: u64,
     unstamped: u64,
@@ -139,7 +140,8 @@ fn check(spec: &CameraSpec, options: &Devices) -> Result<(), Failure> {
             });
         }
     }
-    let report = report(&camera, frames);
+    let mut report = report(&camera, frames);
+    report.verdict = verdict(&report);
     if options.json { json(&report) } else { say(&summary(&report)) }
 }
 
@@ -162,6 +164,7 @@ fn report(camera: &Camera, frames: Vec<Seen>) -> Report {
         lost,
         broken: broken.total(),
         broken_kinds: broken.to_string(),
+        verdict: Vec::new(),
         late,
         failed_writes,
         unstamped,
@@ -204,5 +207,96 @@ fn summary(report: &Report) -> String {
         "{:<10} {} writes left out as late, {} refused, {} mismatches, {} resynchronisations",
         "schedule", report.late, report.failed_writes, report.mismatches, report.resyncs
     );
+    for line in &report.verdict {
+        let _ = writeln!(text, "{:<10} {line}", "verdict");
+    }
     text
+}
+
+/// Least range of exposures with which lamps and a room are both measured, stops.
+const LEAST_STOPS: f64 = 4.0;
+
+/// Largest share of frames that may be lost or broken.
+const MOST_LOST: f64 = 0.01;
+
+/// Statements about a checked camera, and what to change.
+fn verdict(report: &Report) -> Vec<String> {
+    vec![range_verdict(report), exposure_verdict(report), frame_verdict(report)]
+}
+
+fn range_verdict(report: &Report) -> String {
+    let ends = report.exposures.first().zip(report.exposures.last());
+    let stops = ends.map_or(0.0, |(shortest, longest)| (longest / shortest).log2());
+    if stops >= LEAST_STOPS {
+        return format!("exposures span {stops:.1} stops: enough");
+    }
+    format!(
+        "exposures span {stops:.1} stops, expected {LEAST_STOPS} or more: a shorter first or a longer last time in exposures=, or a \
+         camera with an exposure control"
+    )
+}
+
+fn exposure_verdict(report: &Report) -> String {
+    let percent = |known: Known| {
+        let found = report.frames.iter().filter(|f| f.known == known.name()).count();
+        100.0 * found as f64 / report.frames.len().max(1) as f64
+    };
+    let (verified, measured) = (percent(Known::Verified), percent(Known::Measured));
+    if verified + measured < 50.0 {
+        return format!(
+            "exposures are verified in {verified:.0} % of frames: more light, or a lens file with the camera's [response]"
+        );
+    }
+    if measured > verified {
+        return format!(
+            "exposures are measured in {measured:.0} % of frames: the control's values are wrong"
+        );
+    }
+    format!("exposures are verified in {verified:.0} % of frames: true")
+}
+
+fn frame_verdict(report: &Report) -> String {
+    let bad = report.lost + report.broken;
+    let share = bad as f64 / (report.delivered + bad).max(1) as f64;
+    let percent = 100.0 * share;
+    if share <= MOST_LOST {
+        return format!("{percent:.1} % of frames are lost or broken: few");
+    }
+    format!(
+        "{percent:.1} % of frames are lost or broken: another cable, port or power supply, a smaller size= or a lower rate="
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::v4l2::fake::{FakeKernel, Script};
+    use crate::v4l2::frame::Taken;
+
+    fn checked(loss: f64, exposures: &str) -> Vec<String> {
+        let mut kernel = FakeKernel::new(Script { loss, ..Script::default() });
+        let spec = CameraSpec::parse(&format!("/dev/video0,exposures={exposures}")).expect("options");
+        let mut wished = spec.options().expect("options");
+        wished.response = Some(hemilux_core::Response::Linear);
+        let mut camera = Camera::open(&mut kernel, &wished).expect("a camera");
+        let (mut frame, mut frames) = (RawFrame::default(), Vec::new());
+        while frames.len() < 200 {
+            if camera.next(&mut kernel, Duration::from_millis(500), &mut frame).expect("a frame") {
+                let Taken { sequence, timestamp_ns, slot, known } = frame.taken;
+                let (arrived_ns, known) = (timestamp_ns, known.name());
+                frames.push(Seen { sequence, timestamp_ns, arrived_ns, exposure: slot, known, level: 0.5 });
+            }
+        }
+        verdict(&report(&camera, frames))
+    }
+
+    #[test]
+    fn a_good_camera_is_called_good_and_a_bad_one_gets_advice() {
+        let good = checked(0.0, "0.001/0.006/0.036");
+        assert!(good[0].contains("5.2 stops: enough"), "{good:?}");
+        assert!(good[1].ends_with("true") && good[2].ends_with("few"), "{good:?}");
+        let bad = checked(0.1, "0.010/0.036");
+        assert!(bad[0].contains("1.8 stops") && bad[0].contains("exposures="), "{bad:?}");
+        assert!(bad[2].contains("another cable"), "{bad:?}");
+    }
 }
