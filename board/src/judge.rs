@@ -25,7 +25,7 @@ pub struct Lit<'a> {
     pub ambient: Option<&'a Sh9>,
 }
 
-/// What is thought of a set; all ratios.
+/// Errors of a light set, all dimensionless ratios.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Score {
     /// RMS error of irradiance over open receivers, over its mean.
@@ -54,7 +54,7 @@ struct Points {
     energies: Vec<f32>,
 }
 
-/// What the receivers get from something.
+/// Irradiance of each receiver from a map or a light set.
 type Seen = Vec<f32>;
 
 /// Judges `N` sets of each frame.
@@ -168,7 +168,7 @@ impl Points {
     }
 }
 
-/// The order of a hemisphere of so many quads.
+/// The least order at which a hemisphere has at least `quads` quads; 0 if no order below `Order::MAX` has.
 fn order_of(quads: usize) -> u8 {
     (0..Order::MAX.get()).find(|order| Domain::Hemisphere.quads(*order) >= quads).unwrap_or(0)
 }

@@ -1,4 +1,4 @@
-//! What a probe takes of memory, buffer by buffer.
+//! Memory that a probe uses, in bytes per buffer.
 
 use crate::calibration::Calibration;
 use crate::pipeline::Pipeline;
@@ -20,9 +20,9 @@ pub struct Plan {
     /// Order at which pixels are added up.
     source_order: u8,
     buffers: Vec<BufferSize>,
-    /// What a comparison takes besides while a client asks for one, at most.
+    /// Most bytes that a comparison takes in addition to `buffers` while a client requests one.
     comparison: usize,
-    /// What each tier takes besides while clients request it, at most.
+    /// Most bytes that each tier takes in addition to `buffers` while clients request it.
     tier: usize,
 }
 

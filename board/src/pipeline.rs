@@ -31,7 +31,7 @@ pub struct Settings {
     pub soft: bool,
     /// What stands for the unseen part of the hemisphere.
     pub extrapolation: Extrapolation,
-    /// What the sampler lets its user choose besides.
+    /// Parameters of individual samplers, such as the threshold of `q2tree`.
     pub tuning: Tuning,
     /// Order of the map; `None` for what the lights need.
     pub order: Option<u8>,

@@ -33,7 +33,7 @@ pub const TAPS: RangeInclusive<usize> = 1..=fir::MAX_TAPS;
 /// Cut-off frequencies of that filter: up to half the frame rate that it reckons with.
 pub const CUTOFFS_HZ: RangeInclusive<f32> = 0.05..=5.0;
 
-/// What samplers let their user choose beside what is asked for in each frame.
+/// Parameters of individual samplers that are fixed when a sampler is made, in contrast to the request of each frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tuning {
     /// Relative threshold of `q2tree` and `q2tree-jitter`, of [`THRESHOLDS`].

@@ -1,6 +1,6 @@
 //! What the service manager is told: that the probe serves, that it stops, and that its processing thread is alive.
 //!
-//! Without a service manager all of it does nothing.
+//! Without a service manager the functions of this module do nothing.
 
 use crate::probe::Link;
 use sd_notify::NotifyState;

@@ -287,7 +287,7 @@ impl Layout {
     /// [`LayoutError::BadSize`] for a format that is no mosaic, a `bin` that is not 1, 2, 4 or 8, and a frame of fewer than `bin` cells.
     pub const fn binned(self, bin: u32) -> Result<Self, LayoutError> {
         let is_mosaic = self.format.pattern().is_some() || bin == 1;
-        let fits = self.width / 2 >= bin && self.height / 2 >= bin;
+        let fits = bin == 1 || (self.width / 2 >= bin && self.height / 2 >= bin);
         match bin {
             1 | 2 | 4 | 8 if is_mosaic && fits => Ok(Self { bin, ..self }),
             _ => Err(LayoutError::BadSize),

@@ -289,7 +289,7 @@ impl<'a> PyramidView<'a> {
     /// Horizontal irradiance: radiance times cos(theta) times solid angle, summed over the hemisphere above the horizon, as a flat
     /// cosine-corrected meter measures it.
     ///
-    /// Exact for luminance. Each channel uses the luminance-weighted mean height within quads of order 4 (3.7 degrees).
+    /// Exact for luminance. For each channel, cos(theta) is the luminance-weighted mean over a quad of order 4 (3.7 degrees).
     #[must_use]
     pub fn horizontal_irradiance(&self) -> [f32; 3] {
         let mut sum = [0.0; 3];

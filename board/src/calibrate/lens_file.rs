@@ -9,7 +9,7 @@ use toml_edit::{Array, DocumentMut, Item, Table, value};
 /// Why a lens file was not written.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FileRefusal {
-    /// The file that is there is better, or not known to be worse.
+    /// The existing file is better than the new lens, or not known to be worse.
     #[error("{path}: found {found}, expected a worse lens or none: use --force to overwrite it")]
     Better {
         /// The file.
@@ -72,7 +72,7 @@ pub(super) fn read(path: &Path, force: bool) -> Result<DocumentMut, FileRefusal>
     }
 }
 
-/// Why the lens that is there is not known to be worse.
+/// Why the lens in `document` must not be replaced by `new`, as a phrase for people; `None` where it may be replaced.
 fn better(document: &DocumentMut, new: &Calibrated) -> Option<String> {
     document.get("lens")?;
     let number =

@@ -229,9 +229,10 @@ fn fixed(normal: &mut Square, right: &mut Column, i: usize) {
 
 /// Covariances of the camera's parameters, poses and the board's shape free.
 pub(super) struct Covariances {
-    /// For independent residuals of one pixel.
+    /// Covariance under the assumption that the residuals are independent and have a standard deviation of one pixel.
     pub independent: SMatrix<f64, KEPT, KEPT>,
-    /// From the scatter of the views' gradients: corners of a picture that err alike, or a lens that the law does not describe, show there.
+    /// Covariance computed from the scatter of the views' gradients: it grows where the corners of one picture have correlated errors, and
+    /// where the lens model does not fit the lens.
     pub by_view: SMatrix<f64, KEPT, KEPT>,
 }
 

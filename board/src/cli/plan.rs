@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 /// The thesis's port.
 const PORT: u16 = 8080;
 
-/// What to serve, where and to whom.
+/// The source of the bursts, the address to listen on, the clients that are admitted, and the settings.
 pub(super) struct Plan {
     pub(super) source: Spec,
     pub(super) listen: SocketAddr,
@@ -80,8 +80,8 @@ impl Plan {
     }
 }
 
-/// Reads the configuration file anew and puts its settings, with the options' last word, into effect with the next frame. Where else the
-/// file has changed, the probe has to be started anew.
+/// Reads the configuration file anew and puts its settings, with the options' last word, into effect with the next frame. Changes of the
+/// file outside its settings take effect only when the probe is started again.
 pub(super) fn reload(options: &Serve, link: &Link) -> Result<(), Failure> {
     if options.config.is_none() {
         return Err(Failure::new(

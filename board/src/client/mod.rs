@@ -40,16 +40,16 @@ const LONGEST_PAUSE: Duration = Duration::from_secs(5);
 /// Longest time between two sets that lights take from one to the other: after a gap they jump.
 const LONGEST_BLEND: Duration = Duration::from_secs(1);
 
-/// What to ask for, and where.
+/// The light sets that are requested, and the address of the probe.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Options {
     /// The probe's address, `http://HOST:PORT`.
     pub url: String,
     /// The axes of directions and harmonics.
     pub coordinates: Coordinates,
-    /// Thinned to at most so many lights; all of them without.
+    /// Largest number of lights in a set; `None` for all lights.
     pub lights: Option<usize>,
-    /// With spherical harmonics of what the lights do not stand for.
+    /// Whether sets include spherical harmonics of the light that the directional lights do not represent.
     pub ambient: bool,
     /// Time without an answer after which to ask again; the probe answers within 1.5 s.
     pub timeout: Duration,

@@ -2,8 +2,8 @@
 
 use super::{MAX_PIXELS, Raster, Refusal};
 
-/// Texels that one byte of a file may stand for. Deflate reaches 1032 bytes a byte, so that a uniform half-float map has 172 texels
-/// a byte.
+/// Most texels per byte of a file. Deflate compresses by a factor of up to 1032, so a uniform half-float map has up to 172 texels per byte
+/// of its file.
 const PIXELS_PER_BYTE: u64 = 200;
 
 /// Texels that a file of any length may have.

@@ -108,7 +108,7 @@ impl Target {
         (edge(row) - edge(row + 1)) * TAU / self.width as f64
     }
 
-    /// The texel that holds a unit direction.
+    /// Index of the texel that contains a unit direction.
     fn index(&self, [forward, left, up]: [f64; 3]) -> usize {
         let row = up.clamp(-1.0, 1.0).acos() / PI * self.height as f64;
         let column = (PI - left.atan2(forward)) / TAU * self.width as f64;

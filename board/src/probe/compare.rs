@@ -84,7 +84,8 @@ impl Default for Comparison {
     }
 }
 
-/// A client's permit: pairs are made while there is a permit, and for three seconds afterwards.
+/// A client's permit for a comparison: the second sampler runs on every frame while a client holds a permit, and for three seconds after
+/// the last permit is dropped.
 #[derive(Debug)]
 pub struct Permit<'a>(&'a Comparison);
 

@@ -79,7 +79,7 @@ impl From<PipelineError> for Refusal {
 }
 
 impl Config {
-    /// Whether there is such a sampler and it gives so many lights.
+    /// Checks that the sampler exists and can give the requested number of lights.
     ///
     /// # Errors
     /// [`Refusal`].

@@ -5,7 +5,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use tokio::sync::watch;
 
-/// What is in effect, and up to which wish.
+/// The configuration in effect, and the number of the last change that was processed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Applied {
     /// Number of the last wish that was looked at.
@@ -22,7 +22,7 @@ struct Wanted {
     serial: u64,
 }
 
-/// The wished-for configuration: wishes that come together are taken together.
+/// The requested configuration: changes that arrive between two frames are applied together.
 #[derive(Debug)]
 pub(super) struct Mailbox {
     wanted: Mutex<Wanted>,

@@ -156,7 +156,7 @@ fn is_different(ratios: &mut [f64]) -> bool {
     away as f64 > MOVED * ratios.len() as f64
 }
 
-/// Every so many samples are looked at: about 100,000 of a frame, all channels in turn.
+/// Distance between the samples that are compared, in samples: about 100,000 of a frame are compared, all channels in turn.
 fn step(pixels: &Pixels) -> usize {
     let count = match pixels {
         Pixels::U8(v) => v.len(),

@@ -41,7 +41,7 @@ pub(super) struct Counts {
     pub(super) open: AtomicU64,
     /// Connections let in.
     pub(super) accepted: AtomicU64,
-    /// Streams of events and WebSockets that are there now.
+    /// Number of streams of events and WebSockets that are open now.
     pub(super) streams: AtomicU64,
     /// Light sets answered by delivery time, the last for more than the last bound.
     pub(super) delivery: [AtomicU64; DELIVERY_US.len() + 1],

@@ -1,5 +1,5 @@
-//! Pictures on request: made one at a time on one thread, at most so many a second for all clients, each for all requests that came
-//! before its burst.
+//! Pictures on request: one thread renders one picture at a time, at most one per `INTERVAL` for all clients, and each picture answers all
+//! requests that came before its burst.
 
 use super::encoder::Encoder;
 use super::memory::{AnswerMemory, Kept, Reserved, body};

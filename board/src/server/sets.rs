@@ -55,7 +55,7 @@ struct Encoded {
     kept: Kept,
 }
 
-/// What bytes are of: a frame, and the age of a stale set in steps.
+/// Identifies the set that was encoded: its frame and, for a stale set, its age in steps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Key {
     frame: u64,
@@ -76,7 +76,7 @@ pub(super) enum Missing {
     NoSet,
     /// Answers take too much memory.
     Full,
-    /// The answer alone, of so many lights, would take too much memory.
+    /// An answer with this number of lights would take too much memory on its own.
     TooLong(usize),
     /// A programming error.
     Fault,

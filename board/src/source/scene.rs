@@ -158,7 +158,7 @@ fn gain(seconds: &f64) -> f32 {
     (f64::from(WHITE - BLACK) * seconds / (FULL * SECONDS[0])) as f32
 }
 
-/// Makes `burst` as many frames of RGB24, which after the first time it already is.
+/// Gives `burst` one RGB24 frame per element of `exposures`; frames of the right number and size are reused.
 fn make_room(burst: &mut Burst, exposures: &[Exposure]) {
     let fits = |f: &Frame| matches!(&f.pixels, Pixels::U8(codes) if codes.len() == ROW * HEIGHT);
     if burst.frames.len() != exposures.len() || !burst.frames.iter().all(fits) {

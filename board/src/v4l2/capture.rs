@@ -15,7 +15,7 @@ use rustix::io::Errno;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Without a frame for so long, and for so many periods, the camera is considered to have failed, as in libcamera.
+/// Time, and number of frame periods, without a frame after both of which the camera is considered to have failed, as in libcamera.
 pub(super) const SILENCE: (Duration, f64) = (Duration::from_secs(1), 5.0);
 
 /// Delay that is assumed where none is known and none can be measured: that of most sensors.
@@ -136,7 +136,7 @@ impl Camera {
         self.setup.black
     }
 
-    /// What was asked and what was got.
+    /// The requested properties, each with the value that was asked for and the value that the camera took.
     #[must_use]
     pub fn agreed(&self) -> &[Agreed] {
         &self.setup.agreed

@@ -4,7 +4,8 @@ use super::capture::{Camera, IN_TIME, SILENCE};
 use super::schedule::MAX_DELAY;
 use super::{CameraError, Kernel, luma};
 
-/// Least difference of the mean relative code between two exposures that shows a step: ten times what a webcam's noise leaves of it.
+/// Least difference of the mean relative code between two exposures at which the delay can be measured: ten times the noise of a webcam's
+/// mean.
 const LEAST_STEP: f32 = 0.02;
 
 /// Most steps that are tried, and how many must show the same delay. Steps that a lost or late frame spoilt are made again: a board that
@@ -19,7 +20,7 @@ const MOST_BROKEN: u32 = 100;
 /// What a step showed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
-    /// The brightness followed so many frames after the next one.
+    /// The brightness changed this number of frames after the next frame.
     After(u32),
     /// Nothing happened, or too late.
     Nothing,

@@ -1,4 +1,4 @@
-//! What makes a camera's exposure, and which values give the wished-for times.
+//! The controls that set a camera's exposure, and the control values for the requested exposure times.
 //!
 //! UVC cameras take units of 100 us within the frame interval. Sensors take lines, within a frame whose length follows VBLANK. The gain stays
 //! where it is throughout a burst: on many sensors it acts a frame earlier than the time.
@@ -83,7 +83,7 @@ pub struct Sensor {
     pub reserve_lines: i64,
     /// Frames until an exposure acts, after the next one.
     pub delay: u32,
-    /// Code of darkness, of so many bits.
+    /// Code of darkness, and the number of bits of that code.
     pub black: (u32, u32),
     /// Columns and rows of the mode that sees all of the sensor; smaller modes crop.
     pub full_view: (u32, u32),
@@ -199,10 +199,10 @@ pub fn stretch_frame(
 /// Most values that are tried for an exposure that the camera refuses or changes.
 const MOST_TRIES: usize = 512;
 
-/// Exposures that are tried are within this factor of the one that is wished for.
+/// Largest ratio between the requested value of the exposure control and a value that is tried in its place, in either direction.
 const TRIED_FACTOR: f64 = 4.0;
 
-/// Difference from the wished-for exposure, natural logarithm, from which other values are tried: the control's own steps are finer.
+/// Difference from the requested exposure, as a natural logarithm, above which other values are tried: the control's own steps are finer.
 const TRIED_FROM: f64 = 0.05;
 
 /// Sets the exposure to the nearest value that the camera takes and gives what is read back; `None` if it takes none.
@@ -255,7 +255,7 @@ fn beside(wanted: i64, info: &Info, most: i64) -> impl Iterator<Item = i64> {
     std::iter::from_fn(next)
 }
 
-/// Sets each wished-for exposure and reads it back: what the camera makes of them, ascending and without repetition.
+/// Sets each requested exposure, reads it back and returns the settings that the camera took, ascending and without repetition.
 pub fn agree(node: &mut dyn Node, knob: &Knob, wished_s: &[f64], period_s: f64) -> Vec<Setting> {
     let Some(second) = knob.unit.second() else { return Vec::new() };
     // The range as it is now: a sensor's follows VBLANK.

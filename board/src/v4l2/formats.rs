@@ -144,7 +144,7 @@ impl Picture {
         self.jpeg.map_or((self.width(), self.height()), |jpeg| (jpeg.width, jpeg.height))
     }
 
-    /// Bytes of a complete frame of the camera at least.
+    /// Least number of bytes of a complete frame of the camera.
     #[must_use]
     pub(super) const fn least_bytes(&self) -> usize {
         if self.jpeg.is_some() { 4 } else { self.layout.frame_bytes() }

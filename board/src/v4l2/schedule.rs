@@ -1,8 +1,8 @@
 //! Which frame has which exposure.
 //!
-//! A control that is written after the sensor's frame `s` acts from frame `s + 1 + delay` on. So each frame's exposure is that of the
-//! latest write that could act on it, whether or not the frames between were delivered: everything is keyed by the sequence number,
-//! nothing by counting.
+//! A control that is written after the sensor's frame `s` acts from frame `s + 1 + delay` on. So a frame's exposure is that of the latest
+//! write that could act on the frame, whether or not the frames between were delivered: writes are assigned to frames by the sequence
+//! number, never by counting delivered frames.
 
 use std::collections::VecDeque;
 

@@ -49,7 +49,7 @@ pub struct Options {
 }
 
 impl Options {
-    /// What is wished for of the camera at `path` unless told otherwise.
+    /// The default options for the camera at `path`.
     #[must_use]
     pub fn of(path: impl Into<PathBuf>) -> Self {
         Self {
@@ -332,7 +332,7 @@ fn set_format(
     Ok(format.pixel)
 }
 
-/// Whether a format's frames of `size` come at less than half of the rate that is wished for.
+/// Whether a format's highest frame rate at `size` is less than half of the requested rate `rate_hz`.
 fn is_slow(format: &device::FormatInfo, size: (u32, u32), rate_hz: f64) -> bool {
     let rates = format.sizes.iter().filter(|s| (s.width, s.height) == size).flat_map(|s| &s.rates);
     rates.copied().reduce(f64::max).is_some_and(|most| most < rate_hz / 2.0)

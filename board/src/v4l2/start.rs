@@ -12,7 +12,7 @@ use std::path::Path;
 /// losing any.
 const BUFFERS: u32 = 6;
 
-/// Tries of the first write of the exposure.
+/// Number of times that the first write of the exposure is tried.
 const FIRST_TRIES: u32 = 4;
 
 impl Camera {

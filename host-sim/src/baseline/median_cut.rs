@@ -7,10 +7,11 @@ use crate::metrics::{Domain, Lit};
 
 /// Median cut, for any number of lights.
 ///
-/// Published for 2^n lights in n rounds; here the region of greatest energy is cut next, which gives the
-/// same partition family and any count. The longer side is measured on the sphere (width times the sine
-/// of the middle theta), the cut goes where the energy is halved best, and a light stands at its region's
-/// energy centroid. Where the longer side has no cut with light on both sides, the other is tried.
+/// The published method cuts all regions in each of n rounds, which gives 2^n lights. This implementation
+/// cuts the region of greatest energy in each step: the cuts are of the same kind, and any number of lights
+/// is possible. The longer side is measured on the sphere (width times the sine of the middle theta), the cut
+/// goes where the energy is halved best, and a light stands at its region's energy centroid. Where the longer
+/// side has no cut with light on both sides, the other is tried.
 ///
 /// # References
 /// P. Debevec, "A median cut algorithm for light probe sampling", SIGGRAPH posters 2005.

@@ -11,7 +11,7 @@ use crate::metrics::{Domain, Lit};
 /// Candidate directions, sphere or hemisphere. A lamp smaller than a candidate's share of the sphere
 /// (0.8 msr, 1.6 degrees) gets one light at most.
 const CANDIDATES: usize = 16_384;
-/// Width of the reduced map that importance is read from: 1.5 msr a cell, about two candidates.
+/// Width, in cells, of the reduced map from which importance is read: a cell covers 1.5 msr on average, the solid angle of two candidates.
 const IMPORTANCE_WIDTH: usize = 128;
 /// Width of the reduced map the energy is gathered from.
 const GATHER_WIDTH: usize = 256;

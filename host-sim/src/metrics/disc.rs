@@ -49,7 +49,7 @@ pub struct Disc {
 }
 
 impl Disc {
-    /// A disc of `radius` radians, at most pi / 2, with [`POINTS`] points.
+    /// A disc of `radius` radians, at most pi / 2, with 192 points.
     #[must_use]
     pub fn new(centre: [f64; 3], radius: f64) -> Self {
         Self::of_points(centre, radius, POINTS)

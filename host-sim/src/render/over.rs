@@ -12,7 +12,7 @@ use crate::progress;
 use image::RgbImage;
 use std::path::Path;
 
-/// Photographs are shrunk to at most so many columns and rows.
+/// Largest number of columns and of rows after a photograph is shrunk.
 const LARGEST: u32 = 1600;
 /// Largest photograph, pixels a side.
 const LIMIT: u32 = 20_000;

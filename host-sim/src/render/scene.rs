@@ -200,7 +200,7 @@ const TARGET: [f64; 3] = [0.05, 0.0, 0.75];
 const HALF_HEIGHT: f64 = 0.335;
 
 impl Camera {
-    /// The camera with so many columns and rows.
+    /// Creates the camera for a picture of `size` pixels, columns and rows.
     #[must_use]
     pub fn new(size: [usize; 2]) -> Self {
         let forward = unit(std::array::from_fn(|i| TARGET[i] - EYE[i])).unwrap_or([0.0, 1.0, 0.0]);

@@ -145,7 +145,8 @@ pub(super) fn exposure_faults(stage: &Stage) -> Scenario {
     Scenario { seen: Some(seen), ..Scenario::of("exposure-faults", truth) }
 }
 
-/// Noise of 3 per mille of full scale where only the shortest exposure is valid.
+/// Adds noise to `map` as if the longest exposure replaced the middle one: where only the shortest exposure is valid, normal noise whose
+/// standard deviation is 3 per mille of the radiance at which that exposure clips.
 fn doubled(map: &EnvMap, clip: [f64; 3], rng: &mut Pcg64) -> EnvMap {
     let texels = map.texels().iter().map(|rgb| {
         rgb.map(|v| {

@@ -37,7 +37,8 @@ pub(super) struct Resolution {
 }
 
 impl Resolution {
-    /// Decodes all scanlines. Columns are decoded as rows and turned at the end, so that what is touched is what is decoded.
+    /// Decodes all scanlines. Scanlines that are columns are decoded as rows, and the raster is transposed at the end, so that only memory
+    /// of decoded scanlines is touched.
     pub fn decode(&self, reader: &mut impl BufRead, budget: &Budget) -> Result<Raster, Refusal> {
         let mut raster = budget.raster(self.minor.count.into(), self.major.count.into())?;
         let mut line = Vec::new();

@@ -19,7 +19,7 @@ use serde_json::{Value, json};
 pub enum Kind {
     /// One of these words.
     Choice(&'static [&'static str]),
-    /// A whole number from the first to the second.
+    /// A whole number between the two fields, both included.
     Whole(u64, u64),
     /// The same, or null for none.
     OptionalWhole(u64, u64),
@@ -27,7 +27,8 @@ pub enum Kind {
     Real(f32, f32),
     /// The same, or null for none.
     Optional(f32, f32),
-    /// Rising numbers from the first to the second, at most so many, or null for none.
+    /// A list of ascending numbers between the first two fields, with at most as many elements as the third field says, or null for no
+    /// list.
     List(f32, f32, usize),
     /// On or off.
     Switch,

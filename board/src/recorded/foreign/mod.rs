@@ -34,7 +34,7 @@ fn refuse<T>(found: impl Into<String>, expected: impl Into<String>) -> Result<T,
     Err((found.into(), expected.into()))
 }
 
-/// Reads a lens file that is not one of hemilux.
+/// Reads a lens file in the format of another program.
 pub(super) fn read(path: &Path, text: &str) -> Result<LensFile, RecordedError> {
     parse(text).map_err(|(found, expected)| RecordedError::new(path, found, expected))
 }

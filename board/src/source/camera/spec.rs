@@ -13,7 +13,7 @@ Camera options, after the path: ,lens=FILE (a [lens] table; else 180 degrees acr
 ,format=YUYV, ,rate=30, ,exposures=0.0009/0.0055/0.0333 (seconds), ,sensor=/dev/v4l-subdev0, ,delay=2 (frames, else measured),
 ,stand-in=Brightness:64/128/192 (for benches: a control in the place of the exposure).";
 
-/// A camera and what is wished of it.
+/// A camera and the options requested for it, as text.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CameraSpec {
     /// As it was given.

@@ -86,7 +86,7 @@ struct FrameReader {
     head: [u8; header::BYTES],
     header: Option<Header>,
     bytes: Vec<u8>,
-    /// Bytes of the header or of the frame that are there.
+    /// Number of bytes of the header or of the frame that have been read.
     filled: usize,
     /// Frames since the start of the input.
     frames: u64,

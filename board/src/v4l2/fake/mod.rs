@@ -36,9 +36,9 @@ pub enum Fault {
     AllError,
     /// The frame has the error flag.
     Error,
-    /// No frames for so long.
+    /// No frames arrive for this time.
     Stall(Duration),
-    /// From here on controls take so many frames.
+    /// From this frame on, the control delay is this number of frames.
     Delay(u32),
     /// The frame has the number of the one before.
     Repeat,
@@ -80,9 +80,9 @@ pub struct Script {
     pub delay: u32,
     /// Share of frames that are lost.
     pub loss: f64,
-    /// Every so manyth request is interrupted; 0 none.
+    /// One of this number of requests is interrupted; 0 for none.
     pub interrupt: u32,
-    /// So many first opens find it busy.
+    /// Number of attempts to open the device, from the first, that fail because it is busy.
     pub busy: u32,
     /// Range of the exposure control.
     pub range: (i64, i64),
@@ -93,7 +93,7 @@ pub struct Script {
     pub reset_at_start: bool,
     /// Sharpness cannot be set to less.
     pub least_sharpness: i64,
-    /// Every so manyth write of the exposure fails while streaming; 0 none.
+    /// One of this number of writes of the exposure fails while streaming; 0 for none.
     pub fail_write_every: u32,
     /// Stamps are those of the wall clock, else the simulated ones.
     pub wall_clock: bool,

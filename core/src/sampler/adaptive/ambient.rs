@@ -104,7 +104,7 @@ impl Ambient {
         }
     }
 
-    /// Cuts the map off at the ceiling and fits what is below.
+    /// Limits the map's luminance to `ceiling` and fits the harmonics to the limited map; the light above the ceiling goes to `excess`.
     fn round(&mut self, map: &PyramidView<'_>) {
         let mut sums = [[0.0f32; 3]; 9];
         let quads = self.domain.quads(self.order);
@@ -176,7 +176,7 @@ impl Ambient {
         }
     }
 
-    /// Direction and luminance energy of what is in the map below the ceiling and not in the fit, quad by quad.
+    /// For each quad its direction and the luminance energy of the map below the ceiling minus that of the fit, which may be negative.
     pub(super) fn left(&self, map: &PyramidView<'_>) -> impl Iterator<Item = (Vec3, f32)> {
         (0..self.domain.quads(self.order)).map(|ipix| {
             let fit = self.level[ipix] * omega(self.domain, self.order, ipix as u32);

@@ -1,10 +1,10 @@
 //! Smooths directions and energies without delaying them: exponential smoothing whose gain is a tracking signal.
 //!
-//! With nu the step from a light's filtered to its new value, s the running mean of nu and a that of |nu|, the gain is
-//! (|s| / a)^2. Noise points everywhere, so s stays small beside a and the gain is about beta / (2 - beta); motion keeps its
-//! direction, so s grows to a and the gain to 1. A step beyond [`JUMP`] times a is followed at once. The signal is Trigg and Leach's
-//! (1967); its square and the jump are ours. Energies are smoothed as shares of the whole, so that a change of the whole is no step, and
-//! only while nothing moves: the energies of neighbours change together, and one that lags behind is seen.
+//! With nu the step from a light's filtered to its new value, s the running mean of nu and a that of |nu|, the gain is (|s| / a)^2. Noise
+//! points everywhere, so s stays small beside a and the gain is about beta / (2 - beta); motion keeps its direction, so s grows to a and
+//! the gain to 1. A step beyond [`JUMP`] times a is followed at once. The tracking signal |s| / a was published by Trigg and Leach (1967);
+//! its square as the gain, and the jump threshold, are new here. Energies are smoothed as shares of the whole, so that a change of the
+//! whole is no step, and only while nothing moves: the energies of neighbours change together, and one that lags behind is seen.
 
 use super::tree::Leaf;
 use crate::color::luminance;

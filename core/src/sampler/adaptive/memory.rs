@@ -73,7 +73,7 @@ pub struct Sizes {
 }
 
 impl Sizes {
-    /// Lengths for maps of `domain` up to `order` and up to `lights` lights.
+    /// Lengths of the buffers for maps of `domain` up to `order` and for up to `lights` lights.
     #[must_use]
     pub const fn new(domain: Domain, order: Order, lights: usize) -> Self {
         Self { interior: tree::bits_len(domain, order), lights }

@@ -9,12 +9,12 @@
 //!    `discs`: of discs, importance is what a disc cannot show, and few of them move to where they err least.
 //! 5. `filter`: directions are smoothed against noise; a light that moves or jumps is followed without delay. After a `cut`, a frame that does
 //!    not continue the last one, every filter starts anew.
-//! 6. `weights`: up to 64 lights share their energy so that the expected error over receivers with random occluders is least.
-//!    Above, it would cost more than another light does.
+//! 6. `weights`: the energies of up to 64 lights are set to those of least expected squared error of irradiance over receivers with random
+//!    occluders. With more lights, solving for the energies would take more time than adding a light.
 //! 7. `receivers`, or `estimate` for many lights: the estimated error of the set for shadowed receivers. Both approximate the map by sources
 //!    (`source`).
 //!
-//! The total energy of each channel is that of the map in every frame.
+//! In every frame and channel, the energies of the lights and of the ambient light add up to the energy of the map.
 
 mod activity;
 mod ambient;

@@ -6,8 +6,8 @@
 //! the leaves, the correction x solves (K + R) x = r with r_i = sum over sources s of y_s (K(l_i, s) - K(l_i, l_owner(s))), under
 //! sum x = 0. R, a ridge in proportion to 1 / energy, keeps dim lights from paying for bright ones. Cholesky, in place.
 //!
-//! The minimisation is that of optimally weighted quadrature in a reproducing kernel space; K near 0 is linear in the angle, which makes
-//! it the energy distance of Szekely and Rizzo. The kernel and its use for lights are ours.
+//! The minimisation is that of optimally weighted quadrature in a reproducing kernel space; K near 0 is linear in the angle, which makes it
+//! the energy distance of Szekely and Rizzo. The kernel K and its use for weights of lights are new here.
 
 use super::source::Source;
 use super::{FITTED, discs};

@@ -132,7 +132,7 @@ pub struct PathFilter {
     measurements: u8,
 }
 
-/// Least standard deviation squared of the noise: 0.006 degrees, below visibility.
+/// Least variance of the noise per axis, radians squared: a standard deviation of 0.006 degrees, which is invisible.
 const LEAST_NOISE: f32 = 1e-8;
 
 /// Frames over which the noise is averaged.
@@ -158,8 +158,8 @@ impl PathFilter {
         }
     }
 
-    /// Updates the noise estimate from the second difference of the path, in which uniform motion cancels; its variance is six times that
-    /// of the noise.
+    /// Updates the noise estimate from the second difference of the path, in which uniform motion cancels; the variance of the second
+    /// difference is six times the variance of the noise.
     fn learn(&mut self, direction: Vec3) {
         let [last, before] = self.measured;
         let (step, step_before) = (direction - last, last - before);
