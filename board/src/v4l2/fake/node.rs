@@ -75,10 +75,8 @@ impl Node for FakeNode {
                 return Err(Errno::INVAL);
             }
             Call::QueryControl(d) => w.describe(d)?,
-            Call::QueryMenu(d) => {
-                let there = d.id == abi::EXPOSURE_AUTO && [1, 3].contains(&d.index);
-                return if there { Ok(()) } else { Err(Errno::INVAL) };
-            }
+            Call::QueryMenu(d) if d.id == abi::EXPOSURE_AUTO && [1, 3].contains(&d.index) => {}
+            Call::QueryMenu(_) => return Err(Errno::INVAL),
             Call::GetControl(d) => {
                 let value = *w.controls.get(&d.id).ok_or(Errno::INVAL)?;
                 d.value = [value as u32, 0];
