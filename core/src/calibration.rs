@@ -63,8 +63,7 @@ impl Calibration {
 
     /// The lens in pixels of the merged image ([`Layout::merged_size`]).
     pub(crate) fn merged_lens(&self) -> Lens {
-        let halvings =
-            if self.layout.format().pattern().is_some() { 1 + self.layout.bin().ilog2() } else { 0 };
+        let halvings = if self.layout.format().pattern().is_some() { 1 + self.layout.bin_log2() } else { 0 };
         (0..halvings).fold(self.lens, |lens, _| lens.halved())
     }
 

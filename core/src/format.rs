@@ -209,7 +209,8 @@ pub struct Layout {
     width: u32,
     height: u32,
     bytes_per_line: usize,
-    bin: u32,
+    /// Binary logarithm of the bin: a division by it is a shift.
+    bin_log2: u32,
 }
 
 /// The reason why a layout is refused.
@@ -269,7 +270,7 @@ impl Layout {
         if bytes_per_line < expected || bytes_per_line > 1 << 20 || words {
             return Err(LayoutError::BadLine { found: bytes_per_line, expected });
         }
-        Ok(Self { format, width, height, bytes_per_line, bin: 1 })
+        Ok(Self { format, width, height, bytes_per_line, bin_log2: 0 })
     }
 
     /// A layout whose rows have no padding.
@@ -289,7 +290,7 @@ impl Layout {
         let is_mosaic = self.format.pattern().is_some() || bin == 1;
         let fits = bin == 1 || (self.width / 2 >= bin && self.height / 2 >= bin);
         match bin {
-            1 | 2 | 4 | 8 if is_mosaic && fits => Ok(Self { bin, ..self }),
+            1 | 2 | 4 | 8 if is_mosaic && fits => Ok(Self { bin_log2: bin.trailing_zeros(), ..self }),
             _ => Err(LayoutError::BadSize),
         }
     }
@@ -297,7 +298,12 @@ impl Layout {
     /// Cells of the mosaic per merged pixel on each side; 1 unless [`Layout::binned`].
     #[must_use]
     pub const fn bin(&self) -> u32 {
-        self.bin
+        1 << self.bin_log2
+    }
+
+    /// Binary logarithm of [`Layout::bin`].
+    pub(crate) const fn bin_log2(&self) -> u32 {
+        self.bin_log2
     }
 
     /// The pixel format.
@@ -349,7 +355,10 @@ impl Layout {
     #[must_use]
     pub const fn merged_size(&self) -> ImageSize {
         match self.format.pattern() {
-            Some(_) => ImageSize { width: self.width / 2 / self.bin, height: self.height / 2 / self.bin },
+            Some(_) => {
+                let shift = 1 + self.bin_log2;
+                ImageSize { width: self.width >> shift, height: self.height >> shift }
+            }
             None => ImageSize { width: self.width, height: self.height },
         }
     }

@@ -14,8 +14,8 @@ pub(super) struct Bins<'a> {
     pub(super) pitch: usize,
     /// First binned cell.
     pub(super) first: usize,
-    /// Cells per binned cell on each side, at least 2.
-    pub(super) bin: usize,
+    /// Binary logarithm of the cells per binned cell on each side, at least 1.
+    pub(super) log2: u32,
     /// First saturated code.
     pub(super) saturated: u16,
     /// Largest code.
@@ -24,10 +24,10 @@ pub(super) struct Bins<'a> {
 
 impl<'a> Bins<'a> {
     pub(super) fn new(bytes: &'a [u8], layout: &Layout, row: usize, first: usize, saturated: u32) -> Self {
-        let (pitch, bin) = (layout.bytes_per_line(), layout.bin() as usize);
+        let (pitch, log2) = (layout.bytes_per_line(), layout.bin_log2());
         let most = layout.format().max_code().min(u32::from(u16::MAX)) as u16;
-        let bytes = bytes.get(2 * bin * row * pitch..).unwrap_or_default();
-        Self { bytes, pitch, first, bin, saturated: saturated.min(u32::from(most)) as u16, most }
+        let bytes = bytes.get((row * pitch) << (log2 + 1)..).unwrap_or_default();
+        Self { bytes, pitch, first, log2, saturated: saturated.min(u32::from(most)) as u16, most }
     }
 
     /// Writes four samples of each of the cells that `out` holds.
@@ -38,7 +38,7 @@ impl<'a> Bins<'a> {
             [a, b, c, d]
         };
         match format {
-            Format::Raw10(_) if self.bin == 2 => self.raw10_by_2(out),
+            Format::Raw10(_) if self.log2 == 1 => self.raw10_by_2(out),
             Format::Raw10(_) => self.mean(out, raw10),
             Format::Raw12(_) => self.mean(out, twelve),
             Format::Bayer8(_) => self.mean(out, |four: &[u8; 4]| four.map(u16::from)),
@@ -52,17 +52,17 @@ impl<'a> Bins<'a> {
     /// Groups of `B` bytes of row `row` of the part, from the first cell's on.
     #[inline(always)]
     fn groups<const B: usize>(&self, row: usize) -> &'a [[u8; B]] {
-        let from = row * self.pitch + B * (self.first * self.bin / 2);
+        let from = row * self.pitch + B * ((self.first << self.log2) / 2);
         self.bytes.get(from..).unwrap_or_default().as_chunks::<B>().0
     }
 
     /// Any packing: `unpacked` makes four samples of `B` bytes.
     #[inline(always)]
     fn mean<const B: usize>(&self, out: &mut [[u16; 4]], unpacked: impl Fn(&[u8; B]) -> [u16; 4]) {
-        let (groups, count) = (self.bin / 2, (self.bin * self.bin) as u32);
+        let (groups, shift) = ((1usize << self.log2) / 2, 2 * self.log2);
         for (i, out) in out.iter_mut().enumerate() {
             let (mut sums, mut largest) = ([0u32; 4], [0u16; 4]);
-            for row in 0..2 * self.bin {
+            for row in 0..2usize << self.log2 {
                 let all = self.groups::<B>(row).get(groups * i..groups * (i + 1)).unwrap_or_default();
                 for group in all {
                     let [a, b, c, d] = unpacked(group);
@@ -74,7 +74,7 @@ impl<'a> Bins<'a> {
             }
             *out = core::array::from_fn(|at| match largest[at] >= self.saturated {
                 true => self.most,
-                false => ((sums[at] + count / 2) / count) as u16,
+                false => ((sums[at] + ((1 << shift) >> 1)) >> shift) as u16,
             });
         }
     }

@@ -52,10 +52,11 @@ const AXES: [Coordinates; 4] =
 /// 65,535 bytes is truncated.
 ///
 /// ```
+/// use glam::Vec3;
 /// use hemilux_core::Light;
 /// use hemilux_core::wire::{BinarySet, LightSet, binary};
 ///
-/// let lights = [Light { id: 7, irradiance: [3.0, 2.0, 1.0], ..Light::default() }];
+/// let lights = [Light { id: 7, direction: Vec3::Z, irradiance: [3.0, 2.0, 1.0], ..Light::default() }];
 /// let mut bytes = [0; 256];
 /// let mut rest = &mut bytes[..];
 /// binary(&LightSet { frame: 5, lights: &lights, ..LightSet::EMPTY }, &mut rest)?;
