@@ -26,8 +26,8 @@ fn every_format_begins_as_its_readers_expect() {
     let folder = tempfile::tempdir().expect("a folder");
     for (format, start) in [
         ("json", "{\"version\":1,"),
-        ("text", "# run sim\n"),
-        ("xml", "<lights version=\"1\""),
+        ("text", "# hemilux light set"),
+        ("xml", "<!-- hemilux light set"),
         ("csv", "# hemilux light set"),
         ("glb", "glTF"),
         ("usda", "#usda 1.0\n"),

@@ -25,6 +25,10 @@ export async function settings(browser, url) {
   await act("tolerance", fill(""), async () => await count() === 20);
   await act("ambient", s => page.check(s), async () => "ambient_sh" in await json(page, "/v1/lights?ambient=own"));
   await act("ambient", s => page.uncheck(s), async () => (await values()).ambient === false);
+  const radii = async () => (await set()).lights.reduce((sum, light) => sum + light.radius_deg, 0);
+  const hard = await radii();
+  await act("soft", s => page.check(s), async () => Math.abs(await radii() / hard - 1) > 0.01);
+  await act("soft", s => page.uncheck(s), async () => Math.abs(await radii() / hard - 1) < 0.01);
   const dark = await level();
   await act("extrapolation", choose("average"), async () => await level() > 1.02 * dark);
   await act("tiers", fill(7), async () => (await json(page, "/v1/status")).tiers.most === 7);
