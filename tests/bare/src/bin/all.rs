@@ -6,7 +6,6 @@ use core::convert::Infallible;
 use core::hint::black_box;
 use glam::Vec3;
 use hemilux_bare as _;
-use hemilux_core::{MapShape, Order};
 use hemilux_core::harmonics;
 use hemilux_core::healpix::Domain;
 use hemilux_core::internals;
@@ -23,6 +22,7 @@ use hemilux_core::sampler::pharr::{self, Pharr};
 use hemilux_core::sampler::q2tree::{Parameters, Q2Tree};
 use hemilux_core::sampler::{Map, Request, Sampler};
 use hemilux_core::wire::{self, BinarySet, LightSet};
+use hemilux_core::{MapShape, Order};
 use hemilux_core::{thin, tonemap};
 
 #[cfg_attr(target_abi = "eabihf", cortex_m_rt::entry)]
