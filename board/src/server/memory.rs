@@ -32,7 +32,7 @@ const PATIENCE: Duration = Duration::from_millis(1500);
 /// Counts the bytes of answers.
 #[derive(Debug, Default)]
 pub(super) struct AnswerMemory {
-    live: [Arc<Live>; 2],
+    live: Arc<[Live; 2]>,
     limiter: OnceLock<Arc<ConnectionLimiter>>,
 }
 
@@ -40,7 +40,12 @@ pub(super) struct AnswerMemory {
 #[derive(Debug)]
 pub(super) struct Held {
     bytes: Vec<u8>,
-    live: Arc<Live>,
+    live: Arc<[Live; 2]>,
+}
+
+/// Index of the kind of an answer of `length` bytes: 0 for small ones, 1 for large ones.
+const fn kind(length: usize) -> usize {
+    (length > SMALL) as usize
 }
 
 /// Number of bytes of the answers of one kind, small or large.
@@ -66,7 +71,8 @@ impl Live {
 
 impl Drop for Held {
     fn drop(&mut self) {
-        self.live.subtract(self.bytes.capacity());
+        let length = self.bytes.capacity();
+        self.live[kind(length)].subtract(length);
     }
 }
 
@@ -74,20 +80,21 @@ impl Drop for Held {
 #[derive(Debug)]
 pub(super) struct Reserved {
     length: usize,
-    live: Arc<Live>,
+    live: Arc<[Live; 2]>,
 }
 
 impl Reserved {
-    /// Counts `bytes` in place of what was reserved.
+    /// Counts `bytes` in place of what was reserved, under their own kind.
     pub(super) fn hold(self, bytes: Vec<u8>) -> Arc<Held> {
-        self.live.bytes.fetch_add(bytes.capacity(), Relaxed);
+        let length = bytes.capacity();
+        self.live[kind(length)].bytes.fetch_add(length, Relaxed);
         Arc::new(Held { bytes, live: Arc::clone(&self.live) })
     }
 }
 
 impl Drop for Reserved {
     fn drop(&mut self) {
-        self.live.subtract(self.length);
+        self.live[kind(self.length)].subtract(self.length);
     }
 }
 
@@ -141,15 +148,14 @@ impl AnswerMemory {
     /// Waits until there is memory for an answer of about `length` bytes, and cuts connections that do not read while there is not.
     /// `None` after [`PATIENCE`].
     pub(super) async fn reserve(&self, length: usize) -> Option<Reserved> {
-        let kind = usize::from(length > SMALL);
-        let (live, limit) = (&self.live[kind], LIMITS[kind]);
+        let (live, limit) = (&self.live[kind(length)], LIMITS[kind(length)]);
         let deadline = Instant::now() + PATIENCE;
         loop {
             let dropped = live.dropped.notified();
             tokio::pin!(dropped);
             dropped.as_mut().enable();
             if live.try_add(length, limit) {
-                return Some(Reserved { length, live: Arc::clone(live) });
+                return Some(Reserved { length, live: Arc::clone(&self.live) });
             }
             if Instant::now() >= deadline {
                 return None;
@@ -196,6 +202,18 @@ mod tests {
         assert!(memory.reserve(SMALL).await.is_some(), "a small one");
         drop(held);
         assert!(memory.reserve(2 * LARGE).await.is_some(), "any one when nothing else is held");
+    }
+
+    #[tokio::test]
+    async fn an_answer_longer_than_expected_does_not_delay_small_ones() {
+        let memory = AnswerMemory::default();
+        let reserved = memory.reserve(1).await.expect("memory");
+        let held = reserved.hold(vec![1; LARGE]);
+        assert!(memory.reserve(SMALL).await.is_some(), "a small one");
+        assert!(memory.reserve(SMALL + 1).await.is_none(), "it counts among the large ones");
+        drop(held);
+        let left = memory.live.each_ref().map(|live| live.bytes.load(Relaxed));
+        assert_eq!(left, [0; 2], "nothing is left over");
     }
 
     #[tokio::test]
