@@ -9,7 +9,7 @@ use semihosting::fs::File;
 use semihosting::process;
 
 /// Bytes that are sent to the host at once.
-const CHUNK: usize = 512;
+const CHUNK: usize = 320;
 
 #[cfg_attr(target_abi = "eabihf", cortex_m_rt::entry)]
 #[cfg_attr(not(target_abi = "eabihf"), unsafe(no_mangle))]
@@ -65,7 +65,7 @@ fn run() -> Result<(), Wrong> {
 }
 
 /// Bytes of the stack that must stay unused.
-const SPARE: usize = 768;
+const SPARE: usize = 1024;
 
 /// Gathers bytes and sends them in chunks.
 struct Json {
