@@ -92,25 +92,47 @@ const EXPOSURE_TIME: u16 = 0x829a;
 const F_NUMBER: u16 = 0x829d;
 const ISO: u16 = 0x8827;
 
+/// Both sets have the same lights: each component of a direction within 1e-4, each channel of an irradiance within 1e-4 of the light's.
+fn assert_same_lights(direct: &Value, back: &Value, name: &str) {
+    assert!((flux(back) / flux(direct) - 1.0).abs() < 1e-4, "{name}: {} {}", flux(back), flux(direct));
+    let [a, b] = [direct, back].map(|set| set["lights"].as_array().expect("lights"));
+    assert_eq!(a.len(), b.len(), "{name}");
+    for (a, b) in a.iter().zip(b) {
+        for (key, least) in [("direction", 1.0), ("irradiance", 0.0)] {
+            let [a, b]: [[f64; 3]; 2] =
+                [a, b].map(|light| std::array::from_fn(|i| light[key][i].as_f64().expect("a number")));
+            let size = a.iter().copied().fold(least, f64::max);
+            let off = a.iter().zip(b).map(|(a, b)| (a - b).abs() / size).fold(0.0, f64::max);
+            assert!(off < 1e-4, "{name}: {key} {b:?}, expected {a:?}, off by {off}");
+        }
+    }
+}
+
 #[test]
 fn hemisphere_maps_come_back_as_hemispheres() {
     let folder = tempfile::tempdir().expect("a folder");
     let (room, map) = (folder.path().join("room.exr"), folder.path().join("map.exr"));
     common::write_room(&room);
-    let sampling = ["--sampler", "q2tree", "--lights", "32"];
-    let direct =
-        set(&[&["decompose", "--env", text(&room), "--hemisphere", "--map", text(&map)], &sampling[..]]
-            .concat());
-    let back = set(&[&["decompose", "--env", text(&map)], &sampling[..]].concat());
-    assert!((flux(&back) / flux(&direct) - 1.0).abs() < 1e-4, "{} {}", flux(&back), flux(&direct));
-    let lights = |set: &Value| -> Vec<f64> {
-        let all = set["lights"].as_array().expect("lights");
-        let vectors = all.iter().flat_map(|l| [&l["direction"], &l["irradiance"]]);
-        vectors.flat_map(|v| (0..3).map(|i| v[i].as_f64().expect("a number"))).collect()
+    let decompose = |more: &[&str], sampling: &[&str]| {
+        let hemisphere = ["decompose", "--env", text(&room), "--hemisphere", "--map", text(&map)];
+        let command = if more.is_empty() { &hemisphere[..] } else { more };
+        set(&[command, sampling].concat())
     };
-    for (a, b) in lights(&direct).iter().zip(lights(&back)) {
-        assert!((a - b).abs() < 1e-4 * a.abs().max(1.0), "{a} {b}");
+    for sampling in [
+        &["--sampler", "q2tree", "--lights", "32"][..],
+        &["--sampler", "adaptive", "--lights", "4"],
+        &["--sampler", "adaptive", "--lights", "64"],
+        &["--sampler", "adaptive", "--lights", "64", "--ambient"],
+        &["--sampler", "adaptive", "--lights", "16", "--soft"],
+        &["--sampler", "adaptive", "--lights", "64", "--soft"],
+        &["--sampler", "adaptive", "--lights", "200"],
+    ] {
+        let direct = decompose(&[], sampling);
+        let back = decompose(&["decompose", "--env", text(&map)], sampling);
+        assert_same_lights(&direct, &back, &format!("{sampling:?}"));
     }
+    let direct = decompose(&[], &["--lights", "32"]);
+    let back = decompose(&["decompose", "--env", text(&map)], &["--lights", "32"]);
     let json = folder.path().join("set.json");
     std::fs::write(&json, direct.to_string()).expect("a file");
     let score: Value =

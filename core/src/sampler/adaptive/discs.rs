@@ -8,19 +8,16 @@
 //! [`steer`] moves the centres to where the error falls.
 
 use super::FITTED;
+use super::kernel::{MeanVector, Vectors, kernel};
 use super::nodes::Nodes;
 use super::source::{SOURCES, Source, Sources};
 use super::tree::Leaf;
-use super::weights::{Fit, kernel, slope};
+use super::weights::Fit;
 use crate::color::luminance;
 use crate::light::Light;
 use crate::pyramid::Quad;
 use crate::root::root;
 use glam::Vec3;
-
-/// Part of a disc's angular variance that its vector is shorter by: a least-squares compromise of 2/3 and 1/2 of the radius, squared, which
-/// the mean distance to a point at the centre and to one far away ask for.
-const SHRINK: f32 = 0.85;
 
 /// Radius of a light's disc over that of the disc with the angular variance of its region: the tails of a region widen its variance more
 /// than its shadows. Of 0.85, 0.9, 0.93, 1 and 1.1 this has the least error over the maps.
@@ -75,38 +72,26 @@ fn set_radii(lights: &mut [Light]) {
     }
 }
 
-/// The mean vector of a disc of `radius` radians at `at`.
-pub(super) fn mean_vector(at: Vec3, radius: f32) -> Vec3 {
-    // The squared sine of half the radius, within 1e-3 up to a right angle.
-    let square = radius * radius;
-    at * (1.0 - SHRINK * 0.25 * square * (1.0 + square * (square / 360.0 - 1.0 / 12.0)))
-}
-
-/// The mean vector of a light's disc.
-pub(super) fn vector_of(light: &Light) -> Vec3 {
-    mean_vector(light.direction, light.radius_deg.to_radians())
-}
-
 /// The importance of a node whose light is a disc: the error of the disc in the norm of the weights' kernel, where the parts of the
 /// node, [`DOWN`] levels below, are discs as well.
 pub(super) fn importance(nodes: &Nodes<'_>, level: u8, index: u32, quad: &Quad) -> f32 {
     let down = DOWN.min(nodes.last().saturating_sub(level));
-    let mut parts = heapless::Vec::<(Vec3, f32), { 1 << DOWN }>::new();
+    let mut parts = heapless::Vec::<(MeanVector, f32), { 1 << DOWN }>::new();
     let mut square = 0.0;
     for part in (index << down..(index + 1) << down).map(|index| nodes.quad(level + down, index)) {
         let y = part.y();
         if y > 0.0 {
             square += SPREAD * y * y * root(part.variance().max(0.0));
             // No more parts than there is room for.
-            let _ = parts.push((part.first_moment() / y, y));
+            let _ = parts.push((MeanVector::of_quad(&part), y));
         }
     }
-    let apart = |a: Vec3, b: Vec3| 1.0 - kernel(0.5 - 0.5 * a.dot(b));
-    let (whole, y) = (quad.first_moment() / quad.y(), quad.y());
-    let mut disc = -y * y * apart(whole, whole);
+    let apart = |a: &MeanVector, b: &MeanVector| 1.0 - kernel(a.apart(b));
+    let (whole, y) = (MeanVector::of_quad(quad), quad.y());
+    let mut disc = -y * y * apart(&whole, &whole);
     for (i, (a, ya)) in parts.iter().enumerate() {
-        disc += 2.0 * y * ya * apart(whole, *a) - ya * ya * apart(*a, *a);
-        disc -= parts[..i].iter().map(|(b, yb)| 2.0 * ya * yb * apart(*a, *b)).sum::<f32>();
+        disc += 2.0 * y * ya * apart(&whole, a) - ya * ya * apart(a, a);
+        disc -= parts[..i].iter().map(|(b, yb)| 2.0 * ya * yb * apart(a, b)).sum::<f32>();
     }
     root((square + disc.max(0.0)).max(f32::MIN_POSITIVE))
 }
@@ -158,78 +143,34 @@ pub(super) fn parts(light: &Light, lights: usize) -> impl Iterator<Item = (Vec3,
     })
 }
 
-/// Mean vectors of discs, one coordinate a row, and their energies.
-struct Discs {
-    axes: [[f32; FITTED]; 3],
-    y: [f32; FITTED],
-}
-
 /// Moves the centres of at most [`FITTED`] discs one step down the gradient of the error in the norm of the kernel.
 fn steer(sources: &[Source], lights: &mut [Light]) {
     let n = lights.len().min(FITTED);
-    let mut discs = Discs { axes: [[0.0; FITTED]; 3], y: [0.0; FITTED] };
+    let (mut discs, mut energies) = (Vectors::new(), [0.0; FITTED]);
     for (i, light) in lights.iter().enumerate().take(n) {
-        let vector = vector_of(light);
-        discs.axes.iter_mut().zip(vector.to_array()).for_each(|(axis, v)| axis[i] = v);
-        discs.y[i] = luminance(light.irradiance);
+        discs.set(i, &MeanVector::of_light(light));
+        energies[i] = luminance(light.irradiance);
     }
     let mut pulls = [[0.0; FITTED]; 3];
     for source in sources {
-        discs.pull(n, mean_vector(source.at, source.radius), source.y, &mut pulls);
+        discs.pull(n, &MeanVector::of_disc(source.at, source.radius), source.y, &mut pulls);
     }
-    for j in 0..n {
-        let at = Vec3::from_array(discs.axes.map(|axis| axis[j]));
-        discs.pull(n, at, -discs.y[j], &mut pulls);
+    for (j, y) in energies.iter().enumerate().take(n) {
+        discs.pull(n, &discs.get(j), -y, &mut pulls);
     }
-    for (i, light) in lights.iter_mut().enumerate().take(n).filter(|(i, _)| discs.y[*i] > 0.0) {
-        let vector = Vec3::from_array(discs.axes.map(|axis| axis[i]));
-        let width = root((0.5 - 0.5 * vector.length_squared()).max(LEAST_WIDTH * LEAST_WIDTH));
-        let stiffness = discs.y[i] * (CURVATURE.0 / width + CURVATURE.1);
+    for (i, light) in lights.iter_mut().enumerate().take(n).filter(|(i, _)| energies[*i] > 0.0) {
+        let disc = discs.get(i);
+        let width = root(disc.width_squared().max(LEAST_WIDTH * LEAST_WIDTH));
+        let stiffness = energies[i] * (CURVATURE.0 / width + CURVATURE.1);
         let pull = Vec3::from_array(pulls.map(|axis| axis[i])) * (RELAXED / stiffness);
         let step = pull.clamp_length_max(LONGEST * width).reject_from_normalized(light.direction);
-        light.direction = (vector + step).try_normalize().unwrap_or(light.direction);
-    }
-}
-
-impl Discs {
-    /// Adds to `pulls` the pull of energy `y` at `at` on each of the first `n` discs.
-    fn pull(&self, n: usize, at: Vec3, y: f32, pulls: &mut [[f32; FITTED]; 3]) {
-        let n = n.min(FITTED);
-        let half = at * 0.5;
-        let [x_axis, y_axis, z_axis] = &self.axes;
-        let [px, py, pz] = pulls;
-        let (x_axis, y_axis, z_axis) = (&x_axis[..n], &y_axis[..n], &z_axis[..n]);
-        let (px, py, pz) = (&mut px[..n], &mut py[..n], &mut pz[..n]);
-        for i in 0..n {
-            let s = y * slope(0.5 - (x_axis[i] * half.x + y_axis[i] * half.y + z_axis[i] * half.z));
-            px[i] += s * at.x;
-            py[i] += s * at.y;
-            pz[i] += s * at.z;
-        }
+        light.direction = (disc.vector() + step).try_normalize().unwrap_or(light.direction);
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sampler::adaptive::weights::KERNEL;
-
-    #[test]
-    fn the_slope_is_the_kernels_derivative() {
-        for i in 1..40 {
-            let x = 0.97 - 0.048 * i as f32;
-            let exact = |x: f32| {
-                let h = f64::from(0.5 - 0.5 * x).sqrt();
-                KERNEL.iter().rev().fold(0.0, |sum, c| sum * h + f64::from(*c))
-            };
-            let expected = (exact(x + 1e-2) - exact(x - 1e-2)) / 2e-2;
-            let found = f64::from(slope(0.5 - 0.5 * x));
-            assert!(
-                (found - expected).abs() < 0.02 + 0.02 * expected.abs(),
-                "{x}: {found}, expected {expected}"
-            );
-        }
-    }
 
     /// A light of energy 1 that is 0.1 radians off a source moves to it.
     #[test]

@@ -24,6 +24,7 @@ mod discs;
 mod estimate;
 mod filter;
 mod gather;
+mod kernel;
 mod memory;
 mod nodes;
 mod receivers;

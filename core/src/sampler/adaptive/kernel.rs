@@ -1,0 +1,235 @@
+//! The kernel K between lights: the mean over receivers of what two unit lights give together, over K(0).
+//!
+//! Lights are mean vectors: a light of mean resultant length R about d is R d, a point has R = 1. Between mean vectors m and m', K takes
+//! (1 - m . m') / 2 for the squared sine of half their angle. It is computed as |m - m'|^2 / 4 and what the vectors are shorter than 1, since
+//! 1 - m . m' of two vectors that are nearly the same is cancellation, which the kernel's root would amplify.
+
+use super::FITTED;
+use crate::light::Light;
+use crate::pyramid::Quad;
+use glam::Vec3;
+
+/// K over K(0) as a polynomial in h = sin(angle / 2), constant first: a least-squares fit within 0.004 of the arc-cosine kernel
+/// (sin g + (pi - g) cos g) / (6 pi) times the probability that a cap of half-angle 10 to 60 degrees hides neither direction. The fit only
+/// decides how energy is shared out, so its error moves the optimum by less than a light's noise; the test `adaptive_kernel`
+/// recomputes it.
+pub(crate) const KERNEL: [f32; 6] = [1.0, -0.171_987, -2.301_984, 2.484_897, -1.960_409, 0.945_683];
+
+/// K between unit vectors of which `squared` is the squared sine of half their angle, (1 - cos) / 2.
+#[inline(always)]
+pub(super) fn kernel(squared: f32) -> f32 {
+    let h = coarse_root(squared);
+    KERNEL.iter().rev().fold(0.0, |sum, c| sum * h + c)
+}
+
+/// The derivative of K over K(0) by the cosine of the angle; finite at 0.
+#[inline(always)]
+pub(super) fn slope(squared: f32) -> f32 {
+    let squared = squared.max(LEAST_SQUARED);
+    let per_root = coarse_inverse_root(squared);
+    let h = squared * per_root;
+    let mut by_root = 0.0;
+    for i in (1..KERNEL.len()).rev() {
+        by_root = by_root * h + i as f32 * KERNEL[i];
+    }
+    // With x the cosine, h^2 = (1 - x) / 2.
+    by_root * per_root * -0.25
+}
+
+/// Least argument of [`slope`].
+const LEAST_SQUARED: f32 = 1e-6;
+
+/// Square root within 7e-4, of [`LEAST`] for what is less: a Newton step whose constants halve the error of the usual ones, which
+/// would cost the fit as much again. They are Jan Kadlec's (2010).
+#[inline(always)]
+fn coarse_root(v: f32) -> f32 {
+    // As an integer a negative number is small as well.
+    let bits = (v.to_bits() as i32).max(LEAST.to_bits() as i32) as u32;
+    let (v, r) = (f32::from_bits(bits), f32::from_bits(0x5f1f_fff9 - (bits >> 1)));
+    v * r * (0.703_952_3 * (2.389_244_6 - v * r * r))
+}
+
+/// 1 / square root of a positive number, within 7e-4 of it.
+#[inline(always)]
+fn coarse_inverse_root(v: f32) -> f32 {
+    let r = f32::from_bits(0x5f1f_fff9u32.wrapping_sub(v.to_bits() >> 1));
+    r * (0.703_952_3 * (2.389_244_6 - v * r * r))
+}
+
+/// Smallest argument of the square root: the squared sine of a millionth of a radian.
+const LEAST: f32 = 1e-12;
+
+/// Part of a disc's angular variance that its vector is shorter by: a least-squares compromise of 2/3 and 1/2 of the radius, squared, which
+/// the mean distance to a point at the centre and to one far away ask for.
+const SHRINK: f32 = 0.85;
+
+/// The mean vector of a point, a disc or a region.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct MeanVector {
+    /// Half of it.
+    half: Vec3,
+    /// (1 - R^2) / 4 of the mean resultant length R.
+    spread: f32,
+}
+
+impl MeanVector {
+    /// Of a point at a unit vector.
+    pub(super) fn of_point(at: Vec3) -> Self {
+        Self { half: at * 0.5, spread: 0.0 }
+    }
+
+    /// Of a disc of `radius` radians at a unit vector.
+    pub(super) fn of_disc(at: Vec3, radius: f32) -> Self {
+        // The squared sine of half the radius, within 1e-3 up to a right angle.
+        let square = radius * radius;
+        Self::shorter(at, SHRINK * 0.25 * square * (1.0 + square * (square / 360.0 - 1.0 / 12.0)))
+    }
+
+    /// Of a light that is drawn as a disc.
+    pub(super) fn of_light(light: &Light) -> Self {
+        Self::of_disc(light.direction, light.radius_deg.to_radians())
+    }
+
+    /// Of the light of a lit quad.
+    pub(super) fn of_quad(quad: &Quad) -> Self {
+        let variance = quad.variance().max(0.0);
+        Self { half: quad.first_moment() * (0.5 / quad.y()), spread: variance * (2.0 - variance) * 0.25 }
+    }
+
+    fn shorter(at: Vec3, by: f32) -> Self {
+        Self { half: at * (0.5 - 0.5 * by), spread: by * (2.0 - by) * 0.25 }
+    }
+
+    /// The argument of [`kernel`] between two vectors.
+    pub(super) fn apart(&self, other: &Self) -> f32 {
+        (self.half - other.half).length_squared() + (self.spread + other.spread)
+    }
+
+    /// The argument of [`kernel`] between the vector and itself.
+    pub(super) fn width_squared(&self) -> f32 {
+        2.0 * self.spread
+    }
+
+    /// The vector itself.
+    pub(super) fn vector(&self) -> Vec3 {
+        self.half * 2.0
+    }
+}
+
+/// Mean vectors of at most [`FITTED`] lights.
+#[derive(Clone, Debug)]
+pub(super) struct Vectors {
+    /// Halves of the vectors, one coordinate a row.
+    halves: [[f32; FITTED]; 3],
+    spreads: [f32; FITTED],
+}
+
+impl Vectors {
+    pub(super) const fn new() -> Self {
+        Self { halves: [[0.0; FITTED]; 3], spreads: [0.0; FITTED] }
+    }
+
+    /// Sets vector `i`.
+    pub(super) fn set(&mut self, i: usize, vector: &MeanVector) {
+        self.halves.iter_mut().zip(vector.half.to_array()).for_each(|(axis, v)| axis[i] = v);
+        self.spreads[i] = vector.spread;
+    }
+
+    /// Vector `i`.
+    pub(super) fn get(&self, i: usize) -> MeanVector {
+        MeanVector { half: Vec3::from_array(self.halves.map(|axis| axis[i])), spread: self.spreads[i] }
+    }
+
+    /// Writes K between `other` and each of the first vectors.
+    pub(super) fn kernels(&self, other: &MeanVector, out: &mut [f32]) {
+        let ([x, y, z], at) = (&self.halves, other.half);
+        for ((((out, x), y), z), spread) in out.iter_mut().zip(x).zip(y).zip(z).zip(&self.spreads) {
+            let (x, y, z) = (x - at.x, y - at.y, z - at.z);
+            *out = kernel((x * x + y * y) + (z * z + (spread + other.spread)));
+        }
+    }
+
+    /// Adds to `pulls` the pull of energy `y` at `other` on each of the first `n` vectors.
+    pub(super) fn pull(&self, n: usize, other: &MeanVector, y: f32, pulls: &mut [[f32; FITTED]; 3]) {
+        let n = n.min(FITTED);
+        let (at, to) = (other.half, other.vector());
+        let [x_axis, y_axis, z_axis] = &self.halves;
+        let [px, py, pz] = pulls;
+        let (x_axis, y_axis, z_axis, spreads) =
+            (&x_axis[..n], &y_axis[..n], &z_axis[..n], &self.spreads[..n]);
+        let (px, py, pz) = (&mut px[..n], &mut py[..n], &mut pz[..n]);
+        for i in 0..n {
+            let (x, y_off, z) = (x_axis[i] - at.x, y_axis[i] - at.y, z_axis[i] - at.z);
+            let s = y * slope((x * x + y_off * y_off) + (z * z + (spreads[i] + other.spread)));
+            px[i] += s * to.x;
+            py[i] += s * to.y;
+            pz[i] += s * to.z;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use core::f64::consts::PI;
+
+    /// Part of the sphere within `a` of both ends of an arc of length `g`, by rings round one end.
+    fn lens(a: f64, g: f64) -> f64 {
+        const RINGS: u32 = 400;
+        let ring = |i: u32| {
+            let t = a * (f64::from(i) + 0.5) / f64::from(RINGS);
+            let cos = (libm::cos(a) - libm::cos(t) * libm::cos(g)) / (libm::sin(t) * libm::sin(g));
+            2.0 * libm::acos(cos.clamp(-1.0, 1.0)) * libm::sin(t) * a / f64::from(RINGS)
+        };
+        if g < 1e-9 { (1.0 - libm::cos(a)) / 2.0 } else { (0..RINGS).map(ring).sum::<f64>() / (4.0 * PI) }
+    }
+
+    /// The mean over receivers of the product of the irradiances of two unit lights `g` radians apart, integrated numerically.
+    fn twin(g: f64) -> f64 {
+        const CAPS: u32 = 40;
+        let open = (libm::sin(g) + (PI - g) * libm::cos(g)) / (6.0 * PI);
+        let clear = |i: u32| {
+            let a = (10.0 + 50.0 * (f64::from(i) + 0.5) / f64::from(CAPS)).to_radians();
+            1.0 - (1.0 - libm::cos(a)) + lens(a, g)
+        };
+        open * (0..CAPS).map(clear).sum::<f64>() / f64::from(CAPS)
+    }
+
+    #[test]
+    fn adaptive_kernel() {
+        let whole = twin(0.0);
+        for i in 0..=90 {
+            let g = PI * f64::from(i) / 90.0;
+            let off = f64::from(kernel((0.5 - 0.5 * libm::cos(g)) as f32)) - twin(g) / whole;
+            assert!(libm::fabs(off) < 0.005, "at {g}: off by {off}");
+        }
+    }
+
+    #[test]
+    fn the_slope_is_the_kernels_derivative() {
+        for i in 1..40 {
+            let x = 0.97 - 0.048 * i as f32;
+            let exact = |x: f32| {
+                let h = libm::sqrt(f64::from(0.5 - 0.5 * x));
+                KERNEL.iter().rev().fold(0.0, |sum, c| sum * h + f64::from(*c))
+            };
+            let expected = (exact(x + 1e-2) - exact(x - 1e-2)) / 2e-2;
+            let found = f64::from(slope(0.5 - 0.5 * x));
+            assert!(
+                (found - expected).abs() < 0.02 + 0.02 * expected.abs(),
+                "{x}: {found}, expected {expected}"
+            );
+        }
+    }
+
+    /// Two points a millionth of a radian apart, whose cosine is 1 in single precision, are still apart.
+    #[test]
+    fn near_vectors_are_apart_by_their_distance() {
+        for angle in [1e-6f32, 1e-5, 1e-4, 1e-3, 1e-2] {
+            let near = Vec3::new(angle, 0.0, 1.0);
+            let found = MeanVector::of_point(Vec3::Z).apart(&MeanVector::of_point(near));
+            let expected = angle * angle / 4.0;
+            assert!((found / expected - 1.0).abs() < 1e-3, "{angle}: {found}, expected {expected}");
+        }
+    }
+}
