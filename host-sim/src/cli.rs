@@ -169,6 +169,9 @@ struct ImportArgs {
     /// Folder to write.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    /// Reads photographs of any stated colour space (ICC profile, cICP, cHRM, Adobe RGB) as Rec. 709 with the format's usual transfer.
+    #[arg(long)]
+    ignore_profile: bool,
 }
 
 #[derive(Args, Debug)]
@@ -304,7 +307,12 @@ pub fn run(cli: Cli) -> Result<(), SimError> {
     match cli.command {
         Command::Decompose(args) => run_decompose(args),
         Command::Replay(args) => run_replay(args),
-        Command::Import(a) => import::run(&import::Job { lens: a.lens, photos: a.photos, out: a.out }),
+        Command::Import(a) => import::run(&import::Job {
+            lens: a.lens,
+            photos: a.photos,
+            out: a.out,
+            ignores_profile: a.ignore_profile,
+        }),
         Command::Score(a) => {
             let options = a.map.into();
             let map = decompose::read(&a.env, &options)?;

@@ -86,7 +86,7 @@ fn list(job: &Job) -> Result<Vec<BurstFolder>, SimError> {
 fn read(job: &Job, folder: &Path) -> Result<RecordedBurst, SimError> {
     match &job.lens {
         Some(lens) if !folder.join("burst.toml").is_file() => {
-            let text = import::describe(lens, &import::list(folder)?)?;
+            let text = import::describe(lens, &import::list(folder)?, false)?;
             Ok(recorded::read_described(folder, &text, &job.limits)?)
         }
         _ => Ok(recorded::read_recorded(folder, &job.limits)?),

@@ -69,6 +69,8 @@ fn jpeg(image: &RgbImage, entries: &[(u16, u16, u32)]) -> Vec<u8> {
     for (tag, kind, value) in second {
         if kind == 3 {
             tiff.extend(entry(tag, kind, value << 16));
+        } else if kind == 4 {
+            tiff.extend(entry(tag, kind, value));
         } else {
             tiff.extend(entry(tag, kind, values_at + values.len() as u32));
             values.extend([value.to_be_bytes(), 100_000u32.to_be_bytes()].concat());
@@ -91,6 +93,11 @@ const ORIENTATION: u16 = 0x0112;
 const EXPOSURE_TIME: u16 = 0x829a;
 const F_NUMBER: u16 = 0x829d;
 const ISO: u16 = 0x8827;
+const EXPOSURE_INDEX: u16 = 0x8832;
+const SHUTTER_SPEED: u16 = 0x9201;
+const APERTURE: u16 = 0x9202;
+const FLASH: u16 = 0x9209;
+const COLOUR_SPACE: u16 = 0xa001;
 
 /// Both sets have the same lights: each component of a direction within 1e-4, each channel of an irradiance within 1e-4 of the light's.
 fn assert_same_lights(direct: &Value, back: &Value, name: &str) {
@@ -329,6 +336,97 @@ fn photographs_become_a_burst_by_their_exif_data() {
     refused(&["import", "--lens", text(&lens), "--out", text(&out), text(&untimed)], "exposure time");
     std::fs::write(photos.join("w.dng"), b"II*\0........").expect("a file");
     refused(&["import", "--lens", text(&lens), "--out", text(&out), text(&photos.join("w.dng"))], "w.dng");
+}
+
+/// The arguments that import one photograph.
+fn import(folder: &Path, photo: &Path) -> Vec<String> {
+    let lens = folder.join("lens.toml");
+    std::fs::write(&lens, LENS).expect("a file");
+    let out = folder.join("out");
+    ["import", "--lens", text(&lens), "--out", text(&out), text(photo)].map(Into::into).to_vec()
+}
+
+#[test]
+fn colour_spaces_of_photographs_are_honoured_or_refused_by_name() {
+    use moxcms::ColorProfile;
+    let folder = tempfile::tempdir().expect("a folder");
+    let photo = folder.path().join("a.jpg");
+    let mut linear = ColorProfile::new_srgb();
+    let line = moxcms::curve_from_gamma(1.0);
+    (linear.red_trc, linear.green_trc, linear.blue_trc) =
+        (Some(line.clone()), Some(line.clone()), Some(line));
+    for (profile, expected) in [
+        (ColorProfile::new_srgb(), Ok("srgb")),
+        (linear, Ok("linear")),
+        (ColorProfile::new_display_p3(), Err("other primaries")),
+        (ColorProfile::new_adobe_rgb(), Err("other primaries")),
+        (ColorProfile::new_bt2020_pq(), Err("ICC profile")),
+    ] {
+        let icc = profile.encode().expect("a profile");
+        let mut bytes = jpeg(&scene(2.0, 0), &[(EXPOSURE_TIME, 5, 1000)]);
+        let header = [b"ICC_PROFILE\0\x01\x01".as_slice(), &icc].concat();
+        let segment = [&[0xff, 0xe2], &(header.len() as u16 + 2).to_be_bytes()[..], &header].concat();
+        bytes.splice(2..2, segment);
+        std::fs::write(&photo, bytes).expect("a file");
+        let arguments = import(folder.path(), &photo);
+        let mut arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+        match expected {
+            Err(part) => {
+                refused(&arguments, part);
+                arguments.push("--ignore-profile");
+                sim_ok(&arguments);
+            }
+            Ok(model) => {
+                sim_ok(&arguments);
+                let manifest =
+                    std::fs::read_to_string(folder.path().join("out/burst.toml")).expect("a manifest");
+                assert!(manifest.contains(&format!("model = \"{model}\"")), "{model}: {manifest}");
+            }
+        }
+    }
+}
+
+#[test]
+fn exposures_stated_in_apex_units_or_in_fields_of_large_numbers_are_read() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let photo = folder.path().join("a.jpg");
+    let read = |entries: &[(u16, u16, u32)]| {
+        std::fs::write(&photo, jpeg(&scene(2.0, 0), entries)).expect("a file");
+        let arguments = import(folder.path(), &photo);
+        let output = sim(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
+        String::from_utf8_lossy(&output.stderr).into_owned()
+    };
+    // 2^-7 s, f-number 2^(4 / 2), ISO 102400.
+    let told = read(&[
+        (SHUTTER_SPEED, 5, 700_000),
+        (APERTURE, 5, 400_000),
+        (ISO, 3, 65_535),
+        (EXPOSURE_INDEX, 4, 102_400),
+    ]);
+    for part in ["0.007812", "102400", "      4  "] {
+        assert!(told.contains(part), "{part}: {told}");
+    }
+    let told = read(&[(EXPOSURE_TIME, 5, 1000), (ISO, 3, 65_535)]);
+    assert!(told.contains("PhotographicSensitivity 65535"), "{told}");
+    let told = read(&[(EXPOSURE_TIME, 5, 1000), (COLOUR_SPACE, 3, 2)]);
+    assert!(told.contains("Adobe RGB"), "{told}");
+}
+
+#[test]
+fn photographs_that_state_different_fields_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let other = folder.path().join("a.jpg");
+    let photo = folder.path().join("b.jpg");
+    std::fs::write(&other, jpeg(&scene(2.0, 0), &[(EXPOSURE_TIME, 5, 1000), (ISO, 3, 100)])).expect("a file");
+    for (entries, part) in [
+        (vec![(EXPOSURE_TIME, 5, 4000)], "the ISO sensitivity"),
+        (vec![(EXPOSURE_TIME, 5, 4000), (ISO, 3, 100), (FLASH, 3, 1)], "the flash"),
+    ] {
+        std::fs::write(&photo, jpeg(&scene(8.0, 0), &entries)).expect("a file");
+        let mut arguments = import(folder.path(), &other);
+        arguments.push(text(&photo).into());
+        refused(&arguments.iter().map(String::as_str).collect::<Vec<_>>(), part);
+    }
 }
 
 #[test]

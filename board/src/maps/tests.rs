@@ -74,6 +74,7 @@ fn radiance_factors_divide_and_multiply_each_other() {
         ("COLORCORR=0 0 0", 1.0),
         ("pfilt -e 2\nSOFTWARE=x = y\nPIXASPECT=2", 1.0),
         ("FORMAT=32-bit_rle_rgbe\r", 1.0),
+        ("GAMMA=1.0", 1.0),
     ] {
         assert_eq!(red(header), expected, "{header:?}");
     }
@@ -87,6 +88,7 @@ fn radiance_factors_divide_and_multiply_each_other() {
         "PRIMARIES=0 0 0 0 0 0 0 0",
         "PRIMARIES=1 2",
         "HEMILUX_COVERS=disc",
+        "GAMMA=2.2",
     ] {
         let told = refusal(&radiance(&format!("{bad}\n\n-Y 2 +X 4\n"), &flat()));
         assert!(told.contains(&bad[..4]) || told.contains("primaries"), "{bad}: {told}");

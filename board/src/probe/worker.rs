@@ -48,6 +48,7 @@ impl Worker {
         if config.exposures_s.is_some() {
             source.set_exposures(config.exposures_s.as_deref()).map_err(PipelineError::Exposures)?;
         }
+        source.notes().iter().for_each(|note| tracing::warn!("{note}"));
         let settings = config.pipeline.clone();
         let ring = Ring::with_lights(settings.lights);
         let pipeline = Pipeline::try_new(*source.calibration(), &source.exposures(), settings)?;

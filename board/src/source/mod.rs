@@ -31,6 +31,11 @@ pub trait Source: Send {
         Some("the source's exposures are fixed")
     }
 
+    /// Statements about the source that its user should read, such as frames of a recording that are left out.
+    fn notes(&self) -> &[String] {
+        &[]
+    }
+
     /// Changes the exposures to these times, seconds, rising; `None` for its own. The next burst has them.
     ///
     /// # Errors

@@ -6,7 +6,7 @@ use super::pace::wait_for;
 use super::{Pace, Source, SourceError};
 use crate::calibration::{Burst, Calibration, Frame, Pixels};
 use crate::clock;
-use crate::recorded::{self, RecordedError};
+use crate::recorded::{self, ReadLimits, RecordedBurst, RecordedError};
 use hemilux_core::Exposure;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -20,6 +20,8 @@ pub const MAX_RECORDING_BYTES: u64 = 512 << 20;
 pub struct ReplaySource {
     calibration: Calibration,
     bursts: Vec<Burst>,
+    /// Frames that are left out of their bursts.
+    notes: Vec<String>,
     /// Time from each burst to the next, the last one's to the first.
     intervals: Vec<Duration>,
     at: usize,
@@ -35,8 +37,13 @@ impl ReplaySource {
         let listed = recorded::read_sequence(folder)?;
         let mut bursts: Vec<Burst> = Vec::with_capacity(listed.len());
         let mut camera: Option<Calibration> = None;
+        let mut notes = Vec::new();
         for recorded::BurstFolder { folder: path, timestamp_ns } in &listed {
-            let (calibration, mut burst) = recorded::read_burst(path)?;
+            let mut read = recorded::read_recorded(path, &ReadLimits::default())?;
+            for frame in recorded::leave_out(&mut read) {
+                notes.push(format!("{}: left out: {}", path.join(&frame.file).display(), frame.why));
+            }
+            let RecordedBurst { calibration, mut burst, .. } = read;
             check_size(folder, listed.len(), &burst)?;
             if *camera.get_or_insert(calibration) != calibration {
                 let expected = "the lens, response and image size of the sequence's first burst";
@@ -50,7 +57,7 @@ impl ReplaySource {
         let none = || RecordedError::new(folder, "no bursts", "at least one");
         let calibration = camera.ok_or_else(none)?;
         let intervals = intervals(&bursts, pace);
-        Ok(Self { calibration, bursts, intervals, at: 0, due: None })
+        Ok(Self { calibration, bursts, notes, intervals, at: 0, due: None })
     }
 
     /// Bursts of the recording.
@@ -73,6 +80,10 @@ impl Source for ReplaySource {
 
     fn fixed_exposures(&self) -> Option<&'static str> {
         Some("a recording keeps the exposures that it was made with")
+    }
+
+    fn notes(&self) -> &[String] {
+        &self.notes
     }
 
     fn exposures(&self) -> Vec<Exposure> {
@@ -192,6 +203,24 @@ mod tests {
         record(&root.path().join("0002"), 1, 35_000_000);
         let source = ReplaySource::open(root.path(), Pace::TEN_A_SECOND).expect("a recording");
         assert_eq!(source.intervals, [100; 3].map(Duration::from_millis), "not ascending");
+    }
+
+    #[test]
+    fn frames_that_contradict_their_neighbours_are_left_out_and_noted() {
+        let root = tempfile::tempdir().expect("a folder");
+        record(root.path(), 120, 0);
+        let manifest = std::fs::read_to_string(root.path().join("burst.toml")).expect("a manifest");
+        let black = RgbImage::from_pixel(32, 32, image::Rgb([0; 3]));
+        black.save(root.path().join("black.png")).expect("an image");
+        let more = format!("{manifest}[[frame]]\nfile = \"black.png\"\nexposure_s = 0.02\n");
+        std::fs::write(root.path().join("burst.toml"), more).expect("a manifest");
+        let source = ReplaySource::open(root.path(), Pace::Free).expect("a recording");
+        assert_eq!(source.exposures(), [Exposure { seconds: 0.01, gain: 1.0 }]);
+        assert!(
+            matches!(source.notes(), [note] if note.contains("black.png: left out")),
+            "{:?}",
+            source.notes()
+        );
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! `hemilux-sim import`: bracketed photographs to a recorded burst, by what their EXIF data states.
 
 mod photo;
+mod profile;
 mod transfer;
 
 use crate::error::SimError;
@@ -20,6 +21,8 @@ pub struct Job {
     pub photos: Vec<PathBuf>,
     /// Folder that is written; created where it does not exist.
     pub out: PathBuf,
+    /// Whether colour spaces that the photographs state are ignored.
+    pub ignores_profile: bool,
 }
 
 /// Copies the photographs into a folder and writes its `burst.toml`.
@@ -27,7 +30,7 @@ pub struct Job {
 /// # Errors
 /// [`SimError`]: photographs that state no exposure time, or that differ in camera, lens or size.
 pub fn run(job: &Job) -> Result<(), SimError> {
-    let text = describe(&job.lens, &job.photos)?;
+    let text = describe(&job.lens, &job.photos, job.ignores_profile)?;
     let writable = |e: std::io::Error| SimError::at(&job.out, e, "a folder that can be written");
     std::fs::create_dir_all(&job.out).map_err(writable)?;
     for photo in &job.photos {
@@ -60,11 +63,12 @@ pub fn list(folder: &Path) -> Result<Vec<PathBuf>, SimError> {
 ///
 /// # Errors
 /// [`SimError`] as for [`run`].
-pub fn describe(lens: &Path, paths: &[PathBuf]) -> Result<String, SimError> {
+pub fn describe(lens: &Path, paths: &[PathBuf], ignores_profile: bool) -> Result<String, SimError> {
     let path = lens;
     let lens = recorded::read_lens(path)?;
     lens.notes.iter().for_each(|note| eprintln!("hemilux-sim: {}: {note}", path.display()));
-    let mut photos = paths.iter().map(|path| Photo::read(path)).collect::<Result<Vec<_>, _>>()?;
+    let mut photos =
+        paths.iter().map(|path| Photo::read(path, ignores_profile)).collect::<Result<Vec<_>, _>>()?;
     check(&photos)?;
     photos.sort_by(|a, b| a.light().total_cmp(&b.light()));
     let response = response(&lens, &photos)?;

@@ -35,34 +35,40 @@ impl Same {
 }
 
 impl Photo {
-    /// Reads the EXIF data.
-    pub fn read(path: &Path) -> Result<Self, SimError> {
+    /// Reads the EXIF data; with `ignores_profile` what the file states of colours does not count.
+    pub fn read(path: &Path, ignores_profile: bool) -> Result<Self, SimError> {
         let refused = |found: String| SimError::at(path, found, EXPECTED);
-        let transfer = transfer::read(path)?;
+        let transfer = transfer::read(path, ignores_profile)?;
         let file = std::fs::File::open(path).map_err(|e| refused(e.to_string()))?;
         let exif = exif::Reader::new().read_from_container(&mut BufReader::new(file));
         let exif = exif.map_err(|e| refused(format!("no EXIF data ({e})")))?;
+        let apex = |tag| number(&exif, tag).map(f64::exp2);
         let seconds = number(&exif, Tag::ExposureTime).filter(|s| *s > 0.0);
+        let seconds = seconds.or_else(|| apex(Tag::ShutterSpeedValue).map(f64::recip));
         let seconds = seconds.ok_or_else(|| {
             SimError::at(path, "EXIF data without an exposure time", "ExposureTime, positive seconds")
         })?;
-        let positive = |tag| number(&exif, tag).filter(|v| *v > 0.0);
+        let aperture = number(&exif, Tag::FNumber).filter(|n| *n > 0.0);
+        let aperture = aperture.or_else(|| apex(Tag::ApertureValue).map(f64::sqrt));
+        if let Some(space) = other_colour_space(&exif).filter(|_| !ignores_profile) {
+            return Err(SimError::at(path, space, transfer::EXPECTED));
+        }
         let text = |tag| exif.get_field(tag, In::PRIMARY).map(|f| f.display_value().to_string());
+        let iso = sensitivity(&exif).map_err(|found| SimError::at(path, found, "an ISO sensitivity"))?;
+        let stated = |name, is: bool| Same { name, value: is.then(|| "stated".into()) };
         let camera = [Tag::Make, Tag::Model].into_iter().filter_map(text).collect::<Vec<_>>().join(" ");
         let same = vec![
             Same { name: "the camera", value: Some(camera).filter(|c| !c.is_empty()) },
             Same { name: "the lens", value: text(Tag::LensModel) },
             Same { name: "the focal length", value: text(Tag::FocalLength) },
             Same { name: "the white balance", value: text(Tag::WhiteBalance) },
+            Same { name: "the light source", value: text(Tag::LightSource) },
+            Same { name: "the flash", value: text(Tag::Flash) },
+            Same { name: "the digital zoom", value: text(Tag::DigitalZoomRatio) },
+            stated("the ISO sensitivity", iso.is_some()),
+            stated("the f-number", aperture.is_some()),
         ];
-        Ok(Self {
-            path: path.into(),
-            seconds,
-            iso: positive(Tag::PhotographicSensitivity),
-            aperture: positive(Tag::FNumber),
-            transfer,
-            same,
-        })
+        Ok(Self { path: path.into(), seconds, iso, aperture, transfer, same })
     }
 
     /// The name of the file.
@@ -81,10 +87,33 @@ impl Photo {
     }
 }
 
+/// The ISO sensitivity. EXIF's 16-bit field holds 65535 for larger ones, which other fields state.
+fn sensitivity(exif: &Exif) -> Result<Option<f64>, String> {
+    let positive = |tag| number(exif, tag).filter(|v| *v > 0.0);
+    let iso = positive(Tag::PhotographicSensitivity);
+    if iso != Some(65535.0) {
+        return Ok(iso);
+    }
+    let larger = [Tag::RecommendedExposureIndex, Tag::StandardOutputSensitivity, Tag::ISOSpeed];
+    let found = larger.into_iter().find_map(positive);
+    found
+        .map(Some)
+        .ok_or_else(|| "PhotographicSensitivity 65535 without a field for the larger number".into())
+}
+
+/// A colour space other than sRGB. Cameras state Adobe RGB by the interoperability index R03, some by ColorSpace 2.
+fn other_colour_space(exif: &Exif) -> Option<String> {
+    let index =
+        exif.get_field(Tag::InteroperabilityIndex, In::PRIMARY).map(|f| f.display_value().to_string());
+    let is_adobe = index.is_some_and(|i| i.contains("R03")) || number(exif, Tag::ColorSpace) == Some(2.0);
+    is_adobe.then(|| "the EXIF colour space Adobe RGB".into())
+}
+
 /// The first number of a field.
 fn number(exif: &Exif, tag: Tag) -> Option<f64> {
     let value = match &exif.get_field(tag, In::PRIMARY)?.value {
         Value::Rational(v) => v.first()?.to_f64(),
+        Value::SRational(v) => v.first()?.to_f64(),
         other => f64::from(other.get_uint(0)?),
     };
     Some(value).filter(|v| v.is_finite())

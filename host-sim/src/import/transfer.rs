@@ -1,9 +1,12 @@
-//! The transfer function of a photograph.
+//! The transfer function of a photograph, which must have the primaries of Rec. 709.
 //!
-//! JPEG holds sRGB. Of PNG, cICP is believed, then sRGB, then gAMA of 1 (linear) and of 1/2.2 (sRGB); other values are refused. A PNG
-//! that states nothing holds sRGB with 8 bits and linear samples with 16. PGM and PPM are linear, as raw converters write them.
+//! Of PNG, cICP is believed, then the ICC profile, then sRGB, then cHRM with gAMA of 1 (linear) or 1/2.2 (sRGB); of JPEG, the ICC
+//! profile. Other primaries and transfer functions are refused. A PNG that states nothing holds sRGB with 8 bits and linear samples
+//! with 16; a JPEG that states nothing holds sRGB. PGM and PPM are linear, as raw converters write them.
 
+use super::profile;
 use crate::error::SimError;
+use image::{ImageDecoder, ImageReader};
 use std::io::Read;
 use std::path::Path;
 
@@ -26,43 +29,72 @@ impl Transfer {
     }
 }
 
-/// Reads the statement of a file.
-pub(super) fn read(path: &Path) -> Result<Transfer, SimError> {
+pub(super) const EXPECTED: &str = "linear or sRGB samples with the primaries of Rec. 709 (convert the photographs to sRGB, or --ignore-profile)";
+
+/// Reads the statement of a file; with `ignores_profile` what it states of colours does not count.
+pub(super) fn read(path: &Path, ignores_profile: bool) -> Result<Transfer, SimError> {
     let mut begin = Vec::new();
     let file = std::fs::File::open(path).and_then(|f| f.take(MAX_HEADER).read_to_end(&mut begin));
     file.map_err(|e| SimError::at(path, e, "a photograph that can be read"))?;
-    match begin.as_slice() {
-        [0x89, b'P', b'N', b'G', ..] => of_png(path, &begin),
-        [b'P', b'2'..=b'7', ..] => Ok(Transfer::Linear),
-        _ => Ok(Transfer::Srgb),
+    let is_png = begin.starts_with(b"\x89PNG");
+    let silent = match begin.as_slice() {
+        [b'P', b'2'..=b'7', ..] => Transfer::Linear,
+        // Bit depth of the image header.
+        _ if is_png && begin.get(24) == Some(&16) => Transfer::Linear,
+        _ => Transfer::Srgb,
+    };
+    if ignores_profile {
+        return Ok(silent);
+    }
+    let stated = if is_png { of_png(path, &begin) } else { of_profile(path) };
+    Ok(stated.map_err(|found| SimError::at(path, found, EXPECTED))?.unwrap_or(silent))
+}
+
+/// What the ICC profile of a file states; none where there is no profile.
+fn of_profile(path: &Path) -> Result<Option<Transfer>, String> {
+    let decoder =
+        ImageReader::open(path).ok().and_then(|r| r.with_guessed_format().ok()?.into_decoder().ok());
+    // A file that does not decode is refused when its pixels are read.
+    let icc = decoder.and_then(|mut decoder| decoder.icc_profile().ok().flatten());
+    icc.map(|icc| profile::transfer(&icc)).transpose()
+}
+
+fn of_png(path: &Path, begin: &[u8]) -> Result<Option<Transfer>, String> {
+    let find = |kind: &[u8; 4]| chunks(begin).find(|c| c.kind == *kind).map(|c| c.data);
+    match find(b"cICP") {
+        Some([1, 8, ..]) => return Ok(Some(Transfer::Linear)),
+        Some([1, 13, ..]) => return Ok(Some(Transfer::Srgb)),
+        Some([primaries, transfer, ..]) => {
+            return Err(format!("cICP with the primaries {primaries} and the transfer function {transfer}"));
+        }
+        _ => {}
+    }
+    if find(b"iCCP").is_some() {
+        return of_profile(path);
+    }
+    if find(b"sRGB").is_some() {
+        return Ok(Some(Transfer::Srgb));
+    }
+    if let Some(chromaticities) = find(b"cHRM").filter(|c| !is_rec_709(c)) {
+        return Err(format!("cHRM with the chromaticities {:?}", hundred_thousandths(chromaticities)));
+    }
+    match find(b"gAMA").map(hundred_thousandths).as_deref() {
+        None => Ok(None),
+        Some([100_000]) => Ok(Some(Transfer::Linear)),
+        Some([45_000..=46_000]) => Ok(Some(Transfer::Srgb)),
+        Some(other) => Err(format!("gAMA {other:?}")),
     }
 }
 
-fn of_png(path: &Path, begin: &[u8]) -> Result<Transfer, SimError> {
-    let refused = |found: String| {
-        SimError::at(path, found, "linear or sRGB samples (or a [response] table in the lens file)")
-    };
-    let mut stated = None;
-    for chunk in chunks(begin) {
-        match (&chunk.kind, chunk.data) {
-            (b"cICP", [_, 8, ..]) => return Ok(Transfer::Linear),
-            (b"cICP", [_, 13, ..]) => return Ok(Transfer::Srgb),
-            (b"cICP", [_, other, ..]) => {
-                return Err(refused(format!("cICP with the transfer function {other}")));
-            }
-            (b"sRGB", _) => stated = Some(Transfer::Srgb),
-            (b"gAMA", [a, b, c, d]) if stated.is_none() => {
-                stated = Some(match u32::from_be_bytes([*a, *b, *c, *d]) {
-                    100_000 => Transfer::Linear,
-                    45_000..=46_000 => Transfer::Srgb,
-                    other => return Err(refused(format!("gAMA {other}"))),
-                });
-            }
-            _ => {}
-        }
-    }
-    let is_deep = begin.get(24).is_some_and(|bits| *bits == 16);
-    Ok(stated.unwrap_or(if is_deep { Transfer::Linear } else { Transfer::Srgb }))
+/// Whether a cHRM chunk states the white and the primaries of Rec. 709.
+fn is_rec_709(chromaticities: &[u8]) -> bool {
+    const REC_709: [u32; 8] = [31_270, 32_900, 64_000, 33_000, 30_000, 60_000, 15_000, 6_000];
+    let found = hundred_thousandths(chromaticities);
+    found.len() == REC_709.len() && found.iter().zip(REC_709).all(|(a, b)| a.abs_diff(b) <= 100)
+}
+
+fn hundred_thousandths(data: &[u8]) -> Vec<u32> {
+    data.as_chunks().0.iter().map(|bytes| u32::from_be_bytes(*bytes)).collect()
 }
 
 struct Chunk<'a> {

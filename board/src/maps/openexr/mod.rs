@@ -12,6 +12,8 @@ use exr::meta::header::Header;
 use layers::Layer;
 use std::io::{BufRead, Seek};
 
+const IDENTITY: [f32; 16] = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0];
+
 const EXPECTED: &str = "an OpenEXR file that decodes";
 
 pub(super) fn is(begin: &[u8]) -> bool {
@@ -96,6 +98,11 @@ fn stated(header: &Header, layer: &Layer) -> Result<Stated, Refusal> {
     if let Some(luminance) = own.white_luminance {
         notes.push(format!(
             "whiteLuminance {luminance} cd/m2 is not applied: radiance is in the unit of the file"
+        ));
+    }
+    if let Some(matrix) = own.world_to_camera.filter(|m| *m != IDENTITY) {
+        notes.push(format!(
+            "worldToCamera {matrix:?} is not applied: the map is read as standing upright in the world"
         ));
     }
     let half = layer.channels.iter().all(|c| header.channels.list[*c].sample_type == SampleType::F16);

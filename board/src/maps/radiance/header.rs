@@ -81,6 +81,13 @@ impl Header {
                 let [a, b, c, d, e, f, g, h] = numbers(text, value)?;
                 self.primaries = Some([[a, b], [c, d], [e, f], [g, h]]);
             }
+            // Not of Radiance, but of programs that use its format: the power of which the stored values are the inverse.
+            "GAMMA" => {
+                let [gamma]: [f64; 1] = numbers(text, value)?;
+                if gamma != 1.0 {
+                    return Err(Refusal::new(text, "linear values, GAMMA=1"));
+                }
+            }
             "VIEW" if is_projection(value) => self.view = Some(value.trim().into()),
             "HEMILUX_COVERS" => {
                 let expected = "HEMILUX_COVERS=sphere or hemisphere";
