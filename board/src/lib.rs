@@ -21,6 +21,8 @@ pub mod config_file;
 pub mod export;
 #[cfg(feature = "pipeline")]
 pub mod judge;
+#[cfg(any(feature = "server", feature = "client"))]
+pub mod light_set;
 #[cfg(feature = "maps")]
 pub mod maps;
 #[cfg(feature = "server")]

@@ -9,7 +9,7 @@ use crate::samplers::{self, SamplerError, Shape, Tuning};
 use hemilux_core::SamplerKind;
 use hemilux_core::polar::{Grid, LatLongView};
 use hemilux_core::pyramid::Quad;
-use hemilux_core::wire::Latency;
+use hemilux_core::wire::{Latency, LightSet};
 use hemilux_core::{
     BurstError, Coverage, Decomposition, Domain, Exposure, Extrapolation, FrontEnd, FrontError,
     MAX_EXPOSURES, Map, MergeError, Order, PixelTableError, Request, ResponseError, Sampler, Samples, Sizes,
@@ -164,6 +164,24 @@ pub struct Processed<'a> {
     pub horizontal_irradiance: [f32; 3],
     /// What each stage took.
     pub times: Times,
+}
+
+impl Processed<'_> {
+    /// The measured values of a light set; the fields that identify the frame are those of [`LightSet::EMPTY`].
+    #[must_use]
+    pub fn light_set(&self) -> LightSet<'_> {
+        LightSet {
+            lights: self.decomposition.lights,
+            ambient_sh: self.decomposition.ambient.as_ref(),
+            estimated_error: self.decomposition.estimated_error,
+            scalar_flux: self.scalar_flux,
+            horizontal_irradiance: self.horizontal_irradiance,
+            clipped: self.seen.clipped as f32,
+            unseen: self.seen.unseen as f32,
+            latency: self.times.latency(),
+            ..LightSet::EMPTY
+        }
+    }
 }
 
 impl Pipeline {

@@ -3,12 +3,16 @@
 use hdrhistogram::Histogram;
 use hemilux_core::wire::{Latency, Overrun, STAGES};
 use std::fmt;
+use std::time::Instant;
 
 /// Longest duration that the histograms tell apart from longer ones, microseconds.
 const LONGEST_US: u64 = 60_000_000;
 
 /// Significant decimal digits of a percentile. With two digits, the histograms of all stages take 70 KiB.
 const DIGITS: u8 = 2;
+
+/// Weight of the newest interval in the smoothed frame rate: the last ten frames have most of the weight.
+const SMOOTHING: f32 = 0.1;
 
 /// Budgets that may be set, milliseconds.
 pub const BUDGETS_MS: std::ops::RangeInclusive<f32> = 0.01..=60_000.0;
@@ -121,13 +125,37 @@ pub struct Timings {
     stages: [Durations; STAGES],
     frames: u64,
     budgets: Budgets,
+    /// Start of the newest frame.
+    started: Option<Instant>,
+    /// Smoothed interval between the starts of frames, seconds; 0 before the second frame.
+    interval_s: f32,
 }
 
 impl Timings {
     /// Statistics without frames.
     #[must_use]
     pub fn new(budgets: Budgets) -> Self {
-        Self { stages: std::array::from_fn(|_| Durations::new()), frames: 0, budgets }
+        Self {
+            stages: std::array::from_fn(|_| Durations::new()),
+            frames: 0,
+            budgets,
+            started: None,
+            interval_s: 0.0,
+        }
+    }
+
+    /// Updates the frame rate with the start of a frame.
+    pub fn start_frame(&mut self, now: Instant) {
+        let Some(before) = self.started.replace(now) else { return };
+        let newest = now.saturating_duration_since(before).as_secs_f32();
+        let kept = self.interval_s;
+        self.interval_s = if kept > 0.0 { kept + SMOOTHING * (newest - kept) } else { newest };
+    }
+
+    /// Frames per second, smoothed; 0 before the second frame.
+    #[must_use]
+    pub fn rate_hz(&self) -> f32 {
+        if self.interval_s > 0.0 { 1.0 / self.interval_s } else { 0.0 }
     }
 
     /// Adds the durations of a frame; returns the stages that exceeded their budgets.
@@ -184,6 +212,7 @@ impl fmt::Display for Timings {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::time::Duration;
 
     #[test]
     fn percentiles_are_within_one_per_cent_over_the_whole_range() {
@@ -213,6 +242,21 @@ mod tests {
         assert_eq!((front.most, front.overruns, front.budget), (1000, 100, 900));
         assert_eq!((total.p50, total.p99, total.most, total.overruns), (7, 7, 7, 0));
         assert_eq!(Timings::new(Budgets::default()).stages()[0].p99, 0, "no frames");
+    }
+
+    #[test]
+    fn the_frame_rate_is_that_of_the_intervals_and_follows_a_change_within_forty_frames() {
+        let mut timings = Timings::new(Budgets::default());
+        let mut now = Instant::now();
+        timings.start_frame(now);
+        assert!(timings.rate_hz().abs() < f32::EPSILON, "no interval yet");
+        for (ms, frames, hz) in [(100, 1, 10.0), (100, 5, 10.0), (50, 40, 20.0)] {
+            for _ in 0..frames {
+                now += Duration::from_millis(ms);
+                timings.start_frame(now);
+            }
+            assert!((timings.rate_hz() / hz - 1.0).abs() < 0.02, "{ms} ms: {} Hz", timings.rate_hz());
+        }
     }
 
     #[test]

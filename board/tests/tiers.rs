@@ -1,8 +1,9 @@
 //! Light sets of tiers: as steady as those of a probe that is set to their number of lights.
 
+use hemilux::light_set::OwnedSet;
 use hemilux::pipeline::Settings;
 use hemilux::probe::tiers::{Selection, Served};
-use hemilux::probe::{Config, Published, Worker};
+use hemilux::probe::{Config, Worker};
 use hemilux::scene;
 use hemilux::source::{Pace, SceneSource};
 use hemilux_core::SamplerKind;
@@ -20,7 +21,7 @@ struct Steadiness {
     change: f64,
 }
 
-fn irradiance(set: &Published) -> [f64; 5] {
+fn irradiance(set: &OwnedSet) -> [f64; 5] {
     use glam::Vec3;
     let normals = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z];
     let of = |n: Vec3| {
@@ -30,7 +31,7 @@ fn irradiance(set: &Published) -> [f64; 5] {
     normals.map(of)
 }
 
-fn steadiness(sets: &[Arc<Published>]) -> Steadiness {
+fn steadiness(sets: &[Arc<OwnedSet>]) -> Steadiness {
     let (mut kept, mut ids, mut change, mut mean) = (0, 0, 0.0, 0.0);
     for pair in sets.windows(2) {
         let before: HashSet<u32> = pair[0].lights.iter().map(|l| l.id).collect();
@@ -45,7 +46,7 @@ fn steadiness(sets: &[Arc<Published>]) -> Steadiness {
 }
 
 /// The sets of `selection` from a probe of `sampler` set to `lights` lights, on the built-in room.
-fn sets(sampler: SamplerKind, lights: usize, selection: Selection) -> Vec<Arc<Published>> {
+fn sets(sampler: SamplerKind, lights: usize, selection: Selection) -> Vec<Arc<OwnedSet>> {
     let source = Box::new(SceneSource::new(scene::by_name("room").expect("a scene"), Pace::Free));
     let pipeline = Settings { sampler, lights, ..Settings::default() };
     let config = Config { pipeline, ..Config::default() };

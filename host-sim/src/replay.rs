@@ -148,7 +148,6 @@ fn process(
         seen.unseen,
         seen.below
     );
-    let made = processed.decomposition;
     let set = LightSet {
         run: "sim",
         frame: place.index as u64,
@@ -156,18 +155,10 @@ fn process(
         valid: true,
         sampler: job.settings.sampler.name(),
         requested: job.settings.lights as u32,
-        lights: made.lights,
-        ambient_sh: made.ambient.as_ref(),
-        scalar_flux: processed.scalar_flux,
-        horizontal_irradiance: processed.horizontal_irradiance,
-        clipped: seen.clipped as f32,
-        unseen: seen.unseen as f32,
-        estimated_error: made.estimated_error,
-        latency: processed.times.latency(),
-        ..LightSet::EMPTY
+        ..processed.light_set()
     };
     job.export.print_with(&set, job.files.map_name().as_deref(), left_out)?;
-    let lights = made.lights.to_vec();
+    let lights = set.lights.to_vec();
     job.files.write(place.many.then_some(place.index), &pipeline.map().polar, &lights)
 }
 

@@ -206,7 +206,7 @@ impl Shared {
     /// Takes in a set; whether it is news.
     fn take(&self, set: Arc<Set>) -> bool {
         let mut sets = self.lock();
-        let state = set.stale.as_ref().map_or(State::Live, |(_, reason)| State::Stale(reason.clone()));
+        let state = set.stale.as_ref().map_or(State::Live, |stale| State::Stale(stale.reason.clone()));
         let follows = sets.latest.as_ref().is_some_and(|l| l.run == set.run);
         let is_news = !follows || sets.latest.as_ref().is_some_and(|l| l.frame != set.frame);
         if is_news {

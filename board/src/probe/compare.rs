@@ -1,7 +1,8 @@
 //! A second sampler on the same frames, while clients request it: one at a time for all clients, and none without requests.
 
-use super::published::Ring;
-use super::{Published, lock};
+use super::lock;
+use super::ring::Ring;
+use crate::light_set::{self, OwnedSet};
 use crate::pipeline::Pipeline;
 use crate::samplers::{self, SamplerError, Tuning};
 use hemilux_core::Order;
@@ -9,7 +10,7 @@ use hemilux_core::SamplerKind;
 use hemilux_core::light::Light;
 use hemilux_core::pyramid::{Quad, pyramid_len};
 use hemilux_core::sampler::{Request, Sampler};
-use hemilux_core::wire::Latency;
+use hemilux_core::wire::{Latency, LightSet, Overrun};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -40,7 +41,7 @@ pub struct Contender {
 #[derive(Clone, Debug, Default)]
 pub struct Second {
     /// Its lights.
-    pub set: Published,
+    pub set: OwnedSet,
     /// The map in quads of [`SKETCH_ORDER`], or of its own order where that is less: what sets can be held against.
     pub sketch: Vec<Quad>,
 }
@@ -51,7 +52,7 @@ pub struct Pair {
     /// The second sampler.
     pub contender: Contender,
     /// The probe's own set.
-    pub first: Arc<Published>,
+    pub first: Arc<OwnedSet>,
     /// The second sampler's set.
     pub second: Arc<Second>,
 }
@@ -152,7 +153,7 @@ struct SecondarySampler {
 
 impl SecondarySlot {
     /// Runs the second sampler on the last frame, whose set is `first`, if a client requests it.
-    pub(super) fn compare(&mut self, link: &Comparison, pipeline: &mut Pipeline, first: &Arc<Published>) {
+    pub(super) fn compare(&mut self, link: &Comparison, pipeline: &mut Pipeline, first: &Arc<OwnedSet>) {
         let Some(contender) = link.wanted() else {
             if self.secondary.take().is_some() {
                 link.pairs.send_replace(None);
@@ -181,34 +182,32 @@ impl SecondarySampler {
         let shape = pipeline.shape();
         let quads = shape.domain.quads(SKETCH_ORDER.min(shape.order));
         let ring = Ring::new(|| Second {
-            set: Published { lights: Vec::with_capacity(lights), ..Published::default() },
+            set: OwnedSet { lights: Vec::with_capacity(lights), ..OwnedSet::default() },
             sketch: Vec::with_capacity(quads),
         });
         let sampler = samplers::make_tuned(sampler, &shape, lights, &made_for.1)?;
         Ok(Self { contender, made_for, sampler, ring })
     }
 
-    fn sample(&mut self, pipeline: &mut Pipeline, first: &Published) -> Arc<Second> {
+    fn sample(&mut self, pipeline: &mut Pipeline, first: &OwnedSet) -> Arc<Second> {
         let Contender { sampler, lights } = self.contender;
         let request = Request::of_lights(lights);
         let (made, took) = pipeline.sample_again(self.sampler.as_mut(), &request);
         let sample = u32::try_from(took.as_micros()).unwrap_or(u32::MAX);
         let sketch = pipeline.sketch(SKETCH_ORDER);
         self.ring.fill(|second| {
-            let set = &mut second.set;
-            let mut lights = std::mem::take(&mut set.lights);
-            lights.clear();
-            lights.extend_from_slice(made.lights);
             let total = first.latency.total.saturating_sub(first.latency.sample).saturating_add(sample);
-            *set = Published {
+            let set = LightSet {
                 sampler: sampler.name(),
                 requested: self.contender.lights as u32,
-                lights,
-                ambient: made.ambient,
+                lights: made.lights,
+                ambient_sh: made.ambient.as_ref(),
                 estimated_error: made.estimated_error,
                 latency: Latency { sample, total, ..first.latency },
-                ..Published::of_frame(first)
+                overrun: Overrun::NONE,
+                ..first.view()
             };
+            light_set::copy(&set, &mut second.set);
             second.sketch.clear();
             second.sketch.extend_from_slice(sketch);
         })
@@ -220,7 +219,7 @@ impl SecondarySampler {
 pub fn bytes(order: u8) -> usize {
     let quads =
         pyramid_len(hemilux_core::healpix::Domain::Hemisphere, Order::saturating(SKETCH_ORDER.min(order)));
-    super::published::SETS * (MOST_LIGHTS * size_of::<Light>() + quads * size_of::<Quad>())
+    super::ring::SETS * (MOST_LIGHTS * size_of::<Light>() + quads * size_of::<Quad>())
 }
 
 #[cfg(test)]

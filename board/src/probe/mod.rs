@@ -6,7 +6,7 @@
 pub mod compare;
 mod config;
 mod mailbox;
-mod published;
+mod ring;
 pub mod settings;
 pub mod tiers;
 mod views;
@@ -14,11 +14,11 @@ mod worker;
 
 pub use config::{Config, EXTRAPOLATIONS, Refusal, extrapolation_name};
 pub use mailbox::Applied;
-pub use published::Published;
 pub use settings::Change;
 pub use views::{BurstView, Given, MapView, Slot, Views};
 pub use worker::Worker;
 
+use crate::light_set::OwnedSet;
 use crate::pipeline::PipelineError;
 use crate::source::Source;
 use crate::timing::Timings;
@@ -50,7 +50,7 @@ pub struct Link {
     run: String,
     source: String,
     started: Instant,
-    latest: watch::Sender<Option<Arc<Published>>>,
+    latest: watch::Sender<Option<Arc<OwnedSet>>>,
     /// Notifies waiters of a new set in FIFO order.
     notify: Notify,
     mailbox: Mailbox,
@@ -74,23 +74,6 @@ pub struct Exposures {
     pub seconds: Vec<f64>,
     /// Why they cannot be changed, if so.
     pub fixed: Option<&'static str>,
-}
-
-/// Why the last set is not fresh.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Staleness {
-    /// Milliseconds since the end of the set's burst.
-    pub age_ms: u64,
-    /// What happened to the source.
-    pub reason: String,
-}
-
-impl Staleness {
-    /// As the encoders read it.
-    #[must_use]
-    pub fn on_wire(&self) -> Stale<'_> {
-        Stale { age_ms: self.age_ms, reason: &self.reason }
-    }
 }
 
 impl Link {
@@ -135,13 +118,13 @@ impl Link {
 
     /// A receiver of the newest set, if any; [`Link::newer`] waits for a newer one.
     #[must_use]
-    pub fn subscribe(&self) -> watch::Receiver<Option<Arc<Published>>> {
+    pub fn subscribe(&self) -> watch::Receiver<Option<Arc<OwnedSet>>> {
         self.latest.subscribe()
     }
 
     /// Waits for a set newer than the last one that `seen` has read. Waiters are notified in FIFO order, so that clients that wait for every
     /// frame are not delayed by a burst of others.
-    pub async fn newer(&self, seen: &watch::Receiver<Option<Arc<Published>>>) {
+    pub async fn newer(&self, seen: &watch::Receiver<Option<Arc<OwnedSet>>>) {
         loop {
             let notified = self.notify.notified();
             tokio::pin!(notified);
@@ -155,7 +138,7 @@ impl Link {
         }
     }
 
-    fn publish(&self, set: Arc<Published>) {
+    fn publish(&self, set: Arc<OwnedSet>) {
         self.latest.send_replace(Some(set));
         self.notify.notify_waiters();
     }
@@ -174,12 +157,12 @@ impl Link {
         self.mailbox.post(change)
     }
 
-    /// How old `set` is and why there is no newer one.
+    /// The age of `set`, and the reason why there is no newer one.
     #[must_use]
-    pub fn staleness(&self, set: &Published) -> Staleness {
+    pub fn staleness(&self, set: &OwnedSet) -> Stale<String> {
         let age_ns = crate::clock::monotonic_ns().saturating_sub(set.timestamp_ns);
         let reason = self.failure().unwrap_or_else(|| "no newer frame yet".into());
-        Staleness { age_ms: age_ns / 1_000_000, reason }
+        Stale { age_ms: age_ns / 1_000_000, reason }
     }
 
     /// The fault of the source, if it has one.

@@ -6,13 +6,14 @@
 //! one of more. So the work per frame does not grow with what clients request.
 
 use super::lock;
-use super::published::{Published, Ring};
+use super::ring::Ring;
+use crate::light_set::{self, OwnedSet};
 use crate::pipeline::{Pipeline, Settings};
 use crate::samplers::{self, Tuning};
 use hemilux_core::SamplerKind;
 use hemilux_core::healpix::Domain;
 use hemilux_core::sampler::{Request, Sampler};
-use hemilux_core::wire::Latency;
+use hemilux_core::wire::{Latency, LightSet, Overrun};
 use std::ops::RangeInclusive;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -71,7 +72,7 @@ struct Table {
     frame: u64,
     requested: Vec<Requested>,
     /// The tiers' sets of the newest frame.
-    sets: Vec<(Tier, Arc<Published>)>,
+    sets: Vec<(Tier, Arc<OwnedSet>)>,
 }
 
 /// The tiers that clients request, and their newest sets.
@@ -137,7 +138,7 @@ impl Tiers {
         table.requested.iter().for_each(|r| each(r.tier));
     }
 
-    fn publish(&self, sets: impl Iterator<Item = (Tier, Arc<Published>)>) {
+    fn publish(&self, sets: impl Iterator<Item = (Tier, Arc<OwnedSet>)>) {
         let mut table = lock(&self.0);
         table.sets.clear();
         table.sets.extend(sets);
@@ -150,7 +151,7 @@ pub enum Served {
     /// The probe's own set has what is requested.
     Own,
     /// The newest set of a tier.
-    Set(Arc<Published>),
+    Set(Arc<OwnedSet>),
     /// The tier's first set comes with one of the next frames.
     NotYet(Tier),
 }
@@ -217,13 +218,13 @@ struct Running {
     /// The map's order and the tuning that the sampler was made for.
     made_for: (u8, Tuning),
     sampler: Box<dyn Sampler + Send>,
-    ring: Ring<Published>,
-    set: Option<Arc<Published>>,
+    ring: Ring<OwnedSet>,
+    set: Option<Arc<OwnedSet>>,
 }
 
 impl TierSamplers {
     /// Samples the last burst for each tier and publishes the sets; `own` is the probe's own set of the frame.
-    pub(super) fn sample(&mut self, tiers: &Tiers, pipeline: &mut Pipeline, own: &Published) {
+    pub(super) fn sample(&mut self, tiers: &Tiers, pipeline: &mut Pipeline, own: &OwnedSet) {
         self.wanted.clear();
         tiers.frame(|tier| self.wanted.push(tier));
         let wanted = &self.wanted;
@@ -256,7 +257,7 @@ impl Running {
             && self.made_for == (settings.order(), settings.tuning.of(self.kind))
     }
 
-    fn sample(&mut self, pipeline: &mut Pipeline, own: &Published) {
+    fn sample(&mut self, pipeline: &mut Pipeline, own: &OwnedSet) {
         let Tier { lights, ambient } = self.tier;
         let tolerance = pipeline.settings().tolerance.filter(|_| self.kind.estimates_error());
         let soft = pipeline.settings().soft;
@@ -264,18 +265,17 @@ impl Running {
         let (made, took) = pipeline.sample_again(self.sampler.as_mut(), &request);
         let sample = u32::try_from(took.as_micros()).unwrap_or(u32::MAX);
         self.set = Some(self.ring.fill(|set| {
-            let mut room = std::mem::take(&mut set.lights);
-            room.clear();
-            room.extend_from_slice(made.lights);
-            *set = Published {
+            let tier = LightSet {
                 sampler: self.kind.name(),
                 requested: u32::try_from(lights).unwrap_or(u32::MAX),
-                lights: room,
-                ambient: made.ambient,
+                lights: made.lights,
+                ambient_sh: made.ambient.as_ref(),
                 estimated_error: made.estimated_error,
                 latency: Latency { sample, ..own.latency },
-                ..Published::of_frame(own)
+                overrun: Overrun::NONE,
+                ..own.view()
             };
+            light_set::copy(&tier, set);
         }));
     }
 }

@@ -1,7 +1,7 @@
 //! The data for pictures, copied by the processing thread only on request.
 
-use super::Published;
 use crate::calibration::{Burst, Calibration, Frame};
+use crate::light_set::OwnedSet;
 use crate::pipeline::Pipeline;
 use hemilux_core::light::Light;
 use hemilux_core::polar::{Grid, LatLongView};
@@ -93,7 +93,7 @@ pub struct Views {
 
 impl Views {
     /// Answers the requests for views of this frame; two atomic loads without requests.
-    pub(super) fn serve(&self, burst: &Burst, pipeline: &mut Pipeline, set: &Published) {
+    pub(super) fn serve(&self, burst: &Burst, pipeline: &mut Pipeline, set: &OwnedSet) {
         self.bursts.serve(|| BurstView {
             frame: set.frame,
             before_ns: burst.before_ns,

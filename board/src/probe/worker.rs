@@ -1,14 +1,15 @@
 //! The loop of the processing thread.
 
 use super::compare::SecondarySlot;
-use super::published::{Published, Ring};
+use super::ring::Ring;
 use super::tiers::TierSamplers;
 use super::{Config, Exposures, Link, Refusal};
 use crate::calibration::Burst;
 use crate::clock;
-use crate::pipeline::{Pipeline, PipelineError, Processed};
+use crate::light_set::{self, OwnedSet};
+use crate::pipeline::{Pipeline, PipelineError};
 use crate::source::{Source, SourceError};
-use hemilux_core::wire::Latency;
+use hemilux_core::wire::{Latency, LightSet};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -16,15 +17,12 @@ use std::time::{Duration, Instant};
 /// Pause after a fault of the source: long enough not to spin, short beside the time a client waits for a frame.
 const PAUSE: Duration = Duration::from_millis(100);
 
-/// Part that the newest interval has in the smoothed frame rate: about the last ten frames count.
-const SMOOTHING: f32 = 0.1;
-
 /// Takes bursts, processes them and publishes the light sets.
 pub struct Worker {
     source: Box<dyn Source>,
     pipeline: Pipeline,
     burst: Burst,
-    ring: Ring<Published>,
+    ring: Ring<OwnedSet>,
     /// The second sampler, while one is compared.
     secondary: SecondarySlot,
     tiers: TierSamplers,
@@ -33,8 +31,6 @@ pub struct Worker {
     link: Arc<Link>,
     /// Frames published.
     frames: u64,
-    last: Option<Instant>,
-    interval_s: f32,
     /// The fault that was logged last, while it lasts.
     fault: Option<String>,
 }
@@ -63,8 +59,6 @@ impl Worker {
             config,
             link: Arc::new(link),
             frames: 0,
-            last: None,
-            interval_s: 0.0,
             fault: None,
         })
     }
@@ -109,8 +103,7 @@ impl Worker {
     fn process(&mut self, capture: Duration) -> Result<(), SourceError> {
         let ended_ns =
             if self.burst.timestamp_ns == 0 { clock::monotonic_ns() } else { self.burst.timestamp_ns };
-        let now = Instant::now();
-        let rate_hz = rate(&mut self.interval_s, self.last.replace(now).map(|last| now - last));
+        super::lock(&self.link.timings).start_frame(Instant::now());
         let settings = self.pipeline.settings();
         let name = settings.sampler.name();
         let requested = u32::try_from(settings.lights).unwrap_or(u32::MAX);
@@ -121,19 +114,23 @@ impl Worker {
             encode: self.link.encode_us.load(Ordering::Relaxed),
             ..processed.times.latency()
         };
-        let (frame, timings) = (self.frames, &self.link.timings);
+        let made = LightSet {
+            run: &self.link.run,
+            frame: self.frames,
+            timestamp_ns: ended_ns,
+            valid: true,
+            sampler: name,
+            requested,
+            ..processed.light_set()
+        };
+        let timings = &self.link.timings;
         let set = self.ring.fill(|set| {
-            fill(set, &processed);
+            light_set::copy(&made, set);
             latency.total =
                 u32::try_from(clock::monotonic_ns().saturating_sub(ended_ns) / 1000).unwrap_or(u32::MAX);
             set.latency = latency;
             set.overrun = super::lock(timings).add(&latency);
-            set.frame = frame;
-            set.timestamp_ns = ended_ns;
             set.wall_ms = clock::wall_ms();
-            set.rate_hz = rate_hz;
-            set.sampler = name;
-            set.requested = requested;
         });
         self.frames += 1;
         self.tiers.sample(&self.link.tiers, &mut self.pipeline, &set);
@@ -215,23 +212,4 @@ impl Drop for Worker {
 fn exposures(source: &dyn Source) -> Exposures {
     let seconds = source.exposures().iter().map(|e| e.seconds).collect();
     Exposures { seconds, fixed: source.fixed_exposures() }
-}
-
-fn fill(set: &mut Published, processed: &Processed<'_>) {
-    let decomposition = &processed.decomposition;
-    set.lights.clear();
-    set.lights.extend_from_slice(decomposition.lights);
-    set.ambient = decomposition.ambient;
-    set.estimated_error = decomposition.estimated_error;
-    set.scalar_flux = processed.scalar_flux;
-    set.horizontal_irradiance = processed.horizontal_irradiance;
-    set.clipped = processed.seen.clipped as f32;
-    set.unseen = processed.seen.unseen as f32;
-}
-
-/// Smooths the interval between frames and gives frames a second; 0 until there is one.
-fn rate(interval_s: &mut f32, newest: Option<Duration>) -> f32 {
-    let Some(newest) = newest.map(|d| d.as_secs_f32()) else { return 0.0 };
-    *interval_s = if *interval_s > 0.0 { *interval_s + SMOOTHING * (newest - *interval_s) } else { newest };
-    1.0 / interval_s.max(1e-6)
 }

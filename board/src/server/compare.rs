@@ -6,9 +6,9 @@ use super::lights::{Answer, LONGEST_WAIT, no_frame_yet};
 use super::sets::thin;
 use super::{Context, line};
 use crate::judge::{Judge, Lit, Score};
+use crate::light_set::OwnedSet;
 use crate::probe::compare::{Contender, MOST_LIGHTS, Pair};
 use crate::probe::settings::short;
-use crate::probe::{Published, Staleness};
 use crate::samplers;
 use axum::extract::{Query, State};
 use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE, RETRY_AFTER};
@@ -17,7 +17,7 @@ use axum::response::{IntoResponse, Response};
 use hemilux_core::SamplerKind;
 use hemilux_core::healpix::Domain;
 use hemilux_core::sampler::Request;
-use hemilux_core::wire::{self, Coordinates};
+use hemilux_core::wire::{self, Coordinates, LightSet, Stale};
 use serde_json::json;
 use std::sync::Arc;
 
@@ -48,8 +48,8 @@ impl ScoreState {
     }
 }
 
-fn lit(set: &Published) -> Lit<'_> {
-    Lit { lights: &set.lights, ambient: set.ambient.as_ref() }
+fn lit(set: &OwnedSet) -> Lit<'_> {
+    Lit { lights: &set.lights, ambient: set.ambient_sh.as_ref() }
 }
 
 /// What is asked for.
@@ -116,8 +116,7 @@ pub(super) async fn compare(State(context): State<Context>, _: Allowed, uri: Uri
     let Some(pair) = pair else { return no_pair_yet(&context) };
     let answer = Answer::of(link, Arc::clone(&pair.first), is_late);
     let bench = Arc::clone(&context.scores.0).lock_owned().await;
-    let run = link.run().to_owned();
-    let work = move || written(bench, &run, &pair, answer.stale.as_ref(), coordinates);
+    let work = move || written(bench, &pair, answer.stale.as_ref(), coordinates);
     match tokio::task::spawn_blocking(work).await {
         Ok(Some(text)) => {
             let head = [
@@ -152,20 +151,17 @@ fn taken(other: Contender) -> Response {
 /// The answer; `None` only for a programming error.
 fn written(
     mut bench: tokio::sync::OwnedMutexGuard<ScoreState>,
-    run: &str,
     pair: &Pair,
-    stale: Option<&Staleness>,
+    stale: Option<&Stale<String>>,
     coordinates: Coordinates,
 ) -> Option<Vec<u8>> {
     let scores = bench.scores(pair);
     drop(bench);
     let sets = [&*pair.first, &pair.second.set];
-    let mut text =
-        format!("{{\"version\":1,\"run\":\"{run}\",\"frame\":{},\"sets\":[", pair.first.frame).into_bytes();
+    let OwnedSet { run, frame, .. } = &*pair.first;
+    let mut text = format!("{{\"version\":1,\"run\":\"{run}\",\"frame\":{frame},\"sets\":[").into_bytes();
     for (i, set) in sets.into_iter().enumerate() {
-        let mut on_wire = set.on_wire(run, stale.map(Staleness::on_wire));
-        on_wire.coordinates = coordinates;
-        on_wire.ambient_sh = set.ambient.as_ref();
+        let mut on_wire = LightSet { stale: stale.map(Stale::view), coordinates, ..set.view() };
         let thinned;
         if set.lights.len() > MOST_LIGHTS {
             thinned = thin(&set.lights, MOST_LIGHTS)?;
@@ -174,7 +170,7 @@ fn written(
         text.extend_from_slice(if i == 0 { b"" } else { b"," });
         wire::json(&on_wire, &mut text).ok()?;
     }
-    let score = |(score, set): (Score, &Published)| {
+    let score = |(score, set): (Score, &OwnedSet)| {
         let Score { open, shadowed, energy, flicker } = score;
         json!({"lights": set.lights.len(), "open": open, "shadowed": shadowed, "energy": energy, "flicker": flicker,
             "estimated_error": set.estimated_error, "sample_us": set.latency.sample})

@@ -8,7 +8,7 @@ use super::origin::{Cause, Sender};
 use super::query::{Variant, Wanted, wanted};
 use super::sets::Missing;
 use super::{Context, line};
-use crate::probe::Published;
+use crate::light_set::OwnedSet;
 use axum::body::{Body, Bytes};
 use axum::extract::State;
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
@@ -45,7 +45,7 @@ const RETRY: &str = "retry: 1000\n\n";
 struct Feed {
     context: Context,
     variant: Variant,
-    latest: watch::Receiver<Option<Arc<Published>>>,
+    latest: watch::Receiver<Option<Arc<OwnedSet>>>,
     /// The client's connection; `None` for a request without a socket.
     connection: Option<Arc<ConnectionGuard>>,
     /// The id of the client's last event, if any.

@@ -7,13 +7,14 @@ use super::sets::Missing;
 use super::{Context, line, xr};
 use crate::clock;
 use crate::export::{Form, encode};
+use crate::light_set::OwnedSet;
+use crate::probe::Link;
 use crate::probe::tiers::{Selection, Served};
-use crate::probe::{Link, Published, Staleness};
 use axum::extract::State;
 use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE, RETRY_AFTER, VARY};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri};
 use axum::response::{IntoResponse, Response};
-use hemilux_core::wire;
+use hemilux_core::wire::{self, Stale};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -130,13 +131,13 @@ pub(super) fn event_id(run: &str, frame: u64) -> String {
 /// A set to answer with.
 #[derive(Clone, Debug)]
 pub(super) struct Answer {
-    pub(super) set: Arc<Published>,
-    pub(super) stale: Option<Staleness>,
+    pub(super) set: Arc<OwnedSet>,
+    pub(super) stale: Option<Stale<String>>,
 }
 
 impl Answer {
     /// `set` with its present age: stale when older than [`LONGEST_WAIT`], or when `is_late`.
-    pub(super) fn of(link: &Link, set: Arc<Published>, is_late: bool) -> Self {
+    pub(super) fn of(link: &Link, set: Arc<OwnedSet>, is_late: bool) -> Self {
         let age = link.staleness(&set);
         let stale = (is_late || u128::from(age.age_ms) > LONGEST_WAIT.as_millis()).then_some(age);
         Self { set, stale }
@@ -208,7 +209,7 @@ fn too_long(format: Format, lights: usize) -> Response {
 }
 
 /// Time since `set` was finished.
-pub(super) fn since_ready(set: &Published) -> Duration {
+pub(super) fn since_ready(set: &OwnedSet) -> Duration {
     let ready_ns = set.timestamp_ns + 1000 * u64::from(set.latency.total);
     Duration::from_nanos(clock::monotonic_ns().saturating_sub(ready_ns))
 }

@@ -6,7 +6,7 @@
 use super::Context;
 use super::counts::{CLASSES, Counts, DELIVERY_US};
 use super::routes::ROUTES;
-use crate::probe::Published;
+use crate::light_set::OwnedSet;
 use crate::timing::Timings;
 use axum::extract::State;
 use axum::http::header::CONTENT_TYPE;
@@ -31,7 +31,10 @@ pub(super) async fn metrics(State(context): State<Context>) -> Response {
     );
     if let Some(set) = &latest {
         frames(&mut text, set, link.staleness(set).age_ms);
-        stages(&mut text, &link.timings());
+        let timings = link.timings();
+        let rate_hz = timings.rate_hz().into();
+        one(&mut text, "frame_rate_hertz", "gauge", "Frames per second, smoothed.", rate_hz);
+        stages(&mut text, &timings);
     }
     connections(&mut text, &context.counts);
     requests(&mut text, &context.counts);
@@ -48,10 +51,9 @@ fn one(text: &mut String, name: &str, kind: &str, help: &str, value: f64) {
     let _ = writeln!(text, "hemilux_{name} {value}");
 }
 
-fn frames(text: &mut String, set: &Published, age_ms: u64) {
+fn frames(text: &mut String, set: &OwnedSet, age_ms: u64) {
     one(text, "frames_total", "counter", "Frames finished.", set.frame as f64 + 1.0);
     one(text, "frame_age_seconds", "gauge", "Time since the end of the last burst.", age_ms as f64 / 1e3);
-    one(text, "frame_rate_hertz", "gauge", "Frames a second, smoothed.", set.rate_hz.into());
     one(text, "lights", "gauge", "Lights of the last set.", set.lights.len() as f64);
     one(text, "clipped_ratio", "gauge", "Clipped share of the hemisphere.", set.clipped.into());
     one(

@@ -2,7 +2,8 @@
 
 use super::origin::Sender;
 use super::{Context, change, config};
-use crate::probe::{Config, EXTRAPOLATIONS, Published, extrapolation_name};
+use crate::light_set::OwnedSet;
+use crate::probe::{Config, EXTRAPOLATIONS, extrapolation_name};
 use crate::samplers::MAX_LIGHTS;
 use crate::timing::Timings;
 use axum::extract::State;
@@ -34,11 +35,12 @@ pub(super) async fn info(State(context): State<Context>) -> Response {
     rows.extend(settings(&config));
     let exposures = link.exposures().seconds.iter().map(|s| format!("{} ms", 1e3 * s)).collect::<Vec<_>>();
     rows.push(("exposures", exposures.join(", ")));
+    let timings = link.timings();
     match &latest {
-        Some(set) => rows.extend(measured(set, link.staleness(set).age_ms)),
+        Some(set) => rows.extend(measured(set, link.staleness(set).age_ms, timings.rate_hz())),
         None => rows.push(("frames", "none yet".into())),
     }
-    let times = latest.map_or_else(String::new, |set| times(&set.latency, &link.timings()));
+    let times = latest.map_or_else(String::new, |set| times(&set.latency, &timings));
     let body = format!("{}{times}<p><a href=\"/change\">Change the settings</a></p>", table(&rows));
     ([(CACHE_CONTROL, "no-store")], page("info", &body)).into_response()
 }
@@ -47,16 +49,16 @@ pub(super) async fn info(State(context): State<Context>) -> Response {
 pub(super) async fn status(State(context): State<Context>, sender: Sender) -> Response {
     let link = &context.link;
     let latest = link.subscribe().borrow().clone();
+    let timings = link.timings();
     let frame = latest.as_ref().map(|set| {
         let names = Latency::NAMES.iter().map(ToString::to_string);
         let latency: serde_json::Map<_, _> = names.zip(set.latency.all().map(Into::into)).collect();
         json!({
-            "frame": set.frame, "age_ms": link.staleness(set).age_ms, "rate_hz": set.rate_hz, "lights": set.lights.len(),
+            "frame": set.frame, "age_ms": link.staleness(set).age_ms, "rate_hz": timings.rate_hz(), "lights": set.lights.len(),
             "sampler": set.sampler, "clipped": set.clipped, "unseen": set.unseen, "estimated_error": set.estimated_error,
             "latency_us": latency, "overrun": set.overrun.names().collect::<Vec<_>>(),
         })
     });
-    let timings = link.timings();
     let stages = Latency::NAMES.iter().zip(timings.stages()).map(|(name, s)| {
         json!({"stage": name, "budget_us": s.budget, "overruns": s.overruns,
             "p50_us": s.p50, "p95_us": s.p95, "p99_us": s.p99, "max_us": s.most})
@@ -96,11 +98,11 @@ fn settings(config: &Config) -> [Row; 5] {
     ]
 }
 
-fn measured(set: &Published, age_ms: u64) -> Vec<Row> {
+fn measured(set: &OwnedSet, age_ms: u64, rate_hz: f32) -> Vec<Row> {
     let percent = |v: f32| format!("{:.2} % of the hemisphere", 100.0 * v);
     vec![
         ("frames", (set.frame + 1).to_string()),
-        ("frame rate", format!("{:.2} a second", set.rate_hz)),
+        ("frame rate", format!("{rate_hz:.2} a second")),
         ("last frame", format!("{age_ms} ms ago")),
         ("lights", set.lights.len().to_string()),
         ("clipped", percent(set.clipped)),

@@ -4,12 +4,13 @@ use super::encoder::Encoder;
 use super::lights::{Answer, Format};
 use super::memory::{AnswerMemory, Held, Kept, LONGEST, body};
 use super::query::Variant;
+use crate::light_set::OwnedSet;
+use crate::probe::Link;
 use crate::probe::tiers::Selection;
-use crate::probe::{Link, Published, Staleness};
 use axum::body::Bytes;
 use hemilux_core::light::Light;
 use hemilux_core::thin::{Pair, merge};
-use hemilux_core::wire::Coordinates;
+use hemilux_core::wire::{Coordinates, LightSet, Stale};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
@@ -87,7 +88,7 @@ pub(super) enum Missing {
 pub(super) struct Ready {
     pub(super) bytes: Bytes,
     /// The set.
-    pub(super) set: Arc<Published>,
+    pub(super) set: Arc<OwnedSet>,
     pub(super) is_stale: bool,
 }
 
@@ -203,11 +204,14 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 pub(super) fn encode(variant: Variant, link: &Link, answer: &Answer, room: usize) -> Option<Vec<u8>> {
     let began = Instant::now();
     let set = &answer.set;
-    let mut on_wire = set.on_wire(link.run(), answer.stale.as_ref().map(Staleness::on_wire));
-    on_wire.coordinates = variant.coordinates;
     let Selection { lights, ambient } = variant.selection;
-    on_wire.ambient_sh =
-        set.ambient.as_ref().filter(|_| variant.format.has_ambient() && ambient.unwrap_or(true));
+    let has_ambient = variant.format.has_ambient() && ambient.unwrap_or(true);
+    let mut on_wire = LightSet {
+        stale: answer.stale.as_ref().map(Stale::view),
+        coordinates: variant.coordinates,
+        ambient_sh: set.ambient_sh.as_ref().filter(|_| has_ambient),
+        ..set.view()
+    };
     let thinned;
     // The first set of a tier may be missing when the source has stopped.
     if let Some(most) = lights.filter(|most| *most < set.lights.len()) {

@@ -1,0 +1,69 @@
+//! A ring of reused memory for finished sets.
+
+use crate::light_set::OwnedSet;
+use std::sync::Arc;
+
+/// Number of sets in a ring: one is published, one is being filled, two are being encoded.
+pub(super) const SETS: usize = 4;
+
+/// Hands out sets to fill that have no reader.
+#[derive(Debug)]
+pub(super) struct Ring<T> {
+    sets: [Arc<T>; SETS],
+}
+
+impl<T: Default> Ring<T> {
+    pub(super) fn new(make: impl Fn() -> T) -> Self {
+        Self { sets: std::array::from_fn(|_| Arc::new(make())) }
+    }
+
+    /// Fills a set that has no reader and hands it out; allocates one only when readers hold all of them.
+    pub(super) fn fill(&mut self, fill: impl FnOnce(&mut T)) -> Arc<T> {
+        let free = self.sets.iter_mut().position(|set| Arc::get_mut(set).is_some());
+        let at = free.unwrap_or_else(|| {
+            self.sets[0] = Arc::default();
+            0
+        });
+        if let Some(set) = Arc::get_mut(&mut self.sets[at]) {
+            fill(set);
+        }
+        Arc::clone(&self.sets[at])
+    }
+}
+
+impl Ring<OwnedSet> {
+    /// With room for `lights` lights in every set.
+    pub(super) fn with_lights(lights: usize) -> Self {
+        let mut ring = Self::new(OwnedSet::default);
+        ring.reserve(lights);
+        ring
+    }
+
+    /// Makes room for `lights` lights in every set. A set that is being read stays and is replaced when its turn comes.
+    pub(super) fn reserve(&mut self, lights: usize) {
+        for set in &mut self.sets {
+            if set.lights.capacity() < lights {
+                *set = Arc::new(OwnedSet { lights: Vec::with_capacity(lights), ..OwnedSet::default() });
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sets_are_reused_and_a_held_one_is_not_overwritten() {
+        let mut ring = Ring::with_lights(10);
+        let held: Vec<_> = (0..SETS as u64).map(|n| ring.fill(|set| set.frame = n)).collect();
+        let one_over = ring.fill(|set| set.frame = 99);
+        let frames: Vec<_> = held.iter().map(|set| set.frame).collect();
+        assert_eq!((frames, one_over.frame), (vec![0, 1, 2, 3], 99), "at capacity, and one over");
+        let freed = Arc::as_ptr(&held[2]);
+        drop(held);
+        assert!(ring.sets.iter().any(|set| Arc::as_ptr(set) == freed), "it stays in the ring");
+        let next = ring.fill(|set| set.frame = 100);
+        assert!(ring.sets.iter().any(|set| Arc::ptr_eq(set, &next)), "memory goes round");
+    }
+}

@@ -1,0 +1,210 @@
+//! The lights of one frame with their metadata.
+
+use super::{Coordinates, Latency, Overrun, Unit};
+use crate::light::{Light, Sh9};
+use core::borrow::Borrow;
+
+/// The reason why a light set is out of date.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stale<Text> {
+    /// Milliseconds since the set was computed.
+    pub age_ms: u64,
+    /// What happened to the camera, for people to read.
+    pub reason: Text,
+}
+
+impl<Text: AsRef<str>> Stale<Text> {
+    /// The same age with a borrowed reason.
+    #[must_use]
+    pub fn view(&self) -> Stale<&str> {
+        Stale { age_ms: self.age_ms, reason: self.reason.as_ref() }
+    }
+}
+
+/// The lights of one frame with their metadata.
+///
+/// The type parameters are the storage of the texts, of the lights and of the spherical harmonics: references in [`LightSet`], which the
+/// encoders read; `String`, `Vec<Light>` and [`Sh9`] in a program that keeps sets.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Record<Text, Lights, Harmonics> {
+    /// Identifier of the run of the program: differs after every start.
+    pub run: Text,
+    /// Number of the frame, from 0 in each run.
+    pub frame: u64,
+    /// CLOCK_MONOTONIC at the end of the burst, nanoseconds.
+    pub timestamp_ns: u64,
+    /// Unix time, milliseconds.
+    pub wall_ms: u64,
+    /// `false` before the first frame.
+    pub valid: bool,
+    /// Present if no new burst arrives and this is the last light set.
+    pub stale: Option<Stale<Text>>,
+    /// Name of the sampler.
+    pub sampler: Text,
+    /// Requested number of lights.
+    pub requested: u32,
+    /// Unit of the irradiances.
+    pub unit: Unit,
+    /// Coordinates to which the encoders convert directions and harmonics.
+    pub coordinates: Coordinates,
+    /// The lights, in the probe's axes.
+    pub lights: Lights,
+    /// Radiance of the light that `lights` leave out, as spherical harmonics in the probe's axes.
+    pub ambient_sh: Option<Harmonics>,
+    /// Scalar flux that neither `lights` nor `ambient_sh` contain ([`LightSet::missing_flux`]); `None` if it is below a thousandth of
+    /// `scalar_flux`. The binary form omits it, since it follows from the other fields.
+    pub left_out: Option<[f32; 3]>,
+    /// Scalar flux: radiance times solid angle, summed over the map.
+    pub scalar_flux: [f32; 3],
+    /// Horizontal irradiance: radiance times cos(theta) times solid angle, summed above the horizon.
+    pub horizontal_irradiance: [f32; 3],
+    /// Fraction of the domain's solid angle in which even the shortest exposure is clipped.
+    pub clipped: f32,
+    /// Fraction of the domain's solid angle outside of the field of view.
+    pub unseen: f32,
+    /// Estimated shadowed error, a ratio; `None` for samplers without an estimate.
+    pub estimated_error: Option<f32>,
+    /// Duration of each stage.
+    pub latency: Latency,
+    /// Stages over their budget; only the JSON form contains them.
+    pub overrun: Overrun,
+}
+
+/// A light set that borrows its texts, lights and harmonics: the input of the encoders.
+///
+/// With a [`FrontEnd`](crate::FrontEnd) `front`, the [`Coverage`](crate::Coverage) of its last burst and the
+/// [`Decomposition`](crate::Decomposition) of a sampler:
+///
+/// ```
+/// use hemilux_core::wire::LightSet;
+/// use hemilux_core::{Buffer, Coverage, Decomposition, FrontEnd};
+///
+/// fn set<'a>(front: &FrontEnd<impl Buffer<u64>>, seen: &Coverage, made: &'a Decomposition<'a>) -> LightSet<'a> {
+///     LightSet {
+///         valid: true,
+///         sampler: "q2tree",
+///         requested: 8,
+///         lights: made.lights,
+///         ambient_sh: made.ambient.as_ref(),
+///         estimated_error: made.estimated_error,
+///         scalar_flux: front.map().total().rgb(),
+///         horizontal_irradiance: front.map().horizontal_irradiance(),
+///         clipped: seen.clipped as f32,
+///         unseen: seen.unseen as f32,
+///         ..LightSet::EMPTY
+///     }
+/// }
+/// ```
+pub type LightSet<'a> = Record<&'a str, &'a [Light], &'a Sh9>;
+
+impl<Text: AsRef<str>, Lights: AsRef<[Light]>, Harmonics: Borrow<Sh9>> Record<Text, Lights, Harmonics> {
+    /// The same values with borrowed texts, lights and harmonics.
+    #[must_use]
+    pub fn view(&self) -> LightSet<'_> {
+        LightSet {
+            run: self.run.as_ref(),
+            frame: self.frame,
+            timestamp_ns: self.timestamp_ns,
+            wall_ms: self.wall_ms,
+            valid: self.valid,
+            stale: self.stale.as_ref().map(Stale::view),
+            sampler: self.sampler.as_ref(),
+            requested: self.requested,
+            unit: self.unit,
+            coordinates: self.coordinates,
+            lights: self.lights.as_ref(),
+            ambient_sh: self.ambient_sh.as_ref().map(Borrow::borrow),
+            left_out: self.left_out,
+            scalar_flux: self.scalar_flux,
+            horizontal_irradiance: self.horizontal_irradiance,
+            clipped: self.clipped,
+            unseen: self.unseen,
+            estimated_error: self.estimated_error,
+            latency: self.latency,
+            overrun: self.overrun,
+        }
+    }
+}
+
+impl<Text, Lights, Harmonics> Record<Text, Lights, Harmonics> {
+    /// The same values in other storage. `text` converts `run`, `sampler` and the reason of `stale`, in this order.
+    #[must_use]
+    pub fn map<T, L, H>(
+        self,
+        mut text: impl FnMut(Text) -> T,
+        lights: impl FnOnce(Lights) -> L,
+        harmonics: impl FnOnce(Harmonics) -> H,
+    ) -> Record<T, L, H> {
+        Record {
+            run: text(self.run),
+            sampler: text(self.sampler),
+            stale: self.stale.map(|stale| Stale { age_ms: stale.age_ms, reason: text(stale.reason) }),
+            lights: lights(self.lights),
+            ambient_sh: self.ambient_sh.map(harmonics),
+            frame: self.frame,
+            timestamp_ns: self.timestamp_ns,
+            wall_ms: self.wall_ms,
+            valid: self.valid,
+            requested: self.requested,
+            unit: self.unit,
+            coordinates: self.coordinates,
+            left_out: self.left_out,
+            scalar_flux: self.scalar_flux,
+            horizontal_irradiance: self.horizontal_irradiance,
+            clipped: self.clipped,
+            unseen: self.unseen,
+            estimated_error: self.estimated_error,
+            latency: self.latency,
+            overrun: self.overrun,
+        }
+    }
+}
+
+impl LightSet<'_> {
+    /// A light set without lights, as before the first frame.
+    pub const EMPTY: LightSet<'static> = LightSet {
+        run: "",
+        frame: 0,
+        timestamp_ns: 0,
+        wall_ms: 0,
+        valid: false,
+        stale: None,
+        sampler: "",
+        requested: 0,
+        unit: Unit::Relative,
+        coordinates: Coordinates::Probe,
+        lights: &[],
+        ambient_sh: None,
+        left_out: None,
+        scalar_flux: [0.0; 3],
+        horizontal_irradiance: [0.0; 3],
+        clipped: 0.0,
+        unseen: 0.0,
+        estimated_error: None,
+        latency: Latency { capture: 0, front: 0, pyramid: 0, sample: 0, filter: 0, encode: 0, total: 0 },
+        overrun: Overrun::NONE,
+    };
+}
+
+/// Largest fraction of the scalar flux that is not reported as missing.
+const SILENT: f32 = 1e-3;
+
+impl LightSet<'_> {
+    /// Scalar flux from the upper hemisphere that neither `lights` nor `ambient_sh` contain: the value of [`LightSet::left_out`].
+    #[must_use]
+    pub fn missing_flux(&self) -> Option<[f32; 3]> {
+        // Integrals of the basis functions (0,0) and (1,0) over the hemisphere; those of the others are 0.
+        const CONSTANT: f64 = 1.772_453_850_905_516;
+        const LINEAR: f64 = 1.534_990_061_919_733;
+        let missing: [f64; 3] = core::array::from_fn(|c| {
+            let lights: f64 = self.lights.iter().map(|light| f64::from(light.irradiance[c])).sum();
+            let ambient = self
+                .ambient_sh
+                .map_or(0.0, |sh| CONSTANT * f64::from(sh[0][c]) + LINEAR * f64::from(sh[2][c]));
+            f64::from(self.scalar_flux[c]) - lights - ambient
+        });
+        let most = self.scalar_flux.iter().fold(0.0f32, |most, v| most.max(*v));
+        let is_silent = missing.iter().all(|v| v.abs() <= f64::from(SILENT * most));
+        (!is_silent).then(|| missing.map(|v| v as f32))
+    }
+}
