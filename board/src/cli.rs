@@ -32,6 +32,7 @@ const EXAMPLES: &str = "\
 Examples:
   hemilux                                        the built-in room on http://127.0.0.1:8080/
   hemilux serve --source scene:sky --lights 32   another scene, fewer lights
+  hemilux --source env:hall.exr,view=whole       an HDR map, or a folder of maps one after the other
   hemilux --source replay:recordings/office      a recorded burst or sequence, over and over
   hemilux devices                                the cameras and what they can do
   hemilux --source v4l2:/dev/video0,lens=lens.toml            a camera
@@ -46,7 +47,9 @@ Examples:
   curl 'http://127.0.0.1:8080/v1/compare?algorithm=q2tree&lights=64'   what another sampler makes of the same frame
   hemilux --budget front=30,total=60             what takes longer is counted and told
 
-Sources: v4l2:PATH, pipe:PATH, scene:room, scene:sky, scene:lamps, scene:overcast, replay:DIR.
+Sources: v4l2:PATH, pipe:PATH, scene:room, scene:sky, scene:lamps, scene:overcast, env:PATH, replay:DIR.
+Options of env, after the path: ,view=lens (as the built-in scenes: noise and unseen directions; the default) or ,view=whole (all of the
+upper hemisphere, without noise), ,every=2 (seconds that each map of a folder stays, else 0.1).
 Exit status: 0 when stopped by SIGINT or SIGTERM, 1 after a failure, 2 for wrong usage.
 RUST_LOG=info tells more on stderr.";
 
@@ -84,7 +87,7 @@ enum Command {
 
 #[derive(Clone, Debug, Args)]
 struct Serve {
-    /// Where bursts come from: v4l2:PATH, pipe:PATH, scene:NAME or replay:DIR [default: scene:room].
+    /// Where bursts come from: v4l2:PATH, pipe:PATH, scene:NAME, env:PATH (an HDR map or a folder of maps) or replay:DIR [default: scene:room].
     #[arg(long, value_parser = str::parse::<Spec>)]
     source: Option<Spec>,
     /// Where to listen; port 0 is any free one [default: 127.0.0.1:8080].
@@ -200,7 +203,7 @@ fn serve(options: &Serve) -> Result<(), Failure> {
     let listener = TcpListener::bind(plan.listen).map_err(|e| not_bound(plan.listen, &e))?;
     let Config { pipeline, .. } = &plan.config;
     let what = format!("{}, {}, {} lights", plan.source, pipeline.sampler, pipeline.lights);
-    let probe = Probe::start(source, plan.source.to_string(), plan.config).map_err(Failure::new)?;
+    let probe = Probe::start(source, plan.source.public_name(), plan.config).map_err(Failure::new)?;
     let Plan { hosts, origins, proxies, file, listen, .. } = plan;
     let hosts = KnownHosts::of(listen, &hosts);
     let app = server::app(probe.link(), Options { hosts, access, origins, proxies, file });

@@ -1,12 +1,15 @@
-//! Where bursts come from: cameras, frames of other programs, built-in scenes and recordings.
+//! Where bursts come from: cameras, frames of other programs, built-in scenes, environment maps and recordings.
 
 #[cfg(all(feature = "v4l2", target_os = "linux"))]
 pub mod camera;
+#[cfg(feature = "maps")]
+pub mod env;
 mod pace;
 #[cfg(all(feature = "v4l2", target_os = "linux"))]
 pub mod pipe;
 mod replay;
 mod scene;
+mod sensor;
 
 pub use pace::Pace;
 pub use replay::{MAX_RECORDING_BYTES, ReplaySource};
@@ -69,12 +72,15 @@ pub enum SourceError {
 }
 
 /// A source by its name on the command line.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Spec {
     /// A built-in scene.
     Scene(&'static str),
     /// A recorded burst or sequence.
     Replay(PathBuf),
+    /// An environment map or a folder of them.
+    #[cfg(feature = "maps")]
+    Env(env::EnvSpec),
     /// A camera.
     #[cfg(all(feature = "v4l2", target_os = "linux"))]
     Camera(camera::CameraSpec),
@@ -87,11 +93,18 @@ pub enum Spec {
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
     /// No such kind of source.
-    #[error("found '{0}', expected v4l2:PATH, pipe:PATH, scene:NAME or replay:DIR")]
+    #[error("found '{0}', expected v4l2:PATH, pipe:PATH, scene:NAME, env:PATH or replay:DIR")]
     Unknown(String),
     /// A kind of source that this build does not have.
     #[error("found '{0}', but this build has no V4L2 support: expected scene:NAME or replay:DIR")]
     NoV4l2(String),
+    /// Options of an environment map.
+    #[error("env: {0}")]
+    MapOptions(String),
+    /// A map that cannot be read.
+    #[cfg(feature = "maps")]
+    #[error(transparent)]
+    Map(#[from] crate::maps::MapError),
     /// Options of a pipe.
     #[error("{0}")]
     PipeOptions(String),
@@ -120,6 +133,8 @@ impl std::str::FromStr for Spec {
                 known.map(Self::Scene).ok_or_else(|| OpenError::NoScene(name.into()))
             }
             Some(("replay", folder)) if !folder.is_empty() => Ok(Self::Replay(Path::new(folder).into())),
+            #[cfg(feature = "maps")]
+            Some(("env", name)) => env::EnvSpec::parse(name).map(Self::Env).map_err(OpenError::MapOptions),
             #[cfg(all(feature = "v4l2", target_os = "linux"))]
             Some(("v4l2", name)) => {
                 camera::CameraSpec::parse(name).map(Self::Camera).map_err(OpenError::CameraOptions)
@@ -140,10 +155,30 @@ impl std::fmt::Display for Spec {
         match self {
             Self::Scene(name) => write!(f, "scene:{name}"),
             Self::Replay(folder) => write!(f, "replay:{}", folder.display()),
+            #[cfg(feature = "maps")]
+            Self::Env(spec) => write!(f, "env:{spec}"),
             #[cfg(all(feature = "v4l2", target_os = "linux"))]
             Self::Camera(spec) => write!(f, "v4l2:{spec}"),
             #[cfg(all(feature = "v4l2", target_os = "linux"))]
             Self::Pipe(spec) => write!(f, "pipe:{spec}"),
+        }
+    }
+}
+
+impl Spec {
+    /// The name that every client is told: of files and folders the last component alone, without options.
+    #[must_use]
+    pub fn public_name(&self) -> String {
+        let last = |path: &Path| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+        match self {
+            Self::Scene(name) => format!("scene:{name}"),
+            Self::Replay(folder) => format!("replay:{}", last(folder)),
+            #[cfg(feature = "maps")]
+            Self::Env(spec) => format!("env:{}", last(&spec.path)),
+            #[cfg(all(feature = "v4l2", target_os = "linux"))]
+            Self::Camera(spec) => format!("v4l2:{}", spec.path().display()),
+            #[cfg(all(feature = "v4l2", target_os = "linux"))]
+            Self::Pipe(spec) => format!("pipe:{}", last(&spec.path)),
         }
     }
 }
@@ -159,6 +194,8 @@ pub fn open(spec: &Spec) -> Result<Box<dyn Source>, OpenError> {
             Ok(Box::new(SceneSource::new(scene, Pace::TEN_A_SECOND)))
         }
         Spec::Replay(folder) => Ok(Box::new(ReplaySource::open(folder, Pace::TEN_A_SECOND)?)),
+        #[cfg(feature = "maps")]
+        Spec::Env(spec) => Ok(Box::new(env::EnvSource::open(spec, Pace::TEN_A_SECOND)?)),
         #[cfg(all(feature = "v4l2", target_os = "linux"))]
         Spec::Camera(spec) => {
             Ok(Box::new(camera::CameraSource::open(Box::new(crate::v4l2::real::RealKernel), spec)?))
@@ -195,6 +232,8 @@ mod tests {
             "replay:.",
             "v4l2:/dev/video0,rate=25",
             "pipe:/run/f,lens=l.toml",
+            "env:maps/a,b.exr",
+            "env:maps,view=whole,every=2",
         ] {
             assert_eq!(text.parse::<Spec>().expect("a source").to_string(), text, "{text}");
         }
@@ -202,11 +241,29 @@ mod tests {
 
     #[test]
     fn other_names_are_refused_in_one_line_that_says_what_is_accepted() {
-        for text in ["", "room", "scene", "scene:", "scene:Room", "replay:", "v4l2:", "pipe:", "http://x"] {
+        for text in
+            ["", "room", "scene", "scene:", "scene:Room", "replay:", "v4l2:", "pipe:", "env:", "http://x"]
+        {
             let error = text.parse::<Spec>().expect_err(text).to_string();
-            let tells =
-                ["scene:NAME", "overcast", "v4l2:PATH", "pipe:PATH"].iter().any(|t| error.contains(t));
+            let tells = ["scene:NAME", "overcast", "v4l2:PATH", "pipe:PATH", "env:PATH"]
+                .iter()
+                .any(|t| error.contains(t));
             assert!(tells && !error.contains('\n'), "{text}: {error}");
+        }
+    }
+
+    #[test]
+    fn the_public_name_holds_no_folder_of_the_machine() {
+        let cases = [
+            ("scene:sky", "scene:sky"),
+            ("replay:/home/ada/office", "replay:office"),
+            ("replay:.", "replay:."),
+            ("env:/home/ada/hall.exr,view=whole", "env:hall.exr"),
+            ("v4l2:/dev/video0,lens=/home/ada/l.toml", "v4l2:/dev/video0"),
+            ("pipe:/run/frames,lens=/home/ada/l.toml", "pipe:frames"),
+        ];
+        for (text, expected) in cases {
+            assert_eq!(text.parse::<Spec>().expect(text).public_name(), expected, "{text}");
         }
     }
 }

@@ -20,6 +20,45 @@ impl Pace {
     pub const TEN_A_SECOND: Self = Self::Every(Duration::from_millis(100));
 }
 
+/// The numbers and times of bursts at a pace.
+#[derive(Debug)]
+pub(super) struct Beat {
+    pace: Pace,
+    began: Option<Instant>,
+    /// Bursts so far, those left out included.
+    count: u32,
+}
+
+impl Beat {
+    /// The first burst is due at the first call of [`Beat::due`].
+    pub fn new(pace: Pace) -> Self {
+        Self { pace, began: None, count: 0 }
+    }
+
+    /// Waits until the next burst is due and gives its number; bursts that are long past are left out.
+    ///
+    /// # Errors
+    /// [`SourceError::NotYet`] when it is still to come.
+    pub fn due(&mut self) -> Result<u32, SourceError> {
+        if let Pace::Every(period) = self.pace {
+            let began = *self.began.get_or_insert_with(Instant::now);
+            let late = began.elapsed().saturating_sub(period * self.count);
+            let missed = late.as_nanos() / period.as_nanos().max(1);
+            self.count = self.count.wrapping_add(u32::try_from(missed).unwrap_or(u32::MAX));
+            wait_for(began + period * self.count)?;
+        }
+        let number = self.count;
+        self.count = self.count.wrapping_add(1);
+        Ok(number)
+    }
+
+    /// The moment of burst `number`, seconds from the start; without a pace bursts are a tenth of a second apart.
+    pub fn moment(&self, number: u32) -> f32 {
+        let period = if let Pace::Every(period) = self.pace { period.as_secs_f64() } else { 0.1 };
+        (f64::from(number) * period) as f32
+    }
+}
+
 /// Waits for `due`, for a quarter of a second at most.
 ///
 /// # Errors
@@ -28,4 +67,18 @@ pub(super) fn wait_for(due: Instant) -> Result<(), SourceError> {
     let wait = due.saturating_duration_since(Instant::now());
     std::thread::sleep(wait.min(LONGEST_WAIT));
     if wait > LONGEST_WAIT { Err(SourceError::NotYet) } else { Ok(()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bursts_that_are_long_past_are_left_out() {
+        let mut beat = Beat::new(Pace::Every(Duration::from_millis(10)));
+        assert_eq!(beat.due(), Ok(0), "the first is due at once");
+        std::thread::sleep(Duration::from_millis(55));
+        let next = beat.due().expect("due");
+        assert!(next >= 5, "{next}");
+    }
 }

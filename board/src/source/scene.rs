@@ -1,17 +1,16 @@
 //! A built-in scene seen by a simulated camera: real bursts, with noise and quantisation, for the whole way of the light.
 
-use super::pace::wait_for;
+use super::pace::Beat;
+use super::sensor::Sensor;
 use super::{Pace, Source, SourceError};
 use crate::calibration::{Burst, Calibration, Frame, Pixels};
 use crate::clock;
 use crate::scene::{Patch, Scene};
 use glam::DVec2;
 use hemilux_core::Exposure;
-use hemilux_core::Levels;
 use hemilux_core::format::Format;
 use hemilux_core::lens::{Intrinsics, Lens, Model};
 use std::ops::Range;
-use std::time::Instant;
 
 const WIDTH: usize = 640;
 const HEIGHT: usize = 480;
@@ -22,23 +21,10 @@ const FOCAL: f64 = 196.4;
 const CENTRE: (f64, f64) = (319.5, 239.5);
 
 /// The exposure times of [Nikodym2012], seconds.
-const SECONDS: [f64; 3] = [0.000_926, 0.005_555, 0.033_333];
-
-/// Codes of darkness and of a full well: noise round black stays above 0, so that it has no bias.
-const BLACK: f32 = 8.0;
-const WHITE: f32 = 255.0;
+pub(super) const SECONDS: [f64; 3] = [0.000_926, 0.005_555, 0.033_333];
 
 /// Radiance that fills a pixel in the shortest exposure: above [`crate::scene::BRIGHTEST`], glow and noise included.
 const FULL: f64 = 60.0;
-
-/// Read noise, codes: enough to hide the steps between codes.
-const READ_NOISE: f32 = 0.6;
-
-/// Electrons of a code: a full well of about 10,000.
-const ELECTRONS: f32 = 40.0;
-
-/// Entries of the noise table; rows read it from pseudo-random places.
-const NOISE: usize = 1 << 14;
 
 /// Renders a [`Scene`] as bursts of exposures (three, unless others are asked for) of 640 x 480 RGB24 pixels through the standard lens of 160 x 140 degrees.
 pub struct SceneSource {
@@ -48,13 +34,10 @@ pub struct SceneSource {
     directions: Vec<[f32; 3]>,
     still: Vec<f32>,
     row: Vec<f32>,
-    noise: Vec<f32>,
+    sensor: Sensor,
     /// Codes per radiance of each exposure.
     gains: Vec<f32>,
-    pace: Pace,
-    began: Option<Instant>,
-    /// Bursts so far, those left out included.
-    count: u32,
+    beat: Beat,
 }
 
 impl SceneSource {
@@ -71,37 +54,15 @@ impl SceneSource {
             gains: SECONDS.iter().map(gain).collect(),
             still: still.collect(),
             row: vec![0.0; ROW],
-            noise: noise(),
+            sensor: Sensor::new(),
             directions,
             calibration,
-            pace,
-            began: None,
-            count: 0,
+            beat: Beat::new(pace),
         }
-    }
-
-    /// Waits until the next burst is due and gives its number; bursts that are long past are left out.
-    fn due(&mut self) -> Result<u32, SourceError> {
-        if let Pace::Every(period) = self.pace {
-            let began = *self.began.get_or_insert_with(Instant::now);
-            let late = began.elapsed().saturating_sub(period * self.count);
-            let missed = late.as_nanos() / period.as_nanos().max(1);
-            self.count = self.count.wrapping_add(u32::try_from(missed).unwrap_or(u32::MAX));
-            wait_for(began + period * self.count)?;
-        }
-        let number = self.count;
-        self.count = self.count.wrapping_add(1);
-        Ok(number)
-    }
-
-    /// The moment of burst `number`, seconds from the start.
-    fn moment(&self, number: u32) -> f32 {
-        let period = if let Pace::Every(period) = self.pace { period.as_secs_f64() } else { 0.1 };
-        (f64::from(number) * period) as f32
     }
 
     fn render(&mut self, number: u32, burst: &mut Burst) {
-        let patches = self.scene.patches(self.moment(number));
+        let patches = self.scene.patches(self.beat.moment(number));
         let rows: [Range<usize>; 16] = std::array::from_fn(|i| patches.as_slice().get(i).map_or(0..0, rows));
         for y in 0..HEIGHT {
             self.row.copy_from_slice(&self.still[y * ROW..(y + 1) * ROW]);
@@ -112,8 +73,8 @@ impl SceneSource {
             for (i, (frame, gain)) in burst.frames.iter_mut().zip(&self.gains).enumerate() {
                 let Pixels::U8(codes) = &mut frame.pixels else { continue };
                 let seed = number.wrapping_mul(3).wrapping_add(i as u32).wrapping_mul(HEIGHT as u32);
-                let at = scramble(seed.wrapping_add(y as u32)) as usize % (NOISE - ROW);
-                expose(&self.row, *gain, &self.noise[at..at + ROW], &mut codes[y * ROW..(y + 1) * ROW]);
+                let codes = &mut codes[y * ROW..(y + 1) * ROW];
+                self.sensor.expose(&self.row, *gain, seed.wrapping_add(y as u32), codes);
             }
         }
     }
@@ -140,7 +101,7 @@ impl Source for SceneSource {
     }
 
     fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
-        let number = self.due()?;
+        let number = self.beat.due()?;
         make_room(burst, &self.exposures);
         burst.before_ns = clock::monotonic_ns();
         self.render(number, burst);
@@ -155,7 +116,7 @@ fn exposure(seconds: &f64) -> Exposure {
 
 /// Codes per radiance of an exposure of `seconds`.
 fn gain(seconds: &f64) -> f32 {
-    (f64::from(WHITE - BLACK) * seconds / (FULL * SECONDS[0])) as f32
+    Sensor::gain(*seconds, FULL, SECONDS[0])
 }
 
 /// Gives `burst` one RGB24 frame per element of `exposures`; frames of the right number and size are reused.
@@ -171,7 +132,7 @@ fn make_room(burst: &mut Burst, exposures: &[Exposure]) {
 }
 
 /// The standard lens before a linear sensor of 8 bits.
-fn calibration() -> Calibration {
+pub(super) fn calibration() -> Calibration {
     let mut vignetting = [0.0; 8];
     vignetting[0] = 1.0;
     let lens = Lens::try_new(Intrinsics {
@@ -185,7 +146,7 @@ fn calibration() -> Calibration {
     let lens = lens.expect("the standard lens is a lens");
     let mut calibration = Calibration::try_new(lens, Format::Rgb24, WIDTH as u32, HEIGHT as u32)
         .expect("the standard size is a size");
-    calibration.levels = Levels { black: f64::from(BLACK), white: f64::from(WHITE) };
+    calibration.levels = Sensor::levels();
     calibration.scale = FULL * SECONDS[0];
     calibration
 }
@@ -223,38 +184,6 @@ fn paint(patch: &Patch, directions: &[[f32; 3]], row: &mut [f32]) {
             pixel.copy_from_slice(&patch.over([pixel[0], pixel[1], pixel[2]], *d));
         }
     }
-}
-
-/// Exposes one row: shot and read noise, black level, quantisation.
-fn expose(radiance: &[f32], gain: f32, noise: &[f32], codes: &mut [u8]) {
-    for ((code, l), n) in codes.iter_mut().zip(radiance).zip(noise) {
-        let mean = l * gain;
-        let deviation = (READ_NOISE * READ_NOISE + mean * (1.0 / ELECTRONS)).sqrt();
-        *code = (mean + deviation * n + (BLACK + 0.5)) as u8;
-    }
-}
-
-/// A fixed table of nearly normal deviates of variance 1: sums of four uniform ones, mean exactly 0.
-fn noise() -> Vec<f32> {
-    let mut state = 1u32;
-    let mut uniform = || {
-        state = state.wrapping_add(1);
-        scramble(state) as f32 / 4_294_967_296.0 - 0.5
-    };
-    let mut table: Vec<f32> =
-        (0..NOISE).map(|_| (0..4).map(|_| uniform()).sum::<f32>() * 3f32.sqrt()).collect();
-    let mean = table.iter().sum::<f32>() / NOISE as f32;
-    table.iter_mut().for_each(|v| *v -= mean);
-    table
-}
-
-/// A 32-bit integer hash (Wellons, "Prospecting for Hash Functions", lowbias32).
-fn scramble(mut x: u32) -> u32 {
-    x ^= x >> 16;
-    x = x.wrapping_mul(0x7feb_352d);
-    x ^= x >> 15;
-    x = x.wrapping_mul(0x846c_a68b);
-    x ^ (x >> 16)
 }
 
 #[cfg(test)]
@@ -323,15 +252,5 @@ mod tests {
                 assert!(!inside || rows.contains(&(i / WIDTH)), "row {} of {patch:?}", i / WIDTH);
             }
         }
-    }
-
-    #[test]
-    fn bursts_that_are_long_past_are_left_out() {
-        let scene = scene::by_name("room").expect("a scene");
-        let mut source = SceneSource::new(scene, Pace::Every(std::time::Duration::from_millis(10)));
-        assert_eq!(source.due(), Ok(0), "the first is due at once");
-        std::thread::sleep(std::time::Duration::from_millis(55));
-        let next = source.due().expect("due");
-        assert!(next >= 5, "{next}");
     }
 }

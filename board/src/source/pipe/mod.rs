@@ -36,7 +36,7 @@ const OLDEST_NS: u64 = 5_000_000_000;
 /// A pipe by its name on the command line.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PipeSpec {
-    path: PathBuf,
+    pub(super) path: PathBuf,
     lens: Option<PathBuf>,
 }
 

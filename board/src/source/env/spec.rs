@@ -1,0 +1,104 @@
+//! An environment map by its name on the command line: `env:PATH[,OPTION=VALUE]...`.
+
+use std::fmt;
+use std::path::PathBuf;
+
+/// Range of the seconds that a map stays.
+const SECONDS: std::ops::RangeInclusive<f64> = 0.1..=86_400.0;
+
+/// What of a map is seen.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum View {
+    /// What the standard lens of 160 x 140 degrees sees, with a sensor of 8 bits and its noise.
+    #[default]
+    Lens,
+    /// All of the upper hemisphere, with 16 bits and no noise.
+    Whole,
+}
+
+/// A map or a folder of maps and how it is seen.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EnvSpec {
+    /// A file or a folder.
+    pub path: PathBuf,
+    /// What of it is seen.
+    pub view: View,
+    /// Seconds that each map of a folder stays.
+    pub every_s: f64,
+}
+
+impl EnvSpec {
+    /// Reads `text`, what follows `env:`. A comma is part of the path unless an option follows it.
+    ///
+    /// # Errors
+    /// What was found and what was expected.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let mut spec = Self { path: PathBuf::new(), view: View::default(), every_s: *SECONDS.start() };
+        let mut path = text;
+        while let Some((before, option)) = path.rsplit_once(',')
+            && let Some((name, value)) = option.split_once('=')
+            && !option.contains('/')
+        {
+            spec.set(name, value)?;
+            path = before;
+        }
+        if path.is_empty() {
+            return Err(
+                "found no file, expected env:PATH, a map (.exr, .hdr or .pfm) or a folder of maps".into()
+            );
+        }
+        spec.path = path.into();
+        Ok(spec)
+    }
+
+    fn set(&mut self, name: &str, value: &str) -> Result<(), String> {
+        match (name, value) {
+            ("view", "lens") => self.view = View::Lens,
+            ("view", "whole") => self.view = View::Whole,
+            ("view", _) => return Err(format!("found view={value}, expected lens or whole")),
+            ("every", _) => {
+                let seconds = value.parse().ok().filter(|s| SECONDS.contains(s));
+                let (least, most) = (SECONDS.start(), SECONDS.end());
+                self.every_s = seconds
+                    .ok_or_else(|| format!("found every={value}, expected {least} to {most} seconds"))?;
+            }
+            _ => return Err(format!("found the map option '{name}', expected view or every")),
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Display for EnvSpec {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.path.display())?;
+        if self.view == View::Whole {
+            write!(f, ",view=whole")?;
+        }
+        if self.every_s > *SECONDS.start() { write!(f, ",every={}", self.every_s) } else { Ok(()) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    #[test]
+    fn options_follow_the_path_and_a_path_may_hold_commas() {
+        for text in ["a.exr", "a,b.hdr", "/x,y=z/a.pfm,view=whole", "maps,view=whole,every=2.5"] {
+            assert_eq!(EnvSpec::parse(text).expect(text).to_string(), text);
+        }
+        let spec = EnvSpec::parse("a,b.hdr,every=3,view=lens").expect("a map");
+        assert_eq!((spec.path.as_path(), spec.every_s), (Path::new("a,b.hdr"), 3.0));
+    }
+
+    #[test]
+    fn wrong_options_are_refused_by_name() {
+        let cases = ["", ",view=lens", "a,view=all", "a,every=0", "a,every=x", "a,size=3"];
+        let named = ["no file", "no file", "view=all", "every=0", "every=x", "'size'"];
+        for (text, named) in cases.into_iter().zip(named) {
+            let error = EnvSpec::parse(text).expect_err(text);
+            assert!(error.contains(named) && error.contains("expected"), "{text}: {error}");
+        }
+    }
+}
