@@ -226,14 +226,14 @@ fn serve(options: &Serve) -> Result<(), Failure> {
     if event == Event::Ended {
         return Err(Failure::new("the processing thread: found its end, expected it to run until SIGTERM"));
     }
-    eprintln!("{}", link.timings());
+    eprintln!("{}", link.durations().timings());
     Ok(())
 }
 
 /// Waits for the end of the program; reads the configuration file anew when told to.
 fn wait(running: &Running, signals: &mut Signals, link: &Link, options: &Serve) -> Event {
     loop {
-        match running.wait(signals, link.ended()) {
+        match running.wait(signals, link.status().ended()) {
             Event::Reload => match plan::reload(options, link) {
                 Ok(()) => tracing::info!(
                     "SIGHUP: the settings of the configuration file are in effect from the next frame"

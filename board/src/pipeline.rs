@@ -9,6 +9,7 @@ use crate::samplers::{self, SamplerError, Shape, Tuning};
 use hemilux_core::SamplerKind;
 use hemilux_core::polar::{Grid, LatLongView};
 use hemilux_core::pyramid::Quad;
+use hemilux_core::sampler::FilterTimer;
 use hemilux_core::wire::{Latency, LightSet};
 use hemilux_core::{
     BurstError, Coverage, Decomposition, Domain, Exposure, Extrapolation, FrontEnd, FrontError,
@@ -132,12 +133,14 @@ pub struct Times {
     pub front: Duration,
     /// Pyramid and polar map.
     pub pyramid: Duration,
-    /// The sampler.
+    /// The sampler without its temporal filters.
     pub sample: Duration,
+    /// Temporal filters of the sampler.
+    pub filter: Duration,
 }
 
 impl Times {
-    /// `front`, `pyramid`, `sample` and `total` of a light set; the rest is the caller's.
+    /// `front`, `pyramid`, `sample`, `filter` and their sum as `total`; the other durations are 0.
     #[must_use]
     pub fn latency(&self) -> Latency {
         let us = |d: Duration| u32::try_from(d.as_micros()).unwrap_or(u32::MAX);
@@ -145,7 +148,8 @@ impl Times {
             front: us(self.front),
             pyramid: us(self.pyramid),
             sample: us(self.sample),
-            total: us(self.front + self.pyramid + self.sample),
+            filter: us(self.filter),
+            total: us(self.front + self.pyramid + self.sample + self.filter),
             ..Latency::default()
         }
     }
@@ -164,6 +168,28 @@ pub struct Processed<'a> {
     pub horizontal_irradiance: [f32; 3],
     /// What each stage took.
     pub times: Times,
+}
+
+/// The lights of one sampler and its durations.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sampled<'a> {
+    /// The lights.
+    pub decomposition: Decomposition<'a>,
+    /// Duration of the sampler without its temporal filters.
+    pub sample: Duration,
+    /// Duration of the temporal filters.
+    pub filter: Duration,
+}
+
+impl Sampled<'_> {
+    /// Both durations in place of those of `other`, which ran on the same frame.
+    #[must_use]
+    pub fn latency(&self, other: &Latency) -> Latency {
+        let us = |d: Duration| u32::try_from(d.as_micros()).unwrap_or(u32::MAX);
+        let (sample, filter) = (us(self.sample), us(self.filter));
+        let total = other.total.saturating_sub(other.sample).saturating_sub(other.filter);
+        Latency { sample, filter, total: total.saturating_add(sample).saturating_add(filter), ..*other }
+    }
 }
 
 impl Processed<'_> {
@@ -259,26 +285,20 @@ impl Pipeline {
         let polar =
             self.polar.as_ref().filter(|_| self.polar_fresh).map_or(LatLongView::NONE, |p| p.map.view());
         let map = Map { pyramid: view, polar };
-        let decomposition = self.sampler.update(&map, &self.settings.request());
-        let done = began.elapsed();
-        let times = Times { front, pyramid: summed - front, sample: done - summed };
+        let Sampled { decomposition, sample, filter } =
+            sample(self.sampler.as_mut(), &map, &self.settings.request());
+        let times = Times { front, pyramid: summed - front, sample, filter };
         Ok(Processed { decomposition, seen, scalar_flux: total.rgb(), horizontal_irradiance, times })
     }
 
-    /// What another sampler makes of the last burst, and how long it took for that.
-    pub fn sample_again<'a>(
-        &mut self,
-        sampler: &'a mut dyn Sampler,
-        request: &Request,
-    ) -> (Decomposition<'a>, Duration) {
+    /// The lights of another sampler from the map of the last burst.
+    pub fn sample_again<'a>(&mut self, sampler: &'a mut dyn Sampler, request: &Request) -> Sampled<'a> {
         let map = if sampler.needs_polar() {
             self.map()
         } else {
             Map { pyramid: self.front.map(), polar: LatLongView::NONE }
         };
-        let began = Instant::now();
-        let made = sampler.update(&map, request);
-        (made, began.elapsed())
+        sample(sampler, &map, request)
     }
 
     /// The quads of `order`, at most the map's, of the last burst.
@@ -353,6 +373,16 @@ impl Pipeline {
     }
 }
 
+/// Runs `sampler` on `map` and measures its durations.
+fn sample<'a>(sampler: &'a mut dyn Sampler, map: &Map<'_>, request: &Request) -> Sampled<'a> {
+    let began = Instant::now();
+    let mut clock = || u64::try_from(began.elapsed().as_nanos()).unwrap_or(u64::MAX);
+    let mut timer = FilterTimer::new(&mut clock);
+    let decomposition = sampler.update_timed(map, request, &mut timer);
+    let filter = Duration::from_nanos(timer.ns());
+    Sampled { decomposition, sample: began.elapsed().saturating_sub(filter), filter }
+}
+
 /// A front end with memory from the heap.
 fn front_end(
     calibration: &Calibration,
@@ -364,4 +394,36 @@ fn front_end(
     let mut front = FrontEnd::try_new(*calibration, exposures, order, vec![0; sizes.words()])?;
     front.set_extrapolation(settings.extrapolation);
     Ok(front)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene;
+    use crate::source::{Pace, SceneSource, Source};
+
+    #[test]
+    fn the_stage_filter_takes_time_in_samplers_with_temporal_filters_and_none_in_others() {
+        for sampler in SamplerKind::ALL {
+            let mut source = SceneSource::new(scene::by_name("room").expect("a scene"), Pace::Free);
+            let settings = Settings { sampler, ..Settings::default() };
+            let pipeline = Pipeline::try_new(*source.calibration(), &source.exposures(), settings);
+            let (mut pipeline, mut burst) = (pipeline.expect("a pipeline"), Burst::default());
+            let mut filter = Duration::ZERO;
+            for _ in 0..3 {
+                source.next(&mut burst).expect("a burst");
+                let times = pipeline.process(&burst).expect("a frame").times;
+                filter += times.filter;
+                let sum = times.front + times.pyramid + times.sample + times.filter;
+                assert_eq!(
+                    times.latency().total,
+                    u32::try_from(sum.as_micros()).expect("seconds"),
+                    "{sampler}"
+                );
+            }
+            let has_filter =
+                matches!(sampler, SamplerKind::Adaptive | SamplerKind::Hemigon | SamplerKind::HemigonFir);
+            assert_eq!(!filter.is_zero(), has_filter, "{sampler}: {filter:?}");
+        }
+    }
 }

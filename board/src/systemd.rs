@@ -20,7 +20,7 @@ pub fn serving(address: &str, link: &Arc<Link>) -> Option<JoinHandle<()>> {
     let watch = move || {
         let mut before = None;
         while let Some(link) = link.upgrade() {
-            let now = Some(link.turns());
+            let now = Some(link.status().turns());
             drop(link);
             if now != before {
                 tell(&[NotifyState::Watchdog]);

@@ -64,7 +64,7 @@ fn requests(source: Box<dyn Source>, sampler: SamplerKind, secondary: Option<Sam
     let mut worker =
         Worker::try_new(source, "test".into(), Config { pipeline, ..Config::default() }).expect("a worker");
     let link = worker.link();
-    let mut client = link.subscribe();
+    let mut client = link.sets().subscribe();
     let _permit =
         secondary.map(|sampler| link.comparison().ask(Contender { sampler, lights: 48 }).expect("a permit"));
     let pairs = link.comparison().pairs();

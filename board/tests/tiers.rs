@@ -57,7 +57,7 @@ fn sets(sampler: SamplerKind, lights: usize, selection: Selection) -> Vec<Arc<Ow
         worker.step().expect("a frame");
         match link.tiers().request(selection) {
             Served::Set(set) => set,
-            Served::Own => link.subscribe().borrow().clone().expect("a set"),
+            Served::Own => link.sets().latest().expect("a set"),
             Served::NotYet(tier) => panic!("{tier:?} was requested before the frame"),
         }
     };

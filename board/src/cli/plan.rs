@@ -95,7 +95,7 @@ pub(super) fn reload(options: &Serve, link: &Link) -> Result<(), Failure> {
         let (key, why) = errors.into_iter().next().unwrap_or_default();
         Failure::new(format!("{key}: {why}"))
     })?;
-    link.change(&change).map_err(Failure::new)?;
+    link.settings().change(&change).map_err(Failure::new)?;
     Ok(())
 }
 

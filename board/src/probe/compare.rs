@@ -10,7 +10,7 @@ use hemilux_core::SamplerKind;
 use hemilux_core::light::Light;
 use hemilux_core::pyramid::{Quad, pyramid_len};
 use hemilux_core::sampler::{Request, Sampler};
-use hemilux_core::wire::{Latency, LightSet, Overrun};
+use hemilux_core::wire::{LightSet, Overrun};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -192,18 +192,17 @@ impl SecondarySampler {
     fn sample(&mut self, pipeline: &mut Pipeline, first: &OwnedSet) -> Arc<Second> {
         let Contender { sampler, lights } = self.contender;
         let request = Request::of_lights(lights);
-        let (made, took) = pipeline.sample_again(self.sampler.as_mut(), &request);
-        let sample = u32::try_from(took.as_micros()).unwrap_or(u32::MAX);
+        let sampled = pipeline.sample_again(self.sampler.as_mut(), &request);
+        let (made, latency) = (sampled.decomposition, sampled.latency(&first.latency));
         let sketch = pipeline.sketch(SKETCH_ORDER);
         self.ring.fill(|second| {
-            let total = first.latency.total.saturating_sub(first.latency.sample).saturating_add(sample);
             let set = LightSet {
                 sampler: sampler.name(),
                 requested: self.contender.lights as u32,
                 lights: made.lights,
                 ambient_sh: made.ambient.as_ref(),
                 estimated_error: made.estimated_error,
-                latency: Latency { sample, total, ..first.latency },
+                latency,
                 overrun: Overrun::NONE,
                 ..first.view()
             };

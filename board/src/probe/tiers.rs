@@ -262,8 +262,9 @@ impl Running {
         let tolerance = pipeline.settings().tolerance.filter(|_| self.kind.estimates_error());
         let soft = pipeline.settings().soft;
         let request = Request { tolerance, ambient, soft, ..Request::of_lights(lights) };
-        let (made, took) = pipeline.sample_again(self.sampler.as_mut(), &request);
-        let sample = u32::try_from(took.as_micros()).unwrap_or(u32::MAX);
+        let sampled = pipeline.sample_again(self.sampler.as_mut(), &request);
+        let made = sampled.decomposition;
+        let latency = Latency { total: own.latency.total, ..sampled.latency(&own.latency) };
         self.set = Some(self.ring.fill(|set| {
             let tier = LightSet {
                 sampler: self.kind.name(),
@@ -271,7 +272,7 @@ impl Running {
                 lights: made.lights,
                 ambient_sh: made.ambient.as_ref(),
                 estimated_error: made.estimated_error,
-                latency: Latency { sample, ..own.latency },
+                latency,
                 overrun: Overrun::NONE,
                 ..own.view()
             };

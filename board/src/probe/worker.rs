@@ -2,6 +2,7 @@
 
 use super::compare::SecondarySlot;
 use super::ring::Ring;
+use super::settings_channel::Requested;
 use super::tiers::TierSamplers;
 use super::{Config, Exposures, Link, Refusal};
 use crate::calibration::Burst;
@@ -11,7 +12,6 @@ use crate::pipeline::{Pipeline, PipelineError};
 use crate::source::{Source, SourceError};
 use hemilux_core::wire::{Latency, LightSet};
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 /// Pause after a fault of the source: long enough not to spin, short beside the time a client waits for a frame.
@@ -71,8 +71,8 @@ impl Worker {
 
     /// Works until the probe is stopped.
     pub(super) fn run(&mut self) {
-        while !self.link.is_stopping() {
-            self.link.turns.fetch_add(1, Ordering::Relaxed);
+        while !self.link.status.is_stopping() {
+            self.link.status.count_turn();
             if self.step().is_err() {
                 std::thread::park_timeout(PAUSE);
             }
@@ -87,7 +87,7 @@ impl Worker {
         let began = Instant::now();
         let outcome = self.source.next(&mut self.burst);
         let capture = began.elapsed();
-        self.follow_wishes();
+        self.follow_requests();
         let outcome = outcome.and_then(|()| self.follow_camera()).and_then(|()| self.process(capture));
         match outcome {
             Ok(()) => self.recover(),
@@ -103,7 +103,7 @@ impl Worker {
     fn process(&mut self, capture: Duration) -> Result<(), SourceError> {
         let ended_ns =
             if self.burst.timestamp_ns == 0 { clock::monotonic_ns() } else { self.burst.timestamp_ns };
-        super::lock(&self.link.timings).start_frame(Instant::now());
+        self.link.durations.start_frame(Instant::now());
         let settings = self.pipeline.settings();
         let name = settings.sampler.name();
         let requested = u32::try_from(settings.lights).unwrap_or(u32::MAX);
@@ -111,7 +111,7 @@ impl Worker {
         let processed = processed.map_err(|e| SourceError::Broken(e.to_string()))?;
         let mut latency = Latency {
             capture: u32::try_from(capture.as_micros()).unwrap_or(u32::MAX),
-            encode: self.link.encode_us.load(Ordering::Relaxed),
+            encode: self.link.durations.encode_us(),
             ..processed.times.latency()
         };
         let made = LightSet {
@@ -123,18 +123,18 @@ impl Worker {
             requested,
             ..processed.light_set()
         };
-        let timings = &self.link.timings;
+        let durations = &self.link.durations;
         let set = self.ring.fill(|set| {
             light_set::copy(&made, set);
             latency.total =
                 u32::try_from(clock::monotonic_ns().saturating_sub(ended_ns) / 1000).unwrap_or(u32::MAX);
             set.latency = latency;
-            set.overrun = super::lock(timings).add(&latency);
+            set.overrun = durations.add(&latency);
             set.wall_ms = clock::wall_ms();
         });
         self.frames += 1;
         self.tiers.sample(&self.link.tiers, &mut self.pipeline, &set);
-        self.link.publish(Arc::clone(&set));
+        self.link.sets.publish(Arc::clone(&set));
         self.secondary.compare(&self.link.comparison, &mut self.pipeline, &set);
         self.link.views.serve(&self.burst, &mut self.pipeline, &set);
         Ok(())
@@ -153,8 +153,8 @@ impl Worker {
     }
 
     /// Applies the newest change of the settings, or answers why it cannot.
-    fn follow_wishes(&mut self) {
-        let Some((serial, config)) = self.link.mailbox.take() else { return };
+    fn follow_requests(&mut self) {
+        let Some(Requested { serial, config }) = self.link.settings.take() else { return };
         let refused = self.follow(&config).err();
         if refused.is_none() {
             self.config = config;
@@ -162,7 +162,7 @@ impl Worker {
         }
         let in_effect = self.config.clone();
         tracing::info!(?in_effect, ?refused, "settings");
-        self.link.mailbox.answer(serial, in_effect, refused);
+        self.link.settings.answer(serial, in_effect, refused);
     }
 
     /// All of `config`, or nothing.
@@ -178,8 +178,8 @@ impl Worker {
             }
             return Err(error.into());
         }
-        *super::lock(&self.link.exposures) = exposures(&*self.source);
-        super::lock(&self.link.timings).set_budgets(config.budgets);
+        self.link.settings.set_exposures(exposures(&*self.source));
+        self.link.durations.set_budgets(config.budgets);
         self.ring.reserve(config.pipeline.lights);
         Ok(())
     }
@@ -188,7 +188,7 @@ impl Worker {
         let reason = error.to_string();
         if self.fault.as_ref() != Some(&reason) {
             tracing::warn!("source {}: {reason}", self.link.source);
-            self.link.set_failure(Some(reason.clone()));
+            self.link.status.set_failure(Some(reason.clone()));
             self.fault = Some(reason);
         }
     }
@@ -196,7 +196,7 @@ impl Worker {
     fn recover(&mut self) {
         if self.fault.take().is_some() {
             tracing::info!("source {}: bursts again", self.link.source);
-            self.link.set_failure(None);
+            self.link.status.set_failure(None);
         }
     }
 }
@@ -204,8 +204,8 @@ impl Worker {
 impl Drop for Worker {
     /// Tells waiting clients that no more frames come.
     fn drop(&mut self) {
-        self.link.set_failure(Some("the processing thread has ended".into()));
-        self.link.ended.send_replace(true);
+        self.link.status.set_failure(Some("the processing thread has ended".into()));
+        self.link.status.set_ended();
     }
 }
 

@@ -143,10 +143,14 @@ impl FromRequestParts<Context> for Allowed {
 
 /// The refusal of a request that may not change settings and see pictures.
 pub(super) fn check(context: &Context, sender: &Sender) -> Option<Response> {
-    if sender.cause(&context.origins) == Cause::ForeignPage {
+    if sender.cause(&context.admission.origins) == Cause::ForeignPage {
         return Some(foreign(context, "a request made by a page of another site"));
     }
-    let denial = context.access.admit(&sender.headers, sender.client.key(), &context.attempts).err()?;
+    let denial = context
+        .admission
+        .access
+        .admit(&sender.headers, sender.client.key(), &context.admission.attempts)
+        .err()?;
     Some(denied(context, sender, denial))
 }
 
@@ -196,7 +200,7 @@ pub(super) struct LogIn {
 
 /// Shows the log-in form.
 pub(super) async fn form(State(context): State<Context>) -> Response {
-    match context.access {
+    match context.admission.access {
         Access::Open => no_token(),
         Access::Token { .. } => pages::login("").into_response(),
     }
@@ -208,15 +212,19 @@ fn no_token() -> Response {
 
 /// Sets the session cookie when the form holds the token.
 pub(super) async fn log_in(State(context): State<Context>, sender: Sender, request: Request) -> Response {
-    if sender.cause(&context.origins) == Cause::ForeignPage {
+    if sender.cause(&context.admission.origins) == Cause::ForeignPage {
         return foreign(&context, "a log-in sent by a page of another site");
     }
     let form = tokio::time::timeout(BODY_TIME, Form::<LogIn>::from_request(request, &())).await;
     let Ok(Ok(Form(LogIn { token: given }))) = form else {
         return line(StatusCode::BAD_REQUEST, "found another body, expected the form's one field, token");
     };
-    let Access::Token { session, .. } = &context.access else { return no_token() };
-    match context.access.check(given.trim().as_bytes(), sender.client.key(), &context.attempts) {
+    let Access::Token { session, .. } = &context.admission.access else { return no_token() };
+    match context.admission.access.check(
+        given.trim().as_bytes(),
+        sender.client.key(),
+        &context.admission.attempts,
+    ) {
         Ok(()) => logged_in(session, sender.client.scheme),
         Err(Denial::Blocked(wait)) => blocked(&context, wait),
         Err(_) => {

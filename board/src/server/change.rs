@@ -29,9 +29,9 @@ pub(super) async fn change(
 ) -> Response {
     let Ok(Query(pairs)) = query else { return refused("a query that cannot be read") };
     if pairs.is_empty() {
-        return pages::change_form(&context.link.applied().borrow().config).into_response();
+        return pages::change_form(&context.link.settings().applied().borrow().config).into_response();
     }
-    match sender.cause(&context.origins) {
+    match sender.cause(&context.admission.origins) {
         _ if access::is_bearer(&sender.headers) => apply(&context, &sender, &pairs).await,
         Cause::OwnPage if sender.is_navigation() && access::is_basic(&sender.headers) => confirm_form(&pairs),
         Cause::Program | Cause::OwnPage => apply(&context, &sender, &pairs).await,
@@ -43,7 +43,7 @@ pub(super) async fn change(
 
 /// Changes the settings in the form. Browsers send Origin with every form, so a page of another site gives itself away.
 pub(super) async fn submit(State(context): State<Context>, sender: Sender, request: Request) -> Response {
-    if matches!(sender.cause(&context.origins), Cause::ForeignPage | Cause::Unproven) {
+    if matches!(sender.cause(&context.admission.origins), Cause::ForeignPage | Cause::Unproven) {
         return access::foreign(&context, "a form sent by a page of another site");
     }
     if let Some(refusal) = access::check(&context, &sender) {
@@ -89,8 +89,8 @@ async fn apply_allowed(context: &Context, pairs: &[(String, String)]) -> Respons
 /// # Errors
 /// Why nothing was changed.
 pub(super) async fn make(context: &Context, change: &Change) -> Result<Option<Applied>, Refusal> {
-    let mut applied = context.link.applied();
-    let serial = context.link.change(change)?;
+    let mut applied = context.link.settings().applied();
+    let serial = context.link.settings().change(change)?;
     let looked_at = tokio::time::timeout(LONGEST_WAIT, applied.wait_for(|a| a.serial >= serial)).await;
     Ok(looked_at.ok().and_then(|known| known.ok().map(|a| a.clone())))
 }

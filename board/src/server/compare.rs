@@ -115,7 +115,7 @@ pub(super) async fn compare(State(context): State<Context>, _: Allowed, uri: Uri
     let pair = pairs.borrow().clone().filter(|pair| pair.contender == contender);
     let Some(pair) = pair else { return no_pair_yet(&context) };
     let answer = Answer::of(link, Arc::clone(&pair.first), is_late);
-    let bench = Arc::clone(&context.scores.0).lock_owned().await;
+    let bench = Arc::clone(&context.answers.scores.0).lock_owned().await;
     let work = move || written(bench, &pair, answer.stale.as_ref(), coordinates);
     match tokio::task::spawn_blocking(work).await {
         Ok(Some(text)) => {
@@ -130,7 +130,7 @@ pub(super) async fn compare(State(context): State<Context>, _: Allowed, uri: Uri
 }
 
 fn no_pair_yet(context: &Context) -> Response {
-    if context.link.subscribe().borrow().is_none() {
+    if context.link.sets().latest().is_none() {
         return no_frame_yet(&context.link);
     }
     let mut response =

@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 
 /// Settings, what each may be, and whether they can be kept.
 pub(super) async fn show(State(context): State<Context>) -> Response {
-    let config = context.link.applied().borrow().config.clone();
+    let config = context.link.settings().applied().borrow().config.clone();
     answer(StatusCode::OK, &document(&context, &config))
 }
 
@@ -48,7 +48,7 @@ pub(super) async fn change(State(context): State<Context>, _: Allowed, request: 
         Ok(Some(Applied { config, .. })) if save => keep(&context, config).await,
         Ok(Some(Applied { config, .. })) => answer(StatusCode::OK, &document(&context, &config)),
         Ok(None) => {
-            let config = context.link.applied().borrow().config.clone();
+            let config = context.link.settings().applied().borrow().config.clone();
             let mut document = document(&context, &config);
             document["pending"] = json!(true);
             answer(StatusCode::ACCEPTED, &document)
@@ -80,7 +80,7 @@ fn document(context: &Context, config: &Config) -> Value {
         SETTINGS.iter().map(|s| (s.name.to_owned(), s.value(config))).collect();
     let mut settings: serde_json::Map<_, _> =
         SETTINGS.iter().map(|s| (s.name.to_owned(), s.schema(config))).collect();
-    let exposures = context.link.exposures();
+    let exposures = context.link.settings().exposures();
     if let Some(schema) = settings.get_mut("exposures_s") {
         schema["current"] = json!(exposures.seconds);
         schema["readOnly"] = json!(exposures.fixed.is_some());

@@ -75,7 +75,7 @@ impl Feed {
         has: Option<String>,
     ) -> Self {
         context.counts.streams.fetch_add(1, Relaxed);
-        let latest = context.link.subscribe();
+        let latest = context.link.sets().subscribe();
         Self {
             context,
             variant,
@@ -104,11 +104,12 @@ impl Feed {
             };
             self.latest.mark_unchanged();
             let is_late = !wait_for_tier(&self.context, self.variant.selection).await || is_late;
-            let ready = match self.context.sets.newest(self.variant, &self.context.link, is_late).await {
-                Ok(ready) => ready,
-                Err(Missing::NoSet | Missing::Full) => return Next::None,
-                Err(Missing::Fault | Missing::TooLong(_)) => return Next::Stop,
-            };
+            let ready =
+                match self.context.answers.sets.newest(self.variant, &self.context.link, is_late).await {
+                    Ok(ready) => ready,
+                    Err(Missing::NoSet | Missing::Full) => return Next::None,
+                    Err(Missing::Fault | Missing::TooLong(_)) => return Next::Stop,
+                };
             let id = event_id(self.context.link.run(), ready.set.frame);
             // A set that came between the notification and the look was sent already.
             if is_late || self.has.as_ref() != Some(&id) {
@@ -129,7 +130,7 @@ impl Feed {
 
     /// Waits for a newer set, and until the client has room for one; whether none came in [`LONGEST_WAIT`].
     async fn wait(&self) -> bool {
-        let newer = self.context.link.newer(&self.latest);
+        let newer = self.context.link.sets().newer(&self.latest);
         let is_late = tokio::time::timeout(LONGEST_WAIT, newer).await.is_err();
         // A slow client misses the sets of this time and then gets the newest one.
         while self.is_backlogged() {
@@ -208,7 +209,7 @@ pub(super) async fn socket(
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> Response {
     // Browsers let any page open a WebSocket to anywhere, and tell its origin.
-    if sender.cause(&context.origins) == Cause::ForeignPage {
+    if sender.cause(&context.admission.origins) == Cause::ForeignPage {
         return access::foreign(&context, "a WebSocket opened by a page of another site");
     }
     let Ok(upgrade) = upgrade else {

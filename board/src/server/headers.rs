@@ -46,8 +46,9 @@ pub(super) fn cors(origins: &[String]) -> CorsLayer {
 
 /// Refuses unknown hosts, and adds the headers that go with every answer.
 pub(super) async fn finish(State(context): State<Context>, request: Request, next: Next) -> Response {
-    let is_shared = request.headers().get(ORIGIN).is_some_and(|origin| is_allowed(origin, &context.origins));
-    let mut response = match hosts::refusal(&context.hosts, &request) {
+    let is_shared =
+        request.headers().get(ORIGIN).is_some_and(|origin| is_allowed(origin, &context.admission.origins));
+    let mut response = match hosts::refusal(&context.admission.hosts, &request) {
         Some((reason, refusal)) => {
             context.counts.refused(reason);
             refusal

@@ -145,7 +145,7 @@ impl Answer {
 
     /// The newest set of `selection`, if there is a set; the probe's own one where that of the selection is not made yet.
     pub(super) fn newest(link: &Link, selection: Selection, is_late: bool) -> Option<Self> {
-        let own = link.subscribe().borrow().clone()?;
+        let own = link.sets().latest()?;
         let set = match link.tiers().request(selection) {
             Served::Set(set) => set,
             Served::Own | Served::NotYet(_) => own,
@@ -170,7 +170,7 @@ pub(super) async fn answer(
         }
     };
     let is_late = !wait_for_set(&context, after).await || !wait_for_tier(&context, variant.selection).await;
-    let ready = match context.sets.newest(variant, &context.link, is_late).await {
+    let ready = match context.answers.sets.newest(variant, &context.link, is_late).await {
         Ok(ready) => ready,
         Err(Missing::NoSet) => return no_frame_yet(&context.link),
         Err(Missing::Full) => return too_much(&context),
@@ -216,7 +216,7 @@ pub(super) fn since_ready(set: &OwnedSet) -> Duration {
 
 /// Answers 200 while the newest frame is at most [`LONGEST_WAIT`] old, else 503.
 pub(super) async fn health(State(context): State<Context>) -> Response {
-    let latest = context.link.subscribe().borrow().clone();
+    let latest = context.link.sets().latest();
     let Some(set) = latest else { return no_frame_yet(&context.link) };
     let age = context.link.staleness(&set);
     if u128::from(age.age_ms) <= LONGEST_WAIT.as_millis() {
@@ -228,14 +228,14 @@ pub(super) async fn health(State(context): State<Context>) -> Response {
 /// Waits for a set of another frame than `after`, or for the next one; whether there is one. Another frame than `after` that is there
 /// already is newer, or of another run of the probe. Does not wait longer than [`LONGEST_WAIT`] or beyond the server's shutdown.
 pub(super) async fn wait_for_set(context: &Context, after: Option<u64>) -> bool {
-    let latest = context.link.subscribe();
+    let latest = context.link.sets().subscribe();
     let known = latest.borrow().as_ref().map(|set| set.frame);
     if known.is_some() && after.is_some() && known != after {
         return true;
     }
     let mut stop = context.stop.subscribe();
     tokio::select! {
-        waited = tokio::time::timeout(LONGEST_WAIT, context.link.newer(&latest)) => waited.is_ok(),
+        waited = tokio::time::timeout(LONGEST_WAIT, context.link.sets().newer(&latest)) => waited.is_ok(),
         () = stopped(&mut stop) => false,
     }
 }
@@ -245,12 +245,12 @@ pub(super) async fn wait_for_tier(context: &Context, selection: Selection) -> bo
     let deadline = tokio::time::Instant::now() + LONGEST_WAIT;
     let mut stop = context.stop.subscribe();
     loop {
-        let latest = context.link.subscribe();
+        let latest = context.link.sets().subscribe();
         if !matches!(context.link.tiers().request(selection), Served::NotYet(_)) {
             return true;
         }
         tokio::select! {
-            waited = tokio::time::timeout_at(deadline, context.link.newer(&latest)) => {
+            waited = tokio::time::timeout_at(deadline, context.link.sets().newer(&latest)) => {
                 if waited.is_err() {
                     return false;
                 }
@@ -261,7 +261,7 @@ pub(super) async fn wait_for_tier(context: &Context, selection: Selection) -> bo
 }
 
 pub(super) fn no_frame_yet(link: &Link) -> Response {
-    let reason = link.failure().unwrap_or_else(|| "the source has not given a burst".into());
+    let reason = link.status().failure().unwrap_or_else(|| "the source has not given a burst".into());
     let mut response = line(StatusCode::SERVICE_UNAVAILABLE, &format!("no frame yet: {reason}"));
     response.headers_mut().insert(RETRY_AFTER, HeaderValue::from_static("1"));
     response

@@ -19,8 +19,8 @@ use std::sync::atomic::Ordering::Relaxed;
 pub(super) async fn metrics(State(context): State<Context>) -> Response {
     let mut text = String::with_capacity(8 << 10);
     let link = &context.link;
-    let latest = link.subscribe().borrow().clone();
-    let up = f64::from(u8::from(link.failure().is_none()));
+    let latest = link.sets().latest();
+    let up = f64::from(u8::from(link.status().failure().is_none()));
     one(&mut text, "source_up", "gauge", "1 while the source gives bursts.", up);
     one(
         &mut text,
@@ -31,7 +31,7 @@ pub(super) async fn metrics(State(context): State<Context>) -> Response {
     );
     if let Some(set) = &latest {
         frames(&mut text, set, link.staleness(set).age_ms);
-        let timings = link.timings();
+        let timings = link.durations().timings();
         let rate_hz = timings.rate_hz().into();
         one(&mut text, "frame_rate_hertz", "gauge", "Frames per second, smoothed.", rate_hz);
         stages(&mut text, &timings);

@@ -78,26 +78,48 @@ impl Default for Options {
 }
 
 /// The state that handlers share.
-type Context = Arc<Shared>;
+type Context = Arc<HandlerState>;
 
-struct Shared {
+struct HandlerState {
     link: Arc<Link>,
-    sets: EncodedSets,
-    pictures: PictureCache,
-    screenshots: Screenshots,
-    scores: compare::ComparisonScores,
+    answers: AnswerCaches,
+    admission: Admission,
     counts: Arc<Counts>,
-    hosts: KnownHosts,
-    access: Access,
-    attempts: Attempts,
-    origins: Vec<String>,
-    proxies: Arc<Proxies>,
+    /// The file to which settings are saved; `None` if the probe was started without one.
     file: Option<ConfigFile>,
     /// True when the server is told to stop: streams end.
     stop: Arc<watch::Sender<bool>>,
 }
 
-/// The routes and what [`start`] needs besides.
+/// Answers that are computed once for several requests.
+struct AnswerCaches {
+    sets: EncodedSets,
+    pictures: PictureCache,
+    screenshots: Screenshots,
+    scores: compare::ComparisonScores,
+}
+
+impl AnswerCaches {
+    fn new(memory: &Arc<AnswerMemory>) -> Self {
+        Self {
+            sets: EncodedSets::new(Arc::clone(memory)),
+            pictures: PictureCache::new(Arc::clone(memory)),
+            screenshots: Screenshots::default(),
+            scores: compare::ComparisonScores::default(),
+        }
+    }
+}
+
+/// The rules by which requests are admitted, and the failed attempts at the token.
+struct Admission {
+    hosts: KnownHosts,
+    access: Access,
+    attempts: Attempts,
+    origins: Vec<String>,
+    proxies: Arc<Proxies>,
+}
+
+/// The routes and the state that [`start`] needs.
 pub struct App {
     router: Router,
     counts: Arc<Counts>,
@@ -119,22 +141,16 @@ pub fn app(link: Arc<Link>, options: Options) -> App {
     let Options { hosts, access, origins, proxies, file } = options;
     let (stop, counts) = (Arc::new(watch::Sender::new(false)), Arc::new(Counts::default()));
     let (memory, proxies) = (Arc::new(AnswerMemory::default()), Arc::new(Proxies::new(&proxies)));
-    let shared = Shared {
+    let attempts = Attempts::default();
+    let state = HandlerState {
         link,
-        sets: EncodedSets::new(Arc::clone(&memory)),
-        pictures: PictureCache::new(Arc::clone(&memory)),
-        screenshots: Screenshots::default(),
-        scores: compare::ComparisonScores::default(),
+        answers: AnswerCaches::new(&memory),
+        admission: Admission { hosts, access, attempts, origins, proxies: Arc::clone(&proxies) },
         counts: Arc::clone(&counts),
-        hosts,
-        access,
-        attempts: Attempts::default(),
-        origins,
-        proxies: Arc::clone(&proxies),
         file,
         stop: Arc::clone(&stop),
     };
-    App { router: routes::router(Arc::new(shared)), counts, proxies, memory, stop }
+    App { router: routes::router(Arc::new(state)), counts, proxies, memory, stop }
 }
 
 /// An answer of one line of plain text.

@@ -23,19 +23,20 @@ label{display:block;margin:.6rem 0}</style>";
 /// Settings, rates and times.
 pub(super) async fn info(State(context): State<Context>) -> Response {
     let link = &context.link;
-    let config = link.applied().borrow().config.clone();
-    let latest = link.subscribe().borrow().clone();
+    let config = link.settings().applied().borrow().config.clone();
+    let latest = link.sets().latest();
     let mut rows = vec![
         ("version", env!("CARGO_PKG_VERSION").to_owned()),
         ("run", link.run().to_owned()),
         ("source", link.source().to_owned()),
-        ("fault", link.failure().unwrap_or_else(|| "none".into())),
+        ("fault", link.status().failure().unwrap_or_else(|| "none".into())),
         ("running for", format!("{} s", link.started().elapsed().as_secs())),
     ];
     rows.extend(settings(&config));
-    let exposures = link.exposures().seconds.iter().map(|s| format!("{} ms", 1e3 * s)).collect::<Vec<_>>();
+    let exposures =
+        link.settings().exposures().seconds.iter().map(|s| format!("{} ms", 1e3 * s)).collect::<Vec<_>>();
     rows.push(("exposures", exposures.join(", ")));
-    let timings = link.timings();
+    let timings = link.durations().timings();
     match &latest {
         Some(set) => rows.extend(measured(set, link.staleness(set).age_ms, timings.rate_hz())),
         None => rows.push(("frames", "none yet".into())),
@@ -48,8 +49,8 @@ pub(super) async fn info(State(context): State<Context>) -> Response {
 /// The same for programs.
 pub(super) async fn status(State(context): State<Context>, sender: Sender) -> Response {
     let link = &context.link;
-    let latest = link.subscribe().borrow().clone();
-    let timings = link.timings();
+    let latest = link.sets().latest();
+    let timings = link.durations().timings();
     let frame = latest.as_ref().map(|set| {
         let names = Latency::NAMES.iter().map(ToString::to_string);
         let latency: serde_json::Map<_, _> = names.zip(set.latency.all().map(Into::into)).collect();
@@ -70,13 +71,13 @@ pub(super) async fn status(State(context): State<Context>, sender: Sender) -> Re
         "version": env!("CARGO_PKG_VERSION"),
         "run": link.run(),
         "source": link.source(),
-        "fault": link.failure(),
+        "fault": link.status().failure(),
         "uptime_s": link.started().elapsed().as_secs_f64(),
         "connections": context.counts.open.load(Relaxed),
         "streams": context.counts.streams.load(Relaxed),
-        "changes": link.applied().borrow().serial,
-        "needs_token": matches!(context.access, super::Access::Token { .. }),
-        "allowed": context.access.admit(&sender.headers, sender.client.key(), &context.attempts).is_ok(),
+        "changes": link.settings().applied().borrow().serial,
+        "needs_token": matches!(context.admission.access, super::Access::Token { .. }),
+        "allowed": context.admission.access.admit(&sender.headers, sender.client.key(), &context.admission.attempts).is_ok(),
         "last": frame,
         "frames": timings.frames(),
         "stages": stages.collect::<Vec<_>>(),

@@ -37,7 +37,7 @@ const CLIPPED: f64 = 0.01;
 pub(super) async fn view<T>(link: &Link, slot: &Slot<T>) -> View<Arc<T>> {
     let since_ns = clock::monotonic_ns();
     let (number, mut given) = slot.ask();
-    let longest = if link.failure().is_some() { FAILED_WAIT } else { LONGEST_WAIT };
+    let longest = if link.status().failure().is_some() { FAILED_WAIT } else { LONGEST_WAIT };
     let waited = tokio::time::timeout(longest, given.wait_for(|g| g.number >= number)).await;
     let is_fresh = waited.is_ok();
     drop(waited);
@@ -60,13 +60,17 @@ pub(super) async fn image_at(
 }
 
 async fn exposure(context: &Context, index: Option<&str>) -> Response {
-    let last = context.link.exposures().seconds.len().saturating_sub(1);
+    let last = context.link.settings().exposures().seconds.len().saturating_sub(1);
     let number = index.map_or(Some(last), |text| text.parse::<usize>().ok().filter(|at| *at <= last));
     let Some(at) = number else { return no_exposure(index, last) };
     let link = &context.link;
     let look = |_| view(link, &link.views().bursts);
     let render = move |view: Arc<BurstView>| shot(&view, at.min(view.frames.len().saturating_sub(1)));
-    answer(context, context.pictures.picture(PictureKind::Exposure(at), look, render).await, "image/jpeg")
+    answer(
+        context,
+        context.answers.pictures.picture(PictureKind::Exposure(at), look, render).await,
+        "image/jpeg",
+    )
 }
 
 fn no_exposure(index: Option<&str>, last: usize) -> Response {
@@ -87,12 +91,12 @@ pub(super) async fn capture(State(context): State<Context>, _: Allowed) -> Respo
                 View::Of { since_ns: view.before_ns, view, is_fresh: true }
             }
             // While the source is known to have failed, there is nothing to wait for.
-            View::Of { is_fresh: false, .. } | View::None if link.failure().is_some() => View::None,
+            View::Of { is_fresh: false, .. } | View::None if link.status().failure().is_some() => View::None,
             _ => View::TooOld,
         }
     };
     let render = |view: Arc<BurstView>| shot(&view, well_exposed(&view));
-    let picture = context.pictures.picture(PictureKind::Capture, look, render);
+    let picture = context.answers.pictures.picture(PictureKind::Capture, look, render);
     match tokio::time::timeout(CAPTURE_WAIT, picture).await {
         Ok(Err(NoPicture::NoView)) | Err(_) => nothing_fresh(link),
         Ok(picture) => answer(&context, picture, "image/jpeg"),
@@ -103,7 +107,7 @@ fn nothing_fresh(link: &Link) -> Response {
     let within = format!("no burst began within {} s of the request", CAPTURE_WAIT.as_secs());
     let mut response = line(
         StatusCode::SERVICE_UNAVAILABLE,
-        &format!("no fresh shot: {}", link.failure().unwrap_or(within)),
+        &format!("no fresh shot: {}", link.status().failure().unwrap_or(within)),
     );
     response.headers_mut().insert(RETRY_AFTER, HeaderValue::from_static("1"));
     response
@@ -141,7 +145,7 @@ pub(super) async fn map(
     let look = |_| view(link, &link.views().maps);
     let render =
         move |view: Arc<MapView>| Some(Rendered { bytes: paint(&view)?, frame: view.frame, shot: None });
-    answer(context, context.pictures.picture(kind, look, render).await, content_type)
+    answer(context, context.answers.pictures.picture(kind, look, render).await, content_type)
 }
 
 /// Answers with a picture, or says why there is none.

@@ -148,7 +148,7 @@ pub(super) async fn identify(State(context): State<Context>, mut request: Reques
     let guard = request.extensions().get::<Arc<ConnectionGuard>>().cloned();
     let client = match &guard {
         None => Client::default(),
-        Some(guard) => match context.proxies.client(guard.address, request.headers()) {
+        Some(guard) => match context.admission.proxies.client(guard.address, request.headers()) {
             Ok(client) => client,
             Err(found) => {
                 context.counts.refused("malformed");

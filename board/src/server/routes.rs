@@ -91,7 +91,7 @@ pub(super) fn router(context: Context) -> Router {
         .fallback(not_found)
         .method_not_allowed_fallback(not_allowed)
         .layer(RequestBodyLimitLayer::new(MAX_BODY_BYTES))
-        .layer(headers::cors(&context.origins))
+        .layer(headers::cors(&context.admission.origins))
         .layer(from_fn_with_state(context.clone(), headers::finish))
         .layer(from_fn_with_state(context.clone(), proxy::identify))
         .layer(from_fn_with_state(context.clone(), count))

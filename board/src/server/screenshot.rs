@@ -44,23 +44,23 @@ impl Screenshots {
 
 /// Takes a screenshot and shows it.
 pub(super) async fn take(State(context): State<Context>, _: Allowed) -> Response {
-    if !context.link.applied().borrow().config.gui {
+    if !context.link.settings().applied().borrow().config.gui {
         return (StatusCode::CONFLICT, pages::no_screenshot()).into_response();
     }
     let link = &context.link;
     let look = |_| view(link, &link.views().maps);
     let render = |map: Arc<MapView>| Some(Rendered { bytes: png(&map, true)?, frame: map.frame, shot: None });
-    let picture = match context.pictures.picture(PictureKind::Screenshot, look, render).await {
+    let picture = match context.answers.pictures.picture(PictureKind::Screenshot, look, render).await {
         Ok(picture) => picture,
         Err(why) => return no_picture(&context, why),
     };
-    let names = context.screenshots.keep(link.run(), picture.frame, picture.bytes);
+    let names = context.answers.screenshots.keep(link.run(), picture.frame, picture.bytes);
     ([(CACHE_CONTROL, "no-store")], pages::screenshot(&names)).into_response()
 }
 
 /// A screenshot that was taken before.
 pub(super) async fn kept(State(context): State<Context>, _: Allowed, Path(name): Path<String>) -> Response {
-    match context.screenshots.find(&name) {
+    match context.answers.screenshots.find(&name) {
         // A name is never used again.
         Some(png) => {
             ([(CONTENT_TYPE, "image/png"), (CACHE_CONTROL, "private, max-age=86400, immutable")], png)

@@ -223,7 +223,7 @@ pub(super) fn encode(variant: Variant, link: &Link, answer: &Answer, room: usize
     }
     on_wire.left_out = on_wire.missing_flux();
     let bytes = variant.format.encode(&on_wire, room)?;
-    link.set_encode_us(u32::try_from(began.elapsed().as_micros()).unwrap_or(u32::MAX));
+    link.durations().set_encode_us(u32::try_from(began.elapsed().as_micros()).unwrap_or(u32::MAX));
     Some(bytes)
 }
 

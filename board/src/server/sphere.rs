@@ -31,14 +31,14 @@ pub(super) async fn map_hdr(State(context): State<Context>, _: Allowed) -> Respo
 /// `/v1/mask.png`: the hemisphere in the map's shape, black where the lens does not see, white where even the shortest exposure clips.
 pub(super) async fn mask_png(State(context): State<Context>, _: Allowed) -> Response {
     let link = &context.link;
-    let grid = link.applied().borrow().config.pipeline.grid;
+    let grid = link.settings().applied().borrow().config.pipeline.grid;
     let look = |_| view(link, &link.views().bursts);
     let render = move |view: Arc<BurstView>| {
         let mut bytes = Cursor::new(Vec::new());
         mask(&view, &grid)?.write_to(&mut bytes, ImageFormat::Png).ok()?;
         Some(Rendered { bytes: bytes.into_inner(), frame: view.frame, shot: None })
     };
-    answer(&context, context.pictures.picture(PictureKind::Mask, look, render).await, "image/png")
+    answer(&context, context.answers.pictures.picture(PictureKind::Mask, look, render).await, "image/png")
 }
 
 fn hdr(view: &MapView) -> Option<Vec<u8>> {

@@ -18,11 +18,13 @@ pub mod hemigon;
 mod kind;
 pub mod pharr;
 pub mod q2tree;
+mod timer;
 
 use crate::light::Decomposition;
 use crate::polar::LatLongView;
 use crate::pyramid::PyramidView;
 pub use kind::{SamplerKind, UnknownSampler};
+pub use timer::FilterTimer;
 
 /// The input of a sampler for one frame.
 #[derive(Clone, Copy, Debug)]
@@ -75,6 +77,18 @@ pub trait Sampler {
 
     /// Computes the lights of the next frame. A map without light gives no lights.
     fn update(&mut self, map: &Map<'_>, request: &Request) -> Decomposition<'_>;
+
+    /// Like [`Sampler::update`]; `timer` measures the temporal filters of directions and energies. Samplers without such filters leave it
+    /// as it is.
+    fn update_timed(
+        &mut self,
+        map: &Map<'_>,
+        request: &Request,
+        timer: &mut FilterTimer<'_>,
+    ) -> Decomposition<'_> {
+        let _ = timer;
+        self.update(map, request)
+    }
 
     /// Discards the state of earlier frames, as after a jump in time.
     fn reset(&mut self);

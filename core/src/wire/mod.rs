@@ -55,9 +55,9 @@ pub struct Latency {
     pub front: u32,
     /// Conversion of sums to energy, and coarser orders of the map.
     pub pyramid: u32,
-    /// The sampler.
+    /// The sampler without its temporal filters.
     pub sample: u32,
-    /// Temporal filters outside of the sampler.
+    /// Temporal filters of the sampler.
     pub filter: u32,
     /// Encoding of the previous frame's set.
     pub encode: u32,

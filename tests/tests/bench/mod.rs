@@ -188,7 +188,7 @@ impl Bench {
 
     /// Waits for the first set.
     pub fn wait(&self) {
-        let sets = self.probe.link().subscribe();
+        let sets = self.probe.link().sets().subscribe();
         let began = Instant::now();
         while sets.borrow().is_none() {
             assert!(began.elapsed() < Duration::from_secs(20), "no frame");
@@ -206,7 +206,7 @@ impl Bench {
 
     /// Gives a burst and waits until its set is published.
     pub fn frame(&self) -> u64 {
-        let mut sets = self.probe.link().subscribe();
+        let mut sets = self.probe.link().sets().subscribe();
         self.step(Step::Burst);
         let began = Instant::now();
         while !sets.has_changed().expect("the probe lives") {

@@ -182,7 +182,7 @@ pub static SETTINGS: &[Setting] = &[
     budget!(
         "budget_filter_ms",
         4,
-        "Longest time that filters outside the sampler should take; no such filter exists, so the stage takes 0."
+        "Longest time that the temporal filters of the sampler should take; 0 is measured for samplers without such filters."
     ),
     budget!("budget_encode_ms", 5, "Longest time that writing a set for clients should take."),
     budget!("budget_total_ms", 6, "Longest time from the end of the burst to the finished set."),

@@ -10,7 +10,7 @@ const FULL = 0.8;
 
 const STAGES = [
   ["capture", "capture", "waiting for the burst included", "#8a94a8"], ["front", "merge, map", "", "#4c9be8"], ["pyramid", "pyramid", "", "#7a6ff0"],
-  ["sample", "sampler", "", "#e8a33d"], ["filter", "filter", "outside the sampler", "#d95f8c"], ["encode", "encoding", "of the frame before", "#5bb98c"],
+  ["sample", "sampler", "without its filter", "#e8a33d"], ["filter", "filter", "over time, of the sampler", "#d95f8c"], ["encode", "encoding", "of the frame before", "#5bb98c"],
   ["total", "total", "end of burst to finished set", "#c2b8a3"],
 ];
 

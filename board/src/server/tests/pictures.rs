@@ -113,7 +113,7 @@ async fn a_capture_was_taken_after_the_request_however_late_bursts_come() {
 async fn without_a_fresh_shot_a_line_says_why() {
     let probe = probe(3);
     let app = routes(&probe);
-    while probe.link().failure().is_none() {
+    while probe.link().status().failure().is_none() {
         tokio::time::sleep(Duration::from_millis(10)).await;
     }
     let got = fetch(&app, "GET", "/capture", &[], "").await;
@@ -168,7 +168,7 @@ async fn the_map_is_a_png_with_or_without_marks() {
 async fn the_map_holds_the_energy_of_the_light_set() {
     let probe = probe(usize::MAX);
     let app = routes(&probe);
-    let newest = || probe.link().subscribe().borrow().clone().expect("a set");
+    let newest = || probe.link().sets().latest().expect("a set");
     // The lamps change from frame to frame: the map must be of a frame that is still the newest.
     let mut got = fetch(&app, "GET", "/v1/map.exr", &[], "").await;
     let mut latest = newest();

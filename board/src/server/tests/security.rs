@@ -62,7 +62,7 @@ async fn what_changes_or_shows_pictures_needs_the_token_and_nothing_else_does() 
         let two = [("authorization", "Bearer correct-horse-battery"), ("authorization", "Bearer x")];
         assert_eq!(fetch(&app, method, uri, &two, "{}").await.status, 401, "{uri}: one header or none");
     }
-    assert_eq!(probe.link().applied().borrow().config, Config::default(), "unchanged");
+    assert_eq!(probe.link().settings().applied().borrow().config, Config::default(), "unchanged");
     for uri in [
         "/",
         "/info",
@@ -155,7 +155,7 @@ async fn other_sites_may_change_nothing_and_see_no_picture() {
     }
     let socket = [("origin", "http://evil.example"), ("upgrade", "websocket"), ("connection", "upgrade")];
     assert_eq!(ask(&app, "GET", "/v1/socket", &socket).await.0, 403, "a WebSocket");
-    assert_eq!(probe.link().applied().borrow().config, Config::default(), "unchanged");
+    assert_eq!(probe.link().settings().applied().borrow().config, Config::default(), "unchanged");
     assert_eq!(
         ask(&app, "GET", "/change?samples=20", &[("origin", "http://localhost:8080")]).await.0,
         200,
@@ -234,7 +234,7 @@ const BROWSER: [(&str, &str); 2] =
 #[tokio::test]
 async fn a_browser_without_proof_gets_a_form_and_programs_go_on() {
     let probe = probe(usize::MAX);
-    let config = || probe.link().applied().borrow().config.clone();
+    let config = || probe.link().settings().applied().borrow().config.clone();
     for app in [routes(&probe), locked(&probe)] {
         let got = fetch(&app, "GET", "/change?samples=20&gui=on", &BROWSER, "").await;
         assert_eq!(got.status, 403, "to be confirmed");

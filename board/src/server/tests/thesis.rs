@@ -54,7 +54,7 @@ async fn a_change_is_in_the_next_set() {
         assert_eq!(set["sampler"], **name, "sampler");
         assert_eq!(set["requested"], lights, "samples");
     }
-    let config = probe.link().applied().borrow().config.clone();
+    let config = probe.link().settings().applied().borrow().config.clone();
     assert!(config.gui && config.pipeline.extrapolation != Default::default(), "{config:?}");
 }
 
@@ -86,7 +86,7 @@ async fn wrong_changes_change_nothing_and_say_what_is_accepted() {
             "{query}: {body}"
         );
     }
-    assert_eq!(probe.link().applied().borrow().config, Config::default(), "unchanged");
+    assert_eq!(probe.link().settings().applied().borrow().config, Config::default(), "unchanged");
 }
 
 #[tokio::test]
@@ -104,14 +104,14 @@ async fn other_requests_and_methods_get_one_line() {
         assert_eq!((status, body.lines().count()), (expected, 1), "{method} {uri}: {body}");
     }
     assert_eq!(ask(&app, "HEAD", "/change?samples=20", &[]).await.0, 405, "HEAD changes nothing");
-    assert_eq!(probe.link().applied().borrow().config, Config::default(), "unchanged");
+    assert_eq!(probe.link().settings().applied().borrow().config, Config::default(), "unchanged");
 }
 
 #[tokio::test]
 async fn the_last_set_is_stale_when_the_source_dies() {
     let probe = probe(3);
     let app = routes(&probe);
-    let mut frames = probe.link().subscribe();
+    let mut frames = probe.link().sets().subscribe();
     let third = frames.wait_for(|set| set.as_ref().is_some_and(|s| s.frame == 2));
     drop(tokio::time::timeout(Duration::from_secs(20), third).await.expect("three frames"));
     let (status, _, body) = get(&app, "/lights.json").await;

@@ -89,7 +89,7 @@ async fn get_json(app: &Router, uri: &str) -> Value {
 
 /// Waits until `frame` is finished.
 async fn wait_for(probe: &Probe, frame: u64) {
-    let mut frames = probe.link().subscribe();
+    let mut frames = probe.link().sets().subscribe();
     let there = frames.wait_for(|set| set.as_ref().is_some_and(|s| s.frame >= frame));
     drop(tokio::time::timeout(Duration::from_secs(20), there).await.expect("in time").expect("a probe"));
 }
@@ -197,7 +197,7 @@ async fn wrong_settings_change_nothing_and_each_field_has_its_reason() {
         "no file"
     );
     assert_eq!(fetch(&app, "PATCH", "/v1/config?x=1", &[], "{\"lights\": 20}").await.status, 400, "query");
-    assert_eq!(probe.link().applied().borrow().config, Config::default(), "unchanged");
+    assert_eq!(probe.link().settings().applied().borrow().config, Config::default(), "unchanged");
 }
 
 #[tokio::test]

@@ -12,7 +12,7 @@ fn a_dead_camera_is_stale_whatever_clock_its_stamps_were_of() {
     let source = CameraSource::open_or_wait(Box::new(kernel.clone()), &spec).expect("a source");
     let mut worker = Worker::try_new(Box::new(source), "test".into(), Config::default()).expect("a worker");
     let link = worker.link();
-    while link.subscribe().borrow().is_none() {
+    while link.sets().latest().is_none() {
         let _ = worker.step();
     }
     kernel.world().gone_until_ns = u64::MAX;
@@ -20,7 +20,7 @@ fn a_dead_camera_is_stale_whatever_clock_its_stamps_were_of() {
     while began.elapsed() < Duration::from_secs(4) {
         let _ = worker.step();
     }
-    let set = link.subscribe().borrow().clone().expect("a set");
+    let set = link.sets().latest().expect("a set");
     let age = link.staleness(&set).age_ms;
     assert!(age > 1500, "gone for 4 s, {age} ms old: /healthz says ok");
 }

@@ -30,20 +30,20 @@ fn a_camera_that_comes_after_the_probe_is_waited_for() {
     assert_eq!(source.calibration().layout.width(), 640, "as it is asked for");
     let mut worker = Worker::try_new(Box::new(source), "test".into(), Config::default()).expect("a worker");
     let link = worker.link();
-    while link.failure().is_none() {
+    while link.status().failure().is_none() {
         let _ = worker.step();
     }
-    assert_eq!(link.failure(), Some(missing), "clients are told");
-    assert!(link.subscribe().borrow().is_none(), "no lights of a camera that is not there");
+    assert_eq!(link.status().failure(), Some(missing), "clients are told");
+    assert!(link.sets().latest().is_none(), "no lights of a camera that is not there");
 
     kernel.world().gone_until_ns = 0;
     let began = Instant::now();
-    while link.subscribe().borrow().is_none() {
+    while link.sets().latest().is_none() {
         let _ = worker.step();
-        assert!(began.elapsed() < Duration::from_secs(30), "it comes up: {:?}", link.failure());
+        assert!(began.elapsed() < Duration::from_secs(30), "it comes up: {:?}", link.status().failure());
     }
-    assert_eq!(link.failure(), None, "bursts");
-    let set = link.subscribe().borrow().clone().expect("a set");
+    assert_eq!(link.status().failure(), None, "bursts");
+    let set = link.sets().latest().expect("a set");
     assert!(set.scalar_flux[1] > 0.0 && !set.lights.is_empty(), "light: {set:?}");
 }
 

@@ -32,7 +32,7 @@ mod source;
 mod tree;
 mod weights;
 
-use super::{Map, Request, Sampler, SamplerKind};
+use super::{FilterTimer, Map, Request, Sampler, SamplerKind};
 use crate::buffer::{self, Buffer, TooSmall};
 use crate::healpix::{Domain, Order};
 use crate::light::{Decomposition, Light};
@@ -143,7 +143,7 @@ where
     }
 
     /// Makes the lights of one frame; returns their estimated error.
-    fn decompose(&mut self, map: &PyramidView<'_>, request: &Request) -> f32 {
+    fn decompose(&mut self, map: &PyramidView<'_>, request: &Request, timer: &mut FilterTimer<'_>) -> f32 {
         if self.workspace.borrow_mut().cut.seen(map) {
             self.reset();
         }
@@ -168,17 +168,13 @@ where
         self.place(map, request, count, self.ceiling.0);
         let ([lights, old], [tracks, old_tracks]) = (&mut self.lights, &mut self.tracks);
         let old = (&old.as_ref()[..previous], &old_tracks.as_ref()[..previous]);
-        let regions = filter::follow(
-            &mut lights.as_mut()[..self.count],
-            &mut tracks.as_mut()[..self.count],
-            self.tree.leaves(),
-            old,
-        );
+        let (lights, tracks) = (&mut lights.as_mut()[..self.count], &mut tracks.as_mut()[..self.count]);
+        let regions = timer.measure(|| filter::follow(lights, tracks, self.tree.leaves(), old));
         self.weigh(map, request);
         let quiet = regions == filter::Regions::Same && !moving;
         let (lights, tracks) =
             (&mut self.lights[0].as_mut()[..self.count], &mut self.tracks[0].as_mut()[..self.count]);
-        filter::settle(lights, tracks, quiet);
+        timer.measure(|| filter::settle(lights, tracks, quiet));
         let nodes = Nodes::new(map, request.ambient.then_some(&self.workspace.borrow().ambient));
         keep_energy(lights, nodes.quad(0, 0).rgb());
         let anew = self.looked_at != Some(count);
@@ -312,10 +308,19 @@ where
     }
 
     fn update(&mut self, map: &Map<'_>, request: &Request) -> Decomposition<'_> {
+        self.update_timed(map, request, &mut FilterTimer::none())
+    }
+
+    fn update_timed(
+        &mut self,
+        map: &Map<'_>,
+        request: &Request,
+        timer: &mut FilterTimer<'_>,
+    ) -> Decomposition<'_> {
         let map = &map.pyramid;
         let known = self.tree.fits(map) && map.domain() == self.domain && map.total().y() > 0.0;
         let error = if known && (request.lights > 0 || request.ambient) {
-            self.decompose(map, request)
+            self.decompose(map, request, timer)
         } else {
             self.count = 0;
             f32::from(u8::from(known))

@@ -20,7 +20,7 @@ pub mod inversion;
 pub mod kalman;
 pub mod sequence;
 
-use super::{Map, Request, Sampler, SamplerKind};
+use super::{FilterTimer, Map, Request, Sampler, SamplerKind};
 use crate::buffer::{self, Buffer, TooSmall};
 use crate::color::{luminance, sound};
 use crate::light::{Decomposition, Light};
@@ -161,17 +161,12 @@ where
                 *life = 0;
                 continue;
             };
-            let seen = PathPoint {
-                direction: place.direction.as_vec3(),
-                colour: colour_of(map.texels[place.texel]),
-            };
-            let is = self.filter.follow(slot, *life == 0, seen);
             // Solid angle that the light represents, 1 / (n pdf), as a cap.
             let cap = 1.0 / (points as f64 * place.pdf_sa);
             self.lights.as_mut()[count] = Light {
                 id: id(lower, i),
-                direction: is.direction,
-                irradiance: is.colour,
+                direction: place.direction.as_vec3(),
+                irradiance: colour_of(map.texels[place.texel]),
                 radius_deg: libm::acos((1.0 - cap / TAU).clamp(-1.0, 1.0)).to_degrees() as f32,
                 age: *life,
                 parent: None,
@@ -181,11 +176,27 @@ where
         }
         count - first
     }
+
+    /// Replaces the directions and colours of the first `count` lights by filtered ones.
+    fn smooth(&mut self, count: usize) {
+        let capacity = self.capacity();
+        for light in &mut self.lights.as_mut()[..count] {
+            let seen = PathPoint { direction: light.direction, colour: light.irradiance };
+            let is = self.filter.follow(slot_of(light.id, capacity), light.age == 0, seen);
+            (light.direction, light.irradiance) = (is.direction, is.colour);
+        }
+    }
 }
 
 /// The id of the light of `point`: ids of the lower hemisphere follow those of the upper.
 fn id(lower: bool, point: usize) -> u32 {
     (point + 1 + if lower { MAX_LIGHTS } else { 0 }) as u32
+}
+
+/// The slot of the filter of the light `id`, with `capacity` slots for each hemisphere: the inverse of [`id`].
+fn slot_of(id: u32, capacity: usize) -> usize {
+    let point = (id as usize).saturating_sub(1);
+    if point < MAX_LIGHTS { point } else { point - MAX_LIGHTS + capacity }
 }
 
 /// Colour of a texel, scaled to luminance 1.
@@ -237,6 +248,15 @@ where
     }
 
     fn update(&mut self, map: &Map<'_>, request: &Request) -> Decomposition<'_> {
+        self.update_timed(map, request, &mut FilterTimer::none())
+    }
+
+    fn update_timed(
+        &mut self,
+        map: &Map<'_>,
+        request: &Request,
+        timer: &mut FilterTimer<'_>,
+    ) -> Decomposition<'_> {
         let map = &map.polar;
         let energy = self.inversion.build(map);
         let luminous = energy[0] + energy[1];
@@ -247,9 +267,11 @@ where
         let abrupt = self.detector.is_abrupt(map, luminous);
         self.shares = divide(request.lights.min(self.capacity()), energy, self.shares);
         self.filter.begin(abrupt);
-        let total = self.filter.total(total_of(map));
+        let total = total_of(map);
+        let total = timer.measure(|| self.filter.total(total));
         let upper = self.sample(map, false, 0);
         let count = upper + self.sample(map, true, upper);
+        timer.measure(|| self.smooth(count));
         let lights = &mut self.lights.as_mut()[..count];
         colour::share(lights, total);
         Decomposition::of_lights(lights)

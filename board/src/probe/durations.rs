@@ -1,0 +1,49 @@
+//! Durations of the stages, shared between the processing thread and the server.
+
+use super::lock;
+use crate::timing::{Budgets, Timings};
+use hemilux_core::wire::{Latency, Overrun};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::Instant;
+
+/// The durations of all stages since the start, and of the last encoding.
+#[derive(Debug)]
+pub struct DurationLog {
+    timings: Mutex<Timings>,
+    encode_us: AtomicU32,
+}
+
+impl DurationLog {
+    pub(super) fn new(budgets: Budgets) -> Self {
+        Self { timings: Mutex::new(Timings::new(budgets)), encode_us: AtomicU32::new(0) }
+    }
+
+    /// The durations of each stage since the start, and the numbers of frames over the budgets.
+    #[must_use]
+    pub fn timings(&self) -> Timings {
+        lock(&self.timings).clone()
+    }
+
+    /// Stores the duration of an encoding in microseconds; the next frame's [`Latency`] reports it.
+    pub fn set_encode_us(&self, us: u32) {
+        self.encode_us.store(us, Ordering::Relaxed);
+    }
+
+    pub(super) fn encode_us(&self) -> u32 {
+        self.encode_us.load(Ordering::Relaxed)
+    }
+
+    pub(super) fn start_frame(&self, now: Instant) {
+        lock(&self.timings).start_frame(now);
+    }
+
+    /// Adds the durations of a frame; returns the stages that exceeded their budgets.
+    pub(super) fn add(&self, latency: &Latency) -> Overrun {
+        lock(&self.timings).add(latency)
+    }
+
+    pub(super) fn set_budgets(&self, budgets: Budgets) {
+        lock(&self.timings).set_budgets(budgets);
+    }
+}

@@ -1,0 +1,133 @@
+//! The channel of the settings: requests of clients to the processing thread, and its answers.
+
+use super::{Change, Config, Refusal, lock};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+use tokio::sync::watch;
+
+/// The configuration in effect, and the number of the last change that was processed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Applied {
+    /// Number of the last request that was processed.
+    pub serial: u64,
+    /// The configuration in effect.
+    pub config: Config,
+    /// The reason for which that request was refused; `None` if it was accepted.
+    pub refused: Option<Refusal>,
+}
+
+/// A requested configuration.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Requested {
+    pub(super) config: Config,
+    /// Number of the request, ascending.
+    pub(super) serial: u64,
+}
+
+/// The exposures of the source.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Exposures {
+    /// Exposure times in effect, seconds, ascending.
+    pub seconds: Vec<f64>,
+    /// The reason for which they cannot be changed; `None` if they can.
+    pub fixed: Option<&'static str>,
+}
+
+/// The requested configuration and the one in effect: changes that arrive between two frames are applied together.
+#[derive(Debug)]
+pub struct SettingsChannel {
+    wanted: Mutex<Requested>,
+    waiting: AtomicBool,
+    applied: watch::Sender<Applied>,
+    exposures: Mutex<Exposures>,
+}
+
+impl SettingsChannel {
+    pub(super) fn new(config: Config, exposures: Exposures) -> Self {
+        let applied = watch::Sender::new(Applied { serial: 0, config: config.clone(), refused: None });
+        Self {
+            wanted: Mutex::new(Requested { config, serial: 0 }),
+            waiting: AtomicBool::new(false),
+            applied,
+            exposures: Mutex::new(exposures),
+        }
+    }
+
+    /// A receiver of the settings in effect.
+    #[must_use]
+    pub fn applied(&self) -> watch::Receiver<Applied> {
+        self.applied.subscribe()
+    }
+
+    /// The exposures of the source.
+    #[must_use]
+    pub fn exposures(&self) -> Exposures {
+        lock(&self.exposures).clone()
+    }
+
+    pub(super) fn set_exposures(&self, exposures: Exposures) {
+        *lock(&self.exposures) = exposures;
+    }
+
+    /// Requests a change of the settings; returns the number of the [`Applied`] that answers it. A change is checked here, so that an
+    /// invalid one does not make the thread refuse a valid change of another client.
+    ///
+    /// # Errors
+    /// [`Refusal`] for values out of range; nothing changes then.
+    pub fn change(&self, change: &Change) -> Result<u64, Refusal> {
+        let mut wanted = lock(&self.wanted);
+        let mut config = wanted.config.clone();
+        change.apply(&mut config);
+        config.check()?;
+        wanted.config = config;
+        wanted.serial += 1;
+        self.waiting.store(true, Ordering::Release);
+        Ok(wanted.serial)
+    }
+
+    /// The newest request that the processing thread has not taken yet.
+    pub(super) fn take(&self) -> Option<Requested> {
+        if !self.waiting.swap(false, Ordering::Acquire) {
+            return None;
+        }
+        let wanted = lock(&self.wanted);
+        Some(wanted.clone())
+    }
+
+    /// Answers the request number `serial`: `in_effect` is the configuration from now on.
+    pub(super) fn answer(&self, serial: u64, in_effect: Config, refused: Option<Refusal>) {
+        let mut wanted = lock(&self.wanted);
+        if refused.is_some() && wanted.serial == serial {
+            wanted.config = in_effect.clone();
+        }
+        self.applied.send_replace(Applied { serial, config: in_effect, refused });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::probe::settings::wish_of;
+    use serde_json::Value;
+
+    #[test]
+    fn requests_accumulate_and_a_refusal_discards_them() {
+        let channel = SettingsChannel::new(Config::default(), Exposures::default());
+        assert_eq!(channel.take(), None, "no request");
+        let change = |name, value: Value| {
+            let object = [(String::from(name), value)].into_iter().collect();
+            wish_of(&object).expect("a value within the range")
+        };
+        let post = |change| channel.change(&change).expect("a valid request");
+        post(change("lights", 20.into()));
+        assert!(channel.change(&change("lights", 0.into())).is_err(), "out of range");
+        let serial = post(change("gui", true.into()));
+        let Requested { serial: taken, config } = channel.take().expect("a request");
+        assert_eq!((taken, config.pipeline.lights, config.gui), (serial, 20, true), "both");
+        assert_eq!(channel.take(), None, "taken once");
+        channel.answer(serial, Config::default(), Some(Refusal { setting: "lights", why: "no".into() }));
+        post(change("gui", true.into()));
+        let Requested { config, .. } = channel.take().expect("a request");
+        assert_eq!((config.pipeline.lights, config.gui), (64, true), "the refused request is discarded");
+    }
+}
