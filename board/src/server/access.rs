@@ -5,7 +5,7 @@
 //! A browser sends cookies and Basic passwords by itself, so requests that a page of another site caused are refused in any case.
 
 use super::attempts::Attempts;
-use super::connection::ClientKey;
+use super::client_key::ClientKey;
 use super::origin::{Cause, Sender};
 use super::proxy::Scheme;
 use super::token::Token;

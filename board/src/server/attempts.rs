@@ -1,6 +1,6 @@
 //! Slows the guessing of the token, per client.
 
-use super::connection::ClientKey;
+use super::client_key::ClientKey;
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};

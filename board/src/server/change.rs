@@ -29,7 +29,8 @@ pub(super) async fn change(
 ) -> Response {
     let Ok(Query(pairs)) = query else { return refused("a query that cannot be read") };
     if pairs.is_empty() {
-        return pages::change_form(&context.link.settings().applied().borrow().config).into_response();
+        return pages::change_form(&context.link.settings().applied().borrow().config, &accepted())
+            .into_response();
     }
     match sender.cause(&context.admission.origins) {
         _ if access::is_bearer(&sender.headers) => apply(&context, &sender, &pairs).await,
@@ -109,7 +110,7 @@ fn refused(found: &str) -> Response {
 }
 
 /// Parameters and their values, one a line.
-pub(super) fn accepted() -> String {
+fn accepted() -> String {
     let line = |setting: &crate::probe::settings::Setting| match setting.kind {
         Kind::Choice(words) => format!("{}={}", setting.parameter, words.join("|")),
         Kind::Whole(least, most) if setting.name == "lights" => {

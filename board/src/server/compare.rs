@@ -2,7 +2,8 @@
 //! and one second sampler runs at a time for all clients.
 
 use super::access::Allowed;
-use super::lights::{Answer, LONGEST_WAIT, no_frame_yet};
+use super::answer::{Answer, LONGEST_WAIT};
+use super::lights::no_frame_yet;
 use super::sets::thin;
 use super::{Context, line};
 use crate::judge::{Judge, Lit, Score};

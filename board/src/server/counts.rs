@@ -1,6 +1,6 @@
 //! What the server counts, and the log of what it refused: each reason once a minute at most, with the number since.
 
-use super::routes::{ROUTES, index_of};
+use super::paths::{PATHS, index_of};
 use std::array;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::{Duration, Instant};
@@ -35,7 +35,7 @@ const QUIET_MS: u64 = 60_000;
 pub(super) struct Counts {
     began: Instant,
     /// By route (the last for none) and status class.
-    pub(super) requests: [[AtomicU64; CLASSES]; ROUTES.len() + 1],
+    pub(super) requests: [[AtomicU64; CLASSES]; PATHS.len() + 1],
     refused: [Refused; REASONS.len()],
     /// Connections that are there now.
     pub(super) open: AtomicU64,
@@ -76,7 +76,7 @@ impl Default for Counts {
 impl Counts {
     /// Counts an answer to a request for `path`.
     pub(super) fn answered(&self, path: &str, status: u16) {
-        let route = index_of(path).unwrap_or(ROUTES.len());
+        let route = index_of(path).unwrap_or(PATHS.len());
         let class = usize::from(status / 100).clamp(1, CLASSES) - 1;
         self.requests[route][class].fetch_add(1, Relaxed);
     }

@@ -2,8 +2,10 @@
 //! delays no other client; the next set that it gets is the newest.
 
 use super::access;
+use super::answer::LONGEST_WAIT;
 use super::connection::{ConnectionGuard, Enlarged, stopped};
-use super::lights::{Format, LONGEST_WAIT, event_id, since_ready, wait_for_tier};
+use super::format::{Format, event_id};
+use super::lights::{since_ready, wait_for_tier};
 use super::origin::{Cause, Sender};
 use super::query::{Variant, Wanted, wanted};
 use super::sets::Missing;

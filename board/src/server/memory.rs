@@ -15,7 +15,13 @@ const SMALL: usize = 2 << 20;
 const LIMITS: [usize; 2] = [6 << 20, 10 << 20];
 
 /// Bytes of answers up to which another one is made whatever its length: as many as caches keep while no client is served.
-const IDLE: usize = super::sets::KEPT_BYTES + super::picture_cache::KEPT_BYTES;
+const IDLE: usize = KEPT_SET_BYTES + KEPT_PICTURE_BYTES;
+
+/// Largest number of bytes of encoded light sets that are kept while no client is being sent them.
+pub(super) const KEPT_SET_BYTES: usize = 4 << 20;
+
+/// Largest picture that is kept, bytes; larger ones are shared only while they are being sent.
+pub(super) const KEPT_PICTURE_BYTES: usize = 1 << 20;
 
 /// Length of the longest answer, bytes.
 pub(super) const LONGEST: usize = 12 << 20;

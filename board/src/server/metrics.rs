@@ -5,7 +5,7 @@
 
 use super::Context;
 use super::counts::{CLASSES, Counts, DELIVERY_US};
-use super::routes::ROUTES;
+use super::paths::PATHS;
 use crate::light_set::OwnedSet;
 use crate::timing::Timings;
 use axum::extract::State;
@@ -120,7 +120,7 @@ fn connections(text: &mut String, counts: &Counts) {
 
 fn requests(text: &mut String, counts: &Counts) {
     head(text, "requests_total", "counter", "Requests answered, by path and class of status.");
-    let paths = ROUTES.iter().copied().chain(["other"]);
+    let paths = PATHS.iter().copied().chain(["other"]);
     for (path, classes) in paths.zip(&counts.requests) {
         for (class, count) in (1..=CLASSES).zip(classes) {
             let count = count.load(Relaxed);

@@ -4,9 +4,11 @@
 //! for the next finished frame; slow clients delay no other client. `openapi.json` documents every request.
 
 mod access;
+mod answer;
 mod attempts;
 mod change;
 mod client;
+mod client_key;
 mod compare;
 mod config;
 mod connection;
@@ -14,14 +16,17 @@ mod counts;
 mod develop;
 mod encoder;
 mod events;
+mod format;
 mod headers;
 mod hosts;
+mod identify;
 mod lights;
 mod memory;
 mod metrics;
 mod origin;
 mod page;
 mod pages;
+mod paths;
 mod picture_cache;
 mod pictures;
 mod proxy;
@@ -30,6 +35,7 @@ mod routes;
 mod screenshot;
 mod sets;
 mod sphere;
+mod status;
 mod token;
 mod xr;
 

@@ -1,20 +1,16 @@
-//! The HTML pages, and `/v1/status` with what they show. Whatever comes from outside the program is escaped.
+//! The HTML pages. Whatever comes from outside the program is escaped.
 
-use super::origin::Sender;
-use super::{Context, change, config};
+use super::Context;
 use crate::light_set::OwnedSet;
 use crate::probe::{Config, EXTRAPOLATIONS, extrapolation_name};
 use crate::samplers::MAX_LIGHTS;
 use crate::timing::Timings;
 use axum::extract::State;
-use axum::http::StatusCode;
 use axum::http::header::CACHE_CONTROL;
 use axum::response::{Html, IntoResponse, Response};
 use hemilux_core::SamplerKind;
 use hemilux_core::wire::Latency;
-use serde_json::json;
 use std::fmt::Write;
-use std::sync::atomic::Ordering::Relaxed;
 
 const STYLE: &str = "<style>:root{color-scheme:light dark}body{font:16px/1.5 system-ui,sans-serif;max-width:44rem;\
 margin:2rem auto;padding:0 1rem}td,th{text-align:left;padding:.1rem 1rem .1rem 0;vertical-align:top}\
@@ -44,45 +40,6 @@ pub(super) async fn info(State(context): State<Context>) -> Response {
     let times = latest.map_or_else(String::new, |set| times(&set.latency, &timings));
     let body = format!("{}{times}<p><a href=\"/change\">Change the settings</a></p>", table(&rows));
     ([(CACHE_CONTROL, "no-store")], page("info", &body)).into_response()
-}
-
-/// The same for programs.
-pub(super) async fn status(State(context): State<Context>, sender: Sender) -> Response {
-    let link = &context.link;
-    let latest = link.sets().latest();
-    let timings = link.durations().timings();
-    let frame = latest.as_ref().map(|set| {
-        let names = Latency::NAMES.iter().map(ToString::to_string);
-        let latency: serde_json::Map<_, _> = names.zip(set.latency.all().map(Into::into)).collect();
-        json!({
-            "frame": set.frame, "age_ms": link.staleness(set).age_ms, "rate_hz": timings.rate_hz(), "lights": set.lights.len(),
-            "sampler": set.sampler, "clipped": set.clipped, "unseen": set.unseen, "estimated_error": set.estimated_error,
-            "latency_us": latency, "overrun": set.overrun.names().collect::<Vec<_>>(),
-        })
-    });
-    let stages = Latency::NAMES.iter().zip(timings.stages()).map(|(name, s)| {
-        json!({"stage": name, "budget_us": s.budget, "overruns": s.overruns,
-            "p50_us": s.p50, "p95_us": s.p95, "p99_us": s.p99, "max_us": s.most})
-    });
-    let (tiers, most_tiers) = link.tiers().in_use();
-    let tiers: Vec<_> = tiers.iter().map(|t| json!({"lights": t.lights, "ambient": t.ambient})).collect();
-    let document = json!({
-        "tiers": {"most": most_tiers, "in_use": tiers},
-        "version": env!("CARGO_PKG_VERSION"),
-        "run": link.run(),
-        "source": link.source(),
-        "fault": link.status().failure(),
-        "uptime_s": link.started().elapsed().as_secs_f64(),
-        "connections": context.counts.open.load(Relaxed),
-        "streams": context.counts.streams.load(Relaxed),
-        "changes": link.settings().applied().borrow().serial,
-        "needs_token": matches!(context.admission.access, super::Access::Token { .. }),
-        "allowed": context.admission.access.admit(&sender.headers, sender.client.key(), &context.admission.attempts).is_ok(),
-        "last": frame,
-        "frames": timings.frames(),
-        "stages": stages.collect::<Vec<_>>(),
-    });
-    config::answer(StatusCode::OK, &document)
 }
 
 type Row = (&'static str, String);
@@ -125,15 +82,14 @@ fn times(last: &Latency, timings: &Timings) -> String {
     html + "</table><p>Capture has waiting in it, encode is the frame before's, total runs from the end of the burst.</p>"
 }
 
-/// The list of requests and the form.
-pub(super) fn change_form(config: &Config) -> Html<String> {
+/// The form of the settings, and `accepted`: the parameters and their values, one per line.
+pub(super) fn change_form(config: &Config, accepted: &str) -> Html<String> {
     let s = &config.pipeline;
     let samplers = options(SamplerKind::NAMES, s.sampler.name());
     let extrapolations =
         options(EXTRAPOLATIONS.iter().map(|(name, _)| *name), extrapolation_name(s.extrapolation));
     let gui = options(["on", "off"], on_off(config.gui));
-    let requests: String =
-        change::accepted().lines().map(|l| format!("<li><code>/change?{l}</code></li>")).collect();
+    let requests: String = accepted.lines().map(|l| format!("<li><code>/change?{l}</code></li>")).collect();
     let body = format!(
         "<form action=\"/change\" method=\"post\">\
          <label>Algorithm <select name=\"algorithm\">{samplers}</select></label>\

@@ -2,7 +2,7 @@
 //! requests that came before its burst.
 
 use super::encoder::Encoder;
-use super::memory::{AnswerMemory, Kept, Reserved, body};
+use super::memory::{AnswerMemory, KEPT_PICTURE_BYTES, Kept, Reserved, body};
 use crate::clock;
 use axum::body::Bytes;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -17,9 +17,6 @@ const NICE: i32 = 10;
 
 /// Length of most pictures, bytes.
 const USUAL_BYTES: usize = 1 << 20;
-
-/// Largest picture that is kept, bytes; larger ones are shared only while they are being sent.
-pub(super) const KEPT_BYTES: usize = 1 << 20;
 
 /// The contents of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -161,7 +158,7 @@ impl PictureCache {
         reserved: Reserved,
     ) -> Picture {
         let Rendered { bytes, frame, shot } = rendered;
-        let is_small = bytes.len() <= KEPT_BYTES;
+        let is_small = bytes.len() <= KEPT_PICTURE_BYTES;
         let held = reserved.hold(bytes);
         let mut kept = Kept::new(&held);
         if !is_small {

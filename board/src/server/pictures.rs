@@ -2,7 +2,8 @@
 
 use super::access::Allowed;
 use super::develop;
-use super::lights::{LONGEST_WAIT, no_frame_yet, too_much};
+use super::answer::LONGEST_WAIT;
+use super::lights::{no_frame_yet, too_much};
 use super::picture_cache::{NoPicture, Picture, PictureKind, Rendered, Shot, View};
 use super::{Context, line};
 use crate::calibration::{Calibration, Frame};

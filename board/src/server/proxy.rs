@@ -1,14 +1,9 @@
 //! Trusted proxies: what they say of the clients whose requests they forward. Nothing of it is believed from other addresses.
 
-use super::connection::{ClientKey, ConnectionGuard};
-use super::{Context, line};
-use axum::extract::{Request, State};
+use super::client_key::ClientKey;
 use axum::http::header::FORWARDED;
-use axum::http::{HeaderMap, HeaderName, StatusCode};
-use axum::middleware::Next;
-use axum::response::Response;
+use axum::http::{HeaderMap, HeaderName};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
-use std::sync::Arc;
 
 /// The header with the addresses that a request has come from, each proxy appending its predecessor's.
 const X_FORWARDED_FOR: HeaderName = HeaderName::from_static("x-forwarded-for");
@@ -71,7 +66,7 @@ impl Proxies {
     ///
     /// # Errors
     /// What is wrong with the headers of a trusted proxy.
-    fn client(&self, peer: IpAddr, headers: &HeaderMap) -> Result<Client, &'static str> {
+    pub(super) fn client(&self, peer: IpAddr, headers: &HeaderMap) -> Result<Client, &'static str> {
         if !self.contains(peer) {
             return Ok(Client { address: peer, scheme: Scheme::Http });
         }
@@ -141,26 +136,6 @@ fn forwarded(headers: &HeaderMap) -> Option<Forwarding> {
         found.addresses.push(from);
     }
     Some(found)
-}
-
-/// Finds out the client of a request and counts the connection under it.
-pub(super) async fn identify(State(context): State<Context>, mut request: Request, next: Next) -> Response {
-    let guard = request.extensions().get::<Arc<ConnectionGuard>>().cloned();
-    let client = match &guard {
-        None => Client::default(),
-        Some(guard) => match context.admission.proxies.client(guard.address, request.headers()) {
-            Ok(client) => client,
-            Err(found) => {
-                context.counts.refused("malformed");
-                return line(StatusCode::BAD_REQUEST, &format!("found {found}"));
-            }
-        },
-    };
-    if let Some(guard) = guard.filter(|guard| guard.address != client.address) {
-        guard.assign(client.key());
-    }
-    request.extensions_mut().insert(client);
-    next.run(request).await
 }
 
 #[cfg(test)]

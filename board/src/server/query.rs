@@ -1,6 +1,6 @@
 //! What a client asks for about a light set: the form, the axes, how many lights.
 
-use super::lights::Format;
+use super::format::Format;
 use crate::probe::settings::short;
 use crate::probe::tiers::Selection;
 use crate::samplers::MAX_LIGHTS;

@@ -1,8 +1,10 @@
 //! The table of requests.
 
+use super::format::Format;
+use super::paths::PATHS;
 use super::{
-    Context, access, change, client, compare, config, events, headers, lights, metrics, page, pages,
-    pictures, proxy, screenshot, sphere, xr,
+    Context, access, change, client, compare, config, events, headers, identify, lights, metrics, page,
+    pages, pictures, screenshot, sphere, status,
 };
 use axum::Router;
 use axum::extract::{MatchedPath, Request, State};
@@ -10,49 +12,11 @@ use axum::http::StatusCode;
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::Response;
 use axum::routing::{get, post};
-use lights::Format;
+
 use tower_http::limit::RequestBodyLimitLayer;
 
 /// Largest body of a request; handlers that need none leave it unread.
 const MAX_BODY_BYTES: usize = 16 << 10;
-
-/// All paths; `/openapi.json` describes the same.
-pub(super) const ROUTES: [&str; 29] = [
-    "/",
-    "/page/{name}",
-    "/info",
-    "/change",
-    "/data",
-    "/xml",
-    "/image",
-    "/capture",
-    "/screenshot",
-    "/screenshots/{name}",
-    "/login",
-    "/lights.json",
-    "/healthz",
-    "/metrics",
-    "/openapi.json",
-    "/client.js",
-    "/three.js",
-    "/v1/lights",
-    "/v1/events",
-    "/v1/socket",
-    "/v1/compare",
-    "/v1/config",
-    "/v1/status",
-    "/v1/map.png",
-    "/v1/map.exr",
-    "/v1/map.hdr",
-    "/v1/mask.png",
-    "/v1/xr",
-    "/v1/image/{index}",
-];
-
-/// The place of a path in [`ROUTES`].
-pub(super) fn index_of(path: &str) -> Option<usize> {
-    ROUTES.iter().position(|route| *route == path)
-}
 
 /// All routes, with the checks before them.
 pub(super) fn router(context: Context) -> Router {
@@ -80,12 +44,12 @@ pub(super) fn router(context: Context) -> Router {
         .route("/v1/socket", get(events::socket).head(not_allowed))
         .route("/v1/compare", get(compare::compare).head(not_allowed))
         .route("/v1/config", get(config::show).patch(config::change))
-        .route("/v1/status", get(pages::status))
+        .route("/v1/status", get(status::status))
         .route("/v1/map.png", get(pictures::map_png).head(not_allowed))
         .route("/v1/map.exr", get(pictures::map_exr).head(not_allowed))
         .route("/v1/map.hdr", get(sphere::map_hdr).head(not_allowed))
         .route("/v1/mask.png", get(sphere::mask_png).head(not_allowed))
-        .route("/v1/xr", get(xr::xr))
+        .route("/v1/xr", get(lights::estimate))
         .route("/v1/image/{index}", get(pictures::image_at).head(not_allowed));
     paths
         .fallback(not_found)
@@ -93,7 +57,7 @@ pub(super) fn router(context: Context) -> Router {
         .layer(RequestBodyLimitLayer::new(MAX_BODY_BYTES))
         .layer(headers::cors(&context.admission.origins))
         .layer(from_fn_with_state(context.clone(), headers::finish))
-        .layer(from_fn_with_state(context.clone(), proxy::identify))
+        .layer(from_fn_with_state(context.clone(), identify::identify))
         .layer(from_fn_with_state(context.clone(), count))
         .with_state(context)
 }
@@ -107,7 +71,7 @@ async fn count(State(context): State<Context>, request: Request, next: Next) -> 
 }
 
 async fn not_found() -> Response {
-    super::line(StatusCode::NOT_FOUND, &format!("no such request; there are: {}", ROUTES.join(" ")))
+    super::line(StatusCode::NOT_FOUND, &format!("no such request; there are: {}", PATHS.join(" ")))
 }
 
 async fn not_allowed() -> Response {

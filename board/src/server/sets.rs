@@ -1,8 +1,9 @@
 //! The encoded forms of the newest light set: each is made once per frame, for all requests with equal parameters.
 
+use super::answer::Answer;
 use super::encoder::Encoder;
-use super::lights::{Answer, Format};
-use super::memory::{AnswerMemory, Held, Kept, LONGEST, body};
+use super::format::Format;
+use super::memory::{AnswerMemory, Held, KEPT_SET_BYTES, Kept, LONGEST, body};
 use super::query::Variant;
 use crate::light_set::OwnedSet;
 use crate::probe::Link;
@@ -28,9 +29,6 @@ const NICE: i32 = 10;
 
 /// Largest number of variants whose bytes are kept; beyond it the least recently requested variant is dropped.
 const VARIANTS: usize = 64;
-
-/// Most bytes that are kept while no client is being sent them.
-pub(super) const KEPT_BYTES: usize = 4 << 20;
 
 /// The encoded bytes of the newest set for each variant, most recently requested first.
 pub(super) struct EncodedSets {
@@ -155,13 +153,13 @@ impl EncodedSets {
         Ready { bytes: body(held), is_stale: answer.stale.is_some(), set: answer.set }
     }
 
-    /// Keeps no more than [`KEPT_BYTES`] of sets that no client is being sent: those of the variants requested last.
+    /// Keeps no more than [`KEPT_SET_BYTES`] of sets that no client is being sent: those of the variants requested last.
     fn release_old(&self) {
         let mut kept = 0;
         for (_, entry) in lock(&self.variants).iter() {
             let mut encoded = lock(&entry.encoded);
             kept += encoded.kept.len();
-            if kept > KEPT_BYTES {
+            if kept > KEPT_SET_BYTES {
                 kept -= encoded.kept.len();
                 encoded.kept.release();
             }

@@ -1,11 +1,12 @@
 //! Accepts connections and serves HTTP on each.
 
 use super::activity::{Activity, Answering};
-use super::limiter::{ClientKey, ConnectionLimiter, Permit};
+use super::limiter::{ConnectionLimiter, Permit};
 use super::stream::ClientStream;
 use super::tcp::{self, Enlarged, Queues};
 use super::{Limits, stopped};
 use crate::server::App;
+use crate::server::client_key::ClientKey;
 use crate::server::counts::Counts;
 use crate::server::proxy::Proxies;
 use axum::Router;

@@ -1,25 +1,11 @@
 //! Limits the number of connections, in total and per client. At a limit, a new connection displaces the one that has shown least.
 
 use super::activity::{Activity, Rank};
+use crate::server::client_key::ClientKey;
 use std::cmp::Reverse;
 use std::collections::HashMap;
-use std::net::{IpAddr, Ipv6Addr};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
-
-/// The key that a client's connections are counted under: its address, or for IPv6 its /64 network, which one customer usually has
-/// alone.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(in crate::server) struct ClientKey(IpAddr);
-
-impl ClientKey {
-    pub(in crate::server) fn of(ip: IpAddr) -> Self {
-        Self(match ip.to_canonical() {
-            IpAddr::V6(ip) if !ip.is_loopback() => Ipv6Addr::from(u128::from(ip) & (u128::MAX << 64)).into(),
-            ip => ip,
-        })
-    }
-}
 
 /// Grants permits for connections up to a total and a number per client.
 #[derive(Debug)]

@@ -7,7 +7,7 @@ mod stream;
 mod tcp;
 
 pub(super) use acceptor::ConnectionGuard;
-pub(super) use limiter::{ClientKey, ConnectionLimiter};
+pub(super) use limiter::ConnectionLimiter;
 pub(super) use tcp::Enlarged;
 
 use super::App;

@@ -3,7 +3,7 @@
 use super::security::locked;
 use super::*;
 use crate::server::client::OPENAPI;
-use crate::server::routes::ROUTES;
+use crate::server::paths::PATHS;
 use std::collections::BTreeSet;
 
 const METHODS: [&str; 5] = ["GET", "POST", "PATCH", "PUT", "DELETE"];
@@ -33,10 +33,10 @@ async fn every_route_is_described_with_its_methods_and_no_other_is() {
     let document = document();
     let described: BTreeSet<_> =
         document["paths"].as_object().expect("paths").keys().map(String::as_str).collect();
-    assert_eq!(described, ROUTES.into_iter().collect(), "paths");
+    assert_eq!(described, PATHS.into_iter().collect(), "paths");
     let probe = probe(usize::MAX);
     let app = routes(&probe);
-    for path in ROUTES {
+    for path in PATHS {
         for method in METHODS {
             let is_described = document["paths"][path].get(method.to_lowercase()).is_some();
             let request = Request::builder().method(method).uri(filled(path)).header("host", "localhost");
@@ -60,7 +60,7 @@ async fn what_is_described_as_protected_is() {
     let probe = probe(usize::MAX);
     let app = locked(&probe);
     let mut protected = 0;
-    for path in ROUTES {
+    for path in PATHS {
         for (method, operation) in document["paths"][path].as_object().expect("operations") {
             let request = Request::builder().method(method.to_uppercase().as_str()).uri(filled(path));
             let request = request.header("host", "localhost").body(Body::empty()).expect("a request");

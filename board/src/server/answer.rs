@@ -1,0 +1,37 @@
+//! The light set that answers a request, with its age.
+
+use crate::light_set::OwnedSet;
+use crate::probe::Link;
+use crate::probe::tiers::{Selection, Served};
+use hemilux_core::wire::Stale;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Longest wait for the next frame, below the two seconds after which clients repeat a request.
+pub(super) const LONGEST_WAIT: Duration = Duration::from_millis(1500);
+
+/// A set to answer with.
+#[derive(Clone, Debug)]
+pub(super) struct Answer {
+    pub(super) set: Arc<OwnedSet>,
+    pub(super) stale: Option<Stale<String>>,
+}
+
+impl Answer {
+    /// `set` with its present age: stale when older than [`LONGEST_WAIT`], or when `is_late`.
+    pub(super) fn of(link: &Link, set: Arc<OwnedSet>, is_late: bool) -> Self {
+        let age = link.staleness(&set);
+        let stale = (is_late || u128::from(age.age_ms) > LONGEST_WAIT.as_millis()).then_some(age);
+        Self { set, stale }
+    }
+
+    /// The newest set of `selection`, if there is a set; the probe's own one where that of the selection is not made yet.
+    pub(super) fn newest(link: &Link, selection: Selection, is_late: bool) -> Option<Self> {
+        let own = link.sets().latest()?;
+        let set = match link.tiers().request(selection) {
+            Served::Set(set) => set,
+            Served::Own | Served::NotYet(_) => own,
+        };
+        Some(Self::of(link, set, is_late))
+    }
+}

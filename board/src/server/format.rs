@@ -1,0 +1,114 @@
+//! The encoded forms of a light set.
+
+use super::memory::LONGEST;
+use super::xr;
+use crate::export::{Form, encode};
+use axum::http::HeaderValue;
+use hemilux_core::wire;
+
+/// Number of bytes that an answer usually has beside its lights.
+const HEAD_BYTES: usize = 4096;
+
+/// The file name by which USD refers to the map: that of `/v1/map.exr`, when both are saved in one folder.
+const MAP: &str = "./map.exr";
+
+/// A form of the light set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum Format {
+    Json,
+    Text,
+    Xml,
+    Binary,
+    /// JSON as a server-sent event.
+    Event,
+    /// The values of a WebXR light estimate.
+    Estimate,
+    /// A file of another program, of [`Form::Csv`] and the scenes.
+    File(Form),
+}
+
+impl Format {
+    /// What `format=` accepts.
+    pub(super) const NAMED: [(&str, Self); 9] = [
+        ("json", Self::Json),
+        ("text", Self::Text),
+        ("xml", Self::Xml),
+        ("binary", Self::Binary),
+        ("csv", Self::File(Form::Csv)),
+        ("glb", Self::File(Form::Glb)),
+        ("usda", Self::File(Form::Usda)),
+        ("rad", Self::File(Form::Radiance)),
+        ("mitsuba", Self::File(Form::Mitsuba)),
+    ];
+
+    pub(super) fn from_name(name: &str) -> Option<Self> {
+        Self::NAMED.iter().find(|(n, _)| *n == name).map(|(_, format)| *format)
+    }
+
+    /// Whether the form holds ambient light beside lights.
+    pub(super) fn has_ambient(self) -> bool {
+        matches!(self, Self::Json | Self::Binary | Self::Event | Self::Estimate)
+    }
+
+    /// Number of bytes that a light usually does not exceed.
+    const fn bytes_per_light(self) -> usize {
+        match self {
+            Self::Binary => 40,
+            Self::Text | Self::File(Form::Csv) => 110,
+            Self::Xml => 130,
+            Self::Json | Self::Event | Self::File(Form::Radiance) => 180,
+            Self::File(Form::Mitsuba) => 310,
+            Self::Estimate => 0,
+            Self::File(_) => 450,
+        }
+    }
+
+    /// Number of bytes that a set of `lights` lights usually does not exceed.
+    pub(super) const fn expected_length(self, lights: usize) -> usize {
+        HEAD_BYTES + self.bytes_per_light() * lights
+    }
+
+    /// Largest number of lights of an answer.
+    pub(super) fn most_lights(self) -> usize {
+        (LONGEST - HEAD_BYTES).checked_div(self.bytes_per_light()).unwrap_or(usize::MAX)
+    }
+
+    pub(super) fn content_type(self) -> HeaderValue {
+        HeaderValue::from_static(match self {
+            Self::Json | Self::Estimate => "application/json",
+            Self::Text => "text/plain; charset=utf-8",
+            Self::Xml => "application/xml",
+            Self::Binary => "application/vnd.hemilux.lights",
+            Self::Event => "text/event-stream",
+            Self::File(form) => form.media_type(),
+        })
+    }
+
+    /// Writes `set` into a buffer with room for `room` bytes; `None` only for a programming error, since writing to memory does not fail.
+    pub(super) fn encode(self, set: &wire::LightSet<'_>, room: usize) -> Option<Vec<u8>> {
+        let mut bytes = Vec::with_capacity(room);
+        let written = match self {
+            Self::Json => wire::json(set, &mut bytes),
+            Self::Text => wire::text(set, &mut bytes),
+            Self::Xml => wire::xml(set, &mut bytes),
+            Self::Binary => wire::binary(set, &mut bytes),
+            Self::Event => {
+                bytes.extend_from_slice(format!("id: {}\ndata: ", event_id(set.run, set.frame)).as_bytes());
+                let written = wire::json(set, &mut bytes);
+                bytes.extend_from_slice(b"\n\n");
+                written
+            }
+            Self::File(form) => return encode(form, set, Some(MAP), &mut bytes).ok().map(|()| bytes),
+            Self::Estimate => {
+                bytes.extend_from_slice(xr::document(set).as_bytes());
+                Ok(())
+            }
+        };
+        written.ok().map(|()| bytes)
+    }
+}
+
+/// The id of an event, which a client sends back as Last-Event-ID when it reconnects.
+pub(super) fn event_id(run: &str, frame: u64) -> String {
+    format!("{run}-{frame}")
+}

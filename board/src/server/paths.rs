@@ -1,0 +1,39 @@
+//! The paths of all requests.
+
+/// All paths; `/openapi.json` describes the same.
+pub(super) const PATHS: [&str; 29] = [
+    "/",
+    "/page/{name}",
+    "/info",
+    "/change",
+    "/data",
+    "/xml",
+    "/image",
+    "/capture",
+    "/screenshot",
+    "/screenshots/{name}",
+    "/login",
+    "/lights.json",
+    "/healthz",
+    "/metrics",
+    "/openapi.json",
+    "/client.js",
+    "/three.js",
+    "/v1/lights",
+    "/v1/events",
+    "/v1/socket",
+    "/v1/compare",
+    "/v1/config",
+    "/v1/status",
+    "/v1/map.png",
+    "/v1/map.exr",
+    "/v1/map.hdr",
+    "/v1/mask.png",
+    "/v1/xr",
+    "/v1/image/{index}",
+];
+
+/// The index of a path in [`PATHS`].
+pub(super) fn index_of(path: &str) -> Option<usize> {
+    PATHS.iter().position(|route| *route == path)
+}

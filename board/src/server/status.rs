@@ -1,0 +1,50 @@
+//! `/v1/status`: rates, durations and counters of the probe as JSON.
+
+use super::access::Access;
+use super::origin::Sender;
+use super::{Context, config};
+use axum::extract::State;
+use axum::http::StatusCode;
+use axum::response::Response;
+use hemilux_core::wire::Latency;
+use serde_json::json;
+use std::sync::atomic::Ordering::Relaxed;
+
+/// The state of the source, of the newest frame, of the stages and of the connections.
+pub(super) async fn status(State(context): State<Context>, sender: Sender) -> Response {
+    let link = &context.link;
+    let latest = link.sets().latest();
+    let timings = link.durations().timings();
+    let frame = latest.as_ref().map(|set| {
+        let names = Latency::NAMES.iter().map(ToString::to_string);
+        let latency: serde_json::Map<_, _> = names.zip(set.latency.all().map(Into::into)).collect();
+        json!({
+            "frame": set.frame, "age_ms": link.staleness(set).age_ms, "rate_hz": timings.rate_hz(), "lights": set.lights.len(),
+            "sampler": set.sampler, "clipped": set.clipped, "unseen": set.unseen, "estimated_error": set.estimated_error,
+            "latency_us": latency, "overrun": set.overrun.names().collect::<Vec<_>>(),
+        })
+    });
+    let stages = Latency::NAMES.iter().zip(timings.stages()).map(|(name, s)| {
+        json!({"stage": name, "budget_us": s.budget, "overruns": s.overruns,
+            "p50_us": s.p50, "p95_us": s.p95, "p99_us": s.p99, "max_us": s.most})
+    });
+    let (tiers, most_tiers) = link.tiers().in_use();
+    let tiers: Vec<_> = tiers.iter().map(|t| json!({"lights": t.lights, "ambient": t.ambient})).collect();
+    let document = json!({
+        "tiers": {"most": most_tiers, "in_use": tiers},
+        "version": env!("CARGO_PKG_VERSION"),
+        "run": link.run(),
+        "source": link.source(),
+        "fault": link.status().failure(),
+        "uptime_s": link.started().elapsed().as_secs_f64(),
+        "connections": context.counts.open.load(Relaxed),
+        "streams": context.counts.streams.load(Relaxed),
+        "changes": link.settings().applied().borrow().serial,
+        "needs_token": matches!(context.admission.access, Access::Token { .. }),
+        "allowed": context.admission.access.admit(&sender.headers, sender.client.key(), &context.admission.attempts).is_ok(),
+        "last": frame,
+        "frames": timings.frames(),
+        "stages": stages.collect::<Vec<_>>(),
+    });
+    config::answer(StatusCode::OK, &document)
+}
