@@ -6,11 +6,8 @@ from collections import defaultdict
 
 from source import blanked, is_test, line, test_modules
 
-# Crates in which modules are checked at every level; in the others only those at the crate root.
-NESTED = {"core"}
-
-# Nested modules whose children still import each other, as (folder of the crate, module).
-PERMITTED = {("core", "sampler::adaptive")}
+# Modules whose children still import each other, as (folder of the crate, module).
+PERMITTED = {("board", "calibrate")}
 
 USE = re.compile(r"\b(pub(?:\([^)]*\))?\s+)?use\s+([^;]+);")
 TEST_FILE = re.compile(r"#\[cfg\((?:test|all\(test[^\n]*)\)\]\s*(?:#\[[^\n]*\]\s*)*(?:pub\S*\s+)?mod\s+(\w+)\s*;")
@@ -140,7 +137,7 @@ def imports(root, paths):
     for source, files in sorted(crates.items()):
         for parent, found in sorted(Crate(root, source, files).edges().items()):
             crate = str(source.parent)
-            if parent and (crate not in NESTED or (crate, "::".join(parent)) in PERMITTED):
+            if (crate, "::".join(parent)) in PERMITTED:
                 continue
             told = set()
             for module in sorted(found):

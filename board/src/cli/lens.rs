@@ -1,7 +1,7 @@
 //! `hemilux lens`: lens files for hemilux and other programs.
 
 use super::{Failure, say};
-use crate::recorded::foreign::{Target, convert};
+use crate::recorded::{Target, convert};
 use clap::{Args, Subcommand, ValueEnum};
 use std::path::PathBuf;
 

@@ -1,6 +1,8 @@
 //! Lens files: lens, response and levels of a camera.
 
 use super::RecordedError;
+#[cfg(feature = "foreign-lenses")]
+use super::foreign::{self, ForeignLens};
 use super::manifest::{LensTable, ResponseTable, SensorTable, check_version, parse, read_text};
 use hemilux_core::Levels;
 use hemilux_core::Response;
@@ -47,6 +49,21 @@ pub struct LensFile {
 }
 
 impl LensFile {
+    /// The file of `lens` for images of `size`, with a linear response and without tables.
+    #[cfg(feature = "foreign-lenses")]
+    fn of_lens(lens: Lens, size: [u32; 2]) -> Self {
+        Self {
+            lens,
+            size,
+            response: Response::Linear,
+            levels: None,
+            lens_table: toml::Table::new(),
+            response_table: None,
+            calibration_table: None,
+            notes: Vec::new(),
+        }
+    }
+
     /// The response, where the file has a `[response]` table.
     #[must_use]
     pub fn told_response(&self) -> Option<Response> {
@@ -79,7 +96,9 @@ pub fn read_lens(path: &Path) -> Result<LensFile, RecordedError> {
 pub fn parse_lens(path: &Path, text: &str) -> Result<LensFile, RecordedError> {
     #[cfg(feature = "foreign-lenses")]
     if !is_ours(text) {
-        return super::foreign::read(path, text);
+        let ForeignLens { lens, size, notes } = foreign::read(path, text)?;
+        let lens_table = foreign::table(&lens, size);
+        return Ok(LensFile { lens_table, notes, ..LensFile::of_lens(lens, size) });
     }
     let file: LensManifest = parse(path, text)?;
     check_version(path, file.version)?;

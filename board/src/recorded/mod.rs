@@ -4,7 +4,9 @@
 
 mod consistency;
 #[cfg(feature = "foreign-lenses")]
-pub mod foreign;
+mod convert;
+#[cfg(feature = "foreign-lenses")]
+mod foreign;
 mod images;
 mod jpeg;
 mod lens;
@@ -17,6 +19,8 @@ use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
 pub use consistency::{LeftOut, leave_out};
+#[cfg(feature = "foreign-lenses")]
+pub use convert::{Converted, Target, convert};
 pub use hemilux_core::Levels;
 #[cfg(feature = "v4l2")]
 pub(crate) use jpeg::is_whole as is_whole_jpeg;

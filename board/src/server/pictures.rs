@@ -1,8 +1,8 @@
 //! Pictures: the burst's exposures, a fresh shot and the map. They are rendered on request, one at a time, once per frame for all clients.
 
 use super::access::Allowed;
-use super::develop;
 use super::answer::LONGEST_WAIT;
+use super::develop;
 use super::lights::{no_frame_yet, too_much};
 use super::picture_cache::{NoPicture, Picture, PictureKind, Rendered, Shot, View};
 use super::{Context, line};

@@ -1,5 +1,6 @@
 //! `hemilux-sim import`: bracketed photographs to a recorded burst, by what their EXIF data states.
 
+mod function;
 mod photo;
 mod profile;
 mod transfer;

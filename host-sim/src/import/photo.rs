@@ -1,6 +1,7 @@
 //! What one photograph states about its exposure.
 
-use super::transfer::{self, Transfer};
+use super::function::Transfer;
+use super::transfer;
 use crate::error::SimError;
 use exif::{Exif, In, Tag, Value};
 use std::io::BufReader;

@@ -1,6 +1,6 @@
 //! The colour space of an ICC profile: its transfer function, if its primaries are those of Rec. 709.
 
-use super::transfer::Transfer;
+use super::function::Transfer;
 use moxcms::{ColorProfile, DataColorSpace, ProfileText, ToneReprCurve, Xyzd};
 
 /// Colorants of Rec. 709 adapted to D50, as sRGB profiles hold them: XYZ of red, green and blue.

@@ -4,6 +4,7 @@
 //! profile. Other primaries and transfer functions are refused. A PNG that states nothing holds sRGB with 8 bits and linear samples
 //! with 16; a JPEG that states nothing holds sRGB. PGM and PPM are linear, as raw converters write them.
 
+use super::function::Transfer;
 use super::profile;
 use crate::error::SimError;
 use image::{ImageDecoder, ImageReader};
@@ -12,22 +13,6 @@ use std::path::Path;
 
 /// Most bytes of a PNG file up to its pixels that are searched for statements.
 const MAX_HEADER: u64 = 1 << 20;
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Transfer {
-    Linear,
-    Srgb,
-}
-
-impl Transfer {
-    /// The model of a `[response]` table.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Linear => "linear",
-            Self::Srgb => "srgb",
-        }
-    }
-}
 
 pub(super) const EXPECTED: &str = "linear or sRGB samples with the primaries of Rec. 709 (convert the photographs to sRGB, or --ignore-profile)";
 

@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-use super::probes::Probe;
+use super::receiver::Receiver;
 use super::vector::dot;
 
 /// Quadrature points of a disc that an occluding cone hides in part.
@@ -72,7 +72,7 @@ impl Disc {
 
     /// Mean over the disc of max(0, n . d) V(d).
     #[must_use]
-    pub fn weight(&self, probe: &Probe) -> f64 {
+    pub fn weight(&self, probe: &Receiver) -> f64 {
         let cos = dot(probe.normal, self.centre);
         if cos <= -self.radius.sin() {
             return 0.0;
@@ -101,7 +101,7 @@ fn tangents(d: [f64; 3]) -> [[f64; 3]; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::metrics::probes::{fib, open, shadowed};
+    use crate::metrics::receiver::{fib, open, shadowed};
 
     #[test]
     fn the_closed_form_is_the_integral() {

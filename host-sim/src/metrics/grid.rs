@@ -3,7 +3,7 @@
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::OnceLock;
 
-use super::probes::AmbientResponse;
+use super::irradiance::AmbientResponse;
 use super::{Domain, luminance};
 use crate::env::EnvMap;
 

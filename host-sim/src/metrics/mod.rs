@@ -1,7 +1,7 @@
 //! Scores of light sets as `host-sim/METRICS.md` defines them: the one implementation for charts, stress report and comparisons.
 //!
 //! Everything is f64, all scores are dimensionless ratios and lower is better. Texels are those of
-//! [`Grid`], probes those of [`probes`]; [`Reference`] holds the irradiance of the probes under a map and scores a
+//! [`Grid`], receivers those of [`receiver`]; [`Reference`] holds the irradiance of the receivers under a map and scores a
 //! [`LitSet`] against it; [`stability`] scores sequences.
 //!
 //! # Degenerate maps
@@ -10,7 +10,8 @@
 
 mod disc;
 pub mod grid;
-pub mod probes;
+mod irradiance;
+pub mod receiver;
 mod reference;
 pub mod sh;
 pub mod stability;

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-use super::probes::{OPEN_SET, ProbeSet, SHADOWED_SET};
+use super::irradiance::{OPEN_SET, ReceiverSet, SHADOWED_SET};
 use super::{Domain, Grid, LitSet, Reading, holds, luminance, relative, rms};
 use crate::env::EnvMap;
 
@@ -156,7 +156,7 @@ impl Reference {
         &'a self,
         set: &LitSet,
         reading: Reading,
-        probes: &ProbeSet,
+        probes: &ReceiverSet,
         ambient: impl Fn(&'a Grid) -> &'a [[f64; 9]],
     ) -> Vec<f64> {
         let mut sums = match reading {

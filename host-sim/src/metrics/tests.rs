@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-use super::probes::{OPEN, SHADOWED, fib, open, shadowed};
+use super::receiver::{OPEN, SHADOWED, fib, open, shadowed};
 use super::stability::*;
 use super::vector::{angle_deg, dot, norm, unit};
 use super::*;

@@ -16,7 +16,7 @@ use crate::decompose;
 use crate::env::EnvMap;
 use crate::error::SimError;
 use crate::maps::Maps;
-use crate::metrics::probes::fib;
+use crate::metrics::receiver::fib;
 use crate::metrics::{Domain, Grid, LitSet, luminance, sh};
 use crate::output;
 use crate::progress;

@@ -2,7 +2,7 @@
 
 use crate::contender::Run;
 use crate::metrics::stability::{self as stability, ScoredFrame, Spread};
-use crate::metrics::{LitSet, Reading, Reference, probes};
+use crate::metrics::{LitSet, Reading, Reference, receiver};
 use crate::scenario::Scenario;
 use serde::Serialize;
 
@@ -199,6 +199,6 @@ fn in_shadow(scenario: &Scenario, reference: &Reference) -> Vec<usize> {
     let sources: Vec<_> = scenario.sources.iter().filter_map(|s| s.first()).collect();
     let near = |d: &[f64; 3]| sources.iter().any(|source| source.distance_deg(*d) <= texel_deg);
     let lit: Vec<[f64; 3]> = reference.grid().directions().filter(near).collect();
-    let blind = |k: &usize| lit.iter().all(|&d| probes::shadowed(*k).weight(d) == 0.0);
-    (0..probes::SHADOWED).filter(blind).collect()
+    let blind = |k: &usize| lit.iter().all(|&d| receiver::shadowed(*k).weight(d) == 0.0);
+    (0..receiver::SHADOWED).filter(blind).collect()
 }

@@ -6,7 +6,6 @@
 //! `MAX_ANGLE_DEG` off axis.
 
 mod colmap;
-mod convert;
 mod fit;
 mod keys;
 mod model;
@@ -15,12 +14,11 @@ mod ocam;
 mod tests;
 mod tree;
 
-pub use convert::{Target, convert};
-
-use super::{LensFile, RecordedError};
-use hemilux_core::Response;
+use super::RecordedError;
+use hemilux_core::lens::Lens;
 use model::Camera;
 use std::path::Path;
+use toml::{Table, Value};
 
 /// Largest angle off axis of a lens whose file states none: a probe that looks up needs the hemisphere.
 const MAX_ANGLE_DEG: f64 = 90.0;
@@ -34,12 +32,23 @@ fn refuse<T>(found: impl Into<String>, expected: impl Into<String>) -> Result<T,
     Err((found.into(), expected.into()))
 }
 
+/// The contents of a lens file of another program.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct ForeignLens {
+    /// The lens.
+    pub(super) lens: Lens,
+    /// Image columns and rows.
+    pub(super) size: [u32; 2],
+    /// Statements about the file: fitted and assumed values.
+    pub(super) notes: Vec<String>,
+}
+
 /// Reads a lens file in the format of another program.
-pub(super) fn read(path: &Path, text: &str) -> Result<LensFile, RecordedError> {
+pub(super) fn read(path: &Path, text: &str) -> Result<ForeignLens, RecordedError> {
     parse(text).map_err(|(found, expected)| RecordedError::new(path, found, expected))
 }
 
-pub(super) fn parse(text: &str) -> Result<LensFile, Refusal> {
+fn parse(text: &str) -> Result<ForeignLens, Refusal> {
     let mut notes = Vec::new();
     let camera = camera(text, &mut notes)?;
     let fitted = fit::lens(&camera)?;
@@ -51,16 +60,27 @@ pub(super) fn parse(text: &str) -> Result<LensFile, Refusal> {
     }
     let degrees = fitted.lens.intrinsics().max_theta.to_degrees();
     notes.push(format!("the file states no field of view: {degrees:.2} degrees off axis are taken"));
-    Ok(LensFile {
-        lens: fitted.lens,
-        size: camera.size,
-        response: Response::Linear,
-        levels: None,
-        lens_table: convert::table(&fitted.lens, camera.size),
-        response_table: None,
-        calibration_table: None,
-        notes,
-    })
+    Ok(ForeignLens { lens: fitted.lens, size: camera.size, notes })
+}
+
+/// The `[lens]` table of `lens`, for images of `size` columns and rows.
+pub(super) fn table(lens: &Lens, size: [u32; 2]) -> Table {
+    let p = lens.intrinsics();
+    let list = |v: &[f64]| Value::from(v.to_vec());
+    let k = p.model.coefficients();
+    let mut table = Table::new();
+    table.insert("model".into(), p.model.name().into());
+    table.insert("size".into(), size.map(i64::from).to_vec().into());
+    table.insert("centre".into(), list(&p.centre_px.to_array()));
+    table.insert("focal".into(), list(&p.focal_px.to_array()));
+    if p.skew_px != 0.0 {
+        table.insert("skew".into(), p.skew_px.into());
+    }
+    if !k.is_empty() {
+        table.insert("k".into(), list(k));
+    }
+    table.insert("max_angle_deg".into(), p.max_theta.to_degrees().into());
+    table
 }
 
 /// The camera that a text describes, by the kind of the text.

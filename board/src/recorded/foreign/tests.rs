@@ -1,9 +1,9 @@
 //! Lens files against pixels computed by other programs: OpenCV 5.0 (`cv2.fisheye.projectPoints`, `cv2.projectPoints`), and the
 //! published formulas in NumPy for the models that OpenCV does not have.
 
-use super::{Refusal, parse};
-use crate::recorded::LensFile;
+use super::{ForeignLens, Refusal, parse};
 use glam::{DVec2, DVec3};
+use hemilux_core::lens::Lens;
 
 /// A pixel that another program computed for a direction.
 struct Pixel {
@@ -16,24 +16,25 @@ const fn pixel(theta_deg: f64, phi_deg: f64, x: f64, y: f64) -> Pixel {
     Pixel { theta_deg, phi_deg, at: [x, y] }
 }
 
-fn parsed(text: &str) -> LensFile {
-    parse(text).unwrap_or_else(|(found, expected)| panic!("{text}: found {found}, expected {expected}"))
+fn parsed(text: &str) -> ForeignLens {
+    let file =
+        parse(text).unwrap_or_else(|(found, expected)| panic!("{text}: found {found}, expected {expected}"));
+    assert_eq!(file.size, [640, 480], "{text}");
+    file
 }
 
 fn refused(text: &str) -> Refusal {
     parse(text).expect_err(text)
 }
 
-fn assert_pixels(name: &str, file: &LensFile, pixels: &[Pixel], tolerance_px: f64) {
+fn assert_pixels(name: &str, lens: &Lens, pixels: &[Pixel], tolerance_px: f64) {
     for p in pixels {
         let (theta, phi) = (p.theta_deg.to_radians(), p.phi_deg.to_radians());
         let d = DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos());
-        let found =
-            file.lens.project(d).unwrap_or_else(|| panic!("{name}: {} degrees are not seen", p.theta_deg));
+        let found = lens.project(d).unwrap_or_else(|| panic!("{name}: {} degrees are not seen", p.theta_deg));
         let off = found.distance(DVec2::from_array(p.at));
         assert!(off < tolerance_px, "{name}: {} {}: {found}, expected {:?}", p.theta_deg, p.phi_deg, p.at);
     }
-    assert_eq!(file.size, [640, 480], "{name}");
 }
 
 const FISHEYE: [Pixel; 4] = [
@@ -73,7 +74,7 @@ fn one_fisheye_is_the_same_lens_in_every_program() {
         ("XML", XML),
     ] {
         let file = parsed(text);
-        assert_pixels(name, &file, &FISHEYE, 1e-3);
+        assert_pixels(name, &file.lens, &FISHEYE, 1e-3);
         assert!(file.notes.iter().all(|n| !n.contains("fitted")), "{name}: {:?}", file.notes);
         assert!(file.notes.iter().any(|n| n.contains("field of view")), "{name}: {:?}", file.notes);
     }
@@ -141,7 +142,7 @@ fn other_models_are_fitted_and_tell_their_deviation() {
     ];
     for (name, text, pixels) in cases {
         let file = parsed(&text);
-        assert_pixels(name, &file, &pixels, 0.5);
+        assert_pixels(name, &file.lens, &pixels, 0.5);
         let note = file.notes.iter().find(|n| n.contains("fitted")).expect(name);
         let degrees: f64 =
             note.split("at most ").nth(1).and_then(|t| t.split(' ').next()).expect(note).parse().expect(note);
@@ -166,7 +167,7 @@ fn pinholes_keep_two_radial_terms_and_fit_others() {
     ];
     let fitted = parsed(&ros("plumb_bob", "-0.28, 0.07, 0.0002, -0.0003, 0.001"));
     // The tangential terms, up to 0.6 pixels here, are what the fit gives up.
-    assert_pixels("plumb_bob", &fitted, &pixels, 0.8);
+    assert_pixels("plumb_bob", &fitted.lens, &pixels, 0.8);
     assert!(fitted.notes.iter().any(|n| n.contains("off by at most 0.")), "{:?}", fitted.notes);
     let rational = parsed(&ros("rational_polynomial", "-0.28, 0.07, 0, 0, 0.001, 0.01, 0.0, 0.0"));
     assert!(rational.notes.iter().any(|n| n.contains("fitted")), "{:?}", rational.notes);
@@ -176,7 +177,7 @@ fn pinholes_keep_two_radial_terms_and_fit_others() {
 fn several_cameras_are_told() {
     let second = KALIBR.replace("cam0", "cam1").replace("190.97", "250.0");
     let file = parsed(&format!("{KALIBR}{second}"));
-    assert_pixels("the first", &file, &FISHEYE, 1e-3);
+    assert_pixels("the first", &file.lens, &FISHEYE, 1e-3);
     assert!(file.notes.iter().any(|n| n.contains("cam0, cam1")), "{:?}", file.notes);
 }
 
@@ -213,7 +214,7 @@ fn files_that_are_no_lens_are_refused_by_name() {
 
 #[test]
 fn converted_files_come_back_as_the_same_lens() {
-    use super::{Target, convert};
+    use crate::recorded::{Target, convert};
     let folder = tempfile::tempdir().expect("a folder");
     let from = folder.path().join("from.yml");
     std::fs::write(&from, OPENCV).expect("a file");
@@ -221,7 +222,8 @@ fn converted_files_come_back_as_the_same_lens() {
         let to = folder.path().join(format!("{target:?}"));
         std::fs::write(&to, convert(&from, target).expect("converted").text).expect("a file");
         let back = crate::recorded::read_lens(&to).expect("a lens file");
-        assert_pixels(&format!("{target:?}"), &back, &FISHEYE, 1e-3);
+        assert_eq!(back.size, [640, 480], "{target:?}");
+        assert_pixels(&format!("{target:?}"), &back.lens, &FISHEYE, 1e-3);
     }
     let pinhole = folder.path().join("pinhole.toml");
     let lens = "[lens]\nmodel = \"radial\"\nsize = [640, 480]\ncentre = [319.5, 239.5]\nfocal = [460.0, 458.0]\nk = [-0.1, 0.01]\nmax_angle_deg = 30.0\n";

@@ -9,9 +9,8 @@
 
 use super::FITTED;
 use super::kernel::{MeanVector, Vectors, kernel};
-use super::nodes::Nodes;
+use super::nodes::{Leaf, Nodes};
 use super::source::{SOURCES, Source, Sources};
-use super::tree::Leaf;
 use super::weights::Fit;
 use crate::color::luminance;
 use crate::light::Light;

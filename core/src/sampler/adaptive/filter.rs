@@ -6,7 +6,7 @@
 //! its square as the gain, and the jump threshold, are new here. Energies are smoothed as shares of the whole, so that a change of the
 //! whole is no step, and only while nothing moves: the energies of neighbours change together, and one that lags behind is seen.
 
-use super::tree::Leaf;
+use super::nodes::Leaf;
 use crate::color::luminance;
 use crate::light::Light;
 use glam::Vec3;

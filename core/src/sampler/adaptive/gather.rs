@@ -1,9 +1,8 @@
 //! Lloyd steps for up to eight lights: each light takes the energy of the quads nearest to it and moves to their centroid.
 
 use super::GATHERED;
-use super::nodes::Nodes;
-use super::source::pieces;
-use super::tree::Leaf;
+use super::nodes::{Leaf, Nodes};
+use super::source::{nearest, pieces};
 use crate::light::Light;
 use crate::pyramid::Quad;
 
@@ -26,17 +25,4 @@ pub(super) fn gather(nodes: &Nodes<'_>, leaves: &[Leaf], lights: &mut [Light]) {
             light.irradiance = [0.0; 3];
         }
     }
-}
-
-/// The light whose direction is nearest to the quad's centroid.
-pub(super) fn nearest(lights: &[Light], quad: &Quad) -> usize {
-    let moment = quad.first_moment();
-    let mut best = (f32::NEG_INFINITY, 0);
-    for (i, light) in lights.iter().enumerate() {
-        let near = light.direction.dot(moment);
-        if near > best.0 {
-            best = (near, i);
-        }
-    }
-    best.1
 }

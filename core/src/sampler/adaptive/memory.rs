@@ -1,6 +1,6 @@
 //! The memory that [`super::Adaptive`] is lent.
 
-use super::{activity, ambient, cut, filter, receivers, source, tree, weights};
+use super::{activity, ambient, cut, filter, nodes, receivers, source, tree, weights};
 use crate::healpix::{Domain, Order};
 use crate::light::Light;
 use crate::sizes::BufferSize;
@@ -84,7 +84,7 @@ impl Sizes {
     pub const fn buffers(&self) -> [BufferSize; 5] {
         [
             BufferSize::of::<u8>("sampler: bits", self.interior.saturating_mul(2)),
-            BufferSize::of::<tree::Leaf>("sampler: heap", self.lights),
+            BufferSize::of::<nodes::Leaf>("sampler: heap", self.lights),
             BufferSize::of::<Light>("sampler: lights", self.lights.saturating_mul(2)),
             BufferSize::of::<filter::LightFilter>("sampler: tracks", self.lights.saturating_mul(2)),
             BufferSize::of::<Workspace>("sampler: work", 1),

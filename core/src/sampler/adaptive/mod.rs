@@ -40,9 +40,10 @@ use crate::pyramid::PyramidView;
 use core::borrow::BorrowMut;
 pub use filter::LightFilter;
 pub use memory::{Memory, Sizes, Workspace};
+pub use nodes::Leaf;
 use nodes::Nodes;
 use tree::Tree;
-pub use tree::{Leaf, bits_len};
+pub use tree::bits_len;
 
 /// Most lights whose weights are fitted.
 const FITTED: usize = 64;

@@ -22,6 +22,14 @@ pub(super) const fn top(domain: Domain) -> u8 {
     }
 }
 
+/// A node that may be split.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Leaf {
+    pub(super) importance: f32,
+    pub(super) level: u8,
+    pub(super) index: u32,
+}
+
 /// The light that directional lights are to stand for: all of a map, or what exceeds its ambient light.
 #[derive(Clone, Copy)]
 pub(super) struct Nodes<'a> {

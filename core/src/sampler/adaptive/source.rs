@@ -3,9 +3,7 @@
 //! Each source is a part of a leaf, so that bright small regions and dim wide ones get equally many sources.
 
 use super::GATHERED;
-use super::gather::nearest;
-use super::nodes::Nodes;
-use super::tree::Leaf;
+use super::nodes::{Leaf, Nodes};
 use crate::light::Light;
 use crate::pyramid::Quad;
 use crate::root;
@@ -84,4 +82,17 @@ impl Sources {
 /// Radius in radians of the uniform disc whose angular variance, radius^2 / 4, is `variance`.
 fn disc(variance: f32) -> f32 {
     2.0 * root::root(variance.max(1e-12))
+}
+
+/// The light whose direction is nearest to the quad's centroid.
+pub(super) fn nearest(lights: &[Light], quad: &Quad) -> usize {
+    let moment = quad.first_moment();
+    let mut best = (f32::NEG_INFINITY, 0);
+    for (i, light) in lights.iter().enumerate() {
+        let near = light.direction.dot(moment);
+        if near > best.0 {
+            best = (near, i);
+        }
+    }
+    best.1
 }

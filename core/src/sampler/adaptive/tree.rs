@@ -4,7 +4,7 @@
 
 use super::activity::Activity;
 use super::discs;
-use super::nodes::{self, Nodes};
+use super::nodes::{self, Leaf, Nodes};
 use crate::buffer::Buffer;
 use crate::healpix::{Domain, Order};
 use crate::light::Light;
@@ -22,14 +22,6 @@ const HYSTERESIS: f32 = 1.0;
 
 /// Smallest angular variance 1 - |m|: light closer together than this counts as one direction.
 const LEAST_VARIANCE: f32 = 1e-7;
-
-/// A node that may be split.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Leaf {
-    importance: f32,
-    pub(super) level: u8,
-    pub(super) index: u32,
-}
 
 /// Bytes of the bit set that marks the interior nodes over maps of `order`.
 #[must_use]

@@ -1,7 +1,7 @@
 //! Lens files for hemilux, OpenCV and ROS.
 
-use super::super::{LensFile, RecordedError, read_lens};
-use hemilux_core::lens::{Lens, Model};
+use super::{LensFile, RecordedError, read_lens};
+use hemilux_core::lens::Model;
 use std::path::Path;
 use toml::{Table, Value};
 
@@ -50,26 +50,6 @@ pub fn convert(path: &Path, target: Target) -> Result<Converted, RecordedError> 
         }
     };
     Ok(Converted { text, notes })
-}
-
-/// The `[lens]` table of a lens.
-pub(super) fn table(lens: &Lens, size: [u32; 2]) -> Table {
-    let p = lens.intrinsics();
-    let list = |v: &[f64]| Value::from(v.to_vec());
-    let k = p.model.coefficients();
-    let mut table = Table::new();
-    table.insert("model".into(), p.model.name().into());
-    table.insert("size".into(), size.map(i64::from).to_vec().into());
-    table.insert("centre".into(), list(&p.centre_px.to_array()));
-    table.insert("focal".into(), list(&p.focal_px.to_array()));
-    if p.skew_px != 0.0 {
-        table.insert("skew".into(), p.skew_px.into());
-    }
-    if !k.is_empty() {
-        table.insert("k".into(), list(k));
-    }
-    table.insert("max_angle_deg".into(), p.max_theta.to_degrees().into());
-    table
 }
 
 fn hemilux(file: &LensFile) -> String {

@@ -1,0 +1,18 @@
+//! Transfer functions of photographs.
+
+/// A transfer function from codes to relative exposure.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Transfer {
+    Linear,
+    Srgb,
+}
+
+impl Transfer {
+    /// The model of a `[response]` table.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Linear => "linear",
+            Self::Srgb => "srgb",
+        }
+    }
+}
