@@ -21,7 +21,7 @@ use crate::timing::read_budgets;
 use clap::error::ErrorKind;
 use clap::{Args, Parser, Subcommand};
 use hemilux_core::wire::STAGES;
-use plan::Plan;
+use plan::ServePlan;
 use std::ffi::OsString;
 use std::io::{self, Write};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener};
@@ -189,13 +189,13 @@ fn say(text: &str) -> Result<(), Failure> {
 }
 
 fn serve(options: &Serve) -> Result<(), Failure> {
-    let plan = Plan::of(options)?;
+    let plan = ServePlan::of(options)?;
     let open = if options.plan { source::open } else { source::open_or_wait };
     let source = open(&plan.source).map_err(Failure::new)?;
     if options.plan {
         let settings = plan.config.pipeline;
         let pipeline = Pipeline::try_new(*source.calibration(), &source.exposures(), settings);
-        return say(&memory::Plan::of(&pipeline.map_err(Failure::new)?).to_string());
+        return say(&memory::MemoryPlan::of(&pipeline.map_err(Failure::new)?).to_string());
     }
     let access = plan.access()?;
     let limits = Limits::default().within_descriptors();
@@ -204,7 +204,7 @@ fn serve(options: &Serve) -> Result<(), Failure> {
     let Config { pipeline, .. } = &plan.config;
     let what = format!("{}, {}, {} lights", plan.source, pipeline.sampler, pipeline.lights);
     let probe = Probe::start(source, plan.source.public_name(), plan.config).map_err(Failure::new)?;
-    let Plan { hosts, origins, proxies, file, listen, .. } = plan;
+    let ServePlan { hosts, origins, proxies, file, listen, .. } = plan;
     let hosts = KnownHosts::of(listen, &hosts);
     let app = server::app(probe.link(), Options { hosts, access, origins, proxies, file });
     let failed = |e: io::Error| Failure::new(format!("the server: found {e}, expected it to start"));

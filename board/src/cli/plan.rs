@@ -4,7 +4,7 @@ use super::{Failure, Serve, address, origin};
 use crate::config_file::{ConfigFile, Kept};
 use crate::probe::settings::{SETTINGS, wish_of};
 use crate::probe::{Config, Link};
-use crate::server::{self, Access, Token};
+use crate::server::{self, Access, LoadedToken, Token};
 use crate::source::Spec;
 use std::fmt::Display;
 use std::io::{self, Write};
@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 const PORT: u16 = 8080;
 
 /// The source of the bursts, the address to listen on, the clients that are admitted, and the settings.
-pub(super) struct Plan {
+pub(super) struct ServePlan {
     pub(super) source: Spec,
     pub(super) listen: SocketAddr,
     pub(super) token_file: Option<PathBuf>,
@@ -26,11 +26,11 @@ pub(super) struct Plan {
     pub(super) file: Option<ConfigFile>,
 }
 
-impl Plan {
+impl ServePlan {
     /// The options have the last word.
     pub(super) fn of(options: &Serve) -> Result<Self, Failure> {
         let opened = options.config.as_deref().map(ConfigFile::open).transpose().map_err(Failure::new)?;
-        let (file, kept) = opened.map_or((None, Kept::default()), |(file, kept)| (Some(file), kept));
+        let (file, kept) = opened.map_or((None, Kept::default()), |opened| (Some(opened.file), opened.kept));
         let name = options.config.as_deref().unwrap_or(Path::new("")).display();
         let wrong =
             |key: &str, why: &dyn Display| Failure::new(format!("configuration file {name}: {key}: {why}"));
@@ -72,7 +72,7 @@ impl Plan {
     /// The access rules. Creates the token file if it does not exist; stderr names the file and never shows the token.
     pub(super) fn access(&self) -> Result<Access, Failure> {
         let Some(file) = &self.token_file else { return Ok(Access::Open) };
-        let (token, is_new) = Token::load_or_make(file).map_err(Failure::new)?;
+        let LoadedToken { token, is_new } = Token::load_or_make(file).map_err(Failure::new)?;
         if is_new {
             let _ = writeln!(io::stderr(), "hemilux: made a token in {}", file.display());
         }
@@ -88,7 +88,7 @@ pub(super) fn reload(options: &Serve, link: &Link) -> Result<(), Failure> {
             "found no configuration file, expected the probe to be started with --config FILE",
         ));
     }
-    let plan = Plan::of(options)?;
+    let plan = ServePlan::of(options)?;
     let values = SETTINGS.iter().map(|s| (s.name.to_owned(), s.value(&plan.config))).collect();
     let change = wish_of(&values);
     let change = change.map_err(|errors| {
