@@ -7,11 +7,13 @@ import zipfile
 
 
 def main():
-    source = pathlib.Path(__file__).parent / "hemilux"
+    here = pathlib.Path(__file__).resolve().parent
+    # The module that receives sets is that of the Python package.
+    sources = [*(here / "hemilux").iterdir(), here.parent / "python/src/hemilux/feed.py"]
     target = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else "hemilux.zip")
     try:
         with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as archive:
-            for path in sorted(source.iterdir()):
+            for path in sorted(sources, key=lambda path: path.name):
                 if path.suffix in (".py", ".toml"):
                     archive.writestr(zipfile.ZipInfo(path.name), path.read_bytes(), zipfile.ZIP_DEFLATED)
     except OSError as error:

@@ -6,7 +6,7 @@
 //   probe.addEventListener("state", ({ detail: state }) => console.log(state)); // "live", "stale" or "lost"
 //   probe.interpolated();                                                       // lights for this moment, as often as you draw
 //
-// A page of another site needs the probe to be started with --allow-origin.
+// Runs in browsers and in Node.js 20 or later. A page of another site needs the probe to be started with --allow-origin.
 
 /** First pause before connecting again, ms; each further one is twice as long, up to the longest. */
 const FIRST_PAUSE = 250, LONGEST_PAUSE = 8000;
@@ -14,17 +14,22 @@ const FIRST_PAUSE = 250, LONGEST_PAUSE = 8000;
 /** The probe repeats the last set at least every 1.5 s: silence for longer means that the connection is dead. */
 const SILENCE = 4000;
 
+/** Longest event that is read, characters. */
+const LONGEST_EVENT = 16 << 20;
+
 export class Hemilux extends EventTarget {
   /** The newest set as `/v1/lights` gives it, or null. */
   latest = null;
   /** "lost", "stale" or "live". */
   state = "lost";
+  /** Why the state is not "live", one line. */
+  reason = "no set yet";
   #previous = null;
   #arrived = 0;
   #interval = 100;
   #pause = FIRST_PAUSE;
   #url;
-  #source = null;
+  #abort = null;
   #timer = 0;
   #closed = false;
 
@@ -32,7 +37,7 @@ export class Hemilux extends EventTarget {
    * (true, false, or "own" for what the probe itself is set to). */
   constructor(base = new URL(import.meta.url).origin, options = {}) {
     super();
-    this.#url = new URL("/v1/events", base);
+    this.#url = eventsOf(base);
     for (const [name, value] of Object.entries(options)) {
       this.#url.searchParams.set(name, value === true ? "1" : value === false ? "0" : String(value));
     }
@@ -43,7 +48,7 @@ export class Hemilux extends EventTarget {
   close() {
     this.#closed = true;
     this.#drop();
-    this.#tell("lost");
+    this.#tell("lost", "closed");
   }
 
   /**
@@ -56,17 +61,23 @@ export class Hemilux extends EventTarget {
     return this.#previous ? mix(this.#previous.lights, this.latest.lights, part) : this.latest.lights;
   }
 
-  #connect() {
+  async #connect() {
     if (this.#closed) return;
-    this.#source = new EventSource(this.#url);
-    this.#source.onmessage = event => this.#take(event.data);
-    this.#source.onerror = () => this.#again();
+    const abort = this.#abort = new AbortController();
     this.#watch();
+    try {
+      const answer = await fetch(this.#url, { signal: abort.signal, cache: "no-store", headers: { Accept: "text/event-stream" } });
+      if (!answer.ok) throw new Error(`answered ${answer.status}: ${(await answer.text()).slice(0, 200)}`);
+      await readEvents(answer.body, data => this.#abort === abort && this.#take(data));
+      throw new Error("the stream ended");
+    } catch (error) {
+      if (this.#abort === abort) this.#again(reasonOf(error));
+    }
   }
 
   #take(data) {
     let set;
-    try { set = JSON.parse(data); } catch { return this.#again(); }
+    try { set = JSON.parse(data); } catch { return this.#again("an event that is no light set"); }
     const now = performance.now();
     this.#pause = FIRST_PAUSE;
     this.#watch();
@@ -78,14 +89,14 @@ export class Hemilux extends EventTarget {
       this.#arrived = now;
     }
     this.latest = set;
-    this.#tell(set.stale ? "stale" : "live");
+    this.#tell(set.stale ? "stale" : "live", set.stale?.reason ?? "");
     this.dispatchEvent(new CustomEvent("set", { detail: set }));
   }
 
-  /** The browser would connect again at a fixed pace; this backs off, and notices a connection that says nothing. */
-  #again() {
+  /** Connects again after a pause that grows with each failure. */
+  #again(reason) {
     this.#drop();
-    this.#tell("lost");
+    this.#tell("lost", `${this.#url.origin}: ${reason}`);
     if (this.#closed) return;
     this.#timer = setTimeout(() => this.#connect(), this.#pause * (0.75 + Math.random() / 2));
     this.#pause = Math.min(LONGEST_PAUSE, 2 * this.#pause);
@@ -93,20 +104,50 @@ export class Hemilux extends EventTarget {
 
   #watch() {
     clearTimeout(this.#timer);
-    this.#timer = setTimeout(() => this.#again(), SILENCE);
+    this.#timer = setTimeout(() => this.#again(`silent for ${SILENCE / 1000} s`), SILENCE);
   }
 
   #drop() {
     clearTimeout(this.#timer);
-    this.#source?.close();
-    this.#source = null;
+    const abort = this.#abort;
+    this.#abort = null;
+    abort?.abort();
   }
 
-  #tell(state) {
-    if (state === this.state) return;
+  #tell(state, reason) {
+    const isSame = state === this.state && reason === this.reason;
     this.state = state;
-    this.dispatchEvent(new CustomEvent("state", { detail: state }));
+    this.reason = reason;
+    if (!isSame) this.dispatchEvent(new CustomEvent("state", { detail: state }));
   }
+}
+
+/** The address of the stream of a probe's sets. */
+function eventsOf(base) {
+  let url;
+  try { url = new URL("/v1/events", base); } catch { url = null; }
+  if (!url || !/^https?:$/.test(url.protocol)) throw new TypeError(`probe '${base}': expected an address such as http://127.0.0.1:8080`);
+  return url;
+}
+
+/** Calls `take` with the data of each server-sent event of one line. */
+async function readEvents(body, take) {
+  const reader = body.getReader(), decoder = new TextDecoder();
+  let rest = "";
+  for (;;) {
+    const { done, value } = await reader.read();
+    if (done) return;
+    const lines = (rest + decoder.decode(value, { stream: true })).split("\n");
+    rest = lines.pop();
+    if (rest.length > LONGEST_EVENT) throw new Error("an event that is too long");
+    for (const line of lines) if (line.startsWith("data:")) take(line.slice(5));
+  }
+}
+
+/** One line; the cause of a failed fetch says more than the error. */
+function reasonOf(error) {
+  const { cause } = error;
+  return String(cause?.message || cause?.code || error.message).split("\n")[0];
 }
 
 /** The lights between two sets' (`part` 0 to 1), each on its way by its id; what is new fades in, what is gone fades out. */

@@ -14,7 +14,8 @@ class Session:
         if not feed.is_loopback(settings.address) and not bpy.app.online_access:
             raise feed.Refused("Preferences > System > Network: found Allow Online Access off, expected it on for another machine's probe")
         self.scene_name = scene.name
-        self.feed = feed.Feed(settings.address, settings.lights, world.has_ambient(settings.world), settings.token)
+        path = feed.path_of(settings.lights, world.has_ambient(settings.world), "blender")
+        self.feed = feed.Feed(settings.address, path, settings.token)
         self.run, self.frame, self.start = None, None, None
 
     def scene(self):

@@ -1,4 +1,4 @@
-"""Light sets of a probe, received by a thread. No part of Blender is used here."""
+"""Light sets of a probe, received by a thread. Needs the standard library alone; the Blender extension has a copy of this module."""
 
 import http.client
 import json
@@ -16,14 +16,14 @@ LARGEST_EVENT, LARGEST_MAP = 16 << 20, 256 << 20
 
 
 class Refused(Exception):
-    """An answer that the probe does not mend by being asked again."""
+    """An answer that does not change when the request is repeated. The text is one line."""
 
 
 def base_of(address):
     """The address without a path; `http://` where no scheme is given."""
     text = address.strip() if "://" in address else "http://" + address.strip()
-    parts = urllib.parse.urlsplit(text)
     try:
+        parts = urllib.parse.urlsplit(text)
         is_usable = parts.scheme in ("http", "https") and parts.hostname and parts.port != 0
     except ValueError:
         is_usable = False
@@ -37,17 +37,19 @@ def is_loopback(address):
     return host in ("localhost", "::1") or host.startswith("127.")
 
 
-def ask(base, path, token="", timeout=SILENCE):
-    """Opens `path` of the probe; one-line reasons where there is no answer."""
-    request = urllib.request.Request(base + path)
+def ask(base, path, token="", timeout=SILENCE, method="GET", body=None):
+    """Opens `path` of the probe. Refused or OSError with one line where there is no answer."""
+    request = urllib.request.Request(base + path, data=body, method=method)
     if token:
         request.add_header("Authorization", "Bearer " + token)
+    if body is not None:
+        request.add_header("Content-Type", "application/json")
     try:
         return urllib.request.urlopen(request, timeout=timeout)
     except urllib.error.HTTPError as error:
         text = " ".join(error.read(300).decode("utf-8", "replace").split())
-        refused = error.code in (400, 401, 403, 404)
-        raise (Refused if refused else OSError)(f"{base}: answered {error.code}: {text}") from None
+        is_final = 400 <= error.code < 500 and error.code != 429
+        raise (Refused if is_final else OSError)(f"{base}: answered {error.code}: {text}") from None
     except (OSError, http.client.HTTPException, ValueError) as error:
         raise OSError(f"{base}: no answer: {getattr(error, 'reason', error)}") from None
 
@@ -61,53 +63,82 @@ def map_bytes(address, token=""):
     return data
 
 
-def checked(found):
-    """`found` as a light set whose numbers are finite; ValueError where it is none."""
-    def numbers(values, count):
-        values = [float(v) for v in values]
-        if len(values) != count or not all(map(math.isfinite, values)):
-            raise ValueError(f"found {str(values)[:80]}, expected {count} finite numbers")
-        return values
+def numbers(values, count):
+    values = [float(v) for v in values]
+    if len(values) != count or not all(map(math.isfinite, values)):
+        raise ValueError(f"found {str(values)[:80]}, expected {count} finite numbers")
+    return values
 
+
+def checked_light(light):
+    return {
+        "id": int(light["id"]),
+        "direction": numbers(light["direction"], 3),
+        "irradiance": [max(0.0, v) for v in numbers(light["irradiance"], 3)],
+        "radius_deg": min(90.0, max(0.0, numbers([light["radius_deg"]], 1)[0])),
+        "age": int(light.get("age", 0)),
+        "parent": light.get("parent"),
+    }
+
+
+def checked(found):
+    """`found` with lights and harmonics of finite numbers; ValueError where it is no light set."""
     try:
-        lights = [
-            {
-                "id": int(light["id"]),
-                "direction": numbers(light["direction"], 3),
-                "irradiance": [max(0.0, v) for v in numbers(light["irradiance"], 3)],
-                "radius_deg": min(90.0, max(0.0, numbers([light["radius_deg"]], 1)[0])),
-            }
-            for light in found["lights"]
-        ]
         rows = found.get("ambient_sh")
         ambient = [numbers(row, 3) for row in rows] if rows is not None else None
         if ambient is not None and len(ambient) != 9:
             raise ValueError(f"found {len(ambient)} harmonics, expected 9")
+        lights = [checked_light(light) for light in found["lights"]]
         run, frame, time = str(found["run"]), int(found["frame"]), int(found["timestamp_ns"])
         stale = found["stale"] and str(found["stale"]["reason"])
     except (AttributeError, KeyError, OverflowError, TypeError) as error:
         raise ValueError(f"found no light set: {error!r}") from None
-    return {"run": run, "frame": frame, "time_ns": time, "stale": stale, "lights": lights, "ambient": ambient}
+    checked_set = {"run": run, "frame": frame, "time_ns": time, "stale": stale, "lights": lights, "ambient": ambient}
+    return {**checked_set, "raw": found}
+
+
+def path_of(lights=None, ambient=False, coordinates="probe"):
+    query = {"coordinates": coordinates, "ambient": int(ambient)}
+    if lights is not None:
+        query["lights"] = lights
+    return "/v1/events?" + urllib.parse.urlencode(query)
 
 
 class Feed:
-    """Receives sets until `close`; `take` returns the newest one once."""
+    """Receives sets until `close`. `take` returns the newest set once, `wait` waits for it. Sets that are not taken in time are replaced."""
 
-    def __init__(self, address, lights, ambient, token=""):
-        self.address, self.state = address, "connecting"
-        self._base, self._token = base_of(address), token
-        self._path = f"/v1/events?coordinates=blender&lights={lights}&ambient={int(ambient)}"
-        self._lock, self._newest, self._end = threading.Lock(), None, threading.Event()
+    def __init__(self, address, path, token="", on_change=None):
+        self.state = "connecting"
+        self._base, self._path, self._token = base_of(address), path, token
+        self._news, self._newest, self._end = threading.Condition(), None, threading.Event()
+        self._on_change = on_change or (lambda: None)
         self._thread = threading.Thread(target=self._run, name="hemilux", daemon=True)
         self._thread.start()
 
     def take(self):
-        with self._lock:
+        with self._news:
             newest, self._newest = self._newest, None
         return newest
 
+    def wait(self, timeout):
+        """The newest set; None after `timeout` seconds, and at once when the state is `refused`."""
+        with self._news:
+            self._news.wait_for(lambda: self._newest or self._end.is_set() or self.is_refused(), timeout)
+        return self.take()
+
+    def is_refused(self):
+        return self.state.startswith("refused")
+
     def close(self):
         self._end.set()
+        with self._news:
+            self._news.notify_all()
+
+    def _tell(self, state, newest=None):
+        with self._news:
+            self.state, self._newest = state, newest or self._newest
+            self._news.notify_all()
+        self._on_change()
 
     def _run(self):
         pause = FIRST_PAUSE
@@ -115,14 +146,12 @@ class Feed:
             try:
                 for found in self._sets():
                     pause = FIRST_PAUSE
-                    with self._lock:
-                        self._newest = found
-                    self.state = f"stale: {found['stale']}" if found["stale"] else "live"
-                self.state = f"lost: {self._base}: the stream ended"
+                    self._tell(f"stale: {found['stale']}" if found["stale"] else "live", found)
+                self._tell(f"lost: {self._base}: the stream ended")
             except Refused as error:
-                self.state = f"refused: {error}"
+                self._tell(f"refused: {error}")
             except (OSError, ValueError, http.client.HTTPException) as error:
-                self.state = f"lost: {error}"
+                self._tell(f"lost: {error}")
             self._end.wait(pause)
             pause = min(LONGEST_PAUSE, 2 * pause)
 

@@ -1,0 +1,5 @@
+"""python -m hemilux: the command hemilux-lights."""
+
+from .command import main
+
+main()
