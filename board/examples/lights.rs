@@ -1,17 +1,30 @@
 //! Prints a probe's lights as they come: `cargo run --example lights --features client -- [http://127.0.0.1:8080] [frames]`.
 
 use hemilux::client::{Client, ClientError, Options};
+use std::process::ExitCode;
 use std::time::Duration;
 
-fn main() -> Result<(), ClientError> {
+fn main() -> ExitCode {
+    let shown = show();
+    if let Err(error) = &shown {
+        eprintln!("lights: {error}");
+    }
+    if shown.is_ok() { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}
+
+fn show() -> Result<(), ClientError> {
     let mut arguments = std::env::args().skip(1);
     let url = arguments.next().unwrap_or_else(|| "http://127.0.0.1:8080".into());
     let frames = arguments.next().and_then(|n| n.parse().ok()).unwrap_or(usize::MAX);
     let client = Client::connect(&Options { lights: Some(4), ..Options::new(&url) })?;
-    let mut shown = 0;
+    let (mut shown, mut told) = (0, None);
     while shown < frames {
         let Some(set) = client.next(Duration::from_secs(2)) else {
-            eprintln!("{:?}", client.state());
+            let state = client.state();
+            if told.as_ref() != Some(&state) {
+                eprintln!("lights: {state:?}");
+            }
+            told = Some(state);
             continue;
         };
         println!("frame {} of run {}: {} lights", set.frame, set.run, set.lights.len());

@@ -1,8 +1,11 @@
-//! Announces the probe on the network by mDNS, as a service of type `_hemilux._tcp`.
+//! Announces the probe on the network by mDNS, as a service of type `_hemilux._tcp`, and finds others.
 
-use mdns_sd::{ServiceDaemon, ServiceInfo};
-use std::net::SocketAddr;
-use std::time::Duration;
+use crate::machine;
+use mdns_sd::{ResolvedService, ServiceDaemon, ServiceEvent, ServiceInfo};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::net::{IpAddr, SocketAddr};
+use std::time::{Duration, Instant};
 
 /// The kind of service.
 pub const SERVICE: &str = "_hemilux._tcp.local.";
@@ -27,7 +30,7 @@ pub fn announce(address: SocketAddr) -> Option<Announced> {
 }
 
 fn try_announce(address: SocketAddr) -> Result<Announced, mdns_sd::Error> {
-    let machine = hostname();
+    let machine = machine::name();
     let daemon = ServiceDaemon::new()?;
     let every = address.ip().is_unspecified();
     let ip = if every { String::new() } else { address.ip().to_string() };
@@ -41,18 +44,55 @@ fn try_announce(address: SocketAddr) -> Result<Announced, mdns_sd::Error> {
     Ok(Announced { daemon, name })
 }
 
-/// The machine's name, without its domain; `hemilux` where it has none.
-fn hostname() -> String {
-    let name = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
-    let name: String = name
-        .trim()
-        .split('.')
-        .next()
-        .unwrap_or_default()
-        .chars()
-        .filter(|c| c.is_ascii_alphanumeric() || *c == '-')
-        .collect();
-    if name.is_empty() { "hemilux".into() } else { name.chars().take(63).collect() }
+/// Largest number of probes that are listed.
+const MOST: usize = 256;
+
+/// A probe that was found on the network.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Found {
+    /// Its name.
+    pub name: String,
+    /// Its addresses, `http://HOST:PORT/`.
+    pub urls: Vec<String>,
+    /// Version of its program.
+    pub version: String,
+}
+
+/// The probes that answer within `time`, in the order of their names.
+///
+/// # Errors
+/// The error of mDNS where the machine has no network with multicast.
+pub fn browse(time: Duration) -> Result<Vec<Found>, mdns_sd::Error> {
+    let daemon = ServiceDaemon::new()?;
+    let events = daemon.browse(SERVICE)?;
+    let until = Instant::now() + time;
+    let mut found = BTreeMap::new();
+    while let Ok(event) = events.recv_timeout(until.saturating_duration_since(Instant::now())) {
+        if let ServiceEvent::ServiceResolved(service) = event
+            && found.len() < MOST
+        {
+            let probe = found_of(&service);
+            found.insert(probe.name.clone(), probe);
+        }
+    }
+    let _ = daemon.shutdown();
+    Ok(found.into_values().collect())
+}
+
+/// What an announcement says. Control characters of foreign text become spaces.
+fn found_of(service: &ResolvedService) -> Found {
+    let plain = |text: &str| text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect::<String>();
+    let usable = service.get_addresses().iter().map(|address| address.to_ip_addr());
+    let is_link_local = |ip: &IpAddr| matches!(ip, IpAddr::V6(ip) if ip.is_unicast_link_local());
+    let mut addresses: Vec<_> =
+        usable.filter(|ip| !is_link_local(ip)).map(|ip| SocketAddr::new(ip, service.get_port())).collect();
+    addresses.sort_by_key(|address| (address.ip().is_loopback(), *address));
+    let version = service.get_property_val_str("version").unwrap_or("of unknown version");
+    Found {
+        name: plain(service.get_fullname().trim_end_matches(SERVICE).trim_end_matches('.')),
+        urls: addresses.iter().map(|address| format!("http://{address}/")).collect(),
+        version: plain(version),
+    }
 }
 
 impl Drop for Announced {
@@ -67,33 +107,22 @@ impl Drop for Announced {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use mdns_sd::ServiceEvent;
-    use std::time::Instant;
 
-    /// Machines without multicast cannot try this; they say so.
+    /// Skipped with a line on machines without multicast.
     #[test]
-    fn what_is_announced_is_found() {
-        let machine = hostname();
+    fn what_is_announced_is_found_with_its_address() {
+        let machine = machine::name();
         let Some(announced) = announce(SocketAddr::from(([0, 0, 0, 0], 8123))) else {
             println!("skipped: no multicast here");
             return;
         };
-        let browser = ServiceDaemon::new().expect("a second daemon");
-        let events = browser.browse(SERVICE).expect("a browser");
-        let until = Instant::now() + Duration::from_secs(10);
-        let found =
-            std::iter::from_fn(|| events.recv_timeout(until.saturating_duration_since(Instant::now())).ok())
-                .find_map(|event| match event {
-                    ServiceEvent::ServiceResolved(info) if info.get_fullname().starts_with(&machine) => {
-                        Some(info.get_port())
-                    }
-                    _ => None,
-                });
-        let _ = browser.shutdown();
+        let found = browse(Duration::from_secs(3)).expect("a second daemon");
         drop(announced);
-        match found {
-            Some(port) => assert_eq!(port, 8123, "its port"),
-            None => println!("skipped: multicast does not come back here"),
-        }
+        let Some(probe) = found.iter().find(|probe| probe.name.starts_with(&machine)) else {
+            println!("skipped: multicast does not come back here");
+            return;
+        };
+        assert!(probe.urls.iter().any(|url| url.ends_with(":8123/")), "{probe:?}");
+        assert_eq!(probe.version, env!("CARGO_PKG_VERSION"));
     }
 }

@@ -3,25 +3,32 @@
 mod calibrate;
 #[cfg(all(feature = "v4l2", target_os = "linux"))]
 mod devices;
+#[cfg(feature = "mdns")]
+mod discover;
 mod lens;
+mod log;
 mod plan;
+mod program;
 #[cfg(all(feature = "v4l2", target_os = "linux"))]
 mod record;
 mod settings;
 
 #[cfg(feature = "mdns")]
 use crate::announce;
+use crate::machine;
 use crate::memory;
 use crate::pipeline::Pipeline;
 use crate::probe::{Config, Link, Probe};
+#[cfg(any(feature = "osc", feature = "mqtt"))]
+use crate::senders::Sender;
 use crate::server::{self, Event, KnownHosts, Limits, Options, Running, Signals};
 use crate::source::{self, Spec};
 use crate::systemd;
 use crate::timing::read_budgets;
-use clap::error::ErrorKind;
+use crate::usage::{self, Explained};
 use clap::{Args, Parser, Subcommand};
 use hemilux_core::wire::STAGES;
-use plan::ServePlan;
+use plan::Plan;
 use std::ffi::OsString;
 use std::io::{self, Write};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener};
@@ -46,12 +53,15 @@ Examples:
   curl 'http://127.0.0.1:8080/change?algorithm=pharr&samples=128'
   curl 'http://127.0.0.1:8080/v1/compare?algorithm=q2tree&lights=64'   what another sampler makes of the same frame
   hemilux --budget front=30,total=60             what takes longer is counted and told
+  hemilux --osc 192.168.1.9:8000,lights=8        each set also as OSC bundles
+  hemilux --mqtt mqtt://user:password@broker     illuminance and health for Home Assistant
+  hemilux discover                               the probes on the network
 
 Sources: v4l2:PATH, pipe:PATH, scene:room, scene:sky, scene:lamps, scene:overcast, env:PATH, replay:DIR.
 Options of env, after the path: ,view=lens (as the built-in scenes: noise and unseen directions; the default) or ,view=whole (all of the
 upper hemisphere, without noise), ,every=2 (seconds that each map of a folder stays, else 0.1).
-Exit status: 0 when stopped by SIGINT or SIGTERM, 1 after a failure, 2 for wrong usage.
-RUST_LOG=info tells more on stderr.";
+Signals: SIGHUP reads the settings of the --config file anew; SIGINT and SIGTERM end the probe.
+Exit status: 0 when stopped by SIGINT or SIGTERM, 1 after a failure, 2 for wrong usage.";
 
 /// Longest time from SIGTERM to the end of the process.
 const STOP_TIME: Duration = Duration::from_millis(950);
@@ -62,6 +72,8 @@ const STOP_TIME: Duration = Duration::from_millis(950);
 struct Cli {
     #[command(subcommand)]
     command: Option<Command>,
+    #[command(flatten)]
+    log: log::LogOptions,
     #[command(flatten)]
     serve: Serve,
 }
@@ -83,6 +95,13 @@ enum Command {
     #[cfg(all(feature = "v4l2", target_os = "linux"))]
     #[command(after_help = source::camera::HELP)]
     Record(record::Record),
+    /// List the probes on the network that were started with --announce.
+    #[cfg(feature = "mdns")]
+    Discover(discover::Discover),
+    /// Write completions for a shell to stdout.
+    Completions(program::Completions),
+    /// Write the man pages of all commands.
+    Man(program::Man),
 }
 
 #[derive(Clone, Debug, Args)]
@@ -122,6 +141,16 @@ struct Serve {
     #[cfg(feature = "mdns")]
     #[arg(long)]
     announce: bool,
+    /// Send each set as OSC bundles over UDP: HOST:PORT[,lights=N][,coordinates=NAME]; may be given more than once. board/MESSAGES.md has
+    /// the addresses.
+    #[cfg(feature = "osc")]
+    #[arg(long, value_name = "HOST:PORT")]
+    osc: Vec<crate::senders::osc::Target>,
+    /// Publish illuminance, colour temperature and health, with the discovery of Home Assistant:
+    /// mqtt://[USER:PASSWORD@]HOST[:PORT][/ID][?every=S&lux=FACTOR].
+    #[cfg(feature = "mqtt")]
+    #[arg(long, value_name = "URL")]
+    mqtt: Option<crate::senders::mqtt::Broker>,
     /// Print the sizes of the buffers and exit.
     #[arg(long)]
     plan: bool,
@@ -155,6 +184,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<(), Failure>
         Ok(cli) => cli,
         Err(error) => return explain(&error),
     };
+    cli.log.start();
     match cli.command.unwrap_or_else(|| Command::Serve(Box::new(cli.serve))) {
         Command::Serve(options) => serve(&options),
         Command::Calibrate(options) => calibrate::run(&options),
@@ -163,39 +193,51 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<(), Failure>
         Command::Devices(options) => devices::run(&options),
         #[cfg(all(feature = "v4l2", target_os = "linux"))]
         Command::Record(options) => record::run(&options),
+        #[cfg(feature = "mdns")]
+        Command::Discover(options) => discover::run(options),
+        Command::Completions(options) => program::completions(&options),
+        Command::Man(options) => program::man(&options),
     }
 }
 
 /// Help goes to stdout as it is; everything else becomes one line.
 fn explain(error: &clap::Error) -> Result<(), Failure> {
-    if matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) {
-        return say(&error.render().to_string());
+    match usage::explain(error, "hemilux") {
+        Explained::Help(text) => say(&text),
+        Explained::Refused(line) => Err(Failure::usage(line)),
     }
-    let text = error.to_string();
-    let lines =
-        text.lines().map(str::trim).take_while(|line| !line.is_empty() && !line.starts_with("Usage:"));
-    let message = lines.collect::<Vec<_>>().join(" ");
-    let message = message.strip_prefix("error: ").unwrap_or(&message);
-    Err(Failure::usage(format!("{message} (see hemilux --help)")))
+}
+
+fn say(text: &str) -> Result<(), Failure> {
+    say_bytes(text.as_bytes())
 }
 
 /// Writes to stdout; a reader that has gone is no failure of ours.
-fn say(text: &str) -> Result<(), Failure> {
+fn say_bytes(bytes: &[u8]) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
-    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+    match out.write_all(bytes).and_then(|()| out.flush()) {
         Err(e) if e.kind() != io::ErrorKind::BrokenPipe => Err(Failure::new(format!("stdout: found {e}"))),
         _ => Ok(()),
     }
 }
 
+/// Prints the addresses that a client can use, the one of this machine on the first line, which is returned.
+fn tell_addresses(bound: SocketAddr, what: &str) -> Result<String, Failure> {
+    let addresses = machine::reachable(bound);
+    let first = addresses.first().copied().unwrap_or(bound).to_string();
+    let others = addresses.iter().skip(1).map(|a| format!("hemilux: from other machines http://{a}/\n"));
+    say(&format!("hemilux: serving http://{first}/ ({what})\n{}", others.collect::<String>()))?;
+    Ok(first)
+}
+
 fn serve(options: &Serve) -> Result<(), Failure> {
-    let plan = ServePlan::of(options)?;
+    let plan = Plan::of(options)?;
     let open = if options.plan { source::open } else { source::open_or_wait };
     let source = open(&plan.source).map_err(Failure::new)?;
     if options.plan {
         let settings = plan.config.pipeline;
         let pipeline = Pipeline::try_new(*source.calibration(), &source.exposures(), settings);
-        return say(&memory::MemoryPlan::of(&pipeline.map_err(Failure::new)?).to_string());
+        return say(&memory::Plan::of(&pipeline.map_err(Failure::new)?).to_string());
     }
     let access = plan.access()?;
     let limits = Limits::default().within_descriptors();
@@ -204,22 +246,30 @@ fn serve(options: &Serve) -> Result<(), Failure> {
     let Config { pipeline, .. } = &plan.config;
     let what = format!("{}, {}, {} lights", plan.source, pipeline.sampler, pipeline.lights);
     let probe = Probe::start(source, plan.source.public_name(), plan.config).map_err(Failure::new)?;
-    let ServePlan { hosts, origins, proxies, file, listen, .. } = plan;
+    let Plan { hosts, origins, proxies, file, listen, announce, .. } = plan;
+    #[cfg(any(feature = "osc", feature = "mqtt"))]
+    let senders = plan.peers;
+    #[cfg(not(feature = "mdns"))]
+    let _ = announce;
     let hosts = KnownHosts::of(listen, &hosts);
     let app = server::app(probe.link(), Options { hosts, access, origins, proxies, file });
     let failed = |e: io::Error| Failure::new(format!("the server: found {e}, expected it to start"));
     let running = server::start(listener, app, limits).map_err(failed)?;
     let mut signals = running.signals().map_err(failed)?;
-    say(&format!("hemilux: serving http://{}/ ({what})\n", running.address()))?;
-    systemd::serving(&running.address().to_string(), &probe.link());
+    #[cfg(any(feature = "osc", feature = "mqtt"))]
+    let senders = start_senders(senders, &probe.link())?;
+    let address = tell_addresses(running.address(), &what)?;
+    systemd::serving(&address, &probe.link());
     #[cfg(feature = "mdns")]
-    let announced = options.announce.then(|| announce::announce(running.address()));
+    let announced = (options.announce || announce).then(|| announce::announce(running.address()));
     let event = wait(&running, &mut signals, &probe.link(), options);
     tracing::info!("stopping");
     systemd::stopping();
     end_in_time(if event == Event::Stop { 0 } else { 1 });
     #[cfg(feature = "mdns")]
     drop(announced);
+    #[cfg(any(feature = "osc", feature = "mqtt"))]
+    drop(senders);
     running.stop();
     let link = probe.link();
     drop(probe);
@@ -228,6 +278,22 @@ fn serve(options: &Serve) -> Result<(), Failure> {
     }
     eprintln!("{}", link.durations().timings());
     Ok(())
+}
+
+/// Starts a thread for each peer that sets are sent to.
+#[cfg(any(feature = "osc", feature = "mqtt"))]
+fn start_senders(peers: plan::Peers, link: &std::sync::Arc<Link>) -> Result<Vec<Sender>, Failure> {
+    let failed = |e: io::Error| Failure::new(format!("a sender: found {e}, expected its thread to start"));
+    let mut senders = Vec::new();
+    #[cfg(feature = "osc")]
+    for target in peers.osc {
+        senders.push(crate::senders::osc::start(target, std::sync::Arc::clone(link)).map_err(failed)?);
+    }
+    #[cfg(feature = "mqtt")]
+    if let Some(broker) = peers.mqtt {
+        senders.push(crate::senders::mqtt::start(broker, std::sync::Arc::clone(link)).map_err(failed)?);
+    }
+    Ok(senders)
 }
 
 /// Waits for the end of the program; reads the configuration file anew when told to.

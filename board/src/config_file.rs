@@ -42,6 +42,13 @@ pub struct Kept {
     /// As `--trusted-proxy`.
     #[serde(default)]
     pub trusted_proxies: Vec<String>,
+    /// As `--announce`.
+    pub announce: Option<bool>,
+    /// As `--osc`.
+    #[serde(default)]
+    pub osc: Vec<String>,
+    /// As `--mqtt`.
+    pub mqtt: Option<String>,
     /// The settings of `/v1/config`.
     #[serde(flatten)]
     pub settings: toml::Table,
@@ -64,21 +71,12 @@ pub enum ConfigFileError {
     Write(PathBuf, std::io::Error),
 }
 
-/// A configuration file and its contents.
-#[derive(Debug)]
-pub struct OpenedConfig {
-    /// The file, for saving settings.
-    pub file: ConfigFile,
-    /// The contents.
-    pub kept: Kept,
-}
-
 impl ConfigFile {
     /// Reads the file at `path`.
     ///
     /// # Errors
     /// [`ConfigFileError`].
-    pub fn open(path: &Path) -> Result<OpenedConfig, ConfigFileError> {
+    pub fn open(path: &Path) -> Result<(Self, Kept), ConfigFileError> {
         let text = read(path)?;
         let content = |why: String| ConfigFileError::Content(path.into(), why);
         let mut kept: Kept = toml::from_str(&text).map_err(|e| {
@@ -89,15 +87,16 @@ impl ConfigFile {
         })?;
         if let Some(unknown) = kept.settings.keys().find(|key| Setting::named(key).is_none()) {
             let names = Setting::names();
-            let others = "source, listen, open, token_file, hosts, allow_origins, trusted_proxies";
+            let others = "source, listen, open, token_file, hosts, allow_origins, trusted_proxies, announce, osc, mqtt";
             return Err(content(format!("found '{unknown}', expected one of {others}, {names}")));
         }
         let folder = path.parent().unwrap_or(Path::new(""));
         kept.token_file = kept.token_file.map(|file| folder.join(file));
-        Ok(OpenedConfig { file: Self { path: path.into(), writing: Arc::default() }, kept })
+        Ok((Self { path: path.into(), writing: Arc::default() }, kept))
     }
 
-    /// Writes the settings of `config` into the file, where all else stays as it is: whole or not at all.
+    /// Writes the settings of `config` that differ from the defaults into the file and removes the others; all else stays as it is. The file
+    /// is replaced whole or not at all.
     ///
     /// # Errors
     /// [`ConfigFileError`].
@@ -106,8 +105,10 @@ impl ConfigFile {
         let text = read(&self.path)?;
         let mut document: DocumentMut =
             text.parse().map_err(|e| ConfigFileError::Content(self.path.clone(), format!("found {e}")))?;
+        let usual = Config::default();
         for setting in SETTINGS {
-            match item(&setting.value(config)) {
+            let value = setting.value(config);
+            match item(&value).filter(|_| value != setting.value(&usual)) {
                 Some(value) => document[setting.name] = value,
                 None => drop(document.remove(setting.name)),
             }
@@ -174,7 +175,7 @@ mod tests {
         let path = folder.path().join("hemilux.toml");
         let text = "# The probe in the hall.\nlisten = \"127.0.0.1:0\" # any port\nlights = 12\ntoken_file = \"secret\"\n";
         fs::write(&path, text).expect("a file");
-        let OpenedConfig { file, kept } = ConfigFile::open(&path).expect("a configuration");
+        let (file, kept) = ConfigFile::open(&path).expect("a configuration");
         assert_eq!(kept.settings["lights"].as_integer(), Some(12), "read");
         assert_eq!(kept.token_file, Some(folder.path().join("secret")), "beside the file");
         let mut config = Config { gui: true, ..Config::default() };
@@ -188,7 +189,7 @@ mod tests {
                 .starts_with("# The probe in the hall.\nlisten = \"127.0.0.1:0\" # any port\nlights = 99\n"),
             "{written}"
         );
-        let again = ConfigFile::open(&path).expect("a configuration").kept;
+        let (_, again) = ConfigFile::open(&path).expect("a configuration");
         assert_eq!((again.settings["gui"].as_bool(), again.listen), (Some(true), kept.listen), "{written}");
         assert_eq!(again.settings["budget_front_ms"].as_float(), Some(12.5), "{written}");
         let json = serde_json::to_value(again.settings).expect("JSON");

@@ -55,7 +55,7 @@ struct Points {
 }
 
 /// Irradiance of each receiver from a map or a light set.
-type Irradiances = Vec<f32>;
+type Seen = Vec<f32>;
 
 /// Judges `N` sets of each frame.
 #[derive(Clone, Debug)]
@@ -64,7 +64,7 @@ pub struct Judge<const N: usize> {
     shadowed: Vec<Receiver>,
     points: Points,
     /// What the shadowed receivers got in the last frame, and its number: from the map, then from each set.
-    last: Option<(u64, Vec<Irradiances>)>,
+    last: Option<(u64, Vec<Seen>)>,
 }
 
 impl<const N: usize> Default for Judge<N> {
@@ -153,7 +153,7 @@ impl Points {
         self.energies.push(energy);
     }
 
-    fn seen_by(&self, receivers: &[Receiver]) -> Irradiances {
+    fn seen_by(&self, receivers: &[Receiver]) -> Seen {
         let [x, y, z] = &self.axes;
         let seen = |r: &Receiver| {
             let (n, a) = (r.normal, r.axis);

@@ -23,6 +23,8 @@ pub mod export;
 pub mod judge;
 #[cfg(any(feature = "server", feature = "client"))]
 pub mod light_set;
+#[cfg(feature = "server")]
+pub mod machine;
 #[cfg(feature = "maps")]
 pub mod maps;
 #[cfg(feature = "server")]
@@ -43,6 +45,8 @@ pub mod recorded;
 pub mod samplers;
 #[cfg(feature = "pipeline")]
 pub mod scene;
+#[cfg(any(feature = "osc", feature = "mqtt"))]
+pub mod senders;
 #[cfg(feature = "server")]
 pub mod server;
 #[cfg(feature = "pipeline")]
@@ -51,5 +55,7 @@ pub mod source;
 pub mod systemd;
 #[cfg(feature = "pipeline")]
 pub mod timing;
+#[cfg(feature = "command-line")]
+pub mod usage;
 #[cfg(feature = "v4l2")]
 pub mod v4l2;

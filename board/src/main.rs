@@ -1,20 +1,13 @@
 //! The probe's command.
 
-use std::io::{IsTerminal, Write};
+use std::io::Write;
 use std::panic::PanicHookInfo;
 use std::process::ExitCode;
-use tracing_subscriber::EnvFilter;
 
 fn main() -> ExitCode {
     #[cfg(target_env = "gnu")]
     return_large_blocks();
     std::panic::set_hook(Box::new(tell_panic));
-    let filter = EnvFilter::builder().with_default_directive(tracing::Level::WARN.into()).from_env_lossy();
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        .with_ansi(std::io::stderr().is_terminal())
-        .init();
     match hemilux::cli::run(std::env::args_os()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {

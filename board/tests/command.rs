@@ -104,7 +104,7 @@ fn beyond_loopback_a_token_is_made_kept_and_asked_for() {
         let (mut child, line, _stdout) =
             serving(&["--config", config.to_str().expect("a path"), "--sampler", "pharr"]);
         assert!(line.ends_with("(scene:room, pharr, 20 lights)\n"), "{line}");
-        let port = line.split("0.0.0.0:").nth(1).and_then(|l| l.split('/').next()).expect("a port");
+        let port = line.split("http://127.0.0.1:").nth(1).and_then(|l| l.split('/').next()).expect("a port");
         let address = format!("127.0.0.1:{port}");
         let token = std::fs::read_to_string(folder.path().join("secret")).expect("a token");
         let bearer = format!("Authorization: Bearer {}\r\n", token.trim());

@@ -2,23 +2,26 @@
 
 mod export;
 mod maps;
+mod program;
 mod values;
 
 use crate::bench;
 use crate::error::SimError;
 use crate::export::Export;
-use crate::output::Files;
+use crate::output::{self, Files};
 use crate::{burst, chart, decompose, import, render, replay, score, stress};
 use clap::{Args, Parser, Subcommand};
 use export::ExportArgs;
 use hemilux::pipeline::Settings;
 use hemilux::recorded::ReadLimits;
 use hemilux::timing::Budgets;
+use hemilux::usage::{self, Explained};
 use hemilux_core::Extrapolation;
 use hemilux_core::SamplerKind;
 use hemilux_core::sampler::Request;
 use hemilux_core::wire::STAGES;
 use maps::MapArgs;
+use std::ffi::OsString;
 use std::path::PathBuf;
 use values::{ExposuresArg, ExtrapolationArg, sampler_parser};
 
@@ -35,8 +38,8 @@ const EXAMPLES: &str = "Examples:
 
 /// Simulates and judges a light probe: environment maps and recorded bursts in, directional lights out.
 #[derive(Parser, Debug)]
-#[command(version, after_help = EXAMPLES)]
-pub struct Cli {
+#[command(name = "hemilux-sim", version, after_help = EXAMPLES)]
+struct Cli {
     #[command(subcommand)]
     command: Command,
 }
@@ -64,6 +67,10 @@ enum Command {
     SampleFrames(SampleFramesArgs),
     /// Makes the burst that a camera under an HDR map would have recorded.
     Burst(BurstArgs),
+    /// Writes completions for a shell to standard output.
+    Completions(program::CompletionsArgs),
+    /// Writes the man pages of all commands.
+    Man(program::ManArgs),
 }
 
 #[derive(Args, Debug)]
@@ -97,11 +104,11 @@ impl ModelArgs {
 
 #[derive(Args, Debug)]
 struct FileArgs {
-    /// Writes the tone-mapped map with the lights drawn on it; of a sequence, one numbered file per frame.
-    #[arg(long, value_name = "FILE.png")]
+    /// Writes the tone-mapped map with the lights drawn on it, PNG or JPEG; of a sequence, one numbered file per frame.
+    #[arg(long, value_name = "FILE.png", value_parser = output::picture_path)]
     picture: Option<PathBuf>,
     /// Writes the map as OpenEXR; of a sequence, one numbered file per frame.
-    #[arg(long, value_name = "FILE.exr")]
+    #[arg(long, value_name = "FILE.exr", value_parser = output::map_path)]
     map: Option<PathBuf>,
 }
 
@@ -258,8 +265,8 @@ struct RenderArgs {
     /// The light set, JSON, as `decompose` prints it.
     #[arg(long, value_name = "LIGHTS.json")]
     set: PathBuf,
-    /// The picture.
-    #[arg(long, value_name = "FILE.png")]
+    /// The picture, PNG or JPEG.
+    #[arg(long, value_name = "FILE.png", value_parser = output::picture_path)]
     out: PathBuf,
     /// Sets the objects into this photograph by differential rendering instead.
     #[arg(long, value_name = "PHOTO.png")]
@@ -299,12 +306,24 @@ fn hdri(named: Option<PathBuf>) -> Result<PathBuf, SimError> {
     named.or_else(from_environment).ok_or_else(|| SimError::Usage(expected.into()))
 }
 
-/// Runs the command.
+/// Runs the command that `arguments`, the program's name first, ask for.
 ///
 /// # Errors
 /// [`SimError`].
-pub fn run(cli: Cli) -> Result<(), SimError> {
-    match cli.command {
+pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<(), SimError> {
+    match Cli::try_parse_from(arguments) {
+        Ok(cli) => run_command(cli.command),
+        Err(error) => match usage::explain(&error, "hemilux-sim") {
+            Explained::Help(text) => output::say(text.as_bytes()),
+            Explained::Refused(line) => Err(SimError::Usage(line)),
+        },
+    }
+}
+
+fn run_command(command: Command) -> Result<(), SimError> {
+    match command {
+        Command::Completions(args) => program::completions(&args),
+        Command::Man(args) => program::man(&args),
         Command::Decompose(args) => run_decompose(args),
         Command::Replay(args) => run_replay(args),
         Command::Import(a) => import::run(&import::Job {

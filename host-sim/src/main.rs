@@ -1,10 +1,9 @@
 //! `hemilux-sim`: see `--help`.
 
-use clap::Parser;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    match hemilux_sim::cli::run(hemilux_sim::cli::Cli::parse()) {
+    match hemilux_sim::cli::run(std::env::args_os()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(e) => {
             eprintln!("hemilux-sim: {e}");

@@ -5,6 +5,9 @@ use hemilux::maps::{self, Covers};
 use hemilux_core::healpix::Domain;
 use hemilux_core::light::Light;
 use hemilux_core::polar::LatLongView;
+use image::RgbImage;
+use image::codecs::jpeg::JpegEncoder;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Paths of the pictures and maps that a command writes.
@@ -37,12 +40,7 @@ impl Files {
     ) -> Result<(), SimError> {
         if let Some(path) = &self.picture {
             let path = numbered(path, index);
-            let picture = hemilux::picture::draw(map, lights);
-            let mut bytes = std::io::Cursor::new(Vec::new());
-            picture
-                .write_to(&mut bytes, image::ImageFormat::Png)
-                .map_err(|e| SimError::at(&path, e, "a picture"))?;
-            save(&path, bytes.get_ref())?;
+            save_picture(&path, &hemilux::picture::draw(map, lights))?;
         }
         if let Some(path) = &self.map {
             save_exr(&numbered(path, index), map, self.whole_maps)?;
@@ -57,6 +55,66 @@ fn numbered(path: &Path, index: Option<usize>) -> PathBuf {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     let extension = path.extension().map(|e| format!(".{}", e.to_string_lossy())).unwrap_or_default();
     path.with_file_name(format!("{stem}-{index:04}{extension}"))
+}
+
+/// Quality of JPEG pictures, 1 to 100.
+const JPEG_QUALITY: u8 = 92;
+
+/// Parses the path of a picture, whose extension names its format.
+///
+/// # Errors
+/// The extension that was found and those that are expected.
+pub fn picture_path(text: &str) -> Result<PathBuf, String> {
+    with_extension(text, &["png", "jpg", "jpeg"])
+}
+
+/// Parses the path of an OpenEXR map.
+///
+/// # Errors
+/// The extension that was found and the one that is expected.
+pub fn map_path(text: &str) -> Result<PathBuf, String> {
+    with_extension(text, &["exr"])
+}
+
+fn with_extension(text: &str, known: &[&str]) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    let found = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let expected = known.iter().map(|e| format!(".{e}")).collect::<Vec<_>>().join(" or ");
+    if known.contains(&found.as_str()) {
+        Ok(path)
+    } else {
+        Err(format!("expected a name that ends in {expected}"))
+    }
+}
+
+/// Writes `picture` in the format of the extension of `path`.
+///
+/// # Errors
+/// [`SimError`] naming the file.
+pub fn save_picture(path: &Path, picture: &RgbImage) -> Result<(), SimError> {
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    let is_png = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"));
+    let written = if is_png {
+        picture.write_to(&mut bytes, image::ImageFormat::Png)
+    } else {
+        picture.write_with_encoder(JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY))
+    };
+    written.map_err(|e| SimError::at(path, e, "a picture"))?;
+    save(path, bytes.get_ref())
+}
+
+/// Writes `bytes` to standard output; a reader that has gone is no failure.
+///
+/// # Errors
+/// [`SimError`] where they cannot be written.
+pub fn say(bytes: &[u8]) -> Result<(), SimError> {
+    let mut out = std::io::stdout().lock();
+    match out.write_all(bytes).and_then(|()| out.flush()) {
+        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(SimError::Failed(format!("stdout: found {e}")))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Writes `bytes` as the whole contents of a file.

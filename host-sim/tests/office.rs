@@ -11,8 +11,7 @@ use hemilux_core::internals::merge::{Channels, Codes};
 use hemilux_core::{FrontEnd, Order, Sizes};
 
 fn load() -> Option<(Calibration, Burst)> {
-    let read = recorded::read_burst(&common::shared("office-burst")?).expect("a burst");
-    Some((read.calibration, read.burst))
+    Some(recorded::read_burst(&common::shared("office-burst")?).expect("a burst"))
 }
 
 fn pipeline(calibration: &Calibration, burst: &Burst, settings: Settings) -> Pipeline {

@@ -2,7 +2,7 @@
 
 use super::response::Exposed;
 use crate::calibration::{Calibration, Pixels};
-use crate::recorded::{RecordedBurst, RecordedError, read_burst};
+use crate::recorded::{RecordedError, read_burst};
 use glam::DVec2;
 use hemilux_core::format::Format;
 use std::path::Path;
@@ -15,7 +15,7 @@ const MOST_PIXELS: usize = 200_000;
 /// # Errors
 /// [`RecordedError`]; raw frames are refused, since sensors are linear.
 pub fn exposed(folder: &Path) -> Result<(Calibration, Vec<Exposed>, f64), RecordedError> {
-    let RecordedBurst { calibration, burst, .. } = read_burst(folder)?;
+    let (calibration, burst) = read_burst(folder)?;
     let format = calibration.layout.format();
     if !matches!(format, Format::Rgb24 | Format::Rgb48) {
         let found = format!("frames of the format {format:?}");

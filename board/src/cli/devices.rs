@@ -97,12 +97,12 @@ struct Report {
     unstamped: u64,
     mismatches: u64,
     resyncs: u64,
-    frames: Vec<Delivered>,
+    frames: Vec<Seen>,
 }
 
 /// One frame.
 #[derive(Serialize)]
-struct Delivered {
+struct Seen {
     sequence: u32,
     timestamp_ns: u64,
     /// CLOCK_MONOTONIC when it was there for us: a driver that loses frames although a buffer waits for it is itself late.
@@ -130,7 +130,7 @@ fn check(spec: &CameraSpec, options: &Devices) -> Result<(), Failure> {
             luma::sample(&camera.picture().layout, &frame.bytes, &mut codes);
             let (taken, level) = (frame.taken, luma::mean(&codes));
             let known = taken.known.name();
-            frames.push(Delivered {
+            frames.push(Seen {
                 sequence: taken.sequence,
                 timestamp_ns: taken.timestamp_ns,
                 arrived_ns: RealKernel.now_ns(),
@@ -145,7 +145,7 @@ fn check(spec: &CameraSpec, options: &Devices) -> Result<(), Failure> {
     if options.json { json(&report) } else { say(&summary(&report)) }
 }
 
-fn report(camera: &Camera, frames: Vec<Delivered>) -> Report {
+fn report(camera: &Camera, frames: Vec<Seen>) -> Report {
     let Counters { frames: delivered, lost, broken, late, failed_writes, unstamped, mismatches, resyncs } =
         camera.counters();
     let span = frames
@@ -284,14 +284,7 @@ mod tests {
             if camera.next(&mut kernel, Duration::from_millis(500), &mut frame).expect("a frame") {
                 let Taken { sequence, timestamp_ns, slot, known } = frame.taken;
                 let (arrived_ns, known) = (timestamp_ns, known.name());
-                frames.push(Delivered {
-                    sequence,
-                    timestamp_ns,
-                    arrived_ns,
-                    exposure: slot,
-                    known,
-                    level: 0.5,
-                });
+                frames.push(Seen { sequence, timestamp_ns, arrived_ns, exposure: slot, known, level: 0.5 });
             }
         }
         verdict(&report(&camera, frames))

@@ -4,7 +4,7 @@ use super::{Failure, Serve, address, origin};
 use crate::config_file::{ConfigFile, Kept};
 use crate::probe::settings::{SETTINGS, wish_of};
 use crate::probe::{Config, Link};
-use crate::server::{self, Access, LoadedToken, Token};
+use crate::server::{self, Access, Token};
 use crate::source::Spec;
 use std::fmt::Display;
 use std::io::{self, Write};
@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 const PORT: u16 = 8080;
 
 /// The source of the bursts, the address to listen on, the clients that are admitted, and the settings.
-pub(super) struct ServePlan {
+pub(super) struct Plan {
     pub(super) source: Spec,
     pub(super) listen: SocketAddr,
     pub(super) token_file: Option<PathBuf>,
@@ -24,13 +24,44 @@ pub(super) struct ServePlan {
     pub(super) proxies: Vec<IpAddr>,
     pub(super) config: Config,
     pub(super) file: Option<ConfigFile>,
+    /// Whether the probe is announced on the network.
+    pub(super) announce: bool,
+    #[cfg(any(feature = "osc", feature = "mqtt"))]
+    pub(super) peers: Peers,
 }
 
-impl ServePlan {
+/// The peers that sets are sent to.
+#[cfg(any(feature = "osc", feature = "mqtt"))]
+#[derive(Debug)]
+pub(super) struct Peers {
+    #[cfg(feature = "osc")]
+    pub(super) osc: Vec<crate::senders::osc::Target>,
+    #[cfg(feature = "mqtt")]
+    pub(super) mqtt: Option<crate::senders::mqtt::Broker>,
+}
+
+#[cfg(any(feature = "osc", feature = "mqtt"))]
+impl Peers {
+    /// Those of the file and of the options; an error names the key of the file.
+    fn of(options: &Serve, kept: &Kept) -> Result<Self, (&'static str, String)> {
+        #[cfg(feature = "osc")]
+        let osc = kept.osc.iter().map(|text| text.parse()).collect::<Result<Vec<_>, String>>();
+        #[cfg(feature = "mqtt")]
+        let mqtt = kept.mqtt.as_ref().map(|text| text.parse()).transpose();
+        Ok(Self {
+            #[cfg(feature = "osc")]
+            osc: [osc.map_err(|e| ("osc", e))?, options.osc.clone()].concat(),
+            #[cfg(feature = "mqtt")]
+            mqtt: options.mqtt.clone().or(mqtt.map_err(|e| ("mqtt", e))?),
+        })
+    }
+}
+
+impl Plan {
     /// The options have the last word.
     pub(super) fn of(options: &Serve) -> Result<Self, Failure> {
         let opened = options.config.as_deref().map(ConfigFile::open).transpose().map_err(Failure::new)?;
-        let (file, kept) = opened.map_or((None, Kept::default()), |opened| (Some(opened.file), opened.kept));
+        let (file, kept) = opened.map_or((None, Kept::default()), |(file, kept)| (Some(file), kept));
         let name = options.config.as_deref().unwrap_or(Path::new("")).display();
         let wrong =
             |key: &str, why: &dyn Display| Failure::new(format!("configuration file {name}: {key}: {why}"));
@@ -41,6 +72,8 @@ impl ServePlan {
         let proxies = proxies.collect::<Result<Vec<_>, _>>().map_err(|e| wrong("trusted_proxies", &e))?;
         let source = options.source.clone().or(source.map_err(|e| wrong("source", &e))?);
         let listen = options.listen.or(listen.map_err(|e| wrong("listen", &e))?);
+        #[cfg(any(feature = "osc", feature = "mqtt"))]
+        let peers = Peers::of(options, &kept).map_err(|(key, why)| wrong(key, &why))?;
         let plan = Self {
             source: source.unwrap_or(Spec::Scene("room")),
             listen: listen.unwrap_or((Ipv4Addr::LOCALHOST, PORT).into()),
@@ -51,6 +84,9 @@ impl ServePlan {
             proxies: [proxies, options.trusted_proxies.clone()].concat(),
             config: settings(options, kept.settings).map_err(|(key, why)| wrong(&key, &why))?,
             file,
+            announce: kept.announce.unwrap_or(false),
+            #[cfg(any(feature = "osc", feature = "mqtt"))]
+            peers,
         };
         plan.config.check().map_err(|e| Failure::usage(format!("settings: found {e}")))?;
         plan.check_reach(options.open || kept.open.unwrap_or(false))?;
@@ -72,7 +108,7 @@ impl ServePlan {
     /// The access rules. Creates the token file if it does not exist; stderr names the file and never shows the token.
     pub(super) fn access(&self) -> Result<Access, Failure> {
         let Some(file) = &self.token_file else { return Ok(Access::Open) };
-        let LoadedToken { token, is_new } = Token::load_or_make(file).map_err(Failure::new)?;
+        let (token, is_new) = Token::load_or_make(file).map_err(Failure::new)?;
         if is_new {
             let _ = writeln!(io::stderr(), "hemilux: made a token in {}", file.display());
         }
@@ -88,7 +124,7 @@ pub(super) fn reload(options: &Serve, link: &Link) -> Result<(), Failure> {
             "found no configuration file, expected the probe to be started with --config FILE",
         ));
     }
-    let plan = ServePlan::of(options)?;
+    let plan = Plan::of(options)?;
     let values = SETTINGS.iter().map(|s| (s.name.to_owned(), s.value(&plan.config))).collect();
     let change = wish_of(&values);
     let change = change.map_err(|errors| {

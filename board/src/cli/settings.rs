@@ -2,6 +2,7 @@
 
 use crate::probe::Config;
 use crate::probe::settings::{Change, Group, Kind, SETTINGS, Setting};
+use crate::usage;
 use clap::{Arg, ArgMatches, Args, Command, Error, FromArgMatches};
 use serde_json::Value;
 
@@ -19,8 +20,7 @@ fn settings() -> impl Iterator<Item = &'static Setting> {
 fn option(setting: &'static Setting) -> Arg {
     let (unit, default) = (setting.unit.map_or(String::new(), |unit| format!(", {unit}")), default(setting));
     let help = format!("{} {}{unit} [default: {default}]", setting.what, sentence(&setting.expected_word()));
-    let parse =
-        move |word: &str| setting.parse(word).ok_or_else(|| format!("expected {}", setting.expected_word()));
+    let parse = move |word: &str| setting.parse(word).ok_or_else(|| refusal(setting, word));
     let arg = Arg::new(setting.name).long(setting.name.replace('_', "-")).help(help).value_parser(parse);
     match setting.kind {
         Kind::Switch => {
@@ -31,6 +31,16 @@ fn option(setting: &'static Setting) -> Arg {
         Kind::Real(..) | Kind::Optional(..) => arg.value_name("X"),
         Kind::List(..) => arg.value_name("X,X,..."),
     }
+}
+
+/// What `setting` expects, and of a choice the word that `word` is likely to mean.
+fn refusal(setting: &Setting, word: &str) -> String {
+    let similar = match setting.kind {
+        Kind::Choice(words) => usage::closest(word, words.iter().copied()),
+        _ => None,
+    };
+    let similar = similar.map_or(String::new(), |word| format!("; did you mean '{word}'?"));
+    format!("expected {}{similar}", setting.expected_word())
 }
 
 fn default(setting: &Setting) -> String {

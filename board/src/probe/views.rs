@@ -59,15 +59,6 @@ pub struct Given<T> {
     pub view: Option<Arc<T>>,
 }
 
-/// A request for a view.
-#[derive(Debug)]
-pub struct ViewRequest<T> {
-    /// The number from which a [`Given`] answers the request.
-    pub number: u64,
-    /// The channel of the answers.
-    pub given: watch::Receiver<Given<T>>,
-}
-
 impl<T> Default for Slot<T> {
     fn default() -> Self {
         Self { asked: AtomicU64::new(0), given: watch::Sender::new(Given { number: 0, view: None }) }
@@ -75,11 +66,11 @@ impl<T> Default for Slot<T> {
 }
 
 impl<T> Slot<T> {
-    /// Requests a view of the next frame.
+    /// Asks for the next frame's view: the number to wait for, and where.
     #[must_use]
-    pub fn request(&self) -> ViewRequest<T> {
+    pub fn ask(&self) -> (u64, watch::Receiver<Given<T>>) {
         let given = self.given.subscribe();
-        ViewRequest { number: self.asked.fetch_add(1, Ordering::AcqRel) + 1, given }
+        (self.asked.fetch_add(1, Ordering::AcqRel) + 1, given)
     }
 
     /// Makes a view if a request waits.
@@ -129,8 +120,8 @@ mod tests {
     fn a_view_is_made_once_for_all_requests_before_it() {
         let slot = Slot::<u32>::default();
         slot.serve(|| unreachable!("no request"));
-        let ViewRequest { number: first, given } = slot.request();
-        let second = slot.request().number;
+        let (first, given) = slot.ask();
+        let (second, _) = slot.ask();
         slot.serve(|| 7);
         slot.serve(|| unreachable!("no new request"));
         let now = given.borrow();

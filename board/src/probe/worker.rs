@@ -2,6 +2,7 @@
 
 use super::compare::SecondarySlot;
 use super::ring::Ring;
+use super::settings::SETTINGS;
 use super::settings_channel::Requested;
 use super::tiers::TierSamplers;
 use super::{Config, Exposures, Link, Refusal};
@@ -156,12 +157,12 @@ impl Worker {
     fn follow_requests(&mut self) {
         let Some(Requested { serial, config }) = self.link.settings.take() else { return };
         let refused = self.follow(&config).err();
+        tell_changes(&self.config, &config, refused.as_ref());
         if refused.is_none() {
             self.config = config;
             self.link.tiers.follow(&self.config.pipeline, self.config.tiers);
         }
         let in_effect = self.config.clone();
-        tracing::info!(?in_effect, ?refused, "settings");
         self.link.settings.answer(serial, in_effect, refused);
     }
 
@@ -197,6 +198,20 @@ impl Worker {
         if self.fault.take().is_some() {
             tracing::info!("source {}: bursts again", self.link.source);
             self.link.status.set_failure(None);
+        }
+    }
+}
+
+/// Writes each setting that differs to the log.
+fn tell_changes(before: &Config, after: &Config, refused: Option<&Refusal>) {
+    if let Some(refusal) = refused {
+        tracing::info!("settings: {refusal}; nothing was changed");
+        return;
+    }
+    for setting in SETTINGS {
+        let (old, new) = (setting.value(before), setting.value(after));
+        if old != new {
+            tracing::info!("setting {}: {old} becomes {new}", setting.name);
         }
     }
 }

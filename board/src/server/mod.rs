@@ -42,7 +42,7 @@ mod xr;
 pub use access::Access;
 pub use connection::{Event, Limits, Running, Signals, start};
 pub use hosts::{KnownHosts, is_loopback};
-pub use token::{LoadedToken, Token, TokenError};
+pub use token::{Token, TokenError};
 
 use crate::config_file::ConfigFile;
 use crate::probe::Link;

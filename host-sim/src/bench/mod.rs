@@ -82,7 +82,8 @@ pub fn run(job: &Job) -> Result<(), SimError> {
     let mut rows = Vec::new();
     if !job.json {
         println!(
-            "{:<34}{:>8}{:>8}{:>9}{:>8}{:>8}{:>8}{:>9}  over budget",
+            "times in milliseconds, medians; ratio: total / copy of the burst's bytes; spread: half the interquartile range of total\n\
+             {:<34}{:>8}{:>8}{:>9}{:>8}{:>8}{:>8}{:>9}  over budget",
             "case", "copy", "front", "pyramid", "sample", "total", "ratio", "spread"
         );
     }

@@ -64,11 +64,7 @@ pub fn run(job: &Job) -> Result<(), SimError> {
         Some(photo) => over::composite(&over::read(photo)?, &made),
         None => side_by_side(&env, &made, set.lights.len()),
     };
-    let mut bytes = std::io::Cursor::new(Vec::new());
-    picture
-        .write_to(&mut bytes, image::ImageFormat::Png)
-        .map_err(|e| SimError::at(&job.out, e, "a picture"))?;
-    output::save(&job.out, bytes.get_ref())
+    output::save_picture(&job.out, &picture)
 }
 
 /// Reference, light set and difference, with labels.

@@ -1,0 +1,79 @@
+//! The newest set of a selection, as a sender waits for it.
+
+use crate::light_set::OwnedSet;
+use crate::probe::Link;
+use crate::probe::tiers::{Selection, Served};
+use hemilux_core::wire::Stale;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::sync::watch;
+
+/// Time without a new set after which the last one is reported as stale.
+const LONGEST_WAIT: Duration = Duration::from_millis(1500);
+
+/// What a sender has to tell.
+#[derive(Clone, Debug)]
+pub(super) enum News {
+    /// A set that was not reported before.
+    Fresh(Arc<OwnedSet>),
+    /// The last set, and why there is no newer one.
+    Stale(Arc<OwnedSet>, Stale<String>),
+    /// There is no set yet; the reason.
+    None(String),
+}
+
+/// Waits for sets of one selection.
+#[derive(Debug)]
+pub(super) struct Newest {
+    pub(super) link: Arc<Link>,
+    selection: Selection,
+    seen: watch::Receiver<Option<Arc<OwnedSet>>>,
+    frame: Option<u64>,
+}
+
+impl Newest {
+    pub(super) fn new(link: Arc<Link>, selection: Selection) -> Self {
+        let seen = link.sets().subscribe();
+        Self { link, selection, seen, frame: None }
+    }
+
+    /// The next set, or after 1.5 s the state of the last one. Sets that were published in between are skipped.
+    pub(super) async fn next(&mut self) -> News {
+        let until = tokio::time::Instant::now() + LONGEST_WAIT;
+        loop {
+            match self.now() {
+                Some(set) if self.frame != Some(set.frame) => {
+                    self.frame = Some(set.frame);
+                    return News::Fresh(set);
+                }
+                last => {
+                    if tokio::time::timeout_at(until, self.link.sets().newer(&self.seen)).await.is_err() {
+                        return self.late(last);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The newest set of the selection; `None` before the first one.
+    fn now(&mut self) -> Option<Arc<OwnedSet>> {
+        let own = self.seen.borrow_and_update().clone();
+        match self.link.tiers().request(self.selection) {
+            Served::Own => own,
+            Served::Set(set) => Some(set),
+            Served::NotYet(_) => None,
+        }
+    }
+
+    fn late(&self, last: Option<Arc<OwnedSet>>) -> News {
+        match last {
+            Some(set) => {
+                let staleness = self.link.staleness(&set);
+                News::Stale(set, staleness)
+            }
+            None => News::None(
+                self.link.status().failure().unwrap_or_else(|| "the source has not given a burst".into()),
+            ),
+        }
+    }
+}
