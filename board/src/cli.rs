@@ -2,6 +2,8 @@
 
 mod calibrate;
 #[cfg(all(feature = "v4l2", target_os = "linux"))]
+mod check;
+#[cfg(all(feature = "v4l2", target_os = "linux"))]
 mod devices;
 #[cfg(feature = "mdns")]
 mod discover;

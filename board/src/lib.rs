@@ -9,6 +9,8 @@ pub mod announce;
 pub mod calibrate;
 #[cfg(feature = "pipeline")]
 pub mod calibration;
+#[cfg(feature = "pipeline")]
+pub mod camera_status;
 #[cfg(feature = "server")]
 pub mod cli;
 #[cfg(feature = "client")]

@@ -1,6 +1,7 @@
 //! `hemilux record`: what the camera gave, kept as recorded bursts with their raw frames.
 
 use super::{Failure, devices, say};
+use crate::recorded::{Shown, lens_table};
 use crate::source::Source;
 use crate::source::SourceError;
 use crate::source::camera::{CameraSource, CameraSpec, RawBurst};
@@ -9,7 +10,6 @@ use crate::v4l2::frame::Counters;
 use crate::v4l2::real::RealKernel;
 use clap::Args;
 use hemilux_core::format::{Matrix, Yuv};
-use hemilux_core::lens::Intrinsics;
 use std::fmt::Display;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -96,9 +96,7 @@ fn head(source: &CameraSource) -> Table {
     let (c, p) = (source.calibration(), &source.terms().picture);
     let mut head = Table::new();
     head.insert("version".into(), Value::Integer(1));
-    let lens =
-        source.lens().map_or_else(|| lens(c.lens.intrinsics()), |l| Value::Table(l.lens_table.clone()));
-    head.insert("lens".into(), lens);
+    head.insert("lens".into(), Value::Table(lens(source)));
     let told = source.lens().and_then(|l| l.response_table.clone());
     let usual = if p.is_raw() { "linear" } else { "srgb" };
     head.insert("response".into(), told.map_or_else(|| table([("model", usual.into())]), Value::Table));
@@ -110,6 +108,12 @@ fn head(source: &CameraSource) -> Table {
         ("fourcc", formats::name(p.fourcc).into()),
         ("bytes_per_line", Value::Integer(line)),
     ];
+    if p.layout.bin() > 1 {
+        format.push(("bin", Value::Integer(p.layout.bin().into())));
+    }
+    if c.compressed {
+        format.push(("compressed", true.into()));
+    }
     if let Some(Yuv { limited, matrix }) = p.yuv() {
         format.push(("range", if limited { "limited" } else { "full" }.into()));
         format.push(("matrix", if matrix == Matrix::Bt709 { "bt709" } else { "bt601" }.into()));
@@ -118,15 +122,24 @@ fn head(source: &CameraSource) -> Table {
     head
 }
 
-/// The lens that is assumed where there is no file.
-fn lens(i: &Intrinsics) -> Value {
-    let two = |v: glam::DVec2| Value::Array(vec![v.x.into(), v.y.into()]);
-    table([
-        ("model", i.model.name().into()),
-        ("centre", two(i.centre_px)),
-        ("focal", two(i.focal_px)),
-        ("max_angle_deg", i.max_theta.to_degrees().into()),
-    ])
+/// The lens of the recorded frames: the file's table as it is, or with what the camera's mode and the decoder change.
+fn lens(source: &CameraSource) -> Table {
+    let (c, terms) = (source.calibration(), source.terms());
+    let p = &terms.picture;
+    let mut lens = source.lens().map_or_else(Table::new, |file| file.lens_table.clone());
+    if source.lens().is_none_or(|file| file.lens != c.lens) {
+        lens.extend(lens_table(&c.lens, [p.width(), p.height()]));
+    }
+    let shrink = p.jpeg.map_or(1, |jpeg| jpeg.shrink);
+    if let Some(Shown { crop, binning }) = terms.view.map(|view| view.shown()) {
+        lens.insert("size".into(), [p.width(), p.height()].map(i64::from).to_vec().into());
+        lens.insert("crop".into(), crop.map(i64::from).to_vec().into());
+        lens.insert("binning".into(), binning.map(|b| i64::from(b * shrink)).to_vec().into());
+    } else if shrink > 1 {
+        lens.remove("crop");
+        lens.remove("binning");
+    }
+    lens
 }
 
 /// Writes one burst.
@@ -245,6 +258,28 @@ mod tests {
             let first = &read_sequence(folder.path()).expect("a sequence")[0];
             let (_, read) = read_burst(&first.folder).expect("a burst");
             assert!(first.timestamp_ns > 0 && read.timestamp_ns == first.timestamp_ns, "{name}: its time");
+        }
+    }
+
+    /// Frames of 1280 x 720 are decoded at half the size, and raw ones of 1640 x 1232 are binned: both are read as they were live.
+    #[test]
+    fn a_recording_carries_binning_and_compression() {
+        for (name, size, bin, compressed) in
+            [("MJPG", (1280, 720), 1, true), ("pBAA", (1640, 1232), 2, false)]
+        {
+            let script = Script { formats: vec![name], size, ..Script::default() };
+            let folder = tempfile::tempdir().expect("a folder");
+            record(source(&script), 1, folder.path()).expect("recorded");
+            let live = *source(&script).calibration();
+            let replay = ReplaySource::open(folder.path(), Pace::Free).expect("a recording");
+            let read = replay.calibration();
+            assert_eq!((read.layout.bin(), read.compressed), (bin, compressed), "{name}");
+            let (a, b) = (read.lens.intrinsics(), live.lens.intrinsics());
+            assert_eq!(
+                (a.centre_px, a.focal_px, read.layout),
+                (b.centre_px, b.focal_px, live.layout),
+                "{name}"
+            );
         }
     }
 

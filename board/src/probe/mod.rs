@@ -24,6 +24,7 @@ pub use status::ThreadStatus;
 pub use views::{BurstView, Given, MapView, Slot, Views};
 pub use worker::Worker;
 
+use crate::camera_status::CameraStatus;
 use crate::light_set::OwnedSet;
 use crate::pipeline::PipelineError;
 use crate::source::Source;
@@ -59,6 +60,7 @@ pub struct Link {
     views: Views,
     comparison: Comparison,
     tiers: Tiers,
+    camera: Mutex<Option<CameraStatus>>,
 }
 
 impl Link {
@@ -74,6 +76,7 @@ impl Link {
             status: ThreadStatus::default(),
             views: Views::default(),
             comparison: Comparison::default(),
+            camera: Mutex::new(None),
         }
     }
 
@@ -135,6 +138,21 @@ impl Link {
     #[must_use]
     pub fn tiers(&self) -> &Tiers {
         &self.tiers
+    }
+
+    /// What became of the camera's exposures and frames; none where the source is no camera.
+    #[must_use]
+    pub fn camera(&self) -> Option<CameraStatus> {
+        lock(&self.camera).clone()
+    }
+
+    /// Notes the state of the source's camera, if it has one.
+    fn note_camera(&self, source: &dyn Source) {
+        let mut camera = lock(&self.camera);
+        let mut status = camera.take().unwrap_or_default();
+        if source.camera(&mut status) {
+            *camera = Some(status);
+        }
     }
 
     /// The age of `set`, and the reason why there is no newer one.

@@ -89,6 +89,7 @@ impl Worker {
         let outcome = self.source.next(&mut self.burst);
         let capture = began.elapsed();
         self.follow_requests();
+        self.link.note_camera(&*self.source);
         let outcome = outcome.and_then(|()| self.follow_camera()).and_then(|()| self.process(capture));
         match outcome {
             Ok(()) => self.recover(),

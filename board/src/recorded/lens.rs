@@ -3,12 +3,15 @@
 use super::RecordedError;
 #[cfg(feature = "foreign-lenses")]
 use super::foreign::{self, ForeignLens};
-use super::manifest::{LensTable, ResponseTable, SensorTable, check_version, parse, read_text};
+use super::lens_table::LensTable;
+use super::manifest::{ResponseTable, SensorTable, check_version, parse, read_text};
+use super::shown::Shown;
 use hemilux_core::Levels;
 use hemilux_core::Response;
 use hemilux_core::lens::Lens;
 use serde::Deserialize;
 use std::path::Path;
+use toml::{Table, Value};
 
 /// A file with a `[lens]` table, as `hemilux-sim burst --lens` takes.
 #[derive(Deserialize)]
@@ -20,7 +23,7 @@ struct LensManifest {
     response: Option<ResponseTable>,
     sensor: Option<SensorTable>,
     /// How the lens came about; `hemilux calibrate` writes and reads it.
-    calibration: Option<toml::Table>,
+    calibration: Option<Table>,
 }
 
 fn version_one() -> i64 {
@@ -39,11 +42,13 @@ pub struct LensFile {
     /// Black and white level where the file names both.
     pub levels: Option<Levels>,
     /// The values of the `[lens]` table, for copying into a `burst.toml`.
-    pub lens_table: toml::Table,
+    pub lens_table: Table,
     /// The values of the `[response]` table, where the file has one.
-    pub response_table: Option<toml::Table>,
+    pub response_table: Option<Table>,
     /// The `[calibration]` table: how the lens came about.
-    pub calibration_table: Option<toml::Table>,
+    pub calibration_table: Option<Table>,
+    /// The part of the sensor that its pictures show, where the file tells it.
+    pub shown: Option<Shown>,
     /// Statements about a file of another program: what was fitted, what was taken.
     pub notes: Vec<String>,
 }
@@ -57,9 +62,10 @@ impl LensFile {
             size,
             response: Response::Linear,
             levels: None,
-            lens_table: toml::Table::new(),
+            lens_table: Table::new(),
             response_table: None,
             calibration_table: None,
+            shown: None,
             notes: Vec::new(),
         }
     }
@@ -97,8 +103,8 @@ pub fn parse_lens(path: &Path, text: &str) -> Result<LensFile, RecordedError> {
     #[cfg(feature = "foreign-lenses")]
     if !is_ours(text) {
         let ForeignLens { lens, size, notes } = foreign::read(path, text)?;
-        let lens_table = foreign::table(&lens, size);
-        return Ok(LensFile { lens_table, notes, ..LensFile::of_lens(lens, size) });
+        let table = lens_table(&lens, size);
+        return Ok(LensFile { lens_table: table, notes, ..LensFile::of_lens(lens, size) });
     }
     let file: LensManifest = parse(path, text)?;
     check_version(path, file.version)?;
@@ -106,8 +112,8 @@ pub fn parse_lens(path: &Path, text: &str) -> Result<LensFile, RecordedError> {
         return Err(RecordedError::new(path, "[lens] without a size", "size = [columns, rows]"));
     };
     let response = file.response.as_ref().map_or(Ok(Response::Linear), |r| r.response(path))?;
-    let raw: toml::Table = parse(path, text)?;
-    let table = |name: &str| raw.get(name).and_then(toml::Value::as_table).cloned();
+    let raw: Table = parse(path, text)?;
+    let table = |name: &str| raw.get(name).and_then(Value::as_table).cloned();
     Ok(LensFile {
         lens: file.lens.lens(path)?,
         size,
@@ -116,6 +122,28 @@ pub fn parse_lens(path: &Path, text: &str) -> Result<LensFile, RecordedError> {
         lens_table: table("lens").unwrap_or_default(),
         response_table: table("response"),
         calibration_table: file.calibration,
+        shown: file.lens.shown(path)?,
         notes: Vec::new(),
     })
+}
+
+/// The `[lens]` table of a lens, without its vignetting.
+#[must_use]
+pub fn lens_table(lens: &Lens, size: [u32; 2]) -> Table {
+    let p = lens.intrinsics();
+    let list = |v: &[f64]| Value::from(v.to_vec());
+    let k = p.model.coefficients();
+    let mut table = Table::new();
+    table.insert("model".into(), p.model.name().into());
+    table.insert("size".into(), size.map(i64::from).to_vec().into());
+    table.insert("centre".into(), list(&p.centre_px.to_array()));
+    table.insert("focal".into(), list(&p.focal_px.to_array()));
+    if p.skew_px != 0.0 {
+        table.insert("skew".into(), p.skew_px.into());
+    }
+    if !k.is_empty() {
+        table.insert("k".into(), list(k));
+    }
+    table.insert("max_angle_deg".into(), p.max_theta.to_degrees().into());
+    table
 }

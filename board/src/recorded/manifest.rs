@@ -1,10 +1,9 @@
 //! `burst.toml` and `sequence.toml`.
 
+use super::lens_table::LensTable;
 use super::{BurstFolder, MAX_MANIFEST_BYTES, RecordedError};
 use crate::calibration::Calibration;
-use glam::DVec2;
 use hemilux_core::format::{Format, Layout, Matrix, Yuv};
-use hemilux_core::lens::{Intrinsics, Lens, Model};
 use hemilux_core::{Exposure, MAX_EXPOSURES};
 use hemilux_core::{Levels, Response};
 use serde::Deserialize;
@@ -22,26 +21,6 @@ pub(super) struct Manifest {
     format: Option<FormatTable>,
     #[serde(default)]
     pub(super) frame: Vec<FrameTable>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct LensTable {
-    model: String,
-    pub(super) size: Option<[u32; 2]>,
-    centre: [f64; 2],
-    focal: [f64; 2],
-    #[serde(default)]
-    skew: f64,
-    #[serde(default)]
-    k: Vec<f64>,
-    max_angle_deg: f64,
-    #[serde(default = "no_vignetting")]
-    vignetting: Vec<f64>,
-}
-
-fn no_vignetting() -> Vec<f64> {
-    vec![1.0]
 }
 
 #[derive(Deserialize)]
@@ -77,6 +56,16 @@ struct FormatTable {
     bytes_per_line: Option<usize>,
     range: Option<String>,
     matrix: Option<String>,
+    /// Quads of one colour that are binned while frames are read, across and down.
+    #[serde(default = "one_quad")]
+    bin: u32,
+    /// Whether the camera's frames were compressed.
+    #[serde(default)]
+    compressed: bool,
+}
+
+const fn one_quad() -> u32 {
+    1
 }
 
 impl FormatTable {
@@ -98,8 +87,15 @@ impl FormatTable {
         let format = format.ok_or_else(|| refuse(format!("fourcc = {:?}", self.fourcc), expected))?;
         let line = self.bytes_per_line.unwrap_or_else(|| format.line_bytes(self.width));
         let layout = Layout::try_new(format, self.width, self.height, line);
-        layout.map_err(|e| {
+        let layout = layout.map_err(|e| {
             refuse(format!("[format] with {e}"), "a size and bytes_per_line that fit the fourcc")
+        })?;
+        if self.bin == 1 {
+            return Ok(layout);
+        }
+        let binned = layout.binned(self.bin);
+        binned.map_err(|e| {
+            refuse(format!("[format] bin = {} with {e}", self.bin), "1, or 2, 4 or 8 of a Bayer format")
         })
     }
 }
@@ -233,7 +229,10 @@ impl Manifest {
             return Err(RecordedError::new(path, found, "the same size"));
         }
         let response = self.response.as_ref();
-        calibration(path, &self.lens, response, &self.sensor, layout, white)
+        self.lens.shown(path)?;
+        let mut calibration = calibration(path, &self.lens, response, &self.sensor, layout, white)?;
+        calibration.compressed = self.format.as_ref().is_some_and(|f| f.compressed);
+        Ok(calibration)
     }
 }
 
@@ -272,41 +271,6 @@ fn calibration(
     calibration.scale = scale;
     calibration.white_balance = white_balance;
     Ok(calibration)
-}
-
-impl LensTable {
-    pub(super) fn lens(&self, path: &Path) -> Result<Lens, RecordedError> {
-        let refuse = |found: String, expected: &str| Err(RecordedError::new(path, found, expected));
-        let count = |n: usize| format!("{n} coefficients k for the lens model {:?}", self.model);
-        let model = match (self.model.as_str(), self.k.as_slice()) {
-            ("equidistant", []) => Model::Equidistant,
-            ("equisolid", []) => Model::Equisolid,
-            ("kannala-brandt", &[k1, k2, k3, k4]) => Model::KannalaBrandt([k1, k2, k3, k4]),
-            ("radial", &[k0, k1]) => Model::Radial([k0, k1]),
-            ("equidistant" | "equisolid", k) => return refuse(count(k.len()), "none"),
-            ("kannala-brandt", k) => return refuse(count(k.len()), "four"),
-            ("radial", k) => return refuse(count(k.len()), "two"),
-            _ => {
-                let expected = "equidistant, equisolid, kannala-brandt or radial";
-                return refuse(format!("the lens model {:?}", self.model), expected);
-            }
-        };
-        let mut vignetting = [0.0; 8];
-        if self.vignetting.is_empty() || self.vignetting.len() > vignetting.len() {
-            return refuse(format!("{} vignetting coefficients", self.vignetting.len()), "1 to 8");
-        }
-        vignetting[..self.vignetting.len()].copy_from_slice(&self.vignetting);
-        let intrinsics = Intrinsics {
-            model,
-            centre_px: DVec2::from_array(self.centre),
-            focal_px: DVec2::from_array(self.focal),
-            skew_px: self.skew,
-            max_theta: self.max_angle_deg.to_radians(),
-            vignetting,
-        };
-        Lens::try_new(intrinsics)
-            .map_err(|e| RecordedError::new(path, e, "a lens that sees up to max_angle_deg"))
-    }
 }
 
 /// The coefficients of a monotone curve.

@@ -10,7 +10,9 @@ mod foreign;
 mod images;
 mod jpeg;
 mod lens;
+mod lens_table;
 mod manifest;
+mod shown;
 
 use crate::calibration::{Burst, Calibration, Frame, Pixels};
 use hemilux_core::format::Layout;
@@ -24,7 +26,8 @@ pub use convert::{Converted, Target, convert};
 pub use hemilux_core::Levels;
 #[cfg(feature = "v4l2")]
 pub(crate) use jpeg::is_whole as is_whole_jpeg;
-pub use lens::{LensFile, parse_lens, read_lens};
+pub use lens::{LensFile, lens_table, parse_lens, read_lens};
+pub use shown::Shown;
 
 /// Largest `burst.toml`, `sequence.toml` or lens file, bytes.
 const MAX_MANIFEST_BYTES: u64 = 1 << 20;

@@ -6,6 +6,7 @@
 use super::Context;
 use super::counts::{CLASSES, Counts, DELIVERY_US};
 use super::paths::PATHS;
+use crate::camera_status::CameraStatus;
 use crate::light_set::OwnedSet;
 use crate::timing::Timings;
 use axum::extract::State;
@@ -35,6 +36,9 @@ pub(super) async fn metrics(State(context): State<Context>) -> Response {
         let rate_hz = timings.rate_hz().into();
         one(&mut text, "frame_rate_hertz", "gauge", "Frames per second, smoothed.", rate_hz);
         stages(&mut text, &timings);
+    }
+    if let Some(status) = link.camera() {
+        camera(&mut text, &status);
     }
     connections(&mut text, &context.counts);
     requests(&mut text, &context.counts);
@@ -73,6 +77,43 @@ fn frames(text: &mut String, set: &OwnedSet, age_ms: u64) {
     head(text, "irradiance", "gauge", "Horizontal irradiance of the last frame, in the light sets' unit.");
     for (channel, v) in ["red", "green", "blue"].iter().zip(set.horizontal_irradiance) {
         let _ = writeln!(text, "hemilux_irradiance{{channel=\"{channel}\"}} {v}");
+    }
+}
+
+/// What became of the camera's exposures and frames.
+fn camera(text: &mut String, status: &CameraStatus) {
+    let frames = &status.frames;
+    head(text, "camera_frames_total", "counter", "Complete frames, by how their exposure is known.");
+    for (known, count) in status.known.named() {
+        let _ = writeln!(text, "hemilux_camera_frames_total{{exposure=\"{known}\"}} {count}");
+    }
+    head(text, "camera_broken_total", "counter", "Dropped frames, by their fault.");
+    for (fault, count) in frames.broken() {
+        let _ = writeln!(text, "hemilux_camera_broken_total{{fault=\"{fault}\"}} {count}");
+    }
+    one(text, "camera_lost_total", "counter", "Frames that the driver did not deliver.", frames.lost as f64);
+    let unstamped = "Frames whose timestamp is of another clock.";
+    one(text, "camera_unstamped_total", "counter", unstamped, frames.unstamped as f64);
+    head(text, "camera_writes_total", "counter", "Writes of the exposure that did not act, by their fault.");
+    for (fault, count) in [("late", status.late_writes), ("refused", status.failed_writes)] {
+        let _ = writeln!(text, "hemilux_camera_writes_total{{fault=\"{fault}\"}} {count}");
+    }
+    let mismatches = "Frames brighter or darker than their exposure says.";
+    one(text, "camera_mismatches_total", "counter", mismatches, status.mismatches as f64);
+    one(
+        text,
+        "camera_reopened_total",
+        "counter",
+        "Times that the camera was opened again.",
+        status.reopened as f64,
+    );
+    if let Some(view) = status.view {
+        one(text, "camera_view_ratio", "gauge", "Share of the sensor that pictures show.", view.share);
+    }
+    head(text, "camera_exposure_seconds", "gauge", "Exposures of the last burst.");
+    for (at, exposure) in status.exposures.iter().enumerate() {
+        let labels = format!("exposure=\"{at}\",known=\"{}\"", exposure.known);
+        let _ = writeln!(text, "hemilux_camera_exposure_seconds{{{labels}}} {}", exposure.seconds);
     }
 }
 

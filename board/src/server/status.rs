@@ -42,6 +42,7 @@ pub(super) async fn status(State(context): State<Context>, sender: Sender) -> Re
         "changes": link.settings().applied().borrow().serial,
         "needs_token": matches!(context.admission.access, Access::Token { .. }),
         "allowed": context.admission.access.admit(&sender.headers, sender.client.key(), &context.admission.attempts).is_ok(),
+        "camera": link.camera(),
         "last": frame,
         "frames": timings.frames(),
         "stages": stages.collect::<Vec<_>>(),

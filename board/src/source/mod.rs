@@ -16,6 +16,7 @@ pub use replay::{MAX_RECORDING_BYTES, ReplaySource};
 pub use scene::SceneSource;
 
 use crate::calibration::{Burst, Calibration};
+use crate::camera_status::CameraStatus;
 use crate::recorded::RecordedError;
 use crate::scene::{self as scenes, NAMES};
 use hemilux_core::Exposure;
@@ -45,6 +46,11 @@ pub trait Source: Send {
     /// Why not, and nothing changes.
     fn set_exposures(&mut self, _seconds: Option<&[f64]>) -> Result<(), String> {
         Err(format!("found exposures, expected none: {}", self.fixed_exposures().unwrap_or_default()))
+    }
+
+    /// Writes what became of its camera's exposures and frames into `status`; false where it is no camera.
+    fn camera(&self, _status: &mut CameraStatus) -> bool {
+        false
     }
 
     /// Waits for the next burst and fills `burst`, reusing its memory.

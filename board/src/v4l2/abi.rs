@@ -4,43 +4,8 @@
 //! needs `CONFIG_COMPAT_32BIT_TIME`. The sizes are asserted against what a C compiler gives for x86-64, AArch64 and ARMv7.
 
 pub use super::ids::*;
-
-/// Bytes of a pointer, which some unions hold.
-const POINTER: usize = size_of::<usize>();
-
-/// A value of all zero bits.
-trait Zero {
-    const ZERO: Self;
-}
-
-macro_rules! zero {
-    ($($number:ty)*) => { $(impl Zero for $number { const ZERO: Self = 0; })* };
-}
-
-zero! { u8 u16 u32 u64 i64 usize }
-
-impl<T: Zero, const N: usize> Zero for [T; N] {
-    const ZERO: Self = [T::ZERO; N];
-}
-
-/// A structure of the kernel whose fields are zero unless a value is given, with the bytes that a C compiler gives it: on x86-64 and
-/// AArch64, and on ARMv7 with `_TIME_BITS=64`.
-macro_rules! plain {
-    (@value $type:ty) => { <$type as Zero>::ZERO };
-    (@value $type:ty, $value:expr) => { $value };
-    ($(#[$doc:meta])* $name:ident($wide:literal, $narrow:literal) { $($(#[$field_doc:meta])* $field:ident: $type:ty $(= $value:expr)?,)* }) => {
-        $(#[$doc])*
-        #[derive(Clone, Copy, Debug)]
-        #[repr(C)]
-        pub struct $name { $($(#[$field_doc])* pub $field: $type,)* }
-        impl Default for $name {
-            fn default() -> Self {
-                Self { $($field: plain!(@value $type $(, $value)?),)* }
-            }
-        }
-        const _: () = assert!(size_of::<$name>() == if POINTER == 8 { $wide } else { $narrow }, "not the kernel's layout");
-    };
-}
+use super::layout::POINTER;
+pub use super::pads::*;
 
 plain! {
     /// `struct v4l2_capability`.
@@ -321,42 +286,18 @@ plain! {
 }
 
 plain! {
-    /// `struct v4l2_subdev_format`.
-    PadFormat(88, 88) {
-        /// Asked for: [`FORMAT_ACTIVE`].
-        which: u32 = FORMAT_ACTIVE,
-        /// Asked for: 0, a sensor's output.
-        pad: u32,
-        /// Columns.
-        width: u32,
-        /// Rows.
-        height: u32,
-        /// Media bus code.
-        code: u32,
-        /// [`FIELD_NONE`]: progressive.
-        field: u32 = FIELD_NONE,
-        /// Colour space.
-        colorspace: u32,
-        /// Encoding, quantisation, transfer function, flags, zero.
-        rest: [u16; 14],
-        /// Stream and zero.
-        reserved: [u32; 8],
-    }
-}
-
-plain! {
-    /// `struct v4l2_subdev_mbus_code_enum`.
-    BusCode(48, 48) {
-        /// Asked for: 0.
-        pad: u32,
-        /// Asked for.
-        index: u32,
-        /// Media bus code.
-        code: u32,
-        /// Asked for: [`FORMAT_ACTIVE`].
-        which: u32 = FORMAT_ACTIVE,
-        /// Flags, stream and zero.
-        reserved: [u32; 8],
+    /// `struct v4l2_selection`.
+    Selection(64, 64) {
+        /// Asked for: [`CAPTURE`].
+        kind: u32 = CAPTURE,
+        /// Asked for: [`SELECT_CROP`] and others.
+        target: u32,
+        /// Zero.
+        flags: u32,
+        /// Left, top, width and height, pixels.
+        area: [u32; 4],
+        /// Zero.
+        reserved: [u32; 9],
     }
 }
 
@@ -364,12 +305,8 @@ plain! {
 pub const CAPTURE: u32 = 1;
 /// `V4L2_MEMORY_MMAP`.
 pub const MMAP: u32 = 1;
-/// `V4L2_FIELD_NONE`.
-pub const FIELD_NONE: u32 = 1;
 /// `V4L2_FRMSIZE_TYPE_DISCRETE` and `V4L2_FRMIVAL_TYPE_DISCRETE`.
 pub const DISCRETE: u32 = 1;
-/// `V4L2_SUBDEV_FORMAT_ACTIVE`.
-pub const FORMAT_ACTIVE: u32 = 1;
 /// `V4L2_CAP_VIDEO_CAPTURE`.
 pub const CAP_CAPTURE: u32 = 1;
 /// `V4L2_CAP_STREAMING`.
@@ -392,3 +329,11 @@ pub const FULL_RANGE: u32 = 1;
 pub const BUFFER_ERROR: u32 = 0x40;
 /// `V4L2_EVENT_SOURCE_CHANGE`.
 pub const EVENT_SOURCE_CHANGE: u32 = 5;
+/// `V4L2_CAP_IO_MC`: the node's formats are those of its media bus code.
+pub const CAP_MEDIA: u32 = 0x2000_0000;
+/// `V4L2_SEL_TGT_CROP`: the part of the sensor that a picture shows.
+pub const SELECT_CROP: u32 = 0;
+/// `V4L2_SEL_TGT_CROP_BOUNDS`: the largest part that can be shown.
+pub const SELECT_BOUNDS: u32 = 2;
+/// `V4L2_SEL_TGT_NATIVE_SIZE`: all pixels of the sensor.
+pub const SELECT_NATIVE: u32 = 3;

@@ -1,7 +1,7 @@
 //! A streaming camera, one frame at a time, each with its exposure.
 
+use super::access::failed;
 use super::arrivals::Arrivals;
-use super::device::failed;
 use super::exposure::{Setting, Unit};
 use super::formats::Picture;
 use super::frame::{Counters, RawFrame, Taken, stamped_ns};
@@ -9,6 +9,7 @@ use super::measured::Verdict;
 use super::schedule::{Known, MAX_DELAY, Schedule, is_after};
 use super::setup::{self, Agreed, Options, Setup};
 use super::verify::{Levels, Verifier};
+use super::view::View;
 use super::{Call, CameraError, Kernel, Node, Ready, abi, luma, persist};
 use hemilux_core::Response;
 use rustix::io::Errno;
@@ -112,7 +113,8 @@ impl Camera {
     /// The exposures in seconds, ascending: measured where brightness ratios contradict the control, else as the control says.
     #[must_use]
     pub fn seconds(&self) -> Vec<f64> {
-        let measured = |slot| self.verifier.as_ref().and_then(|v| v.measured().seconds(slot));
+        let deviating = self.verifier.as_ref().map(Verifier::measured);
+        let measured = |slot| deviating.filter(|m| m.deviates(slot)).and_then(|m| m.seconds(slot));
         let settings = self.setup.settings.iter().enumerate();
         settings.map(|(slot, s)| measured(slot).unwrap_or(s.seconds)).collect()
     }
@@ -134,6 +136,12 @@ impl Camera {
     #[must_use]
     pub fn black(&self) -> f64 {
         self.setup.black
+    }
+
+    /// The part of the sensor that pictures show, where the driver or the table of sensors tells it.
+    #[must_use]
+    pub fn view(&self) -> Option<View> {
+        self.setup.view
     }
 
     /// The requested properties, each with the value that was asked for and the value that the camera took.
@@ -187,6 +195,7 @@ impl Camera {
             self.counters.frames += 1;
             let timestamp_ns = self.arrivals.time_ns();
             let (slot, known) = self.identify(buffer.sequence);
+            self.counters.note(known);
             frame.taken = Taken { sequence: buffer.sequence, timestamp_ns, slot, known };
         }
         Ok(good)

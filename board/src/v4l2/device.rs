@@ -1,9 +1,11 @@
 //! What cameras there are and what they can do.
 
+use super::access::{capability, captures, open};
 use super::controls::{self, Info};
-use super::exposure::Knob;
+use super::exposure::{self, Knob, Sensor};
+use super::media::{self, Located, bus};
+use super::view::{self, View};
 use super::{Call, CameraError, Kernel, Node, abi, formats, persist, text};
-use rustix::io::Errno;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -31,6 +33,25 @@ pub struct Description {
     pub gain: Option<(i64, i64)>,
     /// The sub-device that has the exposure, where the node itself has not.
     pub sensor: Option<PathBuf>,
+    /// The sensor's name, by which `v4l2:NAME` finds it whatever its nodes' numbers are.
+    pub sensor_name: Option<String>,
+    /// The media device whose graph leads from the sensor to the node.
+    pub media: Option<PathBuf>,
+    /// The sensor's modes.
+    pub modes: Vec<ModeInfo>,
+}
+
+/// A mode of a sensor.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ModeInfo {
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// The part of the sensor that it shows; null where neither the driver nor the table tells.
+    pub view: Option<View>,
+    /// The share of the sensor that it sees, 0 to 1.
+    pub share: Option<f64>,
 }
 
 /// A pixel format.
@@ -63,8 +84,16 @@ pub struct SizeInfo {
 /// [`CameraError`] where there are nodes and none can be opened.
 pub fn list(kernel: &mut dyn Kernel) -> Result<Vec<Description>, CameraError> {
     let (mut found, mut refused, mut opened) = (Vec::new(), None, false);
+    let sensors = media::all(kernel);
     for path in kernel.video_nodes() {
-        match describe(kernel, &path) {
+        let device = kernel.device_of(&path);
+        let is_part = |l: &Located| device.is_some() && l.graph.entities.iter().any(|e| e.device == device);
+        let described = match sensors.iter().find(|l| device.is_some() && l.device() == device) {
+            Some(located) => describe_sensor(kernel, &path, located).map(Some),
+            None if sensors.iter().any(is_part) => continue,
+            None => describe(kernel, &path),
+        };
+        match described {
             Ok(camera) => {
                 opened = true;
                 found.extend(camera);
@@ -85,30 +114,96 @@ pub fn describe(kernel: &mut dyn Kernel, path: &Path) -> Result<Option<Descripti
     if !captures(&caps) {
         return Ok(None);
     }
-    let formats = formats(node.as_mut());
+    let formats = formats(node.as_mut(), 0);
     let width = formats.iter().flat_map(|f| &f.sizes).map(|s| s.width).max().unwrap_or(0);
-    let mut range = (exposure(node.as_mut(), width), gain(node.as_mut()));
+    let mut range = (exposure_range(node.as_mut(), width), gain(node.as_mut()));
     let mut sensor = None;
     if range.0.is_none()
-        && let Ok(Some((mut sub, path, _))) = find_sensor(kernel, None)
+        && let Ok(Some(found)) = find_sensor(kernel, None)
     {
-        range = (exposure(sub.as_mut(), width), gain(sub.as_mut()));
+        let OpenSensor { node: mut sub, path, .. } = found;
+        range = (exposure_range(sub.as_mut(), width), gain(sub.as_mut()));
         sensor = Some(path);
     }
-    let (name, bus, driver) = (text(&caps.card), text(&caps.bus_info), text(&caps.driver));
-    Ok(Some(Description {
-        path: path.into(),
-        name,
-        bus,
-        driver,
-        formats,
-        exposure_s: range.0,
-        gain: range.1,
-        sensor,
-    }))
+    let common = Description::of(path, &caps, formats);
+    Ok(Some(Description { exposure_s: range.0, gain: range.1, sensor, ..common }))
 }
 
-fn exposure(node: &mut dyn Node, width: u32) -> Option<(f64, f64)> {
+/// The camera whose sensor sends to the node at `path` through a media graph.
+fn describe_sensor(
+    kernel: &mut dyn Kernel,
+    path: &Path,
+    located: &Located,
+) -> Result<Description, CameraError> {
+    let mut node = open(kernel, path)?;
+    let caps = capability(node.as_mut(), path)?;
+    let common = Description::of(path, &caps, formats(node.as_mut(), 0));
+    let device = located.graph.entities.get(located.sensor).and_then(|e| e.device);
+    let Some(sensor) = device.and_then(|device| kernel.node_of(device)) else { return Ok(common) };
+    let mut sub = open(kernel, &sensor)?;
+    let name = located.sensor_name();
+    let modes = modes(sub.as_mut(), exposure::sensor(name));
+    let width = modes.iter().map(|m| m.width).max().unwrap_or(0);
+    Ok(Description {
+        exposure_s: exposure_range(sub.as_mut(), width),
+        gain: gain(sub.as_mut()),
+        modes,
+        sensor: Some(sensor),
+        sensor_name: Some(name.into()),
+        media: Some(located.path.clone()),
+        ..common
+    })
+}
+
+impl Description {
+    fn of(path: &Path, caps: &abi::Capability, formats: Vec<FormatInfo>) -> Self {
+        let (name, bus, driver) = (text(&caps.card), text(&caps.bus_info), text(&caps.driver));
+        Self {
+            path: path.into(),
+            name,
+            bus,
+            driver,
+            formats,
+            exposure_s: None,
+            gain: None,
+            sensor: None,
+            sensor_name: None,
+            media: None,
+            modes: Vec::new(),
+        }
+    }
+}
+
+/// The sizes of a sensor's best media bus code, each with what it sees of the sensor.
+fn modes(sensor: &mut dyn Node, known: Option<&Sensor>) -> Vec<ModeInfo> {
+    let codes = bus::offered(sensor, 0);
+    let Some(code) = bus::ranked(&codes).first().copied() else { return Vec::new() };
+    let mut sizes = Vec::new();
+    for index in 0..MAX_SIZES {
+        let mut d = abi::PadSize { index, code, ..Default::default() };
+        if persist(|| sensor.call(Call::EnumPadSizes(&mut d))).is_err() {
+            break;
+        }
+        let [_, width, _, height] = d.size;
+        sizes.push((width, height));
+    }
+    sizes.dedup();
+    let mut present = abi::PadFormat::default();
+    let is_told = persist(|| sensor.call(Call::GetPadFormat(&mut present))).is_ok();
+    let mut described = |size: (u32, u32)| {
+        // A driver tells what its present mode shows.
+        let is_present = is_told && (present.width, present.height) == size;
+        let view = if is_present {
+            view::present(sensor, known, size)
+        } else {
+            known.and_then(|sensor| view::known(sensor, size))
+        };
+        ModeInfo { width: size.0, height: size.1, view, share: view.map(|v| v.share()) }
+    };
+    sizes.into_iter().map(&mut described).collect()
+}
+
+fn exposure_range(node: &mut dyn Node, width: u32) -> Option<(f64, f64)> {
     Knob::find(node, width)?.range_s()
 }
 
@@ -117,49 +212,12 @@ fn gain(node: &mut dyn Node) -> Option<(i64, i64)> {
     found.filter(Info::is_settable).map(|i| (i.minimum, i.maximum))
 }
 
-/// Opens a node.
-///
-/// # Errors
-/// [`CameraError`].
-pub(super) fn open(kernel: &mut dyn Kernel, path: &Path) -> Result<Box<dyn Node>, CameraError> {
-    persist(|| kernel.open(path)).map_err(|e| match e {
-        Errno::NOENT | Errno::NODEV | Errno::NXIO => CameraError::Gone(path.into()),
-        Errno::ACCESS | Errno::PERM => {
-            failed(path, "open", e, "a device that this user may open (is the user in the group video?)")
-        }
-        _ => failed(path, "open", e, "a camera that no other program holds"),
-    })
+/// An open sub-device.
+pub(super) struct OpenSensor {
+    pub node: Box<dyn Node>,
+    pub path: PathBuf,
+    pub name: String,
 }
-
-pub(super) fn failed(
-    path: &Path,
-    operation: &'static str,
-    errno: Errno,
-    expected: &'static str,
-) -> CameraError {
-    if [Errno::NODEV, Errno::NXIO].contains(&errno) {
-        return CameraError::Gone(path.into());
-    }
-    CameraError::Failed { path: path.into(), operation, errno: errno.to_string(), expected }
-}
-
-pub(super) fn capability(node: &mut dyn Node, path: &Path) -> Result<abi::Capability, CameraError> {
-    let mut caps = abi::Capability::default();
-    persist(|| node.call(Call::QueryCapability(&mut caps)))
-        .map_err(|e| failed(path, "QUERYCAP", e, "a V4L2 device"))?;
-    Ok(caps)
-}
-
-/// Whether the node gives pictures of one plane in a stream.
-pub(super) fn captures(caps: &abi::Capability) -> bool {
-    let own = caps.capabilities & abi::CAP_DEVICE_CAPS != 0;
-    let caps = if own { caps.device_caps } else { caps.capabilities };
-    let needed = abi::CAP_CAPTURE | abi::CAP_STREAMING;
-    caps & needed == needed
-}
-
-/// An open sub-device, its path and its name.
-type OpenSensor = (Box<dyn Node>, PathBuf, String);
 
 /// The sub-device with an exposure control, with its path and name: the `wished` one, or the only one there is.
 ///
@@ -176,7 +234,7 @@ pub(super) fn find_sensor(
             && let Ok(mut node) = open(kernel, &path)
             && controls::find(node.as_mut(), abi::EXPOSURE).is_some()
         {
-            found.push((node, path, name));
+            found.push(OpenSensor { node, path, name });
         }
     }
     if let (Some(wished), true) = (wished, found.is_empty()) {
@@ -186,11 +244,11 @@ pub(super) fn find_sensor(
     Ok(if found.len() == 1 { found.pop() } else { None })
 }
 
-/// All pixel formats.
-pub(super) fn formats(node: &mut dyn Node) -> Vec<FormatInfo> {
+/// All pixel formats, or those of media bus code `code`.
+pub(super) fn formats(node: &mut dyn Node, code: u32) -> Vec<FormatInfo> {
     let mut found = Vec::new();
     for index in 0..MAX_FORMATS {
-        let mut d = abi::FormatDescription { index, ..Default::default() };
+        let mut d = abi::FormatDescription { index, mbus_code: code, ..Default::default() };
         if persist(|| node.call(Call::EnumFormats(&mut d))).is_err() {
             break;
         }

@@ -110,6 +110,12 @@ pub fn sensor(name: &str) -> Option<&'static Sensor> {
     SENSORS.iter().find(|s| name.starts_with(s.name))
 }
 
+/// All sensors of the table.
+#[cfg(test)]
+pub fn sensors() -> impl Iterator<Item = &'static Sensor> {
+    SENSORS.iter()
+}
+
 /// Automatic processing that changes brightness, colour or sharpness of a frame; 0 is off for each.
 const AUTOMATICS: [u32; 11] = [
     abi::AUTOGAIN,

@@ -2,6 +2,7 @@
 
 use super::abi;
 use super::schedule::Known;
+use crate::camera_status::{FrameCounts, KnownCounts};
 
 /// What happened to frames since the camera was opened.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -18,10 +19,69 @@ pub struct Counters {
     pub failed_writes: u64,
     /// Frames whose timestamp is not of CLOCK_MONOTONIC or did not advance; they have their arrival time.
     pub unstamped: u64,
+    /// Frames by how their exposure is known.
+    pub known: KnownCounts,
     /// Frames whose exposure the ratio to their neighbour contradicted.
     pub mismatches: u64,
     /// Times that another control delay was found to be right.
     pub resyncs: u64,
+}
+
+impl Counters {
+    /// Counts a complete frame by how its exposure is known.
+    pub(super) const fn note(&mut self, known: Known) {
+        let count = match known {
+            Known::Verified => &mut self.known.verified,
+            Known::Measured => &mut self.known.measured,
+            Known::Predicted | Known::Reported => &mut self.known.predicted,
+            Known::Unknown => &mut self.known.unknown,
+        };
+        *count += 1;
+    }
+
+    /// Both together.
+    #[must_use]
+    pub const fn plus(&self, other: &Self) -> Self {
+        let (a, b) = (&self.broken, &other.broken);
+        Self {
+            frames: self.frames.saturating_add(other.frames),
+            lost: self.lost.saturating_add(other.lost),
+            broken: Broken {
+                flagged: a.flagged.saturating_add(b.flagged),
+                empty: a.empty.saturating_add(b.empty),
+                short: a.short.saturating_add(b.short),
+                repeated: a.repeated.saturating_add(b.repeated),
+                damaged: a.damaged.saturating_add(b.damaged),
+            },
+            late: self.late.saturating_add(other.late),
+            failed_writes: self.failed_writes.saturating_add(other.failed_writes),
+            unstamped: self.unstamped.saturating_add(other.unstamped),
+            known: KnownCounts {
+                verified: self.known.verified.saturating_add(other.known.verified),
+                measured: self.known.measured.saturating_add(other.known.measured),
+                predicted: self.known.predicted.saturating_add(other.known.predicted),
+                unknown: self.known.unknown.saturating_add(other.known.unknown),
+            },
+            mismatches: self.mismatches.saturating_add(other.mismatches),
+            resyncs: self.resyncs.saturating_add(other.resyncs),
+        }
+    }
+
+    /// What became of the frames.
+    #[must_use]
+    pub const fn counts(&self) -> FrameCounts {
+        let Broken { flagged, empty, short, repeated, damaged } = self.broken;
+        FrameCounts {
+            complete: self.frames,
+            lost: self.lost,
+            flagged,
+            empty,
+            short,
+            repeated,
+            damaged,
+            unstamped: self.unstamped,
+        }
+    }
 }
 
 /// Dropped frames, by their fault.

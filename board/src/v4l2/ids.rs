@@ -1,4 +1,4 @@
-//! Numbers of controls, from `linux/v4l2-controls.h`.
+//! Numbers of controls from `linux/v4l2-controls.h`, and those that pads and pictures share.
 
 /// `V4L2_CTRL_FLAG_NEXT_CTRL`: the next one after `id`.
 pub const NEXT_CONTROL: u32 = 0x8000_0000;
@@ -63,3 +63,8 @@ pub const PIXEL_RATE: u32 = 0x009f_0902;
 
 /// `V4L2_EXPOSURE_MANUAL` and `V4L2_EXPOSURE_SHUTTER_PRIORITY`: both let the time be set.
 pub const MANUAL_MODES: [i64; 2] = [1, 2];
+
+/// `V4L2_FIELD_NONE`.
+pub const FIELD_NONE: u32 = 1;
+/// `V4L2_SUBDEV_FORMAT_ACTIVE`.
+pub const FORMAT_ACTIVE: u32 = 1;

@@ -3,6 +3,7 @@
 //! Pictures of 640 x 480 pixels and fewer are decoded by `zune-jpeg`. Larger ones are scaled to 1/2, 1/4 or 1/8 while they are decoded: a
 //! scaled inverse DCT costs a fraction of the full one. `jpeg-decoder` has it, `zune-jpeg` does not.
 
+use super::huffman;
 use crate::recorded::is_whole_jpeg;
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::bytestream::ZCursor;
@@ -90,13 +91,15 @@ impl Jpeg {
     }
 }
 
-/// The frame with one-bits in front of its end marker.
+/// The frame with Huffman tables, where it has none, and with one-bits in front of its end marker.
 ///
 /// No Huffman code consists of ones alone, so that a decoder which has not all blocks by then fails; in front of the marker itself
 /// decoders assume zero-bits and fill the rest of the picture with them.
 fn sealed(bytes: &[u8]) -> Option<Vec<u8>> {
     let end = bytes.windows(2).rposition(|w| w == [0xff, 0xd9])?;
-    Some([bytes.get(..end)?, &[0xff, 0x00].repeat(16), &[0xff, 0xd9]].concat())
+    let (head, rest) = bytes.get(..end)?.split_at_checked(huffman::missing_at(bytes).unwrap_or(0))?;
+    let tables = if head.is_empty() { Vec::new() } else { huffman::segment() };
+    Some([head, &tables, rest, &[0xff, 0x00].repeat(16), &[0xff, 0xd9]].concat())
 }
 
 /// Whether the restart markers count from 0 to 7 over and over: a decoder skips a lost one and shifts the rest of the picture.
@@ -152,6 +155,32 @@ mod tests {
                     assert!(found.abs_diff(expected) <= 6, "{jpeg:?} at {x}, {y}: {found} for {expected}");
                 }
             }
+        }
+    }
+
+    /// The encoder writes the tables of annex K.3 into each picture: without them a frame is what many USB cameras send.
+    #[test]
+    fn a_frame_without_huffman_tables_is_decoded_with_the_standard_ones() {
+        for (width, height) in [(320, 240), (1280, 720)] {
+            let (jpeg, whole, mut bare) = (Jpeg::of(width, height), encoded(width, height), Vec::new());
+            let mut at = 0;
+            let mut removed = 0;
+            while at < whole.len() {
+                if whole[at..].starts_with(&[0xff, 0xc4]) {
+                    let length = 2 + usize::from(u16::from_be_bytes([whole[at + 2], whole[at + 3]]));
+                    (at, removed) = (at + length, removed + length);
+                    continue;
+                }
+                bare.push(whole[at]);
+                at += 1;
+            }
+            assert!(removed > 400, "{removed} bytes of tables");
+            let (mut expected, mut found) = (Vec::new(), Vec::new());
+            assert!(
+                jpeg.decode(&whole, &mut expected) && jpeg.decode(&bare, &mut found),
+                "{width} x {height}"
+            );
+            assert_eq!(found, expected, "{width} x {height}");
         }
     }
 

@@ -2,16 +2,20 @@
 //!
 //! [`abi`] has the kernel's structures. The traits [`Kernel`] and [`Node`] stand for the kernel: [`real`] implements them by system calls
 //! and is the only module with `unsafe`; tests implement them by a scripted kernel. [`device`] lists a camera's formats and ranges,
-//! [`controls`] reads and sets controls, [`exposure`] finds the exposure control and its values, [`setup`] agrees on format, rate and
+//! [`controls`] reads and sets controls, [`media`] connects a sensor with its node, [`exposure`] finds the exposure control and its values, [`setup`] agrees on format, rate and
 //! exposures, [`schedule`] predicts each frame's exposure, [`verify`] and [`measured`] compare it with brightness ratios, [`capture`]
 //! gives one frame at a time, and [`supervise`] opens a failed camera again.
 //!
-//! There is no bindgen and so no libclang here: sixteen requests, whose layouts are asserted when the crate is compiled. The crate `v4l`
+//! There is no bindgen and so no libclang here: two dozen requests, whose layouts are asserted when the crate is compiled. The crate `v4l`
 //! (0.14) would save the enumeration only: it panics on control types that it does not know and when a stream cannot be stopped,
 //! queues a buffer twice after a time-out, hands EINTR on, refuses controls of several classes, and has neither sub-devices nor
 //! events.
 
+#[macro_use]
+mod layout;
+
 pub mod abi;
+mod access;
 mod arrivals;
 pub mod capture;
 pub mod controls;
@@ -24,10 +28,16 @@ pub(crate) mod fake;
 mod field_tests;
 pub mod formats;
 pub mod frame;
+mod huffman;
 mod ids;
 pub mod jpeg;
 pub mod luma;
 pub mod measured;
+pub mod media;
+mod negotiate;
+pub mod options;
+mod pads;
+mod place;
 #[cfg(target_os = "linux")]
 pub mod real;
 pub mod schedule;
@@ -37,7 +47,9 @@ pub mod supervise;
 #[cfg(test)]
 mod tests;
 pub mod verify;
+pub mod view;
 
+use media::Device;
 use rustix::io::Errno;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -50,6 +62,7 @@ pub enum Call<'a> {
     EnumFormats(&'a mut abi::FormatDescription),
     EnumSizes(&'a mut abi::SizeDescription),
     EnumIntervals(&'a mut abi::IntervalDescription),
+    GetFormat(&'a mut abi::Format),
     SetFormat(&'a mut abi::Format),
     SetParameters(&'a mut abi::Parameters),
     QueryControl(&'a mut abi::ControlDescription),
@@ -64,8 +77,14 @@ pub enum Call<'a> {
     StreamOff,
     Subscribe(&'a mut abi::Subscription),
     DequeueEvent(&'a mut abi::Event),
+    GetPadFormat(&'a mut abi::PadFormat),
     SetPadFormat(&'a mut abi::PadFormat),
     EnumBusCodes(&'a mut abi::BusCode),
+    EnumPadSizes(&'a mut abi::PadSize),
+    GetSelection(&'a mut abi::Selection),
+    GetPadSelection(&'a mut abi::PadSelection),
+    Topology(&'a mut media::Topology),
+    SetupLink(&'a mut media::abi::LinkSetup),
 }
 
 /// Result of waiting for a node.
@@ -116,6 +135,15 @@ pub trait Kernel: Send {
 
     /// Paths and names of all sub-devices (`/dev/v4l-subdev*`).
     fn subdevices(&mut self) -> Vec<(PathBuf, String)>;
+
+    /// Paths of all media devices (`/dev/media*`).
+    fn media_nodes(&mut self) -> Vec<PathBuf>;
+
+    /// The number of the character device at `path`.
+    fn device_of(&mut self, path: &Path) -> Option<Device>;
+
+    /// The path of the video node or sub-device with that number.
+    fn node_of(&mut self, device: Device) -> Option<PathBuf>;
 
     /// CLOCK_MONOTONIC, nanoseconds: the clock of the frames' timestamps.
     fn now_ns(&self) -> u64;

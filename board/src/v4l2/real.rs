@@ -5,6 +5,8 @@
 )]
 
 use super::abi::{self, CAPTURE};
+use super::media::abi as media;
+use super::media::graph::{self, Device, Topology};
 use super::{Call, Kernel, Node, Ready};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{Mode, OFlags};
@@ -19,6 +21,7 @@ use std::time::Duration;
 const V: u8 = b'V';
 const QUERYCAP: Opcode = opcode::read::<abi::Capability>(V, 0);
 const ENUM_FMT: Opcode = opcode::read_write::<abi::FormatDescription>(V, 2);
+const G_FMT: Opcode = opcode::read_write::<abi::Format>(V, 4);
 const S_FMT: Opcode = opcode::read_write::<abi::Format>(V, 5);
 const REQBUFS: Opcode = opcode::read_write::<abi::BufferRequest>(V, 8);
 const QUERYBUF: Opcode = opcode::read_write::<abi::Buffer>(V, 9);
@@ -36,7 +39,14 @@ const DQEVENT: Opcode = opcode::read::<abi::Event>(V, 89);
 const SUBSCRIBE_EVENT: Opcode = opcode::write::<abi::Subscription>(V, 90);
 const QUERY_EXT_CTRL: Opcode = opcode::read_write::<abi::ControlDescription>(V, 103);
 const SUBDEV_ENUM_MBUS_CODE: Opcode = opcode::read_write::<abi::BusCode>(V, 2);
+const SUBDEV_G_FMT: Opcode = opcode::read_write::<abi::PadFormat>(V, 4);
 const SUBDEV_S_FMT: Opcode = opcode::read_write::<abi::PadFormat>(V, 5);
+const SUBDEV_G_SELECTION: Opcode = opcode::read_write::<abi::PadSelection>(V, 61);
+const SUBDEV_ENUM_FRAME_SIZE: Opcode = opcode::read_write::<abi::PadSize>(V, 74);
+const G_SELECTION: Opcode = opcode::read_write::<abi::Selection>(V, 94);
+const MEDIA: u8 = b'|';
+const SETUP_LINK: Opcode = opcode::read_write::<media::LinkSetup>(MEDIA, 3);
+const G_TOPOLOGY: Opcode = opcode::read_write::<media::Counts>(MEDIA, 4);
 
 /// `struct v4l2_ext_controls`; `which` 0 takes controls of any class.
 #[repr(C)]
@@ -62,6 +72,11 @@ const _: () = {
     assert!(S_EXT_CTRLS == if wide { 0xc020_5648 } else { 0xc018_5648 }, "VIDIOC_S_EXT_CTRLS");
     assert!(DQEVENT == 0x8088_5659, "VIDIOC_DQEVENT");
     assert!(SUBDEV_S_FMT == 0xc058_5605, "VIDIOC_SUBDEV_S_FMT");
+    assert!(G_SELECTION == 0xc040_565e, "VIDIOC_G_SELECTION");
+    assert!(SUBDEV_G_SELECTION == 0xc040_563d, "VIDIOC_SUBDEV_G_SELECTION");
+    assert!(SUBDEV_ENUM_FRAME_SIZE == 0xc040_564a, "VIDIOC_SUBDEV_ENUM_FRAME_SIZE");
+    assert!(SETUP_LINK == 0xc034_7c03, "MEDIA_IOC_SETUP_LINK");
+    assert!(G_TOPOLOGY == 0xc048_7c04, "MEDIA_IOC_G_TOPOLOGY");
 };
 
 /// Longest mapping: a frame of 64 megapixels of four bytes.
@@ -88,8 +103,8 @@ impl File {
     /// Makes request `CODE` with `data`.
     fn update<const CODE: Opcode, T>(&self, data: &mut T) -> Result<(), Errno> {
         // SAFETY: callers pair `CODE` with the structure from whose size it was computed (the constants above), so that the kernel reads
-        // and writes no byte beyond `data`. All structures consist of integers, for which every bit pattern is a value. The only pointer
-        // inside one, that of `Controls`, is made in `control`.
+        // and writes no byte beyond `data`. All structures consist of integers, for which every bit pattern is a value. Pointers
+        // inside one are made in `control` and `topology`.
         unsafe { ioctl(self.fd.as_fd(), Updater::<CODE, T>::new(data)) }
     }
 
@@ -109,6 +124,34 @@ impl File {
         self.update::<CODE, _>(&mut all)
     }
 
+    /// Reads a media device: the counts, then as many entries, bounded.
+    fn topology(&self, topology: &mut Topology) -> Result<(), Errno> {
+        let mut counts = media::Counts::default();
+        self.update::<G_TOPOLOGY, _>(&mut counts)?;
+        fn room<T: Default + Clone>(count: u32) -> Result<Vec<T>, Errno> {
+            if count > graph::MOST { Err(Errno::OVERFLOW) } else { Ok(vec![T::default(); count as usize]) }
+        }
+        *topology = Topology {
+            entities: room(counts.entities[0])?,
+            interfaces: room(counts.interfaces[0])?,
+            pads: room(counts.pads[0])?,
+            links: room(counts.links[0])?,
+        };
+        let at = |address: usize| address as u64;
+        counts.entities_at = at(topology.entities.as_mut_ptr() as usize);
+        counts.interfaces_at = at(topology.interfaces.as_mut_ptr() as usize);
+        counts.pads_at = at(topology.pads.as_mut_ptr() as usize);
+        counts.links_at = at(topology.links.as_mut_ptr() as usize);
+        // The kernel writes at most as many entries as each count says, which is the length of the vector at that address; the vectors
+        // live until the call has returned. Where the graph has grown meanwhile it fails with ENOSPC.
+        self.update::<G_TOPOLOGY, _>(&mut counts)?;
+        topology.entities.truncate(counts.entities[0] as usize);
+        topology.interfaces.truncate(counts.interfaces[0] as usize);
+        topology.pads.truncate(counts.pads[0] as usize);
+        topology.links.truncate(counts.links[0] as usize);
+        Ok(())
+    }
+
     fn mark(&mut self, index: u32, queued: bool) {
         if let Some(mapping) = self.mappings.get_mut(index as usize) {
             mapping.queued = queued;
@@ -123,6 +166,7 @@ impl Node for File {
             Call::EnumFormats(d) => self.update::<ENUM_FMT, _>(d),
             Call::EnumSizes(d) => self.update::<ENUM_FRAMESIZES, _>(d),
             Call::EnumIntervals(d) => self.update::<ENUM_FRAMEINTERVALS, _>(d),
+            Call::GetFormat(d) => self.update::<G_FMT, _>(d),
             Call::SetFormat(d) => self.update::<S_FMT, _>(d),
             Call::SetParameters(d) => self.update::<S_PARM, _>(d),
             Call::QueryControl(d) => self.update::<QUERY_EXT_CTRL, _>(d),
@@ -151,8 +195,14 @@ impl Node for File {
             Call::StreamOff => self.update::<STREAMOFF, _>(&mut { CAPTURE }),
             Call::Subscribe(d) => self.update::<SUBSCRIBE_EVENT, _>(d),
             Call::DequeueEvent(d) => self.update::<DQEVENT, _>(d),
+            Call::GetPadFormat(d) => self.update::<SUBDEV_G_FMT, _>(d),
             Call::SetPadFormat(d) => self.update::<SUBDEV_S_FMT, _>(d),
             Call::EnumBusCodes(d) => self.update::<SUBDEV_ENUM_MBUS_CODE, _>(d),
+            Call::EnumPadSizes(d) => self.update::<SUBDEV_ENUM_FRAME_SIZE, _>(d),
+            Call::GetSelection(d) => self.update::<G_SELECTION, _>(d),
+            Call::GetPadSelection(d) => self.update::<SUBDEV_G_SELECTION, _>(d),
+            Call::Topology(d) => self.topology(d),
+            Call::SetupLink(d) => self.update::<SETUP_LINK, _>(d),
         }
     }
 
@@ -244,6 +294,27 @@ impl Kernel for RealKernel {
         };
         let named = |path: PathBuf| (name(&path).unwrap_or_default().trim().into(), path);
         numbered("v4l-subdev").into_iter().map(named).map(|(name, path): (String, _)| (path, name)).collect()
+    }
+
+    fn media_nodes(&mut self) -> Vec<PathBuf> {
+        numbered("media")
+    }
+
+    fn device_of(&mut self, path: &Path) -> Option<Device> {
+        let found = rustix::fs::stat(path).ok()?;
+        if rustix::fs::FileType::from_raw_mode(found.st_mode) != rustix::fs::FileType::CharacterDevice {
+            return None;
+        }
+        Some(Device { major: rustix::fs::major(found.st_rdev), minor: rustix::fs::minor(found.st_rdev) })
+    }
+
+    fn node_of(&mut self, device: Device) -> Option<PathBuf> {
+        let Device { major, minor } = device;
+        let event = std::fs::read_to_string(format!("/sys/dev/char/{major}:{minor}/uevent")).ok()?;
+        let name = event.lines().find_map(|line| line.strip_prefix("DEVNAME="))?;
+        let is_node = name.starts_with("video") || name.starts_with("v4l-subdev");
+        let is_plain = name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'-');
+        (is_node && is_plain).then(|| Path::new("/dev").join(name))
     }
 
     fn now_ns(&self) -> u64 {

@@ -1,84 +1,15 @@
 //! Opening a camera and agreeing with it: format, rate, manual exposure. What was asked and what was got is kept for the report.
 
 use super::controls::{self, Info};
-use super::device::{self, failed};
 use super::exposure::{self, Held, Knob, Manual, Sensor, Setting, Unit};
 use super::formats::{self, Picture};
-use super::{Call, CameraError, Kernel, Node, abi, persist};
-use hemilux_core::Response;
-use hemilux_core::format::{Pattern, Yuv};
+use super::media::wiring::Wiring;
+use super::negotiate;
+pub use super::options::{Agreed, LensFit, Options, StandIn};
+use super::place::{self, Place};
+use super::view::{self, View};
+use super::{CameraError, Kernel, Node, abi};
 use rustix::io::Errno;
-use std::path::{Path, PathBuf};
-
-/// A control in the place of the exposure, for benches whose camera has none.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct StandIn {
-    /// The control's name, in any case of letters.
-    pub control: String,
-    /// Its values, one for each exposure in the same order.
-    pub values: Vec<i64>,
-}
-
-/// What is wished for.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Options {
-    /// The camera's node.
-    pub path: PathBuf,
-    /// The sensor's sub-device, where it is not the only one.
-    pub subdevice: Option<PathBuf>,
-    /// Columns and rows.
-    pub size: (u32, u32),
-    /// Whether a sensor that is known is asked for the mode that sees all of it in place of `size`.
-    pub full_view: bool,
-    /// The size that pictures must have, where a lens is known for no other.
-    pub lens_size: Option<(u32, u32)>,
-    /// Pixel format; the best readable one otherwise.
-    pub fourcc: Option<u32>,
-    /// Frames a second.
-    pub rate_hz: f64,
-    /// Exposure times, seconds.
-    pub exposures_s: Vec<f64>,
-    /// A control in the place of the exposure.
-    pub stand_in: Option<StandIn>,
-    /// Frames after the next one until a control acts; found out otherwise.
-    pub delay: Option<u32>,
-    /// Codes to relative exposure; by the pixel format otherwise.
-    pub response: Option<Response>,
-    /// Codes of darkness and of relative exposure 1; by the sensor and the pixel format otherwise.
-    pub levels: Option<(f64, f64)>,
-}
-
-impl Options {
-    /// The default options for the camera at `path`.
-    #[must_use]
-    pub fn of(path: impl Into<PathBuf>) -> Self {
-        Self {
-            path: path.into(),
-            subdevice: None,
-            size: (640, 480),
-            full_view: true,
-            lens_size: None,
-            fourcc: None,
-            rate_hz: 30.0,
-            exposures_s: vec![0.000_9, 0.005_5, 0.033_3],
-            stand_in: None,
-            delay: None,
-            response: None,
-            levels: None,
-        }
-    }
-}
-
-/// One thing that was asked for, and what came of it.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Agreed {
-    /// What.
-    pub what: &'static str,
-    /// Asked for.
-    pub asked: String,
-    /// Got.
-    pub got: String,
-}
 
 /// An open camera that has agreed.
 pub(super) struct Setup {
@@ -92,49 +23,35 @@ pub(super) struct Setup {
     pub held: Vec<Held>,
     /// At least one; without a knob exactly one, of the frame's own time.
     pub settings: Vec<Setting>,
+    /// The part of the sensor that pictures show, where it is known.
+    pub view: Option<View>,
     /// From the table of sensors.
     pub delay: Option<u32>,
     /// Relative code of darkness, from the same table.
     pub black: f64,
     pub agreed: Vec<Agreed>,
+    /// The last field, since the nodes must be closed before formats and links are restored.
+    _wiring: Option<Wiring>,
 }
 
 /// Opens the camera that `options` name and agrees with it.
 pub(super) fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<Setup, CameraError> {
     let path = &options.path;
-    let mut video = device::open(kernel, path)?;
-    let caps = device::capability(video.as_mut(), path)?;
-    if !device::captures(&caps) {
-        let expected = "a node that captures single-planar video in a stream".into();
-        return Err(CameraError::Unfit {
-            path: path.clone(),
-            found: "another kind of device".into(),
-            expected,
-        });
-    }
-    let own = Knob::find(video.as_mut(), options.size.0).is_some();
-    let found = if own && options.subdevice.is_none() {
-        None
-    } else {
-        device::find_sensor(kernel, options.subdevice.as_deref())?
-    };
-    let known = found.as_ref().and_then(|(_, _, name)| exposure::sensor(name));
-    let mut sensor = found.map(|(node, _, _)| node);
-    let full_view = known.filter(|_| options.full_view).map(|sensor| sensor.full_view);
-    let asked = full_view.unwrap_or(options.size);
-    let granted = set_format(video.as_mut(), sensor.as_mut(), asked, options)?;
+    let Place { mut video, mut sensor, known, asked, granted, wiring } = place::open(kernel, options)?;
     let picture = Picture::of(&granted).map_err(|(found, expected)| CameraError::Unfit {
         path: path.clone(),
         found,
         expected,
     })?;
     let got = picture.camera_size();
-    if let Some(lens) = options.lens_size.filter(|lens| *lens != got) {
-        let found = format!("pictures of {} pixels", size(got));
-        let expected = format!("{} as the lens file says: another size= or another lens", size(lens));
-        return Err(CameraError::Unfit { path: path.clone(), found, expected });
+    let view = match &mut sensor {
+        Some(node) => view::present(node.as_mut(), known, got),
+        None => view::present(video.as_mut(), None, got),
+    };
+    if let Some(lens) = &options.lens {
+        lens.check(got, view.as_ref(), path)?;
     }
-    let mut period_s = set_rate(video.as_mut(), options.rate_hz, path)?;
+    let mut period_s = negotiate::set_rate(video.as_mut(), options.rate_hz, path)?;
     let holder: &mut dyn Node = match &mut sensor {
         Some(node) => node.as_mut(),
         None => video.as_mut(),
@@ -149,6 +66,7 @@ pub(super) fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<Setup, 
         ),
         agreed("rate", format!("{:.2} Hz", options.rate_hz), format!("{:.2} Hz", 1.0 / period_s)),
     ];
+    agreed.extend(view.map(|view| agreed_view(&view)));
     agreed.extend(settings.iter().map(|s| Agreed {
         what: "exposure",
         asked: format!("{:.2} ms", s.asked_s * 1e3),
@@ -166,14 +84,20 @@ pub(super) fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<Setup, 
         knob,
         held,
         settings,
+        view,
         delay: known.map(|s| s.delay),
         black,
         agreed,
+        _wiring: wiring,
     })
 }
 
 fn agreed(what: &'static str, asked: String, got: String) -> Agreed {
     Agreed { what, asked, got }
+}
+
+fn agreed_view(view: &View) -> Agreed {
+    agreed("view", "all of the sensor".into(), view.to_string())
 }
 
 fn size((width, height): (u32, u32)) -> String {
@@ -261,112 +185,6 @@ fn expose(
     }
     let whole = Setting { value: 0, asked_s: *period_s, seconds: *period_s };
     Exposing { knob: None, settings: vec![whole], held }
-}
-
-/// Media bus codes of mosaics, most bits first.
-const BUS_CODES: [(u32, u32, Pattern); 20] = [
-    (0x301d, 16, Pattern::Bggr),
-    (0x301e, 16, Pattern::Gbrg),
-    (0x301f, 16, Pattern::Grbg),
-    (0x3020, 16, Pattern::Rggb),
-    (0x3019, 14, Pattern::Bggr),
-    (0x301a, 14, Pattern::Gbrg),
-    (0x301b, 14, Pattern::Grbg),
-    (0x301c, 14, Pattern::Rggb),
-    (0x3008, 12, Pattern::Bggr),
-    (0x3010, 12, Pattern::Gbrg),
-    (0x3011, 12, Pattern::Grbg),
-    (0x3012, 12, Pattern::Rggb),
-    (0x3007, 10, Pattern::Bggr),
-    (0x300e, 10, Pattern::Gbrg),
-    (0x300a, 10, Pattern::Grbg),
-    (0x300f, 10, Pattern::Rggb),
-    (0x3001, 8, Pattern::Bggr),
-    (0x3013, 8, Pattern::Gbrg),
-    (0x3002, 8, Pattern::Grbg),
-    (0x3014, 8, Pattern::Rggb),
-];
-
-/// Agrees on the pictures: first with a sensor, whose answer the bridge must then be told, or its stream does not start.
-fn set_format(
-    video: &mut dyn Node,
-    sensor: Option<&mut Box<dyn Node>>,
-    asked: (u32, u32),
-    options: &Options,
-) -> Result<abi::PixelFormat, CameraError> {
-    let path = &options.path;
-    let (mut wished, mut mosaic) = (asked, None);
-    if let Some(sensor) = sensor
-        && let Some((bits, found, size)) = set_pad(sensor.as_mut(), asked)
-    {
-        (wished, mosaic) = (size, Some((bits, found)));
-    }
-    let fitting = |fourcc: u32| match (mosaic, formats::format(fourcc, Yuv::default())) {
-        (Some((bits, pattern)), Some(f)) => f.pattern() == Some(pattern) && f.max_code() == (1 << bits) - 1,
-        (None, Some(_)) => true,
-        (_, None) => false,
-    };
-    let offered = device::formats(video);
-    let readable = offered.iter().filter_map(|f| Some((formats::rank(formats::parse(&f.fourcc)?)?, f)));
-    let named =
-        |f: &device::FormatInfo| options.fourcc.is_none_or(|wished| formats::name(wished) == f.fourcc);
-    let mut readable: Vec<_> =
-        readable.filter(|(_, f)| named(f) && formats::parse(&f.fourcc).is_some_and(fitting)).collect();
-    readable.sort_by_key(|(rank, f)| {
-        let is_other = device::nearest_size(f, wished) != Some(wished) && mosaic.is_none();
-        (is_other, is_slow(f, wished, options.rate_hz), *rank)
-    });
-    let Some((_, best)) = readable.first() else {
-        let offers: Vec<_> = offered.iter().map(|f| f.fourcc.as_str()).collect();
-        let (found, any) = formats::none_of(&offers);
-        let expected = options.fourcc.map_or(any, formats::name);
-        return Err(CameraError::Unfit { path: path.clone(), found, expected });
-    };
-    let fourcc = formats::parse(&best.fourcc).unwrap_or_default();
-    let (width, height) =
-        if mosaic.is_some() { wished } else { device::nearest_size(best, wished).unwrap_or(wished) };
-    let pixel = abi::PixelFormat { width, height, fourcc, ..Default::default() };
-    let mut format = abi::Format { pixel, ..Default::default() };
-    persist(|| video.call(Call::SetFormat(&mut format)))
-        .map_err(|e| failed(path, "S_FMT", e, "a camera that no other program streams from"))?;
-    Ok(format.pixel)
-}
-
-/// Whether a format's highest frame rate at `size` is less than half of the requested rate `rate_hz`.
-fn is_slow(format: &device::FormatInfo, size: (u32, u32), rate_hz: f64) -> bool {
-    let rates = format.sizes.iter().filter(|s| (s.width, s.height) == size).flat_map(|s| &s.rates);
-    rates.copied().reduce(f64::max).is_some_and(|most| most < rate_hz / 2.0)
-}
-
-/// Sets a sensor's own format: its bits, its mosaic and its size.
-fn set_pad(sensor: &mut dyn Node, wished: (u32, u32)) -> Option<(u32, Pattern, (u32, u32))> {
-    let mut offered = Vec::new();
-    for index in 0..64 {
-        let mut code = abi::BusCode { index, ..Default::default() };
-        if persist(|| sensor.call(Call::EnumBusCodes(&mut code))).is_err() {
-            break;
-        }
-        offered.push(code.code);
-    }
-    let (code, ..) = *BUS_CODES.iter().find(|(code, ..)| offered.contains(code))?;
-    let mut pad = abi::PadFormat { width: wished.0, height: wished.1, code, ..Default::default() };
-    persist(|| sensor.call(Call::SetPadFormat(&mut pad))).ok()?;
-    let (_, bits, pattern) = *BUS_CODES.iter().find(|(code, ..)| *code == pad.code)?;
-    Some((bits, pattern, (pad.width, pad.height)))
-}
-
-/// Asks for a rate and gives the time of a frame that was granted. Drivers that cannot are right too.
-fn set_rate(video: &mut dyn Node, rate_hz: f64, path: &Path) -> Result<f64, CameraError> {
-    let rate_hz = if rate_hz > 0.0 { rate_hz.clamp(0.1, 1000.0) } else { 30.0 };
-    let interval = [1000, (1000.0 * rate_hz).round() as u32];
-    let mut parameters = abi::Parameters { interval, ..Default::default() };
-    match persist(|| video.call(Call::SetParameters(&mut parameters))) {
-        Ok(()) | Err(Errno::NOTTY | Errno::INVAL) => {}
-        Err(e) => return Err(failed(path, "S_PARM", e, "a frame rate")),
-    }
-    let [n, d] = parameters.interval;
-    let period_s = if n > 0 && d > 0 { f64::from(n) / f64::from(d) } else { 1.0 / rate_hz };
-    Ok(period_s.clamp(1e-3, 10.0))
 }
 
 /// Writes a setting's value.

@@ -1,8 +1,8 @@
 //! The start of a camera's stream: buffers, the first exposure, STREAMON, and the controls that it may reset.
 
+use super::access::failed;
 use super::arrivals::Arrivals;
 use super::capture::Camera;
-use super::device::failed;
 use super::schedule::Schedule;
 use super::setup::{self, Agreed};
 use super::{Call, CameraError, Kernel, Node, abi, persist};

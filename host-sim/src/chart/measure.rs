@@ -107,6 +107,7 @@ fn standard_lens() -> LensFile {
         lens_table: toml::Table::new(),
         response_table: None,
         calibration_table: None,
+        shown: None,
         notes: Vec::new(),
     }
 }

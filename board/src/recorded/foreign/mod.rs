@@ -18,7 +18,6 @@ use super::RecordedError;
 use hemilux_core::lens::Lens;
 use model::Camera;
 use std::path::Path;
-use toml::{Table, Value};
 
 /// Largest angle off axis of a lens whose file states none: a probe that looks up needs the hemisphere.
 const MAX_ANGLE_DEG: f64 = 90.0;
@@ -61,26 +60,6 @@ fn parse(text: &str) -> Result<ForeignLens, Refusal> {
     let degrees = fitted.lens.intrinsics().max_theta.to_degrees();
     notes.push(format!("the file states no field of view: {degrees:.2} degrees off axis are taken"));
     Ok(ForeignLens { lens: fitted.lens, size: camera.size, notes })
-}
-
-/// The `[lens]` table of `lens`, for images of `size` columns and rows.
-pub(super) fn table(lens: &Lens, size: [u32; 2]) -> Table {
-    let p = lens.intrinsics();
-    let list = |v: &[f64]| Value::from(v.to_vec());
-    let k = p.model.coefficients();
-    let mut table = Table::new();
-    table.insert("model".into(), p.model.name().into());
-    table.insert("size".into(), size.map(i64::from).to_vec().into());
-    table.insert("centre".into(), list(&p.centre_px.to_array()));
-    table.insert("focal".into(), list(&p.focal_px.to_array()));
-    if p.skew_px != 0.0 {
-        table.insert("skew".into(), p.skew_px.into());
-    }
-    if !k.is_empty() {
-        table.insert("k".into(), list(k));
-    }
-    table.insert("max_angle_deg".into(), p.max_theta.to_degrees().into());
-    table
 }
 
 /// The camera that a text describes, by the kind of the text.

@@ -10,6 +10,7 @@ mod whole;
 
 use super::*;
 use crate::calibration::{Burst, Calibration};
+use crate::camera_status::{CameraStatus, ExposureStatus, FrameCounts, KnownCounts, ViewStatus};
 use crate::probe::{Config, Probe};
 use crate::scene;
 use crate::source::{Pace, SceneSource, Source, SourceError};
@@ -46,6 +47,19 @@ impl Source for Mortal {
 
     fn set_exposures(&mut self, seconds: Option<&[f64]>) -> Result<(), String> {
         self.scene.set_exposures(seconds)
+    }
+
+    fn camera(&self, status: &mut CameraStatus) -> bool {
+        let exposure = |seconds, known| ExposureStatus { asked_s: 0.001, seconds, known };
+        *status = CameraStatus {
+            exposures: vec![exposure(0.001, "verified"), exposure(0.0039, "measured")],
+            view: Some(ViewStatus { share: 0.25, crop: [8, 6, 16, 12], binning: [1, 1] }),
+            known: KnownCounts { verified: 7, measured: 5, ..KnownCounts::default() },
+            frames: FrameCounts { complete: 12, lost: 3, short: 2, ..FrameCounts::default() },
+            failed_writes: 4,
+            ..CameraStatus::default()
+        };
+        true
     }
 
     fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError> {

@@ -274,6 +274,13 @@ async fn metrics_and_status_count_what_happened() {
         "hemilux_refused_total{reason=\"host\"} 1",
         "hemilux_delivery_seconds_count 3",
         "hemilux_source_up 1",
+        "hemilux_camera_frames_total{exposure=\"verified\"} 7",
+        "hemilux_camera_frames_total{exposure=\"measured\"} 5",
+        "hemilux_camera_broken_total{fault=\"short\"} 2",
+        "hemilux_camera_lost_total 3",
+        "hemilux_camera_writes_total{fault=\"refused\"} 4",
+        "hemilux_camera_view_ratio 0.25",
+        "hemilux_camera_exposure_seconds{exposure=\"1\",known=\"measured\"} 0.0039",
     ] {
         assert!(text.lines().any(|l| l == line), "{line} in {text}");
     }
@@ -284,4 +291,10 @@ async fn metrics_and_status_count_what_happened() {
         "{status}"
     );
     assert!(status["last"]["lights"].as_u64() > Some(0), "{status}");
+    let camera = &status["camera"];
+    assert_eq!(
+        (&camera["exposures"][1]["known"], &camera["frames"]["short"], &camera["view"]["share"]),
+        (&"measured".into(), &2.into(), &0.25.into()),
+        "{camera}"
+    );
 }

@@ -3,8 +3,9 @@
 use super::assemble::Assembler;
 use super::shared::{RawBurst, Shared};
 use super::terms::Terms;
+use crate::camera_status::{CameraStatus, ExposureStatus, ViewStatus};
 use crate::v4l2::capture::Camera;
-use crate::v4l2::frame::{Broken, RawFrame};
+use crate::v4l2::frame::{Broken, Counters, RawFrame};
 use crate::v4l2::setup::Agreed;
 use crate::v4l2::supervise::{Outcome, Supervisor};
 use std::sync::Arc;
@@ -27,6 +28,7 @@ pub(super) fn run(supervisor: Supervisor, burst: RawBurst, shared: &Shared) {
         resyncs: 0,
         changes: 0,
         unused: Unused::default(),
+        past: Counters::default(),
     };
     while !shared.stop.load(Ordering::Relaxed) {
         capture.step();
@@ -54,6 +56,8 @@ struct Capture<'a> {
     resyncs: u64,
     changes: u64,
     unused: Unused,
+    /// What became of the frames of streams that have ended.
+    past: Counters,
 }
 
 impl Capture<'_> {
@@ -61,6 +65,7 @@ impl Capture<'_> {
         if !self.streaming {
             self.begin();
         }
+        let counters = self.counters();
         match self.supervisor.step(&mut self.frame) {
             Outcome::Frame => {
                 self.take_over_exposures();
@@ -73,6 +78,7 @@ impl Capture<'_> {
             Outcome::Nothing => {}
             Outcome::Down(reason) => {
                 self.streaming = false;
+                self.past = self.past.plus(&counters);
                 self.report(Some(reason));
             }
         }
@@ -113,15 +119,26 @@ impl Capture<'_> {
         );
     }
 
+    /// What became of frames since the camera was opened.
+    fn counters(&self) -> Counters {
+        self.supervisor.camera().map(Camera::counters).unwrap_or_default()
+    }
+
     fn publish(&mut self) {
         self.assembler.take(&mut self.burst.frames);
         self.burst.terms = Arc::clone(&self.terms);
+        let counters = self.counters();
+        let all = self.past.plus(&counters);
         let camera = self.supervisor.camera();
-        let counters = camera.map(Camera::counters).unwrap_or_default();
         let mut state = self.shared.lock();
+        (state.reopened, state.counters) = (self.supervisor.reopened(), all);
+        if let Some(camera) = camera {
+            let reopened = self.supervisor.reopened();
+            describe(&mut state.status, camera, &self.burst, &all);
+            state.status.reopened = reopened;
+        }
         std::mem::swap(&mut state.burst, &mut self.burst);
         (state.fresh, state.down) = (true, None);
-        (state.reopened, state.counters) = (self.supervisor.reopened(), counters);
         drop(state);
         self.shared.news.notify_all();
         if counters.resyncs > self.resyncs {
@@ -150,6 +167,22 @@ impl Capture<'_> {
         drop(state);
         self.shared.news.notify_all();
     }
+}
+
+/// Writes the state of `camera` after `burst`, reusing the memory of `status`.
+fn describe(status: &mut CameraStatus, camera: &Camera, burst: &RawBurst, counters: &Counters) {
+    status.exposures.clear();
+    let settings = camera.settings().iter().zip(&burst.terms.seconds).zip(&burst.frames);
+    status.exposures.extend(settings.map(|((setting, seconds), frame)| ExposureStatus {
+        asked_s: setting.asked_s,
+        seconds: *seconds,
+        known: frame.taken.known.name(),
+    }));
+    status.delay_frames = camera.delay();
+    status.view = camera.view().map(|v| ViewStatus { share: v.share(), crop: v.crop, binning: v.binning });
+    (status.known, status.frames) = (counters.known, counters.counts());
+    (status.late_writes, status.failed_writes) = (counters.late, counters.failed_writes);
+    (status.mismatches, status.resyncs) = (counters.mismatches, counters.resyncs);
 }
 
 /// Why frames were no burst: `complete` ones that could not be told apart, or `broken` ones.

@@ -17,9 +17,10 @@ pub use terms::Terms;
 
 use super::{Source, SourceError};
 use crate::calibration::{Burst, Calibration, Frame, Pixels};
+use crate::camera_status::CameraStatus;
 use crate::recorded::{LensFile, RecordedError, read_lens};
 use crate::v4l2::frame::Counters;
-use crate::v4l2::setup::Options;
+use crate::v4l2::setup::{LensFit, Options};
 use crate::v4l2::supervise::Supervisor;
 use crate::v4l2::{CameraError, Kernel};
 use hemilux_core::Exposure;
@@ -85,7 +86,8 @@ impl CameraSource {
         let lens = spec.lens().map(|path| read_lens(&path)).transpose()?;
         if let Some(lens) = &lens {
             let size = lens.size.into();
-            (options.lens_size, options.full_view) = (Some(size), false);
+            options.lens = Some(LensFit { size, shown: lens.shown, lens: lens.lens });
+            options.full_view = false;
             options.size = if spec.names("size") { options.size } else { size };
             (options.response, options.levels) =
                 (lens.told_response(), lens.levels.map(|l| (l.black, l.white)));
@@ -100,6 +102,7 @@ impl CameraSource {
             down: None,
             counters: Counters::default(),
             reopened: 0,
+            status: CameraStatus::default(),
         };
         let shared =
             Arc::new(Shared { state: Mutex::new(state), news: Condvar::new(), stop: AtomicBool::new(false) });
@@ -166,6 +169,11 @@ impl Source for CameraSource {
 
     fn exposures(&self) -> Vec<Exposure> {
         self.terms().seconds.iter().map(|seconds| Exposure { seconds: *seconds, gain: 1.0 }).collect()
+    }
+
+    fn camera(&self, status: &mut CameraStatus) -> bool {
+        status.clone_from(&self.shared.lock().status);
+        true
     }
 
     fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError> {

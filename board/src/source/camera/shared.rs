@@ -1,6 +1,7 @@
 //! Bursts as the camera gave them, and their hand-over from the capture thread.
 
 use super::terms::Terms;
+use crate::camera_status::CameraStatus;
 use crate::v4l2::frame::{Counters, RawFrame};
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -43,8 +44,10 @@ pub(super) struct State {
     pub fresh: bool,
     /// Why there are no frames, while there are none.
     pub down: Option<String>,
+    /// What became of frames since the source was opened.
     pub counters: Counters,
     pub reopened: u64,
+    pub status: CameraStatus,
 }
 
 /// The newest burst, its condition variable and the request to stop.

@@ -5,6 +5,7 @@ use crate::recorded::LensFile;
 use crate::v4l2::capture::Camera;
 use crate::v4l2::formats::{self, Picture};
 use crate::v4l2::setup::Options;
+use crate::v4l2::view::View;
 use glam::DVec2;
 use hemilux_core::format::{Format, Layout, Yuv};
 use hemilux_core::lens::{Intrinsics, Lens, Model};
@@ -21,6 +22,8 @@ pub struct Terms {
     pub period_ns: u64,
     /// The exposures, ascending.
     pub seconds: Vec<f64>,
+    /// The part of the sensor that pictures show, where it is known.
+    pub view: Option<View>,
 }
 
 impl Terms {
@@ -31,6 +34,7 @@ impl Terms {
             black: camera.black(),
             period_ns: camera.period().as_nanos() as u64,
             seconds: camera.seconds(),
+            view: camera.view(),
         }
     }
 
@@ -51,6 +55,7 @@ impl Terms {
             black: 0.0,
             period_ns,
             seconds: options.exposures_s.clone(),
+            view: None,
         }
     }
 
@@ -63,12 +68,21 @@ impl Terms {
         let (black, white) =
             lens.and_then(|l| l.levels).map(|l| (l.black, l.white)).unwrap_or((self.black * most, most));
         let shrink = picture.jpeg.map_or(1, |jpeg| jpeg.shrink);
-        let lens_file = lens.map(|file| shrunk(file.lens, shrink));
+        let lens_file = lens.map(|file| shrunk(self.lens_of(file), shrink));
         let mut calibration = Calibration::new(lens_file.unwrap_or_else(|| assumed_lens(layout)), *layout);
         calibration.compressed = picture.jpeg.is_some();
         calibration.response = lens.and_then(LensFile::told_response).unwrap_or(usual);
         calibration.levels = Levels { black, white };
         calibration
+    }
+}
+
+impl Terms {
+    /// The lens of the camera's frames: that of the file, converted where they show another part of the sensor.
+    fn lens_of(&self, file: &LensFile) -> Lens {
+        let converted =
+            file.shown.zip(self.view).and_then(|(from, to)| from.convert(&file.lens, &to.shown()));
+        converted.unwrap_or(file.lens)
     }
 }
 

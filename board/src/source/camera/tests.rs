@@ -47,6 +47,85 @@ fn a_camera_that_comes_after_the_probe_is_waited_for() {
     assert!(set.scalar_flux[1] > 0.0 && !set.lights.is_empty(), "light: {set:?}");
 }
 
+/// The scripted camera is linear, as the lens file says; the sensor of the second one makes 1.0, 3.9 and 31.2 ms.
+#[test]
+fn the_status_tells_verified_and_measured_exposures_and_counts_frames() {
+    let file = tempfile::NamedTempFile::new().expect("a file");
+    let text = "[lens]\nmodel = \"equidistant\"\nsize = [64, 48]\ncentre = [31.5, 23.5]\nfocal = [15.0, 15.0]\n\
+                max_angle_deg = 85.0\n[response]\nmodel = \"linear\"\n";
+    std::fs::write(file.path(), text).expect("written");
+    let spec = spec(&format!(",exposures=0.0009/0.0055/0.0333,lens={}", file.path().display()));
+    let status = |script: Script, known: &str| {
+        let source = CameraSource::open(Box::new(FakeKernel::new(script)), &spec).expect("a source");
+        let mut worker =
+            Worker::try_new(Box::new(source), "test".into(), Config::default()).expect("a worker");
+        let (link, began) = (worker.link(), Instant::now());
+        loop {
+            let _ = worker.step();
+            if let Some(status) = link.camera()
+                && status.exposures.iter().filter(|e| e.known == known).count() >= 2
+                && status.frames.complete > 200
+            {
+                return status;
+            }
+            assert!(began.elapsed() < Duration::from_secs(30), "{:?}", link.camera());
+        }
+    };
+    let good = status(Script { loss: 0.05, ..Script::default() }, "verified");
+    assert_eq!(
+        good.exposures.iter().map(|e| e.seconds).collect::<Vec<_>>(),
+        [0.0009, 0.0055, 0.0333],
+        "{good:?}"
+    );
+    assert!(good.known.verified > 100 && good.known.measured == 0 && good.frames.lost > 0, "{good:?}");
+    assert_eq!(good.delay_frames, Some(2), "{good:?}");
+
+    let really = Some(vec![5, 10, 20, 39, 78, 156, 312, 625]);
+    let coarse = status(Script { really, range: (5, 20000), ..Script::default() }, "measured");
+    let ratio = coarse.exposures[2].seconds / coarse.exposures[1].seconds;
+    assert!((ratio / 8.0 - 1.0).abs() < 0.05, "31.2 to 3.9 ms: {coarse:?}");
+    assert_eq!(coarse.known.verified, 0, "{coarse:?}");
+}
+
+/// Modes of imx219 as its driver tells them: a lens file of the full view, and a small mode.
+#[test]
+fn a_lens_file_with_a_crop_is_converted_to_the_mode_or_refused() {
+    let file = tempfile::NamedTempFile::new().expect("a file");
+    let open = |centre: [f64; 2], crop: &str, options: &str| {
+        let text = format!(
+            "[lens]\nmodel = \"equidistant\"\nsize = [1640, 1232]\ncentre = {centre:?}\nfocal = [400.0, 402.0]\n\
+             max_angle_deg = 80.0\n{crop}"
+        );
+        std::fs::write(file.path(), text).expect("written");
+        let spec = CameraSpec::parse(&format!("imx219,lens={}{options}", file.path().display()));
+        let kernel = FakeKernel::new(crate::v4l2::media::pi_4_script());
+        CameraSource::open(Box::new(kernel), &spec.expect("options"))
+    };
+    let crop = "crop = [0, 0, 3280, 2464]\nbinning = [2, 2]\n";
+    let source = open([819.5, 615.5], crop, "").expect("the same mode");
+    assert_eq!(source.calibration().lens.intrinsics().centre_px.to_array(), [819.5, 615.5], "as it is");
+    // 640 x 480 shows 1280 x 960 at 1000, 752, binned by two: on paper, 500 and 376 pixels to the left and up.
+    let source = open([819.5, 615.5], crop, ",size=640x480").expect("converted");
+    let c = source.calibration();
+    assert_eq!((c.layout.width(), c.layout.height()), (640, 480), "as asked");
+    let (centre, focal) = (c.lens.intrinsics().centre_px, c.lens.intrinsics().focal_px);
+    assert_eq!((centre.to_array(), focal.to_array()), ([319.5, 239.5], [400.0, 402.0]), "moved");
+    let line = open([100.0, 100.0], crop, ",size=640x480").expect_err("not shown").to_string();
+    assert!(
+        line.contains("found pictures of 15 % of the sensor") && line.contains("as the lens file says"),
+        "{line}"
+    );
+    let line = open([819.5, 615.5], "", ",size=640x480").expect_err("no crop").to_string();
+    assert!(
+        line.contains("found pictures of 640 x 480 pixels, expected 1640 x 1232 as the lens file says"),
+        "{line}"
+    );
+    let line = open([819.5, 615.5], "crop = [0, 0, 3000, 2464]\nbinning = [2, 2]\n", "")
+        .expect_err("odd")
+        .to_string();
+    assert!(line.contains("expected a crop that is size times binning"), "{line}");
+}
+
 /// A lens file for 1280 x 720 pixels serves the decoded pictures of 640 x 360.
 #[test]
 fn a_lens_is_scaled_with_the_jpeg_pictures() {
@@ -103,17 +182,119 @@ fn a_camera_whose_frames_contradict_its_exposures_is_explained() {
 
 #[test]
 fn frames_that_are_all_broken_are_named_as_the_reason() {
-    let faults = vec![(300, Fault::AllError)];
-    let kernel = FakeKernel::new(Script { formats: vec!["BA81"], faults, ..Script::default() });
-    let mut source = CameraSource::open(Box::new(kernel), &spec("")).expect("a source");
-    let (mut burst, began) = (Burst::default(), Instant::now());
-    let line = loop {
-        match source.next(&mut burst) {
-            Err(SourceError::Gone(line)) => break line,
-            other => assert!(began.elapsed() < Duration::from_secs(30), "it is told: {other:?}"),
-        }
+    let kinds =
+        [(Fault::AllError, "with the error flag"), (Fault::AllShort, "short"), (Fault::AllEmpty, "empty")];
+    for (fault, named) in kinds {
+        let script = Script { formats: vec!["BA81"], faults: vec![(300, fault)], ..Script::default() };
+        let kernel = FakeKernel::new(script);
+        let mut source = CameraSource::open(Box::new(kernel), &spec("")).expect("a source");
+        let (mut burst, began) = (Burst::default(), Instant::now());
+        let line = loop {
+            match source.next(&mut burst) {
+                Err(SourceError::Gone(line)) => break line,
+                other => assert!(began.elapsed() < Duration::from_secs(30), "it is told: {other:?}"),
+            }
+        };
+        assert!(line.contains(named) && line.contains("expected complete frames"), "{line}");
+    }
+}
+
+/// Stamps of the wall clock, of a constant, of half the speed, and jumping back and forth by three seconds.
+#[test]
+fn a_live_camera_is_fresh_and_a_dead_one_stale_whatever_its_stamps_are() {
+    const S: u64 = 1_000_000_000;
+    let stamps: [fn(u64) -> u64; 5] = [
+        |ns| 1_700_000_000 * S + ns,
+        |_| S,
+        |ns| ns / 2,
+        |ns| ns + 3 * S * (ns / S % 2),
+        |ns| ns.saturating_sub(3 * S * (ns / S % 2)),
+    ];
+    let ages = |stamps: fn(u64) -> u64| {
+        let script =
+            Script { formats: vec!["BA81"], stamps: Some(stamps), real_time: true, ..Script::default() };
+        let kernel = FakeKernel::new(script);
+        let source = CameraSource::open(Box::new(kernel.clone()), &spec("")).expect("a source");
+        let mut worker =
+            Worker::try_new(Box::new(source), "test".into(), Config::default()).expect("a worker");
+        let link = worker.link();
+        let mut run = |time: Duration| {
+            let (began, mut oldest) = (Instant::now(), 0);
+            while began.elapsed() < time {
+                let _ = worker.step();
+                let newest = link.sets().subscribe().borrow().clone();
+                oldest = oldest.max(newest.map_or(0, |set| link.staleness(&set).age_ms));
+            }
+            oldest
+        };
+        let live = run(Duration::from_millis(2500));
+        kernel.world().gone_until_ns = u64::MAX;
+        (live, run(Duration::from_millis(2500)))
     };
-    assert!(line.contains("with the error flag") && line.contains("expected complete frames"), "{line}");
+    let ages: Vec<_> = std::thread::scope(|scope| {
+        let running: Vec<_> = stamps.into_iter().map(|stamps| scope.spawn(move || ages(stamps))).collect();
+        running.into_iter().map(|thread| thread.join().expect("no panic")).collect()
+    });
+    for (clock, (live, dead)) in ages.iter().enumerate() {
+        assert!(
+            *live < 1500 && *dead > 1800,
+            "clock {clock}: {live} ms while alive, {dead} ms after its end"
+        );
+    }
+}
+
+/// The sets of an hour, or of `HEMILUX_CAMERA_SECONDS` simulated seconds (a minute), with one percent of every fault at each frame and a
+/// disconnect every minute: each shows the light of the scene, which does not change.
+#[test]
+fn faults_at_every_hundredth_frame_make_no_wrong_set_and_take_no_memory() {
+    let seconds = std::env::var("HEMILUX_CAMERA_SECONDS").ok().and_then(|s| s.parse().ok()).unwrap_or(60u64);
+    let pulls = (1..=seconds / 60).map(|n| (n * 1450, Fault::Disconnect(Duration::from_millis(2500))));
+    let script = Script {
+        formats: vec!["BA81"],
+        faults: pulls.collect(),
+        loss: 0.01,
+        chance: 0.01,
+        interrupt: 100,
+        fail_write_every: 100,
+        ..Script::default()
+    };
+    let kernel = FakeKernel::new(script);
+    let mut source = CameraSource::open(Box::new(kernel.clone()), &spec("")).expect("a source");
+    let exposures = source.exposures();
+    let settings = crate::pipeline::Settings { lights: 16, ..Default::default() };
+    let mut pipeline =
+        crate::pipeline::Pipeline::try_new(*source.calibration(), &exposures, settings).expect("a pipeline");
+    let (mut burst, mut fluxes, mut resident) = (Burst::default(), Vec::new(), Vec::new());
+    let began = kernel.world().now_ns;
+    while kernel.world().now_ns - began < seconds * 1_000_000_000 {
+        if source.next(&mut burst).is_ok() {
+            fluxes.push(pipeline.process(&burst).expect("lights").scalar_flux[1]);
+            resident.push(resident_kb());
+        }
+    }
+    let status = source.counters();
+    let mut sorted = fluxes.clone();
+    sorted.sort_unstable_by(f32::total_cmp);
+    let median = sorted[sorted.len() / 2];
+    let wrong = fluxes.iter().filter(|f| (**f / median - 1.0).abs() > 0.02).count();
+    println!("{} sets, {wrong} wrong, {status:?}, {:?} kB", fluxes.len(), resident.last());
+    assert!(fluxes.len() > 50 && wrong == 0, "{wrong} of {} sets", fluxes.len());
+    assert_eq!(status.1, seconds / 60, "reopened after disconnects alone: {status:?}");
+    let broken = status.0.broken;
+    let each =
+        [broken.flagged, broken.empty, broken.short, broken.repeated, status.0.lost, status.0.failed_writes];
+    assert!(each.iter().all(|count| *count > seconds / 10), "each fault happened: {status:?}");
+    // Alone in its process: other tests take memory too.
+    if seconds >= 3600 {
+        let (before, after) = (resident[resident.len() / 3], resident[resident.len() - 1]);
+        assert!(after <= before + 1024, "{before} then {after} kB");
+    }
+}
+
+/// Resident memory of this process, kB.
+fn resident_kb() -> u64 {
+    let text = std::fs::read_to_string("/proc/self/statm").expect("Linux");
+    4 * text.split_whitespace().nth(1).and_then(|pages| pages.parse::<u64>().ok()).expect("pages")
 }
 
 #[test]

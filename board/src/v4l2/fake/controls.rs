@@ -5,6 +5,9 @@ use crate::v4l2::abi;
 use hemilux_core::format::Format;
 use rustix::io::Errno;
 
+/// Writes that are kept.
+const MOST_WRITTEN: usize = 10_000;
+
 impl World {
     pub(super) fn set(&mut self, id: u32, value: i64) -> Result<(), Errno> {
         if id == abi::EXPOSURE_ABSOLUTE && self.controls[&abi::EXPOSURE_AUTO] == 3 {
@@ -31,7 +34,9 @@ impl World {
             }
         }
         self.controls.insert(id, value);
-        self.written.push((id, value));
+        if self.written.len() < MOST_WRITTEN {
+            self.written.push((id, value));
+        }
         if id == self.knob() {
             self.writes.push((if self.streaming { self.next + self.script.delay } else { 0 }, value));
         }

@@ -4,12 +4,17 @@
 //! What each frame really was exposed with is kept as the truth that tests compare with.
 
 mod controls;
+pub(crate) mod graph;
 mod node;
+mod script;
 
+use super::media::Device;
 use super::{Kernel, Node, abi};
+use graph::Board;
 use hemilux_core::format::{Format, Layout, Yuv};
-use node::FakeNode;
+use node::{FakeNode, Role};
 use rustix::io::Errno;
+pub use script::{Fault, Kind, Manner, Script};
 use std::collections::{BTreeMap, HashMap, VecDeque};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -21,120 +26,11 @@ const CALL_NS: u64 = 20_000;
 /// Bytes behind each row.
 const PADDING: usize = 16;
 
-/// What goes wrong at a frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Fault {
-    /// The cable is pulled, and put back after so long.
-    Disconnect(Duration),
-    /// The frame has too few bytes.
-    Short,
-    /// The frame has no byte.
-    Empty,
-    /// The frame is cut in half; of JPEG frames that shows when they are decoded.
-    Damaged,
-    /// All frames from here on have the error flag.
-    AllError,
-    /// The frame has the error flag.
-    Error,
-    /// No frames arrive for this time.
-    Stall(Duration),
-    /// From this frame on, the control delay is this number of frames.
-    Delay(u32),
-    /// The frame has the number of the one before.
-    Repeat,
-    /// The driver says that the picture format changed.
-    SourceChange,
-}
-
-/// Which controls the camera has.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Kind {
-    /// 100 us units, a menu of modes with holes.
-    Uvc,
-    /// Lines, on a sub-device.
-    Csi,
-    /// Brightness only.
-    NoExposure,
-}
-
-/// What a camera does with an exposure that is not in its list.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Manner {
-    Refuses,
-    Ignores,
-    RoundsDown,
-}
-
-/// How the camera behaves.
-#[derive(Clone, Debug)]
-pub struct Script {
-    pub kind: Kind,
-    /// Name of its sensor's sub-device.
-    pub sensor: &'static str,
-    /// Pad formats that were asked for.
-    pub pads: Vec<(u32, u32)>,
-    /// What it offers; pictures are of the first, or of none if they cannot be read.
-    pub formats: Vec<&'static str>,
-    pub size: (u32, u32),
-    pub period: Duration,
-    pub delay: u32,
-    /// Share of frames that are lost.
-    pub loss: f64,
-    /// One of this number of requests is interrupted; 0 for none.
-    pub interrupt: u32,
-    /// Number of attempts to open the device, from the first, that fail because it is busy.
-    pub busy: u32,
-    /// Range of the exposure control.
-    pub range: (i64, i64),
-    /// Radiance: 1 fills a pixel in 33 ms at the bright end of the picture.
-    pub light: f64,
-    pub faults: Vec<(u64, Fault)>,
-    /// Automatic processing and exposure are reset when the stream starts.
-    pub reset_at_start: bool,
-    /// Sharpness cannot be set to less.
-    pub least_sharpness: i64,
-    /// One of this number of writes of the exposure fails while streaming; 0 for none.
-    pub fail_write_every: u32,
-    /// Stamps are those of the wall clock, else the simulated ones.
-    pub wall_clock: bool,
-    /// Exposures that are taken, and what happens to others.
-    pub accepts: Option<Vec<i64>>,
-    pub manner: Manner,
-    /// Exposures that the sensor really has; the control reads back what was written.
-    pub really: Option<Vec<i64>>,
-}
-
-impl Default for Script {
-    fn default() -> Self {
-        let period = Duration::from_millis(40);
-        let range = (1, 5000);
-        Self {
-            kind: Kind::Uvc,
-            sensor: "fake219 10-0010",
-            pads: Vec::new(),
-            formats: vec!["GREY"],
-            size: (64, 48),
-            period,
-            delay: 2,
-            loss: 0.0,
-            interrupt: 0,
-            busy: 0,
-            range,
-            light: 4.0,
-            faults: Vec::new(),
-            reset_at_start: false,
-            least_sharpness: 0,
-            fail_write_every: 0,
-            wall_clock: false,
-            accepts: None,
-            manner: Manner::Refuses,
-            really: None,
-        }
-    }
-}
-
 pub struct World {
     pub script: Script,
+    pub boards: Vec<Board>,
+    /// Frames wait for a buffer of another node.
+    starved: bool,
     pub now_ns: u64,
     /// Frames since the camera was plugged in, the disconnected time left out.
     pub total: u64,
@@ -156,7 +52,7 @@ pub struct World {
     queued: VecDeque<u32>,
     done: VecDeque<(abi::Buffer, Vec<u8>)>,
     events: u32,
-    all_error: bool,
+    always: Option<Fault>,
     calls: u32,
     pub tried: u32,
     random: u64,
@@ -168,6 +64,7 @@ pub struct FakeKernel(pub Arc<Mutex<World>>);
 
 impl FakeKernel {
     pub fn new(script: Script) -> Self {
+        let now_ns = if script.real_time { crate::clock::monotonic_ns() } else { 1_000_000_000 };
         let controls = BTreeMap::from([
             (abi::BRIGHTNESS, 128),
             (abi::EXPOSURE_AUTO, 3),
@@ -182,8 +79,10 @@ impl FakeKernel {
             (abi::ANALOGUE_GAIN, 100),
         ]);
         Self(Arc::new(Mutex::new(World {
+            boards: script.graphs.iter().cloned().map(Board::new).collect(),
+            starved: false,
             script,
-            now_ns: 1_000_000_000,
+            now_ns,
             total: 0,
             truth: HashMap::new(),
             open: 0,
@@ -199,7 +98,7 @@ impl FakeKernel {
             queued: VecDeque::new(),
             done: VecDeque::new(),
             events: 0,
-            all_error: false,
+            always: None,
             calls: 0,
             tried: 0,
             random: 0x9e37_79b9_7f4a_7c15,
@@ -280,6 +179,36 @@ impl World {
         (self.random >> 11) as f64 / (1u64 << 53) as f64
     }
 
+    /// The time that a request takes; one is interrupted now and then.
+    fn pass_call(&mut self) -> Result<(), Errno> {
+        self.keep_time();
+        if !self.script.real_time {
+            self.advance(self.now_ns + CALL_NS);
+        }
+        self.calls += 1;
+        let every = self.script.interrupt;
+        if every > 0 && self.calls.is_multiple_of(every) { Err(Errno::INTR) } else { Ok(()) }
+    }
+
+    /// Follows the time outside, where the script says so.
+    fn keep_time(&mut self) {
+        if self.script.real_time {
+            self.advance(crate::clock::monotonic_ns());
+        }
+    }
+
+    /// Adds evenly spread noise of up to [`Script::noise`] codes.
+    fn add_noise(&mut self, picture: &mut [u8]) {
+        let most = self.script.noise;
+        if most == 0 {
+            return;
+        }
+        for byte in picture {
+            let noise = (self.chance() * f64::from(2 * most + 1)).floor() - f64::from(most);
+            *byte = (f64::from(*byte) + noise).clamp(0.0, 255.0) as u8;
+        }
+    }
+
     fn finished_at(&self, frame: u32) -> u64 {
         self.start_ns + (u64::from(frame) + 1) * self.script.period.as_nanos() as u64
     }
@@ -300,9 +229,16 @@ impl World {
         let acting = self.writes.iter().rev().find(|(first, _)| *first <= frame);
         let value = acting.map_or(100, |(_, v)| *v);
         self.truth.insert(frame, value);
-        let faults: Vec<Fault> =
+        let mut faults: Vec<Fault> =
             self.script.faults.iter().filter(|(at, _)| *at == self.total).map(|(_, f)| *f).collect();
+        faults.extend(self.always);
+        for fault in [Fault::Short, Fault::Empty, Fault::Error, Fault::Repeat] {
+            if self.script.chance > 0.0 && self.chance() < self.script.chance {
+                faults.push(fault);
+            }
+        }
         let mut picture = self.expose(self.really(value));
+        self.add_noise(&mut picture);
         let (mut flags, mut used, mut number) = (0, picture.len(), frame);
         for fault in faults {
             match fault {
@@ -312,24 +248,23 @@ impl World {
                     self.streaming = false;
                     return;
                 }
-                Fault::Short => used -= 1,
+                Fault::Short | Fault::AllShort => used = used.saturating_sub(1),
                 Fault::Damaged => {
                     used /= 2;
                     picture.truncate(used);
                 }
-                Fault::Empty => used = 0,
-                Fault::AllError => self.all_error = true,
-                Fault::Error => flags = abi::BUFFER_ERROR,
+                Fault::Empty | Fault::AllEmpty => used = 0,
+                Fault::Error | Fault::AllError => flags = abi::BUFFER_ERROR,
                 Fault::Stall(time) => self.start_ns += time.as_nanos() as u64,
-                Fault::Repeat => number -= 1,
+                Fault::Repeat => number = number.saturating_sub(1),
                 Fault::Delay(delay) => self.script.delay = delay,
                 Fault::SourceChange => self.events += 1,
             }
+            if [Fault::AllError, Fault::AllShort, Fault::AllEmpty].contains(&fault) {
+                self.always = Some(fault);
+            }
         }
-        if self.all_error {
-            flags = abi::BUFFER_ERROR;
-        }
-        if self.chance() < self.script.loss {
+        if self.starved || self.chance() < self.script.loss {
             return;
         }
         let Some(index) = self.queued.pop_front() else { return };
@@ -337,6 +272,12 @@ impl World {
         if self.script.wall_clock {
             let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
             us = now.expect("after 1970").as_micros() as i64;
+        }
+        if let Some(stamp) = self.script.stamps {
+            us = (stamp(self.finished_at(frame)) / 1000).cast_signed();
+        }
+        if self.script.chance > 0.0 && self.chance() < self.script.chance {
+            us += 3_000_000;
         }
         let timestamp = [us / 1_000_000, us % 1_000_000];
         let buffer = abi::Buffer {
@@ -363,13 +304,30 @@ impl Kernel for FakeKernel {
         }
         w.open += 1;
         w.opened += 1;
-        let sensor = path.to_string_lossy().contains("subdev");
+        let text = path.to_string_lossy();
+        let media = text.strip_prefix("/dev/media").and_then(|n| n.parse().ok());
+        let entity = device(path).and_then(|device| w.place(device));
+        let role = match (media, entity) {
+            (Some(board), _) if board < w.boards.len() => Role::Media(board),
+            (None, Some((board, entity))) => Role::Entity(board, entity),
+            (None, None) if w.boards.is_empty() => Role::Plain { sensor: text.contains("subdev") },
+            _ => {
+                (w.open, w.opened) = (w.open - 1, w.opened - 1);
+                return Err(Errno::NOENT);
+            }
+        };
         let generation = w.generation;
-        Ok(Box::new(FakeNode::new(Arc::clone(&self.0), generation, sensor)))
+        Ok(Box::new(FakeNode::new(Arc::clone(&self.0), generation, role)))
     }
 
     fn video_nodes(&mut self) -> Vec<PathBuf> {
-        vec!["/dev/video0".into()]
+        let w = self.world();
+        if w.boards.is_empty() {
+            return vec!["/dev/video0".into()];
+        }
+        let nodes =
+            w.boards.iter().flat_map(|b| (0..b.entities()).filter(|e| b.is_node(*e)).map(|e| b.path(e)));
+        nodes.collect()
     }
 
     fn subdevices(&mut self) -> Vec<(PathBuf, String)> {
@@ -378,8 +336,25 @@ impl Kernel for FakeKernel {
         if is_csi { vec![("/dev/v4l-subdev0".into(), script.sensor.into())] } else { Vec::new() }
     }
 
+    fn media_nodes(&mut self) -> Vec<PathBuf> {
+        (0..self.world().boards.len()).map(|n| format!("/dev/media{n}").into()).collect()
+    }
+
+    fn device_of(&mut self, path: &Path) -> Option<Device> {
+        let device = device(path)?;
+        self.world().place(device).map(|_| device)
+    }
+
+    fn node_of(&mut self, device: Device) -> Option<PathBuf> {
+        let w = self.world();
+        let (board, entity) = w.place(device)?;
+        Some(w.boards[board].path(entity))
+    }
+
     fn now_ns(&self) -> u64 {
-        self.world().now_ns
+        let mut w = self.world();
+        w.keep_time();
+        w.now_ns
     }
 
     fn sleep(&mut self, duration: Duration) {
@@ -390,4 +365,11 @@ impl Kernel for FakeKernel {
         // Other tests want the machine too.
         std::thread::sleep(Duration::from_millis(1));
     }
+}
+
+/// The number of a described node: that in its name.
+fn device(path: &Path) -> Option<Device> {
+    let name = path.to_str()?;
+    let number = name.strip_prefix("/dev/video").or_else(|| name.strip_prefix("/dev/v4l-subdev"))?;
+    Some(Device { major: graph::MAJOR, minor: number.parse().ok()? })
 }

@@ -1,23 +1,120 @@
 //! An open node of the scripted kernel.
 
-use super::{CALL_NS, Kind, World};
+use super::{Kind, World};
 use crate::v4l2::{Call, Node, Ready, abi};
 use rustix::io::Errno;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
+
+/// What a node is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Role {
+    /// Of a camera without a graph.
+    Plain { sensor: bool },
+    /// A media device, by its number.
+    Media(usize),
+    /// The node of an entity of a media device.
+    Entity(usize, usize),
+}
 
 pub(super) struct FakeNode {
     pub(super) world: Arc<Mutex<World>>,
     /// Of each buffer that is not with the driver.
     contents: Vec<Option<Vec<u8>>>,
     generation: u32,
-    sensor: bool,
+    role: Role,
 }
 
 impl FakeNode {
-    pub(super) fn new(world: Arc<Mutex<World>>, generation: u32, sensor: bool) -> Self {
-        Self { world, contents: Vec::new(), generation, sensor }
+    pub(super) fn new(world: Arc<Mutex<World>>, generation: u32, role: Role) -> Self {
+        Self { world, contents: Vec::new(), generation, role }
     }
+}
+
+/// Answers what only nodes of a graph are asked; `None` for all else.
+fn graph_call(w: &mut World, role: Role, call: &mut Call<'_>) -> Option<Result<(), Errno>> {
+    let (board, entity) = match role {
+        Role::Plain { .. } => return None,
+        Role::Media(board) => {
+            let board = &mut w.boards[board];
+            return Some(match call {
+                Call::Topology(d) => {
+                    board.topology(d);
+                    Ok(())
+                }
+                Call::SetupLink(d) => board.set_link(d),
+                _ => Err(Errno::NOTTY),
+            });
+        }
+        Role::Entity(board, entity) => (board, entity),
+    };
+    let streaming = w.streaming;
+    let board = &mut w.boards[board];
+    Some(match call {
+        Call::GetPadFormat(d) => board.get_pad(entity, d),
+        Call::SetPadFormat(_) if streaming => Err(Errno::BUSY),
+        Call::SetPadFormat(d) => board.set_pad(entity, d),
+        Call::EnumBusCodes(d) if board.is_sensor(entity) => {
+            let codes = if d.pad == 0 { &board.described.codes[..] } else { &[0x7002] };
+            codes.get(d.index as usize).map(|code| d.code = *code).ok_or(Errno::INVAL)
+        }
+        Call::EnumBusCodes(_) => Err(Errno::NOTTY),
+        Call::GetPadSelection(d) => board.select(entity, d),
+        Call::EnumPadSizes(d) if board.is_sensor(entity) => {
+            let mode = board.described.modes.get(d.index as usize).map(|m| m.size);
+            mode.map(|(w, h)| d.size = [w, w, h, h]).ok_or(Errno::INVAL)
+        }
+        Call::QueryCapability(d) if !board.gives_pictures(entity) => {
+            d.capabilities = abi::CAP_STREAMING;
+            Ok(())
+        }
+        Call::GetFormat(d) => {
+            (d.pixel.width, d.pixel.height) = w.script.size;
+            Ok(())
+        }
+        Call::SetFormat(d) => {
+            w.script.size = (d.pixel.width, d.pixel.height);
+            return None;
+        }
+        Call::StreamOn => match board.validate(entity, w.script.size) {
+            Ok(_) => {
+                w.starved = board.is_starved(entity);
+                return None;
+            }
+            Err(errno) => Err(errno),
+        },
+        _ => return None,
+    })
+}
+
+/// Answers what the camera can do.
+fn describe(w: &World, call: Call<'_>) -> Result<(), Errno> {
+    let (width, height) = w.script.size;
+    match call {
+        Call::QueryCapability(d) => {
+            d.capabilities = abi::CAP_CAPTURE | abi::CAP_STREAMING;
+            d.card[..4].copy_from_slice(b"fake");
+        }
+        Call::EnumFormats(d) => {
+            let name = w.script.formats.get(d.index as usize).ok_or(Errno::INVAL)?;
+            d.fourcc = u32::from_le_bytes(name.as_bytes().try_into().expect("four characters"));
+        }
+        Call::EnumSizes(d) => {
+            (d.kind, d.size[0], d.size[1]) = one(d.index, (abi::DISCRETE, width, height))?;
+        }
+        Call::EnumIntervals(d) => {
+            (d.kind, d.interval[0], d.interval[1]) = one(d.index, (abi::DISCRETE, 1, 25))?;
+        }
+        Call::SetFormat(d) => {
+            (d.pixel.width, d.pixel.height) = (width, height);
+            d.pixel.fourcc = u32::from_le_bytes(w.fourcc());
+            let line = w.bytes_per_line();
+            (d.pixel.bytes_per_line, d.pixel.size_image) = (line as u32, 2 * line as u32 * height);
+        }
+        Call::SetParameters(d) => d.interval = [w.script.period.as_millis() as u32, 1000],
+        _ => return Err(Errno::NOTTY),
+    }
+    Ok(())
 }
 
 fn one<T>(index: u32, value: T) -> Result<T, Errno> {
@@ -38,40 +135,29 @@ fn start(w: &mut World) {
 impl Node for FakeNode {
     fn call(&mut self, call: Call<'_>) -> Result<(), Errno> {
         let mut w = self.world.lock().expect("whole");
-        let now = w.now_ns + CALL_NS;
-        w.advance(now);
-        w.calls += 1;
-        if w.script.interrupt > 0 && w.calls.is_multiple_of(w.script.interrupt) {
-            return Err(Errno::INTR);
-        }
+        w.pass_call()?;
         if w.is_gone() || self.generation != w.generation {
             return Err(Errno::NODEV);
         }
+        let mut call = call;
+        if let Some(outcome) = graph_call(&mut w, self.role, &mut call) {
+            return outcome;
+        }
+        let sensor = match self.role {
+            Role::Plain { sensor } => sensor,
+            Role::Entity(board, entity) => w.boards[board].is_sensor(entity),
+            Role::Media(_) => false,
+        };
         let on_sensor = w.script.kind == Kind::Csi;
         let (width, height) = w.script.size;
         match call {
-            Call::QueryCapability(d) => {
-                d.capabilities = abi::CAP_CAPTURE | abi::CAP_STREAMING;
-                d.card[..4].copy_from_slice(b"fake");
-            }
-            Call::EnumFormats(d) => {
-                let name = w.script.formats.get(d.index as usize).ok_or(Errno::INVAL)?;
-                d.fourcc = u32::from_le_bytes(name.as_bytes().try_into().expect("four characters"));
-            }
-            Call::EnumSizes(d) => {
-                (d.kind, d.size[0], d.size[1]) = one(d.index, (abi::DISCRETE, width, height))?;
-            }
-            Call::EnumIntervals(d) => {
-                (d.kind, d.interval[0], d.interval[1]) = one(d.index, (abi::DISCRETE, 1, 25))?;
-            }
-            Call::SetFormat(d) => {
-                (d.pixel.width, d.pixel.height) = (width, height);
-                d.pixel.fourcc = u32::from_le_bytes(w.fourcc());
-                let line = w.bytes_per_line();
-                (d.pixel.bytes_per_line, d.pixel.size_image) = (line as u32, 2 * line as u32 * height);
-            }
-            Call::SetParameters(d) => d.interval = [w.script.period.as_millis() as u32, 1000],
-            Call::QueryControl(_) | Call::GetControl(_) | Call::SetControl(_) if on_sensor != self.sensor => {
+            Call::QueryCapability(_)
+            | Call::EnumFormats(_)
+            | Call::EnumSizes(_)
+            | Call::EnumIntervals(_)
+            | Call::SetFormat(_)
+            | Call::SetParameters(_) => describe(&w, call)?,
+            Call::QueryControl(_) | Call::GetControl(_) | Call::SetControl(_) if on_sensor != sensor => {
                 return Err(Errno::INVAL);
             }
             Call::QueryControl(d) => w.describe(d)?,
@@ -112,24 +198,27 @@ impl Node for FakeNode {
                 (d.width, d.height) = (width, height);
             }
             Call::EnumBusCodes(d) => d.code = one(d.index, 0x3001)?,
+            _ => return Err(Errno::NOTTY),
         }
         Ok(())
     }
 
     fn wait(&mut self, timeout: Duration) -> Result<Ready, Errno> {
         let mut w = self.world.lock().expect("whole");
-        let now = w.now_ns + CALL_NS;
-        w.advance(now);
-        w.calls += 1;
-        if w.script.interrupt > 0 && w.calls.is_multiple_of(w.script.interrupt) {
-            return Err(Errno::INTR);
-        }
+        w.pass_call()?;
         let end = w.now_ns + timeout.as_nanos() as u64;
         loop {
             let gone = w.is_gone() || self.generation != w.generation;
             let ready = Ready { frame: !w.done.is_empty() && !gone, event: w.events > 0, gone };
             if ready != Ready::default() || w.now_ns >= end {
                 return Ok(ready);
+            }
+            if w.script.real_time {
+                drop(w);
+                std::thread::sleep(Duration::from_millis(2));
+                w = self.world.lock().expect("whole");
+                w.keep_time();
+                continue;
             }
             let next = if w.streaming { w.finished_at(w.next).min(end) } else { end };
             w.advance(next);

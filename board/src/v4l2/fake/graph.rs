@@ -1,0 +1,321 @@
+//! Media devices of the scripted kernel, described as `media-ctl` prints them.
+//!
+//! A bridge passes the format of a sink pad on to the source pads that belong to it, pads keep what is set, and a stream starts only where both
+//! ends of each link agree, and gives frames only where no other node waits for a buffer, as in the drivers of the Pi.
+
+use super::World;
+use crate::v4l2::abi::{PadFormat, PadSelection};
+use crate::v4l2::media::abi::{self, LinkSetup};
+use crate::v4l2::media::{Device, Topology};
+use rustix::io::Errno;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+/// Major number of all nodes.
+pub const MAJOR: u32 = 81;
+
+/// A sensor's mode: picture size, and the part of the sensor that it shows.
+#[derive(Clone, Copy, Debug)]
+pub struct Mode {
+    pub size: (u32, u32),
+    pub crop: [u32; 4],
+}
+
+/// A media device.
+#[derive(Clone, Debug)]
+pub struct Described {
+    /// Lines `NAME:PAD -> NAME:PAD [FLAGS]`, flags `on` and `fixed`.
+    pub links: &'static str,
+    /// Which source pads of a bridge a sink pad feeds, as (sink, source).
+    pub inner: Vec<(u32, u32)>,
+    /// Media bus codes of the sensors.
+    pub codes: Vec<u32>,
+    pub modes: Vec<Mode>,
+    /// All pixels of the sensor; none where the driver tells no selections.
+    pub native: Option<[u32; 4]>,
+    /// A pad that keeps its size whatever is set.
+    pub stuck: Option<&'static str>,
+    /// Number of the first node.
+    pub first_node: u32,
+}
+
+#[derive(Clone, Debug)]
+struct FakeLink {
+    source: (usize, u32),
+    sink: (usize, u32),
+    flags: u32,
+}
+
+/// A described device and its state.
+#[derive(Clone, Debug)]
+pub struct Board {
+    pub described: Described,
+    names: Vec<String>,
+    links: Vec<FakeLink>,
+    pads: BTreeMap<(usize, u32), PadFormat>,
+}
+
+fn is_sensor(name: &str) -> bool {
+    name.starts_with("imx") || name.starts_with("ov")
+}
+
+/// Nodes have their driver's name.
+fn is_node(name: &str) -> bool {
+    name.starts_with("rp1-cfe") || name.starts_with("unicam")
+}
+
+/// A line of embedded data for pictures of `format`.
+fn embedded(format: &PadFormat) -> PadFormat {
+    PadFormat { height: 1, code: 0x7002, pad: 1, ..*format }
+}
+
+impl Board {
+    pub fn new(described: Described) -> Self {
+        let (mut names, mut links): (Vec<String>, _) = (Vec::new(), Vec::new());
+        for line in described.links.lines().map(str::trim).filter(|l| !l.is_empty()) {
+            let (ends, flags) = line.split_once('[').expect("flags");
+            let (from, to) = ends.split_once("->").expect("a link");
+            let mut pad = |text: &str| {
+                let (name, index) = text.trim().rsplit_once(':').expect("a pad");
+                let at = names.iter().position(|n| n == name).unwrap_or_else(|| {
+                    names.push(name.into());
+                    names.len() - 1
+                });
+                (at, index.parse().expect("a number"))
+            };
+            let (source, sink) = (pad(from), pad(to));
+            let flag = |name, bit| if flags.contains(name) { bit } else { 0 };
+            let flags = flag("on", abi::LINK_ENABLED) | flag("fixed", abi::LINK_IMMUTABLE);
+            links.push(FakeLink { source, sink, flags });
+        }
+        let start = PadFormat { width: 640, height: 480, code: 0x3014, ..Default::default() };
+        let ends = links.iter().flat_map(|l| [l.source, l.sink]);
+        let mut pads: BTreeMap<_, _> = ends.map(|pad| (pad, PadFormat { pad: pad.1, ..start })).collect();
+        for (_, format) in pads.iter_mut().filter(|(pad, _)| is_sensor(&names[pad.0]) && pad.1 > 0) {
+            *format = embedded(format);
+        }
+        Self { described, names, links, pads }
+    }
+
+    /// All links and pad formats, for comparison.
+    pub fn state(&self) -> (Vec<u32>, Vec<(u32, u32, u32)>) {
+        let pads = self.pads.values().map(|p| (p.code, p.width, p.height));
+        (self.links.iter().map(|l| l.flags).collect(), pads.collect())
+    }
+
+    pub fn device(&self, entity: usize) -> Device {
+        Device { major: MAJOR, minor: self.described.first_node + entity as u32 }
+    }
+
+    /// The entity of a node.
+    pub fn entity(&self, device: Device) -> Option<usize> {
+        (0..self.names.len()).find(|at| self.device(*at) == device)
+    }
+
+    /// Its path: numbers of nodes and of sub-devices run together here.
+    pub fn path(&self, entity: usize) -> PathBuf {
+        let number = self.device(entity).minor;
+        let kind = if is_node(&self.names[entity]) { "video" } else { "v4l-subdev" };
+        format!("/dev/{kind}{number}").into()
+    }
+
+    pub fn entities(&self) -> usize {
+        self.names.len()
+    }
+
+    pub fn is_node(&self, entity: usize) -> bool {
+        is_node(&self.names[entity])
+    }
+
+    pub fn is_sensor(&self, entity: usize) -> bool {
+        is_sensor(&self.names[entity])
+    }
+
+    /// Embedded data and statistics are no pictures.
+    pub fn gives_pictures(&self, entity: usize) -> bool {
+        self.is_node(entity) && !self.names[entity].contains("embedded")
+    }
+
+    pub fn topology(&self, topology: &mut Topology) {
+        for (at, name) in self.names.iter().enumerate() {
+            let mut entity = abi::Entity { id: at as u32 + 1, ..Default::default() };
+            entity.name[..name.len()].copy_from_slice(name.as_bytes());
+            entity.function = match () {
+                () if is_sensor(name) => abi::SENSOR,
+                () if is_node(name) => abi::VIDEO,
+                () => 0x5002,
+            };
+            topology.entities.push(entity);
+            let Device { major, minor } = self.device(at);
+            let interface = 500 + at as u32;
+            topology.interfaces.push(abi::Interface {
+                id: interface,
+                device: [major, minor],
+                ..Default::default()
+            });
+            topology.links.push(abi::Link {
+                id: 900 + at as u32,
+                source: interface,
+                sink: at as u32 + 1,
+                flags: abi::LINK_INTERFACE | abi::LINK_ENABLED,
+                ..Default::default()
+            });
+        }
+        let id = |(entity, pad): (usize, u32)| 100 + 16 * entity as u32 + pad;
+        for (entity, pad) in self.pads.keys() {
+            let is_source = self.links.iter().any(|l| l.source == (*entity, *pad));
+            let flags = if is_source { abi::PAD_SOURCE } else { abi::PAD_SINK };
+            let pad = abi::Pad {
+                id: id((*entity, *pad)),
+                entity: *entity as u32 + 1,
+                flags,
+                index: *pad,
+                ..Default::default()
+            };
+            topology.pads.push(pad);
+        }
+        for (at, link) in self.links.iter().enumerate() {
+            topology.links.push(abi::Link {
+                id: 700 + at as u32,
+                source: id(link.source),
+                sink: id(link.sink),
+                flags: link.flags,
+                ..Default::default()
+            });
+        }
+    }
+
+    pub fn set_link(&mut self, setup: &LinkSetup) -> Result<(), Errno> {
+        let end = |e: &abi::LinkEnd| (e.entity as usize - 1, u32::from(e.index));
+        let (source, sink) = (end(&setup.source), end(&setup.sink));
+        let on = |l: &FakeLink| l.flags & abi::LINK_ENABLED != 0;
+        // A sink takes one source.
+        let taken = self.links.iter().any(|l| on(l) && l.sink == sink && l.source != source);
+        let link =
+            self.links.iter_mut().find(|l| l.source == source && l.sink == sink).ok_or(Errno::INVAL)?;
+        let wanted = setup.flags & abi::LINK_ENABLED;
+        match () {
+            () if wanted == link.flags & abi::LINK_ENABLED => Ok(()),
+            () if link.flags & abi::LINK_IMMUTABLE != 0 => Err(Errno::INVAL),
+            () if wanted != 0 && taken => Err(Errno::BUSY),
+            () => {
+                link.flags = link.flags & !abi::LINK_ENABLED | wanted;
+                Ok(())
+            }
+        }
+    }
+
+    fn name(&self, (entity, pad): (usize, u32)) -> String {
+        format!("{}:{pad}", self.names[entity])
+    }
+
+    pub fn get_pad(&self, entity: usize, format: &mut PadFormat) -> Result<(), Errno> {
+        *format = *self.pads.get(&(entity, format.pad)).ok_or(Errno::INVAL)?;
+        Ok(())
+    }
+
+    pub fn set_pad(&mut self, entity: usize, format: &mut PadFormat) -> Result<(), Errno> {
+        let pad = (entity, format.pad);
+        if !self.pads.contains_key(&pad) {
+            return Err(Errno::INVAL);
+        }
+        let is_stuck = self.described.stuck == Some(&self.name(pad));
+        let is_source = self.links.iter().any(|l| l.source == pad);
+        if self.is_sensor(entity) {
+            // The pad of embedded data follows that of the picture.
+            if format.pad > 0 {
+                return self.get_pad(entity, format);
+            }
+            let area = |m: &Mode| {
+                (i64::from(m.size.0) * i64::from(m.size.1))
+                    .abs_diff(i64::from(format.width) * i64::from(format.height))
+            };
+            let mode = self.described.modes.iter().min_by_key(|m| area(m)).expect("a mode");
+            (format.width, format.height) = mode.size;
+            if !self.described.codes.contains(&format.code) {
+                format.code = self.described.codes[0];
+            }
+            let lines = embedded(format);
+            self.pads.entry((entity, 1)).and_modify(|pad| *pad = lines);
+        } else if is_source {
+            // What a bridge gives is what it gets.
+            let fed = self.described.inner.iter().find(|(_, source)| *source == format.pad);
+            let from = fed.and_then(|(sink, _)| self.pads.get(&(entity, *sink)));
+            (format.width, format.height) = from.map_or((640, 480), |f| (f.width, f.height));
+        }
+        if is_stuck {
+            (format.width, format.height) = (640, 480);
+        }
+        self.pads.insert(pad, *format);
+        if !is_source {
+            let fed: Vec<u32> = self
+                .described
+                .inner
+                .iter()
+                .filter(|(sink, _)| *sink == format.pad)
+                .map(|(_, s)| *s)
+                .collect();
+            for source in fed {
+                self.pads.entry((entity, source)).and_modify(|p| *p = PadFormat { pad: source, ..*format });
+            }
+        }
+        Ok(())
+    }
+
+    pub fn select(&self, entity: usize, selection: &mut PadSelection) -> Result<(), Errno> {
+        let native = self.described.native.filter(|_| self.is_sensor(entity)).ok_or(Errno::NOTTY)?;
+        let format = self.pads[&(entity, 0)];
+        let mode = self.described.modes.iter().find(|m| m.size == (format.width, format.height));
+        selection.area = match selection.target {
+            crate::v4l2::abi::SELECT_CROP => mode.ok_or(Errno::INVAL)?.crop,
+            _ => native,
+        };
+        Ok(())
+    }
+
+    /// The sensor's format, if a stream of `node` may start.
+    pub fn validate(&self, node: usize, size: (u32, u32)) -> Result<PadFormat, Errno> {
+        let mut at = node;
+        let mut first = true;
+        loop {
+            let into = |l: &&FakeLink| l.sink.0 == at && l.flags & abi::LINK_ENABLED != 0;
+            for link in self.links.iter().filter(into) {
+                let source = self.pads[&link.source];
+                let sink = if self.is_node(at) {
+                    PadFormat { width: size.0, height: size.1, ..source }
+                } else {
+                    self.pads[&link.sink]
+                };
+                if (source.width, source.height, source.code) != (sink.width, sink.height, sink.code) {
+                    return Err(Errno::PIPE);
+                }
+            }
+            // A bridge passes on what its lowest pad gets.
+            let Some(link) = self.links.iter().find(|l| into(l)) else {
+                return if first { Err(Errno::PIPE) } else { Ok(self.pads[&(at, 0)]) };
+            };
+            (at, first) = (link.source.0, false);
+        }
+    }
+
+    /// Whether another node is linked to what `node` is linked to, and waits for a buffer.
+    pub fn is_starved(&self, node: usize) -> bool {
+        let on = |l: &&FakeLink| l.flags & abi::LINK_ENABLED != 0;
+        let bridge = self.links.iter().filter(on).find(|l| l.sink.0 == node).map(|l| l.source.0);
+        let mutable = |l: &&FakeLink| l.flags & abi::LINK_IMMUTABLE == 0;
+        let others = self
+            .links
+            .iter()
+            .filter(on)
+            .filter(mutable)
+            .filter(|l| Some(l.source.0) == bridge && l.sink.0 != node);
+        others.into_iter().any(|_| true)
+    }
+}
+
+impl World {
+    /// The board and the entity of a node.
+    pub fn place(&self, device: Device) -> Option<(usize, usize)> {
+        self.boards.iter().enumerate().find_map(|(at, board)| Some((at, board.entity(device)?)))
+    }
+}

@@ -1,0 +1,135 @@
+//! What a scripted camera is like, and what goes wrong with it.
+
+use super::graph::Described;
+use std::time::Duration;
+
+/// What goes wrong at a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Fault {
+    /// The cable is pulled, and put back after so long.
+    Disconnect(Duration),
+    /// The frame has too few bytes.
+    Short,
+    /// The frame has no byte.
+    Empty,
+    /// The frame is cut in half; of JPEG frames that shows when they are decoded.
+    Damaged,
+    /// All frames from here on have the error flag.
+    AllError,
+    /// All frames from here on have too few bytes.
+    AllShort,
+    /// All frames from here on have no byte.
+    AllEmpty,
+    /// The frame has the error flag.
+    Error,
+    /// No frames arrive for this time.
+    Stall(Duration),
+    /// From this frame on, the control delay is this number of frames.
+    Delay(u32),
+    /// The frame has the number of the one before.
+    Repeat,
+    /// The driver says that the picture format changed.
+    SourceChange,
+}
+
+/// Which controls the camera has.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Kind {
+    /// 100 us units, a menu of modes with holes.
+    Uvc,
+    /// Lines, on a sub-device.
+    Csi,
+    /// Brightness only.
+    NoExposure,
+}
+
+/// What a camera does with an exposure that is not in its list.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Manner {
+    Refuses,
+    Ignores,
+    RoundsDown,
+}
+
+/// How the camera behaves.
+#[derive(Clone, Debug)]
+pub struct Script {
+    pub kind: Kind,
+    /// Name of its sensor's sub-device.
+    pub sensor: &'static str,
+    /// Pad formats that were asked for.
+    pub pads: Vec<(u32, u32)>,
+    /// What it offers; pictures are of the first, or of none if they cannot be read.
+    pub formats: Vec<&'static str>,
+    pub size: (u32, u32),
+    pub period: Duration,
+    pub delay: u32,
+    /// Share of frames that are lost.
+    pub loss: f64,
+    /// One of this number of requests is interrupted; 0 for none.
+    pub interrupt: u32,
+    /// Number of attempts to open the device, from the first, that fail because it is busy.
+    pub busy: u32,
+    /// Range of the exposure control.
+    pub range: (i64, i64),
+    /// Radiance: 1 fills a pixel in 33 ms at the bright end of the picture.
+    pub light: f64,
+    pub faults: Vec<(u64, Fault)>,
+    /// Automatic processing and exposure are reset when the stream starts.
+    pub reset_at_start: bool,
+    /// Sharpness cannot be set to less.
+    pub least_sharpness: i64,
+    /// One of this number of writes of the exposure fails while streaming; 0 for none.
+    pub fail_write_every: u32,
+    /// Stamps are those of the wall clock, else the simulated ones.
+    pub wall_clock: bool,
+    /// The stamp in place of a frame's time, both in nanoseconds.
+    pub stamps: Option<fn(u64) -> u64>,
+    /// Time passes as it does outside.
+    pub real_time: bool,
+    /// Largest noise of a sample of one byte, codes in either direction.
+    pub noise: u32,
+    /// Probability of each fault at a frame.
+    pub chance: f64,
+    /// Exposures that are taken, and what happens to others.
+    pub accepts: Option<Vec<i64>>,
+    pub manner: Manner,
+    /// Exposures that the sensor really has; the control reads back what was written.
+    pub really: Option<Vec<i64>>,
+    /// Media devices.
+    pub graphs: Vec<Described>,
+}
+
+impl Default for Script {
+    fn default() -> Self {
+        let period = Duration::from_millis(40);
+        let range = (1, 5000);
+        Self {
+            kind: Kind::Uvc,
+            sensor: "fake219 10-0010",
+            pads: Vec::new(),
+            formats: vec!["GREY"],
+            size: (64, 48),
+            period,
+            delay: 2,
+            loss: 0.0,
+            interrupt: 0,
+            busy: 0,
+            range,
+            light: 4.0,
+            faults: Vec::new(),
+            reset_at_start: false,
+            least_sharpness: 0,
+            fail_write_every: 0,
+            wall_clock: false,
+            stamps: None,
+            real_time: false,
+            noise: 0,
+            chance: 0.0,
+            accepts: None,
+            manner: Manner::Refuses,
+            really: None,
+            graphs: Vec::new(),
+        }
+    }
+}

@@ -1,0 +1,39 @@
+//! Structures that the kernel shares with programs, with the layout of a C compiler.
+
+/// Bytes of a pointer, which some unions hold.
+pub const POINTER: usize = size_of::<usize>();
+
+/// A value of all zero bits.
+pub trait Zero {
+    /// The value.
+    const ZERO: Self;
+}
+
+macro_rules! zero {
+    ($($number:ty)*) => { $(impl Zero for $number { const ZERO: Self = 0; })* };
+}
+
+zero! { u8 u16 u32 u64 i64 usize }
+
+impl<T: Zero, const N: usize> Zero for [T; N] {
+    const ZERO: Self = [T::ZERO; N];
+}
+
+/// A structure of the kernel whose fields are zero unless a value is given, with the bytes that a C compiler gives it: on x86-64 and
+/// AArch64, and on ARMv7 with `_TIME_BITS=64`.
+macro_rules! plain {
+    (@value $type:ty) => { <$type as $crate::v4l2::layout::Zero>::ZERO };
+    (@value $type:ty, $value:expr) => { $value };
+    ($(#[$doc:meta])* $name:ident($wide:literal, $narrow:literal) { $($(#[$field_doc:meta])* $field:ident: $type:ty $(= $value:expr)?,)* }) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug)]
+        #[repr(C)]
+        pub struct $name { $($(#[$field_doc])* pub $field: $type,)* }
+        impl Default for $name {
+            fn default() -> Self {
+                Self { $($field: plain!(@value $type $(, $value)?),)* }
+            }
+        }
+        const _: () = assert!(size_of::<$name>() == if $crate::v4l2::layout::POINTER == 8 { $wide } else { $narrow }, "not the kernel's layout");
+    };
+}

@@ -1,0 +1,152 @@
+//! The graph of a media device: entities, their device nodes, and the links between their pads.
+//!
+//! A driver's answer is not trusted: entries that name what does not exist, and pads in the wrong direction, are left out.
+
+use super::abi;
+use crate::v4l2::text;
+use std::collections::HashMap;
+
+/// Largest number of entities, interfaces, pads or links that are read: several times what the largest known graphs have.
+pub const MOST: u32 = 1024;
+
+/// The entries of a media device as its driver gives them.
+#[derive(Clone, Debug, Default)]
+pub struct Topology {
+    /// Entities.
+    pub entities: Vec<abi::Entity>,
+    /// Device nodes.
+    pub interfaces: Vec<abi::Interface>,
+    /// Pads.
+    pub pads: Vec<abi::Pad>,
+    /// Links from pad to pad, and from interface to entity.
+    pub links: Vec<abi::Link>,
+}
+
+/// The number of a character device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Device {
+    /// Major number.
+    pub major: u32,
+    /// Minor number.
+    pub minor: u32,
+}
+
+/// A sensor, a bridge or a node that captures.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Entity {
+    /// The driver's number of it.
+    pub id: u32,
+    /// Name.
+    pub name: String,
+    /// The driver's word for its purpose.
+    pub function: u32,
+    /// Its node, where it has one.
+    pub device: Option<Device>,
+}
+
+impl Entity {
+    /// Whether it is a camera's sensor.
+    #[must_use]
+    pub const fn is_sensor(&self) -> bool {
+        self.function == abi::SENSOR
+    }
+
+    /// Whether it is a node that video flows into or out of.
+    #[must_use]
+    pub const fn is_video(&self) -> bool {
+        self.function == abi::VIDEO
+    }
+}
+
+/// A pad of an entity.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Pad {
+    /// Index into the graph's entities.
+    pub entity: usize,
+    /// Number of the pad in its entity.
+    pub index: u32,
+}
+
+/// A link between two pads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Link {
+    /// Where it begins.
+    pub source: Pad,
+    /// Where it ends.
+    pub sink: Pad,
+    /// Whether it is on.
+    pub enabled: bool,
+    /// Whether it cannot be switched.
+    pub immutable: bool,
+}
+
+/// A media device's graph.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Graph {
+    /// Its entities.
+    pub entities: Vec<Entity>,
+    /// Its links.
+    pub links: Vec<Link>,
+}
+
+impl Graph {
+    /// Reads a driver's answer.
+    #[must_use]
+    pub fn of(topology: &Topology) -> Self {
+        let mut graph = Self::default();
+        let mut numbers = HashMap::new();
+        for entity in &topology.entities {
+            if numbers.contains_key(&entity.id) {
+                continue;
+            }
+            numbers.insert(entity.id, graph.entities.len());
+            let (id, name, function) = (entity.id, text(&entity.name), entity.function);
+            graph.entities.push(Entity { id, name, function, device: None });
+        }
+        let pads: HashMap<u32, (Pad, u32)> = topology
+            .pads
+            .iter()
+            .filter_map(|pad| {
+                let entity = *numbers.get(&pad.entity)?;
+                Some((pad.id, (Pad { entity, index: pad.index }, pad.flags)))
+            })
+            .collect();
+        for link in &topology.links {
+            match link.flags & abi::LINK_TYPE {
+                abi::LINK_DATA => graph.links.extend(data_link(link, &pads)),
+                abi::LINK_INTERFACE => graph.note_device(topology, link, &numbers),
+                _ => {}
+            }
+        }
+        graph
+    }
+
+    fn note_device(&mut self, topology: &Topology, link: &abi::Link, numbers: &HashMap<u32, usize>) {
+        let interface = topology.interfaces.iter().find(|i| i.id == link.source);
+        let entity = numbers.get(&link.sink).and_then(|at| self.entities.get_mut(*at));
+        if let (Some(interface), Some(entity)) = (interface, entity) {
+            let [major, minor] = interface.device;
+            entity.device = Some(Device { major, minor });
+        }
+    }
+
+    /// Indices of the sensors.
+    pub fn sensors(&self) -> impl Iterator<Item = usize> {
+        let is_sensor = |at: &usize| self.entities.get(*at).is_some_and(Entity::is_sensor);
+        (0..self.entities.len()).filter(is_sensor)
+    }
+
+    /// A pad by the name of its entity and its number.
+    #[must_use]
+    pub fn name(&self, pad: Pad) -> String {
+        format!("{}:{}", self.entities.get(pad.entity).map_or("?", |e| &e.name), pad.index)
+    }
+}
+
+fn data_link(link: &abi::Link, pads: &HashMap<u32, (Pad, u32)>) -> Option<Link> {
+    let (source, from) = *pads.get(&link.source)?;
+    let (sink, to) = *pads.get(&link.sink)?;
+    let directed = from & abi::PAD_SOURCE != 0 && to & abi::PAD_SINK != 0 && source.entity != sink.entity;
+    let (enabled, immutable) = (link.flags & abi::LINK_ENABLED != 0, link.flags & abi::LINK_IMMUTABLE != 0);
+    directed.then_some(Link { source, sink, enabled, immutable })
+}

@@ -1,0 +1,115 @@
+//! Routes through a media graph, from a sensor to a node that captures.
+
+use super::graph::{Graph, Link, Pad};
+
+/// Most links of a route.
+const MOST_LINKS: usize = 8;
+
+/// Most links that are followed in search of routes: a graph made to branch at each entity ends here.
+const MOST_STEPS: usize = 20_000;
+
+/// Most routes that are kept.
+const MOST_ROUTES: usize = 32;
+
+/// A route: indices into the graph's links, from the sensor on.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Route {
+    /// At least one.
+    pub links: Vec<usize>,
+}
+
+impl Route {
+    /// Its links.
+    pub fn links<'a>(&'a self, graph: &'a Graph) -> impl Iterator<Item = &'a Link> {
+        self.links.iter().filter_map(|at| graph.links.get(*at))
+    }
+
+    /// The entity at its end.
+    #[must_use]
+    pub fn end(&self, graph: &Graph) -> Option<usize> {
+        self.links(graph).last().map(|link| link.sink.entity)
+    }
+
+    /// Links that must be off while the route is used, as indices: others of its pads, and those by which a bridge that serves this
+    /// sensor alone gives to other nodes. A stream waits for a buffer on each node that is linked.
+    #[must_use]
+    pub fn rivals(&self, graph: &Graph, sensor: usize) -> Vec<usize> {
+        let on = |pad: Pad| self.links(graph).any(|l| l.source == pad || l.sink == pad);
+        let passes = |entity: usize| entity != sensor && self.links(graph).any(|l| l.source.entity == entity);
+        let is_shared = |entity: usize| {
+            let others = |l: &&Link| l.enabled && l.sink.entity == entity && l.source.entity != sensor;
+            let theirs = graph.links.iter().filter(others);
+            theirs.into_iter().any(|l| !self.links(graph).any(|ours| ours.source.entity == l.source.entity))
+        };
+        let is_rival = |at: &usize| {
+            let link = &graph.links[*at];
+            let touches = on(link.source) || on(link.sink);
+            let gives = passes(link.source.entity)
+                && graph.entities.get(link.sink.entity).is_some_and(|e| e.is_video())
+                && !is_shared(link.source.entity);
+            link.enabled && !link.immutable && (touches || gives) && !self.links.contains(at)
+        };
+        (0..graph.links.len()).filter(is_rival).collect()
+    }
+
+    /// Links that must be switched on, as indices.
+    #[must_use]
+    pub fn missing(&self, graph: &Graph) -> Vec<usize> {
+        let is_off = |at: &usize| graph.links.get(*at).is_some_and(|link| !link.enabled);
+        self.links.iter().copied().filter(is_off).collect()
+    }
+}
+
+/// All routes from `sensor` to entities that `ends` takes, the shortest first, then those with the least pad numbers.
+#[must_use]
+pub fn routes(graph: &Graph, sensor: usize, ends: &dyn Fn(usize) -> bool) -> Vec<Route> {
+    let mut search = Search { graph, ends, steps: 0, path: Vec::new(), found: Vec::new() };
+    search.from(sensor);
+    let mut found = search.found;
+    found.sort_by_key(|route| {
+        let pads: Vec<_> = route.links(graph).map(|l| (l.source.index, l.sink.index)).collect();
+        (route.links.len(), pads)
+    });
+    found.truncate(MOST_ROUTES);
+    found
+}
+
+struct Search<'a> {
+    graph: &'a Graph,
+    ends: &'a dyn Fn(usize) -> bool,
+    steps: usize,
+    path: Vec<usize>,
+    found: Vec<Route>,
+}
+
+impl Search<'_> {
+    fn from(&mut self, entity: usize) {
+        if self.path.len() >= MOST_LINKS {
+            return;
+        }
+        for (at, link) in self.graph.links.iter().enumerate() {
+            self.steps += 1;
+            if self.steps > MOST_STEPS {
+                return;
+            }
+            if link.source.entity != entity
+                || (link.immutable && !link.enabled)
+                || self.was_at(link.sink.entity)
+            {
+                continue;
+            }
+            self.path.push(at);
+            let next = link.sink.entity;
+            if (self.ends)(next) {
+                self.found.push(Route { links: self.path.clone() });
+            } else if self.graph.entities.get(next).is_some_and(|e| !e.is_video() && !e.is_sensor()) {
+                self.from(next);
+            }
+            self.path.pop();
+        }
+    }
+
+    fn was_at(&self, entity: usize) -> bool {
+        self.path.iter().filter_map(|at| self.graph.links.get(*at)).any(|l| l.source.entity == entity)
+    }
+}

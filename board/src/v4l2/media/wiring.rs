@@ -1,0 +1,260 @@
+//! Links and pad formats along a route, and their restoration.
+
+use super::abi;
+use super::bus;
+use super::graph::{Graph, Pad};
+use super::locate::Located;
+use super::route::Route;
+use crate::v4l2::abi::{Format, PadFormat};
+use crate::v4l2::access;
+use crate::v4l2::{Call, CameraError, Kernel, Node, persist};
+use std::path::PathBuf;
+
+/// A link as it was.
+#[derive(Clone, Copy, Debug)]
+struct Before {
+    setup: abi::LinkSetup,
+}
+
+/// A pad's format as it was.
+struct PadBefore {
+    pad: Pad,
+    format: PadFormat,
+}
+
+/// The node of an entity on the route.
+struct Open {
+    entity: usize,
+    node: Box<dyn Node>,
+}
+
+/// The changed links and formats of a route; dropping it restores them.
+pub(in crate::v4l2) struct Wiring {
+    path: PathBuf,
+    media: Box<dyn Node>,
+    graph: Graph,
+    sensor: usize,
+    route: Route,
+    subdevices: Vec<Open>,
+    links: Vec<Before>,
+    pads: Vec<PadBefore>,
+    /// The capture node, opened a second time, and its format.
+    video: Option<(Box<dyn Node>, Format)>,
+}
+
+impl Wiring {
+    /// Switches the links of a route: those that compete with it off, its own on.
+    ///
+    /// # Errors
+    /// [`CameraError`] that names the link; what was changed is restored.
+    pub fn new(kernel: &mut dyn Kernel, located: &Located, route: &Route) -> Result<Self, CameraError> {
+        let Located { path, graph, sensor, .. } = located;
+        let media = access::open(kernel, path)?;
+        let subdevices = open_subdevices(kernel, graph, route)?;
+        let (links, pads) = (Vec::new(), Vec::new());
+        let mut wiring = Self {
+            path: path.clone(),
+            media,
+            graph: graph.clone(),
+            sensor: *sensor,
+            route: route.clone(),
+            subdevices,
+            links,
+            pads,
+            video: None,
+        };
+        for at in route.rivals(graph, *sensor) {
+            wiring.switch(at, false)?;
+        }
+        for at in route.missing(graph) {
+            wiring.switch(at, true)?;
+        }
+        wiring.note_pads();
+        Ok(wiring)
+    }
+
+    /// Keeps `video` and its present format for restoration.
+    pub fn keep(&mut self, mut video: Box<dyn Node>) {
+        let mut format = Format::default();
+        if persist(|| video.call(Call::GetFormat(&mut format))).is_ok() {
+            self.video = Some((video, format));
+        }
+    }
+
+    /// The media bus codes that the sensor offers and that are read, the best first.
+    pub fn codes(&mut self) -> Vec<u32> {
+        let Some(link) = self.first() else { return Vec::new() };
+        bus::ranked(&self.offered(link))
+    }
+
+    /// Sets the format of each pad of the route, from the sensor on, and gives the one that reaches the node.
+    ///
+    /// # Errors
+    /// [`CameraError`] that names the pad.
+    pub fn set_formats(&mut self, code: u32, size: (u32, u32)) -> Result<PadFormat, CameraError> {
+        let Some(first) = self.first() else { return Err(self.unfit("the graph", "no link", "a route")) };
+        let wished = PadFormat { code, width: size.0, height: size.1, ..Default::default() };
+        let mut carried = self.set(first, wished)?;
+        if carried.code != code || carried.width == 0 || carried.height == 0 {
+            return Err(self.mismatch(first, &carried, &wished));
+        }
+        self.set_embedded()?;
+        let links: Vec<_> = self.route.links(&self.graph).copied().collect();
+        for (at, link) in links.iter().enumerate() {
+            if self.node(link.sink).is_some() {
+                self.set_exactly(link.sink, carried)?;
+            }
+            let Some(next) = links.get(at + 1).filter(|next| self.node(next.source).is_some()) else {
+                continue;
+            };
+            carried.code = self.passed_on(next.source, carried.code);
+            carried = self.set_exactly(next.source, carried)?;
+        }
+        Ok(carried)
+    }
+
+    /// The sensor's pad on the route.
+    fn first(&self) -> Option<Pad> {
+        self.route.links(&self.graph).next().map(|link| link.source)
+    }
+
+    /// Gives the sensor's other pads, those of embedded data, their format at the bridge: streams start only where both ends agree.
+    fn set_embedded(&mut self) -> Result<(), CameraError> {
+        let first = self.first();
+        let others =
+            self.graph.links.iter().filter(|l| l.source.entity == self.sensor && Some(l.source) != first);
+        let linked: Vec<_> = others.filter(|l| l.enabled).copied().collect();
+        for link in linked {
+            if self.node(link.sink).is_none() {
+                continue;
+            }
+            if let Some(format) = self.get(link.source) {
+                self.set_exactly(link.sink, format)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The code in which a bridge's source pad passes `code` on: unchanged where the pad can, else the best that is read.
+    fn passed_on(&mut self, pad: Pad, code: u32) -> u32 {
+        let offered = self.offered(pad);
+        if offered.is_empty() || offered.contains(&code) {
+            return code;
+        }
+        let present = self.get(pad).map(|format| format.code).filter(|code| bus::is_read(*code));
+        present.or_else(|| bus::ranked(&offered).first().copied()).unwrap_or(code)
+    }
+
+    fn offered(&mut self, pad: Pad) -> Vec<u32> {
+        self.node(pad).map_or_else(Vec::new, |node| bus::offered(node, pad.index))
+    }
+
+    fn node(&mut self, pad: Pad) -> Option<&mut dyn Node> {
+        let open = self.subdevices.iter_mut().find(|open| open.entity == pad.entity)?;
+        Some(open.node.as_mut())
+    }
+
+    fn get(&mut self, pad: Pad) -> Option<PadFormat> {
+        let mut format = PadFormat { pad: pad.index, ..Default::default() };
+        let node = self.node(pad)?;
+        persist(|| node.call(Call::GetPadFormat(&mut format))).ok()?;
+        Some(format)
+    }
+
+    fn set(&mut self, pad: Pad, format: PadFormat) -> Result<PadFormat, CameraError> {
+        let mut format = PadFormat { pad: pad.index, ..format };
+        let wished = told(&format);
+        let Some(node) = self.node(pad) else { return Ok(format) };
+        let outcome = persist(|| node.call(Call::SetPadFormat(&mut format)));
+        outcome.map_err(|e| self.unfit(&format!("pad {}", self.graph.name(pad)), &e.to_string(), &wished))?;
+        Ok(format)
+    }
+
+    /// Sets a pad's format; the driver must take it unchanged.
+    fn set_exactly(&mut self, pad: Pad, format: PadFormat) -> Result<PadFormat, CameraError> {
+        let got = self.set(pad, format)?;
+        let same = (got.code, got.width, got.height) == (format.code, format.width, format.height);
+        if same { Ok(got) } else { Err(self.mismatch(pad, &got, &format)) }
+    }
+
+    fn mismatch(&self, pad: Pad, found: &PadFormat, expected: &PadFormat) -> CameraError {
+        self.unfit(&format!("pad {}", self.graph.name(pad)), &told(found), &told(expected))
+    }
+
+    fn unfit(&self, place: &str, found: &str, expected: &str) -> CameraError {
+        let path = PathBuf::from(format!("{}, {place}", self.path.display()));
+        CameraError::Unfit { path, found: found.into(), expected: expected.into() }
+    }
+
+    /// Switches link `at`.
+    fn switch(&mut self, at: usize, on: bool) -> Result<(), CameraError> {
+        let Some(link) = self.graph.links.get(at).copied() else { return Ok(()) };
+        let end = |pad: Pad, flags| abi::LinkEnd {
+            entity: self.graph.entities.get(pad.entity).map_or(0, |e| e.id),
+            index: u16::try_from(pad.index).unwrap_or(u16::MAX),
+            flags,
+            ..Default::default()
+        };
+        let (source, sink) = (end(link.source, abi::PAD_SOURCE), end(link.sink, abi::PAD_SINK));
+        let flags = |on| if on { abi::LINK_ENABLED } else { 0 };
+        let mut setup = abi::LinkSetup { source, sink, flags: flags(on), ..Default::default() };
+        persist(|| self.media.call(Call::SetupLink(&mut setup))).map_err(|e| {
+            let place = format!("link {} -> {}", self.graph.name(link.source), self.graph.name(link.sink));
+            self.unfit(
+                &place,
+                &e.to_string(),
+                if on { "a link that can be switched on" } else { "a link that can be switched off" },
+            )
+        })?;
+        self.graph.links[at].enabled = on;
+        self.links
+            .push(Before { setup: abi::LinkSetup { source, sink, flags: flags(!on), ..Default::default() } });
+        Ok(())
+    }
+
+    /// Notes the formats of all pads that may be changed, from the sensor on.
+    fn note_pads(&mut self) {
+        let on_route: Vec<usize> = self.subdevices.iter().map(|open| open.entity).collect();
+        let linked = self.graph.links.iter().filter(|l| on_route.contains(&l.source.entity));
+        let ours = self.route.links(&self.graph).flat_map(|l| [l.source, l.sink]);
+        let embedded = linked.filter(|l| l.source.entity == self.sensor).flat_map(|l| [l.source, l.sink]);
+        let mut pads: Vec<Pad> = ours.chain(embedded).filter(|pad| on_route.contains(&pad.entity)).collect();
+        let mut seen = std::collections::HashSet::new();
+        pads.retain(|pad| seen.insert(*pad));
+        for pad in pads {
+            if let Some(format) = self.get(pad) {
+                self.pads.push(PadBefore { pad, format });
+            }
+        }
+    }
+}
+
+impl Drop for Wiring {
+    fn drop(&mut self) {
+        if let Some((video, format)) = &mut self.video {
+            let _ = persist(|| video.call(Call::SetFormat(format)));
+        }
+        for PadBefore { pad, format } in std::mem::take(&mut self.pads) {
+            let _ = self.set(pad, format);
+        }
+        for Before { mut setup } in std::mem::take(&mut self.links).into_iter().rev() {
+            let _ = persist(|| self.media.call(Call::SetupLink(&mut setup)));
+        }
+    }
+}
+
+/// A pad's format in words.
+fn told(format: &PadFormat) -> String {
+    format!("{} x {} of media bus code 0x{:04x}", format.width, format.height, format.code)
+}
+
+fn open_subdevices(kernel: &mut dyn Kernel, graph: &Graph, route: &Route) -> Result<Vec<Open>, CameraError> {
+    let mut found: Vec<Open> = Vec::new();
+    for link in route.links(graph) {
+        let entity = link.source.entity;
+        let Some(device) = graph.entities.get(entity).and_then(|e| e.device) else { continue };
+        let Some(path) = kernel.node_of(device) else { continue };
+        found.push(Open { entity, node: access::open(kernel, &path)? });
+    }
+    Ok(found)
+}

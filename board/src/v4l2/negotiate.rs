@@ -1,0 +1,104 @@
+//! The pixel format, size and rate that a node and its sensor agree on.
+
+use super::access::failed;
+use super::device;
+use super::media::bus;
+use super::options::Options;
+use super::{Call, CameraError, Node, abi, formats, persist};
+use hemilux_core::format::Yuv;
+use rustix::io::Errno;
+use std::path::Path;
+
+/// What reaches a node from its sensor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Carried {
+    /// Media bus code.
+    pub code: u32,
+    /// Columns and rows.
+    pub size: (u32, u32),
+}
+
+/// Agrees on the node's pictures: of `asked` pixels, or of what the sensor sends, without which the stream does not start.
+pub(super) fn set_format(
+    video: &mut dyn Node,
+    carried: Option<Carried>,
+    asked: (u32, u32),
+    options: &Options,
+) -> Result<abi::PixelFormat, CameraError> {
+    let path = &options.path;
+    let wished = carried.map_or(asked, |c| c.size);
+    let fitting = |fourcc: u32| {
+        carried.map_or_else(
+            || formats::format(fourcc, Yuv::default()).is_some(),
+            |carried| bus::fits(carried.code, fourcc),
+        )
+    };
+    let offered = offered(video, carried);
+    let readable = offered.iter().filter_map(|f| Some((formats::rank(formats::parse(&f.fourcc)?)?, f)));
+    let named =
+        |f: &device::FormatInfo| options.fourcc.is_none_or(|wished| formats::name(wished) == f.fourcc);
+    let mut readable: Vec<_> =
+        readable.filter(|(_, f)| named(f) && formats::parse(&f.fourcc).is_some_and(fitting)).collect();
+    readable.sort_by_key(|(rank, f)| {
+        let is_other = device::nearest_size(f, wished) != Some(wished) && carried.is_none();
+        (is_other, is_slow(f, wished, options.rate_hz), *rank)
+    });
+    let Some((_, best)) = readable.first() else {
+        let offers: Vec<_> = offered.iter().map(|f| f.fourcc.as_str()).collect();
+        let (found, any) = formats::none_of(&offers);
+        let expected = options.fourcc.map_or(any, formats::name);
+        return Err(CameraError::Unfit { path: path.clone(), found, expected });
+    };
+    let fourcc = formats::parse(&best.fourcc).unwrap_or_default();
+    let (width, height) =
+        if carried.is_some() { wished } else { device::nearest_size(best, wished).unwrap_or(wished) };
+    let pixel = abi::PixelFormat { width, height, fourcc, ..Default::default() };
+    let mut format = abi::Format { pixel, ..Default::default() };
+    persist(|| video.call(Call::SetFormat(&mut format)))
+        .map_err(|e| failed(path, "S_FMT", e, "a camera that no other program streams from"))?;
+    let got = (format.pixel.width, format.pixel.height);
+    if carried.is_some_and(|carried| carried.size != got) {
+        let found = format!("a node of {} x {} pixels", got.0, got.1);
+        let expected = format!("{} x {} as its sensor sends", wished.0, wished.1);
+        return Err(CameraError::Unfit { path: path.clone(), found, expected });
+    }
+    Ok(format.pixel)
+}
+
+/// The formats of a node: those of its media bus code, where the node tells them apart.
+fn offered(video: &mut dyn Node, carried: Option<Carried>) -> Vec<device::FormatInfo> {
+    let mut caps = abi::Capability::default();
+    let told = persist(|| video.call(Call::QueryCapability(&mut caps))).is_ok();
+    let filters = told && caps.device_caps & abi::CAP_MEDIA != 0;
+    let code = carried.filter(|_| filters).map_or(0, |c| c.code);
+    device::formats(video, code)
+}
+
+/// Whether a format's highest frame rate at `size` is less than half of the requested rate `rate_hz`.
+fn is_slow(format: &device::FormatInfo, size: (u32, u32), rate_hz: f64) -> bool {
+    let rates = format.sizes.iter().filter(|s| (s.width, s.height) == size).flat_map(|s| &s.rates);
+    rates.copied().reduce(f64::max).is_some_and(|most| most < rate_hz / 2.0)
+}
+
+/// Sets the format of a sensor whose node has no media graph: its bits, its mosaic and its size.
+pub(super) fn set_pad(sensor: &mut dyn Node, wished: (u32, u32)) -> Option<Carried> {
+    let offered = bus::offered(sensor, 0);
+    let code = *bus::ranked(&offered).first()?;
+    let mut pad = abi::PadFormat { width: wished.0, height: wished.1, code, ..Default::default() };
+    persist(|| sensor.call(Call::SetPadFormat(&mut pad))).ok()?;
+    bus::is_read(pad.code).then_some(Carried { code: pad.code, size: (pad.width, pad.height) })
+}
+
+/// Asks for a rate and gives the time of a frame that was granted. Drivers that cannot are right too.
+pub(super) fn set_rate(video: &mut dyn Node, rate_hz: f64, path: &Path) -> Result<f64, CameraError> {
+    let rate_hz = if rate_hz > 0.0 { rate_hz.clamp(0.1, 1000.0) } else { 30.0 };
+    let interval = [1000, (1000.0 * rate_hz).round() as u32];
+    let mut parameters = abi::Parameters { interval, ..Default::default() };
+    match persist(|| video.call(Call::SetParameters(&mut parameters))) {
+        Ok(()) | Err(Errno::NOTTY | Errno::INVAL) => {}
+        Err(e) => return Err(failed(path, "S_PARM", e, "a frame rate")),
+    }
+    let [n, d] = parameters.interval;
+    let period_s = if n > 0 && d > 0 { f64::from(n) / f64::from(d) } else { 1.0 / rate_hz };
+    Ok(period_s.clamp(1e-3, 10.0))
+}
