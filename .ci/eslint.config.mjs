@@ -20,6 +20,6 @@ const rules = {
 
 export default [
   { files: ["board/**/*.js"], languageOptions: { ecmaVersion: 2024, globals: globals.browser }, rules },
-  // What these scripts hand to `page.evaluate` runs in the browser.
-  { files: ["tests/**/*.mjs", ".ci/*.mjs"], languageOptions: { ecmaVersion: 2024, globals: { ...globals.browser, ...globals.node } }, rules },
+  // What the scripts of the tests hand to `page.evaluate` runs in the browser.
+  { files: ["board/**/*.mjs", "tests/**/*.mjs", ".ci/*.mjs"], languageOptions: { ecmaVersion: 2024, globals: { ...globals.browser, ...globals.node } }, rules },
 ];

@@ -198,6 +198,15 @@ mod tests {
         change.apply(&mut read);
         assert_eq!(read, config, "{written}");
         assert_eq!(folder.path().read_dir().expect("a folder").count(), 1, "nothing is left beside it");
+        let changed = ["lights", "gui", "exposures_s", "budget_front_ms", "listen", "token_file"];
+        assert_eq!(written.matches(" = ").count(), changed.len(), "defaults are left out: {written}");
+        file.save(&Config::default()).expect("written");
+        let written = fs::read_to_string(&path).expect("a file");
+        assert_eq!(
+            written.matches(" = ").count(),
+            2,
+            "values that are defaults again are removed: {written}"
+        );
     }
 
     #[test]

@@ -166,6 +166,102 @@ fn the_plan_and_the_help_go_to_stdout() {
     assert_eq!(ended(&["--version"]).0, Some(0), "--version");
 }
 
+#[test]
+fn misspelt_words_are_refused_with_the_right_ones() {
+    let cases: [(&[&str], &str); 6] = [
+        (&["--lisen", "127.0.0.1:0"], "'--listen'"),
+        (&["serv"], "'serve'"),
+        (&["calibrate", "len"], "'lens'"),
+        (&["--sampler", "adaptve"], "'adaptive'"),
+        (&["lens", "convert", "x", "--to", "opencw"], "'opencv'"),
+        (&["completions", "bahs"], "'bash'"),
+    ];
+    for (arguments, right) in cases {
+        let (status, stdout, stderr) = ended(arguments);
+        assert_eq!((status, stdout.as_str(), stderr.lines().count()), (Some(2), "", 1), "{stderr}");
+        assert!(stderr.contains(&format!("did you mean {right}?")), "{arguments:?}: {stderr}");
+    }
+}
+
+#[test]
+fn wrong_peers_are_refused_with_what_is_expected() {
+    let cases: [(&[&str], &str); 4] = [
+        (&["--osc", "studio"], "HOST:PORT"),
+        (&["--osc", "studio:9,lights=0"], "1 to 256"),
+        (&["--mqtt", "http://broker"], "mqtt://"),
+        (&["--mqtt", "mqtts://broker"], "no TLS"),
+    ];
+    for (arguments, expected) in cases {
+        let (status, stdout, stderr) = ended(arguments);
+        assert_eq!((status, stdout.as_str(), stderr.lines().count()), (Some(2), "", 1), "{stderr}");
+        assert!(stderr.contains(expected), "{arguments:?}: {stderr}");
+    }
+}
+
+#[test]
+fn every_address_that_is_printed_answers() {
+    let (mut child, line, mut stdout) = serving(&["--listen", "0.0.0.0:0", "--open", "--sampler", "pharr"]);
+    assert!(line.starts_with("hemilux: serving http://127.0.0.1:"), "{line}");
+    let own = line.split("http://").nth(1).and_then(|l| l.split('/').next()).expect("an address");
+    let port = own.rsplit(':').next().expect("a port");
+    assert!(ask(own, "GET /healthz", "").contains(" 200 "), "{own}");
+    child.kill().expect("it runs");
+    child.wait().expect("it ends");
+    let mut others = String::new();
+    stdout.read_to_string(&mut others).expect("UTF-8");
+    for other in others.lines() {
+        let address = other.strip_prefix("hemilux: from other machines http://");
+        let address = address.and_then(|a| a.strip_suffix('/')).unwrap_or_else(|| panic!("{other}"));
+        let address: std::net::SocketAddr = address.parse().expect("an address");
+        assert_eq!(address.port().to_string(), port);
+        assert!(!address.ip().is_unspecified() && !address.ip().is_loopback(), "{other}");
+    }
+}
+
+#[test]
+fn a_saved_setting_survives_a_new_start_and_the_log_names_what_changed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let config = folder.path().join("hemilux.toml");
+    std::fs::write(&config, "").expect("an empty file, as the service makes");
+    let options = ["-v", "--listen", "127.0.0.1:0", "--config", config.to_str().expect("a path")];
+    let (mut child, line, _stdout) = serving(&options);
+    let address = line.split("http://").nth(1).and_then(|l| l.split('/').next()).expect("an address");
+    let mut stream = TcpStream::connect(address).expect("a connection");
+    let (head, body) = ("Content-Type: application/json\r\nConnection: close\r\n", r#"{"lights": 21}"#);
+    write!(
+        stream,
+        "PATCH /v1/config?save=1 HTTP/1.1\r\nHost: {address}\r\n{head}Content-Length: {}\r\n\r\n{body}",
+        body.len()
+    )
+    .expect("a request");
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).expect("an answer");
+    assert!(answer.starts_with("HTTP/1.1 200"), "{answer}");
+    signal(&child, "-TERM");
+    child.wait().expect("it ends");
+    let mut log = String::new();
+    child.stderr.take().expect("a pipe").read_to_string(&mut log).expect("UTF-8");
+    assert!(log.contains("setting lights: 64 becomes 21"), "{log}");
+    assert_eq!(std::fs::read_to_string(&config).expect("a file"), "lights = 21\n", "the difference alone");
+    let (mut child, line, _stdout) = serving(&options);
+    child.kill().expect("it runs");
+    child.wait().expect("it ends");
+    assert!(line.ends_with("21 lights)\n"), "{line}");
+}
+
+#[test]
+fn completions_and_man_pages_are_written() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (status, script, _) = ended(&["completions", "bash"]);
+    assert!(status == Some(0) && script.contains("--trusted-proxy"), "{script}");
+    let out = folder.path().to_str().expect("a path");
+    assert_eq!(ended(&["man", "--out", out]).0, Some(0), "man");
+    let page = std::fs::read_to_string(folder.path().join("hemilux-calibrate-lens.1")).expect("a page");
+    assert!(page.contains("\\-\\-residuals"), "{page}");
+    let (status, _, stderr) = ended(&["man", "--out", "/nonexistent"]);
+    assert_eq!((status, stderr.lines().count()), (Some(1), 1), "{stderr}");
+}
+
 /// Machines differ in the cameras that they have; this one that is named no machine has.
 #[cfg(all(feature = "v4l2", target_os = "linux"))]
 #[test]

@@ -3,23 +3,21 @@
 mod export;
 mod maps;
 mod program;
+mod reports;
 mod values;
 
-use crate::bench;
 use crate::error::SimError;
 use crate::export::Export;
 use crate::output::{self, Files};
-use crate::{burst, chart, decompose, import, render, replay, score, stress};
+use crate::{burst, chart, decompose, import, render, replay, score};
 use clap::{Args, Parser, Subcommand};
 use export::ExportArgs;
 use hemilux::pipeline::Settings;
 use hemilux::recorded::ReadLimits;
-use hemilux::timing::Budgets;
 use hemilux::usage::{self, Explained};
 use hemilux_core::Extrapolation;
 use hemilux_core::SamplerKind;
 use hemilux_core::sampler::Request;
-use hemilux_core::wire::STAGES;
 use maps::MapArgs;
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -55,13 +53,13 @@ enum Command {
     /// Scores a light set against the map it stands for: open, shadowed and energy error as ratios.
     Score(ScoreArgs),
     /// Runs every method over every scenario: error, flicker, leaks, step response, tracking; SVG, JSON and a table.
-    Stress(StressArgs),
+    Stress(reports::StressArgs),
     /// Charts time against error and lights against error of every method over the maps of a folder; SVG, JSON and a table.
-    Chart(ChartArgs),
+    Chart(reports::ChartArgs),
     /// Renders a small scene under the map and under a light set, side by side with the difference; or sets it into a photograph.
     Render(RenderArgs),
     /// Times every stage on one thread, beside the copy of the same bytes.
-    Bench(BenchArgs),
+    Bench(reports::BenchArgs),
     /// Samples a built-in room and does nothing else, for instruction counters.
     #[command(hide = true)]
     SampleFrames(SampleFramesArgs),
@@ -227,35 +225,6 @@ struct BurstArgs {
 }
 
 #[derive(Args, Debug)]
-struct StressArgs {
-    /// Folder for stress.svg, stress.json and stress.txt.
-    #[arg(long, value_name = "DIR")]
-    out: PathBuf,
-    /// Smaller maps and shorter sequences: within a minute.
-    #[arg(long)]
-    quick: bool,
-    /// The probe's own samplers alone, as in fixtures/stress-quick.txt.
-    #[arg(long)]
-    core: bool,
-    /// Real maps in the place of the procedural room and sky, in turn; without DIR those in $HEMILUX_HDRI.
-    #[arg(long, value_name = "DIR", num_args = 0..=1)]
-    backgrounds: Option<Option<PathBuf>>,
-}
-
-#[derive(Args, Debug)]
-struct ChartArgs {
-    /// Folder of latitude-longitude maps (shrunk to 512 columns); three procedural ones where left out.
-    #[arg(long, value_name = "DIR")]
-    env: Option<PathBuf>,
-    /// Folder for chart-time.svg, chart-lights.svg, chart.json and chart.txt.
-    #[arg(long, value_name = "DIR")]
-    out: PathBuf,
-    /// Three maps of 128 columns, every other power of two: within a minute.
-    #[arg(long)]
-    quick: bool,
-}
-
-#[derive(Args, Debug)]
 struct RenderArgs {
     /// The map, for the reference and the background.
     #[arg(long, value_name = "FILE")]
@@ -274,36 +243,12 @@ struct RenderArgs {
 }
 
 #[derive(Args, Debug)]
-struct BenchArgs {
-    /// JSON in the place of a table.
-    #[arg(long)]
-    json: bool,
-    /// One case in the place of all: FORMAT:WIDTHxHEIGHT:SAMPLER:LIGHTS, such as rgb24:640x480:q2tree:64.
-    #[arg(long, value_name = "CASE")]
-    case: Option<bench::Case>,
-    /// Processes exactly this many frames and times nothing, for instruction counters.
-    #[arg(long, value_name = "T", requires = "case")]
-    frames: Option<usize>,
-    /// Longest times that medians may have, milliseconds, such as front=30,total=60; what is longer is named in the last column [default: the
-    /// probe's].
-    #[arg(long, value_name = "STAGE=MS,...", value_parser = hemilux::timing::read_budgets)]
-    budget: Option<[Option<f32>; STAGES]>,
-}
-
-#[derive(Args, Debug)]
 struct SampleFramesArgs {
     #[command(flatten)]
     sampler: SamplerArgs,
     /// Number of frames.
     #[arg(long, default_value_t = 1)]
     frames: usize,
-}
-
-/// The folder of the option, or of the environment variable `HEMILUX_HDRI`.
-fn hdri(named: Option<PathBuf>) -> Result<PathBuf, SimError> {
-    let from_environment = || std::env::var_os("HEMILUX_HDRI").map(PathBuf::from);
-    let expected = "--backgrounds: found no folder, expected one, or HEMILUX_HDRI in the environment";
-    named.or_else(from_environment).ok_or_else(|| SimError::Usage(expected.into()))
 }
 
 /// Runs the command that `arguments`, the program's name first, ask for.
@@ -339,11 +284,8 @@ fn run_command(command: Command) -> Result<(), SimError> {
             println!("{line}");
             Ok(())
         }
-        Command::Stress(a) => {
-            let backgrounds = a.backgrounds.map(hdri).transpose()?;
-            stress::run(&stress::Job { out: a.out, quick: a.quick, core: a.core, backgrounds })
-        }
-        Command::Chart(a) => chart::run(&chart::Job { env: a.env, out: a.out, quick: a.quick }),
+        Command::Stress(args) => reports::stress(args),
+        Command::Chart(args) => reports::chart(args),
         Command::Render(a) => render::run(&render::Job {
             env: a.env,
             options: a.map.into(),
@@ -351,13 +293,7 @@ fn run_command(command: Command) -> Result<(), SimError> {
             out: a.out,
             over: a.over,
         }),
-        Command::Bench(a) => {
-            let mut budgets = Budgets::default();
-            for (i, ms) in a.budget.unwrap_or_default().into_iter().enumerate() {
-                budgets.set_ms(i, ms.unwrap_or(budgets.ms(i)));
-            }
-            bench::run(&bench::Job { json: a.json, case: a.case, frames: a.frames, budgets })
-        }
+        Command::Bench(args) => reports::bench(args),
         Command::SampleFrames(a) => {
             chart::counted::sample_frames(a.sampler.sampler, a.sampler.lights, a.frames)
         }

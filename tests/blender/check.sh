@@ -1,14 +1,14 @@
 #!/usr/bin/env bash
 # The Blender extension, installed from its zip into Blender (the PyPI wheel bpy), against running probes.
 #
-#   tests/blender/check.sh HEMILUX HEMILUX-SIM [FOLDER]    FOLDER (or HEMILUX_HDRI) has latitude-longitude maps; the built-in scenes without it
+#   tests/blender/check.sh HEMILUX [FOLDER]    FOLDER (or HEMILUX_HDRI) has latitude-longitude maps; the built-in scenes without it
 #
 # Needs Python 3.11 with venv, PyPI for the first run (374 MB; the wheel stays in the cache), and ten minutes on two cores.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
-program=$(realpath "$1") sim=$(realpath "$2")
+program=$(realpath "$1")
 cache=${XDG_CACHE_HOME:-$HOME/.cache}/hemilux-blender
-folder=${3:-${HEMILUX_HDRI:-}}
+folder=${2:-${HEMILUX_HDRI:-}}
 python=${HEMILUX_PYTHON311:-python3.11}
 
 [ -x "$cache/venv/bin/python" ] || "$python" -m venv "$cache/venv"
@@ -22,10 +22,6 @@ export BLENDER_USER_RESOURCES=$work/user
 sources=(scene:sky scene:overcast)
 if [ -n "$folder" ]; then
     sources=()
-    for map in $(find "$folder" -name '*.exr' | sort | head -2); do
-        out=$work/$(basename "$map" .exr)
-        "$sim" burst --env "$map" --lens "$here/../../fixtures/lens-160x140.toml" --bits 16 --full-well 0 --out "$out" 2>/dev/null
-        sources+=("replay:$out")
-    done
+    for map in $(find "$folder" -name '*.exr' | sort | head -2); do sources+=("env:$map,view=whole"); done
 fi
 "$cache/venv/bin/python" "$here/check.py" --program "$program" --zip "$work/hemilux.zip" --work "$work" "${sources[@]}"

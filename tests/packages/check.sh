@@ -51,11 +51,11 @@ cp -r "$clients/python" "$work/python"
 python3 -m venv "$work/venv"
 "$work/venv/bin/pip" install --quiet --disable-pip-version-check "$work"/dist/*.whl mypy==1.18.2
 check "asyncio and blocking calls" '"$work/venv/bin/python" "$here/package.py" "$address"'
-check "the types hold" '(cd "$work" && venv/bin/mypy --strict --no-error-summary -p hemilux --disable-error-code type-arg --disable-error-code no-untyped-def --disable-error-code no-untyped-call >mypy.log || { cat mypy.log; false; })'
+check "the types hold" '(cd "$work" && venv/bin/mypy --strict --no-error-summary -p hemilux >mypy.log || { cat mypy.log; false; })'
 check "the command prints sets" '[ "$("$work/venv/bin/hemilux-lights" "$address" --lights 2 --frames 3 | grep -c ^frame)" = 3 ]'
 check "the command names a wrong address in one line" 'refuses 127.0.0.1:9 "$work/venv/bin/hemilux-lights" http://127.0.0.1:9 --timeout 1'
 check "the command refuses what is no address in one line" 'refuses "expected http://HOST:PORT" "$work/venv/bin/hemilux-lights" ftp://x'
-check "the example script names a wrong address" 'timeout 3 python3 "$clients/../examples/lights.py" http://127.0.0.1:9 1 2>&1 | grep -q "no light set"'
+check "the example script names a wrong address" '(timeout 3 python3 "$clients/../examples/lights.py" http://127.0.0.1:9 1 2>&1 || true) | grep -q "no light set"'
 
 echo "Unity:"
 sources=("$clients"/unity/Runtime/LightSet.cs "$clients"/unity/Runtime/Json.cs "$clients"/unity/Runtime/Events.cs "$here/unity.cs")

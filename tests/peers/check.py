@@ -18,7 +18,7 @@ import urllib.request
 import paho.mqtt.client as mqtt
 from pythonosc.dispatcher import Dispatcher
 from pythonosc.osc_bundle import OscBundle
-from pythonosc.osc_server import ThreadingOSCUDPServer
+from pythonosc.osc_server import BlockingOSCUDPServer
 
 PROGRAM, WORK = sys.argv[1], pathlib.Path(sys.argv[2])
 failures = []
@@ -56,7 +56,7 @@ def osc():
     messages, tags = queue.Queue(), queue.Queue()
     dispatcher = Dispatcher()
     dispatcher.set_default_handler(lambda address, *args: messages.put((address, args)))
-    server = ThreadingOSCUDPServer(("127.0.0.1", 0), dispatcher)
+    server = BlockingOSCUDPServer(("127.0.0.1", 0), dispatcher)
     plain = server.process_request
 
     def look(request, client):
@@ -89,9 +89,8 @@ def compare(seen, reference):
     for name, (ident, *rest) in ((n, a) for n, a in seen if n.startswith("/hemilux/light/")):
         places.setdefault(name, []).append((ident, rest))
     check(len(places) == 40, f"{len(places)} places")
-    names = {}
-    moved = sum(names.setdefault(ident, name) != name for name, all_ in places.items() for ident, _ in all_ if ident)
-    check(moved == 0, f"{moved} lights changed their place")
+    moved = sum(before[ident] != name for before, after in pairs(seen) for ident, name in after.items() if ident in before)
+    check(moved == 0, f"{moved} lights changed their place from one set to the next")
     last = {ident: rest for all_ in places.values() for ident, rest in all_ if ident}
     near = 0
     for light in reference["lights"]:
@@ -103,6 +102,17 @@ def compare(seen, reference):
     check(off < 0.2, f"the flux is that of /v1/lights within {100 * off:.1f} % (the scene moves)")
     rows = next(args for name, args in seen if name == "/hemilux/ambient")
     check(len(rows) == 27, f"{len(rows)} harmonics")
+
+
+def pairs(seen):
+    """For each two consecutive sets, the places of both sets' lights by id."""
+    sets = []
+    for name, args in seen:
+        if name == "/hemilux/set":
+            sets.append({})
+        elif sets and name.startswith("/hemilux/light/") and args[0]:
+            sets[-1][args[0]] = name
+    return zip(sets, sets[1:])
 
 
 @contextlib.contextmanager

@@ -13,7 +13,7 @@ use std::fmt;
 use std::io;
 use std::str::FromStr;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::net::UdpSocket;
 use tokio::sync::watch;
 
@@ -129,13 +129,15 @@ async fn connected(peer: &str) -> io::Result<UdpSocket> {
     Ok(socket)
 }
 
-/// Sends sets until sending fails. A datagram for which the system has no room is dropped: the next set replaces it.
+/// Sends sets until sending fails; `works` is called for each set once the peer has not refused a datagram for [`PAUSE`]. A datagram for which
+/// the system has no room is dropped: the next set replaces it.
 async fn send_sets(
     socket: &UdpSocket,
     newest: &mut Newest,
     bundles: &mut Bundles,
-    mut sent: impl FnMut(),
+    mut works: impl FnMut(),
 ) -> io::Error {
+    let began = Instant::now();
     loop {
         let (set, stale) = match newest.next().await {
             News::Fresh(set) => (set, None),
@@ -148,7 +150,9 @@ async fn send_sets(
                 _ => {}
             }
         }
-        sent();
+        if began.elapsed() > PAUSE {
+            works();
+        }
     }
 }
 

@@ -64,7 +64,7 @@ class LightSet:
 
     @classmethod
     def of(cls, found: dict[str, Any]) -> "LightSet":
-        lights = (Light(**{k: tuple(v) if isinstance(v, list) else v for k, v in light.items()}) for light in found["lights"])
+        lights = (Light(**{**light, "direction": tuple(light["direction"]), "irradiance": tuple(light["irradiance"])}) for light in found["lights"])
         ambient = found["ambient"] and tuple(map(tuple, found["ambient"]))
         return cls(**{**found, "lights": tuple(lights), "ambient": ambient})
 
@@ -140,7 +140,8 @@ class _limit:
     """asyncio.timeout, which Python 3.10 does not have."""
 
     def __init__(self, seconds: Optional[float]):
-        self._seconds, self._is_late, self._timer = seconds, False, None
+        self._seconds, self._is_late = seconds, False
+        self._timer: Optional[asyncio.TimerHandle] = None
 
     async def __aenter__(self) -> None:
         task = asyncio.current_task()
@@ -168,6 +169,7 @@ def change(address: str, token: str = "", *, timeout: float = 5.0, **settings: A
     body = json.dumps(settings).encode()
     try:
         with ask(base_of(address), "/v1/config", token, timeout, "PATCH", body) as answer:
-            return json.load(answer)
+            settings_in_effect: dict[str, Any] = json.load(answer)
+            return settings_in_effect
     except (OSError, ValueError) as error:
         raise Unreachable(str(error)) from None

@@ -7,6 +7,7 @@ import threading
 import urllib.error
 import urllib.parse
 import urllib.request
+from typing import Any, Callable, Iterator, Optional
 
 # Seconds without a byte after which a connection counts as dead; the probe repeats its last set every 1.5 s.
 SILENCE = 4.0
@@ -19,7 +20,7 @@ class Refused(Exception):
     """An answer that does not change when the request is repeated. The text is one line."""
 
 
-def base_of(address):
+def base_of(address: str) -> str:
     """The address without a path; `http://` where no scheme is given."""
     text = address.strip() if "://" in address else "http://" + address.strip()
     try:
@@ -32,12 +33,12 @@ def base_of(address):
     return f"{parts.scheme}://{parts.netloc}"
 
 
-def is_loopback(address):
-    host = urllib.parse.urlsplit(base_of(address)).hostname
+def is_loopback(address: str) -> bool:
+    host = urllib.parse.urlsplit(base_of(address)).hostname or ""
     return host in ("localhost", "::1") or host.startswith("127.")
 
 
-def ask(base, path, token="", timeout=SILENCE, method="GET", body=None):
+def ask(base: str, path: str, token: str = "", timeout: float = SILENCE, method: str = "GET", body: Optional[bytes] = None) -> Any:
     """Opens `path` of the probe. Refused or OSError with one line where there is no answer."""
     request = urllib.request.Request(base + path, data=body, method=method)
     if token:
@@ -54,23 +55,23 @@ def ask(base, path, token="", timeout=SILENCE, method="GET", body=None):
         raise OSError(f"{base}: no answer: {getattr(error, 'reason', error)}") from None
 
 
-def map_bytes(address, token=""):
+def map_bytes(address: str, token: str = "") -> bytes:
     """The newest map as Radiance HDR, +Z up."""
     with ask(base_of(address), "/v1/map.hdr", token, timeout=10) as answer:
-        data = answer.read(LARGEST_MAP + 1)
+        data: bytes = answer.read(LARGEST_MAP + 1)
     if len(data) > LARGEST_MAP or not data.startswith(b"#?"):
         raise Refused(f"{address}: found no Radiance HDR map below {LARGEST_MAP >> 20} MB")
     return data
 
 
-def numbers(values, count):
-    values = [float(v) for v in values]
-    if len(values) != count or not all(map(math.isfinite, values)):
-        raise ValueError(f"found {str(values)[:80]}, expected {count} finite numbers")
-    return values
+def numbers(values: Any, count: int) -> list[float]:
+    found = [float(v) for v in values]
+    if len(found) != count or not all(map(math.isfinite, found)):
+        raise ValueError(f"found {str(found)[:80]}, expected {count} finite numbers")
+    return found
 
 
-def checked_light(light):
+def checked_light(light: Any) -> dict[str, Any]:
     return {
         "id": int(light["id"]),
         "direction": numbers(light["direction"], 3),
@@ -81,7 +82,7 @@ def checked_light(light):
     }
 
 
-def checked(found):
+def checked(found: Any) -> dict[str, Any]:
     """`found` with lights and harmonics of finite numbers; ValueError where it is no light set."""
     try:
         rows = found.get("ambient_sh")
@@ -97,8 +98,8 @@ def checked(found):
     return {**checked_set, "raw": found}
 
 
-def path_of(lights=None, ambient=False, coordinates="probe"):
-    query = {"coordinates": coordinates, "ambient": int(ambient)}
+def path_of(lights: Optional[int] = None, ambient: bool = False, coordinates: str = "probe") -> str:
+    query: dict[str, Any] = {"coordinates": coordinates, "ambient": int(ambient)}
     if lights is not None:
         query["lights"] = lights
     return "/v1/events?" + urllib.parse.urlencode(query)
@@ -107,40 +108,41 @@ def path_of(lights=None, ambient=False, coordinates="probe"):
 class Feed:
     """Receives sets until `close`. `take` returns the newest set once, `wait` waits for it. Sets that are not taken in time are replaced."""
 
-    def __init__(self, address, path, token="", on_change=None):
+    def __init__(self, address: str, path: str, token: str = "", on_change: Optional[Callable[[], None]] = None):
         self.state = "connecting"
         self._base, self._path, self._token = base_of(address), path, token
-        self._news, self._newest, self._end = threading.Condition(), None, threading.Event()
+        self._news, self._end = threading.Condition(), threading.Event()
+        self._newest: Optional[dict[str, Any]] = None
         self._on_change = on_change or (lambda: None)
         self._thread = threading.Thread(target=self._run, name="hemilux", daemon=True)
         self._thread.start()
 
-    def take(self):
+    def take(self) -> Optional[dict[str, Any]]:
         with self._news:
             newest, self._newest = self._newest, None
         return newest
 
-    def wait(self, timeout):
+    def wait(self, timeout: float) -> Optional[dict[str, Any]]:
         """The newest set; None after `timeout` seconds, and at once when the state is `refused`."""
         with self._news:
-            self._news.wait_for(lambda: self._newest or self._end.is_set() or self.is_refused(), timeout)
+            self._news.wait_for(lambda: self._newest is not None or self._end.is_set() or self.is_refused(), timeout)
         return self.take()
 
-    def is_refused(self):
+    def is_refused(self) -> bool:
         return self.state.startswith("refused")
 
-    def close(self):
+    def close(self) -> None:
         self._end.set()
         with self._news:
             self._news.notify_all()
 
-    def _tell(self, state, newest=None):
+    def _tell(self, state: str, newest: Optional[dict[str, Any]] = None) -> None:
         with self._news:
             self.state, self._newest = state, newest or self._newest
             self._news.notify_all()
         self._on_change()
 
-    def _run(self):
+    def _run(self) -> None:
         pause = FIRST_PAUSE
         while not self._end.is_set():
             try:
@@ -155,7 +157,7 @@ class Feed:
             self._end.wait(pause)
             pause = min(LONGEST_PAUSE, 2 * pause)
 
-    def _sets(self):
+    def _sets(self) -> Iterator[dict[str, Any]]:
         with ask(self._base, self._path, self._token) as answer:
             while not self._end.is_set():
                 line = answer.readline(LARGEST_EVENT)

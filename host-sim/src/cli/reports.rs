@@ -1,0 +1,78 @@
+//! Commands that compare methods and time stages.
+
+use crate::error::SimError;
+use crate::{bench, chart, stress};
+use clap::Args;
+use hemilux::timing::Budgets;
+use hemilux_core::wire::STAGES;
+use std::path::PathBuf;
+
+#[derive(Args, Debug)]
+pub(super) struct StressArgs {
+    /// Folder for stress.svg, stress.json and stress.txt.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Smaller maps and shorter sequences: within a minute.
+    #[arg(long)]
+    quick: bool,
+    /// The probe's own samplers alone, as in fixtures/stress-quick.txt.
+    #[arg(long)]
+    core: bool,
+    /// Real maps in the place of the procedural room and sky, in turn; without DIR those in $HEMILUX_HDRI.
+    #[arg(long, value_name = "DIR", num_args = 0..=1)]
+    backgrounds: Option<Option<PathBuf>>,
+}
+
+#[derive(Args, Debug)]
+pub(super) struct ChartArgs {
+    /// Folder of latitude-longitude maps (shrunk to 512 columns); three procedural ones where left out.
+    #[arg(long, value_name = "DIR")]
+    env: Option<PathBuf>,
+    /// Folder for chart-time.svg, chart-lights.svg, chart.json and chart.txt.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Three maps of 128 columns, every other power of two: within a minute.
+    #[arg(long)]
+    quick: bool,
+}
+
+#[derive(Args, Debug)]
+pub(super) struct BenchArgs {
+    /// JSON in the place of a table.
+    #[arg(long)]
+    json: bool,
+    /// One case in the place of all: FORMAT:WIDTHxHEIGHT:SAMPLER:LIGHTS, such as rgb24:640x480:q2tree:64.
+    #[arg(long, value_name = "CASE")]
+    case: Option<bench::Case>,
+    /// Processes exactly this many frames and times nothing, for instruction counters.
+    #[arg(long, value_name = "T", requires = "case")]
+    frames: Option<usize>,
+    /// Longest times that medians may have, milliseconds, such as front=30,total=60; what is longer is named in the last column [default: the
+    /// probe's].
+    #[arg(long, value_name = "STAGE=MS,...", value_parser = hemilux::timing::read_budgets)]
+    budget: Option<[Option<f32>; STAGES]>,
+}
+
+/// The folder of the option, or of the environment variable `HEMILUX_HDRI`.
+fn hdri(named: Option<PathBuf>) -> Result<PathBuf, SimError> {
+    let from_environment = || std::env::var_os("HEMILUX_HDRI").map(PathBuf::from);
+    let expected = "--backgrounds: found no folder, expected one, or HEMILUX_HDRI in the environment";
+    named.or_else(from_environment).ok_or_else(|| SimError::Usage(expected.into()))
+}
+
+pub(super) fn stress(args: StressArgs) -> Result<(), SimError> {
+    let backgrounds = args.backgrounds.map(hdri).transpose()?;
+    stress::run(&stress::Job { out: args.out, quick: args.quick, core: args.core, backgrounds })
+}
+
+pub(super) fn chart(args: ChartArgs) -> Result<(), SimError> {
+    chart::run(&chart::Job { env: args.env, out: args.out, quick: args.quick })
+}
+
+pub(super) fn bench(args: BenchArgs) -> Result<(), SimError> {
+    let mut budgets = Budgets::default();
+    for (i, ms) in args.budget.unwrap_or_default().into_iter().enumerate() {
+        budgets.set_ms(i, ms.unwrap_or(budgets.ms(i)));
+    }
+    bench::run(&bench::Job { json: args.json, case: args.case, frames: args.frames, budgets })
+}
