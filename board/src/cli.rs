@@ -130,6 +130,15 @@ struct Serve {
     /// Host on. May be given more than once.
     #[arg(long = "trusted-proxy", value_name = "ADDR")]
     trusted_proxies: Vec<IpAddr>,
+    /// File with a [photometric] table, which gives lights in lux; without it, that of the source's lens file.
+    #[arg(long, value_name = "FILE")]
+    photometric: Option<PathBuf>,
+    /// Lens file that calibrations made on the page are written to; without it, the source's lens file.
+    #[arg(long, value_name = "FILE")]
+    calibration: Option<PathBuf>,
+    /// Class of the light source, where the [photometric] table has several.
+    #[arg(long, value_name = "NAME")]
+    light_class: Option<String>,
     /// TOML file with these options and the settings; `PATCH /v1/config?save=1` writes the settings back to it.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
@@ -235,7 +244,7 @@ fn tell_addresses(bound: SocketAddr, what: &str) -> Result<String, Failure> {
 fn serve(options: &Serve) -> Result<(), Failure> {
     let plan = Plan::of(options)?;
     let open = if options.plan { source::open } else { source::open_or_wait };
-    let source = open(&plan.source).map_err(Failure::new)?;
+    let source = plan.in_lux(open(&plan.source).map_err(Failure::new)?)?;
     if options.plan {
         let settings = plan.config.pipeline;
         let pipeline = Pipeline::try_new(*source.calibration(), &source.exposures(), settings);
@@ -247,6 +256,7 @@ fn serve(options: &Serve) -> Result<(), Failure> {
     let listener = TcpListener::bind(plan.listen).map_err(|e| not_bound(plan.listen, &e))?;
     let Config { pipeline, .. } = &plan.config;
     let what = format!("{}, {}, {} lights", plan.source, pipeline.sampler, pipeline.lights);
+    let calibration_file = plan.calibration_file();
     let probe = Probe::start(source, plan.source.public_name(), plan.config).map_err(Failure::new)?;
     let Plan { hosts, origins, proxies, file, listen, announce, .. } = plan;
     #[cfg(any(feature = "osc", feature = "mqtt"))]
@@ -254,7 +264,7 @@ fn serve(options: &Serve) -> Result<(), Failure> {
     #[cfg(not(feature = "mdns"))]
     let _ = announce;
     let hosts = KnownHosts::of(listen, &hosts);
-    let app = server::app(probe.link(), Options { hosts, access, origins, proxies, file });
+    let app = server::app(probe.link(), Options { hosts, access, origins, proxies, file, calibration_file });
     let failed = |e: io::Error| Failure::new(format!("the server: found {e}, expected it to start"));
     let running = server::start(listener, app, limits).map_err(failed)?;
     let mut signals = running.signals().map_err(failed)?;

@@ -33,6 +33,12 @@ pub struct Kept {
     pub open: Option<bool>,
     /// As `--token-file`; relative to the folder of the configuration file.
     pub token_file: Option<PathBuf>,
+    /// As `--photometric`; relative to the folder of the configuration file.
+    pub photometric: Option<PathBuf>,
+    /// As `--calibration`; relative to the folder of the configuration file.
+    pub calibration: Option<PathBuf>,
+    /// As `--light-class`.
+    pub light_class: Option<String>,
     /// As `--host`.
     #[serde(default)]
     pub hosts: Vec<String>,
@@ -87,11 +93,14 @@ impl ConfigFile {
         })?;
         if let Some(unknown) = kept.settings.keys().find(|key| Setting::named(key).is_none()) {
             let names = Setting::names();
-            let others = "source, listen, open, token_file, hosts, allow_origins, trusted_proxies, announce, osc, mqtt";
+            let others = "source, listen, open, token_file, photometric, calibration, light_class, hosts, allow_origins, trusted_proxies, announce, \
+                          osc, mqtt";
             return Err(content(format!("found '{unknown}', expected one of {others}, {names}")));
         }
         let folder = path.parent().unwrap_or(Path::new(""));
         kept.token_file = kept.token_file.map(|file| folder.join(file));
+        kept.photometric = kept.photometric.map(|file| folder.join(file));
+        kept.calibration = kept.calibration.map(|file| folder.join(file));
         Ok((Self { path: path.into(), writing: Arc::default() }, kept))
     }
 

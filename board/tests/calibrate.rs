@@ -212,6 +212,9 @@ fn check_has_an_exit_status_for_each_class_of_fault() {
     };
     assert_eq!(check(LENS, None).status, Some(0));
     assert_eq!(check("nothing", None).status, Some(3));
+    let aside = LENS.replace("centre = [", "centre = [9");
+    assert_ne!(aside, LENS, "a centre far outside of the image");
+    assert_eq!(check(&aside, None).status, Some(5), "no pixel sees anything");
     let beyond = format!("{LENS}[calibration]\ncovered_deg = 50.0\n");
     assert_eq!(check(&beyond, None).status, Some(6), "used far beyond its calibration");
     let burst = folder.path().join("burst");
@@ -233,6 +236,122 @@ fn check_has_an_exit_status_for_each_class_of_fault() {
     let ended = check(LENS, Some(&burst));
     assert_eq!(ended.status, Some(7), "{}", ended.error);
     assert!(ended.error.contains("4.00") && ended.error.contains("2.00"), "{}", ended.error);
+    record(4.0, "60.0");
+    let text = std::fs::read_to_string(burst.join("burst.toml")).expect("a file");
+    let mode = |keys: &str| LENS.replace("[lens]\n", &format!("[lens]\n{keys}\n"));
+    std::fs::write(
+        burst.join("burst.toml"),
+        text.replace("[lens]\n", "[lens]\ncrop = [0, 0, 400, 400]\nbinning = [2, 2]\n"),
+    )
+    .expect("a file");
+    assert_eq!(check(&mode("crop = [0, 0, 400, 400]\nbinning = [2, 2]"), Some(&burst)).status, Some(0));
+    let ended = check(&mode("crop = [100, 100, 200, 200]\nbinning = [1, 1]"), Some(&burst));
+    assert_eq!(ended.status, Some(9), "{}", ended.error);
+    assert!(
+        ended.error.contains("[100, 100, 200, 200]") && ended.error.contains("binning = [2, 2]"),
+        "{}",
+        ended.error
+    );
+    assert_eq!(
+        check(&mode("crop = [0, 0, 400, 400]\nbinning = [3, 3]"), None).status,
+        Some(3),
+        "no such mode"
+    );
+    let other = format!(
+        "{LENS}[photometric]\ncamera = \"0\"\n[photometric.class.any]\nfactor = 2.0\nuncertainty = 0.1\n"
+    );
+    let ended = check(&other, Some(&burst));
+    assert_eq!(ended.status, Some(10), "{}", ended.error);
     record(4.0, "50.0");
     assert_eq!(check(LENS, Some(&burst)).status, Some(8));
+}
+
+#[test]
+fn photometric_calibration_is_combined_checked_and_served_in_lux() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("photometric.toml");
+    let out = out.to_str().expect("UTF-8");
+    let measure = |more: &[&str]| {
+        let usual = ["photometric", "--source", "scene:overcast", "--bursts", "2", "--out", out];
+        run(&[&usual[..], more].concat())
+    };
+    let first = measure(&["--lux", "420"]);
+    assert_eq!(first.status, Some(0), "{}", first.error);
+    assert!(
+        first.out.contains("outside of the lens's") && first.out.contains("1 reading(s)"),
+        "{}",
+        first.out
+    );
+    assert!(measure(&["--lux", "424"]).out.contains("2 reading(s)"));
+    assert_refused(&measure(&["--lux", "600"]), &["off that of the earlier readings", "--fresh"]);
+    let check = |lux: &str| measure(&["--lux", lux, "--check"]);
+    assert!(check("430").out.contains(": good"), "{}", check("430").out);
+    assert!(check("500").out.contains(": fair"), "{}", check("500").out);
+    assert_refused(&check("600"), &["reject", "--fresh"]);
+    let (mut probe, address) = serve(&["--source", "scene:overcast", "--photometric", out]);
+    let set: serde_json::Value = serde_json::from_str(&get(&address, "/lights.json")).expect("JSON");
+    assert_eq!(set["unit"], "lux");
+    assert!((0.04..0.12).contains(&set["unit_uncertainty"].as_f64().expect("a number")), "{set}");
+    let rgb: Vec<f64> = set["horizontal_irradiance"]
+        .as_array()
+        .expect("RGB")
+        .iter()
+        .filter_map(serde_json::Value::as_f64)
+        .collect();
+    let lux = 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2];
+    assert!((380.0..424.0).contains(&lux), "422 lux but for what the lens does not see: {lux}");
+    let metrics = get(&address, "/metrics");
+    for name in
+        ["hemilux_horizontal_illuminance_lux ", "hemilux_scalar_illuminance_lux ", "hemilux_scalar_flux{"]
+    {
+        assert!(metrics.lines().any(|line| line.starts_with(name)), "{name}: {metrics}");
+    }
+    let info = get(&address, "/info");
+    assert!(
+        info.contains("horizontal illuminance")
+            && info.contains("scalar flux")
+            && info.contains(" lux within"),
+        "{info}"
+    );
+    probe.kill().expect("running");
+    probe.wait().expect("ended");
+}
+
+/// A running probe and its address.
+fn serve(arguments: &[&str]) -> (std::process::Child, String) {
+    use std::io::BufRead;
+    let mut command = Command::new(env!("CARGO_BIN_EXE_hemilux"));
+    command.args(["serve", "--listen", "127.0.0.1:0"]).args(arguments).stdout(std::process::Stdio::piped());
+    let mut probe = command.spawn().expect("the program runs");
+    let mut line = String::new();
+    let out = probe.stdout.take().expect("a pipe");
+    std::io::BufReader::new(out).read_line(&mut line).expect("a line");
+    let address = line.split("http://").nth(1).and_then(|rest| rest.split('/').next()).expect("an address");
+    (probe, address.to_owned())
+}
+
+fn get(address: &str, path: &str) -> String {
+    use std::io::{Read, Write};
+    let mut stream = std::net::TcpStream::connect(address).expect("a connection");
+    write!(stream, "GET {path} HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n").expect("a request");
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).expect("an answer");
+    answer.split_once("\r\n\r\n").expect("a body").1.to_owned()
+}
+
+#[test]
+fn photometric_options_that_do_not_belong_together_are_usage_errors() {
+    for (more, word) in [
+        (&["--patch", "1,2/3,4/5,6"][..], "--reflectance"),
+        (&["--patch", "1,2/3,4", "--reflectance", "0.2", "--illuminance", "9"], "three corners"),
+        (&["--lux", "0"], "positive"),
+        (&["--lux", "1", "--class", "Day Light"], "daylight"),
+        (&["--lux", "1", "--bursts", "0"], "1..=1000"),
+        (&[], "--lux"),
+    ] {
+        let ended =
+            run(&[&["photometric", "--source", "scene:room", "--out", "/nonexistent/x"][..], more].concat());
+        assert_eq!(ended.status, Some(2), "{more:?}: {}", ended.error);
+        assert!(ended.error.contains(word) && ended.error.lines().count() == 1, "{more:?}: {}", ended.error);
+    }
 }

@@ -34,7 +34,7 @@ fn calibrated(camera: &Camera, seed: u64) -> Calibrated {
             Picture { name: format!("view {i}"), grey: Grey::new(camera.size[0], codes).expect("whole rows") }
         })
         .collect();
-    calibrate(&pictures, Board { columns: 8, rows: 6 }).expect("a lens")
+    calibrate(&pictures, &Board { columns: 8, rows: 6 }.into()).expect("a lens")
 }
 
 /// The stated uncertainty at an angle from the axis, degrees.
@@ -116,4 +116,59 @@ fn equisolid_lens_of_186_degrees_is_found() {
 #[test]
 fn double_sphere_lens_of_186_degrees_is_found() {
     check(Law::DoubleSphere { xi: -0.2, alpha: 0.6 }, 4);
+}
+
+/// Pictures like those of a machine-vision camera: 748 x 480, the circle cut above and below, all boards far off the axis.
+#[test]
+fn boards_far_off_the_axis_are_found_and_fit() {
+    for (law, seed) in [
+        (Law::KannalaBrandt([-0.02, 0.004, -0.001, 0.0]), 5),
+        (Law::DoubleSphere { xi: -0.15, alpha: 0.58 }, 6),
+    ] {
+        let max_theta = 95f64.to_radians();
+        let focal = 300.0 / law.radius(max_theta);
+        let camera = Camera {
+            law,
+            focal_px: DVec2::splat(focal),
+            centre_px: DVec2::new(376.4, 236.9),
+            size: [748, 480],
+            max_theta,
+            falloff: 0.5,
+            blur_px: 0.8,
+            noise: 3.0,
+        };
+        let squares = [9, 7];
+        let off_axis = |pose: &hemilux_sim::boards::Pose| {
+            let direction = pose.middle.normalize();
+            let theta = DVec3::Z.angle_between(direction);
+            let pixel = camera.centre_px + direction.truncate().normalize() * law.radius(theta) * focal;
+            let inside = pixel.cmpge(DVec2::splat(70.0)).all() && pixel.cmple(DVec2::new(677.0, 409.0)).all();
+            inside && theta > 35f64.to_radians()
+        };
+        let directions = Directions::of(&camera);
+        let pictures: Vec<Picture> = poses(&camera, squares, 80, seed)
+            .iter()
+            .filter(|pose| off_axis(pose))
+            .take(16)
+            .enumerate()
+            .map(|(i, pose)| {
+                let codes = picture(&directions, squares, pose, seed + 2000 + i as u64);
+                Picture { name: format!("view {i}"), grey: Grey::new(748, codes).expect("whole rows") }
+            })
+            .collect();
+        assert_eq!(pictures.len(), 16, "enough poses");
+        let calibrated = calibrate(&pictures, &Board { columns: 8, rows: 6 }.into()).expect("a lens");
+        let text = format!(
+            "{law:?}: {} boards, {} corners, {:.3} px, largest {:.3} px",
+            calibrated.boards(),
+            calibrated.corners(),
+            calibrated.rms_px,
+            calibrated.largest_px
+        );
+        println!("{text}");
+        assert!(
+            calibrated.boards() >= 15 && calibrated.rms_px <= 0.26 && calibrated.largest_px <= 1.5,
+            "{text}"
+        );
+    }
 }

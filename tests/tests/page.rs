@@ -5,10 +5,13 @@
 
 mod bench;
 
+use bench::board::{BoardCamera, true_lens};
 use bench::{Bench, SECRET, browser, with_token};
+use glam::DVec3;
 use hemilux::config_file::ConfigFile;
 use hemilux::probe::Config;
 use hemilux::probe::settings::wish_of;
+use hemilux::recorded::{read_lens, read_photometric};
 use hemilux::server::{Access, KnownHosts, Limits, Options};
 use std::io::{BufRead, BufReader, Write};
 use std::process::Stdio;
@@ -142,4 +145,28 @@ fn foreign_pages_change_nothing_with_a_session_cookie() {
 #[test]
 fn the_page_outlives_the_probe() {
     run("restart", open);
+}
+
+/// The way of a person through the calibration, with a camera before which a board is moved.
+#[test]
+fn a_lens_is_calibrated_on_the_page_and_saved() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("lens.toml");
+    let options = Options { calibration_file: Some(path.clone()), ..Options::default() };
+    let camera = || Box::new(BoardCamera::new(EVERY, Duration::from_secs(2)));
+    run("calibrate", || Bench::of(camera(), std::sync::mpsc::channel().0, Limits::default(), 64, options));
+    if browser::tools().is_none() {
+        return;
+    }
+    let file = read_lens(&path).expect("a lens file");
+    assert_eq!(file.size, [480, 480]);
+    for (theta, phi) in [(0.0, 0.0), (0.5, 1.0), (1.0, 3.0), (1.0, 5.0), (1.25, 2.0)] {
+        let truth =
+            DVec3::new(f64::sin(theta) * f64::cos(phi), f64::sin(theta) * f64::sin(phi), f64::cos(theta));
+        let pixel = true_lens().project(truth).expect("in view");
+        let found = file.lens.unproject(pixel).expect("in view");
+        assert!(truth.angle_between(found) < 0.2f64.to_radians(), "{theta} {phi}: {found}");
+    }
+    let photometric = read_photometric(&path, None).expect("a photometric calibration");
+    assert!(photometric.factor > 0.0 && photometric.uncertainty < 0.5, "{photometric:?}");
 }

@@ -1,6 +1,7 @@
 //! The board that is shown to the camera.
 
 use super::pose::Sighting;
+use calib_targets_aruco::{Dictionary, resolve_dictionary};
 use std::str::FromStr;
 
 /// A chessboard by its inner corners.
@@ -53,5 +54,121 @@ impl Board {
             low - spare..=high + spare
         };
         bounds(1).flat_map(|j| bounds(0).map(move |i| [i, j])).collect()
+    }
+}
+
+/// What is printed on a board.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Kind {
+    /// Squares.
+    Chessboard,
+    /// Squares, the white ones with markers of a dictionary.
+    Charuco(Charuco),
+    /// Tags of the family 36h11, with black squares between their corners.
+    AprilGrid {
+        /// Width of the gap between tags, in tags.
+        gap: f64,
+    },
+}
+
+/// Markers of a ChArUco board.
+#[derive(Clone, Copy, Debug)]
+pub struct Charuco {
+    /// The dictionary.
+    pub dictionary: Dictionary,
+    /// Side of a marker, in squares.
+    pub marker: f64,
+}
+
+impl PartialEq for Charuco {
+    fn eq(&self, other: &Self) -> bool {
+        self.dictionary.name() == other.dictionary.name() && self.marker == other.marker
+    }
+}
+
+impl Charuco {
+    /// Markers of a dictionary of OpenCV, such as `DICT_4X4_50`; none for an unknown name or a side that is not from 0.4 to 0.95 squares.
+    #[must_use]
+    pub fn new(dictionary: &str, marker: f64) -> Option<Self> {
+        let dictionary = resolve_dictionary(&dictionary.to_ascii_uppercase())?;
+        (0.4..=0.95).contains(&marker).then_some(Self { dictionary, marker })
+    }
+}
+
+/// A printed board: its corners and what stands between them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Printed {
+    /// Corners at which black meets black across: inner corners of squares, or the four corners of each tag.
+    pub corners: Board,
+    /// What is printed.
+    pub kind: Kind,
+}
+
+impl From<Board> for Printed {
+    fn from(corners: Board) -> Self {
+        Self { corners, kind: Kind::Chessboard }
+    }
+}
+
+impl Printed {
+    /// A grid of tags, columns by rows; none where there are more tags than the family has.
+    #[must_use]
+    pub fn april_grid(tags: Board, gap: f64) -> Option<Self> {
+        let fits = tags.columns.checked_mul(tags.rows).is_some_and(|count| count <= 587);
+        let corners = Board { columns: 2 * tags.columns, rows: 2 * tags.rows };
+        (fits && (0.1..=1.0).contains(&gap)).then_some(Self { corners, kind: Kind::AprilGrid { gap } })
+    }
+
+    /// Whether marks on the board tell each corner's place.
+    pub(super) fn is_marked(&self) -> bool {
+        self.kind != Kind::Chessboard
+    }
+
+    /// How far from a corner, in squares or tags, all four fields around it are plain.
+    pub(super) fn plain(&self) -> f64 {
+        match self.kind {
+            Kind::Chessboard => 0.35,
+            Kind::Charuco(Charuco { marker, .. }) => 0.3 * (1.0 - marker),
+            Kind::AprilGrid { gap } => 0.35 * gap,
+        }
+    }
+
+    /// The place of a line of corners, in squares or tags.
+    pub(super) fn line(&self, index: i32) -> f64 {
+        match self.kind {
+            Kind::AprilGrid { gap } => {
+                f64::from(index.div_euclid(2)) * (1.0 + gap) + f64::from(index.rem_euclid(2))
+            }
+            _ => f64::from(index),
+        }
+    }
+
+    /// All places that a corner may have on a board of which `seen` are known.
+    pub(super) fn around(&self, seen: &[Sighting]) -> Vec<[i32; 2]> {
+        if !self.is_marked() {
+            return self.corners.around(seen);
+        }
+        let [columns, rows] = self.corners.size();
+        (0..rows).flat_map(|j| (0..columns).map(move |i| [i, j])).collect()
+    }
+
+    /// Whether the board looks otherwise in a mirror.
+    #[must_use]
+    pub fn tells_mirror(&self) -> bool {
+        let Board { columns, rows } = self.corners;
+        self.is_marked() || (columns % 2 == 1 && rows % 2 == 1 && columns != rows)
+    }
+}
+
+impl std::fmt::Display for Printed {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Board { columns, rows } = self.corners;
+        match self.kind {
+            Kind::Chessboard => write!(f, "{}", self.corners),
+            Kind::Charuco(Charuco { dictionary, .. }) => {
+                write!(f, "{} (ChArUco, {})", self.corners, dictionary.name())
+            }
+            Kind::AprilGrid { .. } => write!(f, "{}x{} (AprilGrid)", columns / 2, rows / 2),
+        }
     }
 }

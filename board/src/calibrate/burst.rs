@@ -1,7 +1,7 @@
 //! Recorded bursts as the calibration of the response reads them.
 
 use super::response::Exposed;
-use crate::calibration::{Calibration, Pixels};
+use crate::calibration::{Calibration, Frame, Pixels};
 use crate::recorded::{RecordedError, read_burst};
 use glam::DVec2;
 use hemilux_core::format::Format;
@@ -16,16 +16,37 @@ const MOST_PIXELS: usize = 200_000;
 /// [`RecordedError`]; raw frames are refused, since sensors are linear.
 pub fn exposed(folder: &Path) -> Result<(Calibration, Vec<Exposed>, f64), RecordedError> {
     let (calibration, burst) = read_burst(folder)?;
-    let format = calibration.layout.format();
-    if !matches!(format, Format::Rgb24 | Format::Rgb48) {
-        let found = format!("frames of the format {format:?}");
-        return Err(RecordedError::new(folder, found, "images: raw frames are linear and need no response"));
+    match exposed_frames(&calibration, &burst.frames) {
+        Some(Codes { frames, step }) => Ok((calibration, frames, step)),
+        None => {
+            let found = format!("frames of the format {:?}", calibration.layout.format());
+            Err(RecordedError::new(folder, found, "images: raw frames are linear and need no response"))
+        }
     }
-    let places = places(&calibration);
+}
+
+/// Frames as the calibration of the response reads them.
+#[derive(Clone, Debug)]
+pub struct Codes {
+    /// The frames, in ascending order of exposure.
+    pub frames: Vec<Exposed>,
+    /// The size of one code in relative codes.
+    pub step: f64,
+}
+
+/// The relative codes of frames; `None` for raw frames and for those that are shorter than their layout says.
+#[must_use]
+pub fn exposed_frames(calibration: &Calibration, frames: &[Frame]) -> Option<Codes> {
+    let is_image = matches!(calibration.layout.format(), Format::Rgb24 | Format::Rgb48);
+    let is_whole = |frame: &Frame| frame.pixels.samples().len() >= calibration.layout.frame_samples();
+    if !is_image || !frames.iter().all(is_whole) {
+        return None;
+    }
+    let places = places(calibration);
     let levels = calibration.levels;
     let range = levels.white - levels.black;
     let relative = |code: u32| ((f64::from(code) - levels.black) / range) as f32;
-    let frame = |frame: &crate::calibration::Frame| {
+    let exposed = |frame: &Frame| {
         let code = |at: usize| {
             relative(match &frame.pixels {
                 Pixels::U8(codes) => codes[at].into(),
@@ -35,7 +56,7 @@ pub fn exposed(folder: &Path) -> Result<(Calibration, Vec<Exposed>, f64), Record
         let codes = places.iter().map(|at| [code(3 * at), code(3 * at + 1), code(3 * at + 2)]).collect();
         Exposed { exposure: frame.exposure.seconds * frame.exposure.gain, codes }
     };
-    Ok((calibration, burst.frames.iter().map(frame).collect(), 1.0 / range))
+    Some(Codes { frames: frames.iter().map(exposed).collect(), step: 1.0 / range })
 }
 
 /// The pixels inside of the image circle, thinned.

@@ -1,11 +1,11 @@
 //! Pictures of which no lens can be computed.
 
-use super::Board;
 use super::detect::{self, Found};
 use super::fit::{Fit, root_mean_square};
-use super::lens::Picture;
+use super::lens::{Picture, Request};
 use super::pose::{Sighting, from_directions};
 use super::solve::{Free, View, solve};
+use super::{Board, Printed};
 
 /// Fewest pictures with a board.
 pub(super) const FEWEST_BOARDS: usize = 3;
@@ -31,12 +31,12 @@ pub enum LensRefusal {
     },
     /// Too few boards.
     #[error(
-        "found a board of {board} inner corners in {found} of {pictures} pictures, expected it in at least 3: count the corners where four \
-         squares meet, light the board evenly, and hold it still and sharp"
+        "found a board of {board} in {found} of {pictures} pictures, expected it in at least 3: count the inner corners where four \
+         squares meet (of an AprilGrid, the tags), light the board evenly, and hold it still and sharp"
     )]
     FewBoards {
         /// What was looked for.
-        board: Board,
+        board: Printed,
         /// Pictures with a board.
         found: usize,
         /// All pictures.
@@ -86,6 +86,17 @@ pub enum LensRefusal {
         /// The picture.
         name: String,
     },
+    /// All pictures are mirrored.
+    #[error(
+        "found all boards mirrored ({found} of {pictures} pictures), expected a black upper left square, or marks that can be read: switch mirroring off in the \
+         camera; for a board that has another colour there, give --any-colours"
+    )]
+    AllMirrored {
+        /// Pictures with a mirrored board.
+        found: usize,
+        /// All pictures.
+        pictures: usize,
+    },
     /// The least-squares fit found no lens.
     #[error(
         "found corners that fit no lens (error {rms_px:.1} px), expected at most {most_px:.1} px: keep the board flat, and take all pictures with one zoom and focus"
@@ -120,19 +131,38 @@ pub(super) fn pictures(pictures: &[Picture]) -> Result<[usize; 2], LensRefusal> 
 pub(super) fn found(
     pictures: &[Picture],
     found: &[Found],
-    board: Board,
+    request: &Request,
     size: [usize; 2],
 ) -> Result<(), LensRefusal> {
+    let Printed { corners: board, .. } = request.board;
     let two = found.iter().position(|f| f.second >= board.corners() / 2 && f.second >= 9);
     if let Some(i) = two {
         return Err(LensRefusal::TwoBoards { name: pictures[i].name.clone() });
     }
+    all_mirrored(pictures, found, request)?;
     let boards = found.iter().filter(|f| !f.seen.is_empty()).count();
     if boards < FEWEST_BOARDS {
-        return Err(LensRefusal::FewBoards { board, found: boards, pictures: pictures.len() });
+        return Err(LensRefusal::FewBoards { board: request.board, found: boards, pictures: pictures.len() });
     }
-    smaller(found, board)?;
+    if !request.board.is_marked() {
+        smaller(found, board)?;
+    }
     one_place(found, size)
+}
+
+/// Boards whose marks or squares are those of a mirror: one picture among others, or all of them.
+fn all_mirrored(pictures: &[Picture], found: &[Found], request: &Request) -> Result<(), LensRefusal> {
+    let is_mirrored = |f: &Found| f.mirror > 0;
+    let (mirrored, upright) =
+        (found.iter().filter(|f| is_mirrored(f)).count(), found.iter().filter(|f| f.mirror < 0).count());
+    let odd = if upright >= mirrored { found.iter().position(is_mirrored) } else { None };
+    match odd {
+        Some(i) => Err(LensRefusal::Mirrored { name: pictures[i].name.clone() }),
+        None if mirrored >= 2 && !(request.any_colours && upright == 0) => {
+            Err(LensRefusal::AllMirrored { found: mirrored, pictures: pictures.len() })
+        }
+        None => Ok(()),
+    }
 }
 
 /// The stated board is larger than each that was seen, though many pictures agree on what they show.
@@ -216,7 +246,7 @@ fn flip(s: &Sighting, board: Board, width: usize) -> Sighting {
 
 /// The error of a board, pixels, when its pose alone is varied.
 fn posed(fit: &Fit, seen: &[Sighting]) -> f64 {
-    let Some(pose) = from_directions(&fit.model.camera, seen) else { return f64::INFINITY };
+    let Some(pose) = from_directions(&fit.model.camera, &fit.model.shape, seen) else { return f64::INFINITY };
     let mut views = [View { seen: seen.to_vec(), pose }];
     let mut model = fit.model;
     solve(&mut model, &mut views, 1e4, Free::Poses, 30);

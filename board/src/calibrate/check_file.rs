@@ -2,7 +2,10 @@
 
 use super::burst::exposed;
 use super::response::{Exposed, logarithms_of};
-use crate::recorded::{LensFile, read_lens};
+use crate::calibration::Calibration;
+use crate::recorded::{
+    LensFile, RecordedError, Shown, photometric_camera, radiometry, read_lens, read_shown,
+};
 use glam::DVec2;
 use hemilux_core::Response;
 use hemilux_core::lens::Lens;
@@ -60,6 +63,27 @@ pub enum Fault {
         /// Declared ratio.
         expected: f64,
     },
+    /// The burst was recorded in another mode of the camera.
+    #[error(
+        "{path}: found {found} in its burst.toml, expected {expected} as the lens file says: calibrate in the mode of the probe"
+    )]
+    Mode {
+        /// The burst.
+        path: String,
+        /// Its crop and binning.
+        found: String,
+        /// Those of the lens file.
+        expected: String,
+    },
+    /// The camera has been set otherwise since the photometric calibration.
+    #[error(
+        "{path}: found a photometric calibration by another response, level, white balance or vignetting than the burst has, expected one that is \
+         not older than the camera's settings: run hemilux calibrate photometric again"
+    )]
+    Older {
+        /// The lens file.
+        path: String,
+    },
     /// The burst was recorded with another lens.
     #[error(
         "{path}: found another lens in its burst.toml, expected that of the lens file: the calibration is not the one that the camera was used with"
@@ -71,7 +95,7 @@ pub enum Fault {
 }
 
 impl Fault {
-    /// The exit status of its class: 3 to 8 in the order of the variants.
+    /// The exit status of its class: 3 to 10.
     #[must_use]
     pub fn status(&self) -> u8 {
         match self {
@@ -81,6 +105,8 @@ impl Fault {
             Self::Uncertain { .. } => 6,
             Self::Exposures { .. } => 7,
             Self::OtherLens { .. } => 8,
+            Self::Mode { .. } => 9,
+            Self::Older { .. } => 10,
         }
     }
 }
@@ -156,11 +182,34 @@ fn with_burst(path: &Path, file: &LensFile, burst: &Path) -> Result<(), Fault> {
     if size != file.size {
         return Err(Fault::Size { path: path.display().to_string(), lens: file.size, burst: size });
     }
+    mode(file, burst)?;
+    photometric(path, &calibration)?;
     exposures(burst, &file.told_response().unwrap_or(calibration.response), &frames)?;
     if is_other(&file.lens, &calibration.lens) {
         return Err(Fault::OtherLens { path: burst.display().to_string() });
     }
     Ok(())
+}
+
+/// Whether the lens file states another part of the sensor, or another binning, than the burst does.
+fn mode(file: &LensFile, burst: &Path) -> Result<(), Fault> {
+    let shown = read_shown(burst).map_err(|e| Fault::Unreadable(e.to_string()))?;
+    let Some((expected, found)) = file.shown.zip(shown).filter(|(a, b)| a != b) else { return Ok(()) };
+    let phrase = |shown: &Shown| format!("crop = {:?}, binning = {:?}", shown.crop, shown.binning);
+    let (found, expected) = (phrase(&found), phrase(&expected));
+    Err(Fault::Mode { path: burst.display().to_string(), found, expected })
+}
+
+/// Whether a photometric calibration in the lens file was measured by another way from codes to radiance.
+fn photometric(path: &Path, calibration: &Calibration) -> Result<(), Fault> {
+    let unreadable = |e: RecordedError| Fault::Unreadable(e.to_string());
+    let camera = photometric_camera(path).map_err(unreadable)?;
+    match camera {
+        Some(camera) if camera != radiometry(calibration) => {
+            Err(Fault::Older { path: path.display().to_string() })
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Whether two lenses differ by more than two degrees somewhere in the field of both.

@@ -1,11 +1,11 @@
 //! The board in a picture.
 
-use super::Board;
 use super::corners::{Corner, alternates, find, refine};
 use super::grey::Grey;
 use super::grid::{Cell, Grid, extend, fitted, grids, prune};
 use super::pose::Sighting;
 use super::solve::{Model, View};
+use super::{Board, Printed, tags};
 use chess_corners::ChessError;
 use nalgebra::{Vector2, Vector3};
 
@@ -19,17 +19,24 @@ pub(super) struct Found {
     pub seen: Vec<Sighting>,
     /// Corners of a second grid of the board's kind.
     pub second: usize,
+    /// Whether the board is seen in a mirror, where its marks or squares tell; above 0 for a mirrored one, below for one that is not.
+    pub mirror: i32,
 }
 
 /// Finds the board: at the full size, then at half and a quarter where corners are still missing.
-pub(super) fn board(grey: &Grey, board: Board) -> Result<Found, ChessError> {
-    let whole = board.corners();
+pub(super) fn board(grey: &Grey, printed: &Printed) -> Result<Found, ChessError> {
+    let whole = printed.corners.corners();
     let mut best = Found::default();
     let mut level = Some(first_level(grey));
     while let Some((picture, scale)) = level.filter(|_| best.seen.len() < whole) {
         let corners = find(&picture, scale)?;
-        let found = from_corners(grey, &corners, board, scale);
-        if found.seen.len() > best.seen.len() {
+        let found = if printed.is_marked() {
+            tags::board(grey, &corners, printed, scale)
+        } else {
+            from_corners(grey, &corners, printed.corners, scale)
+        };
+        let is_more = found.seen.len() > best.seen.len();
+        if is_more || (best.seen.is_empty() && found.mirror > 0) {
             best = found;
         }
         level = picture.halved().filter(|_| scale < 8.0).map(|half| (half, 2.0 * scale));
@@ -63,19 +70,37 @@ fn from_corners(grey: &Grey, corners: &[Corner], board: Board, scale: f64) -> Fo
     let taken = |at: &Vector2<f64>| grid.values().any(|other| (other - at).norm() < 2.0);
     let apart = |other: Grid| other.values().filter(|at| !taken(at)).count();
     let second = all.map(apart).max().unwrap_or(0);
-    let mut seen = refined(grey, &fitted(&grid, board.size()), scale);
+    let fitted = fitted(&grid, board.size());
+    let mut seen = refined(grey, &fitted, scale, 1.0);
     if seen.len() < FEWEST {
         seen.clear();
     }
-    Found { seen, second }
+    Found { seen, second, mirror: mirror(grey, &fitted, board) }
 }
 
-/// The corners of a grid at sub-pixel accuracy, in order of rows.
-fn refined(grey: &Grey, grid: &Grid, scale: f64) -> Vec<Sighting> {
+/// Whether the squares of a whole board are those of a board in a mirror: 1, or -1 for one that is not; 0 where they do not tell.
+///
+/// The upper left square is black; on a board of odd counts of corners, a mirror makes it white.
+fn mirror(grey: &Grey, grid: &Grid, board: Board) -> i32 {
+    if !Printed::from(board).tells_mirror() || grid.len() < board.corners() {
+        return 0;
+    }
+    let square = |(&[i, j], at): (&Cell, &Vector2<f64>)| {
+        let others = [[i + 1, j], [i, j + 1], [i + 1, j + 1]].map(|cell| grid.get(&cell).copied());
+        let sum = others.into_iter().try_fold(*at, |sum, other| Some(sum + other?))?;
+        let sign = if (i + j) % 2 == 0 { 1.0 } else { -1.0 };
+        Some(sign * grey.sample(sum * 0.25))
+    };
+    let contrast: f64 = grid.iter().filter_map(square).sum();
+    if contrast > 0.0 { 1 } else { -1 }
+}
+
+/// The corners of a grid at sub-pixel accuracy, in order of rows; `part` of the surroundings of a chessboard's corner are plain.
+pub(super) fn refined(grey: &Grey, grid: &Grid, scale: f64, part: f64) -> Vec<Sighting> {
     let mut cells: Vec<_> = grid.iter().collect();
     cells.sort_unstable_by_key(|([i, j], _)| (*j, *i));
     let one = |(cell, at): (&Cell, &Vector2<f64>)| {
-        let found = refine(grey, *at, window(side(grid, *cell)).max(2.0 * scale))?;
+        let found = refine(grey, *at, window(part * side(grid, *cell)).max(2.0 * scale))?;
         Some(Sighting { cell: *cell, at: found })
     };
     cells.into_iter().filter_map(one).collect()
@@ -94,39 +119,42 @@ fn side(grid: &Grid, [i, j]: Cell) -> f64 {
 }
 
 /// Looks again for the corners that a picture lacks, where the fit says that they are; returns how many were found.
-pub(super) fn complete(grey: &Grey, model: &Model, view: &mut View, board: Board) -> usize {
+pub(super) fn complete(grey: &Grey, model: &Model, view: &mut View, printed: &Printed) -> usize {
     let before = view.seen.len();
     let has = |view: &View, cell: Cell| view.seen.iter().any(|s| s.cell == cell);
-    for cell in board.around(&view.seen) {
+    for cell in printed.around(&view.seen) {
         if has(view, cell) {
             continue;
         }
-        if let Look::Found(at) = look(grey, model, view, cell) {
+        if let Look::Found(at) = look(grey, model, view, cell, printed.plain()) {
             view.seen.push(Sighting { cell, at });
         }
     }
-    rebase(view);
+    if !printed.is_marked() {
+        rebase(view, model);
+    }
     view.seen.len() - before
 }
 
 /// Moves the board's origin so that its columns and rows begin at 0.
-fn rebase(view: &mut View) {
+fn rebase(view: &mut View, model: &Model) {
     let least = |axis: usize| view.seen.iter().map(|s| s.cell[axis]).min().unwrap_or(0).min(0);
     let origin = [least(0), least(1)];
     for s in &mut view.seen {
         s.cell = [s.cell[0] - origin[0], s.cell[1] - origin[1]];
     }
-    view.pose.shift += view.pose.turn * super::pose::place(origin);
+    view.pose.shift += view.pose.turn * model.shape.plane(origin);
 }
 
 /// How many corners lie on each side beyond the board, in the places where one more column or row would have them, and how many such
 /// places lie in the picture.
 pub(super) fn beyond(grey: &Grey, model: &Model, view: &View, board: Board) -> [[usize; 2]; 4] {
+    let plain = Printed::from(board).plain();
     let [columns, rows] = board.size();
     let column = |i: i32| (0..rows).map(|j| [i, j]).collect::<Vec<_>>();
     let row = |j: i32| (0..columns).map(|i| [i, j]).collect::<Vec<_>>();
     [column(-1), column(columns), row(-1), row(rows)].map(|cells| {
-        let looked: Vec<Look> = cells.iter().map(|cell| look(grey, model, view, *cell)).collect();
+        let looked: Vec<Look> = cells.iter().map(|cell| look(grey, model, view, *cell, plain)).collect();
         let found = looked.iter().filter(|look| matches!(look, Look::Found(_))).count();
         [found, looked.iter().filter(|look| !matches!(look, Look::Outside)).count()]
     })
@@ -142,8 +170,8 @@ enum Look {
     Found(Vector2<f64>),
 }
 
-fn look(grey: &Grey, model: &Model, view: &View, cell: Cell) -> Look {
-    match squares_at(grey, model, view, cell) {
+fn look(grey: &Grey, model: &Model, view: &View, cell: Cell, plain: f64) -> Look {
+    match squares_at(grey, model, view, cell, plain) {
         None => Look::Outside,
         Some(place) => search(grey, &place).map_or(Look::Absent, Look::Found),
     }
@@ -158,7 +186,7 @@ struct Place {
     side: f64,
 }
 
-fn squares_at(grey: &Grey, model: &Model, view: &View, cell: Cell) -> Option<Place> {
+fn squares_at(grey: &Grey, model: &Model, view: &View, cell: Cell, plain: f64) -> Option<Place> {
     let limit = model.camera.limit();
     let pixel = |i: f64, j: f64| {
         let point = view.pose.apply(&(model.shape.place(cell) + Vector3::new(i, j, 0.0)));
@@ -166,9 +194,12 @@ fn squares_at(grey: &Grey, model: &Model, view: &View, cell: Cell) -> Option<Pla
         (theta < limit).then(|| model.camera.pixel(&point)).filter(|at| grey.holds(*at, 2.0))
     };
     let at = pixel(0.0, 0.0)?;
-    let edges = [pixel(0.5, 0.0)?, pixel(0.0, 0.5)?, pixel(-0.5, 0.0)?, pixel(0.0, -0.5)?];
+    let p = plain;
+    // A chessboard's squares are plain on 0.35 of their sides; fields that are smaller count as smaller squares.
+    let e = p / 0.7;
+    let edges = [pixel(e, 0.0)?, pixel(0.0, e)?, pixel(-e, 0.0)?, pixel(0.0, -e)?];
     let side = edges.iter().map(|edge| 2.0 * (edge - at).norm()).fold(f64::INFINITY, f64::min);
-    let squares = [pixel(0.35, 0.35)?, pixel(-0.35, 0.35)?, pixel(-0.35, -0.35)?, pixel(0.35, -0.35)?];
+    let squares = [pixel(p, p)?, pixel(-p, p)?, pixel(-p, -p)?, pixel(p, -p)?];
     Some(Place { at, squares, side })
 }
 

@@ -51,7 +51,7 @@ pub(super) fn first(seen: &[(usize, Vec<Sighting>)], size: [usize; 2], shape: Sh
 /// Places all boards before a camera; returns the mean of the robust errors of the boards.
 fn placed(model: Model, seen: &[(usize, Vec<Sighting>)]) -> Option<(f64, Fit)> {
     let place = |(picture, seen): &(usize, Vec<Sighting>)| {
-        let pose = from_directions(&model.camera, seen)?;
+        let pose = from_directions(&model.camera, &model.shape, seen)?;
         let view = View { seen: seen.clone(), pose };
         let error = root_mean_square(view.residuals(&model));
         Some((error, *picture, view))

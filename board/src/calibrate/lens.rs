@@ -7,7 +7,7 @@ use super::fit::{Fit, first, root_mean_square};
 use super::pose::Sighting;
 use super::shape::Shape;
 use super::uncertainty::{self, Deviations};
-use super::{Board, Grey};
+use super::{Board, Grey, Printed};
 use glam::DVec2;
 use hemilux_core::lens::{Intrinsics, Lens, Model};
 use nalgebra::Vector2;
@@ -69,7 +69,7 @@ pub struct Calibrated {
     /// Columns and rows of the pictures.
     pub size: [usize; 2],
     /// The board.
-    pub board: Board,
+    pub board: Printed,
     /// What each picture contributed.
     pub used: Vec<Used>,
     /// Corners that were found and left out.
@@ -104,24 +104,54 @@ impl Calibrated {
     }
 }
 
-/// Computes the lens that took `pictures` of a chessboard.
+/// How pictures are taken.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Request {
+    /// The board.
+    pub board: Printed,
+    /// Whether pictures are accepted whose squares tell that all of them are mirrored; the board may be printed in other colours.
+    pub any_colours: bool,
+}
+
+impl From<Board> for Request {
+    fn from(board: Board) -> Self {
+        Self { board: board.into(), any_colours: false }
+    }
+}
+
+/// Computes the lens that took `pictures` of a board.
 ///
 /// # Errors
 /// [`LensRefusal`].
-pub fn calibrate(pictures: &[Picture], board: Board) -> Result<Calibrated, LensRefusal> {
-    let size = check::pictures(pictures)?;
-    let found = pictures.iter().map(|picture| detect(picture, board)).collect::<Result<Vec<_>, _>>()?;
-    check::found(pictures, &found, board, size)?;
+pub fn calibrate(pictures: &[Picture], request: &Request) -> Result<Calibrated, LensRefusal> {
+    let (size, board) = (check::pictures(pictures)?, request.board);
+    let found = pictures.iter().map(|picture| detect(picture, &board)).collect::<Result<Vec<_>, _>>()?;
+    fitted(pictures, &found, request, size)
+}
+
+/// As [`calibrate`], for boards that have been found.
+pub(super) fn fitted(
+    pictures: &[Picture],
+    found: &[Found],
+    request: &Request,
+    size: [usize; 2],
+) -> Result<Calibrated, LensRefusal> {
+    let board = request.board;
+    check::found(pictures, found, request, size)?;
     let seen: Vec<(usize, Vec<Sighting>)> =
         found.iter().map(|f| f.seen.clone()).enumerate().filter(|(_, seen)| !seen.is_empty()).collect();
     let mut fit = first(&seen, size, Shape::new(board)).ok_or_else(|| no_fit(f64::INFINITY))?;
     let mut left_out = fit.settle();
-    check::mirrored(pictures, &found, &fit, board, size[0])?;
+    if !board.is_marked() {
+        check::mirrored(pictures, found, &fit, board.corners, size[0])?;
+    }
     for _ in 0..2 {
-        complete(pictures, &mut fit, board);
+        complete(pictures, &mut fit, &board);
         left_out = fit.settle();
     }
-    check::larger(pictures, &fit, board)?;
+    if !board.is_marked() {
+        check::larger(pictures, &fit, board.corners)?;
+    }
     if fit.views.len() < check::FEWEST_BOARDS || fit.rms() > MOST_RMS_PX {
         return Err(no_fit(fit.rms()));
     }
@@ -132,13 +162,13 @@ fn no_fit(rms_px: f64) -> LensRefusal {
     LensRefusal::NoFit { rms_px, most_px: MOST_RMS_PX }
 }
 
-fn detect(picture: &Picture, board: Board) -> Result<Found, LensRefusal> {
+fn detect(picture: &Picture, board: &Printed) -> Result<Found, LensRefusal> {
     let found = detect::board(&picture.grey, board);
     found.map_err(|e| LensRefusal::Detector { name: picture.name.clone(), found: e.to_string() })
 }
 
 /// Looks for missing corners in all pictures.
-fn complete(pictures: &[Picture], fit: &mut Fit, board: Board) {
+fn complete(pictures: &[Picture], fit: &mut Fit, board: &Printed) {
     for (view, picture) in fit.views.iter_mut().zip(&fit.pictures) {
         detect::complete(&pictures[*picture].grey, &fit.model, view, board);
     }
@@ -147,7 +177,7 @@ fn complete(pictures: &[Picture], fit: &mut Fit, board: Board) {
 fn result(
     pictures: &[Picture],
     fit: &Fit,
-    board: Board,
+    board: Printed,
     size: [usize; 2],
     left_out: usize,
 ) -> Result<Calibrated, LensRefusal> {

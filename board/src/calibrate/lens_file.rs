@@ -1,6 +1,6 @@
 //! Lens files with what is known of how they came about.
 
-use super::{Calibrated, FittedResponse, FittedVignetting};
+use super::{Calibrated, CircleLens, FittedResponse, FittedVignetting, Kind};
 use hemilux_core::lens::Model;
 use std::io::Write;
 use std::path::Path;
@@ -30,25 +30,32 @@ pub enum FileRefusal {
 /// Largest lens file that is read, bytes.
 const MOST_BYTES: u64 = 1 << 20;
 
+/// What is known of the pictures beside what they show.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Stated {
+    /// Side of a square, millimetres.
+    pub square_mm: Option<f64>,
+    /// Left, top, columns and rows of the part of the sensor that they show, sensor pixels.
+    pub crop: Option<[u32; 4]>,
+    /// Sensor pixels in one of theirs, along rows and columns.
+    pub binning: Option<[u32; 2]>,
+}
+
 /// Writes the lens to a file; the tables `[response]` and `[sensor]` and the vignetting of a file that is there are kept.
 ///
 /// # Errors
 /// [`FileRefusal`]: without `force`, a file that states a smaller uncertainty or a larger covered field, or none, is not overwritten.
-pub fn write(
-    path: &Path,
-    calibrated: &Calibrated,
-    square_mm: Option<f64>,
-    force: bool,
-) -> Result<(), FileRefusal> {
+pub fn write(path: &Path, calibrated: &Calibrated, stated: &Stated, force: bool) -> Result<(), FileRefusal> {
     let mut document = read(path, force)?;
-    if let (Some(found), false) = (better(&document, calibrated), force) {
+    let new = Accuracy { typical_deg: typical(calibrated), covered_deg: calibrated.covered_deg };
+    if let (Some(found), false) = (better(&document, new), force) {
         return Err(FileRefusal::Better { path: path.display().to_string(), found });
     }
-    fill(&mut document, calibrated, square_mm);
+    fill(&mut document, calibrated, stated);
     save(path, &document.to_string())
 }
 
-fn failed(path: &Path, found: &dyn std::fmt::Display) -> FileRefusal {
+pub(super) fn failed(path: &Path, found: &dyn std::fmt::Display) -> FileRefusal {
     let found = found.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
     FileRefusal::Io { path: path.display().to_string(), found }
 }
@@ -72,8 +79,16 @@ pub(super) fn read(path: &Path, force: bool) -> Result<DocumentMut, FileRefusal>
     }
 }
 
+/// How good a lens is.
+#[derive(Clone, Copy, Debug)]
+struct Accuracy {
+    /// The mean uncertainty over the angles, degrees.
+    typical_deg: f64,
+    covered_deg: f64,
+}
+
 /// Why the lens in `document` must not be replaced by `new`, as a phrase for people; `None` where it may be replaced.
-fn better(document: &DocumentMut, new: &Calibrated) -> Option<String> {
+fn better(document: &DocumentMut, new: Accuracy) -> Option<String> {
     document.get("lens")?;
     let number =
         |name: &str| document.get("calibration").and_then(|table| table.get(name)).and_then(Item::as_float);
@@ -81,16 +96,59 @@ fn better(document: &DocumentMut, new: &Calibrated) -> Option<String> {
     else {
         return Some("a lens that does not state its uncertainty".into());
     };
-    if uncertainty < 0.95 * typical(new) {
+    let Accuracy { typical_deg, covered_deg } = new;
+    if uncertainty < 0.95 * typical_deg {
         return Some(format!(
-            "a lens of {uncertainty:.3} degrees uncertainty, smaller than the new one's {:.3}",
-            typical(new)
+            "a lens of {uncertainty:.3} degrees uncertainty, smaller than the new one's {typical_deg:.3}"
         ));
     }
-    let larger = covered > new.covered_deg + 3.0;
-    larger.then(|| {
-        format!("a lens that covers {covered:.1} degrees, more than the new one's {:.1}", new.covered_deg)
-    })
+    // A lens by a circle states the field that was typed in, which is not covered by any picture of a board.
+    let is_measured = number("circle_px").is_none();
+    let larger = is_measured && covered > covered_deg + 3.0;
+    larger
+        .then(|| format!("a lens that covers {covered:.1} degrees, more than the new one's {covered_deg:.1}"))
+}
+
+/// Writes the lens of an image circle to a file; tables and vignetting of a file that is there are kept.
+///
+/// # Errors
+/// [`FileRefusal`]: without `force`, a file that states a smaller uncertainty, or none, is not overwritten.
+pub fn write_circle(path: &Path, new: &CircleLens, force: bool) -> Result<(), FileRefusal> {
+    let mut document = read(path, force)?;
+    let typical_deg = new.spread.iter().map(|[_, u]| u).sum::<f64>() / new.spread.len().max(1) as f64;
+    let covered_deg = new.lens.intrinsics().max_theta.to_degrees();
+    if let (Some(found), false) = (better(&document, Accuracy { typical_deg, covered_deg }), force) {
+        return Err(FileRefusal::Better { path: path.display().to_string(), found });
+    }
+    let p = new.lens.intrinsics();
+    let mut lens = Table::new();
+    lens["model"] = value("equidistant");
+    lens["size"] = value(new.size.iter().map(|n| *n as i64).collect::<Array>());
+    lens["centre"] = array(p.centre_px.to_array().map(|v| rounded(v, 4)));
+    lens["focal"] = array(p.focal_px.to_array().map(|v| rounded(v, 4)));
+    lens["max_angle_deg"] = value(rounded(covered_deg, 2));
+    let mut statement = Table::new();
+    statement["method"] = value("circle");
+    statement["covered_deg"] = value(rounded(covered_deg, 2));
+    statement["circle_px"] = value(rounded(new.circle.radius, 3));
+    statement["circle_deviation_px"] = value(rounded(new.circle.deviation_px, 3));
+    statement["typical_uncertainty_deg"] = value(rounded(typical_deg, 5));
+    statement["angle_deg"] = array(new.spread.iter().map(|[angle, _]| rounded(*angle, 2)));
+    statement["uncertainty_deg"] = array(new.spread.iter().map(|[_, u]| rounded(*u, 5)));
+    replace(&mut document, lens, statement);
+    save(path, &document.to_string())
+}
+
+/// Puts a lens and its statement in the place of those that are there; the vignetting is kept.
+fn replace(document: &mut DocumentMut, mut lens: Table, statement: Table) {
+    if document.get("version").is_none() {
+        document["version"] = value(1);
+    }
+    if let Some(kept) = document.get("lens").and_then(|lens| lens.get("vignetting")).cloned() {
+        lens.insert("vignetting", kept);
+    }
+    document["lens"] = Item::Table(lens);
+    document["calibration"] = Item::Table(statement);
 }
 
 /// The mean uncertainty over the angles.
@@ -100,17 +158,16 @@ fn typical(calibrated: &Calibrated) -> f64 {
     calibrated.spread.iter().map(|s| s.uncertainty_deg).sum::<f64>() / count
 }
 
-fn fill(document: &mut DocumentMut, calibrated: &Calibrated, square_mm: Option<f64>) {
-    if document.get("version").is_none() {
-        document["version"] = value(1);
-    }
-    let kept = document.get("lens").and_then(|lens| lens.get("vignetting")).cloned();
+fn fill(document: &mut DocumentMut, calibrated: &Calibrated, stated: &Stated) {
     let mut lens = lens_table(calibrated);
-    if let Some(kept) = kept.filter(|_| calibrated.lens.intrinsics().max_theta > 0.0) {
-        lens.insert("vignetting", kept);
+    let whole = |values: &[u32]| value(values.iter().map(|n| i64::from(*n)).collect::<Array>());
+    if let Some(crop) = stated.crop {
+        lens.insert("crop", whole(&crop));
     }
-    document["lens"] = Item::Table(lens);
-    document["calibration"] = Item::Table(statement(calibrated, square_mm));
+    if let Some(binning) = stated.binning {
+        lens.insert("binning", whole(&binning));
+    }
+    replace(document, lens, statement(calibrated, stated.square_mm));
 }
 
 /// Writes the `[response]` table of a lens file that exists.
@@ -172,8 +229,13 @@ fn array(values: impl IntoIterator<Item = f64>) -> Item {
     value(values.into_iter().collect::<Array>())
 }
 
+/// An array of tables.
+pub(super) fn array_of(tables: impl Iterator<Item = Table>) -> Item {
+    Item::ArrayOfTables(tables.collect())
+}
+
 /// A number with `places` decimals: more say nothing.
-fn rounded(v: f64, places: i32) -> f64 {
+pub(super) fn rounded(v: f64, places: i32) -> f64 {
     let scale = 10f64.powi(places);
     (v * scale).round() / scale
 }
@@ -194,8 +256,12 @@ fn lens_table(calibrated: &Calibrated) -> Table {
 fn statement(calibrated: &Calibrated, square_mm: Option<f64>) -> Table {
     let mut table = Table::new();
     let d = calibrated.deviations;
-    table["method"] = value("chessboard");
-    table["board"] = value(calibrated.board.to_string());
+    table["method"] = value(match calibrated.board.kind {
+        Kind::Chessboard => "chessboard",
+        Kind::Charuco(_) => "charuco",
+        Kind::AprilGrid { .. } => "aprilgrid",
+    });
+    table["board"] = value(calibrated.board.corners.to_string());
     if let Some(side) = square_mm {
         table["square_mm"] = value(side);
     }

@@ -9,13 +9,20 @@ mod burst;
 mod camera;
 mod check;
 mod check_file;
+mod circle;
 mod corners;
 mod detect;
 mod fit;
+mod frame;
 mod grey;
 mod grid;
+mod guide;
 mod lens;
 mod lens_file;
+mod photometric;
+mod photometric_file;
+#[cfg(all(test, feature = "server"))]
+mod photometric_tests;
 mod pose;
 mod residuals;
 mod response;
@@ -23,20 +30,30 @@ mod response;
 mod response_tests;
 mod shape;
 mod solve;
+mod tags;
+#[cfg(test)]
+mod tags_tests;
 mod target;
 mod uncertainty;
 mod vignetting;
 
-pub use board::Board;
-pub use burst::exposed;
+pub use board::{Board, Charuco, Kind, Printed};
+pub use burst::{Codes, exposed, exposed_frames};
 pub use check::LensRefusal;
 pub use check_file::{Fault, check};
+pub use circle::{Circle, CircleLens, CircleRefusal, circle_lens, find_circle};
+pub use frame::{grey, grey_of};
 pub use grey::Grey;
-pub use lens::{Calibrated, Picture, Spread, calibrate};
-pub use lens_file::{FileRefusal, response_text, write, write_response, write_vignetting};
+pub use guide::{Guide, MOST_VIEWS, Offer, RINGS, SECTORS, ViewCoverage};
+pub use lens::{Calibrated, Picture, Request, Spread, calibrate};
+pub use lens_file::{
+    FileRefusal, Stated, response_text, write, write_circle, write_response, write_vignetting,
+};
+pub use photometric::{Factor, FactorReading, Method, PhotometricRefusal, Unseen, Verdict, combine, measure};
+pub use photometric_file::{KeepRefusal, Kept, keep_reading, kept_factor};
 pub use residuals::picture as residual_picture;
 pub use response::{Exposed, FittedResponse, Neighbours, ResponseRefusal, fit_response};
-pub use target::{Target, TargetRefusal, svg as target_svg};
+pub use target::{Ink, Target, TargetRefusal, ink, size as target_size, svg as target_svg};
 pub use vignetting::{
     FittedVignetting, Reading, Shown, VignettingRefusal, fit_vignetting, flat_field, screen,
 };

@@ -1,6 +1,7 @@
 //! Where a board stands before the camera.
 
 use super::camera::Camera;
+use super::shape::Shape;
 use nalgebra::{Matrix3, Rotation3, SMatrix, Vector2, Vector3};
 
 /// A corner that was found: its place on the board in squares, and its pixel.
@@ -10,18 +11,6 @@ pub(super) struct Sighting {
     pub cell: [i32; 2],
     /// Its pixel.
     pub at: Vector2<f64>,
-}
-
-impl Sighting {
-    /// Its place on the board, in squares.
-    pub fn place(&self) -> Vector3<f64> {
-        place(self.cell)
-    }
-}
-
-/// The place of a corner on the board, in squares.
-pub(super) fn place([i, j]: [i32; 2]) -> Vector3<f64> {
-    Vector3::new(f64::from(i), f64::from(j), 0.0)
 }
 
 /// The turn and shift from the board's axes to the camera's.
@@ -43,13 +32,14 @@ impl Pose {
 /// The pose of a plane from the directions of its corners: the least eigenvector of the cross products, made a turn.
 ///
 /// Directions beyond 90 degrees from the axis are as good as any.
-pub(super) fn from_directions(camera: &Camera, seen: &[Sighting]) -> Option<Pose> {
-    let mean = seen.iter().map(Sighting::place).sum::<Vector3<f64>>() / seen.len() as f64;
-    let spread = seen.iter().map(|s| (s.place() - mean).norm()).fold(1e-9, f64::max);
+pub(super) fn from_directions(camera: &Camera, shape: &Shape, seen: &[Sighting]) -> Option<Pose> {
+    let mean = seen.iter().map(|s| shape.plane(s.cell)).sum::<Vector3<f64>>() / seen.len() as f64;
+    let spread = seen.iter().map(|s| (shape.plane(s.cell) - mean).norm()).fold(1e-9, f64::max);
+    let placed: Vec<Placed> =
+        seen.iter().map(|s| Placed { at: (shape.plane(s.cell) - mean) / spread, pixel: s.at }).collect();
     let mut normal = SMatrix::<f64, 9, 9>::zeros();
-    for sighting in seen {
-        let p = (sighting.place() - mean) / spread;
-        let across = camera.direction(sighting.at).cross_matrix();
+    for Placed { at: p, pixel } in &placed {
+        let across = camera.direction(*pixel).cross_matrix();
         let mut rows = SMatrix::<f64, 3, 9>::zeros();
         rows.fixed_columns_mut::<3>(0).copy_from(&(across * p.x));
         rows.fixed_columns_mut::<3>(3).copy_from(&(across * p.y));
@@ -60,31 +50,27 @@ pub(super) fn from_directions(camera: &Camera, seen: &[Sighting]) -> Option<Pose
     let least = eigen.eigenvalues.imin();
     let v = eigen.eigenvectors.column(least).into_owned();
     let column = |i: usize| Vector3::new(v[i], v[i + 1], v[i + 2]);
-    upright(camera, seen, [column(0), column(3), column(6)], mean, spread)
+    let unit = upright(camera, &placed, [column(0), column(3), column(6)])?;
+    Some(Pose { turn: unit.turn, shift: unit.shift * spread - unit.turn * mean })
+}
+
+/// A corner on the board, from the board's middle in units of its size, and its pixel.
+struct Placed {
+    at: Vector3<f64>,
+    pixel: Vector2<f64>,
 }
 
 /// Makes two columns and a shift a pose, in front of the camera.
-fn upright(
-    camera: &Camera,
-    seen: &[Sighting],
-    [a, b, t]: [Vector3<f64>; 3],
-    mean: Vector3<f64>,
-    spread: f64,
-) -> Option<Pose> {
-    let facing: f64 = seen
+fn upright(camera: &Camera, placed: &[Placed], [a, b, t]: [Vector3<f64>; 3]) -> Option<Pose> {
+    let facing: f64 = placed
         .iter()
-        .map(|s| {
-            let p = (s.place() - mean) / spread;
-            camera.direction(s.at).dot(&(a * p.x + b * p.y + t)).signum()
-        })
+        .map(|Placed { at: p, pixel }| camera.direction(*pixel).dot(&(a * p.x + b * p.y + t)).signum())
         .sum();
     let sign = if facing < 0.0 { -1.0 } else { 1.0 };
     let scale = 0.5 * (a.norm() + b.norm());
     let [a, b, t] = [a, b, t].map(|v| v * (sign / scale));
     let svd = Matrix3::from_columns(&[a, b, a.cross(&b)]).svd(true, true);
     let turn = svd.u? * svd.v_t?;
-    (turn.determinant() > 0.0 && scale > 0.0).then(|| {
-        let turn = Rotation3::from_matrix_unchecked(turn);
-        Pose { turn, shift: t * spread - turn * mean }
-    })
+    let turned = || Pose { turn: Rotation3::from_matrix_unchecked(turn), shift: t };
+    (turn.determinant() > 0.0 && scale > 0.0).then(turned)
 }

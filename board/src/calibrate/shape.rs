@@ -1,6 +1,6 @@
 //! The shape of a board that is neither quite flat nor printed quite evenly.
 
-use super::Board;
+use super::Printed;
 use nalgebra::{SMatrix, SVector, Vector3};
 
 /// Number of parameters of a shape.
@@ -14,16 +14,24 @@ pub(super) struct Shape {
     /// The share by which columns are further apart than rows and by which they lean; then how far the board bulges along its columns, its diagonal and its rows,
     /// in squares.
     pub values: SVector<f64, SHAPE>,
+    /// The board's middle, and half its size.
     half: [f64; 2],
+    printed: Printed,
     /// A board of as many rows as columns has no first direction, hence no shape that all pictures share.
     flat: bool,
 }
 
 impl Shape {
     /// A plane of squares.
-    pub fn new(board: Board) -> Self {
-        let half = board.size().map(|n| 0.5 * f64::from(n - 1));
-        Self { values: SVector::zeros(), half, flat: board.columns == board.rows }
+    pub fn new(printed: Printed) -> Self {
+        let half = printed.corners.size().map(|n| 0.5 * printed.line(n - 1));
+        let flat = printed.corners.columns == printed.corners.rows;
+        Self { values: SVector::zeros(), half, printed, flat }
+    }
+
+    /// The place of a corner on a plane, in squares.
+    pub fn plane(&self, [i, j]: [i32; 2]) -> Vector3<f64> {
+        Vector3::new(self.printed.line(i), self.printed.line(j), 0.0)
     }
 
     /// The same board with other parameters.
@@ -33,13 +41,13 @@ impl Shape {
 
     /// The place of a corner, in squares.
     pub fn place(&self, cell: [i32; 2]) -> Vector3<f64> {
-        let flat = Vector3::new(f64::from(cell[0]), f64::from(cell[1]), 0.0);
-        flat + self.derivatives(cell) * self.values
+        self.plane(cell) + self.derivatives(cell) * self.values
     }
 
     /// By the parameters.
-    pub fn derivatives(&self, [i, j]: [i32; 2]) -> SMatrix<f64, 3, SHAPE> {
-        let (x, y) = (f64::from(i) - self.half[0], f64::from(j) - self.half[1]);
+    pub fn derivatives(&self, cell: [i32; 2]) -> SMatrix<f64, 3, SHAPE> {
+        let plane = self.plane(cell);
+        let (x, y) = (plane.x - self.half[0], plane.y - self.half[1]);
         let (u, v) = (x / self.half[0].max(1.0), y / self.half[1].max(1.0));
         let mut d = SMatrix::zeros();
         d[(0, 0)] = x;

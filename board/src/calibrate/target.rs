@@ -1,15 +1,26 @@
-//! Chessboards to print.
+//! Boards to print.
 
-use super::Board;
+use super::tags::{TAG_FAMILY, charuco_squares, tag_cells};
+use super::{Board, Charuco, Kind, Printed};
+use calib_targets_aruco::resolve_dictionary;
 use std::fmt::Write;
 
-/// A chessboard on paper.
+/// A board on paper.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Target {
-    /// Its inner corners.
-    pub board: Board,
-    /// Side of a square, millimetres.
+    /// What is printed.
+    pub printed: Printed,
+    /// Side of a square or a tag, millimetres.
     pub square_mm: f64,
+}
+
+/// A black rectangle, in squares or tags from the corner of the board.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ink {
+    /// Left and top.
+    pub at: [f64; 2],
+    /// Width and height.
+    pub size: [f64; 2],
 }
 
 /// Why a target was refused.
@@ -24,50 +35,142 @@ pub enum TargetRefusal {
 const RULER_MM: f64 = 100.0;
 const FOOT_MM: f64 = 22.0;
 
+/// Column and row.
+type Cell = [i32; 2];
+
 /// Writes the target as SVG in true size: the squares, a white margin of a square, and a line of 100 mm with ticks by which the printer's
 /// scale is checked.
 ///
 /// # Errors
 /// [`TargetRefusal`].
 pub fn svg(target: &Target) -> Result<String, TargetRefusal> {
-    let Target { board, square_mm } = *target;
+    let Target { printed, square_mm } = *target;
     if !(1.0..=500.0).contains(&square_mm) {
         return Err(TargetRefusal::Square(square_mm));
     }
-    let (columns, rows) = (board.columns + 1, board.rows + 1);
-    let width = (f64::from(columns + 2) * square_mm).max(RULER_MM + 20.0);
-    let foot = f64::from(rows + 2) * square_mm;
+    let [columns, rows] = size(&printed);
+    let width = ((columns + 2.0) * square_mm).max(RULER_MM + 20.0);
+    let foot = (rows + 2.0) * square_mm;
     let height = foot + FOOT_MM;
     let mut text = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}mm\" height=\"{height}mm\" viewBox=\"0 0 {width} {height}\">\n\
-         <title>Chessboard of {board} inner corners, squares of {square_mm} mm</title>\n\
+         <title>Board of {printed}, squares of {square_mm} mm</title>\n\
          <rect width=\"{width}\" height=\"{height}\" fill=\"white\"/>\n<path d=\"{}\" fill=\"black\" shape-rendering=\"crispEdges\"/>\n",
-        squares(columns, rows, square_mm)
+        path(&printed, square_mm)
     );
     ruler(&mut text, target, foot);
     text.push_str("</svg>\n");
     Ok(text)
 }
 
-/// The black squares as one path.
-fn squares(columns: u32, rows: u32, side: f64) -> String {
+/// Columns and rows of what is printed, in squares or tags.
+#[must_use]
+pub fn size(printed: &Printed) -> [f64; 2] {
+    let corners = printed.corners.size();
+    match printed.kind {
+        Kind::AprilGrid { gap } => corners.map(|n| printed.line(n - 1) + 2.0 * gap),
+        _ => corners.map(|n| f64::from(n + 1)),
+    }
+}
+
+/// All that is black.
+#[must_use]
+pub fn ink(printed: &Printed) -> Vec<Ink> {
+    match printed.kind {
+        Kind::Chessboard => squares(printed),
+        Kind::Charuco(charuco) => {
+            let margin = 0.5 * (1.0 - charuco.marker);
+            let marker = |([i, j], code): (Cell, &u64)| {
+                let at = [f64::from(i) + margin, f64::from(j) + margin];
+                bits(*code, charuco.dictionary.marker_size(), 1, at, charuco.marker)
+            };
+            let markers = charuco_squares(printed).zip(charuco.dictionary.codes()).flat_map(marker);
+            squares(printed).into_iter().chain(markers).collect()
+        }
+        Kind::AprilGrid { gap } => april_grid(printed, gap),
+    }
+}
+
+/// The black squares of a chessboard.
+fn squares(printed: &Printed) -> Vec<Ink> {
+    let [columns, rows] = printed.corners.size().map(|n| n + 1);
     let black = (0..rows).flat_map(|j| (0..columns).filter(move |i| (i + j) % 2 == 0).map(move |i| [i, j]));
-    let square = |[i, j]: [u32; 2]| {
-        let (x, y) = (f64::from(i + 1) * side, f64::from(j + 1) * side);
-        format!("M{x} {y}h{side}v{side}h-{side}z")
+    black.map(|cell| Ink { at: cell.map(f64::from), size: [1.0; 2] }).collect()
+}
+
+/// Tags with a border of two bits, as Kalibr prints them, and the squares between their corners.
+fn april_grid(printed: &Printed, gap: f64) -> Vec<Ink> {
+    let Some(family) = resolve_dictionary(TAG_FAMILY) else { return Vec::new() };
+    let place = |index: i32| gap + printed.line(index);
+    let tag = |([i, j], code): (Cell, &u64)| bits(*code, family.marker_size(), 2, [place(i), place(j)], 1.0);
+    let tags = tag_cells(printed).zip(family.codes()).flat_map(tag);
+    let [columns, rows] = printed.corners.size();
+    // A square touches each corner of each tag from outside.
+    let outside = |index: i32| if index % 2 == 0 { place(index) - gap } else { place(index) };
+    let corners = (0..rows).flat_map(|j| (0..columns).map(move |i| [i, j]));
+    let square = |[i, j]: Cell| Ink { at: [outside(i), outside(j)], size: [gap; 2] };
+    tags.chain(corners.map(square)).collect()
+}
+
+/// A mark: its border, and the runs of black bits in its rows.
+fn bits(code: u64, side: usize, border: usize, at: [f64; 2], size: f64) -> Vec<Ink> {
+    let bit = size / (side + 2 * border) as f64;
+    let is_black = |x: usize, y: usize| {
+        let inside = |v: usize| (border..border + side).contains(&v);
+        !(inside(x) && inside(y)) || code >> ((y - border) * side + x - border) & 1 == 1
     };
-    black.map(square).collect()
+    let mut ink = Vec::new();
+    for y in 0..side + 2 * border {
+        let mut x = 0;
+        while x < side + 2 * border {
+            let run = (x..side + 2 * border).take_while(|x| is_black(*x, y)).count();
+            if run > 0 {
+                let corner = [at[0] + x as f64 * bit, at[1] + y as f64 * bit];
+                ink.push(Ink { at: corner, size: [run as f64 * bit, bit] });
+            }
+            x += run.max(1);
+        }
+    }
+    ink
+}
+
+/// All that is black as one path, with a margin of a square around it.
+fn path(printed: &Printed, side: f64) -> String {
+    // A thousandth of a millimetre is enough.
+    let mm = |v: f64| (1000.0 * v * side).round() / 1000.0;
+    let rectangle = |Ink { at, size }: Ink| {
+        format!("M{} {}h{}v{}h-{}z", mm(at[0] + 1.0), mm(at[1] + 1.0), mm(size[0]), mm(size[1]), mm(size[0]))
+    };
+    ink(printed).into_iter().map(rectangle).collect()
+}
+
+/// The options of `hemilux calibrate lens` for a board.
+fn options(printed: &Printed) -> String {
+    let Board { columns, rows } = printed.corners;
+    match printed.kind {
+        Kind::Chessboard => format!("--board {columns}x{rows}"),
+        Kind::Charuco(Charuco { dictionary, marker }) => {
+            format!(
+                "--kind charuco --board {columns}x{rows} --dictionary {} --marker {marker}",
+                dictionary.name()
+            )
+        }
+        Kind::AprilGrid { gap } => {
+            format!("--kind aprilgrid --board {}x{} --gap {gap}", columns / 2, rows / 2)
+        }
+    }
 }
 
 fn ruler(text: &mut String, target: &Target, top: f64) {
     let (left, y) = (10.0, top + 8.0);
     let ticks: String = (0..=10).map(|i| format!("M{} {}v3", left + 10.0 * f64::from(i), y - 1.5)).collect();
-    let Target { board, square_mm } = target;
+    let Target { printed, square_mm } = target;
+    let options = options(printed);
     let _ = write!(
         text,
         "<path id=\"ruler\" d=\"M{left} {y}h{RULER_MM}{ticks}\" stroke=\"black\" stroke-width=\"0.3\" fill=\"none\"/>\n\
          <text x=\"{left}\" y=\"{}\" font-family=\"sans-serif\" font-size=\"4\">This line is {RULER_MM} mm long: print at 100 %. \
-         hemilux calibrate lens --board {board} --square-mm {square_mm}</text>\n",
+         hemilux calibrate lens {options} --square-mm {square_mm}</text>\n",
         y + 8.0
     );
 }
@@ -78,7 +181,7 @@ mod tests {
 
     #[test]
     fn target_has_the_squares_and_the_ruler_in_millimetres() {
-        let target = Target { board: Board { columns: 8, rows: 6 }, square_mm: 25.0 };
+        let target = Target { printed: Board { columns: 8, rows: 6 }.into(), square_mm: 25.0 };
         let text = svg(&target).expect("a target");
         assert!(text.contains("width=\"275mm\" height=\"247mm\""), "{text}");
         assert_eq!(text.matches("h25v25").count(), 32, "9 x 7 squares have 32 black ones");
@@ -89,7 +192,7 @@ mod tests {
     fn squares_out_of_range_are_refused() {
         let board = Board { columns: 8, rows: 6 };
         for square_mm in [0.0, -1.0, f64::NAN, 1e9] {
-            assert!(svg(&Target { board, square_mm }).is_err(), "{square_mm}");
+            assert!(svg(&Target { printed: board.into(), square_mm }).is_err(), "{square_mm}");
         }
     }
 }

@@ -1,16 +1,22 @@
 //! `hemilux calibrate`: what a probe must know of its camera.
 
+mod live;
+mod photometric;
+
 use super::{Failure, say};
 use crate::calibrate::{
-    Board, Calibrated, Fault, Grey, Picture, Shown, Target, calibrate, check, exposed, fit_response,
-    fit_vignetting, flat_field, residual_picture, response_text, screen, target_svg, write, write_response,
+    Board, Calibrated, Charuco, Fault, Grey, Kind, Picture, Printed, Request, Shown, Stated, Target,
+    calibrate, check, circle_lens, exposed, find_circle, fit_response, fit_vignetting, flat_field,
+    residual_picture, response_text, screen, target_svg, write, write_circle, write_response,
     write_vignetting,
 };
 use crate::recorded::{read_grey, read_lens};
-use clap::{Args, Subcommand};
+use crate::source::Spec;
+use clap::{Args, Subcommand, ValueEnum};
 use hemilux_core::Response;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 #[derive(Debug, Args)]
 pub(super) struct Calibrate {
@@ -24,6 +30,8 @@ enum CalibrateCommand {
     Target(TargetOptions),
     /// Compute the lens from pictures of a chessboard.
     Lens(LensOptions),
+    /// Compute a first lens without a board, from the image circle in pictures of a bright scene.
+    Circle(CircleOptions),
     /// Compute the relative illumination of a lens from pictures of a lit screen at several angles, or of a flat field.
     Vignetting(VignettingOptions),
     /// Check that a lens file, a burst and the camera belong together; the exit status names the class of the fault.
@@ -31,11 +39,14 @@ enum CalibrateCommand {
     Check(CheckOptions),
     /// Compute the response from a recorded burst of a still scene.
     Response(ResponseOptions),
+    /// Compute how many lux an irradiance of 1 is, from the reading of a luxmeter beside the probe or of a lit patch that it sees.
+    Photometric(photometric::PhotometricOptions),
 }
 
 const CHECK_HELP: &str = "\
 Exit status: 0 without a fault, 3 for a file that cannot be read, 4 for another image size, 5 for solid angles that do not add up,
-6 for a lens that is uncertain or used beyond its calibration, 7 for exposures that are not what burst.toml says, 8 for another lens.";
+6 for a lens that is uncertain or used beyond its calibration, 7 for exposures that are not what burst.toml says, 8 for another lens,
+9 for another crop or binning, 10 for a photometric calibration older than the camera's settings.";
 
 #[derive(Debug, Args)]
 struct CheckOptions {
@@ -44,6 +55,22 @@ struct CheckOptions {
     /// Folder of a burst that the camera recorded.
     #[arg(long, value_name = "DIR")]
     burst: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+struct CircleOptions {
+    /// Pictures of a bright, even scene: the sky, a lit wall. Several complete each other.
+    #[arg(required = true, value_name = "IMAGE")]
+    images: Vec<PathBuf>,
+    /// Field of view that fills the circle, degrees, as the data sheet of the lens says.
+    #[arg(long, value_name = "DEGREES", default_value_t = 180.0)]
+    field_deg: f64,
+    /// The lens file; its [response], [sensor] and vignetting are kept.
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Overwrite a lens file that is better, or does not state how good it is.
+    #[arg(long)]
+    force: bool,
 }
 
 #[derive(Debug, Args)]
@@ -74,11 +101,64 @@ struct ResponseOptions {
     force: bool,
 }
 
+/// What is printed on the board.
 #[derive(Debug, Args)]
-struct TargetOptions {
-    /// Inner corners: the points where four squares meet, columns by rows.
+pub(super) struct PrintedOptions {
+    /// What is printed.
+    #[arg(long, value_enum, default_value = "chessboard")]
+    kind: KindOption,
+    /// Inner corners, the points where four squares meet, columns by rows; of an AprilGrid, the tags.
     #[arg(long, value_name = "COLUMNSxROWS")]
     board: Board,
+    /// ChArUco: the markers' dictionary, by its name in OpenCV.
+    #[arg(long, value_name = "NAME", default_value = "DICT_5X5_100")]
+    dictionary: String,
+    /// ChArUco: side of a marker, in squares.
+    #[arg(long, value_name = "SQUARES", default_value_t = 0.75)]
+    marker: f64,
+    /// AprilGrid: gap between tags, in tags; tagSpacing of Kalibr.
+    #[arg(long, value_name = "TAGS", default_value_t = 0.3)]
+    gap: f64,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum KindOption {
+    /// Squares.
+    Chessboard,
+    /// A chessboard with markers in its white squares.
+    Charuco,
+    /// Tags of the family 36h11, as Kalibr prints them.
+    Aprilgrid,
+}
+
+impl PrintedOptions {
+    fn printed(&self) -> Result<Printed, Failure> {
+        match self.kind {
+            KindOption::Chessboard => Ok(self.board.into()),
+            KindOption::Charuco => {
+                let charuco = Charuco::new(&self.dictionary, self.marker);
+                let charuco = charuco.ok_or_else(|| {
+                    Failure::usage(format!(
+                        "--dictionary {} --marker {}: expected a dictionary of OpenCV, such as DICT_5X5_100, and 0.4 to 0.95 squares",
+                        self.dictionary, self.marker
+                    ))
+                })?;
+                Ok(Printed { corners: self.board, kind: Kind::Charuco(charuco) })
+            }
+            KindOption::Aprilgrid => Printed::april_grid(self.board, self.gap).ok_or_else(|| {
+                Failure::usage(format!(
+                    "--board {} --gap {}: expected at most 587 tags, and a gap of 0.1 to 1 tags",
+                    self.board, self.gap
+                ))
+            }),
+        }
+    }
+}
+
+#[derive(Debug, Args)]
+struct TargetOptions {
+    #[command(flatten)]
+    printed: PrintedOptions,
     /// Side of a square, millimetres.
     #[arg(long, value_name = "MM", default_value_t = 25.0)]
     square_mm: f64,
@@ -87,17 +167,37 @@ struct TargetOptions {
 #[derive(Debug, Args)]
 struct LensOptions {
     /// Pictures of the board, taken in the camera's mode of the probe: 15 to 30, the board at all places up to the rim, at several angles.
-    #[arg(required = true, value_name = "IMAGE")]
+    #[arg(required_unless_present = "live", conflicts_with = "live", value_name = "IMAGE")]
     images: Vec<PathBuf>,
-    /// Inner corners: the points where four squares meet, columns by rows.
-    #[arg(long, value_name = "COLUMNSxROWS")]
-    board: Board,
+    /// Take the pictures from --source: each as soon as the board is sharp, still and at a new place; stderr tells where it is missing.
+    #[arg(long, requires = "source")]
+    live: bool,
+    /// The source of --live.
+    #[arg(long, requires = "live", value_parser = str::parse::<Spec>)]
+    source: Option<Spec>,
+    /// Most pictures of --live.
+    #[arg(long, value_name = "N", default_value_t = 25, value_parser = clap::value_parser!(u8).range(3..=40))]
+    views: u8,
+    /// Longest time of --live, seconds; then the lens is computed from the pictures that there are.
+    #[arg(long, value_name = "SECONDS", default_value_t = 300)]
+    seconds: u16,
+    #[command(flatten)]
+    printed: PrintedOptions,
+    /// Accept a board whose upper left square is white.
+    #[arg(long)]
+    any_colours: bool,
     /// Side of a square, millimetres; the lens does not depend on it, the file states it.
     #[arg(long, value_name = "MM")]
     square_mm: Option<f64>,
     /// The lens file; its [response], [sensor] and vignetting are kept.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
+    /// The part of the sensor that the pictures show, sensor pixels, as `hemilux devices` tells it; written to the lens file.
+    #[arg(long, value_name = "LEFT,TOP,COLUMNS,ROWS", value_parser = numbers::<4>)]
+    crop: Option<[u32; 4]>,
+    /// Sensor pixels in one pixel of the pictures; written to the lens file.
+    #[arg(long, value_name = "COLUMNS,ROWS", value_parser = numbers::<2>)]
+    binning: Option<[u32; 2]>,
     /// Picture of the residuals over the image, SVG.
     #[arg(long, value_name = "FILE")]
     residuals: Option<PathBuf>,
@@ -109,10 +209,11 @@ struct LensOptions {
 pub(super) fn run(options: &Calibrate) -> Result<(), Failure> {
     match &options.command {
         CalibrateCommand::Target(options) => {
-            let target = Target { board: options.board, square_mm: options.square_mm };
+            let target = Target { printed: options.printed.printed()?, square_mm: options.square_mm };
             say(&target_svg(&target).map_err(|e| Failure::usage(format!("--square-mm: {e}")))?)
         }
         CalibrateCommand::Lens(options) => lens(options),
+        CalibrateCommand::Circle(options) => circle(options),
         CalibrateCommand::Vignetting(options) => vignetting(options),
         CalibrateCommand::Check(options) => {
             let fault = |fault: Fault| Failure { line: fault.to_string(), status: fault.status() };
@@ -120,13 +221,24 @@ pub(super) fn run(options: &Calibrate) -> Result<(), Failure> {
             say("no fault found\n")
         }
         CalibrateCommand::Response(options) => response(options),
+        CalibrateCommand::Photometric(options) => photometric::run(options),
     }
 }
 
 fn lens(options: &LensOptions) -> Result<(), Failure> {
-    let pictures = options.images.iter().map(|path| picture(path)).collect::<Result<Vec<_>, _>>()?;
-    let calibrated = calibrate(&pictures, options.board).map_err(Failure::new)?;
-    write(&options.out, &calibrated, options.square_mm, options.force).map_err(Failure::new)?;
+    let request = Request { board: options.printed.printed()?, any_colours: options.any_colours };
+    let calibrated = match options.source.as_ref().filter(|_| options.live) {
+        Some(source) => {
+            let time = Duration::from_secs(options.seconds.into());
+            live::live(source, request, options.views.into(), time)?
+        }
+        None => {
+            let pictures = options.images.iter().map(|path| picture(path)).collect::<Result<Vec<_>, _>>()?;
+            calibrate(&pictures, &request).map_err(Failure::new)?
+        }
+    };
+    let stated = Stated { square_mm: options.square_mm, crop: options.crop, binning: options.binning };
+    write(&options.out, &calibrated, &stated, options.force).map_err(Failure::new)?;
     if let Some(path) = &options.residuals {
         let written = std::fs::write(path, residual_picture(&calibrated));
         written.map_err(|e| {
@@ -134,6 +246,32 @@ fn lens(options: &LensOptions) -> Result<(), Failure> {
         })?;
     }
     say(&report(&calibrated, &options.out))
+}
+
+fn circle(options: &CircleOptions) -> Result<(), Failure> {
+    let pictures = options.images.iter().map(|path| grey(path)).collect::<Result<Vec<_>, _>>()?;
+    let circle = find_circle(&pictures).map_err(Failure::new)?;
+    let lens = circle_lens(&circle, options.field_deg, pictures[0].size())
+        .map_err(|e| Failure::usage(format!("--field-deg: {e}")))?;
+    write_circle(&options.out, &lens, options.force).map_err(Failure::new)?;
+    let worst = lens.spread.iter().map(|[_, uncertainty]| *uncertainty).fold(0.0, f64::max);
+    say(&format!(
+        "circle of {:.1} pixels around ({:.1}, {:.1}), its rim within {:.2} pixels; an equidistant lens of {} degrees, whose directions are uncertain by up to \
+         {worst:.1} degrees: a first calibration, to be replaced by one with a board\nwrote {}\n",
+        circle.radius,
+        circle.centre.x,
+        circle.centre.y,
+        circle.deviation_px,
+        options.field_deg,
+        options.out.display()
+    ))
+}
+
+/// Whole numbers joined by commas.
+fn numbers<const N: usize>(text: &str) -> Result<[u32; N], String> {
+    let all: Option<Vec<u32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    let all = all.and_then(|all| all.try_into().ok());
+    all.ok_or_else(|| format!("expected {N} whole numbers joined by commas"))
 }
 
 fn vignetting(options: &VignettingOptions) -> Result<(), Failure> {
@@ -230,6 +368,14 @@ fn report(calibrated: &Calibrated, out: &Path) -> String {
             text,
             "{:5.1} degrees from the axis: uncertainty {:.3} degrees, difference of the two halves {halves}",
             spread.angle_deg, spread.uncertainty_deg
+        );
+    }
+    if !calibrated.board.tells_mirror() {
+        let _ = writeln!(
+            text,
+            "a board of {} looks the same in a mirror: that the pictures are not mirrored cannot be told (boards of odd counts, such as 9x7, ChArUco \
+             and AprilGrid tell)",
+            calibrated.board
         );
     }
     let _ = writeln!(text, "wrote {}", out.display());

@@ -4,8 +4,9 @@ use super::{Failure, Serve, address, origin};
 use crate::config_file::{ConfigFile, Kept};
 use crate::probe::settings::{SETTINGS, wish_of};
 use crate::probe::{Config, Link};
+use crate::recorded::{Photometric, parse_photometric, read_photometric};
 use crate::server::{self, Access, Token};
-use crate::source::Spec;
+use crate::source::{PhotometricSource, Source, Spec};
 use std::fmt::Display;
 use std::io::{self, Write};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
@@ -22,6 +23,9 @@ pub(super) struct Plan {
     pub(super) hosts: Vec<String>,
     pub(super) origins: Vec<String>,
     pub(super) proxies: Vec<IpAddr>,
+    pub(super) photometric: Option<PathBuf>,
+    pub(super) calibration: Option<PathBuf>,
+    pub(super) light_class: Option<String>,
     pub(super) config: Config,
     pub(super) file: Option<ConfigFile>,
     /// Whether the probe is announced on the network.
@@ -82,6 +86,9 @@ impl Plan {
             origins: [origins.map_err(|e| wrong("allow_origins", &e))?, options.allow_origins.clone()]
                 .concat(),
             proxies: [proxies, options.trusted_proxies.clone()].concat(),
+            photometric: options.photometric.clone().or(kept.photometric),
+            calibration: options.calibration.clone().or(kept.calibration),
+            light_class: options.light_class.clone().or(kept.light_class),
             config: settings(options, kept.settings).map_err(|(key, why)| wrong(&key, &why))?,
             file,
             announce: kept.announce.unwrap_or(false),
@@ -91,6 +98,43 @@ impl Plan {
         plan.config.check().map_err(|e| Failure::usage(format!("settings: found {e}")))?;
         plan.check_reach(options.open || kept.open.unwrap_or(false))?;
         Ok(plan)
+    }
+
+    /// The source with its photometric calibration, where there is one.
+    pub(super) fn in_lux(&self, source: Box<dyn Source>) -> Result<Box<dyn Source>, Failure> {
+        let Some(photometric) = self.photometric_calibration()? else { return Ok(source) };
+        let source = PhotometricSource::new(source, photometric);
+        if !source.applies() {
+            let _ = writeln!(
+                io::stderr(),
+                "hemilux: photometric calibration: found another response, level or vignetting than the source's, lights are relative: \
+                 calibrate photometric anew"
+            );
+        }
+        Ok(Box::new(source))
+    }
+
+    /// The file that calibrations are written to.
+    pub(super) fn calibration_file(&self) -> Option<PathBuf> {
+        self.calibration.clone().or_else(|| self.source.lens())
+    }
+
+    /// The photometric calibration of the file that is named, or of the source's lens file.
+    fn photometric_calibration(&self) -> Result<Option<Photometric>, Failure> {
+        let class = self.light_class.as_deref();
+        if let Some(path) = &self.photometric {
+            return read_photometric(path, class).map(Some).map_err(Failure::new);
+        }
+        let lens = self.source.lens().map(|path| (std::fs::read_to_string(&path), path));
+        match lens {
+            Some((Ok(text), path)) if text.contains("[photometric]") => {
+                parse_photometric(&path, &text, class).map_err(Failure::new)
+            }
+            _ if class.is_some() => Err(Failure::usage(
+                "--light-class: found no photometric calibration, expected --photometric FILE",
+            )),
+            _ => Ok(None),
+        }
     }
 
     /// Refuses to listen beyond this machine without a token unless asked to.

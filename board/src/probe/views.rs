@@ -3,6 +3,7 @@
 use crate::calibration::{Burst, Calibration, Frame};
 use crate::light_set::OwnedSet;
 use crate::pipeline::Pipeline;
+use crate::source::Lux;
 use hemilux_core::light::Light;
 use hemilux_core::polar::{Grid, LatLongView};
 use std::sync::Arc;
@@ -20,6 +21,8 @@ pub struct BurstView {
     pub frames: Vec<Frame>,
     /// How to read the samples.
     pub calibration: Calibration,
+    /// The unit lux, whose factor `calibration` contains; `None` where the unit is relative.
+    pub lux: Option<Lux>,
 }
 
 /// The polar map of a frame with its lights.
@@ -93,12 +96,13 @@ pub struct Views {
 
 impl Views {
     /// Answers the requests for views of this frame; two atomic loads without requests.
-    pub(super) fn serve(&self, burst: &Burst, pipeline: &mut Pipeline, set: &OwnedSet) {
+    pub(super) fn serve(&self, burst: &Burst, pipeline: &mut Pipeline, set: &OwnedSet, lux: Option<Lux>) {
         self.bursts.serve(|| BurstView {
             frame: set.frame,
             before_ns: burst.before_ns,
             frames: burst.frames.clone(),
             calibration: *pipeline.calibration(),
+            lux,
         });
         self.maps.serve(|| {
             let polar = pipeline.map().polar;

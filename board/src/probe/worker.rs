@@ -11,7 +11,7 @@ use crate::clock;
 use crate::light_set::{self, OwnedSet};
 use crate::pipeline::{Pipeline, PipelineError};
 use crate::source::{Source, SourceError};
-use hemilux_core::wire::{Latency, LightSet};
+use hemilux_core::wire::{Latency, LightSet, Unit};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -116,6 +116,7 @@ impl Worker {
             encode: self.link.durations.encode_us(),
             ..processed.times.latency()
         };
+        let lux = self.source.lux();
         let made = LightSet {
             run: &self.link.run,
             frame: self.frames,
@@ -123,6 +124,8 @@ impl Worker {
             valid: true,
             sampler: name,
             requested,
+            unit: lux.map_or(Unit::Relative, |_| Unit::Lux),
+            unit_uncertainty: lux.map(|lux| lux.uncertainty),
             ..processed.light_set()
         };
         let durations = &self.link.durations;
@@ -138,7 +141,7 @@ impl Worker {
         self.tiers.sample(&self.link.tiers, &mut self.pipeline, &set);
         self.link.sets.publish(Arc::clone(&set));
         self.secondary.compare(&self.link.comparison, &mut self.pipeline, &set);
-        self.link.views.serve(&self.burst, &mut self.pipeline, &set);
+        self.link.views.serve(&self.burst, &mut self.pipeline, &set, lux);
         Ok(())
     }
 

@@ -24,6 +24,9 @@ struct LensManifest {
     sensor: Option<SensorTable>,
     /// How the lens came about; `hemilux calibrate` writes and reads it.
     calibration: Option<Table>,
+    /// The unit of radiance: `hemilux calibrate photometric` writes it.
+    #[allow(dead_code, reason = "read by parse_photometric")]
+    photometric: Option<Table>,
 }
 
 fn version_one() -> i64 {

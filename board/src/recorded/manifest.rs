@@ -1,6 +1,7 @@
 //! `burst.toml` and `sequence.toml`.
 
 use super::lens_table::LensTable;
+use super::shown::Shown;
 use super::{BurstFolder, MAX_MANIFEST_BYTES, RecordedError};
 use crate::calibration::Calibration;
 use hemilux_core::format::{Format, Layout, Matrix, Yuv};
@@ -138,6 +139,16 @@ struct SequenceEntry {
 /// Reads a TOML file of bounded size.
 pub(super) fn read<T: for<'de> Deserialize<'de>>(path: &Path) -> Result<T, RecordedError> {
     parse(path, &read_text(path)?)
+}
+
+/// Reads from the `burst.toml` in `folder` which part of the sensor its pictures show, where it says so.
+///
+/// # Errors
+/// [`RecordedError`].
+pub fn read_shown(folder: &Path) -> Result<Option<Shown>, RecordedError> {
+    let path = folder.join("burst.toml");
+    let manifest: Manifest = read(&path)?;
+    manifest.lens.shown(&path)
 }
 
 /// Reads a text file of bounded size.

@@ -12,6 +12,7 @@ mod jpeg;
 mod lens;
 mod lens_table;
 mod manifest;
+mod photometric;
 mod shown;
 
 use crate::calibration::{Burst, Calibration, Frame, Pixels};
@@ -27,6 +28,10 @@ pub use hemilux_core::Levels;
 #[cfg(feature = "v4l2")]
 pub(crate) use jpeg::is_whole as is_whole_jpeg;
 pub use lens::{LensFile, lens_table, parse_lens, read_lens};
+pub use manifest::read_shown;
+pub use photometric::{
+    ANY_CLASS, Photometric, parse_photometric, photometric_camera, radiometry, read_photometric,
+};
 pub use shown::Shown;
 
 /// Largest `burst.toml`, `sequence.toml` or lens file, bytes.

@@ -12,6 +12,7 @@ use crate::timing::Timings;
 use axum::extract::State;
 use axum::http::header::CONTENT_TYPE;
 use axum::response::{IntoResponse, Response};
+use hemilux_core::color::luminance;
 use hemilux_core::wire::Latency;
 use std::fmt::Write;
 use std::sync::atomic::Ordering::Relaxed;
@@ -74,9 +75,33 @@ fn frames(text: &mut String, set: &OwnedSet, age_ms: u64) {
     for (stage, us) in Latency::NAMES.iter().zip(set.latency.all()) {
         let _ = writeln!(text, "hemilux_stage_seconds{{stage=\"{stage}\"}} {}", f64::from(us) / 1e6);
     }
+    light(text, set);
+}
+
+/// What falls on a level surface, and what comes from all directions.
+fn light(text: &mut String, set: &OwnedSet) {
+    let channels = |text: &mut String, name: &str, values: [f32; 3]| {
+        for (channel, v) in ["red", "green", "blue"].iter().zip(values) {
+            let _ = writeln!(text, "hemilux_{name}{{channel=\"{channel}\"}} {v}");
+        }
+    };
     head(text, "irradiance", "gauge", "Horizontal irradiance of the last frame, in the light sets' unit.");
-    for (channel, v) in ["red", "green", "blue"].iter().zip(set.horizontal_irradiance) {
-        let _ = writeln!(text, "hemilux_irradiance{{channel=\"{channel}\"}} {v}");
+    channels(text, "irradiance", set.horizontal_irradiance);
+    head(
+        text,
+        "scalar_flux",
+        "gauge",
+        "Radiance summed over all directions without a cosine, in the same unit.",
+    );
+    channels(text, "scalar_flux", set.scalar_flux);
+    if let Some(uncertainty) = set.unit_uncertainty {
+        let lux = |rgb| f64::from(luminance(rgb));
+        let what = "Illuminance of a level surface.";
+        one(text, "horizontal_illuminance_lux", "gauge", what, lux(set.horizontal_irradiance));
+        let what = "Illuminance from all directions without a cosine.";
+        one(text, "scalar_illuminance_lux", "gauge", what, lux(set.scalar_flux));
+        let what = "Relative uncertainty of the unit lux, with 95 % coverage.";
+        one(text, "unit_uncertainty_ratio", "gauge", what, uncertainty.into());
     }
 }
 

@@ -6,6 +6,7 @@
 mod access;
 mod answer;
 mod attempts;
+mod calibration;
 mod change;
 mod client;
 mod client_key;
@@ -57,6 +58,7 @@ use proxy::Proxies;
 use screenshot::Screenshots;
 use sets::EncodedSets;
 use std::net::IpAddr;
+use std::path::PathBuf;
 use std::sync::Arc;
 use tokio::sync::watch;
 
@@ -73,13 +75,22 @@ pub struct Options {
     pub proxies: Vec<IpAddr>,
     /// The file that `PATCH /v1/config?save=1` writes settings to.
     pub file: Option<ConfigFile>,
+    /// The lens file that calibrations made on the page are written to.
+    pub calibration_file: Option<PathBuf>,
 }
 
 impl Default for Options {
     /// Access from this machine only, without a token.
     fn default() -> Self {
         let (origins, proxies) = (Vec::new(), Vec::new());
-        Self { hosts: KnownHosts::loopback(), access: Access::Open, origins, proxies, file: None }
+        Self {
+            hosts: KnownHosts::loopback(),
+            access: Access::Open,
+            origins,
+            proxies,
+            file: None,
+            calibration_file: None,
+        }
     }
 }
 
@@ -90,6 +101,8 @@ struct HandlerState {
     link: Arc<Link>,
     answers: AnswerCaches,
     admission: Admission,
+    /// The calibration in progress.
+    calibration: calibration::Calibrations,
     counts: Arc<Counts>,
     /// The file to which settings are saved; `None` if the probe was started without one.
     file: Option<ConfigFile>,
@@ -144,7 +157,7 @@ impl App {
 /// All routes, with the checks of `options` before them.
 #[must_use]
 pub fn app(link: Arc<Link>, options: Options) -> App {
-    let Options { hosts, access, origins, proxies, file } = options;
+    let Options { hosts, access, origins, proxies, file, calibration_file } = options;
     let (stop, counts) = (Arc::new(watch::Sender::new(false)), Arc::new(Counts::default()));
     let (memory, proxies) = (Arc::new(AnswerMemory::default()), Arc::new(Proxies::new(&proxies)));
     let attempts = Attempts::default();
@@ -152,6 +165,7 @@ pub fn app(link: Arc<Link>, options: Options) -> App {
         link,
         answers: AnswerCaches::new(&memory),
         admission: Admission { hosts, access, attempts, origins, proxies: Arc::clone(&proxies) },
+        calibration: calibration::Calibrations::new(calibration_file),
         counts: Arc::clone(&counts),
         file,
         stop: Arc::clone(&stop),

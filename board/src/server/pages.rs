@@ -9,6 +9,7 @@ use axum::extract::State;
 use axum::http::header::CACHE_CONTROL;
 use axum::response::{Html, IntoResponse, Response};
 use hemilux_core::SamplerKind;
+use hemilux_core::color::luminance;
 use hemilux_core::wire::Latency;
 use std::fmt::Write;
 
@@ -65,7 +66,18 @@ fn measured(set: &OwnedSet, age_ms: u64, rate_hz: f32) -> Vec<Row> {
         ("lights", set.lights.len().to_string()),
         ("clipped", percent(set.clipped)),
         ("unseen", percent(set.unseen)),
+        ("horizontal illuminance", light(set, set.horizontal_irradiance)),
+        ("scalar flux, without a cosine", light(set, set.scalar_flux)),
     ]
+}
+
+/// Luminance with its unit and what is known of it.
+fn light(set: &OwnedSet, rgb: [f32; 3]) -> String {
+    let y = luminance(rgb);
+    match set.unit_uncertainty {
+        Some(uncertainty) => format!("{y:.1} lux within {:.1} %", 100.0 * uncertainty),
+        None => format!("{y:.4} (relative)"),
+    }
 }
 
 /// What each stage took and may take.

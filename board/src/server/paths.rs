@@ -1,7 +1,7 @@
 //! The paths of all requests.
 
 /// All paths; `/openapi.json` describes the same.
-pub(super) const PATHS: [&str; 29] = [
+pub(super) const PATHS: [&str; 30] = [
     "/",
     "/page/{name}",
     "/info",
@@ -24,6 +24,7 @@ pub(super) const PATHS: [&str; 29] = [
     "/v1/socket",
     "/v1/compare",
     "/v1/config",
+    "/v1/calibration",
     "/v1/status",
     "/v1/map.png",
     "/v1/map.exr",

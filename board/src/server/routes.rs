@@ -3,8 +3,8 @@
 use super::format::Format;
 use super::paths::PATHS;
 use super::{
-    Context, access, change, client, compare, config, events, headers, identify, lights, metrics, page,
-    pages, pictures, screenshot, sphere, status,
+    Context, access, calibration, change, client, compare, config, events, headers, identify, lights,
+    metrics, page, pages, pictures, screenshot, sphere, status,
 };
 use axum::Router;
 use axum::extract::{MatchedPath, Request, State};
@@ -44,6 +44,7 @@ pub(super) fn router(context: Context) -> Router {
         .route("/v1/socket", get(events::socket).head(not_allowed))
         .route("/v1/compare", get(compare::compare).head(not_allowed))
         .route("/v1/config", get(config::show).patch(config::change))
+        .route("/v1/calibration", get(calibration::show).head(not_allowed).post(calibration::act))
         .route("/v1/status", get(status::status))
         .route("/v1/map.png", get(pictures::map_png).head(not_allowed))
         .route("/v1/map.exr", get(pictures::map_exr).head(not_allowed))

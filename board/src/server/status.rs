@@ -21,6 +21,8 @@ pub(super) async fn status(State(context): State<Context>, sender: Sender) -> Re
         json!({
             "frame": set.frame, "age_ms": link.staleness(set).age_ms, "rate_hz": timings.rate_hz(), "lights": set.lights.len(),
             "sampler": set.sampler, "clipped": set.clipped, "unseen": set.unseen, "estimated_error": set.estimated_error,
+            "unit": set.unit.name(), "unit_uncertainty": set.unit_uncertainty,
+            "horizontal_irradiance": set.horizontal_irradiance, "scalar_flux": set.scalar_flux,
             "latency_us": latency, "overrun": set.overrun.names().collect::<Vec<_>>(),
         })
     });

@@ -5,6 +5,8 @@ pub mod camera;
 #[cfg(feature = "maps")]
 pub mod env;
 mod pace;
+#[cfg(feature = "server")]
+mod photometric;
 #[cfg(all(feature = "v4l2", target_os = "linux"))]
 pub mod pipe;
 mod replay;
@@ -12,6 +14,8 @@ mod scene;
 mod sensor;
 
 pub use pace::Pace;
+#[cfg(feature = "server")]
+pub use photometric::PhotometricSource;
 pub use replay::{MAX_RECORDING_BYTES, ReplaySource};
 pub use scene::SceneSource;
 
@@ -22,6 +26,15 @@ use crate::scene::{self as scenes, NAMES};
 use hemilux_core::Exposure;
 use std::path::{Path, PathBuf};
 
+/// The unit of radiance in cd/m2 and of irradiance in lux.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lux {
+    /// Lux of what would be irradiance 1 without the photometric calibration.
+    pub factor: f64,
+    /// Relative uncertainty of `factor`, with 95 % coverage.
+    pub uncertainty: f32,
+}
+
 /// Gives one burst after the other.
 pub trait Source: Send {
     /// What is known of its camera. It changes only with a burst: that of a camera which came later than the source was opened.
@@ -29,6 +42,11 @@ pub trait Source: Send {
 
     /// Exposures of its bursts, ascending.
     fn exposures(&self) -> Vec<Exposure>;
+
+    /// How its radiance came to be in cd/m2; `None` where radiance is relative.
+    fn lux(&self) -> Option<Lux> {
+        None
+    }
 
     /// Why its exposures cannot be changed, if so.
     fn fixed_exposures(&self) -> Option<&'static str> {
@@ -152,6 +170,22 @@ impl std::str::FromStr for Spec {
             #[cfg(not(all(feature = "v4l2", target_os = "linux")))]
             Some(("v4l2" | "pipe", _)) => Err(OpenError::NoV4l2(text.into())),
             _ => Err(OpenError::Unknown(text.into())),
+        }
+    }
+}
+
+impl Spec {
+    /// The lens file that it names.
+    #[must_use]
+    pub fn lens(&self) -> Option<PathBuf> {
+        match self {
+            Self::Scene(_) | Self::Replay(_) => None,
+            #[cfg(feature = "maps")]
+            Self::Env(_) => None,
+            #[cfg(all(feature = "v4l2", target_os = "linux"))]
+            Self::Camera(spec) => spec.lens(),
+            #[cfg(all(feature = "v4l2", target_os = "linux"))]
+            Self::Pipe(spec) => spec.lens(),
         }
     }
 }

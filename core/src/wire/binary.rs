@@ -277,6 +277,7 @@ impl<'a> BinarySet<'a> {
             sampler: self.sampler,
             requested: u32_at(self.head, 40),
             unit: if flag(LUX) { Unit::Lux } else { Unit::Relative },
+            unit_uncertainty: None,
             coordinates: AXES.get(usize::from(byte_at(self.head, 49))).copied().unwrap_or_default(),
             lights: &[],
             ambient_sh: None,

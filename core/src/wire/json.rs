@@ -39,9 +39,16 @@ pub fn json<W: Write>(set: &LightSet<'_>, w: &mut W) -> Result<(), W::Error> {
     put(w, ",\"sampler\":")?;
     string(w, set.sampler)?;
     count(w, ",\"requested\":", set.requested.into())?;
-    for part in
-        [",\"unit\":\"", set.unit.name(), "\",\"coordinates\":\"", set.coordinates.name(), "\",\"lights\":["]
-    {
+    put(w, ",\"unit\":\"")?;
+    put(w, set.unit.name())?;
+    if let Some(uncertainty) = set.unit_uncertainty {
+        put(w, "\",\"unit_uncertainty\":")?;
+        decimal(w, uncertainty)?;
+        put(w, ",\"coordinates\":\"")?;
+    } else {
+        put(w, "\",\"coordinates\":\"")?;
+    }
+    for part in [set.coordinates.name(), "\",\"lights\":["] {
         put(w, part)?;
     }
     for (i, one) in set.lights.iter().enumerate() {

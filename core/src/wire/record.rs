@@ -45,6 +45,8 @@ pub struct Record<Text, Lights, Harmonics> {
     pub requested: u32,
     /// Unit of the irradiances.
     pub unit: Unit,
+    /// Relative uncertainty of the unit with 95 % coverage; `None` where the unit is relative. The binary form omits it.
+    pub unit_uncertainty: Option<f32>,
     /// Coordinates to which the encoders convert directions and harmonics.
     pub coordinates: Coordinates,
     /// The lights, in the probe's axes.
@@ -111,6 +113,7 @@ impl<Text: AsRef<str>, Lights: AsRef<[Light]>, Harmonics: Borrow<Sh9>> Record<Te
             sampler: self.sampler.as_ref(),
             requested: self.requested,
             unit: self.unit,
+            unit_uncertainty: self.unit_uncertainty,
             coordinates: self.coordinates,
             lights: self.lights.as_ref(),
             ambient_sh: self.ambient_sh.as_ref().map(Borrow::borrow),
@@ -147,6 +150,7 @@ impl<Text, Lights, Harmonics> Record<Text, Lights, Harmonics> {
             valid: self.valid,
             requested: self.requested,
             unit: self.unit,
+            unit_uncertainty: self.unit_uncertainty,
             coordinates: self.coordinates,
             left_out: self.left_out,
             scalar_flux: self.scalar_flux,
@@ -172,6 +176,7 @@ impl LightSet<'_> {
         sampler: "",
         requested: 0,
         unit: Unit::Relative,
+        unit_uncertainty: None,
         coordinates: Coordinates::Probe,
         lights: &[],
         ambient_sh: None,

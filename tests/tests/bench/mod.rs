@@ -1,6 +1,7 @@
 //! What the server's tests share: probes with servers, and requests as bytes.
 #![allow(dead_code, reason = "each test file uses its own part")]
 
+pub mod board;
 pub mod browser;
 
 use hemilux::calibration::{Burst, Calibration};

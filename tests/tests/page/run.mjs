@@ -2,12 +2,13 @@
 
 import { login, restart } from "./absence.mjs";
 import { launch } from "./browser.mjs";
+import { calibrate } from "./calibration.mjs";
 import { foreignBasic, foreignCookie, foreignOpen } from "./foreign.mjs";
 import { compare, controls, live } from "./looks.mjs";
 import { save, settings } from "./settings.mjs";
 import { shading, speed } from "./speed.mjs";
 
-const SCENARIOS = { live, controls, settings, compare, save, shading, speed, login, restart, foreignOpen, foreignBasic, foreignCookie };
+const SCENARIOS = { live, controls, settings, compare, save, shading, speed, login, restart, foreignOpen, foreignBasic, foreignCookie, calibrate };
 const [scenario, url, token] = process.argv.slice(2);
 
 const browser = await launch();

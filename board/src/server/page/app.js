@@ -1,6 +1,7 @@
 // Puts the page together: light sets come in as events, pictures and the status are asked for while the page is looked at.
 
 import { Hemilux } from "/client.js";
+import { Calibration } from "./calibration.js";
 import { Burst } from "./burst.js";
 import { Comparison } from "./compare.js";
 import { fetchMap, fetchMask } from "./map.js";
@@ -28,7 +29,7 @@ const sky = new Sky(by("sky-canvas"), by("sky-tip")), otherSky = new Sky(by("sky
 const numbers = new Numbers(by("tiles")), times = new Times(by("latency"));
 const settings = new Settings(by("settings-form"), by("save"), by("save-text"));
 const table = new Table(by("rows"), by("rows-text"), by("list").querySelector("details"));
-const burst = new Burst(by("burst"));
+const burst = new Burst(by("burst")), calibration = new Calibration();
 const names = [...document.querySelectorAll("[data-of]")];
 const comparison = new Comparison({
   on: by("compare-on"), sampler: by("compare-sampler"), lights: by("compare-lights"), error: by("compare-error"), result: by("compare-result"),
@@ -112,7 +113,7 @@ async function look() {
   times.status(found);
   if (mayAll !== found.allowed) {
     mayAll = found.allowed;
-    settings.locked = comparison.locked = !mayAll;
+    settings.locked = comparison.locked = calibration.locked = !mayAll;
     by("login").hidden = mayAll;
     if (!mayAll) forget();
     wake();
@@ -129,6 +130,7 @@ function forget() {
   sky.map = sky.mask = otherSky.map = otherSky.mask = null;
   if (scene) scene.map = null;
   burst.clear();
+  calibration.clear();
 }
 
 async function logIn(event) {
@@ -229,6 +231,7 @@ repeat(MAP_PAUSE, async () => {
 // The sky is shown first, where there is one to be had: without a GPU the scene is long in the making, and the probe makes one picture at a time.
 Promise.race([new Promise(done => { shown = done; }), sleep(SKY_FIRST)]).then(() => {
   repeat(MASK_PAUSE, async () => { const mask = await fetchMask(); if (mask && mayAll) skies(one => { one.mask = mask; }); });
+  repeat(MAP_PAUSE, () => calibration.refresh());
   repeat(2 * STATUS_PAUSE, () => burst.load());
   setTimeout(lightScene);
 });

@@ -21,6 +21,8 @@ static FILES: &[(&str, &str, &str)] = files! {
     "icon.svg": SVG,
     "app.js": JAVASCRIPT,
     "burst.js": JAVASCRIPT,
+    "calibration.js": JAVASCRIPT,
+    "outline.js": JAVASCRIPT,
     "compare.js": JAVASCRIPT,
     "fields.js": JAVASCRIPT,
     "figures.js": JAVASCRIPT,

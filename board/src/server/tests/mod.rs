@@ -1,5 +1,6 @@
 //! Routes without sockets.
 
+mod calibration;
 mod compare;
 mod openapi;
 mod pictures;

@@ -70,7 +70,10 @@ async fn what_is_described_as_protected_is() {
             protected += usize::from(is_described);
         }
     }
-    assert_eq!(protected, 13, "two ways to change, the config, the comparison, and nine with pictures");
+    assert_eq!(
+        protected, 15,
+        "two ways to change, the config, the comparison, two of the calibration, and nine with pictures"
+    );
 }
 
 /// Whether `value` has all that `schema` requires, references followed.
@@ -131,6 +134,7 @@ async fn answers_have_what_their_schemas_name() {
         ("/v1/config", "Config"),
         ("/v1/compare?algorithm=q2tree", "Comparison"),
         ("/v1/xr", "Estimate"),
+        ("/v1/calibration", "CalibrationState"),
     ] {
         let got = fetch(&app, "GET", path, &[], "").await;
         check(&document, &document["components"]["schemas"][schema], &got.json(), schema);

@@ -41,6 +41,12 @@ pub struct PipeSpec {
 }
 
 impl PipeSpec {
+    /// The lens file.
+    #[must_use]
+    pub fn lens(&self) -> Option<PathBuf> {
+        self.lens.clone()
+    }
+
     /// Reads `text`, what follows `pipe:`.
     ///
     /// # Errors

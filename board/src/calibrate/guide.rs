@@ -1,0 +1,252 @@
+//! Calibration from a running camera: which pictures are taken, and where the board is still missing.
+
+use super::detect::{self, Found};
+use super::lens::{self, Picture};
+use super::pose::Sighting;
+use super::{Calibrated, Grey, LensRefusal, Request};
+use std::f64::consts::TAU;
+
+/// Most pictures that are kept.
+pub const MOST_VIEWS: usize = 40;
+
+/// Most bytes of the pictures that are kept.
+const MOST_BYTES: usize = 160 << 20;
+
+/// Rings and sectors of the view, over which boards are to be spread.
+pub const RINGS: usize = 3;
+/// Sectors of each ring.
+pub const SECTORS: usize = 8;
+
+/// Largest motion of the board between two pictures of a still one, in picture widths.
+const STILL: f64 = 0.0015;
+
+/// Least motion from all pictures that were taken, in picture widths.
+const NEW: f64 = 0.05;
+
+/// Least slope of an edge in a sharp picture, as part of its contrast by a pixel.
+const SHARP: f64 = 0.12;
+
+/// What came of a picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Offer {
+    /// No board was seen.
+    Nothing,
+    /// The board moves.
+    Moving,
+    /// The picture is blurred.
+    Blurred,
+    /// The board stands where it stood before.
+    Known,
+    /// The picture has another size than those before.
+    OtherSize,
+    /// As many pictures as are kept.
+    Full,
+    /// The picture was taken.
+    Taken,
+}
+
+impl Offer {
+    /// What to do, for people.
+    #[must_use]
+    pub fn advice(self) -> &'static str {
+        match self {
+            Self::Nothing => "no board in view: show it, lit evenly, without glare",
+            Self::Moving => "hold the board still",
+            Self::Blurred => "the picture is blurred: hold the board still and farther away, or add light",
+            Self::Known => "move the board to another place or turn it",
+            Self::OtherSize => "the camera changed its mode: start again",
+            Self::Full => "enough pictures: compute the lens",
+            Self::Taken => "taken",
+        }
+    }
+}
+
+/// How many corners lie in each part of the view.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ViewCoverage {
+    /// By ring, from the middle to the rim, and sector, clockwise from the right.
+    pub corners: [[usize; SECTORS]; RINGS],
+}
+
+/// Fewest corners of a part that counts as covered.
+const FEWEST_CORNERS: usize = 6;
+
+impl ViewCoverage {
+    /// Whether a part is covered.
+    #[must_use]
+    pub fn has(&self, ring: usize, sector: usize) -> bool {
+        // The middle ring's sectors are small: they count together.
+        let own = self.corners[ring][sector];
+        let inner = || self.corners[0].iter().sum::<usize>() >= 2 * FEWEST_CORNERS;
+        own >= FEWEST_CORNERS || (ring == 0 && inner())
+    }
+
+    /// The share of the parts that are covered.
+    #[must_use]
+    pub fn share(&self) -> f64 {
+        let parts = (0..RINGS).flat_map(|ring| (0..SECTORS).map(move |sector| (ring, sector)));
+        parts.filter(|(ring, sector)| self.has(*ring, *sector)).count() as f64 / (RINGS * SECTORS) as f64
+    }
+
+    /// Where the board is missing most, for people; none where it has been everywhere.
+    #[must_use]
+    pub fn lacking(&self) -> Option<String> {
+        const PLACES: [&str; SECTORS] = [
+            "right",
+            "lower right",
+            "lower side",
+            "lower left",
+            "left",
+            "upper left",
+            "upper side",
+            "upper right",
+        ];
+        if !self.has(0, 0) {
+            return Some("the middle of the view".into());
+        }
+        for ring in [2, 1] {
+            let missing = (0..SECTORS).filter(|sector| !self.has(ring, *sector));
+            if let Some(sector) = missing.min_by_key(|sector| self.corners[ring][*sector]) {
+                let place = if ring == 2 { "the rim of the view" } else { "half way to the rim" };
+                return Some(format!("{place}, {}", PLACES[sector]));
+            }
+        }
+        None
+    }
+}
+
+/// Takes pictures of a board from a stream.
+#[derive(Clone, Debug)]
+pub struct Guide {
+    request: Request,
+    size: Option<[usize; 2]>,
+    pictures: Vec<Picture>,
+    found: Vec<Found>,
+    /// The board of the picture before.
+    last: Vec<Sighting>,
+    /// Pictures that have been offered.
+    offered: usize,
+}
+
+impl Guide {
+    /// Nothing taken yet.
+    #[must_use]
+    pub fn new(request: Request) -> Self {
+        Self { request, size: None, pictures: Vec::new(), found: Vec::new(), last: Vec::new(), offered: 0 }
+    }
+
+    /// Pictures that were taken.
+    #[must_use]
+    pub fn views(&self) -> usize {
+        self.pictures.len()
+    }
+
+    /// Pixels of the corners of each picture that was taken.
+    #[must_use]
+    pub fn corners(&self) -> Vec<Vec<[f64; 2]>> {
+        self.found.iter().map(|found| found.seen.iter().map(|s| [s.at.x, s.at.y]).collect()).collect()
+    }
+
+    /// Pixels of the corners of the last picture that was offered.
+    #[must_use]
+    pub fn last(&self) -> Vec<[f64; 2]> {
+        self.last.iter().map(|s| [s.at.x, s.at.y]).collect()
+    }
+
+    /// Takes the picture if its board is sharp, still and new.
+    pub fn offer(&mut self, grey: Grey) -> Offer {
+        self.offered += 1;
+        if self.size.is_some_and(|size| size != grey.size()) {
+            return Offer::OtherSize;
+        }
+        let found = detect::board(&grey, &self.request.board).unwrap_or_default();
+        let before = std::mem::replace(&mut self.last, found.seen.clone());
+        let offer = self.judge(&grey, &found, &before);
+        if offer == Offer::Taken {
+            self.size = Some(grey.size());
+            self.pictures.push(Picture { name: format!("picture {}", self.offered), grey });
+            self.found.push(found);
+        }
+        offer
+    }
+
+    fn judge(&self, grey: &Grey, found: &Found, before: &[Sighting]) -> Offer {
+        let width = grey.size()[0] as f64;
+        if found.seen.is_empty() {
+            return Offer::Nothing;
+        }
+        if motion(&found.seen, before).is_none_or(|moved| moved > STILL * width) {
+            return Offer::Moving;
+        }
+        if sharpness(grey, &found.seen) < SHARP {
+            return Offer::Blurred;
+        }
+        let known = |other: &Found| motion(&found.seen, &other.seen).is_some_and(|moved| moved < NEW * width);
+        if self.found.iter().any(known) {
+            return Offer::Known;
+        }
+        let bytes = (self.pictures.len() + 1) * grey.pixels().len();
+        if self.pictures.len() >= MOST_VIEWS || bytes > MOST_BYTES { Offer::Full } else { Offer::Taken }
+    }
+
+    /// Forgets the picture that was taken last.
+    pub fn undo(&mut self) {
+        self.pictures.pop();
+        self.found.pop();
+    }
+
+    /// Where boards have been.
+    #[must_use]
+    pub fn coverage(&self) -> ViewCoverage {
+        let mut coverage = ViewCoverage::default();
+        let Some([width, height]) = self.size else { return coverage };
+        let middle = [0.5 * (width as f64 - 1.0), 0.5 * (height as f64 - 1.0)];
+        // Of the usual image circle, which fills the shorter side.
+        let radius = 0.5 * width.min(height) as f64;
+        for s in self.found.iter().flat_map(|found| &found.seen) {
+            let (x, y) = (s.at.x - middle[0], s.at.y - middle[1]);
+            let ring = (x.hypot(y) / radius * RINGS as f64) as usize;
+            let sector = (y.atan2(x).rem_euclid(TAU) / TAU * SECTORS as f64 + 0.5) as usize;
+            coverage.corners[ring.min(RINGS - 1)][sector % SECTORS] += 1;
+        }
+        coverage
+    }
+
+    /// The lens of the pictures that were taken.
+    ///
+    /// # Errors
+    /// [`LensRefusal`].
+    pub fn calibrate(&self) -> Result<Calibrated, LensRefusal> {
+        let Some(size) = self.size.filter(|_| self.pictures.len() >= 3) else {
+            return Err(LensRefusal::FewPictures(self.pictures.len()));
+        };
+        lens::fitted(&self.pictures, &self.found, &self.request, size)
+    }
+}
+
+/// The mean way of the corners that both have; none where they share less than half, as boards that were found otherwise.
+fn motion(now: &[Sighting], before: &[Sighting]) -> Option<f64> {
+    let way =
+        |s: &Sighting| before.iter().find(|other| other.cell == s.cell).map(|other| (other.at - s.at).norm());
+    let ways: Vec<f64> = now.iter().filter_map(way).collect();
+    (2 * ways.len() >= now.len().max(1)).then(|| ways.iter().sum::<f64>() / ways.len() as f64)
+}
+
+/// The median slope of the edges between neighbouring corners, as part of their contrast by a pixel.
+fn sharpness(grey: &Grey, seen: &[Sighting]) -> f64 {
+    let right = |s: &Sighting| seen.iter().find(|other| other.cell == [s.cell[0] + 1, s.cell[1]]).copied();
+    let slope = |s: &Sighting| {
+        let other = right(s)?;
+        let (middle, along) = (0.5 * (s.at + other.at), other.at - s.at);
+        let across = nalgebra::Vector2::new(-along.y, along.x).normalize();
+        let reach = (0.3 * along.norm()).clamp(2.0, 8.0);
+        let code = |t: f64| grey.sample(middle + across * t);
+        let contrast = (code(reach) - code(-reach)).abs();
+        let steps = (-8..8).map(|i| f64::from(i) * 0.5).filter(|t| t.abs() < reach);
+        let steepest = steps.map(|t| (code(t + 0.5) - code(t - 0.5)).abs()).fold(0.0, f64::max);
+        (contrast > 12.0).then(|| steepest / contrast)
+    };
+    let mut slopes: Vec<f64> = seen.iter().filter_map(slope).collect();
+    slopes.sort_by(f64::total_cmp);
+    slopes.get(slopes.len() / 2).copied().unwrap_or(0.0)
+}

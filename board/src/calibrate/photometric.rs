@@ -1,0 +1,447 @@
+//! Measurement of the photometric factor: lux of irradiance 1, and candela per square metre of radiance 1.
+
+use crate::calibration::{Burst, Calibration};
+use crate::pipeline::{Pipeline, PipelineError, Settings};
+use crate::source::{Source, SourceError};
+use glam::{DVec2, DVec3};
+use hemilux_core::color::luminance;
+use hemilux_core::{healpix, read_rgb_row};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::time::{Duration, Instant};
+
+/// What the luxmeter was used for.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Method {
+    /// The meter lies beside the probe, level with it.
+    Direct {
+        /// Its reading, lux.
+        lux: f64,
+        /// What the part of the hemisphere that the lens does not see is taken to hold.
+        unseen: Unseen,
+    },
+    /// The meter lies on a matt patch that the probe sees.
+    Indirect {
+        /// Outline of the patch, pixels: at least three corners in order.
+        outline: Vec<DVec2>,
+        /// Share of the light that the patch reflects, 0 to 1.
+        reflectance: f64,
+        /// Illuminance of the patch, lux.
+        lux: f64,
+    },
+}
+
+impl Method {
+    /// The name in calibration files.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Direct { .. } => "direct",
+            Self::Indirect { .. } => "indirect",
+        }
+    }
+}
+
+/// The light that is taken to come from the part of the hemisphere that the lens does not see.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Unseen {
+    /// At each azimuth, the radiance at the rim of the field of view.
+    #[default]
+    Rim,
+    /// The mean radiance of what is seen.
+    Average,
+    /// None.
+    Dark,
+}
+
+/// Why nothing was measured: one line that says what to do.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum PhotometricRefusal {
+    /// The source gave no bursts.
+    #[error("source: found {0}, expected bursts")]
+    Source(String),
+    /// The calibration makes no map.
+    #[error("{0}")]
+    Pipeline(String),
+    /// Light beyond the shortest exposure.
+    #[error(
+        "found {percent:.4} % of the hemisphere clipped in the shortest exposure, expected none: add a shorter exposure, or measure in other light"
+    )]
+    Clipped {
+        /// Share of the hemisphere.
+        percent: f64,
+    },
+    /// A patch that is too bright.
+    #[error(
+        "--patch: found pixels that clip in the shortest exposure, expected none: add a shorter exposure, or light the patch less"
+    )]
+    PatchClips,
+    /// No light.
+    #[error("found no light, expected a lit scene: {0}")]
+    Dark(&'static str),
+    /// An outline that is no patch.
+    #[error(
+        "--patch: found an outline that holds {texels} texels of the map, expected at least {least}: give the corners of a larger patch in order, inside the image circle"
+    )]
+    Outline {
+        /// Texels inside.
+        texels: usize,
+        /// Fewest.
+        least: usize,
+    },
+    /// The light changed.
+    #[error(
+        "found light that varied by {percent:.1} % between bursts, expected at most 10: wait for steady light, and keep people and shadows away"
+    )]
+    Unsteady {
+        /// Standard deviation of the bursts.
+        percent: f64,
+    },
+}
+
+impl From<PipelineError> for PhotometricRefusal {
+    fn from(error: PipelineError) -> Self {
+        Self::Pipeline(error.to_string())
+    }
+}
+
+/// One measurement of the factor; uncertainties are standard deviations.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FactorReading {
+    /// `direct` or `indirect`.
+    pub method: String,
+    /// Lux of irradiance 1.
+    pub factor: f64,
+    /// Relative uncertainty of this reading alone: noise, unevenness, the unseen part.
+    pub own: f64,
+    /// Relative uncertainty that readings with the same meter share.
+    pub shared: f64,
+    /// Share of a level surface's light that comes from the part of the hemisphere that the lens does not see, if all of it is equally bright.
+    pub unseen: f64,
+}
+
+/// Mean radiance and how far it is known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Level {
+    value: f64,
+    /// Standard deviation.
+    deviation: f64,
+}
+
+/// Largest relative standard deviation between bursts.
+const MOST_UNSTEADY: f64 = 0.10;
+
+/// Largest clipped share of the hemisphere: below the solid angle of one pixel of most cameras.
+const MOST_CLIPPED: f64 = 1e-6;
+
+/// Order of the map that is measured: texels of half a degree, or the finest that the pixels fill.
+const ORDERS: [u8; 4] = [7, 6, 5, 4];
+
+/// How long bursts are waited for.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+/// Measures the factor over `bursts` bursts of `source`, whose radiance must be relative; `shared` is the relative standard deviation of
+/// the meter (and, for a patch, of its reflectance).
+///
+/// # Errors
+/// [`PhotometricRefusal`].
+pub fn measure(
+    source: &mut dyn Source,
+    method: &Method,
+    bursts: usize,
+    shared: f64,
+) -> Result<FactorReading, PhotometricRefusal> {
+    let mut burst = Burst::default();
+    next(source, &mut burst)?;
+    let calibration = *source.calibration();
+    let mut pipeline = pipeline(&calibration, source)?;
+    let view = View::of(&calibration);
+    let mut levels = Vec::new();
+    for i in 0..bursts.max(1) {
+        if i > 0 {
+            next(source, &mut burst)?;
+        }
+        levels.push(level(&mut pipeline, &burst, &view, method)?);
+    }
+    combined(&levels, method, shared, view.unseen)
+}
+
+fn next(source: &mut dyn Source, burst: &mut Burst) -> Result<(), PhotometricRefusal> {
+    let began = Instant::now();
+    loop {
+        match source.next(burst) {
+            Ok(()) => return Ok(()),
+            Err(SourceError::NotYet) if began.elapsed() < PATIENCE => {}
+            Err(error) => return Err(PhotometricRefusal::Source(error.to_string())),
+        }
+    }
+}
+
+/// A pipeline with the finest map that the pixels fill.
+fn pipeline(calibration: &Calibration, source: &dyn Source) -> Result<Pipeline, PhotometricRefusal> {
+    let make = |order: u8| {
+        let settings = Settings { order: Some(order), ..Settings::default() };
+        Pipeline::try_new(*calibration, &source.exposures(), settings)
+    };
+    let mut made = make(ORDERS[0]);
+    for order in &ORDERS[1..] {
+        if matches!(made, Err(PipelineError::PixelTable(_))) {
+            made = make(*order);
+        }
+    }
+    Ok(made?)
+}
+
+/// The quantity of one burst that the meter's reading is divided by: irradiance, or radiance times pi.
+fn level(
+    pipeline: &mut Pipeline,
+    burst: &Burst,
+    view: &View,
+    method: &Method,
+) -> Result<Level, PhotometricRefusal> {
+    let processed = pipeline.process(burst)?;
+    let (clipped, seen) = (processed.seen.clipped, luminance(processed.horizontal_irradiance));
+    match method {
+        Method::Direct { unseen, .. } => {
+            if f64::from(clipped as f32) > MOST_CLIPPED {
+                return Err(PhotometricRefusal::Clipped { percent: 100.0 * f64::from(clipped as f32) });
+            }
+            Ok(view.whole(pipeline, f64::from(seen), *unseen))
+        }
+        Method::Indirect { outline, reflectance, .. } => {
+            if patch_clips(burst, pipeline.calibration(), outline) {
+                return Err(PhotometricRefusal::PatchClips);
+            }
+            let patch = patch(pipeline, outline)?;
+            Ok(Level { value: patch.value * PI / reflectance, deviation: patch.deviation * PI / reflectance })
+        }
+    }
+}
+
+fn combined(
+    levels: &[Level],
+    method: &Method,
+    shared: f64,
+    unseen: f64,
+) -> Result<FactorReading, PhotometricRefusal> {
+    let count = levels.len() as f64;
+    let mean = levels.iter().map(|level| level.value).sum::<f64>() / count;
+    let (lux, what) = match method {
+        Method::Direct { lux, .. } => (*lux, "the irradiance of the probe is 0"),
+        Method::Indirect { lux, .. } => (*lux, "the patch is black"),
+    };
+    if !(mean > 0.0 && mean.is_finite()) {
+        return Err(PhotometricRefusal::Dark(what));
+    }
+    let squares = levels.iter().map(|level| (level.value / mean - 1.0).powi(2)).sum::<f64>();
+    let scatter = (squares / (count - 1.0).max(1.0)).sqrt();
+    if scatter > MOST_UNSTEADY {
+        return Err(PhotometricRefusal::Unsteady { percent: 100.0 * scatter });
+    }
+    // What a burst leaves open is the same in all of them; scatter goes down with their number.
+    let same = levels.iter().map(|level| level.deviation).fold(0.0, f64::max) / mean;
+    let own = same.hypot(scatter / count.sqrt());
+    Ok(FactorReading { method: method.name().into(), factor: lux / mean, own, shared, unseen })
+}
+
+/// Azimuths and angles from the zenith of the grid by which the seen part of the hemisphere is measured.
+const AZIMUTHS: usize = 360;
+const ANGLES: usize = 360;
+
+/// Width of the rim, in steps of the angle: 5 degrees.
+const RIM: usize = 20;
+
+/// Which part of the hemisphere a camera sees.
+struct View {
+    /// For each azimuth, the number of angles from the zenith that are seen.
+    seen: Vec<usize>,
+    /// The share of the cosine-weighted hemisphere that is not seen.
+    unseen: f64,
+}
+
+fn direction(azimuth: usize, angle: usize) -> DVec3 {
+    let phi = TAU * (azimuth as f64 + 0.5) / AZIMUTHS as f64;
+    let theta = FRAC_PI_2 * (angle as f64 + 0.5) / ANGLES as f64;
+    DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos())
+}
+
+/// Irradiance of a level surface by radiance 1 between two angles of one azimuth's sector.
+fn weight(from: usize, to: usize) -> f64 {
+    let sine2 = |angle: usize| (FRAC_PI_2 * angle as f64 / ANGLES as f64).sin().powi(2);
+    PI / AZIMUTHS as f64 * (sine2(to) - sine2(from))
+}
+
+impl View {
+    fn of(calibration: &Calibration) -> Self {
+        let size = [calibration.layout.width(), calibration.layout.height()].map(f64::from);
+        let within = |p: DVec2| p.x > -0.5 && p.y > -0.5 && p.x < size[0] - 0.5 && p.y < size[1] - 0.5;
+        let is_seen =
+            |azimuth, angle| calibration.lens.project(direction(azimuth, angle)).is_some_and(within);
+        let seen = |azimuth| (0..ANGLES).rev().find(|angle| is_seen(azimuth, *angle)).map_or(0, |a| a + 1);
+        let seen: Vec<usize> = (0..AZIMUTHS).map(seen).collect();
+        let unseen = seen.iter().map(|seen| weight(*seen, ANGLES)).sum::<f64>() / PI;
+        Self { seen, unseen }
+    }
+
+    /// The irradiance of the whole hemisphere, of which `seen` was measured.
+    fn whole(&self, pipeline: &Pipeline, seen: f64, unseen: Unseen) -> Level {
+        let average = if self.unseen < 1.0 { seen * self.unseen / (1.0 - self.unseen) } else { 0.0 };
+        let rim = self.rim(pipeline);
+        let added = match unseen {
+            Unseen::Rim => rim,
+            Unseen::Average => average,
+            Unseen::Dark => 0.0,
+        };
+        // What lies there is not known better than to a third, nor than the assumptions agree.
+        let deviation = match unseen {
+            Unseen::Dark => rim / 10.0,
+            _ => (0.5 * (rim - average).abs()).max(added / 3.0),
+        };
+        Level { value: seen + added, deviation }
+    }
+
+    /// Irradiance by the unseen part, as bright as the rim at each azimuth.
+    fn rim(&self, pipeline: &Pipeline) -> f64 {
+        let one = |(azimuth, seen): (usize, &usize)| {
+            let angles = seen.saturating_sub(RIM)..*seen;
+            let count = angles.len().max(1) as f64;
+            let sum: f64 = angles.map(|angle| radiance(pipeline, direction(azimuth, angle))).sum();
+            sum / count * weight(*seen, ANGLES)
+        };
+        self.seen.iter().enumerate().map(one).sum()
+    }
+}
+
+/// The luminance of the map in a direction.
+fn radiance(pipeline: &Pipeline, direction: DVec3) -> f64 {
+    let view = pipeline.front().map();
+    let order = view.order().get();
+    luminance(view.radiance(order, healpix::ipix(order, direction))).into()
+}
+
+/// Fewest texels of a patch.
+const FEWEST_TEXELS: usize = 12;
+
+/// The Gaussian-weighted mean radiance of a patch, and its standard deviation as the unevenness leaves it.
+fn patch(pipeline: &Pipeline, outline: &[DVec2]) -> Result<Level, PhotometricRefusal> {
+    let lens = pipeline.calibration().lens;
+    let (order, quads) = (pipeline.front().order().get(), pipeline.sketch(u8::MAX));
+    let middle = outline.iter().sum::<DVec2>() / outline.len().max(1) as f64;
+    let sigma = 0.45 * inner_radius(outline, middle);
+    let texel = |ipix: usize| {
+        let at = lens.project(healpix::centre(order, ipix as u32)).filter(|at| is_inside(outline, *at))?;
+        let weight = (-0.5 * at.distance_squared(middle) / (sigma * sigma)).exp();
+        let radiance = pipeline.front().map().radiance(order, ipix as u32);
+        Some((weight, f64::from(luminance(radiance))))
+    };
+    let texels: Vec<(f64, f64)> = (0..quads.len()).filter_map(texel).collect();
+    if texels.len() < FEWEST_TEXELS || sigma <= 0.0 {
+        return Err(PhotometricRefusal::Outline { texels: texels.len(), least: FEWEST_TEXELS });
+    }
+    let sum: f64 = texels.iter().map(|(weight, _)| weight).sum();
+    let value = texels.iter().map(|(weight, radiance)| weight * radiance).sum::<f64>() / sum;
+    let squares: f64 = texels.iter().map(|(weight, radiance)| weight * (radiance - value).powi(2)).sum();
+    let effective = sum * sum / texels.iter().map(|(weight, _)| weight * weight).sum::<f64>();
+    Ok(Level { value, deviation: (squares / sum / effective).sqrt() })
+}
+
+/// Relative code at and above which a pixel of a patch clips.
+const CLIPS: f64 = 0.97;
+
+/// Whether a pixel of the patch clips in the shortest exposure.
+fn patch_clips(burst: &Burst, calibration: &Calibration, outline: &[DVec2]) -> bool {
+    let Some(shortest) = burst.frames.first() else { return false };
+    let (layout, levels) = (&calibration.layout, calibration.levels);
+    let full = levels.black + CLIPS * (levels.white - levels.black);
+    let mut row = vec![[0u16; 3]; layout.width() as usize];
+    let bound =
+        |pick: fn(f64, f64) -> f64, start: f64| outline.iter().map(|p| p.y).fold(start, pick).max(0.0);
+    let (top, bottom) =
+        (bound(f64::min, f64::MAX), bound(f64::max, 0.0).min(f64::from(layout.height()) - 1.0));
+    (top as u32..=bottom as u32).any(|y| {
+        read_rgb_row(layout, shortest.pixels.samples(), y, &mut row);
+        let pixels = row.iter().enumerate().filter(|(_, rgb)| rgb.iter().any(|v| f64::from(*v) >= full));
+        pixels.map(|(x, _)| DVec2::new(x as f64, y.into())).any(|at| is_inside(outline, at))
+    })
+}
+
+/// Whether a point lies in a polygon, by the number of edges to its right.
+fn is_inside(outline: &[DVec2], at: DVec2) -> bool {
+    let edges = outline.iter().zip(outline.iter().cycle().skip(1));
+    let crosses = |(a, b): &(&DVec2, &DVec2)| {
+        (a.y > at.y) != (b.y > at.y) && at.x < a.x + (at.y - a.y) / (b.y - a.y) * (b.x - a.x)
+    };
+    edges.filter(crosses).count() % 2 == 1
+}
+
+/// Distance from a point inside a polygon to its nearest edge; 0 for a point outside.
+fn inner_radius(outline: &[DVec2], at: DVec2) -> f64 {
+    if outline.len() < 3 || !is_inside(outline, at) {
+        return 0.0;
+    }
+    let edges = outline.iter().zip(outline.iter().cycle().skip(1));
+    let distance = |(a, b): (&DVec2, &DVec2)| {
+        let along = ((at - *a).dot(*b - *a) / a.distance_squared(*b).max(1e-12)).clamp(0.0, 1.0);
+        at.distance(a.lerp(*b, along))
+    };
+    edges.map(distance).fold(f64::INFINITY, f64::min)
+}
+
+/// The factor of several readings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Factor {
+    /// Lux of irradiance 1.
+    pub factor: f64,
+    /// Relative uncertainty with 95 % coverage.
+    pub uncertainty: f64,
+}
+
+/// Combines readings: the mean weighted by their own uncertainties, which are taken to be larger where the readings differ by more; the
+/// meter's uncertainty stays.
+#[must_use]
+pub fn combine(readings: &[FactorReading]) -> Option<Factor> {
+    let weight = |r: &FactorReading| 1.0 / r.own.max(1e-4).powi(2);
+    let sum: f64 = readings.iter().map(weight).sum();
+    let factor = readings.iter().map(|r| weight(r) * r.factor).sum::<f64>() / sum;
+    if !(factor > 0.0 && factor.is_finite()) {
+        return None;
+    }
+    let squares: f64 = readings.iter().map(|r| weight(r) * (r.factor / factor - 1.0).powi(2)).sum();
+    let scatter = squares / (readings.len() as f64 - 1.0).max(1.0);
+    let own = scatter.max(1.0).sqrt() / sum.sqrt();
+    let shared = readings.iter().map(|r| r.shared).fold(0.0, f64::max);
+    Some(Factor { factor, uncertainty: (2.0 * own.hypot(shared)).min(1.0) })
+}
+
+/// How a reading of the meter compares with the calibration.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// Below 10 %.
+    Good,
+    /// 10 to 25 %.
+    Fair,
+    /// Above 25 %.
+    Reject,
+}
+
+impl Verdict {
+    /// The verdict on a relative difference.
+    #[must_use]
+    pub fn of(difference: f64) -> Self {
+        match difference.abs() {
+            d if d < 0.10 => Self::Good,
+            d if d <= 0.25 => Self::Fair,
+            _ => Self::Reject,
+        }
+    }
+
+    /// For people.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Good => "good",
+            Self::Fair => "fair",
+            Self::Reject => "reject",
+        }
+    }
+}

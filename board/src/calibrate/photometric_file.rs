@@ -1,0 +1,141 @@
+//! The `[photometric]` table: readings by class of light source, and what they combine to.
+
+use super::lens_file::{FileRefusal, array_of, failed, read, rounded, save};
+use super::photometric::{Factor, FactorReading, Verdict, combine};
+use std::path::Path;
+use toml_edit::{DocumentMut, Item, Table, value};
+
+/// Why a reading was not kept.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum KeepRefusal {
+    /// The file.
+    #[error(transparent)]
+    File(#[from] FileRefusal),
+    /// A reading far from those before.
+    #[error(
+        "{path}: found a factor {percent:.0} % off that of the earlier readings of the class {class:?}, expected at most 25 %: measure again, \
+         name another --class for another kind of light, or --fresh to drop the earlier readings"
+    )]
+    Far {
+        /// The file.
+        path: String,
+        /// The class.
+        class: String,
+        /// The difference.
+        percent: f64,
+    },
+    /// Readings of another camera.
+    #[error(
+        "{path}: found readings by another response, level or vignetting than the source has, expected readings of one camera: --fresh drops them"
+    )]
+    OtherCamera {
+        /// The file.
+        path: String,
+    },
+}
+
+/// What is kept of a measurement.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Kept<'a> {
+    /// The measurement.
+    pub reading: &'a FactorReading,
+    /// Class of light source.
+    pub class: &'a str,
+    /// [`crate::recorded::radiometry`] of the camera.
+    pub camera: &'a str,
+}
+
+/// Adds a reading to the file at `path`, which need not be there, and writes what the readings of its class combine to; returns that and
+/// their number. With `fresh`, earlier readings of the class are dropped, and all readings of another camera.
+///
+/// # Errors
+/// [`KeepRefusal`].
+pub fn keep_reading(path: &Path, kept: &Kept<'_>, fresh: bool) -> Result<(Factor, usize), KeepRefusal> {
+    let mut document = read(path, false)?;
+    let name = || path.display().to_string();
+    let is_other = camera(&document).is_some_and(|camera| camera != kept.camera);
+    if is_other && !fresh {
+        return Err(KeepRefusal::OtherCamera { path: name() });
+    }
+    if is_other {
+        document.remove("photometric");
+    }
+    let mut readings = if fresh { Vec::new() } else { earlier(&document, kept.class) };
+    if let Some(before) = combine(&readings) {
+        let off = kept.reading.factor / before.factor - 1.0;
+        if Verdict::of(off) == Verdict::Reject {
+            let class = kept.class.to_owned();
+            return Err(KeepRefusal::Far { path: name(), class, percent: 100.0 * off.abs() });
+        }
+    }
+    readings.push(kept.reading.clone());
+    let factor = combine(&readings).ok_or_else(|| failed(path, &"readings without a factor"))?;
+    fill(&mut document, kept, &readings, &factor);
+    save(path, &document.to_string())?;
+    Ok((factor, readings.len()))
+}
+
+/// The factor that the readings of a class in the file combine to.
+///
+/// # Errors
+/// [`FileRefusal`].
+pub fn kept_factor(path: &Path, class: &str) -> Result<Option<Factor>, FileRefusal> {
+    Ok(combine(&earlier(&read(path, false)?, class)))
+}
+
+fn camera(document: &DocumentMut) -> Option<&str> {
+    document.get("photometric")?.get("camera")?.as_str()
+}
+
+fn earlier(document: &DocumentMut, class: &str) -> Vec<FactorReading> {
+    let table = document.get("photometric").and_then(|t| t.get("class")).and_then(|t| t.get(class));
+    let tables = table.and_then(|t| t.get("reading")).and_then(Item::as_array_of_tables);
+    let reading = |table: &Table| {
+        let number = |key: &str| table.get(key).and_then(Item::as_float);
+        Some(FactorReading {
+            method: table.get("method")?.as_str()?.to_owned(),
+            factor: number("factor").filter(|v| *v > 0.0)?,
+            own: number("own").filter(|v| *v >= 0.0)?,
+            shared: number("shared").filter(|v| *v >= 0.0)?,
+            unseen: number("unseen")?,
+        })
+    };
+    tables.into_iter().flatten().filter_map(reading).collect()
+}
+
+fn fill(document: &mut DocumentMut, kept: &Kept<'_>, readings: &[FactorReading], factor: &Factor) {
+    if document.get("version").is_none() {
+        document["version"] = value(1);
+    }
+    let implicit = || {
+        let mut table = Table::new();
+        table.set_implicit(true);
+        Item::Table(table)
+    };
+    let photometric = document.entry("photometric").or_insert_with(|| Item::Table(Table::new()));
+    photometric["camera"] = value(kept.camera);
+    if photometric.get("class").is_none() {
+        photometric["class"] = implicit();
+    }
+    let mut class = Table::new();
+    class["factor"] = value(significant(factor.factor));
+    class["uncertainty"] = value(rounded(factor.uncertainty, 5));
+    class["reading"] = array_of(readings.iter().map(table));
+    photometric["class"][kept.class] = Item::Table(class);
+}
+
+fn table(reading: &FactorReading) -> Table {
+    let mut table = Table::new();
+    table["method"] = value(reading.method.as_str());
+    table["factor"] = value(significant(reading.factor));
+    for (name, v) in [("own", reading.own), ("shared", reading.shared), ("unseen", reading.unseen)] {
+        table[name] = value(rounded(v, 5));
+    }
+    table
+}
+
+/// Seven significant digits.
+fn significant(v: f64) -> f64 {
+    format!("{v:.6e}").parse().unwrap_or(v)
+}

@@ -1,0 +1,185 @@
+//! Boards whose marks tell each corner's place: ChArUco and AprilGrid.
+//!
+//! Corners are joined to grids as on a chessboard; in each cell a mark is read through the homography of its four corners. The turn and the
+//! shift of a grid on the board follow from the places of at least two marks, so that conventions on how marks are turned do not matter.
+
+use super::board::{Charuco, Kind, Printed};
+use super::corners::Corner;
+use super::detect::{FEWEST, Found, refined};
+use super::grey::Grey;
+use super::grid::{Cell, Grid, grids};
+use calib_targets_aruco::{
+    Dictionary, GrayImageView, MarkerCell, Matcher, ScanDecodeConfig, resolve_dictionary,
+    scan_decode_markers_in_cells,
+};
+use calib_targets_core::Coord;
+use nalgebra::Point2;
+use std::collections::HashMap;
+
+/// The family of tags of an AprilGrid.
+pub(super) const TAG_FAMILY: &str = "DICT_APRILTAG_36h11";
+
+/// Side of a cell when its mark is read, pixels.
+const CELL_PX: f32 = 64.0;
+
+/// Fewest marks that tell the place of a grid.
+const FEWEST_MARKS: usize = 2;
+
+/// Widths of a tag's black border, in bits, that are tried: Kalibr prints 2.
+const TAG_BORDERS: [usize; 2] = [2, 1];
+
+/// The marks of a board and where they stand.
+struct Marks {
+    matcher: Matcher,
+    /// Side of a mark, in cells.
+    side: f64,
+    borders: &'static [usize],
+    /// The corner of the board at the upper left of each mark's cell, by the mark's number.
+    cells: HashMap<u32, Cell>,
+}
+
+impl Marks {
+    fn of(printed: &Printed) -> Option<Self> {
+        match printed.kind {
+            Kind::Chessboard => None,
+            Kind::Charuco(Charuco { dictionary, marker }) => {
+                // The squares of the outer rows and columns lack corners at the board's edge: their marks are not read.
+                let cells = charuco_squares(printed).zip(0..).map(|([i, j], id)| (id, [i - 1, j - 1]));
+                Some(Self::new(dictionary, marker, &[1], cells.collect()))
+            }
+            Kind::AprilGrid { .. } => {
+                let cells = (0..).zip(tag_cells(printed)).collect();
+                Some(Self::new(resolve_dictionary(TAG_FAMILY)?, 1.0, &TAG_BORDERS, cells))
+            }
+        }
+    }
+
+    fn new(dictionary: Dictionary, side: f64, borders: &'static [usize], cells: HashMap<u32, Cell>) -> Self {
+        // Half of the bits that the dictionary corrects: false marks stay rare.
+        let most = dictionary.max_correction_bits() / 2;
+        Self { matcher: Matcher::new(dictionary, most), side, borders, cells }
+    }
+
+    /// The marks in the cells of a grid, with the border that gives most of them.
+    fn read(&self, grey: &Grey, grid: &Grid, mirrored: bool) -> Vec<Mark> {
+        let [width, height] = grey.size();
+        let view = GrayImageView { width, height, data: grey.pixels() };
+        let cells: Vec<MarkerCell> = grid.keys().filter_map(|cell| quad(grid, *cell, mirrored)).collect();
+        let read = |border: &usize| {
+            let config = ScanDecodeConfig::default()
+                .with_border_bits(*border)
+                .with_inset_frac(0.0)
+                .with_marker_size_rel(self.side as f32)
+                .with_dedup_by_id(false);
+            let found = scan_decode_markers_in_cells(&view, &cells, CELL_PX, &config, &self.matcher);
+            let mark = |found: calib_targets_aruco::MarkerDetection| {
+                let corners = found.corners_img?;
+                let at =
+                    grid.iter().find(|(_, at)| at.x as f32 == corners[0].x && at.y as f32 == corners[0].y);
+                let board = *self.cells.get(&found.id)?;
+                Some(Mark { grid: *at?.0, board })
+            };
+            found.into_iter().filter_map(mark).collect::<Vec<_>>()
+        };
+        self.borders.iter().map(read).max_by_key(Vec::len).unwrap_or_default()
+    }
+}
+
+/// Squares of a ChArUco board that have marks, in the order of their numbers: the white ones, row by row, the upper left one being black.
+pub(super) fn charuco_squares(printed: &Printed) -> impl Iterator<Item = Cell> {
+    let [columns, rows] = printed.corners.size().map(|n| n + 1);
+    (0..rows).flat_map(move |j| (0..columns).filter(move |i| (i + j) % 2 == 1).map(move |i| [i, j]))
+}
+
+/// The upper left corner of each tag of an AprilGrid in the order of their numbers: from the lowest row up, as Kalibr numbers them.
+pub(super) fn tag_cells(printed: &Printed) -> impl Iterator<Item = Cell> {
+    let [columns, rows] = printed.corners.size().map(|n| n / 2);
+    (0..rows).rev().flat_map(move |j| (0..columns).map(move |i| [2 * i, 2 * j]))
+}
+
+/// A mark that was read.
+#[derive(Clone, Copy, Debug)]
+struct Mark {
+    /// The upper left corner of its cell in the grid, or the upper right one in a mirror.
+    grid: Cell,
+    /// The upper left corner of its cell on the board.
+    board: Cell,
+}
+
+/// The image of a cell, corner by corner; none where a corner is missing.
+fn quad(grid: &Grid, [i, j]: Cell, mirrored: bool) -> Option<MarkerCell> {
+    let order = if mirrored { [[0, 0], [0, 1], [1, 1], [1, 0]] } else { [[0, 0], [1, 0], [1, 1], [0, 1]] };
+    let mut corners = [Point2::origin(); 4];
+    for (corner, [di, dj]) in corners.iter_mut().zip(order) {
+        let at = grid.get(&[i + di, j + dj])?;
+        *corner = Point2::new(at.x as f32, at.y as f32);
+    }
+    Some(MarkerCell::new(Coord::new(i, j), corners))
+}
+
+/// How a grid lies on the board: quarter turns, then a shift.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+struct Lie {
+    turns: usize,
+    shift: Cell,
+}
+
+fn turned([i, j]: Cell, turns: usize) -> Cell {
+    [[i, j], [-j, i], [-i, -j], [j, -i]][turns % 4]
+}
+
+impl Lie {
+    fn board(self, cell: Cell) -> Cell {
+        let [i, j] = turned(cell, self.turns);
+        [i + self.shift[0], j + self.shift[1]]
+    }
+
+    /// The lie with which a mark's cell comes to its place.
+    fn of(mark: &Mark, turns: usize) -> Self {
+        // The cell's middle, in half cells, is turned: its corners change places.
+        let middle = turned([2 * mark.grid[0] + 1, 2 * mark.grid[1] + 1], turns);
+        let shift = |axis: usize| (2 * mark.board[axis] + 1 - middle[axis]) / 2;
+        Self { turns, shift: [shift(0), shift(1)] }
+    }
+}
+
+/// The lie that most marks agree on, at least two and more than half.
+fn lie(marks: &[Mark]) -> Option<Lie> {
+    let mut votes: HashMap<Lie, usize> = HashMap::new();
+    for mark in marks {
+        (0..4).for_each(|turns| *votes.entry(Lie::of(mark, turns)).or_default() += 1);
+    }
+    let (lie, count) = votes.into_iter().max_by_key(|(lie, count)| (*count, lie.turns))?;
+    (count >= FEWEST_MARKS && 2 * count > marks.len()).then_some(lie)
+}
+
+/// Finds the board in a picture whose corners are known.
+pub(super) fn board(grey: &Grey, corners: &[Corner], printed: &Printed, scale: f64) -> Found {
+    let Some(marks) = Marks::of(printed) else { return Found::default() };
+    let grids: Vec<Grid> = grids(corners).into_iter().filter(|grid| grid.len() >= 4).collect();
+    let (mut whole, mut second) = (Grid::new(), 0);
+    for grid in &grids {
+        let Some(lie) = lie(&marks.read(grey, grid, false)) else { continue };
+        let part = placed(grid, lie, printed);
+        if part.iter().any(|(cell, at)| whole.get(cell).is_some_and(|other| (other - at).norm() > 4.0)) {
+            second = second.max(part.len());
+        } else {
+            whole.extend(part);
+        }
+    }
+    let reads_mirrored = |grid: &Grid| marks.read(grey, grid, true).len() >= FEWEST_MARKS;
+    let is_mirrored = whole.is_empty() && grids.iter().any(reads_mirrored);
+    let mut seen = refined(grey, &whole, scale, printed.plain() / 0.35);
+    if seen.len() < FEWEST {
+        seen.clear();
+    }
+    let mirror = if is_mirrored { 1 } else { -i32::from(!seen.is_empty()) };
+    Found { seen, second, mirror }
+}
+
+/// The corners of a grid that lie on the board, by their places there.
+fn placed(grid: &Grid, lie: Lie, printed: &Printed) -> Grid {
+    let [columns, rows] = printed.corners.size();
+    let on_board = |[i, j]: &Cell| (0..columns).contains(i) && (0..rows).contains(j);
+    grid.iter().map(|(cell, at)| (lie.board(*cell), *at)).filter(|(cell, _)| on_board(cell)).collect()
+}

@@ -1,0 +1,170 @@
+//! Photometric calibrations: the luminance of radiance 1, by class of light source.
+
+use super::RecordedError;
+use super::manifest::{check_version, parse, read_text};
+use crate::calibration::Calibration;
+use hemilux_core::Response;
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// The class of a calibration that was measured without a statement of the light source.
+pub const ANY_CLASS: &str = "any";
+
+/// Luminance of radiance 1 before a camera, for one class of light source.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Photometric {
+    /// Class of light source: `any`, `daylight`, `led`, `warm` or another name.
+    pub class: String,
+    /// Candela per square metre of radiance 1, and lux of irradiance 1.
+    pub factor: f64,
+    /// Relative uncertainty of `factor` with 95 % coverage.
+    pub uncertainty: f64,
+    /// [`radiometry`] of the camera by which it was measured.
+    pub camera: String,
+}
+
+#[derive(Deserialize)]
+struct File {
+    #[serde(default = "one")]
+    version: i64,
+    photometric: Option<Table>,
+}
+
+fn one() -> i64 {
+    1
+}
+
+/// The `[photometric]` table.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Table {
+    camera: String,
+    class: BTreeMap<String, Class>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Class {
+    factor: f64,
+    uncertainty: f64,
+    /// What was measured; `hemilux calibrate photometric` combines it.
+    #[allow(dead_code, reason = "checked for its type alone")]
+    reading: Option<Vec<toml::Table>>,
+}
+
+/// Reads the photometric calibration of `class` from the table `[photometric]` of a lens file or a file of its own; without a class, that
+/// of [`ANY_CLASS`] or the only one.
+///
+/// # Errors
+/// [`RecordedError`].
+pub fn read_photometric(path: &Path, class: Option<&str>) -> Result<Photometric, RecordedError> {
+    let found = parse_photometric(path, &read_text(path)?, class)?;
+    found.ok_or_else(|| {
+        let expected = "the table that hemilux calibrate photometric writes";
+        RecordedError::new(path, "no [photometric] table", expected)
+    })
+}
+
+/// As [`read_photometric`], for a text; `None` without the table.
+///
+/// # Errors
+/// [`RecordedError`].
+pub fn parse_photometric(
+    path: &Path,
+    text: &str,
+    class: Option<&str>,
+) -> Result<Option<Photometric>, RecordedError> {
+    let file: File = parse(path, text)?;
+    check_version(path, file.version)?;
+    let Some(table) = file.photometric else { return Ok(None) };
+    let name = class.or_else(|| usual(&table.class));
+    let Some((name, class)) = name.and_then(|name| table.class.get_key_value(name)) else {
+        let found = class.map_or_else(|| "several classes of light".into(), |c| format!("no class {c:?}"));
+        let known = table.class.into_keys().collect::<Vec<_>>().join(", ");
+        return Err(RecordedError::new(path, found, format!("--light-class with one of: {known}")));
+    };
+    let Class { factor, uncertainty, .. } = *class;
+    if !(factor > 0.0 && factor.is_finite() && (0.0..=1.0).contains(&uncertainty)) {
+        let found = format!("factor = {factor}, uncertainty = {uncertainty} of the class {name:?}");
+        return Err(RecordedError::new(path, found, "a positive factor and an uncertainty of 0 to 1"));
+    }
+    Ok(Some(Photometric { class: name.clone(), factor, uncertainty, camera: table.camera }))
+}
+
+/// The digest of the camera in the `[photometric]` table; `None` without the table.
+///
+/// # Errors
+/// [`RecordedError`].
+pub fn photometric_camera(path: &Path) -> Result<Option<String>, RecordedError> {
+    let text = read_text(path)?;
+    if !text.contains("[photometric]") {
+        return Ok(None);
+    }
+    Ok(parse::<File>(path, &text)?.photometric.map(|table| table.camera))
+}
+
+/// The class that is meant where none is named.
+fn usual(classes: &BTreeMap<String, Class>) -> Option<&str> {
+    let only = || classes.keys().next().filter(|_| classes.len() == 1).map(String::as_str);
+    classes.contains_key(ANY_CLASS).then_some(ANY_CLASS).or_else(only)
+}
+
+/// A digest of all that turns codes of a camera into radiance: response, levels, scale, white balance and vignetting. Image size and
+/// geometry of the lens have no part in it.
+#[must_use]
+pub fn radiometry(calibration: &Calibration) -> String {
+    let most = f64::from(calibration.layout.format().max_code());
+    let levels = [calibration.levels.black / most, calibration.levels.white / most];
+    let (kind, curve): (f64, &[f64]) = match &calibration.response {
+        Response::Linear => (1.0, &[]),
+        Response::Srgb => (2.0, &[]),
+        Response::Polynomial(curve) => (3.0, curve.as_flattened()),
+        Response::Bernstein(curve) => (4.0, curve.as_flattened()),
+        _ => (5.0, &[]),
+    };
+    let balance = calibration.white_balance.map(f64::from);
+    let numbers = [kind, calibration.scale].into_iter().chain(curve.iter().copied()).chain(balance);
+    let numbers = numbers.chain(levels).chain(calibration.lens.intrinsics().vignetting);
+    // FNV-1a over the numbers with seven significant digits.
+    let bytes = numbers.flat_map(|v| format!("{v:.6e};").into_bytes());
+    let digest = bytes
+        .fold(0xcbf2_9ce4_8422_2325u64, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3));
+    format!("{digest:016x}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FILE: &str = "version = 1\n[photometric]\ncamera = \"0\"\n[photometric.class.led]\nfactor = 120.0\nuncertainty = 0.05\n";
+
+    fn read(text: &str, class: Option<&str>) -> Result<Option<Photometric>, RecordedError> {
+        parse_photometric(Path::new("p.toml"), text, class)
+    }
+
+    #[test]
+    fn the_only_class_is_taken_and_of_several_the_named_one() {
+        let led = read(FILE, None).expect("a file").expect("a calibration");
+        assert_eq!((led.class.as_str(), led.factor, led.uncertainty), ("led", 120.0, 0.05));
+        let two = format!("{FILE}[photometric.class.warm]\nfactor = 99.0\nuncertainty = 0.1\n");
+        assert_eq!(read(&two, Some("warm")).expect("a file").expect("a class").factor, 99.0);
+        for (class, word) in [(None, "several classes"), (Some("sun"), "\"sun\"")] {
+            let line = read(&two, class).expect_err("no such class").to_string();
+            assert!(line.contains(word) && line.contains("led, warm") && !line.contains('\n'), "{line}");
+        }
+        let any = format!("{two}[photometric.class.any]\nfactor = 1.0\nuncertainty = 0.1\n");
+        assert_eq!(read(&any, None).expect("a file").expect("a class").class, ANY_CLASS);
+    }
+
+    #[test]
+    fn files_without_the_table_have_none_and_bad_numbers_are_refused() {
+        assert_eq!(read("version = 1\n[lens]\nmodel = \"equidistant\"\n", None).expect("a file"), None);
+        for (from, to) in
+            [("120.0", "-1.0"), ("120.0", "nan"), ("0.05", "2.0"), ("\"0\"", "0"), ("factor", "faktor")]
+        {
+            let line = read(&FILE.replace(from, to), None).expect_err(to).to_string();
+            assert!(line.starts_with("p.toml: found") && !line.contains('\n'), "{line}");
+        }
+    }
+}

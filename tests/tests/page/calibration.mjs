@@ -1,0 +1,86 @@
+// A person's way through the calibration: start to saved file.
+
+import { check, json, open, problems, state, text, until } from "./browser.mjs";
+
+const get = page => json(page, "/v1/calibration");
+
+/** Lens by a moving board, circle by mouse and keys, lux, undo, save; the test that started this looks at the file. */
+export async function calibrate(browser, url) {
+  const { context, page, faults } = await open(browser, url, { reducedMotion: "reduce" });
+  await state(page, "live");
+  await page.click("#cal-open > summary");
+  await page.waitForSelector("#cal-start:enabled");
+  await until("the picture is live", () => page.evaluate(() => document.querySelector("#cal-image").naturalWidth === 480));
+  await circle(page);
+  await lens(page);
+  await lux(page);
+  const found = await problems(page);
+  check(found.length === 0, found.join("\n"));
+  check(await page.isEnabled("#cal-save"), "there is something to save");
+  await page.click("#cal-save");
+  await until("it says so", async () => (await text(page, "#cal-text")).startsWith("Saved"));
+  check(!(await get(page)).unsaved, "nothing is left to save");
+  check(await text(page, "#cal-error") === "", await text(page, "#cal-error"));
+  check(faults.length === 0, faults.join("\n"));
+  await context.close();
+}
+
+/** Found, dragged by the mouse, moved by keys, and taken back. */
+async function circle(page) {
+  await page.check("[name=cal-part][value=circle]", { force: true });
+  await page.click("#cal-find");
+  const found = await until("a circle", async () => (await get(page)).circle);
+  check(Math.abs(found.radius - 232.8) < 3 && Math.abs(found.centre[0] - 243.3) < 3, `found ${JSON.stringify(found)}`);
+  const handle = await page.waitForSelector("[data-handle=centre]"), box = await handle.boundingBox();
+  await page.mouse.move(box.x + box.width / 2, box.y + box.height / 2);
+  await page.mouse.down();
+  await page.mouse.move(box.x + box.width / 2 + 40, box.y + box.height / 2, { steps: 4 });
+  await page.mouse.up();
+  const dragged = await until("it was dragged", async () => { const { circle } = await get(page); return circle.centre[0] > found.centre[0] + 5 && circle; });
+  await page.focus("[data-handle=rim]");
+  await page.keyboard.press("ArrowLeft");
+  await until("a key moves the rim", async () => Math.abs((await get(page)).circle.radius - dragged.radius + 1) < 0.01);
+  await page.click("#cal-undo");
+  await page.waitForFunction(() => !document.querySelector("#cal-text").textContent);
+  await until("one step back", async () => Math.abs((await get(page)).circle.radius - dragged.radius) < 0.01);
+  await page.click("#cal-undo");
+  await until("two steps back", async () => Math.abs((await get(page)).circle.centre[0] - found.centre[0]) < 0.01);
+}
+
+/** Pictures are taken by themselves; the last one is taken back. */
+async function lens(page) {
+  await page.check("[name=cal-part][value=lens]", { force: true });
+  await page.fill("#cal-board", "9by7");
+  await page.click("#cal-start");
+  await until("a wrong board is refused", async () => (await text(page, "#cal-error")).includes("COLUMNSxROWS"));
+  await page.fill("#cal-board", "9x7");
+  await page.click("#cal-start");
+  const views = async () => (await get(page)).guide?.views ?? 0;
+  await until("a place is named", async () => (await text(page, "#cal-advice")).includes("The board has not been at"));
+  await until("twelve pictures", async () => await views() >= 12);
+  await page.click("#cal-start");
+  const before = await views();
+  await page.click("#cal-undo");
+  await until("one is taken back", async () => await views() === before - 1);
+  await page.click("#cal-compute");
+  await until("a lens", async () => (await text(page, "#cal-result")).includes("Covered up to") || await text(page, "#cal-error"));
+  check(await text(page, "#cal-error") === "", await text(page, "#cal-error"));
+  const { lens } = await get(page);
+  check(lens.method === "board" && lens.rms_px < 0.3, JSON.stringify(lens));
+}
+
+/** Two readings, of which one is taken back. */
+async function lux(page) {
+  await page.check("[name=cal-part][value=photometric]", { force: true });
+  const readings = async () => (await get(page)).photometric.length;
+  await page.fill("#cal-lux", "0");
+  await page.click("#cal-measure");
+  await until("no light is refused", async () => (await text(page, "#cal-error")).includes("positive"));
+  await page.fill("#cal-lux", "500");
+  for (const count of [1, 2]) {
+    await page.click("#cal-measure");
+    await until(`${count} readings`, async () => await readings() === count);
+  }
+  await page.click("#cal-undo");
+  await until("one is taken back", async () => await readings() === 1);
+}
