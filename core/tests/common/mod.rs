@@ -82,6 +82,7 @@ pub fn light_set<'a>(lights: &'a [Light], ambient: Option<&'a Sh9>) -> LightSet<
         sampler: "q2tree",
         requested: 64,
         unit: Unit::Lux,
+        unit_uncertainty: None,
         coordinates: Coordinates::YUp,
         lights,
         ambient_sh: ambient,
