@@ -10,16 +10,16 @@ use std::time::{Duration, Instant};
 /// The kind of service.
 pub const SERVICE: &str = "_hemilux._tcp.local.";
 
-/// Longest wait for the farewell to go out.
+/// Longest wait until the withdrawal of the announcement is sent.
 const FAREWELL: Duration = Duration::from_millis(500);
 
-/// An announcement; dropping it takes it back.
+/// An announcement, withdrawn on drop.
 pub struct Announced {
     daemon: ServiceDaemon,
     name: String,
 }
 
-/// Announces the probe that listens at `address`. Where that cannot be, the log says why and the probe goes on.
+/// Announces the probe that listens at `address`. A failure is logged; the probe runs without an announcement then.
 #[must_use]
 pub fn announce(address: SocketAddr) -> Option<Announced> {
     try_announce(address)

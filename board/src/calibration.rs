@@ -1,4 +1,4 @@
-//! Bursts of frames in memory, and what must be known of the camera to read them.
+//! Bursts of frames in memory, and the calibration of their camera.
 
 use hemilux_core::{Exposure, Samples};
 
@@ -14,7 +14,7 @@ pub enum Pixels {
 }
 
 impl Pixels {
-    /// As the core reads them.
+    /// The samples as a slice for the core.
     #[must_use]
     pub fn samples(&self) -> Samples<'_> {
         match self {
@@ -27,9 +27,9 @@ impl Pixels {
 /// One captured image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
-    /// Its exposure.
+    /// Exposure of the frame.
     pub exposure: Exposure,
-    /// Its samples.
+    /// Samples of the frame.
     pub pixels: Pixels,
 }
 

@@ -1,4 +1,4 @@
-//! The command line: what it accepts, and what each command does.
+//! The command line: options, and the functions of the commands.
 
 mod calibrate;
 #[cfg(all(feature = "v4l2", target_os = "linux"))]
@@ -108,10 +108,10 @@ enum Command {
 
 #[derive(Clone, Debug, Args)]
 struct Serve {
-    /// Where bursts come from: v4l2:PATH, pipe:PATH, scene:NAME, env:PATH (an HDR map or a folder of maps) or replay:DIR [default: scene:room].
+    /// Source of bursts: v4l2:PATH, pipe:PATH, scene:NAME, env:PATH (an HDR map or a folder of maps) or replay:DIR [default: scene:room].
     #[arg(long, value_parser = str::parse::<Spec>)]
     source: Option<Spec>,
-    /// Where to listen; port 0 is any free one [default: 127.0.0.1:8080].
+    /// Address and port to listen on; port 0 is any free one [default: 127.0.0.1:8080].
     #[arg(long, value_name = "ADDR:PORT", value_parser = address)]
     listen: Option<SocketAddr>,
     /// Allow --listen beyond this machine without a token: every client that reaches the port may read and change everything.
@@ -167,10 +167,10 @@ struct Serve {
     plan: bool,
 }
 
-/// Why a command ended otherwise than well: one line and an exit status.
+/// The failure of a command: one line and an exit status.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Failure {
-    /// What was found and what was expected.
+    /// The found and the expected value, in words.
     pub line: String,
     /// 2 for wrong usage, 1 for everything else.
     pub status: u8,
@@ -186,7 +186,7 @@ impl Failure {
     }
 }
 
-/// Does what `arguments`, the program's name first, ask for.
+/// Runs the command in `arguments`, whose first element is the program's name.
 ///
 /// # Errors
 /// [`Failure`].
@@ -223,7 +223,7 @@ fn say(text: &str) -> Result<(), Failure> {
     say_bytes(text.as_bytes())
 }
 
-/// Writes to stdout; a reader that has gone is no failure of ours.
+/// Writes to stdout. A closed pipe is no failure.
 fn say_bytes(bytes: &[u8]) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     match out.write_all(bytes).and_then(|()| out.flush()) {
@@ -323,7 +323,7 @@ fn wait(running: &Running, signals: &mut Signals, link: &Link, options: &Serve) 
     }
 }
 
-/// Ends the process with `status` after [`STOP_TIME`], whatever a camera, a client or the network holds up.
+/// Ends the process with `status` after [`STOP_TIME`], even if a camera, a client or the network blocks the shutdown.
 fn end_in_time(status: i32) {
     let end = move || {
         std::thread::sleep(STOP_TIME);

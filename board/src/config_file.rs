@@ -1,4 +1,4 @@
-//! The configuration file: what the command line says, kept; the command line has the last word.
+//! The configuration file: options and settings in TOML. Options of the command line override it.
 
 use crate::probe::Config;
 use crate::probe::settings::{SETTINGS, Setting};
@@ -22,7 +22,7 @@ pub struct ConfigFile {
     writing: Arc<Mutex<()>>,
 }
 
-/// What the file says; everything may be left out.
+/// The contents of the file; every key is optional.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 pub struct Kept {
     /// As `--source`.
@@ -60,19 +60,19 @@ pub struct Kept {
     pub settings: toml::Table,
 }
 
-/// Why the file cannot be used.
+/// Reasons for which the file cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigFileError {
-    /// It cannot be read.
+    /// The file cannot be read.
     #[error("configuration file {0}: found {1}, expected a file that can be read (an empty one will do)")]
     Read(PathBuf, std::io::Error),
-    /// It is too long.
+    /// The file is too long.
     #[error("configuration file {0}: found more than {MOST_BYTES} bytes, expected less")]
     TooLong(PathBuf),
-    /// It is not what is expected.
+    /// The file has unknown keys or values, or is not TOML.
     #[error("configuration file {0}: {1}")]
     Content(PathBuf, String),
-    /// It cannot be written.
+    /// The file cannot be written.
     #[error("configuration file {0}: found {1}, expected it to be writable")]
     Write(PathBuf, std::io::Error),
 }

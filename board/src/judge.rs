@@ -1,5 +1,5 @@
-//! How well light sets stand for a map, frame by frame: the errors of `hemilux-sim score` on part of its receivers, cheap enough for a board
-//! that works at the same time.
+//! Scores of light sets against the map of each frame: the errors of `hemilux-sim score` on part of its receivers, so that a board can
+//! compute them beside its own work.
 //!
 //! Of the 768 open receivers every third is looked at, of the 512 shadowed ones every second. The map is given as a sketch: the quads of one
 //! order with their energy and centroid. With 2048 quads that is a hundred times finer than the sets it judges.
@@ -13,15 +13,15 @@ use hemilux_core::light::{Light, Sh9};
 use hemilux_core::pyramid::Quad;
 use hemilux_core::receiver::{self, OPEN, SHADOWED, Shadowed};
 
-/// Receivers of each kind that are looked at.
+/// Number of receivers of each kind.
 const LOOKED_AT: usize = 256;
 
-/// A set to be judged.
+/// A light set to score.
 #[derive(Clone, Copy, Debug)]
 pub struct Lit<'a> {
-    /// Its lights.
+    /// The lights of the set.
     pub lights: &'a [Light],
-    /// Radiance beside them.
+    /// Ambient radiance of the set, as spherical harmonics.
     pub ambient: Option<&'a Sh9>,
 }
 
@@ -30,15 +30,15 @@ pub struct Lit<'a> {
 pub struct Score {
     /// RMS error of irradiance over open receivers, over its mean.
     pub open: f32,
-    /// The same over receivers with an occluding cone.
+    /// RMS error over the receivers with an occluding cone, relative to their mean irradiance.
     pub shadowed: f32,
-    /// Error of the whole energy, over it.
+    /// Relative error of the total energy.
     pub energy: f32,
-    /// RMS change since the frame before that the map did not make, over shadowed receivers; `None` where there is none before.
+    /// RMS change since the last frame that the map does not explain, over the shadowed receivers; `None` in the first frame.
     pub flicker: Option<f32>,
 }
 
-/// A normal, and a cone from which nothing comes.
+/// A normal, and an occluding cone.
 #[derive(Clone, Copy, Debug)]
 struct Receiver {
     normal: Vec3,
@@ -57,13 +57,13 @@ struct Points {
 /// Irradiance of each receiver from a map or a light set.
 type Seen = Vec<f32>;
 
-/// Judges `N` sets of each frame.
+/// Scores `N` sets of each frame.
 #[derive(Clone, Debug)]
 pub struct Judge<const N: usize> {
     open: Vec<Receiver>,
     shadowed: Vec<Receiver>,
     points: Points,
-    /// What the shadowed receivers got in the last frame, and its number: from the map, then from each set.
+    /// Number of the last frame, and the irradiances of the shadowed receivers in it: from the map, then from each set.
     last: Option<(u64, Vec<Seen>)>,
 }
 
@@ -87,7 +87,7 @@ impl<const N: usize> Default for Judge<N> {
 }
 
 impl<const N: usize> Judge<N> {
-    /// Judges the sets of frame `frame`, whose hemisphere is `sketch`. Over a dark map all figures are 0.
+    /// Scores the sets of frame `frame` against the map `sketch`. Over a dark map all scores are 0.
     pub fn judge(&mut self, frame: u64, sketch: &[Quad], sets: [Lit<'_>; N]) -> [Score; N] {
         self.points.of_map(sketch);
         let total: f32 = self.points.energies.iter().sum();

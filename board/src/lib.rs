@@ -1,4 +1,4 @@
-//! The probe: where bursts come from, the processing thread and the server.
+//! The probe: sources of bursts, the processing thread and the server.
 //!
 //! The way of the light: [`source`] (a scene or a recorded burst) -> [`pipeline`] (the core's stages in one place) -> `probe`
 //! (the thread that runs them) -> `server`. `client` is the other end, for renderers; it needs none of the rest.

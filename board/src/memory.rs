@@ -74,7 +74,7 @@ impl Plan {
     }
 }
 
-/// What a tier takes at most: the sampler that takes most, and its sets.
+/// Largest memory of a tier, bytes: that of the largest sampler and its sets.
 fn tier(shape: &Shape, tuning: &Tuning, lights: usize) -> usize {
     let lights = lights.clamp(1, tiers::MOST_LIGHTS);
     let of =
@@ -83,7 +83,7 @@ fn tier(shape: &Shape, tuning: &Tuning, lights: usize) -> usize {
     sampler + BufferSize::of::<Light>("sets", 4 * lights).bytes()
 }
 
-/// What `/v1/compare` takes at most: the sampler that takes most, its sets, and the polar map where the first sampler does without.
+/// Largest memory of `/v1/compare`, bytes: that of the largest sampler, its sets, and the polar map if the first sampler does not use it.
 fn comparison(shape: &Shape, tuning: &Tuning, has_polar: bool) -> usize {
     let Shape { order, grid, .. } = shape;
     let state =

@@ -17,7 +17,7 @@ use hemilux_core::{
 };
 use std::time::{Duration, Instant};
 
-/// What a user chooses.
+/// Settings of the pipeline.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
     /// The sampler.
@@ -30,7 +30,7 @@ pub struct Settings {
     pub ambient: bool,
     /// Whether the lights are fitted as discs of their radius.
     pub soft: bool,
-    /// What stands for the unseen part of the hemisphere.
+    /// The content of the unseen part of the hemisphere.
     pub extrapolation: Extrapolation,
     /// Parameters of individual samplers, such as the threshold of `q2tree`.
     pub tuning: Tuning,
@@ -57,7 +57,7 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// What is asked of the sampler.
+    /// The request to the sampler.
     #[must_use]
     pub fn request(&self) -> Request {
         Request { lights: self.lights, tolerance: self.tolerance, ambient: self.ambient, soft: self.soft }
@@ -76,7 +76,7 @@ impl Settings {
     }
 }
 
-/// Why a pipeline could not be made or a burst not be processed.
+/// Reasons for which a pipeline cannot be made or a burst not be processed.
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum PipelineError {
     /// The response cannot be tabulated.
@@ -126,7 +126,7 @@ pub struct Pipeline {
     sampler: Box<dyn Sampler + Send>,
 }
 
-/// What each stage took.
+/// Duration of each stage.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Times {
     /// Merge and map.
@@ -160,13 +160,13 @@ impl Times {
 pub struct Processed<'a> {
     /// The lights.
     pub decomposition: Decomposition<'a>,
-    /// What the burst held besides.
+    /// The clipped and unseen fractions of the burst.
     pub seen: Coverage,
     /// Sum of L dOmega.
     pub scalar_flux: [f32; 3],
     /// Sum of L cos(theta) dOmega.
     pub horizontal_irradiance: [f32; 3],
-    /// What each stage took.
+    /// Duration of each stage.
     pub times: Times,
 }
 
@@ -325,7 +325,7 @@ impl Pipeline {
         Ok(())
     }
 
-    /// What the user chose.
+    /// The settings in effect.
     #[must_use]
     pub fn settings(&self) -> &Settings {
         &self.settings
@@ -343,13 +343,13 @@ impl Pipeline {
         size_of_val(&*self.sampler)
     }
 
-    /// What is known of the camera.
+    /// The calibration of the camera.
     #[must_use]
     pub fn calibration(&self) -> &Calibration {
         self.front.calibration()
     }
 
-    /// What makes the map.
+    /// The front end, which computes the map.
     #[must_use]
     pub fn front(&self) -> &FrontEnd<Vec<u64>> {
         &self.front

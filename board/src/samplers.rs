@@ -40,7 +40,7 @@ pub struct Tuning {
     pub threshold: f32,
     /// Frames that `hemigon-fir` filters over, of [`TAPS`].
     pub taps: usize,
-    /// Its cut-off frequency, of [`CUTOFFS_HZ`].
+    /// Cut-off frequency of the filter, one of [`CUTOFFS_HZ`].
     pub cutoff_hz: f32,
 }
 
@@ -52,7 +52,7 @@ impl Default for Tuning {
 }
 
 impl Tuning {
-    /// As the filter takes it.
+    /// The tuning in the form of the filter.
     #[must_use]
     pub fn fir(&self) -> fir::Parameters {
         fir::Parameters { taps: self.taps, cutoff_hz: self.cutoff_hz.into(), ..fir::Parameters::default() }
@@ -81,7 +81,7 @@ pub struct Shape {
     pub grid: Grid,
 }
 
-/// Why a sampler cannot be made or cannot do what is requested.
+/// Reasons for which a sampler cannot be made or cannot serve a request.
 #[derive(Debug, thiserror::Error, PartialEq)]
 #[non_exhaustive]
 pub enum SamplerError {

@@ -19,11 +19,11 @@ const MAX_PATCHES: usize = 12;
 pub struct Patch {
     /// Unit vector to its middle.
     pub direction: [f32; 3],
-    /// Where it ends, radians.
+    /// Angular radius of the lamp, radians.
     pub radius: f32,
     /// Part of the squared chord to its edge over which it fades, 0..=1.
     pub edge: f32,
-    /// Its radiance.
+    /// Radiance of the lamp.
     pub radiance: [f32; 3],
     /// Part of what lies behind that it hides, 0..=1; its radiance is added in full.
     pub cover: f32,
@@ -97,7 +97,7 @@ pub fn by_name(name: &str) -> Option<Scene> {
 }
 
 impl Scene {
-    /// Its name.
+    /// Name of the scene.
     #[must_use]
     pub fn name(&self) -> &'static str {
         self.name

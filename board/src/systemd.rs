@@ -1,4 +1,4 @@
-//! What the service manager is told: that the probe serves, that it stops, and that its processing thread is alive.
+//! Messages to the service manager: readiness, shutdown, and the watchdog of the processing thread.
 //!
 //! Without a service manager the functions of this module do nothing.
 

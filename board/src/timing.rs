@@ -22,7 +22,7 @@ pub const BUDGETS_MS: std::ops::RangeInclusive<f32> = 0.01..=60_000.0;
 pub struct Budgets(pub [u32; STAGES]);
 
 impl Default for Budgets {
-    /// Those of ten frames a second on a small board: capture may wait for the whole period, the rest shares half of it.
+    /// Budgets for ten frames per second on a small board: the period for the capture, half of it for all other stages.
     fn default() -> Self {
         Self([110_000, 30_000, 6_000, 12_000, 2_000, 10_000, 60_000])
     }
@@ -46,7 +46,7 @@ impl Budgets {
 /// Reads `front=30,total=60`: milliseconds by stage, in the order of [`Latency::NAMES`].
 ///
 /// # Errors
-/// What was found and what was expected.
+/// The found and the expected value, in words.
 pub fn read_budgets(text: &str) -> Result<[Option<f32>; STAGES], String> {
     let mut budgets = [None; STAGES];
     for pair in text.split(',') {

@@ -18,7 +18,7 @@ fn pictures() -> Option<Vec<PathBuf>> {
     Some(files)
 }
 
-/// What a run of the program gave.
+/// Output and exit status of a run of the program.
 struct Ended {
     status: Option<i32>,
     out: String,

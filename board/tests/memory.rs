@@ -44,7 +44,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// What a probe holds besides its buffers: names, settings, histograms of its stages, channels.
+/// Memory of a probe besides its buffers: names, settings, histograms of its stages, channels.
 const REST: usize = 12 << 10;
 
 /// Frames after which everything has its memory: each of the four published sets has been used.

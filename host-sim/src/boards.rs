@@ -19,7 +19,7 @@ pub enum Law {
     DoubleSphere {
         /// Distance of the spheres' centres.
         xi: f64,
-        /// Where the pinhole lies.
+        /// Position of the pinhole.
         alpha: f64,
     },
 }
@@ -164,7 +164,7 @@ pub fn picture(directions: &Directions, squares: [u32; 2], pose: &Pose, seed: u6
 /// Samples of a pixel along each axis.
 const SAMPLES: usize = 3;
 
-/// The mean of what a pixel sees.
+/// The mean code over the area of a pixel.
 fn pixel(directions: &Directions, squares: [u32; 2], pose: &Pose, at: DVec2) -> f64 {
     let offset = |i: usize| (i as f64 + 0.5) / SAMPLES as f64 - 0.5;
     let samples = (0..SAMPLES * SAMPLES).map(|i| at + DVec2::new(offset(i % SAMPLES), offset(i / SAMPLES)));
@@ -175,7 +175,7 @@ fn pixel(directions: &Directions, squares: [u32; 2], pose: &Pose, at: DVec2) -> 
     light.sum::<f64>() / (SAMPLES * SAMPLES) as f64
 }
 
-/// The code that a direction sees.
+/// The code in a direction.
 fn seen(squares: [u32; 2], pose: &Pose, direction: DVec3) -> f64 {
     let along = direction.dot(pose.axes.z_axis);
     let distance = pose.middle.dot(pose.axes.z_axis) / along;

@@ -43,7 +43,7 @@ pub struct Sensor {
 pub struct Job {
     /// Environment map.
     pub env: PathBuf,
-    /// How the map is read.
+    /// Options for reading the map.
     pub options: ReadOptions,
     /// Lens file.
     pub lens: PathBuf,
@@ -110,7 +110,7 @@ fn noise(seed: u64, index: usize) -> Pcg64 {
 /// Simulates a burst in memory and returns it with the camera's calibration; `exposures` must ascend.
 ///
 /// # Panics
-/// Where the lens's image has more than 2^26 pixels.
+/// If the image of the lens has more than 2^26 pixels.
 #[must_use]
 pub fn in_memory(
     env: &EnvMap,

@@ -341,15 +341,11 @@ fn run_replay(args: ReplayArgs) -> Result<(), SimError> {
         Settings { sampler, lights, tolerance, ambient, soft, extrapolation, ..Settings::default() };
     let export = args.export.export()?;
     let files = args.files.files(&export);
-    let exposures = match args.exposures {
-        ExposuresArg::Stated => replay::Exposures::Stated,
-        ExposuresArg::Measured => replay::Exposures::Measured,
-    };
     replay::run(&replay::Job {
         burst: args.burst,
         lens: args.lens,
         limits: ReadLimits { max_pixels: args.max_pixels, ..ReadLimits::default() },
-        exposures,
+        exposures: args.exposures.into(),
         settings,
         files,
         export,

@@ -11,7 +11,7 @@ use hemilux_core::SamplerKind;
 use hemilux_core::light::Decomposition;
 use hemilux_core::sampler::Request;
 
-/// What a method is.
+/// The kinds of methods.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// A sampler of the core: runs on the probe.
@@ -27,9 +27,9 @@ pub enum Kind {
 /// A method by its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Method {
-    /// Its name in charts and reports.
+    /// Name of the method in charts and reports.
     pub name: &'static str,
-    /// What it is.
+    /// Kind of the method.
     pub kind: Kind,
 }
 

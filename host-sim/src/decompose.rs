@@ -24,7 +24,7 @@ pub struct Job {
     pub sampler: SamplerKind,
     /// Lights, tolerance, ambient light.
     pub request: Request,
-    /// How maps are read; `covers` selects the upper half of a map of the whole sphere too.
+    /// Options for reading maps; `covers` selects the upper half of a map of the whole sphere too.
     pub options: ReadOptions,
     /// Maps a second of a sequence.
     pub fps: f64,

@@ -113,7 +113,7 @@ pub struct LogAxis {
 }
 
 impl LogAxis {
-    /// Where `value` stands; what is outside stands at the end.
+    /// Position of `value`, pixels; a value outside of the axis has the position of the nearest end.
     #[must_use]
     pub fn at(&self, value: f64) -> f64 {
         let [low, high] = self.values;

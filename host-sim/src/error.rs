@@ -3,7 +3,7 @@
 use std::fmt::Display;
 use std::path::Path;
 
-/// Why a command stopped.
+/// Reasons for which a command fails.
 #[derive(Debug, thiserror::Error)]
 pub enum SimError {
     /// The command line is wrong: exit status 2.

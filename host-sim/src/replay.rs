@@ -34,7 +34,7 @@ pub struct Job {
 /// Which exposure times count.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Exposures {
-    /// Those of the manifest.
+    /// Exposure times of the manifest.
     #[default]
     Stated,
     /// The longest one of the manifest, and the others by the ratios measured in the pixels.

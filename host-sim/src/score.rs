@@ -19,7 +19,7 @@ const LENGTH_TOLERANCE: f64 = 0.01;
 /// The format's version.
 const VERSION: u32 = 1;
 
-/// Why a light set could not be scored.
+/// Reasons for which a light set cannot be scored.
 #[derive(Debug, thiserror::Error)]
 pub enum ScoreError {
     /// The light set's file could not be opened or read.
@@ -27,7 +27,7 @@ pub enum ScoreError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the operating system.
         source: std::io::Error,
     },
     /// The file holds no light set.
@@ -35,14 +35,14 @@ pub enum ScoreError {
     Set {
         /// The file.
         path: PathBuf,
-        /// What was found instead.
+        /// The found value, in words.
         found: String,
-        /// What belongs there.
+        /// The expected value, in words.
         expected: &'static str,
     },
 }
 
-/// What was found, and what was expected there.
+/// The found and the expected value, in words.
 type Refusal = (String, &'static str);
 
 /// Scores a light set against a map and gives the line `{"open":…,"shadowed":…,"energy":…,"soft_open":…,"soft_shadowed":…}`: ratios, null where

@@ -1,4 +1,4 @@
-//! What the probe thinks of light sets while it runs, against the score itself.
+//! The scores of a running probe, compared with those of `hemilux-sim score`.
 
 use hemilux::judge::{Judge, Lit};
 use hemilux::samplers::{self, Shape};

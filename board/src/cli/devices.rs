@@ -1,4 +1,4 @@
-//! `hemilux devices`: which cameras there are, and whether one keeps what it promises.
+//! `hemilux devices`: the list of cameras, and a check of one camera.
 
 use super::{Failure, check, say};
 use crate::source::camera::CameraSpec;

@@ -1,4 +1,4 @@
-//! What the options, the configuration file and the defaults come to.
+//! The configuration of a run, from the options, the configuration file and the defaults.
 
 use super::{Failure, Serve, address, origin};
 use crate::config_file::{ConfigFile, Kept};
@@ -62,7 +62,7 @@ impl Peers {
 }
 
 impl Plan {
-    /// The options have the last word.
+    /// Options override the configuration file.
     pub(super) fn of(options: &Serve) -> Result<Self, Failure> {
         let opened = options.config.as_deref().map(ConfigFile::open).transpose().map_err(Failure::new)?;
         let (file, kept) = opened.map_or((None, Kept::default()), |(file, kept)| (Some(file), kept));

@@ -1,4 +1,4 @@
-//! `hemilux record`: what the camera gave, kept as recorded bursts with their raw frames.
+//! `hemilux record`: writes the raw frames of a camera as recorded bursts.
 
 use super::{Failure, devices, say};
 use crate::recorded::{Shown, lens_table};
@@ -47,7 +47,7 @@ pub(super) fn run(options: &Record) -> Result<(), Failure> {
     say(&told.map_err(|f| Failure { line: format!("{}: {}", options.source, f.line), ..f })?)
 }
 
-/// Writes `bursts` bursts of `source` below `out` and tells what came of it.
+/// Writes `bursts` bursts of `source` below `out`; returns a summary for the user.
 fn record(mut source: CameraSource, bursts: usize, out: &Path) -> Result<String, Failure> {
     let head = head(&source);
     let mut list = Vec::new();
@@ -65,7 +65,7 @@ fn record(mut source: CameraSource, bursts: usize, out: &Path) -> Result<String,
                 std::thread::sleep(Duration::from_millis(250));
             }
             Err(error) => {
-                // What there is can be played.
+                // An incomplete recording can be replayed as well.
                 write_list(out, &list)?;
                 let (seconds, count) = (PATIENCE.as_secs(), list.len());
                 let kept = format!("{count} bursts are in {}", out.display());
@@ -91,7 +91,7 @@ fn table(pairs: impl IntoIterator<Item = (&'static str, Value)>) -> Value {
     Value::Table(pairs.into_iter().map(|(name, value)| (name.into(), value)).collect())
 }
 
-/// What all bursts have in common: lens, response, levels and format.
+/// The tables that all bursts share: lens, response, levels and format.
 fn head(source: &CameraSource) -> Table {
     let (c, p) = (source.calibration(), &source.terms().picture);
     let mut head = Table::new();
@@ -204,7 +204,7 @@ mod tests {
         CameraSource::open(Box::new(FakeKernel::new(script.clone())), &spec).expect("a camera")
     }
 
-    /// The lights of one burst, and what they are summed of.
+    /// The lights and the scalar flux of one burst.
     fn lights(calibration: &Calibration, burst: &Burst) -> (Vec<Light>, [f32; 3]) {
         let exposures: Vec<_> = burst.frames.iter().map(|f| f.exposure).collect();
         let pipeline = Pipeline::try_new(*calibration, &exposures, Settings::default());

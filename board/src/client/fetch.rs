@@ -1,4 +1,4 @@
-//! One question, one set.
+//! One HTTP request for one light set.
 
 use super::set::Set;
 use super::{ClientError, Options};
@@ -10,17 +10,17 @@ use ureq::http::Uri;
 /// Longest answer that is read, bytes: 50,000 lights take two million.
 const LONGEST_ANSWER: u64 = 16 << 20;
 
-/// Asks a probe for sets on one connection.
+/// Requests sets of a probe on one connection.
 pub(super) struct Fetcher {
     agent: Agent,
     url: String,
 }
 
-/// Why there is no set.
+/// Reasons for a missing set.
 pub(super) enum Trouble {
-    /// The time is over.
+    /// The request has timed out.
     Silence,
-    /// Anything else.
+    /// Another failure, in words.
     Other(String),
 }
 
@@ -44,7 +44,7 @@ impl Fetcher {
         Ok(Self { agent: config.build().into(), url })
     }
 
-    /// The set that follows frame `after`, in `set`'s memory.
+    /// The next set after frame `after`, in the memory of `set`.
     pub(super) fn next(&mut self, after: Option<u64>, mut set: Set) -> Result<Set, Trouble> {
         let url = after.map_or_else(|| self.url.clone(), |frame| format!("{}&after={frame}", self.url));
         let mut answer = self.agent.get(&url).call().map_err(trouble)?;

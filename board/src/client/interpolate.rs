@@ -3,7 +3,7 @@
 use super::set::Set;
 use hemilux_core::light::Light;
 
-/// Puts the lights at `part` (0 to 1) of the way from `from` to `to` into `lights`.
+/// Appends to `lights` the lights interpolated between `from` (`part` 0) and `to` (`part` 1).
 pub(super) fn interpolate(from: &Set, to: &Set, part: f32, lights: &mut Vec<Light>) {
     lights.extend(to.lights.iter().map(|light| match from.light(light.id) {
         Some(old) => between(old, light, part),
@@ -15,7 +15,7 @@ pub(super) fn interpolate(from: &Set, to: &Set, part: f32, lights: &mut Vec<Ligh
 
 fn between(from: &Light, to: &Light, part: f32) -> Light {
     let mix = |a: f32, b: f32| a + part * (b - a);
-    // Opposite directions have no way between them.
+    // Opposite directions have no mean direction.
     let direction = from.direction.lerp(to.direction, part).try_normalize().unwrap_or(to.direction);
     let irradiance = std::array::from_fn(|k| mix(from.irradiance[k], to.irradiance[k]));
     Light { direction, irradiance, radius_deg: mix(from.radius_deg, to.radius_deg), ..*to }

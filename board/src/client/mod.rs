@@ -1,4 +1,4 @@
-//! Light sets for a renderer, as they come: a thread of its own asks the probe, connects again when it must, and keeps the newest set.
+//! Light sets for a renderer: a thread requests each set of a probe, reconnects after a failure, and keeps the newest set.
 //!
 //! ```no_run
 //! use hemilux::client::{Client, Options};
@@ -34,10 +34,10 @@ use std::time::{Duration, Instant};
 /// First pause after a failure; each further one is twice as long.
 const FIRST_PAUSE: Duration = Duration::from_millis(100);
 
-/// Longest pause between two tries.
+/// Longest pause between two attempts.
 const LONGEST_PAUSE: Duration = Duration::from_secs(5);
 
-/// Longest time between two sets that lights take from one to the other: after a gap they jump.
+/// Longest interval between two sets over which lights are interpolated. After a longer one, lights jump.
 const LONGEST_BLEND: Duration = Duration::from_secs(1);
 
 /// The light sets that are requested, and the address of the probe.
@@ -51,12 +51,12 @@ pub struct Options {
     pub lights: Option<usize>,
     /// Whether sets include spherical harmonics of the light that the directional lights do not represent.
     pub ambient: bool,
-    /// Time without an answer after which to ask again; the probe answers within 1.5 s.
+    /// Timeout of a request, after which it is repeated. The probe answers within 1.5 s.
     pub timeout: Duration,
 }
 
 impl Options {
-    /// All lights in the probe's axes from `url`, asked for again after two seconds.
+    /// All lights in the probe's axes from `url`, with a timeout of two seconds.
     #[must_use]
     pub fn new(url: &str) -> Self {
         let (coordinates, timeout) = (Coordinates::Probe, Duration::from_secs(2));
@@ -64,27 +64,27 @@ impl Options {
     }
 }
 
-/// Why a client could not start.
+/// Reasons for which a client cannot start.
 #[derive(Debug, thiserror::Error)]
 pub enum ClientError {
-    /// Not an address of a probe.
+    /// The address is not that of a probe.
     #[error("probe '{0}': found another address, expected http://HOST:PORT")]
     BadUrl(String),
-    /// The operating system gave no thread.
+    /// The operating system refuses a thread.
     #[error("the client's thread: found {0}, expected it to start")]
     Thread(std::io::Error),
 }
 
-/// How things stand.
+/// The state of the connection.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum State {
-    /// Nothing has come yet.
+    /// No set has arrived yet.
     Connecting,
-    /// Sets come.
+    /// Sets arrive.
     Live,
     /// The probe answers, but its source has stopped.
     Stale(String),
-    /// The probe does not answer: why, and it is asked again and again.
+    /// The probe does not answer, for the contained reason. Requests are repeated.
     Lost(String),
 }
 
@@ -109,13 +109,13 @@ struct Sets {
     spare: Option<Arc<Set>>,
     arrived: Instant,
     interval: Duration,
-    /// Notifies waiting threads of a new set.
+    /// Number of sets so far; waiting threads compare it.
     count: u64,
     state: State,
 }
 
 impl Client {
-    /// Begins to ask.
+    /// Starts the thread that requests sets.
     ///
     /// # Errors
     /// [`ClientError`]; a probe that does not answer is none: see [`Client::state`].
@@ -123,7 +123,7 @@ impl Client {
         Self::connect_with(options, |_| {})
     }
 
-    /// Begins to ask, and calls `signal` with each new set, on the client's thread.
+    /// Starts the thread that requests sets; it calls `signal` with each new set.
     ///
     /// # Errors
     /// As [`Client::connect`].
@@ -168,7 +168,7 @@ impl Client {
         (sets.count != before).then(|| sets.latest.clone())?
     }
 
-    /// How things stand.
+    /// The state of the connection.
     #[must_use]
     pub fn state(&self) -> State {
         self.shared.lock().state.clone()
@@ -203,7 +203,7 @@ impl Shared {
         self.sets.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes in a set; whether it is news.
+    /// Stores a set and notifies waiting threads; returns whether the set is new.
     fn take(&self, set: Arc<Set>) -> bool {
         let mut sets = self.lock();
         let state = set.stale.as_ref().map_or(State::Live, |stale| State::Stale(stale.reason.clone()));
@@ -238,7 +238,7 @@ impl Shared {
     }
 }
 
-/// Asks until the client is dropped.
+/// Requests sets until the client is dropped.
 fn follow(shared: &Shared, mut fetcher: Fetcher, mut signal: impl FnMut(&Set)) {
     let mut pause = FIRST_PAUSE;
     let mut after = None;
@@ -252,7 +252,7 @@ fn follow(shared: &Shared, mut fetcher: Fetcher, mut signal: impl FnMut(&Set)) {
                     signal(&set);
                 }
             }
-            // The probe is there and was only slow: ask again at once.
+            // A timeout is not a refusal: the request is repeated without a pause.
             Err(Trouble::Silence) => shared.lock().state = State::Lost("no answer in time".into()),
             Err(Trouble::Other(reason)) => {
                 shared.lock().state = State::Lost(reason);
@@ -263,7 +263,7 @@ fn follow(shared: &Shared, mut fetcher: Fetcher, mut signal: impl FnMut(&Set)) {
     }
 }
 
-/// Waits, unless the client is dropped meanwhile.
+/// Waits for `pause` or until the client is dropped.
 fn rest(shared: &Shared, pause: Duration) {
     let sets = shared.lock();
     drop(shared.news.wait_timeout_while(sets, pause, |_| !shared.is_stopping()));

@@ -35,20 +35,20 @@ pub enum Form {
     Mitsuba,
 }
 
-/// Why a set cannot be written in a form.
+/// Reasons for which a set cannot be written in a form.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ExportError {
-    /// Axes that the other program cannot be told of.
+    /// The form cannot state the requested axes.
     #[error("coordinates {found} with format {form}: expected {expected}")]
     Axes {
         /// The form.
         form: &'static str,
-        /// The axes asked for.
+        /// The requested axes.
         found: &'static str,
         /// The axes that the form can hold.
         expected: &'static str,
     },
-    /// More bytes than the form can count.
+    /// The file would be longer than the form allows.
     #[error("a set of {0} lights: expected fewer for this format")]
     TooLarge(usize),
 }
@@ -72,13 +72,13 @@ impl Form {
         Self::NAMED.iter().find(|(n, _)| *n == name).map(|(_, form)| *form)
     }
 
-    /// Its name.
+    /// The name of the form.
     #[must_use]
     pub fn name(self) -> &'static str {
         Self::NAMED.iter().find(|(_, form)| *form == self).map_or("", |(name, _)| *name)
     }
 
-    /// Its media type.
+    /// The media type of the form.
     #[must_use]
     pub const fn media_type(self) -> &'static str {
         match self {
@@ -98,7 +98,7 @@ impl Form {
         matches!(self, Self::Glb | Self::Usda | Self::Radiance | Self::Mitsuba)
     }
 
-    /// The axes of the other program, used unless others are asked for.
+    /// The axes of the other program: the default.
     #[must_use]
     pub const fn native_axes(self) -> Coordinates {
         match self {
@@ -124,7 +124,7 @@ impl Form {
     }
 }
 
-/// What plain text and XML cannot hold.
+/// The values that plain text and XML do not contain.
 const PLAIN: [&str; 1] =
     ["left out: radius, age and parent of each light, the set's sums and estimated error; JSON has them"];
 
@@ -179,7 +179,7 @@ impl Text {
     }
 }
 
-/// Numbers with `between` between them; what is not finite becomes 0.
+/// Numbers with a separator between them. A value that is not finite is written as 0.
 struct Numbers<'a, const N: usize>([f32; N], &'a str);
 
 impl<const N: usize> Display for Numbers<'_, N> {

@@ -9,7 +9,7 @@ const PIXELS_PER_BYTE: u64 = 200;
 /// Texels that a file of any length may have.
 const FREE: u64 = 1 << 20;
 
-/// What a file may unpack to.
+/// Limits on the decoded size of a file.
 pub(super) struct Budget {
     /// Length of the file.
     pub bytes: u64,

@@ -49,7 +49,7 @@ impl Covers {
     }
 }
 
-/// How a map file is read.
+/// Options for reading a map file.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ReadOptions {
     /// Largest number of texels. `None` stands for [`MAX_PIXELS`] and a limit that follows from the file's length.
@@ -81,24 +81,24 @@ pub struct DecodedMap {
     pub clipped: Vec<u32>,
 }
 
-/// Why a map could not be read: one line that names the file, what was found and what was expected.
+/// The failure to read a map: one line that names the file, the found and the expected value.
 #[derive(Debug, thiserror::Error)]
 #[error("{path}: found {found}, expected {expected}")]
 pub struct MapError {
     /// The file.
     pub path: PathBuf,
-    /// What was found.
+    /// The found value, in words.
     pub found: String,
-    /// What was expected.
+    /// The expected value, in words.
     pub expected: String,
 }
 
-/// What was found in a map file, and what was expected.
+/// The fault of a map file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Refusal {
-    /// What was found.
+    /// The found value, in words.
     pub found: String,
-    /// What was expected.
+    /// The expected value, in words.
     pub expected: String,
 }
 
@@ -121,7 +121,7 @@ struct Raster {
     texels: Vec<[f32; 3]>,
 }
 
-/// What a file's header states, in the terms that all formats share.
+/// The statements of a header that all formats share.
 #[derive(Default)]
 struct Stated {
     covers: Option<Covers>,

@@ -35,7 +35,7 @@ pub fn attributes(covers: Covers) -> LayerAttributes {
 /// Encodes a map as 32-bit OpenEXR; `radiance(row, column)` is linear Rec. 709.
 ///
 /// # Errors
-/// What the encoder refused.
+/// The error of the encoder.
 pub fn openexr(
     width: usize,
     height: usize,

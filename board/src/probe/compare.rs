@@ -16,13 +16,13 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
 
-/// Most lights of the second sampler: more could not be told apart, and would not leave its memory small.
+/// Largest number of lights of the second sampler, which bounds its memory.
 pub const MOST_LIGHTS: usize = 2048;
 
-/// Time without a client after which the second sampler and its memory are given up.
+/// Time without a request after which the second sampler and its memory are released.
 const KEPT: Duration = Duration::from_secs(3);
 
-/// Time without a client after which another may choose another sampler: a client that goes on asks again sooner.
+/// Time without a request after which a request for another sampler is granted. A client that compares repeats its request sooner.
 const HELD: Duration = Duration::from_millis(500);
 
 /// Order of the map's [sketch](Second::sketch): 2048 quads for a hemisphere, with their centroids.
@@ -33,16 +33,16 @@ pub const SKETCH_ORDER: u8 = 4;
 pub struct Contender {
     /// The sampler.
     pub sampler: SamplerKind,
-    /// Lights asked for, at most [`MOST_LIGHTS`].
+    /// Requested number of lights, at most [`MOST_LIGHTS`].
     pub lights: usize,
 }
 
 /// The second sampler's result for a frame.
 #[derive(Clone, Debug, Default)]
 pub struct Second {
-    /// Its lights.
+    /// The light set.
     pub set: OwnedSet,
-    /// The map in quads of [`SKETCH_ORDER`], or of its own order where that is less: what sets can be held against.
+    /// The map in quads of [`SKETCH_ORDER`], or of the map's order if that is lower: the reference for the scores of both sets.
     pub sketch: Vec<Quad>,
 }
 
@@ -69,9 +69,9 @@ pub struct Comparison {
 #[derive(Debug)]
 struct ComparisonState {
     contender: Option<Contender>,
-    /// Clients that wait now.
+    /// Number of clients that hold permits.
     waiting: usize,
-    /// When a client came or went last.
+    /// Time of the last grant or release of a permit.
     seen: Instant,
 }
 
@@ -99,7 +99,7 @@ impl Drop for Permit<'_> {
 }
 
 impl Comparison {
-    /// Requests `contender`'s pairs.
+    /// Requests pairs of the probe's own set and the set of `contender`.
     ///
     /// # Errors
     /// The other sampler, if clients hold permits for one.
@@ -122,7 +122,7 @@ impl Comparison {
         self.pairs.subscribe()
     }
 
-    /// The second sampler of this frame; one atomic load without requests.
+    /// The second sampler of this frame. Without requests, the cost is one atomic load.
     fn wanted(&self) -> Option<Contender> {
         if !self.is_wanted.load(Ordering::Acquire) {
             return None;
@@ -213,7 +213,7 @@ impl SecondarySampler {
     }
 }
 
-/// Bytes that a comparison takes beside the sampler's own.
+/// Bytes of a comparison without those of the sampler.
 #[must_use]
 pub fn bytes(order: u8) -> usize {
     let quads =

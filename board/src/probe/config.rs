@@ -1,4 +1,4 @@
-//! What a user may change while the probe runs.
+//! The configuration, which users may change while the probe runs.
 
 use super::tiers;
 use crate::pipeline::{PipelineError, Settings};
@@ -17,16 +17,16 @@ pub fn extrapolation_name(extrapolation: Extrapolation) -> &'static str {
     EXTRAPOLATIONS.iter().find(|(_, e)| *e == extrapolation).map_or("", |(name, _)| name)
 }
 
-/// What is chosen.
+/// The values of all settings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Config {
-    /// The pipeline's part.
+    /// Settings of the pipeline.
     pub pipeline: Settings,
-    /// Exposure times, seconds, rising; `None` for the source's own.
+    /// Exposure times, seconds, ascending; `None` for those of the source.
     pub exposures_s: Option<Vec<f64>>,
-    /// How long it may take.
+    /// The budget of each stage.
     pub budgets: Budgets,
-    /// Whether `screenshot` may draw the debug picture; without effect on the frames.
+    /// Whether `/screenshot` may draw the debug picture. The frames do not depend on it.
     pub gui: bool,
     /// Largest number of tiers, of [`super::tiers::MOST`].
     pub tiers: usize,
@@ -44,13 +44,13 @@ impl Default for Config {
     }
 }
 
-/// Why settings cannot be, and which is at fault.
+/// A refused setting and the reason.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{why}")]
 pub struct Refusal {
-    /// Its name in [`super::settings::SETTINGS`].
+    /// Name of the setting in [`super::settings::SETTINGS`].
     pub setting: &'static str,
-    /// What was found and what was expected.
+    /// The found and the expected value, in words.
     pub why: String,
 }
 

@@ -36,13 +36,13 @@ use std::thread::JoinHandle;
 use std::time::Instant;
 use tiers::Tiers;
 
-/// Why the probe could not start.
+/// Reasons for which the probe cannot start.
 #[derive(Debug, thiserror::Error)]
 pub enum StartError {
     /// The source and the settings do not make a pipeline.
     #[error(transparent)]
     Pipeline(#[from] PipelineError),
-    /// The operating system gave no thread.
+    /// The operating system refuses a thread.
     #[error("the processing thread: found {0}, expected it to start")]
     Thread(std::io::Error),
 }
@@ -186,7 +186,7 @@ pub struct Probe {
 }
 
 impl Probe {
-    /// Starts processing what `source`, called `name`, gives.
+    /// Starts a thread that processes the bursts of `source`, which clients see under `name`.
     ///
     /// # Errors
     /// [`StartError`].

@@ -6,7 +6,7 @@ use std::sync::Arc;
 /// Number of sets in a ring: one is published, one is being filled, two are being encoded.
 pub(super) const SETS: usize = 4;
 
-/// Hands out sets to fill that have no reader.
+/// Reuses the memory of the sets that have no reader.
 #[derive(Debug)]
 pub(super) struct Ring<T> {
     sets: [Arc<T>; SETS],
@@ -17,7 +17,7 @@ impl<T: Default> Ring<T> {
         Self { sets: std::array::from_fn(|_| Arc::new(make())) }
     }
 
-    /// Fills a set that has no reader and hands it out; allocates one only when readers hold all of them.
+    /// Fills a set that has no reader and returns it; allocates a new set only if every set has a reader.
     pub(super) fn fill(&mut self, fill: impl FnOnce(&mut T)) -> Arc<T> {
         let free = self.sets.iter_mut().position(|set| Arc::get_mut(set).is_some());
         let at = free.unwrap_or_else(|| {
@@ -32,14 +32,14 @@ impl<T: Default> Ring<T> {
 }
 
 impl Ring<OwnedSet> {
-    /// With room for `lights` lights in every set.
+    /// A ring whose sets have a capacity of `lights` lights each.
     pub(super) fn with_lights(lights: usize) -> Self {
         let mut ring = Self::new(OwnedSet::default);
         ring.reserve(lights);
         ring
     }
 
-    /// Makes room for `lights` lights in every set. A set that is being read stays and is replaced when its turn comes.
+    /// Raises the capacity of every set to `lights` lights. Readers keep the sets that they hold.
     pub(super) fn reserve(&mut self, lights: usize) {
         for set in &mut self.sets {
             if set.lights.capacity() < lights {

@@ -62,7 +62,7 @@ mod tests {
     async fn waiters_are_notified_in_fifo_order_and_a_newer_set_returns_at_once() {
         let sets = Arc::new(SetChannel::default());
         let (woken, mut order) = tokio::sync::mpsc::unbounded_channel();
-        // More than are woken in one go.
+        // More waiters than `Notify` wakes at a time.
         for i in 0..100 {
             let (sets, woken) = (Arc::clone(&sets), woken.clone());
             tokio::spawn(async move {

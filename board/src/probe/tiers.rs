@@ -18,7 +18,7 @@ use std::ops::RangeInclusive;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-/// Numbers of tiers that may be set. One of each class, with and without ambient light, is the least that serves every request.
+/// Range of the number of tiers. Two tiers, with and without ambient light, are the fewest that serve every request.
 pub const MOST: RangeInclusive<usize> = 2..=16;
 
 /// Default number of tiers: at 64 lights each adds at most 0.2 ms per frame on x86-64.
@@ -56,7 +56,7 @@ pub struct Tier {
     pub ambient: bool,
 }
 
-/// A tier and when it was requested last.
+/// A tier with the time and the frame of its last request.
 #[derive(Clone, Copy, Debug)]
 struct Requested {
     tier: Tier,
@@ -118,7 +118,7 @@ impl Tiers {
         (table.requested.iter().map(|r| r.tier).collect(), table.most)
     }
 
-    /// The probe's own settings have changed: sets of before are withdrawn.
+    /// Adopts changed settings of the probe: sets of earlier settings are withdrawn.
     pub(super) fn follow(&self, settings: &Settings, most: usize) {
         let mut table = lock(&self.0);
         (table.own, table.most) = (own(settings), clamp(most));
@@ -192,7 +192,7 @@ impl Table {
     }
 }
 
-/// Whether a set of `tier` has no more than what is `wanted`.
+/// Whether a set of `tier` has at most the lights of `wanted`, and the same ambient light.
 fn serves(tier: Tier, wanted: Tier) -> bool {
     tier.ambient == wanted.ambient && tier.lights <= wanted.lights
 }

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use tokio::sync::watch;
 
-/// The frames of a burst as they came.
+/// The frames of a burst as the source delivers them.
 #[derive(Clone, Debug)]
 pub struct BurstView {
     /// The light set's frame.
@@ -19,7 +19,7 @@ pub struct BurstView {
     pub before_ns: u64,
     /// The exposures, shortest first.
     pub frames: Vec<Frame>,
-    /// How to read the samples.
+    /// The calibration, which states the format of the samples.
     pub calibration: Calibration,
     /// The unit lux, whose factor `calibration` contains; `None` where the unit is relative.
     pub lux: Option<Lux>,
@@ -56,9 +56,9 @@ pub struct Slot<T> {
 /// The newest view and the last number that it answers.
 #[derive(Debug)]
 pub struct Given<T> {
-    /// Number.
+    /// Number of the last request that the view answers.
     pub number: u64,
-    /// The view, once there is one.
+    /// The view; `None` before the first one.
     pub view: Option<Arc<T>>,
 }
 

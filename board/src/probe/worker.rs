@@ -70,7 +70,7 @@ impl Worker {
         Arc::clone(&self.link)
     }
 
-    /// Works until the probe is stopped.
+    /// Processes bursts until the probe is stopped.
     pub(super) fn run(&mut self) {
         while !self.link.status.is_stopping() {
             self.link.status.count_turn();
@@ -83,7 +83,8 @@ impl Worker {
     /// Waits for one burst and publishes its lights, or does nothing when none is due.
     ///
     /// # Errors
-    /// The fault of the source or the burst, which clients are told as well; the last set stays.
+    /// The fault of the source or of the burst, which [`ThreadStatus::failure`](super::ThreadStatus::failure) reports as well. The newest
+    /// set stays.
     pub fn step(&mut self) -> Result<(), SourceError> {
         let began = Instant::now();
         let outcome = self.source.next(&mut self.burst);
@@ -145,7 +146,7 @@ impl Worker {
         Ok(())
     }
 
-    /// Makes the pipeline anew for a camera that came later than the probe, and otherwise than it was asked for.
+    /// Replaces the pipeline if the calibration of the source has changed, as for a camera that is connected after the start.
     fn follow_camera(&mut self) -> Result<(), SourceError> {
         let calibration = self.source.calibration();
         if calibration == self.pipeline.calibration() {
@@ -157,7 +158,7 @@ impl Worker {
         Ok(())
     }
 
-    /// Applies the newest change of the settings, or answers why it cannot.
+    /// Applies the newest request for settings, or answers with the reason of its refusal.
     fn follow_requests(&mut self) {
         let Some(Requested { serial, config }) = self.link.settings.take() else { return };
         let refused = self.follow(&config).err();
@@ -170,7 +171,7 @@ impl Worker {
         self.link.settings.answer(serial, in_effect, refused);
     }
 
-    /// All of `config`, or nothing.
+    /// Applies all of `config`, or nothing.
     fn follow(&mut self, config: &Config) -> Result<(), Refusal> {
         let is_new = config.exposures_s != self.config.exposures_s;
         if is_new {
@@ -221,7 +222,7 @@ fn tell_changes(before: &Config, after: &Config, refused: Option<&Refusal>) {
 }
 
 impl Drop for Worker {
-    /// Tells waiting clients that no more frames come.
+    /// Reports the end of the thread to waiting clients.
     fn drop(&mut self) {
         self.link.status.set_failure(Some("the processing thread has ended".into()));
         self.link.status.set_ended();

@@ -26,13 +26,13 @@ const ENOUGH: usize = 64;
 /// A frame that was left out of a burst.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LeftOut {
-    /// Its file.
+    /// File of the frame.
     pub file: String,
     /// The contradiction.
     pub why: &'static str,
 }
 
-/// How a frame contradicts another one.
+/// A contradiction between two frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Contradiction {
     /// The frame is dark where the other one predicts light.
@@ -106,7 +106,7 @@ fn worst(curve: &Curve<Vec<i32>>, frames: &[Frame]) -> Option<(usize, Contradict
     None
 }
 
-/// How the frame `of` contradicts the frame `by`.
+/// The contradiction between the frames `of` and `by`; `None` if they agree.
 fn contradiction(curve: &Curve<Vec<i32>>, of: &Frame, by: &Frame) -> Option<Contradiction> {
     let light = |f: &Frame| f.exposure.seconds * f.exposure.gain;
     let factor = light(of) / light(by);

@@ -21,7 +21,7 @@ pub enum Target {
 pub struct Converted {
     /// The text of the new file.
     pub text: String,
-    /// What was fitted or given up.
+    /// Statements about fitted and omitted values.
     pub notes: Vec<String>,
 }
 

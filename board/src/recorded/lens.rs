@@ -22,7 +22,7 @@ struct LensManifest {
     lens: LensTable,
     response: Option<ResponseTable>,
     sensor: Option<SensorTable>,
-    /// How the lens came about; `hemilux calibrate` writes and reads it.
+    /// The origin of the lens, which `hemilux calibrate` writes and reads.
     calibration: Option<Table>,
     /// The unit of radiance: `hemilux calibrate photometric` writes it.
     #[allow(dead_code, reason = "read by parse_photometric")]

@@ -223,7 +223,7 @@ impl Manifest {
         Ok(())
     }
 
-    /// How raw frames are packed; none for images.
+    /// The packing of raw frames; `None` for images.
     pub(super) fn layout(&self, path: &Path) -> Result<Option<Layout>, RecordedError> {
         self.format.as_ref().map(|table| table.layout(path)).transpose()
     }

@@ -37,15 +37,15 @@ pub use shown::Shown;
 /// Largest `burst.toml`, `sequence.toml` or lens file, bytes.
 const MAX_MANIFEST_BYTES: u64 = 1 << 20;
 
-/// Why a recorded burst could not be read: one line that names the file, what was found and what was expected.
+/// The failure to read a recorded burst: one line that names the file, the found and the expected value.
 #[derive(Debug, thiserror::Error)]
 #[error("{path}: found {found}, expected {expected}")]
 pub struct RecordedError {
     /// The file or folder.
     pub path: PathBuf,
-    /// What was found.
+    /// The found value, in words.
     pub found: String,
-    /// What was expected.
+    /// The expected value, in words.
     pub expected: String,
 }
 
@@ -93,7 +93,7 @@ pub fn read_burst(folder: &Path) -> Result<(Calibration, Burst), RecordedError> 
 /// A burst that was read, with the names of its files.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordedBurst {
-    /// What is known of the camera.
+    /// The calibration of the camera.
     pub calibration: Calibration,
     /// The frames in ascending order of exposure.
     pub burst: Burst,

@@ -29,7 +29,7 @@ const COOKIE_NAME: &str = "hemilux";
 /// The condition under which a request may change settings and see pictures.
 #[derive(Clone, Debug)]
 pub enum Access {
-    /// None: every request that reaches the port may.
+    /// No condition: every request may.
     Open,
     /// The request must carry the token or the session cookie.
     Token {
@@ -40,14 +40,14 @@ pub enum Access {
     },
 }
 
-/// Why a request is not admitted.
+/// Reasons for which a request is not admitted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Denial {
-    /// It carries no credentials.
+    /// The request carries no credentials.
     Missing,
-    /// Its credentials are wrong.
+    /// The credentials are wrong.
     Wrong,
-    /// The client has sent too many wrong ones: these were not looked at.
+    /// The client has sent too many wrong credentials: they are not checked for this time.
     Blocked(Duration),
 }
 
@@ -102,7 +102,7 @@ fn cookies(headers: &HeaderMap) -> impl Iterator<Item = &str> {
     pairs.filter(|(name, _)| *name == COOKIE_NAME).map(|(_, value)| value)
 }
 
-/// What an Authorization header holds.
+/// Contents of an Authorization header.
 #[derive(Debug, PartialEq, Eq)]
 struct Credential {
     is_basic: bool,
@@ -182,7 +182,7 @@ fn denied(context: &Context, sender: &Sender, denial: Denial) -> Response {
     response
 }
 
-/// The refusal of credentials that were not looked at.
+/// The refusal of credentials that are not checked.
 fn blocked(context: &Context, wait: Duration) -> Response {
     context.counts.refused("guessing");
     let seconds = wait.as_secs() + 1;
@@ -234,13 +234,13 @@ pub(super) async fn log_in(State(context): State<Context>, sender: Sender, reque
     }
 }
 
-/// Gives the cookie; over HTTPS, the browser shall send it over HTTPS only.
+/// The Set-Cookie header. For a client that uses HTTPS, it restricts the cookie to HTTPS.
 fn logged_in(session: &Token, scheme: Scheme) -> Response {
     let secure = if scheme == Scheme::Https { "; Secure" } else { "" };
     let cookie = format!("{COOKIE_NAME}={}; Path=/; HttpOnly; SameSite=Strict{secure}", session.reveal());
     let mut response = StatusCode::SEE_OTHER.into_response();
     response.headers_mut().insert(LOCATION, HeaderValue::from_static("/"));
-    // base64url is always a header value.
+    // Every base64url text is a valid header value.
     if let Ok(cookie) = HeaderValue::from_str(&cookie) {
         response.headers_mut().insert(SET_COOKIE, cookie);
     }

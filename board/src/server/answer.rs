@@ -10,7 +10,7 @@ use std::time::Duration;
 /// Longest wait for the next frame, below the two seconds after which clients repeat a request.
 pub(super) const LONGEST_WAIT: Duration = Duration::from_millis(1500);
 
-/// A set to answer with.
+/// The set that answers a request.
 #[derive(Clone, Debug)]
 pub(super) struct Answer {
     pub(super) set: Arc<OwnedSet>,
@@ -25,7 +25,7 @@ impl Answer {
         Self { set, stale }
     }
 
-    /// The newest set of `selection`, if there is a set; the probe's own one where that of the selection is not made yet.
+    /// The newest set of `selection`, or the probe's own set before the first set of `selection`; `None` before the first frame.
     pub(super) fn newest(link: &Link, selection: Selection, is_late: bool) -> Option<Self> {
         let own = link.sets().latest()?;
         let set = match link.tiers().request(selection) {

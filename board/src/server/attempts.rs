@@ -1,20 +1,20 @@
-//! Slows the guessing of the token, per client.
+//! Limits the rate at which each client may guess the token.
 
 use super::client_key::ClientKey;
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Wrong credentials that a client may send at once.
+/// Number of wrong credentials that a client may send in a burst.
 const BURST: u32 = 10;
 
-/// Time after which a client may send one more: 30 guesses a minute.
+/// Interval of further wrong credentials after the burst: 30 per minute.
 const INTERVAL: Duration = Duration::from_secs(2);
 
 /// Largest number of clients that are remembered; beyond it the one whose last failure is longest ago is forgotten.
 const CLIENTS: usize = 1024;
 
-/// Failures by client.
+/// Failed attempts by client.
 #[derive(Debug, Default)]
 pub(super) struct Attempts {
     /// The moment at which all failures of a client are forgiven: each failure moves it by [`INTERVAL`].
@@ -22,14 +22,14 @@ pub(super) struct Attempts {
 }
 
 impl Attempts {
-    /// The time until the credentials of `client` are looked at again; `None` when they are looked at now.
+    /// Time for which the credentials of `client` are not checked; `None` if they are checked now.
     pub(super) fn blocked(&self, client: ClientKey, now: Instant) -> Option<Duration> {
         let forgiven = self.forgiven.lock().unwrap_or_else(PoisonError::into_inner);
         let left = forgiven.get(&client)?.saturating_duration_since(now);
         left.checked_sub(INTERVAL * (BURST - 1)).filter(|wait| !wait.is_zero())
     }
 
-    /// Notes wrong credentials of `client`.
+    /// Counts wrong credentials of `client`.
     pub(super) fn failed(&self, client: ClientKey, now: Instant) {
         let mut forgiven = self.forgiven.lock().unwrap_or_else(PoisonError::into_inner);
         if forgiven.len() >= CLIENTS && !forgiven.contains_key(&client) {

@@ -88,7 +88,7 @@ async fn apply_allowed(context: &Context, pairs: &[(String, String)]) -> Respons
 /// Changes settings and waits until the processing thread has applied them; `None` when that takes longer than [`LONGEST_WAIT`].
 ///
 /// # Errors
-/// Why nothing was changed.
+/// The refused setting and the reason; nothing is changed then.
 pub(super) async fn make(context: &Context, change: &Change) -> Result<Option<Applied>, Refusal> {
     let mut applied = context.link.settings().applied();
     let serial = context.link.settings().change(change)?;
@@ -103,7 +103,7 @@ fn confirm(answer: &Applied, pairs: &[(String, String)]) -> Response {
     }
 }
 
-/// 400 with what was found and the list of what is accepted.
+/// Status 400 with `found` and the list of accepted parameters.
 fn refused(found: &str) -> Response {
     let found = found.strip_prefix("found ").unwrap_or(found);
     line(StatusCode::BAD_REQUEST, &format!("found {found}; nothing was changed. Accepted:\n{}", accepted()))

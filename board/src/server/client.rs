@@ -1,26 +1,26 @@
-//! What clients load: the JavaScript modules and the description of this interface.
+//! The JavaScript modules for clients and the OpenAPI document.
 
 use crate::probe::settings;
 use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE};
 use axum::response::{IntoResponse, Response};
 use std::sync::LazyLock;
 
-/// The client for pages.
+/// Answers with the JavaScript client for web pages.
 pub(super) async fn javascript() -> Response {
     file("text/javascript; charset=utf-8", include_str!("client.js"))
 }
 
-/// Its adapter for three.js.
+/// Answers with the adapter of the JavaScript client for three.js.
 pub(super) async fn three() -> Response {
     file("text/javascript; charset=utf-8", include_str!("three.js"))
 }
 
-/// The description of this interface, OpenAPI 3.1.
+/// Answers with the OpenAPI 3.1 document of all requests.
 pub(super) async fn openapi() -> Response {
     file("application/json", &OPENAPI)
 }
 
-/// The document: `openapi.json`, where the settings of the table stand in the place of two markers.
+/// The text of `openapi.json`, with the settings of the table in place of two markers.
 pub(super) static OPENAPI: LazyLock<String> = LazyLock::new(|| {
     include_str!("openapi.json")
         .replace("[\"SETTINGS\"]", &settings::parameters().to_string())

@@ -53,7 +53,7 @@ fn lit(set: &OwnedSet) -> Lit<'_> {
     Lit { lights: &set.lights, ambient: set.ambient_sh.as_ref() }
 }
 
-/// What is asked for.
+/// The parameters of a comparison.
 struct Wanted {
     contender: Contender,
     coordinates: Coordinates,
@@ -149,7 +149,7 @@ fn taken(other: Contender) -> Response {
     response
 }
 
-/// The answer; `None` only for a programming error.
+/// The text of the answer; `None` only for a programming error.
 fn written(
     mut bench: tokio::sync::OwnedMutexGuard<ScoreState>,
     pair: &Pair,

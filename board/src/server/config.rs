@@ -1,4 +1,4 @@
-//! `/v1/config`: the settings as JSON with what each may be, and changes to them.
+//! `/v1/config`: the settings with their schemas as JSON, and changes of settings.
 
 use super::access::{Allowed, BODY_TIME};
 use super::{Context, change};
@@ -11,13 +11,13 @@ use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE};
 use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
 
-/// Settings, what each may be, and whether they can be kept.
+/// Answers with the settings, their schemas, and whether a configuration file can store them.
 pub(super) async fn show(State(context): State<Context>) -> Response {
     let config = context.link.settings().applied().borrow().config.clone();
     answer(StatusCode::OK, &document(&context, &config))
 }
 
-/// Changes what the JSON object in the body names, all of it or nothing; `?save=1` writes the settings to the configuration file.
+/// Changes the settings in the JSON object of the body, all of them or none; `?save=1` writes the settings to the configuration file.
 pub(super) async fn change(State(context): State<Context>, _: Allowed, request: Request) -> Response {
     let query = Query::<Vec<(String, String)>>::try_from_uri(request.uri());
     let save = match query.as_ref().map(|q| q.as_slice()) {
@@ -98,7 +98,7 @@ fn errors(status: StatusCode, each: &Value) -> Response {
     answer(status, &json!({"errors": each}))
 }
 
-/// An answer in JSON that is not to be kept.
+/// An answer in JSON that caches do not store.
 pub(super) fn answer(status: StatusCode, document: &Value) -> Response {
     (status, [(CONTENT_TYPE, "application/json"), (CACHE_CONTROL, "no-store")], format!("{document}\n"))
         .into_response()

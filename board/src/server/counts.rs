@@ -1,4 +1,4 @@
-//! What the server counts, and the log of what it refused: each reason once a minute at most, with the number since.
+//! Counters of the server, and the log of refusals: at most one line per reason and minute, with the number of refusals since.
 
 use super::paths::{PATHS, index_of};
 use std::array;
@@ -30,20 +30,20 @@ pub(super) const DELIVERY_US: [u64; 10] =
 /// Time between two lines of the log about the same reason.
 const QUIET_MS: u64 = 60_000;
 
-/// Counters; all of them only grow but `open`.
+/// Counters of the server. All but `open` and `streams` are monotonic.
 #[derive(Debug)]
 pub(super) struct Counts {
     began: Instant,
-    /// By route (the last for none) and status class.
+    /// Number of answers by route (the last for unknown paths) and status class.
     pub(super) requests: [[AtomicU64; CLASSES]; PATHS.len() + 1],
     refused: [Refused; REASONS.len()],
-    /// Connections that are there now.
+    /// Number of open connections.
     pub(super) open: AtomicU64,
-    /// Connections let in.
+    /// Number of accepted connections.
     pub(super) accepted: AtomicU64,
     /// Number of streams of events and WebSockets that are open now.
     pub(super) streams: AtomicU64,
-    /// Light sets answered by delivery time, the last for more than the last bound.
+    /// Number of delivered light sets by delivery time; the last element counts times above the last bound.
     pub(super) delivery: [AtomicU64; DELIVERY_US.len() + 1],
     /// Sum of the delivery times, microseconds.
     pub(super) delivery_us: AtomicU64,
@@ -52,9 +52,9 @@ pub(super) struct Counts {
 #[derive(Debug, Default)]
 struct Refused {
     count: AtomicU64,
-    /// `count` when it was last logged.
+    /// Value of `count` at the last line of the log.
     told: AtomicU64,
-    /// Milliseconds from the start until it may be logged again.
+    /// Earliest time of the next line of the log, milliseconds since the start.
     quiet_until: AtomicU64,
 }
 
@@ -101,7 +101,7 @@ impl Counts {
             && refused.quiet_until.compare_exchange(until, now + QUIET_MS, Relaxed, Relaxed).is_ok();
         if mine {
             let since = count.saturating_sub(refused.told.swap(count, Relaxed));
-            // A browser that has nothing more to ask for looks like a slow one.
+            // An idle browser connection times out like a slow one.
             if reason == "slow" {
                 tracing::info!("closed: {reason} ({since} since the last such line)");
             } else {

@@ -1,4 +1,4 @@
-//! Camera frames as pictures to look at: eight bits, red, green and blue, whatever the packing.
+//! Conversion of camera frames of every format to 8-bit red, green and blue pictures.
 
 use crate::calibration::{Calibration, Frame};
 use hemilux_core::tonemap::srgb_code;

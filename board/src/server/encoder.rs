@@ -9,16 +9,16 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
 
-/// Processor time of a job above which the thread rests as long as the job took.
+/// Processor time of a job above which the thread pauses for the duration of the job.
 const LONG: Duration = Duration::from_millis(1);
 
-/// Time in which half of what a kind has had is forgotten.
+/// Half-life of the processor time that is charged to a kind of job.
 const HALF_LIFE: Duration = Duration::from_secs(1);
 
-/// Largest number of kinds whose time is known.
+/// Largest number of kinds with a recorded processor time.
 const KINDS: usize = 256;
 
-/// A thread that does jobs of kind `K`; it ends when this is dropped.
+/// A thread that runs jobs of the kinds `K`; it ends when this value is dropped.
 #[derive(Debug)]
 pub(super) struct Encoder<K> {
     queue: Arc<Queue<K>>,
@@ -32,7 +32,7 @@ struct Queue<K> {
 
 struct State<K> {
     jobs: Vec<Job<K>>,
-    /// Processor time that each kind has had, and when that was noted.
+    /// Processor time of each kind, and the time of the record.
     spent: HashMap<K, (Duration, Instant)>,
 }
 
@@ -65,7 +65,7 @@ impl<K: Copy + Eq + Hash + Send + 'static> Encoder<K> {
         Self { queue }
     }
 
-    /// Does `work` on the thread; `None` when it panics.
+    /// Runs `work` on the thread; `None` if `work` panics.
     pub(super) async fn run<T: Send + 'static>(
         &self,
         kind: K,
@@ -86,7 +86,7 @@ impl<K> Queue<K> {
 }
 
 impl<K: Copy + Eq + Hash> State<K> {
-    /// What `kind` has had, halved for each [`HALF_LIFE`] that has passed.
+    /// Processor time of `kind`, halved for each [`HALF_LIFE`] that has passed.
     fn spent(&self, kind: K, now: Instant) -> Duration {
         let Some((spent, noted)) = self.spent.get(&kind) else { return Duration::ZERO };
         let lives = now.saturating_duration_since(*noted).as_secs_f32() / HALF_LIFE.as_secs_f32();
@@ -107,19 +107,19 @@ impl<K: Copy + Eq + Hash> State<K> {
     }
 }
 
-/// Lowers the priority of the calling thread; on Linux, it has one of its own.
+/// Lowers the priority of the calling thread. On Linux, each thread has a priority of its own.
 fn nice_thread(by: i32) -> rustix::io::Result<()> {
     setpriority_process(None, getpriority_process(None)? + by)
 }
 
-/// Time of a processor that the calling thread has had.
+/// Processor time of the calling thread.
 fn processor_time() -> Duration {
     let time = clock_gettime(ClockId::ThreadCPUTime);
     let (seconds, nanoseconds) = (u64::try_from(time.tv_sec), u32::try_from(time.tv_nsec));
     Duration::new(seconds.unwrap_or(0), nanoseconds.unwrap_or(0))
 }
 
-/// Does jobs until the encoder is dropped.
+/// Runs jobs until the encoder is dropped.
 fn run<K: Copy + Eq + Hash>(queue: &Weak<Queue<K>>, nice: i32) {
     let _ = nice_thread(nice);
     while let Some(queue) = queue.upgrade() {

@@ -34,10 +34,10 @@ const READ_BYTES: usize = 64 << 10;
 /// Longest time for the exchange of close frames.
 const CLOSE_TIME: Duration = Duration::from_secs(1);
 
-/// Shortest time between two looks at a slow client's backlog.
+/// Interval at which the backlog of a slow client is checked.
 const BACKLOG_PAUSE: Duration = Duration::from_millis(20);
 
-/// Longest time for which a slow client is sent nothing: its backlog may look longer than it is.
+/// Longest time without a set for a slow client, whose measured backlog may exceed the actual one.
 const LONGEST_SKIP: Duration = Duration::from_millis(1200);
 
 /// Delay before a client reconnects.
@@ -60,7 +60,7 @@ struct Feed {
     sent: Instant,
 }
 
-/// A set for the client.
+/// The next step of a stream.
 enum Next {
     Set(Bytes),
     /// There is no set yet.
@@ -113,7 +113,7 @@ impl Feed {
                     Err(Missing::Fault | Missing::TooLong(_)) => return Next::Stop,
                 };
             let id = event_id(self.context.link.run(), ready.set.frame);
-            // A set that came between the notification and the look was sent already.
+            // A set that was published between the notification and the read was sent already.
             if is_late || self.has.as_ref() != Some(&id) {
                 break (ready, id);
             }
@@ -141,7 +141,7 @@ impl Feed {
         is_late
     }
 
-    /// Whether sets would pile up on their way to the client.
+    /// Whether sets queue up on the connection to the client.
     fn is_backlogged(&self) -> bool {
         let is_recent = self.sent.elapsed() < LONGEST_SKIP;
         is_recent && self.connection.as_ref().is_some_and(|c| c.queues.is_backlogged(2 * self.length))
@@ -210,7 +210,7 @@ pub(super) async fn socket(
     extensions: Extensions,
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> Response {
-    // Browsers let any page open a WebSocket to anywhere, and tell its origin.
+    // Browsers let any page open a WebSocket to any server, and send the origin of the page.
     if sender.cause(&context.admission.origins) == Cause::ForeignPage {
         return access::foreign(&context, "a WebSocket opened by a page of another site");
     }
@@ -235,9 +235,9 @@ pub(super) async fn socket(
     })
 }
 
-/// Why a WebSocket ends.
+/// Reasons for the end of a WebSocket.
 enum End {
-    /// The client has closed it, or is gone.
+    /// The client has closed the WebSocket or the connection.
     Client,
     /// The client has sent a message that is too large.
     TooLarge,

@@ -28,7 +28,7 @@ pub(super) enum Format {
 }
 
 impl Format {
-    /// What `format=` accepts.
+    /// The values of `format=`.
     pub(super) const NAMED: [(&str, Self); 9] = [
         ("json", Self::Json),
         ("text", Self::Text),

@@ -63,7 +63,7 @@ struct Live {
 }
 
 impl Live {
-    /// Counts `length` bytes where an answer of about as many may be made.
+    /// Counts `length` bytes and returns `true` if an answer of this length fits below `limit`.
     fn try_add(&self, length: usize, limit: usize) -> bool {
         let add = |live| (live <= IDLE || live + length <= limit).then_some(live + length);
         self.bytes.fetch_update(Relaxed, Relaxed, add).is_ok()
@@ -146,7 +146,7 @@ impl Kept {
 }
 
 impl AnswerMemory {
-    /// Tells which connections are to be cut for want of memory.
+    /// Sets the limiter whose connections are cut when memory is short.
     pub(super) fn relieve_by(&self, limiter: &Arc<ConnectionLimiter>) {
         let _ = self.limiter.set(Arc::clone(limiter));
     }

@@ -17,7 +17,7 @@ use hemilux_core::wire::Latency;
 use std::fmt::Write;
 use std::sync::atomic::Ordering::Relaxed;
 
-/// What is counted and measured.
+/// Answers with the counters and measurements of the probe and the server.
 pub(super) async fn metrics(State(context): State<Context>) -> Response {
     let mut text = String::with_capacity(8 << 10);
     let link = &context.link;

@@ -71,7 +71,7 @@ pub struct Options {
     pub access: Access,
     /// Origins (`http://host:port`) of other sites whose pages have the rights of the server's own pages.
     pub origins: Vec<String>,
-    /// Addresses of proxies that are believed what they say of the clients whose requests they forward.
+    /// Addresses of trusted proxies, whose forwarding headers name the client of a request.
     pub proxies: Vec<IpAddr>,
     /// The file that `PATCH /v1/config?save=1` writes settings to.
     pub file: Option<ConfigFile>,

@@ -13,7 +13,7 @@ use axum::http::request::Parts;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Uri};
 use std::convert::Infallible;
 
-/// What caused a request.
+/// The cause of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Cause {
     /// A program, not a browser.
@@ -22,11 +22,11 @@ pub(super) enum Cause {
     OwnPage,
     /// A page of another site.
     ForeignPage,
-    /// A browser, which does not tell the page: an address that was typed, or any page that hides itself.
+    /// A browser that does not name the page: a typed address, or a page that suppresses its referrer.
     Unproven,
 }
 
-/// What a handler has to know of a request's sender.
+/// The sender of a request: its headers, host and client.
 #[derive(Clone, Debug)]
 pub(super) struct Sender {
     pub(super) uri: Uri,
@@ -40,7 +40,7 @@ impl Sender {
         Self { uri: parts.uri.clone(), headers: parts.headers.clone(), client }
     }
 
-    /// What caused the request; pages of the origins in `allowed` count as the server's own.
+    /// The cause of the request; pages of the origins in `allowed` count as the server's own.
     pub(super) fn cause(&self, allowed: &[String]) -> Cause {
         if self.headers.get(ORIGIN).is_some_and(|origin| is_allowed(origin, allowed)) {
             return Cause::OwnPage;

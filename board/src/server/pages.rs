@@ -1,9 +1,9 @@
-//! The HTML pages. Whatever comes from outside the program is escaped.
+//! The HTML pages. Text from requests, sources and files is escaped.
 
 use super::Context;
 use crate::light_set::OwnedSet;
-use crate::probe::{Config, EXTRAPOLATIONS, extrapolation_name};
-use crate::samplers::MAX_LIGHTS;
+use crate::probe::settings::{Kind, SETTINGS, Setting};
+use crate::probe::{Config, extrapolation_name};
 use crate::timing::Timings;
 use axum::extract::State;
 use axum::http::header::CACHE_CONTROL;
@@ -17,7 +17,7 @@ const STYLE: &str = "<style>:root{color-scheme:light dark}body{font:16px/1.5 sys
 margin:2rem auto;padding:0 1rem}td,th{text-align:left;padding:.1rem 1rem .1rem 0;vertical-align:top}\
 label{display:block;margin:.6rem 0}</style>";
 
-/// Settings, rates and times.
+/// Answers with the settings, rates and durations of the probe.
 pub(super) async fn info(State(context): State<Context>) -> Response {
     let link = &context.link;
     let config = link.settings().applied().borrow().config.clone();
@@ -96,26 +96,45 @@ fn times(last: &Latency, timings: &Timings) -> String {
 
 /// The form of the settings, and `accepted`: the parameters and their values, one per line.
 pub(super) fn change_form(config: &Config, accepted: &str) -> Html<String> {
-    let s = &config.pipeline;
-    let samplers = options(SamplerKind::NAMES, s.sampler.name());
-    let extrapolations =
-        options(EXTRAPOLATIONS.iter().map(|(name, _)| *name), extrapolation_name(s.extrapolation));
-    let gui = options(["on", "off"], on_off(config.gui));
+    let fields: String = SETTINGS.iter().map(|setting| form_field(setting, config)).collect();
     let requests: String = accepted.lines().map(|l| format!("<li><code>/change?{l}</code></li>")).collect();
     let body = format!(
         "<form action=\"/change\" method=\"post\">\
-         <label>Algorithm <select name=\"algorithm\">{samplers}</select></label>\
-         <label>Samples <input name=\"samples\" type=\"number\" min=\"1\" max=\"{MAX_LIGHTS}\" value=\"{}\"></label>\
-         <label>Extrapolation <select name=\"extrapolation\">{extrapolations}</select></label>\
-         <label>Debug picture (gui) <select name=\"gui\">{gui}</select></label>\
+         {fields}\
          <button>Change</button></form>\
          <h2>Requests</h2><ul>{requests}</ul>\
          <p>Several parameters may stand in one request, joined by <code>&amp;</code>: all of them are changed, or none. A change \
          takes effect with the next frame, for all clients. <code>gui</code> lets <a href=\"/screenshot\">screenshot</a> draw its \
-         picture; it has no effect on the lights.</p>",
-        s.lights
+         picture; it has no effect on the lights.</p>"
     );
     page("change", &body)
+}
+
+/// The label and the control of `setting` with its value in `config`.
+fn form_field(setting: &Setting, config: &Config) -> String {
+    let schema = setting.schema(config);
+    let (name, word) = (setting.parameter, setting.word(config));
+    let control = match setting.kind {
+        Kind::Choice(words) => {
+            format!("<select name=\"{name}\">{}</select>", options(words.iter().copied(), &word))
+        }
+        Kind::Switch => format!("<select name=\"{name}\">{}</select>", options(["on", "off"], &word)),
+        Kind::Whole(..) | Kind::Real(..) => {
+            let step = if matches!(setting.kind, Kind::Whole(..)) { "1" } else { "any" };
+            let (least, most) = (&schema["minimum"], &schema["maximum"]);
+            format!(
+                "<input name=\"{name}\" type=\"number\" min=\"{least}\" max=\"{most}\" step=\"{step}\" value=\"{word}\">"
+            )
+        }
+        Kind::Optional(..) | Kind::OptionalWhole(..) | Kind::List(..) => {
+            format!(
+                "<input name=\"{name}\" value=\"{}\"> {}",
+                escaped(&word),
+                escaped(&setting.expected_word())
+            )
+        }
+    };
+    format!("<label>{} {control}</label>", escaped(setting.title))
 }
 
 /// Asks for a confirmation of a change that the browser sent without proof that a page of this server caused it.
@@ -132,7 +151,7 @@ pub(super) fn change_confirm(pairs: &[(String, String)]) -> Html<String> {
     page("confirm the change", &body)
 }
 
-/// Confirms a change.
+/// The page that confirms a change.
 pub(super) fn change_done(config: &Config, pairs: &[(String, String)]) -> Html<String> {
     let body = format!(
         "<p>Changed: {}. In effect from the next frame on.</p>{}<p><a href=\"/change\">Change more</a></p>",
@@ -142,7 +161,7 @@ pub(super) fn change_done(config: &Config, pairs: &[(String, String)]) -> Html<S
     page("changed", &body)
 }
 
-/// Says that a change waits for a frame.
+/// The page for a change that takes effect with a frame that has not come yet.
 pub(super) fn change_pending(pairs: &[(String, String)]) -> Html<String> {
     let body = format!(
         "<p>Accepted: {}. It takes effect with the next frame, which has not come yet: see \
@@ -152,7 +171,7 @@ pub(super) fn change_pending(pairs: &[(String, String)]) -> Html<String> {
     page("change accepted", &body)
 }
 
-/// The log-in form, below what is to be said.
+/// The log-in form below `text`.
 pub(super) fn login(text: &str) -> Html<String> {
     let body = format!(
         "<p>{}</p><form action=\"/login\" method=\"post\"><label>Token <input name=\"token\" type=\"password\" \
@@ -163,7 +182,7 @@ pub(super) fn login(text: &str) -> Html<String> {
     page("log in", &body)
 }
 
-/// Says why there is no screenshot.
+/// The page that names the reason for a missing screenshot.
 pub(super) fn no_screenshot() -> Html<String> {
     let body = "<p>The debug picture is switched off: <a href=\"/change?gui=on\">switch it on</a>, then ask again.</p>";
     page("screenshot", body)
@@ -216,7 +235,7 @@ fn page(title: &str, body: &str) -> Html<String> {
     ))
 }
 
-/// Text that may stand in HTML, attributes included.
+/// `text` with the characters escaped that have a meaning in HTML or in its attributes.
 fn escaped(text: &str) -> String {
     text.chars().fold(String::with_capacity(text.len()), |mut out, c| {
         match c {

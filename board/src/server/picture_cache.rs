@@ -34,26 +34,26 @@ pub(super) enum PictureKind {
     MapExr,
     /// The map as Radiance HDR.
     MapHdr,
-    /// What is unseen and clipped.
+    /// The mask of unseen and clipped directions.
     Mask,
     /// The tone-mapped map with the lights, to be kept under a name.
     Screenshot,
 }
 
-/// What there is to render, or why not.
+/// The source of a picture.
 pub(super) enum View<T> {
     /// A view that answers requests up to a moment of CLOCK_MONOTONIC, nanoseconds.
     Of {
-        /// What is rendered.
+        /// The data to render.
         view: T,
-        /// The moment.
+        /// Latest request that the view answers, CLOCK_MONOTONIC, nanoseconds.
         since_ns: u64,
-        /// Whether it is of a frame after the request.
+        /// Whether the view belongs to a frame after the request.
         is_fresh: bool,
     },
-    /// A view that is too old for this request: another one is asked for.
+    /// A view that is too old for this request: another view is requested.
     TooOld,
-    /// There is none.
+    /// No view.
     None,
 }
 
@@ -82,14 +82,14 @@ pub(super) struct Picture {
     pub(super) is_fresh: bool,
 }
 
-/// Why there is no picture.
+/// Reasons for a missing picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum NoPicture {
     /// There is nothing to render.
     NoView,
     /// Answers take too much memory.
     Full,
-    /// It could not be rendered.
+    /// The picture could not be rendered.
     Fault,
 }
 
@@ -106,7 +106,7 @@ struct Made {
     kind: PictureKind,
     since_ns: u64,
     kept: Kept,
-    /// The picture but for its bytes.
+    /// The picture without its bytes.
     picture: Picture,
 }
 
@@ -195,7 +195,7 @@ mod tests {
             let look = |_| {
                 let frame = looks.fetch_add(1, Relaxed);
                 async move {
-                    // The others ask meanwhile.
+                    // Further requests arrive during the rendering.
                     tokio::task::yield_now().await;
                     View::Of { view: frame, since_ns: clock::monotonic_ns(), is_fresh: true }
                 }

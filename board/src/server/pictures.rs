@@ -149,7 +149,7 @@ pub(super) async fn map(
     answer(context, context.answers.pictures.picture(kind, look, render).await, content_type)
 }
 
-/// Answers with a picture, or says why there is none.
+/// Answers with a picture, or with the reason for its absence.
 pub(super) fn answer(
     context: &Context,
     picture: Result<Picture, NoPicture>,
@@ -174,7 +174,7 @@ pub(super) fn answer(
     (headers, bytes).into_response()
 }
 
-/// Says why there is no picture.
+/// The refusal that names the reason for a missing picture.
 pub(super) fn no_picture(context: &Context, why: NoPicture) -> Response {
     match why {
         NoPicture::NoView => no_frame_yet(&context.link),

@@ -1,4 +1,4 @@
-//! Trusted proxies: what they say of the clients whose requests they forward. Nothing of it is believed from other addresses.
+//! Trusted proxies and their forwarding headers. Forwarding headers from other addresses are ignored.
 
 use super::client_key::ClientKey;
 use axum::http::header::FORWARDED;
@@ -11,7 +11,7 @@ const X_FORWARDED_FOR: HeaderName = HeaderName::from_static("x-forwarded-for");
 /// The header with the scheme of the client's own request.
 const X_FORWARDED_PROTO: HeaderName = HeaderName::from_static("x-forwarded-proto");
 
-/// The proxies that are believed.
+/// The trusted proxies.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Proxies(Vec<IpAddr>);
 
@@ -20,7 +20,7 @@ pub(super) struct Proxies(Vec<IpAddr>);
 pub(super) enum Scheme {
     Http,
     Https,
-    /// A trusted proxy does not say which.
+    /// A trusted proxy does not state the scheme.
     Either,
 }
 
@@ -39,13 +39,13 @@ impl Default for Client {
 }
 
 impl Client {
-    /// The key that its connections and its failed log-ins are counted under.
+    /// The key under which connections and failed log-ins of the client are counted.
     pub(super) fn key(&self) -> ClientKey {
         ClientKey::of(self.address)
     }
 }
 
-/// What the headers of a forwarded request say.
+/// The statements of the headers of a forwarded request.
 #[derive(Debug, Default)]
 struct Forwarding {
     /// The addresses that the request has come from, the last proxy's entry last; `None` for one that is not told.
@@ -65,13 +65,13 @@ impl Proxies {
     /// The client of a request that came from `peer`.
     ///
     /// # Errors
-    /// What is wrong with the headers of a trusted proxy.
+    /// The fault of the headers of a trusted proxy.
     pub(super) fn client(&self, peer: IpAddr, headers: &HeaderMap) -> Result<Client, &'static str> {
         if !self.contains(peer) {
             return Ok(Client { address: peer, scheme: Scheme::Http });
         }
         let found = match (headers.contains_key(FORWARDED), headers.contains_key(X_FORWARDED_FOR)) {
-            // A proxy sets one of them, so the other was sent by the client.
+            // A proxy sets one of the two headers, so the other was sent by the client.
             (true, true) => {
                 return Err("both Forwarded and X-Forwarded-For, expected the proxy to remove one");
             }

@@ -1,4 +1,4 @@
-//! What a client asks for about a light set: the form, the axes, how many lights.
+//! The parameters of a request for a light set: form, coordinates, number of lights.
 
 use super::format::Format;
 use crate::probe::settings::short;
@@ -9,7 +9,7 @@ use axum::http::header::ACCEPT;
 use axum::http::{HeaderMap, Uri};
 use hemilux_core::wire::Coordinates;
 
-/// How a set is written; sets written alike are written once.
+/// The encoding of a set. Requests with equal variants share the encoded bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Variant {
     pub(super) format: Format,
@@ -25,7 +25,7 @@ impl Variant {
     }
 }
 
-/// What is asked for.
+/// The parameters of a request for a light set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Wanted {
     pub(super) variant: Variant,
@@ -36,7 +36,7 @@ pub(super) struct Wanted {
 /// Reads the query. `fixed` is the format of paths that have but one; else `format=` names it, or the Accept header.
 ///
 /// # Errors
-/// What was found, and the list of what is accepted; `None` when no format suits the Accept header.
+/// The found and the accepted parameters, in words; `None` if no format suits the Accept header.
 pub(super) fn wanted(
     uri: &Uri,
     headers: &HeaderMap,
@@ -193,7 +193,7 @@ mod tests {
             ("text/plain;q=0.5, application/xml;q=0.9", Some(Format::Xml)),
             ("text/plain, application/xml", Some(Format::Text)),
             ("application/octet-stream", Some(Format::Binary)),
-            // What browsers send.
+            // The Accept headers of browsers.
             ("text/html,application/xhtml+xml,application/xml;q=0.9,*/*;q=0.8", Some(Format::Json)),
             ("image/png", None),
             ("application/json;q=0", None),

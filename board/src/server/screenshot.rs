@@ -1,4 +1,4 @@
-//! `screenshot`: the debug picture, kept under a name of its own. The last sixteen stay, in memory: no request writes a file.
+//! `/screenshot`: the debug picture under a name of its own. The last sixteen are kept in memory: no request writes a file.
 
 use super::access::Allowed;
 use super::picture_cache::{PictureKind, Rendered};
@@ -13,7 +13,7 @@ use axum::response::{IntoResponse, Response};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Screenshots that stay.
+/// Number of screenshots that are kept.
 const KEPT: usize = 16;
 
 /// The screenshots, the newest first.
@@ -23,7 +23,7 @@ pub(super) struct Screenshots {
 }
 
 impl Screenshots {
-    /// Keeps a picture; the names of all, the newest first.
+    /// Stores a picture; returns the names of all pictures, the newest first.
     fn keep(&self, run: &str, frame: u64, png: Bytes) -> Vec<String> {
         let mut guard = self.lock();
         let (count, pictures) = &mut *guard;
@@ -42,7 +42,7 @@ impl Screenshots {
     }
 }
 
-/// Takes a screenshot and shows it.
+/// Answers with a page that shows a new screenshot.
 pub(super) async fn take(State(context): State<Context>, _: Allowed) -> Response {
     if !context.link.settings().applied().borrow().config.gui {
         return (StatusCode::CONFLICT, pages::no_screenshot()).into_response();
@@ -58,7 +58,7 @@ pub(super) async fn take(State(context): State<Context>, _: Allowed) -> Response
     ([(CACHE_CONTROL, "no-store")], pages::screenshot(&names)).into_response()
 }
 
-/// A screenshot that was taken before.
+/// Answers with an earlier screenshot.
 pub(super) async fn kept(State(context): State<Context>, _: Allowed, Path(name): Path<String>) -> Response {
     match context.answers.screenshots.find(&name) {
         // A name is never used again.

@@ -35,7 +35,7 @@ pub(super) struct EncodedSets {
     variants: Mutex<Vec<(Variant, Arc<Entry>)>>,
     /// Encodes sets of many lights.
     encoder: Encoder<Variant>,
-    /// Encodes what takes longest, so that nothing else waits for it.
+    /// Encodes the sets that take longest, so that no other set waits for them.
     costly: Encoder<Variant>,
     memory: Arc<AnswerMemory>,
 }
@@ -68,7 +68,7 @@ impl Key {
     }
 }
 
-/// Why there are no bytes.
+/// Reasons for which a set is not encoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Missing {
     /// There is no set yet.

@@ -1,4 +1,4 @@
-//! The secret that lets people change settings and see pictures.
+//! The token: the secret that a client sends to change settings and to see pictures.
 
 use data_encoding::BASE64URL_NOPAD;
 use rustix::fs::OFlags;
@@ -9,16 +9,16 @@ use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use subtle::ConstantTimeEq;
 
-/// Random bytes of a secret that is made here.
+/// Random bytes of a generated secret.
 const RANDOM_BYTES: usize = 32;
 
 /// Shortest secret that is accepted, characters: guessing one over the network is hopeless from about ten random ones on.
 const LEAST: usize = 16;
 
-/// Longest, characters.
+/// Longest secret that is accepted, characters.
 const MOST: usize = 256;
 
-/// A secret; it is never shown.
+/// A secret, which no log, error or debug text contains.
 #[derive(Clone)]
 pub struct Token {
     secret: String,
@@ -30,28 +30,28 @@ impl fmt::Debug for Token {
     }
 }
 
-/// Why a token's file cannot be used.
+/// Reasons for which the file of a token cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum TokenError {
     /// The file cannot be read or made.
     #[error("token file {0}: found {1}, expected a file that can be read, or a place where it can be made")]
     File(PathBuf, std::io::Error),
-    /// Others may read it.
+    /// Other users may read the file.
     #[error(
         "token file {0}: found permissions {1:04o}, expected 0600: others could read it (chmod 600 it and change the token)"
     )]
     Permissions(PathBuf, u32),
-    /// It belongs to another user.
+    /// The file belongs to another user.
     #[error("token file {path}: found user {owner} as its owner, expected {user} or root")]
     Owner {
         /// The file.
         path: PathBuf,
-        /// Its owner.
+        /// Owner of the file.
         owner: u32,
-        /// The user that the probe runs as.
+        /// User of the process.
         user: u32,
     },
-    /// It does not hold one token.
+    /// The file does not contain exactly one token.
     #[error(
         "token file {0}: found something else, expected a file with one line of {LEAST} to {MOST} printable ASCII characters without spaces"
     )]
@@ -68,7 +68,7 @@ fn is_empty_file(file: &File) -> std::io::Result<bool> {
 }
 
 impl Token {
-    /// A random one.
+    /// A random token.
     ///
     /// # Errors
     /// [`TokenError::Random`].
@@ -134,7 +134,7 @@ impl Token {
         if sound { Ok(Self { secret: secret.into() }) } else { Err(TokenError::Content(path.into())) }
     }
 
-    /// Whether `candidate` is the secret. The time tells nothing but whether the lengths are equal.
+    /// Whether `candidate` is the secret. The duration depends on the lengths only.
     #[must_use]
     pub fn is(&self, candidate: &[u8]) -> bool {
         self.secret.as_bytes().ct_eq(candidate).into()

@@ -1,4 +1,4 @@
-//! Where bursts come from: cameras, frames of other programs, built-in scenes, environment maps and recordings.
+//! Sources of bursts: cameras, frames of other programs, built-in scenes, environment maps and recordings.
 
 #[cfg(all(feature = "v4l2", target_os = "linux"))]
 pub mod camera;
@@ -43,12 +43,16 @@ pub trait Source: Send {
     /// Exposures of its bursts, ascending.
     fn exposures(&self) -> Vec<Exposure>;
 
+<<<<<<< HEAD
     /// How its radiance came to be in cd/m2; `None` where radiance is relative.
     fn lux(&self) -> Option<Lux> {
         None
     }
 
     /// Why its exposures cannot be changed, if so.
+=======
+    /// The reason for which the exposures cannot be changed; `None` if they can.
+>>>>>>> 244d16c (board/settings: pages derive from the table; maps tests; prose)
     fn fixed_exposures(&self) -> Option<&'static str> {
         Some("the source's exposures are fixed")
     }
@@ -61,7 +65,7 @@ pub trait Source: Send {
     /// Changes the exposures to these times, seconds, rising; `None` for its own. The next burst has them.
     ///
     /// # Errors
-    /// Why not, and nothing changes.
+    /// The reason of a refusal; nothing changes then.
     fn set_exposures(&mut self, _seconds: Option<&[f64]>) -> Result<(), String> {
         Err(format!("found exposures, expected none: {}", self.fixed_exposures().unwrap_or_default()))
     }
@@ -81,10 +85,10 @@ pub trait Source: Send {
     fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError>;
 }
 
-/// Why there is no burst.
+/// Reasons for a missing burst.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SourceError {
-    /// Nothing wrong: the next burst is not due.
+    /// The next burst is not due; this is no fault.
     #[error("no burst is due")]
     NotYet,
     /// A burst that cannot be used; the next may be good.
@@ -113,7 +117,7 @@ pub enum Spec {
     Pipe(pipe::PipeSpec),
 }
 
-/// Why a source could not be opened.
+/// Reasons for which a source cannot be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
     /// No such kind of source.

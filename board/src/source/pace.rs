@@ -6,12 +6,12 @@ use std::time::{Duration, Instant};
 /// Longest wait in one call of a source: it bounds how late a shutdown or a new setting is noticed.
 const LONGEST_WAIT: Duration = Duration::from_millis(250);
 
-/// How fast bursts come.
+/// The rate of bursts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pace {
     /// One after each such time.
     Every(Duration),
-    /// As fast as they are asked for.
+    /// A burst for each request, without a pause.
     Free,
 }
 

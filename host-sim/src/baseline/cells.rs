@@ -26,7 +26,7 @@ impl Flux {
         Self { rgb, luminance, moment: direction.map(|v| v * luminance) }
     }
 
-    /// Direction of the energy centroid; none where nothing shines or everything cancels.
+    /// Direction of the energy centroid; `None` without light or if opposite directions cancel.
     #[must_use]
     pub fn centroid(&self) -> Option<[f64; 3]> {
         // Opposite halves of a sky cancel to rounding only.
@@ -102,7 +102,7 @@ impl Cells {
         cells
     }
 
-    /// Every texel a cell of its own.
+    /// One cell for each texel.
     #[must_use]
     pub fn texels(map: &EnvMap, domain: Domain) -> Self {
         Self::new(map, domain, map.width().max(2 * map.height()))
@@ -140,7 +140,7 @@ impl Cells {
         self.flux.len()
     }
 
-    /// Whether there are none; a map has at least one.
+    /// Whether there are no cells, which no map has.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.flux.is_empty()

@@ -12,7 +12,7 @@ const FINAL_STEPS: usize = 12;
 const GROWTH_STEPS: usize = 2;
 /// Relaxation steps on a frame that starts from the last one's points.
 const WARM_STEPS: usize = 2;
-/// How often points lost to empty cells are put back before a smaller set is accepted.
+/// Number of times that points of empty cells are placed again before a smaller set is accepted.
 const REPAIRS: usize = 8;
 /// Width of the reduced map it works on; energies and centroids stay exact.
 const WIDTH: usize = 256;
@@ -75,7 +75,7 @@ impl Lloyd {
     fn insert_worst(&mut self, cells: &Cells, count: usize) -> usize {
         let assigned = self.assign(cells);
         let centres: Vec<[f64; 3]> = self.points.iter().map(|p| p.direction).collect();
-        // The most deserving place of each Voronoi cell.
+        // The place of greatest Y dOmega (1 - cosine) in each Voronoi cell.
         let mut places: Vec<(f64, usize)> = vec![(0.0, 0); centres.len()];
         for (k, &owner) in cells.lit().zip(&assigned.owner) {
             let gain = cells.flux(k).luminance * (1.0 - dot(cells.direction(k), centres[owner]));

@@ -34,7 +34,7 @@ use crate::metrics::{Domain, Lit};
 
 /// A sampler: decomposes a map into at most a given number of lights.
 pub trait Baseline {
-    /// Its name in charts and reports.
+    /// Name of the method in charts and reports.
     fn name(&self) -> &'static str;
 
     /// Decomposes one map; samplers with a memory continue from the map before.

@@ -15,7 +15,7 @@ const CANDIDATES: usize = 16_384;
 const IMPORTANCE_WIDTH: usize = 128;
 /// Width of the reduced map the energy is gathered from.
 const GATHER_WIDTH: usize = 256;
-/// How often candidates between which no cell's centroid fell are replaced by the next ones in line.
+/// Number of times that candidates without a cell are replaced by the next candidates.
 const ROUNDS: usize = 8;
 
 /// Rank thresholding without the tiling: a stand-in for the Penrose-tiling sampler, not that method.
@@ -51,7 +51,7 @@ pub(super) fn decompose(map: &EnvMap, domain: Domain, lights: usize) -> Vec<Lit>
     found
 }
 
-/// A light for each candidate whose Voronoi cell is not black.
+/// A candidate direction and its place in the order of all candidates.
 fn weigh(cells: &Cells, kept: &[(u32, [f64; 3])]) -> Vec<Lit> {
     let centres: Vec<[f64; 3]> = kept.iter().map(|&(_, direction)| direction).collect();
     let sums = voronoi(cells, &centres);

@@ -5,7 +5,7 @@ use crate::env::EnvMap;
 use crate::metrics::vector::dot;
 use crate::metrics::{Domain, Lit};
 
-/// How many threshold layers, one standard deviation of the luminance each; the last one is open.
+/// Number of threshold layers, one standard deviation of the luminance each; the last one is open.
 /// More add little: what is six deviations above black is a light source.
 const LAYERS: usize = 6;
 /// Exponent of the solid angle in the metric L^a dOmega^b (a = 1).
@@ -108,7 +108,7 @@ fn place(cells: &Cells, components: &[Component], lights: usize) -> Vec<usize> {
             placed.push(k);
             let point = cells.direction(k);
             (0..cells.len()).for_each(|at| nearest[at] = nearest[at].max(dot(cells.direction(at), point)));
-            // Not to be chosen twice, whatever rounding says.
+            // Excludes the member from further choices, independently of rounding.
             nearest[k] = f64::INFINITY;
         }
     }
@@ -122,7 +122,7 @@ fn farthest(cells: &Cells, members: &[usize], nearest: &[f64]) -> usize {
     members.iter().copied().reduce(farther).unwrap_or_default()
 }
 
-/// How many lights each component gets: `lights` in all, but no more than it has cells.
+/// Number of lights of each component: `lights` in all, but at most as many as the component has cells.
 fn shares(components: &[Component], lights: usize) -> Vec<usize> {
     let total: f64 = components.iter().map(|c| c.metric).sum();
     let ideal: Vec<f64> = components.iter().map(|c| lights as f64 * c.metric / total).collect();

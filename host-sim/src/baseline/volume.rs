@@ -119,7 +119,7 @@ impl Leaf {
         self.frames.clone().fold(Flux::default(), |sum, t| sum + *pyramids[t].flux(self.quad))
     }
 
-    /// How many lights it makes, summed over its frames.
+    /// Number of lights, summed over the frames of the volume.
     fn lights(&self, pyramids: &[Pyramid]) -> usize {
         self.frames.clone().filter(|&t| pyramids[t].flux(self.quad).luminance > 0.0).count()
     }

@@ -26,7 +26,7 @@ const MAX_SIDE: u32 = 4096;
 /// One measurement.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Case {
-    /// How frames are packed.
+    /// Packing of the frames.
     pub format: Format,
     /// Columns and rows.
     pub size: (u32, u32),
@@ -39,7 +39,7 @@ pub struct Case {
 }
 
 impl Case {
-    /// The name of its format.
+    /// The name of the case's format.
     #[must_use]
     pub fn format_name(&self) -> &'static str {
         FORMATS.iter().find(|(_, f)| *f == self.format).map_or("", |(name, _)| name)

@@ -1,13 +1,23 @@
 //! Values of options.
 
+use crate::replay::Exposures;
 use hemilux_core::SamplerKind;
 
 #[derive(clap::ValueEnum, Clone, Copy, Debug)]
 pub(super) enum ExposuresArg {
-    /// Those of the manifest or of the EXIF data.
+    /// Exposure times of the manifest or of the EXIF data.
     Stated,
     /// The longest stated one, and the others by measured ratios.
     Measured,
+}
+
+impl From<ExposuresArg> for Exposures {
+    fn from(argument: ExposuresArg) -> Self {
+        match argument {
+            ExposuresArg::Stated => Self::Stated,
+            ExposuresArg::Measured => Self::Measured,
+        }
+    }
 }
 
 #[derive(clap::ValueEnum, Clone, Copy, Debug)]

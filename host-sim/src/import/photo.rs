@@ -1,4 +1,4 @@
-//! What one photograph states about its exposure.
+//! The exposure of one photograph, from its EXIF data.
 
 use super::function::Transfer;
 use super::transfer;

@@ -35,7 +35,7 @@ pub(super) fn read(path: &Path, ignores_profile: bool) -> Result<Transfer, SimEr
     Ok(stated.map_err(|found| SimError::at(path, found, EXPECTED))?.unwrap_or(silent))
 }
 
-/// What the ICC profile of a file states; none where there is no profile.
+/// The transfer function of the ICC profile of a file; `None` without a profile.
 fn of_profile(path: &Path) -> Result<Option<Transfer>, String> {
     let decoder =
         ImageReader::open(path).ok().and_then(|r| r.with_guessed_format().ok()?.into_decoder().ok());

@@ -8,13 +8,13 @@ use super::vector::dot;
 /// Quadrature points of a disc that an occluding cone hides in part.
 pub const POINTS: usize = 192;
 
-/// How the lights of a set are read.
+/// Interpretation of the lights of a set.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Reading {
-    /// As directions without extent.
+    /// Lights are directions without extent.
     #[default]
     Points,
-    /// As uniform discs of their radius.
+    /// Lights are uniform discs of their radius.
     Discs,
 }
 

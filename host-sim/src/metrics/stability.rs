@@ -10,7 +10,7 @@ use super::vector::{add_scaled, angle_deg};
 use super::{Grid, LitSet, Reading, Reference, holds, luminance, relative, rms, sh};
 use crate::env::EnvMap;
 
-/// How near a light must be to a true source to belong to it, degrees (transit energy).
+/// Largest angle between a light and a true source to which it belongs, degrees (transit energy).
 pub const NEAR_SOURCE_DEG: f64 = 10.0;
 /// Radius of a moving source's neighbourhood, degrees; also the error of having no light in it.
 pub const NEIGHBOURHOOD_DEG: f64 = 15.0;

@@ -42,7 +42,7 @@ const AMBIENT: usize = 512;
 pub struct Job {
     /// The map.
     pub env: PathBuf,
-    /// How the map is read.
+    /// Options for reading the map.
     pub options: ReadOptions,
     /// The light set, JSON.
     pub set: PathBuf,

@@ -11,7 +11,7 @@ const STRIP: usize = 28;
 const GAP: usize = 4;
 /// Part of full scale that the brightest twentieth of the surfaces begins at.
 const BRIGHT: f64 = 0.8;
-/// How much the difference is enlarged against the two pictures.
+/// Factor by which the difference is enlarged.
 const ENLARGED: f64 = 4.0;
 
 /// Full scale over radiance: the 95th percentile of the surfaces' luminance becomes [`BRIGHT`].

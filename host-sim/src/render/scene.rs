@@ -16,7 +16,7 @@ pub struct Ray {
     pub direction: [f64; 3],
 }
 
-/// How a surface reflects.
+/// Reflectance of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Material {
     /// Diffuse albedo.
@@ -25,14 +25,14 @@ pub struct Material {
     pub gloss: Option<(f64, f64)>,
 }
 
-/// Where a ray meets a surface.
+/// Intersection of a ray and a surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Hit {
     /// The point.
     pub point: [f64; 3],
     /// Unit normal, outwards.
     pub normal: [f64; 3],
-    /// What the surface is made of.
+    /// Reflectance of the surface.
     pub material: Material,
     /// Whether it is the ground.
     pub ground: bool,
@@ -46,7 +46,7 @@ pub struct Scene {
 }
 
 const GROUND: Material = Material { albedo: [0.5, 0.5, 0.5], gloss: None };
-/// How far the ground is drawn from the middle of the scene.
+/// Radius of the drawn ground around the middle of the scene.
 const GROUND_RADIUS: f64 = 9.0;
 const SPHERE: ([f64; 3], f64) = ([-1.75, 0.1, 1.0], 1.0);
 const SPHERE_MATERIAL: Material = Material { albedo: [0.10, 0.10, 0.12], gloss: Some((0.45, 90.0)) };
@@ -192,9 +192,9 @@ pub struct Camera {
     up: [f64; 3],
 }
 
-/// Where the camera stands.
+/// Position of the camera.
 const EYE: [f64; 3] = [0.1, -6.6, 3.1];
-/// What it looks at.
+/// Point at which the camera looks.
 const TARGET: [f64; 3] = [0.05, 0.0, 0.75];
 /// Half the picture's height at distance 1: a field of view of 37 degrees.
 const HALF_HEIGHT: f64 = 0.335;

@@ -80,7 +80,7 @@ impl Setting {
 pub struct Scenario {
     /// One of [`NAMES`].
     pub name: &'static str,
-    /// What part of the maps counts.
+    /// Domain of the maps.
     pub domain: Domain,
     /// True radiance, one map per frame.
     pub truth: Vec<EnvMap>,
@@ -127,7 +127,7 @@ impl Scenario {
         self.seen.as_deref().unwrap_or(&self.truth)
     }
 
-    /// How many lights are asked for in frame `t` where at most `lights` and at least `least` are.
+    /// Requested number of lights in frame `t`, from `least` to `lights`.
     #[must_use]
     pub fn lights(&self, t: usize, lights: usize, least: usize) -> usize {
         let share = self.share.get(t).copied().unwrap_or(1.0);

@@ -45,7 +45,7 @@ pub struct Row {
     pub churn: Option<f64>,
 }
 
-/// What is looked at where lights are read as discs.
+/// Scores for lights that are read as discs.
 struct Soft {
     shadowed: Option<f64>,
     flicker: Option<Spread>,

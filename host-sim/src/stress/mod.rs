@@ -19,7 +19,7 @@ use std::path::PathBuf;
 /// Lights of the report.
 pub const COUNTS: [usize; 3] = [16, 64, 256];
 
-/// What to report, and where.
+/// Options of the report.
 #[derive(Clone, Debug)]
 pub struct Job {
     /// Folder for `stress.json`, `stress.txt` and `stress.svg`.

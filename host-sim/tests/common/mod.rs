@@ -1,4 +1,4 @@
-//! What the tests of the command share.
+//! Functions that the tests of the command share.
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
 use std::path::{Path, PathBuf};

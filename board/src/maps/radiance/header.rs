@@ -13,7 +13,7 @@ const MAX_LINES: usize = 4096;
 const EXPECTED: &str =
     "a Radiance HDR picture: #?RADIANCE, header lines, an empty line, -Y rows +X columns, scanlines";
 
-/// What the header states.
+/// The values of a header.
 #[derive(Debug)]
 pub(super) struct Header {
     /// Product of all EXPOSURE lines.

@@ -14,18 +14,18 @@ use super::config::Config;
 use hemilux_core::healpix::Domain;
 use serde_json::{Value, json};
 
-/// What a setting's value may be.
+/// Type and range of the value of a setting.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Kind {
     /// One of these words.
     Choice(&'static [&'static str]),
     /// A whole number between the two fields, both included.
     Whole(u64, u64),
-    /// The same, or null for none.
+    /// As the variant before, or null for no value.
     OptionalWhole(u64, u64),
-    /// A number from the first to the second.
+    /// A number from the first field to the second.
     Real(f32, f32),
-    /// The same, or null for none.
+    /// As the variant before, or null for no value.
     Optional(f32, f32),
     /// A list of ascending numbers between the first two fields, with at most as many elements as the third field says, or null for no
     /// list.
@@ -34,21 +34,21 @@ pub enum Kind {
     Switch,
 }
 
-/// What settings stand together.
+/// Groups of settings, in the order of the page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Group {
-    /// From the map to the lights.
+    /// Settings of the sampler.
     Lights,
-    /// From the lens to the map.
+    /// Settings of the exposures and the map.
     Map,
-    /// How long it may take.
+    /// Budgets of the stages.
     Budgets,
-    /// What has no effect on the lights.
+    /// Settings without effect on the lights of the probe's own set.
     Other,
 }
 
 impl Group {
-    /// Its name in the schema.
+    /// Name of the group in the schema.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -58,38 +58,51 @@ impl Group {
             Self::Other => "other",
         }
     }
+
+    /// Heading of the group in pages.
+    #[must_use]
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::Lights => "From the map to the lights",
+            Self::Map => "From the lens to the map",
+            Self::Budgets => "Budgets",
+            Self::Other => "Other",
+        }
+    }
 }
 
 /// One setting.
 #[derive(Clone, Copy, Debug)]
 pub struct Setting {
-    /// Its name in `/v1/config` and in the configuration file.
+    /// Name of the setting in `/v1/config` and in the configuration file.
     pub name: &'static str,
-    /// Its name in `change`, by the thesis.
+    /// Name of the parameter of `/change`, as the thesis defines it.
     pub parameter: &'static str,
-    /// Where it belongs.
+    /// Label of the setting in pages.
+    pub title: &'static str,
+    /// Group of the setting.
     pub group: Group,
-    /// What it may be.
+    /// Type and range of the value.
     pub kind: Kind,
     /// Unit of a number.
     pub unit: Option<&'static str>,
-    /// What it does, one sentence.
+    /// Effect of the setting, in words.
     pub what: &'static str,
     value: fn(&Config) -> Value,
     /// Writes an admitted value to the configuration.
     set: fn(&mut Config, &Value),
-    /// Whether it has an effect with the values of the other settings.
+    /// Whether the setting has an effect, given the values of the other settings.
     in_use: fn(&Config) -> bool,
 }
 
 impl Setting {
-    /// Its value in `config`.
+    /// The value of the setting in `config`.
     #[must_use]
     pub fn value(&self, config: &Config) -> Value {
         (self.value)(config)
     }
 
-    /// The setting of this name.
+    /// The setting called `name`; `None` for an unknown name.
     #[must_use]
     pub fn named(name: &str) -> Option<&'static Self> {
         SETTINGS.iter().find(|s| s.name == name)
@@ -99,6 +112,18 @@ impl Setting {
     #[must_use]
     pub fn names() -> String {
         SETTINGS.iter().map(|s| s.name).collect::<Vec<_>>().join(", ")
+    }
+
+    /// The value of the setting in `config` as a word of a query, which [`Setting::parse`] parses.
+    #[must_use]
+    pub fn word(&self, config: &Config) -> String {
+        match self.value(config) {
+            Value::Null => "off".into(),
+            Value::Bool(on) => if on { "on" } else { "off" }.into(),
+            Value::String(word) => word,
+            Value::Array(list) => list.iter().map(ToString::to_string).collect::<Vec<_>>().join(","),
+            number => number.to_string(),
+        }
     }
 
     /// Parses a value of a query or of the command line.
@@ -206,7 +231,10 @@ impl Setting {
             schema["minimum"] = json!(config.pipeline.sampler.least_lights(Domain::Hemisphere));
         }
         schema["unit"] = json!(self.unit);
+        schema["title"] = json!(self.title);
+        schema["position"] = json!(SETTINGS.iter().position(|s| s.name == self.name));
         schema["group"] = json!(self.group.name());
+        schema["group_title"] = json!(self.group.title());
         schema["description"] = json!(self.what);
         schema["in_use"] = json!((self.in_use)(config));
         schema["value"] = self.value(config);
@@ -214,7 +242,7 @@ impl Setting {
     }
 }
 
-/// The number that a person would write for `v`: 0.03 and not 0.029999999329447746.
+/// The shortest decimal number that rounds to `v`: 0.03 and not 0.029999999329447746.
 fn shortest(v: f32) -> f64 {
     v.to_string().parse().unwrap_or(v.into())
 }
@@ -222,7 +250,7 @@ fn shortest(v: f32) -> f64 {
 /// Longest part of a client's text that is repeated in an answer, characters.
 const ECHO: usize = 40;
 
-/// Text of a client, short and on one line.
+/// The first characters of `text`, which a client has sent, without control characters.
 #[must_use]
 pub fn short(text: &str) -> String {
     text.chars().take(ECHO).map(|c| if c.is_control() { ' ' } else { c }).collect()
@@ -243,6 +271,7 @@ mod tests {
             change.apply(&mut again);
             assert_eq!(again, config, "{}: nothing else changed", setting.name);
             assert_eq!(setting.schema(&config)["value"], value, "{}", setting.name);
+            assert_eq!(setting.parse(&setting.word(&config)), Some(value), "{}: as a word", setting.name);
         }
     }
 

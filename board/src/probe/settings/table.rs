@@ -11,15 +11,16 @@ use serde_json::{Value, json};
 
 const EXTRAPOLATION_NAMES: [&str; EXTRAPOLATIONS.len()] = [EXTRAPOLATIONS[0].0, EXTRAPOLATIONS[1].0];
 
-/// Exposure times that may be asked for, seconds.
+/// Range of exposure times, seconds.
 const EXPOSURES_S: (f32, f32) = (1e-6, 60.0);
 
 /// The budget of the `$i`th of [`hemilux_core::wire::Latency::NAMES`].
 macro_rules! budget {
-    ($name:literal, $i:literal, $what:literal) => {
+    ($name:literal, $title:literal, $i:literal, $what:literal) => {
         Setting {
             name: $name,
             parameter: $name,
+            title: $title,
             group: Group::Budgets,
             kind: Kind::Real(*BUDGETS_MS.start(), *BUDGETS_MS.end()),
             unit: Some("ms"),
@@ -46,12 +47,13 @@ fn whole<T: TryFrom<u64>>(value: &Value) -> Option<T> {
     value.as_u64().and_then(|n| T::try_from(n).ok())
 }
 
-/// All settings. Each entry is the only declaration of its setting: the configuration file, the command line, `/change`, `/v1/config` and
-/// the OpenAPI document are derived from it. The default value is that of [`Config::default`](crate::probe::Config).
+/// All settings. Each entry is the only declaration of its setting: the configuration file, the command line, `/change`, `/v1/config`,
+/// the page and the OpenAPI document are derived from it, in its order. The default value is that of [`Config::default`](crate::probe::Config).
 pub static SETTINGS: &[Setting] = &[
     Setting {
         name: "sampler",
         parameter: "algorithm",
+        title: "Sampler",
         group: Group::Lights,
         kind: Kind::Choice(&SamplerKind::NAMES),
         unit: None,
@@ -63,6 +65,7 @@ pub static SETTINGS: &[Setting] = &[
     Setting {
         name: "lights",
         parameter: "samples",
+        title: "Lights",
         group: Group::Lights,
         kind: Kind::Whole(0, MAX_LIGHTS as u64),
         unit: Some("lights"),
@@ -74,6 +77,7 @@ pub static SETTINGS: &[Setting] = &[
     Setting {
         name: "tolerance",
         parameter: "tolerance",
+        title: "Tolerance",
         group: Group::Lights,
         kind: Kind::Optional(*TOLERANCES.start(), *TOLERANCES.end()),
         unit: Some("ratio"),
@@ -85,6 +89,7 @@ pub static SETTINGS: &[Setting] = &[
     Setting {
         name: "ambient",
         parameter: "ambient",
+        title: "Ambient",
         group: Group::Lights,
         kind: Kind::Switch,
         unit: None,
@@ -96,6 +101,7 @@ pub static SETTINGS: &[Setting] = &[
     Setting {
         name: "soft",
         parameter: "soft",
+        title: "Soft",
         group: Group::Lights,
         kind: Kind::Switch,
         unit: None,
@@ -107,6 +113,7 @@ pub static SETTINGS: &[Setting] = &[
     Setting {
         name: "q2tree_threshold",
         parameter: "q2tree_threshold",
+        title: "Threshold of q2tree",
         group: Group::Lights,
         kind: Kind::Real(*THRESHOLDS.start(), *THRESHOLDS.end()),
         unit: Some("ratio"),
@@ -118,6 +125,7 @@ pub static SETTINGS: &[Setting] = &[
     Setting {
         name: "fir_taps",
         parameter: "fir_taps",
+        title: "Filter length",
         group: Group::Lights,
         kind: Kind::Whole(*TAPS.start() as u64, *TAPS.end() as u64),
         unit: Some("frames"),
@@ -129,6 +137,7 @@ pub static SETTINGS: &[Setting] = &[
     Setting {
         name: "fir_cutoff_hz",
         parameter: "fir_cutoff_hz",
+        title: "Filter cut-off",
         group: Group::Lights,
         kind: Kind::Real(*CUTOFFS_HZ.start(), *CUTOFFS_HZ.end()),
         unit: Some("Hz"),
@@ -140,6 +149,7 @@ pub static SETTINGS: &[Setting] = &[
     Setting {
         name: "exposures_s",
         parameter: "exposures_s",
+        title: "Exposures",
         group: Group::Map,
         kind: Kind::List(EXPOSURES_S.0, EXPOSURES_S.1, MAX_EXPOSURES),
         unit: Some("s"),
@@ -153,6 +163,7 @@ pub static SETTINGS: &[Setting] = &[
     Setting {
         name: "order",
         parameter: "order",
+        title: "Map order",
         group: Group::Map,
         kind: Kind::OptionalWhole(*ORDERS.start() as u64, *ORDERS.end() as u64),
         unit: Some("(8 x 4^order texels)"),
@@ -164,6 +175,7 @@ pub static SETTINGS: &[Setting] = &[
     Setting {
         name: "extrapolation",
         parameter: "extrapolation",
+        title: "Extrapolation",
         group: Group::Map,
         kind: Kind::Choice(&EXTRAPOLATION_NAMES),
         unit: None,
@@ -175,20 +187,27 @@ pub static SETTINGS: &[Setting] = &[
         },
         in_use: |_| true,
     },
-    budget!("budget_capture_ms", 0, "Longest time that waiting for a burst and copying it should take."),
-    budget!("budget_front_ms", 1, "Longest time that merge and map should take."),
-    budget!("budget_pyramid_ms", 2, "Longest time that the sums above the map should take."),
-    budget!("budget_sample_ms", 3, "Longest time that the sampler should take."),
+    budget!(
+        "budget_capture_ms",
+        "Capture",
+        0,
+        "Longest time that waiting for a burst and copying it should take."
+    ),
+    budget!("budget_front_ms", "Front", 1, "Longest time that merge and map should take."),
+    budget!("budget_pyramid_ms", "Pyramid", 2, "Longest time that the sums above the map should take."),
+    budget!("budget_sample_ms", "Sample", 3, "Longest time that the sampler should take."),
     budget!(
         "budget_filter_ms",
+        "Filter",
         4,
         "Longest time that the temporal filters of the sampler should take; 0 is measured for samplers without such filters."
     ),
-    budget!("budget_encode_ms", 5, "Longest time that writing a set for clients should take."),
-    budget!("budget_total_ms", 6, "Longest time from the end of the burst to the finished set."),
+    budget!("budget_encode_ms", "Encode", 5, "Longest time that writing a set for clients should take."),
+    budget!("budget_total_ms", "Total", 6, "Longest time from the end of the burst to the finished set."),
     Setting {
         name: "tiers",
         parameter: "tiers",
+        title: "Tiers",
         group: Group::Other,
         kind: Kind::Whole(*tiers::MOST.start() as u64, *tiers::MOST.end() as u64),
         unit: Some("sets"),
@@ -200,6 +219,7 @@ pub static SETTINGS: &[Setting] = &[
     Setting {
         name: "gui",
         parameter: "gui",
+        title: "Debug picture",
         group: Group::Other,
         kind: Kind::Switch,
         unit: None,

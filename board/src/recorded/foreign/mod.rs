@@ -24,7 +24,7 @@ const MAX_ANGLE_DEG: f64 = 90.0;
 
 const EXPECTED: &str = "a [lens] table, or a lens file of OpenCV, Kalibr, ROS, COLMAP or OCamCalib";
 
-/// What was found in a lens file, and what was expected.
+/// The found and the expected content of a lens file, in words.
 type Refusal = (String, String);
 
 fn refuse<T>(found: impl Into<String>, expected: impl Into<String>) -> Result<T, Refusal> {

@@ -94,11 +94,11 @@ impl Acceptor {
     }
 }
 
-/// What a connection holds until it is closed. A WebSocket keeps it after the HTTP exchange has ended.
+/// The permit and the counters of a connection, held until it is closed. A WebSocket holds them after the HTTP exchange has ended.
 #[derive(Debug)]
 pub(in crate::server) struct ConnectionGuard {
     permit: Permit,
-    /// The address of the other end: a client, or a proxy.
+    /// The address of the peer: a client or a proxy.
     pub(in crate::server) address: IpAddr,
     pub(in crate::server) queues: Queues,
     counts: Arc<Counts>,
@@ -136,7 +136,7 @@ impl Drop for ConnectionGuard {
 /// The body of an answer in pieces of [`PIECE_BYTES`]: its connection counts as answering until the last one is being sent.
 struct AnswerBody {
     body: Body,
-    /// What is left of the last piece.
+    /// Rest of the last piece.
     rest: Bytes,
     _answering: Answering,
     _enlarged: Option<Enlarged>,
@@ -219,7 +219,7 @@ async fn serve_connection(
         () = stopped(&mut stop) => {
             connection.as_mut().graceful_shutdown();
             let ended = connection.as_mut().await;
-            // What the client has not taken by now would wait in the kernel after the program's end.
+            // The kernel would keep unsent data after the end of the program.
             if guard.queues.is_backlogged(0) {
                 guard.activity().cut();
             }

@@ -1,4 +1,4 @@
-//! The state of a connection: what the client has shown so far, and whether the server has cut the connection.
+//! The state of a connection: progress of the client, and whether the server has cut the connection.
 
 use super::tcp;
 use futures_util::task::AtomicWaker;
@@ -11,7 +11,7 @@ use tokio::net::TcpStream;
 /// Time of a blocked write after which a connection counts as stalled, milliseconds.
 const STALLED_MS: u64 = 1000;
 
-/// How much a connection has shown, in rising order: at a limit, the lowest one is displaced.
+/// Rank of a connection by the progress of its client, ascending: at a limit, the connection of the lowest rank is displaced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Rank {
     /// No complete request so far; the number is the time of its arrival.
@@ -24,7 +24,7 @@ pub(super) enum Rank {
     Answering(u64),
 }
 
-/// What is known of a connection; shared between its stream, its requests and the limiter.
+/// Progress of a connection, shared between its stream, its requests and the limiter.
 #[derive(Debug)]
 pub(in crate::server) struct Activity {
     epoch: Instant,
@@ -66,7 +66,7 @@ impl Activity {
         u64::try_from(self.epoch.elapsed().as_millis()).unwrap_or(u64::MAX)
     }
 
-    /// Begins a request; the value is held until it is answered.
+    /// Counts a request as being answered until the returned value is dropped.
     pub(in crate::server) fn begin(self: &Arc<Self>) -> Answering {
         self.requests.fetch_add(1, Relaxed);
         self.answering.fetch_add(1, Relaxed);
@@ -85,12 +85,12 @@ impl Activity {
         self.blocked_ms.store(u64::MAX, Relaxed);
     }
 
-    /// Notes that a write is blocked from now on.
+    /// Stores the time at which a write has been blocked.
     pub(super) fn blocked(&self) {
         let _ = self.blocked_ms.compare_exchange(u64::MAX, self.now_ms(), Relaxed, Relaxed);
     }
 
-    /// What the connection has shown.
+    /// The rank of the connection.
     pub(super) fn rank(&self) -> Rank {
         let blocked = self.blocked_ms.load(Relaxed);
         if self.now_ms().saturating_sub(STALLED_MS) >= blocked {
@@ -104,7 +104,7 @@ impl Activity {
         }
     }
 
-    /// Tells the connection's socket.
+    /// Stores the socket of the connection, which a cut resets.
     pub(super) fn attach(&self, stream: &Arc<TcpStream>) {
         let _ = self.socket.set(Arc::downgrade(stream));
     }
@@ -123,7 +123,7 @@ impl Activity {
         self.waker.wake();
     }
 
-    /// Whether the connection was cut; else the task of `cx` is woken when it is.
+    /// Whether the connection was cut. If not, the task of `cx` is woken at the cut.
     pub(super) fn poll_cut(&self, cx: &Context<'_>) -> bool {
         self.waker.register(cx.waker());
         self.is_cut.load(Relaxed)

@@ -1,4 +1,4 @@
-//! Limits the number of connections, in total and per client. At a limit, a new connection displaces the one that has shown least.
+//! Limits the number of connections, in total and per client. At a limit, a new connection displaces the one of the lowest rank.
 
 use super::activity::{Activity, Rank};
 use crate::server::client_key::ClientKey;
@@ -23,7 +23,7 @@ struct State {
     next_id: u64,
     /// Permits that are not released, displaced ones included.
     permits: usize,
-    /// Connections that count.
+    /// Connections that count towards the limits, by id.
     entries: HashMap<u64, Entry>,
 }
 
@@ -113,7 +113,7 @@ impl State {
         self.entries.values().filter(|entry| entry.client == client).count()
     }
 
-    /// Displaces connections of `client` until there is room for one more below `limit`.
+    /// Displaces connections of `client` until it has fewer than `limit`.
     fn make_room(&mut self, client: Option<ClientKey>, limit: usize) {
         while client.is_some() && self.count(client) >= limit.max(1) {
             let Some(lowest) = self.lowest(|entry| entry.client == client) else { return };

@@ -32,15 +32,16 @@ const BLOCKING_THREADS: usize = 8;
 /// File descriptors beside those of connections: cameras, files, the runtime's own.
 const OTHER_DESCRIPTORS: u64 = 64;
 
-/// Time after which connections that were cut at shutdown are left to the operating system.
+/// Longest wait at shutdown for connections that were cut.
 const CUT: Duration = Duration::from_millis(100);
 
 /// Limits on clients' use of resources.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
-    /// Connections at a time: each takes a file descriptor and some 30 KB, and as much of the kernel.
+    /// Largest number of open connections: each takes a file descriptor, about 30 KB of the process and as much of the kernel.
     pub connections: usize,
-    /// Connections at a time from one client (for IPv6: one network of 64 bits). One more displaces the one that has shown least.
+    /// Largest number of open connections of one client (for IPv6: one network of 64 bits). A further one displaces the one of the lowest
+    /// rank.
     pub per_address: usize,
     /// Requests on one connection, after which the server closes it.
     pub requests: u64,
@@ -66,7 +67,8 @@ impl Default for Limits {
 }
 
 impl Limits {
-    /// These limits with as many connections as the process may have file descriptors for; raises that number where possible.
+    /// These limits with the number of connections for which the process has file descriptors; raises the limit on descriptors where
+    /// possible.
     ///
     /// # Errors
     /// The process may have fewer than `OTHER_DESCRIPTORS` file descriptors and one connection.
@@ -106,14 +108,14 @@ pub struct Signals {
     hang_up: Signal,
 }
 
-/// What ended [`Running::wait`].
+/// The event that ended [`Running::wait`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Event {
     /// SIGINT or SIGTERM.
     Stop,
     /// SIGHUP.
     Reload,
-    /// The future that was waited for as well.
+    /// The end of the future that was passed.
     Ended,
 }
 
@@ -140,7 +142,7 @@ pub fn start(listener: std::net::TcpListener, app: App, limits: Limits) -> io::R
 }
 
 impl Running {
-    /// The address that it listens on.
+    /// The address on which the server listens.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address

@@ -1,4 +1,4 @@
-//! The byte stream of a connection: with a write timeout, progress accounting, and a reset instead of a slow end.
+//! The byte stream of a connection, with a write timeout, counters of progress, and a reset of cut connections.
 
 use super::activity::Activity;
 use super::tcp;
@@ -21,7 +21,7 @@ pub(super) struct ClientStream {
     activity: Arc<Activity>,
     /// Runs while a write is blocked.
     timer: Option<Pin<Box<Sleep>>>,
-    /// Whether the connection is to be reset: then it has no orderly end.
+    /// Whether the connection is to be reset in place of an orderly shutdown.
     has_failed: bool,
 }
 

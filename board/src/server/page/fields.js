@@ -1,9 +1,5 @@
 // The fields of the settings: a label, a control, an explanation, and a place for what is wrong.
 
-/** Names that say more than the short ones. */
-const TITLES = { gui: "Debug picture", order: "Map order", exposures_s: "Exposures", q2tree_threshold: "Threshold of q2tree", fir_taps: "Filter length",
-  fir_cutoff_hz: "Filter cut-off" };
-
 /** Above so many values a slider's steps grow with the value. */
 const LINEAR = 100;
 
@@ -11,7 +7,7 @@ const LINEAR = 100;
 export function field(name, schema, change) {
   const box = document.createElement("div"), row = make("div", { className: "row" }), id = `set-${name}`;
   const control = kind(schema)(id, schema, change);
-  const label = make("label", { className: "name", htmlFor: id, textContent: title(name) });
+  const label = make("label", { className: "name", htmlFor: id, textContent: schema.title });
   const hint = make("p", { className: "hint", id: `${id}-hint` }), error = make("p", { className: "error", id: `${id}-error` });
   error.setAttribute("role", "alert");
   row.append(label, ...control.parts);
@@ -41,11 +37,6 @@ export function field(name, schema, change) {
     box, fail, show, reveal, isList: [].concat(schema.type).includes("array"), get text() { return error.textContent; },
     set locked(locked) { isLocked = locked; lock(); },
   };
-}
-
-function title(name) {
-  const short = name.replace(/^budget_(.*)_ms$/, "$1").replaceAll("_", " ");
-  return TITLES[name] ?? short[0].toUpperCase() + short.slice(1);
 }
 
 function range({ minimum, maximum, unit, items, maxItems }) {

@@ -5,12 +5,8 @@ import { field } from "./fields.js";
 /** Time after the last keystroke or move of a slider until it is sent, ms. */
 const PAUSE = 250;
 
-/** Those that come first, in their order. */
-const ORDER = ["sampler", "lights", "tolerance", "ambient", "soft", "q2tree_threshold", "fir_taps", "fir_cutoff_hz", "extrapolation", "order", "exposures_s", "tiers",
-  "budget_total_ms", "budget_capture_ms", "budget_front_ms", "budget_pyramid_ms", "budget_sample_ms", "budget_filter_ms", "budget_encode_ms"];
-
-/** The groups, and those that are open at first. */
-const GROUPS = { lights: "From the map to the lights", map: "From the lens to the map", budgets: "Budgets", other: "Other" }, OPEN = ["lights", "map"];
+/** The groups that are open at first. */
+const OPEN = ["lights", "map"];
 
 export class Settings extends EventTarget {
   #form; #save; #saveText; #fields = new Map(); #timers = new Map(); #serial = 0; #values = {}; #locked = false;
@@ -43,11 +39,11 @@ export class Settings extends EventTarget {
 
   #show({ values, settings, can_save, pending }) {
     this.#values = values;
-    const place = name => ORDER.includes(name) ? ORDER.indexOf(name) : ORDER.length;
-    const names = Object.keys(settings).sort((a, b) => place(a) - place(b));
+    const names = Object.keys(settings).sort((a, b) => settings[a].position - settings[b].position);
     if (names.join() !== [...this.#fields.keys()].join()) {
       this.#fields = new Map(names.map(name => [name, field(name, settings[name], value => this.#later(name, value))]));
-      this.#form.replaceChildren(...Object.keys(GROUPS).map(group => this.#group(group, names.filter(name => settings[name].group === group))));
+      const groups = new Map(names.map(name => [settings[name].group, settings[name].group_title]));
+      this.#form.replaceChildren(...[...groups].map(([group, title]) => this.#group(group, title, names.filter(name => settings[name].group === group))));
       this.locked = this.#locked;
     }
     for (const name of names) this.#fields.get(name).show(settings[name], this.#timers.has(name));
@@ -56,12 +52,12 @@ export class Settings extends EventTarget {
     this.dispatchEvent(new CustomEvent("changed", { detail: settings }));
   }
 
-  #group(group, names) {
-    const box = document.createElement("details"), title = document.createElement("summary");
+  #group(group, title, names) {
+    const box = document.createElement("details"), summary = document.createElement("summary");
     box.open = OPEN.includes(group);
     box.id = `group-${group}`;
-    title.textContent = GROUPS[group];
-    box.append(title, ...names.map(name => this.#fields.get(name).box));
+    summary.textContent = title;
+    box.append(summary, ...names.map(name => this.#fields.get(name).box));
     return box;
   }
 

@@ -24,7 +24,7 @@ impl CameraSpec {
     /// Checks `text`, what follows `v4l2:`.
     ///
     /// # Errors
-    /// What was found and what was expected.
+    /// The found and the expected value, in words.
     pub fn parse(text: &str) -> Result<Self, String> {
         let spec = Self { text: text.into() };
         spec.options().map(|_| spec.clone())
@@ -54,7 +54,7 @@ impl CameraSpec {
     /// What is wished for.
     ///
     /// # Errors
-    /// What was found and what was expected.
+    /// The found and the expected value, in words.
     pub fn options(&self) -> Result<Options, String> {
         let mut options = Options::of(self.path());
         if options.path.as_os_str().is_empty() {

@@ -6,10 +6,10 @@ use std::path::PathBuf;
 /// Range of the seconds that a map stays.
 const SECONDS: std::ops::RangeInclusive<f64> = 0.1..=86_400.0;
 
-/// What of a map is seen.
+/// The camera that looks at a map.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum View {
-    /// What the standard lens of 160 x 140 degrees sees, with a sensor of 8 bits and its noise.
+    /// The standard lens of 160 x 140 degrees, with a sensor of 8 bits and its noise.
     #[default]
     Lens,
     /// All of the upper hemisphere, with 16 bits and no noise.
@@ -21,7 +21,7 @@ pub enum View {
 pub struct EnvSpec {
     /// A file or a folder.
     pub path: PathBuf,
-    /// What of it is seen.
+    /// The camera.
     pub view: View,
     /// Seconds that each map of a folder stays.
     pub every_s: f64,
@@ -31,7 +31,7 @@ impl EnvSpec {
     /// Reads `text`, what follows `env:`. A comma is part of the path unless an option follows it.
     ///
     /// # Errors
-    /// What was found and what was expected.
+    /// The found and the expected value, in words.
     pub fn parse(text: &str) -> Result<Self, String> {
         let mut spec = Self { path: PathBuf::new(), view: View::default(), every_s: *SECONDS.start() };
         let mut path = text;

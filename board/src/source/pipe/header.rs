@@ -44,7 +44,7 @@ impl Header {
     /// Reads and checks a header.
     ///
     /// # Errors
-    /// What was found and what was expected.
+    /// The found and the expected value, in words.
     pub fn parse(bytes: &[u8; BYTES]) -> Result<Self, String> {
         let refuse = |found: String, expected: &str| Err(format!("found {found}, expected {expected}"));
         let u16_at = |at| u16::from_le_bytes(field(bytes, at));

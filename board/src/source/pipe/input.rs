@@ -23,7 +23,7 @@ impl Input {
     /// Opens what is at `path`.
     ///
     /// # Errors
-    /// What the operating system says.
+    /// The error of the operating system.
     pub fn open(path: &Path) -> io::Result<Self> {
         let kind = std::fs::metadata(path)?.file_type();
         if kind.is_socket() {
@@ -45,7 +45,7 @@ impl Input {
     /// Reads what is there; `WouldBlock` where nothing is, 0 at the end.
     ///
     /// # Errors
-    /// What the operating system says.
+    /// The error of the operating system.
     pub fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
         match self {
             Self::File(file) | Self::Fifo(file) => file.read(into),

@@ -50,7 +50,7 @@ impl PipeSpec {
     /// Reads `text`, what follows `pipe:`.
     ///
     /// # Errors
-    /// What was found and what was expected.
+    /// The found and the expected value, in words.
     pub fn parse(text: &str) -> Result<Self, String> {
         let (path, lens) = text.split_once(",lens=").map_or((text, None), |(path, lens)| (path, Some(lens)));
         if path.is_empty() || lens == Some("") {
@@ -160,7 +160,7 @@ impl PipeSource {
         })
     }
 
-    /// Its path.
+    /// Path of the FIFO or file.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path

@@ -111,7 +111,7 @@ impl Activity {
     }
 }
 
-/// Where quad `ipix` of `order` is in the factors.
+/// Index of quad `ipix` of `order` in the factors.
 const fn at(order: u8, ipix: usize) -> usize {
     Domain::Sphere.faces() * (((1 << (2 * order)) - 1) / 3) + ipix
 }

@@ -186,7 +186,7 @@ impl Ambient {
     }
 }
 
-/// Where quad `ipix` of `order` is in the excess: each order fills its part of the array, finest last.
+/// Index of quad `ipix` of `order` in the excess: each order fills a part of the array, the finest order the last part.
 const fn at(order: u8, ipix: usize) -> usize {
     Domain::Sphere.faces() * (((1 << (2 * order)) - 1) / 3) + ipix
 }

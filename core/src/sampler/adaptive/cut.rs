@@ -8,7 +8,7 @@ use crate::pyramid::PyramidView;
 /// Order of the quads compared: 15 degrees, so that a lamp or a person is in few of them.
 const ORDER: u8 = 2;
 
-/// As many quads as a sphere has.
+/// The number of quads of a sphere.
 const QUADS: usize = crate::healpix::Domain::Sphere.quads(ORDER);
 
 /// Ratios within this factor of their median are of a scene that goes on: clouds and lamps change a wall by less.
