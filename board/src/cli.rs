@@ -30,7 +30,7 @@ use crate::timing::read_budgets;
 use crate::usage::{self, Explained};
 use clap::{Args, Parser, Subcommand};
 use hemilux_core::wire::STAGES;
-use plan::Plan;
+use plan::ServePlan;
 use std::ffi::OsString;
 use std::io::{self, Write};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener};
@@ -170,7 +170,7 @@ struct Serve {
 /// The failure of a command: one line and an exit status.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Failure {
-    /// The found and the expected value, in words.
+    /// What was found and what was expected.
     pub line: String,
     /// 2 for wrong usage, 1 for everything else.
     pub status: u8,
@@ -242,13 +242,13 @@ fn tell_addresses(bound: SocketAddr, what: &str) -> Result<String, Failure> {
 }
 
 fn serve(options: &Serve) -> Result<(), Failure> {
-    let plan = Plan::of(options)?;
+    let plan = ServePlan::of(options)?;
     let open = if options.plan { source::open } else { source::open_or_wait };
     let source = plan.in_lux(open(&plan.source).map_err(Failure::new)?)?;
     if options.plan {
         let settings = plan.config.pipeline;
         let pipeline = Pipeline::try_new(*source.calibration(), &source.exposures(), settings);
-        return say(&memory::Plan::of(&pipeline.map_err(Failure::new)?).to_string());
+        return say(&memory::MemoryPlan::of(&pipeline.map_err(Failure::new)?).to_string());
     }
     let access = plan.access()?;
     let limits = Limits::default().within_descriptors();
@@ -258,7 +258,7 @@ fn serve(options: &Serve) -> Result<(), Failure> {
     let what = format!("{}, {}, {} lights", plan.source, pipeline.sampler, pipeline.lights);
     let calibration_file = plan.calibration_file();
     let probe = Probe::start(source, plan.source.public_name(), plan.config).map_err(Failure::new)?;
-    let Plan { hosts, origins, proxies, file, listen, announce, .. } = plan;
+    let ServePlan { hosts, origins, proxies, file, listen, announce, .. } = plan;
     #[cfg(any(feature = "osc", feature = "mqtt"))]
     let senders = plan.peers;
     #[cfg(not(feature = "mdns"))]

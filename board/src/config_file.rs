@@ -77,12 +77,21 @@ pub enum ConfigFileError {
     Write(PathBuf, std::io::Error),
 }
 
+/// A configuration file and its contents.
+#[derive(Debug)]
+pub struct OpenedConfig {
+    /// The file, for saving settings.
+    pub file: ConfigFile,
+    /// The contents.
+    pub kept: Kept,
+}
+
 impl ConfigFile {
     /// Reads the file at `path`.
     ///
     /// # Errors
     /// [`ConfigFileError`].
-    pub fn open(path: &Path) -> Result<(Self, Kept), ConfigFileError> {
+    pub fn open(path: &Path) -> Result<OpenedConfig, ConfigFileError> {
         let text = read(path)?;
         let content = |why: String| ConfigFileError::Content(path.into(), why);
         let mut kept: Kept = toml::from_str(&text).map_err(|e| {
@@ -101,7 +110,7 @@ impl ConfigFile {
         kept.token_file = kept.token_file.map(|file| folder.join(file));
         kept.photometric = kept.photometric.map(|file| folder.join(file));
         kept.calibration = kept.calibration.map(|file| folder.join(file));
-        Ok((Self { path: path.into(), writing: Arc::default() }, kept))
+        Ok(OpenedConfig { file: Self { path: path.into(), writing: Arc::default() }, kept })
     }
 
     /// Writes the settings of `config` that differ from the defaults into the file and removes the others; all else stays as it is. The file
@@ -184,7 +193,7 @@ mod tests {
         let path = folder.path().join("hemilux.toml");
         let text = "# The probe in the hall.\nlisten = \"127.0.0.1:0\" # any port\nlights = 12\ntoken_file = \"secret\"\n";
         fs::write(&path, text).expect("a file");
-        let (file, kept) = ConfigFile::open(&path).expect("a configuration");
+        let OpenedConfig { file, kept } = ConfigFile::open(&path).expect("a configuration");
         assert_eq!(kept.settings["lights"].as_integer(), Some(12), "read");
         assert_eq!(kept.token_file, Some(folder.path().join("secret")), "beside the file");
         let mut config = Config { gui: true, ..Config::default() };
@@ -198,7 +207,7 @@ mod tests {
                 .starts_with("# The probe in the hall.\nlisten = \"127.0.0.1:0\" # any port\nlights = 99\n"),
             "{written}"
         );
-        let (_, again) = ConfigFile::open(&path).expect("a configuration");
+        let again = ConfigFile::open(&path).expect("a configuration").kept;
         assert_eq!((again.settings["gui"].as_bool(), again.listen), (Some(true), kept.listen), "{written}");
         assert_eq!(again.settings["budget_front_ms"].as_float(), Some(12.5), "{written}");
         let json = serde_json::to_value(again.settings).expect("JSON");

@@ -55,7 +55,7 @@ struct Points {
 }
 
 /// Irradiance of each receiver from a map or a light set.
-type Seen = Vec<f32>;
+type Irradiances = Vec<f32>;
 
 /// Scores `N` sets of each frame.
 #[derive(Clone, Debug)]
@@ -64,7 +64,7 @@ pub struct Judge<const N: usize> {
     shadowed: Vec<Receiver>,
     points: Points,
     /// Number of the last frame, and the irradiances of the shadowed receivers in it: from the map, then from each set.
-    last: Option<(u64, Vec<Seen>)>,
+    last: Option<(u64, Vec<Irradiances>)>,
 }
 
 impl<const N: usize> Default for Judge<N> {
@@ -153,7 +153,7 @@ impl Points {
         self.energies.push(energy);
     }
 
-    fn seen_by(&self, receivers: &[Receiver]) -> Seen {
+    fn seen_by(&self, receivers: &[Receiver]) -> Irradiances {
         let [x, y, z] = &self.axes;
         let seen = |r: &Receiver| {
             let (n, a) = (r.normal, r.axis);

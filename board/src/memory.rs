@@ -11,7 +11,7 @@ use std::fmt;
 
 /// The buffers of a pipeline, and the numbers that they follow from.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Plan {
+pub struct MemoryPlan {
     width: u32,
     height: u32,
     exposures: usize,
@@ -30,7 +30,7 @@ pub struct Plan {
 /// Lights that every sampler can give: their state does not depend on them.
 const SMALL: usize = 12;
 
-impl Plan {
+impl MemoryPlan {
     /// The buffers of `pipeline` and its sampler.
     #[must_use]
     pub fn of(pipeline: &Pipeline) -> Self {
@@ -103,7 +103,7 @@ fn frames(c: &Calibration, exposures: usize) -> BufferSize {
     BufferSize::of::<u8>("frames", c.layout.frame_bytes() * exposures)
 }
 
-impl fmt::Display for Plan {
+impl fmt::Display for MemoryPlan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "image             {} x {}, {} exposures", self.width, self.height, self.exposures)?;
         writeln!(f, "map order         {} (pixels add up at order {})", self.order, self.source_order)?;

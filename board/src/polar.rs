@@ -6,12 +6,12 @@ use hemilux_core::polar::{Grid, LatLong, PolarTable, Share, shares_len};
 use hemilux_core::pyramid::PyramidView;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
-type Plan = PolarTable<Vec<Share>>;
+type ShareTable = PolarTable<Vec<Share>>;
 
 /// A latitude-longitude map, and where its energy comes from.
 pub(crate) struct Polar {
     pub map: LatLong<Vec<[f32; 3]>>,
-    plan: Arc<Plan>,
+    plan: Arc<ShareTable>,
 }
 
 /// The plan in use in this process: it takes long to make, and depends on nothing but its shape.
@@ -19,11 +19,11 @@ static KNOWN: Mutex<Option<Known>> = Mutex::new(None);
 
 struct Known {
     shape: (Grid, u8),
-    plan: Weak<Plan>,
+    plan: Weak<ShareTable>,
 }
 
 /// The plan in use, or a new one.
-fn plan(grid: &Grid, order: u8) -> Arc<Plan> {
+fn plan(grid: &Grid, order: u8) -> Arc<ShareTable> {
     let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
     let shape = (*grid, order);
     if let Some(plan) = known.as_ref().filter(|k| k.shape == shape).and_then(|k| k.plan.upgrade()) {

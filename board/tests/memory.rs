@@ -3,7 +3,7 @@
 #![cfg(feature = "server")]
 #![allow(unsafe_code, reason = "a global allocator cannot be written without it")]
 
-use hemilux::memory::Plan;
+use hemilux::memory::MemoryPlan;
 use hemilux::pipeline::{Pipeline, Settings};
 use hemilux::probe::{Config, Worker};
 use hemilux::scene;
@@ -58,9 +58,9 @@ fn settings(sampler: SamplerKind, lights: usize) -> Settings {
     Settings { sampler, lights, ..Settings::default() }
 }
 
-fn plan(source: &dyn Source, settings: Settings) -> Plan {
+fn plan(source: &dyn Source, settings: Settings) -> MemoryPlan {
     let pipeline = Pipeline::try_new(*source.calibration(), &source.exposures(), settings);
-    Plan::of(&pipeline.expect("a pipeline"))
+    MemoryPlan::of(&pipeline.expect("a pipeline"))
 }
 
 /// Held by each test: probes of one process share what makes their polar maps.

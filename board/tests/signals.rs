@@ -9,20 +9,20 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 /// A running probe; it is killed when this is dropped.
-struct Probe {
+struct Process {
     child: Child,
     address: String,
     errors: BufReader<ChildStderr>,
 }
 
-impl Drop for Probe {
+impl Drop for Process {
     fn drop(&mut self) {
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
 }
 
-impl Probe {
+impl Process {
     fn start(mut command: Command) -> Self {
         command.env_remove("RUST_LOG").stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = command.spawn().expect("the program runs");
@@ -71,7 +71,7 @@ impl Probe {
 
 #[test]
 fn sigterm_ends_the_program_beside_clients_that_neither_read_nor_write() {
-    let mut probe = Probe::with(&["--lights", "5000"]);
+    let mut probe = Process::with(&["--lights", "5000"]);
     let request = |path: &str| format!("GET {path} HTTP/1.1\r\nHost: localhost\r\n\r\n");
     let mut held = vec![
         probe.connect(""),
@@ -105,8 +105,8 @@ fn sighup_applies_the_configuration_file_and_refuses_a_broken_one() {
     let config = folder.path().join("hemilux.toml");
     let write = |text: &str| std::fs::write(&config, text).expect("a file");
     write("lights = 20\n");
-    let mut probe = Probe::with(&["--config", config.to_str().expect("a path")]);
-    let lights = |probe: &Probe| {
+    let mut probe = Process::with(&["--config", config.to_str().expect("a path")]);
+    let lights = |probe: &Process| {
         let answer = probe.get("/data").unwrap_or_default();
         answer.lines().filter(|line| line.starts_with(|c: char| c == '-' || c.is_ascii_digit())).count()
     };
@@ -135,7 +135,7 @@ fn limited(descriptors: u32) -> Command {
 
 #[test]
 fn few_descriptors_mean_few_connections() {
-    let mut probe = Probe::start(limited(70));
+    let mut probe = Process::start(limited(70));
     let held: Vec<_> = (0..90).filter_map(|_| TcpStream::connect(&probe.address).ok()).collect();
     assert!(held.len() > 70, "the kernel accepts more than the program can: {}", held.len());
     let answer = probe.get("/data").unwrap_or_default();

@@ -14,7 +14,7 @@ use std::f64::consts::PI;
 pub struct Maps {
     pyramid: Pyramid<Vec<Quad>>,
     polar: LatLong<Vec<[f32; 3]>>,
-    plan: Option<Plan>,
+    plan: Option<TexelQuads>,
 }
 
 /// The latitude-longitude map that samplers read for environment maps like `env`.
@@ -44,7 +44,7 @@ impl Maps {
         let view = self.pyramid.view();
         let plan = match self.plan.take() {
             Some(plan) if plan.grid.fits(env) => plan,
-            _ => Plan::new(env, view.domain(), view.order().get()),
+            _ => TexelQuads::new(env, view.domain(), view.order().get()),
         };
         let mut sums = vec![[0.0f64; 6]; view.domain().quads(view.order().get())];
         for ((direction, rgb), ipix) in plan.grid.fluxes(env).zip(&plan.quads) {
@@ -126,12 +126,12 @@ impl OrderedMaps {
 }
 
 /// The texels of maps of one size and the quad that each is in: computed once for the maps of a sequence.
-struct Plan {
+struct TexelQuads {
     grid: Texels,
     quads: Vec<u32>,
 }
 
-impl Plan {
+impl TexelQuads {
     fn new(env: &EnvMap, domain: Domain, order: u8) -> Self {
         let grid = Texels::new(env, domain);
         let quads = grid.directions().map(|d| healpix::ipix(order, d.into())).collect();

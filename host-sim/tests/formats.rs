@@ -2,7 +2,7 @@
 
 use hemilux::calibration::{Burst, Calibration, Pixels};
 use hemilux::pipeline::{Pipeline, Settings};
-use hemilux::recorded;
+use hemilux::recorded::{self, RecordedBurst};
 use hemilux_core::SamplerKind;
 use hemilux_core::format::{Format, Layout, LayoutError, Matrix, Pattern, Yuv};
 use hemilux_sim::bench::{Case, bursts};
@@ -83,7 +83,8 @@ fn raw_frames_in_files_are_those_in_memory() {
             manifest += &format!("[[frame]]\nfile = \"{i}.raw\"\nexposure_s = {}\n", frame.exposure.seconds);
         }
         std::fs::write(folder.path().join("burst.toml"), &manifest).expect("a manifest");
-        let (read, recorded) = recorded::read_burst(folder.path()).expect("a burst");
+        let RecordedBurst { calibration: read, burst: recorded, .. } =
+            recorded::read_burst(folder.path()).expect("a burst");
         assert_eq!(light(&read, &recorded), light(c, burst), "{fourcc}");
         std::fs::write(folder.path().join("1.raw"), [0; 1000]).expect("a short frame");
         let error = recorded::read_burst(folder.path()).expect_err("too short").to_string();

@@ -11,7 +11,8 @@ use hemilux_core::internals::merge::{Channels, Codes};
 use hemilux_core::{FrontEnd, Order, Sizes};
 
 fn load() -> Option<(Calibration, Burst)> {
-    Some(recorded::read_burst(&common::shared("office-burst")?).expect("a burst"))
+    let read = recorded::read_burst(&common::shared("office-burst")?).expect("a burst");
+    Some((read.calibration, read.burst))
 }
 
 fn pipeline(calibration: &Calibration, burst: &Burst, settings: Settings) -> Pipeline {

@@ -88,13 +88,13 @@ fn what_is_saved_is_there_at_the_next_start() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("hemilux.toml");
     std::fs::write(&path, "# Mine.\nlisten = \"127.0.0.1:0\"\n").expect("a file");
-    let (file, _) = ConfigFile::open(&path).expect("a configuration");
+    let file = ConfigFile::open(&path).expect("a configuration").file;
     let options = Options { file: Some(file), ..Options::default() };
     run("save", || Bench::running(EVERY, Limits::default(), options));
     if browser::tools().is_none() {
         return;
     }
-    let (_, kept) = ConfigFile::open(&path).expect("a configuration");
+    let kept = ConfigFile::open(&path).expect("a configuration").kept;
     let settings = serde_json::to_value(kept.settings).expect("JSON");
     let mut config = Config::default();
     wish_of(settings.as_object().expect("settings")).expect("settings").apply(&mut config);

@@ -54,27 +54,27 @@ struct Run {
 }
 
 /// What an answer says.
-struct Seen {
+struct Received {
     frame: u64,
     lights: usize,
     /// End of the burst and time to the finished set, where the form has them.
     ready_ns: Option<u64>,
 }
 
-fn read(path: &str, body: &[u8]) -> Seen {
+fn read(path: &str, body: &[u8]) -> Received {
     let text = || std::str::from_utf8(body).expect("UTF-8");
     if path.contains("binary") {
         let set = BinarySet::try_new(body).expect("a set");
         let head = set.head();
         assert!(head.stale.is_none(), "stale");
         let ready = head.timestamp_ns + 1000 * u64::from(head.latency.total);
-        Seen { frame: head.frame, lights: set.lights().len(), ready_ns: Some(ready) }
+        Received { frame: head.frame, lights: set.lights().len(), ready_ns: Some(ready) }
     } else if path == "/xml" {
         let document = roxmltree::Document::parse(text()).expect("XML");
         let root = document.root_element();
         assert_eq!(root.attribute("stale"), Some(""), "stale");
         let frame = root.attribute("frame").and_then(|f| f.parse().ok()).expect("a number");
-        Seen { frame, lights: root.children().count(), ready_ns: None }
+        Received { frame, lights: root.children().count(), ready_ns: None }
     } else if path == "/data" || path.contains("text") {
         assert!(text().contains("# stale no\n") && text().ends_with('\n'), "{}", text());
         let frame = text().lines().find_map(|l| l.strip_prefix("# frame ")?.parse().ok()).expect("a number");
@@ -82,7 +82,7 @@ fn read(path: &str, body: &[u8]) -> Seen {
             .lines()
             .filter(|l| !l.starts_with('#'))
             .map(|l| assert_eq!(l.split(' ').count(), 7, "{l}"));
-        Seen { frame, lights: lights.count(), ready_ns: None }
+        Received { frame, lights: lights.count(), ready_ns: None }
     } else {
         let set: Value = serde_json::from_slice(body).expect("JSON");
         assert_eq!(set["stale"], Value::Null, "stale");
@@ -90,7 +90,7 @@ fn read(path: &str, body: &[u8]) -> Seen {
         let ready = number(&set["timestamp_ns"]) + 1000 * number(&set["latency_us"]["total"]);
         let lights = set["lights"].as_array().expect("lights").len();
         assert!(lights as u64 <= number(&set["requested"]), "more than asked for");
-        Seen { frame: number(&set["frame"]), lights, ready_ns: Some(ready) }
+        Received { frame: number(&set["frame"]), lights, ready_ns: Some(ready) }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::response::Exposed;
 use crate::calibration::{Calibration, Frame, Pixels};
-use crate::recorded::{RecordedError, read_burst};
+use crate::recorded::{RecordedBurst, RecordedError, read_burst};
 use glam::DVec2;
 use hemilux_core::format::Format;
 use std::path::Path;
@@ -15,7 +15,7 @@ const MOST_PIXELS: usize = 200_000;
 /// # Errors
 /// [`RecordedError`]; raw frames are refused, since sensors are linear.
 pub fn exposed(folder: &Path) -> Result<(Calibration, Vec<Exposed>, f64), RecordedError> {
-    let (calibration, burst) = read_burst(folder)?;
+    let RecordedBurst { calibration, burst, .. } = read_burst(folder)?;
     match exposed_frames(&calibration, &burst.frames) {
         Some(Codes { frames, step }) => Ok((calibration, frames, step)),
         None => {

@@ -5,7 +5,7 @@ use crate::config_file::{ConfigFile, Kept};
 use crate::probe::settings::{SETTINGS, wish_of};
 use crate::probe::{Config, Link};
 use crate::recorded::{Photometric, parse_photometric, read_photometric};
-use crate::server::{self, Access, Token};
+use crate::server::{self, Access, LoadedToken, Token};
 use crate::source::{PhotometricSource, Source, Spec};
 use std::fmt::Display;
 use std::io::{self, Write};
@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 const PORT: u16 = 8080;
 
 /// The source of the bursts, the address to listen on, the clients that are admitted, and the settings.
-pub(super) struct Plan {
+pub(super) struct ServePlan {
     pub(super) source: Spec,
     pub(super) listen: SocketAddr,
     pub(super) token_file: Option<PathBuf>,
@@ -61,11 +61,11 @@ impl Peers {
     }
 }
 
-impl Plan {
+impl ServePlan {
     /// Options override the configuration file.
     pub(super) fn of(options: &Serve) -> Result<Self, Failure> {
         let opened = options.config.as_deref().map(ConfigFile::open).transpose().map_err(Failure::new)?;
-        let (file, kept) = opened.map_or((None, Kept::default()), |(file, kept)| (Some(file), kept));
+        let (file, kept) = opened.map_or((None, Kept::default()), |opened| (Some(opened.file), opened.kept));
         let name = options.config.as_deref().unwrap_or(Path::new("")).display();
         let wrong =
             |key: &str, why: &dyn Display| Failure::new(format!("configuration file {name}: {key}: {why}"));
@@ -137,7 +137,7 @@ impl Plan {
         }
     }
 
-    /// Refuses to listen beyond this machine without a token unless asked to.
+    /// Refuses an address that other machines reach, unless there is a token or `--open`.
     fn check_reach(&self, is_open: bool) -> Result<(), Failure> {
         if is_open || self.token_file.is_some() || server::is_loopback(self.listen.ip()) {
             return Ok(());
@@ -152,7 +152,7 @@ impl Plan {
     /// The access rules. Creates the token file if it does not exist; stderr names the file and never shows the token.
     pub(super) fn access(&self) -> Result<Access, Failure> {
         let Some(file) = &self.token_file else { return Ok(Access::Open) };
-        let (token, is_new) = Token::load_or_make(file).map_err(Failure::new)?;
+        let LoadedToken { token, is_new } = Token::load_or_make(file).map_err(Failure::new)?;
         if is_new {
             let _ = writeln!(io::stderr(), "hemilux: made a token in {}", file.display());
         }
@@ -168,7 +168,7 @@ pub(super) fn reload(options: &Serve, link: &Link) -> Result<(), Failure> {
             "found no configuration file, expected the probe to be started with --config FILE",
         ));
     }
-    let plan = Plan::of(options)?;
+    let plan = ServePlan::of(options)?;
     let values = SETTINGS.iter().map(|s| (s.name.to_owned(), s.value(&plan.config))).collect();
     let change = wish_of(&values);
     let change = change.map_err(|errors| {

@@ -256,7 +256,7 @@ mod tests {
                 assert_eq!(lights(replay.calibration(), &again), (expected.clone(), flux), "{name}");
             }
             let first = &read_sequence(folder.path()).expect("a sequence")[0];
-            let (_, read) = read_burst(&first.folder).expect("a burst");
+            let read = read_burst(&first.folder).expect("a burst").burst;
             assert!(first.timestamp_ns > 0 && read.timestamp_ns == first.timestamp_ns, "{name}: its time");
         }
     }

@@ -1,6 +1,6 @@
 //! Binary glTF 2.0: one node and one directional light of KHR_lights_punctual for each light.
 
-use super::{ExportError, intensity_and_colour, notes, orientation};
+use super::{Emission, ExportError, emission, notes, orientation};
 use hemilux_core::light::Light;
 use hemilux_core::wire::LightSet;
 use serde_json::{Value, json};
@@ -54,6 +54,6 @@ fn node(set: &LightSet<'_>, light: &Light, index: usize) -> Value {
 }
 
 fn directional(light: &Light) -> Value {
-    let (intensity, color) = intensity_and_colour(light.irradiance);
+    let Emission { intensity, colour: color } = emission(light.irradiance);
     json!({"type": "directional", "name": format!("light-{}", light.id), "color": color, "intensity": intensity})
 }

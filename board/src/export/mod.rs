@@ -191,11 +191,19 @@ impl<const N: usize> Display for Numbers<'_, N> {
     }
 }
 
-/// An irradiance as intensity times colour, the largest component of the colour being 1.
-fn intensity_and_colour(irradiance: [f32; 3]) -> (f32, [f32; 3]) {
+/// An irradiance as a product.
+struct Emission {
+    intensity: f32,
+    /// Linear RGB whose largest component is 1.
+    colour: [f32; 3],
+}
+
+/// The intensity and the colour whose product is `irradiance`.
+fn emission(irradiance: [f32; 3]) -> Emission {
     let [r, g, b] = irradiance.map(|v| if v.is_finite() { v.max(0.0) } else { 0.0 });
     let intensity = r.max(g).max(b);
-    if intensity > 0.0 { (intensity, [r, g, b].map(|v| v / intensity)) } else { (0.0, [1.0; 3]) }
+    let colour = if intensity > 0.0 { [r, g, b].map(|v| v / intensity) } else { [1.0; 3] };
+    Emission { intensity, colour }
 }
 
 /// The rotation (x, y, z, w) that turns a lamp shining along -Z so that its light comes from `light`.

@@ -1,6 +1,6 @@
 //! USD as text: a DistantLight for each light, and a DomeLight with the map that is off, so that no light counts twice.
 
-use super::{Numbers, Text, facing, intensity_and_colour, notes, orientation};
+use super::{Emission, Numbers, Text, emission, facing, notes, orientation};
 use hemilux_core::light::Light;
 use hemilux_core::wire::{Coordinates, LightSet};
 
@@ -37,7 +37,7 @@ pub(super) fn text(set: &LightSet<'_>, map: Option<&str>) -> String {
 }
 
 fn distant(text: &mut Text, set: &LightSet<'_>, light: &Light) {
-    let (intensity, colour) = intensity_and_colour(light.irradiance);
+    let Emission { intensity, colour } = emission(light.irradiance);
     let [x, y, z, w] = orientation(set, light);
     let radius = light.radius_deg.clamp(0.0, 90.0);
     text.line(format_args!("    def DistantLight \"Light_{}\"\n    {{", light.id));

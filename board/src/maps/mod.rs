@@ -131,6 +131,12 @@ struct Stated {
     notes: Vec<String>,
 }
 
+/// The texels of a file and the statements of its header.
+struct DecodedFile {
+    raster: Raster,
+    stated: Stated,
+}
+
 /// Reads a map file.
 ///
 /// # Errors
@@ -158,7 +164,7 @@ pub fn read_from<R: BufRead + Seek>(
     if options.layer.is_some() && !openexr::is(&begin) {
         return Err(Refusal::new("a file format without layers", "no --layer"));
     }
-    let (raster, stated) = if openexr::is(&begin) {
+    let DecodedFile { raster, stated } = if openexr::is(&begin) {
         openexr::read(reader, &budget, options)?
     } else if radiance::is(&begin) {
         radiance::read(reader, &budget, options)?

@@ -1,7 +1,7 @@
 //! Portable float maps: `PF` or `Pf`, size, byte order, then rows of 32-bit floats from the bottom.
 
 use super::limit::Budget;
-use super::{Raster, Refusal, Stated};
+use super::{DecodedFile, Refusal, Stated};
 use std::io::{BufRead, Read};
 
 const EXPECTED: &str = "a PFM file: PF or Pf, columns, rows, 1.0 or -1.0, then 32-bit floats";
@@ -10,7 +10,7 @@ pub(super) fn is(begin: &[u8]) -> bool {
     matches!(begin, [b'P', b'F' | b'f', b' ' | b'\n' | b'\r' | b'\t', ..])
 }
 
-pub(super) fn read(mut reader: impl BufRead, budget: &Budget) -> Result<(Raster, Stated), Refusal> {
+pub(super) fn read(mut reader: impl BufRead, budget: &Budget) -> Result<DecodedFile, Refusal> {
     let grey = word(&mut reader)? == "Pf";
     let mut number = || -> Result<u64, Refusal> {
         let text = word(&mut reader)?;
@@ -42,7 +42,7 @@ pub(super) fn read(mut reader: impl BufRead, budget: &Budget) -> Result<(Raster,
         let texels = values.chunks_exact(samples).map(|v| [v[0], v[samples / 2], v[samples - 1]]);
         raster.row_mut(height as usize - 1 - y).iter_mut().zip(texels).for_each(|(to, texel)| *to = texel);
     }
-    Ok((raster, Stated::default()))
+    Ok(DecodedFile { raster, stated: Stated::default() })
 }
 
 /// The bytes up to the next white space, of which one byte is consumed.

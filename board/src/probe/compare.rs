@@ -1,10 +1,11 @@
 //! A second sampler on the same frames, while clients request it: one at a time for all clients, and none without requests.
 
 use super::lock;
+use super::made_for::MadeFor;
 use super::ring::Ring;
 use crate::light_set::{self, OwnedSet};
 use crate::pipeline::Pipeline;
-use crate::samplers::{self, SamplerError, Tuning};
+use crate::samplers::{self, SamplerError};
 use hemilux_core::Order;
 use hemilux_core::SamplerKind;
 use hemilux_core::light::Light;
@@ -145,8 +146,7 @@ pub(super) struct SecondarySlot {
 /// The second sampler with its memory.
 struct SecondarySampler {
     contender: Contender,
-    /// Order of the map and tuning that it was made for.
-    made_for: (u8, Tuning),
+    made_for: MadeFor,
     sampler: Box<dyn Sampler + Send>,
     ring: Ring<Second>,
 }
@@ -160,7 +160,7 @@ impl SecondarySlot {
             }
             return;
         };
-        let made_for = (pipeline.settings().order(), pipeline.settings().tuning.of(contender.sampler));
+        let made_for = MadeFor::now(pipeline, contender.sampler);
         let same = |r: &SecondarySampler| r.contender == contender && r.made_for == made_for;
         if !self.secondary.as_ref().is_some_and(same) {
             self.secondary = None;
@@ -177,7 +177,7 @@ impl SecondarySlot {
 }
 
 impl SecondarySampler {
-    fn new(contender: Contender, made_for: (u8, Tuning), pipeline: &Pipeline) -> Result<Self, SamplerError> {
+    fn new(contender: Contender, made_for: MadeFor, pipeline: &Pipeline) -> Result<Self, SamplerError> {
         let Contender { sampler, lights } = contender;
         let shape = pipeline.shape();
         let quads = shape.domain.quads(SKETCH_ORDER.min(shape.order));
@@ -185,7 +185,7 @@ impl SecondarySampler {
             set: OwnedSet { lights: Vec::with_capacity(lights), ..OwnedSet::default() },
             sketch: Vec::with_capacity(quads),
         });
-        let sampler = samplers::make_tuned(sampler, &shape, lights, &made_for.1)?;
+        let sampler = samplers::make_tuned(sampler, &shape, lights, &made_for.tuning)?;
         Ok(Self { contender, made_for, sampler, ring })
     }
 

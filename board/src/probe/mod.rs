@@ -6,6 +6,7 @@
 pub mod compare;
 mod config;
 mod durations;
+mod made_for;
 mod ring;
 mod set_channel;
 pub mod settings;
@@ -21,7 +22,7 @@ pub use set_channel::SetChannel;
 pub use settings::Change;
 pub use settings_channel::{Applied, Exposures, SettingsChannel};
 pub use status::ThreadStatus;
-pub use views::{BurstView, Given, MapView, Slot, Views};
+pub use views::{BurstView, Given, MapView, Slot, ViewRequest, Views};
 pub use worker::Worker;
 
 use crate::camera_status::CameraStatus;

@@ -6,10 +6,11 @@
 //! one of more. So the work per frame does not grow with what clients request.
 
 use super::lock;
+use super::made_for::MadeFor;
 use super::ring::Ring;
 use crate::light_set::{self, OwnedSet};
 use crate::pipeline::{Pipeline, Settings};
-use crate::samplers::{self, Tuning};
+use crate::samplers;
 use hemilux_core::SamplerKind;
 use hemilux_core::healpix::Domain;
 use hemilux_core::sampler::{Request, Sampler};
@@ -111,11 +112,16 @@ impl Tiers {
         })
     }
 
-    /// The tiers in use, and the largest number of tiers.
+    /// The tiers that clients request.
     #[must_use]
-    pub fn in_use(&self) -> (Vec<Tier>, usize) {
-        let table = lock(&self.0);
-        (table.requested.iter().map(|r| r.tier).collect(), table.most)
+    pub fn in_use(&self) -> Vec<Tier> {
+        lock(&self.0).requested.iter().map(|r| r.tier).collect()
+    }
+
+    /// The largest number of tiers.
+    #[must_use]
+    pub fn most(&self) -> usize {
+        lock(&self.0).most
     }
 
     /// Adopts changed settings of the probe: sets of earlier settings are withdrawn.
@@ -215,8 +221,7 @@ pub(super) struct TierSamplers {
 struct Running {
     tier: Tier,
     kind: SamplerKind,
-    /// The map's order and the tuning that the sampler was made for.
-    made_for: (u8, Tuning),
+    made_for: MadeFor,
     sampler: Box<dyn Sampler + Send>,
     ring: Ring<OwnedSet>,
     set: Option<Arc<OwnedSet>>,
@@ -247,14 +252,13 @@ impl Running {
         let kind = kind(tier, pipeline.settings());
         let tuning = pipeline.settings().tuning;
         let sampler = samplers::make_tuned(kind, &pipeline.shape(), tier.lights, &tuning)?;
-        let made_for = (pipeline.settings().order(), tuning.of(kind));
+        let made_for = MadeFor::now(pipeline, kind);
         Ok(Self { tier, kind, made_for, sampler, ring: Ring::with_lights(tier.lights), set: None })
     }
 
     fn is_made_for(&self, pipeline: &Pipeline) -> bool {
         let settings = pipeline.settings();
-        self.kind == kind(self.tier, settings)
-            && self.made_for == (settings.order(), settings.tuning.of(self.kind))
+        self.kind == kind(self.tier, settings) && self.made_for == MadeFor::now(pipeline, self.kind)
     }
 
     fn sample(&mut self, pipeline: &mut Pipeline, own: &OwnedSet) {

@@ -62,6 +62,15 @@ pub struct Given<T> {
     pub view: Option<Arc<T>>,
 }
 
+/// A request for a view.
+#[derive(Debug)]
+pub struct ViewRequest<T> {
+    /// The number from which a [`Given`] answers the request.
+    pub number: u64,
+    /// The channel of the answers.
+    pub given: watch::Receiver<Given<T>>,
+}
+
 impl<T> Default for Slot<T> {
     fn default() -> Self {
         Self { asked: AtomicU64::new(0), given: watch::Sender::new(Given { number: 0, view: None }) }
@@ -69,11 +78,11 @@ impl<T> Default for Slot<T> {
 }
 
 impl<T> Slot<T> {
-    /// Asks for the next frame's view: the number to wait for, and where.
+    /// Requests a view of the next frame.
     #[must_use]
-    pub fn ask(&self) -> (u64, watch::Receiver<Given<T>>) {
+    pub fn request(&self) -> ViewRequest<T> {
         let given = self.given.subscribe();
-        (self.asked.fetch_add(1, Ordering::AcqRel) + 1, given)
+        ViewRequest { number: self.asked.fetch_add(1, Ordering::AcqRel) + 1, given }
     }
 
     /// Makes a view if a request waits.
@@ -124,8 +133,8 @@ mod tests {
     fn a_view_is_made_once_for_all_requests_before_it() {
         let slot = Slot::<u32>::default();
         slot.serve(|| unreachable!("no request"));
-        let (first, given) = slot.ask();
-        let (second, _) = slot.ask();
+        let ViewRequest { number: first, given } = slot.request();
+        let second = slot.request().number;
         slot.serve(|| 7);
         slot.serve(|| unreachable!("no new request"));
         let now = given.borrow();

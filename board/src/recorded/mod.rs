@@ -85,9 +85,8 @@ impl Default for ReadLimits {
 ///
 /// # Errors
 /// [`RecordedError`] for files that are missing, truncated, of another type or contradict each other.
-pub fn read_burst(folder: &Path) -> Result<(Calibration, Burst), RecordedError> {
-    let read = read_recorded(folder, &ReadLimits::default())?;
-    Ok((read.calibration, read.burst))
+pub fn read_burst(folder: &Path) -> Result<RecordedBurst, RecordedError> {
+    read_recorded(folder, &ReadLimits::default())
 }
 
 /// A burst that was read, with the names of its files.

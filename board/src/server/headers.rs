@@ -1,5 +1,6 @@
 //! Headers that go with every answer, and the rules for pages of other sites (CORS).
 
+use super::hosts::HostRefusal;
 use super::origin::is_allowed;
 use super::{Context, hosts};
 use axum::extract::{Request, State};
@@ -49,9 +50,9 @@ pub(super) async fn finish(State(context): State<Context>, request: Request, nex
     let is_shared =
         request.headers().get(ORIGIN).is_some_and(|origin| is_allowed(origin, &context.admission.origins));
     let mut response = match hosts::refusal(&context.admission.hosts, &request) {
-        Some((reason, refusal)) => {
+        Some(HostRefusal { reason, response }) => {
             context.counts.refused(reason);
-            refusal
+            response
         }
         None => next.run(request).await,
     };

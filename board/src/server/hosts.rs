@@ -62,16 +62,26 @@ fn name_of(host: &str) -> Option<&str> {
     Some(name.trim_start_matches('[').trim_end_matches(']'))
 }
 
-/// The refusal of a request whose Host header is missing, doubled or unknown, with the reason that it is counted under.
-pub(super) fn refusal(hosts: &KnownHosts, request: &Request) -> Option<(&'static str, Response)> {
+/// The refusal of a request because of its Host header.
+pub(super) struct HostRefusal {
+    /// The reason under which the refusal is counted.
+    pub(super) reason: &'static str,
+    pub(super) response: Response,
+}
+
+/// The refusal of a request whose Host header is missing, doubled or unknown; `None` for an admitted one.
+pub(super) fn refusal(hosts: &KnownHosts, request: &Request) -> Option<HostRefusal> {
     let Some(host) = host(request.uri(), request.headers()) else {
         // Browsers always send it; clients of HTTP/1.0 need not.
         let is_old = request.version() < Version::HTTP_11;
-        return (!is_old)
-            .then(|| ("malformed", line(StatusCode::BAD_REQUEST, "a request without one Host header")));
+        return (!is_old).then(|| HostRefusal {
+            reason: "malformed",
+            response: line(StatusCode::BAD_REQUEST, "a request without one Host header"),
+        });
     };
     let text = "a Host that is not known to be this machine; expected localhost, its address or its name (--host adds one)";
-    (!hosts.admits(host)).then(|| ("host", line(StatusCode::MISDIRECTED_REQUEST, text)))
+    (!hosts.admits(host))
+        .then(|| HostRefusal { reason: "host", response: line(StatusCode::MISDIRECTED_REQUEST, text) })
 }
 
 /// The one host that the request is for.

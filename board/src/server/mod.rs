@@ -43,7 +43,7 @@ mod xr;
 pub use access::Access;
 pub use connection::{Event, Limits, Running, Signals, start};
 pub use hosts::{KnownHosts, is_loopback};
-pub use token::{Token, TokenError};
+pub use token::{LoadedToken, Token, TokenError};
 
 use crate::config_file::ConfigFile;
 use crate::probe::Link;

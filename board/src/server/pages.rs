@@ -8,7 +8,6 @@ use crate::timing::Timings;
 use axum::extract::State;
 use axum::http::header::CACHE_CONTROL;
 use axum::response::{Html, IntoResponse, Response};
-use hemilux_core::SamplerKind;
 use hemilux_core::color::luminance;
 use hemilux_core::wire::Latency;
 use std::fmt::Write;
@@ -80,7 +79,7 @@ fn light(set: &OwnedSet, rgb: [f32; 3]) -> String {
     }
 }
 
-/// What each stage took and may take.
+/// The durations and budgets of the stages as a table.
 fn times(last: &Latency, timings: &Timings) -> String {
     let head = ["last", "p50", "p95", "p99", "longest", "budget", "over it"].map(|t| format!("<th>{t}</th>"));
     let mut html = format!("<h2>Times, ms</h2><table><tr><th></th>{}</tr>", head.concat());

@@ -11,7 +11,7 @@ use crate::clock;
 use crate::maps::{Covers, write};
 use crate::picture;
 use crate::probe::settings::short;
-use crate::probe::{BurstView, Link, MapView, Slot};
+use crate::probe::{BurstView, Link, MapView, Slot, ViewRequest};
 use axum::extract::{Path, RawQuery, State};
 use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE, RETRY_AFTER};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode};
@@ -37,7 +37,7 @@ const CLIPPED: f64 = 0.01;
 /// The next frame's view, or after [`LONGEST_WAIT`] the last one that there was; at once where the source is known to have failed.
 pub(super) async fn view<T>(link: &Link, slot: &Slot<T>) -> View<Arc<T>> {
     let since_ns = clock::monotonic_ns();
-    let (number, mut given) = slot.ask();
+    let ViewRequest { number, mut given } = slot.request();
     let longest = if link.status().failure().is_some() { FAILED_WAIT } else { LONGEST_WAIT };
     let waited = tokio::time::timeout(longest, given.wait_for(|g| g.number >= number)).await;
     let is_fresh = waited.is_ok();

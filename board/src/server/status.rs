@@ -30,10 +30,10 @@ pub(super) async fn status(State(context): State<Context>, sender: Sender) -> Re
         json!({"stage": name, "budget_us": s.budget, "overruns": s.overruns,
             "p50_us": s.p50, "p95_us": s.p95, "p99_us": s.p99, "max_us": s.most})
     });
-    let (tiers, most_tiers) = link.tiers().in_use();
-    let tiers: Vec<_> = tiers.iter().map(|t| json!({"lights": t.lights, "ambient": t.ambient})).collect();
+    let tiers: Vec<_> =
+        link.tiers().in_use().iter().map(|t| json!({"lights": t.lights, "ambient": t.ambient})).collect();
     let document = json!({
-        "tiers": {"most": most_tiers, "in_use": tiers},
+        "tiers": {"most": link.tiers().most(), "in_use": tiers},
         "version": env!("CARGO_PKG_VERSION"),
         "run": link.run(),
         "source": link.source(),

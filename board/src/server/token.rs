@@ -67,6 +67,15 @@ fn is_empty_file(file: &File) -> std::io::Result<bool> {
     Ok(about.is_file() && about.len() == 0)
 }
 
+/// A token and the origin of its file.
+#[derive(Clone, Debug)]
+pub struct LoadedToken {
+    /// The token.
+    pub token: Token,
+    /// Whether the file was made.
+    pub is_new: bool,
+}
+
 impl Token {
     /// A random token.
     ///
@@ -78,22 +87,23 @@ impl Token {
         Ok(Self { secret: BASE64URL_NOPAD.encode(&bytes) })
     }
 
-    /// The token in the file at `path`. Where there is none, or an empty one, it is made with a random token (permissions 0600); the
-    /// second value says so.
+    /// The token in the file at `path`. Where there is none, or an empty one, it is made with a random token (permissions 0600).
     ///
     /// # Errors
     /// [`TokenError`].
-    pub fn load_or_make(path: &Path) -> Result<(Self, bool), TokenError> {
+    pub fn load_or_make(path: &Path) -> Result<LoadedToken, TokenError> {
         let failed = |e| TokenError::File(path.into(), e);
         // Opening a FIFO would wait for its other end.
         let opened =
             OpenOptions::new().read(true).custom_flags(OFlags::NONBLOCK.bits().cast_signed()).open(path);
         match opened {
             Ok(file) if is_empty_file(&file).map_err(failed)? => {
-                Self::make(path, true).map(|token| (token, true))
+                Self::make(path, true).map(|token| LoadedToken { token, is_new: true })
             }
-            Ok(file) => Self::load(path, file).map(|token| (token, false)),
-            Err(e) if e.kind() == ErrorKind::NotFound => Self::make(path, false).map(|token| (token, true)),
+            Ok(file) => Self::load(path, file).map(|token| LoadedToken { token, is_new: false }),
+            Err(e) if e.kind() == ErrorKind::NotFound => {
+                Self::make(path, false).map(|token| LoadedToken { token, is_new: true })
+            }
             Err(e) => Err(failed(e)),
         }
     }
@@ -154,10 +164,10 @@ mod tests {
     fn a_token_is_made_once_for_its_owner_alone() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("token");
-        let (made, new) = Token::load_or_make(&path).expect("made");
+        let LoadedToken { token: made, is_new: new } = Token::load_or_make(&path).expect("made");
         let mode = path.metadata().expect("a file").permissions().mode() & 0o7777;
         assert!(new && mode == 0o600, "{mode:o}");
-        let (read, new) = Token::load_or_make(&path).expect("read");
+        let LoadedToken { token: read, is_new: new } = Token::load_or_make(&path).expect("read");
         assert!(!new && read.is(made.secret.as_bytes()), "the same");
         assert_eq!(made.secret.len(), 43, "256 bits");
         assert!(!made.is(b"") && !made.is(&made.secret.as_bytes()[1..]) && !made.is(&[b'a'; 43]), "others");
@@ -170,7 +180,7 @@ mod tests {
         let (path, elsewhere) = (folder.path().join("token"), folder.path().join("elsewhere"));
         std::fs::write(&elsewhere, b"").expect("a file");
         std::os::unix::fs::symlink(&elsewhere, &path).expect("a link");
-        let (_, new) = Token::load_or_make(&path).expect("made");
+        let new = Token::load_or_make(&path).expect("made").is_new;
         assert!(new && path.symlink_metadata().expect("a file").is_file(), "a file of its own");
         assert_eq!(std::fs::read(&elsewhere).expect("a file"), b"", "untouched");
         assert_eq!(folder.path().read_dir().expect("a folder").count(), 2, "nothing is left beside them");

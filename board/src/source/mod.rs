@@ -43,16 +43,12 @@ pub trait Source: Send {
     /// Exposures of its bursts, ascending.
     fn exposures(&self) -> Vec<Exposure>;
 
-<<<<<<< HEAD
     /// How its radiance came to be in cd/m2; `None` where radiance is relative.
     fn lux(&self) -> Option<Lux> {
         None
     }
 
-    /// Why its exposures cannot be changed, if so.
-=======
     /// The reason for which the exposures cannot be changed; `None` if they can.
->>>>>>> 244d16c (board/settings: pages derive from the table; maps tests; prose)
     fn fixed_exposures(&self) -> Option<&'static str> {
         Some("the source's exposures are fixed")
     }

@@ -82,6 +82,15 @@ pub struct Cells {
     solid_angle: Vec<f64>,
 }
 
+/// Angular size of a cell, radians.
+#[derive(Clone, Copy, Debug)]
+pub struct Pitch {
+    /// Size in theta.
+    pub theta: f64,
+    /// Size in phi at the equator.
+    pub phi: f64,
+}
+
 impl Cells {
     /// Blocks such that the whole sphere would have at most `max_width` x `max_width / 2` of them.
     #[must_use]
@@ -181,19 +190,20 @@ impl Cells {
         self.flux.iter().fold(Flux::default(), |sum, &flux| sum + flux)
     }
 
-    /// Angular size of a cell in theta and (at the equator) in phi, radians.
+    /// Angular size of a cell.
     #[must_use]
-    pub fn pitch(&self) -> (f64, f64) {
+    pub fn pitch(&self) -> Pitch {
         let (width, height) = self.map_size;
-        (self.block.1 as f64 * PI / height as f64, self.block.0 as f64 * TAU / width as f64)
+        let theta = self.block.1 as f64 * PI / height as f64;
+        Pitch { theta, phi: self.block.0 as f64 * TAU / width as f64 }
     }
 
     /// The cell that holds the unit vector `d`; below the last row, the nearest one of its column.
     #[must_use]
     pub fn at(&self, d: [f64; 3]) -> usize {
-        let (theta_pitch, phi_pitch) = self.pitch();
-        let row = (d[2].clamp(-1.0, 1.0).acos() / theta_pitch) as usize;
-        let column = ((PI - d[1].atan2(d[0])) / phi_pitch) as usize;
+        let pitch = self.pitch();
+        let row = (d[2].clamp(-1.0, 1.0).acos() / pitch.theta) as usize;
+        let column = ((PI - d[1].atan2(d[0])) / pitch.phi) as usize;
         row.min(self.height - 1) * self.width + column.min(self.width - 1)
     }
 }

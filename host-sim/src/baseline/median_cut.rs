@@ -1,6 +1,6 @@
 //! Median cut [Debevec2005]: halve the energy of the most energetic region until there are enough.
 
-use super::cells::Cells;
+use super::cells::{Cells, Pitch};
 use super::sat::{Axis, Rect, Region, Sat, cut_greedily};
 use crate::env::EnvMap;
 use crate::metrics::{Domain, Lit};
@@ -38,7 +38,7 @@ fn halve(cells: &Cells, sat: &Sat, region: &Region) -> Option<(Rect, Rect)> {
 
 /// Whether the columns span more of the sphere than the rows, along the middle row.
 fn is_wide(cells: &Cells, rect: Rect) -> bool {
-    let (theta_pitch, phi_pitch) = cells.pitch();
+    let Pitch { theta: theta_pitch, phi: phi_pitch } = cells.pitch();
     let theta = (rect.rows.0 + rect.rows.1) as f64 / 2.0 * theta_pitch;
     let width = (rect.columns.1 - rect.columns.0) as f64 * phi_pitch * theta.sin();
     width > (rect.rows.1 - rect.rows.0) as f64 * theta_pitch

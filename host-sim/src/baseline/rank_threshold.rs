@@ -46,17 +46,24 @@ pub(super) fn decompose(map: &EnvMap, domain: Domain, lights: usize) -> Vec<Lit>
             break;
         }
         let lit: HashSet<u32> = found.iter().map(|light| light.id).collect();
-        starved.extend(kept.iter().map(|&(id, _)| id).filter(|id| !lit.contains(id)));
+        starved.extend(kept.iter().map(|candidate| candidate.rank).filter(|id| !lit.contains(id)));
     }
     found
 }
 
 /// A candidate direction and its place in the order of all candidates.
-fn weigh(cells: &Cells, kept: &[(u32, [f64; 3])]) -> Vec<Lit> {
-    let centres: Vec<[f64; 3]> = kept.iter().map(|&(_, direction)| direction).collect();
+#[derive(Clone, Copy, Debug)]
+struct Candidate {
+    rank: u32,
+    direction: [f64; 3],
+}
+
+/// A light for each candidate whose Voronoi cell is not black.
+fn weigh(cells: &Cells, kept: &[Candidate]) -> Vec<Lit> {
+    let centres: Vec<[f64; 3]> = kept.iter().map(|candidate| candidate.direction).collect();
     let sums = voronoi(cells, &centres);
     let lit = kept.iter().zip(sums).filter(|(_, flux)| flux.luminance > 0.0);
-    lit.map(|(&(id, direction), flux)| Lit {
+    lit.map(|(&Candidate { rank: id, direction }, flux)| Lit {
         direction,
         irradiance: flux.rgb,
         radius_deg: flux.radius_deg(),
@@ -65,13 +72,8 @@ fn weigh(cells: &Cells, kept: &[(u32, [f64; 3])]) -> Vec<Lit> {
     .collect()
 }
 
-/// (rank, direction) of the chosen candidates, by rank; candidates without energy are skipped.
-fn keep(
-    cells: &Cells,
-    candidates: &[[f64; 3]],
-    lights: usize,
-    starved: &HashSet<u32>,
-) -> Vec<(u32, [f64; 3])> {
+/// The chosen candidates, by rank; candidates without energy are skipped.
+fn keep(cells: &Cells, candidates: &[[f64; 3]], lights: usize, starved: &HashSet<u32>) -> Vec<Candidate> {
     let importance = |&d: &[f64; 3]| cells.radiance(cells.at(d));
     let mut keys: Vec<(f64, usize)> = candidates
         .iter()
@@ -86,9 +88,10 @@ fn keep(
     let total = cells.total();
     if keys.is_empty() && lights > 0 && total.luminance > 0.0 {
         // All light is between the candidates: one light carries it, named past the last rank.
-        return vec![(CANDIDATES as u32, total.centroid().unwrap_or([0.0, 0.0, 1.0]))];
+        let direction = total.centroid().unwrap_or([0.0, 0.0, 1.0]);
+        return vec![Candidate { rank: CANDIDATES as u32, direction }];
     }
-    keys.into_iter().map(|(_, rank)| (rank as u32, candidates[rank])).collect()
+    keys.into_iter().map(|(_, rank)| Candidate { rank: rank as u32, direction: candidates[rank] }).collect()
 }
 
 fn candidates(domain: Domain) -> &'static [[f64; 3]] {

@@ -3,7 +3,7 @@
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::OnceLock;
 
-use super::irradiance::AmbientResponse;
+use super::irradiance::{AmbientResponse, Texel};
 use super::{Domain, luminance};
 use crate::env::EnvMap;
 
@@ -75,7 +75,7 @@ impl Grid {
     }
 
     /// Unit directions of the texels that count.
-    pub fn directions(&self) -> impl Iterator<Item = [f64; 3]> + '_ {
+    pub fn directions(&self) -> impl Iterator<Item = [f64; 3]> + Clone + '_ {
         self.rows_sin_cos
             .iter()
             .flat_map(|&(sin, cos)| self.columns_sin_cos.iter().map(move |&(y, x)| [sin * x, sin * y, cos]))
@@ -99,8 +99,9 @@ impl Grid {
         self.fluxes(map).map(|(d, flux)| (d, luminance(flux))).filter(|&(_, flux)| flux > 0.0)
     }
 
-    /// Irradiance of the probes under the ambient basis, computed at the first use.
+    /// Irradiance of the receivers under the ambient basis, computed at the first use.
     pub(super) fn ambient(&self) -> &AmbientResponse {
-        self.ambient.get_or_init(|| AmbientResponse::new(self))
+        let texel = |(k, direction)| Texel { direction, solid_angle: self.solid_angle(k) };
+        self.ambient.get_or_init(|| AmbientResponse::new(self.directions().enumerate().map(texel)))
     }
 }

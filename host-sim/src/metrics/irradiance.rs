@@ -3,7 +3,7 @@
 use std::sync::LazyLock;
 
 use super::receiver::{OPEN, Receiver, SHADOWED, open, shadowed};
-use super::{Disc, Grid, sh};
+use super::{Disc, sh};
 
 /// Receivers of one kind, one array per component so that the sums over a map run in vector registers.
 #[derive(Debug)]
@@ -81,10 +81,10 @@ impl ReceiverSet {
     }
 
     /// Sum over the texels of basis_i(d) dOmega max(0, n_k . d) V_k(d), for every receiver k and each function i of the ambient basis.
-    fn ambient(&self, grid: &Grid) -> Vec<[f64; 9]> {
+    fn ambient(&self, texels: impl Iterator<Item = Texel>) -> Vec<[f64; 9]> {
         let mut sums = vec![[0.0; 9]; self.receivers.len()];
-        for (k, d) in grid.directions().enumerate() {
-            let functions = sh::basis(d).map(|y| y * grid.solid_angle(k));
+        for Texel { direction: d, solid_angle } in texels {
+            let functions = sh::basis(d).map(|y| y * solid_angle);
             for (receiver, sums) in self.receivers.iter().zip(&mut sums) {
                 let weight = receiver.weight(d);
                 if weight > 0.0 {
@@ -96,7 +96,14 @@ impl ReceiverSet {
     }
 }
 
-/// Irradiance of each receiver under each function of the ambient basis, summed over a grid's texels.
+/// A texel of a map: its direction, a unit vector, and its solid angle in steradians.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Texel {
+    pub(super) direction: [f64; 3],
+    pub(super) solid_angle: f64,
+}
+
+/// Irradiance of each receiver under each function of the ambient basis, summed over texels.
 #[derive(Debug)]
 pub(super) struct AmbientResponse {
     pub(super) open: Vec<[f64; 9]>,
@@ -106,12 +113,12 @@ pub(super) struct AmbientResponse {
 }
 
 impl AmbientResponse {
-    pub(super) fn new(grid: &Grid) -> Self {
+    pub(super) fn new(texels: impl Iterator<Item = Texel> + Clone) -> Self {
         let mut total = [0.0; 9];
-        for (k, d) in grid.directions().enumerate() {
-            let functions = sh::basis(d);
-            total.iter_mut().zip(functions).for_each(|(sum, y)| *sum += y * grid.solid_angle(k));
+        for Texel { direction, solid_angle } in texels.clone() {
+            let functions = sh::basis(direction);
+            total.iter_mut().zip(functions).for_each(|(sum, y)| *sum += y * solid_angle);
         }
-        Self { open: OPEN_SET.ambient(grid), shadowed: SHADOWED_SET.ambient(grid), total }
+        Self { open: OPEN_SET.ambient(texels.clone()), shadowed: SHADOWED_SET.ambient(texels), total }
     }
 }

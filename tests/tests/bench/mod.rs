@@ -28,7 +28,7 @@ pub fn with_token() -> Access {
     let file = folder.path().join("token");
     std::fs::write(&file, SECRET).expect("a file");
     std::fs::set_permissions(&file, std::fs::Permissions::from_mode(0o600)).expect("permissions");
-    let (token, _) = Token::load_or_make(&file).expect("a token");
+    let token = Token::load_or_make(&file).expect("a token").token;
     Access::with_token(token).expect("random numbers")
 }
 

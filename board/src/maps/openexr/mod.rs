@@ -6,7 +6,7 @@ mod pixels;
 use super::limit::Budget;
 use super::primaries::{self, Primaries};
 use super::write::COVERS;
-use super::{Covers, Projection, Raster, ReadOptions, Refusal, Stated};
+use super::{Covers, DecodedFile, Projection, ReadOptions, Refusal, Stated};
 use exr::meta::attribute::{AttributeValue, EnvironmentMap, IntegerBounds, SampleType, Text};
 use exr::meta::header::Header;
 use layers::Layer;
@@ -24,7 +24,7 @@ pub(super) fn read(
     reader: impl BufRead + Seek,
     budget: &Budget,
     options: &ReadOptions,
-) -> Result<(Raster, Stated), Refusal> {
+) -> Result<DecodedFile, Refusal> {
     let reader = exr::block::read(reader, false).map_err(|e| Refusal::new(e, EXPECTED))?;
     let headers = reader.headers().to_vec();
     let layer = layers::choose(&headers, options.layer.as_deref())?;
@@ -49,7 +49,7 @@ pub(super) fn read(
         let data = place(data_window(header));
         stated.notes.push(format!("data window {data} placed in the display window {}", place(window)));
     }
-    Ok((raster, stated))
+    Ok(DecodedFile { raster, stated })
 }
 
 fn data_window(header: &Header) -> IntegerBounds {

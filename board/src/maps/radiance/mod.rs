@@ -8,7 +8,7 @@ mod scanlines;
 
 use super::limit::Budget;
 use super::primaries::{self, Primaries};
-use super::{Raster, ReadOptions, Refusal, Stated};
+use super::{DecodedFile, Raster, ReadOptions, Refusal, Stated};
 use header::Header;
 use std::io::BufRead;
 
@@ -20,7 +20,7 @@ pub(super) fn read(
     mut reader: impl BufRead,
     budget: &Budget,
     options: &ReadOptions,
-) -> Result<(Raster, Stated), Refusal> {
+) -> Result<DecodedFile, Refusal> {
     let header = header::read(&mut reader)?;
     if let (Some(view), None) = (&header.view, options.projection) {
         let expected =
@@ -30,7 +30,7 @@ pub(super) fn read(
     let mut raster = header.resolution.decode(&mut reader, budget)?;
     let mut stated = Stated { covers: header.covers, ..Stated::default() };
     convert(&header, &mut raster, &mut stated)?;
-    Ok((raster, stated))
+    Ok(DecodedFile { raster, stated })
 }
 
 /// Applies EXPOSURE, COLORCORR, FORMAT and PRIMARIES.

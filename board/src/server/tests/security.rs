@@ -28,7 +28,7 @@ pub(super) fn locked(probe: &Probe) -> Router {
     std::fs::write(&file, SECRET).expect("a file");
     let owner_alone = std::os::unix::fs::PermissionsExt::from_mode(0o600);
     std::fs::set_permissions(&file, owner_alone).expect("permissions");
-    let (token, _) = Token::load_or_make(&file).expect("a token");
+    let token = Token::load_or_make(&file).expect("a token").token;
     let access = Access::with_token(token).expect("random numbers");
     app(probe.link(), Options { access, ..Options::default() }).router()
 }

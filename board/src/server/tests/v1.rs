@@ -205,14 +205,14 @@ async fn settings_are_kept_when_asked_for() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("hemilux.toml");
     std::fs::write(&path, "# ours\n").expect("a file");
-    let (file, _) = ConfigFile::open(&path).expect("a configuration");
+    let file = ConfigFile::open(&path).expect("a configuration").file;
     let probe = probe(usize::MAX);
     let app = app(probe.link(), Options { file: Some(file), ..Options::default() }).router();
     assert_eq!(fetch(&app, "PATCH", "/v1/config", &[], "{\"lights\": 21}").await.status, 200, "not kept");
     assert_eq!(std::fs::read_to_string(&path).expect("a file"), "# ours\n", "untouched");
     let got = fetch(&app, "PATCH", "/v1/config?save=1", &[], "{\"gui\": true}").await;
     assert_eq!(got.status, 200, "{}", got.text());
-    let (_, kept) = ConfigFile::open(&path).expect("a configuration");
+    let kept = ConfigFile::open(&path).expect("a configuration").kept;
     assert_eq!(
         (kept.settings["lights"].as_integer(), kept.settings["gui"].as_bool()),
         (Some(21), Some(true)),

@@ -1,5 +1,7 @@
 //! The number of lights that a tolerance needs: found in one frame, then kept with hysteresis.
 
+use core::ops::RangeInclusive;
+
 /// An error beyond this times the tolerance calls for more lights.
 const TOO_MUCH: f32 = 1.1;
 
@@ -24,29 +26,29 @@ pub(super) struct Count {
 }
 
 impl Count {
-    /// The number of lights for this frame, in `least..=most`; `error` gives the error of a number of lights.
+    /// The number of lights for this frame, one of `within`; `error` returns the error of a number of lights.
     pub(super) fn choose(
         &mut self,
         tolerance: f32,
-        (least, most): (usize, usize),
+        within: RangeInclusive<usize>,
         mut error: impl FnMut(usize) -> f32,
     ) -> usize {
         let count = match self.known {
-            Some((t, n)) if t == tolerance && (least..=most).contains(&n) => {
+            Some((t, n)) if t == tolerance && within.contains(&n) => {
                 if self.error > TOO_MUCH * tolerance {
-                    fewest(tolerance, (n, most), &mut error)
+                    fewest(tolerance, n..=*within.end(), &mut error)
                 } else if self.calm >= PATIENCE {
                     self.calm = 0;
                     let fewer = [n - (n / 8).max(1).min(n), n.saturating_sub(1)];
                     fewer
                         .into_iter()
-                        .find(|m| (least..n).contains(m) && error(*m) <= ACCEPTED * tolerance)
+                        .find(|m| (*within.start()..n).contains(m) && error(*m) <= ACCEPTED * tolerance)
                         .unwrap_or(n)
                 } else {
                     n
                 }
             }
-            _ => fewest(tolerance, (least, most), &mut error),
+            _ => fewest(tolerance, within, &mut error),
         };
         self.known = Some((tolerance, count));
         count
@@ -64,8 +66,9 @@ impl Count {
     }
 }
 
-/// The fewest lights whose error is at most `tolerance`, or `most`: doubling, then bisection.
-fn fewest(tolerance: f32, (least, most): (usize, usize), error: &mut impl FnMut(usize) -> f32) -> usize {
+/// The fewest lights of `within` whose error is at most `tolerance`, or the most: doubling, then bisection.
+fn fewest(tolerance: f32, within: RangeInclusive<usize>, error: &mut impl FnMut(usize) -> f32) -> usize {
+    let (least, most) = within.into_inner();
     let (mut low, mut high) = (least, least);
     while high < most && error(high) > tolerance {
         low = high + 1;
@@ -87,15 +90,15 @@ mod tests {
     use super::{Count, fewest};
 
     #[test]
-    fn the_fewest_are_found() {
+    fn the_fewest_lights_within_the_tolerance_are_found() {
         for tolerance in [0.5, 0.1, 0.02, 0.001] {
             let error = |n: usize| 1.0 / (n as f32 + 1.0);
-            let found = fewest(tolerance, (0, 4096), &mut { error });
+            let found = fewest(tolerance, 0..=4096, &mut { error });
             let expected = (0..4096).find(|n| error(*n) <= tolerance).expect("within reach");
             assert_eq!(found, expected, "{tolerance}");
         }
-        assert_eq!(fewest(0.1, (1, 64), &mut |_| 1.0), 64, "out of reach: as many as there may be");
-        assert_eq!(fewest(0.1, (0, 64), &mut |_| 0.0), 0);
+        assert_eq!(fewest(0.1, 1..=64, &mut |_| 1.0), 64, "out of reach: as many as there may be");
+        assert_eq!(fewest(0.1, 0..=64, &mut |_| 0.0), 0);
     }
 
     #[test]
@@ -104,7 +107,7 @@ mod tests {
         let error = |n: usize| if n < 2 { 0.05 } else { 0.01 };
         let mut count = Count::default();
         for _ in 0..200 {
-            let n = count.choose(0.03, (0, 64), error);
+            let n = count.choose(0.03, 0..=64, error);
             assert_eq!(n, 2);
             count.note(error(n));
         }
@@ -113,10 +116,10 @@ mod tests {
     #[test]
     fn noise_on_the_error_does_not_move_the_number() {
         let mut count = Count::default();
-        let first = count.choose(0.03, (0, 64), |n| 0.6 / n as f32);
+        let first = count.choose(0.03, 0..=64, |n| 0.6 / n as f32);
         for frame in 0..200 {
             let noise = 1.0 + 0.04 * if frame % 3 == 0 { 1.0 } else { -1.0 };
-            let n = count.choose(0.03, (0, 64), |n| noise * 0.6 / n as f32);
+            let n = count.choose(0.03, 0..=64, |n| noise * 0.6 / n as f32);
             assert_eq!(n, first, "frame {frame}");
             count.note(noise * 0.6 / n as f32);
         }

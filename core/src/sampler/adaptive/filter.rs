@@ -45,6 +45,13 @@ struct Signal<V> {
     length: f32,
 }
 
+/// The lights of the last frame, by ascending id, and their filters in the same order.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Past<'a> {
+    pub(super) lights: &'a [Light],
+    pub(super) tracks: &'a [LightFilter],
+}
+
 /// Whether the lights stand for the same regions as in the last frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Regions {
@@ -59,11 +66,12 @@ pub(super) fn follow(
     lights: &mut [Light],
     tracks: &mut [LightFilter],
     leaves: &[Leaf],
-    (old, old_tracks): (&[Light], &[LightFilter]),
+    past: Past<'_>,
 ) -> Regions {
     let gathered = (lights.len() <= super::GATHERED).then(|| GATHERED + lights.len() as u8);
     let mut kept = 0;
-    let mut past = old.iter().zip(old_tracks).peekable();
+    let old = past.lights;
+    let mut past = old.iter().zip(past.tracks).peekable();
     for ((light, track), leaf) in lights.iter_mut().zip(tracks).zip(leaves) {
         while past.next_if(|(o, _)| o.id < light.id).is_some() {}
         *track = LightFilter {

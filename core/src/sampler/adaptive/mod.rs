@@ -42,8 +42,8 @@ pub use filter::LightFilter;
 pub use memory::{Memory, Sizes, Workspace};
 pub use nodes::Leaf;
 use nodes::Nodes;
-use tree::Tree;
 pub use tree::bits_len;
+use tree::{Growth, Tree};
 
 /// Most lights whose weights are fitted.
 const FITTED: usize = 64;
@@ -158,7 +158,7 @@ where
         let mut count = most;
         if let Some(tolerance) = request.tolerance {
             let mut wanted = self.wanted;
-            count = wanted.choose(tolerance, (least, most), |n| self.trial(map, request, n));
+            count = wanted.choose(tolerance, least..=most, |n| self.trial(map, request, n));
             self.wanted = wanted;
         }
         self.ceiling.1 += 1;
@@ -168,9 +168,10 @@ where
         }
         self.place(map, request, count, self.ceiling.0);
         let ([lights, old], [tracks, old_tracks]) = (&mut self.lights, &mut self.tracks);
-        let old = (&old.as_ref()[..previous], &old_tracks.as_ref()[..previous]);
+        let past =
+            filter::Past { lights: &old.as_ref()[..previous], tracks: &old_tracks.as_ref()[..previous] };
         let (lights, tracks) = (&mut lights.as_mut()[..self.count], &mut tracks.as_mut()[..self.count]);
-        let regions = timer.measure(|| filter::follow(lights, tracks, self.tree.leaves(), old));
+        let regions = timer.measure(|| filter::follow(lights, tracks, self.tree.leaves(), past));
         self.weigh(map, request);
         let quiet = regions == filter::Regions::Same && !moving;
         let (lights, tracks) =
@@ -224,7 +225,7 @@ where
             ambient.fit(map, if limit == 0 { ambient::ALL } else { ceiling });
         }
         let nodes = Nodes::new(map, request.ambient.then_some(&*ambient));
-        self.tree.grow(&nodes, activity, (limit, request.soft));
+        self.tree.grow(&nodes, activity, &Growth { limit, soft: request.soft });
         self.count = self.tree.emit(&nodes, &mut self.lights[0].as_mut()[..limit]);
         let lights = &mut self.lights[0].as_mut()[..self.count];
         if self.count <= GATHERED {

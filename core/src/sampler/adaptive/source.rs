@@ -19,17 +19,25 @@ fn levels(lights: usize) -> u8 {
     (most / lights.max(1)).checked_ilog2().unwrap_or(0) as u8
 }
 
-/// The pieces of the leaves of `lights` lights, and the index of the leaf that each is of.
+/// A part of a leaf.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Piece {
+    /// Index of the leaf.
+    pub(super) leaf: usize,
+    pub(super) quad: Quad,
+}
+
+/// The pieces of the leaves of `lights` lights.
 pub(super) fn pieces<'a>(
     nodes: &'a Nodes<'a>,
     leaves: &'a [Leaf],
     lights: usize,
-) -> impl Iterator<Item = (usize, Quad)> {
+) -> impl Iterator<Item = Piece> {
     let down = levels(lights);
     leaves.iter().enumerate().take(lights).flat_map(move |(owner, leaf)| {
         let down = down.min(nodes.last() - leaf.level);
         let under = leaf.index << down..(leaf.index + 1) << down;
-        under.map(move |index| (owner, nodes.quad(leaf.level + down, index)))
+        under.map(move |index| Piece { leaf: owner, quad: nodes.quad(leaf.level + down, index) })
     })
 }
 
@@ -68,7 +76,7 @@ impl Sources {
         if lights.len() > SOURCES {
             return;
         }
-        for (leaf, quad) in pieces(nodes, leaves, lights.len()) {
+        for Piece { leaf, quad } in pieces(nodes, leaves, lights.len()) {
             let owner = if lights.len() <= GATHERED { nearest(lights, &quad) } else { leaf };
             if let Some(at) = root::unit(quad.mean_direction()) {
                 let radius = disc(quad.variance());

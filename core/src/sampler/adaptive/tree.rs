@@ -58,36 +58,37 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>> Tree<B, H> {
         self.interior.swap(0, 1);
     }
 
-    /// Splits the most important leaves until there are `limit` lit ones. May be called again in the same frame.
-    pub(super) fn grow(&mut self, nodes: &Nodes<'_>, activity: &Activity, (limit, soft): (usize, bool)) {
+    /// Splits the most important leaves until there are as many lit ones as `growth` allows. May be called again in the same frame.
+    pub(super) fn grow(&mut self, nodes: &Nodes<'_>, activity: &Activity, growth: &Growth) {
         self.interior[0].as_mut().fill(0);
         let mut len = 0;
         let mut lit = 1;
-        let judge = Judge { nodes, activity, soft };
-        self.push(&mut len, &judge, (0, 0, &nodes.quad(0, 0)), f32::INFINITY);
-        while lit < limit {
+        let judge = Judge { nodes, activity, soft: growth.soft };
+        self.push(
+            &mut len,
+            &judge,
+            &Node { at: Place { level: 0, index: 0 }, quad: nodes.quad(0, 0) },
+            f32::INFINITY,
+        );
+        while lit < growth.limit {
             let Some(leaf) = heap::pop(&mut self.heap.as_mut()[..len], before) else { break };
             len -= 1;
             set(self.interior[0].as_mut(), leaf.level, leaf.index);
             let level = leaf.level + 1;
-            let children =
-                [2 * leaf.index, 2 * leaf.index + 1].map(|index| (index, nodes.quad(level, index)));
-            lit += usize::from(children.iter().all(|(_, quad)| quad.y() > 0.0));
-            for (index, quad) in &children {
-                self.push(&mut len, &judge, (level, *index, quad), leaf.importance);
+            let children = [2 * leaf.index, 2 * leaf.index + 1]
+                .map(|index| Node { at: Place { level, index }, quad: nodes.quad(level, index) });
+            lit += usize::from(children.iter().all(|child| child.quad.y() > 0.0));
+            for child in &children {
+                self.push(&mut len, &judge, child, leaf.importance);
             }
         }
     }
 
     /// Adds a node to the heap unless it is dark or a texel. A node is never more important than its parent, so that the tree of the
     /// most important nodes is connected.
-    fn push(
-        &mut self,
-        len: &mut usize,
-        judge: &Judge<'_>,
-        (level, index, quad): (u8, u32, &Quad),
-        most: f32,
-    ) {
+    fn push(&mut self, len: &mut usize, judge: &Judge<'_>, node: &Node, most: f32) {
+        let Node { at: Place { level, index }, quad } = node;
+        let (level, index) = (*level, *index);
         let leaves = self.heap.as_mut();
         if quad.y() <= 0.0 || level >= judge.nodes.last() || *len >= leaves.len() {
             return;
@@ -109,7 +110,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>> Tree<B, H> {
             lights,
             count: 0,
         };
-        out.visit((0, 0), 1, None);
+        out.visit(Place { level: 0, index: 0 }, 1, None);
         out.count
     }
 
@@ -119,7 +120,30 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>> Tree<B, H> {
     }
 }
 
-/// What decides how important a node is.
+/// Limits of the growth of the tree.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Growth {
+    /// Largest number of lit leaves.
+    pub(super) limit: usize,
+    /// Whether lights are discs.
+    pub(super) soft: bool,
+}
+
+/// The position of a node.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    level: u8,
+    index: u32,
+}
+
+/// A node with its light.
+#[derive(Clone, Copy, Debug)]
+struct Node {
+    at: Place,
+    quad: Quad,
+}
+
+/// The data that the importance of a node depends on.
 struct Judge<'a> {
     nodes: &'a Nodes<'a>,
     activity: &'a Activity,
@@ -143,7 +167,7 @@ struct Emit<'a> {
 
 impl Emit<'_> {
     /// Walks the tree below a node whose first lit leaf gets `id`; at most as deep as there are levels.
-    fn visit(&mut self, (level, index): (u8, u32), id: u32, parent: Option<u32>) {
+    fn visit(&mut self, Place { level, index }: Place, id: u32, parent: Option<u32>) {
         let quad = self.nodes.quad(level, index);
         if quad.y() <= 0.0 || self.count >= self.lights.len().min(self.leaves.len()) {
             return;
@@ -156,13 +180,14 @@ impl Emit<'_> {
             return;
         }
         let (left, right) = (2 * index, 2 * index + 1);
+        let child = |index| Place { level: level + 1, index };
         let left_lit = self.nodes.quad(level + 1, left).y() > 0.0;
-        self.visit((level + 1, left), id, parent);
+        self.visit(child(left), id, parent);
         if left_lit {
             let start = (right << (self.nodes.last() - level - 1)) + 1;
-            self.visit((level + 1, right), start, Some(id));
+            self.visit(child(right), start, Some(id));
         } else {
-            self.visit((level + 1, right), id, parent);
+            self.visit(child(right), id, parent);
         }
     }
 }
