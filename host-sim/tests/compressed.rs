@@ -15,7 +15,8 @@ const LIGHTS: usize = 64;
 
 fn lights(calibration: &Calibration, burst: &Burst) -> LitSet {
     let exposures: Vec<_> = burst.frames.iter().map(|f| f.exposure).collect();
-    let settings = Settings { sampler: SamplerKind::Q2Tree, lights: LIGHTS, ..Settings::default() };
+    let settings =
+        Settings { sampler: SamplerKind::Q2Tree, soft: false, lights: LIGHTS, ..Settings::default() };
     let mut pipeline = Pipeline::try_new(*calibration, &exposures, settings).expect("a pipeline");
     judged(&pipeline.process(burst).expect("lights").decomposition)
 }
@@ -66,8 +67,14 @@ fn jpeg_frames_of_quality_85_give_the_lights_of_yuyv_frames_within_1_5_percent()
     let yuv = Yuv { limited: false, matrix: Matrix::Bt601 };
     let reference = Reference::new(&EnvMap::from_fn(64, 32, |_| [1.0; 3]), Domain::Hemisphere);
     for size in [(640, 480), (1280, 720), (1920, 1080)] {
-        let case =
-            Case { format: Format::Yuyv(yuv), size, bin: 1, sampler: SamplerKind::Q2Tree, lights: LIGHTS };
+        let case = Case {
+            format: Format::Yuyv(yuv),
+            size,
+            bin: 1,
+            sampler: SamplerKind::Q2Tree,
+            soft: false,
+            lights: LIGHTS,
+        };
         let (calibration, burst) = (bursts::calibration(&case), &bursts::make(&case)[0]);
         let plain = lights(&calibration, burst);
         let (calibration, burst) = compressed(&calibration, burst, 85);

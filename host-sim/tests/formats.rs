@@ -8,7 +8,7 @@ use hemilux_core::format::{Format, Layout, LayoutError, Matrix, Pattern, Yuv};
 use hemilux_sim::bench::{Case, bursts};
 
 fn case(format: Format) -> Case {
-    Case { format, size: (640, 480), bin: 1, sampler: SamplerKind::Q2Tree, lights: 64 }
+    Case { format, size: (640, 480), bin: 1, sampler: SamplerKind::Q2Tree, soft: false, lights: 64 }
 }
 
 /// Flux of red, green and blue, and the mean direction of the lights.

@@ -10,10 +10,10 @@ use hemilux_sim::metrics::{Domain, LitSet, Reading, Reference};
 
 fn lights(size: (u32, u32), bin: u32) -> LitSet {
     let format = Format::Raw10(Pattern::Rggb);
-    let case = Case { format, size, bin, sampler: SamplerKind::Q2Tree, lights: 200 };
+    let case = Case { format, size, bin, sampler: SamplerKind::Q2Tree, soft: false, lights: 200 };
     let (calibration, burst) = (bursts::calibration(&case), &bursts::make(&case)[0]);
     let exposures: Vec<_> = burst.frames.iter().map(|f| f.exposure).collect();
-    let settings = Settings { sampler: SamplerKind::Q2Tree, lights: 200, ..Settings::default() };
+    let settings = Settings { sampler: SamplerKind::Q2Tree, soft: false, lights: 200, ..Settings::default() };
     let mut pipeline = Pipeline::try_new(calibration, &exposures, settings).expect("a pipeline");
     judged(&pipeline.process(burst).expect("lights").decomposition)
 }

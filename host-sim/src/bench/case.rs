@@ -20,6 +20,9 @@ const FORMATS: [(&str, Format); 8] = [
 
 const FULL: Yuv = Yuv { limited: false, matrix: hemilux_core::format::Matrix::Bt601 };
 
+/// Follows the sampler's name where lights are fitted as discs.
+const SOFT: &str = "+soft";
+
 /// Largest width or height, pixels.
 const MAX_SIDE: u32 = 4096;
 
@@ -34,6 +37,8 @@ pub struct Case {
     pub bin: u32,
     /// The sampler.
     pub sampler: SamplerKind,
+    /// Whether lights are fitted as discs.
+    pub soft: bool,
     /// Most lights.
     pub lights: usize,
 }
@@ -50,7 +55,8 @@ impl fmt::Display for Case {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (w, h) = self.size;
         let bin = if self.bin > 1 { format!("/{}", self.bin) } else { String::new() };
-        write!(f, "{}{bin}:{w}x{h}:{}:{}", self.format_name(), self.sampler, self.lights)
+        let soft = if self.soft { SOFT } else { "" };
+        write!(f, "{}{bin}:{w}x{h}:{}{soft}:{}", self.format_name(), self.sampler, self.lights)
     }
 }
 
@@ -70,11 +76,12 @@ impl FromStr for Case {
         let side = |v: &str| v.parse().ok().filter(|n| (16..=MAX_SIDE).contains(n) && n % 2 == 0);
         let size = size.split_once('x').and_then(|(w, h)| Some((side(w)?, side(h)?)));
         let size = size.ok_or_else(|| format!("even sides from 16 to {MAX_SIDE} expected, as 640x480"))?;
+        let (sampler, soft) = sampler.strip_suffix(SOFT).map_or((sampler, false), |name| (name, true));
         let sampler = sampler.parse().map_err(|unknown| format!("sampler '{sampler}': {unknown}"))?;
         let lights = lights.parse().ok().filter(|n| (1..=MAX_LIGHTS).contains(n)).ok_or_else(shape)?;
         let layout = Layout::tight(format, size.0, size.1).and_then(|layout| layout.binned(bin));
         layout.map_err(|_| format!("bin '{bin}', expected 1 or, of a mosaic, 2, 4 or 8"))?;
-        Ok(Self { format, size, bin, sampler, lights })
+        Ok(Self { format, size, bin, sampler, soft, lights })
     }
 }
 
@@ -86,12 +93,14 @@ pub fn standard() -> Vec<Case> {
         size,
         bin: 1,
         sampler,
+        soft: false,
         lights,
     };
     let vga = (640, 480);
     let mut cases = Vec::new();
     for lights in [64, 200] {
         cases.extend(SamplerKind::ALL.map(|sampler| case(0, vga, sampler, lights)));
+        cases.push(Case { soft: true, ..case(0, vga, SamplerKind::Adaptive, lights) });
         cases.extend([1, 2].map(|format| case(format, vga, SamplerKind::Q2Tree, lights)));
     }
     cases.extend((3..FORMATS.len()).map(|format| case(format, vga, SamplerKind::Q2Tree, 64)));

@@ -42,6 +42,7 @@ struct Row {
     height: u32,
     exposures: usize,
     sampler: &'static str,
+    soft: bool,
     lights: usize,
     copy_ms: f64,
     front_ms: f64,
@@ -108,7 +109,8 @@ pub fn run(job: &Job) -> Result<(), SimError> {
 
 fn pipeline(case: &Case, bursts: &[Burst]) -> Result<Pipeline, SimError> {
     let exposures: Vec<_> = bursts[0].frames.iter().map(|f| f.exposure).collect();
-    let settings = Settings { sampler: case.sampler, lights: case.lights, ..Settings::default() };
+    let Case { sampler, soft, lights, .. } = *case;
+    let settings = Settings { sampler, soft, lights, ..Settings::default() };
     Ok(Pipeline::try_new(calibration(case), &exposures, settings)?)
 }
 
@@ -162,6 +164,7 @@ fn measure(case: &Case, budgets: &Budgets) -> Result<Row, SimError> {
         height: case.size.1,
         exposures: bursts[0].frames.len(),
         sampler: case.sampler.name(),
+        soft: case.soft,
         lights: case.lights,
         copy_ms: copy.0,
         front_ms: front.0,

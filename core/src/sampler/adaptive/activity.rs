@@ -5,6 +5,7 @@
 
 use crate::healpix::{Domain, Order};
 use crate::pyramid::{PyramidView, pyramid_len};
+use crate::root::root;
 use glam::Vec3;
 
 /// Order of the quads that are watched: 7 degrees.
@@ -85,7 +86,7 @@ impl Activity {
                     one += step * step;
                     two += two_steps * two_steps;
                 }
-                let motion = ((moment - past.moment).length() / most - STEP.0) / (STEP.1 - STEP.0);
+                let motion = (length(moment - past.moment) / most - STEP.0) / (STEP.1 - STEP.0);
                 let aim = if self.frames > 0 { 1.0 + (MOST - 1.0) * motion.clamp(0.0, 1.0) } else { 1.0 };
                 let factor = &mut self.factor[at(ORDER, ipix)];
                 *factor += (aim - *factor) * if aim > *factor { RISE_AND_FALL.0 } else { RISE_AND_FALL.1 };
@@ -109,6 +110,11 @@ impl Activity {
         let shift = 2 * order.saturating_sub(ORDER);
         self.factor.get(at(order.min(ORDER), (ipix >> shift) as usize)).copied().unwrap_or(1.0)
     }
+}
+
+/// Length of a vector that may be 0.
+fn length(v: Vec3) -> f32 {
+    root(v.length_squared().max(f32::MIN_POSITIVE))
 }
 
 /// Index of quad `ipix` of `order` in the factors.

@@ -5,12 +5,12 @@
 //! squared chord; [`SHRINK`] corrects it for the kernel's kink at 0. So all that is fitted for points is fitted for discs at the same cost.
 //!
 //! What a disc costs is not its spread but what it cannot show: light off its centre, elongated light. [`importance`] measures that, and
-//! [`steer`] moves the centres to where the error falls.
+//! [`Steering`] moves the centres to where the error falls.
 
 use super::FITTED;
-use super::kernel::{MeanVector, Vectors, kernel};
+use super::kernel::{MeanVector, kernel};
 use super::nodes::{Leaf, Nodes};
-use super::source::{SOURCES, Source, Sources};
+use super::source::{SOURCES, Sources};
 use super::weights::Fit;
 use crate::color::luminance;
 use crate::light::Light;
@@ -44,7 +44,7 @@ const CURVATURE: (f32, f32) = (0.086, 1.15);
 const LEAST_WIDTH: f32 = 1e-3;
 
 /// Parts of all discs together in the estimate of a set whose weights are fitted; of larger sets as many as sources.
-const PARTS: usize = 256;
+const PARTS: usize = 128;
 
 /// Fewest and most parts of one disc of a set whose weights are fitted.
 const EACH: (usize, usize) = (8, 32);
@@ -55,7 +55,7 @@ const FEWEST_PARTS: usize = 4;
 /// Cosine and sine of the golden angle.
 const GOLDEN: (f32, f32) = (-0.737_368_9, 0.675_490_3);
 
-/// Number of steps of [`steer`] for so many lights: more lights gain less by it and cost more.
+/// Number of steps that so many lights make: more lights gain less by it and cost more.
 fn steps(lights: usize) -> usize {
     match lights {
         2..=16 => 4,
@@ -65,7 +65,7 @@ fn steps(lights: usize) -> usize {
 }
 
 /// Sets the radii of discs that stand for the lights' regions.
-fn set_radii(lights: &mut [Light]) {
+pub(super) fn set_radii(lights: &mut [Light]) {
     for light in lights {
         light.radius_deg = (RADIUS * light.radius_deg).min(WIDEST_DEG);
     }
@@ -95,26 +95,39 @@ pub(super) fn importance(nodes: &Nodes<'_>, level: u8, index: u32, quad: &Quad) 
     root((square + disc.max(0.0)).max(f32::MIN_POSITIVE))
 }
 
-/// Sets the radii of discs and moves few of them; their energies stay those of their regions.
-pub(super) fn place(
-    (sources, fit): (&mut Sources, &mut Fit),
-    nodes: &Nodes<'_>,
-    leaves: &[Leaf],
-    lights: &mut [Light],
-) {
-    set_radii(lights);
-    let steps = steps(lights.len());
-    if steps == 0 {
-        return;
+/// What moves discs: the map's light, and the fit of their energies to it.
+pub(super) struct Steering<'a> {
+    pub(super) sources: &'a mut Sources,
+    pub(super) fit: &'a mut Fit,
+}
+
+impl Steering<'_> {
+    /// Moves few new discs; their energies stay those of their regions, `leaves`.
+    pub(super) fn steer(self, nodes: &Nodes<'_>, leaves: &[Leaf], lights: &mut [Light]) {
+        let steps = steps(lights.len());
+        if steps == 0 {
+            return;
+        }
+        let mut own = [[0.0; 3]; FITTED];
+        own.iter_mut().zip(lights.iter()).for_each(|(own, light)| *own = light.irradiance);
+        self.sources.fill(nodes, leaves, lights);
+        for _ in 0..steps {
+            self.fit.step_discs(self.sources.as_slice(), lights);
+        }
+        lights.iter_mut().zip(own).for_each(|(light, own)| light.irradiance = own);
     }
-    let mut own = [[0.0; 3]; FITTED];
-    own.iter_mut().zip(lights.iter()).for_each(|(own, light)| *own = light.irradiance);
-    sources.fill(nodes, leaves, lights);
-    for _ in 0..steps {
-        fit.run_discs(sources.as_slice(), lights);
-        steer(sources.as_slice(), lights);
+}
+
+/// The direction of a disc of mean vector `disc` after a step that `pull` asks for.
+pub(super) fn stepped(light: &Light, disc: &MeanVector, pull: Vec3) -> Vec3 {
+    let energy = luminance(light.irradiance);
+    if energy <= 0.0 {
+        return light.direction;
     }
-    lights.iter_mut().zip(own).for_each(|(light, own)| light.irradiance = own);
+    let width = root(disc.width_squared().max(LEAST_WIDTH * LEAST_WIDTH));
+    let stiffness = energy * (CURVATURE.0 / width + CURVATURE.1);
+    let step = (pull * (RELAXED / stiffness)).clamp_length_max(LONGEST * width);
+    (disc.vector() + step.reject_from_normalized(light.direction)).try_normalize().unwrap_or(light.direction)
 }
 
 /// The parts of which the estimate makes up a disc of a set of `lights`: centre, radius in radians, share of the energy.
@@ -142,33 +155,9 @@ pub(super) fn parts(light: &Light, lights: usize) -> impl Iterator<Item = (Vec3,
     })
 }
 
-/// Moves the centres of at most [`FITTED`] discs one step down the gradient of the error in the norm of the kernel.
-fn steer(sources: &[Source], lights: &mut [Light]) {
-    let n = lights.len().min(FITTED);
-    let (mut discs, mut energies) = (Vectors::new(), [0.0; FITTED]);
-    for (i, light) in lights.iter().enumerate().take(n) {
-        discs.set(i, &MeanVector::of_light(light));
-        energies[i] = luminance(light.irradiance);
-    }
-    let mut pulls = [[0.0; FITTED]; 3];
-    for source in sources {
-        discs.pull(n, &MeanVector::of_disc(source.at, source.radius), source.y, &mut pulls);
-    }
-    for (j, y) in energies.iter().enumerate().take(n) {
-        discs.pull(n, &discs.get(j), -y, &mut pulls);
-    }
-    for (i, light) in lights.iter_mut().enumerate().take(n).filter(|(i, _)| energies[*i] > 0.0) {
-        let disc = discs.get(i);
-        let width = root(disc.width_squared().max(LEAST_WIDTH * LEAST_WIDTH));
-        let stiffness = energies[i] * (CURVATURE.0 / width + CURVATURE.1);
-        let pull = Vec3::from_array(pulls.map(|axis| axis[i])) * (RELAXED / stiffness);
-        let step = pull.clamp_length_max(LONGEST * width).reject_from_normalized(light.direction);
-        light.direction = (disc.vector() + step).try_normalize().unwrap_or(light.direction);
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::source::Source;
     use super::*;
 
     /// A light of energy 1 that is 0.1 radians off a source moves to it.
@@ -176,9 +165,11 @@ mod tests {
     fn a_disc_moves_to_its_source() {
         let source = Source { at: Vec3::Z, radius: 0.3, y: 1.0, owner: 0 };
         let direction = Vec3::new(0.1, 0.0, 1.0).normalize();
-        let mut lights = [Light { direction, irradiance: [1.0; 3], radius_deg: 17.0, ..Light::default() }];
+        let light = Light { direction, irradiance: [1.0; 3], radius_deg: 17.0, ..Light::default() };
+        let mut lights = [light, Light { direction: -Vec3::Z, irradiance: [0.0; 3], ..light }];
+        let mut fit = Fit::new();
         for _ in 0..20 {
-            steer(&[source], &mut lights);
+            fit.step_discs(&[source], &mut lights);
         }
         assert!(lights[0].direction.distance(Vec3::Z) < 0.005, "{}", lights[0].direction);
     }

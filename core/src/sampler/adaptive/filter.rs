@@ -34,6 +34,8 @@ pub struct LightFilter {
     energy: Signal<f32>,
     /// Names the region: the level of the leaf, or [`GATHERED`] plus the number of gathered lights.
     region: u8,
+    /// From the centroid of the region to where the light was moved before it was filtered: 0 of points.
+    offset: Vec3,
 }
 
 const GATHERED: u8 = 128;
@@ -61,17 +63,36 @@ pub(super) enum Regions {
     Changed,
 }
 
+/// Names the region of one of `lights` lights.
+fn region(lights: usize, leaf: &Leaf) -> u8 {
+    if lights <= super::GATHERED { GATHERED + lights as u8 } else { leaf.level }
+}
+
+/// Whether the lights stand for the regions of the last frame.
+pub(super) fn compare(lights: &[Light], leaves: &[Leaf], past: Past<'_>) -> Regions {
+    let count = lights.len();
+    let ids = lights.iter().zip(past.lights).all(|(light, old)| light.id == old.id);
+    let places =
+        leaves.iter().zip(past.tracks).take(count).all(|(leaf, track)| region(count, leaf) == track.region);
+    if count == past.lights.len() && ids && places { Regions::Same } else { Regions::Changed }
+}
+
+/// Moves lights of the same regions as in the last frame as far from their centroids as then.
+pub(super) fn move_again(lights: &mut [Light], past: Past<'_>) {
+    for (light, track) in lights.iter_mut().zip(past.tracks) {
+        light.direction = (light.direction + track.offset).try_normalize().unwrap_or(light.direction);
+    }
+}
+
+/// Notes how far lights were moved from their centroids.
+pub(super) fn note_moves(tracks: &mut [LightFilter], moves: &[Vec3]) {
+    tracks.iter_mut().zip(moves).for_each(|(track, by)| track.offset = *by);
+}
+
 /// Replaces the lights' directions by filtered ones and carries their ages; old and new lights ascend by id.
-pub(super) fn follow(
-    lights: &mut [Light],
-    tracks: &mut [LightFilter],
-    leaves: &[Leaf],
-    past: Past<'_>,
-) -> Regions {
-    let gathered = (lights.len() <= super::GATHERED).then(|| GATHERED + lights.len() as u8);
-    let mut kept = 0;
-    let old = past.lights;
-    let mut past = old.iter().zip(past.tracks).peekable();
+pub(super) fn follow(lights: &mut [Light], tracks: &mut [LightFilter], leaves: &[Leaf], past: Past<'_>) {
+    let count = lights.len();
+    let mut past = past.lights.iter().zip(past.tracks).peekable();
     for ((light, track), leaf) in lights.iter_mut().zip(tracks).zip(leaves) {
         while past.next_if(|(o, _)| o.id < light.id).is_some() {}
         *track = LightFilter {
@@ -79,13 +100,13 @@ pub(super) fn follow(
             share: 0.0,
             place: Signal { mean: Vec3::ZERO, length: NEW_STEP * light.radius_deg.to_radians() },
             energy: Signal { mean: 0.0, length: NEW_SHARE },
-            region: gathered.unwrap_or(leaf.level),
+            region: region(count, leaf),
+            offset: Vec3::ZERO,
         };
         if let Some((o, known)) = past.next_if(|(o, _)| o.id == light.id) {
             light.age = o.age.saturating_add(1);
             if known.region == track.region {
-                kept += 1;
-                *track = *known;
+                *track = LightFilter { offset: Vec3::ZERO, ..*known };
                 let step = light.direction - known.direction;
                 let gain = track.place.gain(step, Vec3::length);
                 light.direction = (known.direction + step * gain).try_normalize().unwrap_or(light.direction);
@@ -93,7 +114,6 @@ pub(super) fn follow(
             }
         }
     }
-    if kept == lights.len() && kept == old.len() { Regions::Same } else { Regions::Changed }
 }
 
 /// Notes the lights' energies and, if the scene is `quiet`, replaces them by filtered ones, which no longer add up exactly.

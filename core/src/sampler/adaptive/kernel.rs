@@ -22,22 +22,23 @@ pub(super) fn kernel(squared: f32) -> f32 {
     KERNEL.iter().rev().fold(0.0, |sum, c| sum * h + c)
 }
 
-/// The derivative of K over K(0) by the cosine of the angle; finite at 0.
+/// K, and its derivative by the cosine of the angle: finite, since it is that of at least [`LEAST_ROOT`] where the root is less.
 #[inline(always)]
-pub(super) fn slope(squared: f32) -> f32 {
-    let squared = squared.max(LEAST_SQUARED);
+fn kernel_and_slope(squared: f32) -> (f32, f32) {
+    let squared = squared.max(LEAST);
     let per_root = coarse_inverse_root(squared);
     let h = squared * per_root;
-    let mut by_root = 0.0;
-    for i in (1..KERNEL.len()).rev() {
-        by_root = by_root * h + i as f32 * KERNEL[i];
+    let (mut k, mut by_root) = (KERNEL[5], KERNEL[5]);
+    for c in [KERNEL[4], KERNEL[3], KERNEL[2], KERNEL[1]] {
+        k = k * h + c;
+        by_root = by_root * h + k;
     }
     // With x the cosine, h^2 = (1 - x) / 2.
-    by_root * per_root * -0.25
+    (k * h + KERNEL[0], by_root * (per_root.min(1.0 / LEAST_ROOT) * -0.25))
 }
 
-/// Least argument of [`slope`].
-const LEAST_SQUARED: f32 = 1e-6;
+/// Least sine of half an angle whose slope is told apart.
+const LEAST_ROOT: f32 = 1e-3;
 
 /// Square root within 7e-4, of [`LEAST`] for what is less: a Newton step whose constants halve the error of the usual ones, which
 /// would cost the fit as much again. They are Jan Kadlec's (2010).
@@ -149,22 +150,59 @@ impl Vectors {
         }
     }
 
-    /// Adds to `pulls` the pull of energy `y` at `other` on each of the first `n` vectors.
-    pub(super) fn pull(&self, n: usize, other: &MeanVector, y: f32, pulls: &mut [[f32; FITTED]; 3]) {
+    /// Adds to `sums` the kernels and the pulls of energy `y` at `other`, for each of the first `n` vectors.
+    pub(super) fn add_up(&self, n: usize, other: &MeanVector, y: f32, sums: &mut Sums) {
         let n = n.min(FITTED);
         let (at, to) = (other.half, other.vector());
-        let [x_axis, y_axis, z_axis] = &self.halves;
-        let [px, py, pz] = pulls;
-        let (x_axis, y_axis, z_axis, spreads) =
-            (&x_axis[..n], &y_axis[..n], &z_axis[..n], &self.spreads[..n]);
-        let (px, py, pz) = (&mut px[..n], &mut py[..n], &mut pz[..n]);
+        let [xs, ys, zs] = self.halves.each_ref().map(|axis| &axis[..n]);
+        let spreads = &self.spreads[..n];
+        let [px, py, pz] = sums.pulls.each_mut().map(|axis| &mut axis[..n]);
+        let kernels = &mut sums.kernels[..n];
         for i in 0..n {
-            let (x, y_off, z) = (x_axis[i] - at.x, y_axis[i] - at.y, z_axis[i] - at.z);
-            let s = y * slope((x * x + y_off * y_off) + (z * z + (spreads[i] + other.spread)));
+            let (dx, dy, dz) = (xs[i] - at.x, ys[i] - at.y, zs[i] - at.z);
+            let (k, slope) = kernel_and_slope((dx * dx + dy * dy) + (dz * dz + (spreads[i] + other.spread)));
+            let s = y * slope;
+            kernels[i] += y * k;
             px[i] += s * to.x;
             py[i] += s * to.y;
             pz[i] += s * to.z;
         }
+    }
+
+    /// Adds to `kernels` those of energy `y` at `other`, for each of the vectors that `kernels` has room for.
+    pub(super) fn add_kernels(&self, other: &MeanVector, y: f32, kernels: &mut [f32]) {
+        let ([xs, ys, zs], at) = (&self.halves, other.half);
+        for ((((sum, x), y_axis), z), spread) in kernels.iter_mut().zip(xs).zip(ys).zip(zs).zip(&self.spreads)
+        {
+            let (dx, dy, dz) = (x - at.x, y_axis - at.y, z - at.z);
+            *sum += y * kernel((dx * dx + dy * dy) + (dz * dz + (spread + other.spread)));
+        }
+    }
+}
+
+/// Sums of kernels, and of their gradients by the vectors.
+#[derive(Clone, Debug)]
+pub(super) struct Sums {
+    pub(super) kernels: [f32; FITTED],
+    /// One coordinate a row.
+    pub(super) pulls: [[f32; FITTED]; 3],
+}
+
+impl Sums {
+    pub(super) const fn new() -> Self {
+        Self { kernels: [0.0; FITTED], pulls: [[0.0; FITTED]; 3] }
+    }
+
+    /// Clears the sums of the first `n` vectors.
+    pub(super) fn clear(&mut self, n: usize) {
+        let n = n.min(FITTED);
+        self.kernels[..n].fill(0.0);
+        self.pulls.iter_mut().for_each(|axis| axis[..n].fill(0.0));
+    }
+
+    /// The pull on vector `i`.
+    pub(super) fn pull(&self, i: usize) -> Vec3 {
+        Vec3::from_array(self.pulls.map(|axis| axis[i]))
     }
 }
 
@@ -214,7 +252,7 @@ mod tests {
                 KERNEL.iter().rev().fold(0.0, |sum, c| sum * h + f64::from(*c))
             };
             let expected = (exact(x + 1e-2) - exact(x - 1e-2)) / 2e-2;
-            let found = f64::from(slope(0.5 - 0.5 * x));
+            let found = f64::from(kernel_and_slope(0.5 - 0.5 * x).1);
             assert!(
                 (found - expected).abs() < 0.02 + 0.02 * expected.abs(),
                 "{x}: {found}, expected {expected}"

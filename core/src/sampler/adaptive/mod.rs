@@ -39,6 +39,7 @@ use crate::light::{Decomposition, Light};
 use crate::pyramid::PyramidView;
 use core::borrow::BorrowMut;
 pub use filter::LightFilter;
+use glam::Vec3;
 pub use memory::{Memory, Sizes, Workspace};
 pub use nodes::Leaf;
 use nodes::Nodes;
@@ -99,7 +100,17 @@ pub struct Adaptive<B, H, L, T, W> {
     wanted: count::Count,
     /// The number of lights that the receivers' errors were computed for; `None` before the first frame.
     looked_at: Option<usize>,
+    /// Whether the lights of the last frame were discs.
+    soft: bool,
     workspace: W,
+}
+
+/// What is known of a frame before its lights are.
+struct Frame {
+    /// Lights of the last frame.
+    previous: usize,
+    /// Whether something moves.
+    moving: bool,
 }
 
 impl<B, H, L, T, W> Adaptive<B, H, L, T, W>
@@ -129,6 +140,7 @@ where
             ceiling: (ambient::USUAL, 0),
             wanted: count::Count::default(),
             looked_at: None,
+            soft: false,
             workspace,
         };
         new.reset();
@@ -167,13 +179,8 @@ where
             self.ceiling.1 = 0;
         }
         self.place(map, request, count, self.ceiling.0);
-        let ([lights, old], [tracks, old_tracks]) = (&mut self.lights, &mut self.tracks);
-        let past =
-            filter::Past { lights: &old.as_ref()[..previous], tracks: &old_tracks.as_ref()[..previous] };
-        let (lights, tracks) = (&mut lights.as_mut()[..self.count], &mut tracks.as_mut()[..self.count]);
-        let regions = timer.measure(|| filter::follow(lights, tracks, self.tree.leaves(), past));
+        let quiet = self.follow(map, request, Frame { previous, moving }, timer);
         self.weigh(map, request);
-        let quiet = regions == filter::Regions::Same && !moving;
         let (lights, tracks) =
             (&mut self.lights[0].as_mut()[..self.count], &mut self.tracks[0].as_mut()[..self.count]);
         timer.measure(|| filter::settle(lights, tracks, quiet));
@@ -184,6 +191,43 @@ where
         let error = self.error(map, request, anew);
         self.wanted.note(error);
         error
+    }
+
+    /// Moves discs, and filters the directions of all lights; returns whether the scene is at rest.
+    ///
+    /// In a scene at rest discs keep their distance from the centroids of their regions: finding it anew would cost several fits.
+    fn follow(
+        &mut self,
+        map: &PyramidView<'_>,
+        request: &Request,
+        frame: Frame,
+        timer: &mut FilterTimer<'_>,
+    ) -> bool {
+        let anew = core::mem::replace(&mut self.soft, request.soft) != request.soft;
+        let count = self.count;
+        let ([lights, old], [tracks, old_tracks]) = (&mut self.lights, &mut self.tracks);
+        let (lights, tracks) = (&mut lights.as_mut()[..count], &mut tracks.as_mut()[..count]);
+        let past = filter::Past {
+            lights: &old.as_ref()[..frame.previous],
+            tracks: &old_tracks.as_ref()[..frame.previous],
+        };
+        let leaves = self.tree.leaves();
+        let quiet = filter::compare(lights, leaves, past) == filter::Regions::Same && !frame.moving;
+        let mut moves = [Vec3::ZERO; FITTED];
+        if request.soft {
+            moves.iter_mut().zip(lights.iter()).for_each(|(by, light)| *by = -light.direction);
+            if quiet && !anew {
+                filter::move_again(lights, past);
+            } else {
+                let Workspace { ambient, sources, fit, .. } = self.workspace.borrow_mut();
+                let nodes = Nodes::new(map, request.ambient.then_some(&*ambient));
+                discs::Steering { sources, fit }.steer(&nodes, leaves, lights);
+            }
+            moves.iter_mut().zip(lights.iter()).for_each(|(by, light)| *by += light.direction);
+        }
+        timer.measure(|| filter::follow(lights, tracks, leaves, past));
+        filter::note_moves(tracks, &moves);
+        quiet
     }
 
     /// The estimated error of `limit` lights; with ambient light, under the ceiling of least error, which is kept.
@@ -213,6 +257,9 @@ where
     /// The estimated error of `limit` lights under a ceiling, over all receivers.
     fn look(&mut self, map: &PyramidView<'_>, request: &Request, limit: usize, ceiling: usize) -> f32 {
         self.place(map, request, limit, ceiling);
+        if request.soft {
+            self.steer(map, request);
+        }
         self.weigh(map, request);
         self.looked_at = None;
         self.error(map, request, true)
@@ -220,7 +267,7 @@ where
 
     /// Puts at most `limit` lights in place.
     fn place(&mut self, map: &PyramidView<'_>, request: &Request, limit: usize, ceiling: usize) {
-        let Workspace { ambient, activity, sources, fit, .. } = self.workspace.borrow_mut();
+        let Workspace { ambient, activity, .. } = self.workspace.borrow_mut();
         if request.ambient {
             ambient.fit(map, if limit == 0 { ambient::ALL } else { ceiling });
         }
@@ -232,8 +279,16 @@ where
             gather::gather(&nodes, self.tree.leaves(), lights);
         }
         if request.soft {
-            discs::place((sources, fit), &nodes, self.tree.leaves(), lights);
+            discs::set_radii(lights);
         }
+    }
+
+    /// Moves discs to where they err less.
+    fn steer(&mut self, map: &PyramidView<'_>, request: &Request) {
+        let Workspace { ambient, sources, fit, .. } = self.workspace.borrow_mut();
+        let nodes = Nodes::new(map, request.ambient.then_some(&*ambient));
+        let lights = &mut self.lights[0].as_mut()[..self.count];
+        discs::Steering { sources, fit }.steer(&nodes, self.tree.leaves(), lights);
     }
 
     /// Gives the lights their energies.
@@ -243,8 +298,11 @@ where
         let lights = &mut self.lights[0].as_mut()[..self.count];
         sources.fill(&nodes, self.tree.leaves(), lights);
         if (2..=FITTED).contains(&self.count) {
-            let run = if request.soft { weights::Fit::run_discs } else { weights::Fit::run };
-            run(fit, sources.as_slice(), lights);
+            if request.soft {
+                fit.run_discs(sources.as_slice(), lights);
+            } else {
+                fit.run(sources.as_slice(), lights);
+            }
         }
         keep_energy(lights, nodes.quad(0, 0).rgb());
     }

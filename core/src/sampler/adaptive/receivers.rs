@@ -83,7 +83,7 @@ impl Receivers {
             for (axis, v) in self.axes.iter_mut().zip(fixed(at)) {
                 axis[i] = v;
             }
-            self.energies[i] = libm::rintf(share * SHARE) as i32;
+            self.energies[i] = nearest(share * SHARE);
             self.slopes[i] = (32.0 / radius.max(1e-3)) as i32;
             self.points += 1;
         }
@@ -149,5 +149,10 @@ fn receiver_at(k: usize) -> Receiver {
 
 /// A unit vector in Q14.
 fn fixed(v: Vec3) -> [i16; 3] {
-    v.to_array().map(|c| libm::rintf(c * 16384.0) as i16)
+    v.to_array().map(|c| nearest(c * 16384.0) as i16)
+}
+
+/// The nearest integer.
+fn nearest(v: f32) -> i32 {
+    (v + 0.5f32.copysign(v)) as i32
 }

@@ -9,9 +9,9 @@
 //! The minimisation is that of optimally weighted quadrature in a reproducing kernel space; K near 0 is linear in the angle, which makes it
 //! the energy distance of Szekely and Rizzo. The kernel K and its use for weights of lights are new here.
 
-use super::FITTED;
-use super::kernel::{MeanVector, Vectors};
+use super::kernel::{MeanVector, Sums, Vectors};
 use super::source::Source;
+use super::{FITTED, discs};
 use crate::light::Light;
 use crate::root::root;
 
@@ -33,14 +33,17 @@ pub(super) struct Fit {
     /// K between lights; then its Cholesky factor in the lower triangle.
     matrix: [[f32; FITTED]; FITTED],
     lights: Vectors,
-    residual: [f32; FITTED],
+    /// In `kernels` the residual, then the corrections; pulls of discs alone.
+    sums: Sums,
+    /// K between one source and each of the lights.
+    own: [f32; FITTED],
     ones: [f32; FITTED],
 }
 
 impl Fit {
     pub(super) const fn new() -> Self {
         let row = [0.0; FITTED];
-        Self { matrix: [row; FITTED], lights: Vectors::new(), residual: row, ones: row }
+        Self { matrix: [row; FITTED], lights: Vectors::new(), sums: Sums::new(), own: row, ones: row }
     }
 
     /// Scales the lights that stand for `sources`.
@@ -54,19 +57,38 @@ impl Fit {
 
     /// Scales the discs that stand for `sources`, which count as discs too.
     pub(super) fn run_discs(&mut self, sources: &[Source], lights: &mut [Light]) {
+        self.fit_discs(sources, lights, false);
+    }
+
+    /// Scales the discs that stand for `sources`, and moves them one step down the gradient of the error in the norm of the kernel.
+    pub(super) fn step_discs(&mut self, sources: &[Source], lights: &mut [Light]) {
+        self.fit_discs(sources, lights, true);
+        for (i, light) in lights.iter_mut().enumerate().take(FITTED) {
+            light.direction = discs::stepped(light, &self.lights.get(i), self.sums.pull(i));
+        }
+    }
+
+    /// Scales discs; with `pulls`, leaves the pulls on them in `sums`.
+    fn fit_discs(&mut self, sources: &[Source], lights: &mut [Light], pulls: bool) {
         let n = lights.len().min(FITTED);
         let lights = &mut lights[..n];
         self.prepare(lights.iter().map(MeanVector::of_light));
         for source in sources {
-            let mut own = [0.0; FITTED];
-            self.lights.kernels(&MeanVector::of_disc(source.at, source.radius), &mut own[..n]);
-            self.residual[..n].iter_mut().zip(&own[..n]).for_each(|(r, k)| *r += source.y * k);
+            let disc = MeanVector::of_disc(source.at, source.radius);
+            if pulls {
+                self.lights.add_up(n, &disc, source.y, &mut self.sums);
+            } else {
+                self.lights.add_kernels(&disc, source.y, &mut self.sums.kernels[..n]);
+            }
         }
         for (row, light) in self.matrix.iter().zip(lights.iter()) {
             let y = energy(light);
-            self.residual[..n].iter_mut().zip(&row[..n]).for_each(|(r, k)| *r -= y * k);
+            self.sums.kernels[..n].iter_mut().zip(&row[..n]).for_each(|(r, k)| *r -= y * k);
         }
         self.finish(lights, DISC_RIDGE, DISC_MOST);
+        for (i, light) in lights.iter().enumerate().filter(|_| pulls) {
+            self.lights.add_up(n, &self.lights.get(i), -energy(light), &mut self.sums);
+        }
     }
 
     /// Solves for the corrections and applies them.
@@ -77,13 +99,13 @@ impl Fit {
             self.matrix[i][i] += ridge * mean / energy(light).max(1e-6 * mean);
         }
         if self.solve(n) {
-            scale(lights, &self.residual, most);
+            scale(lights, &self.sums.kernels, most);
         }
     }
 
     /// Fills the matrix and clears the residual.
     fn prepare(&mut self, vectors: impl Iterator<Item = MeanVector> + Clone) {
-        self.residual = [0.0; FITTED];
+        self.sums.clear(vectors.clone().count());
         self.ones = [1.0; FITTED];
         for (i, vector) in vectors.clone().enumerate().take(FITTED) {
             self.lights.set(i, &vector);
@@ -99,14 +121,13 @@ impl Fit {
     /// Adds to the residual the difference between a source at its own direction and at the direction of its light.
     fn source(&mut self, n: usize, source: &Source) {
         let Some(stands) = self.matrix[..n].get(usize::from(source.owner)) else { return };
-        let mut own = [0.0; FITTED];
-        self.lights.kernels(&MeanVector::of_point(source.at), &mut own[..n]);
-        for ((r, own), stands) in self.residual[..n].iter_mut().zip(&own[..n]).zip(&stands[..n]) {
+        self.lights.kernels(&MeanVector::of_point(source.at), &mut self.own[..n]);
+        for ((r, own), stands) in self.sums.kernels[..n].iter_mut().zip(&self.own[..n]).zip(&stands[..n]) {
             *r += source.y * (own - stands);
         }
     }
 
-    /// Solves for the correction under a sum of 0 into `residual`; false where the matrix is not positive definite.
+    /// Solves for the correction under a sum of 0 into `sums.kernels`; false where the matrix is not positive definite.
     fn solve(&mut self, n: usize) -> bool {
         for i in 0..n {
             for j in 0..=i {
@@ -123,10 +144,11 @@ impl Fit {
                 }
             }
         }
-        substitute(&self.matrix, &mut self.residual[..n]);
+        substitute(&self.matrix, &mut self.sums.kernels[..n]);
         substitute(&self.matrix, &mut self.ones[..n]);
-        let (sum, unit) = (self.residual[..n].iter().sum::<f32>(), self.ones[..n].iter().sum::<f32>());
-        for (x, one) in self.residual[..n].iter_mut().zip(&self.ones[..n]) {
+        let x = &mut self.sums.kernels[..n];
+        let (sum, unit) = (x.iter().sum::<f32>(), self.ones[..n].iter().sum::<f32>());
+        for (x, one) in x.iter_mut().zip(&self.ones[..n]) {
             *x -= one * sum / unit;
         }
         true
