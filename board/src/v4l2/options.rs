@@ -31,9 +31,9 @@ pub struct LensFit {
 /// What is wished for.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
-    /// The camera's node.
+    /// The camera's node, its media device, or the beginning of its sensor's name.
     pub path: PathBuf,
-    /// The sensor's sub-device, where it is not the only one.
+    /// The sensor's sub-device or the beginning of its name, where it is not the only one.
     pub subdevice: Option<PathBuf>,
     /// Columns and rows.
     pub size: (u32, u32),

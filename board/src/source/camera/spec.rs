@@ -9,8 +9,8 @@ use std::path::PathBuf;
 
 /// Options of a camera for the help text.
 pub const HELP: &str = "\
-Camera options, after the path: ,lens=FILE (a [lens] table; else 180 degrees across the picture are assumed), ,size=640x480 (else the lens's, or the mode of a known sensor that sees all of it),
-,format=YUYV, ,rate=30, ,exposures=0.0009/0.0055/0.0333 (seconds), ,sensor=/dev/v4l-subdev0, ,delay=2 (frames, else measured),
+A CSI camera is v4l2:NAME with the beginning of its sensor's name, v4l2:/dev/mediaN or a node that its sensor reaches. Camera options, after the path: ,lens=FILE (a [lens] table; else 180 degrees across the picture are assumed), ,size=640x480 (else the lens's, or the mode of a known sensor that sees all of it),
+,format=YUYV, ,rate=30, ,exposures=0.0009/0.0055/0.0333 (seconds), ,sensor=imx219 (the beginning of a sensor's name, or its sub-device), ,delay=2 (frames, else measured),
 ,stand-in=Brightness:64/128/192 (for benches: a control in the place of the exposure).";
 
 /// A camera and the options requested for it, as text.
@@ -84,7 +84,7 @@ impl CameraSpec {
                     })?;
                 }
                 "sensor" if !value.is_empty() => options.subdevice = Some(value.into()),
-                "sensor" => return Err(refuse("a sub-device, such as /dev/v4l-subdev0")),
+                "sensor" => return Err(refuse("a sensor's name or its sub-device, such as /dev/v4l-subdev0")),
                 "delay" => {
                     let delay = value.parse().ok().filter(|d| *d <= MAX_DELAY);
                     options.delay = Some(delay.ok_or_else(|| refuse(&format!("0 to {MAX_DELAY} frames")))?);

@@ -302,14 +302,8 @@ impl Board {
     pub fn is_starved(&self, node: usize) -> bool {
         let on = |l: &&FakeLink| l.flags & abi::LINK_ENABLED != 0;
         let bridge = self.links.iter().filter(on).find(|l| l.sink.0 == node).map(|l| l.source.0);
-        let mutable = |l: &&FakeLink| l.flags & abi::LINK_IMMUTABLE == 0;
-        let others = self
-            .links
-            .iter()
-            .filter(on)
-            .filter(mutable)
-            .filter(|l| Some(l.source.0) == bridge && l.sink.0 != node);
-        others.into_iter().any(|_| true)
+        let is_other = |l: &FakeLink| Some(l.source.0) == bridge && l.sink.0 != node;
+        self.links.iter().filter(on).any(|l| l.flags & abi::LINK_IMMUTABLE == 0 && is_other(l))
     }
 }
 

@@ -37,9 +37,8 @@ impl Route {
         let on = |pad: Pad| self.links(graph).any(|l| l.source == pad || l.sink == pad);
         let passes = |entity: usize| entity != sensor && self.links(graph).any(|l| l.source.entity == entity);
         let is_shared = |entity: usize| {
-            let others = |l: &&Link| l.enabled && l.sink.entity == entity && l.source.entity != sensor;
-            let theirs = graph.links.iter().filter(others);
-            theirs.into_iter().any(|l| !self.links(graph).any(|ours| ours.source.entity == l.source.entity))
+            let is_ours = |l: &Link| self.links(graph).any(|ours| ours.source.entity == l.source.entity);
+            graph.links.iter().any(|l| l.enabled && l.sink.entity == entity && !is_ours(l))
         };
         let is_rival = |at: &usize| {
             let link = &graph.links[*at];
