@@ -334,7 +334,7 @@ mod tests {
 
         let script = Script { loss: 0.1, noise: 12, least_sharpness: 2, ..Script::default() };
         let bad = checked(script, "0.010/0.036").verdict;
-        assert!(bad[0].contains("1.8 stops") && bad[0].contains("exposures="), "{bad:?}");
+        assert!(bad[0].contains("stops, expected 4 or more") && bad[0].contains("exposures="), "{bad:?}");
         assert!(bad[3].contains("another cable") && bad[5].contains("less gain"), "{bad:?}");
         assert!(bad[6].starts_with("control Sharpness = 0 expected, 2 found"), "{bad:?}");
     }

@@ -72,11 +72,8 @@ fn the_status_tells_verified_and_measured_exposures_and_counts_frames() {
         }
     };
     let good = status(Script { loss: 0.05, ..Script::default() }, "verified");
-    assert_eq!(
-        good.exposures.iter().map(|e| e.seconds).collect::<Vec<_>>(),
-        [0.0009, 0.0055, 0.0333],
-        "{good:?}"
-    );
+    let asked = good.exposures.iter().all(|e| (e.seconds / e.asked_s - 1.0).abs() < 1e-9);
+    assert!(asked && good.exposures.len() == 3, "as asked: {good:?}");
     assert!(good.known.verified > 100 && good.known.measured == 0 && good.frames.lost > 0, "{good:?}");
     assert_eq!(good.delay_frames, Some(2), "{good:?}");
 
