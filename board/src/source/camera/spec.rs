@@ -84,7 +84,9 @@ impl CameraSpec {
                     })?;
                 }
                 "sensor" if !value.is_empty() => options.subdevice = Some(value.into()),
-                "sensor" => return Err(refuse("a sensor's name or its sub-device, such as /dev/v4l-subdev0")),
+                "sensor" => {
+                    return Err(refuse("a sensor's name or its sub-device, such as /dev/v4l-subdev0"));
+                }
                 "delay" => {
                     let delay = value.parse().ok().filter(|d| *d <= MAX_DELAY);
                     options.delay = Some(delay.ok_or_else(|| refuse(&format!("0 to {MAX_DELAY} frames")))?);

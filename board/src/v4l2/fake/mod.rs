@@ -56,7 +56,8 @@ pub struct World {
     calls: u32,
     pub tried: u32,
     random: u64,
-    generation: u32,
+    /// Times that the cable was pulled.
+    pub generation: u32,
 }
 
 #[derive(Clone)]

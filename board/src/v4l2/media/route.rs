@@ -8,6 +8,9 @@ const MOST_LINKS: usize = 8;
 /// Most links that are followed in search of routes: a graph made to branch at each entity ends here.
 const MOST_STEPS: usize = 20_000;
 
+/// Most links that branch off a route.
+const MOST_BRANCHES: usize = 16;
+
 /// Most routes that are kept.
 const MOST_ROUTES: usize = 32;
 
@@ -49,6 +52,28 @@ impl Route {
             link.enabled && !link.immutable && (touches || gives) && !self.links.contains(at)
         };
         (0..graph.links.len()).filter(is_rival).collect()
+    }
+
+    /// Enabled links that branch off the route, as indices, the nearest first: where they cannot be switched off, a stream starts only if
+    /// their ends agree too.
+    #[must_use]
+    pub fn branches(&self, graph: &Graph) -> Vec<usize> {
+        let mut found: Vec<usize> = Vec::new();
+        let is_ours = |pad: Pad| self.links(graph).any(|l| l.source == pad);
+        let mut at = 0;
+        loop {
+            let reached: Vec<usize> = found.iter().map(|l| graph.links[*l].sink.entity).collect();
+            let next = (0..graph.links.len()).find(|l| {
+                let link = &graph.links[*l];
+                let branches = is_ours(link.source) || reached.contains(&link.source.entity);
+                link.enabled && branches && !self.links.contains(l) && !found.contains(l)
+            });
+            at += 1;
+            match next.filter(|_| at <= MOST_BRANCHES) {
+                Some(link) => found.push(link),
+                None => return found,
+            }
+        }
     }
 
     /// Links that must be switched on, as indices.

@@ -127,6 +127,29 @@ fn a_pad_that_keeps_another_size_is_named_with_what_it_should_have() {
     }
 }
 
+/// As in vimc: the sensor feeds a node of its own beside the bridge, by a link that cannot be switched off.
+#[test]
+fn a_branch_that_cannot_be_switched_off_gets_the_format_too() {
+    let links = "\
+        imx219 10-0010:0 -> csi2:0 [on fixed]
+        imx219 10-0010:0 -> rp1-cfe-raw:0 [on fixed]
+        csi2:4 -> rp1-cfe-csi2_ch0:0 []";
+    let mut kernel = FakeKernel::new(script(vec![described(links, 0)]));
+    let before = kernel.world().boards[0].state();
+    let graph = {
+        let mut topology = Topology::default();
+        kernel.world().boards[0].topology(&mut topology);
+        Graph::of(&topology)
+    };
+    let ends = |entity: usize| graph.entities[entity].name == "rp1-cfe-csi2_ch0";
+    let route = &routes(&graph, 0, &ends)[0];
+    assert_eq!(route.branches(&graph), [1], "the raw node");
+    let (camera, size) = stream(&mut kernel, &options("/dev/video3"));
+    assert_eq!(size, (1640, 1232), "through the bridge");
+    drop(camera);
+    assert_eq!(kernel.world().boards[0].state(), before, "restored");
+}
+
 #[test]
 fn two_sensors_of_one_board_are_cameras_of_their_own() {
     let other = "\

@@ -2,13 +2,16 @@
 
 use super::abi;
 use super::bus;
-use super::graph::{Graph, Pad};
+use super::graph::{Graph, Link, Pad};
 use super::locate::Located;
 use super::route::Route;
-use crate::v4l2::abi::{Format, PadFormat};
+use crate::v4l2::abi::{Format, FormatDescription, PadFormat, PixelFormat};
 use crate::v4l2::access;
 use crate::v4l2::{Call, CameraError, Kernel, Node, persist};
 use std::path::PathBuf;
+
+/// Most formats that are read from a node.
+const MOST_FORMATS: u32 = 64;
 
 /// A link as it was.
 #[derive(Clone, Copy, Debug)]
@@ -38,8 +41,17 @@ pub(in crate::v4l2) struct Wiring {
     subdevices: Vec<Open>,
     links: Vec<Before>,
     pads: Vec<PadBefore>,
-    /// The capture node, opened a second time, and its format.
-    video: Option<(Box<dyn Node>, Format)>,
+    /// Links that branch off the route.
+    branches: Vec<Link>,
+    /// The capture nodes at the end of the route and of its branches, with their formats.
+    videos: Vec<Video>,
+}
+
+/// A capture node, opened beside the stream, and its format as it was.
+struct Video {
+    entity: Option<usize>,
+    node: Box<dyn Node>,
+    before: Format,
 }
 
 impl Wiring {
@@ -61,7 +73,8 @@ impl Wiring {
             subdevices,
             links,
             pads,
-            video: None,
+            branches: Vec::new(),
+            videos: Vec::new(),
         };
         for at in route.rivals(graph, *sensor) {
             wiring.switch(at, false)?;
@@ -69,15 +82,51 @@ impl Wiring {
         for at in route.missing(graph) {
             wiring.switch(at, true)?;
         }
+        wiring.open_branches(kernel);
         wiring.note_pads();
         Ok(wiring)
     }
 
+    /// Opens what the branches of the route end at; what cannot be opened is left as it is.
+    fn open_branches(&mut self, kernel: &mut dyn Kernel) {
+        self.branches = self.route.branches(&self.graph).iter().map(|at| self.graph.links[*at]).collect();
+        for link in self.branches.clone() {
+            let entity = link.sink.entity;
+            let Some(found) = self.graph.entities.get(entity) else { continue };
+            let is_video = found.is_video();
+            let node = found
+                .device
+                .and_then(|device| kernel.node_of(device))
+                .map(|path| access::open(kernel, &path));
+            match node {
+                Some(Ok(node)) if is_video => self.keep_of(Some(entity), node),
+                Some(Ok(node)) => self.subdevices.push(Open { entity, node }),
+                _ => {}
+            }
+        }
+    }
+
     /// Keeps `video` and its present format for restoration.
-    pub fn keep(&mut self, mut video: Box<dyn Node>) {
-        let mut format = Format::default();
-        if persist(|| video.call(Call::GetFormat(&mut format))).is_ok() {
-            self.video = Some((video, format));
+    pub fn keep(&mut self, video: Box<dyn Node>) {
+        self.keep_of(None, video);
+    }
+
+    fn keep_of(&mut self, entity: Option<usize>, mut node: Box<dyn Node>) {
+        let mut before = Format::default();
+        if persist(|| node.call(Call::GetFormat(&mut before))).is_ok() {
+            self.videos.push(Video { entity, node, before });
+        }
+    }
+
+    /// Gives the ends of the branches the formats that reach them, where they take them.
+    fn set_branches(&mut self) {
+        for link in self.branches.clone() {
+            let Some(format) = self.get(link.source) else { continue };
+            if self.node(link.sink).is_some() {
+                let _ = self.set(link.sink, format);
+            } else if let Some(video) = self.videos.iter_mut().find(|v| v.entity == Some(link.sink.entity)) {
+                set_video(video.node.as_mut(), &format);
+            }
         }
     }
 
@@ -110,6 +159,7 @@ impl Wiring {
             carried.code = self.passed_on(next.source, carried.code);
             carried = self.set_exactly(next.source, carried)?;
         }
+        self.set_branches();
         Ok(carried)
     }
 
@@ -218,7 +268,9 @@ impl Wiring {
         let linked = self.graph.links.iter().filter(|l| on_route.contains(&l.source.entity));
         let ours = self.route.links(&self.graph).flat_map(|l| [l.source, l.sink]);
         let embedded = linked.filter(|l| l.source.entity == self.sensor).flat_map(|l| [l.source, l.sink]);
-        let mut pads: Vec<Pad> = ours.chain(embedded).filter(|pad| on_route.contains(&pad.entity)).collect();
+        let branches = self.branches.iter().flat_map(|l| [l.source, l.sink]);
+        let mut pads: Vec<Pad> =
+            ours.chain(embedded).chain(branches).filter(|pad| on_route.contains(&pad.entity)).collect();
         let mut seen = std::collections::HashSet::new();
         pads.retain(|pad| seen.insert(*pad));
         for pad in pads {
@@ -231,8 +283,8 @@ impl Wiring {
 
 impl Drop for Wiring {
     fn drop(&mut self) {
-        if let Some((video, format)) = &mut self.video {
-            let _ = persist(|| video.call(Call::SetFormat(format)));
+        for Video { node, before, .. } in &mut self.videos {
+            let _ = persist(|| node.call(Call::SetFormat(before)));
         }
         for PadBefore { pad, format } in std::mem::take(&mut self.pads) {
             let _ = self.set(pad, format);
@@ -241,6 +293,18 @@ impl Drop for Wiring {
             let _ = persist(|| self.media.call(Call::SetupLink(&mut setup)));
         }
     }
+}
+
+/// Gives a node that is not streamed from the format of its pad.
+fn set_video(node: &mut dyn Node, format: &PadFormat) {
+    let mut fourccs = (0..MOST_FORMATS).map_while(|index| {
+        let mut d = FormatDescription { index, mbus_code: format.code, ..Default::default() };
+        persist(|| node.call(Call::EnumFormats(&mut d))).ok().map(|()| d.fourcc)
+    });
+    let Some(fourcc) = fourccs.find(|fourcc| bus::fits(format.code, *fourcc)) else { return };
+    let pixel = PixelFormat { width: format.width, height: format.height, fourcc, ..Default::default() };
+    let mut format = Format { pixel, ..Default::default() };
+    let _ = persist(|| node.call(Call::SetFormat(&mut format)));
 }
 
 /// A pad's format in words.
