@@ -2,6 +2,7 @@
 
 #![cfg(feature = "server")]
 
+use hemilux::calibrate::{Board, Grey, Guide, Offer};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -53,10 +54,14 @@ fn real_pictures_give_a_lens_with_its_uncertainty() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("lens.toml");
     let residuals = folder.path().join("residuals.svg");
-    let ended = lens("8x6", &pictures, &out, &["--residuals", residuals.to_str().expect("UTF-8")]);
+    let mode = ["--crop", "0,0,2064,1556", "--binning", "2,2"];
+    let more = [&["--residuals", residuals.to_str().expect("UTF-8")][..], &mode].concat();
+    let ended = lens("8x6", &pictures, &out, &more);
     assert_eq!(ended.status, Some(0), "{}", ended.error);
     let read = hemilux::recorded::read_lens(&out).expect("a lens file");
     assert_eq!(read.size, [1032, 778]);
+    let shown = read.shown.expect("crop and binning");
+    assert_eq!((shown.crop, shown.binning), ([0, 0, 2064, 1556], [2, 2]), "the mode");
     let table: toml::Table = std::fs::read_to_string(&out).expect("a file").parse().expect("TOML");
     assert!(number(&table, "boards") >= 14.0, "{table}");
     assert!(number(&table, "rms_px") <= 0.30, "{table}");
@@ -354,4 +359,67 @@ fn photometric_options_that_do_not_belong_together_are_usage_errors() {
         assert_eq!(ended.status, Some(2), "{more:?}: {}", ended.error);
         assert!(ended.error.contains(word) && ended.error.lines().count() == 1, "{more:?}: {}", ended.error);
     }
+}
+
+/// A picture in which each pixel is the mean of 15 x 15.
+fn blurred(grey: &Grey) -> Grey {
+    let [width, height] = grey.size();
+    let image =
+        image::GrayImage::from_raw(width as u32, height as u32, grey.pixels().to_vec()).expect("an image");
+    Grey::new(width, image::imageops::fast_blur(&image, 6.0).into_raw()).expect("whole rows")
+}
+
+#[test]
+fn guide_takes_each_picture_once_when_it_is_still_sharp_and_new() {
+    let Some(pictures) = pictures() else { return };
+    let board: Board = "8x6".parse().expect("a board");
+    let mut guide = Guide::new(board.into());
+    let greys = pictures.iter().map(|path| {
+        let image = hemilux::recorded::read_grey(path).expect("a picture");
+        Grey::new(image.width, image.samples).expect("whole rows")
+    });
+    let greys: Vec<Grey> = greys.collect();
+    assert_eq!(guide.offer(Grey::new(1032, vec![90; 1032 * 778]).expect("whole rows")), Offer::Nothing);
+    let soft = blurred(&greys[0]);
+    guide.offer(soft.clone());
+    assert!(matches!(guide.offer(soft), Offer::Blurred | Offer::Nothing), "a blurred board is not taken");
+    for (i, grey) in greys.iter().enumerate() {
+        let offers = [(); 3].map(|()| guide.offer(grey.clone()));
+        let is_seen = offers[0] != Offer::Nothing;
+        let expected =
+            if is_seen { [Offer::Moving, Offer::Taken, Offer::Known] } else { [Offer::Nothing; 3] };
+        assert_eq!(offers, expected, "picture {i}");
+    }
+    assert!(guide.views() >= 14, "{}", guide.views());
+    let (views, share) = (guide.views(), guide.coverage().share());
+    assert!((0.3..=1.0).contains(&share), "{share}");
+    guide.undo();
+    assert_eq!(guide.views(), views - 1, "the last one is taken back");
+    assert_eq!(guide.offer(Grey::new(100, vec![90; 100 * 100]).expect("whole rows")), Offer::OtherSize);
+    let calibrated = guide.calibrate().expect("a lens");
+    assert!(
+        calibrated.rms_px <= 0.30 && calibrated.boards() >= 13,
+        "{} {}",
+        calibrated.rms_px,
+        calibrated.boards()
+    );
+}
+
+#[test]
+fn live_pictures_without_a_board_end_in_a_refusal() {
+    let ended = run(&[
+        "lens",
+        "--live",
+        "--source",
+        "scene:room",
+        "--board",
+        "8x6",
+        "--seconds",
+        "2",
+        "--out",
+        "/nonexistent/x",
+    ]);
+    assert_eq!(ended.status, Some(1), "{}", ended.error);
+    let last = ended.error.lines().last().expect("a line");
+    assert!(ended.error.contains("show the board") && last.contains("found 0 picture(s)"), "{}", ended.error);
 }

@@ -193,10 +193,10 @@ struct LensOptions {
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     /// The part of the sensor that the pictures show, sensor pixels, as `hemilux devices` tells it; written to the lens file.
-    #[arg(long, value_name = "LEFT,TOP,COLUMNS,ROWS", value_parser = numbers::<4>)]
+    #[arg(long, value_name = "LEFT,TOP,COLUMNS,ROWS", value_parser = numbers::<4>, requires = "binning")]
     crop: Option<[u32; 4]>,
     /// Sensor pixels in one pixel of the pictures; written to the lens file.
-    #[arg(long, value_name = "COLUMNS,ROWS", value_parser = numbers::<2>)]
+    #[arg(long, value_name = "COLUMNS,ROWS", value_parser = numbers::<2>, requires = "crop")]
     binning: Option<[u32; 2]>,
     /// Picture of the residuals over the image, SVG.
     #[arg(long, value_name = "FILE")]
@@ -237,6 +237,7 @@ fn lens(options: &LensOptions) -> Result<(), Failure> {
             calibrate(&pictures, &request).map_err(Failure::new)?
         }
     };
+    check_mode(options, calibrated.size)?;
     let stated = Stated { square_mm: options.square_mm, crop: options.crop, binning: options.binning };
     write(&options.out, &calibrated, &stated, options.force).map_err(Failure::new)?;
     if let Some(path) = &options.residuals {
@@ -246,6 +247,21 @@ fn lens(options: &LensOptions) -> Result<(), Failure> {
         })?;
     }
     say(&report(&calibrated, &options.out))
+}
+
+/// Refuses a crop and a binning that do not give the pictures' size.
+fn check_mode(options: &LensOptions, size: [usize; 2]) -> Result<(), Failure> {
+    let Some((crop, binning)) = options.crop.zip(options.binning) else { return Ok(()) };
+    let fits = |axis: usize| {
+        binning[axis] > 0 && ((crop[2 + axis] / binning[axis]) as usize).abs_diff(size[axis]) <= 1
+    };
+    if fits(0) && fits(1) {
+        return Ok(());
+    }
+    Err(Failure::usage(format!(
+        "--crop, --binning: found {} x {} sensor pixels by {} x {}, expected a crop that is the pictures' size, {} x {}, times binning",
+        crop[2], crop[3], binning[0], binning[1], size[0], size[1]
+    )))
 }
 
 fn circle(options: &CircleOptions) -> Result<(), Failure> {
