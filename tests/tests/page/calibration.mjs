@@ -2,7 +2,11 @@
 
 import { check, json, open, problems, state, text, until } from "./browser.mjs";
 
-const get = page => json(page, "/v1/calibration");
+/** The state; while an action is under way, there is none to be had. */
+const get = page => until("a state", async () => {
+  const state = await json(page, "/v1/calibration");
+  return state.errors ? null : state;
+});
 
 /** Lens by a moving board, circle by mouse and keys, lux, undo, save; the test that started this looks at the file. */
 export async function calibrate(browser, url) {
@@ -36,7 +40,7 @@ async function circle(page) {
   await page.mouse.down();
   await page.mouse.move(box.x + box.width / 2 + 40, box.y + box.height / 2, { steps: 4 });
   await page.mouse.up();
-  const dragged = await until("it was dragged", async () => { const { circle } = await get(page); return circle.centre[0] > found.centre[0] + 5 && circle; });
+  const dragged = await until("it was dragged", async () => { const { circle } = await get(page); return circle?.centre[0] > found.centre[0] + 5 && circle; });
   await page.focus("[data-handle=rim]");
   await page.keyboard.press("ArrowLeft");
   await until("a key moves the rim", async () => Math.abs((await get(page)).circle.radius - dragged.radius + 1) < 0.01);
