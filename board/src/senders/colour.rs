@@ -30,7 +30,7 @@ pub(super) fn temperature(rgb: [f32; 3]) -> Option<f32> {
 
 /// CIE 1960 (u, v) of a glowing body of temperature `t`, kelvins, by Krystek's quotients of polynomials.
 fn locus(t: f32) -> (f32, f32) {
-    let u = (0.860_117_8 + t * (1.541_182_5e-4 + t * 1.286_412_1e-7))
+    let u = (0.860_117_8 + t * (1.541_182_5e-4 + t * 1.286_412e-7))
         / (1.0 + t * (8.424_202e-4 + t * 7.081_451_6e-7));
     let v = (0.317_398_73 + t * (4.228_062_5e-5 + t * 4.204_817e-8))
         / (1.0 + t * (-2.897_418_2e-5 + t * 1.614_560_5e-7));
