@@ -14,7 +14,7 @@ import time
 PROGRAM, SIMULATOR = sys.argv[1:3]
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 PAGES = ["README.md", "board/README.md", "core/README.md", "tests/README.md", *sorted(str(p.relative_to(ROOT)) for p in ROOT.glob("board/clients/*/README.md"))]
-LONGEST = 600
+LONGEST = 1800
 DIRECTIVE = re.compile(r"<!-- (run|output): (.*?) -->")
 
 
