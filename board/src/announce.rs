@@ -1,7 +1,7 @@
 //! Announces the probe on the network by mDNS, as a service of type `_hemilux._tcp`, and finds others.
 
 use crate::machine;
-use mdns_sd::{ResolvedService, ServiceDaemon, ServiceEvent, ServiceInfo};
+use mdns_sd::{IfKind, ResolvedService, ServiceDaemon, ServiceEvent, ServiceInfo};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::net::{IpAddr, SocketAddr};
@@ -32,6 +32,10 @@ pub fn announce(address: SocketAddr) -> Option<Announced> {
 fn try_announce(address: SocketAddr) -> Result<Announced, mdns_sd::Error> {
     let machine = machine::name();
     let daemon = ServiceDaemon::new()?;
+    if address.is_ipv4() {
+        // A server at 0.0.0.0 does not answer at the machine's IPv6 addresses.
+        daemon.disable_interface(IfKind::IPv6)?;
+    }
     let every = address.ip().is_unspecified();
     let ip = if every { String::new() } else { address.ip().to_string() };
     let host = format!("{machine}.local.");
@@ -123,6 +127,7 @@ mod tests {
             return;
         };
         assert!(probe.urls.iter().any(|url| url.ends_with(":8123/")), "{probe:?}");
+        assert!(!probe.urls.iter().any(|url| url.contains('[')), "IPv4 alone, as the server: {probe:?}");
         assert_eq!(probe.version, env!("CARGO_PKG_VERSION"));
     }
 }

@@ -143,7 +143,7 @@ fn errors_are_one_line_with_the_exit_status_of_their_kind() {
         (&["--allow-origin", "localhost"], 2, "--allow-origin"),
         (&["--frobnicate"], 2, "--frobnicate"),
         (&["--lights", "0"], 2, "1 to 50000"),
-        (&["--source", "webcam"], 2, "scene:NAME or replay:DIR"),
+        (&["--source", "webcam"], 2, "env:PATH or replay:DIR"),
         (&["--listen", "0.0.0.0:8080"], 2, "--open"),
         (&["--listen", &taken], 1, "--listen 127.0.0.1:0"),
         (&["--source", &replay], 1, "burst.toml"),
@@ -204,7 +204,7 @@ fn every_address_that_is_printed_answers() {
     assert!(line.starts_with("hemilux: serving http://127.0.0.1:"), "{line}");
     let own = line.split("http://").nth(1).and_then(|l| l.split('/').next()).expect("an address");
     let port = own.rsplit(':').next().expect("a port");
-    assert!(ask(own, "GET /healthz", "").contains(" 200 "), "{own}");
+    assert!(ask(own, "GET /openapi.json", "").contains(" 200 "), "{own}");
     child.kill().expect("it runs");
     child.wait().expect("it ends");
     let mut others = String::new();

@@ -18,7 +18,7 @@ trap 'rm -rf "$work"' EXIT
 export BLENDER_USER_RESOURCES=$work/user
 
 "$cache/venv/bin/python" "$here/../../board/clients/blender/build.py" "$work/hemilux.zip"
-"$cache/venv/bin/python" "$(find "$cache/venv" -path '*bl_pkg/cli/blender_ext.py' | head -1)" validate "$work/hemilux.zip"
+"$cache/venv/bin/python" "$(find "$cache/venv/" -path '*bl_pkg/cli/blender_ext.py' | head -1)" validate "$work/hemilux.zip"
 sources=(scene:sky scene:overcast)
 if [ -n "$folder" ]; then
     sources=()
