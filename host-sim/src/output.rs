@@ -103,7 +103,7 @@ pub fn save_picture(path: &Path, picture: &RgbImage) -> Result<(), SimError> {
     save(path, bytes.get_ref())
 }
 
-/// Writes `bytes` to standard output; a reader that has gone is no failure.
+/// Writes `bytes` to standard output. A closed pipe is no failure.
 ///
 /// # Errors
 /// [`SimError`] where they cannot be written.

@@ -57,7 +57,7 @@ impl Board {
     }
 }
 
-/// What is printed on a board.
+/// The pattern of a board.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Kind {
     /// Squares.
@@ -100,7 +100,7 @@ impl Charuco {
 pub struct Printed {
     /// Corners at which black meets black across: inner corners of squares, or the four corners of each tag.
     pub corners: Board,
-    /// What is printed.
+    /// The pattern.
     pub kind: Kind,
 }
 
@@ -124,7 +124,7 @@ impl Printed {
         self.kind != Kind::Chessboard
     }
 
-    /// How far from a corner, in squares or tags, all four fields around it are plain.
+    /// Radius around a corner, in squares or tags, within which all four fields are plain.
     pub(super) fn plain(&self) -> f64 {
         match self.kind {
             Kind::Chessboard => 0.35,

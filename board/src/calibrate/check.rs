@@ -10,7 +10,7 @@ use super::{Board, Printed};
 /// Fewest pictures with a board.
 pub(super) const FEWEST_BOARDS: usize = 3;
 
-/// Why no lens was computed: one line that says what to do.
+/// Reasons for which no lens is computed: one line with the remedy.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum LensRefusal {
@@ -24,9 +24,9 @@ pub enum LensRefusal {
     Sizes {
         /// The picture.
         name: String,
-        /// Its columns and rows.
+        /// Columns and rows of the picture.
         size: [usize; 2],
-        /// Those of the first.
+        /// Columns and rows of the first picture.
         expected: [usize; 2],
     },
     /// Too few boards.
@@ -35,7 +35,7 @@ pub enum LensRefusal {
          squares meet (of an AprilGrid, the tags), light the board evenly, and hold it still and sharp"
     )]
     FewBoards {
-        /// What was looked for.
+        /// The expected board.
         board: Printed,
         /// Pictures with a board.
         found: usize,
@@ -47,7 +47,7 @@ pub enum LensRefusal {
         "found a board of more than {board} inner corners in {found} pictures, expected {board}: count its corners anew and give them as --board"
     )]
     LargerBoard {
-        /// What was stated.
+        /// The stated board.
         board: Board,
         /// Pictures that show more.
         found: usize,
@@ -57,7 +57,7 @@ pub enum LensRefusal {
         "found boards of at most {found} inner corners, expected {board}: give --board {found}, or show the whole board"
     )]
     SmallerBoard {
-        /// What was stated.
+        /// The stated board.
         board: Board,
         /// The largest that was seen.
         found: Board,
@@ -112,7 +112,7 @@ pub enum LensRefusal {
     Detector {
         /// The picture.
         name: String,
-        /// What the detector said.
+        /// The reason of the detector.
         found: String,
     },
 }

@@ -48,7 +48,7 @@ pub enum Fault {
     Uncertain {
         /// The lens file.
         path: String,
-        /// What was found.
+        /// The found value, in words.
         found: String,
     },
     /// The exposures of the burst are not what its table says.
@@ -72,7 +72,7 @@ pub enum Fault {
         path: String,
         /// Its crop and binning.
         found: String,
-        /// Those of the lens file.
+        /// Crop and binning of the lens file.
         expected: String,
     },
     /// The camera has been set otherwise since the photometric calibration.
@@ -117,7 +117,8 @@ const MOST_SOLID: f64 = 0.01;
 /// Largest deviation of an exposure ratio.
 const MOST_RATIO: f64 = 0.2;
 
-/// How far beyond the outermost corner of the calibration a lens may be used, degrees, and its largest uncertainty there.
+/// Angle beyond the outermost corner of the calibration up to which a lens is accepted, and the largest accepted uncertainty there,
+/// degrees.
 const MOST_BEYOND_DEG: f64 = 12.0;
 const MOST_UNCERTAIN_DEG: f64 = 1.0;
 
@@ -158,7 +159,7 @@ fn is_whole(lens: &Lens, [width, height]: [u32; 2]) -> bool {
     rows.chain(columns).all(|at| lens.unproject(at).is_none())
 }
 
-/// What the file states of its accuracy; a file without a statement passes.
+/// The accuracy that the file states. A file without a statement passes.
 fn stated(path: &Path, file: &LensFile) -> Result<(), Fault> {
     let fault = |found: String| Err(Fault::Uncertain { path: path.display().to_string(), found });
     let Some(statement) = &file.calibration_table else { return Ok(()) };

@@ -9,9 +9,9 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 /// The image circle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Circle {
-    /// Its centre, pixels.
+    /// Centre of the circle, pixels.
     pub centre: DVec2,
-    /// Its radius, pixels.
+    /// Radius of the circle, pixels.
     pub radius: f64,
     /// Standard deviation of the rim's points from it, pixels.
     pub deviation_px: f64,
@@ -30,7 +30,7 @@ pub struct CircleLens {
     pub spread: Vec<[f64; 2]>,
 }
 
-/// Why there is no circle.
+/// Reasons for which no circle is found.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CircleRefusal {
@@ -205,7 +205,7 @@ pub fn circle_lens(circle: &Circle, field_deg: f64, size: [usize; 2]) -> Result<
     Ok(CircleLens { lens, size, circle: *circle, spread: tens.chain([max]).map(uncertain).collect() })
 }
 
-/// How far the directions of an equisolid lens that fills the same circle differ.
+/// Difference from the directions of an equisolid lens that fills the same circle.
 fn law(theta: f64, max: f64) -> f64 {
     let radius = (0.5 * theta).sin() / (0.5 * max).sin();
     (radius * max - theta).abs().min(FRAC_PI_2)

@@ -7,7 +7,7 @@ use nalgebra::{Matrix2, Vector2};
 /// A point where two black and two white squares meet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Corner {
-    /// Its position, pixels.
+    /// Position of the corner, pixels.
     pub at: Vector2<f64>,
     /// Directions of the four edges that meet, radians: ascending, the dark sectors follow the first and the third.
     pub edges: [f64; 4],

@@ -12,7 +12,7 @@ use nalgebra::{Vector2, Vector3};
 /// Fewest corners of a board of which a pose is computed.
 pub(super) const FEWEST: usize = 8;
 
-/// What was found in one picture.
+/// The board that was found in one picture.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Found {
     /// The corners of the board, none where it was not found.
@@ -160,7 +160,7 @@ pub(super) fn beyond(grey: &Grey, model: &Model, view: &View, board: Board) -> [
     })
 }
 
-/// What a look for a corner gives.
+/// The result of the search for a corner.
 enum Look {
     /// The corner's place is not in the picture.
     Outside,
@@ -177,7 +177,7 @@ fn look(grey: &Grey, model: &Model, view: &View, cell: Cell, plain: f64) -> Look
     }
 }
 
-/// Where a corner must be.
+/// The expected position of a corner.
 struct Place {
     at: Vector2<f64>,
     /// The middles of its four squares, in order around it.

@@ -26,7 +26,7 @@ const NEW: f64 = 0.05;
 /// Least slope of an edge in a sharp picture, as part of its contrast by a pixel.
 const SHARP: f64 = 0.12;
 
-/// What came of a picture.
+/// The result of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Offer {
     /// No board was seen.
@@ -39,14 +39,14 @@ pub enum Offer {
     Known,
     /// The picture has another size than those before.
     OtherSize,
-    /// As many pictures as are kept.
+    /// The largest number of pictures is stored.
     Full,
     /// The picture was taken.
     Taken,
 }
 
 impl Offer {
-    /// What to do, for people.
+    /// The advice to the user, in words.
     #[must_use]
     pub fn advice(self) -> &'static str {
         match self {
@@ -61,7 +61,7 @@ impl Offer {
     }
 }
 
-/// How many corners lie in each part of the view.
+/// Number of corners in each part of the view.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ViewCoverage {
     /// By ring, from the middle to the rim, and sector, clockwise from the right.
@@ -88,7 +88,7 @@ impl ViewCoverage {
         parts.filter(|(ring, sector)| self.has(*ring, *sector)).count() as f64 / (RINGS * SECTORS) as f64
     }
 
-    /// Where the board is missing most, for people; none where it has been everywhere.
+    /// The part of the view with the fewest corners, in words; `None` if all parts have enough.
     #[must_use]
     pub fn lacking(&self) -> Option<String> {
         const PLACES: [&str; SECTORS] = [
@@ -195,7 +195,7 @@ impl Guide {
         self.found.pop();
     }
 
-    /// Where boards have been.
+    /// The parts of the view that boards have covered.
     #[must_use]
     pub fn coverage(&self) -> ViewCoverage {
         let mut coverage = ViewCoverage::default();

@@ -15,7 +15,7 @@ use nalgebra::Vector2;
 /// Largest error of a fit that is a calibration, pixels.
 const MOST_RMS_PX: f64 = 1.2;
 
-/// How far beyond the outermost corner the lens is taken to follow the fitted law, radians.
+/// Angle beyond the outermost corner up to which the fitted law is used, radians.
 const BEYOND: f64 = 0.14;
 
 /// A picture with the name by which refusals call it.
@@ -23,7 +23,7 @@ const BEYOND: f64 = 0.14;
 pub struct Picture {
     /// Usually its file.
     pub name: String,
-    /// Its samples.
+    /// Samples of the picture.
     pub grey: Grey,
 }
 
@@ -50,7 +50,7 @@ pub struct Residual {
     pub off: DVec2,
 }
 
-/// What one picture contributed.
+/// The contribution of one picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Used {
     /// The picture's name.
@@ -70,7 +70,7 @@ pub struct Calibrated {
     pub size: [usize; 2],
     /// The board.
     pub board: Printed,
-    /// What each picture contributed.
+    /// The contribution of each picture.
     pub used: Vec<Used>,
     /// Corners that were found and left out.
     pub left_out: usize,
@@ -104,7 +104,7 @@ impl Calibrated {
     }
 }
 
-/// How pictures are taken.
+/// The optics and the mode of the pictures.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Request {
     /// The board.

@@ -6,7 +6,7 @@ use std::io::Write;
 use std::path::Path;
 use toml_edit::{Array, DocumentMut, Item, Table, value};
 
-/// Why a lens file was not written.
+/// Reasons for which a lens file is not written.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FileRefusal {
     /// The existing file is better than the new lens, or not known to be worse.
@@ -14,7 +14,7 @@ pub enum FileRefusal {
     Better {
         /// The file.
         path: String,
-        /// What is there.
+        /// The content of the existing file, in words.
         found: String,
     },
     /// The file cannot be written or read.
@@ -22,7 +22,7 @@ pub enum FileRefusal {
     Io {
         /// The file.
         path: String,
-        /// What went wrong.
+        /// The fault, in words.
         found: String,
     },
 }
@@ -79,7 +79,7 @@ pub(super) fn read(path: &Path, force: bool) -> Result<DocumentMut, FileRefusal>
     }
 }
 
-/// How good a lens is.
+/// The accuracy of a lens.
 #[derive(Clone, Copy, Debug)]
 struct Accuracy {
     /// The mean uncertainty over the angles, degrees.

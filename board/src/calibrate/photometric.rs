@@ -9,14 +9,14 @@ use hemilux_core::{healpix, read_rgb_row};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::time::{Duration, Instant};
 
-/// What the luxmeter was used for.
+/// The quantity that the luxmeter has measured.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Method {
     /// The meter lies beside the probe, level with it.
     Direct {
-        /// Its reading, lux.
+        /// Reading of the luxmeter, lux.
         lux: f64,
-        /// What the part of the hemisphere that the lens does not see is taken to hold.
+        /// The assumed radiance of the unseen part of the hemisphere.
         unseen: Unseen,
     },
     /// The meter lies on a matt patch that the probe sees.
@@ -53,7 +53,7 @@ pub enum Unseen {
     Dark,
 }
 
-/// Why nothing was measured: one line that says what to do.
+/// Reasons for which nothing is measured: one line with the remedy.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PhotometricRefusal {
@@ -137,7 +137,7 @@ const MOST_CLIPPED: f64 = 1e-6;
 /// Order of the map that is measured: texels of half a degree, or the finest that the pixels fill.
 const ORDERS: [u8; 4] = [7, 6, 5, 4];
 
-/// How long bursts are waited for.
+/// Timeout of the bursts.
 const PATIENCE: Duration = Duration::from_secs(20);
 
 /// Measures the factor over `bursts` bursts of `source`, whose radiance must be relative; `shared` is the relative standard deviation of
@@ -413,7 +413,7 @@ pub fn combine(readings: &[FactorReading]) -> Option<Factor> {
     Some(Factor { factor, uncertainty: (2.0 * own.hypot(shared)).min(1.0) })
 }
 
-/// How a reading of the meter compares with the calibration.
+/// The comparison of a reading of the luxmeter with the calibration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
     /// Below 10 %.

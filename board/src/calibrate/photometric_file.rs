@@ -5,7 +5,7 @@ use super::photometric::{Factor, FactorReading, Verdict, combine};
 use std::path::Path;
 use toml_edit::{DocumentMut, Item, Table, value};
 
-/// Why a reading was not kept.
+/// Reasons for which a reading is not stored.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum KeepRefusal {
@@ -35,7 +35,7 @@ pub enum KeepRefusal {
     },
 }
 
-/// What is kept of a measurement.
+/// The stored values of a measurement.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Kept<'a> {
     /// The measurement.

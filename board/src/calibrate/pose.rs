@@ -1,4 +1,4 @@
-//! Where a board stands before the camera.
+//! The pose of a board in the camera's axes.
 
 use super::camera::Camera;
 use super::shape::Shape;
@@ -9,7 +9,7 @@ use nalgebra::{Matrix3, Rotation3, SMatrix, Vector2, Vector3};
 pub(super) struct Sighting {
     /// Column and row on the board.
     pub cell: [i32; 2],
-    /// Its pixel.
+    /// Pixel of the corner.
     pub at: Vector2<f64>,
 }
 

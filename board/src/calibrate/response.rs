@@ -35,7 +35,7 @@ pub struct Exposed {
     pub codes: Vec<[f32; 3]>,
 }
 
-/// Why no response was computed.
+/// Reasons for which no response is computed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ResponseRefusal {
@@ -47,9 +47,9 @@ pub enum ResponseRefusal {
         "found {found} pixels that are well exposed in two neighbouring frames, expected at least {expected}: take exposures 1 to 2 stops apart of a scene with bright and dark parts"
     )]
     FewPixels {
-        /// How many.
+        /// The found number.
         found: usize,
-        /// How many are needed.
+        /// The needed number.
         expected: usize,
     },
     /// Declared exposures are wrong, or the camera changes its response from frame to frame.

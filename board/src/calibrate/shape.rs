@@ -6,7 +6,7 @@ use nalgebra::{SMatrix, SVector, Vector3};
 /// Number of parameters of a shape.
 pub(super) const SHAPE: usize = 5;
 
-/// How a board differs from a plane of squares.
+/// The deviation of a board from a plane of squares.
 ///
 /// All terms stay what they are when the board is turned by half a turn, which a chessboard of an even number of rows does not tell.
 #[derive(Clone, Copy, Debug, PartialEq)]

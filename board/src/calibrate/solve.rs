@@ -73,7 +73,7 @@ impl View {
     }
 }
 
-/// What is varied.
+/// The free parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Free {
     /// Intrinsic parameters and poses.

@@ -117,7 +117,7 @@ fn quad(grid: &Grid, [i, j]: Cell, mirrored: bool) -> Option<MarkerCell> {
     Some(MarkerCell::new(Coord::new(i, j), corners))
 }
 
-/// How a grid lies on the board: quarter turns, then a shift.
+/// The placement of a grid on the board: quarter turns, then a shift.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 struct Lie {
     turns: usize,

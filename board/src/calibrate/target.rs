@@ -8,7 +8,7 @@ use std::fmt::Write;
 /// A board on paper.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Target {
-    /// What is printed.
+    /// The pattern.
     pub printed: Printed,
     /// Side of a square or a tag, millimetres.
     pub square_mm: f64,
@@ -23,7 +23,7 @@ pub struct Ink {
     pub size: [f64; 2],
 }
 
-/// Why a target was refused.
+/// Reasons for which a target is refused.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum TargetRefusal {
     /// The side of a square is out of range.

@@ -1,4 +1,4 @@
-//! How well the pictures fix the directions of pixels.
+//! The uncertainty of the directions of pixels.
 
 use super::camera::Camera;
 use super::camera::KEPT;

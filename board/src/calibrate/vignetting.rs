@@ -34,7 +34,7 @@ pub struct FittedVignetting {
     pub readings: usize,
 }
 
-/// Why no vignetting was computed.
+/// Reasons for which no vignetting is computed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum VignettingRefusal {

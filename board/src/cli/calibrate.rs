@@ -39,7 +39,7 @@ enum CalibrateCommand {
     Check(CheckOptions),
     /// Compute the response from a recorded burst of a still scene.
     Response(ResponseOptions),
-    /// Compute how many lux an irradiance of 1 is, from the reading of a luxmeter beside the probe or of a lit patch that it sees.
+    /// Compute the illuminance of an irradiance of 1, from the reading of a luxmeter beside the probe or of a lit patch in its view.
     Photometric(photometric::PhotometricOptions),
 }
 

@@ -1,4 +1,4 @@
-//! How much is written to stderr.
+//! The amount of messages on stderr.
 
 use clap::{ArgAction, Args};
 use std::io::IsTerminal;

@@ -141,7 +141,7 @@ impl Link {
         &self.tiers
     }
 
-    /// What became of the camera's exposures and frames; none where the source is no camera.
+    /// The state of the exposures and frames of the camera; `None` if the source is no camera.
     #[must_use]
     pub fn camera(&self) -> Option<CameraStatus> {
         lock(&self.camera).clone()

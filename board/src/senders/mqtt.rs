@@ -144,7 +144,7 @@ fn announce(client: &AsyncClient, topics: &Topics, unit: Unit, every: Duration) 
     let _ = client.try_publish(&topics.availability, QoS::AtLeastOnce, true, "online");
 }
 
-/// How irradiances become illuminances.
+/// The conversion of irradiances to illuminances.
 #[derive(Clone, Copy, Debug)]
 struct Units {
     /// Lux of one relative unit, where the user knows it.

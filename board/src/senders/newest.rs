@@ -11,7 +11,7 @@ use tokio::sync::watch;
 /// Time without a new set after which the last one is reported as stale.
 const LONGEST_WAIT: Duration = Duration::from_millis(1500);
 
-/// What a sender has to tell.
+/// The news for a sender.
 #[derive(Clone, Debug)]
 pub(super) enum News {
     /// A set that was not reported before.

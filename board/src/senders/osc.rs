@@ -180,7 +180,7 @@ impl Bundles {
     }
 }
 
-/// What describes the set as a whole.
+/// The messages that describe the set as a whole.
 fn summary(set: &OwnedSet, run: &str, stale: Option<&Stale<String>>) -> Vec<OscMessage> {
     let reason = stale.map_or("", |s| s.reason.as_str());
     let frame = i32::try_from(set.frame & 0x7fff_ffff).unwrap_or_default();

@@ -78,7 +78,7 @@ fn frames(text: &mut String, set: &OwnedSet, age_ms: u64) {
     light(text, set);
 }
 
-/// What falls on a level surface, and what comes from all directions.
+/// The horizontal irradiance and the scalar flux.
 fn light(text: &mut String, set: &OwnedSet) {
     let channels = |text: &mut String, name: &str, values: [f32; 3]| {
         for (channel, v) in ["red", "green", "blue"].iter().zip(values) {
@@ -105,7 +105,7 @@ fn light(text: &mut String, set: &OwnedSet) {
     }
 }
 
-/// What became of the camera's exposures and frames.
+/// The state of the exposures and frames of the camera.
 fn camera(text: &mut String, status: &CameraStatus) {
     let frames = &status.frames;
     head(text, "camera_frames_total", "counter", "Complete frames, by how their exposure is known.");

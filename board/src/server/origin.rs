@@ -1,4 +1,4 @@
-//! Where requests come from: a program, a page of this server, or a page of another site.
+//! The origin of a request: a program, a page of this server, or a page of another site.
 //!
 //! A page of another site can make a browser send requests here: as an image, a form, a link, a script. It cannot read the answers,
 //! but a request that changes settings would have its effect. Browsers tell where a request comes from with Sec-Fetch-Site (only over

@@ -43,7 +43,7 @@ pub trait Source: Send {
     /// Exposures of its bursts, ascending.
     fn exposures(&self) -> Vec<Exposure>;
 
-    /// How its radiance came to be in cd/m2; `None` where radiance is relative.
+    /// The photometric calibration of the source; `None` if its radiance is relative.
     fn lux(&self) -> Option<Lux> {
         None
     }

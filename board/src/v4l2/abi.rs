@@ -14,7 +14,7 @@ plain! {
         driver: [u8; 16],
         /// Name of the device.
         card: [u8; 32],
-        /// Where it is plugged in.
+        /// Bus address of the device.
         bus_info: [u8; 32],
         /// Kernel version.
         version: u32,

@@ -92,13 +92,13 @@ impl Camera {
         Ok(camera)
     }
 
-    /// Its node.
+    /// Device node of the camera.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// How its frames are to be read.
+    /// The layout of the frames.
     #[must_use]
     pub fn picture(&self) -> &Picture {
         &self.setup.picture
@@ -162,7 +162,7 @@ impl Camera {
         Duration::from_secs_f64(self.setup.period_s)
     }
 
-    /// What happened to frames.
+    /// Counters of the frames.
     #[must_use]
     pub fn counters(&self) -> Counters {
         self.counters

@@ -9,11 +9,11 @@ const MAX_CONTROLS: usize = 1024;
 /// A control as the driver describes it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Info {
-    /// Its number.
+    /// Number of the control.
     pub id: u32,
     /// `V4L2_CTRL_TYPE_...`, also such as are not known here.
     pub kind: u32,
-    /// Its name; differs between kernels.
+    /// Name of the control, which differs between kernels.
     pub name: String,
     /// Least value.
     pub minimum: i64,
@@ -101,7 +101,7 @@ pub fn has_item(node: &mut dyn Node, id: u32, index: i64) -> bool {
 /// The value of a control.
 ///
 /// # Errors
-/// What the kernel says.
+/// The error of the kernel.
 pub fn value(node: &mut dyn Node, info: &Info) -> Result<i64, Errno> {
     let mut control = abi::Control { id: info.id, ..Default::default() };
     persist(|| node.call(Call::GetControl(&mut control)))?;
@@ -118,7 +118,7 @@ pub fn value(node: &mut dyn Node, info: &Info) -> Result<i64, Errno> {
 /// Sets a control.
 ///
 /// # Errors
-/// What the kernel says; EACCES where an automatic holds it.
+/// The error of the kernel; EACCES while an automatic mode holds the control.
 pub fn set(node: &mut dyn Node, info: &Info, value: i64) -> Result<(), Errno> {
     let bytes = value.to_ne_bytes();
     let word = |at: usize| u32::from_ne_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);

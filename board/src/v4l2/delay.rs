@@ -17,7 +17,7 @@ const AGREEING: u32 = 3;
 /// Most frames in a row that may be broken.
 const MOST_BROKEN: u32 = 100;
 
-/// What a step showed.
+/// The result of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
     /// The brightness changed this number of frames after the next frame.

@@ -1,4 +1,4 @@
-//! What cameras there are and what they can do.
+//! The list of cameras with their formats and controls.
 
 use super::access::{capability, captures, open};
 use super::controls::{self, Info};
@@ -17,15 +17,15 @@ const MAX_RATES: u32 = 64;
 /// A camera.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Description {
-    /// Its node.
+    /// Device node of the camera.
     pub path: PathBuf,
-    /// What it calls itself.
+    /// Name that the driver reports.
     pub name: String,
-    /// Where it is plugged in.
+    /// Bus address of the device.
     pub bus: String,
     /// Name of its driver.
     pub driver: String,
-    /// What it gives.
+    /// Pixel formats.
     pub formats: Vec<FormatInfo>,
     /// Exposure times that can be set, shortest and longest; null where they cannot.
     pub exposure_s: Option<(f64, f64)>,
@@ -63,7 +63,7 @@ pub struct FormatInfo {
     pub description: String,
     /// Whether frames of it can be read.
     pub readable: bool,
-    /// Its sizes.
+    /// Sizes of the format.
     pub sizes: Vec<SizeInfo>,
 }
 
@@ -74,7 +74,7 @@ pub struct SizeInfo {
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// Frames a second.
+    /// Frame rates, Hz.
     pub rates: Vec<f64>,
 }
 

@@ -22,11 +22,11 @@ pub struct Setting {
 pub struct Knob {
     /// The control.
     pub info: Info,
-    /// Its unit.
+    /// Unit of the control.
     pub unit: Unit,
 }
 
-/// What a value of the exposure control stands for.
+/// Unit of the values of the exposure control.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Unit {
     /// 100 us.
@@ -74,10 +74,10 @@ fn line_s(node: &mut dyn Node, width: u32) -> Option<f64> {
     (rate > 0 && pixels > 0).then(|| pixels as f64 / rate as f64)
 }
 
-/// What is known of a sensor by its name.
+/// Known properties of a sensor, by its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sensor {
-    /// How its sub-device's name begins.
+    /// Prefix of the name of the sub-device.
     pub name: &'static str,
     /// Lines of a frame that cannot be exposure.
     pub reserve_lines: i64,
@@ -136,7 +136,7 @@ const AUTOMATICS: [u32; 11] = [
 pub struct Held {
     /// The control.
     pub info: Info,
-    /// Its value.
+    /// Value of the control.
     pub wanted: i64,
     /// The value that was read back after it was set.
     pub found: Option<i64>,

@@ -34,7 +34,7 @@ pub fn is_jpeg(fourcc: u32) -> bool {
     COMPRESSED.into_iter().filter_map(parse).any(|name| name == fourcc)
 }
 
-/// How frames of `fourcc` are packed; `None` where they are not read.
+/// The packing of frames of `fourcc`; `None` for unsupported formats.
 #[must_use]
 pub fn format(fourcc: u32, yuv: Yuv) -> Option<Format> {
     let read = if is_jpeg(fourcc) { DECODED } else { fourcc };
@@ -74,7 +74,7 @@ pub fn none_of(offered: &[&str]) -> (String, String) {
     (found, format!("one of {}", names()))
 }
 
-/// How the frames of an open camera are to be read.
+/// The layout of the frames of an open camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Picture {
     /// The four characters; those of the decoded frames where the camera's are JPEG.
@@ -86,10 +86,10 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// What the driver granted, if it can be read.
+    /// The granted format, if it is supported.
     ///
     /// # Errors
-    /// What is wrong with it and what would be right.
+    /// The found and the expected format, in words.
     pub fn of(granted: &abi::PixelFormat) -> Result<Self, (String, String)> {
         let (fourcc, width, height) = (granted.fourcc, granted.width, granted.height);
         let format = format(fourcc, yuv(granted)).ok_or_else(|| none_of(&[&name(fourcc)]))?;

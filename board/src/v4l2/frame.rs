@@ -4,7 +4,7 @@ use super::abi;
 use super::schedule::Known;
 use crate::camera_status::{FrameCounts, KnownCounts};
 
-/// What happened to frames since the camera was opened.
+/// Counters of the frames since the camera was opened.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
     /// Complete frames.
@@ -67,7 +67,7 @@ impl Counters {
         }
     }
 
-    /// What became of the frames.
+    /// Counters of the frames.
     #[must_use]
     pub const fn counts(&self) -> FrameCounts {
         let Broken { flagged, empty, short, repeated, damaged } = self.broken;
@@ -156,7 +156,7 @@ pub struct Taken {
     pub timestamp_ns: u64,
     /// Index into the camera's settings; `None` where the frame may have one exposure or another.
     pub slot: Option<usize>,
-    /// How the exposure is known.
+    /// The origin of the exposure.
     pub known: Known,
 }
 

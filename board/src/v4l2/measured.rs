@@ -7,7 +7,7 @@ use std::collections::VecDeque;
 /// Largest difference of a verified ratio, natural logarithm: 10 %.
 const VERIFIED: f64 = 0.0953;
 
-/// What a comparison says.
+/// The result of a comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
     /// The ratio is within 10 % of that of the control's values.

@@ -103,19 +103,19 @@ pub trait Node: Send {
     /// Makes one request.
     ///
     /// # Errors
-    /// What the kernel says, EINTR included.
+    /// The error of the kernel, EINTR included.
     fn call(&mut self, call: Call<'_>) -> Result<(), Errno>;
 
     /// Waits for a frame or an event; all false when there was none in time.
     ///
     /// # Errors
-    /// What the kernel says, EINTR included.
+    /// The error of the kernel, EINTR included.
     fn wait(&mut self, timeout: Duration) -> Result<Ready, Errno>;
 
     /// Maps the buffer that `QueryBuffer` described; buffers are mapped in order of their index.
     ///
     /// # Errors
-    /// What the kernel says.
+    /// The error of the kernel.
     fn map(&mut self, buffer: &abi::Buffer) -> Result<(), Errno>;
 
     /// Bytes of buffer `index` while it is not with the driver, else none.
@@ -127,7 +127,7 @@ pub trait Kernel: Send {
     /// Opens a node for reading and writing, without blocking.
     ///
     /// # Errors
-    /// What the kernel says.
+    /// The error of the kernel.
     fn open(&mut self, path: &Path) -> Result<Box<dyn Node>, Errno>;
 
     /// Paths of all capture nodes (`/dev/video*`), in order of their numbers.
@@ -152,7 +152,7 @@ pub trait Kernel: Send {
     fn sleep(&mut self, duration: Duration);
 }
 
-/// Why a camera delivers no frames.
+/// Reasons for which a camera delivers no frames.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CameraError {
     /// A request failed.
@@ -185,9 +185,9 @@ pub enum CameraError {
     Unfit {
         /// The node.
         path: PathBuf,
-        /// What was found.
+        /// The found value, in words.
         found: String,
-        /// What was expected.
+        /// The expected value, in words.
         expected: String,
     },
 }

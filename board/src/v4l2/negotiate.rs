@@ -9,7 +9,7 @@ use hemilux_core::format::Yuv;
 use rustix::io::Errno;
 use std::path::Path;
 
-/// What reaches a node from its sensor.
+/// The format in which a node receives the frames of its sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Carried {
     /// Media bus code.

@@ -1,4 +1,4 @@
-//! What is wished for from a camera, and what came of it.
+//! The options of a camera, and the result of their negotiation.
 
 use super::CameraError;
 use super::view::View;
@@ -17,7 +17,7 @@ pub struct StandIn {
     pub values: Vec<i64>,
 }
 
-/// What a lens file was made for.
+/// The mode for which a lens file was made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LensFit {
     /// Columns and rows of the pictures.
@@ -28,7 +28,7 @@ pub struct LensFit {
     pub lens: Lens,
 }
 
-/// What is wished for.
+/// The requested options.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
     /// The camera's node, its media device, or the beginning of its sensor's name.
@@ -81,7 +81,7 @@ impl Options {
 /// One thing that was asked for, and what came of it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Agreed {
-    /// What.
+    /// Name of the option.
     pub what: &'static str,
     /// Asked for.
     pub asked: String,

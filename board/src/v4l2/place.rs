@@ -12,14 +12,14 @@ use std::path::PathBuf;
 /// A camera's open nodes, whose formats are set.
 pub(super) struct Place {
     pub video: Box<dyn Node>,
-    /// Where the exposure is controlled, if not at `video`.
+    /// Node of the exposure control; `None` for `video`.
     pub sensor: Option<Box<dyn Node>>,
-    /// What is known of the sensor.
+    /// Known properties of the sensor.
     pub known: Option<&'static Sensor>,
     /// Size that was asked for.
     pub asked: (u32, u32),
     pub granted: abi::PixelFormat,
-    /// What is restored when the camera is closed.
+    /// State that is restored when the camera is closed.
     pub wiring: Option<Wiring>,
 }
 

@@ -9,15 +9,15 @@ use std::collections::VecDeque;
 /// Longest control delay, frames after the next one.
 pub const MAX_DELAY: u32 = 8;
 
-/// Writes that are remembered: more than the longest delay and the longest queue of frames together.
+/// Number of logged writes: more than the longest delay and the longest queue of frames together.
 const KEPT: usize = 64;
 
-/// Where a frame's exposure is known from.
+/// The origin of the exposure of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Known {
     /// The camera reported it with the frame.
     Reported,
-    /// It follows from the writes of the control.
+    /// The exposure follows from the writes of the control.
     Predicted,
     /// Predicted, and the brightness ratio to a neighbouring frame agrees within 10 %.
     Verified,
@@ -51,7 +51,7 @@ struct Write {
     doubt: u32,
 }
 
-/// What was written when, and what follows from it.
+/// The log of control writes, and the exposures that follow from it.
 #[derive(Clone, Debug)]
 pub struct Schedule {
     delay: u32,

@@ -14,7 +14,7 @@ use rustix::io::Errno;
 /// An open camera that has agreed.
 pub(super) struct Setup {
     pub video: Box<dyn Node>,
-    /// Where the exposure is controlled, if not at `video`.
+    /// Node of the exposure control; `None` for `video`.
     pub sensor: Option<Box<dyn Node>>,
     pub picture: Picture,
     pub period_s: f64,
@@ -135,7 +135,7 @@ pub(super) fn exposure_value(setup: &mut Setup) -> Option<i64> {
     controls::value(node, &knob.as_ref()?.info).ok()
 }
 
-/// How a camera's exposure is controlled.
+/// The exposure control of a camera.
 struct Exposing {
     knob: Option<Knob>,
     settings: Vec<Setting>,

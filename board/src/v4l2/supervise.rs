@@ -14,7 +14,7 @@ const RETRY: Duration = Duration::from_secs(1);
 /// Longest wait in one step: it bounds how late a shutdown is noticed.
 const WAIT: Duration = Duration::from_millis(250);
 
-/// What a step gave.
+/// The result of a step.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Outcome {
     /// A whole frame.

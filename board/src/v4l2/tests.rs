@@ -21,7 +21,7 @@ fn options() -> Options {
     }
 }
 
-/// What a run of frames came to.
+/// The summary of a run of frames.
 #[derive(Debug, Default)]
 struct Tally {
     frames: usize,

@@ -23,7 +23,7 @@ const NEIGHBOURS: u32 = 4;
 const REMEMBERED: usize = 12;
 const DISAGREEING: usize = 4;
 
-/// What a camera's codes mean.
+/// The meaning of the codes of a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Levels {
     /// The curve.
@@ -42,12 +42,12 @@ pub struct Verifier {
     before: Option<u32>,
     codes: Vec<f32>,
     ratios: Vec<f32>,
-    seen: VecDeque<Seen>,
+    seen: VecDeque<FramePair>,
 }
 
 /// The brightness ratio of two frames.
 #[derive(Clone, Copy, Debug)]
-struct Seen {
+struct FramePair {
     /// Sequence number of the older frame.
     before: u32,
     /// Sequence number of the newer frame.
@@ -80,7 +80,7 @@ impl Verifier {
         if self.seen.len() == REMEMBERED {
             self.seen.pop_front();
         }
-        let seen = Seen { before, after: sequence, log_ratio: ratio };
+        let seen = FramePair { before, after: sequence, log_ratio: ratio };
         self.seen.push_back(seen);
         if let (Some(old), Some(new)) = (schedule.exposure_of(before), schedule.exposure_of(sequence)) {
             self.measured.note(old, new, ratio);
@@ -112,7 +112,7 @@ impl Verifier {
         Some(best)
     }
 
-    fn judge(&self, seen: Seen, schedule: &Schedule, delay: u32) -> Verdict {
+    fn judge(&self, seen: FramePair, schedule: &Schedule, delay: u32) -> Verdict {
         let slots = (schedule.exposure_with(seen.before, delay), schedule.exposure_with(seen.after, delay));
         match slots {
             (Some(old), Some(new)) => self.measured.judge(old, new, seen.log_ratio),

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 /// Pictures with which a covered view is enough.
 const ENOUGH: usize = 12;
 
-/// How long the source may give nothing.
+/// Longest time without a burst.
 const PATIENCE: Duration = Duration::from_secs(20);
 
 /// Takes pictures until the view is covered, `most` are taken or the time is over, and computes the lens.

@@ -3,7 +3,7 @@
 use crate::calibrate::{Board, Charuco, Kind, Printed};
 use serde::Deserialize;
 
-/// What a client requests.
+/// The action that a client requests.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(tag = "do", rename_all = "kebab-case")]
 pub(super) enum Action {
@@ -20,9 +20,9 @@ pub(super) enum Action {
     },
     /// Sets the image circle.
     Circle {
-        /// Its centre, pixels.
+        /// Centre of the circle, pixels.
         centre: [f64; 2],
-        /// Its radius, pixels.
+        /// Radius of the circle, pixels.
         radius: f64,
         /// Field of view that fills it, degrees.
         field_deg: f64,

@@ -23,7 +23,7 @@ const MOST_READINGS: usize = 400;
 /// Standard deviation that readings of one luxmeter share: its limit of error of 5 % is two of them.
 const METER: f64 = 0.025;
 
-/// Why an action was not done.
+/// Reasons for which an action is refused.
 #[derive(Debug)]
 pub(super) struct Refusal {
     pub field: &'static str,
@@ -346,7 +346,7 @@ fn positive(lux: f64) -> Result<f64, Refusal> {
     }
 }
 
-/// A frame's codes as they are, in eight bits.
+/// The codes of a frame in eight bits, without a transfer function.
 fn plain(frame: &crate::calibration::Frame, calibration: &Calibration) -> Option<Grey> {
     // Without a curve of its own, so that the response of the calibration applies to the codes.
     let mut as_is = *calibration;

@@ -56,7 +56,7 @@ struct Capture<'a> {
     resyncs: u64,
     changes: u64,
     unused: Unused,
-    /// What became of the frames of streams that have ended.
+    /// Counters of the frames of ended streams.
     past: Counters,
 }
 
@@ -119,7 +119,7 @@ impl Capture<'_> {
         );
     }
 
-    /// What became of frames since the camera was opened.
+    /// Counters of the frames since the camera was opened.
     fn counters(&self) -> Counters {
         self.supervisor.camera().map(Camera::counters).unwrap_or_default()
     }
@@ -185,7 +185,7 @@ fn describe(status: &mut CameraStatus, camera: &Camera, burst: &RawBurst, counte
     (status.mismatches, status.resyncs) = (counters.mismatches, counters.resyncs);
 }
 
-/// Why frames were no burst: `complete` ones that could not be told apart, or `broken` ones.
+/// The reason for which frames made no burst: `complete` ones without a known exposure, or `broken` ones.
 fn useless(camera: &Camera, complete: u64, broken: &Broken) -> String {
     let (path, wrong) = (camera.path().display(), camera.counters().mismatches);
     let count = complete + broken.total();

@@ -33,7 +33,7 @@ use std::time::Duration;
 /// Longest wait for a burst in one call.
 const WAIT: Duration = Duration::from_millis(250);
 
-/// Why a camera could not become a source.
+/// Reasons for which a camera cannot be a source.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenCameraError {
     /// The options.
@@ -116,7 +116,7 @@ impl CameraSource {
         Ok(Self { calibration, lens, raw, shared, thread: Some(thread) })
     }
 
-    /// What was agreed on with the camera.
+    /// The negotiated terms of the camera.
     #[must_use]
     pub fn terms(&self) -> &Terms {
         &self.raw.terms
@@ -128,7 +128,7 @@ impl CameraSource {
         self.lens.as_ref()
     }
 
-    /// What happened to frames, and how many times the camera came back.
+    /// Counters of frames, and the number of reconnections.
     #[must_use]
     pub fn counters(&self) -> (Counters, u64) {
         let state = self.shared.lock();

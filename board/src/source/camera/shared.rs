@@ -11,7 +11,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 pub struct RawBurst {
     /// One frame for each exposure, ascending.
     pub frames: Vec<RawFrame>,
-    /// What the camera had agreed to.
+    /// The negotiated terms of the camera.
     pub terms: Arc<Terms>,
 }
 
@@ -42,9 +42,9 @@ impl RawBurst {
 pub(super) struct State {
     pub burst: RawBurst,
     pub fresh: bool,
-    /// Why there are no frames, while there are none.
+    /// The reason for missing frames; `None` while frames arrive.
     pub down: Option<String>,
-    /// What became of frames since the source was opened.
+    /// Counters of the frames since the source was opened.
     pub counters: Counters,
     pub reopened: u64,
     pub status: CameraStatus,

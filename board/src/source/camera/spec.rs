@@ -51,7 +51,7 @@ impl CameraSpec {
         self.text.split(',').skip(1).map(|pair| pair.split_once('=').unwrap_or((pair, "")))
     }
 
-    /// What is wished for.
+    /// The requested options.
     ///
     /// # Errors
     /// The found and the expected value, in words.

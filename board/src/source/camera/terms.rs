@@ -1,4 +1,4 @@
-//! What was agreed on with a camera, and what follows for reading its frames.
+//! The negotiated terms of a camera, and the layout of its frames.
 
 use crate::calibration::Calibration;
 use crate::recorded::LensFile;
@@ -11,10 +11,10 @@ use hemilux_core::format::{Format, Layout, Yuv};
 use hemilux_core::lens::{Intrinsics, Lens, Model};
 use hemilux_core::{Levels, Response};
 
-/// What was agreed on with a camera.
+/// The negotiated terms of a camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Terms {
-    /// How its frames are to be read.
+    /// Calibration of the frames.
     pub picture: Picture,
     /// Relative code of darkness, where the sensor is known; 0 otherwise.
     pub black: f64,
@@ -27,7 +27,7 @@ pub struct Terms {
 }
 
 impl Terms {
-    /// Those of an open camera.
+    /// The terms of an open camera.
     pub(super) fn of(camera: &Camera) -> Self {
         Self {
             picture: *camera.picture(),

@@ -43,7 +43,7 @@ impl World {
         Ok(())
     }
 
-    /// What some cameras do when their stream starts.
+    /// The side effects of a stream start in some cameras.
     pub(super) fn reset(&mut self) {
         for (id, value) in [
             (abi::AUTO_WHITE_BALANCE, 1),

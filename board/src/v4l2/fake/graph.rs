@@ -112,7 +112,7 @@ impl Board {
         (0..self.names.len()).find(|at| self.device(*at) == device)
     }
 
-    /// Its path: numbers of nodes and of sub-devices run together here.
+    /// Path of the node of `entity`. Video nodes and sub-devices share one sequence of numbers.
     pub fn path(&self, entity: usize) -> PathBuf {
         let number = self.device(entity).minor;
         let kind = if is_node(&self.names[entity]) { "video" } else { "v4l-subdev" };

@@ -34,7 +34,7 @@ pub struct World {
     pub now_ns: u64,
     /// Frames since the camera was plugged in, the disconnected time left out.
     pub total: u64,
-    /// What each frame of the present stream was exposed with.
+    /// True exposure of each frame of the present stream.
     pub truth: HashMap<u32, i64>,
     /// Nodes and mappings that are open.
     pub open: usize,
@@ -42,7 +42,7 @@ pub struct World {
     /// Opens that succeeded.
     pub opened: usize,
     pub gone_until_ns: u64,
-    /// What was written to VBLANK and EXPOSURE, in order.
+    /// Values written to VBLANK and EXPOSURE, in order.
     pub written: Vec<(u32, i64)>,
     controls: BTreeMap<u32, i64>,
     writes: Vec<(u32, i64)>,

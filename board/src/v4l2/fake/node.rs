@@ -6,7 +6,7 @@ use rustix::io::Errno;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-/// What a node is.
+/// The kinds of nodes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Role {
     /// Of a camera without a graph.

@@ -1,9 +1,9 @@
-//! What a scripted camera is like, and what goes wrong with it.
+//! The properties and faults of a scripted camera.
 
 use super::graph::Described;
 use std::time::Duration;
 
-/// What goes wrong at a frame.
+/// The fault of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fault {
     /// The cable is pulled, and put back after so long.
@@ -43,7 +43,7 @@ pub enum Kind {
     NoExposure,
 }
 
-/// What a camera does with an exposure that is not in its list.
+/// The reaction of a camera to an exposure that is not in its list.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Manner {
     Refuses,
@@ -51,7 +51,7 @@ pub enum Manner {
     RoundsDown,
 }
 
-/// How the camera behaves.
+/// The behaviour of the camera.
 #[derive(Clone, Debug)]
 pub struct Script {
     pub kind: Kind,

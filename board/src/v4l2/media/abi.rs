@@ -109,9 +109,9 @@ plain! {
 plain! {
     /// `struct media_link_desc`.
     LinkSetup(52, 52) {
-        /// Where the link begins.
+        /// Source pad of the link.
         source: LinkEnd = LinkEnd::default(),
-        /// Where the link ends.
+        /// Sink pad of the link.
         sink: LinkEnd = LinkEnd::default(),
         /// [`LINK_ENABLED`] or 0.
         flags: u32,

@@ -7,7 +7,7 @@ use hemilux_core::format::{Format, Pattern, Yuv};
 /// Most media bus codes that are read from a pad.
 const MOST_CODES: u32 = 128;
 
-/// What a media bus code carries.
+/// The content of a media bus code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Carried {
     /// A mosaic of so many bits.

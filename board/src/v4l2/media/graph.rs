@@ -40,7 +40,7 @@ pub struct Entity {
     pub name: String,
     /// The driver's word for its purpose.
     pub function: u32,
-    /// Its node, where it has one.
+    /// Device node of the entity; `None` if there is none.
     pub device: Option<Device>,
 }
 
@@ -70,9 +70,9 @@ pub struct Pad {
 /// A link between two pads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Link {
-    /// Where it begins.
+    /// Source pad of the link.
     pub source: Pad,
-    /// Where it ends.
+    /// Sink pad of the link.
     pub sink: Pad,
     /// Whether it is on.
     pub enabled: bool,
@@ -83,9 +83,9 @@ pub struct Link {
 /// A media device's graph.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Graph {
-    /// Its entities.
+    /// Entities of the graph.
     pub entities: Vec<Entity>,
-    /// Its links.
+    /// Links of the graph.
     pub links: Vec<Link>,
 }
 

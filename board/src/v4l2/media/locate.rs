@@ -36,7 +36,7 @@ impl Located {
     }
 }
 
-/// How the options name a camera.
+/// The name of a camera in the options.
 enum Named<'a> {
     /// The node that captures.
     Node(Device),

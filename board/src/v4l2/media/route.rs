@@ -22,7 +22,7 @@ pub struct Route {
 }
 
 impl Route {
-    /// Its links.
+    /// Links of the route.
     pub fn links<'a>(&'a self, graph: &'a Graph) -> impl Iterator<Item = &'a Link> {
         self.links.iter().filter_map(|at| graph.links.get(*at))
     }
