@@ -7,7 +7,7 @@ use super::negotiate::{self, Carried};
 use super::options::Options;
 use super::{CameraError, Kernel, Node, abi};
 use super::{access, device};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// A camera's open nodes, whose formats are set.
 pub(super) struct Place {
@@ -58,13 +58,13 @@ fn open_node(kernel: &mut dyn Kernel, options: &Options) -> Result<Place, Camera
 }
 
 /// Opens a node that captures pictures of one plane.
-fn capture_node(kernel: &mut dyn Kernel, path: &PathBuf) -> Result<Box<dyn Node>, CameraError> {
+fn capture_node(kernel: &mut dyn Kernel, path: &Path) -> Result<Box<dyn Node>, CameraError> {
     let mut video = access::open(kernel, path)?;
     let caps = access::capability(video.as_mut(), path)?;
     if !access::captures(&caps) {
         let expected = "a node that captures single-planar video in a stream".into();
         return Err(CameraError::Unfit {
-            path: path.clone(),
+            path: path.into(),
             found: "another kind of device".into(),
             expected,
         });
