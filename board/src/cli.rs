@@ -24,7 +24,7 @@ use crate::probe::{Config, Link, Probe};
 #[cfg(any(feature = "osc", feature = "mqtt"))]
 use crate::senders::Sender;
 use crate::server::{self, Event, KnownHosts, Limits, Options, Running, Signals};
-use crate::source::{self, Spec};
+use crate::source::{self, Library, Spec};
 use crate::systemd;
 use crate::timing::read_budgets;
 use crate::usage::{self, Explained};
@@ -139,6 +139,9 @@ struct Serve {
     /// Class of the light source, where the [photometric] table has several.
     #[arg(long, value_name = "NAME")]
     light_class: Option<String>,
+    /// A folder of HDR maps, folders of maps, and recordings that clients with the token may switch to; may be given more than once.
+    #[arg(long = "library", value_name = "DIR")]
+    library: Vec<PathBuf>,
     /// TOML file with these options and the settings; `PATCH /v1/config?save=1` writes the settings back to it.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
@@ -258,13 +261,15 @@ fn serve(options: &Serve) -> Result<(), Failure> {
     let what = format!("{}, {}, {} lights", plan.source, pipeline.sampler, pipeline.lights);
     let calibration_file = plan.calibration_file();
     let probe = Probe::start(source, plan.source.public_name(), plan.config).map_err(Failure::new)?;
+    let library = Library::new(plan.source.clone(), options.library.clone());
     let ServePlan { hosts, origins, proxies, file, listen, announce, .. } = plan;
     #[cfg(any(feature = "osc", feature = "mqtt"))]
     let senders = plan.peers;
     #[cfg(not(feature = "mdns"))]
     let _ = announce;
     let hosts = KnownHosts::of(listen, &hosts);
-    let app = server::app(probe.link(), Options { hosts, access, origins, proxies, file, calibration_file });
+    let rules = Options { hosts, access, origins, proxies, file, calibration_file, library };
+    let app = server::app(probe.link(), rules);
     let failed = |e: io::Error| Failure::new(format!("the server: found {e}, expected it to start"));
     let running = server::start(listener, app, limits).map_err(failed)?;
     let mut signals = running.signals().map_err(failed)?;

@@ -164,6 +164,18 @@ fn of_xml(file: &str) -> Vec<Read> {
     lights.map(light).collect()
 }
 
+/// The rows of the script's table: id, direction, strength, colour, radius.
+fn of_blender(text: &str) -> Vec<Read> {
+    let rows = text.lines().filter_map(|line| line.trim().strip_prefix("(\""));
+    rows.map(|row| {
+        let (_, values) = row.split_once("\",").expect("an id");
+        let v = numbers(values);
+        assert_eq!(v.len(), 8, "{row}");
+        Read { direction: triple(&v), irradiance: [v[4], v[5], v[6]].map(|c| c * v[3]) }
+    })
+    .collect()
+}
+
 fn read(form: Form, file: &[u8]) -> Vec<Read> {
     let text = || std::str::from_utf8(file).expect("UTF-8");
     match form {
@@ -171,14 +183,15 @@ fn read(form: Form, file: &[u8]) -> Vec<Read> {
         Form::Usda => of_usda(text()),
         Form::Radiance => of_radiance(text()),
         Form::Mitsuba => of_mitsuba(text()),
+        Form::Blender => of_blender(text()),
         Form::Text => of_text(text()),
         Form::Xml => of_xml(text()),
         _ => of_csv(text()),
     }
 }
 
-const FORMS: [Form; 7] =
-    [Form::Glb, Form::Usda, Form::Radiance, Form::Mitsuba, Form::Csv, Form::Text, Form::Xml];
+const FORMS: [Form; 8] =
+    [Form::Glb, Form::Usda, Form::Radiance, Form::Mitsuba, Form::Blender, Form::Csv, Form::Text, Form::Xml];
 
 #[test]
 fn each_form_keeps_directions_and_irradiances() {

@@ -6,7 +6,7 @@
 mod bench;
 
 use bench::board::{BoardCamera, true_lens};
-use bench::{Bench, SECRET, browser, with_token};
+use bench::{Bench, SECRET, Step, browser, with_token};
 use glam::DVec3;
 use hemilux::config_file::ConfigFile;
 use hemilux::probe::Config;
@@ -25,10 +25,18 @@ static BROWSER: Mutex<()> = Mutex::new(());
 
 /// Runs a scenario of `page/run.mjs` against `bench`, which is stopped and started again where the scenario asks for it.
 fn run(scenario: &str, bench: impl FnOnce() -> Bench) {
+    run_with(scenario, || {
+        let bench = bench();
+        bench.wait();
+        bench
+    });
+}
+
+/// The same for a bench that need not have a set.
+fn run_with(scenario: &str, bench: impl FnOnce() -> Bench) {
     let Some((program, folder)) = browser::tools() else { return };
     let _alone = BROWSER.lock().unwrap_or_else(PoisonError::into_inner);
     let mut bench = bench();
-    bench.wait();
     let address = bench.address();
     let mut child = browser::scenario(scenario, &format!("http://{address}/"), SECRET, program, &folder)
         .stdin(Stdio::piped())
@@ -140,6 +148,31 @@ fn foreign_pages_change_nothing_with_remembered_basic_credentials() {
 #[test]
 fn foreign_pages_change_nothing_with_a_session_cookie() {
     run("foreignCookie", || known(with_token()));
+}
+
+#[test]
+fn a_visitor_takes_files_and_program_texts_home_and_each_works_as_given() {
+    let options = Options { origins: vec!["http://localhost:8000".into()], ..Options::default() };
+    run("visitor", || Bench::running(EVERY, Limits::default(), options));
+}
+
+#[test]
+fn the_first_view_and_the_stream_after_it_are_small() {
+    run("traffic", open);
+}
+
+#[test]
+fn a_probe_without_a_camera_tells_its_fault() {
+    run_with("fault", || {
+        let bench = Bench::new(Limits::default());
+        bench.step(Step::Fail("no camera at /dev/video7"));
+        bench
+    });
+}
+
+#[test]
+fn another_source_is_chosen_on_the_page() {
+    run("source", open);
 }
 
 #[test]

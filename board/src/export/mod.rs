@@ -1,8 +1,9 @@
-//! Light sets as files of other programs: CSV, glTF, USD, Radiance and Mitsuba scenes beside the forms of [`hemilux_core::wire`].
+//! Light sets as files of other programs: CSV, glTF, USD, Radiance and Mitsuba scenes and Blender scripts beside the forms of [`hemilux_core::wire`].
 //!
 //! Each file begins with comments that state the set's origin, its axes and unit, and what the form cannot hold. In glTF, whose JSON has no
 //! comments, they are in `asset.extras.notes`.
 
+mod blender;
 mod csv;
 mod glb;
 mod mitsuba;
@@ -33,6 +34,8 @@ pub enum Form {
     Radiance,
     /// A Mitsuba 3 scene with one directional emitter per light.
     Mitsuba,
+    /// A Python script for Blender that makes one sun per light.
+    Blender,
 }
 
 /// Reasons for which a set cannot be written in a form.
@@ -55,7 +58,7 @@ pub enum ExportError {
 
 impl Form {
     /// All forms with their names.
-    pub const NAMED: [(&'static str, Self); 8] = [
+    pub const NAMED: [(&'static str, Self); 9] = [
         ("json", Self::Json),
         ("text", Self::Text),
         ("xml", Self::Xml),
@@ -64,6 +67,7 @@ impl Form {
         ("usda", Self::Usda),
         ("rad", Self::Radiance),
         ("mitsuba", Self::Mitsuba),
+        ("blender", Self::Blender),
     ];
 
     /// The form called `name`.
@@ -89,13 +93,14 @@ impl Form {
             Self::Glb => "model/gltf-binary",
             Self::Usda => "model/vnd.usda",
             Self::Radiance => "text/plain; charset=us-ascii",
+            Self::Blender => "text/x-python; charset=utf-8",
         }
     }
 
     /// Whether one file holds one set, so that a sequence of sets cannot be written one after the other.
     #[must_use]
     pub const fn is_scene(self) -> bool {
-        matches!(self, Self::Glb | Self::Usda | Self::Radiance | Self::Mitsuba)
+        matches!(self, Self::Glb | Self::Usda | Self::Radiance | Self::Mitsuba | Self::Blender)
     }
 
     /// The axes of the other program: the default.
@@ -103,7 +108,9 @@ impl Form {
     pub const fn native_axes(self) -> Coordinates {
         match self {
             Self::Glb | Self::Usda | Self::Mitsuba => Coordinates::YUp,
-            Self::Json | Self::Text | Self::Xml | Self::Csv | Self::Radiance => Coordinates::Probe,
+            Self::Json | Self::Text | Self::Xml | Self::Csv | Self::Radiance | Self::Blender => {
+                Coordinates::Probe
+            }
         }
     }
 
@@ -116,6 +123,8 @@ impl Form {
         let expected = match (self, axes) {
             (Self::Glb, Coordinates::YUp) => return Ok(axes),
             (Self::Glb, _) => "y-up, the axes of every glTF file",
+            (Self::Blender, Coordinates::Probe) => return Ok(axes),
+            (Self::Blender, _) => "probe, +Z up as Blender has it",
             (_, Coordinates::Probe | Coordinates::YUp) => return Ok(axes),
             (form, _) if !form.is_scene() => return Ok(axes),
             _ => "probe or y-up, which are right-handed",
@@ -163,6 +172,7 @@ pub fn encode(
         Form::Usda => usda::text(set, map),
         Form::Radiance => radiance::text(set),
         Form::Mitsuba => mitsuba::text(set),
+        Form::Blender => blender::text(set),
     };
     bytes.extend_from_slice(text.as_bytes());
     Ok(())

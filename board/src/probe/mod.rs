@@ -12,6 +12,7 @@ mod set_channel;
 pub mod settings;
 mod settings_channel;
 mod status;
+mod switch;
 pub mod tiers;
 mod views;
 mod worker;
@@ -35,6 +36,7 @@ use std::hash::{BuildHasher, Hasher, RandomState};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Instant;
+use switch::{NextSource, SourceSwitch};
 use tiers::Tiers;
 
 /// Reasons for which the probe cannot start.
@@ -52,7 +54,7 @@ pub enum StartError {
 #[derive(Debug)]
 pub struct Link {
     run: String,
-    source: String,
+    source: SourceSwitch,
     started: Instant,
     sets: SetChannel,
     settings: SettingsChannel,
@@ -68,7 +70,7 @@ impl Link {
     fn new(source: String, config: Config, exposures: Exposures) -> Self {
         Self {
             run: run_id(),
-            source,
+            source: SourceSwitch::new(source),
             started: Instant::now(),
             sets: SetChannel::default(),
             durations: DurationLog::new(config.budgets),
@@ -89,8 +91,13 @@ impl Link {
 
     /// The name of the source of bursts.
     #[must_use]
-    pub fn source(&self) -> &str {
-        &self.source
+    pub fn source(&self) -> String {
+        self.source.name()
+    }
+
+    /// Uses `source`, called `name`, from the next burst on.
+    pub fn switch(&self, source: Box<dyn Source>, name: String) {
+        self.source.post(NextSource { source, name });
     }
 
     /// The time at which the probe started.

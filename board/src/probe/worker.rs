@@ -86,6 +86,7 @@ impl Worker {
     /// The fault of the source or of the burst, which [`ThreadStatus::failure`](super::ThreadStatus::failure) reports as well. The newest
     /// set stays.
     pub fn step(&mut self) -> Result<(), SourceError> {
+        self.follow_switch();
         let began = Instant::now();
         let outcome = self.source.next(&mut self.burst);
         let capture = began.elapsed();
@@ -146,6 +147,14 @@ impl Worker {
         Ok(())
     }
 
+    /// Replaces the source if a client has requested another one.
+    fn follow_switch(&mut self) {
+        let Some(source) = self.link.source.take() else { return };
+        self.source = source;
+        self.source.notes().iter().for_each(|note| tracing::warn!("{note}"));
+        self.link.settings.set_exposures(exposures(&*self.source));
+    }
+
     /// Replaces the pipeline if the calibration of the source has changed, as for a camera that is connected after the start.
     fn follow_camera(&mut self) -> Result<(), SourceError> {
         let calibration = self.source.calibration();
@@ -180,7 +189,7 @@ impl Worker {
         }
         if let Err(error) = self.pipeline.configure(config.pipeline.clone()) {
             if is_new && self.source.set_exposures(self.config.exposures_s.as_deref()).is_err() {
-                tracing::warn!("source {}: the exposures of before are refused", self.link.source);
+                tracing::warn!("source {}: the exposures of before are refused", self.link.source());
             }
             return Err(error.into());
         }
@@ -193,7 +202,7 @@ impl Worker {
     fn fail(&mut self, error: &SourceError) {
         let reason = error.to_string();
         if self.fault.as_ref() != Some(&reason) {
-            tracing::warn!("source {}: {reason}", self.link.source);
+            tracing::warn!("source {}: {reason}", self.link.source());
             self.link.status.set_failure(Some(reason.clone()));
             self.fault = Some(reason);
         }
@@ -201,7 +210,7 @@ impl Worker {
 
     fn recover(&mut self) {
         if self.fault.take().is_some() {
-            tracing::info!("source {}: bursts again", self.link.source);
+            tracing::info!("source {}: bursts again", self.link.source());
             self.link.status.set_failure(None);
         }
     }

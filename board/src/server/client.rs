@@ -1,23 +1,30 @@
 //! The JavaScript modules for clients and the OpenAPI document.
 
+use super::files::File;
 use crate::probe::settings;
-use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE};
-use axum::response::{IntoResponse, Response};
+use axum::http::HeaderMap;
+use axum::response::Response;
 use std::sync::LazyLock;
 
+const JAVASCRIPT: &str = "text/javascript; charset=utf-8";
+
+static CLIENT: File = File::new(JAVASCRIPT, include_str!("client.js"));
+static THREE: File = File::new(JAVASCRIPT, include_str!("three.js"));
+static DESCRIPTION: LazyLock<File> = LazyLock::new(|| File::new("application/json", &OPENAPI));
+
 /// Answers with the JavaScript client for web pages.
-pub(super) async fn javascript() -> Response {
-    file("text/javascript; charset=utf-8", include_str!("client.js"))
+pub(super) async fn javascript(headers: HeaderMap) -> Response {
+    CLIENT.answer(&headers)
 }
 
 /// Answers with the adapter of the JavaScript client for three.js.
-pub(super) async fn three() -> Response {
-    file("text/javascript; charset=utf-8", include_str!("three.js"))
+pub(super) async fn three(headers: HeaderMap) -> Response {
+    THREE.answer(&headers)
 }
 
 /// Answers with the OpenAPI 3.1 document of all requests.
-pub(super) async fn openapi() -> Response {
-    file("application/json", &OPENAPI)
+pub(super) async fn openapi(headers: HeaderMap) -> Response {
+    DESCRIPTION.answer(&headers)
 }
 
 /// The text of `openapi.json`, with the settings of the table in place of two markers.
@@ -26,7 +33,3 @@ pub(super) static OPENAPI: LazyLock<String> = LazyLock::new(|| {
         .replace("[\"SETTINGS\"]", &settings::parameters().to_string())
         .replace("{\"SETTINGS\": {}}", &settings::properties().to_string())
 });
-
-fn file(kind: &'static str, content: &'static str) -> Response {
-    ([(CONTENT_TYPE, kind), (CACHE_CONTROL, "no-cache")], content).into_response()
-}

@@ -94,7 +94,7 @@ fn refused(field: &str, why: &str) -> Response {
     errors(StatusCode::BAD_REQUEST, &json!({ field: why }))
 }
 
-fn errors(status: StatusCode, each: &Value) -> Response {
+pub(super) fn errors(status: StatusCode, each: &Value) -> Response {
     answer(status, &json!({"errors": each}))
 }
 

@@ -4,18 +4,19 @@
 use super::access;
 use super::answer::LONGEST_WAIT;
 use super::connection::{ConnectionGuard, Enlarged, stopped};
+use super::files::accepts_gzip;
 use super::format::{Format, event_id};
 use super::lights::{since_ready, wait_for_tier};
 use super::origin::{Cause, Sender};
 use super::query::{Variant, Wanted, wanted};
 use super::sets::Missing;
-use super::{Context, line};
+use super::{Context, line, packed};
 use crate::light_set::OwnedSet;
 use axum::body::{Body, Bytes};
 use axum::extract::State;
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, WebSocketUpgrade, close_code};
-use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE};
+use axum::http::header::{CACHE_CONTROL, CONTENT_ENCODING, CONTENT_TYPE, VARY};
 use axum::http::{Extensions, HeaderMap, HeaderName, HeaderValue, StatusCode, Uri};
 use axum::response::{IntoResponse, Response};
 use futures_util::StreamExt;
@@ -178,29 +179,43 @@ pub(super) async fn events(
     headers: HeaderMap,
     extensions: Extensions,
 ) -> Response {
-    let variant = match variant(&uri, Some(Format::Event)) {
+    let mut variant = match variant(&uri, Some(Format::Event)) {
         Ok(variant) => variant,
         Err(found) => return line(StatusCode::BAD_REQUEST, &found),
     };
+    let is_packed = accepts_gzip(&headers);
+    if is_packed {
+        variant.format = Format::PackedEvent;
+    }
+    let part = move |text: &'static str| {
+        let bytes = || packed::part(text.as_bytes()).into();
+        if is_packed { bytes() } else { Bytes::from_static(text.as_bytes()) }
+    };
     let has = headers.get("last-event-id").and_then(|v| v.to_str().ok()).map(Into::into);
     let feed = Feed::new(context, variant, extensions.get().cloned(), has);
-    let sets = futures_util::stream::unfold(feed, |mut feed| async move {
+    let sets = futures_util::stream::unfold(feed, move |mut feed| async move {
         let bytes = match feed.next().await {
             Next::Set(bytes) => bytes,
             // A comment, so that a client that has gone is noticed.
-            Next::None => Bytes::from_static(b": no frame yet\n\n"),
+            Next::None => part(": no frame yet\n\n"),
             Next::Stop => return None,
         };
         Some((Ok::<_, Infallible>(bytes), feed))
     });
-    let first = futures_util::stream::iter([Ok(Bytes::from_static(RETRY.as_bytes()))]);
+    let head: &[u8] = if is_packed { &packed::STREAM_HEAD } else { &[] };
+    let first = futures_util::stream::iter([Ok(Bytes::from([head, &part(RETRY)].concat()))]);
     let no_buffer = (HeaderName::from_static("x-accel-buffering"), HeaderValue::from_static("no"));
     let head = [
         (CONTENT_TYPE, HeaderValue::from_static("text/event-stream")),
         (CACHE_CONTROL, HeaderValue::from_static("no-store")),
+        (VARY, HeaderValue::from_static("accept-encoding")),
         no_buffer,
     ];
-    (head, Body::from_stream(first.chain(sets))).into_response()
+    let mut response = (head, Body::from_stream(first.chain(sets))).into_response();
+    if is_packed {
+        response.headers_mut().insert(CONTENT_ENCODING, HeaderValue::from_static("gzip"));
+    }
+    response
 }
 
 /// A WebSocket: each message is a light set, text unless `format=binary`.

@@ -1,6 +1,7 @@
 //! The encoded forms of a light set.
 
 use super::memory::LONGEST;
+use super::packed;
 use super::xr;
 use crate::export::{Form, encode};
 use axum::http::HeaderValue;
@@ -21,6 +22,8 @@ pub(super) enum Format {
     Binary,
     /// JSON as a server-sent event.
     Event,
+    /// The same as a part of a gzip stream.
+    PackedEvent,
     /// The values of a WebXR light estimate.
     Estimate,
     /// A file of another program, of [`Form::Csv`] and the scenes.
@@ -29,7 +32,7 @@ pub(super) enum Format {
 
 impl Format {
     /// The values of `format=`.
-    pub(super) const NAMED: [(&str, Self); 9] = [
+    pub(super) const NAMED: [(&str, Self); 10] = [
         ("json", Self::Json),
         ("text", Self::Text),
         ("xml", Self::Xml),
@@ -39,6 +42,7 @@ impl Format {
         ("usda", Self::File(Form::Usda)),
         ("rad", Self::File(Form::Radiance)),
         ("mitsuba", Self::File(Form::Mitsuba)),
+        ("blender", Self::File(Form::Blender)),
     ];
 
     pub(super) fn from_name(name: &str) -> Option<Self> {
@@ -47,7 +51,7 @@ impl Format {
 
     /// Whether the form holds ambient light beside lights.
     pub(super) fn has_ambient(self) -> bool {
-        matches!(self, Self::Json | Self::Binary | Self::Event | Self::Estimate)
+        matches!(self, Self::Json | Self::Binary | Self::Event | Self::PackedEvent | Self::Estimate)
     }
 
     /// Number of bytes that a light usually does not exceed.
@@ -56,7 +60,7 @@ impl Format {
             Self::Binary => 40,
             Self::Text | Self::File(Form::Csv) => 110,
             Self::Xml => 130,
-            Self::Json | Self::Event | Self::File(Form::Radiance) => 180,
+            Self::Json | Self::Event | Self::PackedEvent | Self::File(Form::Radiance) => 180,
             Self::File(Form::Mitsuba) => 310,
             Self::Estimate => 0,
             Self::File(_) => 450,
@@ -79,7 +83,7 @@ impl Format {
             Self::Text => "text/plain; charset=utf-8",
             Self::Xml => "application/xml",
             Self::Binary => "application/vnd.hemilux.lights",
-            Self::Event => "text/event-stream",
+            Self::Event | Self::PackedEvent => "text/event-stream",
             Self::File(form) => form.media_type(),
         })
     }
@@ -88,6 +92,7 @@ impl Format {
     pub(super) fn encode(self, set: &wire::LightSet<'_>, room: usize) -> Option<Vec<u8>> {
         let mut bytes = Vec::with_capacity(room);
         let written = match self {
+            Self::PackedEvent => return Self::Event.encode(set, room).map(|bytes| packed::part(&bytes)),
             Self::Json => wire::json(set, &mut bytes),
             Self::Text => wire::text(set, &mut bytes),
             Self::Xml => wire::xml(set, &mut bytes),

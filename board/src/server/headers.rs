@@ -26,12 +26,13 @@ const REQUEST_HEADERS: [HeaderName; 4] =
     [AUTHORIZATION, CACHE_CONTROL, CONTENT_TYPE, HeaderName::from_static("last-event-id")];
 
 /// Headers of answers that these pages may read.
-const ANSWER_HEADERS: [HeaderName; 5] = [
+const ANSWER_HEADERS: [HeaderName; 6] = [
     RETRY_AFTER,
     HeaderName::from_static("hemilux-frame"),
     HeaderName::from_static("hemilux-stale"),
     HeaderName::from_static("hemilux-exposures"),
     HeaderName::from_static("hemilux-exposure-s"),
+    HeaderName::from_static("hemilux-grey"),
 ];
 
 /// Lets pages of `origins` use the server.

@@ -17,14 +17,17 @@ mod counts;
 mod develop;
 mod encoder;
 mod events;
+mod files;
 mod format;
 mod headers;
 mod hosts;
 mod identify;
 mod lights;
+mod map_form;
 mod memory;
 mod metrics;
 mod origin;
+mod packed;
 mod page;
 mod pages;
 mod paths;
@@ -35,6 +38,7 @@ mod query;
 mod routes;
 mod screenshot;
 mod sets;
+mod sources;
 mod sphere;
 mod status;
 mod token;
@@ -47,6 +51,7 @@ pub use token::{LoadedToken, Token, TokenError};
 
 use crate::config_file::ConfigFile;
 use crate::probe::Link;
+use crate::source::Library;
 use attempts::Attempts;
 use axum::Router;
 use axum::http::StatusCode;
@@ -77,19 +82,21 @@ pub struct Options {
     pub file: Option<ConfigFile>,
     /// The lens file that calibrations made on the page are written to.
     pub calibration_file: Option<PathBuf>,
+    /// The sources that `PATCH /v1/source` may switch to.
+    pub library: Library,
 }
 
 impl Default for Options {
     /// Access from this machine only, without a token.
     fn default() -> Self {
-        let (origins, proxies) = (Vec::new(), Vec::new());
         Self {
             hosts: KnownHosts::loopback(),
             access: Access::Open,
-            origins,
-            proxies,
+            origins: Vec::new(),
+            proxies: Vec::new(),
             file: None,
             calibration_file: None,
+            library: Library::default(),
         }
     }
 }
@@ -106,6 +113,9 @@ struct HandlerState {
     counts: Arc<Counts>,
     /// The file to which settings are saved; `None` if the probe was started without one.
     file: Option<ConfigFile>,
+    library: Library,
+    /// Held while a source is opened.
+    opening: tokio::sync::Mutex<()>,
     /// True when the server is told to stop: streams end.
     stop: Arc<watch::Sender<bool>>,
 }
@@ -157,7 +167,7 @@ impl App {
 /// All routes, with the checks of `options` before them.
 #[must_use]
 pub fn app(link: Arc<Link>, options: Options) -> App {
-    let Options { hosts, access, origins, proxies, file, calibration_file } = options;
+    let Options { hosts, access, origins, proxies, file, calibration_file, library } = options;
     let (stop, counts) = (Arc::new(watch::Sender::new(false)), Arc::new(Counts::default()));
     let (memory, proxies) = (Arc::new(AnswerMemory::default()), Arc::new(Proxies::new(&proxies)));
     let attempts = Attempts::default();
@@ -168,6 +178,8 @@ pub fn app(link: Arc<Link>, options: Options) -> App {
         calibration: calibration::Calibrations::new(calibration_file),
         counts: Arc::clone(&counts),
         file,
+        library,
+        opening: tokio::sync::Mutex::default(),
         stop: Arc::clone(&stop),
     };
     App { router: routes::router(Arc::new(state)), counts, proxies, memory, stop }

@@ -29,8 +29,7 @@ pub(super) async fn info(State(context): State<Context>) -> Response {
         ("running for", format!("{} s", link.started().elapsed().as_secs())),
     ];
     rows.extend(settings(&config));
-    let exposures =
-        link.settings().exposures().seconds.iter().map(|s| format!("{} ms", 1e3 * s)).collect::<Vec<_>>();
+    let exposures = link.settings().exposures().seconds.iter().map(|s| duration(*s)).collect::<Vec<_>>();
     rows.push(("exposures", exposures.join(", ")));
     let timings = link.durations().timings();
     match &latest {
@@ -40,6 +39,19 @@ pub(super) async fn info(State(context): State<Context>) -> Response {
     let times = latest.map_or_else(String::new, |set| times(&set.latency, &timings));
     let body = format!("{}{times}<p><a href=\"/change\">Change the settings</a></p>", table(&rows));
     ([(CACHE_CONTROL, "no-store")], page("info", &body)).into_response()
+}
+
+/// A time with three digits in the unit that suits it.
+fn duration(seconds: f64) -> String {
+    let (value, unit) = match seconds {
+        s if s >= 1.0 => (s, "s"),
+        s if s >= 1e-3 => (1e3 * s, "ms"),
+        s => (1e6 * s, "us"),
+    };
+    let digits = (2 - value.max(1e-9).log10().floor() as i32).clamp(0, 9) as usize;
+    let text = format!("{value:.digits$}");
+    let short = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+    format!("{short} {unit}")
 }
 
 type Row = (&'static str, String);
@@ -258,5 +270,20 @@ mod tests {
         let html = table(&[("source", "replay:<img src=x onerror='a(\"&\")'>".into())]);
         let expected = "<table><tr><th>source</th><td>replay:&lt;img src=x onerror=&#39;a(&quot;&amp;&quot;)&#39;&gt;</td></tr></table>";
         assert_eq!(html, expected, "five characters");
+    }
+
+    #[test]
+    fn times_have_three_digits_and_the_unit_that_suits_them() {
+        let cases = [
+            (0.000_926, "926 us"),
+            (0.005_555, "5.55 ms"),
+            (6.0, "6 s"),
+            (0.033_333, "33.3 ms"),
+            (0.001, "1 ms"),
+            (60.0, "60 s"),
+        ];
+        for (seconds, expected) in cases {
+            assert_eq!(duration(seconds), expected, "{seconds}");
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! The paths of all requests.
 
 /// All paths; `/openapi.json` describes the same.
-pub(super) const PATHS: [&str; 30] = [
+pub(super) const PATHS: [&str; 32] = [
     "/",
     "/page/{name}",
     "/info",
@@ -26,7 +26,9 @@ pub(super) const PATHS: [&str; 30] = [
     "/v1/config",
     "/v1/calibration",
     "/v1/status",
+    "/v1/source",
     "/v1/map.png",
+    "/v1/map.jpg",
     "/v1/map.exr",
     "/v1/map.hdr",
     "/v1/mask.png",

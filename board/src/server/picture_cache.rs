@@ -2,6 +2,7 @@
 //! requests that came before its burst.
 
 use super::encoder::Encoder;
+use super::map_form::MapForm;
 use super::memory::{AnswerMemory, KEPT_PICTURE_BYTES, Kept, Reserved, body};
 use crate::clock;
 use axum::body::Bytes;
@@ -21,19 +22,18 @@ const USUAL_BYTES: usize = 1 << 20;
 /// The contents of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum PictureKind {
-    /// An exposure of a burst, by rising exposure time.
-    Exposure(usize),
+    /// An exposure of a burst, by rising exposure time, with its largest width.
+    Exposure(usize, Option<u16>),
     /// The best exposure of a burst that began after the request.
     Capture,
-    /// The tone-mapped map, with or without the lights drawn on it.
-    Map {
-        /// Whether the lights are drawn.
-        marks: bool,
-    },
+    /// The tone-mapped map.
+    Map(MapForm),
+    /// The map as JPEG, with all its range.
+    MapJpeg,
     /// The map as OpenEXR.
-    MapExr,
+    MapExr(MapForm),
     /// The map as Radiance HDR.
-    MapHdr,
+    MapHdr(MapForm),
     /// The mask of unseen and clipped directions.
     Mask,
     /// The tone-mapped map with the lights, to be kept under a name.
@@ -57,6 +57,17 @@ pub(super) enum View<T> {
     None,
 }
 
+/// What is told of a picture beside it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Told {
+    /// Nothing.
+    Nothing,
+    /// The exposure that it shows.
+    Shot(Shot),
+    /// The radiance that its middle code stands for.
+    Grey(f32),
+}
+
 /// The exposure that a picture shows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Shot {
@@ -70,7 +81,7 @@ pub(super) struct Shot {
 pub(super) struct Rendered {
     pub(super) bytes: Vec<u8>,
     pub(super) frame: u64,
-    pub(super) shot: Option<Shot>,
+    pub(super) told: Told,
 }
 
 /// A picture that is ready to be sent.
@@ -78,7 +89,7 @@ pub(super) struct Rendered {
 pub(super) struct Picture {
     pub(super) bytes: Bytes,
     pub(super) frame: u64,
-    pub(super) shot: Option<Shot>,
+    pub(super) told: Told,
     pub(super) is_fresh: bool,
 }
 
@@ -157,14 +168,14 @@ impl PictureCache {
         rendered: Rendered,
         reserved: Reserved,
     ) -> Picture {
-        let Rendered { bytes, frame, shot } = rendered;
+        let Rendered { bytes, frame, told } = rendered;
         let is_small = bytes.len() <= KEPT_PICTURE_BYTES;
         let held = reserved.hold(bytes);
         let mut kept = Kept::new(&held);
         if !is_small {
             kept.release();
         }
-        let picture = Picture { bytes: Bytes::new(), frame, shot, is_fresh };
+        let picture = Picture { bytes: Bytes::new(), frame, told, is_fresh };
         let mut made = self.lock();
         made.retain(|made| made.kind != kind);
         made.push(Made { kind, since_ns, kept, picture: picture.clone() });
@@ -200,7 +211,7 @@ mod tests {
                     View::Of { view: frame, since_ns: clock::monotonic_ns(), is_fresh: true }
                 }
             };
-            let render = |frame| Some(Rendered { bytes: vec![1], frame, shot: None });
+            let render = |frame| Some(Rendered { bytes: vec![1], frame, told: Told::Nothing });
             cache.picture(PictureKind::Mask, look, render)
         };
         let (a, b, c) = tokio::join!(ask(), ask(), ask());
@@ -215,7 +226,7 @@ mod tests {
         let began = Instant::now();
         for frame in 0..4 {
             let look = |_| async move { View::Of { view: frame, since_ns: 0, is_fresh: true } };
-            let render = |frame| Some(Rendered { bytes: vec![1], frame, shot: None });
+            let render = |frame| Some(Rendered { bytes: vec![1], frame, told: Told::Nothing });
             cache.picture(PictureKind::Mask, look, render).await.expect("a picture");
         }
         assert!(began.elapsed() >= 3 * INTERVAL, "{:?}", began.elapsed());

@@ -4,26 +4,30 @@ use super::access::Allowed;
 use super::answer::LONGEST_WAIT;
 use super::develop;
 use super::lights::{no_frame_yet, too_much};
-use super::picture_cache::{NoPicture, Picture, PictureKind, Rendered, Shot, View};
+use super::map_form::MapForm;
+use super::picture_cache::{NoPicture, Picture, PictureKind, Rendered, Shot, Told, View};
 use super::{Context, line};
 use crate::calibration::{Calibration, Frame};
 use crate::clock;
-use crate::maps::{Covers, write};
+use crate::maps::write;
 use crate::picture;
 use crate::probe::settings::short;
 use crate::probe::{BurstView, Link, MapView, Slot, ViewRequest};
 use axum::extract::{Path, RawQuery, State};
 use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE, RETRY_AFTER};
-use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, Uri};
 use axum::response::{IntoResponse, Response};
 use image::codecs::jpeg::JpegEncoder;
-use image::{ExtendedColorType, ImageFormat};
+use image::{ImageFormat, RgbImage, imageops};
 use std::io::Cursor;
 use std::sync::Arc;
 use std::time::Duration;
 
 /// JPEG quality: artefacts are below the sensor's noise.
 const QUALITY: u8 = 90;
+
+/// Widths to which exposures can be made smaller, pixels.
+const WIDTHS: [u16; 3] = [160, 320, 640];
 
 /// Longest wait for a view while the source is known to have failed.
 const FAILED_WAIT: Duration = Duration::from_millis(100);
@@ -48,30 +52,42 @@ pub(super) async fn view<T>(link: &Link, slot: &Slot<T>) -> View<Arc<T>> {
 
 /// `image` and `image?N`: exposure N of the next burst, 0 the shortest; the longest without N.
 pub(super) async fn image(State(context): State<Context>, _: Allowed, RawQuery(query): RawQuery) -> Response {
-    exposure(&context, query.as_deref().filter(|q| !q.is_empty())).await
+    exposure(&context, query.as_deref().filter(|q| !q.is_empty()), None).await
 }
 
-/// `/v1/image/N`.
+/// `/v1/image/N`; with `?width=` it is made smaller.
 pub(super) async fn image_at(
     State(context): State<Context>,
     _: Allowed,
     Path(index): Path<String>,
+    RawQuery(query): RawQuery,
 ) -> Response {
-    exposure(&context, Some(&index)).await
+    let width = match query.as_deref().filter(|q| !q.is_empty()) {
+        None => None,
+        Some(query) => {
+            let wanted = query.strip_prefix("width=").and_then(|w| w.parse().ok());
+            let Some(width) = wanted.filter(|w| WIDTHS.contains(w)) else {
+                let found = short(query);
+                return line(
+                    StatusCode::BAD_REQUEST,
+                    &format!("found '{found}'. Accepted: width=160|320|640"),
+                );
+            };
+            Some(width)
+        }
+    };
+    exposure(&context, Some(&index), width).await
 }
 
-async fn exposure(context: &Context, index: Option<&str>) -> Response {
+async fn exposure(context: &Context, index: Option<&str>, width: Option<u16>) -> Response {
     let last = context.link.settings().exposures().seconds.len().saturating_sub(1);
     let number = index.map_or(Some(last), |text| text.parse::<usize>().ok().filter(|at| *at <= last));
     let Some(at) = number else { return no_exposure(index, last) };
     let link = &context.link;
     let look = |_| view(link, &link.views().bursts);
-    let render = move |view: Arc<BurstView>| shot(&view, at.min(view.frames.len().saturating_sub(1)));
-    answer(
-        context,
-        context.answers.pictures.picture(PictureKind::Exposure(at), look, render).await,
-        "image/jpeg",
-    )
+    let render = move |view: Arc<BurstView>| shot(&view, at.min(view.frames.len().saturating_sub(1)), width);
+    let kind = PictureKind::Exposure(at, width);
+    answer(context, context.answers.pictures.picture(kind, look, render).await, "image/jpeg")
 }
 
 fn no_exposure(index: Option<&str>, last: usize) -> Response {
@@ -96,7 +112,7 @@ pub(super) async fn capture(State(context): State<Context>, _: Allowed) -> Respo
             _ => View::TooOld,
         }
     };
-    let render = |view: Arc<BurstView>| shot(&view, well_exposed(&view));
+    let render = |view: Arc<BurstView>| shot(&view, well_exposed(&view), None);
     let picture = context.answers.pictures.picture(PictureKind::Capture, look, render);
     match tokio::time::timeout(CAPTURE_WAIT, picture).await {
         Ok(Err(NoPicture::NoView)) | Err(_) => nothing_fresh(link),
@@ -114,25 +130,22 @@ fn nothing_fresh(link: &Link) -> Response {
     response
 }
 
-/// `/v1/map.png`: the tone-mapped polar map; with `?marks=1` the lights are drawn on it.
-pub(super) async fn map_png(
-    State(context): State<Context>,
-    _: Allowed,
-    RawQuery(query): RawQuery,
-) -> Response {
-    let marks = match query.as_deref() {
-        None | Some("" | "marks=0") => false,
-        Some("marks=1") => true,
-        Some(other) => {
-            return line(StatusCode::BAD_REQUEST, &format!("found '{}'. Accepted: marks=0|1", short(other)));
-        }
-    };
-    map(&context, PictureKind::Map { marks }, "image/png", move |view| png(view, marks)).await
+/// `/v1/map.png`: the tone-mapped map down to the horizon, or the sphere; with `?marks=1` the lights are drawn on it.
+pub(super) async fn map_png(State(context): State<Context>, _: Allowed, uri: Uri) -> Response {
+    match MapForm::of(&uri, true, true) {
+        Ok(form) => map(&context, PictureKind::Map(form), "image/png", move |view| png(view, form)).await,
+        Err(found) => line(StatusCode::BAD_REQUEST, &found),
+    }
 }
 
-/// `/v1/map.exr`: the whole sphere's radiance, dark below the horizon.
-pub(super) async fn map_exr(State(context): State<Context>, _: Allowed) -> Response {
-    map(&context, PictureKind::MapExr, "image/x-exr", exr).await
+/// `/v1/map.exr`: the whole sphere's radiance, dark below the horizon, or the hemisphere's.
+pub(super) async fn map_exr(State(context): State<Context>, _: Allowed, uri: Uri) -> Response {
+    match MapForm::of(&uri, false, false) {
+        Ok(form) => {
+            map(&context, PictureKind::MapExr(form), "image/x-exr", move |view| exr(view, form)).await
+        }
+        Err(found) => line(StatusCode::BAD_REQUEST, &found),
+    }
 }
 
 /// Answers with a picture of the map.
@@ -144,8 +157,9 @@ pub(super) async fn map(
 ) -> Response {
     let link = &context.link;
     let look = |_| view(link, &link.views().maps);
-    let render =
-        move |view: Arc<MapView>| Some(Rendered { bytes: paint(&view)?, frame: view.frame, shot: None });
+    let render = move |view: Arc<MapView>| {
+        Some(Rendered { bytes: paint(&view)?, frame: view.frame, told: Told::Nothing })
+    };
     answer(context, context.answers.pictures.picture(kind, look, render).await, content_type)
 }
 
@@ -155,7 +169,7 @@ pub(super) fn answer(
     picture: Result<Picture, NoPicture>,
     content_type: &'static str,
 ) -> Response {
-    let Picture { bytes, frame, shot, is_fresh } = match picture {
+    let Picture { bytes, frame, told, is_fresh } = match picture {
         Ok(picture) => picture,
         Err(why) => return no_picture(context, why),
     };
@@ -166,10 +180,17 @@ pub(super) fn answer(
     if !is_fresh {
         headers.insert(HeaderName::from_static("hemilux-stale"), HeaderValue::from_static("true"));
     }
-    if let Some(Shot { of, seconds }) = shot {
-        headers.insert(HeaderName::from_static("hemilux-exposures"), of.into());
-        let seconds = HeaderValue::from_str(&seconds.to_string());
-        headers.extend(seconds.map(|s| (HeaderName::from_static("hemilux-exposure-s"), s)));
+    match told {
+        Told::Nothing => {}
+        Told::Shot(Shot { of, seconds }) => {
+            headers.insert(HeaderName::from_static("hemilux-exposures"), of.into());
+            let seconds = HeaderValue::from_str(&seconds.to_string());
+            headers.extend(seconds.map(|s| (HeaderName::from_static("hemilux-exposure-s"), s)));
+        }
+        Told::Grey(radiance) => {
+            let grey = HeaderValue::from_str(&radiance.to_string());
+            headers.extend(grey.map(|g| (HeaderName::from_static("hemilux-grey"), g)));
+        }
     }
     (headers, bytes).into_response()
 }
@@ -183,11 +204,12 @@ pub(super) fn no_picture(context: &Context, why: NoPicture) -> Response {
     }
 }
 
-/// The JPEG of exposure `at`.
-fn shot(view: &BurstView, at: usize) -> Option<Rendered> {
+/// The JPEG of exposure `at`, at most `width` pixels wide.
+fn shot(view: &BurstView, at: usize, width: Option<u16>) -> Option<Rendered> {
     let frame = view.frames.get(at)?;
     let shot = Shot { of: view.frames.len(), seconds: frame.exposure.seconds * frame.exposure.gain };
-    Some(Rendered { bytes: jpeg(frame, &view.calibration)?, frame: view.frame, shot: Some(shot) })
+    let bytes = jpeg(frame, &view.calibration, width)?;
+    Some(Rendered { bytes, frame: view.frame, told: Told::Shot(shot) })
 }
 
 fn well_exposed(view: &BurstView) -> usize {
@@ -199,28 +221,40 @@ fn well_exposed(view: &BurstView) -> usize {
     view.frames.iter().rposition(|frame| clipped(frame) < CLIPPED).unwrap_or(0)
 }
 
-fn jpeg(frame: &Frame, c: &Calibration) -> Option<Vec<u8>> {
+fn jpeg(frame: &Frame, c: &Calibration, width: Option<u16>) -> Option<Vec<u8>> {
     let codes = develop::develop(frame, c)?;
+    let mut picture = RgbImage::from_raw(c.layout.width(), c.layout.height(), codes)?;
+    if let Some(width) = width.map(u32::from).filter(|w| *w < picture.width()) {
+        let height = (width * picture.height()).div_ceil(picture.width());
+        picture = imageops::thumbnail(&picture, width, height);
+    }
     let mut bytes = Vec::new();
-    JpegEncoder::new_with_quality(&mut bytes, QUALITY)
-        .encode(&codes, c.layout.width(), c.layout.height(), ExtendedColorType::Rgb8)
-        .ok()?;
+    picture.write_with_encoder(JpegEncoder::new_with_quality(&mut bytes, QUALITY)).ok()?;
     Some(bytes)
 }
 
-/// The tone-mapped map, with the lights if `marks`.
-pub(super) fn png(view: &MapView, marks: bool) -> Option<Vec<u8>> {
-    let lights = if marks { view.lights.as_slice() } else { &[] };
+/// The tone-mapped map, with the lights if `form` says so.
+pub(super) fn png(view: &MapView, form: MapForm) -> Option<Vec<u8>> {
+    let sized = form.sized(view);
+    let lights = if form.marks { sized.lights.as_slice() } else { &[] };
+    let mut picture = picture::draw(&sized.map(), lights);
+    if !form.hemisphere {
+        let mut sphere = RgbImage::new(picture.width(), 2 * picture.height());
+        imageops::replace(&mut sphere, &picture, 0, 0);
+        picture = sphere;
+    }
     let mut bytes = Cursor::new(Vec::new());
-    picture::draw(&view.map(), lights).write_to(&mut bytes, ImageFormat::Png).ok()?;
+    picture.write_to(&mut bytes, ImageFormat::Png).ok()?;
     Some(bytes.into_inner())
 }
 
-fn exr(view: &MapView) -> Option<Vec<u8>> {
-    let grid = view.grid;
+fn exr(view: &MapView, form: MapForm) -> Option<Vec<u8>> {
+    let sized = form.sized(view);
+    let grid = sized.grid;
     let radiance = |row: usize, column: usize| {
-        let energy = view.texels.get(row * grid.width + column).copied().unwrap_or_default();
+        let energy = sized.texels.get(row * grid.width + column).copied().unwrap_or_default();
         if row < grid.height { energy.map(|v| v / grid.solid_angle(row) as f32) } else { [0.0; 3] }
     };
-    write::openexr(grid.width, 2 * grid.height, Covers::Sphere, radiance).ok()
+    let (covers, rows) = form.extent(&grid);
+    write::openexr(grid.width, rows, covers, radiance).ok()
 }

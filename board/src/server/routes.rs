@@ -4,7 +4,7 @@ use super::format::Format;
 use super::paths::PATHS;
 use super::{
     Context, access, calibration, change, client, compare, config, events, headers, identify, lights,
-    metrics, page, pages, pictures, screenshot, sphere, status,
+    metrics, page, pages, pictures, screenshot, sources, sphere, status,
 };
 use axum::Router;
 use axum::extract::{MatchedPath, Request, State};
@@ -46,6 +46,8 @@ pub(super) fn router(context: Context) -> Router {
         .route("/v1/config", get(config::show).patch(config::change))
         .route("/v1/calibration", get(calibration::show).head(not_allowed).post(calibration::act))
         .route("/v1/status", get(status::status))
+        .route("/v1/source", get(sources::show).patch(sources::change))
+        .route("/v1/map.jpg", get(sphere::map_jpg).head(not_allowed))
         .route("/v1/map.png", get(pictures::map_png).head(not_allowed))
         .route("/v1/map.exr", get(pictures::map_exr).head(not_allowed))
         .route("/v1/map.hdr", get(sphere::map_hdr).head(not_allowed))

@@ -1,7 +1,8 @@
 //! `/screenshot`: the debug picture under a name of its own. The last sixteen are kept in memory: no request writes a file.
 
 use super::access::Allowed;
-use super::picture_cache::{PictureKind, Rendered};
+use super::map_form::MapForm;
+use super::picture_cache::{PictureKind, Rendered, Told};
 use super::pictures::{no_picture, png, view};
 use super::{Context, line, pages};
 use crate::probe::MapView;
@@ -12,6 +13,9 @@ use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE};
 use axum::response::{IntoResponse, Response};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// The map down to the horizon, with the lights drawn on it.
+const MARKED: MapForm = MapForm { hemisphere: true, width: None, marks: true };
 
 /// Number of screenshots that are kept.
 const KEPT: usize = 16;
@@ -49,7 +53,9 @@ pub(super) async fn take(State(context): State<Context>, _: Allowed) -> Response
     }
     let link = &context.link;
     let look = |_| view(link, &link.views().maps);
-    let render = |map: Arc<MapView>| Some(Rendered { bytes: png(&map, true)?, frame: map.frame, shot: None });
+    let render = |map: Arc<MapView>| {
+        Some(Rendered { bytes: png(&map, MARKED)?, frame: map.frame, told: Told::Nothing })
+    };
     let picture = match context.answers.pictures.picture(PictureKind::Screenshot, look, render).await {
         Ok(picture) => picture,
         Err(why) => return no_picture(&context, why),

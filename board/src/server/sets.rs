@@ -128,21 +128,22 @@ impl EncodedSets {
             return Err(Missing::TooLong(lights));
         }
         let reserved = self.memory.reserve(length).await.ok_or(Missing::Full)?;
-        let (answer, bytes) = if answer.set.lights.len() > MANY_LIGHTS {
-            let is_costly = is_costly(variant, answer.set.lights.len());
-            let link = Arc::clone(link);
-            drop(answer);
-            let work = move || {
-                // The newest set by the time that the thread gets to it.
-                let answer = Answer::newest(&link, variant.selection, is_late)?;
-                encode(variant, &link, &answer, length).map(|bytes| (answer, bytes))
+        let (answer, bytes) =
+            if answer.set.lights.len() > MANY_LIGHTS || variant.format == Format::PackedEvent {
+                let is_costly = is_costly(variant, answer.set.lights.len());
+                let link = Arc::clone(link);
+                drop(answer);
+                let work = move || {
+                    // The newest set by the time that the thread gets to it.
+                    let answer = Answer::newest(&link, variant.selection, is_late)?;
+                    encode(variant, &link, &answer, length).map(|bytes| (answer, bytes))
+                };
+                let encoder = if is_costly { &self.costly } else { &self.encoder };
+                encoder.run(variant, work).await.flatten().ok_or(Missing::Fault)?
+            } else {
+                let bytes = encode(variant, link, &answer, length).ok_or(Missing::Fault)?;
+                (answer, bytes)
             };
-            let encoder = if is_costly { &self.costly } else { &self.encoder };
-            encoder.run(variant, work).await.flatten().ok_or(Missing::Fault)?
-        } else {
-            let bytes = encode(variant, link, &answer, length).ok_or(Missing::Fault)?;
-            (answer, bytes)
-        };
         Ok(self.keep(&entry, answer, &reserved.hold(bytes)))
     }
 
@@ -191,7 +192,7 @@ fn is_costly(variant: Variant, lights: usize) -> bool {
     is_thinned
         || (lights > TEXT_LIGHTS
             && variant.format != Format::Binary
-            && variant.coordinates != Coordinates::Probe)
+            && (variant.coordinates != Coordinates::Probe || variant.format == Format::PackedEvent))
 }
 
 /// Locks `mutex`, also after a panic of another thread: no critical section leaves partial updates.

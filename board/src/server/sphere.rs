@@ -1,31 +1,53 @@
 //! The map for programs that show it themselves: radiance, and a mask of what the lens does not see and what is clipped.
 
-use super::Context;
 use super::access::Allowed;
 use super::develop;
-use super::picture_cache::{PictureKind, Rendered};
+use super::map_form::MapForm;
+use super::picture_cache::{PictureKind, Rendered, Told};
 use super::pictures::{answer, map, view};
+use super::{Context, line};
 use crate::calibration::{Calibration, Frame};
-use crate::maps::{Covers, write};
+use crate::maps::write;
 use crate::probe::{BurstView, MapView};
 use axum::extract::State;
+use axum::http::{StatusCode, Uri};
 use axum::response::Response;
 use glam::{DVec2, DVec3};
+use hemilux_core::color::luminance;
 use hemilux_core::polar::Grid;
 use image::codecs::hdr::HdrEncoder;
-use image::{GrayImage, ImageFormat, Rgb};
+use image::codecs::jpeg::JpegEncoder;
+use image::{GrayImage, ImageFormat, Rgb, RgbImage};
 use std::f64::consts::PI;
 use std::io::Cursor;
 use std::sync::Arc;
+
+/// JPEG quality of the map: what it changes stays below the noise of a camera.
+const QUALITY: u8 = 90;
 
 /// Grey values of the mask.
 const UNSEEN: u8 = 0;
 const SEEN: u8 = 128;
 const CLIPPED: u8 = 255;
 
-/// `/v1/map.hdr`: the whole sphere's radiance, dark below the horizon.
-pub(super) async fn map_hdr(State(context): State<Context>, _: Allowed) -> Response {
-    map(&context, PictureKind::MapHdr, "image/vnd.radiance", hdr).await
+/// `/v1/map.hdr`: the whole sphere's radiance, dark below the horizon, or the hemisphere's.
+pub(super) async fn map_hdr(State(context): State<Context>, _: Allowed, uri: Uri) -> Response {
+    match MapForm::of(&uri, false, false) {
+        Ok(form) => {
+            map(&context, PictureKind::MapHdr(form), "image/vnd.radiance", move |view| hdr(view, form)).await
+        }
+        Err(found) => line(StatusCode::BAD_REQUEST, &found),
+    }
+}
+
+/// `/v1/map.jpg`: the hemisphere in a tenth of the bytes, for pages that show it as it changes. A code c stands for the radiance
+/// g (c / (255 - c))^2; the header `hemilux-grey` has g, the geometric mean.
+pub(super) async fn map_jpg(State(context): State<Context>, _: Allowed) -> Response {
+    let link = &context.link;
+    let look = |_| view(link, &link.views().maps);
+    let picture =
+        context.answers.pictures.picture(PictureKind::MapJpeg, look, |view: Arc<MapView>| jpg(&view));
+    answer(&context, picture.await, "image/jpeg")
 }
 
 /// `/v1/mask.png`: the hemisphere in the map's shape, black where the lens does not see, white where even the shortest exposure clips.
@@ -36,23 +58,46 @@ pub(super) async fn mask_png(State(context): State<Context>, _: Allowed) -> Resp
     let render = move |view: Arc<BurstView>| {
         let mut bytes = Cursor::new(Vec::new());
         mask(&view, &grid)?.write_to(&mut bytes, ImageFormat::Png).ok()?;
-        Some(Rendered { bytes: bytes.into_inner(), frame: view.frame, shot: None })
+        Some(Rendered { bytes: bytes.into_inner(), frame: view.frame, told: Told::Nothing })
     };
     answer(&context, context.answers.pictures.picture(PictureKind::Mask, look, render).await, "image/png")
 }
 
-fn hdr(view: &MapView) -> Option<Vec<u8>> {
-    let grid = view.grid;
-    let radiance = |(i, texel): (usize, &[f32; 3])| {
-        let omega = grid.solid_angle(i / grid.width.max(1)) as f32;
-        Rgb(texel.map(|v| v / omega))
-    };
-    let mut pixels: Vec<_> = view.texels.iter().enumerate().map(radiance).collect();
-    pixels.resize(2 * grid.len(), Rgb([0.0; 3]));
+fn hdr(view: &MapView, form: MapForm) -> Option<Vec<u8>> {
+    let sized = form.sized(view);
+    let (covers, rows) = form.extent(&sized.grid);
+    let mut pixels: Vec<_> = radiances(&sized).map(Rgb).collect();
+    pixels.resize(rows * sized.grid.width, Rgb([0.0; 3]));
     let mut bytes = Vec::new();
-    HdrEncoder::new(&mut bytes).encode(&pixels, grid.width, 2 * grid.height).ok()?;
-    write::state_coverage(&mut bytes, Covers::Sphere);
+    HdrEncoder::new(&mut bytes).encode(&pixels, sized.grid.width, rows).ok()?;
+    write::state_coverage(&mut bytes, covers);
     Some(bytes)
+}
+
+fn radiances(view: &MapView) -> impl Iterator<Item = [f32; 3]> {
+    let grid = view.grid;
+    let omega = move |i: usize| grid.solid_angle(i / grid.width.max(1)) as f32;
+    view.texels.iter().enumerate().map(move |(i, texel)| texel.map(|v| v / omega(i)))
+}
+
+fn jpg(view: &MapView) -> Option<Rendered> {
+    let grey = geometric_mean(radiances(view).map(luminance));
+    let code = |radiance: f32| {
+        let root = (radiance.max(0.0) / grey).sqrt();
+        (255.0 * root / (1.0 + root) + 0.5) as u8
+    };
+    let codes = radiances(view).flat_map(|rgb| rgb.map(code)).collect();
+    let picture = RgbImage::from_raw(view.grid.width as u32, view.grid.height as u32, codes)?;
+    let mut bytes = Vec::new();
+    picture.write_with_encoder(JpegEncoder::new_with_quality(&mut bytes, QUALITY)).ok()?;
+    Some(Rendered { bytes, frame: view.frame, told: Told::Grey(grey) })
+}
+
+/// The geometric mean of what is above 0; 1 where nothing is.
+fn geometric_mean(values: impl Iterator<Item = f32>) -> f32 {
+    let lit = values.filter(|v| *v > 0.0 && v.is_finite());
+    let (sum, count) = lit.fold((0.0f64, 0usize), |(sum, n), v| (sum + f64::from(v).ln(), n + 1));
+    if count == 0 { 1.0 } else { ((sum / count as f64).exp() as f32).max(f32::MIN_POSITIVE) }
 }
 
 fn mask(view: &BurstView, grid: &Grid) -> Option<GrayImage> {

@@ -4,6 +4,7 @@
 pub mod camera;
 #[cfg(feature = "maps")]
 pub mod env;
+mod library;
 mod pace;
 #[cfg(feature = "server")]
 mod photometric;
@@ -13,6 +14,7 @@ mod replay;
 mod scene;
 mod sensor;
 
+pub use library::{Choice, Library};
 pub use pace::Pace;
 #[cfg(feature = "server")]
 pub use photometric::PhotometricSource;

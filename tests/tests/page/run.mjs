@@ -7,8 +7,10 @@ import { foreignBasic, foreignCookie, foreignOpen } from "./foreign.mjs";
 import { compare, controls, live } from "./looks.mjs";
 import { save, settings } from "./settings.mjs";
 import { shading, speed } from "./speed.mjs";
+import { fault, source, traffic, visitor } from "./visitor.mjs";
 
-const SCENARIOS = { live, controls, settings, compare, save, shading, speed, login, restart, foreignOpen, foreignBasic, foreignCookie, calibrate };
+const SCENARIOS = { live, controls, settings, compare, save, shading, speed, login, restart, foreignOpen, foreignBasic, foreignCookie, calibrate,
+  fault, source, traffic, visitor };
 const [scenario, url, token] = process.argv.slice(2);
 
 const browser = await launch();

@@ -4,19 +4,23 @@ import { Hemilux } from "/client.js";
 import { Calibration } from "./calibration.js";
 import { Burst } from "./burst.js";
 import { Comparison } from "./compare.js";
-import { fetchMap, fetchMask } from "./map.js";
+import { Download } from "./download.js";
+import { fixed } from "./figures.js";
+import { continued, fetchMap, fetchMask } from "./map.js";
 import { Numbers } from "./numbers.js";
 import { Scene } from "./scene.js";
 import { Settings } from "./settings.js";
 import { Sky } from "./sky.js";
+import { useIt } from "./snippets.js";
+import { SourceChoice } from "./source.js";
 import { Table } from "./table.js";
 import { Times } from "./times.js";
 
 /** Most lights that the page takes: more could not be told apart. */
 const LIGHTS = 512;
 
-/** Pauses between two maps, two masks and two looks at the status, ms. */
-const MAP_PAUSE = 150, MASK_PAUSE = 1000, STATUS_PAUSE = 1000;
+/** Pauses between two maps, two masks, two looks at the status and two at the exposures, ms. */
+const MAP_PAUSE = 400, MASK_PAUSE = 1000, STATUS_PAUSE = 1000, BURST_PAUSE = 3000;
 
 /** Longest time that all else waits for the sky, ms. */
 const SKY_FIRST = 1000;
@@ -36,17 +40,23 @@ const comparison = new Comparison({
   names: [by("compare-first"), by("compare-second")], rows: by("compare-rows"), history: by("compare-history"),
 });
 
+const source = new SourceChoice(by("source"), by("source-text"), () => look());
+const download = new Download({
+  form: by("set-form"), lights: by("set-count"), lightsError: by("set-count-error"), set: by("set-link"), setText: by("set-text"),
+  mapForm: by("map-form"), covers: by("map-covers"), width: by("map-width"), map: by("map-link"), mapText: by("map-text"),
+});
+
 /** Resolves the promises of `ready`. */
 const wakeUp = [];
 
 /** `mayAll`: whether pictures and changes are for us, null before that is known. */
-let probe = null, scene = null, status = null, mayAll = null, changed = -1, shown = () => {};
+let probe = null, scene = null, status = null, answers = false, mayAll = null, changed = -1, shown = () => {};
 
 function connect() {
   if (probe || document.hidden) return;
   probe = new Hemilux(location.origin, { ambient: "own", lights: LIGHTS });
   probe.addEventListener("set", ({ detail: set }) => take(set));
-  probe.addEventListener("state", ({ detail: state }) => tell(state));
+  probe.addEventListener("state", ({ detail: state }) => { tell(state); if (state === "lost") look(); });
 }
 
 function take(set) {
@@ -68,9 +78,15 @@ function count(set) {
 
 function tell(state) {
   const set = probe?.latest, stale = set?.stale;
-  const [word, text] = state === "live" ? ["Live", ""]
-    : state === "stale" ? ["Stale", `the last frame is ${(stale.age_ms / 1000).toFixed(1)} s old: ${stale.reason}`]
-    : ["Lost", set ? "the probe does not answer; what you see is its last word. Trying again…" : "the probe does not answer. Trying again…"];
+  // A probe without a camera answers, and has no set to send.
+  if (state === "lost" && answers) state = status.fault || !status.last ? "fault" : "again";
+  const [word, text] = {
+    live: () => ["Live", ""],
+    stale: () => ["Stale", `the last frame is ${fixed(stale.age_ms / 1000, 1)} s old: ${stale.reason}`],
+    fault: () => ["No light", status.fault ?? "the probe answers and waits for its first frame."],
+    again: () => ["Connecting", "the probe answers; the stream of its lights begins again."],
+    lost: () => ["Lost", set ? "the probe does not answer; what you see is its last word. Trying again…" : "the probe does not answer. Trying again…"],
+  }[state]();
   const isNew = by("state").dataset.state !== state;
   by("state").dataset.state = document.body.dataset.state = state;
   by("state-word").textContent = word;
@@ -104,16 +120,22 @@ async function look() {
   let found;
   try {
     const answer = await fetch("/v1/status", { cache: "no-store" });
-    if (!answer.ok) return;
+    if (!answer.ok) throw new Error(answer.statusText);
     found = await answer.json();
-  } catch { return; }
+    answers = true;
+  } catch {
+    answers = false;
+    if (probe?.state === "lost") tell("lost");
+    return;
+  }
   const isNewRun = status?.run !== found.run;
   status = found;
   numbers.status(found);
   times.status(found);
+  source.name = download.source = found.source;
   if (mayAll !== found.allowed) {
     mayAll = found.allowed;
-    settings.locked = comparison.locked = calibration.locked = !mayAll;
+    settings.locked = comparison.locked = calibration.locked = source.locked = download.locked = !mayAll;
     by("login").hidden = mayAll;
     if (!mayAll) forget();
     wake();
@@ -122,7 +144,7 @@ async function look() {
     await settings.load();
     changed = found.changes;
   }
-  if (isNewRun && probe) tell(probe.state);
+  if (probe && (isNewRun || probe.state !== "stale")) tell(probe.state);
 }
 
 /** Pictures that may not be seen are not kept on the screen. */
@@ -206,7 +228,13 @@ function controls() {
   }
   by("show-shadows").addEventListener("change", e => scene?.set({ shadows: e.target.value }));
   settings.addEventListener("denied", look);
-  settings.addEventListener("changed", ({ detail }) => { comparison.samplers = detail.sampler.enum; });
+  settings.addEventListener("changed", ({ detail }) => {
+    comparison.samplers = detail.sampler.enum;
+    // Without the debug picture there is nothing to see there: the link leads to its switch.
+    by("screenshot").href = detail.gui.value ? "/screenshot" : "#set-gui";
+  });
+  by("screenshot").addEventListener("click", () => { if (by("screenshot").hash) by("group-other").open = true; });
+  useIt({ choice: by("use-choice"), note: by("use-note"), text: by("use-text"), copy: by("use-copy"), told: by("use-told") });
   comparison.addEventListener("denied", look);
   comparison.addEventListener("pair", showPair);
   comparison.addEventListener("end", showOne);
@@ -217,7 +245,7 @@ function controls() {
 }
 
 controls();
-settings.locked = comparison.locked = true;
+settings.locked = comparison.locked = source.locked = download.locked = true;
 connect();
 look();
 setInterval(() => { if (!document.hidden) look(); }, STATUS_PAUSE);
@@ -225,13 +253,13 @@ repeat(MAP_PAUSE, async () => {
   const map = await fetchMap();
   if (!map || !mayAll) return;
   skies(one => { one.map = map; });
-  if (scene) scene.map = map;
+  if (scene) scene.map = continued(map);
   else requestAnimationFrame(() => setTimeout(shown));
 });
 // The sky is shown first, where there is one to be had: without a GPU the scene is long in the making, and the probe makes one picture at a time.
 Promise.race([new Promise(done => { shown = done; }), sleep(SKY_FIRST)]).then(() => {
   repeat(MASK_PAUSE, async () => { const mask = await fetchMask(); if (mask && mayAll) skies(one => { one.mask = mask; }); });
   repeat(MAP_PAUSE, () => calibration.refresh());
-  repeat(2 * STATUS_PAUSE, () => burst.load());
+  repeat(BURST_PAUSE, () => burst.load());
   setTimeout(lightScene);
 });

@@ -1,5 +1,10 @@
 // The pictures of a burst, shortest exposure first.
 
+import { duration } from "./figures.js";
+
+/** Width of the pictures, pixels: a click shows them whole. */
+const WIDTH = 320;
+
 export class Burst {
   #box; #urls = [];
 
@@ -8,7 +13,7 @@ export class Burst {
   /** Fetches all of them, one after the other: the probe makes one at a time. */
   async load() {
     for (let i = 0, count = 1; i < count; i++) {
-      const answer = await fetch(`/v1/image/${i}`, { cache: "no-store" });
+      const answer = await fetch(`/v1/image/${i}?width=${WIDTH}`, { cache: "no-store" });
       if (answer.status === 401) throw new Error("not allowed");
       if (!answer.ok) return;
       count = Number(answer.headers.get("hemilux-exposures")) || 1;
@@ -24,7 +29,7 @@ export class Burst {
   }
 
   #show(i, blob, seconds) {
-    const text = `${Number((1000 * seconds).toPrecision(3))} ms`;
+    const text = duration(seconds);
     if (!this.#box.children[i]) {
       const figure = document.createElement("figure"), link = document.createElement("a");
       Object.assign(link, { href: `/v1/image/${i}`, target: "_blank" });

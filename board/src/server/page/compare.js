@@ -4,7 +4,13 @@ import { mix } from "/client.js";
 import { curves, element, milliseconds, niceAbove, percent } from "./figures.js";
 
 /** Pause before asking again where another comparison or the probe's start is in the way, ms, and after a change of the choice. */
-const PAUSE = 300, TYPING = 350;
+const PAUSE = 2000, TYPING = 350;
+
+/** Time for which the probe keeps a sampler after its last client, ms: a choice of our own waits for it, or it would be refused. */
+const HELD = 650;
+
+/** Most lights of the other sampler. */
+const MOST = 2048;
 
 /** Pairs that the history shows; part that the newest has in the smoothed flicker. */
 const KEPT = 300, SMOOTHING = 0.1;
@@ -26,7 +32,7 @@ export class Comparison extends EventTarget {
   /** The newest pair of sets, or null. */
   pair = null;
   #parts; #cells = []; #previous = null; #arrived = 0; #interval = 100; #flicker = [null, null]; #history = [];
-  #turn = 0; #timer = 0; #run = null;
+  #turn = 0; #timer = 0; #run = null; #asking = null; #ended = -HELD; #asked = "";
 
   /** `parts`: the controls `on`, `sampler`, `lights`, and where to write: `error`, `result`, `names`, `rows`, `history`. Dispatches "pair" and "end". */
   constructor(parts) {
@@ -80,15 +86,27 @@ export class Comparison extends EventTarget {
     this.#flicker = [null, null];
     this.#history = [];
     this.#fail("");
+    this.#asking?.abort();
+    const { sampler, lights } = this.#parts, wrong = this.isOn && unfit(lights);
+    if (wrong) {
+      this.#fail(wrong);
+      return this.#end();
+    }
     while (turn === this.#turn && this.isOn) {
-      while (document.hidden) await new Promise(done => setTimeout(done, PAUSE));
-      const [state, answer] = await ask(this.#parts.sampler.value, this.#parts.lights.value, this.pair?.frame);
+      while (document.hidden) await sleep(PAUSE);
+      const choice = `${sampler.value} ${lights.value}`;
+      if (this.#asked && this.#asked !== choice) await sleep(this.#ended + HELD - performance.now());
+      if (turn !== this.#turn) return;
+      this.#asked = choice;
+      this.#asking = new AbortController();
+      const [state, answer] = await ask(sampler.value, lights.value, this.pair?.frame, this.#asking.signal);
+      this.#ended = performance.now();
       if (turn !== this.#turn) return;
       if (state === 200) { this.#take(answer); continue; }
       this.#fail(state === 400 ? answer.split(". Accepted")[0] : answer);
       if (state === 401) this.dispatchEvent(new Event("denied"));
       if (state === 400 || state === 401 || state === 403) break;
-      await new Promise(done => setTimeout(done, PAUSE));
+      await sleep(PAUSE);
     }
     if (turn === this.#turn) this.#end();
   }
@@ -151,11 +169,19 @@ export class Comparison extends EventTarget {
   }
 }
 
+const sleep = ms => new Promise(done => setTimeout(done, Math.max(0, ms)));
+
+/** What is wrong with the number of lights. */
+function unfit({ value, validity }) {
+  const isRight = !validity.badInput && /^\d+$/.test(value) && value >= 1 && value <= MOST;
+  return isRight ? "" : `found lights '${validity.badInput ? "no number" : value}', expected 1 to ${MOST}`;
+}
+
 /** Status and answer: a pair, or one line of text. */
-async function ask(algorithm, lights, after) {
+async function ask(algorithm, lights, after, signal) {
   const query = new URLSearchParams({ algorithm, lights, ...(after === undefined ? {} : { after }) });
   try {
-    const answer = await fetch(`/v1/compare?${query}`, { cache: "no-store" });
+    const answer = await fetch(`/v1/compare?${query}`, { cache: "no-store", signal });
     return [answer.status, answer.ok ? await answer.json() : (await answer.text()).trim()];
   } catch {
     return [0, "The probe does not answer."];

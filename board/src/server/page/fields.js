@@ -17,9 +17,10 @@ export function field(name, schema, change) {
     error.textContent = text;
     control.parts.forEach(part => part.setAttribute("aria-invalid", String(Boolean(text))));
   };
-  let shown, isLocked = false, isFixed = false;
+  let known = schema, shown, isLocked = false, isFixed = false;
   const lock = () => control.parts.forEach(part => { part.disabled = isLocked || isFixed; });
   const show = (schema, isBusy) => {
+    known = schema;
     box.classList.toggle("unused", !schema.in_use);
     const why = schema.readOnly ? `Fixed: ${schema.reason}.` : "";
     hint.textContent = [schema.description, range(schema), why].filter(Boolean).join(" ");
@@ -34,9 +35,21 @@ export function field(name, schema, change) {
   };
   const reveal = () => { const group = box.closest("details"); if (group) group.open = true; };
   return {
-    box, fail, show, reveal, isList: [].concat(schema.type).includes("array"), get text() { return error.textContent; },
+    box, fail, show, reveal, wrong: value => wrong(value, known, control.parts[0]), get text() { return error.textContent; },
     set locked(locked) { isLocked = locked; lock(); },
   };
+}
+
+/** What is wrong with a value, in a line that says what was found and what is expected; empty where nothing is. */
+function wrong(value, schema, { value: text, validity }) {
+  const { items, minimum: least, maximum: most, unit = "" } = { ...schema, ...schema.items }, isWhole = [].concat(schema.type).includes("integer");
+  if (schema.enum || value === null || typeof value === "boolean") return "";
+  const expected = items || schema.items ? `1 to ${schema.maxItems} rising numbers from ${least} to ${most} ${unit} with commas between them, or nothing`
+    : `${isWhole ? "a whole number" : "a number"} from ${least} to ${most} ${unit}`;
+  const isIn = v => v >= least && v <= most && (!isWhole || Number.isInteger(v));
+  const isRight = value !== undefined && [].concat(value).every(isIn)
+    && (!Array.isArray(value) || value.length <= schema.maxItems && value.every((v, i) => i === 0 || v > value[i - 1]));
+  return isRight ? "" : `found ${validity.badInput ? "no number" : text === "" ? "nothing" : text}, expected ${expected}`.trim();
 }
 
 function range({ minimum, maximum, unit, items, maxItems }) {

@@ -2,14 +2,31 @@
 
 import { penOf } from "./quality.js";
 
+/** `v` with so many figures, no more than 8 decimals and without an exponent; what comes to zero has no sign. */
+export function figures(v, count = 3) {
+  if (!Number.isFinite(v)) return "–";
+  if (v === 0) return "0";
+  const decimals = Math.min(8, Math.max(0, count - 1 - Math.floor(Math.log10(Math.abs(v)) + 1e-9)));
+  return fixed(v, decimals);
+}
+
+/** `v` with so many decimals, without the sign of a zero. */
+export const fixed = (v, decimals) => v.toFixed(decimals).replace(/^-(0(\.0*)?)$/, "$1");
+
+/** A time in seconds, in the unit that suits it. */
+export function duration(seconds) {
+  const [value, unit] = seconds >= 1 || seconds === 0 ? [seconds, "s"] : seconds >= 1e-3 ? [1e3 * seconds, "ms"] : [1e6 * seconds, "µs"];
+  return `${Number(figures(value))} ${unit}`;
+}
+
 /** A ratio in per cent, without the sign; what is next to nothing is not spelled out. */
-export const percent = v => v > 0 && v < 1e-5 ? "<0.001" : (100 * v).toPrecision(100 * v >= 9.95 ? 3 : 2);
+export const percent = v => v === 0 ? "0" : v > 0 && v < 1e-5 ? "<0.001" : figures(100 * v, 100 * v >= 9.95 ? 3 : 2);
 
 /** Microseconds in milliseconds. */
-export const milliseconds = us => us >= 1e5 ? (us / 1000).toFixed(0) : us === 0 ? "0" : (us / 1000).toPrecision(us >= 1000 ? 3 : 2);
+export const milliseconds = us => figures(us / 1000, us >= 1000 ? 3 : 2);
 
 /** Three figures. */
-export const short = v => v === 0 ? "0" : Math.abs(v) >= 1e5 || Math.abs(v) < 1e-3 ? v.toExponential(2) : v.toPrecision(3);
+export const short = v => v !== 0 && (Math.abs(v) >= 1e6 || Math.abs(v) < 1e-3) ? v.toExponential(2) : figures(v);
 
 /** A round number, not far above `v`. */
 export function niceAbove(v) {

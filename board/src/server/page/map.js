@@ -3,73 +3,54 @@
 
 /** @typedef {{width: number, height: number, texels: Float32Array}} Map rows of three floats a texel */
 
+/** Radiance of a code over the mean's: what /v1/map.jpg says. */
+const RATIOS = Float32Array.from({ length: 256 }, (_, code) => (code / Math.max(0.5, 255 - code)) ** 2);
+
 /** Fetches the map, or null where the probe has none yet. Throws when it may not be seen. */
 export async function fetchMap() {
-  const answer = await fetch("/v1/map.hdr", { cache: "no-store" });
+  const answer = await fetch("/v1/map.jpg", { cache: "no-store" });
   if (!answer.ok) return refused(answer);
-  const sphere = decodeRadiance(new Uint8Array(await answer.arrayBuffer()));
-  const height = sphere.height >> 1;
-  return { width: sphere.width, height, texels: sphere.texels.subarray(0, 3 * sphere.width * height) };
+  const grey = Number(answer.headers.get("hemilux-grey")) || 1, { width, height, data } = await pixels(await answer.blob());
+  const texels = new Float32Array(3 * width * height);
+  for (let i = 0, k = 0; i < data.length; i += 4, k += 3) {
+    for (let c = 0; c < 3; c++) texels[k + c] = grey * RATIOS[data[i + c]];
+  }
+  return { width, height, texels };
+}
+
+/** The codes of a picture as they are in the file. */
+async function pixels(blob) {
+  const picture = await createImageBitmap(blob, { colorSpaceConversion: "none" }), { width, height } = picture;
+  const pen = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
+  pen.drawImage(picture, 0, 0);
+  picture.close();
+  return { width, height, data: pen.getImageData(0, 0, width, height).data };
+}
+
+/** The map with what the lens does not see continued from what it sees, for a background: each texel without light has that of the one above. */
+export function continued({ width, height, texels }) {
+  const filled = texels.slice();
+  for (let i = 3 * width; i < filled.length; i += 3) {
+    // Codes next to black are what the JPEG makes of its edge.
+    if (luminance(filled[i], filled[i + 1], filled[i + 2]) < 1e-3 * luminance(filled[i - 3 * width], filled[i + 1 - 3 * width], filled[i + 2 - 3 * width])) {
+      filled.copyWithin(i, i - 3 * width, i - 3 * width + 3);
+    }
+  }
+  return { width, height, texels: filled };
 }
 
 /** Fetches the mask: for each texel 0 unseen, 128 seen, 255 clipped. */
 export async function fetchMask() {
   const answer = await fetch("/v1/mask.png", { cache: "no-store" });
   if (!answer.ok) return refused(answer);
-  const picture = await createImageBitmap(await answer.blob(), { colorSpaceConversion: "none" });
-  const { width, height } = picture;
-  const pen = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
-  pen.drawImage(picture, 0, 0);
-  const codes = new Uint8Array(width * height), pixels = pen.getImageData(0, 0, width, height).data;
-  for (let i = 0; i < codes.length; i++) codes[i] = pixels[4 * i];
+  const { width, height, data } = await pixels(await answer.blob()), codes = new Uint8Array(width * height);
+  for (let i = 0; i < codes.length; i++) codes[i] = data[4 * i];
   return { width, height, codes };
 }
 
 function refused(answer) {
   if (answer.status === 401 || answer.status === 403) throw new Error("not allowed");
   return null;
-}
-
-/** Radiance's RGBE format [Ward 1991], rows run-length coded or flat, top row first. */
-export function decodeRadiance(bytes) {
-  let at = 0;
-  const line = () => {
-    const end = bytes.indexOf(10, at);
-    if (end < 0) throw new Error("a Radiance file without an end of line");
-    const text = String.fromCharCode(...bytes.subarray(at, end));
-    at = end + 1;
-    return text;
-  };
-  while (line() !== "");
-  const [, height, width] = (/^-Y (\d+) \+X (\d+)$/.exec(line()) ?? []).map(Number);
-  if (!(width > 0 && height > 0 && width * height <= 1 << 24)) throw new Error("a Radiance file of another size or orientation");
-  const texels = new Float32Array(3 * width * height), row = new Uint8Array(4 * width);
-  for (let y = 0; y < height; y++) {
-    at = readRow(bytes, at, row, width);
-    for (let x = 0; x < width; x++) {
-      const e = row[4 * x + 3], scale = e ? 2 ** (e - 136) : 0;
-      for (let c = 0; c < 3; c++) texels[3 * (y * width + x) + c] = row[4 * x + c] * scale;
-    }
-  }
-  return { width, height, texels };
-}
-
-function readRow(bytes, at, row, width) {
-  const coded = bytes[at] === 2 && bytes[at + 1] === 2 && (bytes[at + 2] << 8 | bytes[at + 3]) === width;
-  if (!coded) {
-    row.set(bytes.subarray(at, at + row.length));
-    return at + row.length;
-  }
-  at += 4;
-  for (let c = 0; c < 4; c++) {
-    for (let x = 0; x < width;) {
-      const code = bytes[at++], run = code > 128, count = run ? code - 128 : code;
-      if (!(count > 0) || x + count > width) throw new Error("a Radiance file with a broken row");
-      for (let i = 0; i < count; i++, x++) row[4 * x + c] = bytes[run ? at : at + i];
-      at += run ? 1 : count;
-    }
-  }
-  return at;
 }
 
 export const luminance = (r, g, b) => 0.2126 * r + 0.7152 * g + 0.0722 * b;

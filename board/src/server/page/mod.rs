@@ -1,10 +1,10 @@
 //! The page: files that are part of the program, served as they are. `app.js` is where to begin to read.
 
+use super::files::File;
 use super::line;
 use axum::extract::Path;
-use axum::http::StatusCode;
-use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE};
-use axum::response::{IntoResponse, Response};
+use axum::http::{HeaderMap, StatusCode};
+use axum::response::Response;
 
 const HTML: &str = "text/html; charset=utf-8";
 const CSS: &str = "text/css; charset=utf-8";
@@ -13,10 +13,12 @@ const SVG: &str = "image/svg+xml";
 
 /// A file of the page by name, with its content type.
 macro_rules! files {
-    ($($name:literal: $kind:expr),* $(,)?) => { &[$(($name, $kind, include_str!($name))),*] };
+    ($($name:literal: $kind:expr),* $(,)?) => { [$(($name, File::new($kind, include_str!($name)))),*] };
 }
 
-static FILES: &[(&str, &str, &str)] = files! {
+static INDEX: File = File::new(HTML, include_str!("index.html"));
+
+static FILES: [(&str, File); 25] = files! {
     "style.css": CSS,
     "icon.svg": SVG,
     "app.js": JAVASCRIPT,
@@ -24,6 +26,7 @@ static FILES: &[(&str, &str, &str)] = files! {
     "calibration.js": JAVASCRIPT,
     "outline.js": JAVASCRIPT,
     "compare.js": JAVASCRIPT,
+    "download.js": JAVASCRIPT,
     "fields.js": JAVASCRIPT,
     "figures.js": JAVASCRIPT,
     "irradiance.js": JAVASCRIPT,
@@ -37,24 +40,21 @@ static FILES: &[(&str, &str, &str)] = files! {
     "shaders.js": JAVASCRIPT,
     "shapes.js": JAVASCRIPT,
     "sky.js": JAVASCRIPT,
+    "snippets.js": JAVASCRIPT,
+    "source.js": JAVASCRIPT,
     "table.js": JAVASCRIPT,
     "times.js": JAVASCRIPT,
 };
 
 /// The page itself.
-pub(super) async fn index() -> Response {
-    file(HTML, include_str!("index.html"))
+pub(super) async fn index(headers: HeaderMap) -> Response {
+    INDEX.answer(&headers)
 }
 
 /// `/page/NAME`: what it is made of.
-pub(super) async fn part(Path(name): Path<String>) -> Response {
-    match FILES.iter().find(|(known, ..)| *known == name) {
-        Some((_, kind, content)) => file(kind, content),
+pub(super) async fn part(Path(name): Path<String>, headers: HeaderMap) -> Response {
+    match FILES.iter().find(|(known, _)| *known == name) {
+        Some((_, file)) => file.answer(&headers),
         None => line(StatusCode::NOT_FOUND, "no such part of the page"),
     }
-}
-
-/// A file that browsers ask for anew each time: it changes with the program.
-fn file(kind: &'static str, content: &'static str) -> Response {
-    ([(CONTENT_TYPE, kind), (CACHE_CONTROL, "no-cache")], content).into_response()
 }

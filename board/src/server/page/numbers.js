@@ -1,13 +1,16 @@
 // The figures that tell how well the probe does.
 
-import { element, milliseconds, percent, short } from "./figures.js";
+import { duration, element, fixed, percent, short } from "./figures.js";
 import { luminance } from "./map.js";
 
 /** Part that the newest frame has in the smoothed flicker. */
 const SMOOTHING = 0.05;
 
+/** What the estimate is of. */
+const ESTIMATED = "of shadows, against the mean";
+
 const TILES = [
-  ["error", "Estimated error", "shadowed, of the mean"],
+  ["error", "Estimated error", ESTIMATED],
   ["lights", "Lights", ""],
   ["rate", "Frames", ""],
   ["latency", "Latency", "from burst to set"],
@@ -46,22 +49,22 @@ export class Numbers {
       this.#receivers = this.#flicker = null;
     }
     this.#follow(set.lights);
-    this.#tile("error", set.estimated_error === null ? "–" : percent(set.estimated_error), set.estimated_error === null ? "" : "%",
-      set.estimated_error === null ? `${set.sampler} does not estimate it` : undefined);
+    const isEstimated = set.estimated_error !== null;
+    this.#tile("error", isEstimated ? percent(set.estimated_error) : "–", isEstimated ? "%" : "", isEstimated ? ESTIMATED : `${set.sampler} does not estimate it`);
     const total = luminance(...set.horizontal_irradiance);
     this.#tile("illuminance", short(total), set.unit === "lux" ? "lx" : "rel.");
     this.#tile("flicker", this.#flicker === null ? "–" : percent(this.#flicker), this.#flicker === null ? "" : "%");
     this.#tile("clipped", percent(set.clipped), "%");
     this.#values.get("clipped").classList.toggle("warn", set.clipped > 0);
     this.#tile("unseen", percent(set.unseen), "%");
-    this.#tile("latency", milliseconds(set.latency_us.total), "ms");
+    this.#tile("latency", ...duration(set.latency_us.total / 1e6).split(" "));
   }
 
   /** `/v1/status`. */
   status({ last, streams, connections, source }) {
-    this.#tile("clients", streams, "", `${streams === 1 ? "stream" : "streams"}, ${connections} connections`);
+    this.#tile("clients", streams, "", `${streams === 1 ? "stream" : "streams"}, ${connections} ${connections === 1 ? "connection" : "connections"}`);
     if (!last) return;
-    this.#tile("rate", last.rate_hz.toFixed(1), "/s", source);
+    this.#tile("rate", fixed(last.rate_hz, 1), "/s", source);
   }
 
   /** Lights of the newest set; `requested` is the probe's setting. */
@@ -72,7 +75,9 @@ export class Numbers {
   #tile(id, value, unit, note) {
     const box = this.#values.get(id), text = `${value}${unit ? ` ${unit}` : ""}`;
     if (box.textContent !== text) box.replaceChildren(String(value), ...(unit ? [element("small", ` ${unit}`)] : []));
-    if (note !== undefined && this.#notes.get(id).textContent !== note) this.#notes.get(id).textContent = note;
+    const small = this.#notes.get(id);
+    // A long name is cut short, and whole where it is pointed at.
+    if (note !== undefined && small.textContent !== note) small.textContent = small.title = note;
   }
 
   /** RMS over normals of what their irradiance changed by, over its mean. */

@@ -3,8 +3,8 @@
 /** From the dearest to the cheapest: lights with shadows, samples of each, pixels per pixel of the screen, lights with highlights. */
 export const LADDER = [
   { shadows: 32, taps: 8, scale: 1, glossy: 64 }, { shadows: 16, taps: 8, scale: 1, glossy: 64 }, { shadows: 8, taps: 6, scale: 1, glossy: 64 },
-  { shadows: 4, taps: 4, scale: 1, glossy: 64 }, { shadows: 1, taps: 2, scale: 1, glossy: 16 }, { shadows: 0, taps: 1, scale: 1, glossy: 16 },
-  { shadows: 0, taps: 1, scale: 1, glossy: 6 }, { shadows: 0, taps: 1, scale: 0.7, glossy: 6 }, { shadows: 0, taps: 1, scale: 0.5, glossy: 6 },
+  { shadows: 4, taps: 4, scale: 1, glossy: 64 }, { shadows: 1, taps: 2, scale: 1, glossy: 16 }, { shadows: 1, taps: 1, scale: 1, glossy: 6 },
+  { shadows: 1, taps: 1, scale: 0.7, glossy: 6 }, { shadows: 0, taps: 1, scale: 0.7, glossy: 6 }, { shadows: 0, taps: 1, scale: 0.5, glossy: 6 },
 ];
 
 /** Frame times that are too long and those that leave room, ms; without a GPU less is expected, and the processor left some air. */

@@ -70,7 +70,8 @@ export class Settings extends EventTarget {
   }
 
   async #send(name, value) {
-    if (value === undefined) return this.#fields.get(name).fail(`found ${this.#fields.get(name).isList ? "something else, expected numbers" : "no number"}`);
+    const wrong = this.#fields.get(name).wrong(value);
+    if (wrong) return this.#fields.get(name).fail(wrong);
     const serial = ++this.#serial;
     for (const field of this.#fields.values()) field.fail("");
     this.#say("");

@@ -160,8 +160,8 @@ out vec4 result;
 void main() {
   vec3 v = normalize(d), dark = mix(vec3(0.075, 0.075, 0.085), vec3(0.13, 0.13, 0.15), smoothstep(-0.4, 0.4, v.z));
   vec4 above = textureLod(disc, 0.5 + 0.5 * v.xy * inversesqrt(1.0 + max(v.z, 0.0)), 0.0);
-  // What the lens does not see has no colour of its own.
-  above *= known * smoothstep(-0.02, 0.015, v.z);
+  // Below the horizon the map goes on as its own reflection and fades.
+  above *= known * smoothstep(-0.5, 0.0, v.z);
   result = vec4(dark * (1.0 - above.a) + above.rgb, 1.0);
 }`,
 };

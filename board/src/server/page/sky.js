@@ -1,5 +1,6 @@
 // The sky: the tone-mapped map in one of two views, marks, and the lights as dots that can be pointed at.
 
+import { fixed, short } from "./figures.js";
 import { adaptation, luminance, screenColour, toneMap } from "./map.js";
 import { hatch, lens, paint, plan, polar } from "./projection.js";
 import { penOf } from "./quality.js";
@@ -227,7 +228,7 @@ export class Sky {
     this.#tip.hidden = !light;
     if (!light) return;
     const total = this.#lights.reduce((sum, l) => sum + luminance(...l.irradiance), 0) || 1;
-    const { elevation, azimuth } = angles(light.direction), [r, g, b] = light.irradiance.map(v => v.toPrecision(3));
+    const { elevation, azimuth } = angles(light.direction), [r, g, b] = light.irradiance.map(short);
     const text = `light ${light.id}\n${(100 * luminance(...light.irradiance) / total).toFixed(1)} % of the energy\n` +
       `elevation ${elevation}, azimuth ${azimuth}\nirradiance ${r} ${g} ${b}\nradius ${light.radius_deg.toFixed(1)}°, age ${light.age}`;
     if (this.#tip.textContent !== text) this.#tip.textContent = text;
@@ -247,5 +248,5 @@ function put(canvas, image) {
 
 /** Elevation above the horizon and azimuth from +X towards +Y, in words. */
 export function angles([x, y, z]) {
-  return { elevation: `${degrees(Math.asin(Math.min(1, Math.max(-1, z)))).toFixed(1)}°`, azimuth: `${degrees(Math.atan2(y, x)).toFixed(1)}°` };
+  return { elevation: `${fixed(degrees(Math.asin(Math.min(1, Math.max(-1, z)))), 1)}°`, azimuth: `${fixed(degrees(Math.atan2(y, x)), 1)}°` };
 }

@@ -1,5 +1,6 @@
 // The lights in words and figures, strongest first; made only while it is open.
 
+import { fixed, short } from "./figures.js";
 import { luminance, screenColour } from "./map.js";
 import { angles } from "./sky.js";
 
@@ -32,8 +33,8 @@ export class Table {
 
 function row(light, total) {
   const line = document.createElement("tr"), { elevation, azimuth } = angles(light.direction);
-  const cells = [light.id, elevation, azimuth, `${(100 * luminance(...light.irradiance) / total).toFixed(1)} %`,
-    ...light.irradiance.map(v => v.toPrecision(3)), `${light.radius_deg.toFixed(1)}°`, light.age];
+  const cells = [light.id, elevation, azimuth, `${fixed(100 * luminance(...light.irradiance) / total, 1)} %`,
+    ...light.irradiance.map(short), `${light.radius_deg.toFixed(1)}°`, light.age];
   for (const text of cells) line.insertCell().textContent = text;
   line.cells[0].style.borderInlineStart = `.6rem solid ${screenColour(light.irradiance)}`;
   return line;

@@ -1,6 +1,6 @@
 // How long each stage takes, against its budget: a bar, a curve of the last frames, and how often it was too long.
 
-import { curves, element, milliseconds, niceAbove } from "./figures.js";
+import { curves, duration, element, figures, milliseconds, niceAbove } from "./figures.js";
 
 /** Frames that the curves show, and the time between two drawings of them, ms. */
 const KEPT = 300, PAUSE = 150;
@@ -54,8 +54,8 @@ export class Times {
     // Curves ask for their size: what changes it is written before.
     for (const [stage, row] of this.#rows) this.#draw(stage, row);
     const period = this.#rate > 0 ? 1e6 / this.#rate : null;
-    this.#sum.textContent = `${milliseconds(us.total)} ms from the end of the burst to the finished set` +
-      (period ? `, ${(100 * us.total / period).toFixed(0)} % of the ${milliseconds(period)} ms between frames.` : ".");
+    this.#sum.textContent = `${duration(us.total / 1e6)} from the end of the burst to the finished set` +
+      (period ? `, ${(100 * us.total / period).toFixed(0)} % of the ${duration(period / 1e6)} between frames.` : ".");
   }
 
   #show(stage, { row, part, tick, now }, us, isOver) {
@@ -81,14 +81,14 @@ export class Times {
       if (!row) continue;
       this.#budgets[stage] = budget_us;
       write(row.most, `${milliseconds(p95_us)} ms`);
-      write(row.budget, ` / ${Number((budget_us / 1000).toPrecision(4))} ms`);
+      write(row.budget, ` / ${milliseconds(budget_us).replace(/\.0+$/, "")} ms`);
       write(row.over, overruns === 0 ? "never" : `${share(overruns / Math.max(1, frames))} %`);
       row.row.title = `since the start, ${frames} frames: half within ${milliseconds(p50_us)} ms, 95 % ${milliseconds(p95_us)}, 99 % ${milliseconds(p99_us)}, all ${milliseconds(max_us)}; ${overruns} over budget`;
     }
   }
 }
 
-const share = v => 100 * v >= 10 ? (100 * v).toFixed(0) : (100 * v).toPrecision(1);
+const share = v => figures(100 * v, 100 * v >= 10 ? 2 : 1);
 
 function write(box, text) {
   if (box.textContent !== text) box.textContent = text;

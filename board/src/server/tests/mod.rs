@@ -5,7 +5,9 @@ mod compare;
 mod openapi;
 mod pictures;
 mod security;
+mod sources;
 mod thesis;
+mod transport;
 mod v1;
 mod whole;
 

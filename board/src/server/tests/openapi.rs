@@ -71,8 +71,8 @@ async fn what_is_described_as_protected_is() {
         }
     }
     assert_eq!(
-        protected, 15,
-        "two ways to change, the config, the comparison, two of the calibration, and nine with pictures"
+        protected, 17,
+        "two ways to change, the config, the source, the comparison, two of the calibration, and ten with pictures"
     );
 }
 
@@ -107,7 +107,7 @@ async fn every_parameter_that_is_taken_is_described() {
     let document = document();
     let probe = probe(usize::MAX);
     let app = routes(&probe);
-    for path in ["/change", "/v1/compare", "/v1/lights"] {
+    for path in ["/change", "/v1/compare", "/v1/lights", "/v1/map.png", "/v1/map.exr", "/v1/map.hdr"] {
         let (_, _, text) = get(&app, &format!("{path}?x=1")).await;
         let (_, accepted) = text.split_once("Accepted:\n").unwrap_or_else(|| panic!("{path}: {text}"));
         let names = accepted.lines().filter_map(|l| l.split_once('=')).map(|(name, _)| name);
@@ -135,6 +135,7 @@ async fn answers_have_what_their_schemas_name() {
         ("/v1/compare?algorithm=q2tree", "Comparison"),
         ("/v1/xr", "Estimate"),
         ("/v1/calibration", "CalibrationState"),
+        ("/v1/source", "Sources"),
     ] {
         let got = fetch(&app, "GET", path, &[], "").await;
         check(&document, &document["components"]["schemas"][schema], &got.json(), schema);

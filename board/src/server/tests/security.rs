@@ -7,7 +7,7 @@ const SECRET: &str = "correct-horse-battery";
 const BASIC: [&str; 2] =
     ["Basic OmNvcnJlY3QtaG9yc2UtYmF0dGVyeQ==", "Basic YW55Ym9keTpjb3JyZWN0LWhvcnNlLWJhdHRlcnk="];
 /// What changes state or shows pictures.
-const PROTECTED: [(&str, &str); 11] = [
+const PROTECTED: [(&str, &str); 12] = [
     ("GET", "/change?samples=20"),
     ("GET", "/image"),
     ("GET", "/image?0"),
@@ -18,6 +18,7 @@ const PROTECTED: [(&str, &str); 11] = [
     ("GET", "/v1/map.exr"),
     ("GET", "/v1/map.hdr"),
     ("GET", "/v1/mask.png"),
+    ("GET", "/v1/map.jpg"),
     ("PATCH", "/v1/config"),
 ];
 

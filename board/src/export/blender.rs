@@ -1,0 +1,64 @@
+//! A script for Blender's text editor: one sun for each light, kept by the light's id.
+
+use super::{Emission, Numbers, Text, emission, notes};
+use hemilux_core::wire::{LightSet, Unit};
+
+const LOSSES: [&str; 2] = [
+    "a sun's angle is twice the light's radius; Blender spreads its energy over a disc of that size",
+    "run it again with another set: suns are matched by id, those that are gone are removed",
+];
+
+/// Luminous efficacy of the conversion from lux to the W/m2 of a sun's strength, lm/W.
+const EFFICACY: f32 = 179.0;
+
+/// What the script does with its table of lights.
+const PROGRAM: &str = r#"
+import math
+import bpy
+from mathutils import Vector
+
+collection = bpy.data.collections.get("hemilux") or bpy.data.collections.new("hemilux")
+if collection.name not in bpy.context.scene.collection.children:
+    bpy.context.scene.collection.children.link(collection)
+suns = {sun["hemilux_id"]: sun for sun in collection.objects if "hemilux_id" in sun}
+for id in set(suns) - {light[0] for light in LIGHTS}:
+    bpy.data.lights.remove(suns.pop(id).data)
+for id, towards, strength, colour, radius_deg in LIGHTS:
+    sun = suns.get(id)
+    if sun is None:
+        sun = bpy.data.objects.new(f"hemilux {id}", bpy.data.lights.new(f"hemilux {id}", "SUN"))
+        sun["hemilux_id"] = id
+        collection.objects.link(sun)
+    sun.rotation_mode = "QUATERNION"
+    sun.rotation_quaternion = Vector(towards).to_track_quat("Z", "Y")
+    sun.data.energy = strength
+    sun.data.color = colour
+    sun.data.angle = math.radians(2 * radius_deg)
+"#;
+
+pub(super) fn text(set: &LightSet<'_>) -> String {
+    let mut text = Text::default();
+    for note in notes(set, &LOSSES) {
+        text.line(format_args!("# {note}"));
+    }
+    let factor = match set.unit {
+        Unit::Lux => {
+            text.line("# strength in W/m2 = lux / 179 lm/W");
+            EFFICACY.recip()
+        }
+        Unit::Relative => 1.0,
+    };
+    text.line("\n# id, direction towards the light (+Z up), strength, colour, radius in degrees");
+    text.line("LIGHTS = [");
+    for light in set.lights {
+        let towards = Numbers(set.coordinates.direction(light.direction).to_array(), ", ");
+        let Emission { intensity: strength, colour } = emission(light.irradiance.map(|e| e * factor));
+        let radius = Numbers([light.radius_deg.clamp(0.0, 90.0)], "");
+        let colour = Numbers(colour, ", ");
+        let strength = Numbers([strength], "");
+        // Blender keeps identifiers in 32 bits with a sign; as text every id fits.
+        text.line(format_args!("    (\"{}\", ({towards}), {strength}, ({colour}), {radius}),", light.id));
+    }
+    text.line("]");
+    text.0 + PROGRAM
+}

@@ -1,0 +1,135 @@
+//! The sources that clients with the token may switch to.
+
+use super::Spec;
+use crate::scene::NAMES;
+use std::path::{Path, PathBuf};
+
+/// Most entries of a folder that are looked at.
+const MOST: usize = 500;
+
+/// Ends of the names of maps.
+const MAPS: [&str; 4] = ["exr", "hdr", "pic", "pfm"];
+
+/// The source of the start, the built-in scenes, and what allowed folders hold.
+#[derive(Clone, Debug, Default)]
+pub struct Library {
+    own: Option<Spec>,
+    folders: Vec<PathBuf>,
+}
+
+/// A source by the name that clients know.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Choice {
+    /// The name; it holds no folder of the machine.
+    pub name: String,
+    /// The source.
+    pub spec: Spec,
+}
+
+impl Library {
+    /// `own` is the source of the start; `folders` hold maps, folders of maps, and recordings.
+    #[must_use]
+    pub fn new(own: Spec, folders: Vec<PathBuf>) -> Self {
+        Self { own: Some(own), folders }
+    }
+
+    /// All choices as the folders are now, each name once.
+    #[must_use]
+    pub fn choices(&self) -> Vec<Choice> {
+        let scenes = NAMES.into_iter().map(Spec::Scene);
+        let own = self.own.clone().into_iter();
+        let named = own.chain(scenes).map(|spec| Choice { name: spec.public_name(), spec });
+        let mut choices: Vec<Choice> = named.chain(self.folders.iter().flat_map(|f| listed(f))).collect();
+        let names: Vec<String> = choices.iter().map(|c| c.name.clone()).collect();
+        let mut at = 0;
+        choices.retain(|choice| {
+            at += 1;
+            !names[..at - 1].contains(&choice.name)
+        });
+        choices
+    }
+
+    /// The choice called `name`.
+    #[must_use]
+    pub fn find(&self, name: &str) -> Option<Choice> {
+        self.choices().into_iter().find(|choice| choice.name == name)
+    }
+}
+
+/// What `folder` holds, in the order of the names.
+fn listed(folder: &Path) -> Vec<Choice> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().take(MOST);
+    let mut paths: Vec<PathBuf> = entries.filter_map(|e| e.ok().map(|e| e.path())).collect();
+    paths.sort();
+    paths.iter().flat_map(|path| sources(path)).collect()
+}
+
+/// The sources at `path`: a recording, or a map as a lens sees it and as a whole.
+fn sources(path: &Path) -> Vec<Choice> {
+    let as_is = |kind: &str, options: &str| {
+        let spec: Spec = format!("{kind}:{}{options}", path.to_str()?).parse().ok()?;
+        Some(Choice { name: format!("{}{options}", spec.public_name()), spec })
+    };
+    if is_recording(path) || has(path, is_recording) {
+        as_is("replay", "").into_iter().collect()
+    } else if is_map(path) || has(path, is_map) {
+        [as_is("env", ""), as_is("env", ",view=whole")].into_iter().flatten().collect()
+    } else {
+        Vec::new()
+    }
+}
+
+fn is_recording(path: &Path) -> bool {
+    path.join("burst.toml").is_file()
+}
+
+fn is_map(path: &Path) -> bool {
+    let is_known = |end: &std::ffi::OsStr| MAPS.iter().any(|known| end.eq_ignore_ascii_case(known));
+    path.extension().is_some_and(is_known) && path.is_file()
+}
+
+/// Whether one of the first entries of a folder is `wanted`.
+fn has(folder: &Path, wanted: fn(&Path) -> bool) -> bool {
+    let entries = folder.is_dir().then(|| std::fs::read_dir(folder).ok()).flatten().into_iter().flatten();
+    entries.take(MOST).filter_map(Result::ok).any(|entry| wanted(&entry.path()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn touch(path: PathBuf) {
+        std::fs::create_dir_all(path.parent().expect("a folder")).expect("a folder");
+        std::fs::write(path, "").expect("a file");
+    }
+
+    #[test]
+    fn folders_are_offered_by_what_they_hold_and_nothing_else_is() {
+        let root = tempfile::tempdir().expect("a folder");
+        for file in
+            ["hall.exr", "notes.txt", "walk/0000/burst.toml", "still/burst.toml", "day/a.hdr", "odd/x.txt"]
+        {
+            touch(root.path().join(file));
+        }
+        let library = Library::new(Spec::Scene("lamps"), vec![root.path().into()]);
+        let names: Vec<_> = library.choices().into_iter().map(|c| c.name).collect();
+        let expected = [
+            "scene:lamps",
+            "scene:room",
+            "scene:sky",
+            "scene:overcast",
+            "env:day",
+            "env:day,view=whole",
+            "env:hall.exr",
+            "env:hall.exr,view=whole",
+            "replay:still",
+            "replay:walk",
+        ];
+        assert_eq!(names, expected);
+        let found = library.find("replay:walk").expect("a recording").spec;
+        assert_eq!(found, Spec::Replay(root.path().join("walk")));
+        for other in ["replay:../walk", "env:/etc/hall.exr", "scene:garden", ""] {
+            assert_eq!(library.find(other), None, "{other}");
+        }
+    }
+}
