@@ -41,7 +41,7 @@ impl Refusal {
 #[derive(Clone, Debug)]
 pub(super) enum Draft {
     Board(Box<Calibrated>),
-    Circle(CircleLens),
+    Circle(Box<CircleLens>),
 }
 
 /// A photometric reading that was not saved yet.
@@ -178,7 +178,7 @@ impl Session {
 
     fn set_circle(&mut self, circle: Circle, field_deg: f64) -> Result<(), Refusal> {
         let lens = circle_lens(&circle, field_deg, self.size.unwrap_or_default());
-        self.lens = Some(Draft::Circle(lens.map_err(|e| Refusal::new("circle", e))?));
+        self.lens = Some(Draft::Circle(Box::new(lens.map_err(|e| Refusal::new("circle", e))?)));
         self.circles_before.push(self.circle.replace((circle, field_deg)));
         self.circles_before.drain(..self.circles_before.len().saturating_sub(100));
         Ok(())
@@ -284,7 +284,7 @@ impl Session {
                 self.circle = self.circles_before.pop().flatten();
                 let made =
                     self.circle.and_then(|(circle, field)| circle_lens(&circle, field, self.size?).ok());
-                self.lens = made.map(Draft::Circle);
+                self.lens = made.map(|lens| Draft::Circle(Box::new(lens)));
             }
             Part::Vignetting => {
                 self.readings.truncate(self.additions.pop().unwrap_or(0));
