@@ -81,7 +81,8 @@ fn the_status_tells_verified_and_measured_exposures_and_counts_frames() {
     let coarse = status(Script { really, range: (5, 20000), ..Script::default() }, "measured");
     let ratio = coarse.exposures[2].seconds / coarse.exposures[1].seconds;
     assert!((ratio / 8.0 - 1.0).abs() < 0.05, "31.2 to 3.9 ms: {coarse:?}");
-    assert_eq!(coarse.known.verified, 0, "{coarse:?}");
+    // Until the ratios have been seen, frames of the same exposure in a row agree with each other.
+    assert!(20 * coarse.known.verified < coarse.known.measured, "{coarse:?}");
 }
 
 /// Modes of imx219 as its driver tells them: a lens file of the full view, and a small mode.
