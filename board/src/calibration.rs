@@ -33,6 +33,14 @@ pub struct Frame {
     pub pixels: Pixels,
 }
 
+impl Frame {
+    /// Exposure time times gain, seconds.
+    #[must_use]
+    pub fn light(&self) -> f64 {
+        self.exposure.seconds * self.exposure.gain
+    }
+}
+
 /// One set of exposures, ascending by time x gain.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Burst {

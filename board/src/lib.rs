@@ -19,6 +19,8 @@ pub mod client;
 pub mod clock;
 #[cfg(feature = "server")]
 pub mod config_file;
+#[cfg(feature = "pipeline")]
+pub mod consistency;
 #[cfg(feature = "export")]
 pub mod export;
 #[cfg(feature = "pipeline")]

@@ -46,6 +46,11 @@ impl MemoryPlan {
             count: 1,
             element_bytes: pipeline.sampler_bytes(),
         });
+        buffers.push(BufferSize {
+            name: "compared samples",
+            count: 1,
+            element_bytes: pipeline.inspector_bytes(),
+        });
         buffers.extend(samplers::buffers(s.sampler, &pipeline.shape(), s.lights, &s.tuning));
         if pipeline.needs_polar() {
             buffers.push(BufferSize::of::<[f32; 3]>("polar map", s.grid.len()));

@@ -3,14 +3,15 @@
 //! All memory is taken when the pipeline is made or its exposures change; a frame allocates nothing. The polar map is taken when a
 //! sampler or a picture needs it first.
 
-use crate::calibration::{Burst, Calibration};
+use crate::calibration::{Burst, Calibration, Frame};
+use crate::consistency::Inspector;
 use crate::polar::Polar;
 use crate::samplers::{self, SamplerError, Shape, Tuning};
 use hemilux_core::SamplerKind;
 use hemilux_core::polar::{Grid, LatLongView};
 use hemilux_core::pyramid::Quad;
 use hemilux_core::sampler::FilterTimer;
-use hemilux_core::wire::{Latency, LightSet};
+use hemilux_core::wire::{FrameFault, FramesLeftOut, Latency, LightSet};
 use hemilux_core::{
     BurstError, Coverage, Decomposition, Domain, Exposure, Extrapolation, FrontEnd, FrontError,
     MAX_EXPOSURES, Map, MergeError, Order, PixelTableError, Request, ResponseError, Sampler, Samples, Sizes,
@@ -114,11 +115,19 @@ impl From<FrontError> for PipelineError {
     }
 }
 
+/// Most bursts in a row that repeat the map of the last merged one.
+const MOST_HELD: u32 = 4;
+
 /// A hemisphere map and what samples it.
 pub struct Pipeline {
     settings: Settings,
     exposures: Vec<Exposure>,
     front: FrontEnd<Vec<u64>>,
+    inspector: Inspector,
+    /// Coverage of the map, if a burst was merged.
+    seen: Option<Coverage>,
+    /// Bursts since the last one that was merged.
+    held: u32,
     /// Taken when a sampler or a picture needs it first.
     polar: Option<Polar>,
     /// Whether `polar` holds the current frame.
@@ -166,6 +175,8 @@ pub struct Processed<'a> {
     pub scalar_flux: [f32; 3],
     /// Sum of L cos(theta) dOmega.
     pub horizontal_irradiance: [f32; 3],
+    /// The frames that contradict the others and were not merged.
+    pub frames_left_out: FramesLeftOut,
     /// Duration of each stage.
     pub times: Times,
 }
@@ -205,6 +216,7 @@ impl Processed<'_> {
             clipped: self.seen.clipped as f32,
             unseen: self.seen.unseen as f32,
             latency: self.times.latency(),
+            frames_left_out: self.frames_left_out,
             ..LightSet::EMPTY
         }
     }
@@ -225,9 +237,20 @@ impl Pipeline {
         samplers::check(settings.sampler, Domain::Hemisphere, &settings.request())?;
         let sampler = samplers::make_tuned(settings.sampler, &shape, settings.lights, &settings.tuning)?;
         let front = front_end(&calibration, exposures, &settings)?;
+        let inspector = Inspector::try_new(&calibration, exposures.len()).map_err(PipelineError::Response)?;
         let polar = sampler.needs_polar().then(|| Polar::new(&shape));
         let exposures = exposures.to_vec();
-        Ok(Self { settings, exposures, front, polar, polar_fresh: false, sampler })
+        Ok(Self {
+            settings,
+            exposures,
+            front,
+            inspector,
+            seen: None,
+            held: 0,
+            polar,
+            polar_fresh: false,
+            sampler,
+        })
     }
 
     /// Changes what the user chose, keeping what need not change; on an error the old settings stand.
@@ -260,20 +283,50 @@ impl Pipeline {
         Shape { domain: Domain::Hemisphere, order, grid: self.settings.grid }
     }
 
-    /// Processes one burst.
+    /// Processes one burst, without the frames that contradict the others.
     ///
     /// # Errors
     /// [`PipelineError`] when the frames do not fit the calibration; the last map stands.
     pub fn process(&mut self, burst: &Burst) -> Result<Processed<'_>, PipelineError> {
         let began = Instant::now();
-        self.follow_exposures(burst)?;
-        let mut frames = [Samples::U8(&[]); MAX_EXPOSURES];
-        for (slot, frame) in frames.iter_mut().zip(&burst.frames) {
-            *slot = frame.pixels.samples();
+        let left_out = self.inspect(burst);
+        self.process_kept(burst, left_out, began)
+    }
+
+    /// The frames of the next burst that are not to be merged: those that contradict the others; all of them if the shortest exposure is
+    /// among those, which alone knows the brightest light, unless there is no map yet or it was kept for [`MOST_HELD`] bursts.
+    pub fn inspect(&mut self, burst: &Burst) -> FramesLeftOut {
+        let mut found = self.inspector.inspect(burst);
+        let holds = found.contains(0) && self.seen.is_some() && self.held < MOST_HELD;
+        self.held = if holds { self.held + 1 } else { 0 };
+        for index in (0..burst.frames.len()).filter(|_| holds) {
+            if !found.contains(index) {
+                found.insert(index, FrameFault::Incomplete);
+            }
         }
-        let frames = &frames[..burst.frames.len().min(MAX_EXPOSURES)];
+        found
+    }
+
+    /// Processes one burst without the frames `frames_left_out`; without all of them, the map of the burst before is sampled again. The
+    /// front stage is timed from `began`.
+    ///
+    /// # Errors
+    /// As [`Pipeline::process`].
+    pub fn process_kept(
+        &mut self,
+        burst: &Burst,
+        frames_left_out: FramesLeftOut,
+        began: Instant,
+    ) -> Result<Processed<'_>, PipelineError> {
+        let merged = || {
+            let kept = burst.frames.iter().enumerate().filter(|(index, _)| !frames_left_out.contains(*index));
+            kept.map(|(_, frame)| frame)
+        };
         let mut front = Duration::ZERO;
-        let seen = self.front.process_timed(frames, || front = began.elapsed())?;
+        let seen = match self.seen {
+            Some(seen) if merged().next().is_none() => seen,
+            _ => self.merge(merged(), || front = began.elapsed())?,
+        };
         self.polar_fresh = self.sampler.needs_polar();
         if self.polar_fresh {
             let shape = self.shape();
@@ -288,7 +341,32 @@ impl Pipeline {
         let Sampled { decomposition, sample, filter } =
             sample(self.sampler.as_mut(), &map, &self.settings.request());
         let times = Times { front, pyramid: summed - front, sample, filter };
-        Ok(Processed { decomposition, seen, scalar_flux: total.rgb(), horizontal_irradiance, times })
+        Ok(Processed {
+            decomposition,
+            seen,
+            scalar_flux: total.rgb(),
+            horizontal_irradiance,
+            frames_left_out,
+            times,
+        })
+    }
+
+    /// Merges frames into the map; `added_up` is called between the two stages of that.
+    fn merge<'b>(
+        &mut self,
+        merged: impl Iterator<Item = &'b Frame> + Clone,
+        added_up: impl FnOnce(),
+    ) -> Result<Coverage, PipelineError> {
+        self.follow_exposures(merged.clone().map(|frame| frame.exposure))?;
+        let mut frames = [Samples::U8(&[]); MAX_EXPOSURES];
+        let mut count = 0;
+        for (slot, frame) in frames.iter_mut().zip(merged) {
+            *slot = frame.pixels.samples();
+            count += 1;
+        }
+        let seen = self.front.process_timed(&frames[..count], added_up)?;
+        self.seen = Some(seen);
+        Ok(seen)
     }
 
     /// The lights of another sampler from the map of the last burst.
@@ -309,10 +387,12 @@ impl Pipeline {
     }
 
     /// Rebuilds the merge when a burst comes with other exposures.
-    fn follow_exposures(&mut self, burst: &Burst) -> Result<(), PipelineError> {
-        let same = self.exposures.iter().eq(burst.frames.iter().map(|f| &f.exposure));
-        if !same {
-            let exposures: Vec<_> = burst.frames.iter().map(|f| f.exposure).collect();
+    fn follow_exposures(
+        &mut self,
+        exposures: impl Iterator<Item = Exposure> + Clone,
+    ) -> Result<(), PipelineError> {
+        if !self.exposures.iter().copied().eq(exposures.clone()) {
+            let exposures: Vec<_> = exposures.collect();
             match self.front.set_exposures(&exposures) {
                 Ok(()) => {}
                 Err(FrontError::Memory(_)) => {
@@ -335,6 +415,12 @@ impl Pipeline {
     #[must_use]
     pub fn needs_polar(&self) -> bool {
         self.sampler.needs_polar()
+    }
+
+    /// Bytes that the comparison of frames keeps.
+    #[must_use]
+    pub fn inspector_bytes(&self) -> usize {
+        self.inspector.bytes()
     }
 
     /// Bytes of what the sampler keeps outside of buffers.

@@ -1,8 +1,10 @@
 //! The form and axes in which commands write light sets to standard output.
 
 use crate::error::SimError;
+use hemilux::consistency::LeftOut;
 use hemilux::export::{Form, encode};
-use hemilux_core::wire::{Coordinates, LightSet};
+use hemilux_core::wire::{Coordinates, FramesLeftOut, LightSet};
+use serde_json::{Value, json};
 use std::io::Write;
 use std::path::Path;
 
@@ -51,7 +53,7 @@ impl Export {
         self.print_with(set, map, &[])
     }
 
-    /// As [`Export::print`]; JSON names the frames that were left out of the burst as `frames_left_out`, where there are any.
+    /// As [`Export::print`]; JSON has the frames that were left out of the burst, with index, reason and file, as `frames_left_out`, where there are any.
     ///
     /// # Errors
     /// As [`Export::print`].
@@ -59,15 +61,16 @@ impl Export {
         &self,
         set: &LightSet<'_>,
         map: Option<&Path>,
-        frames_left_out: &[String],
+        frames_left_out: &[LeftOut],
     ) -> Result<(), SimError> {
-        let set = LightSet { coordinates: self.axes, ..*set };
+        let set = LightSet { coordinates: self.axes, frames_left_out: FramesLeftOut::NONE, ..*set };
         let map = map.map(|path| path.to_string_lossy());
         let mut bytes = Vec::new();
         encode(self.form, &set, map.as_deref(), &mut bytes).map_err(|e| SimError::Failed(e.to_string()))?;
-        let names = serde_json::Value::from(frames_left_out);
+        let list = |f: &LeftOut| json!({"index": f.index, "why": f.fault.name(), "file": f.file});
+        let list: Value = frames_left_out.iter().map(list).collect();
         if self.form == Form::Json && !frames_left_out.is_empty() && bytes.pop_if(|b| *b == b'}').is_some() {
-            bytes.extend(format!(",\"frames_left_out\":{names}}}").bytes());
+            bytes.extend(format!(",\"frames_left_out\":{list}}}").bytes());
         }
         if self.form != Form::Glb && bytes.last() != Some(&b'\n') {
             bytes.push(b'\n');

@@ -5,12 +5,14 @@ use crate::export::Export;
 use crate::import;
 use crate::output::Files;
 use hemilux::calibration::{Burst, Calibration, Frame};
+use hemilux::consistency::{self, LeftOut};
 use hemilux::pipeline::{Pipeline, PipelineError, Settings};
 use hemilux::recorded::{self, BurstFolder, ReadLimits, RecordedBurst};
 use hemilux_core::format::Format;
 use hemilux_core::response::{Curve, curve_len};
-use hemilux_core::wire::LightSet;
+use hemilux_core::wire::{FramesLeftOut, LightSet};
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 /// Arguments of `replay`.
 #[derive(Clone, Debug)]
@@ -53,19 +55,21 @@ pub fn run(job: &Job) -> Result<(), SimError> {
     for (index, folder) in bursts.iter().enumerate() {
         let mut read = read(job, &folder.folder)?;
         read.burst.timestamp_ns = read.burst.timestamp_ns.max(folder.timestamp_ns);
-        let left_out = prepare(job, &folder.folder, &mut read, pipeline.is_none());
-        let RecordedBurst { calibration, burst, .. } = read;
-        let exposures: Vec<_> = burst.frames.iter().map(|f| f.exposure).collect();
-        let same = pipeline.take().filter(|p| *p.calibration() == calibration);
+        let exposures: Vec<_> = read.burst.frames.iter().map(|f| f.exposure).collect();
+        let tells = pipeline.is_none();
+        let same = pipeline.take().filter(|p| *p.calibration() == read.calibration);
         let running = match same {
             Some(p) => p,
             None => {
-                let made = Pipeline::try_new(calibration, &exposures, job.settings.clone());
+                let made = Pipeline::try_new(read.calibration, &exposures, job.settings.clone());
                 made.map_err(|e| at(&folder.folder, e))?
             }
         };
         let pipeline = pipeline.insert(running);
-        process(job, pipeline, &burst, Place { index, many, folder: &folder.folder }, &left_out)?;
+        let found = pipeline.inspect(&read.burst);
+        let left_out = consistency::remove(&mut read, &found);
+        prepare(job, &folder.folder, &mut read, &left_out, tells);
+        process(job, pipeline, &read.burst, Place { index, many, folder: &folder.folder }, &left_out)?;
     }
     Ok(())
 }
@@ -93,11 +97,10 @@ fn read(job: &Job, folder: &Path) -> Result<RecordedBurst, SimError> {
     }
 }
 
-/// Leaves out frames that contradict their neighbours, prints the exposure ratios and applies them where asked for.
-fn prepare(job: &Job, folder: &Path, read: &mut RecordedBurst, tells: bool) -> Vec<String> {
-    let left_out = recorded::leave_out(read);
-    for frame in &left_out {
-        eprintln!("hemilux-sim: {}: left out: {}", folder.join(&frame.file).display(), frame.why);
+/// Prints the frames that were left out and the exposure ratios of the others, and applies the ratios where asked for.
+fn prepare(job: &Job, folder: &Path, read: &mut RecordedBurst, left_out: &[LeftOut], tells: bool) {
+    for frame in left_out {
+        eprintln!("hemilux-sim: {}/{frame}", folder.display());
     }
     let ratios = ratios(&read.calibration, &read.burst);
     if tells {
@@ -106,14 +109,12 @@ fn prepare(job: &Job, folder: &Path, read: &mut RecordedBurst, tells: bool) -> V
     if job.exposures == Exposures::Measured {
         apply(&ratios, &mut read.burst);
     }
-    left_out.into_iter().map(|frame| frame.file).collect()
 }
 
 /// Sets the exposure times by the measured ratios, from the longest exposure down.
 fn apply(ratios: &[Ratio], burst: &mut Burst) {
-    let light = |f: &Frame| f.exposure.seconds * f.exposure.gain;
     for (i, ratio) in ratios.iter().enumerate().rev() {
-        let longer = light(&burst.frames[i + 1]);
+        let longer = burst.frames[i + 1].light();
         let usable = ratio.samples >= LEAST_SAMPLES && ratio.measured.is_finite() && ratio.measured > 0.0;
         let factor = if usable { ratio.measured } else { ratio.nominal };
         let exposure = &mut burst.frames[i].exposure;
@@ -137,9 +138,10 @@ fn process(
     pipeline: &mut Pipeline,
     burst: &Burst,
     place: Place<'_>,
-    left_out: &[String],
+    left_out: &[LeftOut],
 ) -> Result<(), SimError> {
-    let processed = pipeline.process(burst).map_err(|e| at(place.folder, e))?;
+    let processed =
+        pipeline.process_kept(burst, FramesLeftOut::NONE, Instant::now()).map_err(|e| at(place.folder, e))?;
     let seen = processed.seen;
     eprintln!(
         "hemilux-sim: {}: clipped {:.4} and unseen {:.4} of the hemisphere, light from below {:.4} of that from above",
@@ -203,7 +205,6 @@ pub fn ratios(calibration: &Calibration, burst: &Burst) -> Vec<Ratio> {
 fn ratio(curve: &Curve<Vec<i32>>, pair: &[Frame]) -> Ratio {
     // A twentieth of full scale: below it quantisation decides.
     let least = 1 << (hemilux_core::response::CURVE_BITS - 5);
-    let light = |f: &Frame| f.exposure.seconds * f.exposure.gain;
     let step = sample_count(&pair[0]).div_ceil(MOST_SAMPLES);
     let [short, long] = [codes(&pair[0]), codes(&pair[1])];
     let mut found: Vec<f32> = std::iter::zip(short, long)
@@ -217,7 +218,7 @@ fn ratio(curve: &Curve<Vec<i32>>, pair: &[Frame]) -> Ratio {
     found.sort_by(f32::total_cmp);
     Ratio {
         seconds: [pair[0].exposure.seconds, pair[1].exposure.seconds],
-        nominal: light(&pair[1]) / light(&pair[0]),
+        nominal: pair[1].light() / pair[0].light(),
         measured: found.get(found.len() / 2).map_or(f64::NAN, |ratio| f64::from(*ratio)),
         samples: found.len(),
     }

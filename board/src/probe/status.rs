@@ -1,6 +1,7 @@
 //! The state of the processing thread and of the source.
 
 use super::lock;
+use hemilux_core::wire::{FrameFault, FramesLeftOut};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use tokio::sync::watch;
@@ -13,6 +14,8 @@ pub struct ThreadStatus {
     stopping: AtomicBool,
     /// True when the processing thread has ended.
     ended: watch::Sender<bool>,
+    /// Frames that were not merged, by [`FrameFault::index`].
+    left_out: [AtomicU64; FrameFault::ALL.len()],
 }
 
 impl Default for ThreadStatus {
@@ -22,6 +25,7 @@ impl Default for ThreadStatus {
             turns: AtomicU64::new(0),
             stopping: AtomicBool::new(false),
             ended: watch::Sender::new(false),
+            left_out: Default::default(),
         }
     }
 }
@@ -54,6 +58,18 @@ impl ThreadStatus {
 
     pub(super) fn is_stopping(&self) -> bool {
         self.stopping.load(Ordering::Relaxed)
+    }
+
+    /// Number of frames that contradicted their burst and were not merged since the start, by the name of the contradiction.
+    pub fn frames_left_out(&self) -> impl Iterator<Item = (&'static str, u64)> {
+        let counts = self.left_out.iter().map(|count| count.load(Ordering::Relaxed));
+        FrameFault::ALL.iter().map(|fault| fault.name()).zip(counts)
+    }
+
+    pub(super) fn count_left_out(&self, frames: &FramesLeftOut) {
+        for frame in frames.iter() {
+            self.left_out[frame.fault.index()].fetch_add(1, Ordering::Relaxed);
+        }
     }
 
     /// Waits for the end of the processing thread.

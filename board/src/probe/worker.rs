@@ -140,6 +140,7 @@ impl Worker {
             set.wall_ms = clock::wall_ms();
         });
         self.frames += 1;
+        self.link.status.count_left_out(&set.frames_left_out);
         self.tiers.sample(&self.link.tiers, &mut self.pipeline, &set);
         self.link.sets.publish(Arc::clone(&set));
         self.secondary.compare(&self.link.comparison, &mut self.pipeline, &set);

@@ -2,7 +2,6 @@
 //!
 //! Input is untrusted: sizes are bounded, file names have no folder part, and every error is one line.
 
-mod consistency;
 #[cfg(feature = "foreign-lenses")]
 mod convert;
 #[cfg(feature = "foreign-lenses")]
@@ -21,7 +20,6 @@ use manifest::Manifest;
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
-pub use consistency::{LeftOut, leave_out};
 #[cfg(feature = "foreign-lenses")]
 pub use convert::{Converted, Target, convert};
 pub use hemilux_core::Levels;
@@ -149,7 +147,7 @@ fn read_manifest(
     let mut frames: Vec<(Frame, String)> = frames
         .map(|(image, f)| (Frame { exposure: f.exposure(), pixels: image.pixels }, f.file.clone()))
         .collect();
-    frames.sort_by(|(a, _), (b, _)| light(a).total_cmp(&light(b)));
+    frames.sort_by(|(a, _), (b, _)| a.light().total_cmp(&b.light()));
     let (frames, files) = frames.into_iter().unzip();
     Ok(RecordedBurst { calibration, burst: Burst { frames, timestamp_ns, ..Burst::default() }, files })
 }
@@ -178,10 +176,6 @@ fn check_bytes(folder: &Path, bytes: u64, limits: &ReadLimits) -> Result<(), Rec
     }
     let found = format!("frames of {} MB together", bytes >> 20);
     Err(RecordedError::new(folder, found, format!("at most {} MB", limits.max_burst_bytes >> 20)))
-}
-
-fn light(frame: &Frame) -> f64 {
-    frame.exposure.seconds * frame.exposure.gain
 }
 
 /// One decoded image.

@@ -41,6 +41,15 @@ pub(super) async fn metrics(State(context): State<Context>) -> Response {
     if let Some(status) = link.camera() {
         camera(&mut text, &status);
     }
+    head(
+        &mut text,
+        "frames_left_out_total",
+        "counter",
+        "Frames that contradicted their burst and were not merged, by reason.",
+    );
+    for (why, count) in link.status().frames_left_out() {
+        let _ = writeln!(text, "hemilux_frames_left_out_total{{why=\"{why}\"}} {count}");
+    }
     connections(&mut text, &context.counts);
     requests(&mut text, &context.counts);
     delivery(&mut text, &context.counts);

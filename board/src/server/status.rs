@@ -38,6 +38,7 @@ pub(super) async fn status(State(context): State<Context>, sender: Sender) -> Re
         "run": link.run(),
         "source": link.source(),
         "fault": link.status().failure(),
+        "frames_left_out": link.status().frames_left_out().collect::<std::collections::BTreeMap<_, _>>(),
         "uptime_s": link.started().elapsed().as_secs_f64(),
         "connections": context.counts.open.load(Relaxed),
         "streams": context.counts.streams.load(Relaxed),

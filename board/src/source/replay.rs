@@ -6,6 +6,7 @@ use super::pace::wait_for;
 use super::{Pace, Source, SourceError};
 use crate::calibration::{Burst, Calibration, Frame, Pixels};
 use crate::clock;
+use crate::consistency;
 use crate::recorded::{self, ReadLimits, RecordedBurst, RecordedError};
 use hemilux_core::Exposure;
 use std::path::Path;
@@ -40,8 +41,11 @@ impl ReplaySource {
         let mut notes = Vec::new();
         for recorded::BurstFolder { folder: path, timestamp_ns } in &listed {
             let mut read = recorded::read_recorded(path, &ReadLimits::default())?;
-            for frame in recorded::leave_out(&mut read) {
-                notes.push(format!("{}: left out: {}", path.join(&frame.file).display(), frame.why));
+            // A sequence is judged as it is played; a single burst would become usual when it is played again and again.
+            if listed.len() == 1 {
+                let left_out = consistency::leave_out(&mut read)
+                    .map_err(|e| RecordedError::new(path, e, "a response that rises"))?;
+                notes.extend(left_out.iter().map(|frame| format!("{}/{frame}", path.display())));
             }
             let RecordedBurst { calibration, mut burst, .. } = read;
             check_size(folder, listed.len(), &burst)?;

@@ -1,6 +1,6 @@
 //! The JSON form of a light set.
 
-use super::{Latency, LightSet, decimal, numbers, put, whole};
+use super::{FramesLeftOut, Latency, LightSet, decimal, numbers, put, whole};
 use crate::light::{Light, Sh9};
 use embedded_io::Write;
 
@@ -83,7 +83,27 @@ pub fn json<W: Write>(set: &LightSet<'_>, w: &mut W) -> Result<(), W::Error> {
         put(w, name)?;
         put(w, "\"")?;
     }
-    put(w, "]}")
+    put(w, "]")?;
+    frames_left_out(w, &set.frames_left_out)?;
+    put(w, "}")
+}
+
+/// Writes the frames that were not merged, if there are any.
+fn frames_left_out<W: Write>(w: &mut W, frames: &FramesLeftOut) -> Result<(), W::Error> {
+    if frames.is_empty() {
+        return Ok(());
+    }
+    for (i, frame) in frames.iter().enumerate() {
+        count(
+            w,
+            if i == 0 { ",\"frames_left_out\":[{\"index\":" } else { ",{\"index\":" },
+            frame.index as u64,
+        )?;
+        put(w, ",\"why\":\"")?;
+        put(w, frame.fault.name())?;
+        put(w, "\"}")?;
+    }
+    put(w, "]")
 }
 
 fn light<W: Write>(w: &mut W, set: &LightSet<'_>, light: &Light, first: bool) -> Result<(), W::Error> {

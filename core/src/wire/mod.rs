@@ -7,6 +7,7 @@
 mod binary;
 mod coordinates;
 mod decimal;
+mod frames;
 mod json;
 mod record;
 mod text;
@@ -15,6 +16,7 @@ mod xr;
 
 pub use binary::{BinarySet, DecodeError, binary};
 pub use coordinates::Coordinates;
+pub use frames::{FrameFault, FrameLeftOut, FramesLeftOut};
 pub use json::json;
 pub use record::{LightSet, Record, Stale};
 pub use text::text;

@@ -1,6 +1,6 @@
 //! The lights of one frame with their metadata.
 
-use super::{Coordinates, Latency, Overrun, Unit};
+use super::{Coordinates, FramesLeftOut, Latency, Overrun, Unit};
 use crate::light::{Light, Sh9};
 use core::borrow::Borrow;
 
@@ -70,6 +70,8 @@ pub struct Record<Text, Lights, Harmonics> {
     pub latency: Latency,
     /// Stages over their budget; only the JSON form contains them.
     pub overrun: Overrun,
+    /// Frames of the burst that were not merged; only the JSON form contains them.
+    pub frames_left_out: FramesLeftOut,
 }
 
 /// A light set that borrows its texts, lights and harmonics: the input of the encoders.
@@ -125,6 +127,7 @@ impl<Text: AsRef<str>, Lights: AsRef<[Light]>, Harmonics: Borrow<Sh9>> Record<Te
             estimated_error: self.estimated_error,
             latency: self.latency,
             overrun: self.overrun,
+            frames_left_out: self.frames_left_out,
         }
     }
 }
@@ -160,6 +163,7 @@ impl<Text, Lights, Harmonics> Record<Text, Lights, Harmonics> {
             estimated_error: self.estimated_error,
             latency: self.latency,
             overrun: self.overrun,
+            frames_left_out: self.frames_left_out,
         }
     }
 }
@@ -188,6 +192,7 @@ impl LightSet<'_> {
         estimated_error: None,
         latency: Latency { capture: 0, front: 0, pyramid: 0, sample: 0, filter: 0, encode: 0, total: 0 },
         overrun: Overrun::NONE,
+        frames_left_out: FramesLeftOut::NONE,
     };
 }
 

@@ -41,7 +41,11 @@ impl Photo {
         let refused = |found: String| SimError::at(path, found, EXPECTED);
         let transfer = transfer::read(path, ignores_profile)?;
         let file = std::fs::File::open(path).map_err(|e| refused(e.to_string()))?;
-        let exif = exif::Reader::new().read_from_container(&mut BufReader::new(file));
+        let mut reader = exif::Reader::new();
+        // Many programs write blocks with a fault beside sound fields; a fault in a field that is needed shows as its absence.
+        reader.continue_on_error(true);
+        let exif = reader.read_from_container(&mut BufReader::new(file));
+        let exif = exif.or_else(|e| e.distill_partial_result(|_| {}));
         let exif = exif.map_err(|e| refused(format!("no EXIF data ({e})")))?;
         let apex = |tag| number(&exif, tag).map(f64::exp2);
         let seconds = number(&exif, Tag::ExposureTime).filter(|s| *s > 0.0);

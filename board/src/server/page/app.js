@@ -50,7 +50,7 @@ const download = new Download({
 const wakeUp = [];
 
 /** `mayAll`: whether pictures and changes are for us, null before that is known. */
-let probe = null, scene = null, status = null, answers = false, mayAll = null, changed = -1, shown = () => {};
+let probe = null, scene = null, known = null, status = null, answers = false, mayAll = null, changed = -1, shown = () => {};
 
 function connect() {
   if (probe || document.hidden) return;
@@ -149,7 +149,7 @@ async function look() {
 
 /** Pictures that may not be seen are not kept on the screen. */
 function forget() {
-  sky.map = sky.mask = otherSky.map = otherSky.mask = null;
+  known = sky.map = sky.mask = otherSky.map = otherSky.mask = null;
   if (scene) scene.map = null;
   burst.clear();
   calibration.clear();
@@ -176,6 +176,7 @@ function lightScene() {
     });
     scene.set({ sky: by("show-sky").checked, rays: by("show-rays").checked, shadows: by("show-shadows").value });
     scene.exposure = by("exposure").valueAsNumber;
+    if (known) scene.map = continued(known);
   } catch (error) {
     by("scene-none").textContent = error.message;
     by("scene-none").hidden = false;
@@ -252,6 +253,7 @@ setInterval(() => { if (!document.hidden) look(); }, STATUS_PAUSE);
 repeat(MAP_PAUSE, async () => {
   const map = await fetchMap();
   if (!map || !mayAll) return;
+  known = map;
   skies(one => { one.map = map; });
   if (scene) scene.map = continued(map);
   else requestAnimationFrame(() => setTimeout(shown));

@@ -1,0 +1,70 @@
+//! What a pair of exposures has shown in the bursts before.
+
+use super::compare::Comparison;
+use hemilux_core::wire::FrameFault;
+
+/// Share of a new burst in the running means.
+const NEW: f32 = 1.0 / 8.0;
+
+/// Bursts before a ratio of exposures counts as known.
+const KNOWN: u32 = 4;
+
+/// Least factor between a wrong ratio of exposures and the usual one.
+const WRONG: f32 = 1.2;
+
+/// A ratio is wrong where it differs from the mean by this many standard deviations.
+const DEVIATIONS: f32 = 4.0;
+
+/// Share of different samples above the usual share from which two frames show different scenes.
+const MOVED: f32 = 0.2;
+
+/// Running share of contradictions from which they are a property of the light or of the camera, not faults.
+const USUAL: f32 = 0.3;
+
+/// Running means of one pair of exposures.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct History {
+    bursts: u32,
+    mean: f32,
+    variance: f32,
+    away: f32,
+    /// Share of the last bursts that contradicted.
+    contradictions: f32,
+}
+
+impl History {
+    /// The contradiction that a comparison shows, if it is an unusual one; adds what is usual to the means.
+    pub fn judge(&mut self, seen: &Comparison) -> Option<FrameFault> {
+        let log_ratio = seen.log_ratio?;
+        let fault = self.fault(seen, log_ratio);
+        self.contradictions += NEW * (f32::from(u8::from(fault.is_some())) - self.contradictions);
+        let unusual = fault.filter(|_| self.contradictions < USUAL);
+        if unusual.is_none() && seen.level().is_none() {
+            self.add(log_ratio, seen.away);
+        }
+        unusual
+    }
+
+    fn fault(&self, seen: &Comparison, log_ratio: f32) -> Option<FrameFault> {
+        let off = (log_ratio - self.mean).abs();
+        let is_wrong = off > WRONG.ln().max(DEVIATIONS * self.variance.sqrt());
+        if seen.is_copy {
+            Some(FrameFault::Repeated)
+        } else if seen.is_torn {
+            Some(FrameFault::Torn)
+        } else if seen.away > MOVED + self.away {
+            Some(FrameFault::OtherScene)
+        } else {
+            (self.bursts >= KNOWN && is_wrong).then_some(FrameFault::WrongExposure)
+        }
+    }
+
+    fn add(&mut self, log_ratio: f32, away: f32) {
+        self.bursts = self.bursts.saturating_add(1);
+        let new = NEW.max(1.0 / self.bursts as f32);
+        let off = log_ratio - self.mean;
+        self.mean += new * off;
+        self.variance = (1.0 - new) * (self.variance + new * off * off);
+        self.away += new * (away - self.away);
+    }
+}

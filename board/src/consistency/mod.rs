@@ -1,0 +1,232 @@
+//! Finds the frames of a burst that contradict the others.
+//!
+//! Two frames of one scene show radiances whose ratio is that of their exposures. A grid of pixels of each frame is converted to
+//! relative exposure; frames that are neighbours in exposure are compared. A frame contradicts the burst where all its neighbours
+//! contradict it and agree with each other. What a pair of exposures has shown in the bursts before is expected of it again, so that
+//! flickering light and exposure times that are wrong all the time are no faults.
+
+mod compare;
+mod history;
+mod samples;
+#[cfg(test)]
+mod tests;
+
+use crate::calibration::{Burst, Calibration, Frame};
+use crate::recorded::RecordedBurst;
+use compare::Comparison;
+use hemilux_core::wire::{FrameFault, FramesLeftOut};
+use hemilux_core::{MAX_EXPOSURES, ResponseError};
+use history::History;
+use samples::{Grid, Sampled};
+
+/// Number of pairs of frames that are compared: each with the next one and the one after.
+const PAIRS: usize = 2 * MAX_EXPOSURES;
+
+/// Finds contradicting frames, burst after burst of one camera.
+#[derive(Debug)]
+pub struct Inspector {
+    grid: Grid,
+    frames: Vec<Sampled>,
+    ratios: Vec<f32>,
+    history: [History; PAIRS],
+}
+
+/// A frame in the order of exposures, and what it is compared by.
+#[derive(Clone, Copy)]
+struct Pair {
+    of: usize,
+    by: usize,
+}
+
+impl Pair {
+    /// Position in [`Inspector::history`]; none for frames that are not compared.
+    fn index(self) -> Option<usize> {
+        let (low, high) = (self.of.min(self.by), self.of.max(self.by));
+        (1..=2).contains(&(high - low)).then(|| 2 * low + high - low - 1).filter(|i| *i < PAIRS)
+    }
+}
+
+impl Inspector {
+    /// Takes the memory for bursts of `exposures` frames.
+    ///
+    /// # Errors
+    /// [`ResponseError`] for a response that is not monotone between the levels.
+    pub fn try_new(calibration: &Calibration, exposures: usize) -> Result<Self, ResponseError> {
+        let grid = Grid::try_new(calibration)?;
+        let mut frames = Vec::with_capacity(MAX_EXPOSURES);
+        frames.resize_with(exposures.min(MAX_EXPOSURES), || grid.empty());
+        let ratios = Vec::with_capacity(grid.len());
+        Ok(Self { grid, frames, ratios, history: [History::default(); PAIRS] })
+    }
+
+    /// Bytes on the heap.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        self.grid.bytes()
+            + self.frames.iter().map(Sampled::bytes).sum::<usize>()
+            + size_of::<f32>() * self.ratios.capacity()
+    }
+
+    /// The frames of `burst` that contradict the others; at least one frame stays.
+    pub fn inspect(&mut self, burst: &Burst) -> FramesLeftOut {
+        let mut left_out = FramesLeftOut::NONE;
+        let frames = &burst.frames[..burst.frames.len().min(MAX_EXPOSURES)];
+        if frames.len() < 2 {
+            return left_out;
+        }
+        while self.frames.len() < frames.len() {
+            self.frames.push(self.grid.empty());
+        }
+        for (frame, sampled) in frames.iter().zip(&mut self.frames) {
+            self.grid.sample(frame, sampled);
+        }
+        let verdicts = self.compare(frames);
+        let mut indices: [usize; MAX_EXPOSURES] = core::array::from_fn(|i| i);
+        let mut kept = &mut indices[..frames.len()];
+        while let Some((at, fault)) = worst(kept, &verdicts) {
+            left_out.insert(kept[at], fault);
+            kept[at..].rotate_left(1);
+            let fewer = kept.len() - 1;
+            kept = &mut kept[..fewer];
+        }
+        left_out
+    }
+
+    /// Compares all pairs, and adds what they show to the history.
+    fn compare(&mut self, frames: &[Frame]) -> Verdicts {
+        let mut verdicts = Verdicts([[Verdict::Unknown; 2]; PAIRS]);
+        let least = self.grid.least;
+        for low in 0..frames.len() {
+            for high in (low + 1..frames.len()).take(2) {
+                let Some(index) = (Pair { of: low, by: high }).index() else { continue };
+                let factor = frames[low].light() / frames[high].light();
+                let mut seen = |of: usize, by: usize, factor: f64| {
+                    Comparison::new(
+                        &self.frames[of],
+                        &self.frames[by],
+                        factor as f32,
+                        least,
+                        &mut self.ratios,
+                    )
+                };
+                let (up, down) = (seen(low, high, factor), seen(high, low, factor.recip()));
+                let shared = match self.history[index].judge(&up.and(&down)) {
+                    Some(fault) => Verdict::Differs(fault),
+                    None if up.log_ratio.or(down.log_ratio).is_some() => Verdict::Agrees,
+                    None => Verdict::Unknown,
+                };
+                verdicts.0[index] = [&up, &down].map(|seen| seen.level().map_or(shared, Verdict::Is));
+            }
+        }
+        verdicts
+    }
+}
+
+/// What the comparison of a frame with another one shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Verdict {
+    /// Too few samples can be compared.
+    Unknown,
+    /// The frames show the same light.
+    Agrees,
+    /// One of the two frames is wrong.
+    Differs(FrameFault),
+    /// The frame that is compared is wrong.
+    Is(FrameFault),
+    /// The frame that it is compared with is wrong.
+    OtherIs,
+}
+
+/// For each pair: what the shorter exposure shows against the longer one, and the longer against the shorter.
+struct Verdicts([[Verdict; 2]; PAIRS]);
+
+impl Verdicts {
+    fn of(&self, pair: Pair) -> Verdict {
+        let Some(index) = pair.index() else { return Verdict::Unknown };
+        let [low, high] = self.0[index];
+        let (this, other) = if pair.of < pair.by { (low, high) } else { (high, low) };
+        match (this, other) {
+            (Verdict::Is(fault), _) => Verdict::Is(fault),
+            (_, Verdict::Is(_)) => Verdict::OtherIs,
+            (this, _) => this,
+        }
+    }
+}
+
+/// A position in `kept` whose frame is wrong: its neighbours contradict it, and what remains does not contradict itself.
+fn worst(kept: &[usize], verdicts: &Verdicts) -> Option<(usize, FrameFault)> {
+    let between = |of: usize, by: usize| verdicts.of(Pair { of: kept[of], by: kept[by] });
+    let last = kept.len().checked_sub(1)?;
+    let fault_at = |at: usize| {
+        let neighbours = || [at.checked_sub(1), Some(at + 1).filter(|i| *i <= last)].into_iter().flatten();
+        let seen = || neighbours().map(|by| between(at, by));
+        if seen().any(|verdict| matches!(verdict, Verdict::Agrees | Verdict::OtherIs)) {
+            return None;
+        }
+        if let Some(fault) = seen().find_map(|v| if let Verdict::Is(fault) = v { Some(fault) } else { None })
+        {
+            return Some(fault);
+        }
+        let fault = seen().find_map(|v| if let Verdict::Differs(fault) = v { Some(fault) } else { None })?;
+        // The neighbours of the neighbours tell which side of the difference is wrong.
+        let others = match (at.checked_sub(1), at < last) {
+            (Some(before), true) => Some((at + 1, before)),
+            (Some(before), false) => before.checked_sub(1).map(|other| (before, other)),
+            (None, true) => Some((at + 1, at + 2)).filter(|(_, other)| *other <= last),
+            (None, false) => None,
+        };
+        let others_agree = |(of, by)| matches!(between(of, by), Verdict::Agrees | Verdict::Unknown);
+        others.is_some_and(others_agree).then_some(fault)
+    };
+    (0..=last).find_map(|at| fault_at(at).map(|fault| (at, fault)))
+}
+
+/// A frame of a recorded burst that was left out.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LeftOut {
+    /// Its file.
+    pub file: String,
+    /// Index in ascending order of exposure.
+    pub index: usize,
+    /// The contradiction.
+    pub fault: FrameFault,
+}
+
+impl std::fmt::Display for LeftOut {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let why = match self.fault {
+            FrameFault::Black => "it is black where its neighbours see light",
+            FrameFault::Saturated => "it is saturated where its neighbours are not",
+            FrameFault::OtherScene => "it shows another scene than its neighbours",
+            FrameFault::WrongExposure => "its exposure is not the stated one",
+            FrameFault::Torn => "a part of its rows has another exposure",
+            FrameFault::Repeated => "it repeats a frame of another exposure",
+            FrameFault::Incomplete => "the shortest exposure of its burst is missing",
+            _ => "it contradicts its neighbours",
+        };
+        write!(f, "{}: left out: {why}", self.file)
+    }
+}
+
+/// Removes the frames `found` from a recorded burst, and names them.
+pub fn remove(read: &mut RecordedBurst, found: &FramesLeftOut) -> Vec<LeftOut> {
+    let exposures = read.burst.frames.len().min(read.files.len());
+    let files = found.iter().filter(|frame| frame.index < exposures);
+    let left_out = files
+        .map(|f| LeftOut { file: read.files[f.index].clone(), index: f.index, fault: f.fault })
+        .collect();
+    let kept = |index: &usize| !found.contains(*index);
+    read.files = (0..exposures).filter(kept).map(|i| std::mem::take(&mut read.files[i])).collect();
+    let frames = std::mem::take(&mut read.burst.frames).into_iter().enumerate();
+    read.burst.frames = frames.filter(|(index, _)| kept(index)).map(|(_, frame)| frame).collect();
+    left_out
+}
+
+/// Removes from a recorded burst the frames that contradict the others, and names them.
+///
+/// # Errors
+/// As [`Inspector::try_new`].
+pub fn leave_out(read: &mut RecordedBurst) -> Result<Vec<LeftOut>, ResponseError> {
+    let found = Inspector::try_new(&read.calibration, read.burst.frames.len())?.inspect(&read.burst);
+    Ok(remove(read, &found))
+}

@@ -1,0 +1,138 @@
+use super::*;
+use crate::calibration::Pixels;
+use hemilux_core::format::{Format, Pattern};
+use hemilux_core::{Exposure, Lens};
+
+const SIZE: usize = 64;
+const TIMES: [f64; 3] = [0.001, 0.006, 0.036];
+
+/// Radiance of a room with a bright window, mirrored for another scene.
+fn radiance(x: usize, y: usize) -> f64 {
+    let window = if (40..56).contains(&x) && (8..24).contains(&y) { 300.0 } else { 0.0 };
+    1.0 + x as f64 / 2.0 + y as f64 / 8.0 + window
+}
+
+fn calibration(format: Format) -> Calibration {
+    let lens = Lens::equidistant([31.5, 31.5], 20.0, 1.4).expect("a lens");
+    Calibration::try_new(lens, format, SIZE as u32, SIZE as u32).expect("a camera")
+}
+
+/// A frame whose radiance is that of `scene`, exposed for `actual` seconds and stated as `stated`.
+fn frame(stated: f64, actual: f64, scene: impl Fn(usize, usize) -> f64) -> Frame {
+    let mut codes = Vec::new();
+    for (y, x) in (0..SIZE).flat_map(|y| (0..SIZE).map(move |x| (y, x))) {
+        let code = (scene(x, y) * actual * 700.0).round().min(255.0) as u8;
+        codes.extend([code; 3]);
+    }
+    Frame { exposure: Exposure { seconds: stated, gain: 1.0 }, pixels: Pixels::U8(codes) }
+}
+
+fn sound() -> Burst {
+    Burst { frames: TIMES.map(|t| frame(t, t, radiance)).to_vec(), ..Burst::default() }
+}
+
+fn inspector() -> Inspector {
+    let mut inspector = Inspector::try_new(&calibration(Format::Rgb24), 3).expect("an inspector");
+    for burst in 0..8 {
+        assert!(inspector.inspect(&sound()).is_empty(), "sound burst {burst}");
+    }
+    inspector
+}
+
+fn faults(inspector: &mut Inspector, burst: &Burst) -> Vec<(usize, FrameFault)> {
+    inspector.inspect(burst).iter().map(|f| (f.index, f.fault)).collect()
+}
+
+#[test]
+fn each_fault_is_found_in_each_frame_and_named() {
+    for index in 0..3 {
+        let other =
+            |x: usize, y: usize| radiance(SIZE - 1 - x, SIZE - 1 - y) * if x % 16 < 8 { 3.0 } else { 0.4 };
+        let torn = |x: usize, y: usize| radiance(x, y) * if y < 30 { 1.0 } else { 0.25 };
+        let t = TIMES[index];
+        for (fault, bad) in [
+            (FrameFault::Black, frame(t, 0.0, radiance)),
+            (FrameFault::WrongExposure, frame(t, 0.5 * t, radiance)),
+            (FrameFault::OtherScene, frame(t, t, other)),
+            (FrameFault::Torn, frame(t, t, torn)),
+        ] {
+            let mut burst = sound();
+            burst.frames[index] = bad;
+            let found = faults(&mut inspector(), &burst);
+            assert_eq!(found, [(index, fault)], "frame {index}, {fault:?}");
+        }
+    }
+    for index in 0..2 {
+        let mut burst = sound();
+        burst.frames[index] = frame(TIMES[index], 1e3, radiance);
+        assert_eq!(faults(&mut inspector(), &burst), [(index, FrameFault::Saturated)], "frame {index}");
+    }
+}
+
+#[test]
+fn a_copy_of_another_exposure_is_left_out() {
+    let mut burst = sound();
+    burst.frames[1].pixels = burst.frames[2].pixels.clone();
+    let found = faults(&mut inspector(), &burst);
+    assert!(matches!(found[..], [(1, _)]), "{found:?}");
+    burst = sound();
+    burst.frames[0].pixels = burst.frames[1].pixels.clone();
+    assert_eq!(faults(&mut inspector(), &burst), [(0, FrameFault::Repeated)]);
+}
+
+#[test]
+fn swapped_frames_do_not_leave_the_burst_empty() {
+    let mut burst = sound();
+    let (first, rest) = burst.frames.split_at_mut(1);
+    std::mem::swap(&mut first[0].pixels, &mut rest[1].pixels);
+    let found = faults(&mut inspector(), &burst);
+    assert!(!found.is_empty() && found.len() < 3, "{found:?}");
+}
+
+#[test]
+fn flicker_that_was_always_there_is_no_fault() {
+    let mut inspector = Inspector::try_new(&calibration(Format::Rgb24), 3).expect("an inspector");
+    let mut wrong = 0;
+    for burst in 0..40 {
+        // A lamp of 100 Hz at 28 bursts a second; the longest exposure averages over its periods.
+        let phase = f64::from(burst) * 100.0 / 28.0 * std::f64::consts::TAU;
+        let level = [1.0 + 0.95 * phase.sin(), 1.0 + 0.4 * (phase + 1.0).sin(), 1.0];
+        let frames = (0..3).map(|i| frame(TIMES[i], TIMES[i] * level[i], radiance)).collect();
+        let found = inspector.inspect(&Burst { frames, ..Burst::default() });
+        wrong += usize::from(burst >= 10 && !found.is_empty());
+    }
+    assert_eq!(wrong, 0, "bursts with frames left out");
+}
+
+#[test]
+fn exposure_times_that_are_always_wrong_are_no_fault() {
+    let mut inspector = Inspector::try_new(&calibration(Format::Rgb24), 3).expect("an inspector");
+    for burst in 0..20 {
+        let frames = vec![frame(TIMES[0], 2.0 * TIMES[0], radiance), frame(TIMES[1], TIMES[1], radiance)];
+        assert!(inspector.inspect(&Burst { frames, ..Burst::default() }).is_empty(), "burst {burst}");
+    }
+}
+
+#[test]
+fn black_frames_of_a_mosaic_are_found() {
+    let camera = calibration(Format::Raw10(Pattern::Rggb));
+    let mut inspector = Inspector::try_new(&camera, 3).expect("an inspector");
+    let packed = |seconds: f64| {
+        let code = |x: usize, y: usize| (radiance(x, y) * seconds * 700.0 * 4.0).round().min(1023.0) as u16;
+        let group = |y: usize, x: usize| {
+            let codes = [0, 1, 2, 3].map(|i| code(x + i, y));
+            let low = (0..4).map(|i| (codes[i] as u8 & 3) << (2 * i)).sum();
+            [codes.map(|c| (c >> 2) as u8).as_slice(), &[low]].concat()
+        };
+        (0..SIZE).flat_map(|y| (0..SIZE / 4).flat_map(move |x| group(y, 4 * x))).collect::<Vec<u8>>()
+    };
+    let frame = |stated: f64, actual: f64| Frame {
+        exposure: Exposure { seconds: stated, gain: 1.0 },
+        pixels: Pixels::U8(packed(actual)),
+    };
+    let frames = vec![frame(0.001, 0.001), frame(0.006, 0.006), frame(0.036, 0.0)];
+    let mut burst = Burst { frames, ..Burst::default() };
+    assert_eq!(faults(&mut inspector, &burst), [(2, FrameFault::Black)]);
+    burst.frames[2] = frame(0.036, 0.036);
+    assert_eq!(faults(&mut inspector, &burst), []);
+}
