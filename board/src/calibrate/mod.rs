@@ -12,6 +12,7 @@ mod check_file;
 mod circle;
 mod corners;
 mod detect;
+mod factor;
 mod fit;
 mod frame;
 mod grey;
@@ -42,6 +43,7 @@ pub use burst::{Codes, exposed, exposed_frames};
 pub use check::LensRefusal;
 pub use check_file::{Fault, check};
 pub use circle::{Circle, CircleLens, CircleRefusal, circle_lens, find_circle};
+pub use factor::{Factor, Verdict, combine};
 pub use frame::{grey, grey_of};
 pub use grey::Grey;
 pub use guide::{Guide, MOST_VIEWS, Offer, RINGS, SECTORS, ViewCoverage};
@@ -49,7 +51,7 @@ pub use lens::{Calibrated, Picture, Request, Spread, calibrate};
 pub use lens_file::{
     FileRefusal, Stated, response_text, write, write_circle, write_response, write_vignetting,
 };
-pub use photometric::{Factor, FactorReading, Method, PhotometricRefusal, Unseen, Verdict, combine, measure};
+pub use photometric::{FactorReading, Method, PhotometricRefusal, Unseen, measure};
 pub use photometric_file::{KeepRefusal, Kept, keep_reading, kept_factor};
 pub use residuals::picture as residual_picture;
 pub use response::{Exposed, FittedResponse, Neighbours, ResponseRefusal, fit_response};

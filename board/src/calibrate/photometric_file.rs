@@ -1,7 +1,8 @@
 //! The `[photometric]` table: readings by class of light source, and what they combine to.
 
+use super::factor::{Factor, Verdict, combine};
 use super::lens_file::{FileRefusal, array_of, failed, read, rounded, save};
-use super::photometric::{Factor, FactorReading, Verdict, combine};
+use super::photometric::FactorReading;
 use std::path::Path;
 use toml_edit::{DocumentMut, Item, Table, value};
 

@@ -1,5 +1,6 @@
 //! Illuminance after a photometric calibration, on scenes whose light is known in closed form or by a plain sum over directions.
 
+use super::factor::*;
 use super::photometric::*;
 use super::photometric_file::{KeepRefusal, Kept, keep_reading};
 use crate::calibration::{Burst, Calibration, Frame, Pixels};

@@ -12,7 +12,6 @@ use super::kernel::{MeanVector, kernel};
 use super::nodes::{Leaf, Nodes};
 use super::source::{SOURCES, Sources};
 use super::weights::Fit;
-use crate::color::luminance;
 use crate::light::Light;
 use crate::pyramid::Quad;
 use crate::root::root;
@@ -30,18 +29,6 @@ const DOWN: u8 = 2;
 
 /// How much the spread of the parts counts, that no disc of theirs was compared with.
 const SPREAD: f32 = 0.05;
-
-/// Part of a Newton step that a centre makes, since its neighbours move as well.
-const RELAXED: f32 = 0.7;
-
-/// Longest step, over the disc's width.
-const LONGEST: f32 = 0.5;
-
-/// Curvature of the kernel: of its kink, over a disc's width, and of its smooth part.
-const CURVATURE: (f32, f32) = (0.086, 1.15);
-
-/// Least width of a disc, as half a chord.
-const LEAST_WIDTH: f32 = 1e-3;
 
 /// Parts of all discs together in the estimate of a set whose weights are fitted; of larger sets as many as sources.
 const PARTS: usize = 128;
@@ -116,18 +103,6 @@ impl Steering<'_> {
         }
         lights.iter_mut().zip(own).for_each(|(light, own)| light.irradiance = own);
     }
-}
-
-/// The direction of a disc of mean vector `disc` after a step that `pull` asks for.
-pub(super) fn stepped(light: &Light, disc: &MeanVector, pull: Vec3) -> Vec3 {
-    let energy = luminance(light.irradiance);
-    if energy <= 0.0 {
-        return light.direction;
-    }
-    let width = root(disc.width_squared().max(LEAST_WIDTH * LEAST_WIDTH));
-    let stiffness = energy * (CURVATURE.0 / width + CURVATURE.1);
-    let step = (pull * (RELAXED / stiffness)).clamp_length_max(LONGEST * width);
-    (disc.vector() + step.reject_from_normalized(light.direction)).try_normalize().unwrap_or(light.direction)
 }
 
 /// The parts of which the estimate makes up a disc of a set of `lights`: centre, radius in radians, share of the energy.

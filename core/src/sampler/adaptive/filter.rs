@@ -11,6 +11,15 @@ use crate::color::luminance;
 use crate::light::Light;
 use glam::Vec3;
 
+/// What is known of a frame before its lights are.
+#[derive(Clone, Copy)]
+pub(super) struct Frame {
+    /// Lights of the last frame.
+    pub previous: usize,
+    /// Whether something moves.
+    pub moving: bool,
+}
+
 /// Weight beta of a new step in both running means: the gain on noise is about 0.11, and motion is recognised in some five frames.
 const MEMORY: f32 = 0.2;
 

@@ -29,6 +29,7 @@ mod memory;
 mod nodes;
 mod receivers;
 mod source;
+mod step;
 mod tree;
 mod weights;
 
@@ -105,14 +106,6 @@ pub struct Adaptive<B, H, L, T, W> {
     workspace: W,
 }
 
-/// What is known of a frame before its lights are.
-struct Frame {
-    /// Lights of the last frame.
-    previous: usize,
-    /// Whether something moves.
-    moving: bool,
-}
-
 impl<B, H, L, T, W> Adaptive<B, H, L, T, W>
 where
     B: Buffer<u8>,
@@ -179,7 +172,7 @@ where
             self.ceiling.1 = 0;
         }
         self.place(map, request, count, self.ceiling.0);
-        let quiet = self.follow(map, request, Frame { previous, moving }, timer);
+        let quiet = self.follow(map, request, filter::Frame { previous, moving }, timer);
         self.weigh(map, request);
         let (lights, tracks) =
             (&mut self.lights[0].as_mut()[..self.count], &mut self.tracks[0].as_mut()[..self.count]);
@@ -200,7 +193,7 @@ where
         &mut self,
         map: &PyramidView<'_>,
         request: &Request,
-        frame: Frame,
+        frame: filter::Frame,
         timer: &mut FilterTimer<'_>,
     ) -> bool {
         let anew = core::mem::replace(&mut self.soft, request.soft) != request.soft;

@@ -11,7 +11,7 @@
 
 use super::kernel::{MeanVector, Sums, Vectors};
 use super::source::Source;
-use super::{FITTED, discs};
+use super::{FITTED, step};
 use crate::light::Light;
 use crate::root::root;
 
@@ -64,7 +64,7 @@ impl Fit {
     pub(super) fn step_discs(&mut self, sources: &[Source], lights: &mut [Light]) {
         self.fit_discs(sources, lights, true);
         for (i, light) in lights.iter_mut().enumerate().take(FITTED) {
-            light.direction = discs::stepped(light, &self.lights.get(i), self.sums.pull(i));
+            light.direction = step::stepped(light, &self.lights.get(i), self.sums.pull(i));
         }
     }
 

@@ -1,0 +1,62 @@
+//! Repeated readings of the photometric factor: their combination and the verdict on a check.
+
+use super::photometric::FactorReading;
+
+/// The factor of several readings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Factor {
+    /// Lux of irradiance 1.
+    pub factor: f64,
+    /// Relative uncertainty with 95 % coverage.
+    pub uncertainty: f64,
+}
+
+/// Combines readings: the mean weighted by their own uncertainties, which are taken to be larger where the readings differ by more; the
+/// meter's uncertainty stays.
+#[must_use]
+pub fn combine(readings: &[FactorReading]) -> Option<Factor> {
+    let weight = |r: &FactorReading| 1.0 / r.own.max(1e-4).powi(2);
+    let sum: f64 = readings.iter().map(weight).sum();
+    let factor = readings.iter().map(|r| weight(r) * r.factor).sum::<f64>() / sum;
+    if !(factor > 0.0 && factor.is_finite()) {
+        return None;
+    }
+    let squares: f64 = readings.iter().map(|r| weight(r) * (r.factor / factor - 1.0).powi(2)).sum();
+    let scatter = squares / (readings.len() as f64 - 1.0).max(1.0);
+    let own = scatter.max(1.0).sqrt() / sum.sqrt();
+    let shared = readings.iter().map(|r| r.shared).fold(0.0, f64::max);
+    Some(Factor { factor, uncertainty: (2.0 * own.hypot(shared)).min(1.0) })
+}
+
+/// The comparison of a reading of the luxmeter with the calibration.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// Below 10 %.
+    Good,
+    /// 10 to 25 %.
+    Fair,
+    /// Above 25 %.
+    Reject,
+}
+
+impl Verdict {
+    /// The verdict on a relative difference.
+    #[must_use]
+    pub fn of(difference: f64) -> Self {
+        match difference.abs() {
+            d if d < 0.10 => Self::Good,
+            d if d <= 0.25 => Self::Fair,
+            _ => Self::Reject,
+        }
+    }
+
+    /// For people.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Good => "good",
+            Self::Fair => "fair",
+            Self::Reject => "reject",
+        }
+    }
+}
