@@ -393,6 +393,7 @@ mod tests {
     use super::*;
     use crate::scene;
     use crate::source::{Pace, SceneSource, Source};
+    use hemilux_core::SamplerKind;
 
     #[test]
     fn the_stage_filter_takes_time_in_samplers_with_temporal_filters_and_none_in_others() {

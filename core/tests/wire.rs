@@ -6,7 +6,7 @@ use common::{RngExt, direction, light_set, seeded};
 use embedded_io::SliceWriteError;
 use glam::Vec3;
 use hemilux_core::light::{Light, Sh9};
-use hemilux_core::wire::{self, Coordinates, Latency, LightSet, Overrun, Stale};
+use hemilux_core::wire::{self, Coordinates, FrameFault, Latency, LightSet, Overrun, Stale};
 use serde_json::Value;
 
 const HOSTILE: &str = "a\"b\\c\n1 2 3\r\t\u{0}\u{1f}\u{7f}\u{85}\u{2028}\u{fffe}\u{ffff}<&>'é🌞]]>-->";
@@ -128,6 +128,18 @@ fn overrun_names_stages_above_their_budget_but_not_at_it() {
     assert_eq!(value["overrun"], serde_json::json!(["front", "filter", "total"]));
     let value: Value = serde_json::from_str(&encode(json, &LightSet::EMPTY)).expect("JSON");
     assert_eq!(value["overrun"], serde_json::json!([]));
+}
+
+#[test]
+fn frames_left_out_are_listed_with_index_and_reason_or_not_at_all() {
+    let mut set = LightSet::EMPTY;
+    assert!(!encode(json, &set).contains("frames_left_out"));
+    set.frames_left_out.insert(2, FrameFault::Black);
+    set.frames_left_out.insert(0, FrameFault::WrongExposure);
+    set.frames_left_out.insert(99, FrameFault::Torn);
+    let value: Value = serde_json::from_str(&encode(json, &set)).expect("JSON");
+    let expected = serde_json::json!([{"index": 0, "why": "wrong-exposure"}, {"index": 2, "why": "black"}]);
+    assert_eq!(value["frames_left_out"], expected);
 }
 
 #[test]

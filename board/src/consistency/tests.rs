@@ -45,11 +45,10 @@ fn faults(inspector: &mut Inspector, burst: &Burst) -> Vec<(usize, FrameFault)> 
 
 #[test]
 fn each_fault_is_found_in_each_frame_and_named() {
-    for index in 0..3 {
+    for (index, t) in TIMES.into_iter().enumerate() {
         let other =
             |x: usize, y: usize| radiance(SIZE - 1 - x, SIZE - 1 - y) * if x % 16 < 8 { 3.0 } else { 0.4 };
         let torn = |x: usize, y: usize| radiance(x, y) * if y < 30 { 1.0 } else { 0.25 };
-        let t = TIMES[index];
         for (fault, bad) in [
             (FrameFault::Black, frame(t, 0.0, radiance)),
             (FrameFault::WrongExposure, frame(t, 0.5 * t, radiance)),
@@ -62,9 +61,9 @@ fn each_fault_is_found_in_each_frame_and_named() {
             assert_eq!(found, [(index, fault)], "frame {index}, {fault:?}");
         }
     }
-    for index in 0..2 {
+    for (index, t) in TIMES.into_iter().enumerate().take(2) {
         let mut burst = sound();
-        burst.frames[index] = frame(TIMES[index], 1e3, radiance);
+        burst.frames[index] = frame(t, 1e3, radiance);
         assert_eq!(faults(&mut inspector(), &burst), [(index, FrameFault::Saturated)], "frame {index}");
     }
 }

@@ -37,18 +37,15 @@ impl MapForm {
             if pairs[..i].iter().any(|(n, _)| n == name) {
                 return Err(refused(&format!("parameter '{}' twice", short(name))));
             }
-            let known = match (name.as_str(), value.as_str()) {
-                ("covers", "sphere") => Some(form.hemisphere = false),
-                ("covers", "hemisphere") => Some(form.hemisphere = true),
-                ("width", text) => {
-                    let width = WIDTHS.into_iter().find(|w| text.parse() == Ok(*w));
-                    width.map(|width| form.width = Some(width))
-                }
-                ("marks", "0") if marks => Some(()),
-                ("marks", "1") if marks => Some(form.marks = true),
-                _ => None,
-            };
-            known.ok_or_else(|| refused(&format!("'{}={}'", short(name), short(value))))?;
+            let width = || WIDTHS.into_iter().find(|w| value.parse() == Ok(*w));
+            match (name.as_str(), value.as_str()) {
+                ("covers", "sphere") => form.hemisphere = false,
+                ("covers", "hemisphere") => form.hemisphere = true,
+                ("width", _) if width().is_some() => form.width = width(),
+                ("marks", "0") if marks => {}
+                ("marks", "1") if marks => form.marks = true,
+                _ => return Err(refused(&format!("'{}={}'", short(name), short(value)))),
+            }
         }
         Ok(form)
     }

@@ -29,7 +29,7 @@ pub(super) fn transfer(icc: &[u8]) -> Result<Transfer, String> {
         other => return Err(format!("the ICC profile {name} of the colour space {other:?}")),
     };
     let is = |f: fn(f32) -> f64| !curves.is_empty() && curves.iter().all(|curve| follows(curve, f));
-    match (is(|code| f64::from(code)), is(srgb)) {
+    match (is(f64::from), is(srgb)) {
         (true, _) => Ok(Transfer::Linear),
         (_, true) => Ok(Transfer::Srgb),
         _ => Err(format!("the ICC profile {name} with another transfer function")),
