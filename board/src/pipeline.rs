@@ -200,7 +200,7 @@ impl Pipeline {
     }
 
     /// The frames of the next burst that are not to be merged: those that contradict the others; all of them if the shortest exposure is
-    /// among those, which alone knows the brightest light, unless there is no map yet or it was kept for [`MOST_HELD`] bursts.
+    /// among those, which alone knows the brightest light, unless there is no map yet or it was kept for four bursts in a row.
     pub fn inspect(&mut self, burst: &Burst) -> FramesLeftOut {
         let mut found = self.inspector.inspect(burst);
         let holds = found.contains(0) && self.seen.is_some() && self.held < MOST_HELD;

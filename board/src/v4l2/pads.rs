@@ -49,7 +49,7 @@ plain! {
         which: u32 = FORMAT_ACTIVE,
         /// Asked for: 0, a sensor's output.
         pad: u32,
-        /// Asked for: [`SELECT_CROP`] and others.
+        /// Asked for: `SELECT_CROP` and others.
         target: u32,
         /// Zero.
         flags: u32,

@@ -1,6 +1,6 @@
 //! Cameras of a media graph: sensors whose samples pass bridges on their way to a node that captures.
 //!
-//! [`graph`] reads a media device, [`route`] finds the way from a sensor to a node whatever their names are, [`wiring`] switches links,
+//! [`graph`] reads a media device, [`route`] finds the way from a sensor to a node whatever their names are, `wiring` switches links,
 //! sets the formats of the pads and restores both. Node numbers change from boot to boot: a camera is named by its sensor, by its media
 //! device, or by a node that its sensor can reach.
 
