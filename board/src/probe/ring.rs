@@ -31,19 +31,30 @@ impl<T: Default> Ring<T> {
     }
 }
 
+/// Capacity of the texts of a set, bytes: longer than an identifier of a run and than the name of a sampler.
+const TEXT: usize = 32;
+
+/// A set without lights whose memory suffices for `lights` lights and for its texts.
+fn empty(lights: usize) -> OwnedSet {
+    OwnedSet {
+        run: String::with_capacity(TEXT),
+        sampler: String::with_capacity(TEXT),
+        lights: Vec::with_capacity(lights),
+        ..OwnedSet::default()
+    }
+}
+
 impl Ring<OwnedSet> {
     /// A ring whose sets have a capacity of `lights` lights each.
     pub(super) fn with_lights(lights: usize) -> Self {
-        let mut ring = Self::new(OwnedSet::default);
-        ring.reserve(lights);
-        ring
+        Self::new(|| empty(lights))
     }
 
     /// Raises the capacity of every set to `lights` lights. Readers keep the sets that they hold.
     pub(super) fn reserve(&mut self, lights: usize) {
         for set in &mut self.sets {
             if set.lights.capacity() < lights {
-                *set = Arc::new(OwnedSet { lights: Vec::with_capacity(lights), ..OwnedSet::default() });
+                *set = Arc::new(empty(lights));
             }
         }
     }
