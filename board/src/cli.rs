@@ -216,7 +216,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<(), Failure>
 
 /// Help goes to stdout as it is; everything else becomes one line.
 fn explain(error: &clap::Error) -> Result<(), Failure> {
-    match usage::explain(error, "hemilux") {
+    match usage::explain::<Cli>(error) {
         Explained::Help(text) => say(&text),
         Explained::Refused(line) => Err(Failure::usage(line)),
     }

@@ -15,9 +15,11 @@ pub enum Explained {
     Refused(String),
 }
 
-/// The text of `error` for users of `program`: a refusal is one line with the most similar known word.
+/// The text of `error` for users of the program `P`: a refusal is one line with the most similar known word.
 #[must_use]
-pub fn explain(error: &clap::Error, program: &str) -> Explained {
+pub fn explain<P: CommandFactory>(error: &clap::Error) -> Explained {
+    let command = P::command();
+    let program = command.get_name();
     if matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) {
         return Explained::Help(error.render().to_string());
     }
@@ -29,7 +31,8 @@ pub fn explain(error: &clap::Error, program: &str) -> Explained {
     let lines = lines.take_while(|line| !line.is_empty() && !line.starts_with("Usage:"));
     let message = lines.collect::<Vec<_>>().join(" ");
     let message = message.strip_prefix("error: ").unwrap_or(&message);
-    let similar = similar(error).map_or(String::new(), |word| format!("; did you mean '{word}'?"));
+    let similar = similar(error).map(str::to_owned).or_else(|| similar_option(error, &command));
+    let similar = similar.map_or(String::new(), |word| format!("; did you mean '{word}'?"));
     Explained::Refused(format!("{message}{similar} (see {program} --help)"))
 }
 
@@ -43,15 +46,31 @@ fn similar(error: &clap::Error) -> Option<&str> {
     })
 }
 
-/// Least similarity of two words, 0 to 1, that counts as a misspelling.
-const SIMILAR: f64 = 0.7;
+/// The option of the refused command that is most similar to the wrong one: clap's measure finds no short word with two letters swapped.
+fn similar_option(error: &clap::Error, program: &Command) -> Option<String> {
+    let Some(ContextValue::String(found)) = error.get(ContextKind::InvalidArg) else { return None };
+    let Some(ContextValue::StyledStr(usage)) = error.get(ContextKind::Usage) else { return None };
+    let usage = usage.to_string();
+    let words = usage.split_whitespace().skip_while(|word| *word != program.get_name()).skip(1);
+    let mut command = program;
+    for word in words {
+        let Some(inner) = command.find_subcommand(word) else { break };
+        command = inner;
+    }
+    let options = command.get_arguments().filter(|option| !option.is_hide_set());
+    let similar = closest(found.strip_prefix("--")?, options.filter_map(clap::Arg::get_long))?;
+    Some(format!("--{similar}"))
+}
 
-/// The most similar one of the `known` words.
+/// The most similar one of the `known` words, if a third of the letters of `word` or fewer are wrong, missing, or swapped with a neighbour.
 #[must_use]
 pub fn closest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    let scored = known.into_iter().map(|other| (strsim::jaro(word, other), other));
-    let best = scored.max_by(|a, b| a.0.total_cmp(&b.0));
-    best.filter(|(score, _)| *score > SIMILAR).map(|(_, word)| word)
+    let most = (word.chars().count() / 3).max(1);
+    let measured = known.into_iter().map(|other| (strsim::osa_distance(word, other), other));
+    measured
+        .filter(|(distance, _)| *distance <= most)
+        .min_by_key(|(distance, _)| *distance)
+        .map(|(_, word)| word)
 }
 
 /// The completions of the program `P` for `shell`.
@@ -115,6 +134,9 @@ mod tests {
             /// Its kind.
             #[arg(long, value_enum)]
             kind: Option<Kind>,
+            /// Its age, years.
+            #[arg(long)]
+            age: Option<u32>,
         },
     }
 
@@ -125,7 +147,7 @@ mod tests {
 
     fn refused(arguments: &[&str]) -> String {
         let error = Grove::try_parse_from(arguments).map(|grove| format!("{grove:?}")).expect_err("refused");
-        match explain(&error, "grove") {
+        match explain::<Grove>(&error) {
             Explained::Refused(line) => line,
             Explained::Help(text) => panic!("{text}"),
         }
@@ -136,6 +158,9 @@ mod tests {
         for (arguments, similar) in [
             (&["grove", "plnt"][..], "'plant'"),
             (&["grove", "plant", "--kin", "maple"], "'--kind'"),
+            (&["grove", "plant", "--knid", "maple"], "'--kind'"),
+            (&["grove", "plant", "--ag", "3"], "'--age'"),
+            (&["grove", "plant", "--aeg", "3"], "'--age'"),
             (&["grove", "plant", "--kind", "mapel"], "'maple'"),
         ] {
             let line = refused(arguments);
@@ -149,6 +174,7 @@ mod tests {
     fn the_closest_word_is_a_likely_misspelling_and_nothing_else() {
         let known = ["adaptive", "q2tree", "pharr"];
         assert_eq!(closest("adaptve", known), Some("adaptive"));
+        assert_eq!(closest("hparr", known), Some("pharr"), "swapped");
         assert_eq!(closest("zzz", known), None);
     }
 

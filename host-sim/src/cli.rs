@@ -258,7 +258,7 @@ struct SampleFramesArgs {
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<(), SimError> {
     match Cli::try_parse_from(arguments) {
         Ok(cli) => run_command(cli.command),
-        Err(error) => match usage::explain(&error, "hemilux-sim") {
+        Err(error) => match usage::explain::<Cli>(&error) {
             Explained::Help(text) => output::say(text.as_bytes()),
             Explained::Refused(line) => Err(SimError::Usage(line)),
         },
