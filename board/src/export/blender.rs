@@ -1,15 +1,12 @@
 //! A script for Blender's text editor: one sun for each light, kept by the light's id.
 
-use super::{Emission, Numbers, Text, emission, notes};
-use hemilux_core::wire::{LightSet, Unit};
+use super::{Emission, Numbers, Text, emission, head_in_watts};
+use hemilux_core::wire::LightSet;
 
 const LOSSES: [&str; 2] = [
     "a sun's angle is twice the light's radius; Blender spreads its energy over a disc of that size",
     "run it again with another set: suns are matched by id, those that are gone are removed",
 ];
-
-/// Luminous efficacy of the conversion from lux to the W/m2 of a sun's strength, lm/W.
-const EFFICACY: f32 = 179.0;
 
 /// What the script does with its table of lights.
 const PROGRAM: &str = r#"
@@ -38,16 +35,7 @@ for id, towards, strength, colour, radius_deg in LIGHTS:
 
 pub(super) fn text(set: &LightSet<'_>) -> String {
     let mut text = Text::default();
-    for note in notes(set, &LOSSES) {
-        text.line(format_args!("# {note}"));
-    }
-    let factor = match set.unit {
-        Unit::Lux => {
-            text.line("# strength in W/m2 = lux / 179 lm/W");
-            EFFICACY.recip()
-        }
-        Unit::Relative => 1.0,
-    };
+    let factor = head_in_watts(&mut text, set, &LOSSES, "strength in W/m2 = lux");
     text.line("\n# id, direction towards the light (+Z up), strength, colour, radius in degrees");
     text.line("LIGHTS = [");
     for light in set.lights {

@@ -189,6 +189,23 @@ impl Text {
     }
 }
 
+/// Luminous efficacy between lux and the W/m2 of Radiance and Blender, lm/W.
+const EFFICACY: f32 = 179.0;
+
+/// Writes the comments of a form that counts in watts, for lux with the sentence `conversion`. Returns the factor from the set's unit.
+fn head_in_watts(text: &mut Text, set: &LightSet<'_>, losses: &[&str], conversion: &str) -> f32 {
+    for note in notes(set, losses) {
+        text.line(format_args!("# {note}"));
+    }
+    match set.unit {
+        Unit::Lux => {
+            text.line(format_args!("# {conversion} / {EFFICACY} lm/W"));
+            EFFICACY.recip()
+        }
+        Unit::Relative => 1.0,
+    }
+}
+
 /// Numbers with a separator between them. A value that is not finite is written as 0.
 struct Numbers<'a, const N: usize>([f32; N], &'a str);
 

@@ -1,8 +1,8 @@
 //! A Radiance scene: one `source` for each light.
 
-use super::{Numbers, Text, notes};
+use super::{Numbers, Text, head_in_watts};
 use hemilux_core::light::Light;
-use hemilux_core::wire::{LightSet, Unit};
+use hemilux_core::wire::LightSet;
 
 const LOSSES: [&str; 2] = [
     "a light is a disc of uniform radiance and the light's energy; its least diameter is the sun's, 0.533 degrees",
@@ -12,21 +12,10 @@ const LOSSES: [&str; 2] = [
 /// Least angular radius, degrees: a source without extent would need infinite radiance.
 const LEAST_RADIUS_DEG: f32 = 0.2665;
 
-/// Luminous efficacy by which Radiance's programs turn radiance into luminance, lm/W.
-const EFFICACY: f32 = 179.0;
-
 pub(super) fn text(set: &LightSet<'_>) -> String {
     let mut text = Text::default();
-    for note in notes(set, &LOSSES) {
-        text.line(format_args!("# {note}"));
-    }
-    let factor = match set.unit {
-        Unit::Lux => {
-            text.line("# radiance in W/(m2 sr) = luminance / 179 lm/W, as rpict and rtrace take it");
-            EFFICACY.recip()
-        }
-        Unit::Relative => 1.0,
-    };
+    let factor =
+        head_in_watts(&mut text, set, &LOSSES, "radiance in W/(m2 sr) of rpict and rtrace = luminance");
     for light in set.lights {
         source(&mut text, set, light, factor);
     }
