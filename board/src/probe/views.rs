@@ -60,6 +60,8 @@ pub struct Given<T> {
     pub number: u64,
     /// The view; `None` before the first one.
     pub view: Option<Arc<T>>,
+    /// Whether the view is of a frame that was processed after the request.
+    pub is_new: bool,
 }
 
 /// A request for a view.
@@ -73,7 +75,10 @@ pub struct ViewRequest<T> {
 
 impl<T> Default for Slot<T> {
     fn default() -> Self {
-        Self { asked: AtomicU64::new(0), given: watch::Sender::new(Given { number: 0, view: None }) }
+        Self {
+            asked: AtomicU64::new(0),
+            given: watch::Sender::new(Given { number: 0, view: None, is_new: false }),
+        }
     }
 }
 
@@ -85,11 +90,15 @@ impl<T> Slot<T> {
         ViewRequest { number: self.asked.fetch_add(1, Ordering::AcqRel) + 1, given }
     }
 
-    /// Makes a view if a request waits.
+    /// Makes a view of a new frame if a request waits.
     fn serve(&self, make: impl FnOnce() -> T) {
+        self.give(true, make);
+    }
+
+    fn give(&self, is_new: bool, make: impl FnOnce() -> T) {
         let asked = self.asked.load(Ordering::Acquire);
         if asked > self.given.borrow().number {
-            self.given.send_replace(Given { number: asked, view: Some(Arc::new(make())) });
+            self.given.send_replace(Given { number: asked, view: Some(Arc::new(make())), is_new });
         }
     }
 }
@@ -113,21 +122,28 @@ impl Views {
             calibration: *pipeline.calibration(),
             lux,
         });
-        self.maps.serve(|| {
-            let polar = pipeline.map().polar;
-            MapView {
-                grid: polar.grid,
-                texels: polar.texels.to_vec(),
-                frame: set.frame,
-                lights: set.lights.clone(),
-            }
-        });
+        self.maps.serve(|| map_view(pipeline, set));
     }
+
+    /// Answers the requests for the map with that of the last frame `set`, while the source delivers no bursts.
+    pub(super) fn serve_last(&self, pipeline: &mut Pipeline, set: &OwnedSet) {
+        if pipeline.has_map() {
+            self.maps.give(false, || map_view(pipeline, set));
+        }
+    }
+}
+
+fn map_view(pipeline: &mut Pipeline, set: &OwnedSet) -> MapView {
+    let polar = pipeline.map().polar;
+    MapView { grid: polar.grid, texels: polar.texels.to_vec(), frame: set.frame, lights: set.lights.clone() }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pipeline::Settings;
+    use crate::scene;
+    use crate::source::{Pace, SceneSource, Source};
 
     #[test]
     fn a_view_is_made_once_for_all_requests_before_it() {
@@ -140,5 +156,24 @@ mod tests {
         let now = given.borrow();
         assert!(now.number >= first && now.number >= second, "both are answered");
         assert_eq!(now.view.as_deref(), Some(&7), "with one view");
+    }
+
+    #[test]
+    fn a_map_without_bursts_is_that_of_the_last_frame_and_not_new() {
+        let mut source = SceneSource::new(scene::by_name("room").expect("a scene"), Pace::Free);
+        let pipeline = Pipeline::try_new(*source.calibration(), &source.exposures(), Settings::default());
+        let mut pipeline = pipeline.expect("a pipeline");
+        let (views, set) = (Views::default(), OwnedSet { frame: 7, ..OwnedSet::default() });
+        let given = views.maps.request().given;
+        views.serve_last(&mut pipeline, &set);
+        assert!(given.borrow().view.is_none(), "nothing was merged");
+        let mut burst = Burst::default();
+        source.next(&mut burst).expect("a burst");
+        pipeline.process(&burst).expect("a frame");
+        views.serve_last(&mut pipeline, &set);
+        let last = given.borrow();
+        let map = last.view.as_ref().expect("a map");
+        assert!(!last.is_new && map.frame == 7 && map.texels.iter().any(|t| t[1] > 0.0), "the last frame");
+        assert_eq!(views.bursts.request().given.borrow().number, 0, "no frames of it");
     }
 }

@@ -98,6 +98,9 @@ impl Worker {
             Err(SourceError::NotYet) => {}
             Err(error) => {
                 self.fail(&error);
+                if let Some(set) = self.link.sets.latest() {
+                    self.link.views.serve_last(&mut self.pipeline, &set);
+                }
                 return Err(error);
             }
         }

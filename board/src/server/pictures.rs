@@ -44,9 +44,12 @@ pub(super) async fn view<T>(link: &Link, slot: &Slot<T>) -> View<Arc<T>> {
     let ViewRequest { number, mut given } = slot.request();
     let longest = if link.status().failure().is_some() { FAILED_WAIT } else { LONGEST_WAIT };
     let waited = tokio::time::timeout(longest, given.wait_for(|g| g.number >= number)).await;
-    let is_fresh = waited.is_ok();
+    let is_in_time = waited.is_ok();
     drop(waited);
-    let view = given.borrow().view.clone();
+    let newest = given.borrow();
+    let is_fresh = is_in_time && newest.is_new;
+    let view = newest.view.clone();
+    drop(newest);
     view.map_or(View::None, |view| View::Of { view, since_ns, is_fresh })
 }
 
