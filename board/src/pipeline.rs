@@ -21,7 +21,7 @@ use std::time::{Duration, Instant};
 
 pub use settings::{PipelineError, Settings};
 
-/// Most bursts in a row that repeat the map of the last merged one.
+/// Most bursts in a row that repeat the lights of the last merged one.
 const MOST_HELD: u32 = 4;
 
 /// A hemisphere map and what samples it.
@@ -32,8 +32,8 @@ pub struct Pipeline {
     inspector: Inspector,
     /// Coverage of the map, if a burst was merged.
     seen: Option<Coverage>,
-    /// Bursts since the last one that was merged.
-    held: u32,
+    /// Bursts since the last one whose shortest exposure was sound.
+    headless: u32,
     /// Taken when a sampler or a picture needs it first.
     polar: Option<Polar>,
     /// Whether `polar` holds the current frame.
@@ -152,7 +152,7 @@ impl Pipeline {
             front,
             inspector,
             seen: None,
-            held: 0,
+            headless: 0,
             polar,
             polar_fresh: false,
             sampler,
@@ -200,11 +200,12 @@ impl Pipeline {
     }
 
     /// The frames of the next burst that are not to be merged: those that contradict the others; all of them if the shortest exposure is
-    /// among those, which alone knows the brightest light, unless there is no map yet or it was kept for four bursts in a row.
+    /// among those, which alone knows the brightest light, unless there is no map yet or the shortest exposures of the four bursts before
+    /// were wrong as well.
     pub fn inspect(&mut self, burst: &Burst) -> FramesLeftOut {
         let mut found = self.inspector.inspect(burst);
-        let holds = found.contains(0) && self.seen.is_some() && self.held < MOST_HELD;
-        self.held = if holds { self.held + 1 } else { 0 };
+        let holds = found.contains(0) && self.seen.is_some() && self.headless < MOST_HELD;
+        self.headless = if found.contains(0) { self.headless.saturating_add(1) } else { 0 };
         for index in (0..burst.frames.len()).filter(|_| holds) {
             if !found.contains(index) {
                 found.insert(index, FrameFault::Incomplete);
@@ -303,6 +304,7 @@ impl Pipeline {
                 Ok(()) => {}
                 Err(FrontError::Memory(_)) => {
                     self.front = front_end(self.front.calibration(), &exposures, &self.settings)?;
+                    self.seen = None;
                 }
                 Err(error) => return Err(error.into()),
             }
@@ -321,6 +323,12 @@ impl Pipeline {
     #[must_use]
     pub fn needs_polar(&self) -> bool {
         self.sampler.needs_polar()
+    }
+
+    /// Whether a burst was merged since the map was made.
+    #[must_use]
+    pub fn has_map(&self) -> bool {
+        self.seen.is_some()
     }
 
     /// Bytes that the comparison of frames keeps.
@@ -391,9 +399,41 @@ fn front_end(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::calibration::Pixels;
     use crate::scene;
     use crate::source::{Pace, SceneSource, Source};
     use hemilux_core::SamplerKind;
+
+    #[test]
+    fn a_wrong_shortest_exposure_holds_the_lights_for_four_bursts_and_then_no_longer() {
+        let mut source = SceneSource::new(scene::by_name("room").expect("a scene"), Pace::Free);
+        let pipeline = Pipeline::try_new(*source.calibration(), &source.exposures(), Settings::default());
+        let (mut pipeline, mut burst) = (pipeline.expect("a pipeline"), Burst::default());
+        let exposures = source.exposures().len();
+        let mut left_out = |is_black: bool| {
+            source.next(&mut burst).expect("a burst");
+            if is_black {
+                match &mut burst.frames[0].pixels {
+                    Pixels::U8(codes) => codes.fill(0),
+                    Pixels::U16(codes) => codes.fill(0),
+                }
+            }
+            let processed = pipeline.process(&burst).expect("a frame");
+            let faults: Vec<_> = processed.frames_left_out.iter().map(|frame| frame.fault).collect();
+            (faults, processed.scalar_flux)
+        };
+        let held = [vec![FrameFault::Black], vec![FrameFault::Incomplete; exposures - 1]].concat();
+        for round in 0..2 {
+            let (faults, flux) = left_out(false);
+            assert_eq!(faults, [], "round {round}");
+            for burst in 0..4 {
+                assert_eq!(left_out(true), (held.clone(), flux), "round {round}, burst {burst}");
+            }
+            for burst in 4..12 {
+                assert_eq!(left_out(true).0, [FrameFault::Black], "round {round}, burst {burst}");
+            }
+        }
+    }
 
     #[test]
     fn the_stage_filter_takes_time_in_samplers_with_temporal_filters_and_none_in_others() {

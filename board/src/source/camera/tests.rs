@@ -264,7 +264,8 @@ fn faults_at_every_hundredth_frame_make_no_wrong_set_and_take_no_memory() {
         crate::pipeline::Pipeline::try_new(*source.calibration(), &exposures, settings).expect("a pipeline");
     let (mut burst, mut fluxes, mut resident) = (Burst::default(), Vec::new(), Vec::new());
     let began = kernel.world().now_ns;
-    while kernel.world().now_ns - began < seconds * 1_000_000_000 {
+    // A busy machine skips bursts, so that it may need more simulated time for enough sets.
+    while kernel.world().now_ns - began < seconds * 1_000_000_000 || fluxes.len() <= 50 {
         if source.next(&mut burst).is_ok() {
             fluxes.push(pipeline.process(&burst).expect("lights").scalar_flux[1]);
             resident.push(resident_kb());
@@ -276,7 +277,7 @@ fn faults_at_every_hundredth_frame_make_no_wrong_set_and_take_no_memory() {
     let median = sorted[sorted.len() / 2];
     let wrong = fluxes.iter().filter(|f| (**f / median - 1.0).abs() > 0.02).count();
     println!("{} sets, {wrong} wrong, {status:?}, {:?} kB", fluxes.len(), resident.last());
-    assert!(fluxes.len() > 20 && wrong == 0, "{wrong} of {} sets", fluxes.len());
+    assert!(fluxes.len() > 50 && wrong == 0, "{wrong} of {} sets", fluxes.len());
     let pulled = u64::from(kernel.world().generation);
     assert!(
         pulled > 0 && status.1 <= pulled && pulled - status.1 <= 1,
