@@ -13,10 +13,13 @@ const DIFFERENT: f32 = 1.4;
 const NEARLY_ALL: f64 = 0.9;
 
 /// Fewest samples that a judgement rests on.
-const ENOUGH: usize = 64;
+const ENOUGH: usize = 16;
+
+/// Fewest ratios of which a share is taken.
+const ENOUGH_FOR_SHARE: usize = 64;
 
 /// Fewest samples of a row whose median is used.
-const ENOUGH_IN_ROW: usize = 8;
+const ENOUGH_IN_ROW: usize = 4;
 
 /// Least factor between the two parts of a torn frame, and largest factor within a part.
 const TORN: (f32, f32) = (1.5, 1.15);
@@ -27,13 +30,14 @@ const TORN_ROWS: usize = 3;
 /// Exposures that differ by less may have equal samples.
 const SAME_EXPOSURE: f32 = 1.2;
 
-/// What the samples of one frame show against those of another one.
+/// Share of different samples from which a frame can be torn.
+const TORN_SHARE: f32 = 0.1;
+
+/// What two frames of different exposure show of each other.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Comparison {
-    dark: Share,
-    bright: Share,
-    /// Number of ratios.
-    count: usize,
+    /// The shorter exposure against what the longer one predicts, and the longer one against what the shorter one predicts.
+    levels: [Levels; 2],
     /// Logarithm of the median ratio of radiances, 0 where both exposures are as stated; none where too few samples can be compared.
     pub log_ratio: Option<f32>,
     /// Share of the samples whose ratio differs from the median one.
@@ -44,6 +48,33 @@ pub(super) struct Comparison {
     pub is_copy: bool,
 }
 
+/// Samples of one frame that are darker or brighter than predicted.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Levels {
+    dark: Share,
+    bright: Share,
+}
+
+impl Levels {
+    /// Adds the sample `found` where `expected` was predicted.
+    fn add(&mut self, found: f32, expected: f32, least: f32) {
+        if expected >= least / 2.0 {
+            self.dark.add(found < expected.min(1.0) / DARKER);
+        }
+        if expected < 1.0 / DARKER {
+            self.bright.add(found == SATURATED);
+        }
+    }
+
+    /// A frame that is black or saturated as a whole.
+    fn fault(&self) -> Option<FrameFault> {
+        if self.dark.is_nearly_all() {
+            return Some(FrameFault::Black);
+        }
+        self.bright.is_nearly_all().then_some(FrameFault::Saturated)
+    }
+}
+
 /// A number of samples out of another one.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Share {
@@ -52,90 +83,99 @@ struct Share {
 }
 
 impl Share {
+    fn add(&mut self, belongs: bool) {
+        self.of += 1;
+        self.part += usize::from(belongs);
+    }
+
     fn is_nearly_all(self) -> bool {
         self.of >= ENOUGH && self.part as f64 > NEARLY_ALL * self.of as f64
     }
 }
 
-/// The samples of one place in two frames.
+/// Two frames that are compared.
 #[derive(Clone, Copy)]
-struct Samples {
-    /// Relative exposure in the frame that is compared.
-    a: f32,
-    /// Relative exposure in the frame that predicts.
-    b: f32,
-    factor: f32,
-    least: f32,
+pub(super) struct Pair<'a> {
+    /// Samples of the shorter exposure.
+    pub short: &'a Sampled,
+    /// Samples of the longer exposure.
+    pub long: &'a Sampled,
+    /// The shorter exposure over the longer one.
+    pub factor: f32,
+    /// Least relative exposure that is judged.
+    pub least: f32,
+}
+
+/// Memory for ratios, in the order of the rows and in the order of their size.
+#[derive(Debug, Default)]
+pub(super) struct Scratch {
+    by_row: Vec<f32>,
+    by_size: Vec<f32>,
+}
+
+impl Scratch {
+    pub fn with_capacity(samples: usize) -> Self {
+        Self { by_row: Vec::with_capacity(samples), by_size: Vec::with_capacity(samples) }
+    }
+
+    pub fn bytes(&self) -> usize {
+        size_of::<f32>() * (self.by_row.capacity() + self.by_size.capacity())
+    }
 }
 
 impl Comparison {
-    /// Compares `of` with what `by` predicts; `factor` is the exposure of `of` over that of `by`, `least` the least
-    /// relative exposure that is judged. `ratios` is scratch memory.
-    pub fn new(of: &Sampled, by: &Sampled, factor: f32, least: f32, ratios: &mut Vec<f32>) -> Self {
+    /// Compares the frames of a pair.
+    pub fn new(pair: Pair<'_>, scratch: &mut Scratch) -> Self {
         let mut found = Self::default();
         let mut equal = Share::default();
-        let mut rows = Medians::default();
-        ratios.clear();
-        for (of, by) in of.rows().zip(by.rows()) {
-            let before = ratios.len();
-            for (a, b) in of.iter().copied().zip(by.iter().copied()) {
-                found.add(Samples { a, b, factor, least }, ratios);
-                let is_lit = a != SATURATED && a.max(b) >= least;
-                equal.of += usize::from(is_lit);
-                equal.part += usize::from(is_lit && a == b);
+        let mut ends = [0; ROWS];
+        let Scratch { by_row, by_size } = scratch;
+        by_row.clear();
+        for ((short, long), end) in pair.short.rows().zip(pair.long.rows()).zip(&mut ends) {
+            for (a, b) in short.iter().copied().zip(long.iter().copied()) {
+                found.add(a, b, &pair, &mut equal, by_row);
             }
-            rows.add(&mut ratios[before..]);
+            *end = by_row.len();
         }
-        found.is_copy = equal.is_nearly_all() && (factor > SAME_EXPOSURE || factor.recip() > SAME_EXPOSURE);
-        if ratios.len() >= ENOUGH
-            && let Some(median) = median(ratios)
-        {
-            found.count = ratios.len();
-            found.log_ratio = Some(median.ln());
-            let is_away = |r: &&f32| !(median / DIFFERENT..median * DIFFERENT).contains(*r);
-            found.away = ratios.iter().filter(is_away).count() as f32 / ratios.len() as f32;
-            found.is_torn = rows.are_two_parts();
+        found.is_copy = equal.is_nearly_all() && pair.factor.recip() > SAME_EXPOSURE;
+        by_size.clone_from(by_row);
+        let Some(median) = median(by_size).filter(|_| by_row.len() >= ENOUGH) else { return found };
+        found.log_ratio = Some(median.ln());
+        if by_row.len() < ENOUGH_FOR_SHARE {
+            return found;
         }
+        let is_away = |r: &&f32| !(median / DIFFERENT..median * DIFFERENT).contains(*r);
+        found.away = by_row.iter().filter(is_away).count() as f32 / by_row.len() as f32;
+        found.is_torn = found.away > TORN_SHARE && Medians::of(by_row, &ends).are_two_parts();
         found
     }
 
-    fn add(&mut self, Samples { a, b, factor, least }: Samples, ratios: &mut Vec<f32>) {
-        if !(least..=1.0).contains(&b) {
+    /// Adds the samples of one place.
+    fn add(&mut self, short: f32, long: f32, pair: &Pair<'_>, equal: &mut Share, ratios: &mut Vec<f32>) {
+        let Pair { factor, least, .. } = *pair;
+        if short.max(long) < least {
             return;
         }
-        let expected = (b * factor).min(1.0);
-        if expected >= least / 2.0 {
-            self.dark.of += 1;
-            self.dark.part += usize::from(a < expected / DARKER);
+        let judged = least..=1.0;
+        if judged.contains(&long) {
+            self.levels[0].add(short, long * factor, least);
         }
-        if expected < 1.0 / DARKER {
-            self.bright.of += 1;
-            self.bright.part += usize::from(a == SATURATED);
+        if judged.contains(&short) {
+            self.levels[1].add(long, short / factor, least);
         }
-        if a != SATURATED && b * factor >= least {
-            // A black sample has the ratio of one below the finest code, so that logarithms are finite.
-            ratios.push(a.max(1e-6) / (b * factor));
-        }
-    }
-
-    /// What this comparison and that in the other direction show of the pair: a part of a frame may be seen in one direction alone.
-    pub fn and(&self, other: &Self) -> Self {
-        let log_ratio = if other.count > self.count { other.log_ratio.map(|r| -r) } else { self.log_ratio };
-        Self {
-            log_ratio,
-            away: self.away.max(other.away),
-            is_torn: self.is_torn || other.is_torn,
-            is_copy: self.is_copy || other.is_copy,
-            ..*self
+        if short != SATURATED && long != SATURATED {
+            equal.add(short == long);
+            let predicted = long * factor;
+            if short.max(predicted) >= least {
+                // A black sample has the ratio of one below the finest code, so that logarithms are finite.
+                ratios.push(short.max(1e-6) / predicted.max(1e-6));
+            }
         }
     }
 
-    /// A frame that is black or saturated as a whole.
-    pub fn level(&self) -> Option<FrameFault> {
-        if self.dark.is_nearly_all() {
-            return Some(FrameFault::Black);
-        }
-        self.bright.is_nearly_all().then_some(FrameFault::Saturated)
+    /// Whether the shorter, and whether the longer exposure is black or saturated as a whole.
+    pub fn level_faults(&self) -> [Option<FrameFault>; 2] {
+        self.levels.map(|levels| levels.fault())
     }
 }
 
@@ -147,14 +187,22 @@ struct Medians {
 }
 
 impl Medians {
-    fn add(&mut self, ratios: &mut [f32]) {
-        if ratios.len() < ENOUGH_IN_ROW {
-            return;
+    /// The medians of `ratios`, of which each row's end at one of `ends`; rows are reordered.
+    fn of(ratios: &mut [f32], ends: &[usize; ROWS]) -> Self {
+        let mut medians = Self::default();
+        let mut start = 0;
+        for end in ends {
+            let row = ratios.get_mut(start..*end).unwrap_or_default();
+            start = *end;
+            if row.len() < ENOUGH_IN_ROW {
+                continue;
+            }
+            if let (Some(slot), Some(median)) = (medians.rows.get_mut(medians.count), median(row)) {
+                *slot = median.ln();
+                medians.count += 1;
+            }
         }
-        if let (Some(slot), Some(median)) = (self.rows.get_mut(self.count), median(ratios)) {
-            *slot = median.ln();
-            self.count += 1;
-        }
+        medians
     }
 
     /// Whether the rows have one value down to some row and another one from there on.

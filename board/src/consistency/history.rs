@@ -39,7 +39,7 @@ impl History {
         let fault = self.fault(seen, log_ratio);
         self.contradictions += NEW * (f32::from(u8::from(fault.is_some())) - self.contradictions);
         let unusual = fault.filter(|_| self.contradictions < USUAL);
-        if unusual.is_none() && seen.level().is_none() {
+        if unusual.is_none() && seen.level_faults() == [None; 2] {
             self.add(log_ratio, seen.away);
         }
         unusual

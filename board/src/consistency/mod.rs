@@ -13,7 +13,7 @@ mod tests;
 
 use crate::calibration::{Burst, Calibration, Frame};
 use crate::recorded::RecordedBurst;
-use compare::Comparison;
+use compare::{Comparison, Scratch};
 use hemilux_core::wire::{FrameFault, FramesLeftOut};
 use hemilux_core::{MAX_EXPOSURES, ResponseError};
 use history::History;
@@ -27,8 +27,9 @@ const PAIRS: usize = 2 * MAX_EXPOSURES;
 pub struct Inspector {
     grid: Grid,
     frames: Vec<Sampled>,
-    ratios: Vec<f32>,
-    history: [History; PAIRS],
+    scratch: Scratch,
+    /// What the neighbours in exposure have shown, by the index of the shorter one.
+    history: [History; MAX_EXPOSURES],
 }
 
 /// A frame in the order of exposures, and what it is compared by.
@@ -39,7 +40,7 @@ struct Pair {
 }
 
 impl Pair {
-    /// Position in [`Inspector::history`]; none for frames that are not compared.
+    /// Position in [`Verdicts`]; none for frames that are not compared.
     fn index(self) -> Option<usize> {
         let (low, high) = (self.of.min(self.by), self.of.max(self.by));
         (1..=2).contains(&(high - low)).then(|| 2 * low + high - low - 1).filter(|i| *i < PAIRS)
@@ -55,16 +56,14 @@ impl Inspector {
         let grid = Grid::try_new(calibration)?;
         let mut frames = Vec::with_capacity(MAX_EXPOSURES);
         frames.resize_with(exposures.min(MAX_EXPOSURES), || grid.empty());
-        let ratios = Vec::with_capacity(grid.len());
-        Ok(Self { grid, frames, ratios, history: [History::default(); PAIRS] })
+        let scratch = Scratch::with_capacity(grid.len());
+        Ok(Self { grid, frames, scratch, history: [History::default(); MAX_EXPOSURES] })
     }
 
     /// Bytes on the heap.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        self.grid.bytes()
-            + self.frames.iter().map(Sampled::bytes).sum::<usize>()
-            + size_of::<f32>() * self.ratios.capacity()
+        self.grid.bytes() + self.frames.iter().map(Sampled::bytes).sum::<usize>() + self.scratch.bytes()
     }
 
     /// The frames of `burst` that contradict the others; at least one frame stays.
@@ -92,34 +91,42 @@ impl Inspector {
         left_out
     }
 
-    /// Compares all pairs, and adds what they show to the history.
+    /// Compares the neighbours in exposure, and adds what they show to the history; where they do not all agree, frames two apart as well.
     fn compare(&mut self, frames: &[Frame]) -> Verdicts {
         let mut verdicts = Verdicts([[Verdict::Unknown; 2]; PAIRS]);
-        let least = self.grid.least;
-        for low in 0..frames.len() {
-            for high in (low + 1..frames.len()).take(2) {
-                let Some(index) = (Pair { of: low, by: high }).index() else { continue };
-                let factor = frames[low].light() / frames[high].light();
-                let mut seen = |of: usize, by: usize, factor: f64| {
-                    Comparison::new(
-                        &self.frames[of],
-                        &self.frames[by],
-                        factor as f32,
-                        least,
-                        &mut self.ratios,
-                    )
-                };
-                let (up, down) = (seen(low, high, factor), seen(high, low, factor.recip()));
-                let shared = match self.history[index].judge(&up.and(&down)) {
-                    Some(fault) => Verdict::Differs(fault),
-                    None if up.log_ratio.or(down.log_ratio).is_some() => Verdict::Agrees,
-                    None => Verdict::Unknown,
-                };
-                verdicts.0[index] = [&up, &down].map(|seen| seen.level().map_or(shared, Verdict::Is));
+        for apart in [1, 2] {
+            for low in 0..frames.len().saturating_sub(apart) {
+                let pair = Pair { of: low, by: low + apart };
+                let seen = self.see(frames, pair);
+                let mut unknown = History::default();
+                let history = if apart == 1 { &mut self.history[low] } else { &mut unknown };
+                if let Some(index) = pair.index() {
+                    verdicts.0[index] = verdict(&seen, history);
+                }
+            }
+            let neighbours = verdicts.0.iter().step_by(2).take(frames.len() - 1);
+            if neighbours.flatten().all(|verdict| *verdict == Verdict::Agrees) {
+                break;
             }
         }
         verdicts
     }
+
+    fn see(&mut self, frames: &[Frame], Pair { of: low, by: high }: Pair) -> Comparison {
+        let factor = (frames[low].light() / frames[high].light()) as f32;
+        let (short, long) = (&self.frames[low], &self.frames[high]);
+        Comparison::new(compare::Pair { short, long, factor, least: self.grid.least }, &mut self.scratch)
+    }
+}
+
+/// What a comparison says of the shorter and of the longer exposure.
+fn verdict(seen: &Comparison, history: &mut History) -> [Verdict; 2] {
+    let shared = match history.judge(seen) {
+        Some(fault) => Verdict::Differs(fault),
+        None if seen.log_ratio.is_some() => Verdict::Agrees,
+        None => Verdict::Unknown,
+    };
+    seen.level_faults().map(|fault| fault.map_or(shared, Verdict::Is))
 }
 
 /// What the comparison of a frame with another one shows.

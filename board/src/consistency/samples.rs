@@ -1,9 +1,11 @@
-//! Relative exposures on a grid of pixels of a frame, for every format.
+//! Relative exposures on a grid of pixels of a frame, for every format: of green, of luma, or of the mosaic's own samples.
+//!
+//! The grid is coarse, and its pixels are read one by one: decoding whole rows cost a fifth of a merge.
 
 use crate::calibration::{Calibration, Frame};
 use hemilux_core::format::Layout;
 use hemilux_core::response::{CURVE_BITS, Curve, curve_len};
-use hemilux_core::{ResponseError, read_rgb_row};
+use hemilux_core::{ResponseError, read_luma};
 
 /// Rows of the grid.
 pub(super) const ROWS: usize = 16;
@@ -27,8 +29,8 @@ pub(super) struct Grid {
     layout: Layout,
     curve: Curve<Vec<i32>>,
     table_len: usize,
-    /// The codes of one row of the frame.
-    row: Vec<[u16; 3]>,
+    /// Pixels of a row of the grid.
+    columns: usize,
     /// Least relative exposure that is judged: below it quantisation and noise decide.
     pub least: f32,
     /// Distance between pixels of the grid, pixels.
@@ -61,47 +63,36 @@ impl Grid {
         let width = layout.width() as usize;
         let codes = calibration.levels.white - calibration.levels.black;
         let least = (LEAST_CODES / codes).clamp(LEAST, MOST_LEAST) as f32;
-        Ok(Self {
-            layout,
-            curve,
-            least,
-            table_len,
-            row: vec![[0; 3]; width],
-            step: width.div_ceil(COLUMNS).max(1),
-        })
-    }
-
-    fn per_row(&self) -> usize {
-        3 * self.row.len().div_ceil(self.step)
+        let step = width.div_ceil(COLUMNS).max(1);
+        Ok(Self { layout, curve, least, table_len, columns: width.div_ceil(step), step })
     }
 
     /// Number of samples.
     pub fn len(&self) -> usize {
-        ROWS * self.per_row()
+        ROWS * self.columns
     }
 
     pub fn bytes(&self) -> usize {
-        size_of::<i32>() * self.table_len + size_of::<[u16; 3]>() * self.row.len()
+        size_of::<i32>() * self.table_len
     }
 
     pub fn empty(&self) -> Sampled {
-        Sampled { values: vec![0.0; self.len()], per_row: self.per_row() }
+        Sampled { values: vec![0.0; self.len()], per_row: self.columns }
     }
 
     /// Reads the samples of `frame`.
-    pub fn sample(&mut self, frame: &Frame, sampled: &mut Sampled) {
+    pub fn sample(&self, frame: &Frame, sampled: &mut Sampled) {
         let height = self.layout.height() as usize;
-        let full = f64::from(1u32 << CURVE_BITS) as f32;
+        let full = (1u32 << CURVE_BITS) as f32;
+        let most = self.layout.format().max_code() as f32;
+        let pixels = frame.pixels.samples();
         for (i, values) in sampled.values.chunks_exact_mut(sampled.per_row.max(1)).enumerate() {
-            let y = (2 * i + 1) * height / (2 * ROWS);
-            read_rgb_row(&self.layout, frame.pixels.samples(), y as u32, &mut self.row);
-            let pixels = self.row.iter().step_by(self.step);
-            for (pixel, values) in pixels.zip(values.as_chunks_mut::<3>().0) {
-                for (channel, (code, value)) in pixel.iter().zip(values).enumerate() {
-                    let code = u32::from(*code);
-                    let exposure = self.curve.exposure_q27(channel, code) as f32 / full;
-                    *value = if self.curve.is_saturated(code) { SATURATED } else { exposure };
-                }
+            let y = ((2 * i + 1) * height / (2 * ROWS)) as u32;
+            for (x, value) in values.iter_mut().enumerate() {
+                let luma = read_luma(&self.layout, pixels, (x * self.step) as u32, y);
+                let code = (luma * most + 0.5) as u32;
+                let exposure = self.curve.exposure_q27(1, code) as f32 / full;
+                *value = if self.curve.is_saturated(code) { SATURATED } else { exposure };
             }
         }
     }
