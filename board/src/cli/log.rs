@@ -3,7 +3,9 @@
 use clap::{ArgAction, Args};
 use std::io::IsTerminal;
 use tracing::Level;
-use tracing_subscriber::EnvFilter;
+use tracing_subscriber::filter::{LevelFilter, Targets};
+use tracing_subscriber::layer::{Layer, SubscriberExt};
+use tracing_subscriber::util::SubscriberInitExt;
 
 #[derive(Clone, Copy, Debug, Args)]
 pub(super) struct LogOptions {
@@ -26,15 +28,29 @@ impl LogOptions {
         }
     }
 
-    /// Starts the log. The options have the last word over `RUST_LOG`.
+    /// Starts the log. The options have the last word over `RUST_LOG`, whose directives have no spans and no patterns.
     pub(super) fn start(self) {
-        let usual = EnvFilter::builder().with_default_directive(Level::WARN.into());
-        let filter = match self.level() {
-            Some(level) => usual.parse_lossy(format!("{level},hyper=warn,rumqttc=warn")),
-            None => usual.from_env_lossy(),
+        let stated = std::env::var("RUST_LOG").unwrap_or_default();
+        let parsed = stated.parse::<Targets>();
+        let filter = match (self.level(), &parsed) {
+            (Some(level), _) => {
+                let quieter = ["hyper", "rumqttc"].map(|target| (target, LevelFilter::WARN));
+                Targets::new().with_targets(quieter).with_default(level)
+            }
+            (None, Ok(targets)) if targets.default_level().is_none() => {
+                targets.clone().with_default(Level::WARN)
+            }
+            (None, Ok(targets)) => targets.clone(),
+            (None, Err(_)) => Targets::new().with_default(Level::WARN),
         };
-        let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
+        let lines = tracing_subscriber::fmt::layer().with_writer(std::io::stderr);
+        let lines = lines.with_ansi(std::io::stderr().is_terminal());
         // A log that runs already, as in tests, stays.
-        let _ = log.with_ansi(std::io::stderr().is_terminal()).try_init();
+        let _ = tracing_subscriber::registry().with(lines.with_filter(filter)).try_init();
+        if let Err(error) = parsed {
+            tracing::warn!(
+                "RUST_LOG: found {stated:?} ({error}), expected directives such as info,hyper=debug"
+            );
+        }
     }
 }
