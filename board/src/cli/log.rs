@@ -30,26 +30,25 @@ impl LogOptions {
 
     /// Starts the log. The options have the last word over `RUST_LOG`, whose directives have no spans and no patterns.
     pub(super) fn start(self) {
-        let stated = std::env::var("RUST_LOG").unwrap_or_default();
-        let parsed = stated.parse::<Targets>();
+        let usual = Targets::new().with_default(Level::WARN);
+        let stated = std::env::var("RUST_LOG").ok().filter(|text| !text.trim().is_empty());
+        let parsed = stated.as_ref().map_or(Ok(usual.clone()), |text| text.parse::<Targets>());
         let filter = match (self.level(), &parsed) {
             (Some(level), _) => {
                 let quieter = ["hyper", "rumqttc"].map(|target| (target, LevelFilter::WARN));
                 Targets::new().with_targets(quieter).with_default(level)
             }
-            (None, Ok(targets)) if targets.default_level().is_none() => {
-                targets.clone().with_default(Level::WARN)
-            }
             (None, Ok(targets)) => targets.clone(),
-            (None, Err(_)) => Targets::new().with_default(Level::WARN),
+            (None, Err(_)) => usual,
         };
         let lines = tracing_subscriber::fmt::layer().with_writer(std::io::stderr);
         let lines = lines.with_ansi(std::io::stderr().is_terminal());
         // A log that runs already, as in tests, stays.
         let _ = tracing_subscriber::registry().with(lines.with_filter(filter)).try_init();
         if let Err(error) = parsed {
+            let found = stated.unwrap_or_default();
             tracing::warn!(
-                "RUST_LOG: found {stated:?} ({error}), expected directives such as info,hyper=debug"
+                "RUST_LOG: found {found:?} ({error}), expected directives such as info,hyper=debug"
             );
         }
     }

@@ -142,7 +142,10 @@ async fn send_sets(
         let (set, stale) = match newest.next().await {
             News::Fresh(set) => (set, None),
             News::Stale(set, staleness) => (set, Some(staleness)),
-            News::None(_) => continue,
+            News::None(reason) => {
+                tracing::debug!("OSC: no set to send: {reason}");
+                continue;
+            }
         };
         for bundle in bundles.of(&set, newest.link.run(), stale.as_ref()) {
             match socket.try_send(&bundle) {
