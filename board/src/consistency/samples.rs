@@ -17,7 +17,7 @@ const COLUMNS: usize = 64;
 const LEAST_CODES: f64 = 8.0;
 
 /// Bounds of the least relative exposure that is judged.
-const LEAST: f64 = 1.0 / 256.0;
+const LEAST: f64 = 1.0 / 128.0;
 const MOST_LEAST: f64 = 1.0 / 32.0;
 
 /// The value of a saturated sample.
