@@ -24,6 +24,7 @@ pub use settings::Change;
 pub use settings_channel::{Applied, Exposures, SettingsChannel};
 pub use status::ThreadStatus;
 pub use views::{BurstView, Given, MapView, Slot, ViewRequest, Views};
+pub(crate) use worker::RETRY_PAUSE;
 pub use worker::Worker;
 
 use crate::camera_status::CameraStatus;

@@ -16,7 +16,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Pause after a fault of the source: long enough not to spin, short beside the time a client waits for a frame.
-const PAUSE: Duration = Duration::from_millis(100);
+pub(crate) const RETRY_PAUSE: Duration = Duration::from_millis(100);
 
 /// Takes bursts, processes them and publishes the light sets.
 pub struct Worker {
@@ -75,7 +75,7 @@ impl Worker {
         while !self.link.status.is_stopping() {
             self.link.status.count_turn();
             if self.step().is_err() {
-                std::thread::park_timeout(PAUSE);
+                std::thread::park_timeout(RETRY_PAUSE);
             }
         }
     }

@@ -12,7 +12,7 @@ use crate::clock;
 use crate::maps::write;
 use crate::picture;
 use crate::probe::settings::short;
-use crate::probe::{BurstView, Link, MapView, Slot, ViewRequest};
+use crate::probe::{BurstView, Link, MapView, RETRY_PAUSE, Slot, ViewRequest};
 use axum::extract::{Path, RawQuery, State};
 use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE, RETRY_AFTER};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, Uri};
@@ -29,8 +29,8 @@ const QUALITY: u8 = 90;
 /// Widths to which exposures can be made smaller, pixels.
 const WIDTHS: [u16; 3] = [160, 320, 640];
 
-/// Longest wait for a view while the source is known to have failed.
-const FAILED_WAIT: Duration = Duration::from_millis(100);
+/// Longest wait for a view while the source is known to have failed: the processing thread answers after each attempt, and pauses between.
+const FAILED_WAIT: Duration = RETRY_PAUSE.saturating_mul(4);
 
 /// Longest wait for a fresh shot: two bursts, of which the first was under way; exposures of a second each make three-second bursts.
 const CAPTURE_WAIT: Duration = Duration::from_secs(8);
