@@ -84,7 +84,12 @@ pub fn run(job: &Job) -> Result<(), SimError> {
             ..LightSet::EMPTY
         };
         job.export.print(&set, map_name(job, domain).as_deref())?;
-        job.files.write(many.then_some(frame), &map.polar, made.lights)?;
+        job.files.write(
+            many.then_some(frame),
+            &map.polar,
+            maps::radiance(&env, map.polar.grid),
+            made.lights,
+        )?;
     }
     Ok(())
 }

@@ -27,6 +27,16 @@ pub fn grid(env: &EnvMap, domain: Domain) -> Grid {
     Grid { width: env.width(), height: rows, domain }
 }
 
+/// The radiance of each texel of the map with this grid, where the texels are those of `env`.
+#[must_use]
+pub fn radiance(env: &EnvMap, map: Grid) -> Option<&[[f32; 3]]> {
+    let rows = match map.domain {
+        Domain::Sphere => map.height,
+        Domain::Hemisphere => 2 * map.height,
+    };
+    if (env.width(), env.height()) == (map.width, rows) { env.texels().get(..map.len()) } else { None }
+}
+
 impl Maps {
     /// Makes dark maps.
     #[must_use]

@@ -30,12 +30,15 @@ impl Files {
 
     /// Writes the picture and the map whose paths are set; frame `index` of a sequence goes to a numbered file.
     ///
+    /// `radiance` holds the radiance of each texel of `map` where it was read rather than measured: it is then written as it was read.
+    ///
     /// # Errors
     /// [`SimError`] naming the file that could not be written.
     pub fn write(
         &self,
         index: Option<usize>,
         map: &LatLongView<'_>,
+        radiance: Option<&[[f32; 3]]>,
         lights: &[Light],
     ) -> Result<(), SimError> {
         if let Some(path) = &self.picture {
@@ -43,7 +46,7 @@ impl Files {
             save_picture(&path, &hemilux::picture::draw(map, lights))?;
         }
         if let Some(path) = &self.map {
-            save_exr(&numbered(path, index), map, self.whole_maps)?;
+            save_exr(&numbered(path, index), map, radiance, self.whole_maps)?;
         }
         Ok(())
     }
@@ -126,7 +129,12 @@ pub fn save(path: &Path, bytes: &[u8]) -> Result<(), SimError> {
 }
 
 /// Writes radiance as 32-bit OpenEXR with a statement of the covered part of the sphere.
-fn save_exr(path: &Path, map: &LatLongView<'_>, whole: bool) -> Result<(), SimError> {
+fn save_exr(
+    path: &Path,
+    map: &LatLongView<'_>,
+    read: Option<&[[f32; 3]]>,
+    whole: bool,
+) -> Result<(), SimError> {
     let grid = map.grid;
     let (covers, height) = match grid.domain {
         Domain::Sphere => (Covers::Sphere, grid.height),
@@ -137,8 +145,9 @@ fn save_exr(path: &Path, map: &LatLongView<'_>, whole: bool) -> Result<(), SimEr
         if row >= grid.height {
             return [0.0; 3];
         }
-        let omega = grid.solid_angle(row) as f32;
-        map.texels[row * grid.width + column].map(|v| v / omega)
+        let at = row * grid.width + column;
+        let measured = || map.texels[at].map(|v| (f64::from(v) / grid.solid_angle(row)) as f32);
+        read.map_or_else(measured, |read| read[at])
     };
     let bytes = maps::write::openexr(grid.width, height, covers, radiance);
     save(path, &bytes.map_err(|e| SimError::at(path, e, "a map that OpenEXR can hold"))?)

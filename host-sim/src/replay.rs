@@ -161,7 +161,7 @@ fn process(
     };
     job.export.print_with(&set, job.files.map_name().as_deref(), left_out)?;
     let lights = set.lights.to_vec();
-    job.files.write(place.many.then_some(place.index), &pipeline.map().polar, &lights)
+    job.files.write(place.many.then_some(place.index), &pipeline.map().polar, None, &lights)
 }
 
 /// Adds the path of the burst to an error of the pipeline; a wrong sampler or number of lights is a usage error.

@@ -156,6 +156,30 @@ fn hemisphere_maps_come_back_as_hemispheres() {
 }
 
 #[test]
+fn real_maps_that_are_written_and_read_give_the_same_lights() {
+    let Some(maps) = common::shared("hdri") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let written = folder.path().join("map.exr");
+    for file in std::fs::read_dir(maps).expect("a folder") {
+        let path = file.expect("a file").path();
+        if path.extension().is_none_or(|extension| extension != "exr") {
+            continue;
+        }
+        for (part, sampling) in [
+            (&["--hemisphere"][..], &["--lights", "64"][..]),
+            (&["--hemisphere"], &["--lights", "16", "--soft"]),
+            (&[], &["--lights", "64", "--ambient"]),
+            (&[], &["--lights", "200", "--soft"]),
+        ] {
+            let read = ["decompose", "--env", text(&path), "--map", text(&written)];
+            let direct = set(&[&read, part, sampling].concat());
+            let back = set(&[&["decompose", "--env", text(&written)], sampling].concat());
+            assert_same_lights(&direct, &back, &format!("{} {part:?} {sampling:?}", path.display()));
+        }
+    }
+}
+
+#[test]
 fn replayed_maps_give_the_lights_of_the_burst() {
     let folder = tempfile::tempdir().expect("a folder");
     let (room, burst, map) =
