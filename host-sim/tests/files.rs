@@ -435,6 +435,21 @@ fn exposures_stated_in_apex_units_or_in_fields_of_large_numbers_are_read() {
     assert!(told.contains("PhotographicSensitivity 65535"), "{told}");
     let told = read(&[(EXPOSURE_TIME, 5, 1000), (COLOUR_SPACE, 3, 2)]);
     assert!(told.contains("Adobe RGB"), "{told}");
+    let told = read(&[(EXPOSURE_TIME, 5, 1000), (APERTURE, 5, 400_000_000)]);
+    assert!(told.contains("found ApertureValue 4000, expected an APEX value"), "{told}");
+}
+
+#[test]
+fn photographs_of_another_size_than_the_lens_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let photo = folder.path().join("a.jpg");
+    let small = image::imageops::thumbnail(&scene(2.0, 0), 32, 48);
+    std::fs::write(&photo, jpeg(&small, &[(EXPOSURE_TIME, 5, 1000)])).expect("a file");
+    let arguments = import(folder.path(), &photo);
+    refused(
+        &arguments.iter().map(String::as_str).collect::<Vec<_>>(),
+        "found 32 x 48 pixels, expected 64 x 64",
+    );
 }
 
 #[test]

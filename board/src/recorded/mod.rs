@@ -196,6 +196,14 @@ pub struct GreyImage {
     pub samples: Vec<u8>,
 }
 
+/// Columns and rows of the upright image in a file, from its header.
+///
+/// # Errors
+/// [`RecordedError`] for a file that is no whole PNG, JPEG, PGM or PPM image.
+pub fn image_size(path: &Path) -> Result<[u32; 2], RecordedError> {
+    Ok(images::open(path, &ReadLimits::default())?.size())
+}
+
 /// Reads a picture as grey samples of eight bits.
 ///
 /// # Errors

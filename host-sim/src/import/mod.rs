@@ -71,6 +71,7 @@ pub fn describe(lens: &Path, paths: &[PathBuf], ignores_profile: bool) -> Result
     let mut photos =
         paths.iter().map(|path| Photo::read(path, ignores_profile)).collect::<Result<Vec<_>, _>>()?;
     check(&photos)?;
+    paths.iter().try_for_each(|photo| check_size(photo, path, lens.size))?;
     photos.sort_by(|a, b| a.light().total_cmp(&b.light()));
     let response = response(&lens, &photos)?;
     tell(&photos, &response);
@@ -100,6 +101,20 @@ fn check(photos: &[Photo]) -> Result<(), SimError> {
         }
     }
     Ok(())
+}
+
+/// Refuses a photograph of another size than the pictures that the lens was calibrated with.
+fn check_size(photo: &Path, lens: &Path, expected: [u32; 2]) -> Result<(), SimError> {
+    let [width, height] = recorded::image_size(photo)?;
+    if [width, height] == expected {
+        return Ok(());
+    }
+    let found = format!("{width} x {height} pixels");
+    Err(SimError::at(
+        photo,
+        found,
+        &format!("{} x {}, the size of {}", expected[0], expected[1], lens.display()),
+    ))
 }
 
 /// The `[response]` table: that of the lens file, else the transfer function that the photographs state.

@@ -47,14 +47,15 @@ impl Photo {
         let exif = reader.read_from_container(&mut BufReader::new(file));
         let exif = exif.or_else(|e| e.distill_partial_result(|_| {}));
         let exif = exif.map_err(|e| refused(format!("no EXIF data ({e})")))?;
-        let apex = |tag| number(&exif, tag).map(f64::exp2);
+        let apex =
+            |tag| apex(&exif, tag).map_err(|found| SimError::at(path, found, "an APEX value of -64 to 64"));
         let seconds = number(&exif, Tag::ExposureTime).filter(|s| *s > 0.0);
-        let seconds = seconds.or_else(|| apex(Tag::ShutterSpeedValue).map(f64::recip));
+        let seconds = seconds.or(apex(Tag::ShutterSpeedValue)?.map(f64::recip));
         let seconds = seconds.ok_or_else(|| {
             SimError::at(path, "EXIF data without an exposure time", "ExposureTime, positive seconds")
         })?;
         let aperture = number(&exif, Tag::FNumber).filter(|n| *n > 0.0);
-        let aperture = aperture.or_else(|| apex(Tag::ApertureValue).map(f64::sqrt));
+        let aperture = aperture.or(apex(Tag::ApertureValue)?.map(f64::sqrt));
         if let Some(space) = other_colour_space(&exif).filter(|_| !ignores_profile) {
             return Err(SimError::at(path, space, transfer::EXPECTED));
         }
@@ -112,6 +113,12 @@ fn other_colour_space(exif: &Exif) -> Option<String> {
         exif.get_field(Tag::InteroperabilityIndex, In::PRIMARY).map(|f| f.display_value().to_string());
     let is_adobe = index.is_some_and(|i| i.contains("R03")) || number(exif, Tag::ColorSpace) == Some(2.0);
     is_adobe.then(|| "the EXIF colour space Adobe RGB".into())
+}
+
+/// Two to the power of a field's APEX value: the reciprocal of an exposure time in seconds, or the square of an f-number.
+fn apex(exif: &Exif, tag: Tag) -> Result<Option<f64>, String> {
+    let Some(value) = number(exif, tag) else { return Ok(None) };
+    if value.abs() > 64.0 { Err(format!("{tag} {value}")) } else { Ok(Some(value.exp2())) }
 }
 
 /// The first number of a field.
