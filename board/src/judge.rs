@@ -16,6 +16,15 @@ use hemilux_core::receiver::{self, OPEN, SHADOWED, Shadowed};
 /// Number of receivers of each kind.
 const LOOKED_AT: usize = 256;
 
+/// Most points that stand for a light that is read as a disc.
+const MOST_POINTS: usize = 48;
+
+/// Points of all discs of a set together: the discs of larger sets are small.
+const DISC_POINTS: usize = MOST_POINTS * 64;
+
+/// The golden angle, radians.
+const GOLDEN: f32 = 2.399_963;
+
 /// A light set to score.
 #[derive(Clone, Copy, Debug)]
 pub struct Lit<'a> {
@@ -32,6 +41,10 @@ pub struct Score {
     pub open: f32,
     /// RMS error over the receivers with an occluding cone, relative to their mean irradiance.
     pub shadowed: f32,
+    /// `open` of the lights read as uniform discs of their radius.
+    pub soft_open: f32,
+    /// `shadowed` of the lights read as uniform discs of their radius.
+    pub soft_shadowed: f32,
     /// Relative error of the total energy.
     pub energy: f32,
     /// RMS change since the last frame that the map does not explain, over the shadowed receivers; `None` in the first frame.
@@ -95,17 +108,22 @@ impl<const N: usize> Judge<N> {
         let before = self.last.take().filter(|(last, _)| last + 1 == frame);
         let mut seen = vec![shadowed];
         let scores = std::array::from_fn(|i| {
-            self.points.of_set(&sets[i], sketch.len());
+            self.points.of_set(&sets[i], sketch.len(), Points::add_points);
             let energy: f32 = self.points.energies.iter().sum();
             let (lit, shaded) = (self.points.seen_by(&self.open), self.points.seen_by(&self.shadowed));
+            self.points.of_set(&sets[i], sketch.len(), Points::add_discs);
+            let (soft_lit, soft_shaded) =
+                (self.points.seen_by(&self.open), self.points.seen_by(&self.shadowed));
             let map = &seen[0];
             let flicker = before.as_ref().map(|(_, old)| {
                 let change = |k: usize| (shaded[k] - old[i + 1][k]) - (map[k] - old[0][k]);
                 over(rms((0..map.len()).map(change)), mean(map))
             });
             let score = Score {
-                open: over(rms(lit.iter().zip(&open).map(|(a, b)| a - b)), mean(&open)),
-                shadowed: over(rms(shaded.iter().zip(map).map(|(a, b)| a - b)), mean(map)),
+                open: error(&lit, &open),
+                shadowed: error(&shaded, map),
+                soft_open: error(&soft_lit, &open),
+                soft_shadowed: error(&soft_shaded, map),
                 energy: over((energy - total).abs(), total),
                 flicker,
             };
@@ -127,12 +145,10 @@ impl Points {
         }
     }
 
-    /// The lights, and the ambient light at the middle of each of `quads` quads.
-    fn of_set(&mut self, set: &Lit<'_>, quads: usize) {
+    /// The lights as `add_lights` gives them, and the ambient light at the middle of each of `quads` quads.
+    fn of_set(&mut self, set: &Lit<'_>, quads: usize, add_lights: impl Fn(&mut Self, &[Light])) {
         self.clear();
-        for light in set.lights {
-            self.push(light.direction, luminance(light.irradiance));
-        }
+        add_lights(self, set.lights);
         let Some(sh) = set.ambient else { return };
         let order = order_of(quads);
         for ipix in 0..Domain::Hemisphere.quads(order) as u32 {
@@ -140,6 +156,28 @@ impl Points {
             let radiance: f32 = basis(d).iter().zip(sh).map(|(b, rgb)| b * luminance(*rgb)).sum();
             let omega = healpix::solid_angle(order) * Domain::Hemisphere.share(order, ipix);
             self.push(d, radiance * omega as f32);
+        }
+    }
+
+    fn add_points(&mut self, lights: &[Light]) {
+        for light in lights {
+            self.push(light.direction, luminance(light.irradiance));
+        }
+    }
+
+    /// Spirals of points of equal energy over the discs; over the hemisphere a disc counts whole if its centre is above the horizon.
+    fn add_discs(&mut self, lights: &[Light]) {
+        let each = (DISC_POINTS / lights.len().max(1)).clamp(1, MOST_POINTS);
+        for light in lights {
+            let (across, up) = light.direction.any_orthonormal_pair();
+            let height = 1.0 - light.radius_deg.to_radians().cos();
+            let energy = luminance(light.irradiance) / each as f32;
+            for k in 0..each {
+                let z = 1.0 - height * if each > 1 { (k as f32 + 0.5) / each as f32 } else { 0.0 };
+                let (sin, cos) = (GOLDEN * k as f32).sin_cos();
+                let r = (1.0 - z * z).max(0.0).sqrt();
+                self.push(light.direction * z + (across * cos + up * sin) * r, energy);
+            }
         }
     }
 
@@ -175,6 +213,11 @@ fn order_of(quads: usize) -> u8 {
 
 fn mean(values: &[f32]) -> f32 {
     values.iter().sum::<f32>() / values.len().max(1) as f32
+}
+
+/// RMS of the differences over the mean of the truth.
+fn error(found: &[f32], truth: &[f32]) -> f32 {
+    over(rms(found.iter().zip(truth).map(|(a, b)| a - b)), mean(truth))
 }
 
 fn rms(values: impl ExactSizeIterator<Item = f32>) -> f32 {
@@ -235,6 +278,20 @@ mod tests {
         sh[0] = [2.0 / 0.282_095; 3];
         let [score] = Judge::default().judge(0, &sketch, [Lit { lights: &[], ambient: Some(&sh) }]);
         assert!(score.open < 1e-3 && score.shadowed < 1e-3 && score.energy < 1e-4, "{score:?}");
+    }
+
+    #[test]
+    fn a_wide_disc_is_right_as_a_disc_and_wrong_as_a_point() {
+        let (axis, cos) = (Vec3::Z, 30f32.to_radians().cos());
+        let quads = 0..Domain::Hemisphere.quads(4) as u32;
+        let direction = |ipix| healpix::centre(4, ipix).as_vec3();
+        let y = |ipix| f32::from(u8::from(direction(ipix).dot(axis) > cos));
+        let sketch: Vec<_> = quads.clone().map(|i| quad(direction(i), y(i))).collect();
+        let irradiance = [quads.map(y).sum(); 3];
+        let light = Light { id: 1, direction: axis, irradiance, radius_deg: 30.0, ..Light::default() };
+        let [score] = Judge::default().judge(0, &sketch, [Lit { lights: &[light], ambient: None }]);
+        assert!(score.soft_open < 0.02 && score.soft_shadowed < 0.03, "quads of 4 degrees: {score:?}");
+        assert!(score.open > 0.03 && score.shadowed > 0.1, "{score:?}");
     }
 
     #[test]

@@ -65,8 +65,9 @@ fn requests(source: Box<dyn Source>, sampler: SamplerKind, secondary: Option<Sam
         Worker::try_new(source, "test".into(), Config { pipeline, ..Config::default() }).expect("a worker");
     let link = worker.link();
     let mut client = link.sets().subscribe();
-    let _permit =
-        secondary.map(|sampler| link.comparison().ask(Contender { sampler, lights: 48 }).expect("a permit"));
+    let _permit = secondary.map(|sampler| {
+        link.comparison().ask(Contender { sampler, lights: 48, soft: false }).expect("a permit")
+    });
     let pairs = link.comparison().pairs();
     for _ in 0..WARM_UP {
         worker.step().expect("a frame");

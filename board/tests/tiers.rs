@@ -72,7 +72,7 @@ fn a_tier_is_as_steady_as_a_probe_set_to_its_lights() {
         (SamplerKind::Q2Tree, SamplerKind::Q2Tree),
     ] {
         for lights in [4, 8] {
-            let selection = Selection { lights: Some(lights), ambient: Some(false) };
+            let selection = Selection { lights: Some(lights), ambient: Some(false), soft: None };
             let tier = sets(sampler, 64, selection);
             let alone = if lights < 8 { SamplerKind::Adaptive } else { alone };
             let own = sets(alone, lights, Selection::OWN);

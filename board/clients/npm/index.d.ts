@@ -53,6 +53,8 @@ export interface Options {
   lights?: number;
   /** Whether light without a direction comes as spherical harmonics; "own" for the probe's own setting. */
   ambient?: boolean | "own";
+  /** Whether lights are fitted as uniform discs of their radius; "own" (the default) for the probe's own setting. */
+  soft?: boolean | "own";
 }
 
 export interface HemiluxEvents {

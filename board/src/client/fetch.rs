@@ -40,6 +40,9 @@ impl Fetcher {
         if options.ambient {
             url += "&ambient=1";
         }
+        if let Some(soft) = options.soft {
+            url += &format!("&soft={}", u8::from(soft));
+        }
         let config = Agent::config_builder().timeout_global(Some(options.timeout)).max_redirects(0);
         Ok(Self { agent: config.build().into(), url })
     }

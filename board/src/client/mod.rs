@@ -51,6 +51,8 @@ pub struct Options {
     pub lights: Option<usize>,
     /// Whether sets include spherical harmonics of the light that the directional lights do not represent.
     pub ambient: bool,
+    /// Whether lights are fitted as uniform discs of their radius; `None` for the probe's own setting.
+    pub soft: Option<bool>,
     /// Timeout of a request, after which it is repeated. The probe answers within 1.5 s.
     pub timeout: Duration,
 }
@@ -60,7 +62,7 @@ impl Options {
     #[must_use]
     pub fn new(url: &str) -> Self {
         let (coordinates, timeout) = (Coordinates::Probe, Duration::from_secs(2));
-        Self { url: url.into(), coordinates, lights: None, ambient: false, timeout }
+        Self { url: url.into(), coordinates, lights: None, ambient: false, soft: None, timeout }
     }
 }
 

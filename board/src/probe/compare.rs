@@ -36,6 +36,16 @@ pub struct Contender {
     pub sampler: SamplerKind,
     /// Requested number of lights, at most [`MOST_LIGHTS`].
     pub lights: usize,
+    /// Whether its lights are fitted as discs.
+    pub soft: bool,
+}
+
+impl Contender {
+    /// The request to the sampler.
+    #[must_use]
+    pub const fn request(&self) -> Request {
+        Request { soft: self.soft, ..Request::of_lights(self.lights) }
+    }
 }
 
 /// The second sampler's result for a frame.
@@ -178,7 +188,7 @@ impl SecondarySlot {
 
 impl SecondarySampler {
     fn new(contender: Contender, made_for: MadeFor, pipeline: &Pipeline) -> Result<Self, SamplerError> {
-        let Contender { sampler, lights } = contender;
+        let Contender { sampler, lights, .. } = contender;
         let shape = pipeline.shape();
         let quads = shape.domain.quads(SKETCH_ORDER.min(shape.order));
         let ring = Ring::new(|| Second {
@@ -190,8 +200,8 @@ impl SecondarySampler {
     }
 
     fn sample(&mut self, pipeline: &mut Pipeline, first: &OwnedSet) -> Arc<Second> {
-        let Contender { sampler, lights } = self.contender;
-        let request = Request::of_lights(lights);
+        let Contender { sampler, .. } = self.contender;
+        let request = self.contender.request();
         let sampled = pipeline.sample_again(self.sampler.as_mut(), &request);
         let (made, latency) = (sampled.decomposition, sampled.latency(&first.latency));
         let sketch = pipeline.sketch(SKETCH_ORDER);
@@ -225,8 +235,8 @@ pub fn bytes(order: u8) -> usize {
 mod tests {
     use super::*;
 
-    const TREE: Contender = Contender { sampler: SamplerKind::Q2Tree, lights: 64 };
-    const OTHER: Contender = Contender { sampler: SamplerKind::Pharr, lights: 64 };
+    const TREE: Contender = Contender { sampler: SamplerKind::Q2Tree, lights: 64, soft: false };
+    const OTHER: Contender = Contender { sampler: SamplerKind::Pharr, lights: 64, soft: false };
 
     #[test]
     fn one_sampler_runs_at_a_time_and_none_without_requests() {

@@ -1,5 +1,5 @@
-//! Tiers: light sets for clients that request fewer lights than the probe's own set has, or ambient light where it has none, or none where
-//! it has.
+//! Tiers: light sets for clients that request fewer lights than the probe's own set has, ambient light where it has none or none where it
+//! has, or lights fitted as discs where its own are points or the reverse.
 //!
 //! A tier is a sampler with a state of its own that runs once per frame while clients request its sets, so that ids and filters hold from
 //! frame to frame. The number of tiers is bounded by a setting ([`MOST`]): a request beyond it is served by a tier of fewer lights, never by
@@ -19,11 +19,11 @@ use std::ops::RangeInclusive;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-/// Range of the number of tiers. Two tiers, with and without ambient light, are the fewest that serve every request.
-pub const MOST: RangeInclusive<usize> = 2..=16;
+/// Range of the number of tiers. Four tiers, with and without ambient light, of points and of discs, are the fewest that serve every request.
+pub const MOST: RangeInclusive<usize> = CLASSES.len()..=16;
 
 /// Default number of tiers: at 64 lights each adds at most 0.2 ms per frame on x86-64.
-pub const USUAL: usize = 4;
+pub const USUAL: usize = 6;
 
 /// Most lights of a tier; larger requests that the probe's own set does not serve get this number.
 pub const MOST_LIGHTS: usize = 2048;
@@ -41,20 +41,45 @@ pub struct Selection {
     pub lights: Option<usize>,
     /// Whether light without a direction is in spherical harmonics; `None` for the probe's own setting.
     pub ambient: Option<bool>,
+    /// Whether lights are fitted as discs; `None` for the probe's own setting.
+    pub soft: Option<bool>,
 }
 
 impl Selection {
     /// The probe's own set.
-    pub const OWN: Self = Self { lights: None, ambient: None };
+    pub const OWN: Self = Self { lights: None, ambient: None, soft: None };
 }
 
-/// Lights and ambient light of a tier.
+/// The contents of a tier's sets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tier {
     /// Largest number of lights.
     pub lights: usize,
     /// Whether light without a direction is in spherical harmonics.
     pub ambient: bool,
+    /// Whether lights are fitted as discs.
+    pub soft: bool,
+}
+
+/// Tiers that differ in the number of lights alone: only these can stand in for one another.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Class {
+    ambient: bool,
+    soft: bool,
+}
+
+/// All classes.
+const CLASSES: [Class; 4] = [
+    Class { ambient: false, soft: false },
+    Class { ambient: false, soft: true },
+    Class { ambient: true, soft: false },
+    Class { ambient: true, soft: true },
+];
+
+impl Tier {
+    fn class(self) -> Class {
+        Class { ambient: self.ambient, soft: self.soft }
+    }
 }
 
 /// A tier with the time and the frame of its last request.
@@ -68,7 +93,7 @@ struct Requested {
 #[derive(Debug)]
 struct Table {
     most: usize,
-    /// Lights and ambient light of the probe's own set.
+    /// The contents of the probe's own set.
     own: Tier,
     frame: u64,
     requested: Vec<Requested>,
@@ -105,11 +130,9 @@ impl Tiers {
     #[must_use]
     pub fn resolve(&self, selection: Selection) -> Selection {
         let mut table = lock(&self.0);
-        let own = table.own.ambient;
-        table.assign(selection).map_or(Selection { lights: None, ambient: Some(own) }, |tier| Selection {
-            lights: Some(tier.lights),
-            ambient: Some(tier.ambient),
-        })
+        let tier = table.assign(selection);
+        let Class { ambient, soft } = tier.unwrap_or(table.own).class();
+        Selection { lights: tier.map(|tier| tier.lights), ambient: Some(ambient), soft: Some(soft) }
     }
 
     /// The tiers that clients request.
@@ -166,20 +189,21 @@ impl Table {
     /// The tier that serves `selection`; `None` for the probe's own set. Creates one while there is room for it.
     fn assign(&mut self, selection: Selection) -> Option<Tier> {
         let ambient = selection.ambient.unwrap_or(self.own.ambient);
+        let soft = selection.soft.unwrap_or(self.own.soft);
         // A probe of ambient light alone has no light; without ambient light one light holds all energy.
         let most = self.own.lights.max(usize::from(!ambient));
         let lights = selection.lights.unwrap_or(most).min(most);
-        if (Tier { lights, ambient }) == self.own {
+        if (Tier { lights, ambient, soft }) == self.own {
             return None;
         }
-        let wanted = Tier { lights: lights.min(MOST_LIGHTS), ambient };
+        let wanted = Tier { lights: lights.min(MOST_LIGHTS), ambient, soft };
         let (at, frame) = (Instant::now(), self.frame);
         let is_new = !self.requested.iter().any(|r| r.tier == wanted);
-        if is_new && self.has_room(ambient) {
+        if is_new && self.has_room(wanted.class()) {
             self.requested.push(Requested { tier: wanted, at, frame });
         } else if is_new && !self.requested.iter().any(|r| serves(r.tier, wanted)) {
             // No tier of this class is small enough: the smallest one shrinks, for all of its clients.
-            let class = self.requested.iter_mut().filter(|r| r.tier.ambient == ambient);
+            let class = self.requested.iter_mut().filter(|r| r.tier.class() == wanted.class());
             if let Some(smallest) = class.min_by_key(|r| r.tier.lights) {
                 smallest.tier = wanted;
             }
@@ -190,21 +214,22 @@ impl Table {
         Some(best.tier)
     }
 
-    /// Whether a tier can be added. One place is kept for the other class, with or without ambient light.
-    fn has_room(&self, ambient: bool) -> bool {
-        let other = self.requested.iter().filter(|r| r.tier.ambient != ambient).count();
-        let kept = usize::from(other == 0);
+    /// Whether a tier of `class` can be added. One place is kept for each other class that has no tier.
+    fn has_room(&self, class: Class) -> bool {
+        let is_missing = |other: &&Class| self.requested.iter().all(|r| r.tier.class() != **other);
+        let kept = CLASSES.iter().filter(|other| **other != class).filter(is_missing).count();
         self.requested.len() + kept < self.most
     }
 }
 
-/// Whether a set of `tier` has at most the lights of `wanted`, and the same ambient light.
+/// Whether a set of `tier` has at most the lights of `wanted`, and is of the same class.
 fn serves(tier: Tier, wanted: Tier) -> bool {
-    tier.ambient == wanted.ambient && tier.lights <= wanted.lights
+    tier.class() == wanted.class() && tier.lights <= wanted.lights
 }
 
 fn own(settings: &Settings) -> Tier {
-    Tier { lights: settings.lights, ambient: settings.ambient }
+    let soft = settings.soft && settings.sampler.estimates_error();
+    Tier { lights: settings.lights, ambient: settings.ambient, soft }
 }
 
 fn clamp(most: usize) -> usize {
@@ -262,9 +287,8 @@ impl Running {
     }
 
     fn sample(&mut self, pipeline: &mut Pipeline, own: &OwnedSet) {
-        let Tier { lights, ambient } = self.tier;
+        let Tier { lights, ambient, soft } = self.tier;
         let tolerance = pipeline.settings().tolerance.filter(|_| self.kind.estimates_error());
-        let soft = pipeline.settings().soft;
         let request = Request { tolerance, ambient, soft, ..Request::of_lights(lights) };
         let sampled = pipeline.sample_again(self.sampler.as_mut(), &request);
         let made = sampled.decomposition;
@@ -285,11 +309,12 @@ impl Running {
     }
 }
 
-/// The sampler of a tier: the probe's own, or `adaptive` where that gives more lights at least or has no ambient light.
+/// The sampler of a tier: the probe's own, or `adaptive` where that gives more lights at least, has no ambient light or fits no discs.
 fn kind(tier: Tier, settings: &Settings) -> SamplerKind {
     let own = settings.sampler;
-    let fits =
-        tier.lights >= own.least_lights(Domain::Hemisphere) && (!tier.ambient || own.estimates_error());
+    let fits = tier.lights >= own.least_lights(Domain::Hemisphere)
+        && (!tier.ambient || own.estimates_error())
+        && (!tier.soft || own.estimates_error());
     if fits { own } else { SamplerKind::Adaptive }
 }
 
@@ -298,12 +323,12 @@ mod tests {
     use super::*;
 
     fn table(most: usize, ambient: bool) -> Table {
-        let own = Tier { lights: 64, ambient };
+        let own = Tier { lights: 64, ambient, soft: false };
         Table { most, own, frame: 0, requested: Vec::new(), sets: Vec::new() }
     }
 
     fn select(lights: usize, ambient: bool) -> Selection {
-        Selection { lights: Some(lights), ambient: Some(ambient) }
+        Selection { lights: Some(lights), ambient: Some(ambient), soft: Some(false) }
     }
 
     #[test]
@@ -319,23 +344,29 @@ mod tests {
     fn without_ambient_light_there_is_a_light_beside_a_probe_of_ambient_light_alone() {
         let mut table = table(4, true);
         table.own.lights = 0;
-        for selection in [Selection { lights: None, ambient: Some(false) }, select(8, false)] {
-            assert_eq!(table.assign(selection), Some(Tier { lights: 1, ambient: false }), "{selection:?}");
+        let without = Tier { lights: 1, ambient: false, soft: false };
+        for selection in [Selection { ambient: Some(false), ..Selection::OWN }, select(8, false)] {
+            assert_eq!(table.assign(selection), Some(without), "{selection:?}");
         }
         assert_eq!(table.assign(select(8, true)), None, "the probe's own set");
     }
 
     #[test]
     fn any_sequence_of_requests_gets_at_most_the_lights_requested_from_a_bounded_number_of_tiers() {
-        for (most, own_ambient) in [(2, false), (2, true), (4, false), (16, true)] {
+        for (most, own_ambient) in [(4, false), (4, true), (6, false), (16, true)] {
             let mut table = table(most, own_ambient);
             let mut random = 1u32;
             for _ in 0..10_000 {
                 random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
                 let (lights, ambient) = (1 + (random >> 16) as usize % 80, random >> 31 == 1);
-                match table.assign(select(lights, ambient)) {
-                    None => assert!(lights >= 64 && ambient == own_ambient, "{lights} {ambient}"),
-                    Some(tier) => assert!(tier.lights <= lights && tier.ambient == ambient, "{tier:?}"),
+                let soft = random >> 30 & 1 == 1;
+                match table.assign(Selection { soft: Some(soft), ..select(lights, ambient) }) {
+                    None => {
+                        assert!(lights >= 64 && ambient == own_ambient && !soft, "{lights} {ambient} {soft}");
+                    }
+                    Some(tier) => {
+                        assert!(tier.lights <= lights && tier.class() == Class { ambient, soft }, "{tier:?}");
+                    }
                 }
                 assert!(table.requested.len() <= most, "{} tiers of {most}", table.requested.len());
             }
@@ -344,13 +375,13 @@ mod tests {
 
     #[test]
     fn a_request_beyond_the_number_of_tiers_shares_the_largest_that_is_small_enough() {
-        let mut table = table(3, false);
-        let one = |lights| Some(Tier { lights, ambient: false });
+        let mut table = table(5, false);
+        let one = |lights| Some(Tier { lights, ambient: false, soft: false });
         assert_eq!(table.assign(select(4, false)), one(4));
         assert_eq!(table.assign(select(16, false)), one(16));
-        assert_eq!(table.assign(select(20, false)), one(16), "the third place is the other class's");
+        assert_eq!(table.assign(select(20, false)), one(16), "three places are the other classes'");
         assert_eq!(table.assign(select(2, false)), one(2), "the smallest one shrinks");
         assert_eq!(table.assign(select(4, false)), one(2));
-        assert_eq!(table.assign(select(30, true)), Some(Tier { lights: 30, ambient: true }));
+        assert_eq!(table.assign(select(30, true)), Some(Tier { lights: 30, ambient: true, soft: false }));
     }
 }

@@ -102,7 +102,8 @@ async fn run(target: Target, link: Arc<Link>, mut stop: watch::Receiver<bool>) {
 async fn send(target: Target, link: Arc<Link>) {
     let name = format!("--osc {}", target.peer);
     let mut changes = Changes::default();
-    let mut newest = Newest::new(link, Selection { lights: Some(target.lights), ambient: Some(true) });
+    let mut newest =
+        Newest::new(link, Selection { lights: Some(target.lights), ambient: Some(true), soft: None });
     let mut bundles = Bundles::new(&target);
     loop {
         let socket = match connected(&target.peer).await {

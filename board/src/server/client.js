@@ -34,7 +34,7 @@ export class Hemilux extends EventTarget {
   #closed = false;
 
   /** `base` is the probe's address, by default where this module came from; options: `coordinates`, `lights`, `ambient`
-   * (true, false, or "own" for what the probe itself is set to). */
+   * (true, false, or "own" for what the probe itself is set to), `soft` (the same three: whether lights are fitted as discs of their radius). */
   constructor(base = new URL(import.meta.url).origin, options = {}) {
     super();
     this.#url = eventsOf(base);

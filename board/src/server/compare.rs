@@ -17,7 +17,6 @@ use axum::http::{HeaderValue, StatusCode, Uri};
 use axum::response::{IntoResponse, Response};
 use hemilux_core::SamplerKind;
 use hemilux_core::healpix::Domain;
-use hemilux_core::sampler::Request;
 use hemilux_core::wire::{self, Coordinates, LightSet, Stale};
 use serde_json::json;
 use std::sync::Arc;
@@ -64,14 +63,14 @@ struct Wanted {
 fn accepted() -> String {
     let coordinates = Coordinates::names().collect::<Vec<_>>().join("|");
     let names = SamplerKind::NAMES.join("|");
-    format!("algorithm={names}\nlights=1..{MOST_LIGHTS}\ncoordinates={coordinates}\nafter=FRAME")
+    format!("algorithm={names}\nlights=1..{MOST_LIGHTS}\nsoft=0|1\ncoordinates={coordinates}\nafter=FRAME")
 }
 
 fn wanted(uri: &Uri) -> Result<Wanted, String> {
     let Ok(Query(pairs)) = Query::<Vec<(String, String)>>::try_from_uri(uri) else {
         return Err("a query that cannot be read".into());
     };
-    let (mut sampler, mut lights) = (None, 64);
+    let (mut sampler, mut lights, mut soft) = (None, 64, false);
     let (mut coordinates, mut after) = (Coordinates::Probe, None);
     for (i, (name, value)) in pairs.iter().enumerate() {
         if pairs[..i].iter().any(|(n, _)| n == name) {
@@ -80,6 +79,7 @@ fn wanted(uri: &Uri) -> Result<Wanted, String> {
         let known = match name.as_str() {
             "algorithm" => value.parse().ok().map(|kind| sampler = Some(kind)),
             "lights" => value.parse().ok().filter(|n| (1..=MOST_LIGHTS).contains(n)).map(|n| lights = n),
+            "soft" => ["0", "1"].iter().position(|v| v == value).map(|i| soft = i == 1),
             "coordinates" => Coordinates::from_name(value).map(|c| coordinates = c),
             "after" => value.parse().ok().map(|n| after = Some(n)),
             _ => return Err(format!("unknown parameter '{}'", short(name))),
@@ -87,8 +87,9 @@ fn wanted(uri: &Uri) -> Result<Wanted, String> {
         known.ok_or_else(|| format!("{name} '{}'", short(value)))?;
     }
     let sampler = sampler.ok_or("no algorithm")?;
-    samplers::check(sampler, Domain::Hemisphere, &Request::of_lights(lights)).map_err(|e| e.to_string())?;
-    Ok(Wanted { contender: Contender { sampler, lights }, coordinates, after })
+    let contender = Contender { sampler, lights, soft };
+    samplers::check(sampler, Domain::Hemisphere, &contender.request()).map_err(|e| e.to_string())?;
+    Ok(Wanted { contender, coordinates, after })
 }
 
 /// Answers with the next frame's two sets and their scores.
@@ -142,8 +143,9 @@ fn no_pair_yet(context: &Context) -> Response {
 
 /// Refusal while another comparison is in progress.
 fn taken(other: Contender) -> Response {
-    let Contender { sampler, lights } = other;
-    let text = format!("found a comparison with {sampler} and {lights} lights, expected none: one at a time");
+    let Contender { sampler, lights, soft } = other;
+    let lights = if soft { format!("{lights} discs") } else { format!("{lights} lights") };
+    let text = format!("found a comparison with {sampler} and {lights}, expected none: one at a time");
     let mut response = line(StatusCode::CONFLICT, &text);
     response.headers_mut().insert(RETRY_AFTER, HeaderValue::from_static("1"));
     response
@@ -172,8 +174,9 @@ fn written(
         wire::json(&on_wire, &mut text).ok()?;
     }
     let score = |(score, set): (Score, &OwnedSet)| {
-        let Score { open, shadowed, energy, flicker } = score;
-        json!({"lights": set.lights.len(), "open": open, "shadowed": shadowed, "energy": energy, "flicker": flicker,
+        let Score { open, shadowed, soft_open, soft_shadowed, energy, flicker } = score;
+        json!({"lights": set.lights.len(), "open": open, "shadowed": shadowed, "soft_open": soft_open,
+            "soft_shadowed": soft_shadowed, "energy": energy, "flicker": flicker,
             "estimated_error": set.estimated_error, "sample_us": set.latency.sample})
     };
     let scores: Vec<_> = scores.into_iter().zip(sets).map(score).collect();

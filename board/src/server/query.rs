@@ -14,13 +14,13 @@ use hemilux_core::wire::Coordinates;
 pub(super) struct Variant {
     pub(super) format: Format,
     pub(super) coordinates: Coordinates,
-    /// Lights and ambient light.
+    /// Lights, ambient light, points or discs.
     pub(super) selection: Selection,
 }
 
 impl Variant {
     pub(super) fn of(format: Format) -> Self {
-        let selection = Selection { lights: None, ambient: Some(false) };
+        let selection = Selection { ambient: Some(false), ..Selection::OWN };
         Self { format, coordinates: Coordinates::Probe, selection }
     }
 }
@@ -62,7 +62,8 @@ pub(super) fn wanted(
                 Format::from_name(value).map(|f| variant.format = f)
             }
             "coordinates" => Coordinates::from_name(value).map(|c| axes = Some(c)),
-            "ambient" => ambient(value).map(|a| variant.selection.ambient = a),
+            "ambient" => switch(value).map(|a| variant.selection.ambient = a),
+            "soft" => switch(value).map(|s| variant.selection.soft = s),
             "lights" => number(value).map(|n| variant.selection.lights = Some(n)),
             "after" => value.parse().ok().map(|n| wanted.after = Some(n)),
             _ => return Err(refused(format!("unknown parameter '{}'", short(name)))),
@@ -84,7 +85,7 @@ pub(super) fn wanted(
 }
 
 /// 1, 0, or `own` for the probe's own setting.
-fn ambient(value: &str) -> Option<Option<bool>> {
+fn switch(value: &str) -> Option<Option<bool>> {
     match value {
         "1" => Some(Some(true)),
         "0" => Some(Some(false)),
@@ -102,7 +103,9 @@ fn accepted(with_format: bool) -> String {
     let coordinates = Coordinates::names().collect::<Vec<_>>().join("|");
     let formats = Format::NAMED.map(|(name, _)| name).join("|");
     let format = if with_format { format!("format={formats}\n") } else { String::new() };
-    format!("{format}coordinates={coordinates}\nlights=1..{MAX_LIGHTS}\nambient=0|1|own\nafter=FRAME")
+    format!(
+        "{format}coordinates={coordinates}\nlights=1..{MAX_LIGHTS}\nambient=0|1|own\nsoft=0|1|own\nafter=FRAME"
+    )
 }
 
 /// The format that suits the Accept header best; JSON where there is none, and for browsers.
@@ -142,11 +145,12 @@ mod tests {
 
     #[test]
     fn every_parameter_is_read() {
-        let found = ask("format=binary&coordinates=unity&ambient=1&lights=12&after=18446744073709551615");
+        let found =
+            ask("format=binary&coordinates=unity&ambient=1&soft=1&lights=12&after=18446744073709551615");
         let variant = Variant {
             format: Format::Binary,
             coordinates: Coordinates::Unity,
-            selection: Selection { lights: Some(12), ambient: Some(true) },
+            selection: Selection { lights: Some(12), ambient: Some(true), soft: Some(true) },
         };
         assert_eq!(found, Ok(Wanted { variant, after: Some(u64::MAX) }), "all");
         assert_eq!(ask(""), Ok(Wanted { variant: Variant::of(Format::Json), after: None }), "none");
@@ -167,6 +171,8 @@ mod tests {
             "format=glb&coordinates=unity",
             "coordinates=unreal&format=usda",
             "ambient=yes",
+            "soft=",
+            "soft=2",
             "lights=0",
             "lights=50001",
             "lights=-1",

@@ -203,7 +203,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 pub(super) fn encode(variant: Variant, link: &Link, answer: &Answer, room: usize) -> Option<Vec<u8>> {
     let began = Instant::now();
     let set = &answer.set;
-    let Selection { lights, ambient } = variant.selection;
+    let Selection { lights, ambient, .. } = variant.selection;
     let has_ambient = variant.format.has_ambient() && ambient.unwrap_or(true);
     let mut on_wire = LightSet {
         stale: answer.stale.as_ref().map(Stale::view),

@@ -30,8 +30,12 @@ pub(super) async fn status(State(context): State<Context>, sender: Sender) -> Re
         json!({"stage": name, "budget_us": s.budget, "overruns": s.overruns,
             "p50_us": s.p50, "p95_us": s.p95, "p99_us": s.p99, "max_us": s.most})
     });
-    let tiers: Vec<_> =
-        link.tiers().in_use().iter().map(|t| json!({"lights": t.lights, "ambient": t.ambient})).collect();
+    let tiers: Vec<_> = link
+        .tiers()
+        .in_use()
+        .iter()
+        .map(|t| json!({"lights": t.lights, "ambient": t.ambient, "soft": t.soft}))
+        .collect();
     let document = json!({
         "tiers": {"most": link.tiers().most(), "in_use": tiers},
         "version": env!("CARGO_PKG_VERSION"),

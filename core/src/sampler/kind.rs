@@ -61,7 +61,7 @@ impl SamplerKind {
         }
     }
 
-    /// Whether the sampler estimates its error; such a sampler reads the tolerance and the ambient flag of a [`super::Request`].
+    /// Whether the sampler estimates its error; such a sampler reads the tolerance and the flags of a [`super::Request`].
     #[must_use]
     pub const fn estimates_error(self) -> bool {
         matches!(self, Self::Adaptive)

@@ -211,7 +211,7 @@ pub static SETTINGS: &[Setting] = &[
         group: Group::Other,
         kind: Kind::Whole(*tiers::MOST.start() as u64, *tiers::MOST.end() as u64),
         unit: Some("sets"),
-        what: "Most light sets made per frame beside the probe's own, for clients that request other numbers of lights or ambient light; more requests share them.",
+        what: "Most light sets made per frame beside the probe's own, for clients that request other numbers of lights, ambient light or discs; more requests share them.",
         value: |c| json!(c.tiers),
         set: |c, v| put(&mut c.tiers, whole(v)),
         in_use: |_| true,

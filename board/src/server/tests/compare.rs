@@ -66,6 +66,18 @@ async fn another_comparison_has_to_wait_and_is_let_in_when_nobody_looks() {
 }
 
 #[tokio::test]
+async fn discs_are_compared_and_scored_as_such() {
+    let probe = probe(usize::MAX);
+    let app = routes(&probe);
+    let value = compare(&app, "algorithm=adaptive&lights=16&soft=1").await.json();
+    let ratio = |name: &str| value["scores"][1][name].as_f64().unwrap_or_else(|| panic!("{name}: {value}"));
+    assert!(ratio("soft_shadowed") > 1e-4 && ratio("soft_shadowed") < 0.5 * ratio("shadowed"), "{value}");
+    assert!(ratio("soft_open") > 1e-5 && ratio("soft_open") < ratio("open"), "{value}");
+    let (status, _, text) = get(&app, "/v1/compare?algorithm=adaptive&lights=16").await;
+    assert!(status == 409 && text.contains("adaptive and 16 discs"), "{status}: {text}");
+}
+
+#[tokio::test]
 async fn samplers_that_need_another_map_and_another_size_of_it_are_compared() {
     let probe = probe(usize::MAX);
     let app = routes(&probe);
@@ -96,6 +108,7 @@ async fn what_cannot_be_compared_is_refused_with_the_list_and_who_has_no_token_t
         "algorithm=pharr&colour=red",
         "algorithm=pharr&algorithm=pharr",
         "algorithm=pharr&after=-1",
+        "algorithm=pharr&soft=own",
     ] {
         let (status, _, text) = get(&app, &format!("/v1/compare?{query}")).await;
         assert!(status == 400 && text.contains("algorithm=adaptive|q2tree"), "{query}: {status} {text}");

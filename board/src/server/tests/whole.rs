@@ -99,7 +99,8 @@ fn held(format: Format, bytes: &[u8]) -> Held {
 fn selections() -> impl Iterator<Item = Selection> {
     let lights = [None, Some(1), Some(3), Some(8), Some(20), Some(200), Some(50_000)];
     let ambient = [None, Some(false), Some(true)];
-    lights.into_iter().flat_map(move |lights| ambient.map(|ambient| Selection { lights, ambient }))
+    let of = move |lights| ambient.map(|ambient| Selection { lights, ambient, soft: None });
+    lights.into_iter().flat_map(of)
 }
 
 /// Encodes the newest set for every selection and form and returns how many were checked.
@@ -182,7 +183,7 @@ fn a_set_that_lacks_ambient_light_says_by_how_much() {
     // The first frame after a request is answered from the probe's own set: its ambient light is not in the lights alone.
     let mut worker = worker("overcast", SamplerKind::Adaptive, 64, true);
     worker.step().expect("a frame");
-    let selection = Selection { lights: None, ambient: Some(false) };
+    let selection = Selection { ambient: Some(false), ..Selection::OWN };
     let variant = Variant { format: Format::Json, coordinates: Coordinates::Probe, selection };
     let link = worker.link();
     let before = Answer::newest(&link, selection, false).expect("a set");
@@ -195,4 +196,27 @@ fn a_set_that_lacks_ambient_light_says_by_how_much() {
     let after = Answer::newest(&link, selection, false).expect("a set");
     let after = held(Format::Json, &encode(variant, &link, &after, 0).expect("bytes"));
     assert_eq!(after.left_out, [0.0; 3], "a tier of lights alone has all of it");
+}
+
+/// Requests that differ in `soft` alone; the probe's own sampler does not fit discs.
+#[test]
+fn discs_are_served_beside_points() {
+    let mut worker = worker("room", SamplerKind::Q2Tree, 64, false);
+    let link = worker.link();
+    let select = |soft| Selection { lights: Some(16), ambient: Some(false), soft };
+    for soft in [Some(false), Some(true), None] {
+        let _ = link.tiers().request(select(soft));
+    }
+    worker.step().expect("a frame");
+    worker.step().expect("a frame");
+    let set = |soft| Answer::newest(&link, select(soft), false).expect("a set").set;
+    let (points, discs) = (set(Some(false)), set(Some(true)));
+    assert_eq!(
+        (points.sampler.as_str(), discs.sampler.as_str()),
+        ("q2tree", "adaptive"),
+        "the sampler that fits them"
+    );
+    assert_eq!(set(None).lights, points.lights, "as the probe is set");
+    assert_eq!(link.tiers().in_use().len(), 2, "and no tier of its own");
+    assert_ne!(discs.lights, points.lights, "lights of their own");
 }

@@ -69,9 +69,9 @@ class LightSet:
         return cls(**{**found, "lights": tuple(lights), "ambient": ambient})
 
 
-def get(address: str, *, lights: Optional[int] = None, ambient: bool = False, coordinates: str = "probe", timeout: float = 5.0) -> LightSet:
+def get(address: str, *, lights: Optional[int] = None, ambient: bool = False, soft: Optional[bool] = None, coordinates: str = "probe", timeout: float = 5.0) -> LightSet:
     """The next set."""
-    path = path_of(lights, ambient, coordinates).replace("/v1/events", "/v1/lights")
+    path = path_of(lights, ambient, coordinates, soft).replace("/v1/events", "/v1/lights")
     try:
         with ask(base_of(address), path, timeout=timeout) as answer:
             return LightSet.of(checked(json.load(answer)))
@@ -80,10 +80,10 @@ def get(address: str, *, lights: Optional[int] = None, ambient: bool = False, co
 
 
 def sets(
-    address: str, *, lights: Optional[int] = None, ambient: bool = False, coordinates: str = "probe", timeout: Optional[float] = None
+    address: str, *, lights: Optional[int] = None, ambient: bool = False, soft: Optional[bool] = None, coordinates: str = "probe", timeout: Optional[float] = None
 ) -> Iterator[LightSet]:
     """Each new set. Without `timeout` a probe that does not answer is waited for."""
-    feed = Feed(address, path_of(lights, ambient, coordinates))
+    feed = Feed(address, path_of(lights, ambient, coordinates, soft))
     try:
         end = None if timeout is None else time.monotonic() + timeout
         while True:
@@ -100,7 +100,7 @@ def sets(
 
 
 async def stream(
-    address: str, *, lights: Optional[int] = None, ambient: bool = False, coordinates: str = "probe", timeout: Optional[float] = None
+    address: str, *, lights: Optional[int] = None, ambient: bool = False, soft: Optional[bool] = None, coordinates: str = "probe", timeout: Optional[float] = None
 ) -> AsyncIterator[LightSet]:
     """Each new set, without blocking the event loop. Without `timeout` a probe that does not answer is waited for."""
     loop, news = asyncio.get_running_loop(), asyncio.Event()
@@ -112,7 +112,7 @@ async def stream(
             # The loop is closed: there is no reader.
             pass
 
-    feed = Feed(address, path_of(lights, ambient, coordinates), on_change=wake)
+    feed = Feed(address, path_of(lights, ambient, coordinates, soft), on_change=wake)
     try:
         while True:
             found = await _next(feed, news, timeout)

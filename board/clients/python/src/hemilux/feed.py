@@ -98,10 +98,12 @@ def checked(found: Any) -> dict[str, Any]:
     return {**checked_set, "raw": found}
 
 
-def path_of(lights: Optional[int] = None, ambient: bool = False, coordinates: str = "probe") -> str:
+def path_of(lights: Optional[int] = None, ambient: bool = False, coordinates: str = "probe", soft: Optional[bool] = None) -> str:
     query: dict[str, Any] = {"coordinates": coordinates, "ambient": int(ambient)}
     if lights is not None:
         query["lights"] = lights
+    if soft is not None:
+        query["soft"] = int(soft)
     return "/v1/events?" + urllib.parse.urlencode(query)
 
 
