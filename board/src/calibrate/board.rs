@@ -1,19 +1,19 @@
-//! The board that is shown to the camera.
+//! Calibration boards: their size, pattern and markers.
 
 use super::pose::Sighting;
 use calib_targets_aruco::{Dictionary, resolve_dictionary};
 use std::str::FromStr;
 
-/// A chessboard by its inner corners.
+/// A chessboard, given by the number of its inner corners.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Board {
-    /// Corners of a row.
+    /// Number of inner corners of a row.
     pub columns: u32,
-    /// Rows of corners.
+    /// Number of rows of inner corners.
     pub rows: u32,
 }
 
-/// Fewest and most corners of a row or column.
+/// Least and largest number of corners of a row or column.
 const SIDES: std::ops::RangeInclusive<u32> = 3..=60;
 
 impl FromStr for Board {
@@ -35,7 +35,7 @@ impl std::fmt::Display for Board {
 }
 
 impl Board {
-    /// Number of inner corners.
+    /// Total number of inner corners.
     #[must_use]
     pub fn corners(self) -> usize {
         self.columns as usize * self.rows as usize
@@ -45,7 +45,8 @@ impl Board {
         [self.columns as i32, self.rows as i32]
     }
 
-    /// All places that a corner may have on a board of which `seen` are known: a partly seen board does not tell which columns it lacks.
+    /// Returns all positions that a corner may have on a board of which the corners `seen` were found: a partly visible board does not show
+    /// which of its columns are missing.
     pub(super) fn around(self, seen: &[Sighting]) -> Vec<[i32; 2]> {
         let bounds = |axis: usize| {
             let values = || seen.iter().map(|s| s.cell[axis]);
@@ -60,13 +61,13 @@ impl Board {
 /// The pattern of a board.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Kind {
-    /// Squares.
+    /// Black and white squares.
     Chessboard,
-    /// Squares, the white ones with markers of a dictionary.
+    /// Black and white squares, with a marker of a dictionary in each white square.
     Charuco(Charuco),
     /// Tags of the family 36h11, with black squares between their corners.
     AprilGrid {
-        /// Width of the gap between tags, in tags.
+        /// Width of the gap between tags, as a part of the tag's side.
         gap: f64,
     },
 }
@@ -74,9 +75,9 @@ pub enum Kind {
 /// Markers of a ChArUco board.
 #[derive(Clone, Copy, Debug)]
 pub struct Charuco {
-    /// The dictionary.
+    /// Dictionary of the markers.
     pub dictionary: Dictionary,
-    /// Side of a marker, in squares.
+    /// Side of a marker, as a part of the square's side.
     pub marker: f64,
 }
 
@@ -87,7 +88,8 @@ impl PartialEq for Charuco {
 }
 
 impl Charuco {
-    /// Markers of a dictionary of OpenCV, such as `DICT_4X4_50`; none for an unknown name or a side that is not from 0.4 to 0.95 squares.
+    /// Returns the markers of an OpenCV dictionary such as `DICT_4X4_50`; `None` for an unknown name or a side outside of 0.4 to 0.95
+    /// squares.
     #[must_use]
     pub fn new(dictionary: &str, marker: f64) -> Option<Self> {
         let dictionary = resolve_dictionary(&dictionary.to_ascii_uppercase())?;
@@ -95,12 +97,12 @@ impl Charuco {
     }
 }
 
-/// A printed board: its corners and what stands between them.
+/// A printed board: its corners and its pattern.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Printed {
-    /// Corners at which black meets black across: inner corners of squares, or the four corners of each tag.
+    /// Corners of the board: inner corners of squares, or the four corners of each tag.
     pub corners: Board,
-    /// The pattern.
+    /// Pattern of the board.
     pub kind: Kind,
 }
 
@@ -111,7 +113,7 @@ impl From<Board> for Printed {
 }
 
 impl Printed {
-    /// A grid of tags, columns by rows; none where there are more tags than the family has.
+    /// Returns a grid of tags, columns by rows; `None` for more tags than the family has.
     #[must_use]
     pub fn april_grid(tags: Board, gap: f64) -> Option<Self> {
         let fits = tags.columns.checked_mul(tags.rows).is_some_and(|count| count <= 587);
@@ -119,12 +121,12 @@ impl Printed {
         (fits && (0.1..=1.0).contains(&gap)).then_some(Self { corners, kind: Kind::AprilGrid { gap } })
     }
 
-    /// Whether marks on the board tell each corner's place.
+    /// Returns whether marks on the board identify each corner.
     pub(super) fn is_marked(&self) -> bool {
         self.kind != Kind::Chessboard
     }
 
-    /// Radius around a corner, in squares or tags, within which all four fields are plain.
+    /// Returns the radius around a corner, in squares or tags, within which the four fields have no pattern.
     pub(super) fn plain(&self) -> f64 {
         match self.kind {
             Kind::Chessboard => 0.35,
@@ -133,7 +135,7 @@ impl Printed {
         }
     }
 
-    /// The place of a line of corners, in squares or tags.
+    /// Returns the position of a line of corners, in squares or tags.
     pub(super) fn line(&self, index: i32) -> f64 {
         match self.kind {
             Kind::AprilGrid { gap } => {
@@ -143,7 +145,7 @@ impl Printed {
         }
     }
 
-    /// All places that a corner may have on a board of which `seen` are known.
+    /// Returns all positions that a corner may have on a board of which the corners `seen` were found.
     pub(super) fn around(&self, seen: &[Sighting]) -> Vec<[i32; 2]> {
         if !self.is_marked() {
             return self.corners.around(seen);
@@ -152,7 +154,7 @@ impl Printed {
         (0..rows).flat_map(|j| (0..columns).map(move |i| [i, j])).collect()
     }
 
-    /// Whether the board looks otherwise in a mirror.
+    /// Returns whether a mirrored picture of the board differs from every picture that is not mirrored.
     #[must_use]
     pub fn tells_mirror(&self) -> bool {
         let Board { columns, rows } = self.corners;

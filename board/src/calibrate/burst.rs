@@ -1,4 +1,4 @@
-//! Recorded bursts as the calibration of the response reads them.
+//! Recorded bursts as input of the response calibration.
 
 use super::response::Exposed;
 use crate::calibration::{Calibration, Frame, Pixels};
@@ -7,13 +7,13 @@ use glam::DVec2;
 use hemilux_core::format::Format;
 use std::path::Path;
 
-/// Pixels of each frame at most; more add time and no accuracy.
+/// Largest number of pixels that are read from each frame; more pixels take time and add no accuracy.
 const MOST_PIXELS: usize = 200_000;
 
 /// Reads a burst: its calibration, its frames in ascending order of exposure, and the size of one code in relative codes.
 ///
 /// # Errors
-/// [`RecordedError`]; raw frames are refused, since sensors are linear.
+/// [`RecordedError`]; raw frames are an error, since sensors are linear.
 pub fn exposed(folder: &Path) -> Result<(Calibration, Vec<Exposed>, f64), RecordedError> {
     let RecordedBurst { calibration, burst, .. } = read_burst(folder)?;
     match exposed_frames(&calibration, &burst.frames) {
@@ -25,16 +25,16 @@ pub fn exposed(folder: &Path) -> Result<(Calibration, Vec<Exposed>, f64), Record
     }
 }
 
-/// Frames as the calibration of the response reads them.
+/// Relative codes of a burst's frames.
 #[derive(Clone, Debug)]
 pub struct Codes {
-    /// The frames, in ascending order of exposure.
+    /// Frames in ascending order of exposure.
     pub frames: Vec<Exposed>,
-    /// The size of one code in relative codes.
+    /// Size of one code in relative codes.
     pub step: f64,
 }
 
-/// The relative codes of frames; `None` for raw frames and for those that are shorter than their layout says.
+/// Computes the relative codes of frames; `None` for raw frames and for frames that are shorter than their layout.
 #[must_use]
 pub fn exposed_frames(calibration: &Calibration, frames: &[Frame]) -> Option<Codes> {
     let is_image = matches!(calibration.layout.format(), Format::Rgb24 | Format::Rgb48);
@@ -59,7 +59,7 @@ pub fn exposed_frames(calibration: &Calibration, frames: &[Frame]) -> Option<Cod
     Some(Codes { frames: frames.iter().map(exposed).collect(), step: 1.0 / range })
 }
 
-/// The pixels inside of the image circle, thinned.
+/// Returns a subset of the pixels inside of the image circle.
 fn places(calibration: &Calibration) -> Vec<usize> {
     let width = calibration.layout.width() as usize;
     let pixels = width * calibration.layout.height() as usize;

@@ -1,66 +1,68 @@
-//! The Kannala-Brandt camera with its derivatives.
+//! The Kannala-Brandt camera model with its derivatives.
 
 use nalgebra::{Matrix2x3, SMatrix, SVector, Vector2, Vector3};
 
 /// Number of intrinsic parameters.
 pub(super) const INTRINSICS: usize = 10;
 
-/// Derivatives of a pixel by the intrinsic parameters.
+/// Derivatives of a pixel with respect to the intrinsic parameters.
 pub(super) type ByIntrinsics = SMatrix<f64, 2, INTRINSICS>;
 
-/// Coefficients of the radial law that a lens file has; the others are 0 but in trials of whether the law is rich enough.
+/// Number of parameters that a lens file stores; the other coefficients of the radial law are 0 except in the check of whether the law has
+/// enough terms.
 pub(super) const KEPT: usize = 8;
 
-/// Focal lengths and centre, pixels, then the coefficients of \[KannalaBrandt2006\], two more than the lens file has.
+/// Parameters of a camera: focal lengths and centre in pixels, then the coefficients of \[KannalaBrandt2006\], two more than the lens file
+/// has.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Camera(pub SVector<f64, INTRINSICS>);
 
-/// A point's image and its derivatives.
+/// The image of a point with its derivatives.
 pub(super) struct Projection {
-    /// The pixel.
+    /// Image of the point, pixels.
     pub pixel: Vector2<f64>,
-    /// By the point in the camera's axes.
+    /// Derivatives with respect to the point in the camera's axes.
     pub by_point: Matrix2x3<f64>,
-    /// By the intrinsic parameters.
+    /// Derivatives with respect to the intrinsic parameters.
     pub by_intrinsics: ByIntrinsics,
 }
 
 impl Camera {
-    /// An equidistant camera.
+    /// Returns an equidistant camera.
     pub fn equidistant(focal: f64, centre: Vector2<f64>) -> Self {
         Self(SVector::from([focal, focal, centre.x, centre.y, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
     }
 
-    /// Focal lengths along columns and rows.
+    /// Returns the focal lengths along columns and rows, pixels.
     pub fn focal(&self) -> Vector2<f64> {
         Vector2::new(self.0[0], self.0[1])
     }
 
-    /// The principal point.
+    /// Returns the principal point, pixels.
     pub fn centre(&self) -> Vector2<f64> {
         Vector2::new(self.0[2], self.0[3])
     }
 
-    /// The radius at an angle from the axis, in focal lengths.
+    /// Returns the radius of the image at an angle from the axis, in focal lengths.
     pub fn radius(&self, theta: f64) -> f64 {
         let t = theta * theta;
         theta * (1.0 + (4..INTRINSICS).rev().fold(0.0, |sum, i| t * (self.0[i] + sum)))
     }
 
-    /// The derivative of [`Camera::radius`].
+    /// Returns the derivative of [`Camera::radius`] with respect to the angle.
     pub fn slope(&self, theta: f64) -> f64 {
         let t = theta * theta;
         let factor = |i: usize| (2 * i - 5) as f64;
         1.0 + (4..INTRINSICS).rev().fold(0.0, |sum, i| t * (factor(i) * self.0[i] + sum))
     }
 
-    /// The angle up to which the radius grows, at most pi.
+    /// Returns the angle up to which the radius increases, at most pi.
     pub fn limit(&self) -> f64 {
         let steps = (1..=720).map(|i| f64::from(i) * std::f64::consts::PI / 720.0);
         steps.take_while(|theta| self.slope(*theta) > 1e-3).last().unwrap_or(0.0)
     }
 
-    /// The angle from the axis that is imaged at a radius; the limit's where the radius is beyond it.
+    /// Returns the angle from the axis whose image has this radius; beyond the largest radius, the angle of [`Camera::limit`].
     pub fn angle(&self, radius: f64) -> f64 {
         let (mut low, mut high) = (0.0, self.limit());
         for _ in 0..52 {
@@ -70,7 +72,7 @@ impl Camera {
         0.5 * (low + high)
     }
 
-    /// The unit direction of a pixel.
+    /// Returns the unit direction of a pixel.
     pub fn direction(&self, pixel: Vector2<f64>) -> Vector3<f64> {
         let n = (pixel - self.centre()).component_div(&self.focal());
         let radius = n.norm();
@@ -79,7 +81,7 @@ impl Camera {
         Vector3::new(across.x, across.y, cos)
     }
 
-    /// The pixel of a point.
+    /// Returns the image of a point, pixels.
     pub fn pixel(&self, point: &Vector3<f64>) -> Vector2<f64> {
         let across = point.xy();
         let theta = across.norm().atan2(point.z);
@@ -87,7 +89,7 @@ impl Camera {
         self.centre() + n.component_mul(&self.focal())
     }
 
-    /// The pixel of a point, with derivatives.
+    /// Returns the image of a point with derivatives.
     pub fn project(&self, point: &Vector3<f64>) -> Projection {
         let across = point.xy();
         let rho = across.norm().max(1e-12);

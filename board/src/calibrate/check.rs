@@ -1,4 +1,4 @@
-//! Pictures of which no lens can be computed.
+//! Checks of the pictures of a calibration, and the reasons for which no lens can be computed.
 
 use super::detect::{self, Found};
 use super::fit::{Fit, root_mean_square};
@@ -7,7 +7,7 @@ use super::pose::{Sighting, from_directions};
 use super::solve::{Free, View, solve};
 use super::{Board, Printed};
 
-/// Fewest pictures with a board.
+/// Least number of pictures with a board.
 pub(super) const FEWEST_BOARDS: usize = 3;
 
 /// Reasons for which no lens is computed: one line with the remedy.
@@ -22,7 +22,7 @@ pub enum LensRefusal {
     /// Pictures of several sizes.
     #[error("{name}: found {} x {} pixels, expected {} x {} as the first picture: take all pictures in one mode of one camera", size[0], size[1], expected[0], expected[1])]
     Sizes {
-        /// The picture.
+        /// Name of the picture.
         name: String,
         /// Columns and rows of the picture.
         size: [usize; 2],
@@ -37,9 +37,9 @@ pub enum LensRefusal {
     FewBoards {
         /// The expected board.
         board: Printed,
-        /// Pictures with a board.
+        /// Number of pictures with a board.
         found: usize,
-        /// All pictures.
+        /// Number of all pictures.
         pictures: usize,
     },
     /// The board has more corners than stated.
@@ -49,7 +49,7 @@ pub enum LensRefusal {
     LargerBoard {
         /// The stated board.
         board: Board,
-        /// Pictures that show more.
+        /// Number of pictures that show more corners.
         found: usize,
     },
     /// The board has fewer corners than stated.
@@ -59,7 +59,7 @@ pub enum LensRefusal {
     SmallerBoard {
         /// The stated board.
         board: Board,
-        /// The largest that was seen.
+        /// Largest board that was found.
         found: Board,
     },
     /// A picture with two boards.
@@ -67,7 +67,7 @@ pub enum LensRefusal {
         "{name}: found two boards in view, expected one: cover or remove the other, or leave this picture out"
     )]
     TwoBoards {
-        /// The picture.
+        /// Name of the picture.
         name: String,
     },
     /// The boards cover a small part of the view.
@@ -75,7 +75,7 @@ pub enum LensRefusal {
         "found all boards in the {place} of the view, expected them all over it up to the rim: take more pictures with the board elsewhere"
     )]
     OnePlace {
-        /// Which part.
+        /// Part of the view, in words.
         place: String,
     },
     /// A picture in which left and right are exchanged.
@@ -83,7 +83,7 @@ pub enum LensRefusal {
         "{name}: found a mirrored picture, expected all pictures the same way round: switch mirroring off in the camera, or flip the picture back"
     )]
     Mirrored {
-        /// The picture.
+        /// Name of the picture.
         name: String,
     },
     /// All pictures are mirrored.
@@ -92,9 +92,9 @@ pub enum LensRefusal {
          camera; for a board that has another colour there, give --any-colours"
     )]
     AllMirrored {
-        /// Pictures with a mirrored board.
+        /// Number of pictures with a mirrored board.
         found: usize,
-        /// All pictures.
+        /// Number of all pictures.
         pictures: usize,
     },
     /// The least-squares fit found no lens.
@@ -102,22 +102,22 @@ pub enum LensRefusal {
         "found corners that fit no lens (error {rms_px:.1} px), expected at most {most_px:.1} px: keep the board flat, and take all pictures with one zoom and focus"
     )]
     NoFit {
-        /// Error of the fit.
+        /// Error of the fit, pixels.
         rms_px: f64,
-        /// Largest that is accepted.
+        /// Largest accepted error, pixels.
         most_px: f64,
     },
     /// The corner detector refused a picture.
     #[error("{name}: found {found}, expected a picture in which corners can be searched")]
     Detector {
-        /// The picture.
+        /// Name of the picture.
         name: String,
         /// The reason of the detector.
         found: String,
     },
 }
 
-/// All pictures must have the size of the first, and there must be several.
+/// Checks that there are enough pictures and that all of them have the size of the first.
 pub(super) fn pictures(pictures: &[Picture]) -> Result<[usize; 2], LensRefusal> {
     let few = LensRefusal::FewPictures(pictures.len());
     let expected = pictures.first().ok_or_else(|| few.clone())?.grey.size();
@@ -127,7 +127,7 @@ pub(super) fn pictures(pictures: &[Picture]) -> Result<[usize; 2], LensRefusal> 
     if pictures.len() < FEWEST_BOARDS { Err(few) } else { Ok(expected) }
 }
 
-/// Two boards, too few boards, boards in one place.
+/// Refuses pictures with two boards, too few boards, and boards that cover a small part of the view.
 pub(super) fn found(
     pictures: &[Picture],
     found: &[Found],
@@ -150,7 +150,7 @@ pub(super) fn found(
     one_place(found, size)
 }
 
-/// Boards whose marks or squares are those of a mirror: one picture among others, or all of them.
+/// Refuses pictures whose marks or squares are mirrored: one picture among others, or all of them.
 fn all_mirrored(pictures: &[Picture], found: &[Found], request: &Request) -> Result<(), LensRefusal> {
     let is_mirrored = |f: &Found| f.mirror > 0;
     let (mirrored, upright) =
@@ -165,9 +165,9 @@ fn all_mirrored(pictures: &[Picture], found: &[Found], request: &Request) -> Res
     }
 }
 
-/// The stated board is larger than each that was seen, though many pictures agree on what they show.
+/// Refuses a stated board that is larger than all boards found, if many pictures agree on their size.
 fn smaller(found: &[Found], board: Board) -> Result<(), LensRefusal> {
-    // A column of one or two corners is a mistake of the search rather than a column.
+    // A column of one or two corners is more likely an error of the search than a column.
     let span = |f: &Found, axis: usize| {
         let filled = |line: &i32| f.seen.iter().filter(|s| s.cell[axis] == *line).count() > 2;
         (0..board.size()[axis]).filter(filled).count() as u32
@@ -182,7 +182,7 @@ fn smaller(found: &[Found], board: Board) -> Result<(), LensRefusal> {
     Err(LensRefusal::SmallerBoard { board, found: Board { columns, rows } })
 }
 
-/// Share of the picture's width and height that corners must span, one of the two.
+/// Share of the picture's width or height that the corners must span.
 const SPANNED: f64 = 0.55;
 
 fn one_place(found: &[Found], size: [usize; 2]) -> Result<(), LensRefusal> {
@@ -206,7 +206,7 @@ fn one_place(found: &[Found], size: [usize; 2]) -> Result<(), LensRefusal> {
     })
 }
 
-/// Boards with corners beyond those that were stated.
+/// Refuses boards with corners beyond the stated size.
 pub(super) fn larger(pictures: &[Picture], fit: &Fit, board: Board) -> Result<(), LensRefusal> {
     let shows_more = |(view, picture): (&View, &usize)| {
         let sides = detect::beyond(&pictures[*picture].grey, &fit.model, view, board);
@@ -216,7 +216,7 @@ pub(super) fn larger(pictures: &[Picture], fit: &Fit, board: Board) -> Result<()
     if 3 * found >= fit.views.len() { Err(LensRefusal::LargerBoard { board, found }) } else { Ok(()) }
 }
 
-/// A picture of which the fit kept few corners, and which fits when left and right are exchanged.
+/// Refuses a picture of which the fit kept few corners and which fits after exchanging left and right.
 pub(super) fn mirrored(
     pictures: &[Picture],
     found: &[Found],
@@ -244,7 +244,7 @@ fn flip(s: &Sighting, board: Board, width: usize) -> Sighting {
     Sighting { cell: [board.size()[0] - 1 - s.cell[0], s.cell[1]], at }
 }
 
-/// The error of a board, pixels, when its pose alone is varied.
+/// Returns the error of a board in pixels when only its pose is fitted.
 fn posed(fit: &Fit, seen: &[Sighting]) -> f64 {
     let Some(pose) = from_directions(&fit.model.camera, &fit.model.shape, seen) else { return f64::INFINITY };
     let mut views = [View { seen: seen.to_vec(), pose }];

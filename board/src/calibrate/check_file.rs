@@ -1,4 +1,4 @@
-//! Whether a lens file, a burst and the camera belong together.
+//! Checks that a lens file, a burst and the camera match.
 
 use super::burst::exposed;
 use super::response::{Exposed, logarithms_of};
@@ -12,7 +12,7 @@ use hemilux_core::lens::Lens;
 use std::f64::consts::TAU;
 use std::path::Path;
 
-/// A fault of a calibration; each class has its exit status.
+/// A mismatch found by the check of a calibration; each class has its exit status.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Fault {
@@ -22,45 +22,45 @@ pub enum Fault {
     /// The lens is of another image size.
     #[error("{path}: found a lens for {} x {} pixels, expected the burst's {} x {}: calibrate in the mode of the probe", lens[0], lens[1], burst[0], burst[1])]
     Size {
-        /// The lens file.
+        /// Path of the lens file.
         path: String,
-        /// Its size.
+        /// Columns and rows of the lens file's images.
         lens: [u32; 2],
-        /// Size of the images.
+        /// Columns and rows of the burst's images.
         burst: [u32; 2],
     },
-    /// The solid angles of the pixels do not add up to the field of view.
+    /// The sum of the pixels' solid angles differs from the solid angle of the field of view.
     #[error(
         "{path}: found pixels of {found:.3} sr together, expected {expected:.3} sr as max_angle_deg says: calibrate the lens anew"
     )]
     SolidAngle {
-        /// The lens file.
+        /// Path of the lens file.
         path: String,
-        /// Sum over the pixels.
+        /// Sum over the pixels, steradians.
         found: f64,
-        /// The field of view's.
+        /// Solid angle of the field of view, steradians.
         expected: f64,
     },
-    /// The lens is used far beyond where it was calibrated, or is uncertain.
+    /// The lens is used far beyond its calibrated angles, or is uncertain.
     #[error(
         "{path}: found a lens {found}, expected a calibration up to the rim: take pictures with the board nearer to the rim"
     )]
     Uncertain {
-        /// The lens file.
+        /// Path of the lens file.
         path: String,
         /// The found value, in words.
         found: String,
     },
-    /// The exposures of the burst are not what its table says.
+    /// The exposures of the burst's pictures differ from those of its table.
     #[error(
         "{path}: found exposures of the ratio {found:.2}, expected {expected:.2} as burst.toml says: calibrate the response, or check that the camera obeys its exposure settings"
     )]
     Exposures {
-        /// The burst.
+        /// Path of the burst.
         path: String,
-        /// Ratio by the pictures.
+        /// Exposure ratio estimated from the pictures.
         found: f64,
-        /// Declared ratio.
+        /// Exposure ratio declared in the table.
         expected: f64,
     },
     /// The burst was recorded in another mode of the camera.
@@ -68,20 +68,20 @@ pub enum Fault {
         "{path}: found {found} in its burst.toml, expected {expected} as the lens file says: calibrate in the mode of the probe"
     )]
     Mode {
-        /// The burst.
+        /// Path of the burst.
         path: String,
-        /// Its crop and binning.
+        /// Crop and binning of the burst, in words.
         found: String,
-        /// Crop and binning of the lens file.
+        /// Crop and binning of the lens file, in words.
         expected: String,
     },
-    /// The camera has been set otherwise since the photometric calibration.
+    /// The camera's settings have changed since the photometric calibration.
     #[error(
         "{path}: found a photometric calibration by another response, level, white balance or vignetting than the burst has, expected one that is \
          not older than the camera's settings: run hemilux calibrate photometric again"
     )]
     Older {
-        /// The lens file.
+        /// Path of the lens file.
         path: String,
     },
     /// The burst was recorded with another lens.
@@ -89,13 +89,13 @@ pub enum Fault {
         "{path}: found another lens in its burst.toml, expected that of the lens file: the calibration is not the one that the camera was used with"
     )]
     OtherLens {
-        /// The burst.
+        /// Path of the burst.
         path: String,
     },
 }
 
 impl Fault {
-    /// The exit status of its class: 3 to 10.
+    /// Exit status of the fault's class, 3 to 10.
     #[must_use]
     pub fn status(&self) -> u8 {
         match self {
@@ -111,21 +111,21 @@ impl Fault {
     }
 }
 
-/// Largest relative error of the sum of the solid angles.
+/// Largest accepted relative error of the sum of the solid angles.
 const MOST_SOLID: f64 = 0.01;
 
-/// Largest deviation of an exposure ratio.
+/// Largest accepted relative deviation of an exposure ratio.
 const MOST_RATIO: f64 = 0.2;
 
-/// Angle beyond the outermost corner of the calibration up to which a lens is accepted, and the largest accepted uncertainty there,
-/// degrees.
+/// Largest accepted angle between the outermost corner of the calibration and the edge of the field of view, and largest accepted
+/// uncertainty there, degrees.
 const MOST_BEYOND_DEG: f64 = 12.0;
 const MOST_UNCERTAIN_DEG: f64 = 1.0;
 
-/// Checks a lens file, and a burst where one is given.
+/// Checks a lens file and, if one is given, a burst.
 ///
 /// # Errors
-/// The first [`Fault`].
+/// The first [`Fault`] found.
 pub fn check(path: &Path, burst: Option<&Path>) -> Result<(), Fault> {
     let file = read_lens(path).map_err(|e| Fault::Unreadable(e.to_string()))?;
     solid_angles(path, &file)?;
@@ -133,7 +133,7 @@ pub fn check(path: &Path, burst: Option<&Path>) -> Result<(), Fault> {
     burst.map_or(Ok(()), |burst| with_burst(path, &file, burst))
 }
 
-/// Whether the whole image circle lies in the picture, and the pixels' solid angles add up to it.
+/// Checks that the picture contains the whole image circle, and that the solid angles of its pixels add up to that of the field of view.
 fn solid_angles(path: &Path, file: &LensFile) -> Result<(), Fault> {
     let [width, height] = file.size;
     let places = (0..height).flat_map(|y| (0..width).map(move |x| DVec2::new(f64::from(x), f64::from(y))));
@@ -151,7 +151,7 @@ fn solid_angles(path: &Path, file: &LensFile) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Whether no pixel of the picture's edge lies in the image circle.
+/// Returns whether no pixel of the picture's edge lies in the image circle.
 fn is_whole(lens: &Lens, [width, height]: [u32; 2]) -> bool {
     let (right, bottom) = (f64::from(width) - 1.0, f64::from(height) - 1.0);
     let rows = (0..width).flat_map(|x| [DVec2::new(f64::from(x), 0.0), DVec2::new(f64::from(x), bottom)]);
@@ -159,7 +159,7 @@ fn is_whole(lens: &Lens, [width, height]: [u32; 2]) -> bool {
     rows.chain(columns).all(|at| lens.unproject(at).is_none())
 }
 
-/// The accuracy that the file states. A file without a statement passes.
+/// Checks the accuracy that the file states. A file without a statement passes.
 fn stated(path: &Path, file: &LensFile) -> Result<(), Fault> {
     let fault = |found: String| Err(Fault::Uncertain { path: path.display().to_string(), found });
     let Some(statement) = &file.calibration_table else { return Ok(()) };
@@ -192,7 +192,7 @@ fn with_burst(path: &Path, file: &LensFile, burst: &Path) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Whether the lens file states another part of the sensor, or another binning, than the burst does.
+/// Compares the crop and binning of the lens file with those of the burst.
 fn mode(file: &LensFile, burst: &Path) -> Result<(), Fault> {
     let shown = read_shown(burst).map_err(|e| Fault::Unreadable(e.to_string()))?;
     let Some((expected, found)) = file.shown.zip(shown).filter(|(a, b)| a != b) else { return Ok(()) };
@@ -201,7 +201,7 @@ fn mode(file: &LensFile, burst: &Path) -> Result<(), Fault> {
     Err(Fault::Mode { path: burst.display().to_string(), found, expected })
 }
 
-/// Whether a photometric calibration in the lens file was measured by another way from codes to radiance.
+/// Checks that the photometric calibration of the lens file was measured with the present conversion from codes to radiance.
 fn photometric(path: &Path, calibration: &Calibration) -> Result<(), Fault> {
     let unreadable = |e: RecordedError| Fault::Unreadable(e.to_string());
     let camera = photometric_camera(path).map_err(unreadable)?;
@@ -213,7 +213,7 @@ fn photometric(path: &Path, calibration: &Calibration) -> Result<(), Fault> {
     }
 }
 
-/// Whether two lenses differ by more than two degrees somewhere in the field of both.
+/// Returns whether two lenses differ by more than two degrees somewhere in the field of view of both.
 fn is_other(a: &Lens, b: &Lens) -> bool {
     let max = a.intrinsics().max_theta.min(b.intrinsics().max_theta);
     let directions =

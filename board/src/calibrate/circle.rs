@@ -1,4 +1,4 @@
-//! A first lens without a board: the image circle in bright pictures, and an equidistant law.
+//! A first lens without a board: the image circle is found in bright pictures and an equidistant law is assumed.
 
 use super::Grey;
 use glam::DVec2;
@@ -6,71 +6,71 @@ use hemilux_core::lens::Lens;
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// The image circle.
+/// The image circle of a fisheye lens.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Circle {
     /// Centre of the circle, pixels.
     pub centre: DVec2,
     /// Radius of the circle, pixels.
     pub radius: f64,
-    /// Standard deviation of the rim's points from it, pixels.
+    /// Standard deviation of the distance between the rim's points and the circle, pixels.
     pub deviation_px: f64,
 }
 
-/// An equidistant lens that fills a circle.
+/// An equidistant lens whose field of view fills an image circle.
 #[derive(Clone, Debug)]
 pub struct CircleLens {
-    /// The lens.
+    /// Lens model with its field of view.
     pub lens: Lens,
-    /// Columns and rows.
+    /// Columns and rows of the pictures.
     pub size: [usize; 2],
-    /// The circle.
+    /// Image circle from which the lens was computed.
     pub circle: Circle,
-    /// Angles from the axis, and the standard deviation of a direction there, degrees.
+    /// Pairs of an angle from the axis and the standard deviation of a direction at that angle, degrees.
     pub spread: Vec<[f64; 2]>,
 }
 
-/// Reasons for which no circle is found.
+/// Reasons for which no image circle is found.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CircleRefusal {
-    /// Pictures of several sizes, or none.
+    /// There are no pictures, or pictures of several sizes.
     #[error("found pictures of several sizes, or none, expected pictures of one mode")]
     Sizes,
-    /// No dark surroundings.
+    /// The corners of the pictures are not dark.
     #[error(
         "found no dark corners around a bright circle, expected pictures of a bright, even scene (sky, a lit wall) in which the image circle has an edge: \
          a lens whose circle exceeds the sensor needs a board"
     )]
     NoRim,
-    /// A rim that is no circle.
+    /// The rim is not circular.
     #[error(
         "found a rim that is {deviation:.1} pixels off a circle over {degrees:.0} degrees, expected at most {most:.1} over 120: add pictures that are \
          bright up to the rim"
     )]
     NoCircle {
-        /// Standard deviation, pixels.
+        /// Standard deviation of the rim from a circle, pixels.
         deviation: f64,
-        /// Angle over which the rim was found.
+        /// Angle over which the rim was found, degrees.
         degrees: f64,
-        /// Largest deviation.
+        /// Largest accepted deviation, pixels.
         most: f64,
     },
-    /// A field of view out of range, or a circle that makes no lens.
+    /// The field of view is out of range, or the circle gives no valid lens.
     #[error("found a field of view of {0} degrees, expected 60 to 280")]
     Field(f64),
 }
 
-/// Directions from the middle along which the rim is looked for.
+/// Number of rays from the centre along which the rim is searched for.
 const RAYS: usize = 720;
 
-/// Largest deviation of the rim, in radii.
+/// Largest accepted deviation of the rim, as a part of the radius.
 const MOST_OFF: f64 = 0.02;
 
-/// Finds the image circle in the brightest of the pictures at each pixel.
+/// Finds the image circle in the maximum over the pictures at each pixel.
 ///
 /// # Errors
-/// [`CircleRefusal`].
+/// [`CircleRefusal`] if there is no circular rim.
 pub fn find_circle(pictures: &[Grey]) -> Result<Circle, CircleRefusal> {
     let bright = brightest(pictures).ok_or(CircleRefusal::Sizes)?;
     let threshold = threshold(&bright).ok_or(CircleRefusal::NoRim)?;
@@ -96,7 +96,7 @@ fn brightest(pictures: &[Grey]) -> Option<Grey> {
     Grey::new(first.size()[0], pixels)
 }
 
-/// The code between the dark of the corners and the light of the picture's middle, nearer to the dark: lenses are darker at the rim.
+/// Returns a threshold between the codes of the dark corners and of the bright centre, nearer to the dark: lenses are darker at the rim.
 fn threshold(grey: &Grey) -> Option<f64> {
     let [width, height] = grey.size();
     let mean = |left: usize, top: usize, w: usize, h: usize| {
@@ -110,7 +110,8 @@ fn threshold(grey: &Grey) -> Option<f64> {
     (middle > dark + 24.0).then(|| dark + 0.3 * (middle - dark).min(120.0))
 }
 
-/// Points of the rim: from outside along each ray, where the picture becomes bright, between pixels; not those on the picture's edge.
+/// Returns the points of the rim with sub-pixel accuracy: along each ray from outside, where the code rises above the threshold; points on
+/// the picture's edge are left out.
 fn rim(grey: &Grey, threshold: f64) -> Vec<DVec2> {
     let [width, height] = grey.size();
     let middle = DVec2::new(width as f64 - 1.0, height as f64 - 1.0) * 0.5;
@@ -135,7 +136,7 @@ fn rim(grey: &Grey, threshold: f64) -> Vec<DVec2> {
     (0..RAYS).filter_map(ray).collect()
 }
 
-/// The circle through most of the points: least squares, with less weight for those that lie off.
+/// Fits a circle to the points by least squares, with lower weights for outliers.
 fn robust(points: &[DVec2]) -> Option<Circle> {
     if points.len() < 24 {
         return None;
@@ -154,7 +155,7 @@ fn robust(points: &[DVec2]) -> Option<Circle> {
     Some(circle)
 }
 
-/// The weighted circle of A. Kasa: linear in centre and squared radius.
+/// Fits a weighted circle by the method of A. Kasa, which is linear in the centre and the squared radius.
 fn fit(points: &[DVec2], weights: &[f64]) -> Option<Circle> {
     let mean = points.iter().sum::<DVec2>() / points.len() as f64;
     let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
@@ -170,7 +171,7 @@ fn fit(points: &[DVec2], weights: &[f64]) -> Option<Circle> {
     (squared > 0.0).then(|| Circle { centre: centre + mean, radius: squared.sqrt(), deviation_px: 0.0 })
 }
 
-/// The angle over which points lie near the circle, degrees.
+/// Returns the angle over which points lie near the circle, degrees.
 fn spanned(points: &[DVec2], circle: &Circle) -> f64 {
     let mut sectors = [false; 72];
     let near = 3.0 * circle.deviation_px.max(0.5);
@@ -181,13 +182,13 @@ fn spanned(points: &[DVec2], circle: &Circle) -> f64 {
     5.0 * sectors.iter().filter(|seen| **seen).count() as f64
 }
 
-/// Standard deviation of a stated field of view, degrees: data sheets round, and circles end in a gradient.
+/// Standard deviation of a stated field of view, degrees: data sheets give rounded values, and the edge of a circle is a gradient.
 const FIELD_DEG: f64 = 5.0;
 
-/// The equidistant lens whose field of view, in degrees, fills the circle.
+/// Returns the equidistant lens whose field of view, in degrees, fills the circle.
 ///
 /// # Errors
-/// [`CircleRefusal::Field`].
+/// [`CircleRefusal::Field`] for a field of view out of range.
 pub fn circle_lens(circle: &Circle, field_deg: f64, size: [usize; 2]) -> Result<CircleLens, CircleRefusal> {
     let refused = || CircleRefusal::Field(field_deg);
     if !(60.0..=280.0).contains(&field_deg) {
@@ -205,7 +206,7 @@ pub fn circle_lens(circle: &Circle, field_deg: f64, size: [usize; 2]) -> Result<
     Ok(CircleLens { lens, size, circle: *circle, spread: tens.chain([max]).map(uncertain).collect() })
 }
 
-/// Difference from the directions of an equisolid lens that fills the same circle.
+/// Returns the difference from the directions of an equisolid lens that fills the same circle.
 fn law(theta: f64, max: f64) -> f64 {
     let radius = (0.5 * theta).sin() / (0.5 * max).sin();
     (radius * max - theta).abs().min(FRAC_PI_2)
@@ -215,7 +216,7 @@ fn law(theta: f64, max: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// A picture of an uneven sky through a circle with a soft edge.
+    /// Draws an uneven sky through a circle with a soft edge.
     fn picture(centre: DVec2, radius: f64, size: [usize; 2]) -> Grey {
         let code = |i: usize| {
             let at = DVec2::new((i % size[0]) as f64, (i / size[0]) as f64);
@@ -236,9 +237,9 @@ mod tests {
         }
     }
 
-    /// A lamp beyond the rim and a dark part of it do not move the circle.
+    /// A lamp outside of the rim and a dark part of the rim do not shift the circle.
     #[test]
-    fn several_pictures_complete_each_other() {
+    fn a_rim_that_is_dark_in_one_picture_is_found_in_another() {
         let (centre, radius) = (DVec2::new(322.0, 236.5), 210.0);
         let whole = picture(centre, radius, [640, 480]);
         let half = |left: bool| {
@@ -261,7 +262,7 @@ mod tests {
         assert!(matches!(find_circle(&[square]), Err(CircleRefusal::NoCircle { .. })));
     }
 
-    /// The lens of an equisolid camera is within the stated uncertainty.
+    /// The directions of an equisolid camera lie within the stated uncertainty.
     #[test]
     fn lens_states_an_uncertainty_that_holds_for_another_law() {
         let circle = Circle { centre: DVec2::splat(319.5), radius: 300.0, deviation_px: 0.5 };

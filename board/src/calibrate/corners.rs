@@ -1,4 +1,4 @@
-//! Corners of a chessboard's squares in a picture.
+//! Detection and refinement of the corners of a chessboard's squares.
 
 use super::grey::Grey;
 use chess_corners::{ChessError, Detector, DetectorConfig};
@@ -9,11 +9,11 @@ use nalgebra::{Matrix2, Vector2};
 pub(super) struct Corner {
     /// Position of the corner, pixels.
     pub at: Vector2<f64>,
-    /// Directions of the four edges that meet, radians: ascending, the dark sectors follow the first and the third.
+    /// Directions of the four edges that meet, radians, ascending; a dark sector follows the first and the third.
     pub edges: [f64; 4],
 }
 
-/// Finds corners; `scale` pixels of the full picture lie in one of `grey`.
+/// Finds corners; `scale` is the number of pixels of the full picture per pixel of `grey`.
 pub(super) fn find(grey: &Grey, scale: f64) -> Result<Vec<Corner>, ChessError> {
     let [width, height] = grey.size();
     let mut detector = Detector::new(DetectorConfig::chess().with_threshold(20.0))?;
@@ -29,12 +29,12 @@ pub(super) fn find(grey: &Grey, scale: f64) -> Result<Vec<Corner>, ChessError> {
     Ok(found.iter().filter_map(corner).collect())
 }
 
-/// Most steps of [`refine`].
+/// Largest number of steps of [`refine`].
 const STEPS: usize = 20;
 
-/// Moves a corner to where the gradients of its surroundings are perpendicular to the lines to it: \[Foerstner1987\].
+/// Moves a corner to the point for which the gradients around it are perpendicular to the lines to it: \[Foerstner1987\].
 ///
-/// `radius` is the half-size of the window, pixels. `None` where the corner moves by more than the radius, or has no edges in two
+/// `radius` is the half-size of the window, pixels. Returns `None` if the corner moves by more than the radius, or has no edges in two
 /// directions.
 pub(super) fn refine(grey: &Grey, start: Vector2<f64>, radius: f64) -> Option<Vector2<f64>> {
     let mut at = start;
@@ -55,7 +55,7 @@ pub(super) fn refine(grey: &Grey, start: Vector2<f64>, radius: f64) -> Option<Ve
     Some(at)
 }
 
-/// One step of [`refine`].
+/// Computes one step of [`refine`].
 fn step(grey: &Grey, at: Vector2<f64>, radius: f64) -> Option<Vector2<f64>> {
     let reach = radius.ceil() as i32;
     let (mut normal, mut right) = (Matrix2::zeros(), Vector2::zeros());
@@ -81,9 +81,9 @@ fn gradient(grey: &Grey, at: Vector2<f64>) -> Vector2<f64> {
     Vector2::new(difference(Vector2::x()), difference(Vector2::y()))
 }
 
-/// Whether the squares around a point alternate: samples in the middle of four squares, in order around the point.
+/// Returns the contrast of four squares around a point, sampled at their centres, as a share of the mean.
 ///
-/// Returns the contrast as a share of the mean; `None` where it does not alternate.
+/// Returns `None` if black and white do not alternate around the point.
 pub(super) fn alternates(grey: &Grey, around: [Vector2<f64>; 4]) -> Option<f64> {
     let [a, b, c, d] = around.map(|at| grey.sample(at));
     let (low, high) = if a + c < b + d { ([a, c], [b, d]) } else { ([b, d], [a, c]) };

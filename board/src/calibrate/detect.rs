@@ -1,4 +1,4 @@
-//! The board in a picture.
+//! Detection of the board in a picture.
 
 use super::corners::{Corner, alternates, find, refine};
 use super::grey::Grey;
@@ -9,21 +9,21 @@ use super::{Board, Printed, tags};
 use chess_corners::ChessError;
 use nalgebra::{Vector2, Vector3};
 
-/// Fewest corners of a board of which a pose is computed.
+/// Least number of corners from which the pose of a board is computed.
 pub(super) const FEWEST: usize = 8;
 
 /// The board that was found in one picture.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Found {
-    /// The corners of the board, none where it was not found.
+    /// Corners of the board; empty if it was not found.
     pub seen: Vec<Sighting>,
-    /// Corners of a second grid of the board's kind.
+    /// Number of corners of a second grid of the same kind.
     pub second: usize,
-    /// Whether the board is seen in a mirror, where its marks or squares tell; above 0 for a mirrored one, below for one that is not.
+    /// Evidence of mirroring from the board's marks or squares: above 0 for a mirrored picture, below 0 for a picture that is not mirrored.
     pub mirror: i32,
 }
 
-/// Finds the board: at the full size, then at half and a quarter where corners are still missing.
+/// Finds the board at the full size of the picture, then at half and a quarter of it while corners are missing.
 pub(super) fn board(grey: &Grey, printed: &Printed) -> Result<Found, ChessError> {
     let whole = printed.corners.corners();
     let mut best = Found::default();
@@ -44,10 +44,10 @@ pub(super) fn board(grey: &Grey, printed: &Printed) -> Result<Found, ChessError>
     Ok(best)
 }
 
-/// Largest side of a picture in which corners are searched: in larger ones texture outnumbers them.
+/// Largest side of a picture in which corners are searched for, pixels: in larger pictures texture has more corners than the board.
 const LARGEST_SIDE: usize = 1600;
 
-/// The picture at the first size at which corners are searched, and the pixels of the full size in one of it.
+/// Returns the picture at the first searched size, and the number of full-size pixels per pixel of it.
 fn first_level(grey: &Grey) -> (Grey, f64) {
     let mut level = (grey.clone(), 1.0);
     while level.0.size().into_iter().max() > Some(LARGEST_SIDE) {
@@ -78,9 +78,9 @@ fn from_corners(grey: &Grey, corners: &[Corner], board: Board, scale: f64) -> Fo
     Found { seen, second, mirror: mirror(grey, &fitted, board) }
 }
 
-/// Whether the squares of a whole board are those of a board in a mirror: 1, or -1 for one that is not; 0 where they do not tell.
+/// Returns 1 if the squares of a whole board are mirrored, -1 if they are not, and 0 if the board is symmetric.
 ///
-/// The upper left square is black; on a board of odd counts of corners, a mirror makes it white.
+/// The upper left square is black; on a board with odd numbers of corners, a mirror makes it white.
 fn mirror(grey: &Grey, grid: &Grid, board: Board) -> i32 {
     if !Printed::from(board).tells_mirror() || grid.len() < board.corners() {
         return 0;
@@ -95,7 +95,7 @@ fn mirror(grey: &Grey, grid: &Grid, board: Board) -> i32 {
     if contrast > 0.0 { 1 } else { -1 }
 }
 
-/// The corners of a grid at sub-pixel accuracy, in order of rows; `part` of the surroundings of a chessboard's corner are plain.
+/// Returns the corners of a grid at sub-pixel accuracy, row by row; `part` of the surroundings of a chessboard's corner have no pattern.
 pub(super) fn refined(grey: &Grey, grid: &Grid, scale: f64, part: f64) -> Vec<Sighting> {
     let mut cells: Vec<_> = grid.iter().collect();
     cells.sort_unstable_by_key(|([i, j], _)| (*j, *i));
@@ -106,19 +106,19 @@ pub(super) fn refined(grey: &Grey, grid: &Grid, scale: f64, part: f64) -> Vec<Si
     cells.into_iter().filter_map(one).collect()
 }
 
-/// Half-size of the window of a corner whose shortest edge has `side` pixels.
+/// Returns the half-size of the window for a corner whose shortest edge has `side` pixels.
 fn window(side: f64) -> f64 {
     (0.4 * side).clamp(2.0, 9.0)
 }
 
-/// The shortest edge at a corner.
+/// Returns the length of the shortest edge at a corner, pixels.
 fn side(grid: &Grid, [i, j]: Cell) -> f64 {
     let here = grid[&[i, j]];
     let beside = [[i + 1, j], [i - 1, j], [i, j + 1], [i, j - 1]];
     beside.iter().filter_map(|cell| grid.get(cell)).map(|at| (at - here).norm()).fold(20.0, f64::min)
 }
 
-/// Looks again for the corners that a picture lacks, where the fit says that they are; returns how many were found.
+/// Searches for missing corners at the positions that the fit predicts; returns the number of corners found.
 pub(super) fn complete(grey: &Grey, model: &Model, view: &mut View, printed: &Printed) -> usize {
     let before = view.seen.len();
     let has = |view: &View, cell: Cell| view.seen.iter().any(|s| s.cell == cell);
@@ -136,7 +136,7 @@ pub(super) fn complete(grey: &Grey, model: &Model, view: &mut View, printed: &Pr
     view.seen.len() - before
 }
 
-/// Moves the board's origin so that its columns and rows begin at 0.
+/// Shifts the board's origin so that its columns and rows begin at 0.
 fn rebase(view: &mut View, model: &Model) {
     let least = |axis: usize| view.seen.iter().map(|s| s.cell[axis]).min().unwrap_or(0).min(0);
     let origin = [least(0), least(1)];
@@ -146,8 +146,8 @@ fn rebase(view: &mut View, model: &Model) {
     view.pose.shift += view.pose.turn * model.shape.plane(origin);
 }
 
-/// How many corners lie on each side beyond the board, in the places where one more column or row would have them, and how many such
-/// places lie in the picture.
+/// For each side of the board, returns the number of corners found where one more column or row would have them, and the number of such
+/// positions in the picture.
 pub(super) fn beyond(grey: &Grey, model: &Model, view: &View, board: Board) -> [[usize; 2]; 4] {
     let plain = Printed::from(board).plain();
     let [columns, rows] = board.size();
@@ -162,11 +162,11 @@ pub(super) fn beyond(grey: &Grey, model: &Model, view: &View, board: Board) -> [
 
 /// The result of the search for a corner.
 enum Look {
-    /// The corner's place is not in the picture.
+    /// The position of the corner is outside of the picture.
     Outside,
-    /// No corner is there.
+    /// There is no corner at the position.
     Absent,
-    /// The corner is there.
+    /// The corner was found at this pixel.
     Found(Vector2<f64>),
 }
 
@@ -180,9 +180,9 @@ fn look(grey: &Grey, model: &Model, view: &View, cell: Cell, plain: f64) -> Look
 /// The expected position of a corner.
 struct Place {
     at: Vector2<f64>,
-    /// The middles of its four squares, in order around it.
+    /// Centres of the four squares around the corner, in order.
     squares: [Vector2<f64>; 4],
-    /// Its shortest edge.
+    /// Length of the shortest edge, pixels.
     side: f64,
 }
 
@@ -195,7 +195,7 @@ fn squares_at(grey: &Grey, model: &Model, view: &View, cell: Cell, plain: f64) -
     };
     let at = pixel(0.0, 0.0)?;
     let p = plain;
-    // A chessboard's squares are plain on 0.35 of their sides; fields that are smaller count as smaller squares.
+    // A chessboard's squares have no pattern on 0.35 of their sides; smaller fields are treated as smaller squares.
     let e = p / 0.7;
     let edges = [pixel(e, 0.0)?, pixel(0.0, e)?, pixel(-e, 0.0)?, pixel(0.0, -e)?];
     let side = edges.iter().map(|edge| 2.0 * (edge - at).norm()).fold(f64::INFINITY, f64::min);

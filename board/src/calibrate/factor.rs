@@ -1,18 +1,18 @@
-//! Repeated readings of the photometric factor: their combination and the verdict on a check.
+//! Combination of repeated readings of the photometric factor, and the verdict of a check.
 
 use super::photometric::FactorReading;
 
-/// The factor of several readings.
+/// The photometric factor of several readings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Factor {
-    /// Lux of irradiance 1.
+    /// Illuminance in lux per unit of irradiance.
     pub factor: f64,
-    /// Relative uncertainty with 95 % coverage.
+    /// Relative uncertainty of the factor with 95 % coverage.
     pub uncertainty: f64,
 }
 
-/// Combines readings: the mean weighted by their own uncertainties, which are taken to be larger where the readings differ by more; the
-/// meter's uncertainty stays.
+/// Combines readings to their mean, weighted by their own uncertainties. If the readings scatter more than these, the scatter counts; the
+/// uncertainty of the meter is not reduced by averaging.
 #[must_use]
 pub fn combine(readings: &[FactorReading]) -> Option<Factor> {
     let weight = |r: &FactorReading| 1.0 / r.own.max(1e-4).powi(2);
@@ -28,19 +28,19 @@ pub fn combine(readings: &[FactorReading]) -> Option<Factor> {
     Some(Factor { factor, uncertainty: (2.0 * own.hypot(shared)).min(1.0) })
 }
 
-/// The comparison of a reading of the luxmeter with the calibration.
+/// Verdict of comparing a reading of the luxmeter with the calibration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// Below 10 %.
+    /// The difference is below 10 %.
     Good,
-    /// 10 to 25 %.
+    /// The difference is 10 to 25 %.
     Fair,
-    /// Above 25 %.
+    /// The difference is above 25 %.
     Reject,
 }
 
 impl Verdict {
-    /// The verdict on a relative difference.
+    /// Returns the verdict on a relative difference.
     #[must_use]
     pub fn of(difference: f64) -> Self {
         match difference.abs() {
@@ -50,7 +50,7 @@ impl Verdict {
         }
     }
 
-    /// For people.
+    /// Name of the verdict for people.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {

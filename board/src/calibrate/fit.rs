@@ -1,4 +1,4 @@
-//! A camera and the poses of all boards from their corners.
+//! Joint fit of a camera and the poses of all boards to the boards' corners.
 
 use super::camera::Camera;
 use super::detect::FEWEST;
@@ -7,31 +7,31 @@ use super::shape::Shape;
 use super::solve::{Free, Model, View, solve};
 use nalgebra::Vector2;
 
-/// Largest residual of a corner that is kept, pixels.
+/// Largest residual of an accepted corner, pixels.
 pub(super) const LARGEST_PX: f64 = 1.5;
 
-/// Width of the loss that stands for plain least squares.
+/// Width of the robust loss at which it equals plain least squares, pixels.
 const PLAIN: f64 = 1e4;
 
-/// A camera with its views; each view remembers its picture.
+/// A camera with its views and the picture of each view.
 #[derive(Clone, Debug)]
 pub(super) struct Fit {
-    /// The camera and the board's shape.
+    /// Camera model and shape of the board.
     pub model: Model,
-    /// Pictures of which the board was used.
+    /// Views of the pictures whose board was used.
     pub views: Vec<View>,
-    /// The picture of each view.
+    /// Index of the picture of each view.
     pub pictures: Vec<usize>,
 }
 
-/// Focal lengths that are tried, as the angle from the axis that half the picture's width spans, degrees.
+/// Focal lengths at which the fit starts, as the angle from the axis that half the picture's width spans, degrees.
 const TRIED_DEGREES: [f64; 14] =
     [20.0, 30.0, 40.0, 48.0, 56.0, 64.0, 72.0, 80.0, 88.0, 96.0, 105.0, 115.0, 125.0, 140.0];
 
-/// Fits which are carried on from the start.
+/// Number of starts that are fitted to the end.
 const CARRIED: usize = 3;
 
-/// The first fit, without anything known but the size of the pictures.
+/// Computes the first fit from the corners and the size of the pictures alone.
 pub(super) fn first(seen: &[(usize, Vec<Sighting>)], size: [usize; 2], shape: Shape) -> Option<Fit> {
     let middle = Vector2::new(size[0] as f64 - 1.0, size[1] as f64 - 1.0) * 0.5;
     let half = 0.5 * size[0].max(size[1]) as f64;
@@ -48,7 +48,7 @@ pub(super) fn first(seen: &[(usize, Vec<Sighting>)], size: [usize; 2], shape: Sh
     carried.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, fit)| fit)
 }
 
-/// Places all boards before a camera; returns the mean of the robust errors of the boards.
+/// Computes the poses of all boards for a camera; returns the mean of the boards' robust errors with the fit.
 fn placed(model: Model, seen: &[(usize, Vec<Sighting>)]) -> Option<(f64, Fit)> {
     let place = |(picture, seen): &(usize, Vec<Sighting>)| {
         let pose = from_directions(&model.camera, &model.shape, seen)?;
@@ -63,29 +63,29 @@ fn placed(model: Model, seen: &[(usize, Vec<Sighting>)]) -> Option<(f64, Fit)> {
     error.is_finite().then_some((error, Fit { model, views, pictures }))
 }
 
-/// The root of the mean square of vectors, over both components.
+/// Returns the root mean square of vectors, over both components.
 pub(super) fn root_mean_square(values: impl Iterator<Item = Vector2<f64>>) -> f64 {
     let (count, sum) = values.fold((0usize, 0.0), |(n, sum), v| (n + 1, sum + v.norm_squared()));
     if count == 0 { 0.0 } else { (sum / count as f64).sqrt() }
 }
 
 impl Fit {
-    /// The error of all corners: the root of the mean square distance, pixels.
+    /// Root mean square distance of all corners from their computed pixels.
     pub fn rms(&self) -> f64 {
         root_mean_square(self.views.iter().flat_map(|view| view.residuals(&self.model)))
     }
 
-    /// Number of corners.
+    /// Number of accepted corners.
     pub fn corners(&self) -> usize {
         self.views.iter().map(|view| view.seen.len()).sum()
     }
 
-    /// The largest residual, pixels.
+    /// Largest residual, pixels.
     pub fn largest(&self) -> f64 {
         self.views.iter().flat_map(|view| view.residuals(&self.model)).map(|r| r.norm()).fold(0.0, f64::max)
     }
 
-    /// Standard deviation of one coordinate of a corner, from the median residual: outliers do not count.
+    /// Standard deviation of one coordinate of a corner, pixels, computed from the median residual and so independent of outliers.
     pub fn sigma(&self) -> f64 {
         let mut lengths: Vec<f64> =
             self.views.iter().flat_map(|v| v.residuals(&self.model)).map(|r| r.norm()).collect();
@@ -94,7 +94,7 @@ impl Fit {
         lengths.get(lengths.len() / 2).copied().unwrap_or(0.0) / 1.1774
     }
 
-    /// Fits anew, leaves out what does not fit, until nothing more has to go; returns the number of corners left out.
+    /// Repeats the fit and the rejection of outliers until no corner is rejected; returns the number of rejected corners.
     pub fn settle(&mut self) -> usize {
         let before = self.corners();
         for _ in 0..6 {
@@ -109,12 +109,12 @@ impl Fit {
         before.saturating_sub(self.corners())
     }
 
-    /// Plain least squares.
+    /// Fits by plain least squares.
     pub fn polish(&mut self) {
         solve(&mut self.model, &mut self.views, PLAIN, Free::All, 40);
     }
 
-    /// Leaves out corners beyond four standard deviations or the largest residual, and views with too few corners.
+    /// Rejects corners beyond four standard deviations or [`LARGEST_PX`], and views with too few corners.
     fn reject(&mut self) -> usize {
         let before = self.corners();
         let most = (4.5 * self.sigma()).clamp(0.05, LARGEST_PX);

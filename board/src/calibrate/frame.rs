@@ -1,13 +1,14 @@
-//! Grey pictures from the frames of a burst.
+//! Conversion of a burst's frames to grey pictures.
 
 use super::Grey;
 use crate::calibration::{Burst, Calibration, Frame};
 use hemilux_core::{Response, read_rgb_row};
 
-/// Largest share of clipped pixels in a picture that is taken.
+/// Largest accepted share of clipped pixels.
 const MOST_CLIPPED: f64 = 0.01;
 
-/// The longest exposure in which little is clipped, else the shortest, as a grey picture of the frame's size; `None` without whole frames.
+/// Returns the longest exposure with few clipped pixels, else the shortest exposure, as a grey picture of the frame's size; `None` if a
+/// frame is incomplete.
 #[must_use]
 pub fn grey_of(burst: &Burst, calibration: &Calibration) -> Option<Grey> {
     let mut best = None;
@@ -22,7 +23,8 @@ pub fn grey_of(burst: &Burst, calibration: &Calibration) -> Option<Grey> {
     best
 }
 
-/// A frame as a grey picture: green, which mosaics sample most densely; a linear one with a curve, so that shadows have codes.
+/// Converts a frame to a grey picture of its green channel, which mosaics sample most densely; linear frames are converted by a curve that
+/// keeps codes in the shadows.
 #[must_use]
 pub fn grey(frame: &Frame, calibration: &Calibration) -> Option<Grey> {
     let layout = &calibration.layout;

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 
-/// A grey picture; the centre of a pixel has whole-number coordinates.
+/// A grey picture of 8-bit samples; pixel centres have integer coordinates.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Grey {
     width: usize,
@@ -11,37 +11,37 @@ pub struct Grey {
 }
 
 impl Grey {
-    /// A picture of `width` columns whose rows follow each other in `pixels`; `None` where these do not fill whole rows.
+    /// Creates a picture of `width` columns from `pixels`, row after row; `None` if they do not fill whole rows.
     #[must_use]
     pub fn new(width: usize, pixels: Vec<u8>) -> Option<Self> {
         let height = pixels.len().checked_div(width)?;
         (height > 0 && width * height == pixels.len()).then_some(Self { width, height, pixels })
     }
 
-    /// Columns and rows.
+    /// Columns and rows of the picture.
     #[must_use]
     pub fn size(&self) -> [usize; 2] {
         [self.width, self.height]
     }
 
-    /// The samples, row after row.
+    /// Samples of the picture, row after row.
     #[must_use]
     pub fn pixels(&self) -> &[u8] {
         &self.pixels
     }
 
-    /// The sample at a column and a row.
+    /// Returns the sample at a column and a row.
     pub(super) fn code(&self, x: usize, y: usize) -> f64 {
         f64::from(self.pixels[y * self.width + x])
     }
 
-    /// Whether a square of half-size `margin` pixels around a point lies in the picture.
+    /// Returns whether the square of half-size `margin` pixels around a point lies in the picture.
     pub(super) fn holds(&self, at: Vector2<f64>, margin: f64) -> bool {
         let inside = |v: f64, size: usize| v >= margin && v + margin <= size as f64 - 1.0;
         inside(at.x, self.width) && inside(at.y, self.height)
     }
 
-    /// The bilinear sample at a point of the picture; the nearest pixel's outside of it.
+    /// Returns the bilinear sample at a point; outside of the picture, the nearest pixel.
     pub(super) fn sample(&self, at: Vector2<f64>) -> f64 {
         let x = at.x.clamp(0.0, (self.width - 1) as f64);
         let y = at.y.clamp(0.0, (self.height - 1) as f64);
@@ -52,7 +52,7 @@ impl Grey {
         row(top) * (1.0 - fy) + row(bottom) * fy
     }
 
-    /// The picture at half the size, each pixel the mean of 2 x 2; `None` where fewer than 64 rows or columns would be left.
+    /// Returns the picture at half the size, each pixel the mean of 2 x 2; `None` if fewer than 64 rows or columns would remain.
     pub(super) fn halved(&self) -> Option<Self> {
         let (width, height) = (self.width / 2, self.height / 2);
         if width.min(height) < 64 {
@@ -67,7 +67,7 @@ impl Grey {
         Some(Self { width, height, pixels: (0..width * height).map(mean).collect() })
     }
 
-    /// The picture as a mirror shows it: left and right exchanged.
+    /// Returns the picture with left and right exchanged.
     #[must_use]
     pub fn mirrored(&self) -> Self {
         let rows = self.pixels.chunks_exact(self.width);

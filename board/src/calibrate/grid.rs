@@ -1,4 +1,4 @@
-//! Corners joined to the grid of a chessboard, square by square, so that no straight line is expected.
+//! Joins corners to the grid of a chessboard, square by square, so that lines may be curved.
 
 use super::corners::{Corner, alternates};
 use super::grey::Grey;
@@ -6,7 +6,7 @@ use nalgebra::Vector2;
 use std::collections::{HashMap, VecDeque};
 use std::f64::consts::{PI, TAU};
 
-/// Largest angle between an edge of a corner and the line to the next corner, radians: lines bend in a fisheye picture.
+/// Largest angle between an edge of a corner and the line to the next corner, radians; lines are curved in a fisheye picture.
 const BEND: f64 = 0.45;
 
 /// Column and row of a corner on the board.
@@ -15,17 +15,17 @@ pub(super) type Cell = [i32; 2];
 /// Corners of one board.
 pub(super) type Grid = HashMap<Cell, Vector2<f64>>;
 
-/// The corner that is next along one of the four edges of a corner.
+/// The neighbour of a corner along one of its four edges.
 #[derive(Clone, Copy)]
 struct Link {
     to: usize,
-    /// Which edge of that corner leads back.
+    /// Index of the edge of the neighbour that leads back.
     back: usize,
 }
 
 type Links = Vec<[Option<Link>; 4]>;
 
-/// Joins corners to grids, the largest first.
+/// Joins corners to grids and returns them, the largest first.
 pub(super) fn grids(corners: &[Corner]) -> Vec<Grid> {
     let links = mutual(&nearest(corners));
     let mut seen = vec![false; corners.len()];
@@ -39,13 +39,13 @@ pub(super) fn grids(corners: &[Corner]) -> Vec<Grid> {
     grids
 }
 
-/// The absolute difference of two directions, radians.
+/// Returns the absolute difference of two directions, radians.
 fn turn(a: f64, b: f64) -> f64 {
     let d = (a - b).rem_euclid(TAU);
     d.min(TAU - d)
 }
 
-/// For each corner and edge, the nearest corner along the edge.
+/// Finds the nearest corner along each edge of each corner.
 fn nearest(corners: &[Corner]) -> Links {
     let along = |from: usize, edge: usize| {
         let here = &corners[from];
@@ -56,12 +56,13 @@ fn nearest(corners: &[Corner]) -> Links {
     (0..corners.len()).map(|from| std::array::from_fn(|edge| along(from, edge))).collect()
 }
 
-/// How far a corner lies along an edge of another, and the edge that leads back; `None` where it does not lie there.
+/// Returns the distance of a corner along an edge of another corner, and the edge that leads back; `None` if it does not lie along the
+/// edge.
 fn reach(here: &Corner, edge: usize, to: usize, there: &Corner) -> Option<(f64, Link)> {
     let line = there.at - here.at;
     let direction = line.y.atan2(line.x);
     let bend = turn(direction, here.edges[edge]);
-    // Sectors alternate from corner to corner: what is an even edge here is an odd one there.
+    // Sectors alternate from corner to corner: an even edge of one corner is an odd edge of the next.
     let backward =
         [(edge + 1) % 4, (edge + 3) % 4].map(|back| (turn(direction + PI, there.edges[back]), back));
     let (bend_there, back) = if backward[0].0 < backward[1].0 { backward[0] } else { backward[1] };
@@ -69,7 +70,7 @@ fn reach(here: &Corner, edge: usize, to: usize, there: &Corner) -> Option<(f64, 
     fits.then(|| (line.norm() * (1.0 + bend + bend_there), Link { to, back }))
 }
 
-/// The links that both corners agree on.
+/// Keeps the links that exist in both directions.
 fn mutual(links: &Links) -> Links {
     let agreed = |from: usize, edge: usize| {
         let link = links[from][edge]?;
@@ -79,18 +80,18 @@ fn mutual(links: &Links) -> Links {
     (0..links.len()).map(|from| std::array::from_fn(|edge| agreed(from, edge))).collect()
 }
 
-/// A corner with its place on the board.
+/// A corner with its position on the board.
 struct Placed {
     corner: usize,
     cell: Cell,
-    /// The edge that points to the next column.
+    /// Index of the edge that points to the next column.
     first: usize,
 }
 
-/// Steps along the edges, from the one that points to the next column.
+/// Steps along the four edges, beginning with the edge that points to the next column.
 const STEPS: [Cell; 4] = [[1, 0], [0, 1], [-1, 0], [0, -1]];
 
-/// The grid that links reach from a corner.
+/// Returns the grid of all corners that links connect with a start corner.
 fn spread(corners: &[Corner], links: &Links, start: usize, seen: &mut [bool]) -> Grid {
     let mut grid = Grid::new();
     let mut queue = VecDeque::from([Placed { corner: start, cell: [0, 0], first: 0 }]);
@@ -114,7 +115,7 @@ fn spread(corners: &[Corner], links: &Links, start: usize, seen: &mut [bool]) ->
     grid
 }
 
-/// Where a corner must lie by its neighbours in the grid, and the length of a square's side there.
+/// Predicts the pixel of a corner from its neighbours in the grid, with the length of a square's side there.
 pub(super) fn predict(grid: &Grid, cell: Cell) -> Option<(Vector2<f64>, f64)> {
     let mut guesses: Vec<(f64, Vector2<f64>, f64)> = Vec::new();
     for [di, dj] in STEPS {
@@ -136,7 +137,7 @@ pub(super) fn predict(grid: &Grid, cell: Cell) -> Option<(Vector2<f64>, f64)> {
     Some((guesses.iter().map(|g| g.1 * g.0).sum::<Vector2<f64>>() / weight, side))
 }
 
-/// Adds the corners that lie where the grid goes on.
+/// Adds the corners that lie at the predicted positions beside the grid.
 pub(super) fn extend(grid: &mut Grid, corners: &[Corner]) {
     let mut grown = true;
     while grown {
@@ -154,7 +155,7 @@ pub(super) fn extend(grid: &mut Grid, corners: &[Corner]) {
     }
 }
 
-/// The empty cells beside a grid's corners.
+/// Returns the empty cells beside a grid's corners.
 fn frontier(grid: &Grid) -> Vec<Cell> {
     let beside = |cell: &Cell| STEPS.map(|step| [cell[0] + step[0], cell[1] + step[1]]);
     let mut cells: Vec<Cell> = grid.keys().flat_map(beside).filter(|cell| !grid.contains_key(cell)).collect();
@@ -163,7 +164,7 @@ fn frontier(grid: &Grid) -> Vec<Cell> {
     cells
 }
 
-/// Leaves out corners around which black and white squares do not alternate.
+/// Removes corners around which black and white squares do not alternate.
 pub(super) fn prune(grid: &mut Grid, grey: &Grey) {
     let before = grid.clone();
     grid.retain(|cell, at| {
@@ -175,7 +176,7 @@ pub(super) fn prune(grid: &mut Grid, grey: &Grey) {
     });
 }
 
-/// The edge from a corner to the next along an axis.
+/// Returns the vector from a corner to the next one along an axis.
 fn edge(grid: &Grid, cell: Cell, axis: usize) -> Option<Vector2<f64>> {
     let at = |n: i32| {
         let mut beside = cell;
@@ -191,7 +192,7 @@ fn edge(grid: &Grid, cell: Cell, axis: usize) -> Option<Vector2<f64>> {
     }
 }
 
-/// The part of a grid that a board of `size` columns and rows covers best, moved to columns and rows from 0.
+/// Returns the part of a grid that a board of `size` columns and rows covers best, shifted to columns and rows from 0.
 pub(super) fn fitted(grid: &Grid, size: Cell) -> Grid {
     let quarter: Grid = grid.iter().map(|(&[i, j], at)| ([j, -i], *at)).collect();
     let straight = best_window(grid, size);

@@ -1,4 +1,4 @@
-//! Calibration from a running camera: which pictures are taken, and where the board is still missing.
+//! Calibration from a running camera: selects pictures and reports the parts of the view that lack a board.
 
 use super::detect::{self, Found};
 use super::lens::{self, Picture};
@@ -6,27 +6,27 @@ use super::pose::Sighting;
 use super::{Calibrated, Grey, LensRefusal, Request};
 use std::f64::consts::TAU;
 
-/// Most pictures that are kept.
+/// Largest number of stored pictures.
 pub const MOST_VIEWS: usize = 40;
 
-/// Most bytes of the pictures that are kept.
+/// Largest number of bytes of the stored pictures.
 const MOST_BYTES: usize = 160 << 20;
 
-/// Rings and sectors of the view, over which boards are to be spread.
+/// Number of rings of the view over which boards must be spread.
 pub const RINGS: usize = 3;
-/// Sectors of each ring.
+/// Number of sectors of each ring.
 pub const SECTORS: usize = 8;
 
-/// Largest motion of the board between two pictures of a still one, in picture widths.
+/// Largest motion of a board between two pictures that counts as still, in picture widths.
 const STILL: f64 = 0.0015;
 
-/// Least motion from all pictures that were taken, in picture widths.
+/// Least motion of a board from all stored pictures that counts as new, in picture widths.
 const NEW: f64 = 0.05;
 
-/// Least slope of an edge in a sharp picture, as part of its contrast by a pixel.
+/// Least slope of an edge in a sharp picture, as a part of its contrast per pixel.
 const SHARP: f64 = 0.12;
 
-/// The result of a picture.
+/// The result of offering a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Offer {
     /// No board was seen.
@@ -35,18 +35,18 @@ pub enum Offer {
     Moving,
     /// The picture is blurred.
     Blurred,
-    /// The board stands where it stood before.
+    /// The board is at a position of which a picture is stored.
     Known,
-    /// The picture has another size than those before.
+    /// The size of the picture differs from that of the pictures before.
     OtherSize,
     /// The largest number of pictures is stored.
     Full,
-    /// The picture was taken.
+    /// The picture was stored.
     Taken,
 }
 
 impl Offer {
-    /// The advice to the user, in words.
+    /// Advice to the user, in words.
     #[must_use]
     pub fn advice(self) -> &'static str {
         match self {
@@ -64,31 +64,31 @@ impl Offer {
 /// Number of corners in each part of the view.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ViewCoverage {
-    /// By ring, from the middle to the rim, and sector, clockwise from the right.
+    /// Number of corners by ring, from the centre to the rim, and by sector, clockwise from the right.
     pub corners: [[usize; SECTORS]; RINGS],
 }
 
-/// Fewest corners of a part that counts as covered.
+/// Least number of corners of a covered part.
 const FEWEST_CORNERS: usize = 6;
 
 impl ViewCoverage {
-    /// Whether a part is covered.
+    /// Returns whether a part is covered.
     #[must_use]
     pub fn has(&self, ring: usize, sector: usize) -> bool {
-        // The middle ring's sectors are small: they count together.
+        // The sectors of the innermost ring are small and are counted together.
         let own = self.corners[ring][sector];
         let inner = || self.corners[0].iter().sum::<usize>() >= 2 * FEWEST_CORNERS;
         own >= FEWEST_CORNERS || (ring == 0 && inner())
     }
 
-    /// The share of the parts that are covered.
+    /// Share of the parts that are covered, 0 to 1.
     #[must_use]
     pub fn share(&self) -> f64 {
         let parts = (0..RINGS).flat_map(|ring| (0..SECTORS).map(move |sector| (ring, sector)));
         parts.filter(|(ring, sector)| self.has(*ring, *sector)).count() as f64 / (RINGS * SECTORS) as f64
     }
 
-    /// The part of the view with the fewest corners, in words; `None` if all parts have enough.
+    /// The part of the view with the fewest corners, in words; `None` if all parts are covered.
     #[must_use]
     pub fn lacking(&self) -> Option<String> {
         const PLACES: [&str; SECTORS] = [
@@ -115,45 +115,45 @@ impl ViewCoverage {
     }
 }
 
-/// Takes pictures of a board from a stream.
+/// Selects pictures of a board from a stream.
 #[derive(Clone, Debug)]
 pub struct Guide {
     request: Request,
     size: Option<[usize; 2]>,
     pictures: Vec<Picture>,
     found: Vec<Found>,
-    /// The board of the picture before.
+    /// Corners of the board in the picture before.
     last: Vec<Sighting>,
-    /// Pictures that have been offered.
+    /// Number of offered pictures.
     offered: usize,
 }
 
 impl Guide {
-    /// Nothing taken yet.
+    /// Creates a guide without pictures.
     #[must_use]
     pub fn new(request: Request) -> Self {
         Self { request, size: None, pictures: Vec::new(), found: Vec::new(), last: Vec::new(), offered: 0 }
     }
 
-    /// Pictures that were taken.
+    /// Number of stored pictures.
     #[must_use]
     pub fn views(&self) -> usize {
         self.pictures.len()
     }
 
-    /// Pixels of the corners of each picture that was taken.
+    /// Pixels of the corners of each stored picture.
     #[must_use]
     pub fn corners(&self) -> Vec<Vec<[f64; 2]>> {
         self.found.iter().map(|found| found.seen.iter().map(|s| [s.at.x, s.at.y]).collect()).collect()
     }
 
-    /// Pixels of the corners of the last picture that was offered.
+    /// Pixels of the corners of the last offered picture.
     #[must_use]
     pub fn last(&self) -> Vec<[f64; 2]> {
         self.last.iter().map(|s| [s.at.x, s.at.y]).collect()
     }
 
-    /// Takes the picture if its board is sharp, still and new.
+    /// Stores the picture if its board is sharp, still and at a new position.
     pub fn offer(&mut self, grey: Grey) -> Offer {
         self.offered += 1;
         if self.size.is_some_and(|size| size != grey.size()) {
@@ -189,19 +189,19 @@ impl Guide {
         if self.pictures.len() >= MOST_VIEWS || bytes > MOST_BYTES { Offer::Full } else { Offer::Taken }
     }
 
-    /// Forgets the picture that was taken last.
+    /// Removes the picture that was stored last.
     pub fn undo(&mut self) {
         self.pictures.pop();
         self.found.pop();
     }
 
-    /// The parts of the view that boards have covered.
+    /// Returns the parts of the view that boards have covered.
     #[must_use]
     pub fn coverage(&self) -> ViewCoverage {
         let mut coverage = ViewCoverage::default();
         let Some([width, height]) = self.size else { return coverage };
         let middle = [0.5 * (width as f64 - 1.0), 0.5 * (height as f64 - 1.0)];
-        // Of the usual image circle, which fills the shorter side.
+        // The image circle is assumed to fill the shorter side.
         let radius = 0.5 * width.min(height) as f64;
         for s in self.found.iter().flat_map(|found| &found.seen) {
             let (x, y) = (s.at.x - middle[0], s.at.y - middle[1]);
@@ -212,10 +212,10 @@ impl Guide {
         coverage
     }
 
-    /// The lens of the pictures that were taken.
+    /// Computes the lens from the stored pictures.
     ///
     /// # Errors
-    /// [`LensRefusal`].
+    /// [`LensRefusal`] if the pictures determine no lens.
     pub fn calibrate(&self) -> Result<Calibrated, LensRefusal> {
         let Some(size) = self.size.filter(|_| self.pictures.len() >= 3) else {
             return Err(LensRefusal::FewPictures(self.pictures.len()));
@@ -224,7 +224,8 @@ impl Guide {
     }
 }
 
-/// The mean way of the corners that both have; none where they share less than half, as boards that were found otherwise.
+/// Returns the mean motion of the corners that both pictures have; `None` if they share less than half, since the corners may then be
+/// numbered differently.
 fn motion(now: &[Sighting], before: &[Sighting]) -> Option<f64> {
     let way =
         |s: &Sighting| before.iter().find(|other| other.cell == s.cell).map(|other| (other.at - s.at).norm());
@@ -232,7 +233,7 @@ fn motion(now: &[Sighting], before: &[Sighting]) -> Option<f64> {
     (2 * ways.len() >= now.len().max(1)).then(|| ways.iter().sum::<f64>() / ways.len() as f64)
 }
 
-/// The median slope of the edges between neighbouring corners, as part of their contrast by a pixel.
+/// Returns the median slope of the edges between neighbouring corners, as a part of their contrast per pixel.
 fn sharpness(grey: &Grey, seen: &[Sighting]) -> f64 {
     let right = |s: &Sighting| seen.iter().find(|other| other.cell == [s.cell[0] + 1, s.cell[1]]).copied();
     let slope = |s: &Sighting| {

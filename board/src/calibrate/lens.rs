@@ -1,4 +1,4 @@
-//! From pictures to a lens.
+//! Computation of a lens from pictures of a board.
 
 use super::camera::Camera;
 use super::check::{self, LensRefusal};
@@ -12,104 +12,104 @@ use glam::DVec2;
 use hemilux_core::lens::{Intrinsics, Lens, Model};
 use nalgebra::Vector2;
 
-/// Largest error of a fit that is a calibration, pixels.
+/// Largest accepted error of a fit, pixels.
 const MOST_RMS_PX: f64 = 1.2;
 
 /// Angle beyond the outermost corner up to which the fitted law is used, radians.
 const BEYOND: f64 = 0.14;
 
-/// A picture with the name by which refusals call it.
+/// A picture with the name that error messages use.
 #[derive(Clone, Debug)]
 pub struct Picture {
-    /// Usually its file.
+    /// Name of the picture, usually its file.
     pub name: String,
     /// Samples of the picture.
     pub grey: Grey,
 }
 
-/// The uncertainty of directions at an angle from the axis.
+/// Uncertainty of directions at an angle from the axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spread {
-    /// The angle from the axis, degrees.
+    /// Angle from the axis, degrees.
     pub angle_deg: f64,
-    /// Standard deviation of a direction, degrees: what the noise of the corners leaves open or half of `halves_deg`, whichever is larger,
-    /// and `law_deg`.
+    /// Standard deviation of a direction, degrees. It combines `law_deg` with the larger of two figures: the effect of the noise of the
+    /// corners, and half of `halves_deg`.
     pub uncertainty_deg: f64,
-    /// Difference of the lenses of the two halves of the pictures; none with fewer than six boards.
+    /// Difference between the lenses of the two halves of the pictures, degrees; `None` with fewer than six boards.
     pub halves_deg: Option<f64>,
-    /// Difference of a lens whose radial law has two coefficients more.
+    /// Difference from a lens whose radial law has two more coefficients, degrees.
     pub law_deg: f64,
 }
 
-/// A corner's pixel, and found minus computed pixel.
+/// Residual of a corner.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Residual {
-    /// The pixel.
+    /// Found pixel of the corner.
     pub at: DVec2,
-    /// Found minus computed.
+    /// Found minus computed pixel.
     pub off: DVec2,
 }
 
-/// The contribution of one picture.
+/// The contribution of one picture to a calibration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Used {
-    /// The picture's name.
+    /// Name of the picture.
     pub name: String,
-    /// Its corners that were kept; 0 where the board was not found or not used.
+    /// Number of accepted corners; 0 if the board was not found or not used.
     pub corners: usize,
-    /// Their error, pixels.
+    /// Root mean square error of the accepted corners, pixels.
     pub rms_px: f64,
 }
 
-/// A lens computed from pictures.
+/// A lens computed from pictures, with its accuracy.
 #[derive(Clone, Debug)]
 pub struct Calibrated {
-    /// The lens.
+    /// Lens model with its field of view.
     pub lens: Lens,
     /// Columns and rows of the pictures.
     pub size: [usize; 2],
-    /// The board.
+    /// Board of the pictures.
     pub board: Printed,
     /// The contribution of each picture.
     pub used: Vec<Used>,
-    /// Corners that were found and left out.
+    /// Number of corners that were found and rejected.
     pub left_out: usize,
-    /// The root of the mean square distance of found and computed corners, pixels.
+    /// Root mean square distance between found and computed corners, pixels.
     pub rms_px: f64,
-    /// The largest distance, pixels.
+    /// Largest distance between a found and a computed corner, pixels.
     pub largest_px: f64,
-    /// The angle from the axis of the outermost corner, degrees.
+    /// Angle from the axis of the outermost corner, degrees.
     pub covered_deg: f64,
     /// Standard deviations of the focal lengths and the centre, pixels, and of k1 to k4.
     pub deviations: Deviations,
-    /// Uncertainty by angle.
+    /// Uncertainty of directions by angle from the axis.
     pub spread: Vec<Spread>,
-    /// All residuals.
+    /// Residuals of all accepted corners.
     pub residuals: Vec<Residual>,
     /// Largest distance of the board from a plane, in squares.
     pub bulge: f64,
 }
 
 impl Calibrated {
-    /// Pictures of which the board was used.
+    /// Number of pictures whose board was used.
     #[must_use]
     pub fn boards(&self) -> usize {
         self.used.iter().filter(|used| used.corners > 0).count()
     }
 
-    /// Corners that were kept.
+    /// Number of accepted corners.
     #[must_use]
     pub fn corners(&self) -> usize {
         self.residuals.len()
     }
 }
 
-/// The optics and the mode of the pictures.
+/// Board and options of a calibration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Request {
-    /// The board.
+    /// Board of the pictures.
     pub board: Printed,
-    /// Whether pictures are accepted whose squares tell that all of them are mirrored; the board may be printed in other colours.
+    /// Whether pictures that all appear mirrored by their squares are accepted, since the board may be printed in inverted colours.
     pub any_colours: bool,
 }
 
@@ -119,17 +119,17 @@ impl From<Board> for Request {
     }
 }
 
-/// Computes the lens that took `pictures` of a board.
+/// Computes the lens from `pictures` of a board.
 ///
 /// # Errors
-/// [`LensRefusal`].
+/// [`LensRefusal`] if the pictures determine no lens.
 pub fn calibrate(pictures: &[Picture], request: &Request) -> Result<Calibrated, LensRefusal> {
     let (size, board) = (check::pictures(pictures)?, request.board);
     let found = pictures.iter().map(|picture| detect(picture, &board)).collect::<Result<Vec<_>, _>>()?;
     fitted(pictures, &found, request, size)
 }
 
-/// As [`calibrate`], for boards that have been found.
+/// Like [`calibrate`], for boards whose corners were found before.
 pub(super) fn fitted(
     pictures: &[Picture],
     found: &[Found],
@@ -167,7 +167,7 @@ fn detect(picture: &Picture, board: &Printed) -> Result<Found, LensRefusal> {
     found.map_err(|e| LensRefusal::Detector { name: picture.name.clone(), found: e.to_string() })
 }
 
-/// Looks for missing corners in all pictures.
+/// Searches for missing corners in all pictures.
 fn complete(pictures: &[Picture], fit: &mut Fit, board: &Printed) {
     for (view, picture) in fit.views.iter_mut().zip(&fit.pictures) {
         detect::complete(&pictures[*picture].grey, &fit.model, view, board);
@@ -219,13 +219,13 @@ fn residuals(fit: &Fit) -> Vec<Residual> {
     fit.views.iter().flat_map(of_view).collect()
 }
 
-/// The angle from the axis of the outermost corner.
+/// Returns the angle from the axis of the outermost corner.
 fn covered(fit: &Fit) -> f64 {
     let seen = fit.views.iter().flat_map(|view| &view.seen);
     seen.map(|s| fit.model.camera.direction(s.at)).map(|d| d.xy().norm().atan2(d.z)).fold(0.0, f64::max)
 }
 
-/// The lens up to a little beyond the outermost corner, where its law grows that far and pixels are left.
+/// Returns the lens up to [`BEYOND`] the outermost corner, limited by the range in which the law increases and by the picture's edge.
 fn lens(camera: &Camera, covered: f64, size: [usize; 2]) -> Option<Lens> {
     let (focal, centre) = (camera.focal(), camera.centre());
     let farthest = [[0, 0], [size[0] - 1, 0], [0, size[1] - 1], [size[0] - 1, size[1] - 1]]

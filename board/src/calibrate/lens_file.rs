@@ -1,4 +1,4 @@
-//! Lens files with what is known of how they came about.
+//! Writing of lens files with their accuracy and origin.
 
 use super::{Calibrated, CircleLens, FittedResponse, FittedVignetting, Kind};
 use hemilux_core::lens::Model;
@@ -9,10 +9,10 @@ use toml_edit::{Array, DocumentMut, Item, Table, value};
 /// Reasons for which a lens file is not written.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FileRefusal {
-    /// The existing file is better than the new lens, or not known to be worse.
+    /// The existing file is better than the new lens, or its accuracy is unknown.
     #[error("{path}: found {found}, expected a worse lens or none: use --force to overwrite it")]
     Better {
-        /// The file.
+        /// Path of the file.
         path: String,
         /// The content of the existing file, in words.
         found: String,
@@ -20,31 +20,31 @@ pub enum FileRefusal {
     /// The file cannot be written or read.
     #[error("{path}: found {found}, expected a file that can be written")]
     Io {
-        /// The file.
+        /// Path of the file.
         path: String,
         /// The fault, in words.
         found: String,
     },
 }
 
-/// Largest lens file that is read, bytes.
+/// Largest size of a lens file that is read, bytes.
 const MOST_BYTES: u64 = 1 << 20;
 
-/// What is known of the pictures beside what they show.
+/// Properties of the pictures that the user states.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stated {
-    /// Side of a square, millimetres.
+    /// Side of a square of the board, millimetres.
     pub square_mm: Option<f64>,
-    /// Left, top, columns and rows of the part of the sensor that they show, sensor pixels.
+    /// Left, top, columns and rows of the part of the sensor that the pictures show, sensor pixels.
     pub crop: Option<[u32; 4]>,
-    /// Sensor pixels in one of theirs, along rows and columns.
+    /// Number of sensor pixels per picture pixel, along rows and columns.
     pub binning: Option<[u32; 2]>,
 }
 
-/// Writes the lens to a file; the tables `[response]` and `[sensor]` and the vignetting of a file that is there are kept.
+/// Writes the lens to a file; the tables `[response]` and `[sensor]` and the vignetting of an existing file are kept.
 ///
 /// # Errors
-/// [`FileRefusal`]: without `force`, a file that states a smaller uncertainty or a larger covered field, or none, is not overwritten.
+/// [`FileRefusal`]: without `force`, an existing file is kept if it states a smaller uncertainty, a larger covered field, or no accuracy.
 pub fn write(path: &Path, calibrated: &Calibrated, stated: &Stated, force: bool) -> Result<(), FileRefusal> {
     let mut document = read(path, force)?;
     let new = Accuracy { typical_deg: typical(calibrated), covered_deg: calibrated.covered_deg };
@@ -60,7 +60,7 @@ pub(super) fn failed(path: &Path, found: &dyn std::fmt::Display) -> FileRefusal 
     FileRefusal::Io { path: path.display().to_string(), found }
 }
 
-/// The file that is there, or an empty one. A file that is no lens file of hemilux is replaced by `force` alone.
+/// Reads the existing file; an empty document if there is none. A file of another kind is replaced only with `force`.
 pub(super) fn read(path: &Path, force: bool) -> Result<DocumentMut, FileRefusal> {
     use std::io::Read;
     let file = match std::fs::File::open(path) {
@@ -82,12 +82,12 @@ pub(super) fn read(path: &Path, force: bool) -> Result<DocumentMut, FileRefusal>
 /// The accuracy of a lens.
 #[derive(Clone, Copy, Debug)]
 struct Accuracy {
-    /// The mean uncertainty over the angles, degrees.
+    /// Mean uncertainty over the angles, degrees.
     typical_deg: f64,
     covered_deg: f64,
 }
 
-/// Why the lens in `document` must not be replaced by `new`, as a phrase for people; `None` where it may be replaced.
+/// Returns the reason, as a phrase for people, for which `new` must not replace the lens in `document`; `None` if it may.
 fn better(document: &DocumentMut, new: Accuracy) -> Option<String> {
     document.get("lens")?;
     let number =
@@ -102,17 +102,17 @@ fn better(document: &DocumentMut, new: Accuracy) -> Option<String> {
             "a lens of {uncertainty:.3} degrees uncertainty, smaller than the new one's {typical_deg:.3}"
         ));
     }
-    // A lens by a circle states the field that was typed in, which is not covered by any picture of a board.
+    // The field of a lens by image circle is the user's statement, not an angle that pictures of a board cover.
     let is_measured = number("circle_px").is_none();
     let larger = is_measured && covered > covered_deg + 3.0;
     larger
         .then(|| format!("a lens that covers {covered:.1} degrees, more than the new one's {covered_deg:.1}"))
 }
 
-/// Writes the lens of an image circle to a file; tables and vignetting of a file that is there are kept.
+/// Writes the lens of an image circle to a file; the tables and the vignetting of an existing file are kept.
 ///
 /// # Errors
-/// [`FileRefusal`]: without `force`, a file that states a smaller uncertainty, or none, is not overwritten.
+/// [`FileRefusal`]: without `force`, an existing file is kept if it states a smaller uncertainty or none.
 pub fn write_circle(path: &Path, new: &CircleLens, force: bool) -> Result<(), FileRefusal> {
     let mut document = read(path, force)?;
     let typical_deg = new.spread.iter().map(|[_, u]| u).sum::<f64>() / new.spread.len().max(1) as f64;
@@ -139,7 +139,7 @@ pub fn write_circle(path: &Path, new: &CircleLens, force: bool) -> Result<(), Fi
     save(path, &document.to_string())
 }
 
-/// Puts a lens and its statement in the place of those that are there; the vignetting is kept.
+/// Replaces the lens and its statement in the document; the vignetting is kept.
 fn replace(document: &mut DocumentMut, mut lens: Table, statement: Table) {
     if document.get("version").is_none() {
         document["version"] = value(1);
@@ -151,7 +151,7 @@ fn replace(document: &mut DocumentMut, mut lens: Table, statement: Table) {
     document["calibration"] = Item::Table(statement);
 }
 
-/// The mean uncertainty over the angles.
+/// Returns the mean uncertainty over the angles, degrees.
 #[must_use]
 fn typical(calibrated: &Calibrated) -> f64 {
     let count = calibrated.spread.len().max(1) as f64;
@@ -170,10 +170,10 @@ fn fill(document: &mut DocumentMut, calibrated: &Calibrated, stated: &Stated) {
     replace(document, lens, statement(calibrated, stated.square_mm));
 }
 
-/// Writes the `[response]` table of a lens file that exists.
+/// Writes the `[response]` table into an existing lens file.
 ///
 /// # Errors
-/// [`FileRefusal`]: no lens file, or, without `force`, one that has a response.
+/// [`FileRefusal`] if the file has no lens or, without `force`, has a response already.
 pub fn write_response(path: &Path, fitted: &FittedResponse, force: bool) -> Result<(), FileRefusal> {
     let mut document = read(path, false)?;
     if document.get("lens").is_none() {
@@ -186,10 +186,10 @@ pub fn write_response(path: &Path, fitted: &FittedResponse, force: bool) -> Resu
     save(path, &document.to_string())
 }
 
-/// Writes the vignetting into the `[lens]` table of a lens file that exists.
+/// Writes the vignetting into the `[lens]` table of an existing lens file.
 ///
 /// # Errors
-/// [`FileRefusal`]: no lens file, or, without `force`, one that has a vignetting.
+/// [`FileRefusal`] if the file has no lens or, without `force`, has a vignetting already.
 pub fn write_vignetting(path: &Path, fitted: &FittedVignetting, force: bool) -> Result<(), FileRefusal> {
     let mut document = read(path, false)?;
     let Some(lens) = document.get_mut("lens").and_then(Item::as_table_like_mut) else {
@@ -208,7 +208,7 @@ pub fn write_vignetting(path: &Path, fitted: &FittedVignetting, force: bool) -> 
     save(path, &document.to_string())
 }
 
-/// The `[response]` table as text.
+/// Returns the `[response]` table as TOML text.
 #[must_use]
 pub fn response_text(fitted: &FittedResponse) -> String {
     let mut document = DocumentMut::new();
@@ -229,12 +229,12 @@ fn array(values: impl IntoIterator<Item = f64>) -> Item {
     value(values.into_iter().collect::<Array>())
 }
 
-/// An array of tables.
+/// Returns an array of tables.
 pub(super) fn array_of(tables: impl Iterator<Item = Table>) -> Item {
     Item::ArrayOfTables(tables.collect())
 }
 
-/// A number with `places` decimals: more say nothing.
+/// Rounds a number to `places` decimals.
 pub(super) fn rounded(v: f64, places: i32) -> f64 {
     let scale = 10f64.powi(places);
     (v * scale).round() / scale
@@ -287,7 +287,7 @@ fn statement(calibrated: &Calibrated, square_mm: Option<f64>) -> Table {
     table
 }
 
-/// Writes a file whole: a reader sees the old or the new one.
+/// Writes a file atomically: a reader finds the old or the new content.
 pub(super) fn save(path: &Path, text: &str) -> Result<(), FileRefusal> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let mut file = tempfile::NamedTempFile::new_in(folder).map_err(|e| failed(path, &e))?;
@@ -296,7 +296,7 @@ pub(super) fn save(path: &Path, text: &str) -> Result<(), FileRefusal> {
     file.persist(path).map(|_| ()).map_err(|e| failed(path, &e.error))
 }
 
-/// A temporary file is its owner's alone; a lens file may be read by all.
+/// Makes a file readable for all users; temporary files are created for their owner alone.
 fn set_readable(file: &tempfile::NamedTempFile) -> std::io::Result<()> {
     use std::os::unix::fs::PermissionsExt;
     file.as_file().set_permissions(std::fs::Permissions::from_mode(0o644))

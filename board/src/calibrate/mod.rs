@@ -1,8 +1,9 @@
-//! Calibration of a lens from pictures of a chessboard.
+//! Calibration of a lens, a camera response, a vignetting and a photometric factor from pictures.
 //!
-//! Corners are found by their surroundings ([`chess_corners`]), joined square by square to grids, and refined; poses follow from the
-//! directions of the corners, so that boards beyond 90 degrees from the axis are as good as any. One robust least-squares fit gives
-//! lens, poses and the shape of the board, which is never quite flat; corners that were missed are looked for again with its help.
+//! Corners of a chessboard are detected by their surroundings ([`chess_corners`]), joined square by square to grids, and refined. Poses are
+//! computed from the directions of the corners, so that boards beyond 90 degrees from the axis are used too. One robust least-squares fit
+//! gives the lens, the poses and the shape of the board, which is never quite flat; missing corners are then searched for at the positions
+//! that the fit predicts.
 
 mod board;
 mod burst;

@@ -1,4 +1,4 @@
-//! Measurement of the photometric factor: lux of irradiance 1, and candela per square metre of radiance 1.
+//! Measurement of the photometric factor: lux per unit of irradiance, and candela per square metre per unit of radiance.
 
 use crate::calibration::{Burst, Calibration};
 use crate::pipeline::{Pipeline, PipelineError, Settings};
@@ -9,17 +9,17 @@ use hemilux_core::{healpix, read_rgb_row};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::time::{Duration, Instant};
 
-/// The quantity that the luxmeter has measured.
+/// The set-up of the luxmeter, with its reading.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Method {
     /// The meter lies beside the probe, level with it.
     Direct {
         /// Reading of the luxmeter, lux.
         lux: f64,
-        /// The assumed radiance of the unseen part of the hemisphere.
+        /// Assumed radiance of the part of the hemisphere outside of the lens's field of view.
         unseen: Unseen,
     },
-    /// The meter lies on a matt patch that the probe sees.
+    /// The meter lies on a matt patch in the probe's view.
     Indirect {
         /// Outline of the patch, pixels: at least three corners in order.
         outline: Vec<DVec2>,
@@ -31,7 +31,7 @@ pub enum Method {
 }
 
 impl Method {
-    /// The name in calibration files.
+    /// Name of the method in calibration files.
     #[must_use]
     pub fn name(&self) -> &'static str {
         match self {
@@ -41,60 +41,60 @@ impl Method {
     }
 }
 
-/// The light that is taken to come from the part of the hemisphere that the lens does not see.
+/// Assumption on the light from the part of the hemisphere outside of the lens's field of view.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Unseen {
-    /// At each azimuth, the radiance at the rim of the field of view.
+    /// The radiance at each azimuth equals that at the rim of the field of view.
     #[default]
     Rim,
-    /// The mean radiance of what is seen.
+    /// The radiance equals the mean over the field of view.
     Average,
-    /// None.
+    /// The radiance is 0.
     Dark,
 }
 
-/// Reasons for which nothing is measured: one line with the remedy.
+/// Reasons for which no factor is measured: one line with the remedy.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PhotometricRefusal {
-    /// The source gave no bursts.
+    /// The source delivered no bursts.
     #[error("source: found {0}, expected bursts")]
     Source(String),
-    /// The calibration makes no map.
+    /// The calibration does not allow a radiance map.
     #[error("{0}")]
     Pipeline(String),
-    /// Light beyond the shortest exposure.
+    /// Pixels clip in the shortest exposure.
     #[error(
         "found {percent:.4} % of the hemisphere clipped in the shortest exposure, expected none: add a shorter exposure, or measure in other light"
     )]
     Clipped {
-        /// Share of the hemisphere.
+        /// Clipped share of the hemisphere, per cent.
         percent: f64,
     },
-    /// A patch that is too bright.
+    /// Pixels of the patch clip in the shortest exposure.
     #[error(
         "--patch: found pixels that clip in the shortest exposure, expected none: add a shorter exposure, or light the patch less"
     )]
     PatchClips,
-    /// No light.
+    /// The scene is dark.
     #[error("found no light, expected a lit scene: {0}")]
     Dark(&'static str),
-    /// An outline that is no patch.
+    /// The outline encloses too few texels.
     #[error(
         "--patch: found an outline that holds {texels} texels of the map, expected at least {least}: give the corners of a larger patch in order, inside the image circle"
     )]
     Outline {
-        /// Texels inside.
+        /// Number of texels inside of the outline.
         texels: usize,
-        /// Fewest.
+        /// Least number of texels.
         least: usize,
     },
-    /// The light changed.
+    /// The light changed during the measurement.
     #[error(
         "found light that varied by {percent:.1} % between bursts, expected at most 10: wait for steady light, and keep people and shadows away"
     )]
     Unsteady {
-        /// Standard deviation of the bursts.
+        /// Standard deviation between bursts, per cent.
         percent: f64,
     },
 }
@@ -108,43 +108,43 @@ impl From<PipelineError> for PhotometricRefusal {
 /// One measurement of the factor; uncertainties are standard deviations.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FactorReading {
-    /// `direct` or `indirect`.
+    /// Name of the method, `direct` or `indirect`.
     pub method: String,
-    /// Lux of irradiance 1.
+    /// Illuminance in lux per unit of irradiance.
     pub factor: f64,
-    /// Relative uncertainty of this reading alone: noise, unevenness, the unseen part.
+    /// Relative uncertainty of this reading alone, from noise, unevenness of the patch, and the unseen part of the hemisphere.
     pub own: f64,
-    /// Relative uncertainty that readings with the same meter share.
+    /// Relative uncertainty that all readings with the same meter share.
     pub shared: f64,
-    /// Share of a level surface's light that comes from the part of the hemisphere that the lens does not see, if all of it is equally bright.
+    /// Share of a level surface's irradiance that comes from outside of the lens's field of view under uniform radiance.
     pub unseen: f64,
 }
 
-/// Mean radiance and how far it is known.
+/// A mean radiance and its uncertainty.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Level {
     value: f64,
-    /// Standard deviation.
+    /// Standard deviation of the mean.
     deviation: f64,
 }
 
-/// Largest relative standard deviation between bursts.
+/// Largest accepted relative standard deviation between bursts.
 const MOST_UNSTEADY: f64 = 0.10;
 
-/// Largest clipped share of the hemisphere: below the solid angle of one pixel of most cameras.
+/// Largest accepted clipped share of the hemisphere: below the solid angle of one pixel of most cameras.
 const MOST_CLIPPED: f64 = 1e-6;
 
-/// Order of the map that is measured: texels of half a degree, or the finest that the pixels fill.
+/// Orders of the measured map in order of preference, from texels of half a degree: the first that the pixels fill is used.
 const ORDERS: [u8; 4] = [7, 6, 5, 4];
 
-/// Timeout of the bursts.
+/// Timeout for all bursts.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// Measures the factor over `bursts` bursts of `source`, whose radiance must be relative; `shared` is the relative standard deviation of
-/// the meter (and, for a patch, of its reflectance).
+/// Measures the factor over `bursts` bursts of `source`, whose radiance must be relative. `shared` is the relative standard deviation of
+/// the meter, for a patch including that of its reflectance.
 ///
 /// # Errors
-/// [`PhotometricRefusal`].
+/// [`PhotometricRefusal`] if the light or the scene does not allow a measurement.
 pub fn measure(
     source: &mut dyn Source,
     method: &Method,
@@ -177,7 +177,7 @@ fn next(source: &mut dyn Source, burst: &mut Burst) -> Result<(), PhotometricRef
     }
 }
 
-/// A pipeline with the finest map that the pixels fill.
+/// Creates a pipeline with the finest map that the pixels fill.
 fn pipeline(calibration: &Calibration, source: &dyn Source) -> Result<Pipeline, PhotometricRefusal> {
     let make = |order: u8| {
         let settings = Settings { order: Some(order), ..Settings::default() };
@@ -192,7 +192,7 @@ fn pipeline(calibration: &Calibration, source: &dyn Source) -> Result<Pipeline, 
     Ok(made?)
 }
 
-/// The quantity of one burst that the meter's reading is divided by: irradiance, or radiance times pi.
+/// Returns the quantity of one burst by which the meter's reading is divided: irradiance, or radiance times pi.
 fn level(
     pipeline: &mut Pipeline,
     burst: &Burst,
@@ -238,24 +238,24 @@ fn combined(
     if scatter > MOST_UNSTEADY {
         return Err(PhotometricRefusal::Unsteady { percent: 100.0 * scatter });
     }
-    // What a burst leaves open is the same in all of them; scatter goes down with their number.
+    // The systematic part of the uncertainty is the same in all bursts; the scatter decreases with their number.
     let same = levels.iter().map(|level| level.deviation).fold(0.0, f64::max) / mean;
     let own = same.hypot(scatter / count.sqrt());
     Ok(FactorReading { method: method.name().into(), factor: lux / mean, own, shared, unseen })
 }
 
-/// Azimuths and angles from the zenith of the grid by which the seen part of the hemisphere is measured.
+/// Number of azimuths, and of angles from the zenith, of the grid on which the visible part of the hemisphere is determined.
 const AZIMUTHS: usize = 360;
 const ANGLES: usize = 360;
 
-/// Width of the rim, in steps of the angle: 5 degrees.
+/// Width of the rim, in steps of the angle from the zenith: 5 degrees.
 const RIM: usize = 20;
 
-/// Which part of the hemisphere a camera sees.
+/// The part of the hemisphere that a camera sees.
 struct View {
-    /// For each azimuth, the number of angles from the zenith that are seen.
+    /// For each azimuth, the number of visible steps of the angle from the zenith.
     seen: Vec<usize>,
-    /// The share of the cosine-weighted hemisphere that is not seen.
+    /// Share of the cosine-weighted hemisphere outside of the field of view.
     unseen: f64,
 }
 
@@ -265,7 +265,7 @@ fn direction(azimuth: usize, angle: usize) -> DVec3 {
     DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos())
 }
 
-/// Irradiance of a level surface by radiance 1 between two angles of one azimuth's sector.
+/// Returns the irradiance of a level surface by radiance 1 between two angles of one azimuth's sector.
 fn weight(from: usize, to: usize) -> f64 {
     let sine2 = |angle: usize| (FRAC_PI_2 * angle as f64 / ANGLES as f64).sin().powi(2);
     PI / AZIMUTHS as f64 * (sine2(to) - sine2(from))
@@ -283,7 +283,7 @@ impl View {
         Self { seen, unseen }
     }
 
-    /// The irradiance of the whole hemisphere, of which `seen` was measured.
+    /// Returns the irradiance of the whole hemisphere from the measured irradiance `seen` of its visible part.
     fn whole(&self, pipeline: &Pipeline, seen: f64, unseen: Unseen) -> Level {
         let average = if self.unseen < 1.0 { seen * self.unseen / (1.0 - self.unseen) } else { 0.0 };
         let rim = self.rim(pipeline);
@@ -292,7 +292,7 @@ impl View {
             Unseen::Average => average,
             Unseen::Dark => 0.0,
         };
-        // What lies there is not known better than to a third, nor than the assumptions agree.
+        // The uncertainty of the unseen part is at least one third of it, and at least the difference between the assumptions.
         let deviation = match unseen {
             Unseen::Dark => rim / 10.0,
             _ => (0.5 * (rim - average).abs()).max(added / 3.0),
@@ -300,7 +300,7 @@ impl View {
         Level { value: seen + added, deviation }
     }
 
-    /// Irradiance by the unseen part, as bright as the rim at each azimuth.
+    /// Returns the irradiance of the unseen part with the radiance of the rim at each azimuth.
     fn rim(&self, pipeline: &Pipeline) -> f64 {
         let one = |(azimuth, seen): (usize, &usize)| {
             let angles = seen.saturating_sub(RIM)..*seen;
@@ -312,17 +312,17 @@ impl View {
     }
 }
 
-/// The luminance of the map in a direction.
+/// Returns the luminance of the map in a direction.
 fn radiance(pipeline: &Pipeline, direction: DVec3) -> f64 {
     let view = pipeline.front().map();
     let order = view.order().get();
     luminance(view.radiance(order, healpix::ipix(order, direction))).into()
 }
 
-/// Fewest texels of a patch.
+/// Least number of texels of a patch.
 const FEWEST_TEXELS: usize = 12;
 
-/// The Gaussian-weighted mean radiance of a patch, and its standard deviation as the unevenness leaves it.
+/// Returns the Gaussian-weighted mean radiance of a patch, and its standard deviation as caused by its unevenness.
 fn patch(pipeline: &Pipeline, outline: &[DVec2]) -> Result<Level, PhotometricRefusal> {
     let lens = pipeline.calibration().lens;
     let (order, quads) = (pipeline.front().order().get(), pipeline.sketch(u8::MAX));
@@ -345,10 +345,10 @@ fn patch(pipeline: &Pipeline, outline: &[DVec2]) -> Result<Level, PhotometricRef
     Ok(Level { value, deviation: (squares / sum / effective).sqrt() })
 }
 
-/// Relative code at and above which a pixel of a patch clips.
+/// Relative code from which a pixel of a patch counts as clipped.
 const CLIPS: f64 = 0.97;
 
-/// Whether a pixel of the patch clips in the shortest exposure.
+/// Returns whether a pixel of the patch clips in the shortest exposure.
 fn patch_clips(burst: &Burst, calibration: &Calibration, outline: &[DVec2]) -> bool {
     let Some(shortest) = burst.frames.first() else { return false };
     let (layout, levels) = (&calibration.layout, calibration.levels);
@@ -365,7 +365,7 @@ fn patch_clips(burst: &Burst, calibration: &Calibration, outline: &[DVec2]) -> b
     })
 }
 
-/// Whether a point lies in a polygon, by the number of edges to its right.
+/// Returns whether a point lies in a polygon, by the parity of the edges to its right.
 fn is_inside(outline: &[DVec2], at: DVec2) -> bool {
     let edges = outline.iter().zip(outline.iter().cycle().skip(1));
     let crosses = |(a, b): &(&DVec2, &DVec2)| {
@@ -374,7 +374,7 @@ fn is_inside(outline: &[DVec2], at: DVec2) -> bool {
     edges.filter(crosses).count() % 2 == 1
 }
 
-/// Distance from a point inside a polygon to its nearest edge; 0 for a point outside.
+/// Returns the distance from a point inside a polygon to its nearest edge; 0 for a point outside.
 fn inner_radius(outline: &[DVec2], at: DVec2) -> f64 {
     if outline.len() < 3 || !is_inside(outline, at) {
         return 0.0;

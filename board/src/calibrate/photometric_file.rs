@@ -1,4 +1,4 @@
-//! The `[photometric]` table: readings by class of light source, and what they combine to.
+//! The `[photometric]` table of a lens file: readings by class of light source, and the factor of each class.
 
 use super::factor::{Factor, Verdict, combine};
 use super::lens_file::{FileRefusal, array_of, failed, read, rounded, save};
@@ -10,40 +10,40 @@ use toml_edit::{DocumentMut, Item, Table, value};
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum KeepRefusal {
-    /// The file.
+    /// The file cannot be read or written.
     #[error(transparent)]
     File(#[from] FileRefusal),
-    /// A reading far from those before.
+    /// The reading differs too much from the earlier readings of its class.
     #[error(
         "{path}: found a factor {percent:.0} % off that of the earlier readings of the class {class:?}, expected at most 25 %: measure again, \
          name another --class for another kind of light, or --fresh to drop the earlier readings"
     )]
     Far {
-        /// The file.
+        /// Path of the file.
         path: String,
-        /// The class.
+        /// Class of light source.
         class: String,
-        /// The difference.
+        /// Difference from the earlier readings, per cent.
         percent: f64,
     },
-    /// Readings of another camera.
+    /// The stored readings were made with other settings of the camera.
     #[error(
         "{path}: found readings by another response, level or vignetting than the source has, expected readings of one camera: --fresh drops them"
     )]
     OtherCamera {
-        /// The file.
+        /// Path of the file.
         path: String,
     },
 }
 
-/// The stored values of a measurement.
+/// A measurement with the values that are stored beside it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Kept<'a> {
-    /// The measurement.
+    /// The measured factor.
     pub reading: &'a FactorReading,
     /// Class of light source.
     pub class: &'a str,
-    /// [`crate::recorded::radiometry`] of the camera.
+    /// Value of [`crate::recorded::radiometry`] for the camera.
     pub camera: &'a str,
 }
 
@@ -51,7 +51,7 @@ pub struct Kept<'a> {
 /// their number. With `fresh`, earlier readings of the class are dropped, and all readings of another camera.
 ///
 /// # Errors
-/// [`KeepRefusal`].
+/// [`KeepRefusal`] if the reading does not fit the stored ones or the file cannot be written.
 pub fn keep_reading(path: &Path, kept: &Kept<'_>, fresh: bool) -> Result<(Factor, usize), KeepRefusal> {
     let mut document = read(path, false)?;
     let name = || path.display().to_string();
@@ -77,10 +77,10 @@ pub fn keep_reading(path: &Path, kept: &Kept<'_>, fresh: bool) -> Result<(Factor
     Ok((factor, readings.len()))
 }
 
-/// The factor that the readings of a class in the file combine to.
+/// Returns the factor that the readings of a class in the file combine to.
 ///
 /// # Errors
-/// [`FileRefusal`].
+/// [`FileRefusal`] if the file cannot be read.
 pub fn kept_factor(path: &Path, class: &str) -> Result<Option<Factor>, FileRefusal> {
     Ok(combine(&earlier(&read(path, false)?, class)))
 }
@@ -136,7 +136,7 @@ fn table(reading: &FactorReading) -> Table {
     table
 }
 
-/// Seven significant digits.
+/// Rounds a number to seven significant digits.
 fn significant(v: f64) -> f64 {
     format!("{v:.6e}").parse().unwrap_or(v)
 }

@@ -1,4 +1,4 @@
-//! Illuminance after a photometric calibration, on scenes whose light is known in closed form or by a plain sum over directions.
+//! Illuminance after a photometric calibration, on scenes whose light is known in closed form or by a sum over directions.
 
 use super::factor::*;
 use super::photometric::*;
@@ -14,15 +14,15 @@ use hemilux_core::lens::Lens;
 use hemilux_core::{Exposure, Format};
 use std::f64::consts::PI;
 
-/// Lux of irradiance 1 in these tests.
+/// Lux per unit of irradiance in these tests.
 const TRUTH: f64 = 137.0;
 
 const SIDE: usize = 480;
 
-/// What a direction sends.
+/// Radiance as a function of direction.
 type Light = Box<dyn Fn(DVec3) -> f64 + Send>;
 
-/// A camera with 16 bits before a light, with noise of a part of each pixel's value.
+/// A 16-bit camera in a scene, with noise proportional to each pixel's value.
 struct Camera {
     calibration: Calibration,
     light: Light,
@@ -30,7 +30,7 @@ struct Camera {
     count: u64,
 }
 
-/// A number from -1.73 to 1.73 of variance 1.
+/// Returns a pseudo-random number from -1.73 to 1.73 of variance 1.
 fn noise(seed: u64) -> f64 {
     let mut x = seed.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -39,7 +39,7 @@ fn noise(seed: u64) -> f64 {
 }
 
 impl Camera {
-    /// A lens that sees up to `degrees` from the axis.
+    /// Creates a camera whose lens sees up to `degrees` from the axis.
     fn new(degrees: f64, noise: f64, light: Light) -> Self {
         let middle = SIDE as f64 / 2.0 - 0.5;
         let lens = Lens::equidistant([middle; 2], 0.96 * middle / degrees.to_radians(), degrees.to_radians());
@@ -86,7 +86,7 @@ impl Source for Camera {
     }
 }
 
-/// Irradiance of a level surface by the directions up to `degrees` from the zenith.
+/// Returns the irradiance of a level surface by the directions up to `degrees` from the zenith.
 fn irradiance(light: &dyn Fn(DVec3) -> f64, degrees: f64) -> f64 {
     let (angles, azimuths) = (900, 900);
     let step = degrees.to_radians() / f64::from(angles);
@@ -107,7 +107,7 @@ fn truth(name: &str, degrees: f64) -> f64 {
     TRUTH * irradiance(&|d| in_scene(&scene, d), degrees)
 }
 
-/// Lux and stated uncertainty that a calibrated probe tells of a scene.
+/// Returns the illuminance and the stated uncertainty that a calibrated probe reports of a scene.
 fn told(camera: Camera, reading: &FactorReading) -> (f64, f64) {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("p.toml");
@@ -127,7 +127,7 @@ fn told(camera: Camera, reading: &FactorReading) -> (f64, f64) {
 }
 
 #[test]
-fn direct_calibration_tells_other_scenes_within_one_per_cent() {
+fn direct_calibration_measures_other_scenes_within_one_per_cent() {
     for (first, lens) in [("room", 92.0), ("overcast", 92.0), ("sky", 92.0), ("overcast", 84.0)] {
         let method = Method::Direct { lux: truth(first, 90.0), unseen: Unseen::Rim };
         let reading = measure(&mut Camera::scene(lens, 0.05, first), &method, 3, 0.01).expect("a reading");
@@ -140,9 +140,9 @@ fn direct_calibration_tells_other_scenes_within_one_per_cent() {
     }
 }
 
-/// A lens of 160 degrees by which a bright unseen horizon is corrected for: without that, the factor is several per cent off.
+/// With a lens of 160 degrees and a bright unseen horizon, the uncorrected factor is several per cent off.
 #[test]
-fn unseen_part_is_corrected_for_and_its_share_told() {
+fn unseen_part_is_corrected_and_its_share_reported() {
     let method = |unseen| Method::Direct { lux: truth("overcast", 90.0), unseen };
     let measured = |unseen| measure(&mut Camera::scene(75.0, 0.0, "overcast"), &method(unseen), 1, 0.01);
     let (rim, dark) = (measured(Unseen::Rim).expect("a reading"), measured(Unseen::Dark).expect("a reading"));
@@ -152,9 +152,9 @@ fn unseen_part_is_corrected_for_and_its_share_told() {
     assert!(dark.factor / TRUTH - 1.0 > 0.03, "{dark:?}");
 }
 
-/// A grey card of 20 degrees whose light is known, in a dim room with another gradient behind it.
+/// A grey card of 20 degrees with known radiance, in a dim scene with another gradient.
 #[test]
-fn indirect_calibration_tells_other_scenes_within_three_per_cent() {
+fn indirect_calibration_measures_other_scenes_within_three_per_cent() {
     let (reflectance, lux) = (0.18, 900.0);
     let card = reflectance * lux / PI / TRUTH;
     let towards = DVec3::new(0.5, 0.2, 0.8).normalize();
@@ -174,7 +174,7 @@ fn indirect_calibration_tells_other_scenes_within_three_per_cent() {
 }
 
 #[test]
-fn light_that_cannot_be_measured_is_refused_in_a_line() {
+fn clipped_dark_and_small_patches_are_refused_in_one_line() {
     let direct = Method::Direct { lux: 100.0, unseen: Unseen::Rim };
     let refused = |camera: &mut Camera, method: &Method, words: &str| {
         let line = measure(camera, method, 2, 0.0).expect_err(words).to_string();
@@ -197,18 +197,18 @@ fn reading(factor: f64) -> FactorReading {
 }
 
 #[test]
-fn repeated_readings_are_combined_and_the_meter_remains() {
+fn repeated_readings_reduce_all_uncertainty_but_the_meters() {
     let one = combine(&[reading(100.0)]).expect("a factor");
     assert!((one.uncertainty - 2.0 * 0.01f64.hypot(0.02)).abs() < 1e-9, "{one:?}");
     let four = combine(&[99.0, 101.0, 99.0, 101.0].map(reading)).expect("a factor");
-    // Four readings whose scatter, 1.155 %, exceeds their own uncertainty of 1 %: the larger counts, over the root of 4.
+    // Four readings whose scatter, 1.155 %, exceeds their own uncertainty of 1 %: the scatter counts, divided by the root of 4.
     let expected = 2.0 * (0.5 * 0.01 * (4f64 / 3.0).sqrt()).hypot(0.02);
     assert!((four.factor - 100.0).abs() < 1e-9 && (four.uncertainty - expected).abs() < 1e-6, "{four:?}");
     assert_eq!(combine(&[]), None);
 }
 
 #[test]
-fn readings_of_a_class_add_up_in_the_file_and_far_ones_are_refused() {
+fn readings_of_a_class_accumulate_in_the_file_and_outliers_are_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("lens.toml");
     std::fs::write(&path, "# mine\nversion = 1\n[lens]\nmodel = \"equidistant\"\n").expect("a file");

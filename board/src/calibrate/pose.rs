@@ -1,37 +1,38 @@
-//! The pose of a board in the camera's axes.
+//! Computation of the pose of a board in the camera's axes.
 
 use super::camera::Camera;
 use super::shape::Shape;
 use nalgebra::{Matrix3, Rotation3, SMatrix, Vector2, Vector3};
 
-/// A corner that was found: its place on the board in squares, and its pixel.
+/// A found corner: its position on the board in squares, and its pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Sighting {
-    /// Column and row on the board.
+    /// Column and row of the corner on the board.
     pub cell: [i32; 2],
     /// Pixel of the corner.
     pub at: Vector2<f64>,
 }
 
-/// The turn and shift from the board's axes to the camera's.
+/// Rotation and translation from the board's axes to the camera's.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Pose {
-    /// The turn.
+    /// Rotation from the board's axes to the camera's.
     pub turn: Rotation3<f64>,
-    /// The shift, in squares.
+    /// Translation, in squares.
     pub shift: Vector3<f64>,
 }
 
 impl Pose {
-    /// A point of the board in the camera's axes.
+    /// Returns a point of the board in the camera's axes.
     pub fn apply(&self, point: &Vector3<f64>) -> Vector3<f64> {
         self.turn * point + self.shift
     }
 }
 
-/// The pose of a plane from the directions of its corners: the least eigenvector of the cross products, made a turn.
+/// Computes the pose of a plane from the directions of its corners: the eigenvector of the least eigenvalue of the cross products, made
+/// orthonormal.
 ///
-/// Directions beyond 90 degrees from the axis are as good as any.
+/// Directions beyond 90 degrees from the axis are used like all others.
 pub(super) fn from_directions(camera: &Camera, shape: &Shape, seen: &[Sighting]) -> Option<Pose> {
     let mean = seen.iter().map(|s| shape.plane(s.cell)).sum::<Vector3<f64>>() / seen.len() as f64;
     let spread = seen.iter().map(|s| (shape.plane(s.cell) - mean).norm()).fold(1e-9, f64::max);
@@ -54,13 +55,13 @@ pub(super) fn from_directions(camera: &Camera, shape: &Shape, seen: &[Sighting])
     Some(Pose { turn: unit.turn, shift: unit.shift * spread - unit.turn * mean })
 }
 
-/// A corner on the board, from the board's middle in units of its size, and its pixel.
+/// A corner in board coordinates (from the board's centre, in units of its size) with its pixel.
 struct Placed {
     at: Vector3<f64>,
     pixel: Vector2<f64>,
 }
 
-/// Makes two columns and a shift a pose, in front of the camera.
+/// Converts two columns and a translation to a rotation and a translation in front of the camera.
 fn upright(camera: &Camera, placed: &[Placed], [a, b, t]: [Vector3<f64>; 3]) -> Option<Pose> {
     let facing: f64 = placed
         .iter()

@@ -1,9 +1,9 @@
-//! Residuals over the image as a picture.
+//! Drawing of a calibration's residuals over the image.
 
 use super::Calibrated;
 use std::fmt::Write;
 
-/// Length of an arrow, pixels of the picture, for a residual of one pixel.
+/// Length of an arrow for a residual of one pixel, in pixels of the drawing.
 const LENGTH: f64 = 60.0;
 
 /// Draws an arrow from each corner in the direction of its residual, 60 times as long, as SVG.

@@ -1,37 +1,38 @@
-//! The response of a camera from exposures of one still scene.
+//! Estimation of a camera's response from exposures of one still scene.
 //!
-//! The logarithms of the exposures of one pixel in two frames differ by the logarithm of the frames' ratio, whatever the pixel's light:
-//! \[MitsunagaNayar1999\]. The curve is a sum of Bernstein polynomials with ascending coefficients, hence monotone; the ratios are
-//! estimated with it, held near the declared ones, since any power of a curve fits as well with other ratios.
+//! The logarithms of a pixel's exposures in two frames differ by the logarithm of the frames' exposure ratio, independent of the pixel's
+//! light: \[MitsunagaNayar1999\]. The curve is a sum of Bernstein polynomials with ascending coefficients, hence monotone. The ratios are
+//! estimated together with the curve and weighted towards the declared ratios, since any power of a curve fits equally well with other
+//! ratios.
 
 use nalgebra::{DMatrix, DVector};
 
-/// Coefficients of a curve.
+/// Number of coefficients of a curve.
 pub(super) const COEFFICIENTS: usize = 9;
 
-/// Relative codes that are used: below, noise and quantisation prevail; above, samples clip.
+/// Range of relative codes that are used: below it noise and quantisation dominate, above it samples clip.
 const USED: std::ops::Range<f32> = 0.05..0.96;
 
-/// Least relative code of the shorter frame.
+/// Least relative code of the frame with the shorter exposure.
 const LEAST: f64 = 0.035;
 
 /// Weight of the second differences of the logarithms of a curve's increments.
 const SMOOTH: f64 = 2.0;
 
-/// Bins of the longer frame's codes, and fewest pixels of one.
+/// Number of bins of the longer frame's codes, and least number of pixels of a bin.
 const BINS: usize = 256;
 const FEWEST_IN_BIN: usize = 8;
 
-/// Standard deviation of the logarithm of a declared ratio, and the weight of all ratios: the curve's power hangs on what most of them are.
+/// Standard deviation of the logarithm of a declared ratio, and the weight of all ratios together, which fix the power of the curve.
 const RATIO_DEVIATION: f64 = 0.01;
 const RATIO_WEIGHT: f64 = 30.0;
 
-/// One frame: relative codes, 0 at black and 1 at white, of red, green and blue of each pixel.
+/// Relative codes of one frame, 0 at black and 1 at white, for red, green and blue of each pixel.
 #[derive(Clone, Debug, Default)]
 pub struct Exposed {
-    /// Time x gain, as declared.
+    /// Declared exposure: time x gain.
     pub exposure: f64,
-    /// The relative codes.
+    /// Relative codes of the pixels.
     pub codes: Vec<[f32; 3]>,
 }
 
@@ -39,7 +40,7 @@ pub struct Exposed {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ResponseRefusal {
-    /// Too few frames.
+    /// The burst has too few frames.
     #[error("found {0} frame(s), expected at least 3 exposures of one still scene")]
     FewFrames(usize),
     /// Too few pixels are well exposed in two neighbouring frames.
@@ -47,20 +48,20 @@ pub enum ResponseRefusal {
         "found {found} pixels that are well exposed in two neighbouring frames, expected at least {expected}: take exposures 1 to 2 stops apart of a scene with bright and dark parts"
     )]
     FewPixels {
-        /// The found number.
+        /// Number of well-exposed pixels that were found.
         found: usize,
-        /// The needed number.
+        /// Least number of well-exposed pixels.
         expected: usize,
     },
-    /// Declared exposures are wrong, or the camera changes its response from frame to frame.
+    /// The declared exposures are wrong, or the camera changes its response from frame to frame.
     #[error(
         "found exposures whose ratio is {estimated:.2} by the pictures, expected {declared:.2} as declared: check the exposure times, and \
          switch off automatic exposure, gain and white balance, wide dynamic range and tone mapping"
     )]
     Ratio {
-        /// The ratio by the data.
+        /// Exposure ratio estimated from the pictures.
         estimated: f64,
-        /// The declared ratio.
+        /// Declared exposure ratio.
         declared: f64,
     },
     /// The frames contradict each other.
@@ -70,62 +71,62 @@ pub enum ResponseRefusal {
          and sharpening"
     )]
     Contradiction {
-        /// Median disagreement.
+        /// Median disagreement, per cent.
         percent: f64,
-        /// Largest that is accepted.
+        /// Largest accepted disagreement, per cent.
         most_percent: f64,
     },
 }
 
-/// Two neighbouring frames.
+/// Exposure ratio of two frames with neighbouring exposures.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Neighbours {
-    /// Declared ratio of their exposures, the longer over the shorter.
+    /// Declared ratio of the longer to the shorter exposure.
     pub declared: f64,
-    /// The ratio by the data.
+    /// Ratio estimated from the pictures.
     pub estimated: f64,
-    /// Median disagreement of the two frames' relative exposures.
+    /// Median relative disagreement of the two frames' relative exposures.
     pub disagreement: f64,
 }
 
-/// A response with how well it fits.
+/// A camera response with the quality of its fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FittedResponse {
-    /// Bernstein coefficients of red, green and blue.
+    /// Bernstein coefficients of the curves of red, green and blue.
     pub coefficients: [[f64; COEFFICIENTS]; 3],
-    /// Pairs of frames in ascending order of exposure.
+    /// Pairs of neighbouring frames in ascending order of exposure.
     pub neighbours: Vec<Neighbours>,
-    /// Median disagreement over all pairs.
+    /// Median relative disagreement over all pairs.
     pub disagreement: f64,
 }
 
-/// Largest deviation of a ratio from the declared one.
+/// Largest accepted relative deviation of an estimated ratio from the declared one.
 const MOST_RATIO: f64 = 0.3;
 
-/// Largest median disagreement of a response.
+/// Largest accepted median disagreement of a response.
 const MOST_DISAGREEMENT: f64 = 0.06;
 
-/// Fewest pairs of samples.
+/// Least number of pairs of samples.
 const FEWEST_PAIRS: usize = 100;
 
-/// Pixels of one code in the longer of two frames.
+/// Pixels with the same code in the longer of two exposures.
 #[derive(Clone, Copy, Debug)]
 struct Pair {
     channel: usize,
-    /// The longer of the two frames' number.
+    /// Index of the frame with the longer exposure.
     step: usize,
-    /// Bernstein polynomials at the code of the shorter and of the longer frame.
+    /// Bernstein polynomials at the codes of the shorter and of the longer exposure.
     shorter: [f64; COEFFICIENTS],
     longer: [f64; COEFFICIENTS],
     codes: [f64; 2],
-    /// Number of pixels.
+    /// Number of pixels of the pair.
     count: f64,
 }
 
 /// Fits the response to frames in ascending order of exposure; `step` is the size of one code in relative codes.
 ///
 /// # Errors
-/// [`ResponseRefusal`].
+/// [`ResponseRefusal`] if the frames determine no response.
 pub fn fit_response(frames: &[Exposed], step: f64) -> Result<FittedResponse, ResponseRefusal> {
     if frames.len() < 3 {
         return Err(ResponseRefusal::FewFrames(frames.len()));
@@ -154,7 +155,7 @@ pub fn fit_response(frames: &[Exposed], step: f64) -> Result<FittedResponse, Res
     Ok(fitted)
 }
 
-/// The Bernstein polynomials of degree 8 at `x`.
+/// Returns the values of the Bernstein polynomials of degree 8 at `x`.
 fn bernstein(x: f64) -> [f64; COEFFICIENTS] {
     const BINOMIALS: [f64; COEFFICIENTS] = [1.0, 8.0, 28.0, 56.0, 70.0, 56.0, 28.0, 8.0, 1.0];
     std::array::from_fn(|i| BINOMIALS[i] * x.powi(i as i32) * (1.0 - x).powi(8 - i as i32))
@@ -170,8 +171,8 @@ fn pairs(frames: &[Exposed]) -> Vec<Pair> {
     pairs
 }
 
-/// One pair for each code of the longer frame, with the middle half of the shorter frame's codes averaged: their noise is that of many
-/// pixels, and textures that moved drop out.
+/// Returns one pair for each code of the longer exposure, with the mean of the middle half of the shorter exposure's codes. The mean
+/// reduces the noise, and the outer halves hold textures that moved.
 fn pairs_of(shorter: &Exposed, longer: &Exposed, channel: usize, step: usize) -> Vec<Pair> {
     let mut bins: Vec<Vec<[f32; 2]>> = vec![Vec::new(); BINS];
     for (a, b) in shorter.codes.iter().zip(&longer.codes) {
@@ -193,7 +194,7 @@ fn pairs_of(shorter: &Exposed, longer: &Exposed, channel: usize, step: usize) ->
     bins.into_iter().filter_map(pair).collect()
 }
 
-/// The mean of the middle half, by the shorter frame's code, and its number of pixels.
+/// Returns the mean of the middle half, sorted by the shorter exposure's code, and its number of pixels.
 fn middle(mut bin: Vec<[f32; 2]>) -> Option<([f64; 2], f64)> {
     bin.sort_by(|a, b| a[0].total_cmp(&b[0]));
     let quarter = bin.len() / 4;
@@ -203,7 +204,7 @@ fn middle(mut bin: Vec<[f32; 2]>) -> Option<([f64; 2], f64)> {
     Some(([mean(0), mean(1)], count))
 }
 
-/// Least squares over the logarithms of the curve's increments and of the ratios.
+/// Least-squares problem over the logarithms of the curve's increments and of the ratios.
 struct Problem<'a> {
     pairs: &'a [Pair],
     declared: &'a [f64],
@@ -218,7 +219,7 @@ struct Values {
 }
 
 impl Problem<'_> {
-    /// Parameters: nine logarithms of increments for each channel, then the logarithms of the ratios.
+    /// Returns the initial parameters: nine logarithms of increments for each channel, then the logarithms of the ratios.
     fn start(&self, power: f64) -> DVector<f64> {
         let node = |i: usize| (i as f64 / (COEFFICIENTS - 1) as f64).powf(power);
         let increments = (0..COEFFICIENTS).map(|i| if i == 0 { -10.0 } else { (node(i) - node(i - 1)).ln() });
@@ -246,7 +247,7 @@ impl Problem<'_> {
         Values { shorter: dot(&pair.shorter), longer: dot(&pair.longer), slopes: pair.codes.map(slope) }
     }
 
-    /// Residuals in standard deviations: of the pairs, of the ratios, and a weak one that holds increments in range.
+    /// Returns the residuals, in standard deviations, of the pairs, of the ratios, and of a weak prior that limits the increments.
     fn residuals(&self, p: &DVector<f64>, weights: &[f64]) -> DVector<f64> {
         let curves: [[f64; COEFFICIENTS]; 3] = std::array::from_fn(|channel| Self::coefficients(p, channel));
         let ratios = 3 * COEFFICIENTS;
@@ -260,17 +261,18 @@ impl Problem<'_> {
         let off = |i: usize| (p[ratios + i] - self.declared[i]) / RATIO_DEVIATION;
         let held = (0..self.declared.len())
             .map(|i| RATIO_WEIGHT * off(i).signum() * (off(i) * off(i)).ln_1p().sqrt());
-        // A constant curve fits ratios of one: a ratio far from the declared one costs more than the loss above.
+        // A constant curve fits ratios of one: a ratio far from the declared one costs more than the loss of the pairs.
         let leash = (0..self.declared.len()).map(|i| RATIO_WEIGHT * 0.05 * off(i));
         let weak = (0..ratios)
             .map(|i| if i % COEFFICIENTS == 0 { 0.5 * (p[i] + 12.0) } else { 0.01 * (p[i] + 2.0) });
-        // Exposures in equal steps leave waves of that period open: the smoothest curve is taken.
+        // Exposures in equal steps do not determine waves of that period: the smoothest curve is selected.
         let bend = |i: usize| SMOOTH * (p[i - 1] - 2.0 * p[i] + p[i + 1]);
         let inner = (0..ratios).filter(|i| (2..COEFFICIENTS - 1).contains(&(i % COEFFICIENTS))).map(bend);
         DVector::from_vec(data.chain(held).chain(leash).chain(weak).chain(inner).collect())
     }
 
-    /// The weight of each pair: quantisation and noise of both codes as the curve propagates them, and less for outliers.
+    /// Returns the weight of each pair from the quantisation and noise of both codes, as the curve propagates them; outliers have lower
+    /// weights.
     fn weights(&self, p: &DVector<f64>) -> Vec<f64> {
         let curves: [[f64; COEFFICIENTS]; 3] = std::array::from_fn(|channel| Self::coefficients(p, channel));
         let ratios = 3 * COEFFICIENTS;
@@ -285,7 +287,7 @@ impl Problem<'_> {
         self.pairs.iter().map(weight).collect()
     }
 
-    /// Levenberg-Marquardt with weights that are renewed; returns the robust loss and the parameters.
+    /// Minimises by Levenberg-Marquardt with weights that are updated in each step; returns the robust loss and the parameters.
     fn solve(&self, mut p: DVector<f64>) -> (f64, DVector<f64>) {
         let mut damping = 1e-2;
         for _ in 0..40 {
@@ -308,14 +310,14 @@ impl Problem<'_> {
         }
         let weights = self.weights(&p);
         let residuals = self.residuals(&p, &weights);
-        // The weight of an outlier is lowered by its residual: undone, its square enters the Cauchy loss.
+        // The weight of an outlier contains its residual: that factor is removed before the square enters the Cauchy loss.
         let cauchy = |r: f64| 9.0 * ((r * r / 9.0) / (1.0 - r * r / 9.0).max(1e-9)).ln_1p();
         let (data, held) = residuals.as_slice().split_at(weights.len());
         let loss = data.iter().copied().map(cauchy).sum::<f64>() + held.iter().map(|r| r * r).sum::<f64>();
         (loss, p)
     }
 
-    /// Derivatives by differences.
+    /// Returns the derivatives, computed by finite differences.
     fn jacobian(&self, p: &DVector<f64>, weights: &[f64], residuals: &DVector<f64>) -> DMatrix<f64> {
         const H: f64 = 1e-5;
         let column = |i: usize| {
@@ -330,7 +332,7 @@ impl Problem<'_> {
         let curves: [[f64; COEFFICIENTS]; 3] = std::array::from_fn(|channel| Self::coefficients(p, channel));
         let logarithms = |step: usize| sorted(logarithms(&frames[step..step + 2], &curves));
         let all: Vec<Vec<f64>> = (0..self.declared.len()).map(logarithms).collect();
-        // Without samples that are trusted in both frames, the fit's own ratio stands.
+        // If no samples are valid in both frames, the fit's own ratio is kept.
         let own = |step: usize| p[3 * COEFFICIENTS + step];
         let ratio = |(step, values): (usize, &Vec<f64>)| {
             if values.is_empty() { own(step) } else { middle_of(values) }
@@ -353,12 +355,12 @@ fn sorted(mut values: Vec<f64>) -> Vec<f64> {
     values
 }
 
-/// The median of sorted values.
+/// Returns the median of sorted values.
 fn middle_of(sorted: &[f64]) -> f64 {
     sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// Logarithms of the ratios of the samples that the merge trusts in both of two frames.
+/// Returns the logarithms of the ratios of the samples that the merge uses in both of two frames.
 fn logarithms(frames: &[Exposed], curves: &[[f64; COEFFICIENTS]; 3]) -> Vec<f64> {
     logarithms_of(frames, |code, channel| {
         let basis = bernstein(code);
@@ -366,7 +368,7 @@ fn logarithms(frames: &[Exposed], curves: &[[f64; COEFFICIENTS]; 3]) -> Vec<f64>
     })
 }
 
-/// As [`logarithms`], with the relative exposure of a code and a channel.
+/// Like [`logarithms`], with a function from a code and a channel to a relative exposure.
 pub(super) fn logarithms_of(frames: &[Exposed], exposure: impl Fn(f64, usize) -> f64) -> Vec<f64> {
     const TRUSTED: std::ops::Range<f32> = 0.0627..0.98;
     let mut logarithms = Vec::new();

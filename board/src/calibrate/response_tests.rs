@@ -1,17 +1,17 @@
-//! Responses of known cameras.
+//! Estimated responses of cameras with known response.
 
 use super::response::{Exposed, FittedResponse, ResponseRefusal, fit_response};
 use hemilux_core::Response;
 use std::path::Path;
 
-/// The relative code that a camera gives for a relative exposure.
+/// A camera: the relative code of a relative exposure.
 type Camera = fn(f64) -> f64;
 
-/// Eight bits.
+/// Size of one code of eight bits in relative codes.
 const STEP: f64 = 1.0 / 255.0;
 
 fn frames(camera: Camera, exposures: &[f64], truth: &[f64]) -> Vec<Exposed> {
-    // Light from 1e-4 to 1, three decades of it evenly by its logarithm, a fixed pattern of noise of half a code.
+    // Light from 1e-4 to 1, three decades of it with even logarithms, and a fixed noise pattern of half a code.
     let light = |i: usize| 10f64.powf(-3.5 + 4.0 * ((i * 7919) % 20_000) as f64 / 20_000.0);
     let frame = |(k, (declared, truth)): (usize, (&f64, &f64))| {
         let code = |i: usize, channel: usize| {
@@ -27,7 +27,8 @@ fn frames(camera: Camera, exposures: &[f64], truth: &[f64]) -> Vec<Exposed> {
     exposures.iter().zip(truth).enumerate().map(frame).collect()
 }
 
-/// The largest relative difference of a fitted curve from the true inverse, at codes that the merge trusts; both at most 1 at white.
+/// Returns the largest relative difference of a fitted curve from the true inverse, at codes that the merge uses; both are normalised to 1
+/// at white.
 fn worst(fitted: &FittedResponse, camera: Camera) -> f64 {
     let response = Response::Bernstein(fitted.coefficients);
     let inverse = |code: f64| {
@@ -38,7 +39,7 @@ fn worst(fitted: &FittedResponse, camera: Camera) -> f64 {
         }
         0.5 * (low + high)
     };
-    // A curve is known up to a factor: it is taken at half of the range.
+    // A curve is determined up to a factor, so both are normalised at half of the range.
     let mut worst = 0f64;
     for channel in 0..3 {
         let factor = inverse(0.5) / response.exposure(channel, 0.5);
@@ -110,8 +111,8 @@ fn office_burst_agrees_with_itself_and_with_its_measured_response() {
     println!("{:?} {}", fitted.neighbours, fitted.disagreement);
     assert!(fitted.disagreement < 0.03, "{}", fitted.disagreement);
     let found = Response::Bernstein(fitted.coefficients);
-    // The polynomial of burst.toml itself disagrees with the burst by about ten per cent in the median, ours by less than three: the two
-    // curves cannot be nearer to each other than that everywhere. A curve is known up to a factor.
+    // The polynomial of burst.toml disagrees with the burst by about ten per cent in the median, the fitted one by less than three, so that
+    // the curves differ by about that much. A curve is determined up to a factor.
     for (channel, most) in [0.11, 0.11, 0.14].into_iter().enumerate() {
         let ratio = |x: f64| found.exposure(channel, x) / calibration.response.exposure(channel, x);
         let ratios: Vec<f64> = (17..=245).map(|code| ratio(f64::from(code) / 255.0)).collect();

@@ -1,31 +1,31 @@
-//! Robust least squares over intrinsic parameters and poses: Levenberg-Marquardt, each pose eliminated by its Schur complement.
+//! Robust least squares over intrinsic parameters and poses: Levenberg-Marquardt with each pose eliminated by its Schur complement.
 
 use super::camera::{Camera, INTRINSICS, KEPT};
 use super::pose::{Pose, Sighting};
 use super::shape::{SHAPE, Shape};
 use nalgebra::{Matrix2x3, Rotation3, SMatrix, SVector, Vector2, Vector3};
 
-/// Parameters of a pose: turn and shift.
+/// Number of parameters of a pose: rotation and translation.
 const POSE: usize = 6;
 
-/// Parameters that all views share: of the camera and of the board's shape.
+/// Number of parameters that all views share: of the camera and of the board's shape.
 const SHARED: usize = INTRINSICS + SHAPE;
 
-/// Weights of the shared parameters before any corner is seen: the inverse of their standard deviations, for a residual of one pixel.
+/// Prior weights of the shared parameters: the inverse of their standard deviations, for a residual of one pixel.
 const PRIOR: [f64; SHARED] =
     [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 500.0, 500.0, 20.0, 20.0, 20.0];
 
 type Square = SMatrix<f64, SHARED, SHARED>;
 type Column = SVector<f64, SHARED>;
 
-/// The parameters that all views share.
+/// Parameters that all views share.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Model {
-    /// The camera.
+    /// Camera of all views.
     pub camera: Camera,
     /// The shape of the board.
     pub shape: Shape,
-    /// Whether all coefficients of the radial law are varied, not only those that a lens file has.
+    /// Whether all coefficients of the radial law are fitted, or only those that a lens file stores.
     pub rich: bool,
 }
 
@@ -43,7 +43,7 @@ impl Model {
         Self { camera, shape: self.shape.with(values), ..*self }
     }
 
-    /// Calls `fix` for each shared parameter that is not varied.
+    /// Calls `fix` with the index of each shared parameter that is not fitted.
     fn fix(&self, mut fix: impl FnMut(usize)) {
         self.shape.fix(|i| fix(INTRINSICS + i));
         if !self.rich {
@@ -51,32 +51,32 @@ impl Model {
         }
     }
 
-    /// The pixel at which a view shows a corner.
+    /// Returns the pixel at which a view shows a corner.
     pub fn pixel(&self, view: &View, cell: [i32; 2]) -> Vector2<f64> {
         self.camera.pixel(&view.pose.apply(&self.shape.place(cell)))
     }
 }
 
-/// One picture: its corners and where its board stands.
+/// The corners of one picture and the pose of its board.
 #[derive(Clone, Debug)]
 pub(super) struct View {
-    /// The corners.
+    /// Corners found in the picture.
     pub seen: Vec<Sighting>,
-    /// The board's pose.
+    /// Pose of the board.
     pub pose: Pose,
 }
 
 impl View {
-    /// Found minus computed pixel of each corner.
+    /// Returns the found minus the computed pixel of each corner.
     pub fn residuals<'a>(&'a self, model: &'a Model) -> impl Iterator<Item = Vector2<f64>> + 'a {
         self.seen.iter().map(|s| s.at - model.pixel(self, s.cell))
     }
 }
 
-/// The free parameters.
+/// The parameters that are fitted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Free {
-    /// Intrinsic parameters and poses.
+    /// Intrinsic parameters, shape of the board, and poses.
     All,
     /// Poses alone.
     Poses,
@@ -124,7 +124,7 @@ impl Block {
         self.right_pose += by_pose.transpose() * residual * weight;
     }
 
-    /// The pose's equations, damped.
+    /// Returns the pose's equations with damping.
     fn damped(&self, damping: f64) -> Option<SMatrix<f64, POSE, POSE>> {
         let mut pose = self.pose;
         (0..POSE).for_each(|i| pose[(i, i)] *= 1.0 + damping);
@@ -139,7 +139,7 @@ fn by_pose(by_point: &Matrix2x3<f64>, turned: Vector3<f64>) -> SMatrix<f64, 2, P
     by_pose
 }
 
-/// The Cauchy loss of all corners; `width` is the residual, pixels, from which corners lose weight.
+/// Returns the Cauchy loss of all corners; `width` is the residual in pixels from which corners lose weight.
 pub(super) fn loss(model: &Model, views: &[View], width: f64) -> f64 {
     let scale = width * width;
     let one = |r: Vector2<f64>| scale * (r.norm_squared() / scale).ln_1p();
@@ -175,7 +175,7 @@ pub(super) fn solve(model: &mut Model, views: &mut [View], width: f64, free: Fre
     best
 }
 
-/// One step from the normal equations.
+/// Computes one step from the normal equations.
 fn step(
     model: &Model,
     views: &[View],
@@ -219,7 +219,7 @@ fn shared_step(
     normal.cholesky().map(|c| c.solve(&right))
 }
 
-/// Takes a parameter out of the equations.
+/// Removes a parameter from the equations.
 fn fixed(normal: &mut Square, right: &mut Column, i: usize) {
     normal.row_mut(i).fill(0.0);
     normal.column_mut(i).fill(0.0);
@@ -227,16 +227,16 @@ fn fixed(normal: &mut Square, right: &mut Column, i: usize) {
     right[i] = 0.0;
 }
 
-/// Covariances of the camera's parameters, poses and the board's shape free.
+/// Covariances of the camera's parameters, with poses and the board's shape fitted too.
 pub(super) struct Covariances {
-    /// Covariance under the assumption that the residuals are independent and have a standard deviation of one pixel.
+    /// Covariance for independent residuals with a standard deviation of one pixel.
     pub independent: SMatrix<f64, KEPT, KEPT>,
-    /// Covariance computed from the scatter of the views' gradients: it grows where the corners of one picture have correlated errors, and
-    /// where the lens model does not fit the lens.
+    /// Covariance from the scatter of the views' gradients: it is larger if the corners of one picture have correlated errors, or if the
+    /// lens model does not fit the lens.
     pub by_view: SMatrix<f64, KEPT, KEPT>,
 }
 
-/// The covariances at a fit.
+/// Returns the covariances at a fit.
 pub(super) fn covariances(model: &Model, views: &[View]) -> Option<Covariances> {
     let blocks: Vec<Block> = views.iter().map(|view| Block::of(view, model, f64::INFINITY)).collect();
     let (mut normal, mut scatter) = (Square::zeros(), Square::zeros());

@@ -1,7 +1,8 @@
-//! Boards whose marks tell each corner's place: ChArUco and AprilGrid.
+//! Boards whose marks identify each corner: ChArUco and AprilGrid.
 //!
-//! Corners are joined to grids as on a chessboard; in each cell a mark is read through the homography of its four corners. The turn and the
-//! shift of a grid on the board follow from the places of at least two marks, so that conventions on how marks are turned do not matter.
+//! Corners are joined to grids as on a chessboard, and in each cell a mark is read through the homography of its four corners. The rotation
+//! and the shift of a grid on the board follow from the positions of at least two marks, independent of conventions for the orientation of
+//! marks.
 
 use super::board::{Charuco, Kind, Printed};
 use super::corners::Corner;
@@ -16,25 +17,25 @@ use calib_targets_core::Coord;
 use nalgebra::Point2;
 use std::collections::HashMap;
 
-/// The family of tags of an AprilGrid.
+/// Tag family of an AprilGrid.
 pub(super) const TAG_FAMILY: &str = "DICT_APRILTAG_36h11";
 
-/// Side of a cell when its mark is read, pixels.
+/// Side of a rectified cell in which a mark is read, pixels.
 const CELL_PX: f32 = 64.0;
 
-/// Fewest marks that tell the place of a grid.
+/// Least number of marks that determine the position of a grid.
 const FEWEST_MARKS: usize = 2;
 
-/// Widths of a tag's black border, in bits, that are tried: Kalibr prints 2.
+/// Widths of a tag's black border that are tried, in bits: Kalibr prints 2.
 const TAG_BORDERS: [usize; 2] = [2, 1];
 
-/// The marks of a board and where they stand.
+/// The marks of a board and their positions.
 struct Marks {
     matcher: Matcher,
     /// Side of a mark, in cells.
     side: f64,
     borders: &'static [usize],
-    /// The corner of the board at the upper left of each mark's cell, by the mark's number.
+    /// Upper left corner of each mark's cell on the board, by the number of the mark.
     cells: HashMap<u32, Cell>,
 }
 
@@ -43,7 +44,7 @@ impl Marks {
         match printed.kind {
             Kind::Chessboard => None,
             Kind::Charuco(Charuco { dictionary, marker }) => {
-                // The squares of the outer rows and columns lack corners at the board's edge: their marks are not read.
+                // The squares of the outer rows and columns lack corners at the board's edge, so their marks are not read.
                 let cells = charuco_squares(printed).zip(0..).map(|([i, j], id)| (id, [i - 1, j - 1]));
                 Some(Self::new(dictionary, marker, &[1], cells.collect()))
             }
@@ -55,12 +56,12 @@ impl Marks {
     }
 
     fn new(dictionary: Dictionary, side: f64, borders: &'static [usize], cells: HashMap<u32, Cell>) -> Self {
-        // Half of the bits that the dictionary corrects: false marks stay rare.
+        // Half of the bits that the dictionary corrects, which keeps false marks rare.
         let most = dictionary.max_correction_bits() / 2;
         Self { matcher: Matcher::new(dictionary, most), side, borders, cells }
     }
 
-    /// The marks in the cells of a grid, with the border that gives most of them.
+    /// Reads the marks in the cells of a grid, with the border width that gives most of them.
     fn read(&self, grey: &Grey, grid: &Grid, mirrored: bool) -> Vec<Mark> {
         let [width, height] = grey.size();
         let view = GrayImageView { width, height, data: grey.pixels() };
@@ -85,13 +86,14 @@ impl Marks {
     }
 }
 
-/// Squares of a ChArUco board that have marks, in the order of their numbers: the white ones, row by row, the upper left one being black.
+/// Returns the squares of a ChArUco board that have marks, in the order of their numbers: the white ones row by row, the upper left one
+/// being black.
 pub(super) fn charuco_squares(printed: &Printed) -> impl Iterator<Item = Cell> {
     let [columns, rows] = printed.corners.size().map(|n| n + 1);
     (0..rows).flat_map(move |j| (0..columns).filter(move |i| (i + j) % 2 == 1).map(move |i| [i, j]))
 }
 
-/// The upper left corner of each tag of an AprilGrid in the order of their numbers: from the lowest row up, as Kalibr numbers them.
+/// Returns the upper left corner of each tag of an AprilGrid in the order of their numbers: from the lowest row up, as Kalibr numbers them.
 pub(super) fn tag_cells(printed: &Printed) -> impl Iterator<Item = Cell> {
     let [columns, rows] = printed.corners.size().map(|n| n / 2);
     (0..rows).rev().flat_map(move |j| (0..columns).map(move |i| [2 * i, 2 * j]))
@@ -100,13 +102,13 @@ pub(super) fn tag_cells(printed: &Printed) -> impl Iterator<Item = Cell> {
 /// A mark that was read.
 #[derive(Clone, Copy, Debug)]
 struct Mark {
-    /// The upper left corner of its cell in the grid, or the upper right one in a mirror.
+    /// Upper left corner of the mark's cell in the grid; the upper right one in a mirrored picture.
     grid: Cell,
-    /// The upper left corner of its cell on the board.
+    /// Upper left corner of the mark's cell on the board.
     board: Cell,
 }
 
-/// The image of a cell, corner by corner; none where a corner is missing.
+/// Returns the corners of a cell in the image; `None` if one is missing.
 fn quad(grid: &Grid, [i, j]: Cell, mirrored: bool) -> Option<MarkerCell> {
     let order = if mirrored { [[0, 0], [0, 1], [1, 1], [1, 0]] } else { [[0, 0], [1, 0], [1, 1], [0, 1]] };
     let mut corners = [Point2::origin(); 4];
@@ -117,7 +119,7 @@ fn quad(grid: &Grid, [i, j]: Cell, mirrored: bool) -> Option<MarkerCell> {
     Some(MarkerCell::new(Coord::new(i, j), corners))
 }
 
-/// The placement of a grid on the board: quarter turns, then a shift.
+/// The position of a grid on the board: a number of quarter turns, then a shift.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 struct Lie {
     turns: usize,
@@ -134,16 +136,16 @@ impl Lie {
         [i + self.shift[0], j + self.shift[1]]
     }
 
-    /// The lie with which a mark's cell comes to its place.
+    /// Returns the position that maps a mark's cell in the grid to its cell on the board.
     fn of(mark: &Mark, turns: usize) -> Self {
-        // The cell's middle, in half cells, is turned: its corners change places.
+        // The centre of the cell is rotated, in half cells, since its corners are permuted.
         let middle = turned([2 * mark.grid[0] + 1, 2 * mark.grid[1] + 1], turns);
         let shift = |axis: usize| (2 * mark.board[axis] + 1 - middle[axis]) / 2;
         Self { turns, shift: [shift(0), shift(1)] }
     }
 }
 
-/// The lie that most marks agree on, at least two and more than half.
+/// Returns the position that most marks agree on, at least two and more than half.
 fn lie(marks: &[Mark]) -> Option<Lie> {
     let mut votes: HashMap<Lie, usize> = HashMap::new();
     for mark in marks {
@@ -177,7 +179,7 @@ pub(super) fn board(grey: &Grey, corners: &[Corner], printed: &Printed, scale: f
     Found { seen, second, mirror }
 }
 
-/// The corners of a grid that lie on the board, by their places there.
+/// Returns the corners of a grid that lie on the board, by their positions on the board.
 fn placed(grid: &Grid, lie: Lie, printed: &Printed) -> Grid {
     let [columns, rows] = printed.corners.size();
     let on_board = |[i, j]: &Cell| (0..columns).contains(i) && (0..rows).contains(j);

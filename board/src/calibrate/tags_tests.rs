@@ -1,4 +1,4 @@
-//! Boards with marks, and mirrored boards, from pictures through a known lens.
+//! Boards with marks, and mirrored boards, in pictures through a known lens.
 
 use super::board::{Board, Charuco, Kind, Printed};
 use super::target::{ink, size};
@@ -9,10 +9,10 @@ use std::f64::consts::TAU;
 
 const SIDE: usize = 640;
 
-/// Samples of a square or a tag in the drawing.
+/// Samples per square or tag of a drawing.
 const FINE: f64 = 48.0;
 
-/// A board as a bitmap, one margin of a square around it.
+/// A board as a bitmap with a margin of one square.
 struct Drawing {
     size: [usize; 2],
     black: Vec<bool>,
@@ -33,7 +33,7 @@ impl Drawing {
         Self { size, black }
     }
 
-    /// The code at a place in squares from the drawing's middle; none beside it.
+    /// Returns the code at a position in squares from the drawing's centre; `None` outside of it.
     fn at(&self, place: DVec2) -> Option<f64> {
         let at = place * FINE + DVec2::new(self.size[0] as f64, self.size[1] as f64) * 0.5;
         let inside = at.x >= 0.0 && at.y >= 0.0 && at.x < self.size[0] as f64 && at.y < self.size[1] as f64;
@@ -45,7 +45,7 @@ fn lens() -> Lens {
     Lens::equidistant([322.3, 316.8], 196.0, 92f64.to_radians()).expect("a lens")
 }
 
-/// A number from 0 to 1.
+/// Returns a pseudo-random number from 0 to 1.
 fn random(seed: u64) -> f64 {
     let mut x = seed.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -53,7 +53,7 @@ fn random(seed: u64) -> f64 {
     ((x ^ (x >> 31)) >> 11) as f64 / (1u64 << 53) as f64
 }
 
-/// A picture of a board whose middle lies `distance` away at an angle from the axis, turned and tilted.
+/// Returns a picture of a board whose centre is at `distance` and at an angle from the axis, rotated and tilted.
 fn picture(drawing: &Drawing, i: u64, count: u64, distance: f64) -> Grey {
     let lens = lens();
     let theta = 1.25 * ((i as f64 + 0.3) / count as f64).sqrt();
@@ -90,7 +90,7 @@ fn pictures(printed: &Printed, count: u64) -> Vec<Picture> {
     (0..count).map(one).collect()
 }
 
-/// The error of directions over the covered field, root of the mean square, degrees.
+/// Returns the root mean square error of directions over the covered field, degrees.
 fn error(calibrated: &Calibrated) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for i in 0..40 {
@@ -129,12 +129,12 @@ fn charuco() -> Printed {
 }
 
 #[test]
-fn charuco_boards_give_the_lens() {
+fn the_lens_is_found_with_charuco_boards() {
     assert_found(charuco());
 }
 
 #[test]
-fn april_grids_give_the_lens() {
+fn the_lens_is_found_with_april_grids() {
     assert_found(Printed::april_grid(Board { columns: 6, rows: 5 }, 0.3).expect("a board"));
 }
 
@@ -143,7 +143,7 @@ fn mirrored(pictures: &[Picture]) -> Vec<Picture> {
 }
 
 #[test]
-fn whole_sets_of_mirrored_pictures_are_refused_where_the_board_tells() {
+fn sets_of_mirrored_pictures_are_refused_if_the_board_is_asymmetric() {
     let odd = Printed::from(Board { columns: 9, rows: 7 });
     assert!(odd.tells_mirror() && !Printed::from(Board { columns: 8, rows: 6 }).tells_mirror());
     for board in [odd, charuco()] {
@@ -164,12 +164,12 @@ fn whole_sets_of_mirrored_pictures_are_refused_where_the_board_tells() {
     calibrate(&mirrored(&pictures(&odd, 7)), &request).expect("a board of the other colours");
 }
 
-/// Bits of OpenCV's picture of the same board, sampled at the middles of the bits: FNV-1a over them, row by row.
+/// Hash (FNV-1a, row by row) of the bits of OpenCV's picture of the same board, sampled at the centres of the bits.
 #[test]
-fn charuco_target_is_that_of_opencv() {
+fn charuco_target_equals_that_of_opencv() {
     let printed = charuco();
     let drawing = Drawing::of(&printed);
-    // A bit is an eighth of a square: markers of 6 bits with a margin of one.
+    // A bit is an eighth of a square: markers have 6 bits and a margin of one.
     let [columns, rows] = size(&printed).map(|n| 8 * n as usize);
     let is_black = |i: usize| {
         let place = DVec2::new((i % columns) as f64 + 0.5, (i / columns) as f64 + 0.5) / 8.0;

@@ -1,14 +1,14 @@
-//! Boards to print.
+//! Drawing of calibration boards for print.
 
 use super::tags::{TAG_FAMILY, charuco_squares, tag_cells};
 use super::{Board, Charuco, Kind, Printed};
 use calib_targets_aruco::resolve_dictionary;
 use std::fmt::Write;
 
-/// A board on paper.
+/// A board with its printed size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Target {
-    /// The pattern.
+    /// Board with its pattern.
     pub printed: Printed,
     /// Side of a square or a tag, millimetres.
     pub square_mm: f64,
@@ -17,9 +17,9 @@ pub struct Target {
 /// A black rectangle, in squares or tags from the corner of the board.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ink {
-    /// Left and top.
+    /// Left and top edge of the rectangle.
     pub at: [f64; 2],
-    /// Width and height.
+    /// Width and height of the rectangle.
     pub size: [f64; 2],
 }
 
@@ -31,18 +31,18 @@ pub enum TargetRefusal {
     Square(f64),
 }
 
-/// Length of the ruler line, millimetres, and room for it below the board.
+/// Length of the ruler line and of the space for it below the board, millimetres.
 const RULER_MM: f64 = 100.0;
 const FOOT_MM: f64 = 22.0;
 
-/// Column and row.
+/// Column and row of a square or tag.
 type Cell = [i32; 2];
 
-/// Writes the target as SVG in true size: the squares, a white margin of a square, and a line of 100 mm with ticks by which the printer's
-/// scale is checked.
+/// Returns the target as SVG in true size: the squares, a white margin of one square, and a line of 100 mm with ticks for checking the
+/// printer's scale.
 ///
 /// # Errors
-/// [`TargetRefusal`].
+/// [`TargetRefusal`] for a size out of range.
 pub fn svg(target: &Target) -> Result<String, TargetRefusal> {
     let Target { printed, square_mm } = *target;
     if !(1.0..=500.0).contains(&square_mm) {
@@ -63,7 +63,7 @@ pub fn svg(target: &Target) -> Result<String, TargetRefusal> {
     Ok(text)
 }
 
-/// Columns and rows of what is printed, in squares or tags.
+/// Returns the columns and rows of the printed area, in squares or tags.
 #[must_use]
 pub fn size(printed: &Printed) -> [f64; 2] {
     let corners = printed.corners.size();
@@ -73,7 +73,7 @@ pub fn size(printed: &Printed) -> [f64; 2] {
     }
 }
 
-/// All that is black.
+/// Returns all black rectangles of a board.
 #[must_use]
 pub fn ink(printed: &Printed) -> Vec<Ink> {
     match printed.kind {
@@ -91,14 +91,14 @@ pub fn ink(printed: &Printed) -> Vec<Ink> {
     }
 }
 
-/// The black squares of a chessboard.
+/// Returns the black squares of a chessboard.
 fn squares(printed: &Printed) -> Vec<Ink> {
     let [columns, rows] = printed.corners.size().map(|n| n + 1);
     let black = (0..rows).flat_map(|j| (0..columns).filter(move |i| (i + j) % 2 == 0).map(move |i| [i, j]));
     black.map(|cell| Ink { at: cell.map(f64::from), size: [1.0; 2] }).collect()
 }
 
-/// Tags with a border of two bits, as Kalibr prints them, and the squares between their corners.
+/// Returns tags with a border of two bits, as Kalibr prints them, and the squares between their corners.
 fn april_grid(printed: &Printed, gap: f64) -> Vec<Ink> {
     let Some(family) = resolve_dictionary(TAG_FAMILY) else { return Vec::new() };
     let place = |index: i32| gap + printed.line(index);
@@ -112,7 +112,7 @@ fn april_grid(printed: &Printed, gap: f64) -> Vec<Ink> {
     tags.chain(corners.map(square)).collect()
 }
 
-/// A mark: its border, and the runs of black bits in its rows.
+/// Returns the rectangles of a mark: its border, and the runs of black bits in its rows.
 fn bits(code: u64, side: usize, border: usize, at: [f64; 2], size: f64) -> Vec<Ink> {
     let bit = size / (side + 2 * border) as f64;
     let is_black = |x: usize, y: usize| {
@@ -134,9 +134,9 @@ fn bits(code: u64, side: usize, border: usize, at: [f64; 2], size: f64) -> Vec<I
     ink
 }
 
-/// All that is black as one path, with a margin of a square around it.
+/// Returns the black rectangles as one SVG path, with a margin of one square.
 fn path(printed: &Printed, side: f64) -> String {
-    // A thousandth of a millimetre is enough.
+    // Coordinates are rounded to a thousandth of a millimetre.
     let mm = |v: f64| (1000.0 * v * side).round() / 1000.0;
     let rectangle = |Ink { at, size }: Ink| {
         format!("M{} {}h{}v{}h-{}z", mm(at[0] + 1.0), mm(at[1] + 1.0), mm(size[0]), mm(size[1]), mm(size[0]))
@@ -144,7 +144,7 @@ fn path(printed: &Printed, side: f64) -> String {
     ink(printed).into_iter().map(rectangle).collect()
 }
 
-/// The options of `hemilux calibrate lens` for a board.
+/// Returns the options of `hemilux calibrate lens` for a board.
 fn options(printed: &Printed) -> String {
     let Board { columns, rows } = printed.corners;
     match printed.kind {

@@ -1,4 +1,4 @@
-//! The uncertainty of the directions of pixels.
+//! Uncertainty of the directions of pixels.
 
 use super::camera::Camera;
 use super::camera::KEPT;
@@ -8,7 +8,7 @@ use super::solve::{Covariances, Model, covariances};
 use nalgebra::{Matrix3x2, SMatrix, Vector3};
 use std::f64::consts::TAU;
 
-/// Azimuths at which each angle is judged.
+/// Number of azimuths over which each angle's uncertainty is averaged.
 const AZIMUTHS: u32 = 24;
 
 /// Standard deviations of the camera's parameters.
@@ -17,7 +17,7 @@ pub(super) type Deviations = [f64; KEPT];
 /// Covariance of the camera's parameters.
 type Covariance = SMatrix<f64, KEPT, KEPT>;
 
-/// The parameters' covariances at the error of the corners.
+/// Returns the parameters' covariances, scaled to the error of the corners.
 pub(super) fn of_parameters(fit: &Fit) -> Option<Covariances> {
     let unknowns = KEPT + 6 * fit.views.len();
     let free = (2 * fit.corners()).saturating_sub(unknowns).max(1);
@@ -26,13 +26,13 @@ pub(super) fn of_parameters(fit: &Fit) -> Option<Covariances> {
     Some(Covariances { independent: independent * (squares / free as f64), by_view })
 }
 
-/// Standard deviations of the parameters.
+/// Returns the standard deviations of the parameters.
 pub(super) fn deviations(covariances: &Covariances) -> Deviations {
     let variance = |i: usize| covariances.independent[(i, i)].max(covariances.by_view[(i, i)]);
     std::array::from_fn(|i| variance(i).max(0.0).sqrt())
 }
 
-/// Directions all around at an angle from the axis.
+/// Returns directions at all azimuths at an angle from the axis.
 fn ring(theta: f64) -> impl Iterator<Item = Vector3<f64>> {
     (0..AZIMUTHS).map(move |i| {
         let (sin, cos) = (TAU * f64::from(i) / f64::from(AZIMUTHS)).sin_cos();
@@ -40,12 +40,12 @@ fn ring(theta: f64) -> impl Iterator<Item = Vector3<f64>> {
     })
 }
 
-/// The root of the mean square of angles, radians to degrees.
+/// Returns the root mean square of angles, converted from radians to degrees.
 fn degrees(squares: impl Iterator<Item = f64>) -> f64 {
     (squares.sum::<f64>() / f64::from(AZIMUTHS)).sqrt().to_degrees()
 }
 
-/// The uncertainty by angle from the axis, each ten degrees and at the edge of the covered field.
+/// Returns the uncertainty by angle from the axis, every ten degrees and at the edge of the covered field.
 pub(super) fn by_angle(fit: &Fit, covariances: &Covariances, covered: f64) -> Vec<Spread> {
     let halves = halves(fit);
     let tens =
@@ -63,7 +63,7 @@ pub(super) fn by_angle(fit: &Fit, covariances: &Covariances, covered: f64) -> Ve
     tens.chain([covered]).map(spread).collect()
 }
 
-/// The variance of the direction of the pixel at which `direction` is seen, square radians.
+/// Returns the variance of the direction of the pixel that shows `direction`, square radians.
 fn variance(camera: &Camera, covariance: &Covariance, direction: &Vector3<f64>) -> f64 {
     let p = camera.project(direction);
     let first =
@@ -74,7 +74,7 @@ fn variance(camera: &Camera, covariance: &Covariance, direction: &Vector3<f64>) 
     (by_parameters * covariance * by_parameters.transpose()).trace().max(0.0)
 }
 
-/// Cameras fitted to every second picture and to the others; none where there are fewer than six.
+/// Returns cameras fitted to every second picture and to the others; `None` for fewer than six pictures.
 fn halves(fit: &Fit) -> Option<[Camera; 2]> {
     let half = |parity: usize| {
         let views = fit.views.iter().skip(parity).step_by(2).cloned().collect();
@@ -85,7 +85,7 @@ fn halves(fit: &Fit) -> Option<[Camera; 2]> {
     (fit.views.len() >= 6).then(|| [half(0), half(1)])
 }
 
-/// The camera whose radial law has two coefficients more: where it differs, four do not describe the lens.
+/// Returns the camera whose radial law has two more coefficients; a difference shows that four coefficients do not describe the lens.
 fn rich(fit: &Fit) -> Camera {
     let mut rich =
         Fit { model: Model { rich: true, ..fit.model }, views: fit.views.clone(), pictures: Vec::new() };
@@ -93,7 +93,7 @@ fn rich(fit: &Fit) -> Camera {
     rich.model.camera
 }
 
-/// The square of the angle between the directions that two cameras give a pixel.
+/// Returns the squared angle between the directions of one pixel by two cameras, square radians.
 fn apart(camera: &Camera, pair: &[Camera; 2], direction: &Vector3<f64>) -> f64 {
     let pixel = camera.pixel(direction);
     let [a, b] = pair.each_ref().map(|other| other.direction(pixel));

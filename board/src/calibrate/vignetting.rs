@@ -1,7 +1,7 @@
-//! The relative illumination of a lens from readings at angles from the axis.
+//! Estimation of the relative illumination of a lens from readings at angles from the axis.
 //!
-//! Readings are of one thing of constant radiance: a lit screen that is shown at several angles, or the pixels of a flat field. The even
-//! terms of a polynomial in theta describe a lens that is symmetric round its axis.
+//! All readings are of one object of constant radiance: a lit screen that is shown at several angles, or the pixels of a flat field. A
+//! polynomial of even powers of theta describes a lens with rotational symmetry.
 
 use super::Grey;
 use glam::DVec2;
@@ -13,24 +13,24 @@ use std::f64::consts::PI;
 /// A reading: the mean relative exposure of the screen or of a ring of pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading {
-    /// The angle from the axis, radians.
+    /// Angle from the axis, radians.
     pub theta: f64,
-    /// The relative exposure, in any unit.
+    /// Relative exposure, in any unit.
     pub light: f64,
 }
 
-/// Relative illumination with how well it fits.
+/// Relative illumination with the quality of its fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FittedVignetting {
-    /// The polynomial in theta, constant first, 1 on the axis.
+    /// Coefficients of the polynomial in theta, the constant first; the value on the axis is 1.
     pub coefficients: [f64; 8],
-    /// Relative root of the mean square difference of the readings.
+    /// Relative root mean square difference of the readings from the polynomial.
     pub rms: f64,
-    /// Largest relative difference.
+    /// Largest relative difference of a reading from the polynomial.
     pub largest: f64,
-    /// The outermost reading, radians.
+    /// Angle of the outermost reading, radians.
     pub covered: f64,
-    /// Readings that were used.
+    /// Number of used readings.
     pub readings: usize,
 }
 
@@ -38,47 +38,47 @@ pub struct FittedVignetting {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum VignettingRefusal {
-    /// Too few readings.
+    /// There are too few readings.
     #[error(
         "found {0} reading(s), expected at least 5: show the screen at 5 or more angles from the axis to the rim"
     )]
     Few(usize),
-    /// The readings leave out the axis or the rim.
+    /// There are no readings near the axis or near the rim.
     #[error(
         "found readings from {from_deg:.0} to {to_deg:.0} degrees, expected some within 15 degrees of the axis and some beyond 40"
     )]
     Range {
-        /// The innermost.
+        /// Angle of the innermost reading, degrees.
         from_deg: f64,
-        /// The outermost.
+        /// Angle of the outermost reading, degrees.
         to_deg: f64,
     },
-    /// The readings scatter.
+    /// The readings do not fit a polynomial.
     #[error(
         "found readings that scatter by {percent:.0} %, expected at most 10: keep exposure, gain and white balance of the camera fixed, the \
          screen steady and at one distance, and other lights off"
     )]
     Scatter {
-        /// The relative error.
+        /// Relative root mean square difference, per cent.
         percent: f64,
     },
-    /// The polynomial is no illumination.
+    /// The fitted polynomial is not positive over the field of view.
     #[error(
         "found an illumination that is not positive over the field of view, expected readings nearer to the rim at {0:.0} degrees"
     )]
     NotPositive(f64),
 }
 
-/// Largest relative error of readings that are a calibration.
+/// Largest accepted relative error of the readings.
 const MOST_RMS: f64 = 0.10;
 
-/// Even powers beside the constant: theta^2, theta^4, theta^6.
+/// Number of even powers beside the constant: theta^2, theta^4, theta^6.
 const TERMS: usize = 3;
 
 /// Fits the relative illumination to readings.
 ///
 /// # Errors
-/// [`VignettingRefusal`].
+/// [`VignettingRefusal`] if the readings determine no illumination.
 pub fn fit_vignetting(lens: &Lens, readings: &[Reading]) -> Result<FittedVignetting, VignettingRefusal> {
     let used: Vec<Reading> =
         readings.iter().copied().filter(|r| r.light > 0.0 && r.theta.is_finite()).collect();
@@ -108,7 +108,7 @@ fn polynomial(coefficients: &[f64; 8], theta: f64) -> f64 {
     coefficients.iter().rev().fold(0.0, |sum, c| sum * theta + c)
 }
 
-/// Least squares of relative differences; readings that differ much lose weight.
+/// Fits by least squares of relative differences, with lower weights for outliers.
 fn robust(readings: &[Reading]) -> Option<[f64; 8]> {
     let terms = TERMS.min(readings.len() / 3) + 1;
     let mut weights: Vec<f64> = readings.iter().map(|r| 1.0 / r.light).collect();
@@ -128,11 +128,11 @@ fn robust(readings: &[Reading]) -> Option<[f64; 8]> {
     Some(coefficients)
 }
 
-/// A picture of relative codes as the readings take it.
+/// A picture with the response of its camera.
 pub struct Shown<'a> {
-    /// The picture; codes 0 to 255 are black to white.
+    /// Grey picture; codes 0 to 255 are black to white.
     pub grey: &'a Grey,
-    /// The response of its codes.
+    /// Response from codes to relative exposure.
     pub response: &'a Response,
 }
 
@@ -150,7 +150,7 @@ impl Shown<'_> {
 /// Width of the rings of a flat field, radians.
 const RING: f64 = 0.02;
 
-/// Readings of a flat field, an evenly lit surface that fills the view: the median of each ring of pixels around the axis.
+/// Returns readings of a flat field, an evenly lit surface that fills the view: the median of each ring of pixels around the axis.
 #[must_use]
 pub fn flat_field(lens: &Lens, shown: &Shown<'_>) -> Vec<Reading> {
     let mut rings: Vec<Vec<f64>> = vec![Vec::new(); 160];
@@ -170,7 +170,8 @@ pub fn flat_field(lens: &Lens, shown: &Shown<'_>) -> Vec<Reading> {
     rings.into_iter().enumerate().filter_map(reading).collect()
 }
 
-/// The reading of a picture in which a small lit screen is the brightest thing: the mean of its middle; none where it is clipped or absent.
+/// Returns the reading of a picture in which a small lit screen is the brightest object: the mean of its centre; `None` if it is clipped or
+/// absent.
 #[must_use]
 pub fn screen(lens: &Lens, shown: &Shown<'_>) -> Option<Reading> {
     let lit = |[x, y]: &[usize; 2]| lens.unproject(DVec2::new(*x as f64, *y as f64)).is_some();
@@ -184,7 +185,7 @@ pub fn screen(lens: &Lens, shown: &Shown<'_>) -> Option<Reading> {
     let sum = inside.iter().fold(DVec2::ZERO, |sum, [x, y]| sum + DVec2::new(*x as f64, *y as f64));
     let middle = sum / count;
     let direction = lens.unproject(middle).filter(|_| inside.len() >= 9)?;
-    // Half of the radius of a disc of this area, all around the middle: the edge's mixed pixels stay out, and a slope cancels.
+    // Half of the radius of a disc of this area around the centre: mixed pixels of the edge are left out, and a linear slope cancels.
     let near =
         |[x, y]: &&[usize; 2]| DVec2::new(*x as f64, *y as f64).distance_squared(middle) < 0.25 * count / PI;
     let values: Vec<f64> = inside.iter().filter(near).map(|[x, y]| shown.light(*x, *y)).collect();
@@ -197,7 +198,7 @@ mod tests {
     use super::*;
     use std::f64::consts::TAU;
 
-    /// The fourth power of the cosine of half the angle, with a soft edge: no polynomial of the fit's form.
+    /// Relative illumination of the test camera: the fourth power of the cosine of half the angle, which is not of the fit's form.
     fn truth(theta: f64) -> f64 {
         (0.5 * theta).cos().powi(4) * (1.0 - 0.1 * (theta / 1.6).powi(8))
     }
@@ -206,7 +207,7 @@ mod tests {
         Lens::equidistant([319.5, 319.5], 200.0, 92f64.to_radians()).expect("a lens")
     }
 
-    /// A picture whose codes are linear, with noise of a code.
+    /// Returns a picture whose codes are linear, with noise of one code.
     fn picture(light: impl Fn(DVec2) -> f64) -> Grey {
         let code = |i: usize| {
             let noise = ((i * 7919) % 97) as f64 / 48.5 - 1.0;
@@ -229,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn flat_field_gives_the_illumination_within_two_per_cent() {
+    fn flat_fields_determine_the_illumination_within_two_per_cent() {
         let lens = lens();
         let grey = picture(|at| angle(&lens, at).map_or(0.0, truth));
         let readings = flat_field(&lens, &Shown { grey: &grey, response: &Response::Linear });
@@ -239,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn screens_at_several_angles_give_the_illumination_within_two_per_cent() {
+    fn screens_at_several_angles_determine_the_illumination_within_two_per_cent() {
         let lens = lens();
         let screens = (0..19).map(|i| {
             let (theta, phi) = (f64::from(i) * 5f64.to_radians(), 0.3 + TAU * 0.381 * f64::from(i));
@@ -256,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn readings_that_say_too_little_are_refused() {
+    fn insufficient_readings_are_refused() {
         let reading = |degrees: f64, light: f64| Reading { theta: degrees.to_radians(), light };
         let few = [reading(0.0, 1.0), reading(50.0, 0.7)];
         assert_eq!(fit_vignetting(&lens(), &few), Err(VignettingRefusal::Few(2)));

@@ -1,7 +1,8 @@
-//! The kernel's V4L2 structures and numbers, as `linux/videodev2.h` has them for this target.
+//! The V4L2 structures and constants of the kernel header `linux/videodev2.h`, in the layout of the compilation target.
 //!
-//! Times are 64 bits wide on 32-bit targets too: kernels from 5.6 on take that layout whatever their configuration, while the old one
-//! needs `CONFIG_COMPAT_32BIT_TIME`. The sizes are asserted against what a C compiler gives for x86-64, AArch64 and ARMv7.
+//! Timestamps are 64 bits wide on 32-bit targets too: kernels from 5.6 on accept that layout in every configuration, while the 32-bit
+//! layout needs `CONFIG_COMPAT_32BIT_TIME`. Compile-time assertions compare the sizes with those that a C compiler gives for x86-64,
+//! AArch64 and ARMv7.
 
 pub use super::ids::*;
 use super::layout::POINTER;
@@ -10,19 +11,19 @@ pub use super::pads::*;
 plain! {
     /// `struct v4l2_capability`.
     Capability(104, 104) {
-        /// Name of the driver, ends with NUL.
+        /// Name of the driver, terminated by NUL.
         driver: [u8; 16],
-        /// Name of the device.
+        /// Name of the device, terminated by NUL.
         card: [u8; 32],
         /// Bus address of the device.
         bus_info: [u8; 32],
-        /// Kernel version.
+        /// Version of the kernel.
         version: u32,
-        /// Of the physical device.
+        /// Capabilities of the physical device, over all of its nodes.
         capabilities: u32,
-        /// Of this node; valid with [`CAP_DEVICE_CAPS`].
+        /// Capabilities of the opened node; valid with [`CAP_DEVICE_CAPS`].
         device_caps: u32,
-        /// Zero.
+        /// Reserved by the kernel; always 0.
         reserved: [u32; 3],
     }
 }
@@ -30,19 +31,19 @@ plain! {
 plain! {
     /// `struct v4l2_fmtdesc`.
     FormatDescription(64, 64) {
-        /// Asked for.
+        /// Input: index of the requested format, from 0.
         index: u32,
-        /// Asked for: [`CAPTURE`].
+        /// Input: [`CAPTURE`].
         kind: u32 = CAPTURE,
-        /// [`FORMAT_EMULATED`] and others.
+        /// [`FORMAT_EMULATED`] and other flags of the format.
         flags: u32,
-        /// For people.
+        /// Description of the format for people.
         description: [u8; 32],
-        /// The four characters.
+        /// FourCC of the format.
         fourcc: u32,
-        /// Media bus code.
+        /// Input: media bus code to which the list is limited; 0 for all formats.
         mbus_code: u32,
-        /// Zero.
+        /// Reserved by the kernel; always 0.
         reserved: [u32; 3],
     }
 }
@@ -50,15 +51,15 @@ plain! {
 plain! {
     /// `struct v4l2_frmsizeenum`.
     SizeDescription(44, 44) {
-        /// Asked for.
+        /// Input: index of the requested frame size, from 0.
         index: u32,
-        /// Asked for.
+        /// Input: FourCC of the format.
         fourcc: u32,
-        /// [`DISCRETE`] or not.
+        /// [`DISCRETE`] for one frame size; another value for a range.
         kind: u32,
-        /// Discrete: width, height. Else: least, largest, step of the width, then of the height.
+        /// Discrete: width and height. Range: least, largest and step of the width, then of the height, in pixels.
         size: [u32; 6],
-        /// Zero.
+        /// Reserved by the kernel; always 0.
         reserved: [u32; 2],
     }
 }
@@ -66,19 +67,20 @@ plain! {
 plain! {
     /// `struct v4l2_frmivalenum`.
     IntervalDescription(52, 52) {
-        /// Asked for.
+        /// Input: index of the requested frame interval, from 0.
         index: u32,
-        /// Asked for.
+        /// Input: FourCC of the format.
         fourcc: u32,
-        /// Asked for.
+        /// Input: width of the frame, pixels.
         width: u32,
-        /// Asked for.
+        /// Input: height of the frame, pixels.
         height: u32,
-        /// [`DISCRETE`] or not.
+        /// [`DISCRETE`] for one interval; another value for a range.
         kind: u32,
-        /// Discrete: one fraction in seconds. Else: least, largest, step.
+        /// Discrete: one fraction (numerator, denominator) in seconds. Range: fractions of the least interval, the largest interval and the
+        /// step.
         interval: [u32; 6],
-        /// Zero.
+        /// Reserved by the kernel; always 0.
         reserved: [u32; 2],
     }
 }
@@ -86,29 +88,29 @@ plain! {
 plain! {
     /// `struct v4l2_pix_format`.
     PixelFormat(48, 48) {
-        /// Columns.
+        /// Width of the picture, pixels.
         width: u32,
-        /// Rows.
+        /// Height of the picture, pixels.
         height: u32,
-        /// The four characters.
+        /// FourCC of the format.
         fourcc: u32,
-        /// [`FIELD_NONE`]: progressive.
+        /// Field order; [`FIELD_NONE`] is progressive.
         field: u32 = FIELD_NONE,
-        /// Bytes from one row to the next.
+        /// Bytes from the start of one row to the start of the next.
         bytes_per_line: u32,
-        /// Largest bytes of a frame.
+        /// Largest number of bytes of a frame.
         size_image: u32,
-        /// Colour space.
+        /// Colour space, `V4L2_COLORSPACE_...`.
         colorspace: u32,
-        /// Zero.
+        /// Reserved by the kernel; always 0.
         private: u32,
-        /// Zero.
+        /// Reserved by the kernel; always 0.
         flags: u32,
-        /// [`YCBCR_709`] and others; 0 is the colour space's own.
+        /// [`YCBCR_709`] or another matrix; 0 selects the default of the colour space.
         ycbcr: u32,
-        /// [`FULL_RANGE`] and others; 0 is the colour space's own.
+        /// [`FULL_RANGE`] or another range; 0 selects the default of the colour space.
         quantization: u32,
-        /// Transfer function.
+        /// Transfer function, `V4L2_XFER_FUNC_...`.
         transfer: u32,
     }
 }
@@ -116,13 +118,13 @@ plain! {
 plain! {
     /// `struct v4l2_format` of a single-planar capture.
     Format(208, 204) {
-        /// Asked for: [`CAPTURE`].
+        /// Input: [`CAPTURE`].
         kind: u32 = CAPTURE,
-        /// The kernel's union holds pointers: on 64 bits there is a gap before it.
+        /// Alignment of the kernel's union, which holds pointers: on 64-bit targets it leaves a gap of four bytes in front.
         align: [usize; 0],
-        /// The picture.
+        /// Format of the captured pictures.
         pixel: PixelFormat = PixelFormat::default(),
-        /// The rest of the union.
+        /// Bytes of the kernel's union that this program does not use.
         rest: [u32; 38],
     }
 }
@@ -130,15 +132,15 @@ plain! {
 plain! {
     /// `struct v4l2_streamparm` of a capture.
     Parameters(204, 204) {
-        /// Asked for: [`CAPTURE`].
+        /// Input: [`CAPTURE`].
         kind: u32 = CAPTURE,
-        /// [`TIME_PER_FRAME`] where the interval can be set.
+        /// Output: [`TIME_PER_FRAME`] if the frame interval can be set.
         capability: u32,
-        /// Zero.
+        /// Reserved by the kernel; always 0.
         mode: u32,
-        /// Seconds per frame, numerator and denominator.
+        /// Frame interval in seconds, numerator and denominator.
         interval: [u32; 2],
-        /// The rest of the union.
+        /// Bytes of the kernel's union that this program does not use.
         rest: [u32; 46],
     }
 }
@@ -146,31 +148,31 @@ plain! {
 plain! {
     /// `struct v4l2_query_ext_ctrl`.
     ControlDescription(232, 232) {
-        /// Asked for, perhaps with [`NEXT_CONTROL`].
+        /// Input: number of the control; with [`NEXT_CONTROL`], of the control before the requested one.
         id: u32,
-        /// [`TYPE_INTEGER`] and others; new kernels have types that are not named here.
+        /// [`TYPE_INTEGER`] or another type; kernels may return types that have no constant here.
         kind: u32,
-        /// For people.
+        /// Name of the control for people.
         name: [u8; 32],
-        /// Least value.
+        /// Least value of the control.
         minimum: i64,
-        /// Largest value.
+        /// Largest value of the control.
         maximum: i64,
-        /// From value to value.
+        /// Step between two values of the control.
         step: u64,
-        /// At power-on.
+        /// Value of the control at power-on.
         default: i64,
-        /// [`CONTROL_DISABLED`] and others.
+        /// [`CONTROL_DISABLED`] and other flags of the control.
         flags: u32,
-        /// Bytes of an element.
+        /// Bytes of one element of the control's value.
         element_size: u32,
-        /// Elements.
+        /// Number of elements of the control's value.
         elements: u32,
-        /// Dimensions.
+        /// Number of dimensions of the control's value.
         dimensions: u32,
-        /// Sizes of the dimensions.
+        /// Number of elements along each dimension.
         sizes: [u32; 4],
-        /// Zero.
+        /// Reserved by the kernel; always 0.
         reserved: [u32; 32],
     }
 }
@@ -178,13 +180,13 @@ plain! {
 plain! {
     /// `struct v4l2_querymenu`.
     MenuItem(44, 44) {
-        /// Asked for.
+        /// Input: number of the menu control.
         id: u32,
-        /// Asked for.
+        /// Input: index of the menu item.
         index: u32,
-        /// Name, or in its first eight bytes a number.
+        /// Name of the item; integer menus store an `i64` in its first eight bytes.
         name: [u8; 32],
-        /// Zero.
+        /// Reserved by the kernel; always 0.
         reserved: u32,
     }
 }
@@ -192,13 +194,13 @@ plain! {
 plain! {
     /// `struct v4l2_ext_control` with a number.
     Control(20, 20) {
-        /// Which.
+        /// Number of the control.
         id: u32,
-        /// 0: no pointer.
+        /// Bytes of the value behind a pointer; 0 for a number.
         size: u32,
-        /// Zero.
+        /// Reserved by the kernel; always 0.
         reserved: u32,
-        /// The number's bytes: 32 bits in the first, or 64 in both.
+        /// Value of the control in native byte order: an `i32` in the first word, or an `i64` in both.
         value: [u32; 2],
     }
 }
@@ -206,15 +208,15 @@ plain! {
 plain! {
     /// `struct v4l2_requestbuffers`.
     BufferRequest(20, 20) {
-        /// Asked for, then granted.
+        /// Input: requested number of buffers; output: allocated number.
         count: u32,
-        /// Asked for: [`CAPTURE`].
+        /// Input: [`CAPTURE`].
         kind: u32 = CAPTURE,
-        /// Asked for: [`MMAP`].
+        /// Input: [`MMAP`].
         memory: u32 = MMAP,
-        /// Of the queue.
+        /// Output: capabilities of the buffer queue.
         capabilities: u32,
-        /// Zero.
+        /// Reserved by the kernel; always 0.
         flags: u32,
     }
 }
@@ -222,31 +224,31 @@ plain! {
 plain! {
     /// `struct v4l2_buffer`, with times of 64 bits.
     Buffer(88, 80) {
-        /// Which.
+        /// Index of the buffer.
         index: u32,
-        /// Asked for: [`CAPTURE`].
+        /// Input: [`CAPTURE`].
         kind: u32 = CAPTURE,
-        /// Bytes that hold something.
+        /// Bytes of the buffer that hold frame data.
         bytes_used: u32,
-        /// [`BUFFER_ERROR`] and others.
+        /// [`BUFFER_ERROR`] and other flags of the buffer.
         flags: u32,
-        /// Zero for progressive pictures in, [`FIELD_NONE`] out.
+        /// Input: 0 for progressive pictures; output: [`FIELD_NONE`].
         field: u32,
-        /// Seconds and microseconds.
+        /// Timestamp of the frame, seconds and microseconds.
         timestamp: [i64; 2],
-        /// Unused.
+        /// Timecode, not used.
         timecode: [u32; 4],
-        /// Counts the frames of the sensor.
+        /// Sequence number of the sensor's frame.
         sequence: u32,
-        /// Asked for: [`MMAP`].
+        /// Input: [`MMAP`].
         memory: u32 = MMAP,
-        /// What to map, in the first word.
+        /// Offset for `mmap`, in the first word of the kernel's union.
         offset: [u32; POINTER / 4],
-        /// Bytes to map.
+        /// Length of the buffer for `mmap`, bytes.
         length: u32,
-        /// Zero.
+        /// Reserved by the kernel; always 0.
         reserved: u32,
-        /// Zero.
+        /// Reserved by the kernel; always 0.
         request: u32,
     }
 }
@@ -254,13 +256,13 @@ plain! {
 plain! {
     /// `struct v4l2_event_subscription`.
     Subscription(32, 32) {
-        /// [`EVENT_SOURCE_CHANGE`].
+        /// Type of the event; [`EVENT_SOURCE_CHANGE`] is the one in use.
         kind: u32,
-        /// Zero.
+        /// Reserved by the kernel; always 0.
         id: u32,
-        /// Zero.
+        /// Reserved by the kernel; always 0.
         flags: u32,
-        /// Zero.
+        /// Reserved by the kernel; always 0.
         reserved: [u32; 5],
     }
 }
@@ -268,19 +270,19 @@ plain! {
 plain! {
     /// `struct v4l2_event`, with times of 64 bits.
     Event(136, 136) {
-        /// [`EVENT_SOURCE_CHANGE`].
+        /// Type of the event, as in [`Subscription`].
         kind: u32,
-        /// The union, eight bytes aligned.
+        /// Payload of the event: the kernel's union, aligned to eight bytes.
         data: [u64; 8],
-        /// Still to come.
+        /// Number of events that wait in the queue after this one.
         pending: u32,
-        /// Counts events.
+        /// Sequence number of the event.
         sequence: u32,
-        /// Seconds and nanoseconds.
+        /// Timestamp of the event, seconds and nanoseconds.
         timestamp: [i64; 2],
-        /// Zero.
+        /// Reserved by the kernel; always 0.
         id: u32,
-        /// Zero.
+        /// Reserved by the kernel; always 0.
         reserved: [u32; 8],
     }
 }
@@ -288,15 +290,15 @@ plain! {
 plain! {
     /// `struct v4l2_selection`.
     Selection(64, 64) {
-        /// Asked for: [`CAPTURE`].
+        /// Input: [`CAPTURE`].
         kind: u32 = CAPTURE,
-        /// Asked for: [`SELECT_CROP`] and others.
+        /// Input: [`SELECT_CROP`] or another selection target.
         target: u32,
-        /// Zero.
+        /// Reserved by the kernel; always 0.
         flags: u32,
-        /// Left, top, width and height, pixels.
+        /// Left edge, top edge, width and height of the rectangle, pixels.
         area: [u32; 4],
-        /// Zero.
+        /// Reserved by the kernel; always 0.
         reserved: [u32; 9],
     }
 }
@@ -329,11 +331,11 @@ pub const FULL_RANGE: u32 = 1;
 pub const BUFFER_ERROR: u32 = 0x40;
 /// `V4L2_EVENT_SOURCE_CHANGE`.
 pub const EVENT_SOURCE_CHANGE: u32 = 5;
-/// `V4L2_CAP_IO_MC`: the node's formats are those of its media bus code.
+/// `V4L2_CAP_IO_MC`: the node lists its formats for one media bus code at a time.
 pub const CAP_MEDIA: u32 = 0x2000_0000;
-/// `V4L2_SEL_TGT_CROP`: the part of the sensor that a picture shows.
+/// `V4L2_SEL_TGT_CROP`: the rectangle of the sensor that a picture shows.
 pub const SELECT_CROP: u32 = 0;
-/// `V4L2_SEL_TGT_CROP_BOUNDS`: the largest part that can be shown.
+/// `V4L2_SEL_TGT_CROP_BOUNDS`: the largest rectangle that a picture can show.
 pub const SELECT_BOUNDS: u32 = 2;
-/// `V4L2_SEL_TGT_NATIVE_SIZE`: all pixels of the sensor.
+/// `V4L2_SEL_TGT_NATIVE_SIZE`: the rectangle of all pixels of the sensor.
 pub const SELECT_NATIVE: u32 = 3;

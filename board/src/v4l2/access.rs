@@ -1,13 +1,13 @@
-//! Opening nodes, what they can do, and the errors of requests.
+//! Opening of device nodes, queries of their capabilities, and errors of their requests.
 
 use super::{Call, CameraError, Kernel, Node, abi, persist};
 use rustix::io::Errno;
 use std::path::Path;
 
-/// Opens a node.
+/// Opens the device node at `path`.
 ///
 /// # Errors
-/// [`CameraError`].
+/// [`CameraError::Gone`] for a missing node, else [`CameraError::Failed`] with the kernel's error.
 pub(super) fn open(kernel: &mut dyn Kernel, path: &Path) -> Result<Box<dyn Node>, CameraError> {
     persist(|| kernel.open(path)).map_err(|e| match e {
         Errno::NOENT | Errno::NODEV | Errno::NXIO => CameraError::Gone(path.into()),
@@ -37,7 +37,7 @@ pub(super) fn capability(node: &mut dyn Node, path: &Path) -> Result<abi::Capabi
     Ok(caps)
 }
 
-/// Whether the node gives pictures of one plane in a stream.
+/// Returns whether a node captures single-planar pictures and supports streaming.
 pub(super) fn captures(caps: &abi::Capability) -> bool {
     let own = caps.capabilities & abi::CAP_DEVICE_CAPS != 0;
     let caps = if own { caps.device_caps } else { caps.capabilities };

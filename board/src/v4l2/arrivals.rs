@@ -1,43 +1,43 @@
-//! The grid on which frames arrive: how much time is left before the next one begins.
+//! Model of the times at which frames arrive: a grid of one frame per period, which predicts the arrival of the next frame.
 //!
-//! A frame that comes late, because the driver or the board was busy, is followed by one in time: the grid is that of the times at which frames
-//! were due. Drivers' timestamps refine it only while they advance with the arrivals on CLOCK_MONOTONIC; stamps of another clock, constant
-//! or jumping ones are replaced by the arrival.
+//! The grid is fitted to the times at which frames were due, so that one late frame (a busy driver or board) does not shift the prediction
+//! of the next one. Driver timestamps are used while they advance with the arrivals on CLOCK_MONOTONIC; timestamps of another clock,
+//! constant timestamps and timestamps that jump are replaced by the arrival time.
 
-/// Part of a period by which frames are allowed to drift against the grid from one to the next, so that it follows a clock that goes
-/// otherwise than ours. Less would call a slower camera late, more would forget a late frame too soon.
+/// Largest shift of the grid from one frame to the next, as a part of the period. It lets the grid follow a camera clock that differs from
+/// CLOCK_MONOTONIC: with a smaller value a slow camera counts as late, with a larger one a single late frame shifts the grid.
 const DRIFT: f64 = 0.02;
 
-/// Largest age of a timestamp on arrival, periods: the exposure, the transfer and a full queue.
+/// Largest age of a timestamp on arrival, in periods: exposure, transfer and a full queue.
 const OLDEST: f64 = 8.0;
 
-/// Frames after which the least age is that of the newest ones alone, so that a jump of the stamps is forgotten.
+/// Number of frames after which the least age is computed from newer frames alone, so that a jump of the timestamps has no lasting effect.
 const WINDOW: u32 = 16;
 
-/// Weight of the newest interval in the measured period: about the last sixteen count.
+/// Weight of the newest interval in the measured period: an average over about 16 frames.
 const SMOOTHING: f64 = 1.0 / 16.0;
 
-/// The grid on which a camera's frames arrive.
+/// Model of a camera's frame arrivals.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Arrivals {
     period_ns: f64,
-    /// Least time from a frame's timestamp to its arrival, in this window of frames and the one before.
+    /// Least time from a frame's timestamp to its arrival, over the present window of frames and the window before.
     age_ns: u64,
     window_age_ns: u64,
     window: u32,
-    /// The newest timestamp of the driver, and whether it is used.
+    /// Newest timestamp of the driver, and whether it is used.
     stamped_ns: u64,
     /// Time of the newest frame on CLOCK_MONOTONIC.
     time_ns: u64,
-    /// Number of the newest frame and when it came.
+    /// Sequence number of the newest frame, and its arrival time.
     newest: Option<u32>,
     arrived_ns: u64,
-    /// When it should have come.
+    /// Time at which the newest frame was due.
     due_ns: f64,
 }
 
 impl Arrivals {
-    /// Before the first frame; `period_s` is what the driver promises.
+    /// Creates the model before the first frame; `period_s` is the frame interval that the driver reports.
     pub fn new(period_s: f64, now_ns: u64) -> Self {
         Self {
             period_ns: period_s * 1e9,
@@ -52,7 +52,7 @@ impl Arrivals {
         }
     }
 
-    /// Notes frame `sequence`, fetched at `now_ns`, with the driver's timestamp; true if that timestamp is used.
+    /// Notes frame `sequence`, fetched at `now_ns`, with the driver's timestamp; returns true if that timestamp is used.
     pub fn note(&mut self, sequence: u32, stamped_ns: u64, now_ns: u64) -> bool {
         let good = self.is_good(stamped_ns, now_ns);
         self.stamped_ns = stamped_ns;
@@ -70,24 +70,24 @@ impl Arrivals {
         };
         let measured = arrived_ns.saturating_sub(self.arrived_ns) as f64 / steps;
         if measured > 0.5 * self.period_ns && measured < 2.0 * self.period_ns {
-            // One late frame hardly counts; a period that is another is learnt all the same.
+            // One late frame hardly changes the period; a lasting change is followed.
             let most = self.period_ns / 8.0;
             self.period_ns += SMOOTHING * (measured - self.period_ns).clamp(-most, most);
         }
         let due = self.due_ns + steps * self.period_ns * (1.0 + DRIFT);
         let arrived = arrived_ns as f64;
-        // After more than a period the camera itself has paused.
+        // A gap of more than one period is a pause of the camera itself.
         self.due_ns = if arrived > due + self.period_ns { arrived } else { arrived.min(due) };
         self.arrived_ns = arrived_ns;
     }
 
-    /// Whether a timestamp is of CLOCK_MONOTONIC: not constant, not of the future, and no older than a full queue.
+    /// Returns whether a timestamp can be of CLOCK_MONOTONIC: it advances, is not in the future, and is no older than a full queue.
     fn is_good(&self, stamped_ns: u64, now_ns: u64) -> bool {
         let age = now_ns.saturating_sub(stamped_ns) as f64;
         stamped_ns > self.stamped_ns && stamped_ns <= now_ns && age <= OLDEST * self.period_ns
     }
 
-    /// When a frame that may have waited in the queue arrived: its timestamp and the least age seen lately.
+    /// Returns the arrival time of a frame that may have waited in the queue: its timestamp plus the least recent age.
     fn arrival(&mut self, stamped_ns: u64, now_ns: u64) -> u64 {
         let age = now_ns.saturating_sub(stamped_ns);
         self.window += 1;
@@ -99,17 +99,17 @@ impl Arrivals {
         stamped_ns.saturating_add(self.age_ns).min(now_ns)
     }
 
-    /// CLOCK_MONOTONIC of the newest frame: the driver's timestamp, or its arrival.
+    /// CLOCK_MONOTONIC time of the newest frame: the driver's timestamp, or the arrival time.
     pub fn time_ns(&self) -> u64 {
         self.time_ns
     }
 
-    /// When the newest frame came.
+    /// Arrival time of the newest frame.
     pub fn arrived_ns(&self) -> u64 {
         self.arrived_ns
     }
 
-    /// Periods that have passed since the newest frame should have come.
+    /// Number of periods that have passed since the newest frame was due.
     pub fn lateness(&self, now_ns: u64) -> f64 {
         (now_ns as f64 - self.due_ns).max(0.0) / self.period_ns
     }
@@ -121,7 +121,7 @@ mod tests {
 
     const MS: u64 = 1_000_000;
 
-    /// On paper: every 40 ms, frame 2 comes 30 ms late, frame 3 in time.
+    /// Computed by hand: a period of 40 ms, frame 2 is 30 ms late, frame 3 is on time.
     #[test]
     fn a_late_frame_leaves_less_time_for_the_next() {
         let mut a = Arrivals::new(0.04, 0);
@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn a_slower_camera_is_not_called_late_for_ever() {
+    fn a_slower_period_is_adopted_and_no_longer_counts_as_late() {
         let mut a = Arrivals::new(0.033, 0);
         let late = (1..200u64).filter(|n| {
             a.note(*n as u32, n * 50 * MS, n * 50 * MS);
@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_that_waited_count_from_when_they_came() {
+    fn queued_frames_are_dated_by_their_arrival() {
         let mut a = Arrivals::new(0.04, 0);
         for n in 1..10u64 {
             a.note(n as u32, n * 40 * MS, n * 40 * MS + 5 * MS);
@@ -155,7 +155,8 @@ mod tests {
         assert!(a.lateness(435 * MS) > 0.7, "{}", a.lateness(435 * MS));
     }
 
-    /// Stamps of the wall clock, of a constant, of half the speed and jumping by seconds: each frame's time is within its queue of now.
+    /// Timestamps of the wall clock, constant ones, ones at half speed and ones that jump by seconds: each frame's time is within one queue
+    /// length of the present.
     #[test]
     fn timestamps_of_another_clock_are_replaced_by_arrivals() {
         let stamps: [fn(u64) -> u64; 5] = [

@@ -1,4 +1,4 @@
-//! A streaming camera, one frame at a time, each with its exposure.
+//! A streaming camera that returns one frame at a time with its exposure.
 
 use super::access::failed;
 use super::arrivals::Arrivals;
@@ -19,16 +19,17 @@ use std::time::Duration;
 /// Time, and number of frame periods, without a frame after both of which the camera is considered to have failed, as in libcamera.
 pub(super) const SILENCE: (Duration, f64) = (Duration::from_secs(1), 5.0);
 
-/// Delay that is assumed where none is known and none can be measured: that of most sensors.
+/// Control delay that is assumed when it is neither known nor measurable: that of most sensors.
 const USUAL_DELAY: u32 = 2;
 
-/// Most writes of the exposure in a row that the driver may refuse before the camera is opened again.
+/// Number of successive refused exposure writes after which the camera is opened again.
 const MOST_REFUSED: u32 = 30;
 
-/// Most frames in a row whose numbers do not rise before the camera is opened anew.
+/// Number of successive frames without a rising sequence number after which the camera is opened again.
 const MOST_REPEATS: u32 = 30;
 
-/// Part of a period after a frame should have come up to which a control is written: later, the next frame may begin before it is.
+/// Latest time for a control write, as a part of the period after the newest frame was due: after it, the next frame may begin before the
+/// write acts.
 pub(super) const IN_TIME: f64 = 0.6;
 
 /// A streaming camera. Dropping it stops the stream and closes everything.
@@ -36,16 +37,16 @@ pub struct Camera {
     pub(super) path: PathBuf,
     pub(super) setup: Setup,
     pub(super) schedule: Schedule,
-    /// Whether the schedule's delay is more than a guess.
+    /// Whether the schedule's delay was measured or is known, as opposed to assumed.
     pub(super) sure: bool,
     verifier: Option<Verifier>,
     pub(super) codes: Vec<f32>,
     pub(super) counters: Counters,
     last: Option<u32>,
-    /// Frames in a row whose numbers do not rise.
+    /// Number of successive frames whose sequence numbers do not rise.
     repeats: u32,
     pub(super) arrivals: Arrivals,
-    /// Writes in a row that the driver refused.
+    /// Number of successive writes that the driver refused.
     refused: u32,
 }
 
@@ -58,10 +59,10 @@ pub(super) struct Filled {
 }
 
 impl Camera {
-    /// Opens the camera, agrees with it, starts it and finds out its control delay.
+    /// Opens the camera, negotiates its format and exposures, starts the stream and measures the control delay.
     ///
     /// # Errors
-    /// [`CameraError`]; everything is closed again.
+    /// [`CameraError`]; all nodes are closed again.
     pub fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<Self, CameraError> {
         let setup = setup::open(kernel, options)?;
         let usual = if setup.picture.is_raw() { Response::Linear } else { Response::Srgb };
@@ -104,13 +105,13 @@ impl Camera {
         &self.setup.picture
     }
 
-    /// The exposures as the camera makes them, ascending (of a stand-in: as they were given).
+    /// Exposures as the camera makes them, ascending; with a stand-in control, in the requested order.
     #[must_use]
     pub fn settings(&self) -> &[Setting] {
         &self.setup.settings
     }
 
-    /// The exposures in seconds, ascending: measured where brightness ratios contradict the control, else as the control says.
+    /// Exposures in seconds, ascending: measured values where brightness ratios contradict the control, else the control's values.
     #[must_use]
     pub fn seconds(&self) -> Vec<f64> {
         let deviating = self.verifier.as_ref().map(Verifier::measured);
@@ -119,57 +120,57 @@ impl Camera {
         settings.map(|(slot, s)| measured(slot).unwrap_or(s.seconds)).collect()
     }
 
-    /// Exposures whose measured time differs from the control's by more than 10 %, as indices into [`Self::settings`].
+    /// Indices into [`Self::settings`] of the exposures whose measured time differs from the control's by more than 10 %.
     #[must_use]
     pub fn measured(&self) -> Vec<usize> {
         let deviates = |slot: &usize| self.verifier.as_ref().is_some_and(|v| v.measured().deviates(*slot));
         (0..self.setup.settings.len()).filter(deviates).collect()
     }
 
-    /// Times that measured exposures were taken over since the camera was opened.
+    /// Number of times that measured exposures replaced the control's values since the camera was opened.
     #[must_use]
     pub fn exposure_changes(&self) -> u64 {
         self.verifier.as_ref().map_or(0, |v| v.measured().changes())
     }
 
-    /// Relative code of darkness, where the sensor is known; 0 otherwise.
+    /// Relative code of black, for sensors in the table; otherwise 0.
     #[must_use]
     pub fn black(&self) -> f64 {
         self.setup.black
     }
 
-    /// The part of the sensor that pictures show, where the driver or the table of sensors tells it.
+    /// Part of the sensor that pictures show, if the driver or the table of sensors gives it.
     #[must_use]
     pub fn view(&self) -> Option<View> {
         self.setup.view
     }
 
-    /// The requested properties, each with the value that was asked for and the value that the camera took.
+    /// The requested properties, each with the requested and the granted value.
     #[must_use]
     pub fn agreed(&self) -> &[Agreed] {
         &self.setup.agreed
     }
 
-    /// Frames after the next one until a control acts, where it is known.
+    /// Control delay, if it is known: the number of frames between the next frame and the first one on which a written control acts.
     #[must_use]
     pub fn delay(&self) -> Option<u32> {
         self.sure.then(|| self.schedule.delay())
     }
 
-    /// Time between two frames.
+    /// Frame interval.
     #[must_use]
     pub fn period(&self) -> Duration {
         Duration::from_secs_f64(self.setup.period_s)
     }
 
-    /// Counters of the frames.
+    /// Counters of the frames since the camera was opened.
     #[must_use]
     pub fn counters(&self) -> Counters {
         self.counters
     }
 
-    /// Waits for the next whole frame for `timeout` at most, writes the exposure that is due and copies the frame; false when there
-    /// was none.
+    /// Waits at most `timeout` for the next complete frame, writes the exposure that is due and copies the frame; returns false if no frame
+    /// came.
     ///
     /// # Errors
     /// [`CameraError`]: the camera must then be closed and opened again.
@@ -186,7 +187,7 @@ impl Camera {
         self.finish(&filled, frame)
     }
 
-    /// Looks at a frame, copies it if it is whole, and gives its buffer back.
+    /// Checks a frame, copies it if it is complete, and returns its buffer to the driver.
     fn finish(&mut self, filled: &Filled, frame: &mut RawFrame) -> Result<bool, CameraError> {
         let buffer = &filled.buffer;
         let good = self.read(filled, &mut frame.bytes);
@@ -217,7 +218,7 @@ impl Camera {
         is_read
     }
 
-    /// The exposure of frame `sequence`, whose samples are in `codes`.
+    /// Returns the exposure of frame `sequence`, whose brightness samples are in `codes`.
     fn identify(&mut self, sequence: u32) -> (Option<usize>, Known) {
         let slot = self.schedule.exposure_of(sequence);
         if self.setup.knob.is_none() {
@@ -240,7 +241,7 @@ impl Camera {
         }
     }
 
-    /// Writes the exposure that is due after frame `sequence`, unless newer frames wait already or it is too late.
+    /// Writes the exposure that is due after frame `sequence`, unless newer frames are already queued or the time limit has passed.
     fn write_due(&mut self, kernel: &mut dyn Kernel, sequence: u32) -> Result<(), CameraError> {
         if self.setup.knob.is_none() || self.setup.settings.len() < 2 {
             return Ok(());
@@ -253,7 +254,7 @@ impl Camera {
         self.write(kernel, sequence, self.schedule.due(sequence))
     }
 
-    /// Periods that have passed since the newest frame should have come.
+    /// Number of periods that have passed since the newest frame was due.
     pub(super) fn lateness(&self, kernel: &dyn Kernel) -> f64 {
         self.arrivals.lateness(kernel.now_ns())
     }
@@ -277,7 +278,7 @@ impl Camera {
         Ok(())
     }
 
-    /// The driver refused a write: one or a few cost a frame each, more of them the camera.
+    /// Counts a write that the driver refused: each costs a frame, and [`MOST_REFUSED`] in a row are an error.
     fn refuse(&mut self, errno: Errno, sequence: u32) -> Result<(), CameraError> {
         self.refused += 1;
         self.counters.failed_writes += 1;
@@ -292,7 +293,7 @@ impl Camera {
         Ok(())
     }
 
-    /// Takes the next frame's buffer from the driver.
+    /// Dequeues the buffer of the next frame.
     pub(super) fn dequeue(
         &mut self,
         kernel: &mut dyn Kernel,
@@ -322,7 +323,7 @@ impl Camera {
         Ok(Some(Filled { buffer, good }))
     }
 
-    /// Busy drivers repeat a number now and then: the frame is dropped, since its exposure is unknown.
+    /// Drops a frame whose sequence number was repeated, as busy drivers do now and then: its exposure is unknown.
     fn repeat(&mut self, sequence: u32, last: u32) -> Result<bool, CameraError> {
         self.repeats += 1;
         if self.repeats <= MOST_REPEATS {
@@ -332,7 +333,7 @@ impl Camera {
         Err(CameraError::Unfit { path: self.path.clone(), found, expected: "rising numbers".into() })
     }
 
-    /// Notes a frame's number and arrival; false if the number does not rise.
+    /// Notes a frame's sequence number and arrival; returns false if the number does not rise.
     fn count(&mut self, kernel: &dyn Kernel, buffer: &abi::Buffer) -> Result<bool, CameraError> {
         if let Some(last) = self.last {
             if !is_after(buffer.sequence, last) {
@@ -347,7 +348,7 @@ impl Camera {
         Ok(true)
     }
 
-    /// No frame came: an error after five periods and a second.
+    /// Returns an error if no frame came for [`SILENCE`].
     fn silence(&self, kernel: &dyn Kernel) -> Result<(), CameraError> {
         let silent_ns = kernel.now_ns().saturating_sub(self.arrivals.arrived_ns());
         let allowed = SILENCE.0.max(Duration::from_secs_f64(SILENCE.1 * self.setup.period_s));

@@ -1,9 +1,9 @@
-//! Controls of a camera: finding, reading and setting them one at a time, whatever their class.
+//! Enumeration, reading and writing of a camera's controls, of any class, one control per request.
 
 use super::{Call, Node, abi, persist, text};
 use rustix::io::Errno;
 
-/// Most controls that are read from a driver; vivid has about a hundred.
+/// Largest number of controls that are read from a driver; vivid has about a hundred.
 const MAX_CONTROLS: usize = 1024;
 
 /// A control as the driver describes it.
@@ -11,17 +11,17 @@ const MAX_CONTROLS: usize = 1024;
 pub struct Info {
     /// Number of the control.
     pub id: u32,
-    /// `V4L2_CTRL_TYPE_...`, also such as are not known here.
+    /// `V4L2_CTRL_TYPE_...`, including types that have no constant here.
     pub kind: u32,
-    /// Name of the control, which differs between kernels.
+    /// Name of the control; it differs between kernels.
     pub name: String,
-    /// Least value.
+    /// Least value of the control.
     pub minimum: i64,
-    /// Largest value.
+    /// Largest value of the control.
     pub maximum: i64,
-    /// From value to value, at least 1.
+    /// Step between two values, at least 1.
     pub step: i64,
-    /// At power-on.
+    /// Value at power-on.
     pub default: i64,
     /// `V4L2_CTRL_FLAG_...`.
     pub flags: u32,
@@ -43,7 +43,7 @@ impl Info {
         }
     }
 
-    /// Whether it is a number that can be set, now or once an automatic is off.
+    /// Returns whether the control is a number that can be set, at once or after an automatic mode is switched off.
     #[must_use]
     pub fn is_settable(&self) -> bool {
         let number = [
@@ -56,7 +56,7 @@ impl Info {
         number.contains(&self.kind) && self.flags & (abi::CONTROL_DISABLED | abi::CONTROL_READ_ONLY) == 0
     }
 
-    /// The nearest value that the control can take.
+    /// Returns the value of the control that is nearest to `value`.
     #[must_use]
     pub fn nearest(&self, value: i64) -> i64 {
         let [value, least, most, step] =
@@ -66,20 +66,20 @@ impl Info {
     }
 }
 
-/// The control `id`, if the node has it.
+/// Returns the description of control `id`, if the node has it.
 pub fn find(node: &mut dyn Node, id: u32) -> Option<Info> {
     let mut d = abi::ControlDescription { id, ..Default::default() };
     persist(|| node.call(Call::QueryControl(&mut d))).ok()?;
     (d.flags & abi::CONTROL_DISABLED == 0).then(|| Info::of(&d))
 }
 
-/// All controls of a node.
+/// Returns the descriptions of all controls of a node.
 pub fn all(node: &mut dyn Node) -> Vec<Info> {
     let mut found: Vec<Info> = Vec::new();
     let mut last = 0;
     while found.len() < MAX_CONTROLS {
         let mut d = abi::ControlDescription { id: last | abi::NEXT_CONTROL, ..Default::default() };
-        // Numbers that do not rise would make an endless loop.
+        // A driver whose control numbers do not rise would cause an endless loop.
         if persist(|| node.call(Call::QueryControl(&mut d))).is_err() || d.id <= last {
             break;
         }
@@ -91,14 +91,14 @@ pub fn all(node: &mut dyn Node) -> Vec<Info> {
     found
 }
 
-/// Whether a menu has item `index`: menus may have holes.
+/// Returns whether a menu has item `index`; the indices of a menu need not be contiguous.
 pub fn has_item(node: &mut dyn Node, id: u32, index: i64) -> bool {
     let Ok(index) = u32::try_from(index) else { return false };
     let mut item = abi::MenuItem { id, index, ..Default::default() };
     persist(|| node.call(Call::QueryMenu(&mut item))).is_ok()
 }
 
-/// The value of a control.
+/// Reads the value of a control.
 ///
 /// # Errors
 /// The error of the kernel.
@@ -115,7 +115,7 @@ pub fn value(node: &mut dyn Node, info: &Info) -> Result<i64, Errno> {
     Ok(i64::from(low.cast_signed()))
 }
 
-/// Sets a control.
+/// Sets the value of a control.
 ///
 /// # Errors
 /// The error of the kernel; EACCES while an automatic mode holds the control.
@@ -132,7 +132,7 @@ pub fn set(node: &mut dyn Node, info: &Info, value: i64) -> Result<(), Errno> {
     persist(|| node.call(Call::SetControl(&mut control)))
 }
 
-/// Sets the control `id` where the node has it and reads it back: what it is then, or `None`.
+/// Sets control `id`, if the node has it, and returns the value that is read back.
 pub fn settle(node: &mut dyn Node, id: u32, wanted: i64) -> Option<i64> {
     let info = find(node, id).filter(Info::is_settable)?;
     let _ = set(node, &info, info.nearest(wanted));
@@ -144,7 +144,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_are_moved_to_what_the_control_takes() {
+    fn values_are_rounded_to_a_step_within_the_range() {
         let info = |minimum, maximum, step| Info {
             id: 1,
             kind: abi::TYPE_INTEGER,

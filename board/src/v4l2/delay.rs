@@ -1,4 +1,4 @@
-//! Finding out a camera's control delay: a step of the exposure, and how many frames later the picture follows.
+//! Measurement of a camera's control delay: the exposure is stepped, and frames are counted until the brightness changes.
 
 use super::capture::{Camera, IN_TIME, SILENCE};
 use super::schedule::MAX_DELAY;
@@ -8,28 +8,28 @@ use super::{CameraError, Kernel, luma};
 /// mean.
 const LEAST_STEP: f32 = 0.02;
 
-/// Most steps that are tried, and how many must show the same delay. Steps that a lost or late frame spoilt are made again: a board that
-/// is busy while it starts spoils many.
+/// Largest number of steps, and the number of them that must show the same delay. A step during which a frame was lost or late is repeated:
+/// a board that is busy while it starts has many of those.
 const TRIALS: u32 = 12;
 const SPOILT: u32 = 48;
 const AGREEING: u32 = 3;
 
-/// Most frames in a row that may be broken.
+/// Largest number of successive broken frames.
 const MOST_BROKEN: u32 = 100;
 
-/// The result of a step.
+/// The result of one step of the exposure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
     /// The brightness changed this number of frames after the next frame.
     After(u32),
-    /// Nothing happened, or too late.
+    /// The brightness did not change in time.
     Nothing,
-    /// A frame was lost or late just then.
+    /// A frame was lost or late during the step.
     Spoilt,
 }
 
 impl Camera {
-    /// Finds out the control delay: writes the other end of the exposures and counts frames until the brightness follows.
+    /// Measures the control delay: writes the shortest and the longest exposure in turn and counts frames until the brightness changes.
     pub(super) fn find_delay(&mut self, kernel: &mut dyn Kernel) -> Result<(), CameraError> {
         let ends = [0, self.setup.settings.len() - 1];
         let mut levels = [0.0; 2];
@@ -66,7 +66,7 @@ impl Camera {
         Ok(())
     }
 
-    /// Writes an exposure and waits until it certainly acts: the mean brightness then.
+    /// Writes an exposure, waits for more frames than any delay, and returns the mean brightness after them.
     fn settled(&mut self, kernel: &mut dyn Kernel, slot: usize) -> Result<f32, CameraError> {
         let mut level = self.level(kernel)?;
         self.write(kernel, level.0, slot)?;
@@ -76,7 +76,7 @@ impl Camera {
         Ok(level.1)
     }
 
-    /// Writes an exposure and counts frames until `reached`.
+    /// Writes an exposure and counts frames until their brightness satisfies `reached`.
     fn trial(
         &mut self,
         kernel: &mut dyn Kernel,
@@ -104,7 +104,7 @@ impl Camera {
         Ok(found)
     }
 
-    /// Waits for a frame: its number and its mean brightness.
+    /// Waits for a frame and returns its sequence number and its mean brightness.
     fn level(&mut self, kernel: &mut dyn Kernel) -> Result<(u32, f32), CameraError> {
         let mut bytes = Vec::new();
         for _ in 0..MOST_BROKEN {

@@ -9,12 +9,12 @@ use super::{Call, CameraError, Kernel, Node, abi, formats, persist, text};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// Most entries of each list that are read from a driver.
+/// Largest number of entries of each list that are read from a driver.
 const MAX_FORMATS: u32 = 64;
 const MAX_SIZES: u32 = 64;
 const MAX_RATES: u32 = 64;
 
-/// A camera.
+/// Properties of a camera, as `hemilux devices` lists them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Description {
     /// Device node of the camera.
@@ -23,65 +23,65 @@ pub struct Description {
     pub name: String,
     /// Bus address of the device.
     pub bus: String,
-    /// Name of its driver.
+    /// Name of the camera's driver.
     pub driver: String,
-    /// Pixel formats.
+    /// Pixel formats of the camera.
     pub formats: Vec<FormatInfo>,
-    /// Exposure times that can be set, shortest and longest; null where they cannot.
+    /// Shortest and longest exposure time, seconds; null if the exposure cannot be set.
     pub exposure_s: Option<(f64, f64)>,
-    /// Least and largest value of its gain, in the driver's own unit; null where it has none.
+    /// Least and largest value of the gain, in the driver's unit; null for a camera without one.
     pub gain: Option<(i64, i64)>,
-    /// The sub-device that has the exposure, where the node itself has not.
+    /// The sub-device with the exposure control, if the node itself has none.
     pub sensor: Option<PathBuf>,
-    /// The sensor's name, by which `v4l2:NAME` finds it whatever its nodes' numbers are.
+    /// The sensor's name, which `v4l2:NAME` accepts; unlike node numbers, it does not change from boot to boot.
     pub sensor_name: Option<String>,
-    /// The media device whose graph leads from the sensor to the node.
+    /// The media device whose graph connects the sensor with the node.
     pub media: Option<PathBuf>,
-    /// The sensor's modes.
+    /// Modes of the sensor.
     pub modes: Vec<ModeInfo>,
 }
 
 /// A mode of a sensor.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ModeInfo {
-    /// Columns.
+    /// Width of the mode's pictures, pixels.
     pub width: u32,
-    /// Rows.
+    /// Height of the mode's pictures, pixels.
     pub height: u32,
-    /// The part of the sensor that it shows; null where neither the driver nor the table tells.
+    /// Part of the sensor that the mode shows; null if neither the driver nor the table of sensors gives it.
     pub view: Option<View>,
-    /// The share of the sensor that it sees, 0 to 1.
+    /// Share of the sensor's area that the mode shows, 0 to 1.
     pub share: Option<f64>,
 }
 
 /// A pixel format.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FormatInfo {
-    /// The four characters.
+    /// FourCC of the format.
     pub fourcc: String,
-    /// For people.
+    /// Description of the format for people.
     pub description: String,
-    /// Whether frames of it can be read.
+    /// Whether this program can read frames of the format.
     pub readable: bool,
-    /// Sizes of the format.
+    /// Frame sizes of the format.
     pub sizes: Vec<SizeInfo>,
 }
 
-/// A size of pictures.
+/// A frame size of a pixel format.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SizeInfo {
-    /// Columns.
+    /// Width of the frame, pixels.
     pub width: u32,
-    /// Rows.
+    /// Height of the frame, pixels.
     pub height: u32,
-    /// Frame rates, Hz.
+    /// Frame rates at this size, Hz.
     pub rates: Vec<f64>,
 }
 
-/// All cameras. Nodes that cannot be opened are left out, but the first reason is given where nothing can.
+/// Lists all cameras. Nodes that cannot be opened are left out; if none can be opened, the first error is returned.
 ///
 /// # Errors
-/// [`CameraError`] where there are nodes and none can be opened.
+/// [`CameraError`] if there are nodes and none can be opened.
 pub fn list(kernel: &mut dyn Kernel) -> Result<Vec<Description>, CameraError> {
     let (mut found, mut refused, mut opened) = (Vec::new(), None, false);
     let sensors = media::all(kernel);
@@ -104,10 +104,10 @@ pub fn list(kernel: &mut dyn Kernel) -> Result<Vec<Description>, CameraError> {
     refused.filter(|_| !opened).map_or(Ok(found), Err)
 }
 
-/// The camera at `path`; `None` where that node captures nothing.
+/// Describes the camera at `path`; `None` if the node does not capture.
 ///
 /// # Errors
-/// [`CameraError`] where it cannot be opened.
+/// [`CameraError`] if the node cannot be opened.
 pub fn describe(kernel: &mut dyn Kernel, path: &Path) -> Result<Option<Description>, CameraError> {
     let mut node = open(kernel, path)?;
     let caps = capability(node.as_mut(), path)?;
@@ -129,7 +129,7 @@ pub fn describe(kernel: &mut dyn Kernel, path: &Path) -> Result<Option<Descripti
     Ok(Some(Description { exposure_s: range.0, gain: range.1, sensor, ..common }))
 }
 
-/// The camera whose sensor sends to the node at `path` through a media graph.
+/// Describes the camera whose sensor is connected with the node at `path` by a media graph.
 fn describe_sensor(
     kernel: &mut dyn Kernel,
     path: &Path,
@@ -174,7 +174,7 @@ impl Description {
     }
 }
 
-/// The sizes of a sensor's best media bus code, each with what it sees of the sensor.
+/// Returns the sizes of a sensor's preferred media bus code, each with the part of the sensor that it shows.
 fn modes(sensor: &mut dyn Node, known: Option<&Sensor>) -> Vec<ModeInfo> {
     let codes = bus::offered(sensor, 0);
     let Some(code) = bus::ranked(&codes).first().copied() else { return Vec::new() };
@@ -191,7 +191,7 @@ fn modes(sensor: &mut dyn Node, known: Option<&Sensor>) -> Vec<ModeInfo> {
     let mut present = abi::PadFormat::default();
     let is_told = persist(|| sensor.call(Call::GetPadFormat(&mut present))).is_ok();
     let mut described = |size: (u32, u32)| {
-        // A driver tells what its present mode shows.
+        // A driver gives the rectangle of the present mode only.
         let is_present = is_told && (present.width, present.height) == size;
         let view = if is_present {
             view::present(sensor, known, size)
@@ -219,10 +219,10 @@ pub(super) struct OpenSensor {
     pub name: String,
 }
 
-/// The sub-device with an exposure control, with its path and name: the `wished` one, or the only one there is.
+/// Opens the sub-device with an exposure control: the `wished` one, or the only one.
 ///
 /// # Errors
-/// [`CameraError`] where the wished one cannot be opened.
+/// [`CameraError`] if the wished sub-device cannot be opened.
 pub(super) fn find_sensor(
     kernel: &mut dyn Kernel,
     wished: Option<&Path>,
@@ -244,7 +244,7 @@ pub(super) fn find_sensor(
     Ok(if found.len() == 1 { found.pop() } else { None })
 }
 
-/// All pixel formats, or those of media bus code `code`.
+/// Returns all pixel formats of a node; with a non-zero media bus code `code`, those of that code.
 pub(super) fn formats(node: &mut dyn Node, code: u32) -> Vec<FormatInfo> {
     let mut found = Vec::new();
     for index in 0..MAX_FORMATS {
@@ -261,7 +261,7 @@ pub(super) fn formats(node: &mut dyn Node, code: u32) -> Vec<FormatInfo> {
     found
 }
 
-/// Sizes within a range that are tried, beside its ends.
+/// Sizes that are tried within a range of sizes, beside its ends.
 const USUAL: [(u32, u32); 4] = [(320, 240), (640, 480), (1280, 720), (1920, 1080)];
 
 fn sizes(node: &mut dyn Node, fourcc: u32) -> Vec<SizeInfo> {
@@ -307,7 +307,7 @@ fn rates(node: &mut dyn Node, fourcc: u32, width: u32, height: u32) -> Vec<f64> 
     found
 }
 
-/// The size nearest to `wished` in pixels.
+/// Returns the size whose number of pixels is nearest to that of `wished`.
 #[must_use]
 pub fn nearest_size(format: &FormatInfo, wished: (u32, u32)) -> Option<(u32, u32)> {
     let area = |w: u32, h: u32| u64::from(w) * u64::from(h);

@@ -1,44 +1,44 @@
 //! The controls that set a camera's exposure, and the control values for the requested exposure times.
 //!
-//! UVC cameras take units of 100 us within the frame interval. Sensors take lines, within a frame whose length follows VBLANK. The gain stays
-//! where it is throughout a burst: on many sensors it acts a frame earlier than the time.
+//! UVC cameras use units of 100 us within the frame interval. Sensors use lines within a frame whose length follows VBLANK. The gain is
+//! constant throughout a burst: on many sensors a gain acts one frame earlier than an exposure time.
 
 use super::controls::{self, Info};
 use super::{Node, abi};
 
-/// A wished-for exposure as the camera makes it.
+/// A requested exposure and the value of the control that the camera took for it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Setting {
-    /// The control's value.
+    /// Value of the exposure control.
     pub value: i64,
-    /// Seconds that were asked for.
+    /// Requested exposure time, seconds.
     pub asked_s: f64,
-    /// Seconds that the value stands for.
+    /// Exposure time of the value, seconds.
     pub seconds: f64,
 }
 
-/// The control that makes the exposure.
+/// The control that sets the exposure.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Knob {
-    /// The control.
+    /// Description of the control.
     pub info: Info,
-    /// Unit of the control.
+    /// Unit of the control's values.
     pub unit: Unit,
 }
 
 /// Unit of the values of the exposure control.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Unit {
-    /// 100 us.
+    /// Units of 100 us.
     Uvc,
-    /// Lines of so many seconds.
+    /// Lines of a sensor; the field is the time of a line in seconds.
     Lines(f64),
-    /// Not an exposure at all: a control that stands in for one on a test bench.
+    /// No time: another control that replaces the exposure on a test bench.
     StandIn,
 }
 
 impl Knob {
-    /// The control of `node` that makes its exposure; `width` is the sensor's.
+    /// Finds the exposure control of `node`; `width` is the width of the sensor's frames in pixels.
     pub fn find(node: &mut dyn Node, width: u32) -> Option<Self> {
         if let Some(info) = controls::find(node, abi::EXPOSURE_ABSOLUTE).filter(Info::is_settable) {
             return Some(Self { info, unit: Unit::Uvc });
@@ -47,7 +47,7 @@ impl Knob {
         Some(Self { info, unit: Unit::Lines(line_s(node, width)?) })
     }
 
-    /// Shortest and longest exposure that its range gives, seconds.
+    /// Returns the shortest and the longest exposure of the control's range, seconds.
     #[must_use]
     pub fn range_s(&self) -> Option<(f64, f64)> {
         let second = self.unit.second()?;
@@ -56,7 +56,7 @@ impl Knob {
 }
 
 impl Unit {
-    /// Seconds of a step.
+    /// Returns the seconds of one unit.
     const fn second(self) -> Option<f64> {
         match self {
             Self::Uvc => Some(1e-4),
@@ -66,7 +66,7 @@ impl Unit {
     }
 }
 
-/// Seconds of a line, from the pixel rate and the line's length.
+/// Returns the seconds of a line, from the pixel rate and the length of the line.
 fn line_s(node: &mut dyn Node, width: u32) -> Option<f64> {
     let rate = controls::find(node, abi::PIXEL_RATE).and_then(|i| controls::value(node, &i).ok())?;
     let blank = controls::find(node, abi::HBLANK).and_then(|i| controls::value(node, &i).ok())?;
@@ -74,22 +74,22 @@ fn line_s(node: &mut dyn Node, width: u32) -> Option<f64> {
     (rate > 0 && pixels > 0).then(|| pixels as f64 / rate as f64)
 }
 
-/// Known properties of a sensor, by its name.
+/// Properties of a sensor model, found by its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sensor {
-    /// Prefix of the name of the sub-device.
+    /// Prefix of the sub-device's name.
     pub name: &'static str,
-    /// Lines of a frame that cannot be exposure.
+    /// Number of lines of a frame that cannot be exposed.
     pub reserve_lines: i64,
-    /// Frames until an exposure acts, after the next one.
+    /// Control delay of the exposure, frames after the next one.
     pub delay: u32,
-    /// Code of darkness, and the number of bits of that code.
+    /// Code of black, and the number of bits of that code.
     pub black: (u32, u32),
-    /// Columns and rows of the mode that sees all of the sensor; smaller modes crop.
+    /// Columns and rows of the mode that shows the whole sensor; smaller modes are crops.
     pub full_view: (u32, u32),
 }
 
-/// From the tables of libcamera (its sensor helpers and tuning files).
+/// Values from libcamera's sensor helpers and tuning files.
 const SENSORS: [Sensor; 8] = [
     Sensor { name: "imx219", reserve_lines: 4, delay: 2, black: (64, 10), full_view: (1640, 1232) },
     Sensor { name: "imx477", reserve_lines: 22, delay: 2, black: (256, 12), full_view: (2028, 1520) },
@@ -101,22 +101,22 @@ const SENSORS: [Sensor; 8] = [
     Sensor { name: "ov9281", reserve_lines: 25, delay: 2, black: (64, 10), full_view: (1280, 800) },
 ];
 
-/// Lines kept free on a sensor that is not in the table: more than any of those needs.
+/// Reserved lines of a sensor that is not in the table: more than any sensor of the table needs.
 const RESERVE_LINES: i64 = 64;
 
-/// The sensor whose sub-device is called `name`.
+/// Finds the sensor model whose prefix the sub-device's `name` has.
 #[must_use]
 pub fn sensor(name: &str) -> Option<&'static Sensor> {
     SENSORS.iter().find(|s| name.starts_with(s.name))
 }
 
-/// All sensors of the table.
+/// All sensor models of the table.
 #[cfg(test)]
 pub fn sensors() -> impl Iterator<Item = &'static Sensor> {
     SENSORS.iter()
 }
 
-/// Automatic processing that changes brightness, colour or sharpness of a frame; 0 is off for each.
+/// Controls of automatic processing that changes brightness, colour or sharpness of a frame; 0 switches each of them off.
 const AUTOMATICS: [u32; 11] = [
     abi::AUTOGAIN,
     abi::AUTO_WHITE_BALANCE,
@@ -131,14 +131,14 @@ const AUTOMATICS: [u32; 11] = [
     abi::AUTO_ISO,
 ];
 
-/// A control that is held at a value while the camera streams.
+/// A control that keeps one value while the camera streams.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Held {
-    /// The control.
+    /// Description of the control.
     pub info: Info,
-    /// Value of the control.
+    /// Value that was set.
     pub wanted: i64,
-    /// The value that was read back after it was set.
+    /// Value that was read back after the write.
     pub found: Option<i64>,
 }
 
@@ -152,23 +152,23 @@ impl Held {
         Some(Self { info, wanted, found })
     }
 
-    /// Whether the control has its value.
+    /// Returns whether the value that was read back is the one that was set.
     #[must_use]
     pub fn holds(&self) -> bool {
         self.found == Some(self.wanted)
     }
 }
 
-/// The controls of a camera whose automatic processing is off.
+/// The result of switching a camera to manual exposure.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Manual {
     /// Whether the exposure can be set.
     pub settable: bool,
-    /// The controls that were set.
+    /// Controls that were set.
     pub held: Vec<Held>,
 }
 
-/// Switches automatic processing off, where a node has it.
+/// Switches the automatic processing of a node off.
 pub fn go_manual(node: &mut dyn Node) -> Manual {
     let mut held: Vec<Held> = AUTOMATICS.into_iter().filter_map(|id| Held::set(node, id, 0)).collect();
     if controls::find(node, abi::EXPOSURE_AUTO).is_none() {
@@ -179,14 +179,14 @@ pub fn go_manual(node: &mut dyn Node) -> Manual {
     let modes: Vec<i64> = modes.collect();
     let mode = modes.into_iter().find_map(|m| Held::set(node, abi::EXPOSURE_AUTO, m).filter(Held::holds));
     let settable = mode.is_some();
-    // First, since it releases the others.
+    // This control comes first, since it unlocks the others.
     held.splice(0..0, mode);
     Manual { settable, held }
 }
 
-/// Makes a sensor's frame long enough for an exposure of `longest_s` and gives the time of a frame in seconds.
+/// Lengthens a sensor's frame for an exposure of `longest_s` and returns the frame interval in seconds.
 ///
-/// VBLANK goes first and alone: the range of the exposure follows it.
+/// VBLANK is set alone and before the exposure, since the range of the exposure depends on it.
 pub fn stretch_frame(
     node: &mut dyn Node,
     knob: &Knob,
@@ -202,19 +202,20 @@ pub fn stretch_frame(
     Some((i64::from(height) + blank) as f64 * line)
 }
 
-/// Most values that are tried for an exposure that the camera refuses or changes.
+/// Largest number of values that are tried for an exposure that the camera refuses or changes.
 const MOST_TRIES: usize = 512;
 
 /// Largest ratio between the requested value of the exposure control and a value that is tried in its place, in either direction.
 const TRIED_FACTOR: f64 = 4.0;
 
-/// Difference from the requested exposure, as a natural logarithm, above which other values are tried: the control's own steps are finer.
+/// Difference from the requested exposure, as a natural logarithm, above which other values are tried; the steps of the control itself are
+/// finer.
 const TRIED_FROM: f64 = 0.05;
 
-/// Sets the exposure to the nearest value that the camera takes and gives what is read back; `None` if it takes none.
+/// Sets the exposure to the nearest value that the camera takes and returns the value that is read back; `None` if every value is refused.
 ///
-/// Some cameras refuse or ignore all values but those of a coarse list that they do not tell. Values beside `wanted` are tried by rising
-/// distance until none can be nearer than the nearest one read back.
+/// Some cameras accept only the values of a coarse list that no request returns, and refuse or ignore all others. Values around `wanted`
+/// are tried by rising distance until none can be nearer than the nearest value read back.
 fn take_nearest(node: &mut dyn Node, info: &Info, wanted: i64, most: i64) -> Option<i64> {
     let distance = |value: i64| (value.max(1) as f64 / wanted.max(1) as f64).ln().abs();
     let mut best: Option<i64> = None;
@@ -236,7 +237,7 @@ fn take_nearest(node: &mut dyn Node, info: &Info, wanted: i64, most: i64) -> Opt
     controls::value(node, info).ok()
 }
 
-/// The values of a control beside `wanted`, by rising ratio to it.
+/// Returns the values of a control around `wanted`, by rising ratio to it.
 fn beside(wanted: i64, info: &Info, most: i64) -> impl Iterator<Item = i64> {
     let step = info.step.max(1);
     let (least, most) = (info.minimum.max(1), info.maximum.min(most));
@@ -264,9 +265,9 @@ fn beside(wanted: i64, info: &Info, most: i64) -> impl Iterator<Item = i64> {
 /// Sets each requested exposure, reads it back and returns the settings that the camera took, ascending and without repetition.
 pub fn agree(node: &mut dyn Node, knob: &Knob, wished_s: &[f64], period_s: f64) -> Vec<Setting> {
     let Some(second) = knob.unit.second() else { return Vec::new() };
-    // The range as it is now: a sensor's follows VBLANK.
+    // The present range: a sensor's range follows VBLANK.
     let info = controls::find(node, knob.info.id).unwrap_or_else(|| knob.info.clone());
-    // A UVC exposure longer than the frame interval lengthens it or is cut.
+    // A UVC exposure that is longer than the frame interval lengthens the interval or is cut.
     let most = if knob.unit == Unit::Uvc { (period_s / second) as i64 } else { i64::MAX };
     let mut agreed: Vec<Setting> = Vec::new();
     for asked_s in wished_s {

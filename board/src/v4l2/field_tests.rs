@@ -1,4 +1,4 @@
-//! Cameras as they are in the field.
+//! Tests against simulated faults that were reported of real cameras.
 use super::capture::Camera;
 use super::fake::{FakeKernel, Script};
 use super::frame::RawFrame;
@@ -7,7 +7,7 @@ use super::setup::Options;
 use super::supervise::{Outcome, Supervisor};
 use hemilux_core::Response;
 
-/// Exposures of a well-known webcam, units of 100 us.
+/// Exposures that a common webcam accepts, units of 100 us.
 const COARSE: [i64; 8] = [5, 10, 20, 39, 78, 156, 312, 625];
 
 fn open(script: Script, exposures_s: [f64; 3]) -> (FakeKernel, Supervisor) {
@@ -22,7 +22,7 @@ fn open(script: Script, exposures_s: [f64; 3]) -> (FakeKernel, Supervisor) {
     (kernel, supervisor)
 }
 
-/// One write in a hundred fails, as USB cameras' do. 60 s are 1500 frames; the camera need not be closed for it.
+/// One write in a hundred fails, as with some USB cameras. Over 60 s (1500 frames) the camera is not closed once.
 #[test]
 fn a_failed_write_costs_a_frame_and_not_the_camera() {
     let script = Script { fail_write_every: 100, ..Script::default() };
@@ -42,7 +42,7 @@ fn a_failed_write_costs_a_frame_and_not_the_camera() {
     );
 }
 
-/// 0.9, 5.5 and 33.3 ms: the camera has 1.0, 3.9 or 7.8, and 31.2.
+/// Requested are 0.9, 5.5 and 33.3 ms; the camera has 1.0, 3.9, 7.8 and 31.2 ms.
 #[test]
 fn a_camera_that_takes_some_exposures_only_gets_its_nearest() {
     let script = Script { accepts: Some(COARSE.into()), range: (5, 20000), ..Script::default() };
@@ -51,7 +51,7 @@ fn a_camera_that_takes_some_exposures_only_gets_its_nearest() {
     assert_eq!(values.len(), 3, "three exposures, not {values:?}");
 }
 
-/// The control reads back what was written, the sensor does something else: nothing of that is verified.
+/// The control reads back the written value, but the sensor uses another one: no such frame counts as verified.
 #[test]
 fn exposures_that_are_not_what_the_control_says_are_not_verified() {
     let script = Script { really: Some(COARSE.into()), range: (5, 20000), ..Script::default() };

@@ -1,26 +1,26 @@
-//! Pixel formats by their four characters, and the choice of a camera's best one. [`Format`] has the list and the packing.
+//! Pixel formats by FourCC, and the choice of a camera's preferred one. [`Format`] lists the formats with their packing.
 
 use super::abi;
 use super::jpeg::Jpeg;
 use hemilux_core::format::{Format, Layout, LayoutError, Matrix, Yuv};
 
-/// Formats of JPEG pictures.
+/// FourCCs of JPEG formats.
 const COMPRESSED: [&str; 2] = ["MJPG", "JPEG"];
 
-/// The format of decoded JPEG pictures.
+/// FourCC of decoded JPEG pictures.
 const DECODED: u32 = u32::from_le_bytes(*b"RGB3");
 
-/// Longest side of a picture, pixels, and longest row, bytes: with them a frame's bytes fit into 32 bits.
+/// Longest side of a picture in pixels, and longest row in bytes; within both limits the bytes of a frame fit into 32 bits.
 const MAX_SIDE: u32 = 1 << 14;
 const MAX_STRIDE: usize = 1 << 17;
 
-/// Place of `fourcc` among the formats that are read, 0 the best; JPEG comes after all colours that are not compressed.
+/// Returns the rank of `fourcc` among the readable formats, 0 for the most preferred; JPEG ranks after all uncompressed colour formats.
 #[must_use]
 pub fn rank(fourcc: u32) -> Option<usize> {
     all().position(|name| name == fourcc)
 }
 
-/// All formats that are read, the best first.
+/// FourCCs of all readable formats, the most preferred first.
 fn all() -> impl Iterator<Item = u32> {
     let uncompressed = || Format::fourccs().map(u32::from_le_bytes);
     let is_grey = |fourcc: &u32| *fourcc == u32::from_le_bytes(*b"GREY");
@@ -28,27 +28,27 @@ fn all() -> impl Iterator<Item = u32> {
     uncompressed().filter(move |f| !is_grey(f)).chain(jpeg).chain(uncompressed().filter(is_grey))
 }
 
-/// Whether pictures of `fourcc` are JPEG.
+/// Returns whether pictures of `fourcc` are JPEG.
 #[must_use]
 pub fn is_jpeg(fourcc: u32) -> bool {
     COMPRESSED.into_iter().filter_map(parse).any(|name| name == fourcc)
 }
 
-/// The packing of frames of `fourcc`; `None` for unsupported formats.
+/// Returns the packing of frames of `fourcc`; `None` for unsupported formats.
 #[must_use]
 pub fn format(fourcc: u32, yuv: Yuv) -> Option<Format> {
     let read = if is_jpeg(fourcc) { DECODED } else { fourcc };
     Format::from_fourcc(read.to_le_bytes(), yuv)
 }
 
-/// The four characters of `fourcc`, without trailing blanks.
+/// Returns the characters of `fourcc` without trailing blanks.
 #[must_use]
 pub fn name(fourcc: u32) -> String {
     let printable = |b: u8| if b.is_ascii_graphic() || b == b' ' { char::from(b) } else { '?' };
     fourcc.to_le_bytes().map(printable).iter().collect::<String>().trim_end().into()
 }
 
-/// `fourcc` of up to four characters.
+/// Returns the FourCC of a name of up to four characters.
 #[must_use]
 pub fn parse(name: &str) -> Option<u32> {
     let mut padded = [b' '; 4];
@@ -60,13 +60,13 @@ pub fn parse(name: &str) -> Option<u32> {
     Some(u32::from_le_bytes(padded))
 }
 
-/// The names of all formats that are read.
+/// Returns the names of all readable formats, separated by commas.
 #[must_use]
 pub fn names() -> String {
     all().map(name).collect::<Vec<_>>().join(", ")
 }
 
-/// What to say of a camera that offers nothing readable but `offered`: what was found and what would be right.
+/// Returns the found and the expected formats, in words, for a camera that offers only the unreadable formats `offered`.
 #[must_use]
 pub fn none_of(offered: &[&str]) -> (String, String) {
     let found =
@@ -77,16 +77,16 @@ pub fn none_of(offered: &[&str]) -> (String, String) {
 /// The layout of the frames of an open camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Picture {
-    /// The four characters; those of the decoded frames where the camera's are JPEG.
+    /// FourCC of the frames; of the decoded frames if the camera sends JPEG.
     pub fourcc: u32,
-    /// Size and packing; those of the decoded frames where the camera's are JPEG.
+    /// Size and packing of the frames; of the decoded frames if the camera sends JPEG.
     pub layout: Layout,
-    /// The camera's frames where they are JPEG.
+    /// Size and scale of the camera's own frames if they are JPEG.
     pub jpeg: Option<Jpeg>,
 }
 
 impl Picture {
-    /// The granted format, if it is supported.
+    /// Returns the layout of the granted format, if it is supported.
     ///
     /// # Errors
     /// The found and the expected format, in words.
@@ -99,7 +99,7 @@ impl Picture {
         if is_jpeg(fourcc) {
             return Self::of_jpeg(Jpeg::of(width, height));
         }
-        // Some drivers leave the stride to the reader.
+        // Some drivers leave the stride at 0.
         let stride = match granted.bytes_per_line as usize {
             0 => format.line_bytes(width),
             stride => stride,
@@ -124,7 +124,7 @@ impl Picture {
         Ok(Self { fourcc, layout: binned(layout), jpeg: None })
     }
 
-    /// The decoded frames of `jpeg`.
+    /// Returns the layout of the decoded frames of `jpeg`.
     fn of_jpeg(jpeg: Jpeg) -> Result<Self, (String, String)> {
         let (width, height) = jpeg.decoded();
         let layout = Layout::tight(Format::Rgb24, width, height)
@@ -132,7 +132,7 @@ impl Picture {
         Ok(Self { fourcc: DECODED, layout, jpeg: Some(jpeg) })
     }
 
-    /// The four characters of the camera's own frames.
+    /// FourCC of the camera's own frames.
     #[must_use]
     pub fn camera_fourcc(&self) -> u32 {
         if self.jpeg.is_some() { u32::from_le_bytes(*b"MJPG") } else { self.fourcc }
@@ -144,13 +144,13 @@ impl Picture {
         self.jpeg.map_or((self.width(), self.height()), |jpeg| (jpeg.width, jpeg.height))
     }
 
-    /// Least number of bytes of a complete frame of the camera.
+    /// Least number of bytes of a complete frame from the camera.
     #[must_use]
     pub(super) const fn least_bytes(&self) -> usize {
         if self.jpeg.is_some() { 4 } else { self.layout.frame_bytes() }
     }
 
-    /// Copies or decodes a frame's `bytes` into `frame`; false where that cannot be.
+    /// Copies or decodes a frame's `bytes` into `frame`; returns false for a frame that cannot be decoded.
     #[must_use]
     pub(super) fn read(&self, bytes: &[u8], frame: &mut Vec<u8>) -> bool {
         if let Some(jpeg) = &self.jpeg {
@@ -162,25 +162,25 @@ impl Picture {
         true
     }
 
-    /// Columns.
+    /// Width of the frames, pixels.
     #[must_use]
     pub const fn width(&self) -> u32 {
         self.layout.width()
     }
 
-    /// Rows.
+    /// Height of the frames, pixels.
     #[must_use]
     pub const fn height(&self) -> u32 {
         self.layout.height()
     }
 
-    /// Whether codes are what the sensor gave and so follow the light linearly.
+    /// Returns whether codes are the sensor's own, proportional to the light.
     #[must_use]
     pub const fn is_raw(&self) -> bool {
         self.layout.format().pattern().is_some()
     }
 
-    /// What luma and chroma mean, where that is what samples are.
+    /// Matrix and range of luma and chroma, for formats that have them.
     #[must_use]
     pub const fn yuv(&self) -> Option<Yuv> {
         match self.layout.format() {
@@ -196,10 +196,10 @@ impl Picture {
     }
 }
 
-/// Least rows or columns of a mosaic's merged image that is binned: with a lens of 180 degrees a pixel is 0.75 degrees wide.
+/// Least rows or columns of the merged image of a binned mosaic: with a lens of 180 degrees a pixel is 0.75 degrees wide.
 const LEAST_MERGED: u32 = 240;
 
-/// The layout with the largest bin that leaves [`LEAST_MERGED`] rows and columns.
+/// Returns the layout with the largest bin that leaves [`LEAST_MERGED`] rows and columns.
 fn binned(layout: Layout) -> Layout {
     let fits = |layout: &Layout| {
         let merged = layout.merged_size();
@@ -209,12 +209,12 @@ fn binned(layout: Layout) -> Layout {
     bins.find(fits).unwrap_or(layout)
 }
 
-/// Whether a format's rows go in pairs, as its columns do.
+/// Returns whether a format needs an even number of rows, as it does of columns.
 const fn pairs_rows(format: Format) -> bool {
     format.pattern().is_some() || matches!(format, Format::Nv12(_))
 }
 
-/// What the driver says of luma and chroma; left open, the colour space decides.
+/// Returns the driver's matrix and range of luma and chroma; values that the driver leaves open follow from the colour space.
 fn yuv(granted: &abi::PixelFormat) -> Yuv {
     let full = match granted.quantization {
         0 => granted.colorspace == abi::COLORSPACE_JPEG,
@@ -232,7 +232,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_read_back_and_strange_ones_are_printable() {
+    fn fourcc_names_round_trip_and_unprintable_bytes_are_escaped() {
         for text in ["YUYV", "pBAA", "Y8"] {
             assert_eq!(parse(text).map(name).as_deref(), Some(text), "{text}");
         }
@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn the_core_reads_what_is_taken_from_cameras() {
+    fn every_readable_format_is_one_that_the_core_supports() {
         for (place, fourcc) in all().enumerate() {
             assert_eq!(rank(fourcc), Some(place), "each once");
             assert!(format(fourcc, Yuv::default()).is_some(), "{}", name(fourcc));
@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_driver_grants_is_checked() {
+    fn invalid_granted_formats_are_refused() {
         let yuyv = |stride| Picture::of(&granted("YUYV", 640, 480, stride));
         assert_eq!(yuyv(1280).map(|p| p.layout.frame_bytes()), Ok(614_400), "whole");
         assert_eq!(yuyv(0).map(|p| p.layout.bytes_per_line()), Ok(1280), "left to us");
@@ -269,9 +269,9 @@ mod tests {
         assert!(yuyv(1280).is_ok_and(|p| p.yuv().is_some_and(|yuv| yuv.limited)), "limited by default");
     }
 
-    /// Strides by the kernel's documentation of the formats: packed ones hold whole groups.
+    /// Strides by the kernel's documentation of the formats: rows of packed formats hold whole groups.
     #[test]
-    fn odd_sizes_are_taken_where_samples_stand_alone_and_refused_in_a_line_elsewhere() {
+    fn odd_sizes_are_refused_for_formats_whose_samples_are_grouped() {
         for (name, width, height, line) in [
             ("RGB3", 641, 481, 1923),
             ("GREY", 641, 481, 641),
@@ -295,7 +295,7 @@ mod tests {
                 "{found}, expected {expected}"
             );
         }
-        // 642 pixels of ten bits are 802.5 bytes, but the last two pixels' low bits lie in the last byte of a group of five.
+        // 642 pixels of ten bits are 802.5 bytes, but the low bits of the last two pixels lie in the last byte of a group of five.
         let (found, expected) = Picture::of(&granted("pBAA", 642, 480, 803)).expect_err("a cut group");
         assert!(
             found == "803 bytes per line" && expected.starts_with("at least 805"),

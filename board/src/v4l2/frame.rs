@@ -1,4 +1,4 @@
-//! Frames as drivers give them, and what becomes of them.
+//! Frames from drivers, their identity and their counters.
 
 use super::abi;
 use super::schedule::Known;
@@ -7,28 +7,28 @@ use crate::camera_status::{FrameCounts, KnownCounts};
 /// Counters of the frames since the camera was opened.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
-    /// Complete frames.
+    /// Number of complete frames.
     pub frames: u64,
-    /// Frames that the sensor counted and the driver did not deliver.
+    /// Number of frames that the sensor counted and the driver did not deliver.
     pub lost: u64,
-    /// Frames that were dropped, by their fault.
+    /// Number of dropped frames, by fault.
     pub broken: Broken,
-    /// Writes of the exposure that were left out because they would have come too late.
+    /// Number of exposure writes that were skipped because they would have acted too late.
     pub late: u64,
-    /// Writes of the exposure that the driver refused.
+    /// Number of exposure writes that the driver refused.
     pub failed_writes: u64,
-    /// Frames whose timestamp is not of CLOCK_MONOTONIC or did not advance; they have their arrival time.
+    /// Number of frames whose timestamp is not of CLOCK_MONOTONIC or did not advance; their arrival time is used instead.
     pub unstamped: u64,
-    /// Frames by how their exposure is known.
+    /// Number of frames by the origin of their exposure.
     pub known: KnownCounts,
-    /// Frames whose exposure the ratio to their neighbour contradicted.
+    /// Number of frames whose brightness ratio to the frame before contradicted the predicted exposure.
     pub mismatches: u64,
-    /// Times that another control delay was found to be right.
+    /// Number of times that the control delay was corrected.
     pub resyncs: u64,
 }
 
 impl Counters {
-    /// Counts a complete frame by how its exposure is known.
+    /// Counts a complete frame by the origin of its exposure.
     pub(super) const fn note(&mut self, known: Known) {
         let count = match known {
             Known::Verified => &mut self.known.verified,
@@ -39,7 +39,7 @@ impl Counters {
         *count += 1;
     }
 
-    /// Both together.
+    /// Returns the sums of both sets of counters.
     #[must_use]
     pub const fn plus(&self, other: &Self) -> Self {
         let (a, b) = (&self.broken, &other.broken);
@@ -67,7 +67,7 @@ impl Counters {
         }
     }
 
-    /// Counters of the frames.
+    /// Returns the counters of frames in the form of the camera's status.
     #[must_use]
     pub const fn counts(&self) -> FrameCounts {
         let Broken { flagged, empty, short, repeated, damaged } = self.broken;
@@ -84,30 +84,30 @@ impl Counters {
     }
 }
 
-/// Dropped frames, by their fault.
+/// Number of dropped frames, by fault.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Broken {
     /// Frames with the driver's error flag.
     pub flagged: u64,
     /// Frames without a byte.
     pub empty: u64,
-    /// Frames of fewer bytes than the format has.
+    /// Frames with fewer bytes than the format needs.
     pub short: u64,
-    /// Frames whose number does not rise.
+    /// Frames whose sequence number does not rise.
     pub repeated: u64,
-    /// JPEG frames that are cut or damaged.
+    /// Truncated or damaged JPEG frames.
     pub damaged: u64,
 }
 
 impl Broken {
-    /// All of them.
+    /// Total number of dropped frames.
     #[must_use]
     pub const fn total(&self) -> u64 {
         let cut = self.empty.saturating_add(self.short).saturating_add(self.damaged);
         self.flagged.saturating_add(cut).saturating_add(self.repeated)
     }
 
-    /// Those that are not in `earlier`.
+    /// Returns the number of frames that were dropped since the counters `earlier` were read.
     #[must_use]
     pub const fn since(&self, earlier: &Self) -> Self {
         Self {
@@ -119,7 +119,7 @@ impl Broken {
         }
     }
 
-    /// Counts a frame by its fault, if it has one; true if all `whole` bytes of the format are there.
+    /// Counts a frame by its fault, if it has one; returns true if all `whole` bytes of the format are there.
     pub(super) const fn check(&mut self, buffer: &abi::Buffer, repeated: bool, whole: usize) -> bool {
         let count = match buffer.bytes_used as usize {
             _ if repeated => &mut self.repeated,
@@ -147,25 +147,25 @@ impl std::fmt::Display for Broken {
     }
 }
 
-/// A frame's identity.
+/// Identity of a frame: number, time and exposure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Taken {
-    /// Counts the sensor's frames.
+    /// Sequence number of the sensor's frame.
     pub sequence: u32,
-    /// CLOCK_MONOTONIC as the driver says, or of the arrival where the driver's stamp is of another clock.
+    /// CLOCK_MONOTONIC timestamp of the driver; the arrival time if the driver's timestamp is of another clock.
     pub timestamp_ns: u64,
-    /// Index into the camera's settings; `None` where the frame may have one exposure or another.
+    /// Index into the camera's settings; `None` if the frame may have one of several exposures.
     pub slot: Option<usize>,
-    /// The origin of the exposure.
+    /// Origin of the exposure.
     pub known: Known,
 }
 
-/// A frame as the driver gave it.
+/// A frame in the packing of the driver.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RawFrame {
-    /// Number, time and exposure.
+    /// Sequence number, time and exposure.
     pub taken: Taken,
-    /// Samples as the picture's format packs them.
+    /// Samples in the packing of the picture's format.
     pub bytes: Vec<u8>,
 }
 
@@ -176,7 +176,7 @@ impl Default for RawFrame {
     }
 }
 
-/// The driver's timestamp.
+/// Returns the driver's timestamp in nanoseconds.
 pub(super) fn stamped_ns(buffer: &abi::Buffer) -> u64 {
     let [s, us] = buffer.timestamp.map(|v| u64::try_from(v).unwrap_or(0));
     s.saturating_mul(1_000_000_000).saturating_add(us.saturating_mul(1000))

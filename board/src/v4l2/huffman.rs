@@ -1,6 +1,6 @@
-//! The Huffman tables of ITU-T T.81, annex K.3, for JPEG frames without any: many USB cameras leave them out of each frame.
+//! The Huffman tables of ITU-T T.81, annex K.3, for JPEG frames that have none: many USB cameras leave the tables out.
 
-/// A table: class and number, the count of codes of each length from 1 to 16 bits, and the values.
+/// A Huffman table: class and number, the count of codes of each length from 1 to 16 bits, and the values.
 struct Table {
     id: u8,
     counts: [u8; 16],
@@ -42,7 +42,7 @@ const TABLES: [Table; 4] = [
     Table { id: 0x11, counts: [0, 2, 1, 2, 4, 4, 3, 4, 7, 5, 4, 4, 0, 1, 2, 0x77], values: &AC_CHROMA },
 ];
 
-/// The segment that defines all four tables.
+/// Returns the DHT segment that defines all four tables.
 pub(super) fn segment() -> Vec<u8> {
     let bodies = TABLES.iter().flat_map(|t| [&[t.id], &t.counts[..], t.values].concat());
     let bodies: Vec<u8> = bodies.collect();
@@ -50,7 +50,7 @@ pub(super) fn segment() -> Vec<u8> {
     [&[0xff, 0xc4], &length.to_be_bytes()[..], &bodies].concat()
 }
 
-/// Where the tables belong in a frame that has none: in front of its first scan.
+/// Returns the position of the first scan in a frame without tables, where the segment must be inserted.
 pub(super) fn missing_at(bytes: &[u8]) -> Option<usize> {
     let mut at = 2;
     loop {

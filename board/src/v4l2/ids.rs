@@ -1,6 +1,6 @@
-//! Numbers of controls from `linux/v4l2-controls.h`, and those that pads and pictures share.
+//! Numbers of controls from `linux/v4l2-controls.h`, and constants that sub-device pads and pixel formats share.
 
-/// `V4L2_CTRL_FLAG_NEXT_CTRL`: the next one after `id`.
+/// `V4L2_CTRL_FLAG_NEXT_CTRL`: requests the first control whose number is larger than `id`.
 pub const NEXT_CONTROL: u32 = 0x8000_0000;
 /// `V4L2_CTRL_FLAG_DISABLED`.
 pub const CONTROL_DISABLED: u32 = 1;
@@ -23,7 +23,7 @@ pub const TYPE_INTEGER_MENU: u32 = 9;
 pub const BRIGHTNESS: u32 = 0x0098_0900;
 /// `V4L2_CID_AUTO_WHITE_BALANCE`.
 pub const AUTO_WHITE_BALANCE: u32 = 0x0098_090c;
-/// `V4L2_CID_EXPOSURE`: lines of a sensor; on some old webcams an unnamed unit.
+/// `V4L2_CID_EXPOSURE`: lines of a sensor; an unspecified unit on some old webcams.
 pub const EXPOSURE: u32 = 0x0098_0911;
 /// `V4L2_CID_AUTOGAIN`.
 pub const AUTOGAIN: u32 = 0x0098_0912;
@@ -35,7 +35,7 @@ pub const BACKLIGHT_COMPENSATION: u32 = 0x0098_091c;
 pub const EXPOSURE_AUTO: u32 = 0x009a_0901;
 /// `V4L2_CID_EXPOSURE_ABSOLUTE`, units of 100 us.
 pub const EXPOSURE_ABSOLUTE: u32 = 0x009a_0902;
-/// `V4L2_CID_EXPOSURE_AUTO_PRIORITY`: whether the frame rate may fall.
+/// `V4L2_CID_EXPOSURE_AUTO_PRIORITY`: whether the camera may lower its frame rate.
 pub const DYNAMIC_FRAME_RATE: u32 = 0x009a_0903;
 /// `V4L2_CID_HUE_AUTO`.
 pub const AUTO_HUE: u32 = 0x0098_0919;
@@ -61,7 +61,7 @@ pub const ANALOGUE_GAIN: u32 = 0x009e_0903;
 /// `V4L2_CID_PIXEL_RATE`, pixels a second.
 pub const PIXEL_RATE: u32 = 0x009f_0902;
 
-/// `V4L2_EXPOSURE_MANUAL` and `V4L2_EXPOSURE_SHUTTER_PRIORITY`: both let the time be set.
+/// `V4L2_EXPOSURE_MANUAL` and `V4L2_EXPOSURE_SHUTTER_PRIORITY`: the modes in which the exposure time can be set.
 pub const MANUAL_MODES: [i64; 2] = [1, 2];
 
 /// `V4L2_FIELD_NONE`.

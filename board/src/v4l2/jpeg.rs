@@ -1,7 +1,7 @@
-//! JPEG frames of cameras as rows of red, green and blue bytes.
+//! Decoding of a camera's JPEG frames into rows of red, green and blue bytes.
 //!
-//! Pictures of 640 x 480 pixels and fewer are decoded by `zune-jpeg`. Larger ones are scaled to 1/2, 1/4 or 1/8 while they are decoded: a
-//! scaled inverse DCT costs a fraction of the full one. `jpeg-decoder` has it, `zune-jpeg` does not.
+//! Pictures of 640 x 480 pixels and fewer are decoded by `zune-jpeg`. Larger ones are scaled to 1/2, 1/4 or 1/8 during decoding, since a
+//! scaled inverse DCT costs a fraction of a full one: `jpeg-decoder` supports it, `zune-jpeg` does not.
 
 use super::huffman;
 use crate::recorded::is_whole_jpeg;
@@ -10,7 +10,7 @@ use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
-/// Pixels of the largest picture that is decoded at full size.
+/// Number of pixels of the largest picture that is decoded at full size.
 const MOST_FULL: u64 = 640 * 480;
 
 /// Least length of a scaled picture's shorter side, pixels: with a lens of 180 degrees a pixel is 0.75 degrees wide.
@@ -19,11 +19,11 @@ const LEAST_SIDE: u32 = 240;
 /// Size of a camera's JPEG frames and the factor by which they are scaled down.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Jpeg {
-    /// Columns of the camera's frame.
+    /// Width of the camera's frame, pixels.
     pub width: u32,
-    /// Rows of the camera's frame.
+    /// Height of the camera's frame, pixels.
     pub height: u32,
-    /// 1, 2, 4 or 8.
+    /// Factor by which both sides are divided: 1, 2, 4 or 8.
     pub shrink: u32,
 }
 
@@ -43,7 +43,7 @@ impl Jpeg {
         (self.width.div_ceil(self.shrink), self.height.div_ceil(self.shrink))
     }
 
-    /// Decodes a frame into `rgb`; false where it is cut, damaged or of another size.
+    /// Decodes a frame into `rgb`; returns false for a frame that is truncated, damaged or of another size.
     #[must_use]
     pub fn decode(&self, bytes: &[u8], rgb: &mut Vec<u8>) -> bool {
         let is_whole =
@@ -91,10 +91,10 @@ impl Jpeg {
     }
 }
 
-/// The frame with Huffman tables, where it has none, and with one-bits in front of its end marker.
+/// Returns the frame with Huffman tables, if it has none, and with one-bits in front of its end marker.
 ///
-/// No Huffman code consists of ones alone, so that a decoder which has not all blocks by then fails; in front of the marker itself
-/// decoders assume zero-bits and fill the rest of the picture with them.
+/// No Huffman code consists of one-bits alone, so a decoder that has not reached the last block by then fails. Without them decoders assume
+/// zero-bits in front of the marker and fill the rest of the picture.
 fn sealed(bytes: &[u8]) -> Option<Vec<u8>> {
     let end = bytes.windows(2).rposition(|w| w == [0xff, 0xd9])?;
     let (head, rest) = bytes.get(..end)?.split_at_checked(huffman::missing_at(bytes).unwrap_or(0))?;
@@ -102,7 +102,7 @@ fn sealed(bytes: &[u8]) -> Option<Vec<u8>> {
     Some([head, &tables, rest, &[0xff, 0x00].repeat(16), &[0xff, 0xd9]].concat())
 }
 
-/// Whether the restart markers count from 0 to 7 over and over: a decoder skips a lost one and shifts the rest of the picture.
+/// Returns whether the restart markers count from 0 to 7 cyclically: a decoder ignores a missing marker and shifts the rest of the picture.
 fn restarts_are_in_order(bytes: &[u8]) -> bool {
     let numbers =
         bytes.windows(2).filter(|w| w[0] == 0xff && (0xd0..=0xd7).contains(&w[1])).map(|w| w[1] - 0xd0);
@@ -158,7 +158,7 @@ mod tests {
         }
     }
 
-    /// The encoder writes the tables of annex K.3 into each picture: without them a frame is what many USB cameras send.
+    /// The encoder writes the tables of annex K.3 into each picture; a frame without them has the form that many USB cameras send.
     #[test]
     fn a_frame_without_huffman_tables_is_decoded_with_the_standard_ones() {
         for (width, height) in [(320, 240), (1280, 720)] {

@@ -1,11 +1,11 @@
-//! Structures that the kernel shares with programs, with the layout of a C compiler.
+//! Definition of structures that the kernel shares with programs, in the layout of a C compiler.
 
-/// Bytes of a pointer, which some unions hold.
+/// Size of a pointer in bytes; some unions hold pointers.
 pub const POINTER: usize = size_of::<usize>();
 
-/// A value of all zero bits.
+/// Types that have a value of all zero bits.
 pub trait Zero {
-    /// The value.
+    /// The value of all zero bits.
     const ZERO: Self;
 }
 
@@ -19,8 +19,8 @@ impl<T: Zero, const N: usize> Zero for [T; N] {
     const ZERO: Self = [T::ZERO; N];
 }
 
-/// A structure of the kernel whose fields are zero unless a value is given, with the bytes that a C compiler gives it: on x86-64 and
-/// AArch64, and on ARMv7 with `_TIME_BITS=64`.
+/// Defines a kernel structure with its size in bytes on 64-bit and 32-bit targets (x86-64 and AArch64; ARMv7 with `_TIME_BITS=64`), which
+/// is asserted at compile time. Fields default to zero unless a value is given.
 macro_rules! plain {
     (@value $type:ty) => { <$type as $crate::v4l2::layout::Zero>::ZERO };
     (@value $type:ty, $value:expr) => { $value };

@@ -1,15 +1,15 @@
-//! A sparse look at a frame's brightness: enough to tell exposures apart, too little to cost anything.
+//! Sparse sampling of a frame's brightness, sufficient to distinguish exposures.
 
 use hemilux_core::{Layout, Samples, read_luma};
 
-/// Samples across and down: 3,072 in all, a hundredth of a 640 x 480 frame.
+/// Number of samples across and down: 3,072 in all, one for every hundred pixels of a 640 x 480 frame.
 const GRID: (u32, u32) = (64, 48);
 
-/// Relative codes (0 black, 1 white; outside for limited range) on a grid over the frame, always in the same places.
+/// Samples relative codes (0 black, 1 white; outside of 0 to 1 for limited range) on a fixed grid over the frame.
 pub fn sample(layout: &Layout, bytes: &[u8], codes: &mut Vec<f32>) {
     codes.clear();
     for j in 0..GRID.1 {
-        // Even places: with a mosaic they all lie under the same colour.
+        // Even positions, so that all samples of a mosaic lie under the same colour.
         let y = (layout.height() * (2 * j + 1) / (2 * GRID.1)) & !1;
         codes.extend((0..GRID.0).map(|i| {
             let x = (layout.width() * (2 * i + 1) / (2 * GRID.0)) & !1;
@@ -18,7 +18,7 @@ pub fn sample(layout: &Layout, bytes: &[u8], codes: &mut Vec<f32>) {
     }
 }
 
-/// Mean of `codes`; 0 of none.
+/// Returns the mean of `codes`; 0 for an empty slice.
 #[must_use]
 pub fn mean(codes: &[f32]) -> f32 {
     codes.iter().sum::<f32>() / codes.len().max(1) as f32
@@ -31,7 +31,7 @@ mod tests {
 
     /// Bits written by hand from the kernel's tables of the packed formats.
     #[test]
-    fn packed_samples_are_where_the_kernel_says() {
+    fn packed_samples_are_read_at_the_kernels_bit_positions() {
         // Pixels 0x3ff, 0x001, 0x200, 0x102: high bytes, then two low bits each from pixel 0 up.
         let ten = [[0xff, 0x00, 0x80, 0x40, 0b10_00_01_11]; 2].concat();
         let code = |format, bytes: &[u8], x| {
@@ -48,7 +48,7 @@ mod tests {
     }
 
     #[test]
-    fn short_frames_are_dark_where_they_end() {
+    fn samples_beyond_the_end_of_a_short_frame_are_dark() {
         let (mut codes, grey) = (Vec::new(), Layout::tight(Format::Grey, 4, 2).expect("a layout"));
         sample(&grey, &[255; 4], &mut codes);
         assert_eq!(codes.len(), 3072, "all places");

@@ -1,62 +1,62 @@
-//! Exposures measured from brightness ratios, for cameras whose sensor does not do what the control reads back.
+//! Exposure times measured from brightness ratios, for cameras whose sensor does not use the value that the control reads back.
 //!
-//! Ratios say nothing of a common factor, so the median of the deviations from the control's values is taken for no deviation.
+//! Ratios do not determine a common factor: the median of the deviations from the control's values is defined as no deviation.
 
 use std::collections::VecDeque;
 
-/// Largest difference of a verified ratio, natural logarithm: 10 %.
+/// Largest deviation of a verified ratio, natural logarithm: 10 %.
 const VERIFIED: f64 = 0.0953;
 
-/// The result of a comparison.
+/// The result of comparing a brightness ratio with the expected exposure ratio.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
     /// The ratio is within 10 % of that of the control's values.
     Agrees,
-    /// The ratio is within 10 % of that of the measured exposures, which are not the control's values.
+    /// The ratio is within 10 % of that of the measured exposures, which differ from the control's values.
     Measured,
-    /// The ratio tells the exposures apart, but is not within 10 %.
+    /// The ratio distinguishes the exposures, but is not within 10 %.
     Near,
-    /// The ratio contradicts the schedule.
+    /// The ratio contradicts the predicted exposures.
     Differs,
-    /// Too few places are seen well in both.
+    /// Too few samples are well exposed in both frames.
     CannotTell,
 }
 
-/// Part of the smallest step between two exposures, in logarithms, by which a ratio may be off. Half would be the border between
-/// two explanations.
+/// Largest deviation of a ratio, as a part of the smallest logarithmic step between two exposures. At one half, two exposures would explain
+/// the ratio equally well.
 const TOLERANCE: f64 = 0.4;
 
-/// Largest tolerance: a factor of 1.65, which covers a camera whose tone curve is only roughly known.
+/// Upper limit of the tolerance, natural logarithm: a factor of 1.65, which covers a camera whose tone curve is only roughly known.
 const LARGEST_TOLERANCE: f64 = 0.5;
 
-/// Ratios of each step that are kept.
+/// Number of stored ratios of each step.
 const KEPT: usize = 8;
 
-/// Largest spread of the ratios of a step, in logarithms: flickering light and moving things spread more.
+/// Largest spread of the ratios of a step, natural logarithm: flickering light and moving objects spread more.
 const SPREAD: f64 = 0.08;
 
-/// Largest deviation of a step from the control's values, in logarithms. A wrong tone curve deviates more.
+/// Largest deviation of a step from the control's values, natural logarithm; larger deviations come from a wrong tone curve.
 const LARGEST_DEVIATION: f64 = 1.0;
 
-/// Change of an exposure, in logarithms, from which it is taken over.
+/// Least change of a measured exposure that replaces its value, natural logarithm.
 const CHANGE: f64 = 0.03;
 
-/// The exposures of a burst: as the control says, and as they were measured.
+/// The exposures of a burst: the control's values and the measured ones.
 #[derive(Clone, Debug)]
 pub struct Measured {
-    /// Natural logarithm of the control's values, seconds, ascending.
+    /// Natural logarithms of the control's values in seconds, ascending.
     told: Vec<f64>,
-    /// The same as measured; equal to `told` where that is within 10 %.
+    /// Natural logarithms of the measured values; equal to `told` within 10 %.
     measured: Vec<f64>,
-    /// The newest ratios from each exposure to the next longer one, in logarithms.
+    /// The newest ratios from each exposure to the next longer one, natural logarithms.
     steps: Vec<VecDeque<f64>>,
-    /// Largest difference of a ratio that still tells exposures apart, in logarithms.
+    /// Largest deviation of a ratio that still distinguishes the exposures, natural logarithm.
     tolerance: f64,
     changes: u64,
 }
 
 impl Measured {
-    /// Starts from the control's values, `seconds`, ascending.
+    /// Creates the table from the control's values, `seconds`, ascending.
     #[must_use]
     pub fn new(seconds: &[f64]) -> Self {
         let told: Vec<f64> = seconds.iter().map(|s| s.ln()).collect();
@@ -64,30 +64,30 @@ impl Measured {
         Self { tolerance: tolerance(&told), measured: told.clone(), told, steps, changes: 0 }
     }
 
-    /// Exposure `slot` in seconds.
+    /// Returns the exposure time of `slot` in seconds.
     #[must_use]
     pub fn seconds(&self, slot: usize) -> Option<f64> {
         self.measured.get(slot).map(|log| log.exp())
     }
 
-    /// Whether exposure `slot` differs from the control's value by more than 10 %.
+    /// Returns whether exposure `slot` differs from the control's value by more than 10 %.
     #[must_use]
     pub fn deviates(&self, slot: usize) -> bool {
         self.measured.get(slot).zip(self.told.get(slot)).is_some_and(|(m, t)| (m - t).abs() > VERIFIED)
     }
 
-    /// Times that measured exposures were taken over.
+    /// Number of times that measured exposures replaced earlier values.
     #[must_use]
     pub fn changes(&self) -> u64 {
         self.changes
     }
 
-    /// Drops the ratios, which belong to another delay.
+    /// Drops the stored ratios when the control delay changes.
     pub(super) fn forget(&mut self) {
         self.steps.iter_mut().for_each(VecDeque::clear);
     }
 
-    /// Compares the ratio from exposure `old` to exposure `new` with what is expected.
+    /// Compares the ratio from exposure `old` to exposure `new` with the expected one.
     pub(super) fn judge(&self, old: usize, new: usize, log_ratio: f64) -> Verdict {
         let step = |of: &[f64]| of.get(new).zip(of.get(old)).map(|(new, old)| new - old);
         let (Some(told), Some(measured)) = (step(&self.told), step(&self.measured)) else {
@@ -103,7 +103,8 @@ impl Measured {
         }
     }
 
-    /// Notes the ratio from exposure `old` to exposure `new`, and takes exposures over that stay apart from the control's.
+    /// Notes the ratio from exposure `old` to exposure `new`, and replaces exposures whose ratios deviate constantly from the control's
+    /// values.
     pub(super) fn note(&mut self, old: usize, new: usize, log_ratio: f64) {
         let (step, up) = match (old.checked_add(1) == Some(new), new.checked_add(1) == Some(old)) {
             (true, _) => (old, log_ratio),
@@ -139,7 +140,7 @@ impl Measured {
     }
 }
 
-/// The median of the ratios of a step, once there are enough of them and they agree.
+/// Returns the median of the ratios of a step, once there are enough of them and their spread is small.
 fn settled(kept: &VecDeque<f64>) -> Option<f64> {
     let mut sorted: Vec<f64> = kept.iter().copied().collect();
     sorted.sort_by(f64::total_cmp);
@@ -164,7 +165,7 @@ mod tests {
         measured
     }
 
-    /// On paper: the control says 10, 20 and 40 ms, the longest is cut at 30 ms.
+    /// Computed by hand: the control's values are 10, 20 and 40 ms, and the longest is cut at 30 ms.
     #[test]
     fn a_cut_exposure_is_measured_and_the_others_stay() {
         let m = noted(&[0.01, 0.02, 0.04], &[(0, 1, 2.0), (1, 2, 1.5)]);

@@ -1,15 +1,15 @@
-//! Cameras through Video4Linux.
+//! Cameras through Video4Linux (V4L2).
 //!
-//! [`abi`] has the kernel's structures. The traits [`Kernel`] and [`Node`] stand for the kernel: [`real`] implements them by system calls
-//! and is the only module with `unsafe`; tests implement them by a scripted kernel. [`device`] lists a camera's formats and ranges,
-//! [`controls`] reads and sets controls, [`media`] connects a sensor with its node, [`exposure`] finds the exposure control and its values, [`setup`] agrees on format, rate and
-//! exposures, [`schedule`] predicts each frame's exposure, [`verify`] and [`measured`] compare it with brightness ratios, [`capture`]
-//! gives one frame at a time, and [`supervise`] opens a failed camera again.
+//! [`abi`] defines the kernel's structures. The traits [`Kernel`] and [`Node`] abstract the kernel: [`real`] implements them by system
+//! calls and is the only module with `unsafe`; tests implement them by a scripted kernel. [`device`] lists a camera's formats and ranges,
+//! [`controls`] reads and sets controls, [`media`] connects a sensor with its node, [`exposure`] finds the exposure control and its values,
+//! [`setup`] negotiates format, rate and exposures, [`schedule`] predicts each frame's exposure, [`verify`] and [`measured`] compare the
+//! prediction with brightness ratios, [`capture`] returns one frame at a time, and [`supervise`] opens a failed camera again.
 //!
-//! There is no bindgen and so no libclang here: two dozen requests, whose layouts are asserted when the crate is compiled. The crate `v4l`
-//! (0.14) would save the enumeration only: it panics on control types that it does not know and when a stream cannot be stopped,
-//! queues a buffer twice after a time-out, hands EINTR on, refuses controls of several classes, and has neither sub-devices nor
-//! events.
+//! The requests are written by hand: bindgen would need libclang, and there are two dozen requests, whose layouts are asserted at compile
+//! time. The crate `v4l` (0.14) would replace the enumeration only: it panics on unknown control types and on streams that cannot be
+//! stopped, queues a buffer twice after a timeout, returns EINTR to the caller, refuses controls of several classes, and supports neither
+//! sub-devices nor events.
 
 #[macro_use]
 mod layout;
@@ -54,7 +54,7 @@ use rustix::io::Errno;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// One request to a node, with the structure that it reads and writes.
+/// One request to a node, with the structure that the kernel reads and writes.
 #[derive(Debug)]
 #[allow(missing_docs, reason = "each is the request of the same name")]
 pub enum Call<'a> {
@@ -90,44 +90,44 @@ pub enum Call<'a> {
 /// Result of waiting for a node.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Ready {
-    /// A frame can be taken.
+    /// A frame can be dequeued.
     pub frame: bool,
-    /// An event can be taken.
+    /// An event can be dequeued.
     pub event: bool,
     /// The device is gone or its queue is broken.
     pub gone: bool,
 }
 
-/// An open device node; dropping it closes it and unmaps its buffers.
+/// An open device node; dropping it closes the node and unmaps its buffers.
 pub trait Node: Send {
     /// Makes one request.
     ///
     /// # Errors
-    /// The error of the kernel, EINTR included.
+    /// The kernel's error, EINTR included.
     fn call(&mut self, call: Call<'_>) -> Result<(), Errno>;
 
-    /// Waits for a frame or an event; all false when there was none in time.
+    /// Waits for a frame or an event; all fields are false after `timeout`.
     ///
     /// # Errors
-    /// The error of the kernel, EINTR included.
+    /// The kernel's error, EINTR included.
     fn wait(&mut self, timeout: Duration) -> Result<Ready, Errno>;
 
-    /// Maps the buffer that `QueryBuffer` described; buffers are mapped in order of their index.
+    /// Maps the buffer that `QueryBuffer` described; buffers are mapped in the order of their indices.
     ///
     /// # Errors
-    /// The error of the kernel.
+    /// The kernel's error.
     fn map(&mut self, buffer: &abi::Buffer) -> Result<(), Errno>;
 
-    /// Bytes of buffer `index` while it is not with the driver, else none.
+    /// Returns the bytes of buffer `index`; an empty slice while the driver owns the buffer.
     fn bytes(&self, index: u32) -> &[u8];
 }
 
-/// Opens nodes and keeps time.
+/// Access to device nodes and to the clock.
 pub trait Kernel: Send {
-    /// Opens a node for reading and writing, without blocking.
+    /// Opens a node for reading and writing in non-blocking mode.
     ///
     /// # Errors
-    /// The error of the kernel.
+    /// The kernel's error.
     fn open(&mut self, path: &Path) -> Result<Box<dyn Node>, Errno>;
 
     /// Paths of all capture nodes (`/dev/video*`), in order of their numbers.
@@ -142,10 +142,10 @@ pub trait Kernel: Send {
     /// The number of the character device at `path`.
     fn device_of(&mut self, path: &Path) -> Option<Device>;
 
-    /// The path of the video node or sub-device with that number.
+    /// The path of the video node or sub-device with that device number.
     fn node_of(&mut self, device: Device) -> Option<PathBuf>;
 
-    /// CLOCK_MONOTONIC, nanoseconds: the clock of the frames' timestamps.
+    /// CLOCK_MONOTONIC in nanoseconds, the clock of frame timestamps.
     fn now_ns(&self) -> u64;
 
     /// Sleeps for `duration`.
@@ -158,11 +158,11 @@ pub enum CameraError {
     /// A request failed.
     #[error("{path}: {operation}: found {errno}, expected {expected}")]
     Failed {
-        /// The node.
+        /// Path of the node.
         path: PathBuf,
         /// The operation that failed.
         operation: &'static str,
-        /// The kernel's answer in words.
+        /// The kernel's error in words.
         errno: String,
         /// The expected condition.
         expected: &'static str,
@@ -170,20 +170,20 @@ pub enum CameraError {
     /// The device is missing or was unplugged.
     #[error("{0}: found no camera, expected one that is plugged in")]
     Gone(PathBuf),
-    /// No frame for too long.
+    /// No frame arrived within the timeout.
     #[error("{path}: found no frame in {ms} ms, expected one every {period_ms} ms")]
     Silent {
-        /// The node.
+        /// Path of the node.
         path: PathBuf,
-        /// Time without a frame, milliseconds.
+        /// Time since the last frame, milliseconds.
         ms: u64,
-        /// Time between frames, milliseconds.
+        /// Frame interval, milliseconds.
         period_ms: u64,
     },
-    /// A property of the device is not usable.
+    /// A property of the device cannot be used.
     #[error("{path}: found {found}, expected {expected}")]
     Unfit {
-        /// The node.
+        /// Path of the node.
         path: PathBuf,
         /// The found value, in words.
         found: String,
@@ -192,10 +192,10 @@ pub enum CameraError {
     },
 }
 
-/// Most tries of a request that the driver answers with EBUSY or EAGAIN.
+/// Largest number of attempts of a request that the driver refuses with EBUSY or EAGAIN.
 const BUSY_TRIES: u32 = 4;
 
-/// Makes a request again while signals interrupt it, and a few times while the driver is busy.
+/// Repeats a request while it is interrupted by signals (EINTR), and up to [`BUSY_TRIES`] times while the driver is busy.
 pub(crate) fn persist<T>(mut attempt: impl FnMut() -> Result<T, Errno>) -> Result<T, Errno> {
     let mut busy = 0;
     loop {
@@ -207,7 +207,7 @@ pub(crate) fn persist<T>(mut attempt: impl FnMut() -> Result<T, Errno>) -> Resul
     }
 }
 
-/// Text of the kernel: up to the first NUL, and readable whatever it is.
+/// Decodes a NUL-terminated text of the kernel; invalid UTF-8 is replaced and control characters are removed.
 pub(crate) fn text(bytes: &[u8]) -> String {
     let end = bytes.iter().position(|b| *b == 0).unwrap_or(bytes.len());
     String::from_utf8_lossy(&bytes[..end]).chars().filter(|c| !c.is_control()).collect()

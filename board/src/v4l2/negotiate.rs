@@ -1,4 +1,4 @@
-//! The pixel format, size and rate that a node and its sensor agree on.
+//! Negotiation of the pixel format, size and rate between a node and its sensor.
 
 use super::access::failed;
 use super::device;
@@ -9,16 +9,16 @@ use hemilux_core::format::Yuv;
 use rustix::io::Errno;
 use std::path::Path;
 
-/// The format in which a node receives the frames of its sensor.
+/// The media bus format in which a node receives the frames of its sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Carried {
     /// Media bus code.
     pub code: u32,
-    /// Columns and rows.
+    /// Columns and rows of the frames.
     pub size: (u32, u32),
 }
 
-/// Agrees on the node's pictures: of `asked` pixels, or of what the sensor sends, without which the stream does not start.
+/// Sets the node's format, of `asked` pixels or of the size that the sensor sends: with another size the stream does not start.
 pub(super) fn set_format(
     video: &mut dyn Node,
     carried: Option<Carried>,
@@ -65,7 +65,7 @@ pub(super) fn set_format(
     Ok(format.pixel)
 }
 
-/// The formats of a node: those of its media bus code, where the node tells them apart.
+/// Returns the formats of a node; only those of its media bus code, if the node lists formats by code.
 fn offered(video: &mut dyn Node, carried: Option<Carried>) -> Vec<device::FormatInfo> {
     let mut caps = abi::Capability::default();
     let told = persist(|| video.call(Call::QueryCapability(&mut caps))).is_ok();
@@ -74,13 +74,13 @@ fn offered(video: &mut dyn Node, carried: Option<Carried>) -> Vec<device::Format
     device::formats(video, code)
 }
 
-/// Whether a format's highest frame rate at `size` is less than half of the requested rate `rate_hz`.
+/// Returns whether a format's highest frame rate at `size` is less than half of the requested rate `rate_hz`.
 fn is_slow(format: &device::FormatInfo, size: (u32, u32), rate_hz: f64) -> bool {
     let rates = format.sizes.iter().filter(|s| (s.width, s.height) == size).flat_map(|s| &s.rates);
     rates.copied().reduce(f64::max).is_some_and(|most| most < rate_hz / 2.0)
 }
 
-/// Sets the format of a sensor whose node has no media graph: its bits, its mosaic and its size.
+/// Sets the bits, mosaic and size of a sensor whose node has no media graph.
 pub(super) fn set_pad(sensor: &mut dyn Node, wished: (u32, u32)) -> Option<Carried> {
     let offered = bus::offered(sensor, 0);
     let code = *bus::ranked(&offered).first()?;
@@ -89,7 +89,7 @@ pub(super) fn set_pad(sensor: &mut dyn Node, wished: (u32, u32)) -> Option<Carri
     bus::is_read(pad.code).then_some(Carried { code: pad.code, size: (pad.width, pad.height) })
 }
 
-/// Asks for a rate and gives the time of a frame that was granted. Drivers that cannot are right too.
+/// Requests a frame rate and returns the granted frame interval in seconds. A driver without adjustable rate is no error.
 pub(super) fn set_rate(video: &mut dyn Node, rate_hz: f64, path: &Path) -> Result<f64, CameraError> {
     let rate_hz = if rate_hz > 0.0 { rate_hz.clamp(0.1, 1000.0) } else { 30.0 };
     let interval = [1000, (1000.0 * rate_hz).round() as u32];

@@ -1,4 +1,4 @@
-//! The options of a camera, and the result of their negotiation.
+//! Options of a camera, and the result of their negotiation.
 
 use super::CameraError;
 use super::view::View;
@@ -8,57 +8,57 @@ use hemilux_core::lens::Lens;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// A control in the place of the exposure, for benches whose camera has none.
+/// A control that replaces the exposure on a test bench whose camera has no exposure control.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StandIn {
-    /// The control's name, in any case of letters.
+    /// Name of the control; case is ignored.
     pub control: String,
-    /// Its values, one for each exposure in the same order.
+    /// Values of the control, one for each exposure in the same order.
     pub values: Vec<i64>,
 }
 
-/// The mode for which a lens file was made.
+/// The mode to which a lens file applies.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LensFit {
     /// Columns and rows of the pictures.
     pub size: (u32, u32),
-    /// The part of the sensor that they show, where the file tells it: the lens is then converted to other parts.
+    /// Part of the sensor that the pictures show, if the file gives it; the lens can then be converted to other parts.
     pub shown: Option<Shown>,
-    /// The lens.
+    /// Lens model of the file.
     pub lens: Lens,
 }
 
-/// The requested options.
+/// Requested options of a camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
-    /// The camera's node, its media device, or the beginning of its sensor's name.
+    /// Path of the camera's node or media device, or a prefix of its sensor's name.
     pub path: PathBuf,
-    /// The sensor's sub-device or the beginning of its name, where it is not the only one.
+    /// Path of the sensor's sub-device or a prefix of its name; required if there are several.
     pub subdevice: Option<PathBuf>,
-    /// Columns and rows.
+    /// Requested columns and rows.
     pub size: (u32, u32),
-    /// Whether a sensor that is known is asked for the mode that sees all of it in place of `size`.
+    /// Whether a sensor of the table is set to the mode that shows the whole sensor, in place of `size`.
     pub full_view: bool,
-    /// What pictures must be like, where a lens is known for no other.
+    /// The mode that pictures must have because the lens file covers no other.
     pub lens: Option<LensFit>,
-    /// Pixel format; the best readable one otherwise.
+    /// FourCC of the pixel format; by default the most preferred readable one.
     pub fourcc: Option<u32>,
-    /// Frames a second.
+    /// Requested frames per second.
     pub rate_hz: f64,
-    /// Exposure times, seconds.
+    /// Requested exposure times, seconds.
     pub exposures_s: Vec<f64>,
-    /// A control in the place of the exposure.
+    /// A control that replaces the exposure.
     pub stand_in: Option<StandIn>,
-    /// Frames after the next one until a control acts; found out otherwise.
+    /// Control delay, frames after the next one; measured by default.
     pub delay: Option<u32>,
-    /// Codes to relative exposure; by the pixel format otherwise.
+    /// Camera response from codes to relative exposure; by default it follows from the pixel format.
     pub response: Option<Response>,
-    /// Codes of darkness and of relative exposure 1; by the sensor and the pixel format otherwise.
+    /// Codes of black and of relative exposure 1; by default they follow from the sensor and the pixel format.
     pub levels: Option<(f64, f64)>,
 }
 
 impl Options {
-    /// The default options for the camera at `path`.
+    /// Returns the default options for the camera at `path`.
     #[must_use]
     pub fn of(path: impl Into<PathBuf>) -> Self {
         Self {
@@ -78,19 +78,19 @@ impl Options {
     }
 }
 
-/// One thing that was asked for, and what came of it.
+/// A requested property and the value that the camera granted.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Agreed {
     /// Name of the option.
     pub what: &'static str,
-    /// Asked for.
+    /// Requested value, in words.
     pub asked: String,
-    /// Got.
+    /// Granted value, in words.
     pub got: String,
 }
 
 impl LensFit {
-    /// Checks that pictures of `size`, which show `view` of the sensor, have a lens.
+    /// Checks that the lens file applies to pictures of `size` that show `view` of the sensor.
     pub(super) fn check(&self, got: (u32, u32), view: Option<&View>, path: &Path) -> Result<(), CameraError> {
         let refuse = |found, expected| Err(CameraError::Unfit { path: path.into(), found, expected });
         match (self.shown, view) {

@@ -1,27 +1,27 @@
-//! The kernel's structures for the pads of sub-devices, as `linux/v4l2-subdev.h` has them.
+//! The kernel's structures for sub-device pads, from `linux/v4l2-subdev.h`.
 
 use super::ids::{FIELD_NONE, FORMAT_ACTIVE};
 
 plain! {
     /// `struct v4l2_subdev_format`.
     PadFormat(88, 88) {
-        /// Asked for: [`FORMAT_ACTIVE`].
+        /// Input: [`FORMAT_ACTIVE`].
         which: u32 = FORMAT_ACTIVE,
-        /// Asked for: 0, a sensor's output.
+        /// Input: number of the pad; 0 is a sensor's output.
         pad: u32,
-        /// Columns.
+        /// Width of the frames, pixels.
         width: u32,
-        /// Rows.
+        /// Height of the frames, pixels.
         height: u32,
         /// Media bus code.
         code: u32,
-        /// [`FIELD_NONE`]: progressive.
+        /// Field order; [`FIELD_NONE`] is progressive.
         field: u32 = FIELD_NONE,
-        /// Colour space.
+        /// Colour space, `V4L2_COLORSPACE_...`.
         colorspace: u32,
-        /// Encoding, quantisation, transfer function, flags, zero.
+        /// Matrix, quantisation, transfer function and flags; the remaining words are 0.
         rest: [u16; 14],
-        /// Stream and zero.
+        /// Number of the stream; the remaining words are 0.
         reserved: [u32; 8],
     }
 }
@@ -29,15 +29,15 @@ plain! {
 plain! {
     /// `struct v4l2_subdev_mbus_code_enum`.
     BusCode(48, 48) {
-        /// Asked for: 0.
+        /// Input: number of the pad, 0.
         pad: u32,
-        /// Asked for.
+        /// Input: index of the requested code, from 0.
         index: u32,
-        /// Media bus code.
+        /// Output: media bus code.
         code: u32,
-        /// Asked for: [`FORMAT_ACTIVE`].
+        /// Input: [`FORMAT_ACTIVE`].
         which: u32 = FORMAT_ACTIVE,
-        /// Flags, stream and zero.
+        /// Flags and number of the stream; the remaining words are 0.
         reserved: [u32; 8],
     }
 }
@@ -45,17 +45,17 @@ plain! {
 plain! {
     /// `struct v4l2_subdev_selection`.
     PadSelection(64, 64) {
-        /// Asked for: [`FORMAT_ACTIVE`].
+        /// Input: [`FORMAT_ACTIVE`].
         which: u32 = FORMAT_ACTIVE,
-        /// Asked for: 0, a sensor's output.
+        /// Input: number of the pad; 0 is a sensor's output.
         pad: u32,
-        /// Asked for: `SELECT_CROP` and others.
+        /// Input: `SELECT_CROP` or another selection target.
         target: u32,
-        /// Zero.
+        /// Reserved by the kernel; always 0.
         flags: u32,
-        /// Left, top, width and height, pixels.
+        /// Left edge, top edge, width and height of the rectangle, pixels.
         area: [u32; 4],
-        /// Zero.
+        /// Reserved by the kernel; always 0.
         reserved: [u32; 8],
     }
 }
@@ -63,17 +63,17 @@ plain! {
 plain! {
     /// `struct v4l2_subdev_frame_size_enum`.
     PadSize(64, 64) {
-        /// Asked for.
+        /// Input: index of the requested size, from 0.
         index: u32,
-        /// Asked for: 0, a sensor's output.
+        /// Input: number of the pad; 0 is a sensor's output.
         pad: u32,
-        /// Asked for: media bus code.
+        /// Input: media bus code.
         code: u32,
-        /// Least width, largest width, least height, largest height.
+        /// Output: least width, largest width, least height and largest height, pixels.
         size: [u32; 4],
-        /// Asked for: [`FORMAT_ACTIVE`].
+        /// Input: [`FORMAT_ACTIVE`].
         which: u32 = FORMAT_ACTIVE,
-        /// Zero.
+        /// Reserved by the kernel; always 0.
         reserved: [u32; 8],
     }
 }

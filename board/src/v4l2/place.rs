@@ -1,4 +1,4 @@
-//! The node that captures and the sensor that sends to it: through a media graph, or as a driver without one has them.
+//! Opens a camera's capture node and its sensor, through a media graph or as separate nodes of a driver without one.
 
 use super::exposure::{self, Knob, Sensor};
 use super::media::wiring::Wiring;
@@ -9,24 +9,24 @@ use super::{CameraError, Kernel, Node, abi};
 use super::{access, device};
 use std::path::{Path, PathBuf};
 
-/// A camera's open nodes, whose formats are set.
+/// A camera's open nodes with their formats set.
 pub(super) struct Place {
     pub video: Box<dyn Node>,
-    /// Node of the exposure control; `None` for `video`.
+    /// Node of the exposure control; `None` if the capture node has it.
     pub sensor: Option<Box<dyn Node>>,
     /// Known properties of the sensor.
     pub known: Option<&'static Sensor>,
-    /// Size that was asked for.
+    /// Requested columns and rows.
     pub asked: (u32, u32),
     pub granted: abi::PixelFormat,
-    /// State that is restored when the camera is closed.
+    /// Links and formats that are restored when the camera is closed.
     pub wiring: Option<Wiring>,
 }
 
 /// Opens the camera's nodes and sets their formats.
 ///
 /// # Errors
-/// [`CameraError`].
+/// [`CameraError`] of the node or pad that could not be opened or set.
 pub(super) fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<Place, CameraError> {
     match media::locate(kernel, options)? {
         Some(located) => open_route(kernel, &located, options),
@@ -34,12 +34,12 @@ pub(super) fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<Place, 
     }
 }
 
-/// The size that is asked for: that of the mode which sees all of a known sensor, unless another was named.
+/// Returns the requested size: that of the whole-sensor mode of a known sensor, unless the options name another size.
 fn asked(known: Option<&Sensor>, options: &Options) -> (u32, u32) {
     known.filter(|_| options.full_view).map_or(options.size, |sensor| sensor.full_view)
 }
 
-/// A node without a graph, perhaps with a sensor beside it.
+/// Opens a node without a media graph, and its sensor's sub-device if there is one.
 fn open_node(kernel: &mut dyn Kernel, options: &Options) -> Result<Place, CameraError> {
     let path = &options.path;
     let mut video = capture_node(kernel, path)?;
@@ -57,7 +57,7 @@ fn open_node(kernel: &mut dyn Kernel, options: &Options) -> Result<Place, Camera
     Ok(Place { video, sensor, known, asked, granted, wiring: None })
 }
 
-/// Opens a node that captures pictures of one plane.
+/// Opens a node that captures single-planar pictures.
 fn capture_node(kernel: &mut dyn Kernel, path: &Path) -> Result<Box<dyn Node>, CameraError> {
     let mut video = access::open(kernel, path)?;
     let caps = access::capability(video.as_mut(), path)?;
@@ -72,7 +72,7 @@ fn capture_node(kernel: &mut dyn Kernel, path: &Path) -> Result<Box<dyn Node>, C
     Ok(video)
 }
 
-/// The first of the shortest routes on which every pad and the node take the format; else the reason of the best one.
+/// Opens the first route, by length, on which every pad and the node accept the format; returns the error of the best route if none does.
 fn open_route(kernel: &mut dyn Kernel, located: &Located, options: &Options) -> Result<Place, CameraError> {
     let mut refused = None;
     let shortest = located.routes.first().map_or(0, |route| route.links.len());
@@ -101,7 +101,7 @@ fn open_route(kernel: &mut dyn Kernel, located: &Located, options: &Options) -> 
     Err(refused.unwrap_or(CameraError::Unfit { path: located.path.clone(), found, expected }))
 }
 
-/// Sets a route's pads and its node to media bus code `code`.
+/// Sets the pads of a route and its node to media bus code `code`.
 fn open_with(
     kernel: &mut dyn Kernel,
     wiring: &mut Wiring,

@@ -1,4 +1,4 @@
-//! The real kernel. All `unsafe` of the crate is here.
+//! The operating system's kernel by system calls. All `unsafe` of the crate is in this module.
 #![allow(
     unsafe_code,
     reason = "requests and mappings are contracts with the kernel; each says why it is kept"
@@ -48,7 +48,7 @@ const MEDIA: u8 = b'|';
 const SETUP_LINK: Opcode = opcode::read_write::<media::LinkSetup>(MEDIA, 3);
 const G_TOPOLOGY: Opcode = opcode::read_write::<media::Counts>(MEDIA, 4);
 
-/// `struct v4l2_ext_controls`; `which` 0 takes controls of any class.
+/// `struct v4l2_ext_controls`; `which` 0 accepts controls of any class.
 #[repr(C)]
 struct Controls {
     which: u32,
@@ -59,7 +59,7 @@ struct Controls {
     controls: *mut abi::Control,
 }
 
-/// Numbers that a C compiler gave for the same headers.
+/// Sizes and request numbers that a C compiler gave for the same headers.
 const _: () = {
     assert!(
         size_of::<Controls>() == if size_of::<usize>() == 8 { 32 } else { 24 },
@@ -79,14 +79,14 @@ const _: () = {
     assert!(G_TOPOLOGY == 0xc048_7c04, "MEDIA_IOC_G_TOPOLOGY");
 };
 
-/// Longest mapping: a frame of 64 megapixels of four bytes.
+/// Longest mapping, bytes: a frame of 64 megapixels of four bytes.
 const MAX_BUFFER_BYTES: u32 = 256 << 20;
 
-/// A buffer of the driver in our address space.
+/// A buffer of the driver, mapped into the address space of this process.
 struct Mapping {
     start: NonNull<u8>,
     length: usize,
-    /// Whether the driver may be writing to it.
+    /// Whether the driver owns the buffer and may be writing to it.
     queued: bool,
 }
 
@@ -124,7 +124,7 @@ impl File {
         self.update::<CODE, _>(&mut all)
     }
 
-    /// Reads a media device: the counts, then as many entries, bounded.
+    /// Reads a media device: first the counts, then at most as many entries.
     fn topology(&self, topology: &mut Topology) -> Result<(), Errno> {
         let mut counts = media::Counts::default();
         self.update::<G_TOPOLOGY, _>(&mut counts)?;
@@ -176,7 +176,7 @@ impl Node for File {
             Call::RequestBuffers(d) => self.update::<REQBUFS, _>(d),
             Call::QueryBuffer(d) => self.update::<QUERYBUF, _>(d),
             Call::Queue(d) => {
-                // From here on the driver may write; only if it refuses the buffer stays ours.
+                // After this call the driver may write to the buffer, unless it refuses the request.
                 let index = d.index;
                 let ours = self.mappings.get(index as usize).is_some_and(|m| !m.queued);
                 self.mark(index, true);
@@ -263,11 +263,11 @@ impl Drop for File {
     }
 }
 
-/// The kernel that runs this program.
+/// The kernel of the operating system.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct RealKernel;
 
-/// Numbered nodes of /dev in order of their numbers.
+/// Returns the numbered nodes of /dev in the order of their numbers.
 fn numbered(prefix: &str) -> Vec<PathBuf> {
     let entries = std::fs::read_dir("/dev").into_iter().flatten().flatten();
     let names = entries.filter_map(|e| e.file_name().into_string().ok());

@@ -1,7 +1,8 @@
-//! Which frame has which exposure.
+//! Prediction of each frame's exposure from the log of control writes.
 //!
-//! A control that is written after the sensor's frame `s` acts from frame `s + 1 + delay` on. So a frame's exposure is that of the latest
-//! write that could act on the frame, whether or not the frames between were delivered: writes are assigned to frames by the sequence
+//! A control that is written after the sensor's frame `s` acts from frame `s + 1 + delay` on, so a frame's exposure is that of the latest
+//! write that could act on it, even if frames in between were lost. Writes are assigned to frames by sequence number, never by counting
+//! delivered frames.
 //! number, never by counting delivered frames.
 
 use std::collections::VecDeque;
@@ -12,23 +13,23 @@ pub const MAX_DELAY: u32 = 8;
 /// Number of logged writes: more than the longest delay and the longest queue of frames together.
 const KEPT: usize = 64;
 
-/// The origin of the exposure of a frame.
+/// Origin of a frame's exposure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Known {
-    /// The camera reported it with the frame.
+    /// The camera reported the exposure with the frame.
     Reported,
-    /// The exposure follows from the writes of the control.
+    /// The exposure was predicted from the control writes.
     Predicted,
-    /// Predicted, and the brightness ratio to a neighbouring frame agrees within 10 %.
+    /// The exposure was predicted, and the brightness ratio to a neighbouring frame agrees within 10 %.
     Verified,
-    /// Measured from brightness ratios, which differ from the control's value by more than 10 %.
+    /// The exposure was measured from brightness ratios, which differ from the control's value by more than 10 %.
     Measured,
     /// The brightness ratio contradicts the prediction, or there is no prediction.
     Unknown,
 }
 
 impl Known {
-    /// As `burst.toml` names it.
+    /// Name of the origin in `burst.toml`.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -47,30 +48,30 @@ struct Write {
     after: u32,
     /// Index into the exposures.
     slot: usize,
-    /// Frames from the first one on of which it is not sure that it acted on them, because it came late.
+    /// Number of frames, from the first on which the write can act, whose exposure is uncertain because the write was late.
     doubt: u32,
 }
 
-/// The log of control writes, and the exposures that follow from it.
+/// Log of control writes, from which the exposures of frames follow.
 #[derive(Clone, Debug)]
 pub struct Schedule {
     delay: u32,
     slots: usize,
     writes: VecDeque<Write>,
-    /// The exposure before the first write.
+    /// Index of the exposure before the first write.
     initial: usize,
     /// Whether `initial` is certain.
     initial_certain: bool,
 }
 
-/// Whether sequence number `a` comes after `b`; numbers wrap.
+/// Returns whether sequence number `a` comes after `b`; sequence numbers wrap.
 #[must_use]
 pub const fn is_after(a: u32, b: u32) -> bool {
     a != b && a.wrapping_sub(b) < 1 << 31
 }
 
 impl Schedule {
-    /// A schedule of `slots` exposures, of which `initial` was set before the stream began.
+    /// Creates a schedule of `slots` exposures, of which `initial` was set before the stream began.
     #[must_use]
     pub fn new(slots: usize, initial: usize, delay: u32) -> Self {
         Self {
@@ -82,37 +83,39 @@ impl Schedule {
         }
     }
 
-    /// The camera started with another exposure than the one that was set.
+    /// Marks the initial exposure as uncertain: the camera started with another one.
     pub fn doubt_initial(&mut self) {
         self.initial_certain = false;
     }
 
-    /// A write after frame `sequence` failed: whether it acted is uncertain until the next write acts.
+    /// Notes that a write after frame `sequence` failed: the exposure is uncertain until the next write acts.
     pub fn failed(&mut self, sequence: u32) {
         let target = sequence.wrapping_add(1).wrapping_add(self.delay);
         let stays = self.slot_of(target.wrapping_sub(1)).0;
         self.wrote(sequence, stays, u32::MAX);
     }
 
-    /// Frames after the next one until a write acts.
+    /// Control delay, frames after the next one.
     #[must_use]
     pub fn delay(&self) -> u32 {
         self.delay
     }
 
-    /// Believes another delay from now on, for past writes too.
+    /// Replaces the control delay, for past writes too.
     pub fn set_delay(&mut self, delay: u32) {
         self.delay = delay.min(MAX_DELAY);
     }
 
-    /// The exposure to write after frame `sequence`: the one that follows upon that of the frame before the one it will act on.
+    /// Returns the exposure to write after frame `sequence`: the successor of the exposure of the frame before the one on which the write
+    /// acts.
     #[must_use]
     pub fn due(&self, sequence: u32) -> usize {
         let target = sequence.wrapping_add(1).wrapping_add(self.delay);
         (self.slot_of(target.wrapping_sub(1)).0 + 1) % self.slots
     }
 
-    /// Notes that `slot` was written after frame `after`; `doubt` is how many frames may have begun before the write was over.
+    /// Notes that exposure `slot` was written after frame `after`; `doubt` is the number of frames that may have begun before the write was
+    /// complete.
     pub fn wrote(&mut self, after: u32, slot: usize, doubt: u32) {
         if self.writes.len() == KEPT {
             self.writes.pop_front();
@@ -120,14 +123,14 @@ impl Schedule {
         self.writes.push_back(Write { after, slot, doubt });
     }
 
-    /// The exposure of frame `sequence`; `None` where a write came so late that it may or may not have acted.
+    /// Returns the exposure of frame `sequence`; `None` if a late write makes it uncertain.
     #[must_use]
     pub fn exposure_of(&self, sequence: u32) -> Option<usize> {
         let (slot, certain) = self.slot_of(sequence);
         certain.then_some(slot)
     }
 
-    /// As [`Self::exposure_of`] with another delay, for finding out which delay explains what is seen.
+    /// Like [`Self::exposure_of`], but for another delay: used to find the delay that explains the brightness ratios.
     #[must_use]
     pub fn exposure_with(&self, sequence: u32, delay: u32) -> Option<usize> {
         let (slot, certain) = self.look(sequence, delay);
@@ -153,7 +156,7 @@ impl Schedule {
 mod tests {
     use super::*;
 
-    /// On paper: delay 2, slots 0 1 2, written after each frame from 10 on.
+    /// Computed by hand: delay 2, slots 0 1 2, one write after each frame from 10 on.
     #[test]
     fn a_write_acts_after_its_delay() {
         let mut s = Schedule::new(3, 0, 2);
@@ -165,7 +168,7 @@ mod tests {
         assert_eq!(found, [0, 0, 0, 1, 2, 0, 0], "frames 10 to 16");
     }
 
-    /// On paper: frame 11 is lost, so nothing is written after it, and 13 keeps what 12 had.
+    /// Computed by hand: frame 11 is lost, so no write follows it, and frame 13 keeps the exposure of frame 12.
     #[test]
     fn a_lost_frame_shifts_nothing() {
         let mut s = Schedule::new(3, 0, 1);
@@ -177,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn a_late_write_makes_one_frame_uncertain_and_numbers_wrap() {
+    fn a_late_write_makes_one_frame_uncertain_across_a_sequence_wrap() {
         let mut s = Schedule::new(2, 0, 0);
         s.wrote(u32::MAX, 1, 1);
         let found = [u32::MAX, 0, 1].map(|f| s.exposure_of(f));
@@ -185,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_forgotten_is_uncertain() {
+    fn frames_older_than_the_log_have_no_exposure() {
         let mut s = Schedule::new(2, 0, 0);
         (0..100).for_each(|f| s.wrote(f, f as usize % 2, 0));
         assert_eq!((s.exposure_of(20), s.exposure_of(99)), (None, Some(0)), "long past, and just now");

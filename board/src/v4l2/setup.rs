@@ -1,4 +1,4 @@
-//! Opening a camera and agreeing with it: format, rate, manual exposure. What was asked and what was got is kept for the report.
+//! Opening of a camera and negotiation of format, rate and manual exposure, with a report of the requested and the granted values.
 
 use super::controls::{self, Info};
 use super::exposure::{self, Held, Knob, Manual, Sensor, Setting, Unit};
@@ -11,30 +11,30 @@ use super::view::{self, View};
 use super::{CameraError, Kernel, Node, abi};
 use rustix::io::Errno;
 
-/// An open camera that has agreed.
+/// An open camera whose format and exposures are negotiated.
 pub(super) struct Setup {
     pub video: Box<dyn Node>,
-    /// Node of the exposure control; `None` for `video`.
+    /// Node of the exposure control; `None` if the capture node has it.
     pub sensor: Option<Box<dyn Node>>,
     pub picture: Picture,
     pub period_s: f64,
     pub knob: Option<Knob>,
     /// Controls that keep their values while the camera streams, in the order in which they are set.
     pub held: Vec<Held>,
-    /// At least one; without a knob exactly one, of the frame's own time.
+    /// Exposures of the burst, at least one; without an exposure control exactly one, the frame interval.
     pub settings: Vec<Setting>,
-    /// The part of the sensor that pictures show, where it is known.
+    /// Part of the sensor that pictures show, if it is known.
     pub view: Option<View>,
-    /// From the table of sensors.
+    /// Control delay from the table of sensors.
     pub delay: Option<u32>,
-    /// Relative code of darkness, from the same table.
+    /// Relative code of black from the table of sensors.
     pub black: f64,
     pub agreed: Vec<Agreed>,
-    /// The last field, since the nodes must be closed before formats and links are restored.
+    /// The last field, so that the nodes are closed before formats and links are restored.
     _wiring: Option<Wiring>,
 }
 
-/// Opens the camera that `options` name and agrees with it.
+/// Opens the camera of `options` and negotiates its format and exposures.
 pub(super) fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<Setup, CameraError> {
     let path = &options.path;
     let Place { mut video, mut sensor, known, asked, granted, wiring } = place::open(kernel, options)?;
@@ -104,13 +104,13 @@ fn size((width, height): (u32, u32)) -> String {
     format!("{width} x {height}")
 }
 
-/// A control that did not take its value.
+/// Reports a control that did not take its value.
 fn refused(held: &Held) -> Agreed {
     let got = held.found.map_or_else(|| "unreadable".into(), |value| value.to_string());
     agreed("control", format!("{} = {}", held.info.name, held.wanted), got)
 }
 
-/// Sets controls again that a camera changed when its stream started; true if there were any.
+/// Sets the held controls again that the camera changed when its stream started; returns true if there were any.
 pub(super) fn restore(setup: &mut Setup) -> bool {
     let Setup { video, sensor, held, .. } = setup;
     let node: &mut dyn Node = match sensor {
@@ -128,21 +128,21 @@ pub(super) fn restore(setup: &mut Setup) -> bool {
     changed
 }
 
-/// The value of the exposure control as it is read back.
+/// Reads the value of the exposure control.
 pub(super) fn exposure_value(setup: &mut Setup) -> Option<i64> {
     let Setup { video, sensor, knob, .. } = setup;
     let node: &mut dyn Node = sensor.as_deref_mut().unwrap_or(video.as_mut());
     controls::value(node, &knob.as_ref()?.info).ok()
 }
 
-/// The exposure control of a camera.
+/// The exposure control of a camera with its unit and settings.
 struct Exposing {
     knob: Option<Knob>,
     settings: Vec<Setting>,
     held: Vec<Held>,
 }
 
-/// Switches the exposure to manual and agrees on its values; the frame's time follows a sensor's longest exposure.
+/// Switches the exposure to manual and negotiates its values; the frame interval follows a sensor's longest exposure.
 fn expose(
     node: &mut dyn Node,
     options: &Options,
@@ -163,7 +163,7 @@ fn expose(
         }
     }
     let Manual { settable, mut held } = exposure::go_manual(node);
-    // The gain stays at its least: the linear part of every sensor, and the least noise per light.
+    // The gain is set to its least value, where every sensor is linear and has the least noise for its light.
     for id in [abi::ANALOGUE_GAIN, abi::GAIN] {
         held.extend(Held::set(node, id, i64::MIN));
     }
@@ -187,7 +187,7 @@ fn expose(
     Exposing { knob: None, settings: vec![whole], held }
 }
 
-/// Writes a setting's value.
+/// Writes a setting's value to the exposure control.
 pub(super) fn write(node: &mut dyn Node, info: &Info, setting: &Setting) -> Result<(), Errno> {
     controls::set(node, info, setting.value)
 }

@@ -1,4 +1,4 @@
-//! The start of a camera's stream: buffers, the first exposure, STREAMON, and the controls that it may reset.
+//! The start of a camera's stream: buffers, the first exposure, STREAMON, and the controls that the camera resets at STREAMON.
 
 use super::access::failed;
 use super::arrivals::Arrivals;
@@ -8,15 +8,14 @@ use super::setup::{self, Agreed};
 use super::{Call, CameraError, Kernel, Node, abi, persist};
 use std::path::Path;
 
-/// Buffers that the driver is asked for. One is being filled and one being read; the others let a busy board be late by four frames without
-/// losing any.
+/// Number of requested buffers. One is being filled and one being read; the others absorb a delay of four frames without loss.
 const BUFFERS: u32 = 6;
 
-/// Number of times that the first write of the exposure is tried.
+/// Number of attempts of the first exposure write.
 const FIRST_TRIES: u32 = 4;
 
 impl Camera {
-    /// Takes buffers, sets the first exposure and starts the stream.
+    /// Allocates buffers, sets the first exposure and starts the stream.
     pub(super) fn start(&mut self, kernel: &mut dyn Kernel) -> Result<(), CameraError> {
         let video = self.setup.video.as_mut();
         let mut subscription = abi::Subscription { kind: abi::EVENT_SOURCE_CHANGE, ..Default::default() };
@@ -43,7 +42,7 @@ impl Camera {
         self.restore(kernel)
     }
 
-    /// Sets the controls of a camera again that reset them when the stream started.
+    /// Sets the controls again that the camera reset when the stream started.
     fn restore(&mut self, kernel: &mut dyn Kernel) -> Result<(), CameraError> {
         let changed = setup::restore(&mut self.setup);
         let expected = self.setup.settings.first().map(|s| s.value);
@@ -60,7 +59,7 @@ impl Camera {
         self.write(kernel, u32::MAX, 0)
     }
 
-    /// What is set before the stream starts holds from its first frame on.
+    /// Writes the first exposure before the stream starts, so that it applies from the first frame on.
     fn write_first(&mut self, kernel: &mut dyn Kernel) -> Result<(), CameraError> {
         for _ in 0..FIRST_TRIES {
             let failed = self.counters.failed_writes;

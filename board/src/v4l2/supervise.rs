@@ -1,5 +1,5 @@
-//! Recovery of a camera whose cable is pulled, whose driver stalls or whose device another program takes: it is closed and opened again
-//! every second, without limit.
+//! Recovery of a camera that is unplugged, whose driver stalls or whose device is in use by another program: the camera is closed and
+//! opened again every second, without limit.
 
 use super::capture::Camera;
 use super::formats::Picture;
@@ -8,20 +8,20 @@ use super::setup::Options;
 use super::{CameraError, Kernel};
 use std::time::Duration;
 
-/// From one try to the next: long enough for a device to settle, short enough for a light set that is two seconds old.
+/// Time between two attempts: long enough for a device to settle, short enough for a light set that is two seconds old.
 const RETRY: Duration = Duration::from_secs(1);
 
-/// Longest wait in one step: it bounds how late a shutdown is noticed.
+/// Longest wait of one step, which bounds the latency of a shutdown.
 const WAIT: Duration = Duration::from_millis(250);
 
-/// The result of a step.
+/// The result of one step.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Outcome {
-    /// A whole frame.
+    /// A complete frame was received.
     Frame,
-    /// Nothing yet.
+    /// No frame was received yet.
     Nothing,
-    /// The camera is closed, for this reason.
+    /// The camera is closed; the text gives the reason.
     Down(String),
 }
 
@@ -31,7 +31,7 @@ pub struct Supervisor {
     options: Options,
     camera: Option<Camera>,
     retry_ns: u64,
-    /// Size and packing of the first frames, which later ones must have: the lens's tables are made for it.
+    /// Layout of the first frames. Later frames must have the same one, since the tables of the lens depend on it.
     picture: Option<Picture>,
     reopened: u64,
 }
@@ -40,17 +40,17 @@ impl Supervisor {
     /// Opens the camera for the first time.
     ///
     /// # Errors
-    /// [`CameraError`]: what is wrong from the start is for people to put right.
+    /// [`CameraError`]: a failure of the first opening is returned and not retried.
     pub fn open(kernel: Box<dyn Kernel>, options: Options) -> Result<Self, CameraError> {
         let mut new = Self { kernel, options, camera: None, retry_ns: 0, picture: None, reopened: 0 };
         new.bring_up()?;
         Ok(new)
     }
 
-    /// Opens the camera or, where it is not there yet or gives nothing, waits for it as after an unplugging.
+    /// Opens the camera; if it is missing or silent, returns a supervisor that retries as after a disconnection.
     ///
     /// # Errors
-    /// [`CameraError`]: what else is wrong is for people to put right.
+    /// [`CameraError`] for all other failures.
     pub fn open_or_wait(kernel: Box<dyn Kernel>, options: Options) -> Result<Self, CameraError> {
         let mut new = Self { kernel, options, camera: None, retry_ns: 0, picture: None, reopened: 0 };
         match new.bring_up() {
@@ -59,19 +59,19 @@ impl Supervisor {
         }
     }
 
-    /// The camera while it is up.
+    /// Returns the camera while it is open.
     #[must_use]
     pub fn camera(&self) -> Option<&Camera> {
         self.camera.as_ref()
     }
 
-    /// Times that the camera was opened again.
+    /// Number of times that the camera was opened again.
     #[must_use]
     pub fn reopened(&self) -> u64 {
         self.reopened
     }
 
-    /// Waits for a frame, or for the next try, for a quarter of a second at most.
+    /// Waits at most a quarter of a second for a frame or for the next attempt.
     pub fn step(&mut self, frame: &mut RawFrame) -> Outcome {
         let Some(camera) = &mut self.camera else { return self.revive() };
         match camera.next(self.kernel.as_mut(), WAIT, frame) {
@@ -109,7 +109,7 @@ impl Supervisor {
         if picture != camera.picture() {
             return Err(changed(&camera, picture));
         }
-        // What was found out once need not be found out again; where it changes, the frames will tell.
+        // The measured delay and exposures are kept; if they have changed, the comparison of frames corrects them.
         self.options.delay = self.options.delay.or(camera.delay());
         self.camera = Some(camera);
         Ok(())

@@ -1,4 +1,4 @@
-//! The camera against the scripted kernel: every frame's exposure, with and without faults.
+//! Tests of the camera with the scripted kernel: the exposure of every frame, with and without faults.
 
 use super::abi;
 use super::capture::Camera;
@@ -21,7 +21,7 @@ fn options() -> Options {
     }
 }
 
-/// The summary of a run of frames.
+/// Summary of a run of frames.
 #[derive(Debug, Default)]
 struct Tally {
     frames: usize,
@@ -30,7 +30,7 @@ struct Tally {
     verified: usize,
 }
 
-/// Takes `count` frames and compares what each is said to be with what it was.
+/// Takes `count` frames and compares their reported exposures with the true ones.
 fn run(camera: &mut Camera, kernel: &mut FakeKernel, count: usize) -> Tally {
     let (mut frame, mut tally) = (RawFrame::default(), Tally::default());
     while tally.frames < count {
@@ -69,7 +69,7 @@ fn exposures_are_right_for_delays_of_0_to_4_frames_with_losses_and_signals() {
 }
 
 #[test]
-fn all_exposures_come_round() {
+fn every_three_frames_hold_one_burst_of_three_exposures() {
     let mut kernel = FakeKernel::new(Script { delay: 3, ..Script::default() });
     let mut camera = Camera::open(&mut kernel, &options()).expect("a camera");
     let mut frame = RawFrame::default();
@@ -86,7 +86,7 @@ fn all_exposures_come_round() {
 }
 
 #[test]
-fn a_wrong_delay_is_noticed_put_right_and_counted() {
+fn a_wrong_delay_is_corrected_and_counted() {
     for (believed, real) in [(2, 1), (0, 3), (4, 2), (1, 4)] {
         let mut kernel = FakeKernel::new(Script { delay: real, loss: 0.05, ..Script::default() });
         let mut camera =
@@ -126,7 +126,7 @@ fn clamped_exposures_are_reported_as_they_are() {
 }
 
 #[test]
-fn a_uvc_camera_is_taken_out_of_its_automatics() {
+fn automatic_modes_of_a_uvc_camera_are_switched_off() {
     let mut kernel = FakeKernel::new(Script::default());
     let _camera = Camera::open(&mut kernel, &options()).expect("a camera");
     let world = kernel.world();
@@ -137,7 +137,7 @@ fn a_uvc_camera_is_taken_out_of_its_automatics() {
 }
 
 #[test]
-fn a_camera_that_resets_its_controls_at_streamon_is_set_again() {
+fn controls_that_streamon_resets_are_set_again() {
     let mut kernel = FakeKernel::new(Script { reset_at_start: true, loss: 0.05, ..Script::default() });
     let mut camera = Camera::open(&mut kernel, &options()).expect("a camera");
     let tally = run(&mut camera, &mut kernel, 1000);
@@ -157,7 +157,7 @@ fn a_control_that_cannot_be_switched_off_is_named() {
     assert_eq!((refused[0].asked.as_str(), refused[0].got.as_str()), ("Sharpness = 0", "2"), "by name");
 }
 
-/// The sensor's exposures are 1.0, 3.9 and 31.2 ms for 0.9, 5.5 and 33.3 ms.
+/// The sensor's exposures are 1.0, 3.9 and 31.2 ms for requests of 0.9, 5.5 and 33.3 ms.
 #[test]
 fn exposures_that_the_sensor_does_not_make_are_measured() {
     let really = Some(vec![5, 10, 20, 39, 78, 156, 312, 625]);
@@ -181,7 +181,7 @@ fn exposures_that_the_sensor_does_not_make_are_measured() {
     assert_eq!(camera.counters().mismatches, 0, "not contradicted: measured");
 }
 
-/// Cameras with lists of their own: refused, ignored or rounded down, the nearest in the list is what the camera has.
+/// Cameras with a list of exposures refuse, ignore or round down other values; each gives the nearest value of the list.
 #[test]
 fn the_nearest_of_an_exposure_list_is_found_for_each_way_of_refusing() {
     for (list, expected) in
@@ -198,7 +198,7 @@ fn the_nearest_of_an_exposure_list_is_found_for_each_way_of_refusing() {
     }
 }
 
-/// Line time 100 us: 64 + 936 pixels at 10 MHz.
+/// Line time of 100 us: 64 + 936 pixels at 10 MHz.
 #[test]
 fn a_sensor_gets_its_frame_length_before_its_lines_and_keeps_its_gain() {
     let mut kernel =
@@ -220,7 +220,7 @@ fn a_sensor_gets_its_frame_length_before_its_lines_and_keeps_its_gain() {
 }
 
 #[test]
-fn a_known_sensor_is_asked_for_the_mode_that_sees_all_of_it() {
+fn a_known_sensor_is_set_to_its_whole_view_mode() {
     let script = Script {
         kind: Kind::Csi,
         sensor: "imx219 10-0010",
@@ -261,7 +261,7 @@ fn jpeg_frames_have_their_exposures_and_damaged_ones_are_counted() {
 }
 
 #[test]
-fn a_camera_without_an_exposure_gives_frames_all_the_same() {
+fn a_camera_without_an_exposure_control_still_delivers_frames() {
     let mut kernel = FakeKernel::new(Script { kind: Kind::NoExposure, ..Script::default() });
     let mut camera = Camera::open(&mut kernel, &options()).expect("a camera");
     let mut frame = RawFrame::default();
@@ -275,7 +275,7 @@ fn a_camera_without_an_exposure_gives_frames_all_the_same() {
 }
 
 #[test]
-fn another_control_may_stand_in() {
+fn another_control_can_replace_the_exposure() {
     let stand_in = StandIn { control: "brightness".into(), values: vec![10, 60, 200] };
     let mut kernel =
         FakeKernel::new(Script { kind: Kind::NoExposure, delay: 0, loss: 0.05, ..Script::default() });
@@ -287,7 +287,7 @@ fn another_control_may_stand_in() {
 }
 
 #[test]
-fn in_the_dark_the_delay_stays_unknown_and_frames_say_so() {
+fn in_the_dark_delay_and_exposures_are_reported_as_unknown() {
     let mut kernel = FakeKernel::new(Script { light: 1e-3, ..Script::default() });
     let mut camera = Camera::open(&mut kernel, &options()).expect("a camera");
     assert_eq!(camera.delay(), None, "nothing to see");
@@ -297,7 +297,7 @@ fn in_the_dark_the_delay_stays_unknown_and_frames_say_so() {
 }
 
 #[test]
-fn what_ends_a_stream_is_told_apart() {
+fn each_cause_of_a_stream_failure_has_its_own_error() {
     let ends = [
         (Fault::Disconnect(SECOND), "found no camera"),
         (Fault::Stall(Duration::from_secs(20)), "no frame in 1000 ms"),
@@ -329,7 +329,7 @@ fn a_busy_camera_is_tried_a_few_times_and_then_named() {
 }
 
 #[test]
-fn cameras_are_listed_with_what_they_can() {
+fn cameras_are_listed_with_formats_and_ranges() {
     let mut kernel = FakeKernel::new(Script::default());
     let cameras = device::list(&mut kernel).expect("cameras");
     assert_eq!(cameras.len(), 1, "{cameras:?}");

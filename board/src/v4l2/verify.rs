@@ -1,40 +1,40 @@
 //! Compares the exposure times that the schedule predicts with the brightness of neighbouring frames.
 //!
-//! Where two frames show the same light, the ratio of their relative exposures is that of their times. Its median over the samples that are
-//! neither dark nor clipped in either frame is compared with the predicted ratio. A ratio within 10 % verifies the frame. When ratios
-//! contradict the schedule repeatedly, the delay that explains them replaces the current one; when they stay apart from the control's
-//! values at a constant factor, [`Measured`] takes the factor over.
+//! Where two frames show the same light, the ratio of their relative exposures equals that of their exposure times. The median ratio over
+//! the samples that are neither dark nor clipped in either frame is compared with the predicted ratio; within 10 % the frame is verified.
+//! When ratios contradict the schedule repeatedly, the delay that explains them replaces the current one; when they deviate from the
+//! control's values by a constant factor, [`Measured`] adopts the factor.
 
 use super::measured::{Measured, Verdict};
 use super::schedule::{MAX_DELAY, Schedule};
 use hemilux_core::Response;
 use std::collections::VecDeque;
 
-/// Relative codes between which a sample is compared: below, noise and the black level weigh; above, cameras bend before they clip.
+/// Range of relative codes that are compared: below it noise and the black level dominate, above it cameras compress before they clip.
 const TRUSTED: std::ops::Range<f32> = 0.05..0.93;
 
-/// Fewest places that are compared, of 3,072: fewer may all lie on something that moves.
+/// Least number of compared samples, of 3,072: fewer may all lie on a moving object.
 const ENOUGH: usize = 48;
 
-/// Largest distance of the two frames, frames: light and things move.
+/// Largest distance of the two frames, in frames: light and objects move in the meantime.
 const NEIGHBOURS: u32 = 4;
 
-/// Comparisons that are remembered, and how many of them must disagree before another delay is looked for.
+/// Number of stored comparisons, and how many of them must disagree before another delay is searched for.
 const REMEMBERED: usize = 12;
 const DISAGREEING: usize = 4;
 
-/// The meaning of the codes of a camera.
+/// Meaning of a camera's codes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Levels {
-    /// The curve.
+    /// Camera response from codes to relative exposure.
     pub response: Response,
-    /// Relative code of darkness.
+    /// Relative code of black.
     pub black: f64,
     /// Relative code of relative exposure 1.
     pub white: f64,
 }
 
-/// Compares each frame with the one before it.
+/// Comparison of each frame with the frame before it.
 #[derive(Debug)]
 pub struct Verifier {
     levels: Levels,
@@ -45,19 +45,19 @@ pub struct Verifier {
     seen: VecDeque<FramePair>,
 }
 
-/// The brightness ratio of two frames.
+/// Brightness ratio of two frames.
 #[derive(Clone, Copy, Debug)]
 struct FramePair {
     /// Sequence number of the older frame.
     before: u32,
     /// Sequence number of the newer frame.
     after: u32,
-    /// Natural logarithm of the ratio, newer to older.
+    /// Natural logarithm of the ratio of newer to older.
     log_ratio: f64,
 }
 
 impl Verifier {
-    /// Compares frames of exposures of `seconds`.
+    /// Creates a comparison for frames with exposures of `seconds`.
     #[must_use]
     pub fn new(levels: Levels, seconds: &[f64]) -> Self {
         Self {
@@ -70,7 +70,7 @@ impl Verifier {
         }
     }
 
-    /// Compares frame `sequence`, whose samples are `codes`, with the one before; `codes` gets the old samples' memory.
+    /// Compares frame `sequence`, whose samples are `codes`, with the frame before; swaps the older samples into `codes`.
     pub fn compare(&mut self, sequence: u32, codes: &mut Vec<f32>, schedule: &Schedule) -> Verdict {
         let near = self.before.filter(|b| sequence.wrapping_sub(*b) <= NEIGHBOURS);
         let ratio = near.and_then(|_| self.log_ratio(codes));
@@ -88,13 +88,13 @@ impl Verifier {
         self.judge(seen, schedule, schedule.delay())
     }
 
-    /// The exposures as they were measured.
+    /// The exposures as measured from the ratios.
     #[must_use]
     pub fn measured(&self) -> &Measured {
         &self.measured
     }
 
-    /// The delay that explains what was seen lately, if the current one does not.
+    /// Returns the delay that explains the recent ratios, if the current delay does not.
     pub fn better_delay(&mut self, schedule: &Schedule) -> Option<u32> {
         let count = |delay: u32, counted: &dyn Fn(Verdict) -> bool| {
             self.seen.iter().filter(|s| counted(self.judge(**s, schedule, delay))).count()
@@ -120,7 +120,7 @@ impl Verifier {
         }
     }
 
-    /// Logarithm of the median ratio of relative exposures, new to old.
+    /// Returns the natural logarithm of the median ratio of relative exposures, newer to older.
     fn log_ratio(&mut self, codes: &[f32]) -> Option<f64> {
         let Levels { response, black, white } = self.levels;
         let relative = |code: f32| ((f64::from(code) - black) / (white - black)) as f32;

@@ -1,7 +1,7 @@
 //! The part of a sensor that a mode shows.
 //!
-//! Small modes of most sensors are crops: they see the middle of a lens. Drivers tell the part by selection rectangles; for drivers that have
-//! none, the modes of well-known sensors are in a table.
+//! The small modes of most sensors are crops that show the middle of the lens. Drivers report the shown part by selection rectangles; for
+//! drivers without them, a table has the modes of common sensors.
 
 use super::exposure::Sensor;
 use super::{Call, Node, abi, persist};
@@ -14,16 +14,17 @@ const MAX_SIDE: u32 = 1 << 16;
 /// The part of a sensor that pictures of a mode show.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct View {
-    /// Left, top, width and height of the part, in pixels of the sensor from the corner of its active area.
+    /// Left edge, top edge, width and height of the part, in pixels of the sensor from the corner of its active area.
     pub crop: [u32; 4],
-    /// Columns and rows of the active area.
+    /// Columns and rows of the sensor's active area.
     pub whole: [u32; 2],
-    /// Sensor pixels that make a pixel of the picture, across and down.
+    /// Sensor pixels that are combined into one pixel of the picture, across and down.
     pub binning: [u32; 2],
 }
 
 impl View {
-    /// The view of pictures of `size`, from the rectangles of the shown part and of the active area; none where they do not fit together.
+    /// Returns the view of pictures of `size` from the rectangles of the shown part and of the active area; `None` if they are
+    /// inconsistent.
     #[must_use]
     pub fn of(size: (u32, u32), shown: [u32; 4], bounds: [u32; 4]) -> Option<Self> {
         let [x, y, width, height] = shown;
@@ -35,13 +36,13 @@ impl View {
         fits.then_some(Self { crop, whole: [columns, rows], binning })
     }
 
-    /// The view without the size of the active area.
+    /// Returns the view without the size of the active area.
     #[must_use]
     pub const fn shown(&self) -> Shown {
         Shown { crop: self.crop, binning: self.binning }
     }
 
-    /// The share of the active area that is shown, 0 to 1.
+    /// Share of the active area that is shown, 0 to 1.
     #[must_use]
     pub fn share(&self) -> f64 {
         let area = |w: u32, h: u32| f64::from(w) * f64::from(h);
@@ -57,13 +58,13 @@ impl std::fmt::Display for View {
     }
 }
 
-/// The nearest whole ratio of the shown pixels to those of the picture.
+/// Returns the nearest integer ratio of shown sensor pixels to picture pixels.
 fn rounded(shown: u32, pixels: u32) -> Option<u32> {
     let ratio = (f64::from(shown) / f64::from(pixels.max(1))).round();
     (pixels > 0 && (1.0..=64.0).contains(&ratio)).then_some(ratio as u32)
 }
 
-/// A mode of a sensor: columns and rows of its pictures, and of the part in the sensor's middle that they show.
+/// A mode of a sensor: columns and rows of its pictures, and of the central part of the sensor that they show.
 struct Mode {
     sensor: &'static str,
     size: (u32, u32),
@@ -74,7 +75,7 @@ const fn mode(sensor: &'static str, size: (u32, u32), shown: (u32, u32)) -> Mode
     Mode { sensor, size, shown }
 }
 
-/// Modes of the kernel's drivers; the first of each sensor shows all of it.
+/// Modes of the kernel's drivers; the first of each sensor shows the whole sensor.
 const MODES: [Mode; 25] = [
     mode("imx219", (3280, 2464), (3280, 2464)),
     mode("imx219", (1920, 1080), (1920, 1080)),
@@ -103,7 +104,7 @@ const MODES: [Mode; 25] = [
     mode("ov9281", (1280, 720), (1280, 720)),
 ];
 
-/// The view of a known sensor's mode.
+/// Returns the view of a mode from the table.
 #[must_use]
 pub fn known(sensor: &Sensor, size: (u32, u32)) -> Option<View> {
     let mut modes = MODES.iter().filter(|m| m.sensor == sensor.name);
@@ -113,12 +114,12 @@ pub fn known(sensor: &Sensor, size: (u32, u32)) -> Option<View> {
     View::of(size, [left, top, width, height], [0, 0, all.0, all.1])
 }
 
-/// The view of a sensor's present mode: as its driver tells, else by the table.
+/// Returns the view of a sensor's present mode, from the driver if it reports one, else from the table.
 pub fn present(node: &mut dyn Node, sensor: Option<&Sensor>, size: (u32, u32)) -> Option<View> {
     told(node, size).or_else(|| known(sensor?, size))
 }
 
-/// The view that a sensor's driver tells, or a node's that shows its sensor's rectangles as its own.
+/// Returns the view that a sensor's driver reports; the same for a node that reports the rectangles of its sensor.
 fn told(node: &mut dyn Node, size: (u32, u32)) -> Option<View> {
     let shown = rectangle(node, abi::SELECT_CROP)?;
     let bounds = rectangle(node, abi::SELECT_BOUNDS).or_else(|| rectangle(node, abi::SELECT_NATIVE))?;
@@ -140,7 +141,7 @@ mod tests {
     use super::*;
     use crate::v4l2::exposure;
 
-    /// By the table of the designs: 640 x 480 of imx219 sees 1280 x 960 of 3280 x 2464, and so on.
+    /// Values of the drivers: 640 x 480 of imx219 shows 1280 x 960 of 3280 x 2464.
     #[test]
     fn small_modes_see_the_middle() {
         for (name, size, crop, binning, share) in [

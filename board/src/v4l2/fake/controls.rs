@@ -1,11 +1,11 @@
-//! The controls of the simulated camera, and what they make of its light.
+//! The controls of the simulated camera, and the frames that they lead to.
 
 use super::{Kind, Manner, World};
 use crate::v4l2::abi;
 use hemilux_core::format::Format;
 use rustix::io::Errno;
 
-/// Writes that are kept.
+/// Largest number of stored writes.
 const MOST_WRITTEN: usize = 10_000;
 
 impl World {
@@ -43,7 +43,7 @@ impl World {
         Ok(())
     }
 
-    /// The side effects of a stream start in some cameras.
+    /// Applies the resets of controls that some cameras make when a stream starts.
     pub(super) fn reset(&mut self) {
         for (id, value) in [
             (abi::AUTO_WHITE_BALANCE, 1),
@@ -57,7 +57,7 @@ impl World {
         self.writes = vec![(0, 156)];
     }
 
-    /// Range of a control that this kind of camera has.
+    /// Returns the range of a control that this kind of camera has.
     fn range(&self, id: u32) -> Option<(i64, i64)> {
         let csi = self.script.kind == Kind::Csi;
         match id {
@@ -66,7 +66,7 @@ impl World {
             abi::SHARPNESS if self.script.kind == Kind::Uvc => Some((0, 7)),
             abi::DYNAMIC_FRAME_RATE if self.script.kind == Kind::Uvc => Some((0, 1)),
             abi::EXPOSURE_ABSOLUTE if self.script.kind == Kind::Uvc => Some(self.script.range),
-            // The sensor's exposure ends four lines before the frame does.
+            // The exposure of the sensor ends four lines before the end of the frame.
             abi::EXPOSURE if csi => {
                 Some((4, i64::from(self.script.size.1) + self.controls[&abi::VBLANK] - 4))
             }
@@ -91,7 +91,7 @@ impl World {
         let kind = match id {
             abi::EXPOSURE_AUTO => abi::TYPE_MENU,
             abi::PIXEL_RATE => abi::TYPE_INTEGER64,
-            // A type that is not known yet.
+            // A type that the program does not know.
             abi::HBLANK => 0x7777,
             _ => abi::TYPE_INTEGER,
         };
@@ -105,11 +105,11 @@ impl World {
         Ok(())
     }
 
-    /// A scene whose radiance rises a thousandfold from left to right, as a linear sensor sees it.
+    /// Returns a frame of a scene whose radiance rises by a factor of 1000 from left to right, as a linear sensor records it.
     pub(super) fn expose(&self, value: i64) -> Vec<u8> {
         let layout = self.layout();
         let (width, most) = (layout.width(), f64::from(layout.format().max_code()));
-        // Lines take 100 us like the units of UVC.
+        // A line takes 100 us, the unit of UVC.
         let seconds = value as f64 * 1e-4;
         let code = |x: u32, top: f64| {
             let radiance = self.script.light * 10f64.powf(3.0 * (f64::from(x) / f64::from(width) - 1.0));
@@ -140,7 +140,7 @@ impl World {
     }
 }
 
-/// A picture as a camera compresses it, of quality 85.
+/// Compresses a picture as JPEG of quality 85.
 fn jpeg(rgb: &[u8], width: u32, height: u32) -> Vec<u8> {
     let mut bytes = Vec::new();
     let mut encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, 85);
@@ -148,10 +148,10 @@ fn jpeg(rgb: &[u8], width: u32, height: u32) -> Vec<u8> {
     bytes
 }
 
-/// Cb and Cr of the whole picture: warm.
+/// Cb and Cr of the whole picture, a warm colour.
 const CHROMA: [u8; 2] = [100, 150];
 
-/// Four pixels of ten bits.
+/// Packs four pixels of ten bits.
 fn four(code: impl Fn(u32) -> u16) -> [u8; 5] {
     let [a, b, c, d] = [0, 1, 2, 3].map(code);
     let low = [a, b, c, d].iter().rev().fold(0, |low, v| low << 2 | (*v & 3) as u8);

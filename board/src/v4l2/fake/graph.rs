@@ -1,7 +1,7 @@
 //! Media devices of the scripted kernel, described as `media-ctl` prints them.
 //!
-//! A bridge passes the format of a sink pad on to the source pads that belong to it, pads keep what is set, and a stream starts only where both
-//! ends of each link agree, and gives frames only where no other node waits for a buffer, as in the drivers of the Pi.
+//! A bridge copies the format of a sink pad to the source pads that belong to it, and pads keep the format that is set. A stream starts
+//! only if both ends of each link agree, and delivers frames only if no other linked node waits for a buffer, as in the drivers of the Pi.
 
 use super::World;
 use crate::v4l2::abi::{PadFormat, PadSelection};
@@ -26,14 +26,14 @@ pub struct Mode {
 pub struct Described {
     /// Lines `NAME:PAD -> NAME:PAD [FLAGS]`, flags `on` and `fixed`.
     pub links: &'static str,
-    /// Which source pads of a bridge a sink pad feeds, as (sink, source).
+    /// Source pads of a bridge that a sink pad feeds, as (sink, source).
     pub inner: Vec<(u32, u32)>,
     /// Media bus codes of the sensors.
     pub codes: Vec<u32>,
     pub modes: Vec<Mode>,
-    /// All pixels of the sensor; none where the driver tells no selections.
+    /// Rectangle of all pixels of the sensor; none if the driver reports no selections.
     pub native: Option<[u32; 4]>,
-    /// A pad that keeps its size whatever is set.
+    /// A pad whose size cannot be changed.
     pub stuck: Option<&'static str>,
     /// Number of the first node.
     pub first_node: u32,
@@ -59,12 +59,12 @@ fn is_sensor(name: &str) -> bool {
     name.starts_with("imx") || name.starts_with("ov")
 }
 
-/// Nodes have their driver's name.
+/// Returns whether an entity is a node: nodes are named after their driver.
 fn is_node(name: &str) -> bool {
     name.starts_with("rp1-cfe") || name.starts_with("unicam")
 }
 
-/// A line of embedded data for pictures of `format`.
+/// Returns the format of a line of embedded data for pictures of `format`.
 fn embedded(format: &PadFormat) -> PadFormat {
     PadFormat { height: 1, code: 0x7002, pad: 1, ..*format }
 }
@@ -97,7 +97,7 @@ impl Board {
         Self { described, names, links, pads }
     }
 
-    /// All links and pad formats, for comparison.
+    /// Flags of all links and formats of all pads, for comparison.
     pub fn state(&self) -> (Vec<u32>, Vec<(u32, u32, u32)>) {
         let pads = self.pads.values().map(|p| (p.code, p.width, p.height));
         (self.links.iter().map(|l| l.flags).collect(), pads.collect())
@@ -107,7 +107,7 @@ impl Board {
         Device { major: MAJOR, minor: self.described.first_node + entity as u32 }
     }
 
-    /// The entity of a node.
+    /// Returns the entity of a node.
     pub fn entity(&self, device: Device) -> Option<usize> {
         (0..self.names.len()).find(|at| self.device(*at) == device)
     }
@@ -131,7 +131,7 @@ impl Board {
         is_sensor(&self.names[entity])
     }
 
-    /// Embedded data and statistics are no pictures.
+    /// Returns whether an entity delivers pictures; nodes of embedded data and statistics do not.
     pub fn gives_pictures(&self, entity: usize) -> bool {
         self.is_node(entity) && !self.names[entity].contains("embedded")
     }
@@ -189,7 +189,7 @@ impl Board {
         let end = |e: &abi::LinkEnd| (e.entity as usize - 1, u32::from(e.index));
         let (source, sink) = (end(&setup.source), end(&setup.sink));
         let on = |l: &FakeLink| l.flags & abi::LINK_ENABLED != 0;
-        // A sink takes one source.
+        // A sink pad has one source.
         let taken = self.links.iter().any(|l| on(l) && l.sink == sink && l.source != source);
         let link =
             self.links.iter_mut().find(|l| l.source == source && l.sink == sink).ok_or(Errno::INVAL)?;
@@ -238,7 +238,7 @@ impl Board {
             let lines = embedded(format);
             self.pads.entry((entity, 1)).and_modify(|pad| *pad = lines);
         } else if is_source {
-            // What a bridge gives is what it gets.
+            // The output of a bridge has the format of its input.
             let fed = self.described.inner.iter().find(|(_, source)| *source == format.pad);
             let from = fed.and_then(|(sink, _)| self.pads.get(&(entity, *sink)));
             (format.width, format.height) = from.map_or((640, 480), |f| (f.width, f.height));
@@ -273,7 +273,7 @@ impl Board {
         Ok(())
     }
 
-    /// The sensor's format, if a stream of `node` may start.
+    /// Returns the sensor's format if a stream of `node` may start.
     pub fn validate(&self, node: usize, size: (u32, u32)) -> Result<PadFormat, Errno> {
         let mut at = node;
         let mut first = true;
@@ -290,7 +290,7 @@ impl Board {
                     return Err(Errno::PIPE);
                 }
             }
-            // A bridge passes on what its lowest pad gets.
+            // A bridge forwards the input of its lowest pad.
             let Some(link) = self.links.iter().find(|l| into(l)) else {
                 return if first { Err(Errno::PIPE) } else { Ok(self.pads[&(at, 0)]) };
             };
@@ -298,7 +298,7 @@ impl Board {
         }
     }
 
-    /// Whether another node is linked to what `node` is linked to, and waits for a buffer.
+    /// Returns whether a node that shares a link with `node` waits for a buffer.
     pub fn is_starved(&self, node: usize) -> bool {
         let on = |l: &&FakeLink| l.flags & abi::LINK_ENABLED != 0;
         let bridge = self.links.iter().filter(on).find(|l| l.sink.0 == node).map(|l| l.source.0);
@@ -308,7 +308,7 @@ impl Board {
 }
 
 impl World {
-    /// The board and the entity of a node.
+    /// Returns the board and the entity of a node.
     pub fn place(&self, device: Device) -> Option<(usize, usize)> {
         self.boards.iter().enumerate().find_map(|(at, board)| Some((at, board.entity(device)?)))
     }

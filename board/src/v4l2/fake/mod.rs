@@ -1,7 +1,7 @@
-//! A scripted kernel with a simulated camera, in simulated time: with the faults of real ones, on demand.
+//! A scripted kernel with a simulated camera in simulated time, which has the faults of real cameras on demand.
 //!
-//! The camera exposes frame `n` from the light that the newest control write gives which came at least `delay` whole frames before it.
-//! What each frame really was exposed with is kept as the truth that tests compare with.
+//! The camera exposes frame `n` with the newest control write that came at least `delay` whole frames before it. The true exposure of each
+//! frame is stored for comparison by tests.
 
 mod controls;
 pub(crate) mod graph;
@@ -20,26 +20,26 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Duration;
 
-/// Time of every request and of every wait that finds something, nanoseconds.
+/// Duration of every request and of every successful wait, nanoseconds.
 const CALL_NS: u64 = 20_000;
 
-/// Bytes behind each row.
+/// Padding bytes at the end of each row.
 const PADDING: usize = 16;
 
 pub struct World {
     pub script: Script,
     pub boards: Vec<Board>,
-    /// Frames wait for a buffer of another node.
+    /// Whether frames wait for a buffer of another node.
     starved: bool,
     pub now_ns: u64,
-    /// Frames since the camera was plugged in, the disconnected time left out.
+    /// Number of frames since the camera was plugged in, without the time of disconnections.
     pub total: u64,
     /// True exposure of each frame of the present stream.
     pub truth: HashMap<u32, i64>,
-    /// Nodes and mappings that are open.
+    /// Number of open nodes and mappings.
     pub open: usize,
     pub mapped: usize,
-    /// Opens that succeeded.
+    /// Number of successful opens.
     pub opened: usize,
     pub gone_until_ns: u64,
     /// Values written to VBLANK and EXPOSURE, in order.
@@ -56,7 +56,7 @@ pub struct World {
     calls: u32,
     pub tried: u32,
     random: u64,
-    /// Times that the cable was pulled.
+    /// Number of disconnections.
     pub generation: u32,
 }
 
@@ -107,7 +107,7 @@ impl FakeKernel {
         })))
     }
 
-    /// Nodes and mappings that are open.
+    /// Returns the numbers of open nodes and mappings.
     pub fn held(&self) -> (usize, usize) {
         let world = self.world();
         (world.open, world.mapped)
@@ -119,7 +119,7 @@ impl FakeKernel {
 }
 
 impl World {
-    /// The value that makes the exposure.
+    /// Returns the number of the control that sets the exposure.
     fn knob(&self) -> u32 {
         match self.script.kind {
             Kind::Uvc => abi::EXPOSURE_ABSOLUTE,
@@ -128,23 +128,23 @@ impl World {
         }
     }
 
-    /// The value of a control.
+    /// Returns the value of a control.
     pub fn control(&self, id: u32) -> i64 {
         self.controls[&id]
     }
 
-    /// What the sensor makes of an exposure.
+    /// Returns the exposure that the sensor uses for a control value.
     pub fn really(&self, value: i64) -> i64 {
         let all = self.script.really.iter().flatten();
         all.copied().min_by_key(|v| (v - value).abs()).unwrap_or(value)
     }
 
-    /// The first format that is offered.
+    /// Returns the FourCC of the first offered format.
     fn fourcc(&self) -> [u8; 4] {
         self.script.formats[0].as_bytes().try_into().expect("four characters")
     }
 
-    /// Limited range where there is one.
+    /// Returns the packing of the frames, limited range if the format has it.
     fn format(&self) -> Format {
         if self.is_jpeg() {
             return Format::Rgb24;
@@ -153,7 +153,7 @@ impl World {
         Format::from_fourcc(self.fourcc(), yuv).expect("a format that is read")
     }
 
-    /// Whether the pictures are JPEG.
+    /// Returns whether the pictures are JPEG.
     fn is_jpeg(&self) -> bool {
         self.fourcc() == *b"MJPG"
     }
@@ -163,7 +163,7 @@ impl World {
         self.format().line_bytes(self.script.size.0) + padding
     }
 
-    /// How pictures lie.
+    /// Returns the layout of the pictures.
     fn layout(&self) -> Layout {
         let (width, height) = self.script.size;
         Layout::try_new(self.format(), width, height, self.bytes_per_line()).expect("a size that suits it")
@@ -180,7 +180,7 @@ impl World {
         (self.random >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// The time that a request takes; one is interrupted now and then.
+    /// Advances the clock by one request; some requests are interrupted.
     fn pass_call(&mut self) -> Result<(), Errno> {
         self.keep_time();
         if !self.script.real_time {
@@ -191,14 +191,14 @@ impl World {
         if every > 0 && self.calls.is_multiple_of(every) { Err(Errno::INTR) } else { Ok(()) }
     }
 
-    /// Follows the time outside, where the script says so.
+    /// Follows the real time, if the script says so.
     fn keep_time(&mut self) {
         if self.script.real_time {
             self.advance(crate::clock::monotonic_ns());
         }
     }
 
-    /// Adds evenly spread noise of up to [`Script::noise`] codes.
+    /// Adds uniform noise of up to [`Script::noise`] codes.
     fn add_noise(&mut self, picture: &mut [u8]) {
         let most = self.script.noise;
         if most == 0 {
@@ -214,7 +214,7 @@ impl World {
         self.start_ns + (u64::from(frame) + 1) * self.script.period.as_nanos() as u64
     }
 
-    /// Lets all frames finish that are over by now.
+    /// Completes all frames that end before `to_ns`.
     fn advance(&mut self, to_ns: u64) {
         while self.streaming && !self.is_gone() && self.finished_at(self.next) <= to_ns {
             self.now_ns = self.now_ns.max(self.finished_at(self.next));
@@ -363,12 +363,12 @@ impl Kernel for FakeKernel {
         let to = w.now_ns + duration.as_nanos() as u64;
         w.advance(to);
         drop(w);
-        // Other tests want the machine too.
+        // A short sleep leaves processor time to other tests.
         std::thread::sleep(Duration::from_millis(1));
     }
 }
 
-/// The number of a described node: that in its name.
+/// Returns the device number of a described node, from the number in its name.
 fn device(path: &Path) -> Option<Device> {
     let name = path.to_str()?;
     let number = name.strip_prefix("/dev/video").or_else(|| name.strip_prefix("/dev/v4l-subdev"))?;

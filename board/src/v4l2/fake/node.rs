@@ -9,7 +9,7 @@ use std::time::Duration;
 /// The kinds of nodes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Role {
-    /// Of a camera without a graph.
+    /// A node of a camera without a media graph.
     Plain { sensor: bool },
     /// A media device, by its number.
     Media(usize),
@@ -19,7 +19,7 @@ pub(super) enum Role {
 
 pub(super) struct FakeNode {
     pub(super) world: Arc<Mutex<World>>,
-    /// Of each buffer that is not with the driver.
+    /// Content of each buffer that the driver does not own.
     contents: Vec<Option<Vec<u8>>>,
     generation: u32,
     role: Role,
@@ -31,7 +31,7 @@ impl FakeNode {
     }
 }
 
-/// Answers what only nodes of a graph are asked; `None` for all else.
+/// Answers the requests that only nodes of a graph support; `None` for all others.
 fn graph_call(w: &mut World, role: Role, call: &mut Call<'_>) -> Option<Result<(), Errno>> {
     let (board, entity) = match role {
         Role::Plain { .. } => return None,
@@ -87,7 +87,7 @@ fn graph_call(w: &mut World, role: Role, call: &mut Call<'_>) -> Option<Result<(
     })
 }
 
-/// Answers what the camera can do.
+/// Answers the requests for the camera's capabilities.
 fn describe(w: &World, call: Call<'_>) -> Result<(), Errno> {
     let (width, height) = w.script.size;
     match call {
@@ -121,7 +121,7 @@ fn one<T>(index: u32, value: T) -> Result<T, Errno> {
     if index == 0 { Ok(value) } else { Err(Errno::INVAL) }
 }
 
-/// Starts streaming: the last exposure written applies from the first frame on.
+/// Starts the stream: the last exposure written applies from the first frame on.
 fn start(w: &mut World) {
     let last = w.writes.last().map(|(_, v)| (0, *v));
     w.writes = last.into_iter().collect();

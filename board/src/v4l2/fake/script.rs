@@ -6,19 +6,19 @@ use std::time::Duration;
 /// The fault of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fault {
-    /// The cable is pulled, and put back after so long.
+    /// The camera is disconnected for this time.
     Disconnect(Duration),
     /// The frame has too few bytes.
     Short,
     /// The frame has no byte.
     Empty,
-    /// The frame is cut in half; of JPEG frames that shows when they are decoded.
+    /// The frame is cut in half; in JPEG frames the decoder finds it.
     Damaged,
-    /// All frames from here on have the error flag.
+    /// All frames from this one on have the error flag.
     AllError,
-    /// All frames from here on have too few bytes.
+    /// All frames from this one on have too few bytes.
     AllShort,
-    /// All frames from here on have no byte.
+    /// All frames from this one on have no byte.
     AllEmpty,
     /// The frame has the error flag.
     Error,
@@ -26,24 +26,24 @@ pub enum Fault {
     Stall(Duration),
     /// From this frame on, the control delay is this number of frames.
     Delay(u32),
-    /// The frame has the number of the one before.
+    /// The frame repeats the sequence number of the frame before.
     Repeat,
-    /// The driver says that the picture format changed.
+    /// The driver reports a change of the picture format.
     SourceChange,
 }
 
-/// Which controls the camera has.
+/// The set of controls that the camera has.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Kind {
-    /// 100 us units, a menu of modes with holes.
+    /// Exposure in units of 100 us and a menu of modes with missing indices.
     Uvc,
-    /// Lines, on a sub-device.
+    /// Exposure in lines on a sub-device.
     Csi,
-    /// Brightness only.
+    /// Brightness control only.
     NoExposure,
 }
 
-/// The reaction of a camera to an exposure that is not in its list.
+/// Reaction of a camera to an exposure that is not in its list.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Manner {
     Refuses,
@@ -55,16 +55,16 @@ pub enum Manner {
 #[derive(Clone, Debug)]
 pub struct Script {
     pub kind: Kind,
-    /// Name of its sensor's sub-device.
+    /// Name of the sensor's sub-device.
     pub sensor: &'static str,
-    /// Pad formats that were asked for.
+    /// Pad formats that were requested.
     pub pads: Vec<(u32, u32)>,
-    /// What it offers; pictures are of the first, or of none if they cannot be read.
+    /// Offered formats; pictures have the first one, and are empty if it is not readable.
     pub formats: Vec<&'static str>,
     pub size: (u32, u32),
     pub period: Duration,
     pub delay: u32,
-    /// Share of frames that are lost.
+    /// Share of lost frames.
     pub loss: f64,
     /// One of this number of requests is interrupted; 0 for none.
     pub interrupt: u32,
@@ -72,29 +72,29 @@ pub struct Script {
     pub busy: u32,
     /// Range of the exposure control.
     pub range: (i64, i64),
-    /// Radiance: 1 fills a pixel in 33 ms at the bright end of the picture.
+    /// Radiance of the scene: at 1, a pixel at the bright end of the picture saturates in 33 ms.
     pub light: f64,
     pub faults: Vec<(u64, Fault)>,
     /// Automatic processing and exposure are reset when the stream starts.
     pub reset_at_start: bool,
-    /// Sharpness cannot be set to less.
+    /// Least value of the sharpness control.
     pub least_sharpness: i64,
     /// One of this number of writes of the exposure fails while streaming; 0 for none.
     pub fail_write_every: u32,
-    /// Stamps are those of the wall clock, else the simulated ones.
+    /// Whether timestamps are those of the wall clock in place of the simulated clock.
     pub wall_clock: bool,
-    /// The stamp in place of a frame's time, both in nanoseconds.
+    /// Function from a frame's time to its timestamp, both in nanoseconds.
     pub stamps: Option<fn(u64) -> u64>,
-    /// Time passes as it does outside.
+    /// Whether time passes as in reality.
     pub real_time: bool,
     /// Largest noise of a sample of one byte, codes in either direction.
     pub noise: u32,
     /// Probability of each fault at a frame.
     pub chance: f64,
-    /// Exposures that are taken, and what happens to others.
+    /// List of accepted exposures, and the reaction to others.
     pub accepts: Option<Vec<i64>>,
     pub manner: Manner,
-    /// Exposures that the sensor really has; the control reads back what was written.
+    /// Exposures that the sensor uses; the control reads back the written value.
     pub really: Option<Vec<i64>>,
     /// Media devices.
     pub graphs: Vec<Described>,

@@ -1,17 +1,17 @@
-//! The kernel's structures of media devices, as `linux/media.h` has them.
+//! The kernel's structures of media devices, from `linux/media.h`.
 
 plain! {
     /// `struct media_v2_entity`.
     Entity(96, 96) {
         /// Number of the entity.
         id: u32,
-        /// Name, ends with NUL.
+        /// Name of the entity, terminated by NUL.
         name: [u8; 64],
-        /// [`SENSOR`], [`VIDEO`] and others.
+        /// [`SENSOR`], [`VIDEO`] or another function.
         function: u32,
-        /// Flags.
+        /// Flags of the entity.
         flags: u32,
-        /// Zero.
+        /// Reserved by the kernel; always 0.
         reserved: [u32; 5],
     }
 }
@@ -21,15 +21,15 @@ plain! {
     Interface(112, 112) {
         /// Number of the interface.
         id: u32,
-        /// Kind of node.
+        /// Type of the device node.
         kind: u32,
-        /// Flags.
+        /// Flags of the interface.
         flags: u32,
-        /// Zero.
+        /// Reserved by the kernel; always 0.
         reserved: [u32; 9],
         /// Device number of the node, major and minor.
         device: [u32; 2],
-        /// The rest of the union.
+        /// Bytes of the kernel's union that this program does not use.
         rest: [u32; 14],
     }
 }
@@ -39,13 +39,13 @@ plain! {
     Pad(32, 32) {
         /// Number of the pad in the device.
         id: u32,
-        /// Number of its entity.
+        /// Number of the entity that has the pad.
         entity: u32,
         /// [`PAD_SINK`] or [`PAD_SOURCE`].
         flags: u32,
         /// Number of the pad in its entity.
         index: u32,
-        /// Zero.
+        /// Reserved by the kernel; always 0.
         reserved: [u32; 4],
     }
 }
@@ -55,13 +55,13 @@ plain! {
     Link(40, 40) {
         /// Number of the link.
         id: u32,
-        /// Number of a pad or an interface.
+        /// Number of the pad or interface where the link starts.
         source: u32,
-        /// Number of a pad or an entity.
+        /// Number of the pad or entity where the link ends.
         sink: u32,
-        /// [`LINK_ENABLED`] and others.
+        /// [`LINK_ENABLED`] and other flags of the link.
         flags: u32,
-        /// Zero.
+        /// Reserved by the kernel; always 0.
         reserved: [u32; 6],
     }
 }
@@ -69,23 +69,23 @@ plain! {
 plain! {
     /// `struct media_v2_topology`.
     Counts(72, 72) {
-        /// Changes with the graph.
+        /// Version of the topology, which changes with the graph.
         version: u64,
-        /// Entities: number, zero.
+        /// Number of entities; the second word is 0.
         entities: [u32; 2],
-        /// Address of the entities, or 0.
+        /// Address of the array of entities, or 0 to request the number alone.
         entities_at: u64,
-        /// Interfaces: number, zero.
+        /// Number of interfaces; the second word is 0.
         interfaces: [u32; 2],
-        /// Address of the interfaces, or 0.
+        /// Address of the array of interfaces, or 0 to request the number alone.
         interfaces_at: u64,
-        /// Pads: number, zero.
+        /// Number of pads; the second word is 0.
         pads: [u32; 2],
-        /// Address of the pads, or 0.
+        /// Address of the array of pads, or 0 to request the number alone.
         pads_at: u64,
-        /// Links: number, zero.
+        /// Number of links; the second word is 0.
         links: [u32; 2],
-        /// Address of the links, or 0.
+        /// Address of the array of links, or 0 to request the number alone.
         links_at: u64,
     }
 }
@@ -97,11 +97,11 @@ plain! {
         entity: u32,
         /// Number of the pad in its entity.
         index: u16,
-        /// Zero.
+        /// Reserved by the kernel; always 0.
         gap: u16,
-        /// Flags.
+        /// Flags of the pad.
         flags: u32,
-        /// Zero.
+        /// Reserved by the kernel; always 0.
         reserved: [u32; 2],
     }
 }
@@ -113,16 +113,16 @@ plain! {
         source: LinkEnd = LinkEnd::default(),
         /// Sink pad of the link.
         sink: LinkEnd = LinkEnd::default(),
-        /// [`LINK_ENABLED`] or 0.
+        /// [`LINK_ENABLED`], or 0 to disable the link.
         flags: u32,
-        /// Zero.
+        /// Reserved by the kernel; always 0.
         reserved: [u32; 2],
     }
 }
 
 /// `MEDIA_ENT_F_CAM_SENSOR`.
 pub const SENSOR: u32 = 0x0002_0001;
-/// `MEDIA_ENT_F_IO_V4L`: a node that captures.
+/// `MEDIA_ENT_F_IO_V4L`: a node that captures or outputs video.
 pub const VIDEO: u32 = 0x0001_0001;
 /// `MEDIA_PAD_FL_SINK`.
 pub const PAD_SINK: u32 = 1;
@@ -132,9 +132,9 @@ pub const PAD_SOURCE: u32 = 2;
 pub const LINK_ENABLED: u32 = 1;
 /// `MEDIA_LNK_FL_IMMUTABLE`.
 pub const LINK_IMMUTABLE: u32 = 2;
-/// `MEDIA_LNK_FL_LINK_TYPE`: the bits that tell a link's type.
+/// `MEDIA_LNK_FL_LINK_TYPE`: the bits that hold a link's type.
 pub const LINK_TYPE: u32 = 0xf000_0000;
-/// `MEDIA_LNK_FL_DATA_LINK`: from pad to pad.
+/// `MEDIA_LNK_FL_DATA_LINK`: a link between two pads.
 pub const LINK_DATA: u32 = 0;
-/// `MEDIA_LNK_FL_INTERFACE_LINK`: from a device node to its entity.
+/// `MEDIA_LNK_FL_INTERFACE_LINK`: a link between a device node and its entity.
 pub const LINK_INTERFACE: u32 = 0x1000_0000;

@@ -1,22 +1,22 @@
-//! Media bus codes: what a sensor's samples are on their way to a node.
+//! Media bus codes: the formats of samples between a sensor and a node.
 
 use crate::v4l2::abi::BusCode;
 use crate::v4l2::{Call, Node, formats, persist};
 use hemilux_core::format::{Format, Pattern, Yuv};
 
-/// Most media bus codes that are read from a pad.
+/// Largest number of media bus codes that are read from a pad.
 const MOST_CODES: u32 = 128;
 
-/// The content of a media bus code.
+/// The samples that a media bus code carries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Carried {
-    /// A mosaic of so many bits.
+    /// A mosaic with this number of bits per sample.
     Mosaic(u32, Pattern),
-    /// Samples that nodes give as this format.
+    /// Samples that nodes deliver in the format of this name.
     Samples(&'static str),
 }
 
-/// Media bus codes that are read, the best first: mosaics with most bits, then colours, then grey.
+/// Readable media bus codes, the most preferred first: mosaics by number of bits, then colours, then grey.
 const CODES: [(u32, Carried); 25] = [
     (0x301d, Carried::Mosaic(16, Pattern::Bggr)),
     (0x301e, Carried::Mosaic(16, Pattern::Gbrg)),
@@ -49,13 +49,13 @@ fn carried(code: u32) -> Option<Carried> {
     CODES.iter().find(|(known, _)| *known == code).map(|(_, carried)| *carried)
 }
 
-/// Whether a sensor's `code` is read.
+/// Returns whether this program can read samples of `code`.
 #[must_use]
 pub fn is_read(code: u32) -> bool {
     carried(code).is_some()
 }
 
-/// The media bus codes that `pad` of a sub-device offers.
+/// Returns the media bus codes that `pad` of a sub-device offers.
 pub(in crate::v4l2) fn offered(node: &mut dyn Node, pad: u32) -> Vec<u32> {
     let mut offered = Vec::new();
     for index in 0..MOST_CODES {
@@ -68,13 +68,13 @@ pub(in crate::v4l2) fn offered(node: &mut dyn Node, pad: u32) -> Vec<u32> {
     offered
 }
 
-/// Those of `offered` that are read, the best first.
+/// Returns the readable codes of `offered`, the most preferred first.
 #[must_use]
 pub fn ranked(offered: &[u32]) -> Vec<u32> {
     CODES.iter().map(|(code, _)| *code).filter(|code| offered.contains(code)).collect()
 }
 
-/// Whether a node gives samples of `code` as frames of `fourcc`.
+/// Returns whether a node delivers samples of `code` as frames of `fourcc`.
 #[must_use]
 pub fn fits(code: u32, fourcc: u32) -> bool {
     match (carried(code), formats::format(fourcc, Yuv::default())) {

@@ -1,28 +1,28 @@
 //! The graph of a media device: entities, their device nodes, and the links between their pads.
 //!
-//! A driver's answer is not trusted: entries that name what does not exist, and pads in the wrong direction, are left out.
+//! Answers of drivers are checked: entries with unknown numbers and pads in the wrong direction are left out.
 
 use super::abi;
 use crate::v4l2::text;
 use std::collections::HashMap;
 
-/// Largest number of entities, interfaces, pads or links that are read: several times what the largest known graphs have.
+/// Largest number of entities, interfaces, pads or links that are read: several times those of the largest known graphs.
 pub const MOST: u32 = 1024;
 
-/// The entries of a media device as its driver gives them.
+/// The entries of a media device as its driver returns them.
 #[derive(Clone, Debug, Default)]
 pub struct Topology {
-    /// Entities.
+    /// Entities of the device.
     pub entities: Vec<abi::Entity>,
-    /// Device nodes.
+    /// Device nodes of the entities.
     pub interfaces: Vec<abi::Interface>,
-    /// Pads.
+    /// Pads of the entities.
     pub pads: Vec<abi::Pad>,
     /// Links from pad to pad, and from interface to entity.
     pub links: Vec<abi::Link>,
 }
 
-/// The number of a character device.
+/// Number of a character device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Device {
     /// Major number.
@@ -31,27 +31,27 @@ pub struct Device {
     pub minor: u32,
 }
 
-/// A sensor, a bridge or a node that captures.
+/// An entity of a media graph: a sensor, a bridge or a capture node.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Entity {
-    /// The driver's number of it.
+    /// Number of the entity in the driver.
     pub id: u32,
-    /// Name.
+    /// Name of the entity.
     pub name: String,
-    /// The driver's word for its purpose.
+    /// Function of the entity, `MEDIA_ENT_F_...`.
     pub function: u32,
-    /// Device node of the entity; `None` if there is none.
+    /// Device node of the entity, if it has one.
     pub device: Option<Device>,
 }
 
 impl Entity {
-    /// Whether it is a camera's sensor.
+    /// Returns whether the entity is a camera's sensor.
     #[must_use]
     pub const fn is_sensor(&self) -> bool {
         self.function == abi::SENSOR
     }
 
-    /// Whether it is a node that video flows into or out of.
+    /// Returns whether the entity is a node for video input or output.
     #[must_use]
     pub const fn is_video(&self) -> bool {
         self.function == abi::VIDEO
@@ -61,7 +61,7 @@ impl Entity {
 /// A pad of an entity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Pad {
-    /// Index into the graph's entities.
+    /// Index into the entities of the graph.
     pub entity: usize,
     /// Number of the pad in its entity.
     pub index: u32,
@@ -74,13 +74,13 @@ pub struct Link {
     pub source: Pad,
     /// Sink pad of the link.
     pub sink: Pad,
-    /// Whether it is on.
+    /// Whether the link is enabled.
     pub enabled: bool,
-    /// Whether it cannot be switched.
+    /// Whether the link cannot be changed.
     pub immutable: bool,
 }
 
-/// A media device's graph.
+/// The graph of a media device.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Graph {
     /// Entities of the graph.
@@ -90,7 +90,7 @@ pub struct Graph {
 }
 
 impl Graph {
-    /// Reads a driver's answer.
+    /// Builds the graph from a driver's answer.
     #[must_use]
     pub fn of(topology: &Topology) -> Self {
         let mut graph = Self::default();
@@ -130,13 +130,13 @@ impl Graph {
         }
     }
 
-    /// Indices of the sensors.
+    /// Returns the indices of the sensors.
     pub fn sensors(&self) -> impl Iterator<Item = usize> {
         let is_sensor = |at: &usize| self.entities.get(*at).is_some_and(Entity::is_sensor);
         (0..self.entities.len()).filter(is_sensor)
     }
 
-    /// A pad by the name of its entity and its number.
+    /// Returns the name of a pad: the name of its entity and its number.
     #[must_use]
     pub fn name(&self, pad: Pad) -> String {
         format!("{}:{}", self.entities.get(pad.entity).map_or("?", |e| &e.name), pad.index)

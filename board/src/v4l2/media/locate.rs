@@ -1,4 +1,4 @@
-//! Finding the sensor and the node of a camera.
+//! Finds the sensor and the capture node of a camera.
 
 use super::graph::{Device, Graph, Topology};
 use super::route::{Route, routes};
@@ -9,12 +9,12 @@ use std::path::{Path, PathBuf};
 
 /// A sensor of a media device, and its routes to nodes.
 pub(in crate::v4l2) struct Located {
-    /// The media device.
+    /// Path of the media device.
     pub path: PathBuf,
     pub graph: Graph,
     /// Index of the sensor's entity.
     pub sensor: usize,
-    /// At least one, the best first.
+    /// Routes from the sensor to capture nodes, at least one, the best first.
     pub routes: Vec<Route>,
 }
 
@@ -24,32 +24,32 @@ impl Located {
         self.graph.entities.get(self.sensor).map_or("", |e| &e.name)
     }
 
-    /// The node at the end of the best route.
+    /// Returns the device number of the node at the end of the best route.
     pub fn device(&self) -> Option<Device> {
         let end = self.routes.first()?.end(&self.graph)?;
         self.graph.entities.get(end)?.device
     }
 
-    /// Whether the best route's links are all on.
+    /// Returns whether all links of the best route are enabled.
     fn is_linked(&self) -> bool {
         self.routes.iter().any(|route| route.missing(&self.graph).is_empty())
     }
 }
 
-/// The name of a camera in the options.
+/// The form in which the options name a camera.
 enum Named<'a> {
     /// The node that captures.
     Node(Device),
     /// The media device.
     Media(&'a Path),
-    /// The beginning of the sensor's name.
+    /// Prefix of the sensor's name.
     Sensor(&'a str),
 }
 
-/// The camera that `options` name, where it is one of a media graph with a sensor.
+/// Finds the camera of `options`, if it belongs to a media graph with a sensor.
 ///
 /// # Errors
-/// [`CameraError`] where several sensors fit, or none does and the name stands for no node of its own.
+/// [`CameraError`] if several sensors match, or none matches and the name is not that of a separate node.
 pub(in crate::v4l2) fn locate(
     kernel: &mut dyn Kernel,
     options: &Options,
@@ -98,13 +98,13 @@ pub(in crate::v4l2) fn locate(
     }
 }
 
-/// All sensors of all media devices that can reach a node.
+/// Returns all sensors of all media devices that have a route to a node.
 pub(in crate::v4l2) fn all(kernel: &mut dyn Kernel) -> Vec<Located> {
     let devices = kernel.media_nodes();
     devices.iter().flat_map(|path| sensors(kernel, path, &Named::Sensor("")).unwrap_or_default()).collect()
 }
 
-/// The sensors of the media device `path` that `named` may mean.
+/// Returns the sensors of the media device `path` that match `named`.
 fn sensors(kernel: &mut dyn Kernel, path: &Path, named: &Named<'_>) -> Result<Vec<Located>, CameraError> {
     let graph = read(access::open(kernel, path)?.as_mut(), path)?;
     let nodes: Vec<usize> = match named {
@@ -135,7 +135,7 @@ fn read(node: &mut dyn Node, path: &Path) -> Result<Graph, CameraError> {
     Ok(Graph::of(&topology))
 }
 
-/// Entities whose nodes give pictures in a stream.
+/// Returns the entities whose nodes capture streams.
 fn capturing(kernel: &mut dyn Kernel, graph: &Graph) -> Vec<usize> {
     let mut found = Vec::new();
     for (at, entity) in graph.entities.iter().enumerate().filter(|(_, e)| e.is_video()) {

@@ -1,8 +1,8 @@
-//! Cameras of a media graph: sensors whose samples pass bridges on their way to a node that captures.
+//! Cameras of a media graph: sensors that are connected with a capture node through bridges.
 //!
-//! [`graph`] reads a media device, [`route`] finds the way from a sensor to a node whatever their names are, `wiring` switches links,
-//! sets the formats of the pads and restores both. Node numbers change from boot to boot: a camera is named by its sensor, by its media
-//! device, or by a node that its sensor can reach.
+//! [`graph`] reads a media device, [`route`] finds the links from a sensor to a node independent of their names, `wiring` switches links,
+//! sets the formats of the pads and restores both. Since node numbers change from boot to boot, a camera can be named by its sensor, by its
+//! media device, or by a node that its sensor can reach.
 
 pub mod abi;
 pub mod bus;

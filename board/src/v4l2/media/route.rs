@@ -2,39 +2,39 @@
 
 use super::graph::{Graph, Link, Pad};
 
-/// Most links of a route.
+/// Largest number of links of a route.
 const MOST_LINKS: usize = 8;
 
-/// Most links that are followed in search of routes: a graph made to branch at each entity ends here.
+/// Largest number of links that a search follows, which bounds the search in a graph that branches at each entity.
 const MOST_STEPS: usize = 20_000;
 
-/// Most links that branch off a route.
+/// Largest number of links that branch off a route.
 const MOST_BRANCHES: usize = 16;
 
-/// Most routes that are kept.
+/// Largest number of routes that a search returns.
 const MOST_ROUTES: usize = 32;
 
-/// A route: indices into the graph's links, from the sensor on.
+/// A route from a sensor to a capture node.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Route {
-    /// At least one.
+    /// Indices into the links of the graph, from the sensor on; at least one.
     pub links: Vec<usize>,
 }
 
 impl Route {
-    /// Links of the route.
+    /// Returns the links of the route.
     pub fn links<'a>(&'a self, graph: &'a Graph) -> impl Iterator<Item = &'a Link> {
         self.links.iter().filter_map(|at| graph.links.get(*at))
     }
 
-    /// The entity at its end.
+    /// Returns the entity at the end of the route.
     #[must_use]
     pub fn end(&self, graph: &Graph) -> Option<usize> {
         self.links(graph).last().map(|link| link.sink.entity)
     }
 
-    /// Links that must be off while the route is used, as indices: others of its pads, and those by which a bridge that serves this
-    /// sensor alone gives to other nodes. A stream waits for a buffer on each node that is linked.
+    /// Returns the indices of the links that must be disabled while the route is used: other links of its pads, and links to other nodes
+    /// from bridges that serve this sensor alone. A stream waits for a buffer on each linked node.
     #[must_use]
     pub fn rivals(&self, graph: &Graph, sensor: usize) -> Vec<usize> {
         let on = |pad: Pad| self.links(graph).any(|l| l.source == pad || l.sink == pad);
@@ -54,8 +54,8 @@ impl Route {
         (0..graph.links.len()).filter(is_rival).collect()
     }
 
-    /// Enabled links that branch off the route, as indices, the nearest first: where they cannot be switched off, a stream starts only if
-    /// their ends agree too.
+    /// Returns the indices of the enabled links that branch off the route, the nearest first. If they cannot be disabled, a stream starts
+    /// only if the formats at their ends agree too.
     #[must_use]
     pub fn branches(&self, graph: &Graph) -> Vec<usize> {
         let mut found: Vec<usize> = Vec::new();
@@ -76,7 +76,7 @@ impl Route {
         }
     }
 
-    /// Links that must be switched on, as indices.
+    /// Returns the indices of the links that must be enabled.
     #[must_use]
     pub fn missing(&self, graph: &Graph) -> Vec<usize> {
         let is_off = |at: &usize| graph.links.get(*at).is_some_and(|link| !link.enabled);
@@ -84,7 +84,7 @@ impl Route {
     }
 }
 
-/// All routes from `sensor` to entities that `ends` takes, the shortest first, then those with the least pad numbers.
+/// Returns all routes from `sensor` to entities for which `ends` is true, sorted by length, then by pad numbers.
 #[must_use]
 pub fn routes(graph: &Graph, sensor: usize, ends: &dyn Fn(usize) -> bool) -> Vec<Route> {
     let mut search = Search { graph, ends, steps: 0, path: Vec::new(), found: Vec::new() };

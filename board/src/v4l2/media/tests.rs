@@ -13,12 +13,12 @@ use crate::v4l2::{Call, Kernel, Node};
 use std::path::Path;
 use std::time::Duration;
 
-/// The Pi 4: nothing can be switched.
+/// Graph of the Pi 4: all links are fixed.
 const UNICAM: &str = "\
     imx219 10-0010:0 -> unicam-image:0 [on fixed]
     imx219 10-0010:1 -> unicam-embedded:0 [on fixed]";
 
-/// The Pi 5 with the vendor's driver, as libcamera leaves it.
+/// Graph of the Pi 5 with the vendor's driver, in the state in which libcamera leaves it.
 const CFE: &str = "\
     imx219 10-0010:0 -> csi2:0 [on fixed]
     imx219 10-0010:1 -> csi2:1 [on fixed]
@@ -28,7 +28,7 @@ const CFE: &str = "\
     csi2:5 -> rp1-cfe-csi2_ch1:0 []
     pisp-fe:2 -> rp1-cfe-fe_image0:0 [on]";
 
-/// The Pi 5 with mainline's driver: one sink, and other names.
+/// Graph of the Pi 5 with the mainline driver: one sink, and other names.
 const MAINLINE: &str = "\
     imx219 10-0010:0 -> csi2:0 [on fixed]
     csi2:1 -> pisp-fe:0 [on]
@@ -36,7 +36,7 @@ const MAINLINE: &str = "\
     csi2:2 -> rp1-cfe-csi2-ch1:0 []
     pisp-fe:2 -> rp1-cfe-fe-image0:0 [on]";
 
-/// Modes of imx219, as its driver has them.
+/// Modes of imx219 from its driver.
 fn modes() -> Vec<Mode> {
     vec![
         Mode { size: (3280, 2464), crop: [8, 8, 3280, 2464] },
@@ -56,7 +56,7 @@ fn script(graphs: Vec<Described>) -> Script {
     Script { kind: Kind::Csi, formats: vec!["pRAA"], graphs, ..Script::default() }
 }
 
-/// A Pi 4 with an imx219.
+/// Script of a Pi 4 with an imx219.
 pub(crate) fn pi_4_script() -> Script {
     script(vec![described(UNICAM, 0)])
 }
@@ -65,7 +65,7 @@ fn options(path: &str) -> Options {
     Options { exposures_s: vec![0.001, 0.006, 0.036], ..Options::of(path) }
 }
 
-/// Takes frames, and gives their size and the camera.
+/// Takes frames and returns their size and the camera.
 fn stream(kernel: &mut FakeKernel, options: &Options) -> (Camera, (u32, u32)) {
     let mut camera = Camera::open(kernel, options).expect("a camera");
     let (mut frame, mut frames) = (RawFrame::default(), 0);
@@ -78,7 +78,7 @@ fn stream(kernel: &mut FakeKernel, options: &Options) -> (Camera, (u32, u32)) {
 }
 
 #[test]
-fn each_receiver_of_a_pi_gives_the_full_view_from_cold_and_is_left_as_it_was() {
+fn each_pi_receiver_is_set_to_the_full_view_and_restored() {
     for (name, links, nodes) in [
         ("unicam", UNICAM, ["imx219", "/dev/video1", "/dev/media0"]),
         ("cfe", CFE, ["imx219", "/dev/video3", "/dev/media0"]),
@@ -127,7 +127,7 @@ fn a_pad_that_keeps_another_size_is_named_with_what_it_should_have() {
     }
 }
 
-/// As in vimc: the sensor feeds a node of its own beside the bridge, by a link that cannot be switched off.
+/// As in vimc: the sensor also feeds a second node beside the bridge, by a fixed link.
 #[test]
 fn a_branch_that_cannot_be_switched_off_gets_the_format_too() {
     let links = "\
@@ -151,7 +151,7 @@ fn a_branch_that_cannot_be_switched_off_gets_the_format_too() {
 }
 
 #[test]
-fn two_sensors_of_one_board_are_cameras_of_their_own() {
+fn two_sensors_of_one_board_are_separate_cameras() {
     let other = "\
         imx477 4-001a:0 -> csi2:0 [on fixed]
         csi2:4 -> rp1-cfe-csi2_ch0:0 []";
@@ -206,9 +206,9 @@ fn the_view_is_that_of_the_driver_or_else_of_the_table() {
     }
 }
 
-/// A driver's answer with numbers that name nothing, loops, and links in the wrong direction.
+/// A driver's answer with unknown numbers, loops, and links in the wrong direction.
 #[test]
-fn a_hostile_topology_has_no_route_that_is_not_there() {
+fn a_hostile_topology_yields_no_false_route() {
     let kernel = FakeKernel::new(script(vec![described(CFE, 0)]));
     let mut topology = Topology::default();
     kernel.world().boards[0].topology(&mut topology);
@@ -256,9 +256,9 @@ fn a_hostile_topology_has_no_route_that_is_not_there() {
     }
 }
 
-/// Thirty layers of thirty bridges, each linked with each of the next: 30^30 routes.
+/// Thirty layers of thirty bridges, each linked with each of the next layer: 30^30 routes.
 #[test]
-fn a_graph_made_to_branch_ends_the_search() {
+fn the_search_is_bounded_in_a_graph_with_many_branches() {
     let mut topology = Topology::default();
     let wide = 5u32;
     let entity = |id, function| abi::Entity { id, function, ..Default::default() };
@@ -287,9 +287,9 @@ fn a_graph_made_to_branch_ends_the_search() {
     assert!(found.len() <= 32 && began.elapsed() < Duration::from_secs(1), "{} routes", found.len());
 }
 
-/// Nothing answers: an empty media device is no camera, and is said to be none.
+/// An empty media device is reported as no camera.
 #[test]
-fn a_node_of_no_graph_is_opened_as_before() {
+fn a_node_without_a_media_graph_is_opened_directly() {
     let mut kernel = FakeKernel::new(Script::default());
     assert_eq!(kernel.device_of(Path::new("/dev/video0")), None::<Device>, "no media device");
     let camera = Camera::open(&mut kernel, &Options { size: (64, 48), ..options("/dev/video0") });

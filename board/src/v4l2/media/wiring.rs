@@ -1,4 +1,4 @@
-//! Links and pad formats along a route, and their restoration.
+//! Sets and restores the links and pad formats of a route.
 
 use super::abi;
 use super::bus;
@@ -10,28 +10,28 @@ use crate::v4l2::access;
 use crate::v4l2::{Call, CameraError, Kernel, Node, persist};
 use std::path::PathBuf;
 
-/// Most formats that are read from a node.
+/// Largest number of formats that are read from a node.
 const MOST_FORMATS: u32 = 64;
 
-/// A link as it was.
+/// Former state of a link.
 #[derive(Clone, Copy, Debug)]
 struct Before {
     setup: abi::LinkSetup,
 }
 
-/// A pad's format as it was.
+/// Former format of a pad.
 struct PadBefore {
     pad: Pad,
     format: PadFormat,
 }
 
-/// The node of an entity on the route.
+/// The open sub-device of an entity on the route.
 struct Open {
     entity: usize,
     node: Box<dyn Node>,
 }
 
-/// The changed links and formats of a route; dropping it restores them.
+/// The changed links and formats of a route; dropping it restores their former state.
 pub(in crate::v4l2) struct Wiring {
     path: PathBuf,
     media: Box<dyn Node>,
@@ -47,7 +47,7 @@ pub(in crate::v4l2) struct Wiring {
     videos: Vec<Video>,
 }
 
-/// A capture node, opened beside the stream, and its format as it was.
+/// A capture node that is opened beside the stream, with its former format.
 struct Video {
     entity: Option<usize>,
     node: Box<dyn Node>,
@@ -55,10 +55,10 @@ struct Video {
 }
 
 impl Wiring {
-    /// Switches the links of a route: those that compete with it off, its own on.
+    /// Sets the links of a route: disables those that compete with it and enables its own.
     ///
     /// # Errors
-    /// [`CameraError`] that names the link; what was changed is restored.
+    /// [`CameraError`] that names the link; the changes so far are restored.
     pub fn new(kernel: &mut dyn Kernel, located: &Located, route: &Route) -> Result<Self, CameraError> {
         let Located { path, graph, sensor, .. } = located;
         let media = access::open(kernel, path)?;
@@ -87,7 +87,7 @@ impl Wiring {
         Ok(wiring)
     }
 
-    /// Opens what the branches of the route end at; what cannot be opened is left as it is.
+    /// Opens the entities at the ends of the route's branches; entities that cannot be opened are left unchanged.
     fn open_branches(&mut self, kernel: &mut dyn Kernel) {
         self.branches = self.route.branches(&self.graph).iter().map(|at| self.graph.links[*at]).collect();
         for link in self.branches.clone() {
@@ -106,7 +106,7 @@ impl Wiring {
         }
     }
 
-    /// Keeps `video` and its present format for restoration.
+    /// Stores `video` and its present format for restoration.
     pub fn keep(&mut self, video: Box<dyn Node>) {
         self.keep_of(None, video);
     }
@@ -118,7 +118,7 @@ impl Wiring {
         }
     }
 
-    /// Gives the ends of the branches the formats that reach them, where they take them.
+    /// Sets the entities at the ends of the branches to the formats that reach them, if they accept these.
     fn set_branches(&mut self) {
         for link in self.branches.clone() {
             let Some(format) = self.get(link.source) else { continue };
@@ -130,13 +130,13 @@ impl Wiring {
         }
     }
 
-    /// The media bus codes that the sensor offers and that are read, the best first.
+    /// Returns the readable media bus codes that the sensor offers, the most preferred first.
     pub fn codes(&mut self) -> Vec<u32> {
         let Some(link) = self.first() else { return Vec::new() };
         bus::ranked(&self.offered(link))
     }
 
-    /// Sets the format of each pad of the route, from the sensor on, and gives the one that reaches the node.
+    /// Sets the format of each pad of the route, from the sensor on, and returns the format at the node.
     ///
     /// # Errors
     /// [`CameraError`] that names the pad.
@@ -163,12 +163,12 @@ impl Wiring {
         Ok(carried)
     }
 
-    /// The sensor's pad on the route.
+    /// Returns the sensor's pad on the route.
     fn first(&self) -> Option<Pad> {
         self.route.links(&self.graph).next().map(|link| link.source)
     }
 
-    /// Gives the sensor's other pads, those of embedded data, their format at the bridge: streams start only where both ends agree.
+    /// Copies the formats of the sensor's pads of embedded data to the bridge: streams start only if both ends of a link agree.
     fn set_embedded(&mut self) -> Result<(), CameraError> {
         let first = self.first();
         let others =
@@ -185,7 +185,7 @@ impl Wiring {
         Ok(())
     }
 
-    /// The code in which a bridge's source pad passes `code` on: unchanged where the pad can, else the best that is read.
+    /// Returns the code in which a bridge's source pad forwards `code`: the same if the pad supports it, else the best readable one.
     fn passed_on(&mut self, pad: Pad, code: u32) -> u32 {
         let offered = self.offered(pad);
         if offered.is_empty() || offered.contains(&code) {
@@ -220,7 +220,7 @@ impl Wiring {
         Ok(format)
     }
 
-    /// Sets a pad's format; the driver must take it unchanged.
+    /// Sets a pad's format; an error if the driver changes it.
     fn set_exactly(&mut self, pad: Pad, format: PadFormat) -> Result<PadFormat, CameraError> {
         let got = self.set(pad, format)?;
         let same = (got.code, got.width, got.height) == (format.code, format.width, format.height);
@@ -236,7 +236,7 @@ impl Wiring {
         CameraError::Unfit { path, found: found.into(), expected: expected.into() }
     }
 
-    /// Switches link `at`.
+    /// Enables or disables the link with index `at`.
     fn switch(&mut self, at: usize, on: bool) -> Result<(), CameraError> {
         let Some(link) = self.graph.links.get(at).copied() else { return Ok(()) };
         let end = |pad: Pad, flags| abi::LinkEnd {
@@ -262,7 +262,7 @@ impl Wiring {
         Ok(())
     }
 
-    /// Notes the formats of all pads that may be changed, from the sensor on.
+    /// Stores the formats of all pads that may be changed, from the sensor on.
     fn note_pads(&mut self) {
         let on_route: Vec<usize> = self.subdevices.iter().map(|open| open.entity).collect();
         let linked = self.graph.links.iter().filter(|l| on_route.contains(&l.source.entity));
@@ -295,7 +295,7 @@ impl Drop for Wiring {
     }
 }
 
-/// Gives a node that is not streamed from the format of its pad.
+/// Sets a node that does not stream to the format of its pad.
 fn set_video(node: &mut dyn Node, format: &PadFormat) {
     let mut fourccs = (0..MOST_FORMATS).map_while(|index| {
         let mut d = FormatDescription { index, mbus_code: format.code, ..Default::default() };
@@ -307,7 +307,7 @@ fn set_video(node: &mut dyn Node, format: &PadFormat) {
     let _ = persist(|| node.call(Call::SetFormat(&mut format)));
 }
 
-/// A pad's format in words.
+/// Returns a pad's format in words.
 fn told(format: &PadFormat) -> String {
     format!("{} x {} of media bus code 0x{:04x}", format.width, format.height, format.code)
 }

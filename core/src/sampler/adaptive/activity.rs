@@ -1,59 +1,59 @@
-//! Detects where light moves, and whether it moves at all.
+//! Detection of motion in the map: which quads have moving light, and whether the scene moves at all.
 //!
-//! A light that stands for something that moves errs anew in every frame, which is seen as flicker, so there more lights pay. And as
-//! long as nothing moves what changes is noise, which may be smoothed.
+//! A light that represents a moving source has a new error in every frame, which is visible as flicker, so moving quads get more lights.
+//! While nothing moves, all changes are noise, and the filters may smooth them.
 
 use crate::healpix::{Domain, Order};
 use crate::pyramid::{PyramidView, pyramid_len};
 use crate::root::root;
 use glam::Vec3;
 
-/// Order of the quads that are watched: 7 degrees.
+/// Order of the observed quads: 7 degrees.
 const ORDER: u8 = 3;
 
 const QUADS: usize = Domain::Sphere.quads(ORDER);
 const SUMS: usize = pyramid_len(Domain::Sphere, Order::saturating(ORDER));
 
-/// By how much a quad whose light moves counts more. Of 2, 3, 5 and 9 this gave the least flicker per error over moving lamps.
+/// Factor on the importance of a quad with moving light. Of 2, 3, 5 and 9, 3 gives the least flicker per error over moving lamps.
 const MOST: f32 = 3.0;
 
-/// Least step of a quad's first moment, over its energy, that is motion and no noise; and the step that counts as full motion.
+/// Relative step of a quad's first moment (over its energy) above which it counts as motion, and the step of full motion.
 const STEP: (f32, f32) = (0.025, 0.25);
 
-/// How fast the factor rises and falls, a frame: at once, so that what was split before does not hold the lights.
+/// Rise and fall of the factor per frame: it rises at once, so that the former splits do not hold the lights.
 const RISE_AND_FALL: (f32, f32) = (1.0, 0.5);
 
-/// A quad changes beyond noise if its share changes by this part.
+/// Relative change of a quad's share of the light above which the change is not noise.
 const CHANGE: f32 = 0.08;
 
-/// Something moves if quads with this share of the light change so.
+/// Share of the light that changing quads must have for the scene to count as moving.
 const MOVED: f32 = 0.003;
 
-/// Something moves slowly if steps over two frames have more than this times the mean square of those over one: noise has 1, an even
-/// motion 4.
+/// Ratio of the mean square of steps over two frames to that of steps over one frame, above which the scene moves slowly: noise has 1,
+/// uniform motion 4.
 const DRIFT: f32 = 1.6;
 
-/// Frames for which a scene is thought to move after it was seen to.
+/// Number of frames for which a scene counts as moving after the last detected motion.
 const AFTER: u32 = 2;
 
-/// A quad in the last two frames, as shares of the map's light.
+/// State of a quad in the last two frames, as shares of the map's light.
 #[derive(Clone, Copy, Debug, Default)]
 struct QuadHistory {
     y: f32,
     moment: Vec3,
-    /// Luminance energy in the frame before the last.
+    /// Luminance energy of the quad two frames ago.
     y_before: f32,
 }
 
-/// State from the last frames, and the factors derived from it.
+/// Histories of the quads, and the factors derived from them.
 #[derive(Clone, Debug)]
 pub(super) struct Activity {
     past: [QuadHistory; QUADS],
-    /// By how much quads of all orders up to [`ORDER`] count more: the most of what is in them.
+    /// Factors of the quads of all orders up to [`ORDER`]; a coarse quad has the largest factor of its children.
     factor: [f32; SUMS],
-    /// Frames seen.
+    /// Number of frames so far.
     frames: u32,
-    /// Frames until the scene is thought to be at rest.
+    /// Number of frames until the scene counts as at rest.
     moving: u32,
 }
 
@@ -68,7 +68,7 @@ impl Activity {
         (self.frames, self.moving) = (0, 0);
     }
 
-    /// Takes the next frame; true if something moves. Maps coarser than order 3 are always at rest.
+    /// Processes the next frame; returns true if the scene moves. Maps coarser than order 3 always count as at rest.
     pub(super) fn see(&mut self, map: &PyramidView<'_>) -> bool {
         let whole = map.total().y();
         if map.order().get() < ORDER || whole <= 0.0 {
@@ -105,19 +105,19 @@ impl Activity {
         self.moving > 0
     }
 
-    /// Factor on the importance of quad `ipix` of `order`.
+    /// Returns the factor on the importance of quad `ipix` of `order`.
     pub(super) fn factor(&self, order: u8, ipix: u32) -> f32 {
         let shift = 2 * order.saturating_sub(ORDER);
         self.factor.get(at(order.min(ORDER), (ipix >> shift) as usize)).copied().unwrap_or(1.0)
     }
 }
 
-/// Length of a vector that may be 0.
+/// Returns the length of a vector; 0 for the null vector.
 fn length(v: Vec3) -> f32 {
     root(v.length_squared().max(f32::MIN_POSITIVE))
 }
 
-/// Index of quad `ipix` of `order` in the factors.
+/// Returns the index of quad `ipix` of `order` in the factors.
 const fn at(order: u8, ipix: usize) -> usize {
     Domain::Sphere.faces() * (((1 << (2 * order)) - 1) / 3) + ipix
 }

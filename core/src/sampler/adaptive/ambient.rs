@@ -1,11 +1,12 @@
-//! Ambient light: light without a direction as spherical harmonics, and the light that exceeds it, for the directional lights.
+//! Ambient light: light without a direction as spherical harmonics, and the excess above it for the directional lights.
 //!
-//! A least-squares fit of degree 2 to the map, repeated with what exceeds a ceiling over the last fit cut off, so that lamps and the sun
-//! drop out and the fit comes to rest on what surrounds them. What was cut off is the lights' and only theirs; the constant function is
-//! among the nine, so a least-squares fit keeps the energy of what it was fitted to. With no lights nothing is cut off.
+//! The harmonics are a least-squares fit of degree 2 to the map. The fit is repeated on a map that is cut off at a ceiling over the
+//! previous fit, so that lamps and the sun drop out of it. The light above the ceiling is the excess, which only the directional lights
+//! represent. Since the constant function is one of the nine basis functions, the fit keeps the energy of the cut map. Without lights
+//! nothing is cut off.
 //!
-//! How high the ceiling is decides how much is left to the lights: few lights need it high, many low. The sampler tries
-//! [`CEILINGS`] and takes that with the least error.
+//! The height of the ceiling decides how much light is left to the lights: few lights need a high ceiling, many a low one. The sampler
+//! tries [`CEILINGS`] and selects the one with the least error.
 
 use crate::color::{self, luminance};
 use crate::harmonics;
@@ -14,40 +15,40 @@ use crate::light::Sh9;
 use crate::pyramid::{PyramidView, Quad};
 use glam::Vec3;
 
-/// Order at which the fit looks at the map: 7 degrees, which degree 2 resolves tenfold.
+/// Order of the quads that are fitted: 7 degrees, a tenth of the resolution of degree 2.
 const ORDER: u8 = 3;
 
-/// Quads of that order on a sphere.
+/// Number of quads of [`ORDER`] on a sphere.
 pub(super) const QUADS: usize = Domain::Sphere.quads(ORDER);
 
-/// Quads of that and of all coarser orders.
+/// Number of quads of all orders up to [`ORDER`] on a sphere.
 const SUMS: usize = crate::pyramid::pyramid_len(Domain::Sphere, Order::saturating(ORDER));
 
-/// Light above one of these times the fit is not ambient; the last leaves nothing to lights.
+/// Ceilings, as multiples of the fit: light above is not ambient. The last one leaves no excess.
 pub(super) const CEILINGS: [f32; 10] = [0.25, 0.5, 0.7, 1.0, 1.5, 3.0, 6.0, 12.0, 24.0, f32::INFINITY];
 
 /// Index of the infinite ceiling in [`CEILINGS`].
 pub(super) const ALL: usize = CEILINGS.len() - 1;
 
-/// Index in [`CEILINGS`] at which the search for the best ceiling begins, then the indices that it tries upwards and downwards.
+/// Index in [`CEILINGS`] at which the search for the best ceiling begins, followed by the indices of the search upwards and downwards.
 pub(super) const USUAL: usize = 4;
 pub(super) const HIGHER: &[usize] = &[5, 6, 7, 8];
 pub(super) const LOWER: &[usize] = &[3, 2, 1, 0];
 
-/// Radius of a disc as large as one of those quads, radians: (4 / 768)^(1/2).
+/// Radius of a disc with the area of a quad of [`ORDER`], radians: (4 / 768)^(1/2).
 pub(super) const RADIUS: f32 = 0.0722;
 
-/// Number of fits.
+/// Number of fits per map.
 const ROUNDS: usize = 4;
 
-/// The ambient light of one map and what exceeds it.
+/// The ambient light of one map and the excess above it.
 #[derive(Clone, Debug)]
 pub(super) struct Ambient {
     domain: Domain,
     /// Order of `directions`: [`ORDER`] or the map's.
     order: u8,
     directions: [Vec3; QUADS],
-    /// The inverse of the basis functions' products over the domain.
+    /// Inverse of the matrix of integrals of basis function products over the domain.
     inverse: [[f32; 9]; 9],
     sh: Sh9,
     /// Luminance of the fit.
@@ -72,7 +73,7 @@ impl Ambient {
         }
     }
 
-    /// Takes the geometry of maps of `domain` up to `order`; a fit of before is forgotten.
+    /// Initialises the geometry for maps of `domain` up to `order` and discards any former fit.
     pub(super) fn prepare(&mut self, domain: Domain, order: u8) {
         (self.domain, self.order) = (domain, order.min(ORDER));
         for (ipix, direction) in self.directions.iter_mut().enumerate().take(domain.quads(self.order)) {
@@ -84,7 +85,7 @@ impl Ambient {
         self.excess = [Quad::default(); SUMS];
     }
 
-    /// The ambient light, radiance.
+    /// Returns the ambient radiance.
     pub(super) fn harmonics(&self) -> &Sh9 {
         &self.sh
     }
@@ -94,7 +95,7 @@ impl Ambient {
         self.ceiling = [f32::INFINITY; QUADS];
         self.round(map);
         let Some(factor) = CEILINGS[..ALL].get(which) else { return };
-        // A ceiling below the fit would pull the fit down round by round: it comes last.
+        // A ceiling below the fit would lower the fit in every round, so it is applied in the last round only.
         for round in 1..ROUNDS {
             let factor = if round + 1 < ROUNDS { factor.max(CEILINGS[USUAL]) } else { *factor };
             for (ceiling, level) in self.ceiling.iter_mut().zip(&self.level) {
@@ -135,12 +136,12 @@ impl Ambient {
         }
     }
 
-    /// The order at which light is held against the ceiling.
+    /// Returns the order at which light is compared with the ceiling.
     fn fine(&self, map: &PyramidView<'_>) -> u8 {
         (self.order + 1).min(map.order().get())
     }
 
-    /// What exceeds the ceiling in a quad of `self.order`, looked at in its quarters.
+    /// Returns the light above the ceiling in a quad of `self.order`, compared in its four children.
     fn cut(&self, map: &PyramidView<'_>, ipix: usize) -> Quad {
         let fine = self.fine(map);
         let shift = 2 * (fine - self.order);
@@ -151,8 +152,8 @@ impl Ambient {
         sum
     }
 
-    /// What exceeds the ceiling in a quad of `order`: the same part of all that is in one quad of the order `fine`, so that the sum over
-    /// quads of any order is the same.
+    /// Returns the light above the ceiling in a quad of `order`: the same part of all light in one quad of the order `fine`, so that the
+    /// sum over quads of any order is the same.
     fn above(&self, map: &PyramidView<'_>, fine: u8, order: u8, ipix: u32) -> Quad {
         let within = ipix >> (2 * (order - fine));
         let y = map.quad(fine, within).y();
@@ -167,7 +168,7 @@ impl Ambient {
         Quad { energy: quad.energy.map(|v| v * part), moment: quad.moment.map(|v| v * part) }
     }
 
-    /// The light of a quad that exceeds the ambient light.
+    /// Returns the excess of a quad over the ambient light.
     pub(super) fn excess(&self, map: &PyramidView<'_>, order: u8, ipix: u32) -> Quad {
         if order <= self.order {
             self.excess.get(at(order, ipix as usize)).copied().unwrap_or_default()
@@ -176,7 +177,8 @@ impl Ambient {
         }
     }
 
-    /// For each quad its direction and the luminance energy of the map below the ceiling minus that of the fit, which may be negative.
+    /// Returns the direction of each quad and its residual: the luminance energy of the map below the ceiling minus that of the fit, which
+    /// may be negative.
     pub(super) fn left(&self, map: &PyramidView<'_>) -> impl Iterator<Item = (Vec3, f32)> {
         (0..self.domain.quads(self.order)).map(|ipix| {
             let fit = self.level[ipix] * omega(self.domain, self.order, ipix as u32);
@@ -186,18 +188,18 @@ impl Ambient {
     }
 }
 
-/// Index of quad `ipix` of `order` in the excess: each order fills a part of the array, the finest order the last part.
+/// Returns the index of quad `ipix` of `order` in the excess: each order fills a part of the array, the finest order the last part.
 const fn at(order: u8, ipix: usize) -> usize {
     Domain::Sphere.faces() * (((1 << (2 * order)) - 1) / 3) + ipix
 }
 
-/// Solid angle of a quad inside the domain.
+/// Returns the solid angle of a quad inside of the domain.
 fn omega(domain: Domain, order: u8, ipix: u32) -> f32 {
     (healpix::solid_angle(order) * domain.share(order, ipix)) as f32
 }
 
-/// Integrals of the products of the basis functions over the domain. Polynomials of degree 4: three Gauss points in z and eight
-/// azimuths are exact.
+/// Returns the integrals of the products of the basis functions over the domain. The products are polynomials of degree 4, for which three
+/// Gauss points in z and eight azimuths are exact.
 fn products(domain: Domain) -> [[f64; 9]; 9] {
     let (low, points) =
         (if domain == Domain::Sphere { -1.0 } else { 0.0 }, [(-0.6f64, 5.0), (0.0, 8.0), (0.6, 5.0)]);
@@ -220,7 +222,7 @@ fn products(domain: Domain) -> [[f64; 9]; 9] {
     sums
 }
 
-/// The inverse of a positive definite matrix, by Gauss-Jordan elimination.
+/// Returns the inverse of a positive definite matrix, by Gauss-Jordan elimination.
 fn inverse(mut m: [[f64; 9]; 9]) -> [[f64; 9]; 9] {
     let mut out: [[f64; 9]; 9] =
         core::array::from_fn(|i| core::array::from_fn(|j| f64::from(u8::from(i == j))));
@@ -245,7 +247,7 @@ mod tests {
     use crate::pyramid::{Pyramid, Quad, pyramid_len};
 
     #[test]
-    fn what_exceeds_the_ceiling_adds_up_at_every_order() {
+    fn the_excess_has_the_same_sum_at_every_order() {
         const ORDER: u8 = 5;
         let mut map = Pyramid::try_new(
             [Quad::default(); pyramid_len(Domain::Hemisphere, Order::saturating(ORDER))],

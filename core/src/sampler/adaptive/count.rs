@@ -1,32 +1,32 @@
-//! The number of lights that a tolerance needs: found in one frame, then kept with hysteresis.
+//! Selection of the number of lights for a tolerance: a search in one frame, then hysteresis.
 
 use core::ops::RangeInclusive;
 
-/// An error beyond this times the tolerance calls for more lights.
+/// Ratio of the error to the tolerance above which the number of lights is increased.
 const TOO_MUCH: f32 = 1.1;
 
-/// Errors below this times the tolerance for [`PATIENCE`] frames let fewer lights be tried.
+/// Ratio of the error to the tolerance below which, for [`PATIENCE`] frames, a smaller number of lights is tried.
 const LITTLE: f32 = 0.85;
 
-/// Fewer lights are accepted if their error is below this times the tolerance. Between it and [`TOO_MUCH`] the number rests.
+/// Ratio of the error to the tolerance below which a smaller number is accepted. Between it and [`TOO_MUCH`] the number does not change.
 const ACCEPTED: f32 = 0.95;
 
-/// Frames between trials.
+/// Number of frames between two trials.
 const PATIENCE: u32 = 16;
 
-/// The number of lights, from frame to frame.
+/// The number of lights, kept from frame to frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Count {
-    /// The tolerance and the number chosen for it.
+    /// The tolerance and the number that was selected for it.
     known: Option<(f32, usize)>,
     /// The error of the last frame.
     error: f32,
-    /// Frames with little error.
+    /// Number of successive frames with an error below [`LITTLE`].
     calm: u32,
 }
 
 impl Count {
-    /// The number of lights for this frame, one of `within`; `error` returns the error of a number of lights.
+    /// Returns the number of lights for this frame, one of `within`; `error` returns the error of a number of lights.
     pub(super) fn choose(
         &mut self,
         tolerance: f32,
@@ -66,7 +66,7 @@ impl Count {
     }
 }
 
-/// The fewest lights of `within` whose error is at most `tolerance`, or the most: doubling, then bisection.
+/// Returns the least number of lights in `within` whose error is at most `tolerance`, or the largest of `within`: doubling, then bisection.
 fn fewest(tolerance: f32, within: RangeInclusive<usize>, error: &mut impl FnMut(usize) -> f32) -> usize {
     let (least, most) = within.into_inner();
     let (mut low, mut high) = (least, least);
@@ -102,8 +102,8 @@ mod tests {
     }
 
     #[test]
-    fn a_number_whose_neighbour_errs_more_is_kept() {
-        // 2 lights err little, 1 light too much: giving up one again and again would be hunting.
+    fn a_number_is_kept_if_one_light_less_exceeds_the_tolerance() {
+        // Two lights have a small error and one light too large an error: repeated trials of one light would make the number oscillate.
         let error = |n: usize| if n < 2 { 0.05 } else { 0.01 };
         let mut count = Count::default();
         for _ in 0..200 {
@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_on_the_error_does_not_move_the_number() {
+    fn noise_on_the_error_does_not_change_the_number() {
         let mut count = Count::default();
         let first = count.choose(0.03, 0..=64, |n| 0.6 / n as f32);
         for frame in 0..200 {

@@ -1,20 +1,20 @@
 //! Detects a cut: a frame that does not continue the last one, after which the state of earlier frames is discarded.
 //!
-//! With r the ratio of a quad's light to that of the last frame, a scene that goes on has most r near their median, however much the
-//! whole was dimmed and whatever one lamp does; after a cut more than half are elsewhere.
+//! Let r be the ratio of a quad's light to that of the last frame. In a continued scene most r lie near their median, even if the whole is
+//! dimmed or a lamp changes; after a cut more than half of them do not.
 
 use crate::pyramid::PyramidView;
 
-/// Order of the quads compared: 15 degrees, so that a lamp or a person is in few of them.
+/// Order of the compared quads: 15 degrees, so that a lamp or a person covers few of them.
 const ORDER: u8 = 2;
 
 /// The number of quads of a sphere.
 const QUADS: usize = crate::healpix::Domain::Sphere.quads(ORDER);
 
-/// Ratios within this factor of their median are of a scene that goes on: clouds and lamps change a wall by less.
+/// Largest factor between a quad's ratio and the median in a continued scene: clouds and lamps change a wall by less.
 const FACTOR: f32 = 1.5;
 
-/// Luminance of each quad in the last frame.
+/// Luminance of each quad in the last frame, for the detection of cuts.
 #[derive(Clone, Debug)]
 pub(super) struct Cut {
     past: [f32; QUADS],
@@ -33,7 +33,7 @@ impl Cut {
             let now = quad.y();
             match (*past > 0.0, now > 0.0) {
                 (true, true) => {
-                    // One ratio a quad: the list has a place for each.
+                    // The list has a place for the ratio of each quad.
                     let _ = ratios.push(now / *past);
                 }
                 (false, false) => {}

@@ -1,11 +1,11 @@
-//! Lights that are drawn as uniform discs of their radius: how they are placed and how wide they are.
+//! Lights that are drawn as uniform discs: their radii and the positions of their centres.
 //!
-//! The mean of a kernel over a disc is nearly the kernel between mean vectors: a disc of mean resultant length R about d is the vector R d, and
-//! K of two such vectors takes (1 - m . m') / 2 for the squared sine of half their angle. This is exact for a kernel that is linear in the
-//! squared chord; [`SHRINK`] corrects it for the kernel's kink at 0. So all that is fitted for points is fitted for discs at the same cost.
+//! The mean of a kernel over a disc is nearly the kernel between mean vectors: a disc of mean resultant length R about d has the vector R
+//! d, and K of two such vectors uses (1 - m . m') / 2 as the squared sine of half their angle. This is exact for a kernel that is linear in
+//! the squared chord; [`SHRINK`] corrects it for the kernel's kink at 0. All fits for points therefore apply to discs at the same cost.
 //!
-//! What a disc costs is not its spread but what it cannot show: light off its centre, elongated light. [`importance`] measures that, and
-//! [`Steering`] moves the centres to where the error falls.
+//! The error of a disc is not its spread but the light that it does not represent: light off its centre, and elongated light.
+//! [`importance`] measures that error, and [`Steering`] moves the centres to reduce it.
 
 use super::FITTED;
 use super::kernel::{MeanVector, kernel};
@@ -17,32 +17,32 @@ use crate::pyramid::Quad;
 use crate::root::root;
 use glam::Vec3;
 
-/// Radius of a light's disc over that of the disc with the angular variance of its region: the tails of a region widen its variance more
-/// than its shadows. Of 0.85, 0.9, 0.93, 1 and 1.1 this has the least error over the maps.
+/// Ratio of a disc's radius to that of the disc with the angular variance of its region: the tails of a region increase its variance more
+/// than they soften its shadows. Of 0.85, 0.9, 0.93, 1 and 1.1, 0.93 has the least error over the maps.
 const RADIUS: f32 = 0.93;
 
-/// Largest radius, degrees: below a hemisphere a disc has a centre that it faces.
+/// Largest radius, degrees: within a hemisphere the centre of a disc is well defined.
 const WIDEST_DEG: f32 = 90.0;
 
-/// Levels below a node at which its light is compared with its disc.
+/// Number of levels below a node at which its light is compared with its disc.
 const DOWN: u8 = 2;
 
-/// How much the spread of the parts counts, that no disc of theirs was compared with.
+/// Weight of the spread within the parts of a node, which are compared as whole discs.
 const SPREAD: f32 = 0.05;
 
-/// Parts of all discs together in the estimate of a set whose weights are fitted; of larger sets as many as sources.
+/// Number of parts of all discs together in the error estimate of a set with fitted weights; larger sets have as many parts as sources.
 const PARTS: usize = 128;
 
-/// Fewest and most parts of one disc of a set whose weights are fitted.
+/// Least and largest number of parts of one disc of a set with fitted weights.
 const EACH: (usize, usize) = (8, 32);
 
-/// A disc of fewer parts is left whole.
+/// Number of parts below which a disc is not divided.
 const FEWEST_PARTS: usize = 4;
 
 /// Cosine and sine of the golden angle.
 const GOLDEN: (f32, f32) = (-0.737_368_9, 0.675_490_3);
 
-/// Number of steps that so many lights make: more lights gain less by it and cost more.
+/// Returns the number of steps for a number of lights: for more lights a step gains less and costs more.
 fn steps(lights: usize) -> usize {
     match lights {
         2..=16 => 4,
@@ -51,15 +51,15 @@ fn steps(lights: usize) -> usize {
     }
 }
 
-/// Sets the radii of discs that stand for the lights' regions.
+/// Sets the radii of discs that represent the lights' regions.
 pub(super) fn set_radii(lights: &mut [Light]) {
     for light in lights {
         light.radius_deg = (RADIUS * light.radius_deg).min(WIDEST_DEG);
     }
 }
 
-/// The importance of a node whose light is a disc: the error of the disc in the norm of the weights' kernel, where the parts of the
-/// node, [`DOWN`] levels below, are discs as well.
+/// Returns the importance of a node whose light is a disc: the error of the disc in the norm of the weights' kernel, compared with the
+/// parts of the node [`DOWN`] levels below, which are discs as well.
 pub(super) fn importance(nodes: &Nodes<'_>, level: u8, index: u32, quad: &Quad) -> f32 {
     let down = DOWN.min(nodes.last().saturating_sub(level));
     let mut parts = heapless::Vec::<(MeanVector, f32), { 1 << DOWN }>::new();
@@ -68,7 +68,7 @@ pub(super) fn importance(nodes: &Nodes<'_>, level: u8, index: u32, quad: &Quad) 
         let y = part.y();
         if y > 0.0 {
             square += SPREAD * y * y * root(part.variance().max(0.0));
-            // No more parts than there is room for.
+            // The array has a place for each part.
             let _ = parts.push((MeanVector::of_quad(&part), y));
         }
     }
@@ -82,14 +82,14 @@ pub(super) fn importance(nodes: &Nodes<'_>, level: u8, index: u32, quad: &Quad) 
     root((square + disc.max(0.0)).max(f32::MIN_POSITIVE))
 }
 
-/// What moves discs: the map's light, and the fit of their energies to it.
+/// Inputs for moving discs: the map's light, and the fit of the discs' energies to it.
 pub(super) struct Steering<'a> {
     pub(super) sources: &'a mut Sources,
     pub(super) fit: &'a mut Fit,
 }
 
 impl Steering<'_> {
-    /// Moves few new discs; their energies stay those of their regions, `leaves`.
+    /// Moves the discs of a small set; their energies remain those of their regions, `leaves`.
     pub(super) fn steer(self, nodes: &Nodes<'_>, leaves: &[Leaf], lights: &mut [Light]) {
         let steps = steps(lights.len());
         if steps == 0 {
@@ -105,10 +105,10 @@ impl Steering<'_> {
     }
 }
 
-/// The parts of which the estimate makes up a disc of a set of `lights`: centre, radius in radians, share of the energy.
+/// Returns the parts into which the estimate divides a disc of a set of `lights`: centre, radius in radians and share of the energy.
 ///
-/// They are pairs on opposite sides of the centre, each pair as far round as the golden angle from the last, so that their mean is the
-/// disc's.
+/// The parts form pairs on opposite sides of the centre, and each pair is rotated by the golden angle from the last, so that their mean is
+/// the centre of the disc.
 pub(super) fn parts(light: &Light, lights: usize) -> impl Iterator<Item = (Vec3, f32, f32)> {
     let each =
         if lights <= FITTED { (PARTS / lights.max(1)).clamp(EACH.0, EACH.1) } else { SOURCES / lights };
@@ -135,7 +135,7 @@ mod tests {
     use super::super::source::Source;
     use super::*;
 
-    /// A light of energy 1 that is 0.1 radians off a source moves to it.
+    /// A light of energy 1 at 0.1 radians from a source moves to the source.
     #[test]
     fn a_disc_moves_to_its_source() {
         let source = Source { at: Vec3::Z, radius: 0.3, y: 1.0, owner: 0 };

@@ -1,49 +1,50 @@
-//! Smooths directions and energies without delaying them: exponential smoothing whose gain is a tracking signal.
+//! Filters directions and energies without delay: exponential smoothing whose gain is a tracking signal.
 //!
-//! With nu the step from a light's filtered to its new value, s the running mean of nu and a that of |nu|, the gain is (|s| / a)^2. Noise
-//! points everywhere, so s stays small beside a and the gain is about beta / (2 - beta); motion keeps its direction, so s grows to a and
-//! the gain to 1. A step beyond [`JUMP`] times a is followed at once. The tracking signal |s| / a was published by Trigg and Leach (1967);
-//! its square as the gain, and the jump threshold, are new here. Energies are smoothed as shares of the whole, so that a change of the
-//! whole is no step, and only while nothing moves: the energies of neighbours change together, and one that lags behind is seen.
+//! With nu the step from a light's filtered to its new value, s the running mean of nu and a that of |nu|, the gain is (|s| / a)^2. Steps
+//! by noise have random directions, so s stays small compared with a and the gain is about beta / (2 - beta); steps by motion share one
+//! direction, so s approaches a and the gain 1. A step larger than [`JUMP`] times a is followed at once. The tracking signal |s| / a was
+//! published by Trigg and Leach (1967); its square as the gain, and the jump threshold, are new here. Energies are filtered as shares of
+//! the whole, so that a change of the whole is no step, and only while nothing moves: the energies of neighbours change together, and a
+//! delay of one of them would be visible.
 
 use super::nodes::Leaf;
 use crate::color::luminance;
 use crate::light::Light;
 use glam::Vec3;
 
-/// What is known of a frame before its lights are.
+/// Properties of a frame that are known before its lights are made.
 #[derive(Clone, Copy)]
 pub(super) struct Frame {
-    /// Lights of the last frame.
+    /// Number of lights in the last frame.
     pub previous: usize,
-    /// Whether something moves.
+    /// Whether the scene moves.
     pub moving: bool,
 }
 
-/// Weight beta of a new step in both running means: the gain on noise is about 0.11, and motion is recognised in some five frames.
+/// Weight beta of a new step in both running means: the gain on noise is about 0.11, and motion is followed after about five frames.
 const MEMORY: f32 = 0.2;
 
-/// Steps this many times longer than the mean step are jumps: of normal noise one in ten thousand.
+/// Ratio of a step to the mean step above which it is a jump: about one in ten thousand steps of normal noise.
 const JUMP: f32 = 4.0;
 
-/// Mean step that is expected of a new light, over its angular radius: what 2 % noise does to a dozen texels.
+/// Initial mean step of a new light's direction, over its angular radius: the effect of 2 % noise on a dozen texels.
 const NEW_STEP: f32 = 0.02;
 
-/// Mean step that is expected of a new light's energy, over it.
+/// Initial mean step of a new light's energy, as a part of the energy.
 const NEW_SHARE: f32 = 0.01;
 
-/// State of the filter of one light.
+/// Filter state of one light.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LightFilter {
-    /// Direction as given last.
+    /// Direction that was returned last.
     direction: Vec3,
-    /// Share of the whole as given last; 0 at first.
+    /// Share of the whole energy that was returned last; 0 at first.
     share: f32,
     place: Signal<Vec3>,
     energy: Signal<f32>,
-    /// Names the region: the level of the leaf, or [`GATHERED`] plus the number of gathered lights.
+    /// Identifies the region: the level of the leaf, or [`GATHERED`] plus the number of gathered lights.
     region: u8,
-    /// From the centroid of the region to where the light was moved before it was filtered: 0 of points.
+    /// Vector from the centroid of the region to the disc's centre before filtering; 0 for points.
     offset: Vec3,
 }
 
@@ -56,28 +57,28 @@ struct Signal<V> {
     length: f32,
 }
 
-/// The lights of the last frame, by ascending id, and their filters in the same order.
+/// Lights of the last frame, by ascending id, with their filters in the same order.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Past<'a> {
     pub(super) lights: &'a [Light],
     pub(super) tracks: &'a [LightFilter],
 }
 
-/// Whether the lights stand for the same regions as in the last frame.
+/// Result of comparing the lights' regions with those of the last frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Regions {
-    /// Each of them.
+    /// All regions are the same.
     Same,
-    /// Not all.
+    /// At least one region differs.
     Changed,
 }
 
-/// Names the region of one of `lights` lights.
+/// Returns the identifier of the region of one of `lights` lights.
 fn region(lights: usize, leaf: &Leaf) -> u8 {
     if lights <= super::GATHERED { GATHERED + lights as u8 } else { leaf.level }
 }
 
-/// Whether the lights stand for the regions of the last frame.
+/// Compares the regions of the lights with those of the last frame.
 pub(super) fn compare(lights: &[Light], leaves: &[Leaf], past: Past<'_>) -> Regions {
     let count = lights.len();
     let ids = lights.iter().zip(past.lights).all(|(light, old)| light.id == old.id);
@@ -86,19 +87,19 @@ pub(super) fn compare(lights: &[Light], leaves: &[Leaf], past: Past<'_>) -> Regi
     if count == past.lights.len() && ids && places { Regions::Same } else { Regions::Changed }
 }
 
-/// Moves lights of the same regions as in the last frame as far from their centroids as then.
+/// Moves lights of the same regions as in the last frame by the offsets from the last frame.
 pub(super) fn move_again(lights: &mut [Light], past: Past<'_>) {
     for (light, track) in lights.iter_mut().zip(past.tracks) {
         light.direction = (light.direction + track.offset).try_normalize().unwrap_or(light.direction);
     }
 }
 
-/// Notes how far lights were moved from their centroids.
+/// Stores the offsets of the lights from their centroids.
 pub(super) fn note_moves(tracks: &mut [LightFilter], moves: &[Vec3]) {
     tracks.iter_mut().zip(moves).for_each(|(track, by)| track.offset = *by);
 }
 
-/// Replaces the lights' directions by filtered ones and carries their ages; old and new lights ascend by id.
+/// Replaces the lights' directions by filtered ones and continues their ages; old and new lights ascend by id.
 pub(super) fn follow(lights: &mut [Light], tracks: &mut [LightFilter], leaves: &[Leaf], past: Past<'_>) {
     let count = lights.len();
     let mut past = past.lights.iter().zip(past.tracks).peekable();
@@ -125,7 +126,7 @@ pub(super) fn follow(lights: &mut [Light], tracks: &mut [LightFilter], leaves: &
     }
 }
 
-/// Notes the lights' energies and, if the scene is `quiet`, replaces them by filtered ones, which no longer add up exactly.
+/// Updates the filters of the lights' energies and, if the scene is `quiet`, replaces the energies by filtered ones, whose sum may differ.
 pub(super) fn settle(lights: &mut [Light], tracks: &mut [LightFilter], quiet: bool) {
     let whole: f32 = lights.iter().map(|l| luminance(l.irradiance)).sum();
     for (light, track) in lights.iter_mut().zip(tracks) {
@@ -148,11 +149,11 @@ impl<V> Signal<V>
 where
     V: Copy + core::ops::Add<Output = V> + core::ops::Sub<Output = V> + core::ops::Mul<f32, Output = V>,
 {
-    /// Notes a step; returns its gain.
+    /// Adds a step to the running means; returns its gain.
     fn gain(&mut self, step: V, length: impl Fn(V) -> f32) -> f32 {
         let size = length(step);
         if size > JUMP * self.length {
-            // Whether it was one jump or the begin of a motion shows in the next frames; expected too little, it is expected more of.
+            // The next frames show whether the step was one jump or the start of a motion; the expected step length is raised meanwhile.
             self.length = if self.length > 0.0 { self.length * (1.0 + (JUMP - 1.0) * MEMORY) } else { size };
             self.mean = step * (self.length / size);
             return 1.0;

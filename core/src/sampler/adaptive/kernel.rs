@@ -1,28 +1,29 @@
-//! The kernel K between lights: the mean over receivers of what two unit lights give together, over K(0).
+//! The kernel K between two unit lights: the mean over receivers of the product of their irradiances, normalised by K(0).
 //!
-//! Lights are mean vectors: a light of mean resultant length R about d is R d, a point has R = 1. Between mean vectors m and m', K takes
-//! (1 - m . m') / 2 for the squared sine of half their angle. It is computed as |m - m'|^2 / 4 and what the vectors are shorter than 1, since
-//! 1 - m . m' of two vectors that are nearly the same is cancellation, which the kernel's root would amplify.
+//! Lights are mean vectors: a light of mean resultant length R about d is R d, and a point has R = 1. Between mean vectors m and m', K uses
+//! (1 - m . m') / 2 as the squared sine of half their angle. It is computed as |m - m'|^2 / 4 plus the terms (1 - R^2) / 4 of both vectors,
+//! since 1 - m . m' of two nearly equal vectors suffers from cancellation, which the kernel's root would amplify.
 
 use super::FITTED;
 use crate::light::Light;
 use crate::pyramid::Quad;
 use glam::Vec3;
 
-/// K over K(0) as a polynomial in h = sin(angle / 2), constant first: a least-squares fit within 0.004 of the arc-cosine kernel
-/// (sin g + (pi - g) cos g) / (6 pi) times the probability that a cap of half-angle 10 to 60 degrees hides neither direction. The fit only
-/// decides how energy is shared out, so its error moves the optimum by less than a light's noise; the test `adaptive_kernel`
-/// recomputes it.
+/// Coefficients of K over K(0) as a polynomial in h = sin(angle / 2), constant first: a least-squares fit within 0.004 of the arc-cosine
+/// kernel (sin g + (pi - g) cos g) / (6 pi) times the probability that a cap of half-angle 10 to 60 degrees hides neither direction. The
+/// fit only decides how energy is distributed, so its error shifts the optimum by less than the noise of a light; the test
+/// `polynomial_kernel_matches_the_integrated_one` recomputes it.
 pub(crate) const KERNEL: [f32; 6] = [1.0, -0.171_987, -2.301_984, 2.484_897, -1.960_409, 0.945_683];
 
-/// K between unit vectors of which `squared` is the squared sine of half their angle, (1 - cos) / 2.
+/// Returns K between unit vectors; `squared` is the squared sine of half their angle, (1 - cos) / 2.
 #[inline(always)]
 pub(super) fn kernel(squared: f32) -> f32 {
     let h = coarse_root(squared);
     KERNEL.iter().rev().fold(0.0, |sum, c| sum * h + c)
 }
 
-/// K, and its derivative by the cosine of the angle: finite, since it is that of at least [`LEAST_ROOT`] where the root is less.
+/// Returns K and its derivative with respect to the cosine of the angle; below [`LEAST_ROOT`] the derivative is that at [`LEAST_ROOT`],
+/// hence finite.
 #[inline(always)]
 fn kernel_and_slope(squared: f32) -> (f32, f32) {
     let squared = squared.max(LEAST);
@@ -33,24 +34,24 @@ fn kernel_and_slope(squared: f32) -> (f32, f32) {
         k = k * h + c;
         by_root = by_root * h + k;
     }
-    // With x the cosine, h^2 = (1 - x) / 2.
+    // With x the cosine of the angle, h^2 = (1 - x) / 2.
     (k * h + KERNEL[0], by_root * (per_root.min(1.0 / LEAST_ROOT) * -0.25))
 }
 
-/// Least sine of half an angle whose slope is told apart.
+/// Least sine of half an angle at which the derivative is computed.
 const LEAST_ROOT: f32 = 1e-3;
 
-/// Square root within 7e-4, of [`LEAST`] for what is less: a Newton step whose constants halve the error of the usual ones, which
-/// would cost the fit as much again. They are Jan Kadlec's (2010).
+/// Returns the square root within 7e-4, at least that of [`LEAST`]: one Newton step with constants by Jan Kadlec (2010), which halve the
+/// error of the usual ones; a second step would double the cost of the fit.
 #[inline(always)]
 fn coarse_root(v: f32) -> f32 {
-    // As an integer a negative number is small as well.
+    // A negative number is small as an integer as well.
     let bits = (v.to_bits() as i32).max(LEAST.to_bits() as i32) as u32;
     let (v, r) = (f32::from_bits(bits), f32::from_bits(0x5f1f_fff9 - (bits >> 1)));
     v * r * (0.703_952_3 * (2.389_244_6 - v * r * r))
 }
 
-/// 1 / square root of a positive number, within 7e-4 of it.
+/// Returns 1 / square root of a positive number, with a relative error of at most 7e-4.
 #[inline(always)]
 fn coarse_inverse_root(v: f32) -> f32 {
     let r = f32::from_bits(0x5f1f_fff9u32.wrapping_sub(v.to_bits() >> 1));
@@ -60,38 +61,38 @@ fn coarse_inverse_root(v: f32) -> f32 {
 /// Smallest argument of the square root: the squared sine of a millionth of a radian.
 const LEAST: f32 = 1e-12;
 
-/// Part of a disc's angular variance that its vector is shorter by: a least-squares compromise of 2/3 and 1/2 of the radius, squared, which
-/// the mean distance to a point at the centre and to one far away ask for.
+/// Part of a disc's angular variance by which its vector is shortened: a least-squares compromise between 2/3 and 1/2 of the squared
+/// radius, the exact values for the mean distance to a point at the centre and to a distant point.
 const SHRINK: f32 = 0.85;
 
-/// The mean vector of a point, a disc or a region.
+/// The mean vector of a point, a disc or a region, in the form that the kernel needs.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct MeanVector {
-    /// Half of it.
+    /// Half of the mean vector.
     half: Vec3,
-    /// (1 - R^2) / 4 of the mean resultant length R.
+    /// Value of (1 - R^2) / 4 for the mean resultant length R.
     spread: f32,
 }
 
 impl MeanVector {
-    /// Of a point at a unit vector.
+    /// Returns the vector of a point at a unit vector.
     pub(super) fn of_point(at: Vec3) -> Self {
         Self { half: at * 0.5, spread: 0.0 }
     }
 
-    /// Of a disc of `radius` radians at a unit vector.
+    /// Returns the vector of a disc of `radius` radians at a unit vector.
     pub(super) fn of_disc(at: Vec3, radius: f32) -> Self {
-        // The squared sine of half the radius, within 1e-3 up to a right angle.
+        // Squared sine of half the radius, within 1e-3 up to a right angle.
         let square = radius * radius;
         Self::shorter(at, SHRINK * 0.25 * square * (1.0 + square * (square / 360.0 - 1.0 / 12.0)))
     }
 
-    /// Of a light that is drawn as a disc.
+    /// Returns the vector of a light that is drawn as a disc.
     pub(super) fn of_light(light: &Light) -> Self {
         Self::of_disc(light.direction, light.radius_deg.to_radians())
     }
 
-    /// Of the light of a lit quad.
+    /// Returns the vector of the light of a lit quad.
     pub(super) fn of_quad(quad: &Quad) -> Self {
         let variance = quad.variance().max(0.0);
         Self { half: quad.first_moment() * (0.5 / quad.y()), spread: variance * (2.0 - variance) * 0.25 }
@@ -101,26 +102,26 @@ impl MeanVector {
         Self { half: at * (0.5 - 0.5 * by), spread: by * (2.0 - by) * 0.25 }
     }
 
-    /// The argument of [`kernel`] between two vectors.
+    /// Returns the argument of [`kernel`] between two vectors.
     pub(super) fn apart(&self, other: &Self) -> f32 {
         (self.half - other.half).length_squared() + (self.spread + other.spread)
     }
 
-    /// The argument of [`kernel`] between the vector and itself.
+    /// Returns the argument of [`kernel`] between the vector and itself.
     pub(super) fn width_squared(&self) -> f32 {
         2.0 * self.spread
     }
 
-    /// The vector itself.
+    /// Returns the mean vector itself.
     pub(super) fn vector(&self) -> Vec3 {
         self.half * 2.0
     }
 }
 
-/// Mean vectors of at most [`FITTED`] lights.
+/// Mean vectors of at most [`FITTED`] lights, stored by coordinate.
 #[derive(Clone, Debug)]
 pub(super) struct Vectors {
-    /// Halves of the vectors, one coordinate a row.
+    /// Halves of the vectors, one row for each coordinate.
     halves: [[f32; FITTED]; 3],
     spreads: [f32; FITTED],
 }
@@ -136,7 +137,7 @@ impl Vectors {
         self.spreads[i] = vector.spread;
     }
 
-    /// Vector `i`.
+    /// Returns vector `i`.
     pub(super) fn get(&self, i: usize) -> MeanVector {
         MeanVector { half: Vec3::from_array(self.halves.map(|axis| axis[i])), spread: self.spreads[i] }
     }
@@ -169,7 +170,7 @@ impl Vectors {
         }
     }
 
-    /// Adds to `kernels` those of energy `y` at `other`, for each of the vectors that `kernels` has room for.
+    /// Adds to `kernels` those of energy `y` at `other`, for as many of the vectors as `kernels` has elements.
     pub(super) fn add_kernels(&self, other: &MeanVector, y: f32, kernels: &mut [f32]) {
         let ([xs, ys, zs], at) = (&self.halves, other.half);
         for ((((sum, x), y_axis), z), spread) in kernels.iter_mut().zip(xs).zip(ys).zip(zs).zip(&self.spreads)
@@ -180,11 +181,11 @@ impl Vectors {
     }
 }
 
-/// Sums of kernels, and of their gradients by the vectors.
+/// Sums of kernels, and of their gradients with respect to the vectors.
 #[derive(Clone, Debug)]
 pub(super) struct Sums {
     pub(super) kernels: [f32; FITTED],
-    /// One coordinate a row.
+    /// Sums of the gradients, one row for each coordinate.
     pub(super) pulls: [[f32; FITTED]; 3],
 }
 
@@ -200,7 +201,7 @@ impl Sums {
         self.pulls.iter_mut().for_each(|axis| axis[..n].fill(0.0));
     }
 
-    /// The pull on vector `i`.
+    /// Returns the summed gradient at vector `i`.
     pub(super) fn pull(&self, i: usize) -> Vec3 {
         Vec3::from_array(self.pulls.map(|axis| axis[i]))
     }
@@ -211,7 +212,7 @@ mod tests {
     use super::*;
     use core::f64::consts::PI;
 
-    /// Part of the sphere within `a` of both ends of an arc of length `g`, by rings round one end.
+    /// Returns the part of the sphere within `a` of both ends of an arc of length `g`, summed over rings around one end.
     fn lens(a: f64, g: f64) -> f64 {
         const RINGS: u32 = 400;
         let ring = |i: u32| {
@@ -222,7 +223,7 @@ mod tests {
         if g < 1e-9 { (1.0 - libm::cos(a)) / 2.0 } else { (0..RINGS).map(ring).sum::<f64>() / (4.0 * PI) }
     }
 
-    /// The mean over receivers of the product of the irradiances of two unit lights `g` radians apart, integrated numerically.
+    /// Returns the mean over receivers of the product of the irradiances of two unit lights `g` radians apart, integrated numerically.
     fn twin(g: f64) -> f64 {
         const CAPS: u32 = 40;
         let open = (libm::sin(g) + (PI - g) * libm::cos(g)) / (6.0 * PI);
@@ -234,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn adaptive_kernel() {
+    fn polynomial_kernel_matches_the_integrated_one() {
         let whole = twin(0.0);
         for i in 0..=90 {
             let g = PI * f64::from(i) / 90.0;
@@ -260,9 +261,9 @@ mod tests {
         }
     }
 
-    /// Two points a millionth of a radian apart, whose cosine is 1 in single precision, are still apart.
+    /// Two points a millionth of a radian apart, whose cosine is 1 in single precision, have a non-zero distance.
     #[test]
-    fn near_vectors_are_apart_by_their_distance() {
+    fn near_vectors_have_their_true_distance() {
         for angle in [1e-6f32, 1e-5, 1e-4, 1e-3, 1e-2] {
             let near = Vec3::new(angle, 0.0, 1.0);
             let found = MeanVector::of_point(Vec3::Z).apart(&MeanVector::of_point(near));

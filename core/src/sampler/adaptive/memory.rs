@@ -1,12 +1,12 @@
-//! The memory that [`super::Adaptive`] is lent.
+//! The buffers that the caller lends to [`super::Adaptive`].
 
 use super::{activity, ambient, cut, filter, nodes, receivers, source, tree, weights};
 use crate::healpix::{Domain, Order};
 use crate::light::Light;
 use crate::sizes::BufferSize;
 
-/// Intermediate results of a fixed size, about 160 KB whatever the number of lights: the sources that stand for the map, the matrix of
-/// the weights, the receivers of the estimate, the ambient light and what is known of the last frames.
+/// Intermediate results of a fixed size, about 160 KB for any number of lights: the sources that approximate the map, the matrix of the
+/// weights, the receivers of the estimate, the ambient light and the state of the last frames.
 #[derive(Clone, Debug)]
 pub struct Workspace {
     pub(super) ambient: ambient::Ambient,
@@ -18,7 +18,7 @@ pub struct Workspace {
 }
 
 impl Workspace {
-    /// An empty workspace. It can initialise a `static`.
+    /// Creates an empty workspace, also as the initial value of a `static`.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -31,7 +31,7 @@ impl Workspace {
         }
     }
 
-    /// Makes the workspace ready for maps of `domain` up to `order`.
+    /// Prepares the workspace for maps of `domain` up to `order`.
     pub(super) fn prepare(&mut self, domain: Domain, order: Order) {
         self.ambient.prepare(domain, order.get());
         self.receivers.prepare();
@@ -49,19 +49,19 @@ impl Default for Workspace {
 /// The buffers of [`super::Adaptive`]; their lengths are in [`Sizes`].
 #[derive(Clone, Debug)]
 pub struct Memory<B, H, L, T, W> {
-    /// Bits of the interior nodes of the tree, of this frame and the last.
+    /// Bit sets of the interior nodes of the tree, of this frame and the last.
     pub interior: [B; 2],
     /// Leaves of the tree.
     pub leaves: H,
     /// Lights of this frame and the last.
     pub lights: [L; 2],
-    /// States of the lights' filters, of this frame and the last.
+    /// Filter states of the lights, of this frame and the last.
     pub tracks: [T; 2],
     /// One [`Workspace`], by value, reference or box.
     pub workspace: W,
 }
 
-/// Lengths of the buffers in [`Memory`], each of the two where there are two.
+/// Lengths of the buffers in [`Memory`]; where [`Memory`] has two buffers, the length of each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
@@ -73,13 +73,13 @@ pub struct Sizes {
 }
 
 impl Sizes {
-    /// Lengths of the buffers for maps of `domain` up to `order` and for up to `lights` lights.
+    /// Returns the lengths of the buffers for maps of `domain` up to `order` and for up to `lights` lights.
     #[must_use]
     pub const fn new(domain: Domain, order: Order, lights: usize) -> Self {
         Self { interior: tree::bits_len(domain, order), lights }
     }
 
-    /// Names and bytes of all buffers.
+    /// Returns the names and sizes in bytes of all buffers.
     #[must_use]
     pub const fn buffers(&self) -> [BufferSize; 5] {
         [

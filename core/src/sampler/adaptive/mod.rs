@@ -1,14 +1,14 @@
-//! `adaptive`: a binary tree over the pyramid, energy centroids that are smoothed but not delayed, and weights that light shadowed
-//! receivers best. Our own method.
+//! The `adaptive` sampler: a binary tree over the pyramid, filtered energy centroids, and weights of least error for shadowed receivers. A
+//! method of this project.
 //!
-//! 1. `ambient`, where requested: light without a direction becomes spherical harmonics; the other stages work on the light above them.
+//! 1. `ambient`, if requested: light without a direction becomes spherical harmonics; the other stages represent the excess above them.
 //! 2. `count`: with a tolerance, the fewest lights that reach it; hysteresis keeps their number from oscillating.
 //! 3. `tree` over `nodes`: best-first splits of a binary tree by Y (1 - |m|)^(3/8), which is nearly what a light costs in shadowed
 //!    error. Each split adds one light, so every number of lights is reached, down to one.
-//! 4. `gather`: up to eight lights move to the centroids of the light that is nearest to them; more lights gain little by it and flicker.
-//!    `discs`: of discs, importance is what a disc cannot show, and few of them move to where they err least.
-//! 5. `filter`: directions are smoothed against noise; a light that moves or jumps is followed without delay. After a `cut`, a frame that does
-//!    not continue the last one, every filter starts anew.
+//! 4. `gather`: up to eight lights move to the centroids of the light nearest to them; larger sets gain little by it and flicker. `discs`:
+//! for discs, importance measures the light that a disc does not represent, and the discs of small sets move to reduce their error.
+//! 5. `filter`: directions are smoothed against noise; a light that moves or jumps is followed without delay. After a `cut`, a frame that
+//! does not continue the last one, all filters are reset.
 //! 6. `weights`: the energies of up to 64 lights are set to those of least expected squared error of irradiance over receivers with random
 //!    occluders. With more lights, solving for the energies would take more time than adding a light.
 //! 7. `receivers`, or `estimate` for many lights: the estimated error of the set for shadowed receivers. Both approximate the map by sources
@@ -47,19 +47,19 @@ use nodes::Nodes;
 pub use tree::bits_len;
 use tree::{Growth, Tree};
 
-/// Most lights whose weights are fitted.
+/// Largest number of lights whose weights are fitted.
 const FITTED: usize = 64;
 
-/// Most lights that `gather` moves.
+/// Largest number of lights that `gather` moves.
 const GATHERED: usize = 8;
 
-/// Frames between two searches for a better ceiling of the ambient light.
+/// Number of frames between two searches for a better ceiling of the ambient light.
 const REST: u32 = 32;
 
-/// Another ceiling replaces the one in use if its error is at most this times the error of the one in use.
+/// Ratio of errors below which another ceiling replaces the one in use.
 const BETTER: f32 = 0.95;
 
-/// The sampler, over the buffers of [`Memory`].
+/// The `adaptive` sampler, over the buffers of [`Memory`].
 ///
 /// ```
 /// use hemilux_core::sampler::adaptive::{Adaptive, Leaf, Memory, Sizes, LightFilter, Workspace};
@@ -95,11 +95,11 @@ pub struct Adaptive<B, H, L, T, W> {
     lights: [L; 2],
     tracks: [T; 2],
     count: usize,
-    /// Which of [`ambient::CEILINGS`] is in use, and for how many frames.
+    /// Index of the ceiling in use in [`ambient::CEILINGS`], and the number of frames since the last search.
     ceiling: (usize, u32),
     /// The number of lights for a tolerance.
     wanted: count::Count,
-    /// The number of lights that the receivers' errors were computed for; `None` before the first frame.
+    /// Number of lights for which the receivers' errors were computed; `None` before the first frame.
     looked_at: Option<usize>,
     /// Whether the lights of the last frame were discs.
     soft: bool,
@@ -114,10 +114,10 @@ where
     T: Buffer<LightFilter>,
     W: BorrowMut<Workspace>,
 {
-    /// Takes the memory for maps of `domain` up to `order`, and for as many lights as the shortest of its lists holds.
+    /// Creates a sampler for maps of `domain` up to `order`, and for as many lights as the shortest of its lists holds.
     ///
     /// # Errors
-    /// [`TooSmall`] for bits shorter than [`Sizes::interior`].
+    /// [`TooSmall`] if the bit sets are shorter than [`Sizes::interior`].
     pub fn try_new(domain: Domain, order: Order, memory: Memory<B, H, L, T, W>) -> Result<Self, TooSmall> {
         let Memory { interior, leaves, lights, tracks, mut workspace } = memory;
         for bits in &interior {
@@ -140,7 +140,7 @@ where
         Ok(new)
     }
 
-    /// Most lights it can give.
+    /// Largest number of lights that the buffers hold.
     #[must_use]
     pub fn capacity(&self) -> usize {
         let lights = self.lights.iter().map(|l| l.as_ref().len());
@@ -148,7 +148,7 @@ where
         lights.chain(tracks).chain([self.tree.capacity()]).min().unwrap_or(0)
     }
 
-    /// Makes the lights of one frame; returns their estimated error.
+    /// Computes the lights of one frame; returns their estimated error.
     fn decompose(&mut self, map: &PyramidView<'_>, request: &Request, timer: &mut FilterTimer<'_>) -> f32 {
         if self.workspace.borrow_mut().cut.seen(map) {
             self.reset();
@@ -188,7 +188,7 @@ where
 
     /// Moves discs, and filters the directions of all lights; returns whether the scene is at rest.
     ///
-    /// In a scene at rest discs keep their distance from the centroids of their regions: finding it anew would cost several fits.
+    /// In a scene at rest discs keep their offsets from the centroids of their regions, since a new search would cost several fits.
     fn follow(
         &mut self,
         map: &PyramidView<'_>,
@@ -223,12 +223,13 @@ where
         quiet
     }
 
-    /// The estimated error of `limit` lights; with ambient light, under the ceiling of least error, which is kept.
+    /// Returns the estimated error of `limit` lights; with ambient light, under the ceiling of least error, which is stored.
     fn trial(&mut self, map: &PyramidView<'_>, request: &Request, limit: usize) -> f32 {
         if !request.ambient || limit == 0 {
             return self.look(map, request, limit, ambient::ALL);
         }
-        // From the usual ceiling up or down as long as that pays; or none, so that a few lights are never worse than no light.
+        // The search goes from the usual ceiling up or down while the error decreases. The ceiling without excess is tried too, so that a
+        // few lights are never worse than none.
         let mut best = (self.look(map, request, limit, ambient::USUAL), ambient::USUAL);
         for ceilings in [ambient::HIGHER, ambient::LOWER, &[ambient::ALL]] {
             for ceiling in ceilings {
@@ -247,7 +248,7 @@ where
         best.0
     }
 
-    /// The estimated error of `limit` lights under a ceiling, over all receivers.
+    /// Returns the estimated error of `limit` lights under a ceiling, over all receivers.
     fn look(&mut self, map: &PyramidView<'_>, request: &Request, limit: usize, ceiling: usize) -> f32 {
         self.place(map, request, limit, ceiling);
         if request.soft {
@@ -258,7 +259,7 @@ where
         self.error(map, request, true)
     }
 
-    /// Puts at most `limit` lights in place.
+    /// Computes the regions and directions of at most `limit` lights.
     fn place(&mut self, map: &PyramidView<'_>, request: &Request, limit: usize, ceiling: usize) {
         let Workspace { ambient, activity, .. } = self.workspace.borrow_mut();
         if request.ambient {
@@ -276,7 +277,7 @@ where
         }
     }
 
-    /// Moves discs to where they err less.
+    /// Moves discs to reduce their error.
     fn steer(&mut self, map: &PyramidView<'_>, request: &Request) {
         let Workspace { ambient, sources, fit, .. } = self.workspace.borrow_mut();
         let nodes = Nodes::new(map, request.ambient.then_some(&*ambient));
@@ -284,7 +285,7 @@ where
         discs::Steering { sources, fit }.steer(&nodes, self.tree.leaves(), lights);
     }
 
-    /// Gives the lights their energies.
+    /// Sets the energies of the lights.
     fn weigh(&mut self, map: &PyramidView<'_>, request: &Request) {
         let Workspace { ambient, sources, fit, .. } = self.workspace.borrow_mut();
         let nodes = Nodes::new(map, request.ambient.then_some(&*ambient));
@@ -300,7 +301,7 @@ where
         keep_energy(lights, nodes.quad(0, 0).rgb());
     }
 
-    /// Estimates the shadowed error; receivers look at the lights `anew`, or a part of them.
+    /// Estimates the shadowed error: over all receivers if the lights are `anew`, else over a part of them.
     fn error(&mut self, map: &PyramidView<'_>, request: &Request, anew: bool) -> f32 {
         let lights = &self.lights[0].as_ref()[..self.count];
         if self.count > source::SOURCES {
@@ -331,7 +332,7 @@ where
     }
 }
 
-/// Scales each channel so that it adds up to `total`.
+/// Scales each channel of the lights to the sum `total`.
 fn keep_energy(lights: &mut [Light], total: [f32; 3]) {
     let mut sum = [0.0f64; 3];
     for light in lights.iter() {
@@ -405,7 +406,7 @@ mod tests {
     use crate::pyramid::{Pyramid, Quad, pyramid_len};
 
     #[test]
-    fn a_map_that_rests_is_not_searched_again_however_few_lights_it_needs() {
+    fn a_constant_map_is_not_searched_again_for_any_number_of_lights() {
         const ORDER: u8 = 3;
         let quads = [Quad::default(); pyramid_len(Domain::Sphere, Order::saturating(ORDER))];
         let mut map = Pyramid::try_new(quads, Domain::Sphere, Order::saturating(ORDER)).expect("room enough");

@@ -1,20 +1,20 @@
-//! The nodes of the binary tree: HEALPix quads and, between two orders, halves of quads; above the base faces, pairs of faces.
+//! The nodes of the binary tree: HEALPix quads and, between two orders, halves of quads; above the base faces, groups of faces.
 //!
-//! Level 0 is the root. On a sphere levels 0 to 3 group the sixteen slots into which the twelve faces are put (four stay empty), on a
-//! hemisphere levels 0 to 2 group its eight faces; from then on every second level is an order of the pyramid. Node (level, index) has
-//! the children (level + 1, 2 index) and (level + 1, 2 index + 1).
+//! Level 0 is the root. On a sphere levels 0 to 3 group the sixteen slots of the twelve faces (four slots are empty), on a hemisphere
+//! levels 0 to 2 group its eight faces; below, every second level is an order of the pyramid. Node (level, index) has the children (level +
+//! 1, 2 index) and (level + 1, 2 index + 1).
 
 use super::activity::Activity;
 use super::ambient::Ambient;
 use crate::healpix::Domain;
 use crate::pyramid::{PyramidView, Quad};
 
-/// Which face is in each slot: a northern face beside the equatorial one that hangs below it, so that pairs are compact.
+/// Face of each slot: each northern face is paired with the equatorial face below it, so that pairs are compact.
 const SLOTS: [u32; 16] = [0, 4, 1, 5, 2, 6, 3, 7, 8, EMPTY, 9, EMPTY, 10, EMPTY, 11, EMPTY];
 
 const EMPTY: u32 = u32::MAX;
 
-/// Level of the base faces.
+/// Returns the level of the base faces.
 pub(super) const fn top(domain: Domain) -> u8 {
     match domain {
         Domain::Sphere => 4,
@@ -30,7 +30,7 @@ pub struct Leaf {
     pub(super) index: u32,
 }
 
-/// The light that directional lights are to stand for: all of a map, or what exceeds its ambient light.
+/// The light that directional lights represent: that of a map, or its excess over ambient light.
 #[derive(Clone, Copy)]
 pub(super) struct Nodes<'a> {
     map: PyramidView<'a>,
@@ -43,12 +43,12 @@ impl<'a> Nodes<'a> {
         Self { map: *map, ambient, top: top(map.domain()) }
     }
 
-    /// Level of the texels.
+    /// Returns the level of the texels.
     pub(super) fn last(&self) -> u8 {
         self.top + 2 * self.map.order().get()
     }
 
-    /// Sums over quad `ipix` of `order`.
+    /// Returns the sums over quad `ipix` of `order`.
     pub(super) fn sum(&self, order: u8, ipix: u32) -> Quad {
         match self.ambient {
             None => self.map.quad(order, ipix),
@@ -56,7 +56,7 @@ impl<'a> Nodes<'a> {
         }
     }
 
-    /// Sums over a node.
+    /// Returns the sums over a node.
     pub(super) fn quad(&self, level: u8, index: u32) -> Quad {
         if level < self.top {
             let under = self.top - level;
@@ -78,14 +78,14 @@ impl<'a> Nodes<'a> {
         self.sum(below / 2, (face << below) | (index & ((1 << below) - 1)))
     }
 
-    /// Factor on the importance of a node in which light moves.
+    /// Returns the factor of moving light on the importance of a node.
     pub(super) fn activity(&self, activity: &Activity, level: u8, index: u32) -> f32 {
         let Some(below) = level.checked_sub(self.top) else {
             let under = self.top - level;
             let slots = index << under..(index + 1) << under;
             return slots.map(|slot| self.activity(activity, self.top, slot)).fold(1.0, f32::max);
         };
-        // A half counts as its quad.
+        // A half has the factor of its quad.
         let (below, index) = (below & !1, index >> (below & 1));
         match SLOTS[(index >> below) as usize % SLOTS.len()] {
             EMPTY => 1.0,

@@ -1,27 +1,27 @@
-//! The shadowed error as it is scored: what the lights and the map give to 512 receivers with occluding cones.
+//! The shadowed error by the definition of the score: net irradiance of the lights and the map at 512 receivers with occluding cones.
 //!
-//! The receivers are those of the score, [`crate::receiver`]. The map is approximated by the discs of [`super::source`], of which a cone's
-//! edge may hide a part. All in integers, so that the loop vectorises: directions in Q14, energies as shares in Q18.
+//! The receivers are those of the score, [`crate::receiver`]. The map is approximated by the discs of [`super::source`], of which the edge
+//! of a cone may hide a part. The arithmetic is in integers, so that the loop vectorises: directions in Q14, energies as shares in Q18.
 
 use crate::receiver::{self, SHADOWED as RECEIVERS, Shadowed};
 use glam::Vec3;
 
-/// Most points: sources, lights and quads of ambient light.
+/// Largest number of points: sources, lights and quads of ambient light.
 const POINTS: usize = 2 * super::source::SOURCES + super::ambient::QUADS;
 
-/// Receivers evaluated in a frame that continues the last one: all of them in sixteen frames.
+/// Number of receivers that are evaluated in a frame that continues the last one: all of them in sixteen frames.
 const TURN: usize = RECEIVERS / 16;
 
-/// Points times receivers in one frame: more, and the first frame after a cut would take several times as long as any other.
+/// Largest number of points times receivers in one frame; it bounds the time of the first frame after a cut.
 const MOST: usize = 1 << 19;
 
-/// From one receiver to the next: a step that leads to all of them, by way of all directions.
+/// Step from one receiver to the next, which visits all of them with evenly spread directions.
 const STRIDE: usize = 197;
 
-/// Mean over receivers of max(0, n . d) V(d): 1/4 times the share of the sphere outside the mean cone.
+/// Mean over receivers of max(0, n . d) V(d): 1/4 times the share of the sphere outside of the mean cone.
 const MEAN: f32 = 0.224_17;
 
-/// Energies as shares of the map's light.
+/// Scale of energies, which are shares of the map's light.
 const SHARE: f32 = (1u32 << 18) as f32;
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -30,22 +30,22 @@ struct Receiver {
     axis: [i16; 3],
     /// Cosine of the cone's half-angle, Q28.
     cos: i32,
-    /// 1 / sine of it, Q12: turns differences of cosines near the edge into angles.
+    /// Reciprocal of the sine of the cone's half-angle, Q12: converts differences of cosines near the edge to angles.
     per_sin: i32,
 }
 
-/// The receivers, and the points that they receive: sources of positive energy, lights of negative energy.
+/// The receivers, and the points whose light they receive: sources of positive energy, lights of negative energy.
 #[derive(Clone, Debug)]
 pub(super) struct Receivers {
     receivers: [Receiver; RECEIVERS],
-    /// The errors of the receivers in the order of [`STRIDE`], as they were found last, over the mean.
+    /// Latest errors of the receivers in the order of [`STRIDE`], over the mean irradiance.
     errors: [f32; RECEIVERS],
-    /// The receiver to evaluate next, and the number of receivers whose error is known.
+    /// Index of the next receiver to evaluate, and number of receivers with a known error.
     next: usize,
     known: usize,
     axes: [[i16; POINTS]; 3],
     energies: [i32; POINTS],
-    /// 1 / diameter, in Q12 per Q14 of angle, Q8.
+    /// Reciprocal of each disc's diameter, in Q12 per Q14 of angle, Q8.
     slopes: [i32; POINTS],
     points: usize,
 }
@@ -64,7 +64,7 @@ impl Receivers {
         }
     }
 
-    /// Places the receivers and discards their errors.
+    /// Initialises the receivers and discards their errors.
     pub(super) fn prepare(&mut self) {
         for (k, receiver) in self.receivers.iter_mut().enumerate() {
             *receiver = receiver_at(k);
@@ -76,7 +76,7 @@ impl Receivers {
         self.points = 0;
     }
 
-    /// Adds a disc at the unit vector `at` of `radius` radians; `share` of the map's light, negative for what stands in its place.
+    /// Adds a disc at the unit vector `at` of `radius` radians; `share` is its share of the map's light, negative for lights.
     pub(super) fn add(&mut self, at: Vec3, radius: f32, share: f32) {
         let i = self.points;
         if i < POINTS {
@@ -95,7 +95,7 @@ impl Receivers {
         self.go_on(RECEIVERS.min(MOST / self.points.max(1)).max(TURN))
     }
 
-    /// Like [`Receivers::look`], but evaluates [`TURN`] more receivers and keeps the known errors of the others.
+    /// Evaluates the next [`TURN`] receivers and returns the RMS with the stored errors of the others.
     pub(super) fn turn(&mut self) -> f32 {
         self.go_on(TURN)
     }
@@ -107,13 +107,13 @@ impl Receivers {
             self.next = (self.next + 1) % RECEIVERS;
             self.known = (self.known + 1).min(RECEIVERS);
         }
-        // The last `known` up to `next`.
+        // Only the last `known` receivers up to `next` have an error.
         let first = self.next + RECEIVERS - self.known;
         let sum: f32 = (first..first + self.known).map(|k| self.errors[k % RECEIVERS]).map(|e| e * e).sum();
         libm::sqrtf(sum / self.known.max(1) as f32)
     }
 
-    /// Net irradiance of a receiver, Q30.
+    /// Returns the net irradiance of a receiver, Q30.
     fn received(&self, to: &Receiver) -> i32 {
         let n = self.points.min(POINTS);
         let [x, y, z] = [&self.axes[0][..n], &self.axes[1][..n], &self.axes[2][..n]];
@@ -124,7 +124,7 @@ impl Receivers {
                 let [a, b, c] = v.map(i32::from);
                 i32::from(x[i]) * a + i32::from(y[i]) * b + i32::from(z[i]) * c
             };
-            // Q28 to Q12.
+            // Conversion from Q28 to Q12.
             let facing = along(to.normal).max(0) >> 16;
             // Angle from the cone's edge, Q14, then the part of the disc that is clear of the cone, Q12.
             let outside =
@@ -136,7 +136,7 @@ impl Receivers {
     }
 }
 
-/// Receiver `k`.
+/// Returns receiver `k`.
 fn receiver_at(k: usize) -> Receiver {
     let Shadowed { normal, axis, half_angle } = receiver::shadowed(k);
     Receiver {
@@ -147,12 +147,12 @@ fn receiver_at(k: usize) -> Receiver {
     }
 }
 
-/// A unit vector in Q14.
+/// Returns a unit vector in Q14.
 fn fixed(v: Vec3) -> [i16; 3] {
     v.to_array().map(|c| nearest(c * 16384.0) as i16)
 }
 
-/// The nearest integer.
+/// Returns the nearest integer.
 fn nearest(v: f32) -> i32 {
     (v + 0.5f32.copysign(v)) as i32
 }

@@ -1,4 +1,4 @@
-//! The sources: a coarse approximation of the map by discs, used to fit weights and to estimate errors.
+//! Sources: a coarse approximation of the map by discs, used to fit weights and to estimate errors.
 //!
 //! Each source is a part of a leaf, so that bright small regions and dim wide ones get equally many sources.
 
@@ -9,17 +9,17 @@ use crate::pyramid::Quad;
 use crate::root;
 use glam::Vec3;
 
-/// Most sources.
+/// Largest number of sources.
 pub(super) const SOURCES: usize = 1024;
 
-/// Levels of the tree between a leaf and its sources: 256 sources in all for sets whose weights are fitted, since the fit's cost grows with
-/// them, and up to [`SOURCES`] for larger sets.
+/// Returns the number of levels of the tree between a leaf and its sources: 256 sources in all for sets with fitted weights, whose cost
+/// grows with them, and up to [`SOURCES`] for larger sets.
 fn levels(lights: usize) -> u8 {
     let most = if lights <= super::FITTED { SOURCES / 4 } else { SOURCES };
     (most / lights.max(1)).checked_ilog2().unwrap_or(0) as u8
 }
 
-/// A part of a leaf.
+/// A descendant of a leaf.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Piece {
     /// Index of the leaf.
@@ -27,7 +27,7 @@ pub(super) struct Piece {
     pub(super) quad: Quad,
 }
 
-/// The pieces of the leaves of `lights` lights.
+/// Returns the pieces of the leaves of `lights` lights.
 pub(super) fn pieces<'a>(
     nodes: &'a Nodes<'a>,
     leaves: &'a [Leaf],
@@ -41,16 +41,16 @@ pub(super) fn pieces<'a>(
     })
 }
 
-/// A piece of a light's region, as a disc.
+/// A piece of a light's region, approximated by a disc.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Source {
-    /// Unit vector to its energy centroid.
+    /// Unit vector to the energy centroid of the piece.
     pub(super) at: Vec3,
     /// Radius of the uniform disc with its mean resultant length, radians.
     pub(super) radius: f32,
     /// Luminance energy of the source.
     pub(super) y: f32,
-    /// Index of the light that stands for it.
+    /// Index of the light that represents the source.
     pub(super) owner: u16,
 }
 
@@ -80,19 +80,19 @@ impl Sources {
             let owner = if lights.len() <= GATHERED { nearest(lights, &quad) } else { leaf };
             if let Some(at) = root::unit(quad.mean_direction()) {
                 let radius = disc(quad.variance());
-                // At most `SOURCES` pieces are made; a full list refuses the rest.
+                // There are at most `SOURCES` pieces; a full list ignores the rest.
                 let _ = self.all.push(Source { at, radius, y: quad.y(), owner: owner as u16 });
             }
         }
     }
 }
 
-/// Radius in radians of the uniform disc whose angular variance, radius^2 / 4, is `variance`.
+/// Returns the radius in radians of the uniform disc whose angular variance, radius^2 / 4, is `variance`.
 fn disc(variance: f32) -> f32 {
     2.0 * root::root(variance.max(1e-12))
 }
 
-/// The light whose direction is nearest to the quad's centroid.
+/// Returns the index of the light whose direction is nearest to the quad's centroid.
 pub(super) fn nearest(lights: &[Light], quad: &Quad) -> usize {
     let moment = quad.first_moment();
     let mut best = (f32::NEG_INFINITY, 0);

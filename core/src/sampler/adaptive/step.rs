@@ -1,4 +1,4 @@
-//! The step of a disc's centre towards less error.
+//! The step of a disc's centre along the gradient of the error.
 
 use super::kernel::MeanVector;
 use crate::color::luminance;
@@ -6,10 +6,10 @@ use crate::light::Light;
 use crate::root::root;
 use glam::Vec3;
 
-/// Part of a Newton step that a centre makes, since its neighbours move as well.
+/// Part of a Newton step that is taken, since the neighbours move in the same iteration.
 const RELAXED: f32 = 0.7;
 
-/// Longest step, over the disc's width.
+/// Longest step, as a part of the disc's width.
 const LONGEST: f32 = 0.5;
 
 /// Curvature of the kernel: of its kink, over a disc's width, and of its smooth part.
@@ -18,7 +18,7 @@ const CURVATURE: (f32, f32) = (0.086, 1.15);
 /// Least width of a disc, as half a chord.
 const LEAST_WIDTH: f32 = 1e-3;
 
-/// The direction of a disc of mean vector `disc` after a step that `pull` asks for.
+/// Returns the direction of a disc of mean vector `disc` after a step along `pull`.
 pub(super) fn stepped(light: &Light, disc: &MeanVector, pull: Vec3) -> Vec3 {
     let energy = luminance(light.irradiance);
     if energy <= 0.0 {

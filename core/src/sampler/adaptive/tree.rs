@@ -1,6 +1,7 @@
-//! The tree: nodes are split best-first; each lit leaf gives a light.
+//! The tree: nodes are split best-first, and each lit leaf becomes a light.
 //!
-//! A light's id is the first texel of its leaf, counted from 1: the left child of a split keeps the parent's id, the right one is new.
+//! The id of a light is the index of the first texel of its leaf, counted from 1: the left child of a split keeps the parent's id, the
+//! right one gets a new id.
 
 use super::activity::Activity;
 use super::discs;
@@ -13,17 +14,17 @@ use crate::root::root;
 use crate::sampler::heap;
 use glam::Vec3;
 
-/// A split of the last frame is given up only for one that is more important by this factor less 1.
+/// Relative difference of importance above which another node replaces a split of the last frame.
 ///
-/// At 2 % texel noise the importance of a quad moves by a few per cent; less than that lets noise change the tree. More keeps lights
-/// where they are, so that a lamp switched on takes fewer from the rest of the scene, and one that moves has fewer of its own. Of 0, 0.3,
-/// 1, 1.3, 1.6 and 3, 1 is the most that costs moving lamps nothing.
+/// At 2 % texel noise the importance of a quad varies by a few per cent; a smaller hysteresis lets noise change the tree. A larger one
+/// keeps lights in place, so that a lamp that is switched on takes fewer lights from the rest of the scene, and a moving lamp gets fewer.
+/// Of 0, 0.3, 1, 1.3, 1.6 and 3, 1 is the largest that does not increase the error of moving lamps.
 const HYSTERESIS: f32 = 1.0;
 
-/// Smallest angular variance 1 - |m|: light closer together than this counts as one direction.
+/// Smallest angular variance 1 - |m|; light within it counts as one direction.
 const LEAST_VARIANCE: f32 = 1e-7;
 
-/// Bytes of the bit set that marks the interior nodes over maps of `order`.
+/// Returns the bytes of the bit set that marks the interior nodes over maps of `order`.
 #[must_use]
 pub const fn bits_len(domain: Domain, order: Order) -> usize {
     (1usize << (nodes::top(domain) + 2 * order.get())).div_ceil(8)
@@ -58,7 +59,8 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>> Tree<B, H> {
         self.interior.swap(0, 1);
     }
 
-    /// Splits the most important leaves until there are as many lit ones as `growth` allows. May be called again in the same frame.
+    /// Splits the most important leaves until the number of lit leaves reaches `growth`. A second call in the same frame continues the
+    /// growth.
     pub(super) fn grow(&mut self, nodes: &Nodes<'_>, activity: &Activity, growth: &Growth) {
         self.interior[0].as_mut().fill(0);
         let mut len = 0;
@@ -84,8 +86,8 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>> Tree<B, H> {
         }
     }
 
-    /// Adds a node to the heap unless it is dark or a texel. A node is never more important than its parent, so that the tree of the
-    /// most important nodes is connected.
+    /// Adds a node to the heap unless it is dark or a texel. The importance of a node is limited to that of its parent, so that the tree of
+    /// the most important nodes is connected.
     fn push(&mut self, len: &mut usize, judge: &Judge<'_>, node: &Node, most: f32) {
         let Node { at: Place { level, index }, quad } = node;
         let (level, index) = (*level, *index);
@@ -101,7 +103,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>> Tree<B, H> {
         heap::sift_up(&mut leaves[..*len], before);
     }
 
-    /// Writes the lights of the lit leaves, by ascending id; returns how many. Their leaves are then in the heap's memory.
+    /// Writes the lights of the lit leaves, by ascending id, and returns their number; their leaves are then in the heap's memory.
     pub(super) fn emit(&mut self, nodes: &Nodes<'_>, lights: &mut [Light]) -> usize {
         let mut out = Emit {
             nodes: *nodes,
@@ -114,7 +116,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>> Tree<B, H> {
         out.count
     }
 
-    /// The leaves of the lights that [`Tree::emit`] wrote last.
+    /// Returns the leaves of the lights that [`Tree::emit`] wrote last.
     pub(super) fn leaves(&self) -> &[Leaf] {
         self.heap.as_ref()
     }
@@ -143,7 +145,7 @@ struct Node {
     quad: Quad,
 }
 
-/// The data that the importance of a node depends on.
+/// Inputs of the importance of a node.
 struct Judge<'a> {
     nodes: &'a Nodes<'a>,
     activity: &'a Activity,
@@ -166,7 +168,7 @@ struct Emit<'a> {
 }
 
 impl Emit<'_> {
-    /// Walks the tree below a node whose first lit leaf gets `id`; at most as deep as there are levels.
+    /// Visits the tree below a node whose first lit leaf gets `id`; the recursion is at most as deep as the tree.
     fn visit(&mut self, Place { level, index }: Place, id: u32, parent: Option<u32>) {
         let quad = self.nodes.quad(level, index);
         if quad.y() <= 0.0 || self.count >= self.lights.len().min(self.leaves.len()) {
@@ -192,17 +194,17 @@ impl Emit<'_> {
     }
 }
 
-/// The importance of a node, Y (1 - |m|)^(3/8): nearly the square root of its share of the squared shadowed error.
+/// Returns the importance of a node, Y (1 - |m|)^(3/8): nearly the square root of its share of the squared shadowed error.
 ///
-/// An occluder's edge that crosses a light's region errs by about Y, and crosses it with a probability in proportion to the
-/// region's width, (1 - |m|)^(1/2): Y^2 (1 - |m|)^(1/2) in the mean square, so 1/4 would be its exponent here. Open receivers
-/// see Y (1 - |m|). Of 1/4, 3/8 and 1/2, 3/8 is the best compromise over the maps and scenarios of `host-sim`.
+/// An occluder's edge that crosses a light's region causes an error of about Y, and crosses it with a probability proportional to the
+/// region's width, (1 - |m|)^(1/2). This gives Y^2 (1 - |m|)^(1/2) in the mean square, hence an exponent of 1/4. Open receivers have an
+/// error of Y (1 - |m|). Of 1/4, 3/8 and 1/2, 3/8 is the best compromise over the maps and scenarios of `host-sim`.
 fn importance(quad: &Quad) -> f32 {
     let fourth = root(root(quad.variance().max(LEAST_VARIANCE)));
     quad.y() * fourth * root(fourth)
 }
 
-/// Whether `a` is split before `b`; ties are broken by level and index, so that the order never depends on earlier frames.
+/// Returns whether `a` is split before `b`; ties are resolved by level and index, so that the order never depends on earlier frames.
 fn before(a: &Leaf, b: &Leaf) -> bool {
     (a.importance, b.level, b.index) > (b.importance, a.level, a.index)
 }

@@ -1,13 +1,14 @@
 //! Weights of least expected error over receivers with random occluders.
 //!
-//! Let K(d, d') be the mean over receivers of what a unit light from d and one from d' give together: over normals and occluding caps as
-//! `host-sim/METRICS.md` draws them it depends on the angle between d and d' alone. The expected squared error of lights w_i at l_i in the
-//! place of a map mu is then |mu - sum w_i delta(l_i)|^2 in the norm of K, and least where K w = K mu. Starting from the energies of
-//! the leaves, the correction x solves (K + R) x = r with r_i = sum over sources s of y_s (K(l_i, s) - K(l_i, l_owner(s))), under
-//! sum x = 0. R, a ridge in proportion to 1 / energy, keeps dim lights from paying for bright ones. Cholesky, in place.
+//! Let K(d, d') be the mean over receivers of the product of the irradiances of unit lights from d and d'. Over the normals and occluding
+//! caps that `host-sim/METRICS.md` defines, it depends on the angle between d and d' alone. The expected squared error of lights w_i at l_i
+//! in place of a map mu is |mu - sum w_i delta(l_i)|^2 in the norm of K, and least for K w = K mu. Starting from the energies of the
+//! leaves, the correction x solves (K + R) x = r with r_i = sum over sources s of y_s (K(l_i, s) - K(l_i, l_owner(s))), under sum x = 0. R,
+//! a ridge proportional to 1 / energy, limits changes of bright lights in favour of dim ones. The system is solved by Cholesky
+//! decomposition in place.
 //!
-//! The minimisation is that of optimally weighted quadrature in a reproducing kernel space; K near 0 is linear in the angle, which makes it
-//! the energy distance of Szekely and Rizzo. The kernel K and its use for weights of lights are new here.
+//! The minimisation is that of optimally weighted quadrature in a reproducing kernel space; since K near 0 is linear in the angle, it is
+//! related to the energy distance of Szekely and Rizzo. The kernel K and its use for weights of lights are new here.
 
 use super::kernel::{MeanVector, Sums, Vectors};
 use super::source::Source;
@@ -18,7 +19,7 @@ use crate::root::root;
 /// The ridge of a light of mean energy, over K(0).
 const RIDGE: f32 = 0.01;
 
-/// Largest change of a light's energy, as a factor: beyond it the fit would trade lights against each other.
+/// Largest factor by which a light's energy is changed; without the limit the fit would exchange energy between lights.
 const MOST: f32 = 2.0;
 
 /// [`RIDGE`] for discs, whose kernels overlap more.
@@ -33,7 +34,7 @@ pub(super) struct Fit {
     /// K between lights; then its Cholesky factor in the lower triangle.
     matrix: [[f32; FITTED]; FITTED],
     lights: Vectors,
-    /// In `kernels` the residual, then the corrections; pulls of discs alone.
+    /// The residual, then the corrections, in `kernels`; for discs, the gradients in `pulls`.
     sums: Sums,
     /// K between one source and each of the lights.
     own: [f32; FITTED],
@@ -46,7 +47,7 @@ impl Fit {
         Self { matrix: [row; FITTED], lights: Vectors::new(), sums: Sums::new(), own: row, ones: row }
     }
 
-    /// Scales the lights that stand for `sources`.
+    /// Scales the lights that represent `sources`.
     pub(super) fn run(&mut self, sources: &[Source], lights: &mut [Light]) {
         let n = lights.len().min(FITTED);
         let lights = &mut lights[..n];
@@ -55,12 +56,12 @@ impl Fit {
         self.finish(lights, RIDGE, MOST);
     }
 
-    /// Scales the discs that stand for `sources`, which count as discs too.
+    /// Scales the discs that represent `sources`, which count as discs too.
     pub(super) fn run_discs(&mut self, sources: &[Source], lights: &mut [Light]) {
         self.fit_discs(sources, lights, false);
     }
 
-    /// Scales the discs that stand for `sources`, and moves them one step down the gradient of the error in the norm of the kernel.
+    /// Scales the discs that represent `sources`, and moves each one step down the gradient of the error in the norm of the kernel.
     pub(super) fn step_discs(&mut self, sources: &[Source], lights: &mut [Light]) {
         self.fit_discs(sources, lights, true);
         for (i, light) in lights.iter_mut().enumerate().take(FITTED) {
@@ -68,7 +69,7 @@ impl Fit {
         }
     }
 
-    /// Scales discs; with `pulls`, leaves the pulls on them in `sums`.
+    /// Scales discs; with `pulls`, computes their gradients in `sums`.
     fn fit_discs(&mut self, sources: &[Source], lights: &mut [Light], pulls: bool) {
         let n = lights.len().min(FITTED);
         let lights = &mut lights[..n];
@@ -127,7 +128,7 @@ impl Fit {
         }
     }
 
-    /// Solves for the correction under a sum of 0 into `sums.kernels`; false where the matrix is not positive definite.
+    /// Solves for the correction under a sum of 0 into `sums.kernels`; returns false if the matrix is not positive definite.
     fn solve(&mut self, n: usize) -> bool {
         for i in 0..n {
             for j in 0..=i {
@@ -175,7 +176,7 @@ fn energy(light: &Light) -> f32 {
     crate::color::luminance(light.irradiance)
 }
 
-/// Adds the corrections to the lights' luminance, their colour kept.
+/// Adds the corrections to the lights' luminance without changing their colour.
 fn scale(lights: &mut [Light], corrections: &[f32], most: f32) {
     for (light, x) in lights.iter_mut().zip(corrections) {
         let y = energy(light);
