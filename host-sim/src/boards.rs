@@ -1,4 +1,4 @@
-//! Pictures of chessboards through lenses of known laws, for trials of `hemilux calibrate`.
+//! Pictures of chessboards through lenses of known laws, for tests of `hemilux calibrate`.
 
 use glam::{DMat3, DVec2, DVec3};
 use rand::{RngExt, SeedableRng};
@@ -6,18 +6,18 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use std::f64::consts::{PI, TAU};
 
-/// The radius of an image point, in focal lengths, by the angle of its direction from the axis.
+/// The projection law of a lens: the radius of an image point in focal lengths, as a function of the angle theta from the axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Law {
-    /// theta.
+    /// The radius is theta.
     Equidistant,
-    /// 2 sin(theta / 2).
+    /// The radius is 2 sin(theta / 2).
     Equisolid,
-    /// theta (1 + k1 theta^2 + ... + k4 theta^8).
+    /// The radius is theta (1 + k1 theta^2 + ... + k4 theta^8).
     KannalaBrandt([f64; 4]),
     /// The double sphere of V. Usenko, N. Demmel, D. Cremers, "The Double Sphere Camera Model", 3DV 2018.
     DoubleSphere {
-        /// Distance of the spheres' centres.
+        /// Distance between the centres of the spheres.
         xi: f64,
         /// Position of the pinhole.
         alpha: f64,
@@ -25,7 +25,7 @@ pub enum Law {
 }
 
 impl Law {
-    /// The radius.
+    /// Returns the radius at an angle from the axis, in focal lengths.
     #[must_use]
     pub fn radius(&self, theta: f64) -> f64 {
         match *self {
@@ -44,20 +44,20 @@ impl Law {
     }
 }
 
-/// A camera with a lens of a known law.
+/// A camera with a lens of known law.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
-    /// The law.
+    /// Projection law of the lens.
     pub law: Law,
     /// Focal lengths, pixels.
     pub focal_px: DVec2,
     /// Principal point, pixels.
     pub centre_px: DVec2,
-    /// Columns and rows.
+    /// Columns and rows of the image.
     pub size: [usize; 2],
-    /// Edge of what the lens sees, radians from the axis.
+    /// Edge of the field of view, radians from the axis.
     pub max_theta: f64,
-    /// Share of the light that is lost at the edge.
+    /// Share of the light that is lost at the edge of the field of view.
     pub falloff: f64,
     /// Standard deviation of the blur, pixels.
     pub blur_px: f64,
@@ -65,10 +65,10 @@ pub struct Camera {
     pub noise: f64,
 }
 
-/// Steps of the inverse of a law.
+/// Number of steps of a law's tabulated inverse.
 const STEPS: usize = 4096;
 
-/// The directions of a camera's pixels; the inverse of its law is tabulated once.
+/// The directions of a camera's pixels, from a table of the inverse law.
 #[derive(Clone, Debug)]
 pub struct Directions {
     camera: Camera,
@@ -78,7 +78,7 @@ pub struct Directions {
 }
 
 impl Directions {
-    /// The directions of `camera`.
+    /// Tabulates the directions of `camera`.
     #[must_use]
     pub fn of(camera: &Camera) -> Self {
         let max_radius = camera.law.radius(camera.max_theta);
@@ -86,7 +86,7 @@ impl Directions {
         Self { camera: *camera, angles: (0..=STEPS).map(angle).collect(), max_radius }
     }
 
-    /// The direction that a point of the image sees; none outside of the image circle.
+    /// Returns the direction of an image point; `None` outside of the image circle.
     #[must_use]
     pub fn at(&self, pixel: DVec2) -> Option<DVec3> {
         let n = (pixel - self.camera.centre_px) / self.camera.focal_px;
@@ -99,7 +99,7 @@ impl Directions {
     }
 }
 
-/// The angle from the axis that a radius shows.
+/// Returns the angle from the axis whose image has this radius.
 fn inverse(camera: &Camera, radius: f64) -> f64 {
     let (mut low, mut high) = (0.0, camera.max_theta);
     for _ in 0..52 {
@@ -109,21 +109,21 @@ fn inverse(camera: &Camera, radius: f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// A board before the camera: squares of side 1.
+/// The pose of a board in front of the camera; the squares have side 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
     /// The board's columns, rows and normal in the camera's axes.
     pub axes: DMat3,
-    /// The board's middle in the camera's axes.
+    /// Centre of the board in the camera's axes.
     pub middle: DVec3,
 }
 
-/// Poses all over the field of view, up to its rim, the board turned and tilted; `squares` is the board's size.
+/// Returns poses over the whole field of view up to its edge, with the board rotated and tilted; `squares` is the board's size.
 #[must_use]
 pub fn poses(camera: &Camera, squares: [u32; 2], count: usize, seed: u64) -> Vec<Pose> {
     let mut random = Pcg64::seed_from_u64(seed);
     let pose = |i: usize| {
-        // The golden angle spreads the azimuths, the root the areas.
+        // The golden angle spreads the azimuths evenly, the square root the areas.
         let theta = (0.92 * camera.max_theta) * ((i as f64 + 0.5) / count as f64).sqrt();
         let phi = 2.399_963 * i as f64;
         let out = DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos());
@@ -140,11 +140,11 @@ pub fn poses(camera: &Camera, squares: [u32; 2], count: usize, seed: u64) -> Vec
     (0..count).map(pose).collect()
 }
 
-/// Codes of paper, of ink and of what lies around.
+/// Codes of the paper, the ink and the background.
 const WHITE: f64 = 210.0;
 const BLACK: f64 = 25.0;
 
-/// A picture of the board: `squares` columns and rows, a white margin of a square, a room around it. Row after row.
+/// Returns a picture of the board, row after row: `squares` columns and rows, a white margin of one square, and a background.
 #[must_use]
 pub fn picture(directions: &Directions, squares: [u32; 2], pose: &Pose, seed: u64) -> Vec<u8> {
     let camera = &directions.camera;
@@ -161,10 +161,10 @@ pub fn picture(directions: &Directions, squares: [u32; 2], pose: &Pose, seed: u6
     blurred.iter().map(noisy).collect()
 }
 
-/// Samples of a pixel along each axis.
+/// Number of samples of a pixel along each axis.
 const SAMPLES: usize = 3;
 
-/// The mean code over the area of a pixel.
+/// Returns the mean code over the area of a pixel.
 fn pixel(directions: &Directions, squares: [u32; 2], pose: &Pose, at: DVec2) -> f64 {
     let offset = |i: usize| (i as f64 + 0.5) / SAMPLES as f64 - 0.5;
     let samples = (0..SAMPLES * SAMPLES).map(|i| at + DVec2::new(offset(i % SAMPLES), offset(i / SAMPLES)));
@@ -175,7 +175,7 @@ fn pixel(directions: &Directions, squares: [u32; 2], pose: &Pose, at: DVec2) -> 
     light.sum::<f64>() / (SAMPLES * SAMPLES) as f64
 }
 
-/// The code in a direction.
+/// Returns the code in a direction.
 fn seen(squares: [u32; 2], pose: &Pose, direction: DVec3) -> f64 {
     let along = direction.dot(pose.axes.z_axis);
     let distance = pose.middle.dot(pose.axes.z_axis) / along;
@@ -193,14 +193,14 @@ fn seen(squares: [u32; 2], pose: &Pose, direction: DVec3) -> f64 {
     if black { BLACK } else { WHITE }
 }
 
-/// Broad stripes of several directions.
+/// Returns the code of the background: broad stripes in several directions.
 fn room(d: DVec3) -> f64 {
     100.0
         + 35.0 * (7.0 * d.x + 2.0 * d.z).sin() * (5.0 * d.y - 3.0 * d.x).cos()
         + 20.0 * (PI * 3.0 * d.z).sin()
 }
 
-/// A Gaussian blur.
+/// Returns the codes after a Gaussian blur.
 fn blurred(codes: &[f64], width: usize, sigma: f64) -> Vec<f64> {
     let reach = (3.0 * sigma).ceil() as isize;
     let weight = |d: isize| if sigma > 0.0 { (-0.5 * (d as f64 / sigma).powi(2)).exp() } else { 1.0 };

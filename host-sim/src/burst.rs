@@ -1,4 +1,4 @@
-//! `hemilux-sim burst`: simulates the burst that a camera under an environment map records.
+//! `hemilux-sim burst`: simulates the burst that a camera records under an environment map.
 
 use crate::decompose;
 use crate::env::EnvMap;
@@ -17,22 +17,22 @@ use rand_pcg::Pcg64;
 use std::f64::consts::{PI, TAU};
 use std::path::PathBuf;
 
-/// Relative exposure of the brightest visible texel in the shortest exposure, unless the scene is too contrasty.
+/// Relative exposure of the brightest visible texel in the shortest exposure, unless the contrast of the scene is too high for it.
 const HEADROOM: f64 = 0.9;
 
-/// Least mean relative exposure of the longest frame: eight codes of twelve bits. In scenes of more contrast the brightest texels clip, as
-/// on a camera, so that the rest of the scene stays above the noise.
+/// Least mean relative exposure of the longest frame: eight codes of twelve bits. In scenes of higher contrast the brightest texels clip,
+/// as on a camera, so that the rest of the scene stays above the noise.
 const LEAST_MEAN: f64 = 0.002;
 
 /// Exposure times of \[Nikodym2012\], seconds.
 pub const THESIS_EXPOSURES_S: [f64; 3] = [0.000_926, 0.005_555, 0.033_333];
 
-/// The sensor.
+/// Properties of the simulated sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sensor {
     /// Bits of a code.
     pub bits: u32,
-    /// Electrons at full scale and gain 1; 0 for no noise.
+    /// Electrons at full scale and gain 1; 0 for a sensor without noise.
     pub full_well: f64,
     /// Read noise, electrons.
     pub read_noise: f64,
@@ -41,38 +41,38 @@ pub struct Sensor {
 /// Arguments of `burst`.
 #[derive(Clone, Debug)]
 pub struct Job {
-    /// Environment map.
+    /// Path of the environment map.
     pub env: PathBuf,
     /// Options for reading the map.
     pub options: ReadOptions,
-    /// Lens file.
+    /// Path of the lens file.
     pub lens: PathBuf,
     /// Exposure times, seconds.
     pub exposures: Vec<f64>,
-    /// Radiance of relative exposure 1 at one second; chosen from the scene where `None`.
+    /// Radiance of relative exposure 1 at one second; `None` for a value that fits the scene.
     pub scale: Option<f64>,
-    /// The sensor.
+    /// Properties of the simulated sensor.
     pub sensor: Sensor,
     /// Seed of the noise.
     pub seed: u64,
-    /// Folder that is written; created where it does not exist.
+    /// Folder for the burst; it is created if it does not exist.
     pub out: PathBuf,
 }
 
-/// Radiance of each pixel, black outside the lens circle.
+/// Radiance of each pixel, black outside of the image circle.
 struct Scene {
     radiance: Vec<[f64; 3]>,
     size: [u32; 2],
     /// Largest value of a channel.
     brightest: f64,
-    /// Mean over what the lens sees.
+    /// Mean over the image circle.
     mean: f64,
 }
 
-/// Writes the burst.
+/// Simulates the burst and writes it to a folder.
 ///
 /// # Errors
-/// [`SimError`].
+/// [`SimError`] if the map or the lens file cannot be read, an option is out of range, or the burst cannot be written.
 pub fn run(job: &Job) -> Result<(), SimError> {
     check(job)?;
     let env = decompose::read(&job.env, &job.options)?;
@@ -90,7 +90,7 @@ pub fn run(job: &Job) -> Result<(), SimError> {
     output::save(&job.out.join("burst.toml"), manifest(job, &lens, scale, levels).as_bytes())
 }
 
-/// The brightest texel just fits into the shortest exposure, unless the scene is too contrasty.
+/// Returns the scale at which the brightest texel just fits into the shortest exposure, unless the contrast is too high for it.
 fn fitted_scale(scene: &Scene, exposures: &[f64]) -> f64 {
     let shortest = exposures.iter().copied().fold(f64::INFINITY, f64::min);
     let longest = exposures.iter().copied().fold(0.0, f64::max);
@@ -159,7 +159,7 @@ fn check(job: &Job) -> Result<(), SimError> {
     Ok(())
 }
 
-/// Integrates the map over every pixel's footprint.
+/// Integrates the map over the footprint of every pixel.
 fn expose(env: &EnvMap, lens: &LensFile) -> Scene {
     let [width, height] = lens.size;
     let texel = PI / env.height() as f64;
@@ -181,7 +181,7 @@ fn expose(env: &EnvMap, lens: &LensFile) -> Scene {
     Scene { radiance, size: lens.size, brightest, mean: sum / seen.max(1) as f64 }
 }
 
-/// Mean image-side radiance of one pixel, illumination fall-off included; `None` outside the lens circle.
+/// Returns the mean image-side radiance of one pixel, including illumination fall-off; `None` outside of the image circle.
 fn footprint(env: &EnvMap, lens: &LensFile, pixel: DVec2, n: u32) -> Option<[f64; 3]> {
     lens.lens.unproject(pixel)?;
     let (mut sum, mut count) = ([0.0; 3], 0);
@@ -197,7 +197,7 @@ fn footprint(env: &EnvMap, lens: &LensFile, pixel: DVec2, n: u32) -> Option<[f64
     Some(sum.map(|s| s / f64::from(count.max(1))))
 }
 
-/// The texel that holds `direction`.
+/// Returns the texel that contains `direction`.
 fn lookup(env: &EnvMap, direction: DVec3) -> [f32; 3] {
     let theta = direction.z.clamp(-1.0, 1.0).acos();
     let phi = direction.y.atan2(direction.x);
@@ -206,7 +206,7 @@ fn lookup(env: &EnvMap, direction: DVec3) -> [f32; 3] {
     env.texels()[row * env.width() + column]
 }
 
-/// Relative exposure of every code, per channel.
+/// Returns the relative exposure of every code for each channel.
 fn curves(response: &Response, Levels { black, white }: Levels) -> [Vec<f64>; 3] {
     let codes = 0..=(white as u32);
     std::array::from_fn(|c| {
@@ -222,7 +222,7 @@ struct Camera {
 }
 
 impl Camera {
-    /// One frame's codes: photon and read noise, then the response, then quantisation to the nearest code.
+    /// Returns the codes of one frame: photon and read noise, then the response, then rounding to the nearest code.
     fn record(&self, scene: &Scene, seconds: f64, noise: &mut impl Rng) -> Vec<u16> {
         let mut codes = Vec::with_capacity(3 * scene.radiance.len());
         for rgb in &scene.radiance {

@@ -34,7 +34,7 @@ const EXAMPLES: &str = "Examples:
   hemilux-sim chart --env maps --out charts
   hemilux-sim stress --out stress --quick";
 
-/// Simulates and judges a light probe: environment maps and recorded bursts in, directional lights out.
+/// Simulates a light probe and scores its results: from environment maps and recorded bursts to directional lights.
 #[derive(Parser, Debug)]
 #[command(name = "hemilux-sim", version, after_help = EXAMPLES)]
 struct Cli {
@@ -73,17 +73,17 @@ enum Command {
 
 #[derive(Args, Debug)]
 struct SamplerArgs {
-    /// Method of decomposition.
+    /// Sampler that decomposes the map.
     #[arg(long, default_value_t, value_parser = sampler_parser())]
     sampler: SamplerKind,
-    /// Most lights; 0 with --ambient leaves spherical harmonics alone.
+    /// Largest number of lights; 0 with --ambient gives spherical harmonics alone.
     #[arg(long, default_value_t = 64)]
     lights: usize,
 }
 
 #[derive(Args, Debug)]
 struct ModelArgs {
-    /// Gives the fewest lights whose shadowed error is at most this ratio: 0.03 is 3 per cent.
+    /// Returns the least number of lights whose shadowed error is at most this ratio: 0.03 is 3 per cent.
     #[arg(long, value_name = "E")]
     tolerance: Option<f32>,
     /// Separates ambient light as nine spherical-harmonic coefficients.
@@ -165,13 +165,13 @@ struct ReplayArgs {
 
 #[derive(Args, Debug)]
 struct ImportArgs {
-    /// The photographs, JPEG or PNG with EXIF data.
+    /// Photographs, JPEG or PNG with EXIF data.
     #[arg(required = true, value_name = "PHOTO")]
     photos: Vec<PathBuf>,
     /// Lens file of the camera.
     #[arg(long, value_name = "FILE")]
     lens: PathBuf,
-    /// Folder to write.
+    /// Folder for the burst; it is created if it does not exist.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Reads photographs of any stated colour space (ICC profile, cICP, cHRM, Adobe RGB) as Rec. 709 with the format's usual transfer.
@@ -181,10 +181,10 @@ struct ImportArgs {
 
 #[derive(Args, Debug)]
 struct ScoreArgs {
-    /// The map, or scene:NAME.
+    /// Environment map, or scene:NAME.
     #[arg(long, value_name = "FILE")]
     env: PathBuf,
-    /// The light set, JSON.
+    /// Light set, a JSON file.
     #[arg(long, value_name = "LIGHTS.json")]
     set: PathBuf,
     #[command(flatten)]
@@ -219,22 +219,22 @@ struct BurstArgs {
     /// Seed of the noise.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Folder to write.
+    /// Folder for the burst; it is created if it does not exist.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
 }
 
 #[derive(Args, Debug)]
 struct RenderArgs {
-    /// The map, for the reference and the background.
+    /// Environment map for the reference and the background.
     #[arg(long, value_name = "FILE")]
     env: PathBuf,
     #[command(flatten)]
     map: MapArgs,
-    /// The light set, JSON, as `decompose` prints it.
+    /// Light set, a JSON file as `decompose` prints it.
     #[arg(long, value_name = "LIGHTS.json")]
     set: PathBuf,
-    /// The picture, PNG or JPEG.
+    /// Picture to write, PNG or JPEG.
     #[arg(long, value_name = "FILE.png", value_parser = output::picture_path)]
     out: PathBuf,
     /// Sets the objects into this photograph by differential rendering instead.
@@ -251,10 +251,10 @@ struct SampleFramesArgs {
     frames: usize,
 }
 
-/// Runs the command that `arguments`, the program's name first, ask for.
+/// Runs the command line `arguments`, whose first element is the program's name.
 ///
 /// # Errors
-/// [`SimError`].
+/// [`SimError`] with a message and an exit status.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<(), SimError> {
     match Cli::try_parse_from(arguments) {
         Ok(cli) => run_command(cli.command),

@@ -1,4 +1,4 @@
-//! Every method of a comparison under one roof: the core's samplers, the baselines raw and gathered, the offline volume sampler.
+//! All methods of a comparison behind one interface: the core's samplers, the baselines raw and gathered, and the offline volume sampler.
 
 use crate::baseline::{self, gather};
 use crate::env::EnvMap;
@@ -14,13 +14,13 @@ use hemilux_core::sampler::Request;
 /// The kinds of methods.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// A sampler of the core: runs on the probe.
+    /// A sampler of the core, which runs on the probe.
     Core,
-    /// A method of the literature, map by map.
+    /// A method of the literature that decomposes single maps.
     Baseline,
     /// A baseline followed by a Voronoi gather.
     Gathered,
-    /// Needs the whole sequence.
+    /// A method that needs the whole sequence.
     Offline,
 }
 
@@ -34,31 +34,31 @@ pub struct Method {
 }
 
 impl Method {
-    /// The fewest lights that it gives.
+    /// Returns the least number of lights that the method supports.
     #[must_use]
     pub fn least(&self, domain: Domain) -> usize {
         if self.kind == Kind::Core { self.sampler().least_lights(domain) } else { 1 }
     }
 
-    /// The method whose lights are gathered, or the sampler that is asked for ambient light or discs.
+    /// Returns the name of the sampler without the suffixes for gathering, ambient light and discs.
     #[must_use]
     pub fn base(&self) -> &'static str {
         self.name.split('+').next().unwrap_or(self.name)
     }
 
-    /// The core's sampler; the default one for a method that is none.
+    /// Returns the core's sampler of the method; the default sampler for methods outside of the core.
     #[must_use]
     pub fn sampler(&self) -> SamplerKind {
         self.base().parse().unwrap_or_default()
     }
 
-    /// The request to a sampler of the core.
+    /// Returns the request to a sampler of the core.
     #[must_use]
     pub fn request(&self, lights: usize) -> Request {
         Request { ambient: self.is_asked("sh"), soft: self.is_soft(), ..Request::of_lights(lights) }
     }
 
-    /// Whether its lights are fitted as discs.
+    /// Returns whether the method fits its lights as discs.
     #[must_use]
     pub fn is_soft(&self) -> bool {
         self.is_asked("soft")
@@ -69,7 +69,8 @@ impl Method {
     }
 }
 
-/// All methods: the core's by [`SamplerKind::NAMES`] and `adaptive` with ambient light, with discs and with both, then the baselines, then `volume`.
+/// Returns all methods: the core's by [`SamplerKind::NAMES`] and `adaptive` with ambient light, with discs and with both, then the
+/// baselines, then `volume`.
 #[must_use]
 pub fn methods() -> Vec<Method> {
     let core = SamplerKind::NAMES
@@ -84,17 +85,17 @@ pub fn methods() -> Vec<Method> {
     core.chain(baselines).chain(offline).collect()
 }
 
-/// A fresh baseline.
+/// Returns a baseline in its initial state.
 ///
 /// # Panics
-/// If there is none of this name.
+/// If there is no baseline of this name.
 #[must_use]
 pub fn baseline_called(name: &str) -> Box<dyn baseline::Baseline> {
     let mut all = baseline::all().into_iter();
     all.find(|b| b.name() == name).expect("the names come from the baselines themselves")
 }
 
-/// A core sampler's result as the judge reads it.
+/// Converts the result of a core sampler to the light set that is scored.
 #[must_use]
 pub fn judged(made: &Decomposition<'_>) -> LitSet {
     let lit = |l: &hemilux_core::light::Light| Lit {
@@ -110,15 +111,15 @@ pub fn judged(made: &Decomposition<'_>) -> LitSet {
 /// The light sets of one method over a sequence.
 #[derive(Clone, Debug)]
 pub struct Run {
-    /// The method.
+    /// Method that made the sets.
     pub method: Method,
-    /// Most lights.
+    /// Largest number of lights.
     pub lights: usize,
-    /// One set per frame; `None` where the method cannot do what the scenario asks.
+    /// One set per frame; `None` if the method does not support the scenario.
     pub sets: Option<Vec<LitSet>>,
 }
 
-/// Runs the core's samplers over a sequence, each with each number of lights; the maps are made once for all of them.
+/// Runs the core's samplers over a sequence, each with each number of lights; the maps are computed once for all of them.
 #[must_use]
 pub fn run_core(scenario: &Scenario, counts: &[usize]) -> Vec<Run> {
     let mut maps = OrderedMaps::new(&scenario.seen()[0], scenario.domain, counts);
@@ -157,14 +158,14 @@ fn run_baseline(method: Method, scenario: &Scenario, lights: usize) -> [Vec<LitS
 }
 
 fn run_volume(scenario: &Scenario, lights: usize) -> Option<Vec<LitSet>> {
-    // It takes one number for the whole sequence.
+    // The volume sampler has one number of lights for the whole sequence.
     scenario.share.is_empty().then(|| {
         let frames = baseline::volume(scenario.seen(), scenario.domain, lights);
         frames.into_iter().map(LitSet::from).collect()
     })
 }
 
-/// Runs the other methods over a sequence.
+/// Runs the methods outside of the core over a sequence.
 #[must_use]
 pub fn run_baselines(scenario: &Scenario, counts: &[usize]) -> Vec<Run> {
     let all = methods();
@@ -185,7 +186,7 @@ pub fn run_baselines(scenario: &Scenario, counts: &[usize]) -> Vec<Run> {
     runs
 }
 
-/// The maps in a folder, shrunk to `width` columns where they have more.
+/// Reads the maps of a folder, reduced to at most `width` columns.
 ///
 /// # Errors
 /// [`crate::error::SimError`] for a folder or a map that cannot be read.

@@ -1,4 +1,4 @@
-//! `hemilux-sim decompose`: environment maps to light sets.
+//! `hemilux-sim decompose`: converts environment maps to light sets.
 
 use crate::env::EnvMap;
 use crate::error::SimError;
@@ -18,15 +18,15 @@ use std::time::Instant;
 /// Arguments of `decompose`.
 #[derive(Clone, Debug)]
 pub struct Job {
-    /// A map, or a folder of maps that are one sequence in name order.
+    /// Path of a map, or of a folder of maps that are one sequence in name order.
     pub env: PathBuf,
-    /// The sampler.
+    /// Sampler that decomposes the maps.
     pub sampler: SamplerKind,
-    /// Lights, tolerance, ambient light.
+    /// Number of lights, tolerance and ambient light.
     pub request: Request,
-    /// Options for reading maps; `covers` selects the upper half of a map of the whole sphere too.
+    /// Options for reading maps; `covers` can also select the upper half of a map of the whole sphere.
     pub options: ReadOptions,
-    /// Maps a second of a sequence.
+    /// Frames per second of a sequence.
     pub fps: f64,
     /// Paths of pictures and maps to write.
     pub files: Files,
@@ -34,10 +34,10 @@ pub struct Job {
     pub export: Export,
 }
 
-/// Prints one light set per map.
+/// Prints one light set per map on standard output.
 ///
 /// # Errors
-/// [`SimError`].
+/// [`SimError`] if a map cannot be read or decomposed, or an output cannot be written.
 pub fn run(job: &Job) -> Result<(), SimError> {
     let paths = list(&job.env)?;
     job.export.check_count(paths.len())?;
@@ -94,7 +94,7 @@ pub fn run(job: &Job) -> Result<(), SimError> {
     Ok(())
 }
 
-/// The map that a light set refers to: the one that is written, else the one that was read, where that covers the whole sphere.
+/// Returns the map to which a light set refers: the written one, else the input if it covers the whole sphere.
 fn map_name(job: &Job, domain: Domain) -> Option<PathBuf> {
     let read = || job.env.canonicalize().ok().filter(|env| env.is_file() && domain == Domain::Sphere);
     job.files.map_name().or_else(read)
@@ -103,11 +103,11 @@ fn map_name(job: &Job, domain: Domain) -> Option<PathBuf> {
 /// Rows of the map of a built-in scene, as in the maps of the charts.
 const SCENE_ROWS: usize = 256;
 
-/// Reads a map, or makes that of the built-in scene `scene:NAME` at its beginning, and tells on standard error how many texels were
-/// out of range.
+/// Reads a map, or computes that of the first frame of the built-in scene `scene:NAME`; prints the number of texels that were out of range
+/// on standard error.
 ///
 /// # Errors
-/// [`SimError`].
+/// [`SimError`] for a map that cannot be read or an unknown scene.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<EnvMap, SimError> {
     if let Some(name) = path.to_str().and_then(|p| p.strip_prefix("scene:")) {
         let expected = format!("scene:{}", scene::NAMES.join(", scene:"));
@@ -130,7 +130,7 @@ fn kept() -> String {
     format!("{HALF_MAX} of half floats and infinities, {FLOAT_MAX:e} of others")
 }
 
-/// The part of the sphere that counts: what the command line says, else what the map covers.
+/// Returns the part of the sphere that counts: that of the command line, else the part that the map covers.
 #[must_use]
 pub fn domain(env: &EnvMap, options: &ReadOptions) -> Domain {
     match options.covers {
@@ -156,10 +156,10 @@ fn check_domain(env: &EnvMap, expected: Domain, path: &Path, options: &ReadOptio
     ))
 }
 
-/// The maps that `env` names: itself, or what a folder holds in name order.
+/// Returns the path `env` of a map, or the maps of a folder in name order.
 ///
 /// # Errors
-/// [`SimError`].
+/// [`SimError`] if the folder cannot be read or has no map.
 pub fn list(env: &Path) -> Result<Vec<PathBuf>, SimError> {
     if !env.is_dir() {
         return Ok(vec![env.into()]);

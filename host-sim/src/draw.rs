@@ -1,4 +1,4 @@
-//! Primitives of the SVG charts: colours that colour-blind readers can distinguish, text, logarithmic axes.
+//! Primitives of the SVG charts: colours for colour-blind readers, text, logarithmic axes.
 
 use plotters::backend::SVGBackend;
 use plotters::coord::Shift;
@@ -6,23 +6,23 @@ use plotters::prelude::{Circle, DrawingArea, IntoFont, PathElement, RGBColor, Re
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, ShapeStyle};
 
-/// Okabe and Ito's palette.
+/// Blue of the palette of Okabe and Ito.
 pub const BLUE: RGBColor = RGBColor(0, 114, 178);
-/// Vermillion.
+/// Vermillion of the palette of Okabe and Ito.
 pub const VERMILLION: RGBColor = RGBColor(213, 94, 0);
-/// Bluish green.
+/// Bluish green of the palette of Okabe and Ito.
 pub const GREEN: RGBColor = RGBColor(0, 158, 115);
-/// Reddish purple.
+/// Reddish purple of the palette of Okabe and Ito.
 pub const PURPLE: RGBColor = RGBColor(204, 121, 167);
-/// Orange.
+/// Orange of the palette of Okabe and Ito.
 pub const ORANGE: RGBColor = RGBColor(230, 159, 0);
-/// Sky blue.
+/// Sky blue of the palette of Okabe and Ito.
 pub const SKY: RGBColor = RGBColor(86, 180, 233);
-/// Text and axes.
+/// Colour of text and axes.
 pub const INK: RGBColor = RGBColor(34, 34, 34);
-/// Less important text.
+/// Colour of less important text.
 pub const GREY: RGBColor = RGBColor(120, 120, 120);
-/// Grid lines.
+/// Colour of grid lines.
 pub const PALE: RGBColor = RGBColor(224, 224, 224);
 
 /// An SVG drawing in memory, whose backend cannot fail.
@@ -31,7 +31,7 @@ pub struct Canvas<'a> {
 }
 
 impl<'a> Canvas<'a> {
-    /// A white page.
+    /// Creates a white page of `size` pixels in `buffer`.
     pub fn new(buffer: &'a mut String, size: (u32, u32)) -> Self {
         let canvas = Self {
             area: plotters::prelude::IntoDrawingArea::into_drawing_area(SVGBackend::with_string(
@@ -43,18 +43,18 @@ impl<'a> Canvas<'a> {
         canvas
     }
 
-    /// A filled rectangle.
+    /// Draws a filled rectangle.
     pub fn rect(&self, a: [f64; 2], b: [f64; 2], colour: RGBColor) {
         let _ = self.area.draw(&Rectangle::new([pixel(a), pixel(b)], colour.filled()));
     }
 
-    /// A line through these points.
+    /// Draws a line through points.
     pub fn line(&self, points: &[[f64; 2]], colour: RGBColor, width: u32) {
         let points: Vec<_> = points.iter().copied().map(pixel).collect();
         let _ = self.area.draw(&PathElement::new(points, colour.stroke_width(width)));
     }
 
-    /// A line of dashes.
+    /// Draws a dashed line through points.
     pub fn dashes(&self, points: &[[f64; 2]], colour: RGBColor, width: u32) {
         for pair in points.windows(2) {
             let (a, b) = (pair[0], pair[1]);
@@ -68,32 +68,32 @@ impl<'a> Canvas<'a> {
         }
     }
 
-    /// A disc or, with a `hole`, a ring.
+    /// Draws a disc or, with a `hole`, a ring.
     pub fn dot(&self, at: [f64; 2], radius: i32, colour: RGBColor, hole: bool) {
         let style = if hole { ShapeStyle::from(&colour).stroke_width(2) } else { colour.filled() };
         let _ = self.area.draw(&Circle::new(pixel(at), radius, style));
     }
 
-    /// A small square.
+    /// Draws a small square.
     pub fn square(&self, [x, y]: [f64; 2], half: f64, colour: RGBColor) {
         self.rect([x - half, y - half], [x + half, y + half], colour);
     }
 
-    /// A small cross.
+    /// Draws a small cross.
     pub fn cross(&self, [x, y]: [f64; 2], half: f64, colour: RGBColor) {
         self.line(&[[x - half, y - half], [x + half, y + half]], colour, 2);
         self.line(&[[x - half, y + half], [x + half, y - half]], colour, 2);
     }
 
-    /// Text of `size` pixels, its middle at the height of `at`, to the left or right of it or round it.
+    /// Draws text of `size` pixels, vertically centred at `at`, to the left or right of it or centred.
     pub fn text(&self, text: &str, at: [f64; 2], side: HPos, size: i32, colour: RGBColor) {
-        // The library counts in points of its own, 1.24 to a pixel.
+        // The library's unit of text size is 1.24 of its points to a pixel.
         let size = f64::from(size) * 1.24;
         let style = ("sans-serif", size).into_font().color(&colour).pos(Pos::new(side, VPos::Center));
         let _ = self.area.draw(&Text::new(text.to_string(), pixel(at), style));
     }
 
-    /// Ends the page.
+    /// Completes the page.
     pub fn finish(self) {
         let _ = self.area.present();
     }
@@ -106,9 +106,9 @@ fn pixel([x, y]: [f64; 2]) -> (i32, i32) {
 /// A logarithmic axis in pixels.
 #[derive(Clone, Copy, Debug)]
 pub struct LogAxis {
-    /// Values at the two ends.
+    /// Values at the two ends of the axis.
     pub values: [f64; 2],
-    /// Pixels at the two ends.
+    /// Pixels at the two ends of the axis.
     pub pixels: [f64; 2],
 }
 
@@ -121,7 +121,7 @@ impl LogAxis {
         self.pixels[0] + part * (self.pixels[1] - self.pixels[0])
     }
 
-    /// Powers of ten on it; on a short axis twice and five times these as well.
+    /// Returns the tick values: powers of ten; on a short axis also their multiples by two and five.
     #[must_use]
     pub fn ticks(&self) -> Vec<f64> {
         let [low, high] = self.values;
@@ -131,7 +131,7 @@ impl LogAxis {
         all.filter(|v| (low * 0.999..=high * 1.001).contains(v)).collect()
     }
 
-    /// The axis that holds all of `values`, from a round number to a round number.
+    /// Returns an axis with round ends that contains all of `values`.
     #[must_use]
     pub fn round(values: impl Iterator<Item = f64>, pixels: [f64; 2]) -> Self {
         let (mut low, mut high) = (f64::INFINITY, 0.0f64);
@@ -152,7 +152,7 @@ impl LogAxis {
     }
 }
 
-/// A number in decimal notation without trailing zeros or exponent.
+/// Formats a number in decimal notation without trailing zeros or exponent.
 #[must_use]
 pub fn plain(v: f64) -> String {
     format!("{}", (v * 1e6).round() / 1e6)

@@ -17,17 +17,17 @@ pub struct EnvMap {
     height: usize,
     rgb: Vec<[f32; 3]>,
     domain: Domain,
-    /// Texels per row that held a value above the largest that is kept.
+    /// Number of texels in each row that held a value above the largest accepted one.
     clipped: Vec<u32>,
-    /// Texels that held a negative value or NaN, which became 0.
+    /// Number of texels that held a negative value or NaN, which became 0.
     pub negative: usize,
-    /// Statements of the file's reader for the user.
+    /// Remarks of the file's reader for the user.
     pub notes: Vec<String>,
 }
 
 impl EnvMap {
-    /// Makes a map of the whole sphere from row-major texels: negative values and NaN become 0, values above
-    /// [`maps::FLOAT_MAX`] become that.
+    /// Creates a map of the whole sphere from row-major texels: negative values and NaN become 0, values above [`maps::FLOAT_MAX`] become
+    /// [`maps::FLOAT_MAX`].
     ///
     /// # Panics
     /// If `rgb.len() != width * height` or a side is zero.
@@ -39,7 +39,7 @@ impl EnvMap {
         Self { width, height, rgb, domain: Domain::Sphere, clipped, negative, notes: Vec::new() }
     }
 
-    /// Evaluates `radiance(direction)` at every texel's centre.
+    /// Creates a map by evaluating `radiance(direction)` at every texel's centre.
     #[must_use]
     pub fn from_fn(width: usize, height: usize, radiance: impl Fn([f64; 3]) -> [f32; 3]) -> Self {
         let rgb =
@@ -47,47 +47,47 @@ impl EnvMap {
         Self::new(width, height, rgb)
     }
 
-    /// Reads a map file as it states to be read.
+    /// Reads a map file with the projection and coverage that it states.
     ///
     /// # Errors
-    /// [`MapError`].
+    /// [`MapError`] for a file that cannot be read or decoded.
     pub fn read(path: &Path) -> Result<Self, MapError> {
         Self::read_with(path, &ReadOptions::default())
     }
 
-    /// Reads a map file.
+    /// Reads a map file with options.
     ///
     /// # Errors
-    /// [`MapError`].
+    /// [`MapError`] for a file that cannot be read or decoded.
     pub fn read_with(path: &Path, options: &ReadOptions) -> Result<Self, MapError> {
         maps::read(path, options).map(Self::from)
     }
 
-    /// Columns.
+    /// Number of columns.
     #[must_use]
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Rows of the whole sphere.
+    /// Number of rows of the whole sphere.
     #[must_use]
     pub fn height(&self) -> usize {
         self.height
     }
 
-    /// All texels, row-major.
+    /// Texels of the map, row-major.
     #[must_use]
     pub fn texels(&self) -> &[[f32; 3]] {
         &self.rgb
     }
 
-    /// The part of the sphere that the map's file covers. Texels outside of it are black.
+    /// Part of the sphere that the map's file covers. Texels outside of it are black.
     #[must_use]
     pub fn domain(&self) -> Domain {
         self.domain
     }
 
-    /// Share of the solid angle of `domain` whose texels were above the largest value that is kept.
+    /// Returns the share of the solid angle of `domain` whose texels were above the largest accepted value.
     #[must_use]
     pub fn clipped_share(&self, domain: Domain) -> f64 {
         let (rows, all) = match domain {
@@ -98,19 +98,19 @@ impl EnvMap {
         rows.map(|(row, count)| f64::from(*count) * self.solid_angle(row)).sum::<f64>() / all
     }
 
-    /// Texels that held a value above the largest that is kept.
+    /// Number of texels that held a value above the largest accepted one.
     #[must_use]
     pub fn clipped(&self) -> usize {
         self.clipped.iter().map(|n| *n as usize).sum()
     }
 
-    /// Unit direction of the texel's centre.
+    /// Returns the unit direction of a texel's centre.
     #[must_use]
     pub fn direction(&self, row: usize, column: usize) -> [f64; 3] {
         direction(self.width, self.height, row, column)
     }
 
-    /// Solid angle of a texel of `row`, steradians.
+    /// Returns the solid angle of a texel of `row`, steradians.
     #[must_use]
     pub fn solid_angle(&self, row: usize) -> f64 {
         let edge = |i: usize| (i as f64 * PI / self.height as f64).cos();
@@ -119,7 +119,7 @@ impl EnvMap {
 }
 
 impl From<DecodedMap> for EnvMap {
-    /// A hemisphere gets as many black rows below the horizon.
+    /// A map of the hemisphere is extended by black rows below the horizon.
     fn from(map: DecodedMap) -> Self {
         let DecodedMap { width, height, texels: mut rgb, covers, notes, negative, clipped } = map;
         let (height, domain) = match covers {
@@ -131,7 +131,7 @@ impl From<DecodedMap> for EnvMap {
     }
 }
 
-/// Unit direction of the centre of texel (`row`, `column`) of a full-sphere map.
+/// Returns the unit direction of the centre of texel (`row`, `column`) of a full-sphere map.
 #[must_use]
 pub fn direction(width: usize, height: usize, row: usize, column: usize) -> [f64; 3] {
     let theta = (row as f64 + 0.5) * PI / height as f64;

@@ -6,21 +6,21 @@ use std::path::Path;
 /// Reasons for which a command fails.
 #[derive(Debug, thiserror::Error)]
 pub enum SimError {
-    /// The command line is wrong: exit status 2.
+    /// The command line is wrong; the exit status is 2.
     #[error("{0}")]
     Usage(String),
-    /// The command failed: exit status 1.
+    /// The command failed; the exit status is 1.
     #[error("{0}")]
     Failed(String),
 }
 
 impl SimError {
-    /// A failure that names a file, what was found and what was expected.
+    /// Creates a failure with the path of a file, the found and the expected value.
     pub fn at(path: &Path, found: impl Display, expected: &str) -> Self {
         Self::Failed(format!("{}: found {found}, expected {expected}", path.display()))
     }
 
-    /// Exit status.
+    /// Exit status of the error.
     #[must_use]
     pub fn code(&self) -> u8 {
         match self {

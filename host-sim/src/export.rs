@@ -16,7 +16,7 @@ pub struct Export {
 }
 
 impl Export {
-    /// `form` in `axes`, or in the axes of the program that reads it.
+    /// Combines `form` with `axes`; without `axes`, those of the program that reads the form.
     ///
     /// # Errors
     /// [`SimError::Usage`] for axes that the form cannot hold.
@@ -25,16 +25,16 @@ impl Export {
         Ok(Self { form, axes })
     }
 
-    /// Whether the maps that a command writes have to be whole spheres, since the other program knows no hemispheres.
+    /// Returns whether written maps must cover whole spheres, since the target program does not support hemispheres.
     #[must_use]
     pub fn needs_whole_maps(&self) -> bool {
         self.form == Form::Usda
     }
 
-    /// Refuses a sequence of `count` sets where one file holds one set.
+    /// Refuses a sequence of `count` sets for a form whose files hold one set.
     ///
     /// # Errors
-    /// [`SimError::Usage`].
+    /// [`SimError::Usage`] for more than one set in such a form.
     pub fn check_count(&self, count: usize) -> Result<(), SimError> {
         if count <= 1 || !self.form.is_scene() {
             return Ok(());
@@ -45,7 +45,7 @@ impl Export {
         )))
     }
 
-    /// Writes one light set to standard output. `map` is a map of the same scene, which USD refers to.
+    /// Writes one light set to standard output. `map` is a map of the same scene, to which USD refers.
     ///
     /// # Errors
     /// [`SimError`] when standard output is closed.
@@ -53,10 +53,11 @@ impl Export {
         self.print_with(set, map, &[])
     }
 
-    /// As [`Export::print`]; JSON has the frames that were left out of the burst, with index, reason and file, as `frames_left_out`, where there are any.
+    /// Like [`Export::print`]; the JSON form also lists the frames that were left out of the burst, with index, reason and file, as
+    /// `frames_left_out`.
     ///
     /// # Errors
-    /// As [`Export::print`].
+    /// The same as those of [`Export::print`].
     pub fn print_with(
         &self,
         set: &LightSet<'_>,

@@ -1,4 +1,4 @@
-//! Simulator and judge: maps to bursts, replay, reference integrals, charts.
+//! Simulator and scoring of light probes: simulated bursts, replay of recorded bursts, reference integrals, charts.
 
 pub mod baseline;
 pub mod bench;

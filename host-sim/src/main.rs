@@ -1,4 +1,4 @@
-//! `hemilux-sim`: see `--help`.
+//! The command `hemilux-sim`; `--help` lists its subcommands.
 
 use std::process::ExitCode;
 

@@ -1,4 +1,4 @@
-//! The input of the samplers, made from environment maps: a HEALPix pyramid and a latitude-longitude map of the same energy.
+//! The inputs of samplers, computed from environment maps: a HEALPix pyramid and a latitude-longitude map of the same energy.
 
 use crate::env::EnvMap;
 use crate::metrics::{Grid as Texels, luminance};
@@ -17,7 +17,7 @@ pub struct Maps {
     plan: Option<TexelQuads>,
 }
 
-/// The latitude-longitude map that samplers read for environment maps like `env`.
+/// Returns the size of the latitude-longitude map that samplers read for environment maps of the size of `env`.
 #[must_use]
 pub fn grid(env: &EnvMap, domain: Domain) -> Grid {
     let rows = match domain {
@@ -38,7 +38,7 @@ pub fn radiance(env: &EnvMap, map: Grid) -> Option<&[[f32; 3]]> {
 }
 
 impl Maps {
-    /// Makes dark maps.
+    /// Creates black maps.
     #[must_use]
     pub fn new(domain: Domain, order: u8, grid: Grid) -> Self {
         let quads = vec![Quad::default(); pyramid_len(domain, Order::saturating(order))];
@@ -49,7 +49,8 @@ impl Maps {
         Self { pyramid, polar, plan: None }
     }
 
-    /// Fills pyramid and polar map with the energy of `env`. Each texel's energy is placed at the texel's centre, as in the scores.
+    /// Fills the pyramid and the latitude-longitude map with the energy of `env`. Each texel's energy is placed at the texel's centre, as
+    /// in the scores.
     pub fn fill(&mut self, env: &EnvMap) {
         let view = self.pyramid.view();
         let plan = match self.plan.take() {
@@ -72,13 +73,13 @@ impl Maps {
         resample(env, &mut self.polar);
     }
 
-    /// Views of both maps.
+    /// Returns views of both maps.
     #[must_use]
     pub fn view(&self) -> Map<'_> {
         Map { pyramid: self.pyramid.view(), polar: self.polar.view() }
     }
 
-    /// Takes each quad's and each texel's radiance at its centre: fast and inexact, for benchmarks.
+    /// Fills each quad and texel with the radiance at its centre: fast and inexact, for benchmarks.
     pub fn fill_at_centres(&mut self, radiance: impl Fn([f64; 3]) -> [f32; 3]) {
         let order = self.pyramid.view().order().get();
         let sr = healpix::solid_angle(order) as f32;
@@ -99,14 +100,14 @@ impl Maps {
     }
 }
 
-/// One [`Maps`] per HEALPix order that the numbers of lights need.
+/// Maps of all HEALPix orders that the numbers of lights need.
 pub struct OrderedMaps {
     /// Shape and maps, one entry per order.
     all: Vec<(Shape, Maps)>,
 }
 
 impl OrderedMaps {
-    /// Makes dark maps of the size of `env` for samplers of these numbers of lights.
+    /// Creates black maps of the size of `env` for samplers of these numbers of lights.
     #[must_use]
     pub fn new(env: &EnvMap, domain: Domain, counts: &[usize]) -> Self {
         let mut orders: Vec<u8> = counts.iter().map(|&lights| samplers::order_for(lights)).collect();
@@ -122,7 +123,7 @@ impl OrderedMaps {
         self.all.iter_mut().for_each(|(_, maps)| maps.fill(env));
     }
 
-    /// Shape and maps for a sampler of `lights` lights.
+    /// Returns the shape and the maps for a sampler of `lights` lights.
     ///
     /// # Panics
     /// If no number of lights given to [`OrderedMaps::new`] has the same order.
@@ -135,7 +136,7 @@ impl OrderedMaps {
     }
 }
 
-/// The texels of maps of one size and the quad that each is in: computed once for the maps of a sequence.
+/// The quad of each texel of maps of one size, computed once for a sequence.
 struct TexelQuads {
     grid: Texels,
     quads: Vec<u32>,
@@ -153,11 +154,11 @@ impl TexelQuads {
 struct Overlap {
     from: usize,
     to: usize,
-    /// Overlap over the width of the source cell.
+    /// Overlap as a part of the source cell's width.
     share: f64,
 }
 
-/// Overlaps of the cells between the edges `from` with the cells between the edges `to`.
+/// Returns the overlaps of the cells between the edges `from` with the cells between the edges `to`.
 fn overlaps(from: &[f64], to: &[f64]) -> Vec<Overlap> {
     let mut shares = Vec::new();
     for (i, source) in from.windows(2).enumerate() {
@@ -172,10 +173,10 @@ fn overlaps(from: &[f64], to: &[f64]) -> Vec<Overlap> {
     shares
 }
 
-/// Fills a latitude-longitude map of energy from one of radiance, both axes by overlap.
+/// Fills a latitude-longitude map of energy from one of radiance, distributing along both axes by overlap.
 fn resample(env: &EnvMap, polar: &mut LatLong<Vec<[f32; 3]>>) {
     let grid = polar.grid();
-    // Along -cos(theta), where equal steps are equal solid angles.
+    // Edges along -cos(theta), where equal steps are equal solid angles.
     let rows_from: Vec<f64> =
         (0..=env.height()).map(|i| -(i as f64 * PI / env.height() as f64).cos()).collect();
     let rows_to: Vec<f64> = (0..=grid.height).map(|i| -grid.theta(i).cos()).collect();
@@ -183,7 +184,7 @@ fn resample(env: &EnvMap, polar: &mut LatLong<Vec<[f32; 3]>>) {
     let (columns_from, columns_to) = (steps(env.width()), steps(grid.width));
     let columns = overlaps(&columns_from, &columns_to);
     if (env.width(), env.height()) == (grid.width, grid.height) && grid.domain == Domain::Sphere {
-        // Cell by cell, without a list of sums.
+        // The sums are computed cell by cell, without an intermediate list.
         for (k, (texel, rgb)) in polar.texels_mut().iter_mut().zip(env.texels()).enumerate() {
             *texel = rgb.map(|v| (f64::from(v) * env.solid_angle(k / grid.width)) as f32);
         }
@@ -204,7 +205,7 @@ fn resample(env: &EnvMap, polar: &mut LatLong<Vec<[f32; 3]>>) {
     }
 }
 
-/// The map with `width` columns and half as many rows that has the same energy everywhere.
+/// Returns a map with `width` columns and half as many rows of the same energy per solid angle.
 #[must_use]
 pub fn resized(env: &EnvMap, width: usize) -> EnvMap {
     let grid = Grid { width, height: width.div_ceil(2), domain: Domain::Sphere };

@@ -13,24 +13,24 @@ use std::path::{Path, PathBuf};
 /// Paths of the pictures and maps that a command writes.
 #[derive(Clone, Debug, Default)]
 pub struct Files {
-    /// Tone-mapped map with the lights.
+    /// Path of the tone-mapped map with the lights.
     pub picture: Option<PathBuf>,
-    /// The map as OpenEXR.
+    /// Path of the map as OpenEXR.
     pub map: Option<PathBuf>,
-    /// Whether the map of a hemisphere is written as that of a whole sphere, black below the horizon.
+    /// Whether the map of a hemisphere is extended to a whole sphere, black below the horizon.
     pub whole_maps: bool,
 }
 
 impl Files {
-    /// The name by which a light set beside the map refers to it.
+    /// Returns the path by which a light set beside the map refers to it.
     #[must_use]
     pub fn map_name(&self) -> Option<PathBuf> {
         self.map.as_ref().and_then(|path| Some(Path::new(".").join(path.file_name()?)))
     }
 
-    /// Writes the picture and the map whose paths are set; frame `index` of a sequence goes to a numbered file.
+    /// Writes the picture and the map whose paths are set; frame `index` of a sequence is written to a numbered file.
     ///
-    /// `radiance` holds the radiance of each texel of `map` where it was read rather than measured: it is then written as it was read.
+    /// `radiance` is the radiance of each texel of `map` if it was read from a file; the map is then written with these values.
     ///
     /// # Errors
     /// [`SimError`] naming the file that could not be written.
@@ -52,7 +52,7 @@ impl Files {
     }
 }
 
-/// `name.png` becomes `name-0003.png` for frame 3 of a sequence.
+/// Returns `name-0003.png` for `name.png` and frame 3 of a sequence.
 fn numbered(path: &Path, index: Option<usize>) -> PathBuf {
     let Some(index) = index else { return path.into() };
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
@@ -66,7 +66,7 @@ const JPEG_QUALITY: u8 = 92;
 /// Parses the path of a picture, whose extension names its format.
 ///
 /// # Errors
-/// The extension that was found and those that are expected.
+/// The found and the expected extensions.
 pub fn picture_path(text: &str) -> Result<PathBuf, String> {
     with_extension(text, &["png", "jpg", "jpeg"])
 }
@@ -74,7 +74,7 @@ pub fn picture_path(text: &str) -> Result<PathBuf, String> {
 /// Parses the path of an OpenEXR map.
 ///
 /// # Errors
-/// The extension that was found and the one that is expected.
+/// The found and the expected extension.
 pub fn map_path(text: &str) -> Result<PathBuf, String> {
     with_extension(text, &["exr"])
 }
@@ -106,10 +106,10 @@ pub fn save_picture(path: &Path, picture: &RgbImage) -> Result<(), SimError> {
     save(path, bytes.get_ref())
 }
 
-/// Writes `bytes` to standard output. A closed pipe is no failure.
+/// Writes `bytes` to standard output; a closed pipe is not an error.
 ///
 /// # Errors
-/// [`SimError`] where they cannot be written.
+/// [`SimError`] if the bytes cannot be written.
 pub fn say(bytes: &[u8]) -> Result<(), SimError> {
     let mut out = std::io::stdout().lock();
     match out.write_all(bytes).and_then(|()| out.flush()) {
@@ -128,7 +128,7 @@ pub fn save(path: &Path, bytes: &[u8]) -> Result<(), SimError> {
     std::fs::write(path, bytes).map_err(|e| SimError::at(path, e, "a file that can be written"))
 }
 
-/// Writes radiance as 32-bit OpenEXR with a statement of the covered part of the sphere.
+/// Writes radiance as 32-bit OpenEXR with an attribute for the covered part of the sphere.
 fn save_exr(
     path: &Path,
     map: &LatLongView<'_>,

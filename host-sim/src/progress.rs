@@ -1,8 +1,8 @@
-//! Progress bars on standard error, hidden where standard error is not a terminal.
+//! Progress bars on standard error, hidden if standard error is not a terminal.
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// A bar of `steps` steps labelled `what`, removed when dropped.
+/// Shows a bar of `steps` steps labelled `what`, which is removed when dropped.
 #[must_use]
 pub fn bar(what: &'static str, steps: usize) -> ProgressBar {
     let style = ProgressStyle::with_template("{prefix} [{bar:32}] {pos}/{len} {msg} {elapsed}, {eta} left")
@@ -11,7 +11,7 @@ pub fn bar(what: &'static str, steps: usize) -> ProgressBar {
     ProgressBar::new(steps as u64).with_style(style).with_prefix(what)
 }
 
-/// Calls `work(k)` for every k below `count` on as many threads as the machine has cores; results in order.
+/// Calls `work(k)` for every k below `count` on as many threads as the machine has cores; returns the results in order.
 pub fn on_all_cores<T: Send>(count: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
     use std::sync::atomic::{AtomicUsize, Ordering};
     let threads = std::thread::available_parallelism().map_or(1, |n| n.get()).min(count.max(1));

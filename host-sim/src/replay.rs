@@ -1,4 +1,4 @@
-//! `hemilux-sim replay`: recorded bursts through the probe's own pipeline.
+//! `hemilux-sim replay`: processes recorded bursts with the probe's own pipeline.
 
 use crate::error::SimError;
 use crate::export::Export;
@@ -17,15 +17,15 @@ use std::time::Instant;
 /// Arguments of `replay`.
 #[derive(Clone, Debug)]
 pub struct Job {
-    /// A burst, or a folder of bursts that are one sequence.
+    /// Path of a burst, or of a folder of bursts that are one sequence.
     pub burst: PathBuf,
-    /// Lens file, for a folder of photographs without a `burst.toml`.
+    /// Path of a lens file, for a folder of photographs without a `burst.toml`.
     pub lens: Option<PathBuf>,
-    /// Limits on the images.
+    /// Limits on the size of the images.
     pub limits: ReadLimits,
-    /// Which exposure times count.
+    /// Origin of the exposure times.
     pub exposures: Exposures,
-    /// Sampler, lights, extrapolation.
+    /// Sampler, number of lights and extrapolation.
     pub settings: Settings,
     /// Paths of pictures and maps to write.
     pub files: Files,
@@ -33,20 +33,20 @@ pub struct Job {
     pub export: Export,
 }
 
-/// Which exposure times count.
+/// Origin of the exposure times.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Exposures {
-    /// Exposure times of the manifest.
+    /// Exposure times are those of the manifest.
     #[default]
     Stated,
-    /// The longest one of the manifest, and the others by the ratios measured in the pixels.
+    /// The longest exposure time is that of the manifest; the others follow from ratios measured in the pixels.
     Measured,
 }
 
-/// Prints one light set per burst on standard output, and a summary of each burst on standard error.
+/// Processes the bursts and prints one light set per burst on standard output, and a summary of each burst on standard error.
 ///
 /// # Errors
-/// [`SimError`].
+/// [`SimError`] if a burst cannot be read or processed, or an output cannot be written.
 pub fn run(job: &Job) -> Result<(), SimError> {
     let bursts = list(job)?;
     job.export.check_count(bursts.len())?;
@@ -74,7 +74,7 @@ pub fn run(job: &Job) -> Result<(), SimError> {
     Ok(())
 }
 
-/// The bursts of the recording; a folder of photographs is one burst.
+/// Returns the bursts of the recording; a folder of photographs is one burst.
 fn list(job: &Job) -> Result<Vec<BurstFolder>, SimError> {
     let is_photographs = !job.burst.join("burst.toml").is_file() && !import::list(&job.burst)?.is_empty();
     if !is_photographs {
@@ -97,7 +97,7 @@ fn read(job: &Job, folder: &Path) -> Result<RecordedBurst, SimError> {
     }
 }
 
-/// Prints the frames that were left out and the exposure ratios of the others, and applies the ratios where asked for.
+/// Prints the frames that were left out and the exposure ratios of the others, and applies the ratios if requested.
 fn prepare(job: &Job, folder: &Path, read: &mut RecordedBurst, left_out: &[LeftOut], tells: bool) {
     for frame in left_out {
         eprintln!("hemilux-sim: {}/{frame}", folder.display());
@@ -122,10 +122,10 @@ fn apply(ratios: &[Ratio], burst: &mut Burst) {
     }
 }
 
-/// Fewest samples whose ratio takes the place of the stated one.
+/// Least number of samples for a measured ratio to replace the stated one.
 const LEAST_SAMPLES: usize = 1000;
 
-/// A burst's place in its sequence.
+/// Position of a burst in its sequence.
 #[derive(Clone, Copy)]
 struct Place<'a> {
     index: usize,
@@ -172,24 +172,24 @@ fn at(folder: &Path, e: PipelineError) -> SimError {
     }
 }
 
-/// Largest number of samples of a frame that a ratio is measured on: of larger frames every n-th pixel. It bounds the memory.
+/// Largest number of samples of a frame on which a ratio is measured, which bounds the memory; of larger frames every n-th pixel is used.
 const MOST_SAMPLES: usize = 3 << 20;
 
-/// Exposure ratio of two neighbouring frames, by the manifest and by the pixels.
+/// Exposure ratio of two frames with neighbouring exposures: stated and measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ratio {
-    /// Exposure times by the file, seconds.
+    /// Exposure times of the manifest, seconds.
     pub seconds: [f64; 2],
-    /// Ratio by the file.
+    /// Ratio of the manifest's exposure times.
     pub nominal: f64,
-    /// Median ratio over pixels that are well exposed in both.
+    /// Median ratio over pixels that are well exposed in both frames.
     pub measured: f64,
-    /// Samples it was measured on.
+    /// Number of samples of the measurement.
     pub samples: usize,
 }
 
-/// Measures the ratios of neighbouring exposures; the times that real cameras report are off by up to a fifth. Empty for frames packed
-/// otherwise than as red, green and blue.
+/// Measures the ratios of neighbouring exposures; exposure times that cameras report have errors of up to a fifth. Empty for frames in
+/// other formats than red, green and blue.
 #[must_use]
 pub fn ratios(calibration: &Calibration, burst: &Burst) -> Vec<Ratio> {
     let c = calibration;
@@ -203,7 +203,7 @@ pub fn ratios(calibration: &Calibration, burst: &Burst) -> Vec<Ratio> {
 }
 
 fn ratio(curve: &Curve<Vec<i32>>, pair: &[Frame]) -> Ratio {
-    // A twentieth of full scale: below it quantisation decides.
+    // A twentieth of full scale: below it quantisation dominates.
     let least = 1 << (hemilux_core::response::CURVE_BITS - 5);
     let step = sample_count(&pair[0]).div_ceil(MOST_SAMPLES);
     let [short, long] = [codes(&pair[0]), codes(&pair[1])];

@@ -1,7 +1,7 @@
 //! Scores a light set from a JSON file against an environment map.
 //!
-//! The file is untrusted: every error is one line that names the file, what was found
-//! and what was expected. Fields that a score does not need are ignored, as later versions may add some.
+//! The file is untrusted: every error is one line that names the file, the found and the expected value. Fields that a score does not need
+//! are ignored, since later versions may add fields.
 
 use std::path::{Path, PathBuf};
 
@@ -11,12 +11,12 @@ use crate::env::EnvMap;
 use crate::metrics::vector::{norm, unit};
 use crate::metrics::{Domain, Lit, LitSet, Reference, Score, sh};
 
-/// Largest file that is read, bytes; 4096 lights take about one megabyte.
+/// Largest file that is read, bytes; a set of 4096 lights has about one megabyte.
 const MAX_BYTES: u64 = 64 << 20;
-/// How far a direction's length may be from 1. Six decimals in text keep 2e-6; 1 % accepts a producer
-/// that writes two decimals and rejects vectors that are not directions.
+/// Largest deviation of a direction's length from 1. Text with six decimals has an error of 2e-6; 1 % accepts files with two decimals and
+/// refuses vectors that are not directions.
 const LENGTH_TOLERANCE: f64 = 0.01;
-/// The format's version.
+/// Version of the light set's format.
 const VERSION: u32 = 1;
 
 /// Reasons for which a light set cannot be scored.
@@ -25,15 +25,15 @@ pub enum ScoreError {
     /// The light set's file could not be opened or read.
     #[error("{path}: found {source}, expected a light set that can be read")]
     Io {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// The error of the operating system.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// The file holds no light set.
+    /// The file contains no valid light set.
     #[error("{path}: found {found}, expected {expected}")]
     Set {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
         /// The found value, in words.
         found: String,
@@ -45,20 +45,20 @@ pub enum ScoreError {
 /// The found and the expected value, in words.
 type Refusal = (String, &'static str);
 
-/// Scores a light set against a map and gives the line `{"open":…,"shadowed":…,"energy":…,"soft_open":…,"soft_shadowed":…}`: ratios, null where
-/// one is infinite.
+/// Scores a light set against a map and returns the line `{"open":…,"shadowed":…,"energy":…,"soft_open":…,"soft_shadowed":…}`: ratios, or
+/// null for infinite ones.
 ///
 /// # Errors
-/// When the set cannot be read or is not what it should be.
+/// [`ScoreError`] if the set cannot be read or is invalid.
 pub fn score_command(map: &EnvMap, set: &Path, domain: Domain) -> Result<String, ScoreError> {
     let lights = read_set(set)?;
     Ok(to_json(&Reference::new(map, domain).score(&lights)))
 }
 
-/// Reads a light set and turns it into probe axes.
+/// Reads a light set and converts it to probe axes.
 ///
 /// # Errors
-/// When the file cannot be read or holds no light set.
+/// [`ScoreError`] if the file cannot be read or contains no valid light set.
 pub fn read_set(path: &Path) -> Result<LitSet, ScoreError> {
     let io = |source| ScoreError::Io { path: path.into(), source };
     let bytes = std::fs::metadata(path).map_err(io)?.len();
@@ -69,7 +69,7 @@ pub fn read_set(path: &Path) -> Result<LitSet, ScoreError> {
     parse_set(&std::fs::read(path).map_err(io)?).map_err(refuse)
 }
 
-/// A score as one line of JSON.
+/// Returns a score as one line of JSON.
 #[must_use]
 pub fn to_json(score: &Score) -> String {
     let number = |v: f64| if v.is_finite() { serde_json::Value::from(v) } else { serde_json::Value::Null };
@@ -80,7 +80,7 @@ pub fn to_json(score: &Score) -> String {
     )
 }
 
-/// The axes a light set may be given in.
+/// Axes of a light set in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Axes {
     Probe,
@@ -103,7 +103,7 @@ impl Axes {
         }
     }
 
-    /// From probe axes into these.
+    /// Converts a vector from probe axes to these axes.
     fn turned(self, [x, y, z]: [f64; 3]) -> [f64; 3] {
         match self {
             Self::Probe => [x, y, z],
@@ -113,7 +113,7 @@ impl Axes {
         }
     }
 
-    /// From these into probe axes.
+    /// Converts a vector from these axes to probe axes.
     fn turned_back(self, [a, b, c]: [f64; 3]) -> [f64; 3] {
         match self {
             Self::Probe => [a, b, c],
@@ -180,7 +180,7 @@ fn to_lit(light: &LightJson, axes: Axes) -> Result<Lit, Refusal> {
     })
 }
 
-/// One line of at most 160 characters.
+/// Returns the text as one line of at most 160 characters.
 fn shortened(text: &str) -> String {
     let line: String = text.chars().map(|c| if c.is_control() { ' ' } else { c }).take(160).collect();
     if line.chars().count() < text.chars().count() { line + "…" } else { line }
@@ -205,7 +205,7 @@ mod tests {
 
     #[test]
     fn all_axes_come_back_to_the_probe() {
-        // Probe direction (0.6, 0, 0.8) and (0, 0.6, 0.8) written by hand in each system.
+        // Probe directions (0.6, 0, 0.8) and (0, 0.6, 0.8), written by hand in each system.
         for (names, first, second) in [
             (&["probe", "blender", "ros"][..], "[0.6, 0, 0.8]", "[0, 0.6, 0.8]"),
             (&["y-up", "gltf", "three", "webxr"], "[0.6, 0.8, 0]", "[0, 0.8, -0.6]"),
@@ -224,8 +224,8 @@ mod tests {
 
     #[test]
     fn ambient_turns_with_the_axes() {
-        // Radiance 1 + z of the probe: c00 = 2 sqrt(pi) and c10 = sqrt(4 pi / 3). Probe z is y in y-up
-        // axes, so there the second one stands in row (1,-1).
+        // Radiance 1 + z in probe axes: c00 = 2 sqrt(pi) and c10 = sqrt(4 pi / 3). Probe z is y in y-up axes, so there the second
+        // coefficient is in row (1,-1).
         let row = |v: f64| format!("[{v}, {v}, {v}]");
         let (c0, c1) = (3.544907701811032, 2.046653415892977);
         let zero = row(0.0);

@@ -19,34 +19,34 @@ pub struct Flux {
 }
 
 impl Flux {
-    /// One texel: `rgb` is its L dOmega.
+    /// Creates the sums of one texel; `rgb` is its L dOmega.
     #[must_use]
     pub fn of_texel(direction: [f64; 3], rgb: [f64; 3]) -> Self {
         let luminance = luminance(rgb);
         Self { rgb, luminance, moment: direction.map(|v| v * luminance) }
     }
 
-    /// Direction of the energy centroid; `None` without light or if opposite directions cancel.
+    /// Returns the direction of the energy centroid; `None` without light or if opposite directions cancel.
     #[must_use]
     pub fn centroid(&self) -> Option<[f64; 3]> {
-        // Opposite halves of a sky cancel to rounding only.
+        // The moments of opposite halves of a sky cancel only to rounding.
         (norm(self.moment) > 1e-12 * self.luminance).then(|| unit(self.moment)).flatten()
     }
 
-    /// Energy times angular variance by chord, halved: S0 - |S1|, never negative.
+    /// Returns half the product of energy and angular variance (mean squared chord): S0 - |S1|, never negative.
     #[must_use]
     pub fn spread(&self) -> f64 {
         (self.luminance - norm(self.moment)).max(0.0)
     }
 
-    /// Radius in degrees of the uniform disc with this angular variance, at most 90.
+    /// Returns the radius in degrees of the uniform disc with the same angular variance, at most 90.
     #[must_use]
     pub fn radius_deg(&self) -> f64 {
         let part = if self.luminance > 0.0 { (self.spread() / self.luminance).min(0.5) } else { 0.0 };
         2.0 * part.sqrt().asin().to_degrees()
     }
 
-    /// A light with this energy at the centroid, or at `fallback` where there is none.
+    /// Returns a light with this energy at the centroid, or at `fallback` if there is no centroid.
     #[must_use]
     pub fn lit(&self, fallback: [f64; 3], id: u32) -> Lit {
         let direction = self.centroid().unwrap_or(fallback);
@@ -70,7 +70,7 @@ impl Add for Flux {
     }
 }
 
-/// A map's texels gathered into blocks, row-major from the zenith.
+/// Texels of a map, combined into rectangular cells, row-major from the zenith.
 #[derive(Clone, Debug)]
 pub struct Cells {
     width: usize,
@@ -92,7 +92,7 @@ pub struct Pitch {
 }
 
 impl Cells {
-    /// Blocks such that the whole sphere would have at most `max_width` x `max_width / 2` of them.
+    /// Combines texels so that the whole sphere would have at most `max_width` x `max_width / 2` cells.
     #[must_use]
     pub fn new(map: &EnvMap, domain: Domain, max_width: usize) -> Self {
         let grid = Grid::new(map, domain);
@@ -111,7 +111,7 @@ impl Cells {
         cells
     }
 
-    /// One cell for each texel.
+    /// Creates one cell for each texel.
     #[must_use]
     pub fn texels(map: &EnvMap, domain: Domain) -> Self {
         Self::new(map, domain, map.width().max(2 * map.height()))
@@ -131,13 +131,13 @@ impl Cells {
             .collect();
     }
 
-    /// Columns of cells.
+    /// Number of columns of cells.
     #[must_use]
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Rows of cells.
+    /// Number of rows of cells.
     #[must_use]
     pub fn height(&self) -> usize {
         self.height
@@ -149,48 +149,48 @@ impl Cells {
         self.flux.len()
     }
 
-    /// Whether there are no cells, which no map has.
+    /// Returns whether there are no cells; a map always has some.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.flux.is_empty()
     }
 
-    /// Sums over cell `k`.
+    /// Returns the sums over cell `k`.
     #[must_use]
     pub fn flux(&self, k: usize) -> &Flux {
         &self.flux[k]
     }
 
-    /// Energy centroid of cell `k`, or the middle of a black one.
+    /// Returns the energy centroid of cell `k`; the centre of the cell if it is black.
     #[must_use]
     pub fn direction(&self, k: usize) -> [f64; 3] {
         self.direction[k]
     }
 
-    /// Solid angle of cell `k`, steradians.
+    /// Returns the solid angle of cell `k`, steradians.
     #[must_use]
     pub fn solid_angle(&self, k: usize) -> f64 {
         self.solid_angle[k]
     }
 
-    /// Mean luminance of cell `k`.
+    /// Returns the mean luminance of cell `k`.
     #[must_use]
     pub fn radiance(&self, k: usize) -> f64 {
         self.flux[k].luminance / self.solid_angle[k]
     }
 
-    /// The cells that are not black.
+    /// Returns the indices of the cells that are not black.
     pub fn lit(&self) -> impl Iterator<Item = usize> + '_ {
         (0..self.len()).filter(|&k| self.flux[k].luminance > 0.0)
     }
 
-    /// Sums over all cells.
+    /// Returns the sums over all cells.
     #[must_use]
     pub fn total(&self) -> Flux {
         self.flux.iter().fold(Flux::default(), |sum, &flux| sum + flux)
     }
 
-    /// Angular size of a cell.
+    /// Returns the angular size of a cell.
     #[must_use]
     pub fn pitch(&self) -> Pitch {
         let (width, height) = self.map_size;
@@ -198,7 +198,7 @@ impl Cells {
         Pitch { theta, phi: self.block.0 as f64 * TAU / width as f64 }
     }
 
-    /// The cell that holds the unit vector `d`; below the last row, the nearest one of its column.
+    /// Returns the cell that contains the unit vector `d`; below the last row, the nearest cell of the column.
     #[must_use]
     pub fn at(&self, d: [f64; 3]) -> usize {
         let pitch = self.pitch();
@@ -208,7 +208,7 @@ impl Cells {
     }
 }
 
-/// Index of the centre nearest to `d`, the first of equals; 0 where there are none.
+/// Returns the index of the centre nearest to `d`, the first one of equally near centres; 0 if there are none.
 #[must_use]
 pub fn nearest(centres: &[[f64; 3]], d: [f64; 3]) -> usize {
     let mut best = (0, f64::NEG_INFINITY);
@@ -221,7 +221,7 @@ pub fn nearest(centres: &[[f64; 3]], d: [f64; 3]) -> usize {
     best.0
 }
 
-/// Sums over the Voronoi cell of each centre.
+/// Returns the sums over the Voronoi cell of each centre.
 #[must_use]
 pub fn voronoi(cells: &Cells, centres: &[[f64; 3]]) -> Vec<Flux> {
     let mut sums = vec![Flux::default(); centres.len()];

@@ -1,12 +1,12 @@
-//! Voronoi gather: every texel's energy goes to the nearest light.
+//! Voronoi gather: the energy of each texel is added to the nearest light.
 
 use super::Baseline;
 use super::cells::{Cells, voronoi};
 use crate::env::EnvMap;
 use crate::metrics::{Domain, Lit};
 
-/// Gives each texel's energy to its nearest light and moves each light to the centroid of
-/// that energy. Ids are kept; lights without energy are dropped. Without a light to start from the result is empty.
+/// Adds each texel's energy to its nearest light and moves each light to the centroid of that energy. Ids are kept; lights without energy
+/// are dropped. The result for an empty set is empty.
 #[must_use]
 pub fn gather(map: &EnvMap, domain: Domain, lights: &[Lit]) -> Vec<Lit> {
     let centres: Vec<[f64; 3]> = lights.iter().map(|light| light.direction).collect();
@@ -23,7 +23,7 @@ pub struct Gathered<B> {
 }
 
 impl<B: Baseline> Gathered<B> {
-    /// Wraps a sampler; `name` is its name and "+v".
+    /// Combines a sampler with a gather; `name` must be the sampler's name followed by "+v".
     #[must_use]
     pub fn new(inner: B, name: &'static str) -> Self {
         debug_assert!(

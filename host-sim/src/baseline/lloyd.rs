@@ -1,4 +1,4 @@
-//! Lloyd relaxation [Kollig2003]: grow a set of points on the sphere and relax it.
+//! Lloyd relaxation [Kollig2003]: a set of points on the sphere is grown and relaxed.
 
 use super::Baseline;
 use super::cells::{Cells, Flux, nearest};
@@ -6,23 +6,23 @@ use crate::env::EnvMap;
 use crate::metrics::vector::dot;
 use crate::metrics::{Domain, Lit};
 
-/// Relaxation steps after the set has its size. Beyond about ten the errors hardly move.
+/// Number of relaxation steps of the complete set; beyond about ten steps the errors hardly change.
 const FINAL_STEPS: usize = 12;
-/// Relaxation steps after each growth.
+/// Number of relaxation steps after each growth.
 const GROWTH_STEPS: usize = 2;
-/// Relaxation steps on a frame that starts from the last one's points.
+/// Number of relaxation steps on a frame that starts from the points of the last frame.
 const WARM_STEPS: usize = 2;
 /// Number of times that points of empty cells are placed again before a smaller set is accepted.
 const REPAIRS: usize = 8;
-/// Width of the reduced map it works on; energies and centroids stay exact.
+/// Width of the reduced map, cells; energies and centroids remain exact.
 const WIDTH: usize = 256;
 
-/// Quadrature by Lloyd relaxation; a reconstruction.
+/// Quadrature by Lloyd relaxation, reconstructed from the publication.
 ///
-/// From one point at the map's centroid the set grows by half (at most) a time: new points go to the
-/// Voronoi cells of greatest energy times variance (S0 - |S1|), each at the place of greatest
-/// Y dOmega (1 - cosine). After each growth and at the end all points move to the energy centroids of
-/// their cells. Weights are the cells' integrals. The published method inserts points one by one.
+/// The set starts with one point at the map's centroid and grows by at most half of its size at a time: new points are inserted into the
+/// Voronoi cells with the greatest product of energy and variance (S0 - |S1|), each at the position of greatest Y dOmega (1 - cosine).
+/// After each growth and at the end all points move to the energy centroids of their cells. Weights are the cells' integrals. The published
+/// method inserts points one by one.
 ///
 /// # References
 /// T. Kollig, A. Keller, "Efficient illumination by high dynamic range images", EGSR 2003.
@@ -40,13 +40,13 @@ struct Point {
 }
 
 impl Lloyd {
-    /// A sampler that starts from one point on every map, as published.
+    /// Creates a sampler that starts with one point on every map, as published.
     #[must_use]
     pub fn cold() -> Self {
         Self::default()
     }
 
-    /// Starts from the last map's points where the number of lights is the same: ids live on.
+    /// Creates a sampler that starts with the points of the last map if the number of lights is the same, so that ids persist.
     #[must_use]
     pub fn warm() -> Self {
         Self { warm: true, ..Self::default() }
@@ -71,11 +71,11 @@ impl Lloyd {
         self.next_id += 1;
     }
 
-    /// Adds a point to each of the `count` worst cells; returns how many were added.
+    /// Inserts a point into each of the `count` worst cells; returns the number of inserted points.
     fn insert_worst(&mut self, cells: &Cells, count: usize) -> usize {
         let assigned = self.assign(cells);
         let centres: Vec<[f64; 3]> = self.points.iter().map(|p| p.direction).collect();
-        // The place of greatest Y dOmega (1 - cosine) in each Voronoi cell.
+        // The position of greatest Y dOmega (1 - cosine) in each Voronoi cell.
         let mut places: Vec<(f64, usize)> = vec![(0.0, 0); centres.len()];
         for (k, &owner) in cells.lit().zip(&assigned.owner) {
             let gain = cells.flux(k).luminance * (1.0 - dot(cells.direction(k), centres[owner]));
@@ -83,7 +83,7 @@ impl Lloyd {
                 places[owner] = (gain, k);
             }
         }
-        // A place at the point itself, to rounding, adds nothing.
+        // A position that equals the existing point up to rounding is not inserted.
         let useful = |&i: &usize| places[i].0 > 1e-14 * cells.flux(places[i].1).luminance;
         let mut worst: Vec<usize> = (0..centres.len()).filter(useful).collect();
         worst.sort_by(|&a, &b| assigned.sums[b].spread().total_cmp(&assigned.sums[a].spread()));
@@ -92,7 +92,7 @@ impl Lloyd {
         worst.len()
     }
 
-    /// Moves every point to the centroid of its cell; points whose cell is black are dropped.
+    /// Moves every point to the centroid of its cell; points with black cells are dropped.
     fn relax(&mut self, cells: &Cells, steps: usize) {
         for _ in 0..steps {
             let sums = self.assign(cells).sums;
@@ -110,7 +110,7 @@ impl Lloyd {
         }
     }
 
-    /// Adds points in place of those that relaxation dropped, so that the count is reached where the map allows it.
+    /// Inserts points in place of dropped ones until the number is reached, if the map has enough lit cells.
     fn repair(&mut self, cells: &Cells, lights: usize) {
         for _ in 0..REPAIRS {
             self.relax(cells, 1);
@@ -135,7 +135,7 @@ impl Lloyd {
     }
 }
 
-/// Voronoi cells of the points: the owner of each lit cell of the map, and the sums per point.
+/// Voronoi cells of the points: the nearest point of each lit cell of the map, and the sums for each point.
 struct Assigned {
     owner: Vec<usize>,
     sums: Vec<Flux>,

@@ -1,17 +1,16 @@
-//! Median cut [Debevec2005]: halve the energy of the most energetic region until there are enough.
+//! Median cut [Debevec2005]: the region of greatest energy is halved until there are enough regions.
 
 use super::cells::{Cells, Pitch};
 use super::sat::{Axis, Rect, Region, Sat, cut_greedily};
 use crate::env::EnvMap;
 use crate::metrics::{Domain, Lit};
 
-/// Median cut, for any number of lights.
+/// Decomposes a map by median cut into any number of lights.
 ///
-/// The published method cuts all regions in each of n rounds, which gives 2^n lights. This implementation
-/// cuts the region of greatest energy in each step: the cuts are of the same kind, and any number of lights
-/// is possible. The longer side is measured on the sphere (width times the sine of the middle theta), the cut
-/// goes where the energy is halved best, and a light stands at its region's energy centroid. Where the longer
-/// side has no cut with light on both sides, the other is tried.
+/// The published method cuts all regions in each of n rounds, which gives 2^n lights. This implementation cuts the region of greatest
+/// energy in each step, so that any number of lights is possible. The longer side is measured on the sphere (width times the sine of the
+/// middle theta), the cut is placed where the two energies are nearest to equal, and the light of a region lies at its energy centroid. If
+/// no cut of the longer side leaves light on both sides, the shorter side is cut.
 ///
 /// # References
 /// P. Debevec, "A median cut algorithm for light probe sampling", SIGGRAPH posters 2005.
@@ -22,7 +21,7 @@ pub(super) fn decompose(map: &EnvMap, domain: Domain, lights: usize) -> Vec<Lit>
     regions_to_lights(&cells, &regions)
 }
 
-/// One light per region, at its centroid.
+/// Returns one light for each region, at its centroid.
 pub(super) fn regions_to_lights(cells: &Cells, regions: &[Region]) -> Vec<Lit> {
     let middle = |r: Rect| ((r.rows.0 + r.rows.1) / 2) * cells.width() + (r.columns.0 + r.columns.1) / 2;
     let lit =
@@ -36,7 +35,7 @@ fn halve(cells: &Cells, sat: &Sat, region: &Region) -> Option<(Rect, Rect)> {
     axes.into_iter().find_map(|axis| halve_along(sat, region, axis))
 }
 
-/// Whether the columns span more of the sphere than the rows, along the middle row.
+/// Returns whether the columns span more of the sphere than the rows, along the middle row.
 fn is_wide(cells: &Cells, rect: Rect) -> bool {
     let Pitch { theta: theta_pitch, phi: phi_pitch } = cells.pitch();
     let theta = (rect.rows.0 + rect.rows.1) as f64 / 2.0 * theta_pitch;
@@ -44,12 +43,12 @@ fn is_wide(cells: &Cells, rect: Rect) -> bool {
     width > (rect.rows.1 - rect.rows.0) as f64 * theta_pitch
 }
 
-/// The cut nearest to half the energy that leaves light on both sides.
+/// Returns the cut nearest to half the energy that leaves light on both sides.
 fn halve_along(sat: &Sat, region: &Region, axis: Axis) -> Option<(Rect, Rect)> {
     let half = region.flux.luminance / 2.0;
     let mut positions = region.rect.positions(axis);
     let first = |at: usize| sat.flux(region.rect.cut(axis, at).0).luminance;
-    // Energy before the cut grows with the position: find the first at or past the half.
+    // The energy before the cut increases with the position, so a binary search finds the first position at or past the half.
     let (mut from, mut to) = (positions.start, positions.end);
     while from < to {
         let at = (from + to) / 2;

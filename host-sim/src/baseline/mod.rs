@@ -1,16 +1,15 @@
 //! Reference samplers for comparisons: methods from the literature.
 //!
-//! All are deterministic and keep the map's energy in every channel (to rounding). They work on texels or
-//! on a reduced map whose cells carry exact energies and centroids ([`cells`]). An all-black map has no
-//! lights; a map with fewer lit cells than lights asked for gives fewer. Where a published method is not
-//! fully known its type says that it is a reconstruction.
+//! All samplers are deterministic and keep the map's energy in every channel up to rounding. They read texels or a reduced map whose cells
+//! have exact energies and centroids ([`cells`]). A black map has no lights; a map with fewer lit cells than requested lights has fewer
+//! lights. The documentation of a type states whether it is a reconstruction because the publication is incomplete.
 //!
 //! | name | method | ids |
 //! |---|---|---|
 //! | `median-cut` | [`Stateless::median_cut`] | index |
 //! | `variance-min` | [`Stateless::variance_min`] | index |
 //! | `structured` | [`Stateless::structured`] | index |
-//! | `lloyd`, `lloyd-warm` | [`Lloyd`] | point; live on in `lloyd-warm` |
+//! | `lloyd`, `lloyd-warm` | [`Lloyd`] | point; persistent in `lloyd-warm` |
 //! | `rank-threshold` | [`Stateless::rank_threshold`] | candidate |
 //! | NAME`+v` | any of these and a Voronoi gather ([`Gathered`]) | the sampler's |
 //! | (offline) | [`volume()`], a whole sequence at once | box |
@@ -37,11 +36,11 @@ pub trait Baseline {
     /// Name of the method in charts and reports.
     fn name(&self) -> &'static str;
 
-    /// Decomposes one map; samplers with a memory continue from the map before.
+    /// Decomposes one map; samplers with state continue from the previous map.
     fn decompose(&mut self, map: &EnvMap, domain: Domain, lights: usize) -> Vec<Lit>;
 }
 
-/// A sampler without a memory.
+/// A sampler without state.
 #[derive(Clone, Copy, Debug)]
 pub struct Stateless {
     name: &'static str,
@@ -84,7 +83,7 @@ impl Baseline for Stateless {
     }
 }
 
-/// Every sampler that works map by map, raw and gathered, each in its first state.
+/// Returns every sampler for single maps, raw and gathered, each in its initial state.
 #[must_use]
 pub fn all() -> Vec<Box<dyn Baseline>> {
     vec![

@@ -8,28 +8,26 @@ use crate::env::EnvMap;
 use crate::metrics::vector::dot;
 use crate::metrics::{Domain, Lit};
 
-/// Candidate directions, sphere or hemisphere. A lamp smaller than a candidate's share of the sphere
-/// (0.8 msr, 1.6 degrees) gets one light at most.
+/// Number of candidate directions on a sphere or hemisphere. A lamp smaller than a candidate's share of the sphere (0.8 msr, 1.6 degrees)
+/// gets at most one light.
 const CANDIDATES: usize = 16_384;
-/// Width, in cells, of the reduced map from which importance is read: a cell covers 1.5 msr on average, the solid angle of two candidates.
+/// Width of the reduced map that gives the importance, cells: a cell covers 1.5 msr on average, the solid angle of two candidates.
 const IMPORTANCE_WIDTH: usize = 128;
-/// Width of the reduced map the energy is gathered from.
+/// Width of the reduced map that gives the energy, cells.
 const GATHER_WIDTH: usize = 256;
-/// Number of times that candidates without a cell are replaced by the next candidates.
+/// Number of rounds in which candidates without a Voronoi cell are replaced by the next candidates.
 const ROUNDS: usize = 8;
 
-/// Rank thresholding without the tiling: a stand-in for the Penrose-tiling sampler, not that method.
+/// Decomposes a map by rank thresholding; it replaces the Penrose-tiling sampler in comparisons but is not that method.
 ///
-/// A fixed list of candidates is ranked once; candidate i is kept when (i + 1/2) / Y(d_i) is among the N
-/// least, Y the mean luminance of a map of 128 x 64 cells. Each decision is local but for one common
-/// factor, as in the original.
+/// A fixed list of candidates is ranked once; candidate i is kept if (i + 1/2) / Y(d_i) is among the N least, where Y is the mean luminance
+/// in a map of 128 x 64 cells. As in the original, each decision is local except for one common factor.
 ///
-/// What differs from the original: the candidates are a spherical Fibonacci lattice of 16384 points in
-/// farthest-first order (every prefix is spread evenly) instead of the vertices of a subdivided Penrose
-/// tiling with ranks from the Fibonacci number system; there are no precomputed correction vectors;
-/// exactly N lights are kept instead of a number that depends on the map; and a light's energy is that
-/// of its Voronoi cell instead of equal or importance-weighted shares. Directions stay the candidates',
-/// ids are their ranks, so both live on from frame to frame.
+/// Differences from the original: the candidates are a spherical Fibonacci lattice of 16384 points in farthest-first order (every prefix is
+/// evenly spread) instead of the vertices of a subdivided Penrose tiling with ranks from the Fibonacci number system; there are no
+/// precomputed correction vectors; exactly N lights are kept instead of a number that depends on the map; and the energy of a light is that
+/// of its Voronoi cell instead of an equal or importance-weighted share. Directions are those of the candidates and ids are their ranks, so
+/// both persist from frame to frame.
 ///
 /// # References
 /// V. Ostromoukhov, C. Donohue, P.-M. Jodoin, "Fast hierarchical importance sampling with blue noise
@@ -51,14 +49,14 @@ pub(super) fn decompose(map: &EnvMap, domain: Domain, lights: usize) -> Vec<Lit>
     found
 }
 
-/// A candidate direction and its place in the order of all candidates.
+/// A candidate direction and its rank.
 #[derive(Clone, Copy, Debug)]
 struct Candidate {
     rank: u32,
     direction: [f64; 3],
 }
 
-/// A light for each candidate whose Voronoi cell is not black.
+/// Returns a light for each candidate whose Voronoi cell is not black.
 fn weigh(cells: &Cells, kept: &[Candidate]) -> Vec<Lit> {
     let centres: Vec<[f64; 3]> = kept.iter().map(|candidate| candidate.direction).collect();
     let sums = voronoi(cells, &centres);
@@ -72,7 +70,7 @@ fn weigh(cells: &Cells, kept: &[Candidate]) -> Vec<Lit> {
     .collect()
 }
 
-/// The chosen candidates, by rank; candidates without energy are skipped.
+/// Returns the selected candidates by rank; candidates without energy are skipped.
 fn keep(cells: &Cells, candidates: &[[f64; 3]], lights: usize, starved: &HashSet<u32>) -> Vec<Candidate> {
     let importance = |&d: &[f64; 3]| cells.radiance(cells.at(d));
     let mut keys: Vec<(f64, usize)> = candidates
@@ -87,7 +85,7 @@ fn keep(cells: &Cells, candidates: &[[f64; 3]], lights: usize, starved: &HashSet
     keys.sort_by_key(|&(_, rank)| rank);
     let total = cells.total();
     if keys.is_empty() && lights > 0 && total.luminance > 0.0 {
-        // All light is between the candidates: one light carries it, named past the last rank.
+        // If all light lies between the candidates, one light with an id past the last rank has its energy.
         let direction = total.centroid().unwrap_or([0.0, 0.0, 1.0]);
         return vec![Candidate { rank: CANDIDATES as u32, direction }];
     }
@@ -103,7 +101,7 @@ fn candidates(domain: Domain) -> &'static [[f64; 3]] {
     }
 }
 
-/// Spherical Fibonacci lattice between z = `lowest` and 1.
+/// Returns the spherical Fibonacci lattice between z = `lowest` and 1.
 fn lattice(lowest: f64) -> Vec<[f64; 3]> {
     let at = |k: usize| {
         let z = 1.0 - (1.0 - lowest) * (k as f64 + 0.5) / CANDIDATES as f64;
@@ -114,7 +112,7 @@ fn lattice(lowest: f64) -> Vec<[f64; 3]> {
     (0..CANDIDATES).map(at).collect()
 }
 
-/// The points in an order in which each is the farthest from all before it. Takes about 0.2 s, once.
+/// Returns the points in farthest-first order: each is the farthest from all before it. Takes about 0.2 s once per domain.
 fn farthest_first(points: &[[f64; 3]]) -> Vec<[f64; 3]> {
     let mut left: Vec<([f64; 3], f64)> = points.iter().map(|&p| (p, -2.0)).collect();
     let mut order = Vec::with_capacity(points.len());

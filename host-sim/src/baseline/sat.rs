@@ -1,27 +1,27 @@
-//! Summed-area tables and rectangles of texels, for the samplers that cut rectangles.
+//! Summed-area tables and rectangles of cells, for the samplers that cut rectangles.
 
 use super::cells::{Cells, Flux};
 
-/// Rows and columns of texels, ends excluded.
+/// A rectangle of cells; the ends are exclusive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rect {
-    /// First and past-the-end row.
+    /// First row and the row after the last.
     pub rows: (usize, usize),
-    /// First and past-the-end column.
+    /// First column and the column after the last.
     pub columns: (usize, usize),
 }
 
 /// Axis of a cut.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axis {
-    /// Between two rows.
+    /// The cut lies between two rows.
     Rows,
-    /// Between two columns.
+    /// The cut lies between two columns.
     Columns,
 }
 
 impl Rect {
-    /// The two parts of a cut before row or column `at`.
+    /// Returns the two parts of a cut before row or column `at`.
     #[must_use]
     pub fn cut(self, axis: Axis, at: usize) -> (Self, Self) {
         match axis {
@@ -35,7 +35,7 @@ impl Rect {
         }
     }
 
-    /// The inner positions at which it can be cut.
+    /// Returns the positions at which the rectangle can be cut.
     #[must_use]
     pub fn positions(self, axis: Axis) -> std::ops::Range<usize> {
         let (from, to) = match axis {
@@ -49,7 +49,7 @@ impl Rect {
 /// Summed-area table of [`Flux`].
 ///
 /// # Accuracy
-/// Differences of f64 prefix sums: about 1e-15 of the map's total. [`Sat::is_lit`] allows for that.
+/// Sums are differences of f64 prefix sums, with an error of about 1e-15 of the map's total. [`Sat::is_lit`] accounts for it.
 #[derive(Debug)]
 pub struct Sat {
     width: usize,
@@ -73,13 +73,13 @@ impl Sat {
         Self { width, height, sums }
     }
 
-    /// The rectangle of all cells.
+    /// Returns the rectangle of all cells.
     #[must_use]
     pub fn whole(&self) -> Rect {
         Rect { rows: (0, self.height), columns: (0, self.width) }
     }
 
-    /// Sums over a rectangle; rounding below zero is cut off.
+    /// Returns the sums over a rectangle; negative rounding errors are set to 0.
     #[must_use]
     pub fn flux(&self, rect: Rect) -> Flux {
         let at = |row: usize, column: usize| &self.sums[row * (self.width + 1) + column];
@@ -94,7 +94,7 @@ impl Sat {
         }
     }
 
-    /// Whether a flux of this table is more than rounding.
+    /// Returns whether a flux of this table is larger than its rounding error.
     #[must_use]
     pub fn is_lit(&self, flux: &Flux) -> bool {
         flux.luminance > 1e-13 * self.sums[self.sums.len() - 1].luminance
@@ -108,12 +108,12 @@ pub struct Region {
     pub rect: Rect,
     /// Flux inside the rectangle.
     pub flux: Flux,
-    /// The region of highest priority is cut next; negative where it cannot be cut.
+    /// Priority of the region: the largest is cut next; negative if it cannot be cut.
     pub priority: f64,
 }
 
-/// Cuts greedily: the region of highest priority is cut in two by `cut` until there are `count` regions
-/// or none can be cut. An all-black map has no region.
+/// Cuts greedily: `cut` divides the region of highest priority until there are `count` regions or none can be cut. A black map has no
+/// region.
 pub fn cut_greedily(
     sat: &Sat,
     count: usize,
@@ -127,7 +127,7 @@ pub fn cut_greedily(
     let mut regions = vec![region(sat.whole())];
     regions.retain(|region| count > 0 && region.flux.luminance > 0.0);
     while regions.len() < count {
-        // The first of equals, so that the result is deterministic.
+        // The first of several regions with equal priority, so that the result is deterministic.
         let urgent =
             |best: usize, k: usize| if regions[k].priority > regions[best].priority { k } else { best };
         let Some(best) = (0..regions.len()).reduce(urgent) else { break };

@@ -5,24 +5,23 @@ use crate::env::EnvMap;
 use crate::metrics::vector::dot;
 use crate::metrics::{Domain, Lit};
 
-/// Number of threshold layers, one standard deviation of the luminance each; the last one is open.
-/// More add little: what is six deviations above black is a light source.
+/// Number of threshold layers, each one standard deviation of the luminance wide; the last one is open. More layers add little, since six
+/// standard deviations above black is a light source.
 const LAYERS: usize = 6;
 /// Exponent of the solid angle in the metric L^a dOmega^b (a = 1).
 const SOLID_ANGLE_EXPONENT: f64 = 0.25;
 /// Least solid angle in the metric, steradians, so that a lamp of a few texels still gets its share.
 const LEAST_SOLID_ANGLE: f64 = 0.01;
-/// Width of the reduced map it works on.
+/// Width of the reduced map, cells.
 const WIDTH: usize = 256;
 
-/// Structured importance sampling; a reconstruction.
+/// Decomposes a map by structured importance sampling, reconstructed from the publication.
 ///
-/// Layers are [i sigma, (i + 1) sigma) of luminance, sigma its standard deviation by solid angle. Each
-/// layer's connected components (across the seam, four neighbours) share the lights by
-/// E max(dOmega, 0.01)^(1/4), largest remainders first. Points are then placed farthest-first inside the
-/// components, brightest layer first, where all points placed before count (Hochbaum and Shmoys). A light
-/// is a Voronoi stratum of all points, at its energy centroid. What the published text does beyond this
-/// (its layer details, the order of shadow rays) is not reproduced.
+/// The layers are [i sigma, (i + 1) sigma) of luminance, where sigma is its standard deviation weighted by solid angle. The connected
+/// components of each layer (four neighbours, across the seam) share the lights in proportion to E max(dOmega, 0.01)^(1/4), by largest
+/// remainders. Points are then placed farthest-first inside the components, the brightest layer first, at the greatest distance from all
+/// points placed before (Hochbaum and Shmoys). The region of a light is its Voronoi stratum among all points; the light lies at the
+/// stratum's energy centroid. Other parts of the publication (its layer details, the order of shadow rays) are not reproduced.
 ///
 /// # References
 /// S. Agarwal, R. Ramamoorthi, S. Belongie, H. W. Jensen, "Structured importance sampling of environment
@@ -37,7 +36,7 @@ pub(super) fn decompose(map: &EnvMap, domain: Domain, lights: usize) -> Vec<Lit>
     strata.iter().zip(&centres).enumerate().map(|(id, (flux, &centre))| flux.lit(centre, id as u32)).collect()
 }
 
-/// Layer of every cell; none for the black ones.
+/// Returns the layer of every cell; `None` for black cells.
 fn layers(cells: &Cells) -> Vec<Option<usize>> {
     let solid_angle: f64 = (0..cells.len()).map(|k| cells.solid_angle(k)).sum();
     let mean = cells.total().luminance / solid_angle;
@@ -45,7 +44,7 @@ fn layers(cells: &Cells) -> Vec<Option<usize>> {
     let sigma = (squares.sum::<f64>() / solid_angle).sqrt();
     let layer = |k: usize| {
         let lit = cells.flux(k).luminance > 0.0;
-        // A sky without contrast is one layer: the quotient is then huge for every cell alike.
+        // A sky without contrast is one layer: the quotient is then equally large for every cell.
         lit.then(|| ((cells.radiance(k) / sigma.max(1e-9 * mean)) as usize).min(LAYERS - 1))
     };
     (0..cells.len()).map(layer).collect()
@@ -97,10 +96,10 @@ fn flood(cells: &Cells, layers: &[Option<usize>], start: usize, seen: &mut [bool
     members
 }
 
-/// Places the lights of all components, in their order; gives the cells.
+/// Places the lights of all components in order; returns the cells.
 fn place(cells: &Cells, components: &[Component], lights: usize) -> Vec<usize> {
     let mut placed = Vec::new();
-    // Cosine to the nearest point placed so far.
+    // Cosine of the angle to the nearest point so far.
     let mut nearest = vec![-2.0f64; cells.len()];
     for (component, count) in components.iter().zip(shares(components, lights)) {
         for _ in 0..count {
@@ -115,14 +114,14 @@ fn place(cells: &Cells, components: &[Component], lights: usize) -> Vec<usize> {
     placed
 }
 
-/// The member farthest from all points; the brightest one of several, thus the brightest of all at first.
+/// Returns the member farthest from all points; the brightest one of equally far members, hence the brightest of all at first.
 fn farthest(cells: &Cells, members: &[usize], nearest: &[f64]) -> usize {
     let rank = |&k: &usize| (-nearest[k], cells.radiance(k));
     let farther = |a: usize, b: usize| if rank(&b) > rank(&a) { b } else { a };
     members.iter().copied().reduce(farther).unwrap_or_default()
 }
 
-/// Number of lights of each component: `lights` in all, but at most as many as the component has cells.
+/// Returns the number of lights of each component: `lights` in all, but at most as many as the component has cells.
 fn shares(components: &[Component], lights: usize) -> Vec<usize> {
     let total: f64 = components.iter().map(|c| c.metric).sum();
     let ideal: Vec<f64> = components.iter().map(|c| lights as f64 * c.metric / total).collect();

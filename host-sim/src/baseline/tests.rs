@@ -10,7 +10,7 @@ use crate::metrics::vector::{angle_deg, norm};
 use crate::metrics::{Grid, Reference, Score, holds};
 
 fn room() -> EnvMap {
-    // Coloured background, a window over the phi seam, a small lamp near the zenith.
+    // Coloured background, a window across the phi seam, and a small lamp near the zenith.
     EnvMap::from_fn(96, 48, |d| {
         let window = angle_deg(d, [-0.8, 0.0, 0.6]) < 20.0;
         let lamp = angle_deg(d, [0.1, 0.2, 0.97]) < 6.0;
@@ -57,12 +57,12 @@ fn energy_count_and_unit_directions_hold_for_all() {
 }
 
 #[test]
-fn one_bright_texel_is_one_light() {
+fn one_bright_texel_becomes_one_light() {
     let map = one_texel();
     for mut sampler in all() {
         let lights = sampler.decompose(&map, Domain::Sphere, 16);
         assert_keeps_energy(sampler.name(), &lights, &map, Domain::Sphere);
-        // Ranked candidates may lie beside the texel and be several; the gather makes them one.
+        // Several ranked candidates may lie beside the texel; the gather combines them.
         let raw_candidates = sampler.name() == "rank-threshold";
         let tolerance_deg = if raw_candidates { 6.0 } else { 1e-6 };
         assert_eq!(lights.len(), 1, "{}", sampler.name());
@@ -83,7 +83,7 @@ fn black_map_has_no_lights() {
 }
 
 #[test]
-fn tiny_maps_do_no_harm() {
+fn tiny_maps_give_lights_of_the_right_energy_without_panic() {
     for (width, height) in [(1, 1), (3, 1), (1, 5), (5, 3)] {
         let map = EnvMap::new(width, height, vec![[1.0; 3]; width * height]);
         for domain in [Domain::Sphere, Domain::Hemisphere] {
@@ -188,9 +188,9 @@ fn warm_lloyd_keeps_its_ids() {
 }
 
 #[test]
-fn rank_threshold_leaves_far_candidates_alone() {
-    // Twice the lamp: candidates away from it are kept or dropped by rank alone, so the survivors are a
-    // subset of the old ones.
+fn rank_threshold_keeps_candidates_away_from_a_brighter_lamp() {
+    // With twice the lamp, candidates away from it are kept or dropped by rank alone, so the remaining ones are a subset of the former
+    // ones.
     let lamp = |power: f32| {
         EnvMap::from_fn(96, 48, move |d| [if angle_deg(d, [1.0, 0.0, 0.0]) < 8.0 { power } else { 1.0 }; 3])
     };
@@ -204,7 +204,7 @@ fn rank_threshold_leaves_far_candidates_alone() {
 }
 
 #[test]
-fn volume_keeps_energy_and_budget_and_holds_lights_still() {
+fn volume_keeps_energy_budget_and_light_positions() {
     let lamp = |on: bool| {
         EnvMap::from_fn(96, 48, move |d| {
             [if on && angle_deg(d, [0.0, 1.0, 0.0]) < 10.0 { 300.0 } else { 1.0 + 0.2 * d[2] as f32 }; 3]
@@ -224,13 +224,13 @@ fn volume_keeps_energy_and_budget_and_holds_lights_still() {
 }
 
 #[test]
-fn voronoi_gives_each_hemisphere_its_half() {
+fn voronoi_cells_of_opposite_points_are_hemispheres() {
     let sky = EnvMap::new(64, 32, vec![[1.0; 3]; 64 * 32]);
     let halves = voronoi(&Cells::texels(&sky, Domain::Sphere), &[[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]);
     assert!(halves.iter().all(|half| (half.rgb[0] - std::f64::consts::TAU).abs() < 1e-9));
 }
 
-/// The real maps in `$HEMILUX_HDRI` or beside the checkout; prints a message where there are none.
+/// Returns the real maps in `$HEMILUX_HDRI` or beside the checkout; prints a message if there are none.
 fn real_maps() -> Vec<(PathBuf, EnvMap)> {
     let beside = || concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/hdri").into();
     let folder = std::env::var_os("HEMILUX_HDRI").map_or_else(beside, PathBuf::from);
@@ -289,7 +289,7 @@ fn table_on_real_maps() {
             let (mut scores, mut fewest) = (Vec::new(), usize::MAX);
             let mut seconds = 0.0;
             for ((_, map), reference) in maps.iter().zip(&references) {
-                // A fresh one for every map: these maps are not a sequence.
+                // A new sampler for every map, since these maps are not a sequence.
                 let mut sampler = all().swap_remove(index);
                 let started = Instant::now();
                 let set = sampler.decompose(map, Domain::Sphere, lights);

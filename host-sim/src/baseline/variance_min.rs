@@ -6,11 +6,11 @@ use super::sat::{Axis, Rect, Region, Sat, cut_greedily};
 use crate::env::EnvMap;
 use crate::metrics::{Domain, Lit};
 
-/// Cuts the region of greatest variance where the larger of its parts' variances becomes least.
+/// Decomposes a map by cutting the region of greatest variance where the larger of its parts' variances is least.
 ///
-/// The variance of a region is 2 (S0 - |S1|) with S0 the sum of Y dOmega and S1 that of Y dOmega times the
-/// direction: the energy times the mean squared chord to the centroid. The published method measures it
-/// in the plane of the map and cuts in rounds; this one is greedy, so any number of lights can be had.
+/// The variance of a region is 2 (S0 - |S1|) with S0 the sum of Y dOmega and S1 that of Y dOmega times the direction: the energy times the
+/// mean squared chord to the centroid. The published method measures the variance in the plane of the map and cuts in rounds; this
+/// implementation is greedy, so that any number of lights is possible.
 ///
 /// # References
 /// K. Viriyothai, P. Debevec, "Variance minimization light probe sampling", SIGGRAPH posters 2009.
@@ -21,7 +21,7 @@ pub(super) fn decompose(map: &EnvMap, domain: Domain, lights: usize) -> Vec<Lit>
     regions_to_lights(&cells, &regions)
 }
 
-/// The cut, along either axis, whose larger variance of the two parts is least; neither part may be black.
+/// Returns the cut along either axis for which the larger variance of the two parts is least; neither part may be black.
 fn best_cut(sat: &Sat, region: &Region) -> Option<(Rect, Rect)> {
     let mut best: Option<(f64, (Rect, Rect))> = None;
     for axis in [Axis::Rows, Axis::Columns] {

@@ -10,26 +10,24 @@ use crate::env::EnvMap;
 use crate::metrics::{Domain, Grid, Lit};
 use hemilux_core::healpix;
 
-/// Finest quads: nside 32, 1.8 degrees. Centroids are exact below that.
+/// Order of the finest quads: nside 32, 1.8 degrees. Centroids within a quad are exact.
 const FINEST: u8 = 5;
-/// A box is split in time while its brightest frame exceeds its mean by this share of the mean: about a
-/// lamp that doubles the quad's energy for half of the time. Smaller values spend the budget on noise.
+/// Ratio by which the brightest frame of a box must exceed the box's mean for a split in time: about that of a lamp that doubles the quad's
+/// energy for half of the time. With smaller values noise uses up the budget.
 const RESTLESS: f64 = 0.33;
 /// Exponent of the solid angle in the importance, as in the Q2-tree.
 const SOLID_ANGLE_EXPONENT: f64 = 0.25;
 
-/// Decomposes a sequence offline, `lights` a frame on average and never more in all; a reconstruction.
+/// Decomposes a sequence offline with at most `lights` lights per frame on average, reconstructed from the publication.
 ///
-/// A box is a HEALPix quad (the whole domain at first, then twelve base quads, then quarters) during an
-/// interval of frames. Its importance is the energy of its brightest frame times dOmega^(1/4). The box of
-/// greatest importance is split next: in time where its energy varies, before the frame that best
-/// separates frames of low and high energy; else in space, as long as the lights of all frames together
-/// stay within the budget. The number of lights per frame adapts, frames that need more get more.
-/// A box gives each of its frames one light: that frame's energy, from the centroid of the whole box, so
-/// that a light stands still while its box lasts. Its id is the box's.
+/// A box is a HEALPix quad (the whole domain at first, then twelve base quads, then quarters) during an interval of frames. Its importance
+/// is the energy of its brightest frame times dOmega^(1/4). The box of greatest importance is split next: in time if its energy varies,
+/// before the frame that best separates frames of low and high energy; else in space, while the lights of all frames together stay within
+/// the budget. The number of lights adapts to each frame. A box gives one light to each of its frames: its energy is that of the frame, its
+/// direction the centroid of the whole box, so that it does not move while the box lasts, and its id is that of the box.
 ///
-/// Known of the original: quads in space or a binary split in time per step, an importance metric of its
-/// own, the whole sequence needed. The metric, the choice of the split and the placement are this implementation's.
+/// Known of the original: splits into quads in space or into two intervals in time, an importance metric of its own, and the need for the
+/// whole sequence. The metric, the selection of splits and the positions of lights are those of this implementation.
 ///
 /// # References
 /// L. Wan, S.-K. Mak, T.-T. Wong, C.-S. Leung, "Spatiotemporal sampling of dynamic environment sequences",
@@ -56,7 +54,7 @@ pub fn volume(maps: &[EnvMap], domain: Domain, lights: usize) -> Vec<Vec<Lit>> {
     frames
 }
 
-/// Pixel `ipix` of `level`; level 0 is everything, level 1 the base quads.
+/// Quad `ipix` of `level`; level 0 is the whole domain, level 1 has the base quads.
 #[derive(Clone, Copy, Debug)]
 struct Quad {
     level: u8,
@@ -74,7 +72,7 @@ impl Quad {
     }
 }
 
-/// Sums over the quads of every level of one frame.
+/// Sums over the quads of all levels for one frame.
 struct Pyramid {
     levels: Vec<Vec<Flux>>,
 }
@@ -101,7 +99,7 @@ impl Pyramid {
     }
 }
 
-/// A quad during an interval of frames.
+/// A box: a quad during an interval of frames.
 #[derive(Clone, Debug)]
 struct Leaf {
     quad: Quad,
@@ -119,12 +117,12 @@ impl Leaf {
         self.frames.clone().fold(Flux::default(), |sum, t| sum + *pyramids[t].flux(self.quad))
     }
 
-    /// Number of lights, summed over the frames of the volume.
+    /// Returns the number of lights, summed over the frames of the box.
     fn lights(&self, pyramids: &[Pyramid]) -> usize {
         self.frames.clone().filter(|&t| pyramids[t].flux(self.quad).luminance > 0.0).count()
     }
 
-    /// The two halves of a box whose energy varies: cut where the sum of squared deviations from the two means is least.
+    /// Returns the two intervals of a box whose energy varies, cut where the sum of squared deviations from the two means is least.
     fn in_time(&self, pyramids: &[Pyramid]) -> Option<[Self; 2]> {
         let energy: Vec<f64> = self.frames.clone().map(|t| pyramids[t].flux(self.quad).luminance).collect();
         let (sum, brightest) = (energy.iter().sum::<f64>(), energy.iter().copied().fold(0.0, f64::max));
@@ -132,7 +130,7 @@ impl Leaf {
         if brightest * count <= (1.0 + RESTLESS) * sum {
             return None;
         }
-        // Least within-part squares are greatest between-part squares: sum^2 / count of both parts.
+        // The least sum of squares within parts is the greatest between parts: sum^2 / count of both parts.
         let (mut before, mut best) = (0.0, (f64::NEG_INFINITY, 0));
         for at in 1..energy.len() {
             before += energy[at - 1];
@@ -146,7 +144,7 @@ impl Leaf {
         (best.1 > 0).then(|| [part(self.frames.start..at), part(at..self.frames.end)])
     }
 
-    /// The quarters of the quad that are not black.
+    /// Returns the quarters of the quad that are not black.
     fn in_space(&self, pyramids: &[Pyramid]) -> Vec<Self> {
         if self.quad.level > FINEST {
             return Vec::new();
@@ -177,7 +175,7 @@ impl Ord for Leaf {
     }
 }
 
-/// Splits best-first until nothing fits the budget any more.
+/// Splits best-first until no split fits the budget.
 fn split(pyramids: &[Pyramid], lights: usize) -> Vec<Leaf> {
     let whole = Leaf::new(pyramids, Quad { level: 0, ipix: 0 }, 0..pyramids.len());
     if whole.importance == 0.0 || lights == 0 {

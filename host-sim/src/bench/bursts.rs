@@ -1,4 +1,4 @@
-//! Bursts for measurements: a built-in scene through the standard lens, at any size and in any format.
+//! Bursts for benchmarks: a built-in scene through the standard lens, in any size and format.
 
 use super::case::Case;
 use super::pack::pack;
@@ -10,19 +10,19 @@ use hemilux_core::format::Format;
 use hemilux_core::lens::{Intrinsics, Lens, Model};
 use hemilux_core::{Levels, Response};
 
-/// Bursts in rotation: more bytes than a second-level cache holds.
+/// Number of bursts that are processed in rotation; together they exceed a second-level cache.
 pub const BURSTS: usize = 8;
 
 /// Exposure times of \[Nikodym2012\], seconds.
 const SECONDS: [f64; 3] = crate::burst::THESIS_EXPOSURES_S;
 
-/// Radiance of full scale in the shortest exposure, above the radiance of every built-in scene.
+/// Radiance at full scale of the shortest exposure, above the radiance of every built-in scene.
 const FULL: f64 = 60.0;
 
-/// Focal length over image width: that of the standard lens.
+/// Ratio of focal length to image width of the standard lens.
 const FOCAL: f64 = 196.4 / 640.0;
 
-/// Calibration of the camera of `case`'s bursts: formats of luma and chroma follow sRGB, all others are linear.
+/// Returns the calibration of the camera of `case`'s bursts: formats of luma and chroma have the sRGB response, all others a linear one.
 #[must_use]
 pub fn calibration(case: &Case) -> Calibration {
     let (width, height) = case.size;
@@ -48,7 +48,7 @@ pub fn calibration(case: &Case) -> Calibration {
     calibration
 }
 
-/// [`BURSTS`] bursts a tenth of a second apart; the same in every run.
+/// Returns [`BURSTS`] bursts at intervals of a tenth of a second; the same in every run.
 #[must_use]
 pub fn make(case: &Case) -> Vec<Burst> {
     let c = calibration(case);
@@ -77,13 +77,13 @@ pub fn make(case: &Case) -> Vec<Burst> {
     (0..BURSTS).map(burst).collect()
 }
 
-/// Codes with noise of half a code and of light itself.
+/// Returns codes with noise of half a code and photon noise.
 fn expose(c: &Calibration, image: &[[f32; 3]], seconds: f64, seed: u32) -> Vec<[u16; 3]> {
     let (gain, range) = ((seconds / c.scale) as f32, (c.levels.white - c.levels.black) as f32);
     let gamma = c.response != Response::Linear;
     let mut state = seed.wrapping_mul(0x9e37_79b9) | 1;
     let mut noise = || {
-        // Xorshift, \[Marsaglia2003\].
+        // Random generator: Xorshift, \[Marsaglia2003\].
         state ^= state << 13;
         state ^= state >> 17;
         state ^= state << 5;
@@ -98,7 +98,7 @@ fn expose(c: &Calibration, image: &[[f32; 3]], seconds: f64, seed: u32) -> Vec<[
     image.iter().map(|rgb| rgb.map(&mut code)).collect()
 }
 
-/// The transfer function of IEC 61966-2-1.
+/// Returns the sRGB code (IEC 61966-2-1) of a linear value.
 fn srgb(y: f32) -> f32 {
     if y <= 0.003_130_8 { 12.92 * y } else { 1.055 * y.powf(1.0 / 2.4) - 0.055 }
 }

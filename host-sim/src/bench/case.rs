@@ -6,7 +6,7 @@ use hemilux_core::format::{Format, Layout, Pattern, Yuv};
 use std::fmt;
 use std::str::FromStr;
 
-/// Formats by the names that cases give them; mosaics are red, green, green, blue and chroma is BT.601 of full range.
+/// Names of formats in cases; mosaics are red, green, green, blue, and chroma is BT.601 of full range.
 const FORMATS: [(&str, Format); 8] = [
     ("rgb24", Format::Rgb24),
     ("yuyv", Format::Yuyv(FULL)),
@@ -20,31 +20,31 @@ const FORMATS: [(&str, Format); 8] = [
 
 const FULL: Yuv = Yuv { limited: false, matrix: hemilux_core::format::Matrix::Bt601 };
 
-/// Follows the sampler's name where lights are fitted as discs.
+/// Suffix of the sampler's name for lights that are fitted as discs.
 const SOFT: &str = "+soft";
 
 /// Largest width or height, pixels.
 const MAX_SIDE: u32 = 4096;
 
-/// One measurement.
+/// A benchmark case.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Case {
     /// Packing of the frames.
     pub format: Format,
-    /// Columns and rows.
+    /// Columns and rows of the frames.
     pub size: (u32, u32),
-    /// Cells of a mosaic per merged pixel on each side.
+    /// Number of cells of a mosaic per merged pixel on each side.
     pub bin: u32,
-    /// The sampler.
+    /// Sampler of the case.
     pub sampler: SamplerKind,
     /// Whether lights are fitted as discs.
     pub soft: bool,
-    /// Most lights.
+    /// Largest number of lights.
     pub lights: usize,
 }
 
 impl Case {
-    /// The name of the case's format.
+    /// Returns the name of the case's format.
     #[must_use]
     pub fn format_name(&self) -> &'static str {
         FORMATS.iter().find(|(_, f)| *f == self.format).map_or("", |(name, _)| name)
@@ -85,7 +85,7 @@ impl FromStr for Case {
     }
 }
 
-/// The cases of the standard report: every sampler on the standard work, the other formats, and larger images.
+/// Returns the cases of the standard report: every sampler on the standard burst, the other formats, and larger images.
 #[must_use]
 pub fn standard() -> Vec<Case> {
     let case = |format: usize, size, sampler, lights| Case {

@@ -1,4 +1,4 @@
-//! `hemilux-sim bench`: the time of each stage on one thread, beside the time of copying the same bytes.
+//! `hemilux-sim bench`: measures the time of each stage on one thread, and of a copy of the same bytes for comparison.
 
 pub mod bursts;
 pub mod case;
@@ -14,27 +14,27 @@ use hemilux_core::wire::{Latency, Overrun};
 use serde::Serialize;
 use std::time::{Duration, Instant};
 
-/// Frames whose times are taken, and the least time that a case is measured for.
+/// Least number of timed frames, and least measuring time of a case.
 const LEAST_FRAMES: usize = 64;
 const LEAST_TIME: Duration = Duration::from_millis(400);
 
-/// Frames before the first that is timed: each burst once.
+/// Number of frames before the first timed one: each burst once.
 const WARM_UP: usize = BURSTS;
 
 /// Arguments of `bench`.
 #[derive(Clone, Debug)]
 pub struct Job {
-    /// Whether the report is JSON instead of a table.
+    /// Whether the report is JSON; otherwise a table.
     pub json: bool,
-    /// The only case to run; all cases where `None`.
+    /// Case to run; `None` for all cases.
     pub case: Option<Case>,
     /// Number of frames to process without timing.
     pub frames: Option<usize>,
-    /// Largest allowed median of each stage.
+    /// Largest allowed median time of each stage.
     pub budgets: Budgets,
 }
 
-/// One case's times, medians in milliseconds.
+/// Median times of one case, milliseconds.
 #[derive(Debug, Serialize)]
 struct Row {
     format: &'static str,
@@ -50,10 +50,10 @@ struct Row {
     sample_ms: f64,
     total_ms: f64,
     memcpy_ratio: f64,
-    /// Half the distance between the quartiles of each, over its median.
+    /// Half the interquartile range of each time, over its median.
     spread: Spread,
     frames: usize,
-    /// Stages whose median is over budget.
+    /// Names of stages whose median exceeds the budget.
     over: Vec<&'static str>,
 }
 
@@ -71,10 +71,10 @@ struct Report {
     cases: Vec<Row>,
 }
 
-/// Runs `job`.
+/// Runs the benchmarks of `job` and prints the report.
 ///
 /// # Errors
-/// [`SimError`].
+/// [`SimError`] if standard output is closed.
 pub fn run(job: &Job) -> Result<(), SimError> {
     let cases = job.case.clone().map_or_else(case::standard, |case| vec![case]);
     if let Some(frames) = job.frames {
@@ -114,7 +114,7 @@ fn pipeline(case: &Case, bursts: &[Burst]) -> Result<Pipeline, SimError> {
     Ok(Pipeline::try_new(calibration(case), &exposures, settings)?)
 }
 
-/// Processes `frames` bursts and does nothing else.
+/// Processes `frames` bursts without timing or report.
 fn repeat(case: &Case, frames: usize) -> Result<(), SimError> {
     let bursts = bursts::make(case);
     let mut pipeline = pipeline(case, &bursts)?;
@@ -132,7 +132,7 @@ fn measure(case: &Case, budgets: &Budgets) -> Result<Row, SimError> {
     let began = Instant::now();
     let mut frame = 0;
     while frame < WARM_UP + LEAST_FRAMES || began.elapsed() < LEAST_TIME {
-        // The burst that is copied is not the one that is processed next, which must not find itself in the cache.
+        // The copied burst is another one than the next processed burst, which must not be in the cache.
         let copied = copy.time(&bursts[(frame + BURSTS / 2) % BURSTS]);
         let whole = Instant::now();
         let stages = std::hint::black_box(pipeline.process(&bursts[frame % BURSTS])?).times;
@@ -178,7 +178,7 @@ fn measure(case: &Case, budgets: &Budgets) -> Result<Row, SimError> {
     })
 }
 
-/// Copies a burst's bytes.
+/// Copies the bytes of a burst.
 struct Copy {
     room: Vec<Vec<u8>>,
 }

@@ -1,13 +1,13 @@
-//! Linear images to the packed bytes that cameras give.
+//! Packing of linear images into the formats of cameras.
 
 use hemilux_core::format::{Format, Matrix, Yuv};
 
 /// Packs an image of `width` columns whose codes are red, green, blue from 0 to [`Format::max_code`]; rows have no padding.
 ///
-/// A mosaic takes each pixel's own channel; chroma is the mean of the pixels that share it.
+/// In a mosaic each pixel has the code of its own channel; chroma is the mean of the pixels that share it.
 ///
 /// # Panics
-/// For [`Format::Rgb48`], whose samples are 16-bit words, and for formats and matrices that this module does not know.
+/// For [`Format::Rgb48`], whose samples are 16-bit words, and for unsupported formats and matrices.
 #[must_use]
 pub fn pack(format: Format, width: usize, codes: &[[u16; 3]]) -> Vec<u8> {
     let rows = || codes.chunks_exact(width);
@@ -57,7 +57,7 @@ fn code(v: f64) -> u8 {
     v.round().clamp(0.0, 255.0) as u8
 }
 
-/// Luma and chroma codes of an RGB code, by the definitions of BT.601 and BT.709.
+/// Returns the luma and chroma codes of an RGB code, by the definitions of BT.601 and BT.709.
 fn ycc(rgb: [u16; 3], yuv: Yuv) -> [f64; 3] {
     let (kr, kb) = match yuv.matrix {
         Matrix::Bt601 => (0.299, 0.114),

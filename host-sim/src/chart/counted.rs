@@ -1,4 +1,4 @@
-//! Instructions of one frame's sampling, which are repeatable where times are not: this binary under callgrind.
+//! Counts the instructions of one frame's sampling by running this program under callgrind; unlike times, the counts are repeatable.
 
 use super::Point;
 use crate::error::SimError;
@@ -11,15 +11,15 @@ use hemilux_core::polar::Grid;
 use hemilux_core::sampler::Request;
 use std::process::Command;
 
-/// Frames of the two runs, whose difference is the work of the frames between.
+/// Numbers of frames of the two runs; the difference of their counts is the work of the frames between.
 const FRAMES: [usize; 2] = [2, 10];
-/// The map that pharr reads.
+/// Size of the latitude-longitude map that pharr reads.
 const GRID: Grid = Grid { width: 256, height: 128, domain: Domain::Sphere };
 
-/// Samples a procedural room `frames` times and does nothing else, so that callgrind counts the sampler alone.
+/// Samples a procedural map `frames` times without output, so that callgrind counts the sampler alone.
 ///
 /// # Errors
-/// [`SimError`] for a number of lights that the sampler does not give.
+/// [`SimError`] for a number of lights that the sampler does not support.
 pub fn sample_frames(sampler: SamplerKind, lights: usize, frames: usize) -> Result<(), SimError> {
     let shape = Shape { domain: Domain::Sphere, order: samplers::order_for(lights), grid: GRID };
     let mut sampler = samplers::make(sampler, &shape, lights)?;
@@ -31,7 +31,7 @@ pub fn sample_frames(sampler: SamplerKind, lights: usize, frames: usize) -> Resu
     Ok(())
 }
 
-/// Adds the instructions per frame to the core's points of `lights` lights; without valgrind nothing.
+/// Adds the instructions per frame to the core's points of `lights` lights, if valgrind is installed.
 pub(super) fn add(points: &mut [Point], lights: usize) {
     for point in points.iter_mut().filter(|p| SamplerKind::NAMES.contains(&p.sampler) && p.lights == lights) {
         let run = |frames| count(point.sampler, lights, frames);
@@ -40,7 +40,7 @@ pub(super) fn add(points: &mut [Point], lights: usize) {
     }
 }
 
-/// Instructions of a whole run; `None` where callgrind is not installed or its output has no count.
+/// Returns the instructions of a whole run; `None` if callgrind is not installed or its output has no count.
 fn count(sampler: &str, lights: usize, frames: usize) -> Option<u64> {
     let output = Command::new("valgrind")
         .args(["--tool=callgrind", "--callgrind-out-file=/dev/null"])

@@ -1,4 +1,4 @@
-//! The charts: curves over the number of lights, log axes, Pareto fronts.
+//! Drawing of the charts: curves over the number of lights, logarithmic axes, Pareto fronts.
 
 use super::{Point, fewest};
 use crate::contender::{Kind, Method, methods};
@@ -13,17 +13,17 @@ const LEFT: f64 = 64.0;
 const TOP: f64 = 96.0;
 const FOOT: f64 = 60.0;
 const LEGEND: f64 = 210.0;
-/// Lights whose points are drawn larger, for orientation.
+/// Number of lights whose points are drawn larger, for orientation.
 const MARKED: usize = 64;
 
-/// One panel: a figure against another.
+/// One panel of a chart: two quantities against each other.
 struct Panel<'a> {
     title: &'a str,
     x_label: &'a str,
     y_label: &'a str,
     x: fn(&Point) -> Option<f64>,
     y: fn(&Point) -> Option<f64>,
-    /// Marks the fewest lights that reach 5 and 2 per cent.
+    /// Whether the least numbers of lights that reach 5 and 2 per cent are marked.
     parsimony: bool,
 }
 
@@ -31,7 +31,7 @@ fn percent(v: Option<f64>) -> Option<f64> {
     v.map(|v| 100.0 * v).filter(|v| *v > 0.0)
 }
 
-/// Time against error: sampling alone against both errors, and burst to lights.
+/// Draws time against error: sampling alone against both errors, and burst to lights.
 pub(super) fn time(points: &[Point]) -> String {
     let y = "shadowed error, % of mean irradiance";
     let panels = [
@@ -63,7 +63,7 @@ pub(super) fn time(points: &[Point]) -> String {
     page("Speed against accuracy: each curve runs over the number of lights", points, &panels)
 }
 
-/// Lights against error, with the fewest lights that reach 5 and 2 per cent, and against flicker.
+/// Draws the number of lights against error, with the least numbers that reach 5 and 2 per cent, and against flicker.
 pub(super) fn lights(points: &[Point]) -> String {
     let panels = [
         Panel {
@@ -169,7 +169,7 @@ fn axes(canvas: &Canvas<'_>, panel: &Panel<'_>, x: &LogAxis, y: &LogAxis) {
     canvas.text(panel.x_label, [(left + right) / 2.0, bottom + 32.0], HPos::Center, 12, INK);
 }
 
-/// The Pareto front: points that no other point is better than in both values, from left to right.
+/// Returns the Pareto front from left to right: the points to which no other point is superior in both values.
 fn pareto(mut values: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
     values.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
     let mut least = f64::INFINITY;
@@ -181,7 +181,7 @@ fn pareto(mut values: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
     values
 }
 
-/// How a method is drawn: the core's thick and filled, the literature's thin and hollow, what builds upon another dashed.
+/// Style of a method: the core's samplers thick and filled, those of the literature thin and hollow, variants dashed.
 struct Look {
     colour: RGBColor,
     kind: Kind,
@@ -231,7 +231,7 @@ fn legend(canvas: &Canvas<'_>, left: f64, points: &[Point]) {
 #[cfg(test)]
 mod tests {
     #[test]
-    fn pareto_front_holds_what_nothing_beats() {
+    fn pareto_front_has_exactly_the_points_without_a_superior_one() {
         let values = vec![[3.0, 1.0], [1.0, 3.0], [2.0, 2.0], [2.5, 2.5], [4.0, 1.0], [1.0, 4.0]];
         assert_eq!(super::pareto(values), [[1.0, 3.0], [2.0, 2.0], [3.0, 1.0]]);
     }

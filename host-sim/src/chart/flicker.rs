@@ -1,4 +1,4 @@
-//! Flicker by number of lights: its mean over scenarios in which something moves or is switched.
+//! Flicker by number of lights: the mean over scenarios with motion or switching.
 
 use super::Point;
 use crate::contender;
@@ -6,14 +6,14 @@ use crate::progress;
 use crate::scenario::{self, Setting};
 use crate::stress::Judge;
 
-/// The scenarios, on the quick stress report's small maps.
+/// Names of the scenarios; the maps are the small ones of the quick stress report.
 pub(super) const SCENARIOS: [&str; 5] = ["swinging-bulb", "walker", "clouds", "seam", "switch"];
 
-/// Numbers of lights, and those of a quick chart.
+/// Numbers of lights of a chart, and of a quick chart.
 const COUNTS: &[usize] = &[4, 16, 64, 256, 1024];
 const QUICK: &[usize] = &[16, 64];
 
-/// Adds the flicker to those points that have such a number of lights.
+/// Adds the flicker to the points of these numbers of lights.
 pub(super) fn add(points: &mut [Point], quick: bool) {
     let counts = if quick { QUICK } else { COUNTS };
     let bar = progress::bar("flicker", SCENARIOS.len());

@@ -1,4 +1,4 @@
-//! Times and scores of one method on one map.
+//! Measurement of times and scores of one method on one map.
 
 use super::Point;
 use crate::baseline::gather;
@@ -31,7 +31,7 @@ pub struct Timed {
 }
 
 impl Ground {
-    /// Prepares a map.
+    /// Prepares the forms of a map.
     #[must_use]
     pub fn new(env: &EnvMap) -> Self {
         let domain = Domain::Sphere;
@@ -40,16 +40,16 @@ impl Ground {
         Self { env: env.clone(), maps, reference: Reference::new(env, domain) }
     }
 
-    /// Scores a set.
+    /// Scores a light set against the map.
     #[must_use]
     pub fn score(&self, set: &LitSet) -> Score {
         self.reference.score(set)
     }
 
-    /// Updates a fresh core sampler `repeats` times: the last set (at rest, for those with a memory) and the median time.
+    /// Updates a new core sampler `repeats` times; returns the last set (in the steady state of samplers with state) and the median time.
     ///
     /// # Panics
-    /// If the sampler does not exist or gives more lights at least.
+    /// If the sampler does not exist or does not support so few lights.
     #[must_use]
     pub fn time_core(&self, method: &Method, lights: usize, repeats: usize) -> Timed {
         let (shape, view) = self.maps.of(lights);
@@ -65,7 +65,7 @@ impl Ground {
         Timed { set, ms: median(times) }
     }
 
-    /// Runs a fresh baseline, raw and gathered. One with a memory runs twice and shows its second time.
+    /// Runs a new baseline, raw and gathered; a sampler with state runs twice and its second time is returned.
     #[must_use]
     pub fn time_baseline(&self, name: &str, lights: usize) -> [Timed; 2] {
         let mut sampler = baseline_called(name);
@@ -81,13 +81,13 @@ impl Ground {
     }
 }
 
-/// The middle value; of two the upper.
+/// Returns the median; for an even number of values the upper one.
 pub(super) fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// The standard lens of `board/FORMATS.md`, with the values of `fixtures/lens-160x140.toml`.
+/// Returns the standard lens of `board/FORMATS.md`, with the values of `fixtures/lens-160x140.toml`.
 fn standard_lens() -> LensFile {
     let mut vignetting = [0.0; 8];
     vignetting[0] = 1.0;

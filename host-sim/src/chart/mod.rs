@@ -1,7 +1,7 @@
 //! `hemilux-sim chart`: time against error, and lights against error and flicker, of every method.
 //!
-//! Every method decomposes every map with every number of lights, on one thread while no other thread of the program runs; the scores are computed
-//! afterwards on all cores. `volume` is left out: it decomposes sequences, and one map says nothing about it.
+//! Every method decomposes every map with every number of lights, on one thread while no other thread of the program runs; the scores are
+//! then computed on all cores. `volume` is left out, since it decomposes sequences and not single maps.
 
 pub mod counted;
 mod figure;
@@ -25,31 +25,31 @@ use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;
 
-/// Most lights of a curve.
+/// Largest number of lights of a curve.
 pub const MOST: usize = 1024;
-/// Lights for which instructions are counted.
+/// Number of lights for which instructions are counted.
 const COUNTED: usize = 64;
 
 /// Arguments of `chart`.
 #[derive(Clone, Debug)]
 pub struct Job {
-    /// Folder of maps; procedural ones where `None`.
+    /// Folder of maps; `None` for procedural maps.
     pub env: Option<PathBuf>,
     /// Folder for `chart.json`, `chart.txt` and the drawings.
     pub out: PathBuf,
-    /// Three small maps, every other power of two.
+    /// Whether the chart has three small maps and every other power of two.
     pub quick: bool,
 }
 
 /// One method with one number of lights, over all maps.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Point {
-    /// The method.
+    /// Name of the method.
     pub sampler: &'static str,
-    /// Most lights.
+    /// Largest number of lights.
     pub lights: usize,
-    /// Time of one map, milliseconds, median over the maps: from the prepared map to lights for the core's samplers, from the texels
-    /// to lights for the others.
+    /// Median time per map, milliseconds: from the prepared map to lights for the core's samplers, from the texels to lights for the
+    /// others.
     pub sample_ms: f64,
     /// Open error, mean over the maps.
     pub open: Option<f64>,
@@ -59,24 +59,24 @@ pub struct Point {
     pub soft_open: Option<f64>,
     /// Shadowed error of the lights read as discs, mean over the maps.
     pub soft_shadowed: Option<f64>,
-    /// Shadowed error of the worst map.
+    /// Largest shadowed error over the maps.
     pub worst_shadowed: Option<f64>,
-    /// Energy error, largest.
+    /// Largest energy error over the maps.
     pub energy: Option<f64>,
-    /// Flicker over sequences, mean; for some numbers of lights alone.
+    /// Mean flicker over sequences; `None` for numbers of lights without a measurement.
     pub flicker: Option<f64>,
     /// Number of maps.
     pub maps: usize,
-    /// From a burst of three 640 x 480 frames to lights, milliseconds; the core's samplers alone.
+    /// Time from a burst of three 640 x 480 frames to lights, milliseconds; `None` for methods outside of the core.
     pub burst_ms: Option<f64>,
-    /// Instructions of one map's sampling under callgrind, where that is installed; the core's samplers with 64 lights alone.
+    /// Instructions of sampling one map under callgrind; `None` if it is not installed, and except for the core's samplers with 64 lights.
     pub instructions: Option<u64>,
 }
 
-/// Writes the charts.
+/// Measures all methods and writes the charts.
 ///
 /// # Errors
-/// [`SimError`].
+/// [`SimError`] if a map cannot be read or a file cannot be written.
 pub fn run(job: &Job) -> Result<(), SimError> {
     let maps = load(job)?;
     std::fs::create_dir_all(&job.out).map_err(|e| SimError::at(&job.out, e, "a folder that can be made"))?;
@@ -98,7 +98,7 @@ pub fn run(job: &Job) -> Result<(), SimError> {
     Ok(())
 }
 
-/// The maps: of a folder, at most 512 columns wide (128 and three maps for `--quick`), or procedural ones.
+/// Returns the maps: those of a folder, reduced to 512 columns (for `--quick` to 128 columns and three maps), or procedural ones.
 fn load(job: &Job) -> Result<Vec<EnvMap>, SimError> {
     let width = if job.quick { 128 } else { 512 };
     let mut maps: Vec<EnvMap> = match &job.env {
@@ -111,7 +111,7 @@ fn load(job: &Job) -> Result<Vec<EnvMap>, SimError> {
     Ok(maps)
 }
 
-/// A room, a clear day and a day with clouds.
+/// Returns procedural maps: an interior, a clear day and a day with clouds.
 fn procedural(width: usize) -> Vec<EnvMap> {
     use crate::metrics::stability::Source;
     let paint = |radiance: fn([f64; 3]) -> [f32; 3]| EnvMap::from_fn(width, width / 2, radiance);
@@ -122,7 +122,7 @@ fn procedural(width: usize) -> Vec<EnvMap> {
     vec![paint(stage::room), sunny, cloudy]
 }
 
-/// The numbers of lights of a method's curve: its least, then powers of `step` times two.
+/// Returns the numbers of lights of a method's curve: the least one, then powers of two times `step`.
 #[must_use]
 pub fn counts(method: &Method, step: usize) -> Vec<usize> {
     let least = method.least(Domain::Sphere);
@@ -131,7 +131,7 @@ pub fn counts(method: &Method, step: usize) -> Vec<usize> {
     std::iter::once(least).chain(above).collect()
 }
 
-/// Every method with every number of lights over all maps.
+/// Measures every method with every number of lights over all maps.
 #[must_use]
 pub fn points(maps: &[EnvMap], methods: &[Method], step: usize, repeats: usize) -> Vec<Point> {
     let grounds: Vec<Ground> = progress::on_all_cores(maps.len(), |k| Ground::new(&maps[k]));
@@ -154,7 +154,7 @@ pub fn points(maps: &[EnvMap], methods: &[Method], step: usize, repeats: usize) 
     points
 }
 
-/// A method on every map, as it is and, for baselines, gathered.
+/// Measures a method on every map, raw and, for baselines, gathered.
 fn over_maps(
     grounds: &[Ground],
     method: &Method,
@@ -198,21 +198,21 @@ fn point(grounds: &[Ground], sampler: &'static str, lights: usize, runs: &[Timed
     }
 }
 
-/// `{"points": [...]}`, one point a line.
+/// Returns the points as JSON, `{"points": [...]}` with one point per line.
 #[must_use]
 pub fn json(points: &[Point]) -> String {
     let lines: Vec<String> = points.iter().map(|point| serde_json::json!(point).to_string()).collect();
     format!("{{\"points\": [\n{}\n]}}\n", lines.join(",\n"))
 }
 
-/// The fewest lights of `sampler` that reach a shadowed error of `tolerance`.
+/// Returns the least number of lights of `sampler` that reaches a shadowed error of `tolerance`.
 #[must_use]
 pub fn fewest(points: &[Point], sampler: &str, tolerance: f64) -> Option<usize> {
     let curve = points.iter().filter(|p| p.sampler == sampler);
     parsimony(&curve.filter_map(|p| Some((p.lights, p.shadowed?))).collect::<Vec<_>>(), tolerance)
 }
 
-/// The points as a table.
+/// Returns the points as a table.
 fn text(points: &[Point]) -> String {
     let mut out = format!(
         "{:<18}{:>7}{:>11}{:>9}{:>11}{:>9}{:>11}{:>11}{:>11}{:>11}{:>11}{:>14}\n",

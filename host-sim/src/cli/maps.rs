@@ -17,7 +17,7 @@ pub(super) struct MapArgs {
     /// Projection of the map, instead of the file's own.
     #[arg(long, value_enum)]
     projection: Option<ProjectionArg>,
-    /// Most texels of a map; by default 134217728, and less for short files.
+    /// Largest number of texels of a map; by default 134217728, and less for short files.
     #[arg(long, value_name = "N")]
     max_pixels: Option<u64>,
 }

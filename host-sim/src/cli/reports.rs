@@ -18,14 +18,14 @@ pub(super) struct StressArgs {
     /// The probe's own samplers alone, as in fixtures/stress-quick.txt.
     #[arg(long)]
     core: bool,
-    /// Real maps in the place of the procedural room and sky, in turn; without DIR those in $HEMILUX_HDRI.
+    /// Uses real maps in place of the procedural interior and sky, in turn; without DIR those in $HEMILUX_HDRI.
     #[arg(long, value_name = "DIR", num_args = 0..=1)]
     backgrounds: Option<Option<PathBuf>>,
 }
 
 #[derive(Args, Debug)]
 pub(super) struct ChartArgs {
-    /// Folder of latitude-longitude maps (shrunk to 512 columns); three procedural ones where left out.
+    /// Folder of latitude-longitude maps, reduced to 512 columns; by default three procedural maps.
     #[arg(long, value_name = "DIR")]
     env: Option<PathBuf>,
     /// Folder for chart-time.svg, chart-lights.svg, chart.json and chart.txt.
@@ -38,22 +38,22 @@ pub(super) struct ChartArgs {
 
 #[derive(Args, Debug)]
 pub(super) struct BenchArgs {
-    /// JSON in the place of a table.
+    /// Prints JSON in place of a table.
     #[arg(long)]
     json: bool,
-    /// One case in the place of all: FORMAT:WIDTHxHEIGHT:SAMPLER:LIGHTS, such as rgb24:640x480:q2tree:64.
+    /// Runs one case only: FORMAT:WIDTHxHEIGHT:SAMPLER:LIGHTS, such as rgb24:640x480:q2tree:64.
     #[arg(long, value_name = "CASE")]
     case: Option<bench::Case>,
     /// Processes exactly this many frames and times nothing, for instruction counters.
     #[arg(long, value_name = "T", requires = "case")]
     frames: Option<usize>,
-    /// Longest times that medians may have, milliseconds, such as front=30,total=60; what is longer is named in the last column [default: the
-    /// probe's].
+    /// Largest allowed median times in milliseconds, such as front=30,total=60; the last column names the stages that exceed them [default:
+    /// the probe's].
     #[arg(long, value_name = "STAGE=MS,...", value_parser = hemilux::timing::read_budgets)]
     budget: Option<[Option<f32>; STAGES]>,
 }
 
-/// The folder of the option, or of the environment variable `HEMILUX_HDRI`.
+/// Returns the folder of the option, or of the environment variable `HEMILUX_HDRI`.
 fn hdri(named: Option<PathBuf>) -> Result<PathBuf, SimError> {
     let from_environment = || std::env::var_os("HEMILUX_HDRI").map(PathBuf::from);
     let expected = "--backgrounds: found no folder, expected one, or HEMILUX_HDRI in the environment";

@@ -8,7 +8,7 @@ pub(super) enum Transfer {
 }
 
 impl Transfer {
-    /// The model of a `[response]` table.
+    /// Name of the model in a `[response]` table.
     pub fn name(self) -> &'static str {
         match self {
             Self::Linear => "linear",

@@ -1,4 +1,4 @@
-//! `hemilux-sim import`: bracketed photographs to a recorded burst, by what their EXIF data states.
+//! `hemilux-sim import`: converts bracketed photographs to a recorded burst by their EXIF data.
 
 mod function;
 mod photo;
@@ -16,13 +16,13 @@ use toml::{Table, Value};
 /// Arguments of `import`.
 #[derive(Clone, Debug)]
 pub struct Job {
-    /// Lens file of the camera.
+    /// Path of the camera's lens file.
     pub lens: PathBuf,
-    /// The photographs, in any order.
+    /// Paths of the photographs, in any order.
     pub photos: Vec<PathBuf>,
-    /// Folder that is written; created where it does not exist.
+    /// Folder for the burst; it is created if it does not exist.
     pub out: PathBuf,
-    /// Whether colour spaces that the photographs state are ignored.
+    /// Whether stated colour spaces of the photographs are ignored.
     pub ignores_profile: bool,
 }
 
@@ -45,7 +45,7 @@ pub fn run(job: &Job) -> Result<(), SimError> {
     output::save(&job.out.join("burst.toml"), text.as_bytes())
 }
 
-/// The photographs of a folder in name order.
+/// Returns the photographs of a folder in name order.
 ///
 /// # Errors
 /// [`SimError`] for a folder that cannot be read.
@@ -60,7 +60,7 @@ pub fn list(folder: &Path) -> Result<Vec<PathBuf>, SimError> {
     Ok(photos)
 }
 
-/// The text of a `burst.toml` for photographs, which are listed on standard error with what was found in them.
+/// Returns the text of a `burst.toml` for photographs; prints the photographs and their EXIF data on standard error.
 ///
 /// # Errors
 /// [`SimError`] as for [`run`].
@@ -78,7 +78,7 @@ pub fn describe(lens: &Path, paths: &[PathBuf], ignores_profile: bool) -> Result
     Ok(manifest(&lens, response, &photos).to_string())
 }
 
-/// Refuses what cannot belong to one burst.
+/// Refuses photographs that cannot belong to one burst.
 fn check(photos: &[Photo]) -> Result<(), SimError> {
     if !(1..=MAX_EXPOSURES).contains(&photos.len()) {
         return Err(SimError::Usage(format!("PHOTO: found {}, expected 1 to {MAX_EXPOSURES}", photos.len())));
@@ -117,7 +117,7 @@ fn check_size(photo: &Path, lens: &Path, expected: [u32; 2]) -> Result<(), SimEr
     ))
 }
 
-/// The `[response]` table: that of the lens file, else the transfer function that the photographs state.
+/// Returns the `[response]` table: that of the lens file, else the transfer function that the photographs state.
 fn response(lens: &LensFile, photos: &[Photo]) -> Result<Table, SimError> {
     if let Some(table) = &lens.response_table {
         return Ok(table.clone());
@@ -130,7 +130,7 @@ fn response(lens: &LensFile, photos: &[Photo]) -> Result<Table, SimError> {
     Ok(Table::from_iter([("model".to_string(), Value::from(first.name()))]))
 }
 
-/// Prints what was found.
+/// Prints the photographs and their EXIF data.
 fn tell(photos: &[Photo], response: &Table) {
     eprintln!("hemilux-sim: {} photographs, response {}", photos.len(), response["model"]);
     eprintln!("    {:<24}{:>12}{:>8}{:>8}{:>12}  camera", "file", "exposure s", "ISO", "f/", "light");

@@ -1,4 +1,4 @@
-//! The exposure of one photograph, from its EXIF data.
+//! The EXIF data of one photograph that determine its exposure.
 
 use super::function::Transfer;
 use super::transfer;
@@ -9,20 +9,20 @@ use std::path::{Path, PathBuf};
 
 const EXPECTED: &str = "a JPEG or PNG photograph with EXIF data";
 
-/// A photograph.
+/// EXIF data of a photograph.
 pub(super) struct Photo {
     pub path: PathBuf,
     /// Exposure time, seconds.
     pub seconds: f64,
     pub iso: Option<f64>,
-    /// The f-number.
+    /// Aperture as f-number, if stated.
     pub aperture: Option<f64>,
     pub transfer: Transfer,
-    /// Statements that are the same in all photographs of a burst.
+    /// EXIF fields that must be the same in all photographs of a burst.
     pub same: Vec<Same>,
 }
 
-/// A statement that all photographs of a burst share.
+/// An EXIF field that must be the same in all photographs of a burst.
 #[derive(PartialEq)]
 pub(super) struct Same {
     pub name: &'static str,
@@ -36,13 +36,14 @@ impl Same {
 }
 
 impl Photo {
-    /// Reads the EXIF data; with `ignores_profile` what the file states of colours does not count.
+    /// Reads the EXIF data of a file; with `ignores_profile`, stated colour spaces are ignored.
     pub fn read(path: &Path, ignores_profile: bool) -> Result<Self, SimError> {
         let refused = |found: String| SimError::at(path, found, EXPECTED);
         let transfer = transfer::read(path, ignores_profile)?;
         let file = std::fs::File::open(path).map_err(|e| refused(e.to_string()))?;
         let mut reader = exif::Reader::new();
-        // Many programs write blocks with a fault beside sound fields; a fault in a field that is needed shows as its absence.
+        // Many programs write blocks in which one field is invalid and the others are valid; an invalid required field is reported as
+        // missing.
         reader.continue_on_error(true);
         let exif = reader.read_from_container(&mut BufReader::new(file));
         let exif = exif.or_else(|e| e.distill_partial_result(|_| {}));
@@ -77,23 +78,23 @@ impl Photo {
         Ok(Self { path: path.into(), seconds, iso, aperture, transfer, same })
     }
 
-    /// The name of the file.
+    /// Returns the name of the file.
     pub fn file(&self) -> String {
         self.path.file_name().unwrap_or_default().to_string_lossy().into_owned()
     }
 
-    /// Sensitivity over the area of the f-number's square; 100 and 1 where not stated.
+    /// Returns the sensitivity divided by the square of the f-number; values that are not stated count as 100 and 1.
     pub fn gain(&self) -> f64 {
         self.iso.unwrap_or(100.0) / 100.0 / self.aperture.unwrap_or(1.0).powi(2)
     }
 
-    /// Relative exposure of one radiance.
+    /// Returns the relative exposure of a given radiance.
     pub fn light(&self) -> f64 {
         self.seconds * self.gain()
     }
 }
 
-/// The ISO sensitivity. EXIF's 16-bit field holds 65535 for larger ones, which other fields state.
+/// Returns the ISO sensitivity. The 16-bit field of EXIF holds 65535 for larger values, which are stated in other fields.
 fn sensitivity(exif: &Exif) -> Result<Option<f64>, String> {
     let positive = |tag| number(exif, tag).filter(|v| *v > 0.0);
     let iso = positive(Tag::PhotographicSensitivity);
@@ -107,7 +108,7 @@ fn sensitivity(exif: &Exif) -> Result<Option<f64>, String> {
         .ok_or_else(|| "PhotographicSensitivity 65535 without a field for the larger number".into())
 }
 
-/// A colour space other than sRGB. Cameras state Adobe RGB by the interoperability index R03, some by ColorSpace 2.
+/// Returns a stated colour space other than sRGB. Cameras state Adobe RGB by the interoperability index R03, some by ColorSpace 2.
 fn other_colour_space(exif: &Exif) -> Option<String> {
     let index =
         exif.get_field(Tag::InteroperabilityIndex, In::PRIMARY).map(|f| f.display_value().to_string());
@@ -121,7 +122,7 @@ fn apex(exif: &Exif, tag: Tag) -> Result<Option<f64>, String> {
     if value.abs() > 64.0 { Err(format!("{tag} {value}")) } else { Ok(Some(value.exp2())) }
 }
 
-/// The first number of a field.
+/// Returns the first number of a field.
 fn number(exif: &Exif, tag: Tag) -> Option<f64> {
     let value = match &exif.get_field(tag, In::PRIMARY)?.value {
         Value::Rational(v) => v.first()?.to_f64(),

@@ -1,4 +1,4 @@
-//! The colour space of an ICC profile: its transfer function, if its primaries are those of Rec. 709.
+//! The transfer function of an ICC profile with the primaries of Rec. 709.
 
 use super::function::Transfer;
 use moxcms::{ColorProfile, DataColorSpace, ProfileText, ToneReprCurve, Xyzd};
@@ -6,16 +6,17 @@ use moxcms::{ColorProfile, DataColorSpace, ProfileText, ToneReprCurve, Xyzd};
 /// Colorants of Rec. 709 adapted to D50, as sRGB profiles hold them: XYZ of red, green and blue.
 const REC_709: [[f64; 3]; 3] = [[0.4360, 0.2225, 0.0139], [0.3851, 0.7169, 0.0971], [0.1431, 0.0606, 0.7139]];
 
-/// Largest difference of a colorant: rounding to 16 bits and other adaptations of white stay below, Display P3 is 0.08 away.
+/// Largest difference of a colorant: rounding to 16 bits and other adaptations of white give less, Display P3 differs by 0.08.
 const COLORANT_TOLERANCE: f64 = 0.01;
 
 /// Largest difference of a transfer function; sRGB and a power of 2.2 differ by 0.0083.
 const CURVE_TOLERANCE: f64 = 0.004;
 
-/// Reads the transfer function.
+/// Returns the transfer function of a profile.
 ///
 /// # Errors
-/// What the profile states where it is no matrix profile, has other primaries, or another transfer function than linear or sRGB.
+/// The colour space of the profile, if it is no matrix profile, has other primaries, or a transfer function that is neither linear nor
+/// sRGB.
 pub(super) fn transfer(icc: &[u8]) -> Result<Transfer, String> {
     let profile =
         ColorProfile::new_from_slice(icc).map_err(|e| format!("an ICC profile that is broken ({e})"))?;
@@ -44,7 +45,7 @@ fn has_rec_709(profile: &ColorProfile) -> bool {
     found.into_iter().zip(REC_709).all(|(found, expected)| is_close(found, expected))
 }
 
-/// Whether a curve agrees with `function` at the 256 codes of 8 bits.
+/// Returns whether a curve agrees with `function` at the 256 codes of 8 bits.
 fn follows(curve: &ToneReprCurve, function: fn(f32) -> f64) -> bool {
     let Ok(curve) = curve.make_linear_evaluator() else { return false };
     (0..=255u8).all(|code| {
@@ -58,7 +59,7 @@ fn srgb(code: f32) -> f64 {
     if code <= 0.04045 { code / 12.92 } else { ((code + 0.055) / 1.055).powf(2.4) }
 }
 
-/// The description in quotation marks.
+/// Returns the description of the profile in quotation marks.
 fn name(profile: &ColorProfile) -> String {
     let text = match &profile.description {
         Some(ProfileText::PlainString(text)) => text.as_str(),

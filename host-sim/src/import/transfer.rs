@@ -1,8 +1,8 @@
 //! The transfer function of a photograph, which must have the primaries of Rec. 709.
 //!
-//! Of PNG, cICP is believed, then the ICC profile, then sRGB, then cHRM with gAMA of 1 (linear) or 1/2.2 (sRGB); of JPEG, the ICC
-//! profile. Other primaries and transfer functions are refused. A PNG that states nothing holds sRGB with 8 bits and linear samples
-//! with 16; a JPEG that states nothing holds sRGB. PGM and PPM are linear, as raw converters write them.
+//! In PNG files, cICP has precedence, then the ICC profile, then sRGB, then cHRM with gAMA of 1 (linear) or 1/2.2 (sRGB); in JPEG files,
+//! the ICC profile counts. Other primaries and transfer functions are refused. A PNG file without such a statement holds sRGB with 8 bits
+//! and linear samples with 16 bits; a JPEG file without one holds sRGB. PGM and PPM files are linear, as raw converters write them.
 
 use super::function::Transfer;
 use super::profile;
@@ -11,12 +11,12 @@ use image::{ImageDecoder, ImageReader};
 use std::io::Read;
 use std::path::Path;
 
-/// Most bytes of a PNG file up to its pixels that are searched for statements.
+/// Largest number of bytes in front of a PNG file's pixels that are searched for statements.
 const MAX_HEADER: u64 = 1 << 20;
 
 pub(super) const EXPECTED: &str = "linear or sRGB samples with the primaries of Rec. 709 (convert the photographs to sRGB, or --ignore-profile)";
 
-/// Reads the statement of a file; with `ignores_profile` what it states of colours does not count.
+/// Reads the transfer function that a file states; with `ignores_profile`, the file's statements are ignored.
 pub(super) fn read(path: &Path, ignores_profile: bool) -> Result<Transfer, SimError> {
     let mut begin = Vec::new();
     let file = std::fs::File::open(path).and_then(|f| f.take(MAX_HEADER).read_to_end(&mut begin));
@@ -24,7 +24,7 @@ pub(super) fn read(path: &Path, ignores_profile: bool) -> Result<Transfer, SimEr
     let is_png = begin.starts_with(b"\x89PNG");
     let silent = match begin.as_slice() {
         [b'P', b'2'..=b'7', ..] => Transfer::Linear,
-        // Bit depth of the image header.
+        // Bit depth in the image header.
         _ if is_png && begin.get(24) == Some(&16) => Transfer::Linear,
         _ => Transfer::Srgb,
     };
@@ -35,11 +35,11 @@ pub(super) fn read(path: &Path, ignores_profile: bool) -> Result<Transfer, SimEr
     Ok(stated.map_err(|found| SimError::at(path, found, EXPECTED))?.unwrap_or(silent))
 }
 
-/// The transfer function of the ICC profile of a file; `None` without a profile.
+/// Returns the transfer function of a file's ICC profile; `None` without a profile.
 fn of_profile(path: &Path) -> Result<Option<Transfer>, String> {
     let decoder =
         ImageReader::open(path).ok().and_then(|r| r.with_guessed_format().ok()?.into_decoder().ok());
-    // A file that does not decode is refused when its pixels are read.
+    // A file that cannot be decoded is refused when its pixels are read.
     let icc = decoder.and_then(|mut decoder| decoder.icc_profile().ok().flatten());
     icc.map(|icc| profile::transfer(&icc)).transpose()
 }
@@ -71,7 +71,7 @@ fn of_png(path: &Path, begin: &[u8]) -> Result<Option<Transfer>, String> {
     }
 }
 
-/// Whether a cHRM chunk states the white and the primaries of Rec. 709.
+/// Returns whether a cHRM chunk states the white and the primaries of Rec. 709.
 fn is_rec_709(chromaticities: &[u8]) -> bool {
     const REC_709: [u32; 8] = [31_270, 32_900, 64_000, 33_000, 30_000, 60_000, 15_000, 6_000];
     let found = hundred_thousandths(chromaticities);
@@ -87,7 +87,7 @@ struct Chunk<'a> {
     data: &'a [u8],
 }
 
-/// The chunks of a PNG file before its pixels.
+/// Returns the chunks of a PNG file in front of its pixels.
 fn chunks(bytes: &[u8]) -> impl Iterator<Item = Chunk<'_>> {
     let mut rest = bytes.get(8..).unwrap_or_default();
     std::iter::from_fn(move || {

@@ -1,11 +1,11 @@
-//! Lights read as discs: what a uniform spherical cap gives to a probe.
+//! Irradiance of receivers under uniform discs, for lights that are read as discs.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use super::receiver::Receiver;
 use super::vector::dot;
 
-/// Quadrature points of a disc that an occluding cone hides in part.
+/// Number of quadrature points of a disc that an occluding cone hides in part.
 pub const POINTS: usize = 192;
 
 /// Interpretation of the lights of a set.
@@ -18,11 +18,12 @@ pub enum Reading {
     Discs,
 }
 
-/// Mean over the uniform disc of angular radius `radius` (at most pi / 2) of max(0, n . d), in closed form; `cos` is that of the angle
+/// Returns the mean of max(0, n . d) over the uniform disc of angular radius `radius` (at most pi / 2), in closed form; `cos` is that of
+/// the angle between the normal and the disc's centre.
 /// between the normal and the disc's centre.
 ///
-/// Above the horizon it is cos (1 + cos r) / 2; a disc that the horizon cuts has the irradiance of a spherical cap's visible part
-/// (J. M. Snyder, "Area Light Sources for Real-Time Graphics", 1996).
+/// Above the horizon it is cos (1 + cos r) / 2; for a disc that the horizon cuts it is the irradiance of the visible part of a spherical
+/// cap (J. M. Snyder, "Area Light Sources for Real-Time Graphics", 1996).
 #[must_use]
 pub fn cosine(cos: f64, radius: f64) -> f64 {
     let (sin_r, cos_r) = radius.sin_cos();
@@ -40,7 +41,7 @@ pub fn cosine(cos: f64, radius: f64) -> f64 {
     cut.max(0.0) / (TAU * (1.0 - cos_r))
 }
 
-/// A light as a disc: its centre, its radius, and evenly spread directions inside it.
+/// A light as a disc: its centre, its radius, and evenly spread directions inside of it.
 #[derive(Clone, Debug)]
 pub struct Disc {
     centre: [f64; 3],
@@ -49,13 +50,13 @@ pub struct Disc {
 }
 
 impl Disc {
-    /// A disc of `radius` radians, at most pi / 2, with 192 points.
+    /// Creates a disc of `radius` radians, at most pi / 2, with [`POINTS`] points.
     #[must_use]
     pub fn new(centre: [f64; 3], radius: f64) -> Self {
         Self::of_points(centre, radius, POINTS)
     }
 
-    /// A disc with `count` points: a spherical Fibonacci lattice cut off at the disc's edge.
+    /// Creates a disc with `count` points: a spherical Fibonacci lattice that ends at the disc's edge.
     #[must_use]
     pub fn of_points(centre: [f64; 3], radius: f64, count: usize) -> Self {
         let radius = if radius.is_finite() { radius.clamp(0.0, FRAC_PI_2) } else { 0.0 };
@@ -70,7 +71,7 @@ impl Disc {
         Self { centre, radius, points: (0..count).map(point).collect() }
     }
 
-    /// Mean over the disc of max(0, n . d) V(d).
+    /// Returns the mean of max(0, n . d) V(d) over the disc.
     #[must_use]
     pub fn weight(&self, probe: &Receiver) -> f64 {
         let cos = dot(probe.normal, self.centre);
@@ -89,9 +90,9 @@ impl Disc {
     }
 }
 
-/// Two unit vectors at right angles to `d` and to each other.
+/// Returns two unit vectors at right angles to `d` and to each other.
 fn tangents(d: [f64; 3]) -> [[f64; 3]; 2] {
-    // T. Duff et al., "Building an Orthonormal Basis, Revisited", 2017.
+    // Method: T. Duff et al., "Building an Orthonormal Basis, Revisited", 2017.
     let sign = 1f64.copysign(d[2]);
     let a = -1.0 / (sign + d[2]);
     let b = d[0] * d[1] * a;
@@ -104,7 +105,7 @@ mod tests {
     use crate::metrics::receiver::{fib, open, shadowed};
 
     #[test]
-    fn the_closed_form_is_the_integral() {
+    fn the_closed_form_equals_the_numerical_integral() {
         for radius_deg in [0.5f64, 5.0, 20.0, 60.0, 90.0] {
             for k in 0..40 {
                 let probe = open(19 * k);
@@ -133,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn a_disc_without_extent_is_a_point() {
+    fn a_disc_of_radius_0_equals_a_point() {
         for k in 0..64 {
             let (probe, d) = (shadowed(8 * k), fib(k, 64));
             assert_eq!(Disc::new(d, 0.0).weight(&probe), probe.weight(d));

@@ -1,4 +1,4 @@
-//! The texels that a sum over a map runs over: directions and solid angles.
+//! Directions and solid angles of the texels of a map, for sums over the map.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::OnceLock;
@@ -9,14 +9,14 @@ use crate::env::EnvMap;
 
 /// Directions and solid angles of a map's texels inside a [`Domain`], row-major from the zenith.
 ///
-/// Over the hemisphere the row that straddles the equator of a map of odd height counts with its upper
-/// part: that part's solid angle, at the middle of its range of theta.
+/// On the hemisphere, the row that straddles the equator of a map of odd height counts with its upper part: its solid angle and direction
+/// are those of that part.
 #[derive(Debug)]
 pub struct Grid {
     size: (usize, usize),
     rows: usize,
     domain: Domain,
-    /// (sin, cos) of each row's theta and of each column's phi: a direction is a product of two, so that none is stored per texel.
+    /// Pairs (sin, cos) of each row's theta and of each column's phi, from which directions are computed.
     rows_sin_cos: Vec<(f64, f64)>,
     columns_sin_cos: Vec<(f64, f64)>,
     solid_angle_of_row: Vec<f64>,
@@ -24,7 +24,7 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// The texels of maps of this one's size.
+    /// Creates the grid of maps of this size.
     #[must_use]
     pub fn new(map: &EnvMap, domain: Domain) -> Self {
         let (width, height) = (map.width(), map.height());
@@ -50,56 +50,56 @@ impl Grid {
         Self { size, rows, domain, rows_sin_cos, columns_sin_cos, solid_angle_of_row, ambient }
     }
 
-    /// Whether a map has this grid's size.
+    /// Returns whether a map has this grid's size.
     #[must_use]
     pub fn fits(&self, map: &EnvMap) -> bool {
         self.size == (map.width(), map.height())
     }
 
-    /// The part of the map that the grid covers.
+    /// Part of the sphere that the grid covers.
     #[must_use]
     pub fn domain(&self) -> Domain {
         self.domain
     }
 
-    /// Columns.
+    /// Number of columns.
     #[must_use]
     pub fn width(&self) -> usize {
         self.size.0
     }
 
-    /// Rows that count.
+    /// Number of rows inside of the domain.
     #[must_use]
     pub fn rows(&self) -> usize {
         self.rows
     }
 
-    /// Unit directions of the texels that count.
+    /// Returns the unit directions of the texels inside of the domain.
     pub fn directions(&self) -> impl Iterator<Item = [f64; 3]> + Clone + '_ {
         self.rows_sin_cos
             .iter()
             .flat_map(|&(sin, cos)| self.columns_sin_cos.iter().map(move |&(y, x)| [sin * x, sin * y, cos]))
     }
 
-    /// Solid angle of texel `k`, steradians.
+    /// Returns the solid angle of texel `k`, steradians.
     #[must_use]
     pub fn solid_angle(&self, k: usize) -> f64 {
         self.solid_angle_of_row[k / self.size.0]
     }
 
-    /// (direction, L dOmega in RGB) of every texel of `map` that counts.
+    /// Returns (direction, L dOmega in RGB) of every texel of `map` inside of the domain.
     pub fn fluxes<'a>(&'a self, map: &'a EnvMap) -> impl Iterator<Item = ([f64; 3], [f64; 3])> + 'a {
         debug_assert!(self.fits(map), "the grid was made for maps of another size");
         let texels = self.directions().zip(map.texels()).enumerate();
         texels.map(|(k, (d, rgb))| (d, rgb.map(|v| f64::from(v) * self.solid_angle(k))))
     }
 
-    /// (direction, Y dOmega) of every texel of `map` that counts and is not black.
+    /// Returns (direction, Y dOmega) of every texel of `map` inside of the domain that is not black.
     pub fn luminous<'a>(&'a self, map: &'a EnvMap) -> impl Iterator<Item = ([f64; 3], f64)> + 'a {
         self.fluxes(map).map(|(d, flux)| (d, luminance(flux))).filter(|&(_, flux)| flux > 0.0)
     }
 
-    /// Irradiance of the receivers under the ambient basis, computed at the first use.
+    /// Returns the irradiance of the receivers under the ambient basis, which is computed at the first call.
     pub(super) fn ambient(&self) -> &AmbientResponse {
         let texel = |(k, direction)| Texel { direction, solid_angle: self.solid_angle(k) };
         self.ambient.get_or_init(|| AmbientResponse::new(self.directions().enumerate().map(texel)))

@@ -1,4 +1,4 @@
-//! The irradiance of the receivers of the scores under maps, discs and ambient light.
+//! Irradiance of the receivers of the scores under maps, discs and ambient light.
 
 use std::sync::LazyLock;
 
@@ -14,10 +14,10 @@ pub(super) struct ReceiverSet {
     cos_half_angle: Vec<f64>,
 }
 
-/// The open receivers.
+/// The open receivers of the scores.
 pub(super) static OPEN_SET: LazyLock<ReceiverSet> =
     LazyLock::new(|| ReceiverSet::new((0..OPEN).map(open).collect()));
-/// The shadowed receivers.
+/// The shadowed receivers of the scores.
 pub(super) static SHADOWED_SET: LazyLock<ReceiverSet> =
     LazyLock::new(|| ReceiverSet::new((0..SHADOWED).map(shadowed).collect()));
 
@@ -32,7 +32,7 @@ impl ReceiverSet {
         Self { receivers, normal, axis, cos_half_angle }
     }
 
-    /// Sum over the texels of flux max(0, n_k . d) V_k(d), for every receiver k.
+    /// Returns, for every receiver k, the sum over the texels of flux max(0, n_k . d) V_k(d).
     pub(super) fn irradiance(&self, texels: impl Iterator<Item = ([f64; 3], f64)>) -> Vec<f64> {
         let mut sums = vec![0.0; self.receivers.len()];
         if self.receivers.iter().all(|receiver| receiver.cos_half_angle > 1.0) {
@@ -43,7 +43,7 @@ impl ReceiverSet {
         sums
     }
 
-    /// Irradiance of every receiver under lights that are read as discs: (centre, radius in radians, flux).
+    /// Returns the irradiance of every receiver under discs (centre, radius in radians, flux).
     pub(super) fn irradiance_of_discs(&self, discs: impl Iterator<Item = ([f64; 3], f64, f64)>) -> Vec<f64> {
         let mut sums = vec![0.0; self.receivers.len()];
         for (centre, radius, flux) in discs {
@@ -55,9 +55,9 @@ impl ReceiverSet {
         sums
     }
 
-    /// Adds one texel to every receiver, where none has a cone.
+    /// Adds one texel to the sums of receivers without cones.
     fn add_open(&self, d: [f64; 3], flux: f64, sums: &mut [f64]) {
-        // Slices of one length let the compiler drop the bounds checks.
+        // Slices of equal length allow the compiler to remove the bounds checks.
         let count = sums.len();
         let [nx, ny, nz] = [&self.normal[0][..count], &self.normal[1][..count], &self.normal[2][..count]];
         for k in 0..count {
@@ -66,7 +66,7 @@ impl ReceiverSet {
         }
     }
 
-    /// Adds one texel to every receiver.
+    /// Adds one texel to the sums of all receivers.
     fn add(&self, d: [f64; 3], flux: f64, sums: &mut [f64]) {
         let count = sums.len();
         let [nx, ny, nz] = [&self.normal[0][..count], &self.normal[1][..count], &self.normal[2][..count]];
@@ -80,7 +80,8 @@ impl ReceiverSet {
         }
     }
 
-    /// Sum over the texels of basis_i(d) dOmega max(0, n_k . d) V_k(d), for every receiver k and each function i of the ambient basis.
+    /// Returns, for every receiver k and each function i of the ambient basis, the sum over the texels of basis_i(d) dOmega max(0, n_k . d)
+    /// V_k(d).
     fn ambient(&self, texels: impl Iterator<Item = Texel>) -> Vec<[f64; 9]> {
         let mut sums = vec![[0.0; 9]; self.receivers.len()];
         for Texel { direction: d, solid_angle } in texels {
@@ -108,7 +109,7 @@ pub(super) struct Texel {
 pub(super) struct AmbientResponse {
     pub(super) open: Vec<[f64; 9]>,
     pub(super) shadowed: Vec<[f64; 9]>,
-    /// Sum of the functions themselves.
+    /// Sum over the texels of each basis function times the solid angle.
     pub(super) total: [f64; 9],
 }
 

@@ -1,12 +1,11 @@
-//! Scores of light sets as `host-sim/METRICS.md` defines them: the one implementation for charts, stress report and comparisons.
+//! Scores of light sets as defined in `host-sim/METRICS.md`, for charts, stress reports and comparisons.
 //!
-//! Everything is f64, all scores are dimensionless ratios and lower is better. Texels are those of
-//! [`Grid`], receivers those of [`receiver`]; [`Reference`] holds the irradiance of the receivers under a map and scores a
-//! [`LitSet`] against it; [`stability`] scores sequences.
+//! Arithmetic is f64; all scores are dimensionless ratios, and lower is better. Texels are those of [`Grid`], receivers those of
+//! [`receiver`]; [`Reference`] holds the irradiance of the receivers under a map and scores a [`LitSet`] against it; [`stability`] scores
+//! sequences.
 //!
 //! # Degenerate maps
-//! Errors are relative to the map. On an all-black map an error is 0 where the set is dark as well and
-//! infinite otherwise; it is never NaN.
+//! Errors are relative to the map. On a black map an error is 0 if the set is black as well and infinite otherwise; it is never NaN.
 
 mod disc;
 pub mod grid;
@@ -27,20 +26,20 @@ pub use reference::{Reference, Score};
 pub struct Lit {
     /// Unit vector from the probe towards the light, probe axes.
     pub direction: [f64; 3],
-    /// Perpendicular irradiance, RGB: the sum of L dOmega over what the light stands for.
+    /// Perpendicular irradiance, RGB: the sum of L dOmega over the light's region.
     pub irradiance: [f64; 3],
-    /// Angular radius of the disc that the light is read as, degrees, 0 to 90.
+    /// Angular radius of the light as a disc, degrees, 0 to 90.
     pub radius_deg: f64,
-    /// Names the light from frame to frame.
+    /// Identifier of the light, constant from frame to frame.
     pub id: u32,
 }
 
-/// The lights of one frame, and the ambient light beside them.
+/// Directional lights and ambient light of one frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LitSet {
     /// The directional lights.
     pub lights: Vec<Lit>,
-    /// Radiance in the nine functions of [`sh::basis`], RGB rows, probe axes.
+    /// Coefficients of ambient radiance for the nine functions of [`sh::basis`], RGB rows, probe axes.
     pub ambient_sh: Option<[[f64; 3]; 9]>,
 }
 
@@ -50,19 +49,19 @@ impl From<Vec<Lit>> for LitSet {
     }
 }
 
-/// Whether a light at `direction` counts: over the hemisphere those above the horizon or exactly on it.
+/// Returns whether a light at `direction` counts: on the hemisphere those above the horizon or exactly on it.
 #[must_use]
 pub fn holds(domain: Domain, direction: [f64; 3]) -> bool {
     domain == Domain::Sphere || direction[2] >= 0.0
 }
 
-/// Luminance of linear RGB: 0.2126 R + 0.7152 G + 0.0722 B.
+/// Returns the luminance of linear RGB: 0.2126 R + 0.7152 G + 0.0722 B.
 #[must_use]
 pub fn luminance(rgb: [f64; 3]) -> f64 {
     0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]
 }
 
-/// `error / scale`, where nothing over nothing is 0 and something over nothing is infinite.
+/// Returns `error / scale`; 0 / 0 is 0, and other errors over 0 are infinite.
 pub(crate) fn relative(error: f64, scale: f64) -> f64 {
     if error == 0.0 {
         0.0
@@ -73,7 +72,7 @@ pub(crate) fn relative(error: f64, scale: f64) -> f64 {
     }
 }
 
-/// Root of the mean square; 0 for no values.
+/// Returns the root mean square; 0 for no values.
 pub(crate) fn rms(values: impl ExactSizeIterator<Item = f64>) -> f64 {
     let count = values.len().max(1) as f64;
     (values.map(|v| v * v).sum::<f64>() / count).sqrt()

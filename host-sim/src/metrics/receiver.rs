@@ -9,8 +9,8 @@ pub const OPEN: usize = 768;
 /// Number of shadowed receivers.
 pub const SHADOWED: usize = 512;
 
-/// Direction `k` of the spherical Fibonacci lattice of `count` points: z = 1 - (2k + 1) / count,
-/// phi = 2 pi frac(0.6180339887498949 k).
+/// Returns direction `k` of the spherical Fibonacci lattice of `count` points: z = 1 - (2k + 1) / count, phi = 2 pi frac(0.6180339887498949
+/// k).
 #[must_use]
 pub fn fib(k: usize, count: usize) -> [f64; 3] {
     let z = 1.0 - (2 * k + 1) as f64 / count as f64;
@@ -22,30 +22,30 @@ pub fn fib(k: usize, count: usize) -> [f64; 3] {
 /// A receiver: a normal and a cone of directions that contribute no light.
 #[derive(Clone, Copy, Debug)]
 pub struct Receiver {
-    /// Unit normal.
+    /// Unit normal of the receiving surface.
     pub normal: [f64; 3],
     /// Axis of the occluding cone.
     pub axis: [f64; 3],
-    /// Cosine of the cone's half-angle; a value above 1 stands for no cone.
+    /// Cosine of the cone's half-angle; a value above 1 means that there is no cone.
     pub cos_half_angle: f64,
 }
 
 impl Receiver {
-    /// max(0, n . d) V(d): the weight of light from the unit vector `d`.
+    /// Returns max(0, n . d) V(d), the weight of light from the unit vector `d`.
     #[must_use]
     pub fn weight(&self, d: [f64; 3]) -> f64 {
         if dot(self.axis, d) > self.cos_half_angle { 0.0 } else { dot(self.normal, d).max(0.0) }
     }
 }
 
-/// Open receiver `k` of [`OPEN`].
+/// Returns open receiver `k` of [`OPEN`].
 #[must_use]
 pub fn open(k: usize) -> Receiver {
     let normal = fib(k, OPEN);
     Receiver { normal, axis: normal, cos_half_angle: 2.0 }
 }
 
-/// Shadowed receiver `k` of [`SHADOWED`]: a cone of 10 to 60 degrees half-angle around another lattice point.
+/// Returns shadowed receiver `k` of [`SHADOWED`]: a cone of 10 to 60 degrees half-angle around another lattice point.
 #[must_use]
 pub fn shadowed(k: usize) -> Receiver {
     let half_angle_deg = 10.0 + 50.0 * ((k as f64 + 0.5) * 0.754_877_666_246_692_7).fract();

@@ -1,4 +1,4 @@
-//! Irradiance of the probes under a map, and the errors of a light set against it.
+//! Irradiance of the receivers under a map, and the errors of a light set relative to it.
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -10,19 +10,19 @@ use crate::env::EnvMap;
 /// The accuracy of a light set on one map: dimensionless ratios, lower is better.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Score {
-    /// RMS over the open probes of (E_set - E_ref) / mu.
+    /// RMS of (E_set - E_ref) / mu over the open receivers, where mu is the mean of E_ref.
     pub open: f64,
-    /// RMS over the shadowed probes of (E_set - E_ref) / mu.
+    /// RMS of (E_set - E_ref) / mu over the shadowed receivers, where mu is the mean of E_ref.
     pub shadowed: f64,
-    /// `open` of the lights read as discs of their radius.
+    /// Error `open` of the lights read as discs of their radius.
     pub soft_open: f64,
-    /// `shadowed` of the lights read as discs of their radius.
+    /// Error `shadowed` of the lights read as discs of their radius.
     pub soft_shadowed: f64,
-    /// |set's sum - map's sum| / map's sum, of luminance; at most 1e-3 for a correct sampler.
+    /// Relative difference of the sums of luminance energy of the set and of the map; at most 1e-3 for a correct sampler.
     pub energy: f64,
 }
 
-/// The irradiance of every probe under one map.
+/// Irradiance of every receiver under one map.
 #[derive(Clone, Debug)]
 pub struct Reference {
     grid: Arc<Grid>,
@@ -31,7 +31,7 @@ pub struct Reference {
     total: f64,
 }
 
-/// E_ref of the probes of one kind, and mu, their mean.
+/// Irradiance E_ref of the receivers of one kind, and its mean mu.
 #[derive(Clone, Debug)]
 struct Truth {
     irradiance: Vec<f64>,
@@ -44,20 +44,20 @@ impl Truth {
         Self { irradiance, mu }
     }
 
-    /// RMS of `set - truth` over mu.
+    /// Returns the RMS of `set - truth` over mu.
     fn error(&self, set: &[f64]) -> f64 {
         relative(rms(set.iter().zip(&self.irradiance).map(|(set, truth)| set - truth)), self.mu)
     }
 }
 
 impl Reference {
-    /// Integrates `map` over all probes.
+    /// Integrates `map` over all receivers.
     #[must_use]
     pub fn new(map: &EnvMap, domain: Domain) -> Self {
         Self::on_grid(Arc::new(Grid::new(map, domain)), map)
     }
 
-    /// Integrates another map over the same domain; maps of one size share one grid.
+    /// Integrates another map over the same domain; maps of equal size share one grid.
     #[must_use]
     pub fn following(&self, map: &EnvMap) -> Self {
         if self.grid.fits(map) {
@@ -74,55 +74,55 @@ impl Reference {
         Self { grid, open, shadowed, total }
     }
 
-    /// The texels the sums ran over.
+    /// Texels over which the sums run.
     #[must_use]
     pub fn grid(&self) -> &Grid {
         &self.grid
     }
 
-    /// Sum of Y dOmega: the map's scalar flux density.
+    /// Returns the sum of Y dOmega, the map's scalar flux density.
     #[must_use]
     pub fn total(&self) -> f64 {
         self.total
     }
 
-    /// E_ref of the open probes.
+    /// Irradiance E_ref of the open receivers.
     #[must_use]
     pub fn open(&self) -> &[f64] {
         &self.open.irradiance
     }
 
-    /// E_ref of the shadowed probes.
+    /// Irradiance E_ref of the shadowed receivers.
     #[must_use]
     pub fn shadowed(&self) -> &[f64] {
         &self.shadowed.irradiance
     }
 
-    /// mu of the open probes.
+    /// Mean E_ref of the open receivers.
     #[must_use]
     pub fn open_mu(&self) -> f64 {
         self.open.mu
     }
 
-    /// mu of the shadowed probes.
+    /// Mean E_ref of the shadowed receivers.
     #[must_use]
     pub fn shadowed_mu(&self) -> f64 {
         self.shadowed.mu
     }
 
-    /// E_set of the open probes.
+    /// Returns the irradiance E_set of the open receivers under a light set.
     #[must_use]
     pub fn open_of(&self, set: &LitSet, reading: Reading) -> Vec<f64> {
         self.irradiance_of(set, reading, &OPEN_SET, |grid| &grid.ambient().open)
     }
 
-    /// E_set of the shadowed probes.
+    /// Returns the irradiance E_set of the shadowed receivers under a light set.
     #[must_use]
     pub fn shadowed_of(&self, set: &LitSet, reading: Reading) -> Vec<f64> {
         self.irradiance_of(set, reading, &SHADOWED_SET, |grid| &grid.ambient().shadowed)
     }
 
-    /// Scores a set against this map.
+    /// Scores a light set against this map.
     #[must_use]
     pub fn score(&self, set: &LitSet) -> Score {
         Score {
@@ -134,14 +134,14 @@ impl Reference {
         }
     }
 
-    /// The shadowed error alone: less work than [`Reference::score`], for long sequences.
+    /// Returns the shadowed error alone, which takes less time than [`Reference::score`].
     #[must_use]
     pub fn shadowed_error(&self, set: &LitSet, reading: Reading) -> f64 {
         self.shadowed.error(&self.shadowed_of(set, reading))
     }
 
-    /// Sum of Y(E) over the lights plus the ambient's: 2 sqrt(pi) Y(c00) over the sphere, the sum over
-    /// the texels over the hemisphere.
+    /// Returns the sum of Y(E) over the lights plus that of the ambient light: 2 sqrt(pi) Y(c00) on the sphere, the sum over the texels on
+    /// the hemisphere.
     #[must_use]
     pub fn energy_of(&self, set: &LitSet) -> f64 {
         let lights: f64 = self.counted(set).map(|(_, flux)| flux).sum();
@@ -169,14 +169,14 @@ impl Reference {
         sums
     }
 
-    /// (direction, radius in radians, Y(E)) of the lights inside the domain.
+    /// Returns (direction, radius in radians, Y(E)) of the lights inside of the domain.
     fn discs<'a>(&self, set: &'a LitSet) -> impl Iterator<Item = ([f64; 3], f64, f64)> + 'a {
         let domain = self.grid.domain();
         let inside = set.lights.iter().filter(move |light| holds(domain, light.direction));
         inside.map(|light| (light.direction, light.radius_deg.to_radians(), luminance(light.irradiance)))
     }
 
-    /// (direction, Y(E)) of the lights inside the domain.
+    /// Returns (direction, Y(E)) of the lights inside of the domain.
     fn counted<'a>(&self, set: &'a LitSet) -> impl Iterator<Item = ([f64; 3], f64)> + 'a {
         let domain = self.grid.domain();
         let inside = set.lights.iter().filter(move |light| holds(domain, light.direction));
@@ -184,7 +184,7 @@ impl Reference {
     }
 }
 
-/// Luminance of the ambient coefficients, where the set carries any.
+/// Returns the luminance of the ambient coefficients, if the set has any.
 pub(super) fn ambient_luminance(set: &LitSet) -> Option<[f64; 9]> {
     set.ambient_sh.map(|rows| rows.map(luminance))
 }

@@ -4,10 +4,10 @@
 
 use std::f64::consts::PI;
 
-/// Solid angle one of the twelve nodes of [`icosahedron`] stands for.
+/// Solid angle of each of the twelve nodes of [`icosahedron`], steradians.
 const NODE_SR: f64 = PI / 3.0;
 
-/// The nine basis functions at the unit vector `d`.
+/// Returns the nine basis functions at the unit vector `d`.
 #[must_use]
 pub fn basis([x, y, z]: [f64; 3]) -> [f64; 9] {
     let c0 = 0.5 * (1.0 / PI).sqrt();
@@ -27,17 +27,15 @@ pub fn basis([x, y, z]: [f64; 3]) -> [f64; 9] {
     ]
 }
 
-/// Value at `d` of the function with these coefficients.
+/// Returns the value at `d` of the function with these coefficients.
 #[must_use]
 pub fn evaluate(coefficients: &[f64; 9], d: [f64; 3]) -> f64 {
     basis(d).iter().zip(coefficients).map(|(y, c)| y * c).sum()
 }
 
-/// Coefficients of `f(d) = g(axes(d))`, where `sh` are those of g and `axes` is orthogonal (a rotation
-/// or a reflection).
+/// Returns the coefficients of `f(d) = g(axes(d))`, where `sh` are those of g and `axes` is orthogonal (a rotation or a reflection).
 ///
-/// Projection needs integrals of degree 4, for which the twelve vertices of the icosahedron are exact
-/// (they are a spherical 5-design).
+/// The projection needs integrals of degree 4, for which the twelve vertices of the icosahedron are exact (a spherical 5-design).
 #[must_use]
 pub fn change_axes(sh: &[[f64; 3]; 9], axes: impl Fn([f64; 3]) -> [f64; 3]) -> [[f64; 3]; 9] {
     let mut turned = [[0.0; 3]; 9];
@@ -53,7 +51,7 @@ pub fn change_axes(sh: &[[f64; 3]; 9], axes: impl Fn([f64; 3]) -> [f64; 3]) -> [
     turned
 }
 
-/// Vertices of the regular icosahedron: the cyclic permutations of (0, +-1, +-golden ratio), normalised.
+/// Returns the vertices of the regular icosahedron: the cyclic permutations of (0, +-1, +-golden ratio), normalised.
 fn icosahedron() -> [[f64; 3]; 12] {
     let golden = (1.0 + 5.0f64.sqrt()) / 2.0;
     let length = (1.0 + golden * golden).sqrt();
@@ -73,7 +71,7 @@ mod tests {
 
     #[test]
     fn basis_matches_the_vector_of_the_format() {
-        // The test vector printed in the light set's format: a unit light from (1, 2, 3) / sqrt(14).
+        // The test vector of the light set's format: a unit light from (1, 2, 3) / sqrt(14).
         let printed =
             [0.282095, 0.261169, 0.391754, 0.130585, 0.156078, 0.468235, 0.292864, 0.234117, -0.117059];
         let d = unit([1.0, 2.0, 3.0]).unwrap();

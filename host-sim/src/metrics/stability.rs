@@ -1,7 +1,7 @@
-//! Scores of a sequence: plain functions over its references (or maps) and light sets, frame by frame.
+//! Scores of a sequence: functions over its references (or maps) and light sets, frame by frame.
 //!
-//! E_set and E_ref are those of the shadowed probes, mu(t) their mean E_ref in frame t. Slices belong
-//! together frame by frame; where one is longer, its rest does not count.
+//! E_set and E_ref are those of the shadowed receivers, mu(t) is the mean E_ref of frame t. Slices are combined frame by frame up to the
+//! length of the shortest one.
 
 use std::collections::{HashMap, HashSet};
 
@@ -12,14 +12,14 @@ use crate::env::EnvMap;
 
 /// Largest angle between a light and a true source to which it belongs, degrees (transit energy).
 pub const NEAR_SOURCE_DEG: f64 = 10.0;
-/// Radius of a moving source's neighbourhood, degrees; also the error of having no light in it.
+/// Radius of a moving source's neighbourhood, degrees; also the error if there is no light in it.
 pub const NEIGHBOURHOOD_DEG: f64 = 15.0;
-/// E_ref of a probe that cannot see a source changes by no more than this, relative to mu.
+/// Largest change of E_ref, relative to mu, of a receiver that cannot see a source.
 pub const UNCHANGED: f64 = 1e-6;
-/// A step is over when the shadowed error is within this factor of its steady value.
+/// Ratio of the shadowed error to its steady value below which a step is over.
 pub const SETTLED: f64 = 1.25;
 
-/// Mean and largest of a figure over the frames.
+/// Mean and largest value of a score over the frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spread {
     /// Arithmetic mean.
@@ -29,7 +29,7 @@ pub struct Spread {
 }
 
 impl Spread {
-    /// Mean and largest of `values`; `None` for no values.
+    /// Returns the mean and the largest of `values`; `None` if there are none.
     #[must_use]
     pub fn of(values: &[f64]) -> Option<Self> {
         let max = values.iter().copied().reduce(f64::max)?;
@@ -37,7 +37,7 @@ impl Spread {
     }
 }
 
-/// Irradiance of each set beyond its reference's at every shadowed probe.
+/// Returns, for each frame, the irradiance of the set minus that of the reference at every shadowed receiver.
 fn excess(references: &[Reference], sets: &[LitSet], reading: Reading) -> Vec<Vec<f64>> {
     let pairs = references.iter().zip(sets);
     pairs
@@ -45,8 +45,8 @@ fn excess(references: &[Reference], sets: &[LitSet], reading: Reading) -> Vec<Ve
         .collect()
 }
 
-/// Change of the set's light beyond the change of the scene's: for t = 1, 2, ...
-/// RMS_k((E_set(t) - E_set(t-1)) - (E_ref(t) - E_ref(t-1))) / mu(t).
+/// Returns, for t = 1, 2, ..., the change of the set's light that differs from the scene's: RMS_k((E_set(t) - E_set(t-1)) - (E_ref(t) -
+/// E_ref(t-1))) / mu(t).
 #[must_use]
 pub fn flicker(references: &[Reference], sets: &[LitSet], reading: Reading) -> Vec<f64> {
     let excess = excess(references, sets, reading);
@@ -54,14 +54,14 @@ pub fn flicker(references: &[Reference], sets: &[LitSet], reading: Reading) -> V
     steps.map(|(e, now)| relative(rms(differences(&e[1], &e[0]).into_iter()), now.shadowed_mu())).collect()
 }
 
-/// The shadowed error of a set over some of the shadowed probes alone; mu is the mean over these.
+/// Returns the shadowed error of a set over a subset of the shadowed receivers; mu is the mean over the subset.
 #[must_use]
 pub fn shadowed_error_among(reference: &Reference, set: &LitSet, reading: Reading, probes: &[usize]) -> f64 {
     let excess = differences(&reference.shadowed_of(set, reading), reference.shadowed());
     relative(rms(probes.iter().map(|&k| excess[k])), mu_among(reference, probes))
 }
 
-/// [`flicker`] over some of the shadowed probes alone; mu is the mean over these.
+/// Returns [`flicker`] over a subset of the shadowed receivers; mu is the mean over the subset.
 #[must_use]
 pub fn flicker_among(
     references: &[Reference],
@@ -79,19 +79,19 @@ fn mu_among(reference: &Reference, probes: &[usize]) -> f64 {
     probes.iter().map(|&k| reference.shadowed()[k]).sum::<f64>() / probes.len().max(1) as f64
 }
 
-/// One frame of a sequence: the reference of its map and the light set that stands for the map.
+/// One frame of a sequence: the reference of its map and the light set that represents the map.
 #[derive(Clone, Copy, Debug)]
 pub struct ScoredFrame<'a> {
-    /// Irradiance of the probes under the map.
+    /// Irradiance of the receivers under the map.
     pub reference: &'a Reference,
-    /// The light set.
+    /// Light set of the frame.
     pub set: &'a LitSet,
 }
 
-/// Change of the light at receivers that cannot see the switched source: RMS_k(E_set(after) - E_set(before)) / mu(after)
-/// over the probes with |E_ref(after) - E_ref(before)| <= 1e-6 mu(after).
+/// Returns the change of the light at receivers that cannot see the switched source: RMS_k(E_set(after) - E_set(before)) / mu(after) over
+/// the receivers with |E_ref(after) - E_ref(before)| <= 1e-6 mu(after).
 ///
-/// Ideally 0; none where every probe sees the source.
+/// The ideal value is 0; `None` if every receiver sees the source.
 #[must_use]
 pub fn unwarranted_change(before: ScoredFrame<'_>, after: ScoredFrame<'_>) -> Option<f64> {
     let mu = after.reference.shadowed_mu();
@@ -103,8 +103,8 @@ pub fn unwarranted_change(before: ScoredFrame<'_>, after: ScoredFrame<'_>) -> Op
     (!blind.is_empty()).then(|| relative(rms(blind.into_iter()), mu))
 }
 
-/// Mean angle in degrees that a light moves per frame, over all pairs of lights of one id in successive
-/// frames; on a static noisy scene this is noise. None where no id lives for two frames.
+/// Returns the mean angle in degrees by which a light moves per frame, over all pairs of lights of one id in successive frames; in a static
+/// noisy scene it is noise. `None` if no id persists for two frames.
 #[must_use]
 pub fn motion_noise_deg(sets: &[LitSet]) -> Option<f64> {
     let (mut sum, mut count) = (0.0, 0usize);
@@ -120,8 +120,8 @@ pub fn motion_noise_deg(sets: &[LitSet]) -> Option<f64> {
     (count > 0).then(|| sum / count as f64)
 }
 
-/// Largest change of a light's radius from one frame to the next, over the radius before, over all pairs of lights of one id in
-/// successive frames. None where no id lives for two frames.
+/// Returns the largest relative change of a light's radius between successive frames, over all lights of one id. `None` if no id persists
+/// for two frames.
 #[must_use]
 pub fn radius_change(sets: &[LitSet]) -> Option<f64> {
     let mut largest: Option<f64> = None;
@@ -137,12 +137,12 @@ pub fn radius_change(sets: &[LitSet]) -> Option<f64> {
     largest
 }
 
-/// Frames after an abrupt change until the shadowed error is within 1.25 x its steady value; the frame
-/// `change`, which shows the change, counts 1.
+/// Returns the number of frames after an abrupt change until the shadowed error is within 1.25 x its steady value; the frame `change`,
+/// which shows the change, counts as 1.
 ///
-/// The steady value is the median error over the last quarter of the frames from `change` on (at least
-/// one frame), so a sequence should go on until its sampler has come to rest. Errors below 1e-9 are
-/// rounding and count as settled. None where the sequence ends before `change`.
+/// The steady value is the median error over the last quarter of the frames from `change` on (at least one frame), so a sequence should
+/// continue until its sampler is steady. Errors below 1e-9 are rounding errors and count as settled. `None` if the sequence ends before
+/// `change`.
 #[must_use]
 pub fn step_response(shadowed_errors: &[f64], change: usize) -> Option<usize> {
     let after = shadowed_errors.get(change..).filter(|frames| !frames.is_empty())?;
@@ -152,25 +152,25 @@ pub fn step_response(shadowed_errors: &[f64], change: usize) -> Option<usize> {
     after.iter().position(|&error| error <= limit).map(|at| at + 1)
 }
 
-/// A light source of compact support, as the scene has it.
+/// A light source of compact support in the scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Source {
-    /// Unit vector from the probe towards its middle.
+    /// Unit vector from the probe towards the centre of the source.
     pub direction: [f64; 3],
-    /// Angular radius; distances are to the rim.
+    /// Angular radius of the source, degrees.
     pub radius_deg: f64,
 }
 
 impl Source {
-    /// Angle from the source's rim to `d`, degrees; 0 inside.
+    /// Returns the angle from the source's rim to `d`, degrees; 0 inside of the source.
     #[must_use]
     pub fn distance_deg(&self, d: [f64; 3]) -> f64 {
         (angle_deg(self.direction, d) - self.radius_deg).max(0.0)
     }
 }
 
-/// |set - reference| luminous energy of one frame farther than 10 degrees from every source: lights and
-/// ambient on one side, Y dOmega on the other.
+/// Returns |set - reference| of the luminous energy of one frame beyond 10 degrees from every source: lights and ambient light on one side,
+/// Y dOmega on the other.
 #[must_use]
 pub fn stray_energy(grid: &Grid, map: &EnvMap, set: &LitSet, sources: &[Source]) -> f64 {
     let far = |d: [f64; 3]| sources.iter().all(|source| source.distance_deg(d) > NEAR_SOURCE_DEG);
@@ -179,18 +179,18 @@ pub fn stray_energy(grid: &Grid, map: &EnvMap, set: &LitSet, sources: &[Source])
     (made - truth).abs()
 }
 
-/// Transit energy: the largest [`stray_energy`] of the frames, over the switched source's energy (its sum
-/// of Y dOmega). Large where lights move between sources through empty sky.
+/// Returns the transit energy: the largest [`stray_energy`] of the frames, over the switched source's energy (its sum of Y dOmega). It is
+/// large if lights move between sources through empty sky.
 #[must_use]
 pub fn transit_energy(stray: &[f64], switched_energy: f64) -> f64 {
     relative(stray.iter().copied().fold(0.0, f64::max), switched_energy)
 }
 
-/// Angle in degrees between the energy-weighted mean direction within 15 degrees of a moving source in
-/// the set and the same mean in the reference map; no light there counts 15 degrees.
+/// Returns the angle in degrees between the energy-weighted mean direction within 15 degrees of a moving source in the set and the same
+/// mean in the reference map; 15 degrees if the set has no light there.
 ///
-/// Ambient light counts in the set's mean as the map's background does in the reference's. None where
-/// the map is black there (a source below the horizon).
+/// Ambient light counts in the set's mean like the map's background in the reference's. `None` if the map is black there (a source below
+/// the horizon).
 #[must_use]
 pub fn tracking_error_deg(grid: &Grid, map: &EnvMap, set: &LitSet, source: [f64; 3]) -> Option<f64> {
     let near = |d: [f64; 3]| angle_deg(source, d) <= NEIGHBOURHOOD_DEG;
@@ -200,7 +200,7 @@ pub fn tracking_error_deg(grid: &Grid, map: &EnvMap, set: &LitSet, source: [f64;
     Some(made.map_or(NEIGHBOURHOOD_DEG, |made| angle_deg(made, truth)))
 }
 
-/// Lights born plus lights that died, by id, for t = 1, 2, ...
+/// Returns, for t = 1, 2, ..., the number of ids that appeared plus the number of ids that disappeared.
 #[must_use]
 pub fn churn(sets: &[LitSet]) -> Vec<f64> {
     let ids: Vec<HashSet<u32>> =
@@ -208,13 +208,13 @@ pub fn churn(sets: &[LitSet]) -> Vec<f64> {
     ids.windows(2).map(|pair| pair[0].symmetric_difference(&pair[1]).count() as f64).collect()
 }
 
-/// The fewest lights among (lights, shadowed error) with which an error of `tolerance` is reached.
+/// Returns the least number of lights among (lights, shadowed error) pairs whose error is at most `tolerance`.
 #[must_use]
 pub fn parsimony(points: &[(usize, f64)], tolerance: f64) -> Option<usize> {
     points.iter().filter(|(_, error)| *error <= tolerance).map(|&(lights, _)| lights).min()
 }
 
-/// (direction, luminous energy) of the lights that count, then of the ambient's texels.
+/// Returns (direction, luminous energy) of the lights inside of the domain, then of the ambient light's texels.
 fn set_fluxes<'a>(grid: &'a Grid, set: &'a LitSet) -> impl Iterator<Item = ([f64; 3], f64)> + 'a {
     let inside = set.lights.iter().filter(|light| holds(grid.domain(), light.direction));
     let lights = inside.map(|light| (light.direction, luminance(light.irradiance)));
@@ -225,7 +225,7 @@ fn set_fluxes<'a>(grid: &'a Grid, set: &'a LitSet) -> impl Iterator<Item = ([f64
     lights.chain(ambient)
 }
 
-/// First moment of the fluxes; none where they cancel or are none.
+/// Returns the direction of the first moment of the fluxes; `None` if they cancel or there are none.
 fn mean_direction(fluxes: impl Iterator<Item = ([f64; 3], f64)>) -> Option<[f64; 3]> {
     let mut moment = [0.0; 3];
     fluxes.for_each(|(d, flux)| add_scaled(&mut moment, d, flux));

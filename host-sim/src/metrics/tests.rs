@@ -1,4 +1,4 @@
-//! Closed forms: what the probes must read under skies that can be integrated on paper.
+//! Scores under skies whose irradiance has a closed form.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -18,7 +18,7 @@ fn one_texel(row: usize, column: usize) -> EnvMap {
     EnvMap::new(128, 64, texels)
 }
 
-/// One light per lit texel: the perfect set.
+/// Returns one light per lit texel, a set without error.
 fn texel_lights(map: &EnvMap, domain: Domain) -> LitSet {
     let grid = Grid::new(map, domain);
     let lit = |(k, (direction, irradiance))| Lit { direction, irradiance, radius_deg: 0.0, id: k as u32 };
@@ -30,7 +30,7 @@ fn light(direction: [f64; 3], energy: f64, id: u32) -> Lit {
 }
 
 #[test]
-fn fib_gives_the_documented_points() {
+fn the_fibonacci_lattice_has_the_documented_points() {
     // k = 0 and 1 of 4: z = 3/4 and 1/4, phi = 0 and 2 pi 0.618... = 3.883222 rad.
     let [a, b] = [fib(0, 4), fib(1, 4)];
     assert!(norm([a[0] - 0.4375f64.sqrt(), a[1], a[2] - 0.75]) < 1e-15);
@@ -85,8 +85,8 @@ fn constant_hemisphere_gives_half_of_one_plus_the_cosine() {
 
 #[test]
 fn shadow_on_the_normal_takes_sine_squared_of_its_half_angle() {
-    // Constant sky, cone of half-angle a round the normal: E = pi (1 - sin^2 a) = pi cos^2 a. Measured on
-    // the probe whose cone is nearest its normal, where the cone stays inside the upper half.
+    // Constant sky and a cone of half-angle a around the normal: E = pi (1 - sin^2 a) = pi cos^2 a. The receiver whose axis is nearest its
+    // normal is measured, where the cone stays inside of the upper half.
     let near = |k: &usize| angle_deg(shadowed(*k).normal, shadowed(*k).axis);
     let k = (0..SHADOWED).min_by(|a, b| near(a).total_cmp(&near(b))).unwrap();
     let (probe, tilt) = (shadowed(k), near(&k).to_radians());
@@ -131,7 +131,7 @@ fn bright_texel_is_a_point_light() {
 }
 
 #[test]
-fn light_per_texel_scores_nothing() {
+fn one_light_per_texel_has_no_error() {
     for domain in [Domain::Sphere, Domain::Hemisphere] {
         let map = sky(|d| 1.0 + d[0] + 3.0 * d[2].max(0.0));
         let score = Reference::new(&map, domain).score(&texel_lights(&map, domain));
@@ -140,7 +140,7 @@ fn light_per_texel_scores_nothing() {
 }
 
 #[test]
-fn scaled_set_scores_its_scale() {
+fn a_scaled_set_has_the_error_of_its_scale() {
     // Every E_set is 1.25 E_ref: the energy error is 1/4 and the open one sqrt(mean E^2) / 4 mean E.
     let map = sky(|d| 1.0 + d[1]);
     let mut set = texel_lights(&map, Domain::Sphere);
@@ -175,7 +175,7 @@ fn ambient_alone_reproduces_a_smooth_sky() {
 }
 
 #[test]
-fn hemisphere_leaves_out_what_is_below() {
+fn the_hemisphere_ignores_light_below_the_horizon() {
     let map = sky(|d| if d[2] < 0.0 { 100.0 } else { 1.0 });
     let above = Reference::new(&map, Domain::Hemisphere);
     assert!((above.total() - TAU).abs() < 1e-9);
@@ -185,7 +185,7 @@ fn hemisphere_leaves_out_what_is_below() {
 }
 
 #[test]
-fn black_map_is_perfect_in_the_dark_and_infinitely_wrong_lit() {
+fn on_a_black_map_a_black_set_has_error_0_and_a_lit_set_an_infinite_one() {
     let reference = Reference::new(&sky(|_| 0.0), Domain::Sphere);
     assert_eq!(
         reference.score(&LitSet::default()),
@@ -197,8 +197,8 @@ fn black_map_is_perfect_in_the_dark_and_infinitely_wrong_lit() {
 }
 
 #[test]
-fn flicker_is_the_change_the_scene_did_not_make() {
-    // A constant scene under one light whose energy goes 1, 1, 1.5 times the truth.
+fn flicker_excludes_the_change_of_the_scene() {
+    // A constant scene under one light with 1, 1 and 1.5 times the true energy.
     let map = one_texel(5, 5);
     let first = Reference::new(&map, Domain::Sphere);
     let references = [first.clone(), first.following(&map), first.clone()];
@@ -210,7 +210,7 @@ fn flicker_is_the_change_the_scene_did_not_make() {
     let expected = 0.5 * (e.iter().map(|v| v * v).sum::<f64>() / e.len() as f64).sqrt() / first.shadowed_mu();
     assert_eq!(flicker[0], 0.0);
     assert!((flicker[1] - expected).abs() < 1e-12);
-    // A scene that makes the change itself does not flicker.
+    // A scene with the same change does not count as flicker.
     let double = EnvMap::new(128, 64, map.texels().iter().map(|t| t.map(|v| 2.0 * v)).collect());
     let sets = [texel_lights(&map, Domain::Sphere), texel_lights(&double, Domain::Sphere)];
     assert!(
@@ -219,7 +219,7 @@ fn flicker_is_the_change_the_scene_did_not_make() {
 }
 
 #[test]
-fn unwarranted_change_looks_at_the_blind_probes_alone() {
+fn unwarranted_change_counts_only_receivers_that_cannot_see_the_source() {
     let (dark, lit) = (one_texel(5, 5), {
         let mut texels = one_texel(5, 5).texels().to_vec();
         texels[60 * 128 + 7] = [1000.0; 3];
@@ -235,8 +235,8 @@ fn unwarranted_change_looks_at_the_blind_probes_alone() {
         ),
         Some(0.0)
     );
-    // A sampler that puts a light of unit energy at the zenith when the source is switched on: the probes
-    // that see the zenith and not the source notice.
+    // A sampler that creates a light of unit energy at the zenith when the source is switched on changes the receivers that see the zenith
+    // and not the source.
     let mut leaky = is.clone();
     leaky.lights.push(light([0.0, 0.0, 1.0], 1.0, 9999));
     let blind = |k: &usize| shadowed(*k).weight(direction(128, 64, 60, 7)) == 0.0;
@@ -251,7 +251,7 @@ fn unwarranted_change_looks_at_the_blind_probes_alone() {
 }
 
 #[test]
-fn motion_noise_and_churn_go_by_id() {
+fn motion_noise_and_churn_match_lights_by_id() {
     let at = |deg: f64| [deg.to_radians().sin(), 0.0, deg.to_radians().cos()];
     let sets: Vec<LitSet> = vec![
         vec![light(at(0.0), 1.0, 1), light(at(50.0), 1.0, 2)].into(),
@@ -272,7 +272,7 @@ fn step_response_counts_the_frame_of_the_change() {
 }
 
 #[test]
-fn transit_energy_is_what_travels_through_empty_sky() {
+fn transit_energy_is_the_light_in_empty_sky() {
     let map = one_texel(32, 64);
     let grid = Grid::new(&map, Domain::Sphere);
     let source = Source { direction: direction(128, 64, 32, 64), radius_deg: 1.0 };
@@ -286,10 +286,10 @@ fn transit_energy_is_what_travels_through_empty_sky() {
 }
 
 #[test]
-fn tracking_error_is_the_angle_of_the_means() {
+fn tracking_error_is_the_angle_between_the_means() {
     let map = one_texel(32, 64);
     let (grid, d) = (Grid::new(&map, Domain::Sphere), direction(128, 64, 32, 64));
-    // Two equal lights 4 degrees apart, one on the source: the mean is 2 degrees off.
+    // Two equal lights 4 degrees apart, one at the source: their mean is 2 degrees from it.
     let phi = d[1].atan2(d[0]) + 4.0f64.to_radians();
     let r = (1.0 - d[2] * d[2]).sqrt();
     let beside = unit([r * phi.cos(), r * phi.sin(), d[2]]).unwrap();
@@ -300,14 +300,14 @@ fn tracking_error_is_the_angle_of_the_means() {
 }
 
 #[test]
-fn parsimony_is_the_smallest_count_that_will_do() {
+fn parsimony_is_the_least_number_within_the_tolerance() {
     let points = [(64, 0.02), (16, 0.08), (32, 0.04), (128, 0.01)];
     assert_eq!(parsimony(&points, 0.05), Some(32));
     assert_eq!(parsimony(&points, 0.001), None);
 }
 
 #[test]
-fn the_core_knows_the_same_receivers() {
+fn the_core_has_the_same_receivers() {
     use hemilux_core::receiver;
     let near = |a: [f64; 3], b: glam::Vec3| (0..3).all(|i| (a[i] - f64::from(b[i])).abs() < 1e-6);
     assert_eq!((receiver::OPEN, receiver::SHADOWED), (OPEN, SHADOWED));

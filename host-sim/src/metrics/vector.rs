@@ -1,6 +1,6 @@
 //! Vectors of three f64 for the scores.
 
-/// Scalar product.
+/// Returns the scalar product.
 pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
@@ -12,18 +12,18 @@ pub(crate) fn add_scaled(a: &mut [f64; 3], b: [f64; 3], scale: f64) {
     }
 }
 
-/// Length.
+/// Returns the length of a vector.
 pub(crate) fn norm(a: [f64; 3]) -> f64 {
     dot(a, a).sqrt()
 }
 
-/// The unit vector along `a`; none where `a` has no direction.
+/// Returns the unit vector along `a`; `None` if `a` has no direction.
 pub(crate) fn unit(a: [f64; 3]) -> Option<[f64; 3]> {
     let length = norm(a);
     (length > 0.0 && length.is_finite()).then(|| a.map(|v| v / length))
 }
 
-/// Angle between two vectors, degrees; accurate for small ones too.
+/// Returns the angle between two vectors in degrees, accurate for small angles too.
 pub(crate) fn angle_deg(a: [f64; 3], b: [f64; 3]) -> f64 {
     let cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
     norm(cross).atan2(dot(a, b)).to_degrees()

@@ -1,8 +1,8 @@
-//! `hemilux-sim render`: pictures of a scene under a map and under a light set, and their difference.
+//! `hemilux-sim render`: renders a scene under a map and under a light set, with their difference.
 //!
-//! A ground plane, a glossy sphere, a box and a torus, lit directly (no light between surfaces) under the map and under the light set,
-//! both with hard shadow rays, and the signed difference. The map is a list of directional lights too, so fine that it counts as the
-//! truth: its texels where they are few, else the 3,072 quads of HEALPix order 4, each from its energy centroid.
+//! The scene is a ground plane, a glossy sphere, a box and a torus with direct lighting (no light between surfaces) and hard shadow rays.
+//! The map is rendered as a dense set of directional lights, which serves as the reference: its texels if they are few, else the 3,072
+//! quads of HEALPix order 4, each from its energy centroid.
 
 mod letters;
 mod over;
@@ -28,34 +28,34 @@ use shade::Directional;
 use std::f64::consts::PI;
 use std::path::PathBuf;
 
-/// Sides of a panel, pixels.
+/// Width and height of a panel, pixels.
 const PANEL: [usize; 2] = [640, 420];
-/// Largest number of lit texels that are rendered one light each; larger maps are reduced to quads.
+/// Largest number of lit texels that are rendered with one light each; larger maps are reduced to quads.
 const TEXELS: usize = 4096;
-/// Order of the quads that stand for larger maps: 3,072 of 3.7 degrees.
+/// Order of the quads to which larger maps are reduced: 3,072 quads of 3.7 degrees.
 const ORDER: u8 = 4;
-/// Directions that stand for ambient light.
+/// Number of directions by which ambient light is approximated.
 const AMBIENT: usize = 512;
 
 /// Arguments of `render`.
 #[derive(Clone, Debug)]
 pub struct Job {
-    /// The map.
+    /// Path of the environment map.
     pub env: PathBuf,
     /// Options for reading the map.
     pub options: ReadOptions,
-    /// The light set, JSON.
+    /// Path of the light set, JSON.
     pub set: PathBuf,
-    /// The picture.
+    /// Path of the picture.
     pub out: PathBuf,
-    /// A photograph to set the objects into.
+    /// Path of a photograph into which the objects are inserted.
     pub over: Option<PathBuf>,
 }
 
-/// Writes the picture.
+/// Renders the scene and writes the picture.
 ///
 /// # Errors
-/// [`SimError`].
+/// [`SimError`] if an input cannot be read or the picture cannot be written.
 pub fn run(job: &Job) -> Result<(), SimError> {
     let set = read_set(&job.set)?;
     let env = decompose::read(&job.env, &job.options)?;
@@ -67,7 +67,7 @@ pub fn run(job: &Job) -> Result<(), SimError> {
     output::save_picture(&job.out, &picture)
 }
 
-/// Reference, light set and difference, with labels.
+/// Returns the reference, the light set's rendering and the difference, with labels.
 fn side_by_side(env: &EnvMap, made: &[Directional], lights: usize) -> image::RgbImage {
     let truth = of_map(env);
     let scene = Scene::STANDARD;
@@ -88,11 +88,11 @@ pub struct Shot {
     pub size: [usize; 2],
     /// Radiance, row-major.
     pub radiance: Vec<[f64; 3]>,
-    /// Whether the pixel shows a surface and not the map.
+    /// Whether a pixel shows a surface of the scene; otherwise it shows the map.
     pub surface: Vec<bool>,
 }
 
-/// Renders one panel, rows over all cores; where no surface is the map itself is seen.
+/// Renders one panel with its rows distributed over all cores; pixels without a surface show the map.
 fn shoot(scene: &Scene, camera: &Camera, lights: &[Directional], env: &EnvMap, what: &'static str) -> Shot {
     let [width, height] = camera.size;
     let bar = progress::bar(what, height);
@@ -119,7 +119,7 @@ fn lookup(env: &EnvMap, d: [f64; 3]) -> [f64; 3] {
     env.texels()[row.min(env.height() - 1) * env.width() + column.min(env.width() - 1)].map(f64::from)
 }
 
-/// The map as directional lights.
+/// Converts the map to directional lights.
 fn of_map(env: &EnvMap) -> Vec<Directional> {
     let grid = Grid::new(env, Domain::Sphere);
     if grid.luminous(env).take(TEXELS + 1).count() <= TEXELS {
@@ -138,7 +138,7 @@ fn of_map(env: &EnvMap) -> Vec<Directional> {
     quads.map(light).collect()
 }
 
-/// A light set as directional lights; its ambient light as many small ones.
+/// Converts a light set to directional lights; its ambient light becomes many dim ones.
 fn of_set(set: &LitSet) -> Vec<Directional> {
     let lights = set.lights.iter().map(|l| Directional { direction: l.direction, irradiance: l.irradiance });
     let ambient = set.ambient_sh.iter().flat_map(|rows| {

@@ -1,7 +1,7 @@
-//! Differential rendering [Debevec1998]: the objects set into a photograph.
+//! Differential rendering [Debevec1998]: the objects inserted into a photograph.
 //!
-//! Where an object is seen it is drawn; elsewhere the photograph gains what the objects change, scene with minus scene without them.
-//! The ground's true albedo is not known: the rendered empty ground is scaled to the photograph's mean on it.
+//! Pixels of objects show the rendering; to other pixels of the photograph the effect of the objects is added, the scene minus the scene
+//! without objects. Since the albedo of the ground is unknown, the rendered empty ground is scaled to the photograph's mean on it.
 
 use super::picture;
 use super::scene::{Camera, Scene};
@@ -12,9 +12,9 @@ use crate::progress;
 use image::RgbImage;
 use std::path::Path;
 
-/// Largest number of columns and of rows after a photograph is shrunk.
+/// Largest number of columns and of rows to which a photograph is reduced.
 const LARGEST: u32 = 1600;
-/// Largest photograph, pixels a side.
+/// Largest side of a photograph, pixels.
 const LIMIT: u32 = 20_000;
 
 /// Reads a photograph.
@@ -38,17 +38,17 @@ pub fn read(path: &Path) -> Result<RgbImage, SimError> {
     Ok(photo.into_rgb8())
 }
 
-/// One pixel's share of the composite.
+/// One pixel of the composite.
 struct Pixel {
     with: [f64; 3],
     without: [f64; 3],
-    /// Whether an object is seen.
+    /// Whether the pixel shows an object.
     object: bool,
-    /// Whether the ground is behind it or seen.
+    /// Whether the pixel shows the ground, or the ground is behind the object.
     ground: bool,
 }
 
-/// The photograph with the objects in it.
+/// Returns the photograph with the objects inserted.
 #[must_use]
 pub fn composite(photo: &RgbImage, lights: &[Directional]) -> RgbImage {
     let camera = Camera::new([photo.width() as usize, photo.height() as usize]);
@@ -92,7 +92,7 @@ fn trace(camera: &Camera, column: usize, row: usize, lights: &[Directional]) -> 
     }
 }
 
-/// The photograph's mean luminance on the ground over the rendered empty ground's; 1 where that is dark.
+/// Returns the ratio of the photograph's mean luminance on the ground to that of the rendered empty ground; 1 if the latter is dark.
 fn ground_scale(pixels: &[Pixel], photo: &[[f64; 3]]) -> f64 {
     let ground = || pixels.iter().zip(photo).filter(|(p, _)| p.ground && !p.object);
     let rendered: f64 = ground().map(|(p, _)| luminance(p.without)).sum();

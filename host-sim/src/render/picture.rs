@@ -1,20 +1,20 @@
-//! From radiance to a labelled picture.
+//! Conversion of radiance to a labelled picture.
 
 use super::{Shot, letters};
 use crate::metrics::luminance;
 use hemilux_core::tonemap::srgb_code;
 use image::{Rgb, RgbImage};
 
-/// Height of the strip of labels, pixels.
+/// Height of the strip with the labels, pixels.
 const STRIP: usize = 28;
-/// Between panels, pixels.
+/// Gap between panels, pixels.
 const GAP: usize = 4;
-/// Part of full scale that the brightest twentieth of the surfaces begins at.
+/// Display value of the 95th percentile of the surfaces' luminance, as a part of full scale.
 const BRIGHT: f64 = 0.8;
-/// Factor by which the difference is enlarged.
+/// Factor by which the difference is amplified.
 const ENLARGED: f64 = 4.0;
 
-/// Full scale over radiance: the 95th percentile of the surfaces' luminance becomes [`BRIGHT`].
+/// Returns the scale from radiance to display values, at which the 95th percentile of the surfaces' luminance is [`BRIGHT`].
 pub(super) fn exposure(shot: &Shot) -> f64 {
     let surfaces = shot.radiance.iter().zip(&shot.surface).filter(|(_, surface)| **surface);
     let mut values: Vec<f64> = surfaces.map(|(rgb, _)| luminance(*rgb)).collect();
@@ -25,12 +25,12 @@ pub(super) fn exposure(shot: &Shot) -> f64 {
     }
 }
 
-/// Display colour of linear values, 1 white.
+/// Returns the display colour of linear values, 1 being white.
 pub(super) fn display(rgb: [f64; 3]) -> Rgb<u8> {
     Rgb(rgb.map(|v| srgb_code(v as f32)))
 }
 
-/// RMS of the luminance difference on surfaces over the reference's mean there; 0 where both are dark.
+/// Returns the RMS of the luminance difference on surfaces over the mean of the reference there; 0 if both are dark.
 pub(super) fn relative_rms(reference: &Shot, found: &Shot) -> f64 {
     let (mut squares, mut sum, mut count) = (0.0, 0.0, 0.0f64);
     for k in (0..reference.radiance.len()).filter(|&k| reference.surface[k]) {
@@ -42,7 +42,7 @@ pub(super) fn relative_rms(reference: &Shot, found: &Shot) -> f64 {
     crate::metrics::relative((squares / count.max(1.0)).sqrt(), sum / count.max(1.0))
 }
 
-/// Reference, light set and signed difference side by side; the third label is written here.
+/// Draws the reference, the light set's rendering and the signed difference side by side; the third label is made here.
 pub(super) fn panels(reference: &Shot, found: &Shot, labels: [String; 3]) -> RgbImage {
     let [width, height] = reference.size;
     let full = ((width + GAP) * 3 - GAP, height + STRIP);
@@ -68,7 +68,7 @@ pub(super) fn panels(reference: &Shot, found: &Shot, labels: [String; 3]) -> Rgb
     picture
 }
 
-/// From blue (too dark) over grey to orange (too bright); 1 is the end.
+/// Returns a colour from blue (too dark) over grey to orange (too bright) for values from -1 to 1.
 fn signed(v: f64) -> Rgb<u8> {
     const ENDS: [[f64; 3]; 2] = [[0.0, 40.0, 200.0], [255.0, 130.0, 0.0]];
     let end = ENDS[usize::from(v > 0.0)];

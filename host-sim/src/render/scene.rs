@@ -1,4 +1,4 @@
-//! The scene: ground z = 0, a glossy sphere, a box, a torus; probe axes, z up, lengths without unit.
+//! The scene: ground z = 0, a glossy sphere, a box and a torus in probe axes, z up; lengths have no unit.
 
 use crate::metrics::vector::{add_scaled, dot, norm, unit};
 
@@ -7,12 +7,12 @@ const OFFSET: f64 = 1e-4;
 /// Steps of sphere tracing after which the torus counts as missed; forty suffice for grazing rays.
 const STEPS: usize = 64;
 
-/// A half-line.
+/// A ray with an origin and a direction.
 #[derive(Clone, Copy, Debug)]
 pub struct Ray {
-    /// Origin.
+    /// Origin of the ray.
     pub origin: [f64; 3],
-    /// Unit vector.
+    /// Direction of the ray, a unit vector.
     pub direction: [f64; 3],
 }
 
@@ -21,50 +21,50 @@ pub struct Ray {
 pub struct Material {
     /// Diffuse albedo.
     pub albedo: [f64; 3],
-    /// Share and exponent of a Phong lobe.
+    /// Weight and exponent of a Phong lobe.
     pub gloss: Option<(f64, f64)>,
 }
 
 /// Intersection of a ray and a surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Hit {
-    /// The point.
+    /// Point of intersection.
     pub point: [f64; 3],
-    /// Unit normal, outwards.
+    /// Unit normal of the surface, outwards.
     pub normal: [f64; 3],
     /// Reflectance of the surface.
     pub material: Material,
-    /// Whether it is the ground.
+    /// Whether the surface is the ground.
     pub ground: bool,
 }
 
-/// Ground and solids.
+/// The scene's ground with or without solids.
 #[derive(Clone, Copy, Debug)]
 pub struct Scene {
-    /// Whether the solids stand on the ground.
+    /// Whether the solids are present.
     pub solids: bool,
 }
 
 const GROUND: Material = Material { albedo: [0.5, 0.5, 0.5], gloss: None };
-/// Radius of the drawn ground around the middle of the scene.
+/// Radius of the drawn ground around the centre of the scene.
 const GROUND_RADIUS: f64 = 9.0;
 const SPHERE: ([f64; 3], f64) = ([-1.75, 0.1, 1.0], 1.0);
 const SPHERE_MATERIAL: Material = Material { albedo: [0.10, 0.10, 0.12], gloss: Some((0.45, 90.0)) };
 const BOX: [[f64; 3]; 2] = [[-0.35, 0.5, 0.0], [0.75, 1.6, 1.7]];
-/// At least half the box's diagonal, which is 1.153.
+/// Radius of a sphere that contains the box, whose half diagonal is 1.153.
 const BOX_RADIUS: f64 = 1.16;
 const BOX_MATERIAL: Material = Material { albedo: [0.62, 0.36, 0.24], gloss: None };
-/// Centre, axis, large and small radius.
+/// Centre, axis, large and small radius of the torus.
 const TORUS: ([f64; 3], [f64; 3], f64, f64) = ([1.85, -0.35, 0.92], [0.48, -0.6, 0.64], 0.72, 0.27);
 const TORUS_MATERIAL: Material = Material { albedo: [0.28, 0.48, 0.40], gloss: None };
 
 impl Scene {
-    /// Ground, sphere, box and torus.
+    /// The scene with ground, sphere, box and torus.
     pub const STANDARD: Self = Self { solids: true };
-    /// The ground alone.
+    /// The scene with the ground alone.
     pub const EMPTY: Self = Self { solids: false };
 
-    /// The nearest surface on the ray.
+    /// Returns the nearest surface on the ray.
     #[must_use]
     pub fn hit(&self, ray: &Ray) -> Option<Hit> {
         let solids = if self.solids { [sphere(ray), cuboid(ray), torus(ray)] } else { [None; 3] };
@@ -75,7 +75,7 @@ impl Scene {
         Some(Hit { point: along(ray, distance), normal, material, ground })
     }
 
-    /// Whether light from the unit vector `d` reaches a point of a surface; the ground hides everything below the horizon.
+    /// Returns whether light from the unit vector `d` reaches a point of a surface; the ground hides everything below the horizon.
     #[must_use]
     pub fn sees(&self, hit: &Hit, d: [f64; 3]) -> bool {
         if d[2] <= 0.0 {
@@ -102,7 +102,7 @@ fn ground(ray: &Ray) -> Found {
     (distance > 0.0 && x.hypot(y) < GROUND_RADIUS).then_some((distance, [0.0, 0.0, 1.0]))
 }
 
-/// The stretch of the ray inside a ball.
+/// Returns the range of the ray's parameter inside of a sphere.
 fn ball(ray: &Ray, centre: [f64; 3], radius: f64) -> Option<[f64; 2]> {
     let off: [f64; 3] = std::array::from_fn(|i| ray.origin[i] - centre[i]);
     let along = dot(off, ray.direction);
@@ -117,7 +117,7 @@ fn sphere(ray: &Ray) -> Found {
     (near > 0.0).then(|| (near, std::array::from_fn(|i| (point[i] - centre[i]) / radius)))
 }
 
-/// An upright box by its slabs, after a look at the ball round it: most shadow rays pass far off.
+/// Intersects an upright box by its slabs, after a test of its bounding sphere, which most shadow rays miss.
 fn cuboid(ray: &Ray) -> Found {
     let middle = std::array::from_fn(|i| (BOX[0][i] + BOX[1][i]) / 2.0);
     let [_, leave] = ball(ray, middle, BOX_RADIUS)?;
@@ -138,7 +138,7 @@ fn cuboid(ray: &Ray) -> Found {
     (near < far && near > 0.0).then_some((near, normal))
 }
 
-/// Distance of a point to the torus.
+/// Returns the distance of a point to the torus.
 fn torus_distance(point: [f64; 3]) -> f64 {
     let (centre, axis, large, small) = TORUS;
     let off: [f64; 3] = std::array::from_fn(|i| point[i] - centre[i]);
@@ -148,7 +148,7 @@ fn torus_distance(point: [f64; 3]) -> f64 {
     (norm(flat) - large).hypot(height) - small
 }
 
-/// Sphere tracing between the ends of the torus's bounding ball.
+/// Intersects the torus by sphere tracing inside of its bounding sphere.
 fn torus(ray: &Ray) -> Found {
     let (centre, _, large, small) = TORUS;
     let [enter, leave] = ball(ray, centre, large + small)?;
@@ -170,7 +170,7 @@ fn torus(ray: &Ray) -> Found {
     None
 }
 
-/// The gradient of the distance, by central differences.
+/// Returns the gradient of the distance, by central differences.
 fn torus_normal(point: [f64; 3]) -> [f64; 3] {
     let slope = |axis: usize| {
         let shifted = |by: f64| {
@@ -183,10 +183,10 @@ fn torus_normal(point: [f64; 3]) -> [f64; 3] {
     unit([slope(0), slope(1), slope(2)]).unwrap_or([0.0, 0.0, 1.0])
 }
 
-/// A pinhole camera that looks down on the scene.
+/// A pinhole camera above the scene that is directed downwards.
 #[derive(Clone, Copy, Debug)]
 pub struct Camera {
-    /// Columns and rows.
+    /// Columns and rows of the picture.
     pub size: [usize; 2],
     forward: [f64; 3],
     up: [f64; 3],
@@ -194,7 +194,7 @@ pub struct Camera {
 
 /// Position of the camera.
 const EYE: [f64; 3] = [0.1, -6.6, 3.1];
-/// Point at which the camera looks.
+/// Point at which the camera is directed.
 const TARGET: [f64; 3] = [0.05, 0.0, 0.75];
 /// Half the picture's height at distance 1: a field of view of 37 degrees.
 const HALF_HEIGHT: f64 = 0.335;
@@ -209,7 +209,7 @@ impl Camera {
         Self { size, forward, up: unit(up).unwrap_or([0.0, 0.0, 1.0]) }
     }
 
-    /// The ray through a pixel's centre.
+    /// Returns the ray through a pixel's centre.
     #[must_use]
     pub fn ray(&self, column: usize, row: usize) -> Ray {
         let (f, u) = (self.forward, self.up);

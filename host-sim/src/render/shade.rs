@@ -7,15 +7,15 @@ use std::f64::consts::{PI, TAU};
 /// A directional light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Directional {
-    /// Unit vector towards it.
+    /// Unit vector towards the light.
     pub direction: [f64; 3],
-    /// Perpendicular irradiance; negative where ambient harmonics are.
+    /// Perpendicular irradiance; negative for negative lobes of ambient harmonics.
     pub irradiance: [f64; 3],
 }
 
-/// Radiance that leaves `hit` against the unit vector `ray`.
+/// Returns the radiance that leaves `hit` against the unit vector `ray`.
 ///
-/// L = sum E (n . l) V (rho / pi + k (s + 2) / (2 pi) (r . l)^s), r the mirrored ray.
+/// L = sum E (n . l) V (rho / pi + k (s + 2) / (2 pi) (r . l)^s), where r is the mirrored ray.
 #[must_use]
 pub fn radiance(scene: &Scene, hit: &Hit, ray: [f64; 3], lights: &[Directional]) -> [f64; 3] {
     let mut mirrored = ray;

@@ -15,7 +15,7 @@ fn below(x: f64, y: f64) -> Hit {
 }
 
 #[test]
-fn one_light_per_texel_is_the_reference() {
+fn one_light_per_texel_renders_like_the_reference() {
     let env = room(64);
     let grid = Grid::new(&env, Domain::Sphere);
     let lights = grid.fluxes(&env).enumerate();
@@ -28,7 +28,7 @@ fn one_light_per_texel_is_the_reference() {
 }
 
 #[test]
-fn quads_of_a_large_map_are_near_its_texels() {
+fn quads_of_a_large_map_render_like_its_texels() {
     let (large, small) = (room(256), room(64));
     assert_eq!(of_map(&small).len(), 64 * 32);
     assert_eq!(of_map(&large).len(), 3072);
@@ -38,8 +38,8 @@ fn quads_of_a_large_map_are_near_its_texels() {
 }
 
 #[test]
-fn one_light_casts_the_spheres_analytic_shadow() {
-    // The ball of radius 1 round (-1.75, 0.1, 1): the ground at p is dark where the line p + s l passes within 1 of its middle.
+fn the_shadow_of_the_sphere_has_its_analytic_shape() {
+    // For the ball of radius 1 around (-1.75, 0.1, 1), the ground at p is dark if the line p + s l passes within 1 of its centre.
     let centre = [-1.75, 0.1, 1.0];
     let l = unit([-0.7, -0.2, 0.9]).unwrap();
     let (mut dark, mut wrong) = (0, 0);
@@ -50,7 +50,7 @@ fn one_light_casts_the_spheres_analytic_shadow() {
         let distance2 = (0..3).map(|i| off[i] * off[i]).sum::<f64>() - along * along;
         let shadow = distance2 < 1.0;
         let hit = below(x, y);
-        // The rim is left out, as is what the box or the torus may shade.
+        // The rim and the shadows of the box and the torus are left out.
         if (distance2 - 1.0).abs() > 0.01 && hit.ground && x < -0.6 {
             dark += usize::from(shadow);
             wrong += usize::from(Scene::STANDARD.sees(&hit, l) == shadow);
@@ -60,7 +60,7 @@ fn one_light_casts_the_spheres_analytic_shadow() {
 }
 
 #[test]
-fn open_ground_has_lamberts_radiance() {
+fn open_ground_has_the_radiance_of_lamberts_law() {
     let light = Directional { direction: unit([0.3, -0.4, 0.8]).unwrap(), irradiance: [2.0, 1.0, 0.5] };
     let hit = below(5.0, -5.0);
     let seen = shade::radiance(&Scene::EMPTY, &hit, [0.0, 0.0, -1.0], &[light]);
@@ -72,7 +72,7 @@ fn open_ground_has_lamberts_radiance() {
 }
 
 #[test]
-fn ambient_light_of_a_constant_sky_is_that_sky() {
+fn ambient_light_of_a_constant_sky_renders_like_the_sky() {
     // c00 = 2 sqrt(pi) L for radiance L; on open ground E = pi L, so that the ground of albedo 1/2 has L / 2.
     let mut rows = [[0.0; 3]; 9];
     rows[0] = [3.0 * 2.0 * PI.sqrt(); 3];
@@ -82,7 +82,7 @@ fn ambient_light_of_a_constant_sky_is_that_sky() {
 }
 
 #[test]
-fn photographs_change_only_where_objects_are_or_throw_shadows() {
+fn photographs_change_only_at_objects_and_their_shadows() {
     let photo = image::RgbImage::from_pixel(60, 40, image::Rgb([120, 110, 100]));
     assert_eq!(over::composite(&photo, &[]).get_pixel(59, 39), photo.get_pixel(59, 39));
     let light = Directional { direction: unit([-0.3, -0.3, 0.9]).unwrap(), irradiance: [3.0; 3] };

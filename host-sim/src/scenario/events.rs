@@ -1,4 +1,4 @@
-//! Scenarios in which nothing moves: lamps switched, mains flicker, noise, faults.
+//! Scenarios without motion: switched lamps, mains flicker, noise, faults.
 
 use super::Scenario;
 use super::stage::{Stage, WARM, at, energy, repainted, with_disc};
@@ -10,18 +10,18 @@ use rand_distr::{Distribution, StandardNormal, Uniform};
 use rand_pcg::Pcg64;
 use std::f64::consts::{PI, TAU};
 
-/// From burst to burst, seconds: 10 Hz as a camera keeps it. At 10 Hz exactly both mains flickers would stand still.
+/// Interval of bursts, seconds: that of a camera at nominally 10 Hz. At exactly 10 Hz both mains flickers would be constant.
 const BURST_S: f64 = 0.103;
-/// From frame to frame of a burst, seconds.
+/// Interval of the frames of a burst, seconds.
 const FRAME_S: f64 = 1.0 / 30.0;
-/// Standard deviation of a texel's noise over its value.
+/// Relative standard deviation of a texel's noise.
 const NOISE: f64 = 0.02;
 
 fn rng(stage: &Stage, stream: u64) -> Pcg64 {
     Pcg64::seed_from_u64(stage.setting.seed.wrapping_mul(0x9e37_79b9).wrapping_add(stream))
 }
 
-/// A lamp as bright as the rest of the room is on from a third to two thirds.
+/// A lamp with the energy of the rest of the scene is on from one third to two thirds of the sequence.
 pub(super) fn switch(stage: &Stage) -> Scenario {
     let lamp = Source { direction: at(50.0, 150.0), radius_deg: 4.0 };
     let flux = energy(&stage.room);
@@ -36,14 +36,14 @@ pub(super) fn switch(stage: &Stage) -> Scenario {
     }
 }
 
-/// Mean of 2 sin^2(2 pi `mains_hz` t), whose mean is 1, over an exposure.
+/// Returns the mean of 2 sin^2(2 pi `mains_hz` t), whose long-term mean is 1, over an exposure.
 fn mains(mains_hz: f64, start_s: f64, exposure_s: f64) -> f64 {
     let omega = 2.0 * TAU * mains_hz;
     1.0 - ((omega * (start_s + exposure_s)).sin() - (omega * start_s).sin()) / (omega * exposure_s)
 }
 
-/// All of the room's light comes from lamps on the mains. The lamp itself is valid in the shortest exposure alone, all else in all
-/// three, whose sums the merge divides. The truth is the mean over time, which is what people see.
+/// All light of the scene comes from lamps on the mains. The lamp itself is valid in the shortest exposure alone, all other pixels in all
+/// three, whose sums the merge divides. The truth is the mean over time, as perceived by people.
 pub(super) fn flicker(stage: &Stage, name: &'static str, mains_hz: f64) -> Scenario {
     let lamp = Source { direction: at(35.0, -120.0), radius_deg: 5.0 };
     let flux = energy(&stage.room);
@@ -60,7 +60,7 @@ pub(super) fn flicker(stage: &Stage, name: &'static str, mains_hz: f64) -> Scena
     Scenario { sources, seen: Some(seen), ..Scenario::of(name, truth) }
 }
 
-/// The room stands still; each texel has noise of its own in every frame.
+/// The scene is static; each texel has independent noise in every frame.
 pub(super) fn noise(stage: &Stage) -> Scenario {
     let mut rng = rng(stage, 1);
     let seen = stage.sequence(|_| noisy(&stage.room, NOISE, &mut rng));
@@ -78,7 +78,7 @@ fn noisy(map: &EnvMap, sigma: f64, rng: &mut Pcg64) -> EnvMap {
     EnvMap::new(map.width(), map.height(), texels.collect())
 }
 
-/// Five by five lamps on the ceiling, equal but for drifts of half a per cent.
+/// Five by five lamps on the ceiling with equal energies except for drifts of half a per cent.
 pub(super) fn grid_of_lamps(stage: &Stage) -> Scenario {
     let mut rng = rng(stage, 2);
     let phase = Uniform::new(0.0, TAU).expect("an interval");
@@ -98,8 +98,8 @@ pub(super) fn grid_of_lamps(stage: &Stage) -> Scenario {
     Scenario { sources, ..Scenario::of("grid-of-lamps", truth) }
 }
 
-/// The room falls to a fiftieth and comes back. Not to nothing: errors are relative to the scene, and in the first dark frame
-/// flicker divides the bright frame's error by the dark one's light.
+/// The light falls to a fiftieth and returns. It does not fall to 0, since errors are relative to the scene: in the first dark frame,
+/// flicker is the bright frame's error over the dark frame's light.
 pub(super) fn dark_and_back(stage: &Stage) -> Scenario {
     let dark = repainted(&stage.room, |_, rgb| rgb.map(|v| v * 0.02));
     let (off, on) = (stage.frames() / 3, 2 * stage.frames() / 3);
@@ -115,7 +115,7 @@ pub(super) fn all_clipped(stage: &Stage) -> Scenario {
     Scenario { changes: vec![change], ..Scenario::of("all-clipped", truth) }
 }
 
-/// The room stands still and the number of lights is drawn anew for every frame, from half of N to N.
+/// The scene is static, and a new random number of lights, from half of N to N, is requested for every frame.
 pub(super) fn n_changes(stage: &Stage) -> Scenario {
     let mut rng = rng(stage, 3);
     let share = Uniform::new_inclusive(0.5, 1.0).expect("an interval");
@@ -123,13 +123,14 @@ pub(super) fn n_changes(stage: &Stage) -> Scenario {
     Scenario { share, ..Scenario::of("n-changes", vec![stage.room.clone(); stage.frames()]) }
 }
 
-/// Faults of the capture, by the radiance that the merge makes of them (a sample is valid unless it saturates; radiance is the sum
-/// of the valid samples over the sum of their times):
-/// - the shortest exposure is dropped: radiance above the clip value of the next exposure is cut to that value;
-/// - the longest is doubled in the place of the middle one: radiance above the clip value of the longest exposure comes from the shortest one, with its noise;
-/// - the first two are out of order: each sample is divided by the other's time.
+/// Faults of the capture, as they change the radiance of the merge (a sample is valid unless it saturates; radiance is the sum of the
+/// valid samples over the sum of their times):
+/// - the shortest exposure is missing: radiance above the clip value of the next exposure is limited to that value;
+/// - the longest exposure replaces the middle one: radiance above the clip value of the longest exposure comes from the shortest one, with
+///   its noise;
+/// - the first two exposures are exchanged: each sample is divided by the time of the other.
 ///
-/// Between the faults two good frames pass.
+/// A fault is followed by two good frames.
 pub(super) fn exposure_faults(stage: &Stage) -> Scenario {
     let mut rng = rng(stage, 4);
     let brightest = stage.room.texels().iter().flatten().fold(0.0, |a: f32, b| a.max(*b));
@@ -158,7 +159,7 @@ fn doubled(map: &EnvMap, clip: [f64; 3], rng: &mut Pcg64) -> EnvMap {
     EnvMap::new(map.width(), map.height(), texels.collect())
 }
 
-/// Radiance where the samples of the first two exposures stand in each other's place.
+/// Returns the radiance if the samples of the first two exposures are exchanged.
 fn swapped(radiance: f64, clip: [f64; 3]) -> f64 {
     let times = [EXPOSURES_S[1], EXPOSURES_S[0], EXPOSURES_S[2]];
     let valid = |i: &usize| radiance <= clip[*i] * (1.0 + 1e-6);
@@ -166,7 +167,7 @@ fn swapped(radiance: f64, clip: [f64; 3]) -> f64 {
     radiance * sum(EXPOSURES_S) / sum(times)
 }
 
-/// Every colour drifts towards blue and back; each texel's luminance stays what it was.
+/// The colours drift towards blue and back at constant luminance of each texel.
 pub(super) fn hue_shift(stage: &Stage) -> Scenario {
     let truth = stage.sequence(|t| {
         let blue = (PI * stage.progress(t)).sin();

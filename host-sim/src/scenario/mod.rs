@@ -1,8 +1,8 @@
-//! Sequences of maps whose true radiance is known; in each of them some method fails.
+//! Sequences of maps with known true radiance; each is a case in which some methods fail.
 //!
-//! All are seeded and deterministic. What a scenario adds to its background has compact support: outside a lamp's disc not one
-//! texel changes. Where the camera sees something else than the scene (noise, mains flicker, faulty exposures), `truth` is the
-//! scene and `seen` what samplers get; every score is against `truth`.
+//! All sequences are deterministic functions of a seed. Changes have compact support: outside of a lamp's disc no texel changes. If the
+//! camera's view differs from the scene (noise, mains flicker, faulty exposures), `truth` is the scene and `seen` the input of the
+//! samplers; every score is relative to `truth`.
 //!
 //! | name | what happens | methods expected to fail |
 //! |---|---|---|
@@ -34,7 +34,7 @@ use crate::metrics::Domain;
 use crate::metrics::stability::Source;
 use stage::Stage;
 
-/// All scenarios, in the order of reports.
+/// Names of all scenarios, in the order of reports.
 pub const NAMES: [&str; 17] = [
     "switch",
     "swinging-bulb",
@@ -58,52 +58,52 @@ pub const NAMES: [&str; 17] = [
 /// Size, length, seed and background of a sequence.
 #[derive(Clone, Debug)]
 pub struct Setting {
-    /// Columns of the maps; half as many rows.
+    /// Columns of the maps; they have half as many rows.
     pub width: usize,
-    /// Frames of a sequence, at least 8.
+    /// Number of frames of a sequence, at least 8.
     pub frames: usize,
     /// Seed of the random generator.
     pub seed: u64,
-    /// A map to put in the place of the procedural room or sky.
+    /// Map that replaces the procedural interior or sky.
     pub background: Option<EnvMap>,
 }
 
 impl Setting {
-    /// 128 x 64 texels, 28 frames.
+    /// The setting of the full report: 128 x 64 texels, 28 frames.
     pub const FULL: Self = Self { width: 128, frames: 28, seed: 1, background: None };
-    /// 96 x 48 texels, 12 frames.
+    /// The setting of the quick report: 96 x 48 texels, 12 frames.
     pub const QUICK: Self = Self { width: 96, frames: 12, seed: 1, background: None };
 }
 
 /// A sequence of maps and its true sources.
 #[derive(Clone, Debug)]
 pub struct Scenario {
-    /// One of [`NAMES`].
+    /// Name of the scenario, one of [`NAMES`].
     pub name: &'static str,
     /// Domain of the maps.
     pub domain: Domain,
     /// True radiance, one map per frame.
     pub truth: Vec<EnvMap>,
-    /// The maps as the probe measures them, where they differ from `truth`.
+    /// Maps as the probe measures them, if they differ from `truth`.
     pub seen: Option<Vec<EnvMap>>,
-    /// The sources of compact support, frame by frame.
+    /// Sources of compact support, frame by frame.
     pub sources: Vec<Vec<Source>>,
     /// Whether the first source of each frame moves and is tracked while it is in the domain.
     pub moving: bool,
-    /// Frames that show an abrupt change.
+    /// Indices of the frames that show an abrupt change.
     pub changes: Vec<usize>,
-    /// Sum of Y dOmega of the switched source, where a source of compact support is switched.
+    /// Energy (sum of Y dOmega) of the switched source, if it has compact support.
     pub switched_energy: Option<f64>,
-    /// Whether receivers that see the first source are left out of the scores.
+    /// Whether receivers that see the first source are excluded from the scores.
     pub in_shadow: bool,
-    /// The share of the lights that is asked for, frame by frame; all of them where empty.
+    /// Share of the lights that is requested, frame by frame; empty for all lights in every frame.
     pub share: Vec<f64>,
-    /// Whether the scene is static and noisy: lights that move are noise.
+    /// Whether the scene is static and noisy, so that all motion of lights is noise.
     pub static_noise: bool,
 }
 
 impl Scenario {
-    /// A sequence over the sphere without sources, changes or noise.
+    /// Creates a sequence over the sphere without sources, changes or noise.
     fn of(name: &'static str, truth: Vec<EnvMap>) -> Self {
         let sources = vec![Vec::new(); truth.len()];
         Self {
@@ -121,20 +121,20 @@ impl Scenario {
         }
     }
 
-    /// The maps that samplers are given: `seen` where it exists, else `truth`.
+    /// Returns the maps that samplers read: `seen` if it exists, else `truth`.
     #[must_use]
     pub fn seen(&self) -> &[EnvMap] {
         self.seen.as_deref().unwrap_or(&self.truth)
     }
 
-    /// Requested number of lights in frame `t`, from `least` to `lights`.
+    /// Returns the requested number of lights in frame `t`, from `least` to `lights`.
     #[must_use]
     pub fn lights(&self, t: usize, lights: usize, least: usize) -> usize {
         let share = self.share.get(t).copied().unwrap_or(1.0);
         ((lights as f64 * share).round() as usize).clamp(least.min(lights), lights)
     }
 
-    /// The tracked source of frame `t`, while its middle is in the domain.
+    /// Returns the tracked source of frame `t`, while its centre is in the domain.
     #[must_use]
     pub fn tracked(&self, t: usize) -> Option<Source> {
         let source = self.sources[t].first().filter(|_| self.moving)?;
@@ -142,7 +142,7 @@ impl Scenario {
     }
 }
 
-/// Makes the scenario called `name`; `None` for an unknown name.
+/// Creates the scenario called `name`; `None` for an unknown name.
 #[must_use]
 pub fn make(name: &str, setting: &Setting) -> Option<Scenario> {
     let stage = Stage::new(setting);

@@ -1,4 +1,4 @@
-//! Scenarios in which something moves.
+//! Scenarios with motion.
 
 use super::Scenario;
 use super::stage::{DAYLIGHT, Stage, WARM, at, cloud, energy, repainted, with_disc, with_window};
@@ -8,12 +8,12 @@ use crate::metrics::stability::Source;
 use crate::metrics::vector::unit;
 use std::f64::consts::TAU;
 
-/// The energy of a moving lamp over its background's: half of the light comes from it.
+/// Ratio of a moving lamp's energy to that of its background.
 const LAMP_SHARE: f64 = 1.0;
-/// The sun's energy over the sky's and the ground's: a clear day at noon.
+/// Ratio of the sun's energy to that of the sky and the ground: a clear day at noon.
 const SUN_SHARE: f64 = 5.0;
 
-/// A lamp of `radius_deg` on a path over `ground`; the first source of every frame.
+/// Adds a lamp of `radius_deg` on a path to `ground`; it is the first source of every frame.
 fn moving(
     name: &'static str,
     stage: &Stage,
@@ -28,7 +28,7 @@ fn moving(
     Scenario { sources, moving: true, ..Scenario::of(name, truth) }
 }
 
-/// A bulb of 3 degrees swings one and a half times through 70 degrees, near the zenith, off the seam.
+/// A bulb of 3 degrees swings one and a half times through 70 degrees, near the zenith, away from the seam.
 pub(super) fn swinging_bulb(stage: &Stage) -> Scenario {
     moving("swinging-bulb", stage, &stage.room, 3.0, |p| {
         let swing = 35f64.to_radians() * (1.5 * TAU * p).sin();
@@ -46,13 +46,13 @@ pub(super) fn zenith(stage: &Stage) -> Scenario {
     moving("zenith", stage, &stage.room, 4.0, |p| at(50.0 * p - 25.0, 20.0))
 }
 
-/// A lamp sinks from 12 degrees above the horizon to 12 below it; the hemisphere alone counts.
+/// A lamp moves from 12 degrees above the horizon to 12 below it; scores are over the hemisphere.
 pub(super) fn rim(stage: &Stage) -> Scenario {
     let scenario = moving("rim", stage, &stage.room, 4.0, |p| at(78.0 + 24.0 * p, 70.0));
     Scenario { domain: Domain::Hemisphere, ..scenario }
 }
 
-/// The sun moves about half a degree a frame; receivers that see it do not count.
+/// The sun moves about half a degree per frame; receivers that see it are excluded from the scores.
 pub(super) fn sun_shadow(stage: &Stage) -> Scenario {
     let flux = SUN_SHARE * energy(&stage.sky);
     let sun =
@@ -62,7 +62,7 @@ pub(super) fn sun_shadow(stage: &Stage) -> Scenario {
     Scenario { sources, in_shadow: true, ..Scenario::of("sun-shadow", truth) }
 }
 
-/// Clouds drift over the sky and past a standing sun, which they dim to a fiftieth.
+/// Clouds drift across the sky and a static sun, which they attenuate to a fiftieth.
 pub(super) fn clouds(stage: &Stage) -> Scenario {
     let clear = SUN_SHARE * energy(&stage.sky);
     let sun = Source { direction: at(45.0, 200.0), radius_deg: 1.5 };
@@ -70,7 +70,7 @@ pub(super) fn clouds(stage: &Stage) -> Scenario {
         let drift = 0.09 * t as f64;
         let covered = repainted(&stage.sky, |d, rgb| {
             let cover = cloud(d, drift) as f32;
-            // White by day, three times as bright as the blue behind.
+            // White clouds by day, three times as bright as the blue behind them.
             rgb.map(|v| v * (1.0 - cover) + cover * 1.8)
         });
         let through = (1.0 - cloud(sun.direction, drift)).max(0.02);

@@ -1,4 +1,4 @@
-//! Parts of scenarios: backgrounds, discs of exact energy, drifting clouds.
+//! Components of scenarios: backgrounds, discs of exact energy, drifting clouds.
 
 use super::Setting;
 use crate::env::EnvMap;
@@ -8,27 +8,28 @@ use crate::metrics::vector::{angle_deg, dot, unit};
 use crate::metrics::{Domain, Grid, luminance};
 use std::f64::consts::{PI, TAU};
 
-/// Sub-samples a side of a texel at a disc's rim. A disc's energy is exact by normalisation; these only place its rim.
+/// Number of samples along each side of a texel at a disc's rim. The energy of a disc is exact by normalisation; the samples determine its
+/// rim alone.
 const SUBSAMPLES: usize = 6;
 
-/// The size, the length and the background of a sequence.
+/// Size, length and background of a sequence.
 #[derive(Debug)]
 pub struct Stage {
-    /// Size, length, seed and background that the caller chose.
+    /// Size, length, seed and background from the caller.
     pub setting: Setting,
-    /// The room, or the caller's map.
+    /// Map of the interior, or the caller's map.
     pub room: EnvMap,
-    /// The sky without its sun, or the caller's map.
+    /// Map of the sky without its sun, or the caller's map.
     pub sky: EnvMap,
 }
 
-/// A lamp's colour, luminance 1 to four digits.
+/// Colour of a lamp, normalised to luminance 1 with four digits.
 pub const WARM: [f64; 3] = [1.379, 0.945, 0.428];
-/// Daylight's colour, luminance 1 to four digits.
+/// Colour of daylight, normalised to luminance 1 with four digits.
 pub const DAYLIGHT: [f64; 3] = [1.05, 0.99, 0.952];
 
 impl Stage {
-    /// Paints the backgrounds.
+    /// Computes the backgrounds.
     #[must_use]
     pub fn new(setting: &Setting) -> Self {
         let size = (setting.width, setting.width.div_ceil(2));
@@ -40,31 +41,32 @@ impl Stage {
         Self { setting: setting.clone(), room: painted(room), sky: painted(sky) }
     }
 
-    /// Frames of a sequence.
+    /// Number of frames of a sequence.
     #[must_use]
     pub fn frames(&self) -> usize {
         self.setting.frames
     }
 
-    /// Frame `t` as a number from 0 (first) to 1 (last).
+    /// Returns the position of frame `t` in the sequence, from 0 (first) to 1 (last).
     #[must_use]
     pub fn progress(&self, t: usize) -> f64 {
         t as f64 / (self.frames() - 1).max(1) as f64
     }
 
-    /// One map per frame.
+    /// Returns one map per frame.
     pub fn sequence(&self, frame: impl FnMut(usize) -> EnvMap) -> Vec<EnvMap> {
         (0..self.frames()).map(frame).collect()
     }
 }
 
-/// Sum of Y dOmega over the sphere.
+/// Returns the sum of Y dOmega over the sphere.
 #[must_use]
 pub fn energy(map: &EnvMap) -> f64 {
     Grid::new(map, Domain::Sphere).luminous(map).map(|(_, flux)| flux).sum()
 }
 
-/// `map` with a uniform disc of `flux` (sum of Y dOmega) and `colour` added at `source`: the map gains exactly that energy, and no
+/// Returns `map` with a uniform disc of `flux` (sum of Y dOmega) and `colour` added at `source`: the map gains exactly that energy, and no
+/// texel outside of the disc changes.
 /// texel outside the disc changes.
 #[must_use]
 pub fn with_disc(map: &EnvMap, source: Source, colour: [f64; 3], flux: f64) -> EnvMap {
@@ -79,15 +81,15 @@ pub fn with_disc(map: &EnvMap, source: Source, colour: [f64; 3], flux: f64) -> E
     EnvMap::new(map.width(), map.height(), texels)
 }
 
-/// A texel that a disc reaches.
+/// A texel that overlaps a disc.
 struct Covered {
     /// Index of the texel, row-major.
     texel: usize,
-    /// Part of its area inside the disc, 0 to 1.
+    /// Part of the texel's area inside of the disc, 0 to 1.
     part: f64,
 }
 
-/// The texels that a disc reaches; a disc that slips between all sub-samples covers the texel it is in.
+/// Returns the texels that overlap a disc; for a disc without any sample inside, the texel that contains its centre.
 fn coverage(map: &EnvMap, source: Source) -> Vec<Covered> {
     let (width, height) = (map.width(), map.height());
     let reach = source.radius_deg + 180.0 * std::f64::consts::SQRT_2 / height as f64;
@@ -108,7 +110,7 @@ fn coverage(map: &EnvMap, source: Source) -> Vec<Covered> {
     if cover.is_empty() { vec![Covered { texel: nearest.1, part: 1.0 }] } else { cover }
 }
 
-/// Part of texel `k` inside the disc, by [`SUBSAMPLES`] x [`SUBSAMPLES`] samples.
+/// Returns the part of texel `k` inside of the disc, by [`SUBSAMPLES`] x [`SUBSAMPLES`] samples.
 fn covered_part(map: &EnvMap, k: usize, source: Source) -> f64 {
     let (width, height) = (map.width(), map.height());
     let n = SUBSAMPLES;
@@ -122,7 +124,8 @@ fn covered_part(map: &EnvMap, k: usize, source: Source) -> f64 {
     inside.count() as f64 / (n * n) as f64
 }
 
-/// `map` with every texel inside the window of half-sides `half_deg` round `middle` set by `paint(u, v, old)`; u and v run from
+/// Returns `map` with every texel inside of the window of half-sides `half_deg` around `middle` set to `paint(u, v, old)`; u and v run from
+/// -1 to 1, right and up.
 /// -1 to 1, right and up.
 #[must_use]
 pub fn with_window(
@@ -150,14 +153,14 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// A unit vector by theta from the zenith and phi, degrees.
+/// Returns a unit vector from its angle theta from the zenith and its azimuth phi, degrees.
 #[must_use]
 pub fn at(theta_deg: f64, phi_deg: f64) -> [f64; 3] {
     let (theta, phi) = (theta_deg.to_radians(), phi_deg.to_radians());
     [theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()]
 }
 
-/// A room: grey floor, white ceiling, coloured walls, a window, a small lamp on the ceiling.
+/// Returns the radiance of an interior: grey floor, white ceiling, coloured walls, a window, and a small lamp on the ceiling.
 #[must_use]
 pub fn room(d: [f64; 3]) -> [f32; 3] {
     let ramp = (0.5 + 0.5 * d[2]).powi(2);
@@ -169,7 +172,7 @@ pub fn room(d: [f64; 3]) -> [f32; 3] {
     std::array::from_fn(|i| (base[i] + pane[i] + lamp[i]) as f32)
 }
 
-/// A clear sky without its sun over dull ground.
+/// Returns the radiance of a clear sky without its sun over a dull ground.
 #[must_use]
 pub fn sky(d: [f64; 3]) -> [f32; 3] {
     if d[2] < 0.0 {
@@ -179,20 +182,20 @@ pub fn sky(d: [f64; 3]) -> [f32; 3] {
     [0.35 + 0.75 * haze, 0.55 + 0.55 * haze, 1.0 + 0.1 * haze].map(|v| v as f32)
 }
 
-/// Cloud cover in 0..=1 at `d`, drifted by `drift` radians: a few waves of incommensurable lengths, thresholded softly.
+/// Returns the cloud cover in 0..=1 at `d`, shifted by `drift` radians: a few waves of incommensurable lengths with a soft threshold.
 #[must_use]
 pub fn cloud(d: [f64; 3], drift: f64) -> f64 {
     if d[2] <= 0.02 {
         return 0.0;
     }
-    // A flat layer: what is near the horizon is far away and looks small.
+    // The clouds form a flat layer: those near the horizon are far away and appear small.
     let (x, y) = (d[0] / (d[2] + 0.25) + drift, d[1] / (d[2] + 0.25));
     let waves = [(2.1, 0.7, 0.0), (-1.3, 2.6, 1.0), (4.7, -2.2, 2.0), (3.1, 5.3, 4.0), (8.3, 1.9, 5.0)];
     let sum: f64 = waves.iter().map(|(a, b, c)| (a * x + b * y + c).sin() / f64::hypot(*a, *b)).sum();
     (0.5 + 1.6 * sum).clamp(0.0, 1.0)
 }
 
-/// The map with every texel replaced by `paint(direction, old)`.
+/// Returns the map with every texel replaced by `paint(direction, old)`.
 #[must_use]
 pub fn repainted(map: &EnvMap, paint: impl Fn([f64; 3], [f32; 3]) -> [f32; 3]) -> EnvMap {
     let texels = map.texels().iter().enumerate();

@@ -16,7 +16,7 @@ fn changed(a: &EnvMap, b: &EnvMap) -> Vec<[f64; 3]> {
 }
 
 #[test]
-fn all_are_whole_deterministic_and_seeded() {
+fn all_scenarios_are_complete_deterministic_and_seeded() {
     for name in NAMES {
         let (a, b) = (scenario(name), scenario(name));
         assert_eq!(a.name, name);
@@ -68,7 +68,7 @@ fn moving_lamps_keep_their_energy_and_their_support() {
 
 #[test]
 fn mains_flicker_keeps_its_mean_and_moves_the_lamp_most() {
-    // 2 sin^2 has mean 1 and lies in 0..2; over 206 bursts the phases are spread evenly.
+    // The mean of 2 sin^2 is 1 and its range 0..2; over 206 bursts the phases are evenly spread.
     for name in ["flicker-100hz", "flicker-120hz"] {
         let s = make(name, &Setting { frames: 20, ..SMALL }).unwrap();
         let energies: Vec<f64> = s.seen().iter().map(energy).collect();
@@ -90,7 +90,7 @@ fn hue_shift_keeps_every_texels_luminance() {
 }
 
 #[test]
-fn faults_hit_single_frames_and_leave_the_truth_alone() {
+fn faults_change_single_frames_and_not_the_truth() {
     let s = scenario("exposure-faults");
     let faulty: Vec<usize> = (0..9).filter(|&t| s.seen()[t] != s.truth[t]).collect();
     assert_eq!(faulty, [2, 5, 8]);
@@ -98,7 +98,7 @@ fn faults_hit_single_frames_and_leave_the_truth_alone() {
 }
 
 #[test]
-fn asked_for_lights_stay_between_least_and_all() {
+fn requested_lights_stay_between_the_least_and_all() {
     let s = scenario("n-changes");
     let counts: Vec<usize> = (0..9).map(|t| s.lights(t, 16, 12)).collect();
     assert!(counts.iter().all(|n| (12..=16).contains(n)) && counts.iter().any(|n| *n != counts[0]));
