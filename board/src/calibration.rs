@@ -50,4 +50,15 @@ pub struct Burst {
     pub before_ns: u64,
     /// CLOCK_MONOTONIC at its end, nanoseconds; 0 where unknown.
     pub timestamp_ns: u64,
+    /// Time of its shortest exposure, which lamps on the mains are seen at: nanoseconds from any origin; 0 where unknown.
+    pub phase_ns: u64,
+}
+
+impl Burst {
+    /// Time of the shortest exposure, seconds from any origin; that of the whole burst where the exposure's is unknown; `None` where both
+    /// are.
+    #[must_use]
+    pub fn phase_s(&self) -> Option<f64> {
+        [self.phase_ns, self.timestamp_ns].into_iter().find(|ns| *ns != 0).map(|ns| ns as f64 * 1e-9)
+    }
 }

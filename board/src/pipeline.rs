@@ -9,6 +9,7 @@ use crate::calibration::{Burst, Calibration, Frame};
 use crate::consistency::Inspector;
 use crate::polar::Polar;
 use crate::samplers::{self, Shape};
+use hemilux_core::mains::{Cell, Flicker, Mains, mains_len};
 use hemilux_core::polar::LatLongView;
 use hemilux_core::pyramid::Quad;
 use hemilux_core::sampler::FilterTimer;
@@ -30,6 +31,9 @@ pub struct Pipeline {
     exposures: Vec<Exposure>,
     front: FrontEnd<Vec<u64>>,
     inspector: Inspector,
+    mains: Mains<Vec<Cell>>,
+    /// Modulation of the last merged burst.
+    flicker: Flicker,
     /// Coverage of the map, if a burst was merged.
     seen: Option<Coverage>,
     /// Bursts since the last one whose shortest exposure was sound.
@@ -83,6 +87,8 @@ pub struct Processed<'a> {
     pub horizontal_irradiance: [f32; 3],
     /// The frames that contradict the others and were not merged.
     pub frames_left_out: FramesLeftOut,
+    /// The modulation that was removed from the map.
+    pub flicker: Flicker,
     /// Duration of each stage.
     pub times: Times,
 }
@@ -144,6 +150,7 @@ impl Pipeline {
         let sampler = samplers::make_tuned(settings.sampler, &shape, settings.lights, &settings.tuning)?;
         let front = front_end(&calibration, exposures, &settings)?;
         let inspector = Inspector::try_new(&calibration, exposures.len()).map_err(PipelineError::Response)?;
+        let mains = mains(&settings)?;
         let polar = sampler.needs_polar().then(|| Polar::new(&shape));
         let exposures = exposures.to_vec();
         Ok(Self {
@@ -151,6 +158,8 @@ impl Pipeline {
             exposures,
             front,
             inspector,
+            mains,
+            flicker: Flicker::default(),
             seen: None,
             headless: 0,
             polar,
@@ -178,6 +187,7 @@ impl Pipeline {
             }
         }
         self.front.set_extrapolation(settings.extrapolation);
+        self.mains.set_lamps(settings.lamps);
         self.settings = settings;
         Ok(())
     }
@@ -225,14 +235,20 @@ impl Pipeline {
         frames_left_out: FramesLeftOut,
         began: Instant,
     ) -> Result<Processed<'_>, PipelineError> {
+        let steady: [bool; MAX_EXPOSURES] = self.steady(burst);
         let merged = || {
-            let kept = burst.frames.iter().enumerate().filter(|(index, _)| !frames_left_out.contains(*index));
-            kept.map(|(_, frame)| frame)
+            let is_kept =
+                |index: &usize| steady.get(*index) != Some(&false) && !frames_left_out.contains(*index);
+            burst.frames.iter().enumerate().filter(move |(index, _)| is_kept(index)).map(|(_, frame)| frame)
         };
         let mut front = Duration::ZERO;
         let seen = match self.seen {
             Some(seen) if merged().next().is_none() => seen,
-            _ => self.merge(merged(), || front = began.elapsed())?,
+            _ => {
+                let seen = self.merge(merged(), || front = began.elapsed())?;
+                self.flicker = self.mains.update(&mut self.front.map_mut(), burst.phase_s());
+                seen
+            }
         };
         self.polar_fresh = self.sampler.needs_polar();
         if self.polar_fresh {
@@ -254,7 +270,17 @@ impl Pipeline {
             scalar_flux: total.rgb(),
             horizontal_irradiance,
             frames_left_out,
+            flicker: self.flicker,
             times,
+        })
+    }
+
+    /// Which frames of `burst` may be merged in the flickering light that was found.
+    fn steady(&self, burst: &Burst) -> [bool; MAX_EXPOSURES] {
+        let last = burst.frames.len().saturating_sub(1);
+        core::array::from_fn(|index| {
+            let seconds = burst.frames.get(index).map_or(0.0, |frame| frame.exposure.seconds);
+            index == 0 || index >= last || self.mains.keeps(seconds)
         })
     }
 
@@ -381,6 +407,13 @@ fn sample<'a>(sampler: &'a mut dyn Sampler, map: &Map<'_>, request: &Request) ->
     let decomposition = sampler.update_timed(map, request, &mut timer);
     let filter = Duration::from_nanos(timer.ns());
     Sampled { decomposition, sample: began.elapsed().saturating_sub(filter), filter }
+}
+
+/// The removal of flicker for maps of the order that `settings` ask for.
+fn mains(settings: &Settings) -> Result<Mains<Vec<Cell>>, PipelineError> {
+    let order = Order::saturating(settings.order());
+    let cells = vec![Cell::default(); mains_len(order)];
+    Mains::try_new(order, settings.lamps, cells).map_err(|e| FrontError::Memory(e).into())
 }
 
 /// A front end with memory from the heap.

@@ -120,6 +120,13 @@ impl<B: Buffer<u64>> FrontEnd<B> {
         PyramidView::over(quads, Domain::Hemisphere, self.state.order)
     }
 
+    /// The map of the last burst, for stages that change it, such as [`Mains`](crate::mains::Mains).
+    #[must_use]
+    pub fn map_mut(&mut self) -> Pyramid<&mut [Quad]> {
+        let parts = Parts::divide(self.memory.as_mut(), &self.state.sizes);
+        Pyramid::over(parts.quads, Domain::Hemisphere, self.state.order)
+    }
+
     /// Decomposes the map of the last burst with `sampler`. The number of lights is limited by `request` and by the sampler's buffers.
     ///
     /// The sampler gets no latitude-longitude map: samplers that [need one](Sampler::needs_polar) return no lights; use

@@ -7,6 +7,7 @@ pub mod harmonics;
 pub mod healpix;
 pub mod lens;
 pub mod light;
+pub mod mains;
 pub mod polar;
 pub mod pyramid;
 pub mod receiver;

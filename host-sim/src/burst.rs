@@ -15,7 +15,7 @@ use rand::{Rng, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use std::f64::consts::{PI, TAU};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Relative exposure of the brightest visible texel in the shortest exposure, unless the contrast of the scene is too high for it.
 const HEADROOM: f64 = 0.9;
@@ -60,9 +60,9 @@ pub struct Job {
 }
 
 /// Radiance of each pixel, black outside of the image circle.
-struct Scene {
-    radiance: Vec<[f64; 3]>,
-    size: [u32; 2],
+#[derive(Clone, Debug)]
+pub(crate) struct Scene {
+    pub radiance: Vec<[f64; 3]>,
     /// Largest value of a channel.
     brightest: f64,
     /// Mean over the image circle.
@@ -80,18 +80,18 @@ pub fn run(job: &Job) -> Result<(), SimError> {
     lens.notes.iter().for_each(|note| eprintln!("hemilux-sim: {}: {note}", job.lens.display()));
     let scene = expose(&env, &lens);
     let scale = job.scale.unwrap_or_else(|| fitted_scale(&scene, &job.exposures));
-    let levels = levels(&lens, job.sensor);
+    let camera = Camera::new(&lens, job.sensor, scale);
     std::fs::create_dir_all(&job.out).map_err(|e| SimError::at(&job.out, e, "a folder that can be made"))?;
-    let camera = Camera { levels, scale, sensor: job.sensor, curves: curves(&lens.response, levels) };
     for (index, seconds) in job.exposures.iter().enumerate() {
         let codes = camera.record(&scene, *seconds, &mut noise(job.seed, index));
-        save(job, &scene, &codes, index, levels.white)?;
+        save(&job.out, lens.size, &codes, index, camera.levels.white)?;
     }
-    output::save(&job.out.join("burst.toml"), manifest(job, &lens, scale, levels).as_bytes())
+    let manifest = manifest(&job.exposures, &[], &lens, &camera);
+    output::save(&job.out.join("burst.toml"), manifest.as_bytes())
 }
 
 /// Returns the scale at which the brightest texel just fits into the shortest exposure, unless the contrast is too high for it.
-fn fitted_scale(scene: &Scene, exposures: &[f64]) -> f64 {
+pub(crate) fn fitted_scale(scene: &Scene, exposures: &[f64]) -> f64 {
     let shortest = exposures.iter().copied().fold(f64::INFINITY, f64::min);
     let longest = exposures.iter().copied().fold(0.0, f64::max);
     let fitted = (scene.brightest * shortest / HEADROOM).min(scene.mean * longest / LEAST_MEAN);
@@ -103,7 +103,7 @@ fn levels(lens: &LensFile, sensor: Sensor) -> Levels {
     lens.levels.unwrap_or(Levels { black: f64::from(1u32 << sensor.bits >> 4), white: full })
 }
 
-fn noise(seed: u64, index: usize) -> Pcg64 {
+pub(crate) fn noise(seed: u64, index: usize) -> Pcg64 {
     Pcg64::seed_from_u64(seed.wrapping_mul(0x9e37_79b9).wrapping_add(index as u64))
 }
 
@@ -121,27 +121,13 @@ pub fn in_memory(
 ) -> (Calibration, Burst) {
     let scene = expose(env, lens);
     let scale = fitted_scale(&scene, exposures);
-    let levels = levels(lens, sensor);
-    let Levels { black, white } = levels;
-    let curves = curves(&lens.response, levels);
-    let camera = Camera { levels, scale, sensor, curves };
-    let format = if white <= 255.0 { Format::Rgb24 } else { Format::Rgb48 };
+    let camera = Camera::new(lens, sensor, scale);
     let frame = |(index, &seconds): (usize, &f64)| {
-        let codes = camera.record(&scene, seconds, &mut noise(seed, index));
-        let pixels = match format {
-            Format::Rgb24 => Pixels::U8(codes.iter().map(|c| *c as u8).collect()),
-            _ => Pixels::U16(codes),
-        };
+        let pixels = camera.pixels(camera.record(&scene, seconds, &mut noise(seed, index)));
         Frame { exposure: Exposure { seconds, gain: 1.0 }, pixels }
     };
     let frames = exposures.iter().enumerate().map(frame).collect();
-    let [width, height] = lens.size;
-    let mut calibration = Calibration::try_new(lens.lens, format, width, height)
-        .expect("a lens file's size is one that an image can have");
-    calibration.response = lens.response;
-    calibration.levels = Levels { black, white };
-    calibration.scale = scale;
-    (calibration, Burst { frames, ..Burst::default() })
+    (camera.calibration(lens), Burst { frames, ..Burst::default() })
 }
 
 fn check(job: &Job) -> Result<(), SimError> {
@@ -160,7 +146,7 @@ fn check(job: &Job) -> Result<(), SimError> {
 }
 
 /// Integrates the map over the footprint of every pixel.
-fn expose(env: &EnvMap, lens: &LensFile) -> Scene {
+pub(crate) fn expose(env: &EnvMap, lens: &LensFile) -> Scene {
     let [width, height] = lens.size;
     let texel = PI / env.height() as f64;
     let pixel = 1.0 / lens.lens.intrinsics().focal_px.min_element();
@@ -178,7 +164,7 @@ fn expose(env: &EnvMap, lens: &LensFile) -> Scene {
             radiance.push(value.unwrap_or_default());
         }
     }
-    Scene { radiance, size: lens.size, brightest, mean: sum / seen.max(1) as f64 }
+    Scene { radiance, brightest, mean: sum / seen.max(1) as f64 }
 }
 
 /// Returns the mean image-side radiance of one pixel, including illumination fall-off; `None` outside of the image circle.
@@ -214,7 +200,9 @@ fn curves(response: &Response, Levels { black, white }: Levels) -> [Vec<f64>; 3]
     })
 }
 
-struct Camera {
+/// A sensor with its response.
+#[derive(Clone, Debug)]
+pub(crate) struct Camera {
     levels: Levels,
     scale: f64,
     sensor: Sensor,
@@ -222,8 +210,43 @@ struct Camera {
 }
 
 impl Camera {
+    /// The camera of a lens file; radiance `scale` fills a pixel in one second.
+    pub fn new(lens: &LensFile, sensor: Sensor, scale: f64) -> Self {
+        let levels = levels(lens, sensor);
+        Self { levels, scale, sensor, curves: curves(&lens.response, levels) }
+    }
+
+    /// Format of the frames.
+    fn format(&self) -> Format {
+        if self.levels.white <= 255.0 { Format::Rgb24 } else { Format::Rgb48 }
+    }
+
+    /// Codes as samples of the frames' format.
+    pub fn pixels(&self, codes: Vec<u16>) -> Pixels {
+        match self.format() {
+            Format::Rgb24 => Pixels::U8(codes.iter().map(|c| *c as u8).collect()),
+            _ => Pixels::U16(codes),
+        }
+    }
+
+    /// The calibration of the camera.
+    pub fn calibration(&self, lens: &LensFile) -> Calibration {
+        let [width, height] = lens.size;
+        let mut calibration = Calibration::try_new(lens.lens, self.format(), width, height)
+            .expect("a lens file's size is one that an image can have");
+        calibration.response = lens.response;
+        calibration.levels = Levels { black: self.levels.black, white: self.levels.white };
+        calibration.scale = self.scale;
+        calibration
+    }
+
+    /// Code of the brightest sample.
+    pub fn white(&self) -> f64 {
+        self.levels.white
+    }
+
     /// Returns the codes of one frame: photon and read noise, then the response, then rounding to the nearest code.
-    fn record(&self, scene: &Scene, seconds: f64, noise: &mut impl Rng) -> Vec<u16> {
+    pub fn record(&self, scene: &Scene, seconds: f64, noise: &mut impl Rng) -> Vec<u16> {
         let mut codes = Vec::with_capacity(3 * scene.radiance.len());
         for rgb in &scene.radiance {
             for (channel, value) in rgb.iter().enumerate() {
@@ -253,9 +276,15 @@ impl Camera {
     }
 }
 
-fn save(job: &Job, scene: &Scene, codes: &[u16], index: usize, white: f64) -> Result<(), SimError> {
-    let path = job.out.join(format!("frame-{index}.png"));
-    let [width, height] = scene.size;
+/// Writes the picture of one frame to `folder`.
+pub(crate) fn save(
+    folder: &Path,
+    [width, height]: [u32; 2],
+    codes: &[u16],
+    index: usize,
+    white: f64,
+) -> Result<(), SimError> {
+    let path = folder.join(file_name(index));
     let mut bytes = std::io::Cursor::new(Vec::new());
     let image = if white <= 255.0 {
         let codes = codes.iter().map(|c| *c as u8).collect();
@@ -268,21 +297,31 @@ fn save(job: &Job, scene: &Scene, codes: &[u16], index: usize, white: f64) -> Re
     output::save(&path, bytes.get_ref())
 }
 
-fn manifest(job: &Job, lens: &LensFile, scale: f64, Levels { black, white }: Levels) -> String {
+fn file_name(index: usize) -> String {
+    format!("frame-{index}.png")
+}
+
+/// The text of a `burst.toml` for frames of these exposure times; `times_ns` holds their time stamps, if they have any.
+pub(crate) fn manifest(exposures: &[f64], times_ns: &[u64], lens: &LensFile, camera: &Camera) -> String {
     use toml::{Table, Value};
+    let Levels { black, white } = camera.levels;
     let mut response = lens.response_table.clone().unwrap_or_default();
     response.entry("model").or_insert_with(|| Value::from("linear"));
-    response.insert("scale".into(), Value::from(scale));
+    response.insert("scale".into(), Value::from(camera.scale));
     let sensor =
         Table::from_iter([("black", black), ("white", white)].map(|(k, v)| (k.to_string(), Value::from(v))));
-    let frames = job.exposures.iter().enumerate().map(|(index, seconds)| {
-        Value::Table(Table::from_iter([
-            ("file".to_string(), Value::from(format!("frame-{index}.png"))),
+    let frames = exposures.iter().enumerate().map(|(index, seconds)| {
+        let mut frame = Table::from_iter([
+            ("file".to_string(), Value::from(file_name(index))),
             ("exposure_s".to_string(), Value::from(*seconds)),
             ("gain".to_string(), Value::from(1.0)),
             ("sequence".to_string(), Value::from(index as i64)),
             ("known".to_string(), Value::from("reported")),
-        ]))
+        ]);
+        if let Some(ns) = times_ns.get(index) {
+            frame.insert("timestamp_ns".into(), Value::from(i64::try_from(*ns).unwrap_or(i64::MAX)));
+        }
+        Value::Table(frame)
     });
     let frames: Vec<Value> = frames.collect();
     let manifest = Table::from_iter([

@@ -22,3 +22,4 @@ pub mod replay;
 pub mod scenario;
 pub mod score;
 pub mod stress;
+pub mod world;

@@ -1,6 +1,7 @@
 //! What a user chooses of a pipeline, and why a pipeline refuses it.
 
 use crate::samplers::{self, SamplerError, Tuning};
+use hemilux_core::mains::Lamps;
 use hemilux_core::polar::Grid;
 use hemilux_core::{
     BurstError, Extrapolation, FrontError, MergeError, PixelTableError, Request, ResponseError, SamplerKind,
@@ -21,6 +22,8 @@ pub struct Settings {
     pub soft: bool,
     /// The content of the unseen part of the hemisphere.
     pub extrapolation: Extrapolation,
+    /// Lamps whose flicker is removed.
+    pub lamps: Lamps,
     /// Parameters of individual samplers, such as the threshold of `q2tree`.
     pub tuning: Tuning,
     /// Order of the map; `None` for what the lights need.
@@ -38,6 +41,7 @@ impl Default for Settings {
             ambient: false,
             soft: false,
             extrapolation: Extrapolation::None,
+            lamps: Lamps::Auto,
             tuning: Tuning::default(),
             order: None,
             grid: Grid::POLAR,

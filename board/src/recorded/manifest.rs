@@ -223,6 +223,12 @@ impl Manifest {
         Ok(())
     }
 
+    /// Time stamp of the frame of the shortest exposure.
+    pub(super) fn shortest_ns(&self) -> Option<u64> {
+        let light = |frame: &FrameTable| frame.exposure_s * frame.gain;
+        self.frame.iter().min_by(|a, b| light(a).total_cmp(&light(b)))?.timestamp_ns
+    }
+
     /// The packing of raw frames; `None` for images.
     pub(super) fn layout(&self, path: &Path) -> Result<Option<Layout>, RecordedError> {
         self.format.as_ref().map(|table| table.layout(path)).transpose()

@@ -143,13 +143,18 @@ fn read_manifest(
     }
     let calibration = manifest.calibration(path, &layout, images[0].white)?;
     let timestamp_ns = manifest.frame.iter().filter_map(|f| f.timestamp_ns).max().unwrap_or(0);
+    let phase_ns = manifest.shortest_ns().unwrap_or(0);
     let frames = images.into_iter().zip(&manifest.frame);
     let mut frames: Vec<(Frame, String)> = frames
         .map(|(image, f)| (Frame { exposure: f.exposure(), pixels: image.pixels }, f.file.clone()))
         .collect();
     frames.sort_by(|(a, _), (b, _)| a.light().total_cmp(&b.light()));
     let (frames, files) = frames.into_iter().unzip();
-    Ok(RecordedBurst { calibration, burst: Burst { frames, timestamp_ns, ..Burst::default() }, files })
+    Ok(RecordedBurst {
+        calibration,
+        burst: Burst { frames, timestamp_ns, phase_ns, ..Burst::default() },
+        files,
+    })
 }
 
 /// Reads the headers of all images, checks what they take together, then decodes one after the other.

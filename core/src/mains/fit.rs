@@ -1,0 +1,235 @@
+//! Least-squares fits of a mean and three harmonics to the last bursts.
+//!
+//! All cells share the times of the bursts, so that a fit is computed once for each number of bursts and applied to a cell as a few
+//! scalar products.
+
+use super::window::Window;
+use super::window::{Past, WINDOW};
+use core::f64::consts::TAU;
+
+/// Number of terms: the mean, then cosine and sine of one, two and three times the frequency.
+pub(super) const TERMS: usize = 7;
+
+/// Number of terms with two harmonics, and with one.
+const TWO_HARMONICS: usize = 5;
+const FUNDAMENTAL: usize = 3;
+
+/// Degrees of freedom at which a variance is doubled for the judgement of steps.
+const FEW: f32 = 12.0;
+
+/// Added to the diagonal of the normal equations per burst, so that harmonics that the phases do not tell apart share their amplitude.
+const RIDGE: f64 = 1e-3;
+
+/// Largest variance of the mean, relative to the mean of as many independent samples. Phases that do not spread over the period exceed
+/// it: they do not determine the mean.
+const MOST_VARIANCE: f64 = 3.0;
+
+/// The terms at the bursts of a window, by slot.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Basis(pub [Past; TERMS]);
+
+impl Basis {
+    /// The terms of `frequency` at the times of `window`; `phase` is that of the newest burst, in periods.
+    pub fn new(window: &Window, phase: f64, frequency: f64) -> Self {
+        let mut terms = [[0.0; WINDOW]; TERMS];
+        for back in 0..window.count() {
+            let (sin, cos) = libm::sincos(TAU * fraction(phase - frequency * window.since(back)));
+            let [cos2, sin2] = [cos * cos - sin * sin, 2.0 * sin * cos];
+            let values = [1.0, cos, sin, cos2, sin2, cos2 * cos - sin2 * sin, sin2 * cos + cos2 * sin];
+            let slot = window.slot(back);
+            terms.iter_mut().zip(values).for_each(|(term, value)| term[slot] = value as f32);
+        }
+        Self(terms)
+    }
+
+    /// The terms at one burst.
+    pub fn at(&self, slot: usize) -> [f32; TERMS] {
+        self.0.map(|term| term[slot % WINDOW])
+    }
+}
+
+/// The part of `turns` beyond whole turns.
+pub(super) fn fraction(turns: f64) -> f64 {
+    turns - libm::floor(turns)
+}
+
+/// The fit to the newest bursts of a window.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Fit {
+    /// Number of bursts.
+    pub bursts: usize,
+    terms: usize,
+    /// The amplitude of each term is the scalar product of its row and the values.
+    rows: [Past; TERMS],
+    /// 1 for the bursts of the fit, 0 for older ones.
+    mask: Past,
+    /// Weight of the newest value in its own prediction.
+    leverage: f32,
+}
+
+impl Fit {
+    /// The fit to `bursts` of `window` with as many terms as they determine; `None` if they do not determine the mean.
+    pub fn new(window: &Window, basis: &Basis, bursts: usize) -> Option<Self> {
+        [TERMS, TWO_HARMONICS, FUNDAMENTAL]
+            .into_iter()
+            .find_map(|terms| Self::of_terms(window, basis, bursts, terms))
+    }
+
+    /// The fit of the mean and the fundamental.
+    pub fn fundamental(window: &Window, basis: &Basis, bursts: usize) -> Option<Self> {
+        Self::of_terms(window, basis, bursts, FUNDAMENTAL)
+    }
+
+    fn of_terms(window: &Window, basis: &Basis, bursts: usize, terms: usize) -> Option<Self> {
+        if bursts < terms + 2 || bursts > window.count() {
+            return None;
+        }
+        let normal = normal_equations(window, basis, bursts);
+        let inverse = inverse(normal, terms);
+        if !(inverse[0][0] * bursts as f64 <= MOST_VARIANCE) {
+            return None;
+        }
+        let (mut rows, mut mask) = ([[0.0; WINDOW]; TERMS], [0.0; WINDOW]);
+        for slot in (0..bursts).map(|back| window.slot(back)) {
+            let at = basis.at(slot);
+            rows.iter_mut().zip(inverse).for_each(|(row, inverse)| row[slot] = product(&inverse, &at));
+            mask[slot] = 1.0;
+        }
+        let newest = window.slot(0);
+        let leverage = rows.iter().zip(basis.at(newest)).map(|(row, term)| row[newest] * term).sum();
+        Some(Self { bursts, terms, rows, mask, leverage })
+    }
+
+    /// Fits `past`, whose newest value is that of `newest`.
+    pub fn estimate(&self, basis: &Basis, past: &Past, newest: usize) -> Estimate {
+        let mut amplitudes = [0.0; TERMS];
+        amplitudes.iter_mut().zip(&self.rows).for_each(|(a, row)| *a = dot(row, past));
+        let [mean, harmonics @ ..] = amplitudes;
+        let (mut wave, mut rest) = ([0.0; WINDOW], [0.0; WINDOW]);
+        for (slot, (wave, rest)) in wave.iter_mut().zip(&mut rest).enumerate() {
+            let at = basis.at(slot);
+            let [_, terms @ ..] = at;
+            *wave = self.mask[slot] * harmonics.iter().zip(terms).map(|(a, t)| a * t).sum::<f32>();
+            *rest = self.mask[slot] * (past[slot] - mean) - *wave;
+        }
+        let left = (1.0 - self.leverage).max(0.05);
+        let (residual, squares) = (rest[newest % WINDOW], dot(&rest, &rest));
+        Estimate {
+            mean,
+            harmonics,
+            wave: wave[newest % WINDOW],
+            surprise: residual / left,
+            noise: (squares - residual * residual / left).max(0.0),
+            squares,
+            waves: dot(&wave, &wave),
+            freedom: self.bursts.saturating_sub(self.terms) as f32,
+            used: (self.terms - 1) as f32,
+        }
+    }
+}
+
+/// Mean and modulation of a cell over the bursts of a fit.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Estimate {
+    /// Mean over a period.
+    pub mean: f32,
+    /// Amplitudes of the harmonics.
+    pub harmonics: [f32; TERMS - 1],
+    /// The modulation in the newest burst.
+    pub wave: f32,
+    /// Difference of the newest value and its prediction from the other ones.
+    pub surprise: f32,
+    /// Sum of the squared residuals without the newest value.
+    noise: f32,
+    /// Sum of the squared residuals.
+    squares: f32,
+    /// Sum of the squared modulation.
+    waves: f32,
+    /// Degrees of freedom of the residuals and of the modulation.
+    freedom: f32,
+    used: f32,
+}
+
+impl Estimate {
+    /// Variance that the modulation explains over that of the residuals (the F statistic).
+    pub fn strength(&self) -> f32 {
+        let floor = 1e-12 * self.mean * self.mean + f32::MIN_POSITIVE;
+        (self.waves / self.used) / (self.squares / self.freedom + floor)
+    }
+
+    /// Whether the newest value differs from its prediction by more than `deviations` standard deviations of the residuals and more than
+    /// the share `least` of the mean.
+    pub fn is_step(&self, deviations: f32, least: f32) -> bool {
+        let freedom = (self.freedom - 1.0).max(1.0);
+        // Few residuals underestimate the variance.
+        let variance = self.noise / freedom * (1.0 + FEW / freedom);
+        let squared = self.surprise * self.surprise;
+        squared > deviations * deviations * variance && squared > (least * self.mean) * (least * self.mean)
+    }
+
+    /// Amplitude of the fundamental over the mean.
+    pub fn depth(&self) -> f32 {
+        let [cos, sin, ..] = self.harmonics;
+        if self.mean > 0.0 { libm::hypotf(cos, sin) / self.mean } else { 0.0 }
+    }
+
+    /// Variance of the residuals.
+    pub fn variance(&self) -> f32 {
+        self.squares / self.freedom.max(1.0)
+    }
+
+    /// Sum of the squared residuals.
+    pub fn squares(&self) -> f32 {
+        self.squares
+    }
+}
+
+type Square = [[f64; TERMS]; TERMS];
+
+fn normal_equations(window: &Window, basis: &Basis, bursts: usize) -> Square {
+    let mut sums = [[0.0; TERMS]; TERMS];
+    for back in 0..bursts {
+        let at = basis.at(window.slot(back)).map(f64::from);
+        for (row, a) in sums.iter_mut().zip(at) {
+            row.iter_mut().zip(at).for_each(|(sum, b)| *sum += a * b);
+        }
+    }
+    for (i, row) in sums.iter_mut().enumerate().skip(1) {
+        row[i] += RIDGE * bursts as f64;
+    }
+    sums
+}
+
+/// Inverse of the leading `terms` rows and columns of a positive definite matrix by Gauss-Jordan elimination; the other elements are 0.
+fn inverse(mut a: Square, terms: usize) -> Square {
+    let mut inverse = [[0.0; TERMS]; TERMS];
+    (0..terms).for_each(|i| inverse[i][i] = 1.0);
+    for pivot in 0..terms {
+        let scale = 1.0 / a[pivot][pivot];
+        (0..terms).for_each(|j| {
+            (a[pivot][j], inverse[pivot][j]) = (a[pivot][j] * scale, inverse[pivot][j] * scale)
+        });
+        let (of, own) = (a[pivot], inverse[pivot]);
+        for row in (0..terms).filter(|row| *row != pivot) {
+            let factor = a[row][pivot];
+            for j in 0..terms {
+                a[row][j] -= factor * of[j];
+                inverse[row][j] -= factor * own[j];
+            }
+        }
+    }
+    inverse
+}
+
+fn product(a: &[f64; TERMS], b: &[f32; TERMS]) -> f32 {
+    a.iter().zip(b).map(|(a, b)| a * f64::from(*b)).sum::<f64>() as f32
+}
+
+/// Scalar product in four lanes.
+pub(super) fn dot(a: &Past, b: &Past) -> f32 {
+    let mut lanes = [0.0f32; 4];
+    for (a, b) in a.as_chunks::<4>().0.iter().zip(b.as_chunks::<4>().0) {
+        lanes.iter_mut().zip(a.iter().zip(b)).for_each(|(lane, (a, b))| *lane += a * b);
+    }
+    (lanes[0] + lanes[1]) + (lanes[2] + lanes[3])
+}

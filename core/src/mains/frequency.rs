@@ -1,0 +1,185 @@
+//! Finds the frequency at which the light of a map varies.
+
+use super::cell::Cell;
+use super::fit::{Basis, Estimate, Fit, dot, fraction};
+use super::window::{WINDOW, Window};
+
+/// Frequencies at which lamps on the mains vary, hertz: twice that of the mains.
+pub(super) const LAMPS_HZ: [f64; 2] = [100.0, 120.0];
+
+/// Steps of the search, and number of steps to each side of a nominal frequency.
+const STEP_HZ: f64 = 0.1;
+const STEPS: i32 = 4;
+
+/// What a step away from the nominal frequency must explain in addition, a share of the variance.
+const OFF_NOMINAL: f32 = 0.01;
+
+/// Steps and range of the search in bursts without times, periods per burst.
+const STEP_PER_BURST: f64 = 0.02;
+const PER_BURST: (f64, f64) = (0.06, 0.5);
+
+/// Fewest bursts from which a frequency is found.
+const FEWEST: usize = 7;
+
+/// Share of the variance that a frequency explains when it is found, with few and with many bursts, and below which it is lost.
+const FOUND: [f32; 2] = [0.8, 0.6];
+const MANY: usize = 10;
+const LOST: f32 = 0.35;
+
+/// Least standard deviation of a region over its mean that is explained, and of all regions together.
+const VARYING: f32 = 0.002;
+const VARYING_IN_ALL: f32 = 0.0005;
+
+/// Lamps whose frequency is looked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Lamps {
+    /// Lamps on mains of 50 or 60 Hz.
+    #[default]
+    Auto,
+    /// Lamps on mains of 50 Hz, which vary at 100 Hz.
+    Mains50,
+    /// Lamps on mains of 60 Hz, which vary at 120 Hz.
+    Mains60,
+    /// No lamps: every map stays as it is.
+    Off,
+}
+
+impl Lamps {
+    fn allows(self, index: usize) -> bool {
+        match self {
+            Self::Auto => true,
+            Self::Mains50 => index == 0,
+            Self::Mains60 => index == 1,
+            Self::Off => false,
+        }
+    }
+}
+
+/// A frequency that was found.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Lock {
+    /// Hertz, or periods per burst in bursts without times.
+    pub frequency: f64,
+    /// Phase in the newest burst, periods.
+    pub phase: f64,
+    /// Range in which the frequency is followed.
+    range: (f64, f64),
+    step: f64,
+    /// Bursts in a row that it explained badly.
+    poor: u32,
+}
+
+impl Lock {
+    fn new(frequency: f64, range: (f64, f64), step: f64) -> Self {
+        Self { frequency, phase: 0.0, range, step, poor: 0 }
+    }
+
+    /// Advances the phase to the newest burst of `window`.
+    pub fn advance(&mut self, window: &Window) {
+        self.phase = fraction(self.phase + self.frequency * window.since(1));
+    }
+
+    /// Follows the drift of the frequency; `None` once it explains the light no longer.
+    pub fn follow(mut self, window: &Window, regions: &[Cell]) -> Option<Self> {
+        let score = |offset: f64| explained(window, regions, self.frequency + offset * self.step);
+        let here = score(0.0).unwrap_or(0.0);
+        self.poor = if here < LOST { self.poor + 1 } else { 0 };
+        if here > FOUND[1] && window.count() >= MANY {
+            let (below, above) = (score(-1.0).unwrap_or(0.0), score(1.0).unwrap_or(0.0));
+            let curvature = below + above - 2.0 * here;
+            let offset = if curvature < -1e-6 { 0.5 * (below - above) / curvature } else { above - below };
+            let moved = self.frequency + self.step * f64::from(offset.clamp(-0.5, 0.5));
+            self.frequency = moved.clamp(self.range.0, self.range.1);
+        }
+        (self.poor < WINDOW as u32).then_some(self)
+    }
+}
+
+/// Looks for the frequency that explains the variance of the regions best. `has_times` states whether the times of `window` are seconds.
+pub(super) fn find(window: &Window, regions: &[Cell], lamps: Lamps, has_times: bool) -> Option<Lock> {
+    if lamps == Lamps::Off || window.count() < FEWEST || !varies(window, regions) {
+        return None;
+    }
+    let mut best: Option<(f32, Lock)> = None;
+    let mut consider = |lock: Lock, off: i32| {
+        let score =
+            explained(window, regions, lock.frequency).unwrap_or(0.0) - OFF_NOMINAL * off.abs() as f32;
+        if best.as_ref().is_none_or(|(most, _)| score > *most) {
+            best = Some((score, lock));
+        }
+    };
+    if has_times {
+        for (_, base) in LAMPS_HZ.into_iter().enumerate().filter(|(index, _)| lamps.allows(*index)) {
+            let range = (base - 6.0 * STEP_HZ, base + 6.0 * STEP_HZ);
+            let lock = |step: i32| Lock::new(base + f64::from(step) * STEP_HZ, range, STEP_HZ);
+            (-STEPS..=STEPS).for_each(|step| consider(lock(step), step));
+        }
+    } else {
+        let count = ((PER_BURST.1 - PER_BURST.0) / STEP_PER_BURST + 0.5) as u32;
+        let steps = (0..=count).map(|step| PER_BURST.0 + f64::from(step) * STEP_PER_BURST);
+        steps.for_each(|frequency| consider(Lock::new(frequency, PER_BURST, 0.5 * STEP_PER_BURST), 0));
+    }
+    let needed = FOUND[usize::from(window.count() >= MANY)];
+    best.filter(|(score, _)| *score > needed).map(|(_, lock)| lock)
+}
+
+/// Modulation that an exposure of `periods` periods records of a sinusoid of amplitude 1.
+pub(super) fn response(periods: f64) -> f64 {
+    let angle = core::f64::consts::PI * periods;
+    if angle > 1e-6 { libm::fabs(libm::sin(angle)) / angle } else { 1.0 }
+}
+
+/// Variance of a region over the window.
+struct Variation {
+    mean: f32,
+    squares: f32,
+}
+
+impl Variation {
+    fn of(region: &Cell, bursts: usize) -> Self {
+        let n = bursts.max(1) as f32;
+        let ones = [1.0; WINDOW];
+        let mean = dot(&region.past, &ones) / n;
+        // Slots beyond the window hold 0.
+        let unused = (WINDOW - bursts.min(WINDOW)) as f32 * mean * mean;
+        let off = region.past.map(|v| v - mean);
+        Self { mean, squares: (dot(&off, &off) - unused).max(0.0) }
+    }
+
+    fn deviation(&self, bursts: usize) -> f32 {
+        libm::sqrtf(self.squares / bursts.max(1) as f32)
+    }
+}
+
+/// Whether the light varies enough to look for a frequency.
+fn varies(window: &Window, regions: &[Cell]) -> bool {
+    let (mut all, mut varying) = (0.0, 0.0);
+    for region in regions {
+        let variation = Variation::of(region, window.count());
+        let deviation = variation.deviation(window.count());
+        all += variation.mean;
+        varying += if deviation > VARYING * variation.mean { deviation } else { 0.0 };
+    }
+    varying > VARYING_IN_ALL * all
+}
+
+/// Share of the variance of the regions that `frequency` explains, corrected for the degrees of freedom; `None` if the times of the window
+/// do not determine a mean at that frequency.
+fn explained(window: &Window, regions: &[Cell], frequency: f64) -> Option<f32> {
+    let bursts = window.count();
+    let basis = Basis::new(window, 0.0, frequency);
+    let fit = Fit::fundamental(window, &basis, bursts)?;
+    let correction = (bursts - 1) as f32 / (bursts - 3).max(1) as f32;
+    let (mut sum, mut weights) = (0.0, 0.0);
+    for region in regions.iter().filter(|region| region.age as usize >= bursts) {
+        let variation = Variation::of(region, bursts);
+        let deviation = variation.deviation(bursts);
+        if deviation > VARYING * variation.mean && variation.squares > 0.0 {
+            let estimate: Estimate = fit.estimate(&basis, &region.past, window.slot(0));
+            sum += deviation * (1.0 - correction * estimate.squares() / variation.squares);
+            weights += deviation;
+        }
+    }
+    (weights > 0.0).then(|| sum / weights)
+}

@@ -1,0 +1,298 @@
+//! Removes the flicker of lamps on the mains from the map of each burst.
+//!
+//! A lamp on the mains varies 100 or 120 times a second. An exposure of a millisecond, which alone shows a lamp unclipped, records the
+//! lamp at one phase; its map differs from burst to burst. From the times of the last bursts and the energy of each cell of the map, a
+//! mean and three harmonics are fitted, and the mean replaces the energy. The merge is linear and a burst's frames have fixed times relative
+//! to each other, so that the fit applies to the merged map whatever exposures a cell is valid in.
+//!
+//! Cells without significant modulation are not changed. An abrupt change restarts the fit of a cell; the known modulation then converts
+//! the first values to means.
+//!
+//! ```
+//! use hemilux_core::mains::{Cell, Lamps, Mains, mains_len};
+//! use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
+//! use hemilux_core::{Domain, Order, healpix};
+//!
+//! let order = Order::try_new(3)?;
+//! let mut map = Pyramid::try_new(vec![Quad::default(); pyramid_len(Domain::Hemisphere, order)], Domain::Hemisphere, order)?;
+//! let mut mains = Mains::try_new(order, Lamps::Auto, vec![Cell::default(); mains_len(order)])?;
+//! let towards = healpix::centre(3, 100).as_vec3();
+//! for burst in 0..20 {
+//!     let seconds = f64::from(burst) * 3.0 / 28.0;
+//!     let lamp = 1.0 + (core::f64::consts::TAU * 100.0 * seconds).cos();
+//!     map.texels_mut()[100] = Quad::from_light([lamp as f32; 3], towards);
+//!     map.build();
+//!     let found = mains.update(&mut map, Some(seconds));
+//!     if burst > 10 {
+//!         assert!((map.view().total().y() - 1.0).abs() < 0.01);
+//!         assert!((found.frequency_hz.unwrap() - 100.0).abs() < 0.3);
+//!     }
+//! }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod cell;
+mod fit;
+mod frequency;
+mod window;
+
+use crate::buffer::{self, Buffer, TooSmall};
+use crate::color::luminance;
+use crate::healpix::{self, Domain, Order};
+use crate::pyramid::{Pyramid, Quad};
+pub use cell::Cell;
+use cell::{Fits, Level};
+pub use frequency::Lamps;
+use frequency::Lock;
+use window::Window;
+
+/// Orders between a cell and its region.
+const REGION: u8 = 2;
+
+/// Finest order of cells; the texels of a finer map are grouped.
+const FINEST: u8 = 5;
+
+/// Longest time between two bursts that one fit spans, seconds.
+const LONGEST_GAP_S: f64 = 1.0;
+
+/// Largest modulation that an exposure records of a modulation of 1, if it is merged besides the shortest and the longest one.
+const MOST_RESPONSE: f64 = 0.25;
+
+/// Weight of a new burst in the colour of a cell.
+const NEW_COLOUR: f32 = 1.0 / 8.0;
+
+/// Modulation of the light that was found and removed.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub struct Flicker {
+    /// Frequency of the modulation; `None` where none is found, and for bursts without times.
+    pub frequency_hz: Option<f32>,
+    /// Mean amplitude of the modulation over the mean of the cells that it was removed from.
+    pub depth: f32,
+    /// Share of the map's luminance energy that is an estimate over several bursts.
+    pub share: f32,
+}
+
+/// Order of the cells for a map of `order`.
+const fn cell_order(order: Order) -> u8 {
+    if order.get() > FINEST { FINEST } else { order.get() }
+}
+
+/// Order of the regions for cells of `order`.
+const fn region_order(order: u8) -> u8 {
+    order.saturating_sub(REGION)
+}
+
+/// Number of [`Cell`]s that [`Mains::try_new`] needs for hemisphere maps of `order`.
+#[must_use]
+pub const fn mains_len(order: Order) -> usize {
+    let cells = cell_order(order);
+    Domain::Hemisphere.quads(cells) + Domain::Hemisphere.quads(region_order(cells))
+}
+
+/// Removes the flicker of lamps from the maps of successive bursts.
+#[derive(Clone, Debug)]
+pub struct Mains<B> {
+    state: State,
+    cells: B,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct State {
+    /// Order of the cells.
+    order: u8,
+    lamps: Lamps,
+    window: Window,
+    has_times: bool,
+    lock: Option<Lock>,
+}
+
+impl<B: Buffer<Cell>> Mains<B> {
+    /// Prepares for hemisphere maps of `order`; `cells` needs [`mains_len`] elements.
+    ///
+    /// # Errors
+    /// [`TooSmall`] if `cells` has too few elements.
+    pub fn try_new(order: Order, lamps: Lamps, mut cells: B) -> Result<Self, TooSmall> {
+        buffer::check(&cells, mains_len(order))?;
+        cells.as_mut().fill(Cell::default());
+        let order = cell_order(order);
+        Ok(Self {
+            state: State { order, lamps, window: Window::default(), has_times: true, lock: None },
+            cells,
+        })
+    }
+
+    /// Replaces the lamps that are looked for and forgets all bursts, if `lamps` differ from those before.
+    pub fn set_lamps(&mut self, lamps: Lamps) {
+        if self.state.lamps != lamps {
+            self.state.lamps = lamps;
+            self.restart();
+        }
+    }
+
+    /// Forgets all bursts.
+    pub fn restart(&mut self) {
+        self.state.restart(self.cells.as_mut());
+    }
+
+    /// Whether the next burst is to be merged with an exposure of `seconds` that is neither its shortest nor its longest.
+    ///
+    /// While a frequency is known, exposures much shorter than its period, or between its multiples, are not: a bright cell would be valid
+    /// in them at some phases and clipped at others, so that the merged light would depend on the phase in another way than the lamp does.
+    #[must_use]
+    pub fn keeps(&self, seconds: f64) -> bool {
+        self.state.lock.is_none_or(|lock| {
+            let known = [lock.frequency; 2];
+            let periods = if self.state.has_times { known } else { frequency::LAMPS_HZ };
+            periods.iter().all(|hz| frequency::response(hz * seconds) < MOST_RESPONSE)
+        })
+    }
+
+    /// Takes the map of the next burst and removes the modulation that the last bursts show. `at` is the time of the burst's shortest
+    /// exposure in seconds, from any origin; `None` for bursts at equal but unknown intervals, whose frequency is then unknown as well.
+    ///
+    /// A map without significant modulation is not changed, nor is one of another domain or order.
+    pub fn update<Q: Buffer<Quad>>(&mut self, map: &mut Pyramid<Q>, at: Option<f64>) -> Flicker {
+        let view = map.view();
+        let is_other = view.domain() != Domain::Hemisphere || cell_order(view.order()) != self.state.order;
+        if self.state.lamps == Lamps::Off || is_other {
+            return Flicker::default();
+        }
+        let cells = self.cells.as_mut();
+        self.state.remember(map, at, cells);
+        match self.state.follow(cells) {
+            Some(lock) => self.state.correct(map, &lock, cells),
+            None => Flicker::default(),
+        }
+    }
+}
+
+/// Sums over the cells that were corrected.
+#[derive(Default)]
+struct Corrected {
+    energy: f32,
+    modulation: f32,
+    cells: usize,
+}
+
+impl State {
+    fn restart(&mut self, cells: &mut [Cell]) {
+        (self.window, self.lock) = (Window::default(), None);
+        cells.fill(Cell::default());
+    }
+
+    /// The cells, and the regions after them.
+    fn divide<'a>(&self, cells: &'a mut [Cell]) -> (&'a mut [Cell], &'a mut [Cell]) {
+        let (cells, rest) =
+            cells.split_at_mut_checked(Domain::Hemisphere.quads(self.order)).unwrap_or_default();
+        let regions = Domain::Hemisphere.quads(region_order(self.order));
+        (cells, rest.get_mut(..regions).unwrap_or_default())
+    }
+
+    /// Adds a burst to the window and its energies to the cells and regions.
+    fn remember<Q: Buffer<Quad>>(&mut self, map: &Pyramid<Q>, at: Option<f64>, cells: &mut [Cell]) {
+        let has_times = at.is_some();
+        let last = self.window.last();
+        let at = at.unwrap_or_else(|| last.map_or(0.0, |last| last + 1.0));
+        let gap = last.map_or(0.0, |last| at - last);
+        let follows = last.is_none() || (gap > 0.0 && (gap < LONGEST_GAP_S || !has_times));
+        if !follows || has_times != self.has_times {
+            self.restart(cells);
+        }
+        self.has_times = has_times;
+        self.window.push(at);
+        let (slot, view) = (self.window.slot(0), map.view());
+        let (cells, regions) = self.divide(cells);
+        for (region, quad) in regions.iter_mut().zip(view.quads_of(region_order(self.order))) {
+            region.push(slot, quad.y());
+        }
+        for (cell, quad) in cells.iter_mut().zip(view.quads_of(self.order)) {
+            cell.push(slot, quad.y());
+            cell.colour.iter_mut().zip(quad.rgb()).for_each(|(sum, v)| *sum += NEW_COLOUR * (v - *sum));
+        }
+    }
+
+    /// Finds the frequency, or follows its drift.
+    fn follow(&mut self, cells: &mut [Cell]) -> Option<Lock> {
+        let window = self.window;
+        let (_, regions) = self.divide(cells);
+        self.lock = match self.lock.take() {
+            Some(mut lock) => {
+                lock.advance(&window);
+                lock.follow(&window, regions)
+            }
+            None => frequency::find(&window, regions, self.lamps, self.has_times),
+        };
+        self.lock
+    }
+
+    fn correct<Q: Buffer<Quad>>(&self, map: &mut Pyramid<Q>, lock: &Lock, cells: &mut [Cell]) -> Flicker {
+        let fits = Fits::new(&self.window, lock.phase, lock.frequency);
+        let (cells, regions) = self.divide(cells);
+        let (order, mut sums) = (self.order, Corrected::default());
+        let below = 2 * map.view().order().get().saturating_sub(order);
+        let many = 1 << (2 * (order - region_order(order)));
+        for (region, (index, cells)) in regions.iter_mut().zip(cells.chunks_mut(many).enumerate()) {
+            let first = many * index;
+            let in_region = fits.level(region, false).is_some();
+            if !in_region && !region.has_shape() {
+                continue;
+            }
+            for (index, cell) in cells.iter_mut().enumerate() {
+                let Some(level) = fits.level(cell, in_region) else { continue };
+                let texels = ((first + index) << below)..((first + index + 1) << below);
+                let Some(texels) = map.texels_mut().get_mut(texels) else { continue };
+                replace(texels, &level, cell, Place { order, cell: (first + index) as u32 });
+                sums.add(&level);
+            }
+        }
+        if sums.cells > 0 {
+            map.build();
+        }
+        let share = sums.energy / map.view().total().y().max(f32::MIN_POSITIVE);
+        let frequency_hz = self.has_times.then_some(lock.frequency as f32);
+        let depth = sums.modulation / sums.energy.max(f32::MIN_POSITIVE);
+        Flicker { frequency_hz, depth: depth.min(1.0), share: share.min(1.0) }
+    }
+}
+
+impl Corrected {
+    fn add(&mut self, level: &Level) {
+        self.cells += 1;
+        if level.is_modulated {
+            self.energy += level.y;
+            self.modulation += level.y * level.depth;
+        }
+    }
+}
+
+/// A quad of the map.
+struct Place {
+    order: u8,
+    cell: u32,
+}
+
+/// Replaces the energy of the texels of a cell by that of `level`; the texels keep their shares of it.
+fn replace(texels: &mut [Quad], level: &Level, cell: &Cell, place: Place) {
+    let found: f32 = texels.iter().map(Quad::y).sum();
+    let mean = luminance(cell.colour);
+    if found > 0.0 && (!level.is_modulated || mean <= 0.0) {
+        let factor = level.y / found;
+        texels.iter_mut().for_each(|quad| scale(quad, factor));
+    } else if mean > 0.0 {
+        let rgb = cell.colour.map(|v| v * level.y / mean);
+        let equal = 1.0 / texels.len().max(1) as f32;
+        let centre = healpix::centre(place.order, place.cell).as_vec3();
+        for quad in texels {
+            let (share, direction) =
+                if found > 0.0 { (quad.y() / found, quad.mean_direction()) } else { (equal, centre) };
+            *quad = Quad::from_light(rgb.map(|v| v * share), direction);
+        }
+    }
+}
+
+fn scale(quad: &mut Quad, factor: f32) {
+    quad.energy = quad.energy.map(|v| v * factor);
+    quad.moment = quad.moment.map(|v| v * factor);
+}

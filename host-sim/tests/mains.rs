@@ -1,0 +1,155 @@
+//! Lamps on the mains before a camera, through the pipeline of the probe: the lights are those of the same lamps without flicker.
+
+use hemilux::pipeline::{Pipeline, Processed, Settings};
+use hemilux_core::mains::{Flicker, Lamps};
+use hemilux_sim::burst::{Sensor, THESIS_EXPOSURES_S};
+use hemilux_sim::env::EnvMap;
+use hemilux_sim::metrics::stability::Source;
+use hemilux_sim::scenario::stage::{WARM, at, energy, room};
+use hemilux_sim::world::{Change, Course, Filming, Lamp, Timing, Wave, World};
+
+const BURSTS: usize = 36;
+const SETTLED: usize = 20;
+
+fn lens() -> hemilux::recorded::LensFile {
+    let text = "version = 1\n[lens]\nmodel = \"equidistant\"\nsize = [240, 180]\ncentre = [119.5, 89.5]\nfocal = [73.6, 73.6]\nmax_angle_deg = 80.0\n";
+    hemilux::recorded::parse_lens(std::path::Path::new("lens.toml"), text).expect("a lens")
+}
+
+fn timing(rate_hz: f64) -> Timing {
+    Timing { rate_hz, exposures: THESIS_EXPOSURES_S.to_vec(), line_s: 20e-6, rotates: false }
+}
+
+/// Two lamps in a room, each as bright as all the rest.
+fn world(wave: Wave, other: Wave) -> World {
+    let still = EnvMap::from_fn(256, 128, |d| room(d).map(|v| v.min(3.0)));
+    let flux = energy(&still);
+    let lamp = |theta, phi, wave| Lamp {
+        source: Source { direction: at(theta, phi), radius_deg: 4.0 },
+        colour: WARM,
+        flux,
+        course: Course { wave, phase: 0.3, changes: Vec::new() },
+    };
+    World { still, lit: None, lamps: vec![lamp(40.0, 120.0, wave), lamp(30.0, -60.0, other)] }
+}
+
+/// Scalar flux, horizontal irradiance and modulation of one set.
+#[derive(Clone, Copy, Debug)]
+struct Seen {
+    values: [f64; 6],
+    flicker: Flicker,
+}
+
+impl Seen {
+    fn of(found: &Processed<'_>) -> Self {
+        let all = found.scalar_flux.iter().chain(&found.horizontal_irradiance);
+        let mut values = [0.0; 6];
+        values.iter_mut().zip(all).for_each(|(to, v)| *to = f64::from(*v));
+        Self { values, flicker: found.flicker }
+    }
+
+    fn difference(&self, other: &Self) -> f64 {
+        let off = self.values.iter().zip(other.values).map(|(a, b)| (a / b - 1.0).abs());
+        off.fold(0.0, f64::max)
+    }
+}
+
+fn film(world: &World, timing: Timing) -> Filming {
+    Filming::new(world, lens(), timing, Sensor { bits: 12, full_well: 10_000.0, read_noise: 3.0 }, None)
+}
+
+fn run(filming: &Filming, bursts: usize, lamps: Lamps) -> Vec<Seen> {
+    let settings = Settings { lamps, ..Settings::default() };
+    let mut pipeline =
+        Pipeline::try_new(filming.calibration(), &filming.exposures(), settings).expect("a pipeline");
+    (0..bursts)
+        .map(|burst| {
+            let found = pipeline.process(&filming.burst(burst)).map(|found| {
+                assert!(found.frames_left_out.is_empty(), "burst {burst}: {:?}", found.frames_left_out);
+                Seen::of(&found)
+            });
+            found.expect("lights")
+        })
+        .collect()
+}
+
+/// Largest difference from the steady lamps and mean change from burst to burst, from burst `settled` on.
+fn figures(seen: &[Seen], steady: &[Seen], settled: usize) -> [f64; 2] {
+    let off = (settled..seen.len()).map(|t| seen[t].difference(&steady[t])).fold(0.0, f64::max);
+    let flicker: f64 = (settled..seen.len()).map(|t| seen[t].difference(&seen[t - 1])).sum();
+    [off, flicker / (seen.len() - settled) as f64]
+}
+
+fn compare(wave: Wave, settled: usize) -> [f64; 2] {
+    let steady = run(&film(&world(Wave::Steady, Wave::Steady), timing(28.0)), BURSTS, Lamps::Off);
+    let filming = film(&world(wave, wave), timing(28.0));
+    let raw = figures(&run(&filming, BURSTS, Lamps::Off), &steady, settled);
+    let seen = run(&filming, BURSTS, Lamps::Auto);
+    let found = figures(&seen, &steady, settled);
+    let percent = |ratios: [f64; 2]| ratios.map(|v| format!("{:.2} %", 100.0 * v)).join(" and ");
+    let last = seen.last().expect("sets").flicker;
+    eprintln!("{wave:?}: off and flicker {}, as recorded {}; {last:?}", percent(found), percent(raw));
+    found
+}
+
+#[test]
+fn sinusoids_of_full_depth_give_the_light_of_steady_lamps() {
+    for hz in [99.8, 100.15, 100.0, 120.0] {
+        let [off, flicker] = compare(Wave::Sine { hz, depth: 1.0 }, SETTLED);
+        assert!(off < 0.025 && flicker < 0.01, "{hz} Hz: off {off}, flicker {flicker}");
+    }
+}
+
+#[test]
+fn other_waveforms_give_the_light_of_steady_lamps() {
+    let waves = [
+        Wave::Phosphor { hz: 120.0 },
+        Wave::Sine { hz: 100.0, depth: 0.1 },
+        Wave::Sine { hz: 120.0, depth: 0.3 },
+        Wave::Rectified { hz: 100.0 },
+    ];
+    for wave in waves {
+        let [off, flicker] = compare(wave, SETTLED);
+        assert!(off < 0.025 && flicker < 0.01, "{wave:?}: off {off}, flicker {flicker}");
+    }
+}
+
+/// Seven phases are what 28 frames a second show of 100 Hz: the mean over them is that of a rectangle but for its edges.
+#[test]
+fn rectangles_give_the_mean_over_the_phases_that_are_seen() {
+    let [off, flicker] = compare(Wave::Pwm { hz: 100.0, duty: 0.5 }, SETTLED + 6);
+    assert!(off < 0.05 && flicker < 0.01, "off {off}, flicker {flicker}");
+}
+
+#[test]
+fn a_steady_scene_is_not_changed() {
+    let filming = film(&world(Wave::Steady, Wave::Steady), timing(28.0));
+    let (with, without) = (run(&filming, BURSTS, Lamps::Auto), run(&filming, BURSTS, Lamps::Off));
+    for (burst, (a, b)) in with.iter().zip(&without).enumerate() {
+        assert_eq!(a.values, b.values, "burst {burst}");
+        assert_eq!(a.flicker, Flicker::default(), "burst {burst}");
+    }
+}
+
+/// One of two flickering lamps is switched off and on again; the other one and the room stay.
+#[test]
+fn a_switch_in_flickering_light_is_followed_in_two_bursts() {
+    let timing = timing(28.0);
+    let [off_at, on_at] = [24, 34].map(|burst| timing.burst_end_s(burst) + 6e-3);
+    let switched = |wave| {
+        let mut world = world(wave, wave);
+        world.lamps[0].course.changes =
+            vec![Change { at_s: off_at, level: 0.0 }, Change { at_s: on_at, level: 1.0 }];
+        world
+    };
+    let steady = run(&film(&switched(Wave::Steady), timing.clone()), 44, Lamps::Off);
+    let seen = run(&film(&switched(Wave::Sine { hz: 100.0, depth: 1.0 }), timing), 44, Lamps::Auto);
+    let mut worst = 0.0f64;
+    for burst in SETTLED..44 {
+        let off = seen[burst].difference(&steady[burst]);
+        eprintln!("burst {burst}: off {:.2} %", 100.0 * off);
+        let follows = [25, 35].contains(&burst);
+        worst = if follows { worst } else { worst.max(off) };
+    }
+    assert!(worst < 0.025, "off {worst}");
+}
