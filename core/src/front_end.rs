@@ -7,7 +7,7 @@ use crate::extrapolation::{self, Extrapolation};
 use crate::front::{self, BurstError, Coverage, Excluded};
 use crate::healpix::{Domain, MapShape, Order};
 use crate::light::Decomposition;
-use crate::merge::{self, Exposure, Merge, MergeView, Samples};
+use crate::merge::{self, Exposure, Merge, MergeMode, MergeView, Samples};
 use crate::pixel_table::{self, PixelTable, PixelTableError, PixelTableView, Texel};
 use crate::polar::LatLongView;
 use crate::pyramid::{Pyramid, PyramidView, Quad};
@@ -50,6 +50,7 @@ struct State {
     order: Order,
     /// A function pointer instead of an enum: programs that never choose an extrapolation do not link it.
     extrapolate: Option<Extrapolate>,
+    mode: MergeMode,
     merge: merge::Detached,
     pixel_table: pixel_table::Detached,
     sizes: Sizes,
@@ -78,6 +79,11 @@ impl<B: Buffer<u64>> FrontEnd<B> {
     /// [`FrontError`] for exposures that cannot be merged or need more memory than was lent; the previous exposures then remain in use.
     pub fn set_exposures(&mut self, exposures: &[Exposure]) -> Result<(), FrontError> {
         self.state.set_exposures(exposures, self.memory.as_mut())
+    }
+
+    /// Selects the exposures that later bursts read, [`MergeMode::All`] at first.
+    pub fn set_merge_mode(&mut self, mode: MergeMode) {
+        self.state.mode = mode;
     }
 
     /// Selects the estimate of the light outside of the field of view, [`Extrapolation::None`] at first.
@@ -174,7 +180,7 @@ impl<B: Buffer<u64>> FrontEnd<B> {
     #[doc(hidden)]
     pub fn with_merge<R>(&mut self, f: impl FnOnce(&MergeView<'_>) -> R) -> R {
         let Parts { curve, tables, reciprocals, .. } = Parts::divide(self.memory.as_mut(), &self.state.sizes);
-        f(&self.state.merge.over(merge::Tables { curve, exposures: tables, reciprocals }))
+        f(&self.state.merge.over(merge::Tables { curve, exposures: tables, reciprocals }, self.state.mode))
     }
 }
 
@@ -208,7 +214,7 @@ impl State {
         let curve = calibration.curve(parts.curve)?;
         let merge = Merge::try_new(curve, exposures, calibration.scale, parts.tables, parts.reciprocals)?;
         let merge = merge.detached();
-        Ok(Self { calibration, order, extrapolate: None, merge, pixel_table, sizes })
+        Ok(Self { calibration, order, extrapolate: None, mode: MergeMode::All, merge, pixel_table, sizes })
     }
 
     #[inline(never)]
@@ -247,7 +253,7 @@ impl State {
         let parts = Parts::divide(memory, &self.sizes);
         let tables =
             merge::Tables { curve: parts.curve, exposures: parts.tables, reciprocals: parts.reciprocals };
-        let merge = self.merge.over(tables);
+        let merge = self.merge.over(tables, self.mode);
         let Parts { spans, weights, runs, texels, quads, .. } = parts;
         let pixel_table = self.pixel_table.over(pixel_table::Buffers { spans, weights, runs, texels });
         Stages { merge, pixel_table, map: Pyramid::over(quads, Domain::Hemisphere, self.order) }

@@ -45,7 +45,7 @@ pub use glam;
 pub use healpix::{BadOrder, Domain, MapShape, Order};
 pub use lens::{Lens, LensError};
 pub use light::{Decomposition, Light};
-pub use merge::{Exposure, MAX_EXPOSURES, MergeError, Samples};
+pub use merge::{Exposure, MAX_EXPOSURES, MergeError, MergeMode, Samples};
 pub use pixel_table::PixelTableError;
 pub use response::{Depth, Levels, Response, ResponseError};
 pub use sampler::q2tree::Q2Tree;

@@ -1,7 +1,7 @@
 //! Reads single pixels and rows of packed frames: for pictures of frames and brightness statistics.
 
 use crate::format::{Format, Layout, raw10, raw12};
-use crate::front::rows::{Part, Scratch};
+use crate::front::rows::{Part, Reader, Scratch};
 use crate::merge::{Codes, MAX_EXPOSURES, Samples};
 use crate::pixel_table::CHUNK;
 
@@ -82,6 +82,19 @@ pub fn read_rgb_row(layout: &Layout, frame: Samples<'_>, y: u32, out: &mut [[u16
     Scratch::with(layout.format(), false, |scratch| read_chunks(layout, frame, y as usize, out, scratch));
 }
 
+/// Reads every frame, channels interleaved.
+struct Interleaved;
+
+impl Reader for Interleaved {
+    fn wants_planes(&self) -> bool {
+        false
+    }
+
+    fn suffices(&self, _: usize, _: &Codes<'_>) -> bool {
+        false
+    }
+}
+
 fn read_chunks(
     layout: &Layout,
     frame: Samples<'_>,
@@ -96,7 +109,7 @@ fn read_chunks(
     for (i, pixels) in pixels.chunks_mut(cell * CHUNK).enumerate() {
         let part = Part { row: y / cell, first: CHUNK * i, len: pixels.len().div_ceil(cell) };
         let mut codes = [Codes::NONE; MAX_EXPOSURES];
-        let codes = scratch.codes(&[frame], layout, part, false, &mut codes);
+        let codes = scratch.codes(&[frame], layout, part, &Interleaved, &mut codes);
         let Some(codes) = codes.first() else { return };
         spread(layout.format(), codes, cell, pixels);
     }

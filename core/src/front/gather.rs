@@ -40,7 +40,21 @@ fn counts<R>(f: impl FnOnce(MergedChunk<'_>) -> R) -> R {
 }
 
 /// Prefix sums per lane over the pixels of a chunk, modulo 2^32; differences of two sums are exact.
-pub(super) struct PrefixSums(pub(super) [[i32; 4]; CHUNK]);
+pub(super) struct PrefixSums {
+    sums: [[i32; 4]; CHUNK],
+    /// Number of counts that a sum of 1 represents.
+    pub(super) unit: f32,
+}
+
+impl PrefixSums {
+    pub(super) fn new() -> Self {
+        Self { sums: [[0; 4]; _], unit: 1.0 }
+    }
+
+    fn of(&self, len: usize) -> &[[i32; 4]] {
+        self.sums.get(..len).unwrap_or_default()
+    }
+}
 
 /// Sum of the radiances of the pixels of each run of a chunk: one number per lane.
 pub(super) type RunLight = [[f32; 4]; CHUNK];
@@ -55,7 +69,7 @@ pub(super) struct Runs<'a> {
 // Not inlined: tests find its vector instructions under this symbol.
 #[inline(never)]
 pub(super) fn sum_up(light: &MergedChunk<'_>, samples: usize, len: usize, sums: &mut PrefixSums) {
-    let sums = sums.0.get_mut(..len).unwrap_or_default();
+    let sums = sums.sums.get_mut(..len).unwrap_or_default();
     match light {
         MergedChunk::Counts(counts) => match samples {
             1 => add_up(sums.iter_mut().zip(single(&**counts, len)), |own| own),
@@ -111,7 +125,7 @@ fn add_up<'a, P>(places: impl Iterator<Item = (&'a mut [i32; 4], P)>, four: impl
 /// no IEEE floats, this integer loop is separate from [`add`] so that it is vectorised.
 #[inline(never)]
 fn cut(runs: &[Run], len: usize, sums: &PrefixSums, light: &mut RunLight) -> usize {
-    let sums = sums.0.get(..len).unwrap_or_default();
+    let sums = sums.of(len);
     let mut before = [0i32; 4];
     let mut last = usize::MAX;
     for (i, (run, light)) in runs.iter().zip(light).enumerate() {
@@ -129,12 +143,13 @@ fn cut(runs: &[Run], len: usize, sums: &PrefixSums, light: &mut RunLight) -> usi
 fn add<const LANES: usize>(
     runs: &[Run],
     weights: &[u16],
+    unit: f32,
     light: &[[f32; 4]],
     quads: &mut [Quad],
     below: &mut [f32; 4],
 ) {
     for ((run, weight), light) in runs.iter().zip(weights).zip(light) {
-        let weight = f32::from(*weight);
+        let weight = unit * f32::from(*weight);
         let texel = match quads.get_mut(run.texel()) {
             Some(quad) => &mut quad.energy,
             None => &mut *below,
@@ -150,6 +165,7 @@ fn add<const LANES: usize>(
 fn cut_and_add(
     runs: &[Run],
     weights: &[u16],
+    unit: f32,
     sums: &[[i32; 4]],
     quads: &mut [Quad],
     below: &mut [f32; 4],
@@ -160,7 +176,7 @@ fn cut_and_add(
         last = last.wrapping_add(run.len());
         // A run that ends beyond the chunk belongs to the next chunk.
         let Some(sum) = sums.get(last) else { return i };
-        let weight = f32::from(*weight);
+        let weight = unit * f32::from(*weight);
         let texel = match quads.get_mut(run.texel()) {
             Some(quad) => &mut quad.energy,
             None => &mut *below,
@@ -189,13 +205,13 @@ impl Runs<'_> {
             let light = light.get(..taken).unwrap_or_default();
             if samples == 3 {
                 // Three lanes: the scalar adds of an unused lane would cost as much as a used one.
-                add::<3>(self.runs, self.weights, light, quads, below);
+                add::<3>(self.runs, self.weights, sums.unit, light, quads, below);
             } else {
-                add::<4>(self.runs, self.weights, light, quads, below);
+                add::<4>(self.runs, self.weights, sums.unit, light, quads, below);
             }
             taken
         } else {
-            cut_and_add(self.runs, self.weights, sums.0.get(..len).unwrap_or_default(), quads, below)
+            cut_and_add(self.runs, self.weights, sums.unit, sums.of(len), quads, below)
         };
         self.skip(taken);
     }
@@ -254,9 +270,9 @@ mod tests {
         let runs = core::array::from_fn::<_, 8, _>(|i| Run::new((3 * i % (TEXELS + 1)) as u32, lens[i]));
         let weights = [9, 700, 65_535, 1, 0, 31, 4_000, 12];
         // Prefix sums overflow 32 bits; their differences do not.
-        let mut sums = PrefixSums([[0; 4]; CHUNK]);
+        let mut sums = PrefixSums::new();
         let mut sum = [i32::MAX - 100, i32::MIN, -5, 0];
-        for (i, to) in sums.0.iter_mut().enumerate() {
+        for (i, to) in sums.sums.iter_mut().enumerate() {
             sum = core::array::from_fn(|lane| sum[lane].wrapping_add((37 * i + 11 * lane) as i32 % 1009));
             *to = sum;
         }
@@ -265,8 +281,8 @@ mod tests {
             let (mut quads, mut below) = ([[Quad::default(); TEXELS]; 2], [[0.0; 4]; 2]);
             let mut light: RunLight = [[0.0; 4]; CHUNK];
             let taken = cut(&runs, len, &sums, &mut light);
-            add::<4>(&runs, &weights, &light[..taken], &mut quads[0], &mut below[0]);
-            let at_once = cut_and_add(&runs, &weights, &sums.0[..len], &mut quads[1], &mut below[1]);
+            add::<4>(&runs, &weights, 1.5, &light[..taken], &mut quads[0], &mut below[0]);
+            let at_once = cut_and_add(&runs, &weights, 1.5, sums.of(len), &mut quads[1], &mut below[1]);
             assert_eq!((taken, at_once), (count, count), "{len} places");
             assert_eq!((quads[0], below[0]), (quads[1], below[1]), "{len} places");
             assert!(quads[0].iter().any(|q| q.energy[1] != 0.0), "light");

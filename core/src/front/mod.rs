@@ -219,28 +219,30 @@ impl<'a, 'f, 's> Chunks<'a, 'f, 's> {
         scratch: Scratch<'s>,
         merged: MergedChunk<'s>,
     ) -> Self {
-        let (sums, light) = (PrefixSums([[0; 4]; _]), [[0.0; 4]; _]);
+        let (sums, light) = (PrefixSums::new(), [[0.0; 4]; _]);
         Self { frames, layout, merge, channels: channels(layout.format()), scratch, merged, sums, light }
     }
 
     fn add(&mut self, part: Part, runs: &mut Runs<'_>, quads: &mut [Quad], excluded: &mut Excluded) {
         let samples = self.channels.many();
-        let mut codes = [Codes::NONE; MAX_EXPOSURES];
-        let codes = self.scratch.codes(self.frames, self.layout, part, self.merge.wants_planes(), &mut codes);
+        let mut codes = [Codes::Unread; MAX_EXPOSURES];
+        let (frames, merge) = (self.frames, self.merge);
+        let codes = self.scratch.codes(frames, self.layout, part, merge, &mut codes);
         let all = ..samples * part.len;
-        let is_merged = match &mut self.merged {
+        let unit = match &mut self.merged {
             MergedChunk::Products(Products { sums, reciprocals }) => {
                 match (sums.get_mut(all), reciprocals.get_mut(all)) {
-                    (Some(a), Some(b)) => self.merge.products(codes, a, b),
+                    (Some(a), Some(b)) => merge.products(codes, a, b),
                     _ => return,
                 }
             }
             MergedChunk::Counts(counts) => match counts.get_mut(all) {
-                Some(counts) => self.merge.counts(codes, self.channels, counts),
+                Some(counts) => merge.counts(codes, self.channels, counts).then_some(1.0),
                 None => return,
             },
         };
-        if is_merged {
+        if let Some(unit) = unit {
+            self.sums.unit = unit;
             gather::sum_up(&self.merged, samples, part.len, &mut self.sums);
             runs.add_merged(part.len, samples, &self.sums, &mut self.light, quads, &mut excluded.below);
         } else {

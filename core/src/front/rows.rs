@@ -4,7 +4,7 @@ use super::bin::Bins;
 use super::planes::{PAIRED, Planes};
 use super::yuv::{self, Pairs};
 use crate::format::{Format, Layout, raw10, raw12};
-use crate::merge::{Codes, MAX_EXPOSURES, Samples};
+use crate::merge::{Codes, MAX_EXPOSURES, MergeView, Samples};
 use crate::pixel_table::CHUNK;
 
 /// Number of samples of a chunk, rounded up to whole pairs of mosaic cells.
@@ -18,6 +18,25 @@ pub(crate) struct Scratch<'s> {
     words: &'s mut [[u16; WORDS]],
     /// The smallest saturated code, for means of samples.
     saturated: u32,
+}
+
+/// What is done with the codes of a part.
+pub(crate) trait Reader {
+    /// Whether bytes of three channels are needed as separate planes.
+    fn wants_planes(&self) -> bool;
+
+    /// Whether the frames from `index` on are enough; `codes` are those of frame `index`.
+    fn suffices(&self, index: usize, codes: &Codes<'_>) -> bool;
+}
+
+impl Reader for MergeView<'_> {
+    fn wants_planes(&self) -> bool {
+        self.wants_planes()
+    }
+
+    fn suffices(&self, index: usize, codes: &Codes<'_>) -> bool {
+        self.suffices(index, codes)
+    }
 }
 
 /// A part of an image row: the row, the first pixel and the number of pixels. A pixel of a mosaic is a 2 x 2 cell.
@@ -44,26 +63,33 @@ impl Scratch<'_> {
         Self { saturated: code, ..self }
     }
 
-    /// Unpacks `part`, of at most [`CHUNK`] pixels, of every frame. `planes` selects separate planes for bytes of three channels.
+    /// Unpacks `part`, of at most [`CHUNK`] pixels, of the frames from the last one down, as long as `reader` wants more; the frames before
+    /// are [`Codes::Unread`].
     pub(crate) fn codes<'a, 'c>(
         &'a mut self,
         frames: &[Samples<'a>],
         layout: &Layout,
         part: Part,
-        planes: bool,
+        reader: &impl Reader,
         codes: &'c mut [Codes<'a>; MAX_EXPOSURES],
     ) -> &'c [Codes<'a>] {
-        if let Some(bytes) = plain_bytes(layout.format()).filter(|bytes| !(planes && *bytes == 3)) {
+        let slots = codes.get_mut(..frames.len().min(MAX_EXPOSURES)).unwrap_or_default();
+        if let Some(bytes) =
+            plain_bytes(layout.format()).filter(|bytes| !(reader.wants_planes() && *bytes == 3))
+        {
             let at = part.row * layout.bytes_per_line() + bytes * part.first;
-            for (slot, frame) in codes.iter_mut().zip(frames) {
+            for (i, (slot, frame)) in slots.iter_mut().zip(frames).enumerate().rev() {
                 let Samples::U8(all) = frame else { continue };
                 *slot = Codes::Bytes(all.get(at..at + bytes * part.len).unwrap_or_default());
+                if reader.suffices(i, slot) {
+                    break;
+                }
             }
-            return &codes[..frames.len().min(MAX_EXPOSURES)];
+            return slots;
         }
         let saturated = self.saturated;
         let (mut planes, mut words) = (self.planes.iter_mut(), self.words.iter_mut());
-        for (slot, frame) in codes.iter_mut().zip(frames) {
+        for (i, (slot, frame)) in slots.iter_mut().zip(frames).enumerate().rev() {
             *slot = match frame {
                 Samples::U16(all) => {
                     let at = part.row * (layout.bytes_per_line() / 2) + 3 * part.first;
@@ -78,8 +104,11 @@ impl Scratch<'_> {
                     unpack(all, layout, part, planes, words.next()).unwrap_or(Codes::NONE)
                 }
             };
+            if reader.suffices(i, slot) {
+                break;
+            }
         }
-        &codes[..frames.len().min(MAX_EXPOSURES)]
+        slots
     }
 }
 

@@ -1,5 +1,7 @@
 //! The input samples of the merge.
 
+use super::linear::extreme;
+
 /// The samples of one frame, packed as a [`crate::format::Layout`] states.
 #[derive(Clone, Copy, Debug)]
 pub enum Samples<'a> {
@@ -47,6 +49,8 @@ pub enum Codes<'a> {
     Words(&'a [u16]),
     /// Codes of 8 bits in three planes: red, green, blue.
     Planes([&'a [u8]; 3]),
+    /// An exposure that is not read: longer exposures determine every sample.
+    Unread,
 }
 
 impl<'a> Codes<'a> {
@@ -59,6 +63,7 @@ impl<'a> Codes<'a> {
             Self::Bytes(s) => s.get(at).copied().map_or(0, u32::from),
             Self::Words(s) => s.get(at).copied().map_or(0, u32::from),
             Self::Planes(s) => s[at % 3].get(at / 3).copied().map_or(0, u32::from),
+            Self::Unread => 0,
         }
     }
 
@@ -68,6 +73,7 @@ impl<'a> Codes<'a> {
             Self::Bytes(s) => s.get(at).copied().map(u16::from),
             Self::Words(s) => s.get(at).copied(),
             Self::Planes(s) => s[at % 3].get(at / 3).copied().map(u16::from),
+            Self::Unread => None,
         }
     }
 
@@ -77,6 +83,23 @@ impl<'a> Codes<'a> {
             Self::Bytes(s) => Self::Bytes(s.get(from..from + len).unwrap_or_default()),
             Self::Words(s) => Self::Words(s.get(from..from + len).unwrap_or_default()),
             Self::Planes(_) => Self::NONE,
+            Self::Unread => Self::Unread,
+        }
+    }
+
+    /// Whether the exposure is read.
+    pub(crate) fn is_read(&self) -> bool {
+        !matches!(self, Self::Unread)
+    }
+
+    /// Whether every code is below `limit`.
+    pub(super) fn are_below(&self, limit: u32) -> bool {
+        let bytes = |codes: &[u8]| u32::from(extreme(codes, u8::max)) < limit;
+        match self {
+            Self::Bytes(codes) => bytes(codes),
+            Self::Words(codes) => u32::from(extreme(codes, u16::max)) < limit,
+            Self::Planes(planes) => planes.iter().all(|plane| bytes(plane)),
+            Self::Unread => false,
         }
     }
 

@@ -1,6 +1,6 @@
 //! A merge without the memory of its tables.
 
-use super::{MergeView, Parameters, Reciprocal};
+use super::{MergeMode, MergeView, Parameters, Reciprocal};
 use crate::response::Curve;
 
 /// The tables of a merge in borrowed memory.
@@ -22,8 +22,9 @@ pub(crate) struct Detached {
 
 impl Detached {
     /// Combines the parameters with `tables`, which must be those that the merge was prepared in.
-    pub(crate) fn over<'a>(&'a self, tables: Tables<'a>) -> MergeView<'a> {
+    pub(crate) fn over<'a>(&'a self, tables: Tables<'a>, mode: MergeMode) -> MergeView<'a> {
         MergeView {
+            mode,
             curve: self.curve.over(tables.curve),
             tables: tables.exposures,
             reciprocals: tables.reciprocals,

@@ -71,6 +71,44 @@ pub(super) struct Linear {
     one: u32,
 }
 
+/// The constants for the exposures from one on.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Suffix {
+    pub(super) linear: Linear,
+    /// Number of counts of the merge of all exposures that one count of these exposures represents.
+    pub(super) unit: f32,
+}
+
+/// The constants for all exposures, and for those from the second, the third and so on.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Suffixes([Option<Suffix>; MAX_UNROLLED]);
+
+impl Suffixes {
+    /// Like [`Linear::find`]; a suffix without precise reciprocals is absent.
+    pub(super) fn find(exposures: &[Exposure], levels: Levels, saturated: u32) -> Option<Self> {
+        let all = Linear::find(exposures, levels, saturated)?;
+        let counts = |linear: &Linear, first: &Exposure| linear.counts_per_code() * first.seconds;
+        let one = counts(&all, exposures.first()?);
+        let mut suffixes = [None; MAX_UNROLLED];
+        for (i, (slot, first)) in suffixes.iter_mut().zip(exposures).enumerate() {
+            let linear =
+                if i == 0 { Some(all) } else { Linear::find(exposures.get(i..)?, levels, saturated) };
+            *slot = linear.map(|linear| Suffix { linear, unit: (one / counts(&linear, first)) as f32 });
+        }
+        Some(Self(suffixes))
+    }
+
+    /// The constants of the exposures `from` and longer.
+    pub(super) fn of(&self, from: usize) -> Option<&Suffix> {
+        self.0.get(from)?.as_ref()
+    }
+
+    /// Number of radiance counts that represent one code above black in the shortest exposure.
+    pub(super) fn counts_per_code(&self) -> f64 {
+        self.of(0).map_or(0.0, |all| all.linear.counts_per_code())
+    }
+}
+
 impl Linear {
     /// Finds reciprocals for `exposures` of samples with the given `levels`; `None` if 16 bits are not precise enough.
     pub(super) fn find(exposures: &[Exposure], levels: Levels, saturated: u32) -> Option<Self> {

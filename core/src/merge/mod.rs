@@ -23,7 +23,7 @@ pub use codes::{Channels, Codes, Samples};
 pub(crate) use detached::{Detached, Tables};
 use exposure::check;
 pub use exposure::{Exposure, MAX_EXPOSURES, MergeError};
-use linear::{Code, Linear};
+use linear::{Code, Linear, Suffixes};
 
 /// Converts the sum of table entries to radiance: radiance = sum x factor - offset.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -36,7 +36,7 @@ pub struct Reciprocal {
 /// The loop that merges the samples.
 #[derive(Clone, Copy, Debug)]
 enum MergeLoop {
-    Linear(Linear),
+    Linear(Suffixes),
     Table(table::Scale),
     Plain,
 }
@@ -62,9 +62,24 @@ struct Parameters {
     unit: f64,
 }
 
+/// The exposures that the merge reads.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum MergeMode {
+    /// All exposures: the least noise.
+    #[default]
+    All,
+    /// In each part of an image row of at most 192 pixels, the longest exposure, and each shorter one down to the first of which no sample
+    /// of the part is saturated. The light is that of [`MergeMode::All`] but for noise and quantisation, since shorter exposures have
+    /// little weight where a longer one is valid; a third of the time in a usual room.
+    Needed,
+}
+
 /// A borrowed merge: the input of the front end for each burst.
 #[derive(Clone, Copy, Debug)]
 pub struct MergeView<'a> {
+    pub(crate) mode: MergeMode,
     curve: Curve<&'a [i32]>,
     tables: &'a [u32],
     /// One element for each bit mask of valid exposures.
@@ -92,8 +107,8 @@ pub fn merge_size<C>(curve: &Curve<C>, exposures: &[Exposure]) -> Result<MergeSi
     Ok(MergeSize { tables, reciprocals: 1 << exposures.len() })
 }
 
-fn linear<C>(curve: &Curve<C>, exposures: &[Exposure]) -> Option<Linear> {
-    Linear::find(exposures, curve.linear_levels()?, curve.saturated())
+fn linear<C>(curve: &Curve<C>, exposures: &[Exposure]) -> Option<Suffixes> {
+    Suffixes::find(exposures, curve.linear_levels()?, curve.saturated())
 }
 
 const GAIN_BITS: u32 = 30;
@@ -166,6 +181,7 @@ impl<C: Buffer<i32>, P: Buffer<u32>, R: Buffer<Reciprocal>> Merge<C, P, R> {
     #[must_use]
     pub fn view(&self) -> MergeView<'_> {
         MergeView {
+            mode: MergeMode::All,
             curve: self.curve.view(),
             tables: self.tables.as_ref(),
             reciprocals: self.reciprocals.as_ref(),
@@ -231,22 +247,27 @@ impl MergeView<'_> {
         matches!(self.parameters.merge_loop, MergeLoop::Linear(_))
     }
 
-    /// Like [`MergeView::counts`], but returns the two factors of each count so that the caller can multiply and accumulate in one step.
+    /// Like [`MergeView::counts`], but returns the two factors of each count so that the caller can multiply and accumulate in one step,
+    /// and the number of counts that a product of 1 represents, which depends on the exposures that are read.
     #[must_use]
-    pub fn products(&self, codes: &[Codes<'_>], sums: &mut [i16], reciprocals: &mut [i16]) -> bool {
-        let MergeLoop::Linear(linear) = &self.parameters.merge_loop else { return false };
-        match codes.first() {
-            Some(Codes::Bytes(_)) => unrolled(linear, codes, Codes::bytes, sums, reciprocals),
-            Some(Codes::Words(_)) => unrolled(linear, codes, Codes::words, sums, reciprocals),
+    pub fn products(&self, codes: &[Codes<'_>], sums: &mut [i16], reciprocals: &mut [i16]) -> Option<f32> {
+        let MergeLoop::Linear(linear) = &self.parameters.merge_loop else { return None };
+        let from = codes.iter().take_while(|codes| !codes.is_read()).count();
+        let (codes, suffix) = (codes.get(from..)?, linear.of(from)?);
+        let is_merged = match codes.first() {
+            Some(Codes::Bytes(_)) => unrolled(&suffix.linear, codes, Codes::bytes, sums, reciprocals),
+            Some(Codes::Words(_)) => unrolled(&suffix.linear, codes, Codes::words, sums, reciprocals),
             _ => false,
-        }
+        };
+        is_merged.then_some(suffix.unit)
     }
 
     /// Merges samples into integer radiances in units of [`Merge::unit`], of magnitude below 2^[`COUNT_BITS`]; sensor noise around the
     /// black level can make them negative. `codes` holds the same samples once per exposure; `channels` states the colour of each sample
     /// and repeats along the row.
     ///
-    /// Returns `false` if the burst has no integer loop or if some sample is valid in no exposure; `out` is then undefined, and
+    /// Returns `false` if the burst has no integer loop, if some sample is valid in no exposure, or if not all exposures of a linear burst
+    /// are read; `out` is then undefined, and
     /// [`MergeView::samples`] merges the samples instead.
     ///
     /// # Accuracy
@@ -286,10 +307,23 @@ impl MergeView<'_> {
         self.curve.saturated()
     }
 
+    /// Whether the mode is [`MergeMode::Needed`] and the exposures `from` and longer give the radiance of every sample, where `codes` are
+    /// those of exposure `from`: none of these is saturated, and the merge has a loop for these exposures.
+    pub(crate) fn suffices(&self, from: usize, codes: &Codes<'_>) -> bool {
+        if self.mode == MergeMode::All {
+            return false;
+        }
+        let has_loop = match &self.parameters.merge_loop {
+            MergeLoop::Linear(linear) => linear.of(from).is_some(),
+            _ => true,
+        };
+        has_loop && codes.are_below(self.saturated())
+    }
+
     /// Whether sample `at` is saturated in every exposure.
     #[must_use]
     pub fn is_clipped(&self, codes: &[Codes<'_>], at: usize) -> bool {
-        codes.iter().take(self.parameters.count).all(|c| self.curve.is_saturated(c.code(at)))
+        codes.iter().take(self.parameters.count).all(|c| c.is_read() && self.curve.is_saturated(c.code(at)))
     }
 
     fn multiplied(&self, codes: &[Codes<'_>], out: &mut [i32]) -> bool {
@@ -302,7 +336,7 @@ impl MergeView<'_> {
             }
             let own = own.get(..codes.len()).unwrap_or_default();
             let (sums, reciprocals) = (&mut sums[..out.len()], &mut reciprocals[..out.len()]);
-            if !self.products(own, sums, reciprocals) {
+            if self.products(own, sums, reciprocals) != Some(1.0) {
                 return false;
             }
             for (value, (sum, reciprocal)) in out.iter_mut().zip(sums.iter().zip(reciprocals)) {
@@ -319,7 +353,8 @@ impl MergeView<'_> {
     /// Radiance of sample `at` by the rules of the module's documentation, without vectors or tables.
     fn sample(&self, codes: &[Codes<'_>], channel: usize, at: usize) -> f32 {
         let (mut sum, mut valid, mut longest) = (0i32, 0usize, None);
-        for (i, samples) in codes.iter().enumerate().take(self.parameters.count) {
+        let read = codes.iter().enumerate().take(self.parameters.count).filter(|(_, c)| c.is_read());
+        for (i, samples) in read {
             let code = samples.code(at);
             if self.curve.is_saturated(code) {
                 continue;
@@ -337,7 +372,11 @@ impl MergeView<'_> {
         if let Some((i, y)) = longest {
             return self.radiance(y, 1 << i);
         }
-        self.radiance(codes.first().map_or(0, |c| self.exposure(channel, c.code(at), 0)), 1)
+        let shortest = codes.iter().position(Codes::is_read).unwrap_or(0);
+        self.radiance(
+            codes.get(shortest).map_or(0, |c| self.exposure(channel, c.code(at), shortest)),
+            1 << shortest,
+        )
     }
 
     /// y / gain of `code` in exposure `i`, with 27 fraction bits.

@@ -112,20 +112,21 @@ impl Whole {
         Self { reciprocals: core::array::from_fn(reciprocal), valid, one }
     }
 
-    /// Merges the samples of channel `k`. Returns `false` if a sample is valid in no exposure.
+    /// Merges the samples of channel `k` over the exposures `from` and longer. Returns `false` if a sample is valid in none of them.
     // Not inlined: tests find its instructions under this symbol.
     #[inline(never)]
     fn plane<'a, const K: usize>(
         &self,
         rows: &[Row],
         codes: &[&'a [u8]],
+        from: usize,
         k: usize,
         out: &mut [[i32; K]],
     ) -> bool {
         let [trusted, saturated] = self.valid;
         // Exposures that are valid for no sample are skipped; if the others are valid for all samples, the mask is constant.
         let (mut used, mut mask, mut certain, mut is_dark) = (0..0, 0usize, 0, false);
-        for (i, codes) in codes.iter().enumerate() {
+        for (i, codes) in codes.iter().enumerate().skip(from) {
             let (least, most) = (extreme(codes, u8::min), extreme(codes, u8::max));
             let is_longest = i + 1 == rows.len();
             is_dark = is_longest && least < trusted;
@@ -139,7 +140,7 @@ impl Whole {
             mask |= 1 << i;
             certain += usize::from(least >= trusted && most < saturated);
         }
-        if (certain == 0 || is_dark) && !self.has_answers(codes) {
+        if (certain == 0 || is_dark) && !self.has_answers(codes.get(from..).unwrap_or_default()) {
             return false;
         }
         let one = Some(self.reciprocals[mask & 31]).filter(|_| certain == used.len());
@@ -279,14 +280,15 @@ impl Tables<'_> {
     ) -> bool {
         let many = self.exposures;
         let Some(codes) = codes.get(..many) else { return false };
+        let from = codes.iter().take_while(|codes| !codes.is_read()).count();
         for (k, channel) in channels.into_iter().enumerate() {
             let mut planes: [&[u8]; MAX_UNROLLED] = [&[]; _];
-            for (plane, codes) in planes.iter_mut().zip(codes) {
+            for (plane, codes) in planes.iter_mut().zip(codes).skip(from) {
                 let Some(found) = codes.plane(k, K).and_then(|p| p.get(..out.len())) else { return false };
                 *plane = found;
             }
             let is_merged = match (self.of(channel).get(..many), planes.get(..many)) {
-                (Some(rows), Some(planes)) => whole.plane(rows, planes, k, out),
+                (Some(rows), Some(planes)) => whole.plane(rows, planes, from, k, out),
                 _ => false,
             };
             if !is_merged {
@@ -307,7 +309,7 @@ impl Tables<'_> {
         let marks = self.scale.marks & 31;
         for (at, value) in out.iter_mut().enumerate() {
             let channel = channels.of(at).min(2);
-            let rows = self.of(channel).iter().zip(codes);
+            let rows = self.of(channel).iter().zip(codes).filter(|(_, c)| c.is_read());
             let looked_up = rows.map(|(row, c)| row[(c.code(at) as usize).min(255)]);
             let sum = looked_up.fold(0u32, u32::wrapping_add);
             let r = reciprocals.get((sum & ((1 << marks) - 1)) as usize).copied().unwrap_or_default();
