@@ -188,6 +188,7 @@ impl Pipeline {
         }
         self.front.set_extrapolation(settings.extrapolation);
         self.mains.set_lamps(settings.lamps);
+        self.front.set_merge_mode(settings.merge);
         self.settings = settings;
         Ok(())
     }
@@ -426,6 +427,7 @@ fn front_end(
     let sizes = Sizes::of(calibration, exposures, order)?;
     let mut front = FrontEnd::try_new(*calibration, exposures, order, vec![0; sizes.words()])?;
     front.set_extrapolation(settings.extrapolation);
+    front.set_merge_mode(settings.merge);
     Ok(front)
 }
 

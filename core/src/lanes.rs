@@ -1,12 +1,15 @@
 //! The lanes of an accumulator: up to four sums per texel, one for each sample of a pixel or of a mosaic cell.
 
 use crate::format::Format;
+use crate::tally::Tally;
 
 /// Assigns lanes to channels and converts sums to energy.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lanes {
     pub(crate) pick: Pick,
     scale: [f32; 3],
+    /// Conversion of the integers that sums of codes were added to.
+    pub(crate) tally: Option<Tally>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,7 +39,11 @@ impl Lanes {
             (Format::Grey, _) => Pick::Grey,
             _ => Pick::Plain,
         };
-        Self { pick, scale }
+        Self { pick, scale, tally: None }
+    }
+
+    pub(crate) fn with_tally(self, tally: Option<Tally>) -> Self {
+        Self { tally, ..self }
     }
 
     #[inline]

@@ -29,6 +29,7 @@ mod pixel_table;
 mod quad;
 mod root;
 mod sizes;
+mod tally;
 mod unpack;
 
 pub use buffer::{Buffer, TooSmall};

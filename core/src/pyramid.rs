@@ -123,7 +123,10 @@ impl<Q: Buffer<Quad>> Pyramid<Q> {
         if order < self.order
             && let Some((coarse, texels)) = self.quads.as_mut().split_at_mut_checked(texels)
         {
-            let sums = coarse.get(first(self.domain, order)..).unwrap_or_default();
+            let sums = coarse.get_mut(first(self.domain, order)..).unwrap_or_default();
+            if let Some(tally) = &lanes.tally {
+                sums.iter_mut().for_each(|quad| quad.energy = tally.settled(quad));
+            }
             share_out(self.domain, Level { order, quads: sums }, self.order, texels);
         }
         light_up(self.quads.as_mut().get_mut(texels..).unwrap_or_default(), geometry, lanes);
@@ -212,22 +215,27 @@ fn share_out(domain: Domain, coarse: Level<'_>, fine: u8, texels: &mut [Quad]) {
 #[inline(never)]
 fn light_up(quads: &mut [Quad], geometry: &[Texel], lanes: &Lanes) {
     let all = quads.iter_mut().zip(geometry);
-    match lanes.pick {
-        Pick::Plain => all.for_each(|(q, t)| light(q, t, &|e| lanes.scaled([e[0], e[1], e[2]]))),
-        Pick::Swapped => all.for_each(|(q, t)| light(q, t, &|e| lanes.scaled([e[2], e[1], e[0]]))),
-        Pick::Grey => all.for_each(|(q, t)| light(q, t, &|e| lanes.scaled([e[0]; 3]))),
-        Pick::Cell { .. } => all.for_each(|(q, t)| light(q, t, &|e| lanes.rgb(e))),
+    let swapped = |e: [f32; 4]| lanes.scaled([e[2], e[1], e[0]]);
+    let plain = |e: [f32; 4]| lanes.scaled([e[0], e[1], e[2]]);
+    match (lanes.pick, &lanes.tally) {
+        (Pick::Swapped, Some(tally)) => all.for_each(|(q, t)| light(q, tally.settled(q), t, &swapped)),
+        (_, Some(tally)) => all.for_each(|(q, t)| light(q, tally.settled(q), t, &plain)),
+        (Pick::Plain, None) => all.for_each(|(q, t)| light(q, q.energy, t, &plain)),
+        (Pick::Swapped, None) => all.for_each(|(q, t)| light(q, q.energy, t, &swapped)),
+        (Pick::Grey, None) => all.for_each(|(q, t)| light(q, q.energy, t, &|e| lanes.scaled([e[0]; 3]))),
+        (Pick::Cell { .. }, None) => all.for_each(|(q, t)| light(q, q.energy, t, &|e| lanes.rgb(e))),
     }
 }
 
-/// Converts one sum to energy and first moment towards the centroid of its texel.
+/// Converts the sum `lanes` to energy and first moment towards the centroid of its texel.
 #[inline]
-fn light(quad: &mut Quad, texel: &Texel, rgb: &impl Fn([f32; 4]) -> [f32; 3]) {
+fn light(quad: &mut Quad, lanes: [f32; 4], texel: &Texel, rgb: &impl Fn([f32; 4]) -> [f32; 3]) {
     // Texels below the horizon and outside of the field of view are 0.
-    if quad.energy.iter().fold(0, |bits, e| bits | e.to_bits()) == 0 {
+    if lanes.iter().fold(0, |bits, e| bits | e.to_bits()) == 0 {
+        *quad = Quad::default();
         return;
     }
-    let [r, g, b] = rgb(quad.energy.map(positive));
+    let [r, g, b] = rgb(lanes.map(positive));
     let y = luminance([r, g, b]);
     let [x, across, up] = texel.direction.map(|d| d * y);
     *quad = Quad { energy: [r, g, b, y], moment: [x, across, up, 0.0] };

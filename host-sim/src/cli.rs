@@ -60,6 +60,8 @@ enum Command {
     Render(RenderArgs),
     /// Times every stage on one thread, beside the copy of the same bytes.
     Bench(reports::BenchArgs),
+    /// Compares the merge of needed exposures with that of all: exposures read, open error, instructions.
+    Reads(reports::ReadsArgs),
     /// Samples a built-in room and does nothing else, for instruction counters.
     #[command(hide = true)]
     SampleFrames(SampleFramesArgs),
@@ -294,6 +296,7 @@ fn run_command(command: Command) -> Result<(), SimError> {
             over: a.over,
         }),
         Command::Bench(args) => reports::bench(args),
+        Command::Reads(args) => reports::reads(&args),
         Command::SampleFrames(a) => {
             chart::counted::sample_frames(a.sampler.sampler, a.sampler.lights, a.frames)
         }

@@ -17,6 +17,7 @@ pub mod maps;
 pub mod metrics;
 pub mod output;
 pub mod progress;
+pub mod reads;
 pub mod render;
 pub mod replay;
 pub mod scenario;

@@ -4,7 +4,7 @@ use hemilux::calibration::{Burst, Calibration, Frame, Pixels};
 use hemilux::pipeline::{Pipeline, Settings};
 use hemilux::v4l2::jpeg::Jpeg;
 use hemilux_core::format::{Format, Layout, Matrix, Yuv};
-use hemilux_core::{SamplerKind, Samples, read_rgb_row};
+use hemilux_core::{MergeMode, SamplerKind, Samples, read_rgb_row};
 use hemilux_sim::bench::{Case, bursts};
 use hemilux_sim::contender::judged;
 use hemilux_sim::env::EnvMap;
@@ -69,6 +69,7 @@ fn jpeg_frames_of_quality_85_give_the_lights_of_yuyv_frames_within_1_5_percent()
     for size in [(640, 480), (1280, 720), (1920, 1080)] {
         let case = Case {
             format: Format::Yuyv(yuv),
+            merge: MergeMode::Needed,
             size,
             bin: 1,
             sampler: SamplerKind::Q2Tree,

@@ -3,12 +3,20 @@
 use hemilux::calibration::{Burst, Calibration, Pixels};
 use hemilux::pipeline::{Pipeline, Settings};
 use hemilux::recorded::{self, RecordedBurst};
-use hemilux_core::SamplerKind;
 use hemilux_core::format::{Format, Layout, LayoutError, Matrix, Pattern, Yuv};
+use hemilux_core::{MergeMode, SamplerKind};
 use hemilux_sim::bench::{Case, bursts};
 
 fn case(format: Format) -> Case {
-    Case { format, size: (640, 480), bin: 1, sampler: SamplerKind::Q2Tree, soft: false, lights: 64 }
+    Case {
+        format,
+        merge: MergeMode::Needed,
+        size: (640, 480),
+        bin: 1,
+        sampler: SamplerKind::Q2Tree,
+        soft: false,
+        lights: 64,
+    }
 }
 
 /// Flux of red, green and blue, and the mean direction of the lights.

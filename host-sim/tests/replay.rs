@@ -1,8 +1,8 @@
 //! Raw recordings, as `hemilux record` writes them, through the program.
 
 use hemilux::calibration::{Calibration, Pixels};
-use hemilux_core::SamplerKind;
 use hemilux_core::format::{Format, Yuv};
+use hemilux_core::{MergeMode, SamplerKind};
 use hemilux_sim::bench::{Case, bursts};
 use serde_json::Value;
 use std::fmt::Write;
@@ -52,8 +52,15 @@ fn replay(fourcc: &str) -> Value {
     let yuv = Yuv { limited: true, ..Yuv::default() };
     let name: [u8; 4] = fourcc.as_bytes().try_into().expect("four characters");
     let format = Format::from_fourcc(name, yuv).expect("a format that is read");
-    let case =
-        Case { format, size: (320, 240), bin: 1, sampler: SamplerKind::Q2Tree, soft: false, lights: 64 };
+    let case = Case {
+        format,
+        merge: MergeMode::Needed,
+        size: (320, 240),
+        bin: 1,
+        sampler: SamplerKind::Q2Tree,
+        soft: false,
+        lights: 64,
+    };
     let folder = tempfile::tempdir().expect("a folder");
     record(&case, fourcc, folder.path());
     let program = Command::new(env!("CARGO_BIN_EXE_hemilux-sim"))

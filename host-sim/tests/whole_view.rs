@@ -1,8 +1,8 @@
 //! The whole view of a sensor, binned, gives the lights of its small mode of the same scene.
 
 use hemilux::pipeline::{Pipeline, Settings};
-use hemilux_core::SamplerKind;
 use hemilux_core::format::{Format, Pattern};
+use hemilux_core::{MergeMode, SamplerKind};
 use hemilux_sim::bench::{Case, bursts};
 use hemilux_sim::contender::judged;
 use hemilux_sim::env::EnvMap;
@@ -10,7 +10,15 @@ use hemilux_sim::metrics::{Domain, LitSet, Reading, Reference};
 
 fn lights(size: (u32, u32), bin: u32) -> LitSet {
     let format = Format::Raw10(Pattern::Rggb);
-    let case = Case { format, size, bin, sampler: SamplerKind::Q2Tree, soft: false, lights: 200 };
+    let case = Case {
+        format,
+        merge: MergeMode::Needed,
+        size,
+        bin,
+        sampler: SamplerKind::Q2Tree,
+        soft: false,
+        lights: 200,
+    };
     let (calibration, burst) = (bursts::calibration(&case), &bursts::make(&case)[0]);
     let exposures: Vec<_> = burst.frames.iter().map(|f| f.exposure).collect();
     let settings = Settings { sampler: SamplerKind::Q2Tree, soft: false, lights: 200, ..Settings::default() };

@@ -4,7 +4,8 @@ use crate::samplers::{self, SamplerError, Tuning};
 use hemilux_core::mains::Lamps;
 use hemilux_core::polar::Grid;
 use hemilux_core::{
-    BurstError, Extrapolation, FrontError, MergeError, PixelTableError, Request, ResponseError, SamplerKind,
+    BurstError, Extrapolation, FrontError, MergeError, MergeMode, PixelTableError, Request, ResponseError,
+    SamplerKind,
 };
 
 /// Settings of the pipeline.
@@ -20,6 +21,8 @@ pub struct Settings {
     pub ambient: bool,
     /// Whether the lights are fitted as discs of their radius.
     pub soft: bool,
+    /// The exposures that the merge reads.
+    pub merge: MergeMode,
     /// The content of the unseen part of the hemisphere.
     pub extrapolation: Extrapolation,
     /// Lamps whose flicker is removed.
@@ -40,6 +43,7 @@ impl Default for Settings {
             tolerance: None,
             ambient: false,
             soft: false,
+            merge: MergeMode::Needed,
             extrapolation: Extrapolation::None,
             lamps: Lamps::Auto,
             tuning: Tuning::default(),

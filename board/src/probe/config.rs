@@ -4,8 +4,8 @@ use super::tiers;
 use crate::pipeline::{PipelineError, Settings};
 use crate::samplers::{self, SamplerError};
 use crate::timing::Budgets;
-use hemilux_core::Extrapolation;
 use hemilux_core::healpix::Domain;
+use hemilux_core::{Extrapolation, MergeMode};
 
 /// Names that `--extrapolation` and `change?extrapolation=` accept.
 pub const EXTRAPOLATIONS: [(&str, Extrapolation); 2] =
@@ -15,6 +15,15 @@ pub const EXTRAPOLATIONS: [(&str, Extrapolation); 2] =
 #[must_use]
 pub fn extrapolation_name(extrapolation: Extrapolation) -> &'static str {
     EXTRAPOLATIONS.iter().find(|(_, e)| *e == extrapolation).map_or("", |(name, _)| name)
+}
+
+/// Names that `--merge` and `change?merge=` accept.
+pub const MERGES: [(&str, MergeMode); 2] = [("needed", MergeMode::Needed), ("all", MergeMode::All)];
+
+/// The name of `mode`.
+#[must_use]
+pub fn merge_name(mode: MergeMode) -> &'static str {
+    MERGES.iter().find(|(_, m)| *m == mode).map_or("", |(name, _)| name)
 }
 
 /// The values of all settings.

@@ -17,7 +17,7 @@ pub mod tiers;
 mod views;
 mod worker;
 
-pub use config::{Config, EXTRAPOLATIONS, Refusal, extrapolation_name};
+pub use config::{Config, EXTRAPOLATIONS, MERGES, Refusal, extrapolation_name, merge_name};
 pub use durations::DurationLog;
 pub use set_channel::SetChannel;
 pub use settings::Change;

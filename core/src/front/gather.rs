@@ -51,6 +51,11 @@ impl PrefixSums {
         Self { sums: [[0; 4]; _], unit: 1.0 }
     }
 
+    /// Places for the sums of `len` pixels.
+    pub(super) fn of_mut(&mut self, len: usize) -> &mut [[i32; 4]] {
+        self.sums.get_mut(..len).unwrap_or_default()
+    }
+
     fn of(&self, len: usize) -> &[[i32; 4]] {
         self.sums.get(..len).unwrap_or_default()
     }
@@ -224,7 +229,7 @@ impl Runs<'_> {
         found.map(|(_, (_, weight))| u64::from(weight)).sum()
     }
 
-    fn skip(&mut self, count: usize) {
+    pub(super) fn skip(&mut self, count: usize) {
         self.runs = self.runs.get(count..).unwrap_or_default();
         self.weights = self.weights.get(count..).unwrap_or_default();
     }

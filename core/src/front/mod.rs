@@ -4,9 +4,12 @@
 //! sums are computed; the light of a run of pixels is then the difference of two prefix sums and is added to the texel of the run.
 
 mod bin;
+mod chunks;
+mod code_sums;
 mod gather;
 mod planes;
 pub(crate) mod rows;
+
 mod yuv;
 
 use crate::buffer::Buffer;
@@ -14,10 +17,12 @@ use crate::color::{MAX_ENERGY, luminance};
 use crate::format::{Format, Layout};
 use crate::healpix::Domain;
 use crate::lanes::Lanes;
-use crate::merge::{Channels, Codes, MAX_EXPOSURES, MergeView, Samples};
+use crate::merge::{MergeView, Samples};
 use crate::pixel_table::{CHUNK, PixelTableView};
 use crate::pyramid::{Pyramid, Quad};
-use gather::{MergedChunk, PrefixSums, Products, Radiance, RunLight, Runs};
+use crate::tally::Tally;
+use chunks::{Chunks, Target};
+use gather::{MergedChunk, Runs};
 use rows::{Part, Scratch};
 
 /// Statistics of one burst.
@@ -29,6 +34,8 @@ pub struct Coverage {
     pub clipped: f64,
     /// Share of the hemisphere's solid angle outside of the field of view, 0..=1.
     pub unseen: f64,
+    /// Mean number of exposures that were read of a pixel: the number of frames for [`MergeMode::All`](crate::MergeMode).
+    pub exposures_read: f64,
     /// Scalar flux from below the horizon, which no light represents, divided by the flux from above.
     pub below: f64,
 }
@@ -133,26 +140,33 @@ fn add_up(
     Scratch::with(layout.format(), merge.wants_planes(), |scratch| {
         let scratch = scratch.saturated_from(merge.saturated());
         MergedChunk::with(merge.has_products(), |merged| {
-            walk(Chunks::new(frames, layout, merge, scratch, merged), pixel_table, quads)
+            let tally = tally(layout, merge, pixel_table);
+            walk(Chunks::new(frames, layout, merge, scratch, merged, tally), pixel_table, quads)
         })
     })
+}
+
+/// The conversion of sums of codes; `None` for formats, responses and pixel tables for which these have no meaning or no place.
+fn tally(layout: &Layout, merge: &MergeView<'_>, pixel_table: &PixelTableView<'_>) -> Option<Tally> {
+    let is_plain = matches!(layout.format(), Format::Rgb24 | Format::Bgr24);
+    merge.tally().filter(|tally| is_plain && pixel_table.heaviest_texel <= tally.most_weight)
 }
 
 /// Processes all spans chunk by chunk.
 #[inline(never)]
 fn walk(mut chunks: Chunks<'_, '_, '_>, pixel_table: &PixelTableView<'_>, quads: &mut [Quad]) -> Excluded {
-    let mut excluded = Excluded::default();
-    let mut runs = Runs { runs: pixel_table.runs, weights: pixel_table.weights };
+    let runs = Runs { runs: pixel_table.runs, weights: pixel_table.weights };
+    let mut target = Target { runs, quads, excluded: Excluded::default() };
     for (row, span) in pixel_table.spans.iter().enumerate() {
         let mut left = span.len as usize;
         let mut first = span.first as usize;
         while left > 0 {
             let len = left.min(CHUNK);
-            chunks.add(Part { row, first, len }, &mut runs, quads, &mut excluded);
+            chunks.add(Part { row, first, len }, &mut target);
             (first, left) = (first + len, left - len);
         }
     }
-    excluded
+    target.excluded
 }
 
 /// Second stage of [`burst`]: converts sums to energy and first moments, and sums the coarser orders.
@@ -168,7 +182,7 @@ pub(crate) fn finish<Q: Buffer<Quad>>(
     // Limits the energy so that sums stay finite for any radiance scale.
     let most = f64::from(MAX_ENERGY) / (merge.most() * pixel_table.weight_sum as f64);
     let scale = white_balance.map(|w| (f64::from(w) * unit).min(most) as f32);
-    let lanes = Lanes::of(layout.format(), scale);
+    let lanes = Lanes::of(layout.format(), scale).with_tally(tally(layout, merge, pixel_table));
     map.finish(pixel_table.source_order, pixel_table.texels, &lanes);
     let below = luminance(lanes.rgb(excluded.below.map(|v| v.max(0.0))));
     let above = if below > 0.0 { map.view().total().y() } else { 0.0 };
@@ -176,6 +190,7 @@ pub(crate) fn finish<Q: Buffer<Quad>>(
         clipped: (excluded.clipped as f64 * pixel_table.weight_unit / Domain::Hemisphere.solid_angle())
             .min(1.0),
         unseen: pixel_table.unseen,
+        exposures_read: excluded.read as f64 / excluded.pixels.max(1) as f64,
         below: if above > 0.0 { f64::from(below / above) } else { 0.0 },
     }
 }
@@ -187,89 +202,10 @@ pub(crate) struct Excluded {
     below: [f32; 4],
     /// Sum of the weights of clipped pixels above the horizon.
     clipped: u64,
-}
-
-/// The state of the loop over chunks.
-struct Chunks<'a, 'f, 's> {
-    frames: &'a [Samples<'f>],
-    layout: &'a Layout,
-    merge: &'a MergeView<'a>,
-    channels: Channels,
-    scratch: Scratch<'s>,
-    merged: MergedChunk<'s>,
-    sums: PrefixSums,
-    light: RunLight,
-}
-
-/// The channel of each sample of `format`, in the order of the lanes.
-fn channels(format: Format) -> Channels {
-    match (format, format.pattern()) {
-        (_, Some(pattern)) => Channels::Four(pattern.channels()),
-        (Format::Grey, _) => Channels::One([1]),
-        (Format::Bgr24, _) => Channels::Three([2, 1, 0]),
-        _ => Channels::RGB,
-    }
-}
-
-impl<'a, 'f, 's> Chunks<'a, 'f, 's> {
-    fn new(
-        frames: &'a [Samples<'f>],
-        layout: &'a Layout,
-        merge: &'a MergeView<'a>,
-        scratch: Scratch<'s>,
-        merged: MergedChunk<'s>,
-    ) -> Self {
-        let (sums, light) = (PrefixSums::new(), [[0.0; 4]; _]);
-        Self { frames, layout, merge, channels: channels(layout.format()), scratch, merged, sums, light }
-    }
-
-    fn add(&mut self, part: Part, runs: &mut Runs<'_>, quads: &mut [Quad], excluded: &mut Excluded) {
-        let samples = self.channels.many();
-        let mut codes = [Codes::Unread; MAX_EXPOSURES];
-        let (frames, merge) = (self.frames, self.merge);
-        let codes = self.scratch.codes(frames, self.layout, part, merge, &mut codes);
-        let all = ..samples * part.len;
-        let unit = match &mut self.merged {
-            MergedChunk::Products(Products { sums, reciprocals }) => {
-                match (sums.get_mut(all), reciprocals.get_mut(all)) {
-                    (Some(a), Some(b)) => merge.products(codes, a, b),
-                    _ => return,
-                }
-            }
-            MergedChunk::Counts(counts) => match counts.get_mut(all) {
-                Some(counts) => merge.counts(codes, self.channels, counts).then_some(1.0),
-                None => return,
-            },
-        };
-        if let Some(unit) = unit {
-            self.sums.unit = unit;
-            gather::sum_up(&self.merged, samples, part.len, &mut self.sums);
-            runs.add_merged(part.len, samples, &self.sums, &mut self.light, quads, &mut excluded.below);
-        } else {
-            unusual(codes, self.merge, self.channels, part.len, runs, quads, excluded);
-        }
-    }
-}
-
-/// Adds a chunk of `len` pixels with the scalar merge. Not inlined, so that its buffer takes stack only when it is needed.
-#[inline(never)]
-fn unusual(
-    codes: &[Codes<'_>],
-    merge: &MergeView<'_>,
-    channels: Channels,
-    len: usize,
-    runs: &mut Runs<'_>,
-    quads: &mut [Quad],
-    excluded: &mut Excluded,
-) {
-    let samples = channels.many();
-    let mut values: Radiance = [0.0; _];
-    let Some(radiance) = values.get_mut(..samples * len) else { return };
-    if merge.samples(codes, channels, radiance) {
-        let is_clipped = |j| (samples * j..samples * (j + 1)).any(|at| merge.is_clipped(codes, at));
-        excluded.clipped += runs.weight(len, quads.len(), is_clipped);
-    }
-    runs.add_radiance(len, samples, &values, quads, &mut excluded.below);
+    /// Number of pixels.
+    pixels: u32,
+    /// Number of exposures that were read, summed over the pixels.
+    read: u32,
 }
 
 fn check_frames(frames: &[Samples<'_>], layout: &Layout, merge: &MergeView<'_>) -> Result<(), BurstError> {

@@ -7,6 +7,7 @@
 
 use super::{COUNT_BITS, Exposure};
 use crate::response::Levels;
+use crate::tally::Tally;
 
 /// Largest number of exposures of the unrolled loops; longer bursts use tables.
 pub(super) const MAX_UNROLLED: usize = 4;
@@ -101,6 +102,18 @@ impl Suffixes {
     /// The constants of the exposures `from` and longer.
     pub(super) fn of(&self, from: usize) -> Option<&Suffix> {
         self.0.get(from)?.as_ref()
+    }
+
+    /// The conversion of sums of codes of the last of `count` exposures.
+    pub(super) fn tally(&self, count: usize) -> Option<Tally> {
+        let Suffix { linear, unit } = self.of(count.checked_sub(1)?)?;
+        let most_weight = i32::MAX as u32 / (255 << linear.shift);
+        Some(Tally {
+            black: linear.black,
+            shift: linear.shift,
+            most_weight,
+            unit: unit * f32::from(linear.whole[0]),
+        })
     }
 
     /// Number of radiance counts that represent one code above black in the shortest exposure.

@@ -14,16 +14,20 @@ mod codes;
 mod detached;
 mod exposure;
 mod linear;
+mod mode;
+mod scalar;
 mod table;
 
 use crate::buffer::{self, Buffer};
 use crate::response::{CURVE_BITS, Curve, Depth};
+use crate::tally::Tally;
 use bytemuck::{Pod, Zeroable};
 pub use codes::{Channels, Codes, Samples};
 pub(crate) use detached::{Detached, Tables};
 use exposure::check;
 pub use exposure::{Exposure, MAX_EXPOSURES, MergeError};
 use linear::{Code, Linear, Suffixes};
+pub use mode::MergeMode;
 
 /// Converts the sum of table entries to radiance: radiance = sum x factor - offset.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -59,21 +63,9 @@ struct Parameters {
     /// Table counts per unit of [`Curve::exposure_q27`].
     plain: f32,
     count: usize,
+    /// The largest index of an exposure before which the times sum to at most a fifth of all.
+    most_unread: usize,
     unit: f64,
-}
-
-/// The exposures that the merge reads.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[non_exhaustive]
-pub enum MergeMode {
-    /// All exposures: the least noise.
-    #[default]
-    All,
-    /// In each part of an image row of at most 192 pixels, the longest exposure, and each shorter one down to the first of which no sample
-    /// of the part is saturated. The light is that of [`MergeMode::All`] but for noise and quantisation, since shorter exposures have
-    /// little weight where a longer one is valid; a third of the time in a usual room.
-    Needed,
 }
 
 /// A borrowed merge: the input of the front end for each burst.
@@ -173,7 +165,8 @@ impl<C: Buffer<i32>, P: Buffer<u32>, R: Buffer<Reciprocal>> Merge<C, P, R> {
             *q = libm::round(least_gain / e.gain * f64::from(1u32 << GAIN_BITS)) as u32;
         }
         let plain = (one / plain_one) as f32;
-        let parameters = Parameters { merge_loop, inverse_gain, plain, count: exposures.len(), unit };
+        let (count, most_unread) = (exposures.len(), mode::most_unread(exposures));
+        let parameters = Parameters { merge_loop, inverse_gain, plain, count, most_unread, unit };
         Ok(Self { curve, tables, reciprocals, parameters })
     }
 
@@ -281,25 +274,13 @@ impl MergeView<'_> {
         }
     }
 
-    /// Merges any samples into float radiances in units of [`Merge::unit`]. Returns whether some sample may be clipped.
-    ///
-    /// Samples beyond the end of a frame count as code 0.
-    pub fn samples(&self, codes: &[Codes<'_>], channels: Channels, out: &mut [f32]) -> bool {
-        let mut doubtful = true;
-        if let MergeLoop::Table(scale) = &self.parameters.merge_loop
-            && scale.whole.is_none()
-        {
-            self.tables(scale).floats(codes, channels, self.reciprocals, out);
-            doubtful = false;
-        }
-        let mut unusual = false;
-        for (at, value) in out.iter_mut().enumerate() {
-            if doubtful || value.is_nan() {
-                *value = self.sample(codes, channels.of(at), at);
-                unusual = true;
-            }
-        }
-        unusual
+    /// Writes prefix sums of the radiances of pixels whose longest exposure alone is read, and returns the number of counts that a sum of 1
+    /// represents; the sum of 16 radiances fits 31 bits. `None` for other codes, and for bursts that are not merged by tables.
+    pub(crate) fn sums(&self, codes: &[Codes<'_>], channels: Channels, sums: &mut [[i32; 4]]) -> Option<f32> {
+        let MergeLoop::Table(scale) = &self.parameters.merge_loop else { return None };
+        let (Codes::Planes(planes), shorter) = codes.split_last()? else { return None };
+        let is_alone = shorter.last().is_some_and(|codes| !codes.is_read());
+        if is_alone { self.tables(scale).sums(planes, channels, sums) } else { None }
     }
 
     /// The smallest saturated code.
@@ -310,7 +291,7 @@ impl MergeView<'_> {
     /// Whether the mode is [`MergeMode::Needed`] and the exposures `from` and longer give the radiance of every sample, where `codes` are
     /// those of exposure `from`: none of these is saturated, and the merge has a loop for these exposures.
     pub(crate) fn suffices(&self, from: usize, codes: &Codes<'_>) -> bool {
-        if self.mode == MergeMode::All {
+        if self.mode == MergeMode::All || from > self.parameters.most_unread {
             return false;
         }
         let has_loop = match &self.parameters.merge_loop {
@@ -318,6 +299,16 @@ impl MergeView<'_> {
             _ => true,
         };
         has_loop && codes.are_below(self.saturated())
+    }
+
+    /// The conversion of sums of codes of the longest exposure; `None` unless the mode is [`MergeMode::Needed`] and the sensor linear.
+    pub(crate) fn tally(&self) -> Option<Tally> {
+        match &self.parameters.merge_loop {
+            MergeLoop::Linear(linear) if self.mode == MergeMode::Needed => {
+                linear.tally(self.parameters.count)
+            }
+            _ => None,
+        }
     }
 
     /// Whether sample `at` is saturated in every exposure.
@@ -348,46 +339,6 @@ impl MergeView<'_> {
 
     fn tables<'a>(&'a self, scale: &'a table::Scale) -> table::Tables<'a> {
         table::Tables { rows: self.tables.as_chunks().0, exposures: self.parameters.count, scale }
-    }
-
-    /// Radiance of sample `at` by the rules of the module's documentation, without vectors or tables.
-    fn sample(&self, codes: &[Codes<'_>], channel: usize, at: usize) -> f32 {
-        let (mut sum, mut valid, mut longest) = (0i32, 0usize, None);
-        let read = codes.iter().enumerate().take(self.parameters.count).filter(|(_, c)| c.is_read());
-        for (i, samples) in read {
-            let code = samples.code(at);
-            if self.curve.is_saturated(code) {
-                continue;
-            }
-            let y = self.exposure(channel, code, i);
-            longest = Some((i, y));
-            if self.curve.is_trusted(code) {
-                sum += y;
-                valid |= 1 << i;
-            }
-        }
-        if valid != 0 {
-            return self.radiance(sum, valid);
-        }
-        if let Some((i, y)) = longest {
-            return self.radiance(y, 1 << i);
-        }
-        let shortest = codes.iter().position(Codes::is_read).unwrap_or(0);
-        self.radiance(
-            codes.get(shortest).map_or(0, |c| self.exposure(channel, c.code(at), shortest)),
-            1 << shortest,
-        )
-    }
-
-    /// y / gain of `code` in exposure `i`, with 27 fraction bits.
-    fn exposure(&self, channel: usize, code: u32, i: usize) -> i32 {
-        let y = i64::from(self.curve.exposure_q27(channel, code));
-        ((y * i64::from(self.parameters.inverse_gain.get(i).copied().unwrap_or(0))) >> GAIN_BITS) as i32
-    }
-
-    fn radiance(&self, sum: i32, mask: usize) -> f32 {
-        let factor = self.reciprocals.get(mask).map_or(0.0, |r| r.factor);
-        sum as f32 * self.parameters.plain * factor
     }
 }
 

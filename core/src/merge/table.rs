@@ -227,6 +227,21 @@ impl Whole {
     }
 }
 
+/// Writes prefix sums of the light of the entries of `planes`.
+// Not inlined: tests find its instructions under this symbol.
+#[inline(never)]
+fn sum_up(rows: [&Row; 3], planes: &[&[u8]; 3], sums: &mut [[i32; 4]]) {
+    let [a, b, c] = planes;
+    let light = |k: usize, code: &u8| (rows[k][usize::from(*code)] >> WHOLE_MARKS) as i32;
+    let mut sum = [0i32; 3];
+    for (to, ((a, b), c)) in sums.iter_mut().zip(a.iter().zip(*b).zip(*c)) {
+        sum[0] = sum[0].wrapping_add(light(0, a));
+        sum[1] = sum[1].wrapping_add(light(1, b));
+        sum[2] = sum[2].wrapping_add(light(2, c));
+        *to = [sum[0], sum[1], sum[2], 0];
+    }
+}
+
 fn mask(is: bool) -> u8 {
     if is { u8::MAX } else { 0 }
 }
@@ -259,6 +274,21 @@ impl Tables<'_> {
     /// The entries of all exposures of `channel`.
     fn of(&self, channel: usize) -> &[Row] {
         self.rows.chunks_exact(self.exposures.max(1)).nth(channel).unwrap_or_default()
+    }
+
+    /// Writes prefix sums of the light of planes of the longest exposure, none of whose codes is saturated, and returns the number of counts
+    /// that a sum of 1 represents.
+    pub(super) fn sums(&self, planes: &[&[u8]; 3], channels: Channels, sums: &mut [[i32; 4]]) -> Option<f32> {
+        let (whole, Channels::Three(channels)) = (self.scale.whole.as_ref()?, channels) else { return None };
+        let [Some(a), Some(b), Some(c)] = channels.map(|channel| self.of(channel).last()) else {
+            return None;
+        };
+        if planes.iter().any(|plane| plane.len() < sums.len()) {
+            return None;
+        }
+        sum_up([a, b, c], planes, sums);
+        let alone = *whole.reciprocals.get(1 << (self.exposures - 1))?;
+        Some(alone as f32 / (1u64 << (32 - WHOLE_MARKS)) as f32)
     }
 
     /// Merges planes into integers. Returns `false` if a sample does not satisfy the condition of [`Whole::has_answers`].

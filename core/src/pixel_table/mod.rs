@@ -114,6 +114,7 @@ struct Numbers {
     source_order: u8,
     weight_unit: f64,
     weight_sum: u64,
+    heaviest_texel: u32,
     unseen: f64,
     size: PixelTableSize,
 }
@@ -143,7 +144,8 @@ pub(crate) struct Detached {
 impl Detached {
     /// Combines the scalar values with `buffers`, which must be those that the table was built in.
     pub(crate) fn over<'a>(&self, buffers: BorrowedBuffers<'a>) -> PixelTableView<'a> {
-        let Numbers { image, order, source_order, weight_unit, weight_sum, unseen, size } = self.numbers;
+        let Numbers { image, order, source_order, weight_unit, weight_sum, heaviest_texel, unseen, size } =
+            self.numbers;
         PixelTableView {
             image,
             order,
@@ -154,6 +156,7 @@ impl Detached {
             texels: buffers.texels.get(..size.texels).unwrap_or_default(),
             weight_unit,
             weight_sum,
+            heaviest_texel,
             unseen,
         }
     }
@@ -188,6 +191,8 @@ pub struct PixelTableView<'a> {
     pub weight_unit: f64,
     /// Sum of the weights of all pixels, in units of `weight_unit`.
     pub weight_sum: u64,
+    /// Largest sum of the weights of one texel's pixels, in units of `weight_unit`.
+    pub heaviest_texel: u32,
     /// Share of the hemisphere's solid angle outside of the field of view, 0..=1.
     pub unseen: f64,
 }
@@ -251,6 +256,7 @@ impl<S: Buffer<Span>, W: Buffer<u16>, R: Buffer<Run>, T: Buffer<Texel>> PixelTab
             source_order: survey.source_order(order)?,
             weight_unit: survey.heaviest / f64::from(u16::MAX),
             weight_sum: 0,
+            heaviest_texel: 0,
             unseen: 0.0,
             size,
         };
@@ -259,6 +265,7 @@ impl<S: Buffer<Span>, W: Buffer<u16>, R: Buffer<Run>, T: Buffer<Texel>> PixelTab
         let size = pixel_table.numbers.size;
         buffer::check(&pixel_table.buffers.weights, size.weights).map_err(PixelTableError::TooSmall)?;
         buffer::check(&pixel_table.buffers.runs, size.runs).map_err(PixelTableError::TooSmall)?;
+        pixel_table.weigh_texels();
         pixel_table.measure_texels(lens);
         Ok(pixel_table)
     }
@@ -278,6 +285,22 @@ impl<S: Buffer<Span>, W: Buffer<u16>, R: Buffer<Run>, T: Buffer<Texel>> PixelTab
             weights.next().into_iter().for_each(|slot| *slot = weight);
             (size.runs, size.weights) = (size.runs + 1, size.weights + 1);
         });
+    }
+
+    /// Finds the largest sum of weights of a texel; the memory of the texels' geometry, which is unknown yet, holds the sums.
+    fn weigh_texels(&mut self) {
+        let Buffers { weights, runs, texels, .. } = &mut self.buffers;
+        let texels = texels.as_mut();
+        texels.iter_mut().for_each(|texel| texel.unseen_sr = 0.0);
+        let size = self.numbers.size;
+        for (run, weight) in runs.as_ref().iter().zip(weights.as_ref()).take(size.runs) {
+            if let Some(texel) = texels.get_mut(run.texel()) {
+                texel.unseen_sr += f32::from(*weight) * run.len() as f32;
+            }
+        }
+        // Sums are rounded to 24 bits.
+        let heaviest = texels.iter().fold(0.0f32, |most, texel| most.max(texel.unseen_sr));
+        self.numbers.heaviest_texel = (1.001 * heaviest) as u32;
     }
 
     fn measure_texels(&mut self, lens: &Lens) {

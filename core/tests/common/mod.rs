@@ -265,5 +265,6 @@ fn half<'a>(codes: &Codes<'a>, middle: usize, after: bool) -> Codes<'a> {
         Codes::Bytes(s) => Codes::Bytes(cut(s, middle, after)),
         Codes::Words(s) => Codes::Words(cut(s, middle, after)),
         Codes::Planes(s) => Codes::Planes(s.map(|s| cut(s, middle / 3, after))),
+        Codes::Unread => Codes::Unread,
     }
 }

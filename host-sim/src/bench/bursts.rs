@@ -4,7 +4,7 @@ use super::case::Case;
 use super::pack::pack;
 use glam::DVec2;
 use hemilux::calibration::{Burst, Calibration, Frame, Pixels};
-use hemilux::scene;
+use hemilux::scene::{self, Scene};
 use hemilux_core::Exposure;
 use hemilux_core::format::Format;
 use hemilux_core::lens::{Intrinsics, Lens, Model};
@@ -48,11 +48,16 @@ pub fn calibration(case: &Case) -> Calibration {
     calibration
 }
 
-/// Returns [`BURSTS`] bursts at intervals of a tenth of a second; the same in every run.
+/// Returns [`BURSTS`] bursts of the room at intervals of a tenth of a second; the same in every run.
 #[must_use]
 pub fn make(case: &Case) -> Vec<Burst> {
+    make_of(case, scene::by_name("room").expect("a built-in scene"), BURSTS)
+}
+
+/// `count` bursts of `scene`, a tenth of a second apart; the same in every run.
+#[must_use]
+pub fn make_of(case: &Case, scene: Scene, count: usize) -> Vec<Burst> {
     let c = calibration(case);
-    let scene = scene::by_name("room").expect("a built-in scene");
     let directions: Vec<_> = (0..c.layout.width() * c.layout.height())
         .map(|i| {
             c.lens.unproject(DVec2::new(f64::from(i % c.layout.width()), f64::from(i / c.layout.width())))
@@ -74,7 +79,7 @@ pub fn make(case: &Case) -> Vec<Burst> {
         };
         Burst { frames: SECONDS.into_iter().enumerate().map(frame).collect(), ..Burst::default() }
     };
-    (0..BURSTS).map(burst).collect()
+    (0..count).map(burst).collect()
 }
 
 /// Returns codes with noise of half a code and photon noise.

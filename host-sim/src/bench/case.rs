@@ -1,8 +1,8 @@
 //! Benchmark cases: a pixel format, a size, a sampler and a number of lights.
 
 use hemilux::samplers::MAX_LIGHTS;
-use hemilux_core::SamplerKind;
 use hemilux_core::format::{Format, Layout, Pattern, Yuv};
+use hemilux_core::{MergeMode, SamplerKind};
 use std::fmt;
 use std::str::FromStr;
 
@@ -23,6 +23,9 @@ const FULL: Yuv = Yuv { limited: false, matrix: hemilux_core::format::Matrix::Bt
 /// Suffix of the sampler's name for lights that are fitted as discs.
 const SOFT: &str = "+soft";
 
+/// Follows the format's name where all exposures are read.
+const ALL: &str = "+all";
+
 /// Largest width or height, pixels.
 const MAX_SIDE: u32 = 4096;
 
@@ -31,6 +34,8 @@ const MAX_SIDE: u32 = 4096;
 pub struct Case {
     /// Packing of the frames.
     pub format: Format,
+    /// The exposures that the merge reads.
+    pub merge: MergeMode,
     /// Columns and rows of the frames.
     pub size: (u32, u32),
     /// Number of cells of a mosaic per merged pixel on each side.
@@ -56,7 +61,8 @@ impl fmt::Display for Case {
         let (w, h) = self.size;
         let bin = if self.bin > 1 { format!("/{}", self.bin) } else { String::new() };
         let soft = if self.soft { SOFT } else { "" };
-        write!(f, "{}{bin}:{w}x{h}:{}{soft}:{}", self.format_name(), self.sampler, self.lights)
+        let all = if self.merge == MergeMode::All { ALL } else { "" };
+        write!(f, "{}{all}{bin}:{w}x{h}:{}{soft}:{}", self.format_name(), self.sampler, self.lights)
     }
 }
 
@@ -69,6 +75,8 @@ impl FromStr for Case {
         let parts: Vec<_> = text.split(':').collect();
         let [format, size, sampler, lights] = parts[..] else { return Err(shape()) };
         let (format, bin) = format.split_once('/').unwrap_or((format, "1"));
+        let all = format.strip_suffix(ALL);
+        let (format, merge) = all.map_or((format, MergeMode::Needed), |name| (name, MergeMode::All));
         let bin = bin.parse().map_err(|_| format!("bin '{bin}', expected 1, 2, 4 or 8"))?;
         let names = FORMATS.map(|(name, _)| name).join(", ");
         let known = FORMATS.iter().find(|(name, _)| *name == format);
@@ -81,8 +89,23 @@ impl FromStr for Case {
         let lights = lights.parse().ok().filter(|n| (1..=MAX_LIGHTS).contains(n)).ok_or_else(shape)?;
         let layout = Layout::tight(format, size.0, size.1).and_then(|layout| layout.binned(bin));
         layout.map_err(|_| format!("bin '{bin}', expected 1 or, of a mosaic, 2, 4 or 8"))?;
-        Ok(Self { format, size, bin, sampler, soft, lights })
+        Ok(Self { format, merge, size, bin, sampler, soft, lights })
     }
+}
+
+/// One case for each format, with the standard size.
+#[must_use]
+pub fn formats() -> Vec<Case> {
+    let case = |(_, format)| Case {
+        format,
+        merge: MergeMode::Needed,
+        size: (640, 480),
+        bin: 1,
+        sampler: SamplerKind::Q2Tree,
+        soft: false,
+        lights: 64,
+    };
+    FORMATS.into_iter().map(case).collect()
 }
 
 /// Returns the cases of the standard report: every sampler on the standard burst, the other formats, and larger images.
@@ -90,6 +113,7 @@ impl FromStr for Case {
 pub fn standard() -> Vec<Case> {
     let case = |format: usize, size, sampler, lights| Case {
         format: FORMATS[format].1,
+        merge: MergeMode::Needed,
         size,
         bin: 1,
         sampler,

@@ -109,8 +109,8 @@ pub fn run(job: &Job) -> Result<(), SimError> {
 
 fn pipeline(case: &Case, bursts: &[Burst]) -> Result<Pipeline, SimError> {
     let exposures: Vec<_> = bursts[0].frames.iter().map(|f| f.exposure).collect();
-    let Case { sampler, soft, lights, .. } = *case;
-    let settings = Settings { sampler, soft, lights, ..Settings::default() };
+    let Case { merge, sampler, soft, lights, .. } = *case;
+    let settings = Settings { merge, sampler, soft, lights, ..Settings::default() };
     Ok(Pipeline::try_new(calibration(case), &exposures, settings)?)
 }
 

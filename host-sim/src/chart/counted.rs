@@ -1,6 +1,7 @@
 //! Counts the instructions of one frame's sampling by running this program under callgrind; unlike times, the counts are repeatable.
 
 use super::Point;
+use crate::bench::Case;
 use crate::error::SimError;
 use crate::maps::Maps;
 use crate::metrics::Domain;
@@ -40,13 +41,27 @@ pub(super) fn add(points: &mut [Point], lights: usize) {
     }
 }
 
+/// Instructions per frame of a case of `bench`; `None` without valgrind.
+#[must_use]
+pub fn of_bench(case: &Case) -> Option<u64> {
+    let run = |frames: usize| {
+        under_callgrind(&["bench", "--case", &case.to_string(), "--frames", &frames.to_string()])
+    };
+    let [few, many] = FRAMES.map(run);
+    few.zip(many).map(|(a, b)| b.saturating_sub(a) / (FRAMES[1] - FRAMES[0]) as u64)
+}
+
 /// Returns the instructions of a whole run; `None` if callgrind is not installed or its output has no count.
 fn count(sampler: &str, lights: usize, frames: usize) -> Option<u64> {
+    let (lights, frames) = (lights.to_string(), frames.to_string());
+    under_callgrind(&["sample-frames", "--sampler", sampler, "--lights", &lights, "--frames", &frames])
+}
+
+fn under_callgrind(arguments: &[&str]) -> Option<u64> {
     let output = Command::new("valgrind")
         .args(["--tool=callgrind", "--callgrind-out-file=/dev/null"])
         .arg(std::env::current_exe().ok()?)
-        .args(["sample-frames", "--sampler", sampler])
-        .args(["--lights", &lights.to_string(), "--frames", &frames.to_string()])
+        .args(arguments)
         .output()
         .ok()?;
     let said = String::from_utf8_lossy(&output.stderr);

@@ -1,7 +1,7 @@
 //! Commands that compare methods and time stages.
 
 use crate::error::SimError;
-use crate::{bench, chart, stress};
+use crate::{bench, chart, reads, stress};
 use clap::Args;
 use hemilux::timing::Budgets;
 use hemilux_core::wire::STAGES;
@@ -75,4 +75,15 @@ pub(super) fn bench(args: BenchArgs) -> Result<(), SimError> {
         budgets.set_ms(i, ms.unwrap_or(budgets.ms(i)));
     }
     bench::run(&bench::Job { json: args.json, case: args.case, frames: args.frames, budgets })
+}
+
+#[derive(Args, Debug)]
+pub(super) struct ReadsArgs {
+    /// Counts instructions under callgrind too, where valgrind is installed; this takes minutes.
+    #[arg(long)]
+    count: bool,
+}
+
+pub(super) fn reads(args: &ReadsArgs) -> Result<(), SimError> {
+    reads::run(args.count)
 }

@@ -1,7 +1,7 @@
 //! The table of settings: one entry for each.
 
 use super::{Group, Kind, Setting, shortest};
-use crate::probe::config::{EXTRAPOLATIONS, extrapolation_name};
+use crate::probe::config::{EXTRAPOLATIONS, MERGES, extrapolation_name, merge_name};
 use crate::probe::tiers;
 use crate::samplers::{CUTOFFS_HZ, MAX_LIGHTS, ORDERS, TAPS, THRESHOLDS, TOLERANCES};
 use crate::timing::BUDGETS_MS;
@@ -10,6 +10,8 @@ use hemilux_core::SamplerKind;
 use serde_json::{Value, json};
 
 const EXTRAPOLATION_NAMES: [&str; EXTRAPOLATIONS.len()] = [EXTRAPOLATIONS[0].0, EXTRAPOLATIONS[1].0];
+
+const MERGE_NAMES: [&str; MERGES.len()] = [MERGES[0].0, MERGES[1].0];
 
 /// Range of exposure times, seconds.
 const EXPOSURES_S: (f32, f32) = (1e-6, 60.0);
@@ -157,6 +159,21 @@ pub static SETTINGS: &[Setting] = &[
         value: |c| json!(c.exposures_s),
         set: |c, v| {
             c.exposures_s = v.as_array().map(|list| list.iter().filter_map(Value::as_f64).collect());
+        },
+        in_use: |_| true,
+    },
+    Setting {
+        name: "merge",
+        parameter: "merge",
+        title: "Exposures read",
+        group: Group::Map,
+        kind: Kind::Choice(&MERGE_NAMES),
+        unit: None,
+        what: "Which exposures of a burst are read: of each part of a row the longest and, where it is saturated, shorter ones as needed, or all, which takes longer and gives a tenth less noise.",
+        value: |c| json!(merge_name(c.pipeline.merge)),
+        set: |c, v| {
+            let known = MERGES.iter().find(|(name, _)| v.as_str() == Some(*name));
+            put(&mut c.pipeline.merge, known.map(|(_, mode)| *mode));
         },
         in_use: |_| true,
     },

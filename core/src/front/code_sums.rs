@@ -1,0 +1,115 @@
+//! The light of parts of rows in which the longest exposure of a linear 8-bit sensor is enough: sums of codes in integers.
+//!
+//! The code sum of each run, times the weight of the run, is added to integers of its texel, in the memory of the texel's first moment,
+//! which is unknown until the map is finished. Neither a pixel nor a run needs a float.
+
+use super::gather::Runs;
+use crate::pixel_table::{CHUNK, Run};
+use crate::pyramid::Quad;
+use crate::tally::Tally;
+
+/// Codes of a chunk and their prefix sums.
+pub(super) struct CodeSums {
+    /// Codes above black of each pixel; the fourth lane is 0.
+    codes: [[i16; 4]; CHUNK],
+    /// Prefix sums per lane, modulo 2^32. More elements than pixels, so that an index of 8 bits is always valid.
+    sums: [[i32; 4]; 256],
+}
+
+impl CodeSums {
+    pub(super) fn new() -> Self {
+        Self { codes: [[0; 4]; _], sums: [[0; 4]; _] }
+    }
+
+    /// Sums `codes`, three per pixel.
+    pub(super) fn sum_up(&mut self, codes: &[u8], tally: &Tally) {
+        let pixels = codes.as_chunks::<3>().0;
+        self.above_black(pixels, tally.shift, tally.black);
+        self.add_up(pixels.len());
+    }
+
+    // Not inlined: tests find its vector instructions under this symbol.
+    #[inline(never)]
+    fn above_black(&mut self, pixels: &[[u8; 3]], shift: u32, black: i16) {
+        let above = |code: u8| i16::from(code).wrapping_shl(shift).wrapping_sub(black);
+        for (to, [a, b, c]) in self.codes.iter_mut().zip(pixels) {
+            *to = [above(*a), above(*b), above(*c), 0];
+        }
+    }
+
+    // Not inlined: tests find its vector instructions under this symbol.
+    #[inline(never)]
+    fn add_up(&mut self, len: usize) {
+        let mut sum = [0i32; 4];
+        let (sums, codes) = (self.sums.get_mut(..len), self.codes.get(..len));
+        for (to, own) in sums.unwrap_or_default().iter_mut().zip(codes.unwrap_or_default()) {
+            sum = core::array::from_fn(|lane| sum[lane].wrapping_add(i32::from(own[lane])));
+            *to = sum;
+        }
+    }
+
+    /// Adds the codes of the runs of the first `len` pixels to their texels and removes these runs; codes from below the horizon are added
+    /// to `below`, in counts.
+    pub(super) fn add(
+        &self,
+        len: usize,
+        tally: &Tally,
+        runs: &mut Runs<'_>,
+        quads: &mut [Quad],
+        below: &mut [f32; 4],
+    ) {
+        let mut rest = Quad::default();
+        let taken = self.add_runs(len.min(CHUNK), runs.runs, runs.weights, quads, &mut rest);
+        if rest.moment.iter().any(|sum| sum.to_bits() != 0) {
+            self.add_below(runs, taken, quads.len(), tally, below);
+        }
+        runs.skip(taken);
+    }
+
+    /// Returns the number of runs. The sums of `rest` are not 0 afterwards if a run has no texel.
+    // Not inlined: tests find its vector instructions under this symbol.
+    #[inline(never)]
+    fn add_runs(
+        &self,
+        len: usize,
+        runs: &[Run],
+        weights: &[u16],
+        quads: &mut [Quad],
+        rest: &mut Quad,
+    ) -> usize {
+        let mut before = [0i32; 4];
+        let mut last = u8::MAX;
+        for (i, (run, weight)) in runs.iter().zip(weights).enumerate() {
+            last = last.wrapping_add(run.len() as u8);
+            // A run that ends beyond the chunk belongs to the next chunk.
+            if usize::from(last) >= len {
+                return i;
+            }
+            let sum = self.sums[usize::from(last)];
+            let quad = quads.get_mut(run.texel()).unwrap_or(&mut *rest);
+            let (texel, weight): (&mut [i32; 4], _) =
+                (bytemuck::cast_mut(&mut quad.moment), i32::from(*weight));
+            let own: [i32; 4] = core::array::from_fn(|lane| sum[lane].wrapping_sub(before[lane]));
+            *texel = core::array::from_fn(|lane| texel[lane].wrapping_add(own[lane].wrapping_mul(weight)));
+            before = sum;
+        }
+        runs.len().min(weights.len())
+    }
+
+    /// Adds those of the first `taken` runs whose texel index is not below `texels`.
+    #[cold]
+    fn add_below(&self, runs: &Runs<'_>, taken: usize, texels: usize, tally: &Tally, below: &mut [f32; 4]) {
+        let mut first = 0;
+        for (run, weight) in runs.runs.iter().zip(runs.weights).take(taken) {
+            let end = first + run.len();
+            let sum = |end: usize| {
+                end.checked_sub(1).and_then(|last| self.sums.get(last)).copied().unwrap_or_default()
+            };
+            for (lane, below) in below.iter_mut().enumerate().filter(|_| run.texel() >= texels) {
+                let own = sum(end)[lane].wrapping_sub(sum(first)[lane]);
+                *below += own as f32 * (tally.unit * f32::from(*weight));
+            }
+            first = end;
+        }
+    }
+}

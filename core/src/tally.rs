@@ -1,0 +1,25 @@
+//! The conversion of integer sums of codes, which hold the place of a texel's first moment until the map is finished.
+
+use crate::quad::Quad;
+
+/// Conversion of the integers of a texel to counts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Tally {
+    /// Black level, in units of 2^-`shift` codes.
+    pub(crate) black: i16,
+    /// Fraction bits of codes above black.
+    pub(crate) shift: u32,
+    /// Number of counts that 1 represents.
+    pub(crate) unit: f32,
+    /// Largest sum of the weights of a texel's pixels whose product with any code fits 31 bits.
+    pub(crate) most_weight: u32,
+}
+
+impl Tally {
+    /// The sums in the energy of `quad` plus its integers.
+    #[inline]
+    pub(crate) fn settled(&self, quad: &Quad) -> [f32; 4] {
+        let total = |lane: usize| quad.energy[lane] + quad.moment[lane].to_bits() as i32 as f32 * self.unit;
+        [total(0), total(1), total(2), 0.0]
+    }
+}

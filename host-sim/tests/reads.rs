@@ -1,0 +1,36 @@
+//! The merge of needed exposures against that of all: the same light, from fewer samples.
+
+mod common;
+
+use hemilux::recorded;
+use hemilux::scene;
+use hemilux_sim::bench::bursts::{calibration, make_of};
+use hemilux_sim::bench::case;
+use hemilux_sim::reads::compare;
+
+/// Largest open error between the two modes.
+const MOST: f64 = 0.001;
+
+#[test]
+fn needed_exposures_give_the_light_of_all_in_every_format_and_scene() {
+    for case in case::formats() {
+        for scene in scene::NAMES.map(|name| scene::by_name(name).expect("a scene")) {
+            let found = compare(&calibration(&case), &make_of(&case, scene, 1)).expect("fits");
+            let what = format!("{} of {}: {found:?}", case.format_name(), scene.name());
+            assert!(found.open <= MOST, "{what}");
+            assert!((1.0..2.0).contains(&found.exposures_read), "{what}");
+            assert!(found.open > 0.0, "the modes read the same samples: {what}");
+        }
+    }
+}
+
+/// The exposures of this burst contradict each other: through its response curve, a sample's radiance differs by some 5 % between
+/// neighbouring exposures, and those that are left out have a fifth of the weight.
+#[test]
+fn needed_exposures_differ_from_all_by_what_the_response_leaves_open_in_a_real_office() {
+    let Some(folder) = common::shared("office-burst") else { return };
+    let read = recorded::read_burst(&folder).expect("a burst");
+    let found = compare(&read.calibration, &[read.burst]).expect("fits");
+    assert!(found.open <= 0.015, "{found:?}");
+    assert!(found.exposures_read < 6.0, "of nine exposures: {found:?}");
+}
