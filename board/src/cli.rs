@@ -165,6 +165,13 @@ struct Serve {
     #[cfg(feature = "mqtt")]
     #[arg(long, value_name = "URL")]
     mqtt: Option<crate::senders::mqtt::Broker>,
+    /// A test aid, for addresses of this machine alone: damages bursts, as in all=0.01,hang=0,seed=7. KIND=SHARE with the share of bursts for
+    /// drop, late, torn, black, saturated, swapped, label, size, clock, vanish, hang or all; seed=N; the pauses late_s=S, gone_s=S, hang_s=S.
+    #[arg(long, value_name = "KIND=SHARE,...", value_parser = str::parse::<source::FaultSpec>)]
+    faults: Option<source::FaultSpec>,
+    /// A test aid: every stage takes so many times as long, from 1 to 64.
+    #[arg(long, value_name = "X", value_parser = slowdown)]
+    slowdown: Option<f32>,
     /// Print the sizes of the buffers and exit.
     #[arg(long)]
     plan: bool,
@@ -247,7 +254,7 @@ fn tell_addresses(bound: SocketAddr, what: &str) -> Result<String, Failure> {
 fn serve(options: &Serve) -> Result<(), Failure> {
     let plan = ServePlan::of(options)?;
     let open = if options.plan { source::open } else { source::open_or_wait };
-    let source = plan.in_lux(open(&plan.source).map_err(Failure::new)?)?;
+    let source = plan.in_lux(plan.damaged(open(&plan.source).map_err(Failure::new)?))?;
     if options.plan {
         let settings = plan.config.pipeline;
         let pipeline = Pipeline::try_new(*source.calibration(), &source.exposures(), settings);
@@ -360,6 +367,11 @@ fn address(text: &str) -> Result<SocketAddr, String> {
     local.or_else(|| text.parse().ok()).ok_or_else(|| "expected ADDR:PORT, such as 127.0.0.1:8080".into())
 }
 
+fn slowdown(text: &str) -> Result<f32, String> {
+    let factor = text.parse().ok().filter(|factor| (1.0..=64.0).contains(factor));
+    factor.ok_or_else(|| "expected a number from 1 to 64".into())
+}
+
 fn origin(text: &str) -> Result<String, String> {
     let rest = text.strip_prefix("http://").or_else(|| text.strip_prefix("https://"));
     let is_origin =
@@ -386,7 +398,11 @@ mod tests {
 
     #[test]
     fn wrong_usage_is_one_line_that_names_the_option() {
-        let cases: [(&[&str], &str); 15] = [
+        let cases: [(&[&str], &str); 19] = [
+            (&["--faults", "black=2"], "'black=2'"),
+            (&["--faults", "blue=0.1"], "saturated"),
+            (&["--faults", "black=0.1", "--listen", "0.0.0.0:0", "--open"], "--faults"),
+            (&["--slowdown", "0"], "1 to 64"),
             (&["--budget", "front"], "STAGE=MILLISECONDS"),
             (&["--budget", "front=30,lunch=60"], "'lunch=60'"),
             (&["--lights", "0"], "1 to 50000"),

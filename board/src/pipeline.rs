@@ -3,7 +3,9 @@
 //! All memory is taken when the pipeline is made or its exposures change; a frame allocates nothing. The polar map is taken when a
 //! sampler or a picture needs it first.
 
+mod processed;
 mod settings;
+mod times;
 
 use crate::calibration::{Burst, Calibration, Frame};
 use crate::consistency::Inspector;
@@ -13,14 +15,16 @@ use hemilux_core::mains::{Cell, Flicker, Mains, mains_len};
 use hemilux_core::polar::LatLongView;
 use hemilux_core::pyramid::Quad;
 use hemilux_core::sampler::FilterTimer;
-use hemilux_core::wire::{FrameFault, FramesLeftOut, Latency, LightSet};
+use hemilux_core::wire::{FrameFault, FramesLeftOut};
 use hemilux_core::{
-    Coverage, Decomposition, Domain, Exposure, FrontEnd, FrontError, MAX_EXPOSURES, Map, Order, Request,
-    Sampler, Samples, Sizes,
+    Coverage, Domain, Exposure, FrontEnd, FrontError, MAX_EXPOSURES, Map, Order, Request, Sampler, Samples,
+    Sizes,
 };
 use std::time::{Duration, Instant};
 
+pub use processed::{Processed, Sampled};
 pub use settings::{PipelineError, Settings};
+pub use times::Times;
 
 /// Most bursts in a row that repeat the lights of the last merged one.
 const MOST_HELD: u32 = 4;
@@ -36,102 +40,15 @@ pub struct Pipeline {
     flicker: Flicker,
     /// Coverage of the map, if a burst was merged.
     seen: Option<Coverage>,
-    /// Bursts since the last one whose shortest exposure was sound.
-    headless: u32,
+    /// Bursts since the last one of which it is known that the shortest exposure and the merged frames are sound.
+    doubtful: u32,
     /// Taken when a sampler or a picture needs it first.
     polar: Option<Polar>,
     /// Whether `polar` holds the current frame.
     polar_fresh: bool,
     sampler: Box<dyn Sampler + Send>,
-}
-
-/// Duration of each stage.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Times {
-    /// Merge and map.
-    pub front: Duration,
-    /// Pyramid and polar map.
-    pub pyramid: Duration,
-    /// The sampler without its temporal filters.
-    pub sample: Duration,
-    /// Temporal filters of the sampler.
-    pub filter: Duration,
-}
-
-impl Times {
-    /// `front`, `pyramid`, `sample`, `filter` and their sum as `total`; the other durations are 0.
-    #[must_use]
-    pub fn latency(&self) -> Latency {
-        let us = |d: Duration| u32::try_from(d.as_micros()).unwrap_or(u32::MAX);
-        Latency {
-            front: us(self.front),
-            pyramid: us(self.pyramid),
-            sample: us(self.sample),
-            filter: us(self.filter),
-            total: us(self.front + self.pyramid + self.sample + self.filter),
-            ..Latency::default()
-        }
-    }
-}
-
-/// One processed burst.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Processed<'a> {
-    /// The lights.
-    pub decomposition: Decomposition<'a>,
-    /// The clipped and unseen fractions of the burst.
-    pub seen: Coverage,
-    /// Sum of L dOmega.
-    pub scalar_flux: [f32; 3],
-    /// Sum of L cos(theta) dOmega.
-    pub horizontal_irradiance: [f32; 3],
-    /// The frames that contradict the others and were not merged.
-    pub frames_left_out: FramesLeftOut,
-    /// The modulation that was removed from the map.
-    pub flicker: Flicker,
-    /// Duration of each stage.
-    pub times: Times,
-}
-
-/// The lights of one sampler and its durations.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sampled<'a> {
-    /// The lights.
-    pub decomposition: Decomposition<'a>,
-    /// Duration of the sampler without its temporal filters.
-    pub sample: Duration,
-    /// Duration of the temporal filters.
-    pub filter: Duration,
-}
-
-impl Sampled<'_> {
-    /// Both durations in place of those of `other`, which ran on the same frame.
-    #[must_use]
-    pub fn latency(&self, other: &Latency) -> Latency {
-        let us = |d: Duration| u32::try_from(d.as_micros()).unwrap_or(u32::MAX);
-        let (sample, filter) = (us(self.sample), us(self.filter));
-        let total = other.total.saturating_sub(other.sample).saturating_sub(other.filter);
-        Latency { sample, filter, total: total.saturating_add(sample).saturating_add(filter), ..*other }
-    }
-}
-
-impl Processed<'_> {
-    /// The measured values of a light set; the fields that identify the frame are those of [`LightSet::EMPTY`].
-    #[must_use]
-    pub fn light_set(&self) -> LightSet<'_> {
-        LightSet {
-            lights: self.decomposition.lights,
-            ambient_sh: self.decomposition.ambient.as_ref(),
-            estimated_error: self.decomposition.estimated_error,
-            scalar_flux: self.scalar_flux,
-            horizontal_irradiance: self.horizontal_irradiance,
-            clipped: self.seen.clipped as f32,
-            unseen: self.seen.unseen as f32,
-            latency: self.times.latency(),
-            frames_left_out: self.frames_left_out,
-            ..LightSet::EMPTY
-        }
-    }
+    /// Most exposures of a burst that are merged.
+    most_exposures: usize,
 }
 
 impl Pipeline {
@@ -161,10 +78,11 @@ impl Pipeline {
             mains,
             flicker: Flicker::default(),
             seen: None,
-            headless: 0,
+            doubtful: 0,
             polar,
             polar_fresh: false,
             sampler,
+            most_exposures: usize::MAX,
         })
     }
 
@@ -211,12 +129,13 @@ impl Pipeline {
     }
 
     /// The frames of the next burst that are not to be merged: those that contradict the others; all of them if the shortest exposure is
-    /// among those, which alone knows the brightest light, unless there is no map yet or the shortest exposures of the four bursts before
-    /// were wrong as well.
+    /// among those, which alone knows the brightest light, or if it is not known which frames are wrong, unless there is no map yet or
+    /// the four bursts before were of this kind as well.
     pub fn inspect(&mut self, burst: &Burst) -> FramesLeftOut {
         let mut found = self.inspector.inspect(burst);
-        let holds = found.contains(0) && self.seen.is_some() && self.headless < MOST_HELD;
-        self.headless = if found.contains(0) { self.headless.saturating_add(1) } else { 0 };
+        let is_doubtful = found.contains(0) || self.inspector.is_uncertain();
+        let holds = is_doubtful && self.seen.is_some() && self.doubtful < MOST_HELD;
+        self.doubtful = if is_doubtful { self.doubtful.saturating_add(1) } else { 0 };
         for index in (0..burst.frames.len()).filter(|_| holds) {
             if !found.contains(index) {
                 found.insert(index, FrameFault::Incomplete);
@@ -237,9 +156,13 @@ impl Pipeline {
         began: Instant,
     ) -> Result<Processed<'_>, PipelineError> {
         let steady: [bool; MAX_EXPOSURES] = self.steady(burst);
+        let count = burst.frames.len();
+        let most = if frames_left_out.is_empty() { self.most_exposures } else { count };
         let merged = || {
-            let is_kept =
-                |index: &usize| steady.get(*index) != Some(&false) && !frames_left_out.contains(*index);
+            let is_kept = move |index: &usize| {
+                let is_sound = steady.get(*index) != Some(&false) && !frames_left_out.contains(*index);
+                is_sound && is_read(*index, count, most)
+            };
             burst.frames.iter().enumerate().filter(move |(index, _)| is_kept(index)).map(|(_, frame)| frame)
         };
         let mut front = Duration::ZERO;
@@ -301,6 +224,11 @@ impl Pipeline {
         let seen = self.front.process_timed(&frames[..count], added_up)?;
         self.seen = Some(seen);
         Ok(seen)
+    }
+
+    /// Merges at most `most` exposures of later bursts without contradictions: the shortest, the longest, and others evenly between them.
+    pub fn limit_exposures(&mut self, most: usize) {
+        self.most_exposures = most;
     }
 
     /// The lights of another sampler from the map of the last burst.
@@ -400,6 +328,15 @@ impl Pipeline {
     }
 }
 
+/// Whether the frame `index` of `count` is among at most `most` that are merged.
+fn is_read(index: usize, count: usize, most: usize) -> bool {
+    match most {
+        _ if most >= count => true,
+        0 | 1 => index == 0,
+        _ => (0..most).any(|k| k * (count - 1) / (most - 1) == index),
+    }
+}
+
 /// Runs `sampler` on `map` and measures its durations.
 fn sample<'a>(sampler: &'a mut dyn Sampler, map: &Map<'_>, request: &Request) -> Sampled<'a> {
     let began = Instant::now();
@@ -438,6 +375,15 @@ mod tests {
     use crate::scene;
     use crate::source::{Pace, SceneSource, Source};
     use hemilux_core::SamplerKind;
+
+    #[test]
+    fn the_shortest_and_the_longest_exposure_are_always_read() {
+        for (count, most) in (2..=12).flat_map(|count| (2..=count).map(move |most| (count, most))) {
+            let read: Vec<_> = (0..count).filter(|index| is_read(*index, count, most)).collect();
+            assert_eq!(read.len(), most, "{most} of {count}: {read:?}");
+            assert!(read.contains(&0) && read.contains(&(count - 1)), "{most} of {count}: {read:?}");
+        }
+    }
 
     #[test]
     fn a_wrong_shortest_exposure_holds_the_lights_for_four_bursts_and_then_no_longer() {

@@ -1,14 +1,19 @@
 //! Durations of the stages: histograms of fixed size, and counts of the frames that exceeded a budget.
 
+mod recent;
+
+pub use recent::Percentiles;
+
 use hdrhistogram::Histogram;
 use hemilux_core::wire::{Latency, Overrun, STAGES};
+use recent::{Halves, Recent};
 use std::fmt;
 use std::time::Instant;
 
 /// Longest duration that the histograms tell apart from longer ones, microseconds.
 const LONGEST_US: u64 = 60_000_000;
 
-/// Significant decimal digits of a percentile. With two digits, the histograms of all stages take 70 KiB.
+/// Significant decimal digits of a percentile. With two digits, the histograms of all stages take 210 KiB.
 const DIGITS: u8 = 2;
 
 /// Weight of the newest interval in the smoothed frame rate: the last ten frames have most of the weight.
@@ -33,6 +38,12 @@ impl Budgets {
     #[must_use]
     pub fn ms(&self, i: usize) -> f32 {
         self.0.get(i).map_or(0.0, |us| *us as f32 / 1e3)
+    }
+
+    /// The budget from the end of a burst to the finished set, microseconds.
+    #[must_use]
+    pub fn total(&self) -> u32 {
+        self.0[STAGES - 1]
     }
 
     /// Sets the budget of stage `i`, milliseconds, to the nearest microsecond.
@@ -73,12 +84,13 @@ struct Durations {
     histogram: Option<Histogram<u32>>,
     most_us: u32,
     overruns: u64,
+    recent: Recent,
 }
 
 impl Durations {
     fn new() -> Self {
         let histogram = Histogram::new_with_bounds(1, LONGEST_US, DIGITS).ok();
-        Self { histogram, most_us: 0, overruns: 0 }
+        Self { histogram, most_us: 0, overruns: 0, recent: Recent::new() }
     }
 
     fn add(&mut self, us: u32, budget_us: u32) {
@@ -87,6 +99,7 @@ impl Durations {
         }
         self.most_us = self.most_us.max(us);
         self.overruns += u64::from(us > budget_us);
+        self.recent.add(us);
     }
 
     /// The duration that `part` of all frames stay within, at most the longest; 0 without frames.
@@ -99,7 +112,8 @@ impl Durations {
 /// Counters of the histograms of all stages, of four bytes each.
 #[must_use]
 pub fn counters() -> usize {
-    STAGES * Durations::new().histogram.map_or(0, |h| h.distinct_values())
+    // One since the start, two for the last minute.
+    3 * STAGES * Durations::new().histogram.map_or(0, |h| h.distinct_values())
 }
 
 /// Statistics of one stage.
@@ -117,6 +131,8 @@ pub struct Stage {
     pub overruns: u64,
     /// The budget, microseconds.
     pub budget: u32,
+    /// Percentiles over the last 30 to 60 seconds.
+    pub recent: Percentiles,
 }
 
 /// Durations of all stages.
@@ -129,6 +145,7 @@ pub struct Timings {
     started: Option<Instant>,
     /// Smoothed interval between the starts of frames, seconds; 0 before the second frame.
     interval_s: f32,
+    halves: Halves,
 }
 
 impl Timings {
@@ -141,11 +158,15 @@ impl Timings {
             budgets,
             started: None,
             interval_s: 0.0,
+            halves: Halves::default(),
         }
     }
 
     /// Updates the frame rate with the start of a frame.
     pub fn start_frame(&mut self, now: Instant) {
+        for _ in 0..self.halves.turns(now) {
+            self.stages.iter_mut().for_each(|stage| stage.recent.turn());
+        }
         let Some(before) = self.started.replace(now) else { return };
         let newest = now.saturating_duration_since(before).as_secs_f32();
         let kept = self.interval_s;
@@ -184,7 +205,8 @@ impl Timings {
         std::array::from_fn(|i| {
             let h = &self.stages[i];
             let [p50, p95, p99] = [0.5, 0.95, 0.99].map(|part| h.percentile(part));
-            Stage { p50, p95, p99, most: h.most_us, overruns: h.overruns, budget: self.budgets.0[i] }
+            let (budget, recent) = (self.budgets.0[i], h.recent.percentiles());
+            Stage { p50, p95, p99, most: h.most_us, overruns: h.overruns, budget, recent }
         })
     }
 }
@@ -225,7 +247,7 @@ mod tests {
             assert!(stage.percentile(1.0) >= 60_000_000, "longer durations count as the longest");
         }
         let bytes = counters() * size_of::<u32>();
-        assert!((1..=72 << 10).contains(&bytes), "{bytes}");
+        assert!((1..=216 << 10).contains(&bytes), "{bytes}");
     }
 
     #[test]

@@ -62,7 +62,7 @@ const FRAMES: usize = 60;
 fn requests(source: Box<dyn Source>, sampler: SamplerKind, secondary: Option<SamplerKind>) -> u64 {
     let pipeline = Settings { sampler, extrapolation: Extrapolation::Average, ..Settings::default() };
     let mut worker =
-        Worker::try_new(source, "test".into(), Config { pipeline, ..Config::default() }).expect("a worker");
+        Worker::try_new(source, "test".into(), Config { pipeline, ..Config::steady() }).expect("a worker");
     let link = worker.link();
     let mut client = link.sets().subscribe();
     let _permit = secondary.map(|sampler| {

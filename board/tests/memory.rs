@@ -74,7 +74,7 @@ fn check(source: Box<dyn Source>, settings: &Settings) {
     let plan = plan(&*source, settings.clone());
     let planned = plan.bytes();
     let before = BYTES.get();
-    let config = Config { pipeline: settings.clone(), ..Config::default() };
+    let config = Config { pipeline: settings.clone(), ..Config::steady() };
     let mut worker = Worker::try_new(source, "test".into(), config).expect("a worker");
     for _ in 0..WARM_UP {
         worker.step().expect("a frame");

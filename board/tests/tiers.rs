@@ -49,7 +49,7 @@ fn steadiness(sets: &[Arc<OwnedSet>]) -> Steadiness {
 fn sets(sampler: SamplerKind, lights: usize, selection: Selection) -> Vec<Arc<OwnedSet>> {
     let source = Box::new(SceneSource::new(scene::by_name("room").expect("a scene"), Pace::Free));
     let pipeline = Settings { sampler, lights, ..Settings::default() };
-    let config = Config { pipeline, ..Config::default() };
+    let config = Config { pipeline, ..Config::steady() };
     let mut worker = Worker::try_new(source, "test".into(), config).expect("a worker");
     let link = worker.link();
     let mut frame = |_| {

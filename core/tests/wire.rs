@@ -6,7 +6,7 @@ use common::{RngExt, direction, light_set, seeded};
 use embedded_io::SliceWriteError;
 use glam::Vec3;
 use hemilux_core::light::{Light, Sh9};
-use hemilux_core::wire::{self, Coordinates, FrameFault, Latency, LightSet, Overrun, Stale};
+use hemilux_core::wire::{self, Coordinates, FrameFault, Latency, LightSet, Overrun, Stale, Step};
 use serde_json::Value;
 
 const HOSTILE: &str = "a\"b\\c\n1 2 3\r\t\u{0}\u{1f}\u{7f}\u{85}\u{2028}\u{fffe}\u{ffff}<&>'é🌞]]>-->";
@@ -140,6 +140,17 @@ fn frames_left_out_are_listed_with_index_and_reason_or_not_at_all() {
     let value: Value = serde_json::from_str(&encode(json, &set)).expect("JSON");
     let expected = serde_json::json!([{"index": 0, "why": "wrong-exposure"}, {"index": 2, "why": "black"}]);
     assert_eq!(value["frames_left_out"], expected);
+}
+
+#[test]
+fn steps_of_a_degraded_set_are_listed_or_not_at_all() {
+    let mut set = LightSet::EMPTY;
+    assert!(!encode(json, &set).contains("degraded"));
+    for step in [Step::Lights, Step::Exposures, Step::Lights] {
+        set.degraded.add(step);
+    }
+    let value: Value = serde_json::from_str(&encode(json, &set)).expect("JSON");
+    assert_eq!(value["degraded"], serde_json::json!(["exposures", "lights", "lights"]));
 }
 
 #[test]

@@ -65,6 +65,11 @@ enum Command {
     /// Samples a built-in room and does nothing else, for instruction counters.
     #[command(hide = true)]
     SampleFrames(SampleFramesArgs),
+    /// Runs days of simulated time over the real pipeline, server and sockets, with clients of every kind and faults of the source, and prints
+    /// a report; exit status 1 when something does not hold.
+    Soak(reports::SoakArgs),
+    /// Charts the accuracy that the probe gives up on a slower board to keep its budget.
+    Slowdown(reports::SlowdownArgs),
     /// Makes the burst that a camera under an HDR map would have recorded.
     Burst(BurstArgs),
     /// Writes completions for a shell to standard output.
@@ -297,6 +302,8 @@ fn run_command(command: Command) -> Result<(), SimError> {
         }),
         Command::Bench(args) => reports::bench(args),
         Command::Reads(args) => reports::reads(&args),
+        Command::Soak(args) => reports::soak(&args),
+        Command::Slowdown(args) => reports::slowdown(&args),
         Command::SampleFrames(a) => {
             chart::counted::sample_frames(a.sampler.sampler, a.sampler.lights, a.frames)
         }

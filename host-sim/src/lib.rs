@@ -22,5 +22,7 @@ pub mod render;
 pub mod replay;
 pub mod scenario;
 pub mod score;
+pub mod slowdown;
+pub mod soak;
 pub mod stress;
 pub mod world;

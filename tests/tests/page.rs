@@ -104,7 +104,7 @@ fn what_is_saved_is_there_at_the_next_start() {
     }
     let kept = ConfigFile::open(&path).expect("a configuration").kept;
     let settings = serde_json::to_value(kept.settings).expect("JSON");
-    let mut config = Config::default();
+    let mut config = Config::steady();
     wish_of(settings.as_object().expect("settings")).expect("settings").apply(&mut config);
     assert_eq!((config.pipeline.lights, config.budgets.ms(1)), (21, 12.5), "{settings}");
     assert_eq!(config.exposures_s, Some(vec![0.001, 0.02]), "{settings}");

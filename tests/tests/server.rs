@@ -173,7 +173,7 @@ fn other_hosts_and_origins_are_refused() {
         format!("GET http://evil.example/ HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n");
     assert_eq!(raw(address, absolute.as_bytes()).status, 421, "absolute form");
     assert_eq!(ask(address, "/change?samples=20", "Origin: http://evil.example\r\n").status, 403, "Origin");
-    assert_eq!(bench.probe.link().settings().applied().borrow().config, Config::default(), "unchanged");
+    assert_eq!(bench.probe.link().settings().applied().borrow().config, Config::steady(), "unchanged");
     assert_eq!(raw(address, b"GET /info HTTP/1.0\r\n\r\n").status, 200, "an old client without Host");
 }
 

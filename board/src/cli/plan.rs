@@ -6,7 +6,7 @@ use crate::probe::settings::{SETTINGS, wish_of};
 use crate::probe::{Config, Link};
 use crate::recorded::{Photometric, parse_photometric, read_photometric};
 use crate::server::{self, Access, LoadedToken, Token};
-use crate::source::{PhotometricSource, Source, Spec};
+use crate::source::{FaultSource, FaultSpec, PhotometricSource, Source, Spec};
 use std::fmt::Display;
 use std::io::{self, Write};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
@@ -27,6 +27,7 @@ pub(super) struct ServePlan {
     pub(super) calibration: Option<PathBuf>,
     pub(super) light_class: Option<String>,
     pub(super) config: Config,
+    pub(super) faults: Option<FaultSpec>,
     pub(super) file: Option<ConfigFile>,
     /// Whether the probe is announced on the network.
     pub(super) announce: bool,
@@ -90,6 +91,7 @@ impl ServePlan {
             calibration: options.calibration.clone().or(kept.calibration),
             light_class: options.light_class.clone().or(kept.light_class),
             config: settings(options, kept.settings).map_err(|(key, why)| wrong(&key, &why))?,
+            faults: options.faults.clone(),
             file,
             announce: kept.announce.unwrap_or(false),
             #[cfg(any(feature = "osc", feature = "mqtt"))]
@@ -98,6 +100,14 @@ impl ServePlan {
         plan.config.check().map_err(|e| Failure::usage(format!("settings: found {e}")))?;
         plan.check_reach(options.open || kept.open.unwrap_or(false))?;
         Ok(plan)
+    }
+
+    /// The source with the faults of `--faults`.
+    pub(super) fn damaged(&self, source: Box<dyn Source>) -> Box<dyn Source> {
+        match &self.faults {
+            Some(spec) => Box::new(FaultSource::new(source, spec.clone())),
+            None => source,
+        }
     }
 
     /// The source with its photometric calibration, where there is one.
@@ -139,6 +149,12 @@ impl ServePlan {
 
     /// Refuses an address that other machines reach, unless there is a token or `--open`.
     fn check_reach(&self, is_open: bool) -> Result<(), Failure> {
+        if self.faults.is_some() && !server::is_loopback(self.listen.ip()) {
+            return Err(Failure::usage(format!(
+                "--faults with --listen {}: found an address beyond this machine, expected a loopback address",
+                self.listen
+            )));
+        }
         if is_open || self.token_file.is_some() || server::is_loopback(self.listen.ip()) {
             return Ok(());
         }
@@ -190,5 +206,6 @@ fn settings(options: &Serve, kept: toml::Table) -> Result<Config, (String, Strin
     for (stage, ms) in options.budget.iter().flatten().enumerate() {
         ms.iter().for_each(|ms| config.budgets.set_ms(stage, *ms));
     }
+    config.slowdown = options.slowdown.unwrap_or(1.0);
     Ok(config)
 }

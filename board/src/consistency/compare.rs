@@ -24,14 +24,17 @@ const ENOUGH_IN_ROW: usize = 4;
 /// Least factor between the two parts of a torn frame, and largest factor within a part.
 const TORN: (f32, f32) = (1.5, 1.15);
 
-/// Fewest rows of a part of a torn frame.
+/// Fewest rows of a part of a torn frame, unless the factor is [`TORN_FAR`]: bands of flickering light are less apart.
 const TORN_ROWS: usize = 3;
+
+/// Least factor between the two parts of a torn frame of which one has fewer rows.
+const TORN_FAR: f32 = 2.5;
 
 /// Exposures that differ by less may have equal samples.
 const SAME_EXPOSURE: f32 = 1.2;
 
 /// Share of different samples from which a frame can be torn.
-const TORN_SHARE: f32 = 0.1;
+const TORN_SHARE: f32 = 0.04;
 
 /// What two frames of different exposure show of each other.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -213,10 +216,11 @@ impl Medians {
             most - part.iter().copied().fold(f32::MAX, f32::min)
         };
         let mean = |part: &[f32]| part.iter().sum::<f32>() / part.len() as f32;
-        (TORN_ROWS..(rows.len() + 1).saturating_sub(TORN_ROWS)).any(|at| {
+        (1..rows.len()).any(|at| {
             let (upper, lower) = rows.split_at(at);
+            let least = if upper.len().min(lower.len()) < TORN_ROWS { TORN_FAR } else { TORN.0 };
             let is_even = spread(upper).max(spread(lower)) < 2.0 * TORN.1.ln();
-            is_even && (mean(upper) - mean(lower)).abs() > TORN.0.ln()
+            is_even && (mean(upper) - mean(lower)).abs() > least.ln()
         })
     }
 }

@@ -12,6 +12,9 @@ const KNOWN: u32 = 4;
 /// Least factor between a wrong ratio of exposures and the usual one.
 const WRONG: f32 = 1.2;
 
+/// Factor between a ratio of exposures and the stated one from which it is in doubt until it is known.
+const DOUBTFUL: f32 = 1.5;
+
 /// A ratio is wrong where it differs from the mean by this many standard deviations.
 const DEVIATIONS: f32 = 4.0;
 
@@ -30,19 +33,45 @@ pub(super) struct History {
     away: f32,
     /// Share of the last bursts that contradicted.
     contradictions: f32,
+    /// Bursts in a row in which the pair could be compared.
+    compared: u32,
 }
 
 impl History {
+    /// What is expected of the first and the last of three frames: `self` is that of the first two, `other` that of the last two.
+    pub fn joined(&self, other: &Self) -> Self {
+        Self {
+            bursts: self.bursts.min(other.bursts),
+            mean: self.mean + other.mean,
+            variance: self.variance + other.variance,
+            away: self.away.max(other.away),
+            contradictions: self.contradictions.max(other.contradictions),
+            compared: 0,
+        }
+    }
+
     /// The contradiction that a comparison shows, if it is an unusual one; adds what is usual to the means.
     pub fn judge(&mut self, seen: &Comparison) -> Option<FrameFault> {
-        let log_ratio = seen.log_ratio?;
+        let Some(log_ratio) = seen.log_ratio else {
+            self.compared = 0;
+            return None;
+        };
         let fault = self.fault(seen, log_ratio);
         self.contradictions += NEW * (f32::from(u8::from(fault.is_some())) - self.contradictions);
         let unusual = fault.filter(|_| self.contradictions < USUAL);
         if unusual.is_none() && seen.level_faults() == [None; 2] {
-            self.add(log_ratio, seen.away);
+            self.compared = self.compared.saturating_add(1);
+            if self.is_plausible(log_ratio) || self.compared > 1 {
+                self.add(log_ratio, seen.away);
+            }
         }
         unusual
+    }
+
+    /// Whether a ratio without a contradiction is known, or near the stated one. In dark light, a pair may be comparable in bursts with a
+    /// fault alone: those, which do not follow each other, are not to become what is usual.
+    pub fn is_plausible(&self, log_ratio: f32) -> bool {
+        self.bursts >= KNOWN || (log_ratio - self.mean).abs() < DOUBTFUL.ln()
     }
 
     fn fault(&self, seen: &Comparison, log_ratio: f32) -> Option<FrameFault> {

@@ -30,6 +30,7 @@ pub struct Inspector {
     scratch: Scratch,
     /// What the neighbours in exposure have shown, by the index of the shorter one.
     history: [History; MAX_EXPOSURES],
+    is_uncertain: bool,
 }
 
 /// A frame in the order of exposures, and what it is compared by.
@@ -57,7 +58,7 @@ impl Inspector {
         let mut frames = Vec::with_capacity(MAX_EXPOSURES);
         frames.resize_with(exposures.min(MAX_EXPOSURES), || grid.empty());
         let scratch = Scratch::with_capacity(grid.len());
-        Ok(Self { grid, frames, scratch, history: [History::default(); MAX_EXPOSURES] })
+        Ok(Self { grid, frames, scratch, history: [History::default(); MAX_EXPOSURES], is_uncertain: false })
     }
 
     /// Bytes on the heap.
@@ -66,9 +67,17 @@ impl Inspector {
         self.grid.bytes() + self.frames.iter().map(Sampled::bytes).sum::<usize>() + self.scratch.bytes()
     }
 
+    /// Whether the frames that stay of the last burst may be wrong: they contradict each other, or too few samples could be compared to
+    /// tell which frame is wrong.
+    #[must_use]
+    pub fn is_uncertain(&self) -> bool {
+        self.is_uncertain
+    }
+
     /// The frames of `burst` that contradict the others; at least one frame stays.
     pub fn inspect(&mut self, burst: &Burst) -> FramesLeftOut {
         let mut left_out = FramesLeftOut::NONE;
+        self.is_uncertain = false;
         let frames = &burst.frames[..burst.frames.len().min(MAX_EXPOSURES)];
         if frames.len() < 2 {
             return left_out;
@@ -82,12 +91,16 @@ impl Inspector {
         let verdicts = self.compare(frames);
         let mut indices: [usize; MAX_EXPOSURES] = core::array::from_fn(|i| i);
         let mut kept = &mut indices[..frames.len()];
-        while let Some((at, fault)) = worst(kept, &verdicts) {
+        while let Some(Wrong { at, fault, is_certain }) = worst(kept, &verdicts) {
             left_out.insert(kept[at], fault);
+            self.is_uncertain |= !is_certain;
             kept[at..].rotate_left(1);
             let fewer = kept.len() - 1;
             kept = &mut kept[..fewer];
         }
+        // Where most are wrong, it may be the other way round.
+        self.is_uncertain |= 2 * kept.len() < frames.len();
+        self.is_uncertain |= kept.windows(2).any(|pair| verdicts.differ(pair[0], pair[1]));
         left_out
     }
 
@@ -98,8 +111,8 @@ impl Inspector {
             for low in 0..frames.len().saturating_sub(apart) {
                 let pair = Pair { of: low, by: low + apart };
                 let seen = self.see(frames, pair);
-                let mut unknown = History::default();
-                let history = if apart == 1 { &mut self.history[low] } else { &mut unknown };
+                let mut joined = self.history[low].joined(&self.history[low + 1]);
+                let history = if apart == 1 { &mut self.history[low] } else { &mut joined };
                 if let Some(index) = pair.index() {
                     verdicts.0[index] = verdict(&seen, history);
                 }
@@ -123,8 +136,11 @@ impl Inspector {
 fn verdict(seen: &Comparison, history: &mut History) -> [Verdict; 2] {
     let shared = match history.judge(seen) {
         Some(fault) => Verdict::Differs(fault),
-        None if seen.log_ratio.is_some() => Verdict::Agrees,
-        None => Verdict::Unknown,
+        None => match seen.log_ratio {
+            Some(log_ratio) if history.is_plausible(log_ratio) => Verdict::Agrees,
+            Some(_) => Verdict::Doubtful,
+            None => Verdict::Unknown,
+        },
     };
     seen.level_faults().map(|fault| fault.map_or(shared, Verdict::Is))
 }
@@ -134,6 +150,8 @@ fn verdict(seen: &Comparison, history: &mut History) -> [Verdict; 2] {
 enum Verdict {
     /// Too few samples can be compared.
     Unknown,
+    /// Too few bursts are known to tell whether the ratio is a fault.
+    Doubtful,
     /// The frames show the same light.
     Agrees,
     /// One of the two frames is wrong.
@@ -148,6 +166,11 @@ enum Verdict {
 struct Verdicts([[Verdict; 2]; PAIRS]);
 
 impl Verdicts {
+    /// Whether two frames contradict each other, or may do so.
+    fn differ(&self, short: usize, long: usize) -> bool {
+        matches!(self.of(Pair { of: short, by: long }), Verdict::Differs(_) | Verdict::Doubtful)
+    }
+
     fn of(&self, pair: Pair) -> Verdict {
         let Some(index) = pair.index() else { return Verdict::Unknown };
         let [low, high] = self.0[index];
@@ -160,8 +183,17 @@ impl Verdicts {
     }
 }
 
-/// A position in `kept` whose frame is wrong: its neighbours contradict it, and what remains does not contradict itself.
-fn worst(kept: &[usize], verdicts: &Verdicts) -> Option<(usize, FrameFault)> {
+/// A wrong frame.
+struct Wrong {
+    /// Its position among the frames that were kept before.
+    at: usize,
+    fault: FrameFault,
+    /// Whether the other frames agree with each other, as far as they could be compared.
+    is_certain: bool,
+}
+
+/// A frame of `kept` that is wrong: its neighbours contradict it, and what remains does not contradict itself.
+fn worst(kept: &[usize], verdicts: &Verdicts) -> Option<Wrong> {
     let between = |of: usize, by: usize| verdicts.of(Pair { of: kept[of], by: kept[by] });
     let last = kept.len().checked_sub(1)?;
     let fault_at = |at: usize| {
@@ -172,7 +204,7 @@ fn worst(kept: &[usize], verdicts: &Verdicts) -> Option<(usize, FrameFault)> {
         }
         if let Some(fault) = seen().find_map(|v| if let Verdict::Is(fault) = v { Some(fault) } else { None })
         {
-            return Some(fault);
+            return Some(Wrong { at, fault, is_certain: true });
         }
         let fault = seen().find_map(|v| if let Verdict::Differs(fault) = v { Some(fault) } else { None })?;
         // The neighbours of the neighbours tell which side of the difference is wrong.
@@ -182,10 +214,13 @@ fn worst(kept: &[usize], verdicts: &Verdicts) -> Option<(usize, FrameFault)> {
             (None, true) => Some((at + 1, at + 2)).filter(|(_, other)| *other <= last),
             (None, false) => None,
         };
-        let others_agree = |(of, by)| matches!(between(of, by), Verdict::Agrees | Verdict::Unknown);
-        others.is_some_and(others_agree).then_some(fault)
+        match others.map(|(of, by)| between(of, by)) {
+            Some(Verdict::Agrees) => Some(Wrong { at, fault, is_certain: true }),
+            Some(Verdict::Unknown | Verdict::Doubtful) => Some(Wrong { at, fault, is_certain: false }),
+            _ => None,
+        }
     };
-    (0..=last).find_map(|at| fault_at(at).map(|fault| (at, fault)))
+    (0..=last).find_map(fault_at)
 }
 
 /// A frame of a recorded burst that was left out.

@@ -39,6 +39,10 @@ pub struct Config {
     pub gui: bool,
     /// Largest number of tiers, of [`super::tiers::MOST`].
     pub tiers: usize,
+    /// Whether the quality is lowered where frames take longer than the budget of `total`.
+    pub degrade: bool,
+    /// Factor by which every stage is slower than this machine; no setting, but a test aid.
+    pub slowdown: f32,
 }
 
 impl Default for Config {
@@ -49,7 +53,17 @@ impl Default for Config {
             budgets: Budgets::default(),
             gui: false,
             tiers: tiers::USUAL,
+            degrade: true,
+            slowdown: 1.0,
         }
+    }
+}
+
+impl Config {
+    /// The default settings, but with the same quality at any load: for tests that compare sets on a busy machine.
+    #[must_use]
+    pub fn steady() -> Self {
+        Self { degrade: false, ..Self::default() }
     }
 }
 

@@ -6,6 +6,7 @@
 pub mod compare;
 mod config;
 mod durations;
+mod ladder;
 mod made_for;
 mod ring;
 mod set_channel;
@@ -19,10 +20,11 @@ mod worker;
 
 pub use config::{Config, EXTRAPOLATIONS, MERGES, Refusal, extrapolation_name, merge_name};
 pub use durations::DurationLog;
+pub use ladder::{Ladder, Measured, Quality};
 pub use set_channel::SetChannel;
 pub use settings::Change;
 pub use settings_channel::{Applied, Exposures, SettingsChannel};
-pub use status::ThreadStatus;
+pub use status::{QualityStatus, ThreadStatus};
 pub use views::{BurstView, Given, MapView, Slot, ViewRequest, Views};
 pub(crate) use worker::RETRY_PAUSE;
 pub use worker::Worker;

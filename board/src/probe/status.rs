@@ -1,7 +1,7 @@
 //! The state of the processing thread and of the source.
 
 use super::lock;
-use hemilux_core::wire::{FrameFault, FramesLeftOut};
+use hemilux_core::wire::{Degraded, FrameFault, FramesLeftOut};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use tokio::sync::watch;
@@ -16,6 +16,18 @@ pub struct ThreadStatus {
     ended: watch::Sender<bool>,
     /// Frames that were not merged, by [`FrameFault::index`].
     left_out: [AtomicU64; FrameFault::ALL.len()],
+    quality: Mutex<QualityStatus>,
+}
+
+/// The steps by which the quality is lowered.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct QualityStatus {
+    /// The steps in force.
+    pub steps: Degraded,
+    /// Number of steps down since the start.
+    pub down: u64,
+    /// Number of steps up since the start.
+    pub up: u64,
 }
 
 impl Default for ThreadStatus {
@@ -26,6 +38,7 @@ impl Default for ThreadStatus {
             stopping: AtomicBool::new(false),
             ended: watch::Sender::new(false),
             left_out: Default::default(),
+            quality: Mutex::default(),
         }
     }
 }
@@ -70,6 +83,16 @@ impl ThreadStatus {
         for frame in frames.iter() {
             self.left_out[frame.fault.index()].fetch_add(1, Ordering::Relaxed);
         }
+    }
+
+    /// The steps by which the quality is lowered.
+    #[must_use]
+    pub fn quality(&self) -> QualityStatus {
+        *lock(&self.quality)
+    }
+
+    pub(super) fn set_quality(&self, quality: QualityStatus) {
+        *lock(&self.quality) = quality;
     }
 
     /// Waits for the end of the processing thread.

@@ -1,9 +1,11 @@
 //! The loop of the processing thread.
 
 use super::compare::SecondarySlot;
+use super::ladder::{Ladder, Measured};
 use super::ring::Ring;
 use super::settings::SETTINGS;
 use super::settings_channel::Requested;
+use super::status::QualityStatus;
 use super::tiers::TierSamplers;
 use super::{Config, Exposures, Link, Refusal};
 use crate::calibration::Burst;
@@ -11,12 +13,16 @@ use crate::clock;
 use crate::light_set::{self, OwnedSet};
 use crate::pipeline::{Pipeline, PipelineError};
 use crate::source::{Source, SourceError};
+use hemilux_core::Exposure;
 use hemilux_core::wire::{Latency, LightSet, Unit};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Pause after a fault of the source: long enough not to spin, short beside the time a client waits for a frame.
 pub(crate) const RETRY_PAUSE: Duration = Duration::from_millis(100);
+
+/// Factor between the shortest exposure of a burst and the nominal one from which another exposure is meant.
+const MARGIN: f64 = 1.01;
 
 /// Takes bursts, processes them and publishes the light sets.
 pub struct Worker {
@@ -30,8 +36,18 @@ pub struct Worker {
     /// The settings in effect.
     config: Config,
     link: Arc<Link>,
+    /// The quality of the frames, lowered where they take too long.
+    ladder: Ladder,
+    /// Bursts so far, those that were left out included.
+    bursts: u32,
+    /// Usual time from the end of a burst to its delivery, microseconds: the smallest of the last frames.
+    delivery_us: u32,
+    /// The exposures that complete bursts of the source have.
+    nominal: Vec<Exposure>,
     /// Frames published.
     frames: u64,
+    /// End of the last burst, CLOCK_MONOTONIC, nanoseconds; at first the start of the probe.
+    last_ns: u64,
     /// The fault that was logged last, while it lasts.
     fault: Option<String>,
 }
@@ -48,7 +64,9 @@ impl Worker {
         source.notes().iter().for_each(|note| tracing::warn!("{note}"));
         let settings = config.pipeline.clone();
         let ring = Ring::with_lights(settings.lights);
-        let pipeline = Pipeline::try_new(*source.calibration(), &source.exposures(), settings)?;
+        let ladder = Ladder::new(&settings, source.exposures().len());
+        let nominal = source.exposures();
+        let pipeline = Pipeline::try_new(*source.calibration(), &nominal, settings)?;
         let link = Link::new(name, config.clone(), exposures(&*source));
         Ok(Self {
             source,
@@ -59,7 +77,12 @@ impl Worker {
             tiers: TierSamplers::default(),
             config,
             link: Arc::new(link),
+            ladder,
+            bursts: 0,
+            delivery_us: u32::MAX,
+            nominal,
             frames: 0,
+            last_ns: clock::monotonic_ns(),
             fault: None,
         })
     }
@@ -92,7 +115,8 @@ impl Worker {
         let capture = began.elapsed();
         self.follow_requests();
         self.link.note_camera(&*self.source);
-        let outcome = outcome.and_then(|()| self.follow_camera()).and_then(|()| self.process(capture));
+        let outcome = outcome.and_then(|()| self.follow_camera()).and_then(|()| self.check_complete());
+        let outcome = outcome.and_then(|()| if self.is_left_out() { Ok(()) } else { self.process(capture) });
         match outcome {
             Ok(()) => self.recover(),
             Err(SourceError::NotYet) => {}
@@ -108,14 +132,18 @@ impl Worker {
     }
 
     fn process(&mut self, capture: Duration) -> Result<(), SourceError> {
-        let ended_ns =
-            if self.burst.timestamp_ns == 0 { clock::monotonic_ns() } else { self.burst.timestamp_ns };
+        let ended_ns = self.end_of_burst();
+        let delivery_us = us_since(ended_ns);
         self.link.durations.start_frame(Instant::now());
-        let settings = self.pipeline.settings();
-        let name = settings.sampler.name();
-        let requested = u32::try_from(settings.lights).unwrap_or(u32::MAX);
+        let name = self.config.pipeline.sampler.name();
+        let requested = u32::try_from(self.config.pipeline.lights).unwrap_or(u32::MAX);
         let processed = self.pipeline.process(&self.burst);
-        let processed = processed.map_err(|e| SourceError::Broken(e.to_string()))?;
+        let mut processed = processed.map_err(|e| SourceError::Broken(e.to_string()))?;
+        if self.config.slowdown > 1.0 {
+            let slowed = processed.times.slowed(self.config.slowdown);
+            std::thread::sleep(slowed.sum().saturating_sub(processed.times.sum()));
+            processed.times = slowed;
+        }
         let mut latency = Latency {
             capture: u32::try_from(capture.as_micros()).unwrap_or(u32::MAX),
             encode: self.link.durations.encode_us(),
@@ -136,11 +164,11 @@ impl Worker {
         let durations = &self.link.durations;
         let set = self.ring.fill(|set| {
             light_set::copy(&made, set);
-            latency.total =
-                u32::try_from(clock::monotonic_ns().saturating_sub(ended_ns) / 1000).unwrap_or(u32::MAX);
+            latency.total = us_since(ended_ns);
             set.latency = latency;
             set.overrun = durations.add(&latency);
             set.wall_ms = clock::wall_ms();
+            set.degraded = self.ladder.quality().steps;
         });
         self.frames += 1;
         self.link.status.count_left_out(&set.frames_left_out);
@@ -148,7 +176,82 @@ impl Worker {
         self.link.sets.publish(Arc::clone(&set));
         self.secondary.compare(&self.link.comparison, &mut self.pipeline, &set);
         self.link.views.serve(&self.burst, &mut self.pipeline, &set, lux);
+        self.follow_duration(set.latency.total, delivery_us);
         Ok(())
+    }
+
+    /// Counts a burst; true where the present quality leaves it out.
+    fn is_left_out(&mut self) -> bool {
+        self.bursts = self.bursts.wrapping_add(1);
+        !self.bursts.is_multiple_of(self.ladder.quality().every)
+    }
+
+    /// Lowers or raises the quality after a frame of `total_us`, of which `delivery_us` passed before the processing. A burst that came later
+    /// than usual counts as one that came in time: a lower quality would not help.
+    fn follow_duration(&mut self, total_us: u32, delivery_us: u32) {
+        if !self.config.degrade {
+            return;
+        }
+        self.delivery_us = delivery_us.min(self.delivery_us.saturating_add(self.delivery_us / 16 + 1));
+        let us = total_us - delivery_us.min(total_us) + self.delivery_us.min(delivery_us);
+        let budget_us = self.config.budgets.total();
+        if self.ladder.add(Measured { us, budget_us, now: self.link.started.elapsed() }) {
+            self.apply_quality();
+        }
+    }
+
+    /// Puts the quality of the ladder into effect.
+    fn apply_quality(&mut self) {
+        let quality = *self.ladder.quality();
+        let settings = quality.settings(&self.config.pipeline);
+        self.link.tiers.follow(&settings, self.config.tiers);
+        if let Err(error) = self.pipeline.configure(settings) {
+            tracing::warn!("the quality of before stays: {error}");
+        }
+        self.pipeline.limit_exposures(quality.exposures);
+        let [down, up] = self.ladder.steps();
+        self.link.status.set_quality(QualityStatus { steps: quality.steps, down, up });
+        let names: Vec<_> = quality.steps.names().collect();
+        tracing::info!(
+            "quality: steps in force: {}",
+            if names.is_empty() { "none".into() } else { names.join(", ") }
+        );
+    }
+
+    /// Returns to the full quality of the settings, or of bursts of another number of exposures.
+    fn reset_quality(&mut self) {
+        self.ladder.reset(&self.config.pipeline, self.nominal.len());
+        self.apply_quality();
+    }
+
+    /// End of the burst, CLOCK_MONOTONIC, nanoseconds: the stated time, or the present time where the stated one is later than that or
+    /// not later than the end of the burst before.
+    fn end_of_burst(&mut self) -> u64 {
+        let (stated, now) = (self.burst.timestamp_ns, clock::monotonic_ns());
+        self.last_ns = if stated > self.last_ns && stated <= now { stated } else { now };
+        self.last_ns
+    }
+
+    /// Refuses a burst that lacks the shortest exposure of the source: without it, the brightest light is clipped.
+    fn check_complete(&mut self) -> Result<(), SourceError> {
+        let frames = &self.burst.frames;
+        if frames.len() == self.nominal.len() {
+            return Ok(());
+        }
+        self.nominal = self.source.exposures();
+        if self.nominal.len() != self.ladder.exposures() {
+            self.reset_quality();
+        }
+        let frames = &self.burst.frames;
+        let shortest =
+            |e: &Exposure| frames.first().is_some_and(|f| f.light() <= MARGIN * e.seconds * e.gain);
+        if frames.len() >= self.nominal.len() || self.nominal.first().is_some_and(shortest) {
+            return Ok(());
+        }
+        let (found, expected) = (frames.len(), self.nominal.len());
+        Err(SourceError::Broken(format!(
+            "burst: found {found} frames without the shortest exposure, expected {expected} frames"
+        )))
     }
 
     /// Replaces the source if a client has requested another one.
@@ -168,6 +271,7 @@ impl Worker {
         let settings = self.pipeline.settings().clone();
         let made = Pipeline::try_new(*calibration, &self.source.exposures(), settings);
         self.pipeline = made.map_err(|e| SourceError::Broken(e.to_string()))?;
+        self.pipeline.limit_exposures(self.ladder.quality().exposures);
         Ok(())
     }
 
@@ -177,8 +281,16 @@ impl Worker {
         let refused = self.follow(&config).err();
         tell_changes(&self.config, &config, refused.as_ref());
         if refused.is_none() {
-            self.config = config;
-            self.link.tiers.follow(&self.config.pipeline, self.config.tiers);
+            let config = Config { slowdown: self.config.slowdown, ..config };
+            let before = std::mem::replace(&mut self.config, config);
+            let now = &self.config;
+            if (now.degrade, &now.pipeline, &now.exposures_s)
+                == (before.degrade, &before.pipeline, &before.exposures_s)
+            {
+                self.link.tiers.follow(self.pipeline.settings(), self.config.tiers);
+            } else {
+                self.reset_quality();
+            }
         }
         let in_effect = self.config.clone();
         self.link.settings.answer(serial, in_effect, refused);
@@ -191,7 +303,9 @@ impl Worker {
             let refused = |why| Refusal { setting: "exposures_s", why };
             self.source.set_exposures(config.exposures_s.as_deref()).map_err(refused)?;
         }
-        if let Err(error) = self.pipeline.configure(config.pipeline.clone()) {
+        let is_same = config.pipeline == self.config.pipeline;
+        let settings = if is_same { self.pipeline.settings() } else { &config.pipeline };
+        if let Err(error) = self.pipeline.configure(settings.clone()) {
             if is_new && self.source.set_exposures(self.config.exposures_s.as_deref()).is_err() {
                 tracing::warn!("source {}: the exposures of before are refused", self.link.source());
             }
@@ -240,6 +354,11 @@ impl Drop for Worker {
         self.link.status.set_failure(Some("the processing thread has ended".into()));
         self.link.status.set_ended();
     }
+}
+
+/// Microseconds since `ns` of CLOCK_MONOTONIC.
+fn us_since(ns: u64) -> u32 {
+    u32::try_from(clock::monotonic_ns().saturating_sub(ns) / 1000).unwrap_or(u32::MAX)
 }
 
 fn exposures(source: &dyn Source) -> Exposures {

@@ -8,12 +8,13 @@ use super::counts::{CLASSES, Counts, DELIVERY_US};
 use super::paths::PATHS;
 use crate::camera_status::CameraStatus;
 use crate::light_set::OwnedSet;
+use crate::probe::QualityStatus;
 use crate::timing::Timings;
 use axum::extract::State;
 use axum::http::header::CONTENT_TYPE;
 use axum::response::{IntoResponse, Response};
 use hemilux_core::color::luminance;
-use hemilux_core::wire::Latency;
+use hemilux_core::wire::{Latency, Step};
 use std::fmt::Write;
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -50,10 +51,24 @@ pub(super) async fn metrics(State(context): State<Context>) -> Response {
     for (why, count) in link.status().frames_left_out() {
         let _ = writeln!(text, "hemilux_frames_left_out_total{{why=\"{why}\"}} {count}");
     }
+    quality(&mut text, &link.status().quality());
     connections(&mut text, &context.counts);
     requests(&mut text, &context.counts);
     delivery(&mut text, &context.counts);
     ([(CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")], text).into_response()
+}
+
+/// The steps by which the quality is lowered.
+fn quality(text: &mut String, quality: &QualityStatus) {
+    head(text, "degraded_steps", "gauge", "Steps by which the quality is lowered now, to keep the budget.");
+    for step in Step::ALL {
+        let (name, count) = (step.name(), quality.steps.count(step));
+        let _ = writeln!(text, "hemilux_degraded_steps{{step=\"{name}\"}} {count}");
+    }
+    head(text, "quality_steps_total", "counter", "Changes of the quality, by their direction.");
+    for (direction, count) in [("down", quality.down), ("up", quality.up)] {
+        let _ = writeln!(text, "hemilux_quality_steps_total{{direction=\"{direction}\"}} {count}");
+    }
 }
 
 fn head(text: &mut String, name: &str, kind: &str, help: &str) {
@@ -164,6 +179,14 @@ fn stages(text: &mut String, timings: &Timings) {
         for (quantile, us) in [("0.5", s.p50), ("0.95", s.p95), ("0.99", s.p99), ("1", s.most)] {
             let labels = format!("stage=\"{stage}\",quantile=\"{quantile}\"");
             let _ = writeln!(text, "hemilux_stage_quantile_seconds{{{labels}}} {}", f64::from(us) / 1e6);
+        }
+    }
+    let help = "What that part of the frames of the last minute stayed within.";
+    head(text, "stage_recent_seconds", "gauge", help);
+    for (stage, s) in stages() {
+        for (quantile, us) in [("0.5", s.recent.p50), ("0.95", s.recent.p95), ("0.99", s.recent.p99)] {
+            let labels = format!("stage=\"{stage}\",quantile=\"{quantile}\"");
+            let _ = writeln!(text, "hemilux_stage_recent_seconds{{{labels}}} {}", f64::from(us) / 1e6);
         }
     }
     head(text, "stage_budget_seconds", "gauge", "Longest time that each stage is meant to take.");

@@ -28,7 +28,8 @@ pub(super) async fn status(State(context): State<Context>, sender: Sender) -> Re
     });
     let stages = Latency::NAMES.iter().zip(timings.stages()).map(|(name, s)| {
         json!({"stage": name, "budget_us": s.budget, "overruns": s.overruns,
-            "p50_us": s.p50, "p95_us": s.p95, "p99_us": s.p99, "max_us": s.most})
+            "p50_us": s.p50, "p95_us": s.p95, "p99_us": s.p99, "max_us": s.most,
+            "last_minute": {"p50_us": s.recent.p50, "p95_us": s.recent.p95, "p99_us": s.recent.p99}})
     });
     let tiers: Vec<_> = link
         .tiers()
@@ -36,7 +37,9 @@ pub(super) async fn status(State(context): State<Context>, sender: Sender) -> Re
         .iter()
         .map(|t| json!({"lights": t.lights, "ambient": t.ambient, "soft": t.soft}))
         .collect();
+    let quality = link.status().quality();
     let document = json!({
+        "degraded": {"steps": quality.steps.names().collect::<Vec<_>>(), "down": quality.down, "up": quality.up},
         "tiers": {"most": link.tiers().most(), "in_use": tiers},
         "version": env!("CARGO_PKG_VERSION"),
         "run": link.run(),

@@ -4,6 +4,7 @@
 pub mod camera;
 #[cfg(feature = "maps")]
 pub mod env;
+mod faults;
 mod library;
 mod pace;
 #[cfg(feature = "server")]
@@ -14,6 +15,7 @@ mod replay;
 mod scene;
 mod sensor;
 
+pub use faults::{Fault, FaultCounts, FaultSource, FaultSpec};
 pub use library::{Choice, Library};
 pub use pace::Pace;
 #[cfg(feature = "server")]

@@ -64,6 +64,14 @@ impl ReplaySource {
         Ok(Self { calibration, bursts, notes, intervals, at: 0, due: None })
     }
 
+    /// Repeats `bursts` of the camera `calibration` at `pace`; `None` without bursts.
+    #[must_use]
+    pub fn of_bursts(calibration: Calibration, bursts: Vec<Burst>, pace: Pace) -> Option<Self> {
+        let intervals = intervals(&bursts, pace);
+        let notes = Vec::new();
+        (!bursts.is_empty()).then_some(Self { calibration, bursts, notes, intervals, at: 0, due: None })
+    }
+
     /// Bursts of the recording.
     #[must_use]
     pub fn len(&self) -> usize {

@@ -28,7 +28,7 @@
 //!
 //! A reader must take the offset and the size of the lights from the header (offsets 6 and 50), since later versions may extend both.
 
-use super::{Coordinates, FramesLeftOut, Latency, LightSet, Overrun, Stale, Unit, number};
+use super::{Coordinates, Degraded, FramesLeftOut, Latency, LightSet, Overrun, Stale, Unit, number};
 use crate::light::{Light, Sh9};
 use embedded_io::Write;
 use glam::Vec3;
@@ -298,6 +298,7 @@ impl<'a> BinarySet<'a> {
             },
             overrun: Overrun::NONE,
             frames_left_out: FramesLeftOut::NONE,
+            degraded: Degraded::NONE,
         }
     }
 

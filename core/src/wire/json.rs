@@ -1,6 +1,6 @@
 //! The JSON form of a light set.
 
-use super::{FramesLeftOut, Latency, LightSet, decimal, numbers, put, whole};
+use super::{Degraded, FramesLeftOut, Latency, LightSet, decimal, numbers, put, whole};
 use crate::light::{Light, Sh9};
 use embedded_io::Write;
 
@@ -85,7 +85,20 @@ pub fn json<W: Write>(set: &LightSet<'_>, w: &mut W) -> Result<(), W::Error> {
     }
     put(w, "]")?;
     frames_left_out(w, &set.frames_left_out)?;
+    degraded(w, &set.degraded)?;
     put(w, "}")
+}
+
+/// Writes the steps of a degraded set, if there are any.
+fn degraded<W: Write>(w: &mut W, steps: &Degraded) -> Result<(), W::Error> {
+    if steps.is_none() {
+        return Ok(());
+    }
+    for (i, name) in steps.names().enumerate() {
+        put(w, if i == 0 { ",\"degraded\":[\"" } else { "\",\"" })?;
+        put(w, name)?;
+    }
+    put(w, "\"]")
 }
 
 /// Writes the frames that were not merged, if there are any.

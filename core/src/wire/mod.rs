@@ -7,6 +7,7 @@
 mod binary;
 mod coordinates;
 mod decimal;
+mod degraded;
 mod frames;
 mod json;
 mod record;
@@ -16,6 +17,7 @@ mod xr;
 
 pub use binary::{BinarySet, DecodeError, binary};
 pub use coordinates::Coordinates;
+pub use degraded::{Degraded, Step};
 pub use frames::{FrameFault, FrameLeftOut, FramesLeftOut};
 pub use json::json;
 pub use record::{LightSet, Record, Stale};

@@ -1,6 +1,6 @@
 //! The lights of one frame with their metadata.
 
-use super::{Coordinates, FramesLeftOut, Latency, Overrun, Unit};
+use super::{Coordinates, Degraded, FramesLeftOut, Latency, Overrun, Unit};
 use crate::light::{Light, Sh9};
 use core::borrow::Borrow;
 
@@ -72,6 +72,8 @@ pub struct Record<Text, Lights, Harmonics> {
     pub overrun: Overrun,
     /// Frames of the burst that were not merged; only the JSON form contains them.
     pub frames_left_out: FramesLeftOut,
+    /// Steps by which the set falls short of the settings, to keep the budget; only the JSON form contains them.
+    pub degraded: Degraded,
 }
 
 /// A light set that borrows its texts, lights and harmonics: the input of the encoders.
@@ -128,6 +130,7 @@ impl<Text: AsRef<str>, Lights: AsRef<[Light]>, Harmonics: Borrow<Sh9>> Record<Te
             latency: self.latency,
             overrun: self.overrun,
             frames_left_out: self.frames_left_out,
+            degraded: self.degraded,
         }
     }
 }
@@ -164,6 +167,7 @@ impl<Text, Lights, Harmonics> Record<Text, Lights, Harmonics> {
             latency: self.latency,
             overrun: self.overrun,
             frames_left_out: self.frames_left_out,
+            degraded: self.degraded,
         }
     }
 }
@@ -193,6 +197,7 @@ impl LightSet<'_> {
         latency: Latency { capture: 0, front: 0, pyramid: 0, sample: 0, filter: 0, encode: 0, total: 0 },
         overrun: Overrun::NONE,
         frames_left_out: FramesLeftOut::NONE,
+        degraded: Degraded::NONE,
     };
 }
 

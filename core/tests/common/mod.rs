@@ -17,7 +17,7 @@ use hemilux_core::response::{Curve, curve_len};
 use hemilux_core::sampler::adaptive::{self, Adaptive, LightFilter, Memory, Workspace, bits_len};
 use hemilux_core::sampler::q2tree::{Leaf, Parameters, Past, Q2Tree, interior_len};
 use hemilux_core::sampler::{Map, Request, Sampler};
-use hemilux_core::wire::{Coordinates, FramesLeftOut, Latency, LightSet, Overrun, Unit};
+use hemilux_core::wire::{Coordinates, Degraded, FramesLeftOut, Latency, LightSet, Overrun, Unit};
 use hemilux_core::{BurstError, Coverage, ImageSize, MapShape};
 use hemilux_core::{Depth, Response};
 use hemilux_core::{Exposure, Samples};
@@ -95,6 +95,7 @@ pub fn light_set<'a>(lights: &'a [Light], ambient: Option<&'a Sh9>) -> LightSet<
         latency: Latency { capture: 1, front: 2, pyramid: 3, sample: 4, filter: 5, encode: 6, total: 7 },
         overrun: Overrun::NONE,
         frames_left_out: FramesLeftOut::NONE,
+        degraded: Degraded::NONE,
     }
 }
 

@@ -1,7 +1,7 @@
 //! Commands that compare methods and time stages.
 
 use crate::error::SimError;
-use crate::{bench, chart, reads, stress};
+use crate::{bench, chart, output, reads, slowdown, soak, stress};
 use clap::Args;
 use hemilux::timing::Budgets;
 use hemilux_core::wire::STAGES;
@@ -51,6 +51,69 @@ pub(super) struct BenchArgs {
     /// the probe's].
     #[arg(long, value_name = "STAGE=MS,...", value_parser = hemilux::timing::read_budgets)]
     budget: Option<[Option<f32>; STAGES]>,
+}
+
+#[derive(Args, Debug)]
+pub(super) struct SoakArgs {
+    /// Hours of simulated time, at ten bursts a second.
+    #[arg(long, value_name = "H", default_value_t = 24.0, conflicts_with = "frames")]
+    hours: f64,
+    /// Bursts, in the place of hours.
+    #[arg(long, value_name = "T")]
+    frames: Option<u64>,
+    /// Fewest replies: bursts go on until there are so many.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    replies: u64,
+    /// Faults of the source, as of `hemilux --faults`.
+    #[arg(
+        long,
+        value_name = "KIND=SHARE,...",
+        default_value = "all=0.01,late_s=0.002,gone_s=0.01,hang_s=0.02"
+    )]
+    faults: hemilux::source::FaultSpec,
+}
+
+#[derive(Args, Debug)]
+pub(super) struct SlowdownArgs {
+    /// Factors by which the stages are slower.
+    #[arg(long, value_delimiter = ',', default_value = "1,2,4,8,16")]
+    factors: Vec<f32>,
+    /// The budget of the total, milliseconds.
+    #[arg(long, value_name = "MS", default_value_t = 60.0)]
+    budget: f32,
+    /// Frames for each factor.
+    #[arg(long, value_name = "T", default_value_t = 600)]
+    frames: usize,
+}
+
+pub(super) fn soak(args: &SoakArgs) -> Result<(), SimError> {
+    if !(args.hours > 0.0 && args.hours <= 24.0 * 366.0) {
+        let expected = "expected hours from more than 0 to a year of them";
+        return Err(SimError::Usage(format!("--hours: found {}, {expected}", args.hours)));
+    }
+    let hours = (args.hours * 3600.0) as u64 * soak::FRAMES_A_SECOND;
+    let frames = args.frames.unwrap_or(hours).max(1);
+    let report = soak::run(&soak::Job { frames, faults: args.faults.clone(), replies: args.replies })?;
+    output::say(report.to_string().as_bytes())?;
+    let failures = report.failures();
+    if failures.is_empty() {
+        Ok(())
+    } else {
+        Err(SimError::Failed(format!("soak: found {}", failures.join("; "))))
+    }
+}
+
+pub(super) fn slowdown(args: &SlowdownArgs) -> Result<(), SimError> {
+    if !args.factors.iter().all(|factor| (1.0..=64.0).contains(factor)) {
+        let found = &args.factors;
+        return Err(SimError::Usage(format!("--factors: found {found:?}, expected numbers from 1 to 64")));
+    }
+    if !hemilux::timing::BUDGETS_MS.contains(&args.budget) || args.frames < 20 {
+        let expected = "expected 0.01 to 60000 ms, and at least 20 frames";
+        let found = format!("{} ms and {} frames", args.budget, args.frames);
+        return Err(SimError::Usage(format!("--budget, --frames: found {found}, {expected}")));
+    }
+    output::say(slowdown::table(&args.factors, args.budget, args.frames)?.as_bytes())
 }
 
 /// Returns the folder of the option, or of the environment variable `HEMILUX_HDRI`.

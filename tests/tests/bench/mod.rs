@@ -162,7 +162,7 @@ impl Bench {
         lights: usize,
         options: Options,
     ) -> Self {
-        let config = Config { pipeline: Settings { lights, ..Settings::default() }, ..Config::default() };
+        let config = Config { pipeline: Settings { lights, ..Settings::default() }, ..Config::steady() };
         Self::on(TcpListener::bind("127.0.0.1:0").expect("a port"), source, steps, limits, config, options)
     }
 
@@ -171,7 +171,7 @@ impl Bench {
         let (steps, _) = channel();
         let listener = TcpListener::bind(address).expect("the same port");
         let (source, limits) = (Box::new(Film::new(every, FRAMES)), Limits::default());
-        Self::on(listener, source, steps, limits, Config::default(), Options::default())
+        Self::on(listener, source, steps, limits, Config::steady(), Options::default())
     }
 
     fn on(

@@ -234,6 +234,18 @@ pub static SETTINGS: &[Setting] = &[
         in_use: |_| true,
     },
     Setting {
+        name: "degrade",
+        parameter: "degrade",
+        title: "Degrade",
+        group: Group::Budgets,
+        kind: Kind::Switch,
+        unit: None,
+        what: "Whether frames that take longer than the budget of the total lower the quality step by step: fewer exposures, a coarser map, fewer lights, fewer bursts. Each step is undone when there is time for it again.",
+        value: |c| json!(c.degrade),
+        set: |c, v| put(&mut c.degrade, v.as_bool()),
+        in_use: |_| true,
+    },
+    Setting {
         name: "gui",
         parameter: "gui",
         title: "Debug picture",

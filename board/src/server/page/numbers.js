@@ -18,6 +18,7 @@ const TILES = [
   ["flicker", "Flicker", "change a frame, motion included"],
   ["clipped", "Clipped", "of the hemisphere"],
   ["unseen", "Unseen", "of the hemisphere"],
+  ["quality", "Quality", "as the settings ask for"],
   ["clients", "Clients", ""],
 ];
 
@@ -60,9 +61,18 @@ export class Numbers {
     this.#tile("latency", ...duration(set.latency_us.total / 1e6).split(" "));
   }
 
+  /** The steps by which the probe lowers the quality to keep its budget. */
+  #quality(steps, { down, up } = { down: 0, up: 0 }) {
+    const kinds = [...new Set(steps)].map(kind => `${kind}${steps.length > 1 ? ` x ${steps.filter(step => step === kind).length}` : ""}`);
+    this.#tile("quality", steps.length ? `−${steps.length}` : "full", steps.length === 1 ? "step" : steps.length ? "steps" : "",
+      steps.length ? kinds.join(", ") : down ? `lowered ${down} times, raised ${up}` : "as the settings ask for");
+    this.#values.get("quality").classList.toggle("warn", steps.length > 0);
+  }
+
   /** `/v1/status`. */
-  status({ last, streams, connections, source }) {
+  status({ degraded, last, streams, connections, source }) {
     this.#tile("clients", streams, "", `${streams === 1 ? "stream" : "streams"}, ${connections} ${connections === 1 ? "connection" : "connections"}`);
+    if (degraded) this.#quality(degraded.steps, degraded);
     if (!last) return;
     this.#tile("rate", fixed(last.rate_hz, 1), "/s", source);
   }

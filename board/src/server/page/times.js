@@ -76,14 +76,15 @@ export class Times {
   /** `/v1/status`: budgets, percentiles since the start and overruns. */
   status({ stages, frames, last }) {
     this.#rate = last?.rate_hz ?? 0;
-    for (const { stage, budget_us, overruns, p50_us, p95_us, p99_us, max_us } of stages ?? []) {
+    for (const { stage, budget_us, overruns, p50_us, p95_us, p99_us, max_us, last_minute } of stages ?? []) {
       const row = this.#rows.get(stage);
       if (!row) continue;
       this.#budgets[stage] = budget_us;
       write(row.most, `${milliseconds(p95_us)} ms`);
       write(row.budget, ` / ${Number(figures(budget_us / 1000, 4))} ms`);
       write(row.over, overruns === 0 ? "never" : `${share(overruns / Math.max(1, frames))} %`);
-      row.row.title = `since the start, ${frames} frames: half within ${milliseconds(p50_us)} ms, 95 % ${milliseconds(p95_us)}, 99 % ${milliseconds(p99_us)}, all ${milliseconds(max_us)}; ${overruns} over budget`;
+      row.row.title = `since the start, ${frames} frames: half within ${milliseconds(p50_us)} ms, 95 % ${milliseconds(p95_us)}, 99 % ${milliseconds(p99_us)}, all ${milliseconds(max_us)}; ${overruns} over budget` +
+        (last_minute ? `; in the last minute half within ${milliseconds(last_minute.p50_us)} ms, 99 % ${milliseconds(last_minute.p99_us)}` : "");
     }
   }
 }

@@ -74,7 +74,7 @@ impl Source for Mortal {
 fn probe(bursts: usize) -> Probe {
     let scene = scene::by_name("lamps").expect("a scene");
     let scene = SceneSource::new(scene, Pace::Every(Duration::from_millis(20)));
-    Probe::start(Box::new(Mortal { scene, left: bursts }), "test:mortal".into(), Config::default())
+    Probe::start(Box::new(Mortal { scene, left: bursts }), "test:mortal".into(), Config::steady())
         .expect("a probe")
 }
 

@@ -93,7 +93,7 @@ async fn a_capture_was_taken_after_the_request_however_late_bursts_come() {
     let scene = scene::by_name("lamps").expect("a scene");
     let scene = SceneSource::new(scene, Pace::Every(Duration::from_millis(20)));
     let queue = Queue { scene, waiting: VecDeque::new(), taken_ns: Arc::clone(&taken_ns) };
-    let probe = Probe::start(Box::new(queue), "test:queue".into(), Config::default()).expect("a probe");
+    let probe = Probe::start(Box::new(queue), "test:queue".into(), Config::steady()).expect("a probe");
     let app = routes(&probe);
     for _ in 0..5 {
         let asked_ns = crate::clock::monotonic_ns();

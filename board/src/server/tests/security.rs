@@ -63,7 +63,7 @@ async fn what_changes_or_shows_pictures_needs_the_token_and_nothing_else_does() 
         let two = [("authorization", "Bearer correct-horse-battery"), ("authorization", "Bearer x")];
         assert_eq!(fetch(&app, method, uri, &two, "{}").await.status, 401, "{uri}: one header or none");
     }
-    assert_eq!(probe.link().settings().applied().borrow().config, Config::default(), "unchanged");
+    assert_eq!(probe.link().settings().applied().borrow().config, Config::steady(), "unchanged");
     for uri in [
         "/",
         "/info",
@@ -156,7 +156,7 @@ async fn other_sites_may_change_nothing_and_see_no_picture() {
     }
     let socket = [("origin", "http://evil.example"), ("upgrade", "websocket"), ("connection", "upgrade")];
     assert_eq!(ask(&app, "GET", "/v1/socket", &socket).await.0, 403, "a WebSocket");
-    assert_eq!(probe.link().settings().applied().borrow().config, Config::default(), "unchanged");
+    assert_eq!(probe.link().settings().applied().borrow().config, Config::steady(), "unchanged");
     assert_eq!(
         ask(&app, "GET", "/change?samples=20", &[("origin", "http://localhost:8080")]).await.0,
         200,
@@ -251,7 +251,7 @@ async fn a_browser_without_proof_gets_a_form_and_programs_go_on() {
         403,
         "a link with Basic"
     );
-    assert_eq!(config(), Config::default(), "unchanged");
+    assert_eq!(config(), Config::steady(), "unchanged");
     let form = ("content-type", "application/x-www-form-urlencoded");
     for origin in ["http://evil.example", "null"] {
         let headers = [&remembered[..2], &[("authorization", BASIC[0]), form, ("origin", origin)]].concat();

@@ -86,7 +86,7 @@ async fn wrong_changes_change_nothing_and_say_what_is_accepted() {
             "{query}: {body}"
         );
     }
-    assert_eq!(probe.link().settings().applied().borrow().config, Config::default(), "unchanged");
+    assert_eq!(probe.link().settings().applied().borrow().config, Config::steady(), "unchanged");
 }
 
 #[tokio::test]
@@ -104,7 +104,7 @@ async fn other_requests_and_methods_get_one_line() {
         assert_eq!((status, body.lines().count()), (expected, 1), "{method} {uri}: {body}");
     }
     assert_eq!(ask(&app, "HEAD", "/change?samples=20", &[]).await.0, 405, "HEAD changes nothing");
-    assert_eq!(probe.link().settings().applied().borrow().config, Config::default(), "unchanged");
+    assert_eq!(probe.link().settings().applied().borrow().config, Config::steady(), "unchanged");
 }
 
 #[tokio::test]

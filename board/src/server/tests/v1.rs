@@ -197,7 +197,7 @@ async fn wrong_settings_change_nothing_and_each_field_has_its_reason() {
         "no file"
     );
     assert_eq!(fetch(&app, "PATCH", "/v1/config?x=1", &[], "{\"lights\": 20}").await.status, 400, "query");
-    assert_eq!(probe.link().settings().applied().borrow().config, Config::default(), "unchanged");
+    assert_eq!(probe.link().settings().applied().borrow().config, Config::steady(), "unchanged");
 }
 
 #[tokio::test]

@@ -154,7 +154,7 @@ fn check(worker: &Worker, what: &str) -> usize {
 fn worker(scene: &str, sampler: SamplerKind, lights: usize, ambient: bool) -> Worker {
     let scene = scene::by_name(scene).expect("a scene");
     let pipeline = Settings { sampler, lights, ambient, ..Settings::default() };
-    let config = Config { pipeline, ..Config::default() };
+    let config = Config { pipeline, ..Config::steady() };
     Worker::try_new(Box::new(SceneSource::new(scene, Pace::Free)), "test".into(), config).expect("a worker")
 }
 

@@ -10,7 +10,7 @@ fn a_dead_camera_is_stale_whatever_clock_its_stamps_were_of() {
     let kernel = FakeKernel::new(script);
     let spec = CameraSpec::parse("/dev/video0").expect("options");
     let source = CameraSource::open_or_wait(Box::new(kernel.clone()), &spec).expect("a source");
-    let mut worker = Worker::try_new(Box::new(source), "test".into(), Config::default()).expect("a worker");
+    let mut worker = Worker::try_new(Box::new(source), "test".into(), Config::steady()).expect("a worker");
     let link = worker.link();
     while link.sets().latest().is_none() {
         let _ = worker.step();

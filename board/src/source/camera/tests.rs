@@ -28,7 +28,7 @@ fn a_camera_that_comes_after_the_probe_is_waited_for() {
 
     let source = CameraSource::open_or_wait(Box::new(kernel.clone()), &spec("")).expect("a source");
     assert_eq!(source.calibration().layout.width(), 640, "as it is asked for");
-    let mut worker = Worker::try_new(Box::new(source), "test".into(), Config::default()).expect("a worker");
+    let mut worker = Worker::try_new(Box::new(source), "test".into(), Config::steady()).expect("a worker");
     let link = worker.link();
     while link.status().failure().is_none() {
         let _ = worker.step();
@@ -58,7 +58,7 @@ fn the_status_tells_verified_and_measured_exposures_and_counts_frames() {
     let status = |script: Script, known: &str| {
         let source = CameraSource::open(Box::new(FakeKernel::new(script)), &spec).expect("a source");
         let mut worker =
-            Worker::try_new(Box::new(source), "test".into(), Config::default()).expect("a worker");
+            Worker::try_new(Box::new(source), "test".into(), Config::steady()).expect("a worker");
         let (link, began) = (worker.link(), Instant::now());
         loop {
             let _ = worker.step();
@@ -214,7 +214,7 @@ fn a_live_camera_is_fresh_and_a_dead_one_stale_whatever_its_stamps_are() {
         let kernel = FakeKernel::new(script);
         let source = CameraSource::open(Box::new(kernel.clone()), &spec("")).expect("a source");
         let mut worker =
-            Worker::try_new(Box::new(source), "test".into(), Config::default()).expect("a worker");
+            Worker::try_new(Box::new(source), "test".into(), Config::steady()).expect("a worker");
         let link = worker.link();
         let mut run = |time: Duration| {
             let (began, mut oldest) = (Instant::now(), 0);

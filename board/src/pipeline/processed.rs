@@ -1,0 +1,67 @@
+//! What a burst has become, and the lights of a sampler.
+
+use super::Times;
+use hemilux_core::mains::Flicker;
+use hemilux_core::wire::{FramesLeftOut, Latency, LightSet};
+use hemilux_core::{Coverage, Decomposition};
+use std::time::Duration;
+
+/// One processed burst.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Processed<'a> {
+    /// The lights.
+    pub decomposition: Decomposition<'a>,
+    /// The clipped and unseen fractions of the burst.
+    pub seen: Coverage,
+    /// Sum of L dOmega.
+    pub scalar_flux: [f32; 3],
+    /// Sum of L cos(theta) dOmega.
+    pub horizontal_irradiance: [f32; 3],
+    /// The frames that contradict the others and were not merged.
+    pub frames_left_out: FramesLeftOut,
+    /// The modulation that was removed from the map.
+    pub flicker: Flicker,
+    /// Duration of each stage.
+    pub times: Times,
+}
+
+/// The lights of one sampler and its durations.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sampled<'a> {
+    /// The lights.
+    pub decomposition: Decomposition<'a>,
+    /// Duration of the sampler without its temporal filters.
+    pub sample: Duration,
+    /// Duration of the temporal filters.
+    pub filter: Duration,
+}
+
+impl Sampled<'_> {
+    /// Both durations in place of those of `other`, which ran on the same frame.
+    #[must_use]
+    pub fn latency(&self, other: &Latency) -> Latency {
+        let us = |d: Duration| u32::try_from(d.as_micros()).unwrap_or(u32::MAX);
+        let (sample, filter) = (us(self.sample), us(self.filter));
+        let total = other.total.saturating_sub(other.sample).saturating_sub(other.filter);
+        Latency { sample, filter, total: total.saturating_add(sample).saturating_add(filter), ..*other }
+    }
+}
+
+impl Processed<'_> {
+    /// The measured values of a light set; the fields that identify the frame are those of [`LightSet::EMPTY`].
+    #[must_use]
+    pub fn light_set(&self) -> LightSet<'_> {
+        LightSet {
+            lights: self.decomposition.lights,
+            ambient_sh: self.decomposition.ambient.as_ref(),
+            estimated_error: self.decomposition.estimated_error,
+            scalar_flux: self.scalar_flux,
+            horizontal_irradiance: self.horizontal_irradiance,
+            clipped: self.seen.clipped as f32,
+            unseen: self.seen.unseen as f32,
+            latency: self.times.latency(),
+            frames_left_out: self.frames_left_out,
+            ..LightSet::EMPTY
+        }
+    }
+}

@@ -1,0 +1,203 @@
+//! Degradation by rule: where frames take longer than the budget of `total`, the quality is lowered step by step, and raised again where the
+//! measured cost of the richer level leaves room.
+//!
+//! The order of the steps is that of [`Step::ALL`](hemilux_core::wire::Step). A step down needs [`PATIENCE`] frames in a row over the budget,
+//! and after a step down one frame. When a level is left for a poorer one, the ratio of their costs is kept; the richer level is tried again
+//! if this ratio times the present cost is within [`ROOM`] of the budget, and if the time since the last step has passed, which doubles with
+//! each trial that failed.
+
+mod plan;
+#[cfg(test)]
+mod tests;
+
+pub use plan::Quality;
+
+use crate::pipeline::Settings;
+use std::time::Duration;
+
+/// Frames in a row over the budget before the first step down.
+const PATIENCE: u32 = 3;
+
+/// Part of the budget that the predicted cost of a richer level may take.
+const ROOM: f32 = 0.8;
+
+/// Least time from a step to the next one up.
+const HOLD: Duration = Duration::from_secs(10);
+
+/// Least time from a step to the next one up after the first trial that failed; it doubles with each further one.
+const HOLD_AFTER_FAILURE: Duration = Duration::from_secs(150);
+
+/// Longest such time.
+const LONGEST_HOLD: Duration = Duration::from_secs(3600);
+
+/// A step up has failed if the next step down comes within this time.
+const TRIAL: Duration = Duration::from_secs(60);
+
+/// Time after which a remembered ratio of costs comes closer to 1, and the part that is left of its distance: a ratio that was measured while
+/// the machine was busy with other work is forgotten in time.
+const FORGET: (Duration, f32) = (Duration::from_secs(60), 0.9);
+
+/// Frames after a step that are still those of a descent.
+const DESCENT: u32 = 3;
+
+/// Weight of the newest frame in the smoothed cost.
+const NEWEST: f32 = 0.2;
+
+/// The duration of one frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Measured {
+    /// From the end of the burst to the finished set, microseconds.
+    pub us: u32,
+    /// The budget of that, microseconds.
+    pub budget_us: u32,
+    /// Time since the start.
+    pub now: Duration,
+}
+
+/// The level of the quality, and what is known of the costs.
+#[derive(Clone, Debug)]
+pub struct Ladder {
+    levels: Vec<Quality>,
+    level: usize,
+    /// Cost of each level divided by that of the next poorer one, when it was left last.
+    ratios: Vec<f32>,
+    /// Smoothed cost of the present level, microseconds; 0 before its first frame.
+    cost_us: f32,
+    /// Cost of the richer level that was left by the last step, microseconds, until the ratio is known.
+    left_us: Option<f32>,
+    /// Frames in a row over the budget.
+    misses: u32,
+    /// Frames since the last step.
+    frames: u32,
+    stepped_at: Duration,
+    forgot_at: Duration,
+    went_up: bool,
+    failures: u32,
+    down: u64,
+    up: u64,
+}
+
+impl Ladder {
+    /// The full quality of `settings` with bursts of `exposures`.
+    #[must_use]
+    pub fn new(settings: &Settings, exposures: usize) -> Self {
+        let levels = plan::levels(settings, exposures);
+        let ratios = vec![1.0; levels.len()];
+        Self {
+            levels,
+            level: 0,
+            ratios,
+            cost_us: 0.0,
+            left_us: None,
+            misses: 0,
+            frames: u32::MAX,
+            stepped_at: Duration::ZERO,
+            forgot_at: Duration::ZERO,
+            went_up: false,
+            failures: 0,
+            down: 0,
+            up: 0,
+        }
+    }
+
+    /// Returns to the full quality of other settings; the counts of steps stay.
+    pub fn reset(&mut self, settings: &Settings, exposures: usize) {
+        let (down, up) = (self.down, self.up);
+        *self = Self { down, up, ..Self::new(settings, exposures) };
+    }
+
+    /// Number of exposures of the bursts that the levels are made for.
+    #[must_use]
+    pub fn exposures(&self) -> usize {
+        self.levels[0].exposures
+    }
+
+    /// The quality of the next frame.
+    #[must_use]
+    pub fn quality(&self) -> &Quality {
+        &self.levels[self.level]
+    }
+
+    /// Number of steps down and up so far.
+    #[must_use]
+    pub fn steps(&self) -> [u64; 2] {
+        [self.down, self.up]
+    }
+
+    /// Adds the duration of a frame; true where the quality of the next frame is another one.
+    pub fn add(&mut self, frame: Measured) -> bool {
+        self.frames = self.frames.saturating_add(1);
+        self.learn(frame.us as f32);
+        let is_over = frame.us > frame.budget_us;
+        self.misses = if is_over { self.misses + 1 } else { 0 };
+        let patience = if self.is_descending() { 1 } else { PATIENCE };
+        if self.misses >= patience {
+            return self.step_down(frame.now);
+        }
+        self.forget(frame.now);
+        !is_over && self.has_room(&frame) && self.step_up(frame.now)
+    }
+
+    fn is_descending(&self) -> bool {
+        self.level > 0 && !self.went_up && self.frames <= DESCENT
+    }
+
+    /// Updates the cost of the present level, and the ratio of the level before to it.
+    fn learn(&mut self, us: f32) {
+        self.cost_us = if self.cost_us > 0.0 { self.cost_us + NEWEST * (us - self.cost_us) } else { us };
+        if let Some(left_us) = self.left_us {
+            self.ratios[self.level - 1] = (left_us / self.cost_us.max(1.0)).max(1.0);
+            if self.frames > DESCENT {
+                self.left_us = None;
+            }
+        }
+    }
+
+    fn forget(&mut self, now: Duration) {
+        if now.saturating_sub(self.forgot_at) >= FORGET.0 {
+            self.forgot_at = now;
+            self.ratios.iter_mut().for_each(|ratio| *ratio = 1.0 + FORGET.1 * (*ratio - 1.0));
+        }
+    }
+
+    fn has_room(&self, frame: &Measured) -> bool {
+        let Some(richer) = self.level.checked_sub(1) else { return false };
+        let predicted = self.cost_us * self.ratios[richer];
+        let since = frame.now.saturating_sub(self.stepped_at);
+        self.frames > DESCENT && since >= self.hold() && predicted <= ROOM * frame.budget_us as f32
+    }
+
+    fn hold(&self) -> Duration {
+        let Some(doublings) = self.failures.checked_sub(1) else { return HOLD };
+        HOLD_AFTER_FAILURE.saturating_mul(1 << doublings.min(6)).min(LONGEST_HOLD)
+    }
+
+    fn step_down(&mut self, now: Duration) -> bool {
+        self.misses = 0;
+        if self.level + 1 >= self.levels.len() {
+            return false;
+        }
+        if self.went_up {
+            let failed = now.saturating_sub(self.stepped_at) < TRIAL;
+            self.failures = if failed { self.failures + 1 } else { 0 };
+        }
+        self.left_us = Some(self.cost_us);
+        self.level += 1;
+        self.down += 1;
+        self.stepped(now, false);
+        true
+    }
+
+    fn step_up(&mut self, now: Duration) -> bool {
+        self.left_us = None;
+        self.level -= 1;
+        self.up += 1;
+        self.stepped(now, true);
+        true
+    }
+
+    fn stepped(&mut self, now: Duration, went_up: bool) {
+        (self.cost_us, self.frames) = (0.0, 0);
+        (self.stepped_at, self.forgot_at, self.went_up) = (now, now, went_up);
+    }
+}

@@ -1,0 +1,84 @@
+//! The steps that the settings leave room for, and the settings at each level.
+
+use crate::pipeline::Settings;
+use crate::samplers::ORDERS;
+use hemilux_core::healpix::Domain;
+use hemilux_core::wire::{Degraded, Step};
+
+/// Fewest exposures of a burst that are merged.
+const LEAST_EXPOSURES: usize = 2;
+
+/// Fewest lights of a degraded set, unless the sampler needs more.
+const LEAST_LIGHTS: usize = 8;
+
+/// Steps of the rate: every second burst, then every fourth.
+const RATES: usize = 2;
+
+/// Most steps of all kinds together.
+pub(super) const MOST: usize = 15;
+
+/// What a level asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Quality {
+    /// The steps taken.
+    pub steps: Degraded,
+    /// Number of exposures to merge; the shortest and the longest are among them.
+    pub exposures: usize,
+    /// Order of the map.
+    pub order: u8,
+    /// Largest number of lights.
+    pub lights: usize,
+    /// One of so many bursts is processed.
+    pub every: u32,
+}
+
+impl Quality {
+    /// As `settings` ask for.
+    pub(super) fn full(settings: &Settings, exposures: usize) -> Self {
+        let (order, lights) = (settings.order(), settings.lights);
+        Self { steps: Degraded::NONE, exposures, order, lights, every: 1 }
+    }
+
+    /// With one more step of a kind; `None` where there is no room for it.
+    fn lower(self, step: Step, settings: &Settings) -> Option<Self> {
+        let mut lower = self;
+        lower.steps.add(step);
+        match step {
+            Step::Exposures => lower.exposures = self.exposures.div_ceil(2).max(LEAST_EXPOSURES),
+            Step::Order => lower.order = self.order.saturating_sub(1).max(*ORDERS.start()),
+            Step::Lights => {
+                let least = settings.sampler.least_lights(Domain::Hemisphere).max(LEAST_LIGHTS);
+                lower.lights = (self.lights / 2).max(least);
+            }
+            _ => lower.every = (self.every * 2).min(1 << RATES),
+        }
+        let is_less = lower.exposures < self.exposures
+            || lower.order < self.order
+            || lower.lights < self.lights
+            || lower.every > self.every;
+        is_less.then_some(lower)
+    }
+
+    /// The settings of the pipeline at this level.
+    #[must_use]
+    pub fn settings(&self, full: &Settings) -> Settings {
+        if self.steps.is_none() {
+            return full.clone();
+        }
+        Settings { lights: self.lights, order: Some(self.order), ..full.clone() }
+    }
+}
+
+/// All levels from the full quality on: one step more each, one kind after the other.
+pub(super) fn levels(settings: &Settings, exposures: usize) -> Vec<Quality> {
+    let mut levels = vec![Quality::full(settings, exposures)];
+    for step in Step::ALL {
+        while let Some(lower) = levels.last().and_then(|last| last.lower(step, settings)) {
+            if levels.len() > MOST {
+                break;
+            }
+            levels.push(lower);
+        }
+    }
+    levels
+}

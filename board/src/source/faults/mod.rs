@@ -1,0 +1,132 @@
+//! Faults as a layer over any source: a test aid that damages bursts by a seeded schedule.
+//!
+//! The behaviour of the probe for each kind is in the table "Faults" of `board/FORMATS.md`.
+
+mod damage;
+mod random;
+mod spec;
+#[cfg(all(test, feature = "server"))]
+mod tests;
+
+pub use spec::{Fault, FaultSpec};
+
+use super::{Lux, Source, SourceError};
+use crate::calibration::{Burst, Calibration};
+use crate::camera_status::CameraStatus;
+use hemilux_core::Exposure;
+use random::Random;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+
+/// Number of faults so far, by kind.
+#[derive(Debug, Default)]
+pub struct FaultCounts([AtomicU64; Fault::ALL.len()]);
+
+impl FaultCounts {
+    /// The kinds and the number of bursts that each has damaged.
+    pub fn named(&self) -> impl Iterator<Item = (&'static str, u64)> {
+        Fault::ALL.into_iter().zip(&self.0).map(|(fault, n)| (fault.name(), n.load(Ordering::Relaxed)))
+    }
+
+    fn add(&self, fault: Fault) {
+        if let Some(at) = Fault::ALL.iter().position(|kind| *kind == fault) {
+            self.0[at].fetch_add(1, Ordering::Relaxed);
+        }
+    }
+}
+
+/// A source some of whose bursts are damaged.
+pub struct FaultSource {
+    inner: Box<dyn Source>,
+    spec: FaultSpec,
+    random: Random,
+    /// Whether the inner source must not reuse the memory of the burst before.
+    damaged: bool,
+    /// The device is gone until then.
+    gone_until: Option<Instant>,
+    counts: Arc<FaultCounts>,
+}
+
+impl FaultSource {
+    /// `inner` with the faults of `spec`.
+    #[must_use]
+    pub fn new(inner: Box<dyn Source>, spec: FaultSpec) -> Self {
+        let random = Random(spec.seed);
+        Self { inner, spec, random, damaged: false, gone_until: None, counts: Arc::default() }
+    }
+
+    /// The number of faults so far.
+    #[must_use]
+    pub fn counts(&self) -> Arc<FaultCounts> {
+        Arc::clone(&self.counts)
+    }
+
+    fn injected(&mut self, fault: Fault, burst: &mut Burst) -> Result<(), SourceError> {
+        self.counts.add(fault);
+        match fault {
+            Fault::Late => std::thread::sleep(self.spec.late),
+            Fault::Hang => std::thread::sleep(self.spec.hang),
+            Fault::Vanish => {
+                self.gone_until = Some(Instant::now() + self.spec.gone);
+                return Err(gone());
+            }
+            _ => {
+                let largest = self.inner.calibration().layout.format().max_code();
+                let largest = u16::try_from(largest).unwrap_or(u16::MAX);
+                damage::damage(fault, burst, largest, &mut self.random);
+                self.damaged = true;
+            }
+        }
+        Ok(())
+    }
+}
+
+fn gone() -> SourceError {
+    SourceError::Gone("found no device, expected one (--faults vanish)".into())
+}
+
+impl Source for FaultSource {
+    fn calibration(&self) -> &Calibration {
+        self.inner.calibration()
+    }
+
+    fn exposures(&self) -> Vec<Exposure> {
+        self.inner.exposures()
+    }
+
+    fn lux(&self) -> Option<Lux> {
+        self.inner.lux()
+    }
+
+    fn fixed_exposures(&self) -> Option<&'static str> {
+        self.inner.fixed_exposures()
+    }
+
+    fn notes(&self) -> &[String] {
+        self.inner.notes()
+    }
+
+    fn set_exposures(&mut self, seconds: Option<&[f64]>) -> Result<(), String> {
+        self.inner.set_exposures(seconds)
+    }
+
+    fn camera(&self, status: &mut CameraStatus) -> bool {
+        self.inner.camera(status)
+    }
+
+    fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
+        if self.gone_until.is_some_and(|until| Instant::now() < until) {
+            return Err(gone());
+        }
+        self.gone_until = None;
+        if std::mem::take(&mut self.damaged) {
+            *burst = Burst::default();
+        }
+        self.inner.next(burst)?;
+        match self.spec.choose(self.random.part()) {
+            Some(fault) => self.injected(fault, burst),
+            None => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,227 @@
+//! Each kind of fault through the processing thread and the server.
+
+use super::*;
+use crate::probe::{Config, Probe, Worker};
+use crate::scene;
+use crate::server::{Options, app};
+use crate::source::{Pace, ReplaySource, SceneSource};
+use axum::body::Body;
+use axum::http::Request;
+use serde_json::Value;
+use std::time::Duration;
+use tower::ServiceExt;
+
+/// Bursts of each kind of fault; `HEMILUX_FAULT_BURSTS` for more.
+const BURSTS: u64 = 150;
+
+/// Frames without faults at the start: a camera shows what is usual before it fails.
+const SOUND: usize = 8;
+
+/// Longest relative difference of two channels of flux between a set and the burst that it is of.
+const WRONG: f32 = 0.04;
+
+/// The first burst of a scene, whose light is then still.
+fn recording(scene: &str, pace: Pace) -> ReplaySource {
+    let mut scene = SceneSource::new(scene::by_name(scene).expect("a scene"), Pace::Free);
+    let mut burst = Burst::default();
+    scene.next(&mut burst).expect("a burst");
+    let bursts = vec![burst];
+    ReplaySource::of_bursts(*scene.calibration(), bursts, pace).expect("bursts")
+}
+
+fn spec(text: &str) -> FaultSpec {
+    text.parse().expect("a specification")
+}
+
+/// What a number of bursts with faults has come to.
+#[derive(Debug, Default)]
+struct Outcome {
+    sets: u64,
+    refused: u64,
+    with_frames_left_out: u64,
+    /// Most bursts after a fault, the next one being 1, until a set has all of its frames.
+    recovery: u64,
+    /// What does not hold.
+    wrong: Vec<String>,
+}
+
+/// The name of the scene, so that light from darkness to sun is covered.
+const SCENES: [&str; 3] = ["overcast", "room", "sky"];
+
+/// Sets of `bursts` bursts with `faults` of each scene.
+fn run(faults: &str, bursts: u64) -> Outcome {
+    let mut all = Outcome::default();
+    for scene in SCENES {
+        let one = run_scene(scene, faults, bursts);
+        println!("{scene}, {faults}: {one:?}");
+        all.refused += one.refused;
+        all.with_frames_left_out += one.with_frames_left_out;
+        all.wrong.extend(one.wrong);
+    }
+    assert!(all.wrong.is_empty(), "{faults}: {:#?}", all.wrong);
+    all
+}
+
+/// Sets of `bursts` bursts with `faults`; the flux of each is compared with that of the sound bursts.
+fn run_scene(scene: &str, faults: &str, bursts: u64) -> Outcome {
+    let recording = |pace| recording(scene, pace);
+    let mut sound =
+        Worker::try_new(Box::new(recording(Pace::Free)), "sound".into(), Config::steady()).expect("a worker");
+    sound.step().expect("a frame");
+    let expected = sound.link().sets().latest().expect("a set").scalar_flux;
+    let faulty = FaultSource::new(Box::new(recording(Pace::Free)), spec(faults));
+    let counts = faulty.counts();
+    let source = Delayed { sound: recording(Pace::Free), left: SOUND, faulty };
+    let total = || counts.named().map(|(_, n)| n).sum::<u64>();
+    let mut worker = Worker::try_new(Box::new(source), "faults".into(), Config::steady()).expect("a worker");
+    let (mut outcome, mut since, mut last_ns) = (Outcome::default(), None, 0);
+    for burst in 0..bursts {
+        let before = total();
+        let is_ok = worker.step().is_ok();
+        since = if total() > before { Some(0) } else { since.map(|n| n + 1) };
+        let set = worker.link().sets().latest().expect("the first bursts are sound");
+        let away = set.scalar_flux.iter().zip(expected).map(|(a, b)| (a / b - 1.0).abs());
+        let away = away.fold(0.0, f32::max);
+        let left_out = &set.frames_left_out;
+        if away > WRONG {
+            let line = format!("{scene}: burst {burst}: flux differs by {away}: {left_out:?}, {counts:?}");
+            outcome.wrong.push(line);
+        }
+        outcome.sets += u64::from(is_ok);
+        outcome.refused += u64::from(!is_ok);
+        if is_ok {
+            assert!(set.timestamp_ns > last_ns, "{faults}: burst {burst}: time goes on");
+            assert!(crate::clock::monotonic_ns() - set.timestamp_ns < 5_000_000_000, "{faults}: not older");
+            last_ns = set.timestamp_ns;
+        }
+        let is_whole = is_ok && set.frames_left_out.is_empty();
+        outcome.with_frames_left_out += u64::from(is_ok && !is_whole);
+        match since {
+            Some(bursts) if is_whole && bursts > 0 => {
+                outcome.recovery = outcome.recovery.max(bursts);
+                since = None;
+            }
+            Some(bursts) if bursts > 2 => outcome.wrong.push(format!("{scene}: burst {burst}: no recovery")),
+            Some(_) => {}
+            None if is_whole => {}
+            None => outcome.wrong.push(format!("{scene}: sound burst {burst}: {left_out:?}")),
+        }
+    }
+    assert!(total() > bursts / 50, "{faults}: {} of {bursts} bursts were damaged", total());
+    outcome
+}
+
+/// A recording of which the first bursts come without faults.
+struct Delayed {
+    sound: ReplaySource,
+    left: usize,
+    faulty: FaultSource,
+}
+
+impl Source for Delayed {
+    fn calibration(&self) -> &Calibration {
+        self.faulty.calibration()
+    }
+
+    fn exposures(&self) -> Vec<Exposure> {
+        self.faulty.exposures()
+    }
+
+    fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
+        if self.left == 0 {
+            return self.faulty.next(burst);
+        }
+        self.left -= 1;
+        self.sound.next(burst)
+    }
+}
+
+fn bursts() -> u64 {
+    std::env::var("HEMILUX_FAULT_BURSTS").ok().and_then(|n| n.parse().ok()).unwrap_or(BURSTS)
+}
+
+#[test]
+fn false_frames_of_every_kind_make_no_wrong_set_and_the_second_burst_after_them_is_whole() {
+    for kind in ["torn", "black", "saturated", "swapped", "label"] {
+        let outcome = run(&format!("{kind}=0.05,seed=3"), bursts());
+        assert!(outcome.with_frames_left_out + outcome.refused > 0, "{kind}: {outcome:?}");
+    }
+}
+
+#[test]
+fn bursts_that_are_incomplete_late_or_of_another_time_make_no_wrong_set() {
+    for kind in ["drop", "size", "clock", "late", "vanish"] {
+        let outcome = run(&format!("{kind}=0.05,seed=5,late_s=0.01,gone_s=0"), bursts());
+        assert_eq!(outcome.refused > 0, ["drop", "size", "vanish"].contains(&kind), "{kind}: {outcome:?}");
+    }
+}
+
+#[test]
+fn faults_of_every_kind_together_make_no_wrong_set() {
+    let outcome = run("all=0.01,seed=9,late_s=0.001,gone_s=0,hang_s=0.01", 2 * bursts());
+    assert!(outcome.refused > 0 && outcome.with_frames_left_out > 0, "{outcome:?}");
+}
+
+async fn lights(probe: &Probe) -> Value {
+    let router = app(probe.link(), Options::default()).router();
+    let request =
+        Request::get("/v1/lights").header("host", "localhost").body(Body::empty()).expect("a request");
+    let response = router.oneshot(request).await.expect("an answer");
+    let bytes = axum::body::to_bytes(response.into_body(), 1 << 20).await.expect("a body");
+    serde_json::from_slice(&bytes).expect("JSON")
+}
+
+#[tokio::test]
+async fn while_a_source_hangs_or_is_gone_the_last_set_stays_with_its_age_and_the_next_is_fresh() {
+    for kind in ["hang", "vanish"] {
+        let source = recording("overcast", Pace::Every(Duration::from_millis(20)));
+        let source =
+            FaultSource::new(Box::new(source), spec(&format!("{kind}=0.2,hang_s=4,gone_s=4,seed=2")));
+        let counts = source.counts();
+        let probe = Probe::start(Box::new(source), "test".into(), Config::steady()).expect("a probe");
+        let began = Instant::now();
+        while counts.named().all(|(_, n)| n == 0) || probe.link().sets().latest().is_none() {
+            assert!(began.elapsed() < Duration::from_secs(10), "{kind}: no fault");
+            tokio::time::sleep(Duration::from_millis(1)).await;
+        }
+        let failed_at = Instant::now();
+        let stale = lights(&probe).await;
+        assert!(stale["stale"]["age_ms"].as_u64().is_some() && stale["valid"] == true, "{kind}: {stale}");
+        assert!(failed_at.elapsed() < Duration::from_secs(4), "{kind}: answered while it lasts");
+        tokio::time::sleep(Duration::from_secs(4).saturating_sub(failed_at.elapsed())).await;
+        let fresh = loop {
+            let set = lights(&probe).await;
+            if set["stale"].is_null() {
+                break set;
+            }
+            assert!(failed_at.elapsed() < Duration::from_secs(20), "{kind}: {set}");
+        };
+        assert!(fresh["frame"].as_u64() > stale["frame"].as_u64(), "{kind}: another frame");
+    }
+}
+
+#[test]
+fn specifications_are_read_and_others_are_refused_in_one_line() {
+    let read = spec("all=0.01,hang=0,seed=7,gone_s=0.5");
+    assert_eq!((read.shares[0], read.shares[10], read.seed), (0.01, 0.0, 7));
+    assert_eq!(read.gone, Duration::from_millis(500));
+    for text in ["", "black", "black=2", "blue=0.1", "seed=-1", "hang_s=1e9", "all=0.2", "black=nan"] {
+        let line = text.parse::<FaultSpec>().expect_err(text);
+        assert!(line.starts_with("found ") && line.contains("expected") && !line.contains('\n'), "{line}");
+    }
+}
+
+#[test]
+fn a_seed_gives_the_same_faults_again_in_the_stated_share() {
+    let draw = |seed| {
+        let (spec, mut random) = (spec("all=0.05"), Random(seed));
+        (0..10_000).map(|_| spec.choose(random.part())).collect::<Vec<_>>()
+    };
+    let faults = draw(1);
+    assert!(faults == draw(1) && faults != draw(2), "by the seed alone");
+    for kind in Fault::ALL {
+        let count = faults.iter().filter(|fault| **fault == Some(kind)).count();
+        // Binomial with a mean of 500 and a deviation of 22.
+        assert!((400..600).contains(&count), "{kind:?}: {count}");
+    }
+}

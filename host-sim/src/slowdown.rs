@@ -1,0 +1,154 @@
+//! The accuracy that the probe gives up on a slower board to keep its budget: the real processing thread with stages that are made slower.
+
+use crate::error::SimError;
+use crate::metrics::receiver::{Receiver, shadowed};
+use hemilux::calibration::Burst;
+use hemilux::pipeline::{Pipeline, Settings};
+use hemilux::probe::{Config, Worker};
+use hemilux::scene;
+use hemilux::source::{Pace, ReplaySource, SceneSource, Source};
+use hemilux_core::Light;
+use hemilux_core::color::luminance;
+use hemilux_core::wire::STAGES;
+use std::fmt::Write;
+
+/// Frames in which the quality may find its level.
+const SETTLING: usize = 10;
+
+/// Lights that stand for the map itself.
+const REFERENCE_LIGHTS: usize = 2048;
+
+/// Receivers of the shadowed error.
+const RECEIVERS: usize = 512;
+
+/// Bursts of the recording, with other noise in each.
+const BURSTS: usize = 8;
+
+/// What the frames at one factor have come to.
+struct Row {
+    factor: f32,
+    /// Durations of the settled frames, microseconds, rising.
+    settled_us: Vec<u32>,
+    within: usize,
+    /// Changes of the quality after it has settled.
+    changes: usize,
+    steps: Vec<&'static str>,
+    lights: usize,
+    error: f64,
+}
+
+/// A table of the factors: durations against the budget, steps in force, and the shadowed error.
+///
+/// # Errors
+/// [`SimError`] where the probe cannot be made.
+pub fn table(factors: &[f32], budget_ms: f32, frames: usize) -> Result<String, SimError> {
+    let mut text =
+        format!("budget of the total {budget_ms} ms, {frames} frames for each factor, room, 64 lights\n");
+    let _ = writeln!(
+        text,
+        "{:>8}{:>10}{:>10}{:>12}{:>9}{:>8}{:>12}  steps",
+        "slowdown", "p50 ms", "p99 ms", "in budget", "changes", "lights", "shadowed"
+    );
+    for factor in factors {
+        let row = row(*factor, budget_ms, frames)?;
+        let at = |part: f64| {
+            let index = (part * (row.settled_us.len() - 1) as f64) as usize;
+            f64::from(row.settled_us[index]) / 1e3
+        };
+        let steps = if row.steps.is_empty() { "none".into() } else { row.steps.join(" ") };
+        let _ = writeln!(
+            text,
+            "{:>8}{:>10.2}{:>10.2}{:>10.1} %{:>9}{:>8}{:>10.2} %  {steps}",
+            row.factor,
+            at(0.5),
+            at(0.99),
+            100.0 * row.within as f64 / row.settled_us.len() as f64,
+            row.changes,
+            row.lights,
+            100.0 * row.error
+        );
+    }
+    Ok(text)
+}
+
+fn row(factor: f32, budget_ms: f32, frames: usize) -> Result<Row, SimError> {
+    let failed = |e: &dyn std::fmt::Display| SimError::Failed(format!("slowdown: {e}"));
+    let (source, reference) = recording()?;
+    let mut config = Config { slowdown: factor, ..Config::default() };
+    config.budgets.set_ms(STAGES - 1, budget_ms);
+    let budget_us = config.budgets.total();
+    let mut worker = Worker::try_new(Box::new(source), "slowdown".into(), config)?;
+    let link = worker.link();
+    let (mut settled_us, mut changes, mut last) = (Vec::new(), 0, None);
+    for frame in 0..frames {
+        worker.step().map_err(|e| failed(&e))?;
+        let Some(set) = link.sets().latest() else { continue };
+        if frame >= SETTLING {
+            settled_us.push(set.latency.total);
+            changes += usize::from(last.is_some_and(|steps| steps != set.degraded));
+            last = Some(set.degraded);
+        }
+    }
+    settled_us.sort_unstable();
+    let within = settled_us.iter().filter(|us| **us <= budget_us).count();
+    let set = link.sets().latest().ok_or_else(|| failed(&"found no set"))?;
+    let error = shadowed_error(&set.lights, &reference);
+    let steps = set.degraded.names().collect();
+    Ok(Row { factor, settled_us, within, changes, steps, lights: set.lights.len(), error })
+}
+
+/// Bursts of a room, and the lights that stand for its map.
+fn recording() -> Result<(ReplaySource, Vec<Light>), SimError> {
+    let failed = |e: &dyn std::fmt::Display| SimError::Failed(format!("slowdown: {e}"));
+    let room = scene::by_name("room").ok_or_else(|| failed(&"found no scene"))?;
+    let mut camera = SceneSource::new(room, Pace::Free);
+    let mut bursts = vec![Burst::default(); BURSTS];
+    bursts.iter_mut().try_for_each(|burst| camera.next(burst)).map_err(|e| failed(&e))?;
+    let settings = Settings { lights: REFERENCE_LIGHTS, ..Settings::default() };
+    let mut pipeline = Pipeline::try_new(*camera.calibration(), &camera.exposures(), settings)?;
+    let lights = pipeline.process(&bursts[BURSTS - 1])?.decomposition.lights.to_vec();
+    let source = ReplaySource::of_bursts(*camera.calibration(), bursts, Pace::Free);
+    Ok((source.ok_or_else(|| failed(&"found no bursts"))?, lights))
+}
+
+/// RMS over occluded receivers of the difference of their irradiance, over the mean of the reference (METRICS.md).
+fn shadowed_error(lights: &[Light], reference: &[Light]) -> f64 {
+    let receive = |receiver: &Receiver, lights: &[Light]| -> f64 {
+        let part = |light: &Light| {
+            let direction = light.direction.to_array().map(f64::from);
+            f64::from(luminance(light.irradiance)) * receiver.weight(direction)
+        };
+        lights.iter().map(part).sum()
+    };
+    let (mut square, mut mean) = (0.0, 0.0);
+    for receiver in (0..RECEIVERS).map(shadowed) {
+        let expected = receive(&receiver, reference);
+        square += (receive(&receiver, lights) - expected).powi(2);
+        mean += expected;
+    }
+    let count = RECEIVERS as f64;
+    (square / count).sqrt() / (mean / count)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fewer_lights_have_a_larger_error_and_the_reference_has_none() {
+        let (_, reference) = recording().expect("a recording");
+        assert!(shadowed_error(&reference, &reference) < 1e-12, "itself");
+        let half: Vec<_> = reference.iter().step_by(2).copied().collect();
+        assert!(shadowed_error(&half, &reference) > 0.3, "half of the energy is missing");
+    }
+
+    #[test]
+    fn ten_frames_after_the_start_of_a_slow_board_frames_are_within_the_budget() {
+        let calm = row(1.0, 60_000.0, 40).expect("frames");
+        let usual_ms = calm.settled_us[calm.settled_us.len() / 2] as f32 / 1e3;
+        // A board so slow that a frame of full quality takes a quarter more than the budget.
+        let row = row(8.0, 8.0 * usual_ms / 1.25, 60).expect("frames");
+        assert!(!row.steps.is_empty() && row.steps[0] == "exposures", "{:?}", row.steps);
+        assert!(row.within * 10 >= row.settled_us.len() * 8, "{} of {}", row.within, row.settled_us.len());
+    }
+}

@@ -1,0 +1,131 @@
+//! The camera of a soak: a small sensor under a sky whose light rises from darkness to sun and falls again, as fast as it is asked.
+
+use hemilux::calibration::{Burst, Calibration, Frame, Pixels};
+use hemilux::clock;
+use hemilux::source::{Source, SourceError};
+use hemilux_core::format::Format;
+use hemilux_core::{Exposure, Lens, Levels};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+const WIDTH: u32 = 64;
+const HEIGHT: u32 = 48;
+
+/// Largest code.
+const WHITE: f32 = 65_535.0;
+
+/// The exposure times of a burst unless clients ask for others, seconds.
+pub(super) const SECONDS: [f64; 3] = [0.000_926, 0.005_555, 0.033_333];
+
+/// Bursts from the darkest to the brightest moment: half a day at ten a second.
+const HALF_DAY: f64 = 432_000.0;
+
+/// The light of the darkest moment, as a part of that of the brightest.
+const DARKEST: f64 = 1.0 / 500.0;
+
+/// Part of the largest code that the sun has in the shortest exposure at the brightest moment.
+const BRIGHTEST: f32 = 0.8;
+
+/// The light of the newest burst, as a part of that of the brightest moment.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Truth(Arc<AtomicU64>);
+
+impl Truth {
+    pub fn light(&self) -> f64 {
+        f64::from_bits(self.0.load(Ordering::Relaxed))
+    }
+}
+
+/// The camera.
+pub(super) struct DayCamera {
+    calibration: Calibration,
+    exposures: Vec<Exposure>,
+    /// Light of each sample at the brightest moment, as a part of what fills it in the shortest exposure.
+    still: Vec<f32>,
+    bursts: u64,
+    /// Bursts of half a day.
+    half_day: f64,
+    truth: Truth,
+}
+
+impl DayCamera {
+    /// A camera for a run of `frames`: at least one night and one day, however short the run is.
+    pub fn try_new(frames: u64) -> Option<Self> {
+        let middle = [f64::from(WIDTH - 1) / 2.0, f64::from(HEIGHT - 1) / 2.0];
+        let lens = Lens::equidistant(middle, 21.0, 80f64.to_radians()).ok()?;
+        let mut calibration = Calibration::try_new(lens, Format::Rgb48, WIDTH, HEIGHT).ok()?;
+        calibration.levels = Levels { black: 0.0, white: WHITE.into() };
+        let still = (0..HEIGHT).flat_map(|y| (0..WIDTH).flat_map(move |x| colour(x, y))).collect();
+        let exposures = SECONDS.map(exposure).to_vec();
+        let half_day = HALF_DAY.min(frames as f64 / 2.0).max(1.0);
+        Some(Self { calibration, exposures, still, bursts: 0, half_day, truth: Truth::default() })
+    }
+
+    pub fn truth(&self) -> Truth {
+        self.truth.clone()
+    }
+
+    /// Light of burst `bursts`: from the darkest to the brightest and back, by a constant factor a burst.
+    fn light(&self) -> f64 {
+        let phase = (self.bursts as f64 / self.half_day) % 2.0;
+        DARKEST.powf(1.0 - if phase < 1.0 { phase } else { 2.0 - phase })
+    }
+}
+
+/// A sky with a sun, a bright wall and a dark ground.
+fn colour(x: u32, y: u32) -> [f32; 3] {
+    let sun = (40..42).contains(&x) && (12..14).contains(&y);
+    let wall = x < 16;
+    let level = if sun {
+        BRIGHTEST
+    } else if wall {
+        0.02
+    } else {
+        0.004 + 0.008 * y as f32 / HEIGHT as f32
+    };
+    [level, 0.9 * level, if sun { 0.7 } else { 1.1 } * level]
+}
+
+fn exposure(seconds: f64) -> Exposure {
+    Exposure { seconds, gain: 1.0 }
+}
+
+impl Source for DayCamera {
+    fn calibration(&self) -> &Calibration {
+        &self.calibration
+    }
+
+    fn exposures(&self) -> Vec<Exposure> {
+        self.exposures.clone()
+    }
+
+    fn fixed_exposures(&self) -> Option<&'static str> {
+        None
+    }
+
+    fn set_exposures(&mut self, seconds: Option<&[f64]>) -> Result<(), String> {
+        self.exposures = seconds.unwrap_or(&SECONDS).iter().map(|s| exposure(*s)).collect();
+        Ok(())
+    }
+
+    fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
+        let light = self.light();
+        self.bursts += 1;
+        burst.before_ns = clock::monotonic_ns();
+        burst.frames.truncate(self.exposures.len());
+        while burst.frames.len() < self.exposures.len() {
+            burst.frames.push(Frame { exposure: self.exposures[0], pixels: Pixels::U16(Vec::new()) });
+        }
+        for (frame, exposure) in burst.frames.iter_mut().zip(&self.exposures) {
+            frame.exposure = *exposure;
+            let gain = (f64::from(WHITE) * light * exposure.seconds / SECONDS[0]) as f32;
+            if let Pixels::U16(codes) = &mut frame.pixels {
+                codes.clear();
+                codes.extend(self.still.iter().map(|level| (level * gain + 0.5) as u16));
+            }
+        }
+        self.truth.0.store(light.to_bits(), Ordering::Relaxed);
+        burst.timestamp_ns = clock::monotonic_ns();
+        Ok(())
+    }
+}

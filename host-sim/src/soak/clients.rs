@@ -1,0 +1,293 @@
+//! Clients of every kind, which come and go while a soak runs.
+
+use super::tally::Tally;
+use hemilux::probe::Config;
+use hemilux::probe::settings::{Kind, SETTINGS, Setting};
+use hemilux_core::wire::BinarySet;
+use serde_json::{Value, json};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{SocketAddr, TcpStream};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::thread::{JoinHandle, sleep};
+use std::time::{Duration, Instant};
+use ureq::Agent;
+
+/// Longest wait for a reply.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// Requests or sets of a connection before the client leaves.
+const STAY: u32 = 500;
+
+/// Longest reply.
+const LONGEST: u64 = 16 << 20;
+
+/// The forms of light sets that are asked for in turn.
+const FORMS: [&str; 8] = [
+    "/v1/lights",
+    "/v1/lights?format=binary",
+    "/lights.json",
+    "/v1/lights?format=text&coordinates=three",
+    "/v1/lights?lights=8",
+    "/data",
+    "/xml",
+    "/v1/lights?format=binary&ambient=1",
+];
+
+/// Everything else that can be read.
+const OTHERS: [&str; 10] = [
+    "/v1/map.png",
+    "/v1/status",
+    "/v1/image/0",
+    "/metrics",
+    "/v1/map.exr",
+    "/info",
+    "/v1/mask.png",
+    "/v1/xr",
+    "/screenshot",
+    "/v1/compare?algorithm=q2tree&lights=16",
+];
+
+/// A client: where it connects to, and where it counts.
+#[derive(Clone)]
+struct Client {
+    address: SocketAddr,
+    tally: Arc<Tally>,
+}
+
+/// Starts a thread for each client.
+pub(super) fn start(address: SocketAddr, tally: &Arc<Tally>) -> std::io::Result<Vec<JoinHandle<()>>> {
+    let kinds: [(&str, fn(&Client)); 7] = [
+        ("sets", Client::sets),
+        ("sets", Client::sets),
+        ("events", Client::events),
+        ("socket", Client::socket),
+        ("others", Client::others),
+        ("settings", Client::settings),
+        ("rude", Client::rude),
+    ];
+    let start = |(name, work): (&str, fn(&Client))| {
+        let client = Client { address, tally: Arc::clone(tally) };
+        let thread = std::thread::Builder::new().name(name.into());
+        thread.spawn(move || {
+            while !client.is_over() {
+                work(&client);
+            }
+        })
+    };
+    kinds.into_iter().map(start).collect()
+}
+
+impl Client {
+    fn is_over(&self) -> bool {
+        self.tally.over.load(Ordering::Relaxed)
+    }
+
+    fn agent() -> Agent {
+        let config = Agent::config_builder().timeout_global(Some(PATIENCE)).http_status_as_error(false);
+        config.build().into()
+    }
+
+    /// The status and the body of a reply, which is counted; a reply that does not come is an error.
+    fn get(&self, agent: &Agent, path: &str) -> Option<(u16, Vec<u8>)> {
+        let began = Instant::now();
+        let reply = agent.get(format!("http://{}{path}", self.address)).call().and_then(|mut reply| {
+            let status = reply.status().as_u16();
+            let body = reply.body_mut().with_config().limit(LONGEST).read_to_vec()?;
+            Ok((status, body))
+        });
+        match reply {
+            Ok(reply) => {
+                self.tally.reply(began.elapsed());
+                Some(reply)
+            }
+            Err(error) => {
+                self.tally.error(format!("{path}: no reply: {error}"));
+                None
+            }
+        }
+    }
+
+    /// Light sets in all forms; each is compared with the set that was published.
+    fn sets(&self) {
+        let agent = Self::agent();
+        for path in FORMS.iter().cycle().take(STAY as usize) {
+            if self.is_over() {
+                return;
+            }
+            match self.get(&agent, path) {
+                Some((200, body)) => self.check(path, &body),
+                Some((status, _)) => self.tally.error(format!("{path}: status {status}")),
+                None => return,
+            }
+        }
+    }
+
+    fn check(&self, path: &str, body: &[u8]) {
+        let text = || String::from_utf8_lossy(body);
+        if path.contains("binary") {
+            match BinarySet::try_new(body).map(|set| set.head()) {
+                Ok(set) => self.tally.check(path, set.frame, set.scalar_flux, set.stale.is_some()),
+                Err(error) => self.tally.error(format!("{path}: {error}")),
+            }
+        } else if path.contains("text") || path == "/data" {
+            let frame = text().lines().find_map(|line| line.strip_prefix("# frame ")?.parse::<u64>().ok());
+            self.tally.require(frame.is_some(), || format!("{path}: found {}", text()));
+        } else if path == "/xml" {
+            self.tally
+                .require(text().trim_end().ends_with("</lights>"), || format!("{path}: found {}", text()));
+        } else {
+            self.check_json(path, body);
+        }
+    }
+
+    fn check_json(&self, path: &str, body: &[u8]) {
+        let set: Value = serde_json::from_slice(body).unwrap_or_default();
+        let flux = |c: usize| set["scalar_flux"][c].as_f64().map(|v| v as f32);
+        match (set["frame"].as_u64(), flux(0), flux(1), flux(2)) {
+            (Some(frame), Some(r), Some(g), Some(b)) => {
+                self.tally.check(path, frame, [r, g, b], !set["stale"].is_null());
+            }
+            _ => self.tally.error(format!("{path}: found {set}, expected a light set")),
+        }
+    }
+
+    /// Sets that are pushed as server-sent events.
+    fn events(&self) {
+        let config =
+            Agent::config_builder().timeout_connect(Some(PATIENCE)).timeout_recv_response(Some(PATIENCE));
+        let agent: Agent = config.build().into();
+        let reply = agent.get(format!("http://{}/v1/events", self.address)).call();
+        let Ok(reply) = reply else { return self.tally.error(format!("/v1/events: {:?}", reply.err())) };
+        let mut lines = BufReader::new(reply.into_body().into_reader()).lines();
+        let mut began = Instant::now();
+        for _ in 0..STAY {
+            let data = lines.by_ref().find_map(|line| match line {
+                Ok(line) => line.strip_prefix("data:").map(|data| Ok(data.trim().to_owned())),
+                Err(error) => Some(Err(error)),
+            });
+            match data {
+                Some(Ok(data)) => {
+                    self.tally.reply(began.elapsed());
+                    self.check_json("/v1/events", data.as_bytes());
+                }
+                other => return self.tally.error(format!("/v1/events: found {other:?}, expected a set")),
+            }
+            began = Instant::now();
+            if self.is_over() {
+                return;
+            }
+        }
+    }
+
+    /// Sets that are pushed through a WebSocket.
+    fn socket(&self) {
+        let failed = |error: &dyn std::fmt::Display| self.tally.error(format!("/v1/socket: {error}"));
+        let stream = match TcpStream::connect(self.address) {
+            Ok(stream) => stream,
+            Err(error) => return failed(&error),
+        };
+        let _ = stream.set_read_timeout(Some(PATIENCE));
+        let url = format!("ws://{}/v1/socket", self.address);
+        let (mut socket, _) = match tungstenite::client(url, stream) {
+            Ok(made) => made,
+            Err(error) => return failed(&error),
+        };
+        for _ in 0..STAY {
+            let began = Instant::now();
+            match socket.read() {
+                Ok(message) if message.is_text() || message.is_binary() => {
+                    self.tally.reply(began.elapsed());
+                    self.check_json("/v1/socket", &message.into_data());
+                }
+                Ok(_) => {}
+                Err(error) => return failed(&error),
+            }
+            if self.is_over() {
+                break;
+            }
+        }
+        let _ = socket.close(None);
+        while socket.read().is_ok() {}
+    }
+
+    /// Pictures, maps, the state, a comparison: at a human pace.
+    fn others(&self) {
+        let agent = Self::agent();
+        for path in OTHERS {
+            match self.get(&agent, path) {
+                // A picture may be refused while others are drawn, or before there is a set to compare.
+                Some((200 | 503, _)) => {}
+                Some((status, body)) => {
+                    let body = String::from_utf8_lossy(&body);
+                    self.tally.error(format!("{path}: status {status}: {}", body.trim()));
+                }
+                None => return,
+            }
+            sleep(Duration::from_millis(20));
+            if self.is_over() {
+                return;
+            }
+        }
+    }
+
+    /// Each setting to another value and back.
+    fn settings(&self) {
+        let agent = Self::agent();
+        for setting in SETTINGS {
+            let usual = setting.value(&Config::default());
+            for value in others(setting, &usual).into_iter().chain([usual]) {
+                if self.is_over() {
+                    return;
+                }
+                let body = json!({ setting.name: value }).to_string();
+                let url = format!("http://{}/v1/config", self.address);
+                let reply = agent.patch(url).content_type("application/json").send(&body);
+                match reply.map(|reply| reply.status().as_u16()) {
+                    Ok(200 | 202) => self.tally.change(setting.name),
+                    Ok(status) => self.tally.error(format!("{body}: status {status}")),
+                    Err(error) => self.tally.error(format!("{body}: {error}")),
+                }
+                sleep(Duration::from_millis(30));
+            }
+        }
+    }
+
+    /// Connections that are left in the middle of a request or of its reply.
+    fn rude(&self) {
+        for request in
+            ["GET /v1/li", "GET /v1/map.exr HTTP/1.1\r\nHost: localhost\r\n\r\n", "\0\u{1}garbage\r\n\r\n"]
+        {
+            if let Ok(mut stream) = TcpStream::connect(self.address) {
+                let _ = stream.write_all(request.as_bytes());
+                let _ = stream.set_read_timeout(Some(Duration::from_millis(20)));
+                let _ = stream.read(&mut [0; 16]);
+                self.tally.rude.fetch_add(1, Ordering::Relaxed);
+            }
+            sleep(Duration::from_millis(20));
+        }
+    }
+}
+
+/// Values of a setting beside its usual one.
+fn others(setting: &Setting, usual: &Value) -> Vec<Value> {
+    let near = |least: f32, most: f32, value: &Value| {
+        let value = value.as_f64().unwrap_or(f64::from(least) + 0.1 * f64::from(most - least));
+        vec![json!((0.8 * value).clamp(least.into(), most.into()))]
+    };
+    let whole = |least: u64, most: u64| {
+        let value = usual.as_u64().unwrap_or(most);
+        vec![json!((value / 2).clamp(least.max(2), most)), json!((value + 1).clamp(least, most))]
+    };
+    match setting.kind {
+        Kind::Choice(words) => words.iter().map(|word| json!(word)).collect(),
+        Kind::Switch => vec![json!(usual != &json!(true))],
+        Kind::Whole(least, most) => whole(least, most),
+        Kind::OptionalWhole(least, most) => vec![json!(least), json!((least + 1).min(most))],
+        Kind::Real(least, most) | Kind::Optional(least, most) => near(least, most, usual),
+        Kind::List(..) => {
+            let [first, .., last] = super::camera::SECONDS;
+            vec![json!([first, last]), json!([first, 4.0 * first, 16.0 * first, 64.0 * first])]
+        }
+    }
+}

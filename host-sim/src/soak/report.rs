@@ -1,0 +1,131 @@
+//! What a soak has come to.
+
+use super::FRAMES_A_SECOND;
+use super::tally::Tally;
+use hemilux::probe::QualityStatus;
+use std::fmt;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+/// Growth of the memory that is no leak: a part, or pages of threads and of the allocator, kB.
+const GROWTH: (f64, u64) = (0.01, 1024);
+
+/// Descriptors beside those of the start that are no leak: connections that the server has not closed yet.
+const DESCRIPTORS: usize = 2;
+
+/// Longest time of a reply while nothing is lost.
+const WORST: Duration = Duration::from_secs(5);
+
+/// The report of a soak.
+pub struct Report {
+    pub(super) bursts: u64,
+    pub(super) frames: u64,
+    pub(super) failed: u64,
+    pub(super) held: u64,
+    pub(super) left_out: u64,
+    pub(super) degraded: u64,
+    pub(super) wrong: u64,
+    pub(super) recovered: u64,
+    pub(super) unrecovered: u64,
+    pub(super) faults: Vec<(&'static str, u64)>,
+    pub(super) quality: QualityStatus,
+    /// Settings that were changed, and all of them.
+    pub(super) settings: [usize; 2],
+    /// Resident memory after a tenth of the run, at its end, and the most of it.
+    pub(super) memory_kb: [u64; 3],
+    /// Open descriptors before the clients and after them.
+    pub(super) descriptors: [usize; 2],
+    pub(super) took: Duration,
+    /// Wrong sets in words.
+    pub(super) words: Vec<String>,
+    pub(super) tally: Arc<Tally>,
+}
+
+impl Report {
+    /// What does not hold, in words.
+    #[must_use]
+    pub fn failures(&self) -> Vec<String> {
+        let [warm, end, _] = self.memory_kb;
+        let grown = end.saturating_sub(warm);
+        let is_flat = grown <= GROWTH.1.max((GROWTH.0 * warm as f64) as u64);
+        let count = |counter: &std::sync::atomic::AtomicU64| counter.load(Ordering::Relaxed);
+        let checks = [
+            (self.wrong == 0, format!("{} wrong sets", self.wrong)),
+            (count(&self.tally.errors) == 0, format!("{} errors of clients", count(&self.tally.errors))),
+            (
+                self.unrecovered == 0,
+                format!("{} faults without recovery within two bursts", self.unrecovered),
+            ),
+            (is_flat, format!("memory grew by {grown} kB from {warm} kB")),
+            (
+                self.descriptors[1] <= self.descriptors[0] + DESCRIPTORS,
+                format!(
+                    "{} descriptors at the start and {} at the end",
+                    self.descriptors[0], self.descriptors[1]
+                ),
+            ),
+            (self.tally.worst() < WORST, format!("a reply took {:.3} s", self.tally.worst().as_secs_f64())),
+            (
+                self.settings[0] == self.settings[1],
+                format!("{} of {} settings were changed", self.settings[0], self.settings[1]),
+            ),
+        ];
+        checks.into_iter().filter(|(holds, _)| !holds).map(|(_, what)| what).collect()
+    }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let count = |counter: &std::sync::atomic::AtomicU64| counter.load(Ordering::Relaxed);
+        let hours = self.bursts as f64 / FRAMES_A_SECOND as f64 / 3600.0;
+        let (took, tally) = (self.took.as_secs_f64(), &self.tally);
+        writeln!(f, "{:.2} h of simulated time ({} bursts, 10 a second) in {took:.0} s", hours, self.bursts)?;
+        writeln!(f, "{:<34}{:>12}", "sets", self.frames)?;
+        writeln!(f, "{:<34}{:>12}", "sets with a wrong energy", self.wrong)?;
+        writeln!(f, "{:<34}{:>12}", "sets with frames left out", self.left_out)?;
+        writeln!(f, "{:<34}{:>12}", "sets that repeat the one before", self.held)?;
+        writeln!(f, "{:<34}{:>12}", "bursts without a set", self.failed)?;
+        writeln!(f, "{:<34}{:>12}", "sets of lowered quality", self.degraded)?;
+        let steps = format!("{} / {}", self.quality.down, self.quality.up);
+        writeln!(f, "{:<34}{:>12}", "steps of the quality, down / up", steps)?;
+        writeln!(f, "{:<34}{:>12}", "replies", count(&tally.replies))?;
+        writeln!(f, "{:<34}{:>12}", "replies compared with their set", count(&tally.checked))?;
+        writeln!(f, "{:<34}{:>12}", "replies marked stale", count(&tally.stale))?;
+        writeln!(f, "{:<34}{:>12}", "errors, lost replies included", count(&tally.errors))?;
+        writeln!(f, "{:<34}{:>12.3}", "longest time of a reply, s", tally.worst().as_secs_f64())?;
+        writeln!(f, "{:<34}{:>12}", "connections left half-way", count(&tally.rude))?;
+        writeln!(f, "{:<34}{:>12}", "changes of settings", count(&tally.changes))?;
+        let settings = format!("{} of {}", self.settings[0], self.settings[1]);
+        writeln!(f, "{:<34}{:>12}", "settings changed", settings)?;
+        let [warm, end, most] = self.memory_kb;
+        writeln!(f, "{:<34}{:>12}", "memory after a tenth, kB", warm)?;
+        writeln!(f, "{:<34}{:>12}", "memory at the end, kB", end)?;
+        writeln!(f, "{:<34}{:>12}", "most memory, kB", most)?;
+        let descriptors = format!("{} / {}", self.descriptors[0], self.descriptors[1]);
+        writeln!(f, "{:<34}{:>12}", "descriptors, start / end", descriptors)?;
+        let faults: u64 = self.faults.iter().map(|(_, n)| n).sum();
+        writeln!(f, "{:<34}{:>12}", "faults", faults)?;
+        for (kind, n) in &self.faults {
+            writeln!(f, "  {kind:<32}{n:>12}")?;
+        }
+        writeln!(f, "{:<34}{:>12}", "recoveries within two bursts", self.recovered)?;
+        writeln!(f, "{:<34}{:>12}", "faults without recovery", self.unrecovered)?;
+        self.words.iter().try_for_each(|what| writeln!(f, "wrong: {what}"))?;
+        tally.words().iter().try_for_each(|what| writeln!(f, "error: {what}"))?;
+        self.failures().iter().try_for_each(|what| writeln!(f, "does not hold: {what}"))?;
+        if self.failures().is_empty() { writeln!(f, "all holds") } else { Ok(()) }
+    }
+}
+
+/// Resident memory of this process, kB; 0 where it is not known.
+pub(super) fn resident_kb() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
+    line.and_then(|line| line.trim().trim_end_matches(" kB").trim().parse().ok()).unwrap_or(0)
+}
+
+/// Open descriptors of this process; 0 where they are not known.
+pub(super) fn descriptors() -> usize {
+    std::fs::read_dir("/proc/self/fd").map_or(0, Iterator::count)
+}
