@@ -24,6 +24,8 @@ pub mod consistency;
 #[cfg(feature = "export")]
 pub mod export;
 #[cfg(feature = "pipeline")]
+pub mod exposure_plan;
+#[cfg(feature = "pipeline")]
 pub mod judge;
 #[cfg(any(feature = "server", feature = "client"))]
 pub mod light_set;
@@ -35,6 +37,8 @@ pub mod maps;
 pub mod memory;
 #[cfg(all(target_os = "linux", target_arch = "arm", built_with_neon))]
 mod neon;
+#[cfg(feature = "pipeline")]
+pub mod noise;
 #[cfg(feature = "pipeline")]
 pub mod picture;
 #[cfg(feature = "pipeline")]

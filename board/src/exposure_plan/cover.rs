@@ -1,0 +1,117 @@
+//! The fewest exposures that cover a set of radiances.
+
+use crate::calibration::Calibration;
+use crate::noise::Noise;
+
+/// Most exposures of a plan.
+pub const MOST: usize = 6;
+
+/// Least ratio of a sample to its standard deviation.
+const LEAST_RATIO: f64 = 5.0;
+
+/// Number of standard deviations that new exposures keep from the limits.
+const MARGIN: f64 = 3.0;
+
+/// Share of the pixels, the darkest, whose noise does not matter.
+const DARKEST: f64 = 0.02;
+
+/// Relative code of the saturation of a plan: below that of the merge, so that what a plan covers does not clip.
+const SATURATED: f64 = 0.93;
+
+/// The exposure times that a camera takes, seconds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Range {
+    /// Shortest time.
+    pub shortest_s: f64,
+    /// Longest time at the frame rate.
+    pub longest_s: f64,
+}
+
+impl Range {
+    fn within(&self, seconds: f64) -> f64 {
+        seconds.clamp(self.shortest_s, self.longest_s)
+    }
+}
+
+/// The relative exposures, 0 to 1, between which a sample is covered.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// The relative exposure that is `LEAST_RATIO` times its standard deviation, and trusted by the merge.
+    pub dark: f64,
+    /// The relative exposure below saturation.
+    pub bright: f64,
+    /// The factors by which `dark` rises and `bright` falls for new exposures.
+    margins: [f64; 2],
+}
+
+impl Limits {
+    /// The limits of a camera with `noise`, in codes.
+    #[must_use]
+    pub fn of(calibration: &Calibration, noise: &Noise) -> Self {
+        use hemilux_core::Response;
+        use hemilux_core::response::TRUSTED;
+        let codes = calibration.levels.white - calibration.levels.black;
+        let y = |x: f64| calibration.response.exposure(1, x);
+        let by_noise = y(noise.codes_at(LEAST_RATIO) / codes);
+        let trusted = if calibration.response == Response::Linear { 0.0 } else { y(TRUSTED) };
+        let bright = y(SATURATED);
+        let at_bright = MARGIN * noise.deviation(SATURATED * codes) / (SATURATED * codes);
+        let margins = [1.0 + MARGIN / LEAST_RATIO, 1.0 / (1.0 + at_bright)];
+        Self { dark: by_noise.max(trusted), bright, margins }
+    }
+
+    /// The limits for new exposures.
+    #[must_use]
+    pub fn narrowed(&self) -> Self {
+        let [dark, bright] = self.margins;
+        let narrowed = Self { dark: self.dark * dark, bright: self.bright * bright, ..*self };
+        if narrowed.dark < narrowed.bright { narrowed } else { *self }
+    }
+}
+
+/// A part of the scene's light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Light {
+    /// Radiance: relative exposure per second.
+    pub radiance: f64,
+    /// Share of the pixels, 0 to 1.
+    pub share: f64,
+}
+
+/// The radiances of `light`, brightest first, that exposures have to cover: all but the darkest pixels.
+fn to_cover(light: &[Light]) -> impl Iterator<Item = f64> + '_ {
+    let mut before = 0.0;
+    let needed = light.iter().take_while(move |l| {
+        let is_needed = before < 1.0 - DARKEST;
+        before += l.share;
+        is_needed
+    });
+    needed.map(|l| l.radiance)
+}
+
+/// The fewest exposure times, ascending, at most [`MOST`], that cover `light`, which descends. What is too bright for the shortest or too
+/// dark for the longest time counts as covered by these.
+#[must_use]
+pub fn cover(light: &[Light], limits: &Limits, range: &Range) -> Vec<f64> {
+    let mut times: Vec<f64> = Vec::with_capacity(MOST);
+    for radiance in to_cover(light) {
+        let is_covered = |t: &f64| radiance * t >= limits.dark || *t >= range.longest_s;
+        if times.last().is_some_and(is_covered) || times.len() == MOST {
+            continue;
+        }
+        times.push(range.within(limits.bright / radiance));
+    }
+    times
+}
+
+/// Whether `times`, ascending, cover `light`, which descends.
+#[must_use]
+pub fn is_covered(light: &[Light], times: &[f64], limits: &Limits, range: &Range) -> bool {
+    let by = |radiance: f64, t: f64| {
+        let y = radiance * t;
+        let not_dark = y >= limits.dark || t >= range.longest_s * (1.0 - 1e-9);
+        let not_bright = y <= limits.bright * (1.0 + 1e-9) || t <= range.shortest_s * (1.0 + 1e-9);
+        not_dark && not_bright
+    };
+    to_cover(light).all(|radiance| times.iter().any(|t| by(radiance, *t)))
+}

@@ -1,0 +1,150 @@
+//! The radiances of a burst, by the logarithm.
+
+use super::cover::{Light, Limits, Range};
+use crate::calibration::{Burst, Calibration};
+use glam::DVec2;
+use hemilux_core::{Layout, read_rgb_row};
+
+/// Bins per octave of radiance.
+pub const BINS_PER_OCTAVE: usize = 4;
+
+/// Binary logarithm of the radiance, relative exposure per second, of the lower edge of the first bin.
+const FIRST_OCTAVE: i32 = -24;
+
+/// Octaves of the histogram.
+const OCTAVES: usize = 56;
+
+/// Rows and columns between samples.
+const STEP: u32 = 4;
+
+/// Counts of pixels by radiance, and of those whose radiance the burst does not tell.
+#[derive(Clone, Debug)]
+pub struct Histogram {
+    counts: [u32; OCTAVES * BINS_PER_OCTAVE],
+    /// Pixels, the unknown ones included.
+    total: u32,
+    /// Pixels that are too bright for the shortest exposure, and the radiance above which they lie.
+    above: (u32, f64),
+    /// Pixels that are too dark for the longest exposure, and the radiance below which they lie.
+    below: (u32, f64),
+}
+
+impl Default for Histogram {
+    fn default() -> Self {
+        Self { counts: [0; _], total: 0, above: (0, f64::MAX), below: (0, 0.0) }
+    }
+}
+
+/// The upper edge of bin `at`.
+fn upper(at: usize) -> f64 {
+    f64::from(FIRST_OCTAVE + (at as i32 + 1) / BINS_PER_OCTAVE as i32).exp2()
+        * (((at + 1) % BINS_PER_OCTAVE) as f64 / BINS_PER_OCTAVE as f64).exp2()
+}
+
+/// The bin of a radiance.
+fn bin(radiance: f64) -> usize {
+    let at = (radiance.log2() - f64::from(FIRST_OCTAVE)) * BINS_PER_OCTAVE as f64;
+    (at.max(0.0) as usize).min(OCTAVES * BINS_PER_OCTAVE - 1)
+}
+
+impl Histogram {
+    /// Adds a pixel of known radiance.
+    pub fn add(&mut self, radiance: f64) {
+        self.counts[bin(radiance)] += 1;
+        self.total += 1;
+    }
+
+    /// Whether some pixel is too bright for the shortest exposure.
+    pub(super) fn has_unknown_above(&self) -> bool {
+        self.above.0 > 0
+    }
+
+    /// Forgets all pixels; the shortest exposure is saturated at a radiance of `above`, and the longest one shows nothing under `below`.
+    fn clear(&mut self, above: f64, below: f64) {
+        (self.counts, self.total) = ([0; _], 0);
+        (self.above, self.below) = ((0, above), (0, below));
+    }
+
+    /// The light, brightest first: a bin at its upper edge; unknown radiances at each bin that they may lie in within `range`.
+    #[must_use]
+    pub fn light(&self, range: &Range) -> Vec<Light> {
+        let share = |count: u32| f64::from(count) / f64::from(self.total.max(1));
+        // The first bin of each unknown part has all its pixels: it has to be covered as a whole.
+        let bright = bin(self.above.1)..=bin(1.0 / range.shortest_s);
+        let dark = bin(1e-3 / range.longest_s)..=bin(self.below.1);
+        let (above, below) = (self.above.0, self.below.0);
+        let light = (0..self.counts.len()).rev().filter_map(|at| {
+            let known = share(self.counts[at]);
+            let is_unknown = (above > 0 && bright.contains(&at)) || (below > 0 && dark.contains(&at));
+            let unknown = match at {
+                _ if above > 0 && at == *bright.start() => share(above),
+                _ if below > 0 && at == *dark.start() => share(below),
+                _ => 0.0,
+            };
+            (known > 0.0 || is_unknown).then(|| Light { radiance: upper(at), share: known + unknown })
+        });
+        light.collect()
+    }
+}
+
+/// Reads the radiances of bursts of one camera.
+#[derive(Clone, Debug)]
+pub(super) struct Reader {
+    layout: Layout,
+    /// Relative exposure of each code, green.
+    curve: Vec<f32>,
+    /// The columns that are read of each row that is read.
+    columns: Vec<(u32, Vec<u32>)>,
+    rows: Vec<Vec<[u16; 3]>>,
+}
+
+impl Reader {
+    pub(super) fn new(calibration: &Calibration) -> Option<Self> {
+        let Calibration { layout, lens, levels, response, .. } = calibration;
+        let codes = levels.white - levels.black;
+        if codes.partial_cmp(&0.0) != Some(std::cmp::Ordering::Greater) {
+            return None;
+        }
+        let curve = (0..=layout.format().max_code())
+            .map(|code| response.exposure(1, (f64::from(code) - levels.black) / codes) as f32);
+        let seen = |x: u32, y: u32| lens.unproject(DVec2::new(f64::from(x), f64::from(y))).is_some();
+        let every = |n: u32| (0..n).step_by(STEP as usize);
+        let columns = every(layout.height())
+            .map(|y| (y, every(layout.width()).filter(|x| seen(*x, y)).collect::<Vec<_>>()))
+            .filter(|(_, columns)| !columns.is_empty());
+        Some(Self { layout: *layout, curve: curve.collect(), columns: columns.collect(), rows: Vec::new() })
+    }
+
+    /// Replaces `histogram` by that of `burst`: each pixel at its radiance in the longest exposure that is not saturated.
+    pub(super) fn read(&mut self, burst: &Burst, limits: &Limits, histogram: &mut Histogram) {
+        let (Some(first), Some(last)) = (burst.frames.first(), burst.frames.last()) else { return };
+        // A pixel under a fifth of the limit, at which its noise is its light, has no radiance.
+        let floor = limits.dark / 5.0;
+        histogram.clear(limits.bright / first.exposure.seconds, floor / last.exposure.seconds);
+        self.rows.resize_with(burst.frames.len(), Vec::new);
+        for (y, columns) in &self.columns {
+            for (row, frame) in self.rows.iter_mut().zip(&burst.frames) {
+                row.resize(self.layout.width() as usize, [0; 3]);
+                read_rgb_row(&self.layout, frame.pixels.samples(), *y, row);
+            }
+            for x in columns {
+                let y_in = |row: &Vec<[u16; 3]>| {
+                    let code = row.get(*x as usize).map_or(0, |rgb| rgb[0].max(rgb[1]).max(rgb[2]));
+                    f64::from(self.curve.get(usize::from(code)).copied().unwrap_or(1.0))
+                };
+                let read = self.rows.iter().zip(&burst.frames).rev();
+                let found =
+                    read.map(|(row, f)| (y_in(row), f.exposure.seconds)).find(|(y, _)| *y < limits.bright);
+                match found {
+                    Some((y, _)) if y < floor => {
+                        (histogram.below.0, histogram.total) = (histogram.below.0 + 1, histogram.total + 1)
+                    }
+                    Some((y, seconds)) => histogram.add(y / seconds),
+                    None => {
+                        (histogram.above.0, histogram.total) = (histogram.above.0 + 1, histogram.total + 1)
+                    }
+                }
+            }
+        }
+    }
+}
