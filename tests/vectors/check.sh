@@ -15,6 +15,9 @@ hemilux_core::front::gather::sum_up 1 vadd.i32 1
 hemilux_core::front::gather::cut 1 vsub.i32 1
 hemilux_core::front::gather::cut 1 vcvt.f32.s32.*q 1
 hemilux_core::front::gather::add 2 vmla.f32|vfma.f32 3
+hemilux_core::front::code_sums::CodeSums::above_black 1 vld3.8 1
+hemilux_core::front::code_sums::CodeSums::add_up 1 vaddw.s16 1
+hemilux_core::front::code_sums::CodeSums::add_runs 1 vmla.i32 1
 hemilux_core::front::yuv::Pairs::paint_as 4 vqadd.s16 3
 hemilux_core::front::yuv::Pairs::paint_as 4 vmull.s16 8
 hemilux_core::merge::table::Whole::plane 2 vmax.u8 1

@@ -20,14 +20,14 @@ const SATURATED: f64 = 0.93;
 
 /// The exposure times that a camera takes, seconds.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Range {
+pub struct TimeRange {
     /// Shortest time.
     pub shortest_s: f64,
     /// Longest time at the frame rate.
     pub longest_s: f64,
 }
 
-impl Range {
+impl TimeRange {
     fn within(&self, seconds: f64) -> f64 {
         seconds.clamp(self.shortest_s, self.longest_s)
     }
@@ -92,7 +92,7 @@ fn to_cover(light: &[Light]) -> impl Iterator<Item = f64> + '_ {
 /// The fewest exposure times, ascending, at most [`MOST`], that cover `light`, which descends. What is too bright for the shortest or too
 /// dark for the longest time counts as covered by these.
 #[must_use]
-pub fn cover(light: &[Light], limits: &Limits, range: &Range) -> Vec<f64> {
+pub fn cover(light: &[Light], limits: &Limits, range: &TimeRange) -> Vec<f64> {
     let mut times: Vec<f64> = Vec::with_capacity(MOST);
     for radiance in to_cover(light) {
         let is_covered = |t: &f64| radiance * t >= limits.dark || *t >= range.longest_s;
@@ -106,7 +106,7 @@ pub fn cover(light: &[Light], limits: &Limits, range: &Range) -> Vec<f64> {
 
 /// Whether `times`, ascending, cover `light`, which descends.
 #[must_use]
-pub fn is_covered(light: &[Light], times: &[f64], limits: &Limits, range: &Range) -> bool {
+pub fn is_covered(light: &[Light], times: &[f64], limits: &Limits, range: &TimeRange) -> bool {
     let by = |radiance: f64, t: f64| {
         let y = radiance * t;
         let not_dark = y >= limits.dark || t >= range.longest_s * (1.0 - 1e-9);

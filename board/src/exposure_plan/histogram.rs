@@ -1,6 +1,6 @@
 //! The radiances of a burst, by the logarithm.
 
-use super::cover::{Light, Limits, Range};
+use super::cover::{Light, Limits, TimeRange};
 use crate::calibration::{Burst, Calibration};
 use glam::DVec2;
 use hemilux_core::{Layout, read_rgb_row};
@@ -67,7 +67,7 @@ impl Histogram {
 
     /// The light, brightest first: a bin at its upper edge; unknown radiances at each bin that they may lie in within `range`.
     #[must_use]
-    pub fn light(&self, range: &Range) -> Vec<Light> {
+    pub fn light(&self, range: &TimeRange) -> Vec<Light> {
         let share = |count: u32| f64::from(count) / f64::from(self.total.max(1));
         // The first bin of each unknown part has all its pixels: it has to be covered as a whole.
         let bright = bin(self.above.1)..=bin(1.0 / range.shortest_s);

@@ -9,7 +9,7 @@ mod histogram;
 #[cfg(test)]
 mod tests;
 
-pub use cover::{Limits, MOST, Range, cover, is_covered};
+pub use cover::{Limits, MOST, TimeRange, cover, is_covered};
 pub use histogram::{BINS_PER_OCTAVE, Histogram};
 
 use crate::calibration::{Burst, Calibration};
@@ -30,7 +30,7 @@ struct Hidden {
 /// Follows the light of one camera with its exposures.
 #[derive(Clone, Debug)]
 pub struct Planner {
-    range: Range,
+    range: TimeRange,
     limits: Limits,
     reader: Reader,
     histogram: Histogram,
@@ -40,7 +40,7 @@ pub struct Planner {
 impl Planner {
     /// A planner for a camera of `calibration` that takes exposures within `range`; `None` if its response cannot be tabulated.
     #[must_use]
-    pub fn new(calibration: &Calibration, range: Range, noise: &Noise) -> Option<Self> {
+    pub fn new(calibration: &Calibration, range: TimeRange, noise: &Noise) -> Option<Self> {
         let limits = Limits::of(calibration, noise);
         let reader = Reader::new(calibration)?;
         Some(Self { range, limits, reader, histogram: Histogram::default(), hidden: Hidden::default() })
@@ -69,7 +69,12 @@ impl Planner {
 /// New times are chosen with limits that are narrower by three standard deviations of a sample; times in use are kept as long as they cover
 /// the scene with the full limits and no fewer are enough, so that noise changes nothing.
 #[must_use]
-pub fn decide(current: &[f64], histogram: &Histogram, limits: &Limits, range: &Range) -> Option<Vec<f64>> {
+pub fn decide(
+    current: &[f64],
+    histogram: &Histogram,
+    limits: &Limits,
+    range: &TimeRange,
+) -> Option<Vec<f64>> {
     let light = histogram.light(range);
     let wished = cover(&light, &limits.narrowed(), range);
     let stays = current.len() <= wished.len() && is_covered(&light, current, limits, range);

@@ -33,6 +33,8 @@ pub struct Config {
     pub pipeline: Settings,
     /// Exposure times, seconds, ascending; `None` for those of the source.
     pub exposures_s: Option<Vec<f64>>,
+    /// Whether the exposures follow the light, if the source can change them.
+    pub auto_exposures: bool,
     /// The budget of each stage.
     pub budgets: Budgets,
     /// Whether `/screenshot` may draw the debug picture. The frames do not depend on it.
@@ -50,6 +52,7 @@ impl Default for Config {
         Self {
             pipeline: Settings::default(),
             exposures_s: None,
+            auto_exposures: false,
             budgets: Budgets::default(),
             gui: false,
             tiers: tiers::USUAL,

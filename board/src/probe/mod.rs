@@ -7,6 +7,7 @@ pub mod compare;
 mod config;
 mod durations;
 mod ladder;
+mod light_follower;
 mod made_for;
 mod ring;
 mod set_channel;

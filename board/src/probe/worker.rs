@@ -2,6 +2,7 @@
 
 use super::compare::SecondarySlot;
 use super::ladder::{Ladder, Measured};
+use super::light_follower::LightFollower;
 use super::ring::Ring;
 use super::settings::SETTINGS;
 use super::settings_channel::Requested;
@@ -36,6 +37,7 @@ pub struct Worker {
     /// The settings in effect.
     config: Config,
     link: Arc<Link>,
+    light: LightFollower,
     /// The quality of the frames, lowered where they take too long.
     ladder: Ladder,
     /// Bursts so far, those that were left out included.
@@ -78,6 +80,7 @@ impl Worker {
             config,
             link: Arc::new(link),
             ladder,
+            light: LightFollower::default(),
             bursts: 0,
             delivery_us: u32::MAX,
             nominal,
@@ -176,6 +179,11 @@ impl Worker {
         self.link.sets.publish(Arc::clone(&set));
         self.secondary.compare(&self.link.comparison, &mut self.pipeline, &set);
         self.link.views.serve(&self.burst, &mut self.pipeline, &set, lux);
+        if self.config.auto_exposures
+            && self.light.follow(self.source.as_mut(), &self.burst, f64::from(set.clipped))
+        {
+            self.link.settings.set_exposures(exposures(&*self.source));
+        }
         self.follow_duration(set.latency.total, delivery_us);
         Ok(())
     }
@@ -298,7 +306,8 @@ impl Worker {
 
     /// Applies all of `config`, or nothing.
     fn follow(&mut self, config: &Config) -> Result<(), Refusal> {
-        let is_new = config.exposures_s != self.config.exposures_s;
+        let is_left = self.config.auto_exposures && !config.auto_exposures;
+        let is_new = config.exposures_s != self.config.exposures_s || is_left;
         if is_new {
             let refused = |why| Refusal { setting: "exposures_s", why };
             self.source.set_exposures(config.exposures_s.as_deref()).map_err(refused)?;

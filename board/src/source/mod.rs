@@ -25,6 +25,7 @@ pub use scene::SceneSource;
 
 use crate::calibration::{Burst, Calibration};
 use crate::camera_status::CameraStatus;
+use crate::exposure_plan::TimeRange;
 use crate::recorded::RecordedError;
 use crate::scene::{self as scenes, NAMES};
 use hemilux_core::Exposure;
@@ -55,6 +56,11 @@ pub trait Source: Send {
     /// The reason for which the exposures cannot be changed; `None` if they can.
     fn fixed_exposures(&self) -> Option<&'static str> {
         Some("the source's exposures are fixed")
+    }
+
+    /// The times that [`Source::set_exposures`] takes at the source's rate; `None` if the exposures cannot follow the light.
+    fn exposure_range(&self) -> Option<TimeRange> {
+        None
     }
 
     /// Statements about the source that its user should read, such as frames of a recording that are left out.

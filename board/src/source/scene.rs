@@ -5,6 +5,7 @@ use super::sensor::Sensor;
 use super::{Pace, Source, SourceError};
 use crate::calibration::{Burst, Calibration, Frame, Pixels};
 use crate::clock;
+use crate::exposure_plan::TimeRange;
 use crate::scene::{Patch, Scene};
 use glam::DVec2;
 use hemilux_core::Exposure;
@@ -22,6 +23,9 @@ const CENTRE: (f64, f64) = (319.5, 239.5);
 
 /// The exposure times of [Nikodym2012], seconds.
 pub(super) const SECONDS: [f64; 3] = [0.000_926, 0.005_555, 0.033_333];
+
+/// Exposure times of the simulated sensor at 30 frames a second.
+const RANGE: TimeRange = TimeRange { shortest_s: 30e-6, longest_s: SECONDS[2] };
 
 /// Radiance that fills a pixel in the shortest exposure: above [`crate::scene::BRIGHTEST`], glow and noise included.
 const FULL: f64 = 60.0;
@@ -91,6 +95,10 @@ impl Source for SceneSource {
 
     fn fixed_exposures(&self) -> Option<&'static str> {
         None
+    }
+
+    fn exposure_range(&self) -> Option<TimeRange> {
+        Some(RANGE)
     }
 
     fn set_exposures(&mut self, seconds: Option<&[f64]>) -> Result<(), String> {

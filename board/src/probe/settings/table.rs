@@ -163,6 +163,18 @@ pub static SETTINGS: &[Setting] = &[
         in_use: |_| true,
     },
     Setting {
+        name: "auto_exposures",
+        parameter: "auto_exposures",
+        title: "Exposures by light",
+        group: Group::Map,
+        kind: Kind::Switch,
+        unit: None,
+        what: "Whether the exposures follow the light: as few as cover what the scene shows, up to six, in place of the setting exposures_s; sources of fixed exposures keep theirs.",
+        value: |c| json!(c.auto_exposures),
+        set: |c, v| put(&mut c.auto_exposures, v.as_bool()),
+        in_use: |_| true,
+    },
+    Setting {
         name: "merge",
         parameter: "merge",
         title: "Exposures read",

@@ -1,0 +1,90 @@
+//! Exposures that follow the light of the scene.
+
+use crate::calibration::{Burst, Calibration};
+use crate::exposure_plan::Planner;
+use crate::noise::Noise;
+use crate::source::Source;
+
+/// Changes the exposures of a source after its bursts.
+#[derive(Debug, Default)]
+pub(super) struct LightFollower {
+    /// The planner, and the calibration that it was made for.
+    planner: Option<(Calibration, Planner)>,
+}
+
+impl LightFollower {
+    /// Plans the exposures of the next bursts after `burst`, of whose light the share `clipped` was clipped. Returns whether they change.
+    ///
+    /// Sources of fixed exposures are left alone, and so are bursts with other exposures than the source has now: those of before a change,
+    /// and incomplete ones.
+    pub(super) fn follow(&mut self, source: &mut dyn Source, burst: &Burst, clipped: f64) -> bool {
+        let Some(range) = source.exposure_range() else { return false };
+        if !burst.frames.iter().map(|frame| frame.exposure).eq(source.exposures()) {
+            return false;
+        }
+        let calibration = source.calibration();
+        if self.planner.as_ref().is_none_or(|(made_for, _)| made_for != calibration) {
+            let levels = calibration.levels;
+            let noise = Noise::assumed(levels.black, levels.white - levels.black);
+            self.planner = Planner::new(calibration, range, &noise).map(|planner| (*calibration, planner));
+        }
+        let next = self.planner.as_mut().and_then(|(_, planner)| planner.next(burst, clipped));
+        let Some(seconds) = next else { return false };
+        match source.set_exposures(Some(&seconds)) {
+            Ok(()) => tracing::debug!("exposures follow the light: {seconds:?} s"),
+            Err(why) => tracing::warn!("exposures that follow the light: {why}"),
+        }
+        true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pipeline::{Pipeline, Settings};
+    use crate::scene;
+    use crate::source::{Pace, SceneSource};
+
+    /// Exposures and clipped share of each burst of a scene whose first exposures are `seconds`.
+    fn follow(name: &str, seconds: &[f64], bursts: usize) -> Vec<(Vec<f64>, f64)> {
+        let mut source = SceneSource::new(scene::by_name(name).expect("a scene"), Pace::Free);
+        source.set_exposures(Some(seconds)).expect("any exposures");
+        let mut pipeline = Pipeline::try_new(*source.calibration(), &source.exposures(), Settings::default())
+            .expect("a pipeline");
+        let (mut follower, mut burst) = (LightFollower::default(), Burst::default());
+        let mut all = Vec::new();
+        for _ in 0..bursts {
+            source.next(&mut burst).expect("a burst");
+            let clipped = pipeline.process(&burst).expect("lights").seen.clipped;
+            all.push((source.exposures().iter().map(|e| e.seconds).collect(), clipped));
+            follower.follow(&mut source, &burst, clipped);
+        }
+        all
+    }
+
+    #[test]
+    fn scenes_are_covered_from_the_third_burst_on_by_as_few_exposures_as_they_need() {
+        // The overcast sky has a ratio of three between zenith and horizon; the lamps of the other scenes are hundreds of times as bright as the
+        // walls.
+        for (name, most) in [("overcast", 1), ("room", 3), ("sky", 3), ("lamps", 3)] {
+            for first in [&[1e-4][..], &[0.033], &[0.000_926, 0.005_555, 0.033_333]] {
+                let bursts = follow(name, first, 8);
+                for (seconds, clipped) in &bursts[2..] {
+                    assert!(*clipped <= 0.001, "{name} from {first:?}: {bursts:?}");
+                    assert!((1..=most).contains(&seconds.len()), "{name} from {first:?}: {bursts:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn bursts_with_other_exposures_than_the_source_change_nothing() {
+        let mut source = SceneSource::new(scene::by_name("overcast").expect("a scene"), Pace::Free);
+        let mut burst = Burst::default();
+        source.next(&mut burst).expect("a burst");
+        burst.frames.pop();
+        let before = source.exposures();
+        assert!(!LightFollower::default().follow(&mut source, &burst, 0.5), "an incomplete burst");
+        assert_eq!(source.exposures(), before);
+    }
+}
