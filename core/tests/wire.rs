@@ -154,6 +154,18 @@ fn steps_of_a_degraded_set_are_listed_or_not_at_all() {
 }
 
 #[test]
+fn removed_flicker_is_written_with_its_frequency_or_not_at_all() {
+    let mut set = LightSet::EMPTY;
+    assert!(!encode(json, &set).contains("mains"));
+    set.flicker.share = 0.5;
+    let value: Value = serde_json::from_str(&encode(json, &set)).expect("JSON");
+    assert_eq!(value["mains"], serde_json::json!({"frequency_hz": null, "depth": 0, "share": 0.5}));
+    (set.flicker.frequency_hz, set.flicker.depth) = (Some(100.0), 0.25);
+    let value: Value = serde_json::from_str(&encode(json, &set)).expect("JSON");
+    assert_eq!(value["mains"], serde_json::json!({"frequency_hz": 100, "depth": 0.25, "share": 0.5}));
+}
+
+#[test]
 fn the_set_before_the_first_frame_is_not_valid() {
     let value: Value = serde_json::from_str(&encode(json, &LightSet::EMPTY)).expect("JSON");
     assert_eq!((&value["valid"], &value["estimated_error"]), (&false.into(), &Value::Null));

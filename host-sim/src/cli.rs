@@ -10,6 +10,7 @@ use crate::error::SimError;
 use crate::export::Export;
 use crate::output::{self, Files};
 use crate::{burst, chart, decompose, import, render, replay, score};
+use clap::builder::PossibleValuesParser;
 use clap::{Args, Parser, Subcommand};
 use export::ExportArgs;
 use hemilux::pipeline::Settings;
@@ -17,6 +18,7 @@ use hemilux::recorded::ReadLimits;
 use hemilux::usage::{self, Explained};
 use hemilux_core::Extrapolation;
 use hemilux_core::SamplerKind;
+use hemilux_core::mains::Lamps;
 use hemilux_core::sampler::Request;
 use maps::MapArgs;
 use std::ffi::OsString;
@@ -161,6 +163,12 @@ struct ReplayArgs {
     sampler: SamplerArgs,
     #[command(flatten)]
     model: ModelArgs,
+    /// Frequency of the mains, hertz, whose lamps flicker; auto finds it, off leaves the flicker.
+    #[arg(long, default_value = "auto", value_parser = PossibleValuesParser::new(Lamps::NAMES))]
+    mains: String,
+    /// Frames a second, for a recording whose burst.toml files have no timestamp_ns.
+    #[arg(long, value_name = "HZ")]
+    rate: Option<f64>,
     /// Radiance of the part of the hemisphere outside the field of view.
     #[arg(long, value_enum, default_value = "none")]
     extrapolation: ExtrapolationArg,
@@ -345,10 +353,14 @@ fn run_replay(args: ReplayArgs) -> Result<(), SimError> {
         ExtrapolationArg::None => Extrapolation::None,
         ExtrapolationArg::Average => Extrapolation::Average,
     };
+    if let Some(rate) = args.rate.filter(|rate| !(*rate > 0.0 && rate.is_finite())) {
+        return Err(SimError::Usage(format!("--rate: found {rate}, expected a positive number")));
+    }
+    let lamps = Lamps::named(&args.mains).unwrap_or_default();
     let SamplerArgs { sampler, lights } = args.sampler;
     let ModelArgs { tolerance, ambient, soft } = args.model;
     let settings =
-        Settings { sampler, lights, tolerance, ambient, soft, extrapolation, ..Settings::default() };
+        Settings { sampler, lights, tolerance, ambient, soft, extrapolation, lamps, ..Settings::default() };
     let export = args.export.export()?;
     let files = args.files.files(&export);
     replay::run(&replay::Job {
@@ -356,6 +368,7 @@ fn run_replay(args: ReplayArgs) -> Result<(), SimError> {
         lens: args.lens,
         limits: ReadLimits { max_pixels: args.max_pixels, ..ReadLimits::default() },
         exposures: args.exposures.into(),
+        rate_hz: args.rate,
         settings,
         files,
         export,

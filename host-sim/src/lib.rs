@@ -25,4 +25,3 @@ pub mod score;
 pub mod slowdown;
 pub mod soak;
 pub mod stress;
-pub mod world;

@@ -25,7 +25,9 @@ pub struct Job {
     pub limits: ReadLimits,
     /// Origin of the exposure times.
     pub exposures: Exposures,
-    /// Sampler, number of lights and extrapolation.
+    /// Frames a second, for a recording without times.
+    pub rate_hz: Option<f64>,
+    /// Sampler, number of lights, extrapolation and lamps.
     pub settings: Settings,
     /// Paths of pictures and maps to write.
     pub files: Files,
@@ -55,6 +57,10 @@ pub fn run(job: &Job) -> Result<(), SimError> {
     for (index, folder) in bursts.iter().enumerate() {
         let mut read = read(job, &folder.folder)?;
         read.burst.timestamp_ns = read.burst.timestamp_ns.max(folder.timestamp_ns);
+        if let (Some(rate), None) = (job.rate_hz, read.burst.phase_s()) {
+            let frames = index * read.burst.frames.len();
+            read.burst.phase_ns = 1 + (1e9 * frames as f64 / rate) as u64;
+        }
         let exposures: Vec<_> = read.burst.frames.iter().map(|f| f.exposure).collect();
         let tells = pipeline.is_none();
         let same = pipeline.take().filter(|p| *p.calibration() == read.calibration);

@@ -1,12 +1,15 @@
 //! Lamps on the mains before a camera, through the pipeline of the probe: the lights are those of the same lamps without flicker.
 
+mod common;
+
+use common::{sim_ok, text};
 use hemilux::pipeline::{Pipeline, Processed, Settings};
 use hemilux_core::mains::{Flicker, Lamps};
 use hemilux_sim::burst::{Sensor, THESIS_EXPOSURES_S};
 use hemilux_sim::env::EnvMap;
 use hemilux_sim::metrics::stability::Source;
 use hemilux_sim::scenario::stage::{WARM, at, energy, room};
-use hemilux_sim::world::{Change, Course, Filming, Lamp, Timing, Wave, World};
+use hemilux_sim::scenario::world::{Change, Course, Filming, Lamp, Timing, Wave, World};
 
 const BURSTS: usize = 36;
 const SETTLED: usize = 20;
@@ -152,4 +155,47 @@ fn a_switch_in_flickering_light_is_followed_in_two_bursts() {
         worst = if follows { worst } else { worst.max(off) };
     }
     assert!(worst < 0.025, "off {worst}");
+}
+
+/// The sets of a recording of two lamps at 28 Hz, replayed by the program with `arguments`.
+fn replay(wave: Wave, has_times: bool, arguments: &[&str]) -> Vec<serde_json::Value> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let filming = film(&world(wave, wave), timing(28.0));
+    for burst in 0..BURSTS {
+        filming.record(burst, &folder.path().join(format!("{burst:04}")), has_times).expect("written");
+    }
+    let lines = sim_ok(&[&["replay", "--burst", text(folder.path())], arguments].concat());
+    lines.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect()
+}
+
+fn flux(set: &serde_json::Value) -> [f64; 6] {
+    let values =
+        ["scalar_flux", "horizontal_irradiance"].into_iter().flat_map(|name| (0..3).map(move |c| (name, c)));
+    let mut all = [0.0; 6];
+    all.iter_mut().zip(values).for_each(|(to, (name, c))| *to = set[name][c].as_f64().expect("a number"));
+    all
+}
+
+/// With the time stamps of its frames, with a frame rate on the command line, and with neither.
+#[test]
+fn a_recorded_sequence_is_freed_of_flicker_whatever_is_known_of_its_times() {
+    let steady = replay(Wave::Steady, true, &[]);
+    assert!(steady.iter().all(|set| set.get("mains").is_none()), "steady lamps");
+    let difference =
+        |a: [f64; 6], b: [f64; 6]| a.iter().zip(b).map(|(a, b)| (a / b - 1.0).abs()).fold(0.0, f64::max);
+    let cases: [(f64, bool, &[&str]); 4] =
+        [(100.0, true, &[]), (120.0, true, &[]), (100.0, false, &["--rate", "28"]), (120.0, false, &[])];
+    for (hz, has_times, arguments) in cases {
+        let name = format!("{hz} Hz {has_times} {arguments:?}");
+        let sets = replay(Wave::Sine { hz, depth: 1.0 }, has_times, arguments);
+        let settled = SETTLED..BURSTS;
+        let off = settled.clone().map(|t| difference(flux(&sets[t]), flux(&steady[t]))).fold(0.0, f64::max);
+        let changes = settled.map(|t| difference(flux(&sets[t]), flux(&sets[t - 1])));
+        let flicker = changes.sum::<f64>() / (BURSTS - SETTLED) as f64;
+        let last = &sets[BURSTS - 1]["mains"];
+        eprintln!("{name}: off {:.2} %, flicker {:.2} %, {last}", 100.0 * off, 100.0 * flicker);
+        assert!(off < 0.025 && flicker < 0.01, "{name}: off {off}, flicker {flicker}");
+        let is_told = has_times || !arguments.is_empty();
+        assert_eq!(last["frequency_hz"].as_f64().map(f64::round), is_told.then_some(hz), "{name}");
+    }
 }

@@ -61,6 +61,7 @@ impl Processed<'_> {
             unseen: self.seen.unseen as f32,
             latency: self.times.latency(),
             frames_left_out: self.frames_left_out,
+            flicker: self.flicker,
             ..LightSet::EMPTY
         }
     }

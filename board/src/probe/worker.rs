@@ -114,6 +114,7 @@ impl Worker {
     pub fn step(&mut self) -> Result<(), SourceError> {
         self.follow_switch();
         let began = Instant::now();
+        self.burst.phase_ns = 0;
         let outcome = self.source.next(&mut self.burst);
         let capture = began.elapsed();
         self.follow_requests();

@@ -6,6 +6,7 @@ use super::{Context, config};
 use axum::extract::State;
 use axum::http::StatusCode;
 use axum::response::Response;
+use hemilux_core::mains::Flicker;
 use hemilux_core::wire::Latency;
 use serde_json::json;
 use std::sync::atomic::Ordering::Relaxed;
@@ -26,6 +27,8 @@ pub(super) async fn status(State(context): State<Context>, sender: Sender) -> Re
             "latency_us": latency, "overrun": set.overrun.names().collect::<Vec<_>>(),
         })
     });
+    let mains = latest.as_ref().map(|set| set.flicker).filter(|flicker| *flicker != Flicker::NONE);
+    let mains = mains.map(|f| json!({"frequency_hz": f.frequency_hz, "depth": f.depth, "share": f.share}));
     let stages = Latency::NAMES.iter().zip(timings.stages()).map(|(name, s)| {
         json!({"stage": name, "budget_us": s.budget, "overruns": s.overruns,
             "p50_us": s.p50, "p95_us": s.p95, "p99_us": s.p99, "max_us": s.most,
@@ -53,6 +56,7 @@ pub(super) async fn status(State(context): State<Context>, sender: Sender) -> Re
         "needs_token": matches!(context.admission.access, Access::Token { .. }),
         "allowed": context.admission.access.admit(&sender.headers, sender.client.key(), &context.admission.attempts).is_ok(),
         "camera": link.camera(),
+        "mains": mains,
         "last": frame,
         "frames": timings.frames(),
         "stages": stages.collect::<Vec<_>>(),

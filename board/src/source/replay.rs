@@ -25,6 +25,8 @@ pub struct ReplaySource {
     notes: Vec<String>,
     /// Time from each burst to the next, the last one's to the first.
     intervals: Vec<Duration>,
+    /// Time of the shortest exposure of each burst.
+    phases: Vec<u64>,
     at: usize,
     due: Option<Instant>,
 }
@@ -61,15 +63,25 @@ impl ReplaySource {
         let none = || RecordedError::new(folder, "no bursts", "at least one");
         let calibration = camera.ok_or_else(none)?;
         let intervals = intervals(&bursts, pace);
-        Ok(Self { calibration, bursts, notes, intervals, at: 0, due: None })
+        let phases = phases(&bursts, &intervals);
+        Ok(Self { calibration, bursts, notes, intervals, phases, at: 0, due: None })
     }
 
     /// Repeats `bursts` of the camera `calibration` at `pace`; `None` without bursts.
     #[must_use]
     pub fn of_bursts(calibration: Calibration, bursts: Vec<Burst>, pace: Pace) -> Option<Self> {
         let intervals = intervals(&bursts, pace);
+        let phases = phases(&bursts, &intervals);
         let notes = Vec::new();
-        (!bursts.is_empty()).then_some(Self { calibration, bursts, notes, intervals, at: 0, due: None })
+        (!bursts.is_empty()).then_some(Self {
+            calibration,
+            bursts,
+            notes,
+            intervals,
+            phases,
+            at: 0,
+            due: None,
+        })
     }
 
     /// Bursts of the recording.
@@ -109,6 +121,7 @@ impl Source for ReplaySource {
         self.due = Some((due + self.intervals[self.at]).max(Instant::now()));
         burst.before_ns = clock::monotonic_ns();
         burst.timestamp_ns = burst.before_ns;
+        burst.phase_ns = self.phases[self.at];
         copy_frames(&self.bursts[self.at].frames, &mut burst.frames);
         self.at = (self.at + 1) % self.bursts.len();
         Ok(())
@@ -145,6 +158,20 @@ fn intervals(bursts: &[Burst], pace: Pace) -> Vec<Duration> {
         }
         _ => vec![period; bursts.len()],
     }
+}
+
+/// Recorded times of the shortest exposures, or, where some are missing, the times at which the bursts are played.
+fn phases(bursts: &[Burst], intervals: &[Duration]) -> Vec<u64> {
+    if bursts.iter().all(|burst| burst.phase_ns != 0) {
+        return bursts.iter().map(|burst| burst.phase_ns).collect();
+    }
+    let nanoseconds = |interval: &Duration| u64::try_from(interval.as_nanos()).unwrap_or(u64::MAX);
+    let played = intervals.iter().scan(1, |at: &mut u64, interval| {
+        let now = *at;
+        *at = at.saturating_add(nanoseconds(interval));
+        Some(now)
+    });
+    played.collect()
 }
 
 /// Copies frames into memory that, after the first time, is already there.

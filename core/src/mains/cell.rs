@@ -18,6 +18,9 @@ const OTHER_SHAPE: f32 = 0.2;
 /// Least light of the known modulation, relative to the mean, from which a mean is computed.
 const LEAST_LIGHT: f32 = 0.3;
 
+/// The same, from which the first value after a step alone gives the mean. Below it, the step is taken as that of the mean.
+const HALF_LIGHT: f32 = 0.5;
+
 /// Strength from which a known modulation would be seen in the noise of a fit.
 const SEEN: f32 = 40.0;
 
@@ -120,12 +123,15 @@ impl Fits {
         let Some(fit) = self.of(cell.age) else { return self.of_known_shape(cell) };
         let newest = self.slots[0];
         let found = fit.estimate(&self.basis, &cell.past, newest);
+        let (y, strength, depth) = (cell.past[newest], found.strength(), found.depth());
+        let without_wave = (y - found.wave).max(0.0);
         if found.is_step(STEP_DEVIATIONS, STEP_SHARE) {
             cell.age = 1;
+            if cell.has_shape() && self.light(cell, newest) < HALF_LIGHT {
+                return Some(Level { y: without_wave, depth, is_modulated: true });
+            }
             return self.of_known_shape(cell);
         }
-        let strength = found.strength();
-        let depth = found.depth();
         if strength > if cell.has_shape() { STEADY } else { MODULATED } {
             if strength > MODULATED {
                 cell.learn(&found);
@@ -133,8 +139,13 @@ impl Fits {
             return Some(Level { y: found.mean.max(0.0), depth, is_modulated: true });
         }
         cell.doubt(&found);
-        let y = cell.past[newest];
-        in_region.then(|| Level { y: (y - found.wave).max(0.0), depth, is_modulated: false })
+        in_region.then_some(Level { y: without_wave, depth, is_modulated: false })
+    }
+
+    /// Light of the known modulation of `cell` at one burst, relative to its mean.
+    fn light(&self, cell: &Cell, slot: usize) -> f32 {
+        let [_, terms @ ..] = self.basis.at(slot);
+        1.0 + cell.shape.iter().zip(terms).map(|(a, t)| a * t).sum::<f32>()
     }
 
     /// The mean of a cell since its last step, from the modulation that it had before; `None` if it had none, or is darkest now or as dark as
@@ -143,10 +154,7 @@ impl Fits {
         if !cell.has_shape() {
             return None;
         }
-        let expected = |slot: usize| {
-            let [_, terms @ ..] = self.basis.at(slot);
-            1.0 + cell.shape.iter().zip(terms).map(|(a, t)| a * t).sum::<f32>()
-        };
+        let expected = |slot: usize| self.light(cell, slot);
         let (mut product, mut squares) = (0.0, 0.0);
         for slot in self.slots.iter().take(cell.age as usize) {
             let light = expected(*slot);

@@ -46,6 +46,29 @@ pub enum Lamps {
 }
 
 impl Lamps {
+    /// All choices.
+    pub const ALL: [Self; 4] = [Self::Auto, Self::Mains50, Self::Mains60, Self::Off];
+
+    /// Names of [`Lamps::ALL`]: the frequency of the mains.
+    pub const NAMES: [&str; 4] = ["auto", "50", "60", "off"];
+
+    /// The name, of [`Lamps::NAMES`].
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        Self::NAMES[self as usize]
+    }
+
+    /// The lamps with this name; `None` for an unknown name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|lamps| lamps.name() == name)
+    }
+
+    /// Frequencies at which the lamps vary, hertz.
+    pub(super) fn frequencies_hz(self) -> impl Iterator<Item = f64> {
+        LAMPS_HZ.into_iter().enumerate().filter(move |(index, _)| self.allows(*index)).map(|(_, hz)| hz)
+    }
+
     fn allows(self, index: usize) -> bool {
         match self {
             Self::Auto => true,
@@ -110,7 +133,7 @@ pub(super) fn find(window: &Window, regions: &[Cell], lamps: Lamps, has_times: b
         }
     };
     if has_times {
-        for (_, base) in LAMPS_HZ.into_iter().enumerate().filter(|(index, _)| lamps.allows(*index)) {
+        for base in lamps.frequencies_hz() {
             let range = (base - 6.0 * STEP_HZ, base + 6.0 * STEP_HZ);
             let lock = |step: i32| Lock::new(base + f64::from(step) * STEP_HZ, range, STEP_HZ);
             (-STEPS..=STEPS).for_each(|step| consider(lock(step), step));

@@ -34,6 +34,7 @@
 mod cell;
 mod fit;
 mod frequency;
+mod rate;
 mod window;
 
 use crate::buffer::{self, Buffer, TooSmall};
@@ -44,6 +45,7 @@ pub use cell::Cell;
 use cell::{Fits, Level};
 pub use frequency::Lamps;
 use frequency::Lock;
+pub use rate::{best_rate, whole_periods};
 use window::Window;
 
 /// Orders between a cell and its region.
@@ -72,6 +74,11 @@ pub struct Flicker {
     pub depth: f32,
     /// Share of the map's luminance energy that is an estimate over several bursts.
     pub share: f32,
+}
+
+impl Flicker {
+    /// No modulation.
+    pub const NONE: Self = Self { frequency_hz: None, depth: 0.0, share: 0.0 };
 }
 
 /// Order of the cells for a map of `order`.
@@ -105,6 +112,8 @@ struct State {
     lamps: Lamps,
     window: Window,
     has_times: bool,
+    /// The time that was stated for the last burst.
+    stated: Option<f64>,
     lock: Option<Lock>,
 }
 
@@ -118,7 +127,14 @@ impl<B: Buffer<Cell>> Mains<B> {
         cells.as_mut().fill(Cell::default());
         let order = cell_order(order);
         Ok(Self {
-            state: State { order, lamps, window: Window::default(), has_times: true, lock: None },
+            state: State {
+                order,
+                lamps,
+                window: Window::default(),
+                has_times: true,
+                stated: None,
+                lock: None,
+            },
             cells,
         })
     }
@@ -150,7 +166,8 @@ impl<B: Buffer<Cell>> Mains<B> {
     }
 
     /// Takes the map of the next burst and removes the modulation that the last bursts show. `at` is the time of the burst's shortest
-    /// exposure in seconds, from any origin; `None` for bursts at equal but unknown intervals, whose frequency is then unknown as well.
+    /// exposure in seconds, from any origin; `None` for bursts at equal but unknown intervals, whose frequency is then unknown as well; so
+    /// are times that do not advance.
     ///
     /// A map without significant modulation is not changed, nor is one of another domain or order.
     pub fn update<Q: Buffer<Quad>>(&mut self, map: &mut Pyramid<Q>, at: Option<f64>) -> Flicker {
@@ -192,6 +209,8 @@ impl State {
 
     /// Adds a burst to the window and its energies to the cells and regions.
     fn remember<Q: Buffer<Quad>>(&mut self, map: &Pyramid<Q>, at: Option<f64>, cells: &mut [Cell]) {
+        // A time that stands still is none.
+        let at = at.filter(|at| self.stated.replace(*at) != Some(*at));
         let has_times = at.is_some();
         let last = self.window.last();
         let at = at.unwrap_or_else(|| last.map_or(0.0, |last| last + 1.0));

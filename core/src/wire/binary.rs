@@ -30,6 +30,7 @@
 
 use super::{Coordinates, Degraded, FramesLeftOut, Latency, LightSet, Overrun, Stale, Unit, number};
 use crate::light::{Light, Sh9};
+use crate::mains::Flicker;
 use embedded_io::Write;
 use glam::Vec3;
 
@@ -299,6 +300,7 @@ impl<'a> BinarySet<'a> {
             overrun: Overrun::NONE,
             frames_left_out: FramesLeftOut::NONE,
             degraded: Degraded::NONE,
+            flicker: Flicker::NONE,
         }
     }
 

@@ -2,6 +2,7 @@
 
 use super::{Degraded, FramesLeftOut, Latency, LightSet, decimal, numbers, put, whole};
 use crate::light::{Light, Sh9};
+use crate::mains::Flicker;
 use embedded_io::Write;
 
 /// Writes `set` as one JSON object without line breaks.
@@ -86,6 +87,7 @@ pub fn json<W: Write>(set: &LightSet<'_>, w: &mut W) -> Result<(), W::Error> {
     put(w, "]")?;
     frames_left_out(w, &set.frames_left_out)?;
     degraded(w, &set.degraded)?;
+    flicker(w, &set.flicker)?;
     put(w, "}")
 }
 
@@ -117,6 +119,23 @@ fn frames_left_out<W: Write>(w: &mut W, frames: &FramesLeftOut) -> Result<(), W:
         put(w, "\"}")?;
     }
     put(w, "]")
+}
+
+/// Writes the modulation that was removed, if there is any.
+fn flicker<W: Write>(w: &mut W, flicker: &Flicker) -> Result<(), W::Error> {
+    if *flicker == Flicker::NONE {
+        return Ok(());
+    }
+    put(w, ",\"mains\":{\"frequency_hz\":")?;
+    match flicker.frequency_hz {
+        None => put(w, "null")?,
+        Some(hz) => decimal(w, hz)?,
+    }
+    put(w, ",\"depth\":")?;
+    decimal(w, flicker.depth)?;
+    put(w, ",\"share\":")?;
+    decimal(w, flicker.share)?;
+    put(w, "}")
 }
 
 fn light<W: Write>(w: &mut W, set: &LightSet<'_>, light: &Light, first: bool) -> Result<(), W::Error> {

@@ -2,6 +2,7 @@
 
 use super::{Coordinates, Degraded, FramesLeftOut, Latency, Overrun, Unit};
 use crate::light::{Light, Sh9};
+use crate::mains::Flicker;
 use core::borrow::Borrow;
 
 /// The reason why a light set is out of date.
@@ -74,6 +75,8 @@ pub struct Record<Text, Lights, Harmonics> {
     pub frames_left_out: FramesLeftOut,
     /// Steps by which the set falls short of the settings, to keep the budget; only the JSON form contains them.
     pub degraded: Degraded,
+    /// Modulation of lamps that was removed; only the JSON form contains it.
+    pub flicker: Flicker,
 }
 
 /// A light set that borrows its texts, lights and harmonics: the input of the encoders.
@@ -131,6 +134,7 @@ impl<Text: AsRef<str>, Lights: AsRef<[Light]>, Harmonics: Borrow<Sh9>> Record<Te
             overrun: self.overrun,
             frames_left_out: self.frames_left_out,
             degraded: self.degraded,
+            flicker: self.flicker,
         }
     }
 }
@@ -168,6 +172,7 @@ impl<Text, Lights, Harmonics> Record<Text, Lights, Harmonics> {
             overrun: self.overrun,
             frames_left_out: self.frames_left_out,
             degraded: self.degraded,
+            flicker: self.flicker,
         }
     }
 }
@@ -198,6 +203,7 @@ impl LightSet<'_> {
         overrun: Overrun::NONE,
         frames_left_out: FramesLeftOut::NONE,
         degraded: Degraded::NONE,
+        flicker: Flicker::NONE,
     };
 }
 

@@ -96,6 +96,7 @@ pub fn light_set<'a>(lights: &'a [Light], ambient: Option<&'a Sh9>) -> LightSet<
         overrun: Overrun::NONE,
         frames_left_out: FramesLeftOut::NONE,
         degraded: Degraded::NONE,
+        flicker: hemilux_core::mains::Flicker::NONE,
     }
 }
 

@@ -22,20 +22,26 @@
 //! | `n-changes` | the number of lights asked for changes every frame | structures that depend on N |
 //! | `exposure-faults` | an exposure dropped, doubled, out of order | memory of a single bad frame |
 //! | `hue-shift` | colours drift, luminance stays | importance by the wrong weights |
+//! | `bursts-steady` | bursts of two steady lamps, through lens, sensor and pipeline | - |
+//! | `bursts-100-bulb`, `bursts-120-bulb` | the same with a ripple of 20 %, at 25 and 60 frames a second at most | everything without a fit over time |
+//! | `bursts-100-led`, `bursts-120-led` | the same with rectified light, at 30 frames a second at most | everything without a fit over time |
 
+mod bursts;
 mod events;
 mod motion;
 pub mod stage;
 #[cfg(test)]
 mod tests;
+pub mod world;
 
 use crate::env::EnvMap;
 use crate::metrics::Domain;
 use crate::metrics::stability::Source;
 use stage::Stage;
+use world::Wave;
 
 /// Names of all scenarios, in the order of reports.
-pub const NAMES: [&str; 17] = [
+pub const NAMES: [&str; 22] = [
     "switch",
     "swinging-bulb",
     "sun-shadow",
@@ -53,6 +59,11 @@ pub const NAMES: [&str; 17] = [
     "n-changes",
     "exposure-faults",
     "hue-shift",
+    "bursts-steady",
+    "bursts-100-bulb",
+    "bursts-120-bulb",
+    "bursts-100-led",
+    "bursts-120-led",
 ];
 
 /// Size, length, seed and background of a sequence.
@@ -164,7 +175,17 @@ pub fn make(name: &str, setting: &Setting) -> Option<Scenario> {
         "n-changes" => events::n_changes(&stage),
         "exposure-faults" => events::exposure_faults(&stage),
         "hue-shift" => events::hue_shift(&stage),
+        "bursts-steady" => bursts::mains(&stage, "bursts-steady", Wave::Steady, 30.0),
+        "bursts-100-bulb" => bursts::mains(&stage, "bursts-100-bulb", ripple(100.0), 25.0),
+        "bursts-120-bulb" => bursts::mains(&stage, "bursts-120-bulb", ripple(120.0), 60.0),
+        "bursts-100-led" => bursts::mains(&stage, "bursts-100-led", Wave::Rectified { hz: 100.0 }, 30.0),
+        "bursts-120-led" => bursts::mains(&stage, "bursts-120-led", Wave::Rectified { hz: 120.0 }, 30.0),
         _ => return None,
     };
     Some(scenario)
+}
+
+/// Light of an incandescent lamp.
+fn ripple(hz: f64) -> Wave {
+    Wave::Sine { hz, depth: 0.2 }
 }

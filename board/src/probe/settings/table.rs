@@ -7,6 +7,7 @@ use crate::samplers::{CUTOFFS_HZ, MAX_LIGHTS, ORDERS, TAPS, THRESHOLDS, TOLERANC
 use crate::timing::BUDGETS_MS;
 use hemilux_core::MAX_EXPOSURES;
 use hemilux_core::SamplerKind;
+use hemilux_core::mains::Lamps;
 use serde_json::{Value, json};
 
 const EXTRAPOLATION_NAMES: [&str; EXTRAPOLATIONS.len()] = [EXTRAPOLATIONS[0].0, EXTRAPOLATIONS[1].0];
@@ -214,6 +215,18 @@ pub static SETTINGS: &[Setting] = &[
             let known = EXTRAPOLATIONS.iter().find(|(name, _)| v.as_str() == Some(*name));
             put(&mut c.pipeline.extrapolation, known.map(|(_, e)| *e));
         },
+        in_use: |_| true,
+    },
+    Setting {
+        name: "mains",
+        parameter: "mains",
+        title: "Mains",
+        group: Group::Map,
+        kind: Kind::Choice(&Lamps::NAMES),
+        unit: None,
+        what: "Frequency of the mains, hertz, whose lamps flicker twice as fast: their flicker is removed. auto finds the frequency; off leaves every map as it is.",
+        value: |c| json!(c.pipeline.lamps.name()),
+        set: |c, v| put(&mut c.pipeline.lamps, v.as_str().and_then(Lamps::named)),
         in_use: |_| true,
     },
     budget!(

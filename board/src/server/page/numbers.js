@@ -16,6 +16,7 @@ const TILES = [
   ["latency", "Latency", "from burst to set"],
   ["illuminance", "Illuminance", "on the level ground"],
   ["flicker", "Flicker", "change a frame, motion included"],
+  ["mains", "Mains", "no flicker of lamps"],
   ["clipped", "Clipped", "of the hemisphere"],
   ["unseen", "Unseen", "of the hemisphere"],
   ["quality", "Quality", "as the settings ask for"],
@@ -55,6 +56,7 @@ export class Numbers {
     const total = luminance(...set.horizontal_irradiance);
     this.#tile("illuminance", short(total), set.unit === "lux" ? "lx" : "rel.");
     this.#tile("flicker", this.#flicker === null ? "–" : percent(this.#flicker), this.#flicker === null ? "" : "%");
+    this.#mains(set.mains);
     this.#tile("clipped", percent(set.clipped), "%");
     this.#values.get("clipped").classList.toggle("warn", set.clipped > 0);
     this.#tile("unseen", percent(set.unseen), "%");
@@ -67,6 +69,13 @@ export class Numbers {
     this.#tile("quality", steps.length ? `−${steps.length}` : "full", steps.length === 1 ? "step" : steps.length ? "steps" : "",
       steps.length ? kinds.join(", ") : down ? `lowered ${down} times, raised ${up}` : "as the settings ask for");
     this.#values.get("quality").classList.toggle("warn", steps.length > 0);
+  }
+
+  /** The flicker of lamps that was removed from the newest set, if there was any. */
+  #mains(found) {
+    const hz = found?.frequency_hz;
+    const note = found ? `${percent(found.depth)} % deep, in ${percent(found.share)} % of the light` : "no flicker of lamps";
+    this.#tile("mains", hz ? fixed(hz, 1) : "–", hz ? "Hz" : "", note);
   }
 
   /** `/v1/status`. */

@@ -179,6 +179,7 @@ impl Source for CameraSource {
     fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
         self.next_raw()?;
         (burst.before_ns, burst.timestamp_ns) = (self.raw.before_ns(), self.raw.timestamp_ns());
+        burst.phase_ns = self.raw.shortest_ns();
         hand_over(&mut self.raw, burst);
         Ok(())
     }

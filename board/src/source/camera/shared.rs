@@ -30,6 +30,13 @@ impl RawBurst {
         self.frames.iter().zip(&self.terms.seconds).map(began).min().unwrap_or(0)
     }
 
+    /// CLOCK_MONOTONIC of the frame of its shortest exposure.
+    #[must_use]
+    pub fn shortest_ns(&self) -> u64 {
+        let frames = self.frames.iter().zip(&self.terms.seconds);
+        frames.min_by(|a, b| a.1.total_cmp(b.1)).map_or(0, |(frame, _)| frame.taken.timestamp_ns)
+    }
+
     /// CLOCK_MONOTONIC of its newest frame.
     #[must_use]
     pub fn timestamp_ns(&self) -> u64 {

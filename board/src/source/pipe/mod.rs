@@ -292,6 +292,8 @@ impl Source for PipeSource {
         let began = |f: &Piped| f.time_ns.saturating_sub((f.header.seconds * 1e9) as u64);
         burst.before_ns = frames.iter().map(began).min().unwrap_or(0);
         burst.timestamp_ns = frames.iter().map(|f| f.time_ns).max().unwrap_or(0);
+        let shortest = frames.iter().min_by(|a, b| a.header.seconds.total_cmp(&b.header.seconds));
+        burst.phase_ns = shortest.map_or(0, |f| f.time_ns);
         let old = burst.frames.drain(..).filter_map(|f| match f.pixels {
             Pixels::U8(bytes) => Some(bytes),
             Pixels::U16(_) => None,

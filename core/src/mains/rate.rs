@@ -1,0 +1,59 @@
+//! Frame rates and exposure times that suit lamps on the mains.
+
+use super::frequency::Lamps;
+
+/// Least distance of the phases of successive bursts, periods, and of every second burst. A fit then tells the mean from the modulation
+/// within a few bursts.
+const LEAST_ADVANCE: f64 = 0.14;
+const LEAST_OF_TWO: f64 = 0.14;
+
+/// Steps of the search, frames a second, and the lowest rate relative to the highest.
+const STEP_HZ: f64 = 0.1;
+const LOWEST: f64 = 0.85;
+
+/// The highest frame rate, at most `most_hz`, at which bursts of `frames` frames show `lamps` at phases that differ from burst to burst.
+///
+/// At 30 frames a second, bursts of three frames always show 100 Hz at the same phase, which no fit can tell from steady light. Returns
+/// `most_hz` where no rate within 15 % below it is better.
+///
+/// ```
+/// use hemilux_core::mains::{Lamps, best_rate};
+///
+/// let rate = best_rate(30.0, 3, Lamps::Auto);
+/// assert!((25.5..30.0).contains(&rate));
+/// assert_eq!(best_rate(29.3, 3, Lamps::Off), 29.3);
+/// ```
+#[must_use]
+pub fn best_rate(most_hz: f64, frames: usize, lamps: Lamps) -> f64 {
+    if !(most_hz > 0.0 && most_hz.is_finite()) || frames == 0 {
+        return most_hz;
+    }
+    let spreads = |rate: &f64| lamps.frequencies_hz().all(|hz| advances(hz * frames as f64 / rate));
+    let steps = ((1.0 - LOWEST) * most_hz / STEP_HZ).min(1e4) as u32;
+    (0..=steps).map(|step| most_hz - STEP_HZ * f64::from(step)).find(spreads).unwrap_or(most_hz)
+}
+
+/// Whether bursts that are `periods` apart show a modulation at different phases.
+fn advances(periods: f64) -> bool {
+    let distance = |turns: f64| libm::fabs(turns - libm::round(turns));
+    distance(periods) >= LEAST_ADVANCE && distance(2.0 * periods) >= LEAST_OF_TWO
+}
+
+/// The longest exposure time that is a whole number of periods of `lamps`, whose flicker it does not record, and exceeds `seconds` by less
+/// than a hundredth of a period; `seconds` where that is shorter than a period, or `lamps` are of several frequencies.
+///
+/// ```
+/// use hemilux_core::mains::{Lamps, whole_periods};
+///
+/// assert!((whole_periods(0.0333, Lamps::Mains50) - 0.03).abs() < 1e-9);
+/// assert!((whole_periods(0.0333, Lamps::Mains60) - 1.0 / 30.0).abs() < 1e-9);
+/// assert!((whole_periods(0.032, Lamps::Mains60) - 0.025).abs() < 1e-9);
+/// assert_eq!(whole_periods(0.001, Lamps::Mains50), 0.001);
+/// ```
+#[must_use]
+pub fn whole_periods(seconds: f64, lamps: Lamps) -> f64 {
+    let mut known = lamps.frequencies_hz();
+    let (Some(hz), None) = (known.next(), known.next()) else { return seconds };
+    let periods = libm::floor(seconds * hz + 0.01);
+    if periods >= 1.0 { periods / hz } else { seconds }
+}

@@ -1,0 +1,127 @@
+//! Scenarios of bursts: a camera takes bursts of a room whose lamps flicker, and the pipeline of the probe converts them to maps.
+
+use super::Scenario;
+use super::stage::{Stage, WARM, at, energy};
+use super::world::{Course, Filming, Lamp, Timing, Wave, World};
+use crate::burst::{Sensor, THESIS_EXPOSURES_S};
+use crate::env::EnvMap;
+use crate::metrics::stability::Source;
+use hemilux::calibration::Calibration;
+use hemilux::pipeline::{Pipeline, Settings};
+use hemilux::recorded::{self, LensFile};
+use hemilux_core::Domain;
+use hemilux_core::mains::{Lamps, best_rate};
+use hemilux_core::polar::Grid;
+use std::path::Path;
+
+/// Bursts before the first one that counts: the flicker is found and settled.
+const BEFORE: usize = 22;
+
+/// A lens of 180 degrees whose pixels are a degree, so that no part of the hemisphere is unseen.
+const LENS: &str = "version = 1\n[lens]\nmodel = \"equidistant\"\nsize = [192, 192]\ncentre = [95.5, 95.5]\nfocal = [60.5, 60.5]\nmax_angle_deg = 89.9\n";
+
+/// Time from the readout of one row to the next, seconds.
+const LINE_S: f64 = 30e-6;
+
+/// The room of `stage` with two lamps of waveform `wave`, each as bright as the room, before a camera of at most `most_hz` frames a second.
+/// The camera takes the next lower rate at which the phases of successive bursts differ.
+pub(super) fn mains(stage: &Stage, name: &'static str, wave: Wave, most_hz: f64) -> Scenario {
+    let world = world(stage, wave);
+    let longest = (1.0 / most_hz).min(THESIS_EXPOSURES_S[2]);
+    let exposures = vec![THESIS_EXPOSURES_S[0], THESIS_EXPOSURES_S[1], longest];
+    let rate_hz = best_rate(most_hz, exposures.len(), Lamps::Auto);
+    let timing = Timing { rate_hz, exposures, line_s: LINE_S, rotates: false };
+    let sensor = Sensor { bits: 12, full_well: 10_000.0, read_noise: 3.0 };
+    let filming = Filming::new(&world, lens(), timing, sensor, None).seeded(stage.setting.seed);
+    let seen = maps(stage, &filming);
+    let truth = vec![upper(&world.mean(0.0)); stage.frames()];
+    let sources = vec![world.lamps.iter().map(|lamp| lamp.source).collect(); stage.frames()];
+    Scenario { domain: Domain::Hemisphere, seen: Some(seen), sources, ..Scenario::of(name, truth) }
+}
+
+fn world(stage: &Stage, wave: Wave) -> World {
+    // Without its own lamp, which is as bright as the darkest of these.
+    let still = EnvMap::new(
+        stage.room.width(),
+        stage.room.height(),
+        stage.room.texels().iter().map(|rgb| rgb.map(|v| v.min(3.0))).collect(),
+    );
+    let flux = energy(&upper(&still));
+    let lamp = |theta, phi, phase| Lamp {
+        source: Source { direction: at(theta, phi), radius_deg: 5.0 },
+        colour: WARM,
+        flux,
+        course: Course { wave, phase, changes: Vec::new() },
+    };
+    World { still, lit: None, lamps: vec![lamp(35.0, -120.0, 0.0), lamp(50.0, 30.0, 1.0 / 3.0)] }
+}
+
+/// The map with black below the horizon.
+fn upper(map: &EnvMap) -> EnvMap {
+    let half = map.width() * (map.height() / 2);
+    let texels = map.texels().iter().enumerate().map(|(k, rgb)| if k < half { *rgb } else { [0.0; 3] });
+    EnvMap::new(map.width(), map.height(), texels.collect())
+}
+
+fn lens() -> LensFile {
+    recorded::parse_lens(Path::new("lens.toml"), LENS).expect("a lens file")
+}
+
+/// The maps of the bursts that count.
+fn maps(stage: &Stage, filming: &Filming) -> Vec<EnvMap> {
+    let (width, height) = (stage.room.width(), stage.room.height());
+    let grid = Grid { width, height: height / 2, domain: Domain::Hemisphere };
+    let calibration: Calibration = filming.calibration();
+    let settings = Settings { grid, ..Settings::default() };
+    let mut pipeline =
+        Pipeline::try_new(calibration, &filming.exposures(), settings).expect("exposures that merge");
+    let mut seen = Vec::new();
+    for burst in 0..BEFORE + stage.frames() {
+        pipeline.process(&filming.burst(burst)).expect("frames of the calibration");
+        if burst >= BEFORE {
+            seen.push(radiance(&mut pipeline, grid, height));
+        }
+    }
+    seen
+}
+
+/// The map of the last burst as radiance, black below the horizon.
+fn radiance(pipeline: &mut Pipeline, grid: Grid, height: usize) -> EnvMap {
+    let energy = pipeline.map().polar.texels;
+    let texels = energy.iter().enumerate().map(|(k, rgb)| {
+        let omega = grid.solid_angle(k / grid.width) as f32;
+        rgb.map(|v| v / omega)
+    });
+    let mut texels: Vec<_> = texels.collect();
+    texels.resize(grid.width * height, [0.0; 3]);
+    EnvMap::new(grid.width, height, texels)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenario::Setting;
+
+    /// The flux of the maps of a burst-level scenario over that of the scene.
+    fn flux(wave: Wave, most_hz: f64) -> Vec<f64> {
+        let stage = Stage::new(&Setting { frames: 12, ..Setting::QUICK });
+        let scenario = mains(&stage, "test", wave, most_hz);
+        scenario.seen().iter().zip(&scenario.truth).map(|(a, b)| energy(a) / energy(b)).collect()
+    }
+
+    #[test]
+    fn the_flux_of_flickering_lamps_is_that_of_their_mean_at_every_frame_rate() {
+        for most_hz in [25.0, 30.0, 60.0] {
+            for hz in [100.0, 120.0] {
+                for wave in
+                    [Wave::Sine { hz, depth: 0.2 }, Wave::Rectified { hz }, Wave::Sine { hz, depth: 1.0 }]
+                {
+                    let all = flux(wave, most_hz);
+                    for (t, flux) in all.into_iter().enumerate() {
+                        assert!((flux - 1.0).abs() < 0.02, "{wave:?} at {most_hz} Hz, burst {t}: {flux}");
+                    }
+                }
+            }
+        }
+    }
+}
