@@ -6,9 +6,6 @@ from collections import defaultdict
 
 from source import blanked, is_test, line, test_modules
 
-# Modules whose children still import each other, as (folder of the crate, module).
-PERMITTED = {("board", "calibrate")}
-
 USE = re.compile(r"\b(pub(?:\([^)]*\))?\s+)?use\s+([^;]+);")
 TEST_FILE = re.compile(r"#\[cfg\((?:test|all\(test[^\n]*)\)\]\s*(?:#\[[^\n]*\]\s*)*(?:pub\S*\s+)?mod\s+(\w+)\s*;")
 PATH = re.compile(r"\b(?:crate|super)(?:::\w+)+")
@@ -136,9 +133,6 @@ def imports(root, paths):
             crates[pathlib.Path(*path.parts[: path.parts.index("src") + 1])].append(path)
     for source, files in sorted(crates.items()):
         for parent, found in sorted(Crate(root, source, files).edges().items()):
-            crate = str(source.parent)
-            if (crate, "::".join(parent)) in PERMITTED:
-                continue
             told = set()
             for module in sorted(found):
                 cycle = shortest_cycle(found, module)

@@ -1,6 +1,6 @@
 //! Calibration boards: their size, pattern and markers.
 
-use super::pose::Sighting;
+use super::sighting::Sighting;
 use calib_targets_aruco::{Dictionary, resolve_dictionary};
 use std::str::FromStr;
 

@@ -1,9 +1,11 @@
 //! Checks of the pictures of a calibration, and the reasons for which no lens can be computed.
 
-use super::detect::{self, Found};
+use super::detect;
 use super::fit::{Fit, root_mean_square};
-use super::lens::{Picture, Request};
-use super::pose::{Sighting, from_directions};
+use super::found::Found;
+use super::pose::from_directions;
+use super::request::{Picture, Request};
+use super::sighting::Sighting;
 use super::solve::{Free, View, solve};
 use super::{Board, Printed};
 

@@ -1,9 +1,10 @@
 //! Joint fit of a camera and the poses of all boards to the boards' corners.
 
 use super::camera::Camera;
-use super::detect::FEWEST;
-use super::pose::{Sighting, from_directions};
+use super::found::FEWEST;
+use super::pose::from_directions;
 use super::shape::Shape;
+use super::sighting::Sighting;
 use super::solve::{Free, Model, View, solve};
 use nalgebra::Vector2;
 

@@ -1,9 +1,9 @@
 //! Calibration from a running camera: selects pictures and reports the parts of the view that lack a board.
 
-use super::detect::{self, Found};
-use super::lens::{self, Picture};
-use super::pose::Sighting;
-use super::{Calibrated, Grey, LensRefusal, Request};
+use super::found::Found;
+use super::request::{Picture, Request};
+use super::sighting::Sighting;
+use super::{Calibrated, Grey, LensRefusal, detect, lens};
 use std::f64::consts::TAU;
 
 /// Largest number of stored pictures.

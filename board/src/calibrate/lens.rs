@@ -1,13 +1,15 @@
 //! Computation of a lens from pictures of a board.
 
+use super::Printed;
 use super::camera::Camera;
 use super::check::{self, LensRefusal};
-use super::detect::{self, Found};
+use super::detect;
 use super::fit::{Fit, first, root_mean_square};
-use super::pose::Sighting;
+use super::found::Found;
+use super::request::{Picture, Request};
 use super::shape::Shape;
-use super::uncertainty::{self, Deviations};
-use super::{Board, Grey, Printed};
+use super::sighting::Sighting;
+use super::uncertainty::{self, Deviations, Spread};
 use glam::DVec2;
 use hemilux_core::lens::{Intrinsics, Lens, Model};
 use nalgebra::Vector2;
@@ -17,29 +19,6 @@ const MOST_RMS_PX: f64 = 1.2;
 
 /// Angle beyond the outermost corner up to which the fitted law is used, radians.
 const BEYOND: f64 = 0.14;
-
-/// A picture with the name that error messages use.
-#[derive(Clone, Debug)]
-pub struct Picture {
-    /// Name of the picture, usually its file.
-    pub name: String,
-    /// Samples of the picture.
-    pub grey: Grey,
-}
-
-/// Uncertainty of directions at an angle from the axis.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Spread {
-    /// Angle from the axis, degrees.
-    pub angle_deg: f64,
-    /// Standard deviation of a direction, degrees. It combines `law_deg` with the larger of two figures: the effect of the noise of the
-    /// corners, and half of `halves_deg`.
-    pub uncertainty_deg: f64,
-    /// Difference between the lenses of the two halves of the pictures, degrees; `None` with fewer than six boards.
-    pub halves_deg: Option<f64>,
-    /// Difference from a lens whose radial law has two more coefficients, degrees.
-    pub law_deg: f64,
-}
 
 /// Residual of a corner.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -101,21 +80,6 @@ impl Calibrated {
     #[must_use]
     pub fn corners(&self) -> usize {
         self.residuals.len()
-    }
-}
-
-/// Board and options of a calibration.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Request {
-    /// Board of the pictures.
-    pub board: Printed,
-    /// Whether pictures that all appear mirrored by their squares are accepted, since the board may be printed in inverted colours.
-    pub any_colours: bool,
-}
-
-impl From<Board> for Request {
-    fn from(board: Board) -> Self {
-        Self { board: board.into(), any_colours: false }
     }
 }
 

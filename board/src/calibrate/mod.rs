@@ -15,6 +15,7 @@ mod corners;
 mod detect;
 mod factor;
 mod fit;
+mod found;
 mod frame;
 mod grey;
 mod grid;
@@ -26,11 +27,13 @@ mod photometric_file;
 #[cfg(all(test, feature = "server"))]
 mod photometric_tests;
 mod pose;
+mod request;
 mod residuals;
 mod response;
 #[cfg(test)]
 mod response_tests;
 mod shape;
+mod sighting;
 mod solve;
 mod tags;
 #[cfg(test)]
@@ -48,15 +51,17 @@ pub use factor::{Factor, Verdict, combine};
 pub use frame::{grey, grey_of};
 pub use grey::Grey;
 pub use guide::{Guide, MOST_VIEWS, Offer, RINGS, SECTORS, ViewCoverage};
-pub use lens::{Calibrated, Picture, Request, Spread, calibrate};
+pub use lens::{Calibrated, calibrate};
 pub use lens_file::{
     FileRefusal, Stated, response_text, write, write_circle, write_response, write_vignetting,
 };
 pub use photometric::{FactorReading, Method, PhotometricRefusal, Unseen, measure};
 pub use photometric_file::{KeepRefusal, Kept, keep_reading, kept_factor};
+pub use request::{Picture, Request};
 pub use residuals::picture as residual_picture;
 pub use response::{Exposed, FittedResponse, Neighbours, ResponseRefusal, fit_response};
 pub use target::{Ink, Target, TargetRefusal, ink, size as target_size, svg as target_svg};
+pub use uncertainty::Spread;
 pub use vignetting::{
     FittedVignetting, Reading, Shown, VignettingRefusal, fit_vignetting, flat_field, screen,
 };

@@ -2,16 +2,8 @@
 
 use super::camera::Camera;
 use super::shape::Shape;
+use super::sighting::Sighting;
 use nalgebra::{Matrix3, Rotation3, SMatrix, Vector2, Vector3};
-
-/// A found corner: its position on the board in squares, and its pixel.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Sighting {
-    /// Column and row of the corner on the board.
-    pub cell: [i32; 2],
-    /// Pixel of the corner.
-    pub at: Vector2<f64>,
-}
 
 /// Rotation and translation from the board's axes to the camera's.
 #[derive(Clone, Copy, Debug, PartialEq)]

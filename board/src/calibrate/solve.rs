@@ -1,8 +1,9 @@
 //! Robust least squares over intrinsic parameters and poses: Levenberg-Marquardt with each pose eliminated by its Schur complement.
 
 use super::camera::{Camera, INTRINSICS, KEPT};
-use super::pose::{Pose, Sighting};
+use super::pose::Pose;
 use super::shape::{SHAPE, Shape};
+use super::sighting::Sighting;
 use nalgebra::{Matrix2x3, Rotation3, SMatrix, SVector, Vector2, Vector3};
 
 /// Number of parameters of a pose: rotation and translation.

@@ -6,7 +6,7 @@
 
 use super::board::{Charuco, Kind, Printed};
 use super::corners::Corner;
-use super::detect::{FEWEST, Found, refined};
+use super::found::{FEWEST, Found, refined};
 use super::grey::Grey;
 use super::grid::{Cell, Grid, grids};
 use calib_targets_aruco::{

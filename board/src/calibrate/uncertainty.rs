@@ -1,15 +1,27 @@
 //! Uncertainty of the directions of pixels.
 
-use super::camera::Camera;
-use super::camera::KEPT;
+use super::camera::{Camera, KEPT};
 use super::fit::Fit;
-use super::lens::Spread;
 use super::solve::{Covariances, Model, covariances};
 use nalgebra::{Matrix3x2, SMatrix, Vector3};
 use std::f64::consts::TAU;
 
 /// Number of azimuths over which each angle's uncertainty is averaged.
 const AZIMUTHS: u32 = 24;
+
+/// Uncertainty of directions at an angle from the axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spread {
+    /// Angle from the axis, degrees.
+    pub angle_deg: f64,
+    /// Standard deviation of a direction, degrees. It combines `law_deg` with the larger of two figures: the effect of the noise of the
+    /// corners, and half of `halves_deg`.
+    pub uncertainty_deg: f64,
+    /// Difference between the lenses of the two halves of the pictures, degrees; `None` with fewer than six boards.
+    pub halves_deg: Option<f64>,
+    /// Difference from a lens whose radial law has two more coefficients, degrees.
+    pub law_deg: f64,
+}
 
 /// Standard deviations of the camera's parameters.
 pub(super) type Deviations = [f64; KEPT];
