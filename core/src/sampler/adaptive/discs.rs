@@ -21,6 +21,10 @@ use glam::Vec3;
 /// than they soften its shadows. Of 0.85, 0.9, 0.93, 1 and 1.1, 0.93 has the least error over the maps.
 const RADIUS: f32 = 0.93;
 
+/// Least radius of a disc, degrees, about a third of the sun's: narrower discs are points. Rounding errors give the light of one texel a third
+/// of this radius.
+pub(super) const NARROWEST_DEG: f32 = 0.1;
+
 /// Largest radius, degrees: within a hemisphere the centre of a disc is well defined.
 const WIDEST_DEG: f32 = 90.0;
 
@@ -54,7 +58,8 @@ fn steps(lights: usize) -> usize {
 /// Sets the radii of discs that represent the lights' regions.
 pub(super) fn set_radii(lights: &mut [Light]) {
     for light in lights {
-        light.radius_deg = (RADIUS * light.radius_deg).min(WIDEST_DEG);
+        let radius_deg = (RADIUS * light.radius_deg).min(WIDEST_DEG);
+        light.radius_deg = if radius_deg < NARROWEST_DEG { 0.0 } else { radius_deg };
     }
 }
 
@@ -134,6 +139,15 @@ pub(super) fn parts(light: &Light, lights: usize) -> impl Iterator<Item = (Vec3,
 mod tests {
     use super::super::source::Source;
     use super::*;
+
+    #[test]
+    fn discs_narrower_than_the_least_are_points() {
+        let of = |radius_deg| Light { radius_deg, ..Light::default() };
+        let mut lights = [of(0.05), of(0.2), of(180.0)];
+        set_radii(&mut lights);
+        let [point, narrow, wide] = lights.map(|light| light.radius_deg);
+        assert!(point == 0.0 && (0.1..0.2).contains(&narrow) && wide == WIDEST_DEG, "{lights:?}");
+    }
 
     /// A light of energy 1 at 0.1 radians from a source moves to the source.
     #[test]

@@ -7,6 +7,7 @@
 //! the whole, so that a change of the whole is no step, and only while nothing moves: the energies of neighbours change together, and a
 //! delay of one of them would be visible.
 
+use super::discs;
 use super::nodes::Leaf;
 use crate::color::luminance;
 use crate::light::Light;
@@ -30,6 +31,12 @@ const JUMP: f32 = 4.0;
 /// Initial mean step of a new light's direction, over its angular radius: the effect of 2 % noise on a dozen texels.
 const NEW_STEP: f32 = 0.02;
 
+/// Largest change of a disc's radius per frame in a scene at rest, over the radius.
+const WIDER: f32 = 0.05;
+
+/// Initial mean step of a new disc's radius, over the radius.
+const NEW_WIDTH: f32 = 0.01;
+
 /// Initial mean step of a new light's energy, as a part of the energy.
 const NEW_SHARE: f32 = 0.01;
 
@@ -42,6 +49,9 @@ pub struct LightFilter {
     share: f32,
     place: Signal<Vec3>,
     energy: Signal<f32>,
+    /// Radius of a disc of the same region that was returned last, degrees; `None` at first and for lights that are fitted as points.
+    radius_deg: Option<f32>,
+    width: Signal<f32>,
     /// Identifies the region: the level of the leaf, or [`GATHERED`] plus the number of gathered lights.
     region: u8,
     /// Vector from the centroid of the region to the disc's centre before filtering; 0 for points.
@@ -110,6 +120,8 @@ pub(super) fn follow(lights: &mut [Light], tracks: &mut [LightFilter], leaves: &
             share: 0.0,
             place: Signal { mean: Vec3::ZERO, length: NEW_STEP * light.radius_deg.to_radians() },
             energy: Signal { mean: 0.0, length: NEW_SHARE },
+            radius_deg: None,
+            width: Signal { mean: 0.0, length: NEW_WIDTH },
             region: region(count, leaf),
             offset: Vec3::ZERO,
         };
@@ -123,6 +135,25 @@ pub(super) fn follow(lights: &mut [Light], tracks: &mut [LightFilter], leaves: &
                 track.direction = light.direction;
             }
         }
+    }
+}
+
+/// Updates the filters of the radii of discs. Unless the scene is `moving`, replaces the radii of regions of the last frame by filtered ones,
+/// which change by at most [`WIDER`]; a point remains a point up to twice the least radius of a disc.
+pub(super) fn follow_radii(lights: &mut [Light], tracks: &mut [LightFilter], moving: bool) {
+    for (light, track) in lights.iter_mut().zip(tracks) {
+        match track.radius_deg {
+            Some(old) if old > 0.0 => {
+                let step = light.radius_deg / old - 1.0;
+                let gain = track.width.gain(step, f32::abs);
+                if !moving {
+                    light.radius_deg = old * (1.0 + (gain * step).clamp(-WIDER, WIDER));
+                }
+            }
+            Some(_) if !moving && light.radius_deg < 2.0 * discs::NARROWEST_DEG => light.radius_deg = 0.0,
+            _ => {}
+        }
+        track.radius_deg = Some(light.radius_deg);
     }
 }
 
@@ -162,5 +193,37 @@ where
         self.length += (size - self.length) * MEMORY;
         let signal = if self.length > 0.0 { (length(self.mean) / self.length).min(1.0) } else { 1.0 };
         signal * signal
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Radii of one disc over frames in which its region has the radii `seen`.
+    fn radii(seen: &[f32], moving: bool) -> heapless::Vec<f32, 16> {
+        let mut track =
+            [LightFilter { width: Signal { mean: 0.0, length: NEW_WIDTH }, ..LightFilter::default() }];
+        let filtered = |radius_deg: &f32| {
+            let mut lights = [Light { radius_deg: *radius_deg, ..Light::default() }];
+            follow_radii(&mut lights, &mut track, moving);
+            lights[0].radius_deg
+        };
+        seen.iter().map(filtered).collect()
+    }
+
+    #[test]
+    fn radii_at_rest_change_slowly_and_points_remain_points() {
+        let found = radii(&[4.0, 8.0, 2.0, 8.0, 8.0, 8.0, 8.0], false);
+        assert!(found.windows(2).all(|p| (p[1] / p[0] - 1.0).abs() < 0.0501), "{found:?}");
+        assert!(found[6] > found[2], "a change that stays is followed: {found:?}");
+        assert_eq!(radii(&[0.0, 0.15, 0.0, 0.19], false)[..], [0.0; 4], "rounding of a point");
+        assert_eq!(radii(&[0.0, 1.0], false)[1], 1.0, "no longer a point");
+    }
+
+    #[test]
+    fn radii_of_what_moves_are_followed_at_once() {
+        let seen = [4.0, 8.0, 2.0, 0.0, 3.0];
+        assert_eq!(radii(&seen, true)[..], seen);
     }
 }

@@ -218,7 +218,12 @@ where
             }
             moves.iter_mut().zip(lights.iter()).for_each(|(by, light)| *by += light.direction);
         }
-        timer.measure(|| filter::follow(lights, tracks, leaves, past));
+        timer.measure(|| {
+            filter::follow(lights, tracks, leaves, past);
+            if request.soft {
+                filter::follow_radii(lights, tracks, frame.moving);
+            }
+        });
         filter::note_moves(tracks, &moves);
         quiet
     }
