@@ -8,13 +8,19 @@
 //   scene.add(lights.group);
 //   renderer.setAnimationLoop(() => { lights.update(probe); renderer.render(scene, camera); });
 //
+// With `soft` (of the Hemilux and of ProbeLights) lights are discs. three.js has no discs: intensities become what a surface facing the disc receives, and
+// `shadow.radius`, which PCFShadowMap and VSMShadowMap read, the penumbra of an occluder `occluder` units before the shadowed surface. Penumbras that
+// widen with distance, and highlights of the disc's size, are not possible.
+//
 // Intensities are irradiance in the set's unit times `exposure`: choose it, or the renderer's toneMappingExposure, for your scene.
 
 export class ProbeLights {
   /** `most` lights at a time: adding and removing them makes three.js compile its shaders anew, so they stay and go dark instead. */
-  constructor(THREE, most = 8, { exposure = 1, distance = 10, castShadow = false } = {}) {
+  constructor(THREE, most = 8, { exposure = 1, distance = 10, castShadow = false, soft = false, occluder = 1 } = {}) {
     this.exposure = exposure;
     this.distance = distance;
+    this.soft = soft;
+    this.occluder = occluder;
     this.group = new THREE.Group();
     this.group.name = "hemilux";
     this.directional = Array.from({ length: most }, () => {
@@ -57,9 +63,17 @@ export class ProbeLights {
     // A colour of at most 1, the rest in the intensity. The set is linear, as three.js's working colour space is.
     target.color.setRGB(...light.irradiance.map(v => top > 0 ? v / top : 0));
     target.intensity = top * this.exposure;
+    if (this.soft) this.#soften(target, Math.min(80, light.radius_deg) * Math.PI / 180);
     target.position.set(...light.direction).multiplyScalar(this.distance);
     target.userData.id = light.id;
     target.userData.radius_deg = light.radius_deg;
+  }
+
+  /** A disc of `radius` radians: the irradiance of a surface that faces it, and its penumbra in texels of the shadow map. */
+  #soften(target, radius) {
+    const { camera, mapSize } = target.shadow, texel = (camera.right - camera.left) / mapSize.width;
+    target.intensity *= (1 + Math.cos(radius)) / 2;
+    target.shadow.radius = this.occluder * Math.tan(radius) / texel;
   }
 }
 

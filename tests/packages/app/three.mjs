@@ -20,3 +20,11 @@ for (const shown of lit) {
   const found = shown.color.toArray().map(v => v * shown.intensity);
   assert(light.irradiance.every((v, i) => Math.abs(found[i] - 2 * v) < 1e-4 * (1 + v)), "its irradiance times the exposure");
 }
+// Lights as discs: a surface facing a disc of 60 degrees receives three quarters of its energy.
+const discs = new ProbeLights(THREE, 1, { soft: true, castShadow: true, occluder: 0.5 });
+const disc = [{ id: 1, direction: [0, 1, 0], irradiance: [2, 2, 2], radius_deg: 60 }];
+discs.update({ latest: { lights: disc }, interpolated: () => disc });
+const [{ intensity, shadow }] = discs.directional;
+assert(Math.abs(intensity - 1.5) < 1e-9, "the irradiance of a surface facing the disc");
+const texel = (shadow.camera.right - shadow.camera.left) / shadow.mapSize.width;
+assert(Math.abs(shadow.radius * texel - 0.5 * Math.sqrt(3)) < 1e-9, "the penumbra behind an occluder half a unit away");
