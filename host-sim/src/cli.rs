@@ -58,6 +58,8 @@ enum Command {
     Stress(reports::StressArgs),
     /// Charts time against error and lights against error of every method over the maps of a folder; SVG, JSON and a table.
     Chart(reports::ChartArgs),
+    /// Compares discs with points and with fitted mixtures of spherical Gaussians over the maps of a folder: errors, times, fewest lights.
+    Discs(reports::DiscsArgs),
     /// Renders a small scene under the map and under a light set, side by side with the difference; or sets it into a photograph.
     Render(RenderArgs),
     /// Times every stage on one thread, beside the copy of the same bytes.
@@ -301,6 +303,7 @@ fn run_command(command: Command) -> Result<(), SimError> {
         }
         Command::Stress(args) => reports::stress(args),
         Command::Chart(args) => reports::chart(args),
+        Command::Discs(args) => reports::discs(args),
         Command::Render(a) => render::run(&render::Job {
             env: a.env,
             options: a.map.into(),

@@ -122,8 +122,14 @@ pub struct Run {
 /// Runs the core's samplers over a sequence, each with each number of lights; the maps are computed once for all of them.
 #[must_use]
 pub fn run_core(scenario: &Scenario, counts: &[usize]) -> Vec<Run> {
+    run_core_of(scenario, counts, |_| true)
+}
+
+/// Like [`run_core`], for the core's methods that `is_wanted` accepts.
+#[must_use]
+pub fn run_core_of(scenario: &Scenario, counts: &[usize], is_wanted: impl Fn(&Method) -> bool) -> Vec<Run> {
     let mut maps = OrderedMaps::new(&scenario.seen()[0], scenario.domain, counts);
-    let core: Vec<Method> = methods().into_iter().filter(|m| m.kind == Kind::Core).collect();
+    let core: Vec<Method> = methods().into_iter().filter(|m| m.kind == Kind::Core && is_wanted(m)).collect();
     let mut running: Vec<_> = core
         .iter()
         .flat_map(|&method| counts.iter().map(move |&lights| (method, lights)))

@@ -8,6 +8,7 @@ pub mod chart;
 pub mod cli;
 pub mod contender;
 pub mod decompose;
+pub mod discs;
 pub mod draw;
 pub mod env;
 pub mod error;

@@ -13,6 +13,7 @@
 //! | `rank-threshold` | [`Stateless::rank_threshold`] | candidate |
 //! | NAME`+v` | any of these and a Voronoi gather ([`Gathered`]) | the sampler's |
 //! | (offline) | [`volume()`], a whole sequence at once | box |
+//! | (offline) | [`sg_mixture()`], lobes in the place of lights | none |
 
 pub mod cells;
 mod gather;
@@ -20,12 +21,14 @@ mod lloyd;
 mod median_cut;
 mod rank_threshold;
 mod sat;
+mod sg_mixture;
 mod structured;
 mod variance_min;
 mod volume;
 
 pub use gather::{Gathered, gather};
 pub use lloyd::Lloyd;
+pub use sg_mixture::{Lobe, sg_mixture};
 pub use volume::volume;
 
 use crate::env::EnvMap;

@@ -1,7 +1,7 @@
 //! Commands that compare methods and time stages.
 
 use crate::error::SimError;
-use crate::{bench, chart, output, reads, slowdown, soak, stress};
+use crate::{bench, chart, discs, output, reads, slowdown, soak, stress};
 use clap::Args;
 use hemilux::timing::Budgets;
 use hemilux_core::wire::STAGES;
@@ -34,6 +34,16 @@ pub(super) struct ChartArgs {
     /// Three maps of 128 columns, every other power of two: within a minute.
     #[arg(long)]
     quick: bool,
+}
+
+#[derive(Args, Debug)]
+pub(super) struct DiscsArgs {
+    /// Folder of latitude-longitude maps (shrunk to 512 columns).
+    #[arg(long, value_name = "DIR")]
+    env: PathBuf,
+    /// The fewest lights alone, without the mixtures, which take minutes.
+    #[arg(long)]
+    fewest: bool,
 }
 
 #[derive(Args, Debug)]
@@ -130,6 +140,10 @@ pub(super) fn stress(args: StressArgs) -> Result<(), SimError> {
 
 pub(super) fn chart(args: ChartArgs) -> Result<(), SimError> {
     chart::run(&chart::Job { env: args.env, out: args.out, quick: args.quick })
+}
+
+pub(super) fn discs(args: DiscsArgs) -> Result<(), SimError> {
+    discs::run(&discs::Job { env: args.env, fewest_alone: args.fewest })
 }
 
 pub(super) fn bench(args: BenchArgs) -> Result<(), SimError> {

@@ -3,7 +3,7 @@
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use super::receiver::Receiver;
-use super::vector::dot;
+use super::vector::{dot, tangents};
 
 /// Number of quadrature points of a disc that an occluding cone hides in part.
 pub const POINTS: usize = 192;
@@ -88,15 +88,6 @@ impl Disc {
         }
         self.points.iter().map(|d| probe.weight(*d)).sum::<f64>() / self.points.len().max(1) as f64
     }
-}
-
-/// Returns two unit vectors at right angles to `d` and to each other.
-fn tangents(d: [f64; 3]) -> [[f64; 3]; 2] {
-    // Method: T. Duff et al., "Building an Orthonormal Basis, Revisited", 2017.
-    let sign = 1f64.copysign(d[2]);
-    let a = -1.0 / (sign + d[2]);
-    let b = d[0] * d[1] * a;
-    [[1.0 + sign * d[0] * d[0] * a, sign * b, -sign * d[0]], [b, sign + d[1] * d[1] * a, -d[1]]]
 }
 
 #[cfg(test)]

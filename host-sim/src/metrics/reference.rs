@@ -140,6 +140,15 @@ impl Reference {
         self.shadowed.error(&self.shadowed_of(set, reading))
     }
 
+    /// Returns the open and the shadowed error of light that is given as directions with their Y(E).
+    #[must_use]
+    pub fn errors_of_points(&self, points: impl Iterator<Item = ([f64; 3], f64)> + Clone) -> [f64; 2] {
+        [
+            self.open.error(&OPEN_SET.irradiance(points.clone())),
+            self.shadowed.error(&SHADOWED_SET.irradiance(points)),
+        ]
+    }
+
     /// Returns the sum of Y(E) over the lights plus that of the ambient light: 2 sqrt(pi) Y(c00) on the sphere, the sum over the texels on
     /// the hemisphere.
     #[must_use]

@@ -28,3 +28,12 @@ pub(crate) fn angle_deg(a: [f64; 3], b: [f64; 3]) -> f64 {
     let cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
     norm(cross).atan2(dot(a, b)).to_degrees()
 }
+
+/// Returns two unit vectors at right angles to `d` and to each other.
+pub(crate) fn tangents(d: [f64; 3]) -> [[f64; 3]; 2] {
+    // Method: T. Duff et al., "Building an Orthonormal Basis, Revisited", 2017.
+    let sign = 1f64.copysign(d[2]);
+    let a = -1.0 / (sign + d[2]);
+    let b = d[0] * d[1] * a;
+    [[1.0 + sign * d[0] * d[0] * a, sign * b, -sign * d[0]], [b, sign + d[1] * d[1] * a, -d[1]]]
+}
