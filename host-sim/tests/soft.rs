@@ -13,7 +13,7 @@ use hemilux_sim::maps::OrderedMaps;
 use hemilux_sim::metrics::Reference;
 use hemilux_sim::progress;
 use hemilux_sim::scenario::{self, Setting};
-use hemilux_sim::stress::Judge;
+use hemilux_sim::stress::{Judge, Row};
 
 /// Lights, and the mean open and shadowed error of discs in per cent that the issue of soft lights set as goals, and 10 % over them.
 const GOALS: [(usize, f64, f64); 4] = [(4, 2.7, 5.3), (8, 1.2, 2.8), (16, 0.6, 1.6), (64, 0.17, 0.50)];
