@@ -28,11 +28,19 @@ const BRIGHTEST: f32 = 0.8;
 
 /// The light of the newest burst, as a part of that of the brightest moment.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Truth(Arc<AtomicU64>);
+pub(super) struct Truth {
+    light: Arc<AtomicU64>,
+    bursts: Arc<AtomicU64>,
+}
 
 impl Truth {
     pub fn light(&self) -> f64 {
-        f64::from_bits(self.0.load(Ordering::Relaxed))
+        f64::from_bits(self.light.load(Ordering::Relaxed))
+    }
+
+    /// Number of bursts that were taken.
+    pub fn bursts(&self) -> u64 {
+        self.bursts.load(Ordering::Relaxed)
     }
 }
 
@@ -124,7 +132,8 @@ impl Source for DayCamera {
                 codes.extend(self.still.iter().map(|level| (level * gain + 0.5) as u16));
             }
         }
-        self.truth.0.store(light.to_bits(), Ordering::Relaxed);
+        self.truth.light.store(light.to_bits(), Ordering::Relaxed);
+        self.truth.bursts.store(self.bursts, Ordering::Relaxed);
         burst.timestamp_ns = clock::monotonic_ns();
         Ok(())
     }
