@@ -45,17 +45,11 @@ pub struct Cell {
     pub(super) colour: [f32; 3],
     /// The mean of that fit.
     pub(super) level: f32,
-    /// Number of bursts since the last step, at most the length of the window.
-    pub(super) age: u32,
+    /// Number of the last burst before the last step.
+    pub(super) since: u32,
 }
 
 impl Cell {
-    /// Adds the luminance energy of the newest burst.
-    pub(super) fn push(&mut self, slot: usize, y: f32) {
-        self.past[slot % WINDOW] = y;
-        self.age = (self.age + 1).min(WINDOW as u32);
-    }
-
     /// Whether a modulation is known.
     pub(super) fn has_shape(&self) -> bool {
         self.shape != [0.0; SHAPE]
@@ -100,6 +94,7 @@ pub(super) struct Fits {
     /// The number of bursts whose phases spread most evenly.
     best: usize,
     slots: [usize; WINDOW],
+    window: Window,
 }
 
 impl Fits {
@@ -109,24 +104,24 @@ impl Fits {
         let fits = core::array::from_fn(|bursts| Fit::new(window, &basis, bursts));
         let best = most_even(window, &basis);
         let slots = core::array::from_fn(|back| window.slot(back));
-        Self { basis, fits, best, slots }
+        Self { basis, fits, best, slots, window: *window }
     }
 
     /// The fit for a cell of `age`; `None` if so few bursts do not determine a mean.
-    fn of(&self, age: u32) -> Option<&Fit> {
-        self.fits.get((age as usize).min(self.best))?.as_ref()
+    fn of(&self, age: usize) -> Option<&Fit> {
+        self.fits.get(age.min(self.best))?.as_ref()
     }
 
     /// The mean of a cell or region; `None` if it is steady, dark, or not determined yet. A cell of a modulated region (`in_region`) is
     /// freed of its modulation even if its own noise hides it.
     pub fn level(&self, cell: &mut Cell, in_region: bool) -> Option<Level> {
-        let Some(fit) = self.of(cell.age) else { return self.of_known_shape(cell) };
+        let Some(fit) = self.of(self.window.age(cell.since)) else { return self.of_known_shape(cell) };
         let newest = self.slots[0];
         let found = fit.estimate(&self.basis, &cell.past, newest);
         let (y, strength, depth) = (cell.past[newest], found.strength(), found.depth());
         let without_wave = (y - found.wave).max(0.0);
         if found.is_step(STEP_DEVIATIONS, STEP_SHARE) {
-            cell.age = 1;
+            cell.since = self.window.number().wrapping_sub(1);
             if cell.has_shape() && self.light(cell, newest) < HALF_LIGHT {
                 return Some(Level { y: without_wave, depth, is_modulated: true });
             }
@@ -156,12 +151,13 @@ impl Fits {
         }
         let expected = |slot: usize| self.light(cell, slot);
         let (mut product, mut squares) = (0.0, 0.0);
-        for slot in self.slots.iter().take(cell.age as usize) {
+        let age = self.window.age(cell.since);
+        for slot in self.slots.iter().take(age) {
             let light = expected(*slot);
             product += light * cell.past[*slot];
             squares += light * light;
         }
-        if squares < LEAST_LIGHT * LEAST_LIGHT * cell.age as f32 {
+        if squares < LEAST_LIGHT * LEAST_LIGHT * age as f32 {
             return None;
         }
         let mean = product / squares;
@@ -171,7 +167,7 @@ impl Fits {
         let off = cell.past[self.slots[0]] - mean * expected(self.slots[0]);
         if off.abs() > OTHER_SHAPE * mean {
             cell.shape = [0.0; SHAPE];
-            cell.age = 1;
+            cell.since = self.window.number().wrapping_sub(1);
             return None;
         }
         let [cos, sin, ..] = cell.shape;

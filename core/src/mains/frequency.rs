@@ -26,6 +26,12 @@ const FOUND: [f32; 2] = [0.8, 0.6];
 const MANY: usize = 10;
 const LOST: f32 = 0.35;
 
+/// Bursts without light that varies which count as one that is explained badly.
+const UNKNOWN: u32 = 8;
+
+/// Least change of the phase from burst to burst, periods: slower modulation may be a change of the light itself.
+const LEAST_ADVANCE: f64 = 0.1;
+
 /// Least standard deviation of a region over its mean that is explained, and of all regions together.
 const VARYING: f32 = 0.002;
 const VARYING_IN_ALL: f32 = 0.0005;
@@ -89,7 +95,7 @@ pub(super) struct Lock {
     /// Range in which the frequency is followed.
     range: (f64, f64),
     step: f64,
-    /// Bursts in a row that it explained badly.
+    /// Bursts in a row that it explained badly, each counted [`UNKNOWN`] times, and without light that varies.
     poor: u32,
 }
 
@@ -106,8 +112,11 @@ impl Lock {
     /// Follows the drift of the frequency; `None` once it explains the light no longer.
     pub fn follow(mut self, window: &Window, regions: &[Cell]) -> Option<Self> {
         let score = |offset: f64| explained(window, regions, self.frequency + offset * self.step);
-        let here = score(0.0).unwrap_or(0.0);
-        self.poor = if here < LOST { self.poor + 1 } else { 0 };
+        let found = score(0.0);
+        let here = found.unwrap_or(0.0);
+        // Light that is off or has just changed says nothing.
+        let doubt = if found.is_some() { UNKNOWN } else { 1 };
+        self.poor = if here < LOST { self.poor + doubt } else { 0 };
         if here > FOUND[1] && window.count() >= MANY {
             let (below, above) = (score(-1.0).unwrap_or(0.0), score(1.0).unwrap_or(0.0));
             let curvature = below + above - 2.0 * here;
@@ -115,7 +124,7 @@ impl Lock {
             let moved = self.frequency + self.step * f64::from(offset.clamp(-0.5, 0.5));
             self.frequency = moved.clamp(self.range.0, self.range.1);
         }
-        (self.poor < WINDOW as u32).then_some(self)
+        (self.poor < UNKNOWN * WINDOW as u32).then_some(self)
     }
 }
 
@@ -126,6 +135,9 @@ pub(super) fn find(window: &Window, regions: &[Cell], lamps: Lamps, has_times: b
     }
     let mut best: Option<(f32, Lock)> = None;
     let mut consider = |lock: Lock, off: i32| {
+        if has_times && !advances(window, lock.frequency) {
+            return;
+        }
         let score =
             explained(window, regions, lock.frequency).unwrap_or(0.0) - OFF_NOMINAL * off.abs() as f32;
         if best.as_ref().is_none_or(|(most, _)| score > *most) {
@@ -145,6 +157,13 @@ pub(super) fn find(window: &Window, regions: &[Cell], lamps: Lamps, has_times: b
     }
     let needed = FOUND[usize::from(window.count() >= MANY)];
     best.filter(|(score, _)| *score > needed).map(|(_, lock)| lock)
+}
+
+/// Whether the phase of `frequency` differs enough from burst to burst.
+fn advances(window: &Window, frequency: f64) -> bool {
+    let intervals = window.count().saturating_sub(1).max(1);
+    let periods = frequency * window.since(intervals) / intervals as f64;
+    libm::fabs(periods - libm::round(periods)) >= LEAST_ADVANCE
 }
 
 /// Modulation that an exposure of `periods` periods records of a sinusoid of amplitude 1.
@@ -175,8 +194,17 @@ impl Variation {
     }
 }
 
-/// Whether the light varies enough to look for a frequency.
+/// Whether the light varies enough to look for a frequency. Light at rest takes the comparison of two bursts alone.
 fn varies(window: &Window, regions: &[Cell]) -> bool {
+    let [now, before] = [0, 1].map(|back| window.slot(back));
+    let (mut sum, mut change) = (0.0, 0.0);
+    for region in regions {
+        sum += region.past[now];
+        change += (region.past[now] - region.past[before]).abs();
+    }
+    if change <= VARYING_IN_ALL * sum {
+        return false;
+    }
     let (mut all, mut varying) = (0.0, 0.0);
     for region in regions {
         let variation = Variation::of(region, window.count());
@@ -195,7 +223,7 @@ fn explained(window: &Window, regions: &[Cell], frequency: f64) -> Option<f32> {
     let fit = Fit::fundamental(window, &basis, bursts)?;
     let correction = (bursts - 1) as f32 / (bursts - 3).max(1) as f32;
     let (mut sum, mut weights) = (0.0, 0.0);
-    for region in regions.iter().filter(|region| region.age as usize >= bursts) {
+    for region in regions.iter().filter(|region| window.age(region.since) >= bursts) {
         let variation = Variation::of(region, bursts);
         let deviation = variation.deviation(bursts);
         if deviation > VARYING * variation.mean && variation.squares > 0.0 {

@@ -223,12 +223,14 @@ impl State {
         self.window.push(at);
         let (slot, view) = (self.window.slot(0), map.view());
         let (cells, regions) = self.divide(cells);
-        for (region, quad) in regions.iter_mut().zip(view.quads_of(region_order(self.order))) {
-            region.push(slot, quad.y());
-        }
-        for (cell, quad) in cells.iter_mut().zip(view.quads_of(self.order)) {
-            cell.push(slot, quad.y());
-            cell.colour.iter_mut().zip(quad.rgb()).for_each(|(sum, v)| *sum += NEW_COLOUR * (v - *sum));
+        let quads = view.quads_of(self.order);
+        let of_regions = view.quads_of(region_order(self.order));
+        regions.iter_mut().zip(of_regions).for_each(|(region, quad)| region.past[slot] = quad.y());
+        cells.iter_mut().zip(quads).for_each(|(cell, quad)| cell.past[slot] = quad.y());
+        if self.lock.is_some() {
+            for (cell, quad) in cells.iter_mut().zip(quads) {
+                cell.colour.iter_mut().zip(quad.rgb()).for_each(|(sum, v)| *sum += NEW_COLOUR * (v - *sum));
+            }
         }
     }
 

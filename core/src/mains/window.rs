@@ -12,6 +12,8 @@ pub(super) struct Window {
     times: [f64; WINDOW],
     newest: usize,
     count: usize,
+    /// Number of all bursts.
+    number: u32,
 }
 
 impl Window {
@@ -20,11 +22,22 @@ impl Window {
         self.newest = (self.newest + 1) % WINDOW;
         self.times[self.newest] = at;
         self.count = (self.count + 1).min(WINDOW);
+        self.number = self.number.wrapping_add(1);
     }
 
     /// Number of bursts in the window.
     pub fn count(&self) -> usize {
         self.count
+    }
+
+    /// Number of all bursts.
+    pub fn number(&self) -> u32 {
+        self.number
+    }
+
+    /// Number of bursts after burst number `since`, at most the length of the window.
+    pub fn age(&self, since: u32) -> usize {
+        (self.number.wrapping_sub(since) as usize).min(WINDOW)
     }
 
     /// Position in the ring of the burst that is `back` bursts older than the newest one.

@@ -1,0 +1,110 @@
+//! Flicker of lamps in maps of known light: the expected map is that of the mean.
+
+use hemilux_core::mains::{Cell, Flicker, Lamps, Mains, mains_len};
+use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
+use hemilux_core::{Domain, Order, healpix};
+use std::f64::consts::TAU;
+
+const ORDER: u8 = 4;
+const LAMP: usize = 700;
+
+/// Energy of the steady texels and of the lamp's, which lies in their midst.
+const STEADY: f32 = 0.01;
+const FULL: f64 = 4.0;
+
+struct Sequence {
+    map: Pyramid<Vec<Quad>>,
+    mains: Mains<Vec<Cell>>,
+}
+
+impl Sequence {
+    fn new(lamps: Lamps) -> Self {
+        let order = Order::saturating(ORDER);
+        let quads = vec![Quad::default(); pyramid_len(Domain::Hemisphere, order)];
+        let map = Pyramid::try_new(quads, Domain::Hemisphere, order).expect("as many quads as needed");
+        let cells = vec![Cell::default(); mains_len(order)];
+        Self { map, mains: Mains::try_new(order, lamps, cells).expect("as many cells as needed") }
+    }
+
+    /// Energy of the lamp's texel after a burst at `seconds` in which it has the energy `lamp`.
+    fn burst(&mut self, seconds: f64, lamp: f64) -> (f64, Flicker) {
+        for (index, quad) in self.map.texels_mut().iter_mut().enumerate() {
+            let y = if index == LAMP { lamp as f32 } else { STEADY };
+            *quad = Quad::from_light([y; 3], healpix::centre(ORDER, index as u32).as_vec3());
+        }
+        self.map.build();
+        let found = self.mains.update(&mut self.map, Some(seconds));
+        (f64::from(self.map.texels()[LAMP].y()), found)
+    }
+}
+
+fn lamp(hz: f64, seconds: f64) -> f64 {
+    FULL * (1.0 + (TAU * hz * seconds + 0.7).cos())
+}
+
+#[test]
+fn a_sinusoid_becomes_its_mean_and_its_neighbours_stay() {
+    for hz in [100.0, 120.0, 99.85] {
+        let mut sequence = Sequence::new(Lamps::Auto);
+        for burst in 0..40 {
+            let seconds = 7.0 + f64::from(burst) * 3.0 / 28.0;
+            let (y, found) = sequence.burst(seconds, lamp(hz, seconds));
+            if burst >= 20 {
+                assert!((y / FULL - 1.0).abs() < 0.02, "{hz} Hz, burst {burst}: {y}");
+                assert!((f64::from(found.frequency_hz.expect("a frequency")) - hz).abs() < 0.1, "{hz} Hz");
+                assert!((found.depth - 1.0).abs() < 0.02 && found.share > 0.1, "{hz} Hz: {found:?}");
+            }
+            let total = f64::from(sequence.map.view().total().y());
+            let texels = sequence.map.texels().iter().map(|quad| f64::from(quad.y())).sum::<f64>();
+            assert!((total / texels - 1.0).abs() < 1e-5, "sums of {hz} Hz");
+        }
+        let neighbour = sequence.map.texels()[LAMP + 1].y();
+        assert!((neighbour / STEADY - 1.0).abs() < 1e-4, "{hz} Hz: {neighbour}");
+    }
+}
+
+#[test]
+fn a_lamp_that_is_switched_in_flickering_light_is_followed_in_two_bursts() {
+    let mut sequence = Sequence::new(Lamps::Auto);
+    for burst in 0..60 {
+        let seconds = f64::from(burst) * 3.0 / 28.0;
+        let level = match burst {
+            25..35 => 0.0,
+            45.. => 0.5,
+            _ => 1.0,
+        };
+        let (y, _) = sequence.burst(seconds, level * lamp(100.0, seconds));
+        let is_change = [25, 35, 45].contains(&burst);
+        assert!(burst < 20 || is_change || (y - level * FULL).abs() < 0.05 * FULL, "burst {burst}: {y}");
+    }
+}
+
+#[test]
+fn steady_light_and_lamps_that_are_not_looked_for_are_not_changed() {
+    for (lamps, hz) in [(Lamps::Auto, 0.0), (Lamps::Off, 100.0), (Lamps::Mains60, 100.0)] {
+        let mut sequence = Sequence::new(lamps);
+        for burst in 0..30 {
+            let seconds = f64::from(burst) * 3.0 / 28.0;
+            let expected = lamp(hz, seconds) as f32;
+            let (y, found) = sequence.burst(seconds, expected.into());
+            assert_eq!(
+                y as f32,
+                Quad::from_light([expected; 3], glam::Vec3::Z).y(),
+                "{lamps:?}, burst {burst}"
+            );
+            assert_eq!(found, Flicker::default(), "{lamps:?}, burst {burst}");
+        }
+    }
+}
+
+/// Three frames at 30 Hz always show 100 Hz at one phase: nothing tells that light from steady light.
+#[test]
+fn phases_that_do_not_differ_find_nothing() {
+    let mut sequence = Sequence::new(Lamps::Mains50);
+    for burst in 0..30 {
+        let seconds = f64::from(burst) / 10.0;
+        // A slow change of the light itself.
+        let (_, found) = sequence.burst(seconds, FULL * (1.0 + 0.5 * seconds.sin()));
+        assert_eq!(found, Flicker::default(), "burst {burst}");
+    }
+}
