@@ -50,7 +50,7 @@ pub struct Disc {
 }
 
 impl Disc {
-    /// Creates a disc of `radius` radians, at most pi / 2, with [`POINTS`] points.
+    /// Creates a disc of `radius` radians, at most pi / 2, with `POINTS` points.
     #[must_use]
     pub fn new(centre: [f64; 3], radius: f64) -> Self {
         Self::of_points(centre, radius, POINTS)
