@@ -161,9 +161,13 @@ struct Overlap {
 /// Returns the overlaps of the cells between the edges `from` with the cells between the edges `to`.
 fn overlaps(from: &[f64], to: &[f64]) -> Vec<Overlap> {
     let mut shares = Vec::new();
+    let mut first = 0;
     for (i, source) in from.windows(2).enumerate() {
         let width = source[1] - source[0];
-        for (j, target) in to.windows(2).enumerate() {
+        // Both lists of edges ascend: cells that end before this source cell are not looked at again.
+        first += to[first..].windows(2).take_while(|target| target[1] <= source[0]).count();
+        let near = to.windows(2).enumerate().skip(first).take_while(|(_, target)| target[0] < source[1]);
+        for (j, target) in near {
             let common = source[1].min(target[1]) - source[0].max(target[0]);
             if common > 1e-12 * width && width > 0.0 {
                 shares.push(Overlap { from: i, to: j, share: common / width });

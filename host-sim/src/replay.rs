@@ -244,6 +244,9 @@ fn codes(frame: &Frame) -> Box<dyn Iterator<Item = u32> + '_> {
     }
 }
 
+/// Deviation of a measured ratio from the declared one that is told.
+const CONTRADICTION: f64 = 0.1;
+
 fn print_ratios(ratios: &[Ratio]) {
     if ratios.is_empty() {
         return;
@@ -254,5 +257,12 @@ fn print_ratios(ratios: &[Ratio]) {
         let [a, b] = r.seconds;
         let off = 100.0 * (r.measured / r.nominal - 1.0);
         eprintln!("{a:>13.6}{b:>13.6}{:>11.3}{:>11.3}{off:>+8.1} %{:>10}", r.nominal, r.measured, r.samples);
+    }
+    if ratios.iter().any(|r| (r.measured / r.nominal - 1.0).abs() > CONTRADICTION) {
+        eprintln!(
+            "hemilux-sim: the exposure times contradict the pixels by more than {:.0} %: where the scene stood still, --exposures measured \
+             takes the pixels' ratios",
+            100.0 * CONTRADICTION
+        );
     }
 }

@@ -128,6 +128,8 @@ struct Stated {
     projection: Option<Projection>,
     /// Whether values are half floats.
     half: bool,
+    /// The matrix from the file's primaries to linear Rec. 709, applied after infinities were limited.
+    to_rec_709: Option<[[f32; 3]; 3]>,
     notes: Vec<String>,
 }
 
@@ -178,8 +180,16 @@ pub fn read_from<R: BufRead + Seek>(
 
 /// Applies projection, range and coverage.
 fn finish(mut raster: Raster, stated: Stated, options: &ReadOptions) -> Result<DecodedMap, Refusal> {
-    let Stated { covers, projection, half, mut notes } = stated;
-    let range = range::limit(&mut raster.texels, raster.width, half);
+    let Stated { covers, projection, half, to_rec_709, mut notes } = stated;
+    let range = match &to_rec_709 {
+        None => range::limit(&mut raster.texels, raster.width, half),
+        Some(matrix) => {
+            let infinite = range::limit_infinities(&mut raster.texels, raster.width);
+            primaries::convert(&mut raster.texels, matrix);
+            // The components of a half-float colour can be larger in Rec. 709 than in the file's primaries.
+            infinite.with(range::limit(&mut raster.texels, raster.width, false))
+        }
+    };
     let projection = options.projection.or(projection).unwrap_or(Projection::LatLong);
     let (width, height) = (raster.width, raster.height);
     let raster = projection::to_lat_long(raster, projection)?;

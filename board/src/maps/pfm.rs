@@ -10,7 +10,8 @@ pub(super) fn is(begin: &[u8]) -> bool {
     matches!(begin, [b'P', b'F' | b'f', b' ' | b'\n' | b'\r' | b'\t', ..])
 }
 
-pub(super) fn read(mut reader: impl BufRead, budget: &Budget) -> Result<DecodedFile, Refusal> {
+pub(super) fn read(reader: impl BufRead, budget: &Budget) -> Result<DecodedFile, Refusal> {
+    let mut reader = Counted { reader, bytes: 0 };
     let grey = word(&mut reader)? == "Pf";
     let mut number = || -> Result<u64, Refusal> {
         let text = word(&mut reader)?;
@@ -27,6 +28,9 @@ pub(super) fn read(mut reader: impl BufRead, budget: &Budget) -> Result<DecodedF
     let samples = if grey { 1 } else { 3 };
     let mut row = Vec::new();
     let line = raster.width as u64 * samples as u64 * 4;
+    let rest = budget.bytes.saturating_sub(reader.bytes).saturating_sub(line * height);
+    let mut reader = reader.reader;
+    skip_blanks(&mut reader, rest)?;
     for y in 0..raster.height {
         row.clear();
         reader.by_ref().take(line).read_to_end(&mut row).map_err(|e| Refusal::new(e, EXPECTED))?;
@@ -45,11 +49,31 @@ pub(super) fn read(mut reader: impl BufRead, budget: &Budget) -> Result<DecodedF
     Ok(DecodedFile { raster, stated: Stated::default() })
 }
 
+/// A reader that counts the bytes of the header.
+struct Counted<R> {
+    reader: R,
+    bytes: u64,
+}
+
+/// Skips what stands between the scale's white space and the samples: the end of a line of two bytes, or blanks before it. The samples
+/// begin where as many bytes are left as they take, so that a sample's own byte is never skipped.
+fn skip_blanks(reader: &mut impl BufRead, rest: u64) -> Result<(), Refusal> {
+    for _ in 0..rest.min(64) {
+        let next = reader.fill_buf().map_err(|e| Refusal::new(e, EXPECTED))?;
+        if !next.first().is_some_and(u8::is_ascii_whitespace) {
+            break;
+        }
+        reader.consume(1);
+    }
+    Ok(())
+}
+
 /// The bytes up to the next white space, of which one byte is consumed.
-fn word(reader: &mut impl BufRead) -> Result<String, Refusal> {
+fn word(reader: &mut Counted<impl BufRead>) -> Result<String, Refusal> {
     let mut text = String::new();
-    for byte in reader.by_ref().take(64).bytes() {
+    for byte in reader.reader.by_ref().take(64).bytes() {
         let byte = byte.map_err(|e| Refusal::new(e, EXPECTED))?;
+        reader.bytes += 1;
         if !byte.is_ascii_whitespace() {
             text.push(byte as char);
         } else if !text.is_empty() {

@@ -15,6 +15,28 @@ pub struct Changed {
     pub clipped: Vec<u32>,
 }
 
+impl Changed {
+    /// The sums of both.
+    #[must_use]
+    pub fn with(mut self, other: Self) -> Self {
+        self.negative += other.negative;
+        self.clipped.iter_mut().zip(other.clipped).for_each(|(all, more)| *all += more);
+        self
+    }
+}
+
+/// Brings infinities of rows of `width` texels to [`HALF_MAX`] or its negative, and counts the texels with one.
+pub fn limit_infinities(texels: &mut [[f32; 3]], width: usize) -> Changed {
+    let mut changed = Changed { negative: 0, clipped: vec![0; texels.len().div_ceil(width.max(1))] };
+    for (index, texel) in texels.iter_mut().enumerate() {
+        if texel.iter().any(|v| v.is_infinite()) {
+            changed.clipped[index / width] += 1;
+            *texel = texel.map(|v| if v.is_infinite() { HALF_MAX.copysign(v) } else { v });
+        }
+    }
+    changed
+}
+
 /// Brings every value of rows of `width` texels into 0..=[`HALF_MAX`] (`half`) or 0..=[`FLOAT_MAX`]; an infinity becomes [`HALF_MAX`].
 pub fn limit(texels: &mut [[f32; 3]], width: usize, half: bool) -> Changed {
     let most = if half { HALF_MAX } else { FLOAT_MAX };

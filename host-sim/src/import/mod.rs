@@ -53,11 +53,21 @@ pub fn list(folder: &Path) -> Result<Vec<PathBuf>, SimError> {
     let entries = std::fs::read_dir(folder).map_err(|e| SimError::at(folder, e, "a readable folder"))?;
     let is_photo = |path: &PathBuf| {
         let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
-        matches!(extension.as_deref(), Some("jpg" | "jpeg" | "png" | "pgm" | "ppm" | "tif" | "tiff" | "dng"))
+        let is_hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
+        let known = ["jpg", "jpeg", "png", "pgm", "ppm", "tif", "tiff", "dng", "heic", "heif"];
+        !is_hidden && extension.is_some_and(|extension| known.contains(&extension.as_str()))
     };
     let mut photos: Vec<_> = entries.filter_map(|entry| Some(entry.ok()?.path())).filter(is_photo).collect();
     photos.sort();
+    // Cameras that write raw files write each photograph twice.
+    let jpegs: Vec<_> =
+        photos.iter().filter(|path| is_jpeg(path)).map(|path| path.with_extension("")).collect();
+    photos.retain(|path| is_jpeg(path) || !jpegs.contains(&path.with_extension("")));
     Ok(photos)
+}
+
+fn is_jpeg(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("jpg") || e.eq_ignore_ascii_case("jpeg"))
 }
 
 /// Returns the text of a `burst.toml` for photographs; prints the photographs and their EXIF data on standard error.

@@ -1,10 +1,10 @@
 //! OpenEXR files: scan lines and tiles, one part or several, flat images.
 
+mod colours;
 mod layers;
 mod pixels;
 
 use super::limit::Budget;
-use super::primaries::{self, Primaries};
 use super::write::COVERS;
 use super::{Covers, DecodedFile, Projection, ReadOptions, Refusal, Stated};
 use exr::meta::attribute::{AttributeValue, EnvironmentMap, IntegerBounds, SampleType, Text};
@@ -36,11 +36,13 @@ pub(super) fn read(
     let mut raster = budget.raster(width, height)?;
     pixels::decode(reader, header, &layer, window, &mut raster)?;
     let mut stated = stated(header, &layer)?;
-    if let Some(primaries) = chromaticities(header).filter(|p| !p.are_rec_709()) {
-        primaries::convert(&mut raster.texels, &primaries.to_rec_709()?);
-        stated
-            .notes
-            .push("converted from the file's chromaticities to Rec. 709 without adaptation of white".into());
+    let space = colours::of(header, &mut stated.notes);
+    if let Some(space) = space.filter(|space| !space.primaries.are_rec_709()) {
+        stated.to_rec_709 = Some(space.primaries.to_rec_709()?);
+        stated.notes.push(format!(
+            "converted from the file's {} to Rec. 709 without adaptation of white",
+            space.stated_by
+        ));
     }
     if window != data_window(header) {
         let place = |b: IntegerBounds| {
@@ -93,7 +95,8 @@ fn stated(header: &Header, layer: &Layer) -> Result<Stated, Refusal> {
     let own = &header.own_attributes;
     let mut notes = Vec::new();
     if layer.is_one_of_several {
-        notes.push(format!("read the layer {}", layer.name));
+        let name = if layer.name.is_empty() { "without a name" } else { &layer.name };
+        notes.push(format!("read the layer {name}"));
     }
     if let Some(luminance) = own.white_luminance {
         notes.push(format!(
@@ -111,23 +114,39 @@ fn stated(header: &Header, layer: &Layer) -> Result<Stated, Refusal> {
         Some(EnvironmentMap::LatitudeLongitude) => Some(Projection::LatLong),
         None => None,
     };
-    Ok(Stated { covers: covers(header)?, projection, half, notes })
+    let covers = covers(header)?;
+    if own.environment_map == Some(EnvironmentMap::LatitudeLongitude) && covers.is_none() {
+        let off = 180.0 / header.layer_size.y().max(1) as f64 / 2.0;
+        notes.push(format!(
+            "envmap latlong is read with the first texel's centre half a texel from the seam and the pole, as renderers do; OpenEXR's \
+             own programs put it on them: directions differ by up to {off:.2} degrees"
+        ));
+    }
+    check_orientation(header)?;
+    Ok(Stated { covers, projection, half, to_rec_709: None, notes })
+}
+
+/// Refuses the attribute of OpenImageIO and Photoshop by which a picture is to be turned.
+fn check_orientation(header: &Header) -> Result<(), Refusal> {
+    match attribute(header, "Orientation") {
+        None | Some(AttributeValue::I32(1)) => Ok(()),
+        Some(other) => Err(Refusal::new(format!("the attribute Orientation {other:?}"), "1, an upright map")),
+    }
+}
+
+/// The attribute of this name of the part or of the file.
+fn attribute<'a>(header: &'a Header, name: &str) -> Option<&'a AttributeValue> {
+    let name = Text::new_or_none(name)?;
+    header.own_attributes.other.get(&name).or_else(|| header.shared_attributes.other.get(&name))
 }
 
 /// The value of [`COVERS`].
 fn covers(header: &Header) -> Result<Option<Covers>, Refusal> {
-    let name = Text::from(COVERS);
-    let value = header.own_attributes.other.get(&name).or_else(|| header.shared_attributes.other.get(&name));
-    let Some(value) = value else { return Ok(None) };
+    let Some(value) = attribute(header, COVERS) else { return Ok(None) };
     let covers = match value {
         AttributeValue::Text(text) => Covers::from_name(&text.to_string()),
         _ => None,
     };
     let refused = || Refusal::new(format!("{COVERS} = {value:?}"), "sphere or hemisphere");
     covers.map(Some).ok_or_else(refused)
-}
-
-fn chromaticities(header: &Header) -> Option<Primaries> {
-    let c = header.shared_attributes.chromaticities?;
-    Some(Primaries([c.red, c.green, c.blue, c.white].map(|v| [v.x().into(), v.y().into()])))
 }

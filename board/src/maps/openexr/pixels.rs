@@ -8,6 +8,7 @@ use exr::block::reader::{ChunksReader, Reader};
 use exr::meta::attribute::{IntegerBounds, SampleType};
 use exr::meta::header::Header;
 use exr::prelude::f16;
+use std::collections::HashSet;
 use std::io::{BufRead, Seek};
 
 /// Decodes the full-resolution blocks of the layer's part; texels outside of `window` are dropped.
@@ -27,13 +28,24 @@ pub(super) fn decode(
         x: i64::from(header.own_attributes.layer_position.x()) - i64::from(window.position.x()),
         y: i64::from(header.own_attributes.layer_position.y()) - i64::from(window.position.y()),
     };
+    let (mut places, mut pixels) = (HashSet::new(), 0);
     for block in chunks.sequential_decompressor(false) {
         let block = block.map_err(refused)?;
-        if wanted(block.index) {
-            place.block(&block, header, layer, raster)?;
+        if !wanted(block.index) {
+            continue;
         }
+        let at = block.index.pixel_position;
+        if !places.insert((at.x(), at.y())) {
+            return Err(Refusal::new(format!("two blocks at column {}, row {}", at.x(), at.y()), EXPECTED));
+        }
+        pixels += block.index.pixel_size.area();
+        place.block(&block, header, layer, raster)?;
     }
-    Ok(())
+    let all = header.layer_size.area();
+    if pixels == all {
+        return Ok(());
+    }
+    Err(Refusal::new(format!("blocks of {pixels} of {all} pixels"), "an OpenEXR file with all its blocks"))
 }
 
 /// Position of the data window inside of the raster.

@@ -50,19 +50,36 @@ pub(super) fn camera(tree: &Node, notes: &mut Vec<String>) -> Result<Camera, Ref
         }
     }
     let size = size(tree)?;
+    check_region(tree, size)?;
     let k = match tree.get(&COEFFICIENTS) {
         Some(node) => {
             node.numbers().ok_or_else(|| ("distortion coefficients".to_string(), "numbers".to_string()))?
         }
         None => Vec::new(),
     };
-    Ok(Camera {
-        model: named(model_name(tree).as_deref(), &k)?,
-        size,
-        focal: [fx, fy],
-        centre: [cx, cy],
-        skew,
-    })
+    let name = model_name(tree);
+    if name.is_none() && k.len() == 4 {
+        notes.push(
+            "four distortion coefficients without the name of a model are read as a fisheye's (fisheye_model: 0 in the file makes them a \
+             pinhole's)"
+                .into(),
+        );
+    }
+    Ok(Camera { model: named(name.as_deref(), &k)?, size, focal: [fx, fy], centre: [cx, cy], skew })
+}
+
+/// Refuses a ROS region of interest: the frames would show a part of the calibrated image.
+fn check_region(tree: &Node, size: [u32; 2]) -> Result<(), Refusal> {
+    let Some(region) = tree.get(&["roi"]) else { return Ok(()) };
+    let number = |name: &str| region.get(&[name]).and_then(Node::number).unwrap_or(0.0);
+    let [x, y, width, height] = ["x_offset", "y_offset", "width", "height"].map(number);
+    // All zero stands for the whole image.
+    let whole = [0.0, 0.0, f64::from(size[0]), f64::from(size[1])];
+    if [x, y, width, height] == [0.0; 4] || [x, y, width, height] == whole {
+        return Ok(());
+    }
+    let found = format!("the region of interest {width} x {height} at ({x}, {y})");
+    refuse(found, "a calibration of the whole image")
 }
 
 /// The first camera of a Kalibr camchain.
