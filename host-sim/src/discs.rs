@@ -122,7 +122,7 @@ impl Ground {
         Measured { open, shadowed, ms }
     }
 
-    /// The fewest lights that reach each of [`TOLERANCES`], which descend; at most [`MOST`].
+    /// The fewest lights that reach each of [`TOLERANCES`], which descend; at most `MOST`.
     #[must_use]
     pub fn fewest(&self, method: &Method) -> [usize; TOLERANCES.len()] {
         let reading = if method.is_soft() { Reading::Discs } else { Reading::Points };

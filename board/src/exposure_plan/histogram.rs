@@ -137,11 +137,11 @@ impl Reader {
                     read.map(|(row, f)| (y_in(row), f.exposure.seconds)).find(|(y, _)| *y < limits.bright);
                 match found {
                     Some((y, _)) if y < floor => {
-                        (histogram.below.0, histogram.total) = (histogram.below.0 + 1, histogram.total + 1)
+                        (histogram.below.0, histogram.total) = (histogram.below.0 + 1, histogram.total + 1);
                     }
                     Some((y, seconds)) => histogram.add(y / seconds),
                     None => {
-                        (histogram.above.0, histogram.total) = (histogram.above.0 + 1, histogram.total + 1)
+                        (histogram.above.0, histogram.total) = (histogram.above.0 + 1, histogram.total + 1);
                     }
                 }
             }

@@ -86,7 +86,8 @@ impl Fit {
         }
         let normal = normal_equations(window, basis, bursts);
         let inverse = inverse(normal, terms);
-        if !(inverse[0][0] * bursts as f64 <= MOST_VARIANCE) {
+        let variance = inverse[0][0] * bursts as f64;
+        if variance.is_nan() || variance > MOST_VARIANCE {
             return None;
         }
         let (mut rows, mut mask) = ([[0.0; WINDOW]; TERMS], [0.0; WINDOW]);
@@ -207,7 +208,7 @@ fn inverse(mut a: Square, terms: usize) -> Square {
     for pivot in 0..terms {
         let scale = 1.0 / a[pivot][pivot];
         (0..terms).for_each(|j| {
-            (a[pivot][j], inverse[pivot][j]) = (a[pivot][j] * scale, inverse[pivot][j] * scale)
+            (a[pivot][j], inverse[pivot][j]) = (a[pivot][j] * scale, inverse[pivot][j] * scale);
         });
         let (of, own) = (a[pivot], inverse[pivot]);
         for row in (0..terms).filter(|row| *row != pivot) {

@@ -289,6 +289,7 @@ impl Corrected {
 }
 
 /// A quad of the map.
+#[derive(Clone, Copy)]
 struct Place {
     order: u8,
     cell: u32,

@@ -55,9 +55,12 @@ struct Client {
     tally: Arc<Tally>,
 }
 
+/// One round of a client's requests.
+type Work = fn(&Client);
+
 /// Starts a thread for each client.
 pub(super) fn start(address: SocketAddr, tally: &Arc<Tally>) -> std::io::Result<Vec<JoinHandle<()>>> {
-    let kinds: [(&str, fn(&Client)); 7] = [
+    let kinds: [(&str, Work); 7] = [
         ("sets", Client::sets),
         ("sets", Client::sets),
         ("events", Client::events),
@@ -66,7 +69,7 @@ pub(super) fn start(address: SocketAddr, tally: &Arc<Tally>) -> std::io::Result<
         ("settings", Client::settings),
         ("rude", Client::rude),
     ];
-    let start = |(name, work): (&str, fn(&Client))| {
+    let start = |(name, work): (&str, Work)| {
         let client = Client { address, tally: Arc::clone(tally) };
         let thread = std::thread::Builder::new().name(name.into());
         thread.spawn(move || {

@@ -6,9 +6,9 @@
 //! 3. `tree` over `nodes`: best-first splits of a binary tree by Y (1 - |m|)^(3/8), which is nearly what a light costs in shadowed
 //!    error. Each split adds one light, so every number of lights is reached, down to one.
 //! 4. `gather`: up to eight lights move to the centroids of the light nearest to them; larger sets gain little by it and flicker. `discs`:
-//! for discs, importance measures the light that a disc does not represent, and the discs of small sets move to reduce their error.
+//!    for discs, importance measures the light that a disc does not represent, and the discs of small sets move to reduce their error.
 //! 5. `filter`: directions are smoothed against noise; a light that moves or jumps is followed without delay. After a `cut`, a frame that
-//! does not continue the last one, all filters are reset.
+//!    does not continue the last one, all filters are reset.
 //! 6. `weights`: the energies of up to 64 lights are set to those of least expected squared error of irradiance over receivers with random
 //!    occluders. With more lights, solving for the energies would take more time than adding a light.
 //! 7. `receivers`, or `estimate` for many lights: the estimated error of the set for shadowed receivers. Both approximate the map by sources
@@ -178,7 +178,7 @@ where
             (&mut self.lights[0].as_mut()[..self.count], &mut self.tracks[0].as_mut()[..self.count]);
         timer.measure(|| filter::settle(lights, tracks, quiet));
         let nodes = Nodes::new(map, request.ambient.then_some(&self.workspace.borrow().ambient));
-        keep_energy(lights, nodes.quad(0, 0).rgb());
+        weights::keep_energy(lights, nodes.quad(0, 0).rgb());
         let anew = self.looked_at != Some(count);
         self.looked_at = Some(count);
         let error = self.error(map, request, anew);
@@ -303,7 +303,7 @@ where
                 fit.run(sources.as_slice(), lights);
             }
         }
-        keep_energy(lights, nodes.quad(0, 0).rgb());
+        weights::keep_energy(lights, nodes.quad(0, 0).rgb());
     }
 
     /// Estimates the shadowed error: over all receivers if the lights are `anew`, else over a part of them.
@@ -334,23 +334,6 @@ where
         }
         let error = if anew { receivers.look() } else { receivers.turn() };
         error.max(estimate::FLOOR)
-    }
-}
-
-/// Scales each channel of the lights to the sum `total`.
-fn keep_energy(lights: &mut [Light], total: [f32; 3]) {
-    let mut sum = [0.0f64; 3];
-    for light in lights.iter() {
-        for (s, v) in sum.iter_mut().zip(light.irradiance) {
-            *s += f64::from(v);
-        }
-    }
-    let factor: [f32; 3] =
-        core::array::from_fn(|c| if sum[c] > 0.0 { (f64::from(total[c]) / sum[c]) as f32 } else { 1.0 });
-    for light in lights {
-        for (v, f) in light.irradiance.iter_mut().zip(factor) {
-            *v *= f;
-        }
     }
 }
 

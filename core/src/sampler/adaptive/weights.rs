@@ -184,3 +184,20 @@ fn scale(lights: &mut [Light], corrections: &[f32], most: f32) {
         light.irradiance = light.irradiance.map(|v| v * factor);
     }
 }
+
+/// Scales each channel of the lights to the sum `total`.
+pub(super) fn keep_energy(lights: &mut [Light], total: [f32; 3]) {
+    let mut sum = [0.0f64; 3];
+    for light in lights.iter() {
+        for (s, v) in sum.iter_mut().zip(light.irradiance) {
+            *s += f64::from(v);
+        }
+    }
+    let factor: [f32; 3] =
+        core::array::from_fn(|c| if sum[c] > 0.0 { (f64::from(total[c]) / sum[c]) as f32 } else { 1.0 });
+    for light in lights {
+        for (v, f) in light.irradiance.iter_mut().zip(factor) {
+            *v *= f;
+        }
+    }
+}
