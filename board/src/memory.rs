@@ -5,6 +5,7 @@ use crate::pipeline::Pipeline;
 use crate::probe::{compare, tiers};
 use crate::samplers::{self, Shape, Tuning};
 use crate::timing::counters;
+use hemilux_core::mains::{Cell, mains_len};
 use hemilux_core::polar::{Share, shares_len};
 use hemilux_core::{BufferSize, Light, Order, SamplerKind};
 use std::fmt;
@@ -39,6 +40,7 @@ impl MemoryPlan {
         let order = front.order().get();
         let mut buffers = vec![frames(c, exposures)];
         buffers.extend(front.sizes().buffers());
+        buffers.push(BufferSize::of::<Cell>("flicker cells", mains_len(front.order())));
         buffers.push(BufferSize::of::<Light>("published lights", 4 * s.lights));
         buffers.push(BufferSize::of::<u32>("durations", counters()));
         buffers.push(BufferSize {

@@ -10,6 +10,7 @@ use hemilux::scene;
 use hemilux::source::{Pace, ReplaySource, SceneSource, Source};
 use hemilux_core::Extrapolation;
 use hemilux_core::SamplerKind;
+use hemilux_core::mains::Lamps;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
@@ -60,7 +61,9 @@ const FRAMES: usize = 60;
 
 /// Requests for memory of [`FRAMES`] frames, made on this thread, while a client holds on to some sets and others are told.
 fn requests(source: Box<dyn Source>, sampler: SamplerKind, secondary: Option<SamplerKind>) -> u64 {
-    let pipeline = Settings { sampler, extrapolation: Extrapolation::Average, ..Settings::default() };
+    // The merge's tables are made anew once where a flicker is found, which the switching lamps of the scene can look like.
+    let lamps = Lamps::Off;
+    let pipeline = Settings { sampler, lamps, extrapolation: Extrapolation::Average, ..Settings::default() };
     let mut worker =
         Worker::try_new(source, "test".into(), Config { pipeline, ..Config::steady() }).expect("a worker");
     let link = worker.link();

@@ -11,6 +11,13 @@ pub(super) const LAMPS_HZ: [f64; 2] = [100.0, 120.0];
 const STEP_HZ: f64 = 0.1;
 const STEPS: i32 = 4;
 
+/// Distance of the frequencies that are tried first, steps, and the explained share from which those between them are tried.
+const COARSE: i32 = 3;
+const PROMISING: f32 = 0.25;
+
+/// Bursts between two searches, which take as many instructions as the rest of the stage together.
+const SEARCH_EVERY: u32 = 4;
+
 /// What a step away from the nominal frequency must explain in addition, a share of the variance.
 const OFF_NOMINAL: f32 = 0.01;
 
@@ -18,19 +25,19 @@ const OFF_NOMINAL: f32 = 0.01;
 const STEP_PER_BURST: f64 = 0.02;
 const PER_BURST: (f64, f64) = (0.06, 0.5);
 
-/// Fewest bursts from which a frequency is found.
-const FEWEST: usize = 7;
+/// Fewest bursts from which a frequency is found: in fewer, a period of a slow alias looks like a lamp that is switched once.
+const FEWEST: usize = 8;
 
 /// Share of the variance that a frequency explains when it is found, with few and with many bursts, and below which it is lost.
 const FOUND: [f32; 2] = [0.8, 0.6];
-const MANY: usize = 10;
+const MANY: usize = 12;
 const LOST: f32 = 0.35;
 
 /// Bursts without light that varies which count as one that is explained badly.
 const UNKNOWN: u32 = 8;
 
 /// Least change of the phase from burst to burst, periods: slower modulation may be a change of the light itself.
-const LEAST_ADVANCE: f64 = 0.1;
+const LEAST_ADVANCE: f64 = 0.14;
 
 /// Least standard deviation of a region over its mean that is explained, and of all regions together.
 const VARYING: f32 = 0.002;
@@ -130,30 +137,41 @@ impl Lock {
 
 /// Looks for the frequency that explains the variance of the regions best. `has_times` states whether the times of `window` are seconds.
 pub(super) fn find(window: &Window, regions: &[Cell], lamps: Lamps, has_times: bool) -> Option<Lock> {
-    if lamps == Lamps::Off || window.count() < FEWEST || !varies(window, regions) {
+    let is_due = window.count() >= FEWEST && window.number().is_multiple_of(SEARCH_EVERY);
+    if lamps == Lamps::Off || !is_due || !varies(window, regions) {
         return None;
     }
     let mut best: Option<(f32, Lock)> = None;
     let mut consider = |lock: Lock, off: i32| {
         if has_times && !advances(window, lock.frequency) {
-            return;
+            return 0.0;
         }
         let score =
             explained(window, regions, lock.frequency).unwrap_or(0.0) - OFF_NOMINAL * off.abs() as f32;
         if best.as_ref().is_none_or(|(most, _)| score > *most) {
             best = Some((score, lock));
         }
+        score
     };
     if has_times {
         for base in lamps.frequencies_hz() {
             let range = (base - 6.0 * STEP_HZ, base + 6.0 * STEP_HZ);
             let lock = |step: i32| Lock::new(base + f64::from(step) * STEP_HZ, range, STEP_HZ);
-            (-STEPS..=STEPS).for_each(|step| consider(lock(step), step));
+            let coarse = [-COARSE, 0, COARSE];
+            let promising =
+                coarse.map(|step| consider(lock(step), step)).into_iter().any(|score| score > PROMISING);
+            if promising {
+                (-STEPS..=STEPS).filter(|step| !coarse.contains(step)).for_each(|step| {
+                    consider(lock(step), step);
+                });
+            }
         }
     } else {
         let count = ((PER_BURST.1 - PER_BURST.0) / STEP_PER_BURST + 0.5) as u32;
         let steps = (0..=count).map(|step| PER_BURST.0 + f64::from(step) * STEP_PER_BURST);
-        steps.for_each(|frequency| consider(Lock::new(frequency, PER_BURST, 0.5 * STEP_PER_BURST), 0));
+        steps.for_each(|frequency| {
+            consider(Lock::new(frequency, PER_BURST, 0.5 * STEP_PER_BURST), 0);
+        });
     }
     let needed = FOUND[usize::from(window.count() >= MANY)];
     best.filter(|(score, _)| *score > needed).map(|(_, lock)| lock)

@@ -54,6 +54,16 @@ pub fn make(case: &Case) -> Vec<Burst> {
     make_of(case, scene::by_name("room").expect("a built-in scene"), BURSTS)
 }
 
+/// Interval of bursts of three exposures of a camera of 28 frames a second, nanoseconds.
+const INTERVAL_NS: u64 = 107_142_857;
+
+/// The burst of a frame, in rotation, with the time at which a camera would take it.
+pub fn timed(bursts: &mut [Burst], frame: usize) -> &Burst {
+    let burst = &mut bursts[frame % BURSTS];
+    burst.phase_ns = (frame as u64 + 1) * INTERVAL_NS;
+    burst
+}
+
 /// `count` bursts of `scene`, a tenth of a second apart; the same in every run.
 #[must_use]
 pub fn make_of(case: &Case, scene: Scene, count: usize) -> Vec<Burst> {

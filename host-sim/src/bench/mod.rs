@@ -116,16 +116,17 @@ fn pipeline(case: &Case, bursts: &[Burst]) -> Result<Pipeline, SimError> {
 
 /// Processes `frames` bursts without timing or report.
 fn repeat(case: &Case, frames: usize) -> Result<(), SimError> {
-    let bursts = bursts::make(case);
+    let mut bursts = bursts::make(case);
     let mut pipeline = pipeline(case, &bursts)?;
-    for burst in bursts.iter().cycle().take(frames) {
+    for frame in 0..frames {
+        let burst = bursts::timed(&mut bursts, frame);
         std::hint::black_box(pipeline.process(burst)?.decomposition.lights.len());
     }
     Ok(())
 }
 
 fn measure(case: &Case, budgets: &Budgets) -> Result<Row, SimError> {
-    let bursts = bursts::make(case);
+    let mut bursts = bursts::make(case);
     let mut pipeline = pipeline(case, &bursts)?;
     let mut copy = Copy::new(&bursts[0]);
     let mut times: [Vec<f64>; 5] = Default::default();
@@ -135,7 +136,7 @@ fn measure(case: &Case, budgets: &Budgets) -> Result<Row, SimError> {
         // The copied burst is another one than the next processed burst, which must not be in the cache.
         let copied = copy.time(&bursts[(frame + BURSTS / 2) % BURSTS]);
         let whole = Instant::now();
-        let stages = std::hint::black_box(pipeline.process(&bursts[frame % BURSTS])?).times;
+        let stages = std::hint::black_box(pipeline.process(bursts::timed(&mut bursts, frame))?).times;
         let total = whole.elapsed();
         if frame >= WARM_UP {
             let all = [copied, stages.front, stages.pyramid, stages.sample, total];

@@ -32,6 +32,12 @@ export async function settings(browser, url) {
   const dark = await level();
   await act("extrapolation", choose("average"), async () => await level() > 1.02 * dark);
   await act("tiers", fill(7), async () => (await json(page, "/v1/status")).tiers.most === 7);
+  // Budgets that nothing keeps would lower the quality of later sets.
+  await act("degrade", s => page.uncheck(s), async () => (await values()).degrade === false);
+  await act("mains", choose("off"), async () => (await values()).mains === "off");
+  await act("merge", choose("all"), async () => (await values()).merge === "all");
+  await act("auto_exposures", s => page.check(s), async () => (await values()).auto_exposures === true);
+  await act("auto_exposures", s => page.uncheck(s), async () => await page.locator("#burst figure").count() === 3);
   await act("gui", s => page.check(s), async () => page.evaluate(async () => (await fetch("/screenshot")).status === 200));
   // Without the shortest exposure the lamp clips, and two pictures are left.
   await act("exposures_s", fill("0.02, 0.05"), async () => Number.parseFloat(await text(page, "#n-clipped")) > 0 && await page.locator("#burst figure").count() === 2);
