@@ -141,14 +141,4 @@ mod tests {
         let half: Vec<_> = reference.iter().step_by(2).copied().collect();
         assert!(shadowed_error(&half, &reference) > 0.3, "half of the energy is missing");
     }
-
-    #[test]
-    fn ten_frames_after_the_start_of_a_slow_board_frames_are_within_the_budget() {
-        let calm = row(1.0, 60_000.0, 40).expect("frames");
-        let usual_ms = calm.settled_us[calm.settled_us.len() / 2] as f32 / 1e3;
-        // A board so slow that a frame of full quality takes a quarter more than the budget.
-        let row = row(8.0, 8.0 * usual_ms / 1.25, 60).expect("frames");
-        assert!(!row.steps.is_empty() && row.steps[0] == "exposures", "{:?}", row.steps);
-        assert!(row.within * 10 >= row.settled_us.len() * 8, "{} of {}", row.within, row.settled_us.len());
-    }
 }
