@@ -37,7 +37,7 @@ const LOST: f32 = 0.35;
 const UNKNOWN: u32 = 8;
 
 /// Least change of the phase from burst to burst, periods: slower modulation may be a change of the light itself.
-const LEAST_ADVANCE: f64 = 0.14;
+const LEAST_ADVANCE: f64 = 0.12;
 
 /// Least standard deviation of a region over its mean that is explained, and of all regions together.
 const VARYING: f32 = 0.002;
