@@ -54,6 +54,14 @@ fn pfm_rows_run_upwards_in_either_byte_order() {
     }
     let grey = [&b"Pf\n2 1\n-1\n"[..], &floats(&[7.0, 8.0], true)].concat();
     assert_eq!(decode(&grey).expect("a map").texels, [[7.0; 3], [8.0; 3]], "grey");
+    // Lines may end with two bytes, and blanks may follow the scale: the samples are the file's last bytes, even if they look like blanks.
+    for end in ["\r\n", " \n"] {
+        let bytes = [format!("PF{end}1 2{end}-1.0{end}").as_bytes(), &floats(&colour, true)].concat();
+        assert_eq!(decode(&bytes).expect("a map").texels, [[3.0, 4.0, 5.0], [0.0, 1.0, 2.0]], "{end:?}");
+    }
+    let blanks = f32::from_le_bytes(*b"    ");
+    let grey = [&b"Pf\n2 1\n-1\n"[..], &floats(&[blanks, 8.0], true)].concat();
+    assert_eq!(decode(&grey).expect("a map").texels, [[blanks; 3], [8.0; 3]], "samples of blanks");
     assert!(refusal(b"PF\n2 2\n-2.0\n").contains("scale"), "scale");
     assert!(refusal(b"PF\n2 2\n-1.0\n....").contains("ends in row 0"), "short");
     assert!(refusal(b"PF\n100000 100000\n-1.0\n").contains("--max-pixels"), "size");

@@ -87,13 +87,86 @@ fn openexr_chromaticities_become_rec_709() {
     assert!(map.notes.iter().any(|n| n.contains("whiteLuminance 100")), "{:?}", map.notes);
     // White of ACES AP0 is (0.95265, 1, 1.00883) in XYZ; in Rec. 709 without adaptation that is this, by the sRGB matrix.
     let mut image = uniform(&[("R", 1.0), ("G", 1.0), ("B", 1.0)], (4, 2), LayerAttributes::default());
-    image.attributes.chromaticities = Some(attribute::Chromaticities {
-        red: Vec2(0.7347, 0.2653),
-        green: Vec2(0.0, 1.0),
-        blue: Vec2(0.0001, -0.077),
-        white: Vec2(0.32168, 0.33767),
-    });
+    image.attributes.chromaticities = Some(AP0);
     assert_close(decode(&written(&image)).expect("a map").texels[0], [1.04696, 0.99465, 0.91539]);
+}
+
+const AP0: attribute::Chromaticities = attribute::Chromaticities {
+    red: Vec2(0.7347, 0.2653),
+    green: Vec2(0.0, 1.0),
+    blue: Vec2(0.0001, -0.077),
+    white: Vec2(0.32168, 0.33767),
+};
+
+/// A map of 4 x 2 half-float texels of ACES AP0, the first of them `first`.
+fn aces(first: [f32; 3]) -> DecodedMap {
+    let channels = SpecificChannels::rgb(move |at: Vec2<usize>| {
+        let [r, g, b] = if at == Vec2(0, 0) { first } else { [0.5; 3] }.map(f16::from_f32);
+        (r, g, b)
+    });
+    let layer = Layer::new((4, 2), LayerAttributes::default(), Encoding::FAST_LOSSLESS, channels);
+    let mut image = Image::from_layer(layer);
+    image.attributes.chromaticities = Some(AP0);
+    let mut bytes = Cursor::new(Vec::new());
+    image.write().non_parallel().to_buffered(&mut bytes).expect("a file");
+    decode(bytes.get_ref()).expect("a map")
+}
+
+#[test]
+fn half_floats_of_other_primaries_are_limited_before_they_are_converted() {
+    // Rec. 709 (90000, 30000, 10000), all of whose components in AP0 are half floats.
+    let map = aces([52119.0, 33573.0, 14691.0]);
+    for (found, expected) in map.texels[0].into_iter().zip([90_000.0, 30_000.0, 10_000.0]) {
+        assert!((found / expected - 1.0).abs() < 2e-3, "{:?}", map.texels[0]);
+    }
+    assert_eq!((map.negative, map.clipped), (0, vec![0, 0]), "nothing is out of range");
+    let infinite = aces([f32::INFINITY; 3]);
+    assert_eq!((infinite.negative, infinite.clipped), (0, vec![1, 0]), "infinity is told");
+    let white = [1.04696, 0.99465, 0.91539].map(|v| v * f64::from(HALF_MAX));
+    assert_close(infinite.texels[0], white);
+}
+
+#[test]
+fn openexr_colour_spaces_are_honoured_by_name_or_told() {
+    let with = |key: &str, value: AttributeValue| {
+        let mut image = uniform(&[("R", 1.0), ("G", 1.0), ("B", 1.0)], (4, 2), LayerAttributes::default());
+        image.layer_data.attributes.other.insert(key.into(), value);
+        written(&image)
+    };
+    let named = |key: &str, name: &str| decode(&with(key, AttributeValue::Text(name.into()))).expect("a map");
+    let white = [1.04696, 0.99465, 0.91539];
+    assert_close(named("colorInteropID", "lin_ap0_scene").texels[0], white);
+    assert_close(named("oiio:ColorSpace", "ACEScg").texels[0], white);
+    let container = decode(&with("acesImageContainerFlag", AttributeValue::I32(1))).expect("a map");
+    assert_close(container.texels[0], white);
+    let linear = named("colorInteropID", "lin_rec709_scene");
+    assert_eq!((linear.texels[0], linear.notes.len()), ([1.0; 3], 0), "{:?}", linear.notes);
+    let unknown = named("oiio:ColorSpace", "Filmic");
+    assert!(unknown.notes.iter().any(|note| note.contains("oiio:ColorSpace Filmic")), "{:?}", unknown.notes);
+    assert!(refusal(&with("Orientation", AttributeValue::I32(3))).contains("Orientation"), "turned");
+    assert!(decode(&with("Orientation", AttributeValue::I32(1))).is_ok(), "upright");
+}
+
+#[test]
+fn openexr_blocks_that_are_missing_are_refused() {
+    const ROWS: usize = 8;
+    let channels = SpecificChannels::rgb(|at: Vec2<usize>| (at.x() as f32, at.y() as f32, 1.0f32));
+    let layer = Layer::new((16, ROWS), LayerAttributes::default(), Encoding::UNCOMPRESSED, channels);
+    let mut bytes = Cursor::new(Vec::new());
+    Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).expect("a file");
+    let bytes = bytes.into_inner();
+    // The first offset of the table is that of the table's own end.
+    let u64_at = |at: usize| u64::from_le_bytes(bytes[at..at + 8].try_into().expect("eight bytes"));
+    let table = (0..bytes.len() - 8).find(|at| u64_at(*at) == (at + 8 * ROWS) as u64).expect("a table");
+    assert!(decode(&bytes).is_ok(), "all blocks");
+    let mut twice = bytes.clone();
+    let first = u64_at(table).to_le_bytes();
+    twice[table + 8 * (ROWS - 1)..table + 8 * ROWS].copy_from_slice(&first);
+    assert!(refusal(&twice).contains("two blocks at column 0, row 0"), "{}", refusal(&twice));
+    let second = u64_at(table + 8) as usize;
+    let mut moved = bytes.clone();
+    moved[second..second + 4].copy_from_slice(&[0; 4]);
+    assert!(refusal(&moved).contains("two blocks at"), "{}", refusal(&moved));
 }
 
 #[test]

@@ -182,6 +182,25 @@ fn several_cameras_are_told() {
 }
 
 #[test]
+fn a_fisheye_that_is_guessed_is_told_and_a_stated_one_is_not() {
+    let is_told = |text: &str| parsed(text).notes.iter().any(|note| note.contains("fisheye_model: 0"));
+    assert!(is_told(OPENCV), "four coefficients");
+    assert!(!is_told(&format!("{OPENCV}fisheye_model: 1\n")), "stated");
+}
+
+#[test]
+fn a_region_of_interest_is_refused_unless_it_is_the_whole_image() {
+    let with = |x: u32, width: u32, height: u32| {
+        format!("{OPENCV}roi:\n  x_offset: {x}\n  y_offset: 0\n  width: {width}\n  height: {height}\n")
+    };
+    let (found, _) = refused(&with(100, 320, 240));
+    assert!(found.contains("320 x 240 at (100, 0)"), "{found}");
+    for whole in [with(0, 0, 0), with(0, 640, 480)] {
+        parsed(&whole);
+    }
+}
+
+#[test]
 fn files_that_are_no_lens_are_refused_by_name() {
     for (text, part) in [
         (String::new(), "empty"),
