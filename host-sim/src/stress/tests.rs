@@ -102,3 +102,45 @@ fn procedural_table_of_the_core_is_the_committed_one() {
          cp /tmp/stress/stress.txt fixtures/stress-quick.txt"
     );
 }
+
+/// The rows of the committed table: scenario, sampler, lights and the columns after them; `None` for a dash.
+fn committed() -> Vec<(String, String, usize, Vec<Option<f64>>)> {
+    let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../fixtures/stress-quick.txt"));
+    let (mut scenario, mut rows) = (String::new(), Vec::new());
+    for line in text.expect("the table").lines().filter(|line| !line.starts_with('#')) {
+        match line.split_whitespace().collect::<Vec<_>>().as_slice() {
+            [name, "lights", ..] => scenario = (*name).into(),
+            [sampler, lights, columns @ ..] => {
+                let columns = columns.iter().map(|text| text.parse().ok()).collect();
+                rows.push((scenario.clone(), (*sampler).into(), lights.parse().expect("a number"), columns));
+            }
+            _ => {}
+        }
+    }
+    rows
+}
+
+/// README: flicker of discs exceeds that of points by at most 0.11 %, but for `rim`; flickering lamps of burst-level scenarios flicker by at
+/// most 0.13 % with 64 lights.
+#[test]
+fn readme_figures_of_flicker_are_those_of_the_committed_table() {
+    const FLICKER: usize = 1;
+    const SOFT_FLICKER: usize = 4;
+    let rows = committed();
+    let mut compared = 0;
+    for (scenario, sampler, lights, columns) in &rows {
+        let Some(hard) = sampler.strip_suffix("+soft") else { continue };
+        let points = rows.iter().find(|(s, name, n, _)| (s, name.as_str(), n) == (scenario, hard, lights));
+        let points = points.and_then(|(.., columns)| columns[FLICKER]).expect("a row of points");
+        let discs = columns[SOFT_FLICKER].expect("a flicker of discs");
+        let is_exception = (scenario.as_str(), sampler.as_str(), *lights) == ("rim", "adaptive+sh+soft", 16);
+        let most = if is_exception { 0.145 } else { 0.115 };
+        assert!(discs - points < most, "{scenario} {sampler} {lights}: {discs} of discs, {points} of points");
+        compared += 1;
+    }
+    let bursts =
+        rows.iter().filter(|(s, name, n, _)| s.starts_with("bursts-") && name == "adaptive" && *n == 64);
+    let bursts: Vec<f64> = bursts.map(|(.., columns)| columns[FLICKER].expect("a flicker")).collect();
+    assert!(bursts.len() >= 5 && bursts.iter().all(|flicker| *flicker < 0.135), "{bursts:?}");
+    assert!(compared > 60, "{compared} rows");
+}
