@@ -355,6 +355,11 @@ fn photographs_become_a_burst_by_their_exif_data() {
     let imported = flux(&replay(&out, &[]));
     let direct = flux(&replay(&photos, &["--lens", text(&lens)]));
     assert_eq!(imported, direct, "without a burst.toml");
+    for (file, bytes) in [("._x.jpg", &b"\0\x05\x16\x07"[..]), ("x.dng", b"II*\0"), ("z.DNG", b"II*\0")] {
+        std::fs::write(photos.join(file), bytes).expect("a file");
+    }
+    let beside = flux(&replay(&photos, &["--lens", text(&lens)]));
+    assert_eq!(beside, direct, "hidden files and the raw files of photographs are passed over");
     refused(&["replay", "--burst", text(&photos)], "hemilux-sim import");
     let untimed = photos.join("w.jpg");
     std::fs::write(&untimed, jpeg(&scene(2.0, 0), &[(ISO, 3, 100)])).expect("a file");
@@ -481,9 +486,15 @@ fn measured_exposures_take_the_place_of_wrong_ones() {
         .expect("a file");
     let (stated, measured) =
         (replay(folder.path(), &[]), replay(folder.path(), &["--exposures", "measured"]));
+    let advice = |more: &[&str]| {
+        let output = sim(&[&["replay", "--burst", text(folder.path())], more].concat());
+        String::from_utf8_lossy(&output.stderr).contains("--exposures measured takes")
+    };
+    assert!(advice(&[]), "the contradiction is told");
     std::fs::write(folder.path().join("burst.toml"), burst_toml(&[("a.png", 0.005), ("b.png", 0.01)]))
         .expect("a file");
     let right = flux(&replay(folder.path(), &[]));
+    assert!(!advice(&[]), "nothing contradicts");
     assert!((flux(&measured) / right - 1.0).abs() < 0.01, "{} {right}", flux(&measured));
     assert!((flux(&stated) / right - 1.0).abs() > 0.05, "{} {right}", flux(&stated));
 }
