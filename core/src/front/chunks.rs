@@ -34,7 +34,6 @@ pub(super) struct Chunks<'a, 'f, 's> {
     merger: Merger<'a, 's>,
     /// Present if chunks in which the longest exposure is enough are added as sums of codes.
     tally: Option<Tally>,
-    code_sums: CodeSums,
 }
 
 /// The merge of codes and the buffers behind it.
@@ -67,7 +66,7 @@ impl<'a, 'f, 's> Chunks<'a, 'f, 's> {
     ) -> Self {
         let (sums, light) = (PrefixSums::new(), [[0.0; 4]; CHUNK]);
         let merger = Merger { merge, channels: channels(layout.format()), merged, sums, light };
-        Self { frames, layout, scratch, merger, tally, code_sums: CodeSums::new() }
+        Self { frames, layout, scratch, merger, tally }
     }
 
     /// Adds the light of a part of at most [`CHUNK`] pixels, whose runs are the next ones of `target`.
@@ -85,6 +84,8 @@ impl<'a, 'f, 's> Chunks<'a, 'f, 's> {
     }
 
     /// Adds a part of which the longest exposure is enough as sums of codes; returns `false`, without a change, for other parts.
+    // Not inlined: its locals take no stack below the merge of other parts.
+    #[inline(never)]
     fn add_codes(&mut self, part: Part, target: &mut Target<'_>) -> bool {
         let (Some(tally), Some((Samples::U8(longest), shorter))) = (&self.tally, self.frames.split_last())
         else {
@@ -94,9 +95,10 @@ impl<'a, 'f, 's> Chunks<'a, 'f, 's> {
         let codes = longest.get(at..at + 3 * part.len).unwrap_or_default();
         let is_enough = self.merger.merge.suffices(shorter.len(), &Codes::Bytes(codes));
         if is_enough {
-            self.code_sums.sum_up(codes, tally);
+            let mut code_sums = CodeSums::new(&mut self.merger.sums, &mut self.merger.light);
+            code_sums.sum_up(codes, tally);
             let Target { runs, quads, excluded } = target;
-            self.code_sums.add(part.len, tally, runs, quads, &mut excluded.below);
+            code_sums.add(part.len, tally, runs, quads, &mut excluded.below);
         }
         is_enough
     }

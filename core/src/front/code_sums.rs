@@ -3,22 +3,22 @@
 //! The code sum of each run, times the weight of the run, is added to integers of its texel, in the memory of the texel's first moment,
 //! which is unknown until the map is finished. Neither a pixel nor a run needs a float.
 
-use super::gather::Runs;
+use super::gather::{PrefixSums, RunLight, Runs};
 use crate::pixel_table::{CHUNK, Run};
 use crate::pyramid::Quad;
 use crate::tally::Tally;
 
-/// Codes of a chunk and their prefix sums.
-pub(super) struct CodeSums {
+/// Codes of a chunk and their prefix sums, in the memory of the merge, which other chunks take.
+pub(super) struct CodeSums<'s> {
     /// Codes above black of each pixel; the fourth lane is 0.
-    codes: [[i16; 4]; CHUNK],
-    /// Prefix sums per lane, modulo 2^32. More elements than pixels, so that an index of 8 bits is always valid.
-    sums: [[i32; 4]; 256],
+    codes: &'s mut [[i16; 4]],
+    /// Prefix sums per lane, modulo 2^32.
+    sums: &'s mut [[i32; 4]; CHUNK],
 }
 
-impl CodeSums {
-    pub(super) fn new() -> Self {
-        Self { codes: [[0; 4]; _], sums: [[0; 4]; _] }
+impl<'s> CodeSums<'s> {
+    pub(super) fn new(sums: &'s mut PrefixSums, light: &'s mut RunLight) -> Self {
+        Self { codes: bytemuck::cast_slice_mut(light.as_mut_slice()), sums: sums.all_mut() }
     }
 
     /// Sums `codes`, three per pixel.
@@ -59,7 +59,7 @@ impl CodeSums {
         below: &mut [f32; 4],
     ) {
         let mut rest = Quad::default();
-        let taken = self.add_runs(len.min(CHUNK), runs.runs, runs.weights, quads, &mut rest);
+        let taken = self.add_runs(len, runs.runs, runs.weights, quads, &mut rest);
         if rest.moment.iter().any(|sum| sum.to_bits() != 0) {
             self.add_below(runs, taken, quads.len(), tally, below);
         }
@@ -77,6 +77,7 @@ impl CodeSums {
         quads: &mut [Quad],
         rest: &mut Quad,
     ) -> usize {
+        let len = len.min(CHUNK);
         let mut before = [0i32; 4];
         let mut last = u8::MAX;
         for (i, (run, weight)) in runs.iter().zip(weights).enumerate() {
@@ -105,9 +106,11 @@ impl CodeSums {
             let sum = |end: usize| {
                 end.checked_sub(1).and_then(|last| self.sums.get(last)).copied().unwrap_or_default()
             };
-            for (lane, below) in below.iter_mut().enumerate().filter(|_| run.texel() >= texels) {
-                let own = sum(end)[lane].wrapping_sub(sum(first)[lane]);
-                *below += own as f32 * (tally.unit * f32::from(*weight));
+            if run.texel() >= texels {
+                let weight = tally.unit * f32::from(*weight);
+                for ((below, after), before) in below.iter_mut().zip(sum(end)).zip(sum(first)) {
+                    *below += after.wrapping_sub(before) as f32 * weight;
+                }
             }
             first = end;
         }

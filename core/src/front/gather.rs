@@ -56,6 +56,11 @@ impl PrefixSums {
         self.sums.get_mut(..len).unwrap_or_default()
     }
 
+    /// Places for the sums of a whole chunk.
+    pub(super) fn all_mut(&mut self) -> &mut [[i32; 4]; CHUNK] {
+        &mut self.sums
+    }
+
     fn of(&self, len: usize) -> &[[i32; 4]] {
         self.sums.get(..len).unwrap_or_default()
     }

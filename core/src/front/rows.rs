@@ -65,6 +65,8 @@ impl Scratch<'_> {
 
     /// Unpacks `part`, of at most [`CHUNK`] pixels, of the frames from the last one down, as long as `reader` wants more; the frames before
     /// are [`Codes::Unread`].
+    // Not inlined: its locals take no stack below the merge.
+    #[inline(never)]
     pub(crate) fn codes<'a, 'c>(
         &'a mut self,
         frames: &[Samples<'a>],

@@ -8,6 +8,7 @@
 use super::{COUNT_BITS, Exposure};
 use crate::response::Levels;
 use crate::tally::Tally;
+use core::num::NonZeroU32;
 
 /// Largest number of exposures of the unrolled loops; longer bursts use tables.
 pub(super) const MAX_UNROLLED: usize = 4;
@@ -65,11 +66,11 @@ pub(super) struct Linear {
     whole: [i16; MAX_UNROLLED],
     /// Black level, in units of 2^-`shift` codes.
     black: i16,
-    shift: u32,
+    shift: u8,
     white: u32,
     saturated: u32,
     /// Reciprocal of the shortest exposure before rounding of the others.
-    one: u32,
+    one: NonZeroU32,
 }
 
 /// The constants for the exposures from one on.
@@ -110,7 +111,7 @@ impl Suffixes {
         let most_weight = i32::MAX as u32 / (255 << linear.shift);
         Some(Tally {
             black: linear.black,
-            shift: linear.shift,
+            shift: linear.shift.into(),
             most_weight,
             unit: unit * f32::from(linear.whole[0]),
         })
@@ -161,12 +162,13 @@ impl Linear {
             last = *whole;
         }
         let black = libm::round(black * f64::from(1u32 << shift)) as i16;
+        let (shift, one) = (shift as u8, NonZeroU32::new(one)?);
         Some(Self { steps, whole, black, shift, white, saturated, one })
     }
 
     /// Number of radiance counts that represent one code above black in the shortest exposure.
     pub(super) fn counts_per_code(&self) -> f64 {
-        f64::from(self.one) * f64::from(1u32 << self.shift)
+        f64::from(self.one.get()) * f64::from(1u32 << self.shift)
     }
 
     /// Merges samples into `sums` and `reciprocals`, whose products are the radiances. Returns `false` if a sample is clipped in the
@@ -256,7 +258,7 @@ impl<T: Code, const N: usize, const LESS: usize> Case<T, N> for AllBut<LESS> {
         let mut sums = [0i16; BLOCK];
         for (j, to) in sums.iter_mut().enumerate() {
             let sum = codes.iter().take(many).fold(0i16, |sum, c| sum.wrapping_add(c[j].low()));
-            *to = sum.wrapping_shl(linear.shift).wrapping_sub(black);
+            *to = sum.wrapping_shl(linear.shift.into()).wrapping_sub(black);
         }
         let whole = many.checked_sub(1).and_then(|i| linear.whole.get(i));
         [sums, [whole.copied().unwrap_or(0); BLOCK]]
@@ -286,8 +288,8 @@ impl<T: Code, const N: usize> Case<T, N> for LongestOr<T> {
             let shorter = codes.iter().take(N - 1).fold(0i16, |sum, c| sum.wrapping_add(c[j].low()));
             let last = codes[N - 1][j];
             let mask = if last < self.saturated { -1i16 } else { 0 };
-            let light = last.low().wrapping_shl(linear.shift).wrapping_sub(linear.black);
-            *sum = shorter.wrapping_shl(linear.shift).wrapping_sub(black).wrapping_add(light & mask);
+            let light = last.low().wrapping_shl(linear.shift.into()).wrapping_sub(linear.black);
+            *sum = shorter.wrapping_shl(linear.shift.into()).wrapping_sub(black).wrapping_add(light & mask);
             *reciprocal = whole.wrapping_add(step & mask);
         }
         [sums, reciprocals]
@@ -314,7 +316,7 @@ impl<T: Code, const N: usize> Case<T, N> for Any<T> {
                 shorter = mask;
             }
             self.doubts[j] |= doubts;
-            *value = sum.wrapping_shl(linear.shift).wrapping_sub(used.wrapping_mul(linear.black));
+            *value = sum.wrapping_shl(linear.shift.into()).wrapping_sub(used.wrapping_mul(linear.black));
             *factor = reciprocal;
         }
         [sums, reciprocals]

@@ -16,7 +16,7 @@ pub use report::{Report, Wrong};
 
 use embedded_io::Write;
 use hemilux_core::wire::{self, LightSet};
-use hemilux_core::{Calibration, Format, FrontEnd, Lens, Levels, Q2Tree};
+use hemilux_core::{Calibration, Coverage, Format, FrontEnd, Lens, Levels, Light, Q2Tree};
 
 /// Takes a burst of the scene, makes lights of it and writes them to `out` as JSON. `clock` counts whatever time is told in.
 ///
@@ -46,7 +46,20 @@ fn decompose<W: Write>(memory: &mut Memory, clock: fn() -> u32, out: &mut W) -> 
     let seen = front.process_timed(&frames, || added = clock())?;
     let built = clock();
     let lights = front.decompose(&mut sampler, LIGHTS).lights;
-    let sampled = clock();
+    let ticks = [began, added, built, clock()];
+    report(&front, lights, seen, ticks, clock, out)
+}
+
+/// Writes the lights. The light set leaves the stack here.
+#[inline(never)]
+fn report<W: Write>(
+    front: &FrontEnd<&mut [u64]>,
+    lights: &[Light],
+    seen: Coverage,
+    ticks: [u32; 4],
+    clock: fn() -> u32,
+    out: &mut W,
+) -> Result<Report, Wrong> {
     let map = front.map();
     let set = LightSet {
         run: "bare",
@@ -61,8 +74,8 @@ fn decompose<W: Write>(memory: &mut Memory, clock: fn() -> u32, out: &mut W) -> 
         ..LightSet::EMPTY
     };
     wire::json(&set, out).map_err(|_| Wrong::Output)?;
-    let ticks = [began, added, built, sampled, clock()];
-    Ok(Report::of(&set, front.sizes(), ticks))
+    let [began, added, built, sampled] = ticks;
+    Ok(Report::of(&set, front.sizes(), [began, added, built, sampled, clock()]))
 }
 
 /// The front end of the scene's camera. What it is made from leaves the stack here.
