@@ -207,7 +207,7 @@ def pictures(extension, program, source, work):
     plain_scene()
     still_life()
     extension.scene = bpy.context.scene
-    with probe(program, source, "--lights", str(SUNS), "--soft") as address:
+    with probe(program, source) as address:
         found = []
         for mode in ("MAP", "NONE"):
             extension.connect(address, mode)

@@ -34,6 +34,7 @@ class Export:
         self.options, self.env, self.name = options, env, name
         self.set = json.loads(self.file("json", "--coordinates", "y-up").read_text())
         self.directions = np.array([light["direction"] for light in self.set["lights"]])
+        self.radii = np.array([light["radius_deg"] for light in self.set["lights"]])
         self.irradiances = np.array([light["irradiance"] for light in self.set["lights"]])
 
     def file(self, form, *more):
@@ -70,15 +71,18 @@ def usd(export):
     path = export.file("usda", "--map", export.options.work / f"{export.name}.exr")
     stage = Usd.Stage.Open(str(path))
     lights = [prim for prim in stage.Traverse() if prim.IsA(UsdLux.DistantLight)]
-    cache, directions, irradiances = UsdGeom.XformCache(), [], []
+    cache, directions, irradiances, angles = UsdGeom.XformCache(), [], [], []
     for prim in lights:
         light = UsdLux.DistantLight(prim)
         # Along its own -Z a DistantLight shines; Gf turns row vectors.
         travel = cache.GetLocalToWorldTransform(prim).TransformDir((0, 0, -1))
         directions.append([-v for v in travel])
         irradiances.append([light.GetIntensityAttr().Get() * c for c in light.GetColorAttr().Get()])
+        angles.append(light.GetAngleAttr().Get())
         assert light.GetNormalizeAttr().Get()
     compare_lights("usda", export, directions, irradiances)
+    off = np.abs(np.array(angles) - 2 * export.radii).max()
+    check(off < 1e-4 and max(angles) > 1, f"usda: inputs:angle is twice the radius, within {off:.1e} degrees of up to {max(angles):.1f}")
     (dome,) = [prim for prim in stage.Traverse() if prim.IsA(UsdLux.DomeLight)]
     texture = UsdLux.DomeLight(dome).GetTextureFileAttr().Get()
     check(texture.resolvedPath != "", f"usda: the map {texture.path} is found beside the file")

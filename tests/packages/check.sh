@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# The npm and PyPI packages, built, installed from the packed files and run against a probe; the C# sources of the Unity package, compiled and run.
+# The npm and PyPI packages, built, installed from the packed files and run against a probe; the page's Rust text; the C# sources of the Unity package, compiled and run.
 #
 #   tests/packages/check.sh HEMILUX
 #
-# Needs Node.js 20, npm, Python 3.10 with venv, and their registries for the first run; for C# Mono's mcs or dotnet. A tool that is missing is
+# Needs Node.js 20, npm, Python 3.10 with venv, and their registries for the first run; for C# Mono's mcs; cargo. A tool that is missing is
 # named and its part is skipped; with HEMILUX_RIG set the check fails.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
@@ -56,6 +56,25 @@ check "the command prints sets" '[ "$("$work/venv/bin/hemilux-lights" "$address"
 check "the command names a wrong address in one line" 'refuses 127.0.0.1:9 "$work/venv/bin/hemilux-lights" http://127.0.0.1:9 --timeout 1'
 check "the command refuses what is no address in one line" 'refuses "expected http://HOST:PORT" "$work/venv/bin/hemilux-lights" ftp://x'
 check "the example script names a wrong address" '(timeout 3 python3 "$clients/../examples/lights.py" http://127.0.0.1:9 1 2>&1 || true) | grep -q "no light set"'
+
+echo "Rust:"
+mkdir -p "$work/rust/src"
+cp "$clients/../src/server/page/snippets.js" "$work/snippets.mjs"
+node --input-type=module -e 'import(process.argv[1]).then(page => process.stdout.write(page.SNIPPETS.Rust[1](process.argv[2])))' "$work/snippets.mjs" "$address" >"$work/rust/src/main.rs"
+cat >"$work/rust/Cargo.toml" <<TOML
+[package]
+name = "snippet"
+version = "0.0.0"
+edition = "2024"
+
+[dependencies]
+hemilux = { path = "$(realpath "$clients/..")", default-features = false, features = ["client"] }
+
+[workspace]
+TOML
+cp "$here/../../Cargo.lock" "$work/rust/Cargo.lock"
+check "the page's program text compiles" 'CARGO_TARGET_DIR="$cache/rust" cargo build --quiet --manifest-path "$work/rust/Cargo.toml"'
+check "it prints sets" '[ "$(timeout 3 "$cache/rust/debug/snippet" | grep -cE "^frame [0-9]+: [0-9]+ lights$")" -ge 3 ]'
 
 echo "Unity:"
 sources=("$clients"/unity/Runtime/LightSet.cs "$clients"/unity/Runtime/Json.cs "$clients"/unity/Runtime/Events.cs "$here/unity.cs")

@@ -171,7 +171,9 @@ fn of_blender(text: &str) -> Vec<Read> {
         let (_, values) = row.split_once("\",").expect("an id");
         let v = numbers(values);
         assert_eq!(v.len(), 8, "{row}");
-        Read { direction: triple(&v), irradiance: [v[4], v[5], v[6]].map(|c| c * v[3]) }
+        // The strength is what a surface facing the disc receives.
+        let facing = (1.0 + v[7].to_radians().cos()) / 2.0;
+        Read { direction: triple(&v), irradiance: [v[4], v[5], v[6]].map(|c| c * v[3] / facing) }
     })
     .collect()
 }

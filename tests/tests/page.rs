@@ -117,6 +117,11 @@ fn what_is_given_up_for_speed_hardly_shows() {
     run("shading", || Bench::still(EVERY));
 }
 
+#[test]
+fn shadows_of_discs_are_those_of_many_points() {
+    run("penumbra", || Bench::still(EVERY));
+}
+
 /// Figures for people; nothing is asserted of them.
 #[test]
 fn the_first_picture_and_the_scene_are_timed() {

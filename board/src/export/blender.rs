@@ -1,10 +1,10 @@
 //! A script for Blender's text editor: one sun for each light, kept by the light's id.
 
-use super::{Emission, Numbers, Text, emission, head_in_watts};
+use super::{Emission, Numbers, Text, emission, facing, head_in_watts};
 use hemilux_core::wire::LightSet;
 
 const LOSSES: [&str; 2] = [
-    "a sun's angle is twice the light's radius; Blender spreads its energy over a disc of that size",
+    "a sun's angle is twice the light's radius r, its strength what a surface facing that disc receives: irradiance times (1 + cos r) / 2",
     "run it again with another set: suns are matched by id, those that are gone are removed",
 ];
 
@@ -40,7 +40,8 @@ pub(super) fn text(set: &LightSet<'_>) -> String {
     text.line("LIGHTS = [");
     for light in set.lights {
         let towards = Numbers(set.coordinates.direction(light.direction).to_array(), ", ");
-        let Emission { intensity: strength, colour } = emission(light.irradiance.map(|e| e * factor));
+        let received = factor * facing(light.radius_deg);
+        let Emission { intensity: strength, colour } = emission(light.irradiance.map(|e| e * received));
         let radius = Numbers([light.radius_deg.clamp(0.0, 90.0)], "");
         let colour = Numbers(colour, ", ");
         let strength = Numbers([strength], "");

@@ -23,6 +23,9 @@ class HemiluxSettings(bpy.types.PropertyGroup):
         name="Token", subtype="PASSWORD", options={"SKIP_SAVE"}, description="Token of a probe on the network. The map needs it. Not saved"
     )
     lights: bpy.props.IntProperty(name="Suns", default=16, min=1, max=256, update=changed, description="Largest number of sun lights")
+    soft: bpy.props.BoolProperty(
+        name="Soft", default=True, update=changed, description="Lights fitted as discs, which are the suns' angles. Off: points with hard shadows"
+    )
     exposure: bpy.props.FloatProperty(
         name="Exposure", default=1.0, min=0.0, soft_max=10.0, update=changed, description="Factor of all irradiances and radiances"
     )
@@ -90,7 +93,7 @@ class HemiluxPanel(bpy.types.Panel):
 
     def draw(self, context):
         settings, column = context.scene.hemilux, self.layout.column()
-        for name in ("address", "token", "lights", "exposure", "world", "record"):
+        for name in ("address", "token", "lights", "soft", "exposure", "world", "record"):
             column.prop(settings, name)
         row = column.row()
         row.operator("hemilux.connect" if session.current is None else "hemilux.freeze")

@@ -14,7 +14,7 @@ class Session:
         if not feed.is_loopback(settings.address) and not bpy.app.online_access:
             raise feed.Refused("Preferences > System > Network: found Allow Online Access off, expected it on for another machine's probe")
         self.scene_name = scene.name
-        path = feed.path_of(settings.lights, world.has_ambient(settings.world), "blender")
+        path = feed.path_of(settings.lights, world.has_ambient(settings.world), "blender", settings.soft)
         self.feed = feed.Feed(settings.address, path, settings.token)
         self.run, self.frame, self.start = None, None, None
 
@@ -39,7 +39,7 @@ class Session:
             suns.forget(collection)
             self.start = None
         suns.resize(collection, settings.lights)
-        changed = suns.show(collection, found["lights"], settings.exposure)
+        changed = suns.show(collection, found["lights"], settings.exposure, settings.soft)
         world.show_ambient(scene, found["ambient"])
         self.run, self.frame = found["run"], found["frame"]
         if settings.record:

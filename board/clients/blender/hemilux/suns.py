@@ -49,7 +49,7 @@ def brightness(light):
     return 0.2126 * r + 0.7152 * g + 0.0722 * b
 
 
-def show(collection, lights, exposure):
+def show(collection, lights, exposure, soft=True):
     """Shows the brightest of `lights`, one sun each, and returns the suns whose light changed to another id."""
     suns = suns_of(collection)
     shown = {str(light["id"]): light for light in sorted(lights, key=brightness, reverse=True)[: len(suns)]}
@@ -62,7 +62,7 @@ def show(collection, lights, exposure):
             sun = free.pop(0)
             sun[ID] = name
             changed.append(sun)
-        shine(sun, light, exposure)
+        shine(sun, light, exposure, soft)
     for sun in free:
         if sun[ID] != DARK:
             changed.append(sun)
@@ -71,9 +71,9 @@ def show(collection, lights, exposure):
     return changed
 
 
-def shine(sun, light, exposure):
-    """A sun's energy is the irradiance of a surface that faces it: of a disc's irradiance the part (1 + cos r) / 2."""
-    radius = math.radians(light["radius_deg"])
+def shine(sun, light, exposure, soft):
+    """A sun's energy is the irradiance of a surface that faces it: of a disc's irradiance the part (1 + cos r) / 2. Without `soft` the sun is a point."""
+    radius = math.radians(light["radius_deg"]) if soft else 0.0
     top = max(light["irradiance"])
     data = sun.data
     data.energy = top * exposure * (1.0 + math.cos(radius)) / 2.0

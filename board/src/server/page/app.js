@@ -191,7 +191,14 @@ function supply(now) {
     return { views: pair.sets.map((s, i) => ({ lights: [...lights[i]], ambient: s.ambient_sh })), moving };
   }
   if (!set) return { views: [], moving: false };
-  return { views: [{ lights: isStill.matches ? [...set.lights] : [...probe.interpolated(now)], ambient: set.ambient_sh }], moving };
+  const lights = isStill.matches ? [...set.lights] : [...probe.interpolated(now)];
+  return { views: [{ lights: settings.value("soft") ? lights.map(faced) : lights, ambient: set.ambient_sh }], moving };
+}
+
+/** A light fitted as a disc, with the irradiance that a surface facing the disc receives. */
+function faced(light) {
+  const part = (1 + Math.cos(Math.min(90, light.radius_deg) * Math.PI / 180)) / 2;
+  return { ...light, irradiance: light.irradiance.map(v => v * part) };
 }
 
 /** Two of everything while a comparison goes on. */

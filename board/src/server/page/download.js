@@ -1,12 +1,12 @@
 // "Download": the light set and the map as files, in the form that is chosen.
 
-/** The forms of the light set: what they are called, the ending of the file, and what they are for. */
+/** The forms of the light set: what they are called, the ending of the file, what they are for, and whether lights are fitted as discs, since the form holds their angle. */
 const SETS = {
   json: ["JSON", "json", "Everything that a set has."],
   csv: ["CSV", "csv", "A line for each light, for a spreadsheet."],
   glb: ["glTF (.glb)", "glb", "Directional lights, +Y up; no radius and no ambient light."],
-  usda: ["USD (.usda)", "usda", "Distant lights with their angles, +Y up; names map.exr of the same folder as its dome."],
-  blender: ["Blender script", "py", "Run it in Blender's text editor: a sun for each light, by its id."],
+  usda: ["USD (.usda)", "usda", "Distant lights with their angles, +Y up; names map.exr of the same folder as its dome.", true],
+  blender: ["Blender script", "py", "Run it in Blender's text editor: a sun for each light, by its id, with its angle.", true],
 };
 
 /** The forms of the map. */
@@ -45,10 +45,10 @@ export class Download {
 
   #write() {
     const { form, lights, lightsError, set, setText, mapForm, covers, width, map, mapText } = this.#parts;
-    const [, ending, about] = SETS[form.value], count = lights.value, isRight = !lights.validity.badInput && (count === "" || /^\d+$/.test(count) && count >= 1 && count <= 50000);
+    const [, ending, about, soft] = SETS[form.value], count = lights.value, isRight = !lights.validity.badInput && (count === "" || /^\d+$/.test(count) && count >= 1 && count <= 50000);
     lightsError.textContent = isRight ? "" : `found ${lights.validity.badInput ? "no number" : count}, expected 1 to 50000 lights, or nothing for as many as the probe has`;
     lights.setAttribute("aria-invalid", String(!isRight));
-    if (isRight) set.href = `/v1/lights?format=${form.value}${count ? `&lights=${count}` : ""}`; else set.removeAttribute("href");
+    if (isRight) set.href = `/v1/lights?format=${form.value}${soft ? "&soft=1" : ""}${count ? `&lights=${count}` : ""}`; else set.removeAttribute("href");
     set.classList.toggle("off", !isRight);
     set.download = `${this.#name}.${ending}`;
     setText.textContent = about;

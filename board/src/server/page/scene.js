@@ -202,7 +202,7 @@ export class Scene {
   }
 
   /** `behind` draws what is behind, after all that hides it and before what it shines through. */
-  #drawSolids({ view, eye }, { lights, ambient }, shadows, { glossy, taps }, behind) {
+  #drawSolids({ view, eye }, { lights, ambient }, shadows, { glossy, search, taps }, behind) {
     const gl = this.#gl, scale = this.#scale, { solid, shiny, matt } = this.#programs, { array, shining, opaque, all } = this.#solids;
     gl.activeTexture(gl.TEXTURE2);
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB16F, BAKED, BAKED, 0, gl.RGB, gl.FLOAT, bake(lights.slice(shadows), ambient, scale, this.#sums));
@@ -225,10 +225,12 @@ export class Scene {
       gl.uniform1f(at.radius ?? null, BALL.radius);
       gl.uniform1i(at.glossy ?? null, Math.min(glossy, lights.length));
       gl.uniform1i(at.shadows ?? null, shadows);
+      gl.uniform1i(at.search ?? null, search);
       gl.uniform1i(at.taps ?? null, taps);
       gl.uniform4fv(at.direction ?? null, directions);
       gl.uniform4fv(at.irradiance ?? null, energies);
       gl.uniform1i(at.depths ?? null, 0);
+      gl.uniform1i(at.before ?? null, 4);
       gl.drawElements(gl.TRIANGLES, to - from, gl.UNSIGNED_INT, 4 * from);
     };
     draw(shadows ? solid : shiny, rest, 0, shining);
@@ -298,6 +300,14 @@ function depthMaps(gl) {
     [gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE], [gl.TEXTURE_COMPARE_MODE, gl.COMPARE_REF_TO_TEXTURE], [gl.TEXTURE_COMPARE_FUNC, gl.LEQUAL]]) {
     gl.texParameteri(gl.TEXTURE_2D_ARRAY, name, value);
   }
+  // What the search reads: the same texture without the comparison.
+  const plain = gl.createSampler();
+  for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.samplerParameteri(plain, name, gl.NEAREST);
+  for (const name of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.samplerParameteri(plain, name, gl.CLAMP_TO_EDGE);
+  gl.samplerParameteri(plain, gl.TEXTURE_COMPARE_MODE, gl.NONE);
+  gl.activeTexture(gl.TEXTURE4);
+  gl.bindTexture(gl.TEXTURE_2D_ARRAY, texture);
+  gl.bindSampler(4, plain);
   const targets = Array.from({ length: LAYERS }, (_, layer) => {
     const target = gl.createFramebuffer();
     gl.bindFramebuffer(gl.FRAMEBUFFER, target);

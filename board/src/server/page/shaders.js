@@ -9,6 +9,7 @@ export const MOST_LIGHTS = 64;
 const HEAD = `#version 300 es
 precision highp float;
 precision highp sampler2DArrayShadow;
+precision highp sampler2DArray;
 `;
 
 /** Axes across a light's direction [Duff et al. 2017]; the depth maps and the code that samples them use the same axes. */
@@ -69,23 +70,43 @@ in vec3 p, n, albedo, diffuse, sheen;
 in float rough;
 uniform vec3 eye, centre;
 uniform float radius;
-uniform int glossy, shadows, taps;
+uniform int glossy, shadows, search, taps;
 uniform vec4 direction[${MOST_LIGHTS}];   // w: sine of the angular radius
 uniform vec4 irradiance[${MOST_LIGHTS}];  // linear RGB, times the exposure
 uniform sampler2DArrayShadow depths;
+uniform sampler2DArray before;            // the same depths, as they are
 out vec4 result;
 const float PI = 3.14159265;
 
-// Part of the light that reaches p: the depth map, read over a disc as wide as the light's penumbra about a hand's width behind an edge.
+// The kth of count places on the unit disc.
+vec2 spot(int k, int count, float turn) {
+  float a = turn + 2.399963 * float(k);
+  return sqrt((float(k) + 0.5) / float(count)) * vec2(cos(a), sin(a));
+}
+
+// Part of the light that reaches p: the depth map, read over the penumbra [Fernando 2005]. Its width grows with the distance to what throws the shadow, whose mean
+// depth is looked for in the light's cone; without a search it is that of an edge a hand's width away. Depths are compared with the receiver's plane.
 float reaches(int i, vec3 l, float wide, float turn) {
   vec3 u, v, q = (p + n * 0.02 - centre) / radius;
   across(l, u, v);
   vec2 at = 0.5 + 0.5 * vec2(dot(q, u), dot(q, v));
   if (any(lessThan(at, vec2(0.0))) || any(greaterThan(at, vec2(1.0)))) return 1.0;
-  float here = clamp(0.5 - 0.5 * dot(q, l) - 0.004, 0.0, 1.0), spread = clamp(0.3 * wide / radius, 0.0015, 0.1), sum = 0.0;
+  float here = 0.496 - 0.5 * dot(q, l), spread = clamp(0.3 * wide / radius, 0.0015, 0.1), sum = 0.0;
+  vec2 slope = vec2(0.0);
+  if (search > 0) {
+    slope = vec2(dot(n, u), dot(n, v)) / max(dot(n, l), 0.2);
+    float cone = wide * inversesqrt(max(0.04, 1.0 - wide * wide)), found = 0.0, gap = 0.0;
+    for (int k = 0; k < search; k++) {
+      vec2 off = clamp(0.3 * cone, 0.003, 0.25) * spot(k, search, turn);
+      float closer = here + dot(slope, off) - texture(before, vec3(at + off, float(i))).r;
+      if (closer > 0.0) { gap += closer; found += 1.0; }
+    }
+    if (found == 0.0) return 1.0;
+    spread = clamp(cone * gap / found, 0.0015, 0.25);
+  }
   for (int k = 0; k < taps; k++) {
-    float r = sqrt((float(k) + 0.5) / float(taps)), a = turn + 2.399963 * float(k);
-    sum += texture(depths, vec4(at + spread * r * vec2(cos(a), sin(a)), float(i), here));
+    vec2 off = spread * spot(k, taps, turn);
+    sum += texture(depths, vec4(at + off, float(i), clamp(here + dot(slope, off), 0.0, 1.0)));
   }
   return sum / float(taps);
 }

@@ -29,8 +29,8 @@ const ground = new THREE.Mesh(new THREE.CircleGeometry(8, 64).rotateX(-Math.PI /
 ball.castShadow = ground.receiveShadow = true;
 scene.add(ball, ground);
 
-const probe = new Hemilux("${base}", { coordinates: "three", ambient: true, lights: 8 });
-const lights = new ProbeLights(THREE, 8, { castShadow: true });
+const probe = new Hemilux("${base}", { coordinates: "three", ambient: true, soft: true, lights: 8 });
+const lights = new ProbeLights(THREE, 8, { castShadow: true, soft: true });
 scene.add(lights.group);
 renderer.setAnimationLoop(() => {
   // A white ground is to be white.
@@ -41,24 +41,24 @@ renderer.setAnimationLoop(() => {
 });
 </script>
 `],
-  JavaScript: ["One set with fetch, in Node.js or in a page (of another site with --allow-origin). Axes: three.js, +Y up; leave coordinates out for the probe's own, +Z up.", base => `const answer = await fetch("${base}/v1/lights?coordinates=three&lights=8");
+  JavaScript: ["One set with fetch, in Node.js or in a page (of another site with --allow-origin). Axes: three.js, +Y up; leave coordinates out for the probe's own, +Z up. soft=1: lights fitted as discs of their radius.", base => `const answer = await fetch("${base}/v1/lights?coordinates=three&soft=1&lights=8");
 if (!answer.ok) throw new Error(await answer.text());
 const set = await answer.json();
 for (const { id, direction, irradiance, radius_deg } of set.lights) {
-  console.log(id, "towards", direction, "irradiance", irradiance, "radius", radius_deg);
+  console.log(id, "towards", direction, "irradiance", irradiance, "radius", radius_deg, "degrees");
 }
 `],
-  Python: ["Follows the light, with the standard library alone. Axes: the probe's, +Z up.", base => `import json
+  Python: ["Follows the light, with the standard library alone. Axes: the probe's, +Z up. soft=1: lights fitted as discs of their radius.", base => `import json
 import urllib.request
 
 after = ""
 for _ in range(5):  # while True: goes on
-    with urllib.request.urlopen("${base}/v1/lights?lights=8" + after, timeout=5) as answer:
+    with urllib.request.urlopen("${base}/v1/lights?soft=1&lights=8" + after, timeout=5) as answer:
         found = json.load(answer)
     after = f"&after={found['frame']}"
     print("frame", found["frame"])
     for light in found["lights"]:
-        print(light["id"], "towards", light["direction"], "irradiance", light["irradiance"])
+        print(light["id"], "towards", light["direction"], "irradiance", light["irradiance"], "radius", light["radius_deg"], "degrees")
 `],
   Rust: ["With the crate hemilux and its feature client. Axes: the probe's, +Z up; Options::coordinates has others.", base => `use hemilux::client::{Client, ClientError, Options};
 use std::time::Duration;
@@ -77,13 +77,13 @@ curl -o lights.glb '${base}/v1/lights?format=glb'
 curl -N '${base}/v1/events?lights=8'
 curl -o map.exr '${base}/v1/map.exr?width=1024'
 `],
-  Blender: ["Paste it into Blender's text editor (Scripting) and run it, again for newer light: 16 suns by their ids, +Z up.", base => `import json
+  Blender: ["Paste it into Blender's text editor (Scripting) and run it, again for newer light: 16 suns by their ids, with soft shadows, +Z up. The extension in board/clients/blender follows the light by itself.", base => `import json
 import math
 import urllib.request
 import bpy
 from mathutils import Vector
 
-with urllib.request.urlopen("${base}/v1/lights?lights=16", timeout=5) as answer:
+with urllib.request.urlopen("${base}/v1/lights?soft=1&lights=16", timeout=5) as answer:
     found = json.load(answer)
 to_watts = 1 / 179 if found["unit"] == "lux" else 1
 collection = bpy.data.collections.get("hemilux") or bpy.data.collections.new("hemilux")
@@ -93,7 +93,7 @@ suns = {sun["hemilux_id"]: sun for sun in collection.objects if "hemilux_id" in 
 for gone in set(suns) - {str(light["id"]) for light in found["lights"]}:
     bpy.data.lights.remove(suns.pop(gone).data)
 for light in found["lights"]:
-    id, strength = str(light["id"]), max(light["irradiance"])
+    id, strength, radius = str(light["id"]), max(light["irradiance"]), math.radians(light["radius_deg"])
     sun = suns.get(id)
     if sun is None:
         sun = bpy.data.objects.new(f"hemilux {id}", bpy.data.lights.new(f"hemilux {id}", "SUN"))
@@ -101,9 +101,9 @@ for light in found["lights"]:
         collection.objects.link(sun)
     sun.rotation_mode = "QUATERNION"
     sun.rotation_quaternion = Vector(light["direction"]).to_track_quat("Z", "Y")
-    sun.data.energy = strength * to_watts
+    sun.data.energy = strength * to_watts * (1 + math.cos(radius)) / 2  # what a surface facing the disc receives
     sun.data.color = [v / strength for v in light["irradiance"]] if strength > 0 else (1, 1, 1)
-    sun.data.angle = math.radians(2 * light["radius_deg"])
+    sun.data.angle = 2 * radius
 `],
 };
 
