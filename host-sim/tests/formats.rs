@@ -3,21 +3,9 @@
 use hemilux::calibration::{Burst, Calibration, Pixels};
 use hemilux::pipeline::{Pipeline, Settings};
 use hemilux::recorded::{self, RecordedBurst};
+use hemilux_core::SamplerKind;
 use hemilux_core::format::{Format, Layout, LayoutError, Matrix, Pattern, Yuv};
-use hemilux_core::{MergeMode, SamplerKind};
 use hemilux_sim::bench::{Case, bursts};
-
-fn case(format: Format) -> Case {
-    Case {
-        format,
-        merge: MergeMode::Needed,
-        size: (640, 480),
-        bin: 1,
-        sampler: SamplerKind::Q2Tree,
-        soft: false,
-        lights: 64,
-    }
-}
 
 /// Flux of red, green and blue, and the mean direction of the lights.
 fn light(calibration: &Calibration, burst: &Burst) -> ([f64; 3], glam::Vec3) {
@@ -48,10 +36,10 @@ fn formats() -> Vec<(Format, f64)> {
 
 #[test]
 fn every_format_gives_the_light_of_the_same_scene() {
-    let rgb = case(Format::Rgb24);
+    let rgb = Case::of_format(Format::Rgb24);
     let (flux, direction) = light(&bursts::calibration(&rgb), &bursts::make(&rgb)[0]);
     for (format, within) in formats() {
-        let case = case(format);
+        let case = Case::of_format(format);
         let (found, towards) = light(&bursts::calibration(&case), &bursts::make(&case)[0]);
         // Grey frames hold green alone.
         let expected = if format == Format::Grey { [flux[1]; 3] } else { flux };
@@ -70,7 +58,7 @@ fn raw_frames_in_files_are_those_in_memory() {
         (Format::Yuyv(LIMITED), "YUYV", 4096),
         (Format::Nv12(FULL), "NV12", 0),
     ] {
-        let case = case(format);
+        let case = Case::of_format(format);
         let calibration = bursts::calibration(&case);
         let burst = &bursts::make(&case)[0];
         let folder = tempfile::tempdir().expect("a folder");

@@ -225,22 +225,32 @@ def slow_reader(args):
     report("slow reader", program, found, f"its sets: {frames}, the oldest {oldest:.2f} s")
 
 
+def hold(held, path, *address):
+    """Requests a path over a new connection and keeps the connection in a list, if there is one."""
+    try:
+        sock = connect(*address)
+        sock.sendall(request(path))
+        held.append(sock)
+    except OSError:
+        pass
+
+
+def report_held(name, program, watched, result, held):
+    """Reports the client that was watched while the connections of a list were held."""
+    found = result.get(timeout=30)
+    watched.join()
+    report(name, program, found, f"{len(held)} opened")
+
+
 def never_read(args):
     """32 streams of one address that are never read, closed by no one and opened again and again."""
     program = Program(args.program, 2000)
     watched, result = beside(program, args.seconds)
     held, end = [], time.monotonic() + args.seconds
     while time.monotonic() < end:
-        try:
-            sock = connect(program.port, "127.0.8.1")
-            sock.sendall(request("/v1/events"))
-            held.append(sock)
-        except OSError:
-            pass
+        hold(held, "/v1/events", program.port, "127.0.8.1")
         time.sleep(0.02)
-    found = result.get(timeout=30)
-    watched.join()
-    report("never read", program, found, f"{len(held)} opened")
+    report_held("never read", program, watched, result, held)
 
 
 def slow_answers(args):
@@ -250,16 +260,9 @@ def slow_answers(args):
     watched, result = beside(program, args.seconds, "/v1/lights?format=binary")
     while time.monotonic() < end:
         for i in range(8):
-            try:
-                sock = connect(program.port, f"127.0.{1 + i}.1", 4096)
-                sock.sendall(request("/lights.json"))
-                held.append(sock)
-            except OSError:
-                pass
+            hold(held, "/lights.json", program.port, f"127.0.{1 + i}.1", 4096)
         time.sleep(0.1)
-    found = result.get(timeout=30)
-    watched.join()
-    report("slow large answers", program, found, f"{len(held)} opened")
+    report_held("slow large answers", program, watched, result, held)
 
 
 def poll(port, count, result):

@@ -232,20 +232,22 @@ fn clients_are_told_apart(bench: &Bench, proxy: &Proxy, name: &str) {
     assert!(goes_on(&streams[7]) && goes_on(&second), "{name}: and no other's");
 }
 
+/// Asserts both properties of a probe behind the proxy that `start` runs.
+fn pages_and_clients_are_known_behind(name: &str, start: impl FnOnce(SocketAddr) -> Option<Proxy>) {
+    let bench = bench(with_token(), Limits { per_address: 1, ..Limits::default() });
+    let Some(proxy) = start(bench.address()) else { return };
+    own_pages_are_own(&proxy, name);
+    clients_are_told_apart(&bench, &proxy, name);
+}
+
 #[test]
 fn behind_nginx_pages_are_own_and_clients_are_told_apart() {
-    let bench = bench(with_token(), Limits { per_address: 1, ..Limits::default() });
-    let Some(proxy) = nginx(bench.address()) else { return };
-    own_pages_are_own(&proxy, "nginx");
-    clients_are_told_apart(&bench, &proxy, "nginx");
+    pages_and_clients_are_known_behind("nginx", nginx);
 }
 
 #[test]
 fn behind_caddy_pages_are_own_and_clients_are_told_apart() {
-    let bench = bench(with_token(), Limits { per_address: 1, ..Limits::default() });
-    let Some(proxy) = caddy(bench.address()) else { return };
-    own_pages_are_own(&proxy, "Caddy");
-    clients_are_told_apart(&bench, &proxy, "Caddy");
+    pages_and_clients_are_known_behind("Caddy", caddy);
 }
 
 #[test]

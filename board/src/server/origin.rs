@@ -121,21 +121,27 @@ mod tests {
         sender.cause(&["http://studio.example".into()])
     }
 
-    #[test]
-    fn pages_of_this_server_and_of_allowed_origins_are_its_own() {
-        for (name, value) in [
-            ("origin", "http://localhost:8080"),
-            ("referer", "http://localhost:8080/change"),
-            ("sec-fetch-site", "same-origin"),
-            ("origin", "http://studio.example"),
-        ] {
-            assert_eq!(cause(Scheme::Http, &[(name, value)]), Cause::OwnPage, "{name}: {value}");
+    /// Asserts that a request with any one of `headers` is of `expected`.
+    fn assert_each(expected: Cause, headers: &[(&'static str, &'static str)]) {
+        for header in headers {
+            assert_eq!(cause(Scheme::Http, &[*header]), expected, "{header:?}");
         }
     }
 
     #[test]
+    fn pages_of_this_server_and_of_allowed_origins_are_its_own() {
+        let own = [
+            ("origin", "http://localhost:8080"),
+            ("referer", "http://localhost:8080/change"),
+            ("sec-fetch-site", "same-origin"),
+            ("origin", "http://studio.example"),
+        ];
+        assert_each(Cause::OwnPage, &own);
+    }
+
+    #[test]
     fn pages_of_other_sites_are_foreign() {
-        for (name, value) in [
+        let foreign = [
             ("origin", "null"),
             ("origin", "http://localhost:8081"),
             ("origin", "https://localhost:8080"),
@@ -144,26 +150,22 @@ mod tests {
             ("referer", "http:///"),
             ("sec-fetch-site", "cross-site"),
             ("sec-fetch-site", "same-site"),
-        ] {
-            assert_eq!(cause(Scheme::Http, &[(name, value)]), Cause::ForeignPage, "{name}: {value}");
-        }
+        ];
+        assert_each(Cause::ForeignPage, &foreign);
     }
 
     #[test]
     fn a_browser_that_tells_no_page_is_told_from_a_program() {
-        for (name, value) in [
+        let browsers = [
             ("user-agent", "Mozilla/5.0 (X11; Linux x86_64)"),
             ("accept-language", "en"),
             ("upgrade-insecure-requests", "1"),
             ("sec-fetch-site", "none"),
             ("sec-ch-ua", "x"),
-        ] {
-            assert_eq!(cause(Scheme::Http, &[(name, value)]), Cause::Unproven, "{name}: {value}");
-        }
-        for (name, value) in [("user-agent", "curl/8.14.1"), ("user-agent", "Java/1.8.0"), ("accept", "*/*")]
-        {
-            assert_eq!(cause(Scheme::Http, &[(name, value)]), Cause::Program, "{name}: {value}");
-        }
+        ];
+        assert_each(Cause::Unproven, &browsers);
+        let programs = [("user-agent", "curl/8.14.1"), ("user-agent", "Java/1.8.0"), ("accept", "*/*")];
+        assert_each(Cause::Program, &programs);
     }
 
     #[test]

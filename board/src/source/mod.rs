@@ -1,5 +1,6 @@
 //! Sources of bursts: cameras, frames of other programs, built-in scenes, environment maps and recordings.
 
+mod adapter;
 #[cfg(all(feature = "v4l2", target_os = "linux"))]
 pub mod camera;
 #[cfg(feature = "maps")]
@@ -15,6 +16,7 @@ mod replay;
 mod scene;
 mod sensor;
 
+pub use adapter::Adapter;
 pub use faults::{Fault, FaultCounts, FaultSource, FaultSpec};
 pub use library::{Choice, Library};
 pub use pace::Pace;

@@ -1,9 +1,8 @@
 //! A source whose radiance is in candela per square metre.
 
-use super::{Lux, Source, SourceError};
+use super::{Adapter, Lux, Source, SourceError};
 use crate::calibration::{Burst, Calibration};
 use crate::recorded::{Photometric, radiometry};
-use hemilux_core::Exposure;
 
 /// A source with a photometric calibration.
 ///
@@ -45,7 +44,15 @@ impl PhotometricSource {
     }
 }
 
-impl Source for PhotometricSource {
+impl Adapter for PhotometricSource {
+    fn inner(&self) -> &dyn Source {
+        self.inner.as_ref()
+    }
+
+    fn inner_mut(&mut self) -> &mut dyn Source {
+        self.inner.as_mut()
+    }
+
     fn calibration(&self) -> &Calibration {
         &self.calibration
     }
@@ -55,19 +62,7 @@ impl Source for PhotometricSource {
         self.applies.then_some(Lux { factor, uncertainty: uncertainty as f32 })
     }
 
-    fn exposures(&self) -> Vec<Exposure> {
-        self.inner.exposures()
-    }
-
-    fn fixed_exposures(&self) -> Option<&'static str> {
-        self.inner.fixed_exposures()
-    }
-
-    fn set_exposures(&mut self, seconds: Option<&[f64]>) -> Result<(), String> {
-        self.inner.set_exposures(seconds)
-    }
-
-    fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
+    fn next_burst(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
         self.inner.next(burst)?;
         if *self.inner.calibration() != self.own {
             self.apply();
@@ -79,5 +74,27 @@ impl Source for PhotometricSource {
             }
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene;
+    use crate::source::{FaultSource, Pace, SceneSource, Source};
+    use hemilux_core::Exposure;
+
+    #[test]
+    fn exposures_of_an_adapted_source_can_be_changed_as_those_of_the_source() {
+        let scene = SceneSource::new(scene::by_name("room").expect("a scene"), Pace::Free);
+        let range = scene.exposure_range();
+        assert!(range.is_some());
+        let camera = radiometry(scene.calibration());
+        let photometric = Photometric { class: "any".into(), factor: 3.0, uncertainty: 0.02, camera };
+        let faulty = FaultSource::new(Box::new(scene), "torn=0.5".parse().expect("faults"));
+        let source: &mut dyn Source = &mut PhotometricSource::new(Box::new(faulty), photometric);
+        assert_eq!((source.exposure_range(), source.fixed_exposures()), (range, None));
+        source.set_exposures(Some(&[0.002])).expect("exposures that can be changed");
+        assert_eq!(source.exposures(), [Exposure { seconds: 0.002, gain: 1.0 }]);
     }
 }

@@ -5,8 +5,7 @@
 //!
 //! | module | input | lights |
 //! |---|---|---|
-//! | [`adaptive`] | HEALPix pyramid | of unequal energy, with an estimate of their error; ambient light and their number are optional
-//! outputs |
+//! | [`adaptive`] | HEALPix pyramid | of unequal energy, with an estimate of their error; optional ambient light, number by tolerance |
 //! | [`q2tree`] | HEALPix pyramid | one per leaf of a quadtree, of unequal energy |
 //! | [`pharr`] | latitude-longitude map | of equal luminance, at Halton points |
 //! | [`hemigon`] | latitude-longitude map | of equal luminance, filtered over time |
@@ -76,7 +75,9 @@ pub trait Sampler {
     }
 
     /// Computes the lights of the next frame. A map without light gives no lights.
-    fn update(&mut self, map: &Map<'_>, request: &Request) -> Decomposition<'_>;
+    fn update(&mut self, map: &Map<'_>, request: &Request) -> Decomposition<'_> {
+        self.update_timed(map, request, &mut FilterTimer::none())
+    }
 
     /// Like [`Sampler::update`]; `timer` measures the temporal filters of directions and energies. Samplers without such filters leave it
     /// as it is.
@@ -85,10 +86,7 @@ pub trait Sampler {
         map: &Map<'_>,
         request: &Request,
         timer: &mut FilterTimer<'_>,
-    ) -> Decomposition<'_> {
-        let _ = timer;
-        self.update(map, request)
-    }
+    ) -> Decomposition<'_>;
 
     /// Discards the state of earlier frames, as after a jump in time.
     fn reset(&mut self);

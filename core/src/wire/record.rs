@@ -106,36 +106,45 @@ pub struct Record<Text, Lights, Harmonics> {
 /// ```
 pub type LightSet<'a> = Record<&'a str, &'a [Light], &'a Sh9>;
 
+/// A [`Record`] with the stored fields that are given and the plain values of another record.
+macro_rules! with_values_of {
+    ($record:expr, { $($stored:ident: $value:expr,)* }) => {
+        Record {
+            $($stored: $value,)*
+            frame: $record.frame,
+            timestamp_ns: $record.timestamp_ns,
+            wall_ms: $record.wall_ms,
+            valid: $record.valid,
+            requested: $record.requested,
+            unit: $record.unit,
+            unit_uncertainty: $record.unit_uncertainty,
+            coordinates: $record.coordinates,
+            left_out: $record.left_out,
+            scalar_flux: $record.scalar_flux,
+            horizontal_irradiance: $record.horizontal_irradiance,
+            clipped: $record.clipped,
+            unseen: $record.unseen,
+            estimated_error: $record.estimated_error,
+            latency: $record.latency,
+            overrun: $record.overrun,
+            frames_left_out: $record.frames_left_out,
+            degraded: $record.degraded,
+            flicker: $record.flicker,
+        }
+    };
+}
+
 impl<Text: AsRef<str>, Lights: AsRef<[Light]>, Harmonics: Borrow<Sh9>> Record<Text, Lights, Harmonics> {
     /// The same values with borrowed texts, lights and harmonics.
     #[must_use]
     pub fn view(&self) -> LightSet<'_> {
-        LightSet {
+        with_values_of!(self, {
             run: self.run.as_ref(),
-            frame: self.frame,
-            timestamp_ns: self.timestamp_ns,
-            wall_ms: self.wall_ms,
-            valid: self.valid,
             stale: self.stale.as_ref().map(Stale::view),
             sampler: self.sampler.as_ref(),
-            requested: self.requested,
-            unit: self.unit,
-            unit_uncertainty: self.unit_uncertainty,
-            coordinates: self.coordinates,
             lights: self.lights.as_ref(),
             ambient_sh: self.ambient_sh.as_ref().map(Borrow::borrow),
-            left_out: self.left_out,
-            scalar_flux: self.scalar_flux,
-            horizontal_irradiance: self.horizontal_irradiance,
-            clipped: self.clipped,
-            unseen: self.unseen,
-            estimated_error: self.estimated_error,
-            latency: self.latency,
-            overrun: self.overrun,
-            frames_left_out: self.frames_left_out,
-            degraded: self.degraded,
-            flicker: self.flicker,
-        }
+        })
     }
 }
 
@@ -148,32 +157,13 @@ impl<Text, Lights, Harmonics> Record<Text, Lights, Harmonics> {
         lights: impl FnOnce(Lights) -> L,
         harmonics: impl FnOnce(Harmonics) -> H,
     ) -> Record<T, L, H> {
-        Record {
+        with_values_of!(self, {
             run: text(self.run),
             sampler: text(self.sampler),
             stale: self.stale.map(|stale| Stale { age_ms: stale.age_ms, reason: text(stale.reason) }),
             lights: lights(self.lights),
             ambient_sh: self.ambient_sh.map(harmonics),
-            frame: self.frame,
-            timestamp_ns: self.timestamp_ns,
-            wall_ms: self.wall_ms,
-            valid: self.valid,
-            requested: self.requested,
-            unit: self.unit,
-            unit_uncertainty: self.unit_uncertainty,
-            coordinates: self.coordinates,
-            left_out: self.left_out,
-            scalar_flux: self.scalar_flux,
-            horizontal_irradiance: self.horizontal_irradiance,
-            clipped: self.clipped,
-            unseen: self.unseen,
-            estimated_error: self.estimated_error,
-            latency: self.latency,
-            overrun: self.overrun,
-            frames_left_out: self.frames_left_out,
-            degraded: self.degraded,
-            flicker: self.flicker,
-        }
+        })
     }
 }
 

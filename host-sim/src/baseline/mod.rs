@@ -52,28 +52,13 @@ pub struct Stateless {
 
 impl Stateless {
     /// The sampler of Debevec 2005: regions of equal energy.
-    #[must_use]
-    pub const fn median_cut() -> Self {
-        Self { name: "median-cut", decompose: median_cut::decompose }
-    }
-
+    pub const MEDIAN_CUT: Self = Self { name: "median-cut", decompose: median_cut::decompose };
     /// The sampler of Viriyothai and Debevec 2009: regions of least variance.
-    #[must_use]
-    pub const fn variance_min() -> Self {
-        Self { name: "variance-min", decompose: variance_min::decompose }
-    }
-
+    pub const VARIANCE_MIN: Self = Self { name: "variance-min", decompose: variance_min::decompose };
     /// The sampler of Ostromoukhov et al. 2004: ranked candidates whose rank is below their importance.
-    #[must_use]
-    pub const fn rank_threshold() -> Self {
-        Self { name: "rank-threshold", decompose: rank_threshold::decompose }
-    }
-
+    pub const RANK_THRESHOLD: Self = Self { name: "rank-threshold", decompose: rank_threshold::decompose };
     /// The sampler of Agarwal et al. 2003: threshold layers, farthest-first points.
-    #[must_use]
-    pub const fn structured() -> Self {
-        Self { name: "structured", decompose: structured::decompose }
-    }
+    pub const STRUCTURED: Self = Self { name: "structured", decompose: structured::decompose };
 }
 
 impl Baseline for Stateless {
@@ -90,18 +75,18 @@ impl Baseline for Stateless {
 #[must_use]
 pub fn all() -> Vec<Box<dyn Baseline>> {
     vec![
-        Box::new(Stateless::median_cut()),
-        Box::new(Gathered::new(Stateless::median_cut(), "median-cut+v")),
-        Box::new(Stateless::variance_min()),
-        Box::new(Gathered::new(Stateless::variance_min(), "variance-min+v")),
-        Box::new(Stateless::structured()),
-        Box::new(Gathered::new(Stateless::structured(), "structured+v")),
+        Box::new(Stateless::MEDIAN_CUT),
+        Box::new(Gathered::new(Stateless::MEDIAN_CUT, "median-cut+v")),
+        Box::new(Stateless::VARIANCE_MIN),
+        Box::new(Gathered::new(Stateless::VARIANCE_MIN, "variance-min+v")),
+        Box::new(Stateless::STRUCTURED),
+        Box::new(Gathered::new(Stateless::STRUCTURED, "structured+v")),
         Box::new(Lloyd::cold()),
         Box::new(Gathered::new(Lloyd::cold(), "lloyd+v")),
         Box::new(Lloyd::warm()),
         Box::new(Gathered::new(Lloyd::warm(), "lloyd-warm+v")),
-        Box::new(Stateless::rank_threshold()),
-        Box::new(Gathered::new(Stateless::rank_threshold(), "rank-threshold+v")),
+        Box::new(Stateless::RANK_THRESHOLD),
+        Box::new(Gathered::new(Stateless::RANK_THRESHOLD, "rank-threshold+v")),
     ]
 }
 

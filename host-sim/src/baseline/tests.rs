@@ -123,7 +123,7 @@ fn two_point_sources_are_found_exactly() {
 #[test]
 fn median_cut_of_a_constant_sky_has_equal_shares() {
     let sky = EnvMap::new(256, 128, vec![[1.0; 3]; 256 * 128]);
-    let lights = Stateless::median_cut().decompose(&sky, Domain::Sphere, 16);
+    let lights = (Stateless::MEDIAN_CUT.decompose)(&sky, Domain::Sphere, 16);
     for light in &lights {
         // 4 pi / 16 each, to the share of one column of texels.
         let share = light.irradiance[1] / (std::f64::consts::PI / 4.0);
@@ -198,8 +198,8 @@ fn rank_threshold_keeps_candidates_away_from_a_brighter_lamp() {
         let apart = lights.iter().filter(|l| angle_deg(l.direction, [1.0, 0.0, 0.0]) > 15.0);
         apart.map(|l| l.id).collect::<std::collections::HashSet<_>>()
     };
-    let before = far(&Stateless::rank_threshold().decompose(&lamp(20.0), Domain::Sphere, 64));
-    let after = far(&Stateless::rank_threshold().decompose(&lamp(40.0), Domain::Sphere, 64));
+    let before = far(&(Stateless::RANK_THRESHOLD.decompose)(&lamp(20.0), Domain::Sphere, 64));
+    let after = far(&(Stateless::RANK_THRESHOLD.decompose)(&lamp(40.0), Domain::Sphere, 64));
     assert!(after.len() > 10 && after.is_subset(&before), "{} of {}", after.len(), before.len());
 }
 
@@ -264,7 +264,7 @@ fn median_cut_on_real_maps_is_near_the_prototype() {
     }
     for (lights, open, shadowed) in [(16, 0.046, 0.079), (64, 0.010, 0.022)] {
         let score = |(_, map): &(PathBuf, EnvMap)| {
-            let set = Stateless::median_cut().decompose(map, Domain::Sphere, lights).into();
+            let set = (Stateless::MEDIAN_CUT.decompose)(map, Domain::Sphere, lights).into();
             Reference::new(map, Domain::Sphere).score(&set)
         };
         let found = mean(&maps.iter().map(score).collect::<Vec<_>>());

@@ -93,19 +93,26 @@ impl FromStr for Case {
     }
 }
 
+impl Case {
+    /// Returns the case of the standard size, sampler and number of lights for frames of `format`.
+    #[must_use]
+    pub const fn of_format(format: Format) -> Self {
+        Self {
+            format,
+            merge: MergeMode::Needed,
+            size: (640, 480),
+            bin: 1,
+            sampler: SamplerKind::Q2Tree,
+            soft: false,
+            lights: 64,
+        }
+    }
+}
+
 /// One case for each format, with the standard size.
 #[must_use]
 pub fn formats() -> Vec<Case> {
-    let case = |(_, format)| Case {
-        format,
-        merge: MergeMode::Needed,
-        size: (640, 480),
-        bin: 1,
-        sampler: SamplerKind::Q2Tree,
-        soft: false,
-        lights: 64,
-    };
-    FORMATS.into_iter().map(case).collect()
+    FORMATS.into_iter().map(|(_, format)| Case::of_format(format)).collect()
 }
 
 /// Returns the cases of the standard report: every sampler on the standard burst, the other formats, and larger images.

@@ -17,6 +17,7 @@ const LEGEND: f64 = 210.0;
 const MARKED: usize = 64;
 
 /// One panel of a chart: two quantities against each other.
+#[derive(Clone, Copy)]
 struct Panel<'a> {
     title: &'a str,
     x_label: &'a str,
@@ -33,64 +34,54 @@ fn percent(v: Option<f64>) -> Option<f64> {
 
 /// Draws time against error: sampling alone against both errors, and burst to lights.
 pub(super) fn time(points: &[Point]) -> String {
-    let y = "shadowed error, % of mean irradiance";
-    let panels = [
-        Panel {
-            title: "Sampling alone: open receivers",
-            x_label: "time per map, ms (one thread)",
-            y_label: "open error, % of mean irradiance",
-            x: |p| Some(p.sample_ms),
-            y: |p| percent(p.open),
-            parsimony: false,
-        },
-        Panel {
-            title: "Sampling alone: shadowed receivers",
-            x_label: "time per map, ms (one thread)",
-            y_label: y,
-            x: |p| Some(p.sample_ms),
-            y: |p| percent(p.shadowed),
-            parsimony: false,
-        },
-        Panel {
-            title: "Burst of three 640 x 480 frames to lights",
-            x_label: "time per burst, ms (one thread)",
-            y_label: y,
-            x: |p| p.burst_ms,
-            y: |p| percent(p.shadowed),
-            parsimony: false,
-        },
-    ];
+    let shadowed = Panel {
+        title: "Sampling alone: shadowed receivers",
+        x_label: "time per map, ms (one thread)",
+        y_label: "shadowed error, % of mean irradiance",
+        x: |p| Some(p.sample_ms),
+        y: |p| percent(p.shadowed),
+        parsimony: false,
+    };
+    let open = Panel {
+        title: "Sampling alone: open receivers",
+        y_label: "open error, % of mean irradiance",
+        y: |p| percent(p.open),
+        ..shadowed
+    };
+    let burst = Panel {
+        title: "Burst of three 640 x 480 frames to lights",
+        x_label: "time per burst, ms (one thread)",
+        x: |p| p.burst_ms,
+        ..shadowed
+    };
+    let panels = [open, shadowed, burst];
     page("Speed against accuracy: each curve runs over the number of lights", points, &panels)
 }
 
 /// Draws the number of lights against error, with the least numbers that reach 5 and 2 per cent, and against flicker.
 pub(super) fn lights(points: &[Point]) -> String {
-    let panels = [
-        Panel {
-            title: "Open receivers",
-            x_label: "lights",
-            y_label: "open error, % of mean irradiance",
-            x: |p| Some(p.lights as f64),
-            y: |p| percent(p.open),
-            parsimony: false,
-        },
-        Panel {
-            title: "Shadowed receivers; crosses: fewest lights for 5 % and 2 %",
-            x_label: "lights",
-            y_label: "shadowed error, % of mean irradiance",
-            x: |p| Some(p.lights as f64),
-            y: |p| percent(p.shadowed),
-            parsimony: true,
-        },
-        Panel {
-            title: "Flicker by number of lights",
-            x_label: "lights",
-            y_label: "mean over bulb, walker, clouds, seam, switch; % of mean irradiance",
-            x: |p| Some(p.lights as f64),
-            y: |p| percent(p.flicker),
-            parsimony: false,
-        },
-    ];
+    let open = Panel {
+        title: "Open receivers",
+        x_label: "lights",
+        y_label: "open error, % of mean irradiance",
+        x: |p| Some(p.lights as f64),
+        y: |p| percent(p.open),
+        parsimony: false,
+    };
+    let shadowed = Panel {
+        title: "Shadowed receivers; crosses: fewest lights for 5 % and 2 %",
+        y_label: "shadowed error, % of mean irradiance",
+        y: |p| percent(p.shadowed),
+        parsimony: true,
+        ..open
+    };
+    let flicker = Panel {
+        title: "Flicker by number of lights",
+        y_label: "mean over bulb, walker, clouds, seam, switch; % of mean irradiance",
+        y: |p| percent(p.flicker),
+        ..open
+    };
+    let panels = [open, shadowed, flicker];
     page("How many lights does it take?", points, &panels)
 }
 

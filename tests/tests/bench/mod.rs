@@ -4,13 +4,12 @@
 pub mod board;
 pub mod browser;
 
-use hemilux::calibration::{Burst, Calibration};
+use hemilux::calibration::Burst;
 use hemilux::pipeline::Settings;
 use hemilux::probe::{Config, Probe};
 use hemilux::scene as scenes;
 use hemilux::server::{self, Access, Limits, Options, Running, Token};
-use hemilux::source::{Pace, SceneSource, Source, SourceError};
-use hemilux_core::Exposure;
+use hemilux::source::{Adapter, Pace, SceneSource, Source, SourceError};
 use serde_json::Value;
 use std::io::{ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
@@ -44,16 +43,16 @@ struct Scripted {
     steps: Receiver<Step>,
 }
 
-impl Source for Scripted {
-    fn calibration(&self) -> &Calibration {
-        self.scene.calibration()
+impl Adapter for Scripted {
+    fn inner(&self) -> &dyn Source {
+        &self.scene
     }
 
-    fn exposures(&self) -> Vec<Exposure> {
-        self.scene.exposures()
+    fn inner_mut(&mut self) -> &mut dyn Source {
+        &mut self.scene
     }
 
-    fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
+    fn next_burst(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
         match self.steps.recv_timeout(Duration::from_millis(50)) {
             Ok(Step::Burst) => self.scene.next(burst),
             Ok(Step::Panic) => panic!("asked for by the test"),
@@ -92,17 +91,13 @@ fn bursts(scene: &mut SceneSource, count: usize) -> Vec<Burst> {
     (0..count).map(burst).collect()
 }
 
-impl Source for Film {
-    fn calibration(&self) -> &Calibration {
-        self.scene.calibration()
+impl Adapter for Film {
+    fn inner(&self) -> &dyn Source {
+        &self.scene
     }
 
-    fn exposures(&self) -> Vec<Exposure> {
-        self.scene.exposures()
-    }
-
-    fn fixed_exposures(&self) -> Option<&'static str> {
-        None
+    fn inner_mut(&mut self) -> &mut dyn Source {
+        &mut self.scene
     }
 
     fn set_exposures(&mut self, seconds: Option<&[f64]>) -> Result<(), String> {
@@ -111,7 +106,7 @@ impl Source for Film {
         Ok(())
     }
 
-    fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
+    fn next_burst(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
         sleep(self.due.saturating_duration_since(Instant::now()));
         self.due = Instant::now() + self.every;
         burst.clone_from(&self.bursts[self.shown % self.bursts.len()]);

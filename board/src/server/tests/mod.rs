@@ -12,14 +12,13 @@ mod v1;
 mod whole;
 
 use super::*;
-use crate::calibration::{Burst, Calibration};
+use crate::calibration::Burst;
 use crate::camera_status::{CameraStatus, ExposureStatus, FrameCounts, KnownCounts, ViewStatus};
 use crate::probe::{Config, Probe};
 use crate::scene;
-use crate::source::{Pace, SceneSource, Source, SourceError};
+use crate::source::{Adapter, Pace, SceneSource, Source, SourceError};
 use axum::body::Body;
 use axum::http::Request;
-use hemilux_core::Exposure;
 use serde_json::Value;
 use std::time::Duration;
 use tower::ServiceExt;
@@ -35,21 +34,13 @@ struct Mortal {
     left: usize,
 }
 
-impl Source for Mortal {
-    fn calibration(&self) -> &Calibration {
-        self.scene.calibration()
+impl Adapter for Mortal {
+    fn inner(&self) -> &dyn Source {
+        &self.scene
     }
 
-    fn exposures(&self) -> Vec<Exposure> {
-        self.scene.exposures()
-    }
-
-    fn fixed_exposures(&self) -> Option<&'static str> {
-        self.scene.fixed_exposures()
-    }
-
-    fn set_exposures(&mut self, seconds: Option<&[f64]>) -> Result<(), String> {
-        self.scene.set_exposures(seconds)
+    fn inner_mut(&mut self) -> &mut dyn Source {
+        &mut self.scene
     }
 
     fn camera(&self, status: &mut CameraStatus) -> bool {
@@ -65,7 +56,7 @@ impl Source for Mortal {
         true
     }
 
-    fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
+    fn next_burst(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
         self.left = self.left.checked_sub(1).ok_or_else(|| SourceError::Gone("<unplugged>".into()))?;
         self.scene.next(burst)
     }

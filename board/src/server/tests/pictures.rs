@@ -63,16 +63,16 @@ fn code_of(number: usize) -> u8 {
     (20 + 5 * (number % 40)) as u8
 }
 
-impl Source for Queue {
-    fn calibration(&self) -> &Calibration {
-        self.scene.calibration()
+impl Adapter for Queue {
+    fn inner(&self) -> &dyn Source {
+        &self.scene
     }
 
-    fn exposures(&self) -> Vec<Exposure> {
-        self.scene.exposures()
+    fn inner_mut(&mut self) -> &mut dyn Source {
+        &mut self.scene
     }
 
-    fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
+    fn next_burst(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
         let mut new = Burst::default();
         self.scene.next(&mut new)?;
         let mut taken_ns = self.taken_ns.lock().expect("no panic");

@@ -160,18 +160,23 @@ fn the_calibration_is_that_of_the_camera_once_it_is_there() {
     assert_eq!(source.exposures().len(), burst.frames.len(), "as agreed");
 }
 
+/// Reads the camera of `kernel` until it is gone; returns the reason.
+fn reason_of_end(kernel: FakeKernel) -> String {
+    let mut source = CameraSource::open(Box::new(kernel), &spec("")).expect("a source");
+    let (mut burst, began) = (Burst::default(), Instant::now());
+    loop {
+        match source.next(&mut burst) {
+            Err(SourceError::Gone(line)) => return line,
+            other => assert!(began.elapsed() < Duration::from_secs(30), "it is told: {other:?}"),
+        }
+    }
+}
+
 /// The scripted camera is linear; without a lens file, a camera's own pictures are taken to follow sRGB.
 #[test]
 fn a_camera_whose_frames_contradict_its_exposures_is_explained() {
     let kernel = FakeKernel::new(Script { formats: vec!["GREY"], ..Script::default() });
-    let mut source = CameraSource::open(Box::new(kernel), &spec("")).expect("a source");
-    let (mut burst, began) = (Burst::default(), Instant::now());
-    let line = loop {
-        match source.next(&mut burst) {
-            Err(SourceError::Gone(line)) => break line,
-            other => assert!(began.elapsed() < Duration::from_secs(30), "it is told: {other:?}"),
-        }
-    };
+    let line = reason_of_end(kernel);
     assert!(
         line.contains("/dev/video0: found ") && line.contains("expected") && line.contains("[response]"),
         "{line}"
@@ -185,14 +190,7 @@ fn frames_that_are_all_broken_are_named_as_the_reason() {
     for (fault, named) in kinds {
         let script = Script { formats: vec!["BA81"], faults: vec![(300, fault)], ..Script::default() };
         let kernel = FakeKernel::new(script);
-        let mut source = CameraSource::open(Box::new(kernel), &spec("")).expect("a source");
-        let (mut burst, began) = (Burst::default(), Instant::now());
-        let line = loop {
-            match source.next(&mut burst) {
-                Err(SourceError::Gone(line)) => break line,
-                other => assert!(began.elapsed() < Duration::from_secs(30), "it is told: {other:?}"),
-            }
-        };
+        let line = reason_of_end(kernel);
         assert!(line.contains(named) && line.contains("expected complete frames"), "{line}");
     }
 }

@@ -10,10 +10,8 @@ mod tests;
 
 pub use spec::{Fault, FaultSpec};
 
-use super::{Lux, Source, SourceError};
-use crate::calibration::{Burst, Calibration};
-use crate::camera_status::CameraStatus;
-use hemilux_core::Exposure;
+use super::{Adapter, Source, SourceError};
+use crate::calibration::Burst;
 use random::Random;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -86,36 +84,16 @@ fn gone() -> SourceError {
     SourceError::Gone("found no device, expected one (--faults vanish)".into())
 }
 
-impl Source for FaultSource {
-    fn calibration(&self) -> &Calibration {
-        self.inner.calibration()
+impl Adapter for FaultSource {
+    fn inner(&self) -> &dyn Source {
+        self.inner.as_ref()
     }
 
-    fn exposures(&self) -> Vec<Exposure> {
-        self.inner.exposures()
+    fn inner_mut(&mut self) -> &mut dyn Source {
+        self.inner.as_mut()
     }
 
-    fn lux(&self) -> Option<Lux> {
-        self.inner.lux()
-    }
-
-    fn fixed_exposures(&self) -> Option<&'static str> {
-        self.inner.fixed_exposures()
-    }
-
-    fn notes(&self) -> &[String] {
-        self.inner.notes()
-    }
-
-    fn set_exposures(&mut self, seconds: Option<&[f64]>) -> Result<(), String> {
-        self.inner.set_exposures(seconds)
-    }
-
-    fn camera(&self, status: &mut CameraStatus) -> bool {
-        self.inner.camera(status)
-    }
-
-    fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
+    fn next_burst(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
         if self.gone_until.is_some_and(|until| Instant::now() < until) {
             return Err(gone());
         }

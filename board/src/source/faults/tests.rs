@@ -118,16 +118,16 @@ struct Delayed {
     faulty: FaultSource,
 }
 
-impl Source for Delayed {
-    fn calibration(&self) -> &Calibration {
-        self.faulty.calibration()
+impl Adapter for Delayed {
+    fn inner(&self) -> &dyn Source {
+        &self.faulty
     }
 
-    fn exposures(&self) -> Vec<Exposure> {
-        self.faulty.exposures()
+    fn inner_mut(&mut self) -> &mut dyn Source {
+        &mut self.faulty
     }
 
-    fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
+    fn next_burst(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
         if self.left == 0 {
             return self.faulty.next(burst);
         }

@@ -349,10 +349,6 @@ where
         SamplerKind::Adaptive
     }
 
-    fn update(&mut self, map: &Map<'_>, request: &Request) -> Decomposition<'_> {
-        self.update_timed(map, request, &mut FilterTimer::none())
-    }
-
     fn update_timed(
         &mut self,
         map: &Map<'_>,

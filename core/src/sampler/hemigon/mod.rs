@@ -247,10 +247,6 @@ where
         true
     }
 
-    fn update(&mut self, map: &Map<'_>, request: &Request) -> Decomposition<'_> {
-        self.update_timed(map, request, &mut FilterTimer::none())
-    }
-
     fn update_timed(
         &mut self,
         map: &Map<'_>,
