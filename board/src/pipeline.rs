@@ -14,7 +14,7 @@ use crate::samplers::{self, Shape};
 use hemilux_core::mains::{Cell, Flicker, Mains, mains_len};
 use hemilux_core::polar::LatLongView;
 use hemilux_core::pyramid::Quad;
-use hemilux_core::sampler::FilterTimer;
+use hemilux_core::sampler::Timer;
 use hemilux_core::wire::{FrameFault, FramesLeftOut};
 use hemilux_core::{
     Coverage, Domain, Exposure, FrontEnd, FrontError, MAX_EXPOSURES, Map, Order, Request, Sampler, Samples,
@@ -341,7 +341,7 @@ fn is_read(index: usize, count: usize, most: usize) -> bool {
 fn sample<'a>(sampler: &'a mut dyn Sampler, map: &Map<'_>, request: &Request) -> Sampled<'a> {
     let began = Instant::now();
     let mut clock = || u64::try_from(began.elapsed().as_nanos()).unwrap_or(u64::MAX);
-    let mut timer = FilterTimer::new(&mut clock);
+    let mut timer = Timer::new(&mut clock);
     let decomposition = sampler.update_timed(map, request, &mut timer);
     let filter = Duration::from_nanos(timer.ns());
     Sampled { decomposition, sample: began.elapsed().saturating_sub(filter), filter }

@@ -23,7 +23,7 @@ use crate::light::Decomposition;
 use crate::polar::LatLongView;
 use crate::pyramid::PyramidView;
 pub use kind::{SamplerKind, UnknownSampler};
-pub use timer::FilterTimer;
+pub use timer::Timer;
 
 /// The input of a sampler for one frame.
 #[derive(Clone, Copy, Debug)]
@@ -76,17 +76,12 @@ pub trait Sampler {
 
     /// Computes the lights of the next frame. A map without light gives no lights.
     fn update(&mut self, map: &Map<'_>, request: &Request) -> Decomposition<'_> {
-        self.update_timed(map, request, &mut FilterTimer::none())
+        self.update_timed(map, request, &mut Timer::none())
     }
 
     /// Like [`Sampler::update`]; `timer` measures the temporal filters of directions and energies. Samplers without such filters leave it
     /// as it is.
-    fn update_timed(
-        &mut self,
-        map: &Map<'_>,
-        request: &Request,
-        timer: &mut FilterTimer<'_>,
-    ) -> Decomposition<'_>;
+    fn update_timed(&mut self, map: &Map<'_>, request: &Request, timer: &mut Timer<'_>) -> Decomposition<'_>;
 
     /// Discards the state of earlier frames, as after a jump in time.
     fn reset(&mut self);

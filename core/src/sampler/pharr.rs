@@ -5,7 +5,7 @@
 //! over the rows, the second selects phi from the conditional distribution within the row. All lights have equal luminance and the colour
 //! of their texel. The result is not filtered over time: a change of one texel moves all lights that follow it in the distribution.
 
-use super::{FilterTimer, Map, Request, Sampler, SamplerKind, halton};
+use super::{Map, Request, Sampler, SamplerKind, Timer, halton};
 use crate::buffer::{self, Buffer, TooSmall};
 use crate::color::{luminance, sound};
 use crate::light::{Decomposition, Light};
@@ -192,12 +192,7 @@ impl<C: Buffer<f32>, M: Buffer<f64>, L: Buffer<Light>> Sampler for Pharr<C, M, L
         true
     }
 
-    fn update_timed(
-        &mut self,
-        map: &Map<'_>,
-        request: &Request,
-        _: &mut FilterTimer<'_>,
-    ) -> Decomposition<'_> {
+    fn update_timed(&mut self, map: &Map<'_>, request: &Request, _: &mut Timer<'_>) -> Decomposition<'_> {
         let texels = map.polar.texels.len();
         let fits = texels == map.polar.grid.len()
             && texels <= self.conditional.as_ref().len()

@@ -3,23 +3,23 @@
 /// Measures the time that a sampler spends in its temporal filters, with the clock of the program.
 ///
 /// ```
-/// use hemilux_core::sampler::FilterTimer;
+/// use hemilux_core::sampler::Timer;
 /// # let mut ticks = 0;
 /// let mut clock = || {
 ///     // Nanoseconds since any fixed time.
 /// #   ticks += 5;
 /// #   ticks
 /// };
-/// let timer = FilterTimer::new(&mut clock);
+/// let timer = Timer::new(&mut clock);
 /// // `sampler.update_timed(&map, &request, &mut timer)` adds to it.
 /// assert_eq!(timer.ns(), 0);
 /// ```
-pub struct FilterTimer<'a> {
+pub struct Timer<'a> {
     clock: Option<&'a mut dyn FnMut() -> u64>,
     ns: u64,
 }
 
-impl<'a> FilterTimer<'a> {
+impl<'a> Timer<'a> {
     /// A timer that measures nothing.
     #[must_use]
     pub const fn none() -> Self {
@@ -47,24 +47,24 @@ impl<'a> FilterTimer<'a> {
     }
 }
 
-impl core::fmt::Debug for FilterTimer<'_> {
+impl core::fmt::Debug for Timer<'_> {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        f.debug_struct("FilterTimer").field("ns", &self.ns).finish_non_exhaustive()
+        f.debug_struct("Timer").field("ns", &self.ns).finish_non_exhaustive()
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::FilterTimer;
+    use super::Timer;
 
     #[test]
     fn durations_add_up_and_a_clock_that_goes_back_adds_nothing() {
         let mut times = [100, 130, 200, 201, 500, 400].into_iter();
         let mut clock = || times.next().expect("two readings for each duration");
-        let mut timer = FilterTimer::new(&mut clock);
+        let mut timer = Timer::new(&mut clock);
         let results = [1, 2, 3].map(|i| timer.measure(|| i));
         assert_eq!((results, timer.ns()), ([1, 2, 3], 31));
-        let mut none = FilterTimer::none();
+        let mut none = Timer::none();
         assert_eq!((none.measure(|| 7), none.ns()), (7, 0));
     }
 }

@@ -33,7 +33,7 @@ mod step;
 mod tree;
 mod weights;
 
-use super::{FilterTimer, Map, Request, Sampler, SamplerKind};
+use super::{Map, Request, Sampler, SamplerKind, Timer};
 use crate::buffer::{self, Buffer, TooSmall};
 use crate::healpix::{Domain, Order};
 use crate::light::{Decomposition, Light};
@@ -149,7 +149,7 @@ where
     }
 
     /// Computes the lights of one frame; returns their estimated error.
-    fn decompose(&mut self, map: &PyramidView<'_>, request: &Request, timer: &mut FilterTimer<'_>) -> f32 {
+    fn decompose(&mut self, map: &PyramidView<'_>, request: &Request, timer: &mut Timer<'_>) -> f32 {
         if self.workspace.borrow_mut().cut.seen(map) {
             self.reset();
         }
@@ -194,7 +194,7 @@ where
         map: &PyramidView<'_>,
         request: &Request,
         frame: filter::Frame,
-        timer: &mut FilterTimer<'_>,
+        timer: &mut Timer<'_>,
     ) -> bool {
         let anew = core::mem::replace(&mut self.soft, request.soft) != request.soft;
         let count = self.count;
@@ -349,12 +349,7 @@ where
         SamplerKind::Adaptive
     }
 
-    fn update_timed(
-        &mut self,
-        map: &Map<'_>,
-        request: &Request,
-        timer: &mut FilterTimer<'_>,
-    ) -> Decomposition<'_> {
+    fn update_timed(&mut self, map: &Map<'_>, request: &Request, timer: &mut Timer<'_>) -> Decomposition<'_> {
         let map = &map.pyramid;
         let known = self.tree.fits(map) && map.domain() == self.domain && map.total().y() > 0.0;
         let error = if known && (request.lights > 0 || request.ambient) {

@@ -20,7 +20,7 @@ pub mod inversion;
 pub mod kalman;
 pub mod sequence;
 
-use super::{FilterTimer, Map, Request, Sampler, SamplerKind};
+use super::{Map, Request, Sampler, SamplerKind, Timer};
 use crate::buffer::{self, Buffer, TooSmall};
 use crate::color::{luminance, sound};
 use crate::light::{Decomposition, Light};
@@ -247,12 +247,7 @@ where
         true
     }
 
-    fn update_timed(
-        &mut self,
-        map: &Map<'_>,
-        request: &Request,
-        timer: &mut FilterTimer<'_>,
-    ) -> Decomposition<'_> {
+    fn update_timed(&mut self, map: &Map<'_>, request: &Request, timer: &mut Timer<'_>) -> Decomposition<'_> {
         let map = &map.polar;
         let energy = self.inversion.build(map);
         let luminous = energy[0] + energy[1];

@@ -47,7 +47,7 @@
 
 mod id;
 
-use super::{FilterTimer, Map, Request, Sampler, SamplerKind, heap};
+use super::{Map, Request, Sampler, SamplerKind, Timer, heap};
 use crate::buffer::{self, Buffer, TooSmall};
 use crate::healpix::{self, Domain, MapShape, Order};
 use crate::light::{Decomposition, Light};
@@ -378,12 +378,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, P: Buffer<Past>> Sampler 
         }
     }
 
-    fn update_timed(
-        &mut self,
-        map: &Map<'_>,
-        request: &Request,
-        _: &mut FilterTimer<'_>,
-    ) -> Decomposition<'_> {
+    fn update_timed(&mut self, map: &Map<'_>, request: &Request, _: &mut Timer<'_>) -> Decomposition<'_> {
         let lights = request.lights.min(self.capacity());
         let fits =
             buffer::check(&self.interior[0], interior_len(map.pyramid.domain(), map.pyramid.order())).is_ok();
