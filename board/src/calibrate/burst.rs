@@ -10,14 +10,23 @@ use std::path::Path;
 /// Largest number of pixels that are read from each frame; more pixels take time and add no accuracy.
 const MOST_PIXELS: usize = 200_000;
 
-/// Reads a burst: its calibration, its frames in ascending order of exposure, and the size of one code in relative codes.
+/// The frames of a recorded burst as relative codes, with the calibration of its camera.
+#[derive(Clone, Debug)]
+pub struct ExposedBurst {
+    /// Calibration of the burst's camera.
+    pub calibration: Calibration,
+    /// Relative codes of the frames.
+    pub codes: Codes,
+}
+
+/// Reads a burst and converts its frames to relative codes.
 ///
 /// # Errors
 /// [`RecordedError`]; raw frames are an error, since sensors are linear.
-pub fn exposed(folder: &Path) -> Result<(Calibration, Vec<Exposed>, f64), RecordedError> {
+pub fn exposed(folder: &Path) -> Result<ExposedBurst, RecordedError> {
     let RecordedBurst { calibration, burst, .. } = read_burst(folder)?;
     match exposed_frames(&calibration, &burst.frames) {
-        Some(Codes { frames, step }) => Ok((calibration, frames, step)),
+        Some(codes) => Ok(ExposedBurst { calibration, codes }),
         None => {
             let found = format!("frames of the format {:?}", calibration.layout.format());
             Err(RecordedError::new(folder, found, "images: raw frames are linear and need no response"))

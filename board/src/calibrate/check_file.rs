@@ -1,6 +1,6 @@
 //! Checks that a lens file, a burst and the camera match.
 
-use super::burst::exposed;
+use super::burst::{ExposedBurst, exposed};
 use super::response::{Exposed, logarithms_of};
 use crate::calibration::Calibration;
 use crate::recorded::{
@@ -178,14 +178,14 @@ fn stated(path: &Path, file: &LensFile) -> Result<(), Fault> {
 }
 
 fn with_burst(path: &Path, file: &LensFile, burst: &Path) -> Result<(), Fault> {
-    let (calibration, frames, _) = exposed(burst).map_err(|e| Fault::Unreadable(e.to_string()))?;
+    let ExposedBurst { calibration, codes } = exposed(burst).map_err(|e| Fault::Unreadable(e.to_string()))?;
     let size = [calibration.layout.width(), calibration.layout.height()];
     if size != file.size {
         return Err(Fault::Size { path: path.display().to_string(), lens: file.size, burst: size });
     }
     mode(file, burst)?;
     photometric(path, &calibration)?;
-    exposures(burst, &file.told_response().unwrap_or(calibration.response), &frames)?;
+    exposures(burst, &file.told_response().unwrap_or(calibration.response), &codes.frames)?;
     if is_other(&file.lens, &calibration.lens) {
         return Err(Fault::OtherLens { path: burst.display().to_string() });
     }

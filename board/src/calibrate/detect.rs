@@ -14,9 +14,10 @@ use nalgebra::{Vector2, Vector3};
 pub(super) fn board(grey: &Grey, printed: &Printed) -> Result<Found, ChessError> {
     let whole = printed.corners.corners();
     let mut best = Found::default();
-    let mut level = Some(first_level(grey));
-    while let Some((picture, scale)) = level.filter(|_| best.seen.len() < whole) {
-        let corners = find(&picture, scale)?;
+    let mut level = Some(Level::first(grey));
+    while let Some(searched) = level.filter(|_| best.seen.len() < whole) {
+        let scale = searched.scale;
+        let corners = find(&searched.picture, scale)?;
         let found = if printed.is_marked() {
             tags::board(grey, &corners, printed, scale)
         } else {
@@ -26,7 +27,7 @@ pub(super) fn board(grey: &Grey, printed: &Printed) -> Result<Found, ChessError>
         if is_more || (best.seen.is_empty() && found.mirror > 0) {
             best = found;
         }
-        level = picture.halved().filter(|_| scale < 8.0).map(|half| (half, 2.0 * scale));
+        level = searched.halved().filter(|_| scale < 8.0);
     }
     Ok(best)
 }
@@ -34,14 +35,28 @@ pub(super) fn board(grey: &Grey, printed: &Printed) -> Result<Found, ChessError>
 /// Largest side of a picture in which corners are searched for, pixels: in larger pictures texture has more corners than the board.
 const LARGEST_SIDE: usize = 1600;
 
-/// Returns the picture at the first searched size, and the number of full-size pixels per pixel of it.
-fn first_level(grey: &Grey) -> (Grey, f64) {
-    let mut level = (grey.clone(), 1.0);
-    while level.0.size().into_iter().max() > Some(LARGEST_SIDE) {
-        let Some(half) = level.0.halved() else { break };
-        level = (half, 2.0 * level.1);
+/// A picture at one of the searched sizes.
+struct Level {
+    picture: Grey,
+    /// Number of full-size pixels per pixel of `picture`, along a side.
+    scale: f64,
+}
+
+impl Level {
+    /// The largest searched size of `grey`.
+    fn first(grey: &Grey) -> Self {
+        let mut level = Self { picture: grey.clone(), scale: 1.0 };
+        while level.picture.size().into_iter().max() > Some(LARGEST_SIDE) {
+            let Some(half) = level.halved() else { break };
+            level = half;
+        }
+        level
     }
-    level
+
+    /// The level of half the size; `None` if the picture is too small.
+    fn halved(&self) -> Option<Self> {
+        self.picture.halved().map(|picture| Self { picture, scale: 2.0 * self.scale })
+    }
 }
 
 fn from_corners(grey: &Grey, corners: &[Corner], board: Board, scale: f64) -> Found {

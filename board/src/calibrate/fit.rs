@@ -37,20 +37,27 @@ pub(super) fn first(seen: &[(usize, Vec<Sighting>)], size: [usize; 2], shape: Sh
     let middle = Vector2::new(size[0] as f64 - 1.0, size[1] as f64 - 1.0) * 0.5;
     let half = 0.5 * size[0].max(size[1]) as f64;
     let starts = TRIED_DEGREES.iter().map(|degrees| Camera::equidistant(half / degrees.to_radians(), middle));
-    let mut tried: Vec<(f64, Fit)> =
+    let mut tried: Vec<Trial> =
         starts.filter_map(|camera| placed(Model { camera, shape, rich: false }, seen)).collect();
-    tried.sort_by(|a, b| a.0.total_cmp(&b.0));
+    tried.sort_by(|a, b| a.error.total_cmp(&b.error));
     tried.truncate(CARRIED);
-    let carried = tried.into_iter().map(|(_, mut fit)| {
+    let carried = tried.into_iter().map(|Trial { mut fit, .. }| {
         solve(&mut fit.model, &mut fit.views, 8.0, Free::All, 15);
-        let loss = solve(&mut fit.model, &mut fit.views, 2.0, Free::All, 40);
-        (loss, fit)
+        let error = solve(&mut fit.model, &mut fit.views, 2.0, Free::All, 40);
+        Trial { error, fit }
     });
-    carried.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, fit)| fit)
+    carried.min_by(|a, b| a.error.total_cmp(&b.error)).map(|trial| trial.fit)
 }
 
-/// Computes the poses of all boards for a camera; returns the mean of the boards' robust errors with the fit.
-fn placed(model: Model, seen: &[(usize, Vec<Sighting>)]) -> Option<(f64, Fit)> {
+/// A fit with the error by which it is compared with others.
+struct Trial {
+    error: f64,
+    fit: Fit,
+}
+
+/// Computes the poses of all boards for a camera. The error is the sum of the root mean square errors of the boards in pixels, each limited
+/// to 50; a board without a pose counts as 50.
+fn placed(model: Model, seen: &[(usize, Vec<Sighting>)]) -> Option<Trial> {
     let place = |(picture, seen): &(usize, Vec<Sighting>)| {
         let pose = from_directions(&model.camera, &model.shape, seen)?;
         let view = View { seen: seen.clone(), pose };
@@ -61,7 +68,7 @@ fn placed(model: Model, seen: &[(usize, Vec<Sighting>)]) -> Option<(f64, Fit)> {
     let error: f64 = placed.iter().map(|(error, ..)| error.min(50.0)).sum::<f64>()
         + 50.0 * (seen.len() - placed.len()) as f64;
     let (pictures, views) = placed.into_iter().map(|(_, picture, view)| (picture, view)).unzip();
-    error.is_finite().then_some((error, Fit { model, views, pictures }))
+    error.is_finite().then_some(Trial { error, fit: Fit { model, views, pictures } })
 }
 
 /// Returns the root mean square of vectors, over both components.

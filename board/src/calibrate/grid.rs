@@ -51,14 +51,20 @@ fn nearest(corners: &[Corner]) -> Links {
         let here = &corners[from];
         let candidates = corners.iter().enumerate().filter(|(to, _)| *to != from);
         let reached = candidates.filter_map(|(to, there)| reach(here, edge, to, there));
-        reached.min_by(|(a, _), (b, _)| a.total_cmp(b)).map(|(_, link)| link)
+        reached.min_by(|a, b| a.cost.total_cmp(&b.cost)).map(|reached| reached.link)
     };
     (0..corners.len()).map(|from| std::array::from_fn(|edge| along(from, edge))).collect()
 }
 
-/// Returns the distance of a corner along an edge of another corner, and the edge that leads back; `None` if it does not lie along the
-/// edge.
-fn reach(here: &Corner, edge: usize, to: usize, there: &Corner) -> Option<(f64, Link)> {
+/// A corner that lies along an edge of another corner.
+struct Reached {
+    /// Distance in pixels, larger the less the edges of both corners are aligned.
+    cost: f64,
+    link: Link,
+}
+
+/// Returns the link from an edge of `here` to the corner `there`, whose index is `to`; `None` if `there` does not lie along the edge.
+fn reach(here: &Corner, edge: usize, to: usize, there: &Corner) -> Option<Reached> {
     let line = there.at - here.at;
     let direction = line.y.atan2(line.x);
     let bend = turn(direction, here.edges[edge]);
@@ -67,7 +73,7 @@ fn reach(here: &Corner, edge: usize, to: usize, there: &Corner) -> Option<(f64, 
         [(edge + 1) % 4, (edge + 3) % 4].map(|back| (turn(direction + PI, there.edges[back]), back));
     let (bend_there, back) = if backward[0].0 < backward[1].0 { backward[0] } else { backward[1] };
     let fits = bend < BEND && bend_there < BEND;
-    fits.then(|| (line.norm() * (1.0 + bend + bend_there), Link { to, back }))
+    fits.then(|| Reached { cost: line.norm() * (1.0 + bend + bend_there), link: Link { to, back } })
 }
 
 /// Keeps the links that exist in both directions.
@@ -115,26 +121,40 @@ fn spread(corners: &[Corner], links: &Links, start: usize, seen: &mut [bool]) ->
     grid
 }
 
-/// Predicts the pixel of a corner from its neighbours in the grid, with the length of a square's side there.
-pub(super) fn predict(grid: &Grid, cell: Cell) -> Option<(Vector2<f64>, f64)> {
-    let mut guesses: Vec<(f64, Vector2<f64>, f64)> = Vec::new();
+/// The predicted pixel of a corner.
+pub(super) struct Predicted {
+    pub at: Vector2<f64>,
+    /// Length of a square's side near `at`, pixels.
+    pub side: f64,
+}
+
+/// A prediction from corners on one line, with its weight.
+struct Guess {
+    weight: f64,
+    at: Vector2<f64>,
+    side: f64,
+}
+
+/// Predicts the pixel of a corner from its neighbours in the grid; `None` if it has too few.
+pub(super) fn predict(grid: &Grid, cell: Cell) -> Option<Predicted> {
+    let mut guesses: Vec<Guess> = Vec::new();
     for [di, dj] in STEPS {
         let at = |n: i32| grid.get(&[cell[0] + n * di, cell[1] + n * dj]);
         if let (Some(a), Some(b)) = (at(1), at(2)) {
             let quadratic = at(3).map(|c| a * 3.0 - b * 3.0 + c);
-            guesses.push((
-                if quadratic.is_some() { 2.0 } else { 1.0 },
-                quadratic.unwrap_or(a * 2.0 - b),
-                (a - b).norm(),
-            ));
+            guesses.push(Guess {
+                weight: if quadratic.is_some() { 2.0 } else { 1.0 },
+                at: quadratic.unwrap_or(a * 2.0 - b),
+                side: (a - b).norm(),
+            });
         }
         if let (Some(a), Some(b)) = (at(1), at(-1)) {
-            guesses.push((4.0, (a + b) * 0.5, 0.5 * (a - b).norm()));
+            guesses.push(Guess { weight: 4.0, at: (a + b) * 0.5, side: 0.5 * (a - b).norm() });
         }
     }
-    let weight: f64 = guesses.iter().map(|g| g.0).sum();
-    let side = guesses.iter().map(|g| g.2).reduce(f64::min)?;
-    Some((guesses.iter().map(|g| g.1 * g.0).sum::<Vector2<f64>>() / weight, side))
+    let weight: f64 = guesses.iter().map(|g| g.weight).sum();
+    let side = guesses.iter().map(|g| g.side).reduce(f64::min)?;
+    Some(Predicted { at: guesses.iter().map(|g| g.at * g.weight).sum::<Vector2<f64>>() / weight, side })
 }
 
 /// Adds the corners that lie at the predicted positions beside the grid.
@@ -143,7 +163,7 @@ pub(super) fn extend(grid: &mut Grid, corners: &[Corner]) {
     while grown {
         grown = false;
         for cell in frontier(grid) {
-            let Some((at, side)) = predict(grid, cell) else { continue };
+            let Some(Predicted { at, side }) = predict(grid, cell) else { continue };
             let near = corners.iter().map(|c| ((c.at - at).norm(), c.at));
             let best = near.min_by(|a, b| a.0.total_cmp(&b.0)).filter(|(off, _)| *off < 0.25 * side);
             let free = best.filter(|(_, at)| grid.values().all(|taken| (taken - at).norm() > 0.3 * side));

@@ -43,7 +43,7 @@ mod uncertainty;
 mod vignetting;
 
 pub use board::{Board, Charuco, Kind, Printed};
-pub use burst::{Codes, exposed, exposed_frames};
+pub use burst::{Codes, ExposedBurst, exposed, exposed_frames};
 pub use check::LensRefusal;
 pub use check_file::{Fault, check};
 pub use circle::{Circle, CircleLens, CircleRefusal, circle_lens, find_circle};
@@ -56,7 +56,7 @@ pub use lens_file::{
     FileRefusal, Stated, response_text, write, write_circle, write_response, write_vignetting,
 };
 pub use photometric::{FactorReading, Method, PhotometricRefusal, Unseen, measure};
-pub use photometric_file::{KeepRefusal, Kept, keep_reading, kept_factor};
+pub use photometric_file::{KeepRefusal, Kept, KeptReadings, keep_reading, kept_factor};
 pub use request::{Picture, Request};
 pub use residuals::picture as residual_picture;
 pub use response::{Exposed, FittedResponse, Neighbours, ResponseRefusal, fit_response};

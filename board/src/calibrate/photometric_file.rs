@@ -47,12 +47,20 @@ pub struct Kept<'a> {
     pub camera: &'a str,
 }
 
-/// Adds a reading to the file at `path`, which need not be there, and writes what the readings of its class combine to; returns that and
-/// their number. With `fresh`, earlier readings of the class are dropped, and all readings of another camera.
+/// The readings of one class in a file.
+#[derive(Clone, Debug)]
+pub struct KeptReadings {
+    /// Factor that the readings combine to.
+    pub factor: Factor,
+    /// Number of the readings.
+    pub count: usize,
+}
+
+/// Adds a reading to the file at `path`, which need not exist, and writes the factor that the readings of its class combine to. With `fresh`, earlier readings of the class are dropped, and all readings of another camera.
 ///
 /// # Errors
 /// [`KeepRefusal`] if the reading does not fit the stored ones or the file cannot be written.
-pub fn keep_reading(path: &Path, kept: &Kept<'_>, fresh: bool) -> Result<(Factor, usize), KeepRefusal> {
+pub fn keep_reading(path: &Path, kept: &Kept<'_>, fresh: bool) -> Result<KeptReadings, KeepRefusal> {
     let mut document = read(path, false)?;
     let name = || path.display().to_string();
     let is_other = camera(&document).is_some_and(|camera| camera != kept.camera);
@@ -74,7 +82,7 @@ pub fn keep_reading(path: &Path, kept: &Kept<'_>, fresh: bool) -> Result<(Factor
     let factor = combine(&readings).ok_or_else(|| failed(path, &"readings without a factor"))?;
     fill(&mut document, kept, &readings, &factor);
     save(path, &document.to_string())?;
-    Ok((factor, readings.len()))
+    Ok(KeptReadings { factor, count: readings.len() })
 }
 
 /// Returns the factor that the readings of a class in the file combine to.

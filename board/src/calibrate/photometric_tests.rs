@@ -2,7 +2,7 @@
 
 use super::factor::*;
 use super::photometric::*;
-use super::photometric_file::{KeepRefusal, Kept, keep_reading};
+use super::photometric_file::{KeepRefusal, Kept, KeptReadings, keep_reading};
 use crate::calibration::{Burst, Calibration, Frame, Pixels};
 use crate::pipeline::{Pipeline, Settings};
 use crate::recorded::{parse_photometric, radiometry};
@@ -215,17 +215,17 @@ fn readings_of_a_class_accumulate_in_the_file_and_outliers_are_refused() {
     let keep = |factor, class, camera, fresh| {
         keep_reading(&path, &Kept { reading: &reading(factor), class, camera }, fresh)
     };
-    assert_eq!(keep(100.0, "daylight", "a", false).expect("kept").1, 1);
-    let (factor, count) = keep(102.0, "daylight", "a", false).expect("kept");
+    assert_eq!(keep(100.0, "daylight", "a", false).expect("kept").count, 1);
+    let KeptReadings { factor, count } = keep(102.0, "daylight", "a", false).expect("kept");
     assert_eq!((count, factor.factor), (2, 101.0));
     assert!(matches!(keep(130.0, "daylight", "a", false), Err(KeepRefusal::Far { .. })));
-    assert_eq!(keep(130.0, "led", "a", false).expect("another class").1, 1);
+    assert_eq!(keep(130.0, "led", "a", false).expect("another class").count, 1);
     assert!(matches!(keep(100.0, "led", "b", false), Err(KeepRefusal::OtherCamera { .. })));
     let text = std::fs::read_to_string(&path).expect("a file");
     assert!(text.starts_with("# mine\n") && text.contains("[lens]"), "{text}");
     let led = parse_photometric(&path, &text, Some("led")).expect("a file").expect("a class");
     assert_eq!((led.factor, led.camera.as_str()), (130.0, "a"));
-    assert_eq!(keep(100.0, "led", "b", true).expect("all of another camera are dropped").1, 1);
+    assert_eq!(keep(100.0, "led", "b", true).expect("all of another camera are dropped").count, 1);
     let text = std::fs::read_to_string(&path).expect("a file");
     assert!(!text.contains("daylight"), "{text}");
 }

@@ -140,9 +140,9 @@ pub fn fit_response(frames: &[Exposed], step: f64) -> Result<FittedResponse, Res
     let starts = [1.0, 1.8, 2.6].map(|power| problem.solve(problem.start(power)));
     let best = starts
         .into_iter()
-        .filter(|(loss, _)| loss.is_finite())
-        .min_by(|a, b| a.0.total_cmp(&b.0))
-        .map(|(_, p)| p);
+        .filter(|solution| solution.loss.is_finite())
+        .min_by(|a, b| a.loss.total_cmp(&b.loss))
+        .map(|solution| solution.parameters);
     let fitted = problem.result(&best.unwrap_or_else(|| problem.start(1.0)), frames);
     let is_off = |n: &&Neighbours| (n.estimated / n.declared).ln().abs() > MOST_RATIO;
     if let Some(&Neighbours { declared, estimated, .. }) = fitted.neighbours.iter().find(is_off) {
@@ -181,7 +181,7 @@ fn pairs_of(shorter: &Exposed, longer: &Exposed, channel: usize, step: usize) ->
         }
     }
     let pair = |bin: Vec<[f32; 2]>| {
-        let (codes, count) = middle(bin)?;
+        let MeanCodes { codes, count } = middle(bin)?;
         (codes[0] > LEAST).then(|| Pair {
             channel,
             step,
@@ -194,14 +194,21 @@ fn pairs_of(shorter: &Exposed, longer: &Exposed, channel: usize, step: usize) ->
     bins.into_iter().filter_map(pair).collect()
 }
 
-/// Returns the mean of the middle half, sorted by the shorter exposure's code, and its number of pixels.
-fn middle(mut bin: Vec<[f32; 2]>) -> Option<([f64; 2], f64)> {
+/// The mean codes of pixels in both exposures.
+struct MeanCodes {
+    codes: [f64; 2],
+    /// Number of the pixels.
+    count: f64,
+}
+
+/// Averages the middle half of a bin, sorted by the shorter exposure's code; `None` if it has too few pixels.
+fn middle(mut bin: Vec<[f32; 2]>) -> Option<MeanCodes> {
     bin.sort_by(|a, b| a[0].total_cmp(&b[0]));
     let quarter = bin.len() / 4;
     let kept = bin.get(quarter..bin.len() - quarter).filter(|kept| kept.len() >= FEWEST_IN_BIN)?;
     let count = kept.len() as f64;
     let mean = |i: usize| kept.iter().map(|pair| f64::from(pair[i])).sum::<f64>() / count;
-    Some(([mean(0), mean(1)], count))
+    Some(MeanCodes { codes: [mean(0), mean(1)], count })
 }
 
 /// Least-squares problem over the logarithms of the curve's increments and of the ratios.
@@ -209,6 +216,13 @@ struct Problem<'a> {
     pairs: &'a [Pair],
     declared: &'a [f64],
     step: f64,
+}
+
+/// Parameters at a minimum of a [`Problem`].
+struct Solution {
+    /// Robust loss.
+    loss: f64,
+    parameters: DVector<f64>,
 }
 
 /// Values and slopes of a curve at both codes of a pair.
@@ -287,8 +301,8 @@ impl Problem<'_> {
         self.pairs.iter().map(weight).collect()
     }
 
-    /// Minimises by Levenberg-Marquardt with weights that are updated in each step; returns the robust loss and the parameters.
-    fn solve(&self, mut p: DVector<f64>) -> (f64, DVector<f64>) {
+    /// Minimises by Levenberg-Marquardt with weights that are updated in each step.
+    fn solve(&self, mut p: DVector<f64>) -> Solution {
         let mut damping = 1e-2;
         for _ in 0..40 {
             let weights = self.weights(&p);
@@ -314,7 +328,7 @@ impl Problem<'_> {
         let cauchy = |r: f64| 9.0 * ((r * r / 9.0) / (1.0 - r * r / 9.0).max(1e-9)).ln_1p();
         let (data, held) = residuals.as_slice().split_at(weights.len());
         let loss = data.iter().copied().map(cauchy).sum::<f64>() + held.iter().map(|r| r * r).sum::<f64>();
-        (loss, p)
+        Solution { loss, parameters: p }
     }
 
     /// Returns the derivatives, computed by finite differences.

@@ -1,5 +1,6 @@
 //! Estimated responses of cameras with known response.
 
+use super::burst::{Codes, ExposedBurst, exposed};
 use super::response::{Exposed, FittedResponse, ResponseRefusal, fit_response};
 use hemilux_core::Response;
 use std::path::Path;
@@ -106,7 +107,7 @@ fn office_burst_agrees_with_itself_and_with_its_measured_response() {
         eprintln!("SKIPPED: no office-burst beside the workspace");
         return;
     }
-    let (calibration, frames, step) = super::burst::exposed(&folder).expect("a burst");
+    let ExposedBurst { calibration, codes: Codes { frames, step } } = exposed(&folder).expect("a burst");
     let fitted = fit_response(&frames, step).expect("a response");
     println!("{:?} {}", fitted.neighbours, fitted.disagreement);
     assert!(fitted.disagreement < 0.03, "{}", fitted.disagreement);

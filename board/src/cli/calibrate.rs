@@ -5,7 +5,7 @@ mod photometric;
 
 use super::{Failure, say};
 use crate::calibrate::{
-    Board, Calibrated, Charuco, Fault, Grey, Kind, Picture, Printed, Request, Shown, Stated, Target,
+    Board, Calibrated, Charuco, Codes, Fault, Grey, Kind, Picture, Printed, Request, Shown, Stated, Target,
     calibrate, check, circle_lens, exposed, find_circle, fit_response, fit_vignetting, flat_field,
     residual_picture, response_text, screen, target_svg, write, write_circle, write_response,
     write_vignetting,
@@ -332,7 +332,7 @@ fn vignetting(options: &VignettingOptions) -> Result<(), Failure> {
 }
 
 fn response(options: &ResponseOptions) -> Result<(), Failure> {
-    let (_, frames, step) = exposed(&options.burst).map_err(Failure::new)?;
+    let Codes { frames, step } = exposed(&options.burst).map_err(Failure::new)?.codes;
     let refused = |e| Failure::new(format!("{}: {e}", options.burst.display()));
     let fitted = fit_response(&frames, step).map_err(refused)?;
     for n in &fitted.neighbours {

@@ -1,7 +1,9 @@
 //! `hemilux calibrate photometric`: from relative radiance to candela per square metre.
 
 use super::{Failure, say};
-use crate::calibrate::{FactorReading, Kept, Method, Unseen, Verdict, keep_reading, kept_factor, measure};
+use crate::calibrate::{
+    FactorReading, Kept, KeptReadings, Method, Unseen, Verdict, keep_reading, kept_factor, measure,
+};
 use crate::recorded::{ANY_CLASS, radiometry};
 use crate::source::{self, Spec};
 use clap::{Args, ValueEnum};
@@ -131,7 +133,8 @@ pub(super) fn run(options: &PhotometricOptions) -> Result<(), Failure> {
     }
     let camera = radiometry(source.calibration());
     let kept = Kept { reading: &reading, class: &options.class, camera: &camera };
-    let (factor, count) = keep_reading(&options.out, &kept, options.fresh).map_err(Failure::new)?;
+    let KeptReadings { factor, count } =
+        keep_reading(&options.out, &kept, options.fresh).map_err(Failure::new)?;
     let mut text = told(&method, &reading);
     let _ = writeln!(
         text,
