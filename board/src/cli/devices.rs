@@ -52,8 +52,8 @@ fn told(camera: &Description) -> String {
         let view = mode.view.map_or("an unknown part of the sensor".into(), |view| view.to_string());
         let _ = writeln!(text, "  mode      {} x {}  {view}", mode.width, mode.height);
     }
-    let exposure = camera.exposure_s.map(|(a, b)| format!("{:.3} to {:.3} ms", a * 1e3, b * 1e3));
-    let gain = camera.gain.map(|(a, b)| format!("{a} to {b}"));
+    let exposure = camera.exposure_s.map(|[a, b]| format!("{:.3} to {:.3} ms", a * 1e3, b * 1e3));
+    let gain = camera.gain.map(|[a, b]| format!("{a} to {b}"));
     let _ = writeln!(text, "  exposure  {}", exposure.as_deref().unwrap_or("no control"));
     let _ = writeln!(text, "  gain      {}", gain.as_deref().unwrap_or("no control"));
     for format in &camera.formats {

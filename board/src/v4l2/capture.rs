@@ -67,7 +67,7 @@ impl Camera {
         let setup = setup::open(kernel, options)?;
         let usual = if setup.picture.is_raw() { Response::Linear } else { Response::Srgb };
         let most = setup.picture.max_code();
-        let (black, white) = options.levels.map_or((setup.black, 1.0), |(b, w)| (b / most, w / most));
+        let (black, white) = options.levels.map_or((setup.black, 1.0), |l| (l.black / most, l.white / most));
         let levels = Levels { response: options.response.unwrap_or(usual), black, white };
         let seconds: Vec<f64> = setup.settings.iter().map(|s| s.seconds).collect();
         let exposes = setup.knob.as_ref().is_some_and(|k| k.unit != Unit::StandIn) && seconds.len() > 1;

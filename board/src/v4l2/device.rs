@@ -1,5 +1,6 @@
 //! The list of cameras with their formats and controls.
 
+use super::Size;
 use super::access::{capability, captures, open};
 use super::controls::{self, Info};
 use super::exposure::{self, Knob, Sensor};
@@ -7,6 +8,7 @@ use super::media::{self, Located, bus};
 use super::view::{self, View};
 use super::{Call, CameraError, Kernel, Node, abi, formats, persist, text};
 use serde::Serialize;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 /// Largest number of entries of each list that are read from a driver.
@@ -28,9 +30,9 @@ pub struct Description {
     /// Pixel formats of the camera.
     pub formats: Vec<FormatInfo>,
     /// Shortest and longest exposure time, seconds; null if the exposure cannot be set.
-    pub exposure_s: Option<(f64, f64)>,
+    pub exposure_s: Option<[f64; 2]>,
     /// Least and largest value of the gain, in the driver's unit; null for a camera without one.
-    pub gain: Option<(i64, i64)>,
+    pub gain: Option<[i64; 2]>,
     /// The sub-device with the exposure control, if the node itself has none.
     pub sensor: Option<PathBuf>,
     /// The sensor's name, which `v4l2:NAME` accepts; unlike node numbers, it does not change from boot to boot.
@@ -78,6 +80,14 @@ pub struct SizeInfo {
     pub rates: Vec<f64>,
 }
 
+impl SizeInfo {
+    /// Size of the frame.
+    #[must_use]
+    pub const fn size(&self) -> Size {
+        Size::new(self.width, self.height)
+    }
+}
+
 /// Lists all cameras. Nodes that cannot be opened are left out; if none can be opened, the first error is returned.
 ///
 /// # Errors
@@ -116,17 +126,17 @@ pub fn describe(kernel: &mut dyn Kernel, path: &Path) -> Result<Option<Descripti
     }
     let formats = formats(node.as_mut(), 0);
     let width = formats.iter().flat_map(|f| &f.sizes).map(|s| s.width).max().unwrap_or(0);
-    let mut range = (exposure_range(node.as_mut(), width), gain(node.as_mut()));
+    let (mut exposure_s, mut gain) = (exposure_range(node.as_mut(), width), gain_range(node.as_mut()));
     let mut sensor = None;
-    if range.0.is_none()
+    if exposure_s.is_none()
         && let Ok(Some(found)) = find_sensor(kernel, None)
     {
         let OpenSensor { node: mut sub, path, .. } = found;
-        range = (exposure_range(sub.as_mut(), width), gain(sub.as_mut()));
+        (exposure_s, gain) = (exposure_range(sub.as_mut(), width), gain_range(sub.as_mut()));
         sensor = Some(path);
     }
     let common = Description::of(path, &caps, formats);
-    Ok(Some(Description { exposure_s: range.0, gain: range.1, sensor, ..common }))
+    Ok(Some(Description { exposure_s, gain, sensor, ..common }))
 }
 
 /// Describes the camera whose sensor is connected with the node at `path` by a media graph.
@@ -146,7 +156,7 @@ fn describe_sensor(
     let width = modes.iter().map(|m| m.width).max().unwrap_or(0);
     Ok(Description {
         exposure_s: exposure_range(sub.as_mut(), width),
-        gain: gain(sub.as_mut()),
+        gain: gain_range(sub.as_mut()),
         modes,
         sensor: Some(sensor),
         sensor_name: Some(name.into()),
@@ -185,31 +195,31 @@ fn modes(sensor: &mut dyn Node, known: Option<&Sensor>) -> Vec<ModeInfo> {
             break;
         }
         let [_, width, _, height] = d.size;
-        sizes.push((width, height));
+        sizes.push(Size { width, height });
     }
     sizes.dedup();
     let mut present = abi::PadFormat::default();
     let is_told = persist(|| sensor.call(Call::GetPadFormat(&mut present))).is_ok();
-    let mut described = |size: (u32, u32)| {
+    let mut described = |size: Size| {
         // A driver gives the rectangle of the present mode only.
-        let is_present = is_told && (present.width, present.height) == size;
+        let is_present = is_told && Size::new(present.width, present.height) == size;
         let view = if is_present {
             view::present(sensor, known, size)
         } else {
             known.and_then(|sensor| view::known(sensor, size))
         };
-        ModeInfo { width: size.0, height: size.1, view, share: view.map(|v| v.share()) }
+        ModeInfo { width: size.width, height: size.height, view, share: view.map(|v| v.share()) }
     };
     sizes.into_iter().map(&mut described).collect()
 }
 
-fn exposure_range(node: &mut dyn Node, width: u32) -> Option<(f64, f64)> {
+fn exposure_range(node: &mut dyn Node, width: u32) -> Option<[f64; 2]> {
     Knob::find(node, width)?.range_s()
 }
 
-fn gain(node: &mut dyn Node) -> Option<(i64, i64)> {
+fn gain_range(node: &mut dyn Node) -> Option<[i64; 2]> {
     let found = [abi::ANALOGUE_GAIN, abi::GAIN].into_iter().find_map(|id| controls::find(node, id));
-    found.filter(Info::is_settable).map(|i| (i.minimum, i.maximum))
+    found.filter(Info::is_settable).map(|i| [i.minimum, i.maximum])
 }
 
 /// An open sub-device.
@@ -262,7 +272,8 @@ pub(super) fn formats(node: &mut dyn Node, code: u32) -> Vec<FormatInfo> {
 }
 
 /// Sizes that are tried within a range of sizes, beside its ends.
-const USUAL: [(u32, u32); 4] = [(320, 240), (640, 480), (1280, 720), (1920, 1080)];
+const USUAL: [Size; 4] =
+    [Size::new(320, 240), Size::new(640, 480), Size::new(1280, 720), Size::new(1920, 1080)];
 
 fn sizes(node: &mut dyn Node, fourcc: u32) -> Vec<SizeInfo> {
     let mut found = Vec::new();
@@ -273,20 +284,20 @@ fn sizes(node: &mut dyn Node, fourcc: u32) -> Vec<SizeInfo> {
         }
         let [a, b, c, e, f, g] = d.size;
         if d.kind == abi::DISCRETE {
-            found.push((a, b));
+            found.push(Size::new(a, b));
             continue;
         }
-        let (width, height) = ((a, b, c.max(1)), (e, f, g.max(1)));
-        let takes = |v: u32, (least, most, step): (u32, u32, u32)| {
-            (least..=most).contains(&v) && (v - least).is_multiple_of(step)
+        let takes = |v: u32, range: RangeInclusive<u32>, step: u32| {
+            range.contains(&v) && (v - range.start()).is_multiple_of(step.max(1))
         };
-        found.push((a, e));
-        found.extend(USUAL.into_iter().filter(|(w, h)| takes(*w, width) && takes(*h, height)));
-        found.push((b, f));
+        found.push(Size::new(a, e));
+        found.extend(USUAL.into_iter().filter(|s| takes(s.width, a..=b, c) && takes(s.height, e..=f, g)));
+        found.push(Size::new(b, f));
         break;
     }
     found.dedup();
-    let rated = |(width, height)| SizeInfo { width, height, rates: rates(node, fourcc, width, height) };
+    let rated =
+        |Size { width, height }| SizeInfo { width, height, rates: rates(node, fourcc, width, height) };
     found.into_iter().map(rated).collect()
 }
 
@@ -309,10 +320,7 @@ fn rates(node: &mut dyn Node, fourcc: u32, width: u32, height: u32) -> Vec<f64> 
 
 /// Returns the size whose number of pixels is nearest to that of `wished`.
 #[must_use]
-pub fn nearest_size(format: &FormatInfo, wished: (u32, u32)) -> Option<(u32, u32)> {
-    let area = |w: u32, h: u32| u64::from(w) * u64::from(h);
-    let off = |s: &&SizeInfo| {
-        (area(s.width, s.height).abs_diff(area(wished.0, wished.1)), s.width.abs_diff(wished.0))
-    };
-    format.sizes.iter().min_by_key(off).map(|s| (s.width, s.height))
+pub fn nearest_size(format: &FormatInfo, wished: Size) -> Option<Size> {
+    let off = |size: &Size| (size.area().abs_diff(wished.area()), size.width.abs_diff(wished.width));
+    format.sizes.iter().map(SizeInfo::size).min_by_key(off)
 }

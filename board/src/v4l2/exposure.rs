@@ -3,6 +3,7 @@
 //! UVC cameras use units of 100 us within the frame interval. Sensors use lines within a frame whose length follows VBLANK. The gain is
 //! constant throughout a burst: on many sensors a gain acts one frame earlier than an exposure time.
 
+use super::Size;
 use super::controls::{self, Info};
 use super::{Node, abi};
 
@@ -49,9 +50,9 @@ impl Knob {
 
     /// Returns the shortest and the longest exposure of the control's range, seconds.
     #[must_use]
-    pub fn range_s(&self) -> Option<(f64, f64)> {
+    pub fn range_s(&self) -> Option<[f64; 2]> {
         let second = self.unit.second()?;
-        Some((self.info.minimum.max(1) as f64 * second, self.info.maximum as f64 * second))
+        Some([self.info.minimum.max(1) as f64 * second, self.info.maximum as f64 * second])
     }
 }
 
@@ -74,6 +75,23 @@ fn line_s(node: &mut dyn Node, width: u32) -> Option<f64> {
     (rate > 0 && pixels > 0).then(|| pixels as f64 / rate as f64)
 }
 
+/// The level of black of a sensor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BlackLevel {
+    /// Code of black.
+    pub code: u32,
+    /// Number of bits of the code.
+    pub bits: u32,
+}
+
+impl BlackLevel {
+    /// Black as a part of the largest code.
+    #[must_use]
+    pub fn share(self) -> f64 {
+        f64::from(self.code) / f64::from((1u32 << self.bits) - 1)
+    }
+}
+
 /// Properties of a sensor model, found by its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sensor {
@@ -83,22 +101,74 @@ pub struct Sensor {
     pub reserve_lines: i64,
     /// Control delay of the exposure, frames after the next one.
     pub delay: u32,
-    /// Code of black, and the number of bits of that code.
-    pub black: (u32, u32),
-    /// Columns and rows of the mode that shows the whole sensor; smaller modes are crops.
-    pub full_view: (u32, u32),
+    /// Level of black.
+    pub black: BlackLevel,
+    /// Size of the mode that shows the whole sensor; smaller modes are crops.
+    pub full_view: Size,
+}
+
+const fn black(code: u32, bits: u32) -> BlackLevel {
+    BlackLevel { code, bits }
 }
 
 /// Values from libcamera's sensor helpers and tuning files.
 const SENSORS: [Sensor; 8] = [
-    Sensor { name: "imx219", reserve_lines: 4, delay: 2, black: (64, 10), full_view: (1640, 1232) },
-    Sensor { name: "imx477", reserve_lines: 22, delay: 2, black: (256, 12), full_view: (2028, 1520) },
-    Sensor { name: "imx500", reserve_lines: 22, delay: 2, black: (256, 12), full_view: (2028, 1520) },
-    Sensor { name: "imx519", reserve_lines: 32, delay: 2, black: (64, 10), full_view: (2328, 1748) },
-    Sensor { name: "imx708", reserve_lines: 48, delay: 2, black: (64, 10), full_view: (2304, 1296) },
-    Sensor { name: "imx296", reserve_lines: 4, delay: 2, black: (60, 10), full_view: (1456, 1088) },
-    Sensor { name: "ov5647", reserve_lines: 4, delay: 2, black: (16, 10), full_view: (1296, 972) },
-    Sensor { name: "ov9281", reserve_lines: 25, delay: 2, black: (64, 10), full_view: (1280, 800) },
+    Sensor {
+        name: "imx219",
+        reserve_lines: 4,
+        delay: 2,
+        black: black(64, 10),
+        full_view: Size::new(1640, 1232),
+    },
+    Sensor {
+        name: "imx477",
+        reserve_lines: 22,
+        delay: 2,
+        black: black(256, 12),
+        full_view: Size::new(2028, 1520),
+    },
+    Sensor {
+        name: "imx500",
+        reserve_lines: 22,
+        delay: 2,
+        black: black(256, 12),
+        full_view: Size::new(2028, 1520),
+    },
+    Sensor {
+        name: "imx519",
+        reserve_lines: 32,
+        delay: 2,
+        black: black(64, 10),
+        full_view: Size::new(2328, 1748),
+    },
+    Sensor {
+        name: "imx708",
+        reserve_lines: 48,
+        delay: 2,
+        black: black(64, 10),
+        full_view: Size::new(2304, 1296),
+    },
+    Sensor {
+        name: "imx296",
+        reserve_lines: 4,
+        delay: 2,
+        black: black(60, 10),
+        full_view: Size::new(1456, 1088),
+    },
+    Sensor {
+        name: "ov5647",
+        reserve_lines: 4,
+        delay: 2,
+        black: black(16, 10),
+        full_view: Size::new(1296, 972),
+    },
+    Sensor {
+        name: "ov9281",
+        reserve_lines: 25,
+        delay: 2,
+        black: black(64, 10),
+        full_view: Size::new(1280, 800),
+    },
 ];
 
 /// Reserved lines of a sensor that is not in the table: more than any sensor of the table needs.

@@ -1,4 +1,5 @@
 //! Tests against simulated faults that were reported of real cameras.
+use super::Size;
 use super::capture::Camera;
 use super::fake::{FakeKernel, Script};
 use super::frame::RawFrame;
@@ -13,7 +14,7 @@ const COARSE: [i64; 8] = [5, 10, 20, 39, 78, 156, 312, 625];
 fn open(script: Script, exposures_s: [f64; 3]) -> (FakeKernel, Supervisor) {
     let kernel = FakeKernel::new(script);
     let options = Options {
-        size: (64, 48),
+        size: Size::new(64, 48),
         exposures_s: exposures_s.into(),
         response: Some(Response::Linear),
         ..Options::of("/dev/video0")

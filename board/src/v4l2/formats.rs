@@ -1,5 +1,6 @@
 //! Pixel formats by FourCC, and the choice of a camera's preferred one. [`Format`] lists the formats with their packing.
 
+use super::Size;
 use super::abi;
 use super::jpeg::Jpeg;
 use hemilux_core::format::{Format, Layout, LayoutError, Matrix, Yuv};
@@ -66,12 +67,27 @@ pub fn names() -> String {
     all().map(name).collect::<Vec<_>>().join(", ")
 }
 
-/// Returns the found and the expected formats, in words, for a camera that offers only the unreadable formats `offered`.
+/// A found and an expected value, in words.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Mismatch {
+    /// Found value.
+    pub found: String,
+    /// Expected value.
+    pub expected: String,
+}
+
+impl Mismatch {
+    fn new(found: impl Into<String>, expected: impl Into<String>) -> Self {
+        Self { found: found.into(), expected: expected.into() }
+    }
+}
+
+/// Returns the found and the expected formats for a camera that offers only the unreadable formats `offered`.
 #[must_use]
-pub fn none_of(offered: &[&str]) -> (String, String) {
+pub fn none_of(offered: &[&str]) -> Mismatch {
     let found =
         format!("the pixel formats {}", if offered.is_empty() { "none".into() } else { offered.join(", ") });
-    (found, format!("one of {}", names()))
+    Mismatch::new(found, format!("one of {}", names()))
 }
 
 /// The layout of the frames of an open camera.
@@ -90,11 +106,12 @@ impl Picture {
     ///
     /// # Errors
     /// The found and the expected format, in words.
-    pub fn of(granted: &abi::PixelFormat) -> Result<Self, (String, String)> {
+    pub fn of(granted: &abi::PixelFormat) -> Result<Self, Mismatch> {
         let (fourcc, width, height) = (granted.fourcc, granted.width, granted.height);
         let format = format(fourcc, yuv(granted)).ok_or_else(|| none_of(&[&name(fourcc)]))?;
         if width > MAX_SIDE || height > MAX_SIDE {
-            return Err((format!("{width} x {height} pixels"), format!("at most {MAX_SIDE} on each side")));
+            let found = format!("{width} x {height} pixels");
+            return Err(Mismatch::new(found, format!("at most {MAX_SIDE} on each side")));
         }
         if is_jpeg(fourcc) {
             return Self::of_jpeg(Jpeg::of(width, height));
@@ -105,30 +122,30 @@ impl Picture {
             stride => stride,
         };
         if stride > MAX_STRIDE {
-            return Err((format!("{stride} bytes per line"), format!("at most {MAX_STRIDE}")));
+            return Err(Mismatch::new(format!("{stride} bytes per line"), format!("at most {MAX_STRIDE}")));
         }
         let layout = Layout::try_new(format, width, height, stride).map_err(|error| match error {
-            LayoutError::BadLine { found, expected } => (
+            LayoutError::BadLine { found, expected } => Mismatch::new(
                 format!("{found} bytes per line"),
                 format!("at least {expected} for {width} pixels of {}", name(fourcc)),
             ),
             LayoutError::OddSize => {
                 let even = if pairs_rows(format) { "columns and rows" } else { "columns" };
-                (
+                Mismatch::new(
                     format!("{width} x {height} pixels of {}", name(fourcc)),
                     format!("an even number of {even}: choose another size="),
                 )
             }
-            _ => (format!("{width} x {height} pixels"), "1 to 67108864 in all".into()),
+            _ => Mismatch::new(format!("{width} x {height} pixels"), "1 to 67108864 in all"),
         })?;
         Ok(Self { fourcc, layout: binned(layout), jpeg: None })
     }
 
     /// Returns the layout of the decoded frames of `jpeg`.
-    fn of_jpeg(jpeg: Jpeg) -> Result<Self, (String, String)> {
-        let (width, height) = jpeg.decoded();
-        let layout = Layout::tight(Format::Rgb24, width, height)
-            .map_err(|_| (format!("{width} x {height} pixels"), "1 to 67108864 in all".into()))?;
+    fn of_jpeg(jpeg: Jpeg) -> Result<Self, Mismatch> {
+        let size = jpeg.decoded();
+        let layout = Layout::tight(Format::Rgb24, size.width, size.height)
+            .map_err(|_| Mismatch::new(format!("{size} pixels"), "1 to 67108864 in all"))?;
         Ok(Self { fourcc: DECODED, layout, jpeg: Some(jpeg) })
     }
 
@@ -138,10 +155,10 @@ impl Picture {
         if self.jpeg.is_some() { u32::from_le_bytes(*b"MJPG") } else { self.fourcc }
     }
 
-    /// Columns and rows of the camera's own frames, which lens files refer to.
+    /// Size of the camera's own frames, which lens files refer to.
     #[must_use]
-    pub fn camera_size(&self) -> (u32, u32) {
-        self.jpeg.map_or((self.width(), self.height()), |jpeg| (jpeg.width, jpeg.height))
+    pub fn camera_size(&self) -> Size {
+        self.jpeg.map_or(Size::new(self.width(), self.height()), |jpeg| Size::new(jpeg.width, jpeg.height))
     }
 
     /// Least number of bytes of a complete frame from the camera.
@@ -260,7 +277,7 @@ mod tests {
         assert_eq!(yuyv(0).map(|p| p.layout.bytes_per_line()), Ok(1280), "left to us");
         assert!(yuyv(1279).is_err() && yuyv(u32::MAX).is_err(), "stride");
         assert!(
-            Picture::of(&granted("XXXX", 640, 480, 1280)).is_err_and(|(found, _)| found.contains("XXXX")),
+            Picture::of(&granted("XXXX", 640, 480, 1280)).is_err_and(|e| e.found.contains("XXXX")),
             "unknown"
         );
         assert!(Picture::of(&granted("YUYV", 0, 480, 0)).is_err(), "nothing");
@@ -289,14 +306,15 @@ mod tests {
             ("RG10", 640, 481, "columns and rows"),
         ];
         for (name, width, height, told) in refused {
-            let (found, expected) = Picture::of(&granted(name, width, height, 0)).expect_err(name);
+            let Mismatch { found, expected } = Picture::of(&granted(name, width, height, 0)).expect_err(name);
             assert!(
                 found == format!("{width} x {height} pixels of {name}") && expected.contains(told),
                 "{found}, expected {expected}"
             );
         }
         // 642 pixels of ten bits are 802.5 bytes, but the low bits of the last two pixels lie in the last byte of a group of five.
-        let (found, expected) = Picture::of(&granted("pBAA", 642, 480, 803)).expect_err("a cut group");
+        let Mismatch { found, expected } =
+            Picture::of(&granted("pBAA", 642, 480, 803)).expect_err("a cut group");
         assert!(
             found == "803 bytes per line" && expected.starts_with("at least 805"),
             "{found}, expected {expected}"
@@ -316,13 +334,17 @@ mod tests {
         let rank = |name| rank(parse(name).expect("a name"));
         assert!(rank("BGR3") < rank("MJPG") && rank("MJPG") < rank("GREY"), "{}", names());
         let large = Picture::of(&granted("MJPG", 1920, 1080, 0)).expect("JPEG");
-        assert_eq!((large.width(), large.height(), large.camera_size()), (480, 270, (1920, 1080)), "scaled");
+        assert_eq!(
+            (large.width(), large.height(), large.camera_size()),
+            (480, 270, Size::new(1920, 1080)),
+            "scaled"
+        );
         assert_eq!(
             (name(large.fourcc), name(large.camera_fourcc())),
             ("RGB3".into(), "MJPG".into()),
             "decoded"
         );
-        let (found, expected) = none_of(&["H264"]);
+        let Mismatch { found, expected } = none_of(&["H264"]);
         assert!(found.contains("H264") && expected.contains("MJPG"), "{found}, {expected}");
     }
 }

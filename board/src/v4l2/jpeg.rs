@@ -3,6 +3,7 @@
 //! Pictures of 640 x 480 pixels and fewer are decoded by `zune-jpeg`. Larger ones are scaled to 1/2, 1/4 or 1/8 during decoding, since a
 //! scaled inverse DCT costs a fraction of a full one: `jpeg-decoder` supports it, `zune-jpeg` does not.
 
+use super::Size;
 use super::huffman;
 use crate::recorded::is_whole_jpeg;
 use zune_jpeg::JpegDecoder;
@@ -37,10 +38,10 @@ impl Jpeg {
         Self { width, height, shrink: shrink.unwrap_or(1) }
     }
 
-    /// Columns and rows of the decoded frame.
+    /// Size of the decoded frame.
     #[must_use]
-    pub const fn decoded(&self) -> (u32, u32) {
-        (self.width.div_ceil(self.shrink), self.height.div_ceil(self.shrink))
+    pub const fn decoded(&self) -> Size {
+        Size::new(self.width.div_ceil(self.shrink), self.height.div_ceil(self.shrink))
     }
 
     /// Decodes a frame into `rgb`; returns false for a frame that is truncated, damaged or of another size.
@@ -75,7 +76,7 @@ impl Jpeg {
         if (u32::from(found.width), u32::from(found.height)) != (self.width, self.height) {
             return None;
         }
-        let (width, height) = self.decoded();
+        let Size { width, height } = self.decoded();
         let granted = decoder.scale(width.try_into().ok()?, height.try_into().ok()?).ok()?;
         let pixels = decoder.decode().ok()?;
         if (u32::from(granted.0), u32::from(granted.1)) != (width, height) {
@@ -136,7 +137,7 @@ mod tests {
             [(640, 480), (1280, 720), (1280, 960), (1920, 1080), (2592, 1944), (3840, 480), (1279, 721)];
         let found = sizes.map(|(width, height)| Jpeg::of(width, height).shrink);
         assert_eq!(found, [1, 2, 4, 4, 8, 2, 2], "scales of {sizes:?}");
-        assert_eq!(Jpeg::of(1279, 721).decoded(), (640, 361), "odd sizes are rounded up");
+        assert_eq!(Jpeg::of(1279, 721).decoded(), Size::new(640, 361), "odd sizes are rounded up");
     }
 
     #[test]
@@ -144,7 +145,7 @@ mod tests {
         for (width, height) in [(64, 48), (1280, 720), (1920, 1080)] {
             let (jpeg, mut rgb) = (Jpeg::of(width, height), Vec::new());
             assert!(jpeg.decode(&encoded(width, height), &mut rgb), "{jpeg:?}");
-            let (columns, rows) = jpeg.decoded();
+            let Size { width: columns, height: rows } = jpeg.decoded();
             assert_eq!(rgb.len(), (3 * columns * rows) as usize, "{jpeg:?}");
             let original = picture(width, height);
             let at = |x: u32, y: u32| 3 * (y * columns + x) as usize;

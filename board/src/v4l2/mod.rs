@@ -42,6 +42,7 @@ mod place;
 pub mod real;
 pub mod schedule;
 pub mod setup;
+mod size;
 mod start;
 pub mod supervise;
 #[cfg(test)]
@@ -51,6 +52,7 @@ pub mod view;
 
 use media::Device;
 use rustix::io::Errno;
+pub use size::Size;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 

@@ -2,9 +2,10 @@
 
 use super::access::failed;
 use super::device;
+use super::formats::Mismatch;
 use super::media::bus;
 use super::options::Options;
-use super::{Call, CameraError, Node, abi, formats, persist};
+use super::{Call, CameraError, Node, Size, abi, formats, persist};
 use hemilux_core::format::Yuv;
 use rustix::io::Errno;
 use std::path::Path;
@@ -14,15 +15,15 @@ use std::path::Path;
 pub(super) struct Carried {
     /// Media bus code.
     pub code: u32,
-    /// Columns and rows of the frames.
-    pub size: (u32, u32),
+    /// Size of the frames.
+    pub size: Size,
 }
 
 /// Sets the node's format, of `asked` pixels or of the size that the sensor sends: with another size the stream does not start.
 pub(super) fn set_format(
     video: &mut dyn Node,
     carried: Option<Carried>,
-    asked: (u32, u32),
+    asked: Size,
     options: &Options,
 ) -> Result<abi::PixelFormat, CameraError> {
     let path = &options.path;
@@ -45,21 +46,21 @@ pub(super) fn set_format(
     });
     let Some((_, best)) = readable.first() else {
         let offers: Vec<_> = offered.iter().map(|f| f.fourcc.as_str()).collect();
-        let (found, any) = formats::none_of(&offers);
-        let expected = options.fourcc.map_or(any, formats::name);
+        let Mismatch { found, expected } = formats::none_of(&offers);
+        let expected = options.fourcc.map_or(expected, formats::name);
         return Err(CameraError::Unfit { path: path.clone(), found, expected });
     };
     let fourcc = formats::parse(&best.fourcc).unwrap_or_default();
-    let (width, height) =
+    let Size { width, height } =
         if carried.is_some() { wished } else { device::nearest_size(best, wished).unwrap_or(wished) };
     let pixel = abi::PixelFormat { width, height, fourcc, ..Default::default() };
     let mut format = abi::Format { pixel, ..Default::default() };
     persist(|| video.call(Call::SetFormat(&mut format)))
         .map_err(|e| failed(path, "S_FMT", e, "a camera that no other program streams from"))?;
-    let got = (format.pixel.width, format.pixel.height);
+    let got = Size::new(format.pixel.width, format.pixel.height);
     if carried.is_some_and(|carried| carried.size != got) {
-        let found = format!("a node of {} x {} pixels", got.0, got.1);
-        let expected = format!("{} x {} as its sensor sends", wished.0, wished.1);
+        let found = format!("a node of {got} pixels");
+        let expected = format!("{wished} as its sensor sends");
         return Err(CameraError::Unfit { path: path.clone(), found, expected });
     }
     Ok(format.pixel)
@@ -75,18 +76,18 @@ fn offered(video: &mut dyn Node, carried: Option<Carried>) -> Vec<device::Format
 }
 
 /// Returns whether a format's highest frame rate at `size` is less than half of the requested rate `rate_hz`.
-fn is_slow(format: &device::FormatInfo, size: (u32, u32), rate_hz: f64) -> bool {
-    let rates = format.sizes.iter().filter(|s| (s.width, s.height) == size).flat_map(|s| &s.rates);
+fn is_slow(format: &device::FormatInfo, size: Size, rate_hz: f64) -> bool {
+    let rates = format.sizes.iter().filter(|s| s.size() == size).flat_map(|s| &s.rates);
     rates.copied().reduce(f64::max).is_some_and(|most| most < rate_hz / 2.0)
 }
 
 /// Sets the bits, mosaic and size of a sensor whose node has no media graph.
-pub(super) fn set_pad(sensor: &mut dyn Node, wished: (u32, u32)) -> Option<Carried> {
+pub(super) fn set_pad(sensor: &mut dyn Node, wished: Size) -> Option<Carried> {
     let offered = bus::offered(sensor, 0);
     let code = *bus::ranked(&offered).first()?;
-    let mut pad = abi::PadFormat { width: wished.0, height: wished.1, code, ..Default::default() };
+    let mut pad = abi::PadFormat { width: wished.width, height: wished.height, code, ..Default::default() };
     persist(|| sensor.call(Call::SetPadFormat(&mut pad))).ok()?;
-    bus::is_read(pad.code).then_some(Carried { code: pad.code, size: (pad.width, pad.height) })
+    bus::is_read(pad.code).then_some(Carried { code: pad.code, size: Size::new(pad.width, pad.height) })
 }
 
 /// Requests a frame rate and returns the granted frame interval in seconds. A driver without adjustable rate is no error.

@@ -1,10 +1,10 @@
 //! Options of a camera, and the result of their negotiation.
 
-use super::CameraError;
 use super::view::View;
+use super::{CameraError, Size};
 use crate::recorded::Shown;
-use hemilux_core::Response;
 use hemilux_core::lens::Lens;
+use hemilux_core::{Levels, Response};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -20,8 +20,8 @@ pub struct StandIn {
 /// The mode to which a lens file applies.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LensFit {
-    /// Columns and rows of the pictures.
-    pub size: (u32, u32),
+    /// Size of the pictures.
+    pub size: Size,
     /// Part of the sensor that the pictures show, if the file gives it; the lens can then be converted to other parts.
     pub shown: Option<Shown>,
     /// Lens model of the file.
@@ -35,8 +35,8 @@ pub struct Options {
     pub path: PathBuf,
     /// Path of the sensor's sub-device or a prefix of its name; required if there are several.
     pub subdevice: Option<PathBuf>,
-    /// Requested columns and rows.
-    pub size: (u32, u32),
+    /// Requested size of the pictures.
+    pub size: Size,
     /// Whether a sensor of the table is set to the mode that shows the whole sensor, in place of `size`.
     pub full_view: bool,
     /// The mode that pictures must have because the lens file covers no other.
@@ -54,7 +54,7 @@ pub struct Options {
     /// Camera response from codes to relative exposure; by default it follows from the pixel format.
     pub response: Option<Response>,
     /// Codes of black and of relative exposure 1; by default they follow from the sensor and the pixel format.
-    pub levels: Option<(f64, f64)>,
+    pub levels: Option<Levels>,
 }
 
 impl Options {
@@ -64,7 +64,7 @@ impl Options {
         Self {
             path: path.into(),
             subdevice: None,
-            size: (640, 480),
+            size: Size::new(640, 480),
             full_view: true,
             lens: None,
             fourcc: None,
@@ -91,7 +91,7 @@ pub struct Agreed {
 
 impl LensFit {
     /// Checks that the lens file applies to pictures of `size` that show `view` of the sensor.
-    pub(super) fn check(&self, got: (u32, u32), view: Option<&View>, path: &Path) -> Result<(), CameraError> {
+    pub(super) fn check(&self, got: Size, view: Option<&View>, path: &Path) -> Result<(), CameraError> {
         let refuse = |found, expected| Err(CameraError::Unfit { path: path.into(), found, expected });
         match (self.shown, view) {
             (Some(shown), Some(view)) if shown.convert(&self.lens, &view.shown()).is_some() => Ok(()),
@@ -104,14 +104,9 @@ impl LensFit {
             }
             _ if self.size == got => Ok(()),
             _ => {
-                let expected =
-                    format!("{} as the lens file says: another size= or another lens", told(self.size));
-                refuse(format!("pictures of {} pixels", told(got)), expected)
+                let expected = format!("{} as the lens file says: another size= or another lens", self.size);
+                refuse(format!("pictures of {} pixels", got), expected)
             }
         }
     }
-}
-
-fn told((width, height): (u32, u32)) -> String {
-    format!("{width} x {height}")
 }

@@ -5,7 +5,7 @@ use super::media::wiring::Wiring;
 use super::media::{self, Located};
 use super::negotiate::{self, Carried};
 use super::options::Options;
-use super::{CameraError, Kernel, Node, abi};
+use super::{CameraError, Kernel, Node, Size, abi};
 use super::{access, device};
 use std::path::{Path, PathBuf};
 
@@ -16,8 +16,8 @@ pub(super) struct Place {
     pub sensor: Option<Box<dyn Node>>,
     /// Known properties of the sensor.
     pub known: Option<&'static Sensor>,
-    /// Requested columns and rows.
-    pub asked: (u32, u32),
+    /// Requested size of the pictures.
+    pub asked: Size,
     pub granted: abi::PixelFormat,
     /// Links and formats that are restored when the camera is closed.
     pub wiring: Option<Wiring>,
@@ -35,7 +35,7 @@ pub(super) fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<Place, 
 }
 
 /// Returns the requested size: that of the whole-sensor mode of a known sensor, unless the options name another size.
-fn asked(known: Option<&Sensor>, options: &Options) -> (u32, u32) {
+fn asked(known: Option<&Sensor>, options: &Options) -> Size {
     known.filter(|_| options.full_view).map_or(options.size, |sensor| sensor.full_view)
 }
 
@@ -43,7 +43,7 @@ fn asked(known: Option<&Sensor>, options: &Options) -> (u32, u32) {
 fn open_node(kernel: &mut dyn Kernel, options: &Options) -> Result<Place, CameraError> {
     let path = &options.path;
     let mut video = capture_node(kernel, path)?;
-    let own = Knob::find(video.as_mut(), options.size.0).is_some();
+    let own = Knob::find(video.as_mut(), options.size.width).is_some();
     let found = if own && options.subdevice.is_none() {
         None
     } else {
@@ -113,7 +113,7 @@ fn open_with(
     let known = exposure::sensor(located.sensor_name());
     let asked = asked(known, options);
     let pad = wiring.set_formats(code, asked)?;
-    let carried = Carried { code: pad.code, size: (pad.width, pad.height) };
+    let carried = Carried { code: pad.code, size: Size::new(pad.width, pad.height) };
     let mut node = capture_node(kernel, video)?;
     let granted = negotiate::set_format(node.as_mut(), Some(carried), asked, options)?;
     let sensor = Some(access::open(kernel, sensor)?);

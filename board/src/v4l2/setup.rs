@@ -2,6 +2,7 @@
 
 use super::controls::{self, Info};
 use super::exposure::{self, Held, Knob, Manual, Sensor, Setting, Unit};
+use super::formats::Mismatch;
 use super::formats::{self, Picture};
 use super::media::wiring::Wiring;
 use super::negotiate;
@@ -38,7 +39,7 @@ pub(super) struct Setup {
 pub(super) fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<Setup, CameraError> {
     let path = &options.path;
     let Place { mut video, mut sensor, known, asked, granted, wiring } = place::open(kernel, options)?;
-    let picture = Picture::of(&granted).map_err(|(found, expected)| CameraError::Unfit {
+    let picture = Picture::of(&granted).map_err(|Mismatch { found, expected }| CameraError::Unfit {
         path: path.clone(),
         found,
         expected,
@@ -58,7 +59,7 @@ pub(super) fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<Setup, 
     };
     let Exposing { knob, settings, held } = expose(holder, options, &picture, known, &mut period_s);
     let mut agreed = vec![
-        agreed("size", size(asked), size(got)),
+        agreed("size", asked.to_string(), got.to_string()),
         agreed(
             "format",
             options.fourcc.map_or("the best".into(), formats::name),
@@ -73,9 +74,7 @@ pub(super) fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<Setup, 
         got: if knob.is_some() { format!("{:.2} ms", s.seconds * 1e3) } else { "no control".into() },
     }));
     agreed.extend(held.iter().filter(|h| !h.holds()).map(refused));
-    let black = known
-        .filter(|_| picture.is_raw())
-        .map_or(0.0, |s| f64::from(s.black.0) / f64::from((1u32 << s.black.1) - 1));
+    let black = known.filter(|_| picture.is_raw()).map_or(0.0, |sensor| sensor.black.share());
     Ok(Setup {
         video,
         sensor,
@@ -98,10 +97,6 @@ fn agreed(what: &'static str, asked: String, got: String) -> Agreed {
 
 fn agreed_view(view: &View) -> Agreed {
     agreed("view", "all of the sensor".into(), view.to_string())
-}
-
-fn size((width, height): (u32, u32)) -> String {
-    format!("{width} x {height}")
 }
 
 /// Reports a control that did not take its value.

@@ -127,6 +127,7 @@ fn changed(camera: &Camera, before: &Picture) -> CameraError {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::v4l2::Size;
     use crate::v4l2::fake::{FakeKernel, Fault, Script};
 
     #[test]
@@ -138,7 +139,7 @@ mod tests {
             interrupt: 11,
             ..Script::default()
         });
-        let options = Options { size: (64, 48), ..Options::of("/dev/video0") };
+        let options = Options { size: Size::new(64, 48), ..Options::of("/dev/video0") };
         let mut supervisor = Supervisor::open(Box::new(kernel.clone()), options).expect("a camera");
         let (mut frame, mut reasons, mut frames) = (RawFrame::default(), Vec::new(), 0);
         while supervisor.reopened() < 50 || frames < 100 {
@@ -165,7 +166,7 @@ mod tests {
     fn a_stalled_camera_is_opened_anew() {
         let faults = vec![(300, Fault::Stall(Duration::from_secs(5)))];
         let kernel = FakeKernel::new(Script { faults, ..Script::default() });
-        let options = Options { size: (64, 48), ..Options::of("/dev/video0") };
+        let options = Options { size: Size::new(64, 48), ..Options::of("/dev/video0") };
         let mut supervisor = Supervisor::open(Box::new(kernel), options).expect("a camera");
         let (mut frame, mut frames) = (RawFrame::default(), 0);
         while frames < 600 {

@@ -1,5 +1,6 @@
 //! Tests of the camera with the scripted kernel: the exposure of every frame, with and without faults.
 
+use super::Size;
 use super::abi;
 use super::capture::Camera;
 use super::fake::{FakeKernel, Fault, Kind, Manner, Script};
@@ -14,7 +15,7 @@ const SECOND: Duration = Duration::from_secs(1);
 
 fn options() -> Options {
     Options {
-        size: (64, 48),
+        size: Size::new(64, 48),
         exposures_s: vec![0.001, 0.006, 0.036],
         response: Some(Response::Linear),
         ..Options::of("/dev/video0")
@@ -333,7 +334,7 @@ fn cameras_are_listed_with_formats_and_ranges() {
     let mut kernel = FakeKernel::new(Script::default());
     let cameras = device::list(&mut kernel).expect("cameras");
     assert_eq!(cameras.len(), 1, "{cameras:?}");
-    assert_eq!((cameras[0].name.as_str(), cameras[0].exposure_s), ("fake", Some((1e-4, 0.5))), "{cameras:?}");
+    assert_eq!((cameras[0].name.as_str(), cameras[0].exposure_s), ("fake", Some([1e-4, 0.5])), "{cameras:?}");
     assert_eq!(cameras[0].formats[0].sizes[0].rates, [25.0], "{cameras:?}");
     let mut kernel = FakeKernel::new(Script { kind: Kind::Csi, formats: vec!["BA81"], ..Script::default() });
     let cameras = device::list(&mut kernel).expect("cameras");

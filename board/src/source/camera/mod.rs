@@ -89,8 +89,7 @@ impl CameraSource {
             options.lens = Some(LensFit { size, shown: lens.shown, lens: lens.lens });
             options.full_view = false;
             options.size = if spec.names("size") { options.size } else { size };
-            (options.response, options.levels) =
-                (lens.told_response(), lens.levels.map(|l| (l.black, l.white)));
+            (options.response, options.levels) = (lens.told_response(), lens.levels);
         }
         let assumed = Terms::assumed(&options);
         let supervisor = open(options)?;

@@ -1,5 +1,6 @@
 //! A camera by its name on the command line: `v4l2:PATH[,OPTION=VALUE]...`.
 
+use crate::v4l2::Size;
 use crate::v4l2::formats;
 use crate::v4l2::schedule::MAX_DELAY;
 use crate::v4l2::setup::{Options, StandIn};
@@ -124,10 +125,10 @@ fn number(text: &str) -> Option<f64> {
     text.parse().ok().filter(|v: &f64| v.is_finite())
 }
 
-fn size(text: &str) -> Option<(u32, u32)> {
+fn size(text: &str) -> Option<Size> {
     let (width, height) = text.split_once('x')?;
     let side = |t: &str| t.parse().ok().filter(|v| (2..=1 << 14).contains(v));
-    Some((side(width)?, side(height)?))
+    Some(Size::new(side(width)?, side(height)?))
 }
 
 fn exposures(text: &str) -> Option<Vec<f64>> {
@@ -155,7 +156,7 @@ mod tests {
         let options = spec.options().expect("checked");
         assert_eq!(
             (options.size, options.exposures_s, options.delay),
-            ((1280, 720), vec![0.001, 0.02], Some(2)),
+            (Size::new(1280, 720), vec![0.001, 0.02], Some(2)),
             "read"
         );
         assert_eq!(

@@ -2,6 +2,7 @@
 
 use crate::calibration::Calibration;
 use crate::recorded::LensFile;
+use crate::v4l2::Size;
 use crate::v4l2::capture::Camera;
 use crate::v4l2::formats::{self, Picture};
 use crate::v4l2::setup::Options;
@@ -43,7 +44,7 @@ impl Terms {
         let yuv = Yuv { limited: true, ..Yuv::default() };
         let wished = options.fourcc.filter(|fourcc| !formats::is_jpeg(*fourcc));
         let fourcc = wished.unwrap_or(u32::from_le_bytes(*b"YUYV"));
-        let (width, height) = options.size;
+        let Size { width, height } = options.size;
         let format = formats::format(fourcc, yuv).unwrap_or(Format::Grey);
         // An odd size or a huge one will be rounded or refused by the camera.
         let layout = Layout::tight(format, width, height);

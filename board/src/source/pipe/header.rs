@@ -1,7 +1,7 @@
 //! The 72 bytes in front of each frame of a pipe.
 
 use crate::v4l2::abi;
-use crate::v4l2::formats::Picture;
+use crate::v4l2::formats::{Mismatch, Picture};
 use hemilux_core::MAX_EXPOSURES;
 
 /// Bytes of a header of version 1.
@@ -54,8 +54,8 @@ impl Header {
             let found = format!("a header that begins with {:02x?}", field::<8>(bytes, 0));
             return refuse(found, "HLXF, version 1 and 72 bytes, each of 16 bits");
         }
-        let picture =
-            picture(bytes).map_err(|(found, expected)| format!("found {found}, expected {expected}"))?;
+        let picture = picture(bytes)
+            .map_err(|Mismatch { found, expected }| format!("found {found}, expected {expected}"))?;
         let (payload, whole) = (u32_at(24), picture.layout.frame_bytes());
         if payload > MAX_FRAME_BYTES || (payload as usize) < whole {
             return refuse(format!("a frame of {payload} bytes"), &format!("{whole} to {MAX_FRAME_BYTES}"));
@@ -82,7 +82,7 @@ impl Header {
 }
 
 /// The picture that a header describes, checked as a driver's is.
-fn picture(bytes: &[u8; BYTES]) -> Result<Picture, (String, String)> {
+fn picture(bytes: &[u8; BYTES]) -> Result<Picture, Mismatch> {
     let u32_at = |at| u32::from_le_bytes(field(bytes, at));
     let flags = u16::from_le_bytes(field(bytes, 28));
     Picture::of(&abi::PixelFormat {

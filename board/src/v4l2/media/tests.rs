@@ -3,6 +3,7 @@
 use super::graph::{Graph, Topology};
 use super::route::routes;
 use super::{Device, abi};
+use crate::v4l2::Size;
 use crate::v4l2::capture::Camera;
 use crate::v4l2::device;
 use crate::v4l2::fake::graph::{Described, Mode};
@@ -201,7 +202,7 @@ fn the_view_is_that_of_the_driver_or_else_of_the_table() {
         };
         let full = of(&options("imx219"));
         assert_eq!((full.crop, full.binning, full.share()), ([0, 0, 3280, 2464], [2, 2], 1.0), "{native:?}");
-        let small = of(&Options { size: (640, 480), full_view: false, ..options("imx219") });
+        let small = of(&Options { size: Size::new(640, 480), full_view: false, ..options("imx219") });
         assert_eq!((small.crop, small.binning), ([1000, 752, 1280, 960], [2, 2]), "{native:?}");
     }
 }
@@ -292,7 +293,7 @@ fn the_search_is_bounded_in_a_graph_with_many_branches() {
 fn a_node_without_a_media_graph_is_opened_directly() {
     let mut kernel = FakeKernel::new(Script::default());
     assert_eq!(kernel.device_of(Path::new("/dev/video0")), None::<Device>, "no media device");
-    let camera = Camera::open(&mut kernel, &Options { size: (64, 48), ..options("/dev/video0") });
+    let camera = Camera::open(&mut kernel, &Options { size: Size::new(64, 48), ..options("/dev/video0") });
     assert!(camera.is_ok(), "a UVC camera");
     let mut node: Box<dyn Node> = kernel.open(Path::new("/dev/video0")).expect("a node");
     assert!(node.call(Call::Topology(&mut Topology::default())).is_err(), "not a media device");

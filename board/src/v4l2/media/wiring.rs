@@ -5,6 +5,7 @@ use super::bus;
 use super::graph::{Graph, Link, Pad};
 use super::locate::Located;
 use super::route::Route;
+use crate::v4l2::Size;
 use crate::v4l2::abi::{Format, FormatDescription, PadFormat, PixelFormat};
 use crate::v4l2::access;
 use crate::v4l2::{Call, CameraError, Kernel, Node, persist};
@@ -140,9 +141,9 @@ impl Wiring {
     ///
     /// # Errors
     /// [`CameraError`] that names the pad.
-    pub fn set_formats(&mut self, code: u32, size: (u32, u32)) -> Result<PadFormat, CameraError> {
+    pub fn set_formats(&mut self, code: u32, size: Size) -> Result<PadFormat, CameraError> {
         let Some(first) = self.first() else { return Err(self.unfit("the graph", "no link", "a route")) };
-        let wished = PadFormat { code, width: size.0, height: size.1, ..Default::default() };
+        let wished = PadFormat { code, width: size.width, height: size.height, ..Default::default() };
         let mut carried = self.set(first, wished)?;
         if carried.code != code || carried.width == 0 || carried.height == 0 {
             return Err(self.mismatch(first, &carried, &wished));
