@@ -2,6 +2,7 @@
 
 use hemilux::calibration::{Burst, Calibration, Frame, Pixels};
 use hemilux::pipeline::{Pipeline, Settings};
+use hemilux::v4l2::Size;
 use hemilux::v4l2::jpeg::Jpeg;
 use hemilux_core::format::{Format, Layout, Matrix, Yuv};
 use hemilux_core::{MergeMode, SamplerKind, Samples, read_rgb_row};
@@ -47,7 +48,7 @@ fn through_jpeg(layout: &Layout, bytes: &[u8], quality: u8) -> (Jpeg, Vec<u8>) {
 fn compressed(calibration: &Calibration, burst: &Burst, quality: u8) -> (Calibration, Burst) {
     let layout = calibration.layout;
     let jpeg = Jpeg::of(layout.width(), layout.height());
-    let (width, height) = jpeg.decoded();
+    let Size { width, height } = jpeg.decoded();
     let decoded = Layout::tight(Format::Rgb24, width, height).expect("a layout");
     let lens = (0..jpeg.shrink.ilog2()).fold(calibration.lens, |lens, _| lens.halved());
     let mut of_jpeg = Calibration::new(lens, decoded);

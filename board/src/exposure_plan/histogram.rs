@@ -23,15 +23,29 @@ pub struct Histogram {
     counts: [u32; OCTAVES * BINS_PER_OCTAVE],
     /// Pixels, the unknown ones included.
     total: u32,
-    /// Pixels that are too bright for the shortest exposure, and the radiance above which they lie.
-    above: (u32, f64),
-    /// Pixels that are too dark for the longest exposure, and the radiance below which they lie.
-    below: (u32, f64),
+    /// Pixels that are too bright for the shortest exposure.
+    above: Unmeasured,
+    /// Pixels that are too dark for the longest exposure.
+    below: Unmeasured,
+}
+
+/// Pixels whose radiance lies beyond a bound.
+#[derive(Clone, Copy, Debug)]
+struct Unmeasured {
+    pixels: u32,
+    /// Radiance above or below which the pixels lie.
+    bound: f64,
+}
+
+impl Unmeasured {
+    const fn none(bound: f64) -> Self {
+        Self { pixels: 0, bound }
+    }
 }
 
 impl Default for Histogram {
     fn default() -> Self {
-        Self { counts: [0; _], total: 0, above: (0, f64::MAX), below: (0, 0.0) }
+        Self { counts: [0; _], total: 0, above: Unmeasured::none(f64::MAX), below: Unmeasured::none(0.0) }
     }
 }
 
@@ -54,15 +68,27 @@ impl Histogram {
         self.total += 1;
     }
 
+    /// Adds a pixel that is too bright for the shortest exposure.
+    fn add_above(&mut self) {
+        self.above.pixels += 1;
+        self.total += 1;
+    }
+
+    /// Adds a pixel that is too dark for the longest exposure.
+    fn add_below(&mut self) {
+        self.below.pixels += 1;
+        self.total += 1;
+    }
+
     /// Whether some pixel is too bright for the shortest exposure.
     pub(super) fn has_unknown_above(&self) -> bool {
-        self.above.0 > 0
+        self.above.pixels > 0
     }
 
     /// Forgets all pixels; the shortest exposure is saturated at a radiance of `above`, and the longest one shows nothing under `below`.
     fn clear(&mut self, above: f64, below: f64) {
         (self.counts, self.total) = ([0; _], 0);
-        (self.above, self.below) = ((0, above), (0, below));
+        (self.above, self.below) = (Unmeasured::none(above), Unmeasured::none(below));
     }
 
     /// The light, brightest first: a bin at its upper edge; unknown radiances at each bin that they may lie in within `range`.
@@ -70,9 +96,9 @@ impl Histogram {
     pub fn light(&self, range: &TimeRange) -> Vec<Light> {
         let share = |count: u32| f64::from(count) / f64::from(self.total.max(1));
         // The first bin of each unknown part has all its pixels: it has to be covered as a whole.
-        let bright = bin(self.above.1)..=bin(1.0 / range.shortest_s);
-        let dark = bin(1e-3 / range.longest_s)..=bin(self.below.1);
-        let (above, below) = (self.above.0, self.below.0);
+        let bright = bin(self.above.bound)..=bin(1.0 / range.shortest_s);
+        let dark = bin(1e-3 / range.longest_s)..=bin(self.below.bound);
+        let (above, below) = (self.above.pixels, self.below.pixels);
         let light = (0..self.counts.len()).rev().filter_map(|at| {
             let known = share(self.counts[at]);
             let is_unknown = (above > 0 && bright.contains(&at)) || (below > 0 && dark.contains(&at));
@@ -136,13 +162,9 @@ impl Reader {
                 let found =
                     read.map(|(row, f)| (y_in(row), f.exposure.seconds)).find(|(y, _)| *y < limits.bright);
                 match found {
-                    Some((y, _)) if y < floor => {
-                        (histogram.below.0, histogram.total) = (histogram.below.0 + 1, histogram.total + 1);
-                    }
+                    Some((y, _)) if y < floor => histogram.add_below(),
                     Some((y, seconds)) => histogram.add(y / seconds),
-                    None => {
-                        (histogram.above.0, histogram.total) = (histogram.above.0 + 1, histogram.total + 1);
-                    }
+                    None => histogram.add_above(),
                 }
             }
         }

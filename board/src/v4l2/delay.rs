@@ -28,6 +28,13 @@ enum Step {
     Spoilt,
 }
 
+/// The mean brightness of a frame.
+struct Level {
+    /// Sequence number of the frame.
+    sequence: u32,
+    brightness: f32,
+}
+
 impl Camera {
     /// Measures the control delay: writes the shortest and the longest exposure in turn and counts frames until the brightness changes.
     pub(super) fn find_delay(&mut self, kernel: &mut dyn Kernel) -> Result<(), CameraError> {
@@ -69,11 +76,11 @@ impl Camera {
     /// Writes an exposure, waits for more frames than any delay, and returns the mean brightness after them.
     fn settled(&mut self, kernel: &mut dyn Kernel, slot: usize) -> Result<f32, CameraError> {
         let mut level = self.level(kernel)?;
-        self.write(kernel, level.0, slot)?;
+        self.write(kernel, level.sequence, slot)?;
         for _ in 0..=MAX_DELAY + 1 {
             level = self.level(kernel)?;
         }
-        Ok(level.1)
+        Ok(level.brightness)
     }
 
     /// Writes an exposure and counts frames until their brightness satisfies `reached`.
@@ -83,14 +90,14 @@ impl Camera {
         slot: usize,
         reached: impl Fn(f32) -> bool,
     ) -> Result<Step, CameraError> {
-        let (after, _) = self.level(kernel)?;
+        let after = self.level(kernel)?.sequence;
         let failed = self.counters().failed_writes;
         self.write(kernel, after, slot)?;
         let in_time = self.lateness(kernel) <= IN_TIME && self.counters().failed_writes == failed;
         let (mut before, mut found) = (after, Step::Nothing);
         for _ in 0..=MAX_DELAY + 1 {
-            let (sequence, level) = self.level(kernel)?;
-            if found == Step::Nothing && reached(level) {
+            let Level { sequence, brightness } = self.level(kernel)?;
+            if found == Step::Nothing && reached(brightness) {
                 let whole = sequence == before.wrapping_add(1) && in_time;
                 let delay = sequence.wrapping_sub(after).wrapping_sub(1);
                 found = match delay {
@@ -104,15 +111,16 @@ impl Camera {
         Ok(found)
     }
 
-    /// Waits for a frame and returns its sequence number and its mean brightness.
-    fn level(&mut self, kernel: &mut dyn Kernel) -> Result<(u32, f32), CameraError> {
+    /// Waits for a complete frame and measures its brightness.
+    fn level(&mut self, kernel: &mut dyn Kernel) -> Result<Level, CameraError> {
         let mut bytes = Vec::new();
         for _ in 0..MOST_BROKEN {
             let Some(filled) = self.dequeue(kernel, SILENCE.0)? else { continue };
             let is_read = self.read(&filled, &mut bytes);
             self.queue(filled.buffer.index)?;
             if is_read {
-                return Ok((filled.buffer.sequence, luma::mean(&self.codes)));
+                let brightness = luma::mean(&self.codes);
+                return Ok(Level { sequence: filled.buffer.sequence, brightness });
             }
         }
         let found = format!("{MOST_BROKEN} broken frames in a row ({})", self.counters().broken);

@@ -70,6 +70,14 @@ pub const fn is_after(a: u32, b: u32) -> bool {
     a != b && a.wrapping_sub(b) < 1 << 31
 }
 
+/// The exposure that acts on a frame.
+struct Acting {
+    /// Index of the exposure.
+    slot: usize,
+    /// False if the write may have been too late for the frame.
+    certain: bool,
+}
+
 impl Schedule {
     /// Creates a schedule of `slots` exposures, of which `initial` was set before the stream began.
     #[must_use]
@@ -91,7 +99,7 @@ impl Schedule {
     /// Notes that a write after frame `sequence` failed: the exposure is uncertain until the next write acts.
     pub fn failed(&mut self, sequence: u32) {
         let target = sequence.wrapping_add(1).wrapping_add(self.delay);
-        let stays = self.slot_of(target.wrapping_sub(1)).0;
+        let stays = self.acting(target.wrapping_sub(1), self.delay).slot;
         self.wrote(sequence, stays, u32::MAX);
     }
 
@@ -111,7 +119,7 @@ impl Schedule {
     #[must_use]
     pub fn due(&self, sequence: u32) -> usize {
         let target = sequence.wrapping_add(1).wrapping_add(self.delay);
-        (self.slot_of(target.wrapping_sub(1)).0 + 1) % self.slots
+        (self.acting(target.wrapping_sub(1), self.delay).slot + 1) % self.slots
     }
 
     /// Notes that exposure `slot` was written after frame `after`; `doubt` is the number of frames that may have begun before the write was
@@ -126,28 +134,23 @@ impl Schedule {
     /// Returns the exposure of frame `sequence`; `None` if a late write makes it uncertain.
     #[must_use]
     pub fn exposure_of(&self, sequence: u32) -> Option<usize> {
-        let (slot, certain) = self.slot_of(sequence);
-        certain.then_some(slot)
+        self.exposure_with(sequence, self.delay)
     }
 
     /// Like [`Self::exposure_of`], but for another delay: used to find the delay that explains the brightness ratios.
     #[must_use]
     pub fn exposure_with(&self, sequence: u32, delay: u32) -> Option<usize> {
-        let (slot, certain) = self.look(sequence, delay);
+        let Acting { slot, certain } = self.acting(sequence, delay);
         certain.then_some(slot)
     }
 
-    fn slot_of(&self, sequence: u32) -> (usize, bool) {
-        self.look(sequence, self.delay)
-    }
-
-    fn look(&self, sequence: u32, delay: u32) -> (usize, bool) {
+    /// Returns the exposure of the newest write that acts on frame `sequence` with control delay `delay`.
+    fn acting(&self, sequence: u32, delay: u32) -> Acting {
         let first = |w: &Write| w.after.wrapping_add(1).wrapping_add(delay);
         let acts = |w: &&Write| !is_after(first(w), sequence);
         match self.writes.iter().rev().find(acts) {
-            Some(w) => (w.slot, sequence.wrapping_sub(first(w)) >= w.doubt),
-            None if self.writes.len() == KEPT => (self.initial, false),
-            None => (self.initial, self.initial_certain),
+            Some(w) => Acting { slot: w.slot, certain: sequence.wrapping_sub(first(w)) >= w.doubt },
+            None => Acting { slot: self.initial, certain: self.writes.len() < KEPT && self.initial_certain },
         }
     }
 }

@@ -23,7 +23,7 @@ const OFF_NOMINAL: f32 = 0.01;
 
 /// Steps and range of the search in bursts without times, periods per burst.
 const STEP_PER_BURST: f64 = 0.02;
-const PER_BURST: (f64, f64) = (0.06, 0.5);
+const PER_BURST: [f64; 2] = [0.06, 0.5];
 
 /// Fewest bursts from which a frequency is found: in fewer, a period of a slow alias looks like a lamp that is switched once.
 const FEWEST: usize = 8;
@@ -100,14 +100,14 @@ pub(super) struct Lock {
     /// Phase in the newest burst, periods.
     pub phase: f64,
     /// Range in which the frequency is followed.
-    range: (f64, f64),
+    range: [f64; 2],
     step: f64,
     /// Bursts in a row that it explained badly, each counted [`UNKNOWN`] times, and without light that varies.
     poor: u32,
 }
 
 impl Lock {
-    fn new(frequency: f64, range: (f64, f64), step: f64) -> Self {
+    fn new(frequency: f64, range: [f64; 2], step: f64) -> Self {
         Self { frequency, phase: 0.0, range, step, poor: 0 }
     }
 
@@ -129,7 +129,7 @@ impl Lock {
             let curvature = below + above - 2.0 * here;
             let offset = if curvature < -1e-6 { 0.5 * (below - above) / curvature } else { above - below };
             let moved = self.frequency + self.step * f64::from(offset.clamp(-0.5, 0.5));
-            self.frequency = moved.clamp(self.range.0, self.range.1);
+            self.frequency = moved.clamp(self.range[0], self.range[1]);
         }
         (self.poor < UNKNOWN * WINDOW as u32).then_some(self)
     }
@@ -155,7 +155,7 @@ pub(super) fn find(window: &Window, regions: &[Cell], lamps: Lamps, has_times: b
     };
     if has_times {
         for base in lamps.frequencies_hz() {
-            let range = (base - 6.0 * STEP_HZ, base + 6.0 * STEP_HZ);
+            let range = [base - 6.0 * STEP_HZ, base + 6.0 * STEP_HZ];
             let lock = |step: i32| Lock::new(base + f64::from(step) * STEP_HZ, range, STEP_HZ);
             let coarse = [-COARSE, 0, COARSE];
             let promising =
@@ -167,8 +167,8 @@ pub(super) fn find(window: &Window, regions: &[Cell], lamps: Lamps, has_times: b
             }
         }
     } else {
-        let count = ((PER_BURST.1 - PER_BURST.0) / STEP_PER_BURST + 0.5) as u32;
-        let steps = (0..=count).map(|step| PER_BURST.0 + f64::from(step) * STEP_PER_BURST);
+        let count = ((PER_BURST[1] - PER_BURST[0]) / STEP_PER_BURST + 0.5) as u32;
+        let steps = (0..=count).map(|step| PER_BURST[0] + f64::from(step) * STEP_PER_BURST);
         steps.for_each(|frequency| {
             consider(Lock::new(frequency, PER_BURST, 0.5 * STEP_PER_BURST), 0);
         });

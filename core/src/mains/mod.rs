@@ -193,18 +193,24 @@ struct Corrected {
     cells: usize,
 }
 
+/// Memory of the cells and regions.
+struct Divided<'a> {
+    cells: &'a mut [Cell],
+    regions: &'a mut [Cell],
+}
+
 impl State {
     fn restart(&mut self, cells: &mut [Cell]) {
         (self.window, self.lock) = (Window::default(), None);
         cells.fill(Cell::default());
     }
 
-    /// The cells, and the regions after them.
-    fn divide<'a>(&self, cells: &'a mut [Cell]) -> (&'a mut [Cell], &'a mut [Cell]) {
+    /// Divides memory into the cells and the regions, which follow the cells.
+    fn divide<'a>(&self, cells: &'a mut [Cell]) -> Divided<'a> {
         let (cells, rest) =
             cells.split_at_mut_checked(Domain::Hemisphere.quads(self.order)).unwrap_or_default();
         let regions = Domain::Hemisphere.quads(region_order(self.order));
-        (cells, rest.get_mut(..regions).unwrap_or_default())
+        Divided { cells, regions: rest.get_mut(..regions).unwrap_or_default() }
     }
 
     /// Adds a burst to the window and its energies to the cells and regions.
@@ -222,7 +228,7 @@ impl State {
         self.has_times = has_times;
         self.window.push(at);
         let (slot, view) = (self.window.slot(0), map.view());
-        let (cells, regions) = self.divide(cells);
+        let Divided { cells, regions } = self.divide(cells);
         let quads = view.quads_of(self.order);
         let of_regions = view.quads_of(region_order(self.order));
         regions.iter_mut().zip(of_regions).for_each(|(region, quad)| region.past[slot] = quad.y());
@@ -237,7 +243,7 @@ impl State {
     /// Finds the frequency, or follows its drift.
     fn follow(&mut self, cells: &mut [Cell]) -> Option<Lock> {
         let window = self.window;
-        let (_, regions) = self.divide(cells);
+        let regions = self.divide(cells).regions;
         self.lock = match self.lock.take() {
             Some(mut lock) => {
                 lock.advance(&window);
@@ -250,7 +256,7 @@ impl State {
 
     fn correct<Q: Buffer<Quad>>(&self, map: &mut Pyramid<Q>, lock: &Lock, cells: &mut [Cell]) -> Flicker {
         let fits = Fits::new(&self.window, lock.phase, lock.frequency);
-        let (cells, regions) = self.divide(cells);
+        let Divided { cells, regions } = self.divide(cells);
         let (order, mut sums) = (self.order, Corrected::default());
         let below = 2 * map.view().order().get().saturating_sub(order);
         let many = 1 << (2 * (order - region_order(order)));

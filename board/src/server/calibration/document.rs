@@ -1,6 +1,6 @@
 //! The state of a calibration as JSON.
 
-use super::session::{Draft, Session};
+use super::session::{Draft, PlacedCircle, Session};
 use crate::calibrate::{Calibrated, CircleLens, Guide, SECTORS, combine};
 use serde_json::{Value, json};
 
@@ -12,7 +12,7 @@ pub(super) fn of(session: &Session, can_save: bool) -> Value {
         "size": session.size,
         "guide": session.guide.as_ref().map(|guide| guided(guide, session)),
         "lens": session.lens.as_ref().map(lens),
-        "circle": session.circle.as_ref().map(|(circle, field_deg)| json!({
+        "circle": session.circle.as_ref().map(|PlacedCircle { circle, field_deg }| json!({
             "centre": circle.centre.to_array(), "radius": circle.radius, "deviation_px": circle.deviation_px, "field_deg": field_deg,
         })),
         "vignetting": vignetting(session),

@@ -52,14 +52,22 @@ pub(super) struct Measured {
     camera: String,
 }
 
+/// An image circle with the field of view that it bounds.
+#[derive(Clone, Copy)]
+pub(super) struct PlacedCircle {
+    pub circle: Circle,
+    /// Field of view across the circle, degrees.
+    pub field_deg: f64,
+}
+
 /// Everything that was not saved yet.
 #[derive(Default)]
 pub(super) struct Session {
     pub guide: Option<Guide>,
     pub offer: Option<Offer>,
     pub lens: Option<Draft>,
-    pub circle: Option<(Circle, f64)>,
-    circles_before: Vec<Option<(Circle, f64)>>,
+    pub circle: Option<PlacedCircle>,
+    circles_before: Vec<Option<PlacedCircle>>,
     pub readings: Vec<Reading>,
     /// Number of readings before each addition.
     additions: Vec<usize>,
@@ -179,7 +187,7 @@ impl Session {
     fn set_circle(&mut self, circle: Circle, field_deg: f64) -> Result<(), Refusal> {
         let lens = circle_lens(&circle, field_deg, self.size.unwrap_or_default());
         self.lens = Some(Draft::Circle(Box::new(lens.map_err(|e| Refusal::new("circle", e))?)));
-        self.circles_before.push(self.circle.replace((circle, field_deg)));
+        self.circles_before.push(self.circle.replace(PlacedCircle { circle, field_deg }));
         self.circles_before.drain(..self.circles_before.len().saturating_sub(100));
         Ok(())
     }
@@ -282,8 +290,9 @@ impl Session {
             }
             Part::Circle => {
                 self.circle = self.circles_before.pop().flatten();
-                let made =
-                    self.circle.and_then(|(circle, field)| circle_lens(&circle, field, self.size?).ok());
+                let made = self
+                    .circle
+                    .and_then(|placed| circle_lens(&placed.circle, placed.field_deg, self.size?).ok());
                 self.lens = made.map(|lens| Draft::Circle(Box::new(lens)));
             }
             Part::Vignetting => {

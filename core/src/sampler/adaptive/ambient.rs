@@ -59,6 +59,14 @@ pub(super) struct Ambient {
     excess: [Quad; SUMS],
 }
 
+/// The residual of a quad.
+pub(super) struct Residual {
+    /// Direction of the quad's centre.
+    pub(super) direction: Vec3,
+    /// Luminance energy of the map below the ceiling minus that of the fit; may be negative.
+    pub(super) y: f32,
+}
+
 impl Ambient {
     pub(super) const fn new() -> Self {
         Self {
@@ -177,13 +185,12 @@ impl Ambient {
         }
     }
 
-    /// Returns the direction of each quad and its residual: the luminance energy of the map below the ceiling minus that of the fit, which
-    /// may be negative.
-    pub(super) fn left(&self, map: &PyramidView<'_>) -> impl Iterator<Item = (Vec3, f32)> {
+    /// Returns the residual of each quad.
+    pub(super) fn residuals(&self, map: &PyramidView<'_>) -> impl Iterator<Item = Residual> {
         (0..self.domain.quads(self.order)).map(|ipix| {
             let fit = self.level[ipix] * omega(self.domain, self.order, ipix as u32);
             let kept = map.quad(self.order, ipix as u32).y() - self.excess[at(self.order, ipix)].y();
-            (self.directions[ipix], kept - fit)
+            Residual { direction: self.directions[ipix], y: kept - fit }
         })
     }
 }

@@ -14,11 +14,17 @@ const ACCEPTED: f32 = 0.95;
 /// Number of frames between two trials.
 const PATIENCE: u32 = 16;
 
+/// The number of lights that was selected for a tolerance.
+#[derive(Clone, Copy, Debug)]
+struct Selected {
+    tolerance: f32,
+    lights: usize,
+}
+
 /// The number of lights, kept from frame to frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Count {
-    /// The tolerance and the number that was selected for it.
-    known: Option<(f32, usize)>,
+    known: Option<Selected>,
     /// The error of the last frame.
     error: f32,
     /// Number of successive frames with an error below [`LITTLE`].
@@ -34,7 +40,7 @@ impl Count {
         mut error: impl FnMut(usize) -> f32,
     ) -> usize {
         let count = match self.known {
-            Some((t, n)) if t == tolerance && within.contains(&n) => {
+            Some(Selected { tolerance: t, lights: n }) if t == tolerance && within.contains(&n) => {
                 if self.error > TOO_MUCH * tolerance {
                     fewest(tolerance, n..=*within.end(), &mut error)
                 } else if self.calm >= PATIENCE {
@@ -50,13 +56,13 @@ impl Count {
             }
             _ => fewest(tolerance, within, &mut error),
         };
-        self.known = Some((tolerance, count));
+        self.known = Some(Selected { tolerance, lights: count });
         count
     }
 
     /// Stores the error of the frame's lights.
     pub(super) fn note(&mut self, error: f32) {
-        let little = self.known.is_some_and(|(tolerance, _)| error < LITTLE * tolerance);
+        let little = self.known.is_some_and(|known| error < LITTLE * known.tolerance);
         self.calm = if little { self.calm + 1 } else { 0 };
         self.error = error;
     }

@@ -110,11 +110,21 @@ impl Steering<'_> {
     }
 }
 
-/// Returns the parts into which the estimate divides a disc of a set of `lights`: centre, radius in radians and share of the energy.
+/// A part of a light's disc.
+pub(super) struct Part {
+    /// Direction of the centre.
+    pub(super) at: Vec3,
+    /// Angular radius, radians.
+    pub(super) radius: f32,
+    /// Share of the light's energy.
+    pub(super) share: f32,
+}
+
+/// Returns the parts into which the estimate divides a disc of a set of `lights`.
 ///
 /// The parts form pairs on opposite sides of the centre, and each pair is rotated by the golden angle from the last, so that their mean is
 /// the centre of the disc.
-pub(super) fn parts(light: &Light, lights: usize) -> impl Iterator<Item = (Vec3, f32, f32)> {
+pub(super) fn parts(light: &Light, lights: usize) -> impl Iterator<Item = Part> {
     let each =
         if lights <= FITTED { (PARTS / lights.max(1)).clamp(EACH.0, EACH.1) } else { SOURCES / lights };
     let count = if each < FEWEST_PARTS { 1.0 } else { (each & !1) as f32 };
@@ -131,7 +141,8 @@ pub(super) fn parts(light: &Light, lights: usize) -> impl Iterator<Item = (Vec3,
         };
         let z = if count > 1.0 { 1.0 - height * ((i & !1) as f32 + 1.0) / count } else { 1.0 };
         let r = root((1.0 - z * z).max(0.0));
-        (light.direction * z + (across * turn.0 + up * turn.1) * r, radius / root(count), 1.0 / count)
+        let at = light.direction * z + (across * turn.0 + up * turn.1) * r;
+        Part { at, radius: radius / root(count), share: 1.0 / count }
     })
 }
 

@@ -322,14 +322,14 @@ where
             let share = -crate::color::luminance(light.irradiance) * whole;
             if request.soft {
                 discs::parts(light, lights.len())
-                    .for_each(|(at, radius, part)| receivers.add(at, radius, share * part));
+                    .for_each(|part| receivers.add(part.at, part.radius, share * part.share));
             } else {
                 receivers.add(light.direction, 0.0, share);
             }
         }
         if request.ambient {
-            for (at, y) in ambient.left(map) {
-                receivers.add(at, ambient::RADIUS, y * whole);
+            for residual in ambient.residuals(map) {
+                receivers.add(residual.direction, ambient::RADIUS, residual.y * whole);
             }
         }
         let error = if anew { receivers.look() } else { receivers.turn() };
