@@ -155,7 +155,7 @@ struct ReplayArgs {
     /// Lens file for a folder of photographs without a burst.toml.
     #[arg(long, value_name = "FILE")]
     lens: Option<PathBuf>,
-    /// Exposure times that count: those stated, or the longest one and the ratios measured in the pixels.
+    /// Exposure times that count: those stated, or that of the brightest frame and the ratios measured in the pixels.
     #[arg(long, value_enum, default_value = "stated")]
     exposures: ExposuresArg,
     /// Most pixels of an image; by default 134217728, and less for short files.

@@ -18,6 +18,7 @@ pub mod maps;
 pub mod metrics;
 pub mod output;
 pub mod progress;
+pub mod ratios;
 pub mod reads;
 pub mod render;
 pub mod replay;

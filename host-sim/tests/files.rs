@@ -500,6 +500,49 @@ fn measured_exposures_take_the_place_of_wrong_ones() {
 }
 
 #[test]
+fn measured_exposures_keep_a_frame_whose_stated_time_is_out_of_order() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (file, factor) in [("a.png", 4.0), ("b.png", 8.0), ("c.png", 16.0)] {
+        scene(factor, 0).save(folder.path().join(file)).expect("a picture");
+    }
+    let replayed = |times: [f64; 3], more: &[&str]| {
+        let frames = [("a.png", times[0]), ("b.png", times[1]), ("c.png", times[2])];
+        std::fs::write(folder.path().join("burst.toml"), burst_toml(&frames)).expect("a file");
+        replay(folder.path(), more)
+    };
+    let right = flux(&replayed([0.0025, 0.005, 0.01], &[]));
+    for lies in [[0.0025, 0.00005, 0.01], [0.5, 0.005, 0.01], [0.0025, 0.005, 0.0001]] {
+        let set = replayed(lies, &["--exposures", "measured"]);
+        assert!(set["frames_left_out"].as_array().is_none_or(Vec::is_empty), "{lies:?}: {set}");
+        assert!((flux(&set) / right - 1.0).abs() < 0.01, "{lies:?}: {} {right}", flux(&set));
+    }
+    RgbImage::new(64, 64).save(folder.path().join("b.png")).expect("a picture");
+    let set = replayed([0.0025, 0.005, 0.01], &["--exposures", "measured"]);
+    assert_eq!(set["frames_left_out"][0]["why"], "black", "{set}");
+    assert!((flux(&set) / right - 1.0).abs() < 0.03, "{} {right}", flux(&set));
+}
+
+#[test]
+fn jpeg_files_with_damaged_blocks_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let whole = jpeg(&scene(8.0, 0), &[]);
+    std::fs::write(folder.path().join("burst.toml"), burst_toml(&[("a.jpg", 0.01)])).expect("a file");
+    let burst = ["replay", "--burst", text(folder.path())];
+    let write = |bytes: &[u8]| std::fs::write(folder.path().join("a.jpg"), bytes).expect("a file");
+    write(&whole);
+    replay(folder.path(), &[]);
+    let scan = whole.windows(2).position(|w| w == [0xff, 0xda]).expect("a scan") + 14;
+    // The second half of the blocks is cut out, and the end marker kept.
+    let half = (scan + whole.len()) / 2;
+    write(&[&whole[..half], &[0xff, 0xd9]].concat());
+    refused(&burst, "damaged blocks");
+    let mut zeroed = whole.clone();
+    zeroed[half..whole.len() - 2].fill(0);
+    write(&zeroed);
+    refused(&burst, "damaged blocks");
+}
+
+#[test]
 fn headers_that_promise_too_much_are_refused_in_one_line() {
     let folder = tempfile::tempdir().expect("a folder");
     let map = folder.path().join("map");

@@ -9,21 +9,36 @@ const PIXELS_PER_BYTE: u64 = 200;
 /// Texels that a file of any length may have.
 const FREE: u64 = 1 << 20;
 
+/// Texels that a file of any length may have if it is compressed by the DWA methods of OpenEXR, which keep little but noise: smooth maps of
+/// 4096 x 2048 texels take 15 KB.
+const FREE_DWA: u64 = 1 << 23;
+
 /// Limits on the decoded size of a file.
 pub(super) struct Budget {
     /// Length of the file.
     pub bytes: u64,
     /// The user's limit, which takes the place of both defaults.
     pub max_pixels: Option<u64>,
+    /// Texels that are allowed whatever the length.
+    free: u64,
 }
 
 impl Budget {
+    pub fn new(bytes: u64, max_pixels: Option<u64>) -> Self {
+        Self { bytes, max_pixels, free: FREE }
+    }
+
+    /// The limits on a file that is compressed by a DWA method.
+    pub fn of_dwa(&self) -> Self {
+        Self { free: FREE_DWA, ..*self }
+    }
+
     /// Checks the size of an image.
     pub fn check(&self, width: u64, height: u64) -> Result<(), Refusal> {
         if width == 0 || height == 0 {
             return Err(Refusal::new(format!("{width} x {height} texels"), "at least one texel"));
         }
-        let by_length = self.bytes.saturating_mul(PIXELS_PER_BYTE).max(FREE);
+        let by_length = self.bytes.saturating_mul(PIXELS_PER_BYTE).max(self.free);
         let most = self.max_pixels.unwrap_or(MAX_PIXELS.min(by_length));
         if width.checked_mul(height).is_some_and(|pixels| pixels <= most) {
             return Ok(());

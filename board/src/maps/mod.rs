@@ -162,7 +162,7 @@ pub fn read_from<R: BufRead + Seek>(
 ) -> Result<DecodedMap, Refusal> {
     let begin = reader.fill_buf().map_err(|e| Refusal::new(e, EXPECTED))?;
     let begin = begin[..begin.len().min(12)].to_vec();
-    let budget = limit::Budget { bytes, max_pixels: options.max_pixels };
+    let budget = limit::Budget::new(bytes, options.max_pixels);
     if options.layer.is_some() && !openexr::is(&begin) {
         return Err(Refusal::new("a file format without layers", "no --layer"));
     }

@@ -17,6 +17,9 @@ const FREE_PIXELS: u64 = 1 << 23;
 /// Bytes that a decoder may allocate beside the pixels.
 const DECODER_BYTES: u64 = 1 << 26;
 
+/// Bytes that a decoder may allocate for the header, such as a compressed colour profile.
+const HEADER_BYTES: u64 = 1 << 24;
+
 const EXPECTED: &str = "a whole PNG, JPEG, PGM or PPM image";
 
 /// An image whose header was read.
@@ -76,6 +79,9 @@ fn decoder(
     if let Some(format) = format {
         reader.set_format(format);
     }
+    let mut of_header = Limits::no_limits();
+    of_header.max_alloc = Some(HEADER_BYTES);
+    reader.limits(of_header);
     let mut decoder: Box<dyn ImageDecoder> = Box::new(reader.into_decoder()?);
     let mut limits = Limits::no_limits();
     limits.max_alloc = Some(decoder.total_bytes().saturating_add(DECODER_BYTES));
@@ -83,14 +89,16 @@ fn decoder(
     Ok(decoder)
 }
 
-/// The bytes of a JPEG file that has an end; the decoder fills what is missing with grey.
+/// The bytes of a JPEG file that is whole and sound; the decoder fills what is missing with grey.
 fn whole_jpeg(path: &Path, mut file: BufReader<File>) -> Result<Vec<u8>, RecordedError> {
     let mut bytes = Vec::new();
     file.read_to_end(&mut bytes).map_err(|e| RecordedError::new(path, e, EXPECTED))?;
-    if jpeg::is_whole(&bytes) {
-        return Ok(bytes);
-    }
-    Err(RecordedError::new(path, "a JPEG image that ends early", EXPECTED))
+    let found = match jpeg::is_whole(&bytes) {
+        false => "a JPEG image that ends early",
+        true if !jpeg::is_sound(&bytes) => "a JPEG image with damaged blocks",
+        true => return Ok(bytes),
+    };
+    Err(RecordedError::new(path, found, EXPECTED))
 }
 
 /// Decodes an image upright; grey is repeated in all channels, and PNM samples keep their codes.

@@ -1,8 +1,39 @@
 //! The structure of JPEG files, as far as it tells whether one is whole.
 
-/// Whether a JPEG file has its end marker after the first scan; segments such as EXIF, whose thumbnails have end markers of their
-/// own, are passed over by their length.
+/// Entropy-coded bits that no decoder takes for blocks: no Huffman code consists of one-bits alone. Without them decoders assume zero-bits
+/// in front of a marker and fill the rest of the picture.
+pub(crate) const SEAL: [u8; 32] = {
+    let mut bits = [0xff; 32];
+    let mut at = 1;
+    while at < bits.len() {
+        bits[at] = 0;
+        at += 2;
+    }
+    bits
+};
+
+/// Whether a JPEG file has its end marker after the first scan.
 pub(crate) fn is_whole(bytes: &[u8]) -> bool {
+    end(bytes).is_some()
+}
+
+/// Whether each block of a JPEG file that [`is_whole`] can be decoded. `true` for kinds of JPEG that the check cannot decode.
+pub(super) fn is_sound(bytes: &[u8]) -> bool {
+    let Some(end) = end(bytes) else { return false };
+    let sealed = [&bytes[..end], &SEAL, &[0xff, 0xd9]].concat();
+    let mut decoder = jpeg_decoder::Decoder::new(&sealed[..]);
+    let decoded = decoder.read_info().and_then(|()| {
+        let (width, height) = decoder.info().map_or((1, 1), |info| (info.width, info.height));
+        // The smallest scale: what counts is that the codes are read, not the pixels.
+        decoder.scale(width.div_ceil(8), height.div_ceil(8))?;
+        decoder.decode()
+    });
+    matches!(decoded, Ok(_) | Err(jpeg_decoder::Error::Unsupported(_)))
+}
+
+/// Position of the end marker after the first scan; segments such as EXIF, whose thumbnails have end markers of their own, are passed over
+/// by their length.
+fn end(bytes: &[u8]) -> Option<usize> {
     let mut at = 2;
     let mut in_scan = false;
     while let Some(found) = bytes.get(at..).and_then(|rest| rest.iter().position(|b| *b == 0xff)) {
@@ -10,16 +41,14 @@ pub(crate) fn is_whole(bytes: &[u8]) -> bool {
         match bytes.get(at) {
             // Stuffing, fill bytes and restart markers.
             Some(0x00 | 0xff | 0x01 | 0xd0..=0xd8) => {}
-            Some(0xd9) => return in_scan,
+            Some(0xd9) => return in_scan.then_some(at - 1),
             Some(marker) => {
                 in_scan |= *marker == 0xda;
-                let Some([high, low]) = bytes.get(at + 1..at + 3).and_then(|b| b.first_chunk()) else {
-                    return false;
-                };
+                let [high, low] = bytes.get(at + 1..at + 3)?.first_chunk()?;
                 at += 1 + usize::from(u16::from_be_bytes([*high, *low]));
             }
-            None => return false,
+            None => return None,
         }
     }
-    false
+    None
 }

@@ -24,7 +24,7 @@ use std::path::{Path, PathBuf};
 pub use convert::{Converted, Target, convert};
 pub use hemilux_core::Levels;
 #[cfg(feature = "v4l2")]
-pub(crate) use jpeg::is_whole as is_whole_jpeg;
+pub(crate) use jpeg::{SEAL, is_whole as is_whole_jpeg};
 pub use lens::{LensFile, lens_table, parse_lens, read_lens};
 pub use manifest::read_shown;
 pub use photometric::{

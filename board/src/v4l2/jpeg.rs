@@ -5,7 +5,7 @@
 
 use super::Size;
 use super::huffman;
-use crate::recorded::is_whole_jpeg;
+use crate::recorded::{SEAL, is_whole_jpeg};
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
@@ -92,15 +92,13 @@ impl Jpeg {
     }
 }
 
-/// Returns the frame with Huffman tables, if it has none, and with one-bits in front of its end marker.
-///
-/// No Huffman code consists of one-bits alone, so a decoder that has not reached the last block by then fails. Without them decoders assume
-/// zero-bits in front of the marker and fill the rest of the picture.
+/// Returns the frame with Huffman tables, if it has none, and with [`SEAL`] in front of its end marker: a decoder that has not reached the
+/// last block by then fails.
 fn sealed(bytes: &[u8]) -> Option<Vec<u8>> {
     let end = bytes.windows(2).rposition(|w| w == [0xff, 0xd9])?;
     let (head, rest) = bytes.get(..end)?.split_at_checked(huffman::missing_at(bytes).unwrap_or(0))?;
     let tables = if head.is_empty() { Vec::new() } else { huffman::segment() };
-    Some([head, &tables, rest, &[0xff, 0x00].repeat(16), &[0xff, 0xd9]].concat())
+    Some([head, &tables, rest, &SEAL, &[0xff, 0xd9]].concat())
 }
 
 /// Returns whether the restart markers count from 0 to 7 cyclically: a decoder ignores a missing marker and shifts the rest of the picture.

@@ -7,7 +7,7 @@ use hemilux_core::SamplerKind;
 pub(super) enum ExposuresArg {
     /// Exposure times of the manifest or of the EXIF data.
     Stated,
-    /// The longest stated one, and the others by measured ratios.
+    /// Stated time of the brightest frame, and the others by measured ratios.
     Measured,
 }
 

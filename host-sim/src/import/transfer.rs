@@ -7,12 +7,15 @@
 use super::function::Transfer;
 use super::profile;
 use crate::error::SimError;
-use image::{ImageDecoder, ImageReader};
+use image::{ImageDecoder, ImageReader, Limits};
 use std::io::Read;
 use std::path::Path;
 
 /// Largest number of bytes in front of a PNG file's pixels that are searched for statements.
 const MAX_HEADER: u64 = 1 << 20;
+
+/// Most bytes of memory for a decompressed colour profile.
+const PROFILE_BYTES: u64 = 1 << 24;
 
 pub(super) const EXPECTED: &str = "linear or sRGB samples with the primaries of Rec. 709 (convert the photographs to sRGB, or --ignore-profile)";
 
@@ -37,8 +40,13 @@ pub(super) fn read(path: &Path, ignores_profile: bool) -> Result<Transfer, SimEr
 
 /// Returns the transfer function of a file's ICC profile; `None` without a profile.
 fn of_profile(path: &Path) -> Result<Option<Transfer>, String> {
-    let decoder =
-        ImageReader::open(path).ok().and_then(|r| r.with_guessed_format().ok()?.into_decoder().ok());
+    let mut limits = Limits::default();
+    limits.max_alloc = Some(PROFILE_BYTES);
+    let decoder = ImageReader::open(path).ok().and_then(|reader| {
+        let mut reader = reader.with_guessed_format().ok()?;
+        reader.limits(limits);
+        reader.into_decoder().ok()
+    });
     // A file that cannot be decoded is refused when its pixels are read.
     let icc = decoder.and_then(|mut decoder| decoder.icc_profile().ok().flatten());
     icc.map(|icc| profile::transfer(&icc)).transpose()
@@ -47,12 +55,12 @@ fn of_profile(path: &Path) -> Result<Option<Transfer>, String> {
 fn of_png(path: &Path, begin: &[u8]) -> Result<Option<Transfer>, String> {
     let find = |kind: &[u8; 4]| chunks(begin).find(|c| c.kind == *kind).map(|c| c.data);
     match find(b"cICP") {
-        Some([1, 8, ..]) => return Ok(Some(Transfer::Linear)),
-        Some([1, 13, ..]) => return Ok(Some(Transfer::Srgb)),
-        Some([primaries, transfer, ..]) => {
-            return Err(format!("cICP with the primaries {primaries} and the transfer function {transfer}"));
+        Some([1, 8, 0, 1]) => return Ok(Some(Transfer::Linear)),
+        Some([1, 13, 0, 1]) => return Ok(Some(Transfer::Srgb)),
+        Some(other) => {
+            return Err(format!("cICP {other:?} (primaries, transfer function, matrix and full range)"));
         }
-        _ => {}
+        None => {}
     }
     if find(b"iCCP").is_some() {
         return of_profile(path);
@@ -98,4 +106,77 @@ fn chunks(bytes: &[u8]) -> impl Iterator<Item = Chunk<'_>> {
         rest = after.get(length + 4..)?;
         (kind != b"IDAT").then_some(Chunk { kind: *kind, data })
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// CRC-32 of PNG chunks.
+    fn crc(bytes: &[u8]) -> u32 {
+        let step = |crc: u32, bit: u32| if crc & 1 == bit { crc >> 1 } else { crc >> 1 ^ 0xedb8_8320 };
+        !bytes.iter().fold(!0, |crc, byte| (0..8).fold(crc ^ u32::from(*byte), |crc, _| step(crc, 0)))
+    }
+
+    /// A PNG file of 8 or 16 bits with `chunks` after its header.
+    fn png(deep: bool, chunks: &[(&[u8; 4], &[u8])]) -> tempfile::NamedTempFile {
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        let image = image::DynamicImage::new(
+            4,
+            4,
+            if deep { image::ColorType::Rgb16 } else { image::ColorType::Rgb8 },
+        );
+        image.write_to(&mut bytes, image::ImageFormat::Png).expect("a PNG file");
+        let bytes = bytes.into_inner();
+        let (header, rest) = bytes.split_at(8 + 25);
+        let chunks = chunks.iter().flat_map(|(kind, data)| {
+            let body = [kind.as_slice(), data].concat();
+            [&(data.len() as u32).to_be_bytes(), body.as_slice(), &crc(&body).to_be_bytes()].concat()
+        });
+        let file = tempfile::NamedTempFile::new().expect("a file");
+        std::fs::write(&file, [header, &chunks.collect::<Vec<_>>(), rest].concat()).expect("a file");
+        file
+    }
+
+    fn found(deep: bool, chunks: &[(&[u8; 4], &[u8])]) -> Result<Transfer, String> {
+        read(png(deep, chunks).path(), false).map_err(|e| e.to_string())
+    }
+
+    /// The value of a gAMA or cHRM chunk.
+    fn values(values: &[u32]) -> Vec<u8> {
+        values.iter().flat_map(|v| v.to_be_bytes()).collect()
+    }
+
+    #[test]
+    fn png_chunks_state_the_transfer_function_in_order_of_precedence() {
+        let linear = values(&[100_000]);
+        for (deep, chunks, expected) in [
+            (false, vec![], Transfer::Srgb),
+            (true, vec![], Transfer::Linear),
+            (true, vec![(b"gAMA", &values(&[45_455])[..])], Transfer::Srgb),
+            (false, vec![(b"gAMA", &linear[..])], Transfer::Linear),
+            (false, vec![(b"gAMA", &linear[..]), (b"sRGB", &[0])], Transfer::Srgb),
+            (false, vec![(b"cICP", &[1, 8, 0, 1]), (b"sRGB", &[0])], Transfer::Linear),
+            (true, vec![(b"gAMA", &linear[..]), (b"cICP", &[1, 13, 0, 1])], Transfer::Srgb),
+        ] {
+            let result = found(deep, &chunks);
+            assert!(result.as_ref().is_ok_and(|found| *found == expected), "{chunks:?}: {result:?}");
+        }
+    }
+
+    #[test]
+    fn png_chunks_of_other_colour_spaces_are_refused_by_name() {
+        let p3 = values(&[31_270, 32_900, 68_000, 32_000, 26_500, 69_000, 15_000, 6_000]);
+        for (chunk, part) in [
+            ((b"cICP", &[12, 13, 0, 1][..]), "cICP [12, 13, 0, 1]"),
+            ((b"cICP", &[9, 16, 0, 1]), "cICP [9, 16, 0, 1]"),
+            // Narrow range: black is 16, white is 235.
+            ((b"cICP", &[1, 13, 0, 0]), "cICP [1, 13, 0, 0]"),
+            ((b"gAMA", &values(&[55_556])), "gAMA [55556]"),
+            ((b"cHRM", &p3), "cHRM with the chromaticities"),
+        ] {
+            let told = found(false, &[chunk]).expect_err("another colour space");
+            assert!(told.contains(part) && told.lines().count() == 1, "{part}: {told}");
+        }
+    }
 }

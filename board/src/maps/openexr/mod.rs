@@ -7,6 +7,7 @@ mod pixels;
 use super::limit::Budget;
 use super::write::COVERS;
 use super::{Covers, DecodedFile, Projection, ReadOptions, Refusal, Stated};
+use exr::compression::Compression;
 use exr::meta::attribute::{AttributeValue, EnvironmentMap, IntegerBounds, SampleType, Text};
 use exr::meta::header::Header;
 use layers::Layer;
@@ -31,6 +32,8 @@ pub(super) fn read(
     let header = &headers[layer.part];
     let window = map_window(header, options)?;
     let [width, height] = [window.size.x() as u64, window.size.y() as u64];
+    let is_dwa = matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_));
+    let budget = if is_dwa { &budget.of_dwa() } else { budget };
     budget.check(width, height)?;
     check_blocks(header, budget)?;
     let mut raster = budget.raster(width, height)?;
