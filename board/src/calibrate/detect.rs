@@ -14,7 +14,7 @@ use nalgebra::{Vector2, Vector3};
 pub(super) fn board(grey: &Grey, printed: &Printed) -> Result<Found, ChessError> {
     let whole = printed.corners.corners();
     let mut best = Found::default();
-    let mut level = Some(Level::first(grey));
+    let mut level = Some(SearchLevel::first(grey));
     while let Some(searched) = level.filter(|_| best.seen.len() < whole) {
         let scale = searched.scale;
         let corners = find(&searched.picture, scale)?;
@@ -36,13 +36,13 @@ pub(super) fn board(grey: &Grey, printed: &Printed) -> Result<Found, ChessError>
 const LARGEST_SIDE: usize = 1600;
 
 /// A picture at one of the searched sizes.
-struct Level {
+struct SearchLevel {
     picture: Grey,
     /// Number of full-size pixels per pixel of `picture`, along a side.
     scale: f64,
 }
 
-impl Level {
+impl SearchLevel {
     /// The largest searched size of `grey`.
     fn first(grey: &Grey) -> Self {
         let mut level = Self { picture: grey.clone(), scale: 1.0 };

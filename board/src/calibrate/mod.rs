@@ -63,5 +63,5 @@ pub use response::{Exposed, FittedResponse, Neighbours, ResponseRefusal, fit_res
 pub use target::{Ink, Target, TargetRefusal, ink, size as target_size, svg as target_svg};
 pub use uncertainty::Spread;
 pub use vignetting::{
-    FittedVignetting, Reading, Shown, VignettingRefusal, fit_vignetting, flat_field, screen,
+    CodedPicture, FittedVignetting, Reading, VignettingRefusal, fit_vignetting, flat_field, screen,
 };

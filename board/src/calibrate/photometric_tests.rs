@@ -20,12 +20,12 @@ const TRUTH: f64 = 137.0;
 const SIDE: usize = 480;
 
 /// Radiance as a function of direction.
-type Light = Box<dyn Fn(DVec3) -> f64 + Send>;
+type RadianceOf = Box<dyn Fn(DVec3) -> f64 + Send>;
 
 /// A 16-bit camera in a scene, with noise proportional to each pixel's value.
 struct Camera {
     calibration: Calibration,
-    light: Light,
+    light: RadianceOf,
     noise: f64,
     count: u64,
 }
@@ -40,7 +40,7 @@ fn noise(seed: u64) -> f64 {
 
 impl Camera {
     /// Creates a camera whose lens sees up to `degrees` from the axis.
-    fn new(degrees: f64, noise: f64, light: Light) -> Self {
+    fn new(degrees: f64, noise: f64, light: RadianceOf) -> Self {
         let middle = SIDE as f64 / 2.0 - 0.5;
         let lens = Lens::equidistant([middle; 2], 0.96 * middle / degrees.to_radians(), degrees.to_radians());
         let calibration =

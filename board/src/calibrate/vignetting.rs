@@ -129,14 +129,14 @@ fn robust(readings: &[Reading]) -> Option<[f64; 8]> {
 }
 
 /// A picture with the response of its camera.
-pub struct Shown<'a> {
+pub struct CodedPicture<'a> {
     /// Grey picture; codes 0 to 255 are black to white.
     pub grey: &'a Grey,
     /// Response from codes to relative exposure.
     pub response: &'a Response,
 }
 
-impl Shown<'_> {
+impl CodedPicture<'_> {
     fn light(&self, x: usize, y: usize) -> f64 {
         self.response.exposure(1, self.grey.code(x, y) / 255.0)
     }
@@ -152,7 +152,7 @@ const RING: f64 = 0.02;
 
 /// Returns readings of a flat field, an evenly lit surface that fills the view: the median of each ring of pixels around the axis.
 #[must_use]
-pub fn flat_field(lens: &Lens, shown: &Shown<'_>) -> Vec<Reading> {
+pub fn flat_field(lens: &Lens, shown: &CodedPicture<'_>) -> Vec<Reading> {
     let mut rings: Vec<Vec<f64>> = vec![Vec::new(); 160];
     for [x, y] in shown.pixels() {
         let direction = lens.unproject(DVec2::new(x as f64, y as f64));
@@ -173,7 +173,7 @@ pub fn flat_field(lens: &Lens, shown: &Shown<'_>) -> Vec<Reading> {
 /// Returns the reading of a picture in which a small lit screen is the brightest object: the mean of its centre; `None` if it is clipped or
 /// absent.
 #[must_use]
-pub fn screen(lens: &Lens, shown: &Shown<'_>) -> Option<Reading> {
+pub fn screen(lens: &Lens, shown: &CodedPicture<'_>) -> Option<Reading> {
     let lit = |[x, y]: &[usize; 2]| lens.unproject(DVec2::new(*x as f64, *y as f64)).is_some();
     let brightest = shown.pixels().filter(lit).map(|[x, y]| shown.grey.code(x, y)).fold(0.0, f64::max);
     if !(25.0..250.0).contains(&brightest) {
@@ -233,7 +233,7 @@ mod tests {
     fn flat_fields_determine_the_illumination_within_two_per_cent() {
         let lens = lens();
         let grey = picture(|at| angle(&lens, at).map_or(0.0, truth));
-        let readings = flat_field(&lens, &Shown { grey: &grey, response: &Response::Linear });
+        let readings = flat_field(&lens, &CodedPicture { grey: &grey, response: &Response::Linear });
         let fitted = fit_vignetting(&lens, &readings).expect("an illumination");
         assert_found(&fitted);
         assert!(fitted.rms < 0.02, "{fitted:?}");
@@ -249,7 +249,7 @@ mod tests {
                 let lit = at.distance(middle) < 9.0;
                 angle(&lens, at).map_or(0.0, |theta| truth(theta) * if lit { 1.0 } else { 0.02 })
             });
-            screen(&lens, &Shown { grey: &grey, response: &Response::Linear })
+            screen(&lens, &CodedPicture { grey: &grey, response: &Response::Linear })
         });
         let readings: Vec<Reading> = screens.flatten().collect();
         assert!(readings.len() >= 18, "{}", readings.len());

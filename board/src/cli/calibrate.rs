@@ -5,8 +5,8 @@ mod photometric;
 
 use super::{Failure, say};
 use crate::calibrate::{
-    Board, Calibrated, Charuco, Codes, Fault, Grey, Kind, Picture, Printed, Request, Shown, Stated, Target,
-    calibrate, check, circle_lens, exposed, find_circle, fit_response, fit_vignetting, flat_field,
+    Board, Calibrated, Charuco, CodedPicture, Codes, Fault, Grey, Kind, Picture, Printed, Request, Stated,
+    Target, calibrate, check, circle_lens, exposed, find_circle, fit_response, fit_vignetting, flat_field,
     residual_picture, response_text, screen, target_svg, write, write_circle, write_response,
     write_vignetting,
 };
@@ -307,7 +307,7 @@ fn vignetting(options: &VignettingOptions) -> Result<(), Failure> {
                 file.size[1]
             )));
         }
-        let shown = Shown { grey: &grey, response: &response };
+        let shown = CodedPicture { grey: &grey, response: &response };
         if options.flat {
             readings.extend(flat_field(&file.lens, &shown));
         } else if let Some(reading) = screen(&file.lens, &shown) {

@@ -40,7 +40,7 @@ const TORN_SHARE: f32 = 0.04;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Comparison {
     /// The shorter exposure against what the longer one predicts, and the longer one against what the shorter one predicts.
-    levels: [Levels; 2],
+    levels: [CodeLimits; 2],
     /// Logarithm of the median ratio of radiances, 0 where both exposures are as stated; none where too few samples can be compared.
     pub log_ratio: Option<f32>,
     /// Share of the samples whose ratio differs from the median one.
@@ -53,12 +53,12 @@ pub(super) struct Comparison {
 
 /// Samples of one frame that are darker or brighter than predicted.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Levels {
+struct CodeLimits {
     dark: Share,
     bright: Share,
 }
 
-impl Levels {
+impl CodeLimits {
     /// Adds the sample `found` where `expected` was predicted.
     fn add(&mut self, found: f32, expected: f32, least: f32) {
         if expected >= least / 2.0 {

@@ -71,7 +71,7 @@ impl Limits {
 
 /// A part of the scene's light.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Light {
+pub struct RadianceShare {
     /// Radiance: relative exposure per second.
     pub radiance: f64,
     /// Share of the pixels, 0 to 1.
@@ -79,7 +79,7 @@ pub struct Light {
 }
 
 /// The radiances of `light`, brightest first, that exposures have to cover: all but the darkest pixels.
-fn to_cover(light: &[Light]) -> impl Iterator<Item = f64> + '_ {
+fn to_cover(light: &[RadianceShare]) -> impl Iterator<Item = f64> + '_ {
     let mut before = 0.0;
     let needed = light.iter().take_while(move |l| {
         let is_needed = before < 1.0 - DARKEST;
@@ -92,7 +92,7 @@ fn to_cover(light: &[Light]) -> impl Iterator<Item = f64> + '_ {
 /// The fewest exposure times, ascending, at most [`MOST`], that cover `light`, which descends. What is too bright for the shortest or too
 /// dark for the longest time counts as covered by these.
 #[must_use]
-pub fn cover(light: &[Light], limits: &Limits, range: &TimeRange) -> Vec<f64> {
+pub fn cover(light: &[RadianceShare], limits: &Limits, range: &TimeRange) -> Vec<f64> {
     let mut times: Vec<f64> = Vec::with_capacity(MOST);
     for radiance in to_cover(light) {
         let is_covered = |t: &f64| radiance * t >= limits.dark || *t >= range.longest_s;
@@ -106,7 +106,7 @@ pub fn cover(light: &[Light], limits: &Limits, range: &TimeRange) -> Vec<f64> {
 
 /// Whether `times`, ascending, cover `light`, which descends.
 #[must_use]
-pub fn is_covered(light: &[Light], times: &[f64], limits: &Limits, range: &TimeRange) -> bool {
+pub fn is_covered(light: &[RadianceShare], times: &[f64], limits: &Limits, range: &TimeRange) -> bool {
     let by = |radiance: f64, t: f64| {
         let y = radiance * t;
         let not_dark = y >= limits.dark || t >= range.longest_s * (1.0 - 1e-9);

@@ -1,6 +1,6 @@
 //! The radiances of a burst, by the logarithm.
 
-use super::cover::{Light, Limits, TimeRange};
+use super::cover::{Limits, RadianceShare, TimeRange};
 use crate::calibration::{Burst, Calibration};
 use glam::DVec2;
 use hemilux_core::{Layout, read_rgb_row};
@@ -93,7 +93,7 @@ impl Histogram {
 
     /// The light, brightest first: a bin at its upper edge; unknown radiances at each bin that they may lie in within `range`.
     #[must_use]
-    pub fn light(&self, range: &TimeRange) -> Vec<Light> {
+    pub fn light(&self, range: &TimeRange) -> Vec<RadianceShare> {
         let share = |count: u32| f64::from(count) / f64::from(self.total.max(1));
         // The first bin of each unknown part has all its pixels: it has to be covered as a whole.
         let bright = bin(self.above.bound)..=bin(1.0 / range.shortest_s);
@@ -107,7 +107,7 @@ impl Histogram {
                 _ if below > 0 && at == *dark.start() => share(below),
                 _ => 0.0,
             };
-            (known > 0.0 || is_unknown).then(|| Light { radiance: upper(at), share: known + unknown })
+            (known > 0.0 || is_unknown).then(|| RadianceShare { radiance: upper(at), share: known + unknown })
         });
         light.collect()
     }

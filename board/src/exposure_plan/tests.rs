@@ -1,6 +1,6 @@
 //! Plans against a search over all schedules, and a simulated camera whose light changes.
 
-use super::cover::Light;
+use super::cover::RadianceShare;
 use super::*;
 use crate::calibration::{Frame, Pixels};
 use hemilux_core::{Exposure, Format, Lens, Levels};
@@ -92,8 +92,14 @@ impl Camera {
 }
 
 /// The least number of exposures, of times a quarter of an octave apart, that cover `light`; found by trying all.
-fn fewest(light: &[Light], limits: &Limits) -> usize {
-    fn search(light: &[Light], limits: &Limits, grid: &[f64], times: &mut Vec<f64>, left: usize) -> bool {
+fn fewest(light: &[RadianceShare], limits: &Limits) -> usize {
+    fn search(
+        light: &[RadianceShare],
+        limits: &Limits,
+        grid: &[f64],
+        times: &mut Vec<f64>,
+        left: usize,
+    ) -> bool {
         if is_covered(light, times, limits, &RANGE) {
             return true;
         }
@@ -123,7 +129,8 @@ fn plans_need_at_most_one_exposure_more_than_the_best_of_all_schedules() {
         let n = 1 + (6.0 * random.uniform()) as usize;
         let mut radiances: Vec<_> = (0..n).map(|_| (bright - span * random.uniform()).exp2()).collect();
         radiances.sort_by(|a, b| b.total_cmp(a));
-        let light: Vec<_> = radiances.iter().map(|r| Light { radiance: *r, share: 1.0 / n as f64 }).collect();
+        let light: Vec<_> =
+            radiances.iter().map(|r| RadianceShare { radiance: *r, share: 1.0 / n as f64 }).collect();
         let best = fewest(&light, &limits);
         counts[best] += 1;
         for (used, more) in [(limits, 0), (limits.narrowed(), 1)] {
@@ -139,8 +146,8 @@ fn plans_need_at_most_one_exposure_more_than_the_best_of_all_schedules() {
 #[test]
 fn an_even_scene_needs_one_exposure_and_a_wide_one_more() {
     let limits = limits();
-    let light = |all: &[f64]| -> Vec<Light> {
-        all.iter().map(|r| Light { radiance: *r, share: 1.0 / all.len() as f64 }).collect()
+    let light = |all: &[f64]| -> Vec<RadianceShare> {
+        all.iter().map(|r| RadianceShare { radiance: *r, share: 1.0 / all.len() as f64 }).collect()
     };
     let even = cover(&light(&[100.0, 90.0, 40.0]), &limits, &RANGE);
     assert_eq!(even.len(), 1, "{even:?}");
@@ -174,8 +181,8 @@ fn a_change_of_light_is_settled_within_three_bursts() {
                 assert!(!shown.has_changed || i == settled, "{what}: changed again after burst {i}");
             }
             let last = rest.last().map_or(0, |shown| shown.exposures);
-            let truth =
-                [640.0, 40.0, 10.0].map(|r| Light { radiance: r * before * factor, share: 1.0 / 3.0 });
+            let truth = [640.0, 40.0, 10.0]
+                .map(|r| RadianceShare { radiance: r * before * factor, share: 1.0 / 3.0 });
             let best = fewest(&truth, &limits());
             assert!(last <= best + 1, "{what}: {last} exposures, {best} are enough");
         }

@@ -26,7 +26,7 @@ pub enum Projection {
 const SAMPLES: usize = 4;
 
 /// A way from directions to texels of a source.
-trait Source {
+trait TexelMapping {
     /// Column and row of the texel that shows a unit direction: forward, left, up.
     fn texel(&self, direction: [f64; 3]) -> [f64; 2];
     /// Unit direction of the centre of a texel.
@@ -56,7 +56,7 @@ pub(super) fn to_lat_long(raster: Raster, projection: Projection) -> Result<Rast
     }
 }
 
-fn resample(from: &Raster, source: &impl Source) -> Result<Raster, Refusal> {
+fn resample(from: &Raster, source: &impl TexelMapping) -> Result<Raster, Refusal> {
     let width = source.columns().max(2);
     let height = width / 2;
     let too_large = |_| {
@@ -90,7 +90,7 @@ fn resample(from: &Raster, source: &impl Source) -> Result<Raster, Refusal> {
     Ok(Raster { width, height, texels })
 }
 
-fn index(from: &Raster, source: &impl Source, direction: [f64; 3]) -> usize {
+fn index(from: &Raster, source: &impl TexelMapping, direction: [f64; 3]) -> usize {
     let [column, row] = source.texel(direction);
     let within = |v: f64, count: usize| (v.max(0.0) as usize).min(count - 1);
     within(row, from.height) * from.width + within(column, from.width)
@@ -135,7 +135,7 @@ struct Angular {
     side: f64,
 }
 
-impl Source for Angular {
+impl TexelMapping for Angular {
     fn texel(&self, [forward, left, up]: [f64; 3]) -> [f64; 2] {
         let across = left.hypot(up);
         let radius = across.atan2(forward) / PI;
@@ -165,7 +165,7 @@ struct MirrorBall {
     side: f64,
 }
 
-impl Source for MirrorBall {
+impl TexelMapping for MirrorBall {
     fn texel(&self, [forward, left, up]: [f64; 3]) -> [f64; 2] {
         // The normal halves the angle between the direction and the viewer.
         let length = (2.0 * (1.0 + forward)).max(1e-12).sqrt();
@@ -285,7 +285,7 @@ impl Cube {
     }
 }
 
-impl Source for Cube {
+impl TexelMapping for Cube {
     fn texel(&self, direction: [f64; 3]) -> [f64; 2] {
         let along = |axis: [f64; 3]| direction[0] * axis[0] + direction[1] * axis[1] + direction[2] * axis[2];
         let best = self.faces.iter().max_by(|a, b| along(a.centre).total_cmp(&along(b.centre)));

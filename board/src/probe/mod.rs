@@ -21,7 +21,7 @@ mod worker;
 
 pub use config::{Config, EXTRAPOLATIONS, MERGES, Refusal, extrapolation_name, merge_name};
 pub use durations::DurationLog;
-pub use ladder::{Ladder, Measured, Quality};
+pub use ladder::{FrameTime, Ladder, Quality};
 pub use set_channel::SetChannel;
 pub use settings::Change;
 pub use settings_channel::{Applied, Exposures, SettingsChannel};

@@ -1,7 +1,7 @@
 //! The loop of the processing thread.
 
 use super::compare::SecondarySlot;
-use super::ladder::{Ladder, Measured};
+use super::ladder::{FrameTime, Ladder};
 use super::light_follower::LightFollower;
 use super::ring::Ring;
 use super::settings::SETTINGS;
@@ -204,7 +204,7 @@ impl Worker {
         self.delivery_us = delivery_us.min(self.delivery_us.saturating_add(self.delivery_us / 16 + 1));
         let us = total_us - delivery_us.min(total_us) + self.delivery_us.min(delivery_us);
         let budget_us = self.config.budgets.total();
-        if self.ladder.add(Measured { us, budget_us, now: self.link.started.elapsed() }) {
+        if self.ladder.add(FrameTime { us, budget_us, now: self.link.started.elapsed() }) {
             self.apply_quality();
         }
     }

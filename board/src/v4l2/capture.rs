@@ -2,13 +2,13 @@
 
 use super::access::failed;
 use super::arrivals::Arrivals;
-use super::exposure::{Setting, Unit};
+use super::exposure::{ControlUnit, ExposureSetting};
 use super::formats::Picture;
 use super::frame::{Counters, RawFrame, Taken, stamped_ns};
 use super::measured::Verdict;
 use super::schedule::{Known, MAX_DELAY, Schedule, is_after};
 use super::setup::{self, Agreed, Options, Setup};
-use super::verify::{Levels, Verifier};
+use super::verify::{CodeCurve, Verifier};
 use super::view::View;
 use super::{Call, CameraError, Kernel, Node, Ready, abi, luma, persist};
 use hemilux_core::Response;
@@ -68,9 +68,10 @@ impl Camera {
         let usual = if setup.picture.is_raw() { Response::Linear } else { Response::Srgb };
         let most = setup.picture.max_code();
         let (black, white) = options.levels.map_or((setup.black, 1.0), |l| (l.black / most, l.white / most));
-        let levels = Levels { response: options.response.unwrap_or(usual), black, white };
+        let levels = CodeCurve { response: options.response.unwrap_or(usual), black, white };
         let seconds: Vec<f64> = setup.settings.iter().map(|s| s.seconds).collect();
-        let exposes = setup.knob.as_ref().is_some_and(|k| k.unit != Unit::StandIn) && seconds.len() > 1;
+        let exposes =
+            setup.knob.as_ref().is_some_and(|k| k.unit != ControlUnit::StandIn) && seconds.len() > 1;
         let known = options.delay.or(setup.delay);
         let mut camera = Self {
             path: options.path.clone(),
@@ -107,7 +108,7 @@ impl Camera {
 
     /// Exposures as the camera makes them, ascending; with a stand-in control, in the requested order.
     #[must_use]
-    pub fn settings(&self) -> &[Setting] {
+    pub fn settings(&self) -> &[ExposureSetting] {
         &self.setup.settings
     }
 

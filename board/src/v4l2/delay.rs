@@ -29,7 +29,7 @@ enum Step {
 }
 
 /// The mean brightness of a frame.
-struct Level {
+struct FrameBrightness {
     /// Sequence number of the frame.
     sequence: u32,
     brightness: f32,
@@ -96,7 +96,7 @@ impl Camera {
         let in_time = self.lateness(kernel) <= IN_TIME && self.counters().failed_writes == failed;
         let (mut before, mut found) = (after, Step::Nothing);
         for _ in 0..=MAX_DELAY + 1 {
-            let Level { sequence, brightness } = self.level(kernel)?;
+            let FrameBrightness { sequence, brightness } = self.level(kernel)?;
             if found == Step::Nothing && reached(brightness) {
                 let whole = sequence == before.wrapping_add(1) && in_time;
                 let delay = sequence.wrapping_sub(after).wrapping_sub(1);
@@ -112,7 +112,7 @@ impl Camera {
     }
 
     /// Waits for a complete frame and measures its brightness.
-    fn level(&mut self, kernel: &mut dyn Kernel) -> Result<Level, CameraError> {
+    fn level(&mut self, kernel: &mut dyn Kernel) -> Result<FrameBrightness, CameraError> {
         let mut bytes = Vec::new();
         for _ in 0..MOST_BROKEN {
             let Some(filled) = self.dequeue(kernel, SILENCE.0)? else { continue };
@@ -120,7 +120,7 @@ impl Camera {
             self.queue(filled.buffer.index)?;
             if is_read {
                 let brightness = luma::mean(&self.codes);
-                return Ok(Level { sequence: filled.buffer.sequence, brightness });
+                return Ok(FrameBrightness { sequence: filled.buffer.sequence, brightness });
             }
         }
         let found = format!("{MOST_BROKEN} broken frames in a row ({})", self.counters().broken);

@@ -9,7 +9,7 @@ use super::{Node, abi};
 
 /// A requested exposure and the value of the control that the camera took for it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Setting {
+pub struct ExposureSetting {
     /// Value of the exposure control.
     pub value: i64,
     /// Requested exposure time, seconds.
@@ -24,12 +24,12 @@ pub struct Knob {
     /// Description of the control.
     pub info: Info,
     /// Unit of the control's values.
-    pub unit: Unit,
+    pub unit: ControlUnit,
 }
 
 /// Unit of the values of the exposure control.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Unit {
+pub enum ControlUnit {
     /// Units of 100 us.
     Uvc,
     /// Lines of a sensor; the field is the time of a line in seconds.
@@ -42,10 +42,10 @@ impl Knob {
     /// Finds the exposure control of `node`; `width` is the width of the sensor's frames in pixels.
     pub fn find(node: &mut dyn Node, width: u32) -> Option<Self> {
         if let Some(info) = controls::find(node, abi::EXPOSURE_ABSOLUTE).filter(Info::is_settable) {
-            return Some(Self { info, unit: Unit::Uvc });
+            return Some(Self { info, unit: ControlUnit::Uvc });
         }
         let info = controls::find(node, abi::EXPOSURE).filter(Info::is_settable)?;
-        Some(Self { info, unit: Unit::Lines(line_s(node, width)?) })
+        Some(Self { info, unit: ControlUnit::Lines(line_s(node, width)?) })
     }
 
     /// Returns the shortest and the longest exposure of the control's range, seconds.
@@ -56,7 +56,7 @@ impl Knob {
     }
 }
 
-impl Unit {
+impl ControlUnit {
     /// Returns the seconds of one unit.
     const fn second(self) -> Option<f64> {
         match self {
@@ -264,7 +264,7 @@ pub fn stretch_frame(
     longest_s: f64,
     sensor: Option<&Sensor>,
 ) -> Option<f64> {
-    let Unit::Lines(line) = knob.unit else { return None };
+    let ControlUnit::Lines(line) = knob.unit else { return None };
     let info = controls::find(node, abi::VBLANK)?;
     let reserve = sensor.map_or(RESERVE_LINES, |s| s.reserve_lines);
     let lines = (longest_s / line).ceil().min(1e9) as i64 + reserve;
@@ -333,18 +333,18 @@ fn beside(wanted: i64, info: &Info, most: i64) -> impl Iterator<Item = i64> {
 }
 
 /// Sets each requested exposure, reads it back and returns the settings that the camera took, ascending and without repetition.
-pub fn agree(node: &mut dyn Node, knob: &Knob, wished_s: &[f64], period_s: f64) -> Vec<Setting> {
+pub fn agree(node: &mut dyn Node, knob: &Knob, wished_s: &[f64], period_s: f64) -> Vec<ExposureSetting> {
     let Some(second) = knob.unit.second() else { return Vec::new() };
     // The present range: a sensor's range follows VBLANK.
     let info = controls::find(node, knob.info.id).unwrap_or_else(|| knob.info.clone());
     // A UVC exposure that is longer than the frame interval lengthens the interval or is cut.
-    let most = if knob.unit == Unit::Uvc { (period_s / second) as i64 } else { i64::MAX };
-    let mut agreed: Vec<Setting> = Vec::new();
+    let most = if knob.unit == ControlUnit::Uvc { (period_s / second) as i64 } else { i64::MAX };
+    let mut agreed: Vec<ExposureSetting> = Vec::new();
     for asked_s in wished_s {
         let wanted = ((asked_s / second).round().clamp(1.0, 1e9) as i64).min(most.max(1));
         let wanted = info.nearest(wanted);
         let Some(value) = take_nearest(node, &info, wanted, most.max(1)) else { continue };
-        let setting = Setting { value, asked_s: *asked_s, seconds: value as f64 * second };
+        let setting = ExposureSetting { value, asked_s: *asked_s, seconds: value as f64 * second };
         if setting.seconds > 0.0 && agreed.iter().all(|s| s.value != value) {
             agreed.push(setting);
         }

@@ -43,7 +43,7 @@ const CHANGE: f64 = 0.03;
 
 /// The exposures of a burst: the control's values and the measured ones.
 #[derive(Clone, Debug)]
-pub struct Measured {
+pub struct MeasuredRatios {
     /// Natural logarithms of the control's values in seconds, ascending.
     told: Vec<f64>,
     /// Natural logarithms of the measured values; equal to `told` within 10 %.
@@ -55,7 +55,7 @@ pub struct Measured {
     changes: u64,
 }
 
-impl Measured {
+impl MeasuredRatios {
     /// Creates the table from the control's values, `seconds`, ascending.
     #[must_use]
     pub fn new(seconds: &[f64]) -> Self {
@@ -157,8 +157,8 @@ fn tolerance(logs: &[f64]) -> f64 {
 mod tests {
     use super::*;
 
-    fn noted(seconds: &[f64], ratios: &[(usize, usize, f64)]) -> Measured {
-        let mut measured = Measured::new(seconds);
+    fn noted(seconds: &[f64], ratios: &[(usize, usize, f64)]) -> MeasuredRatios {
+        let mut measured = MeasuredRatios::new(seconds);
         for _ in 0..KEPT {
             ratios.iter().for_each(|(old, new, ratio)| measured.note(*old, *new, ratio.ln()));
         }
@@ -178,7 +178,7 @@ mod tests {
 
     #[test]
     fn a_ratio_within_10_percent_verifies_and_one_beyond_does_not() {
-        let m = Measured::new(&[0.01, 0.08]);
+        let m = MeasuredRatios::new(&[0.01, 0.08]);
         let found = [7.3, 8.7, 9.0, 12.0, 14.0].map(|ratio: f64| m.judge(0, 1, ratio.ln()));
         let expected = [Verdict::Agrees, Verdict::Agrees, Verdict::Near, Verdict::Near, Verdict::Differs];
         assert_eq!(found, expected, "of a ratio of 8");
@@ -186,7 +186,7 @@ mod tests {
 
     #[test]
     fn flicker_and_wrong_tone_curves_change_no_exposure() {
-        let mut flicker = Measured::new(&[0.01, 0.02]);
+        let mut flicker = MeasuredRatios::new(&[0.01, 0.02]);
         (0..40).for_each(|n| flicker.note(0, 1, [1.5f64, 2.5, 1.9][n % 3].ln()));
         assert_eq!(flicker.changes(), 0, "ratios that spread");
         let curve = noted(&[0.001, 0.006], &[(0, 1, 50.0)]);

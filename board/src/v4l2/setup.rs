@@ -1,7 +1,7 @@
 //! Opening of a camera and negotiation of format, rate and manual exposure, with a report of the requested and the granted values.
 
 use super::controls::{self, Info};
-use super::exposure::{self, Held, Knob, Manual, Sensor, Setting, Unit};
+use super::exposure::{self, ControlUnit, ExposureSetting, Held, Knob, Manual, Sensor};
 use super::formats::Mismatch;
 use super::formats::{self, Picture};
 use super::media::wiring::Wiring;
@@ -23,7 +23,7 @@ pub(super) struct Setup {
     /// Controls that keep their values while the camera streams, in the order in which they are set.
     pub held: Vec<Held>,
     /// Exposures of the burst, at least one; without an exposure control exactly one, the frame interval.
-    pub settings: Vec<Setting>,
+    pub settings: Vec<ExposureSetting>,
     /// Part of the sensor that pictures show, if it is known.
     pub view: Option<View>,
     /// Control delay from the table of sensors.
@@ -133,7 +133,7 @@ pub(super) fn exposure_value(setup: &mut Setup) -> Option<i64> {
 /// The exposure control of a camera with its unit and settings.
 struct Exposing {
     knob: Option<Knob>,
-    settings: Vec<Setting>,
+    settings: Vec<ExposureSetting>,
     held: Vec<Held>,
 }
 
@@ -151,9 +151,9 @@ fn expose(
             all.into_iter().find(|i| i.is_settable() && i.name.eq_ignore_ascii_case(&stand_in.control));
         let settings = stand_in.values.iter().zip(&options.exposures_s);
         let settings =
-            settings.map(|(value, s)| Setting { value: *value, asked_s: *s, seconds: *s }).collect();
+            settings.map(|(value, s)| ExposureSetting { value: *value, asked_s: *s, seconds: *s }).collect();
         if let Some(info) = info {
-            let knob = Some(Knob { info, unit: Unit::StandIn });
+            let knob = Some(Knob { info, unit: ControlUnit::StandIn });
             return Exposing { knob, settings, held: Vec::new() };
         }
     }
@@ -178,11 +178,11 @@ fn expose(
             return Exposing { knob: Some(knob), settings, held };
         }
     }
-    let whole = Setting { value: 0, asked_s: *period_s, seconds: *period_s };
+    let whole = ExposureSetting { value: 0, asked_s: *period_s, seconds: *period_s };
     Exposing { knob: None, settings: vec![whole], held }
 }
 
 /// Writes a setting's value to the exposure control.
-pub(super) fn write(node: &mut dyn Node, info: &Info, setting: &Setting) -> Result<(), Errno> {
+pub(super) fn write(node: &mut dyn Node, info: &Info, setting: &ExposureSetting) -> Result<(), Errno> {
     controls::set(node, info, setting.value)
 }

@@ -3,9 +3,9 @@
 //! Where two frames show the same light, the ratio of their relative exposures equals that of their exposure times. The median ratio over
 //! the samples that are neither dark nor clipped in either frame is compared with the predicted ratio; within 10 % the frame is verified.
 //! When ratios contradict the schedule repeatedly, the delay that explains them replaces the current one; when they deviate from the
-//! control's values by a constant factor, [`Measured`] adopts the factor.
+//! control's values by a constant factor, [`MeasuredRatios`] adopts the factor.
 
-use super::measured::{Measured, Verdict};
+use super::measured::{MeasuredRatios, Verdict};
 use super::schedule::{MAX_DELAY, Schedule};
 use hemilux_core::Response;
 use std::collections::VecDeque;
@@ -25,7 +25,7 @@ const DISAGREEING: usize = 4;
 
 /// Meaning of a camera's codes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Levels {
+pub struct CodeCurve {
     /// Camera response from codes to relative exposure.
     pub response: Response,
     /// Relative code of black.
@@ -37,8 +37,8 @@ pub struct Levels {
 /// Comparison of each frame with the frame before it.
 #[derive(Debug)]
 pub struct Verifier {
-    levels: Levels,
-    measured: Measured,
+    levels: CodeCurve,
+    measured: MeasuredRatios,
     before: Option<u32>,
     codes: Vec<f32>,
     ratios: Vec<f32>,
@@ -59,10 +59,10 @@ struct FramePair {
 impl Verifier {
     /// Creates a comparison for frames with exposures of `seconds`.
     #[must_use]
-    pub fn new(levels: Levels, seconds: &[f64]) -> Self {
+    pub fn new(levels: CodeCurve, seconds: &[f64]) -> Self {
         Self {
             levels,
-            measured: Measured::new(seconds),
+            measured: MeasuredRatios::new(seconds),
             before: None,
             codes: Vec::new(),
             ratios: Vec::new(),
@@ -90,7 +90,7 @@ impl Verifier {
 
     /// The exposures as measured from the ratios.
     #[must_use]
-    pub fn measured(&self) -> &Measured {
+    pub fn measured(&self) -> &MeasuredRatios {
         &self.measured
     }
 
@@ -122,7 +122,7 @@ impl Verifier {
 
     /// Returns the natural logarithm of the median ratio of relative exposures, newer to older.
     fn log_ratio(&mut self, codes: &[f32]) -> Option<f64> {
-        let Levels { response, black, white } = self.levels;
+        let CodeCurve { response, black, white } = self.levels;
         let relative = |code: f32| ((f64::from(code) - black) / (white - black)) as f32;
         self.ratios.clear();
         for (old, new) in self.codes.iter().zip(codes) {

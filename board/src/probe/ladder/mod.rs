@@ -45,7 +45,7 @@ const NEWEST: f32 = 0.2;
 
 /// The duration of one frame.
 #[derive(Clone, Copy, Debug)]
-pub struct Measured {
+pub struct FrameTime {
     /// From the end of the burst to the finished set, microseconds.
     pub us: u32,
     /// The budget of that, microseconds.
@@ -125,7 +125,7 @@ impl Ladder {
     }
 
     /// Adds the duration of a frame; true where the quality of the next frame is another one.
-    pub fn add(&mut self, frame: Measured) -> bool {
+    pub fn add(&mut self, frame: FrameTime) -> bool {
         self.frames = self.frames.saturating_add(1);
         self.learn(frame.us as f32);
         let is_over = frame.us > frame.budget_us;
@@ -160,7 +160,7 @@ impl Ladder {
         }
     }
 
-    fn has_room(&self, frame: &Measured) -> bool {
+    fn has_room(&self, frame: &FrameTime) -> bool {
         let Some(richer) = self.level.checked_sub(1) else { return false };
         let predicted = self.cost_us * self.ratios[richer];
         let since = frame.now.saturating_sub(self.stepped_at);

@@ -34,7 +34,7 @@ impl Run {
             let us = cost(self.ladder.quality(), slowdown) * (1.0 + noise * (2.0 * random - 1.0));
             let now = Duration::from_millis(100) * self.frame;
             self.within.push(us <= BUDGET_US as f32);
-            self.ladder.add(Measured { us: us as u32, budget_us: BUDGET_US, now });
+            self.ladder.add(FrameTime { us: us as u32, budget_us: BUDGET_US, now });
             self.levels.push(self.ladder.level);
         }
     }

@@ -2,8 +2,8 @@
 
 use super::action::{Action, Part};
 use crate::calibrate::{
-    Calibrated, Circle, CircleLens, FactorReading, FittedResponse, FittedVignetting, Grey, Guide, Kept,
-    Method, Offer, Reading, Request, Shown, Stated, Unseen, circle_lens, exposed_frames, find_circle,
+    Calibrated, Circle, CircleLens, CodedPicture, FactorReading, FittedResponse, FittedVignetting, Grey,
+    Guide, Kept, Method, Offer, Reading, Request, Stated, Unseen, circle_lens, exposed_frames, find_circle,
     fit_response, fit_vignetting, flat_field, grey_of, keep_reading, measure, screen, write, write_circle,
     write_response, write_vignetting,
 };
@@ -208,7 +208,7 @@ impl Session {
             let Some(grey) = plain(frame, &view.calibration) else { continue };
             self.size = Some(grey.size());
             if let Some(mut reading) =
-                screen(&lens, &Shown { grey: &grey, response: &view.calibration.response })
+                screen(&lens, &CodedPicture { grey: &grey, response: &view.calibration.response })
             {
                 // Radiance: pictures of the same screen in different exposures agree.
                 reading.light /= frame.exposure.seconds * frame.exposure.gain;
@@ -228,7 +228,7 @@ impl Session {
             return Err(Refusal::new("vignetting", "found clipped pictures, expected one exposure without"));
         };
         self.size = Some(grey.size());
-        self.add(flat_field(&lens, &Shown { grey: &grey, response: &view.calibration.response }))
+        self.add(flat_field(&lens, &CodedPicture { grey: &grey, response: &view.calibration.response }))
     }
 
     fn add(&mut self, readings: Vec<Reading>) -> Result<(), Refusal> {

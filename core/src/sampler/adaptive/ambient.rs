@@ -60,7 +60,7 @@ pub(super) struct Ambient {
 }
 
 /// The residual of a quad.
-pub(super) struct Residual {
+pub(super) struct QuadResidual {
     /// Direction of the quad's centre.
     pub(super) direction: Vec3,
     /// Luminance energy of the map below the ceiling minus that of the fit; may be negative.
@@ -186,11 +186,11 @@ impl Ambient {
     }
 
     /// Returns the residual of each quad.
-    pub(super) fn residuals(&self, map: &PyramidView<'_>) -> impl Iterator<Item = Residual> {
+    pub(super) fn residuals(&self, map: &PyramidView<'_>) -> impl Iterator<Item = QuadResidual> {
         (0..self.domain.quads(self.order)).map(|ipix| {
             let fit = self.level[ipix] * omega(self.domain, self.order, ipix as u32);
             let kept = map.quad(self.order, ipix as u32).y() - self.excess[at(self.order, ipix)].y();
-            Residual { direction: self.directions[ipix], y: kept - fit }
+            QuadResidual { direction: self.directions[ipix], y: kept - fit }
         })
     }
 }

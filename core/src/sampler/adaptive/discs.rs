@@ -111,7 +111,7 @@ impl Steering<'_> {
 }
 
 /// A part of a light's disc.
-pub(super) struct Part {
+pub(super) struct DiscPart {
     /// Direction of the centre.
     pub(super) at: Vec3,
     /// Angular radius, radians.
@@ -124,7 +124,7 @@ pub(super) struct Part {
 ///
 /// The parts form pairs on opposite sides of the centre, and each pair is rotated by the golden angle from the last, so that their mean is
 /// the centre of the disc.
-pub(super) fn parts(light: &Light, lights: usize) -> impl Iterator<Item = Part> {
+pub(super) fn parts(light: &Light, lights: usize) -> impl Iterator<Item = DiscPart> {
     let each =
         if lights <= FITTED { (PARTS / lights.max(1)).clamp(EACH.0, EACH.1) } else { SOURCES / lights };
     let count = if each < FEWEST_PARTS { 1.0 } else { (each & !1) as f32 };
@@ -142,7 +142,7 @@ pub(super) fn parts(light: &Light, lights: usize) -> impl Iterator<Item = Part> 
         let z = if count > 1.0 { 1.0 - height * ((i & !1) as f32 + 1.0) / count } else { 1.0 };
         let r = root((1.0 - z * z).max(0.0));
         let at = light.direction * z + (across * turn.0 + up * turn.1) * r;
-        Part { at, radius: radius / root(count), share: 1.0 / count }
+        DiscPart { at, radius: radius / root(count), share: 1.0 / count }
     })
 }
 
