@@ -54,9 +54,9 @@ const MOST: usize = 256;
 /// A probe that was found on the network.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Found {
-    /// Its name.
+    /// Name of the probe.
     pub name: String,
-    /// Its addresses, `http://HOST:PORT/`.
+    /// Addresses of the probe, `http://HOST:PORT/`.
     pub urls: Vec<String>,
     /// Version of its program.
     pub version: String,
@@ -83,7 +83,7 @@ pub fn browse(time: Duration) -> Result<Vec<Found>, mdns_sd::Error> {
     Ok(found.into_values().collect())
 }
 
-/// What an announcement says. Control characters of foreign text become spaces.
+/// Reads an announcement. Control characters of foreign text become spaces.
 fn found_of(service: &ResolvedService) -> Found {
     let plain = |text: &str| text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect::<String>();
     let usable = service.get_addresses().iter().map(|address| address.to_ip_addr());

@@ -1,4 +1,4 @@
-//! What became of a camera's exposures and frames, for `/v1/status` and `/metrics`.
+//! Counters and states of a camera's exposures and frames, for `/v1/status` and `/metrics`.
 
 use serde::Serialize;
 
@@ -41,7 +41,7 @@ pub struct ExposureStatus {
 /// The part of a sensor that pictures show.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct ViewStatus {
-    /// Its share of the sensor, 0 to 1.
+    /// Share of the sensor's area that pictures show, 0 to 1.
     pub share: f64,
     /// Left, top, width and height in sensor pixels.
     pub crop: [u32; 4],

@@ -180,7 +180,7 @@ struct Serve {
 /// The failure of a command: one line and an exit status.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Failure {
-    /// What was found and what was expected.
+    /// The found and the expected value, in words.
     pub line: String,
     /// 2 for wrong usage, 1 for everything else.
     pub status: u8,

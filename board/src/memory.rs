@@ -28,7 +28,7 @@ pub struct MemoryPlan {
     tier: usize,
 }
 
-/// Lights that every sampler can give: their state does not depend on them.
+/// Number of lights that every sampler can return without additional memory.
 const SMALL: usize = 12;
 
 impl MemoryPlan {

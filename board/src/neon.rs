@@ -1,4 +1,4 @@
-//! A processor without NEON is told so, instead of being given instructions that it does not have.
+//! Ends the program with a message on a processor without NEON, before the program executes an instruction of NEON.
 //!
 //! ARMv7 programs are built with NEON, which any of their functions may use, `main` included. So the check runs before: the loader
 //! calls it ahead of everything else of the program. The C library and Rust's are built without NEON.
@@ -11,7 +11,7 @@ const LINE: &[u8] = b"hemilux: found a processor without NEON, expected ARMv7 wi
 /// The kernel's bit, of `asm/hwcap.h`.
 const HWCAP_NEON: libc::c_ulong = 1 << 12;
 
-/// As for any failure.
+/// Exit status of a failure.
 const STATUS: libc::c_int = 1;
 
 // SAFETY: entries of this section are functions that the loader calls one by one, with arguments that C's convention lets us ignore.

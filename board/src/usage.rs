@@ -1,4 +1,4 @@
-//! What the command lines of all programs share: refusals on one line, completions for shells, and man pages.
+//! Shared parts of all command lines: refusals on one line, completions for shells, and man pages.
 
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Command, CommandFactory};
@@ -6,7 +6,7 @@ pub use clap_complete::Shell;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// What a command line that names no command to run comes to.
+/// Result of a command line that names no command.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Explained {
     /// Help or a version, for stdout.
@@ -129,12 +129,12 @@ mod tests {
 
     #[derive(Debug, Subcommand)]
     enum Tree {
-        /// Plants one.
+        /// Plants a tree.
         Plant {
-            /// Its kind.
+            /// Kind of the tree.
             #[arg(long, value_enum)]
             kind: Option<Kind>,
-            /// Its age, years.
+            /// Age of the tree, years.
             #[arg(long)]
             age: Option<u32>,
         },

@@ -57,7 +57,7 @@ impl Export {
     /// `frames_left_out`.
     ///
     /// # Errors
-    /// The same as those of [`Export::print`].
+    /// The errors of [`Export::print`].
     pub fn print_with(
         &self,
         set: &LightSet<'_>,

@@ -140,7 +140,7 @@ fn codes(frame: &Frame) -> Box<dyn Iterator<Item = u32> + '_> {
     }
 }
 
-/// Deviation of a measured ratio from the declared one that is told.
+/// Deviation of a measured ratio from the declared one from which a note is printed.
 const CONTRADICTION: f64 = 0.1;
 
 /// Prints the ratios on standard error, and proposes to use them where they contradict the stated exposure times.

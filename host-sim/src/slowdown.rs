@@ -24,7 +24,7 @@ const RECEIVERS: usize = 512;
 /// Bursts of the recording, with other noise in each.
 const BURSTS: usize = 8;
 
-/// What the frames at one factor have come to.
+/// Results of the frames at one factor.
 struct Row {
     factor: f32,
     /// Durations of the settled frames, microseconds, rising.

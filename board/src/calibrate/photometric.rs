@@ -322,7 +322,7 @@ fn radiance(pipeline: &Pipeline, direction: DVec3) -> f64 {
 /// Least number of texels of a patch.
 const FEWEST_TEXELS: usize = 12;
 
-/// Returns the Gaussian-weighted mean radiance of a patch, and its standard deviation as caused by its unevenness.
+/// Returns the Gaussian-weighted mean radiance of a patch and the standard deviation of the mean that the unevenness of the patch causes.
 fn patch(pipeline: &Pipeline, outline: &[DVec2]) -> Result<Level, PhotometricRefusal> {
     let lens = pipeline.calibration().lens;
     let (order, quads) = (pipeline.front().order().get(), pipeline.sketch(u8::MAX));

@@ -101,10 +101,10 @@ struct ResponseOptions {
     force: bool,
 }
 
-/// What is printed on the board.
+/// Options that describe the printed board.
 #[derive(Debug, Args)]
 pub(super) struct PrintedOptions {
-    /// What is printed.
+    /// Kind of the printed pattern.
     #[arg(long, value_enum, default_value = "chessboard")]
     kind: KindOption,
     /// Inner corners, the points where four squares meet, columns by rows; of an AprilGrid, the tags.

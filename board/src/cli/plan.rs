@@ -47,7 +47,7 @@ pub(super) struct Peers {
 
 #[cfg(any(feature = "osc", feature = "mqtt"))]
 impl Peers {
-    /// Those of the file and of the options; an error names the key of the file.
+    /// Combines the values of the file and of the options; an error names the key of the file.
     fn of(options: &Serve, kept: &Kept) -> Result<Self, (&'static str, String)> {
         #[cfg(feature = "osc")]
         let osc = kept.osc.iter().map(|text| text.parse()).collect::<Result<Vec<_>, String>>();

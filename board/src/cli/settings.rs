@@ -33,7 +33,7 @@ fn option(setting: &'static Setting) -> Arg {
     }
 }
 
-/// What `setting` expects, and of a choice the word that `word` is likely to mean.
+/// Returns the values that `setting` accepts, and for a choice the accepted word that is most similar to `word`.
 fn refusal(setting: &Setting, word: &str) -> String {
     let similar = match setting.kind {
         Kind::Choice(words) => usage::closest(word, words.iter().copied()),

@@ -36,11 +36,11 @@ const SAME_EXPOSURE: f32 = 1.2;
 /// Share of different samples from which a frame can be torn.
 const TORN_SHARE: f32 = 0.04;
 
-/// What two frames of different exposure show of each other.
+/// Comparison of two frames of different exposure.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Comparison {
     /// The shorter exposure against what the longer one predicts, and the longer one against what the shorter one predicts.
-    levels: [CodeLimits; 2],
+    levels: [Deviating; 2],
     /// Logarithm of the median ratio of radiances, 0 where both exposures are as stated; none where too few samples can be compared.
     pub log_ratio: Option<f32>,
     /// Share of the samples whose ratio differs from the median one.
@@ -53,12 +53,12 @@ pub(super) struct Comparison {
 
 /// Samples of one frame that are darker or brighter than predicted.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct CodeLimits {
+struct Deviating {
     dark: Share,
     bright: Share,
 }
 
-impl CodeLimits {
+impl Deviating {
     /// Adds the sample `found` where `expected` was predicted.
     fn add(&mut self, found: f32, expected: f32, least: f32) {
         if expected >= least / 2.0 {
@@ -69,7 +69,7 @@ impl CodeLimits {
         }
     }
 
-    /// A frame that is black or saturated as a whole.
+    /// Returns the fault of a frame that is black or saturated as a whole.
     fn fault(&self) -> Option<FrameFault> {
         if self.dark.is_nearly_all() {
             return Some(FrameFault::Black);

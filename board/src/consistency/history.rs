@@ -1,4 +1,4 @@
-//! What a pair of exposures has shown in the bursts before.
+//! Statistics of a pair of exposures over the earlier bursts.
 
 use super::compare::Comparison;
 use hemilux_core::wire::FrameFault;
@@ -38,7 +38,7 @@ pub(super) struct History {
 }
 
 impl History {
-    /// What is expected of the first and the last of three frames: `self` is that of the first two, `other` that of the last two.
+    /// Computes the statistics of the first and the last of three frames from those of the first two, `self`, and of the last two, `other`.
     pub fn joined(&self, other: &Self) -> Self {
         Self {
             bursts: self.bursts.min(other.bursts),

@@ -28,7 +28,7 @@ pub struct Inspector {
     grid: Grid,
     frames: Vec<Sampled>,
     scratch: Scratch,
-    /// What the neighbours in exposure have shown, by the index of the shorter one.
+    /// Statistics of each pair of neighbouring exposures, by the index of the shorter one.
     history: [History; MAX_EXPOSURES],
     is_uncertain: bool,
 }
@@ -132,7 +132,7 @@ impl Inspector {
     }
 }
 
-/// What a comparison says of the shorter and of the longer exposure.
+/// Returns the verdicts of a comparison on the shorter and on the longer exposure.
 fn verdict(seen: &Comparison, history: &mut History) -> [Verdict; 2] {
     let shared = match history.judge(seen) {
         Some(fault) => Verdict::Differs(fault),
@@ -145,7 +145,7 @@ fn verdict(seen: &Comparison, history: &mut History) -> [Verdict; 2] {
     seen.level_faults().map(|fault| fault.map_or(shared, Verdict::Is))
 }
 
-/// What the comparison of a frame with another one shows.
+/// Result of the comparison of a frame with another frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Verdict {
     /// Too few samples can be compared.
@@ -185,7 +185,7 @@ impl Verdicts {
 
 /// A wrong frame.
 struct Wrong {
-    /// Its position among the frames that were kept before.
+    /// Position of the frame among the frames that were kept before.
     at: usize,
     fault: FrameFault,
     /// Whether the other frames agree with each other, as far as they could be compared.
@@ -226,7 +226,7 @@ fn worst(kept: &[usize], verdicts: &Verdicts) -> Option<Wrong> {
 /// A frame of a recorded burst that was left out.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LeftOut {
-    /// Its file.
+    /// File of the frame.
     pub file: String,
     /// Index in ascending order of exposure.
     pub index: usize,

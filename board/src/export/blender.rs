@@ -8,7 +8,7 @@ const LOSSES: [&str; 2] = [
     "run it again with another set: suns are matched by id, those that are gone are removed",
 ];
 
-/// What the script does with its table of lights.
+/// The part of the script that creates lights from its table.
 const PROGRAM: &str = r#"
 import math
 import bpy

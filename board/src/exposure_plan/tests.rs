@@ -43,7 +43,7 @@ struct Camera {
     planner: Planner,
 }
 
-/// What a burst showed.
+/// Properties of a burst of the simulated camera.
 struct Shown {
     /// Share of the pixels that are saturated in the shortest exposure.
     clipped: f64,

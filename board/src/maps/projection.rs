@@ -25,7 +25,7 @@ pub enum Projection {
 /// Samples along each side of a target texel.
 const SAMPLES: usize = 4;
 
-/// A way from directions to texels of a source.
+/// Mapping between directions and texels of a projection.
 trait TexelMapping {
     /// Column and row of the texel that shows a unit direction: forward, left, up.
     fn texel(&self, direction: [f64; 3]) -> [f64; 2];

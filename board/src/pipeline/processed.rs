@@ -1,4 +1,4 @@
-//! What a burst has become, and the lights of a sampler.
+//! Results of the pipeline for a burst: map statistics and the lights of a sampler.
 
 use super::Times;
 use hemilux_core::mains::Flicker;

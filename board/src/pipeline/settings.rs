@@ -1,4 +1,4 @@
-//! What a user chooses of a pipeline, and why a pipeline refuses it.
+//! Settings of a pipeline, and the errors of their combination.
 
 use crate::samplers::{self, SamplerError, Tuning};
 use hemilux_core::mains::Lamps;
@@ -94,7 +94,7 @@ pub enum PipelineError {
     /// Frames that do not fit.
     #[error("burst: found {0}, expected frames as calibrated")]
     Burst(BurstError),
-    /// Anything else that the front end refuses.
+    /// Another error of the front end.
     #[error("calibration: found {0}, expected one that the core can process")]
     Front(FrontError),
 }

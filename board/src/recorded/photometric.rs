@@ -48,7 +48,7 @@ struct Table {
 struct Class {
     factor: f64,
     uncertainty: f64,
-    /// What was measured; `hemilux calibrate photometric` combines it.
+    /// The single readings, which `hemilux calibrate photometric` combines.
     #[allow(dead_code, reason = "checked for its type alone")]
     reading: Option<Vec<toml::Table>>,
 }

@@ -5,7 +5,7 @@ mod address;
 pub use address::Broker;
 
 use super::discovery::{self, Topics};
-use super::newest::{Newest, News};
+use super::newest::{Newest, SetUpdate};
 use super::{Changes, Sender, colour};
 use crate::light_set::OwnedSet;
 use crate::probe::Link;
@@ -152,10 +152,10 @@ struct Units {
 }
 
 impl Units {
-    fn of(self, news: &News) -> Unit {
+    fn of(self, news: &SetUpdate) -> Unit {
         match (self.lux, news) {
-            (None, News::Fresh(set) | News::Stale(set, _)) => set.unit,
-            (None, News::None(_)) => Unit::Relative,
+            (None, SetUpdate::Fresh(set) | SetUpdate::Stale(set, _)) => set.unit,
+            (None, SetUpdate::None(_)) => Unit::Relative,
             (Some(_), _) => Unit::Lux,
         }
     }
@@ -166,11 +166,11 @@ impl Units {
 }
 
 /// The state message. A probe whose source has failed has a problem; its figures are then those of the last set.
-fn state(news: &News, units: Units, rate_hz: f32) -> Value {
+fn state(news: &SetUpdate, units: Units, rate_hz: f32) -> Value {
     let (set, reason) = match news {
-        News::Fresh(set) => (Some(set), String::new()),
-        News::Stale(set, staleness) => (Some(set), staleness.reason.clone()),
-        News::None(reason) => (None, reason.clone()),
+        SetUpdate::Fresh(set) => (Some(set), String::new()),
+        SetUpdate::Stale(set, staleness) => (Some(set), staleness.reason.clone()),
+        SetUpdate::None(reason) => (None, reason.clone()),
     };
     let rounded = |value: f32, digits: i32| {
         let scale = 10f64.powi(digits);
@@ -201,7 +201,7 @@ mod tests {
 
     #[test]
     fn the_state_has_the_figures_of_the_set() {
-        let found = state(&News::Fresh(set()), Units { lux: Some(150.0) }, 10.0);
+        let found = state(&SetUpdate::Fresh(set()), Units { lux: Some(150.0) }, 10.0);
         assert_eq!(found["illuminance"], 300.0, "2 units of 150 lx");
         assert_eq!((&found["clipped"], &found["problem"]), (&json!(1.25), &json!("OFF")), "{found}");
         let kelvins = found["colour_temperature"].as_f64().expect("a temperature");
@@ -211,9 +211,9 @@ mod tests {
     #[test]
     fn a_source_that_has_failed_is_a_problem_with_its_reason() {
         let staleness = Stale { age_ms: 9, reason: "/dev/video0: unplugged".into() };
-        let stale = state(&News::Stale(set(), staleness), Units { lux: None }, 0.0);
+        let stale = state(&SetUpdate::Stale(set(), staleness), Units { lux: None }, 0.0);
         assert_eq!((&stale["problem"], &stale["frame"]), (&json!("ON"), &json!(7)), "{stale}");
-        let none = state(&News::None("no burst".into()), Units { lux: None }, 0.0);
+        let none = state(&SetUpdate::None("no burst".into()), Units { lux: None }, 0.0);
         assert_eq!((&none["problem"], &none["illuminance"]), (&json!("ON"), &Value::Null), "{none}");
     }
 }

@@ -11,9 +11,9 @@ use tokio::sync::watch;
 /// Time without a new set after which the last one is reported as stale.
 const LONGEST_WAIT: Duration = Duration::from_millis(1500);
 
-/// The news for a sender.
+/// An update for a sender.
 #[derive(Clone, Debug)]
-pub(super) enum News {
+pub(super) enum SetUpdate {
     /// A set that was not reported before.
     Fresh(Arc<OwnedSet>),
     /// The last set, and why there is no newer one.
@@ -38,13 +38,13 @@ impl Newest {
     }
 
     /// The next set, or after 1.5 s the state of the last one. Sets that were published in between are skipped.
-    pub(super) async fn next(&mut self) -> News {
+    pub(super) async fn next(&mut self) -> SetUpdate {
         let until = tokio::time::Instant::now() + LONGEST_WAIT;
         loop {
             match self.now() {
                 Some(set) if self.frame != Some(set.frame) => {
                     self.frame = Some(set.frame);
-                    return News::Fresh(set);
+                    return SetUpdate::Fresh(set);
                 }
                 last => {
                     if tokio::time::timeout_at(until, self.link.sets().newer(&self.seen)).await.is_err() {
@@ -65,13 +65,13 @@ impl Newest {
         }
     }
 
-    fn late(&self, last: Option<Arc<OwnedSet>>) -> News {
+    fn late(&self, last: Option<Arc<OwnedSet>>) -> SetUpdate {
         match last {
             Some(set) => {
                 let staleness = self.link.staleness(&set);
-                News::Stale(set, staleness)
+                SetUpdate::Stale(set, staleness)
             }
-            None => News::None(
+            None => SetUpdate::None(
                 self.link.status().failure().unwrap_or_else(|| "the source has not given a burst".into()),
             ),
         }

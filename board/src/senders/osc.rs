@@ -1,6 +1,6 @@
 //! Light sets as bundles of Open Sound Control 1.0 over UDP. `board/MESSAGES.md` lists the addresses.
 
-use super::newest::{Newest, News};
+use super::newest::{Newest, SetUpdate};
 use super::slots::Slots;
 use super::{Changes, Sender};
 use crate::light_set::OwnedSet;
@@ -141,9 +141,9 @@ async fn send_sets(
     let began = Instant::now();
     loop {
         let (set, stale) = match newest.next().await {
-            News::Fresh(set) => (set, None),
-            News::Stale(set, staleness) => (set, Some(staleness)),
-            News::None(reason) => {
+            SetUpdate::Fresh(set) => (set, None),
+            SetUpdate::Stale(set, staleness) => (set, Some(staleness)),
+            SetUpdate::None(reason) => {
                 tracing::debug!("OSC: no set to send: {reason}");
                 continue;
             }

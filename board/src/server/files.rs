@@ -17,7 +17,7 @@ pub(super) struct File {
     packed: OnceLock<Packed>,
 }
 
-/// What is computed of a file at its first request.
+/// Compressed bytes and tag of a file, computed at its first request.
 struct Packed {
     gzip: Bytes,
     tag: HeaderValue,

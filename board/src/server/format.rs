@@ -22,7 +22,7 @@ pub(super) enum Format {
     Binary,
     /// JSON as a server-sent event.
     Event,
-    /// The same as a part of a gzip stream.
+    /// An event as a part of a gzip stream.
     PackedEvent,
     /// The values of a WebXR light estimate.
     Estimate,

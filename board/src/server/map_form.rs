@@ -26,7 +26,7 @@ impl MapForm {
     /// Reads the query. `marks` tells whether lights can be drawn; the default is the sphere unless `hemisphere`.
     ///
     /// # Errors
-    /// What was found, and the parameters with their values, one a line.
+    /// The found text, and the accepted parameters with their values, one on each line.
     pub(super) fn of(uri: &Uri, hemisphere: bool, marks: bool) -> Result<Self, String> {
         let refused = |found: &str| format!("found {found}. Accepted:\n{}", accepted(marks));
         let Ok(Query(pairs)) = Query::<Vec<(String, String)>>::try_from_uri(uri) else {

@@ -116,7 +116,7 @@ struct HandlerState {
     library: Library,
     /// Held while a source is opened.
     opening: tokio::sync::Mutex<()>,
-    /// True when the server is told to stop: streams end.
+    /// True once the server stops: streams end.
     stop: Arc<watch::Sender<bool>>,
 }
 

@@ -99,7 +99,7 @@ pub(super) fn is_allowed(origin: &HeaderValue, allowed: &[String]) -> bool {
 /// Whether a request has a header that browsers send by themselves: a User-Agent with `Mozilla/`, Accept-Language,
 /// Upgrade-Insecure-Requests, or one that begins with `Sec-` (but for those of WebSockets).
 ///
-/// A program that sends one of them is taken for a browser; with `Authorization: Bearer` or its own Origin it may still change settings.
+/// A program that sends one of these headers counts as a browser; with `Authorization: Bearer` or its own Origin it may still change settings.
 pub(super) fn is_browser(headers: &HeaderMap) -> bool {
     let has_prefix = |name: &str| name.starts_with("sec-") && !name.starts_with("sec-websocket-");
     headers.get(USER_AGENT).is_some_and(|agent| agent.as_bytes().windows(8).any(|w| w == b"Mozilla/"))

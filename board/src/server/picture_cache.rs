@@ -57,10 +57,10 @@ pub(super) enum View<T> {
     None,
 }
 
-/// What is told of a picture beside it.
+/// Facts about a picture that its answer states in headers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Told {
-    /// Nothing.
+    /// No header.
     Nothing,
     /// The exposure that it shows.
     Shot(Shot),

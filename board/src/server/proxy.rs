@@ -48,7 +48,7 @@ impl Client {
 /// The statements of the headers of a forwarded request.
 #[derive(Debug, Default)]
 struct Forwarding {
-    /// The addresses that the request has come from, the last proxy's entry last; `None` for one that is not told.
+    /// The addresses that the request has come from, the last proxy's entry last; `None` for an address that a proxy does not state.
     addresses: Vec<Option<IpAddr>>,
     scheme: Option<Scheme>,
 }

@@ -56,7 +56,7 @@ impl Library {
     }
 }
 
-/// What `folder` holds, in the order of the names.
+/// Returns the sources in `folder`, sorted by name.
 fn listed(folder: &Path) -> Vec<Choice> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().take(MOST);
     let mut paths: Vec<PathBuf> = entries.filter_map(|e| e.ok().map(|e| e.path())).collect();
@@ -64,7 +64,7 @@ fn listed(folder: &Path) -> Vec<Choice> {
     paths.iter().flat_map(|path| sources(path)).collect()
 }
 
-/// The sources at `path`: a recording, or a map as a lens sees it and as a whole.
+/// The sources at `path`: a recording, or a map through a lens and as a whole.
 fn sources(path: &Path) -> Vec<Choice> {
     let as_is = |kind: &str, options: &str| {
         let spec: Spec = format!("{kind}:{}{options}", path.to_str()?).parse().ok()?;

@@ -44,10 +44,10 @@ pub struct Lux {
 
 /// Gives one burst after the other.
 pub trait Source: Send {
-    /// What is known of its camera. It changes only with a burst: that of a camera which came later than the source was opened.
+    /// The calibration of the source's camera. The value changes only during [`Source::next`], when a camera is connected after the source was opened.
     fn calibration(&self) -> &Calibration;
 
-    /// Exposures of its bursts, ascending.
+    /// Exposures of the source's bursts, ascending.
     fn exposures(&self) -> Vec<Exposure>;
 
     /// The photometric calibration of the source; `None` if its radiance is relative.
@@ -70,7 +70,7 @@ pub trait Source: Send {
         &[]
     }
 
-    /// Changes the exposures to these times, seconds, rising; `None` for its own. The next burst has them.
+    /// Sets the exposure times of the next bursts, seconds, ascending; `None` restores the source's own.
     ///
     /// # Errors
     /// The reason of a refusal; nothing changes then.
@@ -78,15 +78,15 @@ pub trait Source: Send {
         Err(format!("found exposures, expected none: {}", self.fixed_exposures().unwrap_or_default()))
     }
 
-    /// Writes what became of its camera's exposures and frames into `status`; false where it is no camera.
+    /// Writes the states and counters of the source's camera into `status`; returns false for a source without a camera.
     fn camera(&self, _status: &mut CameraStatus) -> bool {
         false
     }
 
     /// Waits for the next burst and fills `burst`, reusing its memory.
     ///
-    /// It returns within half a second, with [`SourceError::NotYet`] when there is no burst by then, so that the caller can look
-    /// after other things.
+    /// It returns within half a second, with [`SourceError::NotYet`] when there is no burst by then, so that the caller can do
+    /// other work.
     ///
     /// # Errors
     /// [`SourceError`]; the next call tries again.
@@ -99,7 +99,7 @@ pub enum SourceError {
     /// The next burst is not due; this is no fault.
     #[error("no burst is due")]
     NotYet,
-    /// A burst that cannot be used; the next may be good.
+    /// A burst that cannot be used; the next one may be valid.
     #[error("{0}")]
     Broken(String),
     /// The source is gone; it may come back.
@@ -218,7 +218,7 @@ impl std::fmt::Display for Spec {
 }
 
 impl Spec {
-    /// The name that every client is told: of files and folders the last component alone, without options.
+    /// Returns the name that clients receive: of files and folders the last component of the path, without options.
     #[must_use]
     pub fn public_name(&self) -> String {
         let last = |path: &Path| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();

@@ -10,7 +10,7 @@ use crate::pixel_table::CHUNK;
 use crate::pyramid::Quad;
 use crate::tally::Tally;
 
-/// What the light of chunks is added to.
+/// The sums to which the light of chunks is added.
 pub(super) struct Target<'t> {
     /// Runs and weights of the pixels that are not added yet.
     pub(super) runs: Runs<'t>,

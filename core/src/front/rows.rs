@@ -20,7 +20,7 @@ pub(crate) struct Scratch<'s> {
     saturated: u32,
 }
 
-/// What is done with the codes of a part.
+/// Processing of the unpacked codes of a part.
 pub(crate) trait Reader {
     /// Whether bytes of three channels are needed as separate planes.
     fn wants_planes(&self) -> bool;
@@ -58,7 +58,7 @@ impl Scratch<'_> {
         }
     }
 
-    /// The same buffers, for frames whose codes are saturated from `code` on.
+    /// Returns the buffers for frames whose codes are saturated from `code` on.
     pub(super) fn saturated_from(self, code: u32) -> Self {
         Self { saturated: code, ..self }
     }

@@ -18,7 +18,8 @@ const OTHER_SHAPE: f32 = 0.2;
 /// Least light of the known modulation, relative to the mean, from which a mean is computed.
 const LEAST_LIGHT: f32 = 0.3;
 
-/// The same, from which the first value after a step alone gives the mean. Below it, the step is taken as that of the mean.
+/// Least light of the known modulation, relative to the mean, from which the first value after a step alone gives the mean. With less light
+/// the step counts as a step of the mean.
 const HALF_LIGHT: f32 = 0.5;
 
 /// Strength from which a known modulation would be seen in the noise of a fit.
@@ -27,7 +28,7 @@ const SEEN: f32 = 40.0;
 /// Least mean, relative to that of a modulation, which shows the same lamp.
 const SAME_LIGHT: f32 = 0.5;
 
-/// Factor of that mean from burst to burst.
+/// Factor of the mean's weight from burst to burst.
 const FORGETTING: f32 = 0.99;
 
 /// Number of harmonics' amplitudes.

@@ -18,7 +18,7 @@ const PROMISING: f32 = 0.25;
 /// Bursts between two searches, which take as many instructions as the rest of the stage together.
 const SEARCH_EVERY: u32 = 4;
 
-/// What a step away from the nominal frequency must explain in addition, a share of the variance.
+/// Share of the variance that a frequency off the nominal one must explain in addition.
 const OFF_NOMINAL: f32 = 0.01;
 
 /// Steps and range of the search in bursts without times, periods per burst.
@@ -39,7 +39,7 @@ const UNKNOWN: u32 = 8;
 /// Least change of the phase from burst to burst, periods: slower modulation may be a change of the light itself.
 const LEAST_ADVANCE: f64 = 0.12;
 
-/// Least standard deviation of a region over its mean that is explained, and of all regions together.
+/// Least ratio of standard deviation to mean for which a frequency is searched, of one region and of all regions together.
 const VARYING: f32 = 0.002;
 const VARYING_IN_ALL: f32 = 0.0005;
 

@@ -10,7 +10,7 @@ use core::borrow::Borrow;
 pub struct Stale<Text> {
     /// Milliseconds since the set was computed.
     pub age_ms: u64,
-    /// What happened to the camera, for people to read.
+    /// Reason for the absence of newer sets, in words.
     pub reason: Text,
 }
 

@@ -34,7 +34,7 @@ const FORMS: [&str; 8] = [
     "/v1/lights?format=binary&ambient=1",
 ];
 
-/// Everything else that can be read.
+/// The other readable paths.
 const OTHERS: [&str; 10] = [
     "/v1/map.png",
     "/v1/status",

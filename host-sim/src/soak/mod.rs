@@ -37,7 +37,7 @@ const LOST: f32 = 2e-3;
 /// Pause before the next attempt while the device is gone.
 const RETRY: Duration = Duration::from_millis(1);
 
-/// Light below which most samples of the longest exposure are under 1/128 of the full scale: false frames cannot all be told there.
+/// Light below which most samples of the longest exposure are under 1/128 of the full scale: not every false frame can be detected there.
 const DARK: f64 = 0.03;
 
 /// Wrong sets that are described.
@@ -46,7 +46,7 @@ const DESCRIBED: usize = 10;
 /// Part of the run after which the memory counts as taken.
 const WARM: u64 = 10;
 
-/// What a soak is to do.
+/// Parameters of a soak.
 #[derive(Clone, Debug)]
 pub struct Job {
     /// Number of bursts.
@@ -57,7 +57,7 @@ pub struct Job {
     pub replies: u64,
 }
 
-/// What the sets are compared with, burst by burst.
+/// The expected light of each burst, with which the sets are compared.
 struct Judge {
     /// Flux at the brightest moment without and with extrapolation.
     flux: [f64; 2],

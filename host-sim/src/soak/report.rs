@@ -1,4 +1,4 @@
-//! What a soak has come to.
+//! The report of a soak.
 
 use super::FRAMES_A_SECOND;
 use super::tally::Tally;
@@ -44,7 +44,7 @@ pub struct Report {
 }
 
 impl Report {
-    /// What does not hold, in words.
+    /// Returns the violated requirements, in words.
     #[must_use]
     pub fn failures(&self) -> Vec<String> {
         let [warm, end, _] = self.memory_kb;

@@ -1,4 +1,4 @@
-//! What the clients of a soak have seen.
+//! Counts of the answers that the clients of a soak received.
 
 use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};

@@ -45,7 +45,7 @@ const NAMES: [(&str, Primaries); 21] = [
     ("linear p3-d65", P3_D65),
 ];
 
-/// The space that the header states; a name that is not known is told.
+/// The space that the header states; an unknown name adds a note.
 pub(super) fn of(header: &Header, notes: &mut Vec<String>) -> Option<Space> {
     if let Some(c) = header.shared_attributes.chromaticities {
         let primaries = Primaries([c.red, c.green, c.blue, c.white].map(|v| [v.x().into(), v.y().into()]));

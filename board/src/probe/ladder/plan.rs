@@ -17,7 +17,7 @@ const RATES: usize = 2;
 /// Most steps of all kinds together.
 pub(super) const MOST: usize = 15;
 
-/// What a level asks for.
+/// The settings of a level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Quality {
     /// The steps taken.

@@ -21,11 +21,11 @@ pub enum Kind {
     Choice(&'static [&'static str]),
     /// A whole number between the two fields, both included.
     Whole(u64, u64),
-    /// As the variant before, or null for no value.
+    /// A whole number from the least to the largest, or null for no value.
     OptionalWhole(u64, u64),
     /// A number from the first field to the second.
     Real(f32, f32),
-    /// As the variant before, or null for no value.
+    /// A number from the least to the largest, or null for no value.
     Optional(f32, f32),
     /// A list of ascending numbers between the first two fields, with at most as many elements as the third field says, or null for no
     /// list.

@@ -37,7 +37,7 @@ pub(super) enum Action {
     Response,
     /// Adds a photometric reading of a luxmeter beside the probe.
     Direct {
-        /// Its reading.
+        /// Reading of the light meter.
         lux: f64,
         /// Class of light source.
         class: Option<String>,
@@ -48,7 +48,7 @@ pub(super) enum Action {
         outline: Vec<[f64; 2]>,
         /// Share of the light that it reflects.
         reflectance: f64,
-        /// Its illuminance.
+        /// Illuminance of the source.
         lux: f64,
         /// Class of light source.
         class: Option<String>,

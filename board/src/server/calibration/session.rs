@@ -60,7 +60,7 @@ pub(super) struct PlacedCircle {
     pub field_deg: f64,
 }
 
-/// Everything that was not saved yet.
+/// The unsaved results of a calibration.
 #[derive(Default)]
 pub(super) struct Session {
     pub guide: Option<Guide>,

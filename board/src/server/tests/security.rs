@@ -6,7 +6,7 @@ const SECRET: &str = "correct-horse-battery";
 /// `:correct-horse-battery` and `anybody:correct-horse-battery`, encoded by `base64`.
 const BASIC: [&str; 2] =
     ["Basic OmNvcnJlY3QtaG9yc2UtYmF0dGVyeQ==", "Basic YW55Ym9keTpjb3JyZWN0LWhvcnNlLWJhdHRlcnk="];
-/// What changes state or shows pictures.
+/// Requests that change state or return pictures.
 const PROTECTED: [(&str, &str); 12] = [
     ("GET", "/change?samples=20"),
     ("GET", "/image"),

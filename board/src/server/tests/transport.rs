@@ -1,4 +1,4 @@
-//! What travels: compressed files, tags, a compressed stream, small pictures, and the map in other forms.
+//! Bytes of answers: compressed files, tags, a compressed stream, small pictures, and the map in other forms.
 
 use super::*;
 use crate::maps;

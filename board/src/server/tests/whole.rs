@@ -11,7 +11,7 @@ use crate::server::sets::encode;
 use hemilux_core::SamplerKind;
 use hemilux_core::wire::{BinarySet, Coordinates};
 
-/// What an encoded set holds: scalar flux in lights, in ambient light and left out, and the number of lights.
+/// Contents of an encoded set: scalar flux in lights, in ambient light and left out, and the number of lights.
 #[derive(Debug, Default)]
 struct Held {
     lights: [f64; 3],

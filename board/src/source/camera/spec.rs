@@ -17,7 +17,7 @@ A CSI camera is v4l2:NAME with the beginning of its sensor's name, v4l2:/dev/med
 /// A camera and the options requested for it, as text.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CameraSpec {
-    /// As it was given.
+    /// The text from the command line or the file.
     text: String,
 }
 

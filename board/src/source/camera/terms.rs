@@ -39,7 +39,7 @@ impl Terms {
         }
     }
 
-    /// Those of a camera that is not there yet: as it is asked for, in the format that nearly all webcams have.
+    /// Returns the terms that are assumed while the camera is absent: the requested size and exposures, in the format of nearly all webcams.
     pub(in crate::source) fn assumed(options: &Options) -> Self {
         let yuv = Yuv { limited: true, ..Yuv::default() };
         let wished = options.fourcc.filter(|fourcc| !formats::is_jpeg(*fourcc));
@@ -92,7 +92,7 @@ fn shrunk(lens: Lens, shrink: u32) -> Lens {
     (0..shrink.ilog2()).fold(lens, |lens, _| lens.halved())
 }
 
-/// An equidistant fisheye that sees 180 degrees across the shorter side: what a lens is taken for until it is calibrated.
+/// The lens model before calibration: an equidistant fisheye of 180 degrees across the shorter side of the picture.
 fn assumed_lens(layout: &Layout) -> Lens {
     let (width, height) = (f64::from(layout.width()), f64::from(layout.height()));
     let mut vignetting = [0.0; 8];

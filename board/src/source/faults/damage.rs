@@ -1,4 +1,4 @@
-//! What each fault does to a burst.
+//! Damage of a burst by each kind of fault.
 
 use super::random::Random;
 use super::spec::Fault;

@@ -33,7 +33,7 @@ fn spec(text: &str) -> FaultSpec {
     text.parse().expect("a specification")
 }
 
-/// What a number of bursts with faults has come to.
+/// Counts over a run of bursts with faults.
 #[derive(Debug, Default)]
 struct Outcome {
     sets: u64,
@@ -41,7 +41,7 @@ struct Outcome {
     with_frames_left_out: u64,
     /// Most bursts after a fault, the next one being 1, until a set has all of its frames.
     recovery: u64,
-    /// What does not hold.
+    /// Violated expectations, in words.
     wrong: Vec<String>,
 }
 

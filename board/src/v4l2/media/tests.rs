@@ -128,7 +128,7 @@ fn a_pad_that_keeps_another_size_is_named_with_what_it_should_have() {
     }
 }
 
-/// As in vimc: the sensor also feeds a second node beside the bridge, by a fixed link.
+/// Like the kernel's vimc driver: the sensor also feeds a second node beside the bridge, by a fixed link.
 #[test]
 fn a_branch_that_cannot_be_switched_off_gets_the_format_too() {
     let links = "\
