@@ -13,7 +13,7 @@ pub struct CameraStatus {
     pub view: Option<ViewStatus>,
     /// Frames by how their exposure is known.
     pub known: KnownCounts,
-    /// Frames by what became of them.
+    /// Numbers of frames by their result.
     pub frames: FrameCounts,
     /// Writes of the exposure that were left out because they would have come too late.
     pub late_writes: u64,
@@ -71,7 +71,7 @@ impl KnownCounts {
     }
 }
 
-/// Frames by what became of them.
+/// Numbers of frames by their result.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct FrameCounts {
     /// Complete frames.

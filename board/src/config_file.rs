@@ -135,7 +135,7 @@ impl ConfigFile {
             .map_err(|e| ConfigFileError::Write(self.path.clone(), e))
     }
 
-    /// Replaces the file by way of a new one beside it, so that no reader sees half of it.
+    /// Writes a new file in the same folder and renames it, so that readers see the old or the new content.
     fn replace(&self, bytes: &[u8]) -> std::io::Result<()> {
         // Where the name is a link, the file that it points to is replaced.
         let path = fs::canonicalize(&self.path)?;

@@ -237,7 +237,7 @@ mod tests {
         Quad::from_light([y; 3], direction.normalize())
     }
 
-    /// A map of one lamp at quad `ipix`, and the light that stands for it.
+    /// A map of one lamp at quad `ipix`, and the light that represents the lamp.
     fn lamp(ipix: u32, y: f32) -> (Vec<Quad>, Light) {
         let mut sketch = vec![Quad::default(); Domain::Hemisphere.quads(4)];
         let direction = healpix::centre(4, ipix).as_vec3();

@@ -208,7 +208,7 @@ impl Pipeline {
         })
     }
 
-    /// Merges frames into the map; `added_up` is called between the two stages of that.
+    /// Merges frames into the map; `added_up` is called between the sum over the frames and the build of the map.
     fn merge<'b>(
         &mut self,
         merged: impl Iterator<Item = &'b Frame> + Clone,

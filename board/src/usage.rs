@@ -184,7 +184,7 @@ mod tests {
         let written = man_pages::<Grove>(folder.path()).expect("pages");
         assert_eq!(written.len(), 2, "{written:?}");
         let page = std::fs::read_to_string(folder.path().join("grove-plant.1")).expect("a page");
-        assert!(page.contains("\\-\\-kind") && page.contains("Plants one"), "{page}");
+        assert!(page.contains("\\-\\-kind") && page.contains("Plants a tree"), "{page}");
         let (path, _) = man_pages::<Grove>(Path::new("/nonexistent")).expect_err("no folder");
         assert!(path.starts_with("/nonexistent"), "{path:?}");
     }

@@ -281,8 +281,8 @@ impl Layout {
         Self::try_new(format, width, height, format.line_bytes(width))
     }
 
-    /// The same frames, of whose mosaic `bin` x `bin` cells are averaged to one RGB pixel while they are read; samples of one colour are
-    /// averaged each. Columns and rows that make no whole pixel are left out.
+    /// Returns the layout of the same frames with `bin` x `bin` cells of the mosaic averaged to one RGB pixel during reading, each colour by
+    /// itself. Columns and rows that make no whole pixel are left out.
     ///
     /// # Errors
     /// [`LayoutError::BadSize`] for a format that is no mosaic, a `bin` that is not 1, 2, 4 or 8, and a frame of fewer than `bin` cells.

@@ -27,7 +27,7 @@ pub fn grid(env: &EnvMap, domain: Domain) -> Grid {
     Grid { width: env.width(), height: rows, domain }
 }
 
-/// The radiance of each texel of the map with this grid, where the texels are those of `env`.
+/// Returns the radiance of each texel of a map with grid `map`; `None` if the texels differ from those of `env`.
 #[must_use]
 pub fn radiance(env: &EnvMap, map: Grid) -> Option<&[[f32; 3]]> {
     let rows = match map.domain {

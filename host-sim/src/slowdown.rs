@@ -97,7 +97,7 @@ fn row(factor: f32, budget_ms: f32, frames: usize) -> Result<Row, SimError> {
     Ok(Row { factor, settled_us, within, changes, steps, lights: set.lights.len(), error })
 }
 
-/// Bursts of a room, and the lights that stand for its map.
+/// Recorded bursts of a room, and the lights of the room's map.
 fn recording() -> Result<(ReplaySource, Vec<Light>), SimError> {
     let failed = |e: &dyn std::fmt::Display| SimError::Failed(format!("slowdown: {e}"));
     let room = scene::by_name("room").ok_or_else(|| failed(&"found no scene"))?;

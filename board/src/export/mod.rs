@@ -218,7 +218,7 @@ impl<const N: usize> Display for Numbers<'_, N> {
     }
 }
 
-/// An irradiance as a product.
+/// An irradiance as the product of a colour and an intensity.
 struct Emission {
     intensity: f32,
     /// Linear RGB whose largest component is 1.

@@ -35,7 +35,7 @@ impl SourceSwitch {
         self.is_waiting.store(true, Ordering::Release);
     }
 
-    /// The source that was left, once; its name is that of the source in use from now on. One atomic load where there is none.
+    /// Returns the requested source once, and makes its name the name of the source in use. Without a request this is one atomic load.
     pub fn take(&self) -> Option<Box<dyn Source>> {
         if !self.is_waiting.swap(false, Ordering::Acquire) {
             return None;

@@ -186,7 +186,7 @@ pub enum Served {
 }
 
 impl Table {
-    /// The tier that serves `selection`; `None` for the probe's own set. Creates one while there is room for it.
+    /// The tier that serves `selection`; `None` for the probe's own set. Creates a tier if fewer than the largest number of tiers exist.
     fn assign(&mut self, selection: Selection) -> Option<Tier> {
         let ambient = selection.ambient.unwrap_or(self.own.ambient);
         let soft = selection.soft.unwrap_or(self.own.soft);

@@ -233,7 +233,7 @@ pub fn read_grey(path: &Path) -> Result<GreyImage, RecordedError> {
 /// One burst of a recording, before it is read.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct BurstFolder {
-    /// The folder that holds its `burst.toml`.
+    /// Folder with the `burst.toml` of the burst.
     pub folder: PathBuf,
     /// Time of the burst by the recording's `sequence.toml`, nanoseconds; 0 where it has none.
     pub timestamp_ns: u64,

@@ -147,7 +147,7 @@ fn announce(client: &AsyncClient, topics: &Topics, unit: Unit, every: Duration) 
 /// The conversion of irradiances to illuminances.
 #[derive(Clone, Copy, Debug)]
 struct Units {
-    /// Lux of one relative unit, where the user knows it.
+    /// Lux per relative unit, if the user states it.
     lux: Option<f32>,
 }
 

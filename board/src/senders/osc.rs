@@ -131,7 +131,7 @@ async fn connected(peer: &str) -> io::Result<UdpSocket> {
 }
 
 /// Sends sets until sending fails; `works` is called for each set once the peer has not refused a datagram for [`PAUSE`]. A datagram for which
-/// the system has no room is dropped: the next set replaces it.
+/// the system's buffer is full is dropped: the next set replaces it.
 async fn send_sets(
     socket: &UdpSocket,
     newest: &mut Newest,

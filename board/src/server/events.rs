@@ -131,7 +131,7 @@ impl Feed {
         Next::Set(ready.bytes)
     }
 
-    /// Waits for a newer set, and until the client has room for one; whether none came in [`LONGEST_WAIT`].
+    /// Waits for a newer set and for space in the client's queue; returns whether none came within [`LONGEST_WAIT`].
     async fn wait(&self) -> bool {
         let newer = self.context.link.sets().newer(&self.latest);
         let is_late = tokio::time::timeout(LONGEST_WAIT, newer).await.is_err();

@@ -88,7 +88,7 @@ impl Format {
         })
     }
 
-    /// Writes `set` into a buffer with room for `room` bytes; `None` only for a programming error, since writing to memory does not fail.
+    /// Writes `set` into a buffer of `room` bytes of capacity; `None` only for a programming error, since writing to memory does not fail.
     pub(super) fn encode(self, set: &wire::LightSet<'_>, room: usize) -> Option<Vec<u8>> {
         let mut bytes = Vec::with_capacity(room);
         let written = match self {

@@ -1,4 +1,4 @@
-//! The form in which a client wants the map: the part of the sphere, the width, and whether the lights are drawn on it.
+//! The form of the map that a client requests: the part of the sphere, the width, and whether the lights are drawn on it.
 
 use crate::maps::Covers;
 use crate::probe::MapView;
@@ -8,7 +8,7 @@ use axum::http::Uri;
 use hemilux_core::polar::Grid;
 use std::f64::consts::TAU;
 
-/// Widths to choose from, texels; without a choice it is that of the polar map.
+/// Widths that a request can choose, texels; the default is the width of the polar map.
 pub(super) const WIDTHS: [u16; 6] = [64, 128, 256, 512, 1024, 2048];
 
 /// A form of the map.
@@ -68,7 +68,7 @@ fn accepted(marks: bool) -> String {
     format!("covers=sphere|hemisphere\nwidth={widths}{}", if marks { "\nmarks=0|1" } else { "" })
 }
 
-/// `view` on a grid of `width` columns. Texels that are larger hold the energy of what they cover, smaller ones their share of it.
+/// `view` on a grid of `width` columns. A texel larger than the source's holds the energy of the texels that it covers, a smaller one its share of one texel's energy.
 fn resized(view: &MapView, width: usize) -> MapView {
     let from = view.grid;
     let grid = Grid { width, height: (width / 4).max(1), ..from };

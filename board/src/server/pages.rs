@@ -82,7 +82,7 @@ fn measured(set: &OwnedSet, age_ms: u64, rate_hz: f32) -> Vec<Row> {
     ]
 }
 
-/// Luminance with its unit and what is known of it.
+/// Returns the text of a luminance with its unit and uncertainty.
 fn light(set: &OwnedSet, rgb: [f32; 3]) -> String {
     let y = luminance(rgb);
     match set.unit_uncertainty {

@@ -108,7 +108,7 @@ impl Token {
         }
     }
 
-    /// Writes a random token under a new name, which then becomes `path`: no reader sees half of it, and no link is followed.
+    /// Writes a random token under a new name, then renames the file to `path`: readers see the old or the new token, and no link is followed.
     fn make(path: &Path, replaces: bool) -> Result<Self, TokenError> {
         let failed = |e| TokenError::File(path.into(), e);
         let token = Self::random()?;

@@ -9,7 +9,7 @@ use super::{CameraError, Kernel, luma};
 const LEAST_STEP: f32 = 0.02;
 
 /// Largest number of steps, and the number of them that must show the same delay. A step during which a frame was lost or late is repeated:
-/// a board that is busy while it starts has many of those.
+/// a board that is busy during its start has many such trials.
 const TRIALS: u32 = 12;
 const SPOILT: u32 = 48;
 const AGREEING: u32 = 3;

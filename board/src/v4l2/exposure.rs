@@ -7,7 +7,7 @@ use super::Size;
 use super::controls::{self, Info};
 use super::{Node, abi};
 
-/// A requested exposure and the value of the control that the camera took for it.
+/// A requested exposure and the granted value of the control.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExposureSetting {
     /// Value of the exposure control.

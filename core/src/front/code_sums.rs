@@ -1,7 +1,7 @@
 //! The light of parts of rows in which the longest exposure of a linear 8-bit sensor is enough: sums of codes in integers.
 //!
 //! The code sum of each run, times the weight of the run, is added to integers of its texel, in the memory of the texel's first moment,
-//! which is unknown until the map is finished. Neither a pixel nor a run needs a float.
+//! which is unknown until the map is finished. No step for a pixel or a run uses floating point.
 
 use super::gather::{PrefixSums, RunLight, Runs};
 use crate::pixel_table::{CHUNK, Run};

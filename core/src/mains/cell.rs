@@ -42,7 +42,7 @@ pub struct Cell {
     pub(super) past: Past,
     /// Amplitudes of the harmonics over the mean, from the last fit that found a modulation.
     pub(super) shape: [f32; SHAPE],
-    /// Sums of the energies with forgetting, whose colour is that of the mean.
+    /// Exponentially weighted sums of the energies; their colour is the colour of the mean.
     pub(super) colour: [f32; 3],
     /// The mean of that fit.
     pub(super) level: f32,
@@ -65,8 +65,8 @@ impl Cell {
         }
     }
 
-    /// Forgets the known modulation if `found` has light of enough mean to show it and does not. Less light is that of the surroundings of
-    /// a lamp that is switched off.
+    /// Discards the known modulation if `found` has a sufficient mean but no such modulation. With a smaller mean the lamp may be off, and the
+    /// light comes from its surroundings.
     fn doubt(&mut self, found: &Estimate) {
         let squares: f32 = self.shape.iter().map(|a| a * a).sum();
         if found.mean > SAME_LIGHT * self.level

@@ -29,7 +29,7 @@ const MOST_VARIANCE: f64 = 3.0;
 pub(super) struct Basis(pub [Past; TERMS]);
 
 impl Basis {
-    /// The terms of `frequency` at the times of `window`; `phase` is that of the newest burst, in periods.
+    /// The terms of `frequency` at the times of `window`; `phase` is the phase of the newest burst, periods.
     pub fn new(window: &Window, phase: f64, frequency: f64) -> Self {
         let mut terms = [[0.0; WINDOW]; TERMS];
         for back in 0..window.count() {

@@ -18,9 +18,8 @@ pub enum Reading {
     Discs,
 }
 
-/// Returns the mean of max(0, n . d) over the uniform disc of angular radius `radius` (at most pi / 2), in closed form; `cos` is that of
-/// the angle between the normal and the disc's centre.
-/// between the normal and the disc's centre.
+/// Returns the mean of max(0, n . d) over the uniform disc of angular radius `radius` (at most pi / 2), in closed form; `cos` is the
+/// cosine of the angle between the normal and the disc's centre.
 ///
 /// Above the horizon it is cos (1 + cos r) / 2; for a disc that the horizon cuts it is the irradiance of the visible part of a spherical
 /// cap (J. M. Snyder, "Area Light Sources for Real-Time Graphics", 1996).

@@ -1,5 +1,5 @@
 //! Degradation by rule: where frames take longer than the budget of `total`, the quality is lowered step by step, and raised again where the
-//! measured cost of the richer level leaves room.
+//! measured cost of the richer level fits the budget.
 //!
 //! The order of the steps is that of [`Step::ALL`](hemilux_core::wire::Step). A step down needs [`PATIENCE`] frames in a row over the budget,
 //! and after a step down one frame. When a level is left for a poorer one, the ratio of their costs is kept; the richer level is tried again
@@ -48,7 +48,7 @@ const NEWEST: f32 = 0.2;
 pub struct FrameTime {
     /// From the end of the burst to the finished set, microseconds.
     pub us: u32,
-    /// The budget of that, microseconds.
+    /// Time budget of the frame, microseconds.
     pub budget_us: u32,
     /// Time since the start.
     pub now: Duration,
@@ -142,7 +142,7 @@ impl Ladder {
         self.level > 0 && !self.went_up && self.frames <= DESCENT
     }
 
-    /// Updates the cost of the present level, and the ratio of the level before to it.
+    /// Updates the cost of the present level, and the ratio of the previous level's cost to the present level's cost.
     fn learn(&mut self, us: f32) {
         self.cost_us = if self.cost_us > 0.0 { self.cost_us + NEWEST * (us - self.cost_us) } else { us };
         if let Some(left_us) = self.left_us {

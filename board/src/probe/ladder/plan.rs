@@ -1,4 +1,4 @@
-//! The steps that the settings leave room for, and the settings at each level.
+//! The steps that the settings allow, and the settings at each level.
 
 use crate::pipeline::Settings;
 use crate::samplers::ORDERS;
@@ -39,7 +39,7 @@ impl Quality {
         Self { steps: Degraded::NONE, exposures, order, lights, every: 1 }
     }
 
-    /// With one more step of a kind; `None` where there is no room for it.
+    /// Returns the quality one `step` lower; `None` if the settings do not allow the step.
     fn lower(self, step: Step, settings: &Settings) -> Option<Self> {
         let mut lower = self;
         lower.steps.add(step);

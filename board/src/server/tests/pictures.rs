@@ -51,7 +51,7 @@ async fn exposures_are_jpegs_that_grow_brighter() {
     }
 }
 
-/// A camera with a queue: bursts come three bursts after they were taken. Each picture has one code that tells its number.
+/// A camera with a queue: bursts come three bursts after they were taken. The code of all pixels of a picture states the number of the burst.
 struct Queue {
     scene: SceneSource,
     waiting: VecDeque<Burst>,

@@ -69,8 +69,8 @@ impl CameraSource {
         Self::supervised(spec, |options| Supervisor::open(kernel, options))
     }
 
-    /// As [`Self::open`], but a camera that is not there yet is waited for: until then, the calibration is that of the camera that is
-    /// asked for.
+    /// Like [`Self::open`], but waits for an absent camera in the background; until it is connected, the calibration is that of the requested
+    /// camera.
     ///
     /// # Errors
     /// [`OpenCameraError`].
@@ -121,7 +121,7 @@ impl CameraSource {
         &self.raw.terms
     }
 
-    /// The lens file, where there is one.
+    /// The lens file, if there is one.
     #[must_use]
     pub fn lens(&self) -> Option<&LensFile> {
         self.lens.as_ref()

@@ -56,7 +56,7 @@ impl Wave {
         }
     }
 
-    /// Mean light from `start_s` to `end_s`; `phase` is that at time 0, in periods.
+    /// Mean light from `start_s` to `end_s`; `phase` is the phase at time 0, periods.
     #[must_use]
     pub fn mean(self, phase: f64, start_s: f64, end_s: f64) -> f64 {
         let turns = |s: f64| phase + self.hz() * s;
