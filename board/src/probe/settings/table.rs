@@ -60,7 +60,7 @@ pub static SETTINGS: &[Setting] = &[
         group: Group::Lights,
         kind: Kind::Choice(&SamplerKind::NAMES),
         unit: None,
-        what: "How the map becomes lights.",
+        what: "How the map becomes lights. adaptive has the least error; q2tree takes the least time; the others are published methods to compare with.",
         value: |c| json!(c.pipeline.sampler.name()),
         set: |c, v| put(&mut c.pipeline.sampler, v.as_str().and_then(|name| name.parse().ok())),
         in_use: |_| true,

@@ -171,7 +171,7 @@ async function logIn(event) {
 function lightScene() {
   try {
     scene = new Scene(by("scene-canvas"), supply, ({ rate, shadows, moving }) => {
-      const text = `${moving && rate ? `${rate.toFixed(0)} pictures/s, ` : ""}${shadows ? `shadows of ${shadows} ${shadows === 1 ? "light" : "lights"}` : "no shadows"}`;
+      const text = `${moving && rate ? `${rate.toFixed(0)} pictures/s, ` : ""}${shadows > 1 ? `shadows of ${shadows} lights` : shadows ? "one shadow, of the brightest lights" : "no shadows"}`;
       if (by("scene-rate").textContent !== text) by("scene-rate").textContent = text;
     });
     scene.set({ sky: by("show-sky").checked, rays: by("show-rays").checked, shadows: by("show-shadows").value });

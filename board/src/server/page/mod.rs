@@ -18,7 +18,7 @@ macro_rules! files {
 
 static INDEX: File = File::new(HTML, include_str!("index.html"));
 
-static FILES: [(&str, File); 25] = files! {
+static FILES: [(&str, File); 26] = files! {
     "style.css": CSS,
     "icon.svg": SVG,
     "app.js": JAVASCRIPT,
@@ -29,6 +29,7 @@ static FILES: [(&str, File); 25] = files! {
     "download.js": JAVASCRIPT,
     "fields.js": JAVASCRIPT,
     "figures.js": JAVASCRIPT,
+    "gathering.js": JAVASCRIPT,
     "irradiance.js": JAVASCRIPT,
     "map.js": JAVASCRIPT,
     "numbers.js": JAVASCRIPT,

@@ -1,12 +1,12 @@
 // How much is drawn, by how long frames take: penumbras are given up first, then shadows, then highlights of weak lights, then pixels.
 
-/** From the dearest to the cheapest: lights with shadows, samples that look for what throws a shadow (0: penumbras of one width), samples of the shadow,
+/** From the dearest to the cheapest: lights with shadows (1: a disc for the brightest of them), samples that look for what throws a shadow (0: penumbras of one width), samples of the shadow,
  * pixels per pixel of the screen, lights with highlights. */
 export const LADDER = [
   { shadows: 32, search: 12, taps: 16, scale: 1, glossy: 64 }, { shadows: 16, search: 12, taps: 16, scale: 1, glossy: 64 },
   { shadows: 16, search: 0, taps: 8, scale: 1, glossy: 64 }, { shadows: 8, search: 0, taps: 6, scale: 1, glossy: 64 },
-  { shadows: 4, search: 0, taps: 4, scale: 1, glossy: 64 }, { shadows: 1, search: 0, taps: 2, scale: 1, glossy: 16 },
-  { shadows: 1, search: 0, taps: 1, scale: 1, glossy: 6 }, { shadows: 1, search: 0, taps: 1, scale: 0.7, glossy: 6 },
+  { shadows: 4, search: 0, taps: 4, scale: 1, glossy: 64 }, { shadows: 1, search: 0, taps: 6, scale: 1, glossy: 16 },
+  { shadows: 1, search: 0, taps: 3, scale: 1, glossy: 6 }, { shadows: 1, search: 0, taps: 3, scale: 0.7, glossy: 6 },
   { shadows: 0, search: 0, taps: 1, scale: 0.7, glossy: 6 }, { shadows: 0, search: 0, taps: 1, scale: 0.5, glossy: 6 },
 ];
 

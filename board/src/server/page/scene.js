@@ -1,5 +1,6 @@
 // A few solids under the current lights, in WebGL2: all of them baked by where a surface faces, the strongest with shadows and highlights.
 
+import { Gathering } from "./gathering.js";
 import { SIDE as BAKED, bake, basis } from "./irradiance.js";
 import { luminance } from "./map.js";
 import { Orbit } from "./orbit.js";
@@ -25,6 +26,7 @@ const EYE_TIME = 1500;
 export class Scene {
   #canvas; #gl; #programs; #solids; #rays; #depths; #map; #dome; #sums = new Float32Array(3 * BAKED * BAKED); #known = false; #orbit; #quality;
   #supply; #told; #due = 0; #visible = true; #goesOn = false; #exposure = 0; #last = 0; #ev = 0;
+  #gatherings = [new Gathering(), new Gathering()];
   #options = { sky: true, rays: false, shadows: "auto" };
 
   /** `supply(now)` gives { views: [{ lights, ambient }], moving }, two views side by side for a comparison; `told` is called with what is drawn and how fast. Throws where WebGL2 is missing. */
@@ -120,6 +122,7 @@ export class Scene {
     this.#adapt(now, parts[0]);
     const count = parts[0].lights.length, most = this.#options.shadows !== "none" ? Math.min(Math.ceil(quality.shadows / parts.length), count) : 0;
     const width = Math.floor(this.#canvas.width / parts.length), height = this.#canvas.height, camera = this.#orbit.camera(width / height);
+    if (most === 1) parts.forEach((part, i) => { if (part.lights.length) part.lights = this.#gatherings[i].split(part.lights); });
     if (this.#known && this.#options.sky) this.#paintDome();
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.clear(gl.DEPTH_BUFFER_BIT);

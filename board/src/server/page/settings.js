@@ -5,8 +5,8 @@ import { field } from "./fields.js";
 /** Time after the last keystroke or move of a slider until it is sent, ms. */
 const PAUSE = 250;
 
-/** The groups that are open at first. */
-const OPEN = ["lights", "map"];
+/** The groups that are open at first: what changes the picture most. */
+const OPEN = ["lights"];
 
 export class Settings extends EventTarget {
   #form; #save; #saveText; #fields = new Map(); #timers = new Map(); #serial = 0; #values = {}; #locked = false;

@@ -92,9 +92,8 @@ float reaches(int i, vec3 l, float wide, float turn) {
   vec2 at = 0.5 + 0.5 * vec2(dot(q, u), dot(q, v));
   if (any(lessThan(at, vec2(0.0))) || any(greaterThan(at, vec2(1.0)))) return 1.0;
   float here = 0.496 - 0.5 * dot(q, l), spread = clamp(0.3 * wide / radius, 0.0015, 0.1), sum = 0.0;
-  vec2 slope = vec2(0.0);
+  vec2 slope = vec2(dot(n, u), dot(n, v)) / max(dot(n, l), 0.2);
   if (search > 0) {
-    slope = vec2(dot(n, u), dot(n, v)) / max(dot(n, l), 0.2);
     float cone = wide * inversesqrt(max(0.04, 1.0 - wide * wide)), found = 0.0, gap = 0.0;
     for (int k = 0; k < search; k++) {
       vec2 off = clamp(0.3 * cone, 0.003, 0.25) * spot(k, search, turn);

@@ -80,7 +80,7 @@ export class Times {
       const row = this.#rows.get(stage);
       if (!row) continue;
       this.#budgets[stage] = budget_us;
-      write(row.most, `${milliseconds(p95_us)} ms`);
+      write(row.most, duration(p95_us / 1e6));
       write(row.budget, ` / ${Number(figures(budget_us / 1000, 4))} ms`);
       write(row.over, overruns === 0 ? "never" : `${share(overruns / Math.max(1, frames))} %`);
       row.row.title = `since the start, ${frames} frames: half within ${milliseconds(p50_us)} ms, 95 % ${milliseconds(p95_us)}, 99 % ${milliseconds(p99_us)}, all ${milliseconds(max_us)}; ${overruns} over budget` +

@@ -1,0 +1,50 @@
+// One disc for the brightest lights. Where there is time for one shadow, that of one light among many could not be seen.
+
+import { luminance } from "./map.js";
+
+/** Cosines of the angles from the disc's centre up to which a light is part of it as a whole, and from which it is not. */
+const INNER = Math.cos(25 * Math.PI / 180), OUTER = Math.cos(45 * Math.PI / 180);
+
+/** How much brighter another disc has to be than that of the last picture, so that shadows do not jump. */
+const BRIGHTER = 1.3;
+
+/** Steps by which a disc's centre moves to the mean of its lights. */
+const STEPS = 3;
+
+export class Gathering {
+  #centre = null;
+
+  /** The same light as `lights`, of which the first is the brightest: a disc, then what is left of each. */
+  split(lights) {
+    const found = around(lights, lights[0].direction), kept = this.#centre && around(lights, this.#centre);
+    const { centre, parts, level, length } = kept && kept.level * BRIGHTER > found.level ? kept : found;
+    this.#centre = centre;
+    const sum = [0, 1, 2].map(c => lights.reduce((all, { irradiance }, i) => all + parts[i] * irradiance[c], 0));
+    // A uniform disc of radius r has the mean direction's length (1 + cos r) / 2.
+    const apart = Math.acos(Math.max(-1, 2 * length - 1)) * 180 / Math.PI;
+    const own = lights.reduce((all, { irradiance, radius_deg }, i) => all + parts[i] * luminance(...irradiance) * radius_deg, 0) / level;
+    const rest = lights.map((light, i) => ({ ...light, irradiance: light.irradiance.map(v => v * (1 - parts[i])) }));
+    return [{ direction: centre, irradiance: sum, radius_deg: Math.hypot(apart, own) }, ...rest.filter(({ irradiance }) => luminance(...irradiance) > 0)];
+  }
+}
+
+/** The disc near `from`: its centre, the part of each light that it holds, its luminance, and the length of the mean of its lights' directions. */
+function around(lights, from) {
+  let centre = from, parts = [], level = 0, length = 1;
+  for (let step = 0; step < STEPS; step++) {
+    const mean = [0, 0, 0];
+    level = 0;
+    parts = lights.map(({ direction: d, irradiance }) => {
+      const t = Math.min(1, Math.max(0, (d[0] * centre[0] + d[1] * centre[1] + d[2] * centre[2] - OUTER) / (INNER - OUTER))), part = t * t * (3 - 2 * t);
+      const weight = part * luminance(...irradiance);
+      d.forEach((v, i) => { mean[i] += weight * v; });
+      level += weight;
+      return part;
+    });
+    if (!(level > 0)) return { centre: from, parts, level: 1e-30, length: 1 };
+    const sum = Math.hypot(...mean);
+    length = Math.min(1, sum / level);
+    centre = mean.map(v => v / sum);
+  }
+  return { centre, parts, level, length };
+}
