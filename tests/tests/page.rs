@@ -122,6 +122,11 @@ fn shadows_of_discs_are_those_of_many_points() {
     run("penumbra", || Bench::still(EVERY));
 }
 
+#[test]
+fn a_shadow_is_seen_without_a_gpu() {
+    run("gathered", || Bench::still(EVERY));
+}
+
 /// Figures for people; nothing is asserted of them.
 #[test]
 fn the_first_picture_and_the_scene_are_timed() {

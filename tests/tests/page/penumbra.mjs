@@ -1,6 +1,6 @@
 // Shadows of a disc in the page's scene against the mean of hard shadows of points on that disc, which the same scene draws.
 
-import { check, open, state } from "./browser.mjs";
+import { check, json, open, picture, state } from "./browser.mjs";
 
 /** The disc's angular radius, degrees, its centre, and the number of points on it. */
 const RADIUS_DEG = 8, CENTRE = [0.6, 0.3, 0.74], POINTS = 48;
@@ -61,6 +61,42 @@ export async function penumbra(browser, url) {
   const [hard, even, soft] = errors.map(v => `${(100 * v).toFixed(2)} %`);
   console.log(`against ${POINTS} points on a disc of ${RADIUS_DEG} degrees, of the mean: ${hard} hard, ${even} with even penumbras, ${soft} with those that widen`);
   check(errors[2] < 0.4 * errors[0] && errors[2] < 0.75 * errors[1], `${errors}`);
+  check(faults.length === 0, faults.join("\n"));
+  await context.close();
+}
+
+/** Part of the pixels that the shadows of a renderer without a GPU change by more than five codes, in the room's 64 lights. */
+const SEEN = 0.05;
+
+/** Without a GPU: the disc of the brightest lights holds their light, does not jump, and its shadow is seen. */
+export async function gathered(browser, url) {
+  const { context, page, faults } = await open(browser, url, { reducedMotion: "reduce" });
+  await state(page, "live");
+  const { lights } = await json(page, "/v1/lights");
+  const found = await page.evaluate(async lights => {
+    const { Gathering } = await import("/page/gathering.js"), { luminance } = await import("/page/map.js");
+    const sorted = lights.sort((a, b) => luminance(...b.irradiance) - luminance(...a.irradiance)), sum = all => all.reduce((s, { irradiance }) => s + irradiance[1], 0);
+    const gathering = new Gathering(), parts = gathering.split(sorted), [disc] = parts;
+    // The same lights, but another one is the brightest by a little.
+    const other = sorted.reduce((far, l) => l.direction.reduce((d, v, i) => d + v * disc.direction[i], 0) < 0.3 ? far ?? l : far, null);
+    const rival = { ...other, irradiance: sorted[0].irradiance.map(v => 1.05 * v) }, [kept] = gathering.split([rival, ...sorted.filter(l => l !== other)]);
+    return { ratio: sum(parts) / sum(lights), share: disc.irradiance[1] / sum(lights), first: sorted[0].irradiance[1] / sum(lights),
+      turned: Math.acos(Math.min(1, kept.direction.reduce((d, v, i) => d + v * disc.direction[i], 0))) * 180 / Math.PI };
+  }, lights);
+  check(Math.abs(found.ratio - 1) < 1e-9, `the parts have ${found.ratio} of the light`);
+  check(found.share > 3 * found.first && found.turned < 2, JSON.stringify(found));
+  await page.locator("#scene-canvas").scrollIntoViewIfNeeded();
+  for (const [name, choice] of [["auto", "auto"], ["none", "none"]]) {
+    await page.selectOption("#show-shadows", choice);
+    await page.waitForSelector(`#scene-canvas[data-quality^='shadows of ${choice === "none" ? 0 : 1} ']`);
+    await picture(page, "#scene-canvas", name);
+  }
+  const seen = await page.evaluate(() => {
+    const [auto, none] = ["auto", "none"].map(name => window.pictures[name].data);
+    return auto.reduce((sum, v, i) => sum + (i % 4 === 1 && Math.abs(v - none[i]) > 5), 0) / (auto.length / 4);
+  });
+  console.log(`the disc has ${(100 * found.share).toFixed(0)} % of the light, the brightest light ${(100 * found.first).toFixed(0)} %; its shadow changes ${(100 * seen).toFixed(1)} % of the pixels`);
+  check(seen > SEEN, `a shadow on ${seen} of the pixels`);
   check(faults.length === 0, faults.join("\n"));
   await context.close();
 }

@@ -5,13 +5,13 @@ import { launch } from "./browser.mjs";
 import { calibrate } from "./calibration.mjs";
 import { foreignBasic, foreignCookie, foreignOpen } from "./foreign.mjs";
 import { compare, controls, live } from "./looks.mjs";
-import { penumbra } from "./penumbra.mjs";
+import { gathered, penumbra } from "./penumbra.mjs";
 import { save, settings } from "./settings.mjs";
 import { shading, speed } from "./speed.mjs";
 import { fault, source, traffic, visitor } from "./visitor.mjs";
 
 const SCENARIOS = { live, controls, settings, compare, save, shading, speed, login, restart, foreignOpen, foreignBasic, foreignCookie, calibrate,
-  fault, source, traffic, visitor, penumbra };
+  fault, source, traffic, visitor, penumbra, gathered };
 const [scenario, url, token] = process.argv.slice(2);
 
 const browser = await launch();
