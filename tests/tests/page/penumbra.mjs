@@ -11,7 +11,7 @@ async function studio() {
   const canvas = Object.assign(document.createElement("canvas"), { style: "position: fixed; inset: 0 auto auto 0; z-index: 9; width: 360px; height: 240px" });
   document.body.append(canvas);
   let lights = [], drawn = () => {};
-  const scene = new Scene(canvas, () => ({ views: [{ lights, ambient: null }], moving: false }), () => drawn());
+  const scene = new Scene(canvas, () => ({ views: lights.length ? [{ lights, ambient: null }] : [], moving: false }), () => drawn());
   // The inverse of the display's curve.
   const linear = code => code <= 0.04045 ? code / 12.92 : ((code + 0.055) / 1.055) ** 2.4;
   const radiance = shown => shown >= 0.999 ? 10 : (shown / (1 - shown)) ** (1 / 1.1) / 2.2;

@@ -35,7 +35,7 @@ export async function shading(browser, url) {
       const { LADDER } = await import("/page/quality.js");
       LADDER.forEach(step => Object.assign(step, quality));
     }, quality);
-    await page.waitForSelector(`#scene-canvas[data-quality$=' ${quality.glossy}']`);
+    await page.waitForSelector(`#scene-canvas[data-quality^='shadows of 0 '][data-quality$=' ${quality.glossy}']`);
     await picture(page, "#scene-canvas", name);
   };
   await page.locator("#scene-canvas").scrollIntoViewIfNeeded();

@@ -8,15 +8,19 @@ const INNER = Math.cos(25 * Math.PI / 180), OUTER = Math.cos(45 * Math.PI / 180)
 /** How much brighter another disc has to be than that of the last picture, so that shadows do not jump. */
 const BRIGHTER = 1.3;
 
+/** Lights from which a disc is looked for. */
+const STARTS = 8;
+
 /** Steps by which a disc's centre moves to the mean of its lights. */
 const STEPS = 3;
 
 export class Gathering {
   #centre = null;
 
-  /** The same light as `lights`, of which the first is the brightest: a disc, then what is left of each. */
+  /** The same light as `lights`, the brightest first: a disc, then what is left of each. */
   split(lights) {
-    const found = around(lights, lights[0].direction), kept = this.#centre && around(lights, this.#centre);
+    const found = lights.slice(0, STARTS).map(({ direction }) => around(lights, direction)).reduce((best, disc) => disc.level > best.level ? disc : best);
+    const kept = this.#centre && around(lights, this.#centre);
     const { centre, parts, level, length } = kept && kept.level * BRIGHTER > found.level ? kept : found;
     this.#centre = centre;
     const sum = [0, 1, 2].map(c => lights.reduce((all, { irradiance }, i) => all + parts[i] * irradiance[c], 0));
