@@ -44,7 +44,7 @@ impl Frame {
 /// One set of exposures, ascending by time x gain.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Burst {
-    /// The frames.
+    /// Frames of the burst, in ascending order of exposure.
     pub frames: Vec<Frame>,
     /// CLOCK_MONOTONIC at which none of its frames had begun to be exposed, nanoseconds; 0 where unknown.
     pub before_ns: u64,

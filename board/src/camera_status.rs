@@ -58,7 +58,7 @@ pub struct KnownCounts {
     pub measured: u64,
     /// Known from the writes of the control alone.
     pub predicted: u64,
-    /// Not known.
+    /// Number of frames whose exposure is unknown.
     pub unknown: u64,
 }
 
@@ -74,7 +74,7 @@ impl KnownCounts {
 /// Numbers of frames by their result.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct FrameCounts {
-    /// Complete frames.
+    /// Number of complete frames.
     pub complete: u64,
     /// Frames that the sensor counted and the driver did not deliver.
     pub lost: u64,

@@ -3,7 +3,7 @@
 use rustix::time::{ClockId, clock_gettime};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// CLOCK_MONOTONIC, nanoseconds.
+/// Returns the time of `CLOCK_MONOTONIC`, nanoseconds.
 #[must_use]
 pub fn monotonic_ns() -> u64 {
     let now = clock_gettime(ClockId::Monotonic);

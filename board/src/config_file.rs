@@ -25,11 +25,11 @@ pub struct ConfigFile {
 /// The contents of the file; every key is optional.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 pub struct Kept {
-    /// As `--source`.
+    /// Value of the option `--source`.
     pub source: Option<String>,
-    /// As `--listen`.
+    /// Value of the option `--listen`.
     pub listen: Option<String>,
-    /// As `--open`.
+    /// Value of the option `--open`.
     pub open: Option<bool>,
     /// As `--token-file`; relative to the folder of the configuration file.
     pub token_file: Option<PathBuf>,
@@ -37,23 +37,23 @@ pub struct Kept {
     pub photometric: Option<PathBuf>,
     /// As `--calibration`; relative to the folder of the configuration file.
     pub calibration: Option<PathBuf>,
-    /// As `--light-class`.
+    /// Value of the option `--light-class`.
     pub light_class: Option<String>,
-    /// As `--host`.
+    /// Values of the option `--host`.
     #[serde(default)]
     pub hosts: Vec<String>,
-    /// As `--allow-origin`.
+    /// Values of the option `--allow-origin`.
     #[serde(default)]
     pub allow_origins: Vec<String>,
-    /// As `--trusted-proxy`.
+    /// Values of the option `--trusted-proxy`.
     #[serde(default)]
     pub trusted_proxies: Vec<String>,
-    /// As `--announce`.
+    /// Value of the option `--announce`.
     pub announce: Option<bool>,
-    /// As `--osc`.
+    /// Values of the option `--osc`.
     #[serde(default)]
     pub osc: Vec<String>,
-    /// As `--mqtt`.
+    /// Value of the option `--mqtt`.
     pub mqtt: Option<String>,
     /// The settings of `/v1/config`.
     #[serde(flatten)]
@@ -82,7 +82,7 @@ pub enum ConfigFileError {
 pub struct OpenedConfig {
     /// The file, for saving settings.
     pub file: ConfigFile,
-    /// The contents.
+    /// Contents of the file.
     pub kept: Kept,
 }
 

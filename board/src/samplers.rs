@@ -92,7 +92,7 @@ pub enum SamplerError {
         found: usize,
         /// The fewest that the sampler gives on such maps.
         least: usize,
-        /// The sampler.
+        /// Kind of the sampler.
         sampler: SamplerKind,
     },
     /// A tolerance that no decomposition can be held to.
@@ -103,7 +103,7 @@ pub enum SamplerError {
     NotModelled {
         /// Tolerance or ambient light.
         what: &'static str,
-        /// The sampler.
+        /// Kind of the sampler.
         sampler: SamplerKind,
     },
 }

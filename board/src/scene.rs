@@ -74,7 +74,7 @@ type Still = fn([f32; 3]) -> [f32; 3];
 /// Patches of a moment, seconds after the start.
 type Moving = fn(f32) -> Patches;
 
-/// A scene.
+/// A built-in scene of static and moving light.
 #[derive(Clone, Copy, Debug)]
 pub struct Scene {
     name: &'static str,

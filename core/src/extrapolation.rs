@@ -10,7 +10,7 @@ use glam::Vec3;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Extrapolation {
-    /// No light.
+    /// Directions that the lens does not see have no light.
     #[default]
     None,
     /// The mean radiance inside the field of view without its brightest and its darkest quarter: a single lamp does not raise the estimate.

@@ -282,7 +282,7 @@ impl Lens {
     }
 }
 
-/// r(theta).
+/// Returns the distance of the image from the principal point, r(theta), in focal lengths.
 fn radius(model: &Model, theta: f64) -> f64 {
     match *model {
         Model::Equidistant => theta,
@@ -299,7 +299,7 @@ fn radius(model: &Model, theta: f64) -> f64 {
     }
 }
 
-/// dr/dtheta.
+/// Returns the derivative of [`radius`] with respect to theta.
 fn slope(model: &Model, theta: f64) -> f64 {
     match *model {
         Model::Equidistant => 1.0,

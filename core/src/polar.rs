@@ -30,9 +30,9 @@ use glam::DVec3;
 /// Size and domain of a latitude-longitude map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Grid {
-    /// Columns.
+    /// Number of columns.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
     /// The part of the sphere that the map covers.
     pub domain: Domain,

@@ -44,7 +44,7 @@ impl Quad {
         [self.energy[0], self.energy[1], self.energy[2]]
     }
 
-    /// Luminance energy.
+    /// Returns the luminance energy.
     #[must_use]
     #[inline]
     pub fn y(&self) -> f32 {

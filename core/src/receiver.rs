@@ -12,7 +12,7 @@ pub const SHADOWED: usize = 512;
 /// A receiver with an occluding cone: light from directions inside the cone does not reach it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shadowed {
-    /// Unit normal.
+    /// Normal of the receiver, a unit vector.
     pub normal: Vec3,
     /// Unit axis of the cone.
     pub axis: Vec3,

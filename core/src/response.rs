@@ -126,14 +126,14 @@ impl core::error::Error for ResponseError {}
 /// Bits per unpacked sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Depth {
-    /// 8 bits.
+    /// Codes of 8 bits.
     U8,
-    /// 16 bits.
+    /// Codes of 16 bits.
     U16,
 }
 
 impl Depth {
-    /// Largest code.
+    /// Returns the largest code.
     #[must_use]
     pub const fn max(self) -> u32 {
         match self {

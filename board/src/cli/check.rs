@@ -23,7 +23,7 @@ const WAIT: Duration = Duration::from_millis(500);
 #[derive(Serialize)]
 struct Report {
     agreed: Vec<Agreed>,
-    /// Seconds.
+    /// Exposure times, seconds.
     exposures: Vec<f64>,
     /// Indices of those that were measured, because they are not the control's.
     measured: Vec<usize>,
@@ -48,7 +48,7 @@ struct Report {
     frames: Vec<Delivered>,
 }
 
-/// One frame.
+/// A frame that the camera delivered.
 #[derive(Serialize)]
 struct Delivered {
     sequence: u32,

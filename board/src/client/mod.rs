@@ -82,7 +82,7 @@ pub enum ClientError {
 pub enum State {
     /// No set has arrived yet.
     Connecting,
-    /// Sets arrive.
+    /// The connection is open and sets arrive.
     Live,
     /// The probe answers, but its source has stopped.
     Stale(String),

@@ -230,7 +230,7 @@ pub struct LeftOut {
     pub file: String,
     /// Index in ascending order of exposure.
     pub index: usize,
-    /// The contradiction.
+    /// Kind of the contradiction.
     pub fault: FrameFault,
 }
 

@@ -44,7 +44,7 @@ pub enum ExportError {
     /// The form cannot state the requested axes.
     #[error("coordinates {found} with format {form}: expected {expected}")]
     Axes {
-        /// The form.
+        /// Name of the export form.
         form: &'static str,
         /// The requested axes.
         found: &'static str,

@@ -21,7 +21,7 @@ const SATURATED: f64 = 0.93;
 /// The exposure times that a camera takes, seconds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TimeRange {
-    /// Shortest time.
+    /// Shortest exposure time, seconds.
     pub shortest_s: f64,
     /// Longest time at the frame rate.
     pub longest_s: f64,

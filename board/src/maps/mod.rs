@@ -67,7 +67,7 @@ pub struct ReadOptions {
 pub struct DecodedMap {
     /// Columns; azimuth pi in the left edge of the first column, -pi in the right edge of the last.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
     /// Radiance in linear Rec. 709, row-major from the zenith; every value is finite and at least 0.
     pub texels: Vec<[f32; 3]>,
@@ -85,7 +85,7 @@ pub struct DecodedMap {
 #[derive(Debug, thiserror::Error)]
 #[error("{path}: found {found}, expected {expected}")]
 pub struct MapError {
-    /// The file.
+    /// Path of the file.
     pub path: PathBuf,
     /// The found value, in words.
     pub found: String,

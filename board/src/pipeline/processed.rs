@@ -9,7 +9,7 @@ use std::time::Duration;
 /// One processed burst.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Processed<'a> {
-    /// The lights.
+    /// The lights of the sampler.
     pub decomposition: Decomposition<'a>,
     /// The clipped and unseen fractions of the burst.
     pub seen: Coverage,
@@ -28,7 +28,7 @@ pub struct Processed<'a> {
 /// The lights of one sampler and its durations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sampled<'a> {
-    /// The lights.
+    /// The lights of the sampler.
     pub decomposition: Decomposition<'a>,
     /// Duration of the sampler without its temporal filters.
     pub sample: Duration,

@@ -11,9 +11,9 @@ use hemilux_core::{
 /// Settings of the pipeline.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// The sampler.
+    /// Kind of the sampler.
     pub sampler: SamplerKind,
-    /// Most lights.
+    /// Largest number of lights.
     pub lights: usize,
     /// The shadowed error that the fewest possible lights are to reach; `adaptive` alone.
     pub tolerance: Option<f32>,

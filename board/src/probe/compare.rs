@@ -32,7 +32,7 @@ pub const SKETCH_ORDER: u8 = 4;
 /// A second sampler.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Contender {
-    /// The sampler.
+    /// Kind of the second sampler.
     pub sampler: SamplerKind,
     /// Requested number of lights, at most [`MOST_LIGHTS`].
     pub lights: usize,

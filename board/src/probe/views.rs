@@ -106,9 +106,9 @@ impl<T> Slot<T> {
 /// Requests for each kind of view.
 #[derive(Debug, Default)]
 pub struct Views {
-    /// Exposures.
+    /// Requests for the newest burst.
     pub bursts: Slot<BurstView>,
-    /// Maps.
+    /// Requests for the newest map.
     pub maps: Slot<MapView>,
 }
 

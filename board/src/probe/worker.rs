@@ -46,7 +46,7 @@ pub struct Worker {
     delivery_us: u32,
     /// The exposures that complete bursts of the source have.
     nominal: Vec<Exposure>,
-    /// Frames published.
+    /// Number of published frames.
     frames: u64,
     /// End of the last burst, CLOCK_MONOTONIC, nanoseconds; at first the start of the probe.
     last_ns: u64,

@@ -36,7 +36,7 @@ fn version_one() -> i64 {
 /// Contents of a lens file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LensFile {
-    /// The lens.
+    /// Lens model of the file.
     pub lens: Lens,
     /// Image columns and rows.
     pub size: [u32; 2],

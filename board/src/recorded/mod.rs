@@ -195,7 +195,7 @@ struct Image {
 #[cfg(feature = "calibrate")]
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct GreyImage {
-    /// Columns.
+    /// Number of columns.
     pub width: usize,
     /// Samples of eight bits, row after row.
     pub samples: Vec<u8>,

@@ -234,7 +234,7 @@ pub(super) async fn log_in(State(context): State<Context>, sender: Sender, reque
     }
 }
 
-/// The Set-Cookie header. For a client that uses HTTPS, it restricts the cookie to HTTPS.
+/// Returns the answer to a log-in: a redirection with a Set-Cookie header. For a client that uses HTTPS, the cookie is restricted to HTTPS.
 fn logged_in(session: &Token, scheme: Scheme) -> Response {
     let secure = if scheme == Scheme::Https { "; Secure" } else { "" };
     let cookie = format!("{COOKIE_NAME}={}; Path=/; HttpOnly; SameSite=Strict{secure}", session.reveal());

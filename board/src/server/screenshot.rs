@@ -1,4 +1,5 @@
-//! `/screenshot`: the debug picture under a name of its own. The last sixteen are kept in memory: no request writes a file.
+//! `/screenshot`: the debug picture under a name of its own. The server keeps the last sixteen pictures in memory and
+//! writes no file.
 
 use super::access::Allowed;
 use super::map_form::MapForm;

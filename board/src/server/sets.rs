@@ -85,7 +85,7 @@ pub(super) enum Missing {
 #[derive(Clone, Debug)]
 pub(super) struct Ready {
     pub(super) bytes: Bytes,
-    /// The set.
+    /// The light set that is encoded.
     pub(super) set: Arc<OwnedSet>,
     pub(super) is_stale: bool,
 }

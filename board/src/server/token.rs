@@ -44,7 +44,7 @@ pub enum TokenError {
     /// The file belongs to another user.
     #[error("token file {path}: found user {owner} as its owner, expected {user} or root")]
     Owner {
-        /// The file.
+        /// Path of the token file.
         path: PathBuf,
         /// Owner of the file.
         owner: u32,
@@ -70,7 +70,7 @@ fn is_empty_file(file: &File) -> std::io::Result<bool> {
 /// A token and the origin of its file.
 #[derive(Clone, Debug)]
 pub struct LoadedToken {
-    /// The token.
+    /// The token of the file.
     pub token: Token,
     /// Whether the file was made.
     pub is_new: bool,

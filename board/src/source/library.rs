@@ -22,7 +22,7 @@ pub struct Library {
 pub struct Choice {
     /// The name; it holds no folder of the machine.
     pub name: String,
-    /// The source.
+    /// The source as on the command line.
     pub spec: Spec,
 }
 

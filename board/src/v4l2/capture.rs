@@ -158,7 +158,7 @@ impl Camera {
         self.sure.then(|| self.schedule.delay())
     }
 
-    /// Frame interval.
+    /// Returns the interval between frames.
     #[must_use]
     pub fn period(&self) -> Duration {
         Duration::from_secs_f64(self.setup.period_s)

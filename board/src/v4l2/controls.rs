@@ -23,7 +23,7 @@ pub struct Info {
     pub step: i64,
     /// Value at power-on.
     pub default: i64,
-    /// `V4L2_CTRL_FLAG_...`.
+    /// Flags of the control, `V4L2_CTRL_FLAG_*`.
     pub flags: u32,
 }
 

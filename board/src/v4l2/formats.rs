@@ -70,9 +70,9 @@ pub fn names() -> String {
 /// A found and an expected value, in words.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mismatch {
-    /// Found value.
+    /// The found value, in words.
     pub found: String,
-    /// Expected value.
+    /// The expected value, in words.
     pub expected: String,
 }
 

@@ -38,7 +38,7 @@ const SHAPE: usize = TERMS - 1;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Cell {
-    /// Luminance energy.
+    /// Luminance energies of the last bursts.
     pub(super) past: Past,
     /// Amplitudes of the harmonics over the mean, from the last fit that found a modulation.
     pub(super) shape: [f32; SHAPE],

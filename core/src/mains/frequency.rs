@@ -59,7 +59,7 @@ pub enum Lamps {
 }
 
 impl Lamps {
-    /// All choices.
+    /// All values of the type.
     pub const ALL: [Self; 4] = [Self::Auto, Self::Mains50, Self::Mains60, Self::Off];
 
     /// Names of [`Lamps::ALL`]: the frequency of the mains.

@@ -1,4 +1,4 @@
-//! A merge without the memory of its tables.
+//! The state of a merge between bursts, without references to the memory of its tables.
 
 use super::{MergeMode, MergeView, Parameters, Reciprocal};
 use crate::response::Curve;

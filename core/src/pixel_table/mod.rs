@@ -19,9 +19,9 @@ use visit::{measure, span, survey, visit_runs};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Span {
-    /// First column.
+    /// Index of the first column.
     pub first: u32,
-    /// Columns.
+    /// Number of columns.
     pub len: u32,
 }
 

@@ -24,7 +24,7 @@ pub struct Memory<C, M, L> {
     pub conditional: C,
     /// Cumulative distribution over the rows.
     pub marginal: M,
-    /// The lights.
+    /// One [`Light`] per light of the set.
     pub lights: L,
 }
 

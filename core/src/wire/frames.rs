@@ -95,6 +95,6 @@ impl FramesLeftOut {
 pub struct FrameLeftOut {
     /// Index of the frame in ascending order of exposure.
     pub index: usize,
-    /// The reason.
+    /// Reason for which the frame was left out.
     pub fault: FrameFault,
 }

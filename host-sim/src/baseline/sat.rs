@@ -104,7 +104,7 @@ impl Sat {
 /// A rectangle, its flux and its priority.
 #[derive(Clone, Copy, Debug)]
 pub struct Region {
-    /// The rectangle.
+    /// Rectangle of the cells.
     pub rect: Rect,
     /// Flux inside the rectangle.
     pub flux: Flux,

@@ -22,7 +22,7 @@ impl From<ExposuresArg> for Exposures {
 
 #[derive(clap::ValueEnum, Clone, Copy, Debug)]
 pub(super) enum ExtrapolationArg {
-    /// Black.
+    /// Directions that the lens does not see are black.
     None,
     /// The mean radiance of the visible part.
     Average,

@@ -44,7 +44,7 @@ impl Truth {
     }
 }
 
-/// The camera.
+/// A source whose light rises and falls like that of a day.
 pub(super) struct DayCamera {
     calibration: Calibration,
     exposures: Vec<Exposure>,

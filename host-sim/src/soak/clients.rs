@@ -19,7 +19,7 @@ const PATIENCE: Duration = Duration::from_secs(10);
 /// Requests or sets of a connection before the client leaves.
 const STAY: u32 = 500;
 
-/// Longest reply.
+/// Most bytes of a reply.
 const LONGEST: u64 = 16 << 20;
 
 /// The forms of light sets that are asked for in turn.

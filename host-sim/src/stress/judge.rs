@@ -9,11 +9,11 @@ use serde::Serialize;
 /// One line of the report; `None` where a figure has no meaning.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
-    /// The scenario.
+    /// Name of the scenario.
     pub scenario: &'static str,
-    /// The method.
+    /// Name of the method.
     pub sampler: &'static str,
-    /// Most lights.
+    /// Largest number of lights.
     pub lights: usize,
     /// Shadowed error, mean over the frames.
     pub shadowed: Option<f64>,
@@ -56,7 +56,7 @@ struct Soft {
 pub struct Judge<'a> {
     scenario: &'a Scenario,
     references: Vec<Reference>,
-    /// The shadowed probes that count, where not all do.
+    /// The shadowed receivers that are scored, if only a part is.
     counted: Option<Vec<usize>>,
 }
 
@@ -193,7 +193,7 @@ fn finite(value: Option<f64>) -> Option<f64> {
     value.filter(|v| v.is_finite())
 }
 
-/// The shadowed probes that see no texel of the first source in any frame.
+/// Returns the shadowed receivers that see no texel of the first source in any frame.
 fn in_shadow(scenario: &Scenario, reference: &Reference) -> Vec<usize> {
     let texel_deg = 180.0 / scenario.truth[0].height() as f64;
     let sources: Vec<_> = scenario.sources.iter().filter_map(|s| s.first()).collect();

@@ -14,7 +14,7 @@ pub(super) struct Space {
 /// SMPTE ST 2065-1, ACES2065-1.
 const AP0: Primaries = Primaries([[0.7347, 0.2653], [0.0, 1.0], [0.0001, -0.077], [0.32168, 0.33767]]);
 
-/// ACEScg.
+/// Primaries and white point of ACEScg.
 const AP1: Primaries = Primaries([[0.713, 0.293], [0.165, 0.83], [0.128, 0.044], [0.32168, 0.33767]]);
 
 const REC_2020: Primaries = Primaries([[0.708, 0.292], [0.17, 0.797], [0.131, 0.046], [0.3127, 0.329]]);

@@ -71,7 +71,7 @@ impl Group {
     }
 }
 
-/// One setting.
+/// A setting: name, type, range, description and access to its value.
 #[derive(Clone, Copy, Debug)]
 pub struct Setting {
     /// Name of the setting in `/v1/config` and in the configuration file.

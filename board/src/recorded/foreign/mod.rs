@@ -34,7 +34,7 @@ fn refuse<T>(found: impl Into<String>, expected: impl Into<String>) -> Result<T,
 /// The contents of a lens file of another program.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ForeignLens {
-    /// The lens.
+    /// Lens model of the file.
     pub(super) lens: Lens,
     /// Image columns and rows.
     pub(super) size: [u32; 2],

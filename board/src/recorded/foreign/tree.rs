@@ -9,7 +9,7 @@ const MAX_DEPTH: usize = 24;
 /// Most references to anchors.
 const MAX_ALIASES: usize = 16;
 
-/// A value.
+/// A value of a JSON or YAML document.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Node {
     Map(Vec<(String, Node)>),

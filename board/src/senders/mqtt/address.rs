@@ -19,7 +19,7 @@ const MOST_ID: usize = 63;
 pub struct Broker {
     /// Name or address.
     pub host: String,
-    /// Port.
+    /// TCP port of the broker.
     pub port: u16,
     /// User and password.
     pub credentials: Option<(String, String)>,

@@ -55,7 +55,7 @@ pub(super) enum Action {
     },
     /// Takes the last addition of a part back.
     Undo {
-        /// The part.
+        /// Part of the calibration.
         part: Part,
     },
     /// Forgets everything that was not saved.

@@ -43,7 +43,7 @@ const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
 /// The answer to a connection over the limit.
 const BUSY: &[u8] = b"HTTP/1.1 503 Service Unavailable\r\nRetry-After: 1\r\nConnection: close\r\nContent-Length: 21\r\n\r\ntoo many connections\n";
 
-/// Accepts connections.
+/// Accepts TCP connections within the limits of the server.
 pub(super) struct Acceptor {
     router: Router,
     counts: Arc<Counts>,

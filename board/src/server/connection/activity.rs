@@ -146,7 +146,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn connections_rank_by_what_they_have_shown() {
+    fn connections_rank_by_the_progress_of_their_clients() {
         let activity = Activity::new(Instant::now());
         assert!(matches!(activity.rank(), Rank::Unfinished(_)), "no request yet");
         let request = activity.begin();

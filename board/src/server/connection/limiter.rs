@@ -179,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn a_connection_over_the_clients_limit_displaces_the_one_that_has_shown_least() {
+    fn a_connection_over_the_clients_limit_displaces_the_one_of_lowest_rank() {
         let limiter = ConnectionLimiter::new(9, 2);
         let busy = limiter.try_acquire(client("10.0.0.1")).expect("a permit");
         let _request = busy.activity.begin();

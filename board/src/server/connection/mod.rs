@@ -113,7 +113,7 @@ pub struct Signals {
 pub enum Event {
     /// SIGINT or SIGTERM.
     Stop,
-    /// SIGHUP.
+    /// SIGHUP: the configuration file is read anew.
     Reload,
     /// The end of the future that was passed.
     Ended,

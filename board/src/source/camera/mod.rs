@@ -36,13 +36,13 @@ const WAIT: Duration = Duration::from_millis(250);
 /// Reasons for which a camera cannot be a source.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenCameraError {
-    /// The options.
+    /// Options that cannot be read.
     #[error("{0}")]
     Options(String),
     /// The lens file.
     #[error(transparent)]
     Lens(#[from] RecordedError),
-    /// The camera.
+    /// A camera that cannot be opened.
     #[error(transparent)]
     Camera(#[from] CameraError),
     /// The operating system gave no thread.

@@ -37,7 +37,7 @@ impl CameraSpec {
         self.pairs().find(|(name, _)| *name == "lens").map(|(_, value)| value.into())
     }
 
-    /// The device.
+    /// Returns the path or name of the device.
     #[must_use]
     pub fn path(&self) -> PathBuf {
         self.text.split(',').next().unwrap_or_default().into()

@@ -21,7 +21,7 @@ pub enum View {
 pub struct EnvSpec {
     /// A file or a folder.
     pub path: PathBuf,
-    /// The camera.
+    /// The camera through which the map is seen.
     pub view: View,
     /// Seconds that each map of a folder stays.
     pub every_s: f64,

@@ -30,7 +30,7 @@ pub enum Fault {
 }
 
 impl Fault {
-    /// All kinds.
+    /// All kinds of faults.
     pub const ALL: [Self; 11] = [
         Self::Drop,
         Self::Late,

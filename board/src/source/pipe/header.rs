@@ -27,7 +27,7 @@ pub(super) struct Header {
     pub sequence: u64,
     /// CLOCK_MONOTONIC at which the exposure began, nanoseconds; 0 where unknown.
     pub timestamp_ns: u64,
-    /// Exposure time.
+    /// Exposure time, seconds.
     pub seconds: f64,
     /// Product of analogue and digital gain.
     pub gain: f64,

@@ -7,7 +7,7 @@ use glam::Vec3;
 /// Direction and colour of a light in one frame, before or after a filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathPoint {
-    /// Unit vector.
+    /// Direction of the light, a unit vector.
     pub direction: Vec3,
     /// Linear RGB of a luminance of about 1.
     pub colour: [f32; 3],

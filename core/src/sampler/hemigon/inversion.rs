@@ -53,7 +53,7 @@ pub const fn rings_len(grid: &Grid) -> usize {
 /// The image of a point of the unit square.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
-    /// Unit vector.
+    /// Direction of the image, a unit vector.
     pub direction: DVec3,
     /// Index of the texel whose light the point represents.
     pub texel: usize,

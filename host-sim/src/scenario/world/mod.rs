@@ -34,11 +34,11 @@ pub struct Lamp {
 /// A still scene and its lamps.
 #[derive(Clone, Debug)]
 pub struct World {
-    /// Constant light.
+    /// The constant part of the light.
     pub still: EnvMap,
     /// The scene by the light of the mains, if it has any.
     pub lit: Option<(EnvMap, Course)>,
-    /// The lamps.
+    /// Lamps of the world.
     pub lamps: Vec<Lamp>,
 }
 

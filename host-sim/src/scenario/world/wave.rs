@@ -67,7 +67,7 @@ impl Wave {
 /// The level of a lamp from some time on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Change {
-    /// Seconds.
+    /// Time of the change, seconds.
     pub at_s: f64,
     /// Factor of the lamp's light.
     pub level: f64,
@@ -76,7 +76,7 @@ pub struct Change {
 /// Means of a lamp's light over intervals: a waveform times a level that changes at once.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Course {
-    /// The waveform.
+    /// Waveform of the lamp.
     pub wave: Wave,
     /// Phase at time 0, periods.
     pub phase: f64,
