@@ -34,7 +34,7 @@ pub struct ExposureStatus {
     pub asked_s: f64,
     /// Seconds that are used.
     pub seconds: f64,
-    /// How it is known: "verified", "measured", "predicted" or "unknown".
+    /// Origin of the exposure: "verified", "measured", "predicted" or "unknown".
     pub known: &'static str,
 }
 

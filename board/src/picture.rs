@@ -28,7 +28,7 @@ pub fn draw(map: &LatLongView<'_>, lights: &[Light]) -> RgbImage {
     picture
 }
 
-/// Geometric mean of the radiance of the lit texels: what becomes mid-grey.
+/// Returns the geometric mean of the radiance of the lit texels, which is displayed as mid-grey.
 fn log_average(map: &LatLongView<'_>) -> f32 {
     let rows = map.texels.chunks(map.grid.width.max(1)).enumerate();
     let radiances = rows.flat_map(|(row, texels)| {

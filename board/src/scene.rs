@@ -25,7 +25,7 @@ pub struct Patch {
     pub edge: f32,
     /// Radiance of the lamp.
     pub radiance: [f32; 3],
-    /// Part of what lies behind that it hides, 0..=1; its radiance is added in full.
+    /// Share of the light behind the patch that the patch hides, 0..=1; the radiance of the patch is added in full.
     pub cover: f32,
 }
 

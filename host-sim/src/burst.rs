@@ -210,7 +210,7 @@ pub(crate) struct Camera {
 }
 
 impl Camera {
-    /// The camera of a lens file; radiance `scale` fills a pixel in one second.
+    /// The camera of a lens file; radiance `scale` saturates a pixel in one second.
     pub fn new(lens: &LensFile, sensor: Sensor, scale: f64) -> Self {
         let levels = levels(lens, sensor);
         Self { levels, scale, sensor, curves: curves(&lens.response, levels) }

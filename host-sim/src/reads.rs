@@ -1,4 +1,4 @@
-//! `hemilux-sim reads`: what the merge of needed exposures leaves out, and what that costs and saves.
+//! `hemilux-sim reads`: the exposures that the merge of needed exposures does not read, the error and the saved time.
 
 use crate::bench::bursts::{calibration, make_of};
 use crate::bench::case::{self, Case};

@@ -1,4 +1,4 @@
-//! `hemilux calibrate`: what a probe must know of its camera.
+//! `hemilux calibrate`: lens, response, vignetting and photometric calibration of a camera.
 
 mod live;
 mod photometric;

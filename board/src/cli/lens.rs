@@ -19,7 +19,7 @@ enum LensCommand {
 
 #[derive(Debug, Args)]
 struct Convert {
-    /// The lens file; what kind it is follows from its contents.
+    /// The lens file; its contents determine the kind.
     file: PathBuf,
     /// The program that is to read it.
     #[arg(long, value_enum)]

@@ -176,8 +176,8 @@ impl Client {
         self.shared.lock().state.clone()
     }
 
-    /// Puts the lights of the moment `now` into `lights`: between the last two sets each moves from where it was to where it is, by its
-    /// id; new ones fade in and old ones out. One set's time behind the newest set, and never beyond it.
+    /// Writes the lights of the moment `now` to `lights`: each light moves from its direction in the set before to its direction in the newest
+    /// set, by its id; new lights fade in and old ones out. The lights are one set behind the newest set, and never beyond it.
     pub fn interpolated(&self, now: Instant, lights: &mut Vec<Light>) {
         let sets = self.shared.lock();
         let (latest, previous) = (sets.latest.clone(), sets.previous.clone());

@@ -2,8 +2,8 @@
 //!
 //! Two frames of one scene show radiances whose ratio is that of their exposures. A grid of pixels of each frame is converted to
 //! relative exposure; frames that are neighbours in exposure are compared. A frame contradicts the burst where all its neighbours
-//! contradict it and agree with each other. What a pair of exposures has shown in the bursts before is expected of it again, so that
-//! flickering light and exposure times that are wrong all the time are no faults.
+//! contradict it and agree with each other. The usual ratio of each pair of exposures in the earlier bursts
+//! is the expected one, so that flickering light and exposure times with a constant error are no faults.
 
 mod compare;
 mod history;
@@ -162,7 +162,7 @@ enum Verdict {
     OtherIs,
 }
 
-/// For each pair: what the shorter exposure shows against the longer one, and the longer against the shorter.
+/// For each pair: the verdict on the shorter exposure by the longer one, and on the longer by the shorter one.
 struct Verdicts([[Verdict; 2]; PAIRS]);
 
 impl Verdicts {

@@ -89,8 +89,8 @@ fn to_cover(light: &[RadianceShare]) -> impl Iterator<Item = f64> + '_ {
     needed.map(|l| l.radiance)
 }
 
-/// The fewest exposure times, ascending, at most [`MOST`], that cover `light`, which descends. What is too bright for the shortest or too
-/// dark for the longest time counts as covered by these.
+/// The fewest exposure times, ascending, at most [`MOST`], that cover `light`, which descends. Light that is too bright for the
+/// shortest or too dark for the longest time of `range` counts as covered by that time.
 #[must_use]
 pub fn cover(light: &[RadianceShare], limits: &Limits, range: &TimeRange) -> Vec<f64> {
     let mut times: Vec<f64> = Vec::with_capacity(MOST);

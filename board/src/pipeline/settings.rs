@@ -15,9 +15,9 @@ pub struct Settings {
     pub sampler: SamplerKind,
     /// Largest number of lights.
     pub lights: usize,
-    /// The shadowed error that the fewest possible lights are to reach; `adaptive` alone.
+    /// Shadowed error that the light set must reach with as few lights as possible; only the sampler `adaptive` reads it.
     pub tolerance: Option<f32>,
-    /// Spherical harmonics for what has no direction; `adaptive` alone.
+    /// Whether light without a direction is returned as spherical harmonics; only the sampler `adaptive` reads it.
     pub ambient: bool,
     /// Whether the lights are fitted as discs of their radius.
     pub soft: bool,

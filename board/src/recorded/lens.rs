@@ -52,7 +52,7 @@ pub struct LensFile {
     pub calibration_table: Option<Table>,
     /// The part of the sensor that its pictures show, where the file tells it.
     pub shown: Option<Shown>,
-    /// Statements about a file of another program: what was fitted, what was taken.
+    /// Statements about the conversion of a file of another program.
     pub notes: Vec<String>,
 }
 

@@ -141,7 +141,7 @@ pub(super) fn read<T: for<'de> Deserialize<'de>>(path: &Path) -> Result<T, Recor
     parse(path, &read_text(path)?)
 }
 
-/// Reads from the `burst.toml` in `folder` which part of the sensor its pictures show, where it says so.
+/// Reads from the `burst.toml` in `folder` the part of the sensor that the pictures show; `None` if the file does not state it.
 ///
 /// # Errors
 /// [`RecordedError`].

@@ -104,7 +104,7 @@ pub fn photometric_camera(path: &Path) -> Result<Option<String>, RecordedError> 
     Ok(parse::<File>(path, &text)?.photometric.map(|table| table.camera))
 }
 
-/// The class that is meant where none is named.
+/// Returns the class that is used if none is named.
 fn usual(classes: &BTreeMap<String, Class>) -> Option<&str> {
     let only = || classes.keys().next().filter(|_| classes.len() == 1).map(String::as_str);
     classes.contains_key(ANY_CLASS).then_some(ANY_CLASS).or_else(only)

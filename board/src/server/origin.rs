@@ -2,8 +2,8 @@
 //!
 //! A page of another site can make a browser send requests here: as an image, a form, a link, a script. It cannot read the answers,
 //! but a request that changes settings would have its effect. Browsers tell where a request comes from with Sec-Fetch-Site (only over
-//! HTTPS and to localhost), Origin (not with images and links) and Referer (the page may switch it off). What remains without any of
-//! these is told from a program by headers that a page cannot remove: see [`is_browser`].
+//! HTTPS and to localhost), Origin (not with images and links) and Referer (the page may switch it off). A request without any of
+//! these headers is distinguished from one of a program by headers that a page cannot remove: see [`is_browser`].
 
 use super::hosts::host;
 use super::proxy::{Client, Scheme};

@@ -2,7 +2,7 @@
 
 use flate2::{Compress, Compression, FlushCompress};
 
-/// The gzip header of a stream: no name, no time, of any system.
+/// The gzip header of a stream, without file name, time and operating system.
 pub(super) const STREAM_HEAD: [u8; 10] = [0x1f, 0x8b, 8, 0, 0, 0, 0, 0, 0, 255];
 
 /// `bytes` as a part of a gzip stream: deflate blocks that refer to nothing before them and end on a byte, so that parts that were

@@ -22,7 +22,7 @@ use std::f64::consts::PI;
 use std::io::Cursor;
 use std::sync::Arc;
 
-/// JPEG quality of the map: what it changes stays below the noise of a camera.
+/// JPEG quality of the map, at which the errors of compression are below the noise of a camera.
 const QUALITY: u8 = 90;
 
 /// Grey values of the mask.

@@ -27,7 +27,7 @@ pub(super) const SECONDS: [f64; 3] = [0.000_926, 0.005_555, 0.033_333];
 /// Exposure times of the simulated sensor at 30 frames a second.
 const RANGE: TimeRange = TimeRange { shortest_s: 30e-6, longest_s: SECONDS[2] };
 
-/// Radiance that fills a pixel in the shortest exposure: above [`crate::scene::BRIGHTEST`], glow and noise included.
+/// Radiance that saturates a pixel in the shortest exposure: above [`crate::scene::BRIGHTEST`], glow and noise included.
 const FULL: f64 = 60.0;
 
 /// Renders a [`Scene`] as bursts of exposures (three, unless others are asked for) of 640 x 480 RGB24 pixels through the standard lens of 160 x 140 degrees.

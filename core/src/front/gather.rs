@@ -56,7 +56,7 @@ impl PrefixSums {
         self.sums.get_mut(..len).unwrap_or_default()
     }
 
-    /// Places for the sums of a whole chunk.
+    /// Memory for the sums of a whole chunk.
     pub(super) fn all_mut(&mut self) -> &mut [[i32; 4]; CHUNK] {
         &mut self.sums
     }

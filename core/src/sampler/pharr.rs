@@ -163,7 +163,7 @@ struct Sample {
     direction: DVec3,
     /// Energy of the texel at the point.
     rgb: [f32; 3],
-    /// Solid angle of that texel, steradians.
+    /// Solid angle of the texel at the point, steradians.
     solid_angle: f64,
 }
 

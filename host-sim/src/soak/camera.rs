@@ -48,7 +48,7 @@ impl Truth {
 pub(super) struct DayCamera {
     calibration: Calibration,
     exposures: Vec<Exposure>,
-    /// Light of each sample at the brightest moment, as a part of what fills it in the shortest exposure.
+    /// Light of each sample at the brightest moment, as a part of the light that saturates a sample in the shortest exposure.
     still: Vec<f32>,
     bursts: u64,
     /// Bursts of half a day.

@@ -48,7 +48,7 @@ const OTHERS: [&str; 10] = [
     "/v1/compare?algorithm=q2tree&lights=16",
 ];
 
-/// A client: where it connects to, and where it counts.
+/// A client with the address of the server and the counters of its answers.
 #[derive(Clone)]
 struct Client {
     address: SocketAddr,

@@ -77,7 +77,7 @@ struct Judge {
     recovered: u64,
     unrecovered: u64,
     wrong: u64,
-    /// Wrong sets below [`DARK`].
+    /// Number of wrong sets whose light is below [`DARK`].
     dark: u64,
     words: Vec<String>,
 }
@@ -195,7 +195,7 @@ fn camera(frames: u64) -> Result<DayCamera, SimError> {
 /// Runs a soak and returns its report.
 ///
 /// # Errors
-/// [`SimError`] where it cannot start; what does not hold is in the report.
+/// [`SimError`] if the soak cannot start; violated requirements are in the report.
 pub fn run(job: &Job) -> Result<Report, SimError> {
     let failed =
         |e: &dyn std::fmt::Display| SimError::Failed(format!("soak: found {e}, expected it to start"));

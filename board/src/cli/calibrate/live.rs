@@ -53,7 +53,7 @@ fn advice(guide: &Guide, offer: Offer, lacking: Option<String>) -> String {
     }
 }
 
-/// A line to stderr where it differs from the last.
+/// Writes a line to stderr if it differs from the last one.
 fn tell(told: &mut String, line: String) {
     if *told != line {
         let _ = writeln!(std::io::stderr(), "hemilux: {line}");

@@ -35,7 +35,7 @@ impl Change {
 /// Converts a JSON object of settings to a change.
 ///
 /// # Errors
-/// For each name that is wrong: what was found and what was expected.
+/// For each rejected name, the found and the expected value.
 pub fn wish_of(object: &Map<String, Value>) -> Result<Change, BTreeMap<String, String>> {
     let mut change = Change::default();
     let mut errors = BTreeMap::new();

@@ -15,7 +15,7 @@ pub(super) enum Action {
     Compute,
     /// Finds the image circle in the next picture.
     FindCircle {
-        /// Field of view that fills the circle, degrees.
+        /// Field of view across the circle, degrees.
         field_deg: f64,
     },
     /// Sets the image circle.
@@ -24,7 +24,7 @@ pub(super) enum Action {
         centre: [f64; 2],
         /// Radius of the circle, pixels.
         radius: f64,
-        /// Field of view that fills it, degrees.
+        /// Field of view across the circle, degrees.
         field_deg: f64,
     },
     /// Adds the reading of a lit screen in the next picture to those of the vignetting.
@@ -37,7 +37,7 @@ pub(super) enum Action {
     Response,
     /// Adds a photometric reading of a luxmeter beside the probe.
     Direct {
-        /// Reading of the light meter.
+        /// Reading of the luxmeter, lux.
         lux: f64,
         /// Class of light source.
         class: Option<String>,
@@ -48,7 +48,7 @@ pub(super) enum Action {
         outline: Vec<[f64; 2]>,
         /// Share of the light that it reflects.
         reflectance: f64,
-        /// Illuminance of the source.
+        /// Illuminance on the patch, lux.
         lux: f64,
         /// Class of light source.
         class: Option<String>,

@@ -304,7 +304,7 @@ impl Session {
         }
     }
 
-    /// Writes all that is new; what is written is forgotten here.
+    /// Writes the unsaved results to the file and removes them from the session.
     fn save(&mut self, file: Option<&Path>, force: bool) -> Result<(), Refusal> {
         let path = file.ok_or_else(|| Refusal {
             status: StatusCode::CONFLICT,

@@ -64,7 +64,7 @@ impl Queues {
         Self { stream: Arc::downgrade(stream), widest: AtomicU32::new(0) }
     }
 
-    /// Enlarges the send buffer for an answer of `length` bytes until the value is dropped, where it is large and not too many are.
+    /// Enlarges the send buffer for an answer of `length` bytes until the value is dropped, if the answer is large and few buffers are enlarged.
     pub(in crate::server) fn enlarge(&self, length: u64) -> Option<Enlarged> {
         let stream = (length > LARGE_BYTES).then(|| self.stream.upgrade())??;
         let enlarged = Enlarged(Weak::clone(&self.stream));

@@ -52,7 +52,7 @@ pub(super) async fn index(headers: HeaderMap) -> Response {
     INDEX.answer(&headers)
 }
 
-/// `/page/NAME`: what it is made of.
+/// `/page/NAME`: the files of the page.
 pub(super) async fn part(Path(name): Path<String>, headers: HeaderMap) -> Response {
     match FILES.iter().find(|(known, _)| *known == name) {
         Some((_, file)) => file.answer(&headers),

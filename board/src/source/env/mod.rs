@@ -37,7 +37,7 @@ const WHOLE_WHITE: f64 = 65_535.0;
 /// The longest exposure time of both views, seconds.
 const LONGEST: f64 = 0.033_333;
 
-/// How much brighter than the brightest pixel the radiance is that fills one in the shortest exposure: noise stays below.
+/// Ratio of the radiance that saturates a pixel in the shortest exposure to the radiance of the brightest pixel; noise does not reach it.
 const MARGIN: f64 = 1.2;
 
 /// The rendered maps and the camera that sees them.
@@ -46,7 +46,7 @@ pub struct EnvSource {
     calibration: Calibration,
     /// Radiance of each pixel, map by map.
     maps: Vec<Vec<f32>>,
-    /// Radiance that fills a pixel in an exposure of `own[0]` seconds.
+    /// Radiance that saturates a pixel in an exposure of `own[0]` seconds.
     full: f64,
     own: Vec<f64>,
     exposures: Vec<Exposure>,

@@ -31,7 +31,7 @@ pub(super) struct Header {
     pub seconds: f64,
     /// Product of analogue and digital gain.
     pub gain: f64,
-    /// Code of darkness.
+    /// Code of a pixel without light.
     pub black: f64,
 }
 

@@ -59,7 +59,7 @@ impl World {
     }
 }
 
-/// How a camera takes bursts.
+/// Times at which a camera takes bursts and exposures.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Timing {
     /// Frames a second.
