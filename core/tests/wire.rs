@@ -131,6 +131,16 @@ fn overrun_names_stages_above_their_budget_but_not_at_it() {
 }
 
 #[test]
+fn the_uncertainty_of_the_unit_is_in_each_text_form() {
+    let set = LightSet { unit_uncertainty: Some(0.05), ..LightSet::EMPTY };
+    assert!(encode(text, &set).contains("\n# unit_uncertainty 0.05\n"), "a comment");
+    assert!(encode(xml, &set).contains(" unit_uncertainty=\"0.05\" "), "an attribute");
+    assert!(encode(json, &set).contains("\"unit_uncertainty\":0.05"), "a number");
+    assert!(!encode(text, &LightSet::EMPTY).contains("unit_uncertainty"), "relative");
+    assert!(!encode(xml, &LightSet::EMPTY).contains("unit_uncertainty"), "relative");
+}
+
+#[test]
 fn frames_left_out_are_listed_with_index_and_reason_or_not_at_all() {
     let mut set = LightSet::EMPTY;
     assert!(!encode(json, &set).contains("frames_left_out"));

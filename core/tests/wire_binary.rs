@@ -49,6 +49,30 @@ fn f32_at(bytes: &[u8], at: usize) -> f32 {
     f32::from_bits(u32_at(bytes, at))
 }
 
+/// The number follows the harmonics, and the offset of the lights includes it, so that a reader without it skips it.
+#[test]
+fn the_uncertainty_of_the_unit_lies_before_the_lights() {
+    let (lights, ambient) = (lights(), [[0.5; 3]; 9]);
+    for (ambient, at) in [(None, 128), (Some(&ambient), 236)] {
+        let set = LightSet { unit_uncertainty: Some(0.054), ..set(&lights, ambient) };
+        let bytes = encode(&set);
+        assert_eq!(u16::from_le_bytes([bytes[6], bytes[7]]), at as u16 + 4, "the first light");
+        assert_eq!((bytes[48] & 32, f32_at(&bytes, at)), (32, 0.054), "flag and number");
+        let read = BinarySet::try_new(&bytes).expect("a set");
+        assert_eq!(read.head().unit_uncertainty, Some(0.054));
+        assert_eq!(
+            read.lights().collect::<Vec<_>>(),
+            BinarySet::try_new(&encode(&LightSet { unit_uncertainty: None, ..set }))
+                .expect("a set")
+                .lights()
+                .collect::<Vec<_>>()
+        );
+        let mut wrong = bytes.clone();
+        wrong[at..at + 4].copy_from_slice(&f32::NAN.to_le_bytes());
+        assert_eq!(BinarySet::try_new(&wrong).map(|_| ()), Err(DecodeError::Malformed));
+    }
+}
+
 #[test]
 fn fields_are_at_the_documented_offsets() {
     let lights = lights();

@@ -6,14 +6,14 @@
 //! |---|---|---|
 //! | 0 | 4 bytes | `HMLX` |
 //! | 4 | u16 | version, 1 |
-//! | 6 | u16 | bytes before the first light: 128, or 236 with `ambient_sh` |
+//! | 6 | u16 | bytes before the first light: 128, 108 more with `ambient_sh`, 4 more with `unit_uncertainty` |
 //! | 8 | u64 | frame |
 //! | 16 | u64 | timestamp_ns |
 //! | 24 | u64 | wall_ms |
 //! | 32 | 8 bytes | run, ASCII, padded with 0 |
 //! | 40 | u32 | requested |
 //! | 44 | u32 | number of lights |
-//! | 48 | u8 | flags: 1 valid, 2 stale, 4 the unit is lux, 8 `ambient_sh` is present, 16 `estimated_error` is present |
+//! | 48 | u8 | flags: 1 valid, 2 stale, 4 the unit is lux, 8 `ambient_sh`, 16 `estimated_error` or 32 `unit_uncertainty` is present |
 //! | 49 | u8 | coordinates: 0 probe, 1 y-up, 2 unity, 3 unreal |
 //! | 50 | u16 | bytes per light, 40 |
 //! | 52 | u16, u16 | bytes of the sampler's name, of the reason of `stale` |
@@ -23,6 +23,7 @@
 //! | 88 | 3 f32 | clipped, unseen, estimated_error |
 //! | 100 | 7 u32 | latency_us: capture, front, pyramid, sample, filter, encode, total |
 //! | 128 | 27 f32 | `ambient_sh` if present: nine rows of red, green, blue |
+//! | next | f32 | `unit_uncertainty` if present |
 //! | next | lights | each u32 id, u32 parent (0 for none), u32 age, f32 radius_deg, 3 f32 direction, 3 f32 irradiance |
 //! | next | UTF-8 | the sampler's name, the reason |
 //!
@@ -38,6 +39,7 @@ const MAGIC: &[u8; 4] = b"HMLX";
 const VERSION: u16 = 1;
 const HEAD: usize = 128;
 const HARMONICS: usize = 27 * 4;
+const UNCERTAINTY: usize = 4;
 const LIGHT: usize = 40;
 
 const VALID: u8 = 1;
@@ -45,6 +47,7 @@ const STALE: u8 = 2;
 const LUX: u8 = 4;
 const AMBIENT: u8 = 8;
 const ERROR: u8 = 16;
+const HAS_UNCERTAINTY: u8 = 32;
 
 const AXES: [Coordinates; 4] =
     [Coordinates::Probe, Coordinates::YUp, Coordinates::Unity, Coordinates::Unreal];
@@ -75,7 +78,7 @@ pub fn binary<W: Write>(set: &LightSet<'_>, w: &mut W) -> Result<(), W::Error> {
     let mut head = Head { bytes: [0; HEAD] };
     head.put(0, *MAGIC);
     head.put(4, VERSION.to_le_bytes());
-    let first = if set.ambient_sh.is_some() { HEAD + HARMONICS } else { HEAD };
+    let first = Extent::of(flags(set)).first;
     head.put(6, (first as u16).to_le_bytes());
     head.put(8, set.frame.to_le_bytes());
     head.put(16, set.timestamp_ns.to_le_bytes());
@@ -107,6 +110,9 @@ pub fn binary<W: Write>(set: &LightSet<'_>, w: &mut W) -> Result<(), W::Error> {
             w.write_all(&number(*v).to_le_bytes())?;
         }
     }
+    if let Some(uncertainty) = set.unit_uncertainty {
+        w.write_all(&number(uncertainty).to_le_bytes())?;
+    }
     for light in set.lights {
         w.write_all(&encoded(light, set.coordinates))?;
     }
@@ -116,6 +122,22 @@ pub fn binary<W: Write>(set: &LightSet<'_>, w: &mut W) -> Result<(), W::Error> {
 
 struct Head {
     bytes: [u8; HEAD],
+}
+
+/// The offsets that follow from the flags.
+struct Extent {
+    /// Offset of `unit_uncertainty`.
+    uncertainty: usize,
+    /// Least offset of the lights.
+    first: usize,
+}
+
+impl Extent {
+    const fn of(flags: u8) -> Self {
+        let uncertainty = if flags & AMBIENT != 0 { HEAD + HARMONICS } else { HEAD };
+        let first = if flags & HAS_UNCERTAINTY != 0 { uncertainty + UNCERTAINTY } else { uncertainty };
+        Self { uncertainty, first }
+    }
 }
 
 impl Head {
@@ -133,6 +155,7 @@ fn flags(set: &LightSet<'_>) -> u8 {
         | flag(set.unit == Unit::Lux, LUX)
         | flag(set.ambient_sh.is_some(), AMBIENT)
         | flag(set.estimated_error.is_some(), ERROR)
+        | flag(set.unit_uncertainty.is_some(), HAS_UNCERTAINTY)
 }
 
 fn axes_code(c: Coordinates) -> u8 {
@@ -194,6 +217,7 @@ impl core::error::Error for DecodeError {}
 pub struct BinarySet<'a> {
     head: &'a [u8],
     harmonics: Option<&'a [u8]>,
+    unit_uncertainty: Option<f32>,
     lights: &'a [u8],
     stride: usize,
     sampler: &'a str,
@@ -222,12 +246,14 @@ impl<'a> BinarySet<'a> {
             return Err(DecodeError::Version(version));
         }
         let (first, stride) = (usize::from(u16_at(head, 6)), usize::from(u16_at(head, 50)));
-        let has_ambient = byte_at(head, 48) & AMBIENT != 0;
-        let least = if has_ambient { HEAD + HARMONICS } else { HEAD };
-        if first < least || stride < LIGHT || usize::from(byte_at(head, 49)) >= AXES.len() {
+        let flags = byte_at(head, 48);
+        let extent = Extent::of(flags);
+        if first < extent.first || stride < LIGHT || usize::from(byte_at(head, 49)) >= AXES.len() {
             return Err(DecodeError::Malformed);
         }
-        let harmonics = has_ambient.then(|| bytes.get(HEAD..HEAD + HARMONICS).ok_or(DecodeError::TooShort));
+        let at_uncertainty = bytes.get(extent.uncertainty..).unwrap_or_default();
+        let harmonics =
+            (flags & AMBIENT != 0).then(|| bytes.get(HEAD..HEAD + HARMONICS).ok_or(DecodeError::TooShort));
         let length = (u32_at(head, 44) as usize).checked_mul(stride).ok_or(DecodeError::TooShort)?;
         let rest = bytes.get(first..).ok_or(DecodeError::TooShort)?;
         let (lights, rest) = rest.split_at_checked(length).ok_or(DecodeError::TooShort)?;
@@ -239,6 +265,7 @@ impl<'a> BinarySet<'a> {
         let set = Self {
             head,
             harmonics: harmonics.transpose()?,
+            unit_uncertainty: (flags & HAS_UNCERTAINTY != 0).then(|| f32_at(at_uncertainty, 0)),
             lights,
             stride,
             sampler: text(sampler)?,
@@ -259,6 +286,7 @@ impl<'a> BinarySet<'a> {
         };
         self.head.get(64..100).is_some_and(positive)
             && self.harmonics.is_none_or(finite)
+            && self.unit_uncertainty.is_none_or(|u| u.is_finite() && u >= 0.0)
             && self.lights.chunks_exact(self.stride).all(light)
     }
 
@@ -278,7 +306,7 @@ impl<'a> BinarySet<'a> {
             sampler: self.sampler,
             requested: u32_at(self.head, 40),
             unit: if flag(LUX) { Unit::Lux } else { Unit::Relative },
-            unit_uncertainty: None,
+            unit_uncertainty: self.unit_uncertainty,
             coordinates: AXES.get(usize::from(byte_at(self.head, 49))).copied().unwrap_or_default(),
             lights: &[],
             ambient_sh: None,

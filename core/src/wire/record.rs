@@ -46,7 +46,7 @@ pub struct Record<Text, Lights, Harmonics> {
     pub requested: u32,
     /// Unit of the irradiances.
     pub unit: Unit,
-    /// Relative uncertainty of the unit with 95 % coverage; `None` where the unit is relative. The binary form omits it.
+    /// Relative uncertainty of the unit with 95 % coverage; `None` where the unit is relative.
     pub unit_uncertainty: Option<f32>,
     /// Coordinates to which the encoders convert directions and harmonics.
     pub coordinates: Coordinates,

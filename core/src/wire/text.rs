@@ -1,6 +1,6 @@
 //! The plain text form of a light set: one light per line.
 
-use super::{LightSet, numbers, put, whole};
+use super::{LightSet, decimal, numbers, put, whole};
 use embedded_io::Write;
 
 /// Writes `set` as comment lines that start with `#`, followed by one line `id x y z r g b` per light.
@@ -27,7 +27,14 @@ pub fn text<W: Write>(set: &LightSet<'_>, w: &mut W) -> Result<(), W::Error> {
     whole(w, set.frame)?;
     put(w, "\n# sampler ")?;
     words(w, set.sampler)?;
-    for part in ["\n# unit ", set.unit.name(), "\n# coordinates ", set.coordinates.name(), "\n# stale "] {
+    for part in ["\n# unit ", set.unit.name()] {
+        put(w, part)?;
+    }
+    if let Some(uncertainty) = set.unit_uncertainty {
+        put(w, "\n# unit_uncertainty ")?;
+        decimal(w, uncertainty)?;
+    }
+    for part in ["\n# coordinates ", set.coordinates.name(), "\n# stale "] {
         put(w, part)?;
     }
     match set.stale {

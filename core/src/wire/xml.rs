@@ -28,7 +28,14 @@ pub fn xml<W: Write>(set: &LightSet<'_>, w: &mut W) -> Result<(), W::Error> {
     whole(w, set.frame)?;
     put(w, "\" sampler=\"")?;
     escaped(w, set.sampler)?;
-    for part in ["\" unit=\"", set.unit.name(), "\" coordinates=\"", set.coordinates.name(), "\" stale=\""] {
+    for part in ["\" unit=\"", set.unit.name()] {
+        put(w, part)?;
+    }
+    if let Some(uncertainty) = set.unit_uncertainty {
+        put(w, "\" unit_uncertainty=\"")?;
+        decimal(w, uncertainty)?;
+    }
+    for part in ["\" coordinates=\"", set.coordinates.name(), "\" stale=\""] {
         put(w, part)?;
     }
     if let Some(stale) = set.stale {
