@@ -1,7 +1,7 @@
 //! Boards with marks, and mirrored boards, in pictures through a known lens.
 
 use super::board::{Board, Charuco, Kind, Printed};
-use super::target::{ink, size};
+use super::target::{Ink, ink, size};
 use super::{Calibrated, Grey, LensRefusal, Picture, Request, calibrate};
 use glam::{DMat3, DVec2, DVec3};
 use hemilux_core::lens::Lens;
@@ -164,22 +164,36 @@ fn sets_of_mirrored_pictures_are_refused_if_the_board_is_asymmetric() {
     calibrate(&mirrored(&pictures(&odd, 7)), &request).expect("a board of the other colours");
 }
 
-/// Hash (FNV-1a, row by row) of the bits of OpenCV's picture of the same board, sampled at the centres of the bits.
+/// Returns the hash (FNV-1a, row by row) of a board's bits, sampled at their centres; a square or tag has `fine` bits in a row.
+fn digest(printed: &Printed, fine: f64) -> u64 {
+    let [columns, rows] = size(printed).map(|n| (fine * n).round() as usize);
+    let ink = ink(printed);
+    let is_black = |i: usize| {
+        let at = [(i % columns) as f64 + 0.5, (i / columns) as f64 + 0.5].map(|v| v / fine);
+        let holds = |part: &Ink, axis: usize| (0.0..part.size[axis]).contains(&(at[axis] - part.at[axis]));
+        ink.iter().any(|part| holds(part, 0) && holds(part, 1))
+    };
+    (0..columns * rows).fold(0xcbf2_9ce4_8422_2325u64, |hash, i| {
+        (hash ^ u64::from(is_black(i))).wrapping_mul(0x0100_0000_01b3)
+    })
+}
+
+/// A bit is an eighth of a square: markers have 6 bits and a margin of one.
 #[test]
 fn charuco_target_equals_that_of_opencv() {
-    let printed = charuco();
-    let drawing = Drawing::of(&printed);
-    // A bit is an eighth of a square: markers have 6 bits and a margin of one.
-    let [columns, rows] = size(&printed).map(|n| 8 * n as usize);
-    let is_black = |i: usize| {
-        let place = DVec2::new((i % columns) as f64 + 0.5, (i / columns) as f64 + 0.5) / 8.0;
-        drawing.at(place - DVec2::from(size(&printed)) * 0.5) == Some(25.0)
-    };
-    let digest = (0..columns * rows).fold(0xcbf2_9ce4_8422_2325u64, |hash, i| {
-        (hash ^ u64::from(is_black(i))).wrapping_mul(0x0100_0000_01b3)
-    });
+    let digest = digest(&charuco(), 8.0);
     assert_eq!(digest, OPENCV, "{digest:x}");
+}
+
+/// A bit is a tenth of a tag: 6 bits and a border of two on each side; the gap has three.
+#[test]
+fn april_grid_target_equals_that_of_kalibr() {
+    let digest = digest(&Printed::april_grid(Board { columns: 6, rows: 5 }, 0.3).expect("a board"), 10.0);
+    assert_eq!(digest, KALIBR, "{digest:x}");
 }
 
 /// `cv2.aruco.CharucoBoard((9, 7), 8, 6, DICT_4X4_50).generateImage((72, 56))` of OpenCV 5.0.0.
 const OPENCV: u64 = 0x932e_1ef1_9d39_56cb;
+
+/// Board of `kalibr_create_target_pdf --type apriltag --nx 6 --ny 5 --tspace 0.3`, drawn with its codes, its order of tags and its rotation.
+const KALIBR: u64 = 0xcedb_a56d_5b04_c499;

@@ -98,11 +98,15 @@ fn squares(printed: &Printed) -> Vec<Ink> {
     black.map(|cell| Ink { at: cell.map(f64::from), size: [1.0; 2] }).collect()
 }
 
-/// Returns tags with a border of two bits, as Kalibr prints them, and the squares between their corners.
+/// Returns tags with a border of two bits, and the squares between their corners, as Kalibr prints them: each tag is rotated by half a turn
+/// from the dictionary's orientation.
 fn april_grid(printed: &Printed, gap: f64) -> Vec<Ink> {
     let Some(family) = resolve_dictionary(TAG_FAMILY) else { return Vec::new() };
     let place = |index: i32| gap + printed.line(index);
-    let tag = |([i, j], code): (Cell, &u64)| bits(*code, family.marker_size(), 2, [place(i), place(j)], 1.0);
+    let side = family.marker_size();
+    let tag = |([i, j], code): (Cell, &u64)| {
+        bits(code.reverse_bits() >> (64 - side * side), side, 2, [place(i), place(j)], 1.0)
+    };
     let tags = tag_cells(printed).zip(family.codes()).flat_map(tag);
     let [columns, rows] = printed.corners.size();
     // A square touches each corner of each tag from outside.
