@@ -4,13 +4,14 @@ use super::access::failed;
 use super::arrivals::Arrivals;
 use super::exposure::{ControlUnit, ExposureSetting};
 use super::formats::Picture;
-use super::frame::{Counters, RawFrame, Taken, stamped_ns};
+use super::frame::{Counters, Filled, RawFrame, Taken};
 use super::measured::Verdict;
+use super::numbers::Numbers;
 use super::schedule::{Known, MAX_DELAY, Schedule, is_after};
 use super::setup::{self, Agreed, Options, Setup};
 use super::verify::{CodeCurve, Verifier};
 use super::view::View;
-use super::{Call, CameraError, Kernel, Node, Ready, abi, luma, persist};
+use super::{Call, CameraError, Kernel, Node, luma, persist};
 use hemilux_core::Response;
 use rustix::io::Errno;
 use std::path::{Path, PathBuf};
@@ -24,9 +25,6 @@ const USUAL_DELAY: u32 = 2;
 
 /// Number of successive refused exposure writes after which the camera is opened again.
 const MOST_REFUSED: u32 = 30;
-
-/// Number of successive frames without a rising sequence number after which the camera is opened again.
-const MOST_REPEATS: u32 = 30;
 
 /// Latest time for a control write, as a part of the period after the newest frame was due: after it, the next frame may begin before the
 /// write acts.
@@ -42,20 +40,17 @@ pub struct Camera {
     verifier: Option<Verifier>,
     pub(super) codes: Vec<f32>,
     pub(super) counters: Counters,
-    last: Option<u32>,
+    pub(super) numbers: Numbers,
+    pub(super) last: Option<u32>,
+    /// Number of successive failures to fetch a frame.
+    pub(super) unfetched: u32,
+    /// First frame after which the next exposure may be written, if the first frame of an exposure is uncertain.
+    held_until: Option<u32>,
     /// Number of successive frames whose sequence numbers do not rise.
-    repeats: u32,
+    pub(super) repeats: u32,
     pub(super) arrivals: Arrivals,
     /// Number of successive writes that the driver refused.
     refused: u32,
-}
-
-/// A buffer that the driver has filled.
-#[derive(Debug)]
-pub(super) struct Filled {
-    pub buffer: abi::Buffer,
-    /// Whether the frame is complete.
-    pub good: bool,
 }
 
 impl Camera {
@@ -80,7 +75,10 @@ impl Camera {
             verifier: exposes.then(|| Verifier::new(levels, &seconds)),
             codes: Vec::new(),
             counters: Counters::default(),
+            numbers: Numbers::default(),
             last: None,
+            unfetched: 0,
+            held_until: None,
             repeats: 0,
             arrivals: Arrivals::new(setup.period_s, kernel.now_ns()),
             refused: 0,
@@ -219,6 +217,22 @@ impl Camera {
         is_read
     }
 
+    /// Returns whether the exposure control sets a time.
+    pub(super) fn is_timed(&self) -> bool {
+        self.setup.knob.as_ref().is_some_and(|k| k.unit != ControlUnit::StandIn)
+    }
+
+    /// Uses the middle exposure alone, because the control does not set exposures as it should.
+    pub(super) fn keep_one(&mut self, kernel: &mut dyn Kernel, got: &str) -> Result<(), CameraError> {
+        let asked = "longer exposures for larger values".into();
+        self.setup.agreed.push(Agreed { what: "exposure control", asked, got: got.into() });
+        self.write(kernel, u32::MAX, self.setup.settings.len() / 2)?;
+        self.setup.settings = vec![ExposureSetting::whole(self.setup.period_s)];
+        (self.setup.knob, self.verifier, self.sure) = (None, None, false);
+        self.schedule = Schedule::new(1, 0, self.schedule.delay());
+        Ok(())
+    }
+
     /// Returns the exposure of frame `sequence`, whose brightness samples are in `codes`.
     fn identify(&mut self, sequence: u32) -> (Option<usize>, Known) {
         let slot = self.schedule.exposure_of(sequence);
@@ -245,6 +259,9 @@ impl Camera {
     /// Writes the exposure that is due after frame `sequence`, unless newer frames are already queued or the time limit has passed.
     fn write_due(&mut self, kernel: &mut dyn Kernel, sequence: u32) -> Result<(), CameraError> {
         if self.setup.knob.is_none() || self.setup.settings.len() < 2 {
+            return Ok(());
+        }
+        if self.held_until.is_some_and(|until| is_after(until, sequence)) {
             return Ok(());
         }
         let behind = persist(|| self.setup.video.wait(Duration::ZERO)).is_ok_and(|r| r.frame);
@@ -275,6 +292,8 @@ impl Camera {
         self.refused = 0;
         let late = self.lateness(kernel);
         let doubt = if late <= IN_TIME { 0 } else { late.ceil().min(f64::from(MAX_DELAY)) as u32 };
+        // An exposure whose first frame is uncertain is kept for one that certainly has it.
+        self.held_until = (doubt > 0).then(|| sequence.wrapping_add(1 + doubt));
         self.schedule.wrote(sequence, slot, doubt);
         Ok(())
     }
@@ -286,94 +305,16 @@ impl Camera {
         if errno == Errno::NODEV {
             return Err(CameraError::Gone(self.path.clone()));
         }
+        if errno == Errno::ACCESS {
+            // An automatic mode holds the control again.
+            setup::restore(&mut self.setup);
+        }
         if self.refused > MOST_REFUSED {
             let expected = "a control that can be set while streaming";
             return Err(failed(&self.path, "writing the exposure", errno, expected));
         }
         self.schedule.failed(sequence);
         Ok(())
-    }
-
-    /// Dequeues the buffer of the next frame.
-    pub(super) fn dequeue(
-        &mut self,
-        kernel: &mut dyn Kernel,
-        timeout: Duration,
-    ) -> Result<Option<Filled>, CameraError> {
-        let ready = persist(|| self.setup.video.wait(timeout));
-        let Ready { frame, event, gone } = ready.map_err(|e| failed(&self.path, "poll", e, "frames"))?;
-        if event {
-            self.look_at_event()?;
-        }
-        if !frame {
-            return if gone {
-                Err(CameraError::Gone(self.path.clone()))
-            } else {
-                self.silence(kernel).map(|()| None)
-            };
-        }
-        let mut buffer = abi::Buffer::default();
-        match persist(|| self.setup.video.call(Call::Dequeue(&mut buffer))) {
-            Ok(()) => {}
-            Err(Errno::AGAIN) => return self.silence(kernel).map(|()| None),
-            Err(e) => return Err(failed(&self.path, "DQBUF", e, "a frame")),
-        }
-        let repeated = !self.count(kernel, &buffer)?;
-        let whole = self.setup.picture.least_bytes();
-        let good = self.counters.broken.check(&buffer, repeated, whole);
-        Ok(Some(Filled { buffer, good }))
-    }
-
-    /// Drops a frame whose sequence number was repeated, as busy drivers do now and then: its exposure is unknown.
-    fn repeat(&mut self, sequence: u32, last: u32) -> Result<bool, CameraError> {
-        self.repeats += 1;
-        if self.repeats <= MOST_REPEATS {
-            return Ok(false);
-        }
-        let found = format!("frame {sequence} after frame {last}, {MOST_REPEATS} times in a row");
-        Err(CameraError::Unfit { path: self.path.clone(), found, expected: "rising numbers".into() })
-    }
-
-    /// Notes a frame's sequence number and arrival; returns false if the number does not rise.
-    fn count(&mut self, kernel: &dyn Kernel, buffer: &abi::Buffer) -> Result<bool, CameraError> {
-        if let Some(last) = self.last {
-            if !is_after(buffer.sequence, last) {
-                return self.repeat(buffer.sequence, last);
-            }
-            self.repeats = 0;
-            self.counters.lost += u64::from(buffer.sequence.wrapping_sub(last) - 1);
-        }
-        self.last = Some(buffer.sequence);
-        let stamp_is_used = self.arrivals.note(buffer.sequence, stamped_ns(buffer), kernel.now_ns());
-        self.counters.unstamped += u64::from(!stamp_is_used);
-        Ok(true)
-    }
-
-    /// Returns an error if no frame came for [`SILENCE`].
-    fn silence(&self, kernel: &dyn Kernel) -> Result<(), CameraError> {
-        let silent_ns = kernel.now_ns().saturating_sub(self.arrivals.arrived_ns());
-        let allowed = SILENCE.0.max(Duration::from_secs_f64(SILENCE.1 * self.setup.period_s));
-        if u128::from(silent_ns) <= allowed.as_nanos() {
-            return Ok(());
-        }
-        let (ms, period_ms) = (allowed.as_millis() as u64, (self.setup.period_s * 1e3) as u64);
-        Err(CameraError::Silent { path: self.path.clone(), ms, period_ms })
-    }
-
-    fn look_at_event(&mut self) -> Result<(), CameraError> {
-        let mut event = abi::Event::default();
-        let taken = persist(|| self.setup.video.call(Call::DequeueEvent(&mut event)));
-        if taken.is_ok() && event.kind == abi::EVENT_SOURCE_CHANGE {
-            let (found, expected) = ("another picture format".into(), "the one that was agreed on".into());
-            return Err(CameraError::Unfit { path: self.path.clone(), found, expected });
-        }
-        Ok(())
-    }
-
-    pub(super) fn queue(&mut self, index: u32) -> Result<(), CameraError> {
-        let mut buffer = abi::Buffer { index, ..Default::default() };
-        let queued = persist(|| self.setup.video.call(Call::Queue(&mut buffer)));
-        queued.map_err(|e| failed(&self.path, "QBUF", e, "a buffer to be taken back"))
     }
 }
 

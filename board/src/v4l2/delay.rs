@@ -14,6 +14,9 @@ const TRIALS: u32 = 12;
 const SPOILT: u32 = 48;
 const AGREEING: u32 = 3;
 
+/// Mean relative codes that every change of the exposure changes.
+const LIT: std::ops::Range<f32> = 0.05..0.8;
+
 /// Largest number of successive broken frames.
 const MOST_BROKEN: u32 = 100;
 
@@ -65,10 +68,14 @@ impl Camera {
                 .enumerate()
                 .max_by_key(|(d, v)| (**v, MAX_DELAY as usize - d))
                 .unwrap_or((0, &0));
-            if *most >= AGREEING {
+            if *most >= AGREEING && step < 0.0 && self.is_timed() {
+                self.keep_one(kernel, "shorter exposures for larger values: one exposure is used")?;
+            } else if *most >= AGREEING {
                 self.schedule.set_delay(delay as u32);
                 self.sure = true;
             }
+        } else if !self.setup.reads_back && LIT.contains(&levels[1]) {
+            self.keep_one(kernel, "no effect: one exposure is used")?;
         }
         Ok(())
     }

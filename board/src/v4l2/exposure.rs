@@ -18,6 +18,13 @@ pub struct ExposureSetting {
     pub seconds: f64,
 }
 
+impl ExposureSetting {
+    /// Returns the setting of a camera whose exposure cannot be set: the frame interval.
+    pub(super) const fn whole(period_s: f64) -> Self {
+        Self { value: 0, asked_s: period_s, seconds: period_s }
+    }
+}
+
 /// The control that sets the exposure.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Knob {
@@ -244,9 +251,10 @@ pub fn go_manual(node: &mut dyn Node) -> Manual {
     if controls::find(node, abi::EXPOSURE_AUTO).is_none() {
         return Manual { settable: true, held };
     }
-    // Most cameras have only some of the modes.
+    // Most cameras have only some of the modes; some drivers list none.
     let modes = abi::MANUAL_MODES.into_iter().filter(|m| controls::has_item(node, abi::EXPOSURE_AUTO, *m));
     let modes: Vec<i64> = modes.collect();
+    let modes = if modes.is_empty() { abi::MANUAL_MODES.into() } else { modes };
     let mode = modes.into_iter().find_map(|m| Held::set(node, abi::EXPOSURE_AUTO, m).filter(Held::holds));
     let settable = mode.is_some();
     // This control comes first, since it unlocks the others.
@@ -295,16 +303,17 @@ fn take_nearest(node: &mut dyn Node, info: &Info, wanted: i64, most: i64) -> Opt
         if best.is_some_and(|b| distance(b) <= distance(value).max(TRIED_FROM)) {
             break;
         }
-        if controls::set(node, info, value).is_ok()
-            && let Ok(found) = controls::value(node, info)
-            && best.is_none_or(|b| distance(found) < distance(b))
-        {
-            best = Some(found);
+        if controls::set(node, info, value).is_ok() {
+            // A control that cannot be read has the written value.
+            let found = controls::value(node, info).unwrap_or(value);
+            if best.is_none_or(|b| distance(found) < distance(b)) {
+                best = Some(found);
+            }
         }
     }
     let best = best?;
     let _ = controls::set(node, info, best);
-    controls::value(node, info).ok()
+    Some(controls::value(node, info).unwrap_or(best))
 }
 
 /// Returns the values of a control around `wanted`, by rising ratio to it.
@@ -332,23 +341,45 @@ fn beside(wanted: i64, info: &Info, most: i64) -> impl Iterator<Item = i64> {
     std::iter::from_fn(next)
 }
 
-/// Sets each requested exposure, reads it back and returns the settings that the camera took, ascending and without repetition.
-pub fn agree(node: &mut dyn Node, knob: &Knob, wished_s: &[f64], period_s: f64) -> Vec<ExposureSetting> {
-    let Some(second) = knob.unit.second() else { return Vec::new() };
+/// The settings that a camera took for the requested exposures.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Settled {
+    /// The settings, ascending and without repetition.
+    pub settings: Vec<ExposureSetting>,
+    /// Whether the control reads as the value that was written.
+    pub reads_back: bool,
+}
+
+/// Sets each requested exposure and reads it back. If the control reads as the same value after each of several writes, the written values
+/// are returned.
+pub fn agree(node: &mut dyn Node, knob: &Knob, wished_s: &[f64], period_s: f64) -> Settled {
+    let Some(second) = knob.unit.second() else { return Settled::default() };
     // The present range: a sensor's range follows VBLANK.
     let info = controls::find(node, knob.info.id).unwrap_or_else(|| knob.info.clone());
     // A UVC exposure that is longer than the frame interval lengthens the interval or is cut.
     let most = if knob.unit == ControlUnit::Uvc { (period_s / second) as i64 } else { i64::MAX };
-    let mut agreed: Vec<ExposureSetting> = Vec::new();
+    let (mut taken, mut written) = (Vec::new(), Vec::new());
     for asked_s in wished_s {
         let wanted = ((asked_s / second).round().clamp(1.0, 1e9) as i64).min(most.max(1));
         let wanted = info.nearest(wanted);
         let Some(value) = take_nearest(node, &info, wanted, most.max(1)) else { continue };
-        let setting = ExposureSetting { value, asked_s: *asked_s, seconds: value as f64 * second };
-        if setting.seconds > 0.0 && agreed.iter().all(|s| s.value != value) {
-            agreed.push(setting);
-        }
+        let setting =
+            |value: i64| ExposureSetting { value, asked_s: *asked_s, seconds: value as f64 * second };
+        taken.push(setting(value));
+        written.push(setting(wanted));
     }
-    agreed.sort_by(|a, b| a.seconds.total_cmp(&b.seconds));
-    agreed
+    let (taken, written) = (distinct(taken), distinct(written));
+    let is_readable = controls::value(node, &info).is_ok();
+    if taken.len() == 1 && written.len() > 1 {
+        return Settled { settings: written, reads_back: false };
+    }
+    Settled { settings: taken, reads_back: is_readable }
+}
+
+/// Returns the positive settings in ascending order, each value once.
+fn distinct(mut settings: Vec<ExposureSetting>) -> Vec<ExposureSetting> {
+    settings.retain(|s| s.seconds > 0.0);
+    settings.sort_by_key(|s| s.value);
+    settings.dedup_by_key(|s| s.value);
+    settings
 }

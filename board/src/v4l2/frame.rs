@@ -176,6 +176,14 @@ impl Default for RawFrame {
     }
 }
 
+/// A buffer that the driver has filled.
+#[derive(Debug)]
+pub(super) struct Filled {
+    pub buffer: abi::Buffer,
+    /// Whether the frame is complete.
+    pub good: bool,
+}
+
 /// Returns the driver's timestamp in nanoseconds.
 pub(super) fn stamped_ns(buffer: &abi::Buffer) -> u64 {
     let [s, us] = buffer.timestamp.map(|v| u64::try_from(v).unwrap_or(0));

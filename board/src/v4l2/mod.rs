@@ -24,6 +24,7 @@ pub mod device;
 pub mod exposure;
 #[cfg(test)]
 pub(crate) mod fake;
+mod fetch;
 #[cfg(test)]
 mod field_tests;
 pub mod formats;
@@ -35,6 +36,9 @@ pub mod luma;
 pub mod measured;
 pub mod media;
 mod negotiate;
+mod numbers;
+#[cfg(test)]
+mod odd_tests;
 pub mod options;
 mod pads;
 mod place;
@@ -87,6 +91,8 @@ pub enum Call<'a> {
     GetPadSelection(&'a mut abi::PadSelection),
     Topology(&'a mut media::Topology),
     SetupLink(&'a mut media::abi::LinkSetup),
+    GetRoutes(&'a mut Vec<abi::PadRoute>),
+    SetRoutes(&'a mut Vec<abi::PadRoute>),
 }
 
 /// Result of waiting for a node.

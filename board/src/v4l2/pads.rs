@@ -77,3 +77,53 @@ plain! {
         reserved: [u32; 8],
     }
 }
+
+plain! {
+    /// `struct v4l2_subdev_route`: the way of a stream through an entity.
+    PadRoute(40, 40) {
+        /// Number of the pad where the stream enters.
+        sink_pad: u32,
+        /// Number of the stream at that pad.
+        sink_stream: u32,
+        /// Number of the pad where the stream leaves.
+        source_pad: u32,
+        /// Number of the stream at that pad.
+        source_stream: u32,
+        /// [`ROUTE_ACTIVE`] and other flags of the route.
+        flags: u32,
+        /// Reserved by the kernel; always 0.
+        reserved: [u32; 5],
+    }
+}
+
+plain! {
+    /// `struct v4l2_subdev_routing`.
+    PadRouting(64, 64) {
+        /// Input: [`FORMAT_ACTIVE`].
+        which: u32 = FORMAT_ACTIVE,
+        /// Input: number of routes for which the array has memory.
+        length: u32,
+        /// Input: address of the array of routes.
+        routes_at: u64,
+        /// Number of routes in the array.
+        count: u32,
+        /// Reserved by the kernel; always 0.
+        reserved: [u32; 11],
+    }
+}
+
+plain! {
+    /// `struct v4l2_subdev_client_capability`.
+    ClientCapability(8, 8) {
+        /// [`CLIENT_STREAMS`].
+        capabilities: u64,
+    }
+}
+
+/// `V4L2_SUBDEV_ROUTE_FL_ACTIVE`.
+pub const ROUTE_ACTIVE: u32 = 1;
+/// `V4L2_SUBDEV_CLIENT_CAP_STREAMS`: the program knows of streams, without which requests for routes fail with ENOTTY.
+pub const CLIENT_STREAMS: u64 = 1;
+
+/// Largest number of routes that are read from an entity.
+pub const MOST_PAD_ROUTES: u32 = 64;

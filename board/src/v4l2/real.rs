@@ -41,6 +41,9 @@ const QUERY_EXT_CTRL: Opcode = opcode::read_write::<abi::ControlDescription>(V, 
 const SUBDEV_ENUM_MBUS_CODE: Opcode = opcode::read_write::<abi::BusCode>(V, 2);
 const SUBDEV_G_FMT: Opcode = opcode::read_write::<abi::PadFormat>(V, 4);
 const SUBDEV_S_FMT: Opcode = opcode::read_write::<abi::PadFormat>(V, 5);
+const SUBDEV_G_ROUTING: Opcode = opcode::read_write::<abi::PadRouting>(V, 38);
+const SUBDEV_S_ROUTING: Opcode = opcode::read_write::<abi::PadRouting>(V, 39);
+const SUBDEV_S_CLIENT_CAP: Opcode = opcode::read_write::<abi::ClientCapability>(V, 102);
 const SUBDEV_G_SELECTION: Opcode = opcode::read_write::<abi::PadSelection>(V, 61);
 const SUBDEV_ENUM_FRAME_SIZE: Opcode = opcode::read_write::<abi::PadSize>(V, 74);
 const G_SELECTION: Opcode = opcode::read_write::<abi::Selection>(V, 94);
@@ -75,6 +78,8 @@ const _: () = {
     assert!(G_SELECTION == 0xc040_565e, "VIDIOC_G_SELECTION");
     assert!(SUBDEV_G_SELECTION == 0xc040_563d, "VIDIOC_SUBDEV_G_SELECTION");
     assert!(SUBDEV_ENUM_FRAME_SIZE == 0xc040_564a, "VIDIOC_SUBDEV_ENUM_FRAME_SIZE");
+    assert!(SUBDEV_S_ROUTING == 0xc040_5627, "VIDIOC_SUBDEV_S_ROUTING");
+    assert!(SUBDEV_S_CLIENT_CAP == 0xc008_5666, "VIDIOC_SUBDEV_S_CLIENT_CAP");
     assert!(SETUP_LINK == 0xc034_7c03, "MEDIA_IOC_SETUP_LINK");
     assert!(G_TOPOLOGY == 0xc048_7c04, "MEDIA_IOC_G_TOPOLOGY");
 };
@@ -104,7 +109,7 @@ impl File {
     fn update<const CODE: Opcode, T>(&self, data: &mut T) -> Result<(), Errno> {
         // SAFETY: callers pair `CODE` with the structure from whose size it was computed (the constants above), so that the kernel reads
         // and writes no byte beyond `data`. All structures consist of integers, for which every bit pattern is a value. Pointers
-        // inside one are made in `control` and `topology`.
+        // inside one are made in `control`, `topology` and `routes`.
         unsafe { ioctl(self.fd.as_fd(), Updater::<CODE, T>::new(data)) }
     }
 
@@ -150,6 +155,21 @@ impl File {
         topology.pads.truncate(counts.pads[0] as usize);
         topology.links.truncate(counts.links[0] as usize);
         Ok(())
+    }
+
+    /// Gets or sets the routes of an entity.
+    fn routes<const CODE: Opcode>(&self, routes: &mut Vec<abi::PadRoute>) -> Result<(), Errno> {
+        let mut client = abi::ClientCapability { capabilities: abi::CLIENT_STREAMS };
+        self.update::<SUBDEV_S_CLIENT_CAP, _>(&mut client)?;
+        let length = abi::MOST_PAD_ROUTES;
+        let count = u32::try_from(routes.len()).unwrap_or(u32::MAX).min(length);
+        routes.resize(length as usize, abi::PadRoute::default());
+        let routes_at = routes.as_mut_ptr() as usize as u64;
+        let mut routing = abi::PadRouting { length, routes_at, count, ..Default::default() };
+        // The kernel reads `count` routes and writes at most `length`, the length of the vector, which lives until the call has returned.
+        let outcome = self.update::<CODE, _>(&mut routing);
+        routes.truncate(if outcome.is_ok() { routing.count } else { count } as usize);
+        outcome
     }
 
     fn mark(&mut self, index: u32, queued: bool) {
@@ -203,6 +223,8 @@ impl Node for File {
             Call::GetPadSelection(d) => self.update::<SUBDEV_G_SELECTION, _>(d),
             Call::Topology(d) => self.topology(d),
             Call::SetupLink(d) => self.update::<SETUP_LINK, _>(d),
+            Call::GetRoutes(d) => self.routes::<SUBDEV_G_ROUTING>(d),
+            Call::SetRoutes(d) => self.routes::<SUBDEV_S_ROUTING>(d),
         }
     }
 

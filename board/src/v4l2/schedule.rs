@@ -3,7 +3,6 @@
 //! A control that is written after the sensor's frame `s` acts from frame `s + 1 + delay` on, so a frame's exposure is that of the latest
 //! write that could act on it, even if frames in between were lost. Writes are assigned to frames by sequence number, never by counting
 //! delivered frames.
-//! number, never by counting delivered frames.
 
 use std::collections::VecDeque;
 

@@ -20,6 +20,8 @@ pub(super) struct Setup {
     pub picture: Picture,
     pub period_s: f64,
     pub knob: Option<Knob>,
+    /// Whether the exposure control reads as the value that was written.
+    pub reads_back: bool,
     /// Controls that keep their values while the camera streams, in the order in which they are set.
     pub held: Vec<Held>,
     /// Exposures of the burst, at least one; without an exposure control exactly one, the frame interval.
@@ -57,7 +59,8 @@ pub(super) fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<Setup, 
         Some(node) => node.as_mut(),
         None => video.as_mut(),
     };
-    let Exposing { knob, settings, held } = expose(holder, options, &picture, known, &mut period_s);
+    let Exposing { knob, settings, reads_back, held } =
+        expose(holder, options, &picture, known, &mut period_s);
     let mut agreed = vec![
         agreed("size", asked.to_string(), got.to_string()),
         agreed(
@@ -73,6 +76,13 @@ pub(super) fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<Setup, 
         asked: format!("{:.2} ms", s.asked_s * 1e3),
         got: if knob.is_some() { format!("{:.2} ms", s.seconds * 1e3) } else { "no control".into() },
     }));
+    if !reads_back {
+        agreed.push(Agreed {
+            what: "exposure control",
+            asked: "the value that was written".into(),
+            got: "another one, or none; the written values are used".into(),
+        });
+    }
     agreed.extend(held.iter().filter(|h| !h.holds()).map(refused));
     let black = known.filter(|_| picture.is_raw()).map_or(0.0, |sensor| sensor.black.share());
     Ok(Setup {
@@ -81,6 +91,7 @@ pub(super) fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<Setup, 
         picture,
         period_s,
         knob,
+        reads_back,
         held,
         settings,
         view,
@@ -134,6 +145,7 @@ pub(super) fn exposure_value(setup: &mut Setup) -> Option<i64> {
 struct Exposing {
     knob: Option<Knob>,
     settings: Vec<ExposureSetting>,
+    reads_back: bool,
     held: Vec<Held>,
 }
 
@@ -154,7 +166,7 @@ fn expose(
             settings.map(|(value, s)| ExposureSetting { value: *value, asked_s: *s, seconds: *s }).collect();
         if let Some(info) = info {
             let knob = Some(Knob { info, unit: ControlUnit::StandIn });
-            return Exposing { knob, settings, held: Vec::new() };
+            return Exposing { knob, settings, reads_back: true, held: Vec::new() };
         }
     }
     let Manual { settable, mut held } = exposure::go_manual(node);
@@ -173,13 +185,13 @@ fn expose(
         {
             held.push(Held { info, wanted: value, found: Some(value) });
         }
-        let settings = exposure::agree(node, &knob, &options.exposures_s, *period_s);
+        let exposure::Settled { settings, reads_back } =
+            exposure::agree(node, &knob, &options.exposures_s, *period_s);
         if !settings.is_empty() {
-            return Exposing { knob: Some(knob), settings, held };
+            return Exposing { knob: Some(knob), settings, reads_back, held };
         }
     }
-    let whole = ExposureSetting { value: 0, asked_s: *period_s, seconds: *period_s };
-    Exposing { knob: None, settings: vec![whole], held }
+    Exposing { knob: None, settings: vec![ExposureSetting::whole(*period_s)], reads_back: true, held }
 }
 
 /// Writes a setting's value to the exposure control.

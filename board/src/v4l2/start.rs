@@ -6,10 +6,17 @@ use super::capture::Camera;
 use super::schedule::Schedule;
 use super::setup::{self, Agreed};
 use super::{Call, CameraError, Kernel, Node, abi, persist};
+use rustix::io::Errno;
 use std::path::Path;
+use std::time::Duration;
 
 /// Number of requested buffers. One is being filled and one being read; the others absorb a delay of four frames without loss.
 const BUFFERS: u32 = 6;
+
+/// Number of attempts to start the stream, and the time between them: USB cameras fail while another device ends its transfers, and some
+/// drivers fail after their first start.
+const START_TRIES: u32 = 6;
+const START_PAUSE: Duration = Duration::from_millis(100);
 
 /// Number of attempts of the first exposure write.
 const FIRST_TRIES: u32 = 4;
@@ -36,18 +43,33 @@ impl Camera {
             self.queue(index)?;
         }
         self.write_first(kernel)?;
-        let streaming = persist(|| self.setup.video.call(Call::StreamOn));
-        streaming.map_err(|e| failed(&self.path, "STREAMON", e, "a sensor whose format and links fit"))?;
+        self.stream_on(kernel)?;
         self.arrivals = Arrivals::new(self.setup.period_s, kernel.now_ns());
         self.restore(kernel)
+    }
+
+    fn stream_on(&mut self, kernel: &mut dyn Kernel) -> Result<(), CameraError> {
+        let passing = [Errno::BUSY, Errno::IO, Errno::AGAIN, Errno::PROTO, Errno::TIMEDOUT];
+        let mut tries = 1;
+        loop {
+            let errno = match persist(|| self.setup.video.call(Call::StreamOn)) {
+                Ok(()) => return Ok(()),
+                Err(errno) => errno,
+            };
+            if tries == START_TRIES || !passing.contains(&errno) {
+                return Err(failed(&self.path, "STREAMON", errno, "a sensor whose format and links fit"));
+            }
+            tries += 1;
+            kernel.sleep(START_PAUSE);
+        }
     }
 
     /// Sets the controls again that the camera reset when the stream started.
     fn restore(&mut self, kernel: &mut dyn Kernel) -> Result<(), CameraError> {
         let changed = setup::restore(&mut self.setup);
         let expected = self.setup.settings.first().map(|s| s.value);
-        let exposes = self.setup.knob.is_some();
-        if !changed && (!exposes || setup::exposure_value(&mut self.setup) == expected) {
+        let can_tell = self.setup.knob.is_some() && self.setup.reads_back;
+        if !changed && (!can_tell || setup::exposure_value(&mut self.setup) == expected) {
             return Ok(());
         }
         self.setup.agreed.push(Agreed {

@@ -19,9 +19,18 @@ const ENOUGH: usize = 48;
 /// Largest distance of the two frames, in frames: light and objects move in the meantime.
 const NEIGHBOURS: u32 = 4;
 
+/// Largest distance of a frame from an older certain one with which it is compared too, in frames.
+const REACH: u32 = 6;
+
+/// Number of stored certain frames.
+const ANCHORS: usize = 2;
+
 /// Number of stored comparisons, and how many of them must disagree before another delay is searched for.
 const REMEMBERED: usize = 12;
 const DISAGREEING: usize = 4;
+
+/// Number of stored comparisons that disagree from which on no frame is certain.
+const DISPUTED: usize = 3;
 
 /// Meaning of a camera's codes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,6 +52,16 @@ pub struct Verifier {
     codes: Vec<f32>,
     ratios: Vec<f32>,
     seen: VecDeque<FramePair>,
+    /// The newest certain frames. With equal steps between the exposures, a shift by one exposure gives the same ratio to the frame before;
+    /// the ratio to an older frame shows it.
+    anchors: VecDeque<Anchor>,
+}
+
+/// A frame whose exposure is certain.
+#[derive(Debug, Default)]
+struct Anchor {
+    sequence: u32,
+    codes: Vec<f32>,
 }
 
 /// Brightness ratio of two frames.
@@ -67,13 +86,18 @@ impl Verifier {
             codes: Vec::new(),
             ratios: Vec::new(),
             seen: VecDeque::new(),
+            anchors: VecDeque::new(),
         }
     }
 
     /// Compares frame `sequence`, whose samples are `codes`, with the frame before; swaps the older samples into `codes`.
     pub fn compare(&mut self, sequence: u32, codes: &mut Vec<f32>, schedule: &Schedule) -> Verdict {
         let near = self.before.filter(|b| sequence.wrapping_sub(*b) <= NEIGHBOURS);
-        let ratio = near.and_then(|_| self.log_ratio(codes));
+        let ratio = near.and_then(|_| log_ratio(self.levels, &mut self.ratios, &self.codes, codes));
+        if near.is_some() && schedule.exposure_of(sequence).is_none() {
+            // The next frame is compared with the frame before, whose exposure is predicted.
+            return Verdict::CannotTell;
+        }
         std::mem::swap(&mut self.codes, codes);
         let before = self.before.replace(sequence);
         let (Some(before), Some(ratio)) = (before, ratio) else { return Verdict::CannotTell };
@@ -85,7 +109,36 @@ impl Verifier {
         if let (Some(old), Some(new)) = (schedule.exposure_of(before), schedule.exposure_of(sequence)) {
             self.measured.note(old, new, ratio);
         }
-        self.judge(seen, schedule, schedule.delay())
+        let verdict = self.judge(seen, schedule, schedule.delay());
+        if !matches!(verdict, Verdict::Agrees | Verdict::Measured) {
+            return verdict;
+        }
+        if self.contradicts_anchor(before, sequence, schedule) {
+            return Verdict::Differs;
+        }
+        if self.is_disputed(schedule) {
+            return Verdict::Near;
+        }
+        self.anchor(sequence);
+        verdict
+    }
+
+    /// Returns whether the ratio of frame `sequence` to the newest certain frame other than `before` contradicts the schedule.
+    fn contradicts_anchor(&mut self, before: u32, sequence: u32, schedule: &Schedule) -> bool {
+        let is_near = |a: &&Anchor| a.sequence != before && sequence.wrapping_sub(a.sequence) <= REACH;
+        let Some(anchor) = self.anchors.iter().rev().find(is_near) else { return false };
+        let ratio = log_ratio(self.levels, &mut self.ratios, &anchor.codes, &self.codes);
+        let pair = ratio.map(|log_ratio| FramePair { before: anchor.sequence, after: sequence, log_ratio });
+        pair.is_some_and(|pair| self.judge(pair, schedule, schedule.delay()) == Verdict::Differs)
+    }
+
+    /// Stores the frame of `codes` as certain.
+    fn anchor(&mut self, sequence: u32) {
+        let mut anchor =
+            if self.anchors.len() < ANCHORS { None } else { self.anchors.pop_front() }.unwrap_or_default();
+        anchor.sequence = sequence;
+        anchor.codes.clone_from(&self.codes);
+        self.anchors.push_back(anchor);
     }
 
     /// The exposures as measured from the ratios.
@@ -108,8 +161,15 @@ impl Verifier {
             return None;
         }
         self.seen.clear();
+        self.anchors.clear();
         self.measured.forget();
         Some(best)
+    }
+
+    /// Returns whether several of the recent ratios contradict the schedule: an agreement may then be by chance.
+    fn is_disputed(&self, schedule: &Schedule) -> bool {
+        let differs = |s: &&FramePair| self.judge(**s, schedule, schedule.delay()) == Verdict::Differs;
+        self.seen.iter().filter(differs).count() >= DISPUTED
     }
 
     fn judge(&self, seen: FramePair, schedule: &Schedule, delay: u32) -> Verdict {
@@ -119,24 +179,24 @@ impl Verifier {
             _ => Verdict::CannotTell,
         }
     }
+}
 
-    /// Returns the natural logarithm of the median ratio of relative exposures, newer to older.
-    fn log_ratio(&mut self, codes: &[f32]) -> Option<f64> {
-        let CodeCurve { response, black, white } = self.levels;
-        let relative = |code: f32| ((f64::from(code) - black) / (white - black)) as f32;
-        self.ratios.clear();
-        for (old, new) in self.codes.iter().zip(codes) {
-            let (old, new) = (relative(*old), relative(*new));
-            if TRUSTED.contains(&old) && TRUSTED.contains(&new) {
-                let light = |x: f32| response.exposure(1, f64::from(x)) as f32;
-                self.ratios.push(light(new) / light(old).max(1e-6));
-            }
+/// Returns the natural logarithm of the median ratio of relative exposures, newer to older; `ratios` is working memory.
+fn log_ratio(levels: CodeCurve, ratios: &mut Vec<f32>, older: &[f32], newer: &[f32]) -> Option<f64> {
+    let CodeCurve { response, black, white } = levels;
+    let relative = |code: f32| ((f64::from(code) - black) / (white - black)) as f32;
+    ratios.clear();
+    for (old, new) in older.iter().zip(newer) {
+        let (old, new) = (relative(*old), relative(*new));
+        if TRUSTED.contains(&old) && TRUSTED.contains(&new) {
+            let light = |x: f32| response.exposure(1, f64::from(x)) as f32;
+            ratios.push(light(new) / light(old).max(1e-6));
         }
-        if self.ratios.len() < ENOUGH {
-            return None;
-        }
-        let middle = self.ratios.len() / 2;
-        let (_, median, _) = self.ratios.select_nth_unstable_by(middle, f32::total_cmp);
-        Some(f64::from(median.max(1e-6)).ln())
     }
+    if ratios.len() < ENOUGH {
+        return None;
+    }
+    let middle = ratios.len() / 2;
+    let (_, median, _) = ratios.select_nth_unstable_by(middle, f32::total_cmp);
+    Some(f64::from(median.max(1e-6)).ln())
 }

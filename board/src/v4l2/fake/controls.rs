@@ -1,6 +1,6 @@
 //! The controls of the simulated camera, and the frames that they lead to.
 
-use super::{Kind, Manner, World};
+use super::{Kind, Manner, Quirk, World};
 use crate::v4l2::abi;
 use hemilux_core::format::Format;
 use rustix::io::Errno;
@@ -18,6 +18,9 @@ impl World {
         let mut value = value.clamp(low, high).max(least);
         if id == self.knob() {
             self.tried += 1;
+            if self.spoil_write() {
+                return Ok(());
+            }
             let every = self.script.fail_write_every;
             let fails = every > 0 && self.streaming && self.tried.is_multiple_of(every);
             if fails {
@@ -33,14 +36,32 @@ impl World {
                 }
             }
         }
-        self.controls.insert(id, value);
+        let old = self.controls.insert(id, value);
         if self.written.len() < MOST_WRITTEN {
             self.written.push((id, value));
         }
         if id == self.knob() {
-            self.writes.push((if self.streaming { self.next + self.script.delay } else { 0 }, value));
+            self.old_value = old.unwrap_or_default();
+            let jitter = u32::from(self.has(Quirk::Jitters) && self.chance() < 0.5);
+            self.writes
+                .push((if self.streaming { self.next + self.script.delay + jitter } else { 0 }, value));
         }
         Ok(())
+    }
+
+    /// Reads a control.
+    pub(super) fn read(&self, id: u32) -> Result<i64, Errno> {
+        let value = *self.controls.get(&id).ok_or(Errno::INVAL)?;
+        if id != self.knob() {
+            return Ok(value);
+        }
+        let quirk = self.script.quirks.iter().find_map(|quirk| match quirk {
+            Quirk::ReadsAs(constant) => Some(Ok(*constant)),
+            Quirk::ReadsOld => Some(Ok(self.old_value)),
+            Quirk::Unreadable => Some(Err(Errno::IO)),
+            _ => None,
+        });
+        quirk.unwrap_or(Ok(value))
     }
 
     /// Applies the resets of controls that some cameras make when a stream starts.

@@ -4,7 +4,7 @@
 //! only if both ends of each link agree, and delivers frames only if no other linked node waits for a buffer, as in the drivers of the Pi.
 
 use super::World;
-use crate::v4l2::abi::{PadFormat, PadSelection};
+use crate::v4l2::abi::{PadFormat, PadRoute, PadSelection, ROUTE_ACTIVE};
 use crate::v4l2::media::abi::{self, LinkSetup};
 use crate::v4l2::media::{Device, Topology};
 use rustix::io::Errno;
@@ -21,6 +21,17 @@ pub struct Mode {
     pub crop: [u32; 4],
 }
 
+/// Behaviour of a pad that does not take formats.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PadFault {
+    /// The pad keeps a size of 640 x 480.
+    Size,
+    /// The pad keeps its media bus code.
+    Code,
+    /// Setting the format fails with EINVAL.
+    Refused,
+}
+
 /// A media device.
 #[derive(Clone, Debug)]
 pub struct Described {
@@ -33,8 +44,12 @@ pub struct Described {
     pub modes: Vec<Mode>,
     /// Rectangle of all pixels of the sensor; none if the driver reports no selections.
     pub native: Option<[u32; 4]>,
-    /// A pad whose size cannot be changed.
-    pub stuck: Option<&'static str>,
+    /// A pad, as `NAME:PAD`, that does not take formats, and the way in which it does not.
+    pub fault: Option<(&'static str, PadFault)>,
+    /// Active routes of the bridge, as (sink, source); none if its driver has no streams.
+    pub routes: Option<Vec<(u32, u32)>>,
+    /// Whether the driver refuses other routes.
+    pub fixed_routes: bool,
     /// Number of the first node.
     pub first_node: u32,
 }
@@ -209,7 +224,55 @@ impl Board {
         format!("{}:{pad}", self.names[entity])
     }
 
+    /// Returns the fault of a pad.
+    pub fn fault_of(&self, pad: (usize, u32)) -> Option<PadFault> {
+        self.described.fault.filter(|(name, _)| *name == self.name(pad)).map(|(_, fault)| fault)
+    }
+
+    /// Returns the pads of the bridge that are connected inside it, as (sink, source).
+    fn inner(&self) -> Vec<(u32, u32)> {
+        self.described.routes.clone().unwrap_or_else(|| self.described.inner.clone())
+    }
+
+    /// Returns whether a pad has a stream: in drivers with streams, source pads have one if a route leads to them.
+    fn is_routed(&self, (entity, pad): (usize, u32)) -> bool {
+        let is_source = self.links.iter().any(|l| l.source == (entity, pad));
+        let has_routes = self.described.routes.is_some() && self.names[entity] == "csi2";
+        !is_source || !has_routes || self.inner().iter().any(|(_, source)| *source == pad)
+    }
+
+    pub fn get_routes(&self, entity: usize, routes: &mut Vec<PadRoute>) -> Result<(), Errno> {
+        let active = self.described.routes.as_ref().filter(|_| self.names[entity] == "csi2");
+        let route = |(sink_pad, source_pad): &(u32, u32)| PadRoute {
+            sink_pad: *sink_pad,
+            source_pad: *source_pad,
+            flags: ROUTE_ACTIVE,
+            ..Default::default()
+        };
+        *routes = active.ok_or(Errno::NOTTY)?.iter().map(route).collect();
+        Ok(())
+    }
+
+    /// Sets the routes; all formats of the entity are reset, as in the kernel.
+    pub fn set_routes(&mut self, entity: usize, routes: &mut Vec<PadRoute>) -> Result<(), Errno> {
+        let mut present = Vec::new();
+        self.get_routes(entity, &mut present)?;
+        let is_known = |r: &PadRoute| self.pads.contains_key(&(entity, r.source_pad));
+        let pads = |all: &[PadRoute]| all.iter().map(|r| (r.sink_pad, r.source_pad)).collect::<Vec<_>>();
+        if self.described.fixed_routes && pads(routes) != pads(&present) || !routes.iter().all(is_known) {
+            return Err(Errno::INVAL);
+        }
+        self.described.routes = Some(pads(routes));
+        for (_, pad) in self.pads.iter_mut().filter(|((at, _), _)| *at == entity) {
+            (pad.width, pad.height, pad.code) = (640, 480, 0x3014);
+        }
+        Ok(())
+    }
+
     pub fn get_pad(&self, entity: usize, format: &mut PadFormat) -> Result<(), Errno> {
+        if !self.is_routed((entity, format.pad)) {
+            return Err(Errno::INVAL);
+        }
         *format = *self.pads.get(&(entity, format.pad)).ok_or(Errno::INVAL)?;
         Ok(())
     }
@@ -219,7 +282,10 @@ impl Board {
         if !self.pads.contains_key(&pad) {
             return Err(Errno::INVAL);
         }
-        let is_stuck = self.described.stuck == Some(&self.name(pad));
+        let fault = self.fault_of(pad);
+        if fault == Some(PadFault::Refused) || !self.is_routed(pad) {
+            return Err(Errno::INVAL);
+        }
         let is_source = self.links.iter().any(|l| l.source == pad);
         if self.is_sensor(entity) {
             // The pad of embedded data follows that of the picture.
@@ -239,22 +305,19 @@ impl Board {
             self.pads.entry((entity, 1)).and_modify(|pad| *pad = lines);
         } else if is_source {
             // The output of a bridge has the format of its input.
-            let fed = self.described.inner.iter().find(|(_, source)| *source == format.pad);
-            let from = fed.and_then(|(sink, _)| self.pads.get(&(entity, *sink)));
+            let fed = self.inner().into_iter().find(|(_, source)| *source == format.pad);
+            let from = fed.and_then(|(sink, _)| self.pads.get(&(entity, sink)));
             (format.width, format.height) = from.map_or((640, 480), |f| (f.width, f.height));
         }
-        if is_stuck {
-            (format.width, format.height) = (640, 480);
+        match fault {
+            Some(PadFault::Size) => (format.width, format.height) = (640, 480),
+            Some(PadFault::Code) => format.code = 0x1234,
+            _ => {}
         }
         self.pads.insert(pad, *format);
         if !is_source {
-            let fed: Vec<u32> = self
-                .described
-                .inner
-                .iter()
-                .filter(|(sink, _)| *sink == format.pad)
-                .map(|(_, s)| *s)
-                .collect();
+            let inner = self.inner().into_iter();
+            let fed: Vec<u32> = inner.filter(|(sink, _)| *sink == format.pad).map(|(_, s)| s).collect();
             for source in fed {
                 self.pads.entry((entity, source)).and_modify(|p| *p = PadFormat { pad: source, ..*format });
             }
@@ -279,6 +342,9 @@ impl Board {
         let mut first = true;
         loop {
             let into = |l: &&FakeLink| l.sink.0 == at && l.flags & abi::LINK_ENABLED != 0;
+            if self.links.iter().filter(into).any(|l| !self.is_routed(l.source)) {
+                return Err(Errno::NOLINK);
+            }
             for link in self.links.iter().filter(into) {
                 let source = self.pads[&link.source];
                 let sink = if self.is_node(at) {

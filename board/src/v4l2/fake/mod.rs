@@ -6,6 +6,7 @@
 mod controls;
 pub(crate) mod graph;
 mod node;
+mod quirks;
 mod script;
 
 use super::media::Device;
@@ -14,7 +15,7 @@ use graph::Board;
 use hemilux_core::format::{Format, Layout, Yuv};
 use node::{FakeNode, Role};
 use rustix::io::Errno;
-pub use script::{Fault, Kind, Manner, Script};
+pub use script::{Fault, Kind, Manner, Quirk, Script};
 use std::collections::{BTreeMap, HashMap, VecDeque};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -25,6 +26,14 @@ const CALL_NS: u64 = 20_000;
 
 /// Padding bytes at the end of each row.
 const PADDING: usize = 16;
+
+/// A filled buffer.
+struct Done {
+    buffer: abi::Buffer,
+    picture: Vec<u8>,
+    /// Control value with which the frame was exposed.
+    value: i64,
+}
 
 pub struct World {
     pub script: Script,
@@ -50,10 +59,19 @@ pub struct World {
     start_ns: u64,
     next: u32,
     queued: VecDeque<u32>,
-    done: VecDeque<(abi::Buffer, Vec<u8>)>,
+    done: VecDeque<Done>,
     events: u32,
     always: Option<Fault>,
     calls: u32,
+    /// Value of the exposure control before the last write.
+    old_value: i64,
+    /// Numbers of attempts to start the stream and to fetch a frame.
+    starts: u32,
+    fetched: u32,
+    /// Control value of the frame that was fetched last.
+    pub last_fetched: Option<i64>,
+    /// Picture of the frame before.
+    shown: Vec<u8>,
     pub tried: u32,
     random: u64,
     /// Number of disconnections.
@@ -101,6 +119,11 @@ impl FakeKernel {
             events: 0,
             always: None,
             calls: 0,
+            old_value: 100,
+            starts: 0,
+            fetched: 0,
+            last_fetched: None,
+            shown: Vec::new(),
             tried: 0,
             random: 0x9e37_79b9_7f4a_7c15,
             generation: 0,
@@ -133,8 +156,15 @@ impl World {
         self.controls[&id]
     }
 
+    fn has(&self, quirk: Quirk) -> bool {
+        self.script.quirks.contains(&quirk)
+    }
+
     /// Returns the exposure that the sensor uses for a control value.
     pub fn really(&self, value: i64) -> i64 {
+        if self.has(Quirk::Inverted) {
+            return self.script.range.1 / value.max(1);
+        }
         let all = self.script.really.iter().flatten();
         all.copied().min_by_key(|v| (v - value).abs()).unwrap_or(value)
     }
@@ -159,7 +189,7 @@ impl World {
     }
 
     fn bytes_per_line(&self) -> usize {
-        let padding = if self.is_jpeg() { 0 } else { PADDING };
+        let padding = if self.is_jpeg() || self.has(Quirk::NoStride) { 0 } else { PADDING };
         self.format().line_bytes(self.script.size.0) + padding
     }
 
@@ -198,18 +228,6 @@ impl World {
         }
     }
 
-    /// Adds uniform noise of up to [`Script::noise`] codes.
-    fn add_noise(&mut self, picture: &mut [u8]) {
-        let most = self.script.noise;
-        if most == 0 {
-            return;
-        }
-        for byte in picture {
-            let noise = (self.chance() * f64::from(2 * most + 1)).floor() - f64::from(most);
-            *byte = (f64::from(*byte) + noise).clamp(0.0, 255.0) as u8;
-        }
-    }
-
     fn finished_at(&self, frame: u32) -> u64 {
         self.start_ns + (u64::from(frame) + 1) * self.script.period.as_nanos() as u64
     }
@@ -241,6 +259,7 @@ impl World {
         let mut picture = self.expose(self.really(value));
         self.add_noise(&mut picture);
         let (mut flags, mut used, mut number) = (0, picture.len(), frame);
+        self.spoil_frame(value, &mut picture, &mut used, &mut number);
         for fault in faults {
             match fault {
                 Fault::Disconnect(time) => {
@@ -289,7 +308,7 @@ impl World {
             sequence: number,
             ..Default::default()
         };
-        self.done.push_back((buffer, picture));
+        self.done.push_back(Done { buffer, picture, value });
     }
 }
 

@@ -1,6 +1,7 @@
 //! An open node of the scripted kernel.
 
-use super::{Kind, World};
+use super::graph::PadFault;
+use super::{Done, Kind, Quirk, World};
 use crate::v4l2::{Call, Node, Ready, abi};
 use rustix::io::Errno;
 use std::sync::{Arc, Mutex};
@@ -73,9 +74,15 @@ fn graph_call(w: &mut World, role: Role, call: &mut Call<'_>) -> Option<Result<(
             Ok(())
         }
         Call::SetFormat(d) => {
-            w.script.size = (d.pixel.width, d.pixel.height);
+            w.script.size = match board.fault_of((entity, 0)) {
+                Some(PadFault::Size) => (640, 480),
+                Some(_) => return Some(Err(Errno::INVAL)),
+                None => (d.pixel.width, d.pixel.height),
+            };
             return None;
         }
+        Call::GetRoutes(d) => board.get_routes(entity, d),
+        Call::SetRoutes(d) => board.set_routes(entity, d),
         Call::StreamOn => match board.validate(entity, w.script.size) {
             Ok(_) => {
                 w.starved = board.is_starved(entity);
@@ -99,6 +106,13 @@ fn describe(w: &World, call: Call<'_>) -> Result<(), Errno> {
             let name = w.script.formats.get(d.index as usize).ok_or(Errno::INVAL)?;
             d.fourcc = u32::from_le_bytes(name.as_bytes().try_into().expect("four characters"));
         }
+        Call::EnumSizes(d) if w.has(Quirk::Ranges) => {
+            let all = [width / 2, 2 * width, 2, height / 2, 2 * height, 2];
+            (d.kind, d.size) = one(d.index, (3, all))?;
+        }
+        Call::EnumIntervals(d) if w.has(Quirk::Ranges) => {
+            (d.kind, d.interval) = one(d.index, (3, [1, 50, 1, 5, 1, 1000]))?;
+        }
         Call::EnumSizes(d) => {
             (d.kind, d.size[0], d.size[1]) = one(d.index, (abi::DISCRETE, width, height))?;
         }
@@ -110,7 +124,11 @@ fn describe(w: &World, call: Call<'_>) -> Result<(), Errno> {
             d.pixel.fourcc = u32::from_le_bytes(w.fourcc());
             let line = w.bytes_per_line();
             (d.pixel.bytes_per_line, d.pixel.size_image) = (line as u32, 2 * line as u32 * height);
+            if w.has(Quirk::NoStride) {
+                (d.pixel.bytes_per_line, d.pixel.size_image) = (0, 0);
+            }
         }
+        Call::SetParameters(d) if w.has(Quirk::ReportsInterval) => d.interval = [40, 1000],
         Call::SetParameters(d) => d.interval = [w.script.period.as_millis() as u32, 1000],
         _ => return Err(Errno::NOTTY),
     }
@@ -161,10 +179,11 @@ impl Node for FakeNode {
                 return Err(Errno::INVAL);
             }
             Call::QueryControl(d) => w.describe(d)?,
+            Call::QueryMenu(_) if w.has(Quirk::NoMenu) => return Err(Errno::INVAL),
             Call::QueryMenu(d) if d.id == abi::EXPOSURE_AUTO && [1, 3].contains(&d.index) => {}
             Call::QueryMenu(_) => return Err(Errno::INVAL),
             Call::GetControl(d) => {
-                let value = *w.controls.get(&d.id).ok_or(Errno::INVAL)?;
+                let value = w.read(d.id)?;
                 d.value = [value as u32, 0];
             }
             Call::SetControl(d) => w.set(d.id, i64::from(d.value[0].cast_signed()))?,
@@ -182,11 +201,18 @@ impl Node for FakeNode {
                 self.contents[d.index as usize] = None;
             }
             Call::Dequeue(d) => {
-                let (buffer, picture) = w.done.pop_front().ok_or(Errno::AGAIN)?;
+                if !w.done.is_empty() {
+                    w.fail_fetch()?;
+                }
+                let Done { buffer, picture, value } = w.done.pop_front().ok_or(Errno::AGAIN)?;
+                w.last_fetched = Some(value);
                 *d = buffer;
                 self.contents[d.index as usize] = Some(picture);
             }
-            Call::StreamOn => start(&mut w),
+            Call::StreamOn => {
+                w.fail_start()?;
+                start(&mut w);
+            }
             Call::StreamOff => w.streaming = false,
             Call::Subscribe(_) => {}
             Call::DequeueEvent(d) => {

@@ -51,9 +51,61 @@ pub enum Manner {
     RoundsDown,
 }
 
+/// A behaviour of some cameras that contradicts the documentation of V4L2 or the values that the driver reports.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Quirk {
+    /// The exposure control reads as this value, whatever was written.
+    ReadsAs(i64),
+    /// The exposure control reads as the value before the last write.
+    ReadsOld,
+    /// Reading the exposure control fails.
+    Unreadable,
+    /// The menu of exposure modes lists no item; the modes can be set.
+    NoMenu,
+    /// Larger values of the exposure control are shorter exposures.
+    Inverted,
+    /// Writes of the exposure take this time.
+    SlowWrites(Duration),
+    /// One of this number of exposure writes has no effect while streaming.
+    Forgets(u32),
+    /// The control delay is one frame longer for every second write, in random order.
+    Jitters,
+    /// From this write of the exposure on, the exposure mode is automatic again.
+    AutomaticAgain(u32),
+    /// Frames report more bytes than the buffer has.
+    Oversized,
+    /// All frames have number 0.
+    Unnumbered,
+    /// The numbers of the frames rise by two.
+    EverySecond,
+    /// At every frame of this number, the numbers jump ahead by a thousand.
+    JumpsAhead(u32),
+    /// At every frame of this number, the numbers restart at 0.
+    Restarts(u32),
+    /// A frame takes at least twice its exposure time, whatever the frame rate is.
+    Slows,
+    /// This number of frames from the start of the stream are black.
+    DarkStart(u32),
+    /// Every frame of this number shows the picture of the frame before it.
+    RepeatsPicture(u32),
+    /// One of this number of requests for a frame fails with EIO.
+    DequeueFails(u32),
+    /// The stream fails to start this number of times with EIO.
+    StartFails(u32),
+    /// The stream fails to start this number of times with EBUSY.
+    StartIsBusy(u32),
+    /// Sizes and frame rates are listed as ranges.
+    Ranges,
+    /// The driver reports a frame interval of 40 ms, whatever the true one is.
+    ReportsInterval,
+    /// The driver reports neither the length of a row nor that of a frame.
+    NoStride,
+}
+
 /// The behaviour of the camera.
 #[derive(Clone, Debug)]
 pub struct Script {
+    pub quirks: Vec<Quirk>,
     pub kind: Kind,
     /// Name of the sensor's sub-device.
     pub sensor: &'static str,
@@ -105,6 +157,7 @@ impl Default for Script {
         let period = Duration::from_millis(40);
         let range = (1, 5000);
         Self {
+            quirks: Vec::new(),
             kind: Kind::Uvc,
             sensor: "fake219 10-0010",
             pads: Vec::new(),

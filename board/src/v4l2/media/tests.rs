@@ -6,7 +6,7 @@ use super::{Device, abi};
 use crate::v4l2::Size;
 use crate::v4l2::capture::Camera;
 use crate::v4l2::device;
-use crate::v4l2::fake::graph::{Described, Mode};
+use crate::v4l2::fake::graph::{Described, Mode, PadFault};
 use crate::v4l2::fake::{FakeKernel, Kind, Script};
 use crate::v4l2::frame::RawFrame;
 use crate::v4l2::setup::Options;
@@ -50,7 +50,17 @@ fn described(links: &'static str, first_node: u32) -> Described {
     let inner = if links == MAINLINE { vec![(0, 1)] } else { vec![(0, 4), (1, 5), (0, 2)] };
     let native = Some([8, 8, 3280, 2464]);
     let codes = vec![0x3014, 0x300f];
-    Described { links, inner, codes, modes: modes(), native, stuck: None, first_node }
+    Described {
+        links,
+        inner,
+        codes,
+        modes: modes(),
+        native,
+        fault: None,
+        routes: None,
+        fixed_routes: false,
+        first_node,
+    }
 }
 
 fn script(graphs: Vec<Described>) -> Script {
@@ -108,24 +118,110 @@ fn the_links_of_the_vendors_receiver_are_switched_and_embedded_data_matches() {
     assert_eq!(on, [true, true, false, true, false, false, true], "ch0 alone waits for buffers");
 }
 
+/// Each pad of each graph keeps its size, keeps its code or refuses formats: a pad of the route is named, a pad beside it is no obstacle.
 #[test]
-fn a_pad_that_keeps_another_size_is_named_with_what_it_should_have() {
-    for (links, pads) in
-        [(UNICAM, &[][..]), (CFE, &["csi2:0", "csi2:1", "csi2:4"]), (MAINLINE, &["csi2:0", "csi2:1"])]
-    {
+fn a_wrong_pad_anywhere_is_named_with_what_it_should_have() {
+    for (links, on_route) in [
+        (UNICAM, &["imx219 10-0010:0"][..]),
+        (CFE, &["imx219 10-0010:0", "csi2:0", "csi2:1", "csi2:4"]),
+        (MAINLINE, &["imx219 10-0010:0", "csi2:0", "csi2:1"]),
+    ] {
+        let ends = |line: &'static str| line.split_once('[').expect("flags").0.split("->").map(str::trim);
+        let mut pads: Vec<&'static str> = links.lines().flat_map(ends).collect();
+        pads.retain(|pad| !pad.starts_with("rp1") && !pad.starts_with("unicam"));
+        pads.sort_unstable();
+        pads.dedup();
         for pad in pads {
-            let wrong = Described { stuck: Some(pad), ..described(links, 0) };
-            let mut kernel = FakeKernel::new(script(vec![wrong]));
-            let before = kernel.world().boards[0].state();
-            let Err(error) = Camera::open(&mut kernel, &options("imx219")) else { panic!("{pad} is wrong") };
-            let line = error.to_string();
-            let place = format!("/dev/media0, pad {pad}: found 640 x 480 of media bus code 0x");
-            let expected = if *pad == "csi2:1" && links == CFE { "1640 x 1" } else { "1640 x 1232" };
-            assert!(line.starts_with(&place) && line.contains(&format!("expected {expected} of")), "{line}");
-            assert_eq!(kernel.world().boards[0].state().0, before.0, "{pad}: links restored");
-            assert_eq!(kernel.held(), (0, 0), "{pad}: all closed");
+            for fault in [PadFault::Size, PadFault::Code, PadFault::Refused] {
+                let wrong = Described { fault: Some((pad, fault)), ..described(links, 0) };
+                let mut kernel = FakeKernel::new(script(vec![wrong]));
+                let before = kernel.world().boards[0].state();
+                match Camera::open(&mut kernel, &options("imx219")) {
+                    Ok(camera) => {
+                        assert!(!on_route.contains(&pad), "{pad} {fault:?}: opened");
+                        assert_eq!(camera.picture().camera_size(), Size::new(1640, 1232), "{pad} {fault:?}");
+                    }
+                    Err(error) => assert_names(&error.to_string(), pad, fault, on_route),
+                }
+                assert_eq!(kernel.world().boards[0].state().0, before.0, "{pad}: links restored");
+                assert_eq!(kernel.held(), (0, 0), "{pad}: all closed");
+            }
         }
     }
+}
+
+/// Checks that an error names the pad, the found format and the expected one.
+fn assert_names(line: &str, pad: &str, fault: PadFault, on_route: &[&str]) {
+    assert!(on_route.contains(&pad), "{pad} is not on the route: {line}");
+    let found = match fault {
+        PadFault::Size => "found 640 x 480 of media bus code 0x",
+        PadFault::Code => "of media bus code 0x1234",
+        PadFault::Refused => "found Invalid argument",
+    };
+    assert!(line.starts_with(&format!("/dev/media0, pad {pad}: found ")) && line.contains(found), "{line}");
+    let expected = if pad == "csi2:1" && on_route.contains(&"csi2:4") { "1640 x 1" } else { "1640 x 1232" };
+    assert!(line.contains(&format!("expected {expected} of media bus code 0x")), "{line}");
+}
+
+#[test]
+fn a_node_that_keeps_another_size_is_named_with_what_it_should_have() {
+    for (links, node) in [(UNICAM, "unicam-image:0"), (CFE, "rp1-cfe-csi2_ch0:0")] {
+        let wrong = Described { fault: Some((node, PadFault::Size)), ..described(links, 0) };
+        let mut kernel = FakeKernel::new(script(vec![wrong]));
+        let Err(error) = Camera::open(&mut kernel, &options("imx219")) else { panic!("{node} is wrong") };
+        let line = error.to_string();
+        assert!(
+            line.contains("found a node of 640 x 480 pixels, expected 1640 x 1232 as its sensor sends"),
+            "{line}"
+        );
+    }
+}
+
+/// The mainline driver has streams: a route that another program left on the second channel is replaced and restored.
+#[test]
+fn a_route_inside_the_receiver_is_set_and_restored() {
+    for (before, during) in
+        [(vec![(0, 2)], vec![(0, 1)]), (vec![], vec![(0, 1)]), (vec![(0, 1)], vec![(0, 1)])]
+    {
+        let graph = Described { routes: Some(before.clone()), ..described(MAINLINE, 0) };
+        let mut kernel = FakeKernel::new(script(vec![graph]));
+        let state = kernel.world().boards[0].state();
+        let (camera, size) = stream(&mut kernel, &options("imx219"));
+        assert_eq!(size, (1640, 1232), "{before:?}");
+        assert_eq!(kernel.world().boards[0].described.routes, Some(during), "{before:?}");
+        drop(camera);
+        assert_eq!(kernel.world().boards[0].described.routes, Some(before.clone()), "restored");
+        assert_eq!(kernel.world().boards[0].state().0, state.0, "{before:?}: links restored");
+    }
+}
+
+#[test]
+fn the_channel_of_a_fixed_route_is_used() {
+    let links = "\
+        imx219 10-0010:0 -> csi2:0 [on fixed]
+        csi2:1 -> rp1-cfe-csi2-ch0:0 []
+        csi2:2 -> rp1-cfe-csi2-ch1:0 []";
+    let graph = Described { routes: Some(vec![(0, 2)]), fixed_routes: true, ..described(links, 0) };
+    let mut kernel = FakeKernel::new(script(vec![graph]));
+    let (_camera, size) = stream(&mut kernel, &options("imx219"));
+    assert_eq!(size, (1640, 1232), "through the second channel");
+}
+
+#[test]
+fn a_route_that_cannot_be_set_is_named() {
+    let links = "\
+        imx219 10-0010:0 -> csi2:0 [on fixed]
+        csi2:1 -> rp1-cfe-csi2-ch0:0 []
+        csi2:2 -> pisp-fe:0 [on]";
+    let graph = Described { routes: Some(vec![(0, 2)]), fixed_routes: true, ..described(links, 0) };
+    let mut kernel = FakeKernel::new(script(vec![graph]));
+    let before = kernel.world().boards[0].state();
+    let Err(error) = Camera::open(&mut kernel, &options("imx219")) else { panic!("no route") };
+    let expected = "/dev/media0, pad csi2:0: found no route to pad csi2:1 (Invalid argument (os error 22)), \
+                    expected an active route between these pads";
+    assert_eq!(error.to_string(), expected, "one line");
+    assert_eq!(kernel.world().boards[0].state(), before, "restored");
+    assert_eq!(kernel.held(), (0, 0), "all closed");
 }
 
 /// Like the kernel's vimc driver: the sensor also feeds a second node beside the bridge, by a fixed link.

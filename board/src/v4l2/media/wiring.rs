@@ -1,14 +1,17 @@
 //! Sets and restores the links and pad formats of a route.
 
+mod routing;
+
 use super::abi;
 use super::bus;
 use super::graph::{Graph, Link, Pad};
 use super::locate::Located;
 use super::route::Route;
 use crate::v4l2::Size;
-use crate::v4l2::abi::{Format, FormatDescription, PadFormat, PixelFormat};
+use crate::v4l2::abi::{Format, FormatDescription, PadFormat, PadSize, PixelFormat};
 use crate::v4l2::access;
 use crate::v4l2::{Call, CameraError, Kernel, Node, persist};
+use routing::RoutesBefore;
 use std::path::PathBuf;
 
 /// Largest number of formats that are read from a node.
@@ -42,6 +45,7 @@ pub(in crate::v4l2) struct Wiring {
     subdevices: Vec<Open>,
     links: Vec<Before>,
     pads: Vec<PadBefore>,
+    routes: Vec<RoutesBefore>,
     /// Links that branch off the route.
     branches: Vec<Link>,
     /// The capture nodes at the end of the route and of its branches, with their formats.
@@ -74,6 +78,7 @@ impl Wiring {
             subdevices,
             links,
             pads,
+            routes: Vec::new(),
             branches: Vec::new(),
             videos: Vec::new(),
         };
@@ -85,6 +90,7 @@ impl Wiring {
         }
         wiring.open_branches(kernel);
         wiring.note_pads();
+        wiring.set_routes()?;
         Ok(wiring)
     }
 
@@ -145,7 +151,12 @@ impl Wiring {
         let Some(first) = self.first() else { return Err(self.unfit("the graph", "no link", "a route")) };
         let wished = PadFormat { code, width: size.width, height: size.height, ..Default::default() };
         let mut carried = self.set(first, wished)?;
-        if carried.code != code || carried.width == 0 || carried.height == 0 {
+        let is_size = Size::new(carried.width, carried.height) == size;
+        if carried.code != code
+            || carried.width == 0
+            || carried.height == 0
+            || (!is_size && self.has_size(first, &wished))
+        {
             return Err(self.mismatch(first, &carried, &wished));
         }
         self.set_embedded()?;
@@ -162,6 +173,17 @@ impl Wiring {
         }
         self.set_branches();
         Ok(carried)
+    }
+
+    /// Returns whether a pad lists the size of `format`.
+    fn has_size(&mut self, pad: Pad, format: &PadFormat) -> bool {
+        let Some(node) = self.node(pad) else { return false };
+        let mut sizes = (0..MOST_FORMATS).map_while(|index| {
+            let mut d = PadSize { index, pad: pad.index, code: format.code, ..Default::default() };
+            persist(|| node.call(Call::EnumPadSizes(&mut d))).ok().map(|()| d.size)
+        });
+        let [width, height] = [format.width, format.height];
+        sizes.any(|size| size == [width, width, height, height])
     }
 
     /// Returns the sensor's pad on the route.
@@ -287,6 +309,7 @@ impl Drop for Wiring {
         for Video { node, before, .. } in &mut self.videos {
             let _ = persist(|| node.call(Call::SetFormat(before)));
         }
+        self.restore_routes();
         for PadBefore { pad, format } in std::mem::take(&mut self.pads) {
             let _ = self.set(pad, format);
         }
