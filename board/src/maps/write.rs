@@ -7,7 +7,7 @@ use exr::prelude::{Encoding, Image, Layer, LayerAttributes, SpecificChannels, Wr
 /// OpenEXR attribute with the value `sphere` or `hemisphere`.
 pub const COVERS: &str = "hemilux.covers";
 
-/// Radiance header line of the same meaning, with its end.
+/// Returns the line of a Radiance header that states the covered part of the sphere, with a line feed at the end.
 #[must_use]
 pub fn radiance_line(covers: Covers) -> String {
     format!("HEMILUX_COVERS={}\n", covers.name())
