@@ -265,7 +265,8 @@ impl<'a> BinarySet<'a> {
         let set = Self {
             head,
             harmonics: harmonics.transpose()?,
-            unit_uncertainty: (flags & HAS_UNCERTAINTY != 0).then(|| f32_at(at_uncertainty, 0)),
+            unit_uncertainty: (flags & HAS_UNCERTAINTY != 0)
+                .then(|| f32::from_le_bytes(at(at_uncertainty, 0))),
             lights,
             stride,
             sampler: text(sampler)?,
