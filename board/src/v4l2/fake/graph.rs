@@ -254,7 +254,7 @@ impl Board {
     }
 
     /// Sets the routes; all formats of the entity are reset, as in the kernel.
-    pub fn set_routes(&mut self, entity: usize, routes: &mut Vec<PadRoute>) -> Result<(), Errno> {
+    pub fn set_routes(&mut self, entity: usize, routes: &mut [PadRoute]) -> Result<(), Errno> {
         let mut present = Vec::new();
         self.get_routes(entity, &mut present)?;
         let is_known = |r: &PadRoute| self.pads.contains_key(&(entity, r.source_pad));
