@@ -2,6 +2,7 @@
 
 use crate::probe::Config;
 use crate::probe::settings::{SETTINGS, Setting};
+use crate::replacement;
 use rustix::fs::OFlags;
 use serde::Deserialize;
 use std::fs;
@@ -113,8 +114,8 @@ impl ConfigFile {
         Ok(OpenedConfig { file: Self { path: path.into(), writing: Arc::default() }, kept })
     }
 
-    /// Writes the settings of `config` that differ from the defaults into the file and removes the others; all else stays as it is. The file
-    /// is replaced whole or not at all.
+    /// Writes the settings of `config` that differ from the defaults into the file and removes the others, except those with comments; all
+    /// else, comments included, stays as it is. The file is replaced whole or not at all.
     ///
     /// # Errors
     /// [`ConfigFileError`].
@@ -126,8 +127,9 @@ impl ConfigFile {
         let usual = Config::default();
         for setting in SETTINGS {
             let value = setting.value(config);
-            match item(&value).filter(|_| value != setting.value(&usual)) {
-                Some(value) => document[setting.name] = value,
+            let is_kept = value != setting.value(&usual) || has_comments(&document, setting.name);
+            match item(&value).filter(|_| is_kept) {
+                Some(value) => put(&mut document, setting.name, value),
                 None => drop(document.remove(setting.name)),
             }
         }
@@ -145,7 +147,7 @@ impl ConfigFile {
             return Err(std::io::Error::other(format!("user {owner} as its owner, not {user}")));
         }
         let folder = path.parent().unwrap_or(Path::new("/"));
-        let mut file = tempfile::Builder::new().prefix(".hemilux-").tempfile_in(folder)?;
+        let mut file = replacement::create(folder)?;
         file.as_file().set_permissions(about.permissions())?;
         file.write_all(bytes).and_then(|()| file.as_file().sync_all())?;
         file.persist(&path).map_err(|e| e.error)?;
@@ -165,6 +167,23 @@ fn read(path: &Path) -> Result<String, ConfigFileError> {
     let mut text = String::new();
     let length = file.take(MOST_BYTES + 1).read_to_string(&mut text).map_err(failed)?;
     if length as u64 > MOST_BYTES { Err(ConfigFileError::TooLong(path.into())) } else { Ok(text) }
+}
+
+/// Sets a key; the comments above and behind its old value stay.
+fn put(document: &mut DocumentMut, name: &str, item: Item) {
+    let old = document.get(name).and_then(Item::as_value).map(|value| value.decor().clone());
+    document[name] = item;
+    if let (Some(decor), Some(value)) = (old, document[name].as_value_mut()) {
+        *value.decor_mut() = decor;
+    }
+}
+
+/// Whether a comment stands above a key or behind its value.
+fn has_comments(document: &DocumentMut, name: &str) -> bool {
+    let Some((key, item)) = document.get_key_value(name) else { return false };
+    let above = key.leaf_decor().prefix();
+    let behind = item.as_value().and_then(|value| value.decor().suffix());
+    [above, behind].into_iter().flatten().any(|text| text.as_str().is_some_and(|text| text.contains('#')))
 }
 
 fn item(value: &serde_json::Value) -> Option<Item> {
@@ -225,6 +244,24 @@ mod tests {
             2,
             "values that are defaults again are removed: {written}"
         );
+    }
+
+    #[test]
+    fn comments_above_and_behind_a_setting_stay() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("hemilux.toml");
+        fs::write(&path, "# Few: the phone is slow.\nlights = 12 # at most 20\ntolerance = 0.1\n")
+            .expect("a file");
+        let file = ConfigFile::open(&path).expect("a configuration").file;
+        let mut config = Config::default();
+        config.pipeline.lights = 99;
+        file.save(&config).expect("written");
+        let written = fs::read_to_string(&path).expect("a file");
+        assert_eq!(written, "# Few: the phone is slow.\nlights = 99 # at most 20\n");
+        file.save(&Config::default()).expect("written");
+        let written = fs::read_to_string(&path).expect("a file");
+        let usual = Config::default().pipeline.lights;
+        assert_eq!(written, format!("# Few: the phone is slow.\nlights = {usual} # at most 20\n"));
     }
 
     #[test]

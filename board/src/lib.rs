@@ -49,6 +49,8 @@ mod polar;
 pub mod probe;
 #[cfg(feature = "pipeline")]
 pub mod recorded;
+#[cfg(feature = "calibrate")]
+mod replacement;
 #[cfg(feature = "pipeline")]
 pub mod samplers;
 #[cfg(feature = "pipeline")]

@@ -1,6 +1,7 @@
 //! Writing of lens files with their accuracy and origin.
 
 use super::{Calibrated, CircleLens, FittedResponse, FittedVignetting, Kind};
+use crate::replacement;
 use hemilux_core::lens::Model;
 use std::io::Write;
 use std::path::Path;
@@ -290,7 +291,7 @@ fn statement(calibrated: &Calibrated, square_mm: Option<f64>) -> Table {
 /// Writes a file atomically: a reader finds the old or the new content.
 pub(super) fn save(path: &Path, text: &str) -> Result<(), FileRefusal> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut file = tempfile::NamedTempFile::new_in(folder).map_err(|e| failed(path, &e))?;
+    let mut file = replacement::create(folder).map_err(|e| failed(path, &e))?;
     file.write_all(text.as_bytes()).map_err(|e| failed(path, &e))?;
     set_readable(&file).map_err(|e| failed(path, &e))?;
     file.persist(path).map(|_| ()).map_err(|e| failed(path, &e.error))

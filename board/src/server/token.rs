@@ -1,5 +1,6 @@
 //! The token: the secret that a client sends to change settings and to see pictures.
 
+use crate::replacement;
 use data_encoding::BASE64URL_NOPAD;
 use rustix::fs::OFlags;
 use std::fmt;
@@ -113,7 +114,7 @@ impl Token {
         let failed = |e| TokenError::File(path.into(), e);
         let token = Self::random()?;
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let mut file = tempfile::Builder::new().prefix(".hemilux-").tempfile_in(folder).map_err(failed)?;
+        let mut file = replacement::create(folder).map_err(failed)?;
         writeln!(file, "{}", token.secret).and_then(|()| file.as_file().sync_all()).map_err(failed)?;
         let named = if replaces { file.persist(path) } else { file.persist_noclobber(path) };
         named.map_err(|e| failed(e.error))?;
