@@ -54,6 +54,42 @@ fn discs_reach_their_goals_and_know_their_errors() {
     assert!(100 * near >= 95 * all, "{near} of {all}");
 }
 
+#[test]
+fn a_tolerance_is_held_by_discs_with_fewer_lights_than_by_points() {
+    const MOST: usize = 256;
+    let Some(folder) = common::shared("hdri") else { return };
+    let (mut held, mut all) = (0, 0);
+    let mut counts = [0; 2];
+    for path in hemilux_sim::decompose::list(&folder).expect("maps") {
+        let env = EnvMap::read(&path).expect("a map");
+        let mut maps = OrderedMaps::new(&env, Domain::Sphere, &[1, MOST]);
+        maps.fill(&env);
+        let reference = Reference::new(&env, Domain::Sphere);
+        let (shape, map) = maps.of(MOST);
+        for (tolerance, ambient) in [0.1, 0.05, 0.03, 0.02].map(|t| [(t, false), (t, true)]).concat() {
+            let made = |soft: bool| {
+                let request = Request { lights: MOST, tolerance: Some(tolerance), ambient, soft };
+                let mut sampler = samplers::make(SamplerKind::Adaptive, shape, MOST).expect("a sampler");
+                judged(&sampler.update(&map, &request))
+            };
+            let (points, discs) = (made(false), made(true));
+            let error = reference.score(&discs).soft_shadowed;
+            held += usize::from(error <= 1.25 * f64::from(tolerance));
+            all += 1;
+            counts[0] += points.lights.len();
+            counts[1] += discs.lights.len();
+            println!(
+                "{} {tolerance} ambient {ambient}: {} discs, {} points, error {error:.4}",
+                path.display(),
+                discs.lights.len(),
+                points.lights.len()
+            );
+        }
+    }
+    assert!(100 * held >= 95 * all, "{held} of {all}");
+    assert!(3 * counts[1] < 2 * counts[0], "{} discs, {} points", counts[1], counts[0]);
+}
+
 /// Shadowed flicker of points, and of discs read as discs; the bound is theirs plus a fiftieth of a per cent of the mean irradiance, which is
 /// the noise of the whole scene's brightness.
 #[test]

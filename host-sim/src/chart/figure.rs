@@ -39,13 +39,13 @@ pub(super) fn time(points: &[Point]) -> String {
         x_label: "time per map, ms (one thread)",
         y_label: "shadowed error, % of mean irradiance",
         x: |p| Some(p.sample_ms),
-        y: |p| percent(p.shadowed),
+        y: |p| percent(p.drawn_shadowed()),
         parsimony: false,
     };
     let open = Panel {
         title: "Sampling alone: open receivers",
         y_label: "open error, % of mean irradiance",
-        y: |p| percent(p.open),
+        y: |p| percent(p.drawn_open()),
         ..shadowed
     };
     let burst = Panel {
@@ -65,13 +65,13 @@ pub(super) fn lights(points: &[Point]) -> String {
         x_label: "lights",
         y_label: "open error, % of mean irradiance",
         x: |p| Some(p.lights as f64),
-        y: |p| percent(p.open),
+        y: |p| percent(p.drawn_open()),
         parsimony: false,
     };
     let shadowed = Panel {
         title: "Shadowed receivers; crosses: fewest lights for 5 % and 2 %",
         y_label: "shadowed error, % of mean irradiance",
-        y: |p| percent(p.shadowed),
+        y: |p| percent(p.drawn_shadowed()),
         parsimony: true,
         ..open
     };
@@ -92,7 +92,8 @@ fn page(title: &str, points: &[Point], panels: &[Panel<'_>]) -> String {
     canvas.text(title, [16.0, 26.0], HPos::Left, 22, INK);
     let maps = points.first().map_or(0, |p| p.maps);
     let note = format!(
-        "Mean of {maps} maps; lower and further left is better. Yellow: the Pareto front. Large dots: {MARKED} lights."
+        "Mean of {maps} maps; lower and further left is better. Yellow: the Pareto front. Large dots: {MARKED} lights. Lights of \
+         +soft are drawn as discs, the others as points."
     );
     canvas.text(&note, [16.0, 52.0], HPos::Left, 13, GREY);
     for (k, panel) in panels.iter().enumerate() {
@@ -172,7 +173,7 @@ fn pareto(mut values: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
     values
 }
 
-/// Style of a method: the core's samplers thick and filled, those of the literature thin and hollow, variants dashed.
+/// Style of a method: the core's samplers thick and filled, those of the literature thin and hollow, variants dashed, discs black.
 struct Look {
     colour: RGBColor,
     kind: Kind,
@@ -186,8 +187,9 @@ impl Look {
         let mut bases: Vec<&str> = all.iter().filter(core).map(Method::base).collect();
         bases.dedup();
         let index = bases.iter().position(|name| *name == method.base()).unwrap_or(0);
-        let dashed = method.base() != method.name;
-        Self { colour: PALETTE[index % PALETTE.len()], kind: method.kind, dashed }
+        let dashed = method.name.split('+').skip(1).any(|variant| variant != "soft");
+        let colour = if method.is_soft() { INK } else { PALETTE[index % PALETTE.len()] };
+        Self { colour, kind: method.kind, dashed }
     }
 
     fn curve(&self, canvas: &Canvas<'_>, points: &[(usize, [f64; 2])]) {

@@ -28,7 +28,7 @@ pub(super) fn add(points: &mut [Point], quick: bool) {
     bar.finish_and_clear();
     for point in points {
         let of = rows.iter().flatten().filter(|r| (r.sampler, r.lights) == (point.sampler, point.lights));
-        let flicker: Vec<f64> = of.filter_map(|row| row.flicker_mean).collect();
+        let flicker: Vec<f64> = of.filter_map(|row| row.soft_flicker_mean.or(row.flicker_mean)).collect();
         point.flicker =
             (flicker.len() == SCENARIOS.len()).then(|| flicker.iter().sum::<f64>() / flicker.len() as f64);
     }

@@ -63,7 +63,7 @@ pub struct Point {
     pub worst_shadowed: Option<f64>,
     /// Largest energy error over the maps.
     pub energy: Option<f64>,
-    /// Mean flicker over sequences; `None` for numbers of lights without a measurement.
+    /// Mean flicker over sequences, of discs for lights that are fitted as discs; `None` for numbers of lights without a measurement.
     pub flicker: Option<f64>,
     /// Number of maps.
     pub maps: usize,
@@ -71,6 +71,23 @@ pub struct Point {
     pub burst_ms: Option<f64>,
     /// Instructions of sampling one map under callgrind; `None` if it is not installed, and except for the core's samplers with 64 lights.
     pub instructions: Option<u64>,
+}
+
+impl Point {
+    /// Whether the lights are fitted as discs and drawn as such.
+    fn is_soft(&self) -> bool {
+        self.sampler.ends_with("+soft")
+    }
+
+    /// Open error of the lights as they are drawn: as discs if they are fitted as discs, else as points.
+    fn drawn_open(&self) -> Option<f64> {
+        if self.is_soft() { self.soft_open } else { self.open }
+    }
+
+    /// Shadowed error of the lights as they are drawn.
+    fn drawn_shadowed(&self) -> Option<f64> {
+        if self.is_soft() { self.soft_shadowed } else { self.shadowed }
+    }
 }
 
 /// Measures all methods and writes the charts.
@@ -205,11 +222,11 @@ pub fn json(points: &[Point]) -> String {
     format!("{{\"points\": [\n{}\n]}}\n", lines.join(",\n"))
 }
 
-/// Returns the least number of lights of `sampler` that reaches a shadowed error of `tolerance`.
+/// Returns the least number of lights of `sampler` that, as they are drawn, reaches a shadowed error of `tolerance`.
 #[must_use]
 pub fn fewest(points: &[Point], sampler: &str, tolerance: f64) -> Option<usize> {
     let curve = points.iter().filter(|p| p.sampler == sampler);
-    parsimony(&curve.filter_map(|p| Some((p.lights, p.shadowed?))).collect::<Vec<_>>(), tolerance)
+    parsimony(&curve.filter_map(|p| Some((p.lights, p.drawn_shadowed()?))).collect::<Vec<_>>(), tolerance)
 }
 
 /// Returns the points as a table.

@@ -34,6 +34,18 @@ fn json_has_the_keys_of_the_format_and_one_point_per_count() {
 }
 
 #[test]
+fn lights_that_are_fitted_as_discs_are_charted_as_discs() {
+    let methods: Vec<_> =
+        methods().into_iter().filter(|m| ["adaptive", "adaptive+soft"].contains(&m.name)).collect();
+    for point in points(&two_maps(), &methods, 4, 1) {
+        let [points, discs] = [[point.open, point.shadowed], [point.soft_open, point.soft_shadowed]];
+        let expected = if point.sampler == "adaptive" { points } else { discs };
+        assert_eq!([point.drawn_open(), point.drawn_shadowed()], expected, "{point:?}");
+        assert!(![16, 64].contains(&point.lights) || points != discs, "the two readings differ: {point:?}");
+    }
+}
+
+#[test]
 fn counts_run_from_the_least_to_1024() {
     for method in methods().iter().filter(|m| m.kind == Kind::Core) {
         let least = method.least(Domain::Sphere);
