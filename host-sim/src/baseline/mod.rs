@@ -6,11 +6,11 @@
 //!
 //! | name | method | ids |
 //! |---|---|---|
-//! | `median-cut` | [`Stateless::median_cut`] | index |
-//! | `variance-min` | [`Stateless::variance_min`] | index |
-//! | `structured` | [`Stateless::structured`] | index |
+//! | `median-cut` | [`Stateless::MEDIAN_CUT`] | index |
+//! | `variance-min` | [`Stateless::VARIANCE_MIN`] | index |
+//! | `structured` | [`Stateless::STRUCTURED`] | index |
 //! | `lloyd`, `lloyd-warm` | [`Lloyd`] | point; persistent in `lloyd-warm` |
-//! | `rank-threshold` | [`Stateless::rank_threshold`] | candidate |
+//! | `rank-threshold` | [`Stateless::RANK_THRESHOLD`] | candidate |
 //! | NAME`+v` | any of these and a Voronoi gather ([`Gathered`]) | the sampler's |
 //! | (offline) | [`volume()`], a whole sequence at once | box |
 //! | (offline) | [`sg_mixture()`], lobes in the place of lights | none |
