@@ -6,6 +6,7 @@
 mod bench;
 
 use bench::board::{BoardCamera, true_lens};
+use bench::room::{RoomCamera, true_code, true_illumination};
 use bench::{Bench, SECRET, Step, browser, with_token};
 use glam::DVec3;
 use hemilux::config_file::ConfigFile;
@@ -14,6 +15,7 @@ use hemilux::probe::settings::wish_of;
 use hemilux::recorded::{read_lens, read_photometric};
 use hemilux::server::{Access, KnownHosts, Limits, Options};
 use std::io::{BufRead, BufReader, Write};
+use std::path::Path;
 use std::process::Stdio;
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
@@ -212,4 +214,58 @@ fn a_lens_is_calibrated_on_the_page_and_saved() {
     }
     let photometric = read_photometric(&path, None).expect("a photometric calibration");
     assert!(photometric.factor > 0.0 && photometric.uncertainty < 0.5, "{photometric:?}");
+}
+
+/// Returns a bench whose page writes to `path`.
+fn calibrating(camera: RoomCamera, path: &Path) -> Bench {
+    let options = Options { calibration_file: Some(path.into()), ..Options::default() };
+    Bench::of(Box::new(camera), std::sync::mpsc::channel().0, Limits::default(), 64, options)
+}
+
+/// The way of a person with a phone: a lit screen at one angle after another.
+#[test]
+fn vignetting_is_measured_on_a_phone_and_saved() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("lens.toml");
+    std::fs::write(&path, LENS).expect("a file");
+    run("vignetting", || calibrating(RoomCamera::screens(EVERY, Duration::from_millis(700)), &path));
+    if browser::tools().is_none() {
+        return;
+    }
+    let lens = read_lens(&path).expect("a lens file").lens;
+    for degrees in [20.0, 40.0, 60.0, 80.0f64] {
+        let theta = degrees.to_radians();
+        let found = lens.illumination(theta) / lens.illumination(0.0);
+        assert!((found / true_illumination(theta) - 1.0).abs() < 0.02, "{degrees} degrees: {found}");
+    }
+}
+
+/// The lens of the camera in the room.
+const LENS: &str = "version = 1
+
+[lens]
+model = \"equidistant\"
+size = [480, 480]
+centre = [239.5, 239.5]
+focal = [152.47, 152.47]
+max_angle_deg = 90.0
+";
+
+/// The way of a person with a phone: the image circle by touch, and the response from a still scene.
+#[test]
+fn circle_and_response_are_found_on_a_phone_and_saved() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("lens.toml");
+    run("response", || calibrating(RoomCamera::still(EVERY), &path));
+    if browser::tools().is_none() {
+        return;
+    }
+    let file = read_lens(&path).expect("a lens file");
+    let response = file.told_response().expect("a response");
+    // A curve is determined up to a factor.
+    let factor = |x: f64| response.exposure(1, true_code(x)) / x;
+    for exposure in [0.02, 0.1, 0.4, 0.8] {
+        let off = factor(exposure) / factor(0.2) - 1.0;
+        assert!(off.abs() < 0.03, "relative exposure {exposure}: {off}");
+    }
 }

@@ -3,6 +3,7 @@
 
 pub mod board;
 pub mod browser;
+pub mod room;
 
 use hemilux::calibration::Burst;
 use hemilux::pipeline::Settings;

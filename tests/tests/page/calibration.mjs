@@ -88,3 +88,78 @@ async function lux(page) {
   await page.click("#cal-undo");
   await until("one is taken back", async () => await readings() === 1);
 }
+
+/** A phone held upright. */
+const PHONE = { viewport: { width: 390, height: 844 }, hasTouch: true, isMobile: true, reducedMotion: "reduce" };
+
+/** Opens the calibration on a phone by touch, and checks that nothing is wider than its screen. */
+async function openOnPhone(browser, url, part) {
+  const opened = await open(browser, url, PHONE), { page } = opened;
+  await state(page, "live");
+  await page.tap("#cal-open > summary");
+  await page.waitForSelector("#cal-start:enabled");
+  await page.tap(`label:has(> [name=cal-part][value=${part}])`);
+  await until("the picture is live", () => page.evaluate(() => document.querySelector("#cal-image").naturalWidth === 480));
+  const width = await page.evaluate(() => document.scrollingElement.scrollWidth);
+  check(width <= 390, `the page is ${width} px wide, expected at most 390`);
+  return opened;
+}
+
+/** Saves by touch and closes. */
+async function saveOnPhone({ context, page, faults }) {
+  const found = await problems(page);
+  check(found.length === 0, found.join("\n"));
+  await page.tap("#cal-save");
+  await until("it says so", async () => (await text(page, "#cal-text")).startsWith("Saved"));
+  check(await text(page, "#cal-error") === "", await text(page, "#cal-error"));
+  check(faults.length === 0, faults.join("\n"));
+  await context.close();
+}
+
+/** Screens from the axis to the rim, the last one taken back; too few are refused. */
+export async function vignetting(browser, url) {
+  const opened = await openOnPhone(browser, url, "vignetting"), { page } = opened;
+  const readings = async () => (await get(page)).vignetting.readings;
+  await page.tap("#cal-fit");
+  await until("no reading is refused", async () => (await text(page, "#cal-error")).includes("expected"));
+  for (let count = 0; count < 60; count = (await readings()).length) {
+    await page.tap("#cal-screen");
+    await until("one more reading", async () => (await readings()).length > count);
+    const found = new Set((await readings()).map(([theta]) => Math.round(theta / 5)));
+    if (found.size >= 14) break;
+  }
+  const before = (await readings()).length;
+  await page.tap("#cal-undo");
+  await until("one is taken back", async () => (await readings()).length === before - 1);
+  await page.tap("#cal-fit");
+  await until("how well it fits", async () => (await text(page, "#cal-result")).includes("Fit within") || await text(page, "#cal-error"));
+  check(await text(page, "#cal-error") === "", await text(page, "#cal-error"));
+  const { fitted } = (await get(page)).vignetting;
+  check(fitted.rms < 0.02, JSON.stringify(fitted));
+  await saveOnPhone(opened);
+}
+
+/** The circle is found, dragged by a finger and taken back; then the response. */
+export async function response(browser, url) {
+  const opened = await openOnPhone(browser, url, "circle"), { page, context } = opened;
+  await page.tap("#cal-find");
+  const found = await until("a circle", async () => (await get(page)).circle);
+  check(Math.abs(found.radius - 239.5) < 4 && Math.abs(found.centre[0] - 239.5) < 4, `found ${JSON.stringify(found)}`);
+  await page.locator("#cal-stage").scrollIntoViewIfNeeded();
+  const box = await (await page.waitForSelector("[data-handle=centre]")).boundingBox();
+  const [x, y] = [box.x + box.width / 2, box.y + box.height / 2], finger = await context.newCDPSession(page);
+  const touch = (type, ...touchPoints) => finger.send("Input.dispatchTouchEvent", { type, touchPoints });
+  await touch("touchStart", { x, y });
+  for (const step of [10, 20, 30]) await touch("touchMove", { x: x + step, y });
+  await touch("touchEnd");
+  await until("it was dragged", async () => (await get(page)).circle?.centre[0] > found.centre[0] + 5);
+  await page.tap("#cal-undo");
+  await until("taken back", async () => Math.abs((await get(page)).circle.centre[0] - found.centre[0]) < 0.01);
+  await page.tap("label:has(> [name=cal-part][value=response])");
+  await page.tap("#cal-response");
+  await until("a response", async () => (await text(page, "#cal-result")).includes("within") || await text(page, "#cal-error"));
+  check(await text(page, "#cal-error") === "", await text(page, "#cal-error"));
+  const { neighbours } = (await get(page)).response;
+  check(neighbours.length === 4 && neighbours.every(n => Math.abs(n.estimated / n.declared - 1) < 0.03), JSON.stringify(neighbours));
+  await saveOnPhone(opened);
+}

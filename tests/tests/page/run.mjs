@@ -2,7 +2,7 @@
 
 import { login, restart } from "./absence.mjs";
 import { launch } from "./browser.mjs";
-import { calibrate } from "./calibration.mjs";
+import { calibrate, response, vignetting } from "./calibration.mjs";
 import { foreignBasic, foreignCookie, foreignOpen } from "./foreign.mjs";
 import { compare, controls, live } from "./looks.mjs";
 import { gathered, penumbra } from "./penumbra.mjs";
@@ -11,7 +11,7 @@ import { shading, speed } from "./speed.mjs";
 import { fault, source, traffic, visitor } from "./visitor.mjs";
 
 const SCENARIOS = { live, controls, settings, compare, save, shading, speed, login, restart, foreignOpen, foreignBasic, foreignCookie, calibrate,
-  fault, source, traffic, visitor, penumbra, gathered };
+  vignetting, response, fault, source, traffic, visitor, penumbra, gathered };
 const [scenario, url, token] = process.argv.slice(2);
 
 const browser = await launch();
