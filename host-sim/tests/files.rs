@@ -540,6 +540,15 @@ fn jpeg_files_with_damaged_blocks_are_refused() {
     zeroed[half..whole.len() - 2].fill(0);
     write(&zeroed);
     refused(&burst, "damaged blocks");
+    // Height and width in the frame header.
+    let mut huge = whole.clone();
+    let frame = whole.windows(2).position(|w| w == [0xff, 0xc0]).expect("a frame");
+    huge[frame + 5..frame + 9].fill(0xfe);
+    write(&huge);
+    refused(&burst, "65278 x 65278 pixels in a file of");
+    huge[frame + 1] = 0xc2;
+    write(&huge);
+    refused(&burst, "65278 x 65278 pixels in a file of");
 }
 
 #[test]

@@ -7,6 +7,7 @@ use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use std::fs::File;
 use std::io::{BufRead, BufReader, Cursor, Read, Seek};
 use std::path::Path;
+use std::sync::Arc;
 
 /// Pixels that one byte of a file may stand for, beyond [`FREE_PIXELS`].
 const PIXELS_PER_BYTE: u64 = 200;
@@ -56,14 +57,22 @@ pub(super) fn open(path: &Path, limits: &ReadLimits) -> Result<Opened, RecordedE
     let begin = file.fill_buf().map_err(|e| refused(&e))?;
     let kind = image::guess_format(begin).ok();
     let maxval = if kind == Some(ImageFormat::Pnm) { maxval(begin) } else { None };
+    let mut jpeg_bytes = None;
     let mut decoder = match kind {
         Some(ImageFormat::Png | ImageFormat::Pnm) => decoder(file, kind),
-        Some(ImageFormat::Jpeg) => decoder(Cursor::new(whole_jpeg(path, file)?), kind),
+        Some(ImageFormat::Jpeg) => {
+            let bytes = jpeg_bytes.insert(whole_jpeg(path, file)?);
+            decoder(Cursor::new(Arc::clone(bytes)), kind)
+        }
         _ => return Err(refused(&other(begin, kind))),
     }
     .map_err(|e| refused(&e))?;
     let (width, height) = decoder.dimensions();
     limits.check(path, [width, height], length)?;
+    // After the limits: the check takes memory for the size that the header states.
+    if jpeg_bytes.is_some_and(|bytes| !jpeg::is_sound(&bytes)) {
+        return Err(refused(&"a JPEG image with damaged blocks"));
+    }
     let orientation = decoder.orientation().unwrap_or(image::metadata::Orientation::NoTransforms);
     let deep = decoder.color_type().bytes_per_pixel() / decoder.color_type().channel_count() > 1;
     let format = if deep { Format::Rgb48 } else { Format::Rgb24 };
@@ -89,16 +98,14 @@ fn decoder(
     Ok(decoder)
 }
 
-/// The bytes of a JPEG file that is whole and sound; the decoder fills what is missing with grey.
-fn whole_jpeg(path: &Path, mut file: BufReader<File>) -> Result<Vec<u8>, RecordedError> {
+/// The bytes of a JPEG file that has an end; the decoder fills what is missing with grey.
+fn whole_jpeg(path: &Path, mut file: BufReader<File>) -> Result<Arc<[u8]>, RecordedError> {
     let mut bytes = Vec::new();
     file.read_to_end(&mut bytes).map_err(|e| RecordedError::new(path, e, EXPECTED))?;
-    let found = match jpeg::is_whole(&bytes) {
-        false => "a JPEG image that ends early",
-        true if !jpeg::is_sound(&bytes) => "a JPEG image with damaged blocks",
-        true => return Ok(bytes),
-    };
-    Err(RecordedError::new(path, found, EXPECTED))
+    if jpeg::is_whole(&bytes) {
+        return Ok(bytes.into());
+    }
+    Err(RecordedError::new(path, "a JPEG image that ends early", EXPECTED))
 }
 
 /// Decodes an image upright; grey is repeated in all channels, and PNM samples keep their codes.
