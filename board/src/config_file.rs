@@ -115,7 +115,8 @@ impl ConfigFile {
     }
 
     /// Writes the settings of `config` that differ from the defaults into the file and removes the others, except those with comments; all
-    /// else, comments included, stays as it is. The file is replaced whole or not at all.
+    /// else stays as it is. A setting that is off and has no value in TOML is removed with its comments. The file is replaced whole or not
+    /// at all.
     ///
     /// # Errors
     /// [`ConfigFileError`].

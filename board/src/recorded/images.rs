@@ -26,6 +26,8 @@ const EXPECTED: &str = "a whole PNG, JPEG, PGM or PPM image";
 /// An image whose header was read.
 pub(super) struct Opened {
     decoder: Box<dyn ImageDecoder>,
+    /// The file's bytes, if it is a JPEG image.
+    jpeg_bytes: Option<Arc<[u8]>>,
     /// Largest sample of a PNM image.
     maxval: Option<u32>,
     orientation: image::metadata::Orientation,
@@ -69,14 +71,10 @@ pub(super) fn open(path: &Path, limits: &ReadLimits) -> Result<Opened, RecordedE
     .map_err(|e| refused(&e))?;
     let (width, height) = decoder.dimensions();
     limits.check(path, [width, height], length)?;
-    // After the limits: the check takes memory for the size that the header states.
-    if jpeg_bytes.is_some_and(|bytes| !jpeg::is_sound(&bytes)) {
-        return Err(refused(&"a JPEG image with damaged blocks"));
-    }
     let orientation = decoder.orientation().unwrap_or(image::metadata::Orientation::NoTransforms);
     let deep = decoder.color_type().bytes_per_pixel() / decoder.color_type().channel_count() > 1;
     let format = if deep { Format::Rgb48 } else { Format::Rgb24 };
-    Ok(Opened { decoder, maxval, orientation, format, size: [width, height] })
+    Ok(Opened { decoder, jpeg_bytes, maxval, orientation, format, size: [width, height] })
 }
 
 /// A decoder whose memory beside the pixels is limited.
@@ -111,7 +109,10 @@ fn whole_jpeg(path: &Path, mut file: BufReader<File>) -> Result<Arc<[u8]>, Recor
 /// Decodes an image upright; grey is repeated in all channels, and PNM samples keep their codes.
 pub(super) fn read(path: &Path, opened: Opened) -> Result<Image, RecordedError> {
     let refused = |found: &dyn std::fmt::Display| RecordedError::new(path, found, EXPECTED);
-    let Opened { decoder, maxval, orientation, format, .. } = opened;
+    let Opened { decoder, jpeg_bytes, maxval, orientation, format, .. } = opened;
+    if jpeg_bytes.is_some_and(|bytes| !jpeg::is_sound(&bytes)) {
+        return Err(refused(&"a JPEG image with damaged blocks"));
+    }
     let mut image = DynamicImage::from_decoder(decoder).map_err(|e| refused(&e))?;
     image.apply_orientation(orientation);
     let (width, height) = (image.width(), image.height());
