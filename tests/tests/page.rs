@@ -17,7 +17,8 @@ use hemilux::server::{Access, KnownHosts, Limits, Options};
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
 use std::process::Stdio;
-use std::sync::{Mutex, PoisonError};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 const EVERY: Duration = Duration::from_millis(100);
@@ -27,15 +28,21 @@ static BROWSER: Mutex<()> = Mutex::new(());
 
 /// Runs a scenario of `page/run.mjs` against `bench`, which is stopped and started again where the scenario asks for it.
 fn run(scenario: &str, bench: impl FnOnce() -> Bench) {
-    run_with(scenario, || {
+    run_moving(scenario, bench, || unreachable!("{scenario} moves nothing before the camera"));
+}
+
+/// Like [`run`], but calls `next` where the scenario asks that the object before the camera moves on.
+fn run_moving(scenario: &str, bench: impl FnOnce() -> Bench, next: impl Fn()) {
+    let waited = || {
         let bench = bench();
         bench.wait();
         bench
-    });
+    };
+    run_with(scenario, waited, next);
 }
 
-/// The same for a bench that need not have a set.
-fn run_with(scenario: &str, bench: impl FnOnce() -> Bench) {
+/// Like [`run_moving`] for a bench that need not have a set.
+fn run_with(scenario: &str, bench: impl FnOnce() -> Bench, next: impl Fn()) {
     let Some((program, folder)) = browser::tools() else { return };
     let _alone = BROWSER.lock().unwrap_or_else(PoisonError::into_inner);
     let mut bench = bench();
@@ -59,6 +66,7 @@ fn run_with(scenario: &str, bench: impl FnOnce() -> Bench) {
                 drop(stopped.take());
                 bench = Bench::at(address, EVERY);
             }
+            "next" => next(),
             _ => told.push(line),
         }
         // The scenario may have ended already.
@@ -175,11 +183,15 @@ fn the_first_view_and_the_stream_after_it_are_small() {
 
 #[test]
 fn a_probe_without_a_camera_tells_its_fault() {
-    run_with("fault", || {
-        let bench = Bench::new(Limits::default());
-        bench.step(Step::Fail("no camera at /dev/video7"));
-        bench
-    });
+    run_with(
+        "fault",
+        || {
+            let bench = Bench::new(Limits::default());
+            bench.step(Step::Fail("no camera at /dev/video7"));
+            bench
+        },
+        || unreachable!("nothing moves before a camera that fails"),
+    );
 }
 
 #[test]
@@ -228,7 +240,15 @@ fn vignetting_is_measured_on_a_phone_and_saved() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("lens.toml");
     std::fs::write(&path, LENS).expect("a file");
-    run("vignetting", || calibrating(RoomCamera::screens(EVERY, Duration::from_millis(700)), &path));
+    let place = Arc::new(AtomicUsize::new(0));
+    let camera = RoomCamera::screens(EVERY, Arc::clone(&place));
+    run_moving(
+        "vignetting",
+        || calibrating(camera, &path),
+        || {
+            place.fetch_add(1, Ordering::Relaxed);
+        },
+    );
     if browser::tools().is_none() {
         return;
     }

@@ -6,6 +6,8 @@ use hemilux::source::{Source, SourceError};
 use hemilux_core::lens::Lens;
 use hemilux_core::{Exposure, Format, Response};
 use std::f64::consts::{FRAC_PI_2, TAU};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
@@ -27,13 +29,12 @@ pub fn true_code(exposure: f64) -> f64 {
     exposure.clamp(0.0, 1.0).powf(1.0 / 2.2)
 }
 
-/// A camera whose pictures follow one another, each for a while.
+/// A camera that shows one of several pictures, selected by a number that the test holds.
 pub struct RoomCamera {
     calibration: Calibration,
     pictures: Vec<Vec<Vec<u8>>>,
+    selected: Arc<AtomicUsize>,
     every: Duration,
-    hold: Duration,
-    began: Option<Instant>,
     due: Instant,
 }
 
@@ -56,15 +57,20 @@ fn at(i: usize) -> DVec2 {
 }
 
 impl RoomCamera {
-    fn new(response: Response, pictures: Vec<Vec<Vec<u8>>>, [every, hold]: [Duration; 2]) -> Self {
+    fn new(
+        response: Response,
+        pictures: Vec<Vec<Vec<u8>>>,
+        every: Duration,
+        selected: Arc<AtomicUsize>,
+    ) -> Self {
         let mut calibration =
             Calibration::try_new(lens(), Format::Rgb24, SIDE as u32, SIDE as u32).expect("a layout");
         calibration.response = response;
-        Self { calibration, pictures, every, hold, began: None, due: Instant::now() }
+        Self { calibration, pictures, selected, every, due: Instant::now() }
     }
 
-    /// A linear camera before which a screen is shown, each place for `hold`.
-    pub fn screens(every: Duration, hold: Duration) -> Self {
+    /// A linear camera before which a screen is shown at place `selected` of [`PLACES`], counted from the axis to the rim and over again.
+    pub fn screens(every: Duration, selected: Arc<AtomicUsize>) -> Self {
         let lens = lens();
         let shown = (0..PLACES).map(|i| {
             let theta = 88f64.to_radians() * i as f64 / (PLACES - 1) as f64;
@@ -80,7 +86,7 @@ impl RoomCamera {
                 .collect();
             STEPS.map(|step| picture(&light, step, |x| x)).to_vec()
         });
-        Self::new(Response::Linear, shown.collect(), [every, hold])
+        Self::new(Response::Linear, shown.collect(), every, selected)
     }
 
     /// A still scene over three decades of light, seen by a camera of [`true_code`].
@@ -93,7 +99,7 @@ impl RoomCamera {
             })
             .collect();
         let burst = STEPS.map(|step| picture(&light, step, true_code)).to_vec();
-        Self::new(Response::Srgb, vec![burst], [every, Duration::from_secs(1)])
+        Self::new(Response::Srgb, vec![burst], every, Arc::default())
     }
 }
 
@@ -109,9 +115,7 @@ impl Source for RoomCamera {
     fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
         sleep(self.due.saturating_duration_since(Instant::now()));
         self.due = Instant::now() + self.every;
-        let began = *self.began.get_or_insert_with(Instant::now);
-        let place = began.elapsed().as_millis() / self.hold.as_millis();
-        let pictures = &self.pictures[place as usize % self.pictures.len()];
+        let pictures = &self.pictures[self.selected.load(Ordering::Relaxed) % self.pictures.len()];
         let frame =
             |(exposure, bytes): (Exposure, &Vec<u8>)| Frame { exposure, pixels: Pixels::U8(bytes.clone()) };
         burst.frames = self.exposures().into_iter().zip(pictures).map(frame).collect();

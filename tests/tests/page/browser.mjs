@@ -105,6 +105,35 @@ export function changes(page, what, selector, from, part) {
   });
 }
 
+/** Keeps what a canvas of a still scene shows as `name`, once two pictures in a row are equal. */
+async function still(page, selector, name) {
+  await picture(page, selector, name);
+  await until(`${selector} stands still`, async () => {
+    await new Promise(done => setTimeout(done, 200));
+    await picture(page, selector);
+    if (await difference(page, name, "now") === 0) return true;
+    await picture(page, selector, name);
+    return false;
+  });
+}
+
+/**
+ * Does `act` and `undo` until the first has changed what a canvas of a still scene shows in more than `part` of its pixels and the second has
+ * brought the old picture back. A try in which the page changed the quality of the scene tells nothing.
+ */
+export async function actsAndUndoes(page, what, selector, part, act, undo) {
+  await until(what, async () => {
+    await undo();
+    await still(page, selector, "before");
+    await act();
+    await still(page, selector, "acted");
+    await undo();
+    await still(page, selector, "after");
+    const [acted, after] = [await difference(page, "before", "acted"), await difference(page, "before", "after")];
+    return acted !== null && after !== null && acted > part && after < 0.001;
+  });
+}
+
 /** What axe-core calls serious or critical. */
 export async function problems(page) {
   // The page's own policy lets no foreign script in; this one comes from the test.

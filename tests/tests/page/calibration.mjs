@@ -1,6 +1,6 @@
 // A person's way through the calibration: start to saved file.
 
-import { check, json, open, problems, state, text, until } from "./browser.mjs";
+import { check, json, open, please, problems, state, text, until } from "./browser.mjs";
 
 /** The state; while an action is under way, there is none to be had. */
 const get = page => until("a state", async () => {
@@ -89,6 +89,9 @@ async function lux(page) {
   await until("one is taken back", async () => await readings() === 1);
 }
 
+/** Places of the screen before the camera, from the axis to the rim. */
+const PLACES = 18;
+
 /** A phone held upright. */
 const PHONE = { viewport: { width: 390, height: 844 }, hasTouch: true, isMobile: true, reducedMotion: "reduce" };
 
@@ -122,13 +125,16 @@ export async function vignetting(browser, url) {
   const readings = async () => (await get(page)).vignetting.readings;
   await page.tap("#cal-fit");
   await until("no reading is refused", async () => (await text(page, "#cal-error")).includes("expected"));
-  for (let count = 0; count < 60; count = (await readings()).length) {
+  const bursts = async () => (await json(page, "/v1/status")).frames;
+  for (let count = 0; count < PLACES; count++) {
     await page.tap("#cal-screen");
-    await until("one more reading", async () => (await readings()).length > count);
-    const found = new Set((await readings()).map(([theta]) => Math.round(theta / 5)));
-    if (found.size >= 14) break;
+    await until("one more reading", async () => (await readings()).length === count + 1);
+    await please("next");
+    const seen = await bursts();
+    await until("a picture of the next place", async () => await bursts() >= seen + 2);
   }
-  const before = (await readings()).length;
+  const before = (await readings()).length, angles = (await readings()).map(([theta]) => theta);
+  check(Math.min(...angles) < 3 && Math.max(...angles) > 80, `readings at ${angles} degrees`);
   await page.tap("#cal-undo");
   await until("one is taken back", async () => (await readings()).length === before - 1);
   await page.tap("#cal-fit");

@@ -1,7 +1,7 @@
 // What the page shows: the light as it is, by its controls, and by two methods.
 
 import { gzipSync } from "node:zlib";
-import { changes, check, difference, json, open, picture, problems, state, text, until } from "./browser.mjs";
+import { actsAndUndoes, changes, check, difference, json, open, picture, problems, state, text, until } from "./browser.mjs";
 
 /** What the lights, the numbers and both canvases show, and that it changes with the light. */
 export async function live(browser, url) {
@@ -59,13 +59,10 @@ export async function controls(browser, url) {
   await page.waitForSelector("#sky-tip", { state: "hidden" });
   await page.focus("#scene-canvas");
   await page.waitForSelector("#scene-canvas[data-shown='sky 0 EV']");
-  await until("the scene is drawn", async () => (await picture(page, "#scene-canvas", "scene")).colours > 200);
-  for (let i = 0; i < 5; i++) await page.keyboard.press("ArrowLeft");
-  await changes(page, "the keys turn the scene", "#scene-canvas", "scene", 0.05);
-  await page.keyboard.press("Home");
-  await until("and back", async () => (await picture(page, "#scene-canvas")).colours > 200 && await difference(page, "scene", "now") < 0.001);
-  await page.check("#show-rays");
-  await changes(page, "lines are drawn", "#scene-canvas", "scene", 0.005);
+  await until("the scene is drawn", async () => (await picture(page, "#scene-canvas")).colours > 200);
+  const turn = async () => { for (let i = 0; i < 5; i++) await page.keyboard.press("ArrowLeft"); };
+  await actsAndUndoes(page, "the keys turn the scene, and back", "#scene-canvas", 0.05, turn, () => page.keyboard.press("Home"));
+  await actsAndUndoes(page, "lines are drawn, and taken away", "#scene-canvas", 0.005, () => page.check("#show-rays"), () => page.uncheck("#show-rays"));
   await page.click("#list summary");
   await page.waitForSelector("#rows tr:nth-child(10)");
   for (const colorScheme of ["light", "dark"]) {
