@@ -208,6 +208,22 @@ fn clipping_is_reported_and_white_balance_applied() {
     assert!((r / g - 2.0).abs() < 1e-5 && (b / g - 0.5).abs() < 1e-5, "{r} {g} {b}");
 }
 
+/// Where all is clipped, all of the map's irradiance is that of clipped light.
+#[test]
+fn clipped_light_is_reported_as_irradiance() {
+    let pixel_table = pixel_table(&bench_lens(), 640, 480, 5);
+    let mut frame = constant(&pixel_table, 10_000);
+    let mut map = dark(Domain::Hemisphere, 5);
+    let balance = [2.0, 1.0, 0.5];
+    let none = burst(&pixel_table, &[Samples::U16(&frame)], balance, &mut map).expect("fits");
+    assert_eq!(none.clipped_irradiance, [0.0; 3], "nothing is clipped");
+    frame.fill(65_535);
+    let all = burst(&pixel_table, &[Samples::U16(&frame)], balance, &mut map).expect("fits");
+    for (found, expected) in all.clipped_irradiance.into_iter().zip(map.view().horizontal_irradiance()) {
+        assert!((found / expected - 1.0).abs() < 2e-3, "{all:?}, expected {expected}");
+    }
+}
+
 #[test]
 fn mismatched_frames_and_maps_are_refused() {
     let pixel_table = pixel_table(&bench_lens(), 640, 480, 3);

@@ -58,6 +58,7 @@ impl Processed<'_> {
             scalar_flux: self.scalar_flux,
             horizontal_irradiance: self.horizontal_irradiance,
             clipped: self.seen.clipped as f32,
+            clipped_irradiance_at_least: self.seen.clipped_irradiance,
             unseen: self.seen.unseen as f32,
             latency: self.times.latency(),
             frames_left_out: self.frames_left_out,

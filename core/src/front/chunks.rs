@@ -2,7 +2,7 @@
 
 use super::Excluded;
 use super::code_sums::CodeSums;
-use super::gather::{self, MergedChunk, PrefixSums, Products, Radiance, RunLight, Runs};
+use super::gather::{self, Merged, MergedChunk, PrefixSums, Products, Radiance, RunLight, Runs};
 use super::rows::{Part, Scratch};
 use crate::format::{Format, Layout};
 use crate::merge::{Channels, Codes, MAX_EXPOSURES, MergeView, Samples};
@@ -15,6 +15,8 @@ pub(super) struct Target<'t> {
     /// Runs and weights of the pixels that are not added yet.
     pub(super) runs: Runs<'t>,
     pub(super) quads: &'t mut [Quad],
+    /// Order of the quads.
+    pub(super) order: u8,
     pub(super) excluded: Excluded,
 }
 
@@ -97,7 +99,7 @@ impl<'a, 'f, 's> Chunks<'a, 'f, 's> {
         if is_enough {
             let mut code_sums = CodeSums::new(&mut self.merger.sums, &mut self.merger.light);
             code_sums.sum_up(codes, tally);
-            let Target { runs, quads, excluded } = target;
+            let Target { runs, quads, excluded, .. } = target;
             code_sums.add(part.len, tally, runs, quads, &mut excluded.below);
         }
         is_enough
@@ -148,10 +150,13 @@ fn unusual(
     let samples = channels.many();
     let mut values: Radiance = [0.0; _];
     let Some(radiance) = values.get_mut(..samples * len) else { return };
-    let Target { runs, quads, excluded } = target;
+    let Target { runs, quads, order, excluded } = target;
     if merge.samples(codes, channels, radiance) {
         let is_clipped = |j| (samples * j..samples * (j + 1)).any(|at| merge.is_clipped(codes, at));
-        excluded.clipped += runs.weight(len, quads.len(), is_clipped);
+        let clipped =
+            runs.clipped(Merged { len, samples, radiance: &values }, *order, quads.len(), is_clipped);
+        excluded.clipped += clipped.weight;
+        excluded.clipped_light.iter_mut().zip(clipped.light).for_each(|(sum, light)| *sum += light);
     }
     runs.add_radiance(len, samples, &values, quads, &mut excluded.below);
 }

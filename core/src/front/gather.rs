@@ -1,5 +1,6 @@
 //! Prefix sums over the pixels of a chunk, and their differences added to texels.
 
+use crate::healpix;
 use crate::pixel_table::{CHUNK, Run};
 use crate::pyramid::Quad;
 
@@ -68,6 +69,31 @@ impl PrefixSums {
 
 /// Sum of the radiances of the pixels of each run of a chunk: one number per lane.
 pub(super) type RunLight = [[f32; 4]; CHUNK];
+
+/// Float radiances of `len` pixels of `samples` each.
+#[derive(Clone, Copy)]
+pub(super) struct Merged<'r> {
+    pub(super) len: usize,
+    pub(super) samples: usize,
+    pub(super) radiance: &'r Radiance,
+}
+
+impl Merged<'_> {
+    /// A sample of a pixel; 0 beyond the samples.
+    fn value(&self, pixel: usize, lane: usize) -> f32 {
+        let own = self.radiance.get(self.samples * pixel + lane).filter(|_| lane < self.samples);
+        own.copied().unwrap_or(0.0)
+    }
+}
+
+/// Pixels that are clipped.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Clipped {
+    /// Sum of their weights.
+    pub(super) weight: u64,
+    /// Sums of radiance times weight times the cosine of the angle to the zenith, per lane.
+    pub(super) light: [f32; 4],
+}
 
 /// The runs and weights that remain to be processed.
 pub(super) struct Runs<'a> {
@@ -226,12 +252,33 @@ impl Runs<'_> {
         self.skip(taken);
     }
 
-    /// Sum of the weights of those of the first `len` pixels that satisfy `is` and whose texel index is below `texels`.
-    pub(super) fn weight(&self, len: usize, texels: usize, is: impl Fn(usize) -> bool) -> u64 {
-        let own = self.runs.iter().zip(self.weights);
-        let places = own.flat_map(|(run, weight)| core::iter::repeat_n((run.texel(), *weight), run.len()));
-        let found = places.take(len).enumerate().filter(|(i, (texel, _))| *texel < texels && is(*i));
-        found.map(|(_, (_, weight))| u64::from(weight)).sum()
+    /// Weight and light of those of the first `len` pixels that satisfy `is`, and whose texel is one of `quads` texels of `order`.
+    pub(super) fn clipped(
+        &self,
+        part: Merged<'_>,
+        order: u8,
+        quads: usize,
+        is: impl Fn(usize) -> bool,
+    ) -> Clipped {
+        let mut clipped = Clipped::default();
+        let mut end = 0;
+        for (run, weight) in self.runs.iter().zip(self.weights) {
+            let places = end..(end + run.len()).min(part.len);
+            end += run.len();
+            if run.texel() < quads && places.clone().any(&is) {
+                let height = healpix::centre(order, run.texel() as u32).z as f32;
+                for i in places.filter(|i| is(*i)) {
+                    clipped.weight += u64::from(*weight);
+                    for (lane, sum) in clipped.light.iter_mut().enumerate() {
+                        *sum += part.value(i, lane) * f32::from(*weight) * height;
+                    }
+                }
+            }
+            if end >= part.len {
+                break;
+            }
+        }
+        clipped
     }
 
     pub(super) fn skip(&mut self, count: usize) {
@@ -248,10 +295,8 @@ impl Runs<'_> {
         quads: &mut [Quad],
         below: &mut [f32; 4],
     ) {
-        let value = |i: usize, lane: usize| {
-            let own = radiance.get(samples * i + lane).filter(|_| lane < samples);
-            own.copied().unwrap_or(0.0)
-        };
+        let merged = Merged { len, samples, radiance };
+        let value = |i, lane| merged.value(i, lane);
         let (mut from, mut taken) = (0, 0);
         for (run, weight) in self.runs.iter().zip(self.weights) {
             if from >= len {

@@ -32,6 +32,9 @@ use rows::{Part, Scratch};
 pub struct Coverage {
     /// Share of the hemisphere's solid angle in which even the shortest exposure is clipped, 0..=1.
     pub clipped: f64,
+    /// Horizontal irradiance of the light in which even the shortest exposure is clipped, at the radiance of that exposure: a lower bound, for
+    /// red, green and blue.
+    pub clipped_irradiance: [f32; 3],
     /// Share of the hemisphere's solid angle outside of the field of view, 0..=1.
     pub unseen: f64,
     /// Mean number of exposures that were read of a pixel: the number of frames for [`MergeMode::All`](crate::MergeMode).
@@ -156,7 +159,8 @@ fn tally(layout: &Layout, merge: &MergeView<'_>, pixel_table: &PixelTableView<'_
 #[inline(never)]
 fn walk(mut chunks: Chunks<'_, '_, '_>, pixel_table: &PixelTableView<'_>, quads: &mut [Quad]) -> Excluded {
     let runs = Runs { runs: pixel_table.runs, weights: pixel_table.weights };
-    let mut target = Target { runs, quads, excluded: Excluded::default() };
+    let order = pixel_table.source_order;
+    let mut target = Target { runs, quads, order, excluded: Excluded::default() };
     for (row, span) in pixel_table.spans.iter().enumerate() {
         let mut left = span.len as usize;
         let mut first = span.first as usize;
@@ -190,6 +194,7 @@ pub(crate) fn finish<Q: Buffer<Quad>>(
         clipped: (excluded.clipped as f64 * pixel_table.weight_unit / Domain::Hemisphere.solid_angle())
             .min(1.0),
         unseen: pixel_table.unseen,
+        clipped_irradiance: lanes.rgb(excluded.clipped_light),
         exposures_read: excluded.read as f64 / excluded.pixels.max(1) as f64,
         below: if above > 0.0 { f64::from(below / above) } else { 0.0 },
     }
@@ -202,6 +207,8 @@ pub(crate) struct Excluded {
     below: [f32; 4],
     /// Sum of the weights of clipped pixels above the horizon.
     clipped: u64,
+    /// Sums of the light of clipped pixels times the cosine of the angle to the zenith, per lane.
+    clipped_light: [f32; 4],
     /// Number of pixels.
     pixels: u32,
     /// Number of exposures that were read, summed over the pixels.

@@ -314,6 +314,7 @@ impl<'a> BinarySet<'a> {
             left_out: None,
             scalar_flux: [real(64), real(68), real(72)],
             horizontal_irradiance: [real(76), real(80), real(84)],
+            clipped_irradiance_at_least: [0.0; 3],
             clipped: real(88),
             unseen: real(92),
             estimated_error: flag(ERROR).then(|| real(96)),

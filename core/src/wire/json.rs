@@ -66,6 +66,9 @@ pub fn json<W: Write>(set: &LightSet<'_>, w: &mut W) -> Result<(), W::Error> {
     triple(w, ",\"horizontal_irradiance\":", &set.horizontal_irradiance)?;
     put(w, ",\"clipped\":")?;
     decimal(w, set.clipped)?;
+    if set.clipped > 0.0 {
+        triple(w, ",\"clipped_irradiance_at_least\":", &set.clipped_irradiance_at_least)?;
+    }
     put(w, ",\"unseen\":")?;
     decimal(w, set.unseen)?;
     put(w, ",\"estimated_error\":")?;

@@ -61,6 +61,8 @@ pub struct Record<Text, Lights, Harmonics> {
     pub scalar_flux: [f32; 3],
     /// Horizontal irradiance: radiance times cos(theta) times solid angle, summed above the horizon.
     pub horizontal_irradiance: [f32; 3],
+    /// Lower bound of the horizontal irradiance of clipped light; part of `horizontal_irradiance`. Not in the binary form.
+    pub clipped_irradiance_at_least: [f32; 3],
     /// Fraction of the domain's solid angle in which even the shortest exposure is clipped.
     pub clipped: f32,
     /// Fraction of the domain's solid angle outside of the field of view.
@@ -122,6 +124,7 @@ macro_rules! with_values_of {
             left_out: $record.left_out,
             scalar_flux: $record.scalar_flux,
             horizontal_irradiance: $record.horizontal_irradiance,
+            clipped_irradiance_at_least: $record.clipped_irradiance_at_least,
             clipped: $record.clipped,
             unseen: $record.unseen,
             estimated_error: $record.estimated_error,
@@ -186,6 +189,7 @@ impl LightSet<'_> {
         left_out: None,
         scalar_flux: [0.0; 3],
         horizontal_irradiance: [0.0; 3],
+        clipped_irradiance_at_least: [0.0; 3],
         clipped: 0.0,
         unseen: 0.0,
         estimated_error: None,

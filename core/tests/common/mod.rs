@@ -89,6 +89,7 @@ pub fn light_set<'a>(lights: &'a [Light], ambient: Option<&'a Sh9>) -> LightSet<
         left_out: None,
         scalar_flux: [1.0, 2.0, 3.0],
         horizontal_irradiance: [0.5, 1.0, 1.5],
+        clipped_irradiance_at_least: [0.0; 3],
         clipped: 0.0,
         unseen: 0.125,
         estimated_error: Some(0.125),
