@@ -101,6 +101,11 @@ impl Fit {
         Some(Self { bursts, terms, rows, mask, leverage })
     }
 
+    /// Degrees of freedom of the residuals.
+    pub fn freedom(&self) -> usize {
+        self.bursts.saturating_sub(self.terms)
+    }
+
     /// Fits `past`, whose newest value is that of `newest`.
     pub fn estimate(&self, basis: &Basis, past: &Past, newest: usize) -> Estimate {
         let mut amplitudes = [0.0; TERMS];
@@ -123,7 +128,7 @@ impl Fit {
             noise: (squares - residual * residual / left).max(0.0),
             squares,
             waves: dot(&wave, &wave),
-            freedom: self.bursts.saturating_sub(self.terms) as f32,
+            freedom: self.freedom() as f32,
             used: (self.terms - 1) as f32,
         }
     }

@@ -33,6 +33,10 @@ const FOUND: [f32; 2] = [0.8, 0.6];
 const MANY: usize = 12;
 const LOST: f32 = 0.35;
 
+/// Share of the variance that a waveform of three harmonics explains when it is found with many bursts, for light of which the fundamental
+/// explains less: a rectangle, or a lamp that is clipped at some phases.
+const FOUND_WAVEFORM: f32 = 0.9;
+
 /// Bursts without light that varies which count as one that is explained badly.
 const UNKNOWN: u32 = 8;
 
@@ -118,7 +122,8 @@ impl Lock {
 
     /// Follows the drift of the frequency; `None` once it explains the light no longer.
     pub fn follow(mut self, window: &Window, regions: &[Cell]) -> Option<Self> {
-        let score = |offset: f64| explained(window, regions, self.frequency + offset * self.step);
+        let score =
+            |offset: f64| explained(window, regions, self.frequency + offset * self.step, Fit::fundamental);
         let found = score(0.0);
         let here = found.unwrap_or(0.0);
         // Light that is off or has just changed says nothing.
@@ -146,8 +151,8 @@ pub(super) fn find(window: &Window, regions: &[Cell], lamps: Lamps, has_times: b
         if has_times && !advances(window, lock.frequency) {
             return 0.0;
         }
-        let score =
-            explained(window, regions, lock.frequency).unwrap_or(0.0) - OFF_NOMINAL * off.abs() as f32;
+        let score = explained(window, regions, lock.frequency, Fit::fundamental).unwrap_or(0.0)
+            - OFF_NOMINAL * off.abs() as f32;
         if best.as_ref().is_none_or(|(most, _)| score > *most) {
             best = Some((score, lock));
         }
@@ -173,8 +178,14 @@ pub(super) fn find(window: &Window, regions: &[Cell], lamps: Lamps, has_times: b
             consider(Lock::new(frequency, PER_BURST, 0.5 * STEP_PER_BURST), 0);
         });
     }
-    let needed = FOUND[usize::from(window.count() >= MANY)];
-    best.filter(|(score, _)| *score > needed).map(|(_, lock)| lock)
+    let has_many = window.count() >= MANY;
+    let is_waveform = |lock: &Lock| {
+        explained(window, regions, lock.frequency, Fit::new).is_some_and(|share| share > FOUND_WAVEFORM)
+    };
+    let is_found = |(score, lock): &(f32, Lock)| {
+        *score > FOUND[usize::from(has_many)] || (has_many && *score > LOST && is_waveform(lock))
+    };
+    best.filter(is_found).map(|(_, lock)| lock)
 }
 
 /// Whether the phase of `frequency` differs enough from burst to burst.
@@ -233,13 +244,18 @@ fn varies(window: &Window, regions: &[Cell]) -> bool {
     varying > VARYING_IN_ALL * all
 }
 
-/// Share of the variance of the regions that `frequency` explains, corrected for the degrees of freedom; `None` if the times of the window
-/// do not determine a mean at that frequency.
-fn explained(window: &Window, regions: &[Cell], frequency: f64) -> Option<f32> {
+/// Share of the variance of the regions that the fit `of` `frequency` explains, corrected for the degrees of freedom; `None` if the times of
+/// the window do not determine a mean at that frequency.
+fn explained(
+    window: &Window,
+    regions: &[Cell],
+    frequency: f64,
+    of: fn(&Window, &Basis, usize) -> Option<Fit>,
+) -> Option<f32> {
     let bursts = window.count();
     let basis = Basis::new(window, 0.0, frequency);
-    let fit = Fit::fundamental(window, &basis, bursts)?;
-    let correction = (bursts - 1) as f32 / (bursts - 3).max(1) as f32;
+    let fit = of(window, &basis, bursts)?;
+    let correction = (bursts - 1) as f32 / fit.freedom().max(1) as f32;
     let (mut sum, mut weights) = (0.0, 0.0);
     for region in regions.iter().filter(|region| window.age(region.since) >= bursts) {
         let variation = Variation::of(region, bursts);
