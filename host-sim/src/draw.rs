@@ -1,7 +1,7 @@
 //! Primitives of the SVG charts: colours for colour-blind readers, text, logarithmic axes.
 
 use plotters::backend::SVGBackend;
-use plotters::coord::Shift;
+use plotters::coord::{CoordTranslate, Shift};
 use plotters::prelude::{Circle, DrawingArea, IntoFont, PathElement, RGBColor, Rectangle, Text};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, ShapeStyle};
@@ -99,7 +99,8 @@ impl<'a> Canvas<'a> {
     }
 }
 
-fn pixel([x, y]: [f64; 2]) -> (i32, i32) {
+/// Rounds a position to the nearest pixel, in the type of the `plotters` crate.
+fn pixel([x, y]: [f64; 2]) -> <Shift as CoordTranslate>::From {
     (x.round() as i32, y.round() as i32)
 }
 

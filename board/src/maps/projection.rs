@@ -232,22 +232,19 @@ impl Cube {
         let caps = [face(1, 0, UP, RIGHT, BACK), face(1, 2, DOWN, RIGHT, FORWARD)];
         let [left, front, right] = middle(1);
         let [top, bottom] = caps;
+        let cross = |side, back| Self {
+            side,
+            faces: [left, front, right, top, bottom, back],
+            has_texels_on_edges: false,
+        };
         if width.is_multiple_of(3) && 4 * width == 3 * height {
             // The back face hangs below the bottom face, upside down.
             let back = face(1, 3, BACK, RIGHT, DOWN);
-            return Ok(Self {
-                side: width / 3,
-                faces: [left, front, right, top, bottom, back],
-                has_texels_on_edges: false,
-            });
+            return Ok(cross(width / 3, back));
         }
         if height.is_multiple_of(3) && 3 * width == 4 * height {
             let back = face(3, 1, BACK, LEFT, UP);
-            return Ok(Self {
-                side: height / 3,
-                faces: [left, front, right, top, bottom, back],
-                has_texels_on_edges: false,
-            });
+            return Ok(cross(height / 3, back));
         }
         if 6 * width == height {
             let faces = [

@@ -13,15 +13,15 @@ pub struct Shown {
 }
 
 impl Shown {
-    /// Columns and rows of the pictures.
+    /// Returns the columns and rows of the pictures.
     #[must_use]
-    pub const fn size(&self) -> (u32, u32) {
+    pub const fn size(&self) -> [u32; 2] {
         let [x, y] = self.binning;
-        (self.crop[2] / if x == 0 { 1 } else { x }, self.crop[3] / if y == 0 { 1 } else { y })
+        [self.crop[2] / if x == 0 { 1 } else { x }, self.crop[3] / if y == 0 { 1 } else { y }]
     }
 
-    /// The lens of pictures that show `to`, from `lens`, which belongs to pictures that show `self`; none where those do not show its
-    /// centre.
+    /// Converts `lens`, which belongs to pictures of the part `self`, to the lens of pictures of the part `to`. Returns `None` if the
+    /// centre of the lens lies outside of the part `to`.
     #[must_use]
     pub fn convert(&self, lens: &Lens, to: &Self) -> Option<Lens> {
         let pair = |v: [u32; 2]| DVec2::new(v[0].into(), v[1].into());
@@ -32,8 +32,7 @@ impl Shown {
         // A pixel's centre lies half a pixel from its corner.
         let on_sensor = corner(self) + (old.centre_px + half) * from;
         let centre_px = (on_sensor - corner(to)) / into - half;
-        let (width, height) = to.size();
-        let is_shown = centre_px.cmpge(-half).all() && centre_px.cmplt(pair([width, height]) - half).all();
+        let is_shown = centre_px.cmpge(-half).all() && centre_px.cmplt(pair(to.size()) - half).all();
         let scale = from / into;
         let new =
             Intrinsics { centre_px, focal_px: old.focal_px * scale, skew_px: old.skew_px * scale.x, ..*old };

@@ -23,18 +23,24 @@ pub(super) fn temperature(rgb: [f32; 3]) -> Option<f32> {
     let n = (x - 0.3320) / (0.1858 - y);
     let kelvins = ((449.0 * n + 3525.0) * n + 6823.3) * n + 5520.33;
     let scale = -2.0 * x + 12.0 * y + 3.0;
-    let (u, v) = locus(kelvins);
-    let distance = (4.0 * x / scale - u).hypot(6.0 * y / scale - v);
+    let body = locus(kelvins);
+    let distance = (4.0 * x / scale - body.u).hypot(6.0 * y / scale - body.v);
     Some(kelvins).filter(|k| RANGE.contains(k) && distance <= FURTHEST)
 }
 
-/// CIE 1960 (u, v) of a glowing body of temperature `t`, kelvins, by Krystek's quotients of polynomials.
-fn locus(t: f32) -> (f32, f32) {
+/// Chromaticity in the CIE 1960 uniform colour space.
+struct Chromaticity {
+    u: f32,
+    v: f32,
+}
+
+/// Returns the chromaticity of a black body of temperature `t`, kelvins, by Krystek's quotients of polynomials.
+fn locus(t: f32) -> Chromaticity {
     let u = (0.860_117_8 + t * (1.541_182_5e-4 + t * 1.286_412e-7))
         / (1.0 + t * (8.424_202e-4 + t * 7.081_451_6e-7));
     let v = (0.317_398_73 + t * (4.228_062_5e-5 + t * 4.204_817e-8))
         / (1.0 + t * (-2.897_418_2e-5 + t * 1.614_560_5e-7));
-    (u, v)
+    Chromaticity { u, v }
 }
 
 #[cfg(test)]

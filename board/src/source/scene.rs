@@ -93,19 +93,19 @@ impl Source for SceneSource {
         self.exposures.clone()
     }
 
-    fn fixed_exposures(&self) -> Option<&'static str> {
-        None
+    fn set_exposures(&mut self, seconds: Option<&[f64]>) -> Result<(), String> {
+        let seconds = seconds.unwrap_or(&SECONDS);
+        self.exposures = seconds.iter().map(exposure).collect();
+        self.gains = seconds.iter().map(gain).collect();
+        Ok(())
     }
 
     fn exposure_range(&self) -> Option<TimeRange> {
         Some(RANGE)
     }
 
-    fn set_exposures(&mut self, seconds: Option<&[f64]>) -> Result<(), String> {
-        let seconds = seconds.unwrap_or(&SECONDS);
-        self.exposures = seconds.iter().map(exposure).collect();
-        self.gains = seconds.iter().map(gain).collect();
-        Ok(())
+    fn fixed_exposures(&self) -> Option<&'static str> {
+        None
     }
 
     fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError> {

@@ -1,15 +1,13 @@
 //! Cameras that contradict the documentation of V4L2 or the values that their drivers report: no wrong exposure, and bursts wherever the
 //! camera can take them.
 
-use super::Size;
 use super::capture::Camera;
 use super::device;
 use super::fake::{FakeKernel, Manner, Quirk, Script};
 use super::frame::RawFrame;
 use super::schedule::Known;
-use super::setup::Options;
 use super::supervise::{Outcome, Supervisor};
-use hemilux_core::Response;
+use super::tests::options;
 use std::time::Duration;
 
 /// Result of a run of a minute.
@@ -33,15 +31,6 @@ struct Minute {
 
 fn script(quirks: &[Quirk]) -> Script {
     Script { quirks: quirks.into(), ..Script::default() }
-}
-
-fn options() -> Options {
-    Options {
-        size: Size::new(64, 48),
-        exposures_s: vec![0.001, 0.006, 0.036],
-        response: Some(Response::Linear),
-        ..Options::of("/dev/video0")
-    }
 }
 
 /// Runs a camera for a minute of simulated time and compares each exposure with the true one, up to a common factor.

@@ -13,7 +13,7 @@ use std::time::Duration;
 
 const SECOND: Duration = Duration::from_secs(1);
 
-fn options() -> Options {
+pub(super) fn options() -> Options {
     Options {
         size: Size::new(64, 48),
         exposures_s: vec![0.001, 0.006, 0.036],

@@ -107,13 +107,13 @@ impl Source for DayCamera {
         self.exposures.clone()
     }
 
-    fn fixed_exposures(&self) -> Option<&'static str> {
-        None
-    }
-
     fn set_exposures(&mut self, seconds: Option<&[f64]>) -> Result<(), String> {
         self.exposures = seconds.unwrap_or(&SECONDS).iter().map(|s| exposure(*s)).collect();
         Ok(())
+    }
+
+    fn fixed_exposures(&self) -> Option<&'static str> {
+        None
     }
 
     fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError> {

@@ -132,13 +132,13 @@ impl Source for EnvSource {
         self.exposures.clone()
     }
 
-    fn fixed_exposures(&self) -> Option<&'static str> {
-        None
-    }
-
     fn set_exposures(&mut self, seconds: Option<&[f64]>) -> Result<(), String> {
         self.exposures = seconds.unwrap_or(&self.own).iter().map(exposure).collect();
         Ok(())
+    }
+
+    fn fixed_exposures(&self) -> Option<&'static str> {
+        None
     }
 
     fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError> {

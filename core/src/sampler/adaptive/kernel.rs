@@ -22,10 +22,16 @@ pub(super) fn kernel(squared: f32) -> f32 {
     KERNEL.iter().rev().fold(0.0, |sum, c| sum * h + c)
 }
 
-/// Returns K and its derivative with respect to the cosine of the angle; below [`LEAST_ROOT`] the derivative is that at [`LEAST_ROOT`],
+/// K of an angle, and its derivative with respect to the cosine of the angle.
+struct KernelAndSlope {
+    kernel: f32,
+    slope: f32,
+}
+
+/// Returns K and its derivative; below [`LEAST_ROOT`] the derivative is that at [`LEAST_ROOT`],
 /// hence finite.
 #[inline(always)]
-fn kernel_and_slope(squared: f32) -> (f32, f32) {
+fn kernel_and_slope(squared: f32) -> KernelAndSlope {
     let squared = squared.max(LEAST);
     let per_root = coarse_inverse_root(squared);
     let h = squared * per_root;
@@ -35,7 +41,7 @@ fn kernel_and_slope(squared: f32) -> (f32, f32) {
         by_root = by_root * h + k;
     }
     // With x the cosine of the angle, h^2 = (1 - x) / 2.
-    (k * h + KERNEL[0], by_root * (per_root.min(1.0 / LEAST_ROOT) * -0.25))
+    KernelAndSlope { kernel: k * h + KERNEL[0], slope: by_root * (per_root.min(1.0 / LEAST_ROOT) * -0.25) }
 }
 
 /// Least sine of half an angle at which the derivative is computed.
@@ -161,7 +167,8 @@ impl Vectors {
         let kernels = &mut sums.kernels[..n];
         for i in 0..n {
             let (dx, dy, dz) = (xs[i] - at.x, ys[i] - at.y, zs[i] - at.z);
-            let (k, slope) = kernel_and_slope((dx * dx + dy * dy) + (dz * dz + (spreads[i] + other.spread)));
+            let KernelAndSlope { kernel: k, slope } =
+                kernel_and_slope((dx * dx + dy * dy) + (dz * dz + (spreads[i] + other.spread)));
             let s = y * slope;
             kernels[i] += y * k;
             px[i] += s * to.x;
@@ -253,7 +260,7 @@ mod tests {
                 KERNEL.iter().rev().fold(0.0, |sum, c| sum * h + f64::from(*c))
             };
             let expected = (exact(x + 1e-2) - exact(x - 1e-2)) / 2e-2;
-            let found = f64::from(kernel_and_slope(0.5 - 0.5 * x).1);
+            let found = f64::from(kernel_and_slope(0.5 - 0.5 * x).slope);
             assert!(
                 (found - expected).abs() < 0.02 + 0.02 * expected.abs(),
                 "{x}: {found}, expected {expected}"

@@ -106,13 +106,8 @@ pub struct Adaptive<B, H, L, T, W> {
     workspace: W,
 }
 
-impl<B, H, L, T, W> Adaptive<B, H, L, T, W>
-where
-    B: Buffer<u8>,
-    H: Buffer<Leaf>,
-    L: Buffer<Light>,
-    T: Buffer<LightFilter>,
-    W: BorrowMut<Workspace>,
+impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W: BorrowMut<Workspace>>
+    Adaptive<B, H, L, T, W>
 {
     /// Creates a sampler for maps of `domain` up to `order`, and for as many lights as the shortest of its lists holds.
     ///
@@ -337,13 +332,8 @@ where
     }
 }
 
-impl<B, H, L, T, W> Sampler for Adaptive<B, H, L, T, W>
-where
-    B: Buffer<u8>,
-    H: Buffer<Leaf>,
-    L: Buffer<Light>,
-    T: Buffer<LightFilter>,
-    W: BorrowMut<Workspace>,
+impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W: BorrowMut<Workspace>>
+    Sampler for Adaptive<B, H, L, T, W>
 {
     fn kind(&self) -> SamplerKind {
         SamplerKind::Adaptive

@@ -115,14 +115,7 @@ pub struct Hemigon<C, R, F, A, L> {
     shares: [usize; 2],
 }
 
-impl<C, R, F, A, L> Hemigon<C, R, F, A, L>
-where
-    C: Buffer<f32>,
-    R: Buffer<Ring>,
-    F: Follow,
-    A: Buffer<u32>,
-    L: Buffer<Light>,
-{
+impl<C: Buffer<f32>, R: Buffer<Ring>, F: Follow, A: Buffer<u32>, L: Buffer<Light>> Hemigon<C, R, F, A, L> {
     /// Creates the sampler for as many lights as `lights` has elements, at most [`MAX_LIGHTS`]. `lives` and the filter need two slots per
     /// light.
     ///
@@ -231,13 +224,8 @@ fn total_of(map: &LatLongView<'_>) -> [f64; 3] {
     total
 }
 
-impl<C, R, F, A, L> Sampler for Hemigon<C, R, F, A, L>
-where
-    C: Buffer<f32>,
-    R: Buffer<Ring>,
-    F: Follow,
-    A: Buffer<u32>,
-    L: Buffer<Light>,
+impl<C: Buffer<f32>, R: Buffer<Ring>, F: Follow, A: Buffer<u32>, L: Buffer<Light>> Sampler
+    for Hemigon<C, R, F, A, L>
 {
     fn kind(&self) -> SamplerKind {
         F::KIND
