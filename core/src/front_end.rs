@@ -114,7 +114,8 @@ impl<B: Buffer<u64>> FrontEnd<B> {
         added_up: impl FnOnce(),
     ) -> Result<Coverage, FrontError> {
         let memory = self.memory.as_mut();
-        let excluded = self.state.accumulate(frames, memory)?;
+        let mut excluded = Excluded::default();
+        self.state.accumulate(frames, memory, &mut excluded)?;
         added_up();
         Ok(self.state.finish(&excluded, memory))
     }
@@ -231,9 +232,14 @@ impl State {
 
     /// First stage of a burst: adds the light of each pixel to its texel.
     #[inline(never)]
-    fn accumulate(&self, frames: &[Samples<'_>], memory: &mut [u64]) -> Result<Excluded, BurstError> {
+    fn accumulate(
+        &self,
+        frames: &[Samples<'_>],
+        memory: &mut [u64],
+        excluded: &mut Excluded,
+    ) -> Result<(), BurstError> {
         let Stages { merge, pixel_table, mut map } = self.stages(memory);
-        front::accumulate(frames, &self.calibration.layout, &merge, &pixel_table, &mut map)
+        front::accumulate(frames, &self.calibration.layout, &merge, &pixel_table, &mut map, excluded)
     }
 
     /// Second stage of a burst: converts sums to energy and builds the coarser orders.

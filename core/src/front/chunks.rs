@@ -17,7 +17,7 @@ pub(super) struct Target<'t> {
     pub(super) quads: &'t mut [Quad],
     /// Order of the quads.
     pub(super) order: u8,
-    pub(super) excluded: Excluded,
+    pub(super) excluded: &'t mut Excluded,
 }
 
 impl Target<'_> {

@@ -106,11 +106,12 @@ pub fn burst<Q: Buffer<Quad>>(
     white_balance: [f32; 3],
     map: &mut Pyramid<Q>,
 ) -> Result<Coverage, BurstError> {
-    let excluded = accumulate(frames, layout, merge, pixel_table, map)?;
+    let mut excluded = Excluded::default();
+    accumulate(frames, layout, merge, pixel_table, map, &mut excluded)?;
     Ok(finish(&excluded, layout, merge, pixel_table, white_balance, map))
 }
 
-/// First stage of [`burst`]: adds the light of each pixel to its texel. The map is invalid until [`finish`] has run.
+/// First stage of [`burst`]: adds the light of each pixel to its texel, or to `excluded`. The map is invalid until [`finish`] has run.
 ///
 /// # Errors
 /// [`BurstError`] if the frames do not match; `map` is then unchanged.
@@ -120,7 +121,8 @@ pub(crate) fn accumulate<Q: Buffer<Quad>>(
     merge: &MergeView<'_>,
     pixel_table: &PixelTableView<'_>,
     map: &mut Pyramid<Q>,
-) -> Result<Excluded, BurstError> {
+    excluded: &mut Excluded,
+) -> Result<(), BurstError> {
     check_frames(frames, layout, merge)?;
     if layout.merged_size() != pixel_table.image {
         return Err(BurstError::OtherSize);
@@ -128,7 +130,9 @@ pub(crate) fn accumulate<Q: Buffer<Quad>>(
     if map.view().domain() != Domain::Hemisphere || map.view().order().get() != pixel_table.order {
         return Err(BurstError::OtherMap);
     }
-    Ok(add_up(frames, layout, merge, pixel_table, map.accumulators(pixel_table.source_order)))
+    let quads = map.accumulators(pixel_table.source_order);
+    add_up(frames, layout, merge, pixel_table, quads, excluded);
+    Ok(())
 }
 
 // Instruction counts and profiles find the first stage of a frame under this symbol.
@@ -139,14 +143,15 @@ fn add_up(
     merge: &MergeView<'_>,
     pixel_table: &PixelTableView<'_>,
     quads: &mut [Quad],
-) -> Excluded {
+    excluded: &mut Excluded,
+) {
     Scratch::with(layout.format(), merge.wants_planes(), |scratch| {
         let scratch = scratch.saturated_from(merge.saturated());
         MergedChunk::with(merge.has_products(), |merged| {
             let tally = tally(layout, merge, pixel_table);
-            walk(Chunks::new(frames, layout, merge, scratch, merged, tally), pixel_table, quads)
-        })
-    })
+            walk(Chunks::new(frames, layout, merge, scratch, merged, tally), pixel_table, quads, excluded);
+        });
+    });
 }
 
 /// The conversion of sums of codes; `None` for formats, responses and pixel tables for which these have no meaning or no place.
@@ -157,10 +162,15 @@ fn tally(layout: &Layout, merge: &MergeView<'_>, pixel_table: &PixelTableView<'_
 
 /// Processes all spans chunk by chunk.
 #[inline(never)]
-fn walk(mut chunks: Chunks<'_, '_, '_>, pixel_table: &PixelTableView<'_>, quads: &mut [Quad]) -> Excluded {
+fn walk(
+    mut chunks: Chunks<'_, '_, '_>,
+    pixel_table: &PixelTableView<'_>,
+    quads: &mut [Quad],
+    excluded: &mut Excluded,
+) {
     let runs = Runs { runs: pixel_table.runs, weights: pixel_table.weights };
     let order = pixel_table.source_order;
-    let mut target = Target { runs, quads, order, excluded: Excluded::default() };
+    let mut target = Target { runs, quads, order, excluded };
     for (row, span) in pixel_table.spans.iter().enumerate() {
         let mut left = span.len as usize;
         let mut first = span.first as usize;
@@ -170,7 +180,6 @@ fn walk(mut chunks: Chunks<'_, '_, '_>, pixel_table: &PixelTableView<'_>, quads:
             (first, left) = (first + len, left - len);
         }
     }
-    target.excluded
 }
 
 /// Second stage of [`burst`]: converts sums to energy and first moments, and sums the coarser orders.
