@@ -61,7 +61,7 @@ pub struct Record<Text, Lights, Harmonics> {
     pub scalar_flux: [f32; 3],
     /// Horizontal irradiance: radiance times cos(theta) times solid angle, summed above the horizon.
     pub horizontal_irradiance: [f32; 3],
-    /// Lower bound of the horizontal irradiance of clipped light; part of `horizontal_irradiance`. Not in the binary form.
+    /// Lower bound of the horizontal irradiance of clipped light; part of `horizontal_irradiance`. Only in the JSON form.
     pub clipped_irradiance_at_least: [f32; 3],
     /// Fraction of the domain's solid angle in which even the shortest exposure is clipped.
     pub clipped: f32,
