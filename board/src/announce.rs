@@ -1,4 +1,4 @@
-//! Announces the probe on the network by mDNS, as a service of type `_hemilux._tcp`, and finds others.
+//! Announces the probe on the network by mDNS, as a service of type `_hemilux._tcp`, and lists other announced probes.
 
 use crate::machine;
 use mdns_sd::{IfKind, ResolvedService, ServiceDaemon, ServiceEvent, ServiceInfo};
@@ -7,10 +7,10 @@ use std::collections::BTreeMap;
 use std::net::{IpAddr, SocketAddr};
 use std::time::{Duration, Instant};
 
-/// The kind of service.
+/// mDNS type of the probe's service.
 pub const SERVICE: &str = "_hemilux._tcp.local.";
 
-/// Longest wait until the withdrawal of the announcement is sent.
+/// Longest time that [`Announced`] waits on drop until the withdrawal of the announcement is sent.
 const FAREWELL: Duration = Duration::from_millis(500);
 
 /// An announcement, withdrawn on drop.
@@ -48,24 +48,24 @@ fn try_announce(address: SocketAddr) -> Result<Announced, mdns_sd::Error> {
     Ok(Announced { daemon, name })
 }
 
-/// Largest number of probes that are listed.
+/// Largest number of probes that [`browse`] lists.
 const MOST: usize = 256;
 
-/// A probe that was found on the network.
+/// A probe that [`browse`] found on the network.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Found {
     /// Name of the probe.
     pub name: String,
     /// Addresses of the probe, `http://HOST:PORT/`.
     pub urls: Vec<String>,
-    /// Version of its program.
+    /// Version of the program `hemilux` that the probe runs.
     pub version: String,
 }
 
-/// The probes that answer within `time`, in the order of their names.
+/// Lists the probes that answer within `time`, in the order of their names.
 ///
 /// # Errors
-/// The error of mDNS where the machine has no network with multicast.
+/// The error of the mDNS library where the machine has no network with multicast.
 pub fn browse(time: Duration) -> Result<Vec<Found>, mdns_sd::Error> {
     let daemon = ServiceDaemon::new()?;
     let events = daemon.browse(SERVICE)?;
@@ -83,7 +83,7 @@ pub fn browse(time: Duration) -> Result<Vec<Found>, mdns_sd::Error> {
     Ok(found.into_values().collect())
 }
 
-/// Reads an announcement. Control characters of foreign text become spaces.
+/// Converts an announcement. Control characters in its texts become spaces.
 fn found_of(service: &ResolvedService) -> Found {
     let plain = |text: &str| text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect::<String>();
     let usable = service.get_addresses().iter().map(|address| address.to_ip_addr());
@@ -112,9 +112,9 @@ impl Drop for Announced {
 mod tests {
     use super::*;
 
-    /// Skipped with a line on machines without multicast.
+    /// Skipped, with a line on stdout, on machines without multicast.
     #[test]
-    fn what_is_announced_is_found_with_its_address() {
+    fn browse_lists_an_announced_probe_with_its_address() {
         let machine = machine::name();
         let Some(announced) = announce(SocketAddr::from(([0, 0, 0, 0], 8123))) else {
             println!("skipped: no multicast here");

@@ -4,7 +4,7 @@ use hemilux_core::{Exposure, Samples};
 
 pub use hemilux_core::Calibration;
 
-/// Samples of one frame, packed as [`Calibration::layout`] says.
+/// Samples of one frame, packed as [`Calibration::layout`] describes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Pixels {
     /// The bytes of any format but [`Format::Rgb48`](hemilux_core::Format::Rgb48).
@@ -14,7 +14,7 @@ pub enum Pixels {
 }
 
 impl Pixels {
-    /// The samples as a slice for the core.
+    /// Returns the samples as a borrowed slice for the core.
     #[must_use]
     pub fn samples(&self) -> Samples<'_> {
         match self {
@@ -27,14 +27,14 @@ impl Pixels {
 /// One captured image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
-    /// Exposure of the frame.
+    /// Exposure time, seconds, and gain of the frame.
     pub exposure: Exposure,
     /// Samples of the frame.
     pub pixels: Pixels,
 }
 
 impl Frame {
-    /// Exposure time times gain, seconds.
+    /// Returns exposure time times gain, seconds.
     #[must_use]
     pub fn light(&self) -> f64 {
         self.exposure.seconds * self.exposure.gain
@@ -44,19 +44,19 @@ impl Frame {
 /// One set of exposures, ascending by time x gain.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Burst {
-    /// Frames of the burst, in ascending order of exposure.
+    /// Frames of the burst, in ascending order of exposure time times gain.
     pub frames: Vec<Frame>,
-    /// CLOCK_MONOTONIC at which none of its frames had begun to be exposed, nanoseconds; 0 where unknown.
+    /// CLOCK_MONOTONIC at a time before the exposure of the first frame began, nanoseconds; 0 where unknown.
     pub before_ns: u64,
-    /// CLOCK_MONOTONIC at its end, nanoseconds; 0 where unknown.
+    /// CLOCK_MONOTONIC at the end of the burst, nanoseconds; 0 where unknown.
     pub timestamp_ns: u64,
-    /// Time of its shortest exposure, which lamps on the mains are seen at: nanoseconds from any origin; 0 where unknown.
+    /// Time of the shortest exposure, nanoseconds from any origin; 0 where unknown. It gives the phase of lamps on the mains.
     pub phase_ns: u64,
 }
 
 impl Burst {
-    /// Time of the shortest exposure, seconds from any origin; that of the whole burst where the exposure's is unknown; `None` where both
-    /// are.
+    /// Returns the time of the shortest exposure, seconds from any origin; the time of the burst's end where the exposure's is unknown;
+    /// `None` where both are unknown.
     #[must_use]
     pub fn phase_s(&self) -> Option<f64> {
         [self.phase_ns, self.timestamp_ns].into_iter().find(|ns| *ns != 0).map(|ns| ns as f64 * 1e-9)

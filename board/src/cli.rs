@@ -65,7 +65,7 @@ upper hemisphere, without noise), ,every=2 (seconds that each map of a folder st
 Signals: SIGHUP reads the settings of the --config file anew; SIGINT and SIGTERM end the probe.
 Exit status: 0 when stopped by SIGINT or SIGTERM, 1 after a failure, 2 for wrong usage.";
 
-/// Longest time from SIGTERM to the end of the process.
+/// Longest time from SIGTERM to the end of the process; after it, the process exits even if a thread is blocked.
 const STOP_TIME: Duration = Duration::from_millis(950);
 
 /// A light probe: fisheye bursts in, directional lights out, over HTTP.
@@ -82,18 +82,18 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Decompose what a source gives and serve it (what hemilux does without a command).
+    /// Compute lights from the bursts of a source and serve them over HTTP (the default command).
     #[command(after_help = EXAMPLES)]
     Serve(Box<Serve>),
     /// Calibrate: compute a lens from pictures of a chessboard, or write the chessboard.
     Calibrate(calibrate::Calibrate),
     /// Convert lens files.
     Lens(lens::Lens),
-    /// List the cameras and what they can do, or check one.
+    /// List the cameras with their formats and controls, or check one camera.
     #[cfg(all(feature = "v4l2", target_os = "linux"))]
     #[command(after_help = source::camera::HELP)]
     Devices(devices::Devices),
-    /// Record what a camera gives, as bursts with their raw frames.
+    /// Record bursts of a camera with their raw frames.
     #[cfg(all(feature = "v4l2", target_os = "linux"))]
     #[command(after_help = source::camera::HELP)]
     Record(record::Record),
@@ -114,62 +114,64 @@ struct Serve {
     /// Address and port to listen on; port 0 is any free one [default: 127.0.0.1:8080].
     #[arg(long, value_name = "ADDR:PORT", value_parser = address)]
     listen: Option<SocketAddr>,
-    /// Allow --listen beyond this machine without a token: every client that reaches the port may read and change everything.
+    /// Allow --listen beyond this machine without a token: every client that reaches the port may read and change all settings.
     #[arg(long, conflicts_with = "token_file")]
     open: bool,
-    /// Changes and pictures need the token in this file, which is made (permissions 0600) if it is not there.
+    /// File with the token that requests for changes and pictures must have; it is created (permissions 0600) if it does not exist.
     #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,
-    /// A further name by which clients reach this machine; may be given more than once.
+    /// A further host name of this machine that requests may have in their Host header; may be given more than once.
     #[arg(long = "host", value_name = "NAME")]
     hosts: Vec<String>,
-    /// Let pages of this other site, such as http://localhost:8000, use the probe; may be given more than once.
+    /// Origin of another site, such as http://localhost:8000, whose pages may use the probe; may be given more than once.
     #[arg(long = "allow-origin", value_name = "ORIGIN", value_parser = origin)]
     allow_origins: Vec<String>,
-    /// A proxy in front of the probe that is believed what it says of clients (Forwarded, or X-Forwarded-For and -Proto); it must pass
-    /// Host on. May be given more than once.
+    /// Address of a proxy whose headers Forwarded, or X-Forwarded-For and X-Forwarded-Proto, give the client's address; it must pass Host on.
+    /// May be given more than once.
     #[arg(long = "trusted-proxy", value_name = "ADDR")]
     trusted_proxies: Vec<IpAddr>,
-    /// File with a [photometric] table, which gives lights in lux; without it, that of the source's lens file.
+    /// File with a [photometric] table, by which lights are in lux; by default, that table of the source's lens file.
     #[arg(long, value_name = "FILE")]
     photometric: Option<PathBuf>,
-    /// Lens file that calibrations made on the page are written to; without it, the source's lens file.
+    /// Lens file that calibrations made on the page are written to; by default, the source's lens file.
     #[arg(long, value_name = "FILE")]
     calibration: Option<PathBuf>,
-    /// Class of the light source, where the [photometric] table has several.
+    /// Class of light source, such as daylight, whose factor is used, where the [photometric] table has several classes.
     #[arg(long, value_name = "NAME")]
     light_class: Option<String>,
-    /// A folder of HDR maps, folders of maps, and recordings that clients with the token may switch to; may be given more than once.
+    /// A folder of HDR maps, folders of maps, and recordings. Clients with the token may switch the source to any of them; may be given more
+    /// than once.
     #[arg(long = "library", value_name = "DIR")]
     library: Vec<PathBuf>,
-    /// TOML file with these options and the settings; `PATCH /v1/config?save=1` writes the settings back to it.
+    /// TOML file with these options and the settings; `PATCH /v1/config?save=1` writes the settings to it.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     #[command(flatten)]
     settings: settings::SettingOptions,
     /// Longest times of stages, milliseconds, such as front=30,total=60: capture, front (merge and map), pyramid, sample, filter, encode and
-    /// total [default: 110, 30, 6, 12, 2, 10, 60]. Each set names what overran, /info and /metrics count it.
+    /// total [default: 110, 30, 6, 12, 2, 10, 60]. Each set names the stages that exceeded them; /info and /metrics count these.
     #[arg(long, value_name = "STAGE=MS,...", value_parser = read_budgets)]
     budget: Option<[Option<f32>; STAGES]>,
     /// Announce the probe on the network by mDNS, as a service of type _hemilux._tcp.
     #[cfg(feature = "mdns")]
     #[arg(long)]
     announce: bool,
-    /// Send each set as OSC bundles over UDP: HOST:PORT[,lights=N][,coordinates=NAME]; may be given more than once. board/MESSAGES.md has
-    /// the addresses.
+    /// Send each set as OSC bundles over UDP: HOST:PORT[,lights=N][,coordinates=NAME]; may be given more than once. board/MESSAGES.md lists
+    /// the OSC addresses.
     #[cfg(feature = "osc")]
     #[arg(long, value_name = "HOST:PORT")]
     osc: Vec<crate::senders::osc::Target>,
-    /// Publish illuminance, colour temperature and health, with the discovery of Home Assistant:
+    /// Publish illuminance, colour temperature and the state of the source over MQTT, with the discovery messages of Home Assistant:
     /// mqtt://[USER:PASSWORD@]HOST[:PORT][/ID][?every=S&lux=FACTOR].
     #[cfg(feature = "mqtt")]
     #[arg(long, value_name = "URL")]
     mqtt: Option<crate::senders::mqtt::Broker>,
-    /// A test aid, for addresses of this machine alone: damages bursts, as in all=0.01,hang=0,seed=7. KIND=SHARE with the share of bursts for
-    /// drop, late, torn, black, saturated, swapped, label, size, clock, vanish, hang or all; seed=N; the pauses late_s=S, gone_s=S, hang_s=S.
+    /// For tests, with a --listen address of this machine alone: damage bursts, as in all=0.01,hang=0,seed=7. KIND=SHARE with the share of
+    /// bursts for drop, late, torn, black, saturated, swapped, label, size, clock, vanish, hang or all; seed=N; the pauses late_s=S,
+    /// gone_s=S, hang_s=S.
     #[arg(long, value_name = "KIND=SHARE,...", value_parser = str::parse::<source::FaultSpec>)]
     faults: Option<source::FaultSpec>,
-    /// A test aid: every stage takes so many times as long, from 1 to 64.
+    /// For tests: multiply the time of every stage by this factor, from 1 to 64.
     #[arg(long, value_name = "X", value_parser = slowdown)]
     slowdown: Option<f32>,
     /// Print the sizes of the buffers and exit.
@@ -180,7 +182,7 @@ struct Serve {
 /// The failure of a command: one line and an exit status.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Failure {
-    /// The found and the expected value, in words.
+    /// The message: the file or option, the value that was found, and the value that was expected.
     pub line: String,
     /// 2 for wrong usage, 1 for everything else.
     pub status: u8,
@@ -199,7 +201,7 @@ impl Failure {
 /// Runs the command in `arguments`, whose first element is the program's name.
 ///
 /// # Errors
-/// [`Failure`].
+/// [`Failure`], with the message for stderr and the exit status.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<(), Failure> {
     let cli = match Cli::try_parse_from(arguments) {
         Ok(cli) => cli,
@@ -221,7 +223,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<(), Failure>
     }
 }
 
-/// Help goes to stdout as it is; everything else becomes one line.
+/// Prints help to stdout unchanged; converts every other error of the parser to a failure of one line.
 fn explain(error: &clap::Error) -> Result<(), Failure> {
     match usage::explain::<Cli>(error) {
         Explained::Help(text) => say(&text),
@@ -233,7 +235,7 @@ fn say(text: &str) -> Result<(), Failure> {
     say_bytes(text.as_bytes())
 }
 
-/// Writes to stdout. A closed pipe is no failure.
+/// Writes `bytes` to stdout. A closed pipe is not a failure.
 fn say_bytes(bytes: &[u8]) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     match out.write_all(bytes).and_then(|()| out.flush()) {
@@ -242,7 +244,7 @@ fn say_bytes(bytes: &[u8]) -> Result<(), Failure> {
     }
 }
 
-/// Prints the addresses that a client can use, the one of this machine on the first line, which is returned.
+/// Prints the addresses at which clients reach the server; the first line has this machine's own, which is returned.
 fn tell_addresses(bound: SocketAddr, what: &str) -> Result<String, Failure> {
     let addresses = machine::reachable(bound);
     let first = addresses.first().copied().unwrap_or(bound).to_string();
@@ -304,7 +306,7 @@ fn serve(options: &Serve) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Starts a thread for each peer that sets are sent to.
+/// Starts a thread for each OSC or MQTT peer.
 #[cfg(any(feature = "osc", feature = "mqtt"))]
 fn start_senders(peers: plan::Peers, link: &std::sync::Arc<Link>) -> Result<Vec<Sender>, Failure> {
     let failed = |e: io::Error| Failure::new(format!("a sender: found {e}, expected its thread to start"));
@@ -320,7 +322,7 @@ fn start_senders(peers: plan::Peers, link: &std::sync::Arc<Link>) -> Result<Vec<
     Ok(senders)
 }
 
-/// Waits for the end of the program; reads the configuration file anew when told to.
+/// Waits for the end of the program. On SIGHUP, reads the configuration file again and applies its settings.
 fn wait(running: &Running, signals: &mut Signals, link: &Link, options: &Serve) -> Event {
     loop {
         match running.wait(signals, link.status().ended()) {
@@ -356,7 +358,7 @@ fn not_bound(address: SocketAddr, error: &io::Error) -> Failure {
     })
 }
 
-/// The address without its port, as `--listen` takes it.
+/// Returns the address without its port, in the form of `--listen`: an IPv6 address stands in brackets.
 fn host(address: SocketAddr) -> String {
     if address.is_ipv6() { format!("[{}]", address.ip()) } else { address.ip().to_string() }
 }
@@ -392,7 +394,7 @@ mod tests {
     }
 
     #[test]
-    fn the_command_line_is_sound() {
+    fn clap_accepts_the_definition_of_the_command_line() {
         <Cli as clap::CommandFactory>::command().debug_assert();
     }
 
@@ -430,7 +432,7 @@ mod tests {
     }
 
     #[test]
-    fn a_recording_that_is_not_there_is_a_failure() {
+    fn a_missing_recording_is_a_failure() {
         let failure = refused(&["--source", "replay:/nonexistent/x"]);
         assert_eq!(failure.status, 1, "{failure:?}");
         assert!(failure.line.contains("/nonexistent/x"), "{failure:?}");

@@ -1,4 +1,4 @@
-//! The two clocks that a light set names.
+//! The two clocks of a light set's times: `CLOCK_MONOTONIC` and Unix time.
 
 use rustix::time::{ClockId, clock_gettime};
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -12,7 +12,7 @@ pub fn monotonic_ns() -> u64 {
     seconds.saturating_mul(1_000_000_000).saturating_add(nanoseconds)
 }
 
-/// Unix time, milliseconds; 0 before 1970.
+/// Returns Unix time, milliseconds; 0 before 1970.
 #[must_use]
 pub fn wall_ms() -> u64 {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
@@ -24,7 +24,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn monotonic_time_passes_as_instants_do() {
+    fn monotonic_time_advances_like_instant() {
         let (began, start) = (monotonic_ns(), std::time::Instant::now());
         std::thread::sleep(std::time::Duration::from_millis(20));
         let (passed, elapsed) = (monotonic_ns() - began, start.elapsed().as_nanos() as u64);

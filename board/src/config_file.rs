@@ -12,14 +12,14 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use toml_edit::{DocumentMut, Item};
 
-/// Largest file that is read, bytes.
+/// Largest size of a configuration file, bytes.
 const MOST_BYTES: u64 = 64 << 10;
 
 /// A configuration file that settings can be written back to.
 #[derive(Clone, Debug)]
 pub struct ConfigFile {
     path: PathBuf,
-    /// Held while it is written.
+    /// Locked while the file is written.
     writing: Arc<Mutex<()>>,
 }
 
@@ -32,11 +32,11 @@ pub struct Kept {
     pub listen: Option<String>,
     /// Value of the option `--open`.
     pub open: Option<bool>,
-    /// As `--token-file`; relative to the folder of the configuration file.
+    /// Value of the option `--token-file`, relative to the folder of the configuration file.
     pub token_file: Option<PathBuf>,
-    /// As `--photometric`; relative to the folder of the configuration file.
+    /// Value of the option `--photometric`, relative to the folder of the configuration file.
     pub photometric: Option<PathBuf>,
-    /// As `--calibration`; relative to the folder of the configuration file.
+    /// Value of the option `--calibration`, relative to the folder of the configuration file.
     pub calibration: Option<PathBuf>,
     /// Value of the option `--light-class`.
     pub light_class: Option<String>,
@@ -56,7 +56,7 @@ pub struct Kept {
     pub osc: Vec<String>,
     /// Value of the option `--mqtt`.
     pub mqtt: Option<String>,
-    /// The settings of `/v1/config`.
+    /// The settings of `/v1/config`, by name.
     #[serde(flatten)]
     pub settings: toml::Table,
 }
@@ -65,7 +65,7 @@ pub struct Kept {
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigFileError {
     /// The file cannot be read.
-    #[error("configuration file {0}: found {1}, expected a file that can be read (an empty one will do)")]
+    #[error("configuration file {0}: found {1}, expected a file that can be read (it may be empty)")]
     Read(PathBuf, std::io::Error),
     /// The file is too long.
     #[error("configuration file {0}: found more than {MOST_BYTES} bytes, expected less")]
@@ -81,7 +81,7 @@ pub enum ConfigFileError {
 /// A configuration file and its contents.
 #[derive(Debug)]
 pub struct OpenedConfig {
-    /// The file, for saving settings.
+    /// Handle by which settings are saved to the file.
     pub file: ConfigFile,
     /// Contents of the file.
     pub kept: Kept,
@@ -91,7 +91,7 @@ impl ConfigFile {
     /// Reads the file at `path`.
     ///
     /// # Errors
-    /// [`ConfigFileError`].
+    /// [`ConfigFileError`] where the file cannot be read or has unknown keys or values.
     pub fn open(path: &Path) -> Result<OpenedConfig, ConfigFileError> {
         let text = read(path)?;
         let content = |why: String| ConfigFileError::Content(path.into(), why);
@@ -114,12 +114,11 @@ impl ConfigFile {
         Ok(OpenedConfig { file: Self { path: path.into(), writing: Arc::default() }, kept })
     }
 
-    /// Writes the settings of `config` that differ from the defaults into the file and removes the others, except those with comments; all
-    /// else stays as it is. A setting that is off and has no value in TOML is removed with its comments. The file is replaced whole or not
-    /// at all.
+    /// Writes the settings of `config` that differ from the defaults into the file and removes the others, except those with comments; other
+    /// keys stay unchanged. A setting that is off and has no value in TOML is removed with its comments. The replacement is atomic.
     ///
     /// # Errors
-    /// [`ConfigFileError`].
+    /// [`ConfigFileError`] where the file cannot be read or written.
     pub fn save(&self, config: &Config) -> Result<(), ConfigFileError> {
         let _alone = self.writing.lock().unwrap_or_else(PoisonError::into_inner);
         let text = read(&self.path)?;
@@ -138,7 +137,7 @@ impl ConfigFile {
             .map_err(|e| ConfigFileError::Write(self.path.clone(), e))
     }
 
-    /// Writes a new file in the same folder and renames it, so that readers see the old or the new content.
+    /// Writes a new file in the same folder and renames it, so that readers get either the old or the new content.
     fn replace(&self, bytes: &[u8]) -> std::io::Result<()> {
         // Where the name is a link, the file that it points to is replaced.
         let path = fs::canonicalize(&self.path)?;
@@ -158,7 +157,7 @@ impl ConfigFile {
 
 fn read(path: &Path) -> Result<String, ConfigFileError> {
     let failed = |e| ConfigFileError::Read(path.into(), e);
-    // Opening a FIFO would wait for its other end.
+    // Opening a FIFO would block until another process opens it for writing.
     let opened =
         fs::OpenOptions::new().read(true).custom_flags(OFlags::NONBLOCK.bits().cast_signed()).open(path);
     let file = opened.map_err(failed)?;
@@ -170,7 +169,7 @@ fn read(path: &Path) -> Result<String, ConfigFileError> {
     if length as u64 > MOST_BYTES { Err(ConfigFileError::TooLong(path.into())) } else { Ok(text) }
 }
 
-/// Sets a key; the comments above and behind its old value stay.
+/// Sets the value of a key; the comments above and behind its old value stay.
 fn put(document: &mut DocumentMut, name: &str, item: Item) {
     let old = document.get(name).and_then(Item::as_value).map(|value| value.decor().clone());
     document[name] = item;
@@ -179,7 +178,7 @@ fn put(document: &mut DocumentMut, name: &str, item: Item) {
     }
 }
 
-/// Whether a comment stands above a key or behind its value.
+/// Returns true if a comment stands above the key `name` or behind its value.
 fn has_comments(document: &DocumentMut, name: &str) -> bool {
     let Some((key, item)) = document.get_key_value(name) else { return false };
     let above = key.leaf_decor().prefix();
@@ -208,7 +207,7 @@ mod tests {
     use crate::probe::settings::wish_of;
 
     #[test]
-    fn settings_are_written_back_and_all_else_stays() {
+    fn save_writes_settings_and_keeps_other_keys_and_comments() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("hemilux.toml");
         let text = "# The probe in the hall.\nlisten = \"127.0.0.1:0\" # any port\nlights = 12\ntoken_file = \"secret\"\n";
@@ -266,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_named_with_its_file() {
+    fn errors_name_the_file_and_the_wrong_key_or_value() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("hemilux.toml");
         let cases =

@@ -1,8 +1,8 @@
-//! Scores of light sets against the map of each frame: the errors of `hemilux-sim score` on part of its receivers, so that a board can
-//! compute them beside its own work.
+//! Scores of light sets against the map of each frame: the errors of `hemilux-sim score` over part of its receivers, so that a board can compute
+//! them while it processes frames.
 //!
-//! Of the 768 open receivers every third is looked at, of the 512 shadowed ones every second. The map is given as a sketch: the quads of one
-//! order with their energy and centroid. With 2048 quads that is a hundred times finer than the sets it judges.
+//! Every third of the 768 open receivers and every second of the 512 shadowed ones is used. The map is given as a sketch: the quads of one order
+//! with their energy and centroid. With 2048 quads, the sketch has a hundred times as many directions as the scored sets have lights.
 
 use glam::Vec3;
 use hemilux_core::Order;
@@ -13,19 +13,19 @@ use hemilux_core::light::{Light, Sh9};
 use hemilux_core::pyramid::Quad;
 use hemilux_core::receiver::{self, OPEN, SHADOWED, Shadowed};
 
-/// Number of receivers of each kind.
+/// Number of receivers of each kind, open and shadowed.
 const LOOKED_AT: usize = 256;
 
-/// Most points that stand for a light that is read as a disc.
+/// Most points that replace a light which is read as a uniform disc.
 const MOST_POINTS: usize = 48;
 
-/// Points of all discs of a set together: the discs of larger sets are small.
+/// Most points of all discs of a set together; each disc of a larger set gets fewer points.
 const DISC_POINTS: usize = MOST_POINTS * 64;
 
 /// The golden angle, radians.
 const GOLDEN: f32 = 2.399_963;
 
-/// A light set to score.
+/// A light set to score: lights and ambient radiance.
 #[derive(Clone, Copy, Debug)]
 pub struct Lit<'a> {
     /// The lights of the set.
@@ -37,21 +37,22 @@ pub struct Lit<'a> {
 /// Errors of a light set, all dimensionless ratios.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Score {
-    /// RMS error of irradiance over open receivers, over its mean.
+    /// RMS error of irradiance over the open receivers, divided by the mean irradiance.
     pub open: f32,
-    /// RMS error over the receivers with an occluding cone, relative to their mean irradiance.
+    /// RMS error of irradiance over the receivers with an occluding cone, divided by their mean irradiance.
     pub shadowed: f32,
-    /// `open` of the lights read as uniform discs of their radius.
+    /// Like `open`, with the lights read as uniform discs of their radius.
     pub soft_open: f32,
-    /// `shadowed` of the lights read as uniform discs of their radius.
+    /// Like `shadowed`, with the lights read as uniform discs of their radius.
     pub soft_shadowed: f32,
-    /// Relative error of the total energy.
+    /// Difference of the total energies of set and map, divided by the map's.
     pub energy: f32,
-    /// RMS change since the last frame that the map does not explain, over the shadowed receivers; `None` in the first frame.
+    /// RMS over the shadowed receivers of the set's change of irradiance since the last frame minus the map's, divided by the mean; `None` in
+    /// the first frame.
     pub flicker: Option<f32>,
 }
 
-/// A normal, and an occluding cone.
+/// A receiver: its normal, and the cone of directions that an occluder hides.
 #[derive(Clone, Copy, Debug)]
 struct Receiver {
     normal: Vec3,
@@ -60,7 +61,7 @@ struct Receiver {
     cos: f32,
 }
 
-/// Points of light, one array per component so that sums run in vector registers.
+/// Point lights, one array per component so that sums run in vector registers.
 #[derive(Clone, Debug, Default)]
 struct Points {
     axes: [Vec<f32>; 3],
@@ -70,7 +71,7 @@ struct Points {
 /// Irradiance of each receiver from a map or a light set.
 type Irradiances = Vec<f32>;
 
-/// Scores `N` sets of each frame.
+/// Scores `N` light sets of each frame.
 #[derive(Clone, Debug)]
 pub struct Judge<const N: usize> {
     open: Vec<Receiver>,
@@ -145,7 +146,7 @@ impl Points {
         }
     }
 
-    /// The lights as `add_lights` gives them, and the ambient light at the middle of each of `quads` quads.
+    /// Sets the points to the set's lights, added by `add_lights`, and its ambient light at the centre of each of `quads` quads.
     fn of_set(&mut self, set: &Lit<'_>, quads: usize, add_lights: impl Fn(&mut Self, &[Light])) {
         self.clear();
         add_lights(self, set.lights);
@@ -165,7 +166,8 @@ impl Points {
         }
     }
 
-    /// Spirals of points of equal energy over the discs; over the hemisphere a disc counts whole if its centre is above the horizon.
+    /// Adds the lights as discs: each is a spiral of points of equal energy. Over the hemisphere a disc counts whole if its centre is above
+    /// the horizon.
     fn add_discs(&mut self, lights: &[Light]) {
         let each = (DISC_POINTS / lights.len().max(1)).clamp(1, MOST_POINTS);
         for light in lights {
@@ -206,7 +208,7 @@ impl Points {
     }
 }
 
-/// The least order at which a hemisphere has at least `quads` quads; 0 if no order below `Order::MAX` has.
+/// Returns the least order at which a hemisphere has at least `quads` quads; 0 if no order below `Order::MAX` has.
 fn order_of(quads: usize) -> u8 {
     (0..Order::MAX.get()).find(|order| Domain::Hemisphere.quads(*order) >= quads).unwrap_or(0)
 }
@@ -215,7 +217,7 @@ fn mean(values: &[f32]) -> f32 {
     values.iter().sum::<f32>() / values.len().max(1) as f32
 }
 
-/// RMS of the differences over the mean of the truth.
+/// Returns the RMS difference of `found` and `truth`, divided by the mean of `truth`.
 fn error(found: &[f32], truth: &[f32]) -> f32 {
     over(rms(found.iter().zip(truth).map(|(a, b)| a - b)), mean(truth))
 }
@@ -237,7 +239,7 @@ mod tests {
         Quad::from_light([y; 3], direction.normalize())
     }
 
-    /// A map of one lamp at quad `ipix`, and the light that represents the lamp.
+    /// Returns a map with one lamp of luminance `y` at quad `ipix`, and the light that represents the lamp.
     fn lamp(ipix: u32, y: f32) -> (Vec<Quad>, Light) {
         let mut sketch = vec![Quad::default(); Domain::Hemisphere.quads(4)];
         let direction = healpix::centre(4, ipix).as_vec3();
@@ -246,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn the_right_light_has_no_error_and_none_has_all() {
+    fn the_exact_light_scores_zero_and_an_empty_set_scores_the_whole_energy() {
         let (sketch, light) = lamp(100, 3.0);
         let (right, none) = (Lit { lights: &[light], ambient: None }, Lit { lights: &[], ambient: None });
         let [a, b] = Judge::default().judge(0, &sketch, [right, none]);
@@ -256,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn flicker_is_what_the_map_does_not_do_and_needs_the_frame_before() {
+    fn flicker_is_the_change_that_the_map_lacks_and_needs_an_earlier_frame() {
         let ((one, a), (other, b)) = (lamp(100, 3.0), lamp(700, 3.0));
         let mut judge = Judge::default();
         let lit = |light| Lit { lights: light, ambient: None };
@@ -270,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn an_even_sky_is_as_well_in_harmonics() {
+    fn a_uniform_sky_as_ambient_harmonics_has_no_error() {
         let quads = 0..Domain::Hemisphere.quads(4) as u32;
         let omega = |ipix| (healpix::solid_angle(4) * Domain::Hemisphere.share(4, ipix)) as f32;
         let sketch: Vec<_> = quads.map(|i| quad(healpix::centre(4, i).as_vec3(), 2.0 * omega(i))).collect();
@@ -281,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wide_disc_is_right_as_a_disc_and_wrong_as_a_point() {
+    fn a_wide_disc_scores_well_as_a_disc_and_badly_as_a_point() {
         let (axis, cos) = (Vec3::Z, 30f32.to_radians().cos());
         let quads = 0..Domain::Hemisphere.quads(4) as u32;
         let direction = |ipix| healpix::centre(4, ipix).as_vec3();
@@ -295,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn darkness_gives_no_error() {
+    fn a_dark_map_scores_zero() {
         let sketch = vec![Quad::default(); Domain::Hemisphere.quads(4)];
         let [score] = Judge::default().judge(0, &sketch, [Lit { lights: &[], ambient: None }]);
         assert_eq!(score, Score::default(), "all 0");

@@ -1,7 +1,7 @@
 //! The probe: sources of bursts, the processing thread and the server.
 //!
-//! The way of the light: [`source`] (a scene or a recorded burst) -> [`pipeline`] (the core's stages in one place) -> `probe`
-//! (the thread that runs them) -> `server`. `client` is the other end, for renderers; it needs none of the rest.
+//! Data flow: [`source`] (bursts of a camera, a scene or a recording) -> [`pipeline`] (the core's stages with memory from the heap) -> `probe`
+//! (the thread that runs the pipeline) -> `server`. `client` is the Rust client for renderers; it uses no other module.
 
 #[cfg(feature = "mdns")]
 pub mod announce;

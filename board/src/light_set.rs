@@ -3,10 +3,10 @@
 use hemilux_core::light::{Light, Sh9};
 use hemilux_core::wire::{LightSet, Record};
 
-/// A light set that owns its texts, lights and harmonics.
+/// A light set that owns its strings, lights and harmonics.
 pub type OwnedSet = Record<String, Vec<Light>, Sh9>;
 
-/// Copies `from` into `to`. The texts and the lights of `to` are overwritten in place: no memory is allocated while they fit.
+/// Copies `from` into `to`. The strings and the lights of `to` are overwritten in place: no memory is allocated while they fit.
 pub fn copy(from: &LightSet<'_>, to: &mut OwnedSet) {
     let mut texts = [std::mem::take(&mut to.run), std::mem::take(&mut to.sampler)].into_iter();
     let text = |new: &str| {

@@ -2,10 +2,10 @@
 
 use std::net::{IpAddr, SocketAddr};
 
-/// Longest name, characters.
+/// Longest name that [`name`] returns, characters.
 const MOST: usize = 63;
 
-/// The machine's name without its domain, letters, digits and hyphens alone; `hemilux` where it has none.
+/// Returns the machine's host name without its domain, reduced to letters, digits and hyphens; `hemilux` if nothing is left.
 #[must_use]
 pub fn name() -> String {
     let name = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
@@ -14,7 +14,8 @@ pub fn name() -> String {
     if name.is_empty() { "hemilux".into() } else { name }
 }
 
-/// The addresses that a client can use for a server that listens at `bound`: this machine's first, then those of its networks.
+/// Returns the addresses by which clients reach a server that listens at `bound`: the loopback address first, then the addresses of the machine's
+/// networks.
 #[must_use]
 pub fn reachable(bound: SocketAddr) -> Vec<SocketAddr> {
     if !bound.ip().is_unspecified() {
@@ -24,7 +25,8 @@ pub fn reachable(bound: SocketAddr) -> Vec<SocketAddr> {
     of_interfaces(bound, found.into_iter().map(|interface| interface.ip()))
 }
 
-/// [`reachable`] on a machine whose interfaces have the addresses `found`. Link-local addresses need a zone and are left out.
+/// Returns the addresses of [`reachable`] on a machine whose interfaces have the addresses `found`. Link-local addresses need a zone and are left
+/// out.
 fn of_interfaces(bound: SocketAddr, found: impl Iterator<Item = IpAddr>) -> Vec<SocketAddr> {
     let is_usable = |ip: &IpAddr| match ip {
         IpAddr::V4(ip) => !ip.is_loopback() && !ip.is_link_local(),
@@ -39,7 +41,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_unspecified_address_becomes_those_that_can_be_typed() {
+    fn an_unspecified_address_becomes_the_addresses_of_the_interfaces() {
         let interfaces = ["127.0.0.1", "192.168.1.5", "169.254.3.4", "::1", "fe80::1", "fd00::5"];
         let typed = |bound: &str| {
             let found = interfaces.iter().map(|text| text.parse().expect("an address"));

@@ -1,4 +1,4 @@
-//! The probe's command.
+//! The command `hemilux`.
 
 use std::io::Write;
 use std::panic::PanicHookInfo;
@@ -17,8 +17,8 @@ fn main() -> ExitCode {
     }
 }
 
-/// Lets the allocator return blocks of 256 KB and more, such as answers of thousands of lights, to the system as soon as they are free.
-/// By default it raises its threshold with the blocks that it sees, and keeps them: 14 MB beside sets of 50,000 lights.
+/// Makes the allocator return blocks of 256 KB and more, such as answers of thousands of lights, to the system when they are freed. By default
+/// glibc raises this threshold with the size of freed blocks and keeps the memory: 14 MB beside sets of 50,000 lights.
 #[cfg(target_env = "gnu")]
 #[allow(unsafe_code, reason = "the option has no safe wrapper")]
 fn return_large_blocks() {

@@ -1,4 +1,4 @@
-//! Memory that a probe uses, in bytes per buffer.
+//! The buffers that a probe uses, with their sizes in bytes.
 
 use crate::calibration::Calibration;
 use crate::pipeline::Pipeline;
@@ -10,29 +10,29 @@ use hemilux_core::polar::{Share, shares_len};
 use hemilux_core::{BufferSize, Light, Order, SamplerKind};
 use std::fmt;
 
-/// The buffers of a pipeline, and the numbers that they follow from.
+/// The buffers of a pipeline, and the image size, orders and exposures that determine them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MemoryPlan {
     width: u32,
     height: u32,
     exposures: usize,
     lights: usize,
-    /// Order of the map.
+    /// HEALPix order of the map.
     order: u8,
-    /// Order at which pixels are added up.
+    /// HEALPix order at which pixels are summed.
     source_order: u8,
     buffers: Vec<BufferSize>,
-    /// Most bytes that a comparison takes in addition to `buffers` while a client requests one.
+    /// Most bytes that a comparison uses in addition to `buffers` while a client requests one.
     comparison: usize,
-    /// Most bytes that each tier takes in addition to `buffers` while clients request it.
+    /// Most bytes that each tier uses in addition to `buffers` while clients request it.
     tier: usize,
 }
 
-/// Number of lights that every sampler can return without additional memory.
+/// Number of lights that every sampler accepts; the size of a sampler's state is measured with it.
 const SMALL: usize = 12;
 
 impl MemoryPlan {
-    /// The buffers of `pipeline` and its sampler.
+    /// Lists the buffers of `pipeline` and its sampler.
     #[must_use]
     pub fn of(pipeline: &Pipeline) -> Self {
         let (c, s) = (pipeline.calibration(), pipeline.settings());
@@ -68,20 +68,20 @@ impl MemoryPlan {
         Self { width, height, exposures, lights: s.lights, order, source_order, buffers, comparison, tier }
     }
 
-    /// The buffers, the frames first.
+    /// Returns the buffers; those of the frames come first.
     #[must_use]
     pub fn buffers(&self) -> &[BufferSize] {
         &self.buffers
     }
 
-    /// Bytes of all buffers.
+    /// Returns the sum of all buffers, bytes.
     #[must_use]
     pub fn bytes(&self) -> usize {
         self.buffers.iter().map(BufferSize::bytes).sum()
     }
 }
 
-/// Largest memory of a tier, bytes: that of the largest sampler and its sets.
+/// Returns the largest memory of a tier, bytes: that of the largest sampler and its sets.
 fn tier(shape: &Shape, tuning: &Tuning, lights: usize) -> usize {
     let lights = lights.clamp(1, tiers::MOST_LIGHTS);
     let of =
@@ -90,7 +90,7 @@ fn tier(shape: &Shape, tuning: &Tuning, lights: usize) -> usize {
     sampler + BufferSize::of::<Light>("sets", 4 * lights).bytes()
 }
 
-/// Largest memory of `/v1/compare`, bytes: that of the largest sampler, its sets, and the polar map if the first sampler does not use it.
+/// Returns the largest memory of `/v1/compare`, bytes: that of the largest sampler, its sets, and the polar map if the pipeline has none.
 fn comparison(shape: &Shape, tuning: &Tuning, has_polar: bool) -> usize {
     let Shape { order, grid, .. } = shape;
     let state =

@@ -1,17 +1,17 @@
-//! Ends the program with a message on a processor without NEON, before the program executes an instruction of NEON.
+//! Ends the program with an error message on a processor without NEON, before any NEON instruction is executed.
 //!
-//! ARMv7 programs are built with NEON, which any of their functions may use, `main` included. So the check runs before: the loader
-//! calls it ahead of everything else of the program. The C library and Rust's are built without NEON.
+//! ARMv7 programs are compiled with NEON, which the compiler may use in any function, `main` included. The check is therefore called by the
+//! loader, before all other code of the program. The C library and Rust's standard library are compiled without NEON.
 #![allow(unsafe_code, reason = "nothing safe runs that early")]
 
 use libc::{_exit, AT_HWCAP, STDERR_FILENO, getauxval, write};
 
 const LINE: &[u8] = b"hemilux: found a processor without NEON, expected ARMv7 with it ('neon' among the Features of /proc/cpuinfo)\n";
 
-/// The kernel's bit, of `asm/hwcap.h`.
+/// The NEON bit of `AT_HWCAP`, from the kernel's `asm/hwcap.h`.
 const HWCAP_NEON: libc::c_ulong = 1 << 12;
 
-/// Exit status of a failure.
+/// Exit status of the program without NEON.
 const STATUS: libc::c_int = 1;
 
 // SAFETY: entries of this section are functions that the loader calls one by one, with arguments that C's convention lets us ignore.
@@ -19,12 +19,12 @@ const STATUS: libc::c_int = 1;
 #[unsafe(link_section = ".preinit_array")]
 static CHECK: extern "C" fn() = check;
 
-/// Whole words only: there is nothing in it for a compiler to make vectors of (`tests/vectors/missing.sh` runs it without NEON).
+/// Uses scalar C calls alone, which a compiler cannot vectorise (`tests/vectors/missing.sh` runs it without NEON).
 extern "C" fn check() {
-    // SAFETY: three functions of the C library that need nothing to be set up, and a line that lives for ever.
+    // SAFETY: the three C functions need no initialisation, and `LINE` is static.
     unsafe {
         if getauxval(AT_HWCAP) & HWCAP_NEON == 0 {
-            // Whether it can be written or not, the program ends.
+            // The program ends even if the message cannot be written.
             let _ = write(STDERR_FILENO, LINE.as_ptr().cast(), LINE.len());
             _exit(STATUS);
         }

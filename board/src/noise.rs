@@ -1,26 +1,26 @@
 //! The noise model of a linear sensor: read noise, gain and dark level, measured by photon transfer or assumed.
 
-/// Noise of one sample: variance = `read`^2 + `gain` x codes above `dark`.
+/// Noise of one sample, codes: variance = `read`^2 + `gain` x (code - `dark`).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Noise {
-    /// Read noise, quantisation included, codes RMS.
+    /// Read noise, including quantisation, codes RMS.
     pub read: f64,
-    /// Codes per electron.
+    /// Gain, codes per electron.
     pub gain: f64,
-    /// Code of darkness.
+    /// Dark level: mean code without light.
     pub dark: f64,
 }
 
 /// Least number of bins with enough samples for a measurement.
 const LEAST_BINS: usize = 6;
 
-/// Least number of samples of a bin.
+/// Least number of samples in a bin that is used.
 const LEAST_SAMPLES: u32 = 200;
 
-/// Number of bins between dark and saturated.
+/// Number of bins between the dark level and saturation.
 const BINS: usize = 64;
 
-/// Sums over the samples whose mean of both frames lies in one bin.
+/// Sums over the samples whose mean of two frames lies in one bin.
 #[derive(Clone, Copy, Debug, Default)]
 struct Bin {
     count: u32,
@@ -37,7 +37,7 @@ pub struct PhotonTransfer {
 }
 
 impl PhotonTransfer {
-    /// An empty measurement of a sensor whose codes are linear from `dark` to `saturated`.
+    /// Creates an empty measurement of a sensor whose codes are linear from `dark` to `saturated`.
     #[must_use]
     pub fn new(dark: f64, saturated: f64) -> Self {
         Self { dark, saturated, bins: [Bin::default(); BINS] }
@@ -50,29 +50,29 @@ impl PhotonTransfer {
             let (a, b) = (f64::from(a), f64::from(b));
             let mean = 0.5 * (a + b);
             let at = (mean - self.dark) / width;
-            // Noise of samples at either end is cut off.
+            // The noise of samples near either end of the code range is clipped.
             if at < 0.0 || a.max(b) >= self.saturated || a.min(b) <= 0.0 {
                 continue;
             }
             if let Some(bin) = self.bins.get_mut(at as usize) {
                 bin.count += 1;
                 bin.mean += mean - self.dark;
-                // The difference of two samples has twice the variance of one.
+                // The difference of two samples has twice the variance of one sample.
                 bin.squares += 0.5 * (a - b) * (a - b);
             }
         }
     }
 
-    /// Whether `bin` has enough samples, of which neither end of the codes cuts off more than the fourth standard deviation.
+    /// Returns true if `bin` has enough samples and its mean is at least four standard deviations away from both ends of the code range.
     fn is_whole(&self, bin: &Bin) -> bool {
         let n = f64::from(bin.count);
         let (code, reach) = (self.dark + bin.mean / n, 4.0 * (bin.squares / n).sqrt());
         bin.count >= LEAST_SAMPLES && code - reach > 0.0 && code + reach < self.saturated
     }
 
-    /// The line through variance against mean; `None` for scenes whose samples span too few bins, or whose variance does not rise.
+    /// Fits a line to variance against mean; `None` for scenes whose samples fill too few bins, or whose variance does not rise.
     ///
-    /// Each bin is weighted by its count over its squared variance, which is the inverse variance of a measured variance.
+    /// The weight of a bin is its count divided by its squared variance: the inverse variance of a measured variance.
     #[must_use]
     pub fn noise(&self) -> Option<Noise> {
         let filled = || self.bins.iter().filter(|bin| self.is_whole(bin));
@@ -98,21 +98,21 @@ impl PhotonTransfer {
 }
 
 impl Noise {
-    /// A guess for an unknown sensor of `codes` codes between black and white: a full well of 5,000 electrons, read noise of 8 electrons and
-    /// of the quantisation.
+    /// Returns an assumed noise for an unknown sensor with `codes` codes between black and white: a full well of 5,000 electrons, read noise
+    /// of 8 electrons, and quantisation noise.
     #[must_use]
     pub fn assumed(dark: f64, codes: f64) -> Self {
         let gain = codes / 5_000.0;
         Self { read: (64.0 * gain * gain + 1.0 / 12.0).sqrt(), gain, dark }
     }
 
-    /// Standard deviation of a sample that is `above` codes above dark.
+    /// Returns the standard deviation of a sample that is `above` codes above dark, codes.
     #[must_use]
     pub fn deviation(&self, above: f64) -> f64 {
         (self.read * self.read + self.gain * above.max(0.0)).sqrt()
     }
 
-    /// The number of codes above dark at which a sample is `ratio` times its standard deviation.
+    /// Returns the number of codes above dark at which a sample is `ratio` times its standard deviation.
     #[must_use]
     pub fn codes_at(&self, ratio: f64) -> f64 {
         let half = 0.5 * ratio * ratio * self.gain;
@@ -124,8 +124,8 @@ impl Noise {
 mod tests {
     use super::*;
 
-    /// Two frames of a ramp with `read` codes of read noise and `gain` codes per electron, rounded to codes; the sum of twelve uniform
-    /// deviates stands for a normal one.
+    /// Returns two frames of a ramp with `read` codes of read noise and `gain` codes per electron, rounded to codes. A sum of twelve uniform
+    /// deviates approximates a normal deviate.
     fn pairs(read: f64, gain: f64, dark: f64, white: f64) -> Vec<(u16, u16)> {
         let mut state = 7u64;
         let mut uniform = || {
@@ -150,7 +150,7 @@ mod tests {
             let mut transfer = PhotonTransfer::new(dark, 0.95 * white);
             transfer.add(pairs(read, gain, dark, white).into_iter());
             let found = transfer.noise().expect("a line");
-            // Rounding to codes adds a twelfth of a code's square.
+            // Rounding to codes adds a variance of 1/12 code².
             let read = (read * read + 1.0 / 12.0).sqrt();
             assert!((found.read / read - 1.0).abs() < 0.1, "{found:?}, expected read noise {read}");
             assert!((found.gain / gain - 1.0).abs() < 0.1, "{found:?}, expected gain {gain}");
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn a_scene_of_one_brightness_measures_nothing() {
+    fn a_scene_of_uniform_brightness_returns_no_noise() {
         let mut transfer = PhotonTransfer::new(8.0, 250.0);
         transfer.add((0..100_000).map(|i| (100 + (i % 3) as u16, 101)));
         assert_eq!(transfer.noise(), None, "one bin");

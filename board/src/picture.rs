@@ -6,10 +6,10 @@ use hemilux_core::polar::{Grid, LatLongView};
 use hemilux_core::tonemap;
 use image::{Rgb, RgbImage};
 
-/// Least width of a picture, pixels: smaller maps are enlarged by whole factors.
+/// Least width of a picture, pixels: smaller maps are enlarged by integer factors.
 const LEAST_WIDTH: usize = 720;
 
-/// Draws the tone-mapped map with a ring round each light: its size grows with the light's energy, its colour is the light's.
+/// Draws the tone-mapped map with a ring round each light: the ring's size grows with the light's energy, its disc has the light's colour.
 #[must_use]
 pub fn draw(map: &LatLongView<'_>, lights: &[Light]) -> RgbImage {
     let grid = map.grid;
@@ -28,7 +28,7 @@ pub fn draw(map: &LatLongView<'_>, lights: &[Light]) -> RgbImage {
     picture
 }
 
-/// Returns the geometric mean of the radiance of the lit texels, which is displayed as mid-grey.
+/// Returns the geometric mean of the radiance of the texels above zero, which the tone mapping displays as mid-grey.
 fn log_average(map: &LatLongView<'_>) -> f32 {
     let rows = map.texels.chunks(map.grid.width.max(1)).enumerate();
     let radiances = rows.flat_map(|(row, texels)| {
@@ -41,7 +41,7 @@ fn log_average(map: &LatLongView<'_>) -> f32 {
     if count == 0 { 1.0 } else { (sum / count as f64).exp() as f32 }
 }
 
-/// A white ring round a disc of the light's colour, with a dark rim so that it shows on any ground.
+/// Draws a white ring round a disc of the light's colour, with a dark rim so that it is visible on any background.
 fn mark(picture: &mut RgbImage, grid: &Grid, factor: usize, light: &Light, brightest: f32) {
     let Some(texel) = grid.texel(light.direction.as_dvec3()) else { return };
     let y = luminance(light.irradiance);

@@ -1,7 +1,7 @@
-//! The core's stages in one place, with memory from the heap: burst in, lights out.
+//! The core's stages with memory from the heap: a burst in, lights out.
 //!
-//! All memory is taken when the pipeline is made or its exposures change; a frame allocates nothing. The polar map is taken when a
-//! sampler or a picture needs it first.
+//! All memory is allocated when the pipeline is made or its exposures change; processing a frame allocates nothing. The polar map is allocated
+//! when a sampler or a picture needs it first.
 
 mod processed;
 mod settings;
@@ -26,36 +26,36 @@ pub use processed::{Processed, Sampled};
 pub use settings::{PipelineError, Settings};
 pub use times::Times;
 
-/// Most bursts in a row that repeat the lights of the last merged one.
+/// Most consecutive bursts that are not merged; the lights of the last merged burst are returned in place of theirs.
 const MOST_HELD: u32 = 4;
 
-/// A hemisphere map and what samples it.
+/// A hemisphere map and the sampler that computes lights from it.
 pub struct Pipeline {
     settings: Settings,
     exposures: Vec<Exposure>,
     front: FrontEnd<Vec<u64>>,
     inspector: Inspector,
     mains: Mains<Vec<Cell>>,
-    /// Modulation of the last merged burst.
+    /// Modulation of the light over a mains period in the last merged burst.
     flicker: Flicker,
-    /// Coverage of the map, if a burst was merged.
+    /// Coverage of the map; `None` before the first merged burst.
     seen: Option<Coverage>,
-    /// Bursts since the last one of which it is known that the shortest exposure and the merged frames are sound.
+    /// Number of consecutive bursts whose shortest exposure is wrong or whose wrong frames cannot be identified.
     doubtful: u32,
-    /// Taken when a sampler or a picture needs it first.
+    /// The polar map; `None` until a sampler or a picture needs it.
     polar: Option<Polar>,
-    /// Whether `polar` holds the current frame.
+    /// True if `polar` holds the current frame.
     polar_fresh: bool,
     sampler: Box<dyn Sampler + Send>,
-    /// Most exposures of a burst that are merged.
+    /// Largest number of exposures of a burst that are merged.
     most_exposures: usize,
 }
 
 impl Pipeline {
-    /// Takes all memory and builds the plans.
+    /// Allocates all memory and builds the tables.
     ///
     /// # Errors
-    /// [`PipelineError`].
+    /// [`PipelineError`] where calibration, exposures and settings do not fit together.
     pub fn try_new(
         calibration: Calibration,
         exposures: &[Exposure],
@@ -86,10 +86,10 @@ impl Pipeline {
         })
     }
 
-    /// Changes what the user chose, keeping what need not change; on an error the old settings stand.
+    /// Changes the settings and keeps the buffers that they do not affect; on an error the old settings stay in effect.
     ///
     /// # Errors
-    /// [`PipelineError`].
+    /// [`PipelineError`] where calibration and settings do not fit together.
     pub fn configure(&mut self, settings: Settings) -> Result<(), PipelineError> {
         let same_maps = settings.order() == self.front.order().get() && settings.grid == self.settings.grid;
         if !same_maps {
@@ -111,26 +111,26 @@ impl Pipeline {
         Ok(())
     }
 
-    /// The maps that its samplers read.
+    /// Returns the shape of the maps that the samplers read.
     #[must_use]
     pub fn shape(&self) -> Shape {
         let order = self.front.order().get();
         Shape { domain: Domain::Hemisphere, order, grid: self.settings.grid }
     }
 
-    /// Processes one burst, without the frames that contradict the others.
+    /// Processes one burst; frames that contradict the others are not merged.
     ///
     /// # Errors
-    /// [`PipelineError`] when the frames do not fit the calibration; the last map stands.
+    /// [`PipelineError`] when the frames do not fit the calibration; the last map stays.
     pub fn process(&mut self, burst: &Burst) -> Result<Processed<'_>, PipelineError> {
         let began = Instant::now();
         let left_out = self.inspect(burst);
         self.process_kept(burst, left_out, began)
     }
 
-    /// The frames of the next burst that are not to be merged: those that contradict the others; all of them if the shortest exposure is
-    /// among those, which alone knows the brightest light, or if it is not known which frames are wrong, unless there is no map yet or
-    /// the four bursts before were of this kind as well.
+    /// Returns the frames of the next burst that must not be merged: those that contradict the others. All frames are left out if the
+    /// shortest exposure is wrong, which alone measures the brightest lights, or if the wrong frames cannot be identified. These bursts are
+    /// merged nevertheless if there is no map yet or if the four bursts before were left out as well.
     pub fn inspect(&mut self, burst: &Burst) -> FramesLeftOut {
         let mut found = self.inspector.inspect(burst);
         let is_doubtful = found.contains(0) || self.inspector.is_uncertain();
@@ -144,11 +144,11 @@ impl Pipeline {
         found
     }
 
-    /// Processes one burst without the frames `frames_left_out`; without all of them, the map of the burst before is sampled again. The
+    /// Processes one burst without the frames `frames_left_out`; if these are all frames, the map of the burst before is sampled again. The
     /// front stage is timed from `began`.
     ///
     /// # Errors
-    /// As [`Pipeline::process`].
+    /// [`PipelineError`] when the frames do not fit the calibration; the last map stays.
     pub fn process_kept(
         &mut self,
         burst: &Burst,
@@ -199,7 +199,8 @@ impl Pipeline {
         })
     }
 
-    /// Which frames of `burst` may be merged in the flickering light that was found.
+    /// Returns, for each frame of `burst`, whether it may be merged under the detected flicker: always for the shortest and the longest
+    /// exposure.
     fn steady(&self, burst: &Burst) -> [bool; MAX_EXPOSURES] {
         let last = burst.frames.len().saturating_sub(1);
         core::array::from_fn(|index| {
@@ -208,7 +209,7 @@ impl Pipeline {
         })
     }
 
-    /// Merges frames into the map; `added_up` is called between the sum over the frames and the build of the map.
+    /// Merges frames into the map; `added_up` is called after the pixels are summed and before the map is built.
     fn merge<'b>(
         &mut self,
         merged: impl Iterator<Item = &'b Frame> + Clone,
@@ -226,12 +227,13 @@ impl Pipeline {
         Ok(seen)
     }
 
-    /// Merges at most `most` exposures of later bursts without contradictions: the shortest, the longest, and others evenly between them.
+    /// Limits the number of exposures merged from later bursts without contradictions to `most`: the shortest, the longest, and others evenly
+    /// between them.
     pub fn limit_exposures(&mut self, most: usize) {
         self.most_exposures = most;
     }
 
-    /// The lights of another sampler from the map of the last burst.
+    /// Computes the lights of another sampler from the map of the last burst.
     pub fn sample_again<'a>(&mut self, sampler: &'a mut dyn Sampler, request: &Request) -> Sampled<'a> {
         let map = if sampler.needs_polar() {
             self.map()
@@ -241,14 +243,14 @@ impl Pipeline {
         sample(sampler, &map, request)
     }
 
-    /// The quads of `order`, at most the map's, of the last burst.
+    /// Returns the quads of `order`, or of the map's order if that is less, for the last burst.
     #[must_use]
     pub fn sketch(&self, order: u8) -> &[Quad] {
         let view = self.front.map();
         view.quads_of(order.min(view.order().get()))
     }
 
-    /// Rebuilds the merge when a burst comes with other exposures.
+    /// Rebuilds the merge tables when the exposures of a burst differ from those before.
     fn follow_exposures(
         &mut self,
         exposures: impl Iterator<Item = Exposure> + Clone,
@@ -268,55 +270,55 @@ impl Pipeline {
         Ok(())
     }
 
-    /// The settings in effect.
+    /// Returns the settings in effect.
     #[must_use]
     pub fn settings(&self) -> &Settings {
         &self.settings
     }
 
-    /// Whether frames go through the polar map.
+    /// Returns true if the sampler reads the polar map.
     #[must_use]
     pub fn needs_polar(&self) -> bool {
         self.sampler.needs_polar()
     }
 
-    /// Whether a burst was merged since the map was made.
+    /// Returns true if a burst was merged since the map was made.
     #[must_use]
     pub fn has_map(&self) -> bool {
         self.seen.is_some()
     }
 
-    /// Bytes that the comparison of frames keeps.
+    /// Returns the memory of the comparison of frames, bytes.
     #[must_use]
     pub fn inspector_bytes(&self) -> usize {
         self.inspector.bytes()
     }
 
-    /// Bytes of what the sampler keeps outside of buffers.
+    /// Returns the memory that the sampler has outside of the listed buffers, bytes.
     #[must_use]
     pub fn sampler_bytes(&self) -> usize {
         size_of_val(&*self.sampler)
     }
 
-    /// The calibration of the camera.
+    /// Returns the calibration of the camera.
     #[must_use]
     pub fn calibration(&self) -> &Calibration {
         self.front.calibration()
     }
 
-    /// The front end, which computes the map.
+    /// Returns the front end, which computes the map.
     #[must_use]
     pub fn front(&self) -> &FrontEnd<Vec<u64>> {
         &self.front
     }
 
-    /// Exposures of the last burst.
+    /// Returns the number of exposures of the last burst.
     #[must_use]
     pub fn exposures(&self) -> usize {
         self.exposures.len()
     }
 
-    /// The map of the last burst, before sampling.
+    /// Returns the map of the last burst, computed by the stages before the sampler.
     pub fn map(&mut self) -> Map<'_> {
         let shape = self.shape();
         let polar = self.polar.get_or_insert_with(|| Polar::new(&shape));
@@ -328,7 +330,7 @@ impl Pipeline {
     }
 }
 
-/// Whether the frame `index` of `count` is among at most `most` that are merged.
+/// Returns true if the frame `index` of `count` is among the at most `most` frames that are merged.
 fn is_read(index: usize, count: usize, most: usize) -> bool {
     match most {
         _ if most >= count => true,
@@ -347,14 +349,14 @@ fn sample<'a>(sampler: &'a mut dyn Sampler, map: &Map<'_>, request: &Request) ->
     Sampled { decomposition, sample: began.elapsed().saturating_sub(filter), filter }
 }
 
-/// The removal of flicker for maps of the order that `settings` ask for.
+/// Creates the removal of flicker for maps of the order in `settings`.
 fn mains(settings: &Settings) -> Result<Mains<Vec<Cell>>, PipelineError> {
     let order = Order::saturating(settings.order());
     let cells = vec![Cell::default(); mains_len(order)];
     Mains::try_new(order, settings.lamps, cells).map_err(|e| FrontError::Memory(e).into())
 }
 
-/// A front end with memory from the heap.
+/// Creates a front end with memory from the heap.
 fn front_end(
     calibration: &Calibration,
     exposures: &[Exposure],

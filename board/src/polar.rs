@@ -1,4 +1,4 @@
-//! The polar map of a pipeline, for the samplers and clients that want one.
+//! The polar map of a pipeline, for the samplers and clients that need it.
 
 use crate::samplers::{self, Shape};
 use hemilux_core::Order;
@@ -8,13 +8,13 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 type ShareTable = PolarTable<Vec<Share>>;
 
-/// A latitude-longitude map, and where its energy comes from.
+/// A latitude-longitude map, and the table by which it is computed from the quads.
 pub(crate) struct Polar {
     pub map: LatLong<Vec<[f32; 3]>>,
     plan: Arc<ShareTable>,
 }
 
-/// The plan in use in this process: it takes long to make, and depends on nothing but its shape.
+/// The share table in use in this process: its computation is slow, and it depends on grid and order alone.
 static KNOWN: Mutex<Option<Known>> = Mutex::new(None);
 
 struct Known {
@@ -22,7 +22,7 @@ struct Known {
     plan: Weak<ShareTable>,
 }
 
-/// The plan in use, or a new one.
+/// Returns the share table in use, or a new one.
 fn plan(grid: &Grid, order: u8) -> Arc<ShareTable> {
     let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
     let shape = (*grid, order);

@@ -1,4 +1,4 @@
-//! New files that take the name of an old one once they are written, so that no reader sees half of either.
+//! Atomic replacement of files: a new file is written beside the old one and then renamed, so that readers get whole files.
 
 use std::fs;
 use std::io;
@@ -8,19 +8,19 @@ use tempfile::NamedTempFile;
 
 const PREFIX: &str = ".hemilux-unfinished-";
 
-/// Age from which a file of this kind belongs to a program that was killed.
+/// Age from which a temporary file is taken to be left over by a killed program.
 const ABANDONED: Duration = Duration::from_secs(60);
 
-/// Creates a file with a name of its own in `folder`; removes those that killed programs left there.
+/// Creates a file with a unique name in `folder`; removes the files that killed programs left there.
 ///
 /// # Errors
-/// Of the file system, where the file cannot be created.
+/// The error of the file system where the file cannot be created.
 pub(crate) fn create(folder: &Path) -> io::Result<NamedTempFile> {
     remove_abandoned(folder);
     tempfile::Builder::new().prefix(PREFIX).tempfile_in(folder)
 }
 
-/// Removes what can be removed: a file that stays does no harm.
+/// Removes the abandoned files of `folder`. Errors are ignored: a file that stays does no harm.
 fn remove_abandoned(folder: &Path) {
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         let is_ours = entry.file_name().to_string_lossy().starts_with(PREFIX);

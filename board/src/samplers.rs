@@ -1,4 +1,4 @@
-//! The samplers by name, with memory from the heap.
+//! The samplers by kind, with memory from the heap.
 
 use hemilux_core::healpix::Domain;
 use hemilux_core::light::Light;
@@ -15,32 +15,32 @@ use hemilux_core::sampler::{Request, Sampler, SamplerKind};
 use hemilux_core::{BufferSize, MapShape, Order};
 use std::ops::RangeInclusive;
 
-/// Most lights that may be asked for.
+/// Largest number of lights of a request.
 pub const MAX_LIGHTS: usize = 50_000;
 
-/// Tolerances that may be asked for, ratios.
+/// Range of the requested tolerance, a ratio.
 pub const TOLERANCES: RangeInclusive<f32> = 0.002..=1.0;
 
-/// Orders of the map that may be asked for.
+/// Range of the HEALPix order of the map.
 pub const ORDERS: RangeInclusive<u8> = 4..=7;
 
-/// Thresholds of `q2tree` that may be asked for, ratios.
+/// Range of the relative threshold of `q2tree`, a ratio.
 pub const THRESHOLDS: RangeInclusive<f32> = 0.0..=10.0;
 
-/// Lengths of the filter of `hemigon-fir`, frames.
+/// Range of the filter length of `hemigon-fir`, frames.
 pub const TAPS: RangeInclusive<usize> = 1..=fir::MAX_TAPS;
 
-/// Cut-off frequencies of that filter: up to half the frame rate that it reckons with.
+/// Range of the cut-off frequency of the filter of `hemigon-fir`, Hz: up to half of its assumed frame rate.
 pub const CUTOFFS_HZ: RangeInclusive<f32> = 0.05..=5.0;
 
 /// Parameters of individual samplers that are fixed when a sampler is made, in contrast to the request of each frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tuning {
-    /// Relative threshold of `q2tree` and `q2tree-jitter`, of [`THRESHOLDS`].
+    /// Relative threshold of `q2tree` and `q2tree-jitter`, in [`THRESHOLDS`].
     pub threshold: f32,
-    /// Frames that `hemigon-fir` filters over, of [`TAPS`].
+    /// Filter length of `hemigon-fir`, frames, in [`TAPS`].
     pub taps: usize,
-    /// Cut-off frequency of the filter, one of [`CUTOFFS_HZ`].
+    /// Cut-off frequency of the filter of `hemigon-fir`, Hz, in [`CUTOFFS_HZ`].
     pub cutoff_hz: f32,
 }
 
@@ -52,13 +52,13 @@ impl Default for Tuning {
 }
 
 impl Tuning {
-    /// The tuning in the form of the filter.
+    /// Returns the parameters of the filter of `hemigon-fir`.
     #[must_use]
     pub fn fir(&self) -> fir::Parameters {
         fir::Parameters { taps: self.taps, cutoff_hz: self.cutoff_hz.into(), ..fir::Parameters::default() }
     }
 
-    /// The values that the sampler `kind` reads; the others are the defaults.
+    /// Returns the values that the sampler `kind` reads, and the defaults for all others.
     #[must_use]
     pub fn of(self, kind: SamplerKind) -> Self {
         let default = Self::default();
@@ -70,14 +70,14 @@ impl Tuning {
     }
 }
 
-/// The shape of the maps that a sampler will read.
+/// Shape of the maps that a sampler reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shape {
-    /// Part of the sphere.
+    /// Part of the sphere: all of it or the upper hemisphere.
     pub domain: Domain,
-    /// Finest order of the pyramid.
+    /// Finest HEALPix order of the pyramid.
     pub order: u8,
-    /// The latitude-longitude map.
+    /// Grid of the latitude-longitude map.
     pub grid: Grid,
 }
 
@@ -85,45 +85,47 @@ pub struct Shape {
 #[derive(Debug, thiserror::Error, PartialEq)]
 #[non_exhaustive]
 pub enum SamplerError {
-    /// A number of lights that the sampler does not give.
+    /// The sampler does not support this number of lights.
     #[error("{found} lights, expected {least} to {MAX_LIGHTS} for '{sampler}'")]
     BadLights {
-        /// The number that was requested.
+        /// The requested number of lights.
         found: usize,
-        /// The fewest that the sampler gives on such maps.
+        /// The least number of lights that the sampler returns for such maps.
         least: usize,
         /// Kind of the sampler.
         sampler: SamplerKind,
     },
-    /// A tolerance that no decomposition can be held to.
+    /// The tolerance is outside of [`TOLERANCES`].
     #[error("tolerance {0}, expected 0.002 to 1 (0.03 is 3 per cent of shadowed error)")]
     BadTolerance(f32),
-    /// A sampler that always gives as many lights as are requested.
-    #[error("{what} with '{sampler}', expected 'adaptive', which alone knows its error")]
+    /// The sampler estimates no error, which a tolerance and ambient light require.
+    #[error("{what} with '{sampler}', expected 'adaptive', the only sampler that estimates its error")]
     NotModelled {
-        /// Tolerance or ambient light.
+        /// The request that is refused: a tolerance or ambient light.
         what: &'static str,
         /// Kind of the sampler.
         sampler: SamplerKind,
     },
 }
 
-/// Finest order that `lights` lights need: 6, or 7 from 256 on, where a small sun in one texel of order 6 would err more than all else.
+/// Returns the finest order that `lights` lights need: 6, or 7 from 256 lights, where a small sun in one texel of order 6 would cause most of the
+/// error.
 #[must_use]
 pub fn order_for(lights: usize) -> u8 {
     if lights < 256 { 6 } else { 7 }
 }
 
-/// Order whose quads fill the polar map: 6 is as fine as that map, and finer quads would make its plan four times as long.
+/// Returns the order whose quads fill the polar map: at most 6, at which a quad is as large as a texel; the share table of order 7 would be four
+/// times as long.
 #[must_use]
 pub fn polar_order(order: u8) -> u8 {
     order.min(6)
 }
 
-/// Whether the sampler `kind` can do what is requested on maps of `domain`.
+/// Checks that the sampler `kind` supports the request on maps of `domain`.
 ///
 /// # Errors
-/// [`SamplerError`] for what it cannot.
+/// [`SamplerError`] for a number of lights, a tolerance or ambient light that the sampler does not support.
 pub fn check(kind: SamplerKind, domain: Domain, request: &Request) -> Result<(), SamplerError> {
     let requested = [("a tolerance", request.tolerance.is_some()), ("ambient light", request.ambient)];
     if let Some((what, _)) = requested.into_iter().find(|(_, is)| *is && !kind.estimates_error()) {
@@ -139,11 +141,11 @@ pub fn check(kind: SamplerKind, domain: Domain, request: &Request) -> Result<(),
     Ok(())
 }
 
-/// Makes the sampler `kind` for maps of `shape`, with memory for `lights` lights; `hemigon` and `hemigon-fir` give at most
+/// Makes the sampler `kind` for maps of `shape`, with memory for `lights` lights; `hemigon` and `hemigon-fir` return at most
 /// [`hemigon::MAX_LIGHTS`].
 ///
 /// # Errors
-/// [`SamplerError`] for light counts that the sampler does not give and maps that it does not take.
+/// [`SamplerError`] for a number of lights or a shape that the sampler does not support.
 pub fn make(
     kind: SamplerKind,
     shape: &Shape,
@@ -152,10 +154,10 @@ pub fn make(
     make_tuned(kind, shape, lights, &Tuning::default())
 }
 
-/// Like [`make`], with values other than the defaults.
+/// Makes the sampler `kind` like [`make`], with the given tuning in place of the defaults.
 ///
 /// # Errors
-/// Like [`make`].
+/// [`SamplerError`] for a number of lights or a shape that the sampler does not support.
 pub fn make_tuned(
     kind: SamplerKind,
     shape: &Shape,
@@ -177,7 +179,7 @@ pub fn make_tuned(
     })
 }
 
-/// The buffers of the sampler that [`make_tuned`] makes.
+/// Lists the buffers of the sampler that [`make_tuned`] makes.
 #[must_use]
 pub fn buffers(kind: SamplerKind, shape: &Shape, lights: usize, tuning: &Tuning) -> Vec<BufferSize> {
     let Shape { domain, order, grid } = *shape;

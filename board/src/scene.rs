@@ -1,7 +1,7 @@
-//! Built-in scenes: analytic radiance over the directions, the same at the same second in every run.
+//! Built-in scenes: analytic radiance over directions, a deterministic function of the seconds since the start.
 //!
-//! A scene is a still radiance field with a few moving patches over it. Radiance is relative; about 1 is a well-lit wall and
-//! nothing exceeds [`BRIGHTEST`], so that a burst can hold all of it.
+//! A scene is a static radiance field with at most twelve moving patches over it. Radiance is relative: a well-lit wall has about 1, and the
+//! maximum is [`BRIGHTEST`], so that the exposures of a burst cover the whole range.
 
 use std::f32::consts::{PI, TAU};
 
@@ -11,19 +11,19 @@ pub const BRIGHTEST: f32 = 50.0;
 /// Names that `scene:NAME` accepts; the first is the default.
 pub const NAMES: [&str; 4] = ["room", "sky", "lamps", "overcast"];
 
-/// Most patches of a scene.
+/// Largest number of patches of a scene.
 const MAX_PATCHES: usize = 12;
 
-/// A round patch over the still field: opaque up to its edge, then fading out.
+/// A round patch over the static field: opaque in its middle, with a fading edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Patch {
-    /// Unit vector to its middle.
+    /// Unit vector to the patch's centre.
     pub direction: [f32; 3],
-    /// Angular radius of the lamp, radians.
+    /// Angular radius of the patch, radians.
     pub radius: f32,
-    /// Part of the squared chord to its edge over which it fades, 0..=1.
+    /// Part of the squared chord from the centre to the edge over which the patch fades out, 0..=1.
     pub edge: f32,
-    /// Radiance of the lamp.
+    /// Radiance of the patch.
     pub radiance: [f32; 3],
     /// Share of the light behind the patch that the patch hides, 0..=1; the radiance of the patch is added in full.
     pub cover: f32,
@@ -33,7 +33,7 @@ impl Patch {
     const NONE: Self =
         Self { direction: [0.0, 0.0, 1.0], radius: 0.0, edge: 1.0, radiance: [0.0; 3], cover: 0.0 };
 
-    /// Radiance seen in `direction` when `behind` is what lies behind the patch.
+    /// Returns the radiance in `direction` with the patch in front of the radiance `behind`.
     #[must_use]
     pub fn over(&self, behind: [f32; 3], direction: [f32; 3]) -> [f32; 3] {
         let reach = 1.0 - self.radius.cos();
@@ -46,7 +46,7 @@ impl Patch {
     }
 }
 
-/// The patches of one moment.
+/// The patches of a scene at one time.
 #[derive(Clone, Debug)]
 pub struct Patches {
     all: [Patch; MAX_PATCHES],
@@ -61,20 +61,20 @@ impl Patches {
         Self { all, count: N }
     }
 
-    /// The patches, farthest first.
+    /// Returns the patches, farthest first.
     #[must_use]
     pub fn as_slice(&self) -> &[Patch] {
         &self.all[..self.count]
     }
 }
 
-/// Radiance of a direction.
+/// A function from a unit vector to the radiance of the static field.
 type Still = fn([f32; 3]) -> [f32; 3];
 
-/// Patches of a moment, seconds after the start.
+/// A function from seconds after the start to the patches at that time.
 type Moving = fn(f32) -> Patches;
 
-/// A built-in scene of static and moving light.
+/// A built-in scene: a static field and moving patches.
 #[derive(Clone, Copy, Debug)]
 pub struct Scene {
     name: &'static str,
@@ -82,7 +82,7 @@ pub struct Scene {
     patches: Moving,
 }
 
-/// The scene called `name`.
+/// Returns the scene called `name`.
 #[must_use]
 pub fn by_name(name: &str) -> Option<Scene> {
     let (still, patches): (Still, Moving) = match name {
@@ -97,26 +97,26 @@ pub fn by_name(name: &str) -> Option<Scene> {
 }
 
 impl Scene {
-    /// Name of the scene.
+    /// Returns the name of the scene.
     #[must_use]
     pub fn name(&self) -> &'static str {
         self.name
     }
 
-    /// Radiance in `direction` (a unit vector, +Z up), `seconds` after the start.
+    /// Returns the radiance in `direction` (a unit vector, +Z up) at `seconds` after the start.
     #[must_use]
     pub fn radiance(&self, direction: [f32; 3], seconds: f32) -> [f32; 3] {
         let patches = self.patches(seconds);
         patches.as_slice().iter().fold(self.still(direction), |behind, p| p.over(behind, direction))
     }
 
-    /// The part that does not move.
+    /// Returns the radiance of the static field in `direction`.
     #[must_use]
     pub fn still(&self, direction: [f32; 3]) -> [f32; 3] {
         (self.still)(direction)
     }
 
-    /// The patches `seconds` after the start.
+    /// Returns the patches at `seconds` after the start.
     #[must_use]
     pub fn patches(&self, seconds: f32) -> Patches {
         (self.patches)(seconds)
@@ -127,7 +127,7 @@ fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// Hermite step from 0 at 0 to 1 at 1.
+/// Returns the cubic Hermite step of `x`: 0 up to 0, 1 from 1.
 fn smooth(x: f32) -> f32 {
     let x = x.clamp(0.0, 1.0);
     x * x * (3.0 - 2.0 * x)
@@ -137,7 +137,7 @@ fn mix(a: [f32; 3], b: [f32; 3], part: f32) -> [f32; 3] {
     std::array::from_fn(|c| a[c] + (b[c] - a[c]) * part)
 }
 
-/// The unit vector at `theta` off the zenith and azimuth `phi`, degrees.
+/// Returns the unit vector at zenith angle `theta_deg` and azimuth `phi_deg`, degrees.
 fn towards(theta_deg: f32, phi_deg: f32) -> [f32; 3] {
     let (sin, cos) = theta_deg.to_radians().sin_cos();
     let (y, x) = phi_deg.to_radians().sin_cos();
@@ -148,12 +148,12 @@ fn lamp(direction: [f32; 3], radius_deg: f32, radiance: [f32; 3]) -> Patch {
     Patch { direction, radius: radius_deg.to_radians(), edge: 0.4, radiance, cover: 1.0 }
 }
 
-/// The light that a lamp throws on what is near it.
+/// Returns a patch that covers nothing: the light that a lamp casts on its surroundings.
 fn glow(direction: [f32; 3], radius_deg: f32, radiance: [f32; 3]) -> Patch {
     Patch { direction, radius: radius_deg.to_radians(), edge: 1.0, radiance, cover: 0.0 }
 }
 
-/// A box room 4 x 5 m and 1.6 m above the probe, a window of 1.6 x 1 m in the wall at +X.
+/// Returns the radiance of a box room, 4 x 5 m wide and 1.6 m high above the probe, with a window of 1.6 x 1 m in the wall at +X.
 fn room(d: [f32; 3]) -> [f32; 3] {
     let (half_x, half_y, height) = (2.0, 2.5, 1.6);
     let far = |v: f32, half: f32| if v.abs() > 1e-6 { half / v.abs() } else { f32::INFINITY };
@@ -176,7 +176,7 @@ fn room(d: [f32; 3]) -> [f32; 3] {
     }
 }
 
-/// A warm lamp that swings across the room in four seconds.
+/// Returns a warm lamp that swings across the room with a period of four seconds.
 fn swinging_lamp(seconds: f32) -> Patches {
     let swing = (TAU * seconds / 4.0).sin();
     let (x, y, z) = (0.15 * swing - 0.35, 0.65 * swing, 1.1);
@@ -185,13 +185,13 @@ fn swinging_lamp(seconds: f32) -> Patches {
     Patches::of([glow(direction, 40.0, [0.55, 0.42, 0.27]), lamp(direction, 4.0, [48.0, 37.0, 23.0])])
 }
 
-/// Blue overhead, pale at the horizon.
+/// Returns the radiance of a sky, blue at the zenith and pale at the horizon.
 fn clear_sky(d: [f32; 3]) -> [f32; 3] {
     let height = d[2].clamp(0.0, 1.0).sqrt();
     mix([0.95, 1.0, 1.05], [0.22, 0.42, 0.85], height)
 }
 
-/// A veiled sun with its aureole, and clouds that drift across it.
+/// Returns a veiled sun with its aureole, and clouds that drift across it.
 fn sun_and_clouds(seconds: f32) -> Patches {
     let sun = towards(40.0, 30.0);
     let cloud = |i: u16| {
@@ -221,12 +221,12 @@ fn sun_and_clouds(seconds: f32) -> Patches {
     ])
 }
 
-/// A dark room for the lamps.
+/// Returns the radiance of the dark walls of the scene `lamps`.
 fn dim_walls(d: [f32; 3]) -> [f32; 3] {
     mix([0.05, 0.05, 0.06], [0.10, 0.09, 0.08], d[2].clamp(0.0, 1.0))
 }
 
-/// Five coloured lamps, each on for its share of its own period.
+/// Returns five coloured lamps, each lit for a fixed share of its own period.
 fn switching_lamps(seconds: f32) -> Patches {
     let one = |theta: f32, phi: f32, colour: [f32; 3], period: f32, on: f32| {
         let lit = (seconds / period + phi / 360.0).rem_euclid(1.0) < on;
@@ -241,13 +241,13 @@ fn switching_lamps(seconds: f32) -> Patches {
     ])
 }
 
-/// The overcast sky of CIE S 011: three times as bright at the zenith as at the horizon.
+/// Returns the radiance of the overcast sky of CIE S 011: three times as bright at the zenith as at the horizon.
 fn overcast_sky(d: [f32; 3]) -> [f32; 3] {
     let y = 1.2 * (1.0 + 2.0 * d[2].clamp(0.0, 1.0)) / 3.0;
     [0.96 * y, y, 1.06 * y]
 }
 
-/// Two thinner places that wander.
+/// Returns two brighter patches of an overcast sky that move.
 fn thin_spots(seconds: f32) -> Patches {
     let turn = seconds * 360.0 / 120.0;
     let wander = 25.0 * (PI * seconds / 30.0).sin();
@@ -262,7 +262,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_name_is_a_scene_and_nothing_else_is() {
+    fn by_name_finds_every_listed_scene_and_no_other() {
         for name in NAMES {
             assert_eq!(by_name(name).map(|s| s.name()), Some(name), "{name}");
         }

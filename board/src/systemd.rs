@@ -8,10 +8,10 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// Times that the manager is told within the time after which it would restart us: one may come late.
+/// Number of watchdog messages per watchdog timeout: one late message does not cause a restart.
 const TIMES: u32 = 3;
 
-/// Tells that the probe serves at `address`, and from then on that it is alive, as long as its processing thread is.
+/// Reports readiness and the `address` to the service manager, and then a watchdog message at intervals while the processing thread responds.
 pub fn serving(address: &str, link: &Arc<Link>) -> Option<JoinHandle<()>> {
     tell(&[NotifyState::Ready, NotifyState::Status(&format!("serving http://{address}/"))]);
     let limit = sd_notify::watchdog_enabled()?;
@@ -32,7 +32,7 @@ pub fn serving(address: &str, link: &Arc<Link>) -> Option<JoinHandle<()>> {
     thread.spawn(watch).ok()
 }
 
-/// Tells that the probe stops.
+/// Reports to the service manager that the probe stops.
 pub fn stopping() {
     tell(&[NotifyState::Stopping]);
 }

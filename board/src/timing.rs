@@ -10,37 +10,37 @@ use recent::{Halves, Recent};
 use std::fmt;
 use std::time::Instant;
 
-/// Longest duration that the histograms tell apart from longer ones, microseconds.
+/// Longest duration that the histograms resolve, microseconds; longer ones are counted as this duration.
 const LONGEST_US: u64 = 60_000_000;
 
-/// Significant decimal digits of a percentile. With two digits, the histograms of all stages take 210 KiB.
+/// Significant decimal digits of a percentile. With two digits, the histograms of all stages use 210 KiB.
 const DIGITS: u8 = 2;
 
-/// Weight of the newest interval in the smoothed frame rate: the last ten frames have most of the weight.
+/// Weight of the newest interval in the smoothed frame rate: the last ten frames have 65 % of the weight.
 const SMOOTHING: f32 = 0.1;
 
-/// Budgets that may be set, milliseconds.
+/// Range of a stage's budget, milliseconds.
 pub const BUDGETS_MS: std::ops::RangeInclusive<f32> = 0.01..=60_000.0;
 
-/// Longest times that stages are meant to take, microseconds, in the order of [`Latency::NAMES`].
+/// Longest times of the stages, microseconds, in the order of [`Latency::NAMES`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Budgets(pub [u32; STAGES]);
 
 impl Default for Budgets {
-    /// Budgets for ten frames per second on a small board: the period for the capture, half of it for all other stages.
+    /// Returns the budgets for ten frames per second on a small board: one frame period for the capture, half of it for all other stages.
     fn default() -> Self {
         Self([110_000, 30_000, 6_000, 12_000, 2_000, 10_000, 60_000])
     }
 }
 
 impl Budgets {
-    /// The budget of stage `i`, milliseconds; 0 beyond the last.
+    /// Returns the budget of stage `i`, milliseconds; 0 for an index beyond the last stage.
     #[must_use]
     pub fn ms(&self, i: usize) -> f32 {
         self.0.get(i).map_or(0.0, |us| *us as f32 / 1e3)
     }
 
-    /// The budget from the end of a burst to the finished set, microseconds.
+    /// Returns the budget from the end of a burst to the finished set, microseconds.
     #[must_use]
     pub fn total(&self) -> u32 {
         self.0[STAGES - 1]
@@ -54,10 +54,10 @@ impl Budgets {
     }
 }
 
-/// Reads `front=30,total=60`: milliseconds by stage, in the order of [`Latency::NAMES`].
+/// Parses budgets such as `front=30,total=60`: milliseconds by stage, returned in the order of [`Latency::NAMES`].
 ///
 /// # Errors
-/// The found and the expected value, in words.
+/// A message with the value that was found and the form that was expected.
 pub fn read_budgets(text: &str) -> Result<[Option<f32>; STAGES], String> {
     let mut budgets = [None; STAGES];
     for pair in text.split(',') {
@@ -80,7 +80,7 @@ pub fn read_budgets(text: &str) -> Result<[Option<f32>; STAGES], String> {
 /// Durations of one stage.
 #[derive(Clone, Debug)]
 struct Durations {
-    /// `None` only if `LONGEST_US` and `DIGITS` were not a range that the library accepts; a test excludes it.
+    /// The histogram; `None` only if the library refused `LONGEST_US` and `DIGITS`, which a test excludes.
     histogram: Option<Histogram<u32>>,
     most_us: u32,
     overruns: u64,
@@ -102,32 +102,32 @@ impl Durations {
         self.recent.add(us);
     }
 
-    /// The duration that `part` of all frames stay within, at most the longest; 0 without frames.
+    /// Returns the duration that the share `part` of all frames do not exceed, microseconds, at most the longest; 0 without frames.
     fn percentile(&self, part: f64) -> u32 {
         let value = self.histogram.as_ref().map_or(0, |h| h.value_at_quantile(part));
         u32::try_from(value).unwrap_or(u32::MAX).min(self.most_us)
     }
 }
 
-/// Counters of the histograms of all stages, of four bytes each.
+/// Returns the number of counters of the histograms of all stages, four bytes each.
 #[must_use]
 pub fn counters() -> usize {
-    // One since the start, two for the last minute.
+    // Each stage has one histogram since the start and two for the last minute.
     3 * STAGES * Durations::new().histogram.map_or(0, |h| h.distinct_values())
 }
 
 /// Statistics of one stage.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Stage {
-    /// Microseconds that half of all frames stay within.
+    /// Median of the durations, microseconds.
     pub p50: u32,
-    /// Microseconds that 95 of 100 frames stay within.
+    /// 95th percentile of the durations, microseconds.
     pub p95: u32,
-    /// Microseconds that 99 of 100 frames stay within.
+    /// 99th percentile of the durations, microseconds.
     pub p99: u32,
     /// Longest duration, microseconds.
     pub most: u32,
-    /// Number of frames over the budget.
+    /// Number of frames that exceeded the budget.
     pub overruns: u64,
     /// The budget, microseconds.
     pub budget: u32,
@@ -149,7 +149,7 @@ pub struct Timings {
 }
 
 impl Timings {
-    /// Statistics without frames.
+    /// Creates statistics without frames.
     #[must_use]
     pub fn new(budgets: Budgets) -> Self {
         Self {
@@ -173,7 +173,7 @@ impl Timings {
         self.interval_s = if kept > 0.0 { kept + SMOOTHING * (newest - kept) } else { newest };
     }
 
-    /// Frames per second, smoothed; 0 before the second frame.
+    /// Returns the smoothed frame rate, Hz; 0 before the second frame.
     #[must_use]
     pub fn rate_hz(&self) -> f32 {
         if self.interval_s > 0.0 { 1.0 / self.interval_s } else { 0.0 }
@@ -188,18 +188,18 @@ impl Timings {
         Overrun::of(latency, &self.budgets.0)
     }
 
-    /// Sets the budgets of the frames to come; earlier overruns stay counted.
+    /// Sets the budgets of later frames; the counts of earlier overruns stay.
     pub fn set_budgets(&mut self, budgets: Budgets) {
         self.budgets = budgets;
     }
 
-    /// Number of frames added.
+    /// Returns the number of frames added.
     #[must_use]
     pub fn frames(&self) -> u64 {
         self.frames
     }
 
-    /// Statistics of each stage, in the order of [`Latency::NAMES`].
+    /// Returns the statistics of each stage, in the order of [`Latency::NAMES`].
     #[must_use]
     pub fn stages(&self) -> [Stage; STAGES] {
         std::array::from_fn(|i| {
@@ -211,7 +211,7 @@ impl Timings {
     }
 }
 
-/// A short table for people, milliseconds.
+/// Formats a short table for people, milliseconds.
 impl fmt::Display for Timings {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let frames = self.frames();
@@ -267,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn the_frame_rate_is_that_of_the_intervals_and_follows_a_change_within_forty_frames() {
+    fn the_frame_rate_follows_a_change_of_the_interval_within_forty_frames() {
         let mut timings = Timings::new(Budgets::default());
         let mut now = Instant::now();
         timings.start_frame(now);

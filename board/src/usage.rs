@@ -1,4 +1,4 @@
-//! Shared parts of all command lines: refusals on one line, completions for shells, and man pages.
+//! Shared parts of the command lines of `hemilux` and `hemilux-sim`: errors on one line, completions for shells, and man pages.
 
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Command, CommandFactory};
@@ -6,16 +6,16 @@ pub use clap_complete::Shell;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Result of a command line that names no command.
+/// The text for a command line that names no command.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Explained {
-    /// Help or a version, for stdout.
+    /// Help or version, for stdout.
     Help(String),
-    /// A refusal of one line.
+    /// An error message of one line, for stderr.
     Refused(String),
 }
 
-/// The text of `error` for users of the program `P`: a refusal is one line with the most similar known word.
+/// Converts `error` to text for users of the program `P`: a refusal is one line with the most similar known word.
 #[must_use]
 pub fn explain<P: CommandFactory>(error: &clap::Error) -> Explained {
     let command = P::command();
@@ -36,7 +36,7 @@ pub fn explain<P: CommandFactory>(error: &clap::Error) -> Explained {
     Explained::Refused(format!("{message}{similar} (see {program} --help)"))
 }
 
-/// The known word that clap found most similar to the wrong one.
+/// Returns the known word that clap found most similar to the wrong one.
 fn similar(error: &clap::Error) -> Option<&str> {
     let kinds = [ContextKind::SuggestedArg, ContextKind::SuggestedSubcommand, ContextKind::SuggestedValue];
     kinds.iter().find_map(|kind| match error.get(*kind)? {
@@ -46,7 +46,8 @@ fn similar(error: &clap::Error) -> Option<&str> {
     })
 }
 
-/// The option of the refused command that is most similar to the wrong one: clap's measure finds no short word with two letters swapped.
+/// Returns the option of the refused command that is most similar to the wrong one. Clap's own measure finds no short word with two letters
+/// swapped.
 fn similar_option(error: &clap::Error, program: &Command) -> Option<String> {
     let Some(ContextValue::String(found)) = error.get(ContextKind::InvalidArg) else { return None };
     let Some(ContextValue::StyledStr(usage)) = error.get(ContextKind::Usage) else { return None };
@@ -62,7 +63,8 @@ fn similar_option(error: &clap::Error, program: &Command) -> Option<String> {
     Some(format!("--{similar}"))
 }
 
-/// The most similar one of the `known` words, if a third of the letters of `word` or fewer are wrong, missing, or swapped with a neighbour.
+/// Returns the `known` word that is most similar to `word`, if at most a third of the letters of `word` are wrong, missing, or swapped with a
+/// neighbour.
 #[must_use]
 pub fn closest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let most = (word.chars().count() / 3).max(1);
@@ -73,7 +75,7 @@ pub fn closest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Opti
         .map(|(_, word)| word)
 }
 
-/// The completions of the program `P` for `shell`.
+/// Returns the completions of the program `P` for `shell`.
 #[must_use]
 pub fn completions<P: CommandFactory>(shell: Shell) -> Vec<u8> {
     let mut command = P::command();
@@ -86,7 +88,7 @@ pub fn completions<P: CommandFactory>(shell: Shell) -> Vec<u8> {
 /// Writes the man pages of the program `P` and of each of its commands to `folder` and returns their paths.
 ///
 /// # Errors
-/// The path that cannot be written and the error of the operating system.
+/// The path that could not be written, and the error of the operating system.
 pub fn man_pages<P: CommandFactory>(folder: &Path) -> Result<Vec<PathBuf>, (PathBuf, io::Error)> {
     let command = P::command().disable_help_subcommand(true);
     let name = command.get_name().to_owned();
@@ -154,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn a_misspelt_word_is_refused_on_one_line_with_the_right_one() {
+    fn a_misspelt_word_is_refused_on_one_line_with_the_most_similar_word() {
         for (arguments, similar) in [
             (&["grove", "plnt"][..], "'plant'"),
             (&["grove", "plant", "--kin", "maple"], "'--kind'"),
@@ -171,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn the_closest_word_is_a_likely_misspelling_and_nothing_else() {
+    fn closest_returns_likely_misspellings_alone() {
         let known = ["adaptive", "q2tree", "pharr"];
         assert_eq!(closest("adaptve", known), Some("adaptive"));
         assert_eq!(closest("hparr", known), Some("pharr"), "swapped");
