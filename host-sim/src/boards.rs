@@ -1,4 +1,4 @@
-//! Pictures of chessboards through lenses of known laws, for tests of `hemilux calibrate`.
+//! Renderings of chessboards through lenses of known projection laws, for tests of `hemilux calibrate`.
 
 use glam::{DMat3, DVec2, DVec3};
 use rand::{RngExt, SeedableRng};
@@ -6,7 +6,7 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use std::f64::consts::{PI, TAU};
 
-/// The projection law of a lens: the radius of an image point in focal lengths, as a function of the angle theta from the axis.
+/// Projection law of a lens: the radius of an image point in focal lengths, as a function of the angle theta from the axis in radians.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Law {
     /// The radius is theta.
@@ -17,15 +17,15 @@ pub enum Law {
     KannalaBrandt([f64; 4]),
     /// The double sphere of V. Usenko, N. Demmel, D. Cremers, "The Double Sphere Camera Model", 3DV 2018.
     DoubleSphere {
-        /// Distance between the centres of the spheres.
+        /// Distance between the centres of the unit spheres.
         xi: f64,
-        /// Position of the pinhole.
+        /// Position of the pinhole between the second sphere's centre and the image plane: parameter alpha of the paper, 0 to 1.
         alpha: f64,
     },
 }
 
 impl Law {
-    /// Returns the radius at an angle from the axis, in focal lengths.
+    /// Returns the image radius in focal lengths at the angle `theta` from the axis, radians.
     #[must_use]
     pub fn radius(&self, theta: f64) -> f64 {
         match *self {
@@ -44,12 +44,12 @@ impl Law {
     }
 }
 
-/// A camera with a lens of known law.
+/// A simulated camera with a lens of known projection law.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Camera {
+pub struct BoardCamera {
     /// Projection law of the lens.
     pub law: Law,
-    /// Focal lengths, pixels.
+    /// Focal lengths along the image's columns and rows, pixels.
     pub focal_px: DVec2,
     /// Principal point, pixels.
     pub centre_px: DVec2,
@@ -57,36 +57,37 @@ pub struct Camera {
     pub size: [usize; 2],
     /// Edge of the field of view, radians from the axis.
     pub max_theta: f64,
-    /// Share of the light that is lost at the edge of the field of view.
+    /// Share of the light that vignetting absorbs at the edge of the field of view, 0 to 1.
     pub falloff: f64,
-    /// Standard deviation of the blur, pixels.
+    /// Standard deviation of the Gaussian blur, pixels.
     pub blur_px: f64,
-    /// Standard deviation of the noise, codes of eight bits.
+    /// Standard deviation of the Gaussian noise, 8-bit codes.
     pub noise: f64,
 }
 
-/// Number of steps of a law's tabulated inverse.
+/// Number of intervals of the table that inverts a projection law.
 const STEPS: usize = 4096;
 
-/// The directions of a camera's pixels, from a table of the inverse law.
+/// A camera with a table of its inverse projection law, from which the directions of image points are interpolated.
 #[derive(Clone, Debug)]
 pub struct Directions {
-    camera: Camera,
-    /// Angles from the axis at equal steps of the radius.
+    camera: BoardCamera,
+    /// Angles from the axis at equal steps of the radius, radians.
     angles: Vec<f64>,
+    /// Image radius of the edge of the field of view, focal lengths.
     max_radius: f64,
 }
 
 impl Directions {
-    /// Tabulates the directions of `camera`.
+    /// Tabulates the inverse projection law of `camera`.
     #[must_use]
-    pub fn of(camera: &Camera) -> Self {
+    pub fn of(camera: &BoardCamera) -> Self {
         let max_radius = camera.law.radius(camera.max_theta);
         let angle = |i: usize| inverse(camera, max_radius * i as f64 / STEPS as f64);
         Self { camera: *camera, angles: (0..=STEPS).map(angle).collect(), max_radius }
     }
 
-    /// Returns the direction of an image point; `None` outside of the image circle.
+    /// Returns the unit direction, in the camera's axes, of an image point in pixels; `None` outside of the image circle.
     #[must_use]
     pub fn at(&self, pixel: DVec2) -> Option<DVec3> {
         let n = (pixel - self.camera.centre_px) / self.camera.focal_px;
@@ -99,8 +100,8 @@ impl Directions {
     }
 }
 
-/// Returns the angle from the axis whose image has this radius.
-fn inverse(camera: &Camera, radius: f64) -> f64 {
+/// Returns the angle from the axis, radians, whose image radius is `radius` focal lengths, by bisection.
+fn inverse(camera: &BoardCamera, radius: f64) -> f64 {
     let (mut low, mut high) = (0.0, camera.max_theta);
     for _ in 0..52 {
         let middle = 0.5 * (low + high);
@@ -109,18 +110,19 @@ fn inverse(camera: &Camera, radius: f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// The pose of a board in front of the camera; the squares have side 1.
+/// Pose of a chessboard in front of the camera; the unit of length is the side of a square.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
-    /// The board's columns, rows and normal in the camera's axes.
+    /// Unit vectors along the board's columns, along its rows and along its normal, in the camera's axes.
     pub axes: DMat3,
-    /// Centre of the board in the camera's axes.
+    /// Centre of the board in the camera's axes, sides of a square.
     pub middle: DVec3,
 }
 
-/// Returns poses over the whole field of view up to its edge, with the board rotated and tilted; `squares` is the board's size.
+/// Returns `count` poses of rotated and tilted boards, whose centres are spread over the field of view up to 92 % of its angle; `squares` is
+/// the board's columns and rows.
 #[must_use]
-pub fn poses(camera: &Camera, squares: [u32; 2], count: usize, seed: u64) -> Vec<Pose> {
+pub fn poses(camera: &BoardCamera, squares: [u32; 2], count: usize, seed: u64) -> Vec<Pose> {
     let mut random = Pcg64::seed_from_u64(seed);
     let pose = |i: usize| {
         // The golden angle spreads the azimuths evenly, the square root the areas.
@@ -140,11 +142,12 @@ pub fn poses(camera: &Camera, squares: [u32; 2], count: usize, seed: u64) -> Vec
     (0..count).map(pose).collect()
 }
 
-/// Codes of the paper, the ink and the background.
+/// 8-bit code of the board's paper.
 const WHITE: f64 = 210.0;
+/// 8-bit code of the board's ink.
 const BLACK: f64 = 25.0;
 
-/// Returns a picture of the board, row after row: `squares` columns and rows, a white margin of one square, and a background.
+/// Renders the board of `squares` columns and rows, with a white margin of one square, before a background; returns 8-bit codes row by row.
 #[must_use]
 pub fn picture(directions: &Directions, squares: [u32; 2], pose: &Pose, seed: u64) -> Vec<u8> {
     let camera = &directions.camera;
@@ -164,7 +167,7 @@ pub fn picture(directions: &Directions, squares: [u32; 2], pose: &Pose, seed: u6
 /// Number of samples of a pixel along each axis.
 const SAMPLES: usize = 3;
 
-/// Returns the mean code over the area of a pixel.
+/// Returns the mean code of [`SAMPLES`] x [`SAMPLES`] points of the pixel with the centre `at`, with vignetting.
 fn pixel(directions: &Directions, squares: [u32; 2], pose: &Pose, at: DVec2) -> f64 {
     let offset = |i: usize| (i as f64 + 0.5) / SAMPLES as f64 - 0.5;
     let samples = (0..SAMPLES * SAMPLES).map(|i| at + DVec2::new(offset(i % SAMPLES), offset(i / SAMPLES)));
@@ -175,7 +178,7 @@ fn pixel(directions: &Directions, squares: [u32; 2], pose: &Pose, at: DVec2) -> 
     light.sum::<f64>() / (SAMPLES * SAMPLES) as f64
 }
 
-/// Returns the code in a direction.
+/// Returns the code of the board, or of the background beside the board, in a direction.
 fn seen(squares: [u32; 2], pose: &Pose, direction: DVec3) -> f64 {
     let along = direction.dot(pose.axes.z_axis);
     let distance = pose.middle.dot(pose.axes.z_axis) / along;
@@ -193,14 +196,14 @@ fn seen(squares: [u32; 2], pose: &Pose, direction: DVec3) -> f64 {
     if black { BLACK } else { WHITE }
 }
 
-/// Returns the code of the background: broad stripes in several directions.
+/// Returns the code of the background in a direction: a smooth pattern of sines.
 fn room(d: DVec3) -> f64 {
     100.0
         + 35.0 * (7.0 * d.x + 2.0 * d.z).sin() * (5.0 * d.y - 3.0 * d.x).cos()
         + 20.0 * (PI * 3.0 * d.z).sin()
 }
 
-/// Returns the codes after a Gaussian blur.
+/// Returns the codes after a Gaussian blur of standard deviation `sigma`, pixels; the border pixels are repeated.
 fn blurred(codes: &[f64], width: usize, sigma: f64) -> Vec<f64> {
     let reach = (3.0 * sigma).ceil() as isize;
     let weight = |d: isize| if sigma > 0.0 { (-0.5 * (d as f64 / sigma).powi(2)).exp() } else { 1.0 };

@@ -40,7 +40,7 @@ pub struct Sensor {
 
 /// Arguments of `burst`.
 #[derive(Clone, Debug)]
-pub struct Job {
+pub struct BurstJob {
     /// Path of the environment map.
     pub env: PathBuf,
     /// Options for reading the map.
@@ -73,7 +73,7 @@ pub(crate) struct Scene {
 ///
 /// # Errors
 /// [`SimError`] if the map or the lens file cannot be read, an option is out of range, or the burst cannot be written.
-pub fn run(job: &Job) -> Result<(), SimError> {
+pub fn run(job: &BurstJob) -> Result<(), SimError> {
     check(job)?;
     let env = decompose::read(&job.env, &job.options)?;
     let lens = recorded::read_lens(&job.lens)?;
@@ -130,7 +130,7 @@ pub fn in_memory(
     (camera.calibration(lens), Burst { frames, ..Burst::default() })
 }
 
-fn check(job: &Job) -> Result<(), SimError> {
+fn check(job: &BurstJob) -> Result<(), SimError> {
     let count = job.exposures.len();
     if !(1..=hemilux_core::MAX_EXPOSURES).contains(&count) {
         let most = hemilux_core::MAX_EXPOSURES;

@@ -1,4 +1,4 @@
-//! The command line.
+//! Command line of `hemilux-sim`: subcommands, options, help texts.
 
 mod export;
 mod maps;
@@ -36,7 +36,7 @@ const EXAMPLES: &str = "Examples:
   hemilux-sim chart --env maps --out charts
   hemilux-sim stress --out stress --quick";
 
-/// Simulates a light probe and scores its results: from environment maps and recorded bursts to directional lights.
+/// Simulates a light probe: computes directional lights from environment maps and recorded bursts, and scores them.
 #[derive(Parser, Debug)]
 #[command(name = "hemilux-sim", version, after_help = EXAMPLES)]
 struct Cli {
@@ -46,35 +46,37 @@ struct Cli {
 
 #[derive(Subcommand, Debug)]
 enum Command {
-    /// Decomposes latitude-longitude HDR maps: one JSON light set per map on standard output.
+    /// Decomposes latitude-longitude HDR maps to directional lights: one JSON light set per map on standard output.
     Decompose(DecomposeArgs),
-    /// Makes a burst of bracketed photographs by their EXIF data.
+    /// Converts bracketed photographs with EXIF data to a burst.
     Import(ImportArgs),
     /// Runs recorded bursts through the probe's pipeline: one JSON light set per burst on standard output.
     Replay(ReplayArgs),
-    /// Scores a light set against the map it stands for: open, shadowed and energy error as ratios.
+    /// Scores a light set against its environment map: open, shadowed and energy error as ratios.
     Score(ScoreArgs),
-    /// Runs every method over every scenario: error, flicker, leaks, step response, tracking; SVG, JSON and a table.
+    /// Runs every method over every scenario: error, flicker, leaks, step response, tracking; writes SVG, JSON and a table.
     Stress(reports::StressArgs),
-    /// Charts time against error and lights against error of every method over the maps of a folder; SVG, JSON and a table.
+    /// Charts the error of every method against its time and against its number of lights, over the maps of a folder; writes SVG, JSON and a
+    /// table.
     Chart(reports::ChartArgs),
-    /// Compares discs with points and with fitted mixtures of spherical Gaussians over the maps of a folder: errors, times, fewest lights.
+    /// Compares lights with disc shape with point lights and with fitted mixtures of spherical Gaussians over the maps of a folder: errors,
+    /// times, least numbers of lights.
     Discs(reports::DiscsArgs),
-    /// Renders a small scene under the map and under a light set, side by side with the difference; or sets it into a photograph.
+    /// Renders a small scene under the map and under a light set, side by side with the difference; with --over, inserts it into a photograph.
     Render(RenderArgs),
-    /// Times every stage on one thread, beside the copy of the same bytes.
+    /// Measures the time of every stage on one thread, and of a copy of the burst's bytes for comparison.
     Bench(reports::BenchArgs),
-    /// Compares the merge of needed exposures with that of all: exposures read, open error, instructions.
+    /// Compares the merge of the needed exposures with the merge of all exposures: exposures read, open error, instructions.
     Reads(reports::ReadsArgs),
-    /// Samples a built-in room and does nothing else, for instruction counters.
+    /// Runs a sampler over maps of a built-in room without any output, for instruction counters.
     #[command(hide = true)]
     SampleFrames(SampleFramesArgs),
-    /// Runs days of simulated time over the real pipeline, server and sockets, with clients of every kind and faults of the source, and prints
-    /// a report; exit status 1 when something does not hold.
+    /// Runs days of simulated time through the probe's pipeline, server and sockets, with clients of every kind and faults of the source, and
+    /// prints a report; the exit status is 1 if a requirement is violated.
     Soak(reports::SoakArgs),
-    /// Charts the accuracy that the probe gives up on a slower board to keep its budget.
+    /// Prints a table of durations, degradation steps and error of the probe if its stages are slower by a factor and its budget is fixed.
     Slowdown(reports::SlowdownArgs),
-    /// Makes the burst that a camera under an HDR map would have recorded.
+    /// Writes the burst that a camera would record under an HDR map.
     Burst(BurstArgs),
     /// Writes completions for a shell to standard output.
     Completions(program::CompletionsArgs),
@@ -94,13 +96,13 @@ struct SamplerArgs {
 
 #[derive(Args, Debug)]
 struct ModelArgs {
-    /// Returns the least number of lights whose shadowed error is at most this ratio: 0.03 is 3 per cent.
+    /// Uses the least number of lights whose estimated shadowed error is at most this ratio: 0.03 is 3 per cent.
     #[arg(long, value_name = "E")]
     tolerance: Option<f32>,
-    /// Separates ambient light as nine spherical-harmonic coefficients.
+    /// Separates ambient light as nine spherical-harmonic coefficients per channel.
     #[arg(long)]
     ambient: bool,
-    /// Fits the lights as uniform discs of their radius, for renderers that draw suns of an angular size.
+    /// Fits the lights as uniform discs, for renderers whose directional lights have an angular radius.
     #[arg(long)]
     soft: bool,
 }
@@ -113,10 +115,10 @@ impl ModelArgs {
 
 #[derive(Args, Debug)]
 struct FileArgs {
-    /// Writes the tone-mapped map with the lights drawn on it, PNG or JPEG; of a sequence, one numbered file per frame.
+    /// PNG or JPEG file for the tone-mapped map with the lights drawn on it; a sequence has one numbered file per frame.
     #[arg(long, value_name = "FILE.png", value_parser = output::picture_path)]
     picture: Option<PathBuf>,
-    /// Writes the map as OpenEXR; of a sequence, one numbered file per frame.
+    /// OpenEXR file for the map's radiance; a sequence has one numbered file per frame.
     #[arg(long, value_name = "FILE.exr", value_parser = output::map_path)]
     map: Option<PathBuf>,
 }
@@ -129,7 +131,7 @@ impl FileArgs {
 
 #[derive(Args, Debug)]
 struct DecomposeArgs {
-    /// A latitude-longitude OpenEXR or Radiance HDR map, a folder of them (one sequence in name order), or scene:NAME.
+    /// A latitude-longitude OpenEXR or Radiance HDR map, a folder of such maps (one sequence in name order), or scene:NAME.
     #[arg(long, value_name = "FILE|FOLDER")]
     env: PathBuf,
     #[command(flatten)]
@@ -138,7 +140,7 @@ struct DecomposeArgs {
     model: ModelArgs,
     #[command(flatten)]
     map: MapArgs,
-    /// Maps a second of a sequence.
+    /// Rate of a sequence, maps per second.
     #[arg(long, default_value_t = 10.0)]
     fps: f64,
     #[command(flatten)]
@@ -149,26 +151,26 @@ struct DecomposeArgs {
 
 #[derive(Args, Debug)]
 struct ReplayArgs {
-    /// A folder with a burst.toml, a folder of such folders, or (with --lens) a folder of photographs.
+    /// A folder with a burst.toml, a folder of folders with a burst.toml, or (with --lens) a folder of photographs.
     #[arg(long, value_name = "DIR")]
     burst: PathBuf,
     /// Lens file for a folder of photographs without a burst.toml.
     #[arg(long, value_name = "FILE")]
     lens: Option<PathBuf>,
-    /// Exposure times that count: those stated, or that of the brightest frame and the ratios measured in the pixels.
+    /// Source of the exposure times.
     #[arg(long, value_enum, default_value = "stated")]
     exposures: ExposuresArg,
-    /// Most pixels of an image; by default 134217728, and less for short files.
+    /// Largest number of pixels of an image; by default 134217728, and less for short files.
     #[arg(long, value_name = "N")]
     max_pixels: Option<u64>,
     #[command(flatten)]
     sampler: SamplerArgs,
     #[command(flatten)]
     model: ModelArgs,
-    /// Frequency of the mains, hertz, whose lamps flicker; auto finds it, off leaves the flicker.
+    /// Mains frequency, hertz, whose lamp flicker is removed; auto measures the frequency, off removes no flicker.
     #[arg(long, default_value = "auto", value_parser = PossibleValuesParser::new(Lamps::NAMES))]
     mains: String,
-    /// Frames a second, for a recording whose burst.toml files have no timestamp_ns.
+    /// Bursts per second of a recording whose burst.toml files have no timestamp_ns.
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
     /// Radiance of the part of the hemisphere outside the field of view.
@@ -191,7 +193,8 @@ struct ImportArgs {
     /// Folder for the burst; it is created if it does not exist.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Reads photographs of any stated colour space (ICC profile, cICP, cHRM, Adobe RGB) as Rec. 709 with the format's usual transfer.
+    /// Ignores the stated colour space (ICC profile, cICP, cHRM, Adobe RGB) of the photographs and reads them as Rec. 709 with the format's
+    /// usual transfer function.
     #[arg(long)]
     ignore_profile: bool,
 }
@@ -201,7 +204,7 @@ struct ScoreArgs {
     /// Environment map, or scene:NAME.
     #[arg(long, value_name = "FILE")]
     env: PathBuf,
-    /// Light set, a JSON file.
+    /// Light set, a JSON file as `decompose` writes it.
     #[arg(long, value_name = "LIGHTS.json")]
     set: PathBuf,
     #[command(flatten)]
@@ -221,7 +224,8 @@ struct BurstArgs {
     /// Exposure times, seconds.
     #[arg(long, value_delimiter = ',', default_value = "0.000926,0.005555,0.033333")]
     exposures: Vec<f64>,
-    /// Radiance of full scale at one second; chosen so that the brightest texel just fits where left out.
+    /// Radiance that reaches the largest code in one second [default: the brightest texel nearly reaches it in the
+    /// shortest exposure].
     #[arg(long)]
     scale: Option<f64>,
     /// Bits of a sensor code.
@@ -248,13 +252,13 @@ struct RenderArgs {
     env: PathBuf,
     #[command(flatten)]
     map: MapArgs,
-    /// Light set, a JSON file as `decompose` prints it.
+    /// Light set, a JSON file as `decompose` writes it.
     #[arg(long, value_name = "LIGHTS.json")]
     set: PathBuf,
     /// Picture to write, PNG or JPEG.
     #[arg(long, value_name = "FILE.png", value_parser = output::picture_path)]
     out: PathBuf,
-    /// Sets the objects into this photograph by differential rendering instead.
+    /// Photograph into which the objects are inserted by differential rendering, in place of the comparison.
     #[arg(long, value_name = "PHOTO.png")]
     over: Option<PathBuf>,
 }
@@ -268,10 +272,10 @@ struct SampleFramesArgs {
     frames: usize,
 }
 
-/// Runs the command line `arguments`, whose first element is the program's name.
+/// Parses and runs the command line `arguments`, whose first element is the program's name.
 ///
 /// # Errors
-/// [`SimError`] with a message and an exit status.
+/// [`SimError::Usage`] for a wrong command line, [`SimError::Failed`] if the command fails.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<(), SimError> {
     match Cli::try_parse_from(arguments) {
         Ok(cli) => run_command(cli.command),
@@ -288,7 +292,7 @@ fn run_command(command: Command) -> Result<(), SimError> {
         Command::Man(args) => program::man(&args),
         Command::Decompose(args) => run_decompose(args),
         Command::Replay(args) => run_replay(args),
-        Command::Import(a) => import::run(&import::Job {
+        Command::Import(a) => import::run(&import::ImportJob {
             lens: a.lens,
             photos: a.photos,
             out: a.out,
@@ -304,7 +308,7 @@ fn run_command(command: Command) -> Result<(), SimError> {
         Command::Stress(args) => reports::stress(args),
         Command::Chart(args) => reports::chart(args),
         Command::Discs(args) => reports::discs(args),
-        Command::Render(a) => render::run(&render::Job {
+        Command::Render(a) => render::run(&render::RenderJob {
             env: a.env,
             options: a.map.into(),
             set: a.set,
@@ -320,7 +324,7 @@ fn run_command(command: Command) -> Result<(), SimError> {
         }
         Command::Burst(a) => {
             let sensor = burst::Sensor { bits: a.bits, full_well: a.full_well, read_noise: a.read_noise };
-            burst::run(&burst::Job {
+            burst::run(&burst::BurstJob {
                 env: a.env,
                 options: a.map.into(),
                 lens: a.lens,
@@ -336,11 +340,14 @@ fn run_command(command: Command) -> Result<(), SimError> {
 
 fn run_decompose(args: DecomposeArgs) -> Result<(), SimError> {
     if !(args.fps > 0.0 && args.fps.is_finite()) {
-        return Err(SimError::Usage(format!("--fps: found {}, expected a positive number", args.fps)));
+        return Err(SimError::Usage(format!(
+            "--fps: found {}, expected a positive number of maps per second",
+            args.fps
+        )));
     }
     let SamplerArgs { sampler, lights } = args.sampler;
     let export = args.export.export()?;
-    decompose::run(&decompose::Job {
+    decompose::run(&decompose::DecomposeJob {
         env: args.env,
         sampler,
         request: args.model.request(lights),
@@ -357,7 +364,9 @@ fn run_replay(args: ReplayArgs) -> Result<(), SimError> {
         ExtrapolationArg::Average => Extrapolation::Average,
     };
     if let Some(rate) = args.rate.filter(|rate| !(*rate > 0.0 && rate.is_finite())) {
-        return Err(SimError::Usage(format!("--rate: found {rate}, expected a positive number")));
+        return Err(SimError::Usage(format!(
+            "--rate: found {rate}, expected a positive number of bursts per second"
+        )));
     }
     let lamps = Lamps::named(&args.mains).unwrap_or_default();
     let SamplerArgs { sampler, lights } = args.sampler;
@@ -366,7 +375,7 @@ fn run_replay(args: ReplayArgs) -> Result<(), SimError> {
         Settings { sampler, lights, tolerance, ambient, soft, extrapolation, lamps, ..Settings::default() };
     let export = args.export.export()?;
     let files = args.files.files(&export);
-    replay::run(&replay::Job {
+    replay::run(&replay::ReplayJob {
         burst: args.burst,
         lens: args.lens,
         limits: ReadLimits { max_pixels: args.max_pixels, ..ReadLimits::default() },

@@ -1,4 +1,5 @@
-//! All methods of a comparison behind one interface: the core's samplers, the baselines raw and gathered, and the offline volume sampler.
+//! The methods of a comparison behind one interface: the core's samplers, the baselines with and without Voronoi gather, and the offline
+//! volume sampler.
 
 use crate::baseline::{self, gather};
 use crate::env::EnvMap;
@@ -11,23 +12,23 @@ use hemilux_core::SamplerKind;
 use hemilux_core::light::Decomposition;
 use hemilux_core::sampler::Request;
 
-/// The kinds of methods.
+/// Kind of a method of a comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// A sampler of the core, which runs on the probe.
     Core,
-    /// A method of the literature that decomposes single maps.
+    /// A method of the literature that decomposes each map on its own.
     Baseline,
     /// A baseline followed by a Voronoi gather.
     Gathered,
-    /// A method that needs the whole sequence.
+    /// A method whose input is all maps of the sequence at once.
     Offline,
 }
 
-/// A method by its name.
+/// Name and kind of a method of a comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Method {
-    /// Name of the method in charts and reports.
+    /// Name of the method in charts and reports: a base name, and suffixes such as `+sh`.
     pub name: &'static str,
     /// Kind of the method.
     pub kind: Kind,
@@ -40,19 +41,19 @@ impl Method {
         if self.kind == Kind::Core { self.sampler().least_lights(domain) } else { 1 }
     }
 
-    /// Returns the name of the sampler without the suffixes for gathering, ambient light and discs.
+    /// Returns the name without the suffixes `+v` (gather), `+sh` (ambient light) and `+soft` (discs).
     #[must_use]
     pub fn base(&self) -> &'static str {
         self.name.split('+').next().unwrap_or(self.name)
     }
 
-    /// Returns the core's sampler of the method; the default sampler for methods outside of the core.
+    /// Returns the kind of the core's sampler; the default kind for methods outside of the core.
     #[must_use]
     pub fn sampler(&self) -> SamplerKind {
         self.base().parse().unwrap_or_default()
     }
 
-    /// Returns the request to a sampler of the core.
+    /// Returns the request for `lights` lights that a sampler of the core receives.
     #[must_use]
     pub fn request(&self, lights: usize) -> Request {
         Request { ambient: self.is_asked("sh"), soft: self.is_soft(), ..Request::of_lights(lights) }
@@ -85,17 +86,17 @@ pub fn methods() -> Vec<Method> {
     core.chain(baselines).chain(offline).collect()
 }
 
-/// Returns a baseline in its initial state.
+/// Returns the baseline with the name `name` in its initial state.
 ///
 /// # Panics
 /// If there is no baseline of this name.
 #[must_use]
 pub fn baseline_called(name: &str) -> Box<dyn baseline::Baseline> {
     let mut all = baseline::all().into_iter();
-    all.find(|b| b.name() == name).expect("the names come from the baselines themselves")
+    all.find(|b| b.name() == name).expect("the name is that of a baseline")
 }
 
-/// Converts the result of a core sampler to the light set that is scored.
+/// Converts the decomposition of a core sampler to the light set that the scores read.
 #[must_use]
 pub fn judged(made: &Decomposition<'_>) -> LitSet {
     let lit = |l: &hemilux_core::light::Light| Lit {
@@ -108,24 +109,24 @@ pub fn judged(made: &Decomposition<'_>) -> LitSet {
     LitSet { lights: made.lights.iter().map(lit).collect(), ambient_sh }
 }
 
-/// The light sets of one method over a sequence.
+/// The light sets of one method over the frames of a sequence.
 #[derive(Clone, Debug)]
 pub struct Run {
     /// Method that made the sets.
     pub method: Method,
-    /// Largest number of lights.
+    /// Largest number of lights of a set.
     pub lights: usize,
     /// One set per frame; `None` if the method does not support the scenario.
     pub sets: Option<Vec<LitSet>>,
 }
 
-/// Runs the core's samplers over a sequence, each with each number of lights; the maps are computed once for all of them.
+/// Runs each sampler of the core over a sequence with each number of lights of `counts`; all runs share the maps.
 #[must_use]
 pub fn run_core(scenario: &Scenario, counts: &[usize]) -> Vec<Run> {
     run_core_of(scenario, counts, |_| true)
 }
 
-/// Like [`run_core`], for the core's methods that `is_wanted` accepts.
+/// Runs the methods of the core for which `is_wanted` returns true over a sequence, with each number of lights of `counts`.
 #[must_use]
 pub fn run_core_of(scenario: &Scenario, counts: &[usize], is_wanted: impl Fn(&Method) -> bool) -> Vec<Run> {
     let mut maps = OrderedMaps::new(&scenario.seen()[0], scenario.domain, counts);
@@ -150,7 +151,7 @@ pub fn run_core_of(scenario: &Scenario, counts: &[usize], is_wanted: impl Fn(&Me
     runs.map(|(method, lights, sampler, sets)| Run { method, lights, sets: sampler.map(|_| sets) }).collect()
 }
 
-/// Runs a baseline over a sequence, raw and gathered.
+/// Runs a baseline over a sequence; returns its sets, and the sets after the Voronoi gather.
 fn run_baseline(method: Method, scenario: &Scenario, lights: usize) -> [Vec<LitSet>; 2] {
     let mut sampler = baseline_called(method.name);
     let (mut raw, mut gathered) = (Vec::new(), Vec::new());
@@ -171,7 +172,7 @@ fn run_volume(scenario: &Scenario, lights: usize) -> Option<Vec<LitSet>> {
     })
 }
 
-/// Runs the methods outside of the core over a sequence.
+/// Runs the methods outside of the core over a sequence with each number of lights of `counts`.
 #[must_use]
 pub fn run_baselines(scenario: &Scenario, counts: &[usize]) -> Vec<Run> {
     let all = methods();
@@ -192,10 +193,10 @@ pub fn run_baselines(scenario: &Scenario, counts: &[usize]) -> Vec<Run> {
     runs
 }
 
-/// Reads the maps of a folder, reduced to at most `width` columns.
+/// Reads the maps of a folder with their names; wider maps are resampled to `width` columns.
 ///
 /// # Errors
-/// [`crate::error::SimError`] for a folder or a map that cannot be read.
+/// [`crate::error::SimError`] with the path of the folder or of the map that cannot be read.
 pub fn read_maps(
     folder: &std::path::Path,
     width: usize,

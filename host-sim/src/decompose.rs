@@ -17,7 +17,7 @@ use std::time::Instant;
 
 /// Arguments of `decompose`.
 #[derive(Clone, Debug)]
-pub struct Job {
+pub struct DecomposeJob {
     /// Path of a map, or of a folder of maps that are one sequence in name order.
     pub env: PathBuf,
     /// Sampler that decomposes the maps.
@@ -38,7 +38,7 @@ pub struct Job {
 ///
 /// # Errors
 /// [`SimError`] if a map cannot be read or decomposed, or an output cannot be written.
-pub fn run(job: &Job) -> Result<(), SimError> {
+pub fn run(job: &DecomposeJob) -> Result<(), SimError> {
     let paths = list(&job.env)?;
     job.export.check_count(paths.len())?;
     let first = read(&paths[0], &job.options)?;
@@ -95,7 +95,7 @@ pub fn run(job: &Job) -> Result<(), SimError> {
 }
 
 /// Returns the map to which a light set refers: the written one, else the input if it covers the whole sphere.
-fn map_name(job: &Job, domain: Domain) -> Option<PathBuf> {
+fn map_name(job: &DecomposeJob, domain: Domain) -> Option<PathBuf> {
     let read = || job.env.canonicalize().ok().filter(|env| env.is_file() && domain == Domain::Sphere);
     job.files.map_name().or_else(read)
 }

@@ -37,7 +37,7 @@ const RUNS: usize = 5;
 
 /// Arguments of `discs`.
 #[derive(Clone, Debug)]
-pub struct Job {
+pub struct DiscsJob {
     /// Folder of maps.
     pub env: PathBuf,
     /// Leaves the mixtures out.
@@ -66,7 +66,7 @@ pub struct Measured {
 ///
 /// # Errors
 /// [`SimError`] for a folder or a map that cannot be read.
-pub fn run(job: &Job) -> Result<(), SimError> {
+pub fn run(job: &DiscsJob) -> Result<(), SimError> {
     let maps = contender::read_maps(&job.env, WIDTH)?;
     let grounds: Vec<Ground> = maps.iter().map(|(_, env)| Ground::new(env)).collect();
     let mut text = String::new();

@@ -1,4 +1,4 @@
-//! Primitives of the SVG charts: colours for colour-blind readers, text, logarithmic axes.
+//! Primitives of the SVG charts: a palette that colour-blind readers can distinguish, shapes, text, logarithmic axes.
 
 use plotters::backend::SVGBackend;
 use plotters::coord::{CoordTranslate, Shift};
@@ -31,7 +31,7 @@ pub struct Canvas<'a> {
 }
 
 impl<'a> Canvas<'a> {
-    /// Creates a white page of `size` pixels in `buffer`.
+    /// Creates a white page of `size` pixels (width, height), whose SVG text is written to `buffer`.
     pub fn new(buffer: &'a mut String, size: (u32, u32)) -> Self {
         let canvas = Self {
             area: plotters::prelude::IntoDrawingArea::into_drawing_area(SVGBackend::with_string(
@@ -43,18 +43,18 @@ impl<'a> Canvas<'a> {
         canvas
     }
 
-    /// Draws a filled rectangle.
+    /// Draws a filled rectangle with the opposite corners `a` and `b`, pixels.
     pub fn rect(&self, a: [f64; 2], b: [f64; 2], colour: RGBColor) {
         let _ = self.area.draw(&Rectangle::new([pixel(a), pixel(b)], colour.filled()));
     }
 
-    /// Draws a line through points.
+    /// Draws a line of `width` pixels through points.
     pub fn line(&self, points: &[[f64; 2]], colour: RGBColor, width: u32) {
         let points: Vec<_> = points.iter().copied().map(pixel).collect();
         let _ = self.area.draw(&PathElement::new(points, colour.stroke_width(width)));
     }
 
-    /// Draws a dashed line through points.
+    /// Draws a dashed line of `width` pixels through points.
     pub fn dashes(&self, points: &[[f64; 2]], colour: RGBColor, width: u32) {
         for pair in points.windows(2) {
             let (a, b) = (pair[0], pair[1]);
@@ -68,32 +68,32 @@ impl<'a> Canvas<'a> {
         }
     }
 
-    /// Draws a disc or, with a `hole`, a ring.
+    /// Draws a disc of `radius` pixels; with `hole`, a ring of the same radius.
     pub fn dot(&self, at: [f64; 2], radius: i32, colour: RGBColor, hole: bool) {
         let style = if hole { ShapeStyle::from(&colour).stroke_width(2) } else { colour.filled() };
         let _ = self.area.draw(&Circle::new(pixel(at), radius, style));
     }
 
-    /// Draws a small square.
+    /// Draws a filled square with half sides of `half` pixels.
     pub fn square(&self, [x, y]: [f64; 2], half: f64, colour: RGBColor) {
         self.rect([x - half, y - half], [x + half, y + half], colour);
     }
 
-    /// Draws a small cross.
+    /// Draws a diagonal cross in a square with half sides of `half` pixels.
     pub fn cross(&self, [x, y]: [f64; 2], half: f64, colour: RGBColor) {
         self.line(&[[x - half, y - half], [x + half, y + half]], colour, 2);
         self.line(&[[x - half, y + half], [x + half, y - half]], colour, 2);
     }
 
-    /// Draws text of `size` pixels, vertically centred at `at`, to the left or right of it or centred.
+    /// Draws text of `size` pixels, vertically centred at `at`; `side` is the part of the text that lies at `at`: left end, centre or right end.
     pub fn text(&self, text: &str, at: [f64; 2], side: HPos, size: i32, colour: RGBColor) {
-        // The library's unit of text size is 1.24 of its points to a pixel.
+        // A pixel is 1.24 units of text size of the `plotters` crate.
         let size = f64::from(size) * 1.24;
         let style = ("sans-serif", size).into_font().color(&colour).pos(Pos::new(side, VPos::Center));
         let _ = self.area.draw(&Text::new(text.to_string(), pixel(at), style));
     }
 
-    /// Completes the page.
+    /// Writes the end of the SVG text.
     pub fn finish(self) {
         let _ = self.area.present();
     }
@@ -114,7 +114,7 @@ pub struct LogAxis {
 }
 
 impl LogAxis {
-    /// Position of `value`, pixels; a value outside of the axis has the position of the nearest end.
+    /// Returns the position of `value` in pixels; a value outside of the axis has the position of the nearest end.
     #[must_use]
     pub fn at(&self, value: f64) -> f64 {
         let [low, high] = self.values;
@@ -122,7 +122,7 @@ impl LogAxis {
         self.pixels[0] + part * (self.pixels[1] - self.pixels[0])
     }
 
-    /// Returns the tick values: powers of ten; on a short axis also their multiples by two and five.
+    /// Returns the tick values: powers of ten, and if the ends have a ratio below 60 also their multiples by two and five.
     #[must_use]
     pub fn ticks(&self) -> Vec<f64> {
         let [low, high] = self.values;
@@ -153,7 +153,7 @@ impl LogAxis {
     }
 }
 
-/// Formats a number in decimal notation without trailing zeros or exponent.
+/// Formats a number with at most six decimals, without trailing zeros or exponent.
 #[must_use]
 pub fn plain(v: f64) -> String {
     format!("{}", (v * 1e6).round() / 1e6)

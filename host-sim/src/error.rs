@@ -15,12 +15,12 @@ pub enum SimError {
 }
 
 impl SimError {
-    /// Creates a failure with the path of a file, the found and the expected value.
+    /// Creates a [`SimError::Failed`] of the form "PATH: found FOUND, expected EXPECTED".
     pub fn at(path: &Path, found: impl Display, expected: &str) -> Self {
         Self::Failed(format!("{}: found {found}, expected {expected}", path.display()))
     }
 
-    /// Exit status of the error.
+    /// Returns the exit status of the process: 2 for [`SimError::Usage`], 1 for [`SimError::Failed`].
     #[must_use]
     pub fn code(&self) -> u8 {
         match self {

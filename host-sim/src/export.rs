@@ -1,4 +1,4 @@
-//! The form and axes in which commands write light sets to standard output.
+//! Writer of light sets to standard output in a file format (form) and coordinate axes.
 
 use crate::error::SimError;
 use hemilux::consistency::LeftOut;
@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use std::io::Write;
 use std::path::Path;
 
-/// The form and axes of a command's light sets.
+/// File format (form) and coordinate axes of the light sets that a command writes.
 #[derive(Clone, Copy, Debug)]
 pub struct Export {
     form: Form,
@@ -16,16 +16,16 @@ pub struct Export {
 }
 
 impl Export {
-    /// Combines `form` with `axes`; without `axes`, those of the program that reads the form.
+    /// Combines `form` with `axes`; without `axes`, the form's own axes are used.
     ///
     /// # Errors
-    /// [`SimError::Usage`] for axes that the form cannot hold.
+    /// [`SimError::Usage`] for axes in which the form cannot be written.
     pub fn try_new(form: Form, axes: Option<Coordinates>) -> Result<Self, SimError> {
         let axes = form.axes(axes).map_err(|e| SimError::Usage(format!("--coordinates: found {e}")))?;
         Ok(Self { form, axes })
     }
 
-    /// Returns whether written maps must cover whole spheres, since the target program does not support hemispheres.
+    /// Returns whether written maps must cover the whole sphere, since the programs that read the form do not support hemispheres.
     #[must_use]
     pub fn needs_whole_maps(&self) -> bool {
         self.form == Form::Usda
@@ -45,16 +45,16 @@ impl Export {
         )))
     }
 
-    /// Writes one light set to standard output. `map` is a map of the same scene, to which USD refers.
+    /// Writes one light set to standard output. `map` is the path of a map of the same scene, which a USD file refers to.
     ///
     /// # Errors
-    /// [`SimError`] when standard output is closed.
+    /// [`SimError`] if the set cannot be encoded or standard output is closed.
     pub fn print(&self, set: &LightSet<'_>, map: Option<&Path>) -> Result<(), SimError> {
         self.print_with(set, map, &[])
     }
 
-    /// Like [`Export::print`]; the JSON form also lists the frames that were left out of the burst, with index, reason and file, as
-    /// `frames_left_out`.
+    /// Writes one light set to standard output, in the JSON form with `frames_left_out`: index, reason and file of each frame of the burst that
+    /// was not merged.
     ///
     /// # Errors
     /// The errors of [`Export::print`].
@@ -76,8 +76,9 @@ impl Export {
         if self.form != Form::Glb && bytes.last() != Some(&b'\n') {
             bytes.push(b'\n');
         }
-        let closed =
-            |e: std::io::Error| SimError::Failed(format!("standard output: found {e}, expected a reader"));
+        let closed = |e: std::io::Error| {
+            SimError::Failed(format!("standard output: found {e}, expected a stream that can be written"))
+        };
         std::io::stdout().write_all(&bytes).map_err(closed)
     }
 }

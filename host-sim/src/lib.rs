@@ -1,4 +1,4 @@
-//! Simulator and scoring of light probes: simulated bursts, replay of recorded bursts, reference integrals, charts.
+//! Simulator of light probes and scores of their light sets: simulated bursts, replay of recorded bursts, reference integrals, charts.
 
 pub mod baseline;
 pub mod bench;

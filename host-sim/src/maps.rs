@@ -10,14 +10,14 @@ use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
 use hemilux_core::sampler::Map;
 use std::f64::consts::PI;
 
-/// Pyramid and latitude-longitude map of one environment map.
+/// HEALPix pyramid and latitude-longitude map with the energy of one environment map.
 pub struct Maps {
     pyramid: Pyramid<Vec<Quad>>,
     polar: LatLong<Vec<[f32; 3]>>,
     plan: Option<TexelQuads>,
 }
 
-/// Returns the size of the latitude-longitude map that samplers read for environment maps of the size of `env`.
+/// Returns the grid of the latitude-longitude map that samplers read: the columns of `env`, and its rows or their upper half by `domain`.
 #[must_use]
 pub fn grid(env: &EnvMap, domain: Domain) -> Grid {
     let rows = match domain {
@@ -27,7 +27,7 @@ pub fn grid(env: &EnvMap, domain: Domain) -> Grid {
     Grid { width: env.width(), height: rows, domain }
 }
 
-/// Returns the radiance of each texel of a map with grid `map`; `None` if the texels differ from those of `env`.
+/// Returns the texels of `env` that a map with the grid `map` covers, row by row; `None` if the two grids differ in width or rows.
 #[must_use]
 pub fn radiance(env: &EnvMap, map: Grid) -> Option<&[[f32; 3]]> {
     let rows = match map.domain {
@@ -38,19 +38,19 @@ pub fn radiance(env: &EnvMap, map: Grid) -> Option<&[[f32; 3]]> {
 }
 
 impl Maps {
-    /// Creates black maps.
+    /// Creates black maps: a pyramid of the HEALPix order `order`, limited to the legal orders, and a latitude-longitude map of `grid`.
     #[must_use]
     pub fn new(domain: Domain, order: u8, grid: Grid) -> Self {
         let quads = vec![Quad::default(); pyramid_len(domain, Order::saturating(order))];
         let pyramid = Pyramid::try_new(quads, domain, Order::saturating(order))
-            .expect("as many quads as the pyramid names");
+            .expect("the quads have the length that pyramid_len returns");
         let polar =
-            LatLong::try_new(grid, vec![[0.0; 3]; grid.len()]).expect("as many texels as the grid has");
+            LatLong::try_new(grid, vec![[0.0; 3]; grid.len()]).expect("the texels have the grid's length");
         Self { pyramid, polar, plan: None }
     }
 
-    /// Fills the pyramid and the latitude-longitude map with the energy of `env`. Each texel's energy is placed at the texel's centre, as
-    /// in the scores.
+    /// Fills the pyramid and the latitude-longitude map with the energy of `env`. The pyramid's quad at a texel's centre receives the whole
+    /// energy of the texel; the scores place the energy of a texel at its centre too.
     pub fn fill(&mut self, env: &EnvMap) {
         let view = self.pyramid.view();
         let plan = match self.plan.take() {
@@ -79,7 +79,7 @@ impl Maps {
         Map { pyramid: self.pyramid.view(), polar: self.polar.view() }
     }
 
-    /// Fills each quad and texel with the radiance at its centre: fast and inexact, for benchmarks.
+    /// Fills each quad and texel with `radiance` at its centre times its solid angle. The quadrature is one point a cell, for benchmarks.
     pub fn fill_at_centres(&mut self, radiance: impl Fn([f64; 3]) -> [f32; 3]) {
         let order = self.pyramid.view().order().get();
         let sr = healpix::solid_angle(order) as f32;
@@ -100,14 +100,14 @@ impl Maps {
     }
 }
 
-/// Maps of all HEALPix orders that the numbers of lights need.
+/// One [`Maps`] for each HEALPix order that samplers of the requested numbers of lights read.
 pub struct OrderedMaps {
     /// Shape and maps, one entry per order.
     all: Vec<(Shape, Maps)>,
 }
 
 impl OrderedMaps {
-    /// Creates black maps of the size of `env` for samplers of these numbers of lights.
+    /// Creates black maps of the size of `env` for samplers with `counts` lights.
     #[must_use]
     pub fn new(env: &EnvMap, domain: Domain, counts: &[usize]) -> Self {
         let mut orders: Vec<u8> = counts.iter().map(|&lights| samplers::order_for(lights)).collect();
@@ -118,7 +118,7 @@ impl OrderedMaps {
         Self { all: made.map(|shape| (shape, Maps::new(domain, shape.order, grid))).collect() }
     }
 
-    /// Fills the maps of every order with the energy of `env`.
+    /// Fills the maps of all orders with the energy of `env`.
     pub fn fill(&mut self, env: &EnvMap) {
         self.all.iter_mut().for_each(|(_, maps)| maps.fill(env));
     }
@@ -126,17 +126,17 @@ impl OrderedMaps {
     /// Returns the shape and the maps for a sampler of `lights` lights.
     ///
     /// # Panics
-    /// If no number of lights given to [`OrderedMaps::new`] has the same order.
+    /// If no entry of `counts` in [`OrderedMaps::new`] has the HEALPix order of `lights` lights.
     #[must_use]
     pub fn of(&self, lights: usize) -> (&Shape, Map<'_>) {
         let order = samplers::order_for(lights);
         let of = self.all.iter().find(|(shape, _)| shape.order == order);
-        let (shape, maps) = of.expect("a map of every order that was named");
+        let (shape, maps) = of.expect("the number of lights has an order of OrderedMaps::new");
         (shape, maps.view())
     }
 }
 
-/// The quad of each texel of maps of one size, computed once for a sequence.
+/// Index of the HEALPix quad at each texel's centre, for environment maps of one size; computed once for a sequence.
 struct TexelQuads {
     grid: Texels,
     quads: Vec<u32>,
@@ -164,7 +164,7 @@ fn overlaps(from: &[f64], to: &[f64]) -> Vec<Overlap> {
     let mut first = 0;
     for (i, source) in from.windows(2).enumerate() {
         let width = source[1] - source[0];
-        // Both lists of edges ascend: cells that end before this source cell are not looked at again.
+        // Both lists of edges ascend: later source cells do not overlap the target cells that end before this source cell.
         first += to[first..].windows(2).take_while(|target| target[1] <= source[0]).count();
         let near = to.windows(2).enumerate().skip(first).take_while(|(_, target)| target[0] < source[1]);
         for (j, target) in near {
@@ -177,7 +177,7 @@ fn overlaps(from: &[f64], to: &[f64]) -> Vec<Overlap> {
     shares
 }
 
-/// Fills a latitude-longitude map of energy from one of radiance, distributing along both axes by overlap.
+/// Fills a latitude-longitude map of energy from a map of radiance; each source texel's energy is distributed by overlap along both axes.
 fn resample(env: &EnvMap, polar: &mut LatLong<Vec<[f32; 3]>>) {
     let grid = polar.grid();
     // Edges along -cos(theta), where equal steps are equal solid angles.
@@ -188,7 +188,7 @@ fn resample(env: &EnvMap, polar: &mut LatLong<Vec<[f32; 3]>>) {
     let (columns_from, columns_to) = (steps(env.width()), steps(grid.width));
     let columns = overlaps(&columns_from, &columns_to);
     if (env.width(), env.height()) == (grid.width, grid.height) && grid.domain == Domain::Sphere {
-        // The sums are computed cell by cell, without an intermediate list.
+        // Equal grids: a texel's energy is its radiance times its solid angle.
         for (k, (texel, rgb)) in polar.texels_mut().iter_mut().zip(env.texels()).enumerate() {
             *texel = rgb.map(|v| (f64::from(v) * env.solid_angle(k / grid.width)) as f32);
         }
@@ -209,12 +209,12 @@ fn resample(env: &EnvMap, polar: &mut LatLong<Vec<[f32; 3]>>) {
     }
 }
 
-/// Returns a map with `width` columns and half as many rows of the same energy per solid angle.
+/// Returns `env` resampled to `width` columns and half as many rows; the energy is preserved.
 #[must_use]
 pub fn resized(env: &EnvMap, width: usize) -> EnvMap {
     let grid = Grid { width, height: width.div_ceil(2), domain: Domain::Sphere };
     let mut energy =
-        LatLong::try_new(grid, vec![[0.0; 3]; grid.len()]).expect("as many texels as the grid has");
+        LatLong::try_new(grid, vec![[0.0; 3]; grid.len()]).expect("the texels have the grid's length");
     resample(env, &mut energy);
     let texels = energy.texels_mut().iter().enumerate();
     let radiance = texels.map(|(k, rgb)| rgb.map(|v| (f64::from(v) / grid.solid_angle(k / width)) as f32));

@@ -1,4 +1,4 @@
-//! Output of the commands: light sets, pictures and maps.
+//! Writers of the commands' output: bytes to standard output, pictures and maps to files.
 
 use crate::error::SimError;
 use hemilux::maps::{self, Covers};
@@ -13,27 +13,28 @@ use std::path::{Path, PathBuf};
 /// Paths of the pictures and maps that a command writes.
 #[derive(Clone, Debug, Default)]
 pub struct Files {
-    /// Path of the tone-mapped map with the lights.
+    /// Path of the PNG or JPEG picture of the tone-mapped map with its lights.
     pub picture: Option<PathBuf>,
-    /// Path of the map as OpenEXR.
+    /// Path of the OpenEXR file of the map's radiance.
     pub map: Option<PathBuf>,
     /// Whether the map of a hemisphere is extended to a whole sphere, black below the horizon.
     pub whole_maps: bool,
 }
 
 impl Files {
-    /// Returns the path by which a light set beside the map refers to it.
+    /// Returns the path that a light set in the map's folder contains for the map: `./NAME.exr`; `None` if no map is written.
     #[must_use]
     pub fn map_name(&self) -> Option<PathBuf> {
         self.map.as_ref().and_then(|path| Some(Path::new(".").join(path.file_name()?)))
     }
 
-    /// Writes the picture and the map whose paths are set; frame `index` of a sequence is written to a numbered file.
+    /// Writes the picture and the map whose paths are set; the files of frame `index` of a sequence have numbered names.
     ///
-    /// `radiance` is the radiance of each texel of `map` if it was read from a file; the map is then written with these values.
+    /// `radiance` is the radiance of each texel of `map`, row by row, if a file contained it; the OpenEXR file then has these values. Otherwise
+    /// each texel's energy is divided by the texel's solid angle.
     ///
     /// # Errors
-    /// [`SimError`] naming the file that could not be written.
+    /// [`SimError`] with the path of the file that cannot be written.
     pub fn write(
         &self,
         index: Option<usize>,
@@ -63,18 +64,18 @@ fn numbered(path: &Path, index: Option<usize>) -> PathBuf {
 /// Quality of JPEG pictures, 1 to 100.
 const JPEG_QUALITY: u8 = 92;
 
-/// Parses the path of a picture, whose extension names its format.
+/// Parses the path of a picture: `.png`, `.jpg` or `.jpeg`, in upper or lower case.
 ///
 /// # Errors
-/// The found and the expected extensions.
+/// Text with the expected extensions.
 pub fn picture_path(text: &str) -> Result<PathBuf, String> {
     with_extension(text, &["png", "jpg", "jpeg"])
 }
 
-/// Parses the path of an OpenEXR map.
+/// Parses the path of an OpenEXR map: `.exr`, in upper or lower case.
 ///
 /// # Errors
-/// The found and the expected extension.
+/// Text with the expected extension.
 pub fn map_path(text: &str) -> Result<PathBuf, String> {
     with_extension(text, &["exr"])
 }
@@ -90,10 +91,10 @@ fn with_extension(text: &str, known: &[&str]) -> Result<PathBuf, String> {
     }
 }
 
-/// Writes `picture` in the format of the extension of `path`.
+/// Writes `picture` to `path` as PNG if its extension is `png`, and as JPEG otherwise.
 ///
 /// # Errors
-/// [`SimError`] naming the file.
+/// [`SimError`] with the path if the picture cannot be encoded or written.
 pub fn save_picture(path: &Path, picture: &RgbImage) -> Result<(), SimError> {
     let mut bytes = std::io::Cursor::new(Vec::new());
     let is_png = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"));
@@ -102,7 +103,7 @@ pub fn save_picture(path: &Path, picture: &RgbImage) -> Result<(), SimError> {
     } else {
         picture.write_with_encoder(JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY))
     };
-    written.map_err(|e| SimError::at(path, e, "a picture"))?;
+    written.map_err(|e| SimError::at(path, e, "a picture that the format can hold"))?;
     save(path, bytes.get_ref())
 }
 
@@ -120,15 +121,15 @@ pub fn say(bytes: &[u8]) -> Result<(), SimError> {
     }
 }
 
-/// Writes `bytes` as the whole contents of a file.
+/// Writes `bytes` to the file `path` and replaces its earlier contents.
 ///
 /// # Errors
-/// [`SimError`] naming the file.
+/// [`SimError`] with the path if the file cannot be written.
 pub fn save(path: &Path, bytes: &[u8]) -> Result<(), SimError> {
     std::fs::write(path, bytes).map_err(|e| SimError::at(path, e, "a file that can be written"))
 }
 
-/// Writes radiance as 32-bit OpenEXR with an attribute for the covered part of the sphere.
+/// Writes radiance as OpenEXR of 32-bit floats, with an attribute for the covered part of the sphere; with `whole`, black rows extend a hemisphere.
 fn save_exr(
     path: &Path,
     map: &LatLongView<'_>,

@@ -2,16 +2,16 @@
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// Shows a bar of `steps` steps labelled `what`, which is removed when dropped.
+/// Creates a progress bar of `steps` steps with the label `label`; the bar is erased when it is dropped.
 #[must_use]
-pub fn bar(what: &'static str, steps: usize) -> ProgressBar {
+pub fn bar(label: &'static str, steps: usize) -> ProgressBar {
     let style = ProgressStyle::with_template("{prefix} [{bar:32}] {pos}/{len} {msg} {elapsed}, {eta} left")
         .unwrap_or_else(|_| ProgressStyle::default_bar())
         .progress_chars("=> ");
-    ProgressBar::new(steps as u64).with_style(style).with_prefix(what)
+    ProgressBar::new(steps as u64).with_style(style).with_prefix(label)
 }
 
-/// Calls `work(k)` for every k below `count` on as many threads as the machine has cores; returns the results in order.
+/// Calls `work(k)` for every k below `count` on as many threads as the machine has cores; returns the results in order of k.
 pub fn on_all_cores<T: Send>(count: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
     use std::sync::atomic::{AtomicUsize, Ordering};
     let threads = std::thread::available_parallelism().map_or(1, |n| n.get()).min(count.max(1));

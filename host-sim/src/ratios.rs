@@ -1,23 +1,23 @@
-//! The ratios of the exposures of a burst, measured in its pixels.
+//! Ratios of the exposures of a burst, measured in the pixels of its frames.
 
 use hemilux::calibration::{Burst, Calibration, Frame, Pixels};
 use hemilux::recorded::RecordedBurst;
 use hemilux_core::format::Format;
 use hemilux_core::response::{Curve, curve_len};
 
-/// Least number of samples for a measured ratio to replace the stated one.
+/// Least number of samples with which a measured ratio replaces the ratio of the stated exposure times.
 const LEAST_SAMPLES: usize = 1000;
 
-/// Least ratio that two exposures have; frames of a smaller one are copies.
+/// Least usable ratio of two exposures; two frames with a smaller ratio count as copies of one exposure.
 const LEAST_RATIO: f64 = 1.05;
 
-/// Sets the exposure times by the measured ratios and sorts the frames by them; prints the ratios if `tells`. The brightest frame keeps its
-/// stated time; if another one states a longer time, the median of stated over measured times sets the scale. A frame without a usable
-/// ratio, such as a black one, keeps its stated time.
-pub fn measure(read: &mut RecordedBurst, tells: bool) {
+/// Sets the exposure times by the measured ratios and sorts the frames by exposure; prints the ratios if `prints`. The brightest frame keeps
+/// its stated time; if another frame states a longer time, all measured times are scaled by the median of stated over measured times. A frame
+/// without a usable ratio, such as a black frame, keeps its stated time.
+pub fn measure(read: &mut RecordedBurst, prints: bool) {
     sort(read, |frame| codes(frame).map(f64::from).sum());
     let ratios = of(&read.calibration, &read.burst);
-    if tells {
+    if prints {
         print(&ratios);
     }
     let frames = &mut read.burst.frames;
@@ -34,7 +34,7 @@ pub fn measure(read: &mut RecordedBurst, tells: bool) {
     sort(read, Frame::light);
 }
 
-/// Sorts the frames and their files by a key.
+/// Sorts the frames and the paths of their files by a key of the frame, ascending.
 fn sort(read: &mut RecordedBurst, key: impl Fn(&Frame) -> f64) {
     let frames = std::mem::take(&mut read.burst.frames).into_iter();
     let mut keyed: Vec<_> =
@@ -52,7 +52,7 @@ fn apply(ratios: &[Ratio], frames: &mut [Frame]) {
     }
 }
 
-/// The median of stated over measured exposures.
+/// Returns the median of stated over measured exposures, over the frames with a usable ratio; 1 if there is none.
 fn scale(ratios: &[Ratio], stated: &[f64], frames: &[Frame]) -> f64 {
     let measured = frames.iter().map(Frame::light);
     let of_frame =
@@ -62,7 +62,7 @@ fn scale(ratios: &[Ratio], stated: &[f64], frames: &[Frame]) -> f64 {
     scales.get(scales.len() / 2).copied().unwrap_or(1.0)
 }
 
-/// Whether a frame has a usable ratio to the next darker or the next brighter one.
+/// Returns whether a frame has a usable ratio to the next darker or the next brighter frame.
 fn has_ratio(ratios: &[Ratio], frame: usize) -> bool {
     let with = |index: Option<usize>| index.and_then(|i| ratios.get(i)).is_some_and(Ratio::is_usable);
     with(frame.checked_sub(1)) || with(Some(frame))
@@ -74,24 +74,24 @@ impl Ratio {
     }
 }
 
-/// Largest number of samples of a frame on which a ratio is measured, which bounds the memory; of larger frames every n-th pixel is used.
+/// Largest number of samples of a frame on which a ratio is measured; it bounds the memory. In larger frames every n-th pixel is a sample.
 const MOST_SAMPLES: usize = 3 << 20;
 
-/// Exposure ratio of two frames with neighbouring exposures: stated and measured.
+/// Stated and measured exposure ratio of two frames with neighbouring exposures, the longer over the shorter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ratio {
-    /// Exposure times of the manifest, seconds.
+    /// Stated exposure times of the shorter and the longer frame, seconds.
     pub seconds: [f64; 2],
-    /// Ratio of the manifest's exposure times.
+    /// Ratio of the stated exposures (time times gain).
     pub nominal: f64,
-    /// Median ratio over pixels that are well exposed in both frames.
+    /// Median ratio over samples that are above the noise and not saturated in both frames; NaN without such samples.
     pub measured: f64,
-    /// Number of samples of the measurement.
+    /// Number of samples over which the median is taken.
     pub samples: usize,
 }
 
-/// Measures the ratios of neighbouring exposures; exposure times that cameras report have errors of up to a fifth. Empty for frames in
-/// other formats than red, green and blue.
+/// Measures the ratios of neighbouring exposures, since the exposure times that cameras report have errors of up to a fifth. The list is empty
+/// for frames in other formats than RGB24 and RGB48.
 #[must_use]
 pub fn of(calibration: &Calibration, burst: &Burst) -> Vec<Ratio> {
     let c = calibration;
@@ -105,7 +105,7 @@ pub fn of(calibration: &Calibration, burst: &Burst) -> Vec<Ratio> {
 }
 
 fn ratio(curve: &Curve<Vec<i32>>, pair: &[Frame]) -> Ratio {
-    // A twentieth of full scale: below it quantisation dominates.
+    // 1/32 of full scale: below it quantisation dominates.
     let least = 1 << (hemilux_core::response::CURVE_BITS - 5);
     let step = sample_count(&pair[0]).div_ceil(MOST_SAMPLES);
     let [short, long] = [codes(&pair[0]), codes(&pair[1])];
@@ -140,15 +140,17 @@ fn codes(frame: &Frame) -> Box<dyn Iterator<Item = u32> + '_> {
     }
 }
 
-/// Deviation of a measured ratio from the declared one from which a note is printed.
+/// Relative deviation of a measured ratio from the stated ratio above which [`print`] adds a note.
 const CONTRADICTION: f64 = 0.1;
 
-/// Prints the ratios on standard error, and proposes to use them where they contradict the stated exposure times.
+/// Prints the ratios on standard error, with a note about `--exposures measured` if they contradict the stated exposure times.
 pub fn print(ratios: &[Ratio]) {
     if ratios.is_empty() {
         return;
     }
-    eprintln!("hemilux-sim: exposure ratios, by the file and as measured in the pixels");
+    eprintln!(
+        "hemilux-sim: ratios of neighbouring exposures, as the files state them and as measured in the pixels"
+    );
     eprintln!("    shorter s     longer s    nominal   measured   off by   samples");
     for r in ratios {
         let [a, b] = r.seconds;
@@ -157,8 +159,8 @@ pub fn print(ratios: &[Ratio]) {
     }
     if ratios.iter().any(|r| (r.measured / r.nominal - 1.0).abs() > CONTRADICTION) {
         eprintln!(
-            "hemilux-sim: the exposure times contradict the pixels by more than {:.0} %: where the scene stood still, --exposures measured \
-             takes the pixels' ratios",
+            "hemilux-sim: the exposure times contradict the pixels by more than {:.0} %: if nothing in the scene moved, use --exposures \
+             measured, which sets the times by the measured ratios",
             100.0 * CONTRADICTION
         );
     }

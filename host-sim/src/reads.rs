@@ -1,4 +1,5 @@
-//! `hemilux-sim reads`: the exposures that the merge of needed exposures does not read, the error and the saved time.
+//! `hemilux-sim reads`: comparison of [`MergeMode::Needed`], which does not read the exposures that are shorter than one without saturated
+//! samples, with [`MergeMode::All`]: exposures read, error of the irradiance, instructions.
 
 use crate::bench::bursts::{calibration, make_of};
 use crate::bench::case::{self, Case};
@@ -12,23 +13,23 @@ use hemilux_core::pyramid::PyramidView;
 use hemilux_core::{Exposure, MergeMode};
 use std::fmt::Write;
 
-/// Bursts of each scene.
+/// Number of bursts of each scene.
 const BURSTS: usize = 4;
-/// Order of the quads whose light the open error compares.
+/// HEALPix order of the quads whose first moments light the receivers.
 const ORDER: u8 = 4;
-/// Normals of the receivers.
+/// Number of receivers, each with its own normal.
 const NORMALS: usize = 96;
 
-/// Needed exposures beside all exposures.
+/// Figures of [`MergeMode::Needed`] in comparison with [`MergeMode::All`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading {
-    /// Mean number of exposures that were read of a pixel.
+    /// Mean number of exposures that the merge reads of a pixel.
     pub exposures_read: f64,
-    /// Largest difference of the irradiance of a receiver from that with all exposures, divided by the largest irradiance.
+    /// Largest difference between the irradiances of an unoccluded receiver in the two modes, divided by the largest irradiance of a receiver.
     pub open: f64,
 }
 
-/// Merges `bursts` in both modes and returns the mean of each figure.
+/// Merges `bursts` in both modes and returns the means of the figures over the bursts.
 ///
 /// # Errors
 /// [`SimError`] for bursts that do not fit the calibration.
@@ -51,7 +52,7 @@ pub fn compare(calibration: &Calibration, bursts: &[Burst]) -> Result<Reading, S
     Ok(mean)
 }
 
-/// Irradiance of receivers whose normals are spread over the upper hemisphere.
+/// Returns the irradiances of [`NORMALS`] receivers whose normals are spread over the upper hemisphere.
 fn irradiance(map: &PyramidView<'_>) -> Vec<f64> {
     let normal = |i: usize| {
         let (z, phi) = ((i as f64 + 0.5) / NORMALS as f64, 2.399_963_229_728_653 * i as f64);
@@ -65,10 +66,10 @@ fn irradiance(map: &PyramidView<'_>) -> Vec<f64> {
     (0..NORMALS).map(normal).map(lit).collect()
 }
 
-/// Writes the table; `count` adds instructions.
+/// Writes a table with one row for each pixel format and scene to standard output; with `count`, valgrind counts the instructions of a frame.
 ///
 /// # Errors
-/// [`SimError`].
+/// [`SimError`] for a burst that does not fit its calibration, or if standard output cannot be written.
 pub fn run(count: bool) -> Result<(), SimError> {
     let mut text = format!(
         "{:<10}{:<10}{:>16}{:>12}{:>16}{:>16}\n",
@@ -81,7 +82,7 @@ pub fn run(count: bool) -> Result<(), SimError> {
                 compare(&calibration(&case), &make_of(&case, scene, BURSTS))?;
             let counted = |merge| {
                 let case = Case { merge, ..case.clone() };
-                // The scene of `bench`.
+                // `bench` counts instructions with the scene `room` alone.
                 let n = (count && name == "room").then(|| counted::of_bench(&case)).flatten();
                 n.map_or("-".into(), |n| n.to_string())
             };

@@ -15,7 +15,7 @@ use std::time::Instant;
 
 /// Arguments of `replay`.
 #[derive(Clone, Debug)]
-pub struct Job {
+pub struct ReplayJob {
     /// Path of a burst, or of a folder of bursts that are one sequence.
     pub burst: PathBuf,
     /// Path of a lens file, for a folder of photographs without a `burst.toml`.
@@ -48,7 +48,7 @@ pub enum Exposures {
 ///
 /// # Errors
 /// [`SimError`] if a burst cannot be read or processed, or an output cannot be written.
-pub fn run(job: &Job) -> Result<(), SimError> {
+pub fn run(job: &ReplayJob) -> Result<(), SimError> {
     let bursts = list(job)?;
     job.export.check_count(bursts.len())?;
     let many = bursts.len() > 1;
@@ -88,7 +88,7 @@ pub fn run(job: &Job) -> Result<(), SimError> {
 }
 
 /// Returns the bursts of the recording; a folder of photographs is one burst.
-fn list(job: &Job) -> Result<Vec<BurstFolder>, SimError> {
+fn list(job: &ReplayJob) -> Result<Vec<BurstFolder>, SimError> {
     let is_photographs = !job.burst.join("burst.toml").is_file() && !import::list(&job.burst)?.is_empty();
     if !is_photographs {
         return Ok(recorded::read_sequence(&job.burst)?);
@@ -100,7 +100,7 @@ fn list(job: &Job) -> Result<Vec<BurstFolder>, SimError> {
     Err(SimError::at(&job.burst, "photographs without a burst.toml", expected))
 }
 
-fn read(job: &Job, folder: &Path) -> Result<RecordedBurst, SimError> {
+fn read(job: &ReplayJob, folder: &Path) -> Result<RecordedBurst, SimError> {
     match &job.lens {
         Some(lens) if !folder.join("burst.toml").is_file() => {
             let text = import::describe(lens, &import::list(folder)?, false)?;
@@ -119,7 +119,7 @@ struct Place<'a> {
 }
 
 fn process(
-    job: &Job,
+    job: &ReplayJob,
     pipeline: &mut Pipeline,
     burst: &Burst,
     place: Place<'_>,

@@ -1,4 +1,5 @@
-//! The accuracy that the probe gives up on a slower board to keep its budget: the real processing thread with stages that are made slower.
+//! `hemilux-sim slowdown`: durations and error of the light sets of the probe's processing thread when its stages are slowed down by a factor
+//! and it degrades their quality to keep the time budget.
 
 use crate::error::SimError;
 use crate::metrics::receiver::{Receiver, shadowed};
@@ -12,35 +13,40 @@ use hemilux_core::color::luminance;
 use hemilux_core::wire::STAGES;
 use std::fmt::Write;
 
-/// Frames in which the quality may find its level.
+/// Number of first frames that the figures leave out; during them the probe adapts the quality to the budget.
 const SETTLING: usize = 10;
 
-/// Lights that stand for the map itself.
+/// Number of lights of the reference set, which replaces the map in the error.
 const REFERENCE_LIGHTS: usize = 2048;
 
-/// Receivers of the shadowed error.
+/// Number of occluded receivers of the shadowed error.
 const RECEIVERS: usize = 512;
 
-/// Bursts of the recording, with other noise in each.
+/// Number of recorded bursts; each has its own noise.
 const BURSTS: usize = 8;
 
-/// Results of the frames at one factor.
-struct Row {
+/// Figures of the frames with one slowdown factor.
+struct FactorRow {
     factor: f32,
-    /// Durations of the settled frames, microseconds, rising.
+    /// Durations of the frames after the first [`SETTLING`], microseconds, ascending.
     settled_us: Vec<u32>,
+    /// Number of these frames within the budget.
     within: usize,
-    /// Changes of the quality after it has settled.
+    /// Number of changes of the degradation steps between these frames.
     changes: usize,
+    /// Names of the degradation steps in force at the last frame.
     steps: Vec<&'static str>,
+    /// Number of lights of the last set.
     lights: usize,
+    /// Shadowed error of the last set.
     error: f64,
 }
 
-/// A table of the factors: durations against the budget, steps in force, and the shadowed error.
+/// Returns a table with one row for each slowdown factor: durations of `frames` frames, the share of frames within the budget of `budget_ms`
+/// milliseconds, degradation steps in force, and the shadowed error.
 ///
 /// # Errors
-/// [`SimError`] where the probe cannot be made.
+/// [`SimError`] if the probe cannot be started or a frame fails.
 pub fn table(factors: &[f32], budget_ms: f32, frames: usize) -> Result<String, SimError> {
     let mut text =
         format!("budget of the total {budget_ms} ms, {frames} frames for each factor, room, 64 lights\n");
@@ -71,7 +77,7 @@ pub fn table(factors: &[f32], budget_ms: f32, frames: usize) -> Result<String, S
     Ok(text)
 }
 
-fn row(factor: f32, budget_ms: f32, frames: usize) -> Result<Row, SimError> {
+fn row(factor: f32, budget_ms: f32, frames: usize) -> Result<FactorRow, SimError> {
     let failed = |e: &dyn std::fmt::Display| SimError::Failed(format!("slowdown: {e}"));
     let (source, reference) = recording()?;
     let mut config = Config { slowdown: factor, ..Config::default() };
@@ -91,16 +97,17 @@ fn row(factor: f32, budget_ms: f32, frames: usize) -> Result<Row, SimError> {
     }
     settled_us.sort_unstable();
     let within = settled_us.iter().filter(|us| **us <= budget_us).count();
-    let set = link.sets().latest().ok_or_else(|| failed(&"found no set"))?;
+    let set =
+        link.sets().latest().ok_or_else(|| failed(&"found no light set, expected one from the probe"))?;
     let error = shadowed_error(&set.lights, &reference);
     let steps = set.degraded.names().collect();
-    Ok(Row { factor, settled_us, within, changes, steps, lights: set.lights.len(), error })
+    Ok(FactorRow { factor, settled_us, within, changes, steps, lights: set.lights.len(), error })
 }
 
-/// Recorded bursts of a room, and the lights of the room's map.
+/// Returns a source of recorded bursts of the scene `room`, and the reference set of [`REFERENCE_LIGHTS`] lights of its last burst.
 fn recording() -> Result<(ReplaySource, Vec<Light>), SimError> {
     let failed = |e: &dyn std::fmt::Display| SimError::Failed(format!("slowdown: {e}"));
-    let room = scene::by_name("room").ok_or_else(|| failed(&"found no scene"))?;
+    let room = scene::by_name("room").ok_or_else(|| failed(&"found no scene 'room'"))?;
     let mut camera = SceneSource::new(room, Pace::Free);
     let mut bursts = vec![Burst::default(); BURSTS];
     bursts.iter_mut().try_for_each(|burst| camera.next(burst)).map_err(|e| failed(&e))?;
@@ -108,10 +115,11 @@ fn recording() -> Result<(ReplaySource, Vec<Light>), SimError> {
     let mut pipeline = Pipeline::try_new(*camera.calibration(), &camera.exposures(), settings)?;
     let lights = pipeline.process(&bursts[BURSTS - 1])?.decomposition.lights.to_vec();
     let source = ReplaySource::of_bursts(*camera.calibration(), bursts, Pace::Free);
-    Ok((source.ok_or_else(|| failed(&"found no bursts"))?, lights))
+    Ok((source.ok_or_else(|| failed(&"found no bursts to replay"))?, lights))
 }
 
-/// RMS over occluded receivers of the difference of their irradiance, over the mean of the reference (METRICS.md).
+/// Returns the RMS difference between the irradiances of occluded receivers under `lights` and under `reference`, divided by the mean
+/// irradiance under `reference` (METRICS.md).
 fn shadowed_error(lights: &[Light], reference: &[Light]) -> f64 {
     let receive = |receiver: &Receiver, lights: &[Light]| -> f64 {
         let part = |light: &Light| {
@@ -137,7 +145,7 @@ mod tests {
     #[test]
     fn fewer_lights_have_a_larger_error_and_the_reference_has_none() {
         let (_, reference) = recording().expect("a recording");
-        assert!(shadowed_error(&reference, &reference) < 1e-12, "itself");
+        assert!(shadowed_error(&reference, &reference) < 1e-12, "the reference against itself");
         let half: Vec<_> = reference.iter().step_by(2).copied().collect();
         assert!(shadowed_error(&half, &reference) > 0.3, "half of the energy is missing");
     }

@@ -2,16 +2,16 @@
 
 use glam::{DVec2, DVec3};
 use hemilux::calibrate::{Board, Calibrated, Grey, Picture, calibrate};
-use hemilux_sim::boards::{Camera, Directions, Law, picture, poses};
+use hemilux_sim::boards::{BoardCamera, Directions, Law, picture, poses};
 
 /// Pictures of each lens.
 const PICTURES: usize = 24;
 
 /// A lens of 186 degrees.
-fn camera(law: Law) -> Camera {
+fn camera(law: Law) -> BoardCamera {
     let max_theta = 93f64.to_radians();
     let focal = 345.0 / law.radius(max_theta);
-    Camera {
+    BoardCamera {
         law,
         focal_px: DVec2::new(focal, 1.003 * focal),
         centre_px: DVec2::new(371.3, 358.8),
@@ -23,7 +23,7 @@ fn camera(law: Law) -> Camera {
     }
 }
 
-fn calibrated(camera: &Camera, seed: u64) -> Calibrated {
+fn calibrated(camera: &BoardCamera, seed: u64) -> Calibrated {
     let squares = [9, 7];
     let directions = Directions::of(camera);
     let pictures: Vec<Picture> = poses(camera, squares, PICTURES, seed)
@@ -56,7 +56,7 @@ struct Errors {
     within: f64,
 }
 
-fn errors(camera: &Camera, calibrated: &Calibrated) -> Errors {
+fn errors(camera: &BoardCamera, calibrated: &Calibrated) -> Errors {
     let pixels =
         (0..camera.size[1]).step_by(6).flat_map(|y| (0..camera.size[0]).step_by(6).map(move |x| [x, y]));
     let directions = Directions::of(camera);
@@ -127,7 +127,7 @@ fn boards_far_off_the_axis_are_found_and_fit() {
     ] {
         let max_theta = 95f64.to_radians();
         let focal = 300.0 / law.radius(max_theta);
-        let camera = Camera {
+        let camera = BoardCamera {
             law,
             focal_px: DVec2::splat(focal),
             centre_px: DVec2::new(376.4, 236.9),

@@ -1,4 +1,4 @@
-//! Bursts for benchmarks: a built-in scene through the standard lens, in any size and format.
+//! Bursts for benchmarks: simulated frames of a built-in scene through an equidistant lens, in any size and format.
 
 use super::case::Case;
 use super::pack::pack;
@@ -16,13 +16,13 @@ pub const BURSTS: usize = 8;
 /// Exposure times of \[Nikodym2012\], seconds.
 const SECONDS: [f64; 3] = crate::burst::THESIS_EXPOSURES_S;
 
-/// Radiance at full scale of the shortest exposure, above the radiance of every built-in scene.
+/// Radiance that reaches the largest code in the shortest exposure; it is above the radiance of every built-in scene.
 const FULL: f64 = 60.0;
 
-/// Ratio of focal length to image width of the standard lens.
+/// Ratio of focal length to image width of the benchmarks' lens.
 const FOCAL: f64 = 196.4 / 640.0;
 
-/// Returns the calibration of the camera of `case`'s bursts: formats of luma and chroma have the sRGB response, all others a linear one.
+/// Returns the calibration of the camera of `case`: formats of luma and chroma have the sRGB response, all others a linear response.
 #[must_use]
 pub fn calibration(case: &Case) -> Calibration {
     let (width, height) = case.size;
@@ -37,34 +37,34 @@ pub fn calibration(case: &Case) -> Calibration {
     });
     let gamma = matches!(case.format, Format::Yuyv(_) | Format::Nv12(_));
     let white = f64::from(case.format.max_code());
-    let lens = lens.expect("the standard lens is a lens");
-    let mut calibration =
-        Calibration::try_new(lens, case.format, width, height).expect("a case's size is that of its format");
+    let lens = lens.expect("the intrinsics are legal");
+    let mut calibration = Calibration::try_new(lens, case.format, width, height)
+        .expect("the case's size is legal for its format");
     calibration.layout =
-        calibration.layout.binned(case.bin).expect("a case's bin is one of its format and size");
+        calibration.layout.binned(case.bin).expect("the case's bin is legal for its format and size");
     calibration.response = if gamma { Response::Srgb } else { Response::Linear };
     calibration.levels = Levels { black: if gamma { 0.0 } else { (white / 32.0).round() }, white };
     calibration.scale = FULL * SECONDS[0];
     calibration
 }
 
-/// Returns [`BURSTS`] bursts of the room at intervals of a tenth of a second; the same in every run.
+/// Returns [`BURSTS`] bursts of the scene `room` at intervals of a tenth of a second; every run returns the same bytes.
 #[must_use]
 pub fn make(case: &Case) -> Vec<Burst> {
     make_of(case, scene::by_name("room").expect("a built-in scene"), BURSTS)
 }
 
-/// Interval of bursts of three exposures of a camera of 28 frames a second, nanoseconds.
+/// Interval of bursts of three exposures at 28 frames per second, nanoseconds.
 const INTERVAL_NS: u64 = 107_142_857;
 
-/// The burst of a frame, in rotation, with the time at which a camera would take it.
+/// Returns the burst for frame `frame`, in rotation, and sets its capture time.
 pub fn timed(bursts: &mut [Burst], frame: usize) -> &Burst {
     let burst = &mut bursts[frame % BURSTS];
     burst.phase_ns = (frame as u64 + 1) * INTERVAL_NS;
     burst
 }
 
-/// `count` bursts of `scene`, a tenth of a second apart; the same in every run.
+/// Returns `count` bursts of `scene` at intervals of a tenth of a second; every run returns the same bytes.
 #[must_use]
 pub fn make_of(case: &Case, scene: Scene, count: usize) -> Vec<Burst> {
     let c = calibration(case);
@@ -92,7 +92,7 @@ pub fn make_of(case: &Case, scene: Scene, count: usize) -> Vec<Burst> {
     (0..count).map(burst).collect()
 }
 
-/// Returns codes with noise of half a code and photon noise.
+/// Returns the RGB codes of an exposure of `seconds`, with read and photon noise whose seed is `seed`.
 fn expose(c: &Calibration, image: &[[f32; 3]], seconds: f64, seed: u32) -> Vec<[u16; 3]> {
     let (gain, range) = ((seconds / c.scale) as f32, (c.levels.white - c.levels.black) as f32);
     let gamma = c.response != Response::Linear;

@@ -6,7 +6,7 @@ use hemilux_core::{MergeMode, SamplerKind};
 use std::fmt;
 use std::str::FromStr;
 
-/// Names of formats in cases; mosaics are red, green, green, blue, and chroma is BT.601 of full range.
+/// Names of formats in cases. Bayer mosaics have the pattern RGGB, chroma is BT.601 with full range.
 const FORMATS: [(&str, Format); 8] = [
     ("rgb24", Format::Rgb24),
     ("yuyv", Format::Yuyv(FULL)),
@@ -20,27 +20,27 @@ const FORMATS: [(&str, Format); 8] = [
 
 const FULL: Yuv = Yuv { limited: false, matrix: hemilux_core::format::Matrix::Bt601 };
 
-/// Suffix of the sampler's name for lights that are fitted as discs.
+/// Suffix of the sampler's name in cases whose lights are fitted as discs.
 const SOFT: &str = "+soft";
 
-/// Follows the format's name where all exposures are read.
+/// Suffix of the format's name in cases with [`MergeMode::All`].
 const ALL: &str = "+all";
 
-/// Largest width or height, pixels.
+/// Largest width or height of a frame, pixels.
 const MAX_SIDE: u32 = 4096;
 
-/// A benchmark case.
+/// A benchmark case; its text form is `FORMAT:WIDTHxHEIGHT:SAMPLER:LIGHTS`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Case {
-    /// Packing of the frames.
+    /// Pixel format of the frames.
     pub format: Format,
-    /// The exposures that the merge reads.
+    /// Mode by which the merge selects the exposures that it reads.
     pub merge: MergeMode,
-    /// Columns and rows of the frames.
+    /// Columns and rows of the frames, pixels.
     pub size: (u32, u32),
-    /// Number of cells of a mosaic per merged pixel on each side.
+    /// Number of mosaic cells along each side of a merged pixel: 1, 2, 4 or 8.
     pub bin: u32,
-    /// Sampler of the case.
+    /// Sampler that decomposes the maps.
     pub sampler: SamplerKind,
     /// Whether lights are fitted as discs.
     pub soft: bool,
@@ -49,7 +49,7 @@ pub struct Case {
 }
 
 impl Case {
-    /// Returns the name of the case's format.
+    /// Returns the name of the pixel format; an empty string for formats without a name in cases.
     #[must_use]
     pub fn format_name(&self) -> &'static str {
         FORMATS.iter().find(|(_, f)| *f == self.format).map_or("", |(name, _)| name)
@@ -73,7 +73,7 @@ impl FromStr for Case {
         let shape =
             || "expected FORMAT:WIDTHxHEIGHT:SAMPLER:LIGHTS, such as rgb24:640x480:q2tree:64".to_string();
         let parts: Vec<_> = text.split(':').collect();
-        let [format, size, sampler, lights] = parts[..] else { return Err(shape()) };
+        let [format, size_text, sampler, lights] = parts[..] else { return Err(shape()) };
         let (format, bin) = format.split_once('/').unwrap_or((format, "1"));
         let all = format.strip_suffix(ALL);
         let (format, merge) = all.map_or((format, MergeMode::Needed), |name| (name, MergeMode::All));
@@ -82,19 +82,21 @@ impl FromStr for Case {
         let known = FORMATS.iter().find(|(name, _)| *name == format);
         let format = known.ok_or_else(|| format!("format '{format}', expected one of {names}"))?.1;
         let side = |v: &str| v.parse().ok().filter(|n| (16..=MAX_SIDE).contains(n) && n % 2 == 0);
-        let size = size.split_once('x').and_then(|(w, h)| Some((side(w)?, side(h)?)));
-        let size = size.ok_or_else(|| format!("even sides from 16 to {MAX_SIDE} expected, as 640x480"))?;
+        let size = size_text.split_once('x').and_then(|(w, h)| Some((side(w)?, side(h)?)));
+        let size = size.ok_or_else(|| {
+            format!("size '{size_text}', expected even sides from 16 to {MAX_SIDE}, such as 640x480")
+        })?;
         let (sampler, soft) = sampler.strip_suffix(SOFT).map_or((sampler, false), |name| (name, true));
         let sampler = sampler.parse().map_err(|unknown| format!("sampler '{sampler}': {unknown}"))?;
         let lights = lights.parse().ok().filter(|n| (1..=MAX_LIGHTS).contains(n)).ok_or_else(shape)?;
         let layout = Layout::tight(format, size.0, size.1).and_then(|layout| layout.binned(bin));
-        layout.map_err(|_| format!("bin '{bin}', expected 1 or, of a mosaic, 2, 4 or 8"))?;
+        layout.map_err(|_| format!("bin '{bin}', expected 1, or 2, 4 or 8 for a Bayer mosaic"))?;
         Ok(Self { format, merge, size, bin, sampler, soft, lights })
     }
 }
 
 impl Case {
-    /// Returns the case of the standard size, sampler and number of lights for frames of `format`.
+    /// Returns the case for frames of `format` with the standard size (640x480), sampler (`q2tree`) and number of lights (64).
     #[must_use]
     pub const fn of_format(format: Format) -> Self {
         Self {
@@ -109,13 +111,13 @@ impl Case {
     }
 }
 
-/// One case for each format, with the standard size.
+/// Returns one case of the standard size, sampler and number of lights for each format.
 #[must_use]
 pub fn formats() -> Vec<Case> {
     FORMATS.into_iter().map(|(_, format)| Case::of_format(format)).collect()
 }
 
-/// Returns the cases of the standard report: every sampler on the standard burst, the other formats, and larger images.
+/// Returns the cases of a report without `--case`: every sampler on RGB frames of 640x480, the other formats, larger frames, more lights.
 #[must_use]
 pub fn standard() -> Vec<Case> {
     let case = |format: usize, size, sampler, lights| Case {

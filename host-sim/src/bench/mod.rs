@@ -1,4 +1,4 @@
-//! `hemilux-sim bench`: measures the time of each stage on one thread, and of a copy of the same bytes for comparison.
+//! `hemilux-sim bench`: measures the time of each stage on one thread, and of a copy of the burst's bytes for comparison.
 
 pub mod bursts;
 pub mod case;
@@ -14,21 +14,22 @@ use hemilux_core::wire::{Latency, Overrun};
 use serde::Serialize;
 use std::time::{Duration, Instant};
 
-/// Least number of timed frames, and least measuring time of a case.
+/// Least number of timed frames of a case.
 const LEAST_FRAMES: usize = 64;
+/// Least duration of the measurement of a case.
 const LEAST_TIME: Duration = Duration::from_millis(400);
 
-/// Number of frames before the first timed one: each burst once.
+/// Number of frames before the first timed frame: each burst once.
 const WARM_UP: usize = BURSTS;
 
 /// Arguments of `bench`.
 #[derive(Clone, Debug)]
-pub struct Job {
+pub struct BenchJob {
     /// Whether the report is JSON; otherwise a table.
     pub json: bool,
     /// Case to run; `None` for all cases.
     pub case: Option<Case>,
-    /// Number of frames to process without timing.
+    /// Number of frames that are processed without time measurement; `None` for a report of times.
     pub frames: Option<usize>,
     /// Largest allowed median time of each stage.
     pub budgets: Budgets,
@@ -36,7 +37,7 @@ pub struct Job {
 
 /// Median times of one case, milliseconds.
 #[derive(Debug, Serialize)]
-struct Row {
+struct CaseTimes {
     format: &'static str,
     width: u32,
     height: u32,
@@ -50,7 +51,7 @@ struct Row {
     sample_ms: f64,
     total_ms: f64,
     memcpy_ratio: f64,
-    /// Half the interquartile range of each time, over its median.
+    /// Half the interquartile range of each time, divided by its median.
     spread: Spread,
     frames: usize,
     /// Names of stages whose median exceeds the budget.
@@ -68,14 +69,14 @@ struct Spread {
 
 #[derive(Serialize)]
 struct Report {
-    cases: Vec<Row>,
+    cases: Vec<CaseTimes>,
 }
 
-/// Runs the benchmarks of `job` and prints the report.
+/// Runs the benchmarks of `job` and prints the report to standard output.
 ///
 /// # Errors
-/// [`SimError`] if standard output is closed.
-pub fn run(job: &Job) -> Result<(), SimError> {
+/// [`SimError`] if a pipeline cannot be created or a burst is refused.
+pub fn run(job: &BenchJob) -> Result<(), SimError> {
     let cases = job.case.clone().map_or_else(case::standard, |case| vec![case]);
     if let Some(frames) = job.frames {
         return cases.iter().try_for_each(|case| repeat(case, frames));
@@ -91,7 +92,7 @@ pub fn run(job: &Job) -> Result<(), SimError> {
     for case in &cases {
         let row = measure(case, &job.budgets)?;
         if !job.json {
-            let Row { copy_ms, front_ms, pyramid_ms, sample_ms, total_ms, memcpy_ratio, .. } = row;
+            let CaseTimes { copy_ms, front_ms, pyramid_ms, sample_ms, total_ms, memcpy_ratio, .. } = row;
             let spread = 100.0 * row.spread.total;
             let over = if row.over.is_empty() { "-".into() } else { row.over.join(",") };
             println!(
@@ -125,15 +126,15 @@ fn repeat(case: &Case, frames: usize) -> Result<(), SimError> {
     Ok(())
 }
 
-fn measure(case: &Case, budgets: &Budgets) -> Result<Row, SimError> {
+fn measure(case: &Case, budgets: &Budgets) -> Result<CaseTimes, SimError> {
     let mut bursts = bursts::make(case);
     let mut pipeline = pipeline(case, &bursts)?;
-    let mut copy = Copy::new(&bursts[0]);
+    let mut copy = BurstCopy::new(&bursts[0]);
     let mut times: [Vec<f64>; 5] = Default::default();
     let began = Instant::now();
     let mut frame = 0;
     while frame < WARM_UP + LEAST_FRAMES || began.elapsed() < LEAST_TIME {
-        // The copied burst is another one than the next processed burst, which must not be in the cache.
+        // The copied burst is not the next processed burst, whose bytes must not be in the cache.
         let copied = copy.time(&bursts[(frame + BURSTS / 2) % BURSTS]);
         let whole = Instant::now();
         let stages = std::hint::black_box(pipeline.process(bursts::timed(&mut bursts, frame))?).times;
@@ -159,7 +160,7 @@ fn measure(case: &Case, budgets: &Budgets) -> Result<Row, SimError> {
         total: us(total.0),
         ..Latency::default()
     };
-    Ok(Row {
+    Ok(CaseTimes {
         format: case.format_name(),
         width: case.size.0,
         height: case.size.1,
@@ -179,19 +180,20 @@ fn measure(case: &Case, budgets: &Budgets) -> Result<Row, SimError> {
     })
 }
 
-/// Copies the bytes of a burst.
-struct Copy {
-    room: Vec<Vec<u8>>,
+/// Buffers for a copy of the bytes of a burst, one per frame.
+struct BurstCopy {
+    buffers: Vec<Vec<u8>>,
 }
 
-impl Copy {
+impl BurstCopy {
     fn new(burst: &Burst) -> Self {
-        Self { room: bytes(burst).map(<[u8]>::to_vec).collect() }
+        Self { buffers: bytes(burst).map(<[u8]>::to_vec).collect() }
     }
 
+    /// Copies the bytes of `burst` and returns the duration.
     fn time(&mut self, burst: &Burst) -> Duration {
         let began = Instant::now();
-        for (to, from) in self.room.iter_mut().zip(bytes(burst)) {
+        for (to, from) in self.buffers.iter_mut().zip(bytes(burst)) {
             to.copy_from_slice(from);
             std::hint::black_box(&to);
         }

@@ -1,10 +1,10 @@
-//! Packing of linear images into the formats of cameras.
+//! Packing of RGB codes into the bytes of camera pixel formats.
 
 use hemilux_core::format::{Format, Matrix, Yuv};
 
-/// Packs an image of `width` columns whose codes are red, green, blue from 0 to [`Format::max_code`]; rows have no padding.
+/// Packs an image of `width` columns, whose codes are red, green, blue from 0 to [`Format::max_code`], into bytes without padding of rows.
 ///
-/// In a mosaic each pixel has the code of its own channel; chroma is the mean of the pixels that share it.
+/// A pixel of a mosaic has the code of one channel; a chroma sample is the mean over the pixels that share it.
 ///
 /// # Panics
 /// For [`Format::Rgb48`], whose samples are 16-bit words, and for unsupported formats and matrices.
@@ -21,7 +21,6 @@ pub fn pack(format: Format, width: usize, codes: &[[u16; 3]]) -> Vec<u8> {
     match format {
         Format::Rgb24 => codes.iter().flatten().map(|v| *v as u8).collect(),
         Format::Bgr24 => codes.iter().flat_map(|[r, g, b]| [*b as u8, *g as u8, *r as u8]).collect(),
-
         Format::Grey => codes.iter().map(|rgb| rgb[1] as u8).collect(),
         Format::Yuyv(yuv) => {
             let pair = |p: &[[f64; 3]]| {
@@ -49,7 +48,7 @@ pub fn pack(format: Format, width: usize, codes: &[[u16; 3]]) -> Vec<u8> {
         Format::Raw12(p) => {
             mosaic(p.channels()).chunks(width).flat_map(|r| r.chunks(2)).flat_map(raw12).collect()
         }
-        other => panic!("{other:?} is no packing of bytes"),
+        other => panic!("{other:?}: found an unsupported format, expected one of bytes"),
     }
 }
 
@@ -57,12 +56,12 @@ fn code(v: f64) -> u8 {
     v.round().clamp(0.0, 255.0) as u8
 }
 
-/// Returns the luma and chroma codes of an RGB code, by the definitions of BT.601 and BT.709.
+/// Returns the codes of luma, blue difference and red difference of an RGB code, by the definitions of BT.601 and BT.709.
 fn ycc(rgb: [u16; 3], yuv: Yuv) -> [f64; 3] {
     let (kr, kb) = match yuv.matrix {
         Matrix::Bt601 => (0.299, 0.114),
         Matrix::Bt709 => (0.2126, 0.0722),
-        other => panic!("{other:?} has no weights here"),
+        other => panic!("{other:?}: found an unsupported matrix, expected BT.601 or BT.709"),
     };
     let [r, g, b] = rgb.map(f64::from);
     let y = kr * r + (1.0 - kr - kb) * g + kb * b;

@@ -32,7 +32,7 @@ const COUNTED: usize = 64;
 
 /// Arguments of `chart`.
 #[derive(Clone, Debug)]
-pub struct Job {
+pub struct ChartJob {
     /// Folder of maps; `None` for procedural maps.
     pub env: Option<PathBuf>,
     /// Folder for `chart.json`, `chart.txt` and the drawings.
@@ -94,7 +94,7 @@ impl Point {
 ///
 /// # Errors
 /// [`SimError`] if a map cannot be read or a file cannot be written.
-pub fn run(job: &Job) -> Result<(), SimError> {
+pub fn run(job: &ChartJob) -> Result<(), SimError> {
     let maps = load(job)?;
     std::fs::create_dir_all(&job.out).map_err(|e| SimError::at(&job.out, e, "a folder that can be made"))?;
     let step = if job.quick { 4 } else { 2 };
@@ -116,7 +116,7 @@ pub fn run(job: &Job) -> Result<(), SimError> {
 }
 
 /// Returns the maps: those of a folder, reduced to 512 columns (for `--quick` to 128 columns and three maps), or procedural ones.
-fn load(job: &Job) -> Result<Vec<EnvMap>, SimError> {
+fn load(job: &ChartJob) -> Result<Vec<EnvMap>, SimError> {
     let width = if job.quick { 128 } else { 512 };
     let mut maps: Vec<EnvMap> = match &job.env {
         Some(folder) => contender::read_maps(folder, width)?.into_iter().map(|(_, map)| map).collect(),

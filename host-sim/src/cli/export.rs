@@ -1,4 +1,4 @@
-//! Options for the form and axes of light sets.
+//! Options for the file format and the axes of light sets.
 
 use crate::error::SimError;
 use crate::export::Export;
@@ -8,7 +8,7 @@ use hemilux_core::wire::Coordinates;
 
 #[derive(Args, Debug)]
 pub(super) struct ExportArgs {
-    /// Form of the light set: json, text, xml, csv, glb (glTF), usda (USD), rad (Radiance) or mitsuba.
+    /// File format of the light set: json, text, xml, csv, glb (glTF), usda (USD), rad (Radiance) or mitsuba.
     #[arg(long, value_name = "NAME", default_value = "json", value_parser = form)]
     format: Form,
     /// Axes of the light set: probe, y-up, unity, unreal, or the name of a program, such as blender [default: those of the format].

@@ -5,16 +5,16 @@ use hemilux::maps::{Covers, Projection, ReadOptions};
 
 #[derive(Args, Debug)]
 pub(super) struct MapArgs {
-    /// Uses the upper half alone, and reads a 4:1 map that does not state its coverage as the upper half.
+    /// Uses the upper half of the map alone; a 4:1 map that does not state its coverage is read as the upper half.
     #[arg(long, conflicts_with = "sphere")]
     hemisphere: bool,
-    /// Reads the map as one of the whole sphere, whatever the file states.
+    /// Reads the map as a map of the whole sphere, and ignores the coverage that the file states.
     #[arg(long)]
     sphere: bool,
     /// Layer of an OpenEXR file, such as ViewLayer.Combined.
     #[arg(long, value_name = "NAME")]
     layer: Option<String>,
-    /// Projection of the map, instead of the file's own.
+    /// Projection of the map, in place of the projection that the file states.
     #[arg(long, value_enum)]
     projection: Option<ProjectionArg>,
     /// Largest number of texels of a map; by default 134217728, and less for short files.
@@ -28,9 +28,9 @@ enum ProjectionArg {
     Latlong,
     /// A disc whose radius is proportional to the angle from its centre.
     Angular,
-    /// Six faces: a vertical or horizontal cross, or a strip.
+    /// Six cube faces: a vertical or horizontal cross, or a strip.
     Cube,
-    /// The photograph of a mirroring ball that fills the square.
+    /// A square photograph of a mirror ball whose edge touches the sides of the square.
     MirrorBall,
 }
 

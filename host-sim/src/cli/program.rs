@@ -9,14 +9,14 @@ use std::path::PathBuf;
 
 #[derive(Args, Debug)]
 pub(super) struct CompletionsArgs {
-    /// The shell.
+    /// Shell that reads the completions.
     #[arg(value_enum)]
     shell: Shell,
 }
 
 #[derive(Args, Debug)]
 pub(super) struct ManArgs {
-    /// Folder to write, which must be there.
+    /// Existing folder for the man pages.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
 }

@@ -1,4 +1,4 @@
-//! Commands that compare methods and time stages.
+//! Commands that compare methods or measure the probe: `stress`, `chart`, `discs`, `bench`, `reads`, `soak`, `slowdown`.
 
 use crate::error::SimError;
 use crate::{bench, chart, discs, output, reads, slowdown, soak, stress};
@@ -12,36 +12,36 @@ pub(super) struct StressArgs {
     /// Folder for stress.svg, stress.json and stress.txt.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Smaller maps and shorter sequences: within a minute.
+    /// Runs smaller maps and shorter sequences, in less than a minute.
     #[arg(long)]
     quick: bool,
-    /// The probe's own samplers alone, as in fixtures/stress-quick.txt.
+    /// Runs the probe's samplers alone, without the methods for comparison, as in fixtures/stress-quick.txt.
     #[arg(long)]
     core: bool,
-    /// Uses real maps in place of the procedural interior and sky, in turn; without DIR those in $HEMILUX_HDRI.
+    /// Replaces the procedural interior and sky by the maps of this folder, in rotation; without DIR by the maps in $HEMILUX_HDRI.
     #[arg(long, value_name = "DIR", num_args = 0..=1)]
     backgrounds: Option<Option<PathBuf>>,
 }
 
 #[derive(Args, Debug)]
 pub(super) struct ChartArgs {
-    /// Folder of latitude-longitude maps, reduced to 512 columns; by default three procedural maps.
+    /// Folder of latitude-longitude maps, which are resampled to 512 columns; by default three procedural maps.
     #[arg(long, value_name = "DIR")]
     env: Option<PathBuf>,
     /// Folder for chart-time.svg, chart-lights.svg, chart.json and chart.txt.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Three maps of 128 columns, every other power of two: within a minute.
+    /// Runs three maps of 128 columns with every other power of two as number of lights, in less than a minute.
     #[arg(long)]
     quick: bool,
 }
 
 #[derive(Args, Debug)]
 pub(super) struct DiscsArgs {
-    /// Folder of latitude-longitude maps (shrunk to 512 columns).
+    /// Folder of latitude-longitude maps, which are resampled to 512 columns.
     #[arg(long, value_name = "DIR")]
     env: PathBuf,
-    /// The fewest lights alone, without the mixtures, which take minutes.
+    /// Computes the least numbers of lights alone, without the mixtures, which take minutes.
     #[arg(long)]
     fewest: bool,
 }
@@ -51,30 +51,30 @@ pub(super) struct BenchArgs {
     /// Prints JSON in place of a table.
     #[arg(long)]
     json: bool,
-    /// Runs one case only: FORMAT:WIDTHxHEIGHT:SAMPLER:LIGHTS, such as rgb24:640x480:q2tree:64.
+    /// Runs this case alone: FORMAT:WIDTHxHEIGHT:SAMPLER:LIGHTS, such as rgb24:640x480:q2tree:64.
     #[arg(long, value_name = "CASE")]
     case: Option<bench::Case>,
-    /// Processes exactly this many frames and times nothing, for instruction counters.
+    /// Processes this number of frames without time measurement, for instruction counters.
     #[arg(long, value_name = "T", requires = "case")]
     frames: Option<usize>,
-    /// Largest allowed median times in milliseconds, such as front=30,total=60; the last column names the stages that exceed them [default:
-    /// the probe's].
+    /// Largest allowed median times in milliseconds, such as front=30,total=60; the last column lists the stages that exceed them [default: the
+    /// budgets of the probe].
     #[arg(long, value_name = "STAGE=MS,...", value_parser = hemilux::timing::read_budgets)]
     budget: Option<[Option<f32>; STAGES]>,
 }
 
 #[derive(Args, Debug)]
 pub(super) struct SoakArgs {
-    /// Hours of simulated time, at ten bursts a second.
+    /// Hours of simulated time, with ten bursts per second.
     #[arg(long, value_name = "H", default_value_t = 24.0, conflicts_with = "frames")]
     hours: f64,
-    /// Bursts, in the place of hours.
+    /// Number of bursts, in place of a number of hours.
     #[arg(long, value_name = "T")]
     frames: Option<u64>,
-    /// Fewest replies: bursts go on until there are so many.
+    /// Least number of replies; further bursts are processed until the clients have received as many.
     #[arg(long, value_name = "N", default_value_t = 0)]
     replies: u64,
-    /// Faults of the source, as of `hemilux --faults`.
+    /// Faults of the source, in the syntax of `hemilux --faults`.
     #[arg(
         long,
         value_name = "KIND=SHARE,...",
@@ -85,25 +85,25 @@ pub(super) struct SoakArgs {
 
 #[derive(Args, Debug)]
 pub(super) struct SlowdownArgs {
-    /// Factors by which the stages are slower.
+    /// Factors by which the durations of the stages are multiplied, 1 to 64.
     #[arg(long, value_delimiter = ',', default_value = "1,2,4,8,16")]
     factors: Vec<f32>,
-    /// The budget of the total, milliseconds.
+    /// Budget of a frame's total time, milliseconds.
     #[arg(long, value_name = "MS", default_value_t = 60.0)]
     budget: f32,
-    /// Frames for each factor.
+    /// Number of frames for each factor.
     #[arg(long, value_name = "T", default_value_t = 600)]
     frames: usize,
 }
 
 pub(super) fn soak(args: &SoakArgs) -> Result<(), SimError> {
     if !(args.hours > 0.0 && args.hours <= 24.0 * 366.0) {
-        let expected = "expected hours from more than 0 to a year of them";
+        let expected = "expected a number of hours above 0 and at most 8784";
         return Err(SimError::Usage(format!("--hours: found {}, {expected}", args.hours)));
     }
     let hours = (args.hours * 3600.0) as u64 * soak::FRAMES_A_SECOND;
     let frames = args.frames.unwrap_or(hours).max(1);
-    let report = soak::run(&soak::Job { frames, faults: args.faults.clone(), replies: args.replies })?;
+    let report = soak::run(&soak::SoakJob { frames, faults: args.faults.clone(), replies: args.replies })?;
     output::say(report.to_string().as_bytes())?;
     let failures = report.failures();
     if failures.is_empty() {
@@ -126,24 +126,25 @@ pub(super) fn slowdown(args: &SlowdownArgs) -> Result<(), SimError> {
     output::say(slowdown::table(&args.factors, args.budget, args.frames)?.as_bytes())
 }
 
-/// Returns the folder of the option, or of the environment variable `HEMILUX_HDRI`.
+/// Returns the folder that the option `--backgrounds` or else the environment variable `HEMILUX_HDRI` contains.
 fn hdri(named: Option<PathBuf>) -> Result<PathBuf, SimError> {
     let from_environment = || std::env::var_os("HEMILUX_HDRI").map(PathBuf::from);
-    let expected = "--backgrounds: found no folder, expected one, or HEMILUX_HDRI in the environment";
+    let expected =
+        "--backgrounds: found no folder, expected --backgrounds DIR or the environment variable HEMILUX_HDRI";
     named.or_else(from_environment).ok_or_else(|| SimError::Usage(expected.into()))
 }
 
 pub(super) fn stress(args: StressArgs) -> Result<(), SimError> {
     let backgrounds = args.backgrounds.map(hdri).transpose()?;
-    stress::run(&stress::Job { out: args.out, quick: args.quick, core: args.core, backgrounds })
+    stress::run(&stress::StressJob { out: args.out, quick: args.quick, core: args.core, backgrounds })
 }
 
 pub(super) fn chart(args: ChartArgs) -> Result<(), SimError> {
-    chart::run(&chart::Job { env: args.env, out: args.out, quick: args.quick })
+    chart::run(&chart::ChartJob { env: args.env, out: args.out, quick: args.quick })
 }
 
 pub(super) fn discs(args: DiscsArgs) -> Result<(), SimError> {
-    discs::run(&discs::Job { env: args.env, fewest_alone: args.fewest })
+    discs::run(&discs::DiscsJob { env: args.env, fewest_alone: args.fewest })
 }
 
 pub(super) fn bench(args: BenchArgs) -> Result<(), SimError> {
@@ -151,12 +152,12 @@ pub(super) fn bench(args: BenchArgs) -> Result<(), SimError> {
     for (i, ms) in args.budget.unwrap_or_default().into_iter().enumerate() {
         budgets.set_ms(i, ms.unwrap_or(budgets.ms(i)));
     }
-    bench::run(&bench::Job { json: args.json, case: args.case, frames: args.frames, budgets })
+    bench::run(&bench::BenchJob { json: args.json, case: args.case, frames: args.frames, budgets })
 }
 
 #[derive(Args, Debug)]
 pub(super) struct ReadsArgs {
-    /// Counts instructions under callgrind too, where valgrind is installed; this takes minutes.
+    /// Adds instructions per frame, counted by callgrind where valgrind is installed; the counts take minutes.
     #[arg(long)]
     count: bool,
 }

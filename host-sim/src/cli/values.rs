@@ -1,13 +1,13 @@
-//! Values of options.
+//! Types of option values: source of the exposure times, extrapolation, sampler.
 
 use crate::replay::Exposures;
 use hemilux_core::SamplerKind;
 
 #[derive(clap::ValueEnum, Clone, Copy, Debug)]
 pub(super) enum ExposuresArg {
-    /// Exposure times of the manifest or of the EXIF data.
+    /// Exposure times that the manifest or the EXIF data state.
     Stated,
-    /// Stated time of the brightest frame, and the others by measured ratios.
+    /// Stated time of the brightest frame; times of the other frames by the ratios measured in the pixels.
     Measured,
 }
 
@@ -22,13 +22,13 @@ impl From<ExposuresArg> for Exposures {
 
 #[derive(clap::ValueEnum, Clone, Copy, Debug)]
 pub(super) enum ExtrapolationArg {
-    /// Directions that the lens does not see are black.
+    /// Directions outside of the field of view are black.
     None,
-    /// The mean radiance of the visible part.
+    /// Directions outside of the field of view have the mean radiance of the field of view.
     Average,
 }
 
-/// Parses the name of a sampler and lists the names in the help.
+/// Returns a parser of sampler names, which lists the names in the help.
 pub(super) fn sampler_parser() -> impl clap::builder::TypedValueParser<Value = SamplerKind> {
     use clap::builder::{PossibleValuesParser, TypedValueParser};
     PossibleValuesParser::new(SamplerKind::NAMES).try_map(|name| name.parse::<SamplerKind>())

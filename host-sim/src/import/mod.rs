@@ -15,7 +15,7 @@ use toml::{Table, Value};
 
 /// Arguments of `import`.
 #[derive(Clone, Debug)]
-pub struct Job {
+pub struct ImportJob {
     /// Path of the camera's lens file.
     pub lens: PathBuf,
     /// Paths of the photographs, in any order.
@@ -30,7 +30,7 @@ pub struct Job {
 ///
 /// # Errors
 /// [`SimError`]: photographs that state no exposure time, or that differ in camera, lens or size.
-pub fn run(job: &Job) -> Result<(), SimError> {
+pub fn run(job: &ImportJob) -> Result<(), SimError> {
     let text = describe(&job.lens, &job.photos, job.ignores_profile)?;
     let writable = |e: std::io::Error| SimError::at(&job.out, e, "a folder that can be written");
     std::fs::create_dir_all(&job.out).map_err(writable)?;

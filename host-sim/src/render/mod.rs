@@ -39,7 +39,7 @@ const AMBIENT: usize = 512;
 
 /// Arguments of `render`.
 #[derive(Clone, Debug)]
-pub struct Job {
+pub struct RenderJob {
     /// Path of the environment map.
     pub env: PathBuf,
     /// Options for reading the map.
@@ -56,7 +56,7 @@ pub struct Job {
 ///
 /// # Errors
 /// [`SimError`] if an input cannot be read or the picture cannot be written.
-pub fn run(job: &Job) -> Result<(), SimError> {
+pub fn run(job: &RenderJob) -> Result<(), SimError> {
     let set = read_set(&job.set)?;
     let env = decompose::read(&job.env, &job.options)?;
     let made = of_set(&set);

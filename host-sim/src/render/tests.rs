@@ -100,7 +100,7 @@ fn hostile_inputs_are_refused_in_one_line() {
     std::fs::write(path("junk"), b"\x89PNG\r\n\x1a\nnothing\n\nmore").unwrap();
     exr::prelude::write_rgb_file(path("dark.exr"), 8, 4, |_, _| (0.0f32, 0.0, 0.0)).unwrap();
     let job = |env: &str, set: &str, over: Option<&str>| {
-        run(&Job {
+        run(&RenderJob {
             env: path(env),
             options: ReadOptions::default(),
             set: path(set),

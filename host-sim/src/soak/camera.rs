@@ -1,4 +1,5 @@
-//! The camera of a soak: a small sensor under a sky whose light rises from darkness to sun and falls again, as fast as it is asked.
+//! Camera of a soak test: a source of bursts of 64 by 48 pixels whose light rises and falls like that of a day. Every call of `next` returns
+//! a burst without a wait.
 
 use hemilux::calibration::{Burst, Calibration, Frame, Pixels};
 use hemilux::clock;
@@ -8,56 +9,61 @@ use hemilux_core::{Exposure, Lens, Levels};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+/// Columns of a frame.
 const WIDTH: u32 = 64;
+/// Rows of a frame.
 const HEIGHT: u32 = 48;
 
-/// Largest code.
+/// Largest sensor code, 16 bits.
 const WHITE: f32 = 65_535.0;
 
-/// The exposure times of a burst unless clients ask for others, seconds.
+/// Exposure times of a burst until a client sets others, seconds.
 pub(super) const SECONDS: [f64; 3] = [0.000_926, 0.005_555, 0.033_333];
 
-/// Bursts from the darkest to the brightest moment: half a day at ten a second.
+/// Number of bursts from the darkest to the brightest moment: twelve hours at ten bursts a second.
 const HALF_DAY: f64 = 432_000.0;
 
-/// The light of the darkest moment, as a part of that of the brightest.
+/// Radiance at the darkest moment divided by the radiance at the brightest moment.
 const DARKEST: f64 = 1.0 / 500.0;
 
-/// Part of the largest code that the sun has in the shortest exposure at the brightest moment.
+/// Code of the sun in the shortest exposure at the brightest moment, divided by the largest code.
 const BRIGHTEST: f32 = 0.8;
 
-/// The light of the newest burst, as a part of that of the brightest moment.
+/// Relative light and number of the bursts that the camera has returned, shared with the judge of the sets.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Truth {
+pub(super) struct Daylight {
+    /// Bits of the `f64`.
     light: Arc<AtomicU64>,
     bursts: Arc<AtomicU64>,
 }
 
-impl Truth {
+impl Daylight {
+    /// Returns the radiance in the newest burst divided by the radiance at the brightest moment.
     pub fn light(&self) -> f64 {
         f64::from_bits(self.light.load(Ordering::Relaxed))
     }
 
-    /// Number of bursts that were taken.
+    /// Returns the number of bursts that the camera has returned.
     pub fn bursts(&self) -> u64 {
         self.bursts.load(Ordering::Relaxed)
     }
 }
 
-/// A source whose light rises and falls like that of a day.
+/// A source of bursts of a still scene whose radiance rises and falls exponentially with the burst number.
 pub(super) struct DayCamera {
     calibration: Calibration,
     exposures: Vec<Exposure>,
-    /// Light of each sample at the brightest moment, as a part of the light that saturates a sample in the shortest exposure.
+    /// Code of each sample in the shortest exposure at the brightest moment, divided by the largest code.
     still: Vec<f32>,
     bursts: u64,
-    /// Bursts of half a day.
+    /// Number of bursts from the darkest to the brightest moment.
     half_day: f64,
-    truth: Truth,
+    daylight: Daylight,
 }
 
 impl DayCamera {
-    /// A camera for a run of `frames`: at least one night and one day, however short the run is.
+    /// Creates a camera for a run of `frames` bursts. The light of a short run changes faster, so that every run passes the darkest and the
+    /// brightest moment.
     pub fn try_new(frames: u64) -> Option<Self> {
         let middle = [f64::from(WIDTH - 1) / 2.0, f64::from(HEIGHT - 1) / 2.0];
         let lens = Lens::equidistant(middle, 21.0, 80f64.to_radians()).ok()?;
@@ -66,21 +72,22 @@ impl DayCamera {
         let still = (0..HEIGHT).flat_map(|y| (0..WIDTH).flat_map(move |x| colour(x, y))).collect();
         let exposures = SECONDS.map(exposure).to_vec();
         let half_day = HALF_DAY.min(frames as f64 / 2.0).max(1.0);
-        Some(Self { calibration, exposures, still, bursts: 0, half_day, truth: Truth::default() })
+        Some(Self { calibration, exposures, still, bursts: 0, half_day, daylight: Daylight::default() })
     }
 
-    pub fn truth(&self) -> Truth {
-        self.truth.clone()
+    /// Returns a handle to the light and the number of bursts, which `next` updates.
+    pub fn daylight(&self) -> Daylight {
+        self.daylight.clone()
     }
 
-    /// Light of burst `bursts`: from the darkest to the brightest and back, by a constant factor a burst.
+    /// Returns the radiance of the next burst divided by the radiance at the brightest moment; it changes by a constant factor per burst.
     fn light(&self) -> f64 {
         let phase = (self.bursts as f64 / self.half_day) % 2.0;
         DARKEST.powf(1.0 - if phase < 1.0 { phase } else { 2.0 - phase })
     }
 }
 
-/// A sky with a sun, a bright wall and a dark ground.
+/// Returns the relative code of a pixel in the shortest exposure at the brightest moment: a sun, a bright wall, and a gradient.
 fn colour(x: u32, y: u32) -> [f32; 3] {
     let sun = (40..42).contains(&x) && (12..14).contains(&y);
     let wall = x < 16;
@@ -132,8 +139,8 @@ impl Source for DayCamera {
                 codes.extend(self.still.iter().map(|level| (level * gain + 0.5) as u16));
             }
         }
-        self.truth.light.store(light.to_bits(), Ordering::Relaxed);
-        self.truth.bursts.store(self.bursts, Ordering::Relaxed);
+        self.daylight.light.store(light.to_bits(), Ordering::Relaxed);
+        self.daylight.bursts.store(self.bursts, Ordering::Relaxed);
         burst.timestamp_ns = clock::monotonic_ns();
         Ok(())
     }

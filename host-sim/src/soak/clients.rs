@@ -1,4 +1,5 @@
-//! Clients of every kind, which come and go while a soak runs.
+//! Clients of a soak test, one thread each: they request light sets, pictures and the status, subscribe to sets, change settings and abandon
+//! connections.
 
 use super::tally::Tally;
 use hemilux::probe::Config;
@@ -13,16 +14,16 @@ use std::thread::{JoinHandle, sleep};
 use std::time::{Duration, Instant};
 use ureq::Agent;
 
-/// Longest wait for a reply.
-const PATIENCE: Duration = Duration::from_secs(10);
+/// Timeout of a reply.
+const TIMEOUT: Duration = Duration::from_secs(10);
 
-/// Requests or sets of a connection before the client leaves.
-const STAY: u32 = 500;
+/// Number of requests or received sets after which a client closes its connection.
+const REQUESTS_PER_CONNECTION: u32 = 500;
 
-/// Most bytes of a reply.
-const LONGEST: u64 = 16 << 20;
+/// Largest size of a reply, bytes.
+const MAX_REPLY_BYTES: u64 = 16 << 20;
 
-/// The forms of light sets that are asked for in turn.
+/// Paths of light sets in different forms, requested in rotation.
 const FORMS: [&str; 8] = [
     "/v1/lights",
     "/v1/lights?format=binary",
@@ -34,7 +35,7 @@ const FORMS: [&str; 8] = [
     "/v1/lights?format=binary&ambient=1",
 ];
 
-/// The other readable paths.
+/// Paths of pictures, maps, the status and a comparison.
 const OTHERS: [&str; 10] = [
     "/v1/map.png",
     "/v1/status",
@@ -48,19 +49,19 @@ const OTHERS: [&str; 10] = [
     "/v1/compare?algorithm=q2tree&lights=16",
 ];
 
-/// A client with the address of the server and the counters of its answers.
+/// A client of the server at `address`; all clients share the counters of replies and errors.
 #[derive(Clone)]
 struct Client {
     address: SocketAddr,
     tally: Arc<Tally>,
 }
 
-/// One round of a client's requests.
-type Work = fn(&Client);
+/// Method of a client that opens a connection, sends a series of requests and closes the connection.
+type Round = fn(&Client);
 
-/// Starts a thread for each client.
+/// Starts one thread for each client; each repeats its round of requests until `tally.over` is set.
 pub(super) fn start(address: SocketAddr, tally: &Arc<Tally>) -> std::io::Result<Vec<JoinHandle<()>>> {
-    let kinds: [(&str, Work); 7] = [
+    let kinds: [(&str, Round); 7] = [
         ("sets", Client::sets),
         ("sets", Client::sets),
         ("events", Client::events),
@@ -69,7 +70,7 @@ pub(super) fn start(address: SocketAddr, tally: &Arc<Tally>) -> std::io::Result<
         ("settings", Client::settings),
         ("rude", Client::rude),
     ];
-    let start = |(name, work): (&str, Work)| {
+    let start = |(name, work): (&str, Round)| {
         let client = Client { address, tally: Arc::clone(tally) };
         let thread = std::thread::Builder::new().name(name.into());
         thread.spawn(move || {
@@ -87,16 +88,16 @@ impl Client {
     }
 
     fn agent() -> Agent {
-        let config = Agent::config_builder().timeout_global(Some(PATIENCE)).http_status_as_error(false);
+        let config = Agent::config_builder().timeout_global(Some(TIMEOUT)).http_status_as_error(false);
         config.build().into()
     }
 
-    /// The status and the body of a reply, which is counted; a reply that does not come is an error.
+    /// Sends a GET request; returns the status and the body of the reply and counts it. A request without a reply counts as an error.
     fn get(&self, agent: &Agent, path: &str) -> Option<(u16, Vec<u8>)> {
         let began = Instant::now();
         let reply = agent.get(format!("http://{}{path}", self.address)).call().and_then(|mut reply| {
             let status = reply.status().as_u16();
-            let body = reply.body_mut().with_config().limit(LONGEST).read_to_vec()?;
+            let body = reply.body_mut().with_config().limit(MAX_REPLY_BYTES).read_to_vec()?;
             Ok((status, body))
         });
         match reply {
@@ -111,10 +112,10 @@ impl Client {
         }
     }
 
-    /// Light sets in all forms; each is compared with the set that was published.
+    /// Requests light sets in all forms and compares the replies with the published sets.
     fn sets(&self) {
         let agent = Self::agent();
-        for path in FORMS.iter().cycle().take(STAY as usize) {
+        for path in FORMS.iter().cycle().take(REQUESTS_PER_CONNECTION as usize) {
             if self.is_over() {
                 return;
             }
@@ -155,16 +156,16 @@ impl Client {
         }
     }
 
-    /// Sets that are pushed as server-sent events.
+    /// Receives sets as server-sent events and compares them with the published sets.
     fn events(&self) {
         let config =
-            Agent::config_builder().timeout_connect(Some(PATIENCE)).timeout_recv_response(Some(PATIENCE));
+            Agent::config_builder().timeout_connect(Some(TIMEOUT)).timeout_recv_response(Some(TIMEOUT));
         let agent: Agent = config.build().into();
         let reply = agent.get(format!("http://{}/v1/events", self.address)).call();
         let Ok(reply) = reply else { return self.tally.error(format!("/v1/events: {:?}", reply.err())) };
         let mut lines = BufReader::new(reply.into_body().into_reader()).lines();
         let mut began = Instant::now();
-        for _ in 0..STAY {
+        for _ in 0..REQUESTS_PER_CONNECTION {
             let data = lines.by_ref().find_map(|line| match line {
                 Ok(line) => line.strip_prefix("data:").map(|data| Ok(data.trim().to_owned())),
                 Err(error) => Some(Err(error)),
@@ -183,20 +184,20 @@ impl Client {
         }
     }
 
-    /// Sets that are pushed through a WebSocket.
+    /// Receives sets through a WebSocket and compares them with the published sets.
     fn socket(&self) {
         let failed = |error: &dyn std::fmt::Display| self.tally.error(format!("/v1/socket: {error}"));
         let stream = match TcpStream::connect(self.address) {
             Ok(stream) => stream,
             Err(error) => return failed(&error),
         };
-        let _ = stream.set_read_timeout(Some(PATIENCE));
+        let _ = stream.set_read_timeout(Some(TIMEOUT));
         let url = format!("ws://{}/v1/socket", self.address);
         let (mut socket, _) = match tungstenite::client(url, stream) {
             Ok(made) => made,
             Err(error) => return failed(&error),
         };
-        for _ in 0..STAY {
+        for _ in 0..REQUESTS_PER_CONNECTION {
             let began = Instant::now();
             match socket.read() {
                 Ok(message) if message.is_text() || message.is_binary() => {
@@ -214,12 +215,12 @@ impl Client {
         while socket.read().is_ok() {}
     }
 
-    /// Pictures, maps, the state, a comparison: at a human pace.
+    /// Requests pictures, maps, the status and a comparison, with a pause of 20 ms after each.
     fn others(&self) {
         let agent = Self::agent();
         for path in OTHERS {
             match self.get(&agent, path) {
-                // A picture may be refused while others are drawn, and the debug picture while it is off.
+                // The server replies with 503 while too many pictures are drawn, and with 409 while the debug picture is switched off.
                 Some((200 | 503, _)) => {}
                 Some((409, _)) if path == "/screenshot" => {}
                 Some((status, body)) => {
@@ -235,7 +236,7 @@ impl Client {
         }
     }
 
-    /// Each setting to another value and back.
+    /// Changes each setting to other legal values and back to its default.
     fn settings(&self) {
         let agent = Self::agent();
         for setting in SETTINGS {
@@ -257,7 +258,7 @@ impl Client {
         }
     }
 
-    /// Connections that are left in the middle of a request or of its reply.
+    /// Opens connections and closes them in the middle of a request or of its reply.
     fn rude(&self) {
         for request in
             ["GET /v1/li", "GET /v1/map.exr HTTP/1.1\r\nHost: localhost\r\n\r\n", "\0\u{1}garbage\r\n\r\n"]
@@ -273,7 +274,7 @@ impl Client {
     }
 }
 
-/// Values of a setting beside its usual one.
+/// Returns legal values of a setting that differ from its default `usual`.
 fn others(setting: &Setting, usual: &Value) -> Vec<Value> {
     let near = |least: f32, most: f32, value: &Value| {
         let value = value.as_f64().unwrap_or(f64::from(least) + 0.1 * f64::from(most - least));

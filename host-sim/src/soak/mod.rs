@@ -1,5 +1,5 @@
-//! A soak: days of simulated time over the real pipeline, server and sockets, with clients of every kind, changes of every setting and faults of
-//! the source. Bursts come as fast as they are processed; ten of them are a second.
+//! Soak test: days of simulated time through the probe's pipeline, server and sockets, with clients of every kind, changes of every setting and
+//! faults of the source. The source does not wait between bursts; ten bursts count as a second of simulated time.
 
 mod camera;
 mod clients;
@@ -7,7 +7,7 @@ mod report;
 mod tally;
 
 use crate::error::SimError;
-use camera::{DayCamera, Truth};
+use camera::{DayCamera, Daylight};
 use hemilux::pipeline::{Pipeline, Settings};
 use hemilux::probe::settings::SETTINGS;
 use hemilux::probe::{Config, Link, Worker};
@@ -15,78 +15,88 @@ use hemilux::server::{self, KnownHosts, Limits, Options};
 use hemilux::source::{FaultCounts, FaultSource, FaultSpec, Source};
 use hemilux_core::wire::FramesLeftOut;
 use hemilux_core::{Extrapolation, SamplerKind};
-use report::Report;
+use report::SoakReport;
 use std::net::{Ipv4Addr, TcpListener};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 use tally::Tally;
 
-/// Bursts of a second of simulated time.
+/// Bursts per second of simulated time.
 pub const FRAMES_A_SECOND: u64 = 10;
 
-/// Largest relative difference of the flux of a set and that of its burst.
+/// Largest relative difference between the flux of a set and the flux of its burst; beyond it the set counts as wrong.
 const WRONG: f64 = 0.04;
 
-/// Bursts after a fault until a set has all of its frames.
+/// Number of bursts after a fault within which a set of all frames must follow.
 const RECOVERY: u64 = 2;
 
-/// Largest share of the flux that a set without a temporal filter may lose.
+/// Largest share of the flux that may be missing from a set without a temporal filter.
 const LOST: f32 = 2e-3;
 
-/// Pause before the next attempt while the device is gone.
+/// Pause between attempts to read a burst while the device is gone.
 const RETRY: Duration = Duration::from_millis(1);
 
-/// Light below which most samples of the longest exposure are under 1/128 of the full scale: not every false frame can be detected there.
+/// Relative light below which most samples of the longest exposure are under 1/128 of the full scale: not every false frame can be detected there.
 const DARK: f64 = 0.03;
 
-/// Wrong sets that are described.
+/// Number of wrong sets that the report describes.
 const DESCRIBED: usize = 10;
 
-/// Part of the run after which the memory counts as taken.
+/// The memory at 1/`WARM` of the run is the baseline for its growth.
 const WARM: u64 = 10;
 
-/// Parameters of a soak.
+/// Parameters of a soak test.
 #[derive(Clone, Debug)]
-pub struct Job {
+pub struct SoakJob {
     /// Number of bursts.
     pub frames: u64,
     /// Faults of the source.
     pub faults: FaultSpec,
-    /// Fewest replies; bursts beyond `frames` follow until there are so many.
+    /// Least number of replies; further bursts are processed until the clients have received as many.
     pub replies: u64,
 }
 
-/// The expected light of each burst, with which the sets are compared.
-struct Judge {
+/// Comparison of every published set with the known light of its burst, and the counts for the report.
+struct SetJudge {
     /// Flux at the brightest moment without and with extrapolation.
     flux: [f64; 2],
-    truth: Truth,
+    daylight: Daylight,
     tally: Arc<Tally>,
     counts: Arc<FaultCounts>,
-    /// Flux of the last set that was merged.
+    /// Flux of the newest set that does not repeat the lights of an earlier burst.
     merged: f64,
+    /// Number of published sets.
     frames: u64,
+    /// Number of bursts without a set.
     failed: u64,
+    /// Number of sets that repeat the lights of the burst before.
     held: u64,
+    /// Number of sets that lack frames of their burst.
     left_out: u64,
+    /// Number of sets of degraded quality.
     degraded: u64,
-    /// Bursts since the last fault, until a set has all of its frames.
+    /// Number of bursts since the last fault; `None` after a set of all frames.
     since: Option<u64>,
+    /// Number of faults at the last burst.
     faults: u64,
+    /// Number of faults that a set of all frames followed within [`RECOVERY`] bursts.
     recovered: u64,
+    /// Number of the other faults.
     unrecovered: u64,
+    /// Number of wrong sets whose relative light is at least [`DARK`].
     wrong: u64,
-    /// Number of wrong sets whose light is below [`DARK`].
+    /// Number of wrong sets whose relative light is below [`DARK`].
     dark: u64,
+    /// Descriptions of the first wrong sets.
     words: Vec<String>,
 }
 
-impl Judge {
-    fn new(flux: [f64; 2], truth: &Truth, tally: &Arc<Tally>, counts: &Arc<FaultCounts>) -> Self {
+impl SetJudge {
+    fn new(flux: [f64; 2], daylight: &Daylight, tally: &Arc<Tally>, counts: &Arc<FaultCounts>) -> Self {
         Self {
             flux,
-            truth: truth.clone(),
+            daylight: daylight.clone(),
             tally: Arc::clone(tally),
             counts: Arc::clone(counts),
             merged: 0.0,
@@ -105,26 +115,27 @@ impl Judge {
         }
     }
 
-    fn wrong(&mut self, what: impl FnOnce() -> String) {
-        if self.truth.light() < DARK {
+    /// Counts a wrong set and stores its description.
+    fn wrong(&mut self, description: impl FnOnce() -> String) {
+        if self.daylight.light() < DARK {
             self.dark += 1;
             return;
         }
         self.wrong += 1;
         if self.words.len() < DESCRIBED {
-            self.words.push(what());
+            self.words.push(description());
         }
     }
 
-    /// Looks at what a burst has come to.
-    fn look(&mut self, link: &Link, is_ok: bool) {
+    /// Updates the counts after the probe has processed a burst; `is_ok` is false if the burst failed.
+    fn judge_burst(&mut self, link: &Link, is_ok: bool) {
         let faults: u64 = self.counts.named().map(|(_, n)| n).sum();
         self.since = if faults > self.faults { Some(0) } else { self.since.map(|bursts| bursts + 1) };
         self.faults = faults;
         let is_new = link.sets().latest().is_some_and(|set| set.frame >= self.frames);
-        let is_whole = is_new && self.look_at_set(link);
+        let is_whole = is_new && self.judge_set(link);
         self.failed += u64::from(!is_ok);
-        // Where bursts are left out to keep the budget, there is no set of some.
+        // The probe publishes no set of a burst that it skips to keep the budget.
         if is_whole && self.since.is_some_and(|bursts| bursts > 0) {
             self.recovered += 1;
             self.since = None;
@@ -134,8 +145,8 @@ impl Judge {
         }
     }
 
-    /// Compares the newest set with its burst; true where all frames were merged.
-    fn look_at_set(&mut self, link: &Link) -> bool {
+    /// Compares the flux of the newest set with the flux of its burst; returns whether all frames of the burst were merged.
+    fn judge_set(&mut self, link: &Link) -> bool {
         let Some(set) = link.sets().latest() else { return false };
         self.frames = set.frame + 1;
         self.tally.publish(set.frame, set.scalar_flux);
@@ -146,8 +157,8 @@ impl Judge {
         self.left_out += u64::from(!set.frames_left_out.is_empty());
         self.degraded += u64::from(!set.degraded.is_none());
         let full = self.flux[usize::from(config.extrapolation == Extrapolation::Average)];
-        let expected = if is_held { self.merged } else { full * self.truth.light() };
-        // The map that is held may be the one of the other extrapolation.
+        let expected = if is_held { self.merged } else { full * self.daylight.light() };
+        // The repeated set may be older than a change of the extrapolation.
         if !is_held || self.merged <= 0.0 {
             self.merged = flux;
         }
@@ -158,19 +169,22 @@ impl Judge {
         let missing = set.view().missing_flux().map_or(0.0, |flux| flux[1].abs() / set.scalar_flux[1]);
         if missing > LOST && config.sampler != SamplerKind::HemigonFir {
             self.wrong(|| {
-                format!("frame {}: the lights of {} miss {missing} of the flux", set.frame, set.sampler)
+                format!(
+                    "frame {}: the lights of {} lack the share {missing} of the flux",
+                    set.frame, set.sampler
+                )
             });
         }
         set.frames_left_out.is_empty()
     }
 }
 
-/// Whether a set repeats the lights of the burst before.
+/// Returns whether a set repeats the lights of the burst before, since no frame of its own burst was usable.
 fn is_held(left_out: &FramesLeftOut) -> bool {
     left_out.contains(0)
 }
 
-/// The flux of the brightest moment in a clean burst, without and with extrapolation.
+/// Returns the flux at the brightest moment without and with extrapolation, computed from a burst without faults.
 fn brightest() -> Result<[f64; 2], SimError> {
     let mut camera = camera(2)?;
     let mut burst = hemilux::calibration::Burst::default();
@@ -178,7 +192,7 @@ fn brightest() -> Result<[f64; 2], SimError> {
     for _ in 0..2 {
         camera.next(&mut burst).map_err(|e| failed(&e))?;
     }
-    let light = camera.truth().light();
+    let light = camera.daylight().light();
     let mut flux = [0.0; 2];
     for (flux, extrapolation) in flux.iter_mut().zip([Extrapolation::None, Extrapolation::Average]) {
         let settings = Settings { extrapolation, ..Settings::default() };
@@ -189,19 +203,21 @@ fn brightest() -> Result<[f64; 2], SimError> {
 }
 
 fn camera(frames: u64) -> Result<DayCamera, SimError> {
-    DayCamera::try_new(frames).ok_or_else(|| SimError::Failed("soak: found no camera".into()))
+    DayCamera::try_new(frames)
+        .ok_or_else(|| SimError::Failed("soak: found an illegal lens or layout of its camera".into()))
 }
 
-/// Runs a soak and returns its report.
+/// Runs a soak test and returns its report.
 ///
 /// # Errors
-/// [`SimError`] if the soak cannot start; violated requirements are in the report.
-pub fn run(job: &Job) -> Result<Report, SimError> {
-    let failed =
-        |e: &dyn std::fmt::Display| SimError::Failed(format!("soak: found {e}, expected it to start"));
+/// [`SimError`] if the probe or the server cannot start; violated requirements are in the report.
+pub fn run(job: &SoakJob) -> Result<SoakReport, SimError> {
+    let failed = |e: &dyn std::fmt::Display| {
+        SimError::Failed(format!("soak: found {e}, expected a probe and a server that start"))
+    };
     let flux = brightest()?;
     let camera = camera(job.frames)?;
-    let truth = camera.truth();
+    let daylight = camera.daylight();
     let faulty = FaultSource::new(Box::new(camera), job.faults.clone());
     let (counts, tally) = (faulty.counts(), Arc::new(Tally::new()));
     let mut worker = Worker::try_new(Box::new(faulty), "soak".into(), Config::default())?;
@@ -212,31 +228,31 @@ pub fn run(job: &Job) -> Result<Report, SimError> {
     let app = server::app(Arc::clone(&link), options);
     let running = server::start(listener, app, Limits::default()).map_err(|e| failed(&e))?;
     let (began, descriptors) = (Instant::now(), report::descriptors());
-    let mut judge = Judge::new(flux, &truth, &tally, &counts);
+    let mut judge = SetJudge::new(flux, &daylight, &tally, &counts);
     let threads = clients::start(address, &tally).map_err(|e| failed(&e))?;
     let (mut bursts, mut warm_kb, mut most_kb) = (0, 0, 0);
     while bursts < job.frames || tally.replies.load(Ordering::Relaxed) < job.replies {
         let is_ok = worker.step().is_ok();
-        let taken = truth.bursts();
+        let taken = daylight.bursts();
         if taken == bursts {
             // The device is gone.
             std::thread::sleep(RETRY);
             continue;
         }
         bursts = taken;
-        judge.look(&link, is_ok);
+        judge.judge_burst(&link, is_ok);
         if bursts == job.frames / WARM {
             warm_kb = report::resident_kb();
         }
         if bursts % 1000 == 0 {
             most_kb = report::resident_kb().max(most_kb);
-            // The clients of the machine get their share of it.
+            // The threads of the clients run.
             std::thread::yield_now();
         }
     }
     let (resident_kb, took) = (report::resident_kb(), began.elapsed());
     tally.over.store(true, Ordering::Relaxed);
-    // Clients that wait for a set get one.
+    // Further sets unblock the clients that wait for one.
     while threads.iter().any(|thread| !thread.is_finished())
         && began.elapsed() < took + Duration::from_secs(20)
     {
@@ -245,7 +261,7 @@ pub fn run(job: &Job) -> Result<Report, SimError> {
     std::thread::sleep(Duration::from_millis(500));
     let left = report::descriptors();
     running.stop();
-    Ok(Report {
+    Ok(SoakReport {
         bursts,
         frames: judge.frames,
         failed: judge.failed,

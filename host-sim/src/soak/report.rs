@@ -1,4 +1,4 @@
-//! The report of a soak.
+//! Report of a soak test: counts, memory, and the requirements that are violated.
 
 use super::FRAMES_A_SECOND;
 use super::tally::Tally;
@@ -8,17 +8,18 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-/// Growth of the memory that is no leak: a part, or in a short run the first use of each kind of reply and setting, kB.
+/// Largest growth of the resident memory that does not count as a leak: the larger of a share of the memory and a size in kB, which is for
+/// the first use of each kind of reply and setting in short runs.
 const GROWTH: (f64, u64) = (0.01, 4096);
 
-/// Descriptors beside those of the start that are no leak: connections that the server has not closed yet.
+/// Largest growth of the number of open descriptors that does not count as a leak: connections that the server has not closed yet.
 const DESCRIPTORS: usize = 2;
 
-/// Longest time of a reply while nothing is lost.
+/// Longest allowed time from a request to its reply.
 const WORST: Duration = Duration::from_secs(5);
 
-/// The report of a soak.
-pub struct Report {
+/// Results of a soak test; `Display` formats them as a table.
+pub struct SoakReport {
     pub(super) bursts: u64,
     pub(super) frames: u64,
     pub(super) failed: u64,
@@ -31,20 +32,20 @@ pub struct Report {
     pub(super) unrecovered: u64,
     pub(super) faults: Vec<(&'static str, u64)>,
     pub(super) quality: QualityStatus,
-    /// Settings that were changed, and all of them.
+    /// Number of settings that clients changed, and number of all settings.
     pub(super) settings: [usize; 2],
-    /// Resident memory after a tenth of the run, at its end, and the most of it.
+    /// Resident memory after a tenth of the run, at its end, and its maximum, kB.
     pub(super) memory_kb: [u64; 3],
-    /// Open descriptors before the clients and after them.
+    /// Number of open descriptors before the clients start and after they have ended.
     pub(super) descriptors: [usize; 2],
     pub(super) took: Duration,
-    /// Wrong sets in words.
+    /// Descriptions of the first wrong sets.
     pub(super) words: Vec<String>,
     pub(super) tally: Arc<Tally>,
 }
 
-impl Report {
-    /// Returns the violated requirements, in words.
+impl SoakReport {
+    /// Returns one description for each violated requirement.
     #[must_use]
     pub fn failures(&self) -> Vec<String> {
         let [warm, end, _] = self.memory_kb;
@@ -76,7 +77,7 @@ impl Report {
     }
 }
 
-impl fmt::Display for Report {
+impl fmt::Display for SoakReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let count = |counter: &std::sync::atomic::AtomicU64| counter.load(Ordering::Relaxed);
         let hours = self.bursts as f64 / FRAMES_A_SECOND as f64 / 3600.0;
@@ -84,9 +85,9 @@ impl fmt::Display for Report {
         writeln!(f, "{:.2} h of simulated time ({} bursts, 10 a second) in {took:.0} s", hours, self.bursts)?;
         writeln!(f, "{:<34}{:>12}", "sets", self.frames)?;
         writeln!(f, "{:<34}{:>12}", "sets with a wrong energy", self.wrong)?;
-        writeln!(f, "{:<34}{:>12}", "the same in the dark, not judged", self.dark)?;
+        writeln!(f, "{:<34}{:>12}", "wrong sets in the dark, not counted", self.dark)?;
         writeln!(f, "{:<34}{:>12}", "sets with frames left out", self.left_out)?;
-        writeln!(f, "{:<34}{:>12}", "sets that repeat the one before", self.held)?;
+        writeln!(f, "{:<34}{:>12}", "sets that repeat the set before", self.held)?;
         writeln!(f, "{:<34}{:>12}", "bursts without a set", self.failed)?;
         writeln!(f, "{:<34}{:>12}", "sets of lowered quality", self.degraded)?;
         let steps = format!("{} / {}", self.quality.down, self.quality.up);
@@ -96,7 +97,7 @@ impl fmt::Display for Report {
         writeln!(f, "{:<34}{:>12}", "replies marked stale", count(&tally.stale))?;
         writeln!(f, "{:<34}{:>12}", "errors, lost replies included", count(&tally.errors))?;
         writeln!(f, "{:<34}{:>12.3}", "longest time of a reply, s", tally.worst().as_secs_f64())?;
-        writeln!(f, "{:<34}{:>12}", "connections left half-way", count(&tally.rude))?;
+        writeln!(f, "{:<34}{:>12}", "connections closed half-way", count(&tally.rude))?;
         writeln!(f, "{:<34}{:>12}", "changes of settings", count(&tally.changes))?;
         let settings = format!("{} of {}", self.settings[0], self.settings[1]);
         writeln!(f, "{:<34}{:>12}", "settings changed", settings)?;
@@ -115,19 +116,19 @@ impl fmt::Display for Report {
         writeln!(f, "{:<34}{:>12}", "faults without recovery", self.unrecovered)?;
         self.words.iter().try_for_each(|what| writeln!(f, "wrong: {what}"))?;
         tally.words().iter().try_for_each(|what| writeln!(f, "error: {what}"))?;
-        self.failures().iter().try_for_each(|what| writeln!(f, "does not hold: {what}"))?;
-        if self.failures().is_empty() { writeln!(f, "all holds") } else { Ok(()) }
+        self.failures().iter().try_for_each(|what| writeln!(f, "violated: {what}"))?;
+        if self.failures().is_empty() { writeln!(f, "all requirements hold") } else { Ok(()) }
     }
 }
 
-/// Resident memory of this process, kB; 0 where it is not known.
+/// Returns the resident memory of this process in kB, from `/proc/self/status`; 0 if the file lacks it.
 pub(super) fn resident_kb() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
     line.and_then(|line| line.trim().trim_end_matches(" kB").trim().parse().ok()).unwrap_or(0)
 }
 
-/// Open descriptors of this process; 0 where they are not known.
+/// Returns the number of open descriptors of this process, from `/proc/self/fd`; 0 if the folder cannot be read.
 pub(super) fn descriptors() -> usize {
     std::fs::read_dir("/proc/self/fd").map_or(0, Iterator::count)
 }

@@ -1,24 +1,25 @@
-//! Counts of the answers that the clients of a soak received.
+//! Counts of the replies that the clients of a soak test receive, and the fluxes of the published sets, with which replies are compared.
 
 use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Sets that are kept for comparison with replies.
+/// Number of newest published sets whose fluxes are stored for comparison with replies.
 const KEPT: usize = 1 << 16;
 
-/// Longest wait until a set that a client has is known as published.
+/// Longest wait of [`Tally::check`] for the publication of a set that a client has received.
 const LONGEST_WAIT: Duration = Duration::from_secs(2);
 
-/// Errors that are kept in words.
+/// Number of errors whose descriptions are stored.
 const ERRORS: usize = 20;
 
-/// Relative difference of a flux by the decimal digits of a reply.
+/// Largest relative difference between a flux in a reply and the published flux: rounding of decimal digits.
 const SAME: f32 = 1e-5;
 
-/// Counters of all clients, and the sets that were published.
+/// Counters of all clients, and the fluxes of the published sets.
 pub(super) struct Tally {
+    /// Whether the clients must end.
     pub over: AtomicBool,
     pub replies: AtomicU64,
     pub checked: AtomicU64,
@@ -32,7 +33,7 @@ pub(super) struct Tally {
     changed: Mutex<BTreeSet<&'static str>>,
 }
 
-/// Scalar flux of the newest sets; that of frame `f` is at `f` modulo [`KEPT`].
+/// Scalar fluxes (red, green, blue) of the newest sets; the flux of frame `f` has the index `f` modulo [`KEPT`].
 struct Published {
     frames: u64,
     flux: Vec<[f32; 3]>,
@@ -59,34 +60,38 @@ impl Tally {
         }
     }
 
-    /// Notes a published set; frames come in order.
+    /// Stores the flux of a published set; frame numbers must ascend.
     pub fn publish(&self, frame: u64, flux: [f32; 3]) {
         let mut published = lock(&self.published);
         published.flux[frame as usize % KEPT] = flux;
         published.frames = frame + 1;
     }
 
+    /// Counts a reply that arrived `took` after its request.
     pub fn reply(&self, took: Duration) {
         self.replies.fetch_add(1, Ordering::Relaxed);
         self.worst_us.fetch_max(took.as_micros() as u64, Ordering::Relaxed);
     }
 
+    /// Returns the longest time from a request to its reply.
     pub fn worst(&self) -> Duration {
         Duration::from_micros(self.worst_us.load(Ordering::Relaxed))
     }
 
+    /// Counts an accepted change of a setting.
     pub fn change(&self, setting: &'static str) {
         self.changes.fetch_add(1, Ordering::Relaxed);
         lock(&self.changed).insert(setting);
     }
 
-    /// Number of settings that were changed at least once.
+    /// Returns the number of settings that clients have changed at least once.
     pub fn settings(&self) -> usize {
         lock(&self.changed).len()
     }
 
+    /// Counts an error and stores its description; after the end of the run errors do not count.
     pub fn error(&self, what: String) {
-        // The probe ends before its clients.
+        // The server stops before the last clients end.
         if self.over.load(Ordering::Relaxed) {
             return;
         }
@@ -97,6 +102,7 @@ impl Tally {
         }
     }
 
+    /// Counts a comparison; it is an error unless `holds`.
     pub fn require(&self, holds: bool, what: impl FnOnce() -> String) {
         self.checked.fetch_add(1, Ordering::Relaxed);
         if !holds {
@@ -104,19 +110,19 @@ impl Tally {
         }
     }
 
-    /// The first errors in words.
+    /// Returns the descriptions of the first errors.
     pub fn words(&self) -> Vec<String> {
         lock(&self.words).clone()
     }
 
-    /// Compares a reply with the published set of its frame.
+    /// Compares the scalar flux of a reply with the published set of its frame.
     pub fn check(&self, path: &str, frame: u64, flux: [f32; 3], is_stale: bool) {
         self.stale.fetch_add(u64::from(is_stale), Ordering::Relaxed);
         let began = Instant::now();
         let known = loop {
             let published = lock(&self.published);
             if frame < published.frames {
-                // Sets that are no longer kept were published all the same.
+                // The flux of an older set is no longer stored; the set was published, which is correct.
                 let is_kept = published.frames - frame <= KEPT as u64;
                 break is_kept.then(|| published.flux[frame as usize % KEPT]);
             }

@@ -21,7 +21,7 @@ pub const COUNTS: [usize; 3] = [16, 64, 256];
 
 /// Options of the report.
 #[derive(Clone, Debug)]
-pub struct Job {
+pub struct StressJob {
     /// Folder for `stress.json`, `stress.txt` and `stress.svg`.
     pub out: PathBuf,
     /// Smaller maps and shorter sequences.
@@ -36,7 +36,7 @@ pub struct Job {
 ///
 /// # Errors
 /// [`SimError`].
-pub fn run(job: &Job) -> Result<(), SimError> {
+pub fn run(job: &StressJob) -> Result<(), SimError> {
     let setting = if job.quick { Setting::QUICK } else { Setting::FULL };
     let backgrounds = match &job.backgrounds {
         Some(folder) => contender::read_maps(folder, 512)?,
