@@ -1,8 +1,8 @@
 //! Access control for changes of settings and for pictures.
 //!
-//! With a token, a request must carry it as `Authorization: Bearer`, as the password of `Authorization: Basic` (what old clients and
-//! pictures in pages can send; the name does not matter), or carry the cookie that the log-in form gives. It never stands in a URL.
-//! A browser sends cookies and Basic passwords by itself, so requests that a page of another site caused are refused in any case.
+//! With a token, a request must carry it as `Authorization: Bearer`, as the password of `Authorization: Basic` (for old clients and for pictures
+//! in pages; the user name is ignored), or carry the cookie that the log-in form sets. A token in a URL is not accepted. Browsers send cookies
+//! and Basic passwords by themselves, so requests that a page of another site caused are always refused.
 
 use super::attempts::Attempts;
 use super::client_key::ClientKey;
@@ -18,7 +18,7 @@ use axum::response::{IntoResponse, Response};
 use data_encoding::BASE64;
 use std::time::{Duration, Instant};
 
-/// Longest time to send a body.
+/// Longest time within which a body must arrive.
 pub(super) const BODY_TIME: Duration = Duration::from_secs(5);
 
 const BEARER: &str = "Bearer realm=\"hemilux\"";
@@ -26,10 +26,10 @@ const BASIC_OR_BEARER: &str = "Basic realm=\"hemilux\", charset=\"UTF-8\", Beare
 
 const COOKIE_NAME: &str = "hemilux";
 
-/// The condition under which a request may change settings and see pictures.
+/// The condition under which a request may change settings and get pictures.
 #[derive(Clone, Debug)]
 pub enum Access {
-    /// No condition: every request may.
+    /// Every request is admitted.
     Open,
     /// The request must carry the token or the session cookie.
     Token {
@@ -40,22 +40,22 @@ pub enum Access {
     },
 }
 
-/// Reasons for which a request is not admitted.
+/// Reasons why a request is not admitted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Denial {
     /// The request carries no credentials.
     Missing,
     /// The credentials are wrong.
     Wrong,
-    /// The client has sent too many wrong credentials: they are not checked for this time.
+    /// The client has sent too many wrong credentials: they are not checked for this duration.
     Blocked(Duration),
 }
 
 impl Access {
-    /// Requires `token`, or the cookie of a session that was opened with it.
+    /// Requires `token`, or the cookie of a session that was opened with the token.
     ///
     /// # Errors
-    /// [`super::TokenError`] when there are no random numbers for the cookie.
+    /// [`super::TokenError`] when the operating system provides no random numbers for the cookie.
     pub fn with_token(token: Token) -> Result<Self, super::TokenError> {
         Ok(Self::Token { token, session: Token::random()? })
     }
@@ -74,7 +74,7 @@ impl Access {
                 self.check(&credential(value).map_or(Vec::new(), |c| c.secret), client, attempts)
             }
             (Some(_), Some(_)) => Err(Denial::Wrong),
-            // The session's value has 256 random bits: it needs no protection from guessing.
+            // The session's value has 256 random bits: it cannot be guessed.
             (None, _) if cookies(headers).any(|value| session.is(value.as_bytes())) => Ok(()),
             (None, _) => Err(Denial::Missing),
         }
@@ -95,14 +95,14 @@ impl Access {
     }
 }
 
-/// The values of the session cookie.
+/// Returns the values of the session cookie.
 fn cookies(headers: &HeaderMap) -> impl Iterator<Item = &str> {
     let all = headers.get_all(COOKIE).iter().filter_map(|v| v.to_str().ok());
     let pairs = all.flat_map(|v| v.split(';')).filter_map(|pair| pair.trim().split_once('='));
     pairs.filter(|(name, _)| *name == COOKIE_NAME).map(|(_, value)| value)
 }
 
-/// Contents of an Authorization header.
+/// The secret of an Authorization header, and its scheme.
 #[derive(Debug, PartialEq, Eq)]
 struct Credential {
     is_basic: bool,
@@ -120,17 +120,17 @@ fn credential(value: &HeaderValue) -> Option<Credential> {
     Some(Credential { is_basic: true, secret: decoded[colon + 1..].to_vec() })
 }
 
-/// Whether a browser sent a password that it remembers.
+/// Returns true if a browser sent a stored password.
 pub(super) fn is_basic(headers: &HeaderMap) -> bool {
     headers.get_all(AUTHORIZATION).iter().filter_map(credential).any(|c| c.is_basic)
 }
 
-/// Whether a request carries a Bearer token, which no page of another site can add.
+/// Returns true if a request carries a Bearer token, which no page of another site can add.
 pub(super) fn is_bearer(headers: &HeaderMap) -> bool {
     headers.get_all(AUTHORIZATION).iter().filter_map(credential).any(|c| !c.is_basic)
 }
 
-/// Proof that a request may change settings and see pictures: a handler that takes it is protected.
+/// Proof that a request may change settings and get pictures: a handler with this argument is protected.
 pub(super) struct Allowed;
 
 impl FromRequestParts<Context> for Allowed {
@@ -141,7 +141,7 @@ impl FromRequestParts<Context> for Allowed {
     }
 }
 
-/// The refusal of a request that may not change settings and see pictures.
+/// Returns the refusal of a request that may not change settings and get pictures; `None` for an admitted one.
 pub(super) fn check(context: &Context, sender: &Sender) -> Option<Response> {
     if sender.cause(&context.admission.origins) == Cause::ForeignPage {
         return Some(foreign(context, "a request made by a page of another site"));
@@ -154,7 +154,7 @@ pub(super) fn check(context: &Context, sender: &Sender) -> Option<Response> {
     Some(denied(context, sender, denial))
 }
 
-/// The refusal of a request that a page of another site caused.
+/// Counts and returns the refusal of a request that a page of another site caused.
 pub(super) fn foreign(context: &Context, text: &str) -> Response {
     context.counts.refused("foreign");
     line(StatusCode::FORBIDDEN, text)
@@ -182,7 +182,7 @@ fn denied(context: &Context, sender: &Sender, denial: Denial) -> Response {
     response
 }
 
-/// The refusal of credentials that are not checked.
+/// Counts and returns the refusal of credentials that are not checked.
 fn blocked(context: &Context, wait: Duration) -> Response {
     context.counts.refused("guessing");
     let seconds = wait.as_secs() + 1;
@@ -207,10 +207,10 @@ pub(super) async fn form(State(context): State<Context>) -> Response {
 }
 
 fn no_token() -> Response {
-    line(StatusCode::OK, "this probe has no token: there is nothing to log in to")
+    line(StatusCode::OK, "this probe has no token: no log-in is needed")
 }
 
-/// Sets the session cookie when the form holds the token.
+/// Sets the session cookie when the form contains the token.
 pub(super) async fn log_in(State(context): State<Context>, sender: Sender, request: Request) -> Response {
     if sender.cause(&context.admission.origins) == Cause::ForeignPage {
         return foreign(&context, "a log-in sent by a page of another site");
@@ -252,9 +252,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_secret_is_found_in_both_schemes() {
+    fn the_secret_is_parsed_in_both_schemes() {
         let secret = |text: &'static str| credential(&HeaderValue::from_static(text)).map(|c| c.secret);
-        // RFC 7617's and RFC 6750's own examples.
+        // The examples of RFC 7617 and RFC 6750.
         assert_eq!(secret("Basic QWxhZGRpbjpvcGVuIHNlc2FtZQ=="), Some(b"open sesame".to_vec()), "Basic");
         assert_eq!(secret("bearer mF_9.B5f-4.1JqM"), Some(b"mF_9.B5f-4.1JqM".to_vec()), "Bearer");
         for other in ["", "Basic", "Basic !!!!", "Basic QWxhZGRpbg==", "Digest abc", "Bearer"] {

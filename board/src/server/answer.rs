@@ -10,7 +10,7 @@ use std::time::Duration;
 /// Longest wait for the next frame, below the two seconds after which clients repeat a request.
 pub(super) const LONGEST_WAIT: Duration = Duration::from_millis(1500);
 
-/// The set that answers a request.
+/// The light set that answers a request, with its age if it is stale.
 #[derive(Clone, Debug)]
 pub(super) struct Answer {
     pub(super) set: Arc<OwnedSet>,
@@ -18,14 +18,14 @@ pub(super) struct Answer {
 }
 
 impl Answer {
-    /// `set` with its present age: stale when older than [`LONGEST_WAIT`], or when `is_late`.
+    /// Returns `set` with its present age: stale when older than [`LONGEST_WAIT`], or when `is_late`.
     pub(super) fn of(link: &Link, set: Arc<OwnedSet>, is_late: bool) -> Self {
         let age = link.staleness(&set);
         let stale = (is_late || u128::from(age.age_ms) > LONGEST_WAIT.as_millis()).then_some(age);
         Self { set, stale }
     }
 
-    /// The newest set of `selection`, or the probe's own set before the first set of `selection`; `None` before the first frame.
+    /// Returns the newest set of `selection`, or the probe's own set while `selection` has none; `None` before the first frame.
     pub(super) fn newest(link: &Link, selection: Selection, is_late: bool) -> Option<Self> {
         let own = link.sets().latest()?;
         let set = match link.tiers().request(selection) {

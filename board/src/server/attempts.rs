@@ -11,25 +11,25 @@ const BURST: u32 = 10;
 /// Interval of further wrong credentials after the burst: 30 per minute.
 const INTERVAL: Duration = Duration::from_secs(2);
 
-/// Largest number of clients that are remembered; beyond it the one whose last failure is longest ago is forgotten.
+/// Largest number of clients that are stored; beyond it, the client whose last failure is oldest is dropped.
 const CLIENTS: usize = 1024;
 
-/// Failed attempts by client.
+/// Failed attempts of each client.
 #[derive(Debug, Default)]
 pub(super) struct Attempts {
-    /// The moment at which all failures of a client are forgiven: each failure moves it by [`INTERVAL`].
+    /// The time at which all failures of a client are expired: each failure delays it by [`INTERVAL`].
     forgiven: Mutex<HashMap<ClientKey, Instant>>,
 }
 
 impl Attempts {
-    /// Time for which the credentials of `client` are not checked; `None` if they are checked now.
+    /// Returns the time for which the credentials of `client` are not checked; `None` if they are checked now.
     pub(super) fn blocked(&self, client: ClientKey, now: Instant) -> Option<Duration> {
         let forgiven = self.forgiven.lock().unwrap_or_else(PoisonError::into_inner);
         let left = forgiven.get(&client)?.saturating_duration_since(now);
         left.checked_sub(INTERVAL * (BURST - 1)).filter(|wait| !wait.is_zero())
     }
 
-    /// Counts wrong credentials of `client`.
+    /// Counts an attempt of `client` with wrong credentials.
     pub(super) fn failed(&self, client: ClientKey, now: Instant) {
         let mut forgiven = self.forgiven.lock().unwrap_or_else(PoisonError::into_inner);
         if forgiven.len() >= CLIENTS && !forgiven.contains_key(&client) {
@@ -50,11 +50,11 @@ mod tests {
     use std::net::Ipv4Addr;
 
     #[test]
-    fn after_a_burst_of_failures_a_client_waits_and_others_do_not() {
+    fn after_a_burst_of_failures_that_client_alone_must_wait() {
         let (attempts, now) = (Attempts::default(), Instant::now());
         let client = |n: u32| ClientKey::of(Ipv4Addr::from(n).into());
         let mut guesses = 0;
-        // A minute of a guess every ten milliseconds.
+        // One guess every ten milliseconds, for a minute.
         for step in 0..6000 {
             let now = now + Duration::from_millis(10 * step);
             if attempts.blocked(client(1), now).is_none() {

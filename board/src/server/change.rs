@@ -1,4 +1,4 @@
-//! `/change`: settings, all or none of them, in effect from the next frame.
+//! `/change`: sets settings from the next frame, all of a request or none.
 
 use super::access::{self, BODY_TIME};
 use super::origin::{Cause, Sender};
@@ -18,16 +18,16 @@ const LONGEST_WAIT: Duration = Duration::from_millis(1500);
 
 type Pairs = Vec<(String, String)>;
 
-/// Shows the form, or changes the settings in the query.
+/// Answers without a query with a form, else changes the settings in the query.
 ///
-/// A browser's request needs proof that a page of this server caused it, else it gets the parameters as a form to confirm. With
-/// remembered Basic credentials, every navigation gets that form: the browser adds them to any link.
+/// A browser's request must prove that a page of this server caused it; otherwise the answer is a form with the parameters, by which the user
+/// confirms the change. With stored Basic credentials, every navigation gets this form: the browser adds the credentials to any link.
 pub(super) async fn change(
     State(context): State<Context>,
     sender: Sender,
     query: Result<Query<Pairs>, QueryRejection>,
 ) -> Response {
-    let Ok(Query(pairs)) = query else { return refused("a query that cannot be read") };
+    let Ok(Query(pairs)) = query else { return refused("a query that cannot be parsed") };
     if pairs.is_empty() {
         return pages::change_form(&context.link.settings().applied().borrow().config, &accepted())
             .into_response();
@@ -42,7 +42,7 @@ pub(super) async fn change(
     }
 }
 
-/// Changes the settings in the form. Browsers send Origin with every form, so a page of another site gives itself away.
+/// Changes the settings in the body of a form. Browsers send Origin with every form, so that a form of another site is recognised.
 pub(super) async fn submit(State(context): State<Context>, sender: Sender, request: Request) -> Response {
     if matches!(sender.cause(&context.admission.origins), Cause::ForeignPage | Cause::Unproven) {
         return access::foreign(&context, "a form sent by a page of another site");
@@ -85,7 +85,7 @@ async fn apply_allowed(context: &Context, pairs: &[(String, String)]) -> Respons
     }
 }
 
-/// Changes settings and waits until the processing thread has applied them; `None` when that takes longer than [`LONGEST_WAIT`].
+/// Changes settings and waits until the processing thread has applied them; `None` if that takes longer than [`LONGEST_WAIT`].
 ///
 /// # Errors
 /// The refused setting and the reason; nothing is changed then.
@@ -103,13 +103,13 @@ fn confirm(answer: &Applied, pairs: &[(String, String)]) -> Response {
     }
 }
 
-/// Status 400 with `found` and the list of accepted parameters.
+/// Returns an answer of status 400 with `found` and the list of accepted parameters.
 fn refused(found: &str) -> Response {
     let found = found.strip_prefix("found ").unwrap_or(found);
     line(StatusCode::BAD_REQUEST, &format!("found {found}; nothing was changed. Accepted:\n{}", accepted()))
 }
 
-/// Parameters and their values, one a line.
+/// Lists the parameters and their values, one per line.
 fn accepted() -> String {
     let line = |setting: &crate::probe::settings::Setting| match setting.kind {
         Kind::Choice(words) => format!("{}={}", setting.parameter, words.join("|")),

@@ -2,13 +2,12 @@
 
 use std::net::{IpAddr, Ipv6Addr};
 
-/// The key under which the connections of a client are counted: its address, or for IPv6 its /64 network, which one customer usually has
-/// alone.
+/// The key under which the connections of a client are counted: its IPv4 address, or its IPv6 /64 network, which usually belongs to one customer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct ClientKey(IpAddr);
 
 impl ClientKey {
-    /// The key of the client with the address `ip`.
+    /// Returns the key of the client with the address `ip`.
     pub(super) fn of(ip: IpAddr) -> Self {
         Self(match ip.to_canonical() {
             IpAddr::V6(ip) if !ip.is_loopback() => Ipv6Addr::from(u128::from(ip) & (u128::MAX << 64)).into(),

@@ -1,5 +1,5 @@
-//! `/v1/compare`: the probe's own light set beside that of a second sampler for the same frame. It costs processing time, so it needs the token,
-//! and one second sampler runs at a time for all clients.
+//! `/v1/compare`: the probe's own light set and that of a second sampler for the same frame. It requires the token, since it costs processing
+//! time; one second sampler runs at a time for all clients.
 
 use super::access::Allowed;
 use super::answer::{Answer, LONGEST_WAIT};
@@ -28,7 +28,7 @@ pub(super) struct ComparisonScores(Arc<tokio::sync::Mutex<ScoreState>>);
 #[derive(Default)]
 struct ScoreState {
     judge: Judge<2>,
-    /// The sampler and frame that `scores` belong to.
+    /// The sampler and the frame of `scores`.
     key: Option<(Contender, u64)>,
     scores: [Score; 2],
 }
@@ -59,7 +59,7 @@ struct Wanted {
     after: Option<u64>,
 }
 
-/// Parameters and their values, one a line.
+/// Lists the parameters and their values, one per line.
 fn accepted() -> String {
     let coordinates = Coordinates::names().collect::<Vec<_>>().join("|");
     let names = SamplerKind::NAMES.join("|");
@@ -68,7 +68,7 @@ fn accepted() -> String {
 
 fn wanted(uri: &Uri) -> Result<Wanted, String> {
     let Ok(Query(pairs)) = Query::<Vec<(String, String)>>::try_from_uri(uri) else {
-        return Err("a query that cannot be read".into());
+        return Err("a query that cannot be parsed".into());
     };
     let (mut sampler, mut lights, mut soft) = (None, 64, false);
     let (mut coordinates, mut after) = (Coordinates::Probe, None);
@@ -92,7 +92,7 @@ fn wanted(uri: &Uri) -> Result<Wanted, String> {
     Ok(Wanted { contender, coordinates, after })
 }
 
-/// Answers with the next frame's two sets and their scores.
+/// Answers with the two sets of the next frame and their scores.
 pub(super) async fn compare(State(context): State<Context>, _: Allowed, uri: Uri) -> Response {
     let Wanted { contender, coordinates, after } = match wanted(&uri) {
         Ok(wanted) => wanted,
@@ -141,7 +141,7 @@ fn no_pair_yet(context: &Context) -> Response {
     response
 }
 
-/// Refusal while another comparison is in progress.
+/// Returns the refusal while another comparison is in progress.
 fn taken(other: Contender) -> Response {
     let Contender { sampler, lights, soft } = other;
     let lights = if soft { format!("{lights} discs") } else { format!("{lights} lights") };
@@ -151,7 +151,7 @@ fn taken(other: Contender) -> Response {
     response
 }
 
-/// The text of the answer; `None` only for a programming error.
+/// Returns the text of the answer; `None` only for a programming error.
 fn written(
     mut bench: tokio::sync::OwnedMutexGuard<ScoreState>,
     pair: &Pair,

@@ -56,7 +56,7 @@ pub(super) async fn change(State(context): State<Context>, _: Allowed, request: 
     }
 }
 
-/// Writes the settings that are now in effect to the configuration file.
+/// Writes the settings in effect to the configuration file.
 async fn keep(context: &Context, config: Config) -> Response {
     let Some(file) = context.file.clone() else { return refused("save", "found no configuration file") };
     let document = document(context, &config);
@@ -65,7 +65,7 @@ async fn keep(context: &Context, config: Config) -> Response {
         Ok(Ok(())) => answer(StatusCode::OK, &document),
         Ok(Err(error)) => {
             tracing::warn!("{error}");
-            // The reason names a path, which is not disclosed to clients.
+            // The error contains a path, which is not disclosed to clients.
             errors(
                 StatusCode::INTERNAL_SERVER_ERROR,
                 &json!({"save": "in effect, but the configuration file could not be written"}),
@@ -98,7 +98,7 @@ pub(super) fn errors(status: StatusCode, each: &Value) -> Response {
     answer(status, &json!({"errors": each}))
 }
 
-/// An answer in JSON that caches do not store.
+/// Returns an answer in JSON that caches do not store.
 pub(super) fn answer(status: StatusCode, document: &Value) -> Response {
     (status, [(CONTENT_TYPE, "application/json"), (CACHE_CONTROL, "no-store")], format!("{document}\n"))
         .into_response()

@@ -1,11 +1,11 @@
-//! Counters of the server, and the log of refusals: at most one line per reason and minute, with the number of refusals since.
+//! Counters of the server, and the log of refusals: at most one line per reason and minute, with the number of refusals since the last line.
 
 use super::paths::{PATHS, index_of};
 use std::array;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-/// Reasons for a refusal, and for the end of a connection.
+/// Reasons for a refusal or for the end of a connection.
 pub(super) const REASONS: [&str; 11] = [
     "malformed",
     "host",
@@ -20,28 +20,28 @@ pub(super) const REASONS: [&str; 11] = [
     "accept",
 ];
 
-/// Status classes, 1xx to 5xx.
+/// Number of status classes, 1xx to 5xx.
 pub(super) const CLASSES: usize = 5;
 
-/// Upper bounds of the delivery histogram, microseconds from the finished set to the answer handed to the connection.
+/// Upper bounds of the delivery histogram, microseconds: from the finished set to the answer's transfer to the connection.
 pub(super) const DELIVERY_US: [u64; 10] =
     [100, 250, 500, 1000, 2000, 5000, 10_000, 25_000, 100_000, 1_000_000];
 
-/// Time between two lines of the log about the same reason.
+/// Shortest time between two log lines about the same reason, milliseconds.
 const QUIET_MS: u64 = 60_000;
 
-/// Counters of the server. All but `open` and `streams` are monotonic.
+/// Counters of the server. All but `open` and `streams` never decrease.
 #[derive(Debug)]
 pub(super) struct Counts {
     began: Instant,
-    /// Number of answers by route (the last for unknown paths) and status class.
+    /// Number of answers by route and status class; the last route counts unknown paths.
     pub(super) requests: [[AtomicU64; CLASSES]; PATHS.len() + 1],
     refused: [Refused; REASONS.len()],
     /// Number of open connections.
     pub(super) open: AtomicU64,
     /// Number of accepted connections.
     pub(super) accepted: AtomicU64,
-    /// Number of streams of events and WebSockets that are open now.
+    /// Number of open event streams and WebSockets.
     pub(super) streams: AtomicU64,
     /// Number of delivered light sets by delivery time; the last element counts times above the last bound.
     pub(super) delivery: [AtomicU64; DELIVERY_US.len() + 1],
@@ -52,9 +52,9 @@ pub(super) struct Counts {
 #[derive(Debug, Default)]
 struct Refused {
     count: AtomicU64,
-    /// Value of `count` at the last line of the log.
+    /// Value of `count` at the last log line.
     told: AtomicU64,
-    /// Earliest time of the next line of the log, milliseconds since the start.
+    /// Earliest time of the next log line, milliseconds since the start.
     quiet_until: AtomicU64,
 }
 
@@ -74,14 +74,14 @@ impl Default for Counts {
 }
 
 impl Counts {
-    /// Counts an answer to a request for `path`.
+    /// Counts an answer to a request for `path` by route and class of `status`.
     pub(super) fn answered(&self, path: &str, status: u16) {
         let route = index_of(path).unwrap_or(PATHS.len());
         let class = usize::from(status / 100).clamp(1, CLASSES) - 1;
         self.requests[route][class].fetch_add(1, Relaxed);
     }
 
-    /// Counts a light set that was answered `passed` after it was finished.
+    /// Counts a light set that was sent the time `passed` after it was finished.
     pub(super) fn delivered(&self, passed: Duration) {
         let us = u64::try_from(passed.as_micros()).unwrap_or(u64::MAX);
         let bucket = DELIVERY_US.iter().position(|bound| us <= *bound).unwrap_or(DELIVERY_US.len());
@@ -110,7 +110,7 @@ impl Counts {
         }
     }
 
-    /// Refusals by reason.
+    /// Returns the number of refusals for each reason.
     pub(super) fn refusals(&self) -> impl Iterator<Item = (&'static str, u64)> {
         REASONS.iter().copied().zip(self.refused.iter().map(|r| r.count.load(Relaxed)))
     }

@@ -1,13 +1,13 @@
-//! Conversion of camera frames of every format to 8-bit red, green and blue pictures.
+//! Conversion of camera frames of every pixel format to pictures of 8-bit red, green and blue.
 
 use crate::calibration::{Calibration, Frame};
 use hemilux_core::tonemap::srgb_code;
 use hemilux_core::{Response, read_rgb_row};
 
-/// The interleaved codes of `frame`; `None` if it is shorter than its layout says.
+/// Returns the red, green and blue codes of `frame`, interleaved; `None` if the frame is shorter than its layout.
 ///
-/// Codes of eight bits stay as they are; deeper ones are scaled, and linear ones given the sRGB curve. A mosaic's cells of two by two
-/// are four equal pixels.
+/// Codes of eight bits are unchanged. Deeper codes are scaled to eight bits; linear ones get the sRGB curve. A Bayer cell of two by two samples
+/// becomes four equal pixels.
 pub(super) fn develop(frame: &Frame, calibration: &Calibration) -> Option<Vec<u8>> {
     let layout = calibration.layout;
     let mut rgb = vec![0u8; 3 * layout.width() as usize * layout.height() as usize];
@@ -25,12 +25,12 @@ pub(super) fn develop(frame: &Frame, calibration: &Calibration) -> Option<Vec<u8
     Some(rgb)
 }
 
-/// Code at and above which a developed sample is clipped.
+/// Returns the code from which a developed sample is clipped.
 pub(super) fn white(calibration: &Calibration) -> f64 {
     if calibration.layout.format().max_code() > 255 { 255.0 } else { calibration.levels.white }
 }
 
-/// Eight bits of each code.
+/// Returns a table from the codes of the format to eight bits.
 fn deep(c: &Calibration) -> Vec<u8> {
     if c.layout.format().max_code() <= 255 {
         return (0..=u8::MAX).collect();
@@ -76,7 +76,7 @@ mod tests {
         assert_eq!(seen(Format::Nv12(grey), 2, 2, plane), Some(expected));
         let cell = seen(Format::Bayer8(Pattern::Bggr), 2, 2, vec![30, 20, 21, 200]);
         assert_eq!(cell, Some([red; 4].as_flattened().to_vec()));
-        // Codes 1023, 0, 0, 0 in the red and green row, all 0 below.
+        // The red and green row has codes 1023, 0, 0, 0; the row below has codes 0.
         let raw =
             seen(Format::Raw10(Pattern::Rggb), 4, 2, vec![255, 0, 0, 0, 3, 0, 0, 0, 0, 0]).expect("whole");
         assert_eq!((&raw[..3], &raw[9..12]), (&[255, 0, 0][..], &[0, 0, 0][..]));

@@ -1,5 +1,5 @@
-//! One thread for all work of clients that takes long, so that it takes at most half of one core. Of the jobs that wait, the one whose
-//! kind has had the least time goes first: cheap answers keep their rate, costly ones come more slowly.
+//! One thread for long work of clients, limited to half of one core. Of the waiting jobs, the one whose kind has used the least processor time
+//! runs first: cheap answers keep their rate, costly ones become less frequent.
 
 use rustix::process::{getpriority_process, setpriority_process};
 use rustix::time::{ClockId, clock_gettime};
@@ -9,16 +9,16 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
 
-/// Processor time of a job above which the thread pauses for the duration of the job.
+/// Processor time of a job above which the thread pauses afterwards for the duration of the job.
 const LONG: Duration = Duration::from_millis(1);
 
-/// Half-life of the processor time that is charged to a kind of job.
+/// Half-life of the recorded processor time of a kind of job.
 const HALF_LIFE: Duration = Duration::from_secs(1);
 
 /// Largest number of kinds with a recorded processor time.
 const KINDS: usize = 256;
 
-/// A thread that runs jobs of the kinds `K`; it ends when this value is dropped.
+/// A thread that runs jobs of the kinds `K`; it ends when the encoder is dropped.
 #[derive(Debug)]
 pub(super) struct Encoder<K> {
     queue: Arc<Queue<K>>,
@@ -32,7 +32,7 @@ struct Queue<K> {
 
 struct State<K> {
     jobs: Vec<Job<K>>,
-    /// Processor time of each kind, and the time of the record.
+    /// Processor time of each kind, and the time at which it was recorded.
     spent: HashMap<K, (Duration, Instant)>,
 }
 
@@ -54,7 +54,7 @@ impl<K> Drop for Encoder<K> {
 }
 
 impl<K: Copy + Eq + Hash + Send + 'static> Encoder<K> {
-    /// Starts the thread, called `name`, at a priority that is lower than that of the process by `nice`.
+    /// Starts the thread, called `name`, with a nice value that is higher than that of the process by `nice`.
     pub(super) fn new(name: &str, nice: i32) -> Self {
         let state = Mutex::new(State { jobs: Vec::new(), spent: HashMap::new() });
         let queue = Arc::new(Queue { state, changed: Condvar::new() });
@@ -86,7 +86,7 @@ impl<K> Queue<K> {
 }
 
 impl<K: Copy + Eq + Hash> State<K> {
-    /// Processor time of `kind`, halved for each [`HALF_LIFE`] that has passed.
+    /// Returns the recorded processor time of `kind`, halved for each [`HALF_LIFE`] since the record.
     fn spent(&self, kind: K, now: Instant) -> Duration {
         let Some((spent, noted)) = self.spent.get(&kind) else { return Duration::ZERO };
         let lives = now.saturating_duration_since(*noted).as_secs_f32() / HALF_LIFE.as_secs_f32();
@@ -107,12 +107,12 @@ impl<K: Copy + Eq + Hash> State<K> {
     }
 }
 
-/// Lowers the priority of the calling thread. On Linux, each thread has a priority of its own.
+/// Lowers the priority of the calling thread. On Linux, the nice value belongs to a thread.
 fn nice_thread(by: i32) -> rustix::io::Result<()> {
     setpriority_process(None, getpriority_process(None)? + by)
 }
 
-/// Processor time of the calling thread.
+/// Returns the processor time of the calling thread.
 fn processor_time() -> Duration {
     let time = clock_gettime(ClockId::ThreadCPUTime);
     let (seconds, nanoseconds) = (u64::try_from(time.tv_sec), u32::try_from(time.tv_nsec));
@@ -131,7 +131,7 @@ fn run<K: Copy + Eq + Hash>(queue: &Weak<Queue<K>>, nice: i32) {
         };
         drop(state);
         let began = processor_time();
-        // The waiting request learns of a panic by its channel.
+        // The waiting request detects a panic by the closed channel.
         let _ = std::panic::catch_unwind(std::panic::AssertUnwindSafe(work));
         let took = processor_time().saturating_sub(began);
         queue.lock().note(kind, took, Instant::now());
@@ -146,7 +146,7 @@ mod tests {
     use super::*;
 
     #[tokio::test]
-    async fn work_is_done_elsewhere_and_a_panic_is_told() {
+    async fn work_runs_on_the_thread_and_a_panic_is_reported() {
         let encoder = Encoder::<u8>::new("test", 0);
         let here = std::thread::current().id();
         assert_eq!(encoder.run(1, move || std::thread::current().id() != here).await, Some(true), "done");
@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn the_kind_that_has_had_least_goes_first() {
+    fn the_kind_with_the_least_processor_time_runs_first() {
         let now = Instant::now();
         let mut state = State { jobs: Vec::new(), spent: HashMap::new() };
         state.note(1, Duration::from_millis(10), now);

@@ -1,5 +1,5 @@
-//! `/v1/events` and `/v1/socket`: a light set per frame, pushed. A slow client misses frames and
-//! delays no other client; the next set that it gets is the newest.
+//! `/v1/events` and `/v1/socket`: a light set per frame, sent as it is finished. A slow client skips frames and does not delay other clients; the
+//! next set that it gets is the newest.
 
 use super::access;
 use super::answer::LONGEST_WAIT;
@@ -26,10 +26,10 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
 
-/// Largest message that a WebSocket client may send; none is needed.
+/// Largest message that a WebSocket client may send, bytes; the protocol needs none.
 const MESSAGE_BYTES: usize = 1 << 10;
 
-/// Largest message that is read at all; above it the connection ends without a close code.
+/// Largest message that is read, bytes; a larger one ends the connection without a close code.
 const READ_BYTES: usize = 64 << 10;
 
 /// Longest time for the exchange of close frames.
@@ -38,35 +38,35 @@ const CLOSE_TIME: Duration = Duration::from_secs(1);
 /// Interval at which the backlog of a slow client is checked.
 const BACKLOG_PAUSE: Duration = Duration::from_millis(20);
 
-/// Longest time without a set for a slow client, whose measured backlog may exceed the actual one.
+/// Longest time without a set for a slow client: the measured backlog may exceed the actual one.
 const LONGEST_SKIP: Duration = Duration::from_millis(1200);
 
-/// Delay before a client reconnects.
+/// Server-sent field that sets a client's delay before a reconnection, milliseconds.
 const RETRY: &str = "retry: 1000\n\n";
 
-/// The stream of newest light sets for one client.
+/// The light sets for one client of a stream.
 struct Feed {
     context: Context,
     variant: Variant,
     latest: watch::Receiver<Option<Arc<OwnedSet>>>,
     /// The client's connection; `None` for a request without a socket.
     connection: Option<Arc<ConnectionGuard>>,
-    /// The id of the client's last event, if any.
+    /// The id of the client's last event; `None` if it has none.
     has: Option<String>,
     is_first: bool,
-    /// Length of the last set, bytes.
+    /// Length of the last set that was sent, bytes.
     length: usize,
-    /// Held while sets are so long that they need a large send buffer.
+    /// Enlarged send buffer, held while sets are long.
     enlarged: Option<Enlarged>,
     sent: Instant,
 }
 
-/// The next step of a stream.
+/// The next item of a stream.
 enum Next {
     Set(Bytes),
     /// There is no set yet.
     None,
-    /// The server stops.
+    /// The server stops, and the stream ends.
     Stop,
 }
 
@@ -92,8 +92,8 @@ impl Feed {
         }
     }
 
-    /// The next set's bytes: at once if the client does not have the newest, else with the next frame for which the client has taken
-    /// enough of the last ones, or after [`LONGEST_WAIT`] the last one again, marked stale.
+    /// Returns the next set's bytes. They come at once if the client does not have the newest set, else with the next frame for which the
+    /// client has received enough of the last sets. After [`LONGEST_WAIT`] without a frame, the last set is returned again, marked stale.
     async fn next(&mut self) -> Next {
         let mut stop = self.context.stop.subscribe();
         let (ready, id) = loop {
@@ -114,7 +114,7 @@ impl Feed {
                     Err(Missing::Fault | Missing::TooLong(_)) => return Next::Stop,
                 };
             let id = event_id(self.context.link.run(), ready.set.frame);
-            // A set that was published between the notification and the read was sent already.
+            // A set that was published between the notification and the read has been sent already.
             if is_late || self.has.as_ref() != Some(&id) {
                 break (ready, id);
             }
@@ -131,18 +131,18 @@ impl Feed {
         Next::Set(ready.bytes)
     }
 
-    /// Waits for a newer set and for space in the client's queue; returns whether none came within [`LONGEST_WAIT`].
+    /// Waits for a newer set and for space in the client's queue; returns true if none came within [`LONGEST_WAIT`].
     async fn wait(&self) -> bool {
         let newer = self.context.link.sets().newer(&self.latest);
         let is_late = tokio::time::timeout(LONGEST_WAIT, newer).await.is_err();
-        // A slow client misses the sets of this time and then gets the newest one.
+        // A slow client skips the sets of this time and then gets the newest one.
         while self.is_backlogged() {
             tokio::time::sleep(BACKLOG_PAUSE).await;
         }
         is_late
     }
 
-    /// Whether sets queue up on the connection to the client.
+    /// Returns true if sets are queued on the connection to the client.
     fn is_backlogged(&self) -> bool {
         let is_recent = self.sent.elapsed() < LONGEST_SKIP;
         is_recent && self.connection.as_ref().is_some_and(|c| c.queues.is_backlogged(2 * self.length))
@@ -172,7 +172,7 @@ fn variant(uri: &Uri, fixed: Option<Format>) -> Result<Variant, String> {
     }
 }
 
-/// Server-sent events: the data of each is a light set as JSON.
+/// Answers with a stream of server-sent events; the data of each event is a light set as JSON.
 pub(super) async fn events(
     State(context): State<Context>,
     uri: Uri,
@@ -196,7 +196,7 @@ pub(super) async fn events(
     let sets = futures_util::stream::unfold(feed, move |mut feed| async move {
         let bytes = match feed.next().await {
             Next::Set(bytes) => bytes,
-            // A comment, so that a client that has gone is noticed.
+            // A comment, whose failed transmission ends the stream of a client that has disconnected.
             Next::None => part(": no frame yet\n\n"),
             Next::Stop => return None,
         };
@@ -218,14 +218,14 @@ pub(super) async fn events(
     response
 }
 
-/// A WebSocket: each message is a light set, text unless `format=binary`.
+/// Upgrades to a WebSocket: each message is a light set, as text unless `format=binary`.
 pub(super) async fn socket(
     State(context): State<Context>,
     sender: Sender,
     extensions: Extensions,
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> Response {
-    // Browsers let any page open a WebSocket to any server, and send the origin of the page.
+    // Browsers let any page open a WebSocket to any server, and send the page's origin.
     if sender.cause(&context.admission.origins) == Cause::ForeignPage {
         return access::foreign(&context, "a WebSocket opened by a page of another site");
     }
@@ -239,10 +239,10 @@ pub(super) async fn socket(
         Ok(variant) => variant,
         Err(found) => return line(StatusCode::BAD_REQUEST, &found),
     };
-    // The connection's permit is kept until the socket is closed.
+    // The connection's permit is held until the socket is closed.
     let connection: Option<Arc<ConnectionGuard>> = extensions.get().cloned();
     let answering = connection.as_ref().map(|connection| connection.begin());
-    // Larger messages are refused by close code 1009, see [`unless_closed`].
+    // Messages above [`MESSAGE_BYTES`] are refused with close code 1009, see [`unless_closed`].
     let upgrade = upgrade.max_message_size(READ_BYTES).max_frame_size(READ_BYTES).write_buffer_size(0);
     upgrade.on_upgrade(move |socket| async move {
         push(socket, Feed::new(context, variant, connection, None)).await;
@@ -250,15 +250,15 @@ pub(super) async fn socket(
     })
 }
 
-/// Reasons for the end of a WebSocket.
+/// Reasons why a WebSocket ends.
 enum End {
     /// The client has closed the WebSocket or the connection.
     Client,
-    /// The client has sent a message that is too large.
+    /// The client has sent a message of more than [`MESSAGE_BYTES`].
     TooLarge,
 }
 
-/// Sends sets until either side ends it.
+/// Sends sets until the client or the server ends the WebSocket.
 async fn push(mut socket: WebSocket, mut feed: Feed) {
     let end = loop {
         let bytes = match unless_closed(&mut socket, feed.next()).await {
@@ -266,7 +266,7 @@ async fn push(mut socket: WebSocket, mut feed: Feed) {
             Ok(Next::None) => continue,
             Ok(Next::Stop) => break (close_code::AWAY, "the probe stops"),
             Err(End::TooLarge) => break (close_code::SIZE, "messages of more than 1,024 bytes are refused"),
-            // The answer to the client's close frame is sent by the library, when it is read on.
+            // The library sends the answer to the client's close frame during the next read.
             Err(End::Client) => return finish(socket).await,
         };
         let message = if feed.variant.format == Format::Binary {
@@ -284,13 +284,13 @@ async fn push(mut socket: WebSocket, mut feed: Feed) {
     finish(socket).await;
 }
 
-/// Exchanges close frames: reads until the client has ended the connection, or for [`CLOSE_TIME`].
+/// Exchanges close frames: reads until the client has ended the connection, at most for [`CLOSE_TIME`].
 async fn finish(mut socket: WebSocket) {
     let rest = async { while let Some(Ok(_)) = socket.recv().await {} };
     let _ = tokio::time::timeout(CLOSE_TIME, rest).await;
 }
 
-/// Waits for `next` while the client sends nothing but small messages, which are ignored.
+/// Waits for `next`; ignores small messages of the client meanwhile.
 async fn unless_closed<T>(socket: &mut WebSocket, next: impl Future<Output = T>) -> Result<T, End> {
     tokio::pin!(next);
     loop {

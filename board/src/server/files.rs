@@ -1,4 +1,4 @@
-//! Files that are part of the program: compressed once, and asked for again only when they have changed.
+//! Files that are compiled into the program: compressed once, and sent again only when they have changed.
 
 use super::packed;
 use axum::body::Bytes;
@@ -10,7 +10,7 @@ use axum::response::{IntoResponse, Response};
 use std::hash::{DefaultHasher, Hasher};
 use std::sync::OnceLock;
 
-/// A file of text.
+/// A text file of the program.
 pub(super) struct File {
     kind: &'static str,
     text: &'static str,
@@ -24,12 +24,12 @@ struct Packed {
 }
 
 impl File {
-    /// A file of the content type `kind`.
+    /// Creates a file of the content type `kind`.
     pub(super) const fn new(kind: &'static str, text: &'static str) -> Self {
         Self { kind, text, packed: OnceLock::new() }
     }
 
-    /// Answers with the file, or 304 where `headers` name its tag. Browsers ask each time, since it changes with the program.
+    /// Answers with the file, or 304 where `headers` contain its tag. Browsers revalidate it each time, since it changes with the program.
     pub(super) fn answer(&self, headers: &HeaderMap) -> Response {
         let Packed { gzip, tag } = self.packed.get_or_init(|| pack(self.text));
         let known = headers.get_all(IF_NONE_MATCH).iter().filter_map(|v| v.to_str().ok());
@@ -57,13 +57,13 @@ impl File {
 fn pack(text: &str) -> Packed {
     let mut hasher = DefaultHasher::new();
     hasher.write(text.as_bytes());
-    // Weak: the tag is the same with and without compression.
+    // The tag is weak: it is the same with and without compression.
     let tag = HeaderValue::from_str(&format!("W/\"{:016x}\"", hasher.finish()));
     let tag = tag.unwrap_or(HeaderValue::from_static("W/\"\""));
     Packed { gzip: packed::file(text.as_bytes()).into(), tag }
 }
 
-/// Whether the client takes gzip.
+/// Returns true if the client accepts gzip.
 pub(super) fn accepts_gzip(headers: &HeaderMap) -> bool {
     let all = headers.get_all(ACCEPT_ENCODING).iter().filter_map(|v| v.to_str().ok());
     all.flat_map(|v| v.split(',')).any(|coding| {
@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn a_known_tag_is_answered_without_a_body() {
+    fn a_matching_tag_is_answered_without_a_body() {
         let file = File::new("text/plain", "some text");
         let first = file.answer(&HeaderMap::new());
         let tag = first.headers()[ETAG].clone();

@@ -7,10 +7,10 @@ use crate::export::{Form, encode};
 use axum::http::HeaderValue;
 use hemilux_core::wire;
 
-/// Number of bytes that an answer usually has beside its lights.
+/// Usual number of bytes of an answer without its lights.
 const HEAD_BYTES: usize = 4096;
 
-/// The file name by which USD refers to the map: that of `/v1/map.exr`, when both are saved in one folder.
+/// File name by which a USD scene refers to the map: that of `/v1/map.exr`, when both are saved in one folder.
 const MAP: &str = "./map.exr";
 
 /// A form of the light set.
@@ -22,16 +22,16 @@ pub(super) enum Format {
     Binary,
     /// JSON as a server-sent event.
     Event,
-    /// An event as a part of a gzip stream.
+    /// A server-sent event as a part of a gzip stream.
     PackedEvent,
     /// The values of a WebXR light estimate.
     Estimate,
-    /// A file of another program, of [`Form::Csv`] and the scenes.
+    /// A file for another program: a table or a scene.
     File(Form),
 }
 
 impl Format {
-    /// The values of `format=`.
+    /// The values of the parameter `format` and their forms.
     pub(super) const NAMED: [(&str, Self); 10] = [
         ("json", Self::Json),
         ("text", Self::Text),
@@ -49,12 +49,12 @@ impl Format {
         Self::NAMED.iter().find(|(n, _)| *n == name).map(|(_, format)| *format)
     }
 
-    /// Whether the form holds ambient light beside lights.
+    /// Returns true if the form contains ambient light in addition to lights.
     pub(super) fn has_ambient(self) -> bool {
         matches!(self, Self::Json | Self::Binary | Self::Event | Self::PackedEvent | Self::Estimate)
     }
 
-    /// Number of bytes that a light usually does not exceed.
+    /// Returns the number of bytes that a light usually does not exceed.
     const fn bytes_per_light(self) -> usize {
         match self {
             Self::Binary => 40,
@@ -67,12 +67,12 @@ impl Format {
         }
     }
 
-    /// Number of bytes that a set of `lights` lights usually does not exceed.
+    /// Returns the number of bytes that a set of `lights` lights usually does not exceed.
     pub(super) const fn expected_length(self, lights: usize) -> usize {
         HEAD_BYTES + self.bytes_per_light() * lights
     }
 
-    /// Largest number of lights of an answer.
+    /// Returns the largest number of lights of an answer in this form.
     pub(super) fn most_lights(self) -> usize {
         (LONGEST - HEAD_BYTES).checked_div(self.bytes_per_light()).unwrap_or(usize::MAX)
     }
@@ -88,7 +88,8 @@ impl Format {
         })
     }
 
-    /// Writes `set` into a buffer of `room` bytes of capacity; `None` only for a programming error, since writing to memory does not fail.
+    /// Encodes `set` into a buffer with a capacity of `room` bytes; `None` only for a programming error, since writing to memory does not
+    /// fail.
     pub(super) fn encode(self, set: &wire::LightSet<'_>, room: usize) -> Option<Vec<u8>> {
         let mut bytes = Vec::with_capacity(room);
         let written = match self {
@@ -113,7 +114,7 @@ impl Format {
     }
 }
 
-/// The id of an event, which a client sends back as Last-Event-ID when it reconnects.
+/// Returns the id of an event, which a client sends as Last-Event-ID when it reconnects.
 pub(super) fn event_id(run: &str, frame: u64) -> String {
     format!("{run}-{frame}")
 }

@@ -1,4 +1,4 @@
-//! Headers that go with every answer, and the rules for pages of other sites (CORS).
+//! Headers of every answer, and the rules for pages of other sites (CORS).
 
 use super::hosts::HostRefusal;
 use super::origin::is_allowed;
@@ -14,18 +14,18 @@ use axum::response::Response;
 use std::time::Duration;
 use tower_http::cors::{AllowOrigin, CorsLayer};
 
-/// Pages load nothing from other sites, talk to this server alone and are shown in no frame.
+/// Content-Security-Policy: pages load from and connect to this server alone, and no frame may show them.
 const POLICY: HeaderValue = HeaderValue::from_static(
     "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; connect-src 'self'; img-src 'self' blob:; \
      form-action 'self'; frame-ancestors 'none'; base-uri 'none'",
 );
 
-/// Request headers beyond the safelisted ones that clients in pages of allowed origins may send: credentials, the type of a change, and
-/// the last event of a stream (EventSource sends it by itself, clients with fetch do so by name).
+/// Request headers beyond the CORS-safelisted ones that scripts of allowed origins may send: credentials, the type of a change, and the id of the
+/// last event of a stream (EventSource sends it by itself, fetch clients set it).
 const REQUEST_HEADERS: [HeaderName; 4] =
     [AUTHORIZATION, CACHE_CONTROL, CONTENT_TYPE, HeaderName::from_static("last-event-id")];
 
-/// Headers of answers that these pages may read.
+/// Headers of answers that scripts of allowed origins may read.
 const ANSWER_HEADERS: [HeaderName; 6] = [
     RETRY_AFTER,
     HeaderName::from_static("hemilux-frame"),
@@ -35,7 +35,7 @@ const ANSWER_HEADERS: [HeaderName; 6] = [
     HeaderName::from_static("hemilux-grey"),
 ];
 
-/// Lets pages of `origins` use the server.
+/// Allows pages of `origins` to use the server.
 pub(super) fn cors(origins: &[String]) -> CorsLayer {
     let origins = origins.iter().filter_map(|origin| HeaderValue::from_str(origin).ok());
     CorsLayer::new()
@@ -46,7 +46,7 @@ pub(super) fn cors(origins: &[String]) -> CorsLayer {
         .max_age(Duration::from_secs(600))
 }
 
-/// Refuses unknown hosts, and adds the headers that go with every answer.
+/// Refuses unknown hosts, and adds the headers of every answer.
 pub(super) async fn finish(State(context): State<Context>, request: Request, next: Next) -> Response {
     let is_shared =
         request.headers().get(ORIGIN).is_some_and(|origin| is_allowed(origin, &context.admission.origins));

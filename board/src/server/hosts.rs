@@ -1,7 +1,7 @@
-//! The names under which the server answers.
+//! The host names under which the server answers.
 //!
-//! A page of another site can let a name of its own point to this machine (DNS rebinding) and would then read answers as its own. So
-//! every request must name a known host.
+//! A page of another site can let its own host name resolve to this machine (DNS rebinding) and would then read answers as its own. Every request
+//! must therefore have a known host.
 
 use super::line;
 use axum::extract::Request;
@@ -11,8 +11,8 @@ use axum::http::{HeaderMap, StatusCode, Uri, Version};
 use axum::response::Response;
 use std::net::{IpAddr, SocketAddr};
 
-/// The accepted Host headers: names and addresses of the loopback interface, and where the server is reachable from other machines
-/// all addresses and the machine's names.
+/// The accepted Host headers: names and addresses of the loopback interface, and, where the server is reachable from other machines, all
+/// addresses and the machine's names.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct KnownHosts {
     is_reachable: bool,
@@ -20,13 +20,13 @@ pub struct KnownHosts {
 }
 
 impl KnownHosts {
-    /// The hosts of a server that listens on the loopback interface only.
+    /// Returns the hosts of a server that listens on the loopback interface only.
     #[must_use]
     pub fn loopback() -> Self {
         Self::default()
     }
 
-    /// The hosts of a server that listens on `address`, on a machine with these further `names`.
+    /// Returns the hosts of a server that listens on `address`, on a machine with the further `names`.
     #[must_use]
     pub fn of(address: SocketAddr, names: &[String]) -> Self {
         let is_reachable = !is_loopback(address.ip());
@@ -49,13 +49,13 @@ impl KnownHosts {
     }
 }
 
-/// Whether only this machine reaches `ip`.
+/// Returns true if `ip` is a loopback address, which only this machine reaches.
 #[must_use]
 pub fn is_loopback(ip: IpAddr) -> bool {
     ip.to_canonical().is_loopback()
 }
 
-/// The host's name or address, without port and brackets.
+/// Returns the host's name or address, without port and brackets.
 fn name_of(host: &str) -> Option<&str> {
     let authority = (!host.contains('@')).then(|| host.parse::<Authority>().ok())??;
     let name = &host[..authority.host().len()];
@@ -69,22 +69,22 @@ pub(super) struct HostRefusal {
     pub(super) response: Response,
 }
 
-/// The refusal of a request whose Host header is missing, doubled or unknown; `None` for an admitted one.
+/// Returns the refusal of a request whose Host header is missing, repeated or unknown; `None` for an admitted one.
 pub(super) fn refusal(hosts: &KnownHosts, request: &Request) -> Option<HostRefusal> {
     let Some(host) = host(request.uri(), request.headers()) else {
-        // Browsers always send it; clients of HTTP/1.0 need not.
+        // Browsers always send a Host header; clients of HTTP/1.0 may omit it.
         let is_old = request.version() < Version::HTTP_11;
         return (!is_old).then(|| HostRefusal {
             reason: "malformed",
             response: line(StatusCode::BAD_REQUEST, "a request without one Host header"),
         });
     };
-    let text = "a Host that is not known to be this machine; expected localhost, its address or its name (--host adds one)";
+    let text = "an unknown Host, expected localhost, its address or its name (--host adds one)";
     (!hosts.admits(host))
         .then(|| HostRefusal { reason: "host", response: line(StatusCode::MISDIRECTED_REQUEST, text) })
 }
 
-/// The one host that the request is for.
+/// Returns the one host of the request.
 pub(super) fn host<'a>(uri: &'a Uri, headers: &'a HeaderMap) -> Option<&'a str> {
     if let Some(authority) = uri.authority() {
         return Some(authority.as_str());
@@ -111,7 +111,7 @@ mod tests {
     ];
 
     #[test]
-    fn loopback_names_are_told_from_others() {
+    fn loopback_names_are_distinguished_from_others() {
         let hosts = KnownHosts::loopback();
         assert!(LOOPBACK.iter().all(|host| hosts.admits(host)), "this machine's");
         for host in OTHERS.iter().chain(&["10.0.0.1", "[::2]"]) {
@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn beyond_loopback_addresses_and_own_names_are_answered_and_no_others() {
+    fn a_reachable_server_accepts_addresses_and_its_own_names_alone() {
         let address = SocketAddr::from(([0, 0, 0, 0], 8080));
         let hosts = KnownHosts::of(address, &["probe.lan".into()]);
         let own = rustix::system::uname().nodename().to_string_lossy().into_owned();

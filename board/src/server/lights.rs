@@ -53,7 +53,7 @@ pub(super) async fn answer(
     response
 }
 
-/// `/v1/xr`: the values of a WebXR light estimate, the main light of the next frame and the spherical harmonics of the rest.
+/// Answers `/v1/xr` with the values of a WebXR light estimate: the main light of the next frame and the spherical harmonics of all other light.
 pub(super) async fn estimate(state: State<Context>, uri: Uri) -> Response {
     if uri.query().is_some_and(|query| !query.is_empty()) {
         return line(StatusCode::BAD_REQUEST, "found parameters, expected none");
@@ -61,7 +61,7 @@ pub(super) async fn estimate(state: State<Context>, uri: Uri) -> Response {
     answer(state, uri, HeaderMap::new(), Some(Format::Estimate)).await
 }
 
-/// The refusal of a request whose answer would take too much memory.
+/// Counts and returns the refusal of a request whose answer would exceed the memory limit.
 pub(super) fn too_much(context: &Context) -> Response {
     context.counts.refused("memory");
     let mut response = line(StatusCode::SERVICE_UNAVAILABLE, "too many large answers are being sent");
@@ -69,7 +69,7 @@ pub(super) fn too_much(context: &Context) -> Response {
     response
 }
 
-/// The refusal of a form that is too long for `lights` lights.
+/// Returns the refusal of a form whose answer with `lights` lights would be too long.
 fn too_long(format: Format, lights: usize) -> Response {
     let most = format.most_lights();
     let advice = format!(
@@ -78,7 +78,7 @@ fn too_long(format: Format, lights: usize) -> Response {
     line(StatusCode::BAD_REQUEST, &advice)
 }
 
-/// Time since `set` was finished.
+/// Returns the time since `set` was finished.
 pub(super) fn since_ready(set: &OwnedSet) -> Duration {
     let ready_ns = set.timestamp_ns + 1000 * u64::from(set.latency.total);
     Duration::from_nanos(clock::monotonic_ns().saturating_sub(ready_ns))
@@ -95,8 +95,8 @@ pub(super) async fn health(State(context): State<Context>) -> Response {
     line(StatusCode::SERVICE_UNAVAILABLE, &format!("the last frame is {} ms old: {}", age.age_ms, age.reason))
 }
 
-/// Waits for a set of another frame than `after`, or for the next one; whether there is one. Another frame than `after` that is there
-/// already is newer, or of another run of the probe. Does not wait longer than [`LONGEST_WAIT`] or beyond the server's shutdown.
+/// Waits for a set whose frame is not `after`, or without `after` for the next set; returns true if there is one. A set that is there already and
+/// has another frame than `after` is newer, or of another run of the probe. Waits at most [`LONGEST_WAIT`], and not beyond the server's shutdown.
 pub(super) async fn wait_for_set(context: &Context, after: Option<u64>) -> bool {
     let latest = context.link.sets().subscribe();
     let known = latest.borrow().as_ref().map(|set| set.frame);
@@ -110,7 +110,7 @@ pub(super) async fn wait_for_set(context: &Context, after: Option<u64>) -> bool 
     }
 }
 
-/// Waits for the first set of the tier that serves `selection`, at most [`LONGEST_WAIT`]; whether there is one.
+/// Waits at most [`LONGEST_WAIT`] for the first set of the tier that serves `selection`; returns true if there is one.
 pub(super) async fn wait_for_tier(context: &Context, selection: Selection) -> bool {
     let deadline = tokio::time::Instant::now() + LONGEST_WAIT;
     let mut stop = context.stop.subscribe();
@@ -131,7 +131,7 @@ pub(super) async fn wait_for_tier(context: &Context, selection: Selection) -> bo
 }
 
 pub(super) fn no_frame_yet(link: &Link) -> Response {
-    let reason = link.status().failure().unwrap_or_else(|| "the source has not given a burst".into());
+    let reason = link.status().failure().unwrap_or_else(|| "the source has not delivered a burst".into());
     let mut response = line(StatusCode::SERVICE_UNAVAILABLE, &format!("no frame yet: {reason}"));
     response.headers_mut().insert(RETRY_AFTER, HeaderValue::from_static("1"));
     response

@@ -1,4 +1,4 @@
-//! The form of the map that a client requests: the part of the sphere, the width, and whether the lights are drawn on it.
+//! The form of the map that a client requests: the part of the sphere, the width, and the marks of the lights.
 
 use crate::maps::Covers;
 use crate::probe::MapView;
@@ -11,26 +11,26 @@ use std::f64::consts::TAU;
 /// Widths that a request can choose, texels; the default is the width of the polar map.
 pub(super) const WIDTHS: [u16; 6] = [64, 128, 256, 512, 1024, 2048];
 
-/// A form of the map.
+/// Parameters of a map: part of the sphere, width, marks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub(super) struct MapForm {
-    /// Whether the map ends at the horizon.
+    /// True if the map ends at the horizon.
     pub(super) hemisphere: bool,
-    /// The width, texels.
+    /// The width, texels; `None` for the width of the polar map.
     pub(super) width: Option<u16>,
-    /// Whether the lights are drawn on it.
+    /// True if the lights are drawn on the map.
     pub(super) marks: bool,
 }
 
 impl MapForm {
-    /// Reads the query. `marks` tells whether lights can be drawn; the default is the sphere unless `hemisphere`.
+    /// Parses the query. `marks` is true if lights can be drawn; the default is the sphere unless `hemisphere`.
     ///
     /// # Errors
-    /// The found text, and the accepted parameters with their values, one on each line.
+    /// The parameter that was found, and the accepted parameters with their values, one per line.
     pub(super) fn of(uri: &Uri, hemisphere: bool, marks: bool) -> Result<Self, String> {
         let refused = |found: &str| format!("found {found}. Accepted:\n{}", accepted(marks));
         let Ok(Query(pairs)) = Query::<Vec<(String, String)>>::try_from_uri(uri) else {
-            return Err(refused("a query that cannot be read"));
+            return Err(refused("a query that cannot be parsed"));
         };
         let mut form = Self { hemisphere, ..Self::default() };
         for (i, (name, value)) in pairs.iter().enumerate() {
@@ -50,25 +50,26 @@ impl MapForm {
         Ok(form)
     }
 
-    /// The part of the sphere that a map over `grid` has in this form, and its rows.
+    /// Returns the part of the sphere that a map over `grid` covers in this form, and its number of rows.
     pub(super) fn extent(self, grid: &Grid) -> (Covers, usize) {
         if self.hemisphere { (Covers::Hemisphere, grid.height) } else { (Covers::Sphere, 2 * grid.height) }
     }
 
-    /// `view` in the width of this form.
+    /// Returns `view`, resampled to the width of this form.
     pub(super) fn sized(self, view: &MapView) -> MapView {
         let width = self.width.map_or(view.grid.width, usize::from);
         if width == view.grid.width { view.clone() } else { resized(view, width) }
     }
 }
 
-/// Parameters and their values, one a line.
+/// Lists the parameters and their values, one per line.
 fn accepted(marks: bool) -> String {
     let widths = WIDTHS.map(|w| w.to_string()).join("|");
     format!("covers=sphere|hemisphere\nwidth={widths}{}", if marks { "\nmarks=0|1" } else { "" })
 }
 
-/// `view` on a grid of `width` columns. A texel larger than the source's holds the energy of the texels that it covers, a smaller one its share of one texel's energy.
+/// Resamples `view` to a grid of `width` columns. A texel larger than the source's has the summed energy of the texels that it covers, a smaller
+/// one its share of one texel's energy.
 fn resized(view: &MapView, width: usize) -> MapView {
     let from = view.grid;
     let grid = Grid { width, height: (width / 4).max(1), ..from };
@@ -88,14 +89,14 @@ fn resized(view: &MapView, width: usize) -> MapView {
     MapView { grid, texels, frame: view.frame, lights: view.lights.clone() }
 }
 
-/// The part of a line of texels that falls into one of another line over the same length.
+/// The part of one texel of a row or column that overlaps a texel of another resolution.
 struct Share {
     from: usize,
     to: usize,
     part: f64,
 }
 
-/// The shares of `count` texels in `others`; `edge(n, i)` is where texel i of n begins.
+/// Returns the overlaps of `count` texels with `others` texels over the same length; `edge(n, i)` is the start of texel i of n.
 fn shares(count: usize, others: usize, edge: impl Fn(usize, usize) -> f64) -> Vec<Share> {
     let mut shares = Vec::with_capacity(count + others);
     let mut to = 0;
@@ -162,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn other_parameters_are_refused_with_what_is_accepted() {
+    fn other_parameters_are_refused_with_the_accepted_ones() {
         let of = |query: &str| MapForm::of(&query.parse().expect("a URI"), false, false);
         assert_eq!(
             of("/x?covers=hemisphere&width=512").map(|f| (f.hemisphere, f.width)),

@@ -1,4 +1,4 @@
-//! The memory of answers that are kept or being sent, which slow clients could otherwise let grow without bound.
+//! Limits on the memory of answers that are cached or being sent, which would otherwise grow without bound with slow clients.
 
 use super::connection::ConnectionLimiter;
 use axum::body::Bytes;
@@ -8,34 +8,34 @@ use std::time::Duration;
 use tokio::sync::Notify;
 use tokio::time::Instant;
 
-/// Length of a small answer, bytes. Small and large answers are counted apart, so that large ones never delay small ones.
+/// Length up to which an answer is small, bytes. Small and large answers have limits of their own, so that large ones never delay small ones.
 const SMALL: usize = 2 << 20;
 
-/// Most bytes of small answers, and of large ones.
+/// Most bytes of all small answers, and of all large ones.
 const LIMITS: [usize; 2] = [6 << 20, 10 << 20];
 
-/// Bytes of answers up to which another one is made whatever its length: as many as caches keep while no client is served.
+/// Total of answers, bytes, up to which a further one of any length is made: the size of the caches while no client is served.
 const IDLE: usize = KEPT_SET_BYTES + KEPT_PICTURE_BYTES;
 
-/// Largest number of bytes of encoded light sets that are kept while no client is being sent them.
+/// Largest number of bytes of encoded light sets that stay cached while no client is being sent them.
 pub(super) const KEPT_SET_BYTES: usize = 4 << 20;
 
-/// Largest picture that is kept, bytes; larger ones are shared only while they are being sent.
+/// Largest picture that stays cached, bytes; larger ones are shared only while they are being sent.
 pub(super) const KEPT_PICTURE_BYTES: usize = 1 << 20;
 
 /// Length of the longest answer, bytes.
 pub(super) const LONGEST: usize = 12 << 20;
 
-/// Time of a blocked write after which a connection is cut for want of memory, milliseconds.
+/// Time of a blocked write after which a connection is closed when memory is short, milliseconds.
 const BLOCKED_MS: u64 = 300;
 
 /// Longest time between two searches for blocked connections.
 const PAUSE: Duration = Duration::from_millis(50);
 
-/// Time after which a request is refused for want of memory.
+/// Time after which a request is refused when memory is short.
 const PATIENCE: Duration = Duration::from_millis(1500);
 
-/// Counts the bytes of answers.
+/// Counts the bytes of answers against the limits.
 #[derive(Debug, Default)]
 pub(super) struct AnswerMemory {
     live: Arc<[Live; 2]>,
@@ -49,12 +49,12 @@ pub(super) struct Held {
     live: Arc<[Live; 2]>,
 }
 
-/// Index of the kind of an answer of `length` bytes: 0 for small ones, 1 for large ones.
+/// Returns the index of an answer's limit by its length in bytes: 0 for small ones, 1 for large ones.
 const fn kind(length: usize) -> usize {
     (length > SMALL) as usize
 }
 
-/// Number of bytes of the answers of one kind, small or large.
+/// Total bytes of the answers of one kind, small or large.
 #[derive(Debug, Default)]
 struct Live {
     bytes: AtomicUsize,
@@ -63,7 +63,7 @@ struct Live {
 }
 
 impl Live {
-    /// Counts `length` bytes and returns `true` if an answer of this length fits below `limit`.
+    /// Counts `length` bytes and returns true if the total stays within `limit`.
     fn try_add(&self, length: usize, limit: usize) -> bool {
         let add = |live| (live <= IDLE || live + length <= limit).then_some(live + length);
         self.bytes.fetch_update(Relaxed, Relaxed, add).is_ok()
@@ -82,7 +82,7 @@ impl Drop for Held {
     }
 }
 
-/// The memory of an answer that is being made.
+/// Memory reserved for an answer that is being made.
 #[derive(Debug)]
 pub(super) struct Reserved {
     length: usize,
@@ -90,7 +90,7 @@ pub(super) struct Reserved {
 }
 
 impl Reserved {
-    /// Counts `bytes` in place of what was reserved, under their own kind.
+    /// Counts `bytes` in place of the reserved length, against the limit of their own kind.
     pub(super) fn hold(self, bytes: Vec<u8>) -> Arc<Held> {
         let length = bytes.capacity();
         self.live[kind(length)].bytes.fetch_add(length, Relaxed);
@@ -104,7 +104,7 @@ impl Drop for Reserved {
     }
 }
 
-/// A share of an answer's bytes.
+/// A reference to an answer's bytes.
 struct Share(Arc<Held>);
 
 impl AsRef<[u8]> for Share {
@@ -113,12 +113,12 @@ impl AsRef<[u8]> for Share {
     }
 }
 
-/// The bytes of an answer as a body.
+/// Returns the bytes of an answer as a body.
 pub(super) fn body(held: &Arc<Held>) -> Bytes {
     Bytes::from_owner(Share(Arc::clone(held)))
 }
 
-/// The bytes of an answer that a cache keeps: by itself, or only as long as a client is being sent them.
+/// The bytes of an answer in a cache: held by the cache itself, or only as long as a client is being sent them.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Kept {
     strong: Option<Arc<Held>>,
@@ -134,25 +134,25 @@ impl Kept {
         self.weak.upgrade().map(|held| body(&held))
     }
 
-    /// Number of bytes that are here only because they are kept.
+    /// Returns the number of bytes that the cache itself holds.
     pub(super) fn len(&self) -> usize {
         self.strong.as_ref().map_or(0, |held| held.bytes.len())
     }
 
-    /// Keeps the bytes no longer than they are being sent.
+    /// Holds the bytes only as long as they are being sent.
     pub(super) fn release(&mut self) {
         self.strong = None;
     }
 }
 
 impl AnswerMemory {
-    /// Sets the limiter whose connections are cut when memory is short.
+    /// Sets the limiter whose connections are closed when memory is short.
     pub(super) fn relieve_by(&self, limiter: &Arc<ConnectionLimiter>) {
         let _ = self.limiter.set(Arc::clone(limiter));
     }
 
-    /// Waits until there is memory for an answer of about `length` bytes, and cuts connections that do not read while there is not.
-    /// `None` after [`PATIENCE`].
+    /// Waits until there is memory for an answer of about `length` bytes, and meanwhile closes connections that do not read. `None` after
+    /// [`PATIENCE`].
     pub(super) async fn reserve(&self, length: usize) -> Option<Reserved> {
         let (live, limit) = (&self.live[kind(length)], LIMITS[kind(length)]);
         let deadline = Instant::now() + PATIENCE;
@@ -232,7 +232,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_dropped_answer_wakes_a_waiting_one() {
+    async fn a_dropped_answer_notifies_a_waiting_request() {
         struct Flag(AtomicBool);
         impl Wake for Flag {
             fn wake(self: Arc<Self>) {

@@ -1,7 +1,7 @@
 //! `/metrics`, in the text format 0.0.4 of Prometheus.
 //!
-//! It is written here and not by a crate: `prometheus-client` writes OpenMetrics, another format, and `prometheus` keeps a registry of
-//! its own, whereas all values here exist already and are read once per request. The tests parse the text with `prometheus-parse`.
+//! The text is written without a crate: `prometheus-client` writes OpenMetrics, another format, and `prometheus` stores the values in a registry,
+//! whereas all values exist already and are read once per request. The tests parse the text with `prometheus-parse`.
 
 use super::Context;
 use super::counts::{CLASSES, Counts, DELIVERY_US};
@@ -24,7 +24,7 @@ pub(super) async fn metrics(State(context): State<Context>) -> Response {
     let link = &context.link;
     let latest = link.sets().latest();
     let up = f64::from(u8::from(link.status().failure().is_none()));
-    one(&mut text, "source_up", "gauge", "1 while the source gives bursts.", up);
+    one(&mut text, "source_up", "gauge", "1 while the source delivers bursts, else 0.", up);
     one(
         &mut text,
         "uptime_seconds",
@@ -58,9 +58,9 @@ pub(super) async fn metrics(State(context): State<Context>) -> Response {
     ([(CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")], text).into_response()
 }
 
-/// The steps by which the quality is lowered.
+/// Writes the steps by which the quality is lowered.
 fn quality(text: &mut String, quality: &QualityStatus) {
-    head(text, "degraded_steps", "gauge", "Steps by which the quality is lowered now, to keep the budget.");
+    head(text, "degraded_steps", "gauge", "Steps by which the quality is lowered to keep the budget.");
     for step in Step::ALL {
         let (name, count) = (step.name(), quality.steps.count(step));
         let _ = writeln!(text, "hemilux_degraded_steps{{step=\"{name}\"}} {count}");
@@ -89,7 +89,7 @@ fn frames(text: &mut String, set: &OwnedSet, age_ms: u64) {
         text,
         "unseen_ratio",
         "gauge",
-        "Share of the hemisphere that the lens does not see.",
+        "Share of the hemisphere outside of the lens's field.",
         set.unseen.into(),
     );
     if let Some(error) = set.estimated_error {
@@ -102,7 +102,7 @@ fn frames(text: &mut String, set: &OwnedSet, age_ms: u64) {
     light(text, set);
 }
 
-/// The horizontal irradiance and the scalar flux.
+/// Writes the horizontal irradiance and the scalar flux.
 fn light(text: &mut String, set: &OwnedSet) {
     let channels = |text: &mut String, name: &str, values: [f32; 3]| {
         for (channel, v) in ["red", "green", "blue"].iter().zip(values) {
@@ -129,10 +129,10 @@ fn light(text: &mut String, set: &OwnedSet) {
     }
 }
 
-/// The state of the exposures and frames of the camera.
+/// Writes the state of the camera's exposures and frames.
 fn camera(text: &mut String, status: &CameraStatus) {
     let frames = &status.frames;
-    head(text, "camera_frames_total", "counter", "Complete frames, by how their exposure is known.");
+    head(text, "camera_frames_total", "counter", "Complete frames, by the origin of their exposure.");
     for (known, count) in status.known.named() {
         let _ = writeln!(text, "hemilux_camera_frames_total{{exposure=\"{known}\"}} {count}");
     }
@@ -141,13 +141,13 @@ fn camera(text: &mut String, status: &CameraStatus) {
         let _ = writeln!(text, "hemilux_camera_broken_total{{fault=\"{fault}\"}} {count}");
     }
     one(text, "camera_lost_total", "counter", "Frames that the driver did not deliver.", frames.lost as f64);
-    let unstamped = "Frames whose timestamp is of another clock.";
+    let unstamped = "Complete frames whose timestamp is not of CLOCK_MONOTONIC.";
     one(text, "camera_unstamped_total", "counter", unstamped, frames.unstamped as f64);
-    head(text, "camera_writes_total", "counter", "Writes of the exposure that did not act, by their fault.");
+    head(text, "camera_writes_total", "counter", "Writes of the exposure without effect, by their fault.");
     for (fault, count) in [("late", status.late_writes), ("refused", status.failed_writes)] {
         let _ = writeln!(text, "hemilux_camera_writes_total{{fault=\"{fault}\"}} {count}");
     }
-    let mismatches = "Frames brighter or darker than their exposure says.";
+    let mismatches = "Frames whose brightness contradicts their exposure.";
     one(text, "camera_mismatches_total", "counter", mismatches, status.mismatches as f64);
     one(
         text,
@@ -166,14 +166,14 @@ fn camera(text: &mut String, status: &CameraStatus) {
     }
 }
 
-/// Percentiles since the start, budgets, and how often they were overrun.
+/// Writes percentiles since the start, budgets, and numbers of overruns.
 fn stages(text: &mut String, timings: &Timings) {
     let stages = || Latency::NAMES.iter().zip(timings.stages());
     head(
         text,
         "stage_quantile_seconds",
         "gauge",
-        "What that part of all frames stayed within; 1 is the longest.",
+        "Quantile of the stage's duration over all frames; 1 is the longest.",
     );
     for (stage, s) in stages() {
         for (quantile, us) in [("0.5", s.p50), ("0.95", s.p95), ("0.99", s.p99), ("1", s.most)] {
@@ -181,7 +181,7 @@ fn stages(text: &mut String, timings: &Timings) {
             let _ = writeln!(text, "hemilux_stage_quantile_seconds{{{labels}}} {}", f64::from(us) / 1e6);
         }
     }
-    let help = "What that part of the frames of the last minute stayed within.";
+    let help = "Quantile of the stage's duration over the last 30 to 60 seconds.";
     head(text, "stage_recent_seconds", "gauge", help);
     for (stage, s) in stages() {
         for (quantile, us) in [("0.5", s.recent.p50), ("0.95", s.recent.p95), ("0.99", s.recent.p99)] {
@@ -189,12 +189,12 @@ fn stages(text: &mut String, timings: &Timings) {
             let _ = writeln!(text, "hemilux_stage_recent_seconds{{{labels}}} {}", f64::from(us) / 1e6);
         }
     }
-    head(text, "stage_budget_seconds", "gauge", "Longest time that each stage is meant to take.");
+    head(text, "stage_budget_seconds", "gauge", "Budget of each stage.");
     for (stage, s) in stages() {
         let budget = f64::from(s.budget) / 1e6;
         let _ = writeln!(text, "hemilux_stage_budget_seconds{{stage=\"{stage}\"}} {budget}");
     }
-    head(text, "stage_overruns_total", "counter", "Frames that took longer than the budget of that moment.");
+    head(text, "stage_overruns_total", "counter", "Frames that exceeded the budget in effect.");
     for (stage, s) in stages() {
         let _ = writeln!(text, "hemilux_stage_overruns_total{{stage=\"{stage}\"}} {}", s.overruns);
     }
@@ -202,7 +202,7 @@ fn stages(text: &mut String, timings: &Timings) {
 
 fn connections(text: &mut String, counts: &Counts) {
     one(text, "connections", "gauge", "Connections open now.", counts.open.load(Relaxed) as f64);
-    one(text, "connections_total", "counter", "Connections let in.", counts.accepted.load(Relaxed) as f64);
+    one(text, "connections_total", "counter", "Accepted connections.", counts.accepted.load(Relaxed) as f64);
     one(
         text,
         "streams",
@@ -231,7 +231,7 @@ fn requests(text: &mut String, counts: &Counts) {
 }
 
 fn delivery(text: &mut String, counts: &Counts) {
-    let help = "From the finished light set to the answer handed to the connection.";
+    let help = "Time from the finished light set to the answer's transfer to the connection.";
     head(text, "delivery_seconds", "histogram", help);
     let mut sum = 0;
     for (i, count) in counts.delivery.iter().enumerate() {

@@ -1,7 +1,7 @@
 //! The HTTP server: the requests of the thesis's appendix A.1, and `/v1`.
 //!
-//! [`app`] makes the routes from a [`Link`], testable without sockets; [`start`] serves them. A request for data waits
-//! for the next finished frame; slow clients delay no other client. `openapi.json` documents every request.
+//! [`app`] makes the routes from a [`Link`], and tests call them without sockets; [`start`] serves them. A request for lights waits for the next
+//! finished frame; slow clients do not delay other clients. `openapi.json` documents every request.
 
 mod access;
 mod answer;
@@ -72,11 +72,11 @@ use tokio::sync::watch;
 pub struct Options {
     /// The accepted Host headers.
     pub hosts: KnownHosts,
-    /// The condition for changes of settings and for pictures.
+    /// The condition for changes of settings and for pictures: none, or the token.
     pub access: Access,
     /// Origins (`http://host:port`) of other sites whose pages have the rights of the server's own pages.
     pub origins: Vec<String>,
-    /// Addresses of trusted proxies, whose forwarding headers name the client of a request.
+    /// Addresses of trusted proxies, whose forwarding headers contain the client of a request.
     pub proxies: Vec<IpAddr>,
     /// The file that `PATCH /v1/config?save=1` writes settings to.
     pub file: Option<ConfigFile>,
@@ -87,7 +87,7 @@ pub struct Options {
 }
 
 impl Default for Options {
-    /// Access from this machine only, without a token.
+    /// Returns the rules for access from this machine alone, without a token.
     fn default() -> Self {
         Self {
             hosts: KnownHosts::loopback(),
@@ -101,7 +101,7 @@ impl Default for Options {
     }
 }
 
-/// The state that handlers share.
+/// The state that all handlers share.
 type Context = Arc<HandlerState>;
 
 struct HandlerState {
@@ -114,13 +114,13 @@ struct HandlerState {
     /// The file to which settings are saved; `None` if the probe was started without one.
     file: Option<ConfigFile>,
     library: Library,
-    /// Held while a source is opened.
+    /// Locked while a source is opened.
     opening: tokio::sync::Mutex<()>,
-    /// True once the server stops: streams end.
+    /// True when the server stops; streams then end.
     stop: Arc<watch::Sender<bool>>,
 }
 
-/// Answers that are computed once for several requests.
+/// Caches of answers that are computed once for several requests.
 struct AnswerCaches {
     sets: EncodedSets,
     pictures: PictureCache,
@@ -139,7 +139,7 @@ impl AnswerCaches {
     }
 }
 
-/// The rules by which requests are admitted, and the failed attempts at the token.
+/// The rules by which requests are admitted, and the failed attempts to guess the token.
 struct Admission {
     hosts: KnownHosts,
     access: Access,
@@ -148,7 +148,7 @@ struct Admission {
     proxies: Arc<Proxies>,
 }
 
-/// The routes and the state that [`start`] needs.
+/// The routes, and the state that [`start`] uses.
 pub struct App {
     router: Router,
     counts: Arc<Counts>,
@@ -158,13 +158,13 @@ pub struct App {
 }
 
 impl App {
-    /// The routes, for requests without sockets.
+    /// Returns the routes, for requests without sockets.
     pub fn router(&self) -> Router {
         self.router.clone()
     }
 }
 
-/// All routes, with the checks of `options` before them.
+/// Returns all routes, preceded by the checks of `options`.
 #[must_use]
 pub fn app(link: Arc<Link>, options: Options) -> App {
     let Options { hosts, access, origins, proxies, file, calibration_file, library } = options;
@@ -185,7 +185,7 @@ pub fn app(link: Arc<Link>, options: Options) -> App {
     App { router: routes::router(Arc::new(state)), counts, proxies, memory, stop }
 }
 
-/// An answer of one line of plain text.
+/// Returns an answer of one line of plain text.
 fn line(status: StatusCode, text: &str) -> Response {
     (status, format!("{text}\n")).into_response()
 }

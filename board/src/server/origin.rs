@@ -1,9 +1,9 @@
-//! The origin of a request: a program, a page of this server, or a page of another site.
+//! The cause of a request: a program, a page of this server, or a page of another site.
 //!
-//! A page of another site can make a browser send requests here: as an image, a form, a link, a script. It cannot read the answers,
-//! but a request that changes settings would have its effect. Browsers tell where a request comes from with Sec-Fetch-Site (only over
-//! HTTPS and to localhost), Origin (not with images and links) and Referer (the page may switch it off). A request without any of
-//! these headers is distinguished from one of a program by headers that a page cannot remove: see [`is_browser`].
+//! A page of another site can make a browser send requests to this server: by an image, a form, a link or a script. It cannot read the answers,
+//! but a request could change settings. Browsers state the page that causes a request in Sec-Fetch-Site (only over HTTPS and to localhost),
+//! Origin (not with images and links) and Referer (which the page may suppress). A browser's request without any of these headers is
+//! distinguished from a program's by headers that a page cannot remove: see [`is_browser`].
 
 use super::hosts::host;
 use super::proxy::{Client, Scheme};
@@ -22,7 +22,7 @@ pub(super) enum Cause {
     OwnPage,
     /// A page of another site.
     ForeignPage,
-    /// A browser that does not name the page: a typed address, or a page that suppresses its referrer.
+    /// A browser's request that does not state a page: a typed address, or a page that suppresses its referrer.
     Unproven,
 }
 
@@ -40,13 +40,13 @@ impl Sender {
         Self { uri: parts.uri.clone(), headers: parts.headers.clone(), client }
     }
 
-    /// The cause of the request; pages of the origins in `allowed` count as the server's own.
+    /// Returns the cause of the request; pages of the origins in `allowed` count as the server's own.
     pub(super) fn cause(&self, allowed: &[String]) -> Cause {
         if self.headers.get(ORIGIN).is_some_and(|origin| is_allowed(origin, allowed)) {
             return Cause::OwnPage;
         }
         let site = self.text(&HeaderName::from_static("sec-fetch-site"));
-        // A page cannot make a browser send this of another site: then the scheme may be another one than a proxy tells.
+        // Sec-Fetch-Site: same-origin is proof by itself: the scheme may then differ from the one that a proxy states.
         let scheme = if site == Some("same-origin") { Scheme::Either } else { self.client.scheme };
         let told = self.text(&ORIGIN).or_else(|| self.text(&REFERER)).map(|url| self.is_own(url, scheme));
         match (site, told) {
@@ -57,19 +57,19 @@ impl Sender {
         }
     }
 
-    /// Whether a browser shows the answer as a page.
+    /// Returns true if a browser displays the answer as a page.
     pub(super) fn is_navigation(&self) -> bool {
         let mode = self.text(&HeaderName::from_static("sec-fetch-mode"));
         let accepts_pages = self.text(&ACCEPT).is_some_and(|accept| accept.contains("text/html"));
         is_browser(&self.headers) && mode.map_or(accepts_pages, |mode| mode == "navigate")
     }
 
-    /// The text of a header; one that is no text counts as `null`.
+    /// Returns the text of a header, `null` for a header that is not text.
     pub(super) fn text(&self, name: &HeaderName) -> Option<&str> {
         self.headers.get(name).map(|value| value.to_str().unwrap_or("null"))
     }
 
-    /// Whether `url` is on the host that the request is for.
+    /// Returns true if `url` is on the host of this request.
     fn is_own(&self, url: &str, scheme: Scheme) -> bool {
         let host = host(&self.uri, &self.headers).unwrap_or_default();
         let on = |prefix: &str, port: &str| {
@@ -96,8 +96,8 @@ pub(super) fn is_allowed(origin: &HeaderValue, allowed: &[String]) -> bool {
     allowed.iter().any(|a| a.as_bytes() == origin.as_bytes())
 }
 
-/// Whether a request has a header that browsers send by themselves: a User-Agent with `Mozilla/`, Accept-Language,
-/// Upgrade-Insecure-Requests, or one that begins with `Sec-` (but for those of WebSockets).
+/// Returns true if a request has a header that browsers send by themselves: a User-Agent with `Mozilla/`, Accept-Language,
+/// Upgrade-Insecure-Requests, or one that begins with `Sec-` (except those of WebSockets).
 ///
 /// A program that sends one of these headers counts as a browser; with `Authorization: Bearer` or its own Origin it may still change settings.
 pub(super) fn is_browser(headers: &HeaderMap) -> bool {
@@ -121,7 +121,7 @@ mod tests {
         sender.cause(&["http://studio.example".into()])
     }
 
-    /// Asserts that a request with any one of `headers` is of `expected`.
+    /// Asserts that a request with any one of `headers` has the cause `expected`.
     fn assert_each(expected: Cause, headers: &[(&'static str, &'static str)]) {
         for header in headers {
             assert_eq!(cause(Scheme::Http, &[*header]), expected, "{header:?}");
@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn a_browser_that_tells_no_page_is_told_from_a_program() {
+    fn a_browser_without_a_page_is_distinguished_from_a_program() {
         let browsers = [
             ("user-agent", "Mozilla/5.0 (X11; Linux x86_64)"),
             ("accept-language", "en"),
@@ -169,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn behind_a_proxy_the_scheme_is_the_clients() {
+    fn behind_a_proxy_the_scheme_is_that_of_the_client() {
         let origin = [("origin", "https://localhost:8080")];
         assert_eq!(cause(Scheme::Https, &origin), Cause::OwnPage, "https");
         assert_eq!(cause(Scheme::Either, &origin), Cause::OwnPage, "a proxy that does not say");

@@ -1,17 +1,17 @@
-//! Compression of what the page loads: files, and streams whose parts are compressed once for all clients.
+//! Gzip compression of files of the page, and of streams whose parts are compressed once for all clients.
 
 use flate2::{Compress, Compression, FlushCompress};
 
 /// The gzip header of a stream, without file name, time and operating system.
 pub(super) const STREAM_HEAD: [u8; 10] = [0x1f, 0x8b, 8, 0, 0, 0, 0, 0, 0, 255];
 
-/// `bytes` as a part of a gzip stream: deflate blocks that refer to nothing before them and end on a byte, so that parts that were
-/// compressed apart can follow each other in any order.
+/// Returns `bytes` as a part of a gzip stream: deflate blocks without references to earlier parts, which end on a byte. Parts can therefore be
+/// concatenated in any order.
 pub(super) fn part(bytes: &[u8]) -> Vec<u8> {
     deflate(bytes, Compression::fast(), FlushCompress::Sync)
 }
 
-/// A gzip file with `bytes`.
+/// Returns `bytes` as a gzip file.
 pub(super) fn file(bytes: &[u8]) -> Vec<u8> {
     let mut sum = flate2::Crc::new();
     sum.update(bytes);
@@ -27,7 +27,7 @@ fn deflate(bytes: &[u8], level: Compression, flush: FlushCompress) -> Vec<u8> {
     let mut out = Vec::with_capacity(bytes.len() / 2 + 64);
     loop {
         let done = usize::try_from(state.total_in()).unwrap_or(usize::MAX).min(bytes.len());
-        // In memory compression does not fail.
+        // Compression to memory cannot fail.
         let written = state.compress_vec(&bytes[done..], &mut out, flush);
         let is_whole = state.total_in() == bytes.len() as u64 && out.len() < out.capacity();
         if written.is_err() || is_whole {
@@ -55,7 +55,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_follow_each_other_in_any_order_and_are_complete_at_once() {
+    fn parts_decode_in_any_order_without_waiting_for_later_parts() {
         let texts: Vec<_> = (0..3).map(|i| format!("data: {i} {}\n\n", "0.125,".repeat(4000 * i))).collect();
         let parts: Vec<_> = texts.iter().map(|t| part(t.as_bytes())).collect();
         assert!(parts[2].len() < texts[2].len() / 20, "{} bytes", parts[2].len());

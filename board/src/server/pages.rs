@@ -41,7 +41,7 @@ pub(super) async fn info(State(context): State<Context>) -> Response {
     ([(CACHE_CONTROL, "no-store")], page("info", &body)).into_response()
 }
 
-/// A time with three digits in the unit that suits it.
+/// Formats a time with three digits in s, ms or us.
 fn duration(seconds: f64) -> String {
     let (value, unit) = match seconds {
         s if s >= 1.0 => (s, "s"),
@@ -91,7 +91,7 @@ fn light(set: &OwnedSet, rgb: [f32; 3]) -> String {
     }
 }
 
-/// The durations and budgets of the stages as a table.
+/// Returns the durations and budgets of the stages as a table.
 fn times(last: &Latency, timings: &Timings) -> String {
     let head = ["last", "p50", "p95", "p99", "longest", "budget", "over it"].map(|t| format!("<th>{t}</th>"));
     let mut html = format!("<h2>Times, ms</h2><table><tr><th></th>{}</tr>", head.concat());
@@ -102,10 +102,10 @@ fn times(last: &Latency, timings: &Timings) -> String {
         }
         let _ = write!(html, "<td>{} of {} frames</td></tr>", s.overruns, timings.frames());
     }
-    html + "</table><p>Capture has waiting in it, encode is the frame before's, total runs from the end of the burst.</p>"
+    html + "</table><p>Capture includes the wait for a burst, encode is that of the frame before, total begins with the end of the burst.</p>"
 }
 
-/// The form of the settings, and `accepted`: the parameters and their values, one per line.
+/// Returns the form of the settings, and `accepted`: the parameters and their values, one per line.
 pub(super) fn change_form(config: &Config, accepted: &str) -> Html<String> {
     let fields: String = SETTINGS.iter().map(|setting| form_field(setting, config)).collect();
     let requests: String = accepted.lines().map(|l| format!("<li><code>/change?{l}</code></li>")).collect();
@@ -121,7 +121,7 @@ pub(super) fn change_form(config: &Config, accepted: &str) -> Html<String> {
     page("change", &body)
 }
 
-/// The label and the control of `setting` with its value in `config`.
+/// Returns the label and the control of `setting` with its value in `config`.
 fn form_field(setting: &Setting, config: &Config) -> String {
     let schema = setting.schema(config);
     let (name, word) = (setting.parameter, setting.word(config));
@@ -148,7 +148,7 @@ fn form_field(setting: &Setting, config: &Config) -> String {
     format!("<label>{} {control}</label>", escaped(setting.title))
 }
 
-/// Asks for a confirmation of a change that the browser sent without proof that a page of this server caused it.
+/// Returns a form by which the user confirms a change that the browser sent without proof that a page of this server caused it.
 pub(super) fn change_confirm(pairs: &[(String, String)]) -> Html<String> {
     let field = |(name, value): &(String, String)| {
         let (name, value) = (escaped(name), escaped(value));
@@ -162,17 +162,17 @@ pub(super) fn change_confirm(pairs: &[(String, String)]) -> Html<String> {
     page("confirm the change", &body)
 }
 
-/// The page that confirms a change.
+/// Returns the page that confirms a change.
 pub(super) fn change_done(config: &Config, pairs: &[(String, String)]) -> Html<String> {
     let body = format!(
-        "<p>Changed: {}. In effect from the next frame on.</p>{}<p><a href=\"/change\">Change more</a></p>",
+        "<p>Changed: {}. In effect from the next frame.</p>{}<p><a href=\"/change\">Change more</a></p>",
         list(pairs),
         table(&settings(config))
     );
     page("changed", &body)
 }
 
-/// The page for a change that takes effect with a frame that has not come yet.
+/// Returns the page for an accepted change whose frame has not been processed yet.
 pub(super) fn change_pending(pairs: &[(String, String)]) -> Html<String> {
     let body = format!(
         "<p>Accepted: {}. It takes effect with the next frame, which has not come yet: see \
@@ -182,7 +182,7 @@ pub(super) fn change_pending(pairs: &[(String, String)]) -> Html<String> {
     page("change accepted", &body)
 }
 
-/// The log-in form below `text`.
+/// Returns the log-in form below `text`.
 pub(super) fn login(text: &str) -> Html<String> {
     let body = format!(
         "<p>{}</p><form action=\"/login\" method=\"post\"><label>Token <input name=\"token\" type=\"password\" \
@@ -193,13 +193,14 @@ pub(super) fn login(text: &str) -> Html<String> {
     page("log in", &body)
 }
 
-/// The page that names the reason for a missing screenshot.
+/// Returns the page with the reason for a missing screenshot.
 pub(super) fn no_screenshot() -> Html<String> {
-    let body = "<p>The debug picture is switched off: <a href=\"/change?gui=on\">switch it on</a>, then ask again.</p>";
+    let body =
+        "<p>The debug picture is switched off: <a href=\"/change?gui=on\">switch it on</a>, then reload.</p>";
     page("screenshot", body)
 }
 
-/// Shows the newest screenshot of `names`, and links to the others.
+/// Returns a page with the newest screenshot of `names` and links to the others.
 pub(super) fn screenshot(names: &[String]) -> Html<String> {
     let Some((newest, older)) = names.split_first() else { return no_screenshot() };
     let link = |name: &String| format!("<li><a href=\"/screenshots/{0}\">{0}</a></li>", escaped(name));
@@ -246,7 +247,7 @@ fn page(title: &str, body: &str) -> Html<String> {
     ))
 }
 
-/// `text` with the characters escaped that have a meaning in HTML or in its attributes.
+/// Returns `text` with the special characters of HTML and of its attributes escaped.
 fn escaped(text: &str) -> String {
     text.chars().fold(String::with_capacity(text.len()), |mut out, c| {
         match c {
@@ -266,7 +267,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_could_be_markup_is_escaped() {
+    fn markup_in_texts_is_escaped() {
         let html = table(&[("source", "replay:<img src=x onerror='a(\"&\")'>".into())]);
         let expected = "<table><tr><th>source</th><td>replay:&lt;img src=x onerror=&#39;a(&quot;&amp;&quot;)&#39;&gt;</td></tr></table>";
         assert_eq!(html, expected, "five characters");

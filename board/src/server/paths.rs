@@ -1,6 +1,6 @@
 //! The paths of all requests.
 
-/// All paths; `/openapi.json` describes the same.
+/// All paths, in the form of `/openapi.json`.
 pub(super) const PATHS: [&str; 32] = [
     "/",
     "/page/{name}",
@@ -36,7 +36,7 @@ pub(super) const PATHS: [&str; 32] = [
     "/v1/image/{index}",
 ];
 
-/// The index of a path in [`PATHS`].
+/// Returns the index of a path in [`PATHS`].
 pub(super) fn index_of(path: &str) -> Option<usize> {
     PATHS.iter().position(|route| *route == path)
 }

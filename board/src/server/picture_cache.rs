@@ -1,5 +1,5 @@
-//! Pictures on request: one thread renders one picture at a time, at most one per `INTERVAL` for all clients, and each picture answers all
-//! requests that came before its burst.
+//! Pictures on request: one thread renders one picture at a time, at most one per `INTERVAL` for all clients. Each picture answers all requests
+//! that arrived before its burst.
 
 use super::encoder::Encoder;
 use super::map_form::MapForm;
@@ -10,25 +10,25 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::time::Instant;
 
-/// Shortest time between two pictures: twenty a second for all clients.
+/// Shortest time between two pictures: twenty per second for all clients.
 const INTERVAL: Duration = Duration::from_millis(50);
 
-/// The thread's priority below that of the process.
+/// Difference of the thread's nice value from that of the process.
 const NICE: i32 = 10;
 
-/// Length of most pictures, bytes.
+/// Usual length of a picture, bytes, for which memory is reserved.
 const USUAL_BYTES: usize = 1 << 20;
 
 /// The contents of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum PictureKind {
-    /// An exposure of a burst, by rising exposure time, with its largest width.
+    /// An exposure of a burst, by ascending exposure time, and its largest width, pixels.
     Exposure(usize, Option<u16>),
     /// The best exposure of a burst that began after the request.
     Capture,
     /// The tone-mapped map.
     Map(MapForm),
-    /// The map as JPEG, with all its range.
+    /// The map as JPEG, with its whole range of radiance.
     MapJpeg,
     /// The map as OpenEXR.
     MapExr(MapForm),
@@ -36,44 +36,44 @@ pub(super) enum PictureKind {
     MapHdr(MapForm),
     /// The mask of unseen and clipped directions.
     Mask,
-    /// The tone-mapped map with the lights, to be kept under a name.
+    /// The tone-mapped map with the lights, kept under a name.
     Screenshot,
 }
 
 /// The source of a picture.
 pub(super) enum View<T> {
-    /// A view that answers requests up to a moment of CLOCK_MONOTONIC, nanoseconds.
+    /// A view, and the time of the latest request that it answers.
     Of {
         /// The data to render.
         view: T,
         /// Latest request that the view answers, CLOCK_MONOTONIC, nanoseconds.
         since_ns: u64,
-        /// Whether the view belongs to a frame after the request.
+        /// True if the view belongs to a frame after the request.
         is_fresh: bool,
     },
-    /// A view that is too old for this request: another view is requested.
+    /// The view is too old for this request: another view is requested.
     TooOld,
-    /// No view.
+    /// There is no view.
     None,
 }
 
-/// Facts about a picture that its answer states in headers.
+/// A property of a picture that a header of the answer states.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Told {
     /// No header.
     Nothing,
-    /// The exposure that it shows.
+    /// The exposure of the picture.
     Shot(Shot),
-    /// The radiance that its middle code stands for.
+    /// The radiance of the picture's middle code.
     Grey(f32),
 }
 
-/// The exposure that a picture shows.
+/// The exposure of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Shot {
     /// Number of exposures of the burst.
     pub(super) of: usize,
-    /// Exposure time with gain, seconds.
+    /// Exposure time times gain, seconds.
     pub(super) seconds: f64,
 }
 
@@ -98,15 +98,15 @@ pub(super) struct Picture {
 pub(super) enum NoPicture {
     /// There is nothing to render.
     NoView,
-    /// Answers take too much memory.
+    /// The answers in progress have used up the memory limit.
     Full,
-    /// The picture could not be rendered.
+    /// The picture could not be encoded.
     Fault,
 }
 
-/// Renders pictures and keeps the newest of each kind.
+/// Renders pictures and caches the newest one of each kind.
 pub(super) struct PictureCache {
-    /// Held while a picture is made; the time of the last one.
+    /// Locked while a picture is made; contains the time of the last one.
     making: tokio::sync::Mutex<Option<Instant>>,
     made: Mutex<Vec<Made>>,
     thread: Encoder<PictureKind>,
@@ -117,7 +117,7 @@ struct Made {
     kind: PictureKind,
     since_ns: u64,
     kept: Kept,
-    /// The picture without its bytes.
+    /// The picture, without its bytes.
     picture: Picture,
 }
 
@@ -127,7 +127,8 @@ impl PictureCache {
         Self { making, made, thread: Encoder::new("hemilux-picture", NICE), memory }
     }
 
-    /// The picture of `kind`: one that was made of a view later than this request, or a new one, `render`ed from what `look` gives.
+    /// Returns a picture of `kind`: a cached one whose view is later than this request, or a new one that `render` makes from the view that
+    /// `look` returns.
     pub(super) async fn picture<T, F>(
         &self,
         kind: PictureKind,

@@ -1,4 +1,4 @@
-//! Pictures: the burst's exposures, a fresh shot and the map. They are rendered on request, one at a time, once per frame for all clients.
+//! Pictures: the exposures of a burst, a fresh shot, and the map. They are rendered on request, one at a time, once per frame for all clients.
 
 use super::access::Allowed;
 use super::answer::LONGEST_WAIT;
@@ -23,22 +23,24 @@ use std::io::Cursor;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// JPEG quality: artefacts are below the sensor's noise.
+/// JPEG quality, at which artefacts are below the sensor's noise.
 const QUALITY: u8 = 90;
 
-/// Widths to which exposures can be made smaller, pixels.
+/// Accepted widths of reduced exposures, pixels.
 const WIDTHS: [u16; 3] = [160, 320, 640];
 
-/// Longest wait for a view while the source is known to have failed: the processing thread answers after each attempt, and pauses between.
+/// Longest wait for a view while the source has failed: the processing thread answers after each attempt to read it, with a pause between
+/// attempts.
 const FAILED_WAIT: Duration = RETRY_PAUSE.saturating_mul(4);
 
-/// Longest wait for a fresh shot: two bursts, of which the first was under way; exposures of a second each make three-second bursts.
+/// Longest wait for a fresh shot: two bursts, of which the first began before the request; exposures of a second each make bursts of three
+/// seconds.
 const CAPTURE_WAIT: Duration = Duration::from_secs(8);
 
-/// Part of a shot's samples that may be clipped.
+/// Largest share of a shot's samples that may be clipped.
 const CLIPPED: f64 = 0.01;
 
-/// The next frame's view, or after [`LONGEST_WAIT`] the last one that there was; at once where the source is known to have failed.
+/// Returns the view of the next frame, or after [`LONGEST_WAIT`] the last view; the last view at once where the source has failed.
 pub(super) async fn view<T>(link: &Link, slot: &Slot<T>) -> View<Arc<T>> {
     let since_ns = clock::monotonic_ns();
     let ViewRequest { number, mut given } = slot.request();
@@ -53,12 +55,12 @@ pub(super) async fn view<T>(link: &Link, slot: &Slot<T>) -> View<Arc<T>> {
     view.map_or(View::None, |view| View::Of { view, since_ns, is_fresh })
 }
 
-/// `image` and `image?N`: exposure N of the next burst, 0 the shortest; the longest without N.
+/// Answers `image` and `image?N` with exposure N of the next burst, 0 the shortest; the longest without N.
 pub(super) async fn image(State(context): State<Context>, _: Allowed, RawQuery(query): RawQuery) -> Response {
     exposure(&context, query.as_deref().filter(|q| !q.is_empty()), None).await
 }
 
-/// `/v1/image/N`; with `?width=` it is made smaller.
+/// Answers `/v1/image/N` with exposure N of the next burst; `?width=` reduces the picture.
 pub(super) async fn image_at(
     State(context): State<Context>,
     _: Allowed,
@@ -101,8 +103,8 @@ fn no_exposure(index: Option<&str>, last: usize) -> Response {
     )
 }
 
-/// `capture`: a picture that was taken after the request: of the first burst whose exposures all began after it, the longest
-/// exposure that is hardly clipped.
+/// Answers `capture` with a picture that was taken after the request: of the first burst whose exposures all began after the request, the longest
+/// exposure with at most 1 % of clipped samples.
 pub(super) async fn capture(State(context): State<Context>, _: Allowed) -> Response {
     let link = &context.link;
     let look = |asked_ns| async move {
@@ -110,7 +112,7 @@ pub(super) async fn capture(State(context): State<Context>, _: Allowed) -> Respo
             View::Of { view, is_fresh: true, .. } if view.before_ns >= asked_ns => {
                 View::Of { since_ns: view.before_ns, view, is_fresh: true }
             }
-            // While the source is known to have failed, there is nothing to wait for.
+            // While the source has failed, no burst is waited for.
             View::Of { is_fresh: false, .. } | View::None if link.status().failure().is_some() => View::None,
             _ => View::TooOld,
         }
@@ -133,7 +135,7 @@ fn nothing_fresh(link: &Link) -> Response {
     response
 }
 
-/// `/v1/map.png`: the tone-mapped map down to the horizon, or the sphere; with `?marks=1` the lights are drawn on it.
+/// Answers `/v1/map.png`: the tone-mapped map down to the horizon, or of the sphere; with `?marks=1` the lights are drawn on it.
 pub(super) async fn map_png(State(context): State<Context>, _: Allowed, uri: Uri) -> Response {
     match MapForm::of(&uri, true, true) {
         Ok(form) => map(&context, PictureKind::Map(form), "image/png", move |view| png(view, form)).await,
@@ -141,7 +143,7 @@ pub(super) async fn map_png(State(context): State<Context>, _: Allowed, uri: Uri
     }
 }
 
-/// `/v1/map.exr`: the whole sphere's radiance, dark below the horizon, or the hemisphere's.
+/// Answers `/v1/map.exr`: the radiance of the whole sphere, zero below the horizon, or of the hemisphere.
 pub(super) async fn map_exr(State(context): State<Context>, _: Allowed, uri: Uri) -> Response {
     match MapForm::of(&uri, false, false) {
         Ok(form) => {
@@ -198,7 +200,7 @@ pub(super) fn answer(
     (headers, bytes).into_response()
 }
 
-/// The refusal that names the reason for a missing picture.
+/// Returns the refusal with the reason for a missing picture.
 pub(super) fn no_picture(context: &Context, why: NoPicture) -> Response {
     match why {
         NoPicture::NoView => no_frame_yet(&context.link),
@@ -207,7 +209,7 @@ pub(super) fn no_picture(context: &Context, why: NoPicture) -> Response {
     }
 }
 
-/// The JPEG of exposure `at`, at most `width` pixels wide.
+/// Returns exposure `at` as JPEG, at most `width` pixels wide.
 fn shot(view: &BurstView, at: usize, width: Option<u16>) -> Option<Rendered> {
     let frame = view.frames.get(at)?;
     let shot = Shot { of: view.frames.len(), seconds: frame.exposure.seconds * frame.exposure.gain };
@@ -236,7 +238,7 @@ fn jpeg(frame: &Frame, c: &Calibration, width: Option<u16>) -> Option<Vec<u8>> {
     Some(bytes)
 }
 
-/// The tone-mapped map, with the lights if `form` says so.
+/// Returns the tone-mapped map as PNG, with the lights if `form` has marks.
 pub(super) fn png(view: &MapView, form: MapForm) -> Option<Vec<u8>> {
     let sized = form.sized(view);
     let lights = if form.marks { sized.lights.as_slice() } else { &[] };

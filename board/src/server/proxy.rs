@@ -1,21 +1,21 @@
-//! Trusted proxies and their forwarding headers. Forwarding headers from other addresses are ignored.
+//! Trusted proxies and their forwarding headers. The headers are ignored in requests from other addresses.
 
 use super::client_key::ClientKey;
 use axum::http::header::FORWARDED;
 use axum::http::{HeaderMap, HeaderName};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 
-/// The header with the addresses that a request has come from, each proxy appending its predecessor's.
+/// The header with the addresses that a request has passed: each proxy appends the address of its peer.
 const X_FORWARDED_FOR: HeaderName = HeaderName::from_static("x-forwarded-for");
 
-/// The header with the scheme of the client's own request.
+/// The header with the scheme of the client's request.
 const X_FORWARDED_PROTO: HeaderName = HeaderName::from_static("x-forwarded-proto");
 
-/// The trusted proxies.
+/// The addresses of the trusted proxies.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Proxies(Vec<IpAddr>);
 
-/// The scheme of a client's own request.
+/// The scheme of a client's request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Scheme {
     Http,
@@ -24,7 +24,7 @@ pub(super) enum Scheme {
     Either,
 }
 
-/// The client of a request.
+/// The client of a request: its address and scheme.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Client {
     pub(super) address: IpAddr,
@@ -32,23 +32,23 @@ pub(super) struct Client {
 }
 
 impl Default for Client {
-    /// The client of a request without a socket: this machine.
+    /// Returns the client of a request without a socket: this machine.
     fn default() -> Self {
         Self { address: Ipv4Addr::LOCALHOST.into(), scheme: Scheme::Http }
     }
 }
 
 impl Client {
-    /// The key under which connections and failed log-ins of the client are counted.
+    /// Returns the key under which connections and failed log-ins of the client are counted.
     pub(super) fn key(&self) -> ClientKey {
         ClientKey::of(self.address)
     }
 }
 
-/// The statements of the headers of a forwarded request.
+/// Contents of the headers of a forwarded request.
 #[derive(Debug, Default)]
 struct Forwarding {
-    /// The addresses that the request has come from, the last proxy's entry last; `None` for an address that a proxy does not state.
+    /// The addresses that the request has passed, the last proxy's entry last; `None` for an address that a proxy hides.
     addresses: Vec<Option<IpAddr>>,
     scheme: Option<Scheme>,
 }
@@ -62,30 +62,30 @@ impl Proxies {
         self.0.contains(&address)
     }
 
-    /// The client of a request that came from `peer`.
+    /// Determines the client of a request that arrived from `peer`.
     ///
     /// # Errors
-    /// The fault of the headers of a trusted proxy.
+    /// The fault of a trusted proxy's headers.
     pub(super) fn client(&self, peer: IpAddr, headers: &HeaderMap) -> Result<Client, &'static str> {
         if !self.contains(peer) {
             return Ok(Client { address: peer, scheme: Scheme::Http });
         }
         let found = match (headers.contains_key(FORWARDED), headers.contains_key(X_FORWARDED_FOR)) {
-            // A proxy sets one of the two headers, so the other was sent by the client.
+            // A proxy sets one of the two headers, so the other one was sent by the client.
             (true, true) => {
                 return Err("both Forwarded and X-Forwarded-For, expected the proxy to remove one");
             }
-            (true, false) => forwarded(headers).ok_or("a Forwarded header that cannot be read")?,
-            (false, _) => x_forwarded(headers).ok_or("an X-Forwarded-For header that cannot be read")?,
+            (true, false) => forwarded(headers).ok_or("a Forwarded header that cannot be parsed")?,
+            (false, _) => x_forwarded(headers).ok_or("an X-Forwarded-For header that cannot be parsed")?,
         };
-        // Each entry was written by the proxy that follows it: from the right, the first that is no proxy itself is the client.
+        // Each entry was written by the proxy after it: counted from the right, the first address that is not a proxy is the client.
         let is_client = |entry: &&Option<IpAddr>| entry.is_none_or(|address| !self.contains(address));
         let client = found.addresses.iter().rev().find(is_client).copied().flatten();
         Ok(Client { address: client.unwrap_or(peer), scheme: found.scheme.unwrap_or(Scheme::Either) })
     }
 }
 
-/// The comma-separated elements of all headers called `name`.
+/// Returns the comma-separated elements of all headers called `name`; `None` where one is not text.
 fn elements<'a>(headers: &'a HeaderMap, name: &HeaderName) -> Option<Vec<&'a str>> {
     let texts: Option<Vec<_>> = headers.get_all(name).iter().map(|v| v.to_str().ok()).collect();
     Some(
@@ -106,7 +106,7 @@ fn scheme(text: &str) -> Option<Scheme> {
     }
 }
 
-/// An address with or without a port, IPv6 with or without brackets.
+/// Parses an address with or without a port, IPv6 with or without brackets.
 fn address(text: &str) -> Option<IpAddr> {
     let bare = text.trim_start_matches('[').trim_end_matches(']');
     let address = bare.parse().ok().or_else(|| text.parse::<SocketAddr>().ok().map(|a| a.ip()));
@@ -119,7 +119,7 @@ fn x_forwarded(headers: &HeaderMap) -> Option<Forwarding> {
     Some(Forwarding { addresses: addresses.collect::<Option<_>>()?, scheme })
 }
 
-/// RFC 7239: `for=192.0.2.1;proto=https, for="[2001:db8::1]:80"`. Names such as `unknown` tell no address.
+/// Parses Forwarded headers (RFC 7239): `for=192.0.2.1;proto=https, for="[2001:db8::1]:80"`. Names such as `unknown` are no address.
 fn forwarded(headers: &HeaderMap) -> Option<Forwarding> {
     let mut found = Forwarding::default();
     for element in elements(headers, &FORWARDED)? {
@@ -155,14 +155,14 @@ mod tests {
     }
 
     #[test]
-    fn only_a_trusted_proxy_is_believed() {
+    fn headers_of_trusted_proxies_alone_are_used() {
         let spoofed = [("x-forwarded-for", "192.0.2.1"), ("x-forwarded-proto", "https")];
         assert_eq!(client("192.0.2.7", &spoofed), Ok(("192.0.2.7".into(), Scheme::Http)), "not trusted");
         assert_eq!(client("127.0.0.1", &spoofed), Ok(("192.0.2.1".into(), Scheme::Https)), "trusted");
     }
 
     #[test]
-    fn the_last_address_that_is_no_proxy_is_the_client() {
+    fn the_last_address_that_is_not_a_proxy_is_the_client() {
         let chain = [("x-forwarded-for", "203.0.113.5, 192.0.2.1, 10.0.0.9")];
         assert_eq!(
             client("127.0.0.1", &chain),

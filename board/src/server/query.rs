@@ -1,4 +1,4 @@
-//! The parameters of a request for a light set: form, coordinates, number of lights.
+//! The parameters of a request for a light set: form, coordinates, number of lights, ambient light, discs.
 
 use super::format::Format;
 use crate::probe::settings::short;
@@ -14,7 +14,7 @@ use hemilux_core::wire::Coordinates;
 pub(super) struct Variant {
     pub(super) format: Format,
     pub(super) coordinates: Coordinates,
-    /// Lights, ambient light, points or discs.
+    /// Number of lights, ambient light or not, points or discs.
     pub(super) selection: Selection,
 }
 
@@ -29,14 +29,14 @@ impl Variant {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Wanted {
     pub(super) variant: Variant,
-    /// The last frame that the client has.
+    /// Number of the last frame that the client has received.
     pub(super) after: Option<u64>,
 }
 
-/// Reads the query. `fixed` is the format of paths that have but one; else `format=` names it, or the Accept header.
+/// Parses the query. `fixed` is the form of paths that have only one; otherwise the parameter `format` or the Accept header selects it.
 ///
 /// # Errors
-/// The found and the accepted parameters, in words; `None` if no format suits the Accept header.
+/// The parameter that was found and the accepted ones; `None` if no form suits the Accept header.
 pub(super) fn wanted(
     uri: &Uri,
     headers: &HeaderMap,
@@ -44,10 +44,10 @@ pub(super) fn wanted(
 ) -> Result<Wanted, Option<String>> {
     let refused = |found: String| Some(format!("found {found}. Accepted:\n{}", accepted(fixed.is_none())));
     let Ok(Query(pairs)) = Query::<Vec<(String, String)>>::try_from_uri(uri) else {
-        return Err(refused("a query that cannot be read".into()));
+        return Err(refused("a query that cannot be parsed".into()));
     };
     let mut wanted = Wanted { variant: Variant::of(fixed.unwrap_or(Format::Json)), after: None };
-    // The estimate has the harmonics in any case.
+    // The estimate always has the harmonics.
     wanted.variant.selection.ambient = Some(fixed == Some(Format::Estimate));
     let mut named = fixed.is_some();
     let mut axes = None;
@@ -74,7 +74,7 @@ pub(super) fn wanted(
         wanted.variant.format = negotiated(headers).ok_or(None)?;
     }
     if !wanted.variant.format.has_ambient() {
-        // Lights alone, with all energy.
+        // The other forms contain lights alone, with all energy.
         wanted.variant.selection.ambient = Some(false);
     }
     wanted.variant.coordinates = match wanted.variant.format {
@@ -84,7 +84,7 @@ pub(super) fn wanted(
     Ok(wanted)
 }
 
-/// 1, 0, or `own` for the probe's own setting.
+/// Parses 1 (on), 0 (off), or `own` for the probe's own setting.
 fn switch(value: &str) -> Option<Option<bool>> {
     match value {
         "1" => Some(Some(true)),
@@ -98,7 +98,7 @@ fn number(value: &str) -> Option<usize> {
     value.parse().ok().filter(|n| (1..=MAX_LIGHTS).contains(n))
 }
 
-/// Parameters and their values, one a line.
+/// Lists the parameters and their values, one per line.
 fn accepted(with_format: bool) -> String {
     let coordinates = Coordinates::names().collect::<Vec<_>>().join("|");
     let formats = Format::NAMED.map(|(name, _)| name).join("|");
@@ -108,7 +108,7 @@ fn accepted(with_format: bool) -> String {
     )
 }
 
-/// The format that suits the Accept header best; JSON where there is none, and for browsers.
+/// Returns the form that suits the Accept header best: JSON without the header, and for browsers.
 fn negotiated(headers: &HeaderMap) -> Option<Format> {
     let accept: Vec<_> = headers.get_all(ACCEPT).iter().filter_map(|v| v.to_str().ok()).collect();
     if accept.is_empty() {
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn every_parameter_is_read() {
+    fn every_parameter_is_parsed() {
         let found =
             ask("format=binary&coordinates=unity&ambient=1&soft=1&lights=12&after=18446744073709551615");
         let variant = Variant {
@@ -164,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_known_is_refused_with_the_list() {
+    fn unknown_parameters_are_refused_with_the_accepted_ones() {
         for query in [
             "format=yaml",
             "coordinates=maya",
@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn the_accept_header_chooses() {
+    fn the_accept_header_selects_the_form() {
         let chosen = |accept: &'static str| {
             let headers = [(ACCEPT, HeaderValue::from_static(accept))].into_iter().collect();
             negotiated(&headers)
@@ -199,7 +199,7 @@ mod tests {
             ("text/plain;q=0.5, application/xml;q=0.9", Some(Format::Xml)),
             ("text/plain, application/xml", Some(Format::Text)),
             ("application/octet-stream", Some(Format::Binary)),
-            // The Accept headers of browsers.
+            // Accept headers of browsers.
             ("text/html,application/xhtml+xml,application/xml;q=0.9,*/*;q=0.8", Some(Format::Json)),
             ("image/png", None),
             ("application/json;q=0", None),

@@ -1,4 +1,4 @@
-//! The table of requests.
+//! The routes of all requests.
 
 use super::format::Format;
 use super::paths::PATHS;
@@ -15,10 +15,10 @@ use axum::routing::{get, post};
 
 use tower_http::limit::RequestBodyLimitLayer;
 
-/// Largest body of a request; handlers that need none leave it unread.
+/// Largest body of a request, bytes; handlers that need no body leave it unread.
 const MAX_BODY_BYTES: usize = 16 << 10;
 
-/// All routes, with the checks before them.
+/// Returns all routes, preceded by the checks of host, origin and size.
 pub(super) fn router(context: Context) -> Router {
     let light_set = |format| get(move |context, uri, headers| lights::answer(context, uri, headers, format));
     let paths = Router::new()
@@ -74,9 +74,9 @@ async fn count(State(context): State<Context>, request: Request, next: Next) -> 
 }
 
 async fn not_found() -> Response {
-    super::line(StatusCode::NOT_FOUND, &format!("no such request; there are: {}", PATHS.join(" ")))
+    super::line(StatusCode::NOT_FOUND, &format!("no such path, expected one of: {}", PATHS.join(" ")))
 }
 
 async fn not_allowed() -> Response {
-    super::line(StatusCode::METHOD_NOT_ALLOWED, "this request is made with another method: see /openapi.json")
+    super::line(StatusCode::METHOD_NOT_ALLOWED, "this path has other methods: see /openapi.json")
 }

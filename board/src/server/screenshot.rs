@@ -1,5 +1,4 @@
-//! `/screenshot`: the debug picture under a name of its own. The server keeps the last sixteen pictures in memory and
-//! writes no file.
+//! `/screenshot`: the debug picture under a unique name. The server keeps the last sixteen pictures in memory and writes no file.
 
 use super::access::Allowed;
 use super::map_form::MapForm;
@@ -15,7 +14,7 @@ use axum::response::{IntoResponse, Response};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// The map down to the horizon, with the lights drawn on it.
+/// Form of the picture: the map down to the horizon, with the lights drawn on it.
 const MARKED: MapForm = MapForm { hemisphere: true, width: None, marks: true };
 
 /// Number of screenshots that are kept.
@@ -68,7 +67,7 @@ pub(super) async fn take(State(context): State<Context>, _: Allowed) -> Response
 /// Answers with an earlier screenshot.
 pub(super) async fn kept(State(context): State<Context>, _: Allowed, Path(name): Path<String>) -> Response {
     match context.answers.screenshots.find(&name) {
-        // A name is never used again.
+        // Names are never reused, so that clients may cache a picture.
         Some(png) => {
             ([(CONTENT_TYPE, "image/png"), (CACHE_CONTROL, "private, max-age=86400, immutable")], png)
                 .into_response()
@@ -82,7 +81,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_last_sixteen_stay_under_names_of_their_own() {
+    fn the_last_sixteen_screenshots_are_kept_under_unique_names() {
         let screenshots = Screenshots::default();
         let mut all = Vec::new();
         for i in 0..20 {

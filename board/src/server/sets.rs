@@ -1,4 +1,4 @@
-//! The encoded forms of the newest light set: each is made once per frame, for all requests with equal parameters.
+//! The encoded forms of the newest light set: each is made once per frame for all requests with equal parameters.
 
 use super::answer::Answer;
 use super::encoder::Encoder;
@@ -15,16 +15,16 @@ use hemilux_core::wire::{Coordinates, LightSet, Stale};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-/// Resolution of the age in answers about a stopped source: answers within one step share their bytes.
+/// Resolution of the age in answers of a stopped source, milliseconds: answers with equal rounded ages share their bytes.
 const STALE_STEP_MS: u64 = 100;
 
-/// Number of lights above which encoding takes more than about a tenth of a millisecond and moves to the encoding thread.
+/// Number of lights above which a set is encoded on the encoding thread: the encoding takes more than about 0.1 ms.
 const MANY_LIGHTS: usize = 256;
 
-/// Number of lights above which text takes milliseconds to write, ten times as long as binary forms.
+/// Number of lights above which text is encoded on the thread for costly sets: it takes milliseconds, ten times as long as a binary form.
 const TEXT_LIGHTS: usize = 8192;
 
-/// Priority of the thread for costly answers below that of the process.
+/// Difference of the nice value of the thread for costly answers from that of the process.
 const NICE: i32 = 10;
 
 /// Largest number of variants whose bytes are kept; beyond it the least recently requested variant is dropped.
@@ -33,18 +33,18 @@ const VARIANTS: usize = 64;
 /// The encoded bytes of the newest set for each variant, most recently requested first.
 pub(super) struct EncodedSets {
     variants: Mutex<Vec<(Variant, Arc<Entry>)>>,
-    /// Encodes sets of many lights.
+    /// Thread that encodes sets of many lights.
     encoder: Encoder<Variant>,
-    /// Encodes the sets that take longest, so that no other set waits for them.
+    /// Thread that encodes the costly sets, so that other sets do not wait for them.
     costly: Encoder<Variant>,
     memory: Arc<AnswerMemory>,
 }
 
-/// The bytes of one variant.
+/// The cached bytes of one variant.
 #[derive(Default)]
 struct Entry {
     encoded: Mutex<Encoded>,
-    /// Held while the set is encoded; requests that find the bytes in the cache do not wait for it.
+    /// Locked while the set is encoded; requests that find the bytes in the cache do not take it.
     encoding: tokio::sync::Mutex<()>,
 }
 
@@ -54,7 +54,7 @@ struct Encoded {
     kept: Kept,
 }
 
-/// Identifies the set that was encoded: its frame and, for a stale set, its age in steps.
+/// Identifies the set that was encoded: its frame and, for a stale set, its age in units of [`STALE_STEP_MS`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Key {
     frame: u64,
@@ -68,20 +68,20 @@ impl Key {
     }
 }
 
-/// Reasons for which a set is not encoded.
+/// Reasons why a set is not encoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Missing {
     /// There is no set yet.
     NoSet,
-    /// Answers take too much memory.
+    /// The answers in progress have used up the memory limit.
     Full,
     /// An answer with this number of lights would take too much memory on its own.
     TooLong(usize),
-    /// A programming error.
+    /// A programming error occurred.
     Fault,
 }
 
-/// A set that is ready to be sent.
+/// An encoded set that is ready to be sent.
 #[derive(Clone, Debug)]
 pub(super) struct Ready {
     pub(super) bytes: Bytes,
@@ -100,14 +100,15 @@ impl EncodedSets {
         }
     }
 
-    /// The newest set in the form `variant`, marked stale when it `is_late`. The first request encodes it, concurrent ones wait.
+    /// Returns the newest set in the form `variant`, marked stale when it `is_late`. The first request encodes it, concurrent ones wait for
+    /// its bytes.
     pub(super) async fn newest(
         &self,
         variant: Variant,
         link: &Arc<Link>,
         is_late: bool,
     ) -> Result<Ready, Missing> {
-        // Requests that share a tier share the bytes.
+        // Requests that share a tier share the encoded bytes.
         let variant = Variant { selection: link.tiers().resolve(variant.selection), ..variant };
         let entry = self.entry(variant);
         let answer = Answer::newest(link, variant.selection, is_late).ok_or(Missing::NoSet)?;
@@ -134,7 +135,7 @@ impl EncodedSets {
                 let link = Arc::clone(link);
                 drop(answer);
                 let work = move || {
-                    // The newest set by the time that the thread gets to it.
+                    // The newest set at the time when the thread runs the job.
                     let answer = Answer::newest(&link, variant.selection, is_late)?;
                     encode(variant, &link, &answer, length).map(|bytes| (answer, bytes))
                 };
@@ -154,7 +155,7 @@ impl EncodedSets {
         Ready { bytes: body(held), is_stale: answer.stale.is_some(), set: answer.set }
     }
 
-    /// Keeps no more than [`KEPT_SET_BYTES`] of sets that no client is being sent: those of the variants requested last.
+    /// Releases bytes that no client is being sent, beyond [`KEPT_SET_BYTES`]; the variants requested last are kept.
     fn release_old(&self) {
         let mut kept = 0;
         for (_, entry) in lock(&self.variants).iter() {
@@ -167,7 +168,7 @@ impl EncodedSets {
         }
     }
 
-    /// The cache entry of `variant`; evicts the least recently requested one when the cache is full.
+    /// Returns the cache entry of `variant`; evicts the least recently requested entry when the cache is full.
     fn entry(&self, variant: Variant) -> Arc<Entry> {
         let mut all = lock(&self.variants);
         let known = all.iter().position(|(v, _)| *v == variant);
@@ -186,7 +187,8 @@ impl Entry {
     }
 }
 
-/// Whether the set takes so long to encode that its clients get it at a lower rate: thinned ones, and large ones as text.
+/// Returns true if the encoding takes so long that its clients get sets at a lower rate: sets whose lights are merged to fewer, and large ones as
+/// text.
 fn is_costly(variant: Variant, lights: usize) -> bool {
     let is_thinned = variant.selection.lights.is_some_and(|most| most < lights);
     is_thinned
@@ -226,7 +228,7 @@ pub(super) fn encode(variant: Variant, link: &Link, answer: &Answer, room: usize
     Some(bytes)
 }
 
-/// `lights` merged into at most `most`; `None` only for a programming error.
+/// Merges `lights` to at most `most`; `None` only for a programming error.
 pub(super) fn thin(lights: &[Light], most: usize) -> Option<Vec<Light>> {
     let (mut lights, mut pairs) = (lights.to_vec(), vec![Pair::default(); lights.len()]);
     let count = merge(&mut lights, most, &mut pairs).ok()?;

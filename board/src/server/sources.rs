@@ -1,4 +1,4 @@
-//! `/v1/source`: the source in use, and a change to another one of the library.
+//! `/v1/source`: the source in use, and its replacement by another one of the library.
 
 use super::access::{Allowed, BODY_TIME};
 use super::config::{answer, errors};
@@ -13,7 +13,7 @@ use axum::http::StatusCode;
 use axum::response::Response;
 use serde_json::{Value, json};
 
-/// The source in use and, for clients that may switch, the names of those to choose from.
+/// Answers with the name of the source in use and, for clients that may change it, the names of the available sources.
 pub(super) async fn show(State(context): State<Context>, sender: Sender) -> Response {
     let library = context.library.clone();
     let rules = &context.admission;
@@ -25,15 +25,15 @@ pub(super) async fn show(State(context): State<Context>, sender: Sender) -> Resp
     answer(StatusCode::OK, &json!({"source": context.link.source(), "choices": names}))
 }
 
-/// Opens the source that the JSON object in the body names and uses it from the next burst on, with its own exposures.
+/// Opens the source that the JSON object in the body names and uses it from the next burst, with the source's own exposures.
 pub(super) async fn change(State(context): State<Context>, _: Allowed, request: Request) -> Response {
     let body = tokio::time::timeout(BODY_TIME, Bytes::from_request(request, &())).await;
     let name = body.ok().and_then(Result::ok).and_then(|bytes| serde_json::from_slice::<Value>(&bytes).ok());
     let Some(name) = name.as_ref().and_then(|v| v.get("source")).and_then(Value::as_str) else {
         let expected = "a JSON object such as {\"source\": \"scene:sky\"}";
-        return refused(StatusCode::BAD_REQUEST, &format!("found something else, expected {expected}"));
+        return refused(StatusCode::BAD_REQUEST, &format!("found another body, expected {expected}"));
     };
-    // One at a time: a map takes seconds and memory to open.
+    // Sources are opened one at a time: a map takes seconds and memory to open.
     let Ok(_alone) = context.opening.try_lock() else {
         return refused(StatusCode::CONFLICT, "another source is being opened: try again");
     };
@@ -51,8 +51,11 @@ pub(super) async fn change(State(context): State<Context>, _: Allowed, request: 
         }
         Ok(Some(Err(error))) => {
             tracing::warn!("source {}: {error}", short(name));
-            // The reason names a path, which is not disclosed to clients.
-            refused(StatusCode::CONFLICT, &format!("'{}' could not be opened; the log says why", short(name)))
+            // The error contains a path, which is not disclosed to clients.
+            refused(
+                StatusCode::CONFLICT,
+                &format!("'{}' could not be opened; the log has the reason", short(name)),
+            )
         }
         Ok(None) => {
             let found = format!("found '{}', expected one of the choices of GET /v1/source", short(name));
@@ -62,7 +65,7 @@ pub(super) async fn change(State(context): State<Context>, _: Allowed, request: 
     }
 }
 
-/// Takes back exposure times that were set for the source of before.
+/// Resets the setting `exposures_s`, which was made for the earlier source.
 async fn own_exposures(context: &Context) {
     let none = json!({"exposures_s": null});
     let change: Option<Change> = none.as_object().and_then(|wish| wish_of(wish).ok());

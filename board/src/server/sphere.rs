@@ -1,4 +1,4 @@
-//! The map for programs that show it themselves: radiance, and a mask of what the lens does not see and what is clipped.
+//! The map's radiance for programs that display it themselves, and a mask of unseen and clipped directions.
 
 use super::access::Allowed;
 use super::develop;
@@ -22,7 +22,7 @@ use std::f64::consts::PI;
 use std::io::Cursor;
 use std::sync::Arc;
 
-/// JPEG quality of the map, at which the errors of compression are below the noise of a camera.
+/// JPEG quality of the map, at which the compression errors are below the noise of a camera.
 const QUALITY: u8 = 90;
 
 /// Grey values of the mask.
@@ -30,7 +30,7 @@ const UNSEEN: u8 = 0;
 const SEEN: u8 = 128;
 const CLIPPED: u8 = 255;
 
-/// `/v1/map.hdr`: the whole sphere's radiance, dark below the horizon, or the hemisphere's.
+/// Answers `/v1/map.hdr`: the radiance of the whole sphere, zero below the horizon, or of the hemisphere.
 pub(super) async fn map_hdr(State(context): State<Context>, _: Allowed, uri: Uri) -> Response {
     match MapForm::of(&uri, false, false) {
         Ok(form) => {
@@ -40,8 +40,8 @@ pub(super) async fn map_hdr(State(context): State<Context>, _: Allowed, uri: Uri
     }
 }
 
-/// `/v1/map.jpg`: the hemisphere in a tenth of the bytes, for pages that show it as it changes. A code c stands for the radiance
-/// g (c / (255 - c))^2; the header `hemilux-grey` has g, the geometric mean.
+/// Answers `/v1/map.jpg`: the hemisphere in a tenth of the bytes, for pages that display it as it changes. A code c stands for the radiance g (c
+/// / (255 - c))^2; the header `hemilux-grey` contains g, the geometric mean.
 pub(super) async fn map_jpg(State(context): State<Context>, _: Allowed) -> Response {
     let link = &context.link;
     let look = |_| view(link, &link.views().maps);
@@ -50,7 +50,8 @@ pub(super) async fn map_jpg(State(context): State<Context>, _: Allowed) -> Respo
     answer(&context, picture.await, "image/jpeg")
 }
 
-/// `/v1/mask.png`: the hemisphere in the map's shape, black where the lens does not see, white where even the shortest exposure clips.
+/// Answers `/v1/mask.png`: the hemisphere on the map's grid, black outside of the lens's field, white where even the shortest exposure is
+/// clipped.
 pub(super) async fn mask_png(State(context): State<Context>, _: Allowed) -> Response {
     let link = &context.link;
     let grid = link.settings().applied().borrow().config.pipeline.grid;
@@ -93,7 +94,7 @@ fn jpg(view: &MapView) -> Option<Rendered> {
     Some(Rendered { bytes, frame: view.frame, told: Told::Grey(grey) })
 }
 
-/// The geometric mean of what is above 0; 1 where nothing is.
+/// Returns the geometric mean of the positive finite values; 1 if there are none.
 fn geometric_mean(values: impl Iterator<Item = f32>) -> f32 {
     let lit = values.filter(|v| *v > 0.0 && v.is_finite());
     let (sum, count) = lit.fold((0.0f64, 0usize), |(sum, n), v| (sum + f64::from(v).ln(), n + 1));
@@ -116,13 +117,13 @@ fn mask(view: &BurstView, grid: &Grid) -> Option<GrayImage> {
     GrayImage::from_raw(grid.width as u32, grid.height as u32, codes)
 }
 
-/// Whether `direction` is imaged on a pixel.
+/// Returns true if the lens images `direction` on a pixel.
 fn is_seen(c: &Calibration, direction: DVec3) -> bool {
     let within = |v: f64, size: u32| (-0.5..f64::from(size) - 0.5).contains(&v);
     c.lens.project(direction).is_some_and(|p| within(p.x, c.layout.width()) && within(p.y, c.layout.height()))
 }
 
-/// Pixels of which a channel is at the white level.
+/// Returns the positions of the pixels with a channel at the white level.
 fn clipped(frame: &Frame, c: &Calibration) -> Vec<DVec2> {
     let codes = develop::develop(frame, c).unwrap_or_default();
     let (white, width) = (develop::white(c), (c.layout.width() as usize).max(1));

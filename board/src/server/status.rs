@@ -11,7 +11,7 @@ use hemilux_core::wire::Latency;
 use serde_json::json;
 use std::sync::atomic::Ordering::Relaxed;
 
-/// The state of the source, of the newest frame, of the stages and of the connections.
+/// Answers with the state of the source, of the newest frame, of the stages and of the connections.
 pub(super) async fn status(State(context): State<Context>, sender: Sender) -> Response {
     let link = &context.link;
     let latest = link.sets().latest();

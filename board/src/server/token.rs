@@ -1,4 +1,4 @@
-//! The token: the secret that a client sends to change settings and to see pictures.
+//! The token: the secret that a client sends to change settings and to get pictures.
 
 use crate::replacement;
 use data_encoding::BASE64URL_NOPAD;
@@ -10,16 +10,16 @@ use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use subtle::ConstantTimeEq;
 
-/// Random bytes of a generated secret.
+/// Number of random bytes in a generated secret.
 const RANDOM_BYTES: usize = 32;
 
-/// Shortest secret that is accepted, characters: guessing one over the network is hopeless from about ten random ones on.
+/// Shortest accepted secret, characters: ten random characters cannot be guessed over the network.
 const LEAST: usize = 16;
 
-/// Longest secret that is accepted, characters.
+/// Longest accepted secret, characters.
 const MOST: usize = 256;
 
-/// A secret, which no log, error or debug text contains.
+/// A secret that no log, error or debug text contains.
 #[derive(Clone)]
 pub struct Token {
     secret: String,
@@ -31,13 +31,13 @@ impl fmt::Debug for Token {
     }
 }
 
-/// Reasons for which the file of a token cannot be used.
+/// Reasons why a token file cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum TokenError {
-    /// The file cannot be read or made.
-    #[error("token file {0}: found {1}, expected a file that can be read, or a place where it can be made")]
+    /// The file cannot be read or created.
+    #[error("token file {0}: found {1}, expected a readable file, or a folder in which it can be created")]
     File(PathBuf, std::io::Error),
-    /// Other users may read the file.
+    /// Other users may read the token file.
     #[error(
         "token file {0}: found permissions {1:04o}, expected 0600: others could read it (chmod 600 it and change the token)"
     )]
@@ -58,43 +58,43 @@ pub enum TokenError {
     )]
     Content(PathBuf),
     /// The operating system has no random numbers.
-    #[error("found no random numbers ({0}), expected the operating system to give some")]
+    #[error("found no random numbers ({0}), expected random numbers of the operating system")]
     Random(getrandom::Error),
 }
 
-/// Whether `file` is a file of no bytes, as is left when the machine lost its power while one was written.
+/// Returns true if `file` is an empty regular file, as a power failure during its creation leaves.
 fn is_empty_file(file: &File) -> std::io::Result<bool> {
     let about = file.metadata()?;
     Ok(about.is_file() && about.len() == 0)
 }
 
-/// A token and the origin of its file.
+/// A token, and whether its file was created.
 #[derive(Clone, Debug)]
 pub struct LoadedToken {
-    /// The token of the file.
+    /// The token in the file.
     pub token: Token,
-    /// Whether the file was made.
+    /// True if the file was created.
     pub is_new: bool,
 }
 
 impl Token {
-    /// A random token.
+    /// Creates a random token.
     ///
     /// # Errors
-    /// [`TokenError::Random`].
+    /// [`TokenError::Random`] where the operating system provides no random numbers.
     pub fn random() -> Result<Self, TokenError> {
         let mut bytes = [0; RANDOM_BYTES];
         getrandom::fill(&mut bytes).map_err(TokenError::Random)?;
         Ok(Self { secret: BASE64URL_NOPAD.encode(&bytes) })
     }
 
-    /// The token in the file at `path`. Where there is none, or an empty one, it is made with a random token (permissions 0600).
+    /// Reads the token in the file at `path`. A missing or empty file is created with a random token (permissions 0600).
     ///
     /// # Errors
-    /// [`TokenError`].
+    /// [`TokenError`] where the file cannot be used or created.
     pub fn load_or_make(path: &Path) -> Result<LoadedToken, TokenError> {
         let failed = |e| TokenError::File(path.into(), e);
-        // Opening a FIFO would wait for its other end.
+        // Opening a FIFO would block until another process opens it for writing.
         let opened =
             OpenOptions::new().read(true).custom_flags(OFlags::NONBLOCK.bits().cast_signed()).open(path);
         match opened {
@@ -109,7 +109,7 @@ impl Token {
         }
     }
 
-    /// Writes a random token under a new name, then renames the file to `path`: readers see the old or the new token, and no link is followed.
+    /// Writes a random token to a new file, then renames it to `path`: readers get the old or the new token, and no link is followed.
     fn make(path: &Path, replaces: bool) -> Result<Self, TokenError> {
         let failed = |e| TokenError::File(path.into(), e);
         let token = Self::random()?;
@@ -145,13 +145,13 @@ impl Token {
         if sound { Ok(Self { secret: secret.into() }) } else { Err(TokenError::Content(path.into())) }
     }
 
-    /// Whether `candidate` is the secret. The duration depends on the lengths only.
+    /// Returns true if `candidate` is the secret. The duration depends on the lengths only.
     #[must_use]
     pub fn is(&self, candidate: &[u8]) -> bool {
         self.secret.as_bytes().ct_eq(candidate).into()
     }
 
-    /// The secret itself, for the one header that carries it.
+    /// Returns the secret, for the Set-Cookie header.
     pub(super) fn reveal(&self) -> &str {
         &self.secret
     }
@@ -162,7 +162,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_token_is_made_once_for_its_owner_alone() {
+    fn a_token_is_created_once_and_readable_by_its_owner_alone() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("token");
         let LoadedToken { token: made, is_new: new } = Token::load_or_make(&path).expect("made");
@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fifo_is_no_token() {
+    fn a_fifo_is_refused() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("token");
         let made = std::process::Command::new("mkfifo").args(["-m", "600"]).arg(&path).status();
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn files_that_others_may_read_or_that_hold_no_token_are_refused() {
+    fn files_readable_by_others_or_without_a_token_are_refused() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("token");
         let refused = |content: &[u8], mode: u32| {

@@ -1,9 +1,9 @@
-//! The values of a WebXR light estimate, named and ordered as `XRLightEstimate` does.
+//! The values of a WebXR light estimate, with the names and the order of `XRLightEstimate`.
 
 use hemilux_core::wire::{LightSet, estimate};
 use serde_json::json;
 
-/// The main light of `set` and the spherical harmonics of the rest, as a line of JSON.
+/// Returns the main light of `set` and the spherical harmonics of all other light as a line of JSON.
 pub(super) fn document(set: &LightSet<'_>) -> String {
     let estimate = estimate(set);
     let [x, y, z] = estimate.direction.to_array();

@@ -1,4 +1,4 @@
-//! The actions, as JSON.
+//! The actions of `/v1/calibration`, as JSON.
 
 use crate::calibrate::{Board, Charuco, Kind, Printed};
 use serde::Deserialize;
@@ -7,13 +7,13 @@ use serde::Deserialize;
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(tag = "do", rename_all = "kebab-case")]
 pub(super) enum Action {
-    /// Begins the calibration of the lens by a board.
+    /// Begins the calibration of the lens with a printed board.
     Start(BoardWish),
-    /// Looks at the next picture and takes it if its board is sharp, still and new.
+    /// Searches the board in the next picture; the picture is used if the board is sharp, still and in a new position.
     Look,
-    /// Computes the lens from the pictures that were taken.
+    /// Computes the lens from the pictures with a board.
     Compute,
-    /// Finds the image circle in the next picture.
+    /// Detects the image circle in the next picture.
     FindCircle {
         /// Field of view across the circle, degrees.
         field_deg: f64,
@@ -27,49 +27,49 @@ pub(super) enum Action {
         /// Field of view across the circle, degrees.
         field_deg: f64,
     },
-    /// Adds the reading of a lit screen in the next picture to those of the vignetting.
+    /// Adds the reading of a lit screen in the next picture to the readings of the vignetting.
     Screen,
-    /// Adds readings of an evenly lit surface that fills the view.
+    /// Adds readings of an evenly lit surface that fills the field of view.
     Flat,
-    /// Fits the vignetting to its readings.
+    /// Fits the vignetting to the readings.
     FitVignetting,
-    /// Computes the response from the next burst.
+    /// Computes the response from the frames of the next burst.
     Response,
-    /// Adds a photometric reading of a luxmeter beside the probe.
+    /// Adds a photometric reading of a luxmeter next to the probe.
     Direct {
         /// Reading of the luxmeter, lux.
         lux: f64,
-        /// Class of light source.
+        /// Class of the light source, such as daylight.
         class: Option<String>,
     },
     /// Adds a photometric reading of a luxmeter on a patch.
     Patch {
         /// Corners of the patch, pixels.
         outline: Vec<[f64; 2]>,
-        /// Share of the light that it reflects.
+        /// Reflectance of the patch, above 0, at most 1.
         reflectance: f64,
         /// Illuminance on the patch, lux.
         lux: f64,
-        /// Class of light source.
+        /// Class of the light source, such as daylight.
         class: Option<String>,
     },
-    /// Takes the last addition of a part back.
+    /// Removes the last addition to a part.
     Undo {
         /// Part of the calibration.
         part: Part,
     },
-    /// Forgets everything that was not saved.
+    /// Discards all unsaved results.
     Reset,
-    /// Writes everything to the lens file.
+    /// Writes all unsaved results to the lens file.
     Save {
-        /// Whether better lenses and existing tables are replaced.
+        /// True if better lenses and existing tables of the file are replaced.
         #[serde(default)]
         force: bool,
     },
 }
 
 impl Action {
-    /// Whether it looks at the next burst.
+    /// Returns true if the action uses the next burst.
     pub(super) fn needs_view(&self) -> bool {
         matches!(
             self,
@@ -97,23 +97,26 @@ pub(super) enum Part {
     Photometric,
 }
 
-/// The board that is shown.
+/// The printed board that is shown to the camera.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 pub(super) struct BoardWish {
-    /// Inner corners, or tags, columns by rows.
+    /// Number of inner corners, or of tags, as COLUMNSxROWS.
     board: String,
-    /// `chessboard`, `charuco` or `aprilgrid`.
+    /// Kind of the board: `chessboard`, `charuco` or `aprilgrid`.
     kind: Option<String>,
-    /// Dictionary of a ChArUco board.
+    /// Name of the dictionary of a ChArUco board.
     dictionary: Option<String>,
-    /// Side of a marker, in squares.
+    /// Side of a marker, as a part of a square's side.
     marker: Option<f64>,
-    /// Gap between tags, in tags.
+    /// Gap between tags, as a part of a tag's side.
     gap: Option<f64>,
 }
 
 impl BoardWish {
-    /// The board, or what was found and what was expected.
+    /// Converts the request to a board.
+    ///
+    /// # Errors
+    /// The part that is missing or out of range, with its range.
     pub(super) fn printed(&self) -> Result<Printed, String> {
         let board: Board = self.board.parse()?;
         match self.kind.as_deref().unwrap_or("chessboard") {

@@ -1,4 +1,4 @@
-//! `/v1/calibration`: calibration from the running source, step by step. Nothing is written before the action `save`.
+//! `/v1/calibration`: calibration from the running source, step by step. The action `save` alone writes to the lens file.
 
 mod action;
 mod document;
@@ -19,7 +19,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use tokio::sync::{Mutex, OwnedMutexGuard};
 
-/// The calibration in progress, one for all clients, and where it is written.
+/// The calibration in progress, one for all clients, and its file.
 #[derive(Default)]
 pub(super) struct Calibrations {
     session: Arc<Mutex<Session>>,
@@ -36,7 +36,7 @@ impl Calibrations {
     }
 }
 
-/// The state of the calibration in progress.
+/// Answers with the state of the calibration in progress.
 pub(super) async fn show(State(context): State<Context>, _: Allowed) -> Response {
     let can_save = context.calibration.file.is_some();
     match context.calibration.lock() {
@@ -45,7 +45,7 @@ pub(super) async fn show(State(context): State<Context>, _: Allowed) -> Response
     }
 }
 
-/// Does what the JSON object in the body names, and answers with the state.
+/// Runs the action that the JSON object in the body names, and answers with the state.
 pub(super) async fn act(State(context): State<Context>, _: Allowed, request: Request) -> Response {
     let body = tokio::time::timeout(BODY_TIME, Bytes::from_request(request, &())).await;
     let Ok(Ok(body)) = body else {
@@ -60,7 +60,7 @@ pub(super) async fn act(State(context): State<Context>, _: Allowed, request: Req
     let Some(mut session) = context.calibration.lock() else { return busy() };
     let view = if action.needs_view() { fresh(&context).await } else { None };
     if action.needs_view() && view.is_none() {
-        let why = "found no fresh picture, expected a source that gives bursts";
+        let why = "found no fresh picture, expected a source that delivers bursts";
         return errors(StatusCode::SERVICE_UNAVAILABLE, "do", why);
     }
     let file = context.calibration.file.clone();
@@ -75,7 +75,7 @@ pub(super) async fn act(State(context): State<Context>, _: Allowed, request: Req
     }
 }
 
-/// The next frame's burst.
+/// Waits for the burst of the next frame.
 async fn fresh(context: &Context) -> Option<Arc<BurstView>> {
     match pictures::view(&context.link, &context.link.views().bursts).await {
         View::Of { view, is_fresh: true, .. } => Some(view),
@@ -87,7 +87,7 @@ fn busy() -> Response {
     errors(
         StatusCode::CONFLICT,
         "do",
-        "found another action under way, expected it to end: ask again in a second",
+        "found another action in progress, expected its end: repeat the request after a second",
     )
 }
 

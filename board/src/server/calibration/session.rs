@@ -1,4 +1,4 @@
-//! The calibration in progress.
+//! The calibration in progress: unsaved results and readings.
 
 use super::action::{Action, Part};
 use crate::calibrate::{
@@ -17,13 +17,13 @@ use hemilux_core::Exposure;
 use hemilux_core::lens::Lens;
 use std::path::Path;
 
-/// Most readings of one kind.
+/// Largest number of readings of one kind.
 const MOST_READINGS: usize = 400;
 
-/// Standard deviation that readings of one luxmeter share: its limit of error of 5 % is two of them.
+/// Relative standard deviation common to all readings of one luxmeter: half of its error limit of 5 %.
 const METER: f64 = 0.025;
 
-/// Reasons for which an action is refused.
+/// A refused action: the field and the reason.
 #[derive(Debug)]
 pub(super) struct Refusal {
     pub field: &'static str,
@@ -37,14 +37,14 @@ impl Refusal {
     }
 }
 
-/// A lens that was not saved yet.
+/// A lens that is not saved yet.
 #[derive(Clone, Debug)]
 pub(super) enum Draft {
     Board(Box<Calibrated>),
     Circle(Box<CircleLens>),
 }
 
-/// A photometric reading that was not saved yet.
+/// A photometric reading that is not saved yet.
 #[derive(Clone, Debug)]
 pub(super) struct Measured {
     pub reading: FactorReading,
@@ -52,7 +52,7 @@ pub(super) struct Measured {
     camera: String,
 }
 
-/// An image circle with the field of view that it bounds.
+/// An image circle and the field of view across it.
 #[derive(Clone, Copy)]
 pub(super) struct PlacedCircle {
     pub circle: Circle,
@@ -69,7 +69,7 @@ pub(super) struct Session {
     pub circle: Option<PlacedCircle>,
     circles_before: Vec<Option<PlacedCircle>>,
     pub readings: Vec<Reading>,
-    /// Number of readings before each addition.
+    /// Number of readings before each addition, for the action `undo`.
     additions: Vec<usize>,
     pub vignetting: Option<FittedVignetting>,
     pub response: Option<FittedResponse>,
@@ -79,7 +79,7 @@ pub(super) struct Session {
 }
 
 impl Session {
-    /// Whether something is there to be saved.
+    /// Returns true if there are results to save.
     pub(super) fn is_unsaved(&self) -> bool {
         self.lens.is_some()
             || self.vignetting.is_some()
@@ -164,7 +164,7 @@ impl Session {
         Ok(())
     }
 
-    /// The circle as a client dragged it; how well it is known is not: a hundredth of its radius.
+    /// Sets the circle that a client has drawn; its assumed standard deviation is a hundredth of its radius.
     fn drag_circle(
         &mut self,
         view: &BurstView,
@@ -192,7 +192,7 @@ impl Session {
         Ok(())
     }
 
-    /// The lens that was computed last, or the probe's.
+    /// Returns the lens that was computed last, or the probe's.
     fn newest_lens(&self, view: &BurstView) -> Lens {
         match &self.lens {
             Some(Draft::Board(calibrated)) => calibrated.lens,
@@ -201,7 +201,7 @@ impl Session {
         }
     }
 
-    /// The shortest exposure: a screen that is lit clips in longer ones.
+    /// Adds a reading of a lit screen from the longest exposure in which the screen is not clipped.
     fn screen(&mut self, view: &BurstView) -> Result<(), Refusal> {
         let lens = self.newest_lens(view);
         for frame in view.frames.iter().rev() {
@@ -210,7 +210,7 @@ impl Session {
             if let Some(mut reading) =
                 screen(&lens, &CodedPicture { grey: &grey, response: &view.calibration.response })
             {
-                // Radiance: pictures of the same screen in different exposures agree.
+                // The reading becomes a radiance: readings of the same screen in different exposures agree.
                 reading.light /= frame.exposure.seconds * frame.exposure.gain;
                 return self.add(vec![reading]);
             }
@@ -310,7 +310,7 @@ impl Session {
             status: StatusCode::CONFLICT,
             ..Refusal::new("save", "found no lens file, expected the probe to be started with --calibration FILE or a source with lens=FILE")
         })?;
-        // Reasons name the file, whose folder is not disclosed.
+        // Errors contain the file's name without its folder, which is not disclosed.
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let refused = |e: String| Refusal {
             status: StatusCode::CONFLICT,
@@ -355,15 +355,15 @@ fn positive(lux: f64) -> Result<f64, Refusal> {
     }
 }
 
-/// The codes of a frame in eight bits, without a transfer function.
+/// Returns the codes of a frame in eight bits, without a transfer function.
 fn plain(frame: &crate::calibration::Frame, calibration: &Calibration) -> Option<Grey> {
-    // Without a curve of its own, so that the response of the calibration applies to the codes.
+    // Without a curve in the conversion, so that the response of the calibration applies to the codes.
     let mut as_is = *calibration;
     as_is.response = hemilux_core::Response::Srgb;
     crate::calibrate::grey(frame, &as_is)
 }
 
-/// One burst as a source of relative radiance.
+/// A source of relative radiance that returns one burst.
 struct Still {
     calibration: Calibration,
     burst: Burst,

@@ -31,16 +31,16 @@ use std::time::Duration;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::watch;
 
-/// Bytes of a request's head; browsers send about one kilobyte.
+/// Largest head of a request, bytes; browsers send about one kilobyte.
 const HEAD_BYTES: usize = 16 << 10;
 
-/// Length of the pieces of an answer, bytes.
+/// Length of the pieces in which an answer is sent, bytes.
 const PIECE_BYTES: usize = 64 << 10;
 
 /// Pause after `accept` has failed, for example for lack of file descriptors.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
 
-/// The answer to a connection over the limit.
+/// The answer to a connection beyond the limit.
 const BUSY: &[u8] = b"HTTP/1.1 503 Service Unavailable\r\nRetry-After: 1\r\nConnection: close\r\nContent-Length: 21\r\n\r\ntoo many connections\n";
 
 /// Accepts TCP connections within the limits of the server.
@@ -83,7 +83,7 @@ impl Acceptor {
         let client = (!self.proxies.contains(address)).then(|| ClientKey::of(address));
         let Some(permit) = self.limiter.try_acquire(client) else {
             self.counts.refused("connections");
-            // The send buffer of a new socket has room for this.
+            // The send buffer of a new socket has space for this answer.
             let _ = stream.try_write(BUSY);
             return;
         };
@@ -94,7 +94,7 @@ impl Acceptor {
     }
 }
 
-/// The permit and the counters of a connection, held until it is closed. A WebSocket holds them after the HTTP exchange has ended.
+/// The permit and the counters of a connection, held until the connection is closed; a WebSocket holds them after the HTTP exchange has ended.
 #[derive(Debug)]
 pub(in crate::server) struct ConnectionGuard {
     permit: Permit,
@@ -117,7 +117,7 @@ impl ConnectionGuard {
         self.permit.assign(client);
     }
 
-    /// Marks the connection as answering until the value is dropped.
+    /// Marks the connection as answering until the returned value is dropped.
     pub(in crate::server) fn begin(&self) -> Answering {
         self.activity().begin()
     }
@@ -133,10 +133,10 @@ impl Drop for ConnectionGuard {
     }
 }
 
-/// The body of an answer in pieces of [`PIECE_BYTES`]: its connection counts as answering until the last one is being sent.
+/// The body of an answer in pieces of [`PIECE_BYTES`]: the connection counts as answering until the last piece is being sent.
 struct AnswerBody {
     body: Body,
-    /// Rest of the last piece.
+    /// Bytes of the last piece that are not sent yet.
     rest: Bytes,
     _answering: Answering,
     _enlarged: Option<Enlarged>,
@@ -179,7 +179,7 @@ impl HttpBody for AnswerBody {
     }
 }
 
-/// Serves one connection until either side ends it.
+/// Serves one connection until the client or the server closes it.
 async fn serve_connection(
     stream: Arc<TcpStream>,
     router: Router,
@@ -219,7 +219,7 @@ async fn serve_connection(
         () = stopped(&mut stop) => {
             connection.as_mut().graceful_shutdown();
             let ended = connection.as_mut().await;
-            // The kernel would keep unsent data after the end of the program.
+            // Without a reset, the kernel would keep unsent data after the end of the program.
             if guard.queues.is_backlogged(0) {
                 guard.activity().cut();
             }
@@ -232,7 +232,7 @@ async fn serve_connection(
     }
 }
 
-/// The reason under which the end of a connection is counted; most are clients that disconnected.
+/// Returns the reason under which the end of a connection is counted; most ends are clients that disconnected.
 fn reason_of(error: &hyper::Error) -> &'static str {
     let kind = error.source().and_then(|e| e.downcast_ref::<io::Error>()).map(io::Error::kind);
     match kind {

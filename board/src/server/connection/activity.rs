@@ -1,4 +1,4 @@
-//! The state of a connection: progress of the client, and whether the server has cut the connection.
+//! The state of a connection: the client's progress, and whether the server has closed the connection.
 
 use super::tcp;
 use futures_util::task::AtomicWaker;
@@ -14,13 +14,13 @@ const STALLED_MS: u64 = 1000;
 /// Rank of a connection by the progress of its client, ascending: at a limit, the connection of the lowest rank is displaced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Rank {
-    /// No complete request so far; the number is the time of its arrival.
+    /// No complete request so far; the field is the time of the connection's arrival.
     Unfinished(u64),
-    /// Between two requests; the number is the time of the last answer.
+    /// Between two requests; the field is the time of the last answer.
     Idle(u64),
-    /// An answer is blocked because the client does not read; the number is the time since when.
+    /// An answer is blocked because the client does not read; the field is the time at which it was blocked.
     Stalled(u64),
-    /// A request is being answered; the number is that of the bytes that the client has taken.
+    /// A request is being answered; the field is the number of bytes that the client has received.
     Answering(u64),
 }
 
@@ -28,24 +28,24 @@ pub(super) enum Rank {
 #[derive(Debug)]
 pub(in crate::server) struct Activity {
     epoch: Instant,
-    /// Requests whose heads were complete.
+    /// Number of requests with complete heads.
     requests: AtomicU64,
-    /// Requests that are being answered.
+    /// Number of requests that are being answered.
     answering: AtomicU64,
-    /// Bytes that the kernel has taken for the client.
+    /// Number of bytes that the kernel has accepted for the client.
     taken: AtomicU64,
     /// Time of the last change between idle and answering, milliseconds since `epoch`.
     changed_ms: AtomicU64,
-    /// Time since when a write is blocked, milliseconds since `epoch`; [`u64::MAX`] while none is.
+    /// Time at which a write was blocked, milliseconds since `epoch`; [`u64::MAX`] while none is blocked.
     blocked_ms: AtomicU64,
     is_cut: AtomicBool,
     waker: AtomicWaker,
-    /// The connection's socket, as long as it is open.
+    /// The connection's socket, while it is open.
     socket: OnceLock<Weak<TcpStream>>,
 }
 
 impl Activity {
-    /// A connection that has just arrived; times count from `epoch`.
+    /// Returns the state of a new connection; times count from `epoch`.
     pub(super) fn new(epoch: Instant) -> Arc<Self> {
         let activity = Self {
             epoch,
@@ -74,23 +74,23 @@ impl Activity {
         Answering(Arc::clone(self))
     }
 
-    /// Number of requests so far.
+    /// Returns the number of requests so far.
     pub(super) fn requests(&self) -> u64 {
         self.requests.load(Relaxed)
     }
 
-    /// Adds `bytes` that the client's side has taken, which also ends a blocked write.
+    /// Adds `bytes` to the bytes received by the client; a blocked write has then ended.
     pub(super) fn progress(&self, bytes: usize) {
         self.taken.fetch_add(bytes as u64, Relaxed);
         self.blocked_ms.store(u64::MAX, Relaxed);
     }
 
-    /// Stores the time at which a write has been blocked.
+    /// Stores the present time as the time at which a write was blocked, if none was.
     pub(super) fn blocked(&self) {
         let _ = self.blocked_ms.compare_exchange(u64::MAX, self.now_ms(), Relaxed, Relaxed);
     }
 
-    /// The rank of the connection.
+    /// Returns the rank of the connection.
     pub(super) fn rank(&self) -> Rank {
         let blocked = self.blocked_ms.load(Relaxed);
         if self.now_ms().saturating_sub(STALLED_MS) >= blocked {
@@ -104,17 +104,18 @@ impl Activity {
         }
     }
 
-    /// Stores the socket of the connection, which a cut resets.
+    /// Stores the socket of the connection, which [`Activity::cut`] resets.
     pub(super) fn attach(&self, stream: &Arc<TcpStream>) {
         let _ = self.socket.set(Arc::downgrade(stream));
     }
 
-    /// Time for which a write has been blocked, milliseconds.
+    /// Returns the time for which a write has been blocked, milliseconds.
     pub(super) fn blocked_for_ms(&self) -> u64 {
         self.now_ms().saturating_sub(self.blocked_ms.load(Relaxed))
     }
 
-    /// Ends the connection: its stream fails from now on. Its socket is reset, even if the program ends before its task runs again.
+    /// Ends the connection: reads and writes of its stream fail from now on. The socket is reset, also if the program ends before the
+    /// connection's task runs again.
     pub(super) fn cut(&self) {
         if let Some(stream) = self.socket.get().and_then(Weak::upgrade) {
             tcp::reset_on_close(&stream);
@@ -123,7 +124,7 @@ impl Activity {
         self.waker.wake();
     }
 
-    /// Whether the connection was cut. If not, the task of `cx` is woken at the cut.
+    /// Returns true if the connection was cut. Otherwise the task of `cx` is woken when it is cut.
     pub(super) fn poll_cut(&self, cx: &Context<'_>) -> bool {
         self.waker.register(cx.waker());
         self.is_cut.load(Relaxed)

@@ -21,7 +21,7 @@ pub(in crate::server) struct ConnectionLimiter {
 #[derive(Debug, Default)]
 struct State {
     next_id: u64,
-    /// Permits that are not released, displaced ones included.
+    /// Number of permits that are not released, including those of displaced connections.
     permits: usize,
     /// Connections that count towards the limits, by id.
     entries: HashMap<u64, Entry>,
@@ -29,7 +29,7 @@ struct State {
 
 #[derive(Debug)]
 struct Entry {
-    /// `None` for a connection of a trusted proxy that no client uses at present.
+    /// The client; `None` for a connection of a trusted proxy that is between two requests.
     client: Option<ClientKey>,
     activity: Arc<Activity>,
 }
@@ -64,7 +64,7 @@ impl ConnectionLimiter {
         Some(Permit { limiter: Arc::clone(self), id, activity })
     }
 
-    /// Cuts the connections whose answers have been blocked for `ms` milliseconds or longer.
+    /// Closes the connections whose answers have been blocked for `ms` milliseconds or longer.
     pub(in crate::server) fn cut_blocked(&self, ms: u64) {
         let mut state = self.lock();
         let is_blocked = |entry: &Entry| entry.activity.blocked_for_ms() >= ms;
@@ -75,7 +75,7 @@ impl ConnectionLimiter {
         }
     }
 
-    /// Cuts all connections.
+    /// Closes all connections.
     pub(super) fn cut_all(&self) {
         self.lock().entries.values().for_each(|entry| entry.activity.cut());
     }
@@ -99,7 +99,7 @@ impl ConnectionLimiter {
 }
 
 impl State {
-    /// The entry of lowest rank among those that `is_meant`.
+    /// Returns the id of the entry of lowest rank among those for which `is_meant` returns true.
     fn lowest(&self, is_meant: impl Fn(&Entry) -> bool) -> Option<u64> {
         let entries = self.entries.iter().filter(|(_, entry)| is_meant(entry));
         entries.min_by_key(|(id, entry)| (entry.activity.rank(), Reverse(**id))).map(|(id, _)| *id)
@@ -121,8 +121,8 @@ impl State {
         }
     }
 
-    /// Displaces a connection at the total limit: of the client with the most connections if `client` has fewer, else one of
-    /// `client` itself. A client without connections displaces one that answers no request where all clients have one each.
+    /// Displaces a connection at the total limit: one of the client with the most connections if `client` has fewer, else one of `client`. A
+    /// client without connections displaces a connection that answers no request where all clients have one each.
     fn displace_for(&mut self, client: Option<ClientKey>) -> Option<()> {
         let own = self.count(client);
         let most = self.entries.values().map(|entry| self.count(entry.client)).max()?;
@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn at_the_total_limit_the_client_with_the_most_connections_loses_one() {
+    fn at_the_total_limit_a_connection_of_the_largest_client_is_displaced() {
         let limiter = ConnectionLimiter::new(4, 4);
         let many = [(); 3].map(|()| limiter.try_acquire(client("10.0.0.1")).expect("a permit"));
         let requests = many.each_ref().map(|permit| permit.activity.begin());
@@ -204,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn without_anything_to_displace_a_connection_is_refused() {
+    fn a_connection_that_can_displace_no_other_is_refused() {
         let limiter = ConnectionLimiter::new(2, 2);
         let permits = ["10.0.0.1", "10.0.0.2"].map(|ip| limiter.try_acquire(client(ip)).expect("a permit"));
         let _requests = permits.each_ref().map(|permit| permit.activity.begin());
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn a_network_of_64_bits_is_one_client() {
+    fn an_ipv6_network_of_64_bits_counts_as_one_client() {
         let limiter = ConnectionLimiter::new(9, 1);
         let first = limiter.try_acquire(client("2001:db8::1")).expect("a permit");
         let other = limiter.try_acquire(client("2001:db8:0:1::1")).expect("a permit");

@@ -23,27 +23,27 @@ use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 
-/// Threads that serve requests.
+/// Number of threads that serve requests.
 const THREADS: usize = 2;
 
-/// Largest number of threads for work that blocks: the unit allows 64 tasks in all.
+/// Largest number of threads for blocking work: the systemd unit allows 64 tasks in all.
 const BLOCKING_THREADS: usize = 8;
 
-/// File descriptors beside those of connections: cameras, files, the runtime's own.
+/// Number of file descriptors that are not connections: cameras, files, and those of the runtime.
 const OTHER_DESCRIPTORS: u64 = 64;
 
-/// Longest wait at shutdown for connections that were cut.
+/// Longest wait at shutdown for the end of connections that were closed.
 const CUT: Duration = Duration::from_millis(100);
 
-/// Limits on clients' use of resources.
+/// Limits on the resources that clients use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
-    /// Largest number of open connections: each takes a file descriptor, about 30 KB of the process and as much of the kernel.
+    /// Largest number of open connections: each takes a file descriptor, about 30 KB in the process and about 30 KB in the kernel.
     pub connections: usize,
-    /// Largest number of open connections of one client (for IPv6: one network of 64 bits). A further one displaces the one of the lowest
+    /// Largest number of open connections of one client (for IPv6: of one /64 network). A further connection displaces the one of the lowest
     /// rank.
     pub per_address: usize,
-    /// Requests on one connection, after which the server closes it.
+    /// Number of requests on one connection, after which the server closes it.
     pub requests: u64,
     /// Timeout for the head of a request, and for the idle time between requests.
     pub head: Duration,
@@ -67,11 +67,11 @@ impl Default for Limits {
 }
 
 impl Limits {
-    /// These limits with the number of connections for which the process has file descriptors; raises the limit on descriptors where
-    /// possible.
+    /// Returns the limits with the number of connections reduced to the available file descriptors; raises the process's limit on descriptors
+    /// where possible.
     ///
     /// # Errors
-    /// The process may have fewer than `OTHER_DESCRIPTORS` file descriptors and one connection.
+    /// The limit of the process is too low for `OTHER_DESCRIPTORS` file descriptors and one connection.
     pub fn within_descriptors(self) -> io::Result<Self> {
         let wanted = self.connections as u64 + OTHER_DESCRIPTORS;
         let Rlimit { current, maximum } = getrlimit(Resource::Nofile);
@@ -101,7 +101,7 @@ pub struct Running {
     accepting: JoinHandle<()>,
 }
 
-/// SIGINT, SIGTERM and SIGHUP, which are caught from now on.
+/// Streams of SIGINT, SIGTERM and SIGHUP.
 pub struct Signals {
     interrupt: Signal,
     terminate: Signal,
@@ -113,16 +113,16 @@ pub struct Signals {
 pub enum Event {
     /// SIGINT or SIGTERM.
     Stop,
-    /// SIGHUP: the configuration file is read anew.
+    /// SIGHUP: the configuration file is read again.
     Reload,
-    /// The end of the future that was passed.
+    /// The future that was passed has ended.
     Ended,
 }
 
 /// Serves `app` on `listener`.
 ///
 /// # Errors
-/// The operating system gives no threads or refuses the listener.
+/// The operating system cannot start threads or refuses the listener.
 pub fn start(listener: std::net::TcpListener, app: App, limits: Limits) -> io::Result<Running> {
     let runtime = Builder::new_multi_thread()
         .worker_threads(THREADS)
@@ -142,7 +142,7 @@ pub fn start(listener: std::net::TcpListener, app: App, limits: Limits) -> io::R
 }
 
 impl Running {
-    /// The address on which the server listens.
+    /// Returns the address on which the server listens.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address
@@ -151,7 +151,7 @@ impl Running {
     /// Catches SIGINT, SIGTERM and SIGHUP.
     ///
     /// # Errors
-    /// The operating system refuses.
+    /// The operating system refuses a signal handler.
     pub fn signals(&self) -> io::Result<Signals> {
         let _inside = self.runtime.enter();
         Ok(Signals {
@@ -161,7 +161,7 @@ impl Running {
         })
     }
 
-    /// Waits for a signal, or for the end of `other`.
+    /// Waits for a signal or for the end of `other`.
     pub fn wait(&self, signals: &mut Signals, other: impl Future<Output = ()>) -> Event {
         self.runtime.block_on(async {
             tokio::select! {
@@ -173,8 +173,8 @@ impl Running {
         })
     }
 
-    /// Accepts no more connections, answers waiting requests and returns when all connections are closed. After [`Limits::grace`] the
-    /// remaining ones are reset.
+    /// Accepts no more connections, answers the requests in progress and returns when all connections are closed. After [`Limits::grace`],
+    /// the remaining ones are reset.
     pub fn stop(self) {
         self.stop.send_replace(true);
         self.runtime.block_on(async {

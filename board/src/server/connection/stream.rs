@@ -1,4 +1,4 @@
-//! The byte stream of a connection, with a write timeout, counters of progress, and a reset of cut connections.
+//! The byte stream of a connection, with a write timeout, counters of progress, and a reset when the connection is cut.
 
 use super::activity::Activity;
 use super::tcp;
@@ -13,15 +13,15 @@ use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::TcpStream;
 use tokio::time::{Sleep, sleep};
 
-/// A stream that fails when its connection is cut, and when a write makes no progress for `stall`. Then it is reset on drop, so that
-/// the kernel keeps none of its data.
+/// A stream that fails when its connection is cut, or when a write makes no progress for `stall`. After a failure the socket is reset on drop, so
+/// that the kernel keeps no unsent data.
 pub(super) struct ClientStream {
     stream: Arc<TcpStream>,
     stall: Duration,
     activity: Arc<Activity>,
-    /// Runs while a write is blocked.
+    /// Timeout of a blocked write; `None` while none is blocked.
     timer: Option<Pin<Box<Sleep>>>,
-    /// Whether the connection is to be reset in place of an orderly shutdown.
+    /// True if the connection must be reset in place of an orderly shutdown.
     has_failed: bool,
 }
 
@@ -50,7 +50,7 @@ impl ClientStream {
     }
 }
 
-/// Repeats `attempt` when `ready` until it does not find the socket busy.
+/// Calls `attempt` when `ready`, until its result is another one than `WouldBlock`.
 fn retry<T>(
     cx: &mut Context<'_>,
     ready: impl Fn(&mut Context<'_>) -> Poll<io::Result<()>>,

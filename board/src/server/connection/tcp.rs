@@ -1,4 +1,4 @@
-//! Options and state of TCP sockets. Buffers are small, so that slow clients hold little memory of the kernel and get recent data.
+//! Options and state of TCP sockets. Buffers are small, so that slow clients use little kernel memory and get recent data.
 
 use socket2::SockRef;
 use std::io;
@@ -11,7 +11,7 @@ use tokio::net::TcpStream;
 /// Size of a send buffer, bytes. Linux doubles it and counts its own overhead: about 32 KB of data fit.
 const SEND_BYTES: usize = 32 << 10;
 
-/// Size of the send buffer of a connection with a large answer, bytes: through a small one it would go in many small steps.
+/// Size of the send buffer of a connection with a large answer, bytes: a small buffer would send it in many small steps.
 const LARGE_SEND_BYTES: usize = 192 << 10;
 
 /// Length of an answer above which it is large, bytes.
@@ -26,8 +26,8 @@ static LARGE: AtomicUsize = AtomicUsize::new(0);
 /// Size of a receive buffer, bytes: requests are at most 16 KB of head and 16 KB of body.
 const RECEIVE_BYTES: usize = 16 << 10;
 
-/// Largest segment, bytes. The loopback interface has segments of 64 KB, of which a small buffer holds less than the two after which a
-/// receiver acknowledges at once: it would wait 40 ms for each.
+/// Largest segment, bytes. The loopback interface has segments of 64 KB; a receiver acknowledges at once after two segments, which a small buffer
+/// cannot hold, and after 40 ms otherwise.
 const SEGMENT_BYTES: u32 = 8 << 10;
 
 /// Sets the sizes of the buffers of the sockets that `listener` accepts.
@@ -38,10 +38,10 @@ pub(super) fn prepare_listener(listener: &impl AsFd) -> io::Result<()> {
     listener.set_tcp_mss(SEGMENT_BYTES)
 }
 
-/// Sends without delay, and lets the kernel give up on a peer that acknowledges nothing for `stall`, also after the program has
-/// closed the socket.
+/// Disables Nagle's algorithm, and sets the kernel's timeout for a peer that acknowledges nothing to `stall`, also after the program has closed
+/// the socket.
 pub(super) fn prepare(stream: &TcpStream, stall: Duration) {
-    // Without it the end of an answer may wait 40 ms for the client's acknowledgement.
+    // With Nagle's algorithm, the end of an answer may wait 40 ms for the client's acknowledgement.
     let _ = stream.set_nodelay(true);
     let _ = SockRef::from(stream).set_tcp_user_timeout(Some(stall));
 }
@@ -51,11 +51,11 @@ pub(super) fn reset_on_close(stream: &TcpStream) {
     let _ = SockRef::from(stream).set_linger(Some(Duration::ZERO));
 }
 
-/// The queues of a connection's socket, as long as it is open.
+/// The queues of a connection's socket, while the socket is open.
 #[derive(Debug)]
 pub(in crate::server) struct Queues {
     stream: Weak<TcpStream>,
-    /// Largest receive window that the client has offered, bytes.
+    /// Largest receive window that the client has advertised, bytes.
     widest: AtomicU32,
 }
 
@@ -64,7 +64,8 @@ impl Queues {
         Self { stream: Arc::downgrade(stream), widest: AtomicU32::new(0) }
     }
 
-    /// Enlarges the send buffer for an answer of `length` bytes until the value is dropped, if the answer is large and few buffers are enlarged.
+    /// Enlarges the send buffer for an answer of `length` bytes until the returned value is dropped; `None` if the answer is small or too
+    /// many buffers are enlarged.
     pub(in crate::server) fn enlarge(&self, length: u64) -> Option<Enlarged> {
         let stream = (length > LARGE_BYTES).then(|| self.stream.upgrade())??;
         let enlarged = Enlarged(Weak::clone(&self.stream));
@@ -75,7 +76,7 @@ impl Queues {
         Some(enlarged)
     }
 
-    /// Whether the client lags behind: data is unsent, more than `allowed` bytes are unacknowledged, or more than half of the
+    /// Returns true if the client lags behind: data is unsent, more than `allowed` bytes are unacknowledged, or more than half of the
     /// client's receive window is full.
     pub(in crate::server) fn is_backlogged(&self, allowed: usize) -> bool {
         let Some(info) = self.stream.upgrade().and_then(|stream| tcp_info(stream.as_fd())) else {
@@ -89,7 +90,7 @@ impl Queues {
     }
 }
 
-/// A connection with a large send buffer.
+/// A connection whose send buffer is enlarged until the value is dropped.
 #[derive(Debug)]
 pub(in crate::server) struct Enlarged(Weak<TcpStream>);
 
@@ -102,8 +103,8 @@ impl Drop for Enlarged {
     }
 }
 
-/// The kernel's figures of a TCP connection; fields that an old kernel does not know are 0.
-#[allow(unsafe_code, reason = "no safe wrapper gives struct tcp_info")]
+/// Returns the kernel's state of a TCP connection; fields that an old kernel does not have are 0.
+#[allow(unsafe_code, reason = "no safe wrapper returns struct tcp_info")]
 fn tcp_info(socket: BorrowedFd<'_>) -> Option<libc::tcp_info> {
     let mut info = std::mem::MaybeUninit::<libc::tcp_info>::zeroed();
     let mut length = size_of::<libc::tcp_info>() as libc::socklen_t;

@@ -1,4 +1,4 @@
-//! The page: files that are part of the program, served as they are. `app.js` is where to begin to read.
+//! The page: text files that are compiled into the program. `app.js` is the entry point of the scripts.
 
 use super::files::File;
 use super::line;
@@ -11,7 +11,7 @@ const CSS: &str = "text/css; charset=utf-8";
 const JAVASCRIPT: &str = "text/javascript; charset=utf-8";
 const SVG: &str = "image/svg+xml";
 
-/// A file of the page by name, with its content type.
+/// Declares the files of the page by name, with their content types.
 macro_rules! files {
     ($($name:literal: $kind:expr),* $(,)?) => { [$(($name, File::new($kind, include_str!($name)))),*] };
 }
@@ -47,15 +47,15 @@ static FILES: [(&str, File); 26] = files! {
     "times.js": JAVASCRIPT,
 };
 
-/// The page itself.
+/// Answers `/` with the HTML of the page.
 pub(super) async fn index(headers: HeaderMap) -> Response {
     INDEX.answer(&headers)
 }
 
-/// `/page/NAME`: the files of the page.
+/// Answers `/page/NAME` with a file of the page.
 pub(super) async fn part(Path(name): Path<String>, headers: HeaderMap) -> Response {
     match FILES.iter().find(|(known, _)| *known == name) {
         Some((_, file)) => file.answer(&headers),
-        None => line(StatusCode::NOT_FOUND, "no such part of the page"),
+        None => line(StatusCode::NOT_FOUND, "no such file of the page"),
     }
 }

@@ -1,4 +1,4 @@
-//! `/v1/calibration`: nothing is written before save, everything is taken back, what is wrong is refused in a line.
+//! `/v1/calibration`: files are written by the action save alone, every step can be undone, wrong requests are refused on one line.
 
 use super::*;
 
@@ -13,7 +13,7 @@ fn app_with(probe: &Probe, path: &std::path::Path) -> Router {
 const CIRCLE: &str = r#"{"do": "circle", "centre": [320, 240], "radius": 230, "field_deg": 180}"#;
 
 #[tokio::test]
-async fn nothing_is_written_before_save_and_a_better_lens_stays() {
+async fn only_save_writes_and_a_better_lens_is_not_replaced() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("lens.toml");
     let better = "version = 1\n[lens]\nmodel = \"equidistant\"\nsize = [640, 480]\ncentre = [319.5, 239.5]\nfocal = [146.0, 146.0]\n\
@@ -41,7 +41,7 @@ async fn nothing_is_written_before_save_and_a_better_lens_stays() {
 }
 
 #[tokio::test]
-async fn each_step_is_taken_back() {
+async fn each_step_can_be_undone() {
     let probe = probe(usize::MAX);
     let app = app_with(&probe, std::path::Path::new("/nonexistent/lens.toml"));
     post(&app, CIRCLE).await;
@@ -69,7 +69,7 @@ async fn each_step_is_taken_back() {
 }
 
 #[tokio::test]
-async fn what_is_wrong_is_refused_in_a_line() {
+async fn wrong_actions_are_refused_on_one_line() {
     let probe = probe(usize::MAX);
     let app = routes(&probe);
     for (body, status, word) in [

@@ -4,7 +4,7 @@ use super::security::locked;
 use super::*;
 use crate::probe::compare::MOST_LIGHTS;
 
-/// The answer once there is a pair: a busy machine may have none in time.
+/// Repeats the request until there is a pair, which may take long on a busy machine.
 async fn compare(app: &Router, query: &str) -> Got {
     loop {
         let got = fetch(app, "GET", &format!("/v1/compare?{query}"), &[], "").await;
@@ -15,7 +15,7 @@ async fn compare(app: &Router, query: &str) -> Got {
 }
 
 #[tokio::test]
-async fn two_sets_of_the_same_frame_come_with_what_is_thought_of_them() {
+async fn two_sets_of_the_same_frame_are_returned_with_their_scores() {
     let probe = probe(usize::MAX);
     let app = routes(&probe);
     let mut last = None;
@@ -47,13 +47,13 @@ async fn two_sets_of_the_same_frame_come_with_what_is_thought_of_them() {
         }
         last = Some(frame);
     }
-    // The probe's own set is what it was.
+    // The comparison has not changed the probe's own set.
     let (_, _, text) = get(&app, "/v1/lights").await;
     assert!(text.contains("\"sampler\":\"adaptive\""), "{text}");
 }
 
 #[tokio::test]
-async fn another_comparison_has_to_wait_and_is_let_in_when_nobody_looks() {
+async fn another_comparison_is_refused_until_the_first_has_no_requests() {
     let probe = probe(usize::MAX);
     let app = routes(&probe);
     assert_eq!(compare(&app, "algorithm=q2tree").await.status, 200, "the first");
@@ -66,7 +66,7 @@ async fn another_comparison_has_to_wait_and_is_let_in_when_nobody_looks() {
 }
 
 #[tokio::test]
-async fn discs_are_compared_and_scored_as_such() {
+async fn discs_are_compared_and_scored_as_discs() {
     let probe = probe(usize::MAX);
     let app = routes(&probe);
     let value = compare(&app, "algorithm=adaptive&lights=16&soft=1").await.json();
@@ -78,7 +78,7 @@ async fn discs_are_compared_and_scored_as_such() {
 }
 
 #[tokio::test]
-async fn samplers_that_need_another_map_and_another_size_of_it_are_compared() {
+async fn samplers_that_read_another_map_or_order_are_compared() {
     let probe = probe(usize::MAX);
     let app = routes(&probe);
     for name in ["hemigon", "hemigon-fir", "pharr", "adaptive", "q2tree-jitter"] {
@@ -94,7 +94,7 @@ async fn samplers_that_need_another_map_and_another_size_of_it_are_compared() {
 }
 
 #[tokio::test]
-async fn what_cannot_be_compared_is_refused_with_the_list_and_who_has_no_token_too() {
+async fn wrong_comparisons_and_requests_without_the_token_are_refused() {
     let probe = probe(usize::MAX);
     let app = routes(&probe);
     let most = format!("algorithm=pharr&lights={}", MOST_LIGHTS + 1);
@@ -118,7 +118,7 @@ async fn what_cannot_be_compared_is_refused_with_the_list_and_who_has_no_token_t
 }
 
 #[tokio::test]
-async fn a_source_that_has_stopped_gives_the_last_pair_and_says_so() {
+async fn a_stopped_source_returns_the_last_pair_as_stale() {
     let probe = probe(30);
     let app = routes(&probe);
     let began = std::time::Instant::now();

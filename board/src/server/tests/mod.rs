@@ -1,4 +1,4 @@
-//! Routes without sockets.
+//! Tests of the routes without sockets.
 
 mod calibration;
 mod compare;
@@ -23,12 +23,12 @@ use serde_json::Value;
 use std::time::Duration;
 use tower::ServiceExt;
 
-/// The routes for this machine alone, without a token.
+/// Returns the routes for this machine alone, without a token.
 fn routes(probe: &Probe) -> Router {
     app(probe.link(), Options::default()).router()
 }
 
-/// A scene that gives `left` bursts and then fails.
+/// A scene that delivers `left` bursts and then fails.
 struct Mortal {
     scene: SceneSource,
     left: usize,
@@ -69,7 +69,7 @@ fn probe(bursts: usize) -> Probe {
         .expect("a probe")
 }
 
-/// An answer, read whole.
+/// An answer with its whole body.
 struct Got {
     status: u16,
     headers: axum::http::HeaderMap,
@@ -90,7 +90,7 @@ impl Got {
     }
 }
 
-/// The answer to a request with these headers.
+/// Sends a request with these headers and returns the answer.
 async fn fetch(app: &Router, method: &str, uri: &str, headers: &[(&str, &str)], body: &str) -> Got {
     let mut request = Request::builder().method(method).uri(uri);
     if !headers.iter().any(|(name, _)| *name == "host") {
@@ -104,7 +104,7 @@ async fn fetch(app: &Router, method: &str, uri: &str, headers: &[(&str, &str)], 
     Got { status: parts.status.as_u16(), headers: parts.headers, body: bytes.to_vec() }
 }
 
-/// Status, content type and body of the answer to a request with these headers.
+/// Sends a request with these headers and returns status, content type and body of the answer.
 async fn ask(app: &Router, method: &str, uri: &str, headers: &[(&str, &str)]) -> (u16, String, String) {
     let got = fetch(app, method, uri, headers, "").await;
     (got.status, got.header("content-type").to_owned(), String::from_utf8_lossy(&got.body).into_owned())

@@ -1,4 +1,4 @@
-//! The description of the interface against the interface.
+//! The OpenAPI document, compared with the routes.
 
 use super::security::locked;
 use super::*;
@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 const METHODS: [&str; 5] = ["GET", "POST", "PATCH", "PUT", "DELETE"];
 
 #[test]
-fn the_description_has_short_lines() {
+fn the_document_has_short_lines() {
     let longest = include_str!("../openapi.json").lines().map(str::len).max();
     assert!(longest <= Some(160), "{longest:?}");
 }
@@ -18,7 +18,7 @@ fn document() -> Value {
     serde_json::from_str(&OPENAPI).expect("JSON")
 }
 
-/// A path that can be asked for.
+/// Returns `path` with its parameters filled in, so that it can be requested.
 fn filled(path: &str) -> String {
     let query = match path {
         "/change" => "?samples=20",
@@ -29,7 +29,7 @@ fn filled(path: &str) -> String {
 }
 
 #[tokio::test]
-async fn every_route_is_described_with_its_methods_and_no_other_is() {
+async fn the_document_lists_every_route_and_method_and_no_other() {
     let document = document();
     let described: BTreeSet<_> =
         document["paths"].as_object().expect("paths").keys().map(String::as_str).collect();
@@ -41,7 +41,7 @@ async fn every_route_is_described_with_its_methods_and_no_other_is() {
             let is_described = document["paths"][path].get(method.to_lowercase()).is_some();
             let request = Request::builder().method(method).uri(filled(path)).header("host", "localhost");
             let request = request.body(Body::empty()).expect("a request");
-            // The head alone: events go on for ever.
+            // The head of the answer alone is read: event streams have no end.
             let status = app.clone().oneshot(request).await.expect("an answer").status().as_u16();
             assert_eq!(status != 405, is_described, "{method} {path}: {status}");
             let known = is_described.then(|| &document["paths"][path][method.to_lowercase()]["responses"]);
@@ -55,7 +55,7 @@ async fn every_route_is_described_with_its_methods_and_no_other_is() {
 }
 
 #[tokio::test]
-async fn what_is_described_as_protected_is() {
+async fn requests_documented_as_protected_require_the_token() {
     let document = document();
     let probe = probe(usize::MAX);
     let app = locked(&probe);
@@ -76,7 +76,7 @@ async fn what_is_described_as_protected_is() {
     );
 }
 
-/// Whether `value` has all that `schema` requires, references followed.
+/// Asserts that `value` has all that `schema` requires, with references resolved.
 fn check(document: &Value, schema: &Value, value: &Value, place: &str) {
     let named = schema["$ref"].as_str().and_then(|r| document.pointer(r.trim_start_matches('#')));
     let schema = named.unwrap_or(schema);
@@ -101,9 +101,9 @@ fn check(document: &Value, schema: &Value, value: &Value, place: &str) {
     }
 }
 
-/// Refusals list the accepted parameters; the description must list the same.
+/// Refusals list the accepted parameters; the document must list the same.
 #[tokio::test]
-async fn every_parameter_that_is_taken_is_described() {
+async fn the_document_lists_every_accepted_parameter() {
     let document = document();
     let probe = probe(usize::MAX);
     let app = routes(&probe);
@@ -125,7 +125,7 @@ async fn every_parameter_that_is_taken_is_described() {
 }
 
 #[tokio::test]
-async fn answers_have_what_their_schemas_name() {
+async fn answers_have_the_properties_of_their_schemas() {
     let document = document();
     let probe = probe(usize::MAX);
     let app = routes(&probe);

@@ -1,4 +1,4 @@
-//! Pictures, read back by decoders.
+//! Pictures, decoded and compared.
 
 use super::*;
 use crate::calibration::Pixels;
@@ -22,7 +22,7 @@ fn mean(picture: &DynamicImage) -> f64 {
 }
 
 #[tokio::test]
-async fn exposures_are_jpegs_that_grow_brighter() {
+async fn exposures_are_jpegs_of_ascending_brightness() {
     let probe = probe(usize::MAX);
     let app = routes(&probe);
     let (width, height, last) = {
@@ -51,11 +51,12 @@ async fn exposures_are_jpegs_that_grow_brighter() {
     }
 }
 
-/// A camera with a queue: bursts come three bursts after they were taken. The code of all pixels of a picture states the number of the burst.
+/// A camera with a queue: each burst is delivered three bursts after it was taken. All pixels of a picture have a code that states the number of
+/// its burst.
 struct Queue {
     scene: SceneSource,
     waiting: VecDeque<Burst>,
-    /// When each burst was taken.
+    /// Time at which each burst was taken, nanoseconds.
     taken_ns: Arc<Mutex<Vec<u64>>>,
 }
 
@@ -88,7 +89,7 @@ impl Adapter for Queue {
 }
 
 #[tokio::test]
-async fn a_capture_was_taken_after_the_request_however_late_bursts_come() {
+async fn a_capture_is_taken_after_the_request_also_with_late_bursts() {
     let taken_ns = Arc::default();
     let scene = scene::by_name("lamps").expect("a scene");
     let scene = SceneSource::new(scene, Pace::Every(Duration::from_millis(20)));
@@ -110,7 +111,7 @@ async fn a_capture_was_taken_after_the_request_however_late_bursts_come() {
 }
 
 #[tokio::test]
-async fn without_a_fresh_shot_a_line_says_why() {
+async fn a_missing_fresh_shot_is_answered_with_the_reason() {
     let probe = probe(3);
     let app = routes(&probe);
     while probe.link().status().failure().is_none() {
@@ -123,7 +124,7 @@ async fn without_a_fresh_shot_a_line_says_why() {
 }
 
 #[tokio::test]
-async fn a_screenshot_is_kept_and_shown_while_gui_is_on() {
+async fn a_screenshot_is_kept_and_served_while_gui_is_on() {
     let probe = probe(usize::MAX);
     let app = routes(&probe);
     let (status, _, body) = get(&app, "/screenshot").await;
@@ -165,11 +166,11 @@ async fn the_map_is_a_png_with_or_without_marks() {
 }
 
 #[tokio::test]
-async fn the_map_holds_the_energy_of_the_light_set() {
+async fn the_map_has_the_energy_of_the_light_set() {
     let probe = probe(usize::MAX);
     let app = routes(&probe);
     let newest = || probe.link().sets().latest().expect("a set");
-    // The lamps change from frame to frame: the map must be of a frame that is still the newest.
+    // The lamps change from frame to frame: map and light set must be of the same frame.
     let mut got = fetch(&app, "GET", "/v1/map.exr", &[], "").await;
     let mut latest = newest();
     while latest.frame.to_string() != got.header("hemilux-frame") {

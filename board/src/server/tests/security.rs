@@ -22,7 +22,7 @@ const PROTECTED: [(&str, &str); 12] = [
     ("PATCH", "/v1/config"),
 ];
 
-/// Routes that need [`SECRET`].
+/// Returns the routes of a probe that requires [`SECRET`].
 pub(super) fn locked(probe: &Probe) -> Router {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("token");
@@ -35,7 +35,7 @@ pub(super) fn locked(probe: &Probe) -> Router {
 }
 
 #[tokio::test]
-async fn what_changes_or_shows_pictures_needs_the_token_and_nothing_else_does() {
+async fn changes_and_pictures_require_the_token_and_other_requests_do_not() {
     let probe = probe(usize::MAX);
     let app = locked(&probe);
     let wrong = [
@@ -47,7 +47,7 @@ async fn what_changes_or_shows_pictures_needs_the_token_and_nothing_else_does() 
         "Digest x",
     ];
     for (method, uri) in PROTECTED {
-        // Each with a burst of wrong tokens of its own.
+        // Each request has a burst of wrong tokens for itself.
         let app = locked(&probe);
         for given in wrong {
             let headers = [("authorization", given)];
@@ -78,12 +78,12 @@ async fn what_changes_or_shows_pictures_needs_the_token_and_nothing_else_does() 
     ] {
         assert_eq!(get(&app, uri).await.0, 200, "{uri}: for all");
     }
-    // In a URL it is no token.
+    // A token in a URL is ignored.
     assert_eq!(get(&app, &format!("/change?samples=20&token={SECRET}")).await.0, 401, "in a URL");
 }
 
 #[tokio::test]
-async fn the_token_opens_in_each_of_its_forms() {
+async fn the_token_is_accepted_in_each_of_its_forms() {
     let probe = probe(usize::MAX);
     let app = locked(&probe);
     for given in ["Bearer correct-horse-battery", "bearer correct-horse-battery", BASIC[0], BASIC[1]] {
@@ -127,7 +127,7 @@ async fn the_token_opens_in_each_of_its_forms() {
 }
 
 #[tokio::test]
-async fn people_get_the_form_where_programs_get_a_challenge() {
+async fn navigations_get_the_form_and_programs_get_a_challenge() {
     let probe = probe(usize::MAX);
     let app = locked(&probe);
     let got = fetch(&app, "GET", "/screenshot", &[("accept", "text/html,*/*;q=0.8")], "").await;
@@ -137,7 +137,7 @@ async fn people_get_the_form_where_programs_get_a_challenge() {
 }
 
 #[tokio::test]
-async fn other_sites_may_change_nothing_and_see_no_picture() {
+async fn other_sites_cannot_change_settings_or_get_pictures() {
     let probe = probe(usize::MAX);
     let app = routes(&probe);
     for header in [
@@ -165,7 +165,7 @@ async fn other_sites_may_change_nothing_and_see_no_picture() {
 }
 
 #[tokio::test]
-async fn an_allowed_origin_is_served_and_no_other() {
+async fn allowed_origins_are_served_and_others_are_refused() {
     let probe = probe(usize::MAX);
     let origins = vec!["http://studio.example:8000".to_owned()];
     let app = app(probe.link(), Options { origins, ..Options::default() }).router();
@@ -203,7 +203,7 @@ async fn an_allowed_origin_is_served_and_no_other() {
 }
 
 #[tokio::test]
-async fn guessing_the_token_is_slowed_and_the_status_is_no_way_round() {
+async fn guesses_of_the_token_are_limited_also_by_way_of_the_status() {
     let probe = probe(usize::MAX);
     let app = locked(&probe);
     let wrong = [("authorization", "Bearer correct-horse-batterx")];
@@ -233,7 +233,7 @@ const BROWSER: [(&str, &str); 2] =
     [("user-agent", "Mozilla/5.0 (X11; Linux x86_64)"), ("accept", "text/html,*/*;q=0.8")];
 
 #[tokio::test]
-async fn a_browser_without_proof_gets_a_form_and_programs_go_on() {
+async fn a_browser_without_proof_gets_a_form_and_programs_are_served() {
     let probe = probe(usize::MAX);
     let config = || probe.link().settings().applied().borrow().config.clone();
     for app in [routes(&probe), locked(&probe)] {
@@ -273,7 +273,7 @@ async fn a_browser_without_proof_gets_a_form_and_programs_go_on() {
 }
 
 #[tokio::test]
-async fn hosts_that_are_not_known_are_refused() {
+async fn unknown_hosts_are_refused() {
     let probe = probe(usize::MAX);
     let routes = routes(&probe);
     for uri in ["/", "/lights.json", "/change?samples=20", "/nothing", "/v1/config"] {

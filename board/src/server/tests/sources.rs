@@ -1,4 +1,4 @@
-//! The source is switched while the probe runs.
+//! Replacement of the source while the probe runs.
 
 use super::security::locked;
 use super::*;
@@ -11,7 +11,7 @@ fn with_library(probe: &Probe, folder: &std::path::Path) -> Router {
     app(probe.link(), Options { library, ..Options::default() }).router()
 }
 
-/// Waits until the probe has published a set of a frame after now, and gives it.
+/// Waits until the probe has published a set of a later frame and returns it.
 async fn next(app: &Router) -> Value {
     let (status, _, text) = get(app, "/v1/lights").await;
     assert_eq!(status, 200, "{text}");
@@ -19,7 +19,7 @@ async fn next(app: &Router) -> Value {
 }
 
 #[tokio::test]
-async fn another_source_gives_its_light_from_the_next_frames_on() {
+async fn the_lights_of_a_new_source_follow_within_the_next_frames() {
     let folder = tempfile::tempdir().expect("a folder");
     let map =
         crate::maps::write::openexr(64, 32, crate::maps::Covers::Sphere, |_, _| [2.0; 3]).expect("a map");
@@ -56,7 +56,7 @@ async fn another_source_gives_its_light_from_the_next_frames_on() {
 }
 
 #[tokio::test]
-async fn what_is_no_choice_is_refused_and_changes_nothing() {
+async fn unlisted_sources_are_refused_and_the_source_stays() {
     let folder = tempfile::tempdir().expect("a folder");
     std::fs::write(folder.path().join("broken.exr"), "not a map").expect("a file");
     let probe = probe(usize::MAX);
@@ -80,7 +80,7 @@ async fn what_is_no_choice_is_refused_and_changes_nothing() {
 }
 
 #[tokio::test]
-async fn switching_needs_the_token() {
+async fn a_change_of_the_source_requires_the_token() {
     let probe = probe(usize::MAX);
     let got = fetch(&locked(&probe), "PATCH", "/v1/source", &[JSON], "{\"source\": \"scene:sky\"}").await;
     assert_eq!(got.status, 401, "{}", got.text());

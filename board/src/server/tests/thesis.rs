@@ -25,7 +25,7 @@ async fn every_request_answers_in_its_own_type() {
 }
 
 #[tokio::test]
-async fn data_is_the_next_frame_each_time() {
+async fn each_request_for_data_returns_the_next_frame() {
     let probe = probe(usize::MAX);
     let app = routes(&probe);
     let mut last = None;
@@ -59,7 +59,7 @@ async fn a_change_is_in_the_next_set() {
 }
 
 #[tokio::test]
-async fn wrong_changes_change_nothing_and_say_what_is_accepted() {
+async fn wrong_changes_are_refused_with_the_accepted_parameters() {
     let probe = probe(usize::MAX);
     let app = routes(&probe);
     for query in [
@@ -90,7 +90,7 @@ async fn wrong_changes_change_nothing_and_say_what_is_accepted() {
 }
 
 #[tokio::test]
-async fn other_requests_and_methods_get_one_line() {
+async fn unknown_paths_and_methods_are_refused_on_one_line() {
     let probe = probe(usize::MAX);
     let app = routes(&probe);
     for (method, uri, expected) in [
@@ -108,7 +108,7 @@ async fn other_requests_and_methods_get_one_line() {
 }
 
 #[tokio::test]
-async fn the_last_set_is_stale_when_the_source_dies() {
+async fn the_last_set_is_stale_when_the_source_fails() {
     let probe = probe(3);
     let app = routes(&probe);
     let mut frames = probe.link().sets().subscribe();
@@ -129,7 +129,7 @@ async fn the_last_set_is_stale_when_the_source_dies() {
 }
 
 #[tokio::test]
-async fn before_the_first_set_there_is_none() {
+async fn requests_before_the_first_set_are_answered_503() {
     let probe = probe(0);
     let app = routes(&probe);
     let request = Request::builder().uri("/lights.json").header("host", "[::1]:8080");

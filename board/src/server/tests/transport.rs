@@ -1,4 +1,4 @@
-//! Bytes of answers: compressed files, tags, a compressed stream, small pictures, and the map in other forms.
+//! The bytes of answers: compressed files, tags, a compressed stream, small pictures, and other forms of the map.
 
 use super::*;
 use crate::maps;
@@ -15,7 +15,7 @@ fn unpacked(bytes: &[u8]) -> Vec<u8> {
 }
 
 #[tokio::test]
-async fn files_are_the_same_with_and_without_compression_and_sent_once() {
+async fn files_are_equal_with_and_without_compression_and_cached_by_tag() {
     let probe = probe(usize::MAX);
     let app = routes(&probe);
     for path in ["/", "/page/app.js", "/page/style.css", "/client.js", "/three.js", "/openapi.json"] {
@@ -31,14 +31,14 @@ async fn files_are_the_same_with_and_without_compression_and_sent_once() {
     }
 }
 
-/// Reads `response` until `count` sets have come; each part is decoded as it comes.
+/// Reads `response` until `count` sets have arrived; each part is decoded on arrival.
 async fn streamed(response: Response, count: usize) -> (usize, String) {
     let mut body = response.into_body().into_data_stream();
     let (mut bytes, mut text) = (Vec::new(), String::new());
     while text.matches("data: ").count() < count {
         bytes.extend(body.next().await.expect("a part").expect("bytes"));
         let mut read = Vec::new();
-        // The stream has no end: what is there is decoded, and then the end is missing.
+        // The stream has no end: the decoder returns the data so far and then an error for the missing end.
         let _ = MultiGzDecoder::new(&bytes[..]).read_to_end(&mut read);
         text = String::from_utf8(read).expect("text");
         assert!(
@@ -51,7 +51,7 @@ async fn streamed(response: Response, count: usize) -> (usize, String) {
 }
 
 #[tokio::test]
-async fn events_are_compressed_for_clients_that_take_it() {
+async fn events_are_compressed_for_clients_that_accept_gzip() {
     let probe = probe(usize::MAX);
     let app = routes(&probe);
     let request = Request::builder().uri("/v1/events").header("host", "localhost").header(GZIP.0, GZIP.1);
@@ -75,7 +75,7 @@ async fn events_are_compressed_for_clients_that_take_it() {
 }
 
 #[tokio::test]
-async fn exposures_come_small_where_that_is_asked_for() {
+async fn exposures_are_reduced_to_the_requested_width() {
     let probe = probe(usize::MAX);
     let app = routes(&probe);
     for (query, width) in [("", 640), ("?width=320", 320), ("?width=160", 160)] {
@@ -93,7 +93,7 @@ fn read(bytes: Vec<u8>) -> maps::DecodedMap {
     maps::read_from(Cursor::new(bytes), length, &maps::ReadOptions::default()).expect("a map")
 }
 
-/// Irradiance of the level ground from a map.
+/// Returns the irradiance of a horizontal surface under a map.
 fn ground(map: &maps::DecodedMap) -> f64 {
     let lowest =
         if map.covers == maps::Covers::Sphere { std::f64::consts::PI } else { std::f64::consts::FRAC_PI_2 };
@@ -105,8 +105,8 @@ fn ground(map: &maps::DecodedMap) -> f64 {
 }
 
 #[tokio::test]
-async fn maps_have_the_form_that_is_asked_for_and_the_light_of_the_set() {
-    // The lamps of this source switch: all maps are of its last frame.
+async fn maps_have_the_requested_form_and_the_irradiance_of_the_set() {
+    // The lamps of the scene switch: all maps are of the source's last frame.
     let probe = probe(1);
     let app = routes(&probe);
     let set = loop {
@@ -141,7 +141,7 @@ async fn maps_have_the_form_that_is_asked_for_and_the_light_of_the_set() {
 }
 
 #[tokio::test]
-async fn the_map_as_jpeg_holds_the_radiance_in_a_fifth_of_the_bytes() {
+async fn the_map_as_jpeg_has_the_radiance_in_a_fifth_of_the_bytes() {
     let probe = probe(1);
     let app = routes(&probe);
     let (small, full) = loop {

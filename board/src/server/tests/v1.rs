@@ -1,10 +1,10 @@
-//! The modern requests.
+//! The requests under `/v1`.
 
 use super::*;
 use hemilux_core::wire::BinarySet;
 
 #[tokio::test]
-async fn lights_come_in_the_form_that_is_asked_for() {
+async fn lights_are_returned_in_the_requested_form() {
     let probe = probe(usize::MAX);
     let app = routes(&probe);
     for (query, accept, kind, start) in [
@@ -42,7 +42,7 @@ async fn lights_come_in_the_form_that_is_asked_for() {
     }
 }
 
-/// Lights by id: direction and irradiance.
+/// Returns direction and irradiance of each light, by id.
 fn by_id(set: &Value) -> std::collections::BTreeMap<u64, (Vec<f64>, Vec<f64>)> {
     let reals =
         |v: &Value| v.as_array().expect("numbers").iter().map(|v| v.as_f64().expect("a number")).collect();
@@ -52,8 +52,8 @@ fn by_id(set: &Value) -> std::collections::BTreeMap<u64, (Vec<f64>, Vec<f64>)> {
 }
 
 #[tokio::test]
-async fn axes_turn_and_thinning_keeps_ids_and_energy() {
-    // Three frames and no more: all requests see the last one.
+async fn axes_are_converted_and_merging_lights_keeps_ids_and_energy() {
+    // The source ends after three frames: all requests get the last one.
     let probe = probe(3);
     let app = routes(&probe);
     wait_for(&probe, 2).await;
@@ -95,7 +95,7 @@ async fn wait_for(probe: &Probe, frame: u64) {
 }
 
 #[tokio::test]
-async fn after_waits_for_what_follows_and_answers_at_once_when_the_probe_has_begun_anew() {
+async fn after_waits_for_a_later_frame_and_returns_at_once_in_another_run() {
     let probe = probe(usize::MAX);
     let app = routes(&probe);
     let mut frame = get_json(&app, "/v1/lights").await["frame"].as_u64().expect("a number");
@@ -110,7 +110,7 @@ async fn after_waits_for_what_follows_and_answers_at_once_when_the_probe_has_beg
 }
 
 #[tokio::test]
-async fn a_dead_source_is_stale_in_every_format() {
+async fn a_failed_source_is_stale_in_every_form() {
     let probe = probe(3);
     let app = routes(&probe);
     wait_for(&probe, 2).await;
@@ -127,7 +127,7 @@ async fn a_dead_source_is_stale_in_every_format() {
 }
 
 #[tokio::test]
-async fn the_schema_says_what_each_setting_may_be_and_every_such_value_is_taken() {
+async fn every_value_that_the_schema_allows_is_accepted() {
     let probe = probe(usize::MAX);
     let app = routes(&probe);
     let config = get_json(&app, "/v1/config").await;
@@ -158,7 +158,7 @@ async fn the_schema_says_what_each_setting_may_be_and_every_such_value_is_taken(
             wish[name] = value.clone();
             let wish = wish.to_string();
             let mut got = fetch(&app, "PATCH", "/v1/config", &[], &wish).await;
-            // The frame that applies it may take longer than the answer waits.
+            // The frame that applies it may come later than the answer.
             while got.status == 202 {
                 got = fetch(&app, "PATCH", "/v1/config", &[], &wish).await;
             }
@@ -170,7 +170,7 @@ async fn the_schema_says_what_each_setting_may_be_and_every_such_value_is_taken(
 }
 
 #[tokio::test]
-async fn wrong_settings_change_nothing_and_each_field_has_its_reason() {
+async fn wrong_settings_are_refused_with_a_reason_for_each_field() {
     let probe = probe(usize::MAX);
     let app = routes(&probe);
     let wish = "{\"lights\": 20, \"sampler\": \"guess\", \"colour\": 1}";
@@ -201,7 +201,7 @@ async fn wrong_settings_change_nothing_and_each_field_has_its_reason() {
 }
 
 #[tokio::test]
-async fn settings_are_kept_when_asked_for() {
+async fn settings_are_saved_on_request() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("hemilux.toml");
     std::fs::write(&path, "# ours\n").expect("a file");
@@ -234,7 +234,7 @@ async fn the_estimate_has_the_names_and_sizes_of_webxr() {
 }
 
 #[tokio::test]
-async fn events_begin_with_the_newest_set_and_go_on_frame_by_frame() {
+async fn events_begin_with_the_newest_set_and_continue_with_each_frame() {
     let probe = probe(usize::MAX);
     let app = routes(&probe);
     wait_for(&probe, 0).await;
@@ -258,7 +258,7 @@ async fn events_begin_with_the_newest_set_and_go_on_frame_by_frame() {
 }
 
 #[tokio::test]
-async fn metrics_and_status_count_what_happened() {
+async fn metrics_and_status_count_requests_and_frames() {
     let probe = probe(usize::MAX);
     let app = routes(&probe);
     for _ in 0..3 {

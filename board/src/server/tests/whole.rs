@@ -1,4 +1,4 @@
-//! Every form of a light set holds the energy of the frame, or says how much it leaves out.
+//! Every form of a light set contains the whole energy of the frame, or states the part that it leaves out.
 
 use super::*;
 use crate::pipeline::Settings;
@@ -11,7 +11,7 @@ use crate::server::sets::encode;
 use hemilux_core::SamplerKind;
 use hemilux_core::wire::{BinarySet, Coordinates};
 
-/// Contents of an encoded set: scalar flux in lights, in ambient light and left out, and the number of lights.
+/// Contents of an encoded set: scalar flux of the lights, of the ambient light and of the part left out, and the number of lights.
 #[derive(Debug, Default)]
 struct Held {
     lights: [f64; 3],
@@ -27,7 +27,7 @@ impl Held {
     }
 }
 
-/// Scalar flux over the upper hemisphere of radiance in spherical harmonics.
+/// Returns the scalar flux over the upper hemisphere of radiance in spherical harmonics.
 fn flux(sh: impl Fn(usize, usize) -> f64) -> [f64; 3] {
     use std::f64::consts::PI;
     // The integrals of 1 / (2 sqrt(pi)) and of sqrt(3 / (4 pi)) cos(theta) over the hemisphere.
@@ -47,7 +47,7 @@ fn held(format: Format, bytes: &[u8]) -> Held {
             if let Some(sh) = set.ambient_sh() {
                 held.ambient = flux(|row, c| f64::from(sh[row][c]));
             }
-            // It follows from the other numbers.
+            // The part left out follows from the other numbers.
             let whole = set.head().scalar_flux.map(f64::from);
             let rest: [f64; 3] = std::array::from_fn(|c| whole[c] - held.lights[c] - held.ambient[c]);
             if rest.iter().any(|v| v.abs() > 1e-3 * whole[0]) {
@@ -103,7 +103,7 @@ fn selections() -> impl Iterator<Item = Selection> {
     lights.into_iter().flat_map(of)
 }
 
-/// Encodes the newest set for every selection and form and returns how many were checked.
+/// Encodes the newest set for every selection and form and returns the number of checked sets.
 fn check(worker: &Worker, what: &str) -> usize {
     let link = worker.link();
     let mut checked = 0;
@@ -130,7 +130,8 @@ fn check(worker: &Worker, what: &str) -> usize {
             if selection.ambient == Some(false) {
                 assert_eq!(held.ambient, [0.0; 3], "{what} {variant:?}");
             }
-            // The binary form states no rest: its lights and ambient light are those of the JSON form of the same request.
+            // The binary form does not state the part left out: its lights and ambient light are those of the JSON form of the same
+            // request.
             if format == Format::Json {
                 json = held;
             } else if format == Format::Binary {
@@ -159,7 +160,7 @@ fn worker(scene: &str, sampler: SamplerKind, lights: usize, ambient: bool) -> Wo
 }
 
 #[test]
-fn energy_is_whole_or_the_rest_is_told_in_every_form_for_every_request() {
+fn every_form_contains_the_energy_or_states_the_part_left_out() {
     let mut checked = 0;
     for scene in ["room", "sky", "lamps", "overcast"] {
         for sampler in SamplerKind::ALL {
@@ -179,8 +180,8 @@ fn energy_is_whole_or_the_rest_is_told_in_every_form_for_every_request() {
 }
 
 #[test]
-fn a_set_that_lacks_ambient_light_says_by_how_much() {
-    // The first frame after a request is answered from the probe's own set: its ambient light is not in the lights alone.
+fn a_set_without_ambient_light_states_the_part_left_out() {
+    // The first request is answered with the probe's own set, whose lights do not contain the ambient light.
     let mut worker = worker("overcast", SamplerKind::Adaptive, 64, true);
     worker.step().expect("a frame");
     let selection = Selection { ambient: Some(false), ..Selection::OWN };
@@ -200,7 +201,7 @@ fn a_set_that_lacks_ambient_light_says_by_how_much() {
 
 /// Requests that differ in `soft` alone; the probe's own sampler does not fit discs.
 #[test]
-fn discs_are_served_beside_points() {
+fn discs_and_points_are_served_at_the_same_time() {
     let mut worker = worker("room", SamplerKind::Q2Tree, 64, false);
     let link = worker.link();
     let select = |soft| Selection { lights: Some(16), ambient: Some(false), soft };
