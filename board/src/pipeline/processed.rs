@@ -6,20 +6,20 @@ use hemilux_core::wire::{FramesLeftOut, Latency, LightSet};
 use hemilux_core::{Coverage, Decomposition};
 use std::time::Duration;
 
-/// One processed burst.
+/// Results of one processed burst.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Processed<'a> {
-    /// The lights of the sampler.
+    /// The lights computed from the burst.
     pub decomposition: Decomposition<'a>,
-    /// The clipped and unseen fractions of the burst.
+    /// The clipped and the unseen share of the burst's light.
     pub seen: Coverage,
-    /// Sum of L dOmega.
+    /// Scalar flux: the sum of radiance times solid angle, in red, green and blue.
     pub scalar_flux: [f32; 3],
-    /// Sum of L cos(theta) dOmega.
+    /// Horizontal irradiance: the sum of radiance times cos(theta) times solid angle, in red, green and blue.
     pub horizontal_irradiance: [f32; 3],
     /// The frames that contradict the others and were not merged.
     pub frames_left_out: FramesLeftOut,
-    /// The modulation that was removed from the map.
+    /// The modulation by mains lamps that was removed from the map.
     pub flicker: Flicker,
     /// Duration of each stage.
     pub times: Times,
@@ -37,7 +37,7 @@ pub struct Sampled<'a> {
 }
 
 impl Sampled<'_> {
-    /// Both durations in place of those of `other`, which ran on the same frame.
+    /// Returns the durations of `other`, measured on the same frame by another sampler, with `sample` and `filter` of this one.
     #[must_use]
     pub fn latency(&self, other: &Latency) -> Latency {
         let us = |d: Duration| u32::try_from(d.as_micros()).unwrap_or(u32::MAX);
@@ -48,7 +48,7 @@ impl Sampled<'_> {
 }
 
 impl Processed<'_> {
-    /// The measured values of a light set; the fields that identify the frame are those of [`LightSet::EMPTY`].
+    /// Returns a light set with the measured values; the fields that identify the frame are those of [`LightSet::EMPTY`].
     #[must_use]
     pub fn light_set(&self) -> LightSet<'_> {
         LightSet {

@@ -8,30 +8,30 @@ use hemilux_core::{
     SamplerKind,
 };
 
-/// Settings of the pipeline.
+/// Settings of a pipeline.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
     /// Kind of the sampler.
     pub sampler: SamplerKind,
     /// Largest number of lights.
     pub lights: usize,
-    /// Shadowed error that the light set must reach with as few lights as possible; only the sampler `adaptive` reads it.
+    /// Shadowed error, a ratio, that the light set must reach with as few lights as possible; only the sampler `adaptive` reads it.
     pub tolerance: Option<f32>,
-    /// Whether light without a direction is returned as spherical harmonics; only the sampler `adaptive` reads it.
+    /// True if diffuse light is returned as spherical harmonics; only the sampler `adaptive` reads it.
     pub ambient: bool,
-    /// Whether the lights are fitted as discs of their radius.
+    /// True if the lights are fitted as discs of their radius.
     pub soft: bool,
-    /// The exposures that the merge reads.
+    /// Exposures of a burst that are merged.
     pub merge: MergeMode,
-    /// The content of the unseen part of the hemisphere.
+    /// Radiance of the part of the hemisphere outside of the lens's field.
     pub extrapolation: Extrapolation,
-    /// Lamps whose flicker is removed.
+    /// Mains lamps whose flicker is removed.
     pub lamps: Lamps,
     /// Parameters of individual samplers, such as the threshold of `q2tree`.
     pub tuning: Tuning,
-    /// Order of the map; `None` for what the lights need.
+    /// HEALPix order of the map; `None` for the order that the number of lights needs.
     pub order: Option<u8>,
-    /// Shape of the polar map.
+    /// Grid of the polar map.
     pub grid: Grid,
 }
 
@@ -54,47 +54,47 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// The request to the sampler.
+    /// Returns the request to the sampler.
     #[must_use]
     pub fn request(&self) -> Request {
         Request { lights: self.lights, tolerance: self.tolerance, ambient: self.ambient, soft: self.soft }
     }
 
-    /// Order of the map.
+    /// Returns the HEALPix order of the map.
     #[must_use]
     pub fn order(&self) -> u8 {
         self.order.unwrap_or_else(|| samplers::order_for(self.lights))
     }
 
-    /// Whether `other` needs the same sampler, map apart.
+    /// Returns true if `other` has the same sampler with the same memory; the map may differ.
     pub(super) fn same_sampler(&self, other: &Self) -> bool {
         let tuning = |s: &Self| s.tuning.of(s.sampler);
         self.sampler == other.sampler && self.lights == other.lights && tuning(self) == tuning(other)
     }
 }
 
-/// Reasons for which a pipeline cannot be made or a burst not be processed.
+/// Reasons why a pipeline cannot be made or a burst cannot be processed.
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum PipelineError {
-    /// The response cannot be tabulated.
-    #[error("response: found {0}, expected a rising curve and a white level above black")]
+    /// The response is invalid.
+    #[error("response: found {0}, expected an ascending curve and a white level above black")]
     Response(ResponseError),
-    /// The exposures do not merge.
+    /// The exposures cannot be merged.
     #[error("exposures: found {0}, expected up to twelve positive times at most 2^24 apart")]
     Merge(MergeError),
     /// The lens does not fit the image.
     #[error("lens: found {0}, expected an image circle on the sensor whose pixels fill the map")]
     PixelTable(PixelTableError),
-    /// The source does not take such exposure times.
+    /// The source does not support the exposure times.
     #[error("exposures_s: {0}")]
     Exposures(String),
-    /// No such sampler.
+    /// The sampler does not support the request.
     #[error(transparent)]
     Sampler(#[from] SamplerError),
-    /// Frames that do not fit.
-    #[error("burst: found {0}, expected frames as calibrated")]
+    /// The frames do not fit the calibration.
+    #[error("burst: found {0}, expected frames that fit the calibration")]
     Burst(BurstError),
-    /// Another error of the front end.
+    /// Any other error of the front end.
     #[error("calibration: found {0}, expected one that the core can process")]
     Front(FrontError),
 }

@@ -6,18 +6,18 @@ use std::time::Duration;
 /// Duration of each stage.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Times {
-    /// Merge and map.
+    /// Duration of merge and map.
     pub front: Duration,
-    /// Pyramid and polar map.
+    /// Duration of pyramid and polar map.
     pub pyramid: Duration,
-    /// The sampler without its temporal filters.
+    /// Duration of the sampler without its temporal filters.
     pub sample: Duration,
-    /// Temporal filters of the sampler.
+    /// Duration of the sampler's temporal filters.
     pub filter: Duration,
 }
 
 impl Times {
-    /// Durations `factor` times as long.
+    /// Returns the durations multiplied by `factor`.
     #[must_use]
     pub fn slowed(&self, factor: f32) -> Self {
         let slowed = |d: Duration| Duration::try_from_secs_f32(d.as_secs_f32() * factor).unwrap_or(d);
@@ -30,13 +30,13 @@ impl Times {
         }
     }
 
-    /// Duration of all stages.
+    /// Returns the sum of the durations of all stages.
     #[must_use]
     pub fn sum(&self) -> Duration {
         self.front + self.pyramid + self.sample + self.filter
     }
 
-    /// `front`, `pyramid`, `sample`, `filter` and their sum as `total`; the other durations are 0.
+    /// Returns `front`, `pyramid`, `sample`, `filter` and their sum as `total`, microseconds; the other durations are 0.
     #[must_use]
     pub fn latency(&self) -> Latency {
         let us = |d: Duration| u32::try_from(d.as_micros()).unwrap_or(u32::MAX);

@@ -1,4 +1,4 @@
-//! A second sampler on the same frames, while clients request it: one at a time for all clients, and none without requests.
+//! A second sampler on the probe's frames while clients request it: one at a time for all clients.
 
 use super::lock;
 use super::made_for::MadeFor;
@@ -23,25 +23,26 @@ pub const MOST_LIGHTS: usize = 2048;
 /// Time without a request after which the second sampler and its memory are released.
 const KEPT: Duration = Duration::from_secs(3);
 
-/// Time without a request after which a request for another sampler is granted. A client that compares repeats its request sooner.
+/// Time without a request after which a request for another sampler is granted. Clients of a comparison repeat their requests at shorter
+/// intervals.
 const HELD: Duration = Duration::from_millis(500);
 
 /// Order of the map's [sketch](Second::sketch): 2048 quads for a hemisphere, with their centroids.
 pub const SKETCH_ORDER: u8 = 4;
 
-/// A second sampler.
+/// Request for a second sampler: kind, number of lights, and discs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Contender {
     /// Kind of the second sampler.
     pub sampler: SamplerKind,
     /// Requested number of lights, at most [`MOST_LIGHTS`].
     pub lights: usize,
-    /// Whether its lights are fitted as discs.
+    /// True if the lights are fitted as discs.
     pub soft: bool,
 }
 
 impl Contender {
-    /// The request to the sampler.
+    /// Returns the request to the sampler.
     #[must_use]
     pub const fn request(&self) -> Request {
         Request { soft: self.soft, ..Request::of_lights(self.lights) }
@@ -57,10 +58,10 @@ pub struct Second {
     pub sketch: Vec<Quad>,
 }
 
-/// Two sets of one frame.
+/// The light sets of two samplers for one frame.
 #[derive(Clone, Debug)]
 pub struct Pair {
-    /// The second sampler.
+    /// Request of the second sampler.
     pub contender: Contender,
     /// The probe's own set.
     pub first: Arc<OwnedSet>,
@@ -68,11 +69,11 @@ pub struct Pair {
     pub second: Arc<Second>,
 }
 
-/// The requests for a second sampler, and the newest pair.
+/// The requests for a second sampler, and the newest pair of sets.
 #[derive(Debug)]
 pub struct Comparison {
     state: Mutex<ComparisonState>,
-    /// Whether the processing thread has to read the state.
+    /// True if there may be a request, which the processing thread then reads under the lock.
     is_wanted: AtomicBool,
     pairs: watch::Sender<Option<Pair>>,
 }
@@ -110,10 +111,10 @@ impl Drop for Permit<'_> {
 }
 
 impl Comparison {
-    /// Requests pairs of the probe's own set and the set of `contender`.
+    /// Requests pairs of the probe's own set and the set of `contender`, until the permit is dropped.
     ///
     /// # Errors
-    /// The other sampler, if clients hold permits for one.
+    /// The sampler in use, if clients hold permits for another one or held them within the last [`HELD`].
     pub fn ask(&self, contender: Contender) -> Result<Permit<'_>, Contender> {
         let mut state = lock(&self.state);
         let is_held = state.waiting > 0 || state.seen.elapsed() < HELD;
@@ -127,13 +128,13 @@ impl Comparison {
         Ok(Permit(self))
     }
 
-    /// A receiver of the newest pair.
+    /// Returns a receiver of the newest pair.
     #[must_use]
     pub fn pairs(&self) -> watch::Receiver<Option<Pair>> {
         self.pairs.subscribe()
     }
 
-    /// The second sampler of this frame. Without requests, the cost is one atomic load.
+    /// Returns the second sampler of this frame. Without requests, the cost is one atomic load.
     fn wanted(&self) -> Option<Contender> {
         if !self.is_wanted.load(Ordering::Acquire) {
             return None;
@@ -147,7 +148,7 @@ impl Comparison {
     }
 }
 
-/// The processing thread's part of a comparison.
+/// The second sampler on the processing thread, if one is requested.
 #[derive(Default)]
 pub(super) struct SecondarySlot {
     secondary: Option<SecondarySampler>,
@@ -223,7 +224,7 @@ impl SecondarySampler {
     }
 }
 
-/// Bytes of a comparison without those of the sampler.
+/// Returns the bytes of a comparison without those of the sampler.
 #[must_use]
 pub fn bytes(order: u8) -> usize {
     let quads =

@@ -1,4 +1,4 @@
-//! The configuration, which users may change while the probe runs.
+//! The values of all settings; clients may change them while the probe runs.
 
 use super::tiers;
 use crate::pipeline::{PipelineError, Settings};
@@ -11,7 +11,7 @@ use hemilux_core::{Extrapolation, MergeMode};
 pub const EXTRAPOLATIONS: [(&str, Extrapolation); 2] =
     [("none", Extrapolation::None), ("average", Extrapolation::Average)];
 
-/// The name of `extrapolation`.
+/// Returns the name of `extrapolation`.
 #[must_use]
 pub fn extrapolation_name(extrapolation: Extrapolation) -> &'static str {
     EXTRAPOLATIONS.iter().find(|(_, e)| *e == extrapolation).map_or("", |(name, _)| name)
@@ -20,7 +20,7 @@ pub fn extrapolation_name(extrapolation: Extrapolation) -> &'static str {
 /// Names that `--merge` and `change?merge=` accept.
 pub const MERGES: [(&str, MergeMode); 2] = [("needed", MergeMode::Needed), ("all", MergeMode::All)];
 
-/// The name of `mode`.
+/// Returns the name of `mode`.
 #[must_use]
 pub fn merge_name(mode: MergeMode) -> &'static str {
     MERGES.iter().find(|(_, m)| *m == mode).map_or("", |(name, _)| name)
@@ -31,19 +31,19 @@ pub fn merge_name(mode: MergeMode) -> &'static str {
 pub struct Config {
     /// Settings of the pipeline.
     pub pipeline: Settings,
-    /// Exposure times, seconds, ascending; `None` for those of the source.
+    /// Exposure times, seconds, ascending; `None` for the exposure times of the source.
     pub exposures_s: Option<Vec<f64>>,
-    /// Whether the exposures follow the light, if the source can change them.
+    /// True if the exposures follow the light; sources of fixed exposures ignore it.
     pub auto_exposures: bool,
-    /// The budget of each stage.
+    /// Budgets of the stages, microseconds.
     pub budgets: Budgets,
-    /// Whether `/screenshot` may draw the debug picture. The frames do not depend on it.
+    /// True if `/screenshot` may draw the debug picture. The lights do not depend on it.
     pub gui: bool,
-    /// Largest number of tiers, of [`super::tiers::MOST`].
+    /// Largest number of tiers, in [`super::tiers::MOST`].
     pub tiers: usize,
-    /// Whether the quality is lowered where frames take longer than the budget of `total`.
+    /// True if the quality is lowered where frames exceed the budget of `total`.
     pub degrade: bool,
-    /// Factor by which every stage is slower than this machine; no setting, but a test aid.
+    /// Factor by which the time of every stage is multiplied, for tests; it is not a setting.
     pub slowdown: f32,
 }
 
@@ -63,7 +63,7 @@ impl Default for Config {
 }
 
 impl Config {
-    /// The default settings, but with the same quality at any load: for tests that compare sets on a busy machine.
+    /// Returns the default settings without degradation under load, for tests that compare sets on a busy machine.
     #[must_use]
     pub fn steady() -> Self {
         Self { degrade: false, ..Self::default() }
@@ -76,7 +76,7 @@ impl Config {
 pub struct Refusal {
     /// Name of the setting in [`super::settings::SETTINGS`].
     pub setting: &'static str,
-    /// The found and the expected value, in words.
+    /// The value that was found and the value that was expected.
     pub why: String,
 }
 
@@ -105,10 +105,10 @@ impl From<PipelineError> for Refusal {
 }
 
 impl Config {
-    /// Checks that the sampler exists and can give the requested number of lights.
+    /// Checks that the sampler supports the number of lights, the tolerance and ambient light.
     ///
     /// # Errors
-    /// [`Refusal`].
+    /// [`Refusal`] with the first setting that is not supported.
     pub fn check(&self) -> Result<(), Refusal> {
         Ok(samplers::check(self.pipeline.sampler, Domain::Hemisphere, &self.pipeline.request())?)
     }

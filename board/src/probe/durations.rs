@@ -19,7 +19,7 @@ impl DurationLog {
         Self { timings: Mutex::new(Timings::new(budgets)), encode_us: AtomicU32::new(0) }
     }
 
-    /// The durations of each stage since the start, and the numbers of frames over the budgets.
+    /// Returns the durations of each stage since the start, and the numbers of frames over the budgets.
     #[must_use]
     pub fn timings(&self) -> Timings {
         lock(&self.timings).clone()

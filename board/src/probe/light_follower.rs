@@ -5,7 +5,7 @@ use crate::exposure_plan::Planner;
 use crate::noise::Noise;
 use crate::source::Source;
 
-/// Changes the exposures of a source after its bursts.
+/// Changes the exposures of a source according to the light of its bursts.
 #[derive(Debug, Default)]
 pub(super) struct LightFollower {
     /// The planner, and the calibration that it was made for.
@@ -13,10 +13,10 @@ pub(super) struct LightFollower {
 }
 
 impl LightFollower {
-    /// Plans the exposures of the next bursts after `burst`, of whose light the share `clipped` was clipped. Returns whether they change.
+    /// Plans the exposures of the bursts after `burst`, of whose light the share `clipped` is clipped. Returns true if the exposures change.
     ///
-    /// Sources of fixed exposures are left alone, and so are bursts with other exposures than the source has now: those of before a change,
-    /// and incomplete ones.
+    /// Sources of fixed exposures do not change. Bursts whose exposures differ from the source's present ones are ignored: incomplete bursts
+    /// and those from before a change.
     pub(super) fn follow(&mut self, source: &mut dyn Source, burst: &Burst, clipped: f64) -> bool {
         let Some(range) = source.exposure_range() else { return false };
         if !burst.frames.iter().map(|frame| frame.exposure).eq(source.exposures()) {
@@ -45,7 +45,7 @@ mod tests {
     use crate::scene;
     use crate::source::{Pace, SceneSource};
 
-    /// Exposures and clipped share of each burst of a scene whose first exposures are `seconds`.
+    /// Returns the exposure times, seconds, and the clipped share of each burst of a scene whose first exposures are `seconds`.
     fn follow(name: &str, seconds: &[f64], bursts: usize) -> Vec<(Vec<f64>, f64)> {
         let mut source = SceneSource::new(scene::by_name(name).expect("a scene"), Pace::Free);
         source.set_exposures(Some(seconds)).expect("any exposures");
@@ -63,7 +63,7 @@ mod tests {
     }
 
     #[test]
-    fn scenes_are_covered_from_the_third_burst_on_by_as_few_exposures_as_they_need() {
+    fn few_exposures_cover_each_scene_from_the_third_burst() {
         // The overcast sky has a ratio of three between zenith and horizon; the lamps of the other scenes are hundreds of times as bright as the
         // walls.
         for (name, most) in [("overcast", 1), ("room", 3), ("sky", 3), ("lamps", 3)] {
@@ -78,7 +78,7 @@ mod tests {
     }
 
     #[test]
-    fn bursts_with_other_exposures_than_the_source_change_nothing() {
+    fn bursts_with_other_exposures_than_the_source_are_ignored() {
         let mut source = SceneSource::new(scene::by_name("overcast").expect("a scene"), Pace::Free);
         let mut burst = Burst::default();
         source.next(&mut burst).expect("a burst");

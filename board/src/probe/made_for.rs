@@ -1,4 +1,4 @@
-//! The settings on which a sampler's memory depends.
+//! The settings that determine a sampler's memory.
 
 use crate::pipeline::Pipeline;
 use crate::samplers::Tuning;
@@ -12,7 +12,7 @@ pub(super) struct MadeFor {
 }
 
 impl MadeFor {
-    /// The present settings of `pipeline`, as far as `kind` reads them.
+    /// Returns the settings in effect of `pipeline`, reduced to those that `kind` reads.
     pub(super) fn now(pipeline: &Pipeline, kind: SamplerKind) -> Self {
         let settings = pipeline.settings();
         Self { order: settings.order(), tuning: settings.tuning.of(kind) }

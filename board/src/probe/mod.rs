@@ -1,7 +1,7 @@
-//! The processing thread: takes bursts from a source, runs the pipeline and publishes the newest light set.
+//! The processing thread: reads bursts from a source, runs the pipeline and publishes the newest light set.
 //!
-//! The thread never waits for a client: results go through a latest-value channel ([`SetChannel`]), changes of the settings come in
-//! through [`SettingsChannel`] and take effect with the next frame. After the first frames it allocates nothing (`board/tests/allocations.rs`).
+//! The thread never waits for a client: light sets go through a latest-value channel ([`SetChannel`]); changes of the settings arrive through
+//! [`SettingsChannel`] and take effect with the next frame. After the first frames it allocates nothing (`board/tests/allocations.rs`).
 
 pub mod compare;
 mod config;
@@ -46,15 +46,15 @@ use tiers::Tiers;
 /// Reasons for which the probe cannot start.
 #[derive(Debug, thiserror::Error)]
 pub enum StartError {
-    /// The source and the settings do not make a pipeline.
+    /// The source and the settings do not fit together.
     #[error(transparent)]
     Pipeline(#[from] PipelineError),
-    /// The operating system refuses a thread.
+    /// The operating system cannot start a thread.
     #[error("the processing thread: found {0}, expected it to start")]
     Thread(std::io::Error),
 }
 
-/// The state that the processing thread and the server share, in parts by purpose.
+/// The state that the processing thread and the server share, one field per purpose.
 #[derive(Debug)]
 pub struct Link {
     run: String,
@@ -87,13 +87,13 @@ impl Link {
         }
     }
 
-    /// The identifier of this run of the program: it differs after every start.
+    /// Returns the identifier of this run of the program, which differs after every start.
     #[must_use]
     pub fn run(&self) -> &str {
         &self.run
     }
 
-    /// The name of the source of bursts.
+    /// Returns the name of the source of bursts.
     #[must_use]
     pub fn source(&self) -> String {
         self.source.name()
@@ -104,61 +104,61 @@ impl Link {
         self.source.post(NextSource { source, name });
     }
 
-    /// The time at which the probe started.
+    /// Returns the time at which the probe started.
     #[must_use]
     pub fn started(&self) -> Instant {
         self.started
     }
 
-    /// The channel of the newest light set.
+    /// Returns the channel of the newest light set.
     #[must_use]
     pub fn sets(&self) -> &SetChannel {
         &self.sets
     }
 
-    /// The channel of the settings: requests of clients to the processing thread, and its answers.
+    /// Returns the channel of the settings: requests of clients to the processing thread, and its answers.
     #[must_use]
     pub fn settings(&self) -> &SettingsChannel {
         &self.settings
     }
 
-    /// The state of the processing thread and of the source.
+    /// Returns the state of the processing thread and of the source.
     #[must_use]
     pub fn status(&self) -> &ThreadStatus {
         &self.status
     }
 
-    /// The durations of the stages.
+    /// Returns the durations of the stages.
     #[must_use]
     pub fn durations(&self) -> &DurationLog {
         &self.durations
     }
 
-    /// Requests for exposures and maps.
+    /// Returns the requests for frames and maps, from which pictures are made.
     #[must_use]
     pub fn views(&self) -> &Views {
         &self.views
     }
 
-    /// Requests for the light sets of a second sampler.
+    /// Returns the requests for the light sets of a second sampler.
     #[must_use]
     pub fn comparison(&self) -> &Comparison {
         &self.comparison
     }
 
-    /// Light sets for clients that request other lights than the probe's own set has.
+    /// Returns the light sets for clients that request other lights than those of the probe's own set.
     #[must_use]
     pub fn tiers(&self) -> &Tiers {
         &self.tiers
     }
 
-    /// The state of the exposures and frames of the camera; `None` if the source is no camera.
+    /// Returns the state of the camera's exposures and frames; `None` if the source is not a camera.
     #[must_use]
     pub fn camera(&self) -> Option<CameraStatus> {
         lock(&self.camera).clone()
     }
 
-    /// Notes the state of the source's camera, if it has one.
+    /// Stores the state of the source's camera; `None` for other sources.
     fn note_camera(&self, source: &dyn Source) {
         let mut camera = lock(&self.camera);
         let mut status = camera.take().unwrap_or_default();
@@ -167,7 +167,7 @@ impl Link {
         }
     }
 
-    /// The age of `set`, and the reason why there is no newer one.
+    /// Returns the age of `set` and the reason why there is no newer one.
     #[must_use]
     pub fn staleness(&self, set: &OwnedSet) -> Stale<String> {
         let age_ns = crate::clock::monotonic_ns().saturating_sub(set.timestamp_ns);
@@ -181,7 +181,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Five random characters, from the keys that the standard library takes for its hash tables.
+/// Returns five random characters, from the random keys that the standard library creates for hash tables.
 fn run_id() -> String {
     const DIGITS: &[u8; 32] = b"0123456789abcdefghjkmnpqrstvwxyz";
     let mut hasher = RandomState::new().build_hasher();
@@ -190,7 +190,7 @@ fn run_id() -> String {
     (0..5).map(|i| char::from(DIGITS[(random >> (5 * i)) as usize % DIGITS.len()])).collect()
 }
 
-/// A running processing thread; dropping it stops it.
+/// A running processing thread; it stops on drop.
 #[derive(Debug)]
 pub struct Probe {
     link: Arc<Link>,
@@ -198,10 +198,10 @@ pub struct Probe {
 }
 
 impl Probe {
-    /// Starts a thread that processes the bursts of `source`, which clients see under `name`.
+    /// Starts a thread that processes the bursts of `source`, whose name for clients is `name`.
     ///
     /// # Errors
-    /// [`StartError`].
+    /// [`StartError`] where source and settings do not fit together or no thread can be started.
     pub fn start(source: Box<dyn Source>, name: String, config: Config) -> Result<Self, StartError> {
         let mut worker = Worker::try_new(source, name, config)?;
         let link = worker.link();
@@ -210,7 +210,7 @@ impl Probe {
         Ok(Self { link, thread: Some(thread) })
     }
 
-    /// The shared state between the processing thread and the server.
+    /// Returns the state that the processing thread and the server share.
     #[must_use]
     pub fn link(&self) -> Arc<Link> {
         Arc::clone(&self.link)

@@ -1,4 +1,4 @@
-//! A ring of reused memory for finished sets.
+//! A ring of light sets whose memory is reused.
 
 use crate::light_set::OwnedSet;
 use std::sync::Arc;
@@ -31,10 +31,10 @@ impl<T: Default> Ring<T> {
     }
 }
 
-/// Capacity of the texts of a set, bytes: longer than an identifier of a run and than the name of a sampler.
+/// Capacity of the strings of a set, bytes: longer than a run identifier and than the name of a sampler.
 const TEXT: usize = 32;
 
-/// A set without lights whose memory suffices for `lights` lights and for its texts.
+/// Returns a set without lights, with memory for `lights` lights and for its strings.
 fn empty(lights: usize) -> OwnedSet {
     OwnedSet {
         run: String::with_capacity(TEXT),
@@ -45,7 +45,7 @@ fn empty(lights: usize) -> OwnedSet {
 }
 
 impl Ring<OwnedSet> {
-    /// A ring whose sets have a capacity of `lights` lights each.
+    /// Creates a ring whose sets have a capacity of `lights` lights each.
     pub(super) fn with_lights(lights: usize) -> Self {
         Self::new(|| empty(lights))
     }

@@ -19,30 +19,30 @@ impl Default for SetChannel {
 }
 
 impl SetChannel {
-    /// A receiver of the newest set; `None` before the first one. [`SetChannel::newer`] waits for the next.
+    /// Returns a receiver of the newest set, `None` before the first one. [`SetChannel::newer`] waits for the next set.
     #[must_use]
     pub fn subscribe(&self) -> watch::Receiver<Option<Arc<OwnedSet>>> {
         self.latest.subscribe()
     }
 
-    /// The newest set; `None` before the first one.
+    /// Returns the newest set; `None` before the first one.
     #[must_use]
     pub fn latest(&self) -> Option<Arc<OwnedSet>> {
         self.latest.borrow().clone()
     }
 
-    /// Waits for a set newer than the last one that `seen` has read. Waiters are notified in FIFO order, so that clients that wait for every
-    /// frame are not delayed by a burst of others.
+    /// Waits for a set newer than the last one that `seen` has read. Waiters are notified in FIFO order, so that many simultaneous requests
+    /// do not delay clients that wait for every frame.
     pub async fn newer(&self, seen: &watch::Receiver<Option<Arc<OwnedSet>>>) {
         loop {
             let notified = self.notify.notified();
             tokio::pin!(notified);
-            // Queued before the check, so that no set is missed between them.
+            // The waiter is queued before the check, so that no set between check and wait is missed.
             notified.as_mut().enable();
             if seen.has_changed().unwrap_or(true) {
                 return;
             }
-            // The notification may be that of a set that was published before the check.
+            // The notification may belong to a set that was published before the check.
             notified.await;
         }
     }

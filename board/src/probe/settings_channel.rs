@@ -5,18 +5,18 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use tokio::sync::watch;
 
-/// The configuration in effect, and the number of the last change that was processed.
+/// The configuration in effect, and the number of the last request that was processed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Applied {
     /// Number of the last request that was processed.
     pub serial: u64,
     /// The configuration in effect.
     pub config: Config,
-    /// The reason for which that request was refused; `None` if it was accepted.
+    /// The reason of the refusal of request `serial`; `None` if it was accepted.
     pub refused: Option<Refusal>,
 }
 
-/// A requested configuration.
+/// A requested configuration and its number.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Requested {
     pub(super) config: Config,
@@ -29,7 +29,7 @@ pub(super) struct Requested {
 pub struct Exposures {
     /// Exposure times in effect, seconds, ascending.
     pub seconds: Vec<f64>,
-    /// The reason for which they cannot be changed; `None` if they can.
+    /// The reason why the exposures cannot be changed; `None` if they can.
     pub fixed: Option<&'static str>,
 }
 
@@ -53,13 +53,13 @@ impl SettingsChannel {
         }
     }
 
-    /// A receiver of the settings in effect.
+    /// Returns a receiver of the settings in effect.
     #[must_use]
     pub fn applied(&self) -> watch::Receiver<Applied> {
         self.applied.subscribe()
     }
 
-    /// The exposures of the source.
+    /// Returns the exposures of the source.
     #[must_use]
     pub fn exposures(&self) -> Exposures {
         lock(&self.exposures).clone()
@@ -69,8 +69,8 @@ impl SettingsChannel {
         *lock(&self.exposures) = exposures;
     }
 
-    /// Requests a change of the settings; returns the number of the [`Applied`] that answers it. A change is checked here, so that an
-    /// invalid one does not make the thread refuse a valid change of another client.
+    /// Requests a change of the settings; returns the number of the [`Applied`] that answers it. The change is checked on the caller's
+    /// thread, so that an invalid one does not discard valid changes of other clients.
     ///
     /// # Errors
     /// [`Refusal`] for values out of range; nothing changes then.
@@ -85,7 +85,7 @@ impl SettingsChannel {
         Ok(wanted.serial)
     }
 
-    /// The newest request that the processing thread has not taken yet.
+    /// Returns the newest request that the processing thread has not taken yet.
     pub(super) fn take(&self) -> Option<Requested> {
         if !self.waiting.swap(false, Ordering::Acquire) {
             return None;
@@ -94,7 +94,7 @@ impl SettingsChannel {
         Some(wanted.clone())
     }
 
-    /// Answers the request number `serial`: `in_effect` is the configuration from now on.
+    /// Answers the request `serial`: `in_effect` is the configuration from this frame.
     pub(super) fn answer(&self, serial: u64, in_effect: Config, refused: Option<Refusal>) {
         let mut wanted = lock(&self.wanted);
         if refused.is_some() && wanted.serial == serial {

@@ -1,4 +1,4 @@
-//! The state of the processing thread and of the source.
+//! The state of the processing thread and of the source of bursts.
 
 use super::lock;
 use hemilux_core::wire::{Degraded, FrameFault, FramesLeftOut};
@@ -14,7 +14,7 @@ pub struct ThreadStatus {
     stopping: AtomicBool,
     /// True when the processing thread has ended.
     ended: watch::Sender<bool>,
-    /// Frames that were not merged, by [`FrameFault::index`].
+    /// Number of frames that were not merged, by [`FrameFault::index`].
     left_out: [AtomicU64; FrameFault::ALL.len()],
     quality: Mutex<QualityStatus>,
 }
@@ -22,7 +22,7 @@ pub struct ThreadStatus {
 /// The steps by which the quality is lowered.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct QualityStatus {
-    /// The steps in force.
+    /// The steps in effect.
     pub steps: Degraded,
     /// Number of steps down since the start.
     pub down: u64,
@@ -44,7 +44,7 @@ impl Default for ThreadStatus {
 }
 
 impl ThreadStatus {
-    /// The fault of the source; `None` while the source delivers bursts.
+    /// Returns the fault of the source; `None` while the source delivers bursts.
     #[must_use]
     pub fn failure(&self) -> Option<String> {
         lock(&self.failure).clone()
@@ -54,7 +54,7 @@ impl ThreadStatus {
         *lock(&self.failure) = reason;
     }
 
-    /// Number of iterations of the processing thread, with or without a burst: at least two per second while the thread runs.
+    /// Returns the number of iterations of the processing thread, with or without a burst: at least two per second while the thread runs.
     #[must_use]
     pub fn turns(&self) -> u64 {
         self.turns.load(Ordering::Relaxed)
@@ -73,7 +73,8 @@ impl ThreadStatus {
         self.stopping.load(Ordering::Relaxed)
     }
 
-    /// Number of frames that contradicted their burst and were not merged since the start, by the name of the contradiction.
+    /// Returns, for each kind of contradiction, its name and the number of frames that contradicted their burst and were not merged since the
+    /// start.
     pub fn frames_left_out(&self) -> impl Iterator<Item = (&'static str, u64)> {
         let counts = self.left_out.iter().map(|count| count.load(Ordering::Relaxed));
         FrameFault::ALL.iter().map(|fault| fault.name()).zip(counts)
@@ -85,7 +86,7 @@ impl ThreadStatus {
         }
     }
 
-    /// The steps by which the quality is lowered.
+    /// Returns the steps by which the quality is lowered.
     #[must_use]
     pub fn quality(&self) -> QualityStatus {
         *lock(&self.quality)

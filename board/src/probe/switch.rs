@@ -1,4 +1,4 @@
-//! A change of the source while the probe runs.
+//! Replacement of the source while the probe runs.
 
 use super::lock;
 use crate::source::Source;
@@ -6,14 +6,14 @@ use std::fmt;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// An opened source on its way to the processing thread, and the name of the one in use.
+/// A slot for an opened source that the processing thread takes, and the name of the source in use.
 pub(super) struct SourceSwitch {
     name: Mutex<String>,
     next: Mutex<Option<NextSource>>,
     is_waiting: AtomicBool,
 }
 
-/// A source that is to replace the one in use.
+/// An opened source that replaces the one in use, and its name.
 pub(super) struct NextSource {
     pub source: Box<dyn Source>,
     pub name: String,
@@ -24,12 +24,12 @@ impl SourceSwitch {
         Self { name: Mutex::new(name), next: Mutex::new(None), is_waiting: AtomicBool::new(false) }
     }
 
-    /// The name of the source in use.
+    /// Returns the name of the source in use.
     pub fn name(&self) -> String {
         lock(&self.name).clone()
     }
 
-    /// Leaves a source for the processing thread; one that was left before and not taken is dropped.
+    /// Stores a source for the processing thread; an earlier one that the thread has not taken is dropped.
     pub fn post(&self, next: NextSource) {
         *lock(&self.next) = Some(next);
         self.is_waiting.store(true, Ordering::Release);

@@ -1,9 +1,9 @@
-//! Tiers: light sets for clients that request fewer lights than the probe's own set has, ambient light where it has none or none where it
-//! has, or lights fitted as discs where its own are points or the reverse.
+//! Tiers: additional light sets per frame, for clients that request fewer lights than the probe's own set has, another choice of ambient light,
+//! or another choice between points and discs.
 //!
-//! A tier is a sampler with a state of its own that runs once per frame while clients request its sets, so that ids and filters hold from
-//! frame to frame. The number of tiers is bounded by a setting ([`MOST`]): a request beyond it is served by a tier of fewer lights, never by
-//! one of more. So the work per frame does not grow with what clients request.
+//! A tier is a sampler with a state of its own that runs once per frame while clients request its sets, so that ids and filters persist from
+//! frame to frame. A setting bounds the number of tiers ([`MOST`]): a request beyond it is served by a tier of fewer lights, never by one of
+//! more. The work per frame is therefore bounded, whatever clients request.
 
 use super::lock;
 use super::made_for::MadeFor;
@@ -19,13 +19,14 @@ use std::ops::RangeInclusive;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-/// Range of the number of tiers. Four tiers, with and without ambient light, of points and of discs, are the fewest that serve every request.
+/// Range of the largest number of tiers. Four tiers, with and without ambient light, of points and of discs, are the fewest that serve every
+/// request.
 pub const MOST: RangeInclusive<usize> = CLASSES.len()..=16;
 
 /// Default number of tiers: at 64 lights each adds at most 0.2 ms per frame on x86-64.
 pub const USUAL: usize = 6;
 
-/// Most lights of a tier; larger requests that the probe's own set does not serve get this number.
+/// Most lights of a tier; the sets for larger requests that the probe's own set does not serve have this number of lights.
 pub const MOST_LIGHTS: usize = 2048;
 
 /// Time without a request after which a tier is dropped, provided that [`KEPT_FRAMES`] frames have passed as well.
@@ -37,16 +38,16 @@ const KEPT_FRAMES: u64 = 3;
 /// The contents of a light set that a client requests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Selection {
-    /// Largest number of lights; `None` for as many as the probe's own set.
+    /// Largest number of lights; `None` for the number of the probe's own set.
     pub lights: Option<usize>,
-    /// Whether light without a direction is in spherical harmonics; `None` for the probe's own setting.
+    /// True if diffuse light is returned as spherical harmonics; `None` for the probe's own setting.
     pub ambient: Option<bool>,
-    /// Whether lights are fitted as discs; `None` for the probe's own setting.
+    /// True if lights are fitted as discs; `None` for the probe's own setting.
     pub soft: Option<bool>,
 }
 
 impl Selection {
-    /// The probe's own set.
+    /// The selection of the probe's own set.
     pub const OWN: Self = Self { lights: None, ambient: None, soft: None };
 }
 
@@ -55,20 +56,20 @@ impl Selection {
 pub struct Tier {
     /// Largest number of lights.
     pub lights: usize,
-    /// Whether light without a direction is in spherical harmonics.
+    /// True if diffuse light is returned as spherical harmonics.
     pub ambient: bool,
-    /// Whether lights are fitted as discs.
+    /// True if lights are fitted as discs.
     pub soft: bool,
 }
 
-/// Tiers that differ in the number of lights alone: only these can stand in for one another.
+/// The properties besides the number of lights: requests may share tiers of the same class alone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Class {
     ambient: bool,
     soft: bool,
 }
 
-/// All classes.
+/// All classes, with and without ambient light, of points and of discs.
 const CLASSES: [Class; 4] = [
     Class { ambient: false, soft: false },
     Class { ambient: false, soft: true },
@@ -112,7 +113,7 @@ impl Tiers {
         Self(Mutex::new(Table { most: clamp(most), own, frame: 0, requested, sets }))
     }
 
-    /// Requests sets of `selection` for the next frames and returns the newest one, if there is one yet.
+    /// Requests sets of `selection` for the next frames and returns the newest one, if there is one.
     #[must_use]
     pub fn request(&self, selection: Selection) -> Served {
         let mut table = lock(&self.0);
@@ -126,7 +127,7 @@ impl Tiers {
         }
     }
 
-    /// The selection whose sets answer requests for `selection`: equal for all requests that share a tier.
+    /// Returns the selection of the tier that answers `selection`: it is equal for all requests that share the tier.
     #[must_use]
     pub fn resolve(&self, selection: Selection) -> Selection {
         let mut table = lock(&self.0);
@@ -135,19 +136,19 @@ impl Tiers {
         Selection { lights: tier.map(|tier| tier.lights), ambient: Some(ambient), soft: Some(soft) }
     }
 
-    /// The tiers that clients request.
+    /// Returns the tiers that clients request.
     #[must_use]
     pub fn in_use(&self) -> Vec<Tier> {
         lock(&self.0).requested.iter().map(|r| r.tier).collect()
     }
 
-    /// The largest number of tiers.
+    /// Returns the largest number of tiers.
     #[must_use]
     pub fn most(&self) -> usize {
         lock(&self.0).most
     }
 
-    /// Adopts changed settings of the probe: sets of earlier settings are withdrawn.
+    /// Adopts changed settings of the probe and withdraws the sets of the earlier settings.
     pub(super) fn follow(&self, settings: &Settings, most: usize) {
         let mut table = lock(&self.0);
         (table.own, table.most) = (own(settings), clamp(most));
@@ -158,7 +159,7 @@ impl Tiers {
         table.sets.clear();
     }
 
-    /// Drops tiers that clients no longer request, and calls `each` for the others.
+    /// Drops tiers without recent requests, and calls `each` for the others.
     fn frame(&self, mut each: impl FnMut(Tier)) {
         let mut table = lock(&self.0);
         table.frame += 1;
@@ -177,20 +178,20 @@ impl Tiers {
 /// The answer to a request.
 #[derive(Clone, Debug)]
 pub enum Served {
-    /// The probe's own set has what is requested.
+    /// The probe's own set answers the request.
     Own,
     /// The newest set of a tier.
     Set(Arc<OwnedSet>),
-    /// The tier's first set comes with one of the next frames.
+    /// The tier has no set yet; its first one is published with one of the next frames.
     NotYet(Tier),
 }
 
 impl Table {
-    /// The tier that serves `selection`; `None` for the probe's own set. Creates a tier if fewer than the largest number of tiers exist.
+    /// Returns the tier that serves `selection`, `None` for the probe's own set. Creates a tier if their number is below the limit.
     fn assign(&mut self, selection: Selection) -> Option<Tier> {
         let ambient = selection.ambient.unwrap_or(self.own.ambient);
         let soft = selection.soft.unwrap_or(self.own.soft);
-        // A probe of ambient light alone has no light; without ambient light one light holds all energy.
+        // A set with ambient light may have no directional light; without ambient light, at least one light carries the energy.
         let most = self.own.lights.max(usize::from(!ambient));
         let lights = selection.lights.unwrap_or(most).min(most);
         if (Tier { lights, ambient, soft }) == self.own {
@@ -202,7 +203,7 @@ impl Table {
         if is_new && self.has_room(wanted.class()) {
             self.requested.push(Requested { tier: wanted, at, frame });
         } else if is_new && !self.requested.iter().any(|r| serves(r.tier, wanted)) {
-            // No tier of this class is small enough: the smallest one shrinks, for all of its clients.
+            // No tier of this class is small enough: the smallest one is reduced, for all of its clients.
             let class = self.requested.iter_mut().filter(|r| r.tier.class() == wanted.class());
             if let Some(smallest) = class.min_by_key(|r| r.tier.lights) {
                 smallest.tier = wanted;
@@ -214,7 +215,7 @@ impl Table {
         Some(best.tier)
     }
 
-    /// Whether a tier of `class` can be added. One place is kept for each other class that has no tier.
+    /// Returns true if a tier of `class` can be added. One tier is reserved for each other class without a tier.
     fn has_room(&self, class: Class) -> bool {
         let is_missing = |other: &&Class| self.requested.iter().all(|r| r.tier.class() != **other);
         let kept = CLASSES.iter().filter(|other| **other != class).filter(is_missing).count();
@@ -222,7 +223,7 @@ impl Table {
     }
 }
 
-/// Whether a set of `tier` has at most the lights of `wanted`, and is of the same class.
+/// Returns true if a set of `tier` has at most the lights of `wanted` and is of the same class.
 fn serves(tier: Tier, wanted: Tier) -> bool {
     tier.class() == wanted.class() && tier.lights <= wanted.lights
 }
@@ -309,7 +310,8 @@ impl Running {
     }
 }
 
-/// The sampler of a tier: the probe's own, or `adaptive` where that gives more lights at least, has no ambient light or fits no discs.
+/// Returns the sampler of a tier: the probe's own, or `adaptive` where the own sampler needs more lights than the tier has, has no ambient light
+/// or fits no discs.
 fn kind(tier: Tier, settings: &Settings) -> SamplerKind {
     let own = settings.sampler;
     let fits = tier.lights >= own.least_lights(Domain::Hemisphere)
@@ -341,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn without_ambient_light_there_is_a_light_beside_a_probe_of_ambient_light_alone() {
+    fn a_set_without_ambient_light_has_a_light_although_the_own_set_has_none() {
         let mut table = table(4, true);
         table.own.lights = 0;
         let without = Tier { lights: 1, ambient: false, soft: false };
@@ -374,7 +376,7 @@ mod tests {
     }
 
     #[test]
-    fn a_request_beyond_the_number_of_tiers_shares_the_largest_that_is_small_enough() {
+    fn a_request_beyond_the_limit_shares_the_largest_tier_that_is_small_enough() {
         let mut table = table(5, false);
         let one = |lights| Some(Tier { lights, ambient: false, soft: false });
         assert_eq!(table.assign(select(4, false)), one(4));

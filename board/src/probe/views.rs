@@ -1,4 +1,4 @@
-//! The data for pictures, copied by the processing thread only on request.
+//! Frames and maps for pictures, copied by the processing thread only on request.
 
 use crate::calibration::{Burst, Calibration, Frame};
 use crate::light_set::OwnedSet;
@@ -13,13 +13,13 @@ use tokio::sync::watch;
 /// The frames of a burst as the source delivers them.
 #[derive(Clone, Debug)]
 pub struct BurstView {
-    /// The light set's frame.
+    /// Number of the light set's frame.
     pub frame: u64,
-    /// CLOCK_MONOTONIC at which none of the exposures had begun, nanoseconds; 0 where unknown.
+    /// CLOCK_MONOTONIC at a time before the first exposure began, nanoseconds; 0 where unknown.
     pub before_ns: u64,
-    /// The exposures, shortest first.
+    /// The frames, shortest exposure first.
     pub frames: Vec<Frame>,
-    /// The calibration, which states the format of the samples.
+    /// The calibration, which contains the format of the samples.
     pub calibration: Calibration,
     /// The unit lux, whose factor `calibration` contains; `None` where the unit is relative.
     pub lux: Option<Lux>,
@@ -28,46 +28,46 @@ pub struct BurstView {
 /// The polar map of a frame with its lights.
 #[derive(Clone, Debug)]
 pub struct MapView {
-    /// The map's shape.
+    /// Grid of the map.
     pub grid: Grid,
-    /// Energy of each texel.
+    /// Energy of each texel: radiance times solid angle, red, green and blue.
     pub texels: Vec<[f32; 3]>,
-    /// The light set's frame.
+    /// Number of the light set's frame.
     pub frame: u64,
-    /// The lights of the map.
+    /// The lights computed from the map.
     pub lights: Vec<Light>,
 }
 
 impl MapView {
-    /// The map as a view.
+    /// Returns the map, borrowed.
     #[must_use]
     pub fn map(&self) -> LatLongView<'_> {
         LatLongView { grid: self.grid, texels: &self.texels }
     }
 }
 
-/// One kind of view: each request takes a number, and the next frame's view answers all numbers taken before.
+/// Requests and answers for one kind of view: each request gets a number, and the next frame's view answers all numbers up to the newest.
 #[derive(Debug)]
 pub struct Slot<T> {
     asked: AtomicU64,
     given: watch::Sender<Given<T>>,
 }
 
-/// The newest view and the last number that it answers.
+/// The newest view and the number of the last request that it answers.
 #[derive(Debug)]
 pub struct Given<T> {
     /// Number of the last request that the view answers.
     pub number: u64,
     /// The view; `None` before the first one.
     pub view: Option<Arc<T>>,
-    /// Whether the view is of a frame that was processed after the request.
+    /// True if the view is of a frame that was processed after the request.
     pub is_new: bool,
 }
 
-/// A request for a view.
+/// A request for a view, and the channel of its answer.
 #[derive(Debug)]
 pub struct ViewRequest<T> {
-    /// The number from which a [`Given`] answers the request.
+    /// Number of the request: a [`Given`] of this number or a greater one answers it.
     pub number: u64,
     /// The channel of the answers.
     pub given: watch::Receiver<Given<T>>,
@@ -83,14 +83,14 @@ impl<T> Default for Slot<T> {
 }
 
 impl<T> Slot<T> {
-    /// Requests a view of the next frame.
+    /// Requests a view of the next frame; the processing thread makes it.
     #[must_use]
     pub fn request(&self) -> ViewRequest<T> {
         let given = self.given.subscribe();
         ViewRequest { number: self.asked.fetch_add(1, Ordering::AcqRel) + 1, given }
     }
 
-    /// Makes a view of a new frame if a request waits.
+    /// Makes a view of a new frame if a request is waiting.
     fn serve(&self, make: impl FnOnce() -> T) {
         self.give(true, make);
     }
@@ -113,7 +113,7 @@ pub struct Views {
 }
 
 impl Views {
-    /// Answers the requests for views of this frame; two atomic loads without requests.
+    /// Answers the requests for views of this frame. Without requests, the cost is two atomic loads.
     pub(super) fn serve(&self, burst: &Burst, pipeline: &mut Pipeline, set: &OwnedSet, lux: Option<Lux>) {
         self.bursts.serve(|| BurstView {
             frame: set.frame,
@@ -125,7 +125,7 @@ impl Views {
         self.maps.serve(|| map_view(pipeline, set));
     }
 
-    /// Answers the requests for the map with that of the last frame `set`, while the source delivers no bursts.
+    /// Answers the requests for maps with the map of the last frame, whose set is `set`, while the source delivers no bursts.
     pub(super) fn serve_last(&self, pipeline: &mut Pipeline, set: &OwnedSet) {
         if pipeline.has_map() {
             self.maps.give(false, || map_view(pipeline, set));
@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn a_map_without_bursts_is_that_of_the_last_frame_and_not_new() {
+    fn without_bursts_the_map_of_the_last_frame_is_returned_as_not_new() {
         let mut source = SceneSource::new(scene::by_name("room").expect("a scene"), Pace::Free);
         let pipeline = Pipeline::try_new(*source.calibration(), &source.exposures(), Settings::default());
         let mut pipeline = pipeline.expect("a pipeline");

@@ -19,46 +19,46 @@ use hemilux_core::wire::{Latency, LightSet, Unit};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Pause after a fault of the source: long enough not to spin, short beside the time a client waits for a frame.
+/// Pause after a fault of the source: it limits the load of a loop over faults, and it is short compared with a client's wait for a frame.
 pub(crate) const RETRY_PAUSE: Duration = Duration::from_millis(100);
 
-/// Factor between the shortest exposure of a burst and the nominal one from which another exposure is meant.
+/// Largest ratio of a burst's shortest exposure to the nominal one at which both are taken to be the same exposure.
 const MARGIN: f64 = 1.01;
 
-/// Takes bursts, processes them and publishes the light sets.
+/// Processes bursts and publishes their light sets.
 pub struct Worker {
     source: Box<dyn Source>,
     pipeline: Pipeline,
     burst: Burst,
     ring: Ring<OwnedSet>,
-    /// The second sampler, while one is compared.
+    /// The second sampler, while clients request a comparison.
     secondary: SecondarySlot,
     tiers: TierSamplers,
     /// The settings in effect.
     config: Config,
     link: Arc<Link>,
     light: LightFollower,
-    /// The quality of the frames, lowered where they take too long.
+    /// The quality levels, lowered where frames exceed the budget.
     ladder: Ladder,
-    /// Bursts so far, those that were left out included.
+    /// Number of bursts since the start, including those that were not processed.
     bursts: u32,
     /// Usual time from the end of a burst to its delivery, microseconds: the smallest of the last frames.
     delivery_us: u32,
-    /// The exposures that complete bursts of the source have.
+    /// The exposures of a complete burst of the source.
     nominal: Vec<Exposure>,
     /// Number of published frames.
     frames: u64,
     /// End of the last burst, CLOCK_MONOTONIC, nanoseconds; at first the start of the probe.
     last_ns: u64,
-    /// The fault that was logged last, while it lasts.
+    /// The last fault that was logged; `None` when it has ended.
     fault: Option<String>,
 }
 
 impl Worker {
-    /// Takes all memory.
+    /// Allocates all memory.
     ///
     /// # Errors
-    /// [`PipelineError`] when the source and the settings do not make a pipeline.
+    /// [`PipelineError`] when the source and the settings do not fit together.
     pub fn try_new(mut source: Box<dyn Source>, name: String, config: Config) -> Result<Self, PipelineError> {
         if config.exposures_s.is_some() {
             source.set_exposures(config.exposures_s.as_deref()).map_err(PipelineError::Exposures)?;
@@ -90,7 +90,7 @@ impl Worker {
         })
     }
 
-    /// The shared state between this thread and the server.
+    /// Returns the state that this thread and the server share.
     #[must_use]
     pub fn link(&self) -> Arc<Link> {
         Arc::clone(&self.link)
@@ -106,11 +106,11 @@ impl Worker {
         }
     }
 
-    /// Waits for one burst and publishes its lights, or does nothing when none is due.
+    /// Waits for one burst and publishes its lights; returns without a set if no burst is due.
     ///
     /// # Errors
-    /// The fault of the source or of the burst, which [`ThreadStatus::failure`](super::ThreadStatus::failure) reports as well. The newest
-    /// set stays.
+    /// The fault of the source or of the burst, which [`ThreadStatus::failure`](super::ThreadStatus::failure) returns as well. The newest set
+    /// stays.
     pub fn step(&mut self) -> Result<(), SourceError> {
         self.follow_switch();
         let began = Instant::now();
@@ -189,14 +189,14 @@ impl Worker {
         Ok(())
     }
 
-    /// Counts a burst; true where the present quality leaves it out.
+    /// Counts a burst; returns true if the present quality skips it.
     fn is_left_out(&mut self) -> bool {
         self.bursts = self.bursts.wrapping_add(1);
         !self.bursts.is_multiple_of(self.ladder.quality().every)
     }
 
-    /// Lowers or raises the quality after a frame of `total_us`, of which `delivery_us` passed before the processing. A burst that came later
-    /// than usual counts as one that came in time: a lower quality would not help.
+    /// Lowers or raises the quality after a frame of `total_us`, of which `delivery_us` passed before the processing. The delay of a burst
+    /// that was delivered later than usual is not counted: a lower quality would not shorten it.
     fn follow_duration(&mut self, total_us: u32, delivery_us: u32) {
         if !self.config.degrade {
             return;
@@ -209,13 +209,13 @@ impl Worker {
         }
     }
 
-    /// Puts the quality of the ladder into effect.
+    /// Applies the quality of the ladder to the pipeline.
     fn apply_quality(&mut self) {
         let quality = *self.ladder.quality();
         let settings = quality.settings(&self.config.pipeline);
         self.link.tiers.follow(&settings, self.config.tiers);
         if let Err(error) = self.pipeline.configure(settings) {
-            tracing::warn!("the quality of before stays: {error}");
+            tracing::warn!("the quality stays as it was: {error}");
         }
         self.pipeline.limit_exposures(quality.exposures);
         let [down, up] = self.ladder.steps();
@@ -227,14 +227,14 @@ impl Worker {
         );
     }
 
-    /// Returns to the full quality of the settings, or of bursts of another number of exposures.
+    /// Returns to the full quality of the settings, also where the number of exposures per burst has changed.
     fn reset_quality(&mut self) {
         self.ladder.reset(&self.config.pipeline, self.nominal.len());
         self.apply_quality();
     }
 
-    /// End of the burst, CLOCK_MONOTONIC, nanoseconds: the stated time, or the present time where the stated one is later than that or
-    /// not later than the end of the burst before.
+    /// Returns the end of the burst, CLOCK_MONOTONIC, nanoseconds: the burst's timestamp, or the present time where the timestamp is in the
+    /// future or not later than the end of the burst before.
     fn end_of_burst(&mut self) -> u64 {
         let (stated, now) = (self.burst.timestamp_ns, clock::monotonic_ns());
         self.last_ns = if stated > self.last_ns && stated <= now { stated } else { now };
@@ -284,7 +284,7 @@ impl Worker {
         Ok(())
     }
 
-    /// Applies the newest request for settings, or answers with the reason of its refusal.
+    /// Applies the newest request for settings, or answers it with the reason of its refusal.
     fn follow_requests(&mut self) {
         let Some(Requested { serial, config }) = self.link.settings.take() else { return };
         let refused = self.follow(&config).err();
@@ -305,7 +305,7 @@ impl Worker {
         self.link.settings.answer(serial, in_effect, refused);
     }
 
-    /// Applies all of `config`, or nothing.
+    /// Applies all of `config`; on a refusal nothing changes.
     fn follow(&mut self, config: &Config) -> Result<(), Refusal> {
         let is_left = self.config.auto_exposures && !config.auto_exposures;
         let is_new = config.exposures_s != self.config.exposures_s || is_left;
@@ -317,7 +317,7 @@ impl Worker {
         let settings = if is_same { self.pipeline.settings() } else { &config.pipeline };
         if let Err(error) = self.pipeline.configure(settings.clone()) {
             if is_new && self.source.set_exposures(self.config.exposures_s.as_deref()).is_err() {
-                tracing::warn!("source {}: the exposures of before are refused", self.link.source());
+                tracing::warn!("source {}: the earlier exposures are refused", self.link.source());
             }
             return Err(error.into());
         }
@@ -344,7 +344,7 @@ impl Worker {
     }
 }
 
-/// Writes each setting that differs to the log.
+/// Logs each setting that differs.
 fn tell_changes(before: &Config, after: &Config, refused: Option<&Refusal>) {
     if let Some(refusal) = refused {
         tracing::info!("settings: {refusal}; nothing was changed");
@@ -366,7 +366,7 @@ impl Drop for Worker {
     }
 }
 
-/// Microseconds since `ns` of CLOCK_MONOTONIC.
+/// Returns the microseconds since `ns` of CLOCK_MONOTONIC.
 fn us_since(ns: u64) -> u32 {
     u32::try_from(clock::monotonic_ns().saturating_sub(ns) / 1000).unwrap_or(u32::MAX)
 }

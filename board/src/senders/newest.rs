@@ -72,7 +72,7 @@ impl Newest {
                 SetUpdate::Stale(set, staleness)
             }
             None => SetUpdate::None(
-                self.link.status().failure().unwrap_or_else(|| "the source has not given a burst".into()),
+                self.link.status().failure().unwrap_or_else(|| "the source has not delivered a burst".into()),
             ),
         }
     }

@@ -1,27 +1,27 @@
-//! Durations over the last minute: a histogram that is being filled and the one before it.
+//! Durations over the last 30 to 60 seconds: the sum of two histograms, each filled for 30 seconds.
 
 use super::{DIGITS, LONGEST_US};
 use hdrhistogram::Histogram;
 use std::time::{Duration, Instant};
 
-/// Time after which the next histogram is filled.
+/// Time for which a histogram is filled.
 const HALF: Duration = Duration::from_secs(30);
 
 /// Percentiles over the last 30 to 60 seconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Percentiles {
-    /// Microseconds that half of the frames stay within.
+    /// Median of the durations, microseconds.
     pub p50: u32,
-    /// Microseconds that 95 of 100 frames stay within.
+    /// 95th percentile of the durations, microseconds.
     pub p95: u32,
-    /// Microseconds that 99 of 100 frames stay within.
+    /// 99th percentile of the durations, microseconds.
     pub p99: u32,
 }
 
 /// Durations of one stage over the last 30 to 60 seconds.
 #[derive(Clone, Debug)]
 pub(super) struct Recent {
-    /// None only if the library refused the range; a test of the whole histogram excludes it.
+    /// The two histograms; `None` only if the library refused their range, which a test excludes.
     halves: Option<[Histogram<u32>; 2]>,
 }
 
@@ -37,7 +37,7 @@ impl Recent {
         }
     }
 
-    /// Forgets the older histogram and fills it from now on.
+    /// Clears the older histogram and fills it from now on.
     pub fn turn(&mut self) {
         if let Some(halves) = &mut self.halves {
             halves.swap(0, 1);
@@ -56,14 +56,14 @@ impl Recent {
     }
 }
 
-/// The times at which the histograms change places.
+/// The time at which the filling of the present histogram began.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Halves {
     began: Option<Instant>,
 }
 
 impl Halves {
-    /// Number of times, at most two, that the histograms change places before a frame at `now` is added.
+    /// Returns the number of exchanges of the histograms, at most two, that are due before a frame at `now` is added.
     pub fn turns(&mut self, now: Instant) -> usize {
         let since = now.saturating_duration_since(*self.began.get_or_insert(now));
         if since < HALF {
@@ -79,13 +79,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn frames_are_forgotten_after_a_minute_and_not_before_half_a_minute() {
+    fn frames_count_for_at_least_half_a_minute_and_at_most_a_minute() {
         let (mut recent, mut halves, start) = (Recent::new(), Halves::default(), Instant::now());
         let mut slow = [0; 100];
         for (second, slow) in slow.iter_mut().enumerate() {
             let now = start + Duration::from_secs(second as u64);
             (0..halves.turns(now)).for_each(|_| recent.turn());
-            // Slow for the first ten seconds, fast after them.
+            // The frames of the first ten seconds are slow, the later ones fast.
             (0..10).for_each(|_| recent.add(if second < 10 { 50_000 } else { 1_000 }));
             *slow = recent.percentiles().p99;
         }
@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn after_a_pause_nothing_of_the_time_before_is_left() {
+    fn frames_before_a_pause_of_a_minute_are_not_counted() {
         let (mut recent, mut halves, start) = (Recent::new(), Halves::default(), Instant::now());
         assert_eq!(halves.turns(start), 0);
         recent.add(50_000);

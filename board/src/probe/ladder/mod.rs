@@ -1,10 +1,10 @@
-//! Degradation by rule: where frames take longer than the budget of `total`, the quality is lowered step by step, and raised again where the
-//! measured cost of the richer level fits the budget.
+//! Degradation: where frames take longer than the budget of `total`, the quality is lowered step by step; it is raised again where the predicted
+//! cost of the richer level fits the budget.
 //!
-//! The order of the steps is that of [`Step::ALL`](hemilux_core::wire::Step). A step down needs [`PATIENCE`] frames in a row over the budget,
-//! and after a step down one frame. When a level is left for a poorer one, the ratio of their costs is kept; the richer level is tried again
-//! if this ratio times the present cost is within [`ROOM`] of the budget, and if the time since the last step has passed, which doubles with
-//! each trial that failed.
+//! The order of the steps is that of [`Step::ALL`](hemilux_core::wire::Step). The first step down follows [`PATIENCE`] consecutive frames over
+//! the budget, a further one each frame over the budget. When a level is left for a poorer one, the ratio of their costs is stored; the richer
+//! level is tried again if this ratio times the present cost is within [`ROOM`] of the budget and the hold time since the last step has passed.
+//! The hold time doubles with each failed trial.
 
 mod plan;
 #[cfg(test)]
@@ -15,59 +15,59 @@ pub use plan::Quality;
 use crate::pipeline::Settings;
 use std::time::Duration;
 
-/// Frames in a row over the budget before the first step down.
+/// Number of consecutive frames over the budget before the first step down.
 const PATIENCE: u32 = 3;
 
-/// Part of the budget that the predicted cost of a richer level may take.
+/// Share of the budget that the predicted cost of a richer level may reach.
 const ROOM: f32 = 0.8;
 
 /// Least time from a step to the next one up.
 const HOLD: Duration = Duration::from_secs(10);
 
-/// Least time from a step to the next one up after the first trial that failed; it doubles with each further one.
+/// Least time from a step to the next one up after the first failed trial; it doubles with each further failure.
 const HOLD_AFTER_FAILURE: Duration = Duration::from_secs(150);
 
-/// Longest such time.
+/// Longest time from a step to the next one up.
 const LONGEST_HOLD: Duration = Duration::from_secs(3600);
 
-/// A step up has failed if the next step down comes within this time.
+/// Duration of a trial: a step up has failed if a step down follows within this time.
 const TRIAL: Duration = Duration::from_secs(60);
 
-/// Time after which a remembered ratio of costs comes closer to 1, and the part that is left of its distance: a ratio that was measured while
-/// the machine was busy with other work is forgotten in time.
+/// Interval at which a stored cost ratio moves towards 1, and the factor of its distance from 1: a ratio that was measured under a load of other
+/// programs decays.
 const FORGET: (Duration, f32) = (Duration::from_secs(60), 0.9);
 
-/// Frames after a step that are still those of a descent.
+/// Number of frames after a step down within which one frame over the budget suffices for the next step.
 const DESCENT: u32 = 3;
 
-/// Weight of the newest frame in the smoothed cost.
+/// Weight of the newest frame in the smoothed cost, 0 to 1.
 const NEWEST: f32 = 0.2;
 
 /// The duration of one frame.
 #[derive(Clone, Copy, Debug)]
 pub struct FrameTime {
-    /// From the end of the burst to the finished set, microseconds.
+    /// Time from the end of the burst to the finished set, microseconds.
     pub us: u32,
     /// Time budget of the frame, microseconds.
     pub budget_us: u32,
-    /// Time since the start.
+    /// Time since the start of the probe.
     pub now: Duration,
 }
 
-/// The level of the quality, and what is known of the costs.
+/// The level of the quality, and the measured costs of the levels.
 #[derive(Clone, Debug)]
 pub struct Ladder {
     levels: Vec<Quality>,
     level: usize,
-    /// Cost of each level divided by that of the next poorer one, when it was left last.
+    /// Cost of each level divided by the cost of the next poorer level, when it was left last.
     ratios: Vec<f32>,
-    /// Smoothed cost of the present level, microseconds; 0 before its first frame.
+    /// Smoothed cost of the present level, microseconds; 0 before the level's first frame.
     cost_us: f32,
-    /// Cost of the richer level that was left by the last step, microseconds, until the ratio is known.
+    /// Cost of the richer level that the last step left, microseconds; `None` once the ratio is measured.
     left_us: Option<f32>,
-    /// Frames in a row over the budget.
+    /// Number of consecutive frames over the budget.
     misses: u32,
-    /// Frames since the last step.
+    /// Number of frames since the last step.
     frames: u32,
     stepped_at: Duration,
     forgot_at: Duration,
@@ -78,7 +78,7 @@ pub struct Ladder {
 }
 
 impl Ladder {
-    /// The full quality of `settings` with bursts of `exposures`.
+    /// Creates the levels for `settings` with bursts of `exposures` exposures, at full quality.
     #[must_use]
     pub fn new(settings: &Settings, exposures: usize) -> Self {
         let levels = plan::levels(settings, exposures);
@@ -100,31 +100,31 @@ impl Ladder {
         }
     }
 
-    /// Returns to the full quality of other settings; the counts of steps stay.
+    /// Returns to full quality with other settings; the counts of steps stay.
     pub fn reset(&mut self, settings: &Settings, exposures: usize) {
         let (down, up) = (self.down, self.up);
         *self = Self { down, up, ..Self::new(settings, exposures) };
     }
 
-    /// Number of exposures of the bursts that the levels are made for.
+    /// Returns the number of exposures per burst that the levels are made for.
     #[must_use]
     pub fn exposures(&self) -> usize {
         self.levels[0].exposures
     }
 
-    /// The quality of the next frame.
+    /// Returns the quality of the next frame.
     #[must_use]
     pub fn quality(&self) -> &Quality {
         &self.levels[self.level]
     }
 
-    /// Number of steps down and up so far.
+    /// Returns the numbers of steps down and up since the start.
     #[must_use]
     pub fn steps(&self) -> [u64; 2] {
         [self.down, self.up]
     }
 
-    /// Adds the duration of a frame; true where the quality of the next frame is another one.
+    /// Adds the duration of a frame; returns true if the quality changes with the next frame.
     pub fn add(&mut self, frame: FrameTime) -> bool {
         self.frames = self.frames.saturating_add(1);
         self.learn(frame.us as f32);

@@ -1,39 +1,39 @@
-//! The steps that the settings allow, and the settings at each level.
+//! The quality levels that the settings allow.
 
 use crate::pipeline::Settings;
 use crate::samplers::ORDERS;
 use hemilux_core::healpix::Domain;
 use hemilux_core::wire::{Degraded, Step};
 
-/// Fewest exposures of a burst that are merged.
+/// Least number of exposures of a burst that are merged at a lowered quality.
 const LEAST_EXPOSURES: usize = 2;
 
-/// Fewest lights of a degraded set, unless the sampler needs more.
+/// Least number of lights of a degraded set, unless the sampler requires more.
 const LEAST_LIGHTS: usize = 8;
 
-/// Steps of the rate: every second burst, then every fourth.
+/// Number of steps of the rate: every second burst, then every fourth.
 const RATES: usize = 2;
 
-/// Most steps of all kinds together.
+/// Largest number of steps of all kinds together.
 pub(super) const MOST: usize = 15;
 
-/// The settings of a level.
+/// Quality of the frames at a level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Quality {
-    /// The steps taken.
+    /// The kinds of steps taken from the full quality.
     pub steps: Degraded,
-    /// Number of exposures to merge; the shortest and the longest are among them.
+    /// Number of exposures to merge, which include the shortest and the longest.
     pub exposures: usize,
-    /// Order of the map.
+    /// HEALPix order of the map.
     pub order: u8,
     /// Largest number of lights.
     pub lights: usize,
-    /// One of so many bursts is processed.
+    /// Interval of the processed bursts: 1 for every burst, 2 for every second.
     pub every: u32,
 }
 
 impl Quality {
-    /// As `settings` ask for.
+    /// Returns the full quality of `settings`.
     pub(super) fn full(settings: &Settings, exposures: usize) -> Self {
         let (order, lights) = (settings.order(), settings.lights);
         Self { steps: Degraded::NONE, exposures, order, lights, every: 1 }
@@ -59,7 +59,7 @@ impl Quality {
         is_less.then_some(lower)
     }
 
-    /// The settings of the pipeline at this level.
+    /// Returns the settings of the pipeline at this quality; `full` has those of the full quality.
     #[must_use]
     pub fn settings(&self, full: &Settings) -> Settings {
         if self.steps.is_none() {
@@ -69,7 +69,7 @@ impl Quality {
     }
 }
 
-/// All levels from the full quality on: one step more each, one kind after the other.
+/// Returns all levels, from the full quality to the poorest: each is one step below the level before, in the order of [`Step::ALL`].
 pub(super) fn levels(settings: &Settings, exposures: usize) -> Vec<Quality> {
     let mut levels = vec![Quality::full(settings, exposures)];
     for step in Step::ALL {

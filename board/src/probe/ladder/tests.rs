@@ -1,11 +1,11 @@
-//! The rule on costs that are given by a formula, at ten frames a second of simulated time.
+//! Degradation with frame times given by a formula, at ten frames a second of simulated time.
 
 use super::*;
 use hemilux_core::wire::Step;
 
 const BUDGET_US: u32 = 60_000;
 
-/// Microseconds of a frame on a machine that is `slowdown` times slower than one that takes four fifths of the budget at full quality.
+/// Returns the time of a frame, microseconds: four fifths of the budget at full quality, times `slowdown`.
 fn cost(quality: &Quality, slowdown: f32) -> f32 {
     let part = |value: f32, of: f32| value / of;
     let front = 0.55 * part(quality.exposures as f32, 3.0);
@@ -26,7 +26,7 @@ impl Run {
         Self { ladder: Ladder::new(&Settings::default(), 3), frame: 0, within: vec![], levels: vec![] }
     }
 
-    /// `frames` frames; `noise` is the largest relative deviation of a cost.
+    /// Runs `frames` frames; `noise` is the largest relative deviation of a frame's time.
     fn go(&mut self, frames: u32, slowdown: f32, noise: f32) {
         for _ in 0..frames {
             self.frame += 1;
@@ -59,7 +59,7 @@ fn steps_come_in_the_documented_order_one_at_a_time() {
 }
 
 #[test]
-fn settings_without_room_for_a_step_have_none_of_it() {
+fn settings_at_the_limit_of_a_step_have_no_level_of_it() {
     let settings = Settings { lights: 4, order: Some(4), ..Settings::default() };
     let levels = plan::levels(&settings, 1);
     assert_eq!(levels.iter().map(|level| level.every).collect::<Vec<_>>(), [1, 2, 4], "the rate alone");
@@ -104,7 +104,7 @@ fn the_full_quality_is_back_two_minutes_after_the_load_has_gone() {
 }
 
 #[test]
-fn single_slow_frames_change_nothing() {
+fn single_slow_frames_do_not_lower_the_quality() {
     let mut run = Run::new();
     for _ in 0..100 {
         run.go(20, 1.0, 0.0);
@@ -114,10 +114,10 @@ fn single_slow_frames_change_nothing() {
 }
 
 #[test]
-fn a_ratio_measured_under_a_passing_load_is_forgotten_in_time() {
+fn a_ratio_measured_under_a_transient_load_decays() {
     let mut run = Run::new();
     run.go(10, 1.0, 0.0);
-    // The load goes at the very moment of the first step: its ratio is ten times too large.
+    // The load ends with the first step: the measured ratio is ten times too large.
     run.go(3, 10.0, 0.0);
     assert_eq!(run.ladder.steps(), [1, 0]);
     run.go(36_000, 0.5, 0.0);

@@ -1,5 +1,5 @@
-//! The settings: name, type, range, unit and description of each. The configuration file, the command line, the requests, the schema and the
-//! OpenAPI document are derived from the [table](SETTINGS).
+//! The settings: name, type, range, unit and description of each. The configuration file, the command line, `/change`, `/v1/config`, the JSON
+//! schema and the OpenAPI document are derived from the [table](SETTINGS).
 
 mod change;
 mod openapi;
@@ -19,16 +19,15 @@ use serde_json::{Value, json};
 pub enum Kind {
     /// One of these words.
     Choice(&'static [&'static str]),
-    /// A whole number between the two fields, both included.
+    /// A whole number from the first field to the second, both included.
     Whole(u64, u64),
-    /// A whole number from the least to the largest, or null for no value.
+    /// A whole number from the first field to the second, or null for no value.
     OptionalWhole(u64, u64),
-    /// A number from the first field to the second.
+    /// A number from the first field to the second, both included.
     Real(f32, f32),
-    /// A number from the least to the largest, or null for no value.
+    /// A number from the first field to the second, or null for no value.
     Optional(f32, f32),
-    /// A list of ascending numbers between the first two fields, with at most as many elements as the third field says, or null for no
-    /// list.
+    /// A list of ascending numbers from the first field to the second, with at most as many elements as the third field, or null for no list.
     List(f32, f32, usize),
     /// On or off.
     Switch,
@@ -43,12 +42,12 @@ pub enum Group {
     Map,
     /// Budgets of the stages.
     Budgets,
-    /// Settings without effect on the lights of the probe's own set.
+    /// Settings that do not affect the lights of the probe's own set.
     Other,
 }
 
 impl Group {
-    /// Name of the group in the schema.
+    /// Returns the name of the group in the schema.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -59,7 +58,7 @@ impl Group {
         }
     }
 
-    /// Heading of the group in pages.
+    /// Returns the heading of the group on the page.
     #[must_use]
     pub fn title(self) -> &'static str {
         match self {
@@ -86,35 +85,35 @@ pub struct Setting {
     pub kind: Kind,
     /// Unit of a number.
     pub unit: Option<&'static str>,
-    /// Effect of the setting, in words.
+    /// Description of the setting's effect: full sentences.
     pub what: &'static str,
     value: fn(&Config) -> Value,
     /// Writes an admitted value to the configuration.
     set: fn(&mut Config, &Value),
-    /// Whether the setting has an effect, given the values of the other settings.
+    /// Returns true if the setting has an effect, given the values of the other settings.
     in_use: fn(&Config) -> bool,
 }
 
 impl Setting {
-    /// The value of the setting in `config`.
+    /// Returns the value of the setting in `config` as JSON.
     #[must_use]
     pub fn value(&self, config: &Config) -> Value {
         (self.value)(config)
     }
 
-    /// The setting called `name`; `None` for an unknown name.
+    /// Returns the setting called `name`; `None` for an unknown name.
     #[must_use]
     pub fn named(name: &str) -> Option<&'static Self> {
         SETTINGS.iter().find(|s| s.name == name)
     }
 
-    /// Names of all settings, separated by commas.
+    /// Returns the names of all settings, separated by commas.
     #[must_use]
     pub fn names() -> String {
         SETTINGS.iter().map(|s| s.name).collect::<Vec<_>>().join(", ")
     }
 
-    /// The value of the setting in `config` as a word of a query, which [`Setting::parse`] parses.
+    /// Returns the value of the setting in `config` in the form that [`Setting::parse`] accepts.
     #[must_use]
     pub fn word(&self, config: &Config) -> String {
         match self.value(config) {
@@ -126,7 +125,7 @@ impl Setting {
         }
     }
 
-    /// Parses a value of a query or of the command line.
+    /// Parses a value from a query or the command line; `None` where type or range is wrong.
     #[must_use]
     pub fn parse(&self, word: &str) -> Option<Value> {
         let value = match self.kind {
@@ -169,7 +168,7 @@ impl Setting {
         }
     }
 
-    /// Type and range in words, for a JSON value.
+    /// Describes type and range of a JSON value, for error messages.
     #[must_use]
     pub fn expected(&self) -> String {
         match self.kind {
@@ -178,7 +177,7 @@ impl Setting {
         }
     }
 
-    /// Type and range in words, for a value on the command line.
+    /// Describes type and range of a value on the command line, for error messages.
     #[must_use]
     pub fn expected_word(&self) -> String {
         self.words() + if self.is_optional() { ", or off" } else { "" }
@@ -202,7 +201,7 @@ impl Setting {
         }
     }
 
-    /// Type and range as JSON Schema.
+    /// Returns type and range as JSON Schema.
     fn value_schema(&self) -> Value {
         let real = |least, most| json!({"minimum": shortest(least), "maximum": shortest(most)});
         let whole = |least, most| json!({"minimum": least, "maximum": most});
@@ -223,7 +222,7 @@ impl Setting {
         schema
     }
 
-    /// Type, range, unit, description and value in `config` as JSON Schema; `minimum` of `lights` is that of the sampler in use.
+    /// Returns type, range, unit, description and value in `config` as JSON Schema; `minimum` of `lights` is that of the sampler in use.
     #[must_use]
     pub fn schema(&self, config: &Config) -> Value {
         let mut schema = self.value_schema();
@@ -242,15 +241,15 @@ impl Setting {
     }
 }
 
-/// The shortest decimal number that rounds to `v`: 0.03 and not 0.029999999329447746.
+/// Returns the shortest decimal number that rounds to `v`: 0.03 and not 0.029999999329447746.
 fn shortest(v: f32) -> f64 {
     v.to_string().parse().unwrap_or(v.into())
 }
 
-/// Longest part of a client's text that is repeated in an answer, characters.
+/// Largest number of characters of a client's text that an answer repeats.
 const ECHO: usize = 40;
 
-/// The first characters of `text`, which a client has sent, without control characters.
+/// Returns the first [`ECHO`] characters of a client's `text`; control characters become spaces.
 #[must_use]
 pub fn short(text: &str) -> String {
     text.chars().take(ECHO).map(|c| if c.is_control() { ' ' } else { c }).collect()
@@ -261,7 +260,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_setting_takes_its_own_value_back() {
+    fn every_setting_accepts_its_own_value() {
         let config = Config::default();
         for setting in SETTINGS {
             let mut change = Change::default();
@@ -276,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn each_wrong_field_has_its_own_line() {
+    fn each_wrong_field_has_its_own_error() {
         let wish =
             json!({"lights": -1, "sampler": "guess", "gui": "on", "colour": 3, "extrapolation": "average"});
         let errors = wish_of(wish.as_object().expect("an object")).expect_err("four mistakes");

@@ -4,7 +4,7 @@ use super::{Kind, SETTINGS, Setting, shortest};
 use serde_json::{Map, Value, json};
 
 impl Setting {
-    /// Schema of the value in a query, where every value is text.
+    /// Returns the schema of the value in a query, where every value is text.
     fn query_schema(&self) -> Value {
         let real =
             |least, most| json!({"type": "number", "minimum": shortest(least), "maximum": shortest(most)});
@@ -27,7 +27,7 @@ impl Setting {
     }
 }
 
-/// The query parameters of `/change`.
+/// Returns the query parameters of `/change`.
 #[must_use]
 pub fn parameters() -> Value {
     let parameter = |s: &Setting| {
@@ -37,7 +37,7 @@ pub fn parameters() -> Value {
     SETTINGS.iter().map(parameter).collect()
 }
 
-/// The properties of the object that `PATCH /v1/config` takes.
+/// Returns the properties of the JSON object that `PATCH /v1/config` accepts.
 #[must_use]
 pub fn properties() -> Value {
     let property = |s: &Setting| {

@@ -1,4 +1,4 @@
-//! The table of settings: one entry for each.
+//! The table of all settings.
 
 use super::{Group, Kind, Setting, shortest};
 use crate::probe::config::{EXTRAPOLATIONS, MERGES, extrapolation_name, merge_name};
@@ -17,7 +17,7 @@ const MERGE_NAMES: [&str; MERGES.len()] = [MERGES[0].0, MERGES[1].0];
 /// Range of exposure times, seconds.
 const EXPOSURES_S: (f32, f32) = (1e-6, 60.0);
 
-/// The budget of the `$i`th of [`hemilux_core::wire::Latency::NAMES`].
+/// Declares the setting for the budget of stage `$i` of [`hemilux_core::wire::Latency::NAMES`].
 macro_rules! budget {
     ($name:literal, $title:literal, $i:literal, $what:literal) => {
         Setting {
@@ -35,7 +35,7 @@ macro_rules! budget {
     };
 }
 
-/// Writes `value` to `field`, or leaves the field if the value has another type. [`Setting::admits`] has excluded this before.
+/// Writes `value` to `field`; leaves the field unchanged for `None`, which [`Setting::admits`] excludes.
 fn put<T>(field: &mut T, value: Option<T>) {
     if let Some(value) = value {
         *field = value;
@@ -50,8 +50,9 @@ fn whole<T: TryFrom<u64>>(value: &Value) -> Option<T> {
     value.as_u64().and_then(|n| T::try_from(n).ok())
 }
 
-/// All settings. Each entry is the only declaration of its setting: the configuration file, the command line, `/change`, `/v1/config`,
-/// the page and the OpenAPI document are derived from it, in its order. The default value is that of [`Config::default`](crate::probe::Config).
+/// All settings. Each entry is the only declaration of its setting: the configuration file, the command line, `/change`, `/v1/config`, the page
+/// and the OpenAPI document are derived from the entries, in their order. The default values are those of
+/// [`Config::default`](crate::probe::Config).
 pub static SETTINGS: &[Setting] = &[
     Setting {
         name: "sampler",
@@ -60,7 +61,7 @@ pub static SETTINGS: &[Setting] = &[
         group: Group::Lights,
         kind: Kind::Choice(&SamplerKind::NAMES),
         unit: None,
-        what: "How the map becomes lights. adaptive has the least error; q2tree takes the least time; the others are published methods to compare with.",
+        what: "Method that computes lights from the map. adaptive has the least error, q2tree takes the least time; the others are published methods for comparison.",
         value: |c| json!(c.pipeline.sampler.name()),
         set: |c, v| put(&mut c.pipeline.sampler, v.as_str().and_then(|name| name.parse().ok())),
         in_use: |_| true,
@@ -72,7 +73,7 @@ pub static SETTINGS: &[Setting] = &[
         group: Group::Lights,
         kind: Kind::Whole(0, MAX_LIGHTS as u64),
         unit: Some("lights"),
-        what: "Most lights of a set. More lights give softer and truer shadows and cost a renderer more. Each sampler has a least number; adaptive with ambient light may do without any.",
+        what: "Largest number of lights of a set. With more lights, shadows are more accurate and a renderer takes longer. Each sampler has a least number; it is 0 for adaptive with ambient light.",
         value: |c| json!(c.pipeline.lights),
         set: |c, v| put(&mut c.pipeline.lights, whole(v)),
         in_use: |_| true,
@@ -84,7 +85,7 @@ pub static SETTINGS: &[Setting] = &[
         group: Group::Lights,
         kind: Kind::Optional(*TOLERANCES.start(), *TOLERANCES.end()),
         unit: Some("ratio"),
-        what: "The shadowed error to reach with as few lights as possible: less gives more lights and truer shadows; adaptive alone. Without it, as many lights as the setting lights says.",
+        what: "Shadowed error that a set must reach with as few lights as possible: a smaller value gives more lights and more accurate shadows. adaptive alone reads it. Without it, a set has as many lights as the setting lights.",
         value: |c| c.pipeline.tolerance.map_or(Value::Null, |t| json!(shortest(t))),
         set: |c, v| c.pipeline.tolerance = real(v),
         in_use: |c| c.pipeline.sampler.estimates_error(),
@@ -96,7 +97,7 @@ pub static SETTINGS: &[Setting] = &[
         group: Group::Lights,
         kind: Kind::Switch,
         unit: None,
-        what: "Whether light without a direction, such as that of an overcast sky, is left out of the lights and given as nine spherical-harmonic coefficients: fewer lights, smoother shading; adaptive alone.",
+        what: "Whether diffuse light, such as that of an overcast sky, is returned as nine spherical-harmonic coefficients in place of lights: fewer lights, smoother shading. adaptive alone reads it.",
         value: |c| json!(c.pipeline.ambient),
         set: |c, v| put(&mut c.pipeline.ambient, v.as_bool()),
         in_use: |c| c.pipeline.sampler.estimates_error(),
@@ -108,7 +109,7 @@ pub static SETTINGS: &[Setting] = &[
         group: Group::Lights,
         kind: Kind::Switch,
         unit: None,
-        what: "Whether lights are fitted as uniform discs of their radius: the edges of shadows are soft, in renderers that draw discs; adaptive alone.",
+        what: "Whether lights are fitted as uniform discs of their radius: shadows have soft edges in renderers with disc lights. adaptive alone reads it.",
         value: |c| json!(c.pipeline.soft),
         set: |c, v| put(&mut c.pipeline.soft, v.as_bool()),
         in_use: |c| c.pipeline.sampler.estimates_error(),
@@ -120,7 +121,7 @@ pub static SETTINGS: &[Setting] = &[
         group: Group::Lights,
         kind: Kind::Real(*THRESHOLDS.start(), *THRESHOLDS.end()),
         unit: Some("ratio"),
-        what: "How much more another split must matter until the lights change: with more, shadows flicker less and follow a moving lamp later.",
+        what: "Relative gain in importance from which q2tree replaces a split: with a larger value, shadows flicker less and follow a moving lamp later.",
         value: |c| json!(shortest(c.pipeline.tuning.threshold)),
         set: |c, v| put(&mut c.pipeline.tuning.threshold, real(v)),
         in_use: |c| c.pipeline.sampler.is_q2tree(),
@@ -132,7 +133,7 @@ pub static SETTINGS: &[Setting] = &[
         group: Group::Lights,
         kind: Kind::Whole(*TAPS.start() as u64, *TAPS.end() as u64),
         unit: Some("frames"),
-        what: "Frames that the filter of hemigon-fir spans: with more, shadows flicker less and follow a moving lamp later; 1 filters nothing.",
+        what: "Length of the filter of hemigon-fir, frames: with a larger value, shadows flicker less and follow a moving lamp later; 1 is no filter.",
         value: |c| json!(c.pipeline.tuning.taps),
         set: |c, v| put(&mut c.pipeline.tuning.taps, whole(v)),
         in_use: |c| c.pipeline.sampler == SamplerKind::HemigonFir,
@@ -144,7 +145,7 @@ pub static SETTINGS: &[Setting] = &[
         group: Group::Lights,
         kind: Kind::Real(*CUTOFFS_HZ.start(), *CUTOFFS_HZ.end()),
         unit: Some("Hz"),
-        what: "Changes of the light that are faster than this are smoothed by hemigon-fir, at ten frames a second; at other rates it scales with them.",
+        what: "Frequency above which hemigon-fir attenuates changes of the light, at ten frames a second; it is proportional to the frame rate.",
         value: |c| json!(shortest(c.pipeline.tuning.cutoff_hz)),
         set: |c, v| put(&mut c.pipeline.tuning.cutoff_hz, real(v)),
         in_use: |c| c.pipeline.sampler == SamplerKind::HemigonFir,
@@ -156,7 +157,7 @@ pub static SETTINGS: &[Setting] = &[
         group: Group::Map,
         kind: Kind::List(EXPOSURES_S.0, EXPOSURES_S.1, MAX_EXPOSURES),
         unit: Some("s"),
-        what: "The exposure times of a burst, rising. A shorter first one keeps lamps from clipping, a longer last one takes the noise from dark walls. Without them the source's own.",
+        what: "Exposure times of a burst, ascending. A shorter first exposure avoids clipped lamps, a longer last one lowers the noise of dark walls. Without them, the source's own exposure times are used.",
         value: |c| json!(c.exposures_s),
         set: |c, v| {
             c.exposures_s = v.as_array().map(|list| list.iter().filter_map(Value::as_f64).collect());
@@ -170,7 +171,7 @@ pub static SETTINGS: &[Setting] = &[
         group: Group::Map,
         kind: Kind::Switch,
         unit: None,
-        what: "Whether the exposures follow the light: as few as cover what the scene shows, up to six, in place of the setting exposures_s. Only built-in scenes do so; cameras, maps and recordings keep their exposures.",
+        what: "Whether the exposures follow the light: as few as cover the radiance of the scene, at most six, in place of the setting exposures_s. It acts on built-in scenes alone; cameras, maps and recordings keep their exposures.",
         value: |c| json!(c.auto_exposures),
         set: |c, v| put(&mut c.auto_exposures, v.as_bool()),
         in_use: |_| true,
@@ -182,7 +183,7 @@ pub static SETTINGS: &[Setting] = &[
         group: Group::Map,
         kind: Kind::Choice(&MERGE_NAMES),
         unit: None,
-        what: "Which exposures of a burst are read: of each part of a row the longest and, where it is saturated, shorter ones as needed, or all, which takes longer and gives a tenth less noise.",
+        what: "Exposures of a burst that are merged. needed: the longest and, where it is saturated in a part of a row, shorter ones; all: every exposure, which takes longer and gives a tenth less noise.",
         value: |c| json!(merge_name(c.pipeline.merge)),
         set: |c, v| {
             let known = MERGES.iter().find(|(name, _)| v.as_str() == Some(*name));
@@ -197,7 +198,7 @@ pub static SETTINGS: &[Setting] = &[
         group: Group::Map,
         kind: Kind::OptionalWhole(*ORDERS.start() as u64, *ORDERS.end() as u64),
         unit: Some("(8 x 4^order texels)"),
-        what: "Size of the HEALPix map: each step halves the smallest detail that lights can follow and quadruples its memory. Without it, 6, or 7 from 256 lights on.",
+        what: "HEALPix order of the map: each step halves the angle of a quad and quadruples the memory. Without it, the order is 6, or 7 from 256 lights.",
         value: |c| json!(c.pipeline.order),
         set: |c, v| c.pipeline.order = whole(v),
         in_use: |_| true,
@@ -209,7 +210,7 @@ pub static SETTINGS: &[Setting] = &[
         group: Group::Map,
         kind: Kind::Choice(&EXTRAPOLATION_NAMES),
         unit: None,
-        what: "What stands for the part of the hemisphere that the lens does not see: darkness, or the average of what it sees, which lifts the light from the sides.",
+        what: "Radiance of the part of the hemisphere outside of the lens's field: none (zero) or average (the mean radiance of the field, which adds light from the horizon).",
         value: |c| json!(extrapolation_name(c.pipeline.extrapolation)),
         set: |c, v| {
             let known = EXTRAPOLATIONS.iter().find(|(name, _)| v.as_str() == Some(*name));
@@ -229,23 +230,18 @@ pub static SETTINGS: &[Setting] = &[
         set: |c, v| put(&mut c.pipeline.lamps, v.as_str().and_then(Lamps::named)),
         in_use: |_| true,
     },
-    budget!(
-        "budget_capture_ms",
-        "Capture",
-        0,
-        "Longest time that waiting for a burst and copying it should take."
-    ),
-    budget!("budget_front_ms", "Front", 1, "Longest time that merge and map should take."),
-    budget!("budget_pyramid_ms", "Pyramid", 2, "Longest time that the sums above the map should take."),
-    budget!("budget_sample_ms", "Sample", 3, "Longest time that the sampler should take."),
+    budget!("budget_capture_ms", "Capture", 0, "Budget of the wait for a burst and of its copy."),
+    budget!("budget_front_ms", "Front", 1, "Budget of merge and map."),
+    budget!("budget_pyramid_ms", "Pyramid", 2, "Budget of the pyramid, the sums over the map."),
+    budget!("budget_sample_ms", "Sample", 3, "Budget of the sampler."),
     budget!(
         "budget_filter_ms",
         "Filter",
         4,
-        "Longest time that the temporal filters of the sampler should take; 0 is measured for samplers without such filters."
+        "Budget of the sampler's temporal filters; a sampler without filters takes 0 ms."
     ),
-    budget!("budget_encode_ms", "Encode", 5, "Longest time that writing a set for clients should take."),
-    budget!("budget_total_ms", "Total", 6, "Longest time from the end of the burst to the finished set."),
+    budget!("budget_encode_ms", "Encode", 5, "Budget of the encoding of a set for clients."),
+    budget!("budget_total_ms", "Total", 6, "Budget from the end of the burst to the finished set."),
     Setting {
         name: "tiers",
         parameter: "tiers",
@@ -253,7 +249,7 @@ pub static SETTINGS: &[Setting] = &[
         group: Group::Other,
         kind: Kind::Whole(*tiers::MOST.start() as u64, *tiers::MOST.end() as u64),
         unit: Some("sets"),
-        what: "Most light sets made per frame beside the probe's own, for clients that request other numbers of lights, ambient light or discs; more requests share them.",
+        what: "Largest number of light sets per frame in addition to the probe's own, for clients that request other numbers of lights, ambient light or discs; further requests share these sets.",
         value: |c| json!(c.tiers),
         set: |c, v| put(&mut c.tiers, whole(v)),
         in_use: |_| true,
@@ -265,7 +261,7 @@ pub static SETTINGS: &[Setting] = &[
         group: Group::Budgets,
         kind: Kind::Switch,
         unit: None,
-        what: "Whether frames that take longer than the budget of the total lower the quality step by step: fewer exposures, a coarser map, fewer lights, fewer bursts. Each step is undone when there is time for it again.",
+        what: "Whether the quality is lowered step by step while frames exceed the budget of total: fewer exposures, a coarser map, fewer lights, fewer bursts. Each step is undone when frames with it fit the budget.",
         value: |c| json!(c.degrade),
         set: |c, v| put(&mut c.degrade, v.as_bool()),
         in_use: |_| true,
@@ -277,7 +273,7 @@ pub static SETTINGS: &[Setting] = &[
         group: Group::Other,
         kind: Kind::Switch,
         unit: None,
-        what: "Whether screenshot may draw its debug picture, which costs a copy of the map each time.",
+        what: "Whether /screenshot may draw the debug picture; each picture takes a copy of the map.",
         value: |c| json!(c.gui),
         set: |c, v| put(&mut c.gui, v.as_bool()),
         in_use: |_| true,
