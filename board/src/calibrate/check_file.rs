@@ -65,7 +65,7 @@ pub enum Fault {
     },
     /// The burst was recorded in another mode of the camera.
     #[error(
-        "{path}: found {found} in its burst.toml, expected {expected} as the lens file says: calibrate in the mode of the probe"
+        "{path}: found {found} in its burst.toml, expected {expected} as in the lens file: calibrate in the mode of the probe"
     )]
     Mode {
         /// Path of the burst.

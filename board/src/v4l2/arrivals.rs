@@ -1,4 +1,4 @@
-//! Model of the times at which frames arrive: a grid of one frame per period, which predicts the arrival of the next frame.
+//! Model of the times at which frames arrive: a grid of one frame per period, by which the arrival of the next frame is predicted.
 //!
 //! The grid is fitted to the times at which frames were due, so that one late frame (a busy driver or board) does not shift the prediction
 //! of the next one. Driver timestamps are used while they advance with the arrivals on CLOCK_MONOTONIC; timestamps of another clock,
@@ -25,7 +25,7 @@ pub(super) struct Arrivals {
     age_ns: u64,
     window_age_ns: u64,
     window: u32,
-    /// Newest timestamp of the driver, and whether it is used.
+    /// Newest timestamp of the driver, and whether timestamps of the driver are used.
     stamped_ns: u64,
     /// Time of the newest frame on CLOCK_MONOTONIC.
     time_ns: u64,
@@ -52,7 +52,7 @@ impl Arrivals {
         }
     }
 
-    /// Notes frame `sequence`, fetched at `now_ns`, with the driver's timestamp; returns true if that timestamp is used.
+    /// Stores frame `sequence`, fetched at `now_ns`, with the driver's timestamp; returns true if the timestamp is used.
     pub fn note(&mut self, sequence: u32, stamped_ns: u64, now_ns: u64) -> bool {
         let good = self.is_good(stamped_ns, now_ns);
         self.stamped_ns = stamped_ns;
@@ -76,7 +76,7 @@ impl Arrivals {
         }
         let due = self.due_ns + steps * self.period_ns * (1.0 + DRIFT);
         let arrived = arrived_ns as f64;
-        // A gap of more than one period is a pause of the camera itself.
+        // A gap of more than one period is a pause of the camera.
         self.due_ns = if arrived > due + self.period_ns { arrived } else { arrived.min(due) };
         self.arrived_ns = arrived_ns;
     }
@@ -99,17 +99,17 @@ impl Arrivals {
         stamped_ns.saturating_add(self.age_ns).min(now_ns)
     }
 
-    /// CLOCK_MONOTONIC time of the newest frame: the driver's timestamp, or the arrival time.
+    /// Returns the CLOCK_MONOTONIC time of the newest frame: the driver's timestamp, or the arrival time.
     pub fn time_ns(&self) -> u64 {
         self.time_ns
     }
 
-    /// Arrival time of the newest frame.
+    /// Returns the arrival time of the newest frame.
     pub fn arrived_ns(&self) -> u64 {
         self.arrived_ns
     }
 
-    /// Number of periods that have passed since the newest frame was due.
+    /// Returns the number of periods that have passed since the newest frame was due.
     pub fn lateness(&self, now_ns: u64) -> f64 {
         (now_ns as f64 - self.due_ns).max(0.0) / self.period_ns
     }
@@ -155,8 +155,8 @@ mod tests {
         assert!(a.lateness(435 * MS) > 0.7, "{}", a.lateness(435 * MS));
     }
 
-    /// Timestamps of the wall clock, constant ones, ones at half speed and ones that jump by seconds: each frame's time is within one queue
-    /// length of the present.
+    /// The timestamps are of the wall clock, constant, at half speed, or jump by seconds: each frame's time is within one queue length of the
+    /// present.
     #[test]
     fn timestamps_of_another_clock_are_replaced_by_arrivals() {
         let stamps: [fn(u64) -> u64; 5] = [

@@ -17,7 +17,7 @@ use rustix::io::Errno;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Time, and number of frame periods, without a frame after both of which the camera is considered to have failed, as in libcamera.
+/// Longest time, and longest number of frame periods, without a frame; the camera has failed when both have passed, as in libcamera.
 pub(super) const SILENCE: (Duration, f64) = (Duration::from_secs(1), 5.0);
 
 /// Control delay that is assumed when it is neither known nor measurable: that of most sensors.
@@ -26,16 +26,15 @@ const USUAL_DELAY: u32 = 2;
 /// Number of successive refused exposure writes after which the camera is opened again.
 const MOST_REFUSED: u32 = 30;
 
-/// Latest time for a control write, as a part of the period after the newest frame was due: after it, the next frame may begin before the
-/// write acts.
+/// Latest time for a control write, as a part of the period after the newest frame was due: the next frame may begin before a later write acts.
 pub(super) const IN_TIME: f64 = 0.6;
 
-/// A streaming camera. Dropping it stops the stream and closes everything.
+/// A streaming camera. It stops the stream and closes all nodes on drop.
 pub struct Camera {
     pub(super) path: PathBuf,
     pub(super) setup: Setup,
     pub(super) schedule: Schedule,
-    /// Whether the schedule's delay was measured or is known, as opposed to assumed.
+    /// True if the schedule's delay was measured or is known, false if it is assumed.
     pub(super) sure: bool,
     verifier: Option<Verifier>,
     pub(super) codes: Vec<f32>,
@@ -92,25 +91,26 @@ impl Camera {
         Ok(camera)
     }
 
-    /// Device node of the camera.
+    /// Returns the path of the camera's device node.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// The layout of the frames.
+    /// Returns the layout of the frames.
     #[must_use]
     pub fn picture(&self) -> &Picture {
         &self.setup.picture
     }
 
-    /// Exposures as the camera makes them, ascending; with a stand-in control, in the requested order.
+    /// Returns the granted exposures, ascending; with a stand-in control, in the requested order.
     #[must_use]
     pub fn settings(&self) -> &[ExposureSetting] {
         &self.setup.settings
     }
 
-    /// Exposures in seconds, ascending: measured values where brightness ratios contradict the control, else the control's values.
+    /// Returns the exposure times in seconds, ascending: measured values where brightness ratios contradict the control, else the control's
+    /// values.
     #[must_use]
     pub fn seconds(&self) -> Vec<f64> {
         let deviating = self.verifier.as_ref().map(Verifier::measured);
@@ -119,38 +119,39 @@ impl Camera {
         settings.map(|(slot, s)| measured(slot).unwrap_or(s.seconds)).collect()
     }
 
-    /// Indices into [`Self::settings`] of the exposures whose measured time differs from the control's by more than 10 %.
+    /// Returns the indices into [`Self::settings`] of the exposures whose measured time differs from the control's by more than 10 %.
     #[must_use]
     pub fn measured(&self) -> Vec<usize> {
         let deviates = |slot: &usize| self.verifier.as_ref().is_some_and(|v| v.measured().deviates(*slot));
         (0..self.setup.settings.len()).filter(deviates).collect()
     }
 
-    /// Number of times that measured exposures replaced the control's values since the camera was opened.
+    /// Returns the number of times that measured exposures replaced the control's values since the camera was opened.
     #[must_use]
     pub fn exposure_changes(&self) -> u64 {
         self.verifier.as_ref().map_or(0, |v| v.measured().changes())
     }
 
-    /// Relative code of black, for sensors in the table; otherwise 0.
+    /// Returns the relative code of black, for sensors in the table; otherwise 0.
     #[must_use]
     pub fn black(&self) -> f64 {
         self.setup.black
     }
 
-    /// Part of the sensor that pictures show, if the driver or the table of sensors gives it.
+    /// Returns the part of the sensor that pictures cover, if the driver or the table of sensors has it.
     #[must_use]
     pub fn view(&self) -> Option<View> {
         self.setup.view
     }
 
-    /// The requested properties, each with the requested and the granted value.
+    /// Returns the requested properties, each with the requested and the granted value.
     #[must_use]
     pub fn agreed(&self) -> &[Agreed] {
         &self.setup.agreed
     }
 
-    /// Control delay, if it is known: the number of frames between the next frame and the first one on which a written control acts.
+    /// Returns the control delay, if it is known: the number of frames between the next frame and the first one on which a written control
+    /// acts.
     #[must_use]
     pub fn delay(&self) -> Option<u32> {
         self.sure.then(|| self.schedule.delay())
@@ -162,7 +163,7 @@ impl Camera {
         Duration::from_secs_f64(self.setup.period_s)
     }
 
-    /// Counters of the frames since the camera was opened.
+    /// Returns the counters of the frames since the camera was opened.
     #[must_use]
     pub fn counters(&self) -> Counters {
         self.counters
@@ -222,7 +223,7 @@ impl Camera {
         self.setup.knob.as_ref().is_some_and(|k| k.unit != ControlUnit::StandIn)
     }
 
-    /// Uses the middle exposure alone, because the control does not set exposures as it should.
+    /// Limits the burst to the middle exposure, since the control does not set exposures in the documented way.
     pub(super) fn keep_one(&mut self, kernel: &mut dyn Kernel, got: &str) -> Result<(), CameraError> {
         let asked = "longer exposures for larger values".into();
         self.setup.agreed.push(Agreed { what: "exposure control", asked, got: got.into() });
@@ -272,7 +273,7 @@ impl Camera {
         self.write(kernel, sequence, self.schedule.due(sequence))
     }
 
-    /// Number of periods that have passed since the newest frame was due.
+    /// Returns the number of periods that have passed since the newest frame was due.
     pub(super) fn lateness(&self, kernel: &dyn Kernel) -> f64 {
         self.arrivals.lateness(kernel.now_ns())
     }
@@ -292,13 +293,13 @@ impl Camera {
         self.refused = 0;
         let late = self.lateness(kernel);
         let doubt = if late <= IN_TIME { 0 } else { late.ceil().min(f64::from(MAX_DELAY)) as u32 };
-        // An exposure whose first frame is uncertain is kept for one that certainly has it.
+        // An exposure whose first frame is uncertain is kept for one further frame, which certainly has it.
         self.held_until = (doubt > 0).then(|| sequence.wrapping_add(1 + doubt));
         self.schedule.wrote(sequence, slot, doubt);
         Ok(())
     }
 
-    /// Counts a write that the driver refused: each costs a frame, and [`MOST_REFUSED`] in a row are an error.
+    /// Counts a write that the driver refused: each one loses a frame, and [`MOST_REFUSED`] successive ones are an error.
     fn refuse(&mut self, errno: Errno, sequence: u32) -> Result<(), CameraError> {
         self.refused += 1;
         self.counters.failed_writes += 1;
@@ -306,7 +307,7 @@ impl Camera {
             return Err(CameraError::Gone(self.path.clone()));
         }
         if errno == Errno::ACCESS {
-            // An automatic mode holds the control again.
+            // An automatic mode has taken control of the exposure again.
             setup::restore(&mut self.setup);
         }
         if self.refused > MOST_REFUSED {

@@ -6,7 +6,7 @@ use rustix::io::Errno;
 /// Largest number of controls that are read from a driver; vivid has about a hundred.
 const MAX_CONTROLS: usize = 1024;
 
-/// A control as the driver describes it.
+/// Description of a control from the driver.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Info {
     /// Number of the control.
@@ -79,7 +79,7 @@ pub fn all(node: &mut dyn Node) -> Vec<Info> {
     let mut last = 0;
     while found.len() < MAX_CONTROLS {
         let mut d = abi::ControlDescription { id: last | abi::NEXT_CONTROL, ..Default::default() };
-        // A driver whose control numbers do not rise would cause an endless loop.
+        // A driver whose control numbers do not increase would cause an endless loop.
         if persist(|| node.call(Call::QueryControl(&mut d))).is_err() || d.id <= last {
             break;
         }

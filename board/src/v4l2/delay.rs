@@ -14,7 +14,7 @@ const TRIALS: u32 = 12;
 const SPOILT: u32 = 48;
 const AGREEING: u32 = 3;
 
-/// Mean relative codes that every change of the exposure changes.
+/// Range of mean relative codes in which every change of the exposure changes the mean.
 const LIT: std::ops::Range<f32> = 0.05..0.8;
 
 /// Largest number of successive broken frames.

@@ -41,7 +41,7 @@ pub enum ControlUnit {
     Uvc,
     /// Lines of a sensor; the field is the time of a line in seconds.
     Lines(f64),
-    /// No time: another control that replaces the exposure on a test bench.
+    /// No time: another control replaces the exposure on a test bench.
     StandIn,
 }
 
@@ -64,7 +64,7 @@ impl Knob {
 }
 
 impl ControlUnit {
-    /// Returns the seconds of one unit.
+    /// Returns the time of one unit, seconds.
     const fn second(self) -> Option<f64> {
         match self {
             Self::Uvc => Some(1e-4),
@@ -74,7 +74,7 @@ impl ControlUnit {
     }
 }
 
-/// Returns the seconds of a line, from the pixel rate and the length of the line.
+/// Returns the time of a line, seconds, from the pixel rate and the length of the line.
 fn line_s(node: &mut dyn Node, width: u32) -> Option<f64> {
     let rate = controls::find(node, abi::PIXEL_RATE).and_then(|i| controls::value(node, &i).ok())?;
     let blank = controls::find(node, abi::HBLANK).and_then(|i| controls::value(node, &i).ok())?;
@@ -82,7 +82,7 @@ fn line_s(node: &mut dyn Node, width: u32) -> Option<f64> {
     (rate > 0 && pixels > 0).then(|| pixels as f64 / rate as f64)
 }
 
-/// The level of black of a sensor.
+/// Black level of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BlackLevel {
     /// Code of black.
@@ -92,7 +92,7 @@ pub struct BlackLevel {
 }
 
 impl BlackLevel {
-    /// Black as a part of the largest code.
+    /// Returns the black level as a part of the largest code.
     #[must_use]
     pub fn share(self) -> f64 {
         f64::from(self.code) / f64::from((1u32 << self.bits) - 1)
@@ -108,9 +108,9 @@ pub struct Sensor {
     pub reserve_lines: i64,
     /// Control delay of the exposure, frames after the next one.
     pub delay: u32,
-    /// Level of black.
+    /// Black level.
     pub black: BlackLevel,
-    /// Size of the mode that shows the whole sensor; smaller modes are crops.
+    /// Size of the mode that images the whole sensor; smaller modes are crops.
     pub full_view: Size,
 }
 
@@ -187,13 +187,13 @@ pub fn sensor(name: &str) -> Option<&'static Sensor> {
     SENSORS.iter().find(|s| name.starts_with(s.name))
 }
 
-/// All sensor models of the table.
+/// Returns all sensor models of the table.
 #[cfg(test)]
 pub fn sensors() -> impl Iterator<Item = &'static Sensor> {
     SENSORS.iter()
 }
 
-/// Controls of automatic processing that changes brightness, colour or sharpness of a frame; 0 switches each of them off.
+/// Controls of automatic processing that changes brightness, colour or sharpness of a frame; each is set to 0.
 const AUTOMATICS: [u32; 11] = [
     abi::AUTOGAIN,
     abi::AUTO_WHITE_BALANCE,
@@ -251,13 +251,13 @@ pub fn go_manual(node: &mut dyn Node) -> Manual {
     if controls::find(node, abi::EXPOSURE_AUTO).is_none() {
         return Manual { settable: true, held };
     }
-    // Most cameras have only some of the modes; some drivers list none.
+    // Most cameras have only some of the modes; some drivers list no modes.
     let modes = abi::MANUAL_MODES.into_iter().filter(|m| controls::has_item(node, abi::EXPOSURE_AUTO, *m));
     let modes: Vec<i64> = modes.collect();
     let modes = if modes.is_empty() { abi::MANUAL_MODES.into() } else { modes };
     let mode = modes.into_iter().find_map(|m| Held::set(node, abi::EXPOSURE_AUTO, m).filter(Held::holds));
     let settable = mode.is_some();
-    // This control comes first, since it unlocks the others.
+    // The mode is first in the list, since it unlocks the other controls.
     held.splice(0..0, mode);
     Manual { settable, held }
 }
@@ -290,7 +290,7 @@ const TRIED_FACTOR: f64 = 4.0;
 /// finer.
 const TRIED_FROM: f64 = 0.05;
 
-/// Sets the exposure to the nearest value that the camera takes and returns the value that is read back; `None` if every value is refused.
+/// Sets the exposure to the nearest value that the camera accepts and returns the value that is read back; `None` if every value is refused.
 ///
 /// Some cameras accept only the values of a coarse list that no request returns, and refuse or ignore all others. Values around `wanted`
 /// are tried by rising distance until none can be nearer than the nearest value read back.
@@ -304,7 +304,7 @@ fn take_nearest(node: &mut dyn Node, info: &Info, wanted: i64, most: i64) -> Opt
             break;
         }
         if controls::set(node, info, value).is_ok() {
-            // A control that cannot be read has the written value.
+            // A control that cannot be read is taken to have the written value.
             let found = controls::value(node, info).unwrap_or(value);
             if best.is_none_or(|b| distance(found) < distance(b)) {
                 best = Some(found);
@@ -354,9 +354,9 @@ pub struct Settled {
 /// are returned.
 pub fn agree(node: &mut dyn Node, knob: &Knob, wished_s: &[f64], period_s: f64) -> Settled {
     let Some(second) = knob.unit.second() else { return Settled::default() };
-    // The present range: a sensor's range follows VBLANK.
+    // The range is queried again: a sensor's range follows VBLANK.
     let info = controls::find(node, knob.info.id).unwrap_or_else(|| knob.info.clone());
-    // A UVC exposure that is longer than the frame interval lengthens the interval or is cut.
+    // A UVC exposure that is longer than the frame interval lengthens the interval or is shortened.
     let most = if knob.unit == ControlUnit::Uvc { (period_s / second) as i64 } else { i64::MAX };
     let (mut taken, mut written) = (Vec::new(), Vec::new());
     for asked_s in wished_s {

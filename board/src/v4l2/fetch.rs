@@ -8,7 +8,7 @@ use super::{Call, CameraError, Kernel, Ready, abi, persist};
 use rustix::io::Errno;
 use std::time::Duration;
 
-/// Number of successive frames without a rising sequence number after which the camera is opened again.
+/// Number of successive frames whose sequence number does not increase after which the camera is opened again.
 const MOST_REPEATS: u32 = 30;
 
 /// Number of successive failures to fetch a frame after which the camera is opened again: drivers report lost transfers as EIO.
@@ -50,7 +50,7 @@ impl Camera {
         Ok(Some(Filled { buffer, good }))
     }
 
-    /// Drops a frame whose sequence number was repeated, as busy drivers do now and then: its exposure is unknown.
+    /// Drops a frame with a repeated sequence number, which busy drivers deliver occasionally: its exposure is unknown.
     fn repeat(&mut self, sequence: u32) -> Result<bool, CameraError> {
         self.repeats += 1;
         if self.repeats <= MOST_REPEATS {
@@ -61,7 +61,7 @@ impl Camera {
         Err(CameraError::Unfit { path: self.path.clone(), found, expected: "rising numbers".into() })
     }
 
-    /// Numbers a frame and notes its arrival; returns false if the driver repeats a number.
+    /// Numbers a frame and stores its arrival time; returns false if the driver repeats a number.
     fn count(&mut self, kernel: &dyn Kernel, buffer: &mut abi::Buffer) -> Result<bool, CameraError> {
         let (stamped_ns, now_ns) = (stamped_ns(buffer), kernel.now_ns());
         let times = Times { stamped_ns, now_ns, period_s: self.setup.period_s };
@@ -93,7 +93,7 @@ impl Camera {
         let mut event = abi::Event::default();
         let taken = persist(|| self.setup.video.call(Call::DequeueEvent(&mut event)));
         if taken.is_ok() && event.kind == abi::EVENT_SOURCE_CHANGE {
-            let (found, expected) = ("another picture format".into(), "the one that was agreed on".into());
+            let (found, expected) = ("another picture format".into(), "the negotiated one".into());
             return Err(CameraError::Unfit { path: self.path.clone(), found, expected });
         }
         Ok(())

@@ -1,4 +1,4 @@
-//! Tests against simulated faults that were reported of real cameras.
+//! Tests against simulated faults that were reported for real cameras.
 use super::Size;
 use super::capture::Camera;
 use super::fake::{FakeKernel, Script};
@@ -23,9 +23,9 @@ fn open(script: Script, exposures_s: [f64; 3]) -> (FakeKernel, Supervisor) {
     (kernel, supervisor)
 }
 
-/// One write in a hundred fails, as with some USB cameras. Over 60 s (1500 frames) the camera is not closed once.
+/// One write in a hundred fails, as with some USB cameras. The camera stays open over 60 s (1500 frames).
 #[test]
-fn a_failed_write_costs_a_frame_and_not_the_camera() {
+fn a_failed_write_loses_a_frame_and_the_camera_stays_open() {
     let script = Script { fail_write_every: 100, ..Script::default() };
     let (kernel, mut supervisor) = open(script, [0.001, 0.006, 0.036]);
     let (begun, mut frame, mut frames) = (kernel.world().now_ns, RawFrame::default(), 0);
@@ -43,18 +43,18 @@ fn a_failed_write_costs_a_frame_and_not_the_camera() {
     );
 }
 
-/// Requested are 0.9, 5.5 and 33.3 ms; the camera has 1.0, 3.9, 7.8 and 31.2 ms.
+/// The requests are 0.9, 5.5 and 33.3 ms; the camera has 1.0, 3.9, 7.8 and 31.2 ms.
 #[test]
-fn a_camera_that_takes_some_exposures_only_gets_its_nearest() {
+fn a_camera_with_a_list_of_exposures_is_set_to_the_nearest() {
     let script = Script { accepts: Some(COARSE.into()), range: (5, 20000), ..Script::default() };
     let (_kernel, supervisor) = open(script, [0.0009, 0.0055, 0.0333]);
     let values: Vec<_> = supervisor.camera().expect("up").settings().iter().map(|s| s.value).collect();
     assert_eq!(values.len(), 3, "three exposures, not {values:?}");
 }
 
-/// The control reads back the written value, but the sensor uses another one: no such frame counts as verified.
+/// The control reads back the written value, but the sensor uses another one: its frames must not count as verified.
 #[test]
-fn exposures_that_are_not_what_the_control_says_are_not_verified() {
+fn exposures_that_differ_from_the_control_are_not_verified() {
     let script = Script { really: Some(COARSE.into()), range: (5, 20000), ..Script::default() };
     let (kernel, mut supervisor) = open(script, [0.0009, 0.0055, 0.0333]);
     let (mut frame, mut wrong, mut count) = (RawFrame::default(), 0, 0);

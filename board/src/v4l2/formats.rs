@@ -21,7 +21,7 @@ pub fn rank(fourcc: u32) -> Option<usize> {
     all().position(|name| name == fourcc)
 }
 
-/// FourCCs of all readable formats, the most preferred first.
+/// Returns the FourCCs of all readable formats, the most preferred first.
 fn all() -> impl Iterator<Item = u32> {
     let uncompressed = || Format::fourccs().map(u32::from_le_bytes);
     let is_grey = |fourcc: &u32| *fourcc == u32::from_le_bytes(*b"GREY");
@@ -67,12 +67,12 @@ pub fn names() -> String {
     all().map(name).collect::<Vec<_>>().join(", ")
 }
 
-/// A found and an expected value, in words.
+/// The value that was found and the value that was expected, for an error message.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mismatch {
-    /// The found value, in words.
+    /// Description of the value that was found.
     pub found: String,
-    /// The expected value, in words.
+    /// Description of the value that was expected.
     pub expected: String,
 }
 
@@ -105,7 +105,7 @@ impl Picture {
     /// Returns the layout of the granted format, if it is supported.
     ///
     /// # Errors
-    /// The found and the expected format, in words.
+    /// [`Mismatch`] with the format that was found and the formats that are supported.
     pub fn of(granted: &abi::PixelFormat) -> Result<Self, Mismatch> {
         let (fourcc, width, height) = (granted.fourcc, granted.width, granted.height);
         let format = format(fourcc, yuv(granted)).ok_or_else(|| none_of(&[&name(fourcc)]))?;
@@ -149,19 +149,19 @@ impl Picture {
         Ok(Self { fourcc: DECODED, layout, jpeg: Some(jpeg) })
     }
 
-    /// FourCC of the camera's own frames.
+    /// Returns the FourCC of the camera's frames, before JPEG is decoded.
     #[must_use]
     pub fn camera_fourcc(&self) -> u32 {
         if self.jpeg.is_some() { u32::from_le_bytes(*b"MJPG") } else { self.fourcc }
     }
 
-    /// Size of the camera's own frames, which lens files refer to.
+    /// Returns the size of the camera's frames, before JPEG is decoded; lens files refer to it.
     #[must_use]
     pub fn camera_size(&self) -> Size {
         self.jpeg.map_or(Size::new(self.width(), self.height()), |jpeg| Size::new(jpeg.width, jpeg.height))
     }
 
-    /// Least number of bytes of a complete frame from the camera.
+    /// Returns the least number of bytes of a complete frame from the camera.
     #[must_use]
     pub(super) const fn least_bytes(&self) -> usize {
         if self.jpeg.is_some() { 4 } else { self.layout.frame_bytes() }
@@ -179,25 +179,25 @@ impl Picture {
         true
     }
 
-    /// Width of the frames, pixels.
+    /// Returns the width of the frames, pixels.
     #[must_use]
     pub const fn width(&self) -> u32 {
         self.layout.width()
     }
 
-    /// Height of the frames, pixels.
+    /// Returns the height of the frames, pixels.
     #[must_use]
     pub const fn height(&self) -> u32 {
         self.layout.height()
     }
 
-    /// Returns whether codes are the sensor's own, proportional to the light.
+    /// Returns whether codes are those of the sensor, proportional to the light.
     #[must_use]
     pub const fn is_raw(&self) -> bool {
         self.layout.format().pattern().is_some()
     }
 
-    /// Matrix and range of luma and chroma, for formats that have them.
+    /// Returns the matrix and the range of luma and chroma, for formats with chroma.
     #[must_use]
     pub const fn yuv(&self) -> Option<Yuv> {
         match self.layout.format() {
@@ -206,14 +206,14 @@ impl Picture {
         }
     }
 
-    /// Largest code of a sample.
+    /// Returns the largest code of a sample.
     #[must_use]
     pub fn max_code(&self) -> f64 {
         f64::from(self.layout.format().max_code())
     }
 }
 
-/// Least rows or columns of the merged image of a binned mosaic: with a lens of 180 degrees a pixel is 0.75 degrees wide.
+/// Least number of rows and of columns of the merged image of a binned mosaic: with a lens of 180 degrees, a pixel is 0.75 degrees wide.
 const LEAST_MERGED: u32 = 240;
 
 /// Returns the layout with the largest bin that leaves [`LEAST_MERGED`] rows and columns.
@@ -226,12 +226,12 @@ fn binned(layout: Layout) -> Layout {
     bins.find(fits).unwrap_or(layout)
 }
 
-/// Returns whether a format needs an even number of rows, as it does of columns.
+/// Returns whether a format needs an even number of rows, in addition to an even number of columns.
 const fn pairs_rows(format: Format) -> bool {
     format.pattern().is_some() || matches!(format, Format::Nv12(_))
 }
 
-/// Returns the driver's matrix and range of luma and chroma; values that the driver leaves open follow from the colour space.
+/// Returns the driver's matrix and range of luma and chroma; values that the driver does not state follow from the colour space.
 fn yuv(granted: &abi::PixelFormat) -> Yuv {
     let full = match granted.quantization {
         0 => granted.colorspace == abi::COLORSPACE_JPEG,
@@ -286,7 +286,7 @@ mod tests {
         assert!(yuyv(1280).is_ok_and(|p| p.yuv().is_some_and(|yuv| yuv.limited)), "limited by default");
     }
 
-    /// Strides by the kernel's documentation of the formats: rows of packed formats hold whole groups.
+    /// Strides of the kernel's documentation of the formats: rows of packed formats consist of whole groups of samples.
     #[test]
     fn odd_sizes_are_refused_for_formats_whose_samples_are_grouped() {
         for (name, width, height, line) in [

@@ -23,7 +23,7 @@ pub struct Counters {
     pub known: KnownCounts,
     /// Number of frames whose brightness ratio to the frame before contradicted the predicted exposure.
     pub mismatches: u64,
-    /// Number of times that the control delay was corrected.
+    /// Number of corrections of the control delay.
     pub resyncs: u64,
 }
 
@@ -91,16 +91,16 @@ pub struct Broken {
     pub flagged: u64,
     /// Frames without a byte.
     pub empty: u64,
-    /// Frames with fewer bytes than the format needs.
+    /// Frames with fewer bytes than the format requires.
     pub short: u64,
-    /// Frames whose sequence number does not rise.
+    /// Frames whose sequence number does not increase.
     pub repeated: u64,
     /// Truncated or damaged JPEG frames.
     pub damaged: u64,
 }
 
 impl Broken {
-    /// Total number of dropped frames.
+    /// Returns the total number of dropped frames.
     #[must_use]
     pub const fn total(&self) -> u64 {
         let cut = self.empty.saturating_add(self.short).saturating_add(self.damaged);
@@ -119,7 +119,7 @@ impl Broken {
         }
     }
 
-    /// Counts a frame by its fault, if it has one; returns true if all `whole` bytes of the format are there.
+    /// Counts a frame by its fault, if it has one; returns true if it has all `whole` bytes of the format.
     pub(super) const fn check(&mut self, buffer: &abi::Buffer, repeated: bool, whole: usize) -> bool {
         let count = match buffer.bytes_used as usize {
             _ if repeated => &mut self.repeated,

@@ -1,6 +1,6 @@
-//! The Huffman tables of ITU-T T.81, annex K.3, for JPEG frames that have none: many USB cameras leave the tables out.
+//! The Huffman tables of ITU-T T.81, annex K.3, for JPEG frames without tables, as many USB cameras send them.
 
-/// A Huffman table: class and number, the count of codes of each length from 1 to 16 bits, and the values.
+/// A Huffman table: class and number, the number of codes of each length from 1 to 16 bits, and the values.
 struct Table {
     id: u8,
     counts: [u8; 16],

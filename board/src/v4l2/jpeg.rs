@@ -38,7 +38,7 @@ impl Jpeg {
         Self { width, height, shrink: shrink.unwrap_or(1) }
     }
 
-    /// Size of the decoded frame.
+    /// Returns the size of the decoded frame.
     #[must_use]
     pub const fn decoded(&self) -> Size {
         Size::new(self.width.div_ceil(self.shrink), self.height.div_ceil(self.shrink))
@@ -92,8 +92,8 @@ impl Jpeg {
     }
 }
 
-/// Returns the frame with Huffman tables, if it has none, and with [`SEAL`] in front of its end marker: a decoder that has not reached the
-/// last block by then fails.
+/// Returns the frame with Huffman tables, if it has none, and with [`SEAL`] before its end marker, which makes a decoder fail if blocks are
+/// missing.
 fn sealed(bytes: &[u8]) -> Option<Vec<u8>> {
     let end = bytes.windows(2).rposition(|w| w == [0xff, 0xd9])?;
     let (head, rest) = bytes.get(..end)?.split_at_checked(huffman::missing_at(bytes).unwrap_or(0))?;
@@ -113,7 +113,7 @@ mod tests {
     use super::*;
     use image::codecs::jpeg::JpegEncoder;
 
-    /// A picture whose red rises from left to right and whose green rises from top to bottom.
+    /// Returns a picture whose red increases from left to right and whose green increases from top to bottom.
     fn picture(width: u32, height: u32) -> Vec<u8> {
         let side = |at: u32, of: u32| (255 * at / of) as u8;
         let pixel = |i: u32| [side(i % width, width), side(i / width, height), 90];
@@ -157,7 +157,7 @@ mod tests {
         }
     }
 
-    /// The encoder writes the tables of annex K.3 into each picture; a frame without them has the form that many USB cameras send.
+    /// The encoder writes the tables of annex K.3 into each picture; many USB cameras send frames without them.
     #[test]
     fn a_frame_without_huffman_tables_is_decoded_with_the_standard_ones() {
         for (width, height) in [(320, 240), (1280, 720)] {

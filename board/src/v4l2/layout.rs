@@ -3,7 +3,7 @@
 /// Size of a pointer in bytes; some unions hold pointers.
 pub const POINTER: usize = size_of::<usize>();
 
-/// Types that have a value of all zero bits.
+/// Types for which all zero bits are a value.
 pub trait Zero {
     /// The value of all zero bits.
     const ZERO: Self;

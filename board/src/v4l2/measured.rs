@@ -22,8 +22,8 @@ pub enum Verdict {
     CannotTell,
 }
 
-/// Largest deviation of a ratio, as a part of the smallest logarithmic step between two exposures. At one half, two exposures would explain
-/// the ratio equally well.
+/// Largest deviation of a ratio, as a part of the smallest logarithmic step between two exposures. At one half, two exposures would match the
+/// ratio equally well.
 const TOLERANCE: f64 = 0.4;
 
 /// Upper limit of the tolerance, natural logarithm: a factor of 1.65, which covers a camera whose tone curve is only roughly known.
@@ -32,10 +32,10 @@ const LARGEST_TOLERANCE: f64 = 0.5;
 /// Number of stored ratios of each step.
 const KEPT: usize = 8;
 
-/// Largest spread of the ratios of a step, natural logarithm: flickering light and moving objects spread more.
+/// Largest spread of the ratios of a step, natural logarithm: flickering light and moving objects cause a larger spread.
 const SPREAD: f64 = 0.08;
 
-/// Largest deviation of a step from the control's values, natural logarithm; larger deviations come from a wrong tone curve.
+/// Largest deviation of a step from the control's values, natural logarithm; a larger deviation is caused by a wrong tone curve.
 const LARGEST_DEVIATION: f64 = 1.0;
 
 /// Least change of a measured exposure that replaces its value, natural logarithm.
@@ -76,7 +76,7 @@ impl MeasuredRatios {
         self.measured.get(slot).zip(self.told.get(slot)).is_some_and(|(m, t)| (m - t).abs() > VERIFIED)
     }
 
-    /// Number of times that measured exposures replaced earlier values.
+    /// Returns the number of times that measured exposures replaced earlier values.
     #[must_use]
     pub fn changes(&self) -> u64 {
         self.changes
@@ -103,8 +103,8 @@ impl MeasuredRatios {
         }
     }
 
-    /// Notes the ratio from exposure `old` to exposure `new`, and replaces exposures whose ratios deviate constantly from the control's
-    /// values.
+    /// Stores the ratio from exposure `old` to exposure `new`, and replaces exposures whose ratios deviate from the control's values by a
+    /// constant.
     pub(super) fn note(&mut self, old: usize, new: usize, log_ratio: f64) {
         let (step, up) = match (old.checked_add(1) == Some(new), new.checked_add(1) == Some(old)) {
             (true, _) => (old, log_ratio),
@@ -165,7 +165,7 @@ mod tests {
         measured
     }
 
-    /// Computed by hand: the control's values are 10, 20 and 40 ms, and the longest is cut at 30 ms.
+    /// Computed by hand: the control's values are 10, 20 and 40 ms, and the longest exposure is shortened to 30 ms.
     #[test]
     fn a_cut_exposure_is_measured_and_the_others_stay() {
         let m = noted(&[0.01, 0.02, 0.04], &[(0, 1, 2.0), (1, 2, 1.5)]);

@@ -138,29 +138,29 @@ pub trait Kernel: Send {
     /// The kernel's error.
     fn open(&mut self, path: &Path) -> Result<Box<dyn Node>, Errno>;
 
-    /// Paths of all capture nodes (`/dev/video*`), in order of their numbers.
+    /// Returns the paths of all capture nodes (`/dev/video*`), in order of their numbers.
     fn video_nodes(&mut self) -> Vec<PathBuf>;
 
-    /// Paths and names of all sub-devices (`/dev/v4l-subdev*`).
+    /// Returns the paths and names of all sub-devices (`/dev/v4l-subdev*`).
     fn subdevices(&mut self) -> Vec<(PathBuf, String)>;
 
-    /// Paths of all media devices (`/dev/media*`).
+    /// Returns the paths of all media devices (`/dev/media*`).
     fn media_nodes(&mut self) -> Vec<PathBuf>;
 
-    /// The number of the character device at `path`.
+    /// Returns the number of the character device at `path`.
     fn device_of(&mut self, path: &Path) -> Option<Device>;
 
-    /// The path of the video node or sub-device with that device number.
+    /// Returns the path of the video node or sub-device with the number `device`.
     fn node_of(&mut self, device: Device) -> Option<PathBuf>;
 
-    /// CLOCK_MONOTONIC in nanoseconds, the clock of frame timestamps.
+    /// Returns the time of CLOCK_MONOTONIC, the clock of frame timestamps, nanoseconds.
     fn now_ns(&self) -> u64;
 
     /// Sleeps for `duration`.
     fn sleep(&mut self, duration: Duration);
 }
 
-/// Reasons for which a camera delivers no frames.
+/// Reasons why a camera delivers no frames.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CameraError {
     /// A request failed.
@@ -170,7 +170,7 @@ pub enum CameraError {
         path: PathBuf,
         /// The operation that failed.
         operation: &'static str,
-        /// The kernel's error in words.
+        /// Description of the kernel's error.
         errno: String,
         /// The expected condition.
         expected: &'static str,
@@ -193,9 +193,9 @@ pub enum CameraError {
     Unfit {
         /// Path of the node.
         path: PathBuf,
-        /// The found value, in words.
+        /// Description of the value that was found.
         found: String,
-        /// The expected value, in words.
+        /// Description of the value that was expected.
         expected: String,
     },
 }

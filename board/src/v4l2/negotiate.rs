@@ -19,7 +19,7 @@ pub(super) struct Carried {
     pub size: Size,
 }
 
-/// Sets the node's format, of `asked` pixels or of the size that the sensor sends: with another size the stream does not start.
+/// Sets the node's format, of `asked` pixels or of the size that the sensor sends: the stream does not start with another size.
 pub(super) fn set_format(
     video: &mut dyn Node,
     carried: Option<Carried>,
@@ -66,7 +66,7 @@ pub(super) fn set_format(
     Ok(format.pixel)
 }
 
-/// Returns the formats of a node; only those of its media bus code, if the node lists formats by code.
+/// Returns the formats of a node; only those of the media bus code `carried`, if the node lists formats by code.
 fn offered(video: &mut dyn Node, carried: Option<Carried>) -> Vec<device::FormatInfo> {
     let mut caps = abi::Capability::default();
     let told = persist(|| video.call(Call::QueryCapability(&mut caps))).is_ok();
@@ -81,7 +81,7 @@ fn is_slow(format: &device::FormatInfo, size: Size, rate_hz: f64) -> bool {
     rates.copied().reduce(f64::max).is_some_and(|most| most < rate_hz / 2.0)
 }
 
-/// Sets the bits, mosaic and size of a sensor whose node has no media graph.
+/// Sets the sample bits, the mosaic and the size of a sensor whose node has no media graph.
 pub(super) fn set_pad(sensor: &mut dyn Node, wished: Size) -> Option<Carried> {
     let offered = bus::offered(sensor, 0);
     let code = *bus::ranked(&offered).first()?;
@@ -90,7 +90,7 @@ pub(super) fn set_pad(sensor: &mut dyn Node, wished: Size) -> Option<Carried> {
     bus::is_read(pad.code).then_some(Carried { code: pad.code, size: Size::new(pad.width, pad.height) })
 }
 
-/// Requests a frame rate and returns the granted frame interval in seconds. A driver without adjustable rate is no error.
+/// Requests a frame rate and returns the granted frame interval in seconds. A driver whose rate cannot be set is not an error.
 pub(super) fn set_rate(video: &mut dyn Node, rate_hz: f64, path: &Path) -> Result<f64, CameraError> {
     let rate_hz = if rate_hz > 0.0 { rate_hz.clamp(0.1, 1000.0) } else { 30.0 };
     let interval = [1000, (1000.0 * rate_hz).round() as u32];

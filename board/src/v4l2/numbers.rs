@@ -1,4 +1,4 @@
-//! Frame numbers that rise by one per frame interval, from the numbers of drivers that number their frames otherwise.
+//! Assigns frame numbers that increase by one per frame interval, for drivers that number their frames otherwise.
 //!
 //! Exposures are assigned to frames by number. Some drivers number all frames 0, restart at 0 while they stream, or jump ahead; where the
 //! elapsed time contradicts a driver's number, the elapsed number of frame intervals replaces the step.
@@ -8,7 +8,7 @@ use super::schedule::is_after;
 /// Number of successive frames with the first frame's number after which frames are numbered by time.
 const STILL: u32 = 3;
 
-/// Largest step of a driver's numbers that the elapsed time does not contradict.
+/// Largest step of a driver's numbers that is accepted without comparison with the elapsed time.
 const PLAIN_STEP: u32 = 8;
 
 /// Largest ratio of a driver's step to the elapsed number of frame intervals.
@@ -31,7 +31,7 @@ struct Newest {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Numbers {
     newest: Option<Newest>,
-    /// Whether the driver's numbers have risen.
+    /// True if the driver's numbers have increased.
     has_risen: bool,
     /// Number of frames with the first frame's number.
     still: u32,
@@ -101,7 +101,7 @@ impl Numbers {
 }
 
 impl Times {
-    /// Returns the timestamp if it lies between `last_ns` and the present, else the present.
+    /// Returns the timestamp if it lies between `last_ns` and the present, else the present time.
     fn newest_ns(&self, last_ns: u64) -> u64 {
         let is_good = self.stamped_ns > last_ns && self.stamped_ns <= self.now_ns;
         if is_good { self.stamped_ns } else { self.now_ns }
@@ -118,7 +118,7 @@ impl Times {
 mod tests {
     use super::*;
 
-    /// Numbers frames of 40 ms, given as the driver's number and the time in frame intervals.
+    /// Numbers frames of 40 ms from the driver's numbers and the times in frame intervals.
     fn numbered(frames: &[(u32, u64)]) -> Vec<Option<u32>> {
         let mut numbers = Numbers::default();
         let times =
@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_without_numbers_are_numbered_by_time() {
+    fn frames_that_all_have_number_0_are_numbered_by_time() {
         let found = numbered(&[(0, 0), (0, 1), (0, 2), (0, 3), (0, 4), (0, 7)]);
         assert_eq!(found, [Some(0), None, None, Some(3), Some(4), Some(7)], "two lost before the last");
     }

@@ -1,5 +1,5 @@
-//! Cameras that contradict the documentation of V4L2 or the values that their drivers report: no wrong exposure, and bursts wherever the
-//! camera can take them.
+//! Cameras that contradict the documentation of V4L2 or the values that their drivers report: no exposure is wrong, and bursts are delivered if
+//! the camera can take them.
 
 use super::capture::Camera;
 use super::device;
@@ -10,15 +10,15 @@ use super::supervise::{Outcome, Supervisor};
 use super::tests::options;
 use std::time::Duration;
 
-/// Result of a run of a minute.
+/// Result of a minute of simulated time.
 #[derive(Debug, Default)]
 struct Minute {
     frames: usize,
-    /// Frames that are verified or measured.
+    /// Number of frames that are verified or measured.
     certain: usize,
-    /// Frames whose exposure is given and differs from the true one by more than 10 %.
+    /// Number of frames whose reported exposure differs from the true one by more than 10 %.
     wrong: usize,
-    /// Frames that are verified or measured, with a wrong exposure.
+    /// Number of frames that are verified or measured, with a wrong exposure.
     wrong_certain: usize,
     /// Number of exposures of a burst.
     exposures: usize,
@@ -65,11 +65,11 @@ fn minute(script: Script) -> Minute {
     minute
 }
 
-/// What must hold for a minute of a camera of 25 Hz.
+/// Expected result of a minute of a camera of 25 Hz.
 struct Expected {
     quirk: Quirk,
     exposures: usize,
-    /// Least numbers of frames and of certain frames.
+    /// Least number of frames, and least number of certain frames.
     frames: usize,
     certain: usize,
 }
@@ -110,7 +110,7 @@ fn controls_that_are_written_late_or_in_vain_make_no_wrong_exposure() {
     }
 }
 
-/// No model of the delay is right then; with equal steps between the exposures, a few ratios agree by chance.
+/// No model of the delay is right for such a camera; with equal steps between the exposures, a few ratios agree by chance.
 #[test]
 fn a_control_delay_that_varies_makes_few_frames_certain() {
     let found = minute(script(&[Quirk::Jitters]));
@@ -120,7 +120,7 @@ fn a_control_delay_that_varies_makes_few_frames_certain() {
 }
 
 #[test]
-fn frame_numbers_that_do_not_count_frames_cost_few_frames() {
+fn frame_numbers_that_do_not_count_frames_lose_few_frames() {
     for (quirk, frames) in [
         (Quirk::Unnumbered, 1490),
         (Quirk::EverySecond, 1490),
@@ -135,7 +135,7 @@ fn frame_numbers_that_do_not_count_frames_cost_few_frames() {
 }
 
 #[test]
-fn requests_that_fail_now_and_then_cost_a_frame_and_not_the_camera() {
+fn requests_that_fail_occasionally_lose_a_frame_and_the_camera_stays_open() {
     for (quirk, frames) in [
         (Quirk::DequeueFails(100), 1470),
         (Quirk::StartFails(2), 1490),
@@ -167,7 +167,7 @@ fn frame_rates_other_than_the_reported_one_are_followed() {
 }
 
 #[test]
-fn controls_that_act_in_the_other_direction_or_not_at_all_are_named_and_left_alone() {
+fn inverted_and_ineffective_controls_are_reported_and_not_used() {
     for (script, told) in [
         (script(&[Quirk::Inverted]), "shorter exposures for larger values: one exposure is used"),
         (

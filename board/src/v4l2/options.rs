@@ -22,7 +22,7 @@ pub struct StandIn {
 pub struct LensFit {
     /// Size of the pictures.
     pub size: Size,
-    /// Part of the sensor that the pictures show, if the file gives it; the lens can then be converted to other parts.
+    /// Part of the sensor that the pictures cover, if the file contains it; the lens can then be converted to other parts.
     pub shown: Option<Shown>,
     /// Lens model of the file.
     pub lens: Lens,
@@ -37,9 +37,9 @@ pub struct Options {
     pub subdevice: Option<PathBuf>,
     /// Requested size of the pictures.
     pub size: Size,
-    /// Whether a sensor of the table is set to the mode that shows the whole sensor, in place of `size`.
+    /// True if a sensor of the table is set to the mode that covers the whole sensor, in place of `size`.
     pub full_view: bool,
-    /// The mode that pictures must have because the lens file covers no other.
+    /// The mode that pictures must have, since the lens file applies to it alone.
     pub lens: Option<LensFit>,
     /// FourCC of the pixel format; by default the most preferred readable one.
     pub fourcc: Option<u32>,
@@ -83,14 +83,14 @@ impl Options {
 pub struct Agreed {
     /// Name of the option.
     pub what: &'static str,
-    /// Requested value, in words.
+    /// Description of the requested value.
     pub asked: String,
-    /// Granted value, in words.
+    /// Description of the granted value.
     pub got: String,
 }
 
 impl LensFit {
-    /// Checks that the lens file applies to pictures of `size` that show `view` of the sensor.
+    /// Checks that the lens file applies to pictures of `size` that cover `view` of the sensor.
     pub(super) fn check(&self, got: Size, view: Option<&View>, path: &Path) -> Result<(), CameraError> {
         let refuse = |found, expected| Err(CameraError::Unfit { path: path.into(), found, expected });
         match (self.shown, view) {
@@ -98,13 +98,13 @@ impl LensFit {
             (Some(shown), Some(view)) => {
                 let [x, y, width, height] = shown.crop;
                 let expected = format!(
-                    "a mode that shows the middle of {width} x {height} at {x}, {y} as the lens file says: another size= or another lens"
+                    "a mode that shows the middle of {width} x {height} at {x}, {y} as in the lens file: another size= or another lens"
                 );
                 refuse(format!("pictures of {view}"), expected)
             }
             _ if self.size == got => Ok(()),
             _ => {
-                let expected = format!("{} as the lens file says: another size= or another lens", self.size);
+                let expected = format!("{} as in the lens file: another size= or another lens", self.size);
                 refuse(format!("pictures of {} pixels", got), expected)
             }
         }

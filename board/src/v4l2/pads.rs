@@ -79,7 +79,7 @@ plain! {
 }
 
 plain! {
-    /// `struct v4l2_subdev_route`: the way of a stream through an entity.
+    /// `struct v4l2_subdev_route`: the path of a stream through an entity.
     PadRoute(40, 40) {
         /// Number of the pad where the stream enters.
         sink_pad: u32,
@@ -122,7 +122,7 @@ plain! {
 
 /// `V4L2_SUBDEV_ROUTE_FL_ACTIVE`.
 pub const ROUTE_ACTIVE: u32 = 1;
-/// `V4L2_SUBDEV_CLIENT_CAP_STREAMS`: the program knows of streams, without which requests for routes fail with ENOTTY.
+/// `V4L2_SUBDEV_CLIENT_CAP_STREAMS`: declares that the program supports streams; without it, requests for routes fail with ENOTTY.
 pub const CLIENT_STREAMS: u64 = 1;
 
 /// Largest number of routes that are read from an entity.

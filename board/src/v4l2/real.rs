@@ -1,4 +1,4 @@
-//! The operating system's kernel by system calls. All `unsafe` of the crate is in this module.
+//! The operating system's kernel, called by system calls. All `unsafe` of the crate is in this module.
 #![allow(
     unsafe_code,
     reason = "requests and mappings are contracts with the kernel; each says why it is kept"
@@ -87,11 +87,11 @@ const _: () = {
 /// Longest mapping, bytes: a frame of 64 megapixels of four bytes.
 const MAX_BUFFER_BYTES: u32 = 256 << 20;
 
-/// A buffer of the driver, mapped into the address space of this process.
+/// A buffer of the driver, mapped into this process.
 struct Mapping {
     start: NonNull<u8>,
     length: usize,
-    /// Whether the driver owns the buffer and may be writing to it.
+    /// True while the driver owns the buffer and may write to it.
     queued: bool,
 }
 

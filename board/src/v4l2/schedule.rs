@@ -28,7 +28,7 @@ pub enum Known {
 }
 
 impl Known {
-    /// Name of the origin in `burst.toml`.
+    /// Returns the name of the origin in `burst.toml`.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -47,7 +47,7 @@ struct Write {
     after: u32,
     /// Index into the exposures.
     slot: usize,
-    /// Number of frames, from the first on which the write can act, whose exposure is uncertain because the write was late.
+    /// Number of frames, from the first on which the write can act, whose exposure is uncertain because of a late write.
     doubt: u32,
 }
 
@@ -90,25 +90,25 @@ impl Schedule {
         }
     }
 
-    /// Marks the initial exposure as uncertain: the camera started with another one.
+    /// Marks the initial exposure as uncertain, for a camera that started with another one.
     pub fn doubt_initial(&mut self) {
         self.initial_certain = false;
     }
 
-    /// Notes that a write after frame `sequence` failed: the exposure is uncertain until the next write acts.
+    /// Logs that a write after frame `sequence` failed: the exposure is uncertain until the next write acts.
     pub fn failed(&mut self, sequence: u32) {
         let target = sequence.wrapping_add(1).wrapping_add(self.delay);
         let stays = self.acting(target.wrapping_sub(1), self.delay).slot;
         self.wrote(sequence, stays, u32::MAX);
     }
 
-    /// Control delay, frames after the next one.
+    /// Returns the control delay, frames after the next one.
     #[must_use]
     pub fn delay(&self) -> u32 {
         self.delay
     }
 
-    /// Replaces the control delay, for past writes too.
+    /// Replaces the control delay, also for past writes.
     pub fn set_delay(&mut self, delay: u32) {
         self.delay = delay.min(MAX_DELAY);
     }
@@ -121,7 +121,7 @@ impl Schedule {
         (self.acting(target.wrapping_sub(1), self.delay).slot + 1) % self.slots
     }
 
-    /// Notes that exposure `slot` was written after frame `after`; `doubt` is the number of frames that may have begun before the write was
+    /// Logs that exposure `slot` was written after frame `after`; `doubt` is the number of frames that may have begun before the write was
     /// complete.
     pub fn wrote(&mut self, after: u32, slot: usize, doubt: u32) {
         if self.writes.len() == KEPT {
@@ -136,7 +136,8 @@ impl Schedule {
         self.exposure_with(sequence, self.delay)
     }
 
-    /// Like [`Self::exposure_of`], but for another delay: used to find the delay that explains the brightness ratios.
+    /// Returns the exposure of frame `sequence` under the control delay `delay`, by which the delay that matches the brightness ratios is
+    /// found.
     #[must_use]
     pub fn exposure_with(&self, sequence: u32, delay: u32) -> Option<usize> {
         let Acting { slot, certain } = self.acting(sequence, delay);
@@ -158,7 +159,7 @@ impl Schedule {
 mod tests {
     use super::*;
 
-    /// Computed by hand: delay 2, slots 0 1 2, one write after each frame from 10 on.
+    /// Computed by hand: delay 2, slots 0 1 2, one write after each frame from frame 10.
     #[test]
     fn a_write_acts_after_its_delay() {
         let mut s = Schedule::new(3, 0, 2);
@@ -172,7 +173,7 @@ mod tests {
 
     /// Computed by hand: frame 11 is lost, so no write follows it, and frame 13 keeps the exposure of frame 12.
     #[test]
-    fn a_lost_frame_shifts_nothing() {
+    fn a_lost_frame_does_not_shift_exposures() {
         let mut s = Schedule::new(3, 0, 1);
         s.wrote(10, 1, 0);
         assert_eq!(s.due(12), 2, "12 and 13 have 1, so 14 gets 2");

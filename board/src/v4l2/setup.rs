@@ -26,7 +26,7 @@ pub(super) struct Setup {
     pub held: Vec<Held>,
     /// Exposures of the burst, at least one; without an exposure control exactly one, the frame interval.
     pub settings: Vec<ExposureSetting>,
-    /// Part of the sensor that pictures show, if it is known.
+    /// Part of the sensor that pictures cover, if it is known.
     pub view: Option<View>,
     /// Control delay from the table of sensors.
     pub delay: Option<u32>,
@@ -110,13 +110,13 @@ fn agreed_view(view: &View) -> Agreed {
     agreed("view", "all of the sensor".into(), view.to_string())
 }
 
-/// Reports a control that did not take its value.
+/// Reports a control that did not accept its value.
 fn refused(held: &Held) -> Agreed {
     let got = held.found.map_or_else(|| "unreadable".into(), |value| value.to_string());
     agreed("control", format!("{} = {}", held.info.name, held.wanted), got)
 }
 
-/// Sets the held controls again that the camera changed when its stream started; returns true if there were any.
+/// Sets the held controls again that the camera changed when its stream started; returns true if it changed any.
 pub(super) fn restore(setup: &mut Setup) -> bool {
     let Setup { video, sensor, held, .. } = setup;
     let node: &mut dyn Node = match sensor {
@@ -141,7 +141,7 @@ pub(super) fn exposure_value(setup: &mut Setup) -> Option<i64> {
     controls::value(node, &knob.as_ref()?.info).ok()
 }
 
-/// The exposure control of a camera with its unit and settings.
+/// The exposure control of a camera, with its unit and settings.
 struct Exposing {
     knob: Option<Knob>,
     settings: Vec<ExposureSetting>,

@@ -18,7 +18,7 @@ impl Size {
         Self { width, height }
     }
 
-    /// Number of pixels.
+    /// Returns the number of pixels.
     #[must_use]
     pub fn area(self) -> u64 {
         u64::from(self.width) * u64::from(self.height)
@@ -31,7 +31,7 @@ impl From<[u32; 2]> for Size {
     }
 }
 
-/// Writes, for example, `640 x 480`.
+/// Formats a size as in `640 x 480`.
 impl fmt::Display for Size {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} x {}", self.width, self.height)

@@ -10,7 +10,7 @@ use rustix::io::Errno;
 use std::path::Path;
 use std::time::Duration;
 
-/// Number of requested buffers. One is being filled and one being read; the others absorb a delay of four frames without loss.
+/// Number of requested buffers: one is filled, one is read; the others absorb a delay of four frames without loss.
 const BUFFERS: u32 = 6;
 
 /// Number of attempts to start the stream, and the time between them: USB cameras fail while another device ends its transfers, and some
@@ -64,7 +64,7 @@ impl Camera {
         }
     }
 
-    /// Sets the controls again that the camera reset when the stream started.
+    /// Writes the controls again that the camera reset when the stream started.
     fn restore(&mut self, kernel: &mut dyn Kernel) -> Result<(), CameraError> {
         let changed = setup::restore(&mut self.setup);
         let expected = self.setup.settings.first().map(|s| s.value);
@@ -81,7 +81,7 @@ impl Camera {
         self.write(kernel, u32::MAX, 0)
     }
 
-    /// Writes the first exposure before the stream starts, so that it applies from the first frame on.
+    /// Writes the first exposure before the stream starts, so that it acts from the first frame.
     fn write_first(&mut self, kernel: &mut dyn Kernel) -> Result<(), CameraError> {
         for _ in 0..FIRST_TRIES {
             let failed = self.counters.failed_writes;

@@ -8,7 +8,8 @@ use super::setup::Options;
 use super::{CameraError, Kernel};
 use std::time::Duration;
 
-/// Time between two attempts: long enough for a device to settle, short enough for a light set that is two seconds old.
+/// Time between two attempts to open the camera: long enough for a device to settle, short enough for light sets that are at most two seconds
+/// old.
 const RETRY: Duration = Duration::from_secs(1);
 
 /// Longest wait of one step, which bounds the latency of a shutdown.
@@ -21,7 +22,7 @@ pub enum Outcome {
     Frame,
     /// No frame was received yet.
     Nothing,
-    /// The camera is closed; the text gives the reason.
+    /// The camera is closed; the text is the reason.
     Down(String),
 }
 
@@ -31,7 +32,7 @@ pub struct Supervisor {
     options: Options,
     camera: Option<Camera>,
     retry_ns: u64,
-    /// Layout of the first frames. Later frames must have the same one, since the tables of the lens depend on it.
+    /// Layout of the first frames. Later frames must have the same layout, since the tables of the lens depend on it.
     picture: Option<Picture>,
     reopened: u64,
 }
@@ -65,7 +66,7 @@ impl Supervisor {
         self.camera.as_ref()
     }
 
-    /// Number of times that the camera was opened again.
+    /// Returns the number of times that the camera was opened again.
     #[must_use]
     pub fn reopened(&self) -> u64 {
         self.reopened
@@ -131,7 +132,7 @@ mod tests {
     use crate::v4l2::fake::{FakeKernel, Fault, Script};
 
     #[test]
-    fn fifty_disconnects_are_fifty_recoveries_and_nothing_is_left_open() {
+    fn fifty_disconnects_are_recovered_and_no_node_stays_open() {
         let faults = (1..=50u64).map(|n| (n * 200, Fault::Disconnect(Duration::from_millis(3500))));
         let kernel = FakeKernel::new(Script {
             faults: faults.collect(),
@@ -154,7 +155,7 @@ mod tests {
             }
             assert!(!at_rest || kernel.held().0 <= 1, "one camera at most");
         }
-        // Pulled once and found gone at the tries after one, two and three seconds.
+        // One disconnection, and failed attempts after one, two and three seconds.
         assert_eq!(reasons.len(), 200, "one try a second");
         reasons.dedup();
         assert_eq!(reasons.len(), 1, "always in the same words, so that they are logged once: {reasons:?}");
@@ -163,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stalled_camera_is_opened_anew() {
+    fn a_stalled_camera_is_opened_again() {
         let faults = vec![(300, Fault::Stall(Duration::from_secs(5)))];
         let kernel = FakeKernel::new(Script { faults, ..Script::default() });
         let options = Options { size: Size::new(64, 48), ..Options::of("/dev/video0") };

@@ -22,7 +22,7 @@ pub(super) fn options() -> Options {
     }
 }
 
-/// Summary of a run of frames.
+/// Numbers of frames of a run, by the correctness of their exposure.
 #[derive(Debug, Default)]
 struct Tally {
     frames: usize,
@@ -106,7 +106,7 @@ fn a_wrong_delay_is_corrected_and_counted() {
 }
 
 #[test]
-fn a_delay_that_changes_while_streaming_is_followed() {
+fn a_delay_that_changes_while_streaming_is_measured_again() {
     let faults = vec![(400, Fault::Delay(3))];
     let mut kernel = FakeKernel::new(Script { delay: 1, loss: 0.05, faults, ..Script::default() });
     let mut camera = Camera::open(&mut kernel, &options()).expect("a camera");
@@ -116,7 +116,7 @@ fn a_delay_that_changes_while_streaming_is_followed() {
 }
 
 #[test]
-fn clamped_exposures_are_reported_as_they_are() {
+fn clamped_exposures_are_reported_with_the_granted_value() {
     let mut kernel = FakeKernel::new(Script { range: (20, 100), ..Script::default() });
     let camera = Camera::open(&mut kernel, &options()).expect("a camera");
     let got: Vec<_> = camera.settings().iter().map(|s| (s.value, s.asked_s, s.seconds)).collect();
@@ -158,9 +158,9 @@ fn a_control_that_cannot_be_switched_off_is_named() {
     assert_eq!((refused[0].asked.as_str(), refused[0].got.as_str()), ("Sharpness = 0", "2"), "by name");
 }
 
-/// The sensor's exposures are 1.0, 3.9 and 31.2 ms for requests of 0.9, 5.5 and 33.3 ms.
+/// The sensor exposes 1.0, 3.9 and 31.2 ms for requests of 0.9, 5.5 and 33.3 ms.
 #[test]
-fn exposures_that_the_sensor_does_not_make_are_measured() {
+fn exposures_that_differ_from_the_control_are_measured() {
     let really = Some(vec![5, 10, 20, 39, 78, 156, 312, 625]);
     let mut kernel = FakeKernel::new(Script { really, range: (5, 20000), ..Script::default() });
     let options = Options { exposures_s: vec![0.0009, 0.0055, 0.0333], ..options() };
@@ -182,7 +182,7 @@ fn exposures_that_the_sensor_does_not_make_are_measured() {
     assert_eq!(camera.counters().mismatches, 0, "not contradicted: measured");
 }
 
-/// Cameras with a list of exposures refuse, ignore or round down other values; each gives the nearest value of the list.
+/// Cameras with a list of exposures refuse, ignore or round down other values; each uses the nearest value of its list.
 #[test]
 fn the_nearest_of_an_exposure_list_is_found_for_each_way_of_refusing() {
     for (list, expected) in
@@ -199,9 +199,9 @@ fn the_nearest_of_an_exposure_list_is_found_for_each_way_of_refusing() {
     }
 }
 
-/// Line time of 100 us: 64 + 936 pixels at 10 MHz.
+/// The line time is 100 us: 64 + 936 pixels at 10 MHz.
 #[test]
-fn a_sensor_gets_its_frame_length_before_its_lines_and_keeps_its_gain() {
+fn vblank_is_set_before_the_exposure_and_the_gain_stays() {
     let mut kernel =
         FakeKernel::new(Script { kind: Kind::Csi, formats: vec!["BA81"], delay: 2, ..Script::default() });
     let mut camera = Camera::open(&mut kernel, &options()).expect("a camera");
@@ -221,7 +221,7 @@ fn a_sensor_gets_its_frame_length_before_its_lines_and_keeps_its_gain() {
 }
 
 #[test]
-fn a_known_sensor_is_set_to_its_whole_view_mode() {
+fn a_known_sensor_is_set_to_the_mode_of_its_whole_area() {
     let script = Script {
         kind: Kind::Csi,
         sensor: "imx219 10-0010",
@@ -240,7 +240,7 @@ fn a_known_sensor_is_set_to_its_whole_view_mode() {
 }
 
 #[test]
-fn broken_frames_are_left_out_and_counted() {
+fn broken_frames_are_dropped_and_counted() {
     let faults = vec![(300, Fault::Short), (310, Fault::Error), (320, Fault::Repeat), (330, Fault::Empty)];
     let mut kernel = FakeKernel::new(Script { faults, ..Script::default() });
     let mut camera = Camera::open(&mut kernel, &options()).expect("a camera");
@@ -250,7 +250,7 @@ fn broken_frames_are_left_out_and_counted() {
 }
 
 #[test]
-fn jpeg_frames_have_their_exposures_and_damaged_ones_are_counted() {
+fn jpeg_frames_have_exposures_and_damaged_ones_are_counted() {
     let faults = (300..310).map(|at| (at, Fault::Damaged)).collect();
     let script = Script { formats: vec!["MJPG"], faults, loss: 0.05, ..Script::default() };
     let mut kernel = FakeKernel::new(script);
@@ -317,7 +317,7 @@ fn each_cause_of_a_stream_failure_has_its_own_error() {
 }
 
 #[test]
-fn a_busy_camera_is_tried_a_few_times_and_then_named() {
+fn a_busy_camera_is_retried_and_then_reported() {
     let mut kernel = FakeKernel::new(Script { busy: 3, ..Script::default() });
     assert!(Camera::open(&mut kernel, &options()).is_ok(), "the fourth time");
     let mut kernel = FakeKernel::new(Script { busy: 1000, ..Script::default() });

@@ -10,29 +10,29 @@ use super::schedule::{MAX_DELAY, Schedule};
 use hemilux_core::Response;
 use std::collections::VecDeque;
 
-/// Range of relative codes that are compared: below it noise and the black level dominate, above it cameras compress before they clip.
+/// Range of relative codes that are compared: noise and the black level dominate below it, tone compression begins above it.
 const TRUSTED: std::ops::Range<f32> = 0.05..0.93;
 
-/// Least number of compared samples, of 3,072: fewer may all lie on a moving object.
+/// Least number of compared samples, of 3,072: fewer samples may all lie on a moving object.
 const ENOUGH: usize = 48;
 
 /// Largest distance of the two frames, in frames: light and objects move in the meantime.
 const NEIGHBOURS: u32 = 4;
 
-/// Largest distance of a frame from an older certain one with which it is compared too, in frames.
+/// Largest distance, in frames, of a frame from an older certain frame with which it is also compared.
 const REACH: u32 = 6;
 
 /// Number of stored certain frames.
 const ANCHORS: usize = 2;
 
-/// Number of stored comparisons, and how many of them must disagree before another delay is searched for.
+/// Number of stored comparisons, and least number of contradictions among them from which another delay is searched.
 const REMEMBERED: usize = 12;
 const DISAGREEING: usize = 4;
 
-/// Number of stored comparisons that disagree from which on no frame is certain.
+/// Number of contradictions among the stored comparisons from which no frame is certain.
 const DISPUTED: usize = 3;
 
-/// Meaning of a camera's codes.
+/// Response and levels of a camera's codes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CodeCurve {
     /// Camera response from codes to relative exposure.
@@ -52,8 +52,8 @@ pub struct Verifier {
     codes: Vec<f32>,
     ratios: Vec<f32>,
     seen: VecDeque<FramePair>,
-    /// The newest certain frames. With equal steps between the exposures, a shift by one exposure gives the same ratio to the frame before;
-    /// the ratio to an older frame shows it.
+    /// The newest frames with certain exposures. With equal steps between the exposures, a shift by one exposure leaves the ratio to the
+    /// frame before unchanged; the ratio to an older frame reveals the shift.
     anchors: VecDeque<Anchor>,
 }
 
@@ -95,7 +95,7 @@ impl Verifier {
         let near = self.before.filter(|b| sequence.wrapping_sub(*b) <= NEIGHBOURS);
         let ratio = near.and_then(|_| log_ratio(self.levels, &mut self.ratios, &self.codes, codes));
         if near.is_some() && schedule.exposure_of(sequence).is_none() {
-            // The next frame is compared with the frame before, whose exposure is predicted.
+            // The stored frame stays: its exposure is predicted, and the next frame is compared with it.
             return Verdict::CannotTell;
         }
         std::mem::swap(&mut self.codes, codes);
@@ -141,7 +141,7 @@ impl Verifier {
         self.anchors.push_back(anchor);
     }
 
-    /// The exposures as measured from the ratios.
+    /// Returns the exposures measured from the ratios.
     #[must_use]
     pub fn measured(&self) -> &MeasuredRatios {
         &self.measured

@@ -1,7 +1,7 @@
-//! The part of a sensor that a mode shows.
+//! The part of a sensor that a mode images.
 //!
-//! The small modes of most sensors are crops that show the middle of the lens. Drivers report the shown part by selection rectangles; for
-//! drivers without them, a table has the modes of common sensors.
+//! The small modes of most sensors are crops of the sensor's middle. Drivers report the imaged part by selection rectangles; for drivers without
+//! them, a table contains the modes of common sensors.
 
 use super::Size;
 use super::exposure::Sensor;
@@ -12,7 +12,7 @@ use serde::Serialize;
 /// Largest side of a sensor, pixels.
 const MAX_SIDE: u32 = 1 << 16;
 
-/// The part of a sensor that pictures of a mode show.
+/// The part of a sensor that the pictures of a mode cover.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct View {
     /// Left edge, top edge, width and height of the part, in pixels of the sensor from the corner of its active area.
@@ -24,7 +24,7 @@ pub struct View {
 }
 
 impl View {
-    /// Returns the view of pictures of `size` from the rectangles of the shown part and of the active area; `None` if they are
+    /// Returns the view of pictures of `size` from the rectangles of the covered part and of the active area; `None` if they are
     /// inconsistent.
     #[must_use]
     pub fn of(size: Size, shown: [u32; 4], bounds: [u32; 4]) -> Option<Self> {
@@ -43,7 +43,7 @@ impl View {
         Shown { crop: self.crop, binning: self.binning }
     }
 
-    /// Share of the active area that is shown, 0 to 1.
+    /// Returns the share of the active area that pictures cover, 0 to 1.
     #[must_use]
     pub fn share(&self) -> f64 {
         let area = |w: u32, h: u32| f64::from(w) * f64::from(h);
@@ -59,13 +59,13 @@ impl std::fmt::Display for View {
     }
 }
 
-/// Returns the nearest integer ratio of shown sensor pixels to picture pixels.
+/// Returns the nearest integer ratio of covered sensor pixels to picture pixels.
 fn rounded(shown: u32, pixels: u32) -> Option<u32> {
     let ratio = (f64::from(shown) / f64::from(pixels.max(1))).round();
     (pixels > 0 && (1.0..=64.0).contains(&ratio)).then_some(ratio as u32)
 }
 
-/// A mode of a sensor: columns and rows of its pictures, and of the central part of the sensor that they show.
+/// A mode of a sensor: columns and rows of its pictures, and of the central part of the sensor that they cover.
 struct Mode {
     sensor: &'static str,
     size: Size,
@@ -76,7 +76,7 @@ const fn mode(sensor: &'static str, size: [u32; 2], shown: [u32; 2]) -> Mode {
     Mode { sensor, size: Size::new(size[0], size[1]), shown: Size::new(shown[0], shown[1]) }
 }
 
-/// Modes of the kernel's drivers; the first of each sensor shows the whole sensor.
+/// Modes of the kernel's drivers; the first mode of each sensor covers the whole sensor.
 const MODES: [Mode; 25] = [
     mode("imx219", [3280, 2464], [3280, 2464]),
     mode("imx219", [1920, 1080], [1920, 1080]),
@@ -120,7 +120,7 @@ pub fn present(node: &mut dyn Node, sensor: Option<&Sensor>, size: Size) -> Opti
     told(node, size).or_else(|| known(sensor?, size))
 }
 
-/// Returns the view that a sensor's driver reports; the same for a node that reports the rectangles of its sensor.
+/// Returns the view that a sensor's driver reports, also for a node that reports the rectangles of its sensor.
 fn told(node: &mut dyn Node, size: Size) -> Option<View> {
     let shown = rectangle(node, abi::SELECT_CROP)?;
     let bounds = rectangle(node, abi::SELECT_BOUNDS).or_else(|| rectangle(node, abi::SELECT_NATIVE))?;
@@ -142,9 +142,9 @@ mod tests {
     use super::*;
     use crate::v4l2::exposure;
 
-    /// Values of the drivers: 640 x 480 of imx219 shows 1280 x 960 of 3280 x 2464.
+    /// Values of the drivers: 640 x 480 of imx219 covers 1280 x 960 of 3280 x 2464.
     #[test]
-    fn small_modes_see_the_middle() {
+    fn small_modes_cover_the_middle() {
         for (name, size, crop, binning, share) in [
             ("imx219", Size::new(640, 480), [1000, 752, 1280, 960], [2, 2], 0.152),
             ("imx219", Size::new(1640, 1232), [0, 0, 3280, 2464], [2, 2], 1.0),
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn each_known_sensors_full_view_sees_all_of_it() {
+    fn the_full_view_of_each_known_sensor_covers_its_area() {
         for sensor in exposure::sensors() {
             let view = known(sensor, sensor.full_view);
             assert_eq!(view.map(|v| v.share()), Some(1.0), "{}", sensor.name);
@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn rectangles_that_contradict_each_other_are_no_view() {
+    fn contradictory_rectangles_are_refused() {
         let bounds = [8, 8, 3280, 2464];
         assert!(View::of(Size::new(640, 480), [1008, 760, 1280, 960], bounds).is_some(), "as imx219 tells");
         for shown in [[0, 0, 1280, 960], [8, 8, 3281, 2464], [u32::MAX, 8, 640, 480], [8, 8, 0, 0]] {

@@ -47,7 +47,7 @@ fn a_camera_that_comes_after_the_probe_is_waited_for() {
     assert!(set.scalar_flux[1] > 0.0 && !set.lights.is_empty(), "light: {set:?}");
 }
 
-/// The scripted camera is linear, as the lens file says; the sensor of the second one makes 1.0, 3.9 and 31.2 ms.
+/// The scripted camera is linear, as in the lens file; the sensor of the second one makes 1.0, 3.9 and 31.2 ms.
 #[test]
 fn the_status_tells_verified_and_measured_exposures_and_counts_frames() {
     let file = tempfile::NamedTempFile::new().expect("a file");
@@ -110,12 +110,12 @@ fn a_lens_file_with_a_crop_is_converted_to_the_mode_or_refused() {
     assert_eq!((centre.to_array(), focal.to_array()), ([319.5, 239.5], [400.0, 402.0]), "moved");
     let line = open([100.0, 100.0], crop, ",size=640x480").expect_err("not shown").to_string();
     assert!(
-        line.contains("found pictures of 15 % of the sensor") && line.contains("as the lens file says"),
+        line.contains("found pictures of 15 % of the sensor") && line.contains("as in the lens file"),
         "{line}"
     );
     let line = open([819.5, 615.5], "", ",size=640x480").expect_err("no crop").to_string();
     assert!(
-        line.contains("found pictures of 640 x 480 pixels, expected 1640 x 1232 as the lens file says"),
+        line.contains("found pictures of 640 x 480 pixels, expected 1640 x 1232 as in the lens file"),
         "{line}"
     );
     let line = open([819.5, 615.5], "crop = [0, 0, 3000, 2464]\nbinning = [2, 2]\n", "")
@@ -334,7 +334,7 @@ fn a_lens_names_the_size_and_what_it_is_not_for_is_refused() {
         CameraSource::open(Box::new(FakeKernel::new(Script::default())), &lens(80)).expect_err("another");
     let line = error.to_string();
     assert!(
-        line.contains("found pictures of 64 x 48 pixels, expected 80 x 48 as the lens file says"),
+        line.contains("found pictures of 64 x 48 pixels, expected 80 x 48 as in the lens file"),
         "{line}"
     );
 }

@@ -196,7 +196,7 @@ impl PipeSource {
         match &self.lens {
             Some(lens) if lens.size != size => {
                 let found = format!("frames of {} x {} pixels", size[0], size[1]);
-                let expected = format!("{} x {} as the lens file says", lens.size[0], lens.size[1]);
+                let expected = format!("{} x {} as in the lens file", lens.size[0], lens.size[1]);
                 Err(self.gone(found, &expected))
             }
             _ => Ok(()),

@@ -1,4 +1,4 @@
-//! The controls of the simulated camera, and the frames that they lead to.
+//! The controls of the simulated camera, and the pictures that result from them.
 
 use super::{Kind, Manner, Quirk, World};
 use crate::v4l2::abi;
@@ -112,7 +112,7 @@ impl World {
         let kind = match id {
             abi::EXPOSURE_AUTO => abi::TYPE_MENU,
             abi::PIXEL_RATE => abi::TYPE_INTEGER64,
-            // A type that the program does not know.
+            // A control type that the program does not support.
             abi::HBLANK => 0x7777,
             _ => abi::TYPE_INTEGER,
         };
@@ -126,7 +126,7 @@ impl World {
         Ok(())
     }
 
-    /// Returns a frame of a scene whose radiance rises by a factor of 1000 from left to right, as a linear sensor records it.
+    /// Returns a frame of a scene whose radiance increases by a factor of 1000 from left to right, as a linear sensor records it.
     pub(super) fn expose(&self, value: i64) -> Vec<u8> {
         let layout = self.layout();
         let (width, most) = (layout.width(), f64::from(layout.format().max_code()));

@@ -21,7 +21,7 @@ pub struct Mode {
     pub crop: [u32; 4],
 }
 
-/// Behaviour of a pad that does not take formats.
+/// Reaction of a pad that does not accept formats.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PadFault {
     /// The pad keeps a size of 640 x 480.
@@ -44,11 +44,11 @@ pub struct Described {
     pub modes: Vec<Mode>,
     /// Rectangle of all pixels of the sensor; none if the driver reports no selections.
     pub native: Option<[u32; 4]>,
-    /// A pad, as `NAME:PAD`, that does not take formats, and the way in which it does not.
+    /// A pad, as `NAME:PAD`, that does not accept formats, and its reaction.
     pub fault: Option<(&'static str, PadFault)>,
     /// Active routes of the bridge, as (sink, source); none if its driver has no streams.
     pub routes: Option<Vec<(u32, u32)>>,
-    /// Whether the driver refuses other routes.
+    /// True if the driver refuses other routes.
     pub fixed_routes: bool,
     /// Number of the first node.
     pub first_node: u32,
@@ -112,7 +112,7 @@ impl Board {
         Self { described, names, links, pads }
     }
 
-    /// Flags of all links and formats of all pads, for comparison.
+    /// Returns the flags of all links and the formats of all pads, for comparison.
     pub fn state(&self) -> (Vec<u32>, Vec<(u32, u32, u32)>) {
         let pads = self.pads.values().map(|p| (p.code, p.width, p.height));
         (self.links.iter().map(|l| l.flags).collect(), pads.collect())
@@ -127,7 +127,7 @@ impl Board {
         (0..self.names.len()).find(|at| self.device(*at) == device)
     }
 
-    /// Path of the node of `entity`. Video nodes and sub-devices share one sequence of numbers.
+    /// Returns the path of the node of `entity`. Video nodes and sub-devices share one sequence of numbers.
     pub fn path(&self, entity: usize) -> PathBuf {
         let number = self.device(entity).minor;
         let kind = if is_node(&self.names[entity]) { "video" } else { "v4l-subdev" };

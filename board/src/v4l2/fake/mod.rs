@@ -1,4 +1,4 @@
-//! A scripted kernel with a simulated camera in simulated time, which has the faults of real cameras on demand.
+//! A scripted kernel with a simulated camera in simulated time, which has faults of real cameras on request.
 //!
 //! The camera exposes frame `n` with the newest control write that came at least `delay` whole frames before it. The true exposure of each
 //! frame is stored for comparison by tests.
@@ -38,7 +38,7 @@ struct Done {
 pub struct World {
     pub script: Script,
     pub boards: Vec<Board>,
-    /// Whether frames wait for a buffer of another node.
+    /// True if frames wait for a buffer of another node.
     starved: bool,
     pub now_ns: u64,
     /// Number of frames since the camera was plugged in, without the time of disconnections.
@@ -183,7 +183,7 @@ impl World {
         Format::from_fourcc(self.fourcc(), yuv).expect("a format that is read")
     }
 
-    /// Returns whether the pictures are JPEG.
+    /// Returns whether the frames are JPEG.
     fn is_jpeg(&self) -> bool {
         self.fourcc() == *b"MJPG"
     }
@@ -221,7 +221,7 @@ impl World {
         if every > 0 && self.calls.is_multiple_of(every) { Err(Errno::INTR) } else { Ok(()) }
     }
 
-    /// Follows the real time, if the script says so.
+    /// Follows the real time, if the script requests it.
     fn keep_time(&mut self) {
         if self.script.real_time {
             self.advance(crate::clock::monotonic_ns());

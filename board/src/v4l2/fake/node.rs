@@ -7,7 +7,7 @@ use rustix::io::Errno;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-/// The kinds of nodes.
+/// Kinds of nodes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Role {
     /// A node of a camera without a media graph.
@@ -139,7 +139,7 @@ fn one<T>(index: u32, value: T) -> Result<T, Errno> {
     if index == 0 { Ok(value) } else { Err(Errno::INVAL) }
 }
 
-/// Starts the stream: the last exposure written applies from the first frame on.
+/// Starts the stream: the last exposure that was written acts from the first frame.
 fn start(w: &mut World) {
     let last = w.writes.last().map(|(_, v)| (0, *v));
     w.writes = last.into_iter().collect();

@@ -6,7 +6,7 @@ use std::time::Duration;
 /// The fault of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fault {
-    /// The camera is disconnected for this time.
+    /// The camera is disconnected for this duration.
     Disconnect(Duration),
     /// The frame has too few bytes.
     Short,
@@ -22,7 +22,7 @@ pub enum Fault {
     AllEmpty,
     /// The frame has the error flag.
     Error,
-    /// No frames arrive for this time.
+    /// No frames arrive for this duration.
     Stall(Duration),
     /// From this frame on, the control delay is this number of frames.
     Delay(u32),
@@ -51,7 +51,7 @@ pub enum Manner {
     RoundsDown,
 }
 
-/// A behaviour of some cameras that contradicts the documentation of V4L2 or the values that the driver reports.
+/// A behaviour of some cameras that contradicts the documentation of V4L2 or the values of the driver.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Quirk {
     /// The exposure control reads as this value, whatever was written.
@@ -64,7 +64,7 @@ pub enum Quirk {
     NoMenu,
     /// Larger values of the exposure control are shorter exposures.
     Inverted,
-    /// Writes of the exposure take this time.
+    /// Writes of the exposure take this duration.
     SlowWrites(Duration),
     /// One of this number of exposure writes has no effect while streaming.
     Forgets(u32),
@@ -82,7 +82,7 @@ pub enum Quirk {
     JumpsAhead(u32),
     /// At every frame of this number, the numbers restart at 0.
     Restarts(u32),
-    /// A frame takes at least twice its exposure time, whatever the frame rate is.
+    /// A frame takes at least twice its exposure time at every frame rate.
     Slows,
     /// This number of frames from the start of the stream are black.
     DarkStart(u32),
@@ -102,7 +102,7 @@ pub enum Quirk {
     NoStride,
 }
 
-/// The behaviour of the camera.
+/// Properties and faults of the camera.
 #[derive(Clone, Debug)]
 pub struct Script {
     pub quirks: Vec<Quirk>,

@@ -12,7 +12,7 @@ const MOST_CODES: u32 = 128;
 enum Carried {
     /// A mosaic with this number of bits per sample.
     Mosaic(u32, Pattern),
-    /// Samples that nodes deliver in the format of this name.
+    /// Samples that nodes deliver in the format with this FourCC.
     Samples(&'static str),
 }
 

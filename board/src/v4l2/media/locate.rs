@@ -19,7 +19,7 @@ pub(in crate::v4l2) struct Located {
 }
 
 impl Located {
-    /// The sensor's name.
+    /// Returns the sensor's name.
     pub fn sensor_name(&self) -> &str {
         self.graph.entities.get(self.sensor).map_or("", |e| &e.name)
     }
@@ -36,11 +36,11 @@ impl Located {
     }
 }
 
-/// The form in which the options name a camera.
+/// Form of a camera's name in the options.
 enum Named<'a> {
-    /// The node that captures.
+    /// Device number of the capture node.
     Node(Device),
-    /// The media device.
+    /// Path of the media device.
     Media(&'a Path),
     /// Prefix of the sensor's name.
     Sensor(&'a str),

@@ -1,4 +1,4 @@
-//! Cameras of scripted media devices: the Pi 4's Unicam and both drivers of the Pi 5's receiver, from described graphs.
+//! Cameras of scripted media devices: the Pi 4's Unicam and both drivers of the Pi 5's receiver, with their media graphs.
 
 use super::graph::{Graph, Topology};
 use super::route::routes;
@@ -29,7 +29,7 @@ const CFE: &str = "\
     csi2:5 -> rp1-cfe-csi2_ch1:0 []
     pisp-fe:2 -> rp1-cfe-fe_image0:0 [on]";
 
-/// Graph of the Pi 5 with the mainline driver: one sink, and other names.
+/// Graph of the Pi 5 with the mainline driver, which has one sink and other entity names.
 const MAINLINE: &str = "\
     imx219 10-0010:0 -> csi2:0 [on fixed]
     csi2:1 -> pisp-fe:0 [on]
@@ -37,7 +37,7 @@ const MAINLINE: &str = "\
     csi2:2 -> rp1-cfe-csi2-ch1:0 []
     pisp-fe:2 -> rp1-cfe-fe-image0:0 [on]";
 
-/// Modes of imx219 from its driver.
+/// Returns the modes of imx219 from its driver.
 fn modes() -> Vec<Mode> {
     vec![
         Mode { size: (3280, 2464), crop: [8, 8, 3280, 2464] },
@@ -67,7 +67,7 @@ fn script(graphs: Vec<Described>) -> Script {
     Script { kind: Kind::Csi, formats: vec!["pRAA"], graphs, ..Script::default() }
 }
 
-/// Script of a Pi 4 with an imx219.
+/// Returns the script of a Pi 4 with an imx219.
 pub(crate) fn pi_4_script() -> Script {
     script(vec![described(UNICAM, 0)])
 }
@@ -76,7 +76,7 @@ fn options(path: &str) -> Options {
     Options { exposures_s: vec![0.001, 0.006, 0.036], ..Options::of(path) }
 }
 
-/// Takes frames and returns their size and the camera.
+/// Fetches frames and returns the camera and the size of its frames.
 fn stream(kernel: &mut FakeKernel, options: &Options) -> (Camera, (u32, u32)) {
     let mut camera = Camera::open(kernel, options).expect("a camera");
     let (mut frame, mut frames) = (RawFrame::default(), 0);
@@ -118,9 +118,10 @@ fn the_links_of_the_vendors_receiver_are_switched_and_embedded_data_matches() {
     assert_eq!(on, [true, true, false, true, false, false, true], "ch0 alone waits for buffers");
 }
 
-/// Each pad of each graph keeps its size, keeps its code or refuses formats: a pad of the route is named, a pad beside it is no obstacle.
+/// Each pad of each graph keeps its size, keeps its code or refuses formats: a pad of the route is named in the error, a pad outside of the route
+/// has no effect.
 #[test]
-fn a_wrong_pad_anywhere_is_named_with_what_it_should_have() {
+fn a_wrong_pad_is_named_with_the_expected_format() {
     for (links, on_route) in [
         (UNICAM, &["imx219 10-0010:0"][..]),
         (CFE, &["imx219 10-0010:0", "csi2:0", "csi2:1", "csi2:4"]),
@@ -164,7 +165,7 @@ fn assert_names(line: &str, pad: &str, fault: PadFault, on_route: &[&str]) {
 }
 
 #[test]
-fn a_node_that_keeps_another_size_is_named_with_what_it_should_have() {
+fn a_node_that_keeps_another_size_is_named_with_the_expected_size() {
     for (links, node) in [(UNICAM, "unicam-image:0"), (CFE, "rp1-cfe-csi2_ch0:0")] {
         let wrong = Described { fault: Some((node, PadFault::Size)), ..described(links, 0) };
         let mut kernel = FakeKernel::new(script(vec![wrong]));
@@ -224,7 +225,7 @@ fn a_route_that_cannot_be_set_is_named() {
     assert_eq!(kernel.held(), (0, 0), "all closed");
 }
 
-/// Like the kernel's vimc driver: the sensor also feeds a second node beside the bridge, by a fixed link.
+/// As in the kernel's vimc driver, the sensor also feeds a second node next to the bridge by a fixed link.
 #[test]
 fn a_branch_that_cannot_be_switched_off_gets_the_format_too() {
     let links = "\
@@ -289,7 +290,7 @@ fn devices_lists_one_node_for_each_sensor() {
 }
 
 #[test]
-fn the_view_is_that_of_the_driver_or_else_of_the_table() {
+fn the_view_comes_from_the_driver_or_else_from_the_table() {
     for native in [Some([8, 8, 3280, 2464]), None] {
         let graph = Described { native, ..described(UNICAM, 0) };
         let of = |options: &Options| {
@@ -303,7 +304,7 @@ fn the_view_is_that_of_the_driver_or_else_of_the_table() {
     }
 }
 
-/// A driver's answer with unknown numbers, loops, and links in the wrong direction.
+/// A driver's topology with unknown numbers, loops, and links in the wrong direction.
 #[test]
 fn a_hostile_topology_yields_no_false_route() {
     let kernel = FakeKernel::new(script(vec![described(CFE, 0)]));
@@ -353,7 +354,7 @@ fn a_hostile_topology_yields_no_false_route() {
     }
 }
 
-/// Thirty layers of thirty bridges, each linked with each of the next layer: 30^30 routes.
+/// Thirty layers of thirty bridges, each linked to each bridge of the next layer: 30^30 routes.
 #[test]
 fn the_search_is_bounded_in_a_graph_with_many_branches() {
     let mut topology = Topology::default();

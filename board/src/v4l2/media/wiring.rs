@@ -52,7 +52,7 @@ pub(in crate::v4l2) struct Wiring {
     videos: Vec<Video>,
 }
 
-/// A capture node that is opened beside the stream, with its former format.
+/// A capture node that is opened in addition to the one of the stream, with its former format.
 struct Video {
     entity: Option<usize>,
     node: Box<dyn Node>,
@@ -60,7 +60,7 @@ struct Video {
 }
 
 impl Wiring {
-    /// Sets the links of a route: disables those that compete with it and enables its own.
+    /// Sets the links of a route: disables the links that compete with it and enables the links of the route.
     ///
     /// # Errors
     /// [`CameraError`] that names the link; the changes so far are restored.
@@ -125,7 +125,7 @@ impl Wiring {
         }
     }
 
-    /// Sets the entities at the ends of the branches to the formats that reach them, if they accept these.
+    /// Sets the entities at the ends of the branches to the formats of their links, if they accept these.
     fn set_branches(&mut self) {
         for link in self.branches.clone() {
             let Some(format) = self.get(link.source) else { continue };
@@ -208,7 +208,7 @@ impl Wiring {
         Ok(())
     }
 
-    /// Returns the code in which a bridge's source pad forwards `code`: the same if the pad supports it, else the best readable one.
+    /// Returns the code in which a bridge's source pad forwards `code`: `code` itself if the pad supports it, else the best readable one.
     fn passed_on(&mut self, pad: Pad, code: u32) -> u32 {
         let offered = self.offered(pad);
         if offered.is_empty() || offered.contains(&code) {
@@ -331,7 +331,7 @@ fn set_video(node: &mut dyn Node, format: &PadFormat) {
     let _ = persist(|| node.call(Call::SetFormat(&mut format)));
 }
 
-/// Returns a pad's format in words.
+/// Describes a pad's format for an error message.
 fn told(format: &PadFormat) -> String {
     format!("{} x {} of media bus code 0x{:04x}", format.width, format.height, format.code)
 }

@@ -1,4 +1,4 @@
-//! Routes through the entities of a graph whose drivers have streams: without an active route from sink pad to source pad no frame passes.
+//! Routes through the entities of a graph whose drivers have streams: without an active route from sink pad to source pad, no frame passes.
 //!
 //! Drivers without streams have no routes, and their requests fail.
 
@@ -43,7 +43,7 @@ impl Wiring {
         persist(|| node.call(Call::GetRoutes(&mut routes))).ok().map(|()| routes)
     }
 
-    /// Activates the route from `sink` to `source`: beside the other routes of the entity, or alone if the driver refuses that.
+    /// Activates the route from `sink` to `source`: in addition to the other routes of the entity, or alone if the driver refuses both.
     fn activate(&mut self, sink: Pad, source: Pad, before: Vec<PadRoute>) -> Result<(), CameraError> {
         let ours = PadRoute {
             sink_pad: sink.index,
@@ -71,7 +71,7 @@ impl Wiring {
         Err(self.unfit(&format!("pad {from}"), &found, "an active route between these pads"))
     }
 
-    /// Sets the former routes again; the formats of the pads are reset by that.
+    /// Sets the former routes again, which resets the formats of the pads.
     pub(super) fn restore_routes(&mut self) {
         for RoutesBefore { pad, mut routes } in std::mem::take(&mut self.routes) {
             if let Some(node) = self.node(pad) {
