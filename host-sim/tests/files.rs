@@ -475,26 +475,26 @@ fn photographs_that_state_different_fields_are_refused() {
 }
 
 #[test]
-fn measured_exposures_take_the_place_of_wrong_ones() {
+fn measured_exposures_replace_wrong_stated_exposures() {
     let folder = tempfile::tempdir().expect("a folder");
-    // The disc is clipped in the longer exposure, so that its light is that of the shorter one.
+    // The disc is clipped in the longer exposure, so that its radiance is measured in the shorter exposure.
     for (file, factor) in [("a.png", 8.0), ("b.png", 16.0)] {
         scene(factor, 0).save(folder.path().join(file)).expect("a picture");
     }
-    // The file says 4, the pixels say 2.
+    // The ratio of the stated times is 4, the ratio in the pixels is 2.
     std::fs::write(folder.path().join("burst.toml"), burst_toml(&[("a.png", 0.0025), ("b.png", 0.01)]))
         .expect("a file");
     let (stated, measured) =
         (replay(folder.path(), &[]), replay(folder.path(), &["--exposures", "measured"]));
     let advice = |more: &[&str]| {
         let output = sim(&[&["replay", "--burst", text(folder.path())], more].concat());
-        String::from_utf8_lossy(&output.stderr).contains("--exposures measured takes")
+        String::from_utf8_lossy(&output.stderr).contains("use --exposures measured")
     };
-    assert!(advice(&[]), "the contradiction is told");
+    assert!(advice(&[]), "the wrong times are reported");
     std::fs::write(folder.path().join("burst.toml"), burst_toml(&[("a.png", 0.005), ("b.png", 0.01)]))
         .expect("a file");
     let right = flux(&replay(folder.path(), &[]));
-    assert!(!advice(&[]), "nothing contradicts");
+    assert!(!advice(&[]), "the right times are not reported");
     assert!((flux(&measured) / right - 1.0).abs() < 0.01, "{} {right}", flux(&measured));
     assert!((flux(&stated) / right - 1.0).abs() > 0.05, "{} {right}", flux(&stated));
 }
