@@ -5,7 +5,7 @@ pub trait Buffer<T>: AsRef<[T]> + AsMut<[T]> {}
 
 impl<T, B: AsRef<[T]> + AsMut<[T]> + ?Sized> Buffer<T> for B {}
 
-/// A lent buffer has too few elements.
+/// The error of a lent buffer with too few elements.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct TooSmall {
@@ -26,7 +26,7 @@ impl core::error::Error for TooSmall {}
 /// Checks that `buffer` has at least `needed` elements.
 ///
 /// # Errors
-/// [`TooSmall`] with both numbers.
+/// [`TooSmall`] with the needed and the lent number of elements.
 pub(crate) fn check<T>(buffer: &impl AsRef<[T]>, needed: usize) -> Result<(), TooSmall> {
     let lent = buffer.as_ref().len();
     if lent < needed { Err(TooSmall { needed, lent }) } else { Ok(()) }

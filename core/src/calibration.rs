@@ -26,19 +26,19 @@ pub struct Calibration {
     /// Conversion of codes to relative exposure; [`Response::Linear`] by default. Cameras that process their images, such as webcams, need
     /// [`Response::Srgb`] or a measured [`Response::Polynomial`].
     pub response: Response,
-    /// Codes of black and white; 0 and the largest code of the format by default. For [`Format::Yuyv`] and [`Format::Nv12`] these are codes
-    /// of red, green and blue after the conversion from luma and chroma, 0 to 255 for both ranges of luma.
+    /// Codes of black and white; 0 and the largest code of the format by default. For [`Format::Yuyv`] and [`Format::Nv12`] the levels are
+    /// codes of red, green and blue after the conversion from luma and chroma, 0 to 255 for both ranges of luma.
     pub levels: Levels,
     /// Radiance of relative exposure 1 at one second and gain 1; 1 by default.
     pub scale: f64,
     /// Factors of red, green and blue radiance; 1 by default.
     pub white_balance: [f32; 3],
-    /// Whether the codes were compressed with loss, as JPEG does: the merge then trusts fewer of them near black and white.
+    /// Whether the codes were compressed with loss, as in JPEG images: the merge then ignores more of the codes near black and white.
     pub compressed: bool,
 }
 
 impl Calibration {
-    /// A camera with linear response and scale 1, whose frames have the given `layout`.
+    /// Creates the calibration of a camera with linear response and scale 1, whose frames have the given `layout`.
     #[must_use]
     pub fn new(lens: Lens, layout: Layout) -> Self {
         let levels = Levels { black: 0.0, white: f64::from(layout.format().max_code()) };
@@ -53,7 +53,8 @@ impl Calibration {
         }
     }
 
-    /// A camera with linear response and scale 1, whose frames have `width` x `height` pixels and rows without padding.
+    /// Creates the calibration of a camera with linear response and scale 1, whose frames have `width` x `height` pixels and rows without
+    /// padding.
     ///
     /// # Errors
     /// [`LayoutError`] for a size that the format cannot have.
@@ -61,13 +62,13 @@ impl Calibration {
         Layout::tight(format, width, height).map(|layout| Self::new(lens, layout))
     }
 
-    /// The lens in pixels of the merged image ([`Layout::merged_size`]).
+    /// Returns the lens in pixels of the merged image ([`Layout::merged_size`]).
     pub(crate) fn merged_lens(&self) -> Lens {
         let halvings = if self.layout.format().pattern().is_some() { 1 + self.layout.bin_log2() } else { 0 };
         (0..halvings).fold(self.lens, |lens, _| lens.halved())
     }
 
-    /// The response curve, without its table, marked for the loop that suits the format.
+    /// Returns the response curve without its table, marked for table lookup or for the linear loop as the format requires.
     ///
     /// # Errors
     /// [`ResponseError::BadLevels`] for levels that do not ascend or exceed the samples.
@@ -76,7 +77,7 @@ impl Calibration {
         Ok(self.in_form(curve))
     }
 
-    /// The response curve, marked for the loop that suits the format.
+    /// Returns the response curve, marked for table lookup or for the linear loop as the format requires, with its table in `table`.
     ///
     /// # Errors
     /// [`ResponseError`] for invalid levels, a curve that is not monotone, and a table with too few elements.
@@ -85,7 +86,8 @@ impl Calibration {
         Ok(self.in_form(curve))
     }
 
-    /// Marks a curve for table lookup if the format has chroma: its codes are converted to planes, which the linear loop does not read.
+    /// Marks `curve` for table lookup if the format has chroma (its codes are converted to planes, which the linear loop does not read), and
+    /// as compressed if the calibration is.
     fn in_form<B>(&self, curve: Curve<B>) -> Curve<B> {
         let has_chroma = matches!(self.layout.format(), Format::Yuyv(_) | Format::Nv12(_));
         let curve = if has_chroma { curve.looked_up() } else { curve };

@@ -10,7 +10,7 @@ use glam::Vec3;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Extrapolation {
-    /// Directions that the lens does not see have no light.
+    /// Directions outside of the field of view have no light.
     #[default]
     None,
     /// The mean radiance inside the field of view without its brightest and its darkest quarter: a single lamp does not raise the estimate.
@@ -21,7 +21,7 @@ pub enum Extrapolation {
 const ORDER: u8 = 3;
 const QUADS: usize = Domain::Hemisphere.quads(ORDER);
 
-/// Adds the mean radiance to the texels outside of the field of view, builds the map again and returns that radiance.
+/// Adds the mean radiance inside the field of view to the texels outside of it, rebuilds the map and returns the mean (RGB).
 ///
 /// A map of an order below 3 or of the whole sphere is unchanged.
 pub fn average<Q: Buffer<Quad>>(map: &mut Pyramid<Q>, geometry: &[Texel]) -> [f32; 3] {
@@ -38,7 +38,8 @@ pub fn average<Q: Buffer<Quad>>(map: &mut Pyramid<Q>, geometry: &[Texel]) -> [f3
     radiance
 }
 
-/// Mean radiance of the middle half, ordered by luminance, of those quads of order 3 that are at least half inside the field of view.
+/// Returns the mean RGB radiance of quads of order 3 that are at least half inside the field of view: of those quads, ordered by luminance,
+/// the brightest and the darkest quarter are left out.
 fn seen_average<Q: Buffer<Quad>>(map: &Pyramid<Q>, geometry: &[Texel]) -> [f32; 3] {
     let view = map.view();
     let below = 1 << (2 * (view.order().get() - ORDER));

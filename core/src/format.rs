@@ -26,7 +26,7 @@ pub enum Pattern {
 }
 
 impl Pattern {
-    /// The channel (0 red, 1 green, 2 blue) of each pixel of a cell, row by row.
+    /// Returns the channel (0 red, 1 green, 2 blue) of each pixel of a cell, row by row.
     #[must_use]
     pub const fn channels(self) -> [usize; 4] {
         match self {
@@ -54,7 +54,7 @@ pub enum Matrix {
 pub struct Yuv {
     /// Whether luma is 16 (black) to 235 (white) and chroma 16 to 240; otherwise both are 0 to 255.
     pub limited: bool,
-    /// The coefficients of red, green and blue in luma.
+    /// The coefficients of the conversion to red, green and blue.
     pub matrix: Matrix,
 }
 
@@ -68,7 +68,7 @@ pub enum Format {
     Bgr24,
     /// Three 16-bit words per pixel in the machine's byte order: red, green, blue. For image files; not a camera format.
     Rgb48,
-    /// One byte per pixel.
+    /// One byte per pixel: grey.
     Grey,
     /// Four bytes per two pixels: Y0 Cb Y1 Cr.
     Yuyv(Yuv),
@@ -76,17 +76,17 @@ pub enum Format {
     Nv12(Yuv),
     /// A Bayer mosaic of bytes.
     Bayer8(Pattern),
-    /// A Bayer mosaic of 10 bits, five bytes per four pixels: the upper eight bits of each pixel, then a byte with their lower two bits,
-    /// the first pixel's lowest.
+    /// A Bayer mosaic of 10 bits, five bytes per four pixels: the upper eight bits of each pixel, then a byte with the lower two bits of each
+    /// pixel, those of the first pixel in the lowest bits.
     Raw10(Pattern),
-    /// A Bayer mosaic of 12 bits, three bytes per two pixels: the upper eight bits of each pixel, then a byte with their lower four bits,
-    /// the first pixel's lowest.
+    /// A Bayer mosaic of 12 bits, three bytes per two pixels: the upper eight bits of each pixel, then a byte with the lower four bits of each
+    /// pixel, those of the first pixel in the lowest bits.
     Raw12(Pattern),
-    /// A Bayer mosaic of little-endian 16-bit words; the number states how many low bits are used, 10 to 16.
+    /// A Bayer mosaic of little-endian 16-bit words; the number is the count of used low bits, 10 to 16.
     Bayer16(Pattern, u8),
 }
 
-/// Placeholder in [`FOURCCS`], replaced by the caller's value.
+/// Encoding of luma and chroma in [`FOURCCS`]; [`Format::from_fourcc`] replaces it by the argument of its caller.
 const DEFAULT_YUV: Yuv = Yuv { limited: false, matrix: Matrix::Bt601 };
 
 /// The V4L2 code of each format, best for light measurement first: linear mosaics (packed before 16-bit words, more bits before fewer),
@@ -128,7 +128,7 @@ const FOURCCS: [([u8; 4], Format); 33] = [
 ];
 
 impl Format {
-    /// V4L2 four-character codes of all supported formats, best for light measurement first.
+    /// Returns the V4L2 four-character codes of all supported formats, best for light measurement first.
     ///
     /// ```
     /// use hemilux_core::format::Format;
@@ -139,7 +139,7 @@ impl Format {
         FOURCCS.iter().map(|(name, _)| *name)
     }
 
-    /// The format with the V4L2 code `fourcc`; `yuv` applies to formats of luma and chroma. `None` for an unsupported code.
+    /// Returns the format with the V4L2 code `fourcc`; `yuv` applies to formats of luma and chroma. `None` for an unsupported code.
     #[must_use]
     pub fn from_fourcc(fourcc: [u8; 4], yuv: Yuv) -> Option<Self> {
         let (_, format) = FOURCCS.iter().find(|(name, _)| *name == fourcc)?;
@@ -150,7 +150,7 @@ impl Format {
         })
     }
 
-    /// The pattern of a Bayer format; `None` for other formats.
+    /// Returns the pattern of a Bayer format; `None` for other formats.
     #[must_use]
     pub const fn pattern(self) -> Option<Pattern> {
         match self {
@@ -159,7 +159,7 @@ impl Format {
         }
     }
 
-    /// Largest code of a sample: 255, 1023, 4095 or 65535; less for a [`Format::Bayer16`] of fewer bits.
+    /// Returns the largest code of a sample: 255, 1023, 4095 or 65535; 2^n - 1 for a [`Format::Bayer16`] of n bits.
     #[must_use]
     pub const fn max_code(self) -> u32 {
         match self {
@@ -171,13 +171,13 @@ impl Format {
         }
     }
 
-    /// Depth of a sample after unpacking.
+    /// Returns the depth of a sample after unpacking.
     #[must_use]
     pub const fn depth(self) -> Depth {
         if self.max_code() > 255 { Depth::U16 } else { Depth::U8 }
     }
 
-    /// Bytes per row of `width` pixels without padding.
+    /// Returns the number of bytes per row of `width` pixels without padding.
     #[must_use]
     pub const fn line_bytes(self, width: u32) -> usize {
         let width = width as usize;
@@ -192,7 +192,7 @@ impl Format {
     }
 }
 
-/// Columns and rows of an image.
+/// Number of columns and rows of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ImageSize {
@@ -209,7 +209,7 @@ pub struct Layout {
     width: u32,
     height: u32,
     bytes_per_line: usize,
-    /// Binary logarithm of the bin: a division by it is a shift.
+    /// Binary logarithm of [`Layout::bin`]: the average over a bin divides by a shift.
     bin_log2: u32,
 }
 
@@ -218,15 +218,15 @@ pub struct Layout {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum LayoutError {
-    /// No pixels, or more than 2^26.
+    /// An image without pixels, or with more than 2^26 pixels.
     BadSize,
-    /// An odd number of columns or rows for a format that pairs them.
+    /// An odd number of columns or rows for a format whose samples are shared by pairs of columns or rows.
     OddSize,
-    /// A row pitch below the bytes of a row's pixels, or above 2^20 bytes.
+    /// A row pitch below the number of bytes of a row's pixels, above 2^20 bytes, or odd for 16-bit samples.
     BadLine {
         /// Row pitch, bytes.
         found: usize,
-        /// Bytes of a row's pixels.
+        /// Number of bytes of a row's pixels.
         expected: usize,
     },
 }
@@ -246,7 +246,7 @@ impl core::fmt::Display for LayoutError {
 impl core::error::Error for LayoutError {}
 
 impl Layout {
-    /// Checks the arguments. `bytes_per_line` is the row pitch; for [`Format::Nv12`] it applies to both planes.
+    /// Creates a layout after checking the arguments. `bytes_per_line` is the row pitch; for [`Format::Nv12`] it applies to both planes.
     ///
     /// # Errors
     /// [`LayoutError`] for a size that the format cannot have and for rows that are too short or too long.
@@ -273,7 +273,7 @@ impl Layout {
         Ok(Self { format, width, height, bytes_per_line, bin_log2: 0 })
     }
 
-    /// A layout whose rows have no padding.
+    /// Creates a layout whose rows have no padding.
     ///
     /// # Errors
     /// [`LayoutError`] for a size that the format cannot have and for rows that are too short or too long.
@@ -281,8 +281,8 @@ impl Layout {
         Self::try_new(format, width, height, format.line_bytes(width))
     }
 
-    /// Returns the layout of the same frames with `bin` x `bin` cells of the mosaic averaged to one RGB pixel during reading, each colour by
-    /// itself. Columns and rows that make no whole pixel are left out.
+    /// Returns the layout of the same frames with `bin` x `bin` cells of the mosaic averaged to one RGB pixel during reading, separately for
+    /// each colour. Columns and rows beyond the last whole bin are left out.
     ///
     /// # Errors
     /// [`LayoutError::BadSize`] for a format that is no mosaic, a `bin` that is not 1, 2, 4 or 8, and a frame of fewer than `bin` cells.
@@ -295,42 +295,42 @@ impl Layout {
         }
     }
 
-    /// Cells of the mosaic per merged pixel on each side; 1 unless [`Layout::binned`].
+    /// Returns the number of mosaic cells per merged pixel on each side; 1 unless [`Layout::binned`].
     #[must_use]
     pub const fn bin(&self) -> u32 {
         1 << self.bin_log2
     }
 
-    /// Binary logarithm of [`Layout::bin`].
+    /// Returns the binary logarithm of [`Layout::bin`].
     pub(crate) const fn bin_log2(&self) -> u32 {
         self.bin_log2
     }
 
-    /// The pixel format.
+    /// Returns the pixel format.
     #[must_use]
     pub const fn format(&self) -> Format {
         self.format
     }
 
-    /// Image columns.
+    /// Returns the number of image columns.
     #[must_use]
     pub const fn width(&self) -> u32 {
         self.width
     }
 
-    /// Image rows.
+    /// Returns the number of image rows.
     #[must_use]
     pub const fn height(&self) -> u32 {
         self.height
     }
 
-    /// Row pitch: bytes from the start of one row to that of the next.
+    /// Returns the row pitch: the number of bytes from the start of one row to the start of the next.
     #[must_use]
     pub const fn bytes_per_line(&self) -> usize {
         self.bytes_per_line
     }
 
-    /// Smallest number of bytes of a frame; the last row needs no padding.
+    /// Returns the smallest number of bytes of a frame; the last row needs no padding.
     #[must_use]
     pub const fn frame_bytes(&self) -> usize {
         let rows = match self.format {
@@ -340,8 +340,8 @@ impl Layout {
         (rows - 1).saturating_mul(self.bytes_per_line).saturating_add(self.format.line_bytes(self.width))
     }
 
-    /// Smallest number of samples of a frame in the units of [`Samples`](crate::Samples): words for [`Format::Rgb48`], bytes for all other
-    /// formats.
+    /// Returns the smallest number of samples of a frame in the units of [`Samples`](crate::Samples): words for [`Format::Rgb48`], bytes for
+    /// all other formats.
     #[must_use]
     pub const fn frame_samples(&self) -> usize {
         match self.format {
@@ -350,8 +350,8 @@ impl Layout {
         }
     }
 
-    /// Size of the merged image: that of the frame or, of a Bayer mosaic, half of it, since each 2 x 2 cell becomes one RGB pixel; of a
-    /// [binned](Layout::binned) one less by that factor.
+    /// Returns the size of the merged image: the size of the frame or, for a Bayer mosaic, half of it on each side, since each 2 x 2 cell becomes
+    /// one RGB pixel, divided by [`Layout::bin`].
     #[must_use]
     pub const fn merged_size(&self) -> ImageSize {
         match self.format.pattern() {
@@ -364,7 +364,7 @@ impl Layout {
     }
 }
 
-/// Unpacks four samples of 10 bits, two at a time in the halves of words.
+/// Unpacks four samples of 10 bits; the even and the odd samples are assembled in the halves of two words.
 #[inline(always)]
 pub(crate) fn raw10(group: &[u8; 5]) -> [u16; 4] {
     let upper = group.first_chunk().map_or(0, |four| u32::from_le_bytes(*four));

@@ -29,23 +29,23 @@ use crate::sizes::{self, Parts, Sizes, merge_sizes};
 /// let mut front = FrontEnd::try_new(calibration, &exposures, 2.try_into()?, vec![0; sizes.words()])?;
 /// let coverage = front.process(&[[51u8; 32 * 32].as_slice().into()])?;
 /// assert_eq!(coverage.clipped, 0.0);
-/// // 51/255 of full scale in 0.01 s is a radiance of 20 over the whole field of view.
+// 51/255 of full scale in 0.01 s is a radiance of 20 over the whole field of view.
 /// let seen = std::f32::consts::TAU * (1.0 - coverage.unseen as f32);
 /// assert!((front.map().total().y() / (20.0 * seen) - 1.0).abs() < 0.05);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug)]
 pub struct FrontEnd<B> {
-    state: State,
+    state: FrontEndState,
     memory: B,
 }
 
-/// Fills the part of a map outside of the field of view.
+/// A function that fills the part of a map outside of the field of view.
 type Extrapolate = fn(&mut Pyramid<&mut [Quad]>, &[Texel]);
 
-/// The state without the buffer, not generic so that it is compiled once for all types of buffer.
+/// The state of a front end without its buffer; not generic, so that it is compiled once for all types of buffer.
 #[derive(Clone, Debug)]
-struct State {
+struct FrontEndState {
     calibration: Calibration,
     order: Order,
     /// A function pointer instead of an enum: programs that never choose an extrapolation do not link it.
@@ -70,7 +70,8 @@ impl<B: Buffer<u64>> FrontEnd<B> {
         order: Order,
         mut memory: B,
     ) -> Result<Self, FrontError> {
-        State::try_new(calibration, exposures, order, memory.as_mut()).map(|state| Self { state, memory })
+        FrontEndState::try_new(calibration, exposures, order, memory.as_mut())
+            .map(|state| Self { state, memory })
     }
 
     /// Replaces the exposures of later bursts. The map is unchanged.
@@ -81,12 +82,12 @@ impl<B: Buffer<u64>> FrontEnd<B> {
         self.state.set_exposures(exposures, self.memory.as_mut())
     }
 
-    /// Selects the exposures that later bursts read, [`MergeMode::All`] at first.
+    /// Selects the exposures that are read of later bursts; [`MergeMode::All`] by default.
     pub fn set_merge_mode(&mut self, mode: MergeMode) {
         self.state.mode = mode;
     }
 
-    /// Selects the estimate of the light outside of the field of view, [`Extrapolation::None`] at first.
+    /// Selects the estimate of the light outside of the field of view; [`Extrapolation::None`] by default.
     pub fn set_extrapolation(&mut self, extrapolation: Extrapolation) {
         self.state.extrapolate = match extrapolation {
             Extrapolation::None => None,
@@ -120,14 +121,14 @@ impl<B: Buffer<u64>> FrontEnd<B> {
         Ok(self.state.finish(&excluded, memory))
     }
 
-    /// The map of the last burst.
+    /// Returns the map of the last burst.
     #[must_use]
     pub fn map(&self) -> PyramidView<'_> {
         let quads = sizes::quads(self.memory.as_ref(), &self.state.sizes);
         PyramidView::over(quads, Domain::Hemisphere, self.state.order)
     }
 
-    /// The map of the last burst, for stages that change it, such as [`Mains`](crate::mains::Mains).
+    /// Returns the map of the last burst, mutable for stages that change it, such as [`Mains`](crate::mains::Mains).
     #[must_use]
     pub fn map_mut(&mut self) -> Pyramid<&mut [Quad]> {
         let parts = Parts::divide(self.memory.as_mut(), &self.state.sizes);
@@ -146,32 +147,32 @@ impl<B: Buffer<u64>> FrontEnd<B> {
         sampler.update(&Map { pyramid: self.map(), polar: LatLongView::NONE }, &request.into())
     }
 
-    /// The calibration that the front end was created from.
+    /// Returns the calibration from which the front end was created.
     #[must_use]
     pub fn calibration(&self) -> &Calibration {
         &self.state.calibration
     }
 
-    /// Part of the sphere and order of the map: the argument that constructors of samplers take.
+    /// Returns the part of the sphere and the order of the map: the argument of the constructors of samplers.
     #[must_use]
     pub fn shape(&self) -> MapShape {
         MapShape { domain: Domain::Hemisphere, order: self.state.order }
     }
 
-    /// Order of the map.
+    /// Returns the order of the map.
     #[must_use]
     pub fn order(&self) -> Order {
         self.state.order
     }
 
-    /// Order at which pixels are accumulated: the finest whose texels are at least 2.25 times as large as the largest pixel, at most the
-    /// order of the map.
+    /// Returns the order at which pixels are accumulated: the finest whose texels are at least 2.25 times as large as the largest pixel, at most
+    /// the order of the map.
     #[must_use]
     pub fn source_order(&self) -> Order {
         Order::saturating(self.state.pixel_table.source_order())
     }
 
-    /// Number of elements in use of each buffer.
+    /// Returns the number of elements in use of each buffer.
     #[must_use]
     pub fn sizes(&self) -> Sizes {
         self.state.sizes
@@ -192,7 +193,7 @@ struct Stages<'m> {
     map: Pyramid<&'m mut [Quad]>,
 }
 
-impl State {
+impl FrontEndState {
     #[inline(never)]
     fn try_new(
         calibration: Calibration,
@@ -230,7 +231,7 @@ impl State {
         Ok(())
     }
 
-    /// First stage of a burst: adds the light of each pixel to its texel.
+    /// Runs the first stage of a burst: adds the light of each pixel to its texel.
     #[inline(never)]
     fn accumulate(
         &self,
@@ -242,7 +243,7 @@ impl State {
         front::accumulate(frames, &self.calibration.layout, &merge, &pixel_table, &mut map, excluded)
     }
 
-    /// Second stage of a burst: converts sums to energy and builds the coarser orders.
+    /// Runs the second stage of a burst: converts sums to energy and builds the coarser orders.
     #[inline(never)]
     fn finish(&self, excluded: &Excluded, memory: &mut [u64]) -> Coverage {
         let Calibration { layout, white_balance, .. } = &self.calibration;
@@ -254,7 +255,7 @@ impl State {
         coverage
     }
 
-    /// The stages of a burst over `memory`.
+    /// Returns the stages of a burst over `memory`.
     fn stages<'m>(&'m self, memory: &'m mut [u64]) -> Stages<'m> {
         let parts = Parts::divide(memory, &self.sizes);
         let tables =
@@ -266,7 +267,7 @@ impl State {
     }
 }
 
-/// Builds the pixel table in the place that [`Parts::divide`] gives it for its final size; `None` if `words` are too few.
+/// Builds the pixel table at its final position in the memory that [`Parts::divide`] splits; `None` if `words` has too few elements.
 fn lay_out(
     calibration: &Calibration,
     order: Order,
@@ -276,7 +277,7 @@ fn lay_out(
     if words.len() < fixed.words() {
         return Ok(None);
     }
-    // The number of runs is known only after they are computed.
+    // The number of runs is available only after they are computed.
     let most = fixed.with_most_runs(words.len());
     let parts = Parts::divide(words, &most);
     let Parts { spans, weights, runs, texels, .. } = parts;

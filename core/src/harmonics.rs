@@ -13,7 +13,7 @@
 use crate::light::Sh9;
 use glam::Vec3;
 
-/// Values of the nine basis functions at the unit vector `d`.
+/// Returns the values of the nine basis functions at the unit vector `d`.
 #[must_use]
 pub fn basis(d: Vec3) -> [f32; 9] {
     let Vec3 { x, y, z } = d;
@@ -30,7 +30,7 @@ pub fn basis(d: Vec3) -> [f32; 9] {
     ]
 }
 
-/// Radiance of the series `sh` towards the unit vector `d`; it can be negative.
+/// Returns the radiance of the series `sh` towards the unit vector `d`; it can be negative.
 #[must_use]
 pub fn radiance(sh: &Sh9, d: Vec3) -> [f32; 3] {
     let mut sum = [0.0; 3];

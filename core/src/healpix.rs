@@ -4,8 +4,8 @@
 //! its column (even bits) and row (odd bits) inside the face. The children of quad p are 4p..=4p+3 of the next order. The formulas follow
 //! \[Gorski2005\], section 5 and appendix A.
 //!
-//! Functions of an index take the order as a number and never panic: an order above [`Order::MAX`] counts as [`Order::MAX`], and an index
-//! beyond the last quad gives an arbitrary value. Constructors and length functions take an [`Order`].
+//! Functions of an index take the order as a number and never panic: orders above [`Order::MAX`] are limited to it, and an index beyond the
+//! last quad gives an arbitrary value. Constructors and length functions take an [`Order`].
 
 use core::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 use glam::DVec3;
@@ -24,7 +24,7 @@ use glam::DVec3;
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Order(u8);
 
-/// An order above [`Order::MAX`].
+/// The error of an order above [`Order::MAX`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct BadOrder {
@@ -47,7 +47,7 @@ impl Order {
     /// Order 13, the highest: 12 * 4^13 quads still fit a `u32`.
     pub const MAX: Self = Self(13);
 
-    /// Checks that `order` is at most [`Order::MAX`].
+    /// Creates an order after checking that `order` is at most [`Order::MAX`].
     ///
     /// # Errors
     /// [`BadOrder`] for an order above [`Order::MAX`].
@@ -55,13 +55,13 @@ impl Order {
         if order > Self::MAX.0 { Err(BadOrder { found: order }) } else { Ok(Self(order)) }
     }
 
-    /// `order`, limited to [`Order::MAX`].
+    /// Creates the order `order`, limited to [`Order::MAX`].
     #[must_use]
     pub const fn saturating(order: u8) -> Self {
         if order > Self::MAX.0 { Self::MAX } else { Self(order) }
     }
 
-    /// The order as a number.
+    /// Returns the order as a number.
     #[must_use]
     pub const fn get(self) -> u8 {
         self.0
@@ -88,12 +88,12 @@ impl core::fmt::Display for Order {
     }
 }
 
-/// Number of index bits inside a base face: twice the order.
+/// Returns the number of index bits inside a base face: twice the order.
 const fn inner_bits(order: u8) -> u32 {
     2 * Order::saturating(order).0 as u32
 }
 
-/// Number of quads along a side of a base face.
+/// Returns the number of quads along a side of a base face.
 const fn side(order: u8) -> u32 {
     1 << Order::saturating(order).0
 }
@@ -117,7 +117,7 @@ pub enum Domain {
 }
 
 impl Domain {
-    /// Number of base faces that a map of this domain stores, counted from face 0.
+    /// Returns the number of base faces that a map of this domain stores, counted from face 0.
     #[must_use]
     pub const fn faces(self) -> usize {
         match self {
@@ -126,13 +126,13 @@ impl Domain {
         }
     }
 
-    /// Number of quads of `order` that a map of this domain stores.
+    /// Returns the number of quads of `order` that a map of this domain stores.
     #[must_use]
     pub const fn quads(self, order: u8) -> usize {
         self.faces() << inner_bits(order)
     }
 
-    /// Solid angle of the domain, steradians.
+    /// Returns the solid angle of the domain, steradians.
     #[must_use]
     pub const fn solid_angle(self) -> f64 {
         match self {
@@ -141,7 +141,7 @@ impl Domain {
         }
     }
 
-    /// The share of quad `ipix` that lies inside the domain: 0, 1/2 or 1.
+    /// Returns the share of quad `ipix` that lies inside the domain: 0, 1/2 or 1.
     #[must_use]
     pub fn share(self, order: u8, ipix: u32) -> f64 {
         if self == Self::Sphere {
@@ -160,7 +160,7 @@ impl Domain {
     }
 }
 
-/// Solid angle of a quad: 4 pi / (12 * 4^order) steradians.
+/// Returns the solid angle of a quad: 4 pi / (12 * 4^order) steradians.
 #[must_use]
 pub fn solid_angle(order: u8) -> f64 {
     PI / 3.0 / f64::from(1u32 << inner_bits(order))
@@ -193,13 +193,13 @@ pub fn split(order: u8, ipix: u32) -> FaceCell {
     FaceCell { face: ipix >> inner_bits(order), x: even_bits(inner), y: even_bits(inner >> 1) }
 }
 
-/// The NESTED index of the quad of `order` at `cell`: the inverse of [`split`].
+/// Returns the NESTED index of the quad of `order` at `cell`: the inverse of [`split`].
 #[must_use]
 pub fn join(order: u8, cell: FaceCell) -> u32 {
     (cell.face << inner_bits(order)) | spread_bits(cell.x) | (spread_bits(cell.y) << 1)
 }
 
-/// The index of the quad of `order` that contains the unit vector `direction`.
+/// Returns the index of the quad of `order` that contains the unit vector `direction`.
 #[must_use]
 pub fn ipix(order: u8, direction: DVec3) -> u32 {
     let order = Order::saturating(order).0;
@@ -237,8 +237,8 @@ pub fn ipix(order: u8, direction: DVec3) -> u32 {
     join(order, cell)
 }
 
-/// The direction of a point inside quad `ipix`: (`x`, `y`) are its coordinates along the column and row axis, 0..=1; (1/2, 1/2) is the
-/// centre.
+/// Returns the unit vector to a point of quad `ipix`: (`x`, `y`) are its coordinates along the column and row axis, 0..=1; (1/2, 1/2) is
+/// the centre.
 #[must_use]
 pub fn point(order: u8, ipix: u32, x: f64, y: f64) -> DVec3 {
     let FaceCell { face, x: column, y: row } = split(order, ipix);
@@ -252,7 +252,7 @@ pub fn point(order: u8, ipix: u32, x: f64, y: f64) -> DVec3 {
 /// A circle of latitude within a face: the points with equal sums of face coordinates.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Circle {
-    /// z of the circle.
+    /// z coordinate of the circle on the unit sphere.
     pub(crate) z: f64,
     /// Distance of the circle from the z axis.
     pub(crate) sin_theta: f64,
@@ -261,7 +261,7 @@ pub(crate) struct Circle {
 }
 
 impl Circle {
-    /// The circle on which the face coordinates u and v, both 0..=1, of `face` add up to `sum`.
+    /// Returns the circle on which the face coordinates u and v, both 0..=1, of `face` add up to `sum`.
     pub(crate) fn new(face: u32, sum: f64) -> Self {
         // Ring coordinate from the north pole, in units of the face's diagonal.
         let ring = f64::from(2 + face / 4) - sum;
@@ -279,7 +279,7 @@ impl Circle {
         Self { z, sin_theta: libm::sqrt(sin_theta2), half }
     }
 
-    /// Azimuth, radians, of the circle's point in `face` with u - v = `difference`.
+    /// Returns the azimuth, radians, of the circle's point in `face` with u - v = `difference`.
     pub(crate) fn phi(&self, face: u32, difference: f64) -> f64 {
         let offset = match face {
             0..=3 | 8..=11 => 2 * (face & 3) + 1,
@@ -289,12 +289,13 @@ impl Circle {
     }
 }
 
-/// Direction of the centre of quad `ipix`.
+/// Returns the unit vector to the centre of quad `ipix`.
 #[must_use]
 pub fn centre(order: u8, ipix: u32) -> DVec3 {
     point(order, ipix, 0.5, 0.5)
 }
 
+/// Compacts the even bits of `v` into the lower 16 bits.
 fn even_bits(v: u32) -> u32 {
     let v = v & 0x5555_5555;
     let v = (v | (v >> 1)) & 0x3333_3333;
@@ -303,6 +304,7 @@ fn even_bits(v: u32) -> u32 {
     (v | (v >> 8)) & 0x0000_ffff
 }
 
+/// Spreads the lower 16 bits of `v` to the even bits; the inverse of [`even_bits`].
 fn spread_bits(v: u32) -> u32 {
     let v = v & 0x0000_ffff;
     let v = (v | (v << 8)) & 0x00ff_00ff;

@@ -3,15 +3,16 @@
 use crate::format::Format;
 use crate::tally::Tally;
 
-/// Assigns lanes to channels and converts sums to energy.
+/// The assignment of lanes to colour channels, and the energy per count of each channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lanes {
     pub(crate) pick: Pick,
     scale: [f32; 3],
-    /// Conversion of the integers that sums of codes were added to.
+    /// Conversion of integer sums of codes; `None` if the texels have none.
     pub(crate) tally: Option<Tally>,
 }
 
+/// The lanes of each colour channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Pick {
     /// Red, green, blue; the fourth lane is unused.
@@ -20,12 +21,12 @@ pub(crate) enum Pick {
     Swapped,
     /// One lane for all channels.
     Grey,
-    /// The lanes of a mosaic cell: those of red, of both greens and of blue.
+    /// The lanes of a mosaic cell: the index of the lane of red, of the two lanes of green, and of the lane of blue.
     Cell { red: usize, green: [usize; 2], blue: usize },
 }
 
 impl Lanes {
-    /// The lanes in which the front end accumulates `format`; `scale` is the energy per count of each channel.
+    /// Returns the lanes in which the front end accumulates `format`; `scale` is the energy per count of each channel.
     #[must_use]
     pub fn of(format: Format, scale: [f32; 3]) -> Self {
         let pick = match (format, format.pattern()) {
@@ -46,6 +47,7 @@ impl Lanes {
         Self { tally, ..self }
     }
 
+    /// Multiplies counts of red, green and blue by the energy per count.
     #[inline]
     pub(crate) fn scaled(&self, rgb: [f32; 3]) -> [f32; 3] {
         core::array::from_fn(|c| rgb[c] * self.scale[c])

@@ -39,7 +39,7 @@ pub enum Model {
 }
 
 impl Model {
-    /// The name of the model in calibration files.
+    /// Returns the name of the model in calibration files.
     ///
     /// ```
     /// use hemilux_core::lens::Model;
@@ -55,7 +55,7 @@ impl Model {
         }
     }
 
-    /// The coefficients of the model in the order of its formula: none, four (`KannalaBrandt`) or two (`Radial`).
+    /// Returns the coefficients of the model in the order of its formula: none, four (`KannalaBrandt`) or two (`Radial`).
     #[must_use]
     pub const fn coefficients(&self) -> &[f64] {
         match self {
@@ -139,7 +139,7 @@ pub struct Lens {
 const MONOTONE_STEPS: u32 = 720;
 
 impl Lens {
-    /// Checks the parameters.
+    /// Creates a lens after checking the parameters.
     ///
     /// # Errors
     /// [`LensError`] for parameters out of range, and for a field of view beyond the range in which the model increases.
@@ -157,6 +157,7 @@ impl Lens {
         Ok(lens)
     }
 
+    /// Checks that r(theta) increases and the illumination is positive at [`MONOTONE_STEPS`] angles of the field of view.
     fn check_over_field(&self) -> Result<(), LensError> {
         let step = self.p.max_theta / f64::from(MONOTONE_STEPS);
         let limited = matches!(self.p.model, Model::Radial(_));
@@ -174,13 +175,13 @@ impl Lens {
         Ok(())
     }
 
-    /// The parameters of the lens.
+    /// Returns the parameters of the lens.
     #[must_use]
     pub fn intrinsics(&self) -> &Intrinsics {
         &self.p
     }
 
-    /// An equidistant lens, r = theta, with square pixels and without vignetting. `centre_px` is the principal point (column, row),
+    /// Creates an equidistant lens, r = theta, with square pixels and without vignetting. `centre_px` is the principal point (column, row),
     /// `focal_px` the focal length in pixels, `max_theta` the half-angle of the field of view in radians.
     ///
     /// # Errors
@@ -196,7 +197,7 @@ impl Lens {
         })
     }
 
-    /// The lens in pixels of an image of half the size, in which each pixel is the mean of 2 x 2 pixels.
+    /// Returns the lens in pixels of an image of half the width and height, in which each pixel is the mean of 2 x 2 pixels.
     #[must_use]
     pub fn halved(&self) -> Self {
         let p = self.p;
@@ -205,13 +206,13 @@ impl Lens {
         Self { p: halved, max_r: self.max_r }
     }
 
-    /// Relative illumination at angle `theta` from the axis, radians; 1 without vignetting.
+    /// Returns the relative illumination at angle `theta` from the axis, radians; 1 without vignetting.
     #[must_use]
     pub fn illumination(&self, theta: f64) -> f64 {
         self.p.vignetting.iter().rev().fold(0.0, |sum, k| sum * theta + k)
     }
 
-    /// The pixel coordinates at which light from the unit vector `direction` is imaged; `None` outside of the field of view.
+    /// Returns the pixel coordinates at which light from the unit vector `direction` is imaged; `None` outside of the field of view.
     ///
     /// # Accuracy
     /// `project(unproject(p))` is within 1e-3 pixels of p (`round_trips_stay_within_a_thousandth_of_a_pixel`).
@@ -228,7 +229,7 @@ impl Lens {
         Some(self.p.centre_px + image)
     }
 
-    /// The unit vector towards which `pixel` looks; `None` outside of the field of view.
+    /// Returns the unit vector from which light is imaged at `pixel`; `None` outside of the field of view.
     #[must_use]
     pub fn unproject(&self, pixel: DVec2) -> Option<DVec3> {
         let n = self.normalised(pixel);
@@ -239,7 +240,7 @@ impl Lens {
         Some(DVec3::new(across.x, across.y, cos))
     }
 
-    /// Solid angle, steradians, of the pixel centred at `pixel`; `None` outside of the field of view.
+    /// Returns the solid angle, steradians, of the pixel centred at `pixel`; `None` outside of the field of view.
     ///
     /// Computed from the Jacobian: dOmega = sin(theta) dtheta dphi and dA = r dr dphi, so dOmega/dA = sin(theta) / (r r'(theta)).
     #[must_use]
@@ -251,13 +252,15 @@ impl Lens {
         Some(ratio / slope / (self.p.focal_px.x * self.p.focal_px.y))
     }
 
+    /// Returns the normalised image coordinates of `pixel`, in focal lengths from the principal point.
     fn normalised(&self, pixel: DVec2) -> DVec2 {
         let d = pixel - self.p.centre_px;
         let y = d.y / self.p.focal_px.y;
         DVec2::new((d.x - self.p.skew_px * y) / self.p.focal_px.x, y)
     }
 
-    /// Inverts r(theta) by Newton steps within a shrinking bracket.
+    /// Returns the angle from the axis, radians, whose image lies `r` focal lengths from the principal point; `None` outside of the field of
+    /// view. Newton steps within a shrinking bracket invert r(theta).
     fn theta(&self, r: f64) -> Option<f64> {
         if r.is_nan() || r > self.max_r {
             return None;

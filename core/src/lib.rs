@@ -34,14 +34,14 @@ mod unpack;
 
 pub use buffer::{Buffer, TooSmall};
 pub use calibration::Calibration;
-/// The crate of the trait `Write`, to which the encoders of [`wire`] write.
+/// Re-export of the crate that defines the trait `Write`, to which the encoders of [`wire`] write.
 pub use embedded_io;
 pub use error::FrontError;
 pub use extrapolation::Extrapolation;
 pub use format::{Format, ImageSize, Layout, LayoutError};
 pub use front::{BurstError, Coverage};
 pub use front_end::FrontEnd;
-/// The crate of the vector types in this interface: directions are `glam::Vec3` and `glam::DVec3`, pixels `glam::DVec2`.
+/// Re-export of the crate of the vector types in this interface: directions are `glam::Vec3` and `glam::DVec3`, pixels `glam::DVec2`.
 pub use glam;
 pub use healpix::{BadOrder, Domain, MapShape, Order};
 pub use lens::{Lens, LensError};

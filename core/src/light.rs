@@ -3,7 +3,7 @@
 use crate::pyramid::Quad;
 use glam::Vec3;
 
-/// Real spherical harmonics of degree 0 to 2, one RGB triple each, in the order of `board/FORMATS.md`.
+/// Coefficients of the nine real spherical harmonics of degree 0 to 2, one RGB triple each, in the order of `board/FORMATS.md`.
 pub type Sh9 = [[f32; 3]; 9];
 
 /// A directional light.
@@ -23,13 +23,13 @@ pub struct Light {
     pub parent: Option<u32>,
 }
 
-/// Angular radius a in degrees of the uniform cap whose angular variance (1 - cos a) / 2 is `variance`.
+/// Returns the angular radius a in degrees of the uniform cap whose angular variance (1 - cos a) / 2 is `variance`.
 #[must_use]
 pub fn cap_radius_deg(variance: f32) -> f32 {
     2.0 * libm::asinf(libm::sqrtf(variance.clamp(0.0, 1.0))).to_degrees()
 }
 
-/// Least squared length of a mean direction that is not a rounding error: f32 sums of opposite directions cancel to about 1e-7.
+/// Least squared length of a mean direction that is not a rounding error: sums of opposite directions in `f32` cancel to about 1e-7.
 const LEAST_MEAN2: f32 = 1e-12;
 
 impl Light {
@@ -54,14 +54,14 @@ impl Light {
 pub struct Decomposition<'a> {
     /// The lights, at most as many as were requested.
     pub lights: &'a [Light],
-    /// Radiance of the light that the directional lights leave out, as spherical harmonics; `None` where it was not requested.
+    /// Radiance that the directional lights do not represent, as spherical harmonics; `None` where it was not requested.
     pub ambient: Option<Sh9>,
     /// Estimate of the shadowed error, a ratio; `None` for samplers without one.
     pub estimated_error: Option<f32>,
 }
 
 impl<'a> Decomposition<'a> {
-    /// A result of lights alone, without ambient light or an estimate.
+    /// Creates a result of lights alone, without ambient light or an estimate.
     #[must_use]
     pub fn of_lights(lights: &'a [Light]) -> Self {
         Self { lights, ambient: None, estimated_error: None }

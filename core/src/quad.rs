@@ -16,7 +16,7 @@ pub struct Quad {
 }
 
 impl Quad {
-    /// A quad with the energy `rgb` from the single unit vector `direction`.
+    /// Creates a quad with the energy `rgb` from the single unit vector `direction`.
     ///
     /// Negative channels and NaN count as 0; channels are limited to [`color::MAX_ENERGY`].
     #[must_use]
@@ -28,7 +28,7 @@ impl Quad {
         Self { energy: [rgb[0], rgb[1], rgb[2], y], moment: [m.x, m.y, m.z, 0.0] }
     }
 
-    /// Adds the sums of `other`.
+    /// Adds the energy and the first moment of `other`.
     #[inline]
     pub fn add(&mut self, other: &Self) {
         for i in 0..4 {
@@ -37,7 +37,7 @@ impl Quad {
         }
     }
 
-    /// Red, green and blue energy.
+    /// Returns the red, green and blue energy.
     #[must_use]
     #[inline]
     pub fn rgb(&self) -> [f32; 3] {
@@ -51,23 +51,23 @@ impl Quad {
         self.energy[3]
     }
 
-    /// First moment of the luminance.
+    /// Returns the first moment of the luminance.
     #[must_use]
     #[inline]
     pub fn first_moment(&self) -> Vec3 {
         Vec3::new(self.moment[0], self.moment[1], self.moment[2])
     }
 
-    /// Mean direction: first moment divided by luminance energy, not normalised; the zero vector for a quad without light.
+    /// Returns the mean direction: first moment divided by luminance energy, not normalised; the zero vector for a quad without light.
     ///
-    /// The division comes first so that the length neither underflows nor overflows for any unit of light.
+    /// The first moment is divided before a length is computed, so that the length neither underflows nor overflows for any unit of light.
     #[must_use]
     #[inline]
     pub fn mean_direction(&self) -> Vec3 {
         if self.y() > 0.0 { self.first_moment() / self.y() } else { Vec3::ZERO }
     }
 
-    /// Angular variance: 1 minus the length of the mean direction; 0 for a quad without light.
+    /// Returns the angular variance: 1 minus the length of the mean direction; 0 for a quad without light.
     #[must_use]
     #[inline]
     pub fn variance(&self) -> f32 {
@@ -80,7 +80,7 @@ impl Quad {
         }
     }
 
-    /// Whether all sums are finite, and the energies non-negative.
+    /// Returns whether all sums are finite and the energies non-negative.
     #[inline]
     pub(crate) fn is_sound(&self) -> bool {
         let energies = self.energy.iter().fold(true, |sound, e| sound & (0.0..=2.0 * MAX_ENERGY).contains(e));

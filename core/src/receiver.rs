@@ -20,13 +20,13 @@ pub struct Shadowed {
     pub half_angle: f64,
 }
 
-/// The normal of open receiver `k` below [`OPEN`].
+/// Returns the normal of open receiver `k` below [`OPEN`].
 #[must_use]
 pub fn open(k: usize) -> Vec3 {
     lattice(k, OPEN)
 }
 
-/// Shadowed receiver `k` below [`SHADOWED`].
+/// Returns shadowed receiver `k` below [`SHADOWED`].
 #[must_use]
 pub fn shadowed(k: usize) -> Shadowed {
     let half_angle = 10.0 + 50.0 * libm::fmod((k as f64 + 0.5) * 0.754_877_666_246_692_7, 1.0);
@@ -37,7 +37,7 @@ pub fn shadowed(k: usize) -> Shadowed {
     }
 }
 
-/// Point `k` of the spherical Fibonacci lattice of `count` points.
+/// Returns point `k` of the spherical Fibonacci lattice of `count` points.
 fn lattice(k: usize, count: usize) -> Vec3 {
     let z = 1.0 - (2 * k + 1) as f64 / count as f64;
     let phi = TAU * libm::fmod(k as f64 * 0.618_033_988_749_894_9, 1.0);

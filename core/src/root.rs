@@ -5,7 +5,7 @@ use glam::Vec3;
 /// Number of Newton steps on the reciprocal root; two steps give a relative error of 5e-6.
 const STEPS: usize = 2;
 
-/// 1 / sqrt(v) of a positive, normal number within a relative error of 5e-6: the exponent is halved, then Newton steps follow.
+/// Returns 1 / sqrt(v) of a positive, normal number within a relative error of 5e-6: the exponent is halved, then Newton steps follow.
 pub(crate) fn inverse(v: f32) -> f32 {
     let mut r = f32::from_bits(0x5f37_59df - (v.to_bits() >> 1));
     for _ in 0..STEPS {
@@ -14,12 +14,12 @@ pub(crate) fn inverse(v: f32) -> f32 {
     r
 }
 
-/// Square root of a positive, normal number within a relative error of 5e-6.
+/// Returns the square root of a positive, normal number within a relative error of 5e-6.
 pub(crate) fn root(v: f32) -> f32 {
     v * inverse(v)
 }
 
-/// `v` divided by its length, of length 1 within 5e-6; `None` if `v` is not finite or nearly 0.
+/// Returns `v` divided by its length, of length 1 within 5e-6; `None` if `v` is not finite or its length is below 1e-10 or above 1e10.
 pub(crate) fn unit(v: Vec3) -> Option<Vec3> {
     let squared = v.length_squared();
     (squared > 1e-20 && squared < 1e20).then(|| v * inverse(squared))

@@ -22,19 +22,19 @@ pub struct BufferSize {
 }
 
 impl BufferSize {
-    /// A buffer of `count` elements of type `T`.
+    /// Describes a buffer of `count` elements of type `T`.
     #[must_use]
     pub const fn of<T>(name: &'static str, count: usize) -> Self {
         Self { name, count, element_bytes: size_of::<T>() }
     }
 
-    /// Bytes of all elements.
+    /// Returns the number of bytes of all elements.
     #[must_use]
     pub const fn bytes(&self) -> usize {
         self.count.saturating_mul(self.element_bytes)
     }
 
-    /// Number of 64-bit words that hold all elements.
+    /// Returns the number of 64-bit words that hold all elements.
     const fn words(&self) -> usize {
         self.bytes().div_ceil(WORD)
     }
@@ -79,11 +79,11 @@ pub struct Sizes {
 }
 
 impl Sizes {
-    /// Computes the sizes for a front end of these arguments. The time is that of [`FrontEnd::try_new`](crate::FrontEnd::try_new): every
-    /// pixel is visited.
+    /// Computes the sizes for the arguments of [`FrontEnd::try_new`](crate::FrontEnd::try_new). Every pixel is visited, so the time is that of
+    /// the constructor.
     ///
     /// # Errors
-    /// The [`FrontError`]s of that constructor, except those of the memory, the response curve and the white balance.
+    /// The [`FrontError`]s of the constructor, except those of the memory, the response curve and the white balance.
     pub fn of(calibration: &Calibration, exposures: &[Exposure], order: Order) -> Result<Self, FrontError> {
         let image = calibration.layout.merged_size();
         let pixel_table = pixel_table_size(&calibration.merged_lens(), image, order.get())?;
@@ -92,7 +92,7 @@ impl Sizes {
             .with_merge(merge_sizes(calibration, exposures)?))
     }
 
-    /// The sizes that do not depend on the exposures and the lens.
+    /// Returns the sizes that do not depend on the exposures and the lens; all others are 0.
     pub(crate) fn fixed(calibration: &Calibration, order: Order) -> Result<Self, FrontError> {
         let image = calibration.layout.merged_size();
         pixel_table::check(image, order.get())?;
@@ -116,17 +116,17 @@ impl Sizes {
         Self { reciprocals: merge.reciprocals, tables: merge.tables, ..self }
     }
 
-    /// The largest number of runs that fits into `words` of 64 bits beside the buffers of fixed size.
+    /// Returns the sizes with the largest number of runs that fits into `words` of 64 bits beside the buffers of fixed size.
     pub(crate) fn with_most_runs(self, words: usize) -> Self {
         let left = words.saturating_sub(self.words());
         let with = |runs| Self { runs, weights: runs, ..self };
-        // Fewer by what the last word of each buffer leaves empty.
+        // Up to 3 runs fewer, since the last word of each buffer may be partly empty.
         let most = left.saturating_mul(WORD) / (size_of::<Run>() + size_of::<u16>());
         let fitting = (0..4).map(|less| with(most.saturating_sub(less)));
         fitting.into_iter().find(|sizes| sizes.words() <= words).unwrap_or(with(0))
     }
 
-    /// All buffers, in the order in which they lie in memory.
+    /// Returns name, length and element size of all buffers, in their order in memory.
     #[must_use]
     pub fn buffers(&self) -> [BufferSize; 8] {
         [
@@ -141,14 +141,14 @@ impl Sizes {
         ]
     }
 
-    /// Number of `u64` elements to lend to [`FrontEnd::try_new`](crate::FrontEnd::try_new).
+    /// Returns the number of `u64` elements to lend to [`FrontEnd::try_new`](crate::FrontEnd::try_new).
     #[must_use]
     pub fn words(&self) -> usize {
         self.buffers().iter().fold(0, |sum, buffer| sum.saturating_add(buffer.words()))
     }
 }
 
-/// Number of elements that the merge of `exposures` needs.
+/// Returns the number of elements that the merge of `exposures` needs.
 pub(crate) fn merge_sizes(
     calibration: &Calibration,
     exposures: &[Exposure],
@@ -189,7 +189,7 @@ impl<'m> Parts<'m> {
     }
 }
 
-/// Splits the words of `count` elements off the front of `memory`.
+/// Splits the words of `count` elements off the front of `memory` and returns them as `T`.
 fn first<'m, T: Pod>(memory: &mut &'m mut [u64], count: usize) -> &'m mut [T] {
     let words = BufferSize::of::<T>("", count).words();
     let (own, rest) = take(memory).split_at_mut_checked(words).unwrap_or_default();
@@ -197,14 +197,14 @@ fn first<'m, T: Pod>(memory: &mut &'m mut [u64], count: usize) -> &'m mut [T] {
     bytemuck::try_cast_slice_mut(own).unwrap_or_default().get_mut(..count).unwrap_or_default()
 }
 
-/// The quads of the map, which are the first buffer.
+/// Returns the quads of the map, which are the first buffer.
 pub(crate) fn quads<'m>(memory: &'m [u64], sizes: &Sizes) -> &'m [Quad] {
     let words = BufferSize::of::<Quad>("", sizes.quads).words();
     let own = memory.get(..words).unwrap_or_default();
     bytemuck::try_cast_slice(own).unwrap_or_default()
 }
 
-/// Moves the weights from their place for `most` runs to that for the `exact` number of runs, which is lower.
+/// Moves the weights from their position after `most` runs to their lower position after the `exact` number of runs.
 pub(crate) fn close_gap(memory: &mut [u64], most: &Sizes, exact: &Sizes) {
     let up_to = |sizes: &Sizes, buffers: usize| -> usize {
         sizes.buffers().iter().take(buffers).fold(0, |sum, buffer| sum.saturating_add(buffer.words()))

@@ -1,4 +1,4 @@
-//! The conversion of integer sums of codes, which hold the place of a texel's first moment until the map is finished.
+//! The conversion of integer sums of codes, which are stored in the memory of a texel's first moment until the map is finished.
 
 use crate::quad::Quad;
 
@@ -9,14 +9,14 @@ pub(crate) struct Tally {
     pub(crate) black: i16,
     /// Fraction bits of codes above black.
     pub(crate) shift: u32,
-    /// Number of counts that 1 represents.
+    /// Number of counts per unit of the integers.
     pub(crate) unit: f32,
-    /// Largest sum of the weights of a texel's pixels whose product with any code fits 31 bits.
+    /// Largest sum of pixel weights of a texel whose product with any code fits 31 bits.
     pub(crate) most_weight: u32,
 }
 
 impl Tally {
-    /// The sums in the energy of `quad` plus its integers.
+    /// Returns the energy sums of `quad` plus its integer sums, in counts; the fourth lane is 0.
     #[inline]
     pub(crate) fn settled(&self, quad: &Quad) -> [f32; 4] {
         let total = |lane: usize| quad.energy[lane] + quad.moment[lane].to_bits() as i32 as f32 * self.unit;

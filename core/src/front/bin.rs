@@ -1,24 +1,24 @@
-//! Bins the samples of a mosaic: `bin` x `bin` cells become one, each sample the mean of those of its colour.
+//! Bins the samples of a mosaic: the mean over `bin` x `bin` cells of each sample position is one sample of a binned cell.
 //!
-//! A sample among which one is saturated is saturated: a mean of clipped and unclipped codes would pass for a valid one and darken
-//! the edges of lamps.
+//! A mean over samples of which one is saturated is saturated: a mean of clipped and unclipped codes would count as valid and darken the
+//! edges of lamps.
 
 use crate::format::{Format, Layout, raw10, raw12};
 
-/// The cells of a binned part of a row.
+/// The mosaic bytes behind the binned cells of a part of a row.
 #[derive(Clone, Copy)]
 pub(super) struct Bins<'a> {
-    /// The frame's bytes from the first row of the part on.
+    /// The frame's bytes from the first mosaic row of the part on.
     pub(super) bytes: &'a [u8],
     /// Row pitch, bytes.
     pub(super) pitch: usize,
-    /// First binned cell.
+    /// Index of the first binned cell in its row.
     pub(super) first: usize,
     /// Binary logarithm of the cells per binned cell on each side, at least 1.
     pub(super) log2: u32,
-    /// First saturated code.
+    /// Smallest saturated code.
     pub(super) saturated: u16,
-    /// Largest code.
+    /// Largest code of the format, which represents a saturated mean.
     pub(super) most: u16,
 }
 
@@ -30,7 +30,7 @@ impl<'a> Bins<'a> {
         Self { bytes, pitch, first, log2, saturated: saturated.min(u32::from(most)) as u16, most }
     }
 
-    /// Writes four samples of each of the cells that `out` holds.
+    /// Writes the four means of each binned cell to `out`.
     #[inline(never)]
     pub(super) fn read(&self, format: Format, out: &mut [[u16; 4]]) {
         let twelve = |[a, b, c, d, e, f]: &[u8; 6]| {
@@ -49,14 +49,14 @@ impl<'a> Bins<'a> {
         }
     }
 
-    /// Groups of `B` bytes of row `row` of the part, from the first cell's on.
+    /// Returns the groups of `B` bytes in row `row` of the part, starting with the first binned cell.
     #[inline(always)]
     fn groups<const B: usize>(&self, row: usize) -> &'a [[u8; B]] {
         let from = row * self.pitch + B * ((self.first << self.log2) / 2);
         self.bytes.get(from..).unwrap_or_default().as_chunks::<B>().0
     }
 
-    /// Any packing: `unpacked` makes four samples of `B` bytes.
+    /// Writes the means of cells in any packing; `unpacked` converts `B` bytes to four samples.
     #[inline(always)]
     fn mean<const B: usize>(&self, out: &mut [[u16; 4]], unpacked: impl Fn(&[u8; B]) -> [u16; 4]) {
         let (groups, shift) = ((1usize << self.log2) / 2, 2 * self.log2);
@@ -79,7 +79,7 @@ impl<'a> Bins<'a> {
         }
     }
 
-    /// 10 bits packed, 2 x 2 cells: the upper bytes of two samples of a colour are added as halves of a word.
+    /// Writes the means of 2 x 2 cells of packed 10-bit samples: the upper bytes of two samples of a colour are added as halves of a word.
     fn raw10_by_2(&self, out: &mut [[u16; 4]]) {
         let [a, b, c, d] = [0, 1, 2, 3].map(|row| self.groups::<5>(row));
         let (above, below) = (a.iter().zip(c), b.iter().zip(d));
@@ -89,7 +89,7 @@ impl<'a> Bins<'a> {
         }
     }
 
-    /// Means of the two colours of two rows.
+    /// Returns the means of the two colours in two rows of a group of four samples each.
     #[inline(always)]
     fn pair(&self, (first, second): (&[u8; 5], &[u8; 5])) -> [u16; 2] {
         let upper = |group: &[u8; 5]| group.first_chunk().map_or(0, |four| u32::from_le_bytes(*four));
@@ -102,14 +102,14 @@ impl<'a> Bins<'a> {
             upper + ((low + 2) >> 2)
         };
         let (even, odd) = (mean(0), mean(2));
-        // A saturated sample alone makes a quarter of its code.
+        // A single saturated sample raises the mean of four to at least a quarter of its code.
         if even.max(odd) < u32::from(self.saturated) / 4 {
             return [even as u16, odd as u16];
         }
         self.checked([even, odd], raw10(first), raw10(second))
     }
 
-    /// The means, unless one of their samples is saturated.
+    /// Returns the means, replaced by the largest code for a colour with a saturated sample; the arrays are the samples of the two rows.
     fn checked(&self, means: [u32; 2], [a, b, c, d]: [u16; 4], [e, f, g, h]: [u16; 4]) -> [u16; 2] {
         let largest = [a.max(c).max(e).max(g), b.max(d).max(f).max(h)];
         core::array::from_fn(|i| if largest[i] >= self.saturated { self.most } else { means[i] as u16 })

@@ -12,7 +12,7 @@ use crate::tally::Tally;
 
 /// The sums to which the light of chunks is added.
 pub(super) struct Target<'t> {
-    /// Runs and weights of the pixels that are not added yet.
+    /// Runs and weights of the pixels that remain to be added.
     pub(super) runs: Runs<'t>,
     pub(super) quads: &'t mut [Quad],
     /// Order of the quads.
@@ -34,11 +34,11 @@ pub(super) struct Chunks<'a, 'f, 's> {
     layout: &'a Layout,
     scratch: Scratch<'s>,
     merger: Merger<'a, 's>,
-    /// Present if chunks in which the longest exposure is enough are added as sums of codes.
+    /// Conversion of sums of codes; `None` if no chunk is added as sums of codes.
     tally: Option<Tally>,
 }
 
-/// The merge of codes and the buffers behind it.
+/// The merge of codes, and the buffers for its results.
 struct Merger<'a, 's> {
     merge: &'a MergeView<'a>,
     channels: Channels,
@@ -47,7 +47,7 @@ struct Merger<'a, 's> {
     light: RunLight,
 }
 
-/// The channel of each sample of `format`, in the order of the lanes.
+/// Returns the channel of each sample of a pixel in `format`, in the order of the lanes.
 fn channels(format: Format) -> Channels {
     match (format, format.pattern()) {
         (_, Some(pattern)) => Channels::Four(pattern.channels()),
@@ -71,7 +71,7 @@ impl<'a, 'f, 's> Chunks<'a, 'f, 's> {
         Self { frames, layout, scratch, merger, tally }
     }
 
-    /// Adds the light of a part of at most [`CHUNK`] pixels, whose runs are the next ones of `target`.
+    /// Adds the light of a part of at most [`CHUNK`] pixels, whose runs are the next runs of `target`.
     pub(super) fn add(&mut self, part: Part, target: &mut Target<'_>) {
         target.excluded.pixels += part.len as u32;
         if self.add_codes(part, target) {
@@ -85,7 +85,7 @@ impl<'a, 'f, 's> Chunks<'a, 'f, 's> {
         self.merger.add(codes, part.len, target);
     }
 
-    /// Adds a part of which the longest exposure is enough as sums of codes; returns `false`, without a change, for other parts.
+    /// Adds a part as sums of codes if its longest exposure suffices; otherwise returns `false` without a change.
     // Not inlined: its locals take no stack below the merge of other parts.
     #[inline(never)]
     fn add_codes(&mut self, part: Part, target: &mut Target<'_>) -> bool {
@@ -107,7 +107,7 @@ impl<'a, 'f, 's> Chunks<'a, 'f, 's> {
 }
 
 impl Merger<'_, '_> {
-    /// Adds the light of `len` pixels.
+    /// Merges `codes` of `len` pixels and adds their light to `target`.
     fn add(&mut self, codes: &[Codes<'_>], len: usize, target: &mut Target<'_>) {
         let samples = self.channels.many();
         if let Some(unit) = self.merge.sums(codes, self.channels, self.sums.of_mut(len)) {

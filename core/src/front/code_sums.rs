@@ -1,14 +1,14 @@
-//! The light of parts of rows in which the longest exposure of a linear 8-bit sensor is enough: sums of codes in integers.
+//! Light of the parts of rows in which the longest exposure of a linear 8-bit sensor suffices: sums of codes in integers.
 //!
-//! The code sum of each run, times the weight of the run, is added to integers of its texel, in the memory of the texel's first moment,
-//! which is unknown until the map is finished. No step for a pixel or a run uses floating point.
+//! The code sum of each run, times the weight of the run, is added to integers of its texel. They are stored in the memory of the texel's
+//! first moment, which is computed when the map is finished. No step for a pixel or a run uses floating point.
 
 use super::gather::{PrefixSums, RunLight, Runs};
 use crate::pixel_table::{CHUNK, Run};
 use crate::pyramid::Quad;
 use crate::tally::Tally;
 
-/// Codes of a chunk and their prefix sums, in the memory of the merge, which other chunks take.
+/// Codes of a chunk and their prefix sums, in buffers that the merge uses for other chunks.
 pub(super) struct CodeSums<'s> {
     /// Codes above black of each pixel; the fourth lane is 0.
     codes: &'s mut [[i16; 4]],
@@ -21,7 +21,7 @@ impl<'s> CodeSums<'s> {
         Self { codes: bytemuck::cast_slice_mut(light.as_mut_slice()), sums: sums.all_mut() }
     }
 
-    /// Sums `codes`, three per pixel.
+    /// Computes the prefix sums of `codes`, three per pixel.
     pub(super) fn sum_up(&mut self, codes: &[u8], tally: &Tally) {
         let pixels = codes.as_chunks::<3>().0;
         self.above_black(pixels, tally.shift, tally.black);
@@ -48,8 +48,8 @@ impl<'s> CodeSums<'s> {
         }
     }
 
-    /// Adds the codes of the runs of the first `len` pixels to their texels and removes these runs; codes from below the horizon are added
-    /// to `below`, in counts.
+    /// Adds the codes of the runs of the first `len` pixels to their texels and removes these runs; codes from below the horizon are converted
+    /// to counts and added to `below`.
     pub(super) fn add(
         &self,
         len: usize,
@@ -66,7 +66,8 @@ impl<'s> CodeSums<'s> {
         runs.skip(taken);
     }
 
-    /// Returns the number of runs. The sums of `rest` are not 0 afterwards if a run has no texel.
+    /// Adds the weighted code sum of each run that ends within the first `len` pixels to its texel and returns the number of these runs. Runs
+    /// without a texel are added to `rest`.
     // Not inlined: tests find its vector instructions under this symbol.
     #[inline(never)]
     fn add_runs(
@@ -97,7 +98,7 @@ impl<'s> CodeSums<'s> {
         runs.len().min(weights.len())
     }
 
-    /// Adds those of the first `taken` runs whose texel index is not below `texels`.
+    /// Adds the light of those of the first `taken` runs whose texel index is `texels` or more to `below`, in counts.
     #[cold]
     fn add_below(&self, runs: &Runs<'_>, taken: usize, texels: usize, tally: &Tally, below: &mut [f32; 4]) {
         let mut first = 0;

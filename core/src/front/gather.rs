@@ -23,13 +23,13 @@ pub(super) enum MergedChunk<'s> {
 }
 
 impl MergedChunk<'_> {
-    /// Calls `f` with zeroed buffers of one of the two forms.
+    /// Calls `f` with zeroed buffers: `Products` if `has_products`, otherwise `Counts`.
     pub(super) fn with<R>(has_products: bool, f: impl FnOnce(MergedChunk<'_>) -> R) -> R {
         if has_products { products(f) } else { counts(f) }
     }
 }
 
-// Not inlined: each form has a stack frame of its own.
+// Not inlined: the buffers of each variant take stack only in their own function.
 #[inline(never)]
 fn products<R>(f: impl FnOnce(MergedChunk<'_>) -> R) -> R {
     f(MergedChunk::Products(&mut Products { sums: [0; _], reciprocals: [0; _] }))
@@ -43,7 +43,7 @@ fn counts<R>(f: impl FnOnce(MergedChunk<'_>) -> R) -> R {
 /// Prefix sums per lane over the pixels of a chunk, modulo 2^32; differences of two sums are exact.
 pub(super) struct PrefixSums {
     sums: [[i32; 4]; CHUNK],
-    /// Number of counts that a sum of 1 represents.
+    /// Number of counts per unit of the sums.
     pub(super) unit: f32,
 }
 
@@ -52,12 +52,12 @@ impl PrefixSums {
         Self { sums: [[0; 4]; _], unit: 1.0 }
     }
 
-    /// Places for the sums of `len` pixels.
+    /// Returns the sums of the first `len` pixels for writing.
     pub(super) fn of_mut(&mut self, len: usize) -> &mut [[i32; 4]] {
         self.sums.get_mut(..len).unwrap_or_default()
     }
 
-    /// Memory for the sums of a whole chunk.
+    /// Returns the sums of a whole chunk for writing.
     pub(super) fn all_mut(&mut self) -> &mut [[i32; 4]; CHUNK] {
         &mut self.sums
     }
@@ -70,7 +70,7 @@ impl PrefixSums {
 /// Sum of the radiances of the pixels of each run of a chunk: one number per lane.
 pub(super) type RunLight = [[f32; 4]; CHUNK];
 
-/// Float radiances of `len` pixels of `samples` each.
+/// Float radiances of `len` pixels with `samples` samples each.
 #[derive(Clone, Copy)]
 pub(super) struct Merged<'r> {
     pub(super) len: usize,
@@ -79,17 +79,17 @@ pub(super) struct Merged<'r> {
 }
 
 impl Merged<'_> {
-    /// A sample of a pixel; 0 beyond the samples.
+    /// Returns the radiance of sample `lane` of `pixel`; 0 for lanes beyond the samples of a pixel.
     fn value(&self, pixel: usize, lane: usize) -> f32 {
         let own = self.radiance.get(self.samples * pixel + lane).filter(|_| lane < self.samples);
         own.copied().unwrap_or(0.0)
     }
 }
 
-/// Pixels that are clipped.
+/// Weight and light of the clipped pixels of a chunk.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Clipped {
-    /// Sum of their weights.
+    /// Sum of the pixel weights.
     pub(super) weight: u64,
     /// Sums of radiance times weight times the cosine of the angle to the zenith, per lane.
     pub(super) light: [f32; 4],
@@ -101,7 +101,7 @@ pub(super) struct Runs<'a> {
     pub(super) weights: &'a [u16],
 }
 
-/// Computes prefix sums of the first `len` pixels of `samples` lanes each.
+/// Computes prefix sums of the first `len` pixels with `samples` lanes each.
 // Not inlined: tests find its vector instructions under this symbol.
 #[inline(never)]
 pub(super) fn sum_up(light: &MergedChunk<'_>, samples: usize, len: usize, sums: &mut PrefixSums) {
@@ -120,14 +120,14 @@ pub(super) fn sum_up(light: &MergedChunk<'_>, samples: usize, len: usize, sums: 
     }
 }
 
-/// The lanes of the first `len` pixels with one sample each.
+/// Returns the lanes of the first `len` pixels with one sample each.
 #[inline(always)]
 fn single<T: Copy + Default>(samples: &[T], len: usize) -> impl Iterator<Item = [T; 4]> {
     samples.get(..len).unwrap_or_default().iter().map(|v| [*v, T::default(), T::default(), T::default()])
 }
 
-/// The lanes of pixels with three samples each. The fourth lane holds the next pixel's first sample and is ignored; it makes each load a
-/// full vector.
+/// Returns the lanes of the first `len` pixels with three samples each. The fourth lane holds the next pixel's first sample and is ignored;
+/// it makes each load a full vector.
 #[inline(always)]
 fn triple<T: Copy>(samples: &[T], len: usize) -> impl Iterator<Item = [T; 4]> {
     let of = |from: usize| {
@@ -136,7 +136,7 @@ fn triple<T: Copy>(samples: &[T], len: usize) -> impl Iterator<Item = [T; 4]> {
     of(0).iter().zip(of(3)).map(|([a, b, c], [next, ..])| [*a, *b, *c, *next])
 }
 
-/// The lanes of pixels with four samples each.
+/// Returns the lanes of the first `len` pixels with four samples each.
 #[inline(always)]
 fn four<T: Copy>(samples: &[T], len: usize) -> impl Iterator<Item = [T; 4]> {
     samples.as_chunks::<4>().0.get(..len).unwrap_or_default().iter().map(|[a, b, c, d]| [*a, *b, *c, *d])
@@ -174,7 +174,7 @@ fn cut(runs: &[Run], len: usize, sums: &PrefixSums, light: &mut RunLight) -> usi
     runs.len().min(CHUNK)
 }
 
-/// Adds the weighted light of each run to its texel; texel indices beyond the last texel add to `below`, the light below the horizon.
+/// Adds the weighted light of each run to its texel; runs whose texel index is out of range add to `below`, the light below the horizon.
 #[inline(never)]
 fn add<const LANES: usize>(
     runs: &[Run],
@@ -196,7 +196,7 @@ fn add<const LANES: usize>(
     }
 }
 
-/// [`cut`] and [`add`] in one loop, for processors whose vectors hold floats.
+/// Runs [`cut`] and [`add`] in one loop, for processors whose vectors hold floats.
 #[inline(never)]
 fn cut_and_add(
     runs: &[Run],
@@ -240,7 +240,7 @@ impl Runs<'_> {
             let taken = cut(self.runs, len, sums, light);
             let light = light.get(..taken).unwrap_or_default();
             if samples == 3 {
-                // Three lanes: the scalar adds of an unused lane would cost as much as a used one.
+                // Three lanes: the scalar additions of the unused lane would cost as many instructions as those of a used lane.
                 add::<3>(self.runs, self.weights, sums.unit, light, quads, below);
             } else {
                 add::<4>(self.runs, self.weights, sums.unit, light, quads, below);
@@ -252,7 +252,7 @@ impl Runs<'_> {
         self.skip(taken);
     }
 
-    /// Weight and light of those of the first `len` pixels that satisfy `is`, and whose texel is one of `quads` texels of `order`.
+    /// Returns weight and light of those of the first `len` pixels that satisfy `is` and whose texel is one of the `quads` texels of `order`.
     pub(super) fn clipped(
         &self,
         part: Merged<'_>,
@@ -281,6 +281,7 @@ impl Runs<'_> {
         clipped
     }
 
+    /// Removes the first `count` runs and their weights.
     pub(super) fn skip(&mut self, count: usize) {
         self.runs = self.runs.get(count..).unwrap_or_default();
         self.weights = self.weights.get(count..).unwrap_or_default();
@@ -317,7 +318,7 @@ impl Runs<'_> {
 mod tests {
     use super::*;
 
-    /// On every processor, the loop of 32-bit ARM and that of others give the same energies bit by bit, and the same number of runs.
+    /// Compares the loop of 32-bit ARM with the loop of other processors: equal energies bit by bit, and equal numbers of runs.
     #[test]
     fn cut_then_add_equals_cut_and_add_bit_for_bit() {
         const TEXELS: usize = 5;

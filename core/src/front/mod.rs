@@ -1,7 +1,7 @@
 //! The fused front end: merges a burst directly into energy per HEALPix texel, without an HDR image in between.
 //!
 //! Each image row is processed in chunks of pixels that fit the first-level cache. A chunk is merged into integer radiances, whose prefix
-//! sums are computed; the light of a run of pixels is then the difference of two prefix sums and is added to the texel of the run.
+//! sums are computed; the light of a run of pixels is the difference of two prefix sums and is added to the texel of the run.
 
 mod bin;
 mod chunks;
@@ -30,14 +30,14 @@ use rows::{Part, Scratch};
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub struct Coverage {
-    /// Share of the hemisphere's solid angle in which even the shortest exposure is clipped, 0..=1.
+    /// Share of the hemisphere's solid angle in which the shortest exposure is clipped, 0..=1.
     pub clipped: f64,
-    /// Horizontal irradiance of the light in which even the shortest exposure is clipped, at the radiance of that exposure: a lower bound, for
-    /// red, green and blue.
+    /// Horizontal irradiance, red, green and blue, of the directions in which the shortest exposure is clipped. Clipped pixels count with the
+    /// radiance at which they clip, so the irradiance is a lower bound.
     pub clipped_irradiance: [f32; 3],
     /// Share of the hemisphere's solid angle outside of the field of view, 0..=1.
     pub unseen: f64,
-    /// Mean number of exposures that were read of a pixel: the number of frames for [`MergeMode::All`](crate::MergeMode).
+    /// Mean number of exposures read per pixel, 1 to the number of frames; the number of frames for [`MergeMode::All`](crate::MergeMode).
     pub exposures_read: f64,
     /// Scalar flux from below the horizon, which no light represents, divided by the flux from above.
     pub below: f64,
@@ -64,12 +64,12 @@ pub enum BurstError {
         /// Number of bytes (or words) of the layout.
         expected: usize,
     },
-    /// A frame has samples of another depth than the format.
+    /// A frame has samples of another depth (bytes or 16-bit words) than the format.
     FrameDepth {
         /// Index of the frame.
         index: usize,
     },
-    /// The size of the layout differs from that of the pixel table.
+    /// The image size of the layout differs from the image size of the pixel table.
     OtherSize,
     /// The map is not a hemisphere map of the order of the pixel table.
     OtherMap,
@@ -111,7 +111,8 @@ pub fn burst<Q: Buffer<Quad>>(
     Ok(finish(&excluded, layout, merge, pixel_table, white_balance, map))
 }
 
-/// First stage of [`burst`]: adds the light of each pixel to its texel, or to `excluded`. The map is invalid until [`finish`] has run.
+/// Runs the first stage of [`burst`]: adds the light of each pixel to its texel, or to `excluded`. The map is invalid until [`finish`] has
+/// run.
 ///
 /// # Errors
 /// [`BurstError`] if the frames do not match; `map` is then unchanged.
@@ -154,13 +155,14 @@ fn add_up(
     });
 }
 
-/// The conversion of sums of codes; `None` for formats, responses and pixel tables for which these have no meaning or no place.
+/// Returns the conversion of sums of codes to counts; `None` for formats and responses that are not summed as codes, and for pixel tables
+/// whose sums could exceed 32 bits.
 fn tally(layout: &Layout, merge: &MergeView<'_>, pixel_table: &PixelTableView<'_>) -> Option<Tally> {
     let is_plain = matches!(layout.format(), Format::Rgb24 | Format::Bgr24);
     merge.tally().filter(|tally| is_plain && pixel_table.heaviest_texel <= tally.most_weight)
 }
 
-/// Processes all spans chunk by chunk.
+/// Processes all spans of the pixel table in chunks of at most [`CHUNK`] pixels.
 #[inline(never)]
 fn walk(
     mut chunks: Chunks<'_, '_, '_>,
@@ -182,7 +184,7 @@ fn walk(
     }
 }
 
-/// Second stage of [`burst`]: converts sums to energy and first moments, and sums the coarser orders.
+/// Runs the second stage of [`burst`]: converts sums to energy and first moments, and sums the coarser orders.
 pub(crate) fn finish<Q: Buffer<Quad>>(
     excluded: &Excluded,
     layout: &Layout,
@@ -209,7 +211,7 @@ pub(crate) fn finish<Q: Buffer<Quad>>(
     }
 }
 
-/// Light that is not part of the map.
+/// Light and pixel counts that are not stored in the map.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Excluded {
     /// Sums of light from below the horizon, per lane.
@@ -218,12 +220,13 @@ pub(crate) struct Excluded {
     clipped: u64,
     /// Sums of the light of clipped pixels times the cosine of the angle to the zenith, per lane.
     clipped_light: [f32; 4],
-    /// Number of pixels.
+    /// Number of pixels processed.
     pixels: u32,
     /// Number of exposures that were read, summed over the pixels.
     read: u32,
 }
 
+/// Checks number, depth and length of the frames against the exposures and the layout.
 fn check_frames(frames: &[Samples<'_>], layout: &Layout, merge: &MergeView<'_>) -> Result<(), BurstError> {
     if frames.len() != merge.exposures() {
         return Err(BurstError::FrameCount { found: frames.len(), expected: merge.exposures() });

@@ -2,8 +2,8 @@
 
 use crate::pixel_table::CHUNK;
 
-/// Number of pixels of a chunk, rounded up to whole pairs and whole vectors.
+/// Capacity of a plane: the pixels of a chunk, rounded up to whole pairs and whole vectors.
 pub(super) const PAIRED: usize = (CHUNK + 2).next_multiple_of(16);
 
-/// Planes of pixels, or the interleaved samples of mosaic cells.
+/// Four planes of 8-bit samples of a chunk, or the interleaved samples of its mosaic cells.
 pub(super) type Planes = [[u8; PAIRED]; 4];

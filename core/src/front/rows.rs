@@ -10,22 +10,22 @@ use crate::pixel_table::CHUNK;
 /// Number of samples of a chunk, rounded up to whole pairs of mosaic cells.
 const WORDS: usize = 4 * (CHUNK + 2);
 
-/// Buffers for the unpacked codes of one chunk. Formats that need no unpacking have empty buffers, which keeps the stack small.
+/// Buffers for the unpacked codes of one chunk. Formats that need no unpacking have empty buffers, so that they take no stack.
 pub(crate) struct Scratch<'s> {
     planes: &'s mut [Planes],
     /// Intermediate values of the conversion from luma and chroma; absent if `planes` is empty.
     pairs: Option<&'s mut Pairs>,
     words: &'s mut [[u16; WORDS]],
-    /// The smallest saturated code, for means of samples.
+    /// The smallest saturated code; binned means that contain it are saturated.
     saturated: u32,
 }
 
-/// Processing of the unpacked codes of a part.
+/// A consumer of the unpacked codes of a part, such as the merge.
 pub(crate) trait Reader {
-    /// Whether bytes of three channels are needed as separate planes.
+    /// Returns whether bytes of three channels are read as separate planes.
     fn wants_planes(&self) -> bool;
 
-    /// Whether the frames from `index` on are enough; `codes` are those of frame `index`.
+    /// Returns whether the frames from `index` to the last suffice; `codes` are the codes of frame `index`.
     fn suffices(&self, index: usize, codes: &Codes<'_>) -> bool;
 }
 
@@ -58,13 +58,13 @@ impl Scratch<'_> {
         }
     }
 
-    /// Returns the buffers for frames whose codes are saturated from `code` on.
+    /// Sets the smallest saturated code of the frames.
     pub(super) fn saturated_from(self, code: u32) -> Self {
         Self { saturated: code, ..self }
     }
 
-    /// Unpacks `part`, of at most [`CHUNK`] pixels, of the frames from the last one down, as long as `reader` wants more; the frames before
-    /// are [`Codes::Unread`].
+    /// Unpacks `part`, of at most [`CHUNK`] pixels, from the last frame to the first until [`Reader::suffices`] returns true; the remaining
+    /// frames are [`Codes::Unread`].
     // Not inlined: its locals take no stack below the merge.
     #[inline(never)]
     pub(crate) fn codes<'a, 'c>(
@@ -114,7 +114,7 @@ impl Scratch<'_> {
     }
 }
 
-/// Bytes per pixel of formats whose bytes are codes without unpacking.
+/// Returns the number of bytes per pixel of a format whose bytes are codes without unpacking; `None` for other formats.
 fn plain_bytes(format: Format) -> Option<usize> {
     match format {
         Format::Rgb24 | Format::Bgr24 => Some(3),
@@ -123,7 +123,7 @@ fn plain_bytes(format: Format) -> Option<usize> {
     }
 }
 
-// Not inlined: each kind of buffer has a stack frame of its own.
+// Not inlined: the buffers of each kind take stack only in their own function.
 #[inline(never)]
 fn planes<R>(f: impl FnOnce(Scratch<'_>) -> R) -> R {
     let planes = &mut [[[0; PAIRED]; 4]; MAX_EXPOSURES];
@@ -135,7 +135,7 @@ fn words<R>(f: impl FnOnce(Scratch<'_>) -> R) -> R {
     f(Scratch { planes: &mut [], pairs: None, words: &mut [[0; WORDS]; MAX_EXPOSURES], saturated: u32::MAX })
 }
 
-/// Like [`Scratch::codes`], for one frame of a packed format; `None` if the buffers that the format needs are absent.
+/// Unpacks `part` of one frame of a packed format; `None` if the buffers that the format needs are absent.
 #[inline(never)]
 fn unpack<'a>(
     all: &[u8],
@@ -150,7 +150,7 @@ fn unpack<'a>(
         // The last row of a frame may end within a pair of cells.
         all.get(start..(start + count).min(all.len())).unwrap_or_default()
     };
-    // If two pixels share bytes, unpacking starts at the even one.
+    // Two pixels that share bytes are unpacked together, from the even pixel on.
     let odd = first % 2;
     let (first, pairs) = (first - odd, (odd + len).div_ceil(2));
     // The two rows of a mosaic's cells, as slices of `bytes` per two cells.
@@ -198,7 +198,7 @@ fn unpack<'a>(
     }
 }
 
-/// Like [`unpack`], for the means of a binned mosaic: bytes go to `planes`, larger codes to `words`.
+/// Unpacks the means of a binned mosaic: bytes go to `planes`, larger codes to `words`.
 fn binned<'a>(
     bins: &Bins<'_>,
     format: Format,
@@ -255,7 +255,7 @@ fn two_cells<T, const B: usize>(rows: [&[u8]; 2], out: &mut [T], unpacked: impl 
     }
 }
 
-/// Like [`two_cells`], for the bytes after `whole` groups of `B` where a frame ends within a group: the missing bytes count as 0.
+/// Interleaves the bytes after `whole` groups of `B`, where a frame ends within a group; the missing bytes count as 0.
 #[cold]
 #[inline(never)]
 fn two_cells_of_a_rest<T, const B: usize>(
@@ -275,6 +275,7 @@ fn two_cells_of_a_rest<T, const B: usize>(
     }
 }
 
+/// Returns the columns `from` to `from + len` of the first three planes.
 fn cut(planes: &Planes, from: usize, len: usize) -> Codes<'_> {
     let [r, g, b, _] = planes.each_ref().map(|plane| plane.get(from..from + len).unwrap_or_default());
     Codes::Planes([r, g, b])

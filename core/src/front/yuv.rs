@@ -18,7 +18,7 @@ const BITS: u32 = 16 + PART - CHROMA;
 /// Fraction bits of the luma coefficient, whose operand is doubled first.
 const LUMA_BITS: u32 = 16 - 1;
 
-/// The coefficients of a colour matrix in fixed point.
+/// The coefficients of a conversion from luma and chroma in fixed point.
 struct Coefficients {
     /// Luma coefficient minus 1.
     luma: i16,
@@ -31,9 +31,9 @@ struct Coefficients {
 }
 
 impl Coefficients {
-    /// Computes the coefficients from the weights of red and blue in luma: `R = Y + 2 (1 - kr) Cr` and so on.
+    /// Computes the coefficients from the weights kr and kb of red and blue in luma: `R = Y + 2 (1 - kr) Cr`, `B = Y + 2 (1 - kb) Cb`.
     ///
-    /// Evaluated at compile time: multiplying a vector of 16-bit integers by a constant takes half the instructions.
+    /// Evaluated at compile time: the multiplication of a vector of 16-bit integers by a constant takes half the instructions.
     const fn of(yuv: Yuv) -> Self {
         let (kr, kb) = match yuv.matrix {
             Matrix::Bt601 => (0.299, 0.114),
@@ -52,7 +52,7 @@ impl Coefficients {
     }
 }
 
-/// `v` rounded to `bits` fraction bits.
+/// Returns `v` rounded to `bits` fraction bits.
 const fn fixed(v: f64, bits: u32) -> i16 {
     let scaled = v * (1u32 << bits) as f64;
     (if scaled < 0.0 { scaled - 0.5 } else { scaled + 0.5 }) as i16
@@ -63,13 +63,13 @@ fn product(coefficient: i16, value: i16) -> i32 {
     i32::from(coefficient) * i32::from(value)
 }
 
-/// The upper half of a sum of products, rounded down. Adding it to a whole luma rounds like the exact sum.
+/// Returns the upper half of a sum of products, rounded down.
 #[inline(always)]
 fn upper(products: i32) -> i16 {
     (products >> 16) as i16
 }
 
-/// Buffers for the pixels of a chunk.
+/// Intermediate values of the conversion for the pixels of a chunk.
 pub(super) struct Pairs {
     /// Luma of each pixel, with [`PART`] fraction bits.
     luma: [i16; PAIRED],
@@ -84,7 +84,7 @@ impl Pairs {
         Self { luma: [0; _], chroma: [0; _], parts: [[0; _]; 3] }
     }
 
-    /// Converts the first `count` pixels into `planes`.
+    /// Converts the first `count` pixels to red, green and blue bytes in `planes`.
     fn paint(&mut self, count: usize, yuv: Yuv, planes: &mut Planes) {
         match (yuv.matrix, yuv.limited) {
             (Matrix::Bt601, false) => self.paint_as::<false, false>(count, planes),
@@ -94,8 +94,8 @@ impl Pairs {
         }
     }
 
-    /// Each step is a loop over 16-bit integers of one kind in whole vectors; lanes beyond `count` may hold stale values, which are not
-    /// read.
+    /// Converts the first `count` pixels in loops over 16-bit integers in whole vectors; lanes beyond `count` may hold stale values, which are
+    /// not read.
     // Not inlined: tests find its vector instructions under this symbol.
     #[inline(never)]
     fn paint_as<const BT709: bool, const LIMITED: bool>(&mut self, count: usize, planes: &mut Planes) {
@@ -132,7 +132,7 @@ impl Pairs {
     }
 }
 
-/// Converts a row of bytes Y0 Cb Y1 Cr.
+/// Converts a row of bytes Y0 Cb Y1 Cr to red, green and blue bytes in `planes`.
 #[inline(never)]
 pub(super) fn from_yuyv(line: &[u8], yuv: Yuv, pairs: &mut Pairs, planes: &mut Planes) {
     for ((y, c), pair) in pairs.luma.iter_mut().zip(&mut pairs.chroma).zip(line.as_chunks::<2>().0) {
@@ -142,7 +142,7 @@ pub(super) fn from_yuyv(line: &[u8], yuv: Yuv, pairs: &mut Pairs, planes: &mut P
     pairs.paint(line.len() / 2, yuv, planes);
 }
 
-/// Converts a row of luma bytes and the row of Cb Cr pairs that belongs to it.
+/// Converts a row of luma bytes and the row of Cb Cr pairs of the same pixels to red, green and blue bytes in `planes`.
 #[inline(never)]
 pub(super) fn from_nv12(luma: &[u8], chroma: &[u8], yuv: Yuv, pairs: &mut Pairs, planes: &mut Planes) {
     for (to, y) in pairs.luma.iter_mut().zip(luma) {
@@ -158,7 +158,7 @@ pub(super) fn from_nv12(luma: &[u8], chroma: &[u8], yuv: Yuv, pairs: &mut Pairs,
 mod tests {
     use super::*;
 
-    /// Every luma with a grid of chroma equals the formulas in floats, except within 1/40 of a code of a rounding boundary.
+    /// Compares every luma with a grid of chroma to the formulas in floats, except within 1/40 of a code of a rounding boundary.
     #[test]
     fn rgb_codes_match_the_float_formulas() {
         for (matrix, kr, kb) in [(Matrix::Bt601, 0.299, 0.114), (Matrix::Bt709, 0.2126, 0.0722)] {

@@ -24,7 +24,7 @@ impl<'a> From<&'a [u16]> for Samples<'a> {
 }
 
 impl Samples<'_> {
-    /// Number of bytes or words.
+    /// Returns the number of bytes or words.
     #[must_use]
     pub fn len(&self) -> usize {
         match self {
@@ -33,14 +33,14 @@ impl Samples<'_> {
         }
     }
 
-    /// Whether the frame has no samples.
+    /// Returns whether the frame has no samples.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 }
 
-/// Unpacked codes of a part of a frame: one per sample.
+/// Codes of a part of a frame after unpacking: one per sample.
 #[derive(Clone, Copy, Debug)]
 pub enum Codes<'a> {
     /// Codes of 8 bits, channels interleaved.
@@ -54,10 +54,10 @@ pub enum Codes<'a> {
 }
 
 impl<'a> Codes<'a> {
-    /// No codes.
+    /// An empty slice of codes.
     pub const NONE: Self = Self::Bytes(&[]);
 
-    /// The code of sample `at`; 0 beyond the end.
+    /// Returns the code of sample `at`; 0 beyond the end.
     pub(super) fn code(&self, at: usize) -> u32 {
         match self {
             Self::Bytes(s) => s.get(at).copied().map_or(0, u32::from),
@@ -67,7 +67,7 @@ impl<'a> Codes<'a> {
         }
     }
 
-    /// The code of sample `at`; `None` beyond the end.
+    /// Returns the code of sample `at`; `None` beyond the end.
     pub(crate) fn get(&self, at: usize) -> Option<u16> {
         match self {
             Self::Bytes(s) => s.get(at).copied().map(u16::from),
@@ -77,7 +77,7 @@ impl<'a> Codes<'a> {
         }
     }
 
-    /// The interleaved codes `from` to `from + len`; no codes for planes.
+    /// Returns the interleaved codes `from` to `from + len`; no codes for planes.
     pub(super) fn part(&self, from: usize, len: usize) -> Self {
         match self {
             Self::Bytes(s) => Self::Bytes(s.get(from..from + len).unwrap_or_default()),
@@ -87,12 +87,12 @@ impl<'a> Codes<'a> {
         }
     }
 
-    /// Whether the exposure is read.
+    /// Returns whether the exposure is read.
     pub(crate) fn is_read(&self) -> bool {
         !matches!(self, Self::Unread)
     }
 
-    /// Whether every code is below `limit`.
+    /// Returns whether every code is below `limit`.
     pub(super) fn are_below(&self, limit: u32) -> bool {
         let bytes = |codes: &[u8]| u32::from(extreme(codes, u8::max)) < limit;
         match self {
@@ -103,7 +103,7 @@ impl<'a> Codes<'a> {
         }
     }
 
-    /// The codes of channel `k` of `many`, if they are contiguous.
+    /// Returns the codes of channel `k` of `many` channels if they are contiguous, otherwise `None`.
     pub(super) fn plane(&self, k: usize, many: usize) -> Option<&'a [u8]> {
         match (self, many) {
             (Self::Planes(planes), 3) => planes.get(k).copied(),
@@ -136,7 +136,7 @@ impl Channels {
     /// Red, green, blue.
     pub const RGB: Self = Self::Three([0, 1, 2]);
 
-    /// Length of the pattern.
+    /// Returns the length of the pattern: the number of channels that alternate.
     #[must_use]
     pub fn many(&self) -> usize {
         match self {

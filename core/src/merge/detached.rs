@@ -13,7 +13,7 @@ pub(crate) struct Tables<'a> {
     pub(crate) reciprocals: &'a [Reciprocal],
 }
 
-/// The parameters of a merge whose tables are held elsewhere.
+/// The parameters of a merge, without its tables.
 #[derive(Clone, Debug)]
 pub(crate) struct Detached {
     pub(crate) curve: Curve<()>,
@@ -21,7 +21,7 @@ pub(crate) struct Detached {
 }
 
 impl Detached {
-    /// Combines the parameters with `tables`, which must be those that the merge was prepared in.
+    /// Combines the parameters with `tables`, which must be the tables that were filled together with these parameters.
     pub(crate) fn over<'a>(&'a self, tables: Tables<'a>, mode: MergeMode) -> MergeView<'a> {
         MergeView {
             mode,

@@ -1,8 +1,8 @@
-//! The exposures that the merge reads.
+//! The selection of the exposures that the merge reads.
 
 use super::Exposure;
 
-/// The exposures that the merge reads.
+/// The selection of the exposures that the merge reads.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
@@ -10,16 +10,16 @@ pub enum MergeMode {
     /// All exposures: the least noise.
     #[default]
     All,
-    /// In each part of an image row of at most 192 pixels, the longest exposure, and each shorter one down to the first of which no sample
-    /// of the part is saturated; exposures of more than a fifth of the burst's whole time are read in any case. The light is that of
-    /// [`MergeMode::All`] but for noise and quantisation, since shorter exposures have little weight where a longer one is valid.
+    /// In each part of an image row of at most 192 pixels, exposures from the longest down to the first in which no sample of the part is
+    /// saturated; at least as many as hold 80 % of the burst's whole exposure time. Differs from [`MergeMode::All`] by noise and quantisation
+    /// only, since shorter exposures have little weight where a longer one is valid.
     Needed,
 }
 
-/// Largest share of the times of a burst that [`MergeMode::Needed`] leaves out: more would add more noise than the time is worth.
+/// Largest share of the burst's whole exposure time that [`MergeMode::Needed`] leaves unread: more would add more noise than reading costs.
 const MOST_UNREAD: f64 = 0.2;
 
-/// Number of shorter exposures that may be left out of all `exposures`.
+/// Returns the number of shorter exposures that may be left unread.
 pub(super) fn most_unread(exposures: &[Exposure]) -> usize {
     let all: f64 = exposures.iter().map(|e| e.seconds).sum();
     let mut unread = 0.0;

@@ -1,9 +1,9 @@
-//! The merge of any samples, one by one, in floats.
+//! The scalar merge: any samples, one at a time, in floats.
 
 use super::{Channels, Codes, GAIN_BITS, MergeLoop, MergeView};
 
 impl MergeView<'_> {
-    /// Merges any samples into float radiances in units of [`Merge::unit`]. Returns whether some sample may be clipped.
+    /// Merges any samples into float radiances in units of [`Merge::unit`]. Returns whether a sample may be clipped.
     ///
     /// Samples beyond the end of a frame count as code 0.
     pub fn samples(&self, codes: &[Codes<'_>], channels: Channels, out: &mut [f32]) -> bool {
@@ -24,7 +24,7 @@ impl MergeView<'_> {
         unusual
     }
 
-    /// Radiance of sample `at` by the rules of the module's documentation, without vectors or tables.
+    /// Returns the radiance of sample `at` by the rules of the module's documentation, without vectors or tables.
     fn sample(&self, codes: &[Codes<'_>], channel: usize, at: usize) -> f32 {
         let (mut sum, mut valid, mut longest) = (0i32, 0usize, None);
         let read = codes.iter().enumerate().take(self.parameters.count).filter(|(_, c)| c.is_read());
@@ -53,12 +53,13 @@ impl MergeView<'_> {
         )
     }
 
-    /// y / gain of `code` in exposure `i`, with 27 fraction bits.
+    /// Returns the relative exposure divided by the gain of `code` in exposure `i`, with 27 fraction bits.
     fn exposure(&self, channel: usize, code: u32, i: usize) -> i32 {
         let y = i64::from(self.curve.exposure_q27(channel, code));
         ((y * i64::from(self.parameters.inverse_gain.get(i).copied().unwrap_or(0))) >> GAIN_BITS) as i32
     }
 
+    /// Returns the radiance of the exposure sum `sum` over the exposures in `mask`.
     fn radiance(&self, sum: i32, mask: usize) -> f32 {
         let factor = self.reciprocals.get(mask).map_or(0.0, |r| r.factor);
         sum as f32 * self.parameters.plain * factor
