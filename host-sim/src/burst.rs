@@ -17,11 +17,11 @@ use rand_pcg::Pcg64;
 use std::f64::consts::{PI, TAU};
 use std::path::{Path, PathBuf};
 
-/// Relative exposure of the brightest visible texel in the shortest exposure, unless the contrast of the scene is too high for it.
+/// Relative exposure (1 is the largest code) of the brightest visible texel in the shortest frame, if [`LEAST_MEAN`] allows it.
 const HEADROOM: f64 = 0.9;
 
-/// Least mean relative exposure of the longest frame: eight codes of twelve bits. In scenes of higher contrast the brightest texels clip,
-/// as on a camera, so that the rest of the scene stays above the noise.
+/// Least mean relative exposure of the longest frame: eight 12-bit codes. In scenes of higher contrast the brightest texels clip, so that the
+/// mean stays above the noise.
 const LEAST_MEAN: f64 = 0.002;
 
 /// Exposure times of \[Nikodym2012\], seconds.
@@ -32,7 +32,7 @@ pub const THESIS_EXPOSURES_S: [f64; 3] = [0.000_926, 0.005_555, 0.033_333];
 pub struct Sensor {
     /// Bits of a code.
     pub bits: u32,
-    /// Electrons at full scale and gain 1; 0 for a sensor without noise.
+    /// Electrons at the largest code and gain 1; 0 for a sensor without noise.
     pub full_well: f64,
     /// Read noise, electrons.
     pub read_noise: f64,
@@ -49,7 +49,7 @@ pub struct BurstJob {
     pub lens: PathBuf,
     /// Exposure times, seconds.
     pub exposures: Vec<f64>,
-    /// Radiance of relative exposure 1 at one second; `None` for a value that fits the scene.
+    /// Radiance that reaches the largest code in one second; `None` to fit the value to the scene.
     pub scale: Option<f64>,
     /// Properties of the simulated sensor.
     pub sensor: Sensor,
@@ -59,17 +59,17 @@ pub struct BurstJob {
     pub out: PathBuf,
 }
 
-/// Radiance of each pixel, black outside of the image circle.
+/// Image-side radiance of each pixel, row by row; pixels outside of the image circle are black.
 #[derive(Clone, Debug)]
-pub(crate) struct Scene {
+pub(crate) struct ExposedScene {
     pub radiance: Vec<[f64; 3]>,
-    /// Largest value of a channel.
+    /// Largest radiance of a channel.
     brightest: f64,
-    /// Mean over the image circle.
+    /// Mean radiance of the channels and pixels in the image circle.
     mean: f64,
 }
 
-/// Simulates the burst and writes it to a folder.
+/// Simulates a burst and writes its frames and its `burst.toml` to the folder `job.out`.
 ///
 /// # Errors
 /// [`SimError`] if the map or the lens file cannot be read, an option is out of range, or the burst cannot be written.
@@ -80,8 +80,9 @@ pub fn run(job: &BurstJob) -> Result<(), SimError> {
     lens.notes.iter().for_each(|note| eprintln!("hemilux-sim: {}: {note}", job.lens.display()));
     let scene = expose(&env, &lens);
     let scale = job.scale.unwrap_or_else(|| fitted_scale(&scene, &job.exposures));
-    let camera = Camera::new(&lens, job.sensor, scale);
-    std::fs::create_dir_all(&job.out).map_err(|e| SimError::at(&job.out, e, "a folder that can be made"))?;
+    let camera = SensorModel::new(&lens, job.sensor, scale);
+    std::fs::create_dir_all(&job.out)
+        .map_err(|e| SimError::at(&job.out, e, "a folder that can be created"))?;
     for (index, seconds) in job.exposures.iter().enumerate() {
         let codes = camera.record(&scene, *seconds, &mut noise(job.seed, index));
         save(&job.out, lens.size, &codes, index, camera.levels.white)?;
@@ -90,24 +91,27 @@ pub fn run(job: &BurstJob) -> Result<(), SimError> {
     output::save(&job.out.join("burst.toml"), manifest.as_bytes())
 }
 
-/// Returns the scale at which the brightest texel just fits into the shortest exposure, unless the contrast is too high for it.
-pub(crate) fn fitted_scale(scene: &Scene, exposures: &[f64]) -> f64 {
+/// Returns the radiance that reaches the largest code in one second, chosen so that the brightest pixel has the relative exposure [`HEADROOM`] in
+/// the shortest exposure, or a larger one if the mean in the longest exposure would fall below [`LEAST_MEAN`].
+pub(crate) fn fitted_scale(scene: &ExposedScene, exposures: &[f64]) -> f64 {
     let shortest = exposures.iter().copied().fold(f64::INFINITY, f64::min);
     let longest = exposures.iter().copied().fold(0.0, f64::max);
     let fitted = (scene.brightest * shortest / HEADROOM).min(scene.mean * longest / LEAST_MEAN);
     if fitted > 0.0 { fitted } else { 1.0 }
 }
 
+/// Returns the code levels of the lens file; without them, black is 1/16 of the codes and white the largest code.
 fn levels(lens: &LensFile, sensor: Sensor) -> Levels {
     let full = f64::from((1u32 << sensor.bits) - 1);
     lens.levels.unwrap_or(Levels { black: f64::from(1u32 << sensor.bits >> 4), white: full })
 }
 
+/// Returns the random generator of the noise of frame `index`.
 pub(crate) fn noise(seed: u64, index: usize) -> Pcg64 {
     Pcg64::seed_from_u64(seed.wrapping_mul(0x9e37_79b9).wrapping_add(index as u64))
 }
 
-/// Simulates a burst in memory and returns it with the camera's calibration; `exposures` must ascend.
+/// Simulates a burst and returns it with the camera's calibration; `exposures` are ascending exposure times in seconds.
 ///
 /// # Panics
 /// If the image of the lens has more than 2^26 pixels.
@@ -121,7 +125,7 @@ pub fn in_memory(
 ) -> (Calibration, Burst) {
     let scene = expose(env, lens);
     let scale = fitted_scale(&scene, exposures);
-    let camera = Camera::new(lens, sensor, scale);
+    let camera = SensorModel::new(lens, sensor, scale);
     let frame = |(index, &seconds): (usize, &f64)| {
         let pixels = camera.pixels(camera.record(&scene, seconds, &mut noise(seed, index)));
         Frame { exposure: Exposure { seconds, gain: 1.0 }, pixels }
@@ -145,8 +149,8 @@ fn check(job: &BurstJob) -> Result<(), SimError> {
     Ok(())
 }
 
-/// Integrates the map over the footprint of every pixel.
-pub(crate) fn expose(env: &EnvMap, lens: &LensFile) -> Scene {
+/// Returns the mean image-side radiance of the map over the footprint of every pixel.
+pub(crate) fn expose(env: &EnvMap, lens: &LensFile) -> ExposedScene {
     let [width, height] = lens.size;
     let texel = PI / env.height() as f64;
     let pixel = 1.0 / lens.lens.intrinsics().focal_px.min_element();
@@ -164,10 +168,11 @@ pub(crate) fn expose(env: &EnvMap, lens: &LensFile) -> Scene {
             radiance.push(value.unwrap_or_default());
         }
     }
-    Scene { radiance, brightest, mean: sum / seen.max(1) as f64 }
+    ExposedScene { radiance, brightest, mean: sum / seen.max(1) as f64 }
 }
 
-/// Returns the mean image-side radiance of one pixel, including illumination fall-off; `None` outside of the image circle.
+/// Returns the mean image-side radiance of `n` x `n` points of one pixel, with the lens's illumination fall-off; `None` outside of the image
+/// circle.
 fn footprint(env: &EnvMap, lens: &LensFile, pixel: DVec2, n: u32) -> Option<[f64; 3]> {
     lens.lens.unproject(pixel)?;
     let (mut sum, mut count) = ([0.0; 3], 0);
@@ -183,7 +188,7 @@ fn footprint(env: &EnvMap, lens: &LensFile, pixel: DVec2, n: u32) -> Option<[f64
     Some(sum.map(|s| s / f64::from(count.max(1))))
 }
 
-/// Returns the texel that contains `direction`.
+/// Returns the radiance of the texel that contains `direction`.
 fn lookup(env: &EnvMap, direction: DVec3) -> [f32; 3] {
     let theta = direction.z.clamp(-1.0, 1.0).acos();
     let phi = direction.y.atan2(direction.x);
@@ -192,7 +197,7 @@ fn lookup(env: &EnvMap, direction: DVec3) -> [f32; 3] {
     env.texels()[row * env.width() + column]
 }
 
-/// Returns the relative exposure of every code for each channel.
+/// Returns the relative exposure (1 at the white level) of every code, for each channel.
 fn curves(response: &Response, Levels { black, white }: Levels) -> [Vec<f64>; 3] {
     let codes = 0..=(white as u32);
     std::array::from_fn(|c| {
@@ -200,28 +205,30 @@ fn curves(response: &Response, Levels { black, white }: Levels) -> [Vec<f64>; 3]
     })
 }
 
-/// A sensor with its response.
+/// Model of a sensor: noise, response curve, code levels.
 #[derive(Clone, Debug)]
-pub(crate) struct Camera {
+pub(crate) struct SensorModel {
     levels: Levels,
+    /// Radiance that reaches the white level in one second.
     scale: f64,
     sensor: Sensor,
+    /// Relative exposure of every code, for each channel.
     curves: [Vec<f64>; 3],
 }
 
-impl Camera {
-    /// The camera of a lens file; radiance `scale` saturates a pixel in one second.
+impl SensorModel {
+    /// Creates the model with the response and levels of a lens file; the radiance `scale` reaches the white level in one second.
     pub fn new(lens: &LensFile, sensor: Sensor, scale: f64) -> Self {
         let levels = levels(lens, sensor);
         Self { levels, scale, sensor, curves: curves(&lens.response, levels) }
     }
 
-    /// Format of the frames.
+    /// Returns the pixel format of the frames: 8 bits per sample if the white level allows it, 16 bits otherwise.
     fn format(&self) -> Format {
         if self.levels.white <= 255.0 { Format::Rgb24 } else { Format::Rgb48 }
     }
 
-    /// Codes as samples of the frames' format.
+    /// Converts codes to samples of the frames' pixel format.
     pub fn pixels(&self, codes: Vec<u16>) -> Pixels {
         match self.format() {
             Format::Rgb24 => Pixels::U8(codes.iter().map(|c| *c as u8).collect()),
@@ -229,24 +236,24 @@ impl Camera {
         }
     }
 
-    /// The calibration of the camera.
+    /// Returns the calibration of a camera with this sensor and the lens of `lens`.
     pub fn calibration(&self, lens: &LensFile) -> Calibration {
         let [width, height] = lens.size;
         let mut calibration = Calibration::try_new(lens.lens, self.format(), width, height)
-            .expect("a lens file's size is one that an image can have");
+            .expect("the lens file's size is legal for an image");
         calibration.response = lens.response;
         calibration.levels = Levels { black: self.levels.black, white: self.levels.white };
         calibration.scale = self.scale;
         calibration
     }
 
-    /// Code of the brightest sample.
+    /// Returns the white level, the code of a saturated sample.
     pub fn white(&self) -> f64 {
         self.levels.white
     }
 
-    /// Returns the codes of one frame: photon and read noise, then the response, then rounding to the nearest code.
-    pub fn record(&self, scene: &Scene, seconds: f64, noise: &mut impl Rng) -> Vec<u16> {
+    /// Returns the codes of one frame of `seconds`: relative exposure, photon and read noise, response, rounding to the nearest code.
+    pub fn record(&self, scene: &ExposedScene, seconds: f64, noise: &mut impl Rng) -> Vec<u16> {
         let mut codes = Vec::with_capacity(3 * scene.radiance.len());
         for rgb in &scene.radiance {
             for (channel, value) in rgb.iter().enumerate() {
@@ -257,6 +264,7 @@ impl Camera {
         codes
     }
 
+    /// Adds photon and read noise to the relative exposure `y`.
     fn noisy(&self, y: f64, noise: &mut impl Rng) -> f64 {
         if self.sensor.full_well <= 0.0 {
             return y;
@@ -267,6 +275,7 @@ impl Camera {
         (electrons + sigma * normal) / self.sensor.full_well
     }
 
+    /// Returns the code whose relative exposure is nearest to `y`.
     fn code(&self, channel: usize, y: f64) -> u16 {
         let curve = &self.curves[channel];
         let above = curve.partition_point(|v| *v < y).min(curve.len() - 1);
@@ -276,7 +285,7 @@ impl Camera {
     }
 }
 
-/// Writes the picture of one frame to `folder`.
+/// Writes the codes of one frame as a PNG file to `folder`: 8 bits per sample if `white` is at most 255, 16 bits otherwise.
 pub(crate) fn save(
     folder: &Path,
     [width, height]: [u32; 2],
@@ -292,8 +301,11 @@ pub(crate) fn save(
     } else {
         image::ImageBuffer::from_raw(width, height, codes.to_vec()).map(image::DynamicImage::ImageRgb16)
     };
-    let image = image.ok_or_else(|| SimError::at(&path, "too few samples", "a whole frame"))?;
-    image.write_to(&mut bytes, image::ImageFormat::Png).map_err(|e| SimError::at(&path, e, "a picture"))?;
+    let image =
+        image.ok_or_else(|| SimError::at(&path, "too few samples", "three samples for each pixel"))?;
+    image
+        .write_to(&mut bytes, image::ImageFormat::Png)
+        .map_err(|e| SimError::at(&path, e, "a picture that PNG can hold"))?;
     output::save(&path, bytes.get_ref())
 }
 
@@ -301,8 +313,9 @@ fn file_name(index: usize) -> String {
     format!("frame-{index}.png")
 }
 
-/// The text of a `burst.toml` for frames of these exposure times; `times_ns` holds their time stamps, if they have any.
-pub(crate) fn manifest(exposures: &[f64], times_ns: &[u64], lens: &LensFile, camera: &Camera) -> String {
+/// Returns the text of a `burst.toml` for frames with `exposures` in seconds; `times_ns` contains the frames' time stamps in nanoseconds, or is
+/// empty.
+pub(crate) fn manifest(exposures: &[f64], times_ns: &[u64], lens: &LensFile, camera: &SensorModel) -> String {
     use toml::{Table, Value};
     let Levels { black, white } = camera.levels;
     let mut response = lens.response_table.clone().unwrap_or_default();

@@ -18,23 +18,23 @@ use std::time::Instant;
 /// Arguments of `decompose`.
 #[derive(Clone, Debug)]
 pub struct DecomposeJob {
-    /// Path of a map, or of a folder of maps that are one sequence in name order.
+    /// Path of a map, or of a folder whose maps in name order are one sequence.
     pub env: PathBuf,
     /// Sampler that decomposes the maps.
     pub sampler: SamplerKind,
-    /// Number of lights, tolerance and ambient light.
+    /// Number of lights, tolerance, ambient light and disc shape.
     pub request: Request,
     /// Options for reading maps; `covers` can also select the upper half of a map of the whole sphere.
     pub options: ReadOptions,
-    /// Frames per second of a sequence.
+    /// Maps per second of a sequence.
     pub fps: f64,
     /// Paths of pictures and maps to write.
     pub files: Files,
-    /// Form and axes of the light sets.
+    /// File format and axes of the light sets.
     pub export: Export,
 }
 
-/// Prints one light set per map on standard output.
+/// Writes one light set per map to standard output.
 ///
 /// # Errors
 /// [`SimError`] if a map cannot be read or decomposed, or an output cannot be written.
@@ -94,43 +94,48 @@ pub fn run(job: &DecomposeJob) -> Result<(), SimError> {
     Ok(())
 }
 
-/// Returns the map to which a light set refers: the written one, else the input if it covers the whole sphere.
+/// Returns the path of the map to which a light set refers: the written map if there is one, else the input map if it covers the whole sphere.
 fn map_name(job: &DecomposeJob, domain: Domain) -> Option<PathBuf> {
     let read = || job.env.canonicalize().ok().filter(|env| env.is_file() && domain == Domain::Sphere);
     job.files.map_name().or_else(read)
 }
 
-/// Rows of the map of a built-in scene, as in the maps of the charts.
+/// Number of rows of the map of a built-in scene.
 const SCENE_ROWS: usize = 256;
 
-/// Reads a map, or computes that of the first frame of the built-in scene `scene:NAME`; prints the number of texels that were out of range
-/// on standard error.
+/// Reads the map `path`; `scene:NAME` is the map of a built-in scene at time 0. The number of texels out of range and the notes of the file's
+/// reader are printed on standard error.
 ///
 /// # Errors
-/// [`SimError`] for a map that cannot be read or an unknown scene.
+/// [`SimError`] with the path of a map that cannot be read, or with the name of an unknown scene.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<EnvMap, SimError> {
     if let Some(name) = path.to_str().and_then(|p| p.strip_prefix("scene:")) {
         let expected = format!("scene:{}", scene::NAMES.join(", scene:"));
-        let scene = scene::by_name(name).ok_or_else(|| SimError::at(path, "no such scene", &expected))?;
+        let scene = scene::by_name(name).ok_or_else(|| SimError::at(path, "an unknown scene", &expected))?;
         return Ok(EnvMap::from_fn(2 * SCENE_ROWS, SCENE_ROWS, |d| scene.radiance(d.map(|v| v as f32), 0.0)));
     }
     let env = EnvMap::read_with(path, options)?;
-    let tell = |note: &str| eprintln!("hemilux-sim: {}: {note}", path.display());
-    env.notes.iter().for_each(|note| tell(note));
+    let print = |note: &str| eprintln!("hemilux-sim: {}: {note}", path.display());
+    env.notes.iter().for_each(|note| print(note));
     if env.negative > 0 {
-        tell(&format!("{} texels with negative values or NaN, which count as 0", env.negative));
+        print(&format!("found {} texels with negative values or NaN, which are read as 0", env.negative));
     }
     if env.clipped() > 0 {
-        tell(&format!("{} texels above the largest value that is kept ({})", env.clipped(), kept()));
+        print(&format!(
+            "found {} texels above the largest value ({}), which are clipped",
+            env.clipped(),
+            limits()
+        ));
     }
     Ok(env)
 }
 
-fn kept() -> String {
-    format!("{HALF_MAX} of half floats and infinities, {FLOAT_MAX:e} of others")
+/// Returns the largest accepted values, in words.
+fn limits() -> String {
+    format!("{HALF_MAX} for half floats and infinities, {FLOAT_MAX:e} for others")
 }
 
-/// Returns the part of the sphere that counts: that of the command line, else the part that the map covers.
+/// Returns the part of the sphere that lights and scores cover: the coverage of the command line if there is one, else the map's own.
 #[must_use]
 pub fn domain(env: &EnvMap, options: &ReadOptions) -> Domain {
     match options.covers {
@@ -140,7 +145,7 @@ pub fn domain(env: &EnvMap, options: &ReadOptions) -> Domain {
     }
 }
 
-/// Refuses a map of a sequence that covers another part of the sphere than the first one.
+/// Refuses a map of a sequence whose coverage differs from `expected`, the coverage of the sequence's first map.
 fn check_domain(env: &EnvMap, expected: Domain, path: &Path, options: &ReadOptions) -> Result<(), SimError> {
     if domain(env, options) == expected {
         return Ok(());
@@ -156,7 +161,7 @@ fn check_domain(env: &EnvMap, expected: Domain, path: &Path, options: &ReadOptio
     ))
 }
 
-/// Returns the path `env` of a map, or the maps of a folder in name order.
+/// Returns the path `env` if it is no folder, else the paths of the folder's maps in name order.
 ///
 /// # Errors
 /// [`SimError`] if the folder cannot be read or has no map.

@@ -1,8 +1,8 @@
-//! `hemilux-sim discs`: lights as discs beside points and beside fitted mixtures of spherical Gaussians, over real maps.
+//! `hemilux-sim discs`: comparison of lights with disc shape with point lights and with fitted mixtures of spherical Gaussians, over real maps.
 //!
-//! Two tables: the fewest lights of `adaptive` for a shadowed error, of each map; and the errors and times of discs and of as many lobes
-//! of [`baseline::sg_mixture`]. Sets of points are scored as points, sets of discs as discs, mixtures as lobes. Each set is a sampler's
-//! first: nothing is known of the map.
+//! The first table contains, for each map, the least number of lights with which `adaptive` reaches a shadowed error; the second contains errors
+//! and times of discs and of as many lobes of [`baseline::sg_mixture`]. Sets of points are scored as points, sets of discs as discs, mixtures as
+//! lobes. Each set is the first of a new sampler, without state of earlier maps.
 
 use crate::baseline;
 use crate::contender::{self, Kind, Method, judged};
@@ -17,22 +17,22 @@ use std::fmt::Write;
 use std::path::PathBuf;
 use std::time::Instant;
 
-/// Shadowed errors for which the fewest lights are found.
+/// Shadowed errors, as ratios, for which [`DiscMap::fewest`] searches the least number of lights; descending.
 pub const TOLERANCES: [f64; 2] = [0.03, 0.02];
 
-/// Ways to ask `adaptive`.
-pub const ASKED: [&str; 4] = ["adaptive", "adaptive+soft", "adaptive+sh", "adaptive+sh+soft"];
+/// Names of the variants of `adaptive` in the first table: points or discs, without or with ambient light.
+pub const VARIANTS: [&str; 4] = ["adaptive", "adaptive+soft", "adaptive+sh", "adaptive+sh+soft"];
 
-/// Numbers of lobes and of discs that are compared.
+/// Numbers of discs, and of lobes of a mixture, in the second table.
 pub const COMPARED: [usize; 4] = [4, 8, 16, 64];
 
-/// Most lights that are tried.
+/// Largest number of lights of the search of [`DiscMap::fewest`].
 const MOST: usize = 256;
 
-/// Columns to which maps are shrunk, as in `chart`.
+/// Number of columns to which wider maps are resampled.
 const WIDTH: usize = 512;
 
-/// Runs of a sampler whose shortest time counts.
+/// Number of timed runs of a sampler, of which the shortest time is reported.
 const RUNS: usize = 5;
 
 /// Arguments of `discs`.
@@ -40,46 +40,46 @@ const RUNS: usize = 5;
 pub struct DiscsJob {
     /// Folder of maps.
     pub env: PathBuf,
-    /// Leaves the mixtures out.
+    /// Whether the table of mixtures is left out.
     pub fewest_alone: bool,
 }
 
-/// A map with what it is scored by.
-pub struct Ground {
+/// An environment map with the inputs of samplers and the reference integrals of the scores.
+pub struct DiscMap {
     env: EnvMap,
     maps: OrderedMaps,
     reference: Reference,
 }
 
-/// Errors, ratios, and time.
+/// Errors and time of one method with one number of lights.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Measured {
-    /// Open error.
+    /// Open error, a ratio.
     pub open: f64,
-    /// Shadowed error.
+    /// Shadowed error, a ratio.
     pub shadowed: f64,
-    /// Time, milliseconds.
+    /// Time of one decomposition, milliseconds.
     pub ms: f64,
 }
 
-/// Prints the tables.
+/// Writes the tables to standard output.
 ///
 /// # Errors
-/// [`SimError`] for a folder or a map that cannot be read.
+/// [`SimError`] with the path of the folder or of the map that cannot be read.
 pub fn run(job: &DiscsJob) -> Result<(), SimError> {
     let maps = contender::read_maps(&job.env, WIDTH)?;
-    let grounds: Vec<Ground> = maps.iter().map(|(_, env)| Ground::new(env)).collect();
+    let disc_maps: Vec<DiscMap> = maps.iter().map(|(_, env)| DiscMap::new(env)).collect();
     let mut text = String::new();
     let names: Vec<&str> = maps.iter().map(|(name, _)| name.as_str()).collect();
-    write_fewest(&mut text, &names, &grounds);
+    write_fewest(&mut text, &names, &disc_maps);
     if !job.fewest_alone {
-        write_mixtures(&mut text, &grounds);
+        write_mixtures(&mut text, &disc_maps);
     }
     output::say(text.as_bytes())
 }
 
-impl Ground {
-    /// Prepares a map.
+impl DiscMap {
+    /// Computes the inputs of samplers and the reference integrals of `env`.
     #[must_use]
     pub fn new(env: &EnvMap) -> Self {
         let mut maps = OrderedMaps::new(env, Domain::Sphere, &[1, MOST]);
@@ -87,17 +87,17 @@ impl Ground {
         Self { env: env.clone(), maps, reference: Reference::new(env, Domain::Sphere) }
     }
 
-    /// The first set of a sampler, and the time that it took, milliseconds.
+    /// Returns the first set of a new sampler, and its time in milliseconds.
     fn first(&self, method: &Method, lights: usize) -> (LitSet, f64) {
         let (shape, view) = self.maps.of(lights);
         let mut sampler =
-            samplers::make(method.sampler(), shape, lights).expect("a name from the samplers' own list");
+            samplers::make(method.sampler(), shape, lights).expect("the method is a sampler of the core");
         let began = Instant::now();
         let made = sampler.update(&view, &method.request(lights));
         (judged(&made), 1e3 * began.elapsed().as_secs_f64())
     }
 
-    /// Errors of a sampler's first set, and its shortest time.
+    /// Returns the errors of a sampler's first set, and the shortest time of five runs.
     #[must_use]
     pub fn measure(&self, method: &Method, lights: usize) -> Measured {
         let (set, _) = self.first(method, lights);
@@ -111,7 +111,7 @@ impl Ground {
         Measured { open, shadowed, ms }
     }
 
-    /// Errors and time of a mixture.
+    /// Returns the errors and the time of a fitted mixture of `lobes` spherical Gaussians.
     #[must_use]
     pub fn measure_mixture(&self, lobes: usize) -> Measured {
         let began = Instant::now();
@@ -122,7 +122,7 @@ impl Ground {
         Measured { open, shadowed, ms }
     }
 
-    /// The fewest lights that reach each of [`TOLERANCES`], which descend; at most `MOST`.
+    /// Returns the least number of lights whose shadowed error is at most each of [`TOLERANCES`]; 256 if no smaller number suffices.
     #[must_use]
     pub fn fewest(&self, method: &Method) -> [usize; TOLERANCES.len()] {
         let reading = if method.is_soft() { Reading::Discs } else { Reading::Points };
@@ -137,30 +137,30 @@ impl Ground {
     }
 }
 
-/// A way to ask `adaptive`.
+/// Returns the method of the core with the name `name`, such as one of [`VARIANTS`].
 #[must_use]
-pub fn asked(name: &'static str) -> Method {
+pub fn variant(name: &'static str) -> Method {
     Method { name, kind: Kind::Core }
 }
 
-fn write_fewest(out: &mut String, names: &[&str], grounds: &[Ground]) {
-    let found = progress::on_all_cores(grounds.len(), |k| ASKED.map(|name| grounds[k].fewest(&asked(name))));
+fn write_fewest(out: &mut String, names: &[&str], maps: &[DiscMap]) {
+    let found = progress::on_all_cores(maps.len(), |k| VARIANTS.map(|name| maps[k].fewest(&variant(name))));
     let _ = writeln!(out, "Fewest lights for a shadowed error of 3 % and of 2 %\n");
-    let _ = writeln!(out, "{:<16}{}", "map", ASKED.map(|name| format!("{name:>20}")).concat());
+    let _ = writeln!(out, "{:<16}{}", "map", VARIANTS.map(|name| format!("{name:>20}")).concat());
     for (name, row) in names.iter().zip(&found) {
         let cells = row.map(|[a, b]| format!("{:>20}", format!("{a} / {b}")));
         let _ = writeln!(out, "{name:<16}{}", cells.concat());
     }
-    let mean = |asked: usize, tolerance: usize| {
-        found.iter().map(|row| row[asked][tolerance] as f64).sum::<f64>() / found.len().max(1) as f64
+    let mean = |variant: usize, tolerance: usize| {
+        found.iter().map(|row| row[variant][tolerance] as f64).sum::<f64>() / found.len().max(1) as f64
     };
-    let means: Vec<String> = (0..ASKED.len())
+    let means: Vec<String> = (0..VARIANTS.len())
         .map(|i| format!("{:>20}", format!("{:.1} / {:.1}", mean(i, 0), mean(i, 1))))
         .collect();
     let _ = writeln!(out, "{:<16}{}", "mean", means.concat());
 }
 
-fn write_mixtures(out: &mut String, grounds: &[Ground]) {
+fn write_mixtures(out: &mut String, maps: &[DiscMap]) {
     let _ = writeln!(out, "\nMean open and shadowed error, per cent, and time of a map, milliseconds\n");
     let _ = writeln!(
         out,
@@ -168,10 +168,9 @@ fn write_mixtures(out: &mut String, grounds: &[Ground]) {
         "lights", "sg-mixture", "adaptive+soft", "error", "time"
     );
     for lights in COMPARED {
-        let lobes: Vec<Measured> =
-            progress::on_all_cores(grounds.len(), |k| grounds[k].measure_mixture(lights));
+        let lobes: Vec<Measured> = progress::on_all_cores(maps.len(), |k| maps[k].measure_mixture(lights));
         let discs: Vec<Measured> =
-            grounds.iter().map(|ground| ground.measure(&asked("adaptive+soft"), lights)).collect();
+            maps.iter().map(|map| map.measure(&variant("adaptive+soft"), lights)).collect();
         let (lobes, discs) = (mean(&lobes), mean(&discs));
         let cell =
             |m: Measured| format!("{:>9.3} /{:>7.3} {:>9.3} ms", 100.0 * m.open, 100.0 * m.shadowed, m.ms);
@@ -186,7 +185,7 @@ fn write_mixtures(out: &mut String, grounds: &[Ground]) {
     }
 }
 
-/// The mean of each figure.
+/// Returns the means of the errors and of the times; 0 for an empty list.
 #[must_use]
 pub fn mean(all: &[Measured]) -> Measured {
     let over = |of: fn(&Measured) -> f64| all.iter().map(of).sum::<f64>() / all.len().max(1) as f64;

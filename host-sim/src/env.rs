@@ -1,7 +1,7 @@
 //! Full-sphere latitude-longitude environment maps: texel geometry, and maps from files and functions.
 //!
-//! Texel (row i, column j) of an H x W map lies at theta = (i + 1/2) pi / H from +Z and
-//! phi = pi - (j + 1/2) 2 pi / W, so that columns run clockwise seen from above.
+//! The centre of texel (row i, column j) of a map of H rows and W columns is at the polar angle theta = (i + 1/2) pi / H from +Z and at the
+//! azimuth phi = pi - (j + 1/2) 2 pi / W from +X, so that columns run clockwise seen from above.
 
 use hemilux::maps::{self, Covers, DecodedMap, ReadOptions};
 use hemilux_core::healpix::Domain;
@@ -10,23 +10,23 @@ use std::path::Path;
 
 pub use hemilux::maps::MapError;
 
-/// A latitude-longitude map of RGB radiance, row 0 at the zenith.
+/// A latitude-longitude map of RGB radiance over the whole sphere; row 0 is at the zenith.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EnvMap {
     width: usize,
     height: usize,
     rgb: Vec<[f32; 3]>,
     domain: Domain,
-    /// Number of texels in each row that held a value above the largest accepted one.
+    /// Number of texels in each row with a value above the largest accepted value, to which it was clipped.
     clipped: Vec<u32>,
-    /// Number of texels that held a negative value or NaN, which became 0.
+    /// Number of texels with a negative value or NaN, which became 0.
     pub negative: usize,
-    /// Remarks of the file's reader for the user.
+    /// Notes of the file's reader for the user.
     pub notes: Vec<String>,
 }
 
 impl EnvMap {
-    /// Creates a map of the whole sphere from row-major texels: negative values and NaN become 0, values above [`maps::FLOAT_MAX`] become
+    /// Creates a map of the whole sphere from row-major texels. Negative values and NaN become 0, values above [`maps::FLOAT_MAX`] become
     /// [`maps::FLOAT_MAX`].
     ///
     /// # Panics
@@ -55,7 +55,7 @@ impl EnvMap {
         Self::read_with(path, &ReadOptions::default())
     }
 
-    /// Reads a map file with options.
+    /// Reads a map file; `options` can replace the projection and the coverage that the file states.
     ///
     /// # Errors
     /// [`MapError`] for a file that cannot be read or decoded.
@@ -63,31 +63,31 @@ impl EnvMap {
         maps::read(path, options).map(Self::from)
     }
 
-    /// Number of columns.
+    /// Returns the number of columns.
     #[must_use]
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Number of rows of the whole sphere.
+    /// Returns the number of rows, zenith to nadir.
     #[must_use]
     pub fn height(&self) -> usize {
         self.height
     }
 
-    /// Texels of the map, row-major.
+    /// Returns the radiance (red, green, blue) of the texels, row-major.
     #[must_use]
     pub fn texels(&self) -> &[[f32; 3]] {
         &self.rgb
     }
 
-    /// Part of the sphere that the map's file covers. Texels outside of it are black.
+    /// Returns the part of the sphere that the map's file covers. The other texels are black.
     #[must_use]
     pub fn domain(&self) -> Domain {
         self.domain
     }
 
-    /// Returns the share of the solid angle of `domain` whose texels were above the largest accepted value.
+    /// Returns the share of the solid angle of `domain` whose texels were clipped to the largest accepted value, 0 to 1.
     #[must_use]
     pub fn clipped_share(&self, domain: Domain) -> f64 {
         let (rows, all) = match domain {
@@ -98,7 +98,7 @@ impl EnvMap {
         rows.map(|(row, count)| f64::from(*count) * self.solid_angle(row)).sum::<f64>() / all
     }
 
-    /// Number of texels that held a value above the largest accepted one.
+    /// Returns the number of texels that were clipped to the largest accepted value.
     #[must_use]
     pub fn clipped(&self) -> usize {
         self.clipped.iter().map(|n| *n as usize).sum()
@@ -119,7 +119,7 @@ impl EnvMap {
 }
 
 impl From<DecodedMap> for EnvMap {
-    /// A map of the hemisphere is extended by black rows below the horizon.
+    /// Converts a decoded map; a map of the hemisphere is extended by black rows below the horizon.
     fn from(map: DecodedMap) -> Self {
         let DecodedMap { width, height, texels: mut rgb, covers, notes, negative, clipped } = map;
         let (height, domain) = match covers {

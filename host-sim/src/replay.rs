@@ -1,4 +1,4 @@
-//! `hemilux-sim replay`: processes recorded bursts with the probe's own pipeline.
+//! `hemilux-sim replay`: processes recorded bursts with the probe's pipeline.
 
 use crate::error::SimError;
 use crate::export::Export;
@@ -16,35 +16,35 @@ use std::time::Instant;
 /// Arguments of `replay`.
 #[derive(Clone, Debug)]
 pub struct ReplayJob {
-    /// Path of a burst, or of a folder of bursts that are one sequence.
+    /// Path of the folder of a burst, or of a folder of such folders, which are one sequence.
     pub burst: PathBuf,
     /// Path of a lens file, for a folder of photographs without a `burst.toml`.
     pub lens: Option<PathBuf>,
-    /// Limits on the size of the images.
+    /// Limits of the size of the images.
     pub limits: ReadLimits,
-    /// Origin of the exposure times.
+    /// Source of the exposure times.
     pub exposures: Exposures,
-    /// Frames a second, for a recording without times.
+    /// Bursts per second of a recording without time stamps.
     pub rate_hz: Option<f64>,
     /// Sampler, number of lights, extrapolation and lamps.
     pub settings: Settings,
     /// Paths of pictures and maps to write.
     pub files: Files,
-    /// Form and axes of the light sets.
+    /// File format and axes of the light sets.
     pub export: Export,
 }
 
-/// Origin of the exposure times.
+/// Source of the exposure times of a burst.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Exposures {
-    /// Exposure times are those of the manifest.
+    /// The manifest states the exposure time of each frame.
     #[default]
     Stated,
-    /// The exposure time of the brightest frame is that of the manifest; the others follow from ratios measured in the pixels.
+    /// The manifest states the exposure time of the brightest frame; the times of the other frames follow from ratios measured in the pixels.
     Measured,
 }
 
-/// Processes the bursts and prints one light set per burst on standard output, and a summary of each burst on standard error.
+/// Processes the bursts; writes one light set per burst to standard output, and a summary of each burst to standard error.
 ///
 /// # Errors
 /// [`SimError`] if a burst cannot be read or processed, or an output cannot be written.
@@ -60,9 +60,9 @@ pub fn run(job: &ReplayJob) -> Result<(), SimError> {
             let frames = index * read.burst.frames.len();
             read.burst.phase_ns = 1 + (1e9 * frames as f64 / rate) as u64;
         }
-        let tells = pipeline.is_none();
+        let is_first = pipeline.is_none();
         if job.exposures == Exposures::Measured {
-            ratios::measure(&mut read, tells);
+            ratios::measure(&mut read, is_first);
         }
         let exposures: Vec<_> = read.burst.frames.iter().map(|f| f.exposure).collect();
         let same = pipeline.take().filter(|p| *p.calibration() == read.calibration);
@@ -79,15 +79,21 @@ pub fn run(job: &ReplayJob) -> Result<(), SimError> {
         for frame in &left_out {
             eprintln!("hemilux-sim: {}/{frame}", folder.folder.display());
         }
-        if tells && job.exposures == Exposures::Stated {
+        if is_first && job.exposures == Exposures::Stated {
             ratios::print(&ratios::of(&read.calibration, &read.burst));
         }
-        process(job, pipeline, &read.burst, Place { index, many, folder: &folder.folder }, &left_out)?;
+        process(
+            job,
+            pipeline,
+            &read.burst,
+            SequencePosition { index, many, folder: &folder.folder },
+            &left_out,
+        )?;
     }
     Ok(())
 }
 
-/// Returns the bursts of the recording; a folder of photographs is one burst.
+/// Returns the folders of the recording's bursts; a folder of photographs is one burst.
 fn list(job: &ReplayJob) -> Result<Vec<BurstFolder>, SimError> {
     let is_photographs = !job.burst.join("burst.toml").is_file() && !import::list(&job.burst)?.is_empty();
     if !is_photographs {
@@ -96,7 +102,7 @@ fn list(job: &ReplayJob) -> Result<Vec<BurstFolder>, SimError> {
     if job.lens.is_some() {
         return Ok(vec![BurstFolder { folder: job.burst.clone(), timestamp_ns: 0 }]);
     }
-    let expected = "a burst.toml (hemilux-sim import --lens LENS PHOTO... --out DIR writes one; replay --lens LENS does without)";
+    let expected = "a burst.toml (hemilux-sim import --lens LENS PHOTO... --out DIR writes it), or the option --lens LENS";
     Err(SimError::at(&job.burst, "photographs without a burst.toml", expected))
 }
 
@@ -112,8 +118,9 @@ fn read(job: &ReplayJob, folder: &Path) -> Result<RecordedBurst, SimError> {
 
 /// Position of a burst in its sequence.
 #[derive(Clone, Copy)]
-struct Place<'a> {
+struct SequencePosition<'a> {
     index: usize,
+    /// Whether the sequence has several bursts, whose output files are numbered.
     many: bool,
     folder: &'a Path,
 }
@@ -122,14 +129,14 @@ fn process(
     job: &ReplayJob,
     pipeline: &mut Pipeline,
     burst: &Burst,
-    place: Place<'_>,
+    place: SequencePosition<'_>,
     left_out: &[LeftOut],
 ) -> Result<(), SimError> {
     let processed =
         pipeline.process_kept(burst, FramesLeftOut::NONE, Instant::now()).map_err(|e| at(place.folder, e))?;
     let seen = processed.seen;
     eprintln!(
-        "hemilux-sim: {}: clipped {:.4} and unseen {:.4} of the hemisphere, light from below {:.4} of that from above",
+        "hemilux-sim: {}: shares of the hemisphere: clipped {:.4}, unseen {:.4}; light from below {:.4} of the light from above",
         place.folder.display(),
         seen.clipped,
         seen.unseen,
@@ -149,7 +156,7 @@ fn process(
     job.files.write(place.many.then_some(place.index), &pipeline.map().polar, None, &lights)
 }
 
-/// Adds the path of the burst to an error of the pipeline; a wrong sampler or number of lights is a usage error.
+/// Converts an error of the pipeline to one with the path of the burst; a wrong sampler or number of lights is a usage error.
 fn at(folder: &Path, e: PipelineError) -> SimError {
     match e {
         PipelineError::Sampler(e) => e.into(),

@@ -1,7 +1,7 @@
-//! Scores a light set from a JSON file against an environment map.
+//! `hemilux-sim score`: reads a light set from a JSON file and scores it against an environment map.
 //!
-//! The file is untrusted: every error is one line that names the file, the found and the expected value. Fields that a score does not need
-//! are ignored, since later versions may add fields.
+//! The file is untrusted: every error is one line that contains the path, the found and the expected value. Unknown fields are ignored, since
+//! later versions of the format may add fields.
 
 use std::path::{Path, PathBuf};
 
@@ -11,7 +11,7 @@ use crate::env::EnvMap;
 use crate::metrics::vector::{norm, unit};
 use crate::metrics::{Domain, Lit, LitSet, Reference, Score, sh};
 
-/// Largest file that is read, bytes; a set of 4096 lights has about one megabyte.
+/// Largest accepted size of a file, bytes; a set of 4096 lights has about one megabyte.
 const MAX_BYTES: u64 = 64 << 20;
 /// Largest deviation of a direction's length from 1. Text with six decimals has an error of 2e-6; 1 % accepts files with two decimals and
 /// refuses vectors that are not directions.
@@ -22,7 +22,7 @@ const VERSION: u32 = 1;
 /// Reasons for which a light set cannot be scored.
 #[derive(Debug, thiserror::Error)]
 pub enum ScoreError {
-    /// The light set's file could not be opened or read.
+    /// The light set's file cannot be opened or read.
     #[error("{path}: found {source}, expected a light set that can be read")]
     Io {
         /// Path of the file.
@@ -30,7 +30,7 @@ pub enum ScoreError {
         /// Error of the operating system.
         source: std::io::Error,
     },
-    /// The file contains no valid light set.
+    /// The file does not contain a valid light set.
     #[error("{path}: found {found}, expected {expected}")]
     Set {
         /// Path of the file.
@@ -42,11 +42,10 @@ pub enum ScoreError {
     },
 }
 
-/// The found and the expected value, in words.
-type Refusal = (String, &'static str);
+/// The found and the expected value of a refused light set, in words.
+type SetRefusal = (String, &'static str);
 
-/// Scores a light set against a map and returns the line `{"open":…,"shadowed":…,"energy":…,"soft_open":…,"soft_shadowed":…}`: ratios, or
-/// null for infinite ones.
+/// Scores the light set of the file `set` against `map` and returns the score as one line of JSON (see [`to_json`]).
 ///
 /// # Errors
 /// [`ScoreError`] if the set cannot be read or is invalid.
@@ -58,7 +57,7 @@ pub fn score_command(map: &EnvMap, set: &Path, domain: Domain) -> Result<String,
 /// Reads a light set and converts it to probe axes.
 ///
 /// # Errors
-/// [`ScoreError`] if the file cannot be read or contains no valid light set.
+/// [`ScoreError`] if the file cannot be read or does not contain a valid light set.
 pub fn read_set(path: &Path) -> Result<LitSet, ScoreError> {
     let io = |source| ScoreError::Io { path: path.into(), source };
     let bytes = std::fs::metadata(path).map_err(io)?.len();
@@ -69,7 +68,7 @@ pub fn read_set(path: &Path) -> Result<LitSet, ScoreError> {
     parse_set(&std::fs::read(path).map_err(io)?).map_err(refuse)
 }
 
-/// Returns a score as one line of JSON.
+/// Returns a score as one line of JSON, `{"open":…,"shadowed":…,"energy":…,"soft_open":…,"soft_shadowed":…}`; infinite ratios are null.
 #[must_use]
 pub fn to_json(score: &Score) -> String {
     let number = |v: f64| if v.is_finite() { serde_json::Value::from(v) } else { serde_json::Value::Null };
@@ -80,7 +79,7 @@ pub fn to_json(score: &Score) -> String {
     )
 }
 
-/// Axes of a light set in a file.
+/// Coordinate axes of the directions in a light set's file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Axes {
     Probe,
@@ -90,7 +89,8 @@ enum Axes {
 }
 
 impl Axes {
-    fn named(name: &str) -> Result<Self, Refusal> {
+    /// Returns the axes with the name `name`, which may be that of a program.
+    fn named(name: &str) -> Result<Self, SetRefusal> {
         match name {
             "probe" | "blender" | "ros" => Ok(Self::Probe),
             "y-up" | "gltf" | "three" | "webxr" => Ok(Self::YUp),
@@ -147,7 +147,7 @@ fn probe_axes() -> String {
     "probe".into()
 }
 
-fn parse_set(bytes: &[u8]) -> Result<LitSet, Refusal> {
+fn parse_set(bytes: &[u8]) -> Result<LitSet, SetRefusal> {
     let set: SetJson = serde_json::from_slice(bytes)
         .map_err(|e| (shortened(&e.to_string()), "one light set in JSON, version 1"))?;
     if set.version != VERSION {
@@ -159,7 +159,7 @@ fn parse_set(bytes: &[u8]) -> Result<LitSet, Refusal> {
     Ok(LitSet { lights, ambient_sh })
 }
 
-fn to_lit(light: &LightJson, axes: Axes) -> Result<Lit, Refusal> {
+fn to_lit(light: &LightJson, axes: Axes) -> Result<Lit, SetRefusal> {
     let length = norm(light.direction);
     let direction =
         unit(light.direction).filter(|_| (length - 1.0).abs() <= LENGTH_TOLERANCE).ok_or_else(|| {
@@ -199,12 +199,12 @@ mod tests {
         )
     }
 
-    fn parsed(text: &str) -> Result<LitSet, Refusal> {
+    fn parsed(text: &str) -> Result<LitSet, SetRefusal> {
         parse_set(text.as_bytes())
     }
 
     #[test]
-    fn all_axes_come_back_to_the_probe() {
+    fn directions_in_all_axes_are_converted_to_probe_axes() {
         // Probe directions (0.6, 0, 0.8) and (0, 0.6, 0.8), written by hand in each system.
         for (names, first, second) in [
             (&["probe", "blender", "ros"][..], "[0.6, 0, 0.8]", "[0, 0.6, 0.8]"),
@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn ambient_turns_with_the_axes() {
+    fn ambient_coefficients_are_converted_with_the_axes() {
         // Radiance 1 + z in probe axes: c00 = 2 sqrt(pi) and c10 = sqrt(4 pi / 3). Probe z is y in y-up axes, so there the second
         // coefficient is in row (1,-1).
         let row = |v: f64| format!("[{v}, {v}, {v}]");
@@ -264,13 +264,13 @@ mod tests {
             (format!(r#"{{"later": {}"#, "[".repeat(100_000)), "EOF"),
         ] {
             let (found, expected) = parsed(&text).expect_err("a hostile set was read");
-            assert!(found.contains(part), "{found} does not tell of {part}");
+            assert!(found.contains(part), "{found} does not contain {part}");
             assert!(found.len() < 300 && !found.contains('\n') && !expected.is_empty(), "{found}");
         }
     }
 
     #[test]
-    fn command_scores_a_perfect_set_and_names_what_it_cannot_read() {
+    fn command_scores_a_perfect_set_and_names_unreadable_files() {
         let folder = tempfile::tempdir().unwrap();
         let (env, json) = (folder.path().join("env.exr"), folder.path().join("set.json"));
         // One bright texel of a 64 x 32 map; the light is its direction and radiance times solid angle.
@@ -303,7 +303,10 @@ mod tests {
             swapped.contains("env.exr: found ") && swapped.contains("expected one light set"),
             "{swapped}"
         );
-        assert!(EnvMap::read(&json).unwrap_err().to_string().contains("set.json: found"), "a set is no map");
+        assert!(
+            EnvMap::read(&json).unwrap_err().to_string().contains("set.json: found"),
+            "a JSON file is refused as a map"
+        );
     }
 
     #[test]

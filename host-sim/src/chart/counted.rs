@@ -1,4 +1,5 @@
-//! Counts the instructions of one frame's sampling by running this program under callgrind; unlike times, the counts are repeatable.
+//! Counts of the instructions per frame of a sampler or of the pipeline, from runs of this program under callgrind; unlike times, the counts are
+//! repeatable.
 
 use super::Point;
 use crate::bench::Case;
@@ -12,12 +13,12 @@ use hemilux_core::polar::Grid;
 use hemilux_core::sampler::Request;
 use std::process::Command;
 
-/// Numbers of frames of the two runs; the difference of their counts is the work of the frames between.
+/// Numbers of frames of the two runs; the difference of the two counts belongs to the additional frames.
 const FRAMES: [usize; 2] = [2, 10];
-/// Size of the latitude-longitude map that pharr reads.
+/// Grid of the latitude-longitude map that the sampler `pharr` reads.
 const GRID: Grid = Grid { width: 256, height: 128, domain: Domain::Sphere };
 
-/// Samples a procedural map `frames` times without output, so that callgrind counts the sampler alone.
+/// Updates a sampler with a procedural map `frames` times without output, so that callgrind counts the sampler alone.
 ///
 /// # Errors
 /// [`SimError`] for a number of lights that the sampler does not support.
@@ -32,7 +33,7 @@ pub fn sample_frames(sampler: SamplerKind, lights: usize, frames: usize) -> Resu
     Ok(())
 }
 
-/// Adds the instructions per frame to the core's points of `lights` lights, if valgrind is installed.
+/// Sets the instructions per frame of the points of core samplers with `lights` lights, if valgrind is installed.
 pub(super) fn add(points: &mut [Point], lights: usize) {
     for point in points.iter_mut().filter(|p| SamplerKind::NAMES.contains(&p.sampler) && p.lights == lights) {
         let run = |frames| count(point.sampler, lights, frames);
@@ -41,7 +42,7 @@ pub(super) fn add(points: &mut [Point], lights: usize) {
     }
 }
 
-/// Instructions per frame of a case of `bench`; `None` without valgrind.
+/// Returns the instructions per frame of a case of `bench`; `None` without valgrind.
 #[must_use]
 pub fn of_bench(case: &Case) -> Option<u64> {
     let run = |frames: usize| {
@@ -51,12 +52,13 @@ pub fn of_bench(case: &Case) -> Option<u64> {
     few.zip(many).map(|(a, b)| b.saturating_sub(a) / (FRAMES[1] - FRAMES[0]) as u64)
 }
 
-/// Returns the instructions of a whole run; `None` if callgrind is not installed or its output has no count.
+/// Returns the instructions of a run of `sample-frames`; `None` if callgrind is not installed or its output has no count.
 fn count(sampler: &str, lights: usize, frames: usize) -> Option<u64> {
     let (lights, frames) = (lights.to_string(), frames.to_string());
     under_callgrind(&["sample-frames", "--sampler", sampler, "--lights", &lights, "--frames", &frames])
 }
 
+/// Runs this program with `arguments` under callgrind and returns the number of instructions.
 fn under_callgrind(arguments: &[&str]) -> Option<u64> {
     let output = Command::new("valgrind")
         .args(["--tool=callgrind", "--callgrind-out-file=/dev/null"])
@@ -64,7 +66,7 @@ fn under_callgrind(arguments: &[&str]) -> Option<u64> {
         .args(arguments)
         .output()
         .ok()?;
-    let said = String::from_utf8_lossy(&output.stderr);
-    let (_, collected) = said.split_once("Collected :")?;
+    let report = String::from_utf8_lossy(&output.stderr);
+    let (_, collected) = report.split_once("Collected :")?;
     collected.split_whitespace().next()?.parse().ok()
 }

@@ -6,17 +6,24 @@ use crate::draw::{BLUE, Canvas, GREEN, GREY, INK, LogAxis, ORANGE, PALE, PURPLE,
 use plotters::style::RGBColor;
 use plotters::style::text_anchor::HPos;
 
+/// Colours of the methods, in rotation.
 const PALETTE: [RGBColor; 7] = [VERMILLION, BLUE, GREEN, PURPLE, ORANGE, SKY, INK];
+/// Colour of the Pareto front.
 const FRONT: RGBColor = RGBColor(255, 226, 130);
+/// Width and height of a panel's plot, pixels.
 const PANEL: [f64; 2] = [420.0, 420.0];
+/// Width of the labels left of a plot, pixels.
 const LEFT: f64 = 64.0;
+/// Height of the title and the labels above a plot, pixels.
 const TOP: f64 = 96.0;
+/// Height of the labels below a plot, pixels.
 const FOOT: f64 = 60.0;
+/// Width of the legend, pixels.
 const LEGEND: f64 = 210.0;
-/// Number of lights whose points are drawn larger, for orientation.
+/// Number of lights whose points are drawn larger.
 const MARKED: usize = 64;
 
-/// One panel of a chart: two quantities against each other.
+/// One panel of a chart: a quantity x, a quantity y, and their labels.
 #[derive(Clone, Copy)]
 struct Panel<'a> {
     title: &'a str,
@@ -32,7 +39,7 @@ fn percent(v: Option<f64>) -> Option<f64> {
     v.map(|v| 100.0 * v).filter(|v| *v > 0.0)
 }
 
-/// Draws time against error: sampling alone against both errors, and burst to lights.
+/// Returns the SVG text of a chart of error against time: sampling alone with both errors, and burst to lights with the shadowed error.
 pub(super) fn time(points: &[Point]) -> String {
     let shadowed = Panel {
         title: "Sampling alone: shadowed receivers",
@@ -58,7 +65,8 @@ pub(super) fn time(points: &[Point]) -> String {
     page("Speed against accuracy: each curve runs over the number of lights", points, &panels)
 }
 
-/// Draws the number of lights against error, with the least numbers that reach 5 and 2 per cent, and against flicker.
+/// Returns the SVG text of a chart of error and flicker against the number of lights; the least numbers with an error of 5 and 2 per cent are
+/// marked.
 pub(super) fn lights(points: &[Point]) -> String {
     let open = Panel {
         title: "Open receivers",
@@ -128,18 +136,18 @@ fn draw_panel(canvas: &Canvas<'_>, left: f64, panel: &Panel<'_>, points: &[Point
         }
     }
     for method in methods() {
-        let look = Look::of(&method);
+        let style = LineStyle::of(&method);
         let curve: Vec<(usize, [f64; 2])> = drawn
             .iter()
             .filter(|(p, _)| p.sampler == method.name)
             .map(|(p, value)| (p.lights, at(*value)))
             .collect();
-        look.curve(canvas, &curve);
+        style.curve(canvas, &curve);
         if panel.parsimony {
             for tolerance in [0.05, 0.02] {
                 let Some(lights) = fewest(points, method.name, tolerance) else { continue };
                 let reached = curve.iter().filter(|(n, _)| *n == lights);
-                reached.for_each(|(_, at)| canvas.cross(*at, 6.0, look.colour));
+                reached.for_each(|(_, at)| canvas.cross(*at, 6.0, style.colour));
             }
         }
     }
@@ -173,14 +181,15 @@ fn pareto(mut values: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
     values
 }
 
-/// Style of a method: the core's samplers thick and filled, those of the literature thin and hollow, variants dashed, discs black.
-struct Look {
+/// Line and marker style of a method: thick lines with filled markers for samplers of the core, thin lines with hollow markers for methods of
+/// the literature, dashes for variants, black for discs.
+struct LineStyle {
     colour: RGBColor,
     kind: Kind,
     dashed: bool,
 }
 
-impl Look {
+impl LineStyle {
     fn of(method: &Method) -> Self {
         let core = |m: &&Method| (m.kind == Kind::Core) == (method.kind == Kind::Core);
         let all = methods();
@@ -192,6 +201,7 @@ impl Look {
         Self { colour, kind: method.kind, dashed }
     }
 
+    /// Draws a curve through points, each with its number of lights and its position in pixels.
     fn curve(&self, canvas: &Canvas<'_>, points: &[(usize, [f64; 2])]) {
         let line: Vec<[f64; 2]> = points.iter().map(|(_, at)| *at).collect();
         let width = if self.kind == Kind::Core { 3 } else { 1 };
@@ -212,8 +222,8 @@ fn legend(canvas: &Canvas<'_>, left: f64, points: &[Point]) {
     let drawn = methods().into_iter().filter(|m| points.iter().any(|p| p.sampler == m.name));
     for (k, method) in drawn.enumerate() {
         let y = TOP + 10.0 + 19.0 * k as f64;
-        let look = Look::of(&method);
-        look.curve(canvas, &[(0, [left, y]), (0, [left + 28.0, y])]);
+        let style = LineStyle::of(&method);
+        style.curve(canvas, &[(0, [left, y]), (0, [left + 28.0, y])]);
         canvas.text(method.name, [left + 36.0, y], HPos::Left, 12, INK);
         let few = |tolerance| fewest(points, method.name, tolerance).map_or("–".into(), |n| n.to_string());
         let both = format!("{}, {}", few(0.05), few(0.02));

@@ -1,4 +1,4 @@
-//! Flicker by number of lights: the mean over scenarios with motion or switching.
+//! Flicker of each method by number of lights: the mean over scenarios with motion or switching.
 
 use super::Point;
 use crate::contender;
@@ -6,14 +6,15 @@ use crate::progress;
 use crate::scenario::{self, Setting};
 use crate::stress::Judge;
 
-/// Names of the scenarios; the maps are the small ones of the quick stress report.
+/// Names of the scenarios, whose maps have the size of the quick stress report.
 pub(super) const SCENARIOS: [&str; 5] = ["swinging-bulb", "walker", "clouds", "seam", "switch"];
 
-/// Numbers of lights of a chart, and of a quick chart.
+/// Numbers of lights of a chart.
 const COUNTS: &[usize] = &[4, 16, 64, 256, 1024];
+/// Numbers of lights of a quick chart.
 const QUICK: &[usize] = &[16, 64];
 
-/// Adds the flicker to the points of these numbers of lights.
+/// Sets the flicker of the points with these numbers of lights.
 pub(super) fn add(points: &mut [Point], quick: bool) {
     let counts = if quick { QUICK } else { COUNTS };
     let bar = progress::bar("flicker", SCENARIOS.len());

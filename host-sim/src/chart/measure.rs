@@ -14,24 +14,24 @@ use hemilux::samplers;
 use hemilux_core::lens::{Intrinsics, Lens, Model};
 use std::time::Instant;
 
-/// A map in the forms that samplers and scores read.
-pub struct Ground {
+/// An environment map with the inputs of samplers and the reference integrals of the scores.
+pub struct ChartMap {
     env: EnvMap,
     maps: OrderedMaps,
     reference: Reference,
 }
 
-/// Lights of a method on one map, and the time it took.
+/// Light set of a method on one map, and the time of the decomposition.
 #[derive(Clone, Debug)]
 pub struct Timed {
     /// Directional lights and ambient light.
     pub set: LitSet,
-    /// Time, milliseconds.
+    /// Time of the decomposition, milliseconds.
     pub ms: f64,
 }
 
-impl Ground {
-    /// Prepares the forms of a map.
+impl ChartMap {
+    /// Computes the inputs of samplers and the reference integrals of `env`.
     #[must_use]
     pub fn new(env: &EnvMap) -> Self {
         let domain = Domain::Sphere;
@@ -46,15 +46,15 @@ impl Ground {
         self.reference.score(set)
     }
 
-    /// Updates a new core sampler `repeats` times; returns the last set (in the steady state of samplers with state) and the median time.
+    /// Updates a new sampler of the core `repeats` times with the map; returns the last set and the median time of an update.
     ///
     /// # Panics
-    /// If the sampler does not exist or does not support so few lights.
+    /// If the sampler does not support `lights` lights.
     #[must_use]
     pub fn time_core(&self, method: &Method, lights: usize, repeats: usize) -> Timed {
         let (shape, view) = self.maps.of(lights);
         let mut sampler = samplers::make(method.sampler(), shape, lights)
-            .expect("a name and a count from the samplers' own lists");
+            .expect("the sampler supports the number of lights");
         let (mut times, mut set) = (Vec::new(), LitSet::default());
         for _ in 0..repeats.max(1) {
             let began = Instant::now();
@@ -65,7 +65,8 @@ impl Ground {
         Timed { set, ms: median(times) }
     }
 
-    /// Runs a new baseline, raw and gathered; a sampler with state runs twice and its second time is returned.
+    /// Runs a new baseline; returns its set and its set after the Voronoi gather, each with its time. A baseline with state (`-warm`) runs twice,
+    /// and the second run is returned.
     #[must_use]
     pub fn time_baseline(&self, name: &str, lights: usize) -> [Timed; 2] {
         let mut sampler = baseline_called(name);
@@ -81,7 +82,7 @@ impl Ground {
     }
 }
 
-/// Returns the median; for an even number of values the upper one.
+/// Returns the median; for an even number of values the upper of the two middle values, for no values 0.
 pub(super) fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(0.0)
@@ -100,7 +101,7 @@ fn standard_lens() -> LensFile {
         vignetting,
     };
     LensFile {
-        lens: Lens::try_new(intrinsics).expect("a lens that the formats name"),
+        lens: Lens::try_new(intrinsics).expect("the intrinsics are legal"),
         size: [640, 480],
         response: hemilux_core::Response::Linear,
         levels: None,
@@ -112,7 +113,7 @@ fn standard_lens() -> LensFile {
     }
 }
 
-/// Adds the time from a burst of three frames to lights to the core's points.
+/// Sets the median time from a burst of three frames to lights of the points of core samplers.
 pub(super) fn bursts(env: &EnvMap, points: &mut [Point], repeats: usize) -> Result<(), SimError> {
     let sensor = burst::Sensor { bits: 8, full_well: 10_000.0, read_noise: 3.0 };
     let (calibration, burst) = burst::in_memory(env, &standard_lens(), &burst::THESIS_EXPOSURES_S, sensor, 1);

@@ -1,4 +1,4 @@
-//! `hemilux-sim chart`: time against error, and lights against error and flicker, of every method.
+//! `hemilux-sim chart`: charts of every method's error against its time, and of error and flicker against the number of lights.
 //!
 //! Every method decomposes every map with every number of lights, on one thread while no other thread of the program runs; the scores are
 //! then computed on all cores. `volume` is left out, since it decomposes sequences and not single maps.
@@ -10,7 +10,7 @@ mod measure;
 #[cfg(test)]
 mod tests;
 
-pub use measure::{Ground, Timed};
+pub use measure::{ChartMap, Timed};
 
 use crate::contender::{self, Kind, Method, methods};
 use crate::env::EnvMap;
@@ -25,7 +25,7 @@ use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;
 
-/// Largest number of lights of a curve.
+/// Largest number of lights of a method's curve.
 pub const MOST: usize = 1024;
 /// Number of lights for which instructions are counted.
 const COUNTED: usize = 64;
@@ -33,58 +33,58 @@ const COUNTED: usize = 64;
 /// Arguments of `chart`.
 #[derive(Clone, Debug)]
 pub struct ChartJob {
-    /// Folder of maps; `None` for procedural maps.
+    /// Path of a folder of maps; `None` for procedural maps.
     pub env: Option<PathBuf>,
-    /// Folder for `chart.json`, `chart.txt` and the drawings.
+    /// Path of the folder for `chart.json`, `chart.txt`, `chart-time.svg` and `chart-lights.svg`.
     pub out: PathBuf,
     /// Whether the chart has three small maps and every other power of two.
     pub quick: bool,
 }
 
-/// One method with one number of lights, over all maps.
+/// Figures of one method with one number of lights, over all maps. Errors are ratios.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Point {
     /// Name of the method.
     pub sampler: &'static str,
-    /// Largest number of lights.
+    /// Largest number of lights of a set.
     pub lights: usize,
-    /// Median time per map, milliseconds: from the prepared map to lights for the core's samplers, from the texels to lights for the
-    /// others.
+    /// Median time per map, milliseconds: from the pyramid and the latitude-longitude map to lights for samplers of the core, from the texels to
+    /// lights for other methods.
     pub sample_ms: f64,
-    /// Open error, mean over the maps.
+    /// Mean over the maps of the open error.
     pub open: Option<f64>,
-    /// Shadowed error, mean over the maps.
+    /// Mean over the maps of the shadowed error.
     pub shadowed: Option<f64>,
-    /// Open error of the lights read as discs, mean over the maps.
+    /// Mean over the maps of the open error of the lights read as discs.
     pub soft_open: Option<f64>,
-    /// Shadowed error of the lights read as discs, mean over the maps.
+    /// Mean over the maps of the shadowed error of the lights read as discs.
     pub soft_shadowed: Option<f64>,
     /// Largest shadowed error over the maps.
     pub worst_shadowed: Option<f64>,
     /// Largest energy error over the maps.
     pub energy: Option<f64>,
-    /// Mean flicker over sequences, of discs for lights that are fitted as discs; `None` for numbers of lights without a measurement.
+    /// Mean over scenarios of the flicker; lights that are fitted as discs are read as discs. `None` if it was not measured.
     pub flicker: Option<f64>,
     /// Number of maps.
     pub maps: usize,
     /// Time from a burst of three 640 x 480 frames to lights, milliseconds; `None` for methods outside of the core.
     pub burst_ms: Option<f64>,
-    /// Instructions of sampling one map under callgrind; `None` if it is not installed, and except for the core's samplers with 64 lights.
+    /// Instructions per map that callgrind counts, for samplers of the core with 64 lights; `None` otherwise, or without valgrind.
     pub instructions: Option<u64>,
 }
 
 impl Point {
-    /// Whether the lights are fitted as discs and drawn as such.
+    /// Returns whether the lights are fitted as discs.
     fn is_soft(&self) -> bool {
         self.sampler.ends_with("+soft")
     }
 
-    /// Open error of the lights as they are drawn: as discs if they are fitted as discs, else as points.
+    /// Returns the open error that the chart shows: of discs if the lights are fitted as discs, else of points.
     fn drawn_open(&self) -> Option<f64> {
         if self.is_soft() { self.soft_open } else { self.open }
     }
 
-    /// Shadowed error of the lights as they are drawn.
+    /// Returns the shadowed error that the chart shows: of discs if the lights are fitted as discs, else of points.
     fn drawn_shadowed(&self) -> Option<f64> {
         if self.is_soft() { self.soft_shadowed } else { self.shadowed }
     }
@@ -96,7 +96,8 @@ impl Point {
 /// [`SimError`] if a map cannot be read or a file cannot be written.
 pub fn run(job: &ChartJob) -> Result<(), SimError> {
     let maps = load(job)?;
-    std::fs::create_dir_all(&job.out).map_err(|e| SimError::at(&job.out, e, "a folder that can be made"))?;
+    std::fs::create_dir_all(&job.out)
+        .map_err(|e| SimError::at(&job.out, e, "a folder that can be created"))?;
     let step = if job.quick { 4 } else { 2 };
     let repeats = if job.quick { 3 } else { 7 };
     let mut points = points(&maps, &methods(), step, repeats);
@@ -115,7 +116,8 @@ pub fn run(job: &ChartJob) -> Result<(), SimError> {
     Ok(())
 }
 
-/// Returns the maps: those of a folder, reduced to 512 columns (for `--quick` to 128 columns and three maps), or procedural ones.
+/// Returns the maps of the folder, or procedural maps without a folder; wider maps are resampled to 512 columns. With `--quick` there are at most
+/// three maps of 128 columns.
 fn load(job: &ChartJob) -> Result<Vec<EnvMap>, SimError> {
     let width = if job.quick { 128 } else { 512 };
     let mut maps: Vec<EnvMap> = match &job.env {
@@ -128,7 +130,7 @@ fn load(job: &ChartJob) -> Result<Vec<EnvMap>, SimError> {
     Ok(maps)
 }
 
-/// Returns procedural maps: an interior, a clear day and a day with clouds.
+/// Returns three procedural maps of `width` columns: an interior, a sunny sky and a cloudy sky.
 fn procedural(width: usize) -> Vec<EnvMap> {
     use crate::metrics::stability::Source;
     let paint = |radiance: fn([f64; 3]) -> [f32; 3]| EnvMap::from_fn(width, width / 2, radiance);
@@ -139,7 +141,8 @@ fn procedural(width: usize) -> Vec<EnvMap> {
     vec![paint(stage::room), sunny, cloudy]
 }
 
-/// Returns the numbers of lights of a method's curve: the least one, then powers of two times `step`.
+/// Returns the numbers of lights of a method's curve: the least number that the method supports, then every power of two (`step` 2) or every
+/// other power of two from 16 on (`step` 4), at most [`MOST`].
 #[must_use]
 pub fn counts(method: &Method, step: usize) -> Vec<usize> {
     let least = method.least(Domain::Sphere);
@@ -148,10 +151,11 @@ pub fn counts(method: &Method, step: usize) -> Vec<usize> {
     std::iter::once(least).chain(above).collect()
 }
 
-/// Measures every method with every number of lights over all maps.
+/// Measures the core's samplers and the baselines of `methods` over all maps with the numbers of lights of [`counts`]; each time is the median of
+/// `repeats` runs.
 #[must_use]
 pub fn points(maps: &[EnvMap], methods: &[Method], step: usize, repeats: usize) -> Vec<Point> {
-    let grounds: Vec<Ground> = progress::on_all_cores(maps.len(), |k| Ground::new(&maps[k]));
+    let maps: Vec<ChartMap> = progress::on_all_cores(maps.len(), |k| ChartMap::new(&maps[k]));
     let measured: Vec<&Method> =
         methods.iter().filter(|m| matches!(m.kind, Kind::Core | Kind::Baseline)).collect();
     let bar = progress::bar("chart", measured.iter().map(|m| counts(m, step).len() * maps.len()).sum());
@@ -161,9 +165,9 @@ pub fn points(maps: &[EnvMap], methods: &[Method], step: usize, repeats: usize) 
         let mut after = Vec::new();
         for lights in counts(method, step) {
             bar.set_message(format!("{} {lights}", method.name));
-            let [raw, with_v] = over_maps(&grounds, method, lights, repeats, &bar);
-            points.push(point(&grounds, method.name, lights, &raw));
-            after.extend(gathered.map(|method| point(&grounds, method.name, lights, &with_v)));
+            let [raw, with_v] = over_maps(&maps, method, lights, repeats, &bar);
+            points.push(point(&maps, method.name, lights, &raw));
+            after.extend(gathered.map(|method| point(&maps, method.name, lights, &with_v)));
         }
         points.extend(after);
     }
@@ -171,20 +175,20 @@ pub fn points(maps: &[EnvMap], methods: &[Method], step: usize, repeats: usize) 
     points
 }
 
-/// Measures a method on every map, raw and, for baselines, gathered.
+/// Measures a method on every map; returns its sets, and for baselines the sets after the Voronoi gather.
 fn over_maps(
-    grounds: &[Ground],
+    maps: &[ChartMap],
     method: &Method,
     lights: usize,
     repeats: usize,
     bar: &ProgressBar,
 ) -> [Vec<Timed>; 2] {
     let (mut raw, mut gathered) = (Vec::new(), Vec::new());
-    for ground in grounds {
+    for map in maps {
         if method.kind == Kind::Core {
-            raw.push(ground.time_core(method, lights, repeats));
+            raw.push(map.time_core(method, lights, repeats));
         } else {
-            let [plain, with_v] = ground.time_baseline(method.name, lights);
+            let [plain, with_v] = map.time_baseline(method.name, lights);
             raw.push(plain);
             gathered.push(with_v);
         }
@@ -193,8 +197,9 @@ fn over_maps(
     [raw, gathered]
 }
 
-fn point(grounds: &[Ground], sampler: &'static str, lights: usize, runs: &[Timed]) -> Point {
-    let scores: Vec<Score> = progress::on_all_cores(runs.len(), |k| grounds[k].score(&runs[k].set));
+/// Scores the sets of a method over all maps and returns the means and maxima.
+fn point(maps: &[ChartMap], sampler: &'static str, lights: usize, runs: &[Timed]) -> Point {
+    let scores: Vec<Score> = progress::on_all_cores(runs.len(), |k| maps[k].score(&runs[k].set));
     let mean = |of: fn(&Score) -> f64| scores.iter().map(of).sum::<f64>() / scores.len().max(1) as f64;
     let worst = |of: fn(&Score) -> f64| scores.iter().map(of).fold(0.0, f64::max);
     let finite = |v: f64| v.is_finite().then_some(v);
@@ -215,14 +220,15 @@ fn point(grounds: &[Ground], sampler: &'static str, lights: usize, runs: &[Timed
     }
 }
 
-/// Returns the points as JSON, `{"points": [...]}` with one point per line.
+/// Returns the points as JSON: `{"points": [...]}`, one point per line.
 #[must_use]
 pub fn json(points: &[Point]) -> String {
     let lines: Vec<String> = points.iter().map(|point| serde_json::json!(point).to_string()).collect();
     format!("{{\"points\": [\n{}\n]}}\n", lines.join(",\n"))
 }
 
-/// Returns the least number of lights of `sampler` that, as they are drawn, reaches a shadowed error of `tolerance`.
+/// Returns the least number of lights with which `sampler` has a shadowed error of at most `tolerance`, a ratio; lights that are fitted as discs
+/// are read as discs.
 #[must_use]
 pub fn fewest(points: &[Point], sampler: &str, tolerance: f64) -> Option<usize> {
     let curve = points.iter().filter(|p| p.sampler == sampler);

@@ -1,4 +1,4 @@
-//! The chart's layout on tiny maps.
+//! Tests of the chart's JSON, drawings and numbers of lights on small maps.
 
 use super::*;
 use hemilux_core::SamplerKind;
@@ -46,7 +46,7 @@ fn lights_that_are_fitted_as_discs_are_charted_as_discs() {
 }
 
 #[test]
-fn counts_run_from_the_least_to_1024() {
+fn counts_ascend_from_the_least_supported_number_to_1024() {
     for method in methods().iter().filter(|m| m.kind == Kind::Core) {
         let least = method.least(Domain::Sphere);
         for step in [2, 4] {
@@ -58,7 +58,7 @@ fn counts_run_from_the_least_to_1024() {
 }
 
 #[test]
-fn counted_work_refuses_a_number_of_lights_that_a_tree_does_not_give() {
+fn counted_frames_refuse_a_number_of_lights_that_the_sampler_does_not_support() {
     assert!(counted::sample_frames(SamplerKind::Q2Tree, 16, 2).is_ok());
     let refused = counted::sample_frames(SamplerKind::Q2Tree, 1, 2).unwrap_err();
     assert_eq!(refused.code(), 2);

@@ -1,4 +1,4 @@
-//! Irradiance of receivers under uniform discs, for lights that are read as discs.
+//! Irradiance of receivers under uniform discs, for scores of lights with disc shape.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -8,13 +8,13 @@ use super::vector::{dot, tangents};
 /// Number of quadrature points of a disc that an occluding cone hides in part.
 pub const POINTS: usize = 192;
 
-/// Interpretation of the lights of a set.
+/// Shape that the scores assign to the lights of a set.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Reading {
     /// Lights are directions without extent.
     #[default]
     Points,
-    /// Lights are uniform discs of their radius.
+    /// Lights are uniform discs of their angular radius.
     Discs,
 }
 
@@ -40,7 +40,7 @@ pub fn cosine(cos: f64, radius: f64) -> f64 {
     cut.max(0.0) / (TAU * (1.0 - cos_r))
 }
 
-/// A light as a disc: its centre, its radius, and evenly spread directions inside of it.
+/// A uniform disc on the sphere: centre, angular radius, and quadrature points that are evenly spread inside of the disc.
 #[derive(Clone, Debug)]
 pub struct Disc {
     centre: [f64; 3],
@@ -70,7 +70,7 @@ impl Disc {
         Self { centre, radius, points: (0..count).map(point).collect() }
     }
 
-    /// Returns the mean of max(0, n . d) V(d) over the disc.
+    /// Returns the mean of max(0, n . d) V(d) over the directions d of the disc, with the normal n and the visibility V of `probe`.
     #[must_use]
     pub fn weight(&self, probe: &Receiver) -> f64 {
         let cos = dot(probe.normal, self.centre);
@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn the_quadrature_agrees_with_a_finer_one() {
+    fn quadrature_agrees_with_20000_points() {
         let (mut off, mut whole) = (0.0, 0.0);
         for k in 0..60 {
             let (centre, radius) = (fib(k, 60), (3.0 + 1.4 * k as f64).to_radians());

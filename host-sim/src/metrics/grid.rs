@@ -1,4 +1,4 @@
-//! Directions and solid angles of the texels of a map, for sums over the map.
+//! Directions and solid angles of the texels of a map, for quadrature over the map.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::OnceLock;
@@ -9,8 +9,8 @@ use crate::env::EnvMap;
 
 /// Directions and solid angles of a map's texels inside a [`Domain`], row-major from the zenith.
 ///
-/// On the hemisphere, the row that straddles the equator of a map of odd height counts with its upper part: its solid angle and direction
-/// are those of that part.
+/// On the hemisphere, the upper part of the middle row of a map of odd height belongs to the grid: solid angle and direction of the row's texels
+/// are those of the upper part.
 #[derive(Debug)]
 pub struct Grid {
     size: (usize, usize),
@@ -24,7 +24,7 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// Creates the grid of maps of this size.
+    /// Creates the grid for maps of the size of `map`.
     #[must_use]
     pub fn new(map: &EnvMap, domain: Domain) -> Self {
         let (width, height) = (map.width(), map.height());
@@ -50,31 +50,31 @@ impl Grid {
         Self { size, rows, domain, rows_sin_cos, columns_sin_cos, solid_angle_of_row, ambient }
     }
 
-    /// Returns whether a map has this grid's size.
+    /// Returns whether `map` has the size for which the grid was created.
     #[must_use]
     pub fn fits(&self, map: &EnvMap) -> bool {
         self.size == (map.width(), map.height())
     }
 
-    /// Part of the sphere that the grid covers.
+    /// Returns the part of the sphere that the grid covers.
     #[must_use]
     pub fn domain(&self) -> Domain {
         self.domain
     }
 
-    /// Number of columns.
+    /// Returns the number of columns.
     #[must_use]
     pub fn width(&self) -> usize {
         self.size.0
     }
 
-    /// Number of rows inside of the domain.
+    /// Returns the number of rows inside of the domain.
     #[must_use]
     pub fn rows(&self) -> usize {
         self.rows
     }
 
-    /// Returns the unit directions of the texels inside of the domain.
+    /// Returns the unit directions of the texels inside of the domain, row-major.
     pub fn directions(&self) -> impl Iterator<Item = [f64; 3]> + Clone + '_ {
         self.rows_sin_cos
             .iter()
@@ -89,7 +89,7 @@ impl Grid {
 
     /// Returns (direction, L dOmega in RGB) of every texel of `map` inside of the domain.
     pub fn fluxes<'a>(&'a self, map: &'a EnvMap) -> impl Iterator<Item = ([f64; 3], [f64; 3])> + 'a {
-        debug_assert!(self.fits(map), "the grid was made for maps of another size");
+        debug_assert!(self.fits(map), "the map's size differs from the grid's");
         let texels = self.directions().zip(map.texels()).enumerate();
         texels.map(|(k, (d, rgb))| (d, rgb.map(|v| f64::from(v) * self.solid_angle(k))))
     }
@@ -99,7 +99,7 @@ impl Grid {
         self.fluxes(map).map(|(d, flux)| (d, luminance(flux))).filter(|&(_, flux)| flux > 0.0)
     }
 
-    /// Returns the irradiance of the receivers under the ambient basis, which is computed at the first call.
+    /// Returns the irradiance of the receivers under the functions of the ambient basis; the first call computes it.
     pub(super) fn ambient(&self) -> &AmbientResponse {
         let texel = |(k, direction)| Texel { direction, solid_angle: self.solid_angle(k) };
         self.ambient.get_or_init(|| AmbientResponse::new(self.directions().enumerate().map(texel)))

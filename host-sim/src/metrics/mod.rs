@@ -1,11 +1,10 @@
 //! Scores of light sets as defined in `host-sim/METRICS.md`, for charts, stress reports and comparisons.
 //!
-//! Arithmetic is f64; all scores are dimensionless ratios, and lower is better. Texels are those of [`Grid`], receivers those of
-//! [`receiver`]; [`Reference`] holds the irradiance of the receivers under a map and scores a [`LitSet`] against it; [`stability`] scores
-//! sequences.
+//! Arithmetic is f64; all scores are dimensionless ratios, and lower is better. [`Grid`] defines the texels, [`receiver`] the receivers;
+//! [`Reference`] contains the irradiance of the receivers under a map and scores a [`LitSet`] against the map; [`stability`] scores sequences.
 //!
 //! # Degenerate maps
-//! Errors are relative to the map. On a black map an error is 0 if the set is black as well and infinite otherwise; it is never NaN.
+//! Errors are relative to the map. On a black map an error is 0 if the set is black and infinite otherwise; no error is NaN.
 
 mod disc;
 pub mod grid;
@@ -21,7 +20,7 @@ pub use grid::Grid;
 pub use hemilux_core::healpix::Domain;
 pub use reference::{Reference, Score};
 
-/// A directional light as it is scored.
+/// A directional light in the form that the scores read.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lit {
     /// Unit vector from the probe towards the light, probe axes.
@@ -49,7 +48,7 @@ impl From<Vec<Lit>> for LitSet {
     }
 }
 
-/// Returns whether a light at `direction` counts: on the hemisphere those above the horizon or exactly on it.
+/// Returns whether the scores include a light at `direction`: on the hemisphere, a light above or exactly on the horizon.
 #[must_use]
 pub fn holds(domain: Domain, direction: [f64; 3]) -> bool {
     domain == Domain::Sphere || direction[2] >= 0.0

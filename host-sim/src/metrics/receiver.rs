@@ -1,4 +1,4 @@
-//! The receivers of the scores: 768 open ones and 512 with an occluding cone.
+//! Receivers of the scores: 768 open receivers, and 512 receivers with an occluding cone.
 
 use std::f64::consts::TAU;
 
@@ -31,7 +31,7 @@ pub struct Receiver {
 }
 
 impl Receiver {
-    /// Returns max(0, n . d) V(d), the weight of light from the unit vector `d`.
+    /// Returns the weight of light from the unit vector `d`: max(0, n . d) with the normal n, and 0 inside of the cone.
     #[must_use]
     pub fn weight(&self, d: [f64; 3]) -> f64 {
         if dot(self.axis, d) > self.cos_half_angle { 0.0 } else { dot(self.normal, d).max(0.0) }

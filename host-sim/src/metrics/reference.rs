@@ -10,54 +10,56 @@ use crate::env::EnvMap;
 /// The accuracy of a light set on one map: dimensionless ratios, lower is better.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Score {
-    /// RMS of (E_set - E_ref) / mu over the open receivers, where mu is the mean of E_ref.
+    /// RMS of (E_set - E_ref) / mu over the open receivers. E_set and E_ref are the irradiance under the set and under the map, mu is the mean of
+    /// E_ref.
     pub open: f64,
-    /// RMS of (E_set - E_ref) / mu over the shadowed receivers, where mu is the mean of E_ref.
+    /// RMS of (E_set - E_ref) / mu over the shadowed receivers.
     pub shadowed: f64,
-    /// Error `open` of the lights read as discs of their radius.
+    /// Open error of the lights read as discs.
     pub soft_open: f64,
-    /// Error `shadowed` of the lights read as discs of their radius.
+    /// Shadowed error of the lights read as discs.
     pub soft_shadowed: f64,
-    /// Relative difference of the sums of luminance energy of the set and of the map; at most 1e-3 for a correct sampler.
+    /// Relative difference between the luminous energies of the set and of the map; at most 1e-3 for a correct sampler.
     pub energy: f64,
 }
 
-/// Irradiance of every receiver under one map.
+/// Irradiance of every receiver under one map, against which light sets are scored.
 #[derive(Clone, Debug)]
 pub struct Reference {
     grid: Arc<Grid>,
-    open: Truth,
-    shadowed: Truth,
+    open: ReceiverIrradiance,
+    shadowed: ReceiverIrradiance,
+    /// Luminous energy of the map, the sum of Y dOmega.
     total: f64,
 }
 
 /// Irradiance E_ref of the receivers of one kind, and its mean mu.
 #[derive(Clone, Debug)]
-struct Truth {
+struct ReceiverIrradiance {
     irradiance: Vec<f64>,
     mu: f64,
 }
 
-impl Truth {
+impl ReceiverIrradiance {
     fn new(irradiance: Vec<f64>) -> Self {
         let mu = irradiance.iter().sum::<f64>() / irradiance.len() as f64;
         Self { irradiance, mu }
     }
 
-    /// Returns the RMS of `set - truth` over mu.
+    /// Returns the RMS difference between the irradiance `set` and E_ref, divided by mu.
     fn error(&self, set: &[f64]) -> f64 {
         relative(rms(set.iter().zip(&self.irradiance).map(|(set, truth)| set - truth)), self.mu)
     }
 }
 
 impl Reference {
-    /// Integrates `map` over all receivers.
+    /// Computes the irradiance of all receivers under `map`.
     #[must_use]
     pub fn new(map: &EnvMap, domain: Domain) -> Self {
         Self::on_grid(Arc::new(Grid::new(map, domain)), map)
     }
 
-    /// Integrates another map over the same domain; maps of equal size share one grid.
+    /// Computes the irradiance of all receivers under another map, over the domain of `self`; maps of equal size share one grid.
     #[must_use]
     pub fn following(&self, map: &EnvMap) -> Self {
         if self.grid.fits(map) {
@@ -68,43 +70,43 @@ impl Reference {
     }
 
     fn on_grid(grid: Arc<Grid>, map: &EnvMap) -> Self {
-        let open = Truth::new(OPEN_SET.irradiance(grid.luminous(map)));
-        let shadowed = Truth::new(SHADOWED_SET.irradiance(grid.luminous(map)));
+        let open = ReceiverIrradiance::new(OPEN_SET.irradiance(grid.luminous(map)));
+        let shadowed = ReceiverIrradiance::new(SHADOWED_SET.irradiance(grid.luminous(map)));
         let total = grid.luminous(map).map(|(_, flux)| flux).sum();
         Self { grid, open, shadowed, total }
     }
 
-    /// Texels over which the sums run.
+    /// Returns the texels over which the irradiance is summed.
     #[must_use]
     pub fn grid(&self) -> &Grid {
         &self.grid
     }
 
-    /// Returns the sum of Y dOmega, the map's scalar flux density.
+    /// Returns the luminous energy of the map, the sum of Y dOmega over its texels.
     #[must_use]
     pub fn total(&self) -> f64 {
         self.total
     }
 
-    /// Irradiance E_ref of the open receivers.
+    /// Returns the irradiance E_ref of the open receivers.
     #[must_use]
     pub fn open(&self) -> &[f64] {
         &self.open.irradiance
     }
 
-    /// Irradiance E_ref of the shadowed receivers.
+    /// Returns the irradiance E_ref of the shadowed receivers.
     #[must_use]
     pub fn shadowed(&self) -> &[f64] {
         &self.shadowed.irradiance
     }
 
-    /// Mean E_ref of the open receivers.
+    /// Returns the mean E_ref of the open receivers.
     #[must_use]
     pub fn open_mu(&self) -> f64 {
         self.open.mu
     }
 
-    /// Mean E_ref of the shadowed receivers.
+    /// Returns the mean E_ref of the shadowed receivers.
     #[must_use]
     pub fn shadowed_mu(&self) -> f64 {
         self.shadowed.mu
@@ -122,7 +124,7 @@ impl Reference {
         self.irradiance_of(set, reading, &SHADOWED_SET, |grid| &grid.ambient().shadowed)
     }
 
-    /// Scores a light set against this map.
+    /// Scores a light set against the map.
     #[must_use]
     pub fn score(&self, set: &LitSet) -> Score {
         Score {
@@ -140,7 +142,7 @@ impl Reference {
         self.shadowed.error(&self.shadowed_of(set, reading))
     }
 
-    /// Returns the open and the shadowed error of light that is given as directions with their Y(E).
+    /// Returns the open and the shadowed error of point lights (unit vector, luminance of the irradiance).
     #[must_use]
     pub fn errors_of_points(&self, points: impl Iterator<Item = ([f64; 3], f64)> + Clone) -> [f64; 2] {
         [
@@ -149,8 +151,8 @@ impl Reference {
         ]
     }
 
-    /// Returns the sum of Y(E) over the lights plus that of the ambient light: 2 sqrt(pi) Y(c00) on the sphere, the sum over the texels on
-    /// the hemisphere.
+    /// Returns the luminous energy of a light set: the sum of Y(E) over the lights, plus for ambient light 2 sqrt(pi) Y(c00) on the sphere and the
+    /// sum over the texels on the hemisphere.
     #[must_use]
     pub fn energy_of(&self, set: &LitSet) -> f64 {
         let lights: f64 = self.counted(set).map(|(_, flux)| flux).sum();

@@ -1,6 +1,6 @@
 //! Real spherical harmonics up to degree 2: orthonormal, without Condon-Shortley sign.
 //!
-//! Order (0,0) (1,-1) (1,0) (1,1) (2,-2) (2,-1) (2,0) (2,1) (2,2), as in the light set's JSON.
+//! The functions (degree, order) are sorted as in the light set's JSON: (0,0) (1,-1) (1,0) (1,1) (2,-2) (2,-1) (2,0) (2,1) (2,2).
 
 use std::f64::consts::PI;
 
@@ -27,15 +27,16 @@ pub fn basis([x, y, z]: [f64; 3]) -> [f64; 9] {
     ]
 }
 
-/// Returns the value at `d` of the function with these coefficients.
+/// Returns the value at the unit vector `d` of the function with the nine `coefficients`.
 #[must_use]
 pub fn evaluate(coefficients: &[f64; 9], d: [f64; 3]) -> f64 {
     basis(d).iter().zip(coefficients).map(|(y, c)| y * c).sum()
 }
 
-/// Returns the coefficients of `f(d) = g(axes(d))`, where `sh` are those of g and `axes` is orthogonal (a rotation or a reflection).
+/// Returns the coefficients of f(d) = g(axes(d)), where g has the coefficients `sh` and `axes` is orthogonal (a rotation or a reflection).
 ///
-/// The projection needs integrals of degree 4, for which the twelve vertices of the icosahedron are exact (a spherical 5-design).
+/// The projection integrates polynomials of degree 4, for which quadrature over the twelve vertices of the icosahedron is exact (a spherical
+/// 5-design).
 #[must_use]
 pub fn change_axes(sh: &[[f64; 3]; 9], axes: impl Fn([f64; 3]) -> [f64; 3]) -> [[f64; 3]; 9] {
     let mut turned = [[0.0; 3]; 9];
@@ -70,7 +71,7 @@ mod tests {
     use crate::metrics::vector::unit;
 
     #[test]
-    fn basis_matches_the_vector_of_the_format() {
+    fn basis_has_the_values_of_the_formats_test_vector() {
         // The test vector of the light set's format: a unit light from (1, 2, 3) / sqrt(14).
         let printed =
             [0.282095, 0.261169, 0.391754, 0.130585, 0.156078, 0.468235, 0.292864, 0.234117, -0.117059];

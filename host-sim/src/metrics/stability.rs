@@ -1,7 +1,7 @@
-//! Scores of a sequence: functions over its references (or maps) and light sets, frame by frame.
+//! Scores of a sequence of light sets: flicker, unwarranted change, step response, transit energy, tracking error, motion noise, churn.
 //!
-//! E_set and E_ref are those of the shadowed receivers, mu(t) is the mean E_ref of frame t. Slices are combined frame by frame up to the
-//! length of the shortest one.
+//! E_set and E_ref are the irradiance of the shadowed receivers under a light set and under its map, mu(t) is the mean E_ref of frame t. Slices
+//! have one element per frame; frames beyond the shortest slice are ignored.
 
 use std::collections::{HashMap, HashSet};
 
@@ -10,13 +10,13 @@ use super::vector::{add_scaled, angle_deg};
 use super::{Grid, LitSet, Reading, Reference, holds, luminance, relative, rms, sh};
 use crate::env::EnvMap;
 
-/// Largest angle between a light and a true source to which it belongs, degrees (transit energy).
+/// Largest angle from the rim of a source within which energy does not count as transit energy, degrees.
 pub const NEAR_SOURCE_DEG: f64 = 10.0;
-/// Radius of a moving source's neighbourhood, degrees; also the error if there is no light in it.
+/// Radius of a moving source's neighbourhood, degrees; also the tracking error if the neighbourhood contains no light.
 pub const NEIGHBOURHOOD_DEG: f64 = 15.0;
-/// Largest change of E_ref, relative to mu, of a receiver that cannot see a source.
+/// Largest change of E_ref, divided by mu, with which a receiver counts as one that cannot see the switched source.
 pub const UNCHANGED: f64 = 1e-6;
-/// Ratio of the shadowed error to its steady value below which a step is over.
+/// Ratio of the shadowed error to its steady value at which a step response ends.
 pub const SETTLED: f64 = 1.25;
 
 /// Mean and largest value of a score over the frames.
@@ -45,8 +45,8 @@ fn excess(references: &[Reference], sets: &[LitSet], reading: Reading) -> Vec<Ve
         .collect()
 }
 
-/// Returns, for t = 1, 2, ..., the change of the set's light that differs from the scene's: RMS_k((E_set(t) - E_set(t-1)) - (E_ref(t) -
-/// E_ref(t-1))) / mu(t).
+/// Returns the flicker of the frames t = 1, 2, ...: the difference between the changes of irradiance under the set and under the map,
+/// RMS_k((E_set(t) - E_set(t-1)) - (E_ref(t) - E_ref(t-1))) / mu(t).
 #[must_use]
 pub fn flicker(references: &[Reference], sets: &[LitSet], reading: Reading) -> Vec<f64> {
     let excess = excess(references, sets, reading);
@@ -54,14 +54,14 @@ pub fn flicker(references: &[Reference], sets: &[LitSet], reading: Reading) -> V
     steps.map(|(e, now)| relative(rms(differences(&e[1], &e[0]).into_iter()), now.shadowed_mu())).collect()
 }
 
-/// Returns the shadowed error of a set over a subset of the shadowed receivers; mu is the mean over the subset.
+/// Returns the shadowed error of a set over the shadowed receivers with the indices `probes`; mu is the mean over these receivers.
 #[must_use]
 pub fn shadowed_error_among(reference: &Reference, set: &LitSet, reading: Reading, probes: &[usize]) -> f64 {
     let excess = differences(&reference.shadowed_of(set, reading), reference.shadowed());
     relative(rms(probes.iter().map(|&k| excess[k])), mu_among(reference, probes))
 }
 
-/// Returns [`flicker`] over a subset of the shadowed receivers; mu is the mean over the subset.
+/// Returns the flicker of the frames t = 1, 2, ... over the shadowed receivers with the indices `probes`; mu is the mean over these receivers.
 #[must_use]
 pub fn flicker_among(
     references: &[Reference],
@@ -79,17 +79,17 @@ fn mu_among(reference: &Reference, probes: &[usize]) -> f64 {
     probes.iter().map(|&k| reference.shadowed()[k]).sum::<f64>() / probes.len().max(1) as f64
 }
 
-/// One frame of a sequence: the reference of its map and the light set that represents the map.
+/// One frame of a sequence: reference irradiance and light set.
 #[derive(Clone, Copy, Debug)]
 pub struct ScoredFrame<'a> {
-    /// Irradiance of the receivers under the map.
+    /// Irradiance of the receivers under the frame's map.
     pub reference: &'a Reference,
     /// Light set of the frame.
     pub set: &'a LitSet,
 }
 
-/// Returns the change of the light at receivers that cannot see the switched source: RMS_k(E_set(after) - E_set(before)) / mu(after) over
-/// the receivers with |E_ref(after) - E_ref(before)| <= 1e-6 mu(after).
+/// Returns the unwarranted change: the change of irradiance at receivers that cannot see the switched source, RMS_k(E_set(after) -
+/// E_set(before)) / mu(after) over the receivers k with |E_ref(after) - E_ref(before)| <= 1e-6 mu(after).
 ///
 /// The ideal value is 0; `None` if every receiver sees the source.
 #[must_use]
@@ -103,8 +103,8 @@ pub fn unwarranted_change(before: ScoredFrame<'_>, after: ScoredFrame<'_>) -> Op
     (!blind.is_empty()).then(|| relative(rms(blind.into_iter()), mu))
 }
 
-/// Returns the mean angle in degrees by which a light moves per frame, over all pairs of lights of one id in successive frames; in a static
-/// noisy scene it is noise. `None` if no id persists for two frames.
+/// Returns the motion noise: the mean angle in degrees between lights of equal id in successive frames of a static noisy scene. `None` if no id
+/// occurs in two successive frames.
 #[must_use]
 pub fn motion_noise_deg(sets: &[LitSet]) -> Option<f64> {
     let (mut sum, mut count) = (0.0, 0usize);
@@ -120,8 +120,8 @@ pub fn motion_noise_deg(sets: &[LitSet]) -> Option<f64> {
     (count > 0).then(|| sum / count as f64)
 }
 
-/// Returns the largest relative change of a light's radius between successive frames, over all lights of one id. `None` if no id persists
-/// for two frames.
+/// Returns the largest relative change of the radius between lights of equal id in successive frames. `None` if no id occurs in two successive
+/// frames.
 #[must_use]
 pub fn radius_change(sets: &[LitSet]) -> Option<f64> {
     let mut largest: Option<f64> = None;
@@ -137,12 +137,11 @@ pub fn radius_change(sets: &[LitSet]) -> Option<f64> {
     largest
 }
 
-/// Returns the number of frames after an abrupt change until the shadowed error is within 1.25 x its steady value; the frame `change`,
-/// which shows the change, counts as 1.
+/// Returns the step response: the number of frames from an abrupt change to the first frame whose shadowed error is at most 1.25 times its steady
+/// value. `change` is the index of the first frame after the change, which counts as 1.
 ///
-/// The steady value is the median error over the last quarter of the frames from `change` on (at least one frame), so a sequence should
-/// continue until its sampler is steady. Errors below 1e-9 are rounding errors and count as settled. `None` if the sequence ends before
-/// `change`.
+/// The steady value is the median error over the last quarter of the frames from `change` on, at least one frame. Errors below 1e-9 are rounding
+/// errors and count as steady. `None` if the sequence ends before `change`.
 #[must_use]
 pub fn step_response(shadowed_errors: &[f64], change: usize) -> Option<usize> {
     let after = shadowed_errors.get(change..).filter(|frames| !frames.is_empty())?;
@@ -152,7 +151,7 @@ pub fn step_response(shadowed_errors: &[f64], change: usize) -> Option<usize> {
     after.iter().position(|&error| error <= limit).map(|at| at + 1)
 }
 
-/// A light source of compact support in the scene.
+/// A light source of the scene: a disc on the sphere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Source {
     /// Unit vector from the probe towards the centre of the source.
@@ -169,8 +168,8 @@ impl Source {
     }
 }
 
-/// Returns |set - reference| of the luminous energy of one frame beyond 10 degrees from every source: lights and ambient light on one side,
-/// Y dOmega on the other.
+/// Returns the absolute difference between the luminous energies of the set (lights and ambient light) and of the map over the directions more
+/// than 10 degrees from every source.
 #[must_use]
 pub fn stray_energy(grid: &Grid, map: &EnvMap, set: &LitSet, sources: &[Source]) -> f64 {
     let far = |d: [f64; 3]| sources.iter().all(|source| source.distance_deg(d) > NEAR_SOURCE_DEG);
@@ -179,18 +178,18 @@ pub fn stray_energy(grid: &Grid, map: &EnvMap, set: &LitSet, sources: &[Source])
     (made - truth).abs()
 }
 
-/// Returns the transit energy: the largest [`stray_energy`] of the frames, over the switched source's energy (its sum of Y dOmega). It is
-/// large if lights move between sources through empty sky.
+/// Returns the transit energy: the largest [`stray_energy`] of the frames, divided by the luminous energy of the switched source. It is large if
+/// lights move between sources through empty sky.
 #[must_use]
 pub fn transit_energy(stray: &[f64], switched_energy: f64) -> f64 {
     relative(stray.iter().copied().fold(0.0, f64::max), switched_energy)
 }
 
-/// Returns the angle in degrees between the energy-weighted mean direction within 15 degrees of a moving source in the set and the same
-/// mean in the reference map; 15 degrees if the set has no light there.
+/// Returns the tracking error: the angle in degrees between the energy-weighted mean directions of the set and of the map within 15 degrees of a
+/// moving source; 15 degrees if the set has no light in this neighbourhood.
 ///
-/// Ambient light counts in the set's mean like the map's background in the reference's. `None` if the map is black there (a source below
-/// the horizon).
+/// The mean of the set includes ambient light, the mean of the map the background. `None` if the map is black in the neighbourhood, as for a
+/// source below the horizon.
 #[must_use]
 pub fn tracking_error_deg(grid: &Grid, map: &EnvMap, set: &LitSet, source: [f64; 3]) -> Option<f64> {
     let near = |d: [f64; 3]| angle_deg(source, d) <= NEIGHBOURHOOD_DEG;
@@ -200,7 +199,7 @@ pub fn tracking_error_deg(grid: &Grid, map: &EnvMap, set: &LitSet, source: [f64;
     Some(made.map_or(NEIGHBOURHOOD_DEG, |made| angle_deg(made, truth)))
 }
 
-/// Returns, for t = 1, 2, ..., the number of ids that appeared plus the number of ids that disappeared.
+/// Returns the churn of the frames t = 1, 2, ...: the number of ids that appear plus the number of ids that disappear.
 #[must_use]
 pub fn churn(sets: &[LitSet]) -> Vec<f64> {
     let ids: Vec<HashSet<u32>> =
@@ -208,13 +207,13 @@ pub fn churn(sets: &[LitSet]) -> Vec<f64> {
     ids.windows(2).map(|pair| pair[0].symmetric_difference(&pair[1]).count() as f64).collect()
 }
 
-/// Returns the least number of lights among (lights, shadowed error) pairs whose error is at most `tolerance`.
+/// Returns the parsimony: the least number of lights among pairs (lights, shadowed error) with an error of at most `tolerance`.
 #[must_use]
 pub fn parsimony(points: &[(usize, f64)], tolerance: f64) -> Option<usize> {
     points.iter().filter(|(_, error)| *error <= tolerance).map(|&(lights, _)| lights).min()
 }
 
-/// Returns (direction, luminous energy) of the lights inside of the domain, then of the ambient light's texels.
+/// Returns pairs (direction, luminous energy): first of the lights inside of the domain, then of the ambient light in each texel.
 fn set_fluxes<'a>(grid: &'a Grid, set: &'a LitSet) -> impl Iterator<Item = ([f64; 3], f64)> + 'a {
     let inside = set.lights.iter().filter(|light| holds(grid.domain(), light.direction));
     let lights = inside.map(|light| (light.direction, luminance(light.irradiance)));
@@ -225,7 +224,7 @@ fn set_fluxes<'a>(grid: &'a Grid, set: &'a LitSet) -> impl Iterator<Item = ([f64
     lights.chain(ambient)
 }
 
-/// Returns the direction of the first moment of the fluxes; `None` if they cancel or there are none.
+/// Returns the direction of the first moment of the fluxes; `None` if the moment is zero.
 fn mean_direction(fluxes: impl Iterator<Item = ([f64; 3], f64)>) -> Option<[f64; 3]> {
     let mut moment = [0.0; 3];
     fluxes.for_each(|(d, flux)| add_scaled(&mut moment, d, flux));

@@ -1,4 +1,4 @@
-//! Scores under skies whose irradiance has a closed form.
+//! Tests of the scores under skies whose irradiance has a closed form.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 

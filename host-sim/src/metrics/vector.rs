@@ -23,7 +23,7 @@ pub(crate) fn unit(a: [f64; 3]) -> Option<[f64; 3]> {
     (length > 0.0 && length.is_finite()).then(|| a.map(|v| v / length))
 }
 
-/// Returns the angle between two vectors in degrees, accurate for small angles too.
+/// Returns the angle between two vectors in degrees; rounding errors are small for small angles too.
 pub(crate) fn angle_deg(a: [f64; 3], b: [f64; 3]) -> f64 {
     let cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
     norm(cross).atan2(dot(a, b)).to_degrees()

@@ -1,4 +1,4 @@
-//! The report as small multiples: one panel per scenario, one line per method, everything in per cent on one log axis.
+//! Drawing of the stress report: one panel per scenario, one line per method, errors and flicker in per cent on one logarithmic axis.
 
 use super::Row;
 use crate::contender::{Kind, methods};
@@ -7,28 +7,38 @@ use crate::scenario;
 use plotters::style::RGBColor;
 use plotters::style::text_anchor::HPos;
 
+/// Number of panels in a row of the page.
 const COLUMNS: usize = 4;
+/// Width of the names of the methods, pixels.
 const LABELS: f64 = 112.0;
+/// Width of the plot of a panel, pixels.
 const PLOT: f64 = 190.0;
+/// Width of the column at the right of a panel, pixels.
 const EXTRA: f64 = 56.0;
+/// Height of the line of a method, pixels.
 const LINE: f64 = 14.0;
+/// Height of the title of a panel, pixels.
 const HEAD: f64 = 34.0;
+/// Height of the axis labels of a panel, pixels.
 const FOOT: f64 = 30.0;
+/// Space between panels, pixels.
 const MARGIN: f64 = 14.0;
+/// Height of the title of the page, pixels.
 const TITLE: f64 = 70.0;
-/// Width and height of the legend, pixels; the legend takes the place of a panel.
+/// Height of the legend, pixels; the legend has the position of one more panel.
 const LEGEND_HEIGHT: f64 = 210.0;
-/// Per cent at the ends of every panel's axis.
+/// Values at the ends of every panel's axis, per cent.
 const RANGE: [f64; 2] = [0.02, 300.0];
-/// A method fails where it is this many times worse than the panel's median,
+/// Ratio of a method's error or flicker to the median of the panel above which the method fails.
 const FAILS: f64 = 2.5;
-/// or worse than this absolute error.
+/// Error or flicker, a ratio, above which a method fails in any case.
 const BAD: f64 = 0.1;
-/// Flicker below this ratio is not visible and never counts as a failure.
+/// Flicker, a ratio, below which a method does not fail, since it is not visible.
 const LEAST_FLICKER: f64 = 0.005;
+/// Background colour of the line of a method that fails.
 const FAILED: RGBColor = RGBColor(255, 240, 214);
 
-/// The page for one number of lights.
+/// Returns the SVG text of the page for one number of lights.
 pub(super) fn svg(rows: &[Row], lights: usize) -> String {
     let rows: Vec<&Row> = rows.iter().filter(|row| row.lights == lights).collect();
     let panels: Vec<Vec<&Row>> = scenario::NAMES
@@ -38,7 +48,7 @@ pub(super) fn svg(rows: &[Row], lights: usize) -> String {
     let lines = panels.iter().map(Vec::len).max().unwrap_or(0);
     let size =
         [LABELS + PLOT + EXTRA + MARGIN, (HEAD + LINE * lines as f64 + FOOT + MARGIN).max(LEGEND_HEIGHT)];
-    // One panel more for the legend.
+    // The legend has the position of one more panel.
     let down = (panels.len() + 1).div_ceil(COLUMNS);
     let page = (MARGIN + size[0] * COLUMNS as f64, TITLE + size[1] * down as f64);
     let mut buffer = String::new();
@@ -99,14 +109,14 @@ fn marks(canvas: &Canvas<'_>, axis: &LogAxis, y: f64, row: &Row) {
     row.shadowed.iter().for_each(|&v| canvas.dot(at(v), 4, BLUE, false));
 }
 
-/// Median of a figure over a panel's methods; infinite where there is none.
+/// Returns the median of a figure over a panel's methods; infinity if no method has the figure.
 fn median(rows: &[&Row], of: impl Fn(&Row) -> Option<f64>) -> f64 {
     let mut values: Vec<f64> = rows.iter().filter_map(|row| of(row)).collect();
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(f64::INFINITY)
 }
 
-/// The figure that the column at the right shows.
+/// Figure that the column at the right of a panel contains.
 #[derive(Clone, Copy)]
 enum Extra {
     Tracking,
@@ -116,6 +126,7 @@ enum Extra {
 }
 
 impl Extra {
+    /// Returns the first figure that a row of the panel contains, in the order of the variants; `Churn` otherwise.
     fn of(rows: &[&Row]) -> Self {
         if rows.iter().any(|r| r.tracking_deg.is_some()) {
             Self::Tracking

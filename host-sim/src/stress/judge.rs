@@ -1,4 +1,4 @@
-//! The figures of one run over one scenario.
+//! Figures of one run of a method over one scenario.
 
 use crate::contender::Run;
 use crate::metrics::stability::{self as stability, ScoredFrame, Spread};
@@ -6,68 +6,68 @@ use crate::metrics::{LitSet, Reading, Reference, receiver};
 use crate::scenario::Scenario;
 use serde::Serialize;
 
-/// One line of the report; `None` where a figure has no meaning.
+/// One line of the report. Errors, flicker and energies are ratios (`host-sim/METRICS.md`); a figure is `None` if the scenario does not define it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
     /// Name of the scenario.
     pub scenario: &'static str,
     /// Name of the method.
     pub sampler: &'static str,
-    /// Largest number of lights.
+    /// Largest number of lights of a set.
     pub lights: usize,
-    /// Shadowed error, mean over the frames.
+    /// Mean over the frames of the shadowed error.
     pub shadowed: Option<f64>,
-    /// Flicker, mean over the frames.
+    /// Mean over the frames of the flicker.
     pub flicker_mean: Option<f64>,
-    /// Flicker, largest.
+    /// Largest flicker of a frame.
     pub flicker_max: Option<f64>,
-    /// Shadowed error of the lights read as discs, mean over the frames.
+    /// Mean over the frames of the shadowed error of the lights read as discs.
     pub soft_shadowed: Option<f64>,
-    /// Flicker of the lights read as discs, mean over the frames.
+    /// Mean over the frames of the flicker of the lights read as discs.
     pub soft_flicker_mean: Option<f64>,
-    /// Flicker of the lights read as discs, largest.
+    /// Largest flicker of a frame of the lights read as discs.
     pub soft_flicker_max: Option<f64>,
-    /// Unwarranted change, the largest of the switches.
+    /// Largest unwarranted change over the switches of the scenario.
     pub unwarranted: Option<f64>,
-    /// Step response, the longest of the changes, frames.
+    /// Longest step response over the changes of the scenario, frames.
     pub step_frames: Option<usize>,
-    /// Step response of the lights read as discs, the longest of the changes, frames.
+    /// Longest step response of the lights read as discs over the changes of the scenario, frames.
     pub soft_step_frames: Option<usize>,
     /// Transit energy.
     pub transit: Option<f64>,
-    /// Tracking error, mean over the path, degrees.
+    /// Mean over the path of the moving source of the tracking error, degrees.
     pub tracking_deg: Option<f64>,
-    /// Motion noise, degrees a frame.
+    /// Motion noise, degrees per frame.
     pub motion_noise_deg: Option<f64>,
-    /// Largest change of a light's radius from frame to frame, a ratio.
+    /// Largest relative change of a light's radius between successive frames.
     pub radius_change: Option<f64>,
-    /// Lights born and died, mean a frame.
+    /// Mean number of lights that appear or disappear per frame.
     pub churn: Option<f64>,
 }
 
-/// Scores for lights that are read as discs.
+/// Figures of lights that are read as discs.
 struct Soft {
     shadowed: Option<f64>,
     flicker: Option<Spread>,
     step: Option<usize>,
 }
 
-/// The irradiance of the probes in every frame of a scenario.
+/// Scenario with the reference irradiance of the receivers in every frame, which scores runs of methods.
 pub struct Judge<'a> {
     scenario: &'a Scenario,
     references: Vec<Reference>,
-    /// The shadowed receivers that are scored, if only a part is.
+    /// Indices of the shadowed receivers over which errors and flicker are computed; `None` for all receivers.
     counted: Option<Vec<usize>>,
 }
 
 impl<'a> Judge<'a> {
-    /// Integrates the truth over all probes.
+    /// Computes the irradiance of all receivers under the true map of every frame.
     #[must_use]
     pub fn new(scenario: &'a Scenario) -> Self {
         let mut references: Vec<Reference> = Vec::with_capacity(scenario.truth.len());
         for (t, map) in scenario.truth.iter().enumerate() {
             let next = match references.last() {
-                // A static scene is integrated once.
+                // Equal maps share one reference.
                 Some(last) if scenario.truth[t - 1] == *map => last.clone(),
                 Some(last) => last.following(map),
                 None => Reference::new(map, scenario.domain),
@@ -78,7 +78,7 @@ impl<'a> Judge<'a> {
         Self { scenario, references, counted }
     }
 
-    /// All figures of a run.
+    /// Returns all figures of a run.
     #[must_use]
     pub fn row(&self, run: &Run) -> Row {
         let (scenario, sampler, lights) = (self.scenario.name, run.method.name, run.lights);
@@ -129,7 +129,7 @@ impl<'a> Judge<'a> {
         }
     }
 
-    /// The figures of a run whose lights are read as discs.
+    /// Returns the figures of light sets whose lights are read as discs.
     fn soft(&self, sets: &[LitSet]) -> Soft {
         let errors = self.errors(sets, Reading::Discs);
         Soft {
@@ -139,6 +139,7 @@ impl<'a> Judge<'a> {
         }
     }
 
+    /// Returns the shadowed error of each frame.
     fn errors(&self, sets: &[LitSet], reading: Reading) -> Vec<f64> {
         let pairs = self.references.iter().zip(sets);
         match &self.counted {
@@ -149,6 +150,7 @@ impl<'a> Judge<'a> {
         }
     }
 
+    /// Returns the flicker of each frame but the first.
     fn flicker(&self, sets: &[LitSet], reading: Reading) -> Vec<f64> {
         match &self.counted {
             Some(probes) => stability::flicker_among(&self.references, sets, reading, probes),
@@ -156,19 +158,21 @@ impl<'a> Judge<'a> {
         }
     }
 
+    /// Returns the largest unwarranted change over the changes of the scenario.
     fn unwarranted(&self, sets: &[LitSet]) -> Option<f64> {
         let at = |t: usize| ScoredFrame { reference: &self.references[t], set: &sets[t] };
         let changes = self.scenario.changes.iter();
         changes.filter_map(|&t| stability::unwarranted_change(at(t - 1), at(t))).reduce(f64::max)
     }
 
-    /// Every change by itself, until the next.
+    /// Returns the longest step response over the changes of the scenario; each response ends at the next change.
     fn step(&self, errors: &[f64]) -> Option<usize> {
         let ends = self.scenario.changes.iter().copied().skip(1).chain([errors.len()]);
         let changes = self.scenario.changes.iter().zip(ends);
         changes.filter_map(|(&t, end)| stability::step_response(&errors[..end], t)).max()
     }
 
+    /// Returns the transit energy from the first change on, if the scenario switches a source.
     fn transit(&self, sets: &[LitSet]) -> Option<f64> {
         let energy = self.scenario.switched_energy?;
         let from = *self.scenario.changes.first()?;
@@ -179,6 +183,7 @@ impl<'a> Judge<'a> {
         Some(stability::transit_energy(&stray.collect::<Vec<_>>(), energy))
     }
 
+    /// Returns the mean tracking error over the frames with a tracked source, degrees.
     fn tracking(&self, sets: &[LitSet]) -> Option<f64> {
         let error = |t: usize| {
             let (grid, map) = (self.references[t].grid(), &self.scenario.truth[t]);
@@ -193,7 +198,7 @@ fn finite(value: Option<f64>) -> Option<f64> {
     value.filter(|v| v.is_finite())
 }
 
-/// Returns the shadowed receivers that see no texel of the first source in any frame.
+/// Returns the indices of the shadowed receivers that receive no light from the texels of the first source of any frame.
 fn in_shadow(scenario: &Scenario, reference: &Reference) -> Vec<usize> {
     let texel_deg = 180.0 / scenario.truth[0].height() as f64;
     let sources: Vec<_> = scenario.sources.iter().filter_map(|s| s.first()).collect();

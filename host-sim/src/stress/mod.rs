@@ -1,4 +1,4 @@
-//! `hemilux-sim stress`: every scenario x every method x three numbers of lights, as `host-sim/METRICS.md` defines them.
+//! `hemilux-sim stress`: figures of every method over every scenario with three numbers of lights; `host-sim/METRICS.md` defines them.
 
 mod figure;
 mod judge;
@@ -16,33 +16,34 @@ use crate::progress;
 use crate::scenario::{self, Setting};
 use std::path::PathBuf;
 
-/// Lights of the report.
+/// Numbers of lights of the report.
 pub const COUNTS: [usize; 3] = [16, 64, 256];
 
-/// Options of the report.
+/// Arguments of `stress`.
 #[derive(Clone, Debug)]
 pub struct StressJob {
-    /// Folder for `stress.json`, `stress.txt` and `stress.svg`.
+    /// Path of the folder for `stress.json`, `stress.txt` and `stress.svg`.
     pub out: PathBuf,
-    /// Smaller maps and shorter sequences.
+    /// Whether the maps are smaller and the sequences shorter.
     pub quick: bool,
-    /// The core's samplers alone.
+    /// Whether the methods outside of the core are left out.
     pub core: bool,
-    /// Folder of maps that take turns as backgrounds.
+    /// Path of a folder of maps that replace the procedural backgrounds, in rotation over the scenarios.
     pub backgrounds: Option<PathBuf>,
 }
 
-/// Writes the report and prints its table of 64 lights.
+/// Runs all methods over all scenarios and writes the report as JSON and text, and the drawing for 64 lights.
 ///
 /// # Errors
-/// [`SimError`].
+/// [`SimError`] if a background cannot be read or a file cannot be written.
 pub fn run(job: &StressJob) -> Result<(), SimError> {
     let setting = if job.quick { Setting::QUICK } else { Setting::FULL };
     let backgrounds = match &job.backgrounds {
         Some(folder) => contender::read_maps(folder, 512)?,
         None => Vec::new(),
     };
-    std::fs::create_dir_all(&job.out).map_err(|e| SimError::at(&job.out, e, "a folder that can be made"))?;
+    std::fs::create_dir_all(&job.out)
+        .map_err(|e| SimError::at(&job.out, e, "a folder that can be created"))?;
     let bar = progress::bar("stress", scenario::NAMES.len());
     let rows = progress::on_all_cores(scenario::NAMES.len(), |k| {
         let background = (!backgrounds.is_empty()).then(|| backgrounds[k % backgrounds.len()].1.clone());
@@ -62,10 +63,10 @@ pub fn run(job: &StressJob) -> Result<(), SimError> {
     Ok(())
 }
 
-/// Runs one scenario, every method with each number of lights.
+/// Runs the methods over the scenario `name` with each number of lights of `counts`; with `core`, the samplers of the core alone.
 ///
 /// # Panics
-/// If there is no scenario of this name.
+/// If there is no scenario `name`.
 #[must_use]
 pub fn rows(name: &str, setting: &Setting, core: bool, counts: &[usize]) -> Vec<Row> {
     let scenario = scenario::make(name, setting).expect("the name of a scenario");
@@ -77,7 +78,7 @@ pub fn rows(name: &str, setting: &Setting, core: bool, counts: &[usize]) -> Vec<
     runs.iter().map(|run| judge.row(run)).collect()
 }
 
-/// `{"rows": [...]}`, one row a line.
+/// Returns the rows as JSON: `{"rows": [...]}`, one row per line.
 #[must_use]
 pub fn json(rows: &[Row]) -> String {
     let lines: Vec<String> = rows.iter().map(|row| serde_json::json!(row).to_string()).collect();

@@ -1,10 +1,10 @@
-//! The report as text: no times in it, so that it changes only when a result does.
+//! Text form of the stress report. It contains no times, so that equal results have equal text.
 
 use super::Row;
 use crate::scenario::Setting;
 use std::fmt::Write;
 
-/// The table, sorted as the rows are.
+/// Returns a table of the rows in their order, with the setting and the meaning of the columns in comments.
 #[must_use]
 pub fn text(rows: &[Row], setting: &Setting, backgrounds: &str) -> String {
     let mut out = format!(

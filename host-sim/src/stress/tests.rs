@@ -1,4 +1,4 @@
-//! The report's layout, and the committed table.
+//! Tests of the report's JSON, of the committed table, and of the README's figures.
 
 use super::*;
 use crate::contender::{Kind, methods};
@@ -38,7 +38,7 @@ fn json_has_the_keys_of_the_format_and_null_for_no_meaning() {
 }
 
 #[test]
-fn switching_fills_its_own_figures() {
+fn switch_scenario_has_leak_step_and_transit_and_no_tracking() {
     for row in rows("switch", &TINY, true, &[16]) {
         assert!(row.unwarranted.is_some() && row.step_frames.is_some() && row.transit.is_some(), "{row:?}");
         assert!(row.tracking_deg.is_none() && row.motion_noise_deg.is_none(), "{row:?}");
@@ -47,18 +47,17 @@ fn switching_fills_its_own_figures() {
 }
 
 #[test]
-fn receivers_in_the_shadow_do_not_see_the_sun() {
-    // A second sun in the same place leaves the reference of receivers that cannot see it unchanged.
+fn shadow_scenario_scores_receivers_that_do_not_see_the_sun() {
     let scenario = scenario::make("sun-shadow", &TINY).unwrap();
     let rows = rows("sun-shadow", &TINY, true, &[64]);
     let pharr = rows.iter().find(|r| r.sampler == "pharr" && r.lights == 64).unwrap();
     let tree = rows.iter().find(|r| r.sampler == "q2tree" && r.lights == 64).unwrap();
-    assert!(pharr.shadowed > tree.shadowed, "equal-energy lights leave the shadow to few");
+    assert!(pharr.shadowed > tree.shadowed, "few lights of equal energy are outside of the sun");
     assert!(scenario.in_shadow);
 }
 
 #[test]
-fn methods_are_the_cores_then_the_literatures() {
+fn methods_list_the_core_first_and_have_different_names() {
     let all = methods();
     assert!(all[..hemilux_core::SamplerKind::ALL.len()].iter().all(|m| m.kind == Kind::Core));
     assert_eq!(all.last().map(|m| m.name), Some("volume"));
@@ -66,13 +65,13 @@ fn methods_are_the_cores_then_the_literatures() {
     assert_eq!(names.len(), all.len());
 }
 
-/// The rows of every scenario on small maps.
+/// Returns the rows of every scenario on small maps.
 fn quick(core: bool, counts: &[usize]) -> Vec<Vec<Row>> {
     progress::on_all_cores(scenario::NAMES.len(), |k| rows(scenario::NAMES[k], &Setting::QUICK, core, counts))
 }
 
 #[test]
-fn readme_says_in_how_many_scenarios_ambient_light_is_first() {
+fn readme_has_the_number_of_scenarios_in_which_ambient_light_has_the_least_error() {
     let first = |rows: &Vec<Row>| {
         // Lights that are fitted as discs are not read as points here.
         let hard = rows.iter().filter(|row| !row.sampler.ends_with("+soft"));
@@ -89,21 +88,21 @@ fn readme_says_in_how_many_scenarios_ambient_light_is_first() {
 }
 
 #[test]
-fn procedural_table_of_the_core_is_the_committed_one() {
+fn quick_table_of_the_core_equals_the_committed_file() {
     let found = text(&quick(true, &COUNTS).concat(), &Setting::QUICK, "procedural backgrounds");
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../fixtures/stress-quick.txt");
     let committed = std::fs::read_to_string(path).unwrap_or_default();
     let differs = found.lines().zip(committed.lines()).find(|(a, b)| a != b);
     assert!(
         found == committed,
-        "fixtures/stress-quick.txt is not what the samplers do now; first difference:\n{differs:#?}\n\
-         Where the change is meant, renew it in a commit of its own:\n\
+        "fixtures/stress-quick.txt differs from the samplers' results; first difference:\n{differs:#?}\n\
+         If the change is intended, regenerate the file in a commit of its own:\n\
          cargo run -p hemilux-sim -- stress --quick --core --out /tmp/stress && \
          cp /tmp/stress/stress.txt fixtures/stress-quick.txt"
     );
 }
 
-/// The rows of the committed table: scenario, sampler, lights and the columns after them; `None` for a dash.
+/// Returns the rows of the committed table: scenario, sampler, number of lights, and the further columns; `None` for a dash.
 fn committed() -> Vec<(String, String, usize, Vec<Option<f64>>)> {
     let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../fixtures/stress-quick.txt"));
     let (mut scenario, mut rows) = (String::new(), Vec::new());
@@ -120,10 +119,10 @@ fn committed() -> Vec<(String, String, usize, Vec<Option<f64>>)> {
     rows
 }
 
-/// README: flicker of discs exceeds that of points by at most 0.11 %, but for `rim`; flickering lamps of burst-level scenarios flicker by at
-/// most 0.13 % with 64 lights.
+/// README: the flicker of discs exceeds the flicker of points by at most 0.11 %, except in the scenario `rim`; in the scenarios of bursts under
+/// flickering lamps, 64 lights flicker by at most 0.13 %.
 #[test]
-fn readme_figures_of_flicker_are_those_of_the_committed_table() {
+fn readme_figures_of_flicker_agree_with_the_committed_table() {
     const FLICKER: usize = 1;
     const SOFT_FLICKER: usize = 4;
     let rows = committed();

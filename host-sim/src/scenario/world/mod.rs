@@ -96,8 +96,8 @@ impl Timing {
 pub struct Filming {
     timing: Timing,
     lens: LensFile,
-    camera: burst::Camera,
-    still: burst::Scene,
+    camera: burst::SensorModel,
+    still: burst::ExposedScene,
     /// Radiance and course of what varies.
     varying: Vec<(Vec<Lit>, Course)>,
     seed: u64,
@@ -139,7 +139,7 @@ impl Filming {
             (render(&disc), lamp.course.clone())
         });
         let varying = room.chain(lamps).collect();
-        Self { camera: burst::Camera::new(&lens, sensor, scale), timing, lens, still, varying, seed: 1 }
+        Self { camera: burst::SensorModel::new(&lens, sensor, scale), timing, lens, still, varying, seed: 1 }
     }
 
     /// Another seed of the noise.
@@ -173,7 +173,7 @@ impl Filming {
     }
 
     /// Mean radiance of each pixel while it is exposed; `end_s` is the end of the first row's exposure.
-    fn exposed(&self, end_s: f64, seconds: f64) -> burst::Scene {
+    fn exposed(&self, end_s: f64, seconds: f64) -> burst::ExposedScene {
         let mut scene = self.still.clone();
         let [width, height] = self.lens.size.map(|n| n as usize);
         for (pixels, course) in &self.varying {
