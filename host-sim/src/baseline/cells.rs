@@ -1,4 +1,4 @@
-//! Cells of a map with exact energy and exact centroid: the input of the reference samplers.
+//! Cells of a map with exact energy and exact energy centroid: the input of the baselines.
 
 use std::f64::consts::{PI, TAU};
 use std::ops::{Add, AddAssign};
@@ -7,7 +7,7 @@ use crate::env::EnvMap;
 use crate::metrics::vector::{add_scaled, dot, norm, unit};
 use crate::metrics::{Domain, Grid, Lit, luminance};
 
-/// Sums over the texels that a light represents: energy, luminance and first moment.
+/// Sums over a set of texels, such as those that a light represents: energy, luminous energy and first moment.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Flux {
     /// Sum of L dOmega, RGB.
@@ -19,21 +19,22 @@ pub struct Flux {
 }
 
 impl Flux {
-    /// Creates the sums of one texel; `rgb` is its L dOmega.
+    /// Creates the sums of one texel; `rgb` is its radiance times its solid angle, L dOmega.
     #[must_use]
     pub fn of_texel(direction: [f64; 3], rgb: [f64; 3]) -> Self {
         let luminance = luminance(rgb);
         Self { rgb, luminance, moment: direction.map(|v| v * luminance) }
     }
 
-    /// Returns the direction of the energy centroid; `None` without light or if opposite directions cancel.
+    /// Returns the direction of the first moment; `None` if the texels are black or their moments cancel.
     #[must_use]
     pub fn centroid(&self) -> Option<[f64; 3]> {
-        // The moments of opposite halves of a sky cancel only to rounding.
+        // The moments of opposite halves of a sky cancel except for rounding errors.
         (norm(self.moment) > 1e-12 * self.luminance).then(|| unit(self.moment)).flatten()
     }
 
-    /// Returns half the product of energy and angular variance (mean squared chord): S0 - |S1|, never negative.
+    /// Returns half the product of luminous energy and angular variance (mean squared chord): S0 - |S1| with the luminous energy S0 and the first
+    /// moment S1, at least 0.
     #[must_use]
     pub fn spread(&self) -> f64 {
         (self.luminance - norm(self.moment)).max(0.0)
@@ -46,7 +47,7 @@ impl Flux {
         2.0 * part.sqrt().asin().to_degrees()
     }
 
-    /// Returns a light with this energy at the centroid, or at `fallback` if there is no centroid.
+    /// Returns a light with this energy and the direction of the centroid, or `fallback` if there is no centroid.
     #[must_use]
     pub fn lit(&self, fallback: [f64; 3], id: u32) -> Lit {
         let direction = self.centroid().unwrap_or(fallback);
@@ -70,7 +71,7 @@ impl Add for Flux {
     }
 }
 
-/// Texels of a map, combined into rectangular cells, row-major from the zenith.
+/// Rectangular cells of a map, each the sum over a block of texels; row-major from the zenith.
 #[derive(Clone, Debug)]
 pub struct Cells {
     width: usize,
@@ -85,14 +86,14 @@ pub struct Cells {
 /// Angular size of a cell, radians.
 #[derive(Clone, Copy, Debug)]
 pub struct Pitch {
-    /// Size in theta.
+    /// Size along the polar angle theta.
     pub theta: f64,
-    /// Size in phi at the equator.
+    /// Size along the azimuth phi at the equator.
     pub phi: f64,
 }
 
 impl Cells {
-    /// Combines texels so that the whole sphere would have at most `max_width` x `max_width / 2` cells.
+    /// Combines the texels of `domain` in blocks, of which the whole sphere has at most `max_width` x `max_width / 2`.
     #[must_use]
     pub fn new(map: &EnvMap, domain: Domain, max_width: usize) -> Self {
         let grid = Grid::new(map, domain);
@@ -131,25 +132,25 @@ impl Cells {
             .collect();
     }
 
-    /// Number of columns of cells.
+    /// Returns the number of columns of cells.
     #[must_use]
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Number of rows of cells.
+    /// Returns the number of rows of cells.
     #[must_use]
     pub fn height(&self) -> usize {
         self.height
     }
 
-    /// Number of cells.
+    /// Returns the number of cells.
     #[must_use]
     pub fn len(&self) -> usize {
         self.flux.len()
     }
 
-    /// Returns whether there are no cells; a map always has some.
+    /// Returns whether the number of cells is 0, which no map has.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.flux.is_empty()
@@ -198,7 +199,7 @@ impl Cells {
         Pitch { theta, phi: self.block.0 as f64 * TAU / width as f64 }
     }
 
-    /// Returns the cell that contains the unit vector `d`; below the last row, the nearest cell of the column.
+    /// Returns the index of the cell that contains the unit vector `d`; below the last row, of the last cell of the column.
     #[must_use]
     pub fn at(&self, d: [f64; 3]) -> usize {
         let pitch = self.pitch();
@@ -208,7 +209,7 @@ impl Cells {
     }
 }
 
-/// Returns the index of the centre nearest to `d`, the first one of equally near centres; 0 if there are none.
+/// Returns the index of the centre nearest to `d`, the least index of equally near centres; 0 for no centres.
 #[must_use]
 pub fn nearest(centres: &[[f64; 3]], d: [f64; 3]) -> usize {
     let mut best = (0, f64::NEG_INFINITY);

@@ -5,8 +5,8 @@ use super::cells::{Cells, voronoi};
 use crate::env::EnvMap;
 use crate::metrics::{Domain, Lit};
 
-/// Adds each texel's energy to its nearest light and moves each light to the centroid of that energy. Ids are kept; lights without energy
-/// are dropped. The result for an empty set is empty.
+/// Assigns each texel's energy to the nearest light and moves each light to the centroid of its energy. Ids are kept; lights without energy are
+/// dropped. The result for an empty set is empty.
 #[must_use]
 pub fn gather(map: &EnvMap, domain: Domain, lights: &[Lit]) -> Vec<Lit> {
     let centres: Vec<[f64; 3]> = lights.iter().map(|light| light.direction).collect();
@@ -15,7 +15,7 @@ pub fn gather(map: &EnvMap, domain: Domain, lights: &[Lit]) -> Vec<Lit> {
     lit.map(|(light, flux)| flux.lit(light.direction, light.id)).collect()
 }
 
-/// A sampler followed by [`gather`], named NAME+v.
+/// A baseline followed by [`gather`]; its name is that of the baseline with the suffix `+v`.
 #[derive(Debug)]
 pub struct Gathered<B> {
     inner: B,
@@ -23,12 +23,12 @@ pub struct Gathered<B> {
 }
 
 impl<B: Baseline> Gathered<B> {
-    /// Combines a sampler with a gather; `name` must be the sampler's name followed by "+v".
+    /// Combines a baseline with a gather; `name` must be the baseline's name followed by "+v".
     #[must_use]
     pub fn new(inner: B, name: &'static str) -> Self {
         debug_assert!(
             name.strip_suffix("+v") == Some(inner.name()),
-            "the name of a gathered sampler is NAME+v"
+            "the name is the baseline's name and +v"
         );
         Self { inner, name }
     }

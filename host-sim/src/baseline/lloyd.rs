@@ -1,4 +1,4 @@
-//! Lloyd relaxation [Kollig2003]: a set of points on the sphere is grown and relaxed.
+//! Lloyd relaxation [Kollig2003]: points are inserted on the sphere and moved to the energy centroids of their Voronoi cells.
 
 use super::Baseline;
 use super::cells::{Cells, Flux, nearest};
@@ -6,15 +6,15 @@ use crate::env::EnvMap;
 use crate::metrics::vector::dot;
 use crate::metrics::{Domain, Lit};
 
-/// Number of relaxation steps of the complete set; beyond about ten steps the errors hardly change.
+/// Number of relaxation steps of the complete set; after about ten steps the errors hardly change.
 const FINAL_STEPS: usize = 12;
 /// Number of relaxation steps after each growth.
 const GROWTH_STEPS: usize = 2;
-/// Number of relaxation steps on a frame that starts from the points of the last frame.
+/// Number of relaxation steps in a frame that starts with the points of the frame before.
 const WARM_STEPS: usize = 2;
-/// Number of times that points of empty cells are placed again before a smaller set is accepted.
+/// Largest number of rounds in which dropped points are replaced; after them a smaller set is accepted.
 const REPAIRS: usize = 8;
-/// Width of the reduced map, cells; energies and centroids remain exact.
+/// Largest number of columns of the cells; energies and centroids of the cells are exact.
 const WIDTH: usize = 256;
 
 /// Quadrature by Lloyd relaxation, reconstructed from the publication.
@@ -40,13 +40,13 @@ struct Point {
 }
 
 impl Lloyd {
-    /// Creates a sampler that starts with one point on every map, as published.
+    /// Creates a sampler that starts with one point for every map, as published.
     #[must_use]
     pub fn cold() -> Self {
         Self::default()
     }
 
-    /// Creates a sampler that starts with the points of the last map if the number of lights is the same, so that ids persist.
+    /// Creates a sampler that starts with the points of the map before if the number of lights is equal, so that ids persist.
     #[must_use]
     pub fn warm() -> Self {
         Self { warm: true, ..Self::default() }
@@ -71,7 +71,7 @@ impl Lloyd {
         self.next_id += 1;
     }
 
-    /// Inserts a point into each of the `count` worst cells; returns the number of inserted points.
+    /// Inserts a point into each of the `count` Voronoi cells of greatest spread; returns the number of inserted points.
     fn insert_worst(&mut self, cells: &Cells, count: usize) -> usize {
         let assigned = self.assign(cells);
         let centres: Vec<[f64; 3]> = self.points.iter().map(|p| p.direction).collect();
@@ -92,7 +92,7 @@ impl Lloyd {
         worst.len()
     }
 
-    /// Moves every point to the centroid of its cell; points with black cells are dropped.
+    /// Moves every point to the energy centroid of its Voronoi cell, up to `steps` times; points with black cells are dropped.
     fn relax(&mut self, cells: &Cells, steps: usize) {
         for _ in 0..steps {
             let sums = self.assign(cells).sums;
@@ -110,7 +110,7 @@ impl Lloyd {
         }
     }
 
-    /// Inserts points in place of dropped ones until the number is reached, if the map has enough lit cells.
+    /// Replaces dropped points until there are `lights` points, if the map has as many lit cells.
     fn repair(&mut self, cells: &Cells, lights: usize) {
         for _ in 0..REPAIRS {
             self.relax(cells, 1);
@@ -135,7 +135,7 @@ impl Lloyd {
     }
 }
 
-/// Voronoi cells of the points: the nearest point of each lit cell of the map, and the sums for each point.
+/// Voronoi cells of the points: the index of the nearest point for each lit cell of the map, and the sums over each Voronoi cell.
 struct Assigned {
     owner: Vec<usize>,
     sums: Vec<Flux>,

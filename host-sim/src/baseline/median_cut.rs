@@ -1,4 +1,4 @@
-//! Median cut [Debevec2005]: the region of greatest energy is halved until there are enough regions.
+//! Median cut [Debevec2005]: the region of greatest energy is cut in two of equal energy until there is one region for each light.
 
 use super::cells::{Cells, Pitch};
 use super::sat::{Axis, Rect, Region, Sat, cut_greedily};
@@ -10,7 +10,7 @@ use crate::metrics::{Domain, Lit};
 /// The published method cuts all regions in each of n rounds, which gives 2^n lights. This implementation cuts the region of greatest
 /// energy in each step, so that any number of lights is possible. The longer side is measured on the sphere (width times the sine of the
 /// middle theta), the cut is placed where the two energies are nearest to equal, and the light of a region lies at its energy centroid. If
-/// no cut of the longer side leaves light on both sides, the shorter side is cut.
+/// every cut of the longer side has a black part, the shorter side is cut.
 ///
 /// # References
 /// P. Debevec, "A median cut algorithm for light probe sampling", SIGGRAPH posters 2005.
@@ -43,7 +43,7 @@ fn is_wide(cells: &Cells, rect: Rect) -> bool {
     width > (rect.rows.1 - rect.rows.0) as f64 * theta_pitch
 }
 
-/// Returns the cut nearest to half the energy that leaves light on both sides.
+/// Returns the cut nearest to half the energy whose two parts are not black.
 fn halve_along(sat: &Sat, region: &Region, axis: Axis) -> Option<(Rect, Rect)> {
     let half = region.flux.luminance / 2.0;
     let mut positions = region.rect.positions(axis);

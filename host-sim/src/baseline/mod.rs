@@ -1,8 +1,8 @@
-//! Reference samplers for comparisons: methods from the literature.
+//! Baselines: methods from the literature for comparison with the core's samplers.
 //!
-//! All samplers are deterministic and keep the map's energy in every channel up to rounding. They read texels or a reduced map whose cells
-//! have exact energies and centroids ([`cells`]). A black map has no lights; a map with fewer lit cells than requested lights has fewer
-//! lights. The documentation of a type states whether it is a reconstruction because the publication is incomplete.
+//! All baselines are deterministic and preserve the map's energy in every channel except for rounding errors. They read texels, or cells of
+//! texels with exact energies and centroids ([`cells`]). A black map has no lights; a map with fewer lit cells than requested lights has one
+//! light per lit cell. The documentation of each method states whether it is a reconstruction from an incomplete publication.
 //!
 //! | name | method | ids |
 //! |---|---|---|
@@ -11,9 +11,9 @@
 //! | `structured` | [`Stateless::STRUCTURED`] | index |
 //! | `lloyd`, `lloyd-warm` | [`Lloyd`] | point; persistent in `lloyd-warm` |
 //! | `rank-threshold` | [`Stateless::RANK_THRESHOLD`] | candidate |
-//! | NAME`+v` | any of these and a Voronoi gather ([`Gathered`]) | the sampler's |
-//! | (offline) | [`volume()`], a whole sequence at once | box |
-//! | (offline) | [`sg_mixture()`], lobes in the place of lights | none |
+//! | NAME`+v` | the method NAME, followed by a Voronoi gather ([`Gathered`]) | the method's |
+//! | (offline) | [`volume()`], whose input is a whole sequence | box |
+//! | (offline) | [`sg_mixture()`], whose output is lobes in place of lights | none |
 
 pub mod cells;
 mod gather;
@@ -34,16 +34,16 @@ pub use volume::volume;
 use crate::env::EnvMap;
 use crate::metrics::{Domain, Lit};
 
-/// A sampler: decomposes a map into at most a given number of lights.
+/// A method of the literature that decomposes a map into at most a given number of lights.
 pub trait Baseline {
-    /// Name of the method in charts and reports.
+    /// Returns the name of the method in charts and reports.
     fn name(&self) -> &'static str;
 
-    /// Decomposes one map; samplers with state continue from the previous map.
+    /// Decomposes one map into at most `lights` lights; methods with state start from the result for the previous map.
     fn decompose(&mut self, map: &EnvMap, domain: Domain, lights: usize) -> Vec<Lit>;
 }
 
-/// A sampler without state.
+/// A baseline without state.
 #[derive(Clone, Copy, Debug)]
 pub struct Stateless {
     name: &'static str,
@@ -51,13 +51,13 @@ pub struct Stateless {
 }
 
 impl Stateless {
-    /// The sampler of Debevec 2005: regions of equal energy.
+    /// Method of Debevec 2005: regions of equal energy.
     pub const MEDIAN_CUT: Self = Self { name: "median-cut", decompose: median_cut::decompose };
-    /// The sampler of Viriyothai and Debevec 2009: regions of least variance.
+    /// Method of Viriyothai and Debevec 2009: regions of least variance.
     pub const VARIANCE_MIN: Self = Self { name: "variance-min", decompose: variance_min::decompose };
-    /// The sampler of Ostromoukhov et al. 2004: ranked candidates whose rank is below their importance.
+    /// Method in the manner of Ostromoukhov et al. 2004: ranked candidates whose rank is below their importance.
     pub const RANK_THRESHOLD: Self = Self { name: "rank-threshold", decompose: rank_threshold::decompose };
-    /// The sampler of Agarwal et al. 2003: threshold layers, farthest-first points.
+    /// Method of Agarwal et al. 2003: threshold layers of luminance, farthest-first points.
     pub const STRUCTURED: Self = Self { name: "structured", decompose: structured::decompose };
 }
 
@@ -71,7 +71,7 @@ impl Baseline for Stateless {
     }
 }
 
-/// Returns every sampler for single maps, raw and gathered, each in its initial state.
+/// Returns every baseline for single maps, each without and with Voronoi gather, in its initial state.
 #[must_use]
 pub fn all() -> Vec<Box<dyn Baseline>> {
     vec![

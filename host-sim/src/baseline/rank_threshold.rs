@@ -1,4 +1,4 @@
-//! Ranked candidates thresholded by importance, in the manner of [Ostromoukhov2004].
+//! Rank thresholding: ranked candidate directions are kept by importance, in the manner of [Ostromoukhov2004].
 
 use std::collections::HashSet;
 use std::sync::OnceLock;
@@ -9,25 +9,25 @@ use crate::metrics::vector::dot;
 use crate::metrics::{Domain, Lit};
 
 /// Number of candidate directions on a sphere or hemisphere. A lamp smaller than a candidate's share of the sphere (0.8 msr, 1.6 degrees)
-/// gets at most one light.
+/// has at most one light.
 const CANDIDATES: usize = 16_384;
-/// Width of the reduced map that gives the importance, cells: a cell covers 1.5 msr on average, the solid angle of two candidates.
+/// Number of columns of the cells whose mean luminance is the importance: a cell covers 1.5 msr on average, the solid angle of two candidates.
 const IMPORTANCE_WIDTH: usize = 128;
-/// Width of the reduced map that gives the energy, cells.
+/// Number of columns of the cells whose energy the lights receive.
 const GATHER_WIDTH: usize = 256;
-/// Number of rounds in which candidates without a Voronoi cell are replaced by the next candidates.
+/// Largest number of rounds in which candidates with a black Voronoi cell are replaced by the next candidates.
 const ROUNDS: usize = 8;
 
-/// Decomposes a map by rank thresholding; it replaces the Penrose-tiling sampler in comparisons but is not that method.
+/// Decomposes a map by rank thresholding, a substitute for the Penrose-tiling sampler of the publication in comparisons.
 ///
 /// A fixed list of candidates is ranked once; candidate i is kept if (i + 1/2) / Y(d_i) is among the N least, where Y is the mean luminance
 /// in a map of 128 x 64 cells. As in the original, each decision is local except for one common factor.
 ///
 /// Differences from the original: the candidates are a spherical Fibonacci lattice of 16384 points in farthest-first order (every prefix is
 /// evenly spread) instead of the vertices of a subdivided Penrose tiling with ranks from the Fibonacci number system; there are no
-/// precomputed correction vectors; exactly N lights are kept instead of a number that depends on the map; and the energy of a light is that
-/// of its Voronoi cell instead of an equal or importance-weighted share. Directions are those of the candidates and ids are their ranks, so
-/// both persist from frame to frame.
+/// precomputed correction vectors; exactly N lights are kept instead of a number that depends on the map; and a light has the energy of its
+/// Voronoi cell instead of an equal or importance-weighted share. A light has the direction of its candidate and the candidate's rank as id, so
+/// that both persist from frame to frame.
 ///
 /// # References
 /// V. Ostromoukhov, C. Donohue, P.-M. Jodoin, "Fast hierarchical importance sampling with blue noise
@@ -70,7 +70,7 @@ fn weigh(cells: &Cells, kept: &[Candidate]) -> Vec<Lit> {
     .collect()
 }
 
-/// Returns the selected candidates by rank; candidates without energy are skipped.
+/// Returns the `lights` candidates of least rank over importance, sorted by rank; candidates in black cells and those in `starved` are skipped.
 fn keep(cells: &Cells, candidates: &[[f64; 3]], lights: usize, starved: &HashSet<u32>) -> Vec<Candidate> {
     let importance = |&d: &[f64; 3]| cells.radiance(cells.at(d));
     let mut keys: Vec<(f64, usize)> = candidates
@@ -112,7 +112,7 @@ fn lattice(lowest: f64) -> Vec<[f64; 3]> {
     (0..CANDIDATES).map(at).collect()
 }
 
-/// Returns the points in farthest-first order: each is the farthest from all before it. Takes about 0.2 s once per domain.
+/// Returns the points in farthest-first order: each point is the farthest from all points before it. The order takes about 0.2 s per domain.
 fn farthest_first(points: &[[f64; 3]]) -> Vec<[f64; 3]> {
     let mut left: Vec<([f64; 3], f64)> = points.iter().map(|&p| (p, -2.0)).collect();
     let mut order = Vec::with_capacity(points.len());

@@ -1,8 +1,8 @@
-//! Summed-area tables and rectangles of cells, for the samplers that cut rectangles.
+//! Summed-area tables and rectangles of cells, for the baselines that cut rectangles.
 
 use super::cells::{Cells, Flux};
 
-/// A rectangle of cells; the ends are exclusive.
+/// A rectangle of cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rect {
     /// First row and the row after the last.
@@ -21,7 +21,7 @@ pub enum Axis {
 }
 
 impl Rect {
-    /// Returns the two parts of a cut before row or column `at`.
+    /// Returns the two parts of the rectangle if it is cut before row or column `at`.
     #[must_use]
     pub fn cut(self, axis: Axis, at: usize) -> (Self, Self) {
         match axis {
@@ -35,7 +35,7 @@ impl Rect {
         }
     }
 
-    /// Returns the positions at which the rectangle can be cut.
+    /// Returns the rows or columns before which the rectangle can be cut.
     #[must_use]
     pub fn positions(self, axis: Axis) -> std::ops::Range<usize> {
         let (from, to) = match axis {
@@ -49,7 +49,7 @@ impl Rect {
 /// Summed-area table of [`Flux`].
 ///
 /// # Accuracy
-/// Sums are differences of f64 prefix sums, with an error of about 1e-15 of the map's total. [`Sat::is_lit`] accounts for it.
+/// Sums are differences of f64 prefix sums, with an error of about 1e-15 of the map's total. [`Sat::is_lit`] accounts for this error.
 #[derive(Debug)]
 pub struct Sat {
     width: usize,
@@ -101,19 +101,19 @@ impl Sat {
     }
 }
 
-/// A rectangle, its flux and its priority.
+/// A rectangle with its sums and its priority for the next cut.
 #[derive(Clone, Copy, Debug)]
 pub struct Region {
-    /// Rectangle of the cells.
+    /// Rectangle of the region's cells.
     pub rect: Rect,
-    /// Flux inside the rectangle.
+    /// Sums over the rectangle.
     pub flux: Flux,
-    /// Priority of the region: the largest is cut next; negative if it cannot be cut.
+    /// Priority: the region of the largest priority is cut next; a negative priority marks a region that cannot be cut.
     pub priority: f64,
 }
 
-/// Cuts greedily: `cut` divides the region of highest priority until there are `count` regions or none can be cut. A black map has no
-/// region.
+/// Cuts the map greedily: `cut` divides the region of highest priority until there are `count` regions or no region can be cut. The list is empty
+/// for a black map.
 pub fn cut_greedily(
     sat: &Sat,
     count: usize,
@@ -127,7 +127,7 @@ pub fn cut_greedily(
     let mut regions = vec![region(sat.whole())];
     regions.retain(|region| count > 0 && region.flux.luminance > 0.0);
     while regions.len() < count {
-        // The first of several regions with equal priority, so that the result is deterministic.
+        // Of several regions with equal priority the first is cut, so that the result is deterministic.
         let urgent =
             |best: usize, k: usize| if regions[k].priority > regions[best].priority { k } else { best };
         let Some(best) = (0..regions.len()).reduce(urgent) else { break };

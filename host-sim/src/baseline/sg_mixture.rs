@@ -1,4 +1,4 @@
-//! Mixture of spherical Gaussians, fitted by expectation-maximisation.
+//! Decomposition of a map into a mixture of spherical Gaussians, fitted by expectation-maximisation.
 
 use std::f64::consts::TAU;
 
@@ -8,20 +8,21 @@ use crate::env::EnvMap;
 use crate::metrics::vector::{dot, tangents};
 use crate::metrics::{Domain, luminance};
 
-/// Width of the reduced map; energies and centroids of its cells are exact.
+/// Largest number of columns of the cells; energies and centroids of the cells are exact.
 const WIDTH: usize = 256;
-/// Most iterations, and the gain of the mean logarithmic likelihood below which they end.
+/// Largest number of iterations.
 const ITERATIONS: usize = 300;
+/// Gain of the mean logarithmic likelihood by an iteration below which the iterations end.
 const LEAST_GAIN: f64 = 1e-6;
-/// Least and greatest concentration: a lobe over nearly the whole sphere, and one of 0.06 degrees.
+/// Least and greatest concentration: a lobe over nearly the whole sphere, and a lobe of 0.06 degrees.
 const CONCENTRATIONS: (f64, f64) = (1e-3, 1e6);
-/// Directions of equal energy that a lobe is drawn with.
+/// Number of directions of equal energy that represent a lobe in the scores.
 const POINTS: usize = 192;
 
 /// A spherical Gaussian (von Mises-Fisher lobe): radiance in proportion to exp(concentration (axis . d - 1)).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lobe {
-    /// Unit vector to the lobe's peak.
+    /// Unit vector towards the lobe's peak.
     pub axis: [f64; 3],
     /// Concentration kappa, above 0.
     pub concentration: f64,
@@ -30,7 +31,8 @@ pub struct Lobe {
 }
 
 impl Lobe {
-    /// The lobe as directions of equal luminous energy: the quantiles of its height, a golden angle apart.
+    /// Returns directions of equal luminous energy that represent the lobe, each with its energy: quantiles of the angle from the axis, at azimuths
+    /// a golden angle apart.
     pub fn points(&self) -> impl Iterator<Item = ([f64; 3], f64)> + '_ {
         let [across, up] = tangents(self.axis);
         let energy = luminance(self.flux) / POINTS as f64;
@@ -49,7 +51,7 @@ impl Lobe {
         Self { axis: sum.centroid().unwrap_or(fallback), concentration: concentration(length), flux: sum.rgb }
     }
 
-    /// Logarithm of the density times the lobe's share of `whole`, at a part of the map of mean vector `mean`.
+    /// Returns the mean logarithm of the lobe's density, times the lobe's share of the energy `whole`, over a cell with the mean vector `mean`.
     fn log_density(&self, mean: [f64; 3], whole: f64) -> f64 {
         let kappa = self.concentration;
         let share = luminance(self.flux) / whole;
@@ -58,11 +60,11 @@ impl Lobe {
     }
 }
 
-/// The concentration of a lobe of mean resultant length `length`: the inverse of coth k - 1 / k.
+/// Returns the concentration of a lobe with the mean resultant length `length`: the inverse of the function coth k - 1 / k.
 fn concentration(length: f64) -> f64 {
     let (least, most) = CONCENTRATIONS;
     let r = length.clamp(0.0, 1.0 - 1e-12);
-    // The first estimate is that of A. Banerjee et al. (2005), within 5 %.
+    // The first estimate is the formula of A. Banerjee et al. (2005), with an error of at most 5 %.
     let mut kappa = (r * (3.0 - r * r) / (1.0 - r * r)).clamp(least, most);
     for _ in 0..4 {
         let (mean, slope) = if kappa < 0.01 {
@@ -75,10 +77,10 @@ fn concentration(length: f64) -> f64 {
     kappa
 }
 
-/// Fits `count` lobes to a map by expectation-maximisation, from the points of [`Lloyd`] relaxation; a map with fewer lit cells gives
-/// fewer. The lobes hold the map's energy in every channel.
+/// Fits `count` lobes to a map by expectation-maximisation, which starts at the points of [`Lloyd`] relaxation; a map with fewer lit cells has one
+/// lobe per lit cell. The sum of the lobes has the map's energy in every channel.
 ///
-/// Each cell counts with its energy and its mean vector, of which the logarithm of a lobe's density is a linear function.
+/// A cell is represented by its energy and its mean vector, since the logarithm of a lobe's density is a linear function of the direction.
 ///
 /// # References
 /// A. Banerjee, I. S. Dhillon, J. Ghosh, S. Sra, "Clustering on the unit hypersphere using von Mises-Fisher distributions", JMLR 2005;
@@ -102,7 +104,7 @@ pub fn sg_mixture(map: &EnvMap, domain: Domain, count: usize) -> Vec<Lobe> {
     lobes
 }
 
-/// One iteration; returns the mean logarithmic likelihood of the lobes before it.
+/// Runs one iteration; returns the mean logarithmic likelihood of the lobes before the iteration.
 fn improve(cells: &Cells, lobes: &mut [Lobe]) -> f64 {
     let whole = cells.total().luminance;
     let mut sums = vec![Flux::default(); lobes.len()];
@@ -135,7 +137,7 @@ mod tests {
 
     const AXES: [([f64; 3], f64, f32); 2] = [([0.0, 0.6, 0.8], 40.0, 5.0), ([0.8, 0.0, -0.6], 8.0, 1.0)];
 
-    /// Two lobes whose axes, concentrations and peaks are known.
+    /// Returns a map of two lobes with the axes, concentrations and peaks of [`AXES`].
     fn two_lobes() -> EnvMap {
         EnvMap::from_fn(256, 128, |d| {
             [AXES.iter().map(|(axis, kappa, peak)| peak * (kappa * (dot(*axis, d) - 1.0)).exp() as f32).sum();

@@ -5,14 +5,14 @@ use crate::env::EnvMap;
 use crate::metrics::vector::dot;
 use crate::metrics::{Domain, Lit};
 
-/// Number of threshold layers, each one standard deviation of the luminance wide; the last one is open. More layers add little, since six
-/// standard deviations above black is a light source.
+/// Number of threshold layers, each one standard deviation of the luminance wide; the last layer has no upper limit. More layers have little
+/// effect, since a luminance of six standard deviations belongs to a light source.
 const LAYERS: usize = 6;
-/// Exponent of the solid angle in the metric L^a dOmega^b (a = 1).
+/// Exponent b of the solid angle in the metric L^a dOmega^b (a = 1).
 const SOLID_ANGLE_EXPONENT: f64 = 0.25;
-/// Least solid angle in the metric, steradians, so that a lamp of a few texels still gets its share.
+/// Least solid angle in the metric, steradians, so that a lamp of a few texels receives lights.
 const LEAST_SOLID_ANGLE: f64 = 0.01;
-/// Width of the reduced map, cells.
+/// Largest number of columns of the cells.
 const WIDTH: usize = 256;
 
 /// Decomposes a map by structured importance sampling, reconstructed from the publication.
@@ -44,7 +44,7 @@ fn layers(cells: &Cells) -> Vec<Option<usize>> {
     let sigma = (squares.sum::<f64>() / solid_angle).sqrt();
     let layer = |k: usize| {
         let lit = cells.flux(k).luminance > 0.0;
-        // A sky without contrast is one layer: the quotient is then equally large for every cell.
+        // A sky without contrast is one layer: the quotient is equal for all cells.
         lit.then(|| ((cells.radiance(k) / sigma.max(1e-9 * mean)) as usize).min(LAYERS - 1))
     };
     (0..cells.len()).map(layer).collect()
@@ -96,10 +96,10 @@ fn flood(cells: &Cells, layers: &[Option<usize>], start: usize, seen: &mut [bool
     members
 }
 
-/// Places the lights of all components in order; returns the cells.
+/// Places the lights of all components, in their order; returns the index of the cell of each light.
 fn place(cells: &Cells, components: &[Component], lights: usize) -> Vec<usize> {
     let mut placed = Vec::new();
-    // Cosine of the angle to the nearest point so far.
+    // Cosine of the angle from each cell to the nearest placed point.
     let mut nearest = vec![-2.0f64; cells.len()];
     for (component, count) in components.iter().zip(shares(components, lights)) {
         for _ in 0..count {
@@ -107,21 +107,21 @@ fn place(cells: &Cells, components: &[Component], lights: usize) -> Vec<usize> {
             placed.push(k);
             let point = cells.direction(k);
             (0..cells.len()).for_each(|at| nearest[at] = nearest[at].max(dot(cells.direction(at), point)));
-            // Excludes the member from further choices, independently of rounding.
+            // Excludes the cell from further choices, independently of rounding errors.
             nearest[k] = f64::INFINITY;
         }
     }
     placed
 }
 
-/// Returns the member farthest from all points; the brightest one of equally far members, hence the brightest of all at first.
+/// Returns the cell of `members` farthest from all placed points; of equally far cells, and if no point is placed, the brightest.
 fn farthest(cells: &Cells, members: &[usize], nearest: &[f64]) -> usize {
     let rank = |&k: &usize| (-nearest[k], cells.radiance(k));
     let farther = |a: usize, b: usize| if rank(&b) > rank(&a) { b } else { a };
     members.iter().copied().reduce(farther).unwrap_or_default()
 }
 
-/// Returns the number of lights of each component: `lights` in all, but at most as many as the component has cells.
+/// Returns the number of lights of each component: `lights` in total, and in each component at most the number of its cells.
 fn shares(components: &[Component], lights: usize) -> Vec<usize> {
     let total: f64 = components.iter().map(|c| c.metric).sum();
     let ideal: Vec<f64> = components.iter().map(|c| lights as f64 * c.metric / total).collect();

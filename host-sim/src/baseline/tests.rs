@@ -1,4 +1,4 @@
-//! Properties of every sampler, and its errors on real maps.
+//! Tests of the properties of every baseline, and of its errors on real maps.
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -39,7 +39,7 @@ fn assert_keeps_energy(name: &str, lights: &[Lit], map: &EnvMap, domain: Domain)
 }
 
 #[test]
-fn energy_count_and_unit_directions_hold_for_all() {
+fn every_baseline_keeps_energy_and_number_of_lights_and_has_unit_directions() {
     for domain in [Domain::Sphere, Domain::Hemisphere] {
         for mut sampler in all() {
             for count in [1, 2, 5, 16, 37, 64] {
@@ -83,7 +83,7 @@ fn black_map_has_no_lights() {
 }
 
 #[test]
-fn tiny_maps_give_lights_of_the_right_energy_without_panic() {
+fn maps_of_a_few_texels_keep_their_energy() {
     for (width, height) in [(1, 1), (3, 1), (1, 5), (5, 3)] {
         let map = EnvMap::new(width, height, vec![[1.0; 3]; width * height]);
         for domain in [Domain::Sphere, Domain::Hemisphere] {
@@ -105,7 +105,7 @@ fn samplers_are_deterministic() {
 
 #[test]
 fn two_point_sources_are_found_exactly() {
-    // Two texels of equal radiance on the equator: any method with two lights puts them there.
+    // Two texels of equal radiance on the equator: two lights have exactly the directions of the texels.
     let mut texels = vec![[0.0; 3]; 96 * 48];
     let places = [(23, 10), (23, 60)];
     places.iter().for_each(|&(row, column)| texels[row * 96 + column] = [7.0; 3]);
@@ -121,11 +121,11 @@ fn two_point_sources_are_found_exactly() {
 }
 
 #[test]
-fn median_cut_of_a_constant_sky_has_equal_shares() {
+fn median_cut_of_a_constant_sky_has_lights_of_equal_energy() {
     let sky = EnvMap::new(256, 128, vec![[1.0; 3]; 256 * 128]);
     let lights = (Stateless::MEDIAN_CUT.decompose)(&sky, Domain::Sphere, 16);
     for light in &lights {
-        // 4 pi / 16 each, to the share of one column of texels.
+        // The ideal energy is 4 pi / 16; a cut deviates by at most one column of texels.
         let share = light.irradiance[1] / (std::f64::consts::PI / 4.0);
         assert!((share - 1.0).abs() < 0.07, "{share}");
     }
@@ -168,7 +168,7 @@ fn tables_agree_with_brute_force_sums() {
 
 #[test]
 fn spread_is_the_energy_times_half_the_mean_squared_chord() {
-    // Two texels of energies a and b an angle 2t apart: S0 - |S1| against sum E |d - centroid|^2 / 2.
+    // Two texels at an angle of 20 degrees: S0 - |S1| against the sum of E |d - centroid|^2 / 2.
     let at = |deg: f64| [deg.to_radians().sin(), 0.0, deg.to_radians().cos()];
     let parts = [(at(10.0), 3.0), (at(30.0), 1.0)];
     let flux = parts.iter().fold(Flux::default(), |sum, &(d, e)| sum + Flux::of_texel(d, [e; 3]));
@@ -189,8 +189,8 @@ fn warm_lloyd_keeps_its_ids() {
 
 #[test]
 fn rank_threshold_keeps_candidates_away_from_a_brighter_lamp() {
-    // With twice the lamp, candidates away from it are kept or dropped by rank alone, so the remaining ones are a subset of the former
-    // ones.
+    // If the lamp has twice the power, candidates away from the lamp are kept or dropped by rank alone, so that the kept candidates are a subset of
+    // the candidates that were kept before.
     let lamp = |power: f32| {
         EnvMap::from_fn(96, 48, move |d| [if angle_deg(d, [1.0, 0.0, 0.0]) < 8.0 { power } else { 1.0 }; 3])
     };
@@ -215,8 +215,8 @@ fn volume_keeps_energy_budget_and_light_positions() {
         let frames = volume(&maps, domain, 24);
         assert!(frames.iter().map(Vec::len).sum::<usize>() <= 24 * 8);
         frames.iter().zip(&maps).for_each(|(lights, map)| assert_keeps_energy("volume", lights, map, domain));
-        assert_eq!(frames[0], frames[3], "nothing changes before the lamp is switched on");
-        assert_eq!(frames[4], frames[7], "nor after");
+        assert_eq!(frames[0], frames[3], "the frames before the switch have equal lights");
+        assert_eq!(frames[4], frames[7], "the frames after the switch have equal lights");
         assert!(frames[4].len() > frames[0].len(), "the frames with the lamp need more lights");
         assert!(frames[4].len() > 12);
     }
@@ -230,7 +230,7 @@ fn voronoi_cells_of_opposite_points_are_hemispheres() {
     assert!(halves.iter().all(|half| (half.rgb[0] - std::f64::consts::TAU).abs() < 1e-9));
 }
 
-/// Returns the real maps in `$HEMILUX_HDRI` or beside the checkout; prints a message if there are none.
+/// Returns the maps in the folder `$HEMILUX_HDRI`, else in `../shared/data/hdri`; prints a message if the folder has no map.
 fn real_maps() -> Vec<(PathBuf, EnvMap)> {
     let beside = || concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/hdri").into();
     let folder = std::env::var_os("HEMILUX_HDRI").map_or_else(beside, PathBuf::from);
@@ -257,7 +257,7 @@ fn mean(scores: &[Score]) -> Score {
 }
 
 #[test]
-fn median_cut_on_real_maps_is_near_the_prototype() {
+fn median_cut_on_real_maps_has_the_errors_of_another_implementation() {
     let maps = real_maps();
     if maps.is_empty() {
         return;
@@ -268,16 +268,16 @@ fn median_cut_on_real_maps_is_near_the_prototype() {
             Reference::new(map, Domain::Sphere).score(&set)
         };
         let found = mean(&maps.iter().map(score).collect::<Vec<_>>());
-        println!("{lights} lights: {found:?}, the prototype on 18 other maps {open} / {shadowed}");
+        println!("{lights} lights: {found:?}, the other implementation on 18 other maps {open} / {shadowed}");
         assert!(found.energy < 1e-9);
         assert!((found.open / open - 1.0).abs() < 1.0 / 3.0);
         assert!((found.shadowed / shadowed - 1.0).abs() < 1.0 / 3.0);
     }
 }
 
-/// Prints every sampler's mean errors and times; run with `--ignored --nocapture`.
+/// Prints every baseline's mean errors and times; run with `--ignored --nocapture`.
 #[test]
-#[ignore = "a table, not a test"]
+#[ignore = "prints a table and checks nothing"]
 fn table_on_real_maps() {
     let maps = real_maps();
     let started = Instant::now();

@@ -1,4 +1,4 @@
-//! Variance minimisation [Viriyothai2009] in its spherical form.
+//! Variance minimisation [Viriyothai2009] with the variance measured on the sphere.
 
 use super::cells::{Cells, Flux};
 use super::median_cut::regions_to_lights;
@@ -6,9 +6,9 @@ use super::sat::{Axis, Rect, Region, Sat, cut_greedily};
 use crate::env::EnvMap;
 use crate::metrics::{Domain, Lit};
 
-/// Decomposes a map by cutting the region of greatest variance where the larger of its parts' variances is least.
+/// Decomposes a map by cuts of the region of greatest variance, each placed where the larger of the variances of the two parts is least.
 ///
-/// The variance of a region is 2 (S0 - |S1|) with S0 the sum of Y dOmega and S1 that of Y dOmega times the direction: the energy times the
+/// The variance of a region is 2 (S0 - |S1|), where S0 is the sum of Y dOmega and S1 the sum of Y dOmega times the direction: the energy times the
 /// mean squared chord to the centroid. The published method measures the variance in the plane of the map and cuts in rounds; this
 /// implementation is greedy, so that any number of lights is possible.
 ///

@@ -1,4 +1,4 @@
-//! Sampling of a whole sequence as a spatio-temporal volume, in the manner of [Wan2011].
+//! Decomposition of a whole sequence of maps as a spatio-temporal volume, in the manner of [Wan2011].
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -10,10 +10,10 @@ use crate::env::EnvMap;
 use crate::metrics::{Domain, Grid, Lit};
 use hemilux_core::healpix;
 
-/// Order of the finest quads: nside 32, 1.8 degrees. Centroids within a quad are exact.
+/// HEALPix order of the finest quads: nside 32, 1.8 degrees. Centroids of the quads are exact.
 const FINEST: u8 = 5;
-/// Ratio by which the brightest frame of a box must exceed the box's mean for a split in time: about that of a lamp that doubles the quad's
-/// energy for half of the time. With smaller values noise uses up the budget.
+/// Relative excess of the energy of a box's brightest frame over the mean of its frames above which the box is split in time. A lamp that doubles
+/// the energy of a quad in half of the frames has about this excess; with smaller values noise consumes the budget of lights.
 const RESTLESS: f64 = 0.33;
 /// Exponent of the solid angle in the importance, as in the Q2-tree.
 const SOLID_ANGLE_EXPONENT: f64 = 0.25;
@@ -23,18 +23,18 @@ const SOLID_ANGLE_EXPONENT: f64 = 0.25;
 /// A box is a HEALPix quad (the whole domain at first, then twelve base quads, then quarters) during an interval of frames. Its importance
 /// is the energy of its brightest frame times dOmega^(1/4). The box of greatest importance is split next: in time if its energy varies,
 /// before the frame that best separates frames of low and high energy; else in space, while the lights of all frames together stay within
-/// the budget. The number of lights adapts to each frame. A box gives one light to each of its frames: its energy is that of the frame, its
-/// direction the centroid of the whole box, so that it does not move while the box lasts, and its id is that of the box.
+/// the budget. The number of lights adapts to each frame. A box has one light in each of its frames, with the energy of the frame, the direction of
+/// the centroid of the whole box, so that the light does not move within the box, and the id of the box.
 ///
-/// Known of the original: splits into quads in space or into two intervals in time, an importance metric of its own, and the need for the
-/// whole sequence. The metric, the selection of splits and the positions of lights are those of this implementation.
+/// The publication describes splits into quads in space or into two intervals in time, an importance metric, and the whole sequence as input.
+/// The metric, the selection of splits and the positions of lights belong to this implementation.
 ///
 /// # References
 /// L. Wan, S.-K. Mak, T.-T. Wong, C.-S. Leung, "Spatiotemporal sampling of dynamic environment sequences",
 /// IEEE TVCG 2011.
 #[must_use]
 pub fn volume(maps: &[EnvMap], domain: Domain, lights: usize) -> Vec<Vec<Lit>> {
-    let pyramids: Vec<Pyramid> = maps.iter().map(|map| Pyramid::new(map, domain)).collect();
+    let pyramids: Vec<FluxPyramid> = maps.iter().map(|map| FluxPyramid::new(map, domain)).collect();
     let mut frames = vec![Vec::new(); maps.len()];
     for (id, leaf) in split(&pyramids, lights).iter().enumerate() {
         let place = leaf.flux(&pyramids);
@@ -54,7 +54,7 @@ pub fn volume(maps: &[EnvMap], domain: Domain, lights: usize) -> Vec<Vec<Lit>> {
     frames
 }
 
-/// Quad `ipix` of `level`; level 0 is the whole domain, level 1 has the base quads.
+/// Quad with the index `ipix` on `level`; level 0 is the whole domain, level n has the quads of HEALPix order n - 1.
 #[derive(Clone, Copy, Debug)]
 struct Quad {
     level: u8,
@@ -73,11 +73,11 @@ impl Quad {
 }
 
 /// Sums over the quads of all levels for one frame.
-struct Pyramid {
+struct FluxPyramid {
     levels: Vec<Vec<Flux>>,
 }
 
-impl Pyramid {
+impl FluxPyramid {
     fn new(map: &EnvMap, domain: Domain) -> Self {
         let mut levels = vec![vec![Flux::default(); 12 << (2 * FINEST)]];
         for (direction, rgb) in Grid::new(map, domain).fluxes(map) {
@@ -108,29 +108,30 @@ struct Leaf {
 }
 
 impl Leaf {
-    fn new(pyramids: &[Pyramid], quad: Quad, frames: Range<usize>) -> Self {
+    fn new(pyramids: &[FluxPyramid], quad: Quad, frames: Range<usize>) -> Self {
         let brightest = frames.clone().map(|t| pyramids[t].flux(quad).luminance).fold(0.0, f64::max);
         Self { quad, frames, importance: brightest * quad.solid_angle().powf(SOLID_ANGLE_EXPONENT) }
     }
 
-    fn flux(&self, pyramids: &[Pyramid]) -> Flux {
+    fn flux(&self, pyramids: &[FluxPyramid]) -> Flux {
         self.frames.clone().fold(Flux::default(), |sum, t| sum + *pyramids[t].flux(self.quad))
     }
 
-    /// Returns the number of lights, summed over the frames of the box.
-    fn lights(&self, pyramids: &[Pyramid]) -> usize {
+    /// Returns the number of lights of the box, summed over its frames.
+    fn lights(&self, pyramids: &[FluxPyramid]) -> usize {
         self.frames.clone().filter(|&t| pyramids[t].flux(self.quad).luminance > 0.0).count()
     }
 
-    /// Returns the two intervals of a box whose energy varies, cut where the sum of squared deviations from the two means is least.
-    fn in_time(&self, pyramids: &[Pyramid]) -> Option<[Self; 2]> {
+    /// Returns the box in two intervals, cut where the sum of squared deviations of the energy from the two means is least; `None` if the energy
+    /// varies by less than [`RESTLESS`].
+    fn in_time(&self, pyramids: &[FluxPyramid]) -> Option<[Self; 2]> {
         let energy: Vec<f64> = self.frames.clone().map(|t| pyramids[t].flux(self.quad).luminance).collect();
         let (sum, brightest) = (energy.iter().sum::<f64>(), energy.iter().copied().fold(0.0, f64::max));
         let count = energy.len() as f64;
         if brightest * count <= (1.0 + RESTLESS) * sum {
             return None;
         }
-        // The least sum of squares within parts is the greatest between parts: sum^2 / count of both parts.
+        // The sum of squared deviations is least where sum^2 / count, summed over the two parts, is greatest.
         let (mut before, mut best) = (0.0, (f64::NEG_INFINITY, 0));
         for at in 1..energy.len() {
             before += energy[at - 1];
@@ -144,8 +145,8 @@ impl Leaf {
         (best.1 > 0).then(|| [part(self.frames.start..at), part(at..self.frames.end)])
     }
 
-    /// Returns the quarters of the quad that are not black.
-    fn in_space(&self, pyramids: &[Pyramid]) -> Vec<Self> {
+    /// Returns the boxes of the quad's children that are not black; an empty list for the finest quads.
+    fn in_space(&self, pyramids: &[FluxPyramid]) -> Vec<Self> {
         if self.quad.level > FINEST {
             return Vec::new();
         }
@@ -175,8 +176,8 @@ impl Ord for Leaf {
     }
 }
 
-/// Splits best-first until no split fits the budget.
-fn split(pyramids: &[Pyramid], lights: usize) -> Vec<Leaf> {
+/// Splits the box of greatest importance until no split fits the budget; returns the boxes.
+fn split(pyramids: &[FluxPyramid], lights: usize) -> Vec<Leaf> {
     let whole = Leaf::new(pyramids, Quad { level: 0, ipix: 0 }, 0..pyramids.len());
     if whole.importance == 0.0 || lights == 0 {
         return Vec::new();

@@ -1,6 +1,6 @@
 //! Transfer functions of photographs.
 
-/// A transfer function from codes to relative exposure.
+/// A transfer function from codes to relative exposure, both 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Transfer {
     Linear,
@@ -8,7 +8,7 @@ pub(super) enum Transfer {
 }
 
 impl Transfer {
-    /// Name of the model in a `[response]` table.
+    /// Returns the name of the model in a `[response]` table.
     pub fn name(self) -> &'static str {
         match self {
             Self::Linear => "linear",

@@ -1,4 +1,4 @@
-//! `hemilux-sim import`: converts bracketed photographs to a recorded burst by their EXIF data.
+//! `hemilux-sim import`: converts bracketed photographs with EXIF data to a recorded burst.
 
 mod function;
 mod photo;
@@ -20,16 +20,16 @@ pub struct ImportJob {
     pub lens: PathBuf,
     /// Paths of the photographs, in any order.
     pub photos: Vec<PathBuf>,
-    /// Folder for the burst; it is created if it does not exist.
+    /// Path of the folder for the burst; it is created if it does not exist.
     pub out: PathBuf,
-    /// Whether stated colour spaces of the photographs are ignored.
+    /// Whether the colour spaces that the photographs state are ignored.
     pub ignores_profile: bool,
 }
 
-/// Copies the photographs into a folder and writes its `burst.toml`.
+/// Copies the photographs into the folder `job.out` and writes its `burst.toml`.
 ///
 /// # Errors
-/// [`SimError`]: photographs that state no exposure time, or that differ in camera, lens or size.
+/// [`SimError`] for photographs that state no exposure time, or that differ in camera, lens or size, or if a file cannot be read or written.
 pub fn run(job: &ImportJob) -> Result<(), SimError> {
     let text = describe(&job.lens, &job.photos, job.ignores_profile)?;
     let writable = |e: std::io::Error| SimError::at(&job.out, e, "a folder that can be written");
@@ -45,7 +45,7 @@ pub fn run(job: &ImportJob) -> Result<(), SimError> {
     output::save(&job.out.join("burst.toml"), text.as_bytes())
 }
 
-/// Returns the photographs of a folder in name order.
+/// Returns the paths of the photographs of a folder in name order; of a photograph as JPEG and in another format, the JPEG file alone.
 ///
 /// # Errors
 /// [`SimError`] for a folder that cannot be read.
@@ -59,7 +59,7 @@ pub fn list(folder: &Path) -> Result<Vec<PathBuf>, SimError> {
     };
     let mut photos: Vec<_> = entries.filter_map(|entry| Some(entry.ok()?.path())).filter(is_photo).collect();
     photos.sort();
-    // Cameras that write raw files write each photograph twice.
+    // Cameras write each photograph as a raw file and as a JPEG file.
     let jpegs: Vec<_> =
         photos.iter().filter(|path| is_jpeg(path)).map(|path| path.with_extension("")).collect();
     photos.retain(|path| is_jpeg(path) || !jpegs.contains(&path.with_extension("")));
@@ -70,10 +70,11 @@ fn is_jpeg(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("jpg") || e.eq_ignore_ascii_case("jpeg"))
 }
 
-/// Returns the text of a `burst.toml` for photographs; prints the photographs and their EXIF data on standard error.
+/// Returns the text of a `burst.toml` for photographs of a camera with the lens file `lens`; prints the photographs and their EXIF data on standard
+/// error.
 ///
 /// # Errors
-/// [`SimError`] as for [`run`].
+/// [`SimError`] for photographs that state no exposure time, or that differ in camera, lens or size, or if a file cannot be read.
 pub fn describe(lens: &Path, paths: &[PathBuf], ignores_profile: bool) -> Result<String, SimError> {
     let path = lens;
     let lens = recorded::read_lens(path)?;
@@ -84,11 +85,11 @@ pub fn describe(lens: &Path, paths: &[PathBuf], ignores_profile: bool) -> Result
     paths.iter().try_for_each(|photo| check_size(photo, path, lens.size))?;
     photos.sort_by(|a, b| a.light().total_cmp(&b.light()));
     let response = response(&lens, &photos)?;
-    tell(&photos, &response);
+    print(&photos, &response);
     Ok(manifest(&lens, response, &photos).to_string())
 }
 
-/// Refuses photographs that cannot belong to one burst.
+/// Refuses photographs that cannot belong to one burst: too many, of different camera settings, or with equal file names.
 fn check(photos: &[Photo]) -> Result<(), SimError> {
     if !(1..=MAX_EXPOSURES).contains(&photos.len()) {
         return Err(SimError::Usage(format!("PHOTO: found {}, expected 1 to {MAX_EXPOSURES}", photos.len())));
@@ -105,7 +106,7 @@ fn check(photos: &[Photo]) -> Result<(), SimError> {
         if photos[..index].iter().any(|other| other.file() == photo.file()) {
             return Err(SimError::at(
                 &photo.path,
-                "a second photograph of this name",
+                "a second photograph with this file name",
                 "different file names",
             ));
         }
@@ -113,7 +114,7 @@ fn check(photos: &[Photo]) -> Result<(), SimError> {
     Ok(())
 }
 
-/// Refuses a photograph of another size than the pictures that the lens was calibrated with.
+/// Refuses a photograph whose columns and rows differ from `expected`, the size in the lens file `lens`.
 fn check_size(photo: &Path, lens: &Path, expected: [u32; 2]) -> Result<(), SimError> {
     let [width, height] = recorded::image_size(photo)?;
     if [width, height] == expected {
@@ -127,7 +128,7 @@ fn check_size(photo: &Path, lens: &Path, expected: [u32; 2]) -> Result<(), SimEr
     ))
 }
 
-/// Returns the `[response]` table: that of the lens file, else the transfer function that the photographs state.
+/// Returns the `[response]` table of the lens file, or without one a table with the transfer function that the photographs state.
 fn response(lens: &LensFile, photos: &[Photo]) -> Result<Table, SimError> {
     if let Some(table) = &lens.response_table {
         return Ok(table.clone());
@@ -140,13 +141,13 @@ fn response(lens: &LensFile, photos: &[Photo]) -> Result<Table, SimError> {
     Ok(Table::from_iter([("model".to_string(), Value::from(first.name()))]))
 }
 
-/// Prints the photographs and their EXIF data.
-fn tell(photos: &[Photo], response: &Table) {
+/// Prints the photographs and their EXIF data on standard error.
+fn print(photos: &[Photo], response: &Table) {
     eprintln!("hemilux-sim: {} photographs, response {}", photos.len(), response["model"]);
     eprintln!("    {:<24}{:>12}{:>8}{:>8}{:>12}  camera", "file", "exposure s", "ISO", "f/", "light");
     let shown = |v: Option<f64>| v.map_or_else(|| "-".into(), |v| format!("{v}"));
     for p in photos {
-        let camera = p.same.first().map(photo::Same::shown).unwrap_or_default();
+        let camera = p.same.first().map(photo::CommonField::shown).unwrap_or_default();
         let light = p.light() / photos[0].light();
         eprintln!(
             "    {:<24}{:>12.6}{:>8}{:>8}{:>12.3}  {camera}",

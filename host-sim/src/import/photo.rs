@@ -1,4 +1,4 @@
-//! The EXIF data of one photograph that determine its exposure.
+//! Reader of the EXIF data that determine the exposure of a photograph.
 
 use super::function::Transfer;
 use super::transfer;
@@ -9,27 +9,29 @@ use std::path::{Path, PathBuf};
 
 const EXPECTED: &str = "a JPEG or PNG photograph with EXIF data";
 
-/// EXIF data of a photograph.
+/// Exposure, transfer function and camera settings of a photograph, from its EXIF data.
 pub(super) struct Photo {
     pub path: PathBuf,
     /// Exposure time, seconds.
     pub seconds: f64,
+    /// ISO sensitivity, if stated.
     pub iso: Option<f64>,
     /// Aperture as f-number, if stated.
     pub aperture: Option<f64>,
     pub transfer: Transfer,
-    /// EXIF fields that must be the same in all photographs of a burst.
-    pub same: Vec<Same>,
+    /// EXIF fields whose values must be equal in all photographs of a burst.
+    pub same: Vec<CommonField>,
 }
 
-/// An EXIF field that must be the same in all photographs of a burst.
+/// An EXIF field whose value must be equal in all photographs of a burst.
 #[derive(PartialEq)]
-pub(super) struct Same {
+pub(super) struct CommonField {
     pub name: &'static str,
     pub value: Option<String>,
 }
 
-impl Same {
+impl CommonField {
+    /// Returns the value, or "none".
     pub fn shown(&self) -> String {
         self.value.clone().unwrap_or_else(|| "none".into())
     }
@@ -62,16 +64,16 @@ impl Photo {
         }
         let text = |tag| exif.get_field(tag, In::PRIMARY).map(|f| f.display_value().to_string());
         let iso = sensitivity(&exif).map_err(|found| SimError::at(path, found, "an ISO sensitivity"))?;
-        let stated = |name, is: bool| Same { name, value: is.then(|| "stated".into()) };
+        let stated = |name, is: bool| CommonField { name, value: is.then(|| "stated".into()) };
         let camera = [Tag::Make, Tag::Model].into_iter().filter_map(text).collect::<Vec<_>>().join(" ");
         let same = vec![
-            Same { name: "the camera", value: Some(camera).filter(|c| !c.is_empty()) },
-            Same { name: "the lens", value: text(Tag::LensModel) },
-            Same { name: "the focal length", value: text(Tag::FocalLength) },
-            Same { name: "the white balance", value: text(Tag::WhiteBalance) },
-            Same { name: "the light source", value: text(Tag::LightSource) },
-            Same { name: "the flash", value: text(Tag::Flash) },
-            Same { name: "the digital zoom", value: text(Tag::DigitalZoomRatio) },
+            CommonField { name: "the camera", value: Some(camera).filter(|c| !c.is_empty()) },
+            CommonField { name: "the lens", value: text(Tag::LensModel) },
+            CommonField { name: "the focal length", value: text(Tag::FocalLength) },
+            CommonField { name: "the white balance", value: text(Tag::WhiteBalance) },
+            CommonField { name: "the light source", value: text(Tag::LightSource) },
+            CommonField { name: "the flash", value: text(Tag::Flash) },
+            CommonField { name: "the digital zoom", value: text(Tag::DigitalZoomRatio) },
             stated("the ISO sensitivity", iso.is_some()),
             stated("the f-number", aperture.is_some()),
         ];
@@ -83,18 +85,18 @@ impl Photo {
         self.path.file_name().unwrap_or_default().to_string_lossy().into_owned()
     }
 
-    /// Returns the sensitivity divided by the square of the f-number; values that are not stated count as 100 and 1.
+    /// Returns the gain: the ISO sensitivity over 100, divided by the square of the f-number; without a stated value, 100 and 1 are used.
     pub fn gain(&self) -> f64 {
         self.iso.unwrap_or(100.0) / 100.0 / self.aperture.unwrap_or(1.0).powi(2)
     }
 
-    /// Returns the relative exposure of a given radiance.
+    /// Returns the exposure: the exposure time in seconds times the gain.
     pub fn light(&self) -> f64 {
         self.seconds * self.gain()
     }
 }
 
-/// Returns the ISO sensitivity. The 16-bit field of EXIF holds 65535 for larger values, which are stated in other fields.
+/// Returns the ISO sensitivity. The 16-bit field of EXIF contains 65535 for larger values, which other fields contain.
 fn sensitivity(exif: &Exif) -> Result<Option<f64>, String> {
     let positive = |tag| number(exif, tag).filter(|v| *v > 0.0);
     let iso = positive(Tag::PhotographicSensitivity);
@@ -108,7 +110,7 @@ fn sensitivity(exif: &Exif) -> Result<Option<f64>, String> {
         .ok_or_else(|| "PhotographicSensitivity 65535 without a field for the larger number".into())
 }
 
-/// Returns a stated colour space other than sRGB. Cameras state Adobe RGB by the interoperability index R03, some by ColorSpace 2.
+/// Returns the name of a stated colour space other than sRGB. Cameras state Adobe RGB by the interoperability index R03, some by ColorSpace 2.
 fn other_colour_space(exif: &Exif) -> Option<String> {
     let index =
         exif.get_field(Tag::InteroperabilityIndex, In::PRIMARY).map(|f| f.display_value().to_string());
@@ -116,13 +118,13 @@ fn other_colour_space(exif: &Exif) -> Option<String> {
     is_adobe.then(|| "the EXIF colour space Adobe RGB".into())
 }
 
-/// Two to the power of a field's APEX value: the reciprocal of an exposure time in seconds, or the square of an f-number.
+/// Returns two to the power of a field's APEX value: the reciprocal of an exposure time in seconds, or the square of an f-number.
 fn apex(exif: &Exif, tag: Tag) -> Result<Option<f64>, String> {
     let Some(value) = number(exif, tag) else { return Ok(None) };
     if value.abs() > 64.0 { Err(format!("{tag} {value}")) } else { Ok(Some(value.exp2())) }
 }
 
-/// Returns the first number of a field.
+/// Returns the first number of a field; `None` if the field is missing or not finite.
 fn number(exif: &Exif, tag: Tag) -> Option<f64> {
     let value = match &exif.get_field(tag, In::PRIMARY)?.value {
         Value::Rational(v) => v.first()?.to_f64(),

@@ -1,22 +1,22 @@
-//! The transfer function of an ICC profile with the primaries of Rec. 709.
+//! Reader of the transfer function of an ICC profile with the primaries of Rec. 709.
 
 use super::function::Transfer;
 use moxcms::{ColorProfile, DataColorSpace, ProfileText, ToneReprCurve, Xyzd};
 
-/// Colorants of Rec. 709 adapted to D50, as sRGB profiles hold them: XYZ of red, green and blue.
+/// Colorants of Rec. 709 adapted to D50, as in sRGB profiles: XYZ of red, green and blue.
 const REC_709: [[f64; 3]; 3] = [[0.4360, 0.2225, 0.0139], [0.3851, 0.7169, 0.0971], [0.1431, 0.0606, 0.7139]];
 
-/// Largest difference of a colorant: rounding to 16 bits and other adaptations of white give less, Display P3 differs by 0.08.
+/// Largest accepted difference of a colorant from [`REC_709`]: rounding to 16 bits and other adaptations of white cause less, Display P3 differs by
+/// 0.08.
 const COLORANT_TOLERANCE: f64 = 0.01;
 
-/// Largest difference of a transfer function; sRGB and a power of 2.2 differ by 0.0083.
+/// Largest accepted difference of a relative exposure from a known transfer function; sRGB and a power of 2.2 differ by 0.0083.
 const CURVE_TOLERANCE: f64 = 0.004;
 
 /// Returns the transfer function of a profile.
 ///
 /// # Errors
-/// The colour space of the profile, if it is no matrix profile, has other primaries, or a transfer function that is neither linear nor
-/// sRGB.
+/// Text with the name of the profile, if it is no matrix profile, has other primaries, or has a transfer function that is neither linear nor sRGB.
 pub(super) fn transfer(icc: &[u8]) -> Result<Transfer, String> {
     let profile =
         ColorProfile::new_from_slice(icc).map_err(|e| format!("an ICC profile that is broken ({e})"))?;

@@ -1,8 +1,8 @@
-//! The transfer function of a photograph, which must have the primaries of Rec. 709.
+//! Reader of the transfer function of a photograph, which must have the primaries of Rec. 709.
 //!
-//! In PNG files, cICP has precedence, then the ICC profile, then sRGB, then cHRM with gAMA of 1 (linear) or 1/2.2 (sRGB); in JPEG files,
-//! the ICC profile counts. Other primaries and transfer functions are refused. A PNG file without such a statement holds sRGB with 8 bits
-//! and linear samples with 16 bits; a JPEG file without one holds sRGB. PGM and PPM files are linear, as raw converters write them.
+//! In PNG files, cICP has precedence, then the ICC profile, then sRGB, then cHRM with gAMA of 1 (linear) or 1/2.2 (sRGB); in JPEG files, the ICC
+//! profile is read. Other primaries and transfer functions are refused. Files that state no colour space are read as sRGB (JPEG, PNG of 8 bits)
+//! or as linear (PNG of 16 bits, PGM, PPM), as raw converters write them.
 
 use super::function::Transfer;
 use super::profile;
@@ -11,31 +11,32 @@ use image::{ImageDecoder, ImageReader, Limits};
 use std::io::Read;
 use std::path::Path;
 
-/// Largest number of bytes in front of a PNG file's pixels that are searched for statements.
+/// Size of the part of a PNG file in which chunks in front of the pixels are searched, bytes.
 const MAX_HEADER: u64 = 1 << 20;
 
-/// Most bytes of memory for a decompressed colour profile.
+/// Largest size of the memory for a decompressed colour profile, bytes.
 const PROFILE_BYTES: u64 = 1 << 24;
 
-pub(super) const EXPECTED: &str = "linear or sRGB samples with the primaries of Rec. 709 (convert the photographs to sRGB, or --ignore-profile)";
+/// Expected value of an error about a colour space.
+pub(super) const EXPECTED: &str = "linear or sRGB samples with the primaries of Rec. 709 (convert the photographs to sRGB, or use --ignore-profile)";
 
-/// Reads the transfer function that a file states; with `ignores_profile`, the file's statements are ignored.
+/// Returns the transfer function that a file states; with `ignores_profile`, the usual function of the file's format.
 pub(super) fn read(path: &Path, ignores_profile: bool) -> Result<Transfer, SimError> {
     let mut begin = Vec::new();
     let file = std::fs::File::open(path).and_then(|f| f.take(MAX_HEADER).read_to_end(&mut begin));
     file.map_err(|e| SimError::at(path, e, "a photograph that can be read"))?;
     let is_png = begin.starts_with(b"\x89PNG");
-    let silent = match begin.as_slice() {
+    let usual = match begin.as_slice() {
         [b'P', b'2'..=b'7', ..] => Transfer::Linear,
         // Bit depth in the image header.
         _ if is_png && begin.get(24) == Some(&16) => Transfer::Linear,
         _ => Transfer::Srgb,
     };
     if ignores_profile {
-        return Ok(silent);
+        return Ok(usual);
     }
     let stated = if is_png { of_png(path, &begin) } else { of_profile(path) };
-    Ok(stated.map_err(|found| SimError::at(path, found, EXPECTED))?.unwrap_or(silent))
+    Ok(stated.map_err(|found| SimError::at(path, found, EXPECTED))?.unwrap_or(usual))
 }
 
 /// Returns the transfer function of a file's ICC profile; `None` without a profile.
@@ -52,6 +53,7 @@ fn of_profile(path: &Path) -> Result<Option<Transfer>, String> {
     icc.map(|icc| profile::transfer(&icc)).transpose()
 }
 
+/// Returns the transfer function that the chunks of a PNG file state; `None` if they state none.
 fn of_png(path: &Path, begin: &[u8]) -> Result<Option<Transfer>, String> {
     let find = |kind: &[u8; 4]| chunks(begin).find(|c| c.kind == *kind).map(|c| c.data);
     match find(b"cICP") {
@@ -79,13 +81,14 @@ fn of_png(path: &Path, begin: &[u8]) -> Result<Option<Transfer>, String> {
     }
 }
 
-/// Returns whether a cHRM chunk states the white and the primaries of Rec. 709.
+/// Returns whether the data of a cHRM chunk are the white point and the primaries of Rec. 709.
 fn is_rec_709(chromaticities: &[u8]) -> bool {
     const REC_709: [u32; 8] = [31_270, 32_900, 64_000, 33_000, 30_000, 60_000, 15_000, 6_000];
     let found = hundred_thousandths(chromaticities);
     found.len() == REC_709.len() && found.iter().zip(REC_709).all(|(a, b)| a.abs_diff(b) <= 100)
 }
 
+/// Returns the numbers of a gAMA or cHRM chunk, in units of 1/100,000.
 fn hundred_thousandths(data: &[u8]) -> Vec<u32> {
     data.as_chunks().0.iter().map(|bytes| u32::from_be_bytes(*bytes)).collect()
 }
@@ -112,13 +115,13 @@ fn chunks(bytes: &[u8]) -> impl Iterator<Item = Chunk<'_>> {
 mod tests {
     use super::*;
 
-    /// CRC-32 of PNG chunks.
+    /// Returns the CRC-32 of a PNG chunk.
     fn crc(bytes: &[u8]) -> u32 {
         let step = |crc: u32, bit: u32| if crc & 1 == bit { crc >> 1 } else { crc >> 1 ^ 0xedb8_8320 };
         !bytes.iter().fold(!0, |crc, byte| (0..8).fold(crc ^ u32::from(*byte), |crc, _| step(crc, 0)))
     }
 
-    /// A PNG file of 8 or 16 bits with `chunks` after its header.
+    /// Returns a PNG file of 8 or, with `deep`, 16 bits, with `chunks` after its header.
     fn png(deep: bool, chunks: &[(&[u8; 4], &[u8])]) -> tempfile::NamedTempFile {
         let mut bytes = std::io::Cursor::new(Vec::new());
         let image = image::DynamicImage::new(
@@ -142,7 +145,7 @@ mod tests {
         read(png(deep, chunks).path(), false).map_err(|e| e.to_string())
     }
 
-    /// The value of a gAMA or cHRM chunk.
+    /// Returns the data of a gAMA or cHRM chunk with these numbers.
     fn values(values: &[u32]) -> Vec<u8> {
         values.iter().flat_map(|v| v.to_be_bytes()).collect()
     }
@@ -175,8 +178,8 @@ mod tests {
             ((b"gAMA", &values(&[55_556])), "gAMA [55556]"),
             ((b"cHRM", &p3), "cHRM with the chromaticities"),
         ] {
-            let told = found(false, &[chunk]).expect_err("another colour space");
-            assert!(told.contains(part) && told.lines().count() == 1, "{part}: {told}");
+            let error = found(false, &[chunk]).expect_err("another colour space");
+            assert!(error.contains(part) && error.lines().count() == 1, "{part}: {error}");
         }
     }
 }

@@ -1,8 +1,8 @@
-//! A font of 3 x 5 dots for labels: capitals, digits and a few signs.
+//! Font of 3 x 5 dots for the labels of pictures: capital letters, digits and a few signs.
 
 use image::{Rgb, RgbImage};
 
-/// Glyphs of five rows of three dots; a row is an octal digit, whose bit 4 is the left dot.
+/// Characters and glyphs of five rows of three dots, top row first; a row is an octal digit, in which 4 is the left dot.
 const GLYPHS: [(char, u16); 42] = [
     ('A', 0o25755),
     ('B', 0o65656),
@@ -48,7 +48,7 @@ const GLYPHS: [(char, u16); 42] = [
     (',', 0o00024),
 ];
 
-/// Writes capitals at (x, y) with dots of `scale` pixels; characters that the font lacks become gaps.
+/// Draws `text` with its upper left corner at (x, y) and dots of `scale` pixels; characters that the font lacks become gaps.
 pub fn write(picture: &mut RgbImage, text: &str, [x, y]: [u32; 2], scale: u32, colour: [u8; 3]) {
     for (k, letter) in text.chars().enumerate() {
         let Some((_, glyph)) = GLYPHS.iter().find(|(c, _)| *c == letter) else { continue };

@@ -1,8 +1,8 @@
-//! `hemilux-sim render`: renders a scene under a map and under a light set, with their difference.
+//! `hemilux-sim render`: renders a scene under a map and under a light set, and the difference between the renderings.
 //!
 //! The scene is a ground plane, a glossy sphere, a box and a torus with direct lighting (no light between surfaces) and hard shadow rays.
-//! The map is rendered as a dense set of directional lights, which serves as the reference: its texels if they are few, else the 3,072
-//! quads of HEALPix order 4, each from its energy centroid.
+//! The reference is the rendering under a dense set of directional lights for the map: one for each lit texel of a small map, or one for each of
+//! the 3,072 quads of HEALPix order 4, in the direction of the quad's energy centroid.
 
 mod letters;
 mod over;
@@ -23,18 +23,18 @@ use crate::progress;
 use crate::score::read_set;
 use hemilux::maps::ReadOptions;
 use hemilux_core::healpix;
-use scene::{Camera, Scene};
+use scene::{PinholeCamera, Scene};
 use shade::Directional;
 use std::f64::consts::PI;
 use std::path::PathBuf;
 
 /// Width and height of a panel, pixels.
 const PANEL: [usize; 2] = [640, 420];
-/// Largest number of lit texels that are rendered with one light each; larger maps are reduced to quads.
+/// Largest number of lit texels that become one light each; maps with more lit texels become one light per quad.
 const TEXELS: usize = 4096;
-/// Order of the quads to which larger maps are reduced: 3,072 quads of 3.7 degrees.
+/// HEALPix order of the quads that become one light each: 3,072 quads of 3.7 degrees.
 const ORDER: u8 = 4;
-/// Number of directions by which ambient light is approximated.
+/// Number of directional lights that approximate ambient light.
 const AMBIENT: usize = 512;
 
 /// Arguments of `render`.
@@ -44,15 +44,15 @@ pub struct RenderJob {
     pub env: PathBuf,
     /// Options for reading the map.
     pub options: ReadOptions,
-    /// Path of the light set, JSON.
+    /// Path of the light set, a JSON file.
     pub set: PathBuf,
-    /// Path of the picture.
+    /// Path of the written picture, PNG or JPEG.
     pub out: PathBuf,
-    /// Path of a photograph into which the objects are inserted.
+    /// Path of a photograph into which the objects are inserted; `None` for a comparison of map and light set.
     pub over: Option<PathBuf>,
 }
 
-/// Renders the scene and writes the picture.
+/// Renders the scene and writes the picture `job.out`.
 ///
 /// # Errors
 /// [`SimError`] if an input cannot be read or the picture cannot be written.
@@ -67,11 +67,11 @@ pub fn run(job: &RenderJob) -> Result<(), SimError> {
     output::save_picture(&job.out, &picture)
 }
 
-/// Returns the reference, the light set's rendering and the difference, with labels.
+/// Returns a picture of three labelled panels: the reference, the rendering under the light set, and the difference.
 fn side_by_side(env: &EnvMap, made: &[Directional], lights: usize) -> image::RgbImage {
     let truth = of_map(env);
     let scene = Scene::STANDARD;
-    let camera = Camera::new(PANEL);
+    let camera = PinholeCamera::new(PANEL);
     let reference = shoot(&scene, &camera, &truth, env, "reference");
     let found = shoot(&scene, &camera, made, env, "light set");
     let labels = [
@@ -82,18 +82,24 @@ fn side_by_side(env: &EnvMap, made: &[Directional], lights: usize) -> image::Rgb
     picture::panels(&reference, &found, labels)
 }
 
-/// One rendered panel.
+/// Radiance of one rendered panel.
 pub struct Shot {
-    /// Columns and rows.
+    /// Columns and rows, pixels.
     pub size: [usize; 2],
-    /// Radiance, row-major.
+    /// Radiance (red, green, blue) of each pixel, row-major.
     pub radiance: Vec<[f64; 3]>,
-    /// Whether a pixel shows a surface of the scene; otherwise it shows the map.
+    /// Whether each pixel shows a surface of the scene; the other pixels show the map.
     pub surface: Vec<bool>,
 }
 
-/// Renders one panel with its rows distributed over all cores; pixels without a surface show the map.
-fn shoot(scene: &Scene, camera: &Camera, lights: &[Directional], env: &EnvMap, what: &'static str) -> Shot {
+/// Renders one panel, with its rows distributed over all cores; pixels without a surface show the map. `what` is the label of the progress bar.
+fn shoot(
+    scene: &Scene,
+    camera: &PinholeCamera,
+    lights: &[Directional],
+    env: &EnvMap,
+    what: &'static str,
+) -> Shot {
     let [width, height] = camera.size;
     let bar = progress::bar(what, height);
     let rows = progress::on_all_cores(height, |row| {
@@ -138,7 +144,7 @@ fn of_map(env: &EnvMap) -> Vec<Directional> {
     quads.map(light).collect()
 }
 
-/// Converts a light set to directional lights; its ambient light becomes many dim ones.
+/// Converts a light set to directional lights; ambient light becomes [`AMBIENT`] directional lights.
 fn of_set(set: &LitSet) -> Vec<Directional> {
     let lights = set.lights.iter().map(|l| Directional { direction: l.direction, irradiance: l.irradiance });
     let ambient = set.ambient_sh.iter().flat_map(|rows| {

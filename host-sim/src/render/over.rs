@@ -1,10 +1,11 @@
-//! Differential rendering [Debevec1998]: the objects inserted into a photograph.
+//! Differential rendering [Debevec1998]: inserts the objects of the scene into a photograph.
 //!
-//! Pixels of objects show the rendering; to other pixels of the photograph the effect of the objects is added, the scene minus the scene
-//! without objects. Since the albedo of the ground is unknown, the rendered empty ground is scaled to the photograph's mean on it.
+//! Pixels of objects show the rendering; to the other pixels of the photograph the difference between the renderings with and without objects is
+//! added. Since the albedo of the photograph's ground is unknown, the renderings are scaled so that the empty ground has the photograph's mean
+//! luminance.
 
 use super::picture;
-use super::scene::{Camera, Scene};
+use super::scene::{PinholeCamera, Scene};
 use super::shade::{self, Directional};
 use crate::error::SimError;
 use crate::metrics::luminance;
@@ -12,15 +13,15 @@ use crate::progress;
 use image::RgbImage;
 use std::path::Path;
 
-/// Largest number of columns and of rows to which a photograph is reduced.
+/// Largest side of the composite, pixels; larger photographs are reduced to it.
 const LARGEST: u32 = 1600;
-/// Largest side of a photograph, pixels.
+/// Largest accepted side of a photograph, pixels.
 const LIMIT: u32 = 20_000;
 
-/// Reads a photograph.
+/// Reads the photograph `path`; a photograph with a side of more than 1,600 pixels is reduced.
 ///
 /// # Errors
-/// [`SimError`] naming the file.
+/// [`SimError`] with the path if the photograph cannot be read or is too large.
 pub fn read(path: &Path) -> Result<RgbImage, SimError> {
     let refused = |e: &dyn std::fmt::Display| {
         let line = e.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
@@ -38,29 +39,29 @@ pub fn read(path: &Path) -> Result<RgbImage, SimError> {
     Ok(photo.into_rgb8())
 }
 
-/// One pixel of the composite.
-struct Pixel {
+/// One pixel of the renderings with and without objects.
+struct CompositePixel {
     with: [f64; 3],
     without: [f64; 3],
     /// Whether the pixel shows an object.
     object: bool,
-    /// Whether the pixel shows the ground, or the ground is behind the object.
+    /// Whether the pixel shows the ground, or an object in front of the ground.
     ground: bool,
 }
 
-/// Returns the photograph with the objects inserted.
+/// Returns `photo` with the objects under `lights` inserted.
 #[must_use]
 pub fn composite(photo: &RgbImage, lights: &[Directional]) -> RgbImage {
-    let camera = Camera::new([photo.width() as usize, photo.height() as usize]);
+    let camera = PinholeCamera::new([photo.width() as usize, photo.height() as usize]);
     let bar = progress::bar("composite", camera.size[1]);
     let rows = progress::on_all_cores(camera.size[1], |row| {
-        let pixels: Vec<Pixel> =
+        let pixels: Vec<CompositePixel> =
             (0..camera.size[0]).map(|column| trace(&camera, column, row, lights)).collect();
         bar.inc(1);
         pixels
     });
     bar.finish_and_clear();
-    let pixels: Vec<Pixel> = rows.into_iter().flatten().collect();
+    let pixels: Vec<CompositePixel> = rows.into_iter().flatten().collect();
     let linear: Vec<[f64; 3]> = photo.pixels().map(|p| p.0.map(from_srgb)).collect();
     let scale = ground_scale(&pixels, &linear);
     RgbImage::from_fn(photo.width(), photo.height(), |x, y| {
@@ -77,14 +78,14 @@ pub fn composite(photo: &RgbImage, lights: &[Directional]) -> RgbImage {
     })
 }
 
-fn trace(camera: &Camera, column: usize, row: usize, lights: &[Directional]) -> Pixel {
+fn trace(camera: &PinholeCamera, column: usize, row: usize, lights: &[Directional]) -> CompositePixel {
     let ray = camera.ray(column, row);
     let shaded = |scene: &Scene| {
         let hit = scene.hit(&ray)?;
         Some((shade::radiance(scene, &hit, ray.direction, lights), hit.ground))
     };
     let (with, without) = (shaded(&Scene::STANDARD), shaded(&Scene::EMPTY));
-    Pixel {
+    CompositePixel {
         object: with.is_some_and(|(_, ground)| !ground),
         ground: without.is_some(),
         with: with.map_or([0.0; 3], |(rgb, _)| rgb),
@@ -92,8 +93,9 @@ fn trace(camera: &Camera, column: usize, row: usize, lights: &[Directional]) -> 
     }
 }
 
-/// Returns the ratio of the photograph's mean luminance on the ground to that of the rendered empty ground; 1 if the latter is dark.
-fn ground_scale(pixels: &[Pixel], photo: &[[f64; 3]]) -> f64 {
+/// Returns the mean luminance of the photograph on the ground divided by the mean luminance of the rendered empty ground; 1 if the rendered ground
+/// is black.
+fn ground_scale(pixels: &[CompositePixel], photo: &[[f64; 3]]) -> f64 {
     let ground = || pixels.iter().zip(photo).filter(|(p, _)| p.ground && !p.object);
     let rendered: f64 = ground().map(|(p, _)| luminance(p.without)).sum();
     let seen: f64 = ground().map(|(_, rgb)| luminance(*rgb)).sum();

@@ -1,20 +1,20 @@
-//! Conversion of radiance to a labelled picture.
+//! Conversion of rendered radiance to a picture of labelled panels.
 
 use super::{Shot, letters};
 use crate::metrics::luminance;
 use hemilux_core::tonemap::srgb_code;
 use image::{Rgb, RgbImage};
 
-/// Height of the strip with the labels, pixels.
+/// Height of the strip of labels above the panels, pixels.
 const STRIP: usize = 28;
 /// Gap between panels, pixels.
 const GAP: usize = 4;
-/// Display value of the 95th percentile of the surfaces' luminance, as a part of full scale.
+/// Linear display value, 0 to 1, of the 95th percentile of the surfaces' luminance.
 const BRIGHT: f64 = 0.8;
-/// Factor by which the difference is amplified.
+/// Factor by which the third panel amplifies the difference.
 const ENLARGED: f64 = 4.0;
 
-/// Returns the scale from radiance to display values, at which the 95th percentile of the surfaces' luminance is [`BRIGHT`].
+/// Returns the factor from radiance to linear display values, with which the 95th percentile of the surfaces' luminance becomes [`BRIGHT`].
 pub(super) fn exposure(shot: &Shot) -> f64 {
     let surfaces = shot.radiance.iter().zip(&shot.surface).filter(|(_, surface)| **surface);
     let mut values: Vec<f64> = surfaces.map(|(rgb, _)| luminance(*rgb)).collect();
@@ -25,12 +25,13 @@ pub(super) fn exposure(shot: &Shot) -> f64 {
     }
 }
 
-/// Returns the display colour of linear values, 1 being white.
+/// Returns the sRGB colour of linear display values, 0 to 1.
 pub(super) fn display(rgb: [f64; 3]) -> Rgb<u8> {
     Rgb(rgb.map(|v| srgb_code(v as f32)))
 }
 
-/// Returns the RMS of the luminance difference on surfaces over the mean of the reference there; 0 if both are dark.
+/// Returns the RMS luminance difference over the pixels of surfaces, divided by the mean luminance of the reference on surfaces; 0 if both are
+/// black.
 pub(super) fn relative_rms(reference: &Shot, found: &Shot) -> f64 {
     let (mut squares, mut sum, mut count) = (0.0, 0.0, 0.0f64);
     for k in (0..reference.radiance.len()).filter(|&k| reference.surface[k]) {
@@ -42,7 +43,8 @@ pub(super) fn relative_rms(reference: &Shot, found: &Shot) -> f64 {
     crate::metrics::relative((squares / count.max(1.0)).sqrt(), sum / count.max(1.0))
 }
 
-/// Draws the reference, the light set's rendering and the signed difference side by side; the third label is made here.
+/// Returns a picture with the reference, the rendering under the light set and the signed difference side by side; the third label is replaced by
+/// the RMS difference.
 pub(super) fn panels(reference: &Shot, found: &Shot, labels: [String; 3]) -> RgbImage {
     let [width, height] = reference.size;
     let full = ((width + GAP) * 3 - GAP, height + STRIP);

@@ -1,13 +1,13 @@
-//! The scene: ground z = 0, a glossy sphere, a box and a torus in probe axes, z up; lengths have no unit.
+//! Rendered scene: the ground z = 0, a glossy sphere, a box and a torus in probe axes, z up; lengths have no unit.
 
 use crate::metrics::vector::{add_scaled, dot, norm, unit};
 
-/// Offset of a shadow ray's origin from the surface, so that the ray does not hit that surface.
+/// Distance of a shadow ray's origin from its surface, so that the ray does not hit its own surface.
 const OFFSET: f64 = 1e-4;
-/// Steps of sphere tracing after which the torus counts as missed; forty suffice for grazing rays.
+/// Number of steps of sphere tracing after which the torus counts as missed; forty steps suffice for grazing rays.
 const STEPS: usize = 64;
 
-/// A ray with an origin and a direction.
+/// A ray: origin and direction.
 #[derive(Clone, Copy, Debug)]
 pub struct Ray {
     /// Origin of the ray.
@@ -19,7 +19,7 @@ pub struct Ray {
 /// Reflectance of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Material {
-    /// Diffuse albedo.
+    /// Diffuse albedo (red, green, blue), 0 to 1.
     pub albedo: [f64; 3],
     /// Weight and exponent of a Phong lobe.
     pub gloss: Option<(f64, f64)>,
@@ -38,33 +38,36 @@ pub struct Hit {
     pub ground: bool,
 }
 
-/// The scene's ground with or without solids.
+/// The ground, with or without the solids: sphere, box and torus.
 #[derive(Clone, Copy, Debug)]
 pub struct Scene {
     /// Whether the solids are present.
     pub solids: bool,
 }
 
+/// Reflectance of the ground.
 const GROUND: Material = Material { albedo: [0.5, 0.5, 0.5], gloss: None };
 /// Radius of the drawn ground around the centre of the scene.
 const GROUND_RADIUS: f64 = 9.0;
+/// Centre and radius of the sphere.
 const SPHERE: ([f64; 3], f64) = ([-1.75, 0.1, 1.0], 1.0);
 const SPHERE_MATERIAL: Material = Material { albedo: [0.10, 0.10, 0.12], gloss: Some((0.45, 90.0)) };
+/// Least and greatest coordinates of the box.
 const BOX: [[f64; 3]; 2] = [[-0.35, 0.5, 0.0], [0.75, 1.6, 1.7]];
 /// Radius of a sphere that contains the box, whose half diagonal is 1.153.
 const BOX_RADIUS: f64 = 1.16;
 const BOX_MATERIAL: Material = Material { albedo: [0.62, 0.36, 0.24], gloss: None };
-/// Centre, axis, large and small radius of the torus.
+/// Centre, axis, major and minor radius of the torus.
 const TORUS: ([f64; 3], [f64; 3], f64, f64) = ([1.85, -0.35, 0.92], [0.48, -0.6, 0.64], 0.72, 0.27);
 const TORUS_MATERIAL: Material = Material { albedo: [0.28, 0.48, 0.40], gloss: None };
 
 impl Scene {
-    /// The scene with ground, sphere, box and torus.
+    /// Ground, sphere, box and torus.
     pub const STANDARD: Self = Self { solids: true };
-    /// The scene with the ground alone.
+    /// Ground alone.
     pub const EMPTY: Self = Self { solids: false };
 
-    /// Returns the nearest surface on the ray.
+    /// Returns the nearest intersection of the ray with a surface; `None` if the ray hits no surface.
     #[must_use]
     pub fn hit(&self, ray: &Ray) -> Option<Hit> {
         let solids = if self.solids { [sphere(ray), cuboid(ray), torus(ray)] } else { [None; 3] };
@@ -75,7 +78,8 @@ impl Scene {
         Some(Hit { point: along(ray, distance), normal, material, ground })
     }
 
-    /// Returns whether light from the unit vector `d` reaches a point of a surface; the ground hides everything below the horizon.
+    /// Returns whether light from the direction of the unit vector `d` reaches a point of a surface; the ground occludes directions below the
+    /// horizon.
     #[must_use]
     pub fn sees(&self, hit: &Hit, d: [f64; 3]) -> bool {
         if d[2] <= 0.0 {
@@ -102,7 +106,7 @@ fn ground(ray: &Ray) -> Found {
     (distance > 0.0 && x.hypot(y) < GROUND_RADIUS).then_some((distance, [0.0, 0.0, 1.0]))
 }
 
-/// Returns the range of the ray's parameter inside of a sphere.
+/// Returns the distances along the ray at which it enters and leaves a sphere.
 fn ball(ray: &Ray, centre: [f64; 3], radius: f64) -> Option<[f64; 2]> {
     let off: [f64; 3] = std::array::from_fn(|i| ray.origin[i] - centre[i]);
     let along = dot(off, ray.direction);
@@ -117,7 +121,7 @@ fn sphere(ray: &Ray) -> Found {
     (near > 0.0).then(|| (near, std::array::from_fn(|i| (point[i] - centre[i]) / radius)))
 }
 
-/// Intersects an upright box by its slabs, after a test of its bounding sphere, which most shadow rays miss.
+/// Intersects the ray with the box by its slabs, after a test with the box's bounding sphere, which most shadow rays miss.
 fn cuboid(ray: &Ray) -> Found {
     let middle = std::array::from_fn(|i| (BOX[0][i] + BOX[1][i]) / 2.0);
     let [_, leave] = ball(ray, middle, BOX_RADIUS)?;
@@ -138,7 +142,7 @@ fn cuboid(ray: &Ray) -> Found {
     (near < far && near > 0.0).then_some((near, normal))
 }
 
-/// Returns the distance of a point to the torus.
+/// Returns the distance of a point from the surface of the torus, negative inside.
 fn torus_distance(point: [f64; 3]) -> f64 {
     let (centre, axis, large, small) = TORUS;
     let off: [f64; 3] = std::array::from_fn(|i| point[i] - centre[i]);
@@ -148,7 +152,7 @@ fn torus_distance(point: [f64; 3]) -> f64 {
     (norm(flat) - large).hypot(height) - small
 }
 
-/// Intersects the torus by sphere tracing inside of its bounding sphere.
+/// Intersects the ray with the torus by sphere tracing inside of the bounding sphere.
 fn torus(ray: &Ray) -> Found {
     let (centre, _, large, small) = TORUS;
     let [enter, leave] = ball(ray, centre, large + small)?;
@@ -170,7 +174,7 @@ fn torus(ray: &Ray) -> Found {
     None
 }
 
-/// Returns the gradient of the distance, by central differences.
+/// Returns the unit normal of the torus: the gradient of the distance, by central differences.
 fn torus_normal(point: [f64; 3]) -> [f64; 3] {
     let slope = |axis: usize| {
         let shifted = |by: f64| {
@@ -183,9 +187,9 @@ fn torus_normal(point: [f64; 3]) -> [f64; 3] {
     unit([slope(0), slope(1), slope(2)]).unwrap_or([0.0, 0.0, 1.0])
 }
 
-/// A pinhole camera above the scene that is directed downwards.
+/// A pinhole camera above the scene, directed downwards.
 #[derive(Clone, Copy, Debug)]
-pub struct Camera {
+pub struct PinholeCamera {
     /// Columns and rows of the picture.
     pub size: [usize; 2],
     forward: [f64; 3],
@@ -196,10 +200,10 @@ pub struct Camera {
 const EYE: [f64; 3] = [0.1, -6.6, 3.1];
 /// Point at which the camera is directed.
 const TARGET: [f64; 3] = [0.05, 0.0, 0.75];
-/// Half the picture's height at distance 1: a field of view of 37 degrees.
+/// Half the height of the picture at distance 1 from the camera, for a vertical field of view of 37 degrees.
 const HALF_HEIGHT: f64 = 0.335;
 
-impl Camera {
+impl PinholeCamera {
     /// Creates the camera for a picture of `size` pixels, columns and rows.
     #[must_use]
     pub fn new(size: [usize; 2]) -> Self {
@@ -209,7 +213,7 @@ impl Camera {
         Self { size, forward, up: unit(up).unwrap_or([0.0, 0.0, 1.0]) }
     }
 
-    /// Returns the ray through a pixel's centre.
+    /// Returns the ray from the camera through the centre of a pixel.
     #[must_use]
     pub fn ray(&self, column: usize, row: usize) -> Ray {
         let (f, u) = (self.forward, self.up);

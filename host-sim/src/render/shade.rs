@@ -13,9 +13,10 @@ pub struct Directional {
     pub irradiance: [f64; 3],
 }
 
-/// Returns the radiance that leaves `hit` against the unit vector `ray`.
+/// Returns the radiance (red, green, blue) that leaves the point `hit` against the direction `ray`, a unit vector.
 ///
-/// L = sum E (n . l) V (rho / pi + k (s + 2) / (2 pi) (r . l)^s), where r is the mirrored ray.
+/// L = sum E (n . l) V (rho / pi + k (s + 2) / (2 pi) (r . l)^s) over the lights with the irradiance E and the direction l; n is the normal, V the
+/// visibility, rho the albedo, k and s weight and exponent of the gloss, and r the mirrored ray.
 #[must_use]
 pub fn radiance(scene: &Scene, hit: &Hit, ray: [f64; 3], lights: &[Directional]) -> [f64; 3] {
     let mut mirrored = ray;

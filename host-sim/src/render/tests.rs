@@ -1,4 +1,4 @@
-//! Tests of the renderer against closed forms.
+//! Tests of the renderer against closed forms of the radiance.
 
 use super::scene::{Hit, Ray};
 use super::*;
@@ -11,7 +11,7 @@ fn room(width: usize) -> EnvMap {
 
 fn below(x: f64, y: f64) -> Hit {
     let ray = Ray { origin: [x, y, 0.005], direction: [0.0, 0.0, -1.0] };
-    Scene::STANDARD.hit(&ray).expect("the ground is everywhere near the middle")
+    Scene::STANDARD.hit(&ray).expect("the ray hits the ground")
 }
 
 #[test]
@@ -21,10 +21,13 @@ fn one_light_per_texel_renders_like_the_reference() {
     let lights = grid.fluxes(&env).enumerate();
     let lit = |(k, (direction, irradiance))| Lit { direction, irradiance, radius_deg: 0.0, id: k as u32 };
     let set = LitSet::from(lights.map(lit).collect::<Vec<_>>());
-    let camera = Camera::new([24, 16]);
+    let camera = PinholeCamera::new([24, 16]);
     let [a, b] = [of_map(&env), of_set(&set)].map(|l| shoot(&Scene::STANDARD, &camera, &l, &env, "test"));
     assert!(picture::relative_rms(&a, &b) < 1e-12);
-    assert!(a.surface.iter().any(|s| *s) && a.surface.iter().any(|s| !*s), "surfaces and sky are both seen");
+    assert!(
+        a.surface.iter().any(|s| *s) && a.surface.iter().any(|s| !*s),
+        "the picture has surfaces and sky"
+    );
 }
 
 #[test]
@@ -50,7 +53,7 @@ fn the_shadow_of_the_sphere_has_its_analytic_shape() {
         let distance2 = (0..3).map(|i| off[i] * off[i]).sum::<f64>() - along * along;
         let shadow = distance2 < 1.0;
         let hit = below(x, y);
-        // The rim and the shadows of the box and the torus are left out.
+        // Points at the rim of the shadow and in the shadows of the box and the torus are left out.
         if (distance2 - 1.0).abs() > 0.01 && hit.ground && x < -0.6 {
             dark += usize::from(shadow);
             wrong += usize::from(Scene::STANDARD.sees(&hit, l) == shadow);
@@ -87,8 +90,8 @@ fn photographs_change_only_at_objects_and_their_shadows() {
     assert_eq!(over::composite(&photo, &[]).get_pixel(59, 39), photo.get_pixel(59, 39));
     let light = Directional { direction: unit([-0.3, -0.3, 0.9]).unwrap(), irradiance: [3.0; 3] };
     let made = over::composite(&photo, &[light]);
-    assert_eq!(made.get_pixel(0, 0), photo.get_pixel(0, 0), "the sky stays");
-    assert_eq!(made.get_pixel(2, 38), photo.get_pixel(2, 38), "unshadowed ground stays");
+    assert_eq!(made.get_pixel(0, 0), photo.get_pixel(0, 0), "the sky is unchanged");
+    assert_eq!(made.get_pixel(2, 38), photo.get_pixel(2, 38), "unshadowed ground is unchanged");
     assert!(made.pixels().zip(photo.pixels()).filter(|(a, b)| a != b).count() > 200);
 }
 
@@ -120,5 +123,5 @@ fn hostile_inputs_are_refused_in_one_line() {
     }
     job("dark.exr", "set.json", None).unwrap();
     let picture = image::open(path("out.png")).unwrap();
-    assert_eq!((picture.width(), picture.height()), (1928, 448), "a dark map renders too");
+    assert_eq!((picture.width(), picture.height()), (1928, 448), "a black map has a picture");
 }

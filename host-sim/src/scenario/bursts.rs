@@ -1,4 +1,4 @@
-//! Scenarios of bursts: a camera takes bursts of a room whose lamps flicker, and the pipeline of the probe converts them to maps.
+//! Scenarios of bursts: a simulated camera takes bursts of a room whose lamps flicker, and the pipeline of the probe converts the bursts to maps.
 
 use super::Scenario;
 use super::stage::{Stage, WARM, at, energy};
@@ -14,17 +14,17 @@ use hemilux_core::mains::{Lamps, best_rate};
 use hemilux_core::polar::Grid;
 use std::path::Path;
 
-/// Bursts before the first one that counts: the flicker is found and settled.
+/// Number of bursts before the first frame of the scenario; in them the pipeline measures the flicker.
 const BEFORE: usize = 22;
 
-/// A lens of 180 degrees whose pixels are a degree, so that no part of the hemisphere is unseen.
+/// Text of the lens file: an equidistant lens of 180 degrees with pixels of about one degree, so that the whole hemisphere is in the field of view.
 const LENS: &str = "version = 1\n[lens]\nmodel = \"equidistant\"\nsize = [192, 192]\ncentre = [95.5, 95.5]\nfocal = [60.5, 60.5]\nmax_angle_deg = 89.9\n";
 
 /// Time from the readout of one row to the next, seconds.
 const LINE_S: f64 = 30e-6;
 
-/// The room of `stage` with two lamps of waveform `wave`, each as bright as the room, before a camera of at most `most_hz` frames a second.
-/// The camera takes the next lower rate at which the phases of successive bursts differ.
+/// Returns the scenario of the room of `stage` with two lamps of waveform `wave`, each with the energy of the room. The frame rate of the camera is
+/// the largest below `most_hz` at which the phases of successive bursts differ.
 pub(super) fn mains(stage: &Stage, name: &'static str, wave: Wave, most_hz: f64) -> Scenario {
     let world = world(stage, wave);
     let longest = (1.0 / most_hz).min(THESIS_EXPOSURES_S[2]);
@@ -40,7 +40,7 @@ pub(super) fn mains(stage: &Stage, name: &'static str, wave: Wave, most_hz: f64)
 }
 
 fn world(stage: &Stage, wave: Wave) -> World {
-    // Without its own lamp, which is as bright as the darkest of these.
+    // The room is without its own lamp, which has the radiance of the darker of the two lamps.
     let still = EnvMap::new(
         stage.room.width(),
         stage.room.height(),
@@ -56,7 +56,7 @@ fn world(stage: &Stage, wave: Wave) -> World {
     World { still, lit: None, lamps: vec![lamp(35.0, -120.0, 0.0), lamp(50.0, 30.0, 1.0 / 3.0)] }
 }
 
-/// The map with black below the horizon.
+/// Returns the map with black texels below the horizon.
 fn upper(map: &EnvMap) -> EnvMap {
     let half = map.width() * (map.height() / 2);
     let texels = map.texels().iter().enumerate().map(|(k, rgb)| if k < half { *rgb } else { [0.0; 3] });
@@ -67,17 +67,17 @@ fn lens() -> LensFile {
     recorded::parse_lens(Path::new("lens.toml"), LENS).expect("a lens file")
 }
 
-/// The maps of the bursts that count.
+/// Returns the maps that the pipeline computes from the bursts after the first [`BEFORE`].
 fn maps(stage: &Stage, filming: &Filming) -> Vec<EnvMap> {
     let (width, height) = (stage.room.width(), stage.room.height());
     let grid = Grid { width, height: height / 2, domain: Domain::Hemisphere };
     let calibration: Calibration = filming.calibration();
     let settings = Settings { grid, ..Settings::default() };
     let mut pipeline =
-        Pipeline::try_new(calibration, &filming.exposures(), settings).expect("exposures that merge");
+        Pipeline::try_new(calibration, &filming.exposures(), settings).expect("the exposures can be merged");
     let mut seen = Vec::new();
     for burst in 0..BEFORE + stage.frames() {
-        pipeline.process(&filming.burst(burst)).expect("frames of the calibration");
+        pipeline.process(&filming.burst(burst)).expect("the frames fit the calibration");
         if burst >= BEFORE {
             seen.push(radiance(&mut pipeline, grid, height));
         }
@@ -85,7 +85,7 @@ fn maps(stage: &Stage, filming: &Filming) -> Vec<EnvMap> {
     seen
 }
 
-/// The map of the last burst as radiance, black below the horizon.
+/// Returns the radiance of the map of the last burst; texels below the horizon are black.
 fn radiance(pipeline: &mut Pipeline, grid: Grid, height: usize) -> EnvMap {
     let energy = pipeline.map().polar.texels;
     let texels = energy.iter().enumerate().map(|(k, rgb)| {
@@ -102,7 +102,7 @@ mod tests {
     use super::*;
     use crate::scenario::Setting;
 
-    /// The flux of the maps of a burst-level scenario over that of the scene.
+    /// Returns the flux of each map of a scenario of bursts, divided by the flux of the scene.
     fn flux(wave: Wave, most_hz: f64) -> Vec<f64> {
         let stage = Stage::new(&Setting { frames: 12, ..Setting::QUICK });
         let scenario = mains(&stage, "test", wave, most_hz);
@@ -110,13 +110,13 @@ mod tests {
     }
 
     #[test]
-    fn the_flux_of_flickering_lamps_is_that_of_their_mean_at_every_frame_rate() {
+    fn flux_of_flickering_lamps_is_their_mean_flux_at_every_frame_rate() {
         for most_hz in [25.0, 30.0, 60.0] {
             for hz in [100.0, 120.0] {
                 for wave in
                     [Wave::Sine { hz, depth: 0.2 }, Wave::Rectified { hz }, Wave::Sine { hz, depth: 1.0 }]
                 {
-                    // Full depth at 60 Hz settles five bursts, a quarter of a second, after the scenario begins to count.
+                    // Flicker of full depth at 60 Hz is removed five bursts, a quarter of a second, after the scenario begins.
                     let settled =
                         if most_hz > 30.0 && wave == (Wave::Sine { hz, depth: 1.0 }) { 5 } else { 0 };
                     for (t, flux) in flux(wave, most_hz).into_iter().enumerate().skip(settled) {

@@ -1,4 +1,4 @@
-//! Scenarios without motion: switched lamps, mains flicker, noise, faults.
+//! Scenarios without motion: switched lamps, mains flicker, noise, changes of brightness and colour, faults of the exposures.
 
 use super::Scenario;
 use super::stage::{Stage, WARM, at, energy, repainted, with_disc};
@@ -10,7 +10,7 @@ use rand_distr::{Distribution, StandardNormal, Uniform};
 use rand_pcg::Pcg64;
 use std::f64::consts::{PI, TAU};
 
-/// Interval of bursts, seconds: that of a camera at nominally 10 Hz. At exactly 10 Hz both mains flickers would be constant.
+/// Interval of bursts, seconds, of a camera with a nominal rate of 10 Hz. At exactly 10 Hz flicker of 100 and of 120 Hz would be constant.
 const BURST_S: f64 = 0.103;
 /// Interval of the frames of a burst, seconds.
 const FRAME_S: f64 = 1.0 / 30.0;
@@ -21,7 +21,7 @@ fn rng(stage: &Stage, stream: u64) -> Pcg64 {
     Pcg64::seed_from_u64(stage.setting.seed.wrapping_mul(0x9e37_79b9).wrapping_add(stream))
 }
 
-/// A lamp with the energy of the rest of the scene is on from one third to two thirds of the sequence.
+/// Returns the scenario `switch`: a lamp with the energy of the rest of the scene is on from one third to two thirds of the sequence.
 pub(super) fn switch(stage: &Stage) -> Scenario {
     let lamp = Source { direction: at(50.0, 150.0), radius_deg: 4.0 };
     let flux = energy(&stage.room);
@@ -42,8 +42,8 @@ fn mains(mains_hz: f64, start_s: f64, exposure_s: f64) -> f64 {
     1.0 - ((omega * (start_s + exposure_s)).sin() - (omega * start_s).sin()) / (omega * exposure_s)
 }
 
-/// All light of the scene comes from lamps on the mains. The lamp itself is valid in the shortest exposure alone, all other pixels in all
-/// three, whose sums the merge divides. The truth is the mean over time, as perceived by people.
+/// Returns the scenario of a room whose light flickers with twice `mains_hz`. The texels of the ceiling lamp are valid in the shortest exposure
+/// alone, all other texels in three exposures, whose sums the merge divides. The true map is the mean over time, as perceived by people.
 pub(super) fn flicker(stage: &Stage, name: &'static str, mains_hz: f64) -> Scenario {
     let lamp = Source { direction: at(35.0, -120.0), radius_deg: 5.0 };
     let flux = energy(&stage.room);
@@ -60,7 +60,7 @@ pub(super) fn flicker(stage: &Stage, name: &'static str, mains_hz: f64) -> Scena
     Scenario { sources, seen: Some(seen), ..Scenario::of(name, truth) }
 }
 
-/// The scene is static; each texel has independent noise in every frame.
+/// Returns the scenario `noise`: the scene is static, and each texel has independent noise in every frame.
 pub(super) fn noise(stage: &Stage) -> Scenario {
     let mut rng = rng(stage, 1);
     let seen = stage.sequence(|_| noisy(&stage.room, NOISE, &mut rng));
@@ -78,7 +78,7 @@ fn noisy(map: &EnvMap, sigma: f64, rng: &mut Pcg64) -> EnvMap {
     EnvMap::new(map.width(), map.height(), texels.collect())
 }
 
-/// Five by five lamps on the ceiling with equal energies except for drifts of half a per cent.
+/// Returns the scenario `grid-of-lamps`: five by five lamps on the ceiling, whose equal energies drift by half a per cent.
 pub(super) fn grid_of_lamps(stage: &Stage) -> Scenario {
     let mut rng = rng(stage, 2);
     let phase = Uniform::new(0.0, TAU).expect("an interval");
@@ -98,8 +98,8 @@ pub(super) fn grid_of_lamps(stage: &Stage) -> Scenario {
     Scenario { sources, ..Scenario::of("grid-of-lamps", truth) }
 }
 
-/// The light falls to a fiftieth and returns. It does not fall to 0, since errors are relative to the scene: in the first dark frame,
-/// flicker is the bright frame's error over the dark frame's light.
+/// Returns the scenario `dark-and-back`: the light falls to 1/50 and returns. It does not fall to 0, since flicker is relative to the light of its
+/// frame.
 pub(super) fn dark_and_back(stage: &Stage) -> Scenario {
     let dark = repainted(&stage.room, |_, rgb| rgb.map(|v| v * 0.02));
     let (off, on) = (stage.frames() / 3, 2 * stage.frames() / 3);
@@ -107,7 +107,8 @@ pub(super) fn dark_and_back(stage: &Stage) -> Scenario {
     Scenario { changes: vec![off, on], ..Scenario::of("dark-and-back", truth) }
 }
 
-/// From a third of the sequence on every texel holds the clip value of the longest exposure, as in a burst that is overexposed throughout.
+/// Returns the scenario `all-clipped`: from one third of the sequence on every texel has the largest radiance that the longest exposure can measure,
+/// as in a burst whose frames are overexposed.
 pub(super) fn all_clipped(stage: &Stage) -> Scenario {
     let change = stage.frames() / 3;
     let clipped = repainted(&stage.room, |_, _| [4.0; 3]);
@@ -115,7 +116,7 @@ pub(super) fn all_clipped(stage: &Stage) -> Scenario {
     Scenario { changes: vec![change], ..Scenario::of("all-clipped", truth) }
 }
 
-/// The scene is static, and a new random number of lights, from half of N to N, is requested for every frame.
+/// Returns the scenario `n-changes`: the scene is static, and a random number of lights, from N / 2 to N, is requested for every frame.
 pub(super) fn n_changes(stage: &Stage) -> Scenario {
     let mut rng = rng(stage, 3);
     let share = Uniform::new_inclusive(0.5, 1.0).expect("an interval");
@@ -123,18 +124,18 @@ pub(super) fn n_changes(stage: &Stage) -> Scenario {
     Scenario { share, ..Scenario::of("n-changes", vec![stage.room.clone(); stage.frames()]) }
 }
 
-/// Faults of the capture, as they change the radiance of the merge (a sample is valid unless it saturates; radiance is the sum of the
-/// valid samples over the sum of their times):
+/// Returns the scenario `exposure-faults`: faults of the capture change the radiance of the merge, which is the sum of the samples that do not
+/// saturate over the sum of their times.
 /// - the shortest exposure is missing: radiance above the clip value of the next exposure is limited to that value;
 /// - the longest exposure replaces the middle one: radiance above the clip value of the longest exposure comes from the shortest one, with
 ///   its noise;
-/// - the first two exposures are exchanged: each sample is divided by the time of the other.
+/// - the first two exposures are exchanged: each sample is divided by the other exposure's time.
 ///
-/// A fault is followed by two good frames.
+/// A fault is followed by two frames without a fault.
 pub(super) fn exposure_faults(stage: &Stage) -> Scenario {
     let mut rng = rng(stage, 4);
     let brightest = stage.room.texels().iter().flatten().fold(0.0, |a: f32, b| a.max(*b));
-    // The shortest exposure just holds the brightest texel, so exposure i clips at this radiance.
+    // The brightest texel reaches the clip value of the shortest exposure, from which the clip values of the other exposures follow.
     let clip = EXPOSURES_S.map(|s| f64::from(brightest) * EXPOSURES_S[0] / s);
     let seen = stage.sequence(|t| match t % 9 {
         2 => repainted(&stage.room, |_, rgb| rgb.map(|v| v.min(clip[1] as f32))),
@@ -146,8 +147,8 @@ pub(super) fn exposure_faults(stage: &Stage) -> Scenario {
     Scenario { seen: Some(seen), ..Scenario::of("exposure-faults", truth) }
 }
 
-/// Adds noise to `map` as if the longest exposure replaced the middle one: where only the shortest exposure is valid, normal noise whose
-/// standard deviation is 3 per mille of the radiance at which that exposure clips.
+/// Adds noise to `map` as if the longest exposure replaced the middle exposure: texels that are valid in the shortest exposure alone receive normal
+/// noise with a standard deviation of 3 per mille of the radiance at which the shortest exposure clips.
 fn doubled(map: &EnvMap, clip: [f64; 3], rng: &mut Pcg64) -> EnvMap {
     let texels = map.texels().iter().map(|rgb| {
         rgb.map(|v| {
@@ -167,7 +168,7 @@ fn swapped(radiance: f64, clip: [f64; 3]) -> f64 {
     radiance * sum(EXPOSURES_S) / sum(times)
 }
 
-/// The colours drift towards blue and back at constant luminance of each texel.
+/// Returns the scenario `hue-shift`: the colours drift towards blue and back at constant luminance of each texel.
 pub(super) fn hue_shift(stage: &Stage) -> Scenario {
     let truth = stage.sequence(|t| {
         let blue = (PI * stage.progress(t)).sin();

@@ -1,30 +1,30 @@
-//! Sequences of maps with known true radiance; each is a case in which some methods fail.
+//! Scenarios: sequences of maps with known true radiance, in each of which some methods are expected to fail.
 //!
 //! All sequences are deterministic functions of a seed. Changes have compact support: outside of a lamp's disc no texel changes. If the
-//! camera's view differs from the scene (noise, mains flicker, faulty exposures), `truth` is the scene and `seen` the input of the
-//! samplers; every score is relative to `truth`.
+//! measured maps differ from the scene (noise, mains flicker, faulty exposures), `truth` contains the maps of the scene and `seen` the input of
+//! the samplers; every score is relative to `truth`.
 //!
-//! | name | what happens | methods expected to fail |
+//! | name | change during the sequence | methods expected to fail |
 //! |---|---|---|
 //! | `switch` | a lamp is switched on, then off | samplers with global distributions; temporal filters |
-//! | `swinging-bulb` | a small bulb swings on its cord | fixed cells: the light stands, its energy changes |
-//! | `sun-shadow` | sun; only receivers that cannot see it count | equal-energy lights: nearly all stand in the sun |
+//! | `swinging-bulb` | a small bulb swings on its cord | fixed cells: a light keeps its direction while its energy changes |
+//! | `sun-shadow` | the sun moves; the scores include only receivers in its shadow | lights of equal energy: nearly all are in the sun |
 //! | `clouds` | clouds drift past the sun | global distributions |
-//! | `flicker-100hz`, `flicker-120hz` | mains flicker, sampled by bursts every 103 ms | everything without a filter |
+//! | `flicker-100hz`, `flicker-120hz` | mains flicker, sampled by bursts every 103 ms | all methods without a temporal filter |
 //! | `seam` | a lamp crosses phi = 0 | latitude-longitude cuts |
 //! | `zenith` | a lamp crosses the zenith | latitude-longitude cuts |
 //! | `rim` | a lamp sets below the hemisphere's horizon | cells that straddle the rim |
 //! | `noise` | static room, 2 % texel noise | thresholds without hysteresis |
 //! | `walker` | a dark figure walks past a window | fixed cells, global distributions |
-//! | `grid-of-lamps` | 25 lamps, equal but for slow drifts of 0.5 % | ties |
-//! | `dark-and-back` | the room at a fiftieth, then at once back | temporal filters |
-//! | `all-clipped` | every texel at one clip value from a third on | ties, quotients |
-//! | `n-changes` | the number of lights asked for changes every frame | structures that depend on N |
-//! | `exposure-faults` | an exposure dropped, doubled, out of order | memory of a single bad frame |
-//! | `hue-shift` | colours drift, luminance stays | importance by the wrong weights |
+//! | `grid-of-lamps` | the energies of 25 equal lamps drift by 0.5 % | samplers whose order depends on ties |
+//! | `dark-and-back` | the light falls to 1/50 and returns | temporal filters |
+//! | `all-clipped` | from one third on all texels have one clip value | samplers whose order depends on ties; quotients |
+//! | `n-changes` | the requested number of lights N changes in every frame | structures that depend on N |
+//! | `exposure-faults` | an exposure is missing, repeated or exchanged | temporal filters that keep the light of a faulty frame |
+//! | `hue-shift` | the colours drift at constant luminance | importance by other weights than luminance |
 //! | `bursts-steady` | bursts of two steady lamps, through lens, sensor and pipeline | - |
-//! | `bursts-100-bulb`, `bursts-120-bulb` | the same with a ripple of 20 %, at 25 and 60 frames a second at most | everything without a fit over time |
-//! | `bursts-100-led`, `bursts-120-led` | the same with rectified light, at 30 frames a second at most | everything without a fit over time |
+//! | `bursts-100-bulb`, `bursts-120-bulb` | bursts of two lamps with a ripple of 20 %, at most 25 and 60 frames per second | all methods without a fit over time |
+//! | `bursts-100-led`, `bursts-120-led` | bursts of two lamps with rectified light, at most 30 frames per second | all methods without a fit over time |
 
 mod bursts;
 mod events;
@@ -75,18 +75,18 @@ pub struct Setting {
     pub frames: usize,
     /// Seed of the random generator.
     pub seed: u64,
-    /// Map that replaces the procedural interior or sky.
+    /// Map that replaces the procedural interior and the procedural sky.
     pub background: Option<EnvMap>,
 }
 
 impl Setting {
-    /// The setting of the full report: 128 x 64 texels, 28 frames.
+    /// Setting of the full report: 128 x 64 texels, 28 frames.
     pub const FULL: Self = Self { width: 128, frames: 28, seed: 1, background: None };
-    /// The setting of the quick report: 96 x 48 texels, 12 frames.
+    /// Setting of the quick report: 96 x 48 texels, 12 frames.
     pub const QUICK: Self = Self { width: 96, frames: 12, seed: 1, background: None };
 }
 
-/// A sequence of maps and its true sources.
+/// A sequence of maps with the true sources and the changes that the scores refer to.
 #[derive(Clone, Debug)]
 pub struct Scenario {
     /// Name of the scenario, one of [`NAMES`].
@@ -95,21 +95,21 @@ pub struct Scenario {
     pub domain: Domain,
     /// True radiance, one map per frame.
     pub truth: Vec<EnvMap>,
-    /// Maps as the probe measures them, if they differ from `truth`.
+    /// Maps that samplers read, if they differ from `truth`.
     pub seen: Option<Vec<EnvMap>>,
-    /// Sources of compact support, frame by frame.
+    /// Sources of compact support in each frame.
     pub sources: Vec<Vec<Source>>,
-    /// Whether the first source of each frame moves and is tracked while it is in the domain.
+    /// Whether the first source of each frame moves, so that the tracking error is scored.
     pub moving: bool,
-    /// Indices of the frames that show an abrupt change.
+    /// Indices of the first frames after an abrupt change.
     pub changes: Vec<usize>,
-    /// Energy (sum of Y dOmega) of the switched source, if it has compact support.
+    /// Luminous energy (sum of Y dOmega) of the switched source, if it has compact support.
     pub switched_energy: Option<f64>,
     /// Whether receivers that see the first source are excluded from the scores.
     pub in_shadow: bool,
-    /// Share of the lights that is requested, frame by frame; empty for all lights in every frame.
+    /// Requested share of the lights in each frame, 0 to 1; empty for all lights in every frame.
     pub share: Vec<f64>,
-    /// Whether the scene is static and noisy, so that all motion of lights is noise.
+    /// Whether the scene is static and the maps are noisy, so that motion noise is scored.
     pub static_noise: bool,
 }
 
@@ -132,20 +132,20 @@ impl Scenario {
         }
     }
 
-    /// Returns the maps that samplers read: `seen` if it exists, else `truth`.
+    /// Returns the maps that samplers read: the field `seen` if it is set, else `truth`.
     #[must_use]
     pub fn seen(&self) -> &[EnvMap] {
         self.seen.as_deref().unwrap_or(&self.truth)
     }
 
-    /// Returns the requested number of lights in frame `t`, from `least` to `lights`.
+    /// Returns the requested number of lights in frame `t`: the frame's share of `lights`, at least `least`.
     #[must_use]
     pub fn lights(&self, t: usize, lights: usize, least: usize) -> usize {
         let share = self.share.get(t).copied().unwrap_or(1.0);
         ((lights as f64 * share).round() as usize).clamp(least.min(lights), lights)
     }
 
-    /// Returns the tracked source of frame `t`, while its centre is in the domain.
+    /// Returns the moving source of frame `t`; `None` if no source moves or its centre is outside of the domain.
     #[must_use]
     pub fn tracked(&self, t: usize) -> Option<Source> {
         let source = self.sources[t].first().filter(|_| self.moving)?;
@@ -153,7 +153,7 @@ impl Scenario {
     }
 }
 
-/// Creates the scenario called `name`; `None` for an unknown name.
+/// Creates the scenario `name`, one of [`NAMES`]; `None` for an unknown name.
 #[must_use]
 pub fn make(name: &str, setting: &Setting) -> Option<Scenario> {
     let stage = Stage::new(setting);
@@ -185,7 +185,7 @@ pub fn make(name: &str, setting: &Setting) -> Option<Scenario> {
     Some(scenario)
 }
 
-/// Light of an incandescent lamp.
+/// Returns the waveform of an incandescent lamp.
 fn ripple(hz: f64) -> Wave {
     Wave::Sine { hz, depth: 0.2 }
 }

@@ -1,4 +1,4 @@
-//! Scenarios with motion.
+//! Scenarios with motion: lamps, the sun, clouds and a person move.
 
 use super::Scenario;
 use super::stage::{DAYLIGHT, Stage, WARM, at, cloud, energy, repainted, with_disc, with_window};
@@ -8,12 +8,12 @@ use crate::metrics::stability::Source;
 use crate::metrics::vector::unit;
 use std::f64::consts::TAU;
 
-/// Ratio of a moving lamp's energy to that of its background.
+/// Luminous energy of a moving lamp divided by the energy of the background.
 const LAMP_SHARE: f64 = 1.0;
-/// Ratio of the sun's energy to that of the sky and the ground: a clear day at noon.
+/// Luminous energy of the sun divided by the energy of sky and ground, on a clear day at noon.
 const SUN_SHARE: f64 = 5.0;
 
-/// Adds a lamp of `radius_deg` on a path to `ground`; it is the first source of every frame.
+/// Returns a scenario of `ground` and a lamp of `radius_deg` on a path; the lamp is the first source of every frame.
 fn moving(
     name: &'static str,
     stage: &Stage,
@@ -28,7 +28,8 @@ fn moving(
     Scenario { sources, moving: true, ..Scenario::of(name, truth) }
 }
 
-/// A bulb of 3 degrees swings one and a half times through 70 degrees, near the zenith, away from the seam.
+/// Returns the scenario `swinging-bulb`: a bulb of 3 degrees radius swings one and a half times through 70 degrees, near the zenith and away from
+/// the seam.
 pub(super) fn swinging_bulb(stage: &Stage) -> Scenario {
     moving("swinging-bulb", stage, &stage.room, 3.0, |p| {
         let swing = 35f64.to_radians() * (1.5 * TAU * p).sin();
@@ -36,23 +37,23 @@ pub(super) fn swinging_bulb(stage: &Stage) -> Scenario {
     })
 }
 
-/// A lamp crosses phi = 0 at 60 degrees from the zenith, from -20 to 20 degrees.
+/// Returns the scenario `seam`: a lamp at 60 degrees from the zenith moves from the azimuth -20 to 20 degrees.
 pub(super) fn seam(stage: &Stage) -> Scenario {
     moving("seam", stage, &stage.room, 4.0, |p| at(60.0, 40.0 * p - 20.0))
 }
 
-/// A lamp crosses the zenith, from 25 degrees on one side to 25 degrees on the other.
+/// Returns the scenario `zenith`: a lamp crosses the zenith, from 25 degrees on one side to 25 degrees on the other.
 pub(super) fn zenith(stage: &Stage) -> Scenario {
     moving("zenith", stage, &stage.room, 4.0, |p| at(50.0 * p - 25.0, 20.0))
 }
 
-/// A lamp moves from 12 degrees above the horizon to 12 below it; scores are over the hemisphere.
+/// Returns the scenario `rim`: a lamp moves from 12 degrees above the horizon to 12 degrees below; the domain is the hemisphere.
 pub(super) fn rim(stage: &Stage) -> Scenario {
     let scenario = moving("rim", stage, &stage.room, 4.0, |p| at(78.0 + 24.0 * p, 70.0));
     Scenario { domain: Domain::Hemisphere, ..scenario }
 }
 
-/// The sun moves about half a degree per frame; receivers that see it are excluded from the scores.
+/// Returns the scenario `sun-shadow`: the sun moves by about half a degree per frame; the scores exclude receivers that see the sun.
 pub(super) fn sun_shadow(stage: &Stage) -> Scenario {
     let flux = SUN_SHARE * energy(&stage.sky);
     let sun =
@@ -62,7 +63,7 @@ pub(super) fn sun_shadow(stage: &Stage) -> Scenario {
     Scenario { sources, in_shadow: true, ..Scenario::of("sun-shadow", truth) }
 }
 
-/// Clouds drift across the sky and a static sun, which they attenuate to a fiftieth.
+/// Returns the scenario `clouds`: clouds drift across the sky and a static sun, whose radiance they attenuate to 1/50.
 pub(super) fn clouds(stage: &Stage) -> Scenario {
     let clear = SUN_SHARE * energy(&stage.sky);
     let sun = Source { direction: at(45.0, 200.0), radius_deg: 1.5 };
@@ -70,7 +71,7 @@ pub(super) fn clouds(stage: &Stage) -> Scenario {
         let drift = 0.09 * t as f64;
         let covered = repainted(&stage.sky, |d, rgb| {
             let cover = cloud(d, drift) as f32;
-            // White clouds by day, three times as bright as the blue behind them.
+            // The radiance of a cloud is about three times the radiance of the blue sky.
             rgb.map(|v| v * (1.0 - cover) + cover * 1.8)
         });
         let through = (1.0 - cloud(sun.direction, drift)).max(0.02);
@@ -79,7 +80,7 @@ pub(super) fn clouds(stage: &Stage) -> Scenario {
     Scenario { sources: vec![vec![sun]; stage.frames()], ..Scenario::of("clouds", truth) }
 }
 
-/// A dark figure, 10 degrees wide, walks past a window that gives half of the light.
+/// Returns the scenario `walker`: a dark figure of 10 degrees width walks past a window that emits half of the light.
 pub(super) fn walker(stage: &Stage) -> Scenario {
     let window = at(78.0, -90.0);
     let half_deg = [28.0, 18.0];

@@ -8,28 +8,27 @@ use crate::metrics::vector::{angle_deg, dot, unit};
 use crate::metrics::{Domain, Grid, luminance};
 use std::f64::consts::{PI, TAU};
 
-/// Number of samples along each side of a texel at a disc's rim. The energy of a disc is exact by normalisation; the samples determine its
-/// rim alone.
+/// Number of samples along each side of a texel at a disc's rim. The samples determine the shape of the rim; the energy of the disc is normalised.
 const SUBSAMPLES: usize = 6;
 
-/// Size, length and background of a sequence.
+/// Setting of a sequence with the computed background maps.
 #[derive(Debug)]
 pub struct Stage {
-    /// Size, length, seed and background from the caller.
+    /// Size, length, seed and background of the sequence.
     pub setting: Setting,
-    /// Map of the interior, or the caller's map.
+    /// Map of the procedural interior, or the background of the setting.
     pub room: EnvMap,
-    /// Map of the sky without its sun, or the caller's map.
+    /// Map of the procedural sky without sun, or the background of the setting.
     pub sky: EnvMap,
 }
 
-/// Colour of a lamp, normalised to luminance 1 with four digits.
+/// Linear RGB of a lamp, normalised to luminance 1 with four digits.
 pub const WARM: [f64; 3] = [1.379, 0.945, 0.428];
-/// Colour of daylight, normalised to luminance 1 with four digits.
+/// Linear RGB of daylight, normalised to luminance 1 with four digits.
 pub const DAYLIGHT: [f64; 3] = [1.05, 0.99, 0.952];
 
 impl Stage {
-    /// Computes the backgrounds.
+    /// Computes the backgrounds for a setting.
     #[must_use]
     pub fn new(setting: &Setting) -> Self {
         let size = (setting.width, setting.width.div_ceil(2));
@@ -41,25 +40,25 @@ impl Stage {
         Self { setting: setting.clone(), room: painted(room), sky: painted(sky) }
     }
 
-    /// Number of frames of a sequence.
+    /// Returns the number of frames of a sequence.
     #[must_use]
     pub fn frames(&self) -> usize {
         self.setting.frames
     }
 
-    /// Returns the position of frame `t` in the sequence, from 0 (first) to 1 (last).
+    /// Returns the position of frame `t` in the sequence, from 0 for the first to 1 for the last frame.
     #[must_use]
     pub fn progress(&self, t: usize) -> f64 {
         t as f64 / (self.frames() - 1).max(1) as f64
     }
 
-    /// Returns one map per frame.
+    /// Returns the maps `frame(t)` of all frames t.
     pub fn sequence(&self, frame: impl FnMut(usize) -> EnvMap) -> Vec<EnvMap> {
         (0..self.frames()).map(frame).collect()
     }
 }
 
-/// Returns the sum of Y dOmega over the sphere.
+/// Returns the luminous energy of a map, the sum of Y dOmega over the sphere.
 #[must_use]
 pub fn energy(map: &EnvMap) -> f64 {
     Grid::new(map, Domain::Sphere).luminous(map).map(|(_, flux)| flux).sum()
@@ -124,8 +123,8 @@ fn covered_part(map: &EnvMap, k: usize, source: Source) -> f64 {
     inside.count() as f64 / (n * n) as f64
 }
 
-/// Returns `map` with every texel inside of the window of half-sides `half_deg` around `middle` set to `paint(u, v, old)`; u and v run from
-/// -1 to 1, right and up.
+/// Returns `map` with every texel inside of the window of half-sides `half_deg` around `middle` set to `paint(u, v, old)`, where u and v are the
+/// positions in the window from -1 to 1, right and up, and `old` is the radiance of the texel.
 /// -1 to 1, right and up.
 #[must_use]
 pub fn with_window(
@@ -153,14 +152,14 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// Returns a unit vector from its angle theta from the zenith and its azimuth phi, degrees.
+/// Returns the unit vector with the angle theta from the zenith and the azimuth phi, degrees.
 #[must_use]
 pub fn at(theta_deg: f64, phi_deg: f64) -> [f64; 3] {
     let (theta, phi) = (theta_deg.to_radians(), phi_deg.to_radians());
     [theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()]
 }
 
-/// Returns the radiance of an interior: grey floor, white ceiling, coloured walls, a window, and a small lamp on the ceiling.
+/// Returns the radiance of an interior in the direction `d`: grey floor, white ceiling, coloured walls, a window, and a small lamp on the ceiling.
 #[must_use]
 pub fn room(d: [f64; 3]) -> [f32; 3] {
     let ramp = (0.5 + 0.5 * d[2]).powi(2);
@@ -172,7 +171,7 @@ pub fn room(d: [f64; 3]) -> [f32; 3] {
     std::array::from_fn(|i| (base[i] + pane[i] + lamp[i]) as f32)
 }
 
-/// Returns the radiance of a clear sky without its sun over a dull ground.
+/// Returns the radiance of a clear sky without sun, over a brown ground, in the direction `d`.
 #[must_use]
 pub fn sky(d: [f64; 3]) -> [f32; 3] {
     if d[2] < 0.0 {
@@ -182,20 +181,21 @@ pub fn sky(d: [f64; 3]) -> [f32; 3] {
     [0.35 + 0.75 * haze, 0.55 + 0.55 * haze, 1.0 + 0.1 * haze].map(|v| v as f32)
 }
 
-/// Returns the cloud cover in 0..=1 at `d`, shifted by `drift` radians: a few waves of incommensurable lengths with a soft threshold.
+/// Returns the cloud cover, 0 to 1, in the direction `d`, shifted by `drift` radians: a sum of sines of incommensurable lengths with a soft
+/// threshold.
 #[must_use]
 pub fn cloud(d: [f64; 3], drift: f64) -> f64 {
     if d[2] <= 0.02 {
         return 0.0;
     }
-    // The clouds form a flat layer: those near the horizon are far away and appear small.
+    // The clouds form a flat layer, so that clouds near the horizon are far away and small.
     let (x, y) = (d[0] / (d[2] + 0.25) + drift, d[1] / (d[2] + 0.25));
     let waves = [(2.1, 0.7, 0.0), (-1.3, 2.6, 1.0), (4.7, -2.2, 2.0), (3.1, 5.3, 4.0), (8.3, 1.9, 5.0)];
     let sum: f64 = waves.iter().map(|(a, b, c)| (a * x + b * y + c).sin() / f64::hypot(*a, *b)).sum();
     (0.5 + 1.6 * sum).clamp(0.0, 1.0)
 }
 
-/// Returns the map with every texel replaced by `paint(direction, old)`.
+/// Returns the map with every texel replaced by `paint(direction, old)`, where `old` is the radiance of the texel.
 #[must_use]
 pub fn repainted(map: &EnvMap, paint: impl Fn([f64; 3], [f32; 3]) -> [f32; 3]) -> EnvMap {
     let texels = map.texels().iter().enumerate();

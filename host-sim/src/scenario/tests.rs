@@ -1,4 +1,4 @@
-//! Properties of the scenarios.
+//! Tests of the scenarios' energies, supports, changes and seeds.
 
 use super::stage::energy;
 use super::*;
@@ -20,7 +20,10 @@ fn all_scenarios_are_complete_deterministic_and_seeded() {
     for name in NAMES {
         let (a, b) = (scenario(name), scenario(name));
         assert_eq!(a.name, name);
-        assert!(a.truth == b.truth && a.seen == b.seen && a.share == b.share, "{name} differs from itself");
+        assert!(
+            a.truth == b.truth && a.seen == b.seen && a.share == b.share,
+            "{name} differs between two runs"
+        );
         assert_eq!((a.truth.len(), a.seen().len(), a.sources.len()), (9, 9, 9), "{name}");
         assert!(a.seen().iter().all(|map| map.clipped() + map.negative == 0 && energy(map) > 0.0), "{name}");
         assert!(a.changes.iter().all(|&t| (1..9).contains(&t)), "{name}");
@@ -33,13 +36,13 @@ fn all_scenarios_are_complete_deterministic_and_seeded() {
 }
 
 #[test]
-fn switching_adds_the_stated_energy_inside_the_disc() {
+fn switched_lamp_adds_the_stated_energy_inside_its_disc() {
     let s = scenario("switch");
     let (on, off) = (s.changes[0], s.changes[1]);
     let added = energy(&s.truth[on]) - energy(&s.truth[on - 1]);
-    // Texels are f32: each holds its sum to 6e-8, and half of the sum is the lamp.
+    // Texels are f32 with a relative error of 6e-8, and the lamp has half of the energy.
     assert!((added / s.switched_energy.unwrap() - 1.0).abs() < 1e-5, "{added}");
-    assert_eq!(s.truth[off], s.truth[0], "what was switched off is gone");
+    assert_eq!(s.truth[off], s.truth[0], "the map after the lamp is switched off equals the first map");
     let lamp = s.sources[on][0];
     let texel_deg = 180.0 / 32.0;
     let far = changed(&s.truth[on], &s.truth[on - 1]);
@@ -67,8 +70,8 @@ fn moving_lamps_keep_their_energy_and_their_support() {
 }
 
 #[test]
-fn mains_flicker_keeps_its_mean_and_moves_the_lamp_most() {
-    // The mean of 2 sin^2 is 1 and its range 0..2; over 206 bursts the phases are evenly spread.
+fn mains_flicker_has_mean_1_and_changes_the_lamp_most() {
+    // The function 2 sin^2 has the mean 1 and the range 0 to 2; over 206 bursts the phases are evenly spread.
     for name in ["flicker-100hz", "flicker-120hz"] {
         let s = make(name, &Setting { frames: 20, ..SMALL }).unwrap();
         let energies: Vec<f64> = s.seen().iter().map(energy).collect();
@@ -90,15 +93,18 @@ fn hue_shift_keeps_every_texels_luminance() {
 }
 
 #[test]
-fn faults_change_single_frames_and_not_the_truth() {
+fn exposure_faults_change_single_frames_and_no_true_map() {
     let s = scenario("exposure-faults");
     let faulty: Vec<usize> = (0..9).filter(|&t| s.seen()[t] != s.truth[t]).collect();
     assert_eq!(faulty, [2, 5, 8]);
-    assert!(energy(&s.seen()[2]) < 0.9 * energy(&s.truth[2]), "the dropped exposure held the lamp");
+    assert!(
+        energy(&s.seen()[2]) < 0.9 * energy(&s.truth[2]),
+        "the lamp is valid in the missing exposure alone"
+    );
 }
 
 #[test]
-fn requested_lights_stay_between_the_least_and_all() {
+fn requested_number_of_lights_is_between_the_least_and_the_largest() {
     let s = scenario("n-changes");
     let counts: Vec<usize> = (0..9).map(|t| s.lights(t, 16, 12)).collect();
     assert!(counts.iter().all(|n| (12..=16).contains(n)) && counts.iter().any(|n| *n != counts[0]));
@@ -106,7 +112,7 @@ fn requested_lights_stay_between_the_least_and_all() {
 }
 
 #[test]
-fn a_callers_map_is_the_background_at_any_size() {
+fn map_of_another_size_can_be_the_background() {
     let bright = EnvMap::new(20, 10, vec![[3.0; 3]; 200]);
     let s = make("switch", &Setting { background: Some(bright), ..SMALL }).unwrap();
     let total = energy(&s.truth[0]) / (12.0 * std::f64::consts::PI);

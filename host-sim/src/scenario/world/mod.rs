@@ -1,7 +1,8 @@
-//! A world in time: bursts of a scene whose lamps vary while the frames are exposed.
+//! Simulated bursts of a scene whose lamps vary while the frames are exposed.
 //!
-//! Light is linear: the still part and each lamp are rendered once through the lens, and each row of each frame adds the lamps' mean
-//! light over the interval in which that row is exposed. Noise, response and quantisation follow, as in [`crate::burst`].
+//! Light is linear: the constant part of the scene and each lamp are rendered once through the lens. A row of a frame is the sum of the constant
+//! part and of each lamp times its mean light while the row is exposed; then noise, response and quantisation are applied, as in
+//! [`crate::burst`].
 
 mod wave;
 
@@ -18,32 +19,32 @@ use hemilux::recorded::LensFile;
 use hemilux_core::Exposure;
 use std::path::Path;
 
-/// A lamp of the world.
+/// A lamp: a disc whose light varies over time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lamp {
-    /// Direction and radius.
+    /// Direction and radius of the disc.
     pub source: Source,
-    /// Colour, luminance 1.
+    /// Linear RGB, normalised to luminance 1.
     pub colour: [f64; 3],
-    /// Mean luminous flux: sum of Y dOmega.
+    /// Luminous energy at the mean of the waveform and level 1: sum of Y dOmega.
     pub flux: f64,
-    /// Light over time.
+    /// Waveform and level over time.
     pub course: Course,
 }
 
-/// A still scene and its lamps.
+/// A scene: constant light, and light that varies over time.
 #[derive(Clone, Debug)]
 pub struct World {
-    /// The constant part of the light.
+    /// Radiance that does not vary.
     pub still: EnvMap,
-    /// The scene by the light of the mains, if it has any.
+    /// Radiance of surfaces under flickering light, at level 1, with the course of the light.
     pub lit: Option<(EnvMap, Course)>,
-    /// Lamps of the world.
+    /// Lamps of the scene.
     pub lamps: Vec<Lamp>,
 }
 
 impl World {
-    /// Radiance at `at_s`, averaged over the period of each lamp.
+    /// Returns the radiance at the time `at_s` in seconds, averaged over the period of each lamp.
     #[must_use]
     pub fn mean(&self, at_s: f64) -> EnvMap {
         let mut map = self.still.clone();
@@ -59,66 +60,66 @@ impl World {
     }
 }
 
-/// Times at which a camera takes bursts and exposures.
+/// Times at which a camera exposes the frames of its bursts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Timing {
-    /// Frames a second.
+    /// Frames per second.
     pub rate_hz: f64,
     /// Exposure times, ascending, seconds.
     pub exposures: Vec<f64>,
     /// Time from the readout of one row to the next, seconds.
     pub line_s: f64,
-    /// Whether each burst begins one exposure later than the burst before.
+    /// Whether the order of the exposures rotates by one from burst to burst.
     pub rotates: bool,
 }
 
 impl Timing {
-    /// Index of the frame, counted over all bursts, that takes exposure `index` of a burst.
+    /// Returns the index, over the frames of all bursts, of the frame with the exposure `index` of a burst.
     fn frame(&self, burst: usize, index: usize) -> usize {
         let count = self.exposures.len();
         let place = if self.rotates { (index + burst) % count } else { index };
         burst * count + place
     }
 
-    /// End of the exposure of a frame's first row, seconds.
+    /// Returns the time at which the exposure of a frame's first row ends, seconds.
     fn end_s(&self, burst: usize, index: usize) -> f64 {
         (self.frame(burst, index) + 1) as f64 / self.rate_hz
     }
 
-    /// End of a burst, seconds.
+    /// Returns the time at which a burst ends, seconds.
     #[must_use]
     pub fn burst_end_s(&self, burst: usize) -> f64 {
         ((burst + 1) * self.exposures.len()) as f64 / self.rate_hz
     }
 }
 
-/// A camera before a world.
+/// A simulated camera in a scene, with the rendered parts of the scene.
 pub struct Filming {
     timing: Timing,
     lens: LensFile,
     camera: burst::SensorModel,
     still: burst::ExposedScene,
-    /// Radiance and course of what varies.
+    /// Radiance of the pixels under each varying light at level 1, with the course of the light.
     varying: Vec<(Vec<Lit>, Course)>,
     seed: u64,
 }
 
-/// A pixel that sees a lamp.
+/// Radiance of a pixel that a varying light illuminates.
 #[derive(Clone, Copy, Debug)]
 struct Lit {
     pixel: usize,
     radiance: [f64; 3],
 }
 
-/// Frames of one burst.
-struct Taken {
+/// Codes and time stamps of the frames of one burst.
+struct BurstCodes {
     codes: Vec<Vec<u16>>,
     times_ns: Vec<u64>,
 }
 
 impl Filming {
-    /// Renders the parts of `world` through `lens`. The radiance of full scale is `scale`, at one second; without it, the brightest texel of
-    /// the mean fills half of the shortest exposure.
+    /// Renders the parts of `world` through `lens`. The radiance `scale` reaches the largest code in one second; without `scale`, the brightest
+    /// pixel of the mean over time reaches half of the largest code in the shortest exposure.
     #[must_use]
     pub fn new(world: &World, lens: LensFile, timing: Timing, sensor: Sensor, scale: Option<f64>) -> Self {
         let scale = scale.unwrap_or_else(|| {
@@ -142,25 +143,25 @@ impl Filming {
         Self { camera: burst::SensorModel::new(&lens, sensor, scale), timing, lens, still, varying, seed: 1 }
     }
 
-    /// Another seed of the noise.
+    /// Returns the camera with another seed of the noise.
     #[must_use]
     pub fn seeded(self, seed: u64) -> Self {
         Self { seed, ..self }
     }
 
-    /// The calibration of the camera.
+    /// Returns the calibration of the camera.
     #[must_use]
     pub fn calibration(&self) -> Calibration {
         self.camera.calibration(&self.lens)
     }
 
-    /// The exposures of a burst.
+    /// Returns the exposures of a burst, ascending.
     #[must_use]
     pub fn exposures(&self) -> Vec<Exposure> {
         self.timing.exposures.iter().map(|&seconds| Exposure { seconds, gain: 1.0 }).collect()
     }
 
-    fn take(&self, burst: usize) -> Taken {
+    fn take(&self, burst: usize) -> BurstCodes {
         let count = self.timing.exposures.len();
         let codes = (0..count).map(|index| {
             let seconds = self.timing.exposures[index];
@@ -169,10 +170,11 @@ impl Filming {
             self.camera.record(&scene, seconds, &mut burst::noise(self.seed, frame))
         });
         let ns = |index| (1e9 * (1.0 + self.timing.end_s(burst, index))) as u64;
-        Taken { codes: codes.collect(), times_ns: (0..count).map(ns).collect() }
+        BurstCodes { codes: codes.collect(), times_ns: (0..count).map(ns).collect() }
     }
 
-    /// Mean radiance of each pixel while it is exposed; `end_s` is the end of the first row's exposure.
+    /// Returns the mean radiance of each pixel during its exposure of `seconds`; `end_s` is the time at which the exposure of the first row ends,
+    /// seconds.
     fn exposed(&self, end_s: f64, seconds: f64) -> burst::ExposedScene {
         let mut scene = self.still.clone();
         let [width, height] = self.lens.size.map(|n| n as usize);
@@ -189,23 +191,23 @@ impl Filming {
         scene
     }
 
-    /// Takes burst number `burst`, from 0.
+    /// Returns the burst with the number `burst`, from 0.
     #[must_use]
     pub fn burst(&self, burst: usize) -> Burst {
-        let Taken { codes, times_ns } = self.take(burst);
+        let BurstCodes { codes, times_ns } = self.take(burst);
         let frames = codes.into_iter().zip(self.exposures());
         let frames = frames.map(|(codes, exposure)| Frame { exposure, pixels: self.camera.pixels(codes) });
         let timestamp_ns = times_ns.iter().copied().max().unwrap_or(0);
         Burst { frames: frames.collect(), before_ns: 0, timestamp_ns, phase_ns: times_ns[0] }
     }
 
-    /// Writes burst number `burst` as a recorded burst to `folder`; `has_times` states whether its frames have time stamps.
+    /// Writes the burst with the number `burst` as a recorded burst to `folder`; with `has_times`, the frames have time stamps.
     ///
     /// # Errors
-    /// [`SimError`].
+    /// [`SimError`] if the folder or a file cannot be written.
     pub fn record(&self, burst: usize, folder: &Path, has_times: bool) -> Result<(), SimError> {
         std::fs::create_dir_all(folder).map_err(|e| SimError::at(folder, e, "a folder that can be made"))?;
-        let Taken { codes, times_ns } = self.take(burst);
+        let BurstCodes { codes, times_ns } = self.take(burst);
         for (index, codes) in codes.iter().enumerate() {
             burst::save(folder, self.lens.size, codes, index, self.camera.white())?;
         }

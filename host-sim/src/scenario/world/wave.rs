@@ -1,34 +1,34 @@
-//! The light of a lamp over time.
+//! Light of a lamp over time: waveforms, and abrupt changes of the level.
 
 use std::f64::consts::{PI, TAU};
 
-/// The waveform of a lamp, of mean 1.
+/// Waveform of a lamp's light, with the mean 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Wave {
     /// Constant light.
     Steady,
-    /// A sinusoid: the ripple of an incandescent lamp has a depth of 0.1 to 0.3.
+    /// A constant plus a sinusoid; the ripple of an incandescent lamp has a depth of 0.1 to 0.3.
     Sine {
-        /// Periods a second.
+        /// Periods per second.
         hz: f64,
-        /// Amplitude over the mean.
+        /// Amplitude of the sinusoid divided by the mean.
         depth: f64,
     },
-    /// A rectified sinusoid, as of an LED behind a rectifier without a capacitor.
+    /// A rectified sinusoid, as the light of an LED on a rectifier without a capacitor.
     Rectified {
-        /// Periods a second.
+        /// Periods per second.
         hz: f64,
     },
-    /// The mean of a rectified sinusoid and constant light, as of an LED whose phosphor stores light.
+    /// The mean of a rectified sinusoid and constant light, as the light of an LED whose phosphor stores light.
     Phosphor {
-        /// Periods a second.
+        /// Periods per second.
         hz: f64,
     },
-    /// On for the share `duty` of each period, else off.
+    /// A rectangular wave: light in the share `duty` of each period, darkness in the rest.
     Pwm {
-        /// Periods a second.
+        /// Periods per second.
         hz: f64,
-        /// Share of the period, above 0.
+        /// Share of the period with light, above 0 and at most 1.
         duty: f64,
     },
 }
@@ -43,7 +43,7 @@ impl Wave {
         }
     }
 
-    /// Integral of the light from 0 to `turns` periods, in periods.
+    /// Returns the integral of the light from phase 0 to `turns` periods, in periods.
     fn integral(self, turns: f64) -> f64 {
         let (whole, part) = (turns.floor(), turns - turns.floor());
         let rectified = whole + 0.5 * (1.0 - (PI * part).cos());
@@ -56,7 +56,7 @@ impl Wave {
         }
     }
 
-    /// Mean light from `start_s` to `end_s`; `phase` is the phase at time 0, periods.
+    /// Returns the mean light from `start_s` to `end_s`, seconds; `phase` is the phase at time 0, periods.
     #[must_use]
     pub fn mean(self, phase: f64, start_s: f64, end_s: f64) -> f64 {
         let turns = |s: f64| phase + self.hz() * s;
@@ -64,16 +64,16 @@ impl Wave {
     }
 }
 
-/// The level of a lamp from some time on.
+/// Abrupt change of a lamp's level.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Change {
     /// Time of the change, seconds.
     pub at_s: f64,
-    /// Factor of the lamp's light.
+    /// Factor of the lamp's light from this time on.
     pub level: f64,
 }
 
-/// Means of a lamp's light over intervals: a waveform times a level that changes at once.
+/// Light of a lamp over time: a waveform times a level that changes abruptly.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Course {
     /// Waveform of the lamp.
@@ -85,19 +85,19 @@ pub struct Course {
 }
 
 impl Course {
-    /// A waveform at level 1.
+    /// Creates a waveform at the constant level 1.
     #[must_use]
     pub fn of(wave: Wave) -> Self {
         Self { wave, phase: 0.0, changes: Vec::new() }
     }
 
-    /// The level at a time.
+    /// Returns the level at the time `at_s`, seconds.
     #[must_use]
     pub fn level(&self, at_s: f64) -> f64 {
         self.changes.iter().rev().find(|c| c.at_s <= at_s).map_or(1.0, |c| c.level)
     }
 
-    /// Mean light from `start_s` to `end_s`.
+    /// Returns the mean light from `start_s` to `end_s`, seconds.
     #[must_use]
     pub fn mean(&self, start_s: f64, end_s: f64) -> f64 {
         let inside = self.changes.iter().map(|c| c.at_s).filter(|at| (start_s..end_s).contains(at));
