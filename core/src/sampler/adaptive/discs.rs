@@ -5,12 +5,12 @@
 //! the squared chord; [`SHRINK`] corrects it for the kernel's kink at 0. All fits for points therefore apply to discs at the same cost.
 //!
 //! The error of a disc is not its spread but the light that it does not represent: light off its centre, and elongated light.
-//! [`importance`] measures that error, and [`Steering`] moves the centres to reduce it.
+//! [`importance`] measures that error, and [`steer`] moves the centres to reduce it.
 
 use super::FITTED;
 use super::kernel::{MeanVector, kernel};
-use super::nodes::{Leaf, Nodes};
-use super::source::{SOURCES, Sources};
+use super::nodes::Nodes;
+use super::source::{SOURCES, Source};
 use super::weights::Fit;
 use crate::light::Light;
 use crate::pyramid::Quad;
@@ -87,27 +87,14 @@ pub(super) fn importance(nodes: &Nodes<'_>, level: u8, index: u32, quad: &Quad) 
     root((square + disc.max(0.0)).max(f32::MIN_POSITIVE))
 }
 
-/// Inputs for moving discs: the map's light, and the fit of the discs' energies to it.
-pub(super) struct Steering<'a> {
-    pub(super) sources: &'a mut Sources,
-    pub(super) fit: &'a mut Fit,
-}
-
-impl Steering<'_> {
-    /// Moves the discs of a small set; their energies remain those of their regions, `leaves`.
-    pub(super) fn steer(self, nodes: &Nodes<'_>, leaves: &[Leaf], lights: &mut [Light]) {
-        let steps = steps(lights.len());
-        if steps == 0 {
-            return;
-        }
-        let mut own = [[0.0; 3]; FITTED];
-        own.iter_mut().zip(lights.iter()).for_each(|(own, light)| *own = light.irradiance);
-        self.sources.fill(nodes, leaves, lights);
-        for _ in 0..steps {
-            self.fit.step_discs(self.sources.as_slice(), lights);
-        }
-        lights.iter_mut().zip(own).for_each(|(light, own)| light.irradiance = own);
+/// Moves the discs of a small set to reduce their error against `sources`; their energies do not change.
+pub(super) fn steer(fit: &mut Fit, sources: &[Source], lights: &mut [Light]) {
+    let mut own = [[0.0; 3]; FITTED];
+    own.iter_mut().zip(lights.iter()).for_each(|(own, light)| *own = light.irradiance);
+    for _ in 0..steps(lights.len()) {
+        fit.step_discs(sources, lights);
     }
+    lights.iter_mut().zip(own).for_each(|(light, own)| light.irradiance = own);
 }
 
 /// A part of a light's disc.
@@ -148,7 +135,6 @@ pub(super) fn parts(light: &Light, lights: usize) -> impl Iterator<Item = DiscPa
 
 #[cfg(test)]
 mod tests {
-    use super::super::source::Source;
     use super::*;
 
     #[test]

@@ -13,8 +13,8 @@ const STEPS: usize = 4;
 pub(super) fn gather(nodes: &Nodes<'_>, leaves: &[Leaf], lights: &mut [Light]) {
     for _ in 0..STEPS {
         let mut sums = [Quad::default(); GATHERED];
-        for quad in pieces(nodes, leaves, lights.len()).map(|piece| piece.quad).filter(|quad| quad.y() > 0.0)
-        {
+        let pieces = pieces(nodes, leaves, lights.len(), false);
+        for quad in pieces.map(|piece| piece.quad).filter(|quad| quad.y() > 0.0) {
             sums[nearest(lights, &quad).min(GATHERED - 1)].add(&quad);
         }
         for (light, sum) in lights.iter_mut().zip(&sums).filter(|(_, sum)| sum.y() > 0.0) {

@@ -167,7 +167,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W
             self.ceiling.1 = 0;
         }
         self.place(map, request, count, self.ceiling.0);
-        let quiet = self.follow(map, request, filter::Frame { previous, moving }, timer);
+        let quiet = self.follow(request, filter::Frame { previous, moving }, timer);
         self.weigh(map, request);
         let (lights, tracks) =
             (&mut self.lights[0].as_mut()[..self.count], &mut self.tracks[0].as_mut()[..self.count]);
@@ -184,13 +184,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W
     /// Moves discs, and filters the directions of all lights; returns whether the scene is at rest.
     ///
     /// In a scene at rest discs keep their offsets from the centroids of their regions, since a new search would cost several fits.
-    fn follow(
-        &mut self,
-        map: &PyramidView<'_>,
-        request: &Request,
-        frame: filter::Frame,
-        timer: &mut Timer<'_>,
-    ) -> bool {
+    fn follow(&mut self, request: &Request, frame: filter::Frame, timer: &mut Timer<'_>) -> bool {
         let anew = core::mem::replace(&mut self.soft, request.soft) != request.soft;
         let count = self.count;
         let ([lights, old], [tracks, old_tracks]) = (&mut self.lights, &mut self.tracks);
@@ -207,9 +201,8 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W
             if quiet && !anew {
                 filter::move_again(lights, past);
             } else {
-                let Workspace { ambient, sources, fit, .. } = self.workspace.borrow_mut();
-                let nodes = Nodes::new(map, request.ambient.then_some(&*ambient));
-                discs::Steering { sources, fit }.steer(&nodes, leaves, lights);
+                let Workspace { sources, fit, .. } = self.workspace.borrow_mut();
+                discs::steer(fit, sources.as_slice(), lights);
             }
             moves.iter_mut().zip(lights.iter()).for_each(|(by, light)| *by += light.direction);
         }
@@ -252,7 +245,9 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W
     fn look(&mut self, map: &PyramidView<'_>, request: &Request, limit: usize, ceiling: usize) -> f32 {
         self.place(map, request, limit, ceiling);
         if request.soft {
-            self.steer(map, request);
+            let Workspace { sources, fit, .. } = self.workspace.borrow_mut();
+            let lights = &mut self.lights[0].as_mut()[..self.count];
+            discs::steer(fit, sources.as_slice(), lights);
         }
         self.weigh(map, request);
         self.looked_at = None;
@@ -261,7 +256,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W
 
     /// Computes the regions and directions of at most `limit` lights.
     fn place(&mut self, map: &PyramidView<'_>, request: &Request, limit: usize, ceiling: usize) {
-        let Workspace { ambient, activity, .. } = self.workspace.borrow_mut();
+        let Workspace { ambient, activity, sources, .. } = self.workspace.borrow_mut();
         if request.ambient {
             ambient.fit(map, if limit == 0 { ambient::ALL } else { ceiling });
         }
@@ -274,15 +269,8 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W
         }
         if request.soft {
             discs::set_radii(lights);
+            sources.fill(&nodes, self.tree.leaves(), lights, true);
         }
-    }
-
-    /// Moves discs to reduce their error.
-    fn steer(&mut self, map: &PyramidView<'_>, request: &Request) {
-        let Workspace { ambient, sources, fit, .. } = self.workspace.borrow_mut();
-        let nodes = Nodes::new(map, request.ambient.then_some(&*ambient));
-        let lights = &mut self.lights[0].as_mut()[..self.count];
-        discs::Steering { sources, fit }.steer(&nodes, self.tree.leaves(), lights);
     }
 
     /// Sets the energies of the lights.
@@ -290,7 +278,10 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W
         let Workspace { ambient, sources, fit, .. } = self.workspace.borrow_mut();
         let nodes = Nodes::new(map, request.ambient.then_some(&*ambient));
         let lights = &mut self.lights[0].as_mut()[..self.count];
-        sources.fill(&nodes, self.tree.leaves(), lights);
+        // The sources of discs do not depend on the lights' directions: `place` made them.
+        if !request.soft {
+            sources.fill(&nodes, self.tree.leaves(), lights, false);
+        }
         if (2..=FITTED).contains(&self.count) {
             if request.soft {
                 fit.run_discs(sources.as_slice(), lights);

@@ -43,10 +43,11 @@ pub(super) struct Receivers {
     /// Index of the next receiver to evaluate, and number of receivers with a known error.
     next: usize,
     known: usize,
-    axes: [[i16; POINTS]; 3],
+    /// Directions, Q14: x in the upper and y in the lower half of a number.
+    across: [i32; POINTS],
+    /// Directions, Q14: z in the upper half. Lower half: reciprocal of the disc's diameter, in Q12 per Q14 of angle, Q8.
+    up: [i32; POINTS],
     energies: [i32; POINTS],
-    /// Reciprocal of each disc's diameter, in Q12 per Q14 of angle, Q8.
-    slopes: [i32; POINTS],
     points: usize,
 }
 
@@ -57,9 +58,9 @@ impl Receivers {
             errors: [0.0; RECEIVERS],
             next: 0,
             known: 0,
-            axes: [[0; POINTS]; 3],
+            across: [0; POINTS],
+            up: [0; POINTS],
             energies: [0; POINTS],
-            slopes: [0; POINTS],
             points: 0,
         }
     }
@@ -80,11 +81,10 @@ impl Receivers {
     pub(super) fn add(&mut self, at: Vec3, radius: f32, share: f32) {
         let i = self.points;
         if i < POINTS {
-            for (axis, v) in self.axes.iter_mut().zip(fixed(at)) {
-                axis[i] = v;
-            }
+            let [x, y, z] = fixed(at);
+            self.across[i] = pair(x, y);
+            self.up[i] = pair(z, (32.0 / radius.max(1e-3)) as i16);
             self.energies[i] = nearest(share * SHARE);
-            self.slopes[i] = (32.0 / radius.max(1e-3)) as i32;
             self.points += 1;
         }
     }
@@ -116,20 +116,20 @@ impl Receivers {
     /// Returns the net irradiance of a receiver, Q30.
     fn received(&self, to: &Receiver) -> i32 {
         let n = self.points.min(POINTS);
-        let [x, y, z] = [&self.axes[0][..n], &self.axes[1][..n], &self.axes[2][..n]];
-        let (energies, slopes) = (&self.energies[..n], &self.slopes[..n]);
+        let (across, up, energies) = (&self.across[..n], &self.up[..n], &self.energies[..n]);
         let mut sum = 0i32;
         for i in 0..n {
+            let [[x, y], [z, slope]] = [across[i], up[i]].map(halves);
             let along = |v: [i16; 3]| {
                 let [a, b, c] = v.map(i32::from);
-                i32::from(x[i]) * a + i32::from(y[i]) * b + i32::from(z[i]) * c
+                x * a + y * b + z * c
             };
             // Conversion from Q28 to Q12.
             let facing = along(to.normal).max(0) >> 16;
             // Angle from the cone's edge, Q14, then the part of the disc that is clear of the cone, Q12.
             let outside =
                 (((to.cos - along(to.axis)) >> 14).wrapping_mul(to.per_sin) >> 12).clamp(-0x7fff, 0x7fff);
-            let clear = (2048 + (outside.wrapping_mul(slopes[i]) >> 8)).clamp(0, 4096);
+            let clear = (2048 + (outside.wrapping_mul(slope) >> 8)).clamp(0, 4096);
             sum = sum.wrapping_add(energies[i].wrapping_mul((facing * clear) >> 12));
         }
         sum
@@ -145,6 +145,16 @@ fn receiver_at(k: usize) -> Receiver {
         cos: (libm::cos(half_angle) * f64::from(1u32 << 28)) as i32,
         per_sin: (4096.0 / libm::sin(half_angle)) as i32,
     }
+}
+
+/// Returns a number with `upper` and `lower` as its halves. Loads of whole numbers vectorise on ARMv7; those of 16 bits go through the stack.
+fn pair(upper: i16, lower: i16) -> i32 {
+    i32::from(upper) << 16 | i32::from(lower as u16)
+}
+
+/// Returns the upper and the lower half of a number.
+fn halves(pair: i32) -> [i32; 2] {
+    [pair >> 16, pair << 16 >> 16]
 }
 
 /// Returns a unit vector in Q14.

@@ -7,15 +7,23 @@ use super::nodes::{Leaf, Nodes};
 use crate::light::Light;
 use crate::pyramid::Quad;
 use crate::root;
+use core::ops::RangeInclusive;
 use glam::Vec3;
 
 /// Largest number of sources.
 pub(super) const SOURCES: usize = 1024;
 
+/// Sets whose lights have fewer sources each as discs than as points: between them, more sources do not make discs more accurate.
+const HALVED: RangeInclusive<usize> = GATHERED + 1..=16;
+
 /// Returns the number of levels of the tree between a leaf and its sources: 256 sources in all for sets with fitted weights, whose cost
-/// grows with them, and up to [`SOURCES`] for larger sets.
-fn levels(lights: usize) -> u8 {
-    let most = if lights <= super::FITTED { SOURCES / 4 } else { SOURCES };
+/// grows with them, 128 for a few discs, and up to [`SOURCES`] for larger sets.
+fn levels(lights: usize, soft: bool) -> u8 {
+    let most = match lights {
+        _ if soft && HALVED.contains(&lights) => SOURCES / 8,
+        ..=super::FITTED => SOURCES / 4,
+        _ => SOURCES,
+    };
     (most / lights.max(1)).checked_ilog2().unwrap_or(0) as u8
 }
 
@@ -27,13 +35,14 @@ pub(super) struct Piece {
     pub(super) quad: Quad,
 }
 
-/// Returns the pieces of the leaves of `lights` lights.
+/// Returns the pieces of the leaves of `lights` lights, which are fitted as discs if they are `soft`.
 pub(super) fn pieces<'a>(
     nodes: &'a Nodes<'a>,
     leaves: &'a [Leaf],
     lights: usize,
+    soft: bool,
 ) -> impl Iterator<Item = Piece> {
-    let down = levels(lights);
+    let down = levels(lights, soft);
     leaves.iter().enumerate().take(lights).flat_map(move |(owner, leaf)| {
         let down = down.min(nodes.last() - leaf.level);
         let under = leaf.index << down..(leaf.index + 1) << down;
@@ -70,14 +79,14 @@ impl Sources {
     }
 
     /// Replaces the sources by those of `lights`, whose regions are `leaves` or, for few lights, gathered; empty for more than [`SOURCES`]
-    /// lights.
-    pub(super) fn fill(&mut self, nodes: &Nodes<'_>, leaves: &[Leaf], lights: &[Light]) {
+    /// lights. The fit of `soft` lights does not use the owners, which are the leaves' indices then.
+    pub(super) fn fill(&mut self, nodes: &Nodes<'_>, leaves: &[Leaf], lights: &[Light], soft: bool) {
         self.all.clear();
         if lights.len() > SOURCES {
             return;
         }
-        for Piece { leaf, quad } in pieces(nodes, leaves, lights.len()) {
-            let owner = if lights.len() <= GATHERED { nearest(lights, &quad) } else { leaf };
+        for Piece { leaf, quad } in pieces(nodes, leaves, lights.len(), soft) {
+            let owner = if lights.len() <= GATHERED && !soft { nearest(lights, &quad) } else { leaf };
             if let Some(at) = root::unit(quad.mean_direction()) {
                 let radius = disc(quad.variance());
                 // There are at most `SOURCES` pieces; a full list ignores the rest.
