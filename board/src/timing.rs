@@ -46,6 +46,13 @@ impl Budgets {
         self.0[STAGES - 1]
     }
 
+    /// Returns the budgets of a frame where one of `every` bursts is processed: that of the total is `every` times as long.
+    #[must_use]
+    pub fn at_rate(mut self, every: u32) -> Self {
+        self.0[STAGES - 1] = self.total().saturating_mul(every);
+        self
+    }
+
     /// Sets the budget of stage `i`, milliseconds, to the nearest microsecond.
     pub fn set_ms(&mut self, i: usize, ms: f32) {
         if let Some(us) = self.0.get_mut(i) {
@@ -179,13 +186,14 @@ impl Timings {
         if self.interval_s > 0.0 { 1.0 / self.interval_s } else { 0.0 }
     }
 
-    /// Adds the durations of a frame; returns the stages that exceeded their budgets.
-    pub fn add(&mut self, latency: &Latency) -> Overrun {
-        for ((stage, us), budget) in self.stages.iter_mut().zip(latency.all()).zip(self.budgets.0) {
+    /// Adds the durations of a frame, where one of `every` bursts is processed; returns the stages that exceeded their budgets.
+    pub fn add(&mut self, latency: &Latency, every: u32) -> Overrun {
+        let budgets = self.budgets.at_rate(every);
+        for ((stage, us), budget) in self.stages.iter_mut().zip(latency.all()).zip(budgets.0) {
             stage.add(us, budget);
         }
         self.frames += 1;
-        Overrun::of(latency, &self.budgets.0)
+        Overrun::of(latency, &budgets.0)
     }
 
     /// Sets the budgets of later frames; the counts of earlier overruns stay.
@@ -254,7 +262,7 @@ mod tests {
     fn percentiles_maximum_and_overruns_match_the_added_durations() {
         let mut timings = Timings::new(Budgets([900; STAGES]));
         for us in 1..=1000 {
-            let over = timings.add(&Latency { front: us, total: 7, ..Latency::default() });
+            let over = timings.add(&Latency { front: us, total: 7, ..Latency::default() }, 1);
             assert_eq!(over.names().eq(["front"]), us > 900, "frame of {us} µs");
         }
         let [_, front, _, _, _, _, total] = timings.stages();
@@ -264,6 +272,14 @@ mod tests {
         assert_eq!((front.most, front.overruns, front.budget), (1000, 100, 900));
         assert_eq!((total.p50, total.p99, total.most, total.overruns), (7, 7, 7, 0));
         assert_eq!(Timings::new(Budgets::default()).stages()[0].p99, 0, "no frames");
+    }
+
+    #[test]
+    fn a_frame_of_every_second_burst_has_twice_the_budget_of_the_total_and_no_more_of_a_stage() {
+        let mut timings = Timings::new(Budgets([900; STAGES]));
+        let late = Latency { front: 1000, total: 1700, ..Latency::default() };
+        assert!(timings.add(&late, 2).names().eq(["front"]));
+        assert!(timings.add(&late, 1).names().eq(["front", "total"]));
     }
 
     #[test]
@@ -284,7 +300,7 @@ mod tests {
     #[test]
     fn table_has_a_line_per_stage_and_the_number_of_frames() {
         let mut timings = Timings::new(Budgets::default());
-        timings.add(&Latency { front: 31_000, ..Latency::default() });
+        timings.add(&Latency { front: 31_000, ..Latency::default() }, 1);
         let text = timings.to_string();
         let front: Vec<_> =
             text.lines().find(|l| l.starts_with("front")).expect("front").split_whitespace().collect();

@@ -38,9 +38,9 @@ impl DurationLog {
         lock(&self.timings).start_frame(now);
     }
 
-    /// Adds the durations of a frame; returns the stages that exceeded their budgets.
-    pub(super) fn add(&self, latency: &Latency) -> Overrun {
-        lock(&self.timings).add(latency)
+    /// Adds the durations of a frame, where one of `every` bursts is processed; returns the stages that exceeded their budgets.
+    pub(super) fn add(&self, latency: &Latency, every: u32) -> Overrun {
+        lock(&self.timings).add(latency, every)
     }
 
     pub(super) fn set_budgets(&self, budgets: Budgets) {

@@ -170,7 +170,7 @@ impl Worker {
             light_set::copy(&made, set);
             latency.total = us_since(ended_ns);
             set.latency = latency;
-            set.overrun = durations.add(&latency);
+            set.overrun = durations.add(&latency, self.ladder.quality().every);
             set.wall_ms = clock::wall_ms();
             set.degraded = self.ladder.quality().steps;
         });
@@ -192,7 +192,7 @@ impl Worker {
     /// Counts a burst; returns true if the present quality skips it.
     fn is_left_out(&mut self) -> bool {
         self.bursts = self.bursts.wrapping_add(1);
-        !self.bursts.is_multiple_of(self.ladder.quality().every)
+        !self.ladder.quality().reads(self.bursts)
     }
 
     /// Lowers or raises the quality after a frame of `total_us`, of which `delivery_us` passed before the processing. The delay of a burst

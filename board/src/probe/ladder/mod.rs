@@ -4,7 +4,8 @@
 //! The order of the steps is that of [`Step::ALL`](hemilux_core::wire::Step). The first step down follows [`PATIENCE`] consecutive frames over
 //! the budget, a further one each frame over the budget. When a level is left for a poorer one, the ratio of their costs is stored; the richer
 //! level is tried again if this ratio times the present cost is within [`ROOM`] of the budget and the hold time since the last step has passed.
-//! The hold time doubles with each failed trial.
+//! The hold time doubles with each failed trial. The budget of a frame is that of all bursts since the frame before: where every second burst is
+//! processed, twice that of one burst.
 
 mod plan;
 #[cfg(test)]
@@ -48,7 +49,7 @@ const NEWEST: f32 = 0.2;
 pub struct FrameTime {
     /// Time from the end of the burst to the finished set, microseconds.
     pub us: u32,
-    /// Time budget of the frame, microseconds.
+    /// Time budget at the full rate, microseconds.
     pub budget_us: u32,
     /// Time since the start of the probe.
     pub now: Duration,
@@ -128,7 +129,7 @@ impl Ladder {
     pub fn add(&mut self, frame: FrameTime) -> bool {
         self.frames = self.frames.saturating_add(1);
         self.learn(frame.us as f32);
-        let is_over = frame.us > frame.budget_us;
+        let is_over = frame.us > self.quality().budget_us(frame.budget_us);
         self.misses = if is_over { self.misses + 1 } else { 0 };
         let patience = if self.is_descending() { 1 } else { PATIENCE };
         if self.misses >= patience {
@@ -164,7 +165,8 @@ impl Ladder {
         let Some(richer) = self.level.checked_sub(1) else { return false };
         let predicted = self.cost_us * self.ratios[richer];
         let since = frame.now.saturating_sub(self.stepped_at);
-        self.frames > DESCENT && since >= self.hold() && predicted <= ROOM * frame.budget_us as f32
+        let budget_us = self.levels[richer].budget_us(frame.budget_us);
+        self.frames > DESCENT && since >= self.hold() && predicted <= ROOM * budget_us as f32
     }
 
     fn hold(&self) -> Duration {

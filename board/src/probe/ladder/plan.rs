@@ -11,8 +11,8 @@ const LEAST_EXPOSURES: usize = 2;
 /// Least number of lights of a degraded set, unless the sampler requires more.
 const LEAST_LIGHTS: usize = 8;
 
-/// Number of steps of the rate: every second burst, then every fourth.
-const RATES: usize = 2;
+/// Number of steps of the rate: every second, fourth, eighth burst.
+const RATES: usize = 3;
 
 /// Largest number of steps of all kinds together.
 pub(super) const MOST: usize = 15;
@@ -57,6 +57,19 @@ impl Quality {
             || lower.lights < self.lights
             || lower.every > self.every;
         is_less.then_some(lower)
+    }
+
+    /// Returns the time budget of a processed burst, microseconds: that of `budget_us` for each of the bursts from one processed burst to the
+    /// next.
+    #[must_use]
+    pub fn budget_us(&self, budget_us: u32) -> u32 {
+        budget_us.saturating_mul(self.every)
+    }
+
+    /// Returns true if burst number `burst` is processed.
+    #[must_use]
+    pub fn reads(&self, burst: u32) -> bool {
+        burst.is_multiple_of(self.every)
     }
 
     /// Returns the settings of the pipeline at this quality; `full` has those of the full quality.
