@@ -2,6 +2,40 @@
 
 use std::fs::read_to_string;
 
+/// Numbers of lights, and the overall times of `pharr`, `hemigon` and `q2tree` in milliseconds: tables 5.1 and C.1 to C.3 of \[Nikodym2012\].
+const THESIS: [(u32, [Option<f64>; 3]); 3] = [
+    (200, [Some(130.0), Some(460.0), Some(150.0)]),
+    (1000, [Some(130.0), Some(460.0), Some(170.0)]),
+    (10000, [Some(200.0), None, Some(1250.0)]),
+];
+
+#[test]
+fn the_readme_sets_the_times_of_the_thesis_beside_the_counts_of_the_baseline() {
+    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
+    let read = |name: &str| read_to_string(format!("{root}/{name}")).expect(name);
+    let (baseline, top) = (read("tests/instructions/baseline.txt"), read("README.md"));
+    let total = |method: &str, lights: u32| -> f64 {
+        let case = format!("rgb24:640x480:{method}:{lights} ");
+        let line = baseline.lines().find(|line| line.starts_with(&case)).expect(&case);
+        let last = line.split_whitespace().last().expect("a total");
+        last.parse::<f64>().expect("a count") / 1e6
+    };
+    for (lights, times) in THESIS {
+        let mut row = format!("| {lights} |");
+        for (method, ms) in ["pharr", "hemigon", "q2tree"].into_iter().zip(times) {
+            match ms {
+                Some(ms) => {
+                    let count = total(method, lights);
+                    let (theirs, ours) = (ms / 150.0, count / total("q2tree", 200));
+                    row += &format!(" {ms} ms, {theirs:.1} | {count:.1} M, {ours:.1} |");
+                }
+                None => row += " | |",
+            }
+        }
+        assert!(top.contains(&row), "expected in README.md: {row}");
+    }
+}
+
 #[test]
 fn the_readmes_state_the_counts_of_the_baseline() {
     let root = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
