@@ -1,126 +1,224 @@
-//! `hemilux-sim slowdown`: durations and error of the light sets of the probe's processing thread when its stages are slowed down by a factor
-//! and it degrades their quality to keep the time budget.
+//! `hemilux-sim slowdown`: the accuracy that a probe gives up on a slower board to keep its time budget.
+//!
+//! Time is simulated. A frame takes the instructions of its quality, divided by the speed of the board. The instructions at full quality are
+//! those that `tests/instructions` counts on ARMv7; at a lower quality, each stage has the share that its work is of that at full quality.
 
+use crate::bench::bursts::{calibration, make_of};
+use crate::bench::case::Case;
 use crate::error::SimError;
-use crate::metrics::receiver::{Receiver, shadowed};
-use hemilux::calibration::Burst;
+use crate::metrics::receiver::{OPEN, Receiver, SHADOWED, open, shadowed};
+use hemilux::calibration::{Burst, Calibration};
 use hemilux::pipeline::{Pipeline, Settings};
-use hemilux::probe::{Config, Worker};
+use hemilux::probe::{FrameTime, Ladder, Quality};
 use hemilux::scene;
-use hemilux::source::{Pace, ReplaySource, SceneSource, Source};
-use hemilux_core::Light;
 use hemilux_core::color::luminance;
-use hemilux_core::wire::STAGES;
+use hemilux_core::{Exposure, Light};
 use std::fmt::Write;
+use std::time::Duration;
 
-/// Number of first frames that the figures leave out; during them the probe adapts the quality to the budget.
+/// The bench case whose instructions the constants below state: three exposures, HEALPix order 6.
+const CASE: &str = "rgb24:640x480:adaptive:64";
+
+/// Instructions of merge and map at full quality, and where all three exposures are read of each pixel.
+const FRONT: [f64; 2] = [4_946_318.0, 7_384_817.0];
+
+/// Instructions of the pyramid; a map of one order less has a fourth of the quads.
+const PYRAMID: f64 = 2_195_753.0;
+
+/// Instructions of the sampler for 16 and for 64 lights, linear between and beyond.
+const SAMPLE: [f64; 2] = [600_000.0, 1_914_701.0];
+
+/// Instructions of all other stages, at any quality.
+const OTHER: f64 = 949_731.0;
+
+/// Number of first processed frames that the figures leave out; during them the probe adapts the quality to the budget.
 const SETTLING: usize = 10;
 
-/// Number of lights of the reference set, which replaces the map in the error.
+/// Number of lights of the reference set, which replaces the map in the errors.
 const REFERENCE_LIGHTS: usize = 2048;
 
-/// Number of occluded receivers of the shadowed error.
-const RECEIVERS: usize = 512;
+/// Number of bursts that are processed at each quality; the figures are those of the last.
+const BURSTS: usize = 4;
 
-/// Number of recorded bursts; each has its own noise.
-const BURSTS: usize = 8;
+/// Time from one burst to the next.
+const PERIOD: Duration = Duration::from_millis(100);
 
-/// Figures of the frames with one slowdown factor.
-struct FactorRow {
-    factor: f32,
-    /// Durations of the frames after the first [`SETTLING`], microseconds, ascending.
-    settled_us: Vec<u32>,
-    /// Number of these frames within the budget.
-    within: usize,
-    /// Number of changes of the degradation steps between these frames.
-    changes: usize,
-    /// Names of the degradation steps in force at the last frame.
-    steps: Vec<&'static str>,
-    /// Number of lights of the last set.
-    lights: usize,
-    /// Shadowed error of the last set.
-    error: f64,
+/// Largest relative deviation of a frame's time from the mean.
+const NOISE: f64 = 0.03;
+
+/// Board and load that are simulated.
+#[derive(Clone, Debug)]
+pub struct SlowdownJob {
+    /// Factors by which the speed of the board is divided.
+    pub factors: Vec<f32>,
+    /// Time budget of the total, milliseconds.
+    pub budget_ms: f32,
+    /// Time of a frame at full quality and factor 1, milliseconds.
+    pub frame_ms: f32,
+    /// Simulated time with each factor, minutes.
+    pub minutes: u32,
 }
 
-/// Returns a table with one row for each slowdown factor: durations of `frames` frames, the share of frames within the budget of `budget_ms`
-/// milliseconds, degradation steps in force, and the shadowed error.
+impl Default for SlowdownJob {
+    /// Returns the default budget, ten minutes each, and a board whose frames take two thirds of the budget.
+    fn default() -> Self {
+        Self { factors: vec![1.0, 2.0, 4.0, 8.0, 16.0], budget_ms: 60.0, frame_ms: 40.0, minutes: 10 }
+    }
+}
+
+/// Figures of one quality.
+struct QualityFigures {
+    quality: Quality,
+    instructions: f64,
+    lights: usize,
+    open: f64,
+    shadowed: f64,
+}
+
+/// Figures of the frames with one factor.
+struct FactorRow {
+    /// Number of processed frames after the first [`SETTLING`], and of those within their budget.
+    frames: [usize; 2],
+    /// Number of steps after the first [`SETTLING`] frames.
+    steps: usize,
+    /// Time of the last frame, milliseconds.
+    last_ms: f64,
+    /// The last quality.
+    quality: Quality,
+}
+
+/// Returns a table with one row for each factor: the share of frames within the budget, steps a minute, the quality at the end, and its error.
 ///
 /// # Errors
-/// [`SimError`] if the probe cannot be started or a frame fails.
-pub fn table(factors: &[f32], budget_ms: f32, frames: usize) -> Result<String, SimError> {
-    let mut text =
-        format!("budget of the total {budget_ms} ms, {frames} frames for each factor, room, 64 lights\n");
+/// [`SimError`] if a burst cannot be processed.
+pub fn table(job: &SlowdownJob) -> Result<String, SimError> {
+    let mut room = Room::try_new()?;
+    let mut text = format!(
+        "budget {} ms, {} ms a frame at slowdown 1, 10 bursts a second, {} minutes each; room, 64 lights, three exposures of 640 x 480\n",
+        job.budget_ms, job.frame_ms, job.minutes
+    );
     let _ = writeln!(
         text,
-        "{:>8}{:>10}{:>10}{:>12}{:>9}{:>8}{:>12}  steps",
-        "slowdown", "p50 ms", "p99 ms", "in budget", "changes", "lights", "shadowed"
+        "{:>8}{:>10}{:>11}{:>12}{:>14}{:>8}{:>9}{:>11}  steps in force",
+        "slowdown", "frame ms", "budget ms", "in budget", "steps/minute", "lights", "open", "shadowed"
     );
-    for factor in factors {
-        let row = row(*factor, budget_ms, frames)?;
-        let at = |part: f64| {
-            let index = (part * (row.settled_us.len() - 1) as f64) as usize;
-            f64::from(row.settled_us[index]) / 1e3
-        };
-        let steps = if row.steps.is_empty() { "none".into() } else { row.steps.join(" ") };
+    for factor in &job.factors {
+        let row = row(&mut room, job, *factor)?;
+        let QualityFigures { lights, open, shadowed, .. } = *room.figures(&row.quality)?;
+        let names: Vec<_> = row.quality.steps.names().collect();
         let _ = writeln!(
             text,
-            "{:>8}{:>10.2}{:>10.2}{:>10.1} %{:>9}{:>8}{:>10.2} %  {steps}",
-            row.factor,
-            at(0.5),
-            at(0.99),
-            100.0 * row.within as f64 / row.settled_us.len() as f64,
-            row.changes,
-            row.lights,
-            100.0 * row.error
+            "{factor:>8}{:>10.1}{:>11}{:>10.1} %{:>14.2}{lights:>8}{:>7.1} %{:>9.1} %  {}",
+            row.last_ms,
+            job.budget_ms * row.quality.every as f32,
+            100.0 * row.frames[1] as f64 / row.frames[0].max(1) as f64,
+            row.steps as f64 / f64::from(job.minutes),
+            100.0 * open,
+            100.0 * shadowed,
+            if names.is_empty() { "none".into() } else { names.join(" ") }
         );
     }
     Ok(text)
 }
 
-fn row(factor: f32, budget_ms: f32, frames: usize) -> Result<FactorRow, SimError> {
-    let failed = |e: &dyn std::fmt::Display| SimError::Failed(format!("slowdown: {e}"));
-    let (source, reference) = recording()?;
-    let mut config = Config { slowdown: factor, ..Config::default() };
-    config.budgets.set_ms(STAGES - 1, budget_ms);
-    let budget_us = config.budgets.total();
-    let mut worker = Worker::try_new(Box::new(source), "slowdown".into(), config)?;
-    let link = worker.link();
-    let (mut settled_us, mut changes, mut last) = (Vec::new(), 0, None);
-    for frame in 0..frames {
-        worker.step().map_err(|e| failed(&e))?;
-        let Some(set) = link.sets().latest() else { continue };
-        if frame >= SETTLING {
-            settled_us.push(set.latency.total);
-            changes += usize::from(last.is_some_and(|steps| steps != set.degraded));
-            last = Some(set.degraded);
+/// Simulates the probe on a board that is slower by `factor`.
+fn row(room: &mut Room, job: &SlowdownJob, factor: f32) -> Result<FactorRow, SimError> {
+    let full = Settings::default();
+    let mut ladder = Ladder::new(&full, room.exposures.len());
+    let full_instructions = room.figures(ladder.quality())?.instructions;
+    let budget_us = (job.budget_ms * 1e3) as u32;
+    let (mut frames, mut steps, mut processed, mut us) = ([0; 2], 0, 0, 0);
+    let bursts = job.minutes * 60 * 10;
+    for burst in 1..=bursts {
+        let quality = *ladder.quality();
+        if !quality.reads(burst) {
+            continue;
+        }
+        let share = room.figures(&quality)?.instructions / full_instructions;
+        us = (f64::from(job.frame_ms * factor) * 1e3 * share * noise(burst)) as u32;
+        let has_stepped = ladder.add(FrameTime { us, budget_us, now: PERIOD * burst });
+        processed += 1;
+        if processed > SETTLING {
+            frames[0] += 1;
+            frames[1] += usize::from(us <= quality.budget_us(budget_us));
+            steps += usize::from(has_stepped);
         }
     }
-    settled_us.sort_unstable();
-    let within = settled_us.iter().filter(|us| **us <= budget_us).count();
-    let set =
-        link.sets().latest().ok_or_else(|| failed(&"found no light set, expected one from the probe"))?;
-    let error = shadowed_error(&set.lights, &reference);
-    let steps = set.degraded.names().collect();
-    Ok(FactorRow { factor, settled_us, within, changes, steps, lights: set.lights.len(), error })
+    Ok(FactorRow { frames, steps, last_ms: f64::from(us) / 1e3, quality: *ladder.quality() })
 }
 
-/// Returns a source of recorded bursts of the scene `room`, and the reference set of [`REFERENCE_LIGHTS`] lights of its last burst.
-fn recording() -> Result<(ReplaySource, Vec<Light>), SimError> {
-    let failed = |e: &dyn std::fmt::Display| SimError::Failed(format!("slowdown: {e}"));
-    let room = scene::by_name("room").ok_or_else(|| failed(&"found no scene 'room'"))?;
-    let mut camera = SceneSource::new(room, Pace::Free);
-    let mut bursts = vec![Burst::default(); BURSTS];
-    bursts.iter_mut().try_for_each(|burst| camera.next(burst)).map_err(|e| failed(&e))?;
-    let settings = Settings { lights: REFERENCE_LIGHTS, ..Settings::default() };
-    let mut pipeline = Pipeline::try_new(*camera.calibration(), &camera.exposures(), settings)?;
-    let lights = pipeline.process(&bursts[BURSTS - 1])?.decomposition.lights.to_vec();
-    let source = ReplaySource::of_bursts(*camera.calibration(), bursts, Pace::Free);
-    Ok((source.ok_or_else(|| failed(&"found no bursts to replay"))?, lights))
+/// Returns the relative time of a frame, 1 - [`NOISE`] to 1 + [`NOISE`].
+fn noise(burst: u32) -> f64 {
+    let random = f64::from(burst.wrapping_mul(2_654_435_761) >> 8) / f64::from(1 << 24);
+    1.0 + NOISE * (2.0 * random - 1.0)
 }
 
-/// Returns the RMS difference between the irradiances of occluded receivers under `lights` and under `reference`, divided by the mean
-/// irradiance under `reference` (METRICS.md).
-fn shadowed_error(lights: &[Light], reference: &[Light]) -> f64 {
+/// Returns the instructions of a frame of which `read` exposures are read; `full_read` are read at full quality.
+fn instructions(quality: &Quality, read: f64, full_read: f64) -> f64 {
+    let front = FRONT[0] + (FRONT[1] - FRONT[0]) * (read - full_read) / (3.0 - full_read);
+    let pyramid = PYRAMID * 4f64.powi(i32::from(quality.order) - 6);
+    let sample = SAMPLE[0] + (SAMPLE[1] - SAMPLE[0]) * (quality.lights as f64 - 16.0) / 48.0;
+    front + pyramid + sample + OTHER
+}
+
+/// Bursts of the scene `room`, and the figures of the qualities that were used so far.
+struct Room {
+    calibration: Calibration,
+    bursts: Vec<Burst>,
+    exposures: Vec<Exposure>,
+    reference: Vec<Light>,
+    full_read: f64,
+    known: Vec<QualityFigures>,
+}
+
+impl Room {
+    fn try_new() -> Result<Self, SimError> {
+        let failed = |e: String| SimError::Failed(format!("slowdown: {e}"));
+        let case: Case = CASE.parse().map_err(failed)?;
+        let scene = scene::by_name("room").ok_or_else(|| failed("found no scene 'room'".into()))?;
+        let (calibration, bursts) = (calibration(&case), make_of(&case, scene, BURSTS));
+        let exposures = bursts.iter().take(1).flat_map(|b| b.frames.iter().map(|f| f.exposure)).collect();
+        let mut room =
+            Self { calibration, bursts, exposures, reference: vec![], full_read: 0.0, known: vec![] };
+        let settings = Settings { lights: REFERENCE_LIGHTS, ..Settings::default() };
+        (room.reference, room.full_read) = room.lights(settings, usize::MAX)?;
+        Ok(room)
+    }
+
+    /// Returns the lights of the last burst, and the mean number of exposures that were read of a pixel.
+    fn lights(&self, settings: Settings, exposures: usize) -> Result<(Vec<Light>, f64), SimError> {
+        let mut pipeline = Pipeline::try_new(self.calibration, &self.exposures, settings)?;
+        pipeline.limit_exposures(exposures);
+        let mut found = (vec![], 0.0);
+        for burst in &self.bursts {
+            let processed = pipeline.process(burst)?;
+            found = (processed.decomposition.lights.to_vec(), processed.seen.exposures_read);
+        }
+        Ok(found)
+    }
+
+    fn figures(&mut self, quality: &Quality) -> Result<&QualityFigures, SimError> {
+        let same = |known: &QualityFigures| {
+            Quality { every: 1, ..known.quality } == Quality { every: 1, ..*quality }
+        };
+        if let Some(index) = self.known.iter().position(same) {
+            return Ok(&self.known[index]);
+        }
+        let (lights, read) = self.lights(quality.settings(&Settings::default()), quality.exposures)?;
+        self.known.push(QualityFigures {
+            quality: *quality,
+            instructions: instructions(quality, read, self.full_read),
+            lights: lights.len(),
+            open: error(&lights, &self.reference, (0..OPEN).map(open)),
+            shadowed: error(&lights, &self.reference, (0..SHADOWED).map(shadowed)),
+        });
+        Ok(&self.known[self.known.len() - 1])
+    }
+}
+
+/// Returns the RMS difference between the irradiances of `receivers` under `lights` and under `reference`, divided by the mean irradiance
+/// under `reference` (METRICS.md).
+fn error(lights: &[Light], reference: &[Light], receivers: impl Iterator<Item = Receiver>) -> f64 {
     let receive = |receiver: &Receiver, lights: &[Light]| -> f64 {
         let part = |light: &Light| {
             let direction = light.direction.to_array().map(f64::from);
@@ -128,14 +226,14 @@ fn shadowed_error(lights: &[Light], reference: &[Light]) -> f64 {
         };
         lights.iter().map(part).sum()
     };
-    let (mut square, mut mean) = (0.0, 0.0);
-    for receiver in (0..RECEIVERS).map(shadowed) {
+    let (mut square, mut mean, mut count) = (0.0, 0.0, 0.0);
+    for receiver in receivers {
         let expected = receive(&receiver, reference);
         square += (receive(&receiver, lights) - expected).powi(2);
         mean += expected;
+        count += 1.0;
     }
-    let count = RECEIVERS as f64;
-    (square / count).sqrt() / (mean / count)
+    f64::sqrt(square / count) / (mean / count)
 }
 
 #[cfg(test)]
@@ -144,9 +242,51 @@ mod tests {
 
     #[test]
     fn fewer_lights_have_a_larger_error_and_the_reference_has_none() {
-        let (_, reference) = recording().expect("a recording");
-        assert!(shadowed_error(&reference, &reference) < 1e-12, "the reference against itself");
+        let reference = Room::try_new().expect("bursts").reference;
+        let shadowed_error = |lights: &[Light]| error(lights, &reference, (0..SHADOWED).map(shadowed));
+        assert!(shadowed_error(&reference) < 1e-12, "the reference against itself");
         let half: Vec<_> = reference.iter().step_by(2).copied().collect();
-        assert!(shadowed_error(&half, &reference) > 0.3, "half of the energy is missing");
+        assert!(shadowed_error(&half) > 0.3, "half of the energy is missing");
+    }
+
+    #[test]
+    fn the_instructions_of_the_full_quality_are_those_that_were_counted_on_armv7() {
+        let counts = include_str!("../../tests/instructions/baseline.txt");
+        let of = |case: &str| -> Vec<f64> {
+            let line = counts.lines().find(|line| line.split(' ').next() == Some(case)).expect("a case");
+            line.split_whitespace().skip(1).map(|count| count.parse().expect("a count")).collect()
+        };
+        let (found, all) = (of(CASE), of("rgb24+all:640x480:q2tree:64"));
+        let near = |a: f64, b: f64| (a / b - 1.0).abs() < 0.03;
+        for (stated, counted) in [FRONT[0], PYRAMID, SAMPLE[1], OTHER].into_iter().zip(&found) {
+            assert!(near(stated, *counted), "{stated} stated, {counted} counted");
+        }
+        assert!(near(FRONT[1], all[0]), "{} stated, {} counted", FRONT[1], all[0]);
+    }
+
+    #[test]
+    fn the_table_of_the_readme_is_what_the_command_prints() {
+        let printed = table(&SlowdownJob::default()).expect("a table");
+        let readme = include_str!("../../README.md");
+        let head = printed.lines().next().expect("a line");
+        let shown: Vec<_> =
+            readme.lines().skip_while(|line| *line != head).take_while(|l| *l != "```").collect();
+        let agrees = |(a, b): (&str, &str)| match (a.parse::<f64>(), b.parse::<f64>()) {
+            (Ok(a), Ok(b)) => (a - b).abs() <= 0.1 * b + 0.1,
+            _ => a == b,
+        };
+        let words = |line: &'static str| line.split_whitespace();
+        assert_eq!(shown.len(), printed.lines().count(), "the README lacks:\n{printed}");
+        for (shown, line) in shown.into_iter().zip(printed.lines()) {
+            let same = words(shown).count() == line.split_whitespace().count();
+            assert!(
+                same && words(shown).zip(line.split_whitespace()).all(agrees),
+                "the README has:\n{shown}\n{line}"
+            );
+        }
+        for line in printed.lines().skip(2) {
+            let share: f64 = line.split_whitespace().nth(3).expect("a share").parse().expect("a number");
+            assert!(share >= 99.0, "{line}");
+        }
     }
 }

@@ -85,15 +85,18 @@ pub(super) struct SoakArgs {
 
 #[derive(Args, Debug)]
 pub(super) struct SlowdownArgs {
-    /// Factors by which the durations of the stages are multiplied, 1 to 64.
+    /// Factors by which the time of a frame is multiplied, 1 to 64.
     #[arg(long, value_delimiter = ',', default_value = "1,2,4,8,16")]
     factors: Vec<f32>,
     /// Budget of a frame's total time, milliseconds.
     #[arg(long, value_name = "MS", default_value_t = 60.0)]
     budget: f32,
-    /// Number of frames for each factor.
-    #[arg(long, value_name = "T", default_value_t = 600)]
-    frames: usize,
+    /// Time of a frame at full quality and factor 1, milliseconds.
+    #[arg(long, value_name = "MS", default_value_t = 40.0)]
+    frame: f32,
+    /// Simulated time with each factor, minutes, 1 to 1440.
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=1440))]
+    minutes: u32,
 }
 
 pub(super) fn soak(args: &SoakArgs) -> Result<(), SimError> {
@@ -118,12 +121,16 @@ pub(super) fn slowdown(args: &SlowdownArgs) -> Result<(), SimError> {
         let found = &args.factors;
         return Err(SimError::Usage(format!("--factors: found {found:?}, expected numbers from 1 to 64")));
     }
-    if !hemilux::timing::BUDGETS_MS.contains(&args.budget) || args.frames < 20 {
-        let expected = "expected 0.01 to 60000 ms, and at least 20 frames";
-        let found = format!("{} ms and {} frames", args.budget, args.frames);
-        return Err(SimError::Usage(format!("--budget, --frames: found {found}, {expected}")));
+    for (option, ms) in [("--budget", args.budget), ("--frame", args.frame)] {
+        if !hemilux::timing::BUDGETS_MS.contains(&ms) {
+            return Err(SimError::Usage(format!(
+                "{option}: found {ms}, expected 0.01 to 60000 milliseconds"
+            )));
+        }
     }
-    output::say(slowdown::table(&args.factors, args.budget, args.frames)?.as_bytes())
+    let (factors, budget_ms, frame_ms) = (args.factors.clone(), args.budget, args.frame);
+    let job = slowdown::SlowdownJob { factors, budget_ms, frame_ms, minutes: args.minutes };
+    output::say(slowdown::table(&job)?.as_bytes())
 }
 
 /// Returns the folder that the option `--backgrounds` or else the environment variable `HEMILUX_HDRI` contains.
