@@ -183,6 +183,26 @@ fn lights_of_every_sampler_are_finite_and_positive_on_random_bits() {
     }
 }
 
+/// A share of a subnormal sum is rounded to a multiple of the smallest number, up to the sum itself.
+#[test]
+fn pharr_finds_the_only_texel_of_subnormal_light() {
+    let grid = Grid { width: 8, height: 4, domain: Domain::Sphere };
+    let map = dark(Domain::Sphere, 0);
+    for (light, at) in [1e-45, 3e-45, 1e-41].into_iter().flat_map(|light| (0..32).map(move |at| (light, at)))
+    {
+        let mut texels = vec![[0.0; 3]; grid.len()];
+        texels[at] = [light; 3];
+        let map = Map { pyramid: map.view(), polar: LatLongView { grid, texels: &texels } };
+        let mut sampler = pharr(&grid, 64);
+        let made = sampler.update(&map, &Request::of_lights(64));
+        check(made.lights, 64, &format!("{light:e} at {at}"));
+        // The corners of a texel of 45 x 45 degrees are at most 32 degrees from its centre.
+        let centre = grid.centre(at);
+        let is_there = |light: &Light| light.direction.as_dvec3().dot(centre) > 0.84;
+        assert!(made.lights.len() == 64 && made.lights.iter().all(is_there), "{light:e} at {at}");
+    }
+}
+
 #[test]
 fn invalid_texel_does_not_change_the_light_of_others() {
     for bad in [f32::NAN, f32::INFINITY, -1e30] {

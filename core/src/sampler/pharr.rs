@@ -143,8 +143,10 @@ impl<C: Buffer<f32>, M: Buffer<f64>, L: Buffer<Light>> Pharr<C, M, L> {
         let within = (target - start) / (marginal[row] - start);
 
         let conditional = &self.conditional.as_ref()[row * width..(row + 1) * width];
-        let target = (v.min(BELOW_ONE) * f64::from(conditional[width - 1])) as f32;
-        let k = conditional.partition_point(|end| *end <= target).min(width - 1);
+        let last = conditional[width - 1];
+        let target = (v.min(BELOW_ONE) * f64::from(last)) as f32;
+        // A target that is rounded up to the end of the row, as subnormal numbers are, belongs to the last texel that is not dark.
+        let k = conditional.partition_point(|end| *end <= target && *end < last).min(width - 1);
         let start = if k == 0 { 0.0 } else { conditional[k - 1] };
         let across = f64::from((target - start) / (conditional[k] - start));
 
