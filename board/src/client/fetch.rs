@@ -10,7 +10,7 @@ use ureq::http::Uri;
 /// Longest answer that is read, bytes: 50,000 lights take two million.
 const LONGEST_ANSWER: u64 = 16 << 20;
 
-/// Requests sets of a probe on one connection.
+/// Requests the sets of a probe on one connection.
 pub(super) struct Fetcher {
     agent: Agent,
     url: String,
@@ -20,7 +20,7 @@ pub(super) struct Fetcher {
 pub(super) enum Trouble {
     /// The request has timed out.
     Silence,
-    /// Another failure, in words.
+    /// Another failure, with its description.
     Other(String),
 }
 
@@ -47,7 +47,7 @@ impl Fetcher {
         Ok(Self { agent: config.build().into(), url })
     }
 
-    /// The next set after frame `after`, in the memory of `set`.
+    /// Requests the next set after frame `after` and returns it in the memory of `set`.
     pub(super) fn next(&mut self, after: Option<u64>, mut set: Set) -> Result<Set, Trouble> {
         let url = after.map_or_else(|| self.url.clone(), |frame| format!("{}&after={frame}", self.url));
         let mut answer = self.agent.get(&url).call().map_err(trouble)?;

@@ -1,4 +1,4 @@
-//! Lights between two sets, by id.
+//! Interpolation of lights between two sets, by id.
 
 use super::set::Set;
 use hemilux_core::light::Light;
@@ -46,7 +46,7 @@ mod tests {
     }
 
     #[test]
-    fn lights_move_by_id_and_fade_in_and_out_with_the_energy_between() {
+    fn lights_move_by_id_and_fade_with_interpolated_energy() {
         let from = set(&[(7, [1.0, 0.0, 0.0], 2.0), (9, [0.0, 0.0, 1.0], 8.0)]);
         let to = set(&[(5, [0.0, 1.0, 0.0], 4.0), (7, [0.0, 1.0, 0.0], 6.0)]);
         let mut lights = Vec::new();

@@ -31,16 +31,16 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// First pause after a failure; each further one is twice as long.
+/// First pause after a failure; each further pause is twice as long.
 const FIRST_PAUSE: Duration = Duration::from_millis(100);
 
 /// Longest pause between two attempts.
 const LONGEST_PAUSE: Duration = Duration::from_secs(5);
 
-/// Longest interval between two sets over which lights are interpolated. After a longer one, lights jump.
+/// Longest interval between two sets over which lights are interpolated. After a longer one, lights change at once.
 const LONGEST_BLEND: Duration = Duration::from_secs(1);
 
-/// The light sets that are requested, and the address of the probe.
+/// The requested light sets, and the address of the probe.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Options {
     /// The probe's address, `http://HOST:PORT`.
@@ -49,16 +49,16 @@ pub struct Options {
     pub coordinates: Coordinates,
     /// Largest number of lights in a set; `None` for all lights.
     pub lights: Option<usize>,
-    /// Whether sets include spherical harmonics of the light that the directional lights do not represent.
+    /// True if sets include spherical harmonics of the light that the directional lights do not represent.
     pub ambient: bool,
-    /// Whether lights are fitted as uniform discs of their radius; `None` for the probe's own setting.
+    /// True if lights are fitted as uniform discs of their radius; `None` for the probe's own setting.
     pub soft: Option<bool>,
     /// Timeout of a request, after which it is repeated. The probe answers within 1.5 s.
     pub timeout: Duration,
 }
 
 impl Options {
-    /// All lights in the probe's axes from `url`, with a timeout of two seconds.
+    /// Returns the options for all lights in the probe's axes from `url`, with a timeout of two seconds.
     #[must_use]
     pub fn new(url: &str) -> Self {
         let (coordinates, timeout) = (Coordinates::Probe, Duration::from_secs(2));
@@ -66,13 +66,13 @@ impl Options {
     }
 }
 
-/// Reasons for which a client cannot start.
+/// Reasons why a client cannot start.
 #[derive(Debug, thiserror::Error)]
 pub enum ClientError {
     /// The address is not that of a probe.
     #[error("probe '{0}': found another address, expected http://HOST:PORT")]
     BadUrl(String),
-    /// The operating system refuses a thread.
+    /// The operating system cannot start a thread.
     #[error("the client's thread: found {0}, expected it to start")]
     Thread(std::io::Error),
 }
@@ -80,9 +80,9 @@ pub enum ClientError {
 /// The state of the connection.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum State {
-    /// No set has arrived yet.
+    /// No set has been received yet.
     Connecting,
-    /// The connection is open and sets arrive.
+    /// The connection is open and sets are received.
     Live,
     /// The probe answers, but its source has stopped.
     Stale(String),
@@ -90,7 +90,7 @@ pub enum State {
     Lost(String),
 }
 
-/// A connection to a probe; dropping it ends its thread after the answer that it waits for, and no set is signalled from then on.
+/// A connection to a probe. When it is dropped, its thread ends after the pending answer, and no further set is signalled.
 #[derive(Debug)]
 pub struct Client {
     shared: Arc<Shared>,
@@ -103,7 +103,7 @@ struct Shared {
     stopping: AtomicBool,
 }
 
-/// The newest set and the one before; a third one's memory is filled with the next.
+/// The newest set and the one before, and the memory for the next set.
 #[derive(Debug)]
 struct Sets {
     latest: Option<Arc<Set>>,
@@ -111,7 +111,7 @@ struct Sets {
     spare: Option<Arc<Set>>,
     arrived: Instant,
     interval: Duration,
-    /// Number of sets so far; waiting threads compare it.
+    /// Number of sets so far, by which waiting threads detect a new set.
     count: u64,
     state: State,
 }
@@ -120,7 +120,7 @@ impl Client {
     /// Starts the thread that requests sets.
     ///
     /// # Errors
-    /// [`ClientError`]; a probe that does not answer is none: see [`Client::state`].
+    /// [`ClientError`]. A probe that does not answer is not an error: see [`Client::state`].
     pub fn connect(options: &Options) -> Result<Self, ClientError> {
         Self::connect_with(options, |_| {})
     }
@@ -128,7 +128,7 @@ impl Client {
     /// Starts the thread that requests sets; it calls `signal` with each new set.
     ///
     /// # Errors
-    /// As [`Client::connect`].
+    /// [`ClientError`]. A probe that does not answer is not an error: see [`Client::state`].
     pub fn connect_with(
         options: &Options,
         signal: impl FnMut(&Set) + Send + 'static,
@@ -154,7 +154,7 @@ impl Client {
         Ok(Self { shared })
     }
 
-    /// The newest set, if any.
+    /// Returns the newest set; `None` before the first one.
     #[must_use]
     pub fn latest(&self) -> Option<Arc<Set>> {
         self.shared.lock().latest.clone()
@@ -170,14 +170,14 @@ impl Client {
         (sets.count != before).then(|| sets.latest.clone())?
     }
 
-    /// The state of the connection.
+    /// Returns the state of the connection.
     #[must_use]
     pub fn state(&self) -> State {
         self.shared.lock().state.clone()
     }
 
-    /// Writes the lights of the moment `now` to `lights`: each light moves from its direction in the set before to its direction in the newest
-    /// set, by its id; new lights fade in and old ones out. The lights are one set behind the newest set, and never beyond it.
+    /// Writes the lights for the time `now` to `lights`: each light moves from its direction in the set before to its direction in the newest
+    /// set, by its id; new lights fade in and old ones out. The lights are delayed by one set and never extrapolated.
     pub fn interpolated(&self, now: Instant, lights: &mut Vec<Light>) {
         let sets = self.shared.lock();
         let (latest, previous) = (sets.latest.clone(), sets.previous.clone());
@@ -229,7 +229,7 @@ impl Shared {
         is_news
     }
 
-    /// Memory for the next set: that of an earlier set without other owners, or new.
+    /// Returns memory for the next set: that of an earlier set without other owners, or new memory.
     fn spare(&self) -> Set {
         let spare = self.lock().spare.take();
         spare.and_then(|set| Arc::try_unwrap(set).ok()).unwrap_or_default()

@@ -9,7 +9,7 @@ use std::ops::Deref;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Set {
     set: OwnedSet,
-    /// Ids and positions in `lights`, sorted by id.
+    /// Ids of the lights and their indices in `lights`, sorted by id.
     places: Vec<(u32, u32)>,
 }
 
@@ -32,7 +32,7 @@ impl Set {
         self.places.sort_unstable();
     }
 
-    /// The light with the id `id`.
+    /// Returns the light with the id `id`.
     #[must_use]
     pub fn light(&self, id: u32) -> Option<&Light> {
         let at = self.places.binary_search_by_key(&id, |(id, _)| *id).ok()?;

@@ -1,57 +1,58 @@
-//! The comparison of one frame with another one.
+//! Comparison of two frames of different exposure.
 
 use super::samples::{ROWS, SATURATED, Sampled};
 use hemilux_core::wire::FrameFault;
 
-/// A sample contradicts a prediction where it is below or above it by this factor.
+/// Factor above or below the prediction from which a sample contradicts it.
 const DARKER: f32 = 8.0;
 
-/// Samples whose radiance differs by more than this factor, beside the median ratio, show different things.
+/// Factor between a sample's radiance ratio and the median ratio from which the two frames show different objects at the sample.
 const DIFFERENT: f32 = 1.4;
 
-/// Share of dark (or saturated) samples above which a frame is black (or overexposed), and of equal ones above which it is a copy.
+/// Share of dark or of saturated samples above which a frame is black or overexposed, and share of equal samples above which it is a copy.
 const NEARLY_ALL: f64 = 0.9;
 
-/// Fewest samples that a judgement rests on.
+/// Least number of samples for a verdict.
 const ENOUGH: usize = 16;
 
-/// Fewest ratios of which a share is taken.
+/// Least number of ratios for a share of them.
 const ENOUGH_FOR_SHARE: usize = 64;
 
-/// Fewest samples of a row whose median is used.
+/// Least number of samples in a row for its median.
 const ENOUGH_IN_ROW: usize = 4;
 
 /// Least factor between the two parts of a torn frame, and largest factor within a part.
 const TORN: (f32, f32) = (1.5, 1.15);
 
-/// Fewest rows of a part of a torn frame, unless the factor is [`TORN_FAR`]: bands of flickering light are less apart.
+/// Least number of rows in a part of a torn frame, unless the factor is [`TORN_FAR`]: bands of flickering light have smaller factors.
 const TORN_ROWS: usize = 3;
 
-/// Least factor between the two parts of a torn frame of which one has fewer rows.
+/// Least factor between the parts of a torn frame if one part has fewer rows.
 const TORN_FAR: f32 = 2.5;
 
-/// Exposures that differ by less may have equal samples.
+/// Ratio of two exposures below which their samples may be equal.
 const SAME_EXPOSURE: f32 = 1.2;
 
-/// Share of different samples from which a frame can be torn.
+/// Share of different samples from which a frame is tested for tearing.
 const TORN_SHARE: f32 = 0.04;
 
 /// Comparison of two frames of different exposure.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Comparison {
-    /// The shorter exposure against what the longer one predicts, and the longer one against what the shorter one predicts.
+    /// Deviations of the shorter exposure from the prediction of the longer one, and of the longer one from the prediction of the shorter
+    /// one.
     levels: [Deviating; 2],
-    /// Logarithm of the median ratio of radiances, 0 where both exposures are as stated; none where too few samples can be compared.
+    /// Natural logarithm of the median ratio of radiances, 0 if both exposures are as stated; `None` if too few samples can be compared.
     pub log_ratio: Option<f32>,
-    /// Share of the samples whose ratio differs from the median one.
+    /// Share of the samples whose ratio differs from the median.
     pub away: f32,
-    /// Whether the ratio is one in the upper rows and another one in the lower rows.
+    /// True if the ratio has one value in the upper rows and another one in the lower rows.
     pub is_torn: bool,
-    /// Whether the samples are equal although the exposures are not.
+    /// True if the samples are equal although the exposures differ.
     pub is_copy: bool,
 }
 
-/// Samples of one frame that are darker or brighter than predicted.
+/// Numbers of samples of one frame that are darker or brighter than predicted.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Deviating {
     dark: Share,
@@ -59,7 +60,7 @@ struct Deviating {
 }
 
 impl Deviating {
-    /// Adds the sample `found` where `expected` was predicted.
+    /// Counts the sample `found` against the prediction `expected`.
     fn add(&mut self, found: f32, expected: f32, least: f32) {
         if expected >= least / 2.0 {
             self.dark.add(found < expected.min(1.0) / DARKER);
@@ -78,7 +79,7 @@ impl Deviating {
     }
 }
 
-/// A number of samples out of another one.
+/// A number of samples, and the total to which it belongs.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Share {
     part: usize,
@@ -96,20 +97,20 @@ impl Share {
     }
 }
 
-/// Two frames that are compared.
+/// The samples of two frames to compare.
 #[derive(Clone, Copy)]
 pub(super) struct Pair<'a> {
     /// Samples of the shorter exposure.
     pub short: &'a Sampled,
     /// Samples of the longer exposure.
     pub long: &'a Sampled,
-    /// The shorter exposure over the longer one.
+    /// Ratio of the shorter exposure to the longer one.
     pub factor: f32,
-    /// Least relative exposure that is judged.
+    /// Least relative exposure that is compared.
     pub least: f32,
 }
 
-/// Memory for ratios, in the order of the rows and in the order of their size.
+/// Working memory for ratios, in the order of the rows and sorted.
 #[derive(Debug, Default)]
 pub(super) struct Scratch {
     by_row: Vec<f32>,
@@ -153,7 +154,7 @@ impl Comparison {
         found
     }
 
-    /// Adds the samples of one place.
+    /// Adds the samples of both frames at one grid position.
     fn add(&mut self, short: f32, long: f32, pair: &Pair<'_>, equal: &mut Share, ratios: &mut Vec<f32>) {
         let Pair { factor, least, .. } = *pair;
         if short.max(long) < least {
@@ -170,19 +171,19 @@ impl Comparison {
             equal.add(short == long);
             let predicted = long * factor;
             if short.max(predicted) >= least {
-                // A black sample has the ratio of one below the finest code, so that logarithms are finite.
+                // A black sample gets the ratio of half of the finest code or less, so that logarithms are finite.
                 ratios.push(short.max(1e-6) / predicted.max(1e-6));
             }
         }
     }
 
-    /// Whether the shorter, and whether the longer exposure is black or saturated as a whole.
+    /// Returns, for the shorter and for the longer exposure, whether it is black or saturated as a whole.
     pub fn level_faults(&self) -> [Option<FrameFault>; 2] {
         self.levels.map(|levels| levels.fault())
     }
 }
 
-/// Logarithms of the median ratios of the rows that have enough samples.
+/// Natural logarithms of the median ratios of the rows with enough samples.
 #[derive(Default)]
 struct Medians {
     rows: [f32; ROWS],
@@ -190,7 +191,7 @@ struct Medians {
 }
 
 impl Medians {
-    /// The medians of `ratios`, of which each row's end at one of `ends`; rows are reordered.
+    /// Computes the medians of `ratios`, whose rows end at `ends`; the elements of each row are reordered.
     fn of(ratios: &mut [f32], ends: &[usize; ROWS]) -> Self {
         let mut medians = Self::default();
         let mut start = 0;
@@ -208,7 +209,7 @@ impl Medians {
         medians
     }
 
-    /// Whether the rows have one value down to some row and another one from there on.
+    /// Returns true if the medians have one value down to some row and another one below it.
     fn are_two_parts(&self) -> bool {
         let rows = &self.rows[..self.count];
         let spread = |part: &[f32]| {

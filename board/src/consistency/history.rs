@@ -1,44 +1,44 @@
-//! Statistics of a pair of exposures over the earlier bursts.
+//! Running statistics of a pair of exposures over the earlier bursts.
 
 use super::compare::Comparison;
 use hemilux_core::wire::FrameFault;
 
-/// Share of a new burst in the running means.
+/// Weight of a new burst in the running means.
 const NEW: f32 = 1.0 / 8.0;
 
-/// Bursts before a ratio of exposures counts as known.
+/// Number of bursts from which the ratio of two exposures is known.
 const KNOWN: u32 = 4;
 
-/// Least factor between a wrong ratio of exposures and the usual one.
+/// Least factor between a wrong exposure ratio and the known one.
 const WRONG: f32 = 1.2;
 
-/// Factor between a ratio of exposures and the stated one from which it is in doubt until it is known.
+/// Factor between an exposure ratio and the stated one from which the ratio is doubtful until it is known.
 const DOUBTFUL: f32 = 1.5;
 
-/// A ratio is wrong where it differs from the mean by this many standard deviations.
+/// Number of standard deviations from the mean beyond which an exposure ratio is wrong.
 const DEVIATIONS: f32 = 4.0;
 
-/// Share of different samples above the usual share from which two frames show different scenes.
+/// Excess of the share of different samples over its running mean from which two frames show different scenes.
 const MOVED: f32 = 0.2;
 
-/// Running share of contradictions from which they are a property of the light or of the camera, not faults.
+/// Running share of contradictions from which they are a property of the light or of the camera and not faults.
 const USUAL: f32 = 0.3;
 
-/// Running means of one pair of exposures.
+/// Running means for one pair of exposures.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct History {
     bursts: u32,
     mean: f32,
     variance: f32,
     away: f32,
-    /// Share of the last bursts that contradicted.
+    /// Share of the last bursts with a contradiction.
     contradictions: f32,
-    /// Bursts in a row in which the pair could be compared.
+    /// Number of successive bursts in which the pair could be compared.
     compared: u32,
 }
 
 impl History {
-    /// Computes the statistics of the first and the last of three frames from those of the first two, `self`, and of the last two, `other`.
+    /// Returns the statistics of the first and the last of three frames, from those of the first two, `self`, and of the last two, `other`.
     pub fn joined(&self, other: &Self) -> Self {
         Self {
             bursts: self.bursts.min(other.bursts),
@@ -50,7 +50,7 @@ impl History {
         }
     }
 
-    /// The contradiction that a comparison shows, if it is an unusual one; adds what is usual to the means.
+    /// Returns the contradiction of a comparison, if it is an unusual one; otherwise adds the comparison to the means.
     pub fn judge(&mut self, seen: &Comparison) -> Option<FrameFault> {
         let Some(log_ratio) = seen.log_ratio else {
             self.compared = 0;
@@ -68,8 +68,8 @@ impl History {
         unusual
     }
 
-    /// Whether a ratio without a contradiction is known, or near the stated one. In dark light, a pair may be comparable in bursts with a
-    /// fault alone: those, which do not follow each other, are not to become what is usual.
+    /// Returns true if a ratio without a contradiction is known or near the stated one. In dark light, a pair may be comparable only in
+    /// bursts with a fault; these are not successive and must not become the known ratio.
     pub fn is_plausible(&self, log_ratio: f32) -> bool {
         self.bursts >= KNOWN || (log_ratio - self.mean).abs() < DOUBTFUL.ln()
     }

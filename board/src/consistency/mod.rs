@@ -1,9 +1,9 @@
-//! Finds the frames of a burst that contradict the others.
+//! Detects the frames of a burst that contradict the other frames.
 //!
-//! Two frames of one scene show radiances whose ratio is that of their exposures. A grid of pixels of each frame is converted to
-//! relative exposure; frames that are neighbours in exposure are compared. A frame contradicts the burst where all its neighbours
-//! contradict it and agree with each other. The usual ratio of each pair of exposures in the earlier bursts
-//! is the expected one, so that flickering light and exposure times with a constant error are no faults.
+//! The radiances of two frames of one scene have the inverse ratio of their exposures. A grid of pixels of each frame is converted to relative
+//! exposure, and frames that are neighbours in exposure are compared. A frame contradicts the burst if all its neighbours contradict it and agree
+//! with each other. The expected ratio of each pair of exposures is the usual one of the earlier bursts, so that flickering light and exposure
+//! times with a constant error are not faults.
 
 mod compare;
 mod history;
@@ -19,10 +19,10 @@ use hemilux_core::{MAX_EXPOSURES, ResponseError};
 use history::History;
 use samples::{Grid, Sampled};
 
-/// Number of pairs of frames that are compared: each with the next one and the one after.
+/// Number of pairs of frames that are compared: each frame with the next one and the second next one.
 const PAIRS: usize = 2 * MAX_EXPOSURES;
 
-/// Finds contradicting frames, burst after burst of one camera.
+/// Detects contradicting frames in successive bursts of one camera.
 #[derive(Debug)]
 pub struct Inspector {
     grid: Grid,
@@ -33,7 +33,7 @@ pub struct Inspector {
     is_uncertain: bool,
 }
 
-/// A frame in the order of exposures, and what it is compared by.
+/// Indices, in the order of exposures, of a frame and of the frame that it is compared with.
 #[derive(Clone, Copy)]
 struct Pair {
     of: usize,
@@ -41,7 +41,7 @@ struct Pair {
 }
 
 impl Pair {
-    /// Position in [`Verdicts`]; none for frames that are not compared.
+    /// Returns the index in [`Verdicts`]; `None` for frames that are not compared.
     fn index(self) -> Option<usize> {
         let (low, high) = (self.of.min(self.by), self.of.max(self.by));
         (1..=2).contains(&(high - low)).then(|| 2 * low + high - low - 1).filter(|i| *i < PAIRS)
@@ -49,7 +49,7 @@ impl Pair {
 }
 
 impl Inspector {
-    /// Takes the memory for bursts of `exposures` frames.
+    /// Allocates the memory for bursts of `exposures` frames.
     ///
     /// # Errors
     /// [`ResponseError`] for a response that is not monotone between the levels.
@@ -61,20 +61,20 @@ impl Inspector {
         Ok(Self { grid, frames, scratch, history: [History::default(); MAX_EXPOSURES], is_uncertain: false })
     }
 
-    /// Bytes on the heap.
+    /// Returns the memory on the heap, bytes.
     #[must_use]
     pub fn bytes(&self) -> usize {
         self.grid.bytes() + self.frames.iter().map(Sampled::bytes).sum::<usize>() + self.scratch.bytes()
     }
 
-    /// Whether the frames that stay of the last burst may be wrong: they contradict each other, or too few samples could be compared to
-    /// tell which frame is wrong.
+    /// Returns true if the remaining frames of the last burst may be wrong: they contradict each other, or too few samples could be compared
+    /// to identify the wrong frame.
     #[must_use]
     pub fn is_uncertain(&self) -> bool {
         self.is_uncertain
     }
 
-    /// The frames of `burst` that contradict the others; at least one frame stays.
+    /// Returns the frames of `burst` that contradict the others; at least one frame remains.
     pub fn inspect(&mut self, burst: &Burst) -> FramesLeftOut {
         let mut left_out = FramesLeftOut::NONE;
         self.is_uncertain = false;
@@ -98,13 +98,14 @@ impl Inspector {
             let fewer = kept.len() - 1;
             kept = &mut kept[..fewer];
         }
-        // Where most are wrong, it may be the other way round.
+        // If most frames are left out, the remaining ones may be the wrong ones.
         self.is_uncertain |= 2 * kept.len() < frames.len();
         self.is_uncertain |= kept.windows(2).any(|pair| verdicts.differ(pair[0], pair[1]));
         left_out
     }
 
-    /// Compares the neighbours in exposure, and adds what they show to the history; where they do not all agree, frames two apart as well.
+    /// Compares neighbours in exposure and adds the results to the history; where they do not all agree, frames that are two apart are
+    /// compared too.
     fn compare(&mut self, frames: &[Frame]) -> Verdicts {
         let mut verdicts = Verdicts([[Verdict::Unknown; 2]; PAIRS]);
         for apart in [1, 2] {
@@ -150,23 +151,23 @@ fn verdict(seen: &Comparison, history: &mut History) -> [Verdict; 2] {
 enum Verdict {
     /// Too few samples can be compared.
     Unknown,
-    /// Too few bursts are known to tell whether the ratio is a fault.
+    /// Too few earlier bursts are known to decide whether the ratio is a fault.
     Doubtful,
     /// The frames show the same light.
     Agrees,
     /// One of the two frames is wrong.
     Differs(FrameFault),
-    /// The frame that is compared is wrong.
+    /// The compared frame itself is wrong.
     Is(FrameFault),
-    /// The frame that it is compared with is wrong.
+    /// The frame with which it is compared is wrong.
     OtherIs,
 }
 
-/// For each pair: the verdict on the shorter exposure by the longer one, and on the longer by the shorter one.
+/// Two verdicts for each pair: of the shorter exposure compared with the longer one, and of the longer compared with the shorter one.
 struct Verdicts([[Verdict; 2]; PAIRS]);
 
 impl Verdicts {
-    /// Whether two frames contradict each other, or may do so.
+    /// Returns true if two frames contradict each other or the comparison is doubtful.
     fn differ(&self, short: usize, long: usize) -> bool {
         matches!(self.of(Pair { of: short, by: long }), Verdict::Differs(_) | Verdict::Doubtful)
     }
@@ -185,14 +186,14 @@ impl Verdicts {
 
 /// A wrong frame.
 struct Wrong {
-    /// Position of the frame among the frames that were kept before.
+    /// Index among the frames that remained so far.
     at: usize,
     fault: FrameFault,
-    /// Whether the other frames agree with each other, as far as they could be compared.
+    /// True if the other frames agree with each other, where they could be compared.
     is_certain: bool,
 }
 
-/// A frame of `kept` that is wrong: its neighbours contradict it, and what remains does not contradict itself.
+/// Returns a wrong frame of `kept`: its neighbours contradict it, and the remaining frames do not contradict each other.
 fn worst(kept: &[usize], verdicts: &Verdicts) -> Option<Wrong> {
     let between = |of: usize, by: usize| verdicts.of(Pair { of: kept[of], by: kept[by] });
     let last = kept.len().checked_sub(1)?;
@@ -207,7 +208,7 @@ fn worst(kept: &[usize], verdicts: &Verdicts) -> Option<Wrong> {
             return Some(Wrong { at, fault, is_certain: true });
         }
         let fault = seen().find_map(|v| if let Verdict::Differs(fault) = v { Some(fault) } else { None })?;
-        // The neighbours of the neighbours tell which side of the difference is wrong.
+        // Comparisons with the neighbours of the neighbours determine which of two frames is wrong.
         let others = match (at.checked_sub(1), at < last) {
             (Some(before), true) => Some((at + 1, before)),
             (Some(before), false) => before.checked_sub(1).map(|other| (before, other)),
@@ -223,10 +224,10 @@ fn worst(kept: &[usize], verdicts: &Verdicts) -> Option<Wrong> {
     (0..=last).find_map(fault_at)
 }
 
-/// A frame of a recorded burst that was left out.
+/// A frame that was left out of a recorded burst.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LeftOut {
-    /// File of the frame.
+    /// File name of the frame.
     pub file: String,
     /// Index in ascending order of exposure.
     pub index: usize,
@@ -237,9 +238,9 @@ pub struct LeftOut {
 impl std::fmt::Display for LeftOut {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let why = match self.fault {
-            FrameFault::Black => "it is black where its neighbours see light",
+            FrameFault::Black => "it is black where its neighbours are not",
             FrameFault::Saturated => "it is saturated where its neighbours are not",
-            FrameFault::OtherScene => "it shows another scene than its neighbours",
+            FrameFault::OtherScene => "its scene differs from that of its neighbours",
             FrameFault::WrongExposure => "its exposure is not the stated one",
             FrameFault::Torn => "a part of its rows has another exposure",
             FrameFault::Repeated => "it repeats a frame of another exposure",
@@ -250,7 +251,7 @@ impl std::fmt::Display for LeftOut {
     }
 }
 
-/// Removes the frames `found` from a recorded burst, and names them.
+/// Removes the frames `found` from a recorded burst and returns their descriptions.
 pub fn remove(read: &mut RecordedBurst, found: &FramesLeftOut) -> Vec<LeftOut> {
     let exposures = read.burst.frames.len().min(read.files.len());
     let files = found.iter().filter(|frame| frame.index < exposures);
@@ -264,10 +265,10 @@ pub fn remove(read: &mut RecordedBurst, found: &FramesLeftOut) -> Vec<LeftOut> {
     left_out
 }
 
-/// Removes from a recorded burst the frames that contradict the others, and names them.
+/// Removes the frames that contradict the others from a recorded burst and returns their descriptions.
 ///
 /// # Errors
-/// As [`Inspector::try_new`].
+/// [`ResponseError`] for a response that is not monotone between the levels.
 pub fn leave_out(read: &mut RecordedBurst) -> Result<Vec<LeftOut>, ResponseError> {
     let found = Inspector::try_new(&read.calibration, read.burst.frames.len())?.inspect(&read.burst);
     Ok(remove(read, &found))

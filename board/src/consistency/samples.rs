@@ -1,39 +1,39 @@
-//! Relative exposures on a grid of pixels of a frame, for every format: of green, of luma, or of the mosaic's own samples.
+//! Relative exposures on a grid of pixels of a frame, for every pixel format: of green, of luma, or of the samples of a mosaic.
 //!
-//! The grid is coarse, and its pixels are read one by one: decoding whole rows cost a fifth of a merge.
+//! The grid is coarse and its pixels are read one by one: decoding whole rows took a fifth of the time of a merge.
 
 use crate::calibration::{Calibration, Frame};
 use hemilux_core::format::Layout;
 use hemilux_core::response::{CURVE_BITS, Curve, curve_len};
 use hemilux_core::{ResponseError, read_luma};
 
-/// Rows of the grid.
+/// Number of rows of the grid.
 pub(super) const ROWS: usize = 16;
 
-/// Most pixels of a row of the grid.
+/// Largest number of pixels in a row of the grid.
 const COLUMNS: usize = 64;
 
-/// Codes above black from which a sample is judged.
+/// Number of codes above black from which a sample is compared.
 const LEAST_CODES: f64 = 8.0;
 
-/// Bounds of the least relative exposure that is judged.
+/// Range of the least relative exposure that is compared.
 const LEAST: f64 = 1.0 / 128.0;
 const MOST_LEAST: f64 = 1.0 / 32.0;
 
-/// The value of a saturated sample.
+/// The value that represents a saturated sample.
 pub(super) const SATURATED: f32 = 2.0;
 
-/// Where a frame is read, and the conversion of its codes.
+/// The positions of the grid, and the conversion of codes to relative exposures.
 #[derive(Debug)]
 pub(super) struct Grid {
     layout: Layout,
     curve: Curve<Vec<i32>>,
     table_len: usize,
-    /// Pixels of a row of the grid.
+    /// Number of pixels in a row of the grid.
     columns: usize,
-    /// Least relative exposure that is judged: below it quantisation and noise decide.
+    /// Least relative exposure that is compared: below it, quantisation and noise dominate.
     pub least: f32,
-    /// Distance between pixels of the grid, pixels.
+    /// Distance between neighbouring pixels of the grid, in image pixels.
     step: usize,
 }
 
@@ -67,7 +67,7 @@ impl Grid {
         Ok(Self { layout, curve, least, table_len, columns: width.div_ceil(step), step })
     }
 
-    /// Number of samples.
+    /// Returns the number of samples.
     pub fn len(&self) -> usize {
         ROWS * self.columns
     }
@@ -80,7 +80,7 @@ impl Grid {
         Sampled { values: vec![0.0; self.len()], per_row: self.columns }
     }
 
-    /// Reads the samples of `frame`.
+    /// Converts the samples of `frame` on the grid.
     pub fn sample(&self, frame: &Frame, sampled: &mut Sampled) {
         let height = self.layout.height() as usize;
         let full = (1u32 << CURVE_BITS) as f32;

@@ -6,7 +6,7 @@ use hemilux_core::{Exposure, Lens};
 const SIZE: usize = 64;
 const TIMES: [f64; 3] = [0.001, 0.006, 0.036];
 
-/// Radiance of a room with a bright window, mirrored for another scene.
+/// Returns the radiance of a room with a bright window at pixel (`x`, `y`).
 fn radiance(x: usize, y: usize) -> f64 {
     let window = if (40..56).contains(&x) && (8..24).contains(&y) { 300.0 } else { 0.0 };
     1.0 + x as f64 / 2.0 + y as f64 / 8.0 + window
@@ -17,7 +17,7 @@ fn calibration(format: Format) -> Calibration {
     Calibration::try_new(lens, format, SIZE as u32, SIZE as u32).expect("a camera")
 }
 
-/// A frame whose radiance is that of `scene`, exposed for `actual` seconds and stated as `stated`.
+/// Returns a frame of `scene`, exposed for `actual` seconds and labelled with `stated` seconds.
 fn frame(stated: f64, actual: f64, scene: impl Fn(usize, usize) -> f64) -> Frame {
     let mut codes = Vec::new();
     for (y, x) in (0..SIZE).flat_map(|y| (0..SIZE).map(move |x| (y, x))) {
@@ -44,7 +44,7 @@ fn faults(inspector: &mut Inspector, burst: &Burst) -> Vec<(usize, FrameFault)> 
 }
 
 #[test]
-fn each_fault_is_found_in_each_frame_and_named() {
+fn each_fault_is_detected_in_each_frame_and_named() {
     for (index, t) in TIMES.into_iter().enumerate() {
         let other =
             |x: usize, y: usize| radiance(SIZE - 1 - x, SIZE - 1 - y) * if x % 16 < 8 { 3.0 } else { 0.4 };
@@ -89,11 +89,11 @@ fn swapped_frames_do_not_leave_the_burst_empty() {
 }
 
 #[test]
-fn flicker_that_was_always_there_is_no_fault() {
+fn permanent_flicker_is_not_a_fault() {
     let mut inspector = Inspector::try_new(&calibration(Format::Rgb24), 3).expect("an inspector");
     let mut wrong = 0;
     for burst in 0..40 {
-        // A lamp of 100 Hz at 28 bursts a second; the longest exposure averages over its periods.
+        // A lamp of 100 Hz at 28 bursts a second; the longest exposure averages over several of its periods.
         let phase = f64::from(burst) * 100.0 / 28.0 * std::f64::consts::TAU;
         let level = [1.0 + 0.95 * phase.sin(), 1.0 + 0.4 * (phase + 1.0).sin(), 1.0];
         let frames = (0..3).map(|i| frame(TIMES[i], TIMES[i] * level[i], radiance)).collect();
@@ -104,7 +104,7 @@ fn flicker_that_was_always_there_is_no_fault() {
 }
 
 #[test]
-fn exposure_times_that_are_always_wrong_are_no_fault() {
+fn exposure_times_with_a_constant_error_are_not_a_fault() {
     let mut inspector = Inspector::try_new(&calibration(Format::Rgb24), 3).expect("an inspector");
     for burst in 0..20 {
         let frames = vec![frame(TIMES[0], 2.0 * TIMES[0], radiance), frame(TIMES[1], TIMES[1], radiance)];
@@ -113,7 +113,7 @@ fn exposure_times_that_are_always_wrong_are_no_fault() {
 }
 
 #[test]
-fn black_frames_of_a_mosaic_are_found() {
+fn black_frames_of_a_mosaic_are_detected() {
     let camera = calibration(Format::Raw10(Pattern::Rggb));
     let mut inspector = Inspector::try_new(&camera, 3).expect("an inspector");
     let packed = |seconds: f64| {

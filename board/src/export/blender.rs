@@ -1,4 +1,4 @@
-//! A script for Blender's text editor: one sun for each light, kept by the light's id.
+//! A script for Blender's text editor: one sun for each light, identified by the light's id.
 
 use super::{Emission, Numbers, Text, emission, facing, head_in_watts};
 use hemilux_core::wire::LightSet;
@@ -8,7 +8,7 @@ const LOSSES: [&str; 2] = [
     "run it again with another set: suns are matched by id, those that are gone are removed",
 ];
 
-/// The part of the script that creates lights from its table.
+/// The part of the script that creates suns from its table of lights.
 const PROGRAM: &str = r#"
 import math
 import bpy
@@ -45,7 +45,7 @@ pub(super) fn text(set: &LightSet<'_>) -> String {
         let radius = Numbers([light.radius_deg.clamp(0.0, 90.0)], "");
         let colour = Numbers(colour, ", ");
         let strength = Numbers([strength], "");
-        // Blender keeps identifiers in 32 bits with a sign; as text every id fits.
+        // Blender stores integers in 32 bits with a sign; as text, every id fits.
         text.line(format_args!("    (\"{}\", ({towards}), {strength}, ({colour}), {radius}),", light.id));
     }
     text.line("]");

@@ -26,7 +26,7 @@ pub(super) fn write(set: &LightSet<'_>, bytes: &mut Vec<u8>) -> Result<(), Expor
     Ok(())
 }
 
-/// Empty lists are not allowed in glTF: a set without lights is a scene without nodes.
+/// Returns the JSON of the scene. glTF forbids empty lists: a set without lights is a scene without nodes.
 fn document(set: &LightSet<'_>) -> Value {
     let asset = json!({"version": "2.0", "generator": "hemilux", "extras": {"notes": notes(set, &LOSSES)}});
     if set.lights.is_empty() {

@@ -4,7 +4,7 @@ use super::{Numbers, Text, notes, xml_comment};
 use hemilux_core::color::luminance;
 use hemilux_core::wire::LightSet;
 
-/// Least weight of an emitter: weights of zero alone are refused.
+/// Least weight of an emitter: Mitsuba refuses scenes whose weights are all zero.
 const LEAST_WEIGHT: f32 = 1e-9;
 
 const LOSSES: [&str; 2] = [

@@ -1,7 +1,8 @@
-//! Light sets as files of other programs: CSV, glTF, USD, Radiance and Mitsuba scenes and Blender scripts beside the forms of [`hemilux_core::wire`].
+//! Light sets as files of other programs: CSV, glTF, USD, Radiance and Mitsuba scenes and Blender scripts, in addition to the forms of
+//! [`hemilux_core::wire`].
 //!
-//! Each file begins with comments that state the set's origin, its axes and unit, and what the form cannot hold. In glTF, whose JSON has no
-//! comments, they are in `asset.extras.notes`.
+//! Each file begins with comments that state the set's origin, its axes and unit, and the values that the form cannot contain. In glTF, whose
+//! JSON has no comments, they are in `asset.extras.notes`.
 
 mod blender;
 mod csv;
@@ -18,13 +19,13 @@ use std::fmt::{self, Display, Write};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Form {
-    /// JSON, the complete form.
+    /// JSON with all values of a set.
     Json,
-    /// Plain text, one light a line.
+    /// Plain text, one light per line.
     Text,
     /// XML.
     Xml,
-    /// Comma-separated values, one light a line.
+    /// Comma-separated values, one light per line.
     Csv,
     /// Binary glTF 2.0 with KHR_lights_punctual.
     Glb,
@@ -38,7 +39,7 @@ pub enum Form {
     Blender,
 }
 
-/// Reasons for which a set cannot be written in a form.
+/// Reasons why a set cannot be written in a form.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ExportError {
     /// The form cannot state the requested axes.
@@ -48,7 +49,7 @@ pub enum ExportError {
         form: &'static str,
         /// The requested axes.
         found: &'static str,
-        /// The axes that the form can hold.
+        /// The axes that the form can state.
         expected: &'static str,
     },
     /// The file would be longer than the form allows.
@@ -70,19 +71,19 @@ impl Form {
         ("blender", Self::Blender),
     ];
 
-    /// The form called `name`.
+    /// Returns the form called `name`.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         Self::NAMED.iter().find(|(n, _)| *n == name).map(|(_, form)| *form)
     }
 
-    /// The name of the form.
+    /// Returns the name of the form.
     #[must_use]
     pub fn name(self) -> &'static str {
         Self::NAMED.iter().find(|(_, form)| *form == self).map_or("", |(name, _)| *name)
     }
 
-    /// The media type of the form.
+    /// Returns the media type of the form.
     #[must_use]
     pub const fn media_type(self) -> &'static str {
         match self {
@@ -97,13 +98,13 @@ impl Form {
         }
     }
 
-    /// Whether one file holds one set, so that a sequence of sets cannot be written one after the other.
+    /// Returns true if a file contains exactly one set, so that sets cannot be concatenated.
     #[must_use]
     pub const fn is_scene(self) -> bool {
         matches!(self, Self::Glb | Self::Usda | Self::Radiance | Self::Mitsuba | Self::Blender)
     }
 
-    /// The axes of the other program: the default.
+    /// Returns the default axes: those of the other program.
     #[must_use]
     pub const fn native_axes(self) -> Coordinates {
         match self {
@@ -114,7 +115,7 @@ impl Form {
         }
     }
 
-    /// `axes`, or the native ones without a choice.
+    /// Returns `axes`, or the default axes for `None`.
     ///
     /// # Errors
     /// [`ExportError::Axes`]: scenes are right-handed, and glTF is always +Y up.
@@ -133,16 +134,16 @@ impl Form {
     }
 }
 
-/// The values that plain text and XML do not contain.
+/// Values that plain text and XML do not contain.
 const PLAIN: [&str; 1] =
     ["left out: radius, age and parent of each light, the set's sums and estimated error; JSON has them"];
 
 /// Appends `set` in the axes of `set.coordinates` to `bytes`.
 ///
-/// `map` is the path of a latitude-longitude map of the same scene, as the file is to name it; USD alone refers to it.
+/// `map` is the path of a latitude-longitude map of the same scene, relative to the file; USD alone refers to it.
 ///
 /// # Errors
-/// [`ExportError`] for axes or sizes that the form cannot hold; nothing is appended.
+/// [`ExportError`] for axes or sizes that the form cannot contain; nothing is appended.
 pub fn encode(
     form: Form,
     set: &LightSet<'_>,
@@ -178,12 +179,12 @@ pub fn encode(
     Ok(())
 }
 
-/// A growing file of text.
+/// The text of a file, built line by line.
 #[derive(Default)]
 struct Text(String);
 
 impl Text {
-    /// Appends a line. Writing to a string does not fail.
+    /// Appends a line. Writing to a string cannot fail.
     fn line(&mut self, line: impl Display) {
         let _ = writeln!(self.0, "{line}");
     }
@@ -192,7 +193,7 @@ impl Text {
 /// Luminous efficacy between lux and the W/m2 of Radiance and Blender, lm/W.
 const EFFICACY: f32 = 179.0;
 
-/// Writes the comments of a form that counts in watts, for lux with the sentence `conversion`. Returns the factor from the set's unit.
+/// Writes the comments of a form in watts; if the set is in lux, the sentence `conversion` is added. Returns the factor from the set's unit.
 fn head_in_watts(text: &mut Text, set: &LightSet<'_>, losses: &[&str], conversion: &str) -> f32 {
     for note in notes(set, losses) {
         text.line(format_args!("# {note}"));
@@ -206,7 +207,7 @@ fn head_in_watts(text: &mut Text, set: &LightSet<'_>, losses: &[&str], conversio
     }
 }
 
-/// Numbers with a separator between them. A value that is not finite is written as 0.
+/// Formats numbers with a separator between them. A value that is not finite is written as 0.
 struct Numbers<'a, const N: usize>([f32; N], &'a str);
 
 impl<const N: usize> Display for Numbers<'_, N> {
@@ -221,11 +222,11 @@ impl<const N: usize> Display for Numbers<'_, N> {
 /// An irradiance as the product of a colour and an intensity.
 struct Emission {
     intensity: f32,
-    /// Linear RGB whose largest component is 1.
+    /// Linear red, green and blue, of which the largest is 1.
     colour: [f32; 3],
 }
 
-/// The intensity and the colour whose product is `irradiance`.
+/// Returns the intensity and the colour whose product is `irradiance`.
 fn emission(irradiance: [f32; 3]) -> Emission {
     let [r, g, b] = irradiance.map(|v| if v.is_finite() { v.max(0.0) } else { 0.0 });
     let intensity = r.max(g).max(b);
@@ -233,19 +234,19 @@ fn emission(irradiance: [f32; 3]) -> Emission {
     Emission { intensity, colour }
 }
 
-/// The rotation (x, y, z, w) that turns a lamp shining along -Z so that its light comes from `light`.
+/// Returns the rotation (x, y, z, w) of a lamp that shines along -Z, such that its light comes from the direction of `light`.
 fn orientation(set: &LightSet<'_>, light: &Light) -> [f32; 4] {
     let towards = set.coordinates.direction(light.direction).as_dvec3();
     let towards = towards.try_normalize().unwrap_or(glam::DVec3::Z);
     glam::DQuat::from_rotation_arc(glam::DVec3::NEG_Z, -towards).normalize().as_quat().to_array()
 }
 
-/// Part of a uniform disc's irradiance, of angular radius `radius_deg`, that a surface facing its centre receives.
+/// Returns the share of the irradiance of a uniform disc of angular radius `radius_deg` that a surface facing the disc's centre receives.
 fn facing(radius_deg: f32) -> f32 {
     (1.0 + radius_deg.clamp(0.0, 90.0).to_radians().cos()) / 2.0
 }
 
-/// The comments at the head of a file: the set, its axes and unit, the energy that is left out, and then `losses`.
+/// Returns the comments at the start of a file: the set, its axes and unit, the energy that is left out, and `losses`.
 fn notes(set: &LightSet<'_>, losses: &[&str]) -> Vec<String> {
     let LightSet { run, frame, sampler, .. } = set;
     let count = set.lights.len();
@@ -260,7 +261,7 @@ fn notes(set: &LightSet<'_>, losses: &[&str]) -> Vec<String> {
         notes.push(format!("stale: {} ms: {}", stale.age_ms, stale.reason));
     }
     if let Some(sh) = set.ambient_sh {
-        // Over the sphere a constant of coefficient c has the flux 2 sqrt(pi) c.
+        // Over the sphere, constant radiance with the harmonic coefficient c has the flux 2 sqrt(pi) c.
         let flux = sh[0].map(|c| 2.0 * std::f32::consts::PI.sqrt() * c);
         notes.push(format!("left out: the ambient light, scalar flux {}; JSON has it", Numbers(flux, " ")));
     }
@@ -268,13 +269,13 @@ fn notes(set: &LightSet<'_>, losses: &[&str]) -> Vec<String> {
     notes.into_iter().map(|note| on_one_line(&note)).collect()
 }
 
-/// Control characters, which could end a comment of a line, and the characters that XML forbids become spaces.
+/// Replaces control characters, which could end a comment line, and characters that XML forbids by spaces.
 fn on_one_line(text: &str) -> String {
     let is_kept = |c: char| !c.is_control() && !matches!(c, '\u{fffe}' | '\u{ffff}');
     text.chars().map(|c| if is_kept(c) { c } else { ' ' }).collect()
 }
 
-/// `note` as a comment of XML, which holds no two hyphens in a row.
+/// Returns `note` as a comment of XML, in which two successive hyphens are forbidden.
 fn xml_comment(note: &str) -> String {
     format!("<!-- {} -->", note.replace("--", "- ").trim_end_matches('-'))
 }

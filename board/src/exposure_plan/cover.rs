@@ -1,29 +1,29 @@
-//! The fewest exposures that cover a set of radiances.
+//! The least number of exposures that cover a set of radiances.
 
 use crate::calibration::Calibration;
 use crate::noise::Noise;
 
-/// Most exposures of a plan.
+/// Largest number of exposures of a plan.
 pub const MOST: usize = 6;
 
-/// Least ratio of a sample to its standard deviation.
+/// Least ratio of a covered sample to its standard deviation.
 const LEAST_RATIO: f64 = 5.0;
 
-/// Number of standard deviations that new exposures keep from the limits.
+/// Margin of new exposures to the limits, in standard deviations of a sample.
 const MARGIN: f64 = 3.0;
 
-/// Share of the pixels, the darkest, whose noise does not matter.
+/// Share of the darkest pixels, 0 to 1, which need not be covered.
 const DARKEST: f64 = 0.02;
 
-/// Relative code of the saturation of a plan: below that of the merge, so that what a plan covers does not clip.
+/// Relative code from which a sample counts as saturated: lower than in the merge, so that covered radiances are not clipped.
 const SATURATED: f64 = 0.93;
 
-/// The exposure times that a camera takes, seconds.
+/// The range of a camera's exposure times, seconds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TimeRange {
     /// Shortest exposure time, seconds.
     pub shortest_s: f64,
-    /// Longest time at the frame rate.
+    /// Longest exposure time at the frame rate, seconds.
     pub longest_s: f64,
 }
 
@@ -33,19 +33,19 @@ impl TimeRange {
     }
 }
 
-/// The relative exposures, 0 to 1, between which a sample is covered.
+/// The range of relative exposures, 0 to 1, in which a sample is covered.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// The relative exposure that is `LEAST_RATIO` times its standard deviation, and trusted by the merge.
+    /// The least relative exposure: `LEAST_RATIO` times its standard deviation, and trusted by the merge.
     pub dark: f64,
-    /// The relative exposure below saturation.
+    /// The largest relative exposure, below saturation.
     pub bright: f64,
-    /// The factors by which `dark` rises and `bright` falls for new exposures.
+    /// The factors by which `dark` is raised and `bright` is lowered for new exposures.
     margins: [f64; 2],
 }
 
 impl Limits {
-    /// The limits of a camera with `noise`, in codes.
+    /// Returns the limits of a camera with `noise`, in codes.
     #[must_use]
     pub fn of(calibration: &Calibration, noise: &Noise) -> Self {
         use hemilux_core::Response;
@@ -60,7 +60,7 @@ impl Limits {
         Self { dark: by_noise.max(trusted), bright, margins }
     }
 
-    /// The limits for new exposures.
+    /// Returns the limits for new exposures.
     #[must_use]
     pub fn narrowed(&self) -> Self {
         let [dark, bright] = self.margins;
@@ -69,7 +69,7 @@ impl Limits {
     }
 }
 
-/// A part of the scene's light.
+/// A radiance of the scene and its share of the pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RadianceShare {
     /// Radiance: relative exposure per second.
@@ -78,7 +78,7 @@ pub struct RadianceShare {
     pub share: f64,
 }
 
-/// The radiances of `light`, brightest first, that exposures have to cover: all but the darkest pixels.
+/// Returns the radiances of `light`, brightest first, that exposures must cover: all but those of the darkest pixels.
 fn to_cover(light: &[RadianceShare]) -> impl Iterator<Item = f64> + '_ {
     let mut before = 0.0;
     let needed = light.iter().take_while(move |l| {
@@ -89,8 +89,8 @@ fn to_cover(light: &[RadianceShare]) -> impl Iterator<Item = f64> + '_ {
     needed.map(|l| l.radiance)
 }
 
-/// The fewest exposure times, ascending, at most [`MOST`], that cover `light`, which descends. Light that is too bright for the
-/// shortest or too dark for the longest time of `range` counts as covered by that time.
+/// Returns the least set of exposure times, seconds, ascending, at most [`MOST`], that cover `light`, which is in descending order. Radiances
+/// that are too bright for the shortest or too dark for the longest time of `range` count as covered by that time.
 #[must_use]
 pub fn cover(light: &[RadianceShare], limits: &Limits, range: &TimeRange) -> Vec<f64> {
     let mut times: Vec<f64> = Vec::with_capacity(MOST);
@@ -104,7 +104,7 @@ pub fn cover(light: &[RadianceShare], limits: &Limits, range: &TimeRange) -> Vec
     times
 }
 
-/// Whether `times`, ascending, cover `light`, which descends.
+/// Returns true if `times`, ascending, cover `light`, which is in descending order.
 #[must_use]
 pub fn is_covered(light: &[RadianceShare], times: &[f64], limits: &Limits, range: &TimeRange) -> bool {
     let by = |radiance: f64, t: f64| {

@@ -1,39 +1,39 @@
-//! The radiances of a burst, by the logarithm.
+//! Histogram of the logarithms of a burst's radiances.
 
 use super::cover::{Limits, RadianceShare, TimeRange};
 use crate::calibration::{Burst, Calibration};
 use glam::DVec2;
 use hemilux_core::{Layout, read_rgb_row};
 
-/// Bins per octave of radiance.
+/// Number of bins per octave of radiance.
 pub const BINS_PER_OCTAVE: usize = 4;
 
-/// Binary logarithm of the radiance, relative exposure per second, of the lower edge of the first bin.
+/// Binary logarithm of the lower edge of the first bin; radiance is in relative exposure per second.
 const FIRST_OCTAVE: i32 = -24;
 
-/// Octaves of the histogram.
+/// Number of octaves of the histogram.
 const OCTAVES: usize = 56;
 
-/// Rows and columns between samples.
+/// Step between sampled rows and between sampled columns, pixels.
 const STEP: u32 = 4;
 
-/// Counts of pixels by radiance, and of those whose radiance the burst does not tell.
+/// Numbers of pixels by radiance, and numbers of pixels above and below the measurable range.
 #[derive(Clone, Debug)]
 pub struct Histogram {
     counts: [u32; OCTAVES * BINS_PER_OCTAVE],
-    /// Pixels, the unknown ones included.
+    /// Number of all pixels, including those of unknown radiance.
     total: u32,
-    /// Pixels that are too bright for the shortest exposure.
+    /// Pixels that are saturated in the shortest exposure.
     above: Unmeasured,
-    /// Pixels that are too dark for the longest exposure.
+    /// Pixels that are too dark in the longest exposure.
     below: Unmeasured,
 }
 
-/// Pixels whose radiance lies beyond a bound.
+/// Number of pixels whose radiance lies beyond a bound.
 #[derive(Clone, Copy, Debug)]
 struct Unmeasured {
     pixels: u32,
-    /// Radiance above or below which the pixels lie.
+    /// Radiance above or below which the pixels lie, relative exposure per second.
     bound: f64,
 }
 
@@ -49,53 +49,55 @@ impl Default for Histogram {
     }
 }
 
-/// The upper edge of bin `at`.
+/// Returns the upper edge of bin `at`, relative exposure per second.
 fn upper(at: usize) -> f64 {
     f64::from(FIRST_OCTAVE + (at as i32 + 1) / BINS_PER_OCTAVE as i32).exp2()
         * (((at + 1) % BINS_PER_OCTAVE) as f64 / BINS_PER_OCTAVE as f64).exp2()
 }
 
-/// The bin of a radiance.
+/// Returns the bin of a radiance in relative exposure per second.
 fn bin(radiance: f64) -> usize {
     let at = (radiance.log2() - f64::from(FIRST_OCTAVE)) * BINS_PER_OCTAVE as f64;
     (at.max(0.0) as usize).min(OCTAVES * BINS_PER_OCTAVE - 1)
 }
 
 impl Histogram {
-    /// Adds a pixel of known radiance.
+    /// Adds a pixel of known radiance, in relative exposure per second.
     pub fn add(&mut self, radiance: f64) {
         self.counts[bin(radiance)] += 1;
         self.total += 1;
     }
 
-    /// Adds a pixel that is too bright for the shortest exposure.
+    /// Adds a pixel that is saturated in the shortest exposure.
     fn add_above(&mut self) {
         self.above.pixels += 1;
         self.total += 1;
     }
 
-    /// Adds a pixel that is too dark for the longest exposure.
+    /// Adds a pixel that is too dark in the longest exposure.
     fn add_below(&mut self) {
         self.below.pixels += 1;
         self.total += 1;
     }
 
-    /// Whether some pixel is too bright for the shortest exposure.
+    /// Returns true if a pixel is saturated in the shortest exposure.
     pub(super) fn has_unknown_above(&self) -> bool {
         self.above.pixels > 0
     }
 
-    /// Forgets all pixels; the shortest exposure is saturated at a radiance of `above`, and the longest one shows nothing under `below`.
+    /// Removes all pixels; the shortest exposure is saturated from a radiance of `above`, and the longest one measures no radiance under
+    /// `below`.
     fn clear(&mut self, above: f64, below: f64) {
         (self.counts, self.total) = ([0; _], 0);
         (self.above, self.below) = (Unmeasured::none(above), Unmeasured::none(below));
     }
 
-    /// The light, brightest first: a bin at its upper edge; unknown radiances at each bin that they may lie in within `range`.
+    /// Returns the radiances with their shares, brightest first: each bin by its upper edge; unknown radiances in each bin of their possible
+    /// range within `range`.
     #[must_use]
     pub fn light(&self, range: &TimeRange) -> Vec<RadianceShare> {
         let share = |count: u32| f64::from(count) / f64::from(self.total.max(1));
-        // The first bin of each unknown part has all its pixels: it has to be covered as a whole.
+        // The first bin of each unknown part has all its pixels, since the part must be covered as a whole.
         let bright = bin(self.above.bound)..=bin(1.0 / range.shortest_s);
         let dark = bin(1e-3 / range.longest_s)..=bin(self.below.bound);
         let (above, below) = (self.above.pixels, self.below.pixels);
@@ -113,13 +115,13 @@ impl Histogram {
     }
 }
 
-/// Reads the radiances of bursts of one camera.
+/// Computes the radiances of bursts of one camera.
 #[derive(Clone, Debug)]
 pub(super) struct Reader {
     layout: Layout,
-    /// Relative exposure of each code, green.
+    /// Relative exposure of each code of green.
     curve: Vec<f32>,
-    /// The columns that are read of each row that is read.
+    /// The sampled rows, each with its sampled columns.
     columns: Vec<(u32, Vec<u32>)>,
     rows: Vec<Vec<[u16; 3]>>,
 }
@@ -141,10 +143,10 @@ impl Reader {
         Some(Self { layout: *layout, curve: curve.collect(), columns: columns.collect(), rows: Vec::new() })
     }
 
-    /// Replaces `histogram` by that of `burst`: each pixel at its radiance in the longest exposure that is not saturated.
+    /// Replaces `histogram` by that of `burst`: each pixel has its radiance in the longest exposure in which it is not saturated.
     pub(super) fn read(&mut self, burst: &Burst, limits: &Limits, histogram: &mut Histogram) {
         let (Some(first), Some(last)) = (burst.frames.first(), burst.frames.last()) else { return };
-        // A pixel under a fifth of the limit, at which its noise is its light, has no radiance.
+        // A pixel below a fifth of the limit has no radiance: its noise is as large as its signal.
         let floor = limits.dark / 5.0;
         histogram.clear(limits.bright / first.exposure.seconds, floor / last.exposure.seconds);
         self.rows.resize_with(burst.frames.len(), Vec::new);

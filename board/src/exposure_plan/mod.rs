@@ -1,8 +1,8 @@
-//! Chooses the exposures of the next bursts from the light of the last one: as few as cover what the scene shows.
+//! Plans the exposures of the next bursts from the radiances of the last burst: the fewest that cover the scene.
 //!
-//! A sample is covered by an exposure in which its code lies between the limit of its noise and saturation. The radiances that one exposure
-//! covers are an interval of constant ratio, so that the fewest exposures are found from the brightest radiance down (`cover`). Radiances
-//! beyond what the last burst could measure are unknown: all of them are covered in the next burst, which measures them.
+//! An exposure covers a sample if its code lies between a noise limit and saturation. The radiances that one exposure covers are an interval of
+//! constant ratio, so that the fewest exposures are found from the brightest radiance down (`cover`). Radiances beyond the range of the last
+//! burst are unknown: their whole possible range is covered in the next burst, which measures them.
 
 mod cover;
 mod histogram;
@@ -16,18 +16,18 @@ use crate::calibration::{Burst, Calibration};
 use crate::noise::Noise;
 use histogram::Reader;
 
-/// Bursts for which a bright spot between the pixels that are read is remembered.
+/// Number of bursts for which a clipped spot between the sampled pixels stays covered.
 const HOLD: u32 = 300;
 
-/// A spot that clipped but lies between the pixels that are read.
+/// A clipped spot that lies between the sampled pixels.
 #[derive(Clone, Copy, Debug, Default)]
 struct Hidden {
     radiance: f64,
-    /// Bursts until it is forgotten.
+    /// Number of bursts until the spot is no longer covered.
     left: u32,
 }
 
-/// Follows the light of one camera with its exposures.
+/// Plans the exposures of one camera, burst by burst.
 #[derive(Clone, Debug)]
 pub struct Planner {
     range: TimeRange,
@@ -38,7 +38,7 @@ pub struct Planner {
 }
 
 impl Planner {
-    /// A planner for a camera of `calibration` that takes exposures within `range`; `None` if its response cannot be tabulated.
+    /// Creates a planner for a camera of `calibration` with exposure times within `range`; `None` if its response is invalid.
     #[must_use]
     pub fn new(calibration: &Calibration, range: TimeRange, noise: &Noise) -> Option<Self> {
         let limits = Limits::of(calibration, noise);
@@ -46,14 +46,14 @@ impl Planner {
         Some(Self { range, limits, reader, histogram: Histogram::default(), hidden: Hidden::default() })
     }
 
-    /// The exposure times, seconds, ascending, of the coming bursts after `burst`, in which the share `clipped` of the light was clipped;
-    /// `None` if those of `burst` are to stay.
+    /// Returns the exposure times, seconds, ascending, of the bursts after `burst`, of whose light the share `clipped` was clipped; `None` if
+    /// the exposures do not change.
     pub fn next(&mut self, burst: &Burst, clipped: f64) -> Option<Vec<f64>> {
         self.reader.read(burst, &self.limits, &mut self.histogram);
         let current: Vec<f64> = burst.frames.iter().map(|frame| frame.exposure.seconds).collect();
         self.hidden.left = self.hidden.left.saturating_sub(1);
         if clipped > 0.0 && !self.histogram.has_unknown_above() {
-            // Nothing is known of the spot but that it is brighter.
+            // The spot's radiance is unknown, except that it is above the range of the shortest exposure.
             let least = self.limits.bright / current.first().copied().unwrap_or(self.range.shortest_s);
             self.hidden = Hidden { radiance: 4.0 * least, left: HOLD };
         }
@@ -64,10 +64,10 @@ impl Planner {
     }
 }
 
-/// The exposure times that replace `current`; `None` if these are to stay.
+/// Returns the exposure times that replace `current`; `None` if the exposures do not change.
 ///
-/// New times are chosen with limits that are narrower by three standard deviations of a sample; times in use are kept as long as they cover
-/// the scene with the full limits and no fewer are enough, so that noise changes nothing.
+/// New times are chosen with limits that are narrower by three standard deviations of a sample. Present times are kept while they cover the scene
+/// with the full limits and no smaller number is enough, so that noise causes no change.
 #[must_use]
 pub fn decide(
     current: &[f64],

@@ -1,4 +1,4 @@
-//! Plans against a search over all schedules, and a simulated camera whose light changes.
+//! Plans, compared with a search over all schedules, and a simulated camera with changing light.
 
 use super::cover::RadianceShare;
 use super::*;
@@ -22,7 +22,7 @@ fn limits() -> Limits {
     Limits::of(&calibration(), &NOISE)
 }
 
-/// Pseudo-random numbers from 0 to 1: the generator MMIX of \[Knuth1997\].
+/// Generator of pseudo-random numbers from 0 to 1: the generator MMIX of \[Knuth1997\].
 struct Random(u64);
 
 impl Random {
@@ -36,7 +36,7 @@ impl Random {
     }
 }
 
-/// A camera in a room: a dark wall, a bright wall and a window, times `light`.
+/// A simulated camera in a room with a dark wall, a bright wall and a window; `light` scales all radiances.
 struct Camera {
     random: Random,
     times: Vec<f64>,
@@ -45,7 +45,7 @@ struct Camera {
 
 /// Properties of a burst of the simulated camera.
 struct Shown {
-    /// Share of the pixels that are saturated in the shortest exposure.
+    /// Share of the pixels that are saturated in the shortest exposure, 0 to 1.
     clipped: f64,
     /// Number of exposures of the burst.
     exposures: usize,
@@ -58,7 +58,7 @@ impl Camera {
         Self { random: Random(1), times: times.to_vec(), planner }
     }
 
-    /// Relative exposure per second of a pixel: six octaves between the darkest and the brightest.
+    /// Returns the relative exposure per second of a pixel: the brightest is six octaves above the darkest.
     fn radiance(x: u32, y: u32) -> f64 {
         match (x / 8, y / 8) {
             (2..=3, 2..=3) => 640.0,
@@ -67,7 +67,7 @@ impl Camera {
         }
     }
 
-    /// Takes a burst, the light of whose frames `light` gives, and plans the next one.
+    /// Takes a burst, with the light of each frame from `light`, and plans the next one.
     fn burst(&mut self, light: impl Fn(usize) -> f64) -> Shown {
         let codes = WHITE - NOISE.dark;
         let mut frame = |(i, seconds): (usize, &f64)| {
@@ -91,7 +91,7 @@ impl Camera {
     }
 }
 
-/// The least number of exposures, of times a quarter of an octave apart, that cover `light`; found by trying all.
+/// Returns the least number of exposures that cover `light`, by a search over all sets of times with steps of a quarter octave.
 fn fewest(light: &[RadianceShare], limits: &Limits) -> usize {
     fn search(
         light: &[RadianceShare],
@@ -120,7 +120,7 @@ fn fewest(light: &[RadianceShare], limits: &Limits) -> usize {
 }
 
 #[test]
-fn plans_need_at_most_one_exposure_more_than_the_best_of_all_schedules() {
+fn plans_have_at_most_one_exposure_more_than_the_optimum() {
     let (mut random, limits) = (Random(3), limits());
     let mut counts = [0; 5];
     for case in 0..200 {
@@ -151,7 +151,7 @@ fn an_even_scene_needs_one_exposure_and_a_wide_one_more() {
     };
     let even = cover(&light(&[100.0, 90.0, 40.0]), &limits, &RANGE);
     assert_eq!(even.len(), 1, "{even:?}");
-    // The brightest is just below saturation.
+    // The brightest radiance is just below saturation.
     assert!((even[0] * 100.0 / limits.bright - 1.0).abs() < 1e-9, "{even:?}");
     let wide = cover(&light(&[30_000.0, 100.0, 3.0]), &limits, &RANGE);
     assert!(wide.len() >= 2, "{wide:?}");
@@ -164,7 +164,7 @@ fn a_change_of_light_is_settled_within_three_bursts() {
     for factor in [10.0, 100.0, 1000.0, 0.1, 0.01, 0.001] {
         for within in [false, true] {
             let mut camera = Camera::new(&[0.001, 0.006, 0.033]);
-            // The light that the camera can hold at both ends.
+            // Light that the camera can measure before and after the change.
             let before = if factor > 1.0 { 0.04 } else { 40.0 };
             (0..6).for_each(|_| _ = camera.burst(|_| before));
             let first = camera.burst(|frame| if within && frame == 0 { before } else { before * factor });
@@ -214,7 +214,7 @@ fn dusk_over_a_minute_clips_nothing_and_stays_covered() {
 }
 
 #[test]
-fn a_spot_between_the_pixels_that_are_read_is_remembered() {
+fn a_clipped_spot_between_the_sampled_pixels_stays_covered() {
     let mut planner = Planner::new(&calibration(), RANGE, &NOISE).expect("a response");
     let frame = |seconds: f64| Frame {
         exposure: Exposure { seconds, gain: 1.0 },
@@ -224,12 +224,12 @@ fn a_spot_between_the_pixels_that_are_read_is_remembered() {
     let mut changes = 0;
     for i in 0..100 {
         let frames = times.iter().map(|t| frame(*t)).collect();
-        // Clipped while the shortest time is above 3 ms.
+        // The spot is clipped while the shortest time is above 3 ms.
         let clipped = if times[0] > 0.003 { 1e-5 } else { 0.0 };
         if let Some(next) = planner.next(&Burst { frames, ..Burst::default() }, clipped) {
             (times, changes) = (next, changes + 1);
         }
-        // Constant codes mean another radiance in each burst: only the first ones count.
+        // The constant codes are another radiance in each burst, so the first bursts alone are checked.
         if i > 3 {
             assert!(times[0] <= 0.003, "{times:?}");
         }

@@ -2,14 +2,14 @@
 
 use hemilux_core::color::luminance;
 
-/// Range of temperatures in which the approximation holds, kelvins.
+/// Range of temperatures in which the approximation is valid, kelvins.
 const RANGE: std::ops::RangeInclusive<f32> = 1_500.0..=25_000.0;
 
 /// Largest distance from the Planckian locus, CIE 1960 (u, v), at which a colour has a temperature (CIE 15).
 const FURTHEST: f32 = 0.05;
 
-/// Correlated colour temperature of linear Rec. 709 `rgb`, kelvins, by McCamy's cubic; `None` for darkness and for colours that are far
-/// from those of glowing bodies.
+/// Returns the correlated colour temperature of linear Rec. 709 `rgb`, kelvins, by McCamy's cubic; `None` for black and for colours far from the
+/// Planckian locus.
 pub(super) fn temperature(rgb: [f32; 3]) -> Option<f32> {
     let [r, g, b] = rgb;
     let x = 0.412_39 * r + 0.357_58 * g + 0.180_48 * b;
@@ -28,7 +28,7 @@ pub(super) fn temperature(rgb: [f32; 3]) -> Option<f32> {
     Some(kelvins).filter(|k| RANGE.contains(k) && distance <= FURTHEST)
 }
 
-/// Chromaticity in the CIE 1960 uniform colour space.
+/// Chromaticity (u, v) in the CIE 1960 uniform colour space.
 struct Chromaticity {
     u: f32,
     v: f32,

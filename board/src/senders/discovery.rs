@@ -1,13 +1,13 @@
-//! The messages by which Home Assistant finds the probe's sensors.
+//! The messages by which Home Assistant discovers the probe's sensors.
 
 use hemilux_core::wire::Unit;
 use serde_json::{Value, json};
 use std::time::Duration;
 
-/// States after whose time without a message a sensor counts as unavailable.
+/// Number of state intervals without a message after which a sensor is unavailable.
 const MISSED_STATES: u64 = 10;
 
-/// The topics of one probe.
+/// The MQTT topics of one probe.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Topics {
     id: String,
@@ -30,7 +30,7 @@ struct Sensor {
     class: Option<&'static str>,
 }
 
-/// Topics and payloads of the discovery, one message for each sensor.
+/// Returns topics and payloads of the discovery, one message for each sensor.
 pub(super) fn messages(topics: &Topics, unit: Unit, every: Duration) -> Vec<(String, Value)> {
     let is_lux = unit == Unit::Lux;
     let plain = |member, title, unit| Sensor { member, title, unit, class: None };

@@ -1,7 +1,7 @@
-//! Senders push light sets to programs that do not request them: OSC bundles ([`osc`]) and MQTT messages ([`mqtt`]).
+//! Senders push light sets to programs that do not request them: as OSC bundles ([`osc`]) and MQTT messages ([`mqtt`]).
 //!
-//! Each sender has a thread of its own that reads the newest set of a latest-value channel. A peer that is slow, absent or dead makes the
-//! sender skip sets; the processing thread and the server are not affected.
+//! Each sender has a thread of its own that reads the newest set of a latest-value channel. A slow or absent peer makes the sender skip sets; the
+//! processing thread and the server are not affected.
 
 #[cfg(feature = "mqtt")]
 mod colour;
@@ -20,7 +20,7 @@ use std::io;
 use std::thread::JoinHandle;
 use tokio::sync::watch;
 
-/// A running sender; dropping it stops its thread.
+/// A running sender; its thread stops on drop.
 #[derive(Debug)]
 pub struct Sender {
     stop: watch::Sender<bool>,
@@ -28,7 +28,7 @@ pub struct Sender {
 }
 
 impl Sender {
-    /// Runs `work` on a thread called `name`. The future ends soon after its channel reads true.
+    /// Runs `work` on a thread called `name`. The future must end when its channel contains true.
     fn spawn<F: Future<Output = ()>>(
         name: &str,
         work: impl FnOnce(watch::Receiver<bool>) -> F + Send + 'static,
@@ -38,7 +38,7 @@ impl Sender {
         let thread = std::thread::Builder::new().name(name.into());
         let thread = thread.spawn(move || {
             runtime.block_on(work(stopped));
-            // A lookup of a host name that hangs is not waited for.
+            // A pending lookup of a host name is not waited for.
             runtime.shutdown_background();
         })?;
         Ok(Self { stop, thread: Some(thread) })
@@ -56,23 +56,23 @@ impl Drop for Sender {
     }
 }
 
-/// A log that writes a changed state once: a peer that stays dead causes one line.
+/// Logs a peer's fault when it changes: a permanent fault causes one line.
 #[derive(Debug, Default)]
 struct Changes(Option<String>);
 
 impl Changes {
-    /// The peer `name` does not take sets because of `fault`.
+    /// Logs that the peer `name` does not accept sets because of `fault`.
     fn fault(&mut self, name: &str, fault: &str) {
         if self.0.as_deref() != Some(fault) {
-            tracing::warn!("{name}: found {fault}; sets are skipped until the peer takes them");
+            tracing::warn!("{name}: found {fault}; sets are skipped until the peer accepts them");
             self.0 = Some(fault.to_owned());
         }
     }
 
-    /// The peer `name` takes sets.
+    /// Logs that the peer `name` accepts sets again, if it had a fault.
     fn well(&mut self, name: &str) {
         if self.0.take().is_some() {
-            tracing::warn!("{name}: the peer takes sets again");
+            tracing::warn!("{name}: the peer accepts sets again");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Illuminance, colour temperature, visibility and health of the probe for an MQTT broker. `board/MESSAGES.md` lists the topics.
+//! Publishes illuminance, colour temperature and the state of the source to an MQTT broker. `board/MESSAGES.md` lists the topics.
 
 mod address;
 
@@ -22,19 +22,19 @@ use std::time::Duration;
 use tokio::sync::watch;
 use tokio::time::Instant;
 
-/// Messages that wait for the broker at most; further ones are dropped.
+/// Largest number of messages that wait for the broker; further ones are dropped.
 const QUEUE: usize = 16;
 
-/// Time within which the broker must hear of the probe.
+/// MQTT keep-alive interval: longest time without a packet to the broker.
 const KEEP_ALIVE: Duration = Duration::from_secs(20);
 
-/// First and longest pause between two connections.
+/// First and longest pause between two attempts to connect.
 const PAUSES: [Duration; 2] = [Duration::from_secs(1), Duration::from_secs(30)];
 
-/// Longest time for the message that the probe is going.
+/// Longest time for the message "offline" when the sender stops.
 const FAREWELL: Duration = Duration::from_millis(300);
 
-/// Largest packets in bytes, received and sent.
+/// Largest packets received and sent, bytes.
 const PACKET_BYTES: [usize; 2] = [4 << 10, 16 << 10];
 
 /// Publishes the state of the probe behind `link` to `broker` until the sender is dropped.
@@ -73,7 +73,7 @@ fn options(broker: &Broker, topics: &Topics) -> MqttOptions {
     options
 }
 
-/// Keeps the connection; `connected` tells its state. Ends after a requested disconnection.
+/// Keeps the connection; `connected` has its state. Ends after a requested disconnection.
 async fn connect(mut events: EventLoop, connected: watch::Sender<bool>, name: String) {
     let mut changes = Changes::default();
     let mut pause = PAUSES[0];
@@ -107,7 +107,7 @@ fn reason(error: &ConnectionError) -> String {
     }
 }
 
-/// Publishes the discovery messages after each connection, and the state at most once in `every`.
+/// Publishes the discovery messages after each connection, and the state at most once per `every`.
 async fn publish(
     client: &AsyncClient,
     link: Arc<Link>,
@@ -128,7 +128,7 @@ async fn publish(
             announce(client, topics, units.of(&news), every);
             due = Instant::now();
         }
-        // A set that is not published is replaced by the next one.
+        // A set that is not published is superseded by the next one.
         if Instant::now() >= due {
             due = Instant::now() + every;
             let state = state(&news, units, newest.link.durations().timings().rate_hz()).to_string();
@@ -144,7 +144,7 @@ fn announce(client: &AsyncClient, topics: &Topics, unit: Unit, every: Duration) 
     let _ = client.try_publish(&topics.availability, QoS::AtLeastOnce, true, "online");
 }
 
-/// The conversion of irradiances to illuminances.
+/// Conversion of irradiances to illuminances.
 #[derive(Clone, Copy, Debug)]
 struct Units {
     /// Lux per relative unit, if the user states it.
@@ -165,7 +165,7 @@ impl Units {
     }
 }
 
-/// The state message. A probe whose source has failed has a problem; its figures are then those of the last set.
+/// Returns the state message. If the source has failed, the message has a problem and the values of the last set.
 fn state(news: &SetUpdate, units: Units, rate_hz: f32) -> Value {
     let (set, reason) = match news {
         SetUpdate::Fresh(set) => (Some(set), String::new()),
@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn the_state_has_the_figures_of_the_set() {
+    fn the_state_has_the_values_of_the_set() {
         let found = state(&SetUpdate::Fresh(set()), Units { lux: Some(150.0) }, 10.0);
         assert_eq!(found["illuminance"], 300.0, "2 units of 150 lx");
         assert_eq!((&found["clipped"], &found["problem"]), (&json!(1.25), &json!("OFF")), "{found}");
@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn a_source_that_has_failed_is_a_problem_with_its_reason() {
+    fn a_failed_source_is_a_problem_with_its_reason() {
         let staleness = Stale { age_ms: 9, reason: "/dev/video0: unplugged".into() };
         let stale = state(&SetUpdate::Stale(set(), staleness), Units { lux: None }, 0.0);
         assert_eq!((&stale["problem"], &stale["frame"]), (&json!("ON"), &json!(7)), "{stale}");

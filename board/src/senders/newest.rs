@@ -1,4 +1,4 @@
-//! The newest set of a selection, as a sender waits for it.
+//! The newest set of a selection, for a sender that waits for sets.
 
 use crate::light_set::OwnedSet;
 use crate::probe::Link;
@@ -14,15 +14,15 @@ const LONGEST_WAIT: Duration = Duration::from_millis(1500);
 /// An update for a sender.
 #[derive(Clone, Debug)]
 pub(super) enum SetUpdate {
-    /// A set that was not reported before.
+    /// A new set.
     Fresh(Arc<OwnedSet>),
-    /// The last set, and why there is no newer one.
+    /// The last set, and the reason why there is no newer one.
     Stale(Arc<OwnedSet>, Stale<String>),
-    /// There is no set yet; the reason.
+    /// There is no set yet, for the contained reason.
     None(String),
 }
 
-/// Waits for sets of one selection.
+/// Waits for the sets of one selection.
 #[derive(Debug)]
 pub(super) struct Newest {
     pub(super) link: Arc<Link>,
@@ -37,7 +37,7 @@ impl Newest {
         Self { link, selection, seen, frame: None }
     }
 
-    /// The next set, or after 1.5 s the state of the last one. Sets that were published in between are skipped.
+    /// Returns the next set, or after 1.5 s the state of the last one. Sets that were published in between are skipped.
     pub(super) async fn next(&mut self) -> SetUpdate {
         let until = tokio::time::Instant::now() + LONGEST_WAIT;
         loop {
@@ -55,7 +55,7 @@ impl Newest {
         }
     }
 
-    /// The newest set of the selection; `None` before the first one.
+    /// Returns the newest set of the selection; `None` before the first one.
     fn now(&mut self) -> Option<Arc<OwnedSet>> {
         let own = self.seen.borrow_and_update().clone();
         match self.link.tiers().request(self.selection) {

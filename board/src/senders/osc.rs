@@ -17,25 +17,25 @@ use std::time::{Duration, Instant};
 use tokio::net::UdpSocket;
 use tokio::sync::watch;
 
-/// Largest number of lights that can be requested.
+/// Largest number of lights of a target.
 pub const MOST_LIGHTS: usize = 256;
 
-/// Number of lights without `lights=`.
+/// Number of lights of a target without `lights=`.
 const USUAL_LIGHTS: usize = 16;
 
-/// Largest bundle, bytes: one Ethernet frame.
+/// Largest bundle, bytes, so that a bundle fits one Ethernet frame.
 const BUNDLE_BYTES: usize = 1400;
 
-/// Pause after a host name that was not found, and after a failure to send.
+/// Pause after a failed lookup of the host name, and after a failure to send.
 const PAUSE: Duration = Duration::from_secs(2);
 
-/// Seconds from the epoch of OSC, 1900, to that of Unix.
+/// Seconds from the epoch of OSC time tags, 1900, to the Unix epoch.
 const UNIX_EPOCH_S: u64 = 2_208_988_800;
 
 /// A receiver of bundles: `HOST:PORT[,lights=N][,coordinates=NAME]`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Target {
-    /// Host and port.
+    /// Host and port of the receiver.
     pub peer: String,
     /// Largest number of lights.
     pub lights: usize,
@@ -120,7 +120,7 @@ async fn send(target: Target, link: Arc<Link>) {
     }
 }
 
-/// A socket whose datagrams go to `peer`.
+/// Opens a socket whose datagrams go to `peer`.
 async fn connected(peer: &str) -> io::Result<UdpSocket> {
     let address = tokio::net::lookup_host(peer).await?.next();
     let address = address.ok_or_else(|| io::Error::other("no address of that name"))?;
@@ -130,7 +130,8 @@ async fn connected(peer: &str) -> io::Result<UdpSocket> {
     Ok(socket)
 }
 
-/// Sends sets until sending fails; `works` is called for each set once the peer has not refused a datagram for [`PAUSE`]. A datagram for which
+/// Sends sets until sending fails; `works` is called for each set when the peer has refused no datagram for [`PAUSE`]. A datagram is dropped if
+/// the system's buffer is full: the next set replaces it.
 /// the system's buffer is full is dropped: the next set replaces it.
 async fn send_sets(
     socket: &UdpSocket,
@@ -160,7 +161,7 @@ async fn send_sets(
     }
 }
 
-/// Encodes sets; a light keeps the number of its address.
+/// Encodes sets; a light keeps the number in its OSC address.
 struct Bundles {
     slots: Slots,
     coordinates: Coordinates,
@@ -171,7 +172,7 @@ impl Bundles {
         Self { slots: Slots::new(target.lights), coordinates: target.coordinates }
     }
 
-    /// The set in bundles of one time tag, none of them longer than [`BUNDLE_BYTES`].
+    /// Returns the set as bundles with one time tag, each at most [`BUNDLE_BYTES`] long.
     fn of(&mut self, set: &OwnedSet, run: &str, stale: Option<&Stale<String>>) -> Vec<Vec<u8>> {
         let mut messages = summary(set, run, stale);
         if let Some(rows) = &set.ambient_sh {
@@ -184,7 +185,7 @@ impl Bundles {
     }
 }
 
-/// The messages that describe the set as a whole.
+/// Returns the messages with the sums and the identity of the set.
 fn summary(set: &OwnedSet, run: &str, stale: Option<&Stale<String>>) -> Vec<OscMessage> {
     let reason = stale.map_or("", |s| s.reason.as_str());
     let frame = i32::try_from(set.frame & 0x7fff_ffff).unwrap_or_default();
@@ -207,7 +208,7 @@ fn floats<const N: usize>(values: [f32; N]) -> Vec<OscType> {
     values.map(OscType::Float).into()
 }
 
-/// `/hemilux/light/PLACE id x y z r g b radius`; zeros where no light has the place.
+/// Returns the message `/hemilux/light/PLACE id x y z r g b radius`, with zeros for a place without a light.
 fn light_message(place: usize, light: Option<&Light>, coordinates: Coordinates) -> OscMessage {
     let dark = Light::default();
     let light = light.unwrap_or(&dark);
@@ -222,17 +223,17 @@ fn ambient(rows: &Sh9) -> OscMessage {
     message("ambient", rows.iter().flatten().map(|v| OscType::Float(*v)).collect())
 }
 
-/// Unix milliseconds as a time tag: seconds since 1900 and their fraction in units of 2^-32 s.
+/// Converts Unix milliseconds to a time tag: seconds since 1900 and their fraction in units of 2^-32 s.
 fn time_tag(wall_ms: u64) -> OscTime {
     let seconds = wall_ms / 1000 + UNIX_EPOCH_S;
     let fraction = ((wall_ms % 1000) << 32) / 1000;
-    // The seconds wrap in 2036, as those of NTP do.
+    // The seconds wrap in 2036, like those of NTP.
     OscTime { seconds: (seconds & 0xffff_ffff) as u32, fractional: fraction as u32 }
 }
 
-/// `messages` in as few bundles as their length permits.
+/// Packs `messages` into as few bundles as their length permits.
 fn packed(messages: &[OscMessage], timetag: OscTime) -> Vec<Vec<u8>> {
-    // "#bundle", the time tag; before each message its length.
+    // A bundle begins with "#bundle" and the time tag; each message follows its length.
     const HEAD: usize = 16;
     let (mut bundles, mut content, mut length) = (Vec::new(), Vec::new(), HEAD);
     let mut close = |content: &mut Vec<OscPacket>| {
@@ -259,7 +260,7 @@ mod tests {
     use rosc::decoder;
 
     #[test]
-    fn targets_are_read_and_wrong_ones_are_refused_with_what_is_expected() {
+    fn targets_are_parsed_and_wrong_ones_refused_with_the_expected_form() {
         let target: Target = "studio.local:8000,lights=4,coordinates=unreal".parse().expect("a target");
         let expected =
             Target { peer: "studio.local:8000".into(), lights: 4, coordinates: Coordinates::Unreal };
@@ -286,7 +287,7 @@ mod tests {
         assert_eq!(time_tag(1500), OscTime { seconds: 2_208_988_801, fractional: 1 << 31 });
     }
 
-    /// All messages of the bundles, each of which must have the time tag and fit an Ethernet frame.
+    /// Returns all messages of the bundles; asserts that each bundle has the time tag and fits an Ethernet frame.
     fn messages(bundles: &[Vec<u8>], tag: OscTime) -> Vec<OscMessage> {
         let mut found = Vec::new();
         for bytes in bundles {
@@ -302,7 +303,7 @@ mod tests {
     }
 
     #[test]
-    fn a_set_is_a_summary_and_a_message_for_each_place_in_the_target_s_axes() {
+    fn a_set_has_a_summary_and_a_message_for_each_place_in_the_targets_axes() {
         let target: Target = "a:9,lights=40,coordinates=unreal".parse().expect("a target");
         let lights = (1..=30u32).map(|id| Light {
             id,
@@ -321,7 +322,7 @@ mod tests {
         assert_eq!((run, stale), (&OscType::String("k3v9x".into()), &OscType::String(String::new())));
         let brightest = &found[5];
         assert_eq!(brightest.addr, "/hemilux/light/1");
-        // FORMATS: Unreal's axes are the probe's (x, -y, z).
+        // In `board/FORMATS.md`, Unreal's axes are the probe's (x, -y, z).
         let expected = [0.6, -0.8, 0.0, 30.0, 2.0, 1.0, 3.0].map(OscType::Float);
         assert_eq!(brightest.args[1..], expected, "light 30 is the brightest");
         assert_eq!(brightest.args[0], OscType::Int(30));

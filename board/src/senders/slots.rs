@@ -1,9 +1,9 @@
-//! A fixed number of places for lights: a light keeps its place for as long as it exists.
+//! A fixed number of slots for lights: a light keeps its slot while it is among the brightest.
 
 use hemilux_core::color::luminance;
 use hemilux_core::light::Light;
 
-/// The places and the ids of their lights; 0 where a place is free.
+/// Id of the light in each slot; 0 for a free slot.
 #[derive(Clone, Debug)]
 pub(super) struct Slots(Vec<u32>);
 
@@ -12,7 +12,7 @@ impl Slots {
         Self(vec![0; count])
     }
 
-    /// The brightest of `lights`, each at the index of its place.
+    /// Assigns the brightest of `lights` to the slots and returns the light of each slot, `None` for a free one.
     pub(super) fn place<'a>(&mut self, lights: &'a [Light]) -> Vec<Option<&'a Light>> {
         let mut shown: Vec<_> = lights.iter().collect();
         shown.sort_by(|a, b| luminance(b.irradiance).total_cmp(&luminance(a.irradiance)));
@@ -42,7 +42,7 @@ mod tests {
     }
 
     #[test]
-    fn a_light_keeps_its_place_and_a_new_one_takes_a_free_place() {
+    fn a_light_keeps_its_slot_and_a_new_one_gets_a_free_slot() {
         let mut slots = Slots::new(3);
         let ids = |placed: Vec<Option<&Light>>| placed.iter().map(|l| l.map(|l| l.id)).collect::<Vec<_>>();
         let first = [light(7, 1.0), light(8, 3.0)];

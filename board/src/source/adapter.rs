@@ -6,40 +6,40 @@ use crate::camera_status::CameraStatus;
 use crate::exposure_plan::TimeRange;
 use hemilux_core::Exposure;
 
-/// A source that changes the bursts of an inner source. Each [`Adapter`] is a [`Source`]; a method that the adapter does not define calls
-/// the method of the inner source.
+/// A source that changes the bursts of an inner source. Each [`Adapter`] is a [`Source`]; methods that the adapter does not define call those of
+/// the inner source.
 pub trait Adapter: Send {
-    /// The inner source.
+    /// Returns the inner source.
     fn inner(&self) -> &dyn Source;
 
-    /// The inner source, for changes.
+    /// Returns the inner source for changes.
     fn inner_mut(&mut self) -> &mut dyn Source;
 
-    /// [`Source::next`] of the adapter.
+    /// Implements [`Source::next`] for the adapter.
     ///
     /// # Errors
     /// [`SourceError`] of the inner source or of the adapter.
     fn next_burst(&mut self, burst: &mut Burst) -> Result<(), SourceError>;
 
-    /// [`Source::calibration`] of the adapter.
+    /// Implements [`Source::calibration`] for the adapter.
     fn calibration(&self) -> &Calibration {
         self.inner().calibration()
     }
 
-    /// [`Source::lux`] of the adapter.
+    /// Implements [`Source::lux`] for the adapter.
     fn lux(&self) -> Option<Lux> {
         self.inner().lux()
     }
 
-    /// [`Source::set_exposures`] of the adapter.
+    /// Implements [`Source::set_exposures`] for the adapter.
     ///
     /// # Errors
-    /// The reason of a refusal; nothing changes then.
+    /// The reason of a refusal; the exposures then stay.
     fn set_exposures(&mut self, seconds: Option<&[f64]>) -> Result<(), String> {
         self.inner_mut().set_exposures(seconds)
     }
 
-    /// [`Source::camera`] of the adapter.
+    /// Implements [`Source::camera`] for the adapter.
     fn camera(&self, status: &mut CameraStatus) -> bool {
         self.inner().camera(status)
     }

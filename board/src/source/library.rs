@@ -1,39 +1,39 @@
-//! The sources that clients with the token may switch to.
+//! The sources that clients with the token may use.
 
 use super::Spec;
 use crate::scene::NAMES;
 use std::path::{Path, PathBuf};
 
-/// Most entries of a folder that are looked at.
+/// Largest number of entries of a folder that are read.
 const MOST: usize = 500;
 
-/// Ends of the names of maps.
+/// File extensions of maps.
 const MAPS: [&str; 4] = ["exr", "hdr", "pic", "pfm"];
 
-/// The source of the start, the built-in scenes, and what allowed folders hold.
+/// The source at the start, the built-in scenes, and the contents of the library folders.
 #[derive(Clone, Debug, Default)]
 pub struct Library {
     own: Option<Spec>,
     folders: Vec<PathBuf>,
 }
 
-/// A source by the name that clients know.
+/// A source of the library and its name for clients.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Choice {
-    /// The name; it holds no folder of the machine.
+    /// The name; it contains no folder of the machine.
     pub name: String,
-    /// The source as on the command line.
+    /// The source, as in `--source`.
     pub spec: Spec,
 }
 
 impl Library {
-    /// `own` is the source of the start; `folders` hold maps, folders of maps, and recordings.
+    /// Creates the library of the source `own` at the start and of `folders`, which contain maps, folders of maps, and recordings.
     #[must_use]
     pub fn new(own: Spec, folders: Vec<PathBuf>) -> Self {
         Self { own: Some(own), folders }
     }
 
-    /// All choices as the folders are now, each name once.
+    /// Returns all sources that exist now, each name once.
     #[must_use]
     pub fn choices(&self) -> Vec<Choice> {
         let scenes = NAMES.into_iter().map(Spec::Scene);
@@ -49,7 +49,7 @@ impl Library {
         choices
     }
 
-    /// The choice called `name`.
+    /// Returns the source called `name`.
     #[must_use]
     pub fn find(&self, name: &str) -> Option<Choice> {
         self.choices().into_iter().find(|choice| choice.name == name)
@@ -64,7 +64,7 @@ fn listed(folder: &Path) -> Vec<Choice> {
     paths.iter().flat_map(|path| sources(path)).collect()
 }
 
-/// The sources at `path`: a recording, or a map through a lens and as a whole.
+/// Returns the sources at `path`: a recording, or a map in both views.
 fn sources(path: &Path) -> Vec<Choice> {
     let as_is = |kind: &str, options: &str| {
         let spec: Spec = format!("{kind}:{}{options}", path.to_str()?).parse().ok()?;
@@ -88,7 +88,7 @@ fn is_map(path: &Path) -> bool {
     path.extension().is_some_and(is_known) && path.is_file()
 }
 
-/// Whether one of the first entries of a folder is `wanted`.
+/// Returns true if `wanted` accepts one of the first [`MOST`] entries of a folder.
 fn has(folder: &Path, wanted: fn(&Path) -> bool) -> bool {
     let entries = folder.is_dir().then(|| std::fs::read_dir(folder).ok()).flatten().into_iter().flatten();
     entries.take(MOST).filter_map(Result::ok).any(|entry| wanted(&entry.path()))
@@ -104,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn folders_are_offered_by_what_they_hold_and_nothing_else_is() {
+    fn folders_are_listed_by_their_contents_and_other_files_are_not() {
         let root = tempfile::tempdir().expect("a folder");
         for file in
             ["hall.exr", "notes.txt", "walk/0000/burst.toml", "still/burst.toml", "day/a.hdr", "odd/x.txt"]

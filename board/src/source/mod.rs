@@ -33,47 +33,49 @@ use crate::scene::{self as scenes, NAMES};
 use hemilux_core::Exposure;
 use std::path::{Path, PathBuf};
 
-/// The unit of radiance in cd/m2 and of irradiance in lux.
+/// The factor from relative units to cd/m2 for radiance and to lux for irradiance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lux {
-    /// Lux of what would be irradiance 1 without the photometric calibration.
+    /// Lux per unit of relative irradiance.
     pub factor: f64,
     /// Relative uncertainty of `factor`, with 95 % coverage.
     pub uncertainty: f32,
 }
 
-/// Gives one burst after the other.
+/// A source of bursts.
 pub trait Source: Send {
-    /// The calibration of the source's camera. The value changes only during [`Source::next`], when a camera is connected after the source was opened.
+    /// Returns the calibration of the source's camera. The value changes only during [`Source::next`], when a camera is connected after the
+    /// source was opened.
     fn calibration(&self) -> &Calibration;
 
-    /// Exposures of the source's bursts, ascending.
+    /// Returns the exposures of the source's bursts, ascending.
     fn exposures(&self) -> Vec<Exposure>;
 
-    /// The photometric calibration of the source; `None` if its radiance is relative.
+    /// Returns the photometric factor of the source; `None` if its radiance is relative.
     fn lux(&self) -> Option<Lux> {
         None
     }
 
-    /// The reason for which the exposures cannot be changed; `None` if they can.
+    /// Returns the reason why the exposures cannot be changed; `None` if they can.
     fn fixed_exposures(&self) -> Option<&'static str> {
         Some("the source's exposures are fixed")
     }
 
-    /// The times that [`Source::set_exposures`] takes at the source's rate; `None` if the exposures cannot follow the light.
+    /// Returns the range of exposure times that [`Source::set_exposures`] accepts at the source's rate; `None` if the exposures cannot follow
+    /// the light.
     fn exposure_range(&self) -> Option<TimeRange> {
         None
     }
 
-    /// Statements about the source that its user should read, such as frames of a recording that are left out.
+    /// Returns notes about the source for its user, such as frames of a recording that are left out.
     fn notes(&self) -> &[String] {
         &[]
     }
 
-    /// Sets the exposure times of the next bursts, seconds, ascending; `None` restores the source's own.
+    /// Sets the exposure times of the next bursts, seconds, ascending; `None` restores the source's own times.
     ///
     /// # Errors
-    /// The reason of a refusal; nothing changes then.
+    /// The reason of a refusal; the exposures then stay.
     fn set_exposures(&mut self, _seconds: Option<&[f64]>) -> Result<(), String> {
         Err(format!("found exposures, expected none: {}", self.fixed_exposures().unwrap_or_default()))
     }
@@ -85,29 +87,29 @@ pub trait Source: Send {
 
     /// Waits for the next burst and fills `burst`, reusing its memory.
     ///
-    /// It returns within half a second, with [`SourceError::NotYet`] when there is no burst by then, so that the caller can do
-    /// other work.
+    /// The call returns within half a second, with [`SourceError::NotYet`] if there is no burst by then, so that the caller can do other
+    /// work.
     ///
     /// # Errors
-    /// [`SourceError`]; the next call tries again.
+    /// [`SourceError`]; the next call retries.
     fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError>;
 }
 
 /// Reasons for a missing burst.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SourceError {
-    /// The next burst is not due; this is no fault.
+    /// The next burst is not due yet, which is not a fault.
     #[error("no burst is due")]
     NotYet,
-    /// A burst that cannot be used; the next one may be valid.
+    /// The burst cannot be used; the next one may be valid.
     #[error("{0}")]
     Broken(String),
-    /// The source is gone; it may come back.
+    /// The source is gone; it may return.
     #[error("{0}")]
     Gone(String),
 }
 
-/// A source by its name on the command line.
+/// A source with its options, as in `--source`.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Spec {
     /// A built-in scene.
@@ -120,41 +122,41 @@ pub enum Spec {
     /// A camera.
     #[cfg(all(feature = "v4l2", target_os = "linux"))]
     Camera(camera::CameraSpec),
-    /// Frames of another program.
+    /// A pipe with frames of another program.
     #[cfg(all(feature = "v4l2", target_os = "linux"))]
     Pipe(pipe::PipeSpec),
 }
 
-/// Reasons for which a source cannot be opened.
+/// Reasons why a source cannot be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
-    /// No such kind of source.
+    /// The name has an unknown kind of source.
     #[error("found '{0}', expected v4l2:PATH, pipe:PATH, scene:NAME, env:PATH or replay:DIR")]
     Unknown(String),
-    /// A kind of source that this build does not have.
+    /// This build does not have the kind of source.
     #[error("found '{0}', but this build has no V4L2 support: expected scene:NAME or replay:DIR")]
     NoV4l2(String),
-    /// Options of an environment map.
+    /// The options of an environment map are invalid.
     #[error("env: {0}")]
     MapOptions(String),
-    /// A map that cannot be read.
+    /// The map cannot be read.
     #[cfg(feature = "maps")]
     #[error(transparent)]
     Map(#[from] crate::maps::MapError),
-    /// Options of a pipe.
+    /// The options of a pipe are invalid.
     #[error("{0}")]
     PipeOptions(String),
-    /// Options of a camera.
+    /// The options of a camera are invalid.
     #[error("v4l2: {0}")]
     CameraOptions(String),
-    /// A camera that cannot be used.
+    /// The camera cannot be used.
     #[cfg(all(feature = "v4l2", target_os = "linux"))]
     #[error(transparent)]
     Camera(#[from] camera::OpenCameraError),
-    /// No such scene.
+    /// The scene does not exist.
     #[error("found scene '{0}', expected one of {list}", list = NAMES.join(", "))]
     NoScene(String),
-    /// A recording that cannot be read.
+    /// The recording cannot be read.
     #[error(transparent)]
     Recorded(#[from] RecordedError),
 }
@@ -187,7 +189,7 @@ impl std::str::FromStr for Spec {
 }
 
 impl Spec {
-    /// The lens file that it names.
+    /// Returns the path of the lens file that the options name.
     #[must_use]
     pub fn lens(&self) -> Option<PathBuf> {
         match self {
@@ -218,7 +220,7 @@ impl std::fmt::Display for Spec {
 }
 
 impl Spec {
-    /// Returns the name that clients receive: of files and folders the last component of the path, without options.
+    /// Returns the name for clients: for files and folders, the last component of the path, without options.
     #[must_use]
     pub fn public_name(&self) -> String {
         let last = |path: &Path| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
@@ -235,10 +237,10 @@ impl Spec {
     }
 }
 
-/// Opens a source at its own pace.
+/// Opens a source at its default pace.
 ///
 /// # Errors
-/// [`OpenError`].
+/// [`OpenError`] where the source cannot be opened.
 pub fn open(spec: &Spec) -> Result<Box<dyn Source>, OpenError> {
     match spec {
         Spec::Scene(name) => {
@@ -257,10 +259,10 @@ pub fn open(spec: &Spec) -> Result<Box<dyn Source>, OpenError> {
     }
 }
 
-/// As [`open`], but waits for a camera that is not there yet.
+/// Opens a source like [`open`]; an absent camera is waited for in the background.
 ///
 /// # Errors
-/// [`OpenError`].
+/// [`OpenError`] where the source cannot be opened.
 pub fn open_or_wait(spec: &Spec) -> Result<Box<dyn Source>, OpenError> {
     match spec {
         #[cfg(all(feature = "v4l2", target_os = "linux"))]
@@ -276,7 +278,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_of_sources_are_read_back() {
+    fn names_of_sources_are_parsed_and_formatted_back() {
         for text in [
             "scene:room",
             "scene:overcast",
@@ -292,7 +294,7 @@ mod tests {
     }
 
     #[test]
-    fn other_names_are_refused_in_one_line_that_says_what_is_accepted() {
+    fn other_names_are_refused_on_one_line_with_the_accepted_ones() {
         for text in
             ["", "room", "scene", "scene:", "scene:Room", "replay:", "v4l2:", "pipe:", "env:", "http://x"]
         {
@@ -305,7 +307,7 @@ mod tests {
     }
 
     #[test]
-    fn the_public_name_holds_no_folder_of_the_machine() {
+    fn the_public_name_contains_no_folder() {
         let cases = [
             ("scene:sky", "scene:sky"),
             ("replay:/home/ada/office", "replay:office"),

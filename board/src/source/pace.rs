@@ -1,44 +1,44 @@
-//! When the next burst is due.
+//! The times at which bursts are due.
 
 use super::SourceError;
 use std::time::{Duration, Instant};
 
-/// Longest wait in one call of a source: it bounds how late a shutdown or a new setting is noticed.
+/// Longest wait in one call of a source: it bounds the delay of a shutdown and of a new setting.
 const LONGEST_WAIT: Duration = Duration::from_millis(250);
 
 /// The rate of bursts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pace {
-    /// One after each such time.
+    /// One burst per period.
     Every(Duration),
-    /// A burst for each request, without a pause.
+    /// One burst per call, without a pause.
     Free,
 }
 
 impl Pace {
-    /// The pace of the built-in sources.
+    /// The pace of the built-in sources: ten bursts per second.
     pub const TEN_A_SECOND: Self = Self::Every(Duration::from_millis(100));
 }
 
-/// The numbers and times of bursts at a pace.
+/// Numbers and due times of bursts at a pace.
 #[derive(Debug)]
 pub(super) struct Beat {
     pace: Pace,
     began: Option<Instant>,
-    /// Bursts so far, those left out included.
+    /// Number of bursts so far, including the skipped ones.
     count: u32,
 }
 
 impl Beat {
-    /// The first burst is due at the first call of [`Beat::due`].
+    /// Creates the numbering; the first burst is due at the first call of [`Beat::due`].
     pub fn new(pace: Pace) -> Self {
         Self { pace, began: None, count: 0 }
     }
 
-    /// Waits until the next burst is due and gives its number; bursts that are long past are left out.
+    /// Waits until the next burst is due and returns its number; bursts whose time has passed are skipped.
     ///
     /// # Errors
-    /// [`SourceError::NotYet`] when it is still to come.
+    /// [`SourceError::NotYet`] if the burst is not due within the longest wait.
     pub fn due(&mut self) -> Result<u32, SourceError> {
         if let Pace::Every(period) = self.pace {
             let began = *self.began.get_or_insert_with(Instant::now);
@@ -52,17 +52,17 @@ impl Beat {
         Ok(number)
     }
 
-    /// The moment of burst `number`, seconds from the start; without a pace bursts are a tenth of a second apart.
+    /// Returns the time of burst `number`, seconds from the start; without a pace, bursts are a tenth of a second apart.
     pub fn moment(&self, number: u32) -> f32 {
         let period = if let Pace::Every(period) = self.pace { period.as_secs_f64() } else { 0.1 };
         (f64::from(number) * period) as f32
     }
 }
 
-/// Waits for `due`, for a quarter of a second at most.
+/// Waits for the time `due`, at most a quarter of a second.
 ///
 /// # Errors
-/// [`SourceError::NotYet`] when it is still to come.
+/// [`SourceError::NotYet`] if the time has not come by then.
 pub(super) fn wait_for(due: Instant) -> Result<(), SourceError> {
     let wait = due.saturating_duration_since(Instant::now());
     std::thread::sleep(wait.min(LONGEST_WAIT));
@@ -74,7 +74,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bursts_that_are_long_past_are_left_out() {
+    fn bursts_whose_time_has_passed_are_skipped() {
         let mut beat = Beat::new(Pace::Every(Duration::from_millis(10)));
         assert_eq!(beat.due(), Ok(0), "the first is due at once");
         std::thread::sleep(Duration::from_millis(55));

@@ -4,22 +4,22 @@ use super::{Adapter, Lux, Source, SourceError};
 use crate::calibration::{Burst, Calibration};
 use crate::recorded::{Photometric, radiometry};
 
-/// A source with a photometric calibration.
+/// A source whose photometric calibration converts radiance to candela per square metre.
 ///
-/// The calibration applies while response, levels, scale, white balance and vignetting of the source are those by which it was measured;
-/// otherwise radiance is relative, and a warning says so.
+/// The calibration applies while response, levels, scale, white balance and vignetting of the source are those of its measurement; otherwise
+/// radiance is relative, and a warning is logged.
 pub struct PhotometricSource {
     inner: Box<dyn Source>,
     photometric: Photometric,
-    /// The calibration of `inner`.
+    /// The calibration of the source `inner`.
     own: Calibration,
-    /// `own` with the factor in its scale, where it applies.
+    /// `own` with the photometric factor in its scale, where the factor applies.
     calibration: Calibration,
     applies: bool,
 }
 
 impl PhotometricSource {
-    /// `inner` with a photometric calibration.
+    /// Applies the photometric calibration to the source `inner`.
     #[must_use]
     pub fn new(inner: Box<dyn Source>, photometric: Photometric) -> Self {
         let own = *inner.calibration();
@@ -28,7 +28,7 @@ impl PhotometricSource {
         source
     }
 
-    /// Whether radiance is in candela per square metre.
+    /// Returns true if radiance is in candela per square metre.
     #[must_use]
     pub fn applies(&self) -> bool {
         self.applies
@@ -85,7 +85,7 @@ mod tests {
     use hemilux_core::Exposure;
 
     #[test]
-    fn exposures_of_an_adapted_source_can_be_changed_as_those_of_the_source() {
+    fn exposures_of_an_adapted_source_can_be_changed() {
         let scene = SceneSource::new(scene::by_name("room").expect("a scene"), Pace::Free);
         let range = scene.exposure_range();
         assert!(range.is_some());

@@ -1,6 +1,6 @@
-//! A recording, played over and over at its own pace.
+//! A recording, repeated at its own pace.
 //!
-//! The whole recording is read when it is opened, so that playing it neither reads files nor takes memory.
+//! The whole recording is read when it is opened, so that playing it neither reads files nor allocates memory.
 
 use super::pace::wait_for;
 use super::{Pace, Source, SourceError};
@@ -12,8 +12,7 @@ use hemilux_core::Exposure;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// Most memory that the samples of a recording may take: 185 bursts of three 640 x 480 RGB24 frames. A board of 1 GB has as much
-/// again left for the rest.
+/// Largest memory of a recording's samples, bytes: 185 bursts of three 640 x 480 RGB24 frames, half of the memory of a board with 1 GB.
 pub const MAX_RECORDING_BYTES: u64 = 512 << 20;
 
 /// Plays a recorded burst or sequence.
@@ -21,18 +20,18 @@ pub const MAX_RECORDING_BYTES: u64 = 512 << 20;
 pub struct ReplaySource {
     calibration: Calibration,
     bursts: Vec<Burst>,
-    /// Frames that are left out of their bursts.
+    /// Notes about the frames that were left out of their bursts.
     notes: Vec<String>,
-    /// Time from each burst to the next, the last one's to the first.
+    /// Time from each burst to the next; the last element is the time to the first burst.
     intervals: Vec<Duration>,
-    /// Time of the shortest exposure of each burst.
+    /// Time of the shortest exposure of each burst, nanoseconds.
     phases: Vec<u64>,
     at: usize,
     due: Option<Instant>,
 }
 
 impl ReplaySource {
-    /// Reads the recording in `folder`; `pace` is that of recordings without times, and [`Pace::Free`] overrides recorded times.
+    /// Reads the recording in `folder`; `pace` applies to recordings without times, and [`Pace::Free`] overrides recorded times.
     ///
     /// # Errors
     /// [`RecordedError`]: files that cannot be read, more than [`MAX_RECORDING_BYTES`], or bursts of different cameras.
@@ -43,7 +42,7 @@ impl ReplaySource {
         let mut notes = Vec::new();
         for recorded::BurstFolder { folder: path, timestamp_ns } in &listed {
             let mut read = recorded::read_recorded(path, &ReadLimits::default())?;
-            // A sequence is judged as it is played; a single burst would become usual when it is played again and again.
+            // The frames of a sequence are compared while it is played; a repeated single burst would become its own reference.
             if listed.len() == 1 {
                 let left_out = consistency::leave_out(&mut read)
                     .map_err(|e| RecordedError::new(path, e, "a response that rises"))?;
@@ -67,7 +66,7 @@ impl ReplaySource {
         Ok(Self { calibration, bursts, notes, intervals, phases, at: 0, due: None })
     }
 
-    /// Repeats `bursts` of the camera `calibration` at `pace`; `None` without bursts.
+    /// Creates a source that repeats `bursts` of the camera `calibration` at `pace`; `None` without bursts.
     #[must_use]
     pub fn of_bursts(calibration: Calibration, bursts: Vec<Burst>, pace: Pace) -> Option<Self> {
         let intervals = intervals(&bursts, pace);
@@ -84,13 +83,13 @@ impl ReplaySource {
         })
     }
 
-    /// Bursts of the recording.
+    /// Returns the number of bursts.
     #[must_use]
     pub fn len(&self) -> usize {
         self.bursts.len()
     }
 
-    /// Whether it has none, which [`ReplaySource::open`] refuses.
+    /// Returns true if there are no bursts, which [`ReplaySource::open`] refuses.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.bursts.is_empty()
@@ -117,7 +116,7 @@ impl Source for ReplaySource {
     fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
         let due = *self.due.get_or_insert_with(Instant::now);
         wait_for(due)?;
-        // The clock runs from when the burst was due, unless it is already late: then the recording plays slower.
+        // The next burst is timed from the due time of this one; if that has passed, the recording plays slower.
         self.due = Some((due + self.intervals[self.at]).max(Instant::now()));
         burst.before_ns = clock::monotonic_ns();
         burst.timestamp_ns = burst.before_ns;
@@ -128,7 +127,7 @@ impl Source for ReplaySource {
     }
 }
 
-/// Refuses a recording of `count` bursts like `burst` that would not fit.
+/// Refuses a recording of `count` bursts like `burst` that exceeds [`MAX_RECORDING_BYTES`].
 fn check_size(folder: &Path, count: usize, burst: &Burst) -> Result<(), RecordedError> {
     let bytes: u64 = burst.frames.iter().map(|f| frame_bytes(&f.pixels)).sum();
     let all = bytes.saturating_mul(count as u64);
@@ -146,7 +145,7 @@ fn frame_bytes(pixels: &Pixels) -> u64 {
     }
 }
 
-/// Time from each burst to the next. After the last one the recording waits as long as between the two before it.
+/// Returns the time from each burst to the next. The time after the last burst is that between the two bursts before it.
 fn intervals(bursts: &[Burst], pace: Pace) -> Vec<Duration> {
     let Pace::Every(period) = pace else { return vec![Duration::ZERO; bursts.len()] };
     let steps =
@@ -160,7 +159,7 @@ fn intervals(bursts: &[Burst], pace: Pace) -> Vec<Duration> {
     }
 }
 
-/// Recorded times of the shortest exposures, or, where some are missing, the times at which the bursts are played.
+/// Returns the recorded times of the shortest exposures, nanoseconds, or the times at which the bursts are played where some are missing.
 fn phases(bursts: &[Burst], intervals: &[Duration]) -> Vec<u64> {
     if bursts.iter().all(|burst| burst.phase_ns != 0) {
         return bursts.iter().map(|burst| burst.phase_ns).collect();
@@ -174,7 +173,7 @@ fn phases(bursts: &[Burst], intervals: &[Duration]) -> Vec<u64> {
     played.collect()
 }
 
-/// Copies frames into memory that, after the first time, is already there.
+/// Copies frames; after the first call, the memory of `to` is reused.
 fn copy_frames(from: &[Frame], to: &mut Vec<Frame>) {
     to.truncate(from.len());
     to.reserve(from.len() - to.len());
@@ -200,7 +199,7 @@ mod tests {
     use super::*;
     use image::RgbImage;
 
-    /// A folder with one burst whose pixels all have `code`.
+    /// Writes a folder with one burst whose samples all have `code`.
     fn record(folder: &Path, code: u8, timestamp_ns: u64) {
         std::fs::create_dir_all(folder).expect("a folder");
         let image = RgbImage::from_pixel(32, 32, image::Rgb([code; 3]));
@@ -245,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_that_contradict_their_neighbours_are_left_out_and_noted() {
+    fn contradicting_frames_of_a_single_burst_are_left_out_and_noted() {
         let root = tempfile::tempdir().expect("a folder");
         record(root.path(), 120, 0);
         let manifest = std::fs::read_to_string(root.path().join("burst.toml")).expect("a manifest");
@@ -263,7 +262,7 @@ mod tests {
     }
 
     #[test]
-    fn a_recording_that_does_not_fit_is_refused_in_one_line() {
+    fn a_recording_above_the_memory_limit_is_refused_on_one_line() {
         let exposure = Exposure { seconds: 1.0, gain: 1.0 };
         let frame = Frame { exposure, pixels: Pixels::U16(vec![0; 1 << 20]) };
         let burst = Burst { frames: vec![frame], ..Burst::default() };

@@ -1,4 +1,4 @@
-//! A built-in scene seen by a simulated camera: real bursts, with noise and quantisation, for the whole way of the light.
+//! A built-in scene before a simulated camera: bursts with noise and quantisation, which pass all stages of the pipeline.
 
 use super::pace::Beat;
 use super::sensor::Sensor;
@@ -17,20 +17,21 @@ const WIDTH: usize = 640;
 const HEIGHT: usize = 480;
 const ROW: usize = 3 * WIDTH;
 
-/// Focal length and centre of the standard lens, pixels.
+/// Focal length of the standard lens, and centre of its image, pixels.
 const FOCAL: f64 = 196.4;
 const CENTRE: (f64, f64) = (319.5, 239.5);
 
 /// The exposure times of [Nikodym2012], seconds.
 pub(super) const SECONDS: [f64; 3] = [0.000_926, 0.005_555, 0.033_333];
 
-/// Exposure times of the simulated sensor at 30 frames a second.
+/// Range of exposure times of the simulated sensor at 30 frames a second.
 const RANGE: TimeRange = TimeRange { shortest_s: 30e-6, longest_s: SECONDS[2] };
 
-/// Radiance that saturates a pixel in the shortest exposure: above [`crate::scene::BRIGHTEST`], glow and noise included.
+/// Radiance that saturates a pixel in the shortest exposure: above [`crate::scene::BRIGHTEST`] with the glow of lamps and noise.
 const FULL: f64 = 60.0;
 
-/// Renders a [`Scene`] as bursts of exposures (three, unless others are asked for) of 640 x 480 RGB24 pixels through the standard lens of 160 x 140 degrees.
+/// Renders a [`Scene`] as bursts of 640 x 480 RGB24 pixels through the standard lens of 160 x 140 degrees; a burst has three exposures unless
+/// others are requested.
 pub struct SceneSource {
     scene: Scene,
     calibration: Calibration,
@@ -39,13 +40,13 @@ pub struct SceneSource {
     still: Vec<f32>,
     row: Vec<f32>,
     sensor: Sensor,
-    /// Codes per radiance of each exposure.
+    /// Codes per unit of radiance, for each exposure.
     gains: Vec<f32>,
     beat: Beat,
 }
 
 impl SceneSource {
-    /// Prepares the still part of `scene`.
+    /// Renders the static field of `scene`.
     #[must_use]
     pub fn new(scene: Scene, pace: Pace) -> Self {
         let calibration = calibration();
@@ -122,12 +123,12 @@ fn exposure(seconds: &f64) -> Exposure {
     Exposure { seconds: *seconds, gain: 1.0 }
 }
 
-/// Codes per radiance of an exposure of `seconds`.
+/// Returns the codes per unit of radiance for an exposure of `seconds`.
 fn gain(seconds: &f64) -> f32 {
     Sensor::gain(*seconds, FULL, SECONDS[0])
 }
 
-/// Gives `burst` one RGB24 frame per element of `exposures`; frames of the right number and size are reused.
+/// Resizes `burst` to one RGB24 frame per element of `exposures`; the memory of frames of the right size is reused.
 fn make_room(burst: &mut Burst, exposures: &[Exposure]) {
     let fits = |f: &Frame| matches!(&f.pixels, Pixels::U8(codes) if codes.len() == ROW * HEIGHT);
     if burst.frames.len() != exposures.len() || !burst.frames.iter().all(fits) {
@@ -139,7 +140,7 @@ fn make_room(burst: &mut Burst, exposures: &[Exposure]) {
     }
 }
 
-/// The standard lens before a linear sensor of 8 bits.
+/// Returns the calibration of the standard lens with a linear sensor of 8 bits.
 pub(super) fn calibration() -> Calibration {
     let mut vignetting = [0.0; 8];
     vignetting[0] = 1.0;
@@ -159,13 +160,13 @@ pub(super) fn calibration() -> Calibration {
     calibration
 }
 
-/// The direction that pixel `index` sees; zero outside the lens circle.
+/// Returns the direction of pixel `index` as a unit vector; zero outside of the lens circle.
 fn direction(lens: &Lens, index: usize) -> [f32; 3] {
     let pixel = DVec2::new((index % WIDTH) as f64, (index / WIDTH) as f64);
     lens.unproject(pixel).map_or([0.0; 3], |d| d.as_vec3().to_array())
 }
 
-/// Image rows that `patch` may touch.
+/// Returns a range of image rows that contains all pixels of `patch`.
 ///
 /// An equidistant lens stretches by theta / sin(theta) across, so no point of a cap of radius a round theta lies farther than
 /// f a (theta + a) / sin(theta + a) from its middle.
@@ -183,7 +184,7 @@ fn rows(patch: &Patch) -> Range<usize> {
     row(middle - reach)..row(middle + reach + 1.0)
 }
 
-/// Lays `patch` over one row.
+/// Adds `patch` in front of one row of radiances.
 fn paint(patch: &Patch, directions: &[[f32; 3]], row: &mut [f32]) {
     let reach = patch.radius.cos();
     for (pixel, d) in row.chunks_exact_mut(3).zip(directions) {
@@ -205,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn bursts_are_the_same_in_every_run_and_differ_within_one() {
+    fn bursts_are_equal_in_every_run_and_differ_within_a_run() {
         let (mut a, mut b) = (source("room"), source("room"));
         let (mut x, mut y) = (Burst::default(), Burst::default());
         for _ in 0..2 {
@@ -217,9 +218,9 @@ mod tests {
         assert_ne!(x.frames, y.frames, "two moments");
     }
 
-    /// The expectation is the plain sum of L dOmega over the pixels, from the analytic scene and the lens's own solid angles.
+    /// The expected value is the sum of radiance times solid angle over the pixels, from the analytic scene and the lens's own solid angles.
     #[test]
-    fn the_pipeline_finds_the_flux_of_the_scene_and_nothing_clips() {
+    fn the_pipeline_measures_the_flux_of_the_scene_without_clipping() {
         for name in scene::NAMES {
             let mut source = source(name);
             let mut pipeline =

@@ -2,42 +2,43 @@
 
 use hemilux_core::Levels;
 
-/// Codes of darkness and of a full well: noise round black stays above 0, so that it has no bias.
+/// Black level and code of a full well: noise at the black level stays above code 0, so that its mean has no bias.
 const BLACK: f32 = 8.0;
 const WHITE: f32 = 255.0;
 
-/// Read noise, codes: enough to hide the steps between codes.
+/// Read noise, codes RMS: it hides the steps between codes.
 const READ_NOISE: f32 = 0.6;
 
-/// Electrons of a code: a full well of about 10,000.
+/// Electrons per code: a full well has about 10,000 electrons.
 const ELECTRONS: f32 = 40.0;
 
-/// Entries of the noise table; rows read it from pseudo-random places.
+/// Number of entries of the noise table; each image row begins at a pseudo-random entry.
 const NOISE: usize = 1 << 14;
 
-/// The sensor's noise; rows of images are exposed one by one.
+/// A simulated sensor with its noise table; rows of images are exposed one by one.
 #[derive(Debug)]
 pub(super) struct Sensor {
     noise: Vec<f32>,
 }
 
 impl Sensor {
-    /// Makes the noise table.
+    /// Creates the sensor and its noise table.
     pub fn new() -> Self {
         Self { noise: noise() }
     }
 
-    /// Black and white level.
+    /// Returns the black and the white level.
     pub fn levels() -> Levels {
         Levels { black: f64::from(BLACK), white: f64::from(WHITE) }
     }
 
-    /// Codes per radiance where an exposure of `shortest` seconds is filled by a radiance of `full`.
+    /// Returns the codes per unit of radiance for an exposure of `seconds`, if a radiance of `full` saturates an exposure of `shortest`
+    /// seconds.
     pub fn gain(seconds: f64, full: f64, shortest: f64) -> f32 {
         (f64::from(WHITE - BLACK) * seconds / (full * shortest)) as f32
     }
 
-    /// Exposes one row of at most 4096 samples; the same `seed` gives the same noise.
+    /// Exposes one row of at most 4096 samples; equal seeds give equal noise.
     pub fn expose(&self, radiance: &[f32], gain: f32, seed: u32, codes: &mut [u8]) {
         let at = scramble(seed) as usize % NOISE.saturating_sub(radiance.len()).max(1);
         for ((code, l), n) in codes.iter_mut().zip(radiance).zip(&self.noise[at..]) {
@@ -48,7 +49,7 @@ impl Sensor {
     }
 }
 
-/// A fixed table of nearly normal deviates of variance 1: sums of four uniform ones, mean exactly 0.
+/// Returns a fixed table of nearly normal deviates with variance 1 and mean 0: sums of four uniform deviates.
 fn noise() -> Vec<f32> {
     let mut state = 1u32;
     let mut uniform = || {
@@ -62,7 +63,7 @@ fn noise() -> Vec<f32> {
     table
 }
 
-/// A 32-bit integer hash (Wellons, "Prospecting for Hash Functions", lowbias32).
+/// Hashes a 32-bit integer (Wellons, "Prospecting for Hash Functions", lowbias32).
 fn scramble(mut x: u32) -> u32 {
     x ^= x >> 16;
     x = x.wrapping_mul(0x7feb_352d);

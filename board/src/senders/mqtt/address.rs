@@ -8,37 +8,37 @@ use std::time::Duration;
 
 const EXPECTED: &str = "expected mqtt://[USER:PASSWORD@]HOST[:PORT][/ID][?every=SECONDS&lux=FACTOR]";
 
-/// MQTT without TLS.
+/// TCP port of MQTT without TLS.
 const PORT: u16 = 1883;
 
-/// Longest id, characters.
+/// Longest id, in characters.
 const MOST_ID: usize = 63;
 
-/// A broker, and what is published there.
+/// A broker, and the options of the messages for it.
 #[derive(Clone, PartialEq)]
 pub struct Broker {
-    /// Name or address.
+    /// Host name or IP address of the broker.
     pub host: String,
     /// TCP port of the broker.
     pub port: u16,
-    /// User and password.
+    /// User name and password.
     pub credentials: Option<(String, String)>,
     /// The probe's name in topics: the machine's name unless the address has a path.
     pub id: String,
-    /// Shortest time between two states.
+    /// Shortest time between two state messages.
     pub every: Duration,
-    /// Lux of one relative unit, where known.
+    /// Lux per relative unit, where the user states it.
     pub lux: Option<f32>,
 }
 
-/// Leaves out the password.
+/// Formats the address without the password.
 impl fmt::Debug for Broker {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{self}")
     }
 }
 
-/// Leaves out user and password.
+/// Formats the address without user name and password.
 impl fmt::Display for Broker {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "mqtt://{}:{}/{}", self.host, self.port, self.id)
@@ -82,7 +82,7 @@ impl FromStr for Broker {
     }
 }
 
-/// The port behind `host` in `authority`, or the usual one.
+/// Returns the port behind `host` in `authority`, or the default port.
 fn port(authority: &str, host: &str) -> Result<u16, String> {
     let tail = authority.rsplit('@').next().and_then(|rest| rest.strip_prefix(host)).unwrap_or_default();
     let Some(port) = tail.strip_prefix(':') else { return Ok(PORT) };
@@ -98,7 +98,7 @@ fn credentials(authority: &str) -> Result<Option<(String, String)>, String> {
     Ok(Some((read(user)?, read(password)?)))
 }
 
-/// `text` with %XX as bytes.
+/// Decodes the percent escapes of `text`; `None` for invalid ones.
 fn decoded(text: &str) -> Option<String> {
     let mut parts = text.split('%');
     let mut bytes = parts.next().unwrap_or_default().as_bytes().to_vec();
@@ -110,7 +110,7 @@ fn decoded(text: &str) -> Option<String> {
     String::from_utf8(bytes).ok()
 }
 
-/// A name that topics and ids of Home Assistant can hold.
+/// Checks an id for topics and for Home Assistant; without one, returns the machine's name.
 fn id(path: &str) -> Result<String, String> {
     if path.is_empty() {
         return Ok(machine::name());
@@ -132,7 +132,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_part_of_an_address_is_read() {
+    fn every_part_of_an_address_is_parsed() {
         let broker: Broker =
             "mqtt://lamp:a%40b%3A@[::1]:99/attic?every=0.5&lux=120".parse().expect("an address");
         assert_eq!((broker.host.as_str(), broker.port, broker.id.as_str()), ("::1", 99, "attic"));
@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn wrong_addresses_are_refused_with_what_is_expected() {
+    fn wrong_addresses_are_refused_with_the_expected_form() {
         for (text, named) in [
             ("broker", "mqtt://"),
             ("http://broker", "mqtt://"),

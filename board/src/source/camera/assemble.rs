@@ -1,28 +1,28 @@
-//! Frames to bursts: the newest frame of each exposure, once there is one of each.
+//! Groups frames to bursts: the newest frame of each exposure, when there is one frame of each.
 
 use crate::v4l2::frame::RawFrame;
 
-/// Most frames, in rounds of all exposures, that may lie between the oldest and the newest of a burst: one is the rule, and a lost
-/// frame costs another. Older ones show another moment.
+/// Largest number of rounds of all exposures between the oldest and the newest frame of a burst: usually one, and two after a lost frame. Older
+/// frames may show another scene.
 const ROUNDS: u32 = 2;
 
 /// Collects frames until they are a burst.
 #[derive(Debug, Default)]
 pub(super) struct Assembler {
     frames: Vec<RawFrame>,
-    /// Whether there is a new frame of that exposure.
+    /// For each exposure, true if there is a frame since the last burst.
     there: Vec<bool>,
 }
 
 impl Assembler {
-    /// Starts anew with `slots` exposures.
+    /// Starts again with `slots` exposures.
     pub fn reset(&mut self, slots: usize) {
         self.frames.resize_with(slots, RawFrame::default);
         self.there.clear();
         self.there.resize(slots, false);
     }
 
-    /// Takes `frame`, leaving an old one in its place; true when there is now one of each exposure.
+    /// Exchanges `frame` with the stored frame of its exposure; returns true when there is a new frame of each exposure.
     pub fn push(&mut self, frame: &mut RawFrame) -> bool {
         let Some(slot) = frame.taken.slot.filter(|s| *s < self.frames.len()) else { return false };
         let newest = frame.taken.sequence;
@@ -35,7 +35,7 @@ impl Assembler {
         self.there.iter().all(|there| *there)
     }
 
-    /// Hands the burst over, in order of the exposures, for memory of an old one.
+    /// Exchanges the frames of the complete burst, in order of the exposures, with the memory of `burst`.
     pub fn take(&mut self, burst: &mut Vec<RawFrame>) {
         burst.resize_with(self.frames.len(), RawFrame::default);
         std::mem::swap(&mut self.frames, burst);
@@ -71,7 +71,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_of_another_moment_or_of_unknown_exposure_are_left_out() {
+    fn old_frames_and_frames_of_unknown_exposure_are_left_out() {
         let mut a = Assembler::default();
         a.reset(2);
         let pushed = [(0, Some(0)), (1, None), (4, Some(1)), (5, Some(0))];

@@ -1,4 +1,4 @@
-//! The capture thread: takes frames, assembles bursts and reports why there are none.
+//! The capture thread: fetches frames, assembles bursts and reports the reason when there are none.
 
 use super::assemble::Assembler;
 use super::shared::{RawBurst, Shared};
@@ -11,10 +11,10 @@ use crate::v4l2::supervise::{Outcome, Supervisor};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-/// Rounds of exposures without a burst after which the reason is reported: three seconds at 30 Hz with three exposures.
+/// Number of rounds of all exposures without a burst after which the reason is reported: three seconds at 30 Hz with three exposures.
 const MOST_ROUNDS: u64 = 30;
 
-/// Takes frames until `shared.stop`; `burst` is the first memory for them.
+/// Fetches frames until `shared.stop`; `burst` is the memory of the first burst.
 pub(super) fn run(supervisor: Supervisor, burst: RawBurst, shared: &Shared) {
     let terms = Arc::clone(&burst.terms);
     let mut capture = Capture {
@@ -35,11 +35,11 @@ pub(super) fn run(supervisor: Supervisor, burst: RawBurst, shared: &Shared) {
     }
 }
 
-/// Frames since the last burst.
+/// Number of frames since the last burst, by kind.
 #[derive(Clone, Copy, Debug, Default)]
 struct Unused {
     complete: u64,
-    /// The counts of broken frames at the last burst.
+    /// Counts of broken frames at the last burst.
     broken: Broken,
     reported: bool,
 }
@@ -52,11 +52,11 @@ struct Capture<'a> {
     burst: RawBurst,
     terms: Arc<Terms>,
     streaming: bool,
-    /// Delays that were corrected and exposures that were measured, as far as they are logged.
+    /// Numbers of delay corrections and of measured exposures that have been logged.
     resyncs: u64,
     changes: u64,
     unused: Unused,
-    /// Counters of the frames of ended streams.
+    /// Counters of the streams that have ended.
     past: Counters,
 }
 
@@ -85,7 +85,7 @@ impl Capture<'_> {
         self.report_useless();
     }
 
-    /// A camera has started.
+    /// Adopts the terms of a camera that has started.
     fn begin(&mut self) {
         let Some(camera) = self.supervisor.camera() else { return };
         (self.streaming, self.unused, self.changes) = (true, Unused::default(), 0);
@@ -93,15 +93,15 @@ impl Capture<'_> {
         for Agreed { what, asked, got } in camera.agreed() {
             let path = camera.path().display();
             match *what {
-                "control" | "controls" => tracing::warn!("{path}: {what} {asked} expected, {got} found"),
-                _ => tracing::info!("{path}: {what} {asked} asked for, {got} got"),
+                "control" | "controls" => tracing::warn!("{path}: found {what} {got}, expected {asked}"),
+                _ => tracing::info!("{path}: {what}: {asked} requested, {got} granted"),
             }
         }
         self.assembler.reset(self.terms.seconds.len());
         self.shared.lock().down = None;
     }
 
-    /// Changes the exposures of the coming bursts to measured ones.
+    /// Replaces the exposures of the next bursts by the measured ones.
     fn take_over_exposures(&mut self) {
         let Some(camera) = self.supervisor.camera() else { return };
         if camera.exposure_changes() == self.changes {
@@ -119,7 +119,7 @@ impl Capture<'_> {
         );
     }
 
-    /// Counters of the frames since the camera was opened.
+    /// Returns the counters of the frames since the source was opened.
     fn counters(&self) -> Counters {
         self.supervisor.camera().map(Camera::counters).unwrap_or_default()
     }
@@ -149,7 +149,7 @@ impl Capture<'_> {
         self.unused = Unused { broken: counters.broken, ..Unused::default() };
     }
 
-    /// Reports once why many frames were no burst.
+    /// Reports once the reason why many frames made no burst.
     fn report_useless(&mut self) {
         let Some(camera) = self.supervisor.camera() else { return };
         let broken = camera.counters().broken.since(&self.unused.broken);
@@ -169,7 +169,7 @@ impl Capture<'_> {
     }
 }
 
-/// Writes the state of `camera` after `burst`, reusing the memory of `status`.
+/// Writes the state of `camera` after `burst` to `status`, reusing its memory.
 fn describe(status: &mut CameraStatus, camera: &Camera, burst: &RawBurst, counters: &Counters) {
     status.exposures.clear();
     let settings = camera.settings().iter().zip(&burst.terms.seconds).zip(&burst.frames);
@@ -185,7 +185,7 @@ fn describe(status: &mut CameraStatus, camera: &Camera, burst: &RawBurst, counte
     (status.mismatches, status.resyncs) = (counters.mismatches, counters.resyncs);
 }
 
-/// The reason for which frames made no burst: `complete` ones without a known exposure, or `broken` ones.
+/// Returns the reason why frames made no burst: `complete` frames without a known exposure, or `broken` frames.
 fn useless(camera: &Camera, complete: u64, broken: &Broken) -> String {
     let (path, wrong) = (camera.path().display(), camera.counters().mismatches);
     let count = complete + broken.total();
@@ -196,7 +196,7 @@ fn useless(camera: &Camera, complete: u64, broken: &Broken) -> String {
         );
     }
     format!(
-        "{path}: found no burst in {count} frames, {wrong} of them brighter or darker than their exposures say, expected exposures that can \
+        "{path}: found no burst in {count} frames, {wrong} of them brighter or darker than their exposures predict, expected exposures that can \
          be told apart: a lens file with the camera's [response], or fewer exposures"
     )
 }

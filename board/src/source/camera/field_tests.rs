@@ -1,11 +1,11 @@
-//! A camera whose driver stamps frames with the wall clock.
+//! A camera whose driver sets timestamps from the wall clock.
 use super::*;
 use crate::probe::{Config, Worker};
 use crate::v4l2::fake::{FakeKernel, Script};
 use std::time::Instant;
 
 #[test]
-fn a_dead_camera_is_stale_whatever_clock_its_stamps_were_of() {
+fn a_failed_camera_is_stale_with_timestamps_of_another_clock() {
     let script = Script { formats: vec!["BA81"], wall_clock: true, ..Script::default() };
     let kernel = FakeKernel::new(script);
     let spec = CameraSpec::parse("/dev/video0").expect("options");

@@ -1,5 +1,5 @@
-//! A real camera: a thread takes its frames and keeps the newest complete burst, so that slow processing neither shifts the exposures
-//! nor piles frames up.
+//! A camera as a source: a thread fetches its frames and keeps the newest complete burst, so that slow processing neither changes the exposures
+//! nor queues frames.
 
 mod assemble;
 mod capture;
@@ -30,27 +30,27 @@ use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// Longest wait for a burst in one call.
+/// Longest wait for a burst in one call of [`Source::next`].
 const WAIT: Duration = Duration::from_millis(250);
 
-/// Reasons for which a camera cannot be a source.
+/// Reasons why a camera cannot be a source.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenCameraError {
-    /// Options that cannot be read.
+    /// The options are invalid.
     #[error("{0}")]
     Options(String),
-    /// The lens file.
+    /// The lens file cannot be read.
     #[error(transparent)]
     Lens(#[from] RecordedError),
-    /// A camera that cannot be opened.
+    /// The camera cannot be opened.
     #[error(transparent)]
     Camera(#[from] CameraError),
-    /// The operating system gave no thread.
+    /// The operating system cannot start a thread.
     #[error("the capture thread: found {0}, expected it to start")]
     Thread(std::io::Error),
 }
 
-/// Bursts of a camera.
+/// A source of bursts from a camera.
 #[derive(Debug)]
 pub struct CameraSource {
     calibration: Calibration,
@@ -61,19 +61,19 @@ pub struct CameraSource {
 }
 
 impl CameraSource {
-    /// Opens the camera and starts taking its frames.
+    /// Opens the camera and starts the capture thread.
     ///
     /// # Errors
-    /// [`OpenCameraError`].
+    /// [`OpenCameraError`] for wrong options, a lens file that cannot be read, or a camera that cannot be opened.
     pub fn open(kernel: Box<dyn Kernel>, spec: &CameraSpec) -> Result<Self, OpenCameraError> {
         Self::supervised(spec, |options| Supervisor::open(kernel, options))
     }
 
-    /// Like [`Self::open`], but waits for an absent camera in the background; until it is connected, the calibration is that of the requested
-    /// camera.
+    /// Opens the camera like [`Self::open`], but waits for an absent camera in the background; until it is connected, the calibration is that
+    /// of the requested camera.
     ///
     /// # Errors
-    /// [`OpenCameraError`].
+    /// [`OpenCameraError`] for wrong options, a lens file that cannot be read, or a camera that is present and cannot be opened.
     pub fn open_or_wait(kernel: Box<dyn Kernel>, spec: &CameraSpec) -> Result<Self, OpenCameraError> {
         Self::supervised(spec, |options| Supervisor::open_or_wait(kernel, options))
     }
@@ -115,29 +115,29 @@ impl CameraSource {
         Ok(Self { calibration, lens, raw, shared, thread: Some(thread) })
     }
 
-    /// The negotiated terms of the camera.
+    /// Returns the negotiated terms of the camera.
     #[must_use]
     pub fn terms(&self) -> &Terms {
         &self.raw.terms
     }
 
-    /// The lens file, if there is one.
+    /// Returns the lens file, if one is given.
     #[must_use]
     pub fn lens(&self) -> Option<&LensFile> {
         self.lens.as_ref()
     }
 
-    /// Counters of frames, and the number of reconnections.
+    /// Returns the counters of frames and the number of times that the camera was opened again.
     #[must_use]
     pub fn counters(&self) -> (Counters, u64) {
         let state = self.shared.lock();
         (state.counters, state.reopened)
     }
 
-    /// Waits for the newest burst as the camera gave it.
+    /// Waits for the newest burst and returns its frames in the packing of the driver.
     ///
     /// # Errors
-    /// [`SourceError`].
+    /// [`SourceError`] if there is no burst or the camera is gone.
     pub fn next_raw(&mut self) -> Result<&RawBurst, SourceError> {
         let state = self.shared.lock();
         let idle = |s: &mut State| !s.fresh && s.down.is_none();
@@ -195,7 +195,7 @@ impl Drop for CameraSource {
     }
 }
 
-/// Moves the frames of `raw` into `burst` and the memory of `burst` into `raw`: a frame is copied once, out of the driver's buffer.
+/// Moves the frames of `raw` into `burst`, and the memory of `burst` into `raw`: a frame is copied once, from the driver's buffer.
 fn hand_over(raw: &mut RawBurst, burst: &mut Burst) {
     let (frames, seconds) = (&mut raw.frames, &raw.terms.seconds);
     let empty = || Frame { exposure: Exposure { seconds: 1.0, gain: 1.0 }, pixels: Pixels::U8(Vec::new()) };

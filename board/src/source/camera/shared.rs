@@ -1,4 +1,4 @@
-//! Bursts as the camera gave them, and their hand-over from the capture thread.
+//! Bursts in the packing of the driver, and their transfer from the capture thread.
 
 use super::terms::Terms;
 use crate::camera_status::CameraStatus;
@@ -6,7 +6,7 @@ use crate::v4l2::frame::{Counters, RawFrame};
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
-/// A burst as the camera gave it.
+/// A burst in the packing of the driver.
 #[derive(Clone, Debug)]
 pub struct RawBurst {
     /// One frame for each exposure, ascending.
@@ -20,8 +20,8 @@ impl RawBurst {
         Self { frames: Vec::new(), terms: Arc::clone(terms) }
     }
 
-    /// CLOCK_MONOTONIC at which its first exposure had not begun yet: drivers stamp a frame when it begins or when it has come, a
-    /// period and its exposure later at most.
+    /// Returns a CLOCK_MONOTONIC time before the first exposure began, nanoseconds: drivers take a frame's timestamp at its start or on its
+    /// arrival, at most a period and its exposure time later.
     #[must_use]
     pub fn before_ns(&self) -> u64 {
         let began = |(frame, s): (&RawFrame, &f64)| {
@@ -30,14 +30,14 @@ impl RawBurst {
         self.frames.iter().zip(&self.terms.seconds).map(began).min().unwrap_or(0)
     }
 
-    /// CLOCK_MONOTONIC of the frame of its shortest exposure.
+    /// Returns the CLOCK_MONOTONIC timestamp of the frame with the shortest exposure, nanoseconds.
     #[must_use]
     pub fn shortest_ns(&self) -> u64 {
         let frames = self.frames.iter().zip(&self.terms.seconds);
         frames.min_by(|a, b| a.1.total_cmp(b.1)).map_or(0, |(frame, _)| frame.taken.timestamp_ns)
     }
 
-    /// CLOCK_MONOTONIC of its newest frame.
+    /// Returns the CLOCK_MONOTONIC timestamp of the newest frame, nanoseconds.
     #[must_use]
     pub fn timestamp_ns(&self) -> u64 {
         self.frames.iter().map(|f| f.taken.timestamp_ns).max().unwrap_or(0)

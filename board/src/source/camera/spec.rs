@@ -1,4 +1,4 @@
-//! A camera by its name on the command line: `v4l2:PATH[,OPTION=VALUE]...`.
+//! A camera as a source: `v4l2:PATH[,OPTION=VALUE]...`.
 
 use crate::v4l2::Size;
 use crate::v4l2::formats;
@@ -14,24 +14,24 @@ A CSI camera is v4l2:NAME with the beginning of its sensor's name, v4l2:/dev/med
 ,format=YUYV, ,rate=30, ,exposures=0.0009/0.0055/0.0333 (seconds), ,sensor=imx219 (the beginning of a sensor's name, or its sub-device), ,delay=2 (frames, else measured),
 ,stand-in=Brightness:64/128/192 (for benches: a control in the place of the exposure).";
 
-/// A camera and the options requested for it, as text.
+/// The text of a camera's path and options, checked.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CameraSpec {
-    /// The text from the command line or the file.
+    /// The text behind `v4l2:`.
     text: String,
 }
 
 impl CameraSpec {
-    /// Checks `text`, what follows `v4l2:`.
+    /// Checks `text`, the part of a source's name behind `v4l2:`.
     ///
     /// # Errors
-    /// The found and the expected value, in words.
+    /// The option that was found and the values that are accepted.
     pub fn parse(text: &str) -> Result<Self, String> {
         let spec = Self { text: text.into() };
         spec.options().map(|_| spec.clone())
     }
 
-    /// The lens file.
+    /// Returns the path of the lens file.
     #[must_use]
     pub fn lens(&self) -> Option<PathBuf> {
         self.pairs().find(|(name, _)| *name == "lens").map(|(_, value)| value.into())
@@ -43,7 +43,7 @@ impl CameraSpec {
         self.text.split(',').next().unwrap_or_default().into()
     }
 
-    /// Whether the option `name` is given.
+    /// Returns true if the option `name` is given.
     pub(super) fn names(&self, name: &str) -> bool {
         self.pairs().any(|(given, _)| given == name)
     }
@@ -52,10 +52,10 @@ impl CameraSpec {
         self.text.split(',').skip(1).map(|pair| pair.split_once('=').unwrap_or((pair, "")))
     }
 
-    /// The requested options.
+    /// Parses the options.
     ///
     /// # Errors
-    /// The found and the expected value, in words.
+    /// The option that was found and the values that are accepted.
     pub fn options(&self) -> Result<Options, String> {
         let mut options = Options::of(self.path());
         if options.path.as_os_str().is_empty() {
@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_named_with_what_would_be_right() {
+    fn wrong_options_are_named_with_the_accepted_values() {
         let cases = [
             ("", "no device"),
             ("/dev/video0,size=640", "size=640"),

@@ -1,4 +1,4 @@
-//! The negotiated terms of a camera, and the layout of its frames.
+//! The negotiated terms of a camera: format, frame interval, exposures and view.
 
 use crate::calibration::Calibration;
 use crate::recorded::LensFile;
@@ -12,23 +12,23 @@ use hemilux_core::format::{Format, Layout, Yuv};
 use hemilux_core::lens::{Intrinsics, Lens, Model};
 use hemilux_core::{Levels, Response};
 
-/// The negotiated terms of a camera.
+/// The negotiated properties of a camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Terms {
-    /// Calibration of the frames.
+    /// Size and pixel format of the frames.
     pub picture: Picture,
-    /// Relative code of darkness, where the sensor is known; 0 otherwise.
+    /// Relative code of black, where the sensor is known; 0 otherwise.
     pub black: f64,
-    /// From frame to frame.
+    /// Frame interval, nanoseconds.
     pub period_ns: u64,
-    /// The exposures, ascending.
+    /// The exposure times, seconds, ascending.
     pub seconds: Vec<f64>,
-    /// The part of the sensor that pictures show, where it is known.
+    /// The part of the sensor that pictures cover, where it is known.
     pub view: Option<View>,
 }
 
 impl Terms {
-    /// The terms of an open camera.
+    /// Returns the terms of an open camera.
     pub(super) fn of(camera: &Camera) -> Self {
         Self {
             picture: *camera.picture(),
@@ -39,14 +39,14 @@ impl Terms {
         }
     }
 
-    /// Returns the terms that are assumed while the camera is absent: the requested size and exposures, in the format of nearly all webcams.
+    /// Returns the terms that are assumed while the camera is absent: the requested size and exposures, in the pixel format of most webcams.
     pub(in crate::source) fn assumed(options: &Options) -> Self {
         let yuv = Yuv { limited: true, ..Yuv::default() };
         let wished = options.fourcc.filter(|fourcc| !formats::is_jpeg(*fourcc));
         let fourcc = wished.unwrap_or(u32::from_le_bytes(*b"YUYV"));
         let Size { width, height } = options.size;
         let format = formats::format(fourcc, yuv).unwrap_or(Format::Grey);
-        // An odd size or a huge one will be rounded or refused by the camera.
+        // The camera will round or refuse an odd or very large size.
         let layout = Layout::tight(format, width, height);
         let layout =
             layout.or_else(|_| Layout::tight(format, 640, 480)).expect("640 x 480 suits all formats");
@@ -60,8 +60,8 @@ impl Terms {
         }
     }
 
-    /// From the lens file and, for what it does not say, from the picture: sensors are linear, cameras' own pictures follow sRGB more
-    /// or less.
+    /// Returns the calibration of the lens file. Values that it does not contain follow from the pixel format: raw frames are linear,
+    /// processed frames are taken to have the sRGB curve.
     pub(in crate::source) fn calibration(&self, lens: Option<&LensFile>) -> Calibration {
         let (picture, layout) = (&self.picture, &self.picture.layout);
         let most = picture.max_code();
@@ -79,7 +79,7 @@ impl Terms {
 }
 
 impl Terms {
-    /// The lens of the camera's frames: that of the file, converted where they show another part of the sensor.
+    /// Returns the lens of the camera's frames: the lens of the file, converted if the frames cover another part of the sensor.
     fn lens_of(&self, file: &LensFile) -> Lens {
         let converted =
             file.shown.zip(self.view).and_then(|(from, to)| from.convert(&file.lens, &to.shown()));
@@ -87,12 +87,12 @@ impl Terms {
     }
 }
 
-/// The lens of pictures that are scaled down by `shrink`, a power of two.
+/// Returns the lens for pictures that are scaled down by `shrink`, a power of two.
 fn shrunk(lens: Lens, shrink: u32) -> Lens {
     (0..shrink.ilog2()).fold(lens, |lens, _| lens.halved())
 }
 
-/// The lens model before calibration: an equidistant fisheye of 180 degrees across the shorter side of the picture.
+/// Returns the lens that is assumed before calibration: an equidistant fisheye of 180 degrees across the shorter side of the picture.
 fn assumed_lens(layout: &Layout) -> Lens {
     let (width, height) = (f64::from(layout.width()), f64::from(layout.height()));
     let mut vignetting = [0.0; 8];

@@ -1,4 +1,4 @@
-//! Cameras as sources, against the scripted kernel.
+//! Cameras as sources, tested with the scripted kernel.
 
 use super::*;
 use crate::probe::{Config, Worker};
@@ -20,7 +20,7 @@ fn refused(script: Script, options: &str) -> String {
 }
 
 #[test]
-fn a_camera_that_comes_after_the_probe_is_waited_for() {
+fn a_camera_that_is_connected_after_the_start_is_used() {
     let kernel = FakeKernel::new(Script { formats: vec!["BA81"], ..Script::default() });
     kernel.world().gone_until_ns = u64::MAX;
     let missing = CameraSource::open(Box::new(kernel.clone()), &spec("")).expect_err("not there").to_string();
@@ -47,9 +47,9 @@ fn a_camera_that_comes_after_the_probe_is_waited_for() {
     assert!(set.scalar_flux[1] > 0.0 && !set.lights.is_empty(), "light: {set:?}");
 }
 
-/// The scripted camera is linear, as in the lens file; the sensor of the second one makes 1.0, 3.9 and 31.2 ms.
+/// The scripted camera is linear, as in the lens file; the sensor of the second camera exposes 1.0, 3.9 and 31.2 ms.
 #[test]
-fn the_status_tells_verified_and_measured_exposures_and_counts_frames() {
+fn the_status_has_verified_and_measured_exposures_and_frame_counts() {
     let file = tempfile::NamedTempFile::new().expect("a file");
     let text = "[lens]\nmodel = \"equidistant\"\nsize = [64, 48]\ncentre = [31.5, 23.5]\nfocal = [15.0, 15.0]\n\
                 max_angle_deg = 85.0\n[response]\nmodel = \"linear\"\n";
@@ -81,11 +81,11 @@ fn the_status_tells_verified_and_measured_exposures_and_counts_frames() {
     let coarse = status(Script { really, range: (5, 20000), ..Script::default() }, "measured");
     let ratio = coarse.exposures[2].seconds / coarse.exposures[1].seconds;
     assert!((ratio / 8.0 - 1.0).abs() < 0.05, "31.2 to 3.9 ms: {coarse:?}");
-    // Until the ratios have been seen, frames of the same exposure in a row agree with each other.
+    // Before the first ratios are measured, successive frames with equal exposures agree with each other.
     assert!(20 * coarse.known.verified < coarse.known.measured, "{coarse:?}");
 }
 
-/// Modes of imx219 as its driver tells them: a lens file of the full view, and a small mode.
+/// Modes of imx219 from its driver: the lens file is of the full view, the pictures are of a small mode.
 #[test]
 fn a_lens_file_with_a_crop_is_converted_to_the_mode_or_refused() {
     let file = tempfile::NamedTempFile::new().expect("a file");
@@ -102,7 +102,7 @@ fn a_lens_file_with_a_crop_is_converted_to_the_mode_or_refused() {
     let crop = "crop = [0, 0, 3280, 2464]\nbinning = [2, 2]\n";
     let source = open([819.5, 615.5], crop, "").expect("the same mode");
     assert_eq!(source.calibration().lens.intrinsics().centre_px.to_array(), [819.5, 615.5], "as it is");
-    // 640 x 480 shows 1280 x 960 at 1000, 752, binned by two: on paper, 500 and 376 pixels to the left and up.
+    // 640 x 480 covers 1280 x 960 at 1000, 752, binned by two; computed by hand, the centre moves 500 and 376 pixels to the left and up.
     let source = open([819.5, 615.5], crop, ",size=640x480").expect("converted");
     let c = source.calibration();
     assert_eq!((c.layout.width(), c.layout.height()), (640, 480), "as asked");
@@ -124,7 +124,7 @@ fn a_lens_file_with_a_crop_is_converted_to_the_mode_or_refused() {
     assert!(line.contains("expected a crop that is size times binning"), "{line}");
 }
 
-/// A lens file for 1280 x 720 pixels serves the decoded pictures of 640 x 360.
+/// A lens file for 1280 x 720 pixels applies to the decoded pictures of 640 x 360.
 #[test]
 fn a_lens_is_scaled_with_the_jpeg_pictures() {
     let file = tempfile::NamedTempFile::new().expect("a file");
@@ -141,7 +141,7 @@ fn a_lens_is_scaled_with_the_jpeg_pictures() {
 }
 
 #[test]
-fn the_calibration_is_that_of_the_camera_once_it_is_there() {
+fn the_calibration_follows_the_camera_when_it_is_connected() {
     let kernel = FakeKernel::new(Script { formats: vec!["pBAA"], size: (64, 48), ..Script::default() });
     kernel.world().gone_until_ns = u64::MAX;
     let mut source = CameraSource::open_or_wait(Box::new(kernel.clone()), &spec("")).expect("a source");
@@ -160,7 +160,7 @@ fn the_calibration_is_that_of_the_camera_once_it_is_there() {
     assert_eq!(source.exposures().len(), burst.frames.len(), "as agreed");
 }
 
-/// Reads the camera of `kernel` until it is gone; returns the reason.
+/// Reads the camera of `kernel` until it is gone and returns the reason.
 fn reason_of_end(kernel: FakeKernel) -> String {
     let mut source = CameraSource::open(Box::new(kernel), &spec("")).expect("a source");
     let (mut burst, began) = (Burst::default(), Instant::now());
@@ -172,9 +172,9 @@ fn reason_of_end(kernel: FakeKernel) -> String {
     }
 }
 
-/// The scripted camera is linear; without a lens file, a camera's own pictures are taken to follow sRGB.
+/// The scripted camera is linear; without a lens file, the probe assumes the sRGB curve.
 #[test]
-fn a_camera_whose_frames_contradict_its_exposures_is_explained() {
+fn frames_that_contradict_their_exposures_are_named_as_the_reason() {
     let kernel = FakeKernel::new(Script { formats: vec!["GREY"], ..Script::default() });
     let line = reason_of_end(kernel);
     assert!(
@@ -195,9 +195,9 @@ fn frames_that_are_all_broken_are_named_as_the_reason() {
     }
 }
 
-/// Stamps of the wall clock, of a constant, of half the speed, and jumping back and forth by three seconds.
+/// The timestamps are of the wall clock, constant, at half speed, or jump back and forth by three seconds.
 #[test]
-fn a_live_camera_is_fresh_and_a_dead_one_stale_whatever_its_stamps_are() {
+fn a_live_camera_is_fresh_and_a_failed_one_stale_with_any_timestamps() {
     const S: u64 = 1_000_000_000;
     let stamps: [fn(u64) -> u64; 5] = [
         |ns| 1_700_000_000 * S + ns,
@@ -239,10 +239,10 @@ fn a_live_camera_is_fresh_and_a_dead_one_stale_whatever_its_stamps_are() {
     }
 }
 
-/// The sets of an hour, or of `HEMILUX_CAMERA_SECONDS` simulated seconds (a minute), with one percent of every fault at each frame and a
-/// disconnect every minute: each shows the light of the scene, which does not change.
+/// Sets of one simulated minute, or of `HEMILUX_CAMERA_SECONDS` simulated seconds, with a probability of 1 % for every fault at each frame and a
+/// disconnection every minute: each set has the light of the scene, which is constant.
 #[test]
-fn faults_at_every_hundredth_frame_make_no_wrong_set_and_take_no_memory() {
+fn faults_at_every_hundredth_frame_make_no_wrong_set_and_leak_no_memory() {
     let seconds = std::env::var("HEMILUX_CAMERA_SECONDS").ok().and_then(|s| s.parse().ok()).unwrap_or(60u64);
     let pulls = (1..=seconds / 60).map(|n| (n * 1300, Fault::Disconnect(Duration::from_millis(2500))));
     let script = Script {
@@ -262,7 +262,7 @@ fn faults_at_every_hundredth_frame_make_no_wrong_set_and_take_no_memory() {
         crate::pipeline::Pipeline::try_new(*source.calibration(), &exposures, settings).expect("a pipeline");
     let (mut burst, mut fluxes, mut resident) = (Burst::default(), Vec::new(), Vec::new());
     let began = kernel.world().now_ns;
-    // A busy machine skips bursts, so that it may need more simulated time for enough sets.
+    // A busy machine skips bursts, so that it may take more simulated time to process enough sets.
     while kernel.world().now_ns - began < seconds * 1_000_000_000 || fluxes.len() <= 50 {
         if source.next(&mut burst).is_ok() {
             fluxes.push(pipeline.process(&burst).expect("lights").scalar_flux[1]);
@@ -285,21 +285,21 @@ fn faults_at_every_hundredth_frame_make_no_wrong_set_and_take_no_memory() {
     let each =
         [broken.flagged, broken.empty, broken.short, broken.repeated, status.0.lost, status.0.failed_writes];
     assert!(each.iter().all(|count| *count > seconds / 10), "each fault happened: {status:?}");
-    // Alone in its process: other tests take memory too.
+    // Measured in the long run alone, which has a process of its own: other tests allocate memory too.
     if seconds >= 3600 {
         let (before, after) = (resident[resident.len() / 3], resident[resident.len() - 1]);
         assert!(after <= before + 1024, "{before} then {after} kB");
     }
 }
 
-/// Resident memory of this process, kB.
+/// Returns the resident memory of this process, kB.
 fn resident_kb() -> u64 {
     let text = std::fs::read_to_string("/proc/self/statm").expect("Linux");
     4 * text.split_whitespace().nth(1).and_then(|pages| pages.parse::<u64>().ok()).expect("pages")
 }
 
 #[test]
-fn what_does_not_pass_by_waiting_is_refused_in_a_line() {
+fn permanent_faults_are_refused_on_one_line() {
     let of = |formats: &[&'static str], size| Script { formats: formats.to_vec(), size, ..Script::default() };
     let line = refused(of(&["H264"], (64, 48)), "");
     assert!(line.contains("found the pixel formats H264") && line.contains("MJPG"), "{line}");
@@ -317,7 +317,7 @@ fn what_does_not_pass_by_waiting_is_refused_in_a_line() {
 }
 
 #[test]
-fn a_lens_names_the_size_and_what_it_is_not_for_is_refused() {
+fn pictures_of_another_size_than_the_lens_files_are_refused() {
     let file = tempfile::NamedTempFile::new().expect("a file");
     let lens = |width: u32| {
         let text = format!(
@@ -363,9 +363,9 @@ fn a_burst_is_moved_and_not_copied_on_its_way_to_the_merge() {
     assert_eq!((merged(&burst), buffers(&raw)), (second, first), "and the old memory goes back");
 }
 
-/// On paper: frames 40 ms apart, stamped when they have come.
+/// Computed by hand: frames are 40 ms apart and have the time of their arrival.
 #[test]
-fn a_burst_began_a_frame_and_its_exposure_before_its_first_timestamp_at_the_earliest() {
+fn the_earliest_start_of_a_burst_is_a_period_and_an_exposure_before_its_timestamp() {
     let mut terms = Terms::assumed(&Options::of("/dev/video0"));
     (terms.period_ns, terms.seconds) = (40_000_000, vec![0.001, 0.006, 0.036]);
     let frame = |ms: u64| RawFrame {

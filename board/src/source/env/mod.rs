@@ -1,4 +1,4 @@
-//! Environment maps as a source: bursts of what a camera in the middle of a map, or of one map after the other, would take.
+//! Environment maps as a source: bursts that a simulated camera takes of a map, or of the maps of a folder in turn.
 
 mod raster;
 mod spec;
@@ -22,29 +22,29 @@ use raster::Raster;
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
-/// Most texels of a map: 8192 x 4096, 400 MB while it is read.
+/// Largest number of texels of a map: 8192 x 4096, 400 MB while it is read.
 const MAX_TEXELS: u64 = 1 << 25;
 
-/// Ends of names that are maps.
+/// File extensions of maps.
 const ENDS: [&str; 4] = ["exr", "hdr", "pic", "pfm"];
 
-/// Side of the whole view's image, pixels.
+/// Width and height of the image of [`View::Whole`], pixels.
 const WHOLE_SIDE: u32 = 512;
 
-/// Code of the whole view's full pixel, 16 bits.
+/// Code of a saturated pixel in [`View::Whole`], 16 bits.
 const WHOLE_WHITE: f64 = 65_535.0;
 
-/// The longest exposure time of both views, seconds.
+/// The longest exposure time of both cameras, seconds.
 const LONGEST: f64 = 0.033_333;
 
 /// Ratio of the radiance that saturates a pixel in the shortest exposure to the radiance of the brightest pixel; noise does not reach it.
 const MARGIN: f64 = 1.2;
 
-/// The rendered maps and the camera that sees them.
+/// The rendered maps and the simulated camera.
 pub struct EnvSource {
     view: View,
     calibration: Calibration,
-    /// Radiance of each pixel, map by map.
+    /// Radiance of each pixel, one element per map.
     maps: Vec<Vec<f32>>,
     /// Radiance that saturates a pixel in an exposure of `own[0]` seconds.
     full: f64,
@@ -52,7 +52,7 @@ pub struct EnvSource {
     exposures: Vec<Exposure>,
     sensor: Sensor,
     beat: Beat,
-    /// Bursts that each map stays.
+    /// Number of bursts for which each map stays.
     stay: u32,
 }
 
@@ -60,7 +60,7 @@ impl EnvSource {
     /// Reads and renders the maps of `spec`.
     ///
     /// # Errors
-    /// [`MapError`]: no map, one that cannot be read, or more than [`MAX_RECORDING_BYTES`] of rendered maps.
+    /// [`MapError`]: no map, a map that cannot be read, or more than [`MAX_RECORDING_BYTES`] of rendered maps.
     pub fn open(spec: &EnvSpec, pace: Pace) -> Result<Self, MapError> {
         let mut calibration = match spec.view {
             View::Lens => scene::calibration(),
@@ -104,7 +104,7 @@ impl EnvSource {
         }
     }
 
-    /// Gives `burst` one frame for each exposure; frames of the right size are reused.
+    /// Resizes `burst` to one frame per exposure; the memory of frames of the right size is reused.
     fn fit(&self, burst: &mut Burst) {
         let samples = self.maps[0].len();
         let fits = |f: &Frame| match (&f.pixels, self.view) {
@@ -155,14 +155,14 @@ fn exposure(seconds: &f64) -> Exposure {
     Exposure { seconds: *seconds, gain: 1.0 }
 }
 
-/// Rising exposure times, `step` times apart, for radiances that are up to `range` apart.
+/// Returns ascending exposure times with the ratio `step` that cover radiances with a ratio of up to `range`.
 fn times(range: f64, step: f64, count: std::ops::RangeInclusive<usize>) -> Vec<f64> {
     let needed = (range.max(1.0).ln() / step.ln()).ceil() as usize + 1;
     let count = needed.clamp(*count.start(), *count.end());
     (0..count).rev().map(|k| LONGEST / step.powi(k as i32)).collect()
 }
 
-/// The median of the samples above 0; `none` where there are none.
+/// Returns the median of the positive samples; `none` if there are none.
 fn median(maps: &[Vec<f32>], none: f64) -> f64 {
     let mut lit: Vec<f32> =
         maps.iter().flat_map(|map| map.iter().step_by(97)).copied().filter(|v| *v > 0.0).collect();
@@ -170,7 +170,7 @@ fn median(maps: &[Vec<f32>], none: f64) -> f64 {
     if lit.is_empty() { none } else { f64::from(*lit.select_nth_unstable_by(middle, f32::total_cmp).1) }
 }
 
-/// Radiance of each pixel of `camera` for the map in `path`, or for each map of a folder in the order of their names.
+/// Returns the radiance of each pixel of `camera` for the map at `path`, or for each map of a folder in the order of their names.
 fn render(path: &Path, camera: &Calibration) -> Result<Vec<Vec<f32>>, MapError> {
     let files = files(path)?;
     let each = 12 * u64::from(camera.layout.width()) * u64::from(camera.layout.height());
@@ -193,7 +193,7 @@ fn render(path: &Path, camera: &Calibration) -> Result<Vec<Vec<f32>>, MapError> 
     Ok(maps)
 }
 
-/// The map itself, or the maps of a folder.
+/// Returns the path itself for a file, the maps of a folder otherwise.
 fn files(path: &Path) -> Result<Vec<PathBuf>, MapError> {
     let expected = "a map (.exr, .hdr or .pfm) or a folder of maps";
     if !path.is_dir() {
@@ -211,7 +211,7 @@ fn refusal(path: &Path, found: impl Display, expected: impl Display) -> MapError
     MapError { path: path.into(), found: found.to_string(), expected: expected.to_string() }
 }
 
-/// An ideal lens that sees the upper hemisphere, before a linear sensor of 16 bits.
+/// Returns the calibration of an ideal lens for the upper hemisphere with a linear sensor of 16 bits.
 fn whole() -> Calibration {
     let middle = f64::from(WHOLE_SIDE - 1) / 2.0;
     let mut vignetting = [0.0; 8];

@@ -1,20 +1,20 @@
-//! Maps seen through a lens, with the energy of every texel in view kept.
+//! Renders maps through a lens; the energy of every texel in the lens's field is kept.
 
 use crate::maps::{Covers, DecodedMap};
 use glam::{DVec2, DVec3};
 use hemilux_core::Calibration;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// Most samples along a pixel's side: enough for texels of a sixth of a pixel, and smaller ones are kept all the same.
+/// Largest number of samples along a pixel's side: it resolves texels of a sixth of a pixel, and the energy of smaller texels is kept by scaling.
 const MOST_SAMPLES: usize = 6;
 
-/// Samples from which on their number tells a texel's solid angle well enough.
+/// Number of samples of a texel from which their total solid angle is accurate without scaling.
 const MANY: u32 = 16;
 
 /// Marks a sample outside of the lens circle or the map.
 const NONE: u32 = u32::MAX;
 
-/// The shape of a map.
+/// Size and part of the sphere of a map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Shape {
     width: usize,
@@ -27,7 +27,7 @@ impl Shape {
         Self { width: map.width, height: map.height, covers: map.covers }
     }
 
-    /// Polar angle of the lower edge.
+    /// Returns the polar angle of the map's lower edge, radians.
     fn lowest(&self) -> f64 {
         match self.covers {
             Covers::Sphere => PI,
@@ -35,7 +35,7 @@ impl Shape {
         }
     }
 
-    /// The texel in a unit direction.
+    /// Returns the index of the texel in a unit direction.
     fn texel(&self, d: DVec3) -> Option<usize> {
         let row = d.z.clamp(-1.0, 1.0).acos() / self.lowest() * self.height as f64;
         let column = (PI - d.y.atan2(d.x)) / TAU * self.width as f64;
@@ -55,19 +55,19 @@ impl Shape {
     }
 }
 
-/// The way from the texels of maps of one shape to the pixels of a camera.
+/// Table from the pixels of a camera to the texels of maps of one shape.
 pub(super) struct Raster {
     shape: Shape,
-    /// Samples of a pixel.
+    /// Number of samples of a pixel.
     samples: usize,
-    /// The texel of each sample, pixel by pixel.
+    /// Texel of each sample, in the order of the pixels.
     texels: Vec<u32>,
-    /// Solid angle of each pixel, 0 outside of the lens circle.
+    /// Solid angle of each pixel, steradians; 0 outside of the lens circle.
     solid_angles: Vec<f32>,
 }
 
 impl Raster {
-    /// The way for maps of the shape of `map`.
+    /// Creates the table for maps of the shape of `map`.
     pub fn new(map: &DecodedMap, camera: &Calibration) -> Self {
         let (shape, lens) = (Shape::of(map), &camera.lens);
         let (width, height) = (camera.layout.width() as usize, camera.layout.height() as usize);
@@ -88,12 +88,12 @@ impl Raster {
         Self { shape, samples: side * side, texels, solid_angles }
     }
 
-    /// Whether it is the way for `map`.
+    /// Returns true if `map` has the shape of the table.
     pub fn fits(&self, map: &DecodedMap) -> bool {
         self.shape == Shape::of(map)
     }
 
-    /// Radiance of each pixel, three channels.
+    /// Returns the radiance of each pixel, three channels per pixel.
     pub fn radiance(&self, map: &DecodedMap, camera: &Calibration) -> Vec<f32> {
         let mut pixels = vec![0.0; 3 * self.solid_angles.len()];
         let scales = self.scales(map.texels.len());
@@ -109,13 +109,13 @@ impl Raster {
         pixels
     }
 
-    /// The texels of a pixel's samples.
+    /// Returns the texels of a pixel's samples.
     fn of_pixel(&self, pixel: usize) -> impl Iterator<Item = usize> {
         let all = &self.texels[pixel * self.samples..(pixel + 1) * self.samples];
         all.iter().filter(|texel| **texel != NONE).map(|texel| *texel as usize)
     }
 
-    /// For each texel, by what its samples are to be scaled so that they have its energy; 0 where no sample hits it.
+    /// Returns, for each texel, the factor by which its samples have the texel's energy; 0 for a texel without samples.
     fn scales(&self, count: usize) -> Vec<f32> {
         let mut hits = vec![(0u32, 0.0f32); count];
         for (i, omega) in self.solid_angles.iter().enumerate() {
@@ -134,7 +134,7 @@ impl Raster {
         hits.iter().enumerate().map(scale).collect()
     }
 
-    /// Adds the energy of a texel that no sample hits to the pixel that sees its middle.
+    /// Adds the energy of a texel without samples to the pixel at which its centre is imaged.
     fn add(&self, texel: usize, map: &DecodedMap, camera: &Calibration, pixels: &mut [f32]) {
         let Some(at) = camera.lens.project(self.shape.direction(texel)).map(DVec2::round) else { return };
         let (width, height) = (f64::from(camera.layout.width()), f64::from(camera.layout.height()));

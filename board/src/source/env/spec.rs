@@ -1,37 +1,37 @@
-//! An environment map by its name on the command line: `env:PATH[,OPTION=VALUE]...`.
+//! An environment map as a source: `env:PATH[,OPTION=VALUE]...`.
 
 use std::fmt;
 use std::path::PathBuf;
 
-/// Range of the seconds that a map stays.
+/// Range of the time for which a map of a folder stays, seconds.
 const SECONDS: std::ops::RangeInclusive<f64> = 0.1..=86_400.0;
 
-/// The camera that looks at a map.
+/// The simulated camera that renders a map.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum View {
     /// The standard lens of 160 x 140 degrees, with a sensor of 8 bits and its noise.
     #[default]
     Lens,
-    /// All of the upper hemisphere, with 16 bits and no noise.
+    /// An ideal lens for the upper hemisphere, with a sensor of 16 bits without noise.
     Whole,
 }
 
-/// A map or a folder of maps and how it is seen.
+/// The path of a map or of a folder of maps, and its options.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EnvSpec {
-    /// A file or a folder.
+    /// Path of a map file or of a folder.
     pub path: PathBuf,
-    /// The camera through which the map is seen.
+    /// The simulated camera.
     pub view: View,
-    /// Seconds that each map of a folder stays.
+    /// Time for which each map of a folder stays, seconds.
     pub every_s: f64,
 }
 
 impl EnvSpec {
-    /// Reads `text`, what follows `env:`. A comma is part of the path unless an option follows it.
+    /// Parses `text`, the part of a source's name behind `env:`. A comma belongs to the path unless an option follows it.
     ///
     /// # Errors
-    /// The found and the expected value, in words.
+    /// The text that was found and the form that was expected.
     pub fn parse(text: &str) -> Result<Self, String> {
         let mut spec = Self { path: PathBuf::new(), view: View::default(), every_s: *SECONDS.start() };
         let mut path = text;

@@ -3,7 +3,7 @@ use crate::maps::{Covers, write};
 use crate::pipeline::{Pipeline, Settings};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// A file with a map whose radiance is `radiance(theta, phi)`.
+/// Writes a map whose radiance is `radiance(theta, phi)` to `file`.
 fn map(file: &Path, width: usize, covers: Covers, radiance: impl Fn(f64, f64) -> f32 + Sync) {
     let (height, lowest) = match covers {
         Covers::Sphere => (width / 2, PI),
@@ -47,7 +47,7 @@ fn near(found: f64, expected: f64, part: f64) {
 }
 
 #[test]
-fn a_uniform_map_lights_the_level_ground_with_pi_times_its_radiance() {
+fn the_irradiance_of_a_uniform_map_is_pi_times_its_radiance() {
     let folder = tempfile::tempdir().expect("a folder");
     for (name, covers) in [("a.exr", Covers::Sphere), ("b.exr", Covers::Hemisphere)] {
         map(&folder.path().join(name), 256, covers, |_, _| 2.5);
@@ -58,7 +58,7 @@ fn a_uniform_map_lights_the_level_ground_with_pi_times_its_radiance() {
     }
 }
 
-/// The sun is one texel of a fine map, 0.04 degrees wide: between the samples of a pixel as well as on one.
+/// The sun is one texel of a fine map, 0.04 degrees wide: its energy must not depend on whether a sample of a pixel hits it.
 #[test]
 fn a_sun_of_one_texel_keeps_its_energy_in_both_views() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -106,7 +106,7 @@ fn directions_are_those_of_the_map() {
 }
 
 #[test]
-fn a_folder_is_one_sequence_in_name_order_and_other_files_do_not_count() {
+fn a_folder_is_a_sequence_in_name_order_and_other_files_are_ignored() {
     let folder = tempfile::tempdir().expect("a folder");
     for (name, radiance) in [("b.exr", 2.0), ("a.EXR", 1.0), ("c.exr", 4.0)] {
         map(&folder.path().join(name), 64, Covers::Sphere, |_, _| radiance);
@@ -118,7 +118,7 @@ fn a_folder_is_one_sequence_in_name_order_and_other_files_do_not_count() {
 }
 
 #[test]
-fn each_map_stays_as_long_as_it_is_told_to() {
+fn each_map_stays_for_the_stated_time() {
     let folder = tempfile::tempdir().expect("a folder");
     for name in ["a.exr", "b.exr"] {
         map(&folder.path().join(name), 16, Covers::Sphere, |_, _| 1.0);
@@ -128,7 +128,7 @@ fn each_map_stays_as_long_as_it_is_told_to() {
 }
 
 #[test]
-fn what_is_no_map_is_refused_in_one_line_that_names_it() {
+fn other_files_are_refused_on_one_line_that_names_them() {
     let folder = tempfile::tempdir().expect("a folder");
     let (none, text) = (folder.path().join("none.exr"), folder.path().join("text.exr"));
     std::fs::write(&text, "not a map at all").expect("a file");
@@ -144,7 +144,7 @@ fn what_is_no_map_is_refused_in_one_line_that_names_it() {
 }
 
 #[test]
-fn black_maps_give_no_light_and_no_fault() {
+fn black_maps_give_no_lights_and_no_error() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("black.exr");
     map(&file, 64, Covers::Sphere, |_, _| 0.0);

@@ -1,16 +1,16 @@
-//! Damage of a burst by each kind of fault.
+//! Damages a burst by one kind of fault.
 
 use super::random::Random;
 use super::spec::Fault;
 use crate::calibration::{Burst, Frame, Pixels};
 
-/// Factor between the stated and the true exposure of a wrongly labelled frame.
+/// Ratio of the stated to the true exposure of a wrongly labelled frame.
 const WRONG_LABEL: f64 = 4.0;
 
-/// Longest step back of the clock, nanoseconds.
+/// Largest backward step of the clock, nanoseconds.
 const STEP_NS: f64 = 60e9;
 
-/// Damages `burst` by `fault`. Faults of the delivery leave it as it is.
+/// Damages `burst` by `fault`. Faults of the delivery leave its frames unchanged.
 pub(super) fn damage(fault: Fault, burst: &mut Burst, largest_code: u16, random: &mut Random) {
     if burst.frames.is_empty() {
         return;
@@ -32,7 +32,7 @@ pub(super) fn damage(fault: Fault, burst: &mut Burst, largest_code: u16, random:
     }
 }
 
-/// Gives every sample `code`; bytes get its last eight bits.
+/// Sets every sample to `code`; samples of bytes get its last eight bits.
 fn fill(pixels: &mut Pixels, code: u16) {
     match pixels {
         Pixels::U8(bytes) => bytes.fill(code.to_le_bytes()[0]),
@@ -54,7 +54,7 @@ fn swap(frames: &mut [Frame], at: usize) {
     }
 }
 
-/// Replaces the samples of frame `at` behind the first `part` of them by those of the next exposure.
+/// Replaces the samples of frame `at` after its first `part`, 0 to 1, by the samples of the next exposure.
 fn tear(frames: &mut [Frame], at: usize, part: f64) {
     let other = (at + 1) % frames.len();
     let Ok([torn, next]) = frames.get_disjoint_mut([at, other]) else { return };

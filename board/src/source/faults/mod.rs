@@ -1,6 +1,6 @@
-//! Faults as a layer over any source: a test aid that damages bursts by a seeded schedule.
+//! Faults as a layer over any source: a seeded schedule damages bursts, for tests.
 //!
-//! The behaviour of the probe for each kind is in the table "Faults" of `board/FORMATS.md`.
+//! The table "Faults" of `board/FORMATS.md` has the behaviour of the probe for each kind of fault.
 
 mod damage;
 mod random;
@@ -17,12 +17,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
-/// Number of faults so far, by kind.
+/// Number of faults so far, for each kind.
 #[derive(Debug, Default)]
 pub struct FaultCounts([AtomicU64; Fault::ALL.len()]);
 
 impl FaultCounts {
-    /// The kinds and the number of bursts that each has damaged.
+    /// Returns the name of each kind and the number of bursts that it has damaged.
     pub fn named(&self) -> impl Iterator<Item = (&'static str, u64)> {
         Fault::ALL.into_iter().zip(&self.0).map(|(fault, n)| (fault.name(), n.load(Ordering::Relaxed)))
     }
@@ -34,27 +34,27 @@ impl FaultCounts {
     }
 }
 
-/// A source some of whose bursts are damaged.
+/// A source that damages some bursts of an inner source.
 pub struct FaultSource {
     inner: Box<dyn Source>,
     spec: FaultSpec,
     random: Random,
-    /// Whether the inner source must not reuse the memory of the burst before.
+    /// True if the memory of the last burst was damaged and must not be reused by the inner source.
     damaged: bool,
-    /// The device is gone until then.
+    /// Time until which the device is missing.
     gone_until: Option<Instant>,
     counts: Arc<FaultCounts>,
 }
 
 impl FaultSource {
-    /// `inner` with the faults of `spec`.
+    /// Adds the faults of `spec` to the source `inner`.
     #[must_use]
     pub fn new(inner: Box<dyn Source>, spec: FaultSpec) -> Self {
         let random = Random(spec.seed);
         Self { inner, spec, random, damaged: false, gone_until: None, counts: Arc::default() }
     }
 
-    /// The number of faults so far.
+    /// Returns the counts of faults, which the source updates.
     #[must_use]
     pub fn counts(&self) -> Arc<FaultCounts> {
         Arc::clone(&self.counts)

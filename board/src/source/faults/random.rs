@@ -1,4 +1,4 @@
-//! The random numbers of the schedule: SplitMix64, so that a seed gives the same faults on every machine.
+//! The random numbers of the schedule: SplitMix64, so that equal seeds give equal faults on every machine.
 
 /// A generator of random numbers.
 #[derive(Clone, Debug)]
@@ -12,12 +12,12 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// A number from 0 to 1, without 1.
+    /// Returns a number from 0 (included) to 1 (excluded).
     pub fn part(&mut self) -> f64 {
         (self.next() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// A number below `count`; 0 for none.
+    /// Returns a number below `count`; 0 if `count` is 0.
     pub fn below(&mut self, count: usize) -> usize {
         (self.part() * count as f64) as usize
     }

@@ -1,15 +1,15 @@
-//! The kinds of faults, and the share of bursts that each damages.
+//! The kinds of faults, and the share of bursts that each kind damages.
 
 use std::time::Duration;
 
-/// One kind of fault.
+/// A kind of fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
     /// One frame of the burst is missing.
     Drop,
     /// The burst is delivered after a pause.
     Late,
-    /// The rows of a frame below a random one are those of another exposure.
+    /// The rows of a frame below a random row are those of another exposure.
     Torn,
     /// All samples of a frame are 0.
     Black,
@@ -25,7 +25,7 @@ pub enum Fault {
     Clock,
     /// The source reports that its device is gone, and returns after a pause.
     Vanish,
-    /// The call does not return for seconds.
+    /// The call of [`Source::next`](crate::source::Source::next) does not return for seconds.
     Hang,
 }
 
@@ -45,7 +45,7 @@ impl Fault {
         Self::Hang,
     ];
 
-    /// The name in [`FaultSpec`].
+    /// Returns the name of the kind in [`FaultSpec`].
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -67,20 +67,20 @@ impl Fault {
 /// The share of bursts that each kind of fault damages, and the lengths of the pauses. A burst has at most one fault.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FaultSpec {
-    /// Share of bursts, by the order of [`Fault::ALL`]; the sum is at most 1.
+    /// Share of bursts, 0 to 1, in the order of [`Fault::ALL`]; the sum is at most 1.
     pub shares: [f64; Fault::ALL.len()],
-    /// Seed of the schedule.
+    /// Seed of the random schedule.
     pub seed: u64,
     /// Pause of [`Fault::Late`].
     pub late: Duration,
-    /// Time without the device of [`Fault::Vanish`].
+    /// Time for which the device is missing in [`Fault::Vanish`].
     pub gone: Duration,
     /// Duration of the call of [`Fault::Hang`].
     pub hang: Duration,
 }
 
 impl FaultSpec {
-    /// No faults, with the usual pauses.
+    /// No faults, with the default pauses.
     pub const NONE: Self = Self {
         shares: [0.0; Fault::ALL.len()],
         seed: 1,
@@ -89,7 +89,7 @@ impl FaultSpec {
         hang: Duration::from_secs(3),
     };
 
-    /// The fault of a burst for `part`, a random number from 0 to 1.
+    /// Returns the fault of a burst for the random number `part`, 0 to 1.
     #[must_use]
     pub fn choose(&self, part: f64) -> Option<Fault> {
         let mut sum = 0.0;
@@ -114,7 +114,7 @@ impl FaultSpec {
     }
 }
 
-/// Reads `all=0.01,hang=0,seed=7`: shares of bursts by kind, later ones override earlier ones.
+/// Parses text such as `all=0.01,hang=0,seed=7`: shares of bursts by kind; later shares override earlier ones.
 impl std::str::FromStr for FaultSpec {
     type Err = String;
 

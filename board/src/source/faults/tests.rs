@@ -1,4 +1,4 @@
-//! Each kind of fault through the processing thread and the server.
+//! Each kind of fault, tested through the processing thread and the server.
 
 use super::*;
 use crate::probe::{Config, Probe, Worker};
@@ -11,16 +11,16 @@ use serde_json::Value;
 use std::time::Duration;
 use tower::ServiceExt;
 
-/// Bursts of each kind of fault; `HEMILUX_FAULT_BURSTS` for more.
+/// Number of bursts for each kind of fault; the environment variable `HEMILUX_FAULT_BURSTS` replaces it.
 const BURSTS: u64 = 150;
 
-/// Frames without faults at the start: a camera shows what is usual before it fails.
+/// Number of bursts without faults at the start, from which the usual ratios of exposures are learnt.
 const SOUND: usize = 8;
 
-/// Longest relative difference of two channels of flux between a set and the burst that it is of.
+/// Largest accepted relative difference between the flux of a set and that of its burst.
 const WRONG: f32 = 0.04;
 
-/// The first burst of a scene, whose light is then still.
+/// Returns a source that repeats the first burst of a scene, so that the light is constant.
 fn recording(scene: &str, pace: Pace) -> ReplaySource {
     let mut scene = SceneSource::new(scene::by_name(scene).expect("a scene"), Pace::Free);
     let mut burst = Burst::default();
@@ -33,22 +33,22 @@ fn spec(text: &str) -> FaultSpec {
     text.parse().expect("a specification")
 }
 
-/// Counts over a run of bursts with faults.
+/// Counts of a run of bursts with faults.
 #[derive(Debug, Default)]
 struct Outcome {
     sets: u64,
     refused: u64,
     with_frames_left_out: u64,
-    /// Most bursts after a fault, the next one being 1, until a set has all of its frames.
+    /// Largest number of bursts from a fault to the next set with all of its frames; 1 is the next burst.
     recovery: u64,
-    /// Violated expectations, in words.
+    /// Descriptions of the violated expectations.
     wrong: Vec<String>,
 }
 
-/// The name of the scene, so that light from darkness to sun is covered.
+/// Names of the scenes, from an overcast sky to a sunlit one.
 const SCENES: [&str; 3] = ["overcast", "room", "sky"];
 
-/// Sets of `bursts` bursts with `faults` of each scene.
+/// Processes `bursts` bursts with `faults` of each scene.
 fn run(faults: &str, bursts: u64) -> Outcome {
     let mut all = Outcome::default();
     for scene in SCENES {
@@ -62,7 +62,7 @@ fn run(faults: &str, bursts: u64) -> Outcome {
     all
 }
 
-/// Sets of `bursts` bursts with `faults`; the flux of each is compared with that of the sound bursts.
+/// Processes `bursts` bursts with `faults`; the flux of each set is compared with that of the bursts without faults.
 fn run_scene(scene: &str, faults: &str, bursts: u64) -> Outcome {
     let recording = |pace| recording(scene, pace);
     let mut sound =
@@ -111,7 +111,7 @@ fn run_scene(scene: &str, faults: &str, bursts: u64) -> Outcome {
     outcome
 }
 
-/// A recording of which the first bursts come without faults.
+/// A recording whose first bursts are delivered without faults.
 struct Delayed {
     sound: ReplaySource,
     left: usize,
@@ -141,7 +141,7 @@ fn bursts() -> u64 {
 }
 
 #[test]
-fn false_frames_of_every_kind_make_no_wrong_set_and_the_second_burst_after_them_is_whole() {
+fn wrong_frames_make_no_wrong_set_and_the_second_burst_after_them_is_complete() {
     for kind in ["torn", "black", "saturated", "swapped", "label"] {
         let outcome = run(&format!("{kind}=0.05,seed=3"), bursts());
         assert!(outcome.with_frames_left_out + outcome.refused > 0, "{kind}: {outcome:?}");
@@ -149,7 +149,7 @@ fn false_frames_of_every_kind_make_no_wrong_set_and_the_second_burst_after_them_
 }
 
 #[test]
-fn bursts_that_are_incomplete_late_or_of_another_time_make_no_wrong_set() {
+fn incomplete_late_and_misdated_bursts_make_no_wrong_set() {
     for kind in ["drop", "size", "clock", "late", "vanish"] {
         let outcome = run(&format!("{kind}=0.05,seed=5,late_s=0.01,gone_s=0"), bursts());
         assert_eq!(outcome.refused > 0, ["drop", "size", "vanish"].contains(&kind), "{kind}: {outcome:?}");
@@ -172,7 +172,7 @@ async fn lights(probe: &Probe) -> Value {
 }
 
 #[tokio::test]
-async fn while_a_source_hangs_or_is_gone_the_last_set_stays_with_its_age_and_the_next_is_fresh() {
+async fn while_a_source_hangs_or_is_gone_the_last_set_is_returned_as_stale() {
     for kind in ["hang", "vanish"] {
         let source = recording("overcast", Pace::Every(Duration::from_millis(20)));
         let source =
@@ -201,7 +201,7 @@ async fn while_a_source_hangs_or_is_gone_the_last_set_stays_with_its_age_and_the
 }
 
 #[test]
-fn specifications_are_read_and_others_are_refused_in_one_line() {
+fn valid_specifications_are_parsed_and_others_refused_on_one_line() {
     let read = spec("all=0.01,hang=0,seed=7,gone_s=0.5");
     assert_eq!((read.shares[0], read.shares[10], read.seed), (0.01, 0.0, 7));
     assert_eq!(read.gone, Duration::from_millis(500));
@@ -212,7 +212,7 @@ fn specifications_are_read_and_others_are_refused_in_one_line() {
 }
 
 #[test]
-fn a_seed_gives_the_same_faults_again_in_the_stated_share() {
+fn equal_seeds_give_equal_faults_in_the_stated_share() {
     let draw = |seed| {
         let (spec, mut random) = (spec("all=0.05"), Random(seed));
         (0..10_000).map(|_| spec.choose(random.part())).collect::<Vec<_>>()
@@ -221,7 +221,7 @@ fn a_seed_gives_the_same_faults_again_in_the_stated_share() {
     assert!(faults == draw(1) && faults != draw(2), "by the seed alone");
     for kind in Fault::ALL {
         let count = faults.iter().filter(|fault| **fault == Some(kind)).count();
-        // Binomial with a mean of 500 and a deviation of 22.
+        // The count is binomial with a mean of 500 and a standard deviation of 22.
         assert!((400..600).contains(&count), "{kind:?}: {count}");
     }
 }

@@ -1,18 +1,18 @@
-//! Frames of a pipe to bursts: the newest frame of each exposure.
+//! Groups the frames of a pipe to bursts: the newest frame of each exposure.
 
 use super::header::Header;
 
-/// Frames whose exposures differ by less, in logarithms, are of the same exposure: 5 %.
+/// Largest difference between the natural logarithms of two exposures that count as equal: 5 %.
 const SAME: f64 = 0.05;
 
-/// Most frames, in bursts, between the oldest and the newest frame of a burst.
+/// Largest number of frames, in units of bursts, between the oldest and the newest frame of a burst.
 const ROUNDS: u64 = 2;
 
-/// A complete frame.
+/// A complete frame of a pipe.
 #[derive(Clone, Debug)]
 pub(super) struct Piped {
     pub header: Header,
-    /// CLOCK_MONOTONIC of the start of its exposure or, where that is unknown, of its arrival.
+    /// CLOCK_MONOTONIC of the start of the exposure or, where that is unknown, of the frame's arrival, nanoseconds.
     pub time_ns: u64,
     pub bytes: Vec<u8>,
 }
@@ -23,14 +23,14 @@ impl Piped {
     }
 }
 
-/// Collects frames until there is one of each exposure.
+/// Collects frames until there is one frame of each exposure.
 #[derive(Debug, Default)]
 pub(super) struct Collector {
     frames: Vec<Piped>,
 }
 
 impl Collector {
-    /// Takes a frame; the memory of frames that it replaces goes to `spare`. True when the burst is complete.
+    /// Adds a frame; the memory of frames that it replaces is moved to `spare`. Returns true when the burst is complete.
     pub fn push(&mut self, new: Piped, spare: &mut Vec<Vec<u8>>) -> bool {
         let (count, newest, log) = (new.header.count, new.header.sequence, new.log_exposure());
         let picture = new.header.picture;
@@ -49,7 +49,7 @@ impl Collector {
         self.frames.len() >= count
     }
 
-    /// The burst, ascending.
+    /// Removes and returns the burst's frames in ascending order of exposure.
     pub fn take(&mut self) -> Vec<Piped> {
         let mut frames = std::mem::take(&mut self.frames);
         frames.sort_by(|a, b| a.log_exposure().total_cmp(&b.log_exposure()));

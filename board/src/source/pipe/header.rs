@@ -1,29 +1,29 @@
-//! The 72 bytes in front of each frame of a pipe.
+//! The header of 72 bytes before each frame of a pipe.
 
 use crate::v4l2::abi;
 use crate::v4l2::formats::{Mismatch, Picture};
 use hemilux_core::MAX_EXPOSURES;
 
-/// Bytes of a header of version 1.
+/// Length of a header of version 1, bytes.
 pub(super) const BYTES: usize = 72;
 
-/// Most bytes of a frame.
+/// Largest frame, bytes.
 const MAX_FRAME_BYTES: u32 = 64 << 20;
 
-/// Exposure times and gains that are accepted.
+/// Ranges of the accepted exposure times, seconds, and gains.
 const SECONDS: std::ops::RangeInclusive<f64> = 1e-7..=3600.0;
 const GAIN: std::ops::RangeInclusive<f64> = 1e-3..=1e5;
 
-/// A frame's header.
+/// The header of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Header {
-    /// Size, packing and pixel format.
+    /// Size, packing and pixel format of the frame.
     pub picture: Picture,
-    /// Bytes of the frame that follow.
+    /// Length of the frame after the header, bytes.
     pub payload: usize,
-    /// Exposures of a burst.
+    /// Number of exposures in a burst.
     pub count: usize,
-    /// Number of the frame, rising.
+    /// Sequence number of the frame, ascending.
     pub sequence: u64,
     /// CLOCK_MONOTONIC at which the exposure began, nanoseconds; 0 where unknown.
     pub timestamp_ns: u64,
@@ -31,20 +31,20 @@ pub(super) struct Header {
     pub seconds: f64,
     /// Product of analogue and digital gain.
     pub gain: f64,
-    /// Code of a pixel without light.
+    /// Code of a sample without light.
     pub black: f64,
 }
 
-/// The `N` bytes from `at` on; zeros beyond the end.
+/// Returns the `N` bytes from `at`; zeros beyond the end of the header.
 fn field<const N: usize>(bytes: &[u8; BYTES], at: usize) -> [u8; N] {
     bytes.get(at..).and_then(|b| b.first_chunk()).copied().unwrap_or([0; N])
 }
 
 impl Header {
-    /// Reads and checks a header.
+    /// Parses and checks a header.
     ///
     /// # Errors
-    /// The found and the expected value, in words.
+    /// The field with the value that was found and the values that are accepted.
     pub fn parse(bytes: &[u8; BYTES]) -> Result<Self, String> {
         let refuse = |found: String, expected: &str| Err(format!("found {found}, expected {expected}"));
         let u16_at = |at| u16::from_le_bytes(field(bytes, at));
@@ -72,7 +72,7 @@ impl Header {
             );
         }
         if !(0.0..picture.max_code()).contains(&black) {
-            return refuse(format!("a code of darkness of {black}"), &format!("0 to {}", picture.max_code()));
+            return refuse(format!("a black level of {black}"), &format!("0 to {}", picture.max_code()));
         }
         let sequence = u64::from_le_bytes(field(bytes, 32));
         let timestamp_ns = u64::from_le_bytes(field(bytes, 40));
@@ -81,7 +81,7 @@ impl Header {
     }
 }
 
-/// The picture that a header describes, checked as a driver's is.
+/// Returns the picture format that a header describes, with the checks that a driver's format passes.
 fn picture(bytes: &[u8; BYTES]) -> Result<Picture, Mismatch> {
     let u32_at = |at| u32::from_le_bytes(field(bytes, at));
     let flags = u16::from_le_bytes(field(bytes, 28));

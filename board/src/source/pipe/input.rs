@@ -1,4 +1,4 @@
-//! The file, FIFO or Unix socket that a pipe is read from, without blocking.
+//! Non-blocking input from the file, FIFO or Unix socket of a pipe.
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::OFlags;
@@ -10,20 +10,20 @@ use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::time::Duration;
 
-/// An open pipe.
+/// The open file, FIFO or socket of a pipe.
 #[derive(Debug)]
 pub(super) enum Input {
-    /// A regular file, which is read again from its start.
+    /// A regular file, which is read again from its start at its end.
     File(File),
     Fifo(File),
     Socket(UnixStream),
 }
 
 impl Input {
-    /// Opens what is at `path`.
+    /// Opens the file, FIFO or socket at `path`.
     ///
     /// # Errors
-    /// The error of the operating system.
+    /// The error of the operating system, or `InvalidInput` for a path of another kind.
     pub fn open(path: &Path) -> io::Result<Self> {
         let kind = std::fs::metadata(path)?.file_type();
         if kind.is_socket() {
@@ -42,10 +42,10 @@ impl Input {
         }
     }
 
-    /// Reads what is there; `WouldBlock` where nothing is, 0 at the end.
+    /// Reads the available bytes; `WouldBlock` if there are none, 0 at the end.
     ///
     /// # Errors
-    /// The error of the operating system.
+    /// The error of the operating system for the read.
     pub fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
         match self {
             Self::File(file) | Self::Fifo(file) => file.read(into),
@@ -53,18 +53,18 @@ impl Input {
         }
     }
 
-    /// Waits until something can be read, for `timeout` at most.
+    /// Waits until bytes can be read, for `timeout` at most.
     pub fn wait(&self, timeout: Duration) {
         let fd = match self {
             Self::File(file) | Self::Fifo(file) => file.as_fd(),
             Self::Socket(socket) => socket.as_fd(),
         };
         let Ok(timeout) = Timespec::try_from(timeout) else { return };
-        // After a signal the caller reads in vain once and waits again.
+        // A signal ends the wait early: the caller then reads no bytes and waits again.
         let _ = poll(&mut [PollFd::new(&fd, PollFlags::IN)], Some(&timeout));
     }
 
-    /// Goes back to the start of a regular file; false for others.
+    /// Moves to the start of a regular file; returns false for FIFOs and sockets.
     pub fn rewind(&mut self) -> bool {
         if let Self::File(file) = self { file.rewind().is_ok() } else { false }
     }

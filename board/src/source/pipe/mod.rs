@@ -1,4 +1,4 @@
-//! Frames of any camera software, read from a file, a FIFO or a Unix socket: `pipe:PATH[,lens=FILE]`.
+//! Frames of another program, read from a file, a FIFO or a Unix socket: `pipe:PATH[,lens=FILE]`.
 //!
 //! Each frame has a header with its own exposure and gain ("Frame pipe" in `board/FORMATS.md`).
 
@@ -24,16 +24,16 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Longest wait for a burst in one call.
+/// Longest wait for a burst in one call of [`Source::next`].
 const WAIT: Duration = Duration::from_millis(250);
 
-/// Time between two bursts of a regular file, and between two looks at a FIFO that no program writes to.
+/// Time between two bursts of a regular file, and between two attempts to read a FIFO without a writer.
 const PERIOD: Duration = Duration::from_millis(100);
 
-/// A timestamp that is older is of another clock.
+/// Age from which a timestamp is taken to be of another clock, nanoseconds.
 const OLDEST_NS: u64 = 5_000_000_000;
 
-/// A pipe by its name on the command line.
+/// The path of a pipe and its lens file, as in the option `--source`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PipeSpec {
     pub(super) path: PathBuf,
@@ -41,16 +41,16 @@ pub struct PipeSpec {
 }
 
 impl PipeSpec {
-    /// The lens file.
+    /// Returns the path of the lens file.
     #[must_use]
     pub fn lens(&self) -> Option<PathBuf> {
         self.lens.clone()
     }
 
-    /// Reads `text`, what follows `pipe:`.
+    /// Parses `text`, the part of a source's name behind `pipe:`.
     ///
     /// # Errors
-    /// The found and the expected value, in words.
+    /// The text that was found and the form that was expected.
     pub fn parse(text: &str) -> Result<Self, String> {
         let (path, lens) = text.split_once(",lens=").map_or((text, None), |(path, lens)| (path, Some(lens)));
         if path.is_empty() || lens == Some("") {
@@ -67,7 +67,7 @@ impl fmt::Display for PipeSpec {
     }
 }
 
-/// Bursts of a pipe.
+/// A source of bursts from a pipe.
 #[derive(Debug)]
 pub struct PipeSource {
     path: PathBuf,
@@ -78,11 +78,11 @@ pub struct PipeSource {
     input: Option<Input>,
     reader: FrameReader,
     collector: Collector,
-    /// Memory of frames that are no longer used.
+    /// Memory of replaced frames, for reuse.
     spare: Vec<Vec<u8>>,
-    /// Bursts since the start of the input.
+    /// Number of bursts since the start of the input.
     bursts: u64,
-    /// When the next burst of a regular file is due.
+    /// Time at which the next burst of a regular file is due.
     due: Instant,
 }
 
@@ -94,7 +94,7 @@ struct FrameReader {
     bytes: Vec<u8>,
     /// Number of bytes of the header or of the frame that have been read.
     filled: usize,
-    /// Frames since the start of the input.
+    /// Number of frames since the start of the input.
     frames: u64,
 }
 
@@ -103,13 +103,13 @@ impl FrameReader {
         Self { head: [0; header::BYTES], header: None, bytes: Vec::new(), filled: 0, frames: 0 }
     }
 
-    /// The memory that is to be filled next.
+    /// Returns the part of the header or of the frame that must be filled next.
     fn room(&mut self) -> &mut [u8] {
         let all = if self.header.is_some() { self.bytes.as_mut_slice() } else { &mut self.head };
         all.get_mut(self.filled..).unwrap_or_default()
     }
 
-    /// Notes `read` bytes more and gives the frame, once it is complete.
+    /// Adds `read` to the number of bytes read and returns the frame when it is complete.
     fn advance(&mut self, read: usize, spare: &mut Vec<Vec<u8>>) -> Result<Option<Piped>, String> {
         self.filled += read;
         if !self.room().is_empty() {
@@ -134,10 +134,10 @@ impl FrameReader {
 }
 
 impl PipeSource {
-    /// Makes the source of `spec`; a pipe that is not there yet is waited for.
+    /// Creates the source of `spec`; a pipe that does not exist yet is waited for.
     ///
     /// # Errors
-    /// A lens file that cannot be read.
+    /// [`RecordedError`] for a lens file that cannot be read.
     pub fn open(spec: &PipeSpec) -> Result<Self, RecordedError> {
         let lens = spec.lens.as_deref().map(read_lens).transpose()?;
         let mut options = Options::of(&spec.path);
@@ -160,7 +160,7 @@ impl PipeSource {
         })
     }
 
-    /// Path of the FIFO or file.
+    /// Returns the path of the FIFO, file or socket.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
@@ -175,7 +175,7 @@ impl PipeSource {
         (self.input, self.reader) = (None, FrameReader::new());
     }
 
-    /// Reads until a burst is complete, for [`WAIT`] at most.
+    /// Reads until a burst is complete, at most for [`WAIT`].
     fn read_burst(&mut self) -> Result<Vec<Piped>, SourceError> {
         let end = Instant::now() + WAIT;
         loop {
@@ -203,7 +203,7 @@ impl PipeSource {
         }
     }
 
-    /// Reads once, after waiting until `end` at most.
+    /// Reads once, after waiting for input at most until `end`.
     fn read_frame(&mut self, end: Instant) -> Result<Option<Piped>, SourceError> {
         if self.input.is_none() {
             let opened = Input::open(&self.path);
@@ -231,7 +231,7 @@ impl PipeSource {
         }
     }
 
-    /// A file begins again, a FIFO waits for a program that writes, a socket is connected again.
+    /// Handles the end of the input: a file is read from its start, a FIFO waits for the next writer, a socket is connected again.
     fn end_of_input(&mut self) -> Result<(), SourceError> {
         let (frames, bursts) = (self.reader.frames, std::mem::take(&mut self.bursts));
         let cut = self.reader.filled > 0 || self.reader.header.is_some();
@@ -254,7 +254,7 @@ impl PipeSource {
             .gone(found, "a program that writes whole frames, with as many exposures as their headers say"))
     }
 
-    /// Takes over the picture and the exposures of a burst.
+    /// Adopts the picture format, the black level and the exposures of a burst.
     fn follow(&mut self, frames: &[Piped]) {
         let Some(first) = frames.first() else { return };
         let black = first.header.black / first.header.picture.max_code();

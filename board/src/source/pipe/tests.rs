@@ -1,4 +1,4 @@
-//! Pipes as sources: files, FIFOs and sockets, good and hostile.
+//! Pipes as sources: files, FIFOs and sockets, with valid and invalid contents.
 
 use super::*;
 use hemilux_core::format::{Format, Pattern};
@@ -7,7 +7,7 @@ use std::io::Write;
 use std::os::unix::net::UnixListener;
 use std::process::Command;
 
-/// Header fields at their places, as `board/FORMATS.md` has them; a frame of 4 x 2 grey pixels of `code`.
+/// Returns a frame of 4 x 2 grey pixels of `code`, with the header fields at their offsets in `board/FORMATS.md`.
 fn frame(sequence: u64, seconds: f64, code: u8) -> Vec<u8> {
     let mut bytes = b"HLXF\x01\x00\x48\x00GREY".to_vec();
     [4u32, 2, 4, 8].iter().for_each(|v| bytes.extend(v.to_le_bytes()));
@@ -22,7 +22,7 @@ fn source(path: &Path) -> PipeSource {
     PipeSource::open(&PipeSpec { path: path.into(), lens: None }).expect("a source")
 }
 
-/// The next burst: exposure times and first codes. `Err` where that takes more than ten seconds: the newest reason.
+/// Returns exposure times and first codes of the next burst, or after ten seconds the newest error.
 fn next(source: &mut PipeSource) -> Result<Vec<(f64, u8)>, String> {
     let (mut burst, began, mut why) = (Burst::default(), Instant::now(), String::new());
     while began.elapsed() < Duration::from_secs(10) {
@@ -55,7 +55,7 @@ fn refusal(bytes: &[u8]) -> String {
 }
 
 #[test]
-fn a_file_gives_bursts_of_its_exposures_again_and_again() {
+fn a_file_is_repeated_as_bursts_of_its_exposures() {
     let file = tempfile::NamedTempFile::new().expect("a file");
     let frames = [(0, 0.02, 80), (1, 0.01, 40), (2, 0.0201, 81), (3, 0.04, 160), (4, 0.01, 41)];
     let bytes: Vec<u8> = frames.into_iter().flat_map(|(n, s, code)| frame(n, s, code)).collect();
@@ -70,7 +70,7 @@ fn a_file_gives_bursts_of_its_exposures_again_and_again() {
 }
 
 #[test]
-fn a_fifo_outlives_its_writers_and_a_cut_frame_spoils_no_other() {
+fn a_fifo_continues_with_the_next_writer_after_a_truncated_frame() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("frames");
     mknodat(CWD, &path, FileType::Fifo, Mode::RWXU, 0).expect("a FIFO");
@@ -117,7 +117,7 @@ fn a_unix_socket_is_connected_again() {
 }
 
 #[test]
-fn hostile_headers_are_refused_in_a_line_that_names_the_field() {
+fn invalid_headers_are_refused_on_one_line_that_names_the_field() {
     let changed = |at: usize, with: &[u8]| {
         let mut bytes = frame(0, 0.01, 1);
         bytes[at..at + with.len()].copy_from_slice(with);
@@ -133,7 +133,7 @@ fn hostile_headers_are_refused_in_a_line_that_names_the_field() {
         (changed(24, &u32::MAX.to_le_bytes()), "8 to 67108864"),
         (changed(30, &0u16.to_le_bytes()), "0 exposures"),
         (changed(48, &f64::NAN.to_le_bytes()), "an exposure of NaN s"),
-        (changed(64, &300f64.to_le_bytes()), "a code of darkness of 300"),
+        (changed(64, &300f64.to_le_bytes()), "a black level of 300"),
     ];
     for (bytes, named) in cases {
         let line = refusal(&bytes);
@@ -145,7 +145,7 @@ fn hostile_headers_are_refused_in_a_line_that_names_the_field() {
     assert!(refusal(&frame(0, 0.01, 1)[..75]).contains("an end within a frame"), "a cut file");
 }
 
-/// The example, with a scripted picamera2 in the place of the real one.
+/// Runs the example with a scripted picamera2 in place of the real one.
 fn picamera2(out: &Path, raw: Option<&str>) -> std::process::Output {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut command = Command::new("python3");
@@ -158,14 +158,14 @@ fn picamera2(out: &Path, raw: Option<&str>) -> std::process::Output {
     command.output().expect("python3")
 }
 
-/// On paper: lines of 32 us cut 1, 6 and 33.3 ms to 31, 187 and 1040 lines; digital gain 1.25; black 4096 of 65536 is 64 of 1024.
+/// Computed by hand: lines of 32 us shorten 1, 6 and 33.3 ms to 31, 187 and 1040 lines; digital gain 1.25; black 4096 of 65536 is 64 of 1024.
 #[test]
-fn the_picamera2_example_gives_the_exposures_that_the_metadata_says() {
+fn the_picamera2_example_sends_the_exposures_of_the_metadata() {
     let file = tempfile::NamedTempFile::new().expect("a file");
     let output = picamera2(file.path(), None);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let (mut source, mut burst) = (source(file.path()), Burst::default());
-    // The first frames still have the exposure of before: three bursts later all three are there.
+    // The first frames have earlier exposures: the third burst has all three requested ones.
     let mut bursts = Vec::new();
     while bursts.len() < 2 {
         if source.next(&mut burst).is_ok() {
