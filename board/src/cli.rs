@@ -62,7 +62,7 @@ Examples:
 Sources: v4l2:PATH, pipe:PATH, scene:room, scene:sky, scene:lamps, scene:overcast, env:PATH, replay:DIR.
 Options of env, after the path: ,view=lens (as the built-in scenes: noise and unseen directions; the default) or ,view=whole (all of the
 upper hemisphere, without noise), ,every=2 (seconds that each map of a folder stays, else 0.1).
-Signals: SIGHUP reads the settings of the --config file anew; SIGINT and SIGTERM end the probe.
+Signals: SIGHUP reads the settings of the --config file again; SIGINT and SIGTERM end the probe.
 Exit status: 0 when stopped by SIGINT or SIGTERM, 1 after a failure, 2 for wrong usage.";
 
 /// Longest time from SIGTERM to the end of the process; after it, the process exits even if a thread is blocked.

@@ -35,7 +35,7 @@ impl std::fmt::Display for Board {
 }
 
 impl Board {
-    /// Total number of inner corners.
+    /// Returns the total number of inner corners.
     #[must_use]
     pub fn corners(self) -> usize {
         self.columns as usize * self.rows as usize
@@ -45,8 +45,8 @@ impl Board {
         [self.columns as i32, self.rows as i32]
     }
 
-    /// Returns all positions that a corner may have on a board of which the corners `seen` were found: a partly visible board does not show
-    /// which of its columns are missing.
+    /// Returns all positions that a corner may have on a board of which the corners `seen` were detected: in a partly visible board, the
+    /// missing columns are unknown.
     pub(super) fn around(self, seen: &[Sighting]) -> Vec<[i32; 2]> {
         let bounds = |axis: usize| {
             let values = || seen.iter().map(|s| s.cell[axis]);
@@ -145,7 +145,7 @@ impl Printed {
         }
     }
 
-    /// Returns all positions that a corner may have on a board of which the corners `seen` were found.
+    /// Returns all positions that a corner may have on a board of which the corners `seen` were detected.
     pub(super) fn around(&self, seen: &[Sighting]) -> Vec<[i32; 2]> {
         if !self.is_marked() {
             return self.corners.around(seen);

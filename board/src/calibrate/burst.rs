@@ -22,7 +22,7 @@ pub struct ExposedBurst {
 /// Reads a burst and converts its frames to relative codes.
 ///
 /// # Errors
-/// [`RecordedError`]; raw frames are an error, since sensors are linear.
+/// [`RecordedError`]; raw frames are an error, since sensors are linear and need no response.
 pub fn exposed(folder: &Path) -> Result<ExposedBurst, RecordedError> {
     let RecordedBurst { calibration, burst, .. } = read_burst(folder)?;
     match exposed_frames(&calibration, &burst.frames) {

@@ -8,12 +8,11 @@ pub(super) const INTRINSICS: usize = 10;
 /// Derivatives of a pixel with respect to the intrinsic parameters.
 pub(super) type ByIntrinsics = SMatrix<f64, 2, INTRINSICS>;
 
-/// Number of parameters that a lens file stores; the other coefficients of the radial law are 0 except in the check of whether the law has
-/// enough terms.
+/// Number of parameters that a lens file stores; the other coefficients of the radial law are 0, except in the check that the law has enough
+/// terms.
 pub(super) const KEPT: usize = 8;
 
-/// Parameters of a camera: focal lengths and centre in pixels, then the coefficients of \[KannalaBrandt2006\], two more than the lens file
-/// has.
+/// Parameters of a camera: focal lengths and centre in pixels, then the coefficients of \[KannalaBrandt2006\], two more than in a lens file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Camera(pub SVector<f64, INTRINSICS>);
 

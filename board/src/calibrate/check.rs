@@ -1,4 +1,4 @@
-//! Checks of the pictures of a calibration, and the reasons for which no lens can be computed.
+//! Checks of the pictures of a calibration, and the reasons why no lens can be computed.
 
 use super::detect;
 use super::fit::{Fit, root_mean_square};
@@ -12,7 +12,7 @@ use super::{Board, Printed};
 /// Least number of pictures with a board.
 pub(super) const FEWEST_BOARDS: usize = 3;
 
-/// Reasons for which no lens is computed: one line with the remedy.
+/// Reasons why no lens is computed: one line with the remedy.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum LensRefusal {
@@ -46,7 +46,7 @@ pub enum LensRefusal {
     },
     /// The board has more corners than stated.
     #[error(
-        "found a board of more than {board} inner corners in {found} pictures, expected {board}: count its corners anew and give them as --board"
+        "found a board of more than {board} inner corners in {found} pictures, expected {board}: count its corners again and state them as --board"
     )]
     LargerBoard {
         /// The stated board.
@@ -61,7 +61,7 @@ pub enum LensRefusal {
     SmallerBoard {
         /// The stated board.
         board: Board,
-        /// Largest board that was found.
+        /// Largest board that was detected.
         found: Board,
     },
     /// A picture with two boards.
@@ -77,7 +77,7 @@ pub enum LensRefusal {
         "found all boards in the {place} of the view, expected them all over it up to the rim: take more pictures with the board elsewhere"
     )]
     OnePlace {
-        /// Part of the view, in words.
+        /// Part of the view, as text.
         place: String,
     },
     /// A picture in which left and right are exchanged.

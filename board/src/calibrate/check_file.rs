@@ -19,7 +19,7 @@ pub enum Fault {
     /// The lens file or the burst cannot be read.
     #[error("{0}")]
     Unreadable(String),
-    /// The lens is of another image size.
+    /// The lens file is for another image size.
     #[error("{path}: found a lens for {} x {} pixels, expected the burst's {} x {}: calibrate in the mode of the probe", lens[0], lens[1], burst[0], burst[1])]
     Size {
         /// Path of the lens file.
@@ -31,7 +31,7 @@ pub enum Fault {
     },
     /// The sum of the pixels' solid angles differs from the solid angle of the field of view.
     #[error(
-        "{path}: found pixels of {found:.3} sr together, expected {expected:.3} sr as max_angle_deg says: calibrate the lens anew"
+        "{path}: found pixels of {found:.3} sr together, expected {expected:.3} sr for max_angle_deg: calibrate the lens again"
     )]
     SolidAngle {
         /// Path of the lens file.
@@ -41,19 +41,19 @@ pub enum Fault {
         /// Solid angle of the field of view, steradians.
         expected: f64,
     },
-    /// The lens is used far beyond its calibrated angles, or is uncertain.
+    /// The lens is used far beyond its calibrated angles, or its uncertainty is large.
     #[error(
         "{path}: found a lens {found}, expected a calibration up to the rim: take pictures with the board nearer to the rim"
     )]
     Uncertain {
         /// Path of the lens file.
         path: String,
-        /// The found value, in words.
+        /// Description of the value that was found.
         found: String,
     },
-    /// The exposures of the burst's pictures differ from those of its table.
+    /// The exposure ratio of the burst's pictures differs from the ratio in its table.
     #[error(
-        "{path}: found exposures of the ratio {found:.2}, expected {expected:.2} as burst.toml says: calibrate the response, or check that the camera obeys its exposure settings"
+        "{path}: found exposures of the ratio {found:.2}, expected {expected:.2} as in burst.toml: calibrate the response, or check that the camera obeys its exposure settings"
     )]
     Exposures {
         /// Path of the burst.
@@ -70,9 +70,9 @@ pub enum Fault {
     Mode {
         /// Path of the burst.
         path: String,
-        /// Crop and binning of the burst, in words.
+        /// Crop and binning of the burst, as text.
         found: String,
-        /// Crop and binning of the lens file, in words.
+        /// Crop and binning of the lens file, as text.
         expected: String,
     },
     /// The camera's settings have changed since the photometric calibration.
@@ -95,7 +95,7 @@ pub enum Fault {
 }
 
 impl Fault {
-    /// Exit status of the fault's class, 3 to 10.
+    /// Returns the exit status of the fault's class, 3 to 10.
     #[must_use]
     pub fn status(&self) -> u8 {
         match self {
@@ -117,8 +117,8 @@ const MOST_SOLID: f64 = 0.01;
 /// Largest accepted relative deviation of an exposure ratio.
 const MOST_RATIO: f64 = 0.2;
 
-/// Largest accepted angle between the outermost corner of the calibration and the edge of the field of view, and largest accepted
-/// uncertainty there, degrees.
+/// Largest accepted angle between the outermost corner of the calibration and the edge of the field of view, degrees, and largest accepted
+/// uncertainty at that edge, degrees.
 const MOST_BEYOND_DEG: f64 = 12.0;
 const MOST_UNCERTAIN_DEG: f64 = 1.0;
 
@@ -159,7 +159,7 @@ fn is_whole(lens: &Lens, [width, height]: [u32; 2]) -> bool {
     rows.chain(columns).all(|at| lens.unproject(at).is_none())
 }
 
-/// Checks the accuracy that the file states. A file without a statement passes.
+/// Checks the accuracy that the file states. A file that states no accuracy passes.
 fn stated(path: &Path, file: &LensFile) -> Result<(), Fault> {
     let fault = |found: String| Err(Fault::Uncertain { path: path.display().to_string(), found });
     let Some(statement) = &file.calibration_table else { return Ok(()) };

@@ -1,4 +1,4 @@
-//! A first lens without a board: the image circle is found in bright pictures and an equidistant law is assumed.
+//! A first lens without a board: the image circle is detected in bright pictures, and an equidistant law is assumed.
 
 use super::Grey;
 use glam::DVec2;
@@ -30,7 +30,7 @@ pub struct CircleLens {
     pub spread: Vec<[f64; 2]>,
 }
 
-/// Reasons for which no image circle is found.
+/// Reasons why no image circle is detected.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CircleRefusal {
@@ -67,7 +67,7 @@ const RAYS: usize = 720;
 /// Largest accepted deviation of the rim, as a part of the radius.
 const MOST_OFF: f64 = 0.02;
 
-/// Finds the image circle in the maximum over the pictures at each pixel.
+/// Detects the image circle in the maximum over the pictures at each pixel.
 ///
 /// # Errors
 /// [`CircleRefusal`] if there is no circular rim.

@@ -13,7 +13,7 @@ pub(super) struct Corner {
     pub edges: [f64; 4],
 }
 
-/// Finds corners; `scale` is the number of pixels of the full picture per pixel of `grey`.
+/// Detects corners; `scale` is the number of pixels of the full picture per pixel of `grey`.
 pub(super) fn find(grey: &Grey, scale: f64) -> Result<Vec<Corner>, ChessError> {
     let [width, height] = grey.size();
     let mut detector = Detector::new(DetectorConfig::chess().with_threshold(20.0))?;

@@ -10,7 +10,7 @@ use super::{Board, Printed, tags};
 use chess_corners::ChessError;
 use nalgebra::{Vector2, Vector3};
 
-/// Finds the board at the full size of the picture, then at half and a quarter of it while corners are missing.
+/// Detects the board at the full size of the picture, then at half and a quarter of it while corners are missing.
 pub(super) fn board(grey: &Grey, printed: &Printed) -> Result<Found, ChessError> {
     let whole = printed.corners.corners();
     let mut best = Found::default();
@@ -43,7 +43,7 @@ struct SearchLevel {
 }
 
 impl SearchLevel {
-    /// The largest searched size of `grey`.
+    /// Returns the largest searched size of `grey`.
     fn first(grey: &Grey) -> Self {
         let mut level = Self { picture: grey.clone(), scale: 1.0 };
         while level.picture.size().into_iter().max() > Some(LARGEST_SIDE) {
@@ -53,7 +53,7 @@ impl SearchLevel {
         level
     }
 
-    /// The level of half the size; `None` if the picture is too small.
+    /// Returns the level of half the size; `None` if the picture is too small.
     fn halved(&self) -> Option<Self> {
         self.picture.halved().map(|picture| Self { picture, scale: 2.0 * self.scale })
     }

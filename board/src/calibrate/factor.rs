@@ -50,7 +50,7 @@ impl Verdict {
         }
     }
 
-    /// Name of the verdict for people.
+    /// Returns the name of the verdict for people.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {

@@ -11,7 +11,7 @@ use nalgebra::Vector2;
 /// Largest residual of an accepted corner, pixels.
 pub(super) const LARGEST_PX: f64 = 1.5;
 
-/// Width of the robust loss at which it equals plain least squares, pixels.
+/// Width of the robust loss at which the loss equals plain least squares, pixels.
 const PLAIN: f64 = 1e4;
 
 /// A camera with its views and the picture of each view.
@@ -49,7 +49,7 @@ pub(super) fn first(seen: &[(usize, Vec<Sighting>)], size: [usize; 2], shape: Sh
     carried.min_by(|a, b| a.error.total_cmp(&b.error)).map(|trial| trial.fit)
 }
 
-/// A fit with the error by which it is compared with others.
+/// A fit and the error by which it is compared with other fits.
 struct Trial {
     error: f64,
     fit: Fit,
@@ -78,22 +78,23 @@ pub(super) fn root_mean_square(values: impl Iterator<Item = Vector2<f64>>) -> f6
 }
 
 impl Fit {
-    /// Root mean square distance of all corners from their computed pixels.
+    /// Returns the root mean square distance of all corners from their computed pixels.
     pub fn rms(&self) -> f64 {
         root_mean_square(self.views.iter().flat_map(|view| view.residuals(&self.model)))
     }
 
-    /// Number of accepted corners.
+    /// Returns the number of accepted corners.
     pub fn corners(&self) -> usize {
         self.views.iter().map(|view| view.seen.len()).sum()
     }
 
-    /// Largest residual, pixels.
+    /// Returns the largest residual, pixels.
     pub fn largest(&self) -> f64 {
         self.views.iter().flat_map(|view| view.residuals(&self.model)).map(|r| r.norm()).fold(0.0, f64::max)
     }
 
-    /// Standard deviation of one coordinate of a corner, pixels, computed from the median residual and so independent of outliers.
+    /// Returns the standard deviation of one coordinate of a corner, pixels, computed from the median residual and therefore independent of
+    /// outliers.
     pub fn sigma(&self) -> f64 {
         let mut lengths: Vec<f64> =
             self.views.iter().flat_map(|v| v.residuals(&self.model)).map(|r| r.norm()).collect();

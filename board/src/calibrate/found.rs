@@ -1,4 +1,4 @@
-//! The corners of a board in one picture, and their refinement.
+//! The detected corners of a board in one picture, and their refinement.
 
 use super::corners::refine;
 use super::grey::Grey;
@@ -9,10 +9,10 @@ use nalgebra::Vector2;
 /// Least number of corners from which the pose of a board is computed.
 pub(super) const FEWEST: usize = 8;
 
-/// The board that was found in one picture.
+/// The board that was detected in one picture.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Found {
-    /// Corners of the board; empty if it was not found.
+    /// Corners of the board; empty if no board was detected.
     pub seen: Vec<Sighting>,
     /// Number of corners of a second grid of the same kind.
     pub second: usize,
@@ -20,7 +20,8 @@ pub(super) struct Found {
     pub mirror: i32,
 }
 
-/// Returns the corners of a grid at sub-pixel accuracy, row by row; `part` of the surroundings of a chessboard's corner have no pattern.
+/// Returns the corners of a grid at sub-pixel accuracy, row by row; `part` is the share of a square's side around a corner without other
+/// patterns.
 pub(super) fn refined(grey: &Grey, grid: &Grid, scale: f64, part: f64) -> Vec<Sighting> {
     let mut cells: Vec<_> = grid.iter().collect();
     cells.sort_unstable_by_key(|([i, j], _)| (*j, *i));

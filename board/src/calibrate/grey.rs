@@ -18,13 +18,13 @@ impl Grey {
         (height > 0 && width * height == pixels.len()).then_some(Self { width, height, pixels })
     }
 
-    /// Columns and rows of the picture.
+    /// Returns the columns and rows of the picture.
     #[must_use]
     pub fn size(&self) -> [usize; 2] {
         [self.width, self.height]
     }
 
-    /// Samples of the picture, row after row.
+    /// Returns the samples of the picture, row after row.
     #[must_use]
     pub fn pixels(&self) -> &[u8] {
         &self.pixels
@@ -41,7 +41,7 @@ impl Grey {
         inside(at.x, self.width) && inside(at.y, self.height)
     }
 
-    /// Returns the bilinear sample at a point; outside of the picture, the nearest pixel.
+    /// Returns the bilinear sample at a point; outside of the picture, the sample of the nearest pixel.
     pub(super) fn sample(&self, at: Vector2<f64>) -> f64 {
         let x = at.x.clamp(0.0, (self.width - 1) as f64);
         let y = at.y.clamp(0.0, (self.height - 1) as f64);

@@ -1,4 +1,4 @@
-//! Joins corners to the grid of a chessboard, square by square, so that lines may be curved.
+//! Joins corners to the grid of a chessboard, square by square, so that the lines may be curved.
 
 use super::corners::{Corner, alternates};
 use super::grey::Grey;

@@ -1,4 +1,4 @@
-//! Calibration from a running camera: selects pictures and reports the parts of the view that lack a board.
+//! Calibration from a running camera: selects pictures and reports the parts of the field of view without a board.
 
 use super::found::Found;
 use super::request::{Picture, Request};
@@ -26,16 +26,16 @@ const NEW: f64 = 0.05;
 /// Least slope of an edge in a sharp picture, as a part of its contrast per pixel.
 const SHARP: f64 = 0.12;
 
-/// The result of offering a picture.
+/// Result of offering a picture to the guide.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Offer {
-    /// No board was seen.
+    /// The picture shows no board.
     Nothing,
     /// The board moves.
     Moving,
     /// The picture is blurred.
     Blurred,
-    /// The board is at a position of which a picture is stored.
+    /// The board is at a position at which a picture is stored already.
     Known,
     /// The size of the picture differs from that of the pictures before.
     OtherSize,
@@ -46,7 +46,7 @@ pub enum Offer {
 }
 
 impl Offer {
-    /// Advice to the user, in words.
+    /// Returns the advice for the user, one sentence.
     #[must_use]
     pub fn advice(self) -> &'static str {
         match self {
@@ -81,14 +81,14 @@ impl ViewCoverage {
         own >= FEWEST_CORNERS || (ring == 0 && inner())
     }
 
-    /// Share of the parts that are covered, 0 to 1.
+    /// Returns the share of the parts that are covered, 0 to 1.
     #[must_use]
     pub fn share(&self) -> f64 {
         let parts = (0..RINGS).flat_map(|ring| (0..SECTORS).map(move |sector| (ring, sector)));
         parts.filter(|(ring, sector)| self.has(*ring, *sector)).count() as f64 / (RINGS * SECTORS) as f64
     }
 
-    /// The part of the view with the fewest corners, in words; `None` if all parts are covered.
+    /// Returns the name of the part of the view with the fewest corners; `None` if all parts are covered.
     #[must_use]
     pub fn lacking(&self) -> Option<String> {
         const PLACES: [&str; SECTORS] = [
@@ -135,19 +135,19 @@ impl Guide {
         Self { request, size: None, pictures: Vec::new(), found: Vec::new(), last: Vec::new(), offered: 0 }
     }
 
-    /// Number of stored pictures.
+    /// Returns the number of stored pictures.
     #[must_use]
     pub fn views(&self) -> usize {
         self.pictures.len()
     }
 
-    /// Pixels of the corners of each stored picture.
+    /// Returns the pixels of the corners of each stored picture.
     #[must_use]
     pub fn corners(&self) -> Vec<Vec<[f64; 2]>> {
         self.found.iter().map(|found| found.seen.iter().map(|s| [s.at.x, s.at.y]).collect()).collect()
     }
 
-    /// Pixels of the corners of the last offered picture.
+    /// Returns the pixels of the corners of the last offered picture.
     #[must_use]
     pub fn last(&self) -> Vec<[f64; 2]> {
         self.last.iter().map(|s| [s.at.x, s.at.y]).collect()
@@ -224,7 +224,7 @@ impl Guide {
     }
 }
 
-/// Returns the mean motion of the corners that both pictures have; `None` if they share less than half, since the corners may then be
+/// Returns the mean motion of the corners that both pictures have; `None` if they have less than half in common, since the corners may then be
 /// numbered differently.
 fn motion(now: &[Sighting], before: &[Sighting]) -> Option<f64> {
     let way =

@@ -20,12 +20,12 @@ const MOST_RMS_PX: f64 = 1.2;
 /// Angle beyond the outermost corner up to which the fitted law is used, radians.
 const BEYOND: f64 = 0.14;
 
-/// Residual of a corner.
+/// A detected corner and its residual.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Residual {
-    /// Found pixel of the corner.
+    /// Pixel of the detected corner.
     pub at: DVec2,
-    /// Found minus computed pixel.
+    /// Detected minus computed pixel.
     pub off: DVec2,
 }
 
@@ -34,7 +34,7 @@ pub struct Residual {
 pub struct Used {
     /// Name of the picture.
     pub name: String,
-    /// Number of accepted corners; 0 if the board was not found or not used.
+    /// Number of accepted corners; 0 if no board was detected or used.
     pub corners: usize,
     /// Root mean square error of the accepted corners, pixels.
     pub rms_px: f64,
@@ -51,11 +51,11 @@ pub struct Calibrated {
     pub board: Printed,
     /// The contribution of each picture.
     pub used: Vec<Used>,
-    /// Number of corners that were found and rejected.
+    /// Number of corners that were detected and rejected.
     pub left_out: usize,
-    /// Root mean square distance between found and computed corners, pixels.
+    /// Root mean square distance between detected and computed corners, pixels.
     pub rms_px: f64,
-    /// Largest distance between a found and a computed corner, pixels.
+    /// Largest distance between a detected and a computed corner, pixels.
     pub largest_px: f64,
     /// Angle from the axis of the outermost corner, degrees.
     pub covered_deg: f64,
@@ -70,13 +70,13 @@ pub struct Calibrated {
 }
 
 impl Calibrated {
-    /// Number of pictures whose board was used.
+    /// Returns the number of pictures whose board was used.
     #[must_use]
     pub fn boards(&self) -> usize {
         self.used.iter().filter(|used| used.corners > 0).count()
     }
 
-    /// Number of accepted corners.
+    /// Returns the number of accepted corners.
     #[must_use]
     pub fn corners(&self) -> usize {
         self.residuals.len()
@@ -93,7 +93,7 @@ pub fn calibrate(pictures: &[Picture], request: &Request) -> Result<Calibrated, 
     fitted(pictures, &found, request, size)
 }
 
-/// Like [`calibrate`], for boards whose corners were found before.
+/// Computes the lens from `pictures` whose corners `found` were detected before.
 pub(super) fn fitted(
     pictures: &[Picture],
     found: &[Found],
@@ -183,7 +183,7 @@ fn residuals(fit: &Fit) -> Vec<Residual> {
     fit.views.iter().flat_map(of_view).collect()
 }
 
-/// Returns the angle from the axis of the outermost corner.
+/// Returns the angle of the outermost corner from the axis, radians.
 fn covered(fit: &Fit) -> f64 {
     let seen = fit.views.iter().flat_map(|view| &view.seen);
     seen.map(|s| fit.model.camera.direction(s.at)).map(|d| d.xy().norm().atan2(d.z)).fold(0.0, f64::max)

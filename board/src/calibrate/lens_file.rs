@@ -7,7 +7,7 @@ use std::io::Write;
 use std::path::Path;
 use toml_edit::{Array, DocumentMut, Item, Table, value};
 
-/// Reasons for which a lens file is not written.
+/// Reasons why a lens file is not written.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FileRefusal {
     /// The existing file is better than the new lens, or its accuracy is unknown.
@@ -15,7 +15,7 @@ pub enum FileRefusal {
     Better {
         /// Path of the file.
         path: String,
-        /// The content of the existing file, in words.
+        /// Description of the existing file.
         found: String,
     },
     /// The file cannot be written or read.
@@ -23,7 +23,7 @@ pub enum FileRefusal {
     Io {
         /// Path of the file.
         path: String,
-        /// The fault, in words.
+        /// Description of the fault.
         found: String,
     },
 }
@@ -36,7 +36,7 @@ const MOST_BYTES: u64 = 1 << 20;
 pub struct Stated {
     /// Side of a square of the board, millimetres.
     pub square_mm: Option<f64>,
-    /// Left, top, columns and rows of the part of the sensor that the pictures show, sensor pixels.
+    /// Left edge, top edge, columns and rows of the part of the sensor that the pictures cover, sensor pixels.
     pub crop: Option<[u32; 4]>,
     /// Number of sensor pixels per picture pixel, along rows and columns.
     pub binning: Option<[u32; 2]>,
@@ -61,7 +61,7 @@ pub(super) fn failed(path: &Path, found: &dyn std::fmt::Display) -> FileRefusal 
     FileRefusal::Io { path: path.display().to_string(), found }
 }
 
-/// Reads the existing file; an empty document if there is none. A file of another kind is replaced only with `force`.
+/// Reads the existing file; returns an empty document if there is none. A file of another kind is replaced only with `force`.
 pub(super) fn read(path: &Path, force: bool) -> Result<DocumentMut, FileRefusal> {
     use std::io::Read;
     let file = match std::fs::File::open(path) {
@@ -75,7 +75,7 @@ pub(super) fn read(path: &Path, force: bool) -> Result<DocumentMut, FileRefusal>
         (_, true) => Ok(DocumentMut::new()),
         _ => Err(FileRefusal::Better {
             path: path.display().to_string(),
-            found: "a file that is no lens file of hemilux".into(),
+            found: "a file that is not a lens file of hemilux".into(),
         }),
     }
 }
@@ -88,7 +88,7 @@ struct Accuracy {
     covered_deg: f64,
 }
 
-/// Returns the reason, as a phrase for people, for which `new` must not replace the lens in `document`; `None` if it may.
+/// Returns the reason why `new` must not replace the lens in `document`; `None` if it may.
 fn better(document: &DocumentMut, new: Accuracy) -> Option<String> {
     document.get("lens")?;
     let number =
@@ -103,7 +103,7 @@ fn better(document: &DocumentMut, new: Accuracy) -> Option<String> {
             "a lens of {uncertainty:.3} degrees uncertainty, smaller than the new one's {typical_deg:.3}"
         ));
     }
-    // The field of a lens by image circle is the user's statement, not an angle that pictures of a board cover.
+    // The field of an image circle's lens is a statement of the user, not an angle that pictures of a board cover.
     let is_measured = number("circle_px").is_none();
     let larger = is_measured && covered > covered_deg + 3.0;
     larger
@@ -288,7 +288,7 @@ fn statement(calibrated: &Calibrated, square_mm: Option<f64>) -> Table {
     table
 }
 
-/// Writes a file atomically: a reader finds the old or the new content.
+/// Writes a file atomically: a reader gets the old or the new content.
 pub(super) fn save(path: &Path, text: &str) -> Result<(), FileRefusal> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let mut file = replacement::create(folder).map_err(|e| failed(path, &e))?;

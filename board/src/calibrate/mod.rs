@@ -2,8 +2,8 @@
 //!
 //! Corners of a chessboard are detected by their surroundings ([`chess_corners`]), joined square by square to grids, and refined. Poses are
 //! computed from the directions of the corners, so that boards beyond 90 degrees from the axis are used too. One robust least-squares fit
-//! gives the lens, the poses and the shape of the board, which is never quite flat; missing corners are then searched for at the positions
-//! that the fit predicts.
+//! computes the lens, the poses and the shape of the board, which is never exactly flat; missing corners are then searched at the positions that
+//! the fit predicts.
 
 mod board;
 mod burst;

@@ -9,17 +9,17 @@ use hemilux_core::{healpix, read_rgb_row};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::time::{Duration, Instant};
 
-/// The set-up of the luxmeter, with its reading.
+/// The position of the luxmeter, with its reading.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Method {
-    /// The meter lies beside the probe, level with it.
+    /// The meter lies next to the probe, level with it.
     Direct {
         /// Reading of the luxmeter, lux.
         lux: f64,
         /// Assumed radiance of the part of the hemisphere outside of the lens's field of view.
         unseen: Unseen,
     },
-    /// The meter lies on a matt patch in the probe's view.
+    /// The meter lies on a matt patch in the probe's field of view.
     Indirect {
         /// Outline of the patch, pixels: at least three corners in order.
         outline: Vec<DVec2>,
@@ -31,7 +31,7 @@ pub enum Method {
 }
 
 impl Method {
-    /// Name of the method in calibration files.
+    /// Returns the name of the method in calibration files.
     #[must_use]
     pub fn name(&self) -> &'static str {
         match self {
@@ -41,7 +41,7 @@ impl Method {
     }
 }
 
-/// Assumption on the light from the part of the hemisphere outside of the lens's field of view.
+/// Assumption about the light from the part of the hemisphere outside of the lens's field of view.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Unseen {
     /// The radiance at each azimuth equals that at the rim of the field of view.
@@ -53,7 +53,7 @@ pub enum Unseen {
     Dark,
 }
 
-/// Reasons for which no factor is measured: one line with the remedy.
+/// Reasons why no factor is measured: one line with the remedy.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PhotometricRefusal {
@@ -114,7 +114,7 @@ pub struct FactorReading {
     pub factor: f64,
     /// Relative uncertainty of this reading alone, from noise, unevenness of the patch, and the unseen part of the hemisphere.
     pub own: f64,
-    /// Relative uncertainty that all readings with the same meter share.
+    /// Relative uncertainty that is common to all readings with the same meter.
     pub shared: f64,
     /// Share of a level surface's irradiance that comes from outside of the lens's field of view under uniform radiance.
     pub unseen: f64,
@@ -128,20 +128,20 @@ struct Level {
     deviation: f64,
 }
 
-/// Largest accepted relative standard deviation between bursts.
+/// Largest accepted standard deviation between bursts, relative to their mean.
 const MOST_UNSTEADY: f64 = 0.10;
 
 /// Largest accepted clipped share of the hemisphere: below the solid angle of one pixel of most cameras.
 const MOST_CLIPPED: f64 = 1e-6;
 
-/// Orders of the measured map in order of preference, from texels of half a degree: the first that the pixels fill is used.
+/// HEALPix orders of the measured map in order of preference, from texels of half a degree: the first one that the pixels fill is used.
 const ORDERS: [u8; 4] = [7, 6, 5, 4];
 
 /// Timeout for all bursts.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// Measures the factor over `bursts` bursts of `source`, whose radiance must be relative. `shared` is the relative standard deviation of
-/// the meter, for a patch including that of its reflectance.
+/// Measures the factor over `bursts` bursts of `source`, whose radiance must be relative. `shared` is the relative standard deviation of the
+/// meter; for a patch, it includes that of its reflectance.
 ///
 /// # Errors
 /// [`PhotometricRefusal`] if the light or the scene does not allow a measurement.
@@ -238,7 +238,7 @@ fn combined(
     if scatter > MOST_UNSTEADY {
         return Err(PhotometricRefusal::Unsteady { percent: 100.0 * scatter });
     }
-    // The systematic part of the uncertainty is the same in all bursts; the scatter decreases with their number.
+    // The systematic part of the uncertainty is the same in all bursts; the scatter decreases with the number of bursts.
     let same = levels.iter().map(|level| level.deviation).fold(0.0, f64::max) / mean;
     let own = same.hypot(scatter / count.sqrt());
     Ok(FactorReading { method: method.name().into(), factor: lux / mean, own, shared, unseen })
@@ -251,7 +251,7 @@ const ANGLES: usize = 360;
 /// Width of the rim, in steps of the angle from the zenith: 5 degrees.
 const RIM: usize = 20;
 
-/// The part of the hemisphere that a camera sees.
+/// The part of the hemisphere in a camera's field of view.
 struct View {
     /// For each azimuth, the number of visible steps of the angle from the zenith.
     seen: Vec<usize>,

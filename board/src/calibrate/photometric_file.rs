@@ -6,7 +6,7 @@ use super::photometric::FactorReading;
 use std::path::Path;
 use toml_edit::{DocumentMut, Item, Table, value};
 
-/// Reasons for which a reading is not stored.
+/// Reasons why a reading is not stored.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum KeepRefusal {
@@ -36,7 +36,7 @@ pub enum KeepRefusal {
     },
 }
 
-/// A measurement with the values that are stored beside it.
+/// A measurement and the values that are stored with it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Kept<'a> {
     /// The measured factor.
@@ -50,13 +50,14 @@ pub struct Kept<'a> {
 /// The readings of one class in a file.
 #[derive(Clone, Debug)]
 pub struct KeptReadings {
-    /// Factor that the readings combine to.
+    /// The factor that results from the readings.
     pub factor: Factor,
     /// Number of the readings.
     pub count: usize,
 }
 
-/// Adds a reading to the file at `path`, which need not exist, and writes the factor that the readings of its class combine to. With `fresh`, earlier readings of the class are dropped, and all readings of another camera.
+/// Adds a reading to the file at `path`, which need not exist, and writes the factor that results from the readings of its class. With `fresh`,
+/// earlier readings of the class and all readings of another camera are dropped.
 ///
 /// # Errors
 /// [`KeepRefusal`] if the reading does not fit the stored ones or the file cannot be written.
@@ -85,7 +86,7 @@ pub fn keep_reading(path: &Path, kept: &Kept<'_>, fresh: bool) -> Result<KeptRea
     Ok(KeptReadings { factor, count: readings.len() })
 }
 
-/// Returns the factor that the readings of a class in the file combine to.
+/// Returns the factor that results from the readings of a class in the file.
 ///
 /// # Errors
 /// [`FileRefusal`] if the file cannot be read.

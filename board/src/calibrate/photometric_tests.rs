@@ -39,7 +39,7 @@ fn noise(seed: u64) -> f64 {
 }
 
 impl Camera {
-    /// Creates a camera whose lens sees up to `degrees` from the axis.
+    /// Creates a camera whose lens has a field of view of up to `degrees` from the axis.
     fn new(degrees: f64, noise: f64, light: RadianceOf) -> Self {
         let middle = SIDE as f64 / 2.0 - 0.5;
         let lens = Lens::equidistant([middle; 2], 0.96 * middle / degrees.to_radians(), degrees.to_radians());
@@ -107,7 +107,7 @@ fn truth(name: &str, degrees: f64) -> f64 {
     TRUTH * irradiance(&|d| in_scene(&scene, d), degrees)
 }
 
-/// Returns the illuminance and the stated uncertainty that a calibrated probe reports of a scene.
+/// Returns the illuminance and the uncertainty that a calibrated probe reports for a scene.
 fn told(camera: Camera, reading: &FactorReading) -> (f64, f64) {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("p.toml");
@@ -201,7 +201,7 @@ fn repeated_readings_reduce_all_uncertainty_but_the_meters() {
     let one = combine(&[reading(100.0)]).expect("a factor");
     assert!((one.uncertainty - 2.0 * 0.01f64.hypot(0.02)).abs() < 1e-9, "{one:?}");
     let four = combine(&[99.0, 101.0, 99.0, 101.0].map(reading)).expect("a factor");
-    // Four readings whose scatter, 1.155 %, exceeds their own uncertainty of 1 %: the scatter counts, divided by the root of 4.
+    // Four readings whose scatter, 1.155 %, exceeds their own uncertainty of 1 %: the scatter is used, divided by the root of 4.
     let expected = 2.0 * (0.5 * 0.01 * (4f64 / 3.0).sqrt()).hypot(0.02);
     assert!((four.factor - 100.0).abs() < 1e-9 && (four.uncertainty - expected).abs() < 1e-6, "{four:?}");
     assert_eq!(combine(&[]), None);

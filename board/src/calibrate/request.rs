@@ -3,7 +3,7 @@
 use super::board::{Board, Printed};
 use super::grey::Grey;
 
-/// A picture with the name that error messages use.
+/// A picture with its name for error messages.
 #[derive(Clone, Debug)]
 pub struct Picture {
     /// Name of the picture, usually its file.
@@ -17,7 +17,7 @@ pub struct Picture {
 pub struct Request {
     /// Board of the pictures.
     pub board: Printed,
-    /// Whether pictures that all appear mirrored by their squares are accepted, since the board may be printed in inverted colours.
+    /// True if pictures are accepted of which all appear mirrored by their squares, since the board may be printed in inverted colours.
     pub any_colours: bool,
 }
 

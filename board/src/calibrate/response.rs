@@ -36,7 +36,7 @@ pub struct Exposed {
     pub codes: Vec<[f32; 3]>,
 }
 
-/// Reasons for which no response is computed.
+/// Reasons why no response is computed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ResponseRefusal {
@@ -55,7 +55,7 @@ pub enum ResponseRefusal {
     },
     /// The declared exposures are wrong, or the camera changes its response from frame to frame.
     #[error(
-        "found exposures whose ratio is {estimated:.2} by the pictures, expected {declared:.2} as declared: check the exposure times, and \
+        "found exposures whose ratio is {estimated:.2} by the pictures, expected the declared {declared:.2}: check the exposure times, and \
          switch off automatic exposure, gain and white balance, wide dynamic range and tone mapping"
     )]
     Ratio {
@@ -275,11 +275,11 @@ impl Problem<'_> {
         let off = |i: usize| (p[ratios + i] - self.declared[i]) / RATIO_DEVIATION;
         let held = (0..self.declared.len())
             .map(|i| RATIO_WEIGHT * off(i).signum() * (off(i) * off(i)).ln_1p().sqrt());
-        // A constant curve fits ratios of one: a ratio far from the declared one costs more than the loss of the pairs.
+        // A constant curve fits ratios of one: a ratio far from the declared one therefore costs more than the loss of the pairs.
         let leash = (0..self.declared.len()).map(|i| RATIO_WEIGHT * 0.05 * off(i));
         let weak = (0..ratios)
             .map(|i| if i % COEFFICIENTS == 0 { 0.5 * (p[i] + 12.0) } else { 0.01 * (p[i] + 2.0) });
-        // Exposures in equal steps do not determine waves of that period: the smoothest curve is selected.
+        // Exposures in equal steps do not determine waves of the same period: the smoothest curve is selected.
         let bend = |i: usize| SMOOTH * (p[i - 1] - 2.0 * p[i] + p[i + 1]);
         let inner = (0..ratios).filter(|i| (2..COEFFICIENTS - 1).contains(&(i % COEFFICIENTS))).map(bend);
         DVector::from_vec(data.chain(held).chain(leash).chain(weak).chain(inner).collect())
@@ -324,7 +324,7 @@ impl Problem<'_> {
         }
         let weights = self.weights(&p);
         let residuals = self.residuals(&p, &weights);
-        // The weight of an outlier contains its residual: that factor is removed before the square enters the Cauchy loss.
+        // The weight of an outlier contains its residual: this factor is removed before the square enters the Cauchy loss.
         let cauchy = |r: f64| 9.0 * ((r * r / 9.0) / (1.0 - r * r / 9.0).max(1e-9)).ln_1p();
         let (data, held) = residuals.as_slice().split_at(weights.len());
         let loss = data.iter().copied().map(cauchy).sum::<f64>() + held.iter().map(|r| r * r).sum::<f64>();
@@ -382,7 +382,8 @@ fn logarithms(frames: &[Exposed], curves: &[[f64; COEFFICIENTS]; 3]) -> Vec<f64>
     })
 }
 
-/// Like [`logarithms`], with a function from a code and a channel to a relative exposure.
+/// Returns the logarithms of the ratios of the samples that the merge uses in both of two frames, with a function from a code and a channel to a
+/// relative exposure.
 pub(super) fn logarithms_of(frames: &[Exposed], exposure: impl Fn(f64, usize) -> f64) -> Vec<f64> {
     const TRUSTED: std::ops::Range<f32> = 0.0627..0.98;
     let mut logarithms = Vec::new();

@@ -5,14 +5,14 @@ use super::response::{Exposed, FittedResponse, ResponseRefusal, fit_response};
 use hemilux_core::Response;
 use std::path::Path;
 
-/// A camera: the relative code of a relative exposure.
+/// A simulated camera: a function from a relative exposure to the relative code.
 type Camera = fn(f64) -> f64;
 
 /// Size of one code of eight bits in relative codes.
 const STEP: f64 = 1.0 / 255.0;
 
 fn frames(camera: Camera, exposures: &[f64], truth: &[f64]) -> Vec<Exposed> {
-    // Light from 1e-4 to 1, three decades of it with even logarithms, and a fixed noise pattern of half a code.
+    // Radiances from 1e-4 to 1, evenly spaced in their logarithms over three decades, and a fixed noise pattern of half a code.
     let light = |i: usize| 10f64.powf(-3.5 + 4.0 * ((i * 7919) % 20_000) as f64 / 20_000.0);
     let frame = |(k, (declared, truth)): (usize, (&f64, &f64))| {
         let code = |i: usize, channel: usize| {
@@ -40,7 +40,7 @@ fn worst(fitted: &FittedResponse, camera: Camera) -> f64 {
         }
         0.5 * (low + high)
     };
-    // A curve is determined up to a factor, so both are normalised at half of the range.
+    // A curve is determined up to a factor, so both curves are normalised at half of the range.
     let mut worst = 0f64;
     for channel in 0..3 {
         let factor = inverse(0.5) / response.exposure(channel, 0.5);
@@ -112,8 +112,8 @@ fn office_burst_agrees_with_itself_and_with_its_measured_response() {
     println!("{:?} {}", fitted.neighbours, fitted.disagreement);
     assert!(fitted.disagreement < 0.03, "{}", fitted.disagreement);
     let found = Response::Bernstein(fitted.coefficients);
-    // The polynomial of burst.toml disagrees with the burst by about ten per cent in the median, the fitted one by less than three, so that
-    // the curves differ by about that much. A curve is determined up to a factor.
+    // The polynomial of burst.toml disagrees with the burst by about ten per cent in the median, the fitted curve by less than three, so that
+    // the curves differ by about ten per cent. A curve is determined up to a factor.
     for (channel, most) in [0.11, 0.11, 0.14].into_iter().enumerate() {
         let ratio = |x: f64| found.exposure(channel, x) / calibration.response.exposure(channel, x);
         let ratios: Vec<f64> = (17..=245).map(|code| ratio(f64::from(code) / 255.0)).collect();

@@ -1,4 +1,4 @@
-//! The shape of a board that is not quite flat and not printed quite evenly.
+//! The shape of a board that is not exactly flat and not printed exactly evenly.
 
 use super::Printed;
 use nalgebra::{SMatrix, SVector, Vector3};
@@ -17,7 +17,7 @@ pub(super) struct Shape {
     /// Centre of the board, and half its size.
     half: [f64; 2],
     printed: Printed,
-    /// Whether the shape is fixed to a plane: a board with as many rows as columns has no distinct first direction, hence no shape that is
+    /// True if the shape is fixed to a plane: a board with as many rows as columns has no distinct first direction, hence no shape that is
     /// common to all pictures.
     flat: bool,
 }
@@ -35,7 +35,7 @@ impl Shape {
         Vector3::new(self.printed.line(i), self.printed.line(j), 0.0)
     }
 
-    /// Returns the same board with other parameters.
+    /// Returns the board with the parameters `values`.
     pub fn with(self, values: SVector<f64, SHAPE>) -> Self {
         Self { values, ..self }
     }
@@ -59,7 +59,7 @@ impl Shape {
         d
     }
 
-    /// Largest distance from a plane, in squares.
+    /// Returns the largest distance from a plane, in squares.
     pub fn bulge(&self) -> f64 {
         self.values.iter().skip(2).map(|v| v.abs()).fold(0.0, f64::max)
     }

@@ -1,8 +1,8 @@
-//! A corner of the board that was found in a picture.
+//! A corner of the board that was detected in a picture.
 
 use nalgebra::Vector2;
 
-/// A found corner: its position on the board in squares, and its pixel.
+/// A detected corner: its position on the board in squares, and its pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Sighting {
     /// Column and row of the corner on the board.

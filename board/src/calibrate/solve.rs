@@ -26,7 +26,7 @@ pub(super) struct Model {
     pub camera: Camera,
     /// The shape of the board.
     pub shape: Shape,
-    /// Whether all coefficients of the radial law are fitted, or only those that a lens file stores.
+    /// True if all coefficients of the radial law are fitted, false for those alone that a lens file stores.
     pub rich: bool,
 }
 
@@ -68,7 +68,7 @@ pub(super) struct View {
 }
 
 impl View {
-    /// Returns the found minus the computed pixel of each corner.
+    /// Returns the detected minus the computed pixel of each corner.
     pub fn residuals<'a>(&'a self, model: &'a Model) -> impl Iterator<Item = Vector2<f64>> + 'a {
         self.seen.iter().map(|s| s.at - model.pixel(self, s.cell))
     }

@@ -61,7 +61,7 @@ impl Marks {
         Self { matcher: Matcher::new(dictionary, most), side, borders, cells }
     }
 
-    /// Reads the marks in the cells of a grid, with the border width that gives most of them.
+    /// Reads the marks in the cells of a grid, with the border width at which most marks are read.
     fn read(&self, grey: &Grey, grid: &Grid, mirrored: bool) -> Vec<Mark> {
         let [width, height] = grey.size();
         let view = GrayImageView { width, height, data: grey.pixels() };
@@ -86,8 +86,8 @@ impl Marks {
     }
 }
 
-/// Returns the squares of a ChArUco board that have marks, in the order of their numbers: the white ones row by row, the upper left one
-/// being black.
+/// Returns the squares of a ChArUco board that have marks, in the order of their numbers: the white squares row by row; the upper left square is
+/// black.
 pub(super) fn charuco_squares(printed: &Printed) -> impl Iterator<Item = Cell> {
     let [columns, rows] = printed.corners.size().map(|n| n + 1);
     (0..rows).flat_map(move |j| (0..columns).filter(move |i| (i + j) % 2 == 1).map(move |i| [i, j]))
@@ -102,7 +102,7 @@ pub(super) fn tag_cells(printed: &Printed) -> impl Iterator<Item = Cell> {
 /// A mark that was read.
 #[derive(Clone, Copy, Debug)]
 struct Mark {
-    /// Upper left corner of the mark's cell in the grid; the upper right one in a mirrored picture.
+    /// Upper left corner of the mark's cell in the grid; the upper right corner in a mirrored picture.
     grid: Cell,
     /// Upper left corner of the mark's cell on the board.
     board: Cell,
@@ -145,7 +145,7 @@ impl Lie {
     }
 }
 
-/// Returns the position that most marks agree on, at least two and more than half.
+/// Returns the position that most marks have in common, at least two marks and more than half of them.
 fn lie(marks: &[Mark]) -> Option<Lie> {
     let mut votes: HashMap<Lie, usize> = HashMap::new();
     for mark in marks {

@@ -9,7 +9,7 @@ use std::f64::consts::TAU;
 
 const SIDE: usize = 640;
 
-/// Samples per square or tag of a drawing.
+/// Number of samples per square or tag of a drawing, along a side.
 const FINE: f64 = 48.0;
 
 /// A board as a bitmap with a margin of one square.
@@ -129,12 +129,12 @@ fn charuco() -> Printed {
 }
 
 #[test]
-fn the_lens_is_found_with_charuco_boards() {
+fn charuco_boards_determine_the_lens() {
     assert_found(charuco());
 }
 
 #[test]
-fn the_lens_is_found_with_april_grids() {
+fn april_grids_determine_the_lens() {
     assert_found(Printed::april_grid(Board { columns: 6, rows: 5 }, 0.3).expect("a board"));
 }
 
@@ -178,14 +178,14 @@ fn digest(printed: &Printed, fine: f64) -> u64 {
     })
 }
 
-/// A bit is an eighth of a square: markers have 6 bits and a margin of one.
+/// A bit is an eighth of a square: markers have 6 x 6 bits and a margin of one bit.
 #[test]
 fn charuco_target_equals_that_of_opencv() {
     let digest = digest(&charuco(), 8.0);
     assert_eq!(digest, OPENCV, "{digest:x}");
 }
 
-/// A bit is a tenth of a tag: 6 bits and a border of two on each side; the gap has three.
+/// A bit is a tenth of a tag: 6 x 6 bits with a border of two on each side; the gap has the width of three bits.
 #[test]
 fn april_grid_target_equals_that_of_kalibr() {
     let digest = digest(&Printed::april_grid(Board { columns: 6, rows: 5 }, 0.3).expect("a board"), 10.0);

@@ -23,7 +23,7 @@ pub struct Ink {
     pub size: [f64; 2],
 }
 
-/// Reasons for which a target is refused.
+/// Reasons why a target is refused.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum TargetRefusal {
     /// The side of a square is out of range.
@@ -31,7 +31,7 @@ pub enum TargetRefusal {
     Square(f64),
 }
 
-/// Length of the ruler line and of the space for it below the board, millimetres.
+/// Length of the ruler line, and height of the space for it below the board, millimetres.
 const RULER_MM: f64 = 100.0;
 const FOOT_MM: f64 = 22.0;
 

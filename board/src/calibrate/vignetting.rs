@@ -34,7 +34,7 @@ pub struct FittedVignetting {
     pub readings: usize,
 }
 
-/// Reasons for which no vignetting is computed.
+/// Reasons why no vignetting is computed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum VignettingRefusal {
@@ -72,7 +72,7 @@ pub enum VignettingRefusal {
 /// Largest accepted relative error of the readings.
 const MOST_RMS: f64 = 0.10;
 
-/// Number of even powers beside the constant: theta^2, theta^4, theta^6.
+/// Number of even powers in addition to the constant: theta^2, theta^4, theta^6.
 const TERMS: usize = 3;
 
 /// Fits the relative illumination to readings.
@@ -198,7 +198,8 @@ mod tests {
     use super::*;
     use std::f64::consts::TAU;
 
-    /// Relative illumination of the test camera: the fourth power of the cosine of half the angle, which is not of the fit's form.
+    /// Returns the relative illumination of the test camera: the fourth power of the cosine of half the angle, which is not of the fit's
+    /// form.
     fn truth(theta: f64) -> f64 {
         (0.5 * theta).cos().powi(4) * (1.0 - 0.1 * (theta / 1.6).powi(8))
     }

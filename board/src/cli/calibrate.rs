@@ -34,12 +34,12 @@ enum CalibrateCommand {
     Circle(CircleOptions),
     /// Compute the relative illumination of a lens from pictures of a lit screen at several angles, or of a flat field.
     Vignetting(VignettingOptions),
-    /// Check that a lens file, a burst and the camera belong together; the exit status names the class of the fault.
+    /// Check that a lens file, a burst and the camera match; the exit status states the class of the fault.
     #[command(after_help = CHECK_HELP)]
     Check(CheckOptions),
     /// Compute the response from a recorded burst of a still scene.
     Response(ResponseOptions),
-    /// Compute the illuminance of an irradiance of 1, from the reading of a luxmeter beside the probe or of a lit patch in its view.
+    /// Compute the illuminance per unit of irradiance from the reading of a luxmeter next to the probe, or on a lit patch in its view.
     Photometric(photometric::PhotometricOptions),
 }
 
@@ -59,32 +59,32 @@ struct CheckOptions {
 
 #[derive(Debug, Args)]
 struct CircleOptions {
-    /// Pictures of a bright, even scene: the sky, a lit wall. Several complete each other.
+    /// Pictures of a bright, even scene, such as the sky or a lit wall; each part of the rim must be bright in one picture.
     #[arg(required = true, value_name = "IMAGE")]
     images: Vec<PathBuf>,
-    /// Field of view that fills the circle, degrees, as the data sheet of the lens says.
+    /// Field of view across the circle, degrees, from the data sheet of the lens.
     #[arg(long, value_name = "DEGREES", default_value_t = 180.0)]
     field_deg: f64,
     /// The lens file; its [response], [sensor] and vignetting are kept.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Overwrite a lens file that is better, or does not state how good it is.
+    /// Overwrite a lens file that is better or does not state its accuracy.
     #[arg(long)]
     force: bool,
 }
 
 #[derive(Debug, Args)]
 struct VignettingOptions {
-    /// Pictures at one fixed exposure: of a small lit screen (phone, e-reader) in the dark, one for each angle from the axis to the rim.
+    /// Pictures with one fixed exposure of a small lit screen (phone, e-reader) in the dark, one for each angle from the axis to the rim.
     #[arg(required = true, value_name = "IMAGE")]
     images: Vec<PathBuf>,
     /// The pictures show an evenly lit surface that fills the view, such as the inside of a sphere.
     #[arg(long)]
     flat: bool,
-    /// Lens file into which the vignetting is written; its [response] applies, sRGB where it has none.
+    /// Lens file into which the vignetting is written; its [response] is used, or sRGB if it has none.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Replace the vignetting that the lens file has.
+    /// Replace the vignetting of the lens file.
     #[arg(long)]
     force: bool,
 }
@@ -96,7 +96,7 @@ struct ResponseOptions {
     /// Lens file in which the [response] is written; without it, the table goes to stdout.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Replace the [response] that the lens file has.
+    /// Replace the [response] of the lens file.
     #[arg(long)]
     force: bool,
 }
@@ -107,23 +107,23 @@ pub(super) struct PrintedOptions {
     /// Kind of the printed pattern.
     #[arg(long, value_enum, default_value = "chessboard")]
     kind: KindOption,
-    /// Inner corners, the points where four squares meet, columns by rows; of an AprilGrid, the tags.
+    /// Number of inner corners, where four squares meet, as COLUMNSxROWS; for an AprilGrid, of tags.
     #[arg(long, value_name = "COLUMNSxROWS")]
     board: Board,
-    /// ChArUco: the markers' dictionary, by its name in OpenCV.
+    /// ChArUco: name of the markers' dictionary in OpenCV.
     #[arg(long, value_name = "NAME", default_value = "DICT_5X5_100")]
     dictionary: String,
     /// ChArUco: side of a marker, in squares.
     #[arg(long, value_name = "SQUARES", default_value_t = 0.75)]
     marker: f64,
-    /// AprilGrid: gap between tags, in tags; tagSpacing of Kalibr.
+    /// AprilGrid: gap between tags, in tags (tagSpacing of Kalibr).
     #[arg(long, value_name = "TAGS", default_value_t = 0.3)]
     gap: f64,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum KindOption {
-    /// Squares.
+    /// Black and white squares.
     Chessboard,
     /// A chessboard with markers in its white squares.
     Charuco,
@@ -169,16 +169,17 @@ struct LensOptions {
     /// Pictures of the board, taken in the camera's mode of the probe: 15 to 30, the board at all places up to the rim, at several angles.
     #[arg(required_unless_present = "live", conflicts_with = "live", value_name = "IMAGE")]
     images: Vec<PathBuf>,
-    /// Take the pictures from --source: each as soon as the board is sharp, still and at a new place; stderr tells where it is missing.
+    /// Take the pictures from --source: each as soon as the board is sharp, still and at a new position; stderr names the part of the view
+    /// without a board.
     #[arg(long, requires = "source")]
     live: bool,
     /// The source of --live.
     #[arg(long, requires = "live", value_parser = str::parse::<Spec>)]
     source: Option<Spec>,
-    /// Most pictures of --live.
+    /// Largest number of pictures of --live.
     #[arg(long, value_name = "N", default_value_t = 25, value_parser = clap::value_parser!(u8).range(3..=40))]
     views: u8,
-    /// Longest time of --live, seconds; then the lens is computed from the pictures that there are.
+    /// Longest time of --live, seconds; the lens is then computed from the pictures taken so far.
     #[arg(long, value_name = "SECONDS", default_value_t = 300)]
     seconds: u16,
     #[command(flatten)]
@@ -186,22 +187,22 @@ struct LensOptions {
     /// Accept a board whose upper left square is white.
     #[arg(long)]
     any_colours: bool,
-    /// Side of a square, millimetres; the lens does not depend on it, the file states it.
+    /// Side of a square, millimetres, written to the lens file; it has no effect on the lens.
     #[arg(long, value_name = "MM")]
     square_mm: Option<f64>,
     /// The lens file; its [response], [sensor] and vignetting are kept.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// The part of the sensor that the pictures show, sensor pixels, as `hemilux devices` tells it; written to the lens file.
+    /// The part of the sensor that the pictures cover, sensor pixels, from `hemilux devices`; written to the lens file.
     #[arg(long, value_name = "LEFT,TOP,COLUMNS,ROWS", value_parser = numbers::<4>, requires = "binning")]
     crop: Option<[u32; 4]>,
-    /// Sensor pixels in one pixel of the pictures; written to the lens file.
+    /// Sensor pixels per pixel of the pictures; written to the lens file.
     #[arg(long, value_name = "COLUMNS,ROWS", value_parser = numbers::<2>, requires = "crop")]
     binning: Option<[u32; 2]>,
-    /// Picture of the residuals over the image, SVG.
+    /// File for a drawing of the residuals over the image, SVG.
     #[arg(long, value_name = "FILE")]
     residuals: Option<PathBuf>,
-    /// Overwrite a lens file that is better, or does not state how good it is.
+    /// Overwrite a lens file that is better or does not state its accuracy.
     #[arg(long)]
     force: bool,
 }
@@ -249,7 +250,7 @@ fn lens(options: &LensOptions) -> Result<(), Failure> {
     say(&report(&calibrated, &options.out))
 }
 
-/// Refuses a crop and a binning that do not give the pictures' size.
+/// Refuses a crop and a binning that do not match the pictures' size.
 fn check_mode(options: &LensOptions, size: [usize; 2]) -> Result<(), Failure> {
     let Some((crop, binning)) = options.crop.zip(options.binning) else { return Ok(()) };
     let fits = |axis: usize| {
@@ -283,7 +284,7 @@ fn circle(options: &CircleOptions) -> Result<(), Failure> {
     ))
 }
 
-/// Whole numbers joined by commas.
+/// Parses `N` whole numbers joined by commas.
 fn numbers<const N: usize>(text: &str) -> Result<[u32; N], String> {
     let all: Option<Vec<u32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
     let all = all.and_then(|all| all.try_into().ok());
@@ -379,7 +380,7 @@ fn report(calibrated: &Calibrated, out: &Path) -> String {
         calibrated.covered_deg
     );
     for spread in &calibrated.spread {
-        let halves = spread.halves_deg.map_or("too few boards to tell".into(), |v| format!("{v:.3} degrees"));
+        let halves = spread.halves_deg.map_or("unknown".into(), |v| format!("{v:.3} degrees"));
         let _ = writeln!(
             text,
             "{:5.1} degrees from the axis: uncertainty {:.3} degrees, difference of the two halves {halves}",
@@ -389,7 +390,7 @@ fn report(calibrated: &Calibrated, out: &Path) -> String {
     if !calibrated.board.tells_mirror() {
         let _ = writeln!(
             text,
-            "a board of {} looks the same in a mirror: that the pictures are not mirrored cannot be told (boards of odd counts, such as 9x7, ChArUco \
+            "a board of {} looks the same in a mirror: mirrored pictures cannot be detected (boards of odd counts, such as 9x7, ChArUco \
              and AprilGrid tell)",
             calibrated.board
         );

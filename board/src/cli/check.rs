@@ -1,4 +1,4 @@
-//! `hemilux devices --check`: whether a camera keeps what it promises, and what to change.
+//! `hemilux devices --check`: measures exposures, noise and losses of a camera, and gives advice.
 
 use super::{Failure, say};
 use crate::source::camera::CameraSpec;
@@ -14,7 +14,7 @@ use serde::Serialize;
 use std::fmt::Write;
 use std::time::Duration;
 
-/// Most broken frames beyond the number of complete ones.
+/// Excess of broken frames over complete ones at which the check fails.
 const MOST_BROKEN: u64 = 100;
 
 /// Longest wait for a frame in one call.
@@ -25,13 +25,13 @@ struct Report {
     agreed: Vec<Agreed>,
     /// Exposure times, seconds.
     exposures: Vec<f64>,
-    /// Indices of those that were measured, because they are not the control's.
+    /// Indices of the exposures whose times were measured, since they differ from the control's values.
     measured: Vec<usize>,
-    /// Of the control that makes them.
+    /// Values of the control for the exposures.
     values: Vec<i64>,
-    /// Standard deviation of a sample of each exposure from frame to frame, 1 for the whole range of codes; null where it was not seen.
+    /// Standard deviation of a sample of each exposure from frame to frame, 1 for the whole range of codes; null where it is unknown.
     noise: Vec<Option<f64>>,
-    /// The part of the sensor that pictures show; null where it is unknown.
+    /// The part of the sensor that pictures cover; null where it is unknown.
     view: Option<View>,
     delay: Option<u32>,
     rate_hz: f64,
@@ -53,16 +53,17 @@ struct Report {
 struct Delivered {
     sequence: u32,
     timestamp_ns: u64,
-    /// CLOCK_MONOTONIC when it was there for us: a driver that loses frames although a buffer waits for it is itself late.
+    /// CLOCK_MONOTONIC at which the frame was dequeued, nanoseconds: it also shows the delay of a driver that loses frames while a buffer is
+    /// free.
     arrived_ns: u64,
     /// Index into the exposures.
     exposure: Option<usize>,
     known: &'static str,
-    /// Mean relative code, 0 black to 1 white.
+    /// Mean relative code, 0 for black and 1 for white.
     level: f32,
 }
 
-/// Checks a camera by `count` frames.
+/// Checks a camera with `count` frames.
 pub(super) fn run(spec: &CameraSpec, count: u32, json: bool) -> Result<(), Failure> {
     let wished = spec.options().map_err(Failure::usage)?;
     let mut camera = Camera::open(&mut RealKernel, &wished).map_err(Failure::new)?;
@@ -76,7 +77,7 @@ pub(super) fn write_json(value: &impl Serialize) -> Result<(), Failure> {
     say(&(text + "\n"))
 }
 
-/// Takes `count` frames and reports on them.
+/// Captures `count` frames and measures their properties.
 fn check(camera: &mut Camera, kernel: &mut dyn Kernel, count: usize) -> Result<Report, Failure> {
     let (mut frame, mut codes, mut frames) = (RawFrame::default(), Vec::new(), Vec::new());
     let mut noise = vec![Noise::default(); camera.settings().len()];
@@ -111,10 +112,10 @@ fn check(camera: &mut Camera, kernel: &mut dyn Kernel, count: usize) -> Result<R
     Ok(report)
 }
 
-/// Relative codes between which noise is measured: others are cut off.
+/// Range of relative codes in which noise is measured: outside of it, noise is clipped.
 const MEASURED: std::ops::Range<f32> = 0.03..0.97;
 
-/// Noise of the samples of an exposure, from each frame to the next of the same exposure.
+/// Noise of the samples of an exposure, from the differences of successive frames of the exposure.
 #[derive(Clone, Debug, Default)]
 struct Noise {
     before: Vec<f32>,
@@ -134,7 +135,7 @@ impl Noise {
         self.before.extend_from_slice(codes);
     }
 
-    /// Standard deviation of a sample: that of a difference over the root of two.
+    /// Returns the standard deviation of a sample: that of the differences, divided by the root of two.
     fn deviation(&self) -> Option<f64> {
         (self.count > 0).then(|| (self.squares / self.count as f64 / 2.0).sqrt())
     }
@@ -175,7 +176,7 @@ fn report(camera: &Camera, frames: Vec<Delivered>) -> Report {
 fn summary(report: &Report) -> String {
     let mut text = String::new();
     for Agreed { what, asked, got } in &report.agreed {
-        let _ = writeln!(text, "{what:<10} {asked} asked, {got} got");
+        let _ = writeln!(text, "{what:<10} {asked} requested, {got} granted");
     }
     let delay = report
         .delay
@@ -211,25 +212,28 @@ fn summary(report: &Report) -> String {
     text
 }
 
-/// Least range of exposures with which lamps and a room are both measured, stops.
+/// Least range of exposures that measures both lamps and a room, stops.
 const LEAST_STOPS: f64 = 4.0;
 
-/// Least share of the sensor with which a fisheye's rim is seen.
+/// Least share of the sensor that contains a fisheye's rim.
 const LEAST_SHARE: f64 = 0.9;
 
-/// Largest noise of a sample.
+/// Largest acceptable noise of a sample, as a part of the whole range.
 const MOST_NOISE: f64 = 0.02;
 
-/// Largest share of frames that may be lost or broken.
+/// Largest acceptable share of lost or broken frames.
 const MOST_LOST: f64 = 0.01;
 
-/// Statements about a checked camera, and what to change.
+/// Returns findings about a camera, each with advice.
 fn verdict(report: &Report) -> Vec<String> {
     let mut all = vec![range_verdict(report), exposure_verdict(report), delay_verdict(report)];
     all.extend([frame_verdict(report), view_verdict(report), noise_verdict(report)]);
     let refused = report.agreed.iter().filter(|a| a.what == "control");
     all.extend(refused.map(|a| {
-        format!("control {} expected, {} found: brightness or colour changes by itself", a.asked, a.got)
+        format!(
+            "control {} expected, {} found: the camera changes brightness or colour automatically",
+            a.asked, a.got
+        )
     }));
     all
 }
@@ -237,7 +241,7 @@ fn verdict(report: &Report) -> Vec<String> {
 fn delay_verdict(report: &Report) -> String {
     report.delay.map_or_else(
         || "the control's delay is unknown: more light while the probe starts, or delay=".into(),
-        |delay| format!("an exposure acts {delay} frames after the next one: known"),
+        |delay| format!("an exposure acts {delay} frames after the next one: measured"),
     )
 }
 
@@ -251,13 +255,13 @@ fn view_verdict(report: &Report) -> String {
     format!("pictures show {view}: the rim of a fisheye is lost, a larger size=")
 }
 
-/// Noise of each exposure, and whether a set's lights would flicker with it.
+/// Describes the noise of each exposure, with advice where the lights would flicker.
 fn noise_verdict(report: &Report) -> String {
     let seen = report.noise.iter().zip(&report.exposures).filter_map(|(noise, s)| Some(((*noise)?, s * 1e3)));
     let told: Vec<_> = seen.clone().map(|(n, ms)| format!("{:.2} % at {ms:.2} ms", 100.0 * n)).collect();
     let most = seen.map(|(noise, _)| noise).fold(0.0, f64::max);
     match told.join(", ") {
-        told if told.is_empty() => "noise was not seen: more or less light".into(),
+        told if told.is_empty() => "noise could not be measured: more or less light".into(),
         told if most <= MOST_NOISE => format!("noise is {told} of the whole range: low"),
         told => {
             format!(
@@ -295,7 +299,7 @@ fn exposure_verdict(report: &Report) -> String {
             "exposures are measured in {measured:.0} % of frames: the control's values are wrong"
         );
     }
-    format!("exposures are verified in {verified:.0} % of frames: true")
+    format!("exposures are verified in {verified:.0} % of frames: good")
 }
 
 fn frame_verdict(report: &Report) -> String {
@@ -325,7 +329,7 @@ mod tests {
     }
 
     #[test]
-    fn a_good_camera_is_called_good_and_a_bad_one_gets_advice() {
+    fn a_good_camera_is_accepted_and_a_bad_one_gets_advice() {
         let good = checked(Script::default(), "0.001/0.006/0.036").verdict;
         let ends = [": enough", ": true", ": known", ": few", "the lens's", ": low"];
         assert_eq!(good.len(), ends.len(), "{good:?}");
@@ -339,7 +343,7 @@ mod tests {
         assert!(bad[6].starts_with("control Sharpness = 0 expected, 2 found"), "{bad:?}");
     }
 
-    /// On paper: evenly spread noise of -3 to 3 codes has a standard deviation of 2 codes of 255.
+    /// Computed by hand: uniform noise of -3 to 3 codes has a standard deviation of 2 codes of 255.
     #[test]
     fn noise_is_the_standard_deviation_of_a_sample() {
         let report = checked(Script { noise: 3, ..Script::default() }, "0.001/0.006/0.036");
@@ -350,7 +354,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mode_that_sees_the_middle_is_named_and_json_has_all_figures() {
+    fn a_cropped_mode_is_named_and_json_has_all_values() {
         let mut kernel = FakeKernel::new(crate::v4l2::media::pi_4_script());
         let spec = CameraSpec::parse("imx219,size=640x480").expect("options");
         let mut camera = Camera::open(&mut kernel, &spec.options().expect("options")).expect("a camera");

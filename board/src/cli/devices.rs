@@ -9,18 +9,18 @@ use std::fmt::Write;
 
 #[derive(Clone, Debug, Args)]
 pub(super) struct Devices {
-    /// Write JSON.
+    /// Write the result as JSON.
     #[arg(long)]
     json: bool,
-    /// Stream from this camera instead, v4l2:PATH with its options, and report every frame's number, time, exposure and brightness.
+    /// Stream from this camera, v4l2:PATH with its options, and report number, time, exposure and brightness of every frame.
     #[arg(long, value_name = "SOURCE", value_parser = camera)]
     check: Option<CameraSpec>,
-    /// Frames to check.
+    /// Number of frames to check.
     #[arg(long, value_name = "N", default_value_t = 100, requires = "check", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     frames: u32,
 }
 
-/// A camera's name on the command line.
+/// Parses a camera's name on the command line.
 pub(super) fn camera(text: &str) -> Result<CameraSpec, String> {
     CameraSpec::parse(text.strip_prefix("v4l2:").ok_or("expected v4l2:PATH, such as v4l2:/dev/video0")?)
 }

@@ -1,4 +1,4 @@
-//! `hemilux discover`: the probes on the network.
+//! `hemilux discover`: lists the probes on the network.
 
 use super::{Failure, say};
 use crate::announce::{self, Found};
@@ -7,10 +7,10 @@ use std::time::Duration;
 
 #[derive(Clone, Copy, Debug, Args)]
 pub(super) struct Discover {
-    /// Time to listen for answers, seconds.
+    /// Time to wait for answers, seconds.
     #[arg(long, value_name = "S", default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..=60))]
     seconds: u64,
-    /// Write JSON.
+    /// Write the result as JSON.
     #[arg(long)]
     json: bool,
 }

@@ -1,4 +1,4 @@
-//! `hemilux lens`: lens files for hemilux and other programs.
+//! `hemilux lens`: converts lens files of hemilux and other programs.
 
 use super::{Failure, say};
 use crate::recorded::{Target, convert};
@@ -13,26 +13,26 @@ pub(super) struct Lens {
 
 #[derive(Debug, Subcommand)]
 enum LensCommand {
-    /// Write a lens file of hemilux, OpenCV, Kalibr, ROS, COLMAP or OCamCalib for another program, to stdout.
+    /// Convert a lens file of hemilux, OpenCV, Kalibr, ROS, COLMAP or OCamCalib for another program, and write it to stdout.
     Convert(Convert),
 }
 
 #[derive(Debug, Args)]
 struct Convert {
-    /// The lens file; its contents determine the kind.
+    /// The lens file; its kind follows from its contents.
     file: PathBuf,
-    /// The program that is to read it.
+    /// The program for which the file is written.
     #[arg(long, value_enum)]
     to: To,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum To {
-    /// A [lens] table.
+    /// A [lens] table of hemilux.
     Hemilux,
-    /// YAML of cv::FileStorage.
+    /// YAML of OpenCV's cv::FileStorage.
     Opencv,
-    /// YAML of camera_info_manager.
+    /// YAML of ROS's camera_info_manager.
     Ros,
 }
 

@@ -1,4 +1,4 @@
-//! The amount of messages on stderr.
+//! Level of the log on stderr.
 
 use clap::{ArgAction, Args};
 use std::io::IsTerminal;
@@ -9,16 +9,16 @@ use tracing_subscriber::util::SubscriberInitExt;
 
 #[derive(Clone, Copy, Debug, Args)]
 pub(super) struct LogOptions {
-    /// Say more on stderr: what changes (-v), or also each connection (-vv).
+    /// Log more on stderr: changes of state (-v), or each connection too (-vv).
     #[arg(short, long, global = true, action = ArgAction::Count, help_heading = "Messages")]
     verbose: u8,
-    /// Say less on stderr: errors alone.
+    /// Log errors alone on stderr.
     #[arg(short, long, global = true, conflicts_with = "verbose", help_heading = "Messages")]
     quiet: bool,
 }
 
 impl LogOptions {
-    /// The level that the options ask for; `None` without an option.
+    /// Returns the level of the options; `None` without an option.
     fn level(self) -> Option<Level> {
         match (self.quiet, self.verbose) {
             (true, _) => Some(Level::ERROR),
@@ -28,7 +28,7 @@ impl LogOptions {
         }
     }
 
-    /// Starts the log. The options have the last word over `RUST_LOG`, whose directives have no spans and no patterns.
+    /// Starts the log. The options override `RUST_LOG`, whose directives may not contain spans or patterns.
     pub(super) fn start(self) {
         let usual = Targets::new().with_default(Level::WARN);
         let stated = std::env::var("RUST_LOG").ok().filter(|text| !text.trim().is_empty());
@@ -43,7 +43,7 @@ impl LogOptions {
         };
         let lines = tracing_subscriber::fmt::layer().with_writer(std::io::stderr);
         let lines = lines.with_ansi(std::io::stderr().is_terminal());
-        // A log that runs already, as in tests, stays.
+        // A log that was started before, as in tests, is kept.
         let _ = tracing_subscriber::registry().with(lines.with_filter(filter)).try_init();
         if let Err(error) = parsed {
             let found = stated.unwrap_or_default();

@@ -12,10 +12,10 @@ use std::io::{self, Write};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
 
-/// The thesis's port.
+/// Default TCP port, as in the thesis.
 const PORT: u16 = 8080;
 
-/// The source of the bursts, the address to listen on, the clients that are admitted, and the settings.
+/// The source of bursts, the address to listen on, the access rules, and the settings.
 pub(super) struct ServePlan {
     pub(super) source: Spec,
     pub(super) listen: SocketAddr,
@@ -29,13 +29,13 @@ pub(super) struct ServePlan {
     pub(super) config: Config,
     pub(super) faults: Option<FaultSpec>,
     pub(super) file: Option<ConfigFile>,
-    /// Whether the probe is announced on the network.
+    /// True if the probe is announced on the network.
     pub(super) announce: bool,
     #[cfg(any(feature = "osc", feature = "mqtt"))]
     pub(super) peers: Peers,
 }
 
-/// The peers that sets are sent to.
+/// The OSC and MQTT peers that sets are sent to.
 #[cfg(any(feature = "osc", feature = "mqtt"))]
 #[derive(Debug)]
 pub(super) struct Peers {
@@ -47,7 +47,7 @@ pub(super) struct Peers {
 
 #[cfg(any(feature = "osc", feature = "mqtt"))]
 impl Peers {
-    /// Combines the values of the file and of the options; an error names the key of the file.
+    /// Combines the peers of the file and of the options; an error names the key of the file.
     fn of(options: &Serve, kept: &Kept) -> Result<Self, (&'static str, String)> {
         #[cfg(feature = "osc")]
         let osc = kept.osc.iter().map(|text| text.parse()).collect::<Result<Vec<_>, String>>();
@@ -63,7 +63,7 @@ impl Peers {
 }
 
 impl ServePlan {
-    /// Options override the configuration file.
+    /// Combines the options with the configuration file, which they override.
     pub(super) fn of(options: &Serve) -> Result<Self, Failure> {
         let opened = options.config.as_deref().map(ConfigFile::open).transpose().map_err(Failure::new)?;
         let (file, kept) = opened.map_or((None, Kept::default()), |opened| (Some(opened.file), opened.kept));
@@ -102,7 +102,7 @@ impl ServePlan {
         Ok(plan)
     }
 
-    /// The source with the faults of `--faults`.
+    /// Adds the faults of `--faults` to the source.
     pub(super) fn damaged(&self, source: Box<dyn Source>) -> Box<dyn Source> {
         match &self.faults {
             Some(spec) => Box::new(FaultSource::new(source, spec.clone())),
@@ -110,7 +110,7 @@ impl ServePlan {
         }
     }
 
-    /// The source with its photometric calibration, where there is one.
+    /// Applies the photometric calibration to the source, where there is one.
     pub(super) fn in_lux(&self, source: Box<dyn Source>) -> Result<Box<dyn Source>, Failure> {
         let Some(photometric) = self.photometric_calibration()? else { return Ok(source) };
         let source = PhotometricSource::new(source, photometric);
@@ -118,18 +118,18 @@ impl ServePlan {
             let _ = writeln!(
                 io::stderr(),
                 "hemilux: photometric calibration: found another response, level or vignetting than the source's, lights are relative: \
-                 calibrate photometric anew"
+                 calibrate photometric again"
             );
         }
         Ok(Box::new(source))
     }
 
-    /// The file that calibrations are written to.
+    /// Returns the file that calibrations are written to.
     pub(super) fn calibration_file(&self) -> Option<PathBuf> {
         self.calibration.clone().or_else(|| self.source.lens())
     }
 
-    /// The photometric calibration of the file that is named, or of the source's lens file.
+    /// Reads the photometric calibration of the option `--photometric`, or of the source's lens file.
     fn photometric_calibration(&self) -> Result<Option<Photometric>, Failure> {
         let class = self.light_class.as_deref();
         if let Some(path) = &self.photometric {
@@ -165,7 +165,7 @@ impl ServePlan {
         )))
     }
 
-    /// The access rules. Creates the token file if it does not exist; stderr names the file and never shows the token.
+    /// Returns the access rules. A missing token file is created; stderr names the file and never contains the token.
     pub(super) fn access(&self) -> Result<Access, Failure> {
         let Some(file) = &self.token_file else { return Ok(Access::Open) };
         let LoadedToken { token, is_new } = Token::load_or_make(file).map_err(Failure::new)?;
@@ -176,8 +176,8 @@ impl ServePlan {
     }
 }
 
-/// Reads the configuration file anew and puts its settings, with the options' last word, into effect with the next frame. Changes of the
-/// file outside its settings take effect only when the probe is started again.
+/// Reads the configuration file again; its settings, overridden by those of the options, take effect with the next frame. Other keys of the file
+/// take effect only when the probe is started again.
 pub(super) fn reload(options: &Serve, link: &Link) -> Result<(), Failure> {
     if options.config.is_none() {
         return Err(Failure::new(
@@ -195,7 +195,7 @@ pub(super) fn reload(options: &Serve, link: &Link) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The settings: defaults, then the file's, then the options'. An error names the setting.
+/// Combines the settings: defaults, then those of the file, then those of the options. An error names the setting.
 fn settings(options: &Serve, kept: toml::Table) -> Result<Config, (String, String)> {
     let mut config = Config::default();
     let json = serde_json::to_value(kept).map_err(|e| ("settings".to_owned(), e.to_string()))?;

@@ -7,14 +7,14 @@ use std::path::PathBuf;
 
 #[derive(Clone, Debug, Args)]
 pub(super) struct Completions {
-    /// The shell.
+    /// Name of the shell.
     #[arg(value_enum)]
     shell: Shell,
 }
 
 #[derive(Clone, Debug, Args)]
 pub(super) struct Man {
-    /// Folder to write, which must be there.
+    /// Folder for the pages; it must exist.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
 }

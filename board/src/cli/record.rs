@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use toml::{Table, Value};
 
-/// Longest time without a burst: a camera that is replugged is back by then.
+/// Longest time without a burst: a camera that is reconnected delivers bursts again within it.
 const PATIENCE: Duration = Duration::from_secs(30);
 
 #[derive(Clone, Debug, Args)]
@@ -24,10 +24,10 @@ pub(super) struct Record {
     /// The camera: v4l2:PATH with its options.
     #[arg(long, value_name = "SOURCE", default_value = "v4l2:/dev/video0", value_parser = devices::camera)]
     source: CameraSpec,
-    /// Bursts to record.
+    /// Number of bursts to record.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     bursts: u32,
-    /// Folder to write to; it must be empty or not there yet.
+    /// Folder to write to; it must be empty or not exist.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
 }
@@ -65,7 +65,7 @@ fn record(mut source: CameraSource, bursts: usize, out: &Path) -> Result<String,
                 std::thread::sleep(Duration::from_millis(250));
             }
             Err(error) => {
-                // An incomplete recording can be replayed as well.
+                // An incomplete recording can be replayed too.
                 write_list(out, &list)?;
                 let (seconds, count) = (PATIENCE.as_secs(), list.len());
                 let kept = format!("{count} bursts are in {}", out.display());
@@ -91,7 +91,7 @@ fn table(pairs: impl IntoIterator<Item = (&'static str, Value)>) -> Value {
     Value::Table(pairs.into_iter().map(|(name, value)| (name.into(), value)).collect())
 }
 
-/// The tables that all bursts share: lens, response, levels and format.
+/// Returns the tables that all bursts have in common: lens, response, levels and format.
 fn head(source: &CameraSource) -> Table {
     let (c, p) = (source.calibration(), &source.terms().picture);
     let mut head = Table::new();
@@ -122,7 +122,7 @@ fn head(source: &CameraSource) -> Table {
     head
 }
 
-/// The lens of the recorded frames: the file's table as it is, or with what the camera's mode and the decoder change.
+/// Returns the `[lens]` table of the recorded frames: that of the lens file, with size, crop and binning of the camera's mode and of the decoder.
 fn lens(source: &CameraSource) -> Table {
     let (c, terms) = (source.calibration(), source.terms());
     let p = &terms.picture;
@@ -142,7 +142,7 @@ fn lens(source: &CameraSource) -> Table {
     lens
 }
 
-/// Writes one burst.
+/// Writes the frames and the manifest of one burst.
 fn write_burst(folder: &Path, head: &Table, burst: &RawBurst) -> Result<(), Failure> {
     fs::create_dir(folder).map_err(|e| unwritable(folder, &e))?;
     let mut frames = Vec::new();
@@ -190,7 +190,7 @@ mod tests {
     use hemilux_core::format::{Format, Pattern};
     use hemilux_core::light::Light;
 
-    /// The scripted camera, whose codes are linear in all formats.
+    /// Returns the scripted camera, whose codes are linear in all formats.
     fn source(script: &Script) -> CameraSource {
         let (width, height) = script.size;
         let lens = tempfile::NamedTempFile::new().expect("a file");
@@ -204,7 +204,7 @@ mod tests {
         CameraSource::open(Box::new(FakeKernel::new(script.clone())), &spec).expect("a camera")
     }
 
-    /// The lights and the scalar flux of one burst.
+    /// Returns the lights and the scalar flux of one burst.
     fn lights(calibration: &Calibration, burst: &Burst) -> (Vec<Light>, [f32; 3]) {
         let exposures: Vec<_> = burst.frames.iter().map(|f| f.exposure).collect();
         let pipeline = Pipeline::try_new(*calibration, &exposures, Settings::default());
@@ -219,9 +219,9 @@ mod tests {
         burst
     }
 
-    /// The scene does not move: each burst has the same light.
+    /// The scene is static: each burst has the same light.
     #[test]
-    fn what_is_recorded_gives_the_lights_that_the_camera_gave() {
+    fn a_recording_has_the_lights_of_the_camera() {
         let yuv = Yuv { limited: true, matrix: Matrix::Bt601 };
         let cases = [
             ("YUYV", (64, 47), Format::Yuyv(yuv)),
@@ -261,9 +261,9 @@ mod tests {
         }
     }
 
-    /// Frames of 1280 x 720 are decoded at half the size, and raw ones of 1640 x 1232 are binned: both are read as they were live.
+    /// Frames of 1280 x 720 are decoded at half the size, and raw frames of 1640 x 1232 are binned: the recording is read in the same way.
     #[test]
-    fn a_recording_carries_binning_and_compression() {
+    fn a_recording_states_binning_and_compression() {
         for (name, size, bin, compressed) in
             [("MJPG", (1280, 720), 1, true), ("pBAA", (1640, 1232), 2, false)]
         {
@@ -284,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn a_recording_goes_on_after_the_camera_was_away() {
+    fn a_recording_continues_after_a_disconnection() {
         let faults = vec![(400, Fault::Disconnect(Duration::from_millis(3500)))];
         let script = Script { faults, loss: 0.05, ..Script::default() };
         let folder = tempfile::tempdir().expect("a folder");

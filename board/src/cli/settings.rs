@@ -1,4 +1,4 @@
-//! One option for each setting of the table, except budgets, which `--budget` sets by stage.
+//! One command-line option for each setting of the table, except budgets, which `--budget` sets by stage.
 
 use crate::probe::Config;
 use crate::probe::settings::{Change, Group, Kind, SETTINGS, Setting};
@@ -6,7 +6,7 @@ use crate::usage;
 use clap::{Arg, ArgMatches, Args, Command, Error, FromArgMatches};
 use serde_json::Value;
 
-/// The settings that the command line names.
+/// The settings on the command line.
 #[derive(Clone, Debug, Default)]
 pub(super) struct SettingOptions {
     pub(super) change: Change,
@@ -16,7 +16,7 @@ fn settings() -> impl Iterator<Item = &'static Setting> {
     SETTINGS.iter().filter(|s| s.group != Group::Budgets)
 }
 
-/// `--fir-taps N` of `fir_taps`; a switch is on where its option has no value.
+/// Returns the option of a setting, such as `--fir-taps N` for `fir_taps`; the option of a switch without a value is on.
 fn option(setting: &'static Setting) -> Arg {
     let (unit, default) = (setting.unit.map_or(String::new(), |unit| format!(", {unit}")), default(setting));
     let help = format!("{} {}{unit} [default: {default}]", setting.what, sentence(&setting.expected_word()));

@@ -1,25 +1,25 @@
-//! Limits on the size of a map, checked before memory is taken for its texels.
+//! Limits on the size of a map, checked before memory is allocated for its texels.
 
 use super::{MAX_PIXELS, Raster, Refusal};
 
-/// Most texels per byte of a file. Deflate compresses by a factor of up to 1032, so a uniform half-float map has up to 172 texels per byte
-/// of its file.
+/// Largest number of texels per byte of a file. Deflate compresses by a factor of up to 1032, so that a uniform half-float map has up to 172
+/// texels per byte.
 const PIXELS_PER_BYTE: u64 = 200;
 
-/// Texels that a file of any length may have.
+/// Number of texels that are accepted for files of any length.
 const FREE: u64 = 1 << 20;
 
-/// Texels that a file of any length may have if it is compressed by the DWA methods of OpenEXR, which keep little but noise: smooth maps of
-/// 4096 x 2048 texels take 15 KB.
+/// Number of texels that are accepted for files of any length with the DWA compression of OpenEXR, which stores little for smooth maps: 4096 x
+/// 2048 texels may take 15 KB.
 const FREE_DWA: u64 = 1 << 23;
 
 /// Limits on the decoded size of a file.
 pub(super) struct Budget {
-    /// Length of the file.
+    /// Length of the file, bytes.
     pub bytes: u64,
-    /// The user's limit, which takes the place of both defaults.
+    /// The user's limit, which replaces both default limits.
     pub max_pixels: Option<u64>,
-    /// Texels that are allowed whatever the length.
+    /// Number of texels that are accepted for any length of the file.
     free: u64,
 }
 
@@ -28,7 +28,7 @@ impl Budget {
         Self { bytes, max_pixels, free: FREE }
     }
 
-    /// The limits on a file that is compressed by a DWA method.
+    /// Returns the limits of a file with DWA compression.
     pub fn of_dwa(&self) -> Self {
         Self { free: FREE_DWA, ..*self }
     }
@@ -47,21 +47,22 @@ impl Budget {
         Err(Refusal::new(found, format!("at most {most} texels (--max-pixels sets the limit)")))
     }
 
-    /// A black raster. Its memory is zeroed by the system at the first use of each page, so that a file takes no more than it decodes.
+    /// Creates a black raster. The system zeroes its memory at the first use of each page, so that a file uses no more memory than it
+    /// decodes.
     pub fn raster(&self, width: u64, height: u64) -> Result<Raster, Refusal> {
         self.check(width, height)?;
         let too_large = || Refusal::new(format!("{width} x {height} texels"), "a map that fits into memory");
         let size = |v: u64| usize::try_from(v).map_err(|_| too_large());
         let (width, height) = (size(width)?, size(height)?);
         let count = width.checked_mul(height).ok_or_else(too_large)?;
-        // A failed allocation would end the process: asked for once in a way that can fail.
+        // A failed allocation of the vector would end the process: the memory is reserved first by a call that can fail.
         Vec::<[f32; 3]>::new().try_reserve_exact(count).map_err(|_| too_large())?;
         Ok(Raster { width, height, texels: vec![[0.0; 3]; count] })
     }
 }
 
 impl Raster {
-    /// The texels of a row.
+    /// Returns the texels of a row for changes.
     pub fn row_mut(&mut self, row: usize) -> &mut [[f32; 3]] {
         &mut self.texels[row * self.width..(row + 1) * self.width]
     }

@@ -1,8 +1,7 @@
 //! Environment maps in files: OpenEXR, Radiance HDR and PFM, decoded to linear Rec. 709 radiance on a latitude-longitude grid.
 //!
-//! Every header field that changes radiance or direction is applied or is the reason of a [`MapError`] that names it. Sizes are
-//! checked against [`ReadOptions::max_pixels`] and the file's length before texels are stored. `board/FORMATS.md`, section
-//! "Environment maps", lists the fields.
+//! Every header field that changes radiance or direction is applied, or a [`MapError`] names it. Sizes are checked against
+//! [`ReadOptions::max_pixels`] and the file's length before texels are stored. Section "Environment maps" of `board/FORMATS.md` lists the fields.
 
 mod limit;
 pub mod openexr;
@@ -22,7 +21,7 @@ use std::fmt::Display;
 use std::io::{BufRead, BufReader, Seek};
 use std::path::{Path, PathBuf};
 
-/// Largest number of texels that is read by default: 16384 x 8192.
+/// Default of the largest number of texels: 16384 x 8192.
 pub const MAX_PIXELS: u64 = 1 << 27;
 
 /// The part of the sphere that a map covers.
@@ -35,7 +34,7 @@ pub enum Covers {
 }
 
 impl Covers {
-    /// The value of the attribute or header line.
+    /// Returns the value of the OpenEXR attribute or of the Radiance header line.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -52,20 +51,20 @@ impl Covers {
 /// Options for reading a map file.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ReadOptions {
-    /// Largest number of texels. `None` stands for [`MAX_PIXELS`] and a limit that follows from the file's length.
+    /// Largest number of texels; `None` for [`MAX_PIXELS`] and a limit by the file's length.
     pub max_pixels: Option<u64>,
     /// The layer of an OpenEXR file, such as `ViewLayer.Combined`.
     pub layer: Option<String>,
-    /// The projection, where the file's own statement is missing or wrong.
+    /// The projection, in place of the file's own statement; `None` to use the file's.
     pub projection: Option<Projection>,
-    /// The covered part of the sphere, where the file's own statement is missing or wrong.
+    /// The covered part of the sphere, in place of the file's own statement; `None` to use the file's.
     pub covers: Option<Covers>,
 }
 
 /// A decoded map.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DecodedMap {
-    /// Columns; azimuth pi in the left edge of the first column, -pi in the right edge of the last.
+    /// Number of columns; azimuth pi at the left edge of the first column, -pi at the right edge of the last.
     pub width: usize,
     /// Number of rows.
     pub height: usize,
@@ -73,32 +72,32 @@ pub struct DecodedMap {
     pub texels: Vec<[f32; 3]>,
     /// The part of the sphere that the rows cover.
     pub covers: Covers,
-    /// Statements about the file that the user should read, such as a conversion of primaries.
+    /// Notes about the file for the user, such as a conversion of primaries.
     pub notes: Vec<String>,
-    /// Texels that were changed because a value was negative or not a number.
+    /// Number of texels that were changed because a value was negative or not a number.
     pub negative: usize,
-    /// For each row, the number of texels with a value above the largest that is kept.
+    /// For each row, the number of texels with a value above the limit.
     pub clipped: Vec<u32>,
 }
 
-/// The failure to read a map: one line that names the file, the found and the expected value.
+/// An error in a map file: one line with the file, the value that was found and the value that was expected.
 #[derive(Debug, thiserror::Error)]
 #[error("{path}: found {found}, expected {expected}")]
 pub struct MapError {
     /// Path of the file.
     pub path: PathBuf,
-    /// The found value, in words.
+    /// Description of the value that was found.
     pub found: String,
-    /// The expected value, in words.
+    /// Description of the value that was expected.
     pub expected: String,
 }
 
-/// The fault of a map file.
+/// A fault of a map file: the value that was found and the value that was expected.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Refusal {
-    /// The found value, in words.
+    /// Description of the value that was found.
     pub found: String,
-    /// The expected value, in words.
+    /// Description of the value that was expected.
     pub expected: String,
 }
 
@@ -114,26 +113,26 @@ impl Refusal {
 
 const EXPECTED: &str = "a latitude-longitude OpenEXR, Radiance HDR or PFM map";
 
-/// Texels as a format's reader gives them.
+/// Texels in the order of rows, before projection and limits.
 struct Raster {
     width: usize,
     height: usize,
     texels: Vec<[f32; 3]>,
 }
 
-/// The statements of a header that all formats share.
+/// Properties that the header states, common to all formats.
 #[derive(Default)]
 struct Stated {
     covers: Option<Covers>,
     projection: Option<Projection>,
-    /// Whether values are half floats.
+    /// True if values are half floats.
     half: bool,
-    /// The matrix from the file's primaries to linear Rec. 709, applied after infinities were limited.
+    /// The matrix from the file's primaries to linear Rec. 709, applied after infinities were replaced.
     to_rec_709: Option<[[f32; 3]; 3]>,
     notes: Vec<String>,
 }
 
-/// The texels of a file and the statements of its header.
+/// The texels of a file and the properties that its header states.
 struct DecodedFile {
     raster: Raster,
     stated: Stated,
@@ -142,7 +141,7 @@ struct DecodedFile {
 /// Reads a map file.
 ///
 /// # Errors
-/// [`MapError`]: the file cannot be read, has another format, states something that is not supported, or is too large.
+/// [`MapError`] for a file that cannot be read, has another format, has an unsupported property, or is too large.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<DecodedMap, MapError> {
     let at = |r: Refusal| MapError { path: path.into(), found: r.found, expected: r.expected };
     let io = |e: std::io::Error| at(Refusal::new(e, "a latitude-longitude map that can be read"));
@@ -151,10 +150,10 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<DecodedMap, MapError> 
     read_from(BufReader::new(file), bytes, options).map_err(at)
 }
 
-/// Reads a map of `bytes` bytes.
+/// Reads a map from `bytes` bytes.
 ///
 /// # Errors
-/// [`Refusal`].
+/// [`Refusal`] for another format, an unsupported property, or a map that is too large.
 pub fn read_from<R: BufRead + Seek>(
     mut reader: R,
     bytes: u64,
@@ -178,7 +177,7 @@ pub fn read_from<R: BufRead + Seek>(
     finish(raster, stated, options)
 }
 
-/// Applies projection, range and coverage.
+/// Applies projection, limits and coverage to the texels.
 fn finish(mut raster: Raster, stated: Stated, options: &ReadOptions) -> Result<DecodedMap, Refusal> {
     let Stated { covers, projection, half, to_rec_709, mut notes } = stated;
     let range = match &to_rec_709 {
@@ -195,7 +194,7 @@ fn finish(mut raster: Raster, stated: Stated, options: &ReadOptions) -> Result<D
     let raster = projection::to_lat_long(raster, projection)?;
     let four_to_one = projection == Projection::LatLong && width == 4 * height;
     let covers = match options.covers {
-        // A whole map may be asked for its upper half: then the file still covers the sphere.
+        // If the upper half of a whole map is requested, the file still covers the sphere.
         Some(Covers::Hemisphere) if covers != Some(Covers::Hemisphere) && !four_to_one => Covers::Sphere,
         Some(covers) => covers,
         None => covers.unwrap_or(Covers::Sphere),
@@ -210,7 +209,7 @@ fn finish(mut raster: Raster, stated: Stated, options: &ReadOptions) -> Result<D
     let Raster { width: columns, height: rows, texels } = raster;
     let clipped = match projection {
         Projection::LatLong => range.clipped,
-        // Resampling keeps no rows: each row of the result has the share of the whole.
+        // Resampling mixes rows: each row of the result gets an equal share of the total.
         _ => {
             let all = range.clipped.iter().map(|n| *n as usize).sum::<usize>();
             vec![(all * columns).div_ceil(width * height) as u32; rows]
@@ -232,7 +231,7 @@ fn shape_note(width: usize, height: usize, wide: usize) -> String {
     )
 }
 
-/// The name of a known other format.
+/// Returns the name of a known other format, or the first bytes of an unknown one.
 fn other(begin: &[u8]) -> String {
     let known: [(&[u8], &str); 11] = [
         (b"\x89PNG", "a PNG picture, which holds display colours"),

@@ -55,8 +55,8 @@ struct Counted<R> {
     bytes: u64,
 }
 
-/// Skips what stands between the scale's white space and the samples: the end of a line of two bytes, or blanks before it. The samples
-/// begin where as many bytes are left as they take, so that a sample's own byte is never skipped.
+/// Skips the second byte of a line end, and blanks before it, between the scale and the samples. The samples are the last `rest` bytes of the
+/// file, so that no byte of a sample is skipped.
 fn skip_blanks(reader: &mut impl BufRead, rest: u64) -> Result<(), Refusal> {
     for _ in 0..rest.min(64) {
         let next = reader.fill_buf().map_err(|e| Refusal::new(e, EXPECTED))?;
@@ -68,7 +68,7 @@ fn skip_blanks(reader: &mut impl BufRead, rest: u64) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// The bytes up to the next white space, of which one byte is consumed.
+/// Returns the text up to the next white space, of which one byte is consumed.
 fn word(reader: &mut Counted<impl BufRead>) -> Result<String, Refusal> {
     let mut text = String::new();
     for byte in reader.reader.by_ref().take(64).bytes() {

@@ -15,13 +15,13 @@ pub(super) const XYZ: Primaries = Primaries([[1.0, 0.0], [0.0, 1.0], [0.0, 0.0],
 type Matrix = [[f64; 3]; 3];
 
 impl Primaries {
-    /// Whether the primaries are those of Rec. 709 as 8-bit or rounded metadata state them.
+    /// Returns true if the primaries are those of Rec. 709 within the rounding of 8-bit metadata.
     pub fn are_rec_709(&self) -> bool {
         let pairs = self.0.as_flattened().iter().zip(REC_709.0.as_flattened());
         pairs.into_iter().all(|(a, b)| (a - b).abs() < 1e-3)
     }
 
-    /// RGB to XYZ, with Y = 1 for white.
+    /// Returns the matrix from RGB to XYZ, with Y = 1 for white; `None` for degenerate primaries.
     fn to_xyz(self) -> Option<Matrix> {
         let [red, green, blue, white] = self.0.map(|[x, y]| [x, y, 1.0 - x - y]);
         let columns = [red, green, blue];
@@ -33,7 +33,7 @@ impl Primaries {
         Some(rows.map(|row| [row[0] * scale[0], row[1] * scale[1], row[2] * scale[2]]))
     }
 
-    /// The matrix to linear Rec. 709.
+    /// Returns the matrix to linear Rec. 709.
     pub fn to_rec_709(self) -> Result<[[f32; 3]; 3], Refusal> {
         let unusable = || {
             let numbers: Vec<_> = self.0.as_flattened().iter().map(|v| format!("{v:.4}")).collect();
@@ -61,7 +61,7 @@ fn apply(m: &Matrix, v: [f64; 3]) -> [f64; 3] {
     m.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
 }
 
-/// The inverse by cofactors.
+/// Returns the inverse by cofactors; `None` for a singular matrix.
 fn inverse(m: &Matrix) -> Option<Matrix> {
     let cofactor = |i: usize, j: usize| {
         let (a, b, c, d) = ((i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3);

@@ -1,10 +1,9 @@
-//! Resampling of other projections to latitude-longitude, with the energy of every source texel kept.
+//! Resampling of other projections to latitude-longitude; the energy of every source texel is kept.
 //!
-//! The centre of an angular map, of a mirror ball and the front face of a cross are the centre of the latitude-longitude map
-//! (azimuth 0, horizon); up is up. Angular maps and crosses are seen from inside, as latitude-longitude maps are. A mirror ball is a
-//! photograph of the ball, with left and right exchanged by the reflection. Strips of six faces are OpenEXR cube maps:
-//! +X, -X, +Y, -Y, +Z, -Z from the top, with OpenEXR's axes x, y, z along azimuth 90 degrees, the zenith and azimuth 0; the outermost
-//! texels are centred on the edges of the faces.
+//! The centre of an angular map, of a mirror ball and of the front face of a cross is the centre of the latitude-longitude map (azimuth 0,
+//! horizon), with the zenith upwards. Angular maps and crosses are seen from inside, like latitude-longitude maps. A mirror ball is a photograph
+//! of the ball, in which the reflection exchanges left and right. Strips of six faces are OpenEXR cube maps: +X, -X, +Y, -Y, +Z, -Z from the top,
+//! with OpenEXR's axes x, y, z along azimuth 90 degrees, the zenith and azimuth 0; the outermost texels are centred on the edges of the faces.
 
 use super::{Raster, Refusal};
 use std::f64::consts::{PI, TAU};
@@ -22,22 +21,22 @@ pub enum Projection {
     Cube,
 }
 
-/// Samples along each side of a target texel.
+/// Number of samples along each side of a target texel.
 const SAMPLES: usize = 4;
 
 /// Mapping between directions and texels of a projection.
 trait TexelMapping {
-    /// Column and row of the texel that shows a unit direction: forward, left, up.
+    /// Returns column and row of the texel in a unit direction: forward, left, up.
     fn texel(&self, direction: [f64; 3]) -> [f64; 2];
-    /// Unit direction of the centre of a texel.
+    /// Returns the unit direction of the centre of a texel.
     fn direction(&self, column: usize, row: usize) -> [f64; 3];
-    /// Solid angle of a texel, steradians.
+    /// Returns the solid angle of a texel, steradians.
     fn solid_angle(&self, column: usize, row: usize) -> f64;
-    /// Columns of a latitude-longitude map of about the same resolution.
+    /// Returns the number of columns of a latitude-longitude map of about the same resolution.
     fn columns(&self) -> usize;
 }
 
-/// Resamples `raster`, which keeps the sum of radiance times solid angle.
+/// Resamples `raster` to latitude-longitude; the sum of radiance times solid angle is kept.
 pub(super) fn to_lat_long(raster: Raster, projection: Projection) -> Result<Raster, Refusal> {
     let (width, height) = (raster.width, raster.height);
     let square = || {
@@ -70,7 +69,8 @@ fn resample(from: &Raster, source: &impl TexelMapping) -> Result<Raster, Refusal
     let target = Target { width, height };
     target.for_each_sample(|_, direction, omega| weights[index(from, source, direction)] += omega as f32);
     texels.resize(width * height, [0.0; 3]);
-    // Each source texel gives its energy to the samples that fall into it, or to the target texel at its centre where none does.
+    // The energy of each source texel is distributed to the samples that lie in it, or added to the target texel at its centre if there are
+    // none.
     for (k, weight) in weights.iter_mut().enumerate() {
         let (column, row) = (k % from.width, k / from.width);
         let omega = source.solid_angle(column, row);
@@ -96,7 +96,7 @@ fn index(from: &Raster, source: &impl TexelMapping, direction: [f64; 3]) -> usiz
     within(row, from.height) * from.width + within(column, from.width)
 }
 
-/// The latitude-longitude map that is filled.
+/// The latitude-longitude map that is computed.
 struct Target {
     width: usize,
     height: usize,
@@ -108,7 +108,7 @@ impl Target {
         (edge(row) - edge(row + 1)) * TAU / self.width as f64
     }
 
-    /// Index of the texel that contains a unit direction.
+    /// Returns the index of the texel that contains a unit direction.
     fn index(&self, [forward, left, up]: [f64; 3]) -> usize {
         let row = up.clamp(-1.0, 1.0).acos() / PI * self.height as f64;
         let column = (PI - left.atan2(forward)) / TAU * self.width as f64;
@@ -173,14 +173,14 @@ impl TexelMapping for MirrorBall {
     }
 
     fn direction(&self, column: usize, row: usize) -> [f64; 3] {
-        // The mirror image of the viewer in the normal (x, y, z).
+        // The reflection of the viewer's direction at the normal (x, y, z).
         let [x, y] = point(self.side, column, row);
         let z = (1.0 - x * x - y * y).max(0.0).sqrt();
         [2.0 * z * z - 1.0, 2.0 * z * x, 2.0 * z * y]
     }
 
     fn solid_angle(&self, column: usize, row: usize) -> f64 {
-        // sin(theta) dtheta dphi over r dr dphi with r = sin(theta / 2) is 4.
+        // The ratio of sin(theta) dtheta dphi to r dr dphi with r = sin(theta / 2) is 4.
         let [x, y] = point(self.side, column, row);
         if x.hypot(y) < 1.0 { 16.0 / (self.side * self.side) } else { 0.0 }
     }
@@ -190,18 +190,18 @@ impl TexelMapping for MirrorBall {
     }
 }
 
-/// Column and row of a point of the unit disc, x to the right and y up.
+/// Returns column and row of a point of the unit disc, x to the right and y up.
 fn disc(side: f64, [x, y]: [f64; 2]) -> [f64; 2] {
     [(x + 1.0) / 2.0 * side, (1.0 - y) / 2.0 * side]
 }
 
-/// The centre of a texel in the square from -1 to 1, x to the right and y up.
+/// Returns the centre of a texel in the square from -1 to 1, x to the right and y up.
 fn point(side: f64, column: usize, row: usize) -> [f64; 2] {
     let at = |k: usize| (2.0 * k as f64 + 1.0) / side - 1.0;
     [at(column), -at(row)]
 }
 
-/// A face of a cube map: its place in faces, and the directions of its centre, of its right and of its upper edge.
+/// A face of a cube map: its position in units of faces, and the directions of its centre, of its right edge and of its upper edge.
 struct Face {
     place: [usize; 2],
     centre: [f64; 3],
@@ -212,7 +212,7 @@ struct Face {
 struct Cube {
     side: usize,
     faces: [Face; 6],
-    /// Whether the outermost texels of a face are centred on its edges, as OpenEXR defines it, and reach as far beyond as within.
+    /// True if the outermost texels of a face are centred on its edges, as OpenEXR defines it, and extend beyond them by half a texel.
     has_texels_on_edges: bool,
 }
 
@@ -238,7 +238,7 @@ impl Cube {
             has_texels_on_edges: false,
         };
         if width.is_multiple_of(3) && 4 * width == 3 * height {
-            // The back face hangs below the bottom face, upside down.
+            // The back face is below the bottom face, rotated by half a turn.
             let back = face(1, 3, BACK, RIGHT, DOWN);
             return Ok(cross(width / 3, back));
         }
@@ -260,7 +260,7 @@ impl Cube {
         Err(Refusal::new(format!("{width} x {height} texels"), "a cube map of 3:4, 4:3 or 1:6"))
     }
 
-    /// The texel of a face, counted from its first one, at `v` from -1 to 1; its fraction grows from one edge of the texel to the other.
+    /// Returns the position in texels, from the first texel of a face, of `v` from -1 to 1; its fraction is the position within the texel.
     fn place(&self, v: f64) -> f64 {
         let side = self.side as f64;
         let at = if self.has_texels_on_edges {
@@ -271,7 +271,7 @@ impl Cube {
         at.clamp(0.0, side - 1e-6)
     }
 
-    /// The inverse of [`Self::place`] without its clamp.
+    /// Inverts [`Self::place`], without its clamp.
     fn position(&self, place: f64) -> f64 {
         let side = self.side as f64;
         if self.has_texels_on_edges {

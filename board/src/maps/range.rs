@@ -1,22 +1,22 @@
-//! The range of radiance that is kept.
+//! Limits of the radiance of maps.
 
-/// Largest finite half float; infinities, which stand for overflow, become this.
+/// Largest finite half float; infinities, which result from overflow, are replaced by it.
 pub const HALF_MAX: f32 = 65504.0;
 
-/// Largest radiance of 32-bit float and RGBE maps: above every light source in any unit, and its square fits f32.
+/// Largest radiance of 32-bit float and RGBE maps: above every light source in any unit; f32 can represent its square.
 pub const FLOAT_MAX: f32 = 1e12;
 
-/// Texels that [`limit`] changed.
+/// Numbers of texels that [`limit`] changed.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub struct Changed {
-    /// Texels with a negative value or NaN, which became 0.
+    /// Number of texels with a negative value or NaN, which became 0.
     pub negative: usize,
-    /// For each row, the number of texels with a value above the largest one.
+    /// For each row, the number of texels with a value above the limit.
     pub clipped: Vec<u32>,
 }
 
 impl Changed {
-    /// The sums of both.
+    /// Adds the counts of `other`.
     #[must_use]
     pub fn with(mut self, other: Self) -> Self {
         self.negative += other.negative;
@@ -25,7 +25,7 @@ impl Changed {
     }
 }
 
-/// Brings infinities of rows of `width` texels to [`HALF_MAX`] or its negative, and counts the texels with one.
+/// Replaces infinities of rows of `width` texels by [`HALF_MAX`] or its negative, and counts the texels with an infinity.
 pub fn limit_infinities(texels: &mut [[f32; 3]], width: usize) -> Changed {
     let mut changed = Changed { negative: 0, clipped: vec![0; texels.len().div_ceil(width.max(1))] };
     for (index, texel) in texels.iter_mut().enumerate() {
@@ -37,7 +37,7 @@ pub fn limit_infinities(texels: &mut [[f32; 3]], width: usize) -> Changed {
     changed
 }
 
-/// Brings every value of rows of `width` texels into 0..=[`HALF_MAX`] (`half`) or 0..=[`FLOAT_MAX`]; an infinity becomes [`HALF_MAX`].
+/// Limits every value of rows of `width` texels to 0..=[`HALF_MAX`] (`half`) or 0..=[`FLOAT_MAX`]; an infinity becomes [`HALF_MAX`].
 pub fn limit(texels: &mut [[f32; 3]], width: usize, half: bool) -> Changed {
     let most = if half { HALF_MAX } else { FLOAT_MAX };
     let mut changed = Changed { negative: 0, clipped: vec![0; texels.len().div_ceil(width.max(1))] };

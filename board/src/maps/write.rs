@@ -19,12 +19,12 @@ pub fn state_coverage(picture: &mut Vec<u8>, covers: Covers) {
     picture.splice(after_signature..after_signature, radiance_line(covers).into_bytes());
 }
 
-/// The attributes of a latitude-longitude map.
+/// Returns the OpenEXR attributes of a latitude-longitude map.
 #[must_use]
 pub fn attributes(covers: Covers) -> LayerAttributes {
     let mut attributes =
         LayerAttributes { software_name: Some("hemilux".into()), ..LayerAttributes::default() };
-    // OpenEXR's own attribute promises the whole sphere.
+    // The attribute `envmap` of OpenEXR is defined for the whole sphere alone.
     if covers == Covers::Sphere {
         attributes.environment_map = Some(EnvironmentMap::LatitudeLongitude);
     }

@@ -1,4 +1,4 @@
-//! Lens files for hemilux, OpenCV and ROS.
+//! Conversion of lens files for hemilux, OpenCV and ROS.
 
 use super::{LensFile, RecordedError, read_lens};
 use hemilux_core::lens::Model;
@@ -10,7 +10,7 @@ use toml::{Table, Value};
 pub enum Target {
     /// A `[lens]` table.
     Hemilux,
-    /// OpenCV's YAML, as `cv::FileStorage` reads it.
+    /// YAML of OpenCV's `cv::FileStorage`.
     Opencv,
     /// The YAML of ROS `camera_info_manager`.
     Ros,
@@ -21,7 +21,7 @@ pub enum Target {
 pub struct Converted {
     /// The text of the new file.
     pub text: String,
-    /// Statements about fitted and omitted values.
+    /// Notes about fitted and omitted values.
     pub notes: Vec<String>,
 }
 
@@ -65,7 +65,7 @@ fn hemilux(file: &LensFile) -> String {
     all.to_string()
 }
 
-/// A lens in the terms of OpenCV and ROS.
+/// A lens in the parameters of OpenCV and ROS.
 struct Yaml {
     size: [u32; 2],
     matrix: [f64; 9],
@@ -127,7 +127,7 @@ impl Yaml {
     }
 }
 
-/// Numbers that OpenCV reads as real: with a decimal point or an exponent.
+/// Formats numbers with a decimal point or an exponent, without which OpenCV reads them as integers.
 fn joined(data: &[f64]) -> String {
     data.iter().map(|v| format!("{v:?}")).collect::<Vec<_>>().join(", ")
 }

@@ -9,21 +9,21 @@ use std::io::{BufRead, BufReader, Cursor, Read, Seek};
 use std::path::Path;
 use std::sync::Arc;
 
-/// Pixels that one byte of a file may stand for, beyond [`FREE_PIXELS`].
+/// Largest number of pixels per byte of a file, beyond [`FREE_PIXELS`].
 const PIXELS_PER_BYTE: u64 = 200;
 
-/// Pixels that a file of any length may have; uniform images compress without limit.
+/// Number of pixels that are accepted for files of any length; uniform images compress without limit.
 const FREE_PIXELS: u64 = 1 << 23;
 
-/// Bytes that a decoder may allocate beside the pixels.
+/// Memory that a decoder may allocate in addition to the pixels, bytes.
 const DECODER_BYTES: u64 = 1 << 26;
 
-/// Bytes that a decoder may allocate for the header, such as a compressed colour profile.
+/// Memory that a decoder may allocate for the header, such as a compressed colour profile, bytes.
 const HEADER_BYTES: u64 = 1 << 24;
 
 const EXPECTED: &str = "a whole PNG, JPEG, PGM or PPM image";
 
-/// An image whose header was read.
+/// An image file whose header was read.
 pub(super) struct Opened {
     decoder: Box<dyn ImageDecoder>,
     /// The file's bytes, if it is a JPEG image.
@@ -36,14 +36,14 @@ pub(super) struct Opened {
 }
 
 impl Opened {
-    /// Columns and rows of the upright image.
+    /// Returns the columns and rows of the upright image.
     pub fn size(&self) -> [u32; 2] {
         let [width, height] = self.size;
         let turned = self.orientation.to_exif() >= 5;
         if turned { [height, width] } else { [width, height] }
     }
 
-    /// Bytes of the decoded samples.
+    /// Returns the memory of the decoded samples, bytes.
     pub fn bytes(&self) -> u64 {
         let sample = if self.format == Format::Rgb48 { 2 } else { 1 };
         3 * sample * u64::from(self.size[0]) * u64::from(self.size[1])
@@ -77,7 +77,7 @@ pub(super) fn open(path: &Path, limits: &ReadLimits) -> Result<Opened, RecordedE
     Ok(Opened { decoder, jpeg_bytes, maxval, orientation, format, size: [width, height] })
 }
 
-/// A decoder whose memory beside the pixels is limited.
+/// Creates a decoder whose memory in addition to the pixels is limited.
 fn decoder(
     input: impl BufRead + Seek + 'static,
     format: Option<ImageFormat>,
@@ -96,7 +96,7 @@ fn decoder(
     Ok(decoder)
 }
 
-/// The bytes of a JPEG file that has an end; the decoder fills what is missing with grey.
+/// Reads a JPEG file and checks that it has an end marker; decoders fill missing parts with grey.
 fn whole_jpeg(path: &Path, mut file: BufReader<File>) -> Result<Arc<[u8]>, RecordedError> {
     let mut bytes = Vec::new();
     file.read_to_end(&mut bytes).map_err(|e| RecordedError::new(path, e, EXPECTED))?;
@@ -127,7 +127,7 @@ pub(super) fn read(path: &Path, opened: Opened) -> Result<Image, RecordedError> 
     Ok(Image { layout, pixels, white: maxval.map(f64::from) })
 }
 
-/// Brings samples that the decoder scaled to the whole range back to codes of 0 to `maxval`.
+/// Converts samples that the decoder scaled to the whole range back to codes of 0 to `maxval`.
 fn unscale(pixels: &mut Pixels, maxval: u32) {
     let code = |v: u32, most: u32| (v * maxval + most / 2) / most;
     match pixels {
@@ -136,7 +136,7 @@ fn unscale(pixels: &mut Pixels, maxval: u32) {
     }
 }
 
-/// The largest sample that the header of a PGM, PPM or PAM image states.
+/// Returns the largest sample that the header of a PGM, PPM or PAM image states.
 fn maxval(begin: &[u8]) -> Option<u32> {
     let text = String::from_utf8_lossy(&begin[..begin.len().min(4096)]);
     let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default());
@@ -149,7 +149,7 @@ fn maxval(begin: &[u8]) -> Option<u32> {
     .filter(|maxval| (1..=0xffff).contains(maxval))
 }
 
-/// The name of a format that is not read.
+/// Returns the name of a format that is not supported.
 fn other(begin: &[u8], kind: Option<ImageFormat>) -> String {
     let raw = [
         "a raw picture or TIFF file (develop it to a linear 16-bit PNG: no raw reader has a permissive licence)",
@@ -167,7 +167,7 @@ fn other(begin: &[u8], kind: Option<ImageFormat>) -> String {
 }
 
 impl ReadLimits {
-    /// Checks the size of one image, before memory is taken for its pixels.
+    /// Checks the size of one image before memory is allocated for its pixels.
     fn check(&self, path: &Path, [width, height]: [u32; 2], length: u64) -> Result<(), RecordedError> {
         let pixels = u64::from(width) * u64::from(height);
         let by_length = length.saturating_mul(PIXELS_PER_BYTE).max(FREE_PIXELS);
@@ -183,7 +183,7 @@ impl ReadLimits {
 /// Largest number of bytes after the rows of a raw frame.
 const MAX_TRAILER: u64 = 1 << 16;
 
-/// Reads one frame as the driver packed it.
+/// Reads one frame in the packing of the driver.
 pub(super) fn read_raw(path: &Path, layout: Layout) -> Result<Image, RecordedError> {
     let rows = layout.frame_bytes() as u64;
     let expected = format!("{rows} bytes of a raw frame");

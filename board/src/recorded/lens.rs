@@ -13,7 +13,7 @@ use serde::Deserialize;
 use std::path::Path;
 use toml::{Table, Value};
 
-/// A file with a `[lens]` table, as `hemilux-sim burst --lens` takes.
+/// A file with a `[lens]` table, such as `hemilux-sim burst --lens` reads.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct LensManifest {
@@ -22,9 +22,9 @@ struct LensManifest {
     lens: LensTable,
     response: Option<ResponseTable>,
     sensor: Option<SensorTable>,
-    /// The origin of the lens, which `hemilux calibrate` writes and reads.
+    /// The origin and accuracy of the lens, which `hemilux calibrate` writes and reads.
     calibration: Option<Table>,
-    /// The unit of radiance: `hemilux calibrate photometric` writes it.
+    /// The photometric calibration, which `hemilux calibrate photometric` writes.
     #[allow(dead_code, reason = "read by parse_photometric")]
     photometric: Option<Table>,
 }
@@ -38,26 +38,26 @@ fn version_one() -> i64 {
 pub struct LensFile {
     /// Lens model of the file.
     pub lens: Lens,
-    /// Image columns and rows.
+    /// Columns and rows of the images.
     pub size: [u32; 2],
-    /// Codes to relative exposure; linear where the file has no `[response]`.
+    /// Response from codes to relative exposure; linear where the file has no `[response]`.
     pub response: Response,
-    /// Black and white level where the file names both.
+    /// Black and white level, where the file states both.
     pub levels: Option<Levels>,
-    /// The values of the `[lens]` table, for copying into a `burst.toml`.
+    /// The `[lens]` table, for copying into a `burst.toml`.
     pub lens_table: Table,
-    /// The values of the `[response]` table, where the file has one.
+    /// The `[response]` table, where the file has one.
     pub response_table: Option<Table>,
-    /// The `[calibration]` table: how the lens came about.
+    /// The `[calibration]` table: origin and accuracy of the lens.
     pub calibration_table: Option<Table>,
-    /// The part of the sensor that its pictures show, where the file tells it.
+    /// The part of the sensor that the file's pictures cover, where the file states it.
     pub shown: Option<Shown>,
-    /// Statements about the conversion of a file of another program.
+    /// Notes about the conversion of a file of another program.
     pub notes: Vec<String>,
 }
 
 impl LensFile {
-    /// The file of `lens` for images of `size`, with a linear response and without tables.
+    /// Creates the contents of a file with `lens` for images of `size`, with a linear response and without tables.
     #[cfg(feature = "foreign-lenses")]
     fn of_lens(lens: Lens, size: [u32; 2]) -> Self {
         Self {
@@ -73,14 +73,14 @@ impl LensFile {
         }
     }
 
-    /// The response, where the file has a `[response]` table.
+    /// Returns the response, where the file has a `[response]` table.
     #[must_use]
     pub fn told_response(&self) -> Option<Response> {
         self.response_table.as_ref().map(|_| self.response)
     }
 }
 
-/// Whether a text is a lens file of hemilux: it has a `[lens]` table or a `lens.` key.
+/// Returns true if a text is a lens file of hemilux: it has a `[lens]` table or a `lens.` key.
 #[cfg(feature = "foreign-lenses")]
 fn is_ours(text: &str) -> bool {
     let mut lines = text.lines().map(str::trim_start);
@@ -93,15 +93,15 @@ fn is_ours(text: &str) -> bool {
 /// `foreign-lenses`, a file of OpenCV, Kalibr, ROS, COLMAP or OCamCalib.
 ///
 /// # Errors
-/// [`RecordedError`].
+/// [`RecordedError`] for a file that cannot be read or is not a lens file.
 pub fn read_lens(path: &Path) -> Result<LensFile, RecordedError> {
     parse_lens(path, &read_text(path)?)
 }
 
-/// As [`read_lens`], for a text; errors name `path`.
+/// Parses a lens file like [`read_lens`] from `text`; errors name `path`.
 ///
 /// # Errors
-/// [`RecordedError`].
+/// [`RecordedError`] for a text that is not a lens file.
 pub fn parse_lens(path: &Path, text: &str) -> Result<LensFile, RecordedError> {
     #[cfg(feature = "foreign-lenses")]
     if !is_ours(text) {
@@ -130,7 +130,7 @@ pub fn parse_lens(path: &Path, text: &str) -> Result<LensFile, RecordedError> {
     })
 }
 
-/// The `[lens]` table of a lens, without its vignetting.
+/// Returns the `[lens]` table of a lens, without its vignetting.
 #[must_use]
 pub fn lens_table(lens: &Lens, size: [u32; 2]) -> Table {
     let p = lens.intrinsics();

@@ -57,10 +57,10 @@ struct FormatTable {
     bytes_per_line: Option<usize>,
     range: Option<String>,
     matrix: Option<String>,
-    /// Quads of one colour that are binned while frames are read, across and down.
+    /// Number of quads of one colour that are binned while frames are read, along both sides.
     #[serde(default = "one_quad")]
     bin: u32,
-    /// Whether the camera's frames were compressed.
+    /// True if the camera's frames were compressed.
     #[serde(default)]
     compressed: bool,
 }
@@ -144,7 +144,7 @@ pub(super) fn read<T: for<'de> Deserialize<'de>>(path: &Path) -> Result<T, Recor
 /// Reads from the `burst.toml` in `folder` the part of the sensor that the pictures show; `None` if the file does not state it.
 ///
 /// # Errors
-/// [`RecordedError`].
+/// [`RecordedError`] for a `burst.toml` that cannot be read.
 pub fn read_shown(folder: &Path) -> Result<Option<Shown>, RecordedError> {
     let path = folder.join("burst.toml");
     let manifest: Manifest = read(&path)?;
@@ -172,7 +172,7 @@ pub(super) fn parse<T: for<'de> Deserialize<'de>>(path: &Path, text: &str) -> Re
         RecordedError::new(
             path,
             format!("{} (line {line})", e.message()),
-            "what \"Recorded burst\" of board/FORMATS.md defines",
+            "the keys of \"Recorded burst\" in board/FORMATS.md",
         )
     })
 }
@@ -185,7 +185,7 @@ pub(super) fn check_version(path: &Path, version: i64) -> Result<(), RecordedErr
     }
 }
 
-/// Whether `name` is a file name without a folder part.
+/// Returns true if `name` is a file name without a folder part.
 fn is_bare(name: &str) -> bool {
     let mut parts = Path::new(name).components();
     matches!((parts.next(), parts.next()), (Some(Component::Normal(_)), None)) && !name.contains(['/', '\\'])
@@ -223,13 +223,13 @@ impl Manifest {
         Ok(())
     }
 
-    /// Time stamp of the frame of the shortest exposure.
+    /// Returns the timestamp of the frame with the shortest exposure, nanoseconds.
     pub(super) fn shortest_ns(&self) -> Option<u64> {
         let light = |frame: &FrameTable| frame.exposure_s * frame.gain;
         self.frame.iter().min_by(|a, b| light(a).total_cmp(&light(b)))?.timestamp_ns
     }
 
-    /// The packing of raw frames; `None` for images.
+    /// Returns the packing of raw frames; `None` for images.
     pub(super) fn layout(&self, path: &Path) -> Result<Option<Layout>, RecordedError> {
         self.format.as_ref().map(|table| table.layout(path)).transpose()
     }
@@ -290,7 +290,7 @@ fn calibration(
     Ok(calibration)
 }
 
-/// The coefficients of a monotone curve.
+/// Returns nine coefficients of a monotone curve; `None` if they are not nine ascending numbers from 0 to 1.
 fn nine_ascending(values: Option<&[f64]>) -> Option<[f64; 9]> {
     let nine = <[f64; 9]>::try_from(values?).ok()?;
     (nine.is_sorted() && nine[0] >= 0.0 && nine[8] <= 1.0).then_some(nine)

@@ -1,6 +1,6 @@
 //! Recorded bursts: folders with a `burst.toml` and one image per exposure, as `board/FORMATS.md` defines them.
 //!
-//! Input is untrusted: sizes are bounded, file names have no folder part, and every error is one line.
+//! Files are untrusted: sizes are bounded, file names have no folder part, and every error is one line.
 
 #[cfg(feature = "foreign-lenses")]
 mod convert;
@@ -35,21 +35,21 @@ pub use shown::Shown;
 /// Largest `burst.toml`, `sequence.toml` or lens file, bytes.
 const MAX_MANIFEST_BYTES: u64 = 1 << 20;
 
-/// The failure to read a recorded burst: one line that names the file, the found and the expected value.
+/// An error in a recorded burst: one line with the file, the value that was found and the value that was expected.
 #[derive(Debug, thiserror::Error)]
 #[error("{path}: found {found}, expected {expected}")]
 pub struct RecordedError {
     /// The file or folder.
     pub path: PathBuf,
-    /// The found value, in words.
+    /// Description of the value that was found.
     pub found: String,
-    /// The expected value, in words.
+    /// Description of the value that was expected.
     pub expected: String,
 }
 
 impl RecordedError {
     pub(crate) fn new(path: &Path, found: impl Display, expected: impl Display) -> Self {
-        // A parser's message may span lines; ours never do.
+        // A parser's message may have several lines, which are joined.
         let one_line = |v: String| v.split_whitespace().collect::<Vec<_>>().join(" ");
         Self {
             path: path.into(),
@@ -59,17 +59,17 @@ impl RecordedError {
     }
 }
 
-/// Limits on what is read, checked before memory is taken.
+/// Limits on a burst's size, checked before memory is allocated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReadLimits {
-    /// Most pixels of one image; `None` stands for [`ReadLimits::MAX_PIXELS`] and a limit that follows from the file's length.
+    /// Largest number of pixels of one image; `None` for [`ReadLimits::MAX_PIXELS`] and a limit by the file's length.
     pub max_pixels: Option<u64>,
-    /// Most bytes of the samples of a burst.
+    /// Largest memory of the samples of a burst, bytes.
     pub max_burst_bytes: u64,
 }
 
 impl ReadLimits {
-    /// Most pixels of one image by default: 134 million.
+    /// Default of the largest number of pixels of one image: 134 million.
     pub const MAX_PIXELS: u64 = 1 << 27;
 }
 
@@ -82,35 +82,35 @@ impl Default for ReadLimits {
 /// Reads one burst, its frames in ascending order of exposure.
 ///
 /// # Errors
-/// [`RecordedError`] for files that are missing, truncated, of another type or contradict each other.
+/// [`RecordedError`] for files that are missing, truncated, of another type or contradictory.
 pub fn read_burst(folder: &Path) -> Result<RecordedBurst, RecordedError> {
     read_recorded(folder, &ReadLimits::default())
 }
 
-/// A burst that was read, with the names of its files.
+/// A recorded burst with the names of its files.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordedBurst {
     /// The calibration of the camera.
     pub calibration: Calibration,
-    /// The frames in ascending order of exposure.
+    /// The frames, in ascending order of exposure.
     pub burst: Burst,
-    /// The file of each frame.
+    /// File name of each frame.
     pub files: Vec<String>,
 }
 
 /// Reads one burst within `limits`.
 ///
 /// # Errors
-/// As [`read_burst`], and for images above the limits.
+/// [`RecordedError`] for files that are missing, truncated, of another type, contradictory, or above the limits.
 pub fn read_recorded(folder: &Path, limits: &ReadLimits) -> Result<RecordedBurst, RecordedError> {
     let path = folder.join("burst.toml");
     read_manifest(folder, &path, &manifest::read(&path)?, limits)
 }
 
-/// Reads the burst in `folder` that the text of a `burst.toml` describes.
+/// Reads the burst in `folder` that `text`, the contents of a `burst.toml`, describes.
 ///
 /// # Errors
-/// As [`read_recorded`].
+/// [`RecordedError`] for files that are missing, truncated, of another type, contradictory, or above the limits.
 pub fn read_described(
     folder: &Path,
     text: &str,
@@ -157,7 +157,7 @@ fn read_manifest(
     })
 }
 
-/// Reads the headers of all images, checks what they take together, then decodes one after the other.
+/// Reads the headers of all images, checks their total memory, then decodes them one after the other.
 fn read_images(folder: &Path, files: &[PathBuf], limits: &ReadLimits) -> Result<Vec<Image>, RecordedError> {
     let mut size = None;
     let mut bytes = 0;
@@ -187,7 +187,7 @@ fn check_bytes(folder: &Path, bytes: u64, limits: &ReadLimits) -> Result<(), Rec
 struct Image {
     layout: Layout,
     pixels: Pixels,
-    /// Code of relative exposure 1, where the file states it.
+    /// Code of relative exposure 1, where the file states it; `None` otherwise.
     white: Option<f64>,
 }
 
@@ -201,10 +201,10 @@ pub struct GreyImage {
     pub samples: Vec<u8>,
 }
 
-/// Columns and rows of the upright image in a file, from its header.
+/// Returns the columns and rows of the upright image in a file, from its header.
 ///
 /// # Errors
-/// [`RecordedError`] for a file that is no whole PNG, JPEG, PGM or PPM image.
+/// [`RecordedError`] for a file that is not a complete PNG, JPEG, PGM or PPM image.
 pub fn image_size(path: &Path) -> Result<[u32; 2], RecordedError> {
     Ok(images::open(path, &ReadLimits::default())?.size())
 }
@@ -212,7 +212,7 @@ pub fn image_size(path: &Path) -> Result<[u32; 2], RecordedError> {
 /// Reads a picture as grey samples of eight bits.
 ///
 /// # Errors
-/// [`RecordedError`] for files that are no whole PNG, JPEG, PGM or PPM image.
+/// [`RecordedError`] for a file that is not a complete PNG, JPEG, PGM or PPM image.
 #[cfg(feature = "calibrate")]
 pub fn read_grey(path: &Path) -> Result<GreyImage, RecordedError> {
     let image = images::read(path, images::open(path, &ReadLimits::default())?)?;
@@ -230,21 +230,21 @@ pub fn read_grey(path: &Path) -> Result<GreyImage, RecordedError> {
     Ok(GreyImage { width: image.layout.width() as usize, samples })
 }
 
-/// One burst of a recording, before it is read.
+/// A burst of a recording that has not been read yet.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct BurstFolder {
     /// Folder with the `burst.toml` of the burst.
     pub folder: PathBuf,
-    /// Time of the burst by the recording's `sequence.toml`, nanoseconds; 0 where it has none.
+    /// Time of the burst in the recording's `sequence.toml`, nanoseconds; 0 where it has none.
     pub timestamp_ns: u64,
 }
 
-/// Lists the bursts of a recording in the order of time.
+/// Lists the bursts of a recording in order of time.
 ///
-/// `folder` is a burst itself, holds a `sequence.toml`, or holds bursts, which are then taken in name order.
+/// `folder` is a burst, contains a `sequence.toml`, or contains bursts, which are then listed in order of their names.
 ///
 /// # Errors
-/// [`RecordedError`].
+/// [`RecordedError`] for a folder of another kind or a wrong `sequence.toml`.
 pub fn read_sequence(folder: &Path) -> Result<Vec<BurstFolder>, RecordedError> {
     if folder.join("burst.toml").is_file() {
         return Ok(vec![BurstFolder { folder: folder.into(), timestamp_ns: 0 }]);

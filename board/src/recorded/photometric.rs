@@ -1,4 +1,4 @@
-//! Photometric calibrations: the luminance of radiance 1, by class of light source.
+//! Photometric calibrations: luminance per unit of radiance, by class of light source.
 
 use super::RecordedError;
 use super::manifest::{check_version, parse, read_text};
@@ -8,19 +8,19 @@ use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// The class of a calibration that was measured without a statement of the light source.
+/// The class of a calibration without a statement of the light source.
 pub const ANY_CLASS: &str = "any";
 
-/// Luminance of radiance 1 before a camera, for one class of light source.
+/// Luminance per unit of a camera's radiance, for one class of light source.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Photometric {
     /// Class of light source: `any`, `daylight`, `led`, `warm` or another name.
     pub class: String,
-    /// Candela per square metre of radiance 1, and lux of irradiance 1.
+    /// Candela per square metre per unit of radiance, and lux per unit of irradiance.
     pub factor: f64,
     /// Relative uncertainty of `factor` with 95 % coverage.
     pub uncertainty: f64,
-    /// [`radiometry`] of the camera by which it was measured.
+    /// Value of [`radiometry`] for the camera with which the factor was measured.
     pub camera: String,
 }
 
@@ -48,16 +48,16 @@ struct Table {
 struct Class {
     factor: f64,
     uncertainty: f64,
-    /// The single readings, which `hemilux calibrate photometric` combines.
+    /// The readings that `hemilux calibrate photometric` combines to the factor.
     #[allow(dead_code, reason = "checked for its type alone")]
     reading: Option<Vec<toml::Table>>,
 }
 
-/// Reads the photometric calibration of `class` from the table `[photometric]` of a lens file or a file of its own; without a class, that
-/// of [`ANY_CLASS`] or the only one.
+/// Reads the photometric calibration of `class` from the table `[photometric]` of a lens file or of another file; without a class, that of
+/// [`ANY_CLASS`] or of the only class.
 ///
 /// # Errors
-/// [`RecordedError`].
+/// [`RecordedError`] for a file that cannot be read, a missing table, or an unknown class.
 pub fn read_photometric(path: &Path, class: Option<&str>) -> Result<Photometric, RecordedError> {
     let found = parse_photometric(path, &read_text(path)?, class)?;
     found.ok_or_else(|| {
@@ -66,10 +66,10 @@ pub fn read_photometric(path: &Path, class: Option<&str>) -> Result<Photometric,
     })
 }
 
-/// As [`read_photometric`], for a text; `None` without the table.
+/// Parses a photometric calibration from `text` like [`read_photometric`]; `None` without the table.
 ///
 /// # Errors
-/// [`RecordedError`].
+/// [`RecordedError`] for wrong values or an unknown class.
 pub fn parse_photometric(
     path: &Path,
     text: &str,
@@ -92,10 +92,10 @@ pub fn parse_photometric(
     Ok(Some(Photometric { class: name.clone(), factor, uncertainty, camera: table.camera }))
 }
 
-/// The digest of the camera in the `[photometric]` table; `None` without the table.
+/// Returns the digest of the camera in the `[photometric]` table; `None` without the table.
 ///
 /// # Errors
-/// [`RecordedError`].
+/// [`RecordedError`] for a file that cannot be read.
 pub fn photometric_camera(path: &Path) -> Result<Option<String>, RecordedError> {
     let text = read_text(path)?;
     if !text.contains("[photometric]") {
@@ -110,8 +110,8 @@ fn usual(classes: &BTreeMap<String, Class>) -> Option<&str> {
     classes.contains_key(ANY_CLASS).then_some(ANY_CLASS).or_else(only)
 }
 
-/// A digest of all that turns codes of a camera into radiance: response, levels, scale, white balance and vignetting. Image size and
-/// geometry of the lens have no part in it.
+/// Returns a digest of the conversion from a camera's codes to radiance: response, levels, scale, white balance and vignetting, without image
+/// size and geometry of the lens.
 #[must_use]
 pub fn radiometry(calibration: &Calibration) -> String {
     let most = f64::from(calibration.layout.format().max_code());
@@ -126,7 +126,7 @@ pub fn radiometry(calibration: &Calibration) -> String {
     let balance = calibration.white_balance.map(f64::from);
     let numbers = [kind, calibration.scale].into_iter().chain(curve.iter().copied()).chain(balance);
     let numbers = numbers.chain(levels).chain(calibration.lens.intrinsics().vignetting);
-    // FNV-1a over the numbers with seven significant digits.
+    // FNV-1a over the numbers, each with seven significant digits.
     let bytes = numbers.flat_map(|v| format!("{v:.6e};").into_bytes());
     let digest = bytes
         .fold(0xcbf2_9ce4_8422_2325u64, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3));
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn the_only_class_is_taken_and_of_several_the_named_one() {
+    fn the_only_class_or_the_named_class_is_used() {
         let led = read(FILE, None).expect("a file").expect("a calibration");
         assert_eq!((led.class.as_str(), led.factor, led.uncertainty), ("led", 120.0, 0.05));
         let two = format!("{FILE}[photometric.class.warm]\nfactor = 99.0\nuncertainty = 0.1\n");
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn files_without_the_table_have_none_and_bad_numbers_are_refused() {
+    fn a_missing_table_is_none_and_wrong_numbers_are_refused() {
         assert_eq!(read("version = 1\n[lens]\nmodel = \"equidistant\"\n", None).expect("a file"), None);
         for (from, to) in
             [("120.0", "-1.0"), ("120.0", "nan"), ("0.05", "2.0"), ("\"0\"", "0"), ("factor", "faktor")]

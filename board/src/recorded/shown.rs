@@ -1,14 +1,14 @@
-//! The part of a sensor that a lens file was made for, and the same lens for pictures of another part.
+//! The part of a sensor to which a lens file applies, and the conversion of its lens to another part.
 
 use glam::DVec2;
 use hemilux_core::lens::{Intrinsics, Lens};
 
-/// The part of a sensor that pictures show.
+/// The part of a sensor that pictures cover.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shown {
     /// Left, top, width and height, in pixels of the sensor from the corner of its active area.
     pub crop: [u32; 4],
-    /// Sensor pixels that make a pixel of the picture, across and down.
+    /// Sensor pixels per pixel of the picture, horizontally and vertically.
     pub binning: [u32; 2],
 }
 
@@ -46,7 +46,7 @@ mod tests {
     use glam::DVec3;
     use hemilux_core::lens::Model;
 
-    /// Modes of imx219 as its driver has them.
+    /// Modes of imx219 from its driver.
     const FULL: Shown = Shown { crop: [0, 0, 3280, 2464], binning: [2, 2] };
     const SMALL: Shown = Shown { crop: [1000, 752, 1280, 960], binning: [2, 2] };
     const PLAIN: Shown = Shown { crop: [680, 692, 1920, 1080], binning: [1, 1] };
@@ -65,9 +65,9 @@ mod tests {
         Lens::try_new(intrinsics).expect("a lens")
     }
 
-    /// A direction falls on the same pixel of the sensor in each mode.
+    /// A direction has the same position on the sensor in each mode.
     #[test]
-    fn a_converted_lens_sees_a_direction_at_the_same_sensor_pixel() {
+    fn a_converted_lens_projects_a_direction_to_the_same_sensor_pixel() {
         let sensor = |shown: &Shown, px: DVec2| {
             let at =
                 |axis: usize| f64::from(shown.crop[axis]) + (px[axis] + 0.5) * f64::from(shown.binning[axis]);
@@ -89,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mode_that_does_not_show_the_centre_has_no_lens() {
+    fn a_mode_without_the_centre_has_no_lens() {
         let corner = Shown { crop: [0, 0, 640, 480], binning: [1, 1] };
         assert_eq!(FULL.convert(&lens(), &corner), None, "the upper left corner");
     }

@@ -69,7 +69,7 @@ impl Adapter for PhotometricSource {
             if !self.applies {
                 tracing::warn!(
                     "photometric: found another response, level or vignetting than that of the calibration, lights are relative: \
-                     calibrate photometric anew"
+                     calibrate photometric again"
                 );
             }
         }

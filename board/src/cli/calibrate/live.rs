@@ -1,4 +1,4 @@
-//! `hemilux calibrate lens --live`: pictures are taken from a running source.
+//! `hemilux calibrate lens --live`: takes pictures from a running source.
 
 use super::super::Failure;
 use crate::calibrate::{Calibrated, Guide, Offer, Request, grey_of};
@@ -7,13 +7,13 @@ use crate::source::{self, SourceError, Spec};
 use std::io::Write;
 use std::time::{Duration, Instant};
 
-/// Pictures with which a covered view is enough.
+/// Number of pictures that suffices once the field of view is covered.
 const ENOUGH: usize = 12;
 
-/// Longest time without a burst.
+/// Longest time without a burst, after which the command fails.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// Takes pictures until the view is covered, `most` are taken or the time is over, and computes the lens.
+/// Takes pictures until the view is covered, `most` are taken or the time has passed, and computes the lens.
 pub(super) fn live(
     spec: &Spec,
     request: Request,

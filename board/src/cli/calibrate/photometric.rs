@@ -1,4 +1,4 @@
-//! `hemilux calibrate photometric`: from relative radiance to candela per square metre.
+//! `hemilux calibrate photometric`: measures the factor from relative radiance to candela per square metre.
 
 use super::{Failure, say};
 use crate::calibrate::{
@@ -11,63 +11,64 @@ use glam::DVec2;
 use std::fmt::Write;
 use std::path::PathBuf;
 
-/// Limit of error of a usual luxmeter, percent.
+/// Usual error limit of a luxmeter, percent.
 const METER_PERCENT: f64 = 5.0;
 
 #[derive(Debug, Args)]
 pub(super) struct PhotometricOptions {
-    /// The source that the probe will serve, with its lens file.
+    /// The source, with the lens file that the probe will use.
     #[arg(long, value_parser = str::parse::<Spec>)]
     source: Spec,
-    /// Direct: reading of a luxmeter beside the probe and level with it.
+    /// Direct: reading of a luxmeter next to the probe and level with it, lux.
     #[arg(long, value_name = "LUX", value_parser = positive, conflicts_with = "patch", required_unless_present = "patch")]
     lux: Option<f64>,
-    /// Direct: what the part of the hemisphere that the lens does not see is taken to hold.
+    /// Direct: assumed radiance of the part of the hemisphere outside of the lens's field of view.
     #[arg(long, value_enum, default_value = "rim")]
     unseen: Lies,
     /// Indirect: outline of a matt patch in the image, pixels, at least three corners in order.
     #[arg(long, value_name = "X,Y/X,Y/...", value_parser = outline, requires = "reflectance", requires = "illuminance")]
     patch: Option<Outline>,
-    /// Indirect: share of the light that the patch reflects, such as 0.18.
+    /// Indirect: reflectance of the patch, such as 0.18.
     #[arg(long, value_name = "SHARE", value_parser = share, requires = "patch")]
     reflectance: Option<f64>,
-    /// Indirect: reading of a luxmeter that lies on the patch.
+    /// Indirect: reading of a luxmeter that lies on the patch, lux.
     #[arg(long, value_name = "LUX", value_parser = positive, requires = "patch")]
     illuminance: Option<f64>,
-    /// Class of the light source: readings of one class are combined; `serve --light-class` names one.
+    /// Class of the light source: readings of one class are combined; `serve --light-class` selects a class.
     #[arg(long, value_name = "NAME", default_value = ANY_CLASS, value_parser = class)]
     class: String,
-    /// Bursts that are averaged.
+    /// Number of bursts that are averaged.
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..=1000))]
     bursts: u16,
-    /// Limit of error of the luxmeter, percent of its reading.
+    /// Error limit of the luxmeter, percent of its reading.
     #[arg(long, value_name = "PERCENT", default_value_t = METER_PERCENT, value_parser = positive)]
     meter_percent: f64,
-    /// Limit of error of the reflectance, percent of it.
+    /// Error limit of the reflectance, percent of its value.
     #[arg(long, value_name = "PERCENT", default_value_t = 3.0, value_parser = positive)]
     reflectance_percent: f64,
-    /// The calibration file, such as the lens file; all but its [photometric] table is kept.
+    /// The calibration file, such as the lens file; its other tables are kept.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Compare the reading with the calibration in the file and change nothing: below 10 % is good, above 25 % is a failure.
+    /// Compare the reading with the calibration in the file, which is not changed: a difference below 10 % is good, one above 25 % is a
+    /// failure.
     #[arg(long)]
     check: bool,
-    /// Drop the earlier readings of the class, and all of another camera.
+    /// Drop the earlier readings of the class, and all readings of another camera.
     #[arg(long, conflicts_with = "check")]
     fresh: bool,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Lies {
-    /// At each azimuth, the radiance at the rim of the view.
+    /// At each azimuth, the radiance at the rim of the field of view.
     Rim,
-    /// The mean radiance of what is seen.
+    /// The mean radiance of the field of view.
     Average,
-    /// No light.
+    /// No light from outside of the field of view.
     Dark,
 }
 
-/// Corners of a patch.
+/// Corners of a patch, pixels.
 #[derive(Clone, Debug)]
 struct Outline(Vec<DVec2>);
 
@@ -116,7 +117,7 @@ impl PhotometricOptions {
         }
     }
 
-    /// The standard deviation that readings with this meter, and this patch, share. A limit of error is two of them.
+    /// Returns the relative standard deviation that is common to all readings with this meter and patch: half of the error limit.
     fn shared(&self) -> f64 {
         let patch = if self.patch.is_some() { self.reflectance_percent } else { 0.0 };
         self.meter_percent.hypot(patch) / 200.0
@@ -158,7 +159,7 @@ fn told(method: &Method, reading: &FactorReading) -> String {
         };
         let _ = writeln!(
             text,
-            "{:.1} % of a level surface's view lies outside of the lens's and is taken to be {holds}",
+            "{:.1} % of the irradiance of a level surface comes from outside of the lens's field and is assumed to be {holds}",
             100.0 * reading.unseen
         );
     }
@@ -174,13 +175,13 @@ fn compare(options: &PhotometricOptions, reading: &FactorReading) -> Result<(), 
             options.class
         )));
     };
-    // The probe tells `kept`; the meter tells `reading`.
+    // `kept` is the probe's factor, `reading` that of the meter.
     let off = kept.factor / reading.factor - 1.0;
     let verdict = Verdict::of(off);
-    let line = format!("the probe tells {:+.1} % of the reading: {}", 100.0 * off, verdict.name());
+    let line = format!("the probe differs by {:+.1} % from the reading: {}", 100.0 * off, verdict.name());
     match verdict {
         Verdict::Reject => Err(Failure::new(format!(
-            "{path}: found that {line}, expected within 25 %: calibrate anew with --fresh, or keep a --class of its own for this kind of light"
+            "{path}: found that {line}, expected within 25 %: calibrate again with --fresh, or use another --class for this kind of light"
         ))),
         _ => say(&format!("{line} (below 10 % is good, above 25 % a reject)\n")),
     }

@@ -1,11 +1,11 @@
-//! The primaries that a header states: by `chromaticities`, else by the name of a colour space.
+//! The primaries of a file, from the attribute `chromaticities` or from the name of a colour space.
 
 use super::super::primaries::{Primaries, REC_709};
 use super::attribute;
 use exr::meta::attribute::AttributeValue;
 use exr::meta::header::Header;
 
-/// Primaries and the attribute that states them.
+/// Primaries, and the attribute that states them.
 pub(super) struct Space {
     pub primaries: Primaries,
     pub stated_by: String,
@@ -20,7 +20,7 @@ const AP1: Primaries = Primaries([[0.713, 0.293], [0.165, 0.83], [0.128, 0.044],
 const REC_2020: Primaries = Primaries([[0.708, 0.292], [0.17, 0.797], [0.131, 0.046], [0.3127, 0.329]]);
 const P3_D65: Primaries = Primaries([[0.68, 0.32], [0.265, 0.69], [0.15, 0.06], [0.3127, 0.329]]);
 
-/// The Color Interop Forum's names of scene-linear spaces, and those of OpenColorIO's configurations.
+/// Names of scene-linear colour spaces: those of the Color Interop Forum and of OpenColorIO's configurations.
 const NAMES: [(&str, Primaries); 21] = [
     ("lin_rec709_scene", REC_709),
     ("lin_rec709", REC_709),
@@ -45,7 +45,7 @@ const NAMES: [(&str, Primaries); 21] = [
     ("linear p3-d65", P3_D65),
 ];
 
-/// The space that the header states; an unknown name adds a note.
+/// Returns the colour space that the header states; an unknown name adds a note.
 pub(super) fn of(header: &Header, notes: &mut Vec<String>) -> Option<Space> {
     if let Some(c) = header.shared_attributes.chromaticities {
         let primaries = Primaries([c.red, c.green, c.blue, c.white].map(|v| [v.x().into(), v.y().into()]));

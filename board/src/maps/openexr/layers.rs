@@ -1,29 +1,29 @@
-//! The colour layers of an OpenEXR file, and the choice among them.
+//! The colour layers of an OpenEXR file, and the selection of one of them.
 
 use super::super::Refusal;
 use exr::meta::header::Header;
 
-/// Most names that an error lists.
+/// Largest number of names that an error lists.
 const MAX_NAMES: usize = 12;
 
-/// A colour layer: three channels of one part with a common prefix, or one channel that stands for all three.
+/// A colour layer: three channels of one part with a common prefix, or one channel that is used for all three.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Layer {
     /// Index of the part.
     pub part: usize,
-    /// Name of the part, and of the layer within it; empty for unprefixed channels of a part without a name.
+    /// Name of the part and of the layer within it; empty for unprefixed channels of a part without a name.
     pub name: String,
     /// Indices of the red, green and blue channel.
     pub channels: [usize; 3],
-    /// Whether the channel is one of luminance.
+    /// True for a layer of luminance alone.
     is_grey: bool,
-    /// Whether the channels have no prefix.
+    /// True if the channels have no prefix.
     is_root: bool,
-    /// Whether the file has other colour layers.
+    /// True if the file has other colour layers.
     pub is_one_of_several: bool,
 }
 
-/// The layer called `name`, or the only one, or the one without a name.
+/// Returns the layer called `name`; without a name, the only layer or the one without a name.
 pub(super) fn choose(headers: &[Header], name: Option<&str>) -> Result<Layer, Refusal> {
     let all: Vec<Layer> = headers.iter().enumerate().flat_map(|(part, h)| of_part(part, h)).collect();
     let has_colour = all.iter().any(|l| !l.is_grey);
@@ -66,7 +66,7 @@ fn listed(names: impl Iterator<Item = String>) -> String {
     if more > 0 { format!("{list} and {more} more") } else { list }
 }
 
-/// Tells why a file has no colour layer.
+/// Returns the reason why a file has no colour layer.
 fn no_colour(headers: &[Header]) -> Refusal {
     let channels = headers.iter().flat_map(|h| h.channels.list.iter().map(|c| c.name.to_string()));
     let deep = if headers.iter().any(|h| h.deep) { "deep data, " } else { "" };
@@ -76,7 +76,7 @@ fn no_colour(headers: &[Header]) -> Refusal {
     )
 }
 
-/// The colour layers of one part.
+/// Returns the colour layers of one part.
 fn of_part(part: usize, header: &Header) -> Vec<Layer> {
     if header.deep {
         return Vec::new();
@@ -91,7 +91,7 @@ fn of_part(part: usize, header: &Header) -> Vec<Layer> {
             |wanted: &[&str]| names.iter().position(|n| split(n).0 == prefix && wanted.contains(&split(n).1));
         let colour = [&["R", "r", "red", "Red"], &["G", "g", "green", "Green"], &["B", "b", "blue", "Blue"]]
             .map(|w| find(w));
-        // X or Z beside Y is a position or a normal; RY or BY beside it is chroma.
+        // Y with X or Z is a position or a normal; Y with RY or BY is the luminance of chroma-subsampled colours.
         let is_luminance = find(&["X", "x", "Z", "z", "RY", "BY"]).is_none();
         let grey = find(&["Y", "y"]).filter(|_| is_luminance);
         let (channels, is_grey) = match (colour, grey) {
@@ -110,7 +110,7 @@ fn of_part(part: usize, header: &Header) -> Vec<Layer> {
     prefixes.into_iter().filter_map(layer).collect()
 }
 
-/// Layer and channel of a full channel name.
+/// Splits a full channel name into layer and channel.
 fn split(name: &str) -> (&str, &str) {
     name.rsplit_once('.').unwrap_or(("", name))
 }

@@ -61,8 +61,8 @@ fn data_window(header: &Header) -> IntegerBounds {
     IntegerBounds { position: header.own_attributes.layer_position, size: header.layer_size }
 }
 
-/// The window that the map fills. Environment maps that say so fill the data window (OpenEXR, "Environment Maps"); others fill the
-/// display window, outside of which texels are not part of the picture and inside of which missing texels are black.
+/// Returns the window of the map. In environment maps with the attribute `envmap`, it is the data window (OpenEXR, "Environment Maps"); in
+/// others, it is the display window, in which missing texels are black and outside of which texels are dropped.
 fn map_window(header: &Header, options: &ReadOptions) -> Result<IntegerBounds, Refusal> {
     let (data, display) = (data_window(header), header.shared_attributes.display_window);
     let is_environment = options.projection.is_none() && header.own_attributes.environment_map.is_some();
@@ -82,7 +82,7 @@ fn map_window(header: &Header, options: &ReadOptions) -> Result<IntegerBounds, R
     Err(Refusal::new(found, "windows that overlap"))
 }
 
-/// Checks the memory that one block takes, before the first one is decompressed.
+/// Checks the memory of one block before the first block is decompressed.
 fn check_blocks(header: &Header, budget: &Budget) -> Result<(), Refusal> {
     budget.check(header.layer_size.x() as u64, header.layer_size.y() as u64)?;
     let block = header.max_block_byte_size() as u64;
@@ -129,7 +129,7 @@ fn stated(header: &Header, layer: &Layer) -> Result<Stated, Refusal> {
     Ok(Stated { covers, projection, half, to_rec_709: None, notes })
 }
 
-/// Refuses the attribute of OpenImageIO and Photoshop by which a picture is to be turned.
+/// Refuses the attribute of OpenImageIO and Photoshop that states a rotation of the picture.
 fn check_orientation(header: &Header) -> Result<(), Refusal> {
     match attribute(header, "Orientation") {
         None | Some(AttributeValue::I32(1)) => Ok(()),
@@ -137,13 +137,13 @@ fn check_orientation(header: &Header) -> Result<(), Refusal> {
     }
 }
 
-/// The attribute of this name of the part or of the file.
+/// Returns the attribute called `name` of the part or of the file.
 fn attribute<'a>(header: &'a Header, name: &str) -> Option<&'a AttributeValue> {
     let name = Text::new_or_none(name)?;
     header.own_attributes.other.get(&name).or_else(|| header.shared_attributes.other.get(&name))
 }
 
-/// The value of [`COVERS`].
+/// Returns the value of the attribute [`COVERS`].
 fn covers(header: &Header) -> Result<Option<Covers>, Refusal> {
     let Some(value) = attribute(header, COVERS) else { return Ok(None) };
     let covers = match value {

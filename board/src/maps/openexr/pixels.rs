@@ -82,7 +82,7 @@ impl Place {
     }
 }
 
-/// Stores samples from column `left` on in component `k` of a row, dropping what is outside.
+/// Stores samples from column `left` in component `k` of a row; samples outside of the row are dropped.
 fn samples_into(bytes: &[u8], kind: SampleType, left: i64, row: &mut [[f32; 3]], k: usize) {
     let skipped = usize::try_from(-left).unwrap_or(0);
     let first = usize::try_from(left).unwrap_or(0);

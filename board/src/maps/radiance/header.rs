@@ -7,39 +7,39 @@ use std::io::{BufRead, Read};
 /// Longest line of a header, bytes.
 const MAX_LINE: u64 = 4096;
 
-/// Most lines of a header.
+/// Largest number of lines of a header.
 const MAX_LINES: usize = 4096;
 
 const EXPECTED: &str =
     "a Radiance HDR picture: #?RADIANCE, header lines, an empty line, -Y rows +X columns, scanlines";
 
-/// The values of a header.
+/// The values of a header that change radiance or direction.
 #[derive(Debug)]
 pub(super) struct Header {
     /// Product of all EXPOSURE lines.
     exposure: f64,
     /// Products of all COLORCORR lines.
     correction: [f64; 3],
-    /// Whether texels are CIE XYZ and not RGB.
+    /// True if texels are CIE XYZ, false for RGB.
     pub is_xyz: bool,
     /// CIE (x, y) of red, green, blue and white.
     pub primaries: Option<[[f64; 2]; 4]>,
-    /// A view that is no latitude-longitude map.
+    /// Value of a VIEW line that states another projection than latitude-longitude.
     pub view: Option<String>,
     pub covers: Option<Covers>,
     pub resolution: Resolution,
 }
 
 impl Header {
-    /// Factors from stored values to radiance.
+    /// Returns the factors from stored values to radiance.
     pub fn factors(&self) -> [f32; 3] {
         self.correction.map(|c| (1.0 / (self.exposure * c)) as f32)
     }
 }
 
-/// Reads up to the first scanline.
+/// Reads the header, up to the first scanline.
 pub(super) fn read(reader: &mut impl BufRead) -> Result<Header, Refusal> {
-    // The signature names the program: RADIANCE, RGBE and others begin the same format.
+    // The signature is the name of the writing program: files with RADIANCE, RGBE and other names have the same format.
     line(reader)?;
     let mut header = Header {
         exposure: 1.0,
@@ -62,7 +62,7 @@ pub(super) fn read(reader: &mut impl BufRead) -> Result<Header, Refusal> {
 }
 
 impl Header {
-    /// Applies one line; lines that begin with white space belong to the history of the picture and do not count.
+    /// Applies one line; lines that begin with white space are the history of the picture and are ignored.
     fn apply(&mut self, text: &str) -> Result<(), Refusal> {
         let Some((name, value)) = text.split_once('=') else { return Ok(()) };
         match name {
@@ -81,7 +81,7 @@ impl Header {
                 let [a, b, c, d, e, f, g, h] = numbers(text, value)?;
                 self.primaries = Some([[a, b], [c, d], [e, f], [g, h]]);
             }
-            // Not of Radiance, but of programs that use its format: the power of which the stored values are the inverse.
+            // GAMMA is not defined by Radiance, but other programs write it: stored values are radiance to the power of its inverse.
             "GAMMA" => {
                 let [gamma]: [f64; 1] = numbers(text, value)?;
                 if gamma != 1.0 {
@@ -112,7 +112,7 @@ impl Header {
     }
 }
 
-/// Whether a VIEW line states a type, a direction or an angle; a position alone changes nothing.
+/// Returns true if a VIEW line states a type, a direction or an angle; a position alone has no effect on directions.
 fn is_projection(value: &str) -> bool {
     let flags = value.split_whitespace().filter_map(|word| word.strip_prefix("-v"));
     flags
@@ -120,7 +120,7 @@ fn is_projection(value: &str) -> bool {
         .any(|flag| matches!(flag.bytes().next(), Some(b't' | b'd' | b'u' | b'h' | b'v' | b's' | b'l')))
 }
 
-/// The product of factors; zero means that a program did not know the factor.
+/// Multiplies factors; a factor of zero, by which programs mark an unknown value, is ignored.
 fn product(all: f64, one: f64, text: &str) -> Result<f64, Refusal> {
     let product = if one == 0.0 { all } else { all * one };
     let usable = one >= 0.0 && (1e-30..1e30).contains(&product);
@@ -137,7 +137,7 @@ fn numbers<const N: usize>(text: &str, value: &str) -> Result<[f64; N], Refusal>
     numbers.ok_or_else(|| Refusal::new(text, format!("{N} numbers")))
 }
 
-/// One line without its end, LF or CR LF.
+/// Reads one line without its end, LF or CR LF.
 fn line(reader: &mut impl BufRead) -> Result<String, Refusal> {
     let mut bytes = Vec::new();
     let read = reader.by_ref().take(MAX_LINE).read_until(b'\n', &mut bytes);

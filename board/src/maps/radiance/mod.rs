@@ -1,7 +1,7 @@
 //! Radiance HDR pictures (`.hdr`, `.pic`): RGBE and XYZE.
 //!
-//! The decoder of the `image` crate ignores EXPOSURE, COLORCORR, PRIMARIES, VIEW and the axis order, and refuses `#?RGBE` and XYZE;
-//! hence this reader.
+//! The decoder of the `image` crate is not used: it ignores EXPOSURE, COLORCORR, PRIMARIES, VIEW and the axis order, and refuses `#?RGBE` and
+//! XYZE.
 
 mod header;
 mod scanlines;

@@ -4,17 +4,17 @@ use super::super::limit::Budget;
 use super::super::{Raster, Refusal};
 use std::io::{BufRead, ErrorKind};
 
-/// Scanlines of these lengths may be encoded by component.
+/// Lengths of scanlines that may be encoded by component.
 const BY_COMPONENT: std::ops::RangeInclusive<usize> = 8..=0x7fff;
 
-/// Red, green, blue and exponent.
+/// Mantissas of red, green and blue, and their common exponent.
 type Rgbe = [u8; 4];
 
-/// One axis of a picture, in the order in which it is stored.
+/// One axis of a picture, in the order of storage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Axis {
     pub is_x: bool,
-    /// Whether X runs to the right or Y upwards.
+    /// True if X increases to the right, or Y upwards.
     pub is_positive: bool,
     pub count: u32,
 }
@@ -23,13 +23,13 @@ impl Axis {
     pub const DOWN: Self = Self { is_x: false, is_positive: false, count: 0 };
     pub const RIGHT: Self = Self { is_x: true, is_positive: true, count: 0 };
 
-    /// The column or row of the stored position `k`.
+    /// Returns the column or row of the stored position `k`.
     fn place(self, k: usize) -> usize {
         if self.is_x == self.is_positive { k } else { self.count as usize - 1 - k }
     }
 }
 
-/// The order of texels: scanlines follow each other along `major` and hold texels along `minor`.
+/// The order of texels: scanlines follow each other along `major`, their texels along `minor`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Resolution {
     pub major: Axis,
@@ -37,8 +37,8 @@ pub(super) struct Resolution {
 }
 
 impl Resolution {
-    /// Decodes all scanlines. Scanlines that are columns are decoded as rows, and the raster is transposed at the end, so that only memory
-    /// of decoded scanlines is touched.
+    /// Decodes all scanlines. Scanlines that are columns are decoded as rows, and the raster is transposed at the end, so that memory is used
+    /// for decoded scanlines alone.
     pub fn decode(&self, reader: &mut impl BufRead, budget: &Budget) -> Result<Raster, Refusal> {
         let mut raster = budget.raster(self.minor.count.into(), self.major.count.into())?;
         let mut line = Vec::new();
@@ -54,7 +54,7 @@ impl Resolution {
     }
 }
 
-/// The raster with rows and columns exchanged.
+/// Returns the raster with rows and columns exchanged.
 fn transposed(from: &Raster, budget: &Budget) -> Result<Raster, Refusal> {
     let mut to = budget.raster(from.height as u64, from.width as u64)?;
     for y in 0..to.height {
@@ -64,9 +64,9 @@ fn transposed(from: &Raster, budget: &Budget) -> Result<Raster, Refusal> {
     Ok(to)
 }
 
-/// Mantissas times 2^(exponent - 136).
+/// Returns the mantissas times 2^(exponent - 136).
 fn radiance([r, g, b, e]: Rgbe) -> [f32; 3] {
-    // The factor of e = 255 is 2^119, that of e = 1 is 2^-135: a product of two powers that f32 holds.
+    // The factor is 2^119 for e = 255 and 2^-135 for e = 1: it is computed as a product of two powers that f32 can represent.
     let half = |n: i32| f32::from_bits(((127 + n) as u32) << 23);
     let n = i32::from(e) - 136;
     let (first, second) = (half(n / 2), half(n - n / 2));
@@ -90,7 +90,7 @@ fn decode_line(reader: &mut impl BufRead, length: usize, line: &mut Vec<Rgbe>) -
     (0..4).try_for_each(|component| decode_component(reader, component, line))
 }
 
-/// One component of a scanline: runs (128 + length, value) and literals (length, values).
+/// Decodes one component of a scanline: runs (128 + length, value) and literals (length, values).
 fn decode_component(reader: &mut impl BufRead, component: usize, line: &mut [Rgbe]) -> Result<(), String> {
     let mut at = 0;
     while at < line.len() {
@@ -105,7 +105,7 @@ fn decode_component(reader: &mut impl BufRead, component: usize, line: &mut [Rgb
     Ok(())
 }
 
-/// Texels one by one; (1, 1, 1, n) repeats the texel before, n times, and repeats in sequence are digits of base 256.
+/// Decodes texels one by one; (1, 1, 1, n) repeats the texel before it n times, and successive repeats are digits of base 256.
 fn decode_flat(
     reader: &mut impl BufRead,
     length: usize,

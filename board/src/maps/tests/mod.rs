@@ -1,4 +1,4 @@
-//! Each header field against its meaning, in files that are written here.
+//! Each header field of a map file, tested against its definition; the tests write the files.
 
 use super::{Covers, DecodedMap, FLOAT_MAX, HALF_MAX, Projection, ReadOptions, Refusal, read_from, write};
 use exr::prelude::*;
@@ -27,7 +27,7 @@ fn radiance(header: &str, body: &[u8]) -> Vec<u8> {
     [format!("#?RADIANCE\n{header}").as_bytes(), body].concat()
 }
 
-/// Flat texels of a 4 x 2 map, texel k with the mantissas (k + 1, 0, 0) and exponent 128 (a factor of 1/256).
+/// Returns flat texels of a 4 x 2 map: texel k has the mantissas (k + 1, 0, 0) and exponent 128 (a factor of 1/256).
 fn flat() -> Vec<u8> {
     (0..8u8).flat_map(|k| [k + 1, 0, 0, 128]).collect()
 }
@@ -54,7 +54,8 @@ fn pfm_rows_run_upwards_in_either_byte_order() {
     }
     let grey = [&b"Pf\n2 1\n-1\n"[..], &floats(&[7.0, 8.0], true)].concat();
     assert_eq!(decode(&grey).expect("a map").texels, [[7.0; 3], [8.0; 3]], "grey");
-    // Lines may end with two bytes, and blanks may follow the scale: the samples are the file's last bytes, even if they look like blanks.
+    // Lines may end with two bytes, and blanks may follow the scale: the samples are the last bytes of the file, even if their bytes are
+    // blanks.
     for end in ["\r\n", " \n"] {
         let bytes = [format!("PF{end}1 2{end}-1.0{end}").as_bytes(), &floats(&colour, true)].concat();
         assert_eq!(decode(&bytes).expect("a map").texels, [[3.0, 4.0, 5.0], [0.0, 1.0, 2.0]], "{end:?}");
@@ -67,7 +68,7 @@ fn pfm_rows_run_upwards_in_either_byte_order() {
     assert!(refusal(b"PF\n100000 100000\n-1.0\n").contains("--max-pixels"), "size");
 }
 
-/// An OpenEXR file of one layer with these channels, each of one value.
+/// Returns an OpenEXR file of one layer whose channels have one value each.
 fn uniform(
     channels: &[(&str, f32)],
     size: (usize, usize),
@@ -85,7 +86,7 @@ fn written(image: &Image<Layer<AnyChannels<FlatSamples>>>) -> Vec<u8> {
     bytes.into_inner()
 }
 
-/// A map of `size` whose texel (column, row) has the value of `paint`.
+/// Returns a map of `size` whose texel (column, row) has the value of `paint`.
 fn painted(size: (usize, usize), paint: impl Fn(usize, usize) -> f32 + Sync) -> Vec<u8> {
     write::openexr(size.0, size.1, Covers::Sphere, |row, column| [paint(column, row); 3]).expect("a file")
 }
@@ -93,7 +94,7 @@ fn painted(size: (usize, usize), paint: impl Fn(usize, usize) -> f32 + Sync) -> 
 const RGB: [(&str, f32); 3] = [("R", 3.0), ("G", 2.0), ("B", 1.0)];
 
 #[test]
-fn coverage_comes_back_and_can_be_overruled() {
+fn coverage_is_read_back_and_can_be_overridden() {
     let file = |covers| write::openexr(8, 2, covers, |row, _| [row as f32; 3]).expect("a file");
     let read = |bytes: &[u8], covers| {
         decode_with(bytes, &ReadOptions { covers, ..ReadOptions::default() }).expect("a map").covers
@@ -130,7 +131,7 @@ fn coverage_comes_back_and_can_be_overruled() {
 }
 
 #[test]
-fn shapes_that_are_not_two_to_one_are_told() {
+fn shapes_that_are_not_two_to_one_are_noted() {
     for (size, advice) in
         [((8, 8), "angular"), ((16, 4), "--hemisphere"), ((6, 8), "cube"), ((9, 5), "not 2:1")]
     {
@@ -161,7 +162,7 @@ fn other_formats_and_broken_files_are_refused_by_name() {
 }
 
 #[test]
-fn max_pixels_takes_the_place_of_both_limits() {
+fn max_pixels_replaces_both_limits() {
     let bytes = painted((64, 32), |_, _| 1.0);
     let with = |max_pixels| {
         decode_with(&bytes, &ReadOptions { max_pixels: Some(max_pixels), ..ReadOptions::default() })

@@ -85,7 +85,7 @@ fn openexr_chromaticities_become_rec_709() {
     let map = decode(&written(&image)).expect("a map");
     assert_close(map.texels[0], [0.6, 0.3, 0.1]);
     assert!(map.notes.iter().any(|n| n.contains("whiteLuminance 100")), "{:?}", map.notes);
-    // White of ACES AP0 is (0.95265, 1, 1.00883) in XYZ; in Rec. 709 without adaptation that is this, by the sRGB matrix.
+    // White of ACES AP0 is (0.95265, 1, 1.00883) in XYZ; the expected values are its Rec. 709 values without adaptation, by the sRGB matrix.
     let mut image = uniform(&[("R", 1.0), ("G", 1.0), ("B", 1.0)], (4, 2), LayerAttributes::default());
     image.attributes.chromaticities = Some(AP0);
     assert_close(decode(&written(&image)).expect("a map").texels[0], [1.04696, 0.99465, 0.91539]);
@@ -98,7 +98,7 @@ const AP0: attribute::Chromaticities = attribute::Chromaticities {
     white: Vec2(0.32168, 0.33767),
 };
 
-/// A map of 4 x 2 half-float texels of ACES AP0, the first of them `first`.
+/// Returns a map of 4 x 2 half-float texels of ACES AP0 whose first texel is `first`.
 fn aces(first: [f32; 3]) -> DecodedMap {
     let channels = SpecificChannels::rgb(move |at: Vec2<usize>| {
         let [r, g, b] = if at == Vec2(0, 0) { first } else { [0.5; 3] }.map(f16::from_f32);
@@ -114,7 +114,7 @@ fn aces(first: [f32; 3]) -> DecodedMap {
 
 #[test]
 fn half_floats_of_other_primaries_are_limited_before_they_are_converted() {
-    // Rec. 709 (90000, 30000, 10000), all of whose components in AP0 are half floats.
+    // Rec. 709 (90000, 30000, 10000), whose components in AP0 are half floats.
     let map = aces([52119.0, 33573.0, 14691.0]);
     for (found, expected) in map.texels[0].into_iter().zip([90_000.0, 30_000.0, 10_000.0]) {
         assert!((found / expected - 1.0).abs() < 2e-3, "{:?}", map.texels[0]);
@@ -127,7 +127,7 @@ fn half_floats_of_other_primaries_are_limited_before_they_are_converted() {
 }
 
 #[test]
-fn openexr_colour_spaces_are_honoured_by_name_or_told() {
+fn known_openexr_colour_spaces_are_applied_and_unknown_ones_noted() {
     let with = |key: &str, value: AttributeValue| {
         let mut image = uniform(&[("R", 1.0), ("G", 1.0), ("B", 1.0)], (4, 2), LayerAttributes::default());
         image.layer_data.attributes.other.insert(key.into(), value);
@@ -155,7 +155,7 @@ fn openexr_blocks_that_are_missing_are_refused() {
     let mut bytes = Cursor::new(Vec::new());
     Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).expect("a file");
     let bytes = bytes.into_inner();
-    // The first offset of the table is that of the table's own end.
+    // The first offset of the table is the position of the table's own end.
     let u64_at = |at: usize| u64::from_le_bytes(bytes[at..at + 8].try_into().expect("eight bytes"));
     let table = (0..bytes.len() - 8).find(|at| u64_at(*at) == (at + 8 * ROWS) as u64).expect("a table");
     assert!(decode(&bytes).is_ok(), "all blocks");

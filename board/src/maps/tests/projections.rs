@@ -1,8 +1,8 @@
-//! Projections: directions, solid angles and flux of maps in each of them.
+//! Directions, solid angles and flux of maps in each projection.
 
 use super::*;
 
-/// Flux over the sphere, and the flux-weighted direction.
+/// Returns the flux over the sphere and the flux-weighted direction.
 fn flux(map: &DecodedMap) -> (f64, [f64; 3]) {
     let edge = |i: usize| (i as f64 * PI / map.height as f64).cos();
     let (mut sum, mut moment) = (0.0, [0.0; 3]);
@@ -43,7 +43,7 @@ fn uniform_maps_of_every_projection_have_the_flux_of_the_sphere() {
 
 #[test]
 fn texels_of_cube_maps_have_the_solid_angles_of_their_definitions() {
-    // A square of half side h on a face of half side 1: 4 asin(h^2 / (1 + h^2)).
+    // The solid angle of a square of half side h on a face of half side 1 is 4 asin(h^2 / (1 + h^2)).
     let square = |h: f64| 4.0 * (h * h / (1.0 + h * h)).asin();
     let middle = |place: (usize, usize)| move |x: usize, y: usize| f32::from(u8::from((x, y) == place));
     // OpenEXR: of five texels in a row the first and the last are centred on the edges.
@@ -54,8 +54,8 @@ fn texels_of_cube_maps_have_the_solid_angles_of_their_definitions() {
 }
 
 #[test]
-fn projections_put_lamps_where_their_definitions_do() {
-    // A lamp to the left of forward by 45 degrees, by hand from each definition.
+fn projections_place_lamps_by_their_definitions() {
+    // The lamp is 45 degrees to the left of forward; its texel follows by hand from each definition.
     let left = [0.5f64.sqrt(), 0.5f64.sqrt(), 0.0];
     let up = [0.0, 0.0, 1.0];
     let lamp = |at: (usize, usize)| move |x: usize, y: usize| f32::from(u8::from((x, y) == at)) * 100.0;

@@ -4,7 +4,7 @@ use super::*;
 
 #[test]
 fn radiance_orientations_give_the_same_upright_picture() {
-    // The upright picture has the texels 1 2 3 4 / 5 6 7 8; each order lists them as it stores them.
+    // The upright picture has the texels 1 2 3 4 / 5 6 7 8; each order is listed in its order of storage.
     let orders: [(&str, [u8; 8]); 8] = [
         ("-Y 2 +X 4", [1, 2, 3, 4, 5, 6, 7, 8]),
         ("-Y 2 -X 4", [4, 3, 2, 1, 8, 7, 6, 5]),
@@ -69,7 +69,7 @@ fn radiance_lines_may_end_with_cr_lf_and_begin_with_any_signature() {
 
 #[test]
 fn radiance_primaries_and_xyze_become_rec_709() {
-    // (0.37276, 0.34935, 0.14241) is the XYZ of the Rec. 709 colour (0.6, 0.3, 0.1), by the matrix of IEC 61966-2-1.
+    // (0.37276, 0.34935, 0.14241) is the XYZ of the Rec. 709 colour (0.6, 0.3, 0.1) by the matrix of IEC 61966-2-1.
     let mantissas = [0.37276, 0.34935, 0.14241].map(|v: f64| (v * 512.0).round() as u8);
     let body: Vec<u8> = (0..8).flat_map(|_| [mantissas[0], mantissas[1], mantissas[2], 127]).collect();
     for header in ["FORMAT=32-bit_rle_xyze", "PRIMARIES=1 0 0 1 0 0 0.333333333 0.333333333"] {

@@ -6,7 +6,7 @@ use super::{Refusal, refuse};
 const MODELS: &str = "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV, OPENCV_FISHEYE, FOV, SIMPLE_RADIAL_FISHEYE or \
                       RADIAL_FISHEYE";
 
-/// The fields of the cameras, without comments.
+/// Returns the fields of each camera, without comments.
 fn cameras(text: &str) -> impl Iterator<Item = Vec<&str>> {
     let lines = text.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#'));
     lines.map(|line| line.split_whitespace().collect())
@@ -28,7 +28,7 @@ pub(super) fn is(text: &str) -> bool {
 pub(super) fn parse(text: &str, notes: &mut Vec<String>) -> Result<Camera, Refusal> {
     let all: Vec<_> = cameras(text).collect();
     if all.len() > 1 {
-        notes.push(format!("the first of {} cameras is taken", all.len()));
+        notes.push(format!("the first of {} cameras is used", all.len()));
     }
     let fields = &all[0];
     let numbers = fields[2..]

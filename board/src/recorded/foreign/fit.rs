@@ -1,4 +1,4 @@
-//! From a camera model to a lens: as it is where the core has the model, else by a least-squares fit.
+//! Converts a camera model to a lens: exactly where the core has the model, else by a least-squares fit.
 
 use super::model::{Camera, Model};
 use super::{MAX_ANGLE_DEG, Refusal, refuse};
@@ -6,16 +6,16 @@ use glam::{DVec2, DVec3};
 use hemilux_core::lens::{self, Intrinsics, Lens, LensError};
 use std::f64::consts::TAU;
 
-/// Steps of the angle off axis over the field of view.
+/// Number of steps of the angle off axis over the field of view.
 const STEPS: usize = 360;
 
-/// Azimuths at each angle off axis.
+/// Number of azimuths at each angle off axis.
 const AZIMUTHS: usize = 24;
 
-/// A lens, and how far it is from the file's model.
+/// A lens, and its deviation from the file's model.
 pub(super) struct Fitted {
     pub lens: Lens,
-    /// Largest angle between the two, degrees; none for a model that the core has.
+    /// Largest angle between the directions of lens and model, degrees; `None` for a model that the core has.
     pub deviation_deg: Option<f64>,
 }
 
@@ -47,7 +47,7 @@ fn intrinsics(camera: &Camera, model: lens::Model, scale: f64, max_theta: f64) -
     }
 }
 
-/// The lens with the largest field of view up to `max_theta` over which its law grows.
+/// Returns the lens with the largest field of view up to `max_theta` over which its radial law increases.
 fn largest(mut p: Intrinsics) -> Result<Lens, Refusal> {
     for _ in 0..2 {
         match Lens::try_new(p) {
@@ -56,10 +56,10 @@ fn largest(mut p: Intrinsics) -> Result<Lens, Refusal> {
             Err(e) => return refuse(e.to_string(), "a lens"),
         }
     }
-    refuse("a radial law that does not grow", "a lens")
+    refuse("a radial law that does not increase", "a lens")
 }
 
-/// The unit direction `theta` off axis at the azimuth `phi`.
+/// Returns the unit direction at the angle `theta` off axis and the azimuth `phi`, radians.
 fn direction(theta: f64, phi: f64) -> DVec3 {
     let (sin, cos) = theta.sin_cos();
     DVec3::new(sin * phi.cos(), sin * phi.sin(), cos)
@@ -69,7 +69,7 @@ fn azimuths() -> impl Iterator<Item = f64> {
     (0..AZIMUTHS).map(|j| j as f64 * TAU / AZIMUTHS as f64)
 }
 
-/// The largest angle off axis that the image holds and the model projects, up to [`MAX_ANGLE_DEG`].
+/// Returns the largest angle off axis that the image contains and the model projects, up to [`MAX_ANGLE_DEG`], radians.
 fn field_of_view(camera: &Camera) -> Result<f64, Refusal> {
     let sound = camera.focal.iter().all(|f| *f > 0.0 && f.is_finite()) && camera.size.iter().all(|s| *s > 0);
     if !sound || !camera.centre.iter().all(|c| c.is_finite()) {
@@ -83,16 +83,19 @@ fn field_of_view(camera: &Camera) -> Result<f64, Refusal> {
     let is_seen = |theta: f64| azimuths().any(|phi| camera.pixel(direction(theta, phi)).is_some_and(holds));
     let step = MAX_ANGLE_DEG.to_radians() / STEPS as f64;
     let last = (1..=STEPS).take_while(|i| is_seen(*i as f64 * step)).last();
-    last.map_or_else(|| refuse("a camera whose image holds no direction", "a lens"), |i| Ok(i as f64 * step))
+    last.map_or_else(
+        || refuse("a camera whose image contains no direction", "a lens"),
+        |i| Ok(i as f64 * step),
+    )
 }
 
-/// r = scale theta (1 + k1 theta^2 + ...).
+/// The radial law r = scale theta (1 + k1 theta^2 + ...).
 struct Polynomial {
     scale: f64,
     k: [f64; 4],
 }
 
-/// Fits the mean radius over all azimuths by five odd powers of the angle, least squares.
+/// Fits five odd powers of the angle to the mean radius over all azimuths by least squares.
 fn polynomial(camera: &Camera, max_theta: f64) -> Result<Polynomial, Refusal> {
     let mut normal = [[0.0f64; 6]; 5];
     for i in 1..=STEPS {
@@ -116,7 +119,7 @@ fn polynomial(camera: &Camera, max_theta: f64) -> Result<Polynomial, Refusal> {
     Ok(Polynomial { scale: c[0] / max_theta, k: [over(1), over(2), over(3), over(4)] })
 }
 
-/// Gauss-Jordan elimination with row pivots.
+/// Solves linear equations by Gauss-Jordan elimination with row pivots.
 fn solve(mut m: [[f64; 6]; 5]) -> Option<[f64; 5]> {
     for i in 0..5 {
         let pivot = (i..5).max_by(|a, b| m[*a][i].abs().total_cmp(&m[*b][i].abs()))?;
@@ -134,7 +137,7 @@ fn solve(mut m: [[f64; 6]; 5]) -> Option<[f64; 5]> {
     Some(m.map(|row| row[5]))
 }
 
-/// Largest angle between a direction and what the lens makes of its pixel, radians.
+/// Returns the largest angle between a direction and the lens's direction of its pixel, radians.
 fn deviation(camera: &Camera, lens: &Lens) -> f64 {
     let max_theta = lens.intrinsics().max_theta;
     let thetas = (0..STEPS).map(|i| i as f64 / STEPS as f64 * max_theta);

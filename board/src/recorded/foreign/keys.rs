@@ -1,4 +1,4 @@
-//! OpenCV, Kalibr and ROS: the same facts under different names.
+//! Cameras in the files of OpenCV, Kalibr and ROS, which have the same values under different names.
 
 use super::model::{Camera, Distortion, Model};
 use super::tree::Node;
@@ -29,7 +29,7 @@ const COEFFICIENTS: [&str; 10] = [
     "kc",
 ];
 
-/// The camera of a tree.
+/// Returns the camera that a tree of values describes.
 pub(super) fn camera(tree: &Node, notes: &mut Vec<String>) -> Result<Camera, Refusal> {
     if let Some(node) = kalibr(tree, notes) {
         return of_kalibr(node);
@@ -68,12 +68,12 @@ pub(super) fn camera(tree: &Node, notes: &mut Vec<String>) -> Result<Camera, Ref
     Ok(Camera { model: named(name.as_deref(), &k)?, size, focal: [fx, fy], centre: [cx, cy], skew })
 }
 
-/// Refuses a ROS region of interest: the frames would show a part of the calibrated image.
+/// Refuses a ROS region of interest: the frames would cover a part of the calibrated image alone.
 fn check_region(tree: &Node, size: [u32; 2]) -> Result<(), Refusal> {
     let Some(region) = tree.get(&["roi"]) else { return Ok(()) };
     let number = |name: &str| region.get(&[name]).and_then(Node::number).unwrap_or(0.0);
     let [x, y, width, height] = ["x_offset", "y_offset", "width", "height"].map(number);
-    // All zero stands for the whole image.
+    // A region of zeros is the whole image.
     let whole = [0.0, 0.0, f64::from(size[0]), f64::from(size[1])];
     if [x, y, width, height] == [0.0; 4] || [x, y, width, height] == whole {
         return Ok(());
@@ -82,7 +82,7 @@ fn check_region(tree: &Node, size: [u32; 2]) -> Result<(), Refusal> {
     refuse(found, "a calibration of the whole image")
 }
 
-/// The first camera of a Kalibr camchain.
+/// Returns the first camera of a Kalibr camchain.
 fn kalibr<'a>(tree: &'a Node, notes: &mut Vec<String>) -> Option<&'a Node> {
     if tree.get(&["intrinsics"]).is_some() {
         return Some(tree);
@@ -91,7 +91,7 @@ fn kalibr<'a>(tree: &'a Node, notes: &mut Vec<String>) -> Option<&'a Node> {
     let cameras: Vec<_> = entries.iter().filter(|(_, node)| node.get(&["intrinsics"]).is_some()).collect();
     if cameras.len() > 1 {
         let names: Vec<_> = cameras.iter().map(|(name, _)| name.as_str()).collect();
-        notes.push(format!("the first of the cameras {} is taken", names.join(", ")));
+        notes.push(format!("the first of the cameras {} is used", names.join(", ")));
     }
     cameras.first().map(|(_, node)| node)
 }
@@ -129,7 +129,7 @@ fn of_kalibr(node: &Node) -> Result<Camera, Refusal> {
     Ok(Camera { model, size: size(node)?, focal: [fx, fy], centre: [cx, cy], skew: 0.0 })
 }
 
-/// Columns and rows.
+/// Returns the columns and rows of the image.
 fn size(tree: &Node) -> Result<[u32; 2], Refusal> {
     let one = |names: &[&str]| tree.get(names).and_then(Node::number);
     let pair = tree.get(&["image_size", "imageSize", "resolution", "size", "DIM", "dim"]).and_then(|node| {
@@ -151,7 +151,7 @@ fn size(tree: &Node) -> Result<[u32; 2], Refusal> {
     }
 }
 
-/// The name of the distortion model; OpenCV's sample program marks a fisheye by a flag.
+/// Returns the name of the distortion model; OpenCV's sample program marks a fisheye by a flag.
 fn model_name(tree: &Node) -> Option<String> {
     let is_fisheye = |name: &str| tree.get(&[name]).and_then(Node::number).map(|v| v != 0.0);
     match is_fisheye("fisheye_model").or_else(|| is_fisheye("fisheye")) {
@@ -162,7 +162,8 @@ fn model_name(tree: &Node) -> Option<String> {
     tree.get(&["distortion_model", "camera_model", "model"]).and_then(Node::text).map(str::to_lowercase)
 }
 
-/// The model of this name; without a name four coefficients are those of a fisheye, as OpenCV's `fisheye::calibrate` gives them.
+/// Returns the distortion model called `name`; without a name, four coefficients are those of a fisheye, as OpenCV's `fisheye::calibrate` returns
+/// them.
 fn named(name: Option<&str>, k: &[f64]) -> Result<Model, Refusal> {
     let four = || <[f64; 4]>::try_from(k).map(Model::KannalaBrandt);
     let count = format!("{} distortion coefficients", k.len());

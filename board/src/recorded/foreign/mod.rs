@@ -1,9 +1,8 @@
 //! Lens files of other programs: OpenCV (YAML, JSON, XML), Kalibr camchains, ROS `camera_info`, COLMAP `cameras.txt` and OCamCalib
 //! text.
 //!
-//! Models that [`hemilux_core::lens`] has are taken as they are; others are fitted by a Kannala-Brandt polynomial, and the largest
-//! deviation is told in degrees. None of these files states a field of view: the lens sees what the image holds, up to
-//! `MAX_ANGLE_DEG` off axis.
+//! Models that [`hemilux_core::lens`] has are used unchanged; others are fitted by a Kannala-Brandt polynomial, and the largest deviation is
+//! noted in degrees. None of these files states a field of view: the lens covers the image up to `MAX_ANGLE_DEG` off axis.
 
 mod colmap;
 mod fit;
@@ -19,12 +18,12 @@ use hemilux_core::lens::Lens;
 use model::Camera;
 use std::path::Path;
 
-/// Largest angle off axis of a lens whose file states none: a probe that looks up needs the hemisphere.
+/// Largest angle off axis of a lens whose file states no field of view: a probe uses the upper hemisphere alone.
 const MAX_ANGLE_DEG: f64 = 90.0;
 
 const EXPECTED: &str = "a [lens] table, or a lens file of OpenCV, Kalibr, ROS, COLMAP or OCamCalib";
 
-/// The found and the expected content of a lens file, in words.
+/// Descriptions of the content that was found in a lens file and of the content that was expected.
 type Refusal = (String, String);
 
 fn refuse<T>(found: impl Into<String>, expected: impl Into<String>) -> Result<T, Refusal> {
@@ -38,7 +37,7 @@ pub(super) struct ForeignLens {
     pub(super) lens: Lens,
     /// Image columns and rows.
     pub(super) size: [u32; 2],
-    /// Statements about the file: fitted and assumed values.
+    /// Notes about fitted and assumed values.
     pub(super) notes: Vec<String>,
 }
 
@@ -58,11 +57,11 @@ fn parse(text: &str) -> Result<ForeignLens, Refusal> {
         ));
     }
     let degrees = fitted.lens.intrinsics().max_theta.to_degrees();
-    notes.push(format!("the file states no field of view: {degrees:.2} degrees off axis are taken"));
+    notes.push(format!("the file states no field of view: {degrees:.2} degrees off axis are assumed"));
     Ok(ForeignLens { lens: fitted.lens, size: camera.size, notes })
 }
 
-/// The camera that a text describes, by the kind of the text.
+/// Returns the camera that a text describes; the kind of file follows from its contents.
 fn camera(text: &str, notes: &mut Vec<String>) -> Result<Camera, Refusal> {
     let begin = text.trim_start_matches('\u{feff}').trim_start();
     if ocam::is(begin) {

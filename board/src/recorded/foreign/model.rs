@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
-/// A camera as another program describes it; a pixel's centre has whole-number coordinates.
+/// A camera as another program describes it; the centres of pixels have integer coordinates.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Camera {
     pub model: Model,
@@ -21,10 +21,10 @@ pub(super) struct Distortion {
 }
 
 impl Distortion {
-    /// From k1, k2, p1, p2, then optionally k3, then optionally k4, k5, k6.
+    /// Creates the distortion from k1, k2, p1, p2, then optionally k3, then optionally k4, k5, k6; `None` for other lengths.
     pub fn from_opencv(k: &[f64]) -> Option<Self> {
         let at = |i: usize| k.get(i).copied().unwrap_or(0.0);
-        // Sensor tilt and thin prisms follow; they are not read.
+        // Terms of sensor tilt and thin prisms may follow, which are not supported.
         let known =
             matches!(k.len(), 0 | 4 | 5 | 8) || k.get(8..).is_some_and(|rest| rest.iter().all(|v| *v == 0.0));
         known.then(|| Self {
@@ -34,7 +34,7 @@ impl Distortion {
         })
     }
 
-    /// Whether it is r = x (1 + k1 x^2 + k2 x^4).
+    /// Returns true if the distortion is r = x (1 + k1 x^2 + k2 x^4).
     pub fn is_two_radial(&self) -> bool {
         self.radial[2] == 0.0 && self.tangential == [0.0; 2] && self.denominator == [0.0; 3]
     }
@@ -54,19 +54,20 @@ impl Distortion {
 /// A camera model.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Model {
-    /// Pinhole with OpenCV's distortion.
+    /// Pinhole with the distortion of OpenCV.
     Pinhole(Distortion),
     /// Kannala-Brandt: OpenCV's fisheye, Kalibr's and ROS's `equidistant`.
     KannalaBrandt([f64; 4]),
-    /// The field-of-view model with its angle.
+    /// The field-of-view model; the field is its angle, radians.
     FieldOfView(f64),
-    /// The unified model of Mei with its xi, and distortion.
+    /// The unified model of Mei: xi and the distortion.
     Omni(f64, Distortion),
     /// The extended unified model: alpha, beta.
     Eucm(f64, f64),
     /// The double-sphere model: xi, alpha.
     DoubleSphere(f64, f64),
-    /// OCamCalib: the polynomial of the depth over the radius in pixels, constant first; coordinates are over its negated constant.
+    /// OCamCalib: the coefficients, constant first, of the depth as a polynomial of the radius in pixels; coordinates are divided by the
+    /// negated constant.
     Ocam(Vec<f64>),
 }
 
@@ -83,7 +84,7 @@ impl Model {
         }
     }
 
-    /// Normalised image coordinates of a unit direction, z along the axis; none where the model has none.
+    /// Returns the normalised image coordinates of a unit direction, z along the axis; `None` where the model is not defined.
     pub fn project(&self, d: DVec3) -> Option<DVec2> {
         let across = DVec2::new(d.x, d.y);
         let over = |depth: f64| (depth > 1e-9).then(|| across / depth);
@@ -119,12 +120,12 @@ fn radial(across: DVec2, radius: f64) -> DVec2 {
     if length > 0.0 { across * (radius / length) } else { DVec2::ZERO }
 }
 
-/// The first radius whose ray, (r, -polynomial(r)), is `theta` off axis; in units of the negated constant.
+/// Returns the first radius whose ray, (r, -polynomial(r)), is `theta` off axis, in units of the negated constant.
 fn ocam_radius(polynomial: &[f64], theta: f64) -> Option<f64> {
     let focal = -polynomial.first()?;
     let depth = |r: f64| -polynomial.iter().rev().fold(0.0, |sum, k| sum * r + k);
     let off = |r: f64| r.atan2(depth(r)) - theta;
-    // The angle grows with the radius: step until it is passed, then halve.
+    // The angle increases with the radius: the radius is stepped until the angle is passed, then bisected.
     let mut high = 0.0;
     let mut steps = 0;
     while off(high) < 0.0 {
@@ -147,7 +148,7 @@ fn ocam_radius(polynomial: &[f64], theta: f64) -> Option<f64> {
 }
 
 impl Camera {
-    /// The pixel that shows a direction.
+    /// Returns the pixel of a direction.
     pub fn pixel(&self, d: DVec3) -> Option<DVec2> {
         let n = self.model.project(d)?;
         let [fx, fy] = self.focal;

@@ -1,5 +1,5 @@
-//! Lens files against pixels computed by other programs: OpenCV 5.0 (`cv2.fisheye.projectPoints`, `cv2.projectPoints`), and the
-//! published formulas in NumPy for the models that OpenCV does not have.
+//! Lens files, compared with pixels that other programs computed: OpenCV 5.0 (`cv2.fisheye.projectPoints`, `cv2.projectPoints`), and the
+//! published formulas in NumPy for models that OpenCV does not have.
 
 use super::{ForeignLens, Refusal, parse};
 use glam::{DVec2, DVec3};
@@ -63,7 +63,7 @@ const XML: &str = "<?xml version=\"1.0\"?>\n<opencv_storage>\n<image_width>640</
                    0.0034 0.0007 -0.002 0.0002</data></distortion_coefficients>\n</opencv_storage>\n";
 
 #[test]
-fn one_fisheye_is_the_same_lens_in_every_program() {
+fn a_fisheye_is_the_same_lens_in_the_files_of_every_program() {
     for (name, text) in [
         ("OpenCV", OPENCV),
         ("Kalibr", KALIBR),
@@ -81,7 +81,7 @@ fn one_fisheye_is_the_same_lens_in_every_program() {
 }
 
 #[test]
-fn other_models_are_fitted_and_tell_their_deviation() {
+fn other_models_are_fitted_and_the_deviation_is_noted() {
     let kalibr = |model: &str, intrinsics: &str, distortion: &str| {
         format!(
             "cam0:\n  camera_model: {model}\n  intrinsics: [{intrinsics}, 319.5, 239.5]\n  resolution: [640, 480]\n{distortion}"
@@ -151,7 +151,7 @@ fn other_models_are_fitted_and_tell_their_deviation() {
 }
 
 #[test]
-fn pinholes_keep_two_radial_terms_and_fit_others() {
+fn pinholes_keep_two_radial_terms_and_other_distortions_are_fitted() {
     let ros = |model: &str, k: &str| {
         format!(
             "image_width: 640\nimage_height: 480\ndistortion_model: {model}\ncamera_matrix: {{data: [460, 0, 319.5, 0, 458, 239.5, 0, 0, \
@@ -166,7 +166,7 @@ fn pinholes_keep_two_radial_terms_and_fit_others() {
         pixel(30.0, 200.0, 91.170, 156.803),
     ];
     let fitted = parsed(&ros("plumb_bob", "-0.28, 0.07, 0.0002, -0.0003, 0.001"));
-    // The tangential terms, up to 0.6 pixels here, are what the fit gives up.
+    // The fit does not represent the tangential terms, which are up to 0.6 pixels in this file.
     assert_pixels("plumb_bob", &fitted.lens, &pixels, 0.8);
     assert!(fitted.notes.iter().any(|n| n.contains("off by at most 0.")), "{:?}", fitted.notes);
     let rational = parsed(&ros("rational_polynomial", "-0.28, 0.07, 0, 0, 0.001, 0.01, 0.0, 0.0"));
@@ -174,7 +174,7 @@ fn pinholes_keep_two_radial_terms_and_fit_others() {
 }
 
 #[test]
-fn several_cameras_are_told() {
+fn several_cameras_are_noted() {
     let second = KALIBR.replace("cam0", "cam1").replace("190.97", "250.0");
     let file = parsed(&format!("{KALIBR}{second}"));
     assert_pixels("the first", &file.lens, &FISHEYE, 1e-3);
@@ -182,7 +182,7 @@ fn several_cameras_are_told() {
 }
 
 #[test]
-fn a_fisheye_that_is_guessed_is_told_and_a_stated_one_is_not() {
+fn an_assumed_fisheye_is_noted_and_a_stated_one_is_not() {
     let is_told = |text: &str| parsed(text).notes.iter().any(|note| note.contains("fisheye_model: 0"));
     assert!(is_told(OPENCV), "four coefficients");
     assert!(!is_told(&format!("{OPENCV}fisheye_model: 1\n")), "stated");
@@ -201,7 +201,7 @@ fn a_region_of_interest_is_refused_unless_it_is_the_whole_image() {
 }
 
 #[test]
-fn files_that_are_no_lens_are_refused_by_name() {
+fn files_without_a_lens_are_refused_by_name() {
     for (text, part) in [
         (String::new(), "empty"),
         ("hello".into(), "camera matrix"),
@@ -232,7 +232,7 @@ fn files_that_are_no_lens_are_refused_by_name() {
 }
 
 #[test]
-fn converted_files_come_back_as_the_same_lens() {
+fn converted_files_are_read_back_as_the_same_lens() {
     use crate::recorded::{Target, convert};
     let folder = tempfile::tempdir().expect("a folder");
     let from = folder.path().join("from.yml");

@@ -3,10 +3,10 @@
 use super::{EXPECTED, Refusal, refuse};
 use yaml_rust2::{Yaml, YamlLoader};
 
-/// Deepest nesting that is read; lens files need five.
+/// Deepest accepted nesting; lens files need five levels.
 const MAX_DEPTH: usize = 24;
 
-/// Most references to anchors.
+/// Largest number of references to anchors.
 const MAX_ALIASES: usize = 16;
 
 /// A value of a JSON or YAML document.
@@ -18,7 +18,7 @@ pub(super) enum Node {
 }
 
 impl Node {
-    /// The value of the first of `names`, without regard to case.
+    /// Returns the value of the first of `names` that exists, without regard to case.
     pub fn get(&self, names: &[&str]) -> Option<&Self> {
         let Self::Map(entries) = self else { return None };
         let find = |name: &&str| entries.iter().find(|(key, _)| key.eq_ignore_ascii_case(name));
@@ -36,7 +36,7 @@ impl Node {
         self.text()?.parse::<f64>().ok().filter(|v| v.is_finite())
     }
 
-    /// All numbers of a matrix: of its `data`, of a list, of lists of lists, or of a text.
+    /// Returns all numbers of a matrix: of its `data`, of a list, of lists of lists, or of a text.
     pub fn numbers(&self) -> Option<Vec<f64>> {
         match self {
             Self::Map(_) => self.get(&["data"])?.numbers(),
@@ -64,7 +64,7 @@ pub(super) fn from_yaml(text: &str) -> Result<Node, Refusal> {
     node.map_or_else(|| refuse("an empty file", EXPECTED), Ok)
 }
 
-/// Refuses texts that a recursive parser would not survive.
+/// Refuses texts whose nesting would overflow the stack of a recursive parser.
 fn check_nesting(text: &str) -> Result<(), Refusal> {
     let (mut depth, mut deepest, mut aliases) = (0usize, 0usize, 0usize);
     for line in text.lines() {
@@ -91,7 +91,7 @@ fn check_nesting(text: &str) -> Result<(), Refusal> {
     )
 }
 
-/// A line without tags such as `!!opencv-matrix`.
+/// Removes tags such as `!!opencv-matrix` from a line.
 fn without_tags(line: &str) -> String {
     let Some((before, after)) = line.split_once("!!") else { return line.into() };
     let rest = after.trim_start_matches(|c: char| !c.is_whitespace());
