@@ -1,28 +1,28 @@
-// Light sets of a hemilux probe in a page.
+// Client for light sets of a hemilux probe in web pages and Node.js.
 //
 //   import { Hemilux } from "http://127.0.0.1:8080/client.js";
 //   const probe = new Hemilux("http://127.0.0.1:8080", { coordinates: "three", lights: 8 });
 //   probe.addEventListener("set", ({ detail: set }) => console.log(set.frame, set.lights));
 //   probe.addEventListener("state", ({ detail: state }) => console.log(state)); // "live", "stale" or "lost"
-//   probe.interpolated();                                                       // lights for this moment, as often as you draw
+//   probe.interpolated();                                                       // lights for this time, for each picture that is drawn
 //
 // Runs in browsers and in Node.js 20 or later. A page of another site needs the probe to be started with --allow-origin.
 
-/** First pause before connecting again, ms; each further one is twice as long, up to the longest. */
+/** First pause before connecting again, ms; each further pause is twice as long, up to the longest one. */
 const FIRST_PAUSE = 250, LONGEST_PAUSE = 8000;
 
-/** The probe repeats the last set at least every 1.5 s: silence for longer means that the connection is dead. */
+/** Longest time without an event, ms: the probe repeats the last set at least every 1.5 s, so that a longer silence means a dead connection. */
 const SILENCE = 4000;
 
-/** Longest event that is read, characters. */
+/** Longest accepted event, characters. */
 const LONGEST_EVENT = 16 << 20;
 
 export class Hemilux extends EventTarget {
-  /** The newest set as `/v1/lights` gives it, or null. */
+  /** The newest set, in the form of `/v1/lights`, or null. */
   latest = null;
   /** "lost", "stale" or "live". */
   state = "lost";
-  /** Why the state is not "live", one line. */
+  /** Reason why the state is not "live", one line. */
   reason = "no set yet";
   #previous = null;
   #arrived = 0;
@@ -33,8 +33,8 @@ export class Hemilux extends EventTarget {
   #timer = 0;
   #closed = false;
 
-  /** `base` is the probe's address, by default where this module came from; options: `coordinates`, `lights`, `ambient`
-   * (true, false, or "own" for what the probe itself is set to), `soft` (the same three: whether lights are fitted as discs of their radius). */
+  /** `base` is the probe's address, by default the origin of this module; options: `coordinates`, `lights`, `ambient`
+   * (true, false, or "own" for the probe's own setting), `soft` (the same values: whether lights are fitted as discs of their radius). */
   constructor(base = new URL(import.meta.url).origin, options = {}) {
     super();
     this.#url = eventsOf(base);
@@ -52,8 +52,8 @@ export class Hemilux extends EventTarget {
   }
 
   /**
-   * The lights at `now` (as of performance.now()): between the last two sets, each light moves from where it was to where it is, by its id;
-   * a new one fades in, one that is gone fades out. One frame's time behind the newest set, and never beyond it.
+   * Returns the lights at the time `now` of performance.now(), interpolated between the last two sets by id: new lights fade in, old ones
+   * fade out. The lights are delayed by one frame and never extrapolated.
    */
   interpolated(now = performance.now()) {
     if (!this.latest) return [];
@@ -77,7 +77,7 @@ export class Hemilux extends EventTarget {
 
   #take(data) {
     let set;
-    try { set = JSON.parse(data); } catch { return this.#again("an event that is no light set"); }
+    try { set = JSON.parse(data); } catch { return this.#again("an event that is not a light set"); }
     const now = performance.now();
     this.#pause = FIRST_PAUSE;
     this.#watch();
@@ -122,7 +122,7 @@ export class Hemilux extends EventTarget {
   }
 }
 
-/** The address of the stream of a probe's sets. */
+/** Returns the address of the event stream of a probe. */
 function eventsOf(base) {
   let url;
   try { url = new URL("/v1/events", base); } catch { url = null; }
@@ -144,13 +144,13 @@ async function readEvents(body, take) {
   }
 }
 
-/** One line; the cause of a failed fetch says more than the error. */
+/** Returns an error as one line; the cause of a failed fetch has more detail than the error. */
 function reasonOf(error) {
   const { cause } = error;
   return String(cause?.message || cause?.code || error.message).split("\n")[0];
 }
 
-/** The lights between two sets' (`part` 0 to 1), each on its way by its id; what is new fades in, what is gone fades out. */
+/** Returns the lights between two sets (`part` 0 to 1), interpolated by id; new lights fade in, old ones fade out. */
 export function mix(old, latest, part) {
   if (part >= 1) return latest;
   const before = new Map(old.map(light => [light.id, light]));
@@ -166,7 +166,7 @@ export function mix(old, latest, part) {
 function between(a, b, part) {
   const mix = (x, y) => x.map((v, i) => v + part * (y[i] - v));
   const d = mix(a.direction, b.direction), length = Math.hypot(...d);
-  // Opposite directions have no way between them.
+  // Opposite directions cannot be interpolated.
   const direction = length > 1e-6 ? d.map(v => v / length) : b.direction;
   const radius_deg = a.radius_deg + part * (b.radius_deg - a.radius_deg);
   return { ...b, direction, irradiance: mix(a.irradiance, b.irradiance), radius_deg };

@@ -1,4 +1,4 @@
-// Light sets as three.js lights: directional lights for what has a direction, a light probe for the rest.
+// Light sets as three.js lights: directional lights, and a light probe for the light without a direction.
 //
 //   import * as THREE from "three";
 //   import { Hemilux } from "http://127.0.0.1:8080/client.js";
@@ -8,14 +8,14 @@
 //   scene.add(lights.group);
 //   renderer.setAnimationLoop(() => { lights.update(probe); renderer.render(scene, camera); });
 //
-// With `soft` (of the Hemilux and of ProbeLights) lights are discs. three.js has no discs: intensities become what a surface facing the disc receives, and
-// `shadow.radius`, which PCFShadowMap and VSMShadowMap read, the penumbra of an occluder `occluder` units before the shadowed surface. Penumbras that
+// With `soft` (of the Hemilux and of ProbeLights) lights are discs. three.js has no discs: the intensity is the irradiance of a surface that faces the disc, and
+// `shadow.radius`, which PCFShadowMap and VSMShadowMap use, is the penumbra of an occluder `occluder` units before the shadowed surface. Penumbras that
 // widen with distance, and highlights of the disc's size, are not possible.
 //
-// Intensities are irradiance in the set's unit times `exposure`: choose it, or the renderer's toneMappingExposure, for your scene.
+// Intensities are irradiance in the set's unit times `exposure`, which the scene determines, as does the renderer's toneMappingExposure.
 
 export class ProbeLights {
-  /** `most` lights at a time: adding and removing them makes three.js compile its shaders anew, so they stay and go dark instead. */
+  /** Creates `most` lights, which stay in the scene and are dark when unused: adding or removing a light makes three.js compile its shaders again. */
   constructor(THREE, most = 8, { exposure = 1, distance = 10, castShadow = false, soft = false, occluder = 1 } = {}) {
     this.exposure = exposure;
     this.distance = distance;
@@ -35,10 +35,10 @@ export class ProbeLights {
     this.#places = new Map();
   }
 
-  /** Which three.js light shows which id: a light keeps its place as long as it lives, so that its shadow does not jump. */
+  /** Id of the light that each three.js light shows: a light keeps its place as long as it exists, so that its shadow does not jump. */
   #places;
 
-  /** Shows the lights of this moment. The Hemilux must have been asked for `coordinates: "three"`. */
+  /** Updates the three.js lights to this time. The Hemilux must have been created with `coordinates: "three"`. */
   update(probe, now = performance.now()) {
     if (!probe.latest) return;
     const lights = probe.interpolated(now).slice();
@@ -60,7 +60,7 @@ export class ProbeLights {
 
   #show(target, light) {
     const top = Math.max(...light.irradiance);
-    // A colour of at most 1, the rest in the intensity. The set is linear, as three.js's working colour space is.
+    // The colour is at most 1, the intensity has the remaining factor. The set is linear, like three.js's working colour space.
     target.color.setRGB(...light.irradiance.map(v => top > 0 ? v / top : 0));
     target.intensity = top * this.exposure;
     if (this.soft) this.#soften(target, Math.min(80, light.radius_deg) * Math.PI / 180);
@@ -69,7 +69,7 @@ export class ProbeLights {
     target.userData.radius_deg = light.radius_deg;
   }
 
-  /** A disc of `radius` radians: the irradiance of a surface that faces it, and its penumbra in texels of the shadow map. */
+  /** Sets intensity and shadow for a disc of `radius` radians: the irradiance of a surface that faces it, and its penumbra in texels of the shadow map. */
   #soften(target, radius) {
     const { camera, mapSize } = target.shadow, texel = (camera.right - camera.left) / mapSize.width;
     target.intensity *= (1 + Math.cos(radius)) / 2;

@@ -1,4 +1,4 @@
-// Puts the page together: light sets come in as events, pictures and the status are asked for while the page is looked at.
+// Entry point of the page: receives light sets as events, and requests pictures and the status while the page is visible.
 
 import { Hemilux } from "/client.js";
 import { Calibration } from "./calibration.js";
@@ -16,13 +16,13 @@ import { SourceChoice } from "./source.js";
 import { Table } from "./table.js";
 import { Times } from "./times.js";
 
-/** Most lights that the page takes: more could not be told apart. */
+/** Largest number of lights that the page requests: more dots could not be distinguished. */
 const LIGHTS = 512;
 
-/** Pauses between two maps, two masks, two looks at the status and two at the exposures, ms. */
+/** Pauses between two requests for the map, for the mask, for the status and for the exposures, ms. */
 const MAP_PAUSE = 400, MASK_PAUSE = 1000, STATUS_PAUSE = 1000, BURST_PAUSE = 3000;
 
-/** Longest time that all else waits for the sky, ms. */
+/** Longest time for which all other work waits for the sky, ms. */
 const SKY_FIRST = 1000;
 
 const by = id => document.getElementById(id);
@@ -49,7 +49,7 @@ const download = new Download({
 /** Resolves the promises of `ready`. */
 const wakeUp = [];
 
-/** `mayAll`: whether pictures and changes are for us, null before that is known. */
+/** `mayAll`: whether this page may get pictures and change settings; null before that is known. */
 let probe = null, scene = null, known = null, status = null, answers = false, mayAll = null, changed = -1, shown = () => {};
 
 function connect() {
@@ -69,7 +69,7 @@ function take(set) {
   scene?.draw();
 }
 
-/** A set for this page is thinned: how many lights there are, the status knows. */
+/** The sets of this page have at most LIGHTS lights; the status has the number of lights of the probe's own set. */
 function count(set) {
   const all = status?.last && status.run === set.run ? status.last : null;
   const isThinned = set.lights.length >= LIGHTS && all;
@@ -78,14 +78,14 @@ function count(set) {
 
 function tell(state) {
   const set = probe?.latest, stale = set?.stale;
-  // A probe without a camera answers, and has no set to send.
+  // A probe whose camera is missing answers, but has no set to send.
   if (state === "lost" && answers) state = status.fault || !status.last ? "fault" : "again";
   const [word, text] = {
     live: () => ["Live", ""],
     stale: () => ["Stale", `the last frame is ${fixed(stale.age_ms / 1000, 1)} s old: ${stale.reason}`],
     fault: () => ["No light", status.fault ?? "the probe answers and waits for its first frame."],
-    again: () => ["Connecting", "the probe answers; the stream of its lights begins again."],
-    lost: () => ["Lost", set ? "the probe does not answer; what you see is its last word. Trying again…" : "the probe does not answer. Trying again…"],
+    again: () => ["Connecting", "the probe answers; the stream of light sets is being opened again."],
+    lost: () => ["Lost", set ? "the probe does not answer; the page shows its last set. Trying again…" : "the probe does not answer. Trying again…"],
   }[state]();
   const isNew = by("state").dataset.state !== state;
   by("state").dataset.state = document.body.dataset.state = state;
@@ -100,7 +100,7 @@ function wake() {
   wakeUp.splice(0).forEach(go => go());
 }
 
-/** Whether pictures can be had now; else waits for a change of that. */
+/** Waits until pictures may be requested. */
 async function ready() {
   while (document.hidden || !mayAll || probe?.state !== "live") {
     await Promise.race([new Promise(go => wakeUp.push(go)), sleep(1000)]);
@@ -147,7 +147,7 @@ async function look() {
   if (probe && (isNewRun || probe.state !== "stale")) tell(probe.state);
 }
 
-/** Pictures that may not be seen are not kept on the screen. */
+/** Removes pictures from the page when they may no longer be requested. */
 function forget() {
   known = sky.map = sky.mask = otherSky.map = otherSky.mask = null;
   if (scene) scene.map = null;
@@ -167,7 +167,7 @@ async function logIn(event) {
   await look();
 }
 
-/** Makes the scene as the controls have it. */
+/** Creates the scene with the options of its controls. */
 function lightScene() {
   try {
     scene = new Scene(by("scene-canvas"), supply, ({ rate, shadows, moving }) => {
@@ -183,7 +183,7 @@ function lightScene() {
   }
 }
 
-/** The lights of this moment: they glide between two sets unless the reader wants no motion. */
+/** Returns the lights for this time: interpolated between two sets, unless the user prefers reduced motion. */
 function supply(now) {
   const set = probe?.latest, moving = probe?.state === "live" && !isStill.matches, { pair } = comparison;
   if (pair) {
@@ -195,13 +195,13 @@ function supply(now) {
   return { views: [{ lights: settings.value("soft") ? lights.map(faced) : lights, ambient: set.ambient_sh }], moving };
 }
 
-/** A light fitted as a disc, with the irradiance that a surface facing the disc receives. */
+/** Returns a light fitted as a disc, with the irradiance that a surface facing the disc receives. */
 function faced(light) {
   const part = (1 + Math.cos(Math.min(90, light.radius_deg) * Math.PI / 180)) / 2;
   return { ...light, irradiance: light.irradiance.map(v => v * part) };
 }
 
-/** Two of everything while a comparison goes on. */
+/** Shows two skies and two scenes during a comparison. */
 function showPair({ detail: { sets } }) {
   document.body.classList.add("comparing");
   [sky, otherSky].forEach((one, i) => { one.lights = sets[i].lights; });
@@ -238,7 +238,7 @@ function controls() {
   settings.addEventListener("denied", look);
   settings.addEventListener("changed", ({ detail }) => {
     comparison.samplers = detail.sampler.enum;
-    // Without the debug picture there is nothing to see there: the link leads to its switch.
+    // Without the debug picture, the link leads to the setting that enables it.
     by("screenshot").href = detail.gui.value ? "/screenshot" : "#set-gui";
   });
   by("screenshot").addEventListener("click", () => { if (by("screenshot").hash) by("group-other").open = true; });
@@ -247,7 +247,7 @@ function controls() {
   comparison.addEventListener("pair", showPair);
   comparison.addEventListener("end", showOne);
   document.addEventListener("visibilitychange", () => {
-    // Browsers have few connections to one place: a hidden page closes its own.
+    // Browsers limit the connections to a server: a hidden page closes its connection.
     if (document.hidden) { probe?.close(); probe = null; } else { connect(); wake(); }
   });
 }
@@ -265,7 +265,7 @@ repeat(MAP_PAUSE, async () => {
   if (scene) scene.map = continued(map);
   else requestAnimationFrame(() => setTimeout(shown));
 });
-// The sky is shown first, where there is one to be had: without a GPU the scene is long in the making, and the probe makes one picture at a time.
+// The sky is drawn first, if there is a map: without a GPU the scene takes long to create, and the probe makes one picture at a time.
 Promise.race([new Promise(done => { shown = done; }), sleep(SKY_FIRST)]).then(() => {
   repeat(MASK_PAUSE, async () => { const mask = await fetchMask(); if (mask && mayAll) skies(one => { one.mask = mask; }); });
   repeat(MAP_PAUSE, () => calibration.refresh());

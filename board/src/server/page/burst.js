@@ -2,7 +2,7 @@
 
 import { duration } from "./figures.js";
 
-/** Width of the pictures, pixels: a click shows them whole. */
+/** Width of the pictures, pixels; a click shows the full size. */
 const WIDTH = 320;
 
 export class Burst {
@@ -10,7 +10,7 @@ export class Burst {
 
   constructor(box) { this.#box = box; }
 
-  /** Fetches all of them, one after the other: the probe makes one at a time. */
+  /** Fetches all pictures one after the other: the probe makes one at a time. */
   async load() {
     for (let i = 0, count = 1; i < count; i++) {
       const answer = await fetch(`/v1/image/${i}?width=${WIDTH}`, { cache: "no-store" });

@@ -1,11 +1,11 @@
-// The calibration of lens, vignetting, response and lux. The probe keeps what was taken; nothing is written before "Save".
+// Calibration of lens, vignetting, response and lux. The probe keeps the readings; files are written by "Save" alone.
 
 import { Outline } from "./outline.js";
 
 const by = id => document.getElementById(id);
 const sleep = ms => new Promise(done => setTimeout(done, ms));
 
-/** Pause between two looks at a board, ms. */
+/** Pause between two searches for a board, ms. */
 const PAUSE = 150;
 
 export class Calibration {
@@ -40,12 +40,12 @@ export class Calibration {
   get #isOpen() { return by("cal-open").open && !this.#locked; }
   get #field() { return Number(by("cal-field").value) || 180; }
 
-  /** What another client did shows as well. */
+  /** Requests the state, which other clients may have changed. */
   async load() {
     if (this.#isOpen && !this.#isBusy) await this.#ask("GET");
   }
 
-  /** The picture that the camera gives now; called over and over. */
+  /** Shows the camera's present picture; called repeatedly. */
   async refresh() {
     if (!this.#isOpen || this.#isBusy) return;
     const answer = await fetch("/v1/image/0", { cache: "no-store" }), count = Number(answer.headers.get("hemilux-exposures")) || 1;
@@ -106,7 +106,7 @@ export class Calibration {
     this.#outline.clearPatch();
   }
 
-  /** One action at a time; true when it was done. */
+  /** Sends an action; one at a time. Returns true if it succeeded. */
   async #do(action, text = "") {
     by("cal-text").textContent = text;
     const done = await this.#ask("POST", action);
@@ -162,7 +162,7 @@ function advice({ views, advice, lacking }) {
 const fixed = (v, digits) => Number(v).toFixed(digits);
 const percent = v => `${fixed(100 * v, 1)} %`;
 
-/** What is known of each part, as rows of a name and a value. */
+/** For each part, the rows of a table: name and value of each known result. */
 const RESULTS = {
   lens({ guide, lens }) {
     const rows = guide ? [["Pictures", guide.views], ["View covered", percent(guide.share)]] : [];

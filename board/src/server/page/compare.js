@@ -1,30 +1,30 @@
-// Another sampler on the same frames: both sets as they come, and a table of what is thought of them.
+// Comparison with another sampler on the same frames: both light sets, and a table of their scores.
 
 import { mix } from "/client.js";
 import { curves, element, milliseconds, niceAbove, percent } from "./figures.js";
 
-/** Pause before asking again where another comparison or the probe's start is in the way, ms, and after a change of the choice. */
+/** Pause before a repeated request while another comparison runs or the probe starts, ms, and pause after a change of the controls, ms. */
 const PAUSE = 2000, TYPING = 350;
 
-/** Time for which the probe keeps a sampler after its last client, ms: a choice of our own waits for it, or it would be refused. */
+/** Time for which the probe keeps a sampler after its last client, ms: a request for another sampler before that would be refused. */
 const HELD = 650;
 
-/** Most lights of the other sampler. */
+/** Largest number of lights of the other sampler. */
 const MOST = 2048;
 
-/** Pairs that the history shows; part that the newest has in the smoothed flicker. */
+/** Number of pairs in the history, and weight of the newest pair in the smoothed flicker. */
 const KEPT = 300, SMOOTHING = 0.1;
 
-/** Colours of the probe's own sampler and the other. */
+/** Colours of the probe's own sampler and of the other one. */
 export const COLOURS = ["#4c9be8", "#e8a33d"];
 
-/** Name, explanation, how it is written, and where it comes from. */
+/** Rows of the table: name, explanation, format, and the values of both sets. */
 const ROWS = [
   ["Lights used", "", (v, of) => `${v} of ${of}`, (score, set) => [score.lights, set.requested]],
   ["Error, shadowed", "against the frame's own map", v => `${percent(v)} %`, score => [score.shadowed]],
-  ["Error, open", "the same without occluders", v => `${percent(v)} %`, score => [score.open]],
-  ["Estimated error", "what the sampler says itself, shadowed", v => `${percent(v)} %`, score => [score.estimated_error]],
-  ["Flicker", "change a frame that the light did not make", v => `${percent(v)} %`, (score, set, flicker) => [flicker]],
+  ["Error, open", "against the frame's own map, without occluders", v => `${percent(v)} %`, score => [score.open]],
+  ["Estimated error", "the sampler's own estimate, shadowed", v => `${percent(v)} %`, score => [score.estimated_error]],
+  ["Flicker", "change per frame beyond that of the map", v => `${percent(v)} %`, (score, set, flicker) => [flicker]],
   ["Sampler's time", "", v => `${milliseconds(v)} ms`, score => [score.sample_us]],
 ];
 
@@ -34,7 +34,7 @@ export class Comparison extends EventTarget {
   #parts; #cells = []; #previous = null; #arrived = 0; #interval = 100; #flicker = [null, null]; #history = [];
   #turn = 0; #timer = 0; #run = null; #asking = null; #ended = -HELD; #asked = "";
 
-  /** `parts`: the controls `on`, `sampler`, `lights`, and where to write: `error`, `result`, `names`, `rows`, `history`. Dispatches "pair" and "end". */
+  /** `parts`: the controls `on`, `sampler`, `lights`, and the outputs `error`, `result`, `names`, `rows`, `history`. Dispatches "pair" and "end". */
   constructor(parts) {
     super();
     this.#parts = parts;
@@ -56,7 +56,7 @@ export class Comparison extends EventTarget {
     }
   }
 
-  /** The samplers to choose from. */
+  /** Sets the names of the samplers that can be selected. */
   set samplers(names) {
     const select = this.#parts.sampler, chosen = select.value || "q2tree";
     if ([...select.options].map(o => o.value).join() === names.join()) return;
@@ -71,14 +71,14 @@ export class Comparison extends EventTarget {
 
   get isOn() { return this.#parts.on.checked; }
 
-  /** Both sets' lights for this moment, as {@link Hemilux.interpolated} gives them; null without a pair. */
+  /** Returns both sets' lights for this time, interpolated like {@link Hemilux.interpolated}; null without a pair. */
   interpolated(now) {
     if (!this.pair) return null;
     const part = this.#previous ? Math.min(1, (now - this.#arrived) / this.#interval) : 1;
     return this.pair.sets.map((set, i) => part < 1 ? mix(this.#previous.sets[i].lights, set.lights, part) : set.lights);
   }
 
-  /** Asks again and again until something else is chosen. */
+  /** Requests pairs repeatedly until another sampler or none is selected. */
   async #begin() {
     clearTimeout(this.#timer);
     const turn = ++this.#turn;
@@ -160,7 +160,7 @@ export class Comparison extends EventTarget {
     this.#draw();
   }
 
-  /** Both shadowed errors over time. */
+  /** Draws the shadowed errors of both sets over time. */
   #draw() {
     const canvas = this.#parts.history, top = niceAbove(1.15 * Math.max(...this.#history.flat(), 1e-6));
     curves(canvas, KEPT, top, COLOURS.map((colour, i) => [colour, this.#history.map(both => both[i])]), { label: `${percent(top)} %` });
@@ -171,13 +171,13 @@ export class Comparison extends EventTarget {
 
 const sleep = ms => new Promise(done => setTimeout(done, Math.max(0, ms)));
 
-/** What is wrong with the number of lights. */
+/** Returns the error of the number of lights; empty if there is none. */
 function unfit({ value, validity }) {
   const isRight = !validity.badInput && /^\d+$/.test(value) && value >= 1 && value <= MOST;
   return isRight ? "" : `found lights '${validity.badInput ? "no number" : value}', expected 1 to ${MOST}`;
 }
 
-/** Status and answer: a pair, or one line of text. */
+/** Requests a pair; returns status and answer: a pair, or one line of text. */
 async function ask(algorithm, lights, after, signal) {
   const query = new URLSearchParams({ algorithm, lights, ...(after === undefined ? {} : { after }) });
   try {

@@ -1,22 +1,22 @@
-// "Download": the light set and the map as files, in the form that is chosen.
+// The panel "Download": the light set and the map as files, in the selected form.
 
-/** The forms of the light set: what they are called, the ending of the file, what they are for, and whether lights are fitted as discs, since the form holds their angle. */
+/** Forms of the light set: name, file extension, description, and true if lights are fitted as discs, since the form contains their angle. */
 const SETS = {
-  json: ["JSON", "json", "Everything that a set has."],
+  json: ["JSON", "json", "All values of a set."],
   csv: ["CSV", "csv", "A line for each light, for a spreadsheet."],
   glb: ["glTF (.glb)", "glb", "Directional lights, +Y up; no radius and no ambient light."],
-  usda: ["USD (.usda)", "usda", "Distant lights with their angles, +Y up; names map.exr of the same folder as its dome.", true],
+  usda: ["USD (.usda)", "usda", "Distant lights with their angles, +Y up; its dome is map.exr in the same folder.", true],
   blender: ["Blender script", "py", "Run it in Blender's text editor: a sun for each light, by its id, with its angle.", true],
 };
 
-/** The forms of the map. */
+/** Forms of the map: name, file extension, description. */
 const MAPS = {
-  exr: ["OpenEXR", "exr", "Radiance as it is, 32 bits."],
+  exr: ["OpenEXR", "exr", "Radiance, 32-bit floats."],
   hdr: ["Radiance HDR", "hdr", "Radiance in 32 bits a texel, for older programs."],
-  png: ["PNG", "png", "A picture to look at: tone-mapped, no radiance."],
+  png: ["PNG", "png", "A tone-mapped picture without radiance."],
 };
 
-/** Keeps the links of the panel as its controls have it. `name` gives the source's name for the files. */
+/** Updates the links of the panel after each change of its controls. `name` is the source's name for the file names. */
 export class Download {
   #parts; #name = "hemilux";
 
@@ -28,7 +28,7 @@ export class Download {
     this.#write();
   }
 
-  /** The source's name becomes part of the files' names. */
+  /** Sets the source's name, which becomes part of the file names. */
   set source(name) {
     const plain = `hemilux-${name.replace(/^\w+:/, "").replace(/[^\w.-]+/g, "-").replace(/\.\w+$/, "")}`;
     if (plain === this.#name) return;
@@ -36,7 +36,7 @@ export class Download {
     this.#write();
   }
 
-  /** Whether the map may be seen. */
+  /** True if the map may not be requested. */
   set locked(locked) {
     const { map } = this.#parts;
     if (locked) map.removeAttribute("href"); else this.#write();
@@ -54,7 +54,7 @@ export class Download {
     setText.textContent = about;
     const [, mapEnding, mapAbout] = MAPS[mapForm.value];
     map.href = `/v1/map.${mapForm.value}?covers=${covers.value}${width.value ? `&width=${width.value}` : ""}`;
-    // The name by which the USD file refers to it.
+    // The name by which the USD file refers to the map.
     map.download = mapForm.value === "exr" ? "map.exr" : `${this.#name}.${mapEnding}`;
     mapText.textContent = `${mapAbout} Latitude-longitude, the zenith at the upper edge${covers.value === "sphere" ? ", dark below the horizon" : ""}.`;
   }

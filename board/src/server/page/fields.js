@@ -1,9 +1,9 @@
-// The fields of the settings: a label, a control, an explanation, and a place for what is wrong.
+// The fields of the settings: label, control, explanation, and error message.
 
-/** Above so many values a slider's steps grow with the value. */
+/** Number of values above which a slider is logarithmic. */
 const LINEAR = 100;
 
-/** A row with label, control, explanation and place for an error; `change` is called with each new value, undefined for none. */
+/** Creates a row with label, control, explanation and error message; `change` is called with each new value, undefined for none. */
 export function field(name, schema, change) {
   const box = document.createElement("div"), row = make("div", { className: "row" }), id = `set-${name}`;
   const control = kind(schema)(id, schema, change);
@@ -27,7 +27,7 @@ export function field(name, schema, change) {
     isFixed = Boolean(schema.readOnly);
     lock();
     const value = JSON.stringify([schema.value, schema.current]);
-    // What is wrong stays to be seen until it is mended or the value changes.
+    // An error message stays until it is corrected or the value changes.
     if (isBusy || (error.textContent && value === shown)) return;
     shown = value;
     control.show(schema);
@@ -40,7 +40,7 @@ export function field(name, schema, change) {
   };
 }
 
-/** What is wrong with a value, in a line that says what was found and what is expected; empty where nothing is. */
+/** Returns the error of a value, one line with the value that was found and the values that are accepted; empty if the value is accepted. */
 function wrong(value, schema, { value: text, validity }) {
   const { items, minimum: least, maximum: most, unit = "" } = { ...schema, ...schema.items }, isWhole = [].concat(schema.type).includes("integer");
   if (schema.enum || value === null || typeof value === "boolean") return "";
@@ -78,7 +78,7 @@ function toggle(id, _, change) {
   return { parts: [box], show: ({ value }) => { box.checked = value; } };
 }
 
-/** A number with a slider; where there are many values the slider is logarithmic. */
+/** Creates a number field with a slider, which is logarithmic for many values. */
 function number(id, schema, change) {
   const input = make("input", { id, type: "number" }), slider = make("input", { type: "range", min: 0, max: 1, step: 0.001 });
   slider.setAttribute("aria-label", `${id.slice(4)}, roughly`);
@@ -103,7 +103,7 @@ function number(id, schema, change) {
   return { parts: [input, slider], show };
 }
 
-/** A number alone. */
+/** Creates a number field without a slider. */
 function plain(id, _, change) {
   const input = make("input", { id, type: "number", step: "any" });
   input.addEventListener("input", () => change(input.value === "" ? undefined : input.valueAsNumber));
@@ -111,7 +111,7 @@ function plain(id, _, change) {
   return { parts: [input], show };
 }
 
-/** Numbers with commas between them; none leaves it to the source, whose own are shown in grey. */
+/** Creates a field for numbers separated by commas; if it is empty, the source's own values apply and are shown in grey. */
 function list(id, _, change) {
   const input = make("input", { id, type: "text", inputMode: "decimal", autocomplete: "off", spellcheck: false });
   input.addEventListener("input", () => {
@@ -125,7 +125,7 @@ function list(id, _, change) {
   return { parts: [input], show };
 }
 
-/** A number that may be left out: an empty field is none. */
+/** Creates a number field that may be empty for no value. */
 function optional(id, schema, change) {
   const isWhole = [].concat(schema.type).includes("integer");
   const input = make("input", { id, type: "number", step: isWhole ? 1 : "any", placeholder: isWhole ? "automatic" : "off" });

@@ -1,8 +1,8 @@
-// Numbers as the page writes them, and the small curves beside them.
+// Formatting of numbers, and the curves next to them.
 
 import { penOf } from "./quality.js";
 
-/** `v` with so many figures, no more than 8 decimals and without an exponent; what comes to zero has no sign. */
+/** Formats `v` with `count` significant digits, at most 8 decimals and no exponent; a result of zero has no sign. */
 export function figures(v, count = 3) {
   if (!Number.isFinite(v)) return "–";
   if (v === 0) return "0";
@@ -10,25 +10,25 @@ export function figures(v, count = 3) {
   return fixed(v, decimals);
 }
 
-/** `v` with so many decimals, without the sign of a zero. */
+/** Formats `v` with `decimals` decimals; a result of zero has no sign. */
 export const fixed = (v, decimals) => v.toFixed(decimals).replace(/^-(0(\.0*)?)$/, "$1");
 
-/** A time in seconds, in the unit that suits it. */
+/** Formats a time in seconds as s, ms or µs. */
 export function duration(seconds) {
   const [value, unit] = seconds >= 1 || seconds === 0 ? [seconds, "s"] : seconds >= 1e-3 ? [1e3 * seconds, "ms"] : [1e6 * seconds, "µs"];
   return `${Number(figures(value))} ${unit}`;
 }
 
-/** A ratio in per cent, without the sign; what is next to nothing is not spelled out. */
+/** Formats a ratio in per cent, without the sign; positive values below 0.001 are shown as "<0.001". */
 export const percent = v => v === 0 ? "0" : v > 0 && v < 1e-5 ? "<0.001" : figures(100 * v, 100 * v >= 9.95 ? 3 : 2);
 
-/** Microseconds in milliseconds. */
+/** Formats microseconds as milliseconds. */
 export const milliseconds = us => figures(us / 1000, us >= 1000 ? 3 : 2);
 
-/** Three figures. */
+/** Formats a number with three significant digits. */
 export const short = v => v !== 0 && (Math.abs(v) >= 1e6 || Math.abs(v) < 1e-3) ? v.toExponential(2) : figures(v);
 
-/** A round number, not far above `v`. */
+/** Returns a round number that is slightly greater than `v`. */
 export function niceAbove(v) {
   const power = 10 ** Math.floor(Math.log10(v));
   return [1, 1.5, 2, 3, 4, 5, 6, 8, 10].find(k => k * power >= v) * power;
@@ -38,7 +38,7 @@ export function element(name, text, properties = {}) {
   return Object.assign(document.createElement(name), { textContent: text, ...properties });
 }
 
-/** A pen for a canvas whose pixels are the screen's, cleared; null while it is not shown. */
+/** Resizes a canvas to the pixels of the screen, clears it and returns its context; null while it is hidden. */
 export function cleared(canvas) {
   const ratio = window.devicePixelRatio || 1, box = canvas.getBoundingClientRect();
   if (!box.width) return null;
@@ -49,7 +49,7 @@ export function cleared(canvas) {
   return { pen, ratio, width, height };
 }
 
-/** Curves over the last `kept` frames from 0 to `top`, which is written with `unit` where it is given; `line` is drawn across where it is below. */
+/** Draws curves over the last `kept` frames from 0 to `top`, which is labelled with the unit `label` if that is given; `line` is drawn across if it is below `top`. */
 export function curves(canvas, kept, top, all, { label = "", line = null } = {}) {
   const paper = cleared(canvas);
   if (!paper) return;

@@ -1,30 +1,30 @@
-// One disc for the brightest lights. Where there is time for one shadow, that of one light among many could not be seen.
+// Combines the brightest lights to one disc: where time allows one shadow alone, the shadow of a single light among many would be invisible.
 
 import { luminance } from "./map.js";
 
-/** Cosines of the angles from the disc's centre up to which a light is part of it as a whole, and from which it is not. */
+/** Cosines of the angles from the disc's centre up to which a light belongs to the disc as a whole, and from which it does not. */
 const INNER = Math.cos(25 * Math.PI / 180), OUTER = Math.cos(45 * Math.PI / 180);
 
-/** How much brighter another disc has to be than that of the last picture, so that shadows do not jump. */
+/** Ratio by which another disc must be brighter than the disc of the last picture to replace it, so that shadows do not jump. */
 const BRIGHTER = 1.3;
 
-/** Lights from which a disc is looked for. */
+/** Number of brightest lights around which a disc is searched. */
 const STARTS = 8;
 
-/** Steps by which a disc's centre moves to the mean of its lights. */
+/** Number of steps by which a disc's centre moves to the mean of its lights. */
 const STEPS = 3;
 
 export class Gathering {
   #centre = null;
 
-  /** The same light as `lights`, the brightest first: a disc, then what is left of each. */
+  /** Splits `lights`, the brightest first, into a disc and the remainder of each light; the sum is unchanged. */
   split(lights) {
     const found = lights.slice(0, STARTS).map(({ direction }) => around(lights, direction)).reduce((best, disc) => disc.level > best.level ? disc : best);
     const kept = this.#centre && around(lights, this.#centre);
     const { centre, parts, level, length } = kept && kept.level * BRIGHTER > found.level ? kept : found;
     this.#centre = centre;
     const sum = [0, 1, 2].map(c => lights.reduce((all, { irradiance }, i) => all + parts[i] * irradiance[c], 0));
-    // A uniform disc of radius r has the mean direction's length (1 + cos r) / 2.
+    // The mean direction of a uniform disc of radius r has the length (1 + cos r) / 2.
     const apart = Math.acos(Math.max(-1, 2 * length - 1)) * 180 / Math.PI;
     const own = lights.reduce((all, { irradiance, radius_deg }, i) => all + parts[i] * luminance(...irradiance) * radius_deg, 0) / level;
     const rest = lights.map((light, i) => ({ ...light, irradiance: light.irradiance.map(v => v * (1 - parts[i])) }));
@@ -32,7 +32,7 @@ export class Gathering {
   }
 }
 
-/** The disc near `from`: its centre, the part of each light that it holds, its luminance, and the length of the mean of its lights' directions. */
+/** Returns the disc near `from`: its centre, the part of each light that belongs to it, its luminance, and the length of the mean of its lights' directions. */
 function around(lights, from) {
   let centre = from, parts = [], level = 0, length = 1;
   for (let step = 0; step < STEPS; step++) {

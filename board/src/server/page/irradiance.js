@@ -1,10 +1,10 @@
-// What all lights together give a surface by where it faces: baked into a small map once per picture, so that a pixel costs one look-up instead of
-// a loop over the lights. Only lights whose shadows are drawn are left to the pixels.
+// Irradiance of all lights together by surface normal, computed once per picture into a small map, so that a pixel needs one look-up in place of a
+// loop over the lights. Lights with shadows are computed per pixel.
 
-/** Side of the map, texels: of the room in 64 lights what is read is off by 0.3 % of the mean (RMS over normals), a sixth of what the lights are. */
+/** Side of the map, texels: for the room in 64 lights, values read from it differ by 0.3 % of the mean (RMS over normals), a sixth of the error of the lights. */
 export const SIDE = 48;
 
-/** The direction of each texel: the octahedron over the sphere, folded open into a square [Cigolle et al. 2014], texels' middles up to its rim. */
+/** Direction of each texel: an octahedron projected to the sphere and unfolded into a square [Cigolle et al. 2014], with the outermost texel centres on its edge. */
 const NORMALS = (() => {
   const normals = new Float32Array(3 * SIDE * SIDE);
   for (let y = 0, i = 0; y < SIDE; y++) for (let x = 0; x < SIDE; x++, i += 3) {
@@ -17,7 +17,7 @@ const NORMALS = (() => {
   return normals;
 })();
 
-/** The same in GLSL: the place of a direction in the map. */
+/** GLSL function that returns the position of a direction in the map. */
 export const PLACE = `
 vec2 place(vec3 n) {
   n /= abs(n.x) + abs(n.y) + abs(n.z);
@@ -26,18 +26,18 @@ vec2 place(vec3 n) {
 }
 `;
 
-/** Order 2 harmonics of a direction, real, in the usual order. */
+/** Returns the real spherical harmonics up to order 2 of a direction, in the usual order. */
 export function basis(x, y, z) {
   return [0.282095, 0.488603 * y, 0.488603 * z, 0.488603 * x, 1.092548 * x * y, 1.092548 * y * z, 0.315392 * (3 * z * z - 1), 1.092548 * x * z,
     0.546274 * (x * x - y * y)];
 }
 
-/** What becomes of each harmonic of radiance as irradiance [Ramamoorthi and Hanrahan 2001]. */
+/** Factors from harmonics of radiance to those of irradiance [Ramamoorthi and Hanrahan 2001]. */
 const LAMBERT = [1, 2, 2, 2, 3, 3, 3, 3, 3].map(band => [0, Math.PI, 2 * Math.PI / 3, Math.PI / 4][band]);
 
 const BASES = LAMBERT.map((a, k) => Float32Array.from({ length: SIDE * SIDE }, (_, i) => a * basis(...NORMALS.subarray(3 * i, 3 * i + 3))[k]));
 
-/** Irradiance by normal, three floats a texel, of `lights` and of harmonics of radiance (nine rows of three, or null), times `scale`. */
+/** Returns the irradiance by normal, three floats per texel, of `lights` and of harmonics of radiance (nine rows of three, or null), times `scale`. */
 export function bake(lights, ambient, scale, out = new Float32Array(3 * SIDE * SIDE)) {
   out.fill(0);
   ambient?.forEach((row, k) => {
@@ -48,7 +48,7 @@ export function bake(lights, ambient, scale, out = new Float32Array(3 * SIDE * S
       out[o + 2] += b * part[i];
     }
   });
-  // What is dark stays dark where the harmonics ring.
+  // Negative values, where the harmonics ring, become 0.
   if (ambient) for (let o = 0; o < out.length; o++) out[o] = Math.max(0, out[o]);
   for (const { direction: [x, y, z], irradiance } of lights) {
     const [r, g, b] = irradiance.map(v => v * scale);

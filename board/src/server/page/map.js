@@ -1,12 +1,12 @@
-// The probe's map: radiance over the hemisphere and what of it is unseen or clipped. A texel is a degree or so; row 0 is the zenith's, column 0
-// begins at azimuth 180 degrees and azimuth falls to the right.
+// The probe's map: radiance over the hemisphere, and its unseen and clipped parts. A texel is about one degree wide; row 0 is at the zenith,
+// column 0 begins at azimuth 180 degrees, and the azimuth decreases to the right.
 
-/** @typedef {{width: number, height: number, texels: Float32Array}} Map rows of three floats a texel */
+/** @typedef {{width: number, height: number, texels: Float32Array}} Map rows of three floats per texel */
 
-/** Radiance of a code over the mean's: what /v1/map.jpg says. */
+/** Radiance of each code of /v1/map.jpg, relative to the geometric mean. */
 const RATIOS = Float32Array.from({ length: 256 }, (_, code) => (code / Math.max(0.5, 255 - code)) ** 2);
 
-/** Fetches the map, or null where the probe has none yet. Throws when it may not be seen. */
+/** Fetches the map, or null where the probe has none yet. Throws if the map may not be requested. */
 export async function fetchMap() {
   const answer = await fetch("/v1/map.jpg", { cache: "no-store" });
   if (!answer.ok) return refused(answer);
@@ -18,7 +18,7 @@ export async function fetchMap() {
   return { width, height, texels };
 }
 
-/** The codes of a picture as they are in the file. */
+/** Returns the codes of a picture without a colour conversion. */
 async function pixels(blob) {
   const picture = await createImageBitmap(blob, { colorSpaceConversion: "none" }), { width, height } = picture;
   const pen = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
@@ -27,11 +27,11 @@ async function pixels(blob) {
   return { width, height, data: pen.getImageData(0, 0, width, height).data };
 }
 
-/** The map with what the lens does not see continued from what it sees, for a background: each texel without light has that of the one above. */
+/** Returns the map with a continuation of its unseen part, for a background: each texel without light has the radiance of the texel above. */
 export function continued({ width, height, texels }) {
   const filled = texels.slice();
   for (let i = 3 * width; i < filled.length; i += 3) {
-    // Codes next to black are what the JPEG makes of its edge.
+    // Codes near black are artefacts of the JPEG compression at the edge.
     if (luminance(filled[i], filled[i + 1], filled[i + 2]) < 1e-3 * luminance(filled[i - 3 * width], filled[i + 1 - 3 * width], filled[i + 2 - 3 * width])) {
       filled.copyWithin(i, i - 3 * width, i - 3 * width + 3);
     }
@@ -39,7 +39,7 @@ export function continued({ width, height, texels }) {
   return { width, height, texels: filled };
 }
 
-/** Fetches the mask: for each texel 0 unseen, 128 seen, 255 clipped. */
+/** Fetches the mask: for each texel 0 for unseen, 128 for seen, 255 for clipped. */
 export async function fetchMask() {
   const answer = await fetch("/v1/mask.png", { cache: "no-store" });
   if (!answer.ok) return refused(answer);
@@ -55,7 +55,7 @@ function refused(answer) {
 
 export const luminance = (r, g, b) => 0.2126 * r + 0.7152 * g + 0.0722 * b;
 
-/** Geometric mean of the luminance of what is lit: what becomes mid-grey. */
+/** Returns the geometric mean of the positive luminances, which is displayed as mid-grey. */
 export function adaptation({ texels }) {
   let sum = 0, count = 0;
   for (let i = 0; i < texels.length; i += 3) {
@@ -65,13 +65,13 @@ export function adaptation({ texels }) {
   return count ? Math.exp(sum / count) : 1;
 }
 
-/** sRGB codes of linear 0 to 1 in steps of 1/4096. */
+/** sRGB codes of linear values from 0 to 1 in steps of 1/4096. */
 const CODES = Uint8ClampedArray.from({ length: 4097 }, (_, i) => {
   const v = i / 4096;
   return 255 * (v <= 0.0031308 ? 12.92 * v : 1.055 * v ** (1 / 2.4) - 0.055);
 });
 
-/** Display codes of all texels: the sigmoid of Naka and Rushton on luminance, as the probe's own pictures have it. */
+/** Returns the display codes of all texels by the sigmoid of Naka and Rushton on luminance, as in the probe's own pictures. */
 export function toneMap({ texels }, grey) {
   const out = new Uint8Array(texels.length);
   for (let i = 0; i < texels.length; i += 3) {
@@ -83,7 +83,7 @@ export function toneMap({ texels }, grey) {
   return out;
 }
 
-/** A colour for the screen with the hue of a light, as bright as it gets. */
+/** Returns a CSS colour with the hue of a light, at full brightness. */
 export function screenColour(rgb) {
   const top = Math.max(...rgb, 1e-20);
   return `rgb(${rgb.map(v => CODES[Math.max(0, v / top) * 4096 | 0]).join(" ")})`;

@@ -1,12 +1,12 @@
-// The figures that tell how well the probe does.
+// The tiles with the probe's rates, errors and counts.
 
 import { duration, element, fixed, percent, short } from "./figures.js";
 import { luminance } from "./map.js";
 
-/** Part that the newest frame has in the smoothed flicker. */
+/** Weight of the newest frame in the smoothed flicker. */
 const SMOOTHING = 0.05;
 
-/** What the estimate is of. */
+/** Explanation of the estimated error. */
 const ESTIMATED = "of shadows, against the mean";
 
 const TILES = [
@@ -19,11 +19,11 @@ const TILES = [
   ["mains", "Mains", "no flicker of lamps"],
   ["clipped", "Clipped", "of the hemisphere"],
   ["unseen", "Unseen", "of the hemisphere"],
-  ["quality", "Quality", "as the settings ask for"],
+  ["quality", "Quality", "full, as in the settings"],
   ["clients", "Clients", ""],
 ];
 
-/** Normals over the upper half, by a golden spiral. */
+/** Normals over the upper hemisphere, on a golden spiral. */
 const NORMALS = Array.from({ length: 64 }, (_, i) => {
   const z = (i + 0.5) / 64, across = Math.sqrt(1 - z * z), phi = i * 2.399963;
   return [across * Math.cos(phi), across * Math.sin(phi), z];
@@ -44,7 +44,7 @@ export class Numbers {
     }
   }
 
-  /** A new light set. */
+  /** Updates the tiles with a new light set. */
   take(set) {
     if (set.run !== this.#run) {
       this.#run = set.run;
@@ -63,22 +63,22 @@ export class Numbers {
     this.#tile("latency", ...duration(set.latency_us.total / 1e6).split(" "));
   }
 
-  /** The steps by which the probe lowers the quality to keep its budget. */
+  /** Shows the steps by which the probe lowers the quality to keep its budget. */
   #quality(steps, { down, up } = { down: 0, up: 0 }) {
     const kinds = [...new Set(steps)].map(kind => `${kind}${steps.length > 1 ? ` x ${steps.filter(step => step === kind).length}` : ""}`);
     this.#tile("quality", steps.length ? `−${steps.length}` : "full", steps.length === 1 ? "step" : steps.length ? "steps" : "",
-      steps.length ? kinds.join(", ") : down ? `lowered ${down} times, raised ${up}` : "as the settings ask for");
+      steps.length ? kinds.join(", ") : down ? `lowered ${down} times, raised ${up}` : "full, as in the settings");
     this.#values.get("quality").classList.toggle("warn", steps.length > 0);
   }
 
-  /** The flicker of lamps that was removed from the newest set, if there was any. */
+  /** Shows the flicker of lamps that was removed from the newest set, if there was any. */
   #mains(found) {
     const hz = found?.frequency_hz;
     const note = found ? `${percent(found.depth)} % deep, in ${percent(found.share)} % of the light` : "no flicker of lamps";
     this.#tile("mains", hz ? fixed(hz, 1) : "–", hz ? "Hz" : "", note);
   }
 
-  /** `/v1/status`. */
+  /** Updates the tiles with an answer of `/v1/status`. */
   status({ degraded, last, streams, connections, source }) {
     this.#tile("clients", streams, "", `${streams === 1 ? "stream" : "streams"}, ${connections} ${connections === 1 ? "connection" : "connections"}`);
     if (degraded) this.#quality(degraded.steps, degraded);
@@ -86,7 +86,7 @@ export class Numbers {
     this.#tile("rate", fixed(last.rate_hz, 1), "/s", source);
   }
 
-  /** Lights of the newest set; `requested` is the probe's setting. */
+  /** Shows the number of lights of the newest set; `requested` is the probe's setting. */
   count(count, requested, sampler) {
     this.#tile("lights", count, requested === undefined ? "" : `of ${requested}`, sampler);
   }
@@ -95,11 +95,11 @@ export class Numbers {
     const box = this.#values.get(id), text = `${value}${unit ? ` ${unit}` : ""}`;
     if (box.textContent !== text) box.replaceChildren(String(value), ...(unit ? [element("small", ` ${unit}`)] : []));
     const small = this.#notes.get(id);
-    // A long name is cut short, and whole where it is pointed at.
+    // A long name is truncated; its tooltip has the whole name.
     if (note !== undefined && small.textContent !== note) small.textContent = small.title = note;
   }
 
-  /** RMS over normals of what their irradiance changed by, over its mean. */
+  /** Computes the flicker: RMS change of irradiance over the normals, divided by the mean irradiance. */
   #follow(lights) {
     const now = NORMALS.map(n => lights.reduce((sum, { direction: d, irradiance }) =>
       sum + luminance(...irradiance) * Math.max(0, n[0] * d[0] + n[1] * d[1] + n[2] * d[2]), 0));

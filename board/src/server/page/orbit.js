@@ -1,10 +1,10 @@
-// A camera that goes round a point, by mouse, touch and keyboard.
+// A camera that orbits a point, controlled by mouse, touch and keyboard.
 
 const HOME = { around: -1.95, up: 0.33, away: 5.4 };
 const TARGET = [0, 0, 0.62];
 const FIELD = 38 * Math.PI / 180;
 
-/** Width over height that the solids need. */
+/** Least ratio of width to height at which the solids fit into the picture. */
 const WIDTH = 1.2;
 
 export class Orbit {
@@ -52,19 +52,19 @@ export class Orbit {
     this.#changed();
   }
 
-  /** The eye, the matrix to clip space (column major) and its inverse. */
+  /** Returns the eye, the matrix to clip space (column major) and its inverse. */
   camera(aspect) {
     const { around, up, away } = this.#at;
     const back = [Math.cos(up) * Math.cos(around), Math.cos(up) * Math.sin(around), Math.sin(up)];
     const eye = back.map((v, i) => TARGET[i] + away * v);
     const right = [-Math.sin(around), Math.cos(around), 0];
     const top = [back[1] * right[2] - back[2] * right[1], back[2] * right[0] - back[0] * right[2], back[0] * right[1] - back[1] * right[0]];
-    // A narrow picture sees as far to its sides as one that is a little wider than high.
+    // In a narrow picture, the field of view is widened so that the solids fit.
     const f = 1 / Math.tan(FIELD / 2) * Math.min(1, aspect / WIDTH), near = 0.1, far = 40, a = (far + near) / (near - far), b = 2 * far * near / (near - far);
     const dot = (u, v) => u[0] * v[0] + u[1] * v[1] + u[2] * v[2], rows = [right.map(v => v * f / aspect), top.map(v => v * f), back.map(v => v * a)];
     const move = [-dot(rows[0], eye), -dot(rows[1], eye), -dot(rows[2], eye) + b];
     const view = [0, 1, 2].flatMap(c => [rows[0][c], rows[1][c], rows[2][c], -back[c]]).concat(move, dot(back, eye));
-    // Backwards: depth is -w, and what remains of z gives the homogeneous coordinate.
+    // The inverse: depth is -w, and the remaining part of z is the homogeneous coordinate.
     const world = [right.map(v => v * aspect / f).concat(0), top.map(v => v / f).concat(0), eye.map(v => v / b).concat(1 / b),
       back.map((v, i) => eye[i] * a / b - v).concat(a / b)];
     return { eye, view: new Float32Array(view), back: new Float32Array(world.flat()) };

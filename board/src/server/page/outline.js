@@ -1,4 +1,4 @@
-// Marks over a picture, in the picture's pixels: corners, coverage, a circle that is dragged, a patch whose corners are clicked.
+// Marks over a picture, in the picture's pixels: corners, coverage, a circle that can be dragged, and a patch whose corners are clicked.
 
 const NS = "http://www.w3.org/2000/svg";
 
@@ -42,7 +42,7 @@ export class Outline {
 
   clearPatch() { this.#patch = []; this.draw(this.#last); }
 
-  /** Draws `state`, that of `/v1/calibration`, for `part`. */
+  /** Draws the marks of `part` for `state`, an answer of `/v1/calibration`. */
   draw({ state = null, part = "lens" } = this.#last) {
     this.#last = { state, part };
     if (state?.size) this.#size = state.size;
@@ -60,7 +60,7 @@ export class Outline {
     if (focused) this.#svg.querySelector(`[data-handle=${focused}]`)?.focus();
   }
 
-  /** A size that is seen at any size of the picture. */
+  /** A size that is visible at any scale of the picture. */
   get #unit() { return Math.max(...this.#size) / 90; }
 
   #board(guide) {
@@ -126,7 +126,7 @@ export class Outline {
   }
 }
 
-/** A part of a ring as a path; the first sector has the right in its middle. */
+/** Returns a part of a ring as an SVG path; the centre of the first sector points to the right. */
 function part(x, y, inner, outer, sector, sectors) {
   const at = (radius, turn) => `${x + radius * Math.cos(turn)} ${y + radius * Math.sin(turn)}`;
   const from = 2 * Math.PI * (sector - 0.5) / sectors, to = 2 * Math.PI * (sector + 0.5) / sectors;

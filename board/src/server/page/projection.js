@@ -1,8 +1,8 @@
-// From directions to places in a picture and back, for the two views of the sky. Places are fractions of the picture, (0, 0) top left.
+// Conversion between directions and positions in the two views of the sky. Positions are fractions of the picture, (0, 0) at the top left.
 
 const HALF = Math.PI / 2;
 
-/** As the lens sees it: the zenith in the middle, the horizon at the rim, equal angles apart. Outside the rim there is nothing. */
+/** The lens view: the zenith at the centre, the horizon at the rim, radius proportional to the angle. Positions outside of the rim have no direction. */
 export const lens = {
   aspect: 1,
   place([x, y, z]) {
@@ -15,7 +15,7 @@ export const lens = {
   },
 };
 
-/** The map itself: the zenith along the upper edge, the horizon along the lower, azimuth from 180 degrees at the left to -180. */
+/** The map view: the zenith at the upper edge, the horizon at the lower edge, azimuth from 180 degrees at the left to -180 at the right. */
 export const polar = {
   aspect: 2,
   place([x, y, z]) {
@@ -26,7 +26,7 @@ export const polar = {
   },
 };
 
-/** For each pixel of a picture of `view`, which four texels it lies between and how near it is to each. */
+/** Returns, for each pixel of a picture of `view`, the four surrounding texels and their interpolation weights. */
 export function plan(view, width, height, map) {
   const at = new Int32Array(4 * width * height).fill(-1), part = new Float32Array(2 * width * height);
   for (let y = 0, i = 0; y < height; y++) {
@@ -48,7 +48,7 @@ export function plan(view, width, height, map) {
   return { width, height, at, part };
 }
 
-/** Paints display codes of texels by a plan; what is outside the view stays clear. */
+/** Interpolates display codes of texels by a plan; pixels outside of the view stay transparent. */
 export function paint({ width, height, at, part }, codes) {
   const image = new ImageData(width, height), out = image.data;
   for (let i = 0; i < width * height; i++) {
@@ -64,7 +64,7 @@ export function paint({ width, height, at, part }, codes) {
   return image;
 }
 
-/** Hatches what is unseen, and stripes what is clipped the other way. */
+/** Draws hatching on unseen pixels, and stripes in the other direction on clipped ones. */
 export function hatch({ width, height, at, part }, codes, step) {
   const image = new ImageData(width, height), out = image.data;
   for (let y = 0, i = 0; y < height; y++) {

@@ -1,7 +1,8 @@
-// How much is drawn, by how long frames take: penumbras are given up first, then shadows, then highlights of weak lights, then pixels.
+// Quality of the scene, by the duration of its frames: soft penumbras are dropped first, then shadows, then highlights of weak lights, then
+// resolution.
 
-/** From the dearest to the cheapest: lights with shadows (1: a disc for the brightest of them), samples that look for what throws a shadow (0: penumbras of one width), samples of the shadow,
- * pixels per pixel of the screen, lights with highlights. */
+/** Levels of quality, from the slowest to the fastest: number of lights with shadows (1: a disc for the brightest lights), samples that search the
+ * occluder (0: penumbras of one width), samples of the shadow, pixels per pixel of the screen, number of lights with highlights. */
 export const LADDER = [
   { shadows: 32, search: 12, taps: 16, scale: 1, glossy: 64 }, { shadows: 16, search: 12, taps: 16, scale: 1, glossy: 64 },
   { shadows: 16, search: 0, taps: 8, scale: 1, glossy: 64 }, { shadows: 8, search: 0, taps: 6, scale: 1, glossy: 64 },
@@ -10,14 +11,14 @@ export const LADDER = [
   { shadows: 0, search: 0, taps: 1, scale: 0.7, glossy: 6 }, { shadows: 0, search: 0, taps: 1, scale: 0.5, glossy: 6 },
 ];
 
-/** Frame times that are too long and those that leave room, ms; without a GPU less is expected, and the processor left some air. */
+/** Frame times that are too long and those below which the quality may rise, ms, with a GPU and without; without one, part of the processor time is left to other work. */
 const GPU = { long: 34, room: 20, first: 1, pause: 0 }, SOFTWARE = { long: 95, room: 84, first: 6, pause: 55 };
 
-/** Frames of the mean, those that are too long before a step down, those to look at before one up, and those at the beginning that tell of the page being loaded. */
+/** Number of frames in the mean, of slow frames before a step down, of fast frames before a step up, and of frames at the beginning that are ignored. */
 const MEAN = 4, DOWN = 5, UP = 40, FIRST = 8;
 
 export class Quality {
-  /** The dearest step whatever it takes. */
+  /** True to keep the highest quality at any frame time. */
   isFixed = false;
   #limits; #step; #mean = null; #slow = 0; #frames = -FIRST; #last = 0; #patience = UP; #hasRisen = false;
 
@@ -28,13 +29,13 @@ export class Quality {
 
   get current() { return LADDER[this.isFixed ? 0 : this.#step]; }
 
-  /** Time to leave between two pictures, ms. */
+  /** Pause between two pictures, ms. */
   get pause() { return this.#limits.pause; }
 
-  /** Frames a second, 0 before there are some. */
+  /** Frame rate, Hz; 0 before the first frames. */
   get rate() { return this.#mean ? 1000 / this.#mean : 0; }
 
-  /** A frame begins; only one that `follows` another without a pause tells how long that took. */
+  /** Measures the start of a frame; its duration is counted only if it `follows` another frame without a pause. */
   frame(now, follows) {
     const passed = now - this.#last, { long, room } = this.#limits;
     this.#last = now;
@@ -42,12 +43,12 @@ export class Quality {
     if (++this.#frames <= 0) return;
     this.#mean = this.#mean === null ? passed : this.#mean + (passed - this.#mean) / MEAN;
     if (this.isFixed) return;
-    // One long frame is no reason; where it is far too slow there is no time to look for long.
+    // A single long frame causes no step; if frames are far too slow, fewer of them suffice.
     const haste = Math.min(3, Math.floor(this.#mean / long));
     this.#slow = haste > 0 ? this.#slow + haste : 0;
     if (this.#slow > DOWN && this.#step < LADDER.length - 1) {
       this.#move(haste);
-      // What was tried and was too much is not tried again soon.
+      // A quality that was too slow is not tried again soon.
       if (this.#hasRisen) this.#patience = Math.min(4 * this.#patience, 100 * UP);
       this.#hasRisen = false;
     } else if (this.#frames > this.#patience && this.#mean < room && this.#step > 0) {
@@ -65,7 +66,7 @@ export class Quality {
 
 let known = null;
 
-/** Whether WebGL is done by the processor. The check takes some time, so it runs only when there is something to draw. */
+/** True if WebGL is rendered by the processor. The check takes some time, so it runs when it is needed first. */
 export const isSoftware = () => known ??= softwareRenderer();
 
 function softwareRenderer() {
@@ -76,7 +77,7 @@ function softwareRenderer() {
   return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name);
 }
 
-/** For drawing in two dimensions; without a GPU by the shortest way, or each picture would wait for the scene's. */
+/** Returns the context for drawing in two dimensions; without a GPU in main memory, since each picture would otherwise wait for the scene's. */
 export function penOf(canvas) {
   return canvas.getContext("2d", { willReadFrequently: isSoftware() });
 }

@@ -1,4 +1,4 @@
-// A few solids under the current lights, in WebGL2: all of them baked by where a surface faces, the strongest with shadows and highlights.
+// A few solids under the current lights, in WebGL2: all lights by a map of irradiance, the strongest ones with shadows and highlights.
 
 import { Gathering } from "./gathering.js";
 import { SIDE as BAKED, bake, basis } from "./irradiance.js";
@@ -8,19 +8,19 @@ import { Quality, isSoftware } from "./quality.js";
 import { MOST_LIGHTS, depth, dome, matt, rays, shiny, sky, solid } from "./shaders.js";
 import { BALL, STRIDE, scene } from "./shapes.js";
 
-/** Depth maps: side in texels, and how many there are. */
+/** Depth maps: side in texels, and number of maps. */
 const SIDE = 512, LAYERS = 32;
 
-/** The sky's disc: side in texels, a degree or less each, and the change of exposure from which it is painted anew, stops. */
+/** Map of the sky as a disc: side in texels, of at most about one degree each, and change of exposure from which it is painted again, stops. */
 const DISC = 256, FINE = 0.02;
 
-/** How much longer the pause between pictures is where there is no motion to be smooth: without a GPU others need the processor. */
+/** Factor of the pause between pictures without motion: without a GPU, other work needs the processor. */
 const SELDOM = 4;
 
-/** Widest picture, pixels. */
+/** Largest width of the picture, pixels. */
 const WIDEST = 1600;
 
-/** Time constant of the exposure, ms: short enough to follow a lamp that is switched on, long enough not to hide flicker. */
+/** Time constant of the exposure, ms: short enough to follow a lamp that is switched on, long enough to keep flicker visible. */
 const EYE_TIME = 1500;
 
 export class Scene {
@@ -34,7 +34,7 @@ export class Scene {
     this.#canvas = canvas;
     this.#supply = supply;
     this.#told = told;
-    // Without a GPU edges are not smoothed, which would take four times as long.
+    // Without a GPU edges are not antialiased, which would take four times as long.
     this.#gl = canvas.getContext("webgl2", { antialias: !isSoftware(), alpha: false, preserveDrawingBuffer: false });
     if (!this.#gl) throw new Error("This browser has no WebGL2: the scene cannot be drawn.");
     this.#quality = new Quality();
@@ -47,17 +47,17 @@ export class Scene {
     new IntersectionObserver(([entry]) => { this.#visible = entry.isIntersecting; this.draw(); }).observe(canvas);
   }
 
-  /** `sky` and `rays` are shown or not; `shadows` are "auto" (as many as time allows), "all" or "none". */
+  /** Sets options: `sky` and `rays` are shown or not; `shadows` are "auto" (as many as time allows), "all" or "none". */
   set(options) {
     Object.assign(this.#options, options);
     this.#quality.isFixed = this.#options.shadows === "all";
     this.draw();
   }
 
-  /** Stops brighter than the scene's own mean asks for. */
+  /** Exposure compensation, stops. */
   set exposure(ev) { this.#ev = ev; this.draw(); }
 
-  /** The map to show behind, or null. */
+  /** The map that is shown as background, or null. */
   set map(map) {
     const gl = this.#gl;
     this.#known = Boolean(map);
@@ -70,7 +70,7 @@ export class Scene {
     this.draw();
   }
 
-  /** Draws soon, and goes on while the lights move. */
+  /** Requests a picture, and further ones while the lights move. */
   draw() {
     this.#due ||= requestAnimationFrame(now => {
       this.#due = 0;
@@ -118,7 +118,7 @@ export class Scene {
     const parts = views.map(({ lights, ambient }) =>
       ({ ambient, lights: lights.filter(l => l.direction[2] > -1).sort((a, b) => luminance(...b.irradiance) - luminance(...a.irradiance)) }));
     if (!parts.length) return moving;
-    // Both under the first one's exposure, or a comparison would hide differences.
+    // Both views have the exposure of the first one, so that the comparison does not hide differences.
     this.#adapt(now, parts[0]);
     const count = parts[0].lights.length, most = this.#options.shadows !== "none" ? Math.min(Math.ceil(quality.shadows / parts.length), count) : 0;
     const width = Math.floor(this.#canvas.width / parts.length), height = this.#canvas.height, camera = this.#orbit.camera(width / height);
@@ -140,7 +140,7 @@ export class Scene {
     return moving;
   }
 
-  /** A text alternative for screen readers: what the picture shows, and at which quality. */
+  /** Sets the text alternative for screen readers: contents and quality of the picture. */
   #tell(quality) {
     const { sky, rays } = this.#options, shown = `${sky ? "sky " : ""}${rays ? "lines " : ""}${this.#ev} EV`, { dataset } = this.#canvas;
     if (dataset.quality !== quality) dataset.quality = quality;
@@ -154,7 +154,7 @@ export class Scene {
     if (this.#canvas.width !== width || this.#canvas.height !== height) Object.assign(this.#canvas, { width, height });
   }
 
-  /** A white ground comes out at a fixed grey, slowly as an eye adapts. */
+  /** Adapts the exposure, with a time constant like that of an eye, so that a white ground has a fixed grey. */
   #adapt(now, { lights, ambient }) {
     const level = lights.reduce((sum, l) => sum + luminance(...l.irradiance) * Math.max(0, l.direction[2]), 0)
       + (ambient ? Math.max(0, Math.PI * 0.282095 * luminance(...ambient[0])) : 0);
@@ -204,7 +204,7 @@ export class Scene {
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 
-  /** `behind` draws what is behind, after all that hides it and before what it shines through. */
+  /** Draws the solids; `behind` draws the background, after the opaque solids and before the transparent ones. */
   #drawSolids({ view, eye }, { lights, ambient }, shadows, { glossy, search, taps }, behind) {
     const gl = this.#gl, scale = this.#scale, { solid, shiny, matt } = this.#programs, { array, shining, opaque, all } = this.#solids;
     gl.activeTexture(gl.TEXTURE2);
@@ -214,7 +214,7 @@ export class Scene {
       directions.set([...light.direction, Math.sin(Math.min(80, light.radius_deg) * Math.PI / 180)], 4 * i);
       energies.set(light.irradiance.map(v => v * scale), 4 * i);
     });
-    // What is rough shows no highlights: to it all lights are harmonics.
+    // Rough surfaces have no highlights: for them all lights are harmonics.
     const soft = gathered(ambient, lights, scale), rest = gathered(ambient, lights.slice(glossy), scale);
     const draw = ({ use, at }, harmonics, from, to) => {
       use();
@@ -223,7 +223,7 @@ export class Scene {
       gl.uniform3fv(at.eye, eye);
       gl.uniform3fv(at.harmonics, harmonics);
       gl.uniform1i(at.baked, 2);
-      // What a program does without has no place, and is not told.
+      // Uniforms that a program does not use have no location and are not set.
       gl.uniform3fv(at.centre ?? null, BALL.centre);
       gl.uniform1f(at.radius ?? null, BALL.radius);
       gl.uniform1i(at.glossy ?? null, Math.min(glossy, lights.length));
@@ -239,13 +239,13 @@ export class Scene {
     draw(shadows ? solid : shiny, rest, 0, shining);
     draw(shadows ? solid : matt, soft, shining, opaque);
     behind();
-    // Far away the ground fades out into what is behind it.
+    // The ground fades into the background at a distance.
     gl.enable(gl.BLEND);
     draw(shadows ? solid : matt, soft, opaque, all);
     gl.disable(gl.BLEND);
   }
 
-  /** Each light as a line from where it comes from; the longer and the larger its end, the more energy. */
+  /** Draws each light as a line from its direction; the length of the line and the size of its outer end increase with the energy. */
   #drawRays({ view }, lights) {
     const gl = this.#gl, { use, at } = this.#programs.rays, top = lights.length ? luminance(...lights[0].irradiance) || 1 : 1;
     const vertices = lights.flatMap(({ direction, irradiance }) => {
@@ -264,7 +264,7 @@ export class Scene {
   }
 }
 
-/** Harmonics of radiance, times `scale`: those given and those of lights without highlights, each a peak that holds its irradiance. */
+/** Returns harmonics of radiance, times `scale`: the given ones and those of lights without highlights, each a peak with the light's irradiance. */
 function gathered(ambient, lights, scale) {
   const sums = new Float32Array(27), add = (row, k, part) => row.forEach((v, c) => { sums[3 * k + c] += part * v * scale; });
   ambient?.forEach((row, k) => add(row, k, 1));
@@ -272,7 +272,7 @@ function gathered(ambient, lights, scale) {
   return sums;
 }
 
-/** A texture of linear colours, for now black. */
+/** Creates a texture of linear colours, initially black. */
 function image(gl, unit, wrap) {
   const texture = gl.createTexture();
   gl.activeTexture(unit);
@@ -284,7 +284,7 @@ function image(gl, unit, wrap) {
   return texture;
 }
 
-/** What the sky's disc is painted to. */
+/** Creates the target to which the sky's disc is painted. */
 function disc(gl) {
   const texture = image(gl, gl.TEXTURE3, gl.CLAMP_TO_EDGE), target = gl.createFramebuffer();
   gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, DISC, DISC, 0, gl.RGBA, gl.UNSIGNED_BYTE, null);
@@ -303,7 +303,7 @@ function depthMaps(gl) {
     [gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE], [gl.TEXTURE_COMPARE_MODE, gl.COMPARE_REF_TO_TEXTURE], [gl.TEXTURE_COMPARE_FUNC, gl.LEQUAL]]) {
     gl.texParameteri(gl.TEXTURE_2D_ARRAY, name, value);
   }
-  // What the search reads: the same texture without the comparison.
+  // The search for occluders reads the same texture without comparison.
   const plain = gl.createSampler();
   for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.samplerParameteri(plain, name, gl.NEAREST);
   for (const name of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.samplerParameteri(plain, name, gl.CLAMP_TO_EDGE);
@@ -327,7 +327,7 @@ function attribute(gl, index, size, stride, offset) {
   gl.vertexAttribPointer(index, size, gl.FLOAT, false, 4 * stride, 4 * offset);
 }
 
-/** A linked program and the places of its uniforms. */
+/** Returns a linked program and the locations of its uniforms. */
 function program(gl, { vertex, fragment }) {
   const made = gl.createProgram();
   for (const [kind, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {

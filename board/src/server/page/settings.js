@@ -1,11 +1,11 @@
-// The settings, made from what /v1/config says of each: a change is sent at once, and what is wrong with it stands beside its field.
+// The settings, created from the schemas of /v1/config: a change is sent at once, and its error is shown next to its field.
 
 import { field } from "./fields.js";
 
-/** Time after the last keystroke or move of a slider until it is sent, ms. */
+/** Time after the last keystroke or move of a slider until the change is sent, ms. */
 const PAUSE = 250;
 
-/** The groups that are open at first: what changes the picture most. */
+/** Groups that are open at first: those with the largest effect on the lights. */
 const OPEN = ["lights"];
 
 export class Settings extends EventTarget {
@@ -21,7 +21,7 @@ export class Settings extends EventTarget {
     save.addEventListener("click", () => this.#keep());
   }
 
-  /** Reads the settings anew; fields that are being edited are not overwritten. */
+  /** Reads the settings again; fields that are being edited are not overwritten. */
   async load() {
     const answer = await fetch("/v1/config", { cache: "no-store" });
     if (answer.ok) this.#show(await answer.json());
@@ -30,7 +30,7 @@ export class Settings extends EventTarget {
   /** The value of a setting, undefined before it is known. */
   value(name) { return this.#values[name]; }
 
-  /** Whether changes are let through. */
+  /** True if changes are not permitted. */
   set locked(locked) {
     this.#locked = locked;
     for (const field of this.#fields.values()) field.locked = locked;
@@ -48,7 +48,7 @@ export class Settings extends EventTarget {
     }
     for (const name of names) this.#fields.get(name).show(settings[name], this.#timers.has(name));
     this.#save.hidden = !can_save;
-    if (pending) this.#say("Accepted; it takes effect with the next frame, which has not come yet.");
+    if (pending) this.#say("Accepted; it takes effect with the next frame, which has not been processed yet.");
     this.dispatchEvent(new CustomEvent("changed", { detail: settings }));
   }
 
@@ -76,14 +76,14 @@ export class Settings extends EventTarget {
     for (const field of this.#fields.values()) field.fail("");
     this.#say("");
     const [status, answer] = await patch("/v1/config", { [name]: value });
-    // A later change answers for all.
+    // The answer to a later change replaces this one.
     if (serial !== this.#serial) return;
     if (answer.settings) return this.#show(answer);
     if (status === 401) this.dispatchEvent(new Event("denied"));
     const errors = answer.errors ?? { [name]: answer.text };
     for (const one of Object.keys(errors)) this.#fields.get(one)?.reveal();
     for (const [field, text] of Object.entries(errors)) (this.#fields.get(field) ?? this.#fields.get(name)).fail(text);
-    // A choice that does not go together with another field's value is taken back, and that field says why.
+    // A value that is refused because of another field's value is reset, and the other field shows the reason.
     if (!(name in errors)) {
       const texts = [...this.#fields.values()].map(f => f.text);
       await this.load();
@@ -101,7 +101,7 @@ export class Settings extends EventTarget {
   }
 }
 
-/** Status and answer of a change; an answer that is no JSON is its `text`. */
+/** Sends a change; returns status and answer. An answer that is not JSON is in `text`. */
 async function patch(url, wish) {
   try {
     const answer = await fetch(url, { method: "PATCH", headers: { "content-type": "application/json" }, body: JSON.stringify(wish) });

@@ -3,7 +3,7 @@
 import { PLACE } from "./irradiance.js";
 import { FADED, FADES } from "./shapes.js";
 
-/** Most lights that pixels see one by one: for shadows and highlights. */
+/** Largest number of lights that are computed per pixel, for shadows and highlights. */
 export const MOST_LIGHTS = 64;
 
 const HEAD = `#version 300 es
@@ -12,7 +12,7 @@ precision highp sampler2DArrayShadow;
 precision highp sampler2DArray;
 `;
 
-/** Axes across a light's direction [Duff et al. 2017]; the depth maps and the code that samples them use the same axes. */
+/** Axes perpendicular to a light's direction [Duff et al. 2017]; the depth maps and the code that samples them use the same axes. */
 const ACROSS = `
 void across(vec3 n, out vec3 u, out vec3 v) {
   float s = n.z >= 0.0 ? 1.0 : -1.0, a = -1.0 / (s + n.z), b = n.x * n.y * a;
@@ -21,7 +21,7 @@ void across(vec3 n, out vec3 u, out vec3 v) {
 }
 `;
 
-/** Linear colour to display: the sigmoid on luminance, then sRGB, its power by roots: a power costs a renderer without a GPU dear. */
+/** Linear colour to display code: the sigmoid on luminance, then sRGB, whose power is computed by roots: a power is slow without a GPU. */
 const DISPLAY = `
 vec3 display(vec3 c) {
   float y = max(dot(c, vec3(0.2126, 0.7152, 0.0722)), 1e-9), r = pow(y * 2.2, 1.1);
@@ -78,14 +78,14 @@ uniform sampler2DArray before;            // the same depths, as they are
 out vec4 result;
 const float PI = 3.14159265;
 
-// The kth of count places on the unit disc.
+// The kth of count positions on the unit disc.
 vec2 spot(int k, int count, float turn) {
   float a = turn + 2.399963 * float(k);
   return sqrt((float(k) + 0.5) / float(count)) * vec2(cos(a), sin(a));
 }
 
-// Part of the light that reaches p: the depth map, read over the penumbra [Fernando 2005]. Its width grows with the distance to what throws the shadow, whose mean
-// depth is looked for in the light's cone; without a search it is that of an edge a hand's width away. Depths are compared with the receiver's plane.
+// Part of the light that reaches p: the depth map, sampled over the penumbra [Fernando 2005]. Its width grows with the distance of the occluder, whose mean
+// depth is searched in the light's cone; without a search, that distance is one unit. Depths are compared with the receiver's plane.
 float reaches(int i, vec3 l, float wide, float turn) {
   vec3 u, v, q = (p + n * 0.02 - centre) / radius;
   across(l, u, v);
@@ -112,7 +112,7 @@ float reaches(int i, vec3 l, float wide, float turn) {
 
 void main() {
   vec3 m = normalize(n), matt = diffuse, gloss = sheen;
-  // What is rough has no highlights, and no need to look at lights that throw no shadows.
+  // Rough surfaces have no highlights, and lights without shadows are not computed for them.
   int count = rough > 0.5 ? shadows : max(shadows, glossy);
   if (count > 0) {
     vec3 view = normalize(eye - p);
@@ -124,7 +124,7 @@ void main() {
       vec3 e = irradiance[i].rgb;
       if (i < shadows) { e *= reaches(i, l, direction[i].w, turn); matt += e * nl; }
       if (rough > 0.5 || i >= glossy) continue;
-      // GGX with Schlick's terms, wider where the light is; of the vector halfway between l and view only its cosines are needed.
+      // GGX with Schlick's terms, wider for larger lights; only cosines are needed of the vector halfway between l and view.
       float a = min(1.0, rough * rough + 0.5 * direction[i].w), a2 = a * a, k = 0.5 * a, both = max(1.0 + dot(l, view), 1e-4), sum = nl + nv;
       float t = min(1.0, 0.5 * sum * sum / both) * (a2 - 1.0) + 1.0, g = 1.0 - sqrt(0.5 * both), f = 0.04 + 0.96 * g * g * g * g * g;
       gloss += e * (nl * f * a2 / (4.0 * PI * t * t * mix(nl, 1.0, k) * mix(nv, 1.0, k)));
@@ -135,12 +135,12 @@ void main() {
 }`,
 };
 
-/** The same without shadows, and for what is rough without the loop too: what is not called still costs a renderer without a GPU much of its time. */
+/** The solids without shadows, and without the loop for rough surfaces: without a GPU, code that is not called still takes time. */
 export const shiny = { vertex: solid.vertex, fragment: solid.fragment.replace(/^.*reaches\(i, l,.*$/m, "") };
 export const matt = { vertex: solid.vertex, fragment: shiny.fragment.replace(/int count = .*;/, "const int count = 0;") };
 
-/** The map as the sky shows it, on a disc of equal areas [Lambert 1772]: painted when the map changes, so that a picture's pixels need neither angles nor
- * tones. Alpha, by which it is multiplied, tells what the lens sees. */
+/** The tone-mapped map on an equal-area disc [Lambert 1772]: painted when the map changes, so that a picture's pixels need neither angles nor tone mapping.
+ * Alpha, by which the colours are multiplied, is 0 outside of the lens's field. */
 export const dome = {
   vertex: `${HEAD}
 out vec2 q;
@@ -160,7 +160,7 @@ void main() {
 }`,
 };
 
-/** Behind all that is drawn before it. */
+/** The background, behind all that was drawn before. */
 export const sky = {
   vertex: `${HEAD}
 uniform mat4 back;
@@ -180,7 +180,7 @@ out vec4 result;
 void main() {
   vec3 v = normalize(d), dark = mix(vec3(0.075, 0.075, 0.085), vec3(0.13, 0.13, 0.15), smoothstep(-0.4, 0.4, v.z));
   vec4 above = textureLod(disc, 0.5 + 0.5 * v.xy * inversesqrt(1.0 + max(v.z, 0.0)), 0.0);
-  // Below the horizon the map goes on as its own reflection and fades.
+  // Below the horizon the map is continued by its reflection, which fades.
   above *= known * smoothstep(-0.5, 0.0, v.z);
   result = vec4(dark * (1.0 - above.a) + above.rgb, 1.0);
 }`,

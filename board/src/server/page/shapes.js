@@ -1,12 +1,12 @@
-// The scene's solids as triangles: made here, so that nothing has to be loaded. +Z is up; a unit is about a hand's width.
+// The scene's solids as triangles, computed here so that no file must be loaded. +Z is up; a unit is about the width of a hand.
 
 /** Floats of a vertex: position, normal, colour (linear), roughness. */
 export const STRIDE = 10;
 
-/** Everything that stands on the ground fits into this ball, from the ground's middle up. */
+/** A ball that contains all objects on the ground, from the centre of the ground up. */
 export const BALL = { centre: [0, 0, 0.75], radius: 2.35 };
 
-/** Distances at which the ground begins to fade, and has gone. */
+/** Distances at which the ground begins to fade and is invisible. */
 export const FADES = 4.5, FADED = 8.8;
 
 class Mesh {
@@ -26,8 +26,8 @@ class Mesh {
   arrays() { return { vertices: new Float32Array(this.#vertices), indices: new Uint32Array(this.#indices) }; }
 }
 
-/** Vertices, indices, and how many of these are solids that shine, solids at all, and opaque; those between are the near ground, those after them the
- * far one. Triangles go round anticlockwise as seen from without. */
+/** Returns vertices, indices, and the numbers of indices up to the end of the shiny solids, of all solids, and of all opaque triangles: the near ground
+ * follows the solids, and the far ground is last. Triangles are anticlockwise seen from outside. */
 export function scene() {
   const mesh = new Mesh();
   ball(mesh, [1.25, 0.75, 0.5], 0.5, { colour: [0.5, 0.035, 0.03], roughness: 0.12 });
@@ -43,7 +43,7 @@ export function scene() {
   return { ...mesh.arrays(), shining, solids, opaque };
 }
 
-/** Rings, since what is told of a vertex is told of half a ring about it. */
+/** Adds the ground as rings of vertices: each vertex represents half a ring around it, so that small rings are needed near the solids. */
 function ground(mesh, from, to, look, rings = 4) {
   const ring = k => Array.from({ length: 64 }, (_, i) => {
     const [r, a] = [from + k / rings * (to - from), i * Math.PI / 32];
@@ -57,7 +57,7 @@ function ground(mesh, from, to, look, rings = 4) {
   }
 }
 
-/** A surface of revolution: a ring of vertices for each [radius, height, normal's across, normal's up]. */
+/** Adds a surface of revolution: a ring of vertices for each [radius, height, normal's across, normal's up]. */
 function turned(mesh, [x, y, z], profile, look, around = 40) {
   const rings = profile.map(([r, h, across, up]) => Array.from({ length: around }, (_, i) => {
     const c = Math.cos(2 * Math.PI * i / around), s = Math.sin(2 * Math.PI * i / around);
@@ -106,7 +106,7 @@ function block(mesh, [x, y, z], half, turn, look) {
   }
 }
 
-/** Ellipsoids that melt into each other: centre, radii, turn about the y axis. */
+/** Ellipsoids that blend into each other: centre, radii, rotation about the y axis. */
 const LIMBS = [
   [[-0.05, 0, 0.42], [0.5, 0.36, 0.4], 0.15], [[0.27, 0, 0.58], [0.26, 0.27, 0.34], 0.3], [[0.48, 0, 1.0], [0.26, 0.21, 0.22], 0.2],
   [[0.66, 0, 0.93], [0.13, 0.13, 0.11], 0], [[0.33, 0.12, 1.42], [0.075, 0.06, 0.31], -0.35], [[0.33, -0.12, 1.42], [0.075, 0.06, 0.31], -0.35],
@@ -115,12 +115,12 @@ const LIMBS = [
   [[-0.55, 0, 0.36], [0.14, 0.14, 0.14], 0],
 ].map(([centre, radii, turn]) => ({ centre, radii, cos: Math.cos(turn), sin: Math.sin(turn) }));
 
-/** About the distance to the rabbit's skin, negative inside. */
+/** Returns the approximate distance to the rabbit's surface, negative inside. */
 function rabbitDistance(x, y, z) {
   let d = 9;
   for (const { centre, radii: [p, q, r], cos, sin } of LIMBS) {
     const a = x - centre[0], h = z - centre[2], u = (cos * a - sin * h) / p, v = (y - centre[1]) / q, w = (sin * a + cos * h) / r;
-    // By hand: Math.hypot takes ten times as long.
+    // Math.hypot takes ten times as long.
     const k = Math.sqrt(u * u + v * v + w * w), g = Math.sqrt((u / p) ** 2 + (v / q) ** 2 + (w / r) ** 2), e = k * (k - 1) / (g + 1e-9);
     const blend = Math.max(0, 1 - Math.abs(e - d) / 0.09);
     d = Math.min(d, e) - 0.09 * blend * blend / 4;
@@ -128,7 +128,7 @@ function rabbitDistance(x, y, z) {
   return d;
 }
 
-/** Surface nets [Gibson 1998] over the distance: a vertex in each cell that the skin crosses, a quad round each edge that it crosses. */
+/** Adds the rabbit by surface nets [Gibson 1998]: a vertex in each cell that the surface crosses, a quad around each edge that it crosses. */
 function rabbit(mesh, look) {
   const cell = 0.045, low = [-0.8, -0.55, -0.1], size = [38, 25, 44], at = (i, j, k) => (k * size[1] + j) * size[0] + i;
   const value = new Float32Array(size[0] * size[1] * size[2]), vertex = new Int32Array(value.length).fill(-1);

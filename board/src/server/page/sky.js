@@ -1,4 +1,4 @@
-// The sky: the tone-mapped map in one of two views, marks, and the lights as dots that can be pointed at.
+// The sky: the tone-mapped map in one of two views, with marks, and with the lights as dots that can be selected.
 
 import { fixed, short } from "./figures.js";
 import { adaptation, luminance, screenColour, toneMap } from "./map.js";
@@ -7,10 +7,10 @@ import { penOf } from "./quality.js";
 
 const VIEWS = { lens, polar };
 
-/** Widest picture that is painted, pixels: more would only cost time, a texel is larger. */
+/** Largest width of the painted picture, pixels: texels are larger, so a wider one would cost time only. */
 const WIDEST = 560;
 
-/** Width from which dots have their full size, pixels of the screen. */
+/** Width from which dots have their full size, CSS pixels. */
 const ROOMY = 420;
 
 const degrees = v => v * 180 / Math.PI;
@@ -35,14 +35,14 @@ export class Sky {
     canvas.addEventListener("keydown", e => this.#step(e));
   }
 
-  /** "lens" or "polar". */
+  /** Name of the view, "lens" or "polar". */
   set view(name) {
     this.#view = name;
     this.#canvas.classList.toggle("polar", name === "polar");
     this.#fit();
   }
 
-  /** Stops brighter than what the picture's own mean asks for. */
+  /** Exposure compensation, stops. */
   set exposure(ev) { this.#exposure = ev; this.#tone(); }
   set dots(on) { this.#dots = on; if (!on) this.#choose(null); this.#soon(); }
   set marks(on) { this.#marked = on; this.#soon(); }
@@ -64,7 +64,7 @@ export class Sky {
     this.#soon();
   }
 
-  /** A chosen light that ends hands over to the one that split from it, or to the one beside it. */
+  /** When the selected light ends, the light that split from it, or the nearest one, is selected. */
   #follow(lights) {
     const old = this.#lights.find(l => l.id === this.#chosen);
     if (!old || lights.some(l => l.id === old.id)) return;
@@ -136,7 +136,7 @@ export class Sky {
     this.#say();
   }
 
-  /** Lines of 30 and 60 degrees elevation, and where the azimuth is 0 and 90. */
+  /** Draws lines of 30 and 60 degrees elevation, and labels at azimuth 0 and 90 degrees. */
   #grid(x, y, w, h, round) {
     const pen = penOf(this.#canvas), ratio = window.devicePixelRatio || 1;
     pen.lineWidth = ratio;
@@ -158,7 +158,8 @@ export class Sky {
     }
   }
 
-  /** Areas go with energy; many lights and small pictures have smaller dots, so that they do not hide the picture. */
+  /** Returns the radius of a dot: its area is proportional to the light's energy; with many lights and in small pictures, dots are smaller, so that they do not
+   * hide the picture. */
   #radius(light, top) {
     const ratio = window.devicePixelRatio || 1, room = Math.min(1, this.#canvas.width / ratio / ROOMY);
     const crowd = room * Math.min(1, Math.sqrt(64 / Math.max(1, this.#lights.length)));
@@ -192,7 +193,7 @@ export class Sky {
     }
   }
 
-  /** Chooses the light that the pointer is at. */
+  /** Selects the light under the pointer. */
   #point(event) {
     if (!this.#dots) return;
     const ratio = window.devicePixelRatio || 1, { x, y, w, h } = this.#frame();
@@ -206,7 +207,7 @@ export class Sky {
     this.#choose(best?.id ?? null);
   }
 
-  /** The arrow keys step from the strongest light to the weakest. */
+  /** Selects the next light in order of energy by the arrow keys. */
   #step(event) {
     const by = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 }[event.key];
     if (event.key === "Escape") return this.#choose(null);
@@ -222,7 +223,7 @@ export class Sky {
     this.#soon();
   }
 
-  /** What there is to say of the chosen light, beside it; a light that ends takes its words with it. */
+  /** Shows the values of the selected light next to it, and hides them when it ends. */
   #say() {
     const light = this.#lights.find(l => l.id === this.#chosen);
     this.#tip.hidden = !light;
@@ -246,7 +247,7 @@ function put(canvas, image) {
   penOf(canvas).putImageData(image, 0, 0);
 }
 
-/** Elevation above the horizon and azimuth from +X towards +Y, in words. */
+/** Returns elevation above the horizon and azimuth from +X towards +Y, as text. */
 export function angles([x, y, z]) {
   return { elevation: `${fixed(degrees(Math.asin(Math.min(1, Math.max(-1, z)))), 1)}°`, azimuth: `${fixed(degrees(Math.atan2(y, x)), 1)}°` };
 }

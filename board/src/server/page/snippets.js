@@ -1,9 +1,9 @@
-// "Use it": programs that read this probe, with its address, in the axes of each.
+// The panel "Use it": programs that read light sets of this probe, with its address, in the axes of each program.
 
 /** The three.js release that the page's snippet loads. */
 const THREE = "https://cdn.jsdelivr.net/npm/three@0.180.0/build/three.module.min.js";
 
-/** Name, what it needs and what it does, and the text for a probe at `base`. */
+/** For each program: a note on its requirements and effect, and its text for a probe at `base`. */
 export const SNIPPETS = {
   "three.js": ["A page with a ball in this light. Save it as index.html, serve its folder (python3 -m http.server 8000), start the probe with "
     + "--allow-origin http://localhost:8000 and open that address. Axes: +Y up, right-handed.", base => `<!DOCTYPE html>
@@ -41,14 +41,14 @@ renderer.setAnimationLoop(() => {
 });
 </script>
 `],
-  JavaScript: ["One set with fetch, in Node.js or in a page (of another site with --allow-origin). Axes: three.js, +Y up; leave coordinates out for the probe's own, +Z up. soft=1: lights fitted as discs of their radius.", base => `const answer = await fetch("${base}/v1/lights?coordinates=three&soft=1&lights=8");
+  JavaScript: ["One set with fetch, in Node.js or in a page (of another site with --allow-origin). Axes: three.js, +Y up; without coordinates, the probe's own, +Z up. soft=1: lights fitted as discs of their radius.", base => `const answer = await fetch("${base}/v1/lights?coordinates=three&soft=1&lights=8");
 if (!answer.ok) throw new Error(await answer.text());
 const set = await answer.json();
 for (const { id, direction, irradiance, radius_deg } of set.lights) {
   console.log(id, "towards", direction, "irradiance", irradiance, "radius", radius_deg, "degrees");
 }
 `],
-  Python: ["Follows the light, with the standard library alone. Axes: the probe's, +Z up. soft=1: lights fitted as discs of their radius.", base => `import json
+  Python: ["Receives each set; needs the standard library alone. Axes: the probe's, +Z up. soft=1: lights fitted as discs of their radius.", base => `import json
 import urllib.request
 
 after = ""
@@ -60,7 +60,7 @@ for _ in range(5):  # while True: goes on
     for light in found["lights"]:
         print(light["id"], "towards", light["direction"], "irradiance", light["irradiance"], "radius", light["radius_deg"], "degrees")
 `],
-  Rust: ["With the crate hemilux and its feature client. Axes: the probe's, +Z up; Options::coordinates has others.", base => `use hemilux::client::{Client, ClientError, Options};
+  Rust: ["With the crate hemilux and its feature client. Axes: the probe's, +Z up; Options::coordinates selects others.", base => `use hemilux::client::{Client, ClientError, Options};
 use std::time::Duration;
 
 fn main() -> Result<(), ClientError> {
@@ -77,7 +77,7 @@ curl -o lights.glb '${base}/v1/lights?format=glb'
 curl -N '${base}/v1/events?lights=8'
 curl -o map.exr '${base}/v1/map.exr?width=1024'
 `],
-  Blender: ["Paste it into Blender's text editor (Scripting) and run it, again for newer light: 16 suns by their ids, with soft shadows, +Z up. The extension in board/clients/blender follows the light by itself.", base => `import json
+  Blender: ["Paste it into Blender's text editor (Scripting) and run it: 16 suns by their ids, with soft shadows, +Z up; run it again for a newer set. The extension in board/clients/blender updates the suns by itself.", base => `import json
 import math
 import urllib.request
 import bpy
@@ -107,7 +107,7 @@ for light in found["lights"]:
 `],
 };
 
-/** Fills the panel: `choice` gets one button for each snippet, `text` and `note` what is chosen, `copy` takes it to the clipboard. */
+/** Fills the panel: `choice` gets one button per program, `text` and `note` show the selected one, `copy` copies the text to the clipboard. */
 export function useIt({ choice, note, text, copy, told }) {
   const show = name => {
     const [about, of] = SNIPPETS[name];
@@ -122,7 +122,7 @@ export function useIt({ choice, note, text, copy, told }) {
     choice.append(label);
   });
   copy.addEventListener("click", async () => {
-    // Only pages of this machine or over TLS may write to the clipboard; elsewhere the text is marked for Ctrl+C.
+    // Only pages of this machine or over TLS may write to the clipboard; on others the text is selected for Ctrl+C.
     try {
       await navigator.clipboard.writeText(text.textContent);
       told.textContent = "Copied.";

@@ -1,9 +1,9 @@
-// The source of the light: which one is in use, and a change to another one where the token allows it.
+// The source of the light: its name, and a selection of another one where the token permits it.
 
 export class SourceChoice {
   #select; #text; #busy = false; #name = "";
 
-  /** Dispatched to `changed` after another source is in use. */
+  /** `changed` is called when another source is in use. */
   constructor(select, text, changed) {
     this.#select = select;
     this.#text = text;
@@ -16,14 +16,14 @@ export class SourceChoice {
     if (!locked) this.load();
   }
 
-  /** The name of the source in use, as the status has it. */
+  /** The name of the source in use, from the status. */
   set name(name) {
     if (name === this.#name) return;
     this.#name = name;
     if (!this.#busy) this.load();
   }
 
-  /** Reads the choices anew. */
+  /** Reads the list of sources again. */
   async load() {
     if (this.#busy) return;
     try {

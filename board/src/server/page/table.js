@@ -1,10 +1,10 @@
-// The lights in words and figures, strongest first; made only while it is open.
+// A table of the lights, strongest first; it is updated while it is open.
 
 import { fixed, short } from "./figures.js";
 import { luminance, screenColour } from "./map.js";
 import { angles } from "./sky.js";
 
-/** Largest number of rows, and the shortest time between two updates, ms. */
+/** Largest number of rows, and shortest time between two updates, ms. */
 const ROWS = 100, PAUSE = 500;
 
 export class Table {

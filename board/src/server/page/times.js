@@ -1,11 +1,11 @@
-// How long each stage takes, against its budget: a bar, a curve of the last frames, and how often it was too long.
+// Duration of each stage, compared with its budget: a bar, a curve of the last frames, and the share of frames over the budget.
 
 import { curves, duration, element, figures, milliseconds, niceAbove } from "./figures.js";
 
-/** Frames that the curves show, and the time between two drawings of them, ms. */
+/** Number of frames in the curves, and shortest time between two drawings, ms. */
 const KEPT = 300, PAUSE = 150;
 
-/** Part of a bar's width that is the budget. */
+/** Part of a bar's width that represents the budget. */
 const FULL = 0.8;
 
 const STAGES = [
@@ -37,7 +37,7 @@ export class Times {
     }
   }
 
-  /** A new light set. */
+  /** Updates bars and curves with a new light set. */
   take({ run, latency_us: us, overrun }) {
     if (run !== this.#run) {
       this.#run = run;
@@ -51,7 +51,7 @@ export class Times {
     if (now - this.#drawn < PAUSE) return;
     this.#drawn = now;
     for (const [stage, row] of this.#rows) this.#show(stage, row, us[stage], (overrun ?? []).includes(stage));
-    // Curves ask for their size: what changes it is written before.
+    // Drawing a curve reads its size, so all texts that change it are written before.
     for (const [stage, row] of this.#rows) this.#draw(stage, row);
     const period = this.#rate > 0 ? 1e6 / this.#rate : null;
     this.#sum.textContent = `${duration(us.total / 1e6)} from the end of the burst to the finished set` +
@@ -73,7 +73,7 @@ export class Times {
     curve.setAttribute("aria-label", `${name}, last ${values.length} frames: at most ${milliseconds(most)} milliseconds`);
   }
 
-  /** `/v1/status`: budgets, percentiles since the start and overruns. */
+  /** Updates budgets, percentiles since the start and overruns with an answer of `/v1/status`. */
   status({ stages, frames, last }) {
     this.#rate = last?.rate_hz ?? 0;
     for (const { stage, budget_us, overruns, p50_us, p95_us, p99_us, max_us, last_minute } of stages ?? []) {
