@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Prints a probe's lights as they come: python3 lights.py [http://127.0.0.1:8080] [frames]. Standard library alone."""
+"""Prints each light set of a probe: python3 lights.py [http://127.0.0.1:8080] [frames]. Standard library alone."""
 import json
 import sys
 import time

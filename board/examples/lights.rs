@@ -1,4 +1,4 @@
-//! Prints a probe's lights as they come: `cargo run --example lights --features client -- [http://127.0.0.1:8080] [frames]`.
+//! Prints each light set of a probe: `cargo run --example lights --features client -- [http://127.0.0.1:8080] [frames]`.
 
 use hemilux::client::{Client, ClientError, Options};
 use std::process::ExitCode;

@@ -5,8 +5,8 @@
     hemilux serve --source pipe:/run/hemilux/frames,lens=lens.toml &
     python3 picamera2_pipe.py /run/hemilux/frames --exposures 0.0009 0.0055 0.0333
 
-Takes the sensor mode that sees most of the lens. Each frame carries the exposure, the gain and the time that libcamera reports for it, so
-the delay of the controls does not matter. The header is described in board/FORMATS.md, "Frame pipe". Needs python3-picamera2.
+Uses the sensor mode that covers most of the sensor. Each frame has the exposure, the gain and the time that libcamera reports for it, so
+that the delay of the controls has no effect. "Frame pipe" in board/FORMATS.md defines the header. Needs python3-picamera2.
 """
 import argparse
 import struct
@@ -17,7 +17,7 @@ from picamera2 import Picamera2
 
 HEADER = struct.Struct("<4sHH4sIIIIHHQQddd")
 ORDERS = ("BGGR", "GBRG", "GRBG", "RGGB")
-# Four characters of V4L2 by the end of libcamera's name, in the order of ORDERS.
+# FourCCs of V4L2 by the end of libcamera's name, in the order of ORDERS.
 FOURCCS = {
     "8": ("BA81", "GBRG", "GRBG", "RGGB"),
     "10": ("BG10", "GB10", "BA10", "RG10"),
@@ -29,12 +29,12 @@ FOURCCS = {
 
 
 def widest(modes):
-    """The mode with the largest part of the sensor and, of those, the fewest pixels."""
+    """Returns the mode that covers the largest part of the sensor and, of those, has the fewest pixels."""
     return min(modes, key=lambda m: (-m["crop_limits"][2] * m["crop_limits"][3], m["size"][0] * m["size"][1]))
 
 
 def packing(name):
-    """Four characters and bits of a libcamera format such as SRGGB10_CSI2P."""
+    """Returns FourCC and bits of a libcamera format such as SRGGB10_CSI2P."""
     order, kind = name[1:5], name[5:]
     if order not in ORDERS or kind not in FOURCCS:
         sys.exit(f"picamera2_pipe: found the raw format {name}, expected S + one of {ORDERS} + one of {list(FOURCCS)}")
@@ -42,11 +42,11 @@ def packing(name):
 
 
 def frame(request, stream, exposures, sequence):
-    """Header and bytes of a completed request."""
+    """Returns header and bytes of a completed request."""
     told, pixels = request.get_metadata(), request.make_buffer("raw")
     fourcc, bits = packing(stream["format"])
     gain = told["AnalogueGain"] * told.get("DigitalGain", 1.0)
-    # libcamera's time is CLOCK_BOOTTIME, which goes on while the board sleeps.
+    # libcamera's times are of CLOCK_BOOTTIME, which also counts while the board sleeps.
     asleep = time.clock_gettime_ns(time.CLOCK_BOOTTIME) - time.clock_gettime_ns(time.CLOCK_MONOTONIC)
     stamp = max(told["SensorTimestamp"] - asleep, 0)
     black = told.get("SensorBlackLevels", (0,))[0] * 2.0**bits / 65536.0
@@ -59,7 +59,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("path", help="the FIFO or file")
     parser.add_argument("--exposures", type=float, nargs="+", default=[0.0009, 0.0055, 0.0333], help="seconds")
-    parser.add_argument("--frames", type=int, default=0, help="stop after so many; 0: never")
+    parser.add_argument("--frames", type=int, default=0, help="number of frames after which to stop; 0: never")
     options = parser.parse_args()
     camera = Picamera2()
     mode = widest(camera.sensor_modes)

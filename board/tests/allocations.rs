@@ -1,4 +1,4 @@
-//! The processing thread allocates nothing per frame once it is warm.
+//! The processing thread allocates nothing per frame after the first frames.
 
 #![cfg(feature = "server")]
 #![allow(unsafe_code, reason = "a global allocator cannot be written without it")]
@@ -14,7 +14,7 @@ use hemilux_core::mains::Lamps;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-/// Passes everything on to the system's allocator and counts the requests of each thread.
+/// An allocator that forwards requests to the system's allocator and counts those of each thread.
 struct Counting;
 
 thread_local! {
@@ -22,32 +22,32 @@ thread_local! {
 }
 
 fn count() {
-    // A thread that is ending has no counter any more, and nothing to count.
+    // A thread that is ending has no counter and is not measured.
     let _ = REQUESTS.try_with(|n| n.set(n.get() + 1));
 }
 
-// SAFETY: every method hands its arguments to `System` unchanged; the counter is a plain thread-local number that needs no memory.
+// SAFETY: every method passes its arguments to `System` unchanged; the counter is a thread-local number that needs no memory.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count();
-        // SAFETY: the caller keeps `GlobalAlloc`'s contract.
+        // SAFETY: the caller fulfils the contract of `GlobalAlloc`.
         unsafe { System.alloc(layout) }
     }
 
     unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
         count();
-        // SAFETY: as above.
+        // SAFETY: the caller fulfils the contract of `GlobalAlloc`.
         unsafe { System.alloc_zeroed(layout) }
     }
 
     unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
         count();
-        // SAFETY: as above.
+        // SAFETY: the caller fulfils the contract of `GlobalAlloc`.
         unsafe { System.realloc(pointer, layout, size) }
     }
 
     unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: as above.
+        // SAFETY: the caller fulfils the contract of `GlobalAlloc`.
         unsafe { System.dealloc(pointer, layout) }
     }
 }
@@ -55,13 +55,13 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// Frames after which everything has its memory: each of the four published sets has been used.
+/// Number of frames after which all memory is allocated: each of the four published sets has been used.
 const WARM_UP: usize = 6;
 const FRAMES: usize = 60;
 
-/// Requests for memory of [`FRAMES`] frames, made on this thread, while a client holds on to some sets and others are told.
+/// Returns the number of allocations on this thread during [`FRAMES`] frames, while a client holds some sets and waits for others.
 fn requests(source: Box<dyn Source>, sampler: SamplerKind, secondary: Option<SamplerKind>) -> u64 {
-    // The merge's tables are made anew once where a flicker is found, which the switching lamps of the scene can look like.
+    // Without the removal of flicker, since the merge's tables are rebuilt once when the switching lamps of the scene are taken for flicker.
     let lamps = Lamps::Off;
     let pipeline = Settings { sampler, lamps, extrapolation: Extrapolation::Average, ..Settings::default() };
     let mut worker =
@@ -95,7 +95,7 @@ fn requests(source: Box<dyn Source>, sampler: SamplerKind, secondary: Option<Sam
 }
 
 #[test]
-fn the_counter_counts() {
+fn the_allocator_counts_a_vector() {
     let before = REQUESTS.get();
     drop(std::hint::black_box(vec![1u8; 100]));
     assert!(REQUESTS.get() > before, "one vector, one request");
@@ -111,7 +111,7 @@ fn no_sampler_allocates_per_frame() {
 }
 
 #[test]
-fn a_comparison_does_not_allocate_per_frame_whatever_it_compares() {
+fn no_comparison_allocates_per_frame() {
     for name in SamplerKind::ALL {
         let scene = scene::by_name("lamps").expect("a scene");
         let source = Box::new(SceneSource::new(scene, Pace::Free));

@@ -1,4 +1,4 @@
-//! `hemilux calibrate` on real pictures of a chessboard; each test returns early where these are absent.
+//! `hemilux calibrate` on real pictures of a chessboard; each test returns early where the pictures are absent.
 
 #![cfg(feature = "server")]
 
@@ -6,7 +6,7 @@ use hemilux::calibrate::{Board, Grey, Guide, Offer};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Pictures of a board of 8 x 6 inner corners.
+/// Returns the pictures of a board of 8 x 6 inner corners; `None` where they are absent.
 fn pictures() -> Option<Vec<PathBuf>> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/chessboard-a");
     if !folder.is_dir() {
@@ -19,7 +19,7 @@ fn pictures() -> Option<Vec<PathBuf>> {
     Some(files)
 }
 
-/// Output and exit status of a run of the program.
+/// Output, errors and exit status of a run of the program.
 struct Ended {
     status: Option<i32>,
     out: String,
@@ -39,7 +39,7 @@ fn number(table: &toml::Table, name: &str) -> f64 {
     value.as_float().or(value.as_integer().map(|v| v as f64)).unwrap_or_else(|| panic!("{name}"))
 }
 
-/// One line that holds `words`, and the status of a failure.
+/// Asserts that the program failed with one line on stderr that contains `words`.
 fn assert_refused(ended: &Ended, words: &[&str]) {
     assert_eq!(ended.status, Some(1), "{}{}", ended.out, ended.error);
     assert_eq!(ended.error.lines().count(), 1, "{}", ended.error);
@@ -49,7 +49,7 @@ fn assert_refused(ended: &Ended, words: &[&str]) {
 }
 
 #[test]
-fn real_pictures_give_a_lens_with_its_uncertainty() {
+fn real_pictures_determine_a_lens_with_its_uncertainty() {
     let Some(pictures) = pictures() else { return };
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("lens.toml");
@@ -93,7 +93,7 @@ fn worse_lens_does_not_replace_a_better_one_unless_forced() {
 }
 
 #[test]
-fn wrong_board_sizes_are_refused_with_what_was_found() {
+fn wrong_board_sizes_are_refused_with_the_detected_size() {
     let Some(pictures) = pictures() else { return };
     let out = Path::new("/nonexistent/lens.toml");
     for board in ["7x6", "8x5", "5x4"] {
@@ -111,7 +111,7 @@ fn too_few_pictures_are_refused() {
     assert_refused(&ended, &["found 1 picture", "at least 3"]);
 }
 
-/// A changed copy of a picture.
+/// Writes a changed copy of a picture and returns its path.
 fn changed(
     picture: &Path,
     folder: &Path,
@@ -322,7 +322,7 @@ fn photometric_calibration_is_combined_checked_and_served_in_lux() {
     probe.wait().expect("ended");
 }
 
-/// A running probe and its address.
+/// Starts a probe and returns its process and address.
 fn serve(arguments: &[&str]) -> (std::process::Child, String) {
     use std::io::BufRead;
     let mut command = Command::new(env!("CARGO_BIN_EXE_hemilux"));
@@ -361,7 +361,7 @@ fn photometric_options_that_do_not_belong_together_are_usage_errors() {
     }
 }
 
-/// A picture in which each pixel is the mean of 15 x 15.
+/// Returns a picture in which each pixel is the mean of 15 x 15 pixels.
 fn blurred(grey: &Grey) -> Grey {
     let [width, height] = grey.size();
     let image =
@@ -370,7 +370,7 @@ fn blurred(grey: &Grey) -> Grey {
 }
 
 #[test]
-fn guide_takes_each_picture_once_when_it_is_still_sharp_and_new() {
+fn guide_stores_each_picture_once_if_it_is_still_sharp_and_new() {
     let Some(pictures) = pictures() else { return };
     let board: Board = "8x6".parse().expect("a board");
     let mut guide = Guide::new(board.into());

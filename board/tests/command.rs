@@ -1,4 +1,4 @@
-//! The program itself: starts, says where, serves, stops.
+//! The program as a process: start, first line of output, answers and end.
 
 #![cfg(feature = "server")]
 
@@ -13,14 +13,14 @@ fn hemilux(arguments: &[&str]) -> Command {
     command
 }
 
-/// Runs a command that must end by itself.
+/// Runs a command that must end by itself; returns exit status, stdout and stderr.
 fn ended(arguments: &[&str]) -> (Option<i32>, String, String) {
     let Output { status, stdout, stderr } = hemilux(arguments).output().expect("the program runs");
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("UTF-8");
     (status.code(), text(stdout), text(stderr))
 }
 
-/// A running probe, its first line on stdout and the rest of stdout.
+/// Starts a probe; returns the process, its first line on stdout and the rest of stdout.
 fn serving(arguments: &[&str]) -> (Child, String, BufReader<std::process::ChildStdout>) {
     let mut child =
         hemilux(arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it runs");
@@ -36,7 +36,7 @@ fn signal(child: &Child, name: &str) {
 }
 
 #[test]
-fn it_prints_its_address_serves_and_ends_well() {
+fn the_program_prints_its_address_serves_and_ends_with_status_0() {
     for name in ["-TERM", "-INT"] {
         let (mut child, line, _stdout) =
             serving(&["serve", "--listen", "127.0.0.1:0", "--lights", "32", "--sampler", "pharr"]);
@@ -64,7 +64,7 @@ fn it_prints_its_address_serves_and_ends_well() {
     }
 }
 
-/// A request with these headers, and the answer's first line.
+/// Sends a request with these headers and returns the first line of the answer.
 fn ask(address: &str, request: &str, headers: &str) -> String {
     let mut stream = TcpStream::connect(address).expect("a connection");
     write!(stream, "{request} HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n{headers}\r\n")
@@ -95,7 +95,7 @@ fn a_form_too_long_for_memory_is_refused_with_the_number_of_lights_that_fits() {
 }
 
 #[test]
-fn beyond_loopback_a_token_is_made_kept_and_asked_for() {
+fn beyond_loopback_a_token_is_created_kept_and_required() {
     let folder = tempfile::tempdir().expect("a folder");
     let config = folder.path().join("hemilux.toml");
     std::fs::write(&config, "listen = \"0.0.0.0:0\"\ntoken_file = \"secret\"\nlights = 20\n")
@@ -167,7 +167,7 @@ fn the_plan_and_the_help_go_to_stdout() {
 }
 
 #[test]
-fn misspelt_words_are_refused_with_the_right_ones() {
+fn misspelt_words_are_refused_with_the_most_similar_ones() {
     let cases: [(&[&str], &str); 6] = [
         (&["--lisen", "127.0.0.1:0"], "'--listen'"),
         (&["serv"], "'serve'"),
@@ -184,7 +184,7 @@ fn misspelt_words_are_refused_with_the_right_ones() {
 }
 
 #[test]
-fn wrong_peers_are_refused_with_what_is_expected() {
+fn wrong_peers_are_refused_with_the_expected_form() {
     let cases: [(&[&str], &str); 4] = [
         (&["--osc", "studio"], "HOST:PORT"),
         (&["--osc", "studio:9,lights=0"], "1 to 256"),
@@ -199,7 +199,7 @@ fn wrong_peers_are_refused_with_what_is_expected() {
 }
 
 #[test]
-fn every_address_that_is_printed_answers() {
+fn every_printed_address_answers() {
     let (mut child, line, mut stdout) = serving(&["--listen", "0.0.0.0:0", "--open", "--sampler", "pharr"]);
     assert!(line.starts_with("hemilux: serving http://127.0.0.1:"), "{line}");
     let own = line.split("http://").nth(1).and_then(|l| l.split('/').next()).expect("an address");
@@ -219,7 +219,7 @@ fn every_address_that_is_printed_answers() {
 }
 
 #[test]
-fn a_saved_setting_survives_a_new_start_and_the_log_names_what_changed() {
+fn a_saved_setting_survives_a_restart_and_the_log_names_the_change() {
     let folder = tempfile::tempdir().expect("a folder");
     let config = folder.path().join("hemilux.toml");
     std::fs::write(&config, "").expect("an empty file, as the service makes");
@@ -262,10 +262,10 @@ fn completions_and_man_pages_are_written() {
     assert_eq!((status, stderr.lines().count()), (Some(1), 1), "{stderr}");
 }
 
-/// Machines differ in the cameras that they have; this one that is named no machine has.
+/// The camera of the test exists on no machine.
 #[cfg(all(feature = "v4l2", target_os = "linux"))]
 #[test]
-fn cameras_are_listed_and_what_is_not_there_is_named() {
+fn cameras_are_listed_and_missing_ones_are_named() {
     let (status, stdout, stderr) = ended(&["devices", "--json"]);
     if status == Some(0) {
         let cameras: serde_json::Value = serde_json::from_str(&stdout).expect("JSON");
@@ -304,7 +304,7 @@ fn cameras_are_listed_and_what_is_not_there_is_named() {
 
 #[cfg(all(feature = "v4l2", target_os = "linux"))]
 #[test]
-fn a_camera_that_is_not_there_yet_is_waited_for_and_clients_are_told() {
+fn an_absent_camera_is_waited_for_and_requests_get_the_reason() {
     let options =
         ["serve", "--listen", "127.0.0.1:0", "--source", "v4l2:/dev/video-nowhere", "--sampler", "pharr"];
     let (mut child, line, _stdout) = serving(&options);

@@ -1,6 +1,6 @@
-//! A probe that is killed while it saves its settings or makes a token, and one whose disk is full.
+//! A probe that is killed while it saves its settings or creates a token, and one whose disk is full.
 //!
-//! `HEMILUX_KILLS=1000` for the whole run; without the variable it is short.
+//! The environment variable `HEMILUX_KILLS` is the number of kills, 1000 for the whole run.
 
 #![cfg(feature = "server")]
 
@@ -19,7 +19,7 @@ fn kills() -> u64 {
     std::env::var("HEMILUX_KILLS").ok().and_then(|n| n.parse().ok()).unwrap_or(50)
 }
 
-/// A probe; it is killed when this is dropped.
+/// A running probe, which is killed on drop.
 struct Running {
     child: Child,
     address: String,
@@ -52,7 +52,7 @@ fn start(command: &mut Command) -> Running {
     running
 }
 
-/// Asks for `lights` and saves them; the reply, if there is one.
+/// Changes the setting `lights` and saves it; returns the answer, if there is one.
 fn save(address: &str, lights: u64) -> Option<String> {
     let mut stream = TcpStream::connect(address).ok()?;
     stream.set_read_timeout(Some(Duration::from_secs(10))).ok()?;
@@ -65,7 +65,7 @@ fn save(address: &str, lights: u64) -> Option<String> {
     Some(reply)
 }
 
-/// The lights of the file, which has to be whole.
+/// Returns the setting `lights` of the file; asserts that the file is whole.
 fn saved(folder: &Path) -> i64 {
     let text = std::fs::read_to_string(folder.join("hemilux.toml")).expect("a file");
     assert!(text.starts_with(COMMENT) && text.contains("# in lumen"), "comments are kept: {text}");
@@ -112,7 +112,7 @@ fn a_probe_that_is_killed_while_it_saves_leaves_the_old_or_the_new_file() {
 }
 
 #[test]
-fn a_probe_that_is_killed_while_it_makes_a_token_makes_one_at_the_next_start() {
+fn a_probe_that_is_killed_while_it_creates_a_token_creates_one_at_the_next_start() {
     let folder = folder();
     let token = folder.path().join("token");
     let mut whole = 0;
@@ -135,7 +135,7 @@ fn a_probe_that_is_killed_while_it_makes_a_token_makes_one_at_the_next_start() {
 }
 
 #[test]
-fn a_full_disk_costs_a_save_and_not_the_probe() {
+fn on_a_full_disk_saving_fails_and_the_probe_continues() {
     let folder = folder();
     let running = start(probe(folder.path()).env("LIMIT", "ulimit -f 0"));
     let reply = save(&running.address, 33).expect("a reply");

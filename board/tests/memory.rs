@@ -1,4 +1,4 @@
-//! What `--plan` prints is what a probe takes.
+//! The memory that `--plan` prints equals the memory that a probe allocates.
 
 #![cfg(feature = "server")]
 #![allow(unsafe_code, reason = "a global allocator cannot be written without it")]
@@ -13,7 +13,7 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Passes everything on to the system's allocator and adds up what each thread holds.
+/// An allocator that forwards requests to the system's allocator and sums the bytes that each thread holds.
 struct Counting;
 
 thread_local! {
@@ -21,22 +21,22 @@ thread_local! {
 }
 
 fn count(bytes: isize) {
-    // A thread that is ending has no counter any more.
+    // A thread that is ending has no counter and is not measured.
     let _ = BYTES.try_with(|n| n.set(n.get() + bytes));
 }
 
-// SAFETY: every method hands its arguments to `System` unchanged; the counter is a plain thread-local number that needs no memory.
-// What is not overridden goes through these two.
+// SAFETY: every method passes its arguments to `System` unchanged; the counter is a thread-local number that needs no memory. The methods of the
+// trait that are not defined here call these two.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count(layout.size().cast_signed());
-        // SAFETY: the caller keeps `GlobalAlloc`'s contract.
+        // SAFETY: the caller fulfils the contract of `GlobalAlloc`.
         unsafe { System.alloc(layout) }
     }
 
     unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
         count(-layout.size().cast_signed());
-        // SAFETY: as above.
+        // SAFETY: the caller fulfils the contract of `GlobalAlloc`.
         unsafe { System.dealloc(pointer, layout) }
     }
 }
@@ -44,10 +44,10 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// Memory of a probe besides its buffers: names, settings, histograms of its stages, channels.
+/// Largest memory of a probe in addition to its buffers, bytes: names, settings, histograms of its stages, channels.
 const REST: usize = 12 << 10;
 
-/// Frames after which everything has its memory: each of the four published sets has been used.
+/// Number of frames after which all memory is allocated: each of the four published sets has been used.
 const WARM_UP: usize = 6;
 
 fn room() -> Box<dyn Source> {
@@ -63,13 +63,13 @@ fn plan(source: &dyn Source, settings: Settings) -> MemoryPlan {
     MemoryPlan::of(&pipeline.expect("a pipeline"))
 }
 
-/// Held by each test: probes of one process share what makes their polar maps.
+/// Locks out the other tests: probes of one process share the table of their polar maps.
 fn alone() -> MutexGuard<'static, ()> {
     static ALONE: Mutex<()> = Mutex::new(());
     ALONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Asserts that a probe takes what its plan says.
+/// Asserts that a probe allocates the memory of its plan.
 fn check(source: Box<dyn Source>, settings: &Settings) {
     let plan = plan(&*source, settings.clone());
     let planned = plan.bytes();
@@ -86,7 +86,7 @@ fn check(source: Box<dyn Source>, settings: &Settings) {
 }
 
 #[test]
-fn the_counter_counts() {
+fn the_allocator_sums_a_vector() {
     let before = BYTES.get();
     let mut held = vec![1u8; 1000];
     assert_eq!(BYTES.get() - before, 1000, "a vector");
@@ -97,18 +97,18 @@ fn the_counter_counts() {
 }
 
 #[test]
-fn every_sampler_takes_what_the_plan_says() {
+fn every_sampler_allocates_the_planned_memory() {
     let _alone = alone();
     for name in SamplerKind::ALL {
         check(room(), &settings(name, 200));
     }
     check(room(), &settings(SamplerKind::Adaptive, 4096));
-    // From 256 lights on the map is finer.
+    // The map has a finer order from 256 lights.
     check(room(), &settings(SamplerKind::Q2Tree, 20_000));
 }
 
 #[test]
-fn recordings_take_what_the_plan_says() {
+fn recordings_allocate_the_planned_memory() {
     let _alone = alone();
     let manifest = |response: &str, white: u32| {
         format!(
@@ -134,7 +134,7 @@ fn recordings_take_what_the_plan_says() {
 }
 
 #[test]
-fn four_thousand_lights_at_order_6_fit_into_8_mb_besides_the_frames() {
+fn four_thousand_lights_at_order_6_need_8_mb_without_the_frames() {
     let _alone = alone();
     let source = room();
     let c = source.calibration();

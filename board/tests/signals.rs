@@ -1,4 +1,4 @@
-//! The program's end, reload of its configuration, and lack of descriptors.
+//! End of the program, reload of its configuration, and lack of file descriptors.
 
 #![cfg(feature = "server")]
 
@@ -8,7 +8,7 @@ use std::process::{Child, ChildStderr, Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-/// A running probe; it is killed when this is dropped.
+/// A running probe, which is killed on drop.
 struct Process {
     child: Child,
     address: String,
@@ -40,7 +40,7 @@ impl Process {
         Self::start(command)
     }
 
-    /// A connection on which `sent` was sent.
+    /// Opens a connection and sends `sent`.
     fn connect(&self, sent: &str) -> TcpStream {
         let mut stream = TcpStream::connect(&self.address).expect("a connection");
         stream.write_all(sent.as_bytes()).expect("a request");
@@ -61,7 +61,7 @@ impl Process {
         assert!(sent.is_ok_and(|s| s.success()), "kill {name}");
     }
 
-    /// The next line on stderr.
+    /// Returns the next line on stderr.
     fn error_line(&mut self) -> String {
         let mut line = String::new();
         self.errors.read_line(&mut line).expect("UTF-8");
@@ -70,7 +70,7 @@ impl Process {
 }
 
 #[test]
-fn sigterm_ends_the_program_beside_clients_that_neither_read_nor_write() {
+fn sigterm_ends_the_program_with_clients_that_neither_read_nor_write() {
     let mut probe = Process::with(&["--lights", "5000"]);
     let request = |path: &str| format!("GET {path} HTTP/1.1\r\nHost: localhost\r\n\r\n");
     let mut held = vec![
@@ -125,7 +125,7 @@ fn sighup_applies_the_configuration_file_and_refuses_a_broken_one() {
     assert_eq!(lights(&probe), 33, "as before");
 }
 
-/// The program under a limit of `descriptors` file descriptors.
+/// Returns a command for the program under a limit of `descriptors` file descriptors.
 fn limited(descriptors: u32) -> Command {
     let mut command = Command::new("sh");
     let script = format!("ulimit -n {descriptors}; exec \"$0\" --listen 127.0.0.1:0 --lights 20");
@@ -149,7 +149,7 @@ fn few_descriptors_mean_few_connections() {
 }
 
 #[test]
-fn too_few_descriptors_are_refused_in_one_line() {
+fn too_few_descriptors_are_refused_on_one_line() {
     let output = limited(32).env_remove("RUST_LOG").output().expect("the program runs");
     let errors = String::from_utf8(output.stderr).expect("UTF-8");
     let expected =

@@ -1,4 +1,4 @@
-//! Light sets of tiers: as steady as those of a probe that is set to their number of lights.
+//! Light sets of tiers change as little from frame to frame as those of a probe that is set to their number of lights.
 
 use hemilux::light_set::OwnedSet;
 use hemilux::pipeline::Settings;
@@ -13,8 +13,8 @@ use std::sync::Arc;
 const WARM_UP: usize = 10;
 const FRAMES: usize = 60;
 
-/// How light sets change from frame to frame: the share of ids that stay, and the mean change of the irradiance of receivers with normals
-/// along the axes, over its mean.
+/// Change of light sets from frame to frame: the share of ids that stay, and the mean change of the irradiance of receivers with normals along
+/// the axes, divided by its mean.
 #[derive(Debug)]
 struct Steadiness {
     kept: f64,
@@ -45,7 +45,7 @@ fn steadiness(sets: &[Arc<OwnedSet>]) -> Steadiness {
     Steadiness { kept: kept as f64 / ids as f64, change: change / mean }
 }
 
-/// The sets of `selection` from a probe of `sampler` set to `lights` lights, on the built-in room.
+/// Returns the sets of `selection` from a probe of `sampler` with `lights` lights, on the built-in scene `room`.
 fn sets(sampler: SamplerKind, lights: usize, selection: Selection) -> Vec<Arc<OwnedSet>> {
     let source = Box::new(SceneSource::new(scene::by_name("room").expect("a scene"), Pace::Free));
     let pipeline = Settings { sampler, lights, ..Settings::default() };
@@ -68,7 +68,7 @@ fn sets(sampler: SamplerKind, lights: usize, selection: Selection) -> Vec<Arc<Ow
 fn a_tier_is_as_steady_as_a_probe_set_to_its_lights() {
     for (sampler, alone) in [
         (SamplerKind::Adaptive, SamplerKind::Adaptive),
-        // A tree over a hemisphere has eight lights at least: four come from `adaptive`.
+        // A tree over a hemisphere has at least eight lights: sets of four lights are those of `adaptive`.
         (SamplerKind::Q2Tree, SamplerKind::Q2Tree),
     ] {
         for lights in [4, 8] {

@@ -8,7 +8,7 @@ import zipfile
 
 def main():
     here = pathlib.Path(__file__).resolve().parent
-    # The module that receives sets is that of the Python package.
+    # The module that receives sets is shared with the Python package.
     sources = [*(here / "hemilux").iterdir(), here.parent / "python/src/hemilux/feed.py"]
     target = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else "hemilux.zip")
     try:

@@ -1,4 +1,4 @@
-// Writes the npm package: node build.mjs [FOLDER]. The modules are those that the probe serves.
+// Writes the npm package: node build.mjs [FOLDER]. It contains the modules that the probe serves.
 import { execFileSync } from "node:child_process";
 import { copyFileSync, cpSync, mkdirSync, mkdtempSync, rmSync } from "node:fs";
 import { tmpdir } from "node:os";

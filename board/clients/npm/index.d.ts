@@ -13,14 +13,14 @@ export interface Light {
   radius_deg: number;
   /** Frames since the light appeared. */
   age: number;
-  /** Id of the light that it split from. */
+  /** Id of the light from which the light was split. */
   parent: number | null;
 }
 
 /** The lights of one frame; `board/FORMATS.md` defines each member. */
 export interface LightSet {
   version: 1;
-  /** Changes at every start of the probe; ids begin anew with it. */
+  /** Changes at every start of the probe; ids of different runs are unrelated. */
   run: string;
   frame: number;
   timestamp_ns: number;
@@ -51,7 +51,7 @@ export interface Options {
   coordinates?: "probe" | "blender" | "ros" | "y-up" | "gltf" | "three" | "webxr" | "unity" | "unreal";
   /** Largest number of lights. */
   lights?: number;
-  /** Whether light without a direction comes as spherical harmonics; "own" for the probe's own setting. */
+  /** Whether diffuse light is returned as spherical harmonics; "own" for the probe's own setting. */
   ambient?: boolean | "own";
   /** Whether lights are fitted as uniform discs of their radius; "own" (the default) for the probe's own setting. */
   soft?: boolean | "own";
@@ -62,18 +62,18 @@ export interface HemiluxEvents {
   state: CustomEvent<State>;
 }
 
-/** A connection to a probe, which is made anew whenever it ends. */
+/** A connection to a probe, which is opened again whenever it ends. */
 export class Hemilux extends EventTarget {
-  /** `base` is the probe's address. Throws a TypeError for what is not an address. */
+  /** `base` is the probe's address. Throws a TypeError for an invalid address. */
   constructor(base?: string | URL, options?: Options);
   /** The newest set. */
   latest: LightSet | null;
   state: State;
-  /** Why the state is not "live", one line. */
+  /** Reason why the state is not "live", one line. */
   reason: string;
   /** Ends the connection for good. */
   close(): void;
-  /** The lights at `now` (as of performance.now()), each on its way from the last set to the newest one by its id. */
+  /** Returns the lights at the time `now` of performance.now(), interpolated between the last two sets by id. */
   interpolated(now?: number): Light[];
   addEventListener<K extends keyof HemiluxEvents>(type: K, listener: (event: HemiluxEvents[K]) => void, options?: boolean | AddEventListenerOptions): void;
   addEventListener(type: string, listener: EventListenerOrEventListenerObject | null, options?: boolean | AddEventListenerOptions): void;

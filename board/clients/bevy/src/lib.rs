@@ -1,10 +1,10 @@
-//! Directional lights of a Bevy scene follow a hemilux light probe. A light keeps its entity for as long as it exists.
+//! Shows the lights of a hemilux light probe as directional lights of a Bevy scene. A light keeps its entity for as long as it exists.
 //!
 //! ```no_run
 //! # use bevy_app::App;
 //! App::new().add_plugins(bevy_hemilux::HemiluxPlugin::new("http://127.0.0.1:8080")).run();
 //! ```
-//! In a program that uses the crate `bevy`, add it to `DefaultPlugins`. [`Probe`] has the newest set and the state of the connection.
+//! In a program with the crate `bevy`, add the plugin to `DefaultPlugins`. [`Probe`] has the newest set and the state of the connection.
 
 use bevy_app::{App, Plugin, PreUpdate};
 use bevy_color::LinearRgba;
@@ -19,21 +19,21 @@ use hemilux::client::{Client, ClientError, Coordinates, Light, Options, State};
 use std::collections::HashMap;
 use std::time::Instant;
 
-/// Lights of a probe as [`DirectionalLight`]s.
+/// Plugin that shows the lights of a probe as [`DirectionalLight`]s.
 #[derive(Clone, Debug)]
 pub struct HemiluxPlugin {
     /// Address of the probe, `http://HOST:PORT`.
     pub address: String,
     /// Largest number of lights.
     pub lights: usize,
-    /// Illuminance, lux, of one unit of the probe.
+    /// Factor from the probe's unit of irradiance to lux.
     pub lux: f32,
-    /// Whether the lights cast shadows.
+    /// True if the lights cast shadows.
     pub shadows: bool,
 }
 
 impl HemiluxPlugin {
-    /// Four lights with shadows of the probe at `address`; one unit is a thousand lux.
+    /// Creates the plugin for four lights with shadows of the probe at `address`; the probe's unit is taken to be 1,000 lux.
     #[must_use]
     pub fn new(address: &str) -> Self {
         Self { address: address.into(), lights: 4, lux: 1000.0, shadows: true }
@@ -51,7 +51,7 @@ pub struct Probe {
 }
 
 impl Probe {
-    /// The state of the connection; an address that is none is [`State::Lost`] with the reason.
+    /// Returns the state of the connection; for an invalid address, [`State::Lost`] with the reason.
     #[must_use]
     pub fn state(&self) -> State {
         match &self.client {
@@ -61,7 +61,7 @@ impl Probe {
     }
 }
 
-/// The id of an entity's light.
+/// Id of the light that an entity shows.
 #[derive(Clone, Copy, Component, Debug, PartialEq, Eq)]
 pub struct LightId(pub u32);
 
@@ -76,7 +76,7 @@ impl Plugin for HemiluxPlugin {
     }
 }
 
-/// Gives each light of this moment an entity and removes the entities of lights that are gone.
+/// Creates or updates an entity for each light of this time, and removes the entities of lights that have ended.
 fn follow(
     mut commands: Commands,
     mut probe: ResMut<Probe>,
@@ -104,7 +104,7 @@ fn follow(
     }
 }
 
-/// A light that shines along its own -Z, whose illuminance times colour is the irradiance of `light` times `lux`.
+/// Returns a light that shines along its own -Z and whose illuminance times colour is the irradiance of `light` times `lux`.
 fn bundle(light: &Light, lux: f32, shadows: bool) -> (Transform, DirectionalLight) {
     let [r, g, b] = light.irradiance;
     let top = r.max(g).max(b).max(f32::MIN_POSITIVE);
@@ -119,7 +119,7 @@ fn bundle(light: &Light, lux: f32, shadows: bool) -> (Transform, DirectionalLigh
     (Transform::default().looking_to(-towards, up), directional)
 }
 
-/// The state of the connection for a system that shows it.
+/// Returns the state of the connection, for a system that displays it.
 pub fn state(probe: Res<Probe>) -> State {
     probe.state()
 }

@@ -1,4 +1,4 @@
-"""Sun lights, ambient light and the world of a scene follow a hemilux light probe."""
+"""Shows the light sets of a hemilux light probe as sun lights, ambient light and the world of a scene."""
 
 import bpy
 from bpy.app.handlers import persistent
@@ -7,7 +7,7 @@ from . import feed, session, world
 
 
 def changed(self, _context):
-    """Settings of the connection take effect at once."""
+    """Applies a changed setting of the connection at once."""
     scene = self.id_data
     if session.current is None or session.current.scene() != scene:
         return
@@ -24,7 +24,7 @@ class HemiluxSettings(bpy.types.PropertyGroup):
     )
     lights: bpy.props.IntProperty(name="Suns", default=16, min=1, max=256, update=changed, description="Largest number of sun lights")
     soft: bpy.props.BoolProperty(
-        name="Soft", default=True, update=changed, description="Lights fitted as discs, which are the suns' angles. Off: points with hard shadows"
+        name="Soft", default=True, update=changed, description="Lights fitted as discs, whose diameters are the suns' angles. Off: points with hard shadows"
     )
     exposure: bpy.props.FloatProperty(
         name="Exposure", default=1.0, min=0.0, soft_max=10.0, update=changed, description="Factor of all irradiances and radiances"
@@ -51,7 +51,7 @@ class HemiluxConnect(bpy.types.Operator):
 
 
 class HemiluxFreeze(bpy.types.Operator):
-    """End the connection. Lights, world and keyframes stay as they are"""
+    """End the connection. Lights, world and keyframes are kept"""
 
     bl_idname, bl_label = "hemilux.freeze", "Freeze"
 
@@ -75,7 +75,7 @@ class HemiluxMap(bpy.types.Operator):
 
 
 class HemiluxKey(bpy.types.Operator):
-    """Insert keyframes of the lights as they are at the current frame"""
+    """Insert keyframes of the present lights at the current frame"""
 
     bl_idname, bl_label = "hemilux.key", "Keyframe now"
 

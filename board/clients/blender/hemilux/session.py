@@ -22,7 +22,7 @@ class Session:
         return bpy.data.scenes.get(self.scene_name)
 
     def step(self):
-        """Shows the newest set. Returns whether there was one."""
+        """Shows the newest set. Returns True if there was a new one."""
         found, scene = self.feed.take(), self.scene()
         if scene is None:
             self.feed.close()
@@ -48,7 +48,7 @@ class Session:
             self.start = None
 
     def key(self, scene, found, changed):
-        """Keyframes at the set's time, counted from the frame at which recording began."""
+        """Inserts keyframes at the set's time, counted from the frame at which the recording began."""
         if self.start is None:
             self.start = (found["time_ns"], scene.frame_current)
         began, first = self.start
@@ -62,7 +62,7 @@ current = None
 
 
 def connect(scene):
-    """Connects `scene`; feed.Refused says in one line why that cannot be."""
+    """Connects `scene`; raises feed.Refused with one line of reason if the connection is impossible."""
     global current
     freeze()
     current = Session(scene)
@@ -72,7 +72,7 @@ def connect(scene):
 
 
 def prepare(scene):
-    """The suns, the world and the map of the scene's settings."""
+    """Applies the scene's settings to the suns, the world and the map."""
     settings, collection = scene.hemilux, suns.collection_of(scene)
     suns.resize(collection, settings.lights)
     collection.hide_render = collection.hide_viewport = settings.world == "MAP"
@@ -89,7 +89,7 @@ def load_map(scene):
 
 
 def freeze():
-    """Ends the connection. Suns, world and keyframes stay as they are."""
+    """Ends the connection. Suns, world and keyframes are kept."""
     global current
     if current is None:
         return

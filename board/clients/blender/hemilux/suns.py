@@ -11,7 +11,7 @@ DARK = ""
 
 
 def collection_of(scene):
-    """The collection of the suns in `scene`, made where it is missing."""
+    """Returns the collection of the suns in `scene`; creates it if it is missing."""
     for child in scene.collection.children:
         if child.get(COLLECTION):
             return child
@@ -36,7 +36,7 @@ def add_sun(collection):
 
 
 def resize(collection, count):
-    """Keeps `count` suns: dark ones are removed first."""
+    """Adds or removes suns until there are `count`; suns without a light are removed first."""
     suns = sorted(suns_of(collection), key=lambda sun: sun[ID] == DARK)
     for sun in suns[count:]:
         bpy.data.lights.remove(sun.data)
@@ -83,7 +83,7 @@ def shine(sun, light, exposure, soft):
 
 
 def turn(sun, towards):
-    """Turns the sun's +Z, against which it shines, `towards` the light on the shortest way."""
+    """Rotates the sun by the smallest angle so that its +Z, opposite to its direction of light, points `towards` the light."""
     if towards.length < 1e-6:
         return
     now = sun.rotation_quaternion @ Vector((0.0, 0.0, 1.0))
@@ -92,14 +92,14 @@ def turn(sun, towards):
 
 
 def forget(collection):
-    """Releases all ids: those of another run of the probe mean other lights."""
+    """Clears the ids of all suns: ids of another run of the probe belong to other lights."""
     for sun in suns_of(collection):
         sun[ID] = DARK
         sun.data.energy = 0.0
 
 
 def key(collection, frame, changed):
-    """Keyframes of all suns at `frame`. Where a sun took another light, the values before stay constant up to the frame."""
+    """Inserts keyframes of all suns at `frame`. For a sun that shows another light from this frame, the earlier values stay constant up to it."""
     for sun in suns_of(collection):
         if sun in changed:
             hold(sun)
@@ -110,7 +110,7 @@ def key(collection, frame, changed):
 
 
 def curves_of(item):
-    """The animation curves of `item`: of its action's slot in Blender 4.4 and later, of its action before."""
+    """Returns the animation curves of `item`: those of its action's slot in Blender 4.4 and later, those of its action in earlier versions."""
     data = item.animation_data
     if not data or not data.action:
         return []

@@ -8,8 +8,8 @@ import bpy
 NAME = "hemilux"
 MODES = [
     ("NONE", "Suns only", "A black world. All light is in the suns"),
-    ("AMBIENT", "Suns and ambient", "Light without a direction comes from the world as nine spherical harmonics, all else from the suns"),
-    ("BACKDROP", "Map behind suns", "The camera sees the map. The suns and the ambient light illuminate the scene"),
+    ("AMBIENT", "Suns and ambient", "Diffuse light is in the world as nine spherical harmonics, all other light in the suns"),
+    ("BACKDROP", "Map behind suns", "The map is visible to the camera. The suns and the ambient light illuminate the scene"),
     ("MAP", "Map only", "The map illuminates the scene, and the suns are hidden: the reference for the suns"),
 ]
 # Constants of the real orthonormal harmonics, order (0,0) (1,-1) (1,0) (1,1) (2,-2) (2,-1) (2,0) (2,1) (2,2).
@@ -22,7 +22,7 @@ def has_ambient(mode):
 
 
 def world_of(scene):
-    """The scene's hemilux world, made where it is missing; a world of the user's is kept in its file and set aside."""
+    """Returns the scene's hemilux world; creates it if it is missing. The user's world is replaced, not deleted."""
     if scene.world and scene.world.get(NAME):
         return scene.world
     world = bpy.data.worlds.new(NAME)
@@ -72,7 +72,7 @@ class Maths:
 
 
 def harmonics(tree):
-    """A socket with the radiance of the harmonics `sh0` to `sh8`, vectors of red, green and blue, in the direction of a ray."""
+    """Returns a socket with the radiance, in the direction of a ray, of the harmonics `sh0` to `sh8`, vectors of red, green and blue."""
     maths, place = Maths(tree), tree.nodes.new("ShaderNodeTexCoord")
     split = tree.nodes.new("ShaderNodeSeparateXYZ")
     tree.links.new(place.outputs["Generated"], split.inputs[0])
@@ -108,7 +108,7 @@ def set_mode(scene, mode, exposure):
 
 
 def show_ambient(scene, rows):
-    """Shows nine rows of red, green and blue; darkness where there are none."""
+    """Sets the harmonics to nine rows of red, green and blue; to zero without rows."""
     nodes = world_of(scene).node_tree.nodes
     for index, constant in enumerate(CONSTANTS):
         for socket, value in zip(nodes[f"sh{index}"].inputs, rows[index] if rows else (0.0, 0.0, 0.0)):
@@ -123,14 +123,14 @@ def key(scene, frame):
 
 
 def show_map(scene, data):
-    """Shows the Radiance HDR map in `data`, whose axes are Blender's."""
+    """Sets the world's texture to the Radiance HDR map in `data`, whose axes are Blender's."""
     node = world_of(scene).node_tree.nodes["map"]
     handle, path = tempfile.mkstemp(suffix=".hdr", dir=bpy.app.tempdir or None)
     with os.fdopen(handle, "wb") as file:
         file.write(data)
     try:
         image = bpy.data.images.load(path)
-        # Packed, the map is part of the Blender file and needs its own file no more.
+        # A packed map is part of the Blender file, so that the temporary file can be removed.
         image.pack()
     finally:
         os.unlink(path)

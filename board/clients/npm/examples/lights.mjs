@@ -1,4 +1,4 @@
-// Prints a probe's lights as they come: node lights.mjs [http://127.0.0.1:8080] [frames]
+// Prints each light set of a probe: node lights.mjs [http://127.0.0.1:8080] [frames]
 import { Hemilux } from "hemilux";
 
 const [address = "http://127.0.0.1:8080", frames = "Infinity"] = process.argv.slice(2);

@@ -17,7 +17,7 @@ namespace Hemilux
         string state = "connecting";
         volatile HttpWebRequest request;
 
-        /// <summary>Begins. FormatException with one line for what is not the address of a probe.</summary>
+        /// <summary>Starts the thread. Throws FormatException with one line for an invalid address.</summary>
         public Events(string address, int lights, bool ambient)
         {
             Uri root;
@@ -27,10 +27,10 @@ namespace Hemilux
             new Thread(Run) { IsBackground = true, Name = "hemilux" }.Start();
         }
 
-        /// <summary>"live", "stale: ..." or "lost: ...", one line.</summary>
+        /// <summary>State of the connection: "live", "stale: ..." or "lost: ...", one line.</summary>
         public string State { get { lock (guard) return state; } }
 
-        /// <summary>The newest set, once; null where there is none.</summary>
+        /// <summary>Returns the newest set once; null where there is no new one.</summary>
         public LightSet Take()
         {
             lock (guard)
@@ -94,7 +94,7 @@ namespace Hemilux
             }
         }
 
-        /// <summary>A line without its end; null at the end of the stream.</summary>
+        /// <summary>Reads a line without its end; null at the end of the stream.</summary>
         static string Line(TextReader reader)
         {
             var line = new StringBuilder();

@@ -5,7 +5,7 @@ using UnityEngine.Rendering;
 
 namespace Hemilux
 {
-    /// <summary>Directional lights and the ambient light of the scene follow a probe. A light keeps its Unity light for as long as it exists.</summary>
+    /// <summary>Shows the light sets of a probe as directional lights and ambient light. A light keeps its Unity light for as long as it exists.</summary>
     [AddComponentMenu("Rendering/hemilux Lights")]
     public sealed class HemiluxLights : MonoBehaviour
     {
@@ -13,7 +13,7 @@ namespace Hemilux
         public string address = "http://127.0.0.1:8080";
         [Range(1, 32), Tooltip("Largest number of directional lights.")]
         public int lights = 4;
-        [Tooltip("Whether light without a direction sets the ambient light of the scene.")]
+        [Tooltip("Sets the ambient light of the scene from the probe's diffuse light.")]
         public bool ambient = true;
         [Min(0), Tooltip("Factor of all intensities: the probe's units are relative until its camera is calibrated.")]
         public float exposure = 1;
@@ -88,7 +88,7 @@ namespace Hemilux
             return light;
         }
 
-        /// <summary>Unity's lights have no factor 1 / pi: a white surface under intensity 1 has the radiance 1.</summary>
+        /// <summary>Sets the Unity light to the probe's light. Unity's lights have no factor 1 / pi: a white surface under intensity 1 has the radiance 1.</summary>
         void Shine(Light target, ProbeLight light)
         {
             var top = Mathf.Max(light.Irradiance[0], light.Irradiance[1], light.Irradiance[2]);

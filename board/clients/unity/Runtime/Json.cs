@@ -14,7 +14,7 @@ namespace Hemilux
 
         Json(string text) { this.text = text; }
 
-        /// <summary>The value of <paramref name="text"/>. FormatException with one line where it is not JSON.</summary>
+        /// <summary>Returns the value of <paramref name="text"/>. Throws FormatException with one line where it is not JSON.</summary>
         public static object Parse(string text)
         {
             var reader = new Json(text);

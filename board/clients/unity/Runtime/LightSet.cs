@@ -19,17 +19,17 @@ namespace Hemilux
     /// <summary>The lights of one frame.</summary>
     public sealed class LightSet
     {
-        /// <summary>Changes at every start of the probe; ids begin anew with it.</summary>
+        /// <summary>Changes at every start of the probe; ids of different runs are unrelated.</summary>
         public string Run;
         public long Frame;
-        /// <summary>Why there is no newer set; null for a fresh one.</summary>
+        /// <summary>Reason why there is no newer set; null for a new one.</summary>
         public string Stale;
         public string Coordinates;
         public ProbeLight[] Lights;
         /// <summary>Spherical harmonics, nine rows of red, green and blue; null where they were not requested.</summary>
         public float[][] AmbientSh;
 
-        /// <summary>Reads a set as the probe sends it. FormatException with one line for anything else.</summary>
+        /// <summary>Parses a set from the probe's JSON. Throws FormatException with one line for anything else.</summary>
         public static LightSet Parse(string json)
         {
             var root = Json.Parse(json) as Dictionary<string, object>;
@@ -84,7 +84,7 @@ namespace Hemilux
             throw new FormatException("light set: expected another kind of " + name);
         }
 
-        /// <summary>Irradiance of a surface with the unit normal (x, y, z) under the harmonics (Ramamoorthi and Hanrahan 2001); null without harmonics.</summary>
+        /// <summary>Returns the irradiance of a surface with the unit normal (x, y, z) under the harmonics (Ramamoorthi and Hanrahan 2001); null without harmonics.</summary>
         public float[] AmbientIrradiance(float x, float y, float z)
         {
             if (AmbientSh == null) return null;

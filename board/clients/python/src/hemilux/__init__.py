@@ -7,8 +7,8 @@
         print(lights.frame, lights.stale)
     hemilux.change("http://127.0.0.1:8080", lights=32)                  # a setting of the probe
 
-Sets are absolute: each replaces the one before. A reader that is slower than the probe skips sets. `Refused` says in one line what the
-probe does not accept; a probe that does not answer is waited for, or reported by `Unreachable` after `timeout` seconds.
+Sets are absolute: each replaces the one before. A reader that is slower than the probe skips sets. The exception `Refused` has one line
+with the value that the probe refuses. If a probe does not answer, the functions wait, or raise `Unreachable` after `timeout` seconds.
 """
 
 import asyncio
@@ -42,7 +42,7 @@ class Light:
     age: int = 0
     """Frames since the light appeared."""
     parent: Optional[int] = None
-    """Id of the light that it split from."""
+    """Id of the light from which the light was split."""
 
 
 @dataclass(frozen=True)
@@ -50,17 +50,17 @@ class LightSet:
     """The lights of one frame."""
 
     run: str
-    """Changes at every start of the probe; ids begin anew with it."""
+    """Changes at every start of the probe; ids of different runs are unrelated."""
     frame: int
     time_ns: int
     """CLOCK_MONOTONIC of the probe at the end of the burst, nanoseconds."""
     stale: Optional[str]
-    """Why there is no newer set, if so."""
+    """Reason why there is no newer set; None for a new one."""
     lights: tuple[Light, ...]
     ambient: Optional[tuple[tuple[float, float, float], ...]]
     """Nine rows of spherical harmonics where they were requested."""
     raw: dict[str, Any] = field(repr=False)
-    """All members, as the probe sent them."""
+    """All members of the probe's answer."""
 
     @classmethod
     def of(cls, found: dict[str, Any]) -> "LightSet":
@@ -70,7 +70,7 @@ class LightSet:
 
 
 def get(address: str, *, lights: Optional[int] = None, ambient: bool = False, soft: Optional[bool] = None, coordinates: str = "probe", timeout: float = 5.0) -> LightSet:
-    """The next set."""
+    """Returns the next set."""
     path = path_of(lights, ambient, coordinates, soft).replace("/v1/events", "/v1/lights")
     try:
         with ask(base_of(address), path, timeout=timeout) as answer:
@@ -82,7 +82,7 @@ def get(address: str, *, lights: Optional[int] = None, ambient: bool = False, so
 def sets(
     address: str, *, lights: Optional[int] = None, ambient: bool = False, soft: Optional[bool] = None, coordinates: str = "probe", timeout: Optional[float] = None
 ) -> Iterator[LightSet]:
-    """Each new set. Without `timeout` a probe that does not answer is waited for."""
+    """Yields each new set. Without `timeout`, it waits for a probe that does not answer."""
     feed = Feed(address, path_of(lights, ambient, coordinates, soft))
     try:
         end = None if timeout is None else time.monotonic() + timeout
@@ -102,7 +102,7 @@ def sets(
 async def stream(
     address: str, *, lights: Optional[int] = None, ambient: bool = False, soft: Optional[bool] = None, coordinates: str = "probe", timeout: Optional[float] = None
 ) -> AsyncIterator[LightSet]:
-    """Each new set, without blocking the event loop. Without `timeout` a probe that does not answer is waited for."""
+    """Yields each new set without blocking the event loop. Without `timeout`, it waits for a probe that does not answer."""
     loop, news = asyncio.get_running_loop(), asyncio.Event()
 
     def wake() -> None:

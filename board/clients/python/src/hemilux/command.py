@@ -10,7 +10,7 @@ from . import LightSet, Refused, Unreachable, sets
 
 
 def arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="hemilux-lights", description="Prints the light sets of a hemilux light probe as they come.")
+    parser = argparse.ArgumentParser(prog="hemilux-lights", description="Prints each light set of a hemilux light probe.")
     parser.add_argument("address", nargs="?", default="http://127.0.0.1:8080", help="the probe's address [default: %(default)s]")
     parser.add_argument("--lights", type=int, help="largest number of lights [default: all]")
     parser.add_argument("--coordinates", default="probe", help="axes: probe, blender, three, unity, unreal, ... [default: %(default)s]")
@@ -37,7 +37,7 @@ def main() -> None:
     except (Refused, Unreachable) as error:
         sys.exit(f"hemilux-lights: {error}")
     except BrokenPipeError:
-        # The reader has ended: what is left in the buffer has nowhere to go.
+        # The reader of stdout has ended: the rest of the buffer is discarded.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except KeyboardInterrupt:
         pass

@@ -21,7 +21,7 @@ class Refused(Exception):
 
 
 def base_of(address: str) -> str:
-    """The address without a path; `http://` where no scheme is given."""
+    """Returns the address without a path, with `http://` where it has no scheme."""
     text = address.strip() if "://" in address else "http://" + address.strip()
     try:
         parts = urllib.parse.urlsplit(text)
@@ -39,7 +39,7 @@ def is_loopback(address: str) -> bool:
 
 
 def ask(base: str, path: str, token: str = "", timeout: float = SILENCE, method: str = "GET", body: Optional[bytes] = None) -> Any:
-    """Opens `path` of the probe. Refused or OSError with one line where there is no answer."""
+    """Opens `path` of the probe. Raises Refused or OSError with one line where there is no answer."""
     request = urllib.request.Request(base + path, data=body, method=method)
     if token:
         request.add_header("Authorization", "Bearer " + token)
@@ -56,7 +56,7 @@ def ask(base: str, path: str, token: str = "", timeout: float = SILENCE, method:
 
 
 def map_bytes(address: str, token: str = "") -> bytes:
-    """The newest map as Radiance HDR, +Z up."""
+    """Returns the newest map as Radiance HDR, +Z up."""
     with ask(base_of(address), "/v1/map.hdr", token, timeout=10) as answer:
         data: bytes = answer.read(LARGEST_MAP + 1)
     if len(data) > LARGEST_MAP or not data.startswith(b"#?"):
@@ -83,7 +83,7 @@ def checked_light(light: Any) -> dict[str, Any]:
 
 
 def checked(found: Any) -> dict[str, Any]:
-    """`found` with lights and harmonics of finite numbers; ValueError where it is no light set."""
+    """Returns `found` with lights and harmonics of finite numbers; raises ValueError where it is not a light set."""
     try:
         rows = found.get("ambient_sh")
         ambient = [numbers(row, 3) for row in rows] if rows is not None else None
@@ -125,7 +125,7 @@ class Feed:
         return newest
 
     def wait(self, timeout: float) -> Optional[dict[str, Any]]:
-        """The newest set; None after `timeout` seconds, and at once when the state is `refused`."""
+        """Returns the newest set; None after `timeout` seconds, and at once when the state is `refused`."""
         with self._news:
             self._news.wait_for(lambda: self._newest is not None or self._end.is_set() or self.is_refused(), timeout)
         return self.take()
