@@ -41,27 +41,27 @@ const EXAMPLES: &str = "\
 Examples:
   hemilux                                        the built-in room on http://127.0.0.1:8080/
   hemilux serve --source scene:sky --lights 32   another scene, fewer lights
-  hemilux --source env:hall.exr,view=whole       an HDR map, or a folder of maps one after the other
-  hemilux --source replay:recordings/office      a recorded burst or sequence, over and over
-  hemilux devices                                the cameras and what they can do
+  hemilux --source env:hall.exr,view=whole       an HDR map, or a folder of maps in turn
+  hemilux --source replay:recordings/office      a recorded burst or sequence, repeated
+  hemilux devices                                the cameras with their formats and controls
   hemilux --source v4l2:/dev/video0,lens=lens.toml            a camera
-  hemilux record --bursts 20 --out field         what it gives, for a replay
-  hemilux --listen 127.0.0.1:0                   any free port; the first line on stdout names it
+  hemilux record --bursts 20 --out field         raw frames of a camera, for a replay
+  hemilux --listen 127.0.0.1:0                   any free port; the first line on stdout contains it
   hemilux --listen 0.0.0.0:8080 --token-file hemilux.token   for the network; changes and pictures need the token
-  hemilux --listen 0.0.0.0:8080 --open           for everyone on the network, changes and pictures too
-  hemilux --config hemilux.toml                  what is in the file; options have the last word
-  hemilux --plan --lights 20000                  what that would take of memory
+  hemilux --listen 0.0.0.0:8080 --open           for all clients of the network, with changes and pictures
+  hemilux --config hemilux.toml                  options and settings of a file, which options override
+  hemilux --plan --lights 20000                  memory of this configuration
   curl http://127.0.0.1:8080/lights.json         the next frame's lights
   curl 'http://127.0.0.1:8080/change?algorithm=pharr&samples=128'
-  curl 'http://127.0.0.1:8080/v1/compare?algorithm=q2tree&lights=64'   what another sampler makes of the same frame
-  hemilux --budget front=30,total=60             what takes longer is counted and told
+  curl 'http://127.0.0.1:8080/v1/compare?algorithm=q2tree&lights=64'   lights of another sampler for the same frame
+  hemilux --budget front=30,total=60             budgets; frames over them are counted and reported
   hemilux --osc 192.168.1.9:8000,lights=8        each set also as OSC bundles
-  hemilux --mqtt mqtt://user:password@broker     illuminance and health for Home Assistant
+  hemilux --mqtt mqtt://user:password@broker     illuminance and state for Home Assistant
   hemilux discover                               the probes on the network
 
 Sources: v4l2:PATH, pipe:PATH, scene:room, scene:sky, scene:lamps, scene:overcast, env:PATH, replay:DIR.
-Options of env, after the path: ,view=lens (as the built-in scenes: noise and unseen directions; the default) or ,view=whole (all of the
-upper hemisphere, without noise), ,every=2 (seconds that each map of a folder stays, else 0.1).
+Options of env, after the path: ,view=lens (the simulated camera of the built-in scenes; the default) or ,view=whole (the whole upper
+hemisphere without noise), ,every=2 (seconds for which each map of a folder stays, default 0.1).
 Signals: SIGHUP reads the settings of the --config file again; SIGINT and SIGTERM end the probe.
 Exit status: 0 when stopped by SIGINT or SIGTERM, 1 after a failure, 2 for wrong usage.";
 

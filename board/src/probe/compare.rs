@@ -114,7 +114,7 @@ impl Comparison {
     /// Requests pairs of the probe's own set and the set of `contender`, until the permit is dropped.
     ///
     /// # Errors
-    /// The sampler in use, if clients hold permits for another one or held them within the last [`HELD`].
+    /// The sampler in use, if clients hold permits for another one or held them within the last 0.5 s.
     pub fn ask(&self, contender: Contender) -> Result<Permit<'_>, Contender> {
         let mut state = lock(&self.state);
         let is_held = state.waiting > 0 || state.seen.elapsed() < HELD;

@@ -249,7 +249,7 @@ fn shortest(v: f32) -> f64 {
 /// Largest number of characters of a client's text that an answer repeats.
 const ECHO: usize = 40;
 
-/// Returns the first [`ECHO`] characters of a client's `text`; control characters become spaces.
+/// Returns at most 40 characters from the start of a client's `text`; control characters become spaces.
 #[must_use]
 pub fn short(text: &str) -> String {
     text.chars().take(ECHO).map(|c| if c.is_control() { ' ' } else { c }).collect()

@@ -10,9 +10,9 @@ use std::path::PathBuf;
 
 /// Options of a camera for the help text.
 pub const HELP: &str = "\
-A CSI camera is v4l2:NAME with the beginning of its sensor's name, v4l2:/dev/mediaN or a node that its sensor reaches. Camera options, after the path: ,lens=FILE (a [lens] table; else 180 degrees across the picture are assumed), ,size=640x480 (else the lens's, or the mode of a known sensor that sees all of it),
-,format=YUYV, ,rate=30, ,exposures=0.0009/0.0055/0.0333 (seconds), ,sensor=imx219 (the beginning of a sensor's name, or its sub-device), ,delay=2 (frames, else measured),
-,stand-in=Brightness:64/128/192 (for benches: a control in the place of the exposure).";
+A CSI camera is v4l2:NAME with the beginning of its sensor's name, v4l2:/dev/mediaN or a node that is linked to its sensor. Camera options, after the path: ,lens=FILE (a [lens] table; default: 180 degrees across the picture), ,size=640x480 (default: that of the lens file, or the mode that covers a known sensor),
+,format=YUYV, ,rate=30, ,exposures=0.0009/0.0055/0.0333 (seconds), ,sensor=imx219 (the beginning of a sensor's name, or its sub-device), ,delay=2 (frames; default: measured),
+,stand-in=Brightness:64/128/192 (for test benches: a control that replaces the exposure).";
 
 /// The text of a camera's path and options, checked.
 #[derive(Clone, Debug, PartialEq, Eq)]
