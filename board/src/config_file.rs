@@ -67,7 +67,7 @@ pub enum ConfigFileError {
     /// The file cannot be read.
     #[error("configuration file {0}: found {1}, expected a file that can be read (it may be empty)")]
     Read(PathBuf, std::io::Error),
-    /// The file is too long.
+    /// The file is longer than the largest accepted size.
     #[error("configuration file {0}: found more than {MOST_BYTES} bytes, expected less")]
     TooLong(PathBuf),
     /// The file has unknown keys or values, or is not TOML.

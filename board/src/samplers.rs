@@ -92,7 +92,7 @@ pub enum SamplerError {
         found: usize,
         /// The least number of lights that the sampler returns for such maps.
         least: usize,
-        /// Kind of the sampler.
+        /// Kind of the sampler that was requested.
         sampler: SamplerKind,
     },
     /// The tolerance is outside of [`TOLERANCES`].
@@ -103,7 +103,7 @@ pub enum SamplerError {
     NotModelled {
         /// The request that is refused: a tolerance or ambient light.
         what: &'static str,
-        /// Kind of the sampler.
+        /// Kind of the sampler that was requested.
         sampler: SamplerKind,
     },
 }

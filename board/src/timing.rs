@@ -136,7 +136,7 @@ pub struct Stage {
     pub most: u32,
     /// Number of frames that exceeded the budget.
     pub overruns: u64,
-    /// The budget, microseconds.
+    /// The budget of the stage, microseconds.
     pub budget: u32,
     /// Percentiles over the last 30 to 60 seconds.
     pub recent: Percentiles,

@@ -16,12 +16,12 @@ pub(super) const FEWEST_BOARDS: usize = 3;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum LensRefusal {
-    /// Too few pictures.
+    /// There are fewer than three pictures.
     #[error(
         "found {0} picture(s), expected at least 3, better 15 to 30: show the board at other places of the view and at other angles"
     )]
     FewPictures(usize),
-    /// Pictures of several sizes.
+    /// The pictures have several sizes.
     #[error("{name}: found {} x {} pixels, expected {} x {} as the first picture: take all pictures in one mode of one camera", size[0], size[1], expected[0], expected[1])]
     Sizes {
         /// Name of the picture.
@@ -31,13 +31,13 @@ pub enum LensRefusal {
         /// Columns and rows of the first picture.
         expected: [usize; 2],
     },
-    /// Too few boards.
+    /// Fewer than three pictures show the board.
     #[error(
         "found a board of {board} in {found} of {pictures} pictures, expected it in at least 3: count the inner corners where four \
          squares meet (of an AprilGrid, the tags), light the board evenly, and hold it still and sharp"
     )]
     FewBoards {
-        /// The expected board.
+        /// Board of the request.
         board: Printed,
         /// Number of pictures with a board.
         found: usize,
@@ -49,7 +49,7 @@ pub enum LensRefusal {
         "found a board of more than {board} inner corners in {found} pictures, expected {board}: count its corners again and state them as --board"
     )]
     LargerBoard {
-        /// The stated board.
+        /// Board of the request.
         board: Board,
         /// Number of pictures that show more corners.
         found: usize,
@@ -59,12 +59,12 @@ pub enum LensRefusal {
         "found boards of at most {found} inner corners, expected {board}: give --board {found}, or show the whole board"
     )]
     SmallerBoard {
-        /// The stated board.
+        /// Board of the request.
         board: Board,
         /// Largest board that was detected.
         found: Board,
     },
-    /// A picture with two boards.
+    /// A picture shows two boards.
     #[error(
         "{name}: found two boards in view, expected one: cover or remove the other, or leave this picture out"
     )]
@@ -88,7 +88,7 @@ pub enum LensRefusal {
         /// Name of the picture.
         name: String,
     },
-    /// All pictures are mirrored.
+    /// The boards of all pictures are mirrored.
     #[error(
         "found all boards mirrored ({found} of {pictures} pictures), expected a black upper left square, or marks that can be read: switch mirroring off in the \
          camera; for a board that has another colour there, give --any-colours"
@@ -114,7 +114,7 @@ pub enum LensRefusal {
     Detector {
         /// Name of the picture.
         name: String,
-        /// The reason of the detector.
+        /// The error of the corner detector.
         found: String,
     },
 }

@@ -31,11 +31,11 @@ pub fn combine(readings: &[FactorReading]) -> Option<Factor> {
 /// Verdict of comparing a reading of the luxmeter with the calibration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// The difference is below 10 %.
+    /// The reading differs by less than 10 %.
     Good,
-    /// The difference is 10 to 25 %.
+    /// The reading differs by 10 to 25 %.
     Fair,
-    /// The difference is above 25 %.
+    /// The reading differs by more than 25 %.
     Reject,
 }
 

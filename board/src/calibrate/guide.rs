@@ -31,7 +31,7 @@ const SHARP: f64 = 0.12;
 pub enum Offer {
     /// The picture shows no board.
     Nothing,
-    /// The board moves.
+    /// The board moved between the last two pictures.
     Moving,
     /// The picture is blurred.
     Blurred,

@@ -49,7 +49,7 @@ pub enum Unseen {
     Rim,
     /// The radiance equals the mean over the field of view.
     Average,
-    /// The radiance is 0.
+    /// The radiance is 0 outside of the field of view.
     Dark,
 }
 
@@ -76,7 +76,7 @@ pub enum PhotometricRefusal {
         "--patch: found pixels that clip in the shortest exposure, expected none: add a shorter exposure, or light the patch less"
     )]
     PatchClips,
-    /// The scene is dark.
+    /// The mean radiance is 0.
     #[error("found no light, expected a lit scene: {0}")]
     Dark(&'static str),
     /// The outline encloses too few texels.
@@ -86,7 +86,7 @@ pub enum PhotometricRefusal {
     Outline {
         /// Number of texels inside of the outline.
         texels: usize,
-        /// Least number of texels.
+        /// Least number of texels that a patch must contain.
         least: usize,
     },
     /// The light changed during the measurement.
@@ -137,7 +137,7 @@ const MOST_CLIPPED: f64 = 1e-6;
 /// HEALPix orders of the measured map in order of preference, from texels of half a degree: the first one that the pixels fill is used.
 const ORDERS: [u8; 4] = [7, 6, 5, 4];
 
-/// Timeout for all bursts.
+/// Longest time for all bursts of a measurement.
 const PATIENCE: Duration = Duration::from_secs(20);
 
 /// Measures the factor over `bursts` bursts of `source`, whose radiance must be relative. `shared` is the relative standard deviation of the

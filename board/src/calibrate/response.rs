@@ -119,7 +119,7 @@ struct Pair {
     shorter: [f64; COEFFICIENTS],
     longer: [f64; COEFFICIENTS],
     codes: [f64; 2],
-    /// Number of pixels of the pair.
+    /// Number of pixels that have the pair of codes.
     count: f64,
 }
 
@@ -197,7 +197,7 @@ fn pairs_of(shorter: &Exposed, longer: &Exposed, channel: usize, step: usize) ->
 /// The mean codes of pixels in both exposures.
 struct MeanCodes {
     codes: [f64; 2],
-    /// Number of the pixels.
+    /// Number of pixels that were averaged.
     count: f64,
 }
 
@@ -220,7 +220,7 @@ struct Problem<'a> {
 
 /// Parameters at a minimum of a [`Problem`].
 struct Solution {
-    /// Robust loss.
+    /// Robust loss of the residuals at the minimum.
     loss: f64,
     parameters: DVector<f64>,
 }

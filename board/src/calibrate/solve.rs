@@ -79,7 +79,7 @@ impl View {
 pub(super) enum Free {
     /// Intrinsic parameters, shape of the board, and poses.
     All,
-    /// Poses alone.
+    /// The poses of all boards, with a fixed camera and shape.
     Poses,
 }
 

@@ -99,7 +99,7 @@ pub(super) fn tag_cells(printed: &Printed) -> impl Iterator<Item = Cell> {
     (0..rows).rev().flat_map(move |j| (0..columns).map(move |i| [2 * i, 2 * j]))
 }
 
-/// A mark that was read.
+/// A mark that was read in a cell of a grid.
 #[derive(Clone, Copy, Debug)]
 struct Mark {
     /// Upper left corner of the mark's cell in the grid; the upper right corner in a mirrored picture.

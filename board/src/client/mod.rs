@@ -77,7 +77,7 @@ pub enum ClientError {
     Thread(std::io::Error),
 }
 
-/// The state of the connection.
+/// The state of the connection to the probe.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum State {
     /// No set has been received yet.

@@ -184,7 +184,7 @@ impl Verdicts {
     }
 }
 
-/// A wrong frame.
+/// A frame that contradicts the frames that remain.
 struct Wrong {
     /// Index among the frames that remained so far.
     at: usize,

@@ -23,7 +23,7 @@ pub enum Form {
     Json,
     /// Plain text, one light per line.
     Text,
-    /// XML.
+    /// XML with one element per light.
     Xml,
     /// Comma-separated values, one light per line.
     Csv,

@@ -61,7 +61,7 @@ pub struct ReadOptions {
     pub covers: Option<Covers>,
 }
 
-/// A decoded map.
+/// A map file, decoded to radiance on a latitude-longitude grid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DecodedMap {
     /// Number of columns; azimuth pi at the left edge of the first column, -pi at the right edge of the last.

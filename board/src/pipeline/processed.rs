@@ -28,7 +28,7 @@ pub struct Processed<'a> {
 /// The lights of one sampler and its durations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sampled<'a> {
-    /// The lights of the sampler.
+    /// The lights computed by the sampler.
     pub decomposition: Decomposition<'a>,
     /// Duration of the sampler without its temporal filters.
     pub sample: Duration,

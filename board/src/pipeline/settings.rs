@@ -13,7 +13,7 @@ use hemilux_core::{
 pub struct Settings {
     /// Kind of the sampler.
     pub sampler: SamplerKind,
-    /// Largest number of lights.
+    /// Largest number of lights of a set.
     pub lights: usize,
     /// Shadowed error, a ratio, that the light set must reach with as few lights as possible; only the sampler `adaptive` reads it.
     pub tolerance: Option<f32>,

@@ -52,7 +52,7 @@ impl Contender {
 /// The second sampler's result for a frame.
 #[derive(Clone, Debug, Default)]
 pub struct Second {
-    /// The light set.
+    /// The light set of the second sampler.
     pub set: OwnedSet,
     /// The map in quads of [`SKETCH_ORDER`], or of the map's order if that is lower: the reference for the scores of both sets.
     pub sketch: Vec<Quad>,

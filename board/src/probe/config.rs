@@ -29,7 +29,7 @@ pub fn merge_name(mode: MergeMode) -> &'static str {
 /// The values of all settings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Config {
-    /// Settings of the pipeline.
+    /// Settings of the sampler and of the map.
     pub pipeline: Settings,
     /// Exposure times, seconds, ascending; `None` for the exposure times of the source.
     pub exposures_s: Option<Vec<f64>>,

@@ -22,7 +22,7 @@ pub struct ThreadStatus {
 /// The steps by which the quality is lowered.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct QualityStatus {
-    /// The steps in effect.
+    /// The kinds of steps that are in effect.
     pub steps: Degraded,
     /// Number of steps down since the start.
     pub down: u64,

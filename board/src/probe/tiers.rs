@@ -54,7 +54,7 @@ impl Selection {
 /// The contents of a tier's sets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tier {
-    /// Largest number of lights.
+    /// Largest number of lights of a set.
     pub lights: usize,
     /// True if diffuse light is returned as spherical harmonics.
     pub ambient: bool,
@@ -175,7 +175,7 @@ impl Tiers {
     }
 }
 
-/// The answer to a request.
+/// The answer to a request for sets of a selection.
 #[derive(Clone, Debug)]
 pub enum Served {
     /// The probe's own set answers the request.

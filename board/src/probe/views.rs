@@ -69,7 +69,7 @@ pub struct Given<T> {
 pub struct ViewRequest<T> {
     /// Number of the request: a [`Given`] of this number or a greater one answers it.
     pub number: u64,
-    /// The channel of the answers.
+    /// The channel in which the answers arrive.
     pub given: watch::Receiver<Given<T>>,
 }
 

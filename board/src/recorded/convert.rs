@@ -8,7 +8,7 @@ use toml::{Table, Value};
 /// The program that a lens file is written for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Target {
-    /// A `[lens]` table.
+    /// A `[lens]` table of hemilux.
     Hemilux,
     /// YAML of OpenCV's `cv::FileStorage`.
     Opencv,
@@ -16,10 +16,10 @@ pub enum Target {
     Ros,
 }
 
-/// A lens file, converted.
+/// The text of a converted lens file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Converted {
-    /// The text of the new file.
+    /// The text of the converted file.
     pub text: String,
     /// Notes about fitted and omitted values.
     pub notes: Vec<String>,

@@ -21,7 +21,7 @@ const DECODER_BYTES: u64 = 1 << 26;
 /// Memory that a decoder may allocate for the header, such as a compressed colour profile, bytes.
 const HEADER_BYTES: u64 = 1 << 24;
 
-const EXPECTED: &str = "a whole PNG, JPEG, PGM or PPM image";
+const EXPECTED: &str = "a complete PNG, JPEG, PGM or PPM image";
 
 /// An image file whose header was read.
 pub(super) struct Opened {

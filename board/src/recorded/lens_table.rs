@@ -89,6 +89,6 @@ impl LensTable {
             vignetting,
         };
         Lens::try_new(intrinsics)
-            .map_err(|e| RecordedError::new(path, e, "a lens that sees up to max_angle_deg"))
+            .map_err(|e| RecordedError::new(path, e, "a lens that is valid up to max_angle_deg"))
     }
 }

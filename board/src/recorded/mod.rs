@@ -39,7 +39,7 @@ const MAX_MANIFEST_BYTES: u64 = 1 << 20;
 #[derive(Debug, thiserror::Error)]
 #[error("{path}: found {found}, expected {expected}")]
 pub struct RecordedError {
-    /// The file or folder.
+    /// The file or folder with the fault.
     pub path: PathBuf,
     /// Description of the value that was found.
     pub found: String,
@@ -183,7 +183,7 @@ fn check_bytes(folder: &Path, bytes: u64, limits: &ReadLimits) -> Result<(), Rec
     Err(RecordedError::new(folder, found, format!("at most {} MB", limits.max_burst_bytes >> 20)))
 }
 
-/// One decoded image.
+/// The samples of one decoded image.
 struct Image {
     layout: Layout,
     pixels: Pixels,
@@ -191,11 +191,11 @@ struct Image {
     white: Option<f64>,
 }
 
-/// A picture in grey.
+/// A picture as grey samples of eight bits.
 #[cfg(feature = "calibrate")]
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct GreyImage {
-    /// Number of columns.
+    /// Number of columns of the picture.
     pub width: usize,
     /// Samples of eight bits, row after row.
     pub samples: Vec<u8>,

@@ -35,7 +35,7 @@ fn one() -> i64 {
     1
 }
 
-/// The `[photometric]` table.
+/// The `[photometric]` table of a lens file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Table {

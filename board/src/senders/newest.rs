@@ -14,7 +14,7 @@ const LONGEST_WAIT: Duration = Duration::from_millis(1500);
 /// An update for a sender.
 #[derive(Clone, Debug)]
 pub(super) enum SetUpdate {
-    /// A new set.
+    /// A set that is newer than the last one.
     Fresh(Arc<OwnedSet>),
     /// The last set, and the reason why there is no newer one.
     Stale(Arc<OwnedSet>, Stale<String>),

@@ -37,7 +37,7 @@ const UNIX_EPOCH_S: u64 = 2_208_988_800;
 pub struct Target {
     /// Host and port of the receiver.
     pub peer: String,
-    /// Largest number of lights.
+    /// Largest number of lights that are sent.
     pub lights: usize,
     /// Axes of directions and harmonics.
     pub coordinates: Coordinates,

@@ -136,7 +136,7 @@ fn no_pair_yet(context: &Context) -> Response {
         return no_frame_yet(&context.link);
     }
     let mut response =
-        line(StatusCode::SERVICE_UNAVAILABLE, "no pair yet: no frame has come since the request");
+        line(StatusCode::SERVICE_UNAVAILABLE, "no pair yet: no frame since the request");
     response.headers_mut().insert(RETRY_AFTER, HeaderValue::from_static("1"));
     response
 }

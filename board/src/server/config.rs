@@ -31,7 +31,7 @@ pub(super) async fn change(State(context): State<Context>, _: Allowed, request: 
     }
     let body = tokio::time::timeout(BODY_TIME, Bytes::from_request(request, &())).await;
     let Ok(Ok(body)) = body else {
-        return refused("body", "found more than 16,384 bytes, or a body that did not come");
+        return refused("body", "found more than 16,384 bytes, or a body that did not arrive in time");
     };
     let Ok(Value::Object(wish)) = serde_json::from_slice(&body) else {
         return refused("body", "found something else, expected a JSON object such as {\"lights\": 32}");

@@ -64,7 +64,7 @@ struct Feed {
 /// The next item of a stream.
 enum Next {
     Set(Bytes),
-    /// There is no set yet.
+    /// There is no set yet; a comment is sent.
     None,
     /// The server stops, and the stream ends.
     Stop,

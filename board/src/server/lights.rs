@@ -27,7 +27,7 @@ pub(super) async fn answer(
         Ok(wanted) => wanted,
         Err(Some(found)) => return line(StatusCode::BAD_REQUEST, &found),
         Err(None) => {
-            let text = "no format suits; there are application/json, text/plain, application/xml, application/vnd.hemilux.lights";
+            let text = "no format of the Accept header is supported, expected application/json, text/plain, application/xml, application/vnd.hemilux.lights";
             return line(StatusCode::NOT_ACCEPTABLE, text);
         }
     };

@@ -139,7 +139,7 @@ impl Kept {
         self.strong.as_ref().map_or(0, |held| held.bytes.len())
     }
 
-    /// Holds the bytes only as long as they are being sent.
+    /// Releases the cache's reference: the bytes stay only while a client is being sent them.
     pub(super) fn release(&mut self) {
         self.strong = None;
     }

@@ -19,7 +19,7 @@ const NICE: i32 = 10;
 /// Usual length of a picture, bytes, for which memory is reserved.
 const USUAL_BYTES: usize = 1 << 20;
 
-/// The contents of a picture.
+/// The kind of a picture, with its parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum PictureKind {
     /// An exposure of a burst, by ascending exposure time, and its largest width, pixels.
@@ -40,11 +40,11 @@ pub(super) enum PictureKind {
     Screenshot,
 }
 
-/// The source of a picture.
+/// The frame or map from which a picture is rendered.
 pub(super) enum View<T> {
     /// A view, and the time of the latest request that it answers.
     Of {
-        /// The data to render.
+        /// The data from which the picture is rendered.
         view: T,
         /// Latest request that the view answers, CLOCK_MONOTONIC, nanoseconds.
         since_ns: u64,
@@ -60,7 +60,7 @@ pub(super) enum View<T> {
 /// A property of a picture that a header of the answer states.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Told {
-    /// No header.
+    /// The answer has no additional header.
     Nothing,
     /// The exposure of the picture.
     Shot(Shot),
@@ -96,7 +96,7 @@ pub(super) struct Picture {
 /// Reasons for a missing picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum NoPicture {
-    /// There is nothing to render.
+    /// There is no frame or map to render.
     NoView,
     /// The answers in progress have used up the memory limit.
     Full,

@@ -25,7 +25,7 @@ use std::sync::Arc;
 /// JPEG quality of the map, at which the compression errors are below the noise of a camera.
 const QUALITY: u8 = 90;
 
-/// Grey values of the mask.
+/// Grey values of the mask's texels.
 const UNSEEN: u8 = 0;
 const SEEN: u8 = 128;
 const CLIPPED: u8 = 255;

@@ -119,7 +119,7 @@ pub enum Spec {
     /// An environment map or a folder of them.
     #[cfg(feature = "maps")]
     Env(env::EnvSpec),
-    /// A camera.
+    /// A camera through Video4Linux.
     #[cfg(all(feature = "v4l2", target_os = "linux"))]
     Camera(camera::CameraSpec),
     /// A pipe with frames of another program.

@@ -9,7 +9,7 @@ const LONGEST_WAIT: Duration = Duration::from_millis(250);
 /// The rate of bursts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pace {
-    /// One burst per period.
+    /// One burst per period, the contained duration.
     Every(Duration),
     /// One burst per call, without a pause.
     Free,

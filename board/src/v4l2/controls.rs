@@ -21,7 +21,7 @@ pub struct Info {
     pub maximum: i64,
     /// Step between two values, at least 1.
     pub step: i64,
-    /// Value at power-on.
+    /// Value of the control at power-on.
     pub default: i64,
     /// Flags of the control, `V4L2_CTRL_FLAG_*`.
     pub flags: u32,

@@ -131,6 +131,6 @@ impl Camera {
             }
         }
         let found = format!("{MOST_BROKEN} broken frames in a row ({})", self.counters().broken);
-        Err(CameraError::Unfit { path: self.path().into(), found, expected: "whole ones".into() })
+        Err(CameraError::Unfit { path: self.path().into(), found, expected: "complete frames".into() })
     }
 }

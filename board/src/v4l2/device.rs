@@ -31,7 +31,7 @@ pub struct Description {
     pub formats: Vec<FormatInfo>,
     /// Shortest and longest exposure time, seconds; null if the exposure cannot be set.
     pub exposure_s: Option<[f64; 2]>,
-    /// Least and largest value of the gain, in the driver's unit; null for a camera without one.
+    /// Least and largest value of the gain, in the driver's unit; null for a camera without a gain control.
     pub gain: Option<[i64; 2]>,
     /// The sub-device with the exposure control, if the node itself has none.
     pub sensor: Option<PathBuf>,
@@ -50,9 +50,9 @@ pub struct ModeInfo {
     pub width: u32,
     /// Height of the mode's pictures, pixels.
     pub height: u32,
-    /// Part of the sensor that the mode shows; null if neither the driver nor the table of sensors gives it.
+    /// Part of the sensor that the mode covers; null if neither the driver nor the table of sensors has it.
     pub view: Option<View>,
-    /// Share of the sensor's area that the mode shows, 0 to 1.
+    /// Share of the sensor's area that the mode covers, 0 to 1.
     pub share: Option<f64>,
 }
 
@@ -81,7 +81,7 @@ pub struct SizeInfo {
 }
 
 impl SizeInfo {
-    /// Size of the frame.
+    /// Returns the size of the frame.
     #[must_use]
     pub const fn size(&self) -> Size {
         Size::new(self.width, self.height)
@@ -184,7 +184,7 @@ impl Description {
     }
 }
 
-/// Returns the sizes of a sensor's preferred media bus code, each with the part of the sensor that it shows.
+/// Returns the sizes of a sensor's preferred media bus code, each with the part of the sensor that it covers.
 fn modes(sensor: &mut dyn Node, known: Option<&Sensor>) -> Vec<ModeInfo> {
     let codes = bus::offered(sensor, 0);
     let Some(code) = bus::ranked(&codes).first().copied() else { return Vec::new() };
@@ -201,7 +201,7 @@ fn modes(sensor: &mut dyn Node, known: Option<&Sensor>) -> Vec<ModeInfo> {
     let mut present = abi::PadFormat::default();
     let is_told = persist(|| sensor.call(Call::GetPadFormat(&mut present))).is_ok();
     let mut described = |size: Size| {
-        // A driver gives the rectangle of the present mode only.
+        // The driver reports the rectangle of the present mode only.
         let is_present = is_told && Size::new(present.width, present.height) == size;
         let view = if is_present {
             view::present(sensor, known, size)
@@ -222,17 +222,17 @@ fn gain_range(node: &mut dyn Node) -> Option<[i64; 2]> {
     found.filter(Info::is_settable).map(|i| [i.minimum, i.maximum])
 }
 
-/// An open sub-device.
+/// An open sub-device with its path and name.
 pub(super) struct OpenSensor {
     pub node: Box<dyn Node>,
     pub path: PathBuf,
     pub name: String,
 }
 
-/// Opens the sub-device with an exposure control: the `wished` one, or the only one.
+/// Opens the sub-device with an exposure control: the one of the options, or the only one.
 ///
 /// # Errors
-/// [`CameraError`] if the wished sub-device cannot be opened.
+/// [`CameraError`] if the sub-device of the options cannot be opened.
 pub(super) fn find_sensor(
     kernel: &mut dyn Kernel,
     wished: Option<&Path>,
@@ -248,7 +248,7 @@ pub(super) fn find_sensor(
         }
     }
     if let (Some(wished), true) = (wished, found.is_empty()) {
-        let (found, expected) = ("no exposure control there".into(), "a sensor's sub-device".into());
+        let (found, expected) = ("no exposure control".into(), "a sensor's sub-device".into());
         return Err(CameraError::Unfit { path: wished.into(), found, expected });
     }
     Ok(if found.len() == 1 { found.pop() } else { None })
@@ -271,7 +271,7 @@ pub(super) fn formats(node: &mut dyn Node, code: u32) -> Vec<FormatInfo> {
     found
 }
 
-/// Sizes that are tried within a range of sizes, beside its ends.
+/// Sizes that are tried within a range of sizes, in addition to its ends.
 const USUAL: [Size; 4] =
     [Size::new(320, 240), Size::new(640, 480), Size::new(1280, 720), Size::new(1920, 1080)];
 
@@ -318,7 +318,7 @@ fn rates(node: &mut dyn Node, fourcc: u32, width: u32, height: u32) -> Vec<f64> 
     found
 }
 
-/// Returns the size whose number of pixels is nearest to that of `wished`.
+/// Returns the size whose number of pixels is nearest to that of the size `wished`.
 #[must_use]
 pub fn nearest_size(format: &FormatInfo, wished: Size) -> Option<Size> {
     let off = |size: &Size| (size.area().abs_diff(wished.area()), size.width.abs_diff(wished.width));

@@ -85,7 +85,7 @@ fn line_s(node: &mut dyn Node, width: u32) -> Option<f64> {
 /// Black level of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BlackLevel {
-    /// Code of black.
+    /// Code of a sample without light.
     pub code: u32,
     /// Number of bits of the code.
     pub bits: u32,
@@ -108,7 +108,7 @@ pub struct Sensor {
     pub reserve_lines: i64,
     /// Control delay of the exposure, frames after the next one.
     pub delay: u32,
-    /// Black level.
+    /// Black level of the sensor.
     pub black: BlackLevel,
     /// Size of the mode that images the whole sensor; smaller modes are crops.
     pub full_view: Size,
@@ -213,7 +213,7 @@ const AUTOMATICS: [u32; 11] = [
 pub struct Held {
     /// Description of the control.
     pub info: Info,
-    /// Value that was set.
+    /// Value that was written.
     pub wanted: i64,
     /// Value that was read back after the write.
     pub found: Option<i64>,

@@ -102,6 +102,6 @@ impl Camera {
     pub(super) fn queue(&mut self, index: u32) -> Result<(), CameraError> {
         let mut buffer = abi::Buffer { index, ..Default::default() };
         let queued = persist(|| self.setup.video.call(Call::Queue(&mut buffer)));
-        queued.map_err(|e| failed(&self.path, "QBUF", e, "a buffer to be taken back"))
+        queued.map_err(|e| failed(&self.path, "QBUF", e, "a buffer that the driver accepts"))
     }
 }

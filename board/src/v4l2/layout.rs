@@ -5,7 +5,7 @@ pub const POINTER: usize = size_of::<usize>();
 
 /// Types for which all zero bits are a value.
 pub trait Zero {
-    /// The value of all zero bits.
+    /// The value whose bits are all zero.
     const ZERO: Self;
 }
 

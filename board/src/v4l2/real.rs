@@ -1,7 +1,7 @@
 //! The operating system's kernel, called by system calls. All `unsafe` of the crate is in this module.
 #![allow(
     unsafe_code,
-    reason = "requests and mappings are contracts with the kernel; each says why it is kept"
+    reason = "requests and mappings are contracts with the kernel; each comment states why it is fulfilled"
 )]
 
 use super::abi::{self, CAPTURE};

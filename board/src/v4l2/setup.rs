@@ -170,7 +170,7 @@ fn expose(
         }
     }
     let Manual { settable, mut held } = exposure::go_manual(node);
-    // The gain is set to its least value, where every sensor is linear and has the least noise for its light.
+    // The gain is set to its least value, at which every sensor is linear and has the least relative noise.
     for id in [abi::ANALOGUE_GAIN, abi::GAIN] {
         held.extend(Held::set(node, id, i64::MIN));
     }

@@ -11,7 +11,7 @@ pub(super) struct Space {
     pub stated_by: String,
 }
 
-/// SMPTE ST 2065-1, ACES2065-1.
+/// Primaries and white point of ACES2065-1 (SMPTE ST 2065-1).
 const AP0: Primaries = Primaries([[0.7347, 0.2653], [0.0, 1.0], [0.0001, -0.077], [0.32168, 0.33767]]);
 
 /// Primaries and white point of ACEScg.

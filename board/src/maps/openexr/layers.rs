@@ -9,7 +9,7 @@ const MAX_NAMES: usize = 12;
 /// A colour layer: three channels of one part with a common prefix, or one channel that is used for all three.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Layer {
-    /// Index of the part.
+    /// Index of the part that contains the layer.
     pub part: usize,
     /// Name of the part and of the layer within it; empty for unprefixed channels of a part without a name.
     pub name: String,

@@ -26,7 +26,7 @@ pub struct Quality {
     pub exposures: usize,
     /// HEALPix order of the map.
     pub order: u8,
-    /// Largest number of lights.
+    /// Largest number of lights of a set.
     pub lights: usize,
     /// Interval of the processed bursts: 1 for every burst, 2 for every second.
     pub every: u32,

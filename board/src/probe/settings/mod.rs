@@ -17,7 +17,7 @@ use serde_json::{Value, json};
 /// Type and range of the value of a setting.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Kind {
-    /// One of these words.
+    /// One of the words in the field.
     Choice(&'static [&'static str]),
     /// A whole number from the first field to the second, both included.
     Whole(u64, u64),
@@ -29,7 +29,7 @@ pub enum Kind {
     Optional(f32, f32),
     /// A list of ascending numbers from the first field to the second, with at most as many elements as the third field, or null for no list.
     List(f32, f32, usize),
-    /// On or off.
+    /// A switch: true or false.
     Switch,
 }
 
@@ -81,9 +81,9 @@ pub struct Setting {
     pub title: &'static str,
     /// Group of the setting.
     pub group: Group,
-    /// Type and range of the value.
+    /// Type and range of the setting's value.
     pub kind: Kind,
-    /// Unit of a number.
+    /// Unit of the value, for numbers.
     pub unit: Option<&'static str>,
     /// Description of the setting's effect: full sentences.
     pub what: &'static str,

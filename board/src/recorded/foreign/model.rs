@@ -51,7 +51,7 @@ impl Distortion {
     }
 }
 
-/// A camera model.
+/// Projection of a camera, with its parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Model {
     /// Pinhole with the distortion of OpenCV.

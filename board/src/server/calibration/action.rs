@@ -55,7 +55,7 @@ pub(super) enum Action {
     },
     /// Removes the last addition to a part.
     Undo {
-        /// Part of the calibration.
+        /// Part of the calibration whose last addition is removed.
         part: Part,
     },
     /// Discards all unsaved results.

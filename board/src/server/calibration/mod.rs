@@ -49,7 +49,7 @@ pub(super) async fn show(State(context): State<Context>, _: Allowed) -> Response
 pub(super) async fn act(State(context): State<Context>, _: Allowed, request: Request) -> Response {
     let body = tokio::time::timeout(BODY_TIME, Bytes::from_request(request, &())).await;
     let Ok(Ok(body)) = body else {
-        return refused("body", "found more than 16,384 bytes, or a body that did not come");
+        return refused("body", "found more than 16,384 bytes, or a body that did not arrive in time");
     };
     let action = match serde_json::from_slice::<Action>(&body) {
         Ok(action) => action,

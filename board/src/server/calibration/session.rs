@@ -141,7 +141,7 @@ impl Session {
         let burst = Burst { frames: view.frames.clone(), ..Burst::default() };
         let grey = grey_of(&burst, &view.calibration);
         let grey =
-            grey.ok_or_else(|| Refusal::new("do", "found an incomplete frame, expected a whole one"))?;
+            grey.ok_or_else(|| Refusal::new("do", "found an incomplete frame, expected a complete one"))?;
         self.size = Some(grey.size());
         Ok(grey)
     }

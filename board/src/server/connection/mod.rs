@@ -111,7 +111,7 @@ pub struct Signals {
 /// The event that ended [`Running::wait`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Event {
-    /// SIGINT or SIGTERM.
+    /// SIGINT or SIGTERM was received.
     Stop,
     /// SIGHUP: the configuration file is read again.
     Reload,

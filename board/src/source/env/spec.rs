@@ -21,7 +21,7 @@ pub enum View {
 pub struct EnvSpec {
     /// Path of a map file or of a folder.
     pub path: PathBuf,
-    /// The simulated camera.
+    /// The simulated camera that renders the maps.
     pub view: View,
     /// Time for which each map of a folder stays, seconds.
     pub every_s: f64,

@@ -71,7 +71,7 @@ pub struct FaultSpec {
     pub shares: [f64; Fault::ALL.len()],
     /// Seed of the random schedule.
     pub seed: u64,
-    /// Pause of [`Fault::Late`].
+    /// Pause before a burst with [`Fault::Late`].
     pub late: Duration,
     /// Time for which the device is missing in [`Fault::Vanish`].
     pub gone: Duration,

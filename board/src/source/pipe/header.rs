@@ -7,7 +7,7 @@ use hemilux_core::MAX_EXPOSURES;
 /// Length of a header of version 1, bytes.
 pub(super) const BYTES: usize = 72;
 
-/// Largest frame, bytes.
+/// Largest accepted frame, bytes.
 const MAX_FRAME_BYTES: u32 = 64 << 20;
 
 /// Ranges of the accepted exposure times, seconds, and gains.

@@ -251,7 +251,7 @@ impl PipeSource {
             _ => "the end of the frames".into(),
         };
         Err(self
-            .gone(found, "a program that writes whole frames, with as many exposures as their headers say"))
+            .gone(found, "a program that writes complete frames, with as many exposures as their headers state"))
     }
 
     /// Adopts the picture format, the black level and the exposures of a burst.
