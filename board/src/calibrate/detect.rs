@@ -105,7 +105,7 @@ pub(super) fn complete(grey: &Grey, model: &Model, view: &mut View, printed: &Pr
         if has(view, cell) {
             continue;
         }
-        if let Look::Found(at) = look(grey, model, view, cell, printed.plain()) {
+        if let CornerSearch::Found(at) = look(grey, model, view, cell, printed.plain()) {
             view.seen.push(Sighting { cell, at });
         }
     }
@@ -133,14 +133,15 @@ pub(super) fn beyond(grey: &Grey, model: &Model, view: &View, board: Board) -> [
     let column = |i: i32| (0..rows).map(|j| [i, j]).collect::<Vec<_>>();
     let row = |j: i32| (0..columns).map(|i| [i, j]).collect::<Vec<_>>();
     [column(-1), column(columns), row(-1), row(rows)].map(|cells| {
-        let looked: Vec<Look> = cells.iter().map(|cell| look(grey, model, view, *cell, plain)).collect();
-        let found = looked.iter().filter(|look| matches!(look, Look::Found(_))).count();
-        [found, looked.iter().filter(|look| !matches!(look, Look::Outside)).count()]
+        let looked: Vec<CornerSearch> =
+            cells.iter().map(|cell| look(grey, model, view, *cell, plain)).collect();
+        let found = looked.iter().filter(|look| matches!(look, CornerSearch::Found(_))).count();
+        [found, looked.iter().filter(|look| !matches!(look, CornerSearch::Outside)).count()]
     })
 }
 
 /// The result of the search for a corner.
-enum Look {
+enum CornerSearch {
     /// The position of the corner is outside of the picture.
     Outside,
     /// There is no corner at the position.
@@ -149,15 +150,15 @@ enum Look {
     Found(Vector2<f64>),
 }
 
-fn look(grey: &Grey, model: &Model, view: &View, cell: Cell, plain: f64) -> Look {
+fn look(grey: &Grey, model: &Model, view: &View, cell: Cell, plain: f64) -> CornerSearch {
     match squares_at(grey, model, view, cell, plain) {
-        None => Look::Outside,
-        Some(place) => search(grey, &place).map_or(Look::Absent, Look::Found),
+        None => CornerSearch::Outside,
+        Some(place) => search(grey, &place).map_or(CornerSearch::Absent, CornerSearch::Found),
     }
 }
 
 /// The expected position of a corner.
-struct Place {
+struct CornerSite {
     at: Vector2<f64>,
     /// Centres of the four squares around the corner, in order.
     squares: [Vector2<f64>; 4],
@@ -165,7 +166,7 @@ struct Place {
     side: f64,
 }
 
-fn squares_at(grey: &Grey, model: &Model, view: &View, cell: Cell, plain: f64) -> Option<Place> {
+fn squares_at(grey: &Grey, model: &Model, view: &View, cell: Cell, plain: f64) -> Option<CornerSite> {
     let limit = model.camera.limit();
     let pixel = |i: f64, j: f64| {
         let point = view.pose.apply(&(model.shape.place(cell) + Vector3::new(i, j, 0.0)));
@@ -179,10 +180,10 @@ fn squares_at(grey: &Grey, model: &Model, view: &View, cell: Cell, plain: f64) -
     let edges = [pixel(e, 0.0)?, pixel(0.0, e)?, pixel(-e, 0.0)?, pixel(0.0, -e)?];
     let side = edges.iter().map(|edge| 2.0 * (edge - at).norm()).fold(f64::INFINITY, f64::min);
     let squares = [pixel(p, p)?, pixel(-p, p)?, pixel(-p, -p)?, pixel(p, -p)?];
-    Some(Place { at, squares, side })
+    Some(CornerSite { at, squares, side })
 }
 
-fn search(grey: &Grey, place: &Place) -> Option<Vector2<f64>> {
+fn search(grey: &Grey, place: &CornerSite) -> Option<Vector2<f64>> {
     alternates(grey, place.squares)?;
     let found = refine(grey, place.at, window(place.side))?;
     ((found - place.at).norm() < (0.15 * place.side).clamp(1.0, 4.0)).then_some(found)

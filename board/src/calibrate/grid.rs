@@ -87,7 +87,7 @@ fn mutual(links: &Links) -> Links {
 }
 
 /// A corner with its position on the board.
-struct Placed {
+struct GridCorner {
     corner: usize,
     cell: Cell,
     /// Index of the edge that points to the next column.
@@ -100,8 +100,8 @@ const STEPS: [Cell; 4] = [[1, 0], [0, 1], [-1, 0], [0, -1]];
 /// Returns the grid of all corners that links connect with a start corner.
 fn spread(corners: &[Corner], links: &Links, start: usize, seen: &mut [bool]) -> Grid {
     let mut grid = Grid::new();
-    let mut queue = VecDeque::from([Placed { corner: start, cell: [0, 0], first: 0 }]);
-    while let Some(Placed { corner, cell, first }) = queue.pop_front() {
+    let mut queue = VecDeque::from([GridCorner { corner: start, cell: [0, 0], first: 0 }]);
+    while let Some(GridCorner { corner, cell, first }) = queue.pop_front() {
         if seen[corner] || grid.contains_key(&cell) {
             continue;
         }
@@ -110,7 +110,7 @@ fn spread(corners: &[Corner], links: &Links, start: usize, seen: &mut [bool]) ->
         for (side, step) in STEPS.iter().enumerate() {
             if let Some(link) = links[corner][(first + side) % 4] {
                 let first = (link.back + 6 - side) % 4;
-                queue.push_back(Placed {
+                queue.push_back(GridCorner {
                     corner: link.to,
                     cell: [cell[0] + step[0], cell[1] + step[1]],
                     first,

@@ -23,7 +23,7 @@ const SIDE: usize = 480;
 type RadianceOf = Box<dyn Fn(DVec3) -> f64 + Send>;
 
 /// A 16-bit camera in a scene, with noise proportional to each pixel's value.
-struct Camera {
+struct SceneCamera {
     calibration: Calibration,
     light: RadianceOf,
     noise: f64,
@@ -38,7 +38,7 @@ fn noise(seed: u64) -> f64 {
     ((x >> 11) as f64 / (1u64 << 53) as f64 - 0.5) * 12f64.sqrt()
 }
 
-impl Camera {
+impl SceneCamera {
     /// Creates a camera whose lens has a field of view of up to `degrees` from the axis.
     fn new(degrees: f64, noise: f64, light: RadianceOf) -> Self {
         let middle = SIDE as f64 / 2.0 - 0.5;
@@ -58,7 +58,7 @@ fn in_scene(scene: &Scene, d: DVec3) -> f64 {
     luminance(scene.radiance(d.as_vec3().to_array(), 0.0)).into()
 }
 
-impl Source for Camera {
+impl Source for SceneCamera {
     fn calibration(&self) -> &Calibration {
         &self.calibration
     }
@@ -108,7 +108,7 @@ fn truth(name: &str, degrees: f64) -> f64 {
 }
 
 /// Returns the illuminance and the uncertainty that a calibrated probe reports for a scene.
-fn told(camera: Camera, reading: &FactorReading) -> (f64, f64) {
+fn told(camera: SceneCamera, reading: &FactorReading) -> (f64, f64) {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("p.toml");
     let digest = radiometry(&camera.calibration);
@@ -130,9 +130,10 @@ fn told(camera: Camera, reading: &FactorReading) -> (f64, f64) {
 fn direct_calibration_measures_other_scenes_within_one_per_cent() {
     for (first, lens) in [("room", 92.0), ("overcast", 92.0), ("sky", 92.0), ("overcast", 84.0)] {
         let method = Method::Direct { lux: truth(first, 90.0), unseen: Unseen::Rim };
-        let reading = measure(&mut Camera::scene(lens, 0.05, first), &method, 3, 0.01).expect("a reading");
+        let reading =
+            measure(&mut SceneCamera::scene(lens, 0.05, first), &method, 3, 0.01).expect("a reading");
         for second in scene::NAMES {
-            let (lux, uncertainty) = told(Camera::scene(lens, 0.05, second), &reading);
+            let (lux, uncertainty) = told(SceneCamera::scene(lens, 0.05, second), &reading);
             let off = lux / truth(second, lens.min(90.0)) - 1.0;
             assert!(off.abs() < 0.01, "{first} to {second}, {lens} degrees: {off}, {reading:?}");
             assert!(off.abs() < uncertainty, "{first} to {second}: {off}, stated {uncertainty}");
@@ -144,7 +145,7 @@ fn direct_calibration_measures_other_scenes_within_one_per_cent() {
 #[test]
 fn unseen_part_is_corrected_and_its_share_reported() {
     let method = |unseen| Method::Direct { lux: truth("overcast", 90.0), unseen };
-    let measured = |unseen| measure(&mut Camera::scene(75.0, 0.0, "overcast"), &method(unseen), 1, 0.01);
+    let measured = |unseen| measure(&mut SceneCamera::scene(75.0, 0.0, "overcast"), &method(unseen), 1, 0.01);
     let (rim, dark) = (measured(Unseen::Rim).expect("a reading"), measured(Unseen::Dark).expect("a reading"));
     assert!((rim.unseen - 15f64.to_radians().sin().powi(2)).abs() < 2e-3, "{rim:?}");
     assert!((rim.factor / TRUTH - 1.0).abs() < 0.02, "{rim:?}");
@@ -161,13 +162,13 @@ fn indirect_calibration_measures_other_scenes_within_three_per_cent() {
     let light = move |d: DVec3| {
         if d.dot(towards) > 10f64.to_radians().cos() { card } else { 0.1 + 0.2 * d.z.max(0.0) }
     };
-    let mut camera = Camera::new(92.0, 0.05, Box::new(light));
+    let mut camera = SceneCamera::new(92.0, 0.05, Box::new(light));
     let middle = camera.calibration.lens.project(towards).expect("in view");
     let corner = |i: i32| middle + 17.0 * DVec2::from_angle(f64::from(i) * PI / 3.0);
     let method = Method::Indirect { outline: (0..6).map(corner).collect(), reflectance, lux };
     let reading = measure(&mut camera, &method, 3, 0.015).expect("a reading");
     for name in scene::NAMES {
-        let (found, uncertainty) = told(Camera::scene(92.0, 0.05, name), &reading);
+        let (found, uncertainty) = told(SceneCamera::scene(92.0, 0.05, name), &reading);
         let off = found / truth(name, 90.0) - 1.0;
         assert!(off.abs() < 0.03 && off.abs() < uncertainty, "{name}: {off}, stated {uncertainty}");
     }
@@ -176,20 +177,24 @@ fn indirect_calibration_measures_other_scenes_within_three_per_cent() {
 #[test]
 fn clipped_dark_and_small_patches_are_refused_in_one_line() {
     let direct = Method::Direct { lux: 100.0, unseen: Unseen::Rim };
-    let refused = |camera: &mut Camera, method: &Method, words: &str| {
+    let refused = |camera: &mut SceneCamera, method: &Method, words: &str| {
         let line = measure(camera, method, 2, 0.0).expect_err(words).to_string();
         assert!(line.contains(words) && !line.contains('\n'), "{line}");
     };
     let bright = |d: DVec3| if d.z > 0.99 { 1e4 } else { 1.0 };
-    refused(&mut Camera::new(92.0, 0.0, Box::new(bright)), &direct, "clipped in the shortest exposure");
-    refused(&mut Camera::new(92.0, 0.0, Box::new(|_| 0.0)), &direct, "expected a lit scene");
+    refused(&mut SceneCamera::new(92.0, 0.0, Box::new(bright)), &direct, "clipped in the shortest exposure");
+    refused(&mut SceneCamera::new(92.0, 0.0, Box::new(|_| 0.0)), &direct, "expected a lit scene");
     let square = |side: f64| {
         let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
         let outline = corners.map(|c| DVec2::splat(239.5 - 0.5 * side) + side * DVec2::from(c)).to_vec();
         Method::Indirect { outline, reflectance: 0.5, lux: 100.0 }
     };
-    refused(&mut Camera::new(92.0, 0.0, Box::new(bright)), &square(40.0), "--patch: found pixels that clip");
-    refused(&mut Camera::scene(92.0, 0.0, "room"), &square(2.0), "expected at least 12");
+    refused(
+        &mut SceneCamera::new(92.0, 0.0, Box::new(bright)),
+        &square(40.0),
+        "--patch: found pixels that clip",
+    );
+    refused(&mut SceneCamera::scene(92.0, 0.0, "room"), &square(2.0), "expected at least 12");
 }
 
 fn reading(factor: f64) -> FactorReading {

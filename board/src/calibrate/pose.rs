@@ -28,10 +28,10 @@ impl Pose {
 pub(super) fn from_directions(camera: &Camera, shape: &Shape, seen: &[Sighting]) -> Option<Pose> {
     let mean = seen.iter().map(|s| shape.plane(s.cell)).sum::<Vector3<f64>>() / seen.len() as f64;
     let spread = seen.iter().map(|s| (shape.plane(s.cell) - mean).norm()).fold(1e-9, f64::max);
-    let placed: Vec<Placed> =
-        seen.iter().map(|s| Placed { at: (shape.plane(s.cell) - mean) / spread, pixel: s.at }).collect();
+    let placed: Vec<BoardPoint> =
+        seen.iter().map(|s| BoardPoint { at: (shape.plane(s.cell) - mean) / spread, pixel: s.at }).collect();
     let mut normal = SMatrix::<f64, 9, 9>::zeros();
-    for Placed { at: p, pixel } in &placed {
+    for BoardPoint { at: p, pixel } in &placed {
         let across = camera.direction(*pixel).cross_matrix();
         let mut rows = SMatrix::<f64, 3, 9>::zeros();
         rows.fixed_columns_mut::<3>(0).copy_from(&(across * p.x));
@@ -48,16 +48,16 @@ pub(super) fn from_directions(camera: &Camera, shape: &Shape, seen: &[Sighting])
 }
 
 /// A corner in board coordinates (from the board's centre, in units of its size) with its pixel.
-struct Placed {
+struct BoardPoint {
     at: Vector3<f64>,
     pixel: Vector2<f64>,
 }
 
 /// Converts two columns and a translation to a rotation and a translation in front of the camera.
-fn upright(camera: &Camera, placed: &[Placed], [a, b, t]: [Vector3<f64>; 3]) -> Option<Pose> {
+fn upright(camera: &Camera, placed: &[BoardPoint], [a, b, t]: [Vector3<f64>; 3]) -> Option<Pose> {
     let facing: f64 = placed
         .iter()
-        .map(|Placed { at: p, pixel }| camera.direction(*pixel).dot(&(a * p.x + b * p.y + t)).signum())
+        .map(|BoardPoint { at: p, pixel }| camera.direction(*pixel).dot(&(a * p.x + b * p.y + t)).signum())
         .sum();
     let sign = if facing < 0.0 { -1.0 } else { 1.0 };
     let scale = 0.5 * (a.norm() + b.norm());

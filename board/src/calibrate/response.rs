@@ -111,7 +111,7 @@ const FEWEST_PAIRS: usize = 100;
 
 /// Pixels with the same code in the longer of two exposures.
 #[derive(Clone, Copy, Debug)]
-struct Pair {
+struct CodePair {
     channel: usize,
     /// Index of the frame with the longer exposure.
     step: usize,
@@ -161,7 +161,7 @@ fn bernstein(x: f64) -> [f64; COEFFICIENTS] {
     std::array::from_fn(|i| BINOMIALS[i] * x.powi(i as i32) * (1.0 - x).powi(8 - i as i32))
 }
 
-fn pairs(frames: &[Exposed]) -> Vec<Pair> {
+fn pairs(frames: &[Exposed]) -> Vec<CodePair> {
     let mut pairs = Vec::new();
     for (step, pair) in frames.windows(2).enumerate() {
         for channel in 0..3 {
@@ -173,7 +173,7 @@ fn pairs(frames: &[Exposed]) -> Vec<Pair> {
 
 /// Returns one pair for each code of the longer exposure, with the mean of the middle half of the shorter exposure's codes. The mean
 /// reduces the noise, and the outer halves hold textures that moved.
-fn pairs_of(shorter: &Exposed, longer: &Exposed, channel: usize, step: usize) -> Vec<Pair> {
+fn pairs_of(shorter: &Exposed, longer: &Exposed, channel: usize, step: usize) -> Vec<CodePair> {
     let mut bins: Vec<Vec<[f32; 2]>> = vec![Vec::new(); BINS];
     for (a, b) in shorter.codes.iter().zip(&longer.codes) {
         if USED.contains(&b[channel]) {
@@ -182,7 +182,7 @@ fn pairs_of(shorter: &Exposed, longer: &Exposed, channel: usize, step: usize) ->
     }
     let pair = |bin: Vec<[f32; 2]>| {
         let MeanCodes { codes, count } = middle(bin)?;
-        (codes[0] > LEAST).then(|| Pair {
+        (codes[0] > LEAST).then(|| CodePair {
             channel,
             step,
             count,
@@ -213,7 +213,7 @@ fn middle(mut bin: Vec<[f32; 2]>) -> Option<MeanCodes> {
 
 /// Least-squares problem over the logarithms of the curve's increments and of the ratios.
 struct Problem<'a> {
-    pairs: &'a [Pair],
+    pairs: &'a [CodePair],
     declared: &'a [f64],
     step: f64,
 }
@@ -226,7 +226,7 @@ struct Solution {
 }
 
 /// Values and slopes of a curve at both codes of a pair.
-struct Values {
+struct CurveValues {
     shorter: f64,
     longer: f64,
     slopes: [f64; 2],
@@ -251,21 +251,21 @@ impl Problem<'_> {
         })
     }
 
-    fn values(pair: &Pair, c: &[f64; COEFFICIENTS]) -> Values {
+    fn values(pair: &CodePair, c: &[f64; COEFFICIENTS]) -> CurveValues {
         let dot = |basis: &[f64; COEFFICIENTS]| basis.iter().zip(c).map(|(b, c)| b * c).sum::<f64>();
         let slope = |x: f64| {
             let h = 1e-3;
             let at = |x: f64| dot(&bernstein(x));
             (at(x + h) - at(x - h)) / (2.0 * h)
         };
-        Values { shorter: dot(&pair.shorter), longer: dot(&pair.longer), slopes: pair.codes.map(slope) }
+        CurveValues { shorter: dot(&pair.shorter), longer: dot(&pair.longer), slopes: pair.codes.map(slope) }
     }
 
     /// Returns the residuals, in standard deviations, of the pairs, of the ratios, and of a weak prior that limits the increments.
     fn residuals(&self, p: &DVector<f64>, weights: &[f64]) -> DVector<f64> {
         let curves: [[f64; COEFFICIENTS]; 3] = std::array::from_fn(|channel| Self::coefficients(p, channel));
         let ratios = 3 * COEFFICIENTS;
-        let of_pair = |(pair, weight): (&Pair, &f64)| {
+        let of_pair = |(pair, weight): (&CodePair, &f64)| {
             let dot = |basis: &[f64; COEFFICIENTS]| {
                 basis.iter().zip(&curves[pair.channel]).map(|(b, c)| b * c).sum::<f64>()
             };
@@ -290,7 +290,7 @@ impl Problem<'_> {
     fn weights(&self, p: &DVector<f64>) -> Vec<f64> {
         let curves: [[f64; COEFFICIENTS]; 3] = std::array::from_fn(|channel| Self::coefficients(p, channel));
         let ratios = 3 * COEFFICIENTS;
-        let weight = |pair: &Pair| {
+        let weight = |pair: &CodePair| {
             let v = Self::values(pair, &curves[pair.channel]);
             let relative = |slope: f64, value: f64| (self.step * slope / value).powi(2);
             let variance =

@@ -6,12 +6,12 @@ use hemilux_core::Response;
 use std::path::Path;
 
 /// A simulated camera: a function from a relative exposure to the relative code.
-type Camera = fn(f64) -> f64;
+type ToneCurve = fn(f64) -> f64;
 
 /// Size of one code of eight bits in relative codes.
 const STEP: f64 = 1.0 / 255.0;
 
-fn frames(camera: Camera, exposures: &[f64], truth: &[f64]) -> Vec<Exposed> {
+fn frames(camera: ToneCurve, exposures: &[f64], truth: &[f64]) -> Vec<Exposed> {
     // Radiances from 1e-4 to 1, evenly spaced in their logarithms over three decades, and a fixed noise pattern of half a code.
     let light = |i: usize| 10f64.powf(-3.5 + 4.0 * ((i * 7919) % 20_000) as f64 / 20_000.0);
     let frame = |(k, (declared, truth)): (usize, (&f64, &f64))| {
@@ -30,7 +30,7 @@ fn frames(camera: Camera, exposures: &[f64], truth: &[f64]) -> Vec<Exposed> {
 
 /// Returns the largest relative difference of a fitted curve from the true inverse, at codes that the merge uses; both are normalised to 1
 /// at white.
-fn worst(fitted: &FittedResponse, camera: Camera) -> f64 {
+fn worst(fitted: &FittedResponse, camera: ToneCurve) -> f64 {
     let response = Response::Bernstein(fitted.coefficients);
     let inverse = |code: f64| {
         let (mut low, mut high) = (0.0, 1.0);
@@ -55,7 +55,7 @@ fn srgb(x: f64) -> f64 {
     if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
 }
 
-const CAMERAS: [(&str, Camera); 5] = [
+const CAMERAS: [(&str, ToneCurve); 5] = [
     ("linear", |x| x),
     ("srgb", srgb),
     ("gamma 2.2", |x| x.powf(1.0 / 2.2)),

@@ -80,7 +80,7 @@ pub(super) fn write_json(value: &impl Serialize) -> Result<(), Failure> {
 /// Captures `count` frames and measures their properties.
 fn check(camera: &mut Camera, kernel: &mut dyn Kernel, count: usize) -> Result<Report, Failure> {
     let (mut frame, mut codes, mut frames) = (RawFrame::default(), Vec::new(), Vec::new());
-    let mut noise = vec![Noise::default(); camera.settings().len()];
+    let mut noise = vec![NoiseSums::default(); camera.settings().len()];
     while frames.len() < count {
         let broken = camera.counters().broken;
         if broken.total() > MOST_BROKEN + frames.len() as u64 {
@@ -107,7 +107,7 @@ fn check(camera: &mut Camera, kernel: &mut dyn Kernel, count: usize) -> Result<R
         });
     }
     let mut report = report(camera, frames);
-    report.noise = noise.iter().map(Noise::deviation).collect();
+    report.noise = noise.iter().map(NoiseSums::deviation).collect();
     report.verdict = verdict(&report);
     Ok(report)
 }
@@ -117,13 +117,13 @@ const MEASURED: std::ops::Range<f32> = 0.03..0.97;
 
 /// Noise of the samples of an exposure, from the differences of successive frames of the exposure.
 #[derive(Clone, Debug, Default)]
-struct Noise {
+struct NoiseSums {
     before: Vec<f32>,
     squares: f64,
     count: u64,
 }
 
-impl Noise {
+impl NoiseSums {
     fn note(&mut self, codes: &[f32]) {
         for (old, new) in self.before.iter().zip(codes) {
             if MEASURED.contains(old) && MEASURED.contains(new) {

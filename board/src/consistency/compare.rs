@@ -55,8 +55,8 @@ pub(super) struct Comparison {
 /// Numbers of samples of one frame that are darker or brighter than predicted.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Deviating {
-    dark: Share,
-    bright: Share,
+    dark: SampleShare,
+    bright: SampleShare,
 }
 
 impl Deviating {
@@ -81,12 +81,12 @@ impl Deviating {
 
 /// A number of samples, and the total to which it belongs.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Share {
+struct SampleShare {
     part: usize,
     of: usize,
 }
 
-impl Share {
+impl SampleShare {
     fn add(&mut self, belongs: bool) {
         self.of += 1;
         self.part += usize::from(belongs);
@@ -131,7 +131,7 @@ impl Comparison {
     /// Compares the frames of a pair.
     pub fn new(pair: Pair<'_>, scratch: &mut Scratch) -> Self {
         let mut found = Self::default();
-        let mut equal = Share::default();
+        let mut equal = SampleShare::default();
         let mut ends = [0; ROWS];
         let Scratch { by_row, by_size } = scratch;
         by_row.clear();
@@ -155,7 +155,14 @@ impl Comparison {
     }
 
     /// Adds the samples of both frames at one grid position.
-    fn add(&mut self, short: f32, long: f32, pair: &Pair<'_>, equal: &mut Share, ratios: &mut Vec<f32>) {
+    fn add(
+        &mut self,
+        short: f32,
+        long: f32,
+        pair: &Pair<'_>,
+        equal: &mut SampleShare,
+        ratios: &mut Vec<f32>,
+    ) {
         let Pair { factor, least, .. } = *pair;
         if short.max(long) < least {
             return;

@@ -117,7 +117,7 @@ impl Histogram {
 
 /// Computes the radiances of bursts of one camera.
 #[derive(Clone, Debug)]
-pub(super) struct Reader {
+pub(super) struct RadianceReader {
     layout: Layout,
     /// Relative exposure of each code of green.
     curve: Vec<f32>,
@@ -126,7 +126,7 @@ pub(super) struct Reader {
     rows: Vec<Vec<[u16; 3]>>,
 }
 
-impl Reader {
+impl RadianceReader {
     pub(super) fn new(calibration: &Calibration) -> Option<Self> {
         let Calibration { layout, lens, levels, response, .. } = calibration;
         let codes = levels.white - levels.black;

@@ -14,7 +14,7 @@ pub use histogram::{BINS_PER_OCTAVE, Histogram};
 
 use crate::calibration::{Burst, Calibration};
 use crate::noise::Noise;
-use histogram::Reader;
+use histogram::RadianceReader;
 
 /// Number of bursts for which a clipped spot between the sampled pixels stays covered.
 const HOLD: u32 = 300;
@@ -32,7 +32,7 @@ struct Hidden {
 pub struct Planner {
     range: TimeRange,
     limits: Limits,
-    reader: Reader,
+    reader: RadianceReader,
     histogram: Histogram,
     hidden: Hidden,
 }
@@ -42,7 +42,7 @@ impl Planner {
     #[must_use]
     pub fn new(calibration: &Calibration, range: TimeRange, noise: &Noise) -> Option<Self> {
         let limits = Limits::of(calibration, noise);
-        let reader = Reader::new(calibration)?;
+        let reader = RadianceReader::new(calibration)?;
         Some(Self { range, limits, reader, histogram: Histogram::default(), hidden: Hidden::default() })
     }
 

@@ -37,14 +37,14 @@ impl Random {
 }
 
 /// A simulated camera in a room with a dark wall, a bright wall and a window; `light` scales all radiances.
-struct Camera {
+struct RoomCamera {
     random: Random,
     times: Vec<f64>,
     planner: Planner,
 }
 
 /// Properties of a burst of the simulated camera.
-struct Shown {
+struct BurstResult {
     /// Share of the pixels that are saturated in the shortest exposure, 0 to 1.
     clipped: f64,
     /// Number of exposures of the burst.
@@ -52,7 +52,7 @@ struct Shown {
     has_changed: bool,
 }
 
-impl Camera {
+impl RoomCamera {
     fn new(times: &[f64]) -> Self {
         let planner = Planner::new(&calibration(), RANGE, &NOISE).expect("a response");
         Self { random: Random(1), times: times.to_vec(), planner }
@@ -68,7 +68,7 @@ impl Camera {
     }
 
     /// Takes a burst, with the light of each frame from `light`, and plans the next one.
-    fn burst(&mut self, light: impl Fn(usize) -> f64) -> Shown {
+    fn burst(&mut self, light: impl Fn(usize) -> f64) -> BurstResult {
         let codes = WHITE - NOISE.dark;
         let mut frame = |(i, seconds): (usize, &f64)| {
             let code = |at: u32| {
@@ -87,7 +87,7 @@ impl Camera {
         let next = self.planner.next(&Burst { frames, ..Burst::default() }, clipped);
         let has_changed = next.is_some();
         self.times = next.unwrap_or_else(|| self.times.clone());
-        Shown { clipped, exposures, has_changed }
+        BurstResult { clipped, exposures, has_changed }
     }
 }
 
@@ -163,7 +163,7 @@ fn an_even_scene_needs_one_exposure_and_a_wide_one_more() {
 fn a_change_of_light_is_settled_within_three_bursts() {
     for factor in [10.0, 100.0, 1000.0, 0.1, 0.01, 0.001] {
         for within in [false, true] {
-            let mut camera = Camera::new(&[0.001, 0.006, 0.033]);
+            let mut camera = RoomCamera::new(&[0.001, 0.006, 0.033]);
             // Light that the camera can measure before and after the change.
             let before = if factor > 1.0 { 0.04 } else { 40.0 };
             (0..6).for_each(|_| _ = camera.burst(|_| before));
@@ -192,7 +192,7 @@ fn a_change_of_light_is_settled_within_three_bursts() {
 #[test]
 fn steady_noisy_light_changes_no_exposure_in_300_bursts() {
     for light in [0.01, 0.05, 0.3, 1.0, 1.7, 5.0, 33.0, 40.0] {
-        let mut camera = Camera::new(&[0.001, 0.006, 0.033]);
+        let mut camera = RoomCamera::new(&[0.001, 0.006, 0.033]);
         (0..4).for_each(|_| _ = camera.burst(|_| light));
         let changes = (0..300).filter(|_| camera.burst(|_| light).has_changed).count();
         assert_eq!(changes, 0, "light {light}: {:?}", camera.times);
@@ -201,7 +201,7 @@ fn steady_noisy_light_changes_no_exposure_in_300_bursts() {
 
 #[test]
 fn dusk_over_a_minute_clips_nothing_and_stays_covered() {
-    let mut camera = Camera::new(&[0.001, 0.006, 0.033]);
+    let mut camera = RoomCamera::new(&[0.001, 0.006, 0.033]);
     let light = |i: i32| 40.0 * 10f64.powf(-3.0 * f64::from(i) / 600.0);
     (0..4).for_each(|_| _ = camera.burst(|_| light(0)));
     let mut changes = 0;

@@ -66,7 +66,7 @@ fn resample(from: &Raster, source: &impl TexelMapping) -> Result<Raster, Refusal
     weights.resize(from.texels.len(), 0.0);
     let mut texels: Vec<[f32; 3]> = Vec::new();
     texels.try_reserve_exact(width * height).map_err(too_large)?;
-    let target = Target { width, height };
+    let target = LatLongTarget { width, height };
     target.for_each_sample(|_, direction, omega| weights[index(from, source, direction)] += omega as f32);
     texels.resize(width * height, [0.0; 3]);
     // The energy of each source texel is distributed to the samples that lie in it, or added to the target texel at its centre if there are
@@ -97,12 +97,12 @@ fn index(from: &Raster, source: &impl TexelMapping, direction: [f64; 3]) -> usiz
 }
 
 /// The latitude-longitude map that is computed.
-struct Target {
+struct LatLongTarget {
     width: usize,
     height: usize,
 }
 
-impl Target {
+impl LatLongTarget {
     fn solid_angle(&self, row: usize) -> f64 {
         let edge = |i: usize| (i as f64 * PI / self.height as f64).cos();
         (edge(row) - edge(row + 1)) * TAU / self.width as f64

@@ -18,7 +18,7 @@ pub struct Applied {
 
 /// A requested configuration and its number.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Requested {
+pub(super) struct SettingsRequest {
     pub(super) config: Config,
     /// Number of the request, ascending.
     pub(super) serial: u64,
@@ -36,7 +36,7 @@ pub struct Exposures {
 /// The requested configuration and the one in effect: changes that arrive between two frames are applied together.
 #[derive(Debug)]
 pub struct SettingsChannel {
-    wanted: Mutex<Requested>,
+    wanted: Mutex<SettingsRequest>,
     waiting: AtomicBool,
     applied: watch::Sender<Applied>,
     exposures: Mutex<Exposures>,
@@ -46,7 +46,7 @@ impl SettingsChannel {
     pub(super) fn new(config: Config, exposures: Exposures) -> Self {
         let applied = watch::Sender::new(Applied { serial: 0, config: config.clone(), refused: None });
         Self {
-            wanted: Mutex::new(Requested { config, serial: 0 }),
+            wanted: Mutex::new(SettingsRequest { config, serial: 0 }),
             waiting: AtomicBool::new(false),
             applied,
             exposures: Mutex::new(exposures),
@@ -86,7 +86,7 @@ impl SettingsChannel {
     }
 
     /// Returns the newest request that the processing thread has not taken yet.
-    pub(super) fn take(&self) -> Option<Requested> {
+    pub(super) fn take(&self) -> Option<SettingsRequest> {
         if !self.waiting.swap(false, Ordering::Acquire) {
             return None;
         }
@@ -122,12 +122,12 @@ mod tests {
         post(change("lights", 20.into()));
         assert!(channel.change(&change("lights", 0.into())).is_err(), "out of range");
         let serial = post(change("gui", true.into()));
-        let Requested { serial: taken, config } = channel.take().expect("a request");
+        let SettingsRequest { serial: taken, config } = channel.take().expect("a request");
         assert_eq!((taken, config.pipeline.lights, config.gui), (serial, 20, true), "both");
         assert_eq!(channel.take(), None, "taken once");
         channel.answer(serial, Config::default(), Some(Refusal { setting: "lights", why: "no".into() }));
         post(change("gui", true.into()));
-        let Requested { config, .. } = channel.take().expect("a request");
+        let SettingsRequest { config, .. } = channel.take().expect("a request");
         assert_eq!((config.pipeline.lights, config.gui), (64, true), "the refused request is discarded");
     }
 }

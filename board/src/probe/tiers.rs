@@ -85,7 +85,7 @@ impl Tier {
 
 /// A tier with the time and the frame of its last request.
 #[derive(Clone, Copy, Debug)]
-struct Requested {
+struct RequestedTier {
     tier: Tier,
     at: Instant,
     frame: u64,
@@ -97,7 +97,7 @@ struct Table {
     /// The contents of the probe's own set.
     own: Tier,
     frame: u64,
-    requested: Vec<Requested>,
+    requested: Vec<RequestedTier>,
     /// The tiers' sets of the newest frame.
     sets: Vec<(Tier, Arc<OwnedSet>)>,
 }
@@ -201,7 +201,7 @@ impl Table {
         let (at, frame) = (Instant::now(), self.frame);
         let is_new = !self.requested.iter().any(|r| r.tier == wanted);
         if is_new && self.has_room(wanted.class()) {
-            self.requested.push(Requested { tier: wanted, at, frame });
+            self.requested.push(RequestedTier { tier: wanted, at, frame });
         } else if is_new && !self.requested.iter().any(|r| serves(r.tier, wanted)) {
             // No tier of this class is small enough: the smallest one is reduced, for all of its clients.
             let class = self.requested.iter_mut().filter(|r| r.tier.class() == wanted.class());
@@ -240,11 +240,11 @@ fn clamp(most: usize) -> usize {
 /// The samplers of the tiers, on the processing thread.
 #[derive(Default)]
 pub(super) struct TierSamplers {
-    running: Vec<Running>,
+    running: Vec<RunningTier>,
     wanted: Vec<Tier>,
 }
 
-struct Running {
+struct RunningTier {
     tier: Tier,
     kind: SamplerKind,
     made_for: MadeFor,
@@ -262,7 +262,7 @@ impl TierSamplers {
         self.running.retain(|r| wanted.contains(&r.tier) && r.is_made_for(pipeline));
         for tier in wanted {
             if !self.running.iter().any(|r| r.tier == *tier) {
-                match Running::new(*tier, pipeline) {
+                match RunningTier::new(*tier, pipeline) {
                     Ok(running) => self.running.push(running),
                     Err(error) => tracing::warn!("a set of {} lights: found {error}", tier.lights),
                 }
@@ -273,7 +273,7 @@ impl TierSamplers {
     }
 }
 
-impl Running {
+impl RunningTier {
     fn new(tier: Tier, pipeline: &Pipeline) -> Result<Self, samplers::SamplerError> {
         let kind = kind(tier, pipeline.settings());
         let tuning = pipeline.settings().tuning;

@@ -5,7 +5,7 @@ use super::ladder::{FrameTime, Ladder};
 use super::light_follower::LightFollower;
 use super::ring::Ring;
 use super::settings::SETTINGS;
-use super::settings_channel::Requested;
+use super::settings_channel::SettingsRequest;
 use super::status::QualityStatus;
 use super::tiers::TierSamplers;
 use super::{Config, Exposures, Link, Refusal};
@@ -286,7 +286,7 @@ impl Worker {
 
     /// Applies the newest request for settings, or answers it with the reason of its refusal.
     fn follow_requests(&mut self) {
-        let Some(Requested { serial, config }) = self.link.settings.take() else { return };
+        let Some(SettingsRequest { serial, config }) = self.link.settings.take() else { return };
         let refused = self.follow(&config).err();
         tell_changes(&self.config, &config, refused.as_ref());
         if refused.is_none() {

@@ -53,7 +53,7 @@ fn lit(set: &OwnedSet) -> Lit<'_> {
 }
 
 /// The parameters of a comparison.
-struct Wanted {
+struct ComparisonQuery {
     contender: Contender,
     coordinates: Coordinates,
     after: Option<u64>,
@@ -66,7 +66,7 @@ fn accepted() -> String {
     format!("algorithm={names}\nlights=1..{MOST_LIGHTS}\nsoft=0|1\ncoordinates={coordinates}\nafter=FRAME")
 }
 
-fn wanted(uri: &Uri) -> Result<Wanted, String> {
+fn wanted(uri: &Uri) -> Result<ComparisonQuery, String> {
     let Ok(Query(pairs)) = Query::<Vec<(String, String)>>::try_from_uri(uri) else {
         return Err("a query that cannot be parsed".into());
     };
@@ -89,12 +89,12 @@ fn wanted(uri: &Uri) -> Result<Wanted, String> {
     let sampler = sampler.ok_or("no algorithm")?;
     let contender = Contender { sampler, lights, soft };
     samplers::check(sampler, Domain::Hemisphere, &contender.request()).map_err(|e| e.to_string())?;
-    Ok(Wanted { contender, coordinates, after })
+    Ok(ComparisonQuery { contender, coordinates, after })
 }
 
 /// Answers with the two sets of the next frame and their scores.
 pub(super) async fn compare(State(context): State<Context>, _: Allowed, uri: Uri) -> Response {
-    let Wanted { contender, coordinates, after } = match wanted(&uri) {
+    let ComparisonQuery { contender, coordinates, after } = match wanted(&uri) {
         Ok(wanted) => wanted,
         Err(found) => {
             return line(StatusCode::BAD_REQUEST, &format!("found {found}. Accepted:\n{}", accepted()));
@@ -135,8 +135,7 @@ fn no_pair_yet(context: &Context) -> Response {
     if context.link.sets().latest().is_none() {
         return no_frame_yet(&context.link);
     }
-    let mut response =
-        line(StatusCode::SERVICE_UNAVAILABLE, "no pair yet: no frame since the request");
+    let mut response = line(StatusCode::SERVICE_UNAVAILABLE, "no pair yet: no frame since the request");
     response.headers_mut().insert(RETRY_AFTER, HeaderValue::from_static("1"));
     response
 }

@@ -26,19 +26,19 @@ pub(super) struct Encoder<K> {
 
 #[derive(Debug)]
 struct Queue<K> {
-    state: Mutex<State<K>>,
+    state: Mutex<EncoderState<K>>,
     changed: Condvar,
 }
 
-struct State<K> {
+struct EncoderState<K> {
     jobs: Vec<Job<K>>,
     /// Processor time of each kind, and the time at which it was recorded.
     spent: HashMap<K, (Duration, Instant)>,
 }
 
-impl<K> std::fmt::Debug for State<K> {
+impl<K> std::fmt::Debug for EncoderState<K> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "State({} jobs)", self.jobs.len())
+        write!(f, "EncoderState({} jobs)", self.jobs.len())
     }
 }
 
@@ -56,7 +56,7 @@ impl<K> Drop for Encoder<K> {
 impl<K: Copy + Eq + Hash + Send + 'static> Encoder<K> {
     /// Starts the thread, called `name`, with a nice value that is higher than that of the process by `nice`.
     pub(super) fn new(name: &str, nice: i32) -> Self {
-        let state = Mutex::new(State { jobs: Vec::new(), spent: HashMap::new() });
+        let state = Mutex::new(EncoderState { jobs: Vec::new(), spent: HashMap::new() });
         let queue = Arc::new(Queue { state, changed: Condvar::new() });
         let theirs = Arc::downgrade(&queue);
         if let Err(error) = std::thread::Builder::new().name(name.into()).spawn(move || run(&theirs, nice)) {
@@ -80,12 +80,12 @@ impl<K: Copy + Eq + Hash + Send + 'static> Encoder<K> {
 }
 
 impl<K> Queue<K> {
-    fn lock(&self) -> MutexGuard<'_, State<K>> {
+    fn lock(&self) -> MutexGuard<'_, EncoderState<K>> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl<K: Copy + Eq + Hash> State<K> {
+impl<K: Copy + Eq + Hash> EncoderState<K> {
     /// Returns the recorded processor time of `kind`, halved for each [`HALF_LIFE`] since the record.
     fn spent(&self, kind: K, now: Instant) -> Duration {
         let Some((spent, noted)) = self.spent.get(&kind) else { return Duration::ZERO };
@@ -157,7 +157,7 @@ mod tests {
     #[test]
     fn the_kind_with_the_least_processor_time_runs_first() {
         let now = Instant::now();
-        let mut state = State { jobs: Vec::new(), spent: HashMap::new() };
+        let mut state = EncoderState { jobs: Vec::new(), spent: HashMap::new() };
         state.note(1, Duration::from_millis(10), now);
         state.note(2, Duration::from_millis(4), now);
         for kind in [1, 2, 3] {

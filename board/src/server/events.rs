@@ -8,7 +8,7 @@ use super::files::accepts_gzip;
 use super::format::{Format, event_id};
 use super::lights::{since_ready, wait_for_tier};
 use super::origin::{Cause, Sender};
-use super::query::{Variant, Wanted, wanted};
+use super::query::{SetQuery, Variant, wanted};
 use super::sets::Missing;
 use super::{Context, line, packed};
 use crate::light_set::OwnedSet;
@@ -163,10 +163,10 @@ impl Drop for Feed {
 /// Parses the parameters of a stream.
 fn variant(uri: &Uri, fixed: Option<Format>) -> Result<Variant, String> {
     match wanted(uri, &HeaderMap::new(), fixed) {
-        Ok(Wanted { variant: Variant { format: Format::File(form), .. }, .. }) => {
+        Ok(SetQuery { variant: Variant { format: Format::File(form), .. }, .. }) => {
             Err(format!("found format {}, expected json, text, xml or binary in a stream", form.name()))
         }
-        Ok(Wanted { variant, after: None }) => Ok(variant),
+        Ok(SetQuery { variant, after: None }) => Ok(variant),
         Ok(_) => Err("found after, expected none: a stream begins with the newest set".into()),
         Err(found) => Err(found.unwrap_or_default()),
     }

@@ -3,7 +3,7 @@
 use super::answer::LONGEST_WAIT;
 use super::connection::stopped;
 use super::format::Format;
-use super::query::{Wanted, wanted};
+use super::query::{SetQuery, wanted};
 use super::sets::Missing;
 use super::{Context, line};
 use crate::clock;
@@ -23,7 +23,7 @@ pub(super) async fn answer(
     headers: HeaderMap,
     fixed: Option<Format>,
 ) -> Response {
-    let Wanted { variant, after } = match wanted(&uri, &headers, fixed) {
+    let SetQuery { variant, after } = match wanted(&uri, &headers, fixed) {
         Ok(wanted) => wanted,
         Err(Some(found)) => return line(StatusCode::BAD_REQUEST, &found),
         Err(None) => {

@@ -79,8 +79,8 @@ fn resized(view: &MapView, width: usize) -> MapView {
     });
     let columns = shares(from.width, width, |count, at| TAU * at as f64 / count as f64);
     let mut texels = vec![[0.0f32; 3]; grid.len()];
-    for Share { from: i, to: row, part: high } in &rows {
-        for Share { from: j, to: column, part: wide } in &columns {
+    for TexelOverlap { from: i, to: row, part: high } in &rows {
+        for TexelOverlap { from: j, to: column, part: wide } in &columns {
             let energy = view.texels.get(i * from.width + j).copied().unwrap_or_default();
             let part = (high * wide) as f32;
             texels[row * width + column].iter_mut().zip(energy).for_each(|(sum, v)| *sum += v * part);
@@ -90,14 +90,14 @@ fn resized(view: &MapView, width: usize) -> MapView {
 }
 
 /// The part of one texel of a row or column that overlaps a texel of another resolution.
-struct Share {
+struct TexelOverlap {
     from: usize,
     to: usize,
     part: f64,
 }
 
 /// Returns the overlaps of `count` texels with `others` texels over the same length; `edge(n, i)` is the start of texel i of n.
-fn shares(count: usize, others: usize, edge: impl Fn(usize, usize) -> f64) -> Vec<Share> {
+fn shares(count: usize, others: usize, edge: impl Fn(usize, usize) -> f64) -> Vec<TexelOverlap> {
     let mut shares = Vec::with_capacity(count + others);
     let mut to = 0;
     for from in 0..count {
@@ -106,7 +106,7 @@ fn shares(count: usize, others: usize, edge: impl Fn(usize, usize) -> f64) -> Ve
             let (first, last) = (edge(others, to), edge(others, to + 1));
             let part = (end.min(last) - begin.max(first)) / (end - begin);
             if part > 0.0 {
-                shares.push(Share { from, to, part });
+                shares.push(TexelOverlap { from, to, part });
             }
             if last >= end || to + 1 == others {
                 break;

@@ -105,9 +105,9 @@ impl Drop for Reserved {
 }
 
 /// A reference to an answer's bytes.
-struct Share(Arc<Held>);
+struct BodyBytes(Arc<Held>);
 
-impl AsRef<[u8]> for Share {
+impl AsRef<[u8]> for BodyBytes {
     fn as_ref(&self) -> &[u8] {
         &self.0.bytes
     }
@@ -115,7 +115,7 @@ impl AsRef<[u8]> for Share {
 
 /// Returns the bytes of an answer as a body.
 pub(super) fn body(held: &Arc<Held>) -> Bytes {
-    Bytes::from_owner(Share(Arc::clone(held)))
+    Bytes::from_owner(BodyBytes(Arc::clone(held)))
 }
 
 /// The bytes of an answer in a cache: held by the cache itself, or only as long as a client is being sent them.

@@ -27,7 +27,7 @@ impl Variant {
 
 /// The parameters of a request for a light set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Wanted {
+pub(super) struct SetQuery {
     pub(super) variant: Variant,
     /// Number of the last frame that the client has received.
     pub(super) after: Option<u64>,
@@ -41,12 +41,12 @@ pub(super) fn wanted(
     uri: &Uri,
     headers: &HeaderMap,
     fixed: Option<Format>,
-) -> Result<Wanted, Option<String>> {
+) -> Result<SetQuery, Option<String>> {
     let refused = |found: String| Some(format!("found {found}. Accepted:\n{}", accepted(fixed.is_none())));
     let Ok(Query(pairs)) = Query::<Vec<(String, String)>>::try_from_uri(uri) else {
         return Err(refused("a query that cannot be parsed".into()));
     };
-    let mut wanted = Wanted { variant: Variant::of(fixed.unwrap_or(Format::Json)), after: None };
+    let mut wanted = SetQuery { variant: Variant::of(fixed.unwrap_or(Format::Json)), after: None };
     // The estimate always has the harmonics.
     wanted.variant.selection.ambient = Some(fixed == Some(Format::Estimate));
     let mut named = fixed.is_some();
@@ -139,7 +139,7 @@ mod tests {
     use super::*;
     use axum::http::HeaderValue;
 
-    fn ask(query: &str) -> Result<Wanted, Option<String>> {
+    fn ask(query: &str) -> Result<SetQuery, Option<String>> {
         wanted(&format!("/v1/lights?{query}").parse().expect("a URI"), &HeaderMap::new(), None)
     }
 
@@ -152,8 +152,8 @@ mod tests {
             coordinates: Coordinates::Unity,
             selection: Selection { lights: Some(12), ambient: Some(true), soft: Some(true) },
         };
-        assert_eq!(found, Ok(Wanted { variant, after: Some(u64::MAX) }), "all");
-        assert_eq!(ask(""), Ok(Wanted { variant: Variant::of(Format::Json), after: None }), "none");
+        assert_eq!(found, Ok(SetQuery { variant, after: Some(u64::MAX) }), "all");
+        assert_eq!(ask(""), Ok(SetQuery { variant: Variant::of(Format::Json), after: None }), "none");
         let axes = |query| ask(query).expect(query).variant.coordinates;
         assert_eq!(
             [axes("format=glb"), axes("format=rad")],

@@ -3,7 +3,7 @@
 use super::access::failed;
 use super::capture::{Camera, SILENCE};
 use super::frame::{Filled, stamped_ns};
-use super::numbers::Times;
+use super::numbers::FrameTimes;
 use super::{Call, CameraError, Kernel, Ready, abi, persist};
 use rustix::io::Errno;
 use std::time::Duration;
@@ -64,7 +64,7 @@ impl Camera {
     /// Numbers a frame and stores its arrival time; returns false if the driver repeats a number.
     fn count(&mut self, kernel: &dyn Kernel, buffer: &mut abi::Buffer) -> Result<bool, CameraError> {
         let (stamped_ns, now_ns) = (stamped_ns(buffer), kernel.now_ns());
-        let times = Times { stamped_ns, now_ns, period_s: self.setup.period_s };
+        let times = FrameTimes { stamped_ns, now_ns, period_s: self.setup.period_s };
         let Some(number) = self.numbers.number(buffer.sequence, times) else {
             return self.repeat(buffer.sequence);
         };

@@ -44,7 +44,7 @@ pub(super) struct Numbers {
 
 /// The time of a frame.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Times {
+pub(super) struct FrameTimes {
     /// Timestamp of the driver.
     pub stamped_ns: u64,
     pub now_ns: u64,
@@ -54,7 +54,7 @@ pub(super) struct Times {
 
 impl Numbers {
     /// Returns the number of the frame that the driver numbers `told`; `None` if it repeats an earlier frame's number.
-    pub fn number(&mut self, told: u32, times: Times) -> Option<u32> {
+    pub fn number(&mut self, told: u32, times: FrameTimes) -> Option<u32> {
         let Some(last) = self.newest else {
             self.newest = Some(Newest { told, number: told, time_ns: times.newest_ns(0) });
             return Some(told);
@@ -100,7 +100,7 @@ impl Numbers {
     }
 }
 
-impl Times {
+impl FrameTimes {
     /// Returns the timestamp if it lies between `last_ns` and the present, else the present time.
     fn newest_ns(&self, last_ns: u64) -> u64 {
         let is_good = self.stamped_ns > last_ns && self.stamped_ns <= self.now_ns;
@@ -122,7 +122,7 @@ mod tests {
     fn numbered(frames: &[(u32, u64)]) -> Vec<Option<u32>> {
         let mut numbers = Numbers::default();
         let times =
-            |at: u64| Times { stamped_ns: at * 40_000_000, now_ns: at * 40_000_000 + 5, period_s: 0.04 };
+            |at: u64| FrameTimes { stamped_ns: at * 40_000_000, now_ns: at * 40_000_000 + 5, period_s: 0.04 };
         frames.iter().map(|(told, at)| numbers.number(*told, times(100 + at))).collect()
     }
 

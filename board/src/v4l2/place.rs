@@ -10,7 +10,7 @@ use super::{access, device};
 use std::path::{Path, PathBuf};
 
 /// A camera's open nodes with their formats set.
-pub(super) struct Place {
+pub(super) struct CameraNodes {
     pub video: Box<dyn Node>,
     /// Node of the exposure control; `None` if the capture node has it.
     pub sensor: Option<Box<dyn Node>>,
@@ -27,7 +27,7 @@ pub(super) struct Place {
 ///
 /// # Errors
 /// [`CameraError`] of the node or pad that could not be opened or set.
-pub(super) fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<Place, CameraError> {
+pub(super) fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<CameraNodes, CameraError> {
     match media::locate(kernel, options)? {
         Some(located) => open_route(kernel, &located, options),
         None => open_node(kernel, options),
@@ -40,7 +40,7 @@ fn asked(known: Option<&Sensor>, options: &Options) -> Size {
 }
 
 /// Opens a node without a media graph, and its sensor's sub-device if there is one.
-fn open_node(kernel: &mut dyn Kernel, options: &Options) -> Result<Place, CameraError> {
+fn open_node(kernel: &mut dyn Kernel, options: &Options) -> Result<CameraNodes, CameraError> {
     let path = &options.path;
     let mut video = capture_node(kernel, path)?;
     let own = Knob::find(video.as_mut(), options.size.width).is_some();
@@ -54,7 +54,7 @@ fn open_node(kernel: &mut dyn Kernel, options: &Options) -> Result<Place, Camera
     let asked = asked(known, options);
     let carried = sensor.as_mut().and_then(|sensor| negotiate::set_pad(sensor.as_mut(), asked));
     let granted = negotiate::set_format(video.as_mut(), carried, asked, options)?;
-    Ok(Place { video, sensor, known, asked, granted, wiring: None })
+    Ok(CameraNodes { video, sensor, known, asked, granted, wiring: None })
 }
 
 /// Opens a node that captures single-planar pictures.
@@ -73,7 +73,11 @@ fn capture_node(kernel: &mut dyn Kernel, path: &Path) -> Result<Box<dyn Node>, C
 }
 
 /// Opens the first route, by length, on which every pad and the node accept the format; returns the error of the best route if none does.
-fn open_route(kernel: &mut dyn Kernel, located: &Located, options: &Options) -> Result<Place, CameraError> {
+fn open_route(
+    kernel: &mut dyn Kernel,
+    located: &Located,
+    options: &Options,
+) -> Result<CameraNodes, CameraError> {
     let mut refused = None;
     let shortest = located.routes.first().map_or(0, |route| route.links.len());
     for route in located.routes.iter().filter(|route| route.links.len() == shortest) {
@@ -91,7 +95,7 @@ fn open_route(kernel: &mut dyn Kernel, located: &Located, options: &Options) -> 
         wiring.keep(access::open(kernel, &video)?);
         for code in wiring.codes() {
             match open_with(kernel, &mut wiring, code, located, options, [&video, &sensor]) {
-                Ok(place) => return Ok(Place { wiring: Some(wiring), ..place }),
+                Ok(place) => return Ok(CameraNodes { wiring: Some(wiring), ..place }),
                 Err(error) => refused = refused.or(Some(error)),
             }
         }
@@ -109,7 +113,7 @@ fn open_with(
     located: &Located,
     options: &Options,
     [video, sensor]: [&PathBuf; 2],
-) -> Result<Place, CameraError> {
+) -> Result<CameraNodes, CameraError> {
     let known = exposure::sensor(located.sensor_name());
     let asked = asked(known, options);
     let pad = wiring.set_formats(code, asked)?;
@@ -117,5 +121,5 @@ fn open_with(
     let mut node = capture_node(kernel, video)?;
     let granted = negotiate::set_format(node.as_mut(), Some(carried), asked, options)?;
     let sensor = Some(access::open(kernel, sensor)?);
-    Ok(Place { video: node, sensor, known, asked, granted, wiring: None })
+    Ok(CameraNodes { video: node, sensor, known, asked, granted, wiring: None })
 }

@@ -7,7 +7,7 @@ use super::formats::{self, Picture};
 use super::media::wiring::Wiring;
 use super::negotiate;
 pub use super::options::{Agreed, LensFit, Options, StandIn};
-use super::place::{self, Place};
+use super::place::{self, CameraNodes};
 use super::view::{self, View};
 use super::{CameraError, Kernel, Node, abi};
 use rustix::io::Errno;
@@ -40,7 +40,7 @@ pub(super) struct Setup {
 /// Opens the camera of `options` and negotiates its format and exposures.
 pub(super) fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<Setup, CameraError> {
     let path = &options.path;
-    let Place { mut video, mut sensor, known, asked, granted, wiring } = place::open(kernel, options)?;
+    let CameraNodes { mut video, mut sensor, known, asked, granted, wiring } = place::open(kernel, options)?;
     let picture = Picture::of(&granted).map_err(|Mismatch { found, expected }| CameraError::Unfit {
         path: path.clone(),
         found,

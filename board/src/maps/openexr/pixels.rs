@@ -24,7 +24,7 @@ pub(super) fn decode(
         index.layer == layer.part && index.level.x() == 0 && index.level.y() == 0
     };
     let chunks = reader.filter_chunks(false, |_, _, index| wanted(index)).map_err(refused)?;
-    let place = Place {
+    let place = WindowOffset {
         x: i64::from(header.own_attributes.layer_position.x()) - i64::from(window.position.x()),
         y: i64::from(header.own_attributes.layer_position.y()) - i64::from(window.position.y()),
     };
@@ -49,12 +49,12 @@ pub(super) fn decode(
 }
 
 /// Position of the data window inside of the raster.
-struct Place {
+struct WindowOffset {
     x: i64,
     y: i64,
 }
 
-impl Place {
+impl WindowOffset {
     fn block(
         &self,
         block: &UncompressedBlock,

@@ -1,6 +1,6 @@
 //! COLMAP's `cameras.txt`: identifier, model, columns, rows, parameters. The centre of the first pixel is at 0.5.
 
-use super::model::{Camera, Distortion, Model};
+use super::model::{Distortion, ForeignCamera, Model};
 use super::{Refusal, refuse};
 
 const MODELS: &str = "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV, OPENCV_FISHEYE, FOV, SIMPLE_RADIAL_FISHEYE or \
@@ -25,7 +25,7 @@ pub(super) fn is(text: &str) -> bool {
     })
 }
 
-pub(super) fn parse(text: &str, notes: &mut Vec<String>) -> Result<Camera, Refusal> {
+pub(super) fn parse(text: &str, notes: &mut Vec<String>) -> Result<ForeignCamera, Refusal> {
     let all: Vec<_> = cameras(text).collect();
     if all.len() > 1 {
         notes.push(format!("the first of {} cameras is used", all.len()));
@@ -60,5 +60,5 @@ pub(super) fn parse(text: &str, notes: &mut Vec<String>) -> Result<Camera, Refus
     };
     let model = model.ok_or_else(|| ("distortion coefficients".to_string(), MODELS.to_string()))?;
     let size = [*width, *height].map(|v| v as u32);
-    Ok(Camera { model, size, focal, centre: centre.map(|v| v - 0.5), skew: 0.0 })
+    Ok(ForeignCamera { model, size, focal, centre: centre.map(|v| v - 0.5), skew: 0.0 })
 }

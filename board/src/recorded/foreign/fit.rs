@@ -1,6 +1,6 @@
 //! Converts a camera model to a lens: exactly where the core has the model, else by a least-squares fit.
 
-use super::model::{Camera, Model};
+use super::model::{ForeignCamera, Model};
 use super::{MAX_ANGLE_DEG, Refusal, refuse};
 use glam::{DVec2, DVec3};
 use hemilux_core::lens::{self, Intrinsics, Lens, LensError};
@@ -19,7 +19,7 @@ pub(super) struct Fitted {
     pub deviation_deg: Option<f64>,
 }
 
-pub(super) fn lens(camera: &Camera) -> Result<Fitted, Refusal> {
+pub(super) fn lens(camera: &ForeignCamera) -> Result<Fitted, Refusal> {
     let max_theta = field_of_view(camera)?;
     let exact = match &camera.model {
         Model::KannalaBrandt(k) => Some(lens::Model::KannalaBrandt(*k)),
@@ -36,7 +36,7 @@ pub(super) fn lens(camera: &Camera) -> Result<Fitted, Refusal> {
     Ok(Fitted { lens, deviation_deg })
 }
 
-fn intrinsics(camera: &Camera, model: lens::Model, scale: f64, max_theta: f64) -> Intrinsics {
+fn intrinsics(camera: &ForeignCamera, model: lens::Model, scale: f64, max_theta: f64) -> Intrinsics {
     Intrinsics {
         model,
         centre_px: DVec2::from_array(camera.centre),
@@ -70,7 +70,7 @@ fn azimuths() -> impl Iterator<Item = f64> {
 }
 
 /// Returns the largest angle off axis that the image contains and the model projects, up to [`MAX_ANGLE_DEG`], radians.
-fn field_of_view(camera: &Camera) -> Result<f64, Refusal> {
+fn field_of_view(camera: &ForeignCamera) -> Result<f64, Refusal> {
     let sound = camera.focal.iter().all(|f| *f > 0.0 && f.is_finite()) && camera.size.iter().all(|s| *s > 0);
     if !sound || !camera.centre.iter().all(|c| c.is_finite()) {
         return refuse(
@@ -96,7 +96,7 @@ struct Polynomial {
 }
 
 /// Fits five odd powers of the angle to the mean radius over all azimuths by least squares.
-fn polynomial(camera: &Camera, max_theta: f64) -> Result<Polynomial, Refusal> {
+fn polynomial(camera: &ForeignCamera, max_theta: f64) -> Result<Polynomial, Refusal> {
     let mut normal = [[0.0f64; 6]; 5];
     for i in 1..=STEPS {
         let t = i as f64 / STEPS as f64;
@@ -138,7 +138,7 @@ fn solve(mut m: [[f64; 6]; 5]) -> Option<[f64; 5]> {
 }
 
 /// Returns the largest angle between a direction and the lens's direction of its pixel, radians.
-fn deviation(camera: &Camera, lens: &Lens) -> f64 {
+fn deviation(camera: &ForeignCamera, lens: &Lens) -> f64 {
     let max_theta = lens.intrinsics().max_theta;
     let thetas = (0..STEPS).map(|i| i as f64 / STEPS as f64 * max_theta);
     let directions = thetas.flat_map(|theta| azimuths().map(move |phi| direction(theta, phi)));

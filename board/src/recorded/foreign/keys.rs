@@ -1,6 +1,6 @@
 //! Cameras in the files of OpenCV, Kalibr and ROS, which have the same values under different names.
 
-use super::model::{Camera, Distortion, Model};
+use super::model::{Distortion, ForeignCamera, Model};
 use super::tree::Node;
 use super::{EXPECTED, Refusal, refuse};
 
@@ -30,7 +30,7 @@ const COEFFICIENTS: [&str; 10] = [
 ];
 
 /// Returns the camera that a tree of values describes.
-pub(super) fn camera(tree: &Node, notes: &mut Vec<String>) -> Result<Camera, Refusal> {
+pub(super) fn camera(tree: &Node, notes: &mut Vec<String>) -> Result<ForeignCamera, Refusal> {
     if let Some(node) = kalibr(tree, notes) {
         return of_kalibr(node);
     }
@@ -65,7 +65,7 @@ pub(super) fn camera(tree: &Node, notes: &mut Vec<String>) -> Result<Camera, Ref
                 .into(),
         );
     }
-    Ok(Camera { model: named(name.as_deref(), &k)?, size, focal: [fx, fy], centre: [cx, cy], skew })
+    Ok(ForeignCamera { model: named(name.as_deref(), &k)?, size, focal: [fx, fy], centre: [cx, cy], skew })
 }
 
 /// Refuses a ROS region of interest: the frames would cover a part of the calibrated image alone.
@@ -96,7 +96,7 @@ fn kalibr<'a>(tree: &'a Node, notes: &mut Vec<String>) -> Option<&'a Node> {
     cameras.first().map(|(_, node)| node)
 }
 
-fn of_kalibr(node: &Node) -> Result<Camera, Refusal> {
+fn of_kalibr(node: &Node) -> Result<ForeignCamera, Refusal> {
     let text = |name| node.get(&[name]).and_then(Node::text).unwrap_or_default();
     let numbers = |name| node.get(&[name]).and_then(Node::numbers).unwrap_or_default();
     let (kind, k, p) = (text("camera_model"), numbers("distortion_coeffs"), numbers("intrinsics"));
@@ -126,7 +126,7 @@ fn of_kalibr(node: &Node) -> Result<Camera, Refusal> {
             "four numbers after those of the model",
         );
     };
-    Ok(Camera { model, size: size(node)?, focal: [fx, fy], centre: [cx, cy], skew: 0.0 })
+    Ok(ForeignCamera { model, size: size(node)?, focal: [fx, fy], centre: [cx, cy], skew: 0.0 })
 }
 
 /// Returns the columns and rows of the image.

@@ -15,7 +15,7 @@ mod tree;
 
 use super::RecordedError;
 use hemilux_core::lens::Lens;
-use model::Camera;
+use model::ForeignCamera;
 use std::path::Path;
 
 /// Largest angle off axis of a lens whose file states no field of view: a probe uses the upper hemisphere alone.
@@ -62,7 +62,7 @@ fn parse(text: &str) -> Result<ForeignLens, Refusal> {
 }
 
 /// Returns the camera that a text describes; the kind of file follows from its contents.
-fn camera(text: &str, notes: &mut Vec<String>) -> Result<Camera, Refusal> {
+fn camera(text: &str, notes: &mut Vec<String>) -> Result<ForeignCamera, Refusal> {
     let begin = text.trim_start_matches('\u{feff}').trim_start();
     if ocam::is(begin) {
         return ocam::parse(text);

@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 
 /// A camera as another program describes it; the centres of pixels have integer coordinates.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Camera {
+pub(super) struct ForeignCamera {
     pub model: Model,
     pub size: [u32; 2],
     pub focal: [f64; 2],
@@ -147,7 +147,7 @@ fn ocam_radius(polynomial: &[f64], theta: f64) -> Option<f64> {
     Some(0.5 * (low + high) / focal)
 }
 
-impl Camera {
+impl ForeignCamera {
     /// Returns the pixel of a direction.
     pub fn pixel(&self, d: DVec3) -> Option<DVec2> {
         let n = self.model.project(d)?;

@@ -1,6 +1,6 @@
 //! OCamCalib's `calib_results.txt`: polynomials, centre (row, column), affine terms c, d, e, and size (rows, columns).
 
-use super::model::{Camera, Model};
+use super::model::{ForeignCamera, Model};
 use super::{Refusal, refuse};
 
 const EXPECTED: &str = "OCamCalib's five lines: direct polynomial, inverse polynomial, centre, affine terms c d e, height and width";
@@ -9,7 +9,7 @@ pub(super) fn is(text: &str) -> bool {
     text.starts_with("#polynomial") || text.starts_with("# polynomial")
 }
 
-pub(super) fn parse(text: &str) -> Result<Camera, Refusal> {
+pub(super) fn parse(text: &str) -> Result<ForeignCamera, Refusal> {
     let lines = text.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#'));
     let numbers =
         |line: &str| line.split_whitespace().map(|w| w.parse::<f64>().ok()).collect::<Option<Vec<_>>>();
@@ -36,7 +36,7 @@ pub(super) fn parse(text: &str) -> Result<Camera, Refusal> {
             "a negative constant, and d near 0",
         );
     }
-    Ok(Camera {
+    Ok(ForeignCamera {
         model: Model::Ocam(polynomial),
         size: [width as u32, height as u32],
         focal: [focal, focal * c],

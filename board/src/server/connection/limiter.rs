@@ -13,13 +13,13 @@ pub(in crate::server) struct ConnectionLimiter {
     epoch: Instant,
     total: usize,
     per_client: usize,
-    state: Mutex<State>,
+    state: Mutex<LimiterState>,
     /// Notified when a permit is released.
     released: tokio::sync::Notify,
 }
 
 #[derive(Debug, Default)]
-struct State {
+struct LimiterState {
     next_id: u64,
     /// Number of permits that are not released, including those of displaced connections.
     permits: usize,
@@ -93,12 +93,12 @@ impl ConnectionLimiter {
         }
     }
 
-    fn lock(&self) -> MutexGuard<'_, State> {
+    fn lock(&self) -> MutexGuard<'_, LimiterState> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl State {
+impl LimiterState {
     /// Returns the id of the entry of lowest rank among those for which `is_meant` returns true.
     fn lowest(&self, is_meant: impl Fn(&Entry) -> bool) -> Option<u64> {
         let entries = self.entries.iter().filter(|(_, entry)| is_meant(entry));

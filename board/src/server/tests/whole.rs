@@ -13,14 +13,14 @@ use hemilux_core::wire::{BinarySet, Coordinates};
 
 /// Contents of an encoded set: scalar flux of the lights, of the ambient light and of the part left out, and the number of lights.
 #[derive(Debug, Default)]
-struct Held {
+struct EncodedEnergy {
     lights: [f64; 3],
     ambient: [f64; 3],
     left_out: [f64; 3],
     count: usize,
 }
 
-impl Held {
+impl EncodedEnergy {
     fn add(&mut self, irradiance: [f64; 3]) {
         self.lights = std::array::from_fn(|c| self.lights[c] + irradiance[c]);
         self.count += 1;
@@ -38,8 +38,8 @@ fn triple(value: &Value) -> [f64; 3] {
     std::array::from_fn(|c| value[c].as_f64().unwrap_or_default())
 }
 
-fn held(format: Format, bytes: &[u8]) -> Held {
-    let mut held = Held::default();
+fn held(format: Format, bytes: &[u8]) -> EncodedEnergy {
+    let mut held = EncodedEnergy::default();
     match format {
         Format::Binary => {
             let set = BinarySet::try_new(bytes).expect("a set");
@@ -108,7 +108,7 @@ fn check(worker: &Worker, what: &str) -> usize {
     let link = worker.link();
     let mut checked = 0;
     for selection in selections() {
-        let mut json = Held::default();
+        let mut json = EncodedEnergy::default();
         for format in [Format::Json, Format::Event, Format::Text, Format::Xml, Format::Binary] {
             let ambient = if format.has_ambient() { selection.ambient } else { Some(false) };
             let selection = Selection { ambient, ..selection };

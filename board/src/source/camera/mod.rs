@@ -24,7 +24,7 @@ use crate::v4l2::setup::{LensFit, Options};
 use crate::v4l2::supervise::Supervisor;
 use crate::v4l2::{CameraError, Kernel};
 use hemilux_core::Exposure;
-use shared::{Shared, State};
+use shared::{CaptureState, Shared};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread::JoinHandle;
@@ -95,7 +95,7 @@ impl CameraSource {
         let supervisor = open(options)?;
         let terms = Arc::new(supervisor.camera().map_or(assumed, Terms::of));
         let raw = RawBurst::none(&terms);
-        let state = State {
+        let state = CaptureState {
             burst: RawBurst::none(&terms),
             fresh: false,
             down: None,
@@ -140,7 +140,7 @@ impl CameraSource {
     /// [`SourceError`] if there is no burst or the camera is gone.
     pub fn next_raw(&mut self) -> Result<&RawBurst, SourceError> {
         let state = self.shared.lock();
-        let idle = |s: &mut State| !s.fresh && s.down.is_none();
+        let idle = |s: &mut CaptureState| !s.fresh && s.down.is_none();
         let waited = self.shared.news.wait_timeout_while(state, WAIT, idle);
         let (mut state, _) = waited.unwrap_or_else(PoisonError::into_inner);
         if state.fresh {

@@ -46,7 +46,7 @@ impl RawBurst {
 
 /// The newest burst of the capture thread and the state of its camera.
 #[derive(Debug)]
-pub(super) struct State {
+pub(super) struct CaptureState {
     pub burst: RawBurst,
     pub fresh: bool,
     /// The reason for missing frames; `None` while frames arrive.
@@ -60,13 +60,13 @@ pub(super) struct State {
 /// The newest burst, its condition variable and the request to stop.
 #[derive(Debug)]
 pub(super) struct Shared {
-    pub state: Mutex<State>,
+    pub state: Mutex<CaptureState>,
     pub news: Condvar,
     pub stop: AtomicBool,
 }
 
 impl Shared {
-    pub fn lock(&self) -> MutexGuard<'_, State> {
+    pub fn lock(&self) -> MutexGuard<'_, CaptureState> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -16,13 +16,13 @@ const NONE: u32 = u32::MAX;
 
 /// Size and part of the sphere of a map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Shape {
+struct SourceShape {
     width: usize,
     height: usize,
     covers: Covers,
 }
 
-impl Shape {
+impl SourceShape {
     fn of(map: &DecodedMap) -> Self {
         Self { width: map.width, height: map.height, covers: map.covers }
     }
@@ -57,7 +57,7 @@ impl Shape {
 
 /// Table from the pixels of a camera to the texels of maps of one shape.
 pub(super) struct Raster {
-    shape: Shape,
+    shape: SourceShape,
     /// Number of samples of a pixel.
     samples: usize,
     /// Texel of each sample, in the order of the pixels.
@@ -69,7 +69,7 @@ pub(super) struct Raster {
 impl Raster {
     /// Creates the table for maps of the shape of `map`.
     pub fn new(map: &DecodedMap, camera: &Calibration) -> Self {
-        let (shape, lens) = (Shape::of(map), &camera.lens);
+        let (shape, lens) = (SourceShape::of(map), &camera.lens);
         let (width, height) = (camera.layout.width() as usize, camera.layout.height() as usize);
         let texel = shape.lowest() / shape.height as f64;
         let pixel = 1.0 / lens.intrinsics().focal_px.max_element();
@@ -90,7 +90,7 @@ impl Raster {
 
     /// Returns true if `map` has the shape of the table.
     pub fn fits(&self, map: &DecodedMap) -> bool {
-        self.shape == Shape::of(map)
+        self.shape == SourceShape::of(map)
     }
 
     /// Returns the radiance of each pixel, three channels per pixel.

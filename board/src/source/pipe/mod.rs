@@ -250,8 +250,10 @@ impl PipeSource {
             (_, _, 0) => format!("{frames} frames without a burst"),
             _ => "the end of the frames".into(),
         };
-        Err(self
-            .gone(found, "a program that writes complete frames, with as many exposures as their headers state"))
+        Err(self.gone(
+            found,
+            "a program that writes complete frames, with as many exposures as their headers state",
+        ))
     }
 
     /// Adopts the picture format, the black level and the exposures of a burst.
