@@ -331,7 +331,7 @@ mod tests {
     #[test]
     fn a_good_camera_is_accepted_and_a_bad_one_gets_advice() {
         let good = checked(Script::default(), "0.001/0.006/0.036").verdict;
-        let ends = [": enough", ": true", ": known", ": few", "the lens's", ": low"];
+        let ends = [": enough", ": good", ": measured", ": few", "the lens's", ": low"];
         assert_eq!(good.len(), ends.len(), "{good:?}");
         assert!(good.iter().zip(ends).all(|(line, end)| line.ends_with(end)), "{good:?}");
         assert!(good[0].contains("5.2 stops") && good[2].contains("acts 2 frames"), "{good:?}");
