@@ -1,13 +1,13 @@
-//! Lenses from synthetic boards: the true lens is known.
+//! Calibration of lenses by rendered pictures of boards, against the true lens.
 
 use glam::{DVec2, DVec3};
 use hemilux::calibrate::{Board, Calibrated, Grey, Picture, calibrate};
 use hemilux_sim::boards::{BoardCamera, Directions, Law, picture, poses};
 
-/// Pictures of each lens.
+/// Number of pictures of each lens.
 const PICTURES: usize = 24;
 
-/// A lens of 186 degrees.
+/// Returns a camera with a lens of 186 degrees and the projection law `law`.
 fn camera(law: Law) -> BoardCamera {
     let max_theta = 93f64.to_radians();
     let focal = 345.0 / law.radius(max_theta);
@@ -37,7 +37,7 @@ fn calibrated(camera: &BoardCamera, seed: u64) -> Calibrated {
     calibrate(&pictures, &Board { columns: 8, rows: 6 }.into()).expect("a lens")
 }
 
-/// The stated uncertainty at an angle from the axis, degrees.
+/// Returns the uncertainty that the calibration states at an angle from the axis, degrees.
 fn stated(calibrated: &Calibrated, angle_deg: f64) -> f64 {
     let spread = &calibrated.spread;
     let next = spread.iter().position(|s| s.angle_deg >= angle_deg).unwrap_or(spread.len() - 1).max(1);
@@ -46,13 +46,13 @@ fn stated(calibrated: &Calibrated, angle_deg: f64) -> f64 {
     a.uncertainty_deg + t * (b.uncertainty_deg - a.uncertainty_deg)
 }
 
-/// Errors of the directions of pixels all over the field.
+/// Errors of the calibrated directions of pixels over the whole field of view.
 struct Errors {
-    /// Root of the mean square, degrees.
+    /// RMS error, degrees.
     rms_deg: f64,
-    /// The largest within two degrees of the rim, degrees.
+    /// Largest error within two degrees of the rim, degrees.
     rim_deg: f64,
-    /// Share of the pixels where the error is at most twice the stated uncertainty.
+    /// Share of the pixels with an error of at most twice the stated uncertainty.
     within: f64,
 }
 
@@ -118,7 +118,8 @@ fn double_sphere_lens_of_186_degrees_is_found() {
     check(Law::DoubleSphere { xi: -0.2, alpha: 0.6 }, 4);
 }
 
-/// Pictures like those of a machine-vision camera: 748 x 480, the circle cut above and below, all boards far off the axis.
+/// The pictures have the size of a machine-vision camera, 748 x 480 pixels; the image circle is cut above and below, and all boards are far off the
+/// axis.
 #[test]
 fn boards_far_off_the_axis_are_found_and_fit() {
     for (law, seed) in [

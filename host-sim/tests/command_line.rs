@@ -1,10 +1,10 @@
-//! The command line of the simulator: refusals, pictures, pages.
+//! Command line of the simulator: refusal of wrong options, formats of pictures, completions and man pages.
 
 mod common;
 
 use common::{sim, sim_ok, text};
 
-/// Standard error of a refused command, which must be one line and the status that of wrong usage.
+/// Returns the standard error of a refused command, which must be one line; the exit status must be 2.
 fn refused(arguments: &[&str]) -> String {
     let output = sim(arguments);
     let errors = String::from_utf8(output.stderr).expect("UTF-8");
@@ -14,7 +14,7 @@ fn refused(arguments: &[&str]) -> String {
 }
 
 #[test]
-fn misspelt_words_are_refused_on_one_line_with_the_right_ones() {
+fn misspelt_options_are_refused_in_one_line_with_a_suggestion() {
     let cases: [(&[&str], &str); 4] = [
         (&["decompse", "--env", "scene:room"], "'decompose'"),
         (&["decompose", "--evn", "scene:room"], "'--env'"),
@@ -37,7 +37,7 @@ fn a_picture_has_the_format_of_its_name_and_other_names_are_refused() {
         sim_ok(&["decompose", "--env", "scene:room", "--lights", "4", "--picture", text(&path)]);
         std::fs::read(&path).expect("a picture")
     };
-    // The first bytes by which ISO/IEC 10918 and 15948 know their files.
+    // The first bytes of JPEG files (ISO/IEC 10918) and PNG files (ISO/IEC 15948).
     assert!(written("a.jpg").starts_with(&[0xff, 0xd8, 0xff]), "JPEG");
     assert!(written("a.PNG").starts_with(b"\x89PNG\r\n\x1a\n"), "PNG");
     for name in ["x.gif", "x", "x.exr"] {

@@ -1,4 +1,4 @@
-//! The instruction counts that the READMEs state, against the baseline that they are taken from.
+//! Instruction counts in the READMEs, compared with `tests/instructions/baseline.txt`.
 
 use std::fs::read_to_string;
 
@@ -37,7 +37,7 @@ fn the_readme_sets_the_times_of_the_thesis_beside_the_counts_of_the_baseline() {
 }
 
 #[test]
-fn the_readmes_state_the_counts_of_the_baseline() {
+fn readmes_have_the_instruction_counts_of_the_baseline() {
     let root = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
     let read = |name: &str| read_to_string(format!("{root}/{name}")).expect(name);
     let (baseline, top, core) =

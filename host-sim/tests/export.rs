@@ -1,4 +1,4 @@
-//! `--format` and `--coordinates` of `decompose` and `replay`, as programs call them.
+//! Options `--format` and `--coordinates` of `decompose` and `replay`.
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -22,7 +22,7 @@ fn decomposed(folder: &Path, more: &[&str]) -> Vec<u8> {
 }
 
 #[test]
-fn every_format_begins_as_its_readers_expect() {
+fn every_format_has_the_first_bytes_of_its_file_type() {
     let folder = tempfile::tempdir().expect("a folder");
     for (format, start) in [
         ("json", "{\"version\":1,"),
@@ -41,7 +41,7 @@ fn every_format_begins_as_its_readers_expect() {
 }
 
 #[test]
-fn coordinates_turn_the_directions() {
+fn coordinates_convert_the_directions() {
     let folder = tempfile::tempdir().expect("a folder");
     let direction = |axes: &str| -> Vec<f64> {
         let file = decomposed(folder.path(), &["--coordinates", axes]);
@@ -56,7 +56,7 @@ fn coordinates_turn_the_directions() {
 }
 
 #[test]
-fn a_dome_refers_to_a_map_of_the_whole_sphere() {
+fn usd_dome_light_refers_to_a_map_of_the_whole_sphere() {
     let folder = tempfile::tempdir().expect("a folder");
     let more = ["--hemisphere", "--format", "usda", "--map", "sky.exr"];
     let file = String::from_utf8(decomposed(folder.path(), &more)).expect("UTF-8");
@@ -68,7 +68,7 @@ fn a_dome_refers_to_a_map_of_the_whole_sphere() {
 }
 
 #[test]
-fn what_a_format_cannot_hold_is_refused_in_one_line() {
+fn sequences_and_axes_that_a_format_cannot_hold_are_refused_in_one_line() {
     let folder = tempfile::tempdir().expect("a folder");
     for name in ["a", "b"] {
         let map = format!("maps/{name}.exr");

@@ -1,4 +1,4 @@
-//! A recorded sequence in which the camera delivers false frames: they are left out and named, and the lights stay.
+//! Replay of a recorded sequence with false frames: the frames are left out and reported, and the lights do not change.
 
 mod common;
 
@@ -8,7 +8,7 @@ use std::path::Path;
 
 const BURSTS: usize = 24;
 
-/// A false frame: burst, exposure in ascending order, and the name of the fault.
+/// False frames: index of the burst, index of the exposure in ascending order, and name of the fault.
 const FALSE: [(usize, usize, &str); 6] = [
     (8, 2, "black"),
     (10, 1, "saturated"),
@@ -18,7 +18,7 @@ const FALSE: [(usize, usize, &str); 6] = [
     (20, 0, "saturated"),
 ];
 
-/// Rewrites the pixels of one frame.
+/// Replaces the pixels of one frame according to the fault.
 fn spoil(folder: &Path, index: usize, fault: &str) {
     let file = folder.join(format!("frame-{index}.png"));
     let manifest = std::fs::read_to_string(folder.join("burst.toml")).expect("a manifest");
@@ -42,7 +42,7 @@ fn replay(folder: &Path) -> Vec<Value> {
     lines.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect()
 }
 
-/// Largest difference of two channels of scalar flux or horizontal irradiance, relative.
+/// Returns the largest relative difference of a channel of scalar flux or horizontal irradiance.
 fn difference(set: &Value, expected: &Value) -> f64 {
     let values = |set: &Value| -> Vec<f64> {
         let fields = ["scalar_flux", "horizontal_irradiance"].iter();
@@ -54,7 +54,7 @@ fn difference(set: &Value, expected: &Value) -> f64 {
 }
 
 #[test]
-fn six_false_frames_of_a_sequence_are_left_out_and_named() {
+fn six_false_frames_of_a_sequence_are_left_out_and_reported() {
     let folder = tempfile::tempdir().expect("a folder");
     let one = folder.path().join("one");
     let lens = root().join("fixtures/lens-160x140.toml");
@@ -80,7 +80,7 @@ fn six_false_frames_of_a_sequence_are_left_out_and_named() {
             Some((_, index, fault)) => {
                 assert_eq!(found[0]["index"].as_u64(), Some(*index as u64), "burst {burst}: {found}");
                 assert_eq!(found[0]["why"].as_str(), Some(*fault), "burst {burst}");
-                // Without the shortest exposure the lamps are unknown: the whole burst is left out.
+                // The lamps are valid in the shortest exposure alone: without it, the whole burst is left out.
                 let others = found.as_array().expect("a list")[1..]
                     .iter()
                     .filter(|f| f["why"] == "incomplete")

@@ -1,4 +1,4 @@
-//! Files as other programs write them, made here: each is read with its right value or refused by name.
+//! Maps, pictures and lens files with properties of other programs' files: each is read with the expected value or refused by its path.
 
 mod common;
 
@@ -9,7 +9,7 @@ use std::path::Path;
 
 const LENS: &str = "[lens]\nmodel = \"equidistant\"\nsize = [64, 64]\ncentre = [31.5, 31.5]\nfocal = [20.0, 20.0]\nmax_angle_deg = 88.0\n";
 
-/// A scene of 64 x 64 pixels: a gradient and a bright disc, times `factor`.
+/// Returns a picture of 64 x 64 pixels: a gradient and a bright disc, times `factor`.
 fn scene(factor: f64, shift: usize) -> RgbImage {
     RgbImage::from_fn(64, 64, |x, y| {
         let (u, v) = ((x as usize + shift) % 64, (y as usize + shift) % 64);
@@ -38,7 +38,7 @@ fn flux(set: &Value) -> f64 {
     set["scalar_flux"][1].as_f64().expect("a flux")
 }
 
-/// Fails with one line on standard error that has `part`, and status 1.
+/// Runs a command, which must end with the exit status 1 and one line on standard error that contains `part`.
 fn refused(arguments: &[&str], part: &str) {
     let output = sim(arguments);
     let told = String::from_utf8_lossy(&output.stderr);
@@ -47,14 +47,14 @@ fn refused(arguments: &[&str], part: &str) {
     assert!(told.contains(part), "{part}: {told}");
 }
 
-/// A JPEG with an EXIF block of these entries: (tag, type, value), times and f-numbers as hundred-thousandths.
+/// Returns a JPEG file with an EXIF block of the entries (tag, type, value); times and f-numbers are in units of 1/100,000.
 fn jpeg(image: &RgbImage, entries: &[(u16, u16, u32)]) -> Vec<u8> {
     let mut bytes = Vec::new();
     let encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, 100);
     encoder
         .write_image(image, image.width(), image.height(), image::ExtendedColorType::Rgb8)
         .expect("a JPEG");
-    // The first directory holds the orientation and the place of the second one, which holds the exposure.
+    // The first directory contains the orientation and the offset of the second directory, which contains the exposure.
     let (first, second): (Vec<_>, Vec<_>) =
         entries.iter().copied().partition(|(tag, ..)| *tag == ORIENTATION);
     let mut tiff = b"MM\0\x2a\0\0\0\x08".to_vec();
@@ -84,7 +84,7 @@ fn jpeg(image: &RgbImage, entries: &[(u16, u16, u32)]) -> Vec<u8> {
     bytes
 }
 
-/// A directory entry of one value, big endian.
+/// Returns the bytes of a directory entry of one value, big endian.
 fn entry(tag: u16, kind: u16, value: u32) -> Vec<u8> {
     [&tag.to_be_bytes()[..], &kind.to_be_bytes(), &1u32.to_be_bytes(), &value.to_be_bytes()].concat()
 }
@@ -99,7 +99,7 @@ const APERTURE: u16 = 0x9202;
 const FLASH: u16 = 0x9209;
 const COLOUR_SPACE: u16 = 0xa001;
 
-/// Both sets have the same lights: each component of a direction within 1e-4, each channel of an irradiance within 1e-4 of the light's.
+/// Asserts that two sets have equal lights: components of directions within 1e-4, channels of irradiance within 1e-4 of the light's irradiance.
 fn assert_same_lights(direct: &Value, back: &Value, name: &str) {
     assert!((flux(back) / flux(direct) - 1.0).abs() < 1e-4, "{name}: {} {}", flux(back), flux(direct));
     let [a, b] = [direct, back].map(|set| set["lights"].as_array().expect("lights"));
@@ -116,7 +116,7 @@ fn assert_same_lights(direct: &Value, back: &Value, name: &str) {
 }
 
 #[test]
-fn hemisphere_maps_come_back_as_hemispheres() {
+fn written_hemisphere_maps_are_read_as_hemispheres() {
     let folder = tempfile::tempdir().expect("a folder");
     let (room, map) = (folder.path().join("room.exr"), folder.path().join("map.exr"));
     common::write_room(&room);
@@ -152,11 +152,11 @@ fn hemisphere_maps_come_back_as_hemispheres() {
         assert!((a - b).abs() < 1e-4, "{key}: {a} {b}");
     }
     let sphere = set(&["decompose", "--env", text(&map), "--sphere", "--lights", "16"]);
-    assert!(flux(&sphere) > 1.5 * flux(&back), "--sphere overrules: {} {}", flux(&sphere), flux(&back));
+    assert!(flux(&sphere) > 1.5 * flux(&back), "--sphere has precedence: {} {}", flux(&sphere), flux(&back));
 }
 
 #[test]
-fn real_maps_that_are_written_and_read_give_the_same_lights() {
+fn written_real_maps_have_the_lights_of_the_originals() {
     let Some(maps) = common::shared("hdri") else { return };
     let folder = tempfile::tempdir().expect("a folder");
     let written = folder.path().join("map.exr");
@@ -180,7 +180,7 @@ fn real_maps_that_are_written_and_read_give_the_same_lights() {
 }
 
 #[test]
-fn replayed_maps_give_the_lights_of_the_burst() {
+fn written_maps_of_a_replay_have_the_lights_of_the_burst() {
     let folder = tempfile::tempdir().expect("a folder");
     let (room, burst, map) =
         (folder.path().join("room.exr"), folder.path().join("b"), folder.path().join("map.exr"));
@@ -216,7 +216,7 @@ fn clipped_texels_are_counted_in_the_set() {
     })
     .expect("a map");
     let sun = set(&["decompose", "--env", text(&map), "--lights", "16"]);
-    // 4 pi 0.5 and the texel's solid angle times its radiance, by hand.
+    // The flux of the background, 4 pi 0.5, and the texel's solid angle times its radiance.
     let omega = ((8f64 / 32.0 * std::f64::consts::PI).cos() - (9f64 / 32.0 * std::f64::consts::PI).cos())
         * std::f64::consts::TAU
         / 64.0;
@@ -326,13 +326,13 @@ fn frames_that_contradict_their_neighbours_are_left_out_and_named() {
 }
 
 #[test]
-fn photographs_become_a_burst_by_their_exif_data() {
+fn photographs_with_exif_data_are_imported_as_a_burst() {
     let folder = tempfile::tempdir().expect("a folder");
     let (photos, lens, out) =
         (folder.path().join("photos"), folder.path().join("lens.toml"), folder.path().join("out"));
     std::fs::create_dir_all(&photos).expect("a folder");
     std::fs::write(&lens, format!("{LENS}[response]\nmodel = \"linear\"\n")).expect("a file");
-    // 1/400 s, 1/100 s and 1/100 s at ISO 400: light 1, 4 and 16.
+    // Exposures of 1/400 s, 1/100 s, and 1/100 s at ISO 400 have the ratios 1, 4 and 16.
     for (file, factor, time, iso) in
         [("x.jpg", 32.0, 1000, 400), ("y.jpg", 2.0, 250, 100), ("z.jpg", 8.0, 1000, 100)]
     {
@@ -351,7 +351,7 @@ fn photographs_become_a_burst_by_their_exif_data() {
         .map(|f| (f["file"].as_str(), f["exposure_s"].as_float(), f["gain"].as_float()))
         .collect();
     let expected = [("y.jpg", 0.0025, 1.0), ("z.jpg", 0.01, 1.0), ("x.jpg", 0.01, 4.0)];
-    assert_eq!(told, expected.map(|(f, s, g)| (Some(f), Some(s), Some(g))), "ascending light");
+    assert_eq!(told, expected.map(|(f, s, g)| (Some(f), Some(s), Some(g))), "ascending exposures");
     let imported = flux(&replay(&out, &[]));
     let direct = flux(&replay(&photos, &["--lens", text(&lens)]));
     assert_eq!(imported, direct, "without a burst.toml");
@@ -359,7 +359,7 @@ fn photographs_become_a_burst_by_their_exif_data() {
         std::fs::write(photos.join(file), bytes).expect("a file");
     }
     let beside = flux(&replay(&photos, &["--lens", text(&lens)]));
-    assert_eq!(beside, direct, "hidden files and the raw files of photographs are passed over");
+    assert_eq!(beside, direct, "hidden files and the raw files of photographs are ignored");
     refused(&["replay", "--burst", text(&photos)], "hemilux-sim import");
     let untimed = photos.join("w.jpg");
     std::fs::write(&untimed, jpeg(&scene(2.0, 0), &[(ISO, 3, 100)])).expect("a file");
@@ -368,7 +368,7 @@ fn photographs_become_a_burst_by_their_exif_data() {
     refused(&["import", "--lens", text(&lens), "--out", text(&out), text(&photos.join("w.dng"))], "w.dng");
 }
 
-/// The arguments that import one photograph.
+/// Returns the arguments of an import of one photograph.
 fn import(folder: &Path, photo: &Path) -> Vec<String> {
     let lens = folder.join("lens.toml");
     std::fs::write(&lens, LENS).expect("a file");
@@ -377,7 +377,7 @@ fn import(folder: &Path, photo: &Path) -> Vec<String> {
 }
 
 #[test]
-fn colour_spaces_of_photographs_are_honoured_or_refused_by_name() {
+fn colour_spaces_of_photographs_are_applied_or_refused_by_name() {
     use moxcms::ColorProfile;
     let folder = tempfile::tempdir().expect("a folder");
     let photo = folder.path().join("a.jpg");
@@ -417,7 +417,7 @@ fn colour_spaces_of_photographs_are_honoured_or_refused_by_name() {
 }
 
 #[test]
-fn exposures_stated_in_apex_units_or_in_fields_of_large_numbers_are_read() {
+fn exposures_in_apex_units_and_in_fields_of_large_numbers_are_read() {
     let folder = tempfile::tempdir().expect("a folder");
     let photo = folder.path().join("a.jpg");
     let read = |entries: &[(u16, u16, u32)]| {
@@ -426,7 +426,7 @@ fn exposures_stated_in_apex_units_or_in_fields_of_large_numbers_are_read() {
         let output = sim(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
         String::from_utf8_lossy(&output.stderr).into_owned()
     };
-    // 2^-7 s, f-number 2^(4 / 2), ISO 102400.
+    // The photograph states 2^-7 s, the f-number 2^(4 / 2) and ISO 102400.
     let told = read(&[
         (SHUTTER_SPEED, 5, 700_000),
         (APERTURE, 5, 400_000),
@@ -532,7 +532,7 @@ fn jpeg_files_with_damaged_blocks_are_refused() {
     write(&whole);
     replay(folder.path(), &[]);
     let scan = whole.windows(2).position(|w| w == [0xff, 0xda]).expect("a scan") + 14;
-    // The second half of the blocks is cut out, and the end marker kept.
+    // The file lacks the second half of the blocks and has its end marker.
     let half = (scan + whole.len()) / 2;
     write(&[&whole[..half], &[0xff, 0xd9]].concat());
     refused(&burst, "damaged blocks");
@@ -540,7 +540,7 @@ fn jpeg_files_with_damaged_blocks_are_refused() {
     zeroed[half..whole.len() - 2].fill(0);
     write(&zeroed);
     refused(&burst, "damaged blocks");
-    // Height and width in the frame header.
+    // The frame header contains height and width.
     let mut huge = whole.clone();
     let frame = whole.windows(2).position(|w| w == [0xff, 0xc0]).expect("a frame");
     huge[frame + 5..frame + 9].fill(0xfe);
@@ -552,7 +552,7 @@ fn jpeg_files_with_damaged_blocks_are_refused() {
 }
 
 #[test]
-fn headers_that_promise_too_much_are_refused_in_one_line() {
+fn headers_with_more_pixels_than_the_file_can_hold_are_refused_in_one_line() {
     let folder = tempfile::tempdir().expect("a folder");
     let map = folder.path().join("map");
     for (name, bytes) in [
@@ -573,7 +573,7 @@ fn headers_that_promise_too_much_are_refused_in_one_line() {
 }
 
 #[test]
-fn foreign_lenses_stand_where_a_lens_file_does() {
+fn opencv_calibration_files_are_accepted_as_lens_files() {
     let folder = tempfile::tempdir().expect("a folder");
     let (opencv, lens) = (folder.path().join("lens.yml"), folder.path().join("lens.toml"));
     std::fs::write(&opencv, "%YAML:1.0\n---\nimage_width: 64\nimage_height: 64\nK: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   data: [ 20., 0., 31.5, 0., 20., 31.5, 0., 0., 1. ]\nD: !!opencv-matrix\n   rows: 4\n   cols: 1\n   dt: d\n   data: [ 0., 0., 0., 0. ]\n").expect("a file");
@@ -583,7 +583,7 @@ fn foreign_lenses_stand_where_a_lens_file_does() {
         sim_ok(&["burst", "--env", "scene:room", "--lens", text(lens), "--out", text(&out)]);
         std::fs::read(out.join("frame-1.png")).expect("a frame")
     };
-    assert_eq!(record(&opencv, "a"), record(&lens, "b"), "the same burst");
+    assert_eq!(record(&opencv, "a"), record(&lens, "b"), "equal bursts");
     refused(
         &[
             "burst",

@@ -1,4 +1,4 @@
-//! Every format of a camera gives the light of the same scene, from memory and from files.
+//! Light of one scene in every pixel format of a camera, from memory and from files.
 
 use hemilux::calibration::{Burst, Calibration, Pixels};
 use hemilux::pipeline::{Pipeline, Settings};
@@ -7,7 +7,7 @@ use hemilux_core::SamplerKind;
 use hemilux_core::format::{Format, Layout, LayoutError, Matrix, Pattern, Yuv};
 use hemilux_sim::bench::{Case, bursts};
 
-/// Flux of red, green and blue, and the mean direction of the lights.
+/// Returns the scalar flux (red, green, blue) and the mean direction of the lights.
 fn light(calibration: &Calibration, burst: &Burst) -> ([f64; 3], glam::Vec3) {
     let exposures: Vec<_> = burst.frames.iter().map(|f| f.exposure).collect();
     let settings = Settings { sampler: SamplerKind::Q2Tree, ..Settings::default() };
@@ -23,7 +23,7 @@ const FULL: Yuv = Yuv { limited: false, matrix: Matrix::Bt601 };
 
 fn formats() -> Vec<(Format, f64)> {
     use Format::{Bayer8, Bayer16, Bgr24, Grey, Nv12, Raw10, Raw12, Yuyv};
-    // Mosaics shift colours by half a pixel and lose part of the rim; 8-bit gamma codes are coarse in the dark.
+    // The tolerances allow for mosaics, which shift colours by half a pixel and lack part of the rim, and for the quantisation of 8-bit gamma codes.
     let mut all = vec![(Bgr24, 1e-3), (Grey, 1e-3), (Bayer16(Pattern::Rggb, 12), 0.02)];
     for pattern in [Pattern::Rggb, Pattern::Grbg, Pattern::Gbrg, Pattern::Bggr] {
         all.extend([Bayer8(pattern), Raw10(pattern), Raw12(pattern)].map(|f| (f, 0.02)));
@@ -35,13 +35,13 @@ fn formats() -> Vec<(Format, f64)> {
 }
 
 #[test]
-fn every_format_gives_the_light_of_the_same_scene() {
+fn flux_and_mean_direction_agree_between_pixel_formats() {
     let rgb = Case::of_format(Format::Rgb24);
     let (flux, direction) = light(&bursts::calibration(&rgb), &bursts::make(&rgb)[0]);
     for (format, within) in formats() {
         let case = Case::of_format(format);
         let (found, towards) = light(&bursts::calibration(&case), &bursts::make(&case)[0]);
-        // Grey frames hold green alone.
+        // Grey frames contain the green channel alone.
         let expected = if format == Format::Grey { [flux[1]; 3] } else { flux };
         for (f, e) in found.iter().zip(expected) {
             assert!((f / e - 1.0).abs() < within, "{format:?}: {found:?}, expected {expected:?}");
@@ -52,7 +52,7 @@ fn every_format_gives_the_light_of_the_same_scene() {
 }
 
 #[test]
-fn raw_frames_in_files_are_those_in_memory() {
+fn raw_frames_in_files_have_the_lights_of_frames_in_memory() {
     for (format, fourcc, trailer) in [
         (Format::Raw10(Pattern::Bggr), "pBAA", 0),
         (Format::Yuyv(LIMITED), "YUYV", 4096),
@@ -102,6 +102,6 @@ fn layouts_that_do_not_fit_are_refused() {
     let short = LayoutError::BadLine { found: 1279, expected: 1280 };
     assert_eq!(Layout::try_new(yuyv, 640, 480, 1279), Err(short));
     let padded = Layout::try_new(yuyv, 640, 480, 1300).expect("padded lines");
-    // The padding of the last line may be missing.
+    // Files without the padding of the last line are accepted.
     assert_eq!(padded.frame_bytes(), 479 * 1300 + 1280);
 }

@@ -1,4 +1,4 @@
-//! Bad input gets one line that names the file, exit status 1, and never a panic.
+//! Invalid input files: one line with the path on standard error, exit status 1, no panic.
 
 mod common;
 
@@ -9,10 +9,10 @@ const LENS: &str =
     "[lens]\nmodel = \"equidistant\"\ncentre = [7.5, 7.5]\nfocal = [5.0, 5.0]\nmax_angle_deg = 80.0\n";
 const FRAME: &str = "[[frame]]\nfile = \"a.png\"\nexposure_s = 0.01\n";
 
-/// A burst.toml with `replace` in the place of `what`.
+/// Returns the text of a burst.toml in which `replace` replaces `what`.
 fn manifest(what: &str, replace: &str) -> String {
     let sound = format!("version = 1\n{LENS}{FRAME}");
-    assert!(sound.contains(what), "{what:?} is no part of the manifest");
+    assert!(sound.contains(what), "{what:?} is not in the manifest");
     sound.replace(what, replace)
 }
 
@@ -28,18 +28,18 @@ fn half(bytes: &[u8]) -> Vec<u8> {
     bytes[..bytes.len() / 2].to_vec()
 }
 
-/// Asserts one line on standard error that names `name`, and exit status 1.
+/// Runs a command, which must end with the exit status 1 and one line on standard error that contains `name`.
 fn refused(case: &str, arguments: &[&str], name: &str) {
     let output = sim(arguments);
     let told = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{case}: {told}");
     assert_eq!(told.lines().count(), 1, "{case}: {told}");
     assert!(told.contains(name) && told.contains("found") && told.contains("expected"), "{case}: {told}");
-    assert!(output.stdout.is_empty(), "{case}: something on standard output");
+    assert!(output.stdout.is_empty(), "{case}: standard output is not empty");
 }
 
 #[test]
-fn a_sound_burst_is_read() {
+fn valid_burst_is_read() {
     let folder = tempfile::tempdir().expect("a folder");
     std::fs::write(folder.path().join("burst.toml"), manifest(LENS, LENS)).expect("a file");
     std::fs::write(folder.path().join("a.png"), png(16, 16)).expect("a file");
@@ -48,7 +48,7 @@ fn a_sound_burst_is_read() {
 }
 
 #[test]
-fn bad_manifests_are_refused() {
+fn invalid_manifests_are_refused() {
     let cases: &[(&str, String)] = &[
         ("empty", String::new()),
         ("not TOML", "version = = 1".into()),
@@ -103,7 +103,7 @@ fn bad_manifests_are_refused() {
 }
 
 #[test]
-fn bad_frames_are_refused() {
+fn invalid_frames_are_refused() {
     let sound = png(16, 16);
     let mut broken = sound.clone();
     let middle = broken.len() / 2;
@@ -141,7 +141,7 @@ fn frames_of_two_sizes_are_refused() {
 }
 
 #[test]
-fn bad_maps_and_sets_are_refused() {
+fn invalid_maps_and_sets_are_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name);
     let room = at("room.exr");
@@ -190,6 +190,6 @@ fn wrong_usage_ends_with_status_2() {
     ] {
         let output = sim(arguments);
         assert_eq!(output.status.code(), Some(2), "{arguments:?}");
-        assert!(!output.stderr.is_empty(), "{arguments:?}: silence");
+        assert!(!output.stderr.is_empty(), "{arguments:?}: no line on standard error");
     }
 }

@@ -1,4 +1,4 @@
-//! The scores of a running probe, compared with those of `hemilux-sim score`.
+//! Errors that a running probe reports, compared with the scores of `hemilux-sim score`.
 
 use hemilux::judge::{Judge, Lit};
 use hemilux::samplers::{self, Shape};
@@ -10,15 +10,17 @@ use hemilux_sim::maps::{self, Maps};
 use hemilux_sim::metrics::{Lit as Scored, LitSet, Reference};
 use std::path::Path;
 
-/// How far the RMS over part of the receivers may be from that over all: with 256 of them chance alone makes 6 %.
+/// Largest relative difference between the probe's error and the score. The probe's error is the RMS over 256 receivers, whose standard deviation is
+/// 6 %.
 const APART: f64 = 0.2;
 
-/// Errors below these, open and shadowed, are those of the sketch as well. A cone's edge through a lamp hides it in the map and not in the
-/// sketch, or the other way round: one such receiver alone makes 1 % (lamps, with ambient light: 0.4 % found, 1.4 % scored).
+/// Absolute tolerances of the open and of the shadowed error. The probe computes its errors on quads; a lamp at the edge of a receiver's cone is
+/// occluded in the map and visible in the quads, or the reverse, and one such receiver changes the shadowed error by 1 % (scene `lamps` with
+/// ambient light: 0.4 % reported, 1.4 % scored).
 const LEAST: [f64; 2] = [2e-3, 1e-2];
 
 #[test]
-fn errors_are_those_of_the_score() {
+fn errors_of_the_probe_agree_with_the_score() {
     for scene in ["scene:room", "scene:sky", "scene:lamps"] {
         let env = read(Path::new(scene), &hemilux::maps::ReadOptions::default()).expect("a scene");
         let shape =

@@ -1,4 +1,4 @@
-//! Lamps on the mains before a camera, through the pipeline of the probe: the lights are those of the same lamps without flicker.
+//! Removal of mains flicker by the pipeline of the probe: light of flickering lamps, compared with the light of steady lamps.
 
 mod common;
 
@@ -12,7 +12,9 @@ use hemilux_sim::metrics::stability::Source;
 use hemilux_sim::scenario::stage::{WARM, at, energy, room};
 use hemilux_sim::scenario::world::{Change, Course, Filming, Lamp, Timing, Wave, World};
 
+/// Number of bursts of a run.
 const BURSTS: usize = 36;
+/// Number of first bursts without a requirement; in them the pipeline measures the flicker.
 const SETTLED: usize = 20;
 
 fn lens() -> hemilux::recorded::LensFile {
@@ -24,7 +26,7 @@ fn timing(rate_hz: f64) -> Timing {
     Timing { rate_hz, exposures: THESIS_EXPOSURES_S.to_vec(), line_s: 20e-6, rotates: false }
 }
 
-/// Two lamps in a room, each as bright as all the rest.
+/// Returns a room with two lamps, each with the energy of the room.
 fn world(wave: Wave, other: Wave) -> World {
     let still = EnvMap::from_fn(256, 128, |d| room(d).map(|v| v.min(3.0)));
     let flux = energy(&still);
@@ -37,14 +39,14 @@ fn world(wave: Wave, other: Wave) -> World {
     World { still, lit: None, lamps: vec![lamp(40.0, 120.0, wave), lamp(30.0, -60.0, other)] }
 }
 
-/// Scalar flux, horizontal irradiance and modulation of one set.
+/// Scalar flux, horizontal irradiance and flicker of one set.
 #[derive(Clone, Copy, Debug)]
-struct Seen {
+struct BurstLight {
     values: [f64; 6],
     flicker: Flicker,
 }
 
-impl Seen {
+impl BurstLight {
     fn of(found: &Processed<'_>) -> Self {
         let all = found.scalar_flux.iter().chain(&found.horizontal_irradiance);
         let mut values = [0.0; 6];
@@ -62,26 +64,27 @@ fn film(world: &World, timing: Timing) -> Filming {
     Filming::new(world, lens(), timing, Sensor { bits: 12, full_well: 10_000.0, read_noise: 3.0 }, None)
 }
 
-fn run(filming: &Filming, bursts: usize, lamps: Lamps) -> Vec<Seen> {
+fn run(filming: &Filming, bursts: usize, lamps: Lamps) -> Vec<BurstLight> {
     run_with(filming, bursts, Settings { lamps, ..Settings::default() })
 }
 
-fn run_with(filming: &Filming, bursts: usize, settings: Settings) -> Vec<Seen> {
+fn run_with(filming: &Filming, bursts: usize, settings: Settings) -> Vec<BurstLight> {
     let mut pipeline =
         Pipeline::try_new(filming.calibration(), &filming.exposures(), settings).expect("a pipeline");
     (0..bursts)
         .map(|burst| {
             let found = pipeline.process(&filming.burst(burst)).map(|found| {
                 assert!(found.frames_left_out.is_empty(), "burst {burst}: {:?}", found.frames_left_out);
-                Seen::of(&found)
+                BurstLight::of(&found)
             });
             found.expect("lights")
         })
         .collect()
 }
 
-/// Largest difference from the steady lamps and mean change from burst to burst, from burst `settled` on.
-fn figures(seen: &[Seen], steady: &[Seen], settled: usize) -> [f64; 2] {
+/// Returns the largest relative difference from the light of steady lamps, and the mean relative change from burst to burst, both from burst
+/// `settled` on.
+fn figures(seen: &[BurstLight], steady: &[BurstLight], settled: usize) -> [f64; 2] {
     let off = (settled..seen.len()).map(|t| seen[t].difference(&steady[t])).fold(0.0, f64::max);
     let flicker: f64 = (settled..seen.len()).map(|t| seen[t].difference(&seen[t - 1])).sum();
     [off, flicker / (seen.len() - settled) as f64]
@@ -104,7 +107,7 @@ fn compare_with(wave: Wave, settled: usize, settings: Settings) -> [f64; 2] {
 }
 
 #[test]
-fn sinusoids_of_full_depth_give_the_light_of_steady_lamps() {
+fn light_of_sinusoids_of_full_depth_equals_light_of_steady_lamps() {
     for hz in [99.8, 100.15, 100.0, 120.0] {
         let [off, flicker] = compare(Wave::Sine { hz, depth: 1.0 }, SETTLED);
         assert!(off < 0.025 && flicker < 0.01, "{hz} Hz: off {off}, flicker {flicker}");
@@ -112,7 +115,7 @@ fn sinusoids_of_full_depth_give_the_light_of_steady_lamps() {
 }
 
 #[test]
-fn other_waveforms_give_the_light_of_steady_lamps() {
+fn light_of_other_waveforms_equals_light_of_steady_lamps() {
     let waves = [
         Wave::Phosphor { hz: 120.0 },
         Wave::Sine { hz: 100.0, depth: 0.1 },
@@ -125,10 +128,10 @@ fn other_waveforms_give_the_light_of_steady_lamps() {
     }
 }
 
-/// Seven phases are what 28 frames a second show of 100 Hz: the mean over them is that of a rectangle but for its edges. Whichever
-/// exposures are read: with `needed`, other ones at each phase, until the frequency is found.
+/// At 28 frames per second, light of 100 Hz is measured at seven phases, over which the mean of a rectangular wave has an error at its edges. With
+/// [`MergeMode::Needed`], the exposures that are read differ between the phases until the frequency is measured.
 #[test]
-fn rectangles_give_the_mean_over_the_phases_that_are_seen() {
+fn light_of_rectangular_waves_is_the_mean_over_the_measured_phases() {
     for merge in [MergeMode::All, MergeMode::Needed] {
         let settings = Settings { merge, ..Settings::default() };
         let wave = Wave::Pwm { hz: 100.0, duty: 0.5 };
@@ -138,7 +141,7 @@ fn rectangles_give_the_mean_over_the_phases_that_are_seen() {
 }
 
 #[test]
-fn a_steady_scene_is_not_changed() {
+fn light_of_a_steady_scene_is_unchanged() {
     let filming = film(&world(Wave::Steady, Wave::Steady), timing(28.0));
     let (with, without) = (run(&filming, BURSTS, Lamps::Auto), run(&filming, BURSTS, Lamps::Off));
     for (burst, (a, b)) in with.iter().zip(&without).enumerate() {
@@ -147,9 +150,9 @@ fn a_steady_scene_is_not_changed() {
     }
 }
 
-/// One of two flickering lamps is switched off and on again; the other one and the room stay.
+/// One of two flickering lamps is switched off and on again; the other lamp and the room do not change.
 #[test]
-fn a_switch_in_flickering_light_is_followed_in_two_bursts() {
+fn switched_lamp_in_flickering_light_is_followed_within_two_bursts() {
     let timing = timing(28.0);
     let [off_at, on_at] = [24, 34].map(|burst| timing.burst_end_s(burst) + 6e-3);
     let switched = |wave| {
@@ -170,7 +173,7 @@ fn a_switch_in_flickering_light_is_followed_in_two_bursts() {
     assert!(worst < 0.025, "off {worst}");
 }
 
-/// The sets of a recording of two lamps at 28 Hz, replayed by the program with `arguments`.
+/// Records bursts of two lamps at 28 Hz and returns the sets that `hemilux-sim replay` computes from them with `arguments`.
 fn replay(wave: Wave, has_times: bool, arguments: &[&str]) -> Vec<serde_json::Value> {
     let folder = tempfile::tempdir().expect("a folder");
     let filming = film(&world(wave, wave), timing(28.0));
@@ -189,9 +192,9 @@ fn flux(set: &serde_json::Value) -> [f64; 6] {
     all
 }
 
-/// With the time stamps of its frames, with a frame rate on the command line, and with neither.
+/// The recording has time stamps, or the command line a frame rate, or neither.
 #[test]
-fn a_recorded_sequence_is_freed_of_flicker_whatever_is_known_of_its_times() {
+fn flicker_of_a_recorded_sequence_is_removed_with_and_without_time_stamps() {
     let steady = replay(Wave::Steady, true, &[]);
     assert!(steady.iter().all(|set| set.get("mains").is_none()), "steady lamps");
     let difference =

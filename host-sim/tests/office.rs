@@ -1,4 +1,4 @@
-//! The real burst of an office: the merge against independent merges in `f64`, and where its lights are.
+//! Real burst of an office: the merge against independent merges in `f64`, and the mean direction of the lights.
 
 mod common;
 
@@ -20,7 +20,7 @@ fn pipeline(calibration: &Calibration, burst: &Burst, settings: Settings) -> Pip
     Pipeline::try_new(*calibration, &exposures, settings).expect("a pipeline")
 }
 
-/// Radiance of every sample by the product's merge.
+/// Returns the merged radiance of every sample, and whether the sample is clipped.
 fn merged<'a>(calibration: &Calibration, burst: &'a Burst) -> Vec<(f64, bool)> {
     let exposures: Vec<_> = burst.frames.iter().map(|f| f.exposure).collect();
     let order = Order::ZERO;
@@ -40,7 +40,7 @@ fn merged<'a>(calibration: &Calibration, burst: &'a Burst) -> Vec<(f64, bool)> {
     })
 }
 
-/// The camera's response as `burst.toml` states it, straight from the file's numbers.
+/// Returns the relative exposure of a code by the response that `burst.toml` states.
 fn response(channel: usize, code: u8) -> f64 {
     const C: [[f64; 5]; 3] = [
         [2.483637, -2.579117, 1.008328, 0.085240, 0.001911],
@@ -52,15 +52,16 @@ fn response(channel: usize, code: u8) -> f64 {
     (((a * x + b) * x + c) * x + d) * x + e
 }
 
-/// The codes of sample `i`, shortest exposure first, with the times.
+/// Returns the codes of sample `i` with the exposure times in seconds, shortest exposure first.
 fn samples(burst: &Burst, i: usize) -> impl Iterator<Item = (u8, f64)> + '_ {
     burst.frames.iter().map(move |f| match &f.pixels {
         Pixels::U8(v) => (v[i], f.exposure.seconds),
-        Pixels::U16(_) => unreachable!("the office is recorded in 8 bits"),
+        Pixels::U16(_) => unreachable!("the frames of the burst have 8 bits"),
     })
 }
 
-/// sum y / sum t over codes from 16 to 249; without any, the longest that is not saturated; else the shortest.
+/// Returns the radiance of sample `i`: sum y / sum t over the exposures with codes from 16 to 249; without such codes, the radiance of the longest
+/// exposure that is not saturated, else of the shortest.
 fn twin(burst: &Burst, i: usize) -> f64 {
     let (mut y, mut t) = (0.0, 0.0);
     for (code, seconds) in samples(burst, i).filter(|(c, _)| (16..250).contains(c)) {
@@ -75,7 +76,7 @@ fn twin(burst: &Burst, i: usize) -> f64 {
     response(i % 3, code) / seconds
 }
 
-/// Debevec's triangle over the codes as weight.
+/// Returns the radiance of sample `i` by the merge of P. Debevec and J. Malik (1997), whose weight is a triangle over the codes.
 fn hat(burst: &Burst, i: usize) -> Option<f64> {
     let (mut sum, mut weights) = (0.0, 0.0);
     for (code, seconds) in samples(burst, i).filter(|(c, _)| (1..255).contains(c)) {
@@ -102,7 +103,7 @@ fn rms(pairs: impl Iterator<Item = (f64, f64)>) -> f64 {
     (sum / count as f64).sqrt()
 }
 
-/// RMS of the merge against `truth` of burst and sample, over the samples inside the lens that are not clipped.
+/// Returns the relative RMS difference between the merge and `truth`, over the samples inside of the image circle that are not clipped.
 fn merge_error(truth: impl Fn(&Burst, usize) -> Option<f64>) -> Option<f64> {
     let (calibration, burst) = load()?;
     let ours = merged(&calibration, &burst);
@@ -112,21 +113,21 @@ fn merge_error(truth: impl Fn(&Burst, usize) -> Option<f64>) -> Option<f64> {
 }
 
 #[test]
-fn the_merge_equals_an_independent_one_with_the_same_weights() {
+fn merge_equals_an_independent_merge_with_equal_weights() {
     let Some(error) = merge_error(|burst, i| Some(twin(burst, i))) else { return };
     println!("RMS against the f64 twin: {:.5} %", 100.0 * error);
     assert!(error < 1e-3, "RMS {error}");
 }
 
 #[test]
-fn the_merge_agrees_with_one_of_hat_weights() {
+fn merge_agrees_with_a_merge_of_hat_weights() {
     let Some(error) = merge_error(hat) else { return };
     println!("RMS against hat weights: {:.2} %", 100.0 * error);
     assert!(error < 0.10, "RMS {error}");
 }
 
 #[test]
-fn the_lights_lie_where_the_pixels_light_is() {
+fn mean_direction_of_the_lights_is_that_of_the_pixels() {
     let Some((calibration, burst)) = load() else { return };
     let ours = merged(&calibration, &burst);
     let mut sum = DVec3::ZERO;

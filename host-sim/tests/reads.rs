@@ -1,4 +1,4 @@
-//! The merge of needed exposures against that of all: the same light, from fewer samples.
+//! Light of the merge of needed exposures, compared with the light of the merge of all exposures.
 
 mod common;
 
@@ -8,11 +8,11 @@ use hemilux_sim::bench::bursts::{calibration, make_of};
 use hemilux_sim::bench::case;
 use hemilux_sim::reads::compare;
 
-/// Largest open error between the two modes.
+/// Largest allowed open error between the two modes.
 const MOST: f64 = 0.001;
 
 #[test]
-fn needed_exposures_give_the_light_of_all_in_every_format_and_scene() {
+fn light_of_needed_exposures_equals_light_of_all_in_every_format_and_scene() {
     for case in case::formats() {
         for scene in scene::NAMES.map(|name| scene::by_name(name).expect("a scene")) {
             let found = compare(&calibration(&case), &make_of(&case, scene, 1)).expect("fits");
@@ -24,10 +24,10 @@ fn needed_exposures_give_the_light_of_all_in_every_format_and_scene() {
     }
 }
 
-/// The exposures of this burst contradict each other: through its response curve, a sample's radiance differs by some 5 % between
-/// neighbouring exposures, and those that are left out have a fifth of the weight.
+/// The response curve of this burst is inexact: the radiance of a sample differs by about 5 % between neighbouring exposures, and the exposures that
+/// are not read have a fifth of the weight.
 #[test]
-fn needed_exposures_differ_from_all_by_what_the_response_leaves_open_in_a_real_office() {
+fn light_of_needed_exposures_of_a_real_office_differs_by_at_most_1_5_percent() {
     let Some(folder) = common::shared("office-burst") else { return };
     let read = recorded::read_burst(&folder).expect("a burst");
     let found = compare(&read.calibration, &[read.burst]).expect("fits");

@@ -1,4 +1,4 @@
-//! Raw recordings, as `hemilux record` writes them, through the program.
+//! Replay of raw recordings of the form that `hemilux record` writes.
 
 use hemilux::calibration::{Calibration, Pixels};
 use hemilux_core::format::{Format, Yuv};
@@ -9,7 +9,7 @@ use std::fmt::Write;
 use std::path::Path;
 use std::process::Command;
 
-/// The first burst of `case`, its frames as a driver would give them.
+/// Writes the first burst of `case` as a recording with raw frames to `folder`.
 fn record(case: &Case, fourcc: &str, folder: &Path) {
     let c = bursts::calibration(case);
     let mut text = manifest(&c, fourcc);
@@ -76,9 +76,9 @@ fn rgb(set: &Value, name: &str) -> Vec<f64> {
     set[name].as_array().expect(name).iter().map(|v| v.as_f64().expect("a number")).collect()
 }
 
-/// The same room through the same lens: what differs is how samples are rounded, and that chroma and mosaics have half the columns.
+/// The recordings have one room and one lens; they differ in the rounding of samples and in the number of columns of chroma and mosaics.
 #[test]
-fn a_recording_gives_the_same_light_whatever_its_format() {
+fn light_of_recordings_agrees_between_pixel_formats() {
     let expected = replay("RGB3");
     let count = |set: &Value| set["lights"].as_array().map_or(0, Vec::len);
     assert!(count(&expected) > 32, "lights of the room: {expected}");

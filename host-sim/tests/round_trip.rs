@@ -1,4 +1,4 @@
-//! A burst made from a map and replayed lights as the map itself does.
+//! Light of a burst that is simulated from a map and replayed, compared with the light of the map.
 
 mod common;
 
@@ -8,7 +8,7 @@ use hemilux_sim::metrics::{Domain, LitSet, Reading, Reference};
 use hemilux_sim::score;
 use std::path::Path;
 
-/// Makes a burst from `map`, replays it, and compares with `decompose --hemisphere`; `None` where the burst clips.
+/// Simulates a burst of `map`, replays it, and returns the open and the shadowed difference from `decompose --hemisphere`; `None` if the burst clips.
 fn errors(map: &Path, sampler: &str) -> Option<(f64, f64)> {
     let folder = tempfile::tempdir().expect("a folder");
     let burst = folder.path().join("burst");
@@ -48,7 +48,7 @@ fn errors(map: &Path, sampler: &str) -> Option<(f64, f64)> {
 }
 
 #[test]
-fn a_replayed_room_lights_as_its_map_does() {
+fn light_of_a_replayed_room_agrees_with_its_map() {
     let folder = tempfile::tempdir().expect("a folder");
     let map = folder.path().join("room.exr");
     common::write_room(&map);
@@ -59,7 +59,7 @@ fn a_replayed_room_lights_as_its_map_does() {
 }
 
 #[test]
-fn replayed_real_maps_light_as_themselves() {
+fn light_of_replayed_real_maps_agrees_with_the_maps() {
     let Some(folder) = shared("hdri") else { return };
     for name in ["apartment.exr", "bridge.exr", "forest.exr", "warehouse.exr"] {
         let Some((open, shadowed)) = errors(&folder.join(name), "q2tree") else { continue };
@@ -68,7 +68,7 @@ fn replayed_real_maps_light_as_themselves() {
 }
 
 #[test]
-fn a_burst_is_the_same_for_the_same_seed_and_another_for_another() {
+fn bursts_of_equal_seeds_are_equal_and_of_different_seeds_differ() {
     let folder = tempfile::tempdir().expect("a folder");
     let map = folder.path().join("room.exr");
     common::write_room(&map);
@@ -79,12 +79,12 @@ fn a_burst_is_the_same_for_the_same_seed_and_another_for_another() {
         std::fs::read(out.join("frame-1.png")).expect("a frame")
     };
     let first = make("a", "7");
-    assert!(first == make("b", "7"), "the same seed gives the same bytes");
-    assert!(first != make("c", "8"), "another seed gives another noise");
+    assert!(first == make("b", "7"), "bursts of equal seeds are equal");
+    assert!(first != make("c", "8"), "bursts of different seeds differ");
 }
 
 #[test]
-fn what_the_standard_lens_does_not_see_is_reported() {
+fn share_outside_of_the_field_of_view_is_reported_as_unseen() {
     let folder = tempfile::tempdir().expect("a folder");
     let (map, out) = (folder.path().join("room.exr"), folder.path().join("burst"));
     common::write_room(&map);
@@ -96,13 +96,13 @@ fn what_the_standard_lens_does_not_see_is_reported() {
         (set["unseen"].as_f64().expect("a number"), set["scalar_flux"][1].as_f64().expect("a number"))
     };
     let ((share, dark), (same, filled)) = (unseen("none"), unseen("average"));
-    // The circle of 80 degrees alone leaves cos(80 deg) = 0.174; the sensor's 70 degrees up and down cut two caps more.
+    // Outside of the circle of 80 degrees is the share cos(80 deg) = 0.174; the sensor ends at 70 degrees above and below, which cuts two more caps.
     assert!((0.174..0.25).contains(&share) && share == same, "unseen {share}");
-    assert!(filled > dark, "the average adds light where the lens sees nothing");
+    assert!(filled > dark, "the average adds light outside of the field of view");
 }
 
 #[test]
-fn the_exposure_ratios_are_told() {
+fn exposure_ratios_are_printed() {
     let Some(folder) = shared("office-burst") else { return };
     let output = sim(&["replay", "--burst", text(&folder)]);
     let told = String::from_utf8_lossy(&output.stderr);

@@ -1,4 +1,4 @@
-//! The figures that the README states for still maps, on the shared real ones.
+//! Errors and estimates of the samplers on real maps, against the figures of the README.
 
 mod common;
 
@@ -28,7 +28,7 @@ fn prepare() -> Vec<Prepared> {
     prepared.collect()
 }
 
-/// Scores and estimates of one sampler on every map.
+/// Returns the score and the estimated error of one sampler on every map.
 fn scores(prepared: &[Prepared], sampler: SamplerKind, request: &Request) -> Vec<(Score, Option<f32>)> {
     let score = |p: &Prepared| {
         let (shape, map) = p.maps.of(request.lights);
@@ -41,9 +41,9 @@ fn scores(prepared: &[Prepared], sampler: SamplerKind, request: &Request) -> Vec
 }
 
 #[test]
-fn errors_on_real_maps_are_as_stated() {
+fn errors_on_real_maps_are_within_the_stated_limits() {
     let prepared = prepare();
-    // Mean open and shadowed error, per cent: what the project promises, not what it reaches.
+    // Limits of the mean open and of the mean shadowed error, per cent.
     let promises = [
         (SamplerKind::Pharr, 64, 6.0, 7.0),
         (SamplerKind::Q2Tree, 64, 0.8, 2.6),
@@ -69,7 +69,7 @@ fn errors_on_real_maps_are_as_stated() {
 }
 
 #[test]
-fn estimates_are_near_the_truth() {
+fn nine_of_ten_estimated_errors_are_within_a_factor_of_1_25_of_the_scores() {
     let prepared = prepare();
     let (mut near, mut all) = (0, 0);
     for (lights, ambient) in
@@ -82,14 +82,14 @@ fn estimates_are_near_the_truth() {
             all += 1;
         }
     }
-    println!("{near} of {all} estimates within 1.25 of the truth");
+    println!("{near} of {all} estimates are within a factor of 1.25 of the error");
     assert!(10 * near >= 9 * all, "{near} of {all}");
 }
 
 #[test]
-fn ambient_light_takes_the_place_of_many_lights() {
+fn ambient_light_reduces_the_error_of_few_lights() {
     let prepared = prepare();
-    // Mean shadowed error, per cent; energy within 1e-3.
+    // Limits of the mean shadowed error, per cent, and of the energy error, 1e-3.
     for (lights, promise) in [(0, 12.0), (16, 2.8), (64, 1.2)] {
         let request = Request { lights, tolerance: None, ambient: true, soft: false };
         let scores = scores(&prepared, SamplerKind::Adaptive, &request);
@@ -101,7 +101,7 @@ fn ambient_light_takes_the_place_of_many_lights() {
 }
 
 #[test]
-fn a_tolerance_is_kept() {
+fn errors_of_sets_for_a_tolerance_are_at_most_1_25_times_the_tolerance() {
     let prepared = prepare();
     for (tolerance, ambient) in [(0.03, false), (0.03, true), (0.1, true)] {
         let request = Request { lights: 1024, tolerance: Some(tolerance), ambient, soft: false };

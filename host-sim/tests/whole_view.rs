@@ -1,4 +1,4 @@
-//! The whole view of a sensor, binned, gives the lights of its small mode of the same scene.
+//! Lights of a sensor's binned full-size frames, compared with the lights of its 640 x 480 mode.
 
 use hemilux::pipeline::{Pipeline, Settings};
 use hemilux_core::format::{Format, Pattern};
@@ -27,7 +27,7 @@ fn lights(size: (u32, u32), bin: u32) -> LitSet {
 }
 
 #[test]
-fn the_whole_view_binned_gives_the_open_irradiance_of_640_by_480_within_half_a_percent() {
+fn binned_full_size_frames_have_the_open_irradiance_of_640_by_480_within_half_a_percent() {
     let reference = Reference::new(&EnvMap::from_fn(64, 32, |_| [1.0; 3]), Domain::Hemisphere);
     let open = |set: &LitSet| reference.open_of(set, Reading::Points);
     let (small, whole) = (open(&lights((640, 480), 1)), open(&lights((1640, 1232), 2)));

@@ -1,10 +1,10 @@
-//! Functions that the tests of the command share.
+//! Functions that several tests of `hemilux-sim` use.
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-/// Runs `hemilux-sim`.
+/// Runs `hemilux-sim` and returns its output and exit status.
 pub fn sim(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_hemilux-sim")).args(arguments).output().expect("the command runs")
 }
@@ -17,12 +17,12 @@ pub fn sim_ok(arguments: &[&str]) -> String {
     String::from_utf8(output.stdout).expect("UTF-8 on standard output")
 }
 
-/// The workspace's folder.
+/// Returns the path of the workspace.
 pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-/// A folder of the shared real data, where it is present; says aloud when it is not.
+/// Returns the path of a folder of real data in `../shared/data`; prints a message and returns `None` if the folder does not exist.
 pub fn shared(folder: &str) -> Option<PathBuf> {
     let path = root().join("../shared/data").join(folder);
     if path.is_dir() {
@@ -32,12 +32,12 @@ pub fn shared(folder: &str) -> Option<PathBuf> {
     None
 }
 
-/// A path as an argument.
+/// Returns a path as a command-line argument.
 pub fn text(path: &Path) -> &str {
     path.to_str().expect("a path in UTF-8")
 }
 
-/// Writes a small OpenEXR map of a room: walls, a window and a lamp, no more than 200 : 1.
+/// Writes an OpenEXR map of 256 x 128 texels of a room: walls, a window and a lamp, with a contrast of at most 200 : 1.
 pub fn write_room(path: &Path) {
     let (width, height) = (256, 128);
     let pixel = |at: exr::math::Vec2<usize>| {
