@@ -1,4 +1,4 @@
-// Rules for the page, the clients and the scripts that drive the browser. Packages come from HEMILUX_NODE, see `.ci/run`.
+// ESLint rules for the page, the clients and the scripts of the browser tests. HEMILUX_NODE is the folder of the npm packages (`.ci/run`).
 import { createRequire } from "node:module";
 
 const packages = createRequire(`${process.env.HEMILUX_NODE}/`);
@@ -13,13 +13,13 @@ const rules = {
   "no-unused-vars": "error",
   "no-var": "error",
   "object-shorthand": "error",
-  // Takes `this.#due ||= f()` for no use.
+  // This rule reports members whose only use is `this.#due ||= f()`.
   "no-unused-private-class-members": "off",
   "prefer-const": ["error", { destructuring: "all" }],
 };
 
 export default [
   { files: ["board/**/*.js"], languageOptions: { ecmaVersion: 2024, globals: globals.browser }, rules },
-  // What the scripts of the tests hand to `page.evaluate` runs in the browser.
+  // The browser runs the functions that the tests pass to `page.evaluate`, so that browser globals are allowed as well.
   { files: ["board/**/*.mjs", "tests/**/*.mjs", ".ci/*.mjs"], languageOptions: { ecmaVersion: 2024, globals: { ...globals.browser, ...globals.node } }, rules },
 ];
