@@ -89,7 +89,7 @@ struct SamplerArgs {
     /// Sampler that decomposes the map.
     #[arg(long, default_value_t, value_parser = sampler_parser())]
     sampler: SamplerKind,
-    /// Largest number of lights; 0 with --ambient gives spherical harmonics alone.
+    /// Largest number of lights; with --ambient and 0 the set contains spherical harmonics alone.
     #[arg(long, default_value_t = 64)]
     lights: usize,
 }

@@ -68,7 +68,7 @@ impl<'a> Canvas<'a> {
         }
     }
 
-    /// Draws a disc of `radius` pixels; with `hole`, a ring of the same radius.
+    /// Draws a filled disc of `radius` pixels; with `hole`, a ring of `radius` pixels.
     pub fn dot(&self, at: [f64; 2], radius: i32, colour: RGBColor, hole: bool) {
         let style = if hole { ShapeStyle::from(&colour).stroke_width(2) } else { colour.filled() };
         let _ = self.area.draw(&Circle::new(pixel(at), radius, style));
@@ -85,7 +85,7 @@ impl<'a> Canvas<'a> {
         self.line(&[[x - half, y + half], [x + half, y - half]], colour, 2);
     }
 
-    /// Draws text of `size` pixels, vertically centred at `at`; `side` is the part of the text that lies at `at`: left end, centre or right end.
+    /// Draws text of `size` pixels, vertically centred at `at`; `side` is the part of the text that is placed at `at`: left end, centre or right end.
     pub fn text(&self, text: &str, at: [f64; 2], side: HPos, size: i32, colour: RGBColor) {
         // A pixel is 1.24 units of text size of the `plotters` crate.
         let size = f64::from(size) * 1.24;

@@ -1,7 +1,7 @@
 //! Full-sphere latitude-longitude environment maps: texel geometry, and maps from files and functions.
 //!
 //! The centre of texel (row i, column j) of a map of H rows and W columns is at the polar angle theta = (i + 1/2) pi / H from +Z and at the
-//! azimuth phi = pi - (j + 1/2) 2 pi / W from +X, so that columns run clockwise seen from above.
+//! azimuth phi = pi - (j + 1/2) 2 pi / W from +X, so that columns run clockwise as viewed from above.
 
 use hemilux::maps::{self, Covers, DecodedMap, ReadOptions};
 use hemilux_core::healpix::Domain;

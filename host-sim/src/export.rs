@@ -31,10 +31,10 @@ impl Export {
         self.form == Form::Usda
     }
 
-    /// Refuses a sequence of `count` sets for a form whose files hold one set.
+    /// Refuses a sequence of `count` sets for a form whose files contain one set.
     ///
     /// # Errors
-    /// [`SimError::Usage`] for more than one set in such a form.
+    /// [`SimError::Usage`] for more than one set in a form whose files contain one set.
     pub fn check_count(&self, count: usize) -> Result<(), SimError> {
         if count <= 1 || !self.form.is_scene() {
             return Ok(());

@@ -1,4 +1,4 @@
-//! The inputs of samplers, computed from environment maps: a HEALPix pyramid and a latitude-longitude map of the same energy.
+//! Inputs of samplers, computed from environment maps: a HEALPix pyramid and a latitude-longitude map, both with the energy of the environment map.
 
 use crate::env::EnvMap;
 use crate::metrics::{Grid as Texels, luminance};
@@ -154,7 +154,7 @@ impl TexelQuads {
 struct Overlap {
     from: usize,
     to: usize,
-    /// Overlap as a part of the source cell's width.
+    /// Width of the overlap divided by the width of the source cell, 0 to 1.
     share: f64,
 }
 

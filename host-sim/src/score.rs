@@ -89,7 +89,7 @@ enum Axes {
 }
 
 impl Axes {
-    /// Returns the axes with the name `name`, which may be that of a program.
+    /// Returns the axes with the name `name`, which may be the name of a program.
     fn named(name: &str) -> Result<Self, SetRefusal> {
         match name {
             "probe" | "blender" | "ros" => Ok(Self::Probe),
@@ -103,7 +103,7 @@ impl Axes {
         }
     }
 
-    /// Converts a vector from probe axes to these axes.
+    /// Converts a vector from probe axes to the axes `self`.
     fn turned(self, [x, y, z]: [f64; 3]) -> [f64; 3] {
         match self {
             Self::Probe => [x, y, z],
@@ -113,7 +113,7 @@ impl Axes {
         }
     }
 
-    /// Converts a vector from these axes to probe axes.
+    /// Converts a vector from the axes `self` to probe axes.
     fn turned_back(self, [a, b, c]: [f64; 3]) -> [f64; 3] {
         match self {
             Self::Probe => [a, b, c],

@@ -62,7 +62,7 @@ fn compressed(calibration: &Calibration, burst: &Burst, quality: u8) -> (Calibra
     (of_jpeg, Burst { frames: burst.frames.iter().map(frame).collect(), ..Burst::default() })
 }
 
-/// The differences of shadowed and open irradiance between the lights of JPEG frames of quality 85 and of YUYV frames of the same scene are at most
+/// The differences of shadowed and open irradiance between the lights of JPEG frames of quality 85 and of YUYV frames of one scene are at most
 /// 1.5 %.
 #[test]
 fn jpeg_frames_of_quality_85_give_the_lights_of_yuyv_frames_within_1_5_percent() {

@@ -7,7 +7,7 @@ use crate::env::EnvMap;
 use crate::metrics::vector::{add_scaled, dot, norm, unit};
 use crate::metrics::{Domain, Grid, Lit, luminance};
 
-/// Sums over a set of texels, such as those that a light represents: energy, luminous energy and first moment.
+/// Sums over a set of texels, such as the texels that a light represents: energy, luminous energy and first moment.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Flux {
     /// Sum of L dOmega, RGB.
@@ -40,7 +40,7 @@ impl Flux {
         (self.luminance - norm(self.moment)).max(0.0)
     }
 
-    /// Returns the radius in degrees of the uniform disc with the same angular variance, at most 90.
+    /// Returns the angular radius in degrees, at most 90, of a uniform disc with the angular variance of the texels.
     #[must_use]
     pub fn radius_deg(&self) -> f64 {
         let part = if self.luminance > 0.0 { (self.spread() / self.luminance).min(0.5) } else { 0.0 };

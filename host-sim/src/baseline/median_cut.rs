@@ -7,7 +7,7 @@ use crate::metrics::{Domain, Lit};
 
 /// Decomposes a map by median cut into any number of lights.
 ///
-/// The published method cuts all regions in each of n rounds, which gives 2^n lights. This implementation cuts the region of greatest
+/// The published method cuts all regions in each of n rounds, which makes 2^n lights. This implementation cuts the region of greatest
 /// energy in each step, so that any number of lights is possible. The longer side is measured on the sphere (width times the sine of the
 /// middle theta), the cut is placed where the two energies are nearest to equal, and the light of a region lies at its energy centroid. If
 /// every cut of the longer side has a black part, the shorter side is cut.

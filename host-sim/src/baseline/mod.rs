@@ -34,7 +34,7 @@ pub use volume::volume;
 use crate::env::EnvMap;
 use crate::metrics::{Domain, Lit};
 
-/// A method of the literature that decomposes a map into at most a given number of lights.
+/// A method of the literature that decomposes a map into at most the requested number of lights.
 pub trait Baseline {
     /// Returns the name of the method in charts and reports.
     fn name(&self) -> &'static str;

@@ -70,7 +70,7 @@ fn weigh(cells: &Cells, kept: &[Candidate]) -> Vec<Lit> {
     .collect()
 }
 
-/// Returns the `lights` candidates of least rank over importance, sorted by rank; candidates in black cells and those in `starved` are skipped.
+/// Returns the `lights` candidates of least rank over importance, sorted by rank; candidates in black cells and candidates whose rank `starved` contains are skipped.
 fn keep(cells: &Cells, candidates: &[[f64; 3]], lights: usize, starved: &HashSet<u32>) -> Vec<Candidate> {
     let importance = |&d: &[f64; 3]| cells.radiance(cells.at(d));
     let mut keys: Vec<(f64, usize)> = candidates
@@ -85,7 +85,7 @@ fn keep(cells: &Cells, candidates: &[[f64; 3]], lights: usize, starved: &HashSet
     keys.sort_by_key(|&(_, rank)| rank);
     let total = cells.total();
     if keys.is_empty() && lights > 0 && total.luminance > 0.0 {
-        // If all light lies between the candidates, one light with an id past the last rank has its energy.
+        // If the cells of all candidates are black, one light with an id past the last rank has the energy of the map.
         let direction = total.centroid().unwrap_or([0.0, 0.0, 1.0]);
         return vec![Candidate { rank: CANDIDATES as u32, direction }];
     }
@@ -101,7 +101,7 @@ fn candidates(domain: Domain) -> &'static [[f64; 3]] {
     }
 }
 
-/// Returns the spherical Fibonacci lattice between z = `lowest` and 1.
+/// Returns a spherical Fibonacci lattice of [`CANDIDATES`] unit vectors with z from `lowest` to 1.
 fn lattice(lowest: f64) -> Vec<[f64; 3]> {
     let at = |k: usize| {
         let z = 1.0 - (1.0 - lowest) * (k as f64 + 0.5) / CANDIDATES as f64;

@@ -14,9 +14,9 @@ pub struct Rect {
 /// Axis of a cut.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axis {
-    /// The cut lies between two rows.
+    /// The cut separates two rows.
     Rows,
-    /// The cut lies between two columns.
+    /// The cut separates two columns.
     Columns,
 }
 

@@ -289,7 +289,7 @@ fn table_on_real_maps() {
             let (mut scores, mut fewest) = (Vec::new(), usize::MAX);
             let mut seconds = 0.0;
             for ((_, map), reference) in maps.iter().zip(&references) {
-                // A new sampler for every map, since these maps are not a sequence.
+                // A new baseline for every map, since the maps are not a sequence.
                 let mut sampler = all().swap_remove(index);
                 let started = Instant::now();
                 let set = sampler.decompose(map, Domain::Sphere, lights);

@@ -21,10 +21,10 @@ const SOLID_ANGLE_EXPONENT: f64 = 0.25;
 /// Decomposes a sequence offline with at most `lights` lights per frame on average, reconstructed from the publication.
 ///
 /// A box is a HEALPix quad (the whole domain at first, then twelve base quads, then quarters) during an interval of frames. Its importance
-/// is the energy of its brightest frame times dOmega^(1/4). The box of greatest importance is split next: in time if its energy varies,
-/// before the frame that best separates frames of low and high energy; else in space, while the lights of all frames together stay within
-/// the budget. The number of lights adapts to each frame. A box has one light in each of its frames, with the energy of the frame, the direction of
-/// the centroid of the whole box, so that the light does not move within the box, and the id of the box.
+/// is the energy of its brightest frame times dOmega^(1/4). The box of greatest importance is split next: in time if its energy varies, at the
+/// frame with the least sum of squared deviations of the energy before and after; else in space, while the lights of all frames together stay
+/// within the budget. The number of lights adapts to each frame. A box has one light in each of its frames, with the energy of the frame, the
+/// direction of the centroid of the whole box, so that the light does not move within the box, and the id of the box.
 ///
 /// The publication describes splits into quads in space or into two intervals in time, an importance metric, and the whole sequence as input.
 /// The metric, the selection of splits and the positions of lights belong to this implementation.

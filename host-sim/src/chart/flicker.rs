@@ -14,7 +14,7 @@ const COUNTS: &[usize] = &[4, 16, 64, 256, 1024];
 /// Numbers of lights of a quick chart.
 const QUICK: &[usize] = &[16, 64];
 
-/// Sets the flicker of the points with these numbers of lights.
+/// Sets the flicker of the points whose number of lights is in [`COUNTS`], or in [`QUICK`] if `quick`.
 pub(super) fn add(points: &mut [Point], quick: bool) {
     let counts = if quick { QUICK } else { COUNTS };
     let bar = progress::bar("flicker", SCENARIOS.len());

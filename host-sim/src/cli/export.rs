@@ -11,7 +11,7 @@ pub(super) struct ExportArgs {
     /// File format of the light set: json, text, xml, csv, glb (glTF), usda (USD), rad (Radiance) or mitsuba.
     #[arg(long, value_name = "NAME", default_value = "json", value_parser = form)]
     format: Form,
-    /// Axes of the light set: probe, y-up, unity, unreal, or the name of a program, such as blender [default: those of the format].
+    /// Axes of the light set: probe, y-up, unity, unreal, or the name of a program, such as blender [default: the axes of the format].
     #[arg(long, value_name = "NAME", value_parser = coordinates)]
     coordinates: Option<Coordinates>,
 }

@@ -37,7 +37,7 @@ impl Spread {
     }
 }
 
-/// Returns, for each frame, the irradiance of the set minus that of the reference at every shadowed receiver.
+/// Returns, for each frame, the irradiance under the set minus the irradiance under the map at every shadowed receiver.
 fn excess(references: &[Reference], sets: &[LitSet], reading: Reading) -> Vec<Vec<f64>> {
     let pairs = references.iter().zip(sets);
     pairs

@@ -37,7 +37,7 @@ const ORDER: u8 = 4;
 /// Number of directional lights that approximate ambient light.
 const AMBIENT: usize = 512;
 
-/// Arguments of `render`.
+/// Arguments of the command `render`.
 #[derive(Clone, Debug)]
 pub struct RenderJob {
     /// Path of the environment map.

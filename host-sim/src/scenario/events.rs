@@ -127,8 +127,8 @@ pub(super) fn n_changes(stage: &Stage) -> Scenario {
 /// Returns the scenario `exposure-faults`: faults of the capture change the radiance of the merge, which is the sum of the samples that do not
 /// saturate over the sum of their times.
 /// - the shortest exposure is missing: radiance above the clip value of the next exposure is limited to that value;
-/// - the longest exposure replaces the middle one: radiance above the clip value of the longest exposure comes from the shortest one, with
-///   its noise;
+/// - the longest exposure replaces the middle exposure: radiance above the clip value of the longest exposure is measured in the shortest exposure
+///   alone, with its noise;
 /// - the first two exposures are exchanged: each sample is divided by the other exposure's time.
 ///
 /// A fault is followed by two frames without a fault.

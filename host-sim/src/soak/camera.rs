@@ -1,4 +1,4 @@
-//! Camera of a soak test: a source of bursts of 64 by 48 pixels whose light rises and falls like that of a day. Every call of `next` returns
+//! Camera of a soak test: a source of bursts of 64 by 48 pixels whose light rises and falls like daylight. Every call of `next` returns
 //! a burst without a wait.
 
 use hemilux::calibration::{Burst, Calibration, Frame, Pixels};

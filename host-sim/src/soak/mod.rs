@@ -82,7 +82,7 @@ struct SetJudge {
     faults: u64,
     /// Number of faults that a set of all frames followed within [`RECOVERY`] bursts.
     recovered: u64,
-    /// Number of the other faults.
+    /// Number of faults without a set of all frames within [`RECOVERY`] bursts.
     unrecovered: u64,
     /// Number of wrong sets whose relative light is at least [`DARK`].
     wrong: u64,
