@@ -30,7 +30,7 @@ pub enum Kind {
 pub struct Method {
     /// Name of the method in charts and reports: a base name, and suffixes such as `+sh`.
     pub name: &'static str,
-    /// Kind of the method.
+    /// Kind of the method: of the core, baseline, baseline with gather, or offline.
     pub kind: Kind,
 }
 

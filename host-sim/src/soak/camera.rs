@@ -32,7 +32,7 @@ const BRIGHTEST: f32 = 0.8;
 /// Relative light and number of the bursts that the camera has returned, shared with the judge of the sets.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Daylight {
-    /// Bits of the `f64`.
+    /// Bits of an `f64`: the radiance in the newest burst divided by the radiance at the brightest moment.
     light: Arc<AtomicU64>,
     bursts: Arc<AtomicU64>,
 }
