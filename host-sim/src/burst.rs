@@ -63,7 +63,7 @@ pub struct BurstJob {
 #[derive(Clone, Debug)]
 pub(crate) struct ExposedScene {
     pub radiance: Vec<[f64; 3]>,
-    /// Largest radiance of a channel.
+    /// Largest radiance of a channel over all pixels.
     brightest: f64,
     /// Mean radiance of the channels and pixels in the image circle.
     mean: f64,

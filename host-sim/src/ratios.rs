@@ -84,7 +84,7 @@ pub struct Ratio {
     pub seconds: [f64; 2],
     /// Ratio of the stated exposures (time times gain).
     pub nominal: f64,
-    /// Median ratio over samples that are above the noise and not saturated in both frames; NaN without such samples.
+    /// Median ratio over samples that are above the noise and not saturated in both frames; NaN if there are no samples of this kind.
     pub measured: f64,
     /// Number of samples over which the median is taken.
     pub samples: usize,

@@ -71,7 +71,7 @@ pub(crate) fn relative(error: f64, scale: f64) -> f64 {
     }
 }
 
-/// Returns the root mean square; 0 for no values.
+/// Returns the root mean square of the values; 0 if there are none.
 pub(crate) fn rms(values: impl ExactSizeIterator<Item = f64>) -> f64 {
     let count = values.len().max(1) as f64;
     (values.map(|v| v * v).sum::<f64>() / count).sqrt()

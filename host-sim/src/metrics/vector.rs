@@ -1,6 +1,6 @@
 //! Vectors of three f64 for the scores.
 
-/// Returns the scalar product.
+/// Returns the scalar product of two vectors.
 pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
