@@ -8,11 +8,13 @@ use crate::front::{self, BurstError, Coverage, Excluded};
 use crate::healpix::{Domain, MapShape, Order};
 use crate::light::Decomposition;
 use crate::merge::{self, Exposure, Merge, MergeMode, MergeView, Samples};
-use crate::pixel_table::{self, PixelTable, PixelTableError, PixelTableView, Texel};
+use crate::pixel_table::{self, PixelTable, PixelTableError, Texel};
 use crate::polar::LatLongView;
 use crate::pyramid::{Pyramid, PyramidView, Quad};
 use crate::sampler::{Map, Request, Sampler};
 use crate::sizes::{self, Parts, Sizes, merge_sizes};
+use crate::stages::Stages;
+use crate::window::{self, NewFrame, Window};
 
 /// Converts bursts of one camera to a hemisphere map. The buffer `B` holds all tables and the map: a `Vec<u64>`, an array, or a mutable
 /// slice.
@@ -121,6 +123,51 @@ impl<B: Buffer<u64>> FrontEnd<B> {
         Ok(self.state.finish(&excluded, memory))
     }
 
+    /// Replaces one frame of `window` and the map, which is then that of the newest frame of each exposure; `added_up` is called as by
+    /// [`FrontEnd::process_timed`].
+    ///
+    /// # Errors
+    /// [`FrontError::Burst`] for a frame that does not match the calibration, an index that is not below the number of exposures, or a
+    /// window of another front end; the map is then unchanged.
+    pub fn slide<W: Buffer<u64>>(
+        &mut self,
+        window: &mut Window<W>,
+        frame: NewFrame<'_>,
+        added_up: impl FnOnce(),
+    ) -> Result<Coverage, FrontError> {
+        let mut stages = self.state.stages(self.memory.as_mut());
+        let excluded = window.add_up(frame, &self.state.calibration.layout, &mut stages)?;
+        added_up();
+        let coverage = window.finish(&excluded, &self.state.calibration, &mut stages);
+        if let Some(extrapolate) = self.state.extrapolate {
+            extrapolate(&mut stages.map, stages.pixel_table.texels);
+        }
+        Ok(coverage)
+    }
+
+    /// Number of `u64` elements to lend to [`FrontEnd::window`]: 16 bytes for each exposure and 8 for each texel of the source order, and
+    /// the tables of the exposures.
+    ///
+    /// # Errors
+    /// [`FrontError::Exposures`] for exposures that cannot be merged.
+    pub fn window_words(&mut self, exposures: &[Exposure]) -> Result<usize, FrontError> {
+        Ok(window::words(&self.state.stages(self.memory.as_mut()), exposures)?)
+    }
+
+    /// Creates a window of `exposures`, which ascend by time x gain, for frames of this camera. `memory` needs
+    /// [`FrontEnd::window_words`] elements.
+    ///
+    /// # Errors
+    /// [`FrontError`] for exposures that cannot be merged and for memory that is too short.
+    pub fn window<W: Buffer<u64>>(
+        &mut self,
+        exposures: &[Exposure],
+        memory: W,
+    ) -> Result<Window<W>, FrontError> {
+        let stages = self.state.stages(self.memory.as_mut());
+        Window::try_new(&self.state.calibration, &stages, exposures, memory)
+    }
+
     /// Returns the map of the last burst.
     #[must_use]
     pub fn map(&self) -> PyramidView<'_> {
@@ -184,13 +231,6 @@ impl<B: Buffer<u64>> FrontEnd<B> {
         let Parts { curve, tables, reciprocals, .. } = Parts::divide(self.memory.as_mut(), &self.state.sizes);
         f(&self.state.merge.over(merge::Tables { curve, exposures: tables, reciprocals }, self.state.mode))
     }
-}
-
-/// The stages of a burst over the buffers of a front end.
-struct Stages<'m> {
-    merge: MergeView<'m>,
-    pixel_table: PixelTableView<'m>,
-    map: Pyramid<&'m mut [Quad]>,
 }
 
 impl FrontEndState {

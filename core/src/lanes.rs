@@ -1,6 +1,7 @@
 //! The lanes of an accumulator: up to four sums per texel, one for each sample of a pixel or of a mosaic cell.
 
 use crate::format::Format;
+use crate::quad::Quad;
 use crate::tally::Tally;
 
 /// The assignment of lanes to colour channels, and the energy per count of each channel.
@@ -45,6 +46,12 @@ impl Lanes {
 
     pub(crate) fn with_tally(self, tally: Option<Tally>) -> Self {
         Self { tally, ..self }
+    }
+
+    /// The sums of `quad` per lane.
+    #[inline]
+    pub(crate) fn sums(&self, quad: &Quad) -> [f32; 4] {
+        self.tally.as_ref().map_or(quad.energy, |tally| tally.settled(quad))
     }
 
     /// Multiplies counts of red, green and blue by the energy per count.

@@ -29,8 +29,10 @@ mod pixel_table;
 mod quad;
 mod root;
 mod sizes;
+mod stages;
 mod tally;
 mod unpack;
+mod window;
 
 pub use buffer::{Buffer, TooSmall};
 pub use calibration::Calibration;
@@ -53,6 +55,7 @@ pub use sampler::q2tree::Q2Tree;
 pub use sampler::{Map, Request, Sampler, SamplerKind, UnknownSampler};
 pub use sizes::{BufferSize, Sizes};
 pub use unpack::{read_luma, read_rgb_row};
+pub use window::{NewFrame, Window};
 
 /// Stages of the front end, for the tests and benchmarks of this workspace. Unstable: not part of the public interface, changed or
 /// removed without notice.

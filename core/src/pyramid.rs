@@ -106,11 +106,16 @@ impl<Q: Buffer<Quad>> Pyramid<Q> {
     /// [`Pyramid::finish`].
     #[doc(hidden)]
     pub fn accumulators(&mut self, order: u8) -> &mut [Quad] {
-        let order = order.min(self.order);
-        let at = first(self.domain, order)..first(self.domain, order + 1);
-        let quads = self.quads.as_mut().get_mut(at).unwrap_or_default();
+        let quads = self.sums_mut(order);
         quads.fill(Quad::default());
         quads
+    }
+
+    /// The quads of `order` (at most the finest), whose sums [`Pyramid::finish`] converts.
+    pub(crate) fn sums_mut(&mut self, order: u8) -> &mut [Quad] {
+        let order = order.min(self.order);
+        let at = first(self.domain, order)..first(self.domain, order + 1);
+        self.quads.as_mut().get_mut(at).unwrap_or_default()
     }
 
     /// Converts the sums in the [accumulators](Pyramid::accumulators) of `order` to energy and computes the orders above the texels.

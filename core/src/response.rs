@@ -229,15 +229,15 @@ impl<B: Buffer<i32>> Curve<B> {
         }
         Ok(curve.over(table))
     }
+}
 
+impl<B: AsRef<[i32]>> Curve<B> {
     /// The same curve in borrowed memory.
     #[must_use]
     pub fn view(&self) -> Curve<&[i32]> {
         self.over(self.table.as_ref())
     }
-}
 
-impl<B: AsRef<[i32]>> Curve<B> {
     /// Relative exposure of `code` in channel `channel`, with [`CURVE_BITS`] fraction bits; codes above white count as white.
     #[must_use]
     pub fn exposure_q27(&self, channel: usize, code: u32) -> i32 {
@@ -265,6 +265,11 @@ impl<B> Curve<B> {
         Self { trusted, saturated: self.levels.code(SATURATED_COMPRESSED), ..self }
     }
 
+    /// The curve without saturated codes: saturation is found apart from the conversion.
+    pub(crate) fn unsaturated(self) -> Self {
+        Self { saturated: u32::MAX, ..self }
+    }
+
     /// Whether `code` is saturated: at least [`SATURATED`] of the range from black to white.
     #[must_use]
     pub fn is_saturated(&self, code: u32) -> bool {
@@ -288,6 +293,16 @@ impl<B> Curve<B> {
     #[must_use]
     pub fn saturated(&self) -> u32 {
         self.saturated
+    }
+
+    /// The table of the curve.
+    pub(crate) fn into_table(self) -> B {
+        self.table
+    }
+
+    /// The smallest trusted code.
+    pub(crate) fn trusted(&self) -> u32 {
+        self.trusted
     }
 
     /// Black and white level of a linear response; `None` for any other.

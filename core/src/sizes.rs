@@ -190,7 +190,7 @@ impl<'m> Parts<'m> {
 }
 
 /// Splits the words of `count` elements off the front of `memory` and returns them as `T`.
-fn first<'m, T: Pod>(memory: &mut &'m mut [u64], count: usize) -> &'m mut [T] {
+pub(crate) fn first<'m, T: Pod>(memory: &mut &'m mut [u64], count: usize) -> &'m mut [T] {
     let words = BufferSize::of::<T>("", count).words();
     let (own, rest) = take(memory).split_at_mut_checked(words).unwrap_or_default();
     *memory = rest;

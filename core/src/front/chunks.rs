@@ -5,7 +5,7 @@ use super::code_sums::CodeSums;
 use super::gather::{self, Merged, MergedChunk, PrefixSums, Products, Radiance, RunLight, Runs};
 use super::rows::{Part, Scratch};
 use crate::format::{Format, Layout};
-use crate::merge::{Channels, Codes, MAX_EXPOSURES, MergeView, Samples};
+use crate::merge::{Channels, Codes, Limits, MAX_EXPOSURES, MergeView, Samples};
 use crate::pixel_table::CHUNK;
 use crate::pyramid::Quad;
 use crate::tally::Tally;
@@ -25,6 +25,13 @@ impl Target<'_> {
     fn add(&mut self, len: usize, samples: usize, sums: &PrefixSums, light: &mut RunLight) {
         let below = &mut self.excluded.below;
         self.runs.add_merged(len, samples, sums, light, self.quads, below);
+    }
+
+    /// Marks the texels of those of the next `len` pixels whose codes reach `limits`.
+    fn mark(&mut self, codes: &Codes<'_>, samples: usize, len: usize, limits: Limits) {
+        if !codes.are_below(limits.bright.min(limits.clipped)) {
+            self.runs.mark(codes, samples, len, limits, self.quads);
+        }
     }
 }
 
@@ -82,6 +89,9 @@ impl<'a, 'f, 's> Chunks<'a, 'f, 's> {
         let codes = self.scratch.codes(self.frames, self.layout, part, self.merger.merge, &mut codes);
         let unread = codes.iter().take_while(|codes| !codes.is_read()).count();
         target.excluded.read += ((codes.len() - unread) * part.len) as u32;
+        if let (Some(limits), Some(codes)) = (self.merger.merge.limits, codes.last()) {
+            target.mark(codes, self.merger.channels.many(), part.len, limits);
+        }
         self.merger.add(codes, part.len, target);
     }
 
@@ -97,6 +107,9 @@ impl<'a, 'f, 's> Chunks<'a, 'f, 's> {
         let codes = longest.get(at..at + 3 * part.len).unwrap_or_default();
         let is_enough = self.merger.merge.suffices(shorter.len(), &Codes::Bytes(codes));
         if is_enough {
+            if let Some(limits) = self.merger.merge.limits {
+                target.mark(&Codes::Bytes(codes), 3, part.len, limits);
+            }
             let mut code_sums = CodeSums::new(&mut self.merger.sums, &mut self.merger.light);
             code_sums.sum_up(codes, tally);
             let Target { runs, quads, excluded, .. } = target;

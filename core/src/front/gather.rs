@@ -1,6 +1,8 @@
 //! Prefix sums over the pixels of a chunk, and their differences added to texels.
 
+use super::mark::Mark;
 use crate::healpix;
+use crate::merge::{Codes, Limits};
 use crate::pixel_table::{CHUNK, Run};
 use crate::pyramid::Quad;
 
@@ -279,6 +281,32 @@ impl Runs<'_> {
             }
         }
         clipped
+    }
+
+    /// Sets the [marks](Mark) of the texels of those of the first `len` pixels that have a code of `limits` or more.
+    // Not inlined: few chunks need it.
+    #[inline(never)]
+    pub(super) fn mark(
+        &self,
+        codes: &Codes<'_>,
+        samples: usize,
+        len: usize,
+        limits: Limits,
+        quads: &mut [Quad],
+    ) {
+        let mut first = 0;
+        for run in self.runs {
+            let end = (first + run.len()).min(len);
+            let most = (samples * first..samples * end).map(|at| codes.code(at)).fold(0, u32::max);
+            let mark = Mark { bright: most >= limits.bright, clipped: most >= limits.clipped };
+            if let Some(quad) = quads.get_mut(run.texel()) {
+                mark.add_to(quad);
+            }
+            first = end;
+            if end >= len {
+                break;
+            }
+        }
     }
 
     /// Removes the first `count` runs and their weights.

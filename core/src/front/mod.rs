@@ -7,6 +7,7 @@ mod bin;
 mod chunks;
 mod code_sums;
 mod gather;
+mod mark;
 mod planes;
 pub(crate) mod rows;
 
@@ -23,6 +24,7 @@ use crate::pyramid::{Pyramid, Quad};
 use crate::tally::Tally;
 use chunks::{Chunks, Target};
 use gather::{MergedChunk, Runs};
+pub(crate) use mark::Mark;
 use rows::{Part, Scratch};
 
 /// Statistics of one burst.
@@ -147,7 +149,8 @@ fn add_up(
     excluded: &mut Excluded,
 ) {
     Scratch::with(layout.format(), merge.wants_planes(), |scratch| {
-        let scratch = scratch.saturated_from(merge.saturated());
+        let scratch =
+            scratch.saturated_from(merge.limits.map_or(merge.saturated(), |limits| limits.saturated));
         MergedChunk::with(merge.has_products(), |merged| {
             let tally = tally(layout, merge, pixel_table);
             walk(Chunks::new(frames, layout, merge, scratch, merged, tally), pixel_table, quads, excluded);
@@ -193,12 +196,32 @@ pub(crate) fn finish<Q: Buffer<Quad>>(
     white_balance: [f32; 3],
     map: &mut Pyramid<Q>,
 ) -> Coverage {
+    let lanes = lanes(layout, merge, pixel_table, white_balance);
+    map.finish(pixel_table.source_order, pixel_table.texels, &lanes);
+    coverage(excluded, &lanes, pixel_table, map)
+}
+
+/// The conversion of the sums of [`accumulate`] to energy.
+pub(crate) fn lanes(
+    layout: &Layout,
+    merge: &MergeView<'_>,
+    pixel_table: &PixelTableView<'_>,
+    white_balance: [f32; 3],
+) -> Lanes {
     let unit = merge.unit() * pixel_table.weight_unit;
     // Limits the energy so that sums stay finite for any radiance scale.
     let most = f64::from(MAX_ENERGY) / (merge.most() * pixel_table.weight_sum as f64);
     let scale = white_balance.map(|w| (f64::from(w) * unit).min(most) as f32);
-    let lanes = Lanes::of(layout.format(), scale).with_tally(tally(layout, merge, pixel_table));
-    map.finish(pixel_table.source_order, pixel_table.texels, &lanes);
+    Lanes::of(layout.format(), scale).with_tally(tally(layout, merge, pixel_table))
+}
+
+/// Statistics of the burst in the finished `map`.
+pub(crate) fn coverage<Q: Buffer<Quad>>(
+    excluded: &Excluded,
+    lanes: &Lanes,
+    pixel_table: &PixelTableView<'_>,
+    map: &Pyramid<Q>,
+) -> Coverage {
     let below = luminance(lanes.rgb(excluded.below.map(|v| v.max(0.0))));
     let above = if below > 0.0 { map.view().total().y() } else { 0.0 };
     Coverage {

@@ -58,7 +58,7 @@ impl<'a> Codes<'a> {
     pub const NONE: Self = Self::Bytes(&[]);
 
     /// Returns the code of sample `at`; 0 beyond the end.
-    pub(super) fn code(&self, at: usize) -> u32 {
+    pub(crate) fn code(&self, at: usize) -> u32 {
         match self {
             Self::Bytes(s) => s.get(at).copied().map_or(0, u32::from),
             Self::Words(s) => s.get(at).copied().map_or(0, u32::from),
@@ -93,7 +93,7 @@ impl<'a> Codes<'a> {
     }
 
     /// Returns whether every code is below `limit`.
-    pub(super) fn are_below(&self, limit: u32) -> bool {
+    pub(crate) fn are_below(&self, limit: u32) -> bool {
         let bytes = |codes: &[u8]| u32::from(extreme(codes, u8::max)) < limit;
         match self {
             Self::Bytes(codes) => bytes(codes),

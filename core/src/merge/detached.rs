@@ -25,6 +25,7 @@ impl Detached {
     pub(crate) fn over<'a>(&'a self, tables: Tables<'a>, mode: MergeMode) -> MergeView<'a> {
         MergeView {
             mode,
+            limits: None,
             curve: self.curve.over(tables.curve),
             tables: tables.exposures,
             reciprocals: tables.reciprocals,

@@ -187,13 +187,17 @@ impl Linear {
     ) -> bool {
         // A white level above the type's range clips nothing; a saturation level above it is not supported by the comparison.
         let white = T::try_from(self.white).unwrap_or(T::MAX);
-        let Ok(saturated) = T::try_from(self.saturated) else { return false };
         let count = sums.len().min(reciprocals.len());
         if codes.iter().any(|c| c.len() < count) {
             return false;
         }
         let codes = codes.map(|c| c.get(..count).unwrap_or_default());
         let (sums, reciprocals) = (first_of(sums, count), first_of(reciprocals, count));
+        if N == 1 && self.saturated == u32::MAX {
+            self.each_block(&mut AllBut::<0>, codes, sums, reciprocals);
+            return true;
+        }
+        let Ok(saturated) = T::try_from(self.saturated) else { return false };
         let [shorter @ .., longest] = &codes[..] else { return false };
         let most = extreme(longest, T::max);
         let is_certain = shorter.iter().all(|c| extreme(c, T::max) < saturated);

@@ -72,11 +72,24 @@ struct Parameters {
 #[derive(Clone, Copy, Debug)]
 pub struct MergeView<'a> {
     pub(crate) mode: MergeMode,
+    /// The codes of the single exposure whose texels are marked.
+    pub(crate) limits: Option<Limits>,
     curve: Curve<&'a [i32]>,
     tables: &'a [u32],
     /// One element for each bit mask of valid exposures.
     reciprocals: &'a [Reciprocal],
     parameters: &'a Parameters,
+}
+
+/// Codes of an exposure from which a pixel cannot be compared with other exposures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Limits {
+    /// Smallest code that would be saturated in the next longer exposure.
+    pub(crate) bright: u32,
+    /// Smallest code that makes the texel invalid in this exposure.
+    pub(crate) clipped: u32,
+    /// Smallest saturated code.
+    pub(crate) saturated: u32,
 }
 
 /// Number of elements of each buffer of a merge.
@@ -108,7 +121,7 @@ const GAIN_BITS: u32 = 30;
 /// Number of bits of an integer radiance: 16 of them can be added in 32 bits.
 pub const COUNT_BITS: u32 = 27;
 
-impl<C: Buffer<i32>, P: Buffer<u32>, R: Buffer<Reciprocal>> Merge<C, P, R> {
+impl<C: AsRef<[i32]>, P: Buffer<u32>, R: Buffer<Reciprocal>> Merge<C, P, R> {
     /// Prepares the merge of `exposures`, which ascend by time x gain. `scale` is the radiance of relative exposure 1 at one second and
     /// gain 1. [`merge_size`] states the length of `tables` and `reciprocals`.
     ///
@@ -175,6 +188,7 @@ impl<C: Buffer<i32>, P: Buffer<u32>, R: Buffer<Reciprocal>> Merge<C, P, R> {
     pub fn view(&self) -> MergeView<'_> {
         MergeView {
             mode: MergeMode::All,
+            limits: None,
             curve: self.curve.view(),
             tables: self.tables.as_ref(),
             reciprocals: self.reciprocals.as_ref(),
@@ -196,6 +210,18 @@ impl<C: Buffer<i32>, P: Buffer<u32>, R: Buffer<Reciprocal>> Merge<C, P, R> {
             0
         };
         MergeSize { tables, reciprocals: 1 << self.parameters.count }
+    }
+}
+
+impl<'a> MergeView<'a> {
+    /// The response.
+    pub(crate) fn curve(&self) -> Curve<&'a [i32]> {
+        self.curve
+    }
+
+    /// The same merge, for frames whose texels are marked where codes reach `limits`.
+    pub(crate) fn marking(self, limits: Limits) -> Self {
+        Self { limits: Some(limits), ..self }
     }
 }
 
@@ -279,11 +305,11 @@ impl MergeView<'_> {
     pub(crate) fn sums(&self, codes: &[Codes<'_>], channels: Channels, sums: &mut [[i32; 4]]) -> Option<f32> {
         let MergeLoop::Table(scale) = &self.parameters.merge_loop else { return None };
         let (Codes::Planes(planes), shorter) = codes.split_last()? else { return None };
-        let is_alone = shorter.last().is_some_and(|codes| !codes.is_read());
+        let is_alone = shorter.last().map_or(self.saturated() == u32::MAX, |codes| !codes.is_read());
         if is_alone { self.tables(scale).sums(planes, channels, sums) } else { None }
     }
 
-    /// The smallest saturated code.
+    /// The smallest saturated code; `u32::MAX` if saturation is found apart from the merge.
     pub(crate) fn saturated(&self) -> u32 {
         self.curve.saturated()
     }
@@ -298,7 +324,7 @@ impl MergeView<'_> {
             MergeLoop::Linear(linear) => linear.of(from).is_some(),
             _ => true,
         };
-        has_loop && codes.are_below(self.saturated())
+        has_loop && (self.saturated() == u32::MAX || codes.are_below(self.saturated()))
     }
 
     /// The conversion of sums of codes of the longest exposure; `None` unless the mode is [`MergeMode::Needed`] and the sensor linear.

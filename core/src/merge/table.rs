@@ -9,7 +9,6 @@
 
 use super::linear::extreme;
 use super::{COUNT_BITS, Channels, Codes, Exposure, Reciprocal};
-use crate::buffer::Buffer;
 use crate::response::{CURVE_BITS, Curve};
 
 /// Number of entries per exposure: 256 codes of three channels.
@@ -55,7 +54,7 @@ pub(super) struct Whole {
 }
 
 /// Fills `tables`, [`ENTRIES`] elements per exposure, and returns their number format.
-pub(super) fn fill<C: Buffer<i32>>(tables: &mut [u32], curve: &Curve<C>, exposures: &[Exposure]) -> Scale {
+pub(super) fn fill<C: AsRef<[i32]>>(tables: &mut [u32], curve: &Curve<C>, exposures: &[Exposure]) -> Scale {
     let y = |channel, code| f64::from(curve.exposure_q27(channel, code)) / f64::from(1u32 << CURVE_BITS);
     let least = (0..3).map(|c| y(c, 0)).fold(0.0, f64::min);
     let most = (0..3).map(|c| y(c, 255)).fold(0.0, f64::max);
@@ -89,7 +88,7 @@ pub(super) fn fill<C: Buffer<i32>>(tables: &mut [u32], curve: &Curve<C>, exposur
 const DARK: u32 = 1 << MAX_UNROLLED;
 
 impl Whole {
-    fn of<C: Buffer<i32>>(curve: &Curve<C>, exposures: &[Exposure], shortest: f64, one: f64) -> Self {
+    fn of<C: AsRef<[i32]>>(curve: &Curve<C>, exposures: &[Exposure], shortest: f64, one: f64) -> Self {
         let many = exposures.len();
         // Full scale of the shortest exposure alone is 2^COUNT_BITS.
         let full = f64::from(1u32 << COUNT_BITS);

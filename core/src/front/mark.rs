@@ -1,0 +1,28 @@
+//! Marks of the texels of one exposure, in the fourth number of the first moment, which no sum of light uses.
+
+use crate::quad::Quad;
+
+/// What some pixel of a texel reaches in an exposure.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Mark {
+    /// A code that would be saturated in the next longer exposure.
+    pub(crate) bright: bool,
+    /// A saturated code.
+    pub(crate) clipped: bool,
+}
+
+impl Mark {
+    /// Adds the mark to those of `quad`.
+    #[inline]
+    pub(super) fn add_to(self, quad: &mut Quad) {
+        let bits = quad.moment[3].to_bits() | u32::from(self.bright) | u32::from(self.clipped) << 1;
+        quad.moment[3] = f32::from_bits(bits);
+    }
+
+    /// The marks of `quad`.
+    #[inline]
+    pub(crate) fn of(quad: &Quad) -> Self {
+        let bits = quad.moment[3].to_bits();
+        Self { bright: bits & 1 != 0, clipped: bits & 2 != 0 }
+    }
+}
