@@ -39,46 +39,46 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// One texel per degree of a hemisphere, as in \[Nikodym2012\].
+    /// The grid with one texel per degree of a hemisphere, as in \[Nikodym2012\].
     pub const POLAR: Self = Self { width: 360, height: 90, domain: Domain::Hemisphere };
 
-    /// Number of texels; `usize::MAX` on overflow.
+    /// Returns the number of texels; `usize::MAX` on overflow.
     #[must_use]
     pub const fn len(&self) -> usize {
         self.width.saturating_mul(self.height)
     }
 
-    /// Whether the map has no texels.
+    /// Returns whether the map has no texels.
     #[must_use]
     pub const fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Theta, radians, of the upper edge of `row`.
+    /// Returns theta, radians, of the upper edge of `row`.
     #[must_use]
     pub fn theta(&self, row: usize) -> f64 {
         let span = if self.domain == Domain::Sphere { PI } else { FRAC_PI_2 };
         row as f64 * span / self.height as f64
     }
 
-    /// Whether the map has texels and their indices fit 32 bits.
+    /// Returns whether the map has texels and their indices fit 32 bits.
     fn is_indexable(&self) -> bool {
         !self.is_empty() && u32::try_from(self.len()).is_ok()
     }
 
-    /// Phi, radians, of the left edge of `column`.
+    /// Returns phi, radians, of the left edge of `column`.
     #[must_use]
     pub fn phi(&self, column: usize) -> f64 {
         PI - column as f64 * TAU / self.width as f64
     }
 
-    /// Solid angle, steradians, of a texel of `row`.
+    /// Returns the solid angle, steradians, of a texel of `row`.
     #[must_use]
     pub fn solid_angle(&self, row: usize) -> f64 {
         (libm::cos(self.theta(row)) - libm::cos(self.theta(row.saturating_add(1)))) * TAU / self.width as f64
     }
 
-    /// Unit vector towards the centre of the texel with index `texel`, counted row by row.
+    /// Returns the unit vector towards the centre of the texel with index `texel`, counted row by row.
     #[must_use]
     pub fn centre(&self, texel: usize) -> DVec3 {
         let (row, column) = (texel / self.width.max(1), texel % self.width.max(1));
@@ -87,8 +87,8 @@ impl Grid {
         DVec3::new(sin * libm::cos(phi), sin * libm::sin(phi), cos)
     }
 
-    /// Index of the texel that contains the unit vector `direction`; `None` outside of the domain, and for maps without texels or with
-    /// 2^32 and more.
+    /// Returns the index of the texel that contains the unit vector `direction`; `None` outside of the domain, and for maps without texels or
+    /// with 2^32 texels and more.
     #[must_use]
     pub fn texel(&self, direction: DVec3) -> Option<usize> {
         let theta = libm::atan2(libm::hypot(direction.x, direction.y), direction.z);
@@ -96,14 +96,14 @@ impl Grid {
         Some(row * self.width + self.column(libm::atan2(direction.y, direction.x)))
     }
 
-    /// The row that contains `theta`; `None` outside of the domain, and for maps without texels or with 2^32 and more.
+    /// Returns the row that contains `theta`, radians; `None` outside of the domain, and for maps without texels or with 2^32 texels and more.
     fn row(&self, theta: f64) -> Option<usize> {
         let row = theta / self.theta(self.height) * self.height as f64;
         let outside = row >= self.height as f64 && self.domain == Domain::Hemisphere;
         (!outside && self.is_indexable()).then(|| (row as usize).min(self.height - 1))
     }
 
-    /// The column that contains `phi`, -pi to 2 pi.
+    /// Returns the column that contains `phi`, -pi to 2 pi.
     fn column(&self, phi: f64) -> usize {
         let turns = (PI - phi) / TAU;
         let column = if turns < 0.0 { turns + 1.0 } else { turns } * self.width as f64;
@@ -136,18 +136,18 @@ impl<B: Buffer<[f32; 3]>> LatLong<B> {
     /// Creates a map in `texels`, which needs `grid.len()` elements.
     ///
     /// # Errors
-    /// [`TooSmall`] if a buffer has too few elements.
+    /// [`TooSmall`] if `texels` has too few elements.
     pub fn try_new(grid: Grid, texels: B) -> Result<Self, TooSmall> {
         buffer::check(&texels, grid.len())?;
         Ok(Self { grid, texels })
     }
 
-    /// All texels, row by row.
+    /// Returns all texels, row by row.
     pub fn texels_mut(&mut self) -> &mut [[f32; 3]] {
         self.texels.as_mut().get_mut(..self.grid.len()).unwrap_or_default()
     }
 
-    /// Size and domain.
+    /// Returns size and domain.
     #[must_use]
     pub fn grid(&self) -> Grid {
         self.grid
@@ -162,7 +162,7 @@ impl<B: Buffer<[f32; 3]>> LatLong<B> {
         }
     }
 
-    /// Replaces the map by the energy of `pyramid`, resampled with `table`. The total energy is that of the quads of the table's order.
+    /// Replaces the map by the energy of `pyramid`, resampled with `table`. The total energy equals that of the quads of the table's order.
     pub fn fill<E: Buffer<Share>>(&mut self, table: &PolarTable<E>, pyramid: &PyramidView<'_>) {
         let texels = self.texels_mut();
         texels.fill([0.0; 3]);
@@ -203,7 +203,7 @@ const MAX_SIDE: u32 = 64;
 /// takes longer to compute.
 const FINENESS: f64 = 5.0;
 
-/// Number of sub-samples along a side of a quad, so that each column that the quad crosses gets some.
+/// Returns the number of sub-samples along a side of a quad, so that each column that the quad crosses gets sub-samples.
 fn side(grid: &Grid, order: u8, sin_theta: f64) -> u32 {
     let extent = libm::sqrt(healpix::solid_angle(order));
     let column = sin_theta.max(1e-6) * TAU / grid.width.max(1) as f64;
@@ -211,7 +211,7 @@ fn side(grid: &Grid, order: u8, sin_theta: f64) -> u32 {
     (libm::ceil(FINENESS * extent / column.min(row)) as u32).clamp(4, MAX_SIDE)
 }
 
-/// Calls `f` for every share of the quads of `face`, in NESTED order.
+/// Calls `f` with every share of the quads of `face`, in NESTED order.
 fn visit(grid: &Grid, order: u8, face: u32, mut f: impl FnMut(Share)) {
     let nside = f64::from(1u32 << order);
     let mut targets = [0u32; (MAX_SIDE * MAX_SIDE) as usize];
@@ -245,17 +245,17 @@ fn visit(grid: &Grid, order: u8, face: u32, mut f: impl FnMut(Share)) {
     }
 }
 
-/// Number of adjacent base faces whose shares differ by a rotation only: four if a quarter turn is a whole number of columns.
+/// Returns the number of adjacent base faces whose shares differ by a rotation only: four if a quarter turn is a whole number of columns.
 fn alike(grid: &Grid) -> u32 {
     if grid.width.is_multiple_of(4) { 4 } else { 1 }
 }
 
-/// The first base face of each group of [`alike`] faces.
+/// Returns the first base face of each group of [`alike`] faces.
 fn faces(grid: &Grid) -> impl Iterator<Item = u32> {
     (0..grid.domain.faces() as u32).step_by(alike(grid) as usize)
 }
 
-/// Number of shares that [`PolarTable::try_new`] needs for `grid` and quads of `order`; it takes the time of building the table.
+/// Returns the number of shares that [`PolarTable::try_new`] needs for `grid` and quads of `order`. Takes as long as building the table.
 #[must_use]
 pub fn shares_len(grid: &Grid, order: Order) -> usize {
     let order = order.get();
@@ -267,7 +267,7 @@ pub fn shares_len(grid: &Grid, order: Order) -> usize {
 }
 
 impl Share {
-    /// The share rotated by `quarters` of a turn: the azimuth increases with the face and decreases with the column.
+    /// Returns the share rotated by `quarters` of a turn: the azimuth increases with the face and decreases with the column.
     fn turned(self, grid: &Grid, order: u8, quarters: u32) -> Self {
         let width = (grid.width as u64).max(1);
         let (row, column) = (u64::from(self.to) / width, u64::from(self.to) % width);
@@ -278,10 +278,10 @@ impl Share {
 }
 
 impl<E: Buffer<Share>> PolarTable<E> {
-    /// Computes the table from quads of `order`, at most the order of the pyramid, to `grid`. [`shares_len`] states the length of `shares`.
+    /// Computes the table from quads of `order`, at most the order of the pyramid, to `grid`. [`shares_len`] returns the length of `shares`.
     ///
     /// # Errors
-    /// [`TooSmall`] if a buffer has too few elements.
+    /// [`TooSmall`] if `shares` has too few elements.
     pub fn try_new(grid: &Grid, order: Order, mut shares: E) -> Result<Self, TooSmall> {
         let order = order.get();
         let (slots, mut needed) = (shares.as_mut(), 0);

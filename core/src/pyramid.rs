@@ -17,7 +17,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! A pyramid from a latitude-longitude map: the energy of each texel is added to the quad at its centre.
+//! Example of a pyramid from a latitude-longitude map: the energy of each texel is added to the quad at its centre.
 //!
 //! ```
 //! use hemilux_core::polar::Grid;
@@ -47,13 +47,13 @@ use crate::lanes::{Lanes, Pick};
 use crate::pixel_table::Texel;
 pub use crate::quad::Quad;
 
-/// Number of quads of all orders from 0 to `order`.
+/// Returns the number of quads of all orders from 0 to `order`.
 #[must_use]
 pub const fn pyramid_len(domain: Domain, order: Order) -> usize {
     first(domain, order.get() + 1)
 }
 
-/// Index of the first quad of `order`: faces (4^order - 1) / 3.
+/// Returns the index of the first quad of `order`: faces (4^order - 1) / 3.
 pub(crate) const fn first(domain: Domain, order: u8) -> usize {
     domain.faces() * (((1 << (2 * order)) - 1) / 3)
 }
@@ -78,31 +78,31 @@ impl<Q: Buffer<Quad>> Pyramid<Q> {
     /// Creates a dark map in `quads`, which needs [`pyramid_len`] elements.
     ///
     /// # Errors
-    /// [`TooSmall`] if a buffer has too few elements.
+    /// [`TooSmall`] if `quads` has too few elements.
     pub fn try_new(mut quads: Q, domain: Domain, order: Order) -> Result<Self, TooSmall> {
         buffer::check(&quads, pyramid_len(domain, order))?;
         quads.as_mut().fill(Quad::default());
         Ok(Self { quads, domain, order: order.get() })
     }
 
-    /// A pyramid over quads that are already filled.
+    /// Creates a pyramid over quads that are already filled.
     pub(crate) fn over(quads: Q, domain: Domain, order: Order) -> Self {
         Self { quads, domain, order: order.get() }
     }
 
-    /// Quads of the finest order.
+    /// Returns the quads of the finest order.
     #[must_use]
     pub fn texels(&self) -> &[Quad] {
         self.view().quads_of(self.order)
     }
 
-    /// Quads of the finest order. Call [`Pyramid::build`] after changing them.
+    /// Returns the quads of the finest order for writing. Call [`Pyramid::build`] after changing them.
     pub fn texels_mut(&mut self) -> &mut [Quad] {
         let at = first(self.domain, self.order)..first(self.domain, self.order + 1);
         self.quads.as_mut().get_mut(at).unwrap_or_default()
     }
 
-    /// Clears and returns the quads of `order` (at most the finest), into whose `energy` the front end adds sums per lane for
+    /// Clears and returns the quads of `order` (at most the finest), to whose `energy` the front end adds sums per lane for
     /// [`Pyramid::finish`].
     #[doc(hidden)]
     pub fn accumulators(&mut self, order: u8) -> &mut [Quad] {
@@ -176,7 +176,7 @@ impl<Q: Buffer<Quad>> Pyramid<Q> {
     }
 }
 
-/// Computes each order above the texels from the next finer one.
+/// Computes each order above the texels from the next finer order.
 #[inline(never)]
 fn sum_up(quads: &mut [Quad], domain: Domain, order: u8) {
     for order in (0..order).rev() {
@@ -246,12 +246,13 @@ fn light(quad: &mut Quad, lanes: [f32; 4], texel: &Texel, rgb: &impl Fn([f32; 4]
     *quad = Quad { energy: [r, g, b, y], moment: [x, across, up, 0.0] };
 }
 
-/// `v`, or 0 if it is negative, without a comparison: on small cores that would cost more than the sum.
+/// Returns `v`, or 0 if it is negative, without a comparison: on small cores a comparison would cost more than the sum.
 #[inline]
 fn positive(v: f32) -> f32 {
     f32::from_bits((v.to_bits() as i32).max(0) as u32)
 }
 
+/// Returns the sum of the energies and first moments of four quads.
 fn sum(four: &[Quad; 4]) -> Quad {
     let [a, b, c, d] = four;
     Quad {
@@ -261,37 +262,37 @@ fn sum(four: &[Quad; 4]) -> Quad {
 }
 
 impl<'a> PyramidView<'a> {
-    /// A view of quads that are already filled.
+    /// Creates a view of quads that are already filled.
     pub(crate) fn over(quads: &'a [Quad], domain: Domain, order: Order) -> Self {
         Self { quads, domain, order: order.get() }
     }
 
-    /// The part of the sphere that the map covers.
+    /// Returns the part of the sphere that the map covers.
     #[must_use]
     pub fn domain(&self) -> Domain {
         self.domain
     }
 
-    /// Order of the texels.
+    /// Returns the order of the texels.
     #[must_use]
     pub fn order(&self) -> Order {
         Order::saturating(self.order)
     }
 
-    /// All quads of `order`; of the finest order if `order` is above it.
+    /// Returns all quads of `order`; those of the finest order if `order` is above it.
     #[must_use]
     pub fn quads_of(&self, order: u8) -> &'a [Quad] {
         let order = order.min(self.order);
         self.quads.get(first(self.domain, order)..first(self.domain, order + 1)).unwrap_or_default()
     }
 
-    /// Quad `ipix` of `order`; a dark quad if the index is outside of the map.
+    /// Returns quad `ipix` of `order`; a dark quad if the index is outside of the map.
     #[must_use]
     pub fn quad(&self, order: u8, ipix: u32) -> Quad {
         self.quads_of(order).get(ipix as usize).copied().unwrap_or_default()
     }
 
-    /// Energy and first moment of the whole map.
+    /// Returns energy and first moment of the whole map.
     #[must_use]
     pub fn total(&self) -> Quad {
         let mut total = Quad::default();
@@ -299,10 +300,10 @@ impl<'a> PyramidView<'a> {
         total
     }
 
-    /// Horizontal irradiance: radiance times cos(theta) times solid angle, summed over the hemisphere above the horizon, as a flat
-    /// cosine-corrected meter measures it.
+    /// Returns the horizontal irradiance, red, green and blue: radiance times cos(theta) times solid angle, summed over the hemisphere above the
+    /// horizon; the quantity that a flat cosine-corrected meter measures.
     ///
-    /// Exact for luminance. For each channel, cos(theta) is the luminance-weighted mean over a quad of order 4 (3.7 degrees).
+    /// The luminance is exact. For each channel, cos(theta) is the luminance-weighted mean over a quad of order 4 (3.7 degrees).
     #[must_use]
     pub fn horizontal_irradiance(&self) -> [f32; 3] {
         let mut sum = [0.0; 3];
@@ -313,7 +314,7 @@ impl<'a> PyramidView<'a> {
         sum
     }
 
-    /// Mean radiance of a quad: energy divided by its solid angle inside the domain.
+    /// Returns the mean radiance of a quad: energy divided by its solid angle inside the domain.
     #[must_use]
     pub fn radiance(&self, order: u8, ipix: u32) -> [f32; 3] {
         let omega = healpix::solid_angle(order) * self.domain.share(order, ipix);

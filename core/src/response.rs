@@ -34,7 +34,7 @@ pub const TRUSTED: f64 = 16.0 / 255.0;
 /// [`SATURATED`] of codes that were compressed with loss: ringing of JPEG spreads clipped values by some 4 % at quality 85.
 pub const SATURATED_COMPRESSED: f64 = 0.95;
 
-/// [`TRUSTED`] of codes that were compressed with loss: there a step of the quantisation exceeds a tenth of the code.
+/// [`TRUSTED`] of codes that were compressed with loss: below it a step of the quantisation exceeds a tenth of the code.
 pub const TRUSTED_COMPRESSED: f64 = 28.0 / 255.0;
 
 /// The codes of relative exposure 0 and 1.
@@ -57,15 +57,15 @@ pub enum Response {
     Srgb,
     /// y = c4 x^4 + c3 x^3 + c2 x^2 + c1 x + c0 for red, green and blue, highest power first.
     Polynomial([[f64; 5]; 3]),
-    /// y = sum of c_i B_i(x) for red, green and blue, with the Bernstein polynomials B_0..=B_8 of degree 8: monotone where the
-    /// coefficients ascend.
+    /// y = sum of c_i B_i(x) for red, green and blue, with the Bernstein polynomials B_0..=B_8 of degree 8: monotone if the coefficients
+    /// ascend.
     Bernstein([[f64; 9]; 3]),
 }
 
 impl Response {
-    /// Relative exposure of channel `channel` (0 red, 1 green, 2 blue) at relative code `x`.
+    /// Returns the relative exposure of channel `channel` (0 red, 1 green, 2 blue) at relative code `x`.
     ///
-    /// A linear response is negative below black, limited to -1, so that noise around black keeps its mean and sums of twelve frames fit.
+    /// A linear response is negative below black, limited to -1: noise around black keeps its mean, and the sum of twelve frames fits an `i32`.
     #[must_use]
     pub fn exposure(&self, channel: usize, x: f64) -> f64 {
         let x = x.min(1.0);
@@ -79,7 +79,7 @@ impl Response {
     }
 }
 
-/// A polynomial by its Bernstein coefficients: de Casteljau's algorithm.
+/// Returns the value at `x` of a polynomial with the given Bernstein coefficients, by de Casteljau's algorithm.
 fn bernstein(coefficients: &[f64; 9], x: f64) -> f64 {
     let mut c = *coefficients;
     for used in (1..c.len()).rev() {
@@ -101,7 +101,7 @@ pub enum ResponseError {
     BadLevels,
     /// Between black and white the curve is not finite, decreases, or leaves 0..1.05.
     BadCurve {
-        /// The channel: 0 red, 1 green, 2 blue.
+        /// Index of the channel: 0 red, 1 green, 2 blue.
         channel: usize,
     },
     /// A lent buffer has too few elements.
@@ -123,7 +123,7 @@ impl core::fmt::Display for ResponseError {
 
 impl core::error::Error for ResponseError {}
 
-/// Bits per unpacked sample.
+/// Number of bits of an unpacked sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Depth {
     /// Codes of 8 bits.
@@ -142,7 +142,7 @@ impl Depth {
         }
     }
 
-    /// Table entries per channel: one per code of up to 12 bits, plus one for interpolation.
+    /// Returns the number of table entries per channel: one per code of up to 12 bits, plus one for interpolation.
     const fn entries(self) -> usize {
         match self {
             Self::U8 => 257,
@@ -151,30 +151,30 @@ impl Depth {
     }
 }
 
-/// The tabulated relative exposure of every code, for three channels, in a lent buffer; `B` is `()` if the table is held elsewhere.
+/// The tabulated relative exposure of every code, for three channels, in a lent buffer; `B` is `()` for a curve without its table.
 #[derive(Clone, Copy, Debug)]
 pub struct Curve<B> {
     table: B,
     depth: Depth,
     /// Right shift from a code to its table entry: 0 for codes of up to 12 bits; finer codes are interpolated.
     shift: u32,
-    /// First saturated code.
+    /// Smallest saturated code.
     saturated: u32,
-    /// First trusted code.
+    /// Smallest trusted code.
     trusted: u32,
     /// The codes at which relative exposure is 0 (black) and 1 (white).
     levels: Levels,
     linear: bool,
 }
 
-/// Number of elements of the buffer of [`Curve::try_new`] for samples of `depth`.
+/// Returns the number of elements of the buffer of [`Curve::try_new`] for samples of `depth`.
 #[must_use]
 pub const fn curve_len(depth: Depth) -> usize {
     3 * depth.entries()
 }
 
 impl Curve<()> {
-    /// The constants of the curve, without its table.
+    /// Computes the constants of the curve, without its table.
     ///
     /// # Errors
     /// [`ResponseError::BadLevels`] for levels that do not ascend or exceed the samples.
@@ -197,7 +197,7 @@ impl Curve<()> {
 }
 
 impl Levels {
-    /// First code whose relative code is `x` or more.
+    /// Returns the smallest code whose relative code is `x` or more.
     fn code(&self, x: f64) -> u32 {
         libm::ceil(self.black + x * (self.white - self.black)) as u32
     }
@@ -232,13 +232,13 @@ impl<B: Buffer<i32>> Curve<B> {
 }
 
 impl<B: AsRef<[i32]>> Curve<B> {
-    /// The same curve in borrowed memory.
+    /// Returns the curve with its table borrowed.
     #[must_use]
     pub fn view(&self) -> Curve<&[i32]> {
         self.over(self.table.as_ref())
     }
 
-    /// Relative exposure of `code` in channel `channel`, with [`CURVE_BITS`] fraction bits; codes above white count as white.
+    /// Returns the relative exposure of `code` in channel `channel`, with [`CURVE_BITS`] fraction bits; codes above white count as white.
     #[must_use]
     pub fn exposure_q27(&self, channel: usize, code: u32) -> i32 {
         let entries = self.depth.entries();
@@ -253,13 +253,13 @@ impl<B: AsRef<[i32]>> Curve<B> {
 }
 
 impl<B> Curve<B> {
-    /// The same curve with its table in `table`.
+    /// Returns the curve with its table replaced by `table`.
     pub(crate) fn over<T>(&self, table: T) -> Curve<T> {
         let Self { depth, shift, saturated, trusted, levels, linear, .. } = *self;
         Curve { table, depth, shift, saturated, trusted, levels, linear }
     }
 
-    /// The curve for codes that were compressed with loss, of which fewer are trusted near black and white.
+    /// Returns the curve for codes that were compressed with loss: its limits of saturated and trusted codes are narrower.
     pub(crate) fn compressed(self) -> Self {
         let trusted = if self.linear { 0 } else { self.levels.code(TRUSTED_COMPRESSED) };
         Self { trusted, saturated: self.levels.code(SATURATED_COMPRESSED), ..self }
@@ -270,26 +270,26 @@ impl<B> Curve<B> {
         Self { saturated: u32::MAX, ..self }
     }
 
-    /// Whether `code` is saturated: at least [`SATURATED`] of the range from black to white.
+    /// Returns whether `code` is saturated: at least [`SATURATED`] of the range from black to white.
     #[must_use]
     pub fn is_saturated(&self, code: u32) -> bool {
         code >= self.saturated
     }
 
-    /// Whether `code` is trusted: at least [`TRUSTED`] of the range. Every code of a linear response is trusted, since discarding dark
-    /// samples would bias the mean.
+    /// Returns whether `code` is trusted: at least [`TRUSTED`] of the range from black to white. Every code of a linear response is trusted,
+    /// since discarding dark samples would bias the mean.
     #[must_use]
     pub fn is_trusted(&self, code: u32) -> bool {
         code >= self.trusted
     }
 
-    /// The same curve, marked for table lookup even if it is linear: for codes that are stored as planes.
+    /// Returns the curve marked for table lookup even if it is linear: for codes that are stored as planes.
     #[must_use]
     pub fn looked_up(self) -> Self {
         Self { linear: false, ..self }
     }
 
-    /// The smallest saturated code.
+    /// Returns the smallest saturated code.
     #[must_use]
     pub fn saturated(&self) -> u32 {
         self.saturated
@@ -305,20 +305,20 @@ impl<B> Curve<B> {
         self.trusted
     }
 
-    /// Black and white level of a linear response; `None` for any other.
+    /// Returns black and white level of a linear response; `None` for any other.
     #[must_use]
     pub fn linear_levels(&self) -> Option<Levels> {
         self.linear.then_some(self.levels)
     }
 
-    /// Depth of the samples whose codes the curve converts.
+    /// Returns the depth of the samples whose codes the curve converts.
     #[must_use]
     pub fn depth(&self) -> Depth {
         self.depth
     }
 }
 
-/// Tabulates one channel; `None` if the curve is not finite, decreases or leaves 0..1.05.
+/// Tabulates one channel; returns `None` if the curve is not finite, decreases or leaves 0..1.05.
 fn fill_row(response: &Response, channel: usize, row: &mut [i32], x: impl Fn(usize) -> f64) -> Option<()> {
     let mut last = f64::NEG_INFINITY;
     for (i, entry) in row.iter_mut().enumerate() {

@@ -1,15 +1,15 @@
 //! Reduces a light set: merges lights to a given number, or selects the lights that a surface can receive.
 //!
-//! Follows the clustering and the elimination of invisible lights of \[Havran2005\], of which only the abstract was available; cost and
-//! order are our own.
+//! The methods are the clustering and the elimination of invisible lights of \[Havran2005\], of which only the abstract was available; cost
+//! and order of the merges are those of this project.
 
 use crate::buffer::{self, Buffer, TooSmall};
 use crate::color::luminance;
 use crate::light::{Light, cap_radius_deg};
 use glam::Vec3;
 
-/// Number of subsequent lights among which the partner of a light is searched: all lights of a small set; in a large set those near it in
-/// the order of the tree.
+/// Number of subsequent lights among which the partner of a light is searched: in a small set all lights, in a large set the neighbours in
+/// the order of the samplers' trees.
 const WINDOW: usize = 256;
 
 /// Divisor of the number of lights that gives the number of merges before the costs are recomputed.
@@ -23,12 +23,13 @@ pub struct Pair {
     second: u32,
 }
 
-/// Merges lights until at most `most` are left, moves these to the front of `lights` and returns their number; `most` = 0 leaves no light.
+/// Merges lights until at most `most` are left, moves them to the front of `lights` and returns their number; `most` = 0 leaves no light.
 ///
-/// The energy of each channel is unchanged. A merged light is at the centroid of the two and keeps the id, age and parent of the brighter.
-/// `pairs` needs as many elements as `lights`. The time is that of about 2,000 cost computations per light.
+/// The energy of each channel is unchanged. A merged light is at the centroid of its two lights and keeps id, age and parent of the brighter.
+/// `pairs` needs as many elements as `lights`. The time is about 2,000 cost computations per light.
+///
 /// # Errors
-/// [`TooSmall`] for `pairs`; `lights` is then unchanged.
+/// [`TooSmall`] if `pairs` has too few elements; `lights` is then unchanged.
 ///
 /// # Examples
 /// ```
@@ -73,7 +74,7 @@ pub fn merge<P: Buffer<Pair>>(lights: &mut [Light], most: usize, pairs: &mut P) 
     Ok(count)
 }
 
-/// Writes the cheapest partner of each light except the last to `pairs`; returns their number.
+/// Writes the cheapest partner of each light except the last to `pairs`; returns the number of pairs.
 fn partners(lights: &[Light], pairs: &mut [Pair]) -> usize {
     let last = lights.len().saturating_sub(1);
     for (i, (light, pair)) in lights[..last].iter().zip(pairs.iter_mut()).enumerate() {
@@ -89,7 +90,7 @@ fn partners(lights: &[Light], pairs: &mut [Pair]) -> usize {
     last
 }
 
-/// Moves lights with ids other than 0 to the front in their order; returns their number.
+/// Moves lights with ids other than 0 to the front in their order; returns the number of such lights.
 fn compact(lights: &mut [Light]) -> usize {
     let mut count = 0;
     for i in 0..lights.len() {
@@ -101,12 +102,13 @@ fn compact(lights: &mut [Light]) -> usize {
     count
 }
 
+/// Returns the luminance of the light's irradiance.
 fn energy(light: &Light) -> f32 {
     luminance(light.irradiance)
 }
 
-/// Returns the light that replaces `a` and `b`. The cost of this is y1 y2 times the distance: the expected squared error over shadowed receivers is nearly
-/// proportional to it.
+/// Returns the light that replaces `a` and `b`. The cost of a merge is y1 y2 times the distance: the expected squared error over shadowed
+/// receivers is nearly proportional to it.
 fn merged(a: &Light, b: &Light) -> Light {
     let (ya, yb) = (energy(a), energy(b));
     let keep = if yb > ya { b } else { a };
@@ -119,7 +121,7 @@ fn merged(a: &Light, b: &Light) -> Light {
     Light { direction, irradiance, radius_deg, ..*keep }
 }
 
-/// Length of the mean direction over a light's cap.
+/// Returns the length of the mean direction over a light's cap.
 fn resultant(light: &Light) -> f32 {
     0.5 + 0.5 * libm::cosf(light.radius_deg.to_radians())
 }

@@ -11,7 +11,7 @@ use crate::color::luminance;
 /// Slope of the sigmoid in log-log units, about that of film. A lower value gives flat pictures; a higher one darkens shadows.
 const CONTRAST: f32 = 0.8;
 
-/// Display codes, 0..=255, of linear `rgb`; luminance `adaptation` is displayed as half of the linear range.
+/// Returns the display codes, 0..=255, of linear `rgb`; luminance `adaptation` is displayed as half of the linear range.
 ///
 /// Applies the sigmoid Y^n / (Y^n + A^n) of Naka and Rushton to the luminance and keeps the chromaticity. Within 1 code of an `f64`
 /// implementation.
@@ -26,7 +26,7 @@ pub fn sigmoid(rgb: [f32; 3], adaptation: f32) -> [u8; 3] {
     rgb.map(|v| srgb_code(v / y * display))
 }
 
-/// sRGB code of linear `v`, which is clamped to 0..=1.
+/// Returns the sRGB code of linear `v`, which is clamped to 0..=1.
 ///
 /// # Accuracy
 /// Within 0.01 of a code of the formula before rounding. A table takes a fifth of the instructions of `powf` on ARMv7; the power function
@@ -49,7 +49,7 @@ const STEPS: usize = (OCTAVES << STEP_BITS) as usize;
 /// Bit pattern of the smallest argument in the table: the bits of a float are nearly proportional to its logarithm.
 const BASE: u32 = 1f32.to_bits() - (OCTAVES << (f32::MANTISSA_DIGITS - 1));
 
-/// v^(1 / 2.4) at each table entry.
+/// Values of v^(1 / 2.4) at the table entries.
 static POWERS: [f32; STEPS + 1] = {
     let mut powers = [0.0; STEPS + 1];
     let mut i = 0;
@@ -60,7 +60,7 @@ static POWERS: [f32; STEPS + 1] = {
     powers
 };
 
-/// `v`^(1 / 2.4) by interpolation for `v` from 1/512 to 1.
+/// Returns `v`^(1 / 2.4) by interpolation, for `v` from 1/512 to 1.
 fn power(v: f32) -> f32 {
     let bits = v.to_bits().wrapping_sub(BASE);
     let steps = POWERS.get((bits >> SHIFT) as usize..).and_then(|p| p.first_chunk());
@@ -69,7 +69,7 @@ fn power(v: f32) -> f32 {
     a + (b - a) * part
 }
 
-/// Newton's method for y^12 = x^5, started at 1, for x in 0..=1.
+/// Solves y^12 = x^5 by Newton's method, started at 1, for x in 0..=1.
 const fn twelfth_root_of_fifth_power(x: f64) -> f64 {
     let x5 = x * x * x * x * x;
     let mut y = 1.0;

@@ -6,7 +6,7 @@ use crate::merge::{Codes, MAX_EXPOSURES, Samples};
 use crate::pixel_table::CHUNK;
 
 /// Reads the brightness of the pixel at column `x` and row `y` as a relative code: 0 is black, 1 is white; codes beyond the limited range
-/// of luma give values below 0 or above 1. The brightness is luma, the green channel, or the pixel's own sample of a mosaic. Returns 0
+/// of luma give values below 0 or above 1. The brightness is luma, the green channel or, in a mosaic, the pixel's own sample. Returns 0
 /// outside of the frame.
 ///
 /// ```
@@ -43,7 +43,7 @@ pub fn read_luma(layout: &Layout, frame: Samples<'_>, x: u32, y: u32) -> f32 {
     }
 }
 
-/// Reads luma, green or the mosaic's sample of pixel `x` of a row; 0 beyond the end.
+/// Returns luma, green or the mosaic's sample of pixel `x` of a row; 0 beyond the end.
 fn code_of_byte_row(format: Format, row: &[u8], x: usize) -> u16 {
     let byte = |at: usize| u16::from(row.get(at).copied().unwrap_or(0));
     match format {
@@ -58,8 +58,8 @@ fn code_of_byte_row(format: Format, row: &[u8], x: usize) -> u16 {
     }
 }
 
-/// Reads the red, green and blue codes of row `y` into `out`, up to the end of either. Luma and chroma are converted as in the front end;
-/// the four pixels of a mosaic cell get the codes of its red, its first green and its blue sample.
+/// Reads the red, green and blue codes of row `y` into `out`, up to the end of the row or of `out`. Luma and chroma are converted as in the
+/// front end; the four pixels of a mosaic cell get the codes of its red, its first green and its blue sample.
 ///
 /// Elements of `out` beyond the frame are unchanged.
 ///
@@ -82,7 +82,7 @@ pub fn read_rgb_row(layout: &Layout, frame: Samples<'_>, y: u32, out: &mut [[u16
     Scratch::with(layout.format(), false, |scratch| read_chunks(layout, frame, y as usize, out, scratch));
 }
 
-/// Reads every frame, channels interleaved.
+/// A [`Reader`] of all frames, with interleaved channels.
 struct Interleaved;
 
 impl Reader for Interleaved {
@@ -95,6 +95,7 @@ impl Reader for Interleaved {
     }
 }
 
+/// Reads row `y` in chunks of at most [`CHUNK`] pixels or mosaic cells.
 fn read_chunks(
     layout: &Layout,
     frame: Samples<'_>,
@@ -115,7 +116,7 @@ fn read_chunks(
     }
 }
 
-/// Assigns red, green and blue codes to each pixel.
+/// Writes the red, green and blue codes of each pixel; a pixel or mosaic cell covers `cell` columns.
 fn spread(format: Format, codes: &Codes<'_>, cell: usize, pixels: &mut [[u16; 3]]) {
     let channels = format.pattern().map(|pattern| pattern.channels());
     // Positions of red, the first green and blue in the samples of a pixel or cell.

@@ -1,4 +1,4 @@
-//! The light of one cell of the map over the last bursts.
+//! The energies of one cell of the map in the last bursts.
 
 use super::fit::{Basis, Estimate, Fit, TERMS};
 use super::window::{Past, WINDOW, Window};
@@ -8,55 +8,55 @@ use bytemuck::{Pod, Zeroable};
 const MODULATED: f32 = 10.0;
 const STEADY: f32 = 4.0;
 
-/// A value is a step where it differs from its prediction by this many standard deviations and by this share of the mean.
+/// A value is a step if it differs from its prediction by this many standard deviations, and by this share of the mean.
 const STEP_DEVIATIONS: f32 = 6.0;
 const STEP_SHARE: f32 = 0.05;
 
-/// Share by which a value may differ from the known modulation before the modulation counts as another one.
+/// Relative difference of a value from the modulation of the last fit above which that modulation is discarded.
 const OTHER_SHAPE: f32 = 0.2;
 
 /// Least light of the known modulation, relative to the mean, from which a mean is computed.
 const LEAST_LIGHT: f32 = 0.3;
 
-/// Least light of the known modulation, relative to the mean, from which the first value after a step alone gives the mean. With less light
-/// the step counts as a step of the mean.
+/// Least light of the last fit's modulation, relative to the mean, with which a single value after a step determines the mean. With less
+/// light the mean is taken from the fit that includes the step.
 const HALF_LIGHT: f32 = 0.5;
 
-/// Strength from which a known modulation would be seen in the noise of a fit.
+/// Strength (F statistic) of a modulation that is distinguishable from the noise of a fit.
 const SEEN: f32 = 40.0;
 
-/// Least mean, relative to that of a modulation, which shows the same lamp.
+/// Ratio of a mean to the mean of the last modulated fit above which both means are of the same lamp.
 const SAME_LIGHT: f32 = 0.5;
 
-/// Factor of the mean's weight from burst to burst.
+/// Factor per burst on the mean of the last modulated fit, so that an old mean loses its effect.
 const FORGETTING: f32 = 0.99;
 
-/// Number of harmonics' amplitudes.
+/// Number of amplitudes of the harmonics.
 const SHAPE: usize = TERMS - 1;
 
-/// The light of a cell over the last bursts.
+/// The energies of a cell in the last bursts, and its modulation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Cell {
     /// Luminance energies of the last bursts.
     pub(super) past: Past,
-    /// Amplitudes of the harmonics over the mean, from the last fit that found a modulation.
+    /// Amplitudes of the harmonics over the mean, from the last fit with a significant modulation; all 0 without one.
     pub(super) shape: [f32; SHAPE],
-    /// Exponentially weighted sums of the energies; their colour is the colour of the mean.
+    /// Exponentially weighted means of the red, green and blue energy; their ratio is the colour of the cell's mean.
     pub(super) colour: [f32; 3],
-    /// The mean of that fit.
+    /// Mean of the last fit with a significant modulation.
     pub(super) level: f32,
     /// Number of the last burst before the last step.
     pub(super) since: u32,
 }
 
 impl Cell {
-    /// Whether a modulation is known.
+    /// Returns whether the cell has a modulation from an earlier fit.
     pub(super) fn has_shape(&self) -> bool {
         self.shape != [0.0; SHAPE]
     }
 
-    /// Takes over the modulation that `found` shows, unless its light is only that of the surroundings of a lamp that is switched off.
+    /// Stores the modulation of `found`, unless its mean is so small that the lamp is off and the light comes from its surroundings.
     fn learn(&mut self, found: &Estimate) {
         self.level *= FORGETTING;
         if found.mean > (SAME_LIGHT * self.level).max(0.0) {
@@ -65,7 +65,7 @@ impl Cell {
         }
     }
 
-    /// Discards the known modulation if `found` has a sufficient mean but no such modulation. With a smaller mean the lamp may be off, and the
+    /// Discards the stored modulation if `found` has a sufficient mean but no such modulation. With a smaller mean the lamp may be off, and the
     /// light comes from its surroundings.
     fn doubt(&mut self, found: &Estimate) {
         let squares: f32 = self.shape.iter().map(|a| a * a).sum();
@@ -77,29 +77,29 @@ impl Cell {
     }
 }
 
-/// The mean of a cell, as far as it is not the newest value.
+/// The corrected energy of a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Level {
     /// Luminance energy without modulation.
     pub y: f32,
     /// Amplitude of the fundamental over the mean.
     pub depth: f32,
-    /// Whether the cell is modulated by itself, not only as a part of its region.
+    /// Whether the cell itself is modulated; `false` for a cell that is corrected because its region is modulated.
     pub is_modulated: bool,
 }
 
-/// The fits to the last bursts, by the number of bursts.
+/// The fits to the last bursts, one for each number of bursts.
 pub(super) struct Fits {
     pub basis: Basis,
     fits: [Option<Fit>; WINDOW + 1],
-    /// The number of bursts whose phases spread most evenly.
+    /// The number of bursts whose phases are spread most evenly.
     best: usize,
     slots: [usize; WINDOW],
     window: Window,
 }
 
 impl Fits {
-    /// The fits of `frequency`, whose phase in the newest burst is `phase`.
+    /// Computes the fits of `frequency`, whose phase in the newest burst is `phase` periods.
     pub fn new(window: &Window, phase: f64, frequency: f64) -> Self {
         let basis = Basis::new(window, phase, frequency);
         let fits = core::array::from_fn(|bursts| Fit::new(window, &basis, bursts));
@@ -108,13 +108,13 @@ impl Fits {
         Self { basis, fits, best, slots, window: *window }
     }
 
-    /// The fit for a cell of `age`; `None` if so few bursts do not determine a mean.
+    /// Returns the fit for a cell of `age` bursts; `None` if so few bursts do not determine a mean.
     fn of(&self, age: usize) -> Option<&Fit> {
         self.fits.get(age.min(self.best))?.as_ref()
     }
 
-    /// The mean of a cell or region; `None` if it is steady, dark, or not determined yet. A cell of a modulated region (`in_region`) is
-    /// freed of its modulation even if its own noise hides it.
+    /// Returns the corrected energy of a cell or region; `None` if it is steady, dark, or not determined yet. A cell of a modulated region
+    /// (`in_region`) is corrected even if its modulation is below the noise.
     pub fn level(&self, cell: &mut Cell, in_region: bool) -> Option<Level> {
         let Some(fit) = self.of(self.window.age(cell.since)) else { return self.of_known_shape(cell) };
         let newest = self.slots[0];
@@ -138,14 +138,14 @@ impl Fits {
         in_region.then_some(Level { y: without_wave, depth, is_modulated: false })
     }
 
-    /// Light of the known modulation of `cell` at one burst, relative to its mean.
+    /// Returns the light of the stored modulation of `cell` in the burst at `slot`, relative to its mean.
     fn light(&self, cell: &Cell, slot: usize) -> f32 {
         let [_, terms @ ..] = self.basis.at(slot);
         1.0 + cell.shape.iter().zip(terms).map(|(a, t)| a * t).sum::<f32>()
     }
 
-    /// The mean of a cell since its last step, from the modulation that it had before; `None` if it had none, or is darkest now or as dark as
-    /// without the lamp.
+    /// Returns the mean of a cell since its last step, from the modulation before the step; `None` if the cell had none, or if the light is too
+    /// low to compute a mean.
     fn of_known_shape(&self, cell: &mut Cell) -> Option<Level> {
         if !cell.has_shape() {
             return None;
@@ -176,7 +176,7 @@ impl Fits {
     }
 }
 
-/// The number of bursts, at least half of the window, over which the mean of the first four harmonics is closest to 0.
+/// Returns the number of bursts, at least half of the window, over which the mean of the first four harmonics is closest to 0.
 fn most_even(window: &Window, basis: &Basis) -> usize {
     let mut sums = [[0.0f32; 2]; 4];
     let mut best = (f32::INFINITY, 0);

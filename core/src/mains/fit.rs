@@ -14,22 +14,23 @@ pub(super) const TERMS: usize = 7;
 const TWO_HARMONICS: usize = 5;
 const FUNDAMENTAL: usize = 3;
 
-/// Degrees of freedom at which a variance is doubled for the judgement of steps.
+/// Degrees of freedom at which a variance is doubled for the comparison with steps.
 const FEW: f32 = 12.0;
 
-/// Added to the diagonal of the normal equations per burst, so that harmonics that the phases do not tell apart share their amplitude.
+/// Number added to the diagonal of the normal equations per burst, so that harmonics that have equal phases in all bursts share their
+/// amplitude.
 const RIDGE: f64 = 1e-3;
 
 /// Largest variance of the mean, relative to the mean of as many independent samples. Phases that do not spread over the period exceed
 /// it: they do not determine the mean.
 const MOST_VARIANCE: f64 = 3.0;
 
-/// The terms at the bursts of a window, by slot.
+/// The values of the terms of a fit in the bursts of a window, by slot.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Basis(pub [Past; TERMS]);
 
 impl Basis {
-    /// The terms of `frequency` at the times of `window`; `phase` is the phase of the newest burst, periods.
+    /// Computes the terms of `frequency` at the times of `window`; `phase` is the phase of the newest burst, periods.
     pub fn new(window: &Window, phase: f64, frequency: f64) -> Self {
         let mut terms = [[0.0; WINDOW]; TERMS];
         for back in 0..window.count() {
@@ -42,13 +43,13 @@ impl Basis {
         Self(terms)
     }
 
-    /// The terms at one burst.
+    /// Returns the terms in the burst at `slot`.
     pub fn at(&self, slot: usize) -> [f32; TERMS] {
         self.0.map(|term| term[slot % WINDOW])
     }
 }
 
-/// The part of `turns` beyond whole turns.
+/// Returns the part of `turns` beyond whole turns, 0..1.
 pub(super) fn fraction(turns: f64) -> f64 {
     turns - libm::floor(turns)
 }
@@ -56,10 +57,10 @@ pub(super) fn fraction(turns: f64) -> f64 {
 /// The fit to the newest bursts of a window.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Fit {
-    /// Number of bursts.
+    /// Number of bursts of the fit.
     pub bursts: usize,
     terms: usize,
-    /// The amplitude of each term is the scalar product of its row and the values.
+    /// Coefficients of each term: its amplitude is the scalar product of its row and the values.
     rows: [Past; TERMS],
     /// 1 for the bursts of the fit, 0 for older ones.
     mask: Past,
@@ -68,18 +69,19 @@ pub(super) struct Fit {
 }
 
 impl Fit {
-    /// The fit to `bursts` of `window` with as many terms as they determine; `None` if they do not determine the mean.
+    /// Computes the fit to `bursts` of `window` with as many terms as they determine; `None` if they do not determine the mean.
     pub fn new(window: &Window, basis: &Basis, bursts: usize) -> Option<Self> {
         [TERMS, TWO_HARMONICS, FUNDAMENTAL]
             .into_iter()
             .find_map(|terms| Self::of_terms(window, basis, bursts, terms))
     }
 
-    /// The fit of the mean and the fundamental.
+    /// Computes the fit of the mean and the fundamental; `None` if the bursts do not determine the mean.
     pub fn fundamental(window: &Window, basis: &Basis, bursts: usize) -> Option<Self> {
         Self::of_terms(window, basis, bursts, FUNDAMENTAL)
     }
 
+    /// Computes the fit of the first `terms` terms; `None` if the bursts do not determine the mean.
     fn of_terms(window: &Window, basis: &Basis, bursts: usize, terms: usize) -> Option<Self> {
         if bursts < terms + 2 || bursts > window.count() {
             return None;
@@ -101,12 +103,12 @@ impl Fit {
         Some(Self { bursts, terms, rows, mask, leverage })
     }
 
-    /// Degrees of freedom of the residuals.
+    /// Returns the degrees of freedom of the residuals.
     pub fn freedom(&self) -> usize {
         self.bursts.saturating_sub(self.terms)
     }
 
-    /// Fits `past`, whose newest value is that of `newest`.
+    /// Fits the values `past`; `newest` is the slot of the newest burst.
     pub fn estimate(&self, basis: &Basis, past: &Past, newest: usize) -> Estimate {
         let mut amplitudes = [0.0; TERMS];
         amplitudes.iter_mut().zip(&self.rows).for_each(|(a, row)| *a = dot(row, past));
@@ -141,9 +143,9 @@ pub(super) struct Estimate {
     pub mean: f32,
     /// Amplitudes of the harmonics.
     pub harmonics: [f32; TERMS - 1],
-    /// The modulation in the newest burst.
+    /// Modulation in the newest burst: its value minus the mean, as fitted.
     pub wave: f32,
-    /// Difference of the newest value and its prediction from the other ones.
+    /// Difference of the newest value and its prediction from the other values.
     pub surprise: f32,
     /// Sum of the squared residuals without the newest value.
     noise: f32,
@@ -151,47 +153,49 @@ pub(super) struct Estimate {
     squares: f32,
     /// Sum of the squared modulation.
     waves: f32,
-    /// Degrees of freedom of the residuals and of the modulation.
+    /// Degrees of freedom of the residuals, and of the modulation.
     freedom: f32,
     used: f32,
 }
 
 impl Estimate {
-    /// Variance that the modulation explains over that of the residuals (the F statistic).
+    /// Returns the variance of the modulation over the variance of the residuals (the F statistic).
     pub fn strength(&self) -> f32 {
         let floor = 1e-12 * self.mean * self.mean + f32::MIN_POSITIVE;
         (self.waves / self.used) / (self.squares / self.freedom + floor)
     }
 
-    /// Whether the newest value differs from its prediction by more than `deviations` standard deviations of the residuals and more than
-    /// the share `least` of the mean.
+    /// Returns whether the newest value differs from its prediction by more than `deviations` standard deviations of the residuals and more
+    /// than the share `least` of the mean.
     pub fn is_step(&self, deviations: f32, least: f32) -> bool {
         let freedom = (self.freedom - 1.0).max(1.0);
-        // Few residuals underestimate the variance.
+        // The variance of few residuals is an underestimate.
         let variance = self.noise / freedom * (1.0 + FEW / freedom);
         let squared = self.surprise * self.surprise;
         squared > deviations * deviations * variance && squared > (least * self.mean) * (least * self.mean)
     }
 
-    /// Amplitude of the fundamental over the mean.
+    /// Returns the amplitude of the fundamental over the mean.
     pub fn depth(&self) -> f32 {
         let [cos, sin, ..] = self.harmonics;
         if self.mean > 0.0 { libm::hypotf(cos, sin) / self.mean } else { 0.0 }
     }
 
-    /// Variance of the residuals.
+    /// Returns the variance of the residuals.
     pub fn variance(&self) -> f32 {
         self.squares / self.freedom.max(1.0)
     }
 
-    /// Sum of the squared residuals.
+    /// Returns the sum of the squared residuals.
     pub fn squares(&self) -> f32 {
         self.squares
     }
 }
 
+/// A matrix with a row and a column for each term.
 type Square = [[f64; TERMS]; TERMS];
 
+/// Returns the sums of the products of the terms over the newest `bursts` bursts, with the ridge on the diagonal.
 fn normal_equations(window: &Window, basis: &Basis, bursts: usize) -> Square {
     let mut sums = [[0.0; TERMS]; TERMS];
     for back in 0..bursts {
@@ -206,7 +210,8 @@ fn normal_equations(window: &Window, basis: &Basis, bursts: usize) -> Square {
     sums
 }
 
-/// Inverse of the leading `terms` rows and columns of a positive definite matrix by Gauss-Jordan elimination; the other elements are 0.
+/// Returns the inverse of the leading `terms` rows and columns of a positive definite matrix by Gauss-Jordan elimination; the other
+/// elements are 0.
 fn inverse(mut a: Square, terms: usize) -> Square {
     let mut inverse = [[0.0; TERMS]; TERMS];
     (0..terms).for_each(|i| inverse[i][i] = 1.0);
@@ -231,7 +236,7 @@ fn product(a: &[f64; TERMS], b: &[f32; TERMS]) -> f32 {
     a.iter().zip(b).map(|(a, b)| a * f64::from(*b)).sum::<f64>() as f32
 }
 
-/// Scalar product in four lanes.
+/// Returns the scalar product, summed in four lanes.
 pub(super) fn dot(a: &Past, b: &Past) -> f32 {
     let mut lanes = [0.0f32; 4];
     for (a, b) in a.as_chunks::<4>().0.iter().zip(b.as_chunks::<4>().0) {

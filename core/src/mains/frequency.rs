@@ -1,53 +1,55 @@
-//! Finds the frequency at which the light of a map varies.
+//! Searches and follows the frequency at which the light of a map varies.
 
 use super::cell::Cell;
 use super::fit::{Basis, Estimate, Fit, dot, fraction};
 use super::window::{WINDOW, Window};
 
-/// Frequencies at which lamps on the mains vary, hertz: twice that of the mains.
+/// Frequencies at which lamps on the mains vary, hertz: twice the frequency of the mains.
 pub(super) const LAMPS_HZ: [f64; 2] = [100.0, 120.0];
 
 /// Steps of the search, and number of steps to each side of a nominal frequency.
 const STEP_HZ: f64 = 0.1;
 const STEPS: i32 = 4;
 
-/// Distance of the frequencies that are tried first, steps, and the explained share from which those between them are tried.
+/// Distance, in steps, of the frequencies that are tried first, and the explained share of the variance above which the frequencies
+/// between them are tried.
 const COARSE: i32 = 3;
 const PROMISING: f32 = 0.25;
 
-/// Bursts between two searches, which take as many instructions as the rest of the stage together.
+/// Number of bursts between two searches: a search takes as many instructions as the rest of the stage.
 const SEARCH_EVERY: u32 = 4;
 
-/// Share of the variance that a frequency off the nominal one must explain in addition.
+/// Share of the variance, per step from the nominal frequency, by which another frequency must explain more.
 const OFF_NOMINAL: f32 = 0.01;
 
-/// Steps and range of the search in bursts without times, periods per burst.
+/// Step and range of the search in bursts without times, periods per burst.
 const STEP_PER_BURST: f64 = 0.02;
 const PER_BURST: [f64; 2] = [0.06, 0.5];
 
-/// Fewest bursts from which a frequency is found: in fewer, a period of a slow alias looks like a lamp that is switched once.
+/// Least number of bursts for a search: in fewer bursts, a period of a slow alias equals a lamp that is switched once.
 const FEWEST: usize = 8;
 
-/// Share of the variance that a frequency explains when it is found, with few and with many bursts, and below which it is lost.
+/// Least share of the variance that a frequency explains to be locked with fewer than [`MANY`] bursts and with more, and the share below
+/// which it is lost.
 const FOUND: [f32; 2] = [0.8, 0.6];
 const MANY: usize = 12;
 const LOST: f32 = 0.35;
 
-/// Share of the variance that a waveform of three harmonics explains when it is found with many bursts, for light of which the fundamental
-/// explains less: a rectangle, or a lamp that is clipped at some phases.
+/// Least share of the variance that a waveform of three harmonics explains to be locked with [`MANY`] bursts if the fundamental explains
+/// less: for example a rectangle, or a lamp that is clipped at some phases.
 const FOUND_WAVEFORM: f32 = 0.9;
 
-/// Bursts without light that varies which count as one that is explained badly.
+/// Number of bursts without varying light that have the same effect as one burst that the frequency explains badly.
 const UNKNOWN: u32 = 8;
 
-/// Least change of the phase from burst to burst, periods: slower modulation may be a change of the light itself.
+/// Least change of the phase from burst to burst, periods: a slower modulation may be a change of the light itself.
 const LEAST_ADVANCE: f64 = 0.12;
 
-/// Least ratio of standard deviation to mean for which a frequency is searched, of one region and of all regions together.
+/// Least ratio of standard deviation to mean for which a frequency is searched: of one region, and of all regions together.
 const VARYING: f32 = 0.002;
 const VARYING_IN_ALL: f32 = 0.0005;
 
-/// Lamps whose frequency is looked for.
+/// The lamps whose frequency is searched.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Lamps {
@@ -58,7 +60,7 @@ pub enum Lamps {
     Mains50,
     /// Lamps on mains of 60 Hz, which vary at 120 Hz.
     Mains60,
-    /// No lamps: every map stays as it is.
+    /// No lamps: no map is changed.
     Off,
 }
 
@@ -69,23 +71,24 @@ impl Lamps {
     /// Names of [`Lamps::ALL`]: the frequency of the mains.
     pub const NAMES: [&str; 4] = ["auto", "50", "60", "off"];
 
-    /// The name, of [`Lamps::NAMES`].
+    /// Returns the name, an element of [`Lamps::NAMES`].
     #[must_use]
     pub fn name(self) -> &'static str {
         Self::NAMES[self as usize]
     }
 
-    /// The lamps with this name; `None` for an unknown name.
+    /// Returns the lamps with the name `name`; `None` for an unknown name.
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|lamps| lamps.name() == name)
     }
 
-    /// Frequencies at which the lamps vary, hertz.
+    /// Returns the frequencies at which the lamps vary, hertz.
     pub(super) fn frequencies_hz(self) -> impl Iterator<Item = f64> {
         LAMPS_HZ.into_iter().enumerate().filter(move |(index, _)| self.allows(*index)).map(|(_, hz)| hz)
     }
 
+    /// Returns whether element `index` of [`LAMPS_HZ`] is a frequency of the lamps.
     fn allows(self, index: usize) -> bool {
         match self {
             Self::Auto => true,
@@ -96,17 +99,17 @@ impl Lamps {
     }
 }
 
-/// A frequency that was found.
+/// The frequency of a modulation, followed from burst to burst.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Lock {
-    /// Hertz, or periods per burst in bursts without times.
+    /// Frequency, hertz; in bursts without times, periods per burst.
     pub frequency: f64,
     /// Phase in the newest burst, periods.
     pub phase: f64,
-    /// Range in which the frequency is followed.
+    /// Least and largest frequency to which drift is followed.
     range: [f64; 2],
     step: f64,
-    /// Bursts in a row that it explained badly, each counted [`UNKNOWN`] times, and without light that varies.
+    /// Number of successive bursts that the frequency explained badly, each counted [`UNKNOWN`] times, plus bursts without varying light.
     poor: u32,
 }
 
@@ -120,13 +123,13 @@ impl Lock {
         self.phase = fraction(self.phase + self.frequency * window.since(1));
     }
 
-    /// Follows the drift of the frequency; `None` once it explains the light no longer.
+    /// Follows the drift of the frequency; returns `None` once the frequency no longer explains the light.
     pub fn follow(mut self, window: &Window, regions: &[Cell]) -> Option<Self> {
         let score =
             |offset: f64| explained(window, regions, self.frequency + offset * self.step, Fit::fundamental);
         let found = score(0.0);
         let here = found.unwrap_or(0.0);
-        // Light that is off or has just changed says nothing.
+        // Light that is off or has just changed is not evidence against the frequency.
         let doubt = if found.is_some() { UNKNOWN } else { 1 };
         self.poor = if here < LOST { self.poor + doubt } else { 0 };
         if here > FOUND[1] && window.count() >= MANY {
@@ -140,7 +143,8 @@ impl Lock {
     }
 }
 
-/// Looks for the frequency that explains the variance of the regions best. `has_times` states whether the times of `window` are seconds.
+/// Returns the frequency that explains the variance of the regions best, if it explains enough. `has_times` states whether the times of
+/// `window` are in seconds.
 pub(super) fn find(window: &Window, regions: &[Cell], lamps: Lamps, has_times: bool) -> Option<Lock> {
     let is_due = window.count() >= FEWEST && window.number().is_multiple_of(SEARCH_EVERY);
     if lamps == Lamps::Off || !is_due || !varies(window, regions) {
@@ -188,20 +192,20 @@ pub(super) fn find(window: &Window, regions: &[Cell], lamps: Lamps, has_times: b
     best.filter(is_found).map(|(_, lock)| lock)
 }
 
-/// Whether the phase of `frequency` differs enough from burst to burst.
+/// Returns whether the phase of `frequency` changes by at least [`LEAST_ADVANCE`] from burst to burst.
 fn advances(window: &Window, frequency: f64) -> bool {
     let intervals = window.count().saturating_sub(1).max(1);
     let periods = frequency * window.since(intervals) / intervals as f64;
     libm::fabs(periods - libm::round(periods)) >= LEAST_ADVANCE
 }
 
-/// Modulation that an exposure of `periods` periods records of a sinusoid of amplitude 1.
+/// Returns the modulation that an exposure of `periods` periods records of a sinusoid of amplitude 1.
 pub(super) fn response(periods: f64) -> f64 {
     let angle = core::f64::consts::PI * periods;
     if angle > 1e-6 { libm::fabs(libm::sin(angle)) / angle } else { 1.0 }
 }
 
-/// Variance of a region over the window.
+/// Mean and sum of the squared deviations of a region's energy over the window.
 struct Variation {
     mean: f32,
     squares: f32,
@@ -218,12 +222,13 @@ impl Variation {
         Self { mean, squares: (dot(&off, &off) - unused).max(0.0) }
     }
 
+    /// Returns the standard deviation of `bursts` values.
     fn deviation(&self, bursts: usize) -> f32 {
         libm::sqrtf(self.squares / bursts.max(1) as f32)
     }
 }
 
-/// Whether the light varies enough to look for a frequency. Light at rest takes the comparison of two bursts alone.
+/// Returns whether the light varies enough for a search. For steady light only the last two bursts are compared.
 fn varies(window: &Window, regions: &[Cell]) -> bool {
     let [now, before] = [0, 1].map(|back| window.slot(back));
     let (mut sum, mut change) = (0.0, 0.0);
@@ -244,8 +249,8 @@ fn varies(window: &Window, regions: &[Cell]) -> bool {
     varying > VARYING_IN_ALL * all
 }
 
-/// Share of the variance of the regions that the fit `of` `frequency` explains, corrected for the degrees of freedom; `None` if the times of
-/// the window do not determine a mean at that frequency.
+/// Returns the share of the variance of the regions that the fit `of` `frequency` explains, corrected for the degrees of freedom; `None` if
+/// the times of the window do not determine a mean at `frequency`.
 fn explained(
     window: &Window,
     regions: &[Cell],

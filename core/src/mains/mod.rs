@@ -1,12 +1,12 @@
 //! Removes the flicker of lamps on the mains from the map of each burst.
 //!
-//! A lamp on the mains varies 100 or 120 times a second. An exposure of a millisecond, which alone shows a lamp unclipped, records the
-//! lamp at one phase; its map differs from burst to burst. From the times of the last bursts and the energy of each cell of the map, a
-//! mean and three harmonics are fitted, and the mean replaces the energy. The merge is linear and a burst's frames have fixed times relative
-//! to each other, so that the fit applies to the merged map whatever exposures a cell is valid in.
+//! A lamp on the mains varies 100 or 120 times a second. An exposure of a millisecond, in which a lamp is not clipped, records one phase of
+//! the lamp, so the map differs from burst to burst. A mean and three harmonics are fitted to the energies of each cell of the map at the
+//! times of the last bursts, and the mean replaces the energy. The merge is linear and a burst's frames have fixed times relative to each
+//! other, so the fit applies to the merged map whichever exposures of a cell are valid.
 //!
-//! Cells without significant modulation are not changed. An abrupt change restarts the fit of a cell; the known modulation then converts
-//! the first values to means.
+//! Cells without significant modulation are not changed. An abrupt change of a cell's energy restarts its fit; until the fit is determined,
+//! the values are divided by the modulation of the former fit.
 //!
 //! ```
 //! use hemilux_core::mains::{Cell, Lamps, Mains, mains_len};
@@ -48,31 +48,31 @@ use frequency::Lock;
 pub use rate::{best_rate, whole_periods};
 use window::Window;
 
-/// Orders between a cell and its region.
+/// Difference of order between a cell and its region.
 const REGION: u8 = 2;
 
-/// Finest order of cells; the texels of a finer map are grouped.
+/// Finest order of cells; the texels of a finer map are combined to cells of this order.
 const FINEST: u8 = 5;
 
 /// Longest time between two bursts that one fit spans, seconds.
 const LONGEST_GAP_S: f64 = 1.0;
 
-/// Largest modulation that an exposure records of a modulation of 1, if it is merged besides the shortest and the longest one.
+/// Largest modulation that an exposure may record of a modulation of 1 to be merged beside the shortest and the longest exposure.
 const MOST_RESPONSE: f64 = 0.25;
 
-/// Weight of a new burst in the colour of a cell.
+/// Weight of a new burst in the mean colour of a cell.
 const NEW_COLOUR: f32 = 1.0 / 8.0;
 
-/// Modulation of the light that was found and removed.
+/// The modulation of the light that was removed from a map.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub struct Flicker {
-    /// Frequency of the modulation; `None` where none is found, and for bursts without times.
+    /// Frequency of the modulation, hertz; `None` without a modulation, and for bursts without times.
     pub frequency_hz: Option<f32>,
-    /// Mean amplitude of the modulation over the mean of the cells that it was removed from.
+    /// Amplitude of the modulation over the mean, 0..=1, averaged over the corrected cells.
     pub depth: f32,
-    /// Share of the map's luminance energy that is an estimate over several bursts.
+    /// Share of the map's luminance energy that is an estimate over several bursts, 0..=1.
     pub share: f32,
 }
 
@@ -81,17 +81,17 @@ impl Flicker {
     pub const NONE: Self = Self { frequency_hz: None, depth: 0.0, share: 0.0 };
 }
 
-/// Order of the cells for a map of `order`.
+/// Returns the order of the cells for a map of `order`.
 const fn cell_order(order: Order) -> u8 {
     if order.get() > FINEST { FINEST } else { order.get() }
 }
 
-/// Order of the regions for cells of `order`.
+/// Returns the order of the regions for cells of `order`.
 const fn region_order(order: u8) -> u8 {
     order.saturating_sub(REGION)
 }
 
-/// Number of [`Cell`]s that [`Mains::try_new`] needs for hemisphere maps of `order`.
+/// Returns the number of [`Cell`]s that [`Mains::try_new`] needs for hemisphere maps of `order`.
 #[must_use]
 pub const fn mains_len(order: Order) -> usize {
     let cells = cell_order(order);
@@ -101,24 +101,25 @@ pub const fn mains_len(order: Order) -> usize {
 /// Removes the flicker of lamps from the maps of successive bursts.
 #[derive(Clone, Debug)]
 pub struct Mains<B> {
-    state: State,
+    state: MainsState,
     cells: B,
 }
 
+/// The state of [`Mains`] without its cells.
 #[derive(Clone, Copy, Debug)]
-struct State {
+struct MainsState {
     /// Order of the cells.
     order: u8,
     lamps: Lamps,
     window: Window,
     has_times: bool,
-    /// The time that was stated for the last burst.
+    /// The time that the caller stated for the last burst.
     stated: Option<f64>,
     lock: Option<Lock>,
 }
 
 impl<B: Buffer<Cell>> Mains<B> {
-    /// Prepares for hemisphere maps of `order`; `cells` needs [`mains_len`] elements.
+    /// Creates the stage for hemisphere maps of `order`; `cells` needs [`mains_len`] elements.
     ///
     /// # Errors
     /// [`TooSmall`] if `cells` has too few elements.
@@ -127,7 +128,7 @@ impl<B: Buffer<Cell>> Mains<B> {
         cells.as_mut().fill(Cell::default());
         let order = cell_order(order);
         Ok(Self {
-            state: State {
+            state: MainsState {
                 order,
                 lamps,
                 window: Window::default(),
@@ -139,7 +140,7 @@ impl<B: Buffer<Cell>> Mains<B> {
         })
     }
 
-    /// Replaces the lamps that are looked for and forgets all bursts, if `lamps` differ from those before.
+    /// Sets the lamps whose frequency is searched. If `lamps` differ from the former lamps, discards all bursts.
     pub fn set_lamps(&mut self, lamps: Lamps) {
         if self.state.lamps != lamps {
             self.state.lamps = lamps;
@@ -147,15 +148,15 @@ impl<B: Buffer<Cell>> Mains<B> {
         }
     }
 
-    /// Forgets all bursts.
+    /// Discards all bursts.
     pub fn restart(&mut self) {
         self.state.restart(self.cells.as_mut());
     }
 
-    /// Whether the next burst is to be merged with an exposure of `seconds` that is neither its shortest nor its longest.
+    /// Returns whether the next burst is to be merged with an exposure of `seconds` that is neither its shortest nor its longest.
     ///
-    /// While a frequency is known, exposures much shorter than its period, or between its multiples, are not: a bright cell would be valid
-    /// in them at some phases and clipped at others, so that the merged light would depend on the phase in another way than the lamp does.
+    /// While a frequency is locked, exposures much shorter than its period, or between its multiples, are left out: a bright cell would be
+    /// valid in them at some phases and clipped at others, so that the phase would affect the merged light by more than the lamp's modulation.
     #[must_use]
     pub fn keeps(&self, seconds: f64) -> bool {
         self.state.lock.is_none_or(|lock| {
@@ -165,11 +166,11 @@ impl<B: Buffer<Cell>> Mains<B> {
         })
     }
 
-    /// Takes the map of the next burst and removes the modulation that the last bursts show. `at` is the time of the burst's shortest
-    /// exposure in seconds, from any origin; `None` for bursts at equal but unknown intervals, whose frequency is then unknown as well; so
-    /// are times that do not advance.
+    /// Processes the map of the next burst and removes the modulation over the last bursts. `at` is the time of the burst's shortest exposure in
+    /// seconds, from any origin; `None` for bursts at equal, unknown intervals, for which no frequency is returned. A time that does not differ
+    /// from that of the last burst counts as `None`.
     ///
-    /// A map without significant modulation is not changed, nor is one of another domain or order.
+    /// A map without significant modulation, and a map of another domain or order, is not changed.
     pub fn update<Q: Buffer<Quad>>(&mut self, map: &mut Pyramid<Q>, at: Option<f64>) -> Flicker {
         let view = map.view();
         let is_other = view.domain() != Domain::Hemisphere || cell_order(view.order()) != self.state.order;
@@ -185,7 +186,7 @@ impl<B: Buffer<Cell>> Mains<B> {
     }
 }
 
-/// Sums over the cells that were corrected.
+/// Sums over the corrected cells.
 #[derive(Default)]
 struct Corrected {
     energy: f32,
@@ -193,13 +194,13 @@ struct Corrected {
     cells: usize,
 }
 
-/// Memory of the cells and regions.
+/// The memory of [`Mains`], divided into cells and regions.
 struct Divided<'a> {
     cells: &'a mut [Cell],
     regions: &'a mut [Cell],
 }
 
-impl State {
+impl MainsState {
     fn restart(&mut self, cells: &mut [Cell]) {
         (self.window, self.lock) = (Window::default(), None);
         cells.fill(Cell::default());
@@ -215,7 +216,7 @@ impl State {
 
     /// Adds a burst to the window and its energies to the cells and regions.
     fn remember<Q: Buffer<Quad>>(&mut self, map: &Pyramid<Q>, at: Option<f64>, cells: &mut [Cell]) {
-        // A time that stands still is none.
+        // A time that does not advance counts as no time.
         let at = at.filter(|at| self.stated.replace(*at) != Some(*at));
         let has_times = at.is_some();
         let last = self.window.last();
@@ -240,7 +241,7 @@ impl State {
         }
     }
 
-    /// Finds the frequency, or follows its drift.
+    /// Searches the frequency, or follows its drift.
     fn follow(&mut self, cells: &mut [Cell]) -> Option<Lock> {
         let window = self.window;
         let regions = self.divide(cells).regions;
@@ -254,6 +255,7 @@ impl State {
         self.lock
     }
 
+    /// Replaces the energy of each modulated cell by its mean.
     fn correct<Q: Buffer<Quad>>(&self, map: &mut Pyramid<Q>, lock: &Lock, cells: &mut [Cell]) -> Flicker {
         let fits = Fits::new(&self.window, lock.phase, lock.frequency);
         let Divided { cells, regions } = self.divide(cells);
@@ -270,7 +272,7 @@ impl State {
                 let Some(level) = fits.level(cell, in_region) else { continue };
                 let texels = ((first + index) << below)..((first + index + 1) << below);
                 let Some(texels) = map.texels_mut().get_mut(texels) else { continue };
-                replace(texels, &level, cell, Place { order, cell: (first + index) as u32 });
+                replace(texels, &level, cell, CellIndex { order, cell: (first + index) as u32 });
                 sums.add(&level);
             }
         }
@@ -294,15 +296,15 @@ impl Corrected {
     }
 }
 
-/// A quad of the map.
+/// The index of a cell, and its order.
 #[derive(Clone, Copy)]
-struct Place {
+struct CellIndex {
     order: u8,
     cell: u32,
 }
 
-/// Replaces the energy of the texels of a cell by that of `level`; the texels keep their shares of it.
-fn replace(texels: &mut [Quad], level: &Level, cell: &Cell, place: Place) {
+/// Replaces the energy of the texels of a cell by `level`; each texel keeps its share of the energy.
+fn replace(texels: &mut [Quad], level: &Level, cell: &Cell, index: CellIndex) {
     let found: f32 = texels.iter().map(Quad::y).sum();
     let mean = luminance(cell.colour);
     if found > 0.0 && (!level.is_modulated || mean <= 0.0) {
@@ -311,7 +313,7 @@ fn replace(texels: &mut [Quad], level: &Level, cell: &Cell, place: Place) {
     } else if mean > 0.0 {
         let rgb = cell.colour.map(|v| v * level.y / mean);
         let equal = 1.0 / texels.len().max(1) as f32;
-        let centre = healpix::centre(place.order, place.cell).as_vec3();
+        let centre = healpix::centre(index.order, index.cell).as_vec3();
         for quad in texels {
             let (share, direction) =
                 if found > 0.0 { (quad.y() / found, quad.mean_direction()) } else { (equal, centre) };
@@ -320,6 +322,7 @@ fn replace(texels: &mut [Quad], level: &Level, cell: &Cell, place: Place) {
     }
 }
 
+/// Multiplies energy and first moment of `quad` by `factor`.
 fn scale(quad: &mut Quad, factor: f32) {
     quad.energy = quad.energy.map(|v| v * factor);
     quad.moment = quad.moment.map(|v| v * factor);

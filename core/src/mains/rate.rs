@@ -1,20 +1,21 @@
-//! Frame rates and exposure times that suit lamps on the mains.
+//! Frame rates and exposure times for light from lamps on the mains.
 
 use super::frequency::Lamps;
 
-/// Least distance of the phases of successive bursts, periods, and of every second burst. A fit then tells the mean from the modulation
-/// within a few bursts.
+/// Least distance of the phases of successive bursts, and of every second burst, periods. With it a fit separates the mean from the
+/// modulation within a few bursts.
 const LEAST_ADVANCE: f64 = 0.14;
 const LEAST_OF_TWO: f64 = 0.14;
 
-/// Steps of the search, frames a second, and the lowest rate relative to the highest.
+/// Step of the search, frames per second, and the lowest rate relative to the highest.
 const STEP_HZ: f64 = 0.1;
 const LOWEST: f64 = 0.85;
 
-/// The highest frame rate, at most `most_hz`, at which bursts of `frames` frames show `lamps` at phases that differ from burst to burst.
+/// Returns the highest frame rate, at most `most_hz`, at which bursts of `frames` frames record `lamps` at different phases in successive
+/// bursts.
 ///
-/// At 30 frames a second, bursts of three frames always show 100 Hz at the same phase, which no fit can tell from steady light. Returns
-/// `most_hz` where no rate within 15 % below it is better.
+/// At 30 frames per second, bursts of three frames record 100 Hz always at the same phase, which no fit can distinguish from steady light.
+/// Returns `most_hz` if no rate down to 85 % of it is better.
 ///
 /// ```
 /// use hemilux_core::mains::{Lamps, best_rate};
@@ -33,14 +34,14 @@ pub fn best_rate(most_hz: f64, frames: usize, lamps: Lamps) -> f64 {
     (0..=steps).map(|step| most_hz - STEP_HZ * f64::from(step)).find(spreads).unwrap_or(most_hz)
 }
 
-/// Whether bursts that are `periods` apart show a modulation at different phases.
+/// Returns whether bursts at intervals of `periods` periods record a modulation at different phases.
 fn advances(periods: f64) -> bool {
     let distance = |turns: f64| libm::fabs(turns - libm::round(turns));
     distance(periods) >= LEAST_ADVANCE && distance(2.0 * periods) >= LEAST_OF_TWO
 }
 
-/// The longest exposure time that is a whole number of periods of `lamps`, whose flicker it does not record, and exceeds `seconds` by less
-/// than a hundredth of a period; `seconds` where that is shorter than a period, or `lamps` are of several frequencies.
+/// Returns the longest exposure time that is a whole number of periods of `lamps`, so that it does not record their flicker, and exceeds
+/// `seconds` by less than a hundredth of a period. Returns `seconds` if it is shorter than a period, or if `lamps` have several frequencies.
 ///
 /// ```
 /// use hemilux_core::mains::{Lamps, whole_periods};

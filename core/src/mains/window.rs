@@ -1,9 +1,9 @@
 //! Times of the last bursts.
 
-/// Number of bursts that a fit spans at most: about one and a half seconds at ten bursts a second.
+/// Largest number of bursts in a fit: about one and a half seconds at ten bursts per second.
 pub(super) const WINDOW: usize = 16;
 
-/// Values of the last bursts, a ring: the element of each burst is that of [`Window::slot`].
+/// Values in the last bursts, a ring: [`Window::slot`] returns the index of each burst.
 pub(super) type Past = [f32; WINDOW];
 
 /// Times of the last bursts, seconds, as a ring.
@@ -12,12 +12,12 @@ pub(super) struct Window {
     times: [f64; WINDOW],
     newest: usize,
     count: usize,
-    /// Number of all bursts.
+    /// Number of bursts since the start, modulo 2^32.
     number: u32,
 }
 
 impl Window {
-    /// Adds the time of a burst.
+    /// Appends the time of a burst, seconds.
     pub fn push(&mut self, at: f64) {
         self.newest = (self.newest + 1) % WINDOW;
         self.times[self.newest] = at;
@@ -25,32 +25,32 @@ impl Window {
         self.number = self.number.wrapping_add(1);
     }
 
-    /// Number of bursts in the window.
+    /// Returns the number of bursts in the window.
     pub fn count(&self) -> usize {
         self.count
     }
 
-    /// Number of all bursts.
+    /// Returns the number of bursts since the start, modulo 2^32.
     pub fn number(&self) -> u32 {
         self.number
     }
 
-    /// Number of bursts after burst number `since`, at most the length of the window.
+    /// Returns the number of bursts after burst number `since`, at most the length of the window.
     pub fn age(&self, since: u32) -> usize {
         (self.number.wrapping_sub(since) as usize).min(WINDOW)
     }
 
-    /// Position in the ring of the burst that is `back` bursts older than the newest one.
+    /// Returns the position in the ring of the burst that is `back` bursts older than the newest.
     pub fn slot(&self, back: usize) -> usize {
         (self.newest + WINDOW - back % WINDOW) % WINDOW
     }
 
-    /// Seconds from the burst that is `back` bursts older than the newest one to the newest one.
+    /// Returns the seconds from the burst that is `back` bursts older than the newest to the newest.
     pub fn since(&self, back: usize) -> f64 {
         self.times[self.newest] - self.times[self.slot(back)]
     }
 
-    /// Time of the newest burst; `None` for an empty window.
+    /// Returns the time of the newest burst, seconds; `None` for an empty window.
     pub fn last(&self) -> Option<f64> {
         (self.count > 0).then(|| self.times[self.newest])
     }

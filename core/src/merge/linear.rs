@@ -1,9 +1,9 @@
 //! Merge of linear samples in 16-bit integers: an exact sum of codes times the reciprocal of the sum of times.
 //!
 //! A sample that saturates in one exposure saturates in every longer one if the scene is still. The reciprocal for the valid exposures is
-//! then that of the shortest plus one difference per further valid exposure: no table lookup and no branch, so a block of samples maps to
-//! vector instructions. Most blocks have a simpler case: all samples are valid in every exposure, in all but the longest, or in the
-//! longest for some samples only.
+//! then the reciprocal for the shortest exposure plus one difference per further valid exposure: no table lookup and no branch, so a block
+//! of samples maps to vector instructions. Most blocks have a simpler case: all samples are valid in every exposure, in all exposures but
+//! the longest, or in all of them with the longest valid for some samples only.
 
 use super::{COUNT_BITS, Exposure};
 use crate::response::Levels;
@@ -35,7 +35,7 @@ pub(super) trait Code: Copy + Default + Ord + TryFrom<u32> {
     /// Largest value of the type.
     const MAX: Self;
 
-    /// The low 15 bits of the sample; samples that need more bits are saturated and masked out.
+    /// Returns the low 15 bits of the sample; samples that need more bits are saturated and masked out.
     fn low(self) -> i16;
 }
 
@@ -60,33 +60,34 @@ impl Code for u16 {
 /// The constants of the loop for one set of exposures.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Linear {
-    /// Reciprocal of the shortest exposure, then the difference that each longer one adds.
+    /// Reciprocal of the shortest exposure, then the difference that each longer exposure adds.
     steps: [i16; MAX_UNROLLED],
-    /// Reciprocal of the i + 1 shortest exposures together.
+    /// Reciprocal of the sum of the i + 1 shortest exposures.
     whole: [i16; MAX_UNROLLED],
     /// Black level, in units of 2^-`shift` codes.
     black: i16,
     shift: u8,
     white: u32,
     saturated: u32,
-    /// Reciprocal of the shortest exposure before rounding of the others.
+    /// Reciprocal of the shortest exposure, from which the rounded reciprocals are derived.
     one: NonZeroU32,
 }
 
-/// The constants for the exposures from one on.
+/// The constants for the exposures from one index to the last.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Suffix {
     pub(super) linear: Linear,
-    /// Number of counts of the merge of all exposures that one count of these exposures represents.
+    /// Number of counts of the merge of all exposures per count of these exposures.
     pub(super) unit: f32,
 }
 
-/// The constants for all exposures, and for those from the second, the third and so on.
+/// The constants for all exposures, and for the exposures from the second, the third and the fourth on.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Suffixes([Option<Suffix>; MAX_UNROLLED]);
 
 impl Suffixes {
-    /// Like [`Linear::find`]; a suffix without precise reciprocals is absent.
+    /// Finds the constants of every suffix of `exposures`; a suffix without precise reciprocals is absent. `None` if all exposures together
+    /// have none.
     pub(super) fn find(exposures: &[Exposure], levels: Levels, saturated: u32) -> Option<Self> {
         let all = Linear::find(exposures, levels, saturated)?;
         let counts = |linear: &Linear, first: &Exposure| linear.counts_per_code() * first.seconds;
@@ -100,12 +101,12 @@ impl Suffixes {
         Some(Self(suffixes))
     }
 
-    /// The constants of the exposures `from` and longer.
+    /// Returns the constants of the exposures from index `from` on.
     pub(super) fn of(&self, from: usize) -> Option<&Suffix> {
         self.0.get(from)?.as_ref()
     }
 
-    /// The conversion of sums of codes of the last of `count` exposures.
+    /// Returns the conversion of sums of codes of the last of `count` exposures.
     pub(super) fn tally(&self, count: usize) -> Option<Tally> {
         let Suffix { linear, unit } = self.of(count.checked_sub(1)?)?;
         let most_weight = i32::MAX as u32 / (255 << linear.shift);
@@ -117,7 +118,7 @@ impl Suffixes {
         })
     }
 
-    /// Number of radiance counts that represent one code above black in the shortest exposure.
+    /// Returns the number of radiance counts per code above black in the shortest exposure.
     pub(super) fn counts_per_code(&self) -> f64 {
         self.of(0).map_or(0.0, |all| all.linear.counts_per_code())
     }
@@ -166,14 +167,13 @@ impl Linear {
         Some(Self { steps, whole, black, shift, white, saturated, one })
     }
 
-    /// Number of radiance counts that represent one code above black in the shortest exposure.
+    /// Returns the number of radiance counts per code above black in the shortest exposure.
     pub(super) fn counts_per_code(&self) -> f64 {
         f64::from(self.one.get()) * f64::from(1u32 << self.shift)
     }
 
     /// Merges samples into `sums` and `reciprocals`, whose products are the radiances. Returns `false` if a sample is clipped in the
-    /// shortest exposure or saturated in an exposure that is shorter than a valid one: the result of this loop is then not that of the
-    /// merge.
+    /// shortest exposure, or saturated in an exposure that is shorter than a valid one: the products are then not the radiances.
     ///
     /// # Accuracy
     /// Reciprocals are within 2e-4 of their exact values; sums are exact.
@@ -185,7 +185,7 @@ impl Linear {
         sums: &mut [i16],
         reciprocals: &mut [i16],
     ) -> bool {
-        // A white level above the type's range clips nothing; a saturation level above it is not supported by the comparison.
+        // A white level above the type's range clips no sample; the comparison does not support a saturation level above it.
         let white = T::try_from(self.white).unwrap_or(T::MAX);
         let count = sums.len().min(reciprocals.len());
         if codes.iter().any(|c| c.len() < count) {
@@ -246,12 +246,12 @@ impl Linear {
     }
 }
 
-/// The validity pattern that all samples of a row share.
+/// A validity pattern of the samples of a row, with the loop for it.
 trait Case<T: Code, const N: usize> {
     fn merge(&mut self, linear: &Linear, codes: [&Block<T>; N]) -> [Block<i16>; 2];
 }
 
-/// Every sample is valid in all exposures but the `LESS` longest.
+/// The case in which every sample is valid in all exposures but the `LESS` longest.
 struct AllBut<const LESS: usize>;
 
 impl<T: Code, const N: usize, const LESS: usize> Case<T, N> for AllBut<LESS> {
@@ -269,16 +269,16 @@ impl<T: Code, const N: usize, const LESS: usize> Case<T, N> for AllBut<LESS> {
     }
 }
 
-/// Every sample is valid in all exposures but the longest; some samples are valid in the longest as well.
+/// The case in which every sample is valid in all exposures but the longest, and some samples are valid in the longest as well.
 struct LongestOr<T> {
     saturated: T,
 }
 
-/// Samples of any validity.
+/// The case of samples of any validity.
 struct Any<T> {
     white: T,
     saturated: T,
-    /// Not 0 in a lane whose result is not that of the merge.
+    /// Not 0 in a lane whose result is not the radiance.
     doubts: Block<i16>,
 }
 
@@ -327,14 +327,14 @@ impl<T: Code, const N: usize> Case<T, N> for Any<T> {
     }
 }
 
-/// The first `count` elements.
+/// Returns the first `count` elements.
 #[inline(always)]
 fn first_of(values: &mut [i16], count: usize) -> &mut [i16] {
     values.get_mut(..count).unwrap_or_default()
 }
 
-/// The minimum or maximum of `codes`, as `of` selects; the default value if there are none. Computing both in one loop was not vectorised
-/// on AArch64.
+/// Returns the minimum or maximum of `codes`, as `of` selects; the default value for no codes. Computing both in one loop was not
+/// vectorised on AArch64.
 #[inline(always)]
 pub(super) fn extreme<T: Code>(codes: &[T], of: impl Fn(T, T) -> T) -> T {
     let (Some(first), Some(last)) = (codes.first_chunk::<WIDE>(), codes.last_chunk::<WIDE>()) else {
@@ -346,13 +346,13 @@ pub(super) fn extreme<T: Code>(codes: &[T], of: impl Fn(T, T) -> T) -> T {
             *found = of(*found, *code);
         }
     };
-    // Ascending addresses with the last block at the end: hardware prefetches ascending reads.
+    // Addresses ascend and the last block is read at the end: hardware prefetches ascending reads.
     codes.as_chunks::<WIDE>().0.iter().for_each(&mut take);
     take(last);
     found.into_iter().reduce(&of).unwrap_or_default()
 }
 
-/// Largest relative error of `one` x `parts` after rounding to integers.
+/// Returns the largest relative error of `one` x `parts` after rounding to integers.
 fn worst(one: u32, parts: &[f64]) -> f64 {
     let error = |part: &f64| {
         let exact = f64::from(one) * part;

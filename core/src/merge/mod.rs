@@ -29,7 +29,7 @@ pub use exposure::{Exposure, MAX_EXPOSURES, MergeError};
 use linear::{Code, Linear, Suffixes};
 pub use mode::MergeMode;
 
-/// Converts the sum of table entries to radiance: radiance = sum x factor - offset.
+/// The conversion of a sum of table entries to radiance: radiance = sum x factor - offset.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Reciprocal {
@@ -37,7 +37,7 @@ pub struct Reciprocal {
     offset: f32,
 }
 
-/// The loop that merges the samples.
+/// The loop that merges the samples, with its constants.
 #[derive(Clone, Copy, Debug)]
 enum MergeLoop {
     Linear(Suffixes),
@@ -45,7 +45,7 @@ enum MergeLoop {
     Plain,
 }
 
-/// The merge of bursts of one response curve and one set of exposures, in buffers that the caller lends.
+/// A merge for one response curve and one set of exposures, in buffers that the caller lends.
 #[derive(Clone, Debug)]
 pub struct Merge<C, P, R> {
     curve: Curve<C>,
@@ -54,16 +54,16 @@ pub struct Merge<C, P, R> {
     parameters: Parameters,
 }
 
-/// The parameters of a merge that need no buffer.
+/// The values of a merge that are stored outside of its buffers.
 #[derive(Clone, Copy, Debug)]
 struct Parameters {
     merge_loop: MergeLoop,
     /// 1 / gain of each exposure, relative to the least gain, with [`GAIN_BITS`] fraction bits.
     inverse_gain: [u32; MAX_EXPOSURES],
-    /// Table counts per unit of [`Curve::exposure_q27`].
+    /// Number of table counts per unit of [`Curve::exposure_q27`].
     plain: f32,
     count: usize,
-    /// The largest index of an exposure before which the times sum to at most a fifth of all.
+    /// The largest index of an exposure before which the times sum to at most a fifth of the burst's whole time.
     most_unread: usize,
     unit: f64,
 }
@@ -112,18 +112,20 @@ pub fn merge_size<C>(curve: &Curve<C>, exposures: &[Exposure]) -> Result<MergeSi
     Ok(MergeSize { tables, reciprocals: 1 << exposures.len() })
 }
 
+/// Returns the constants of the linear loop; `None` if the response or the exposures do not permit it.
 fn linear<C>(curve: &Curve<C>, exposures: &[Exposure]) -> Option<Suffixes> {
     Suffixes::find(exposures, curve.linear_levels()?, curve.saturated())
 }
 
+/// Fraction bits of reciprocals of gains.
 const GAIN_BITS: u32 = 30;
 
-/// Number of bits of an integer radiance: 16 of them can be added in 32 bits.
+/// Number of bits of an integer radiance: the sum of 16 radiances fits 32 bits.
 pub const COUNT_BITS: u32 = 27;
 
 impl<C: AsRef<[i32]>, P: Buffer<u32>, R: Buffer<Reciprocal>> Merge<C, P, R> {
     /// Prepares the merge of `exposures`, which ascend by time x gain. `scale` is the radiance of relative exposure 1 at one second and
-    /// gain 1. [`merge_size`] states the length of `tables` and `reciprocals`.
+    /// gain 1. [`merge_size`] returns the lengths of `tables` and `reciprocals`.
     ///
     /// # Errors
     /// [`MergeError`] for exposures that cannot be merged, an invalid scale, and buffers with too few elements.
@@ -201,7 +203,7 @@ impl<C: AsRef<[i32]>, P: Buffer<u32>, R: Buffer<Reciprocal>> Merge<C, P, R> {
         Detached { curve: self.curve.over(()), parameters: self.parameters }
     }
 
-    /// Number of elements in use of each buffer.
+    /// Returns the number of elements in use of each buffer.
     #[must_use]
     pub fn size(&self) -> MergeSize {
         let tables = if let MergeLoop::Table(_) = self.parameters.merge_loop {
@@ -226,13 +228,13 @@ impl<'a> MergeView<'a> {
 }
 
 impl MergeView<'_> {
-    /// Radiance that the number 1 in a merged result represents.
+    /// Returns the radiance per count of a merged result.
     #[must_use]
     pub fn unit(&self) -> f64 {
         self.parameters.unit
     }
 
-    /// Upper bound of the result of any sample, counts.
+    /// Returns an upper bound of the result of any sample, counts.
     #[must_use]
     pub fn most(&self) -> f64 {
         // Full scale of the shortest exposure, scaled to the longest time, with a margin of a factor of 2.
@@ -242,32 +244,32 @@ impl MergeView<'_> {
         }
     }
 
-    /// Sample depth that the merge expects.
+    /// Returns the depth of the samples.
     #[must_use]
     pub fn depth(&self) -> Depth {
         self.curve.depth()
     }
 
-    /// Number of exposures in a burst.
+    /// Returns the number of exposures in a burst.
     #[must_use]
     pub fn exposures(&self) -> usize {
         self.parameters.count
     }
 
-    /// Whether [`MergeView::counts`] needs red, green and blue codes as separate planes.
+    /// Returns whether [`MergeView::counts`] reads red, green and blue codes as separate planes.
     #[must_use]
     pub fn wants_planes(&self) -> bool {
         matches!(&self.parameters.merge_loop, MergeLoop::Table(scale) if scale.whole.is_some())
     }
 
-    /// Whether [`MergeView::products`] can merge the samples of this burst.
+    /// Returns whether [`MergeView::products`] can merge the samples of the burst.
     #[must_use]
     pub fn has_products(&self) -> bool {
         matches!(self.parameters.merge_loop, MergeLoop::Linear(_))
     }
 
-    /// Like [`MergeView::counts`], but returns the two factors of each count so that the caller can multiply and accumulate in one step,
-    /// and the number of counts that a product of 1 represents, which depends on the exposures that are read.
+    /// Merges samples like [`MergeView::counts`], but writes the two factors of each count so that the caller can multiply and accumulate in one
+    /// step. Returns the number of counts per unit of the products, which depends on the exposures that are read; `None` without a linear loop.
     #[must_use]
     pub fn products(&self, codes: &[Codes<'_>], sums: &mut [i16], reciprocals: &mut [i16]) -> Option<f32> {
         let MergeLoop::Linear(linear) = &self.parameters.merge_loop else { return None };
@@ -285,9 +287,8 @@ impl MergeView<'_> {
     /// black level can make them negative. `codes` holds the same samples once per exposure; `channels` states the colour of each sample
     /// and repeats along the row.
     ///
-    /// Returns `false` if the burst has no integer loop, if some sample is valid in no exposure, or if not all exposures of a linear burst
-    /// are read; `out` is then undefined, and
-    /// [`MergeView::samples`] merges the samples instead.
+    /// Returns `false` if the burst has no integer loop, if a sample is valid in no exposure, or if not all exposures of a linear burst are
+    /// read; `out` is then undefined, and [`MergeView::samples`] merges the samples instead.
     ///
     /// # Accuracy
     /// Within 0.1 % RMS of an `f64` merge with the same weights over seven decades of radiance (`tests/merge_twin`).
@@ -300,8 +301,8 @@ impl MergeView<'_> {
         }
     }
 
-    /// Writes prefix sums of the radiances of pixels whose longest exposure alone is read, and returns the number of counts that a sum of 1
-    /// represents; the sum of 16 radiances fits 31 bits. `None` for other codes, and for bursts that are not merged by tables.
+    /// Writes prefix sums of the radiances of pixels of which only the longest exposure is read, and returns the number of counts per unit of
+    /// the sums; the sum of 16 radiances fits 31 bits. `None` for other codes, and for bursts that are not merged by tables.
     pub(crate) fn sums(&self, codes: &[Codes<'_>], channels: Channels, sums: &mut [[i32; 4]]) -> Option<f32> {
         let MergeLoop::Table(scale) = &self.parameters.merge_loop else { return None };
         let (Codes::Planes(planes), shorter) = codes.split_last()? else { return None };
@@ -309,13 +310,13 @@ impl MergeView<'_> {
         if is_alone { self.tables(scale).sums(planes, channels, sums) } else { None }
     }
 
-    /// The smallest saturated code; `u32::MAX` if saturation is found apart from the merge.
+    /// Returns the smallest saturated code.
     pub(crate) fn saturated(&self) -> u32 {
         self.curve.saturated()
     }
 
-    /// Whether the mode is [`MergeMode::Needed`] and the exposures `from` and longer give the radiance of every sample, where `codes` are
-    /// those of exposure `from`: none of these is saturated, and the merge has a loop for these exposures.
+    /// Returns whether the mode is [`MergeMode::Needed`] and the exposures from index `from` on determine the radiance of every sample: none of
+    /// `codes`, the codes of exposure `from`, is saturated, and the merge has a loop for these exposures.
     pub(crate) fn suffices(&self, from: usize, codes: &Codes<'_>) -> bool {
         if self.mode == MergeMode::All || from > self.parameters.most_unread {
             return false;
@@ -327,7 +328,7 @@ impl MergeView<'_> {
         has_loop && (self.saturated() == u32::MAX || codes.are_below(self.saturated()))
     }
 
-    /// The conversion of sums of codes of the longest exposure; `None` unless the mode is [`MergeMode::Needed`] and the sensor linear.
+    /// Returns the conversion of sums of codes of the longest exposure; `None` unless the mode is [`MergeMode::Needed`] and the sensor linear.
     pub(crate) fn tally(&self) -> Option<Tally> {
         match &self.parameters.merge_loop {
             MergeLoop::Linear(linear) if self.mode == MergeMode::Needed => {
@@ -337,12 +338,13 @@ impl MergeView<'_> {
         }
     }
 
-    /// Whether sample `at` is saturated in every exposure.
+    /// Returns whether sample `at` is saturated in every exposure.
     #[must_use]
     pub fn is_clipped(&self, codes: &[Codes<'_>], at: usize) -> bool {
         codes.iter().take(self.parameters.count).all(|c| c.is_read() && self.curve.is_saturated(c.code(at)))
     }
 
+    /// Writes the products of the linear loop to `out`; returns `false` if that loop cannot merge all exposures.
     fn multiplied(&self, codes: &[Codes<'_>], out: &mut [i32]) -> bool {
         const PIECE: usize = 128;
         let (mut sums, mut reciprocals) = ([0; PIECE], [0; PIECE]);
@@ -363,6 +365,7 @@ impl MergeView<'_> {
         true
     }
 
+    /// Returns the exposure tables with their number format.
     fn tables<'a>(&'a self, scale: &'a table::Scale) -> table::Tables<'a> {
         table::Tables { rows: self.tables.as_chunks().0, exposures: self.parameters.count, scale }
     }

@@ -1,11 +1,11 @@
 //! Merge of 8-bit samples by table lookup: one sum of table entries gives both the sum of light and the mask of valid exposures.
 //!
-//! The upper bits of an entry hold y / gain of a code; the lower bits hold one flag that marks the exposure. An entry of an invalid code
-//! is 0. The sum of the upper bits over all exposures does not overflow.
+//! The upper bits of an entry hold y / gain of a code; the lower bits hold one flag per exposure. An entry of an invalid code is 0. The sum
+//! of the upper bits over all exposures does not overflow.
 //!
-//! For at most four exposures of similar times, one multiplication turns the sum into an integer radiance. In this case an untrusted code
-//! of the longest exposure keeps its light and sets a flag of its own, since it determines the radiance of a sample that is valid in no
-//! exposure.
+//! For at most four exposures of similar times, one multiplication converts the sum to an integer radiance. In this case the entry of an
+//! untrusted code of the longest exposure holds its light and a separate flag, since it determines the radiance of a sample that is valid
+//! in no exposure.
 
 use super::linear::extreme;
 use super::{COUNT_BITS, Channels, Codes, Exposure, Reciprocal};
@@ -17,7 +17,7 @@ pub(super) const ENTRIES: usize = 3 * 256;
 /// Largest number of exposures that are merged into integers.
 const MAX_UNROLLED: usize = 4;
 
-/// Largest ratio of the sum of times to the shortest time: the darkest code is then still worth tens of counts.
+/// Largest ratio of the sum of times to the shortest time: the darkest code then contributes at least tens of counts.
 const WIDEST: f64 = 128.0;
 
 /// Number of samples per iteration.
@@ -34,9 +34,9 @@ type Row = [u32; 256];
 pub(super) struct Scale {
     /// Number of flag bits.
     marks: u32,
-    /// Number of table counts that represent relative exposure 1 in an exposure of the least gain.
+    /// Number of table counts of relative exposure 1 in an exposure of the least gain.
     pub(super) one: f64,
-    /// Relative exposure that is added to every entry to keep it non-negative.
+    /// Relative exposure that is added to every entry so that no entry is negative.
     pub(super) raised: f64,
     /// Constants of the integer merge, if the exposures permit one.
     pub(super) whole: Option<Whole>,
@@ -49,7 +49,7 @@ pub(super) struct Whole {
     reciprocals: [u32; 32],
     /// First trusted code and first saturated code.
     valid: [u8; 2],
-    /// Number of integer counts that represent relative exposure 1 in the shortest exposure.
+    /// Number of integer counts of relative exposure 1 in the shortest exposure.
     pub(super) one: f64,
 }
 
@@ -111,7 +111,7 @@ impl Whole {
         Self { reciprocals: core::array::from_fn(reciprocal), valid, one }
     }
 
-    /// Merges the samples of channel `k` over the exposures `from` and longer. Returns `false` if a sample is valid in none of them.
+    /// Merges the samples of channel `k` over the exposures from index `from` on. Returns `false` if a sample is valid in none of them.
     // Not inlined: tests find its instructions under this symbol.
     #[inline(never)]
     fn plane<'a, const K: usize>(
@@ -165,7 +165,7 @@ impl Whole {
         true
     }
 
-    /// Whether each sample is valid in some exposure, or valid in none and untrusted in the longest.
+    /// Returns whether each sample is valid in an exposure, or valid in none and untrusted in the longest.
     // Not inlined: tests find its vector instructions under this symbol.
     #[inline(never)]
     fn has_answers(&self, codes: &[&[u8]]) -> bool {
@@ -195,7 +195,7 @@ impl Whole {
         doubts == [0; WIDE] && rest.iter().enumerate().all(is_sure)
     }
 
-    /// Sums the entries of `codes` (`steps`, then a remainder) and multiplies by the constant factor `one` or by that of each mask.
+    /// Sums the entries of `codes` (`steps`, then a remainder) and multiplies each sum by the constant factor `one` or by the factor of its mask.
     #[inline(always)]
     fn look_up<'a, const U: usize, const K: usize>(
         &self,
@@ -241,6 +241,7 @@ fn sum_up(rows: [&Row; 3], planes: &[&[u8]; 3], sums: &mut [[i32; 4]]) {
     }
 }
 
+/// Returns 255 for true, 0 for false.
 fn mask(is: bool) -> u8 {
     if is { u8::MAX } else { 0 }
 }
@@ -270,13 +271,13 @@ pub(super) struct Tables<'a> {
 }
 
 impl Tables<'_> {
-    /// The entries of all exposures of `channel`.
+    /// Returns the entries of all exposures of `channel`.
     fn of(&self, channel: usize) -> &[Row] {
         self.rows.chunks_exact(self.exposures.max(1)).nth(channel).unwrap_or_default()
     }
 
-    /// Writes prefix sums of the light of planes of the longest exposure, none of whose codes is saturated, and returns the number of counts
-    /// that a sum of 1 represents.
+    /// Writes prefix sums of the light of planes of the longest exposure, of which no code is saturated, and returns the number of counts per
+    /// unit of the sums.
     pub(super) fn sums(&self, planes: &[&[u8]; 3], channels: Channels, sums: &mut [[i32; 4]]) -> Option<f32> {
         let (whole, Channels::Three(channels)) = (self.scale.whole.as_ref()?, channels) else { return None };
         let [Some(a), Some(b), Some(c)] = channels.map(|channel| self.of(channel).last()) else {
@@ -300,6 +301,7 @@ impl Tables<'_> {
         }
     }
 
+    /// Merges the planes of each channel into integers; returns `false` if a plane is absent or a sample has no integer result.
     fn planes<const K: usize>(
         &self,
         whole: &Whole,

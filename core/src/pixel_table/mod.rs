@@ -25,10 +25,10 @@ pub struct Span {
     pub len: u32,
 }
 
-/// Largest number of pixels that one call of the merge processes: their codes and radiances take a few KB, less than any first-level cache.
+/// Largest number of pixels in one call of the merge: their codes and radiances take a few KB, less than any first-level cache.
 pub(crate) const CHUNK: usize = 192;
 
-/// Largest number of pixels in a run: the sum of that many counts of [`crate::merge::COUNT_BITS`] bits fits 32 bits.
+/// Largest number of pixels in a run: the sum of 16 counts of [`crate::merge::COUNT_BITS`] bits fits 32 bits.
 pub(crate) const MAX_RUN: usize = 16;
 
 /// A run: adjacent pixels of one row whose light is added to one texel of the source order. The texel index one past the last texel
@@ -42,19 +42,19 @@ impl Run {
         Self(texel << 8 | len as u32)
     }
 
-    /// Index of the texel, below 2^24.
+    /// Returns the index of the texel, below 2^24.
     #[must_use]
     pub const fn texel(self) -> usize {
         (self.0 >> 8) as usize
     }
 
-    /// Number of pixels, at most 16.
+    /// Returns the number of pixels, at most 16.
     #[must_use]
     pub const fn len(self) -> usize {
         (self.0 & 255) as usize
     }
 
-    /// Whether the run has no pixels.
+    /// Returns whether the run has no pixels.
     #[must_use]
     pub const fn is_empty(self) -> bool {
         self.len() == 0
@@ -135,14 +135,14 @@ pub struct Buffers<S, W, R, T> {
 /// The buffers of a pixel table in borrowed memory.
 pub(crate) type BorrowedBuffers<'a> = Buffers<&'a [Span], &'a [u16], &'a [Run], &'a [Texel]>;
 
-/// The scalar values of a pixel table whose buffers are held elsewhere.
+/// The scalar values of a pixel table, without its buffers.
 #[derive(Clone, Debug)]
 pub(crate) struct Detached {
     numbers: Numbers,
 }
 
 impl Detached {
-    /// Combines the scalar values with `buffers`, which must be those that the table was built in.
+    /// Combines the scalar values with `buffers`, which must be the buffers of the table from which they were taken.
     pub(crate) fn over<'a>(&self, buffers: BorrowedBuffers<'a>) -> PixelTableView<'a> {
         let Numbers { image, order, source_order, weight_unit, weight_sum, heaviest_texel, unseen, size } =
             self.numbers;
@@ -191,7 +191,7 @@ pub struct PixelTableView<'a> {
     pub weight_unit: f64,
     /// Sum of the weights of all pixels, in units of `weight_unit`.
     pub weight_sum: u64,
-    /// Largest sum of the weights of one texel's pixels, in units of `weight_unit`.
+    /// Largest sum of the pixel weights of one texel, in units of `weight_unit`.
     pub heaviest_texel: u32,
     /// Share of the hemisphere's solid angle outside of the field of view, 0..=1.
     pub unseen: f64,
@@ -211,10 +211,10 @@ pub struct PixelTableSize {
     pub texels: usize,
 }
 
-/// Computes the buffer lengths of [`PixelTable::try_new`]; the time is that of building the table.
+/// Computes the buffer lengths of [`PixelTable::try_new`]. Takes as long as building the table.
 ///
 /// # Errors
-/// [`PixelTableError`] where no pixel is inside the image circle, or the image size or `order` is out of range.
+/// [`PixelTableError`] if no pixel is inside the image circle, or the image size or `order` is out of range.
 pub fn pixel_table_size(lens: &Lens, image: ImageSize, order: u8) -> Result<PixelTableSize, PixelTableError> {
     check(image, order)?;
     let survey = survey(lens, image)?;
@@ -225,6 +225,7 @@ pub fn pixel_table_size(lens: &Lens, image: ImageSize, order: u8) -> Result<Pixe
     Ok(PixelTableSize { spans: image.height as usize, weights: runs, runs, texels })
 }
 
+/// Checks the number of pixels of `image` and the range of `order`.
 pub(crate) fn check(image: ImageSize, order: u8) -> Result<(), PixelTableError> {
     let pixels = u64::from(image.width) * u64::from(image.height);
     if pixels == 0 || pixels > 1 << 26 {
@@ -237,7 +238,7 @@ impl<S: Buffer<Span>, W: Buffer<u16>, R: Buffer<Run>, T: Buffer<Texel>> PixelTab
     /// Builds the pixel table of an image of size `image`, seen through `lens`, for a hemisphere map of `order`.
     ///
     /// # Errors
-    /// [`PixelTableError`]; [`pixel_table_size`] states the length of each buffer.
+    /// [`PixelTableError`]; [`pixel_table_size`] returns the length of each buffer.
     pub fn try_new(
         lens: &Lens,
         image: ImageSize,
@@ -270,6 +271,7 @@ impl<S: Buffer<Span>, W: Buffer<u16>, R: Buffer<Run>, T: Buffer<Texel>> PixelTab
         Ok(pixel_table)
     }
 
+    /// Writes spans, runs and weights, and counts the runs.
     fn lay_out(&mut self, lens: &Lens) {
         let Numbers { image, source_order, weight_unit: unit, .. } = self.numbers;
         for (row, slot) in (0..image.height).zip(self.buffers.spans.as_mut()) {
@@ -287,7 +289,7 @@ impl<S: Buffer<Span>, W: Buffer<u16>, R: Buffer<Run>, T: Buffer<Texel>> PixelTab
         });
     }
 
-    /// Finds the largest sum of weights of a texel; the memory of the texels' geometry, which is unknown yet, holds the sums.
+    /// Computes the largest sum of weights of a texel; the sums are stored in the texels' geometry, which is computed later.
     fn weigh_texels(&mut self) {
         let Buffers { weights, runs, texels, .. } = &mut self.buffers;
         let texels = texels.as_mut();
@@ -303,6 +305,7 @@ impl<S: Buffer<Span>, W: Buffer<u16>, R: Buffer<Run>, T: Buffer<Texel>> PixelTab
         self.numbers.heaviest_texel = (1.001 * heaviest) as u32;
     }
 
+    /// Computes the geometry of the texels, and the share of the hemisphere outside of the field of view.
     fn measure_texels(&mut self, lens: &Lens) {
         let mut unseen = 0.0;
         let texels = self.buffers.texels.as_mut().get_mut(..self.numbers.size.texels).unwrap_or_default();
@@ -327,43 +330,43 @@ impl<S: Buffer<Span>, W: Buffer<u16>, R: Buffer<Run>, T: Buffer<Texel>> PixelTab
         Detached { numbers: self.numbers }
     }
 
-    /// Geometry of the texels of the map, at [`PixelTable::order`].
+    /// Returns the geometry of the texels of the map, at [`PixelTable::order`].
     #[must_use]
     pub fn texels(&self) -> &[Texel] {
         self.buffers.texels.as_ref().get(..self.numbers.size.texels).unwrap_or_default()
     }
 
-    /// Number of elements in use of each buffer.
+    /// Returns the number of elements in use of each buffer.
     #[must_use]
     pub fn size(&self) -> PixelTableSize {
         self.numbers.size
     }
 
-    /// Image columns.
+    /// Returns the number of image columns.
     #[must_use]
     pub fn width(&self) -> u32 {
         self.numbers.image.width
     }
 
-    /// Image rows.
+    /// Returns the number of image rows.
     #[must_use]
     pub fn height(&self) -> u32 {
         self.numbers.image.height
     }
 
-    /// Order of the map.
+    /// Returns the order of the map.
     #[must_use]
     pub fn order(&self) -> u8 {
         self.numbers.order
     }
 
-    /// Source order: the order at which light is accumulated, at most that of the map.
+    /// Returns the source order: the order at which light is accumulated, at most the order of the map.
     #[must_use]
     pub fn source_order(&self) -> u8 {
         self.numbers.source_order
     }
 
-    /// Share of the hemisphere's solid angle outside of the field of view, 0..=1.
+    /// Returns the share of the hemisphere's solid angle outside of the field of view, 0..=1.
     #[must_use]
     pub fn unseen(&self) -> f64 {
         self.numbers.unseen

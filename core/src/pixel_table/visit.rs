@@ -6,20 +6,20 @@ use crate::healpix::{self, Domain};
 use crate::lens::Lens;
 use glam::{DVec2, DVec3};
 
-/// Least ratio of the solid angle of a texel to that of the largest pixel. 2.25 makes a texel 1.5 pixels wide, so that each texel contains
-/// the centre of at least one pixel. A smaller ratio leaves texels without pixels; a larger one blurs the map.
+/// Least ratio of the solid angle of a texel to the solid angle of the largest pixel. 2.25 makes a texel 1.5 pixels wide, so that each texel
+/// contains the centre of at least one pixel. A smaller ratio leaves texels without pixels; a larger one blurs the map.
 const TEXEL_OVER_PIXEL: f64 = 2.25;
 
 /// Number of sample points along each side of a texel that measure its unseen solid angle.
 const SHARE_SAMPLES: u32 = 4;
 
 /// Largest relative difference of a pixel's weight from the mean weight of its run, per radian of pixel width: 0.25 % at 640 x 480 pixels.
-/// The light of a single bright pixel may be wrong by that much; that of a larger area is wrong by far less, since the sum of the weights
+/// The light of a single bright pixel has at most this error; the light of a larger area has a far smaller one, since the sum of the weights
 /// is exact. Weights of neighbouring pixels differ more in coarser images, so a limit per radian gives about the same number of runs per
 /// texel at every resolution.
 const WEIGHT_ERROR: f64 = 0.49;
 
-/// Extremes over all pixels inside the image circle.
+/// Number of pixels inside the image circle, and extremes over them.
 #[derive(Default)]
 pub(super) struct Survey {
     count: usize,
@@ -29,6 +29,7 @@ pub(super) struct Survey {
     pub(super) heaviest: f64,
 }
 
+/// Computes the extremes over all pixels inside the image circle.
 pub(super) fn survey(lens: &Lens, image: ImageSize) -> Result<Survey, PixelTableError> {
     let mut survey = Survey::default();
     for row in 0..image.height {
@@ -42,6 +43,7 @@ pub(super) fn survey(lens: &Lens, image: ImageSize) -> Result<Survey, PixelTable
 }
 
 impl Survey {
+    /// Returns the finest order, at most `order`, whose texels are [`TEXEL_OVER_PIXEL`] times as large as the largest pixel.
     pub(super) fn source_order(&self, order: u8) -> Result<u8, PixelTableError> {
         let fits = |order: &u8| healpix::solid_angle(*order) >= TEXEL_OVER_PIXEL * self.largest;
         (0..=order).rev().find(fits).ok_or(PixelTableError::BadOrder)
@@ -71,7 +73,7 @@ struct Pixel {
 fn visit(lens: &Lens, row: u32, span: Span, mut f: impl FnMut(Pixel)) {
     for column in span.first..span.first + span.len {
         let at = DVec2::new(f64::from(column), f64::from(row));
-        // All pixels of a span lie inside the image circle; one that rounding places outside gets weight 0.
+        // All pixels of a span lie inside the image circle; a pixel that rounding places outside gets weight 0.
         let direction = lens.unproject(at).unwrap_or(DVec3::NEG_Z);
         let solid_angle = lens.solid_angle(at).unwrap_or(0.0);
         let theta = libm::atan2(libm::hypot(direction.x, direction.y), direction.z);
@@ -94,7 +96,7 @@ impl Growing {
         Self { texel, len: 1, least: weight, most: weight, sum: weight }
     }
 
-    /// The run with one more pixel; `None` if the pixel has another texel or too different a weight.
+    /// Returns the run with one more pixel; `None` if the texel of the pixel differs, or its weight by too much.
     fn with(&self, texel: u32, &Pixel { weight, solid_angle, .. }: &Pixel) -> Option<Self> {
         let (least, most, sum) = (self.least.min(weight), self.most.max(weight), self.sum + weight);
         let mean = sum / (self.len + 1) as f64;

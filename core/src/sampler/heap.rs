@@ -1,7 +1,7 @@
 //! A binary heap in a lent slice; the root is the element that `before` orders first.
 //!
-//! `heapless::BinaryHeap` has a capacity that is constant at compile time. The length of the lent slice is known only at run time, and the
-//! slice holds the leaves of the finished tree afterwards.
+//! `heapless::BinaryHeap` has a capacity that is constant at compile time. The length of the lent slice is set at run time, and the slice
+//! holds the leaves of the finished tree afterwards.
 
 /// Moves the last element up to its position.
 pub(super) fn sift_up<T: Copy>(heap: &mut [T], before: fn(&T, &T) -> bool) {
@@ -15,7 +15,7 @@ pub(super) fn sift_up<T: Copy>(heap: &mut [T], before: fn(&T, &T) -> bool) {
     }
 }
 
-/// Removes the root, writes it to the last element and restores the heap in the others.
+/// Removes the root, moves it to the last element and restores the heap in the other elements.
 pub(super) fn pop<T: Copy>(heap: &mut [T], before: fn(&T, &T) -> bool) -> Option<T> {
     let (last, heap) = heap.split_last_mut()?;
     let Some(first) = heap.first_mut() else { return Some(*last) };

@@ -48,7 +48,7 @@ impl SamplerKind {
         names
     };
 
-    /// The name in commands, settings and light sets.
+    /// Returns the name in commands, settings and light sets.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -61,20 +61,20 @@ impl SamplerKind {
         }
     }
 
-    /// Whether the sampler estimates its error; such a sampler reads the tolerance and the flags of a [`super::Request`].
+    /// Returns whether the sampler estimates its error; such a sampler reads the tolerance and the flags of a [`super::Request`].
     #[must_use]
     pub const fn estimates_error(self) -> bool {
         matches!(self, Self::Adaptive)
     }
 
-    /// Whether the sampler is a spherical Q2-tree.
+    /// Returns whether the sampler is a spherical Q2-tree.
     #[must_use]
     pub const fn is_q2tree(self) -> bool {
         matches!(self, Self::Q2Tree | Self::Q2TreeJitter)
     }
 
-    /// The smallest number of lights for a map of `domain` that is lit everywhere: a Q2-tree has at least one light per base
-    /// quad, 12 on a sphere and 8 on a hemisphere, and gives no lights for a lower request.
+    /// Returns the smallest number of lights for a map of `domain` that is lit everywhere: a Q2-tree has at least one light per base quad,
+    /// 12 on a sphere and 8 on a hemisphere, and returns no lights for a lower request.
     #[must_use]
     pub const fn least_lights(self, domain: Domain) -> usize {
         if self.is_q2tree() { domain.faces() } else { 1 }

@@ -1,14 +1,14 @@
 //! Samplers: convert a sequence of maps to sets of directional lights.
 //!
-//! A sampler works in buffers that the caller lends and allocates nothing. It keeps state from frame to frame, so that a light keeps its
+//! A sampler works in buffers that the caller lends and allocates no memory. It keeps state from frame to frame, so that a light keeps its
 //! id for as long as it exists. All samplers implement [`Sampler`]; [`SamplerKind`] lists their names.
 //!
 //! | module | input | lights |
 //! |---|---|---|
-//! | [`adaptive`] | HEALPix pyramid | of unequal energy, with an estimate of their error; optional ambient light, number by tolerance |
-//! | [`q2tree`] | HEALPix pyramid | one per leaf of a quadtree, of unequal energy |
-//! | [`pharr`] | latitude-longitude map | of equal luminance, at Halton points |
-//! | [`hemigon`] | latitude-longitude map | of equal luminance, filtered over time |
+//! | [`adaptive`] | HEALPix pyramid | unequal energy; estimates its error; optional ambient light and number of lights by tolerance |
+//! | [`q2tree`] | HEALPix pyramid | one per leaf of a quadtree; unequal energy |
+//! | [`pharr`] | latitude-longitude map | equal luminance, at Halton points |
+//! | [`hemigon`] | latitude-longitude map | equal luminance, filtered over time |
 
 pub mod adaptive;
 pub mod halton;
@@ -45,8 +45,8 @@ pub struct Request {
     pub tolerance: Option<f32>,
     /// Whether light without a dominant direction is returned as spherical harmonics. Only `adaptive` reads it.
     pub ambient: bool,
-    /// Whether the lights are drawn as uniform discs of their radius, so that they are fitted as such. Only `adaptive` reads it; the other
-    /// samplers give radii all the same.
+    /// Whether the lights are drawn as uniform discs of their radius, so that their energies and radii are fitted to discs instead of points.
+    /// Only `adaptive` reads it; the other samplers return radii in either case.
     pub soft: bool,
 }
 
@@ -66,10 +66,10 @@ impl From<usize> for Request {
 
 /// Converts a sequence of maps to sets of directional lights.
 pub trait Sampler {
-    /// The name of the sampler.
+    /// Returns the kind of the sampler.
     fn kind(&self) -> SamplerKind;
 
-    /// Whether the sampler reads [`Map::polar`].
+    /// Returns whether the sampler reads [`Map::polar`].
     fn needs_polar(&self) -> bool {
         false
     }
@@ -79,10 +79,10 @@ pub trait Sampler {
         self.update_timed(map, request, &mut Timer::none())
     }
 
-    /// Like [`Sampler::update`]; `timer` measures the temporal filters of directions and energies. Samplers without such filters leave it
-    /// as it is.
+    /// Like [`Sampler::update`]; `timer` measures the temporal filters of directions and energies. Samplers without such filters do not read
+    /// `timer`.
     fn update_timed(&mut self, map: &Map<'_>, request: &Request, timer: &mut Timer<'_>) -> Decomposition<'_>;
 
-    /// Discards the state of earlier frames, as after a jump in time.
+    /// Discards the state of earlier frames, for example after a jump in time.
     fn reset(&mut self);
 }

@@ -1,6 +1,6 @@
-//! The time that a sampler spends in its temporal filters.
+//! The measurement of the time that a sampler spends in its temporal filters.
 
-/// Measures the time that a sampler spends in its temporal filters, with the clock of the program.
+/// A timer of the temporal filters of a sampler, which reads the clock of the program.
 ///
 /// ```
 /// use hemilux_core::sampler::Timer;
@@ -20,24 +20,24 @@ pub struct Timer<'a> {
 }
 
 impl<'a> Timer<'a> {
-    /// A timer that measures nothing.
+    /// Creates a timer without a clock, which measures no duration.
     #[must_use]
     pub const fn none() -> Self {
         Self { clock: None, ns: 0 }
     }
 
-    /// A timer over `clock`, which returns nanoseconds since a fixed time.
+    /// Creates a timer over `clock`, which returns nanoseconds since a fixed time.
     pub fn new(clock: &'a mut dyn FnMut() -> u64) -> Self {
         Self { clock: Some(clock), ns: 0 }
     }
 
-    /// The sum of the measured durations, nanoseconds.
+    /// Returns the sum of the measured durations, nanoseconds.
     #[must_use]
     pub const fn ns(&self) -> u64 {
         self.ns
     }
 
-    /// Runs `filter` and adds its duration.
+    /// Runs `filter`, adds its duration to the sum and returns its result.
     pub(crate) fn measure<R>(&mut self, filter: impl FnOnce() -> R) -> R {
         let Some(clock) = &mut self.clock else { return filter() };
         let began = clock();
