@@ -23,7 +23,7 @@ fn main() {
     divan::main();
 }
 
-/// Codes that differ and are not saturated.
+/// Returns pseudo-random codes, none of which is saturated.
 fn bytes(count: usize) -> Vec<u8> {
     (0..count as u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 25) as u8).collect()
 }

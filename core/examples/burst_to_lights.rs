@@ -1,4 +1,4 @@
-//! Three exposures of a fisheye camera in, sixteen lights out: no heap, no files. Only the printing and `Box` need `std`.
+//! Converts three exposures of a fisheye camera to sixteen lights without heap and files. Only the printing and `Box` need `std`.
 use hemilux_core::{Calibration, Exposure, Format, FrontEnd, Lens, Q2Tree};
 
 const SIDE: usize = 64;
@@ -6,7 +6,7 @@ const LIGHTS: usize = 16;
 /// Seconds of the three exposures, ascending.
 const TIMES: [f64; 3] = [0.001, 0.008, 0.064];
 
-/// What a camera would deliver: rows of red, green and blue bytes. Here a sky and a lamp.
+/// Stands in for a camera: returns rows of red, green and blue bytes of a sky and a lamp.
 fn take_frame(seconds: f64) -> [[[u8; 3]; SIDE]; SIDE] {
     let mut frame = [[[0; 3]; SIDE]; SIDE];
     for (y, row) in frame.iter_mut().enumerate() {
@@ -30,7 +30,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut memory = [0u64; 6000];
     let mut front = FrontEnd::try_new(calibration, &exposures, 3.try_into()?, &mut memory)?;
 
-    // The sampler: 21 bytes hold a bit for each quad of the map that the tree may split.
+    // The sampler: 21 bytes hold one bit for each quad of the map that the tree can split.
     let (heap, lights, past) =
         ([Default::default(); LIGHTS], [Default::default(); LIGHTS], [Default::default(); LIGHTS]);
     let mut tree = Q2Tree::try_new(Default::default(), front.shape(), [[0; 21]; 2], heap, lights, past)?;

@@ -1,14 +1,14 @@
-//! The table and the chart of the results.
+//! Formats the results as a table and as a chart.
 
 use super::ways::{Function, WAYS};
 use std::fmt::Write;
 
-/// The results of a function.
+/// The results of one function.
 pub struct Row {
     pub function: &'static Function,
-    /// Largest errors, by implementation.
+    /// Largest error of each implementation, in the order of [`WAYS`].
     pub errors: [f64; WAYS.len()],
-    /// Instructions per call on ARMv7, by implementation.
+    /// Instructions per call on ARMv7 of each implementation; `None` where not counted.
     pub counts: [Option<f64>; WAYS.len()],
 }
 
@@ -87,7 +87,7 @@ pub fn svg(rows: &[Row]) -> String {
     s
 }
 
-/// Position of a value in a panel: errors from 1e-9 to 10, instructions from 1 to 10,000.
+/// Returns the horizontal position, pixels, of a value in a panel: errors from 1e-9 to 10, instructions from 1 to 10,000.
 fn place(panel: usize, value: f64) -> f64 {
     let [low, high] = [[-9.0, 1.0], [0.0, 4.0]][panel];
     let [left, right] = PANELS[panel];

@@ -1,9 +1,9 @@
-//! Error and cost of the functions that the core calls per light and per pixel, by implementation: libm, micromath, a table, or the
-//! standard library (the processor's square root, the C library for the others).
+//! Compares error and cost of the functions that the core calls per light and per pixel, by implementation: libm, micromath, a table, or
+//! the standard library (a processor instruction for the square root, the C library for the other functions).
 //!
 //! ```text
-//! math --out DIR [--counts FILE]     math.txt and math.svg; FILE has lines "NAME WAY INSTRUCTIONS" of tests/instructions/math.sh
-//! math NAME WAY CALLS                makes that many calls, for instruction counters
+//! math --out DIR [--counts FILE]     writes math.txt and math.svg; FILE has lines "NAME WAY INSTRUCTIONS" of tests/instructions/math.sh
+//! math NAME WAY CALLS                makes CALLS calls, for instruction counters
 //! ```
 
 mod chart;
@@ -15,7 +15,7 @@ use std::path::Path;
 use std::process::ExitCode;
 use ways::{FUNCTIONS, Function, WAYS};
 
-/// Arguments used in rotation when calls are counted.
+/// Number of arguments used in rotation when calls are counted.
 const ARGUMENTS: usize = 1024;
 
 /// Number of arguments at which errors are measured.
@@ -39,7 +39,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Calls one function in one implementation.
+/// Calls the function `name` `calls` times in the implementation `way`.
 fn repeat(name: &str, way: &str, calls: &str) -> Result<(), String> {
     let function = FUNCTIONS.iter().find(|f| f.name == name).ok_or(format!("found function {name}"))?;
     let calls: usize =
@@ -58,7 +58,7 @@ fn repeat(name: &str, way: &str, calls: &str) -> Result<(), String> {
     Ok(())
 }
 
-/// All implementations are called through one loop, whose cost is that of `none`.
+/// Calls `f` in rotation over `xs`; the loop is the same for all implementations, so its cost is the cost of the implementation `none`.
 fn sum(xs: &[f32], calls: usize, f: impl Fn(f32) -> f32) -> f32 {
     xs.iter().cycle().take(calls).map(|x| f(std::hint::black_box(*x))).sum()
 }
@@ -96,7 +96,7 @@ fn report(out: &Path, counts: Option<&Path>) -> Result<(), String> {
     write("math.svg", &chart::svg(&rows))
 }
 
-/// Largest error over the function's range.
+/// Returns the largest error over the function's range.
 fn worst(function: &Function, f: &dyn Fn(f32) -> f32) -> f64 {
     let error = |i: usize| {
         let x = function.argument(i, GRID);

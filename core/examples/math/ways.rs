@@ -9,7 +9,7 @@ pub const WAYS: [&str; 4] = ["libm", "micromath", "table", "std"];
 /// Largest number of table entries: 4 KB.
 const STEPS: usize = 1024;
 
-/// A function of one argument as the core uses it.
+/// A function of one argument that the core calls, with its implementations.
 pub struct Function {
     pub name: &'static str,
     /// Use of the function in the core.
@@ -128,14 +128,14 @@ pub const FUNCTIONS: [Function; 10] = [
 ];
 
 impl Function {
-    /// Argument `i` of `n`, ascending over the range.
+    /// Returns argument `i` of `n`, ascending over the range.
     pub fn argument(&self, i: usize, n: usize) -> f32 {
         let [low, high] = self.range;
         let part = (i as f64 + 0.5) / n as f64;
         (if low > 0.0 { low * (high / low).powf(part) } else { low + part * (high - low) }) as f32
     }
 
-    /// The table of the function.
+    /// Returns the table of the function.
     pub fn table(&self) -> Table {
         let [low, high] = self.range.map(|v| v as f32);
         if low > 0.0 {

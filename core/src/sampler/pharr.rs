@@ -14,7 +14,7 @@ use crate::sizes::BufferSize;
 use core::f64::consts::TAU;
 use glam::DVec3;
 
-/// Largest number below 1: keeps a coordinate of 1 inside the last bin.
+/// Largest number below 1, to which a coordinate of 1 is limited so that it falls into the last bin.
 const BELOW_ONE: f64 = 1.0 - 1.0 / 16_777_216.0;
 
 /// The buffers of [`Pharr`]; their lengths are in [`Sizes`].
@@ -42,13 +42,13 @@ pub struct Sizes {
 }
 
 impl Sizes {
-    /// Lengths for maps of `grid` and up to `lights` lights.
+    /// Returns the lengths for maps of `grid` and up to `lights` lights.
     #[must_use]
     pub const fn new(grid: &Grid, lights: usize) -> Self {
         Self { texels: grid.len(), rows: grid.height, lights }
     }
 
-    /// Name and size of each buffer.
+    /// Returns name and size of each buffer.
     #[must_use]
     pub const fn buffers(&self) -> [BufferSize; 3] {
         [
@@ -75,7 +75,7 @@ impl Sizes {
 ///     lights: vec![Light::default(); sizes.lights],
 /// };
 /// let mut sampler = Pharr::try_new(&grid, memory)?;
-/// // A uniform map whose texels hold radiance times solid angle; `pharr` reads nothing else.
+// A uniform map whose texels hold radiance times solid angle. `pharr` does not read the pyramid.
 /// let texels: Vec<_> = (0..grid.len()).map(|i| [grid.solid_angle(i / 8) as f32; 3]).collect();
 /// let quads = vec![Quad::default(); pyramid_len(Domain::Sphere, Order::saturating(0))];
 /// let pyramid = Pyramid::try_new(quads, Domain::Sphere, Order::saturating(0))?;
@@ -96,7 +96,7 @@ pub struct Pharr<C, M, L> {
 }
 
 impl<C: Buffer<f32>, M: Buffer<f64>, L: Buffer<Light>> Pharr<C, M, L> {
-    /// Creates the sampler for maps of at most the size of `grid`. [`Sizes`] states the length of each buffer in `memory`.
+    /// Creates the sampler for maps of at most the size of `grid`. [`Sizes`] contains the length of each buffer in `memory`.
     ///
     /// # Errors
     /// [`TooSmall`] for a distribution with too few elements.
@@ -107,13 +107,13 @@ impl<C: Buffer<f32>, M: Buffer<f64>, L: Buffer<Light>> Pharr<C, M, L> {
         Ok(Self { conditional, marginal, lights, count: 0 })
     }
 
-    /// Largest number of lights: the length of [`Memory::lights`].
+    /// Returns the largest number of lights: the length of [`Memory::lights`].
     #[must_use]
     pub fn capacity(&self) -> usize {
         self.lights.as_ref().len()
     }
 
-    /// Computes the cumulative distributions; returns the luminance of the map.
+    /// Computes the cumulative distributions; returns the luminance energy of the map.
     fn distribute(&mut self, map: &LatLongView<'_>) -> f64 {
         let width = map.grid.width;
         let rows = map
@@ -133,7 +133,7 @@ impl<C: Buffer<f32>, M: Buffer<f64>, L: Buffer<Light>> Pharr<C, M, L> {
         total
     }
 
-    /// Inverts the cumulative distributions at point (`u`, `v`) of the unit square.
+    /// Returns the point of the distribution at (`u`, `v`) of the unit square, by inversion of the cumulative distributions.
     fn sample(&self, map: &LatLongView<'_>, total: f64, [u, v]: [f64; 2]) -> Sample {
         let (width, height) = (map.grid.width, map.grid.height);
         let marginal = &self.marginal.as_ref()[..height];
@@ -169,18 +169,18 @@ struct Sample {
     solid_angle: f64,
 }
 
-/// Luminance of a texel; 0 for negative or non-finite energy.
+/// Returns the luminance of a texel; 0 for negative or non-finite energy.
 fn light_of(rgb: [f32; 3]) -> f64 {
     f64::from(luminance(sound(rgb)))
 }
 
-/// The column at position `k` counted from phi = 0 in the column order of the map; the distribution starts at phi = 0, as in
+/// Returns the map column at position `k`, counted from phi = 0 in the column order of the map; the distribution starts at phi = 0, as in
 /// \[Nikodym2012\].
 fn column(width: usize, k: usize) -> usize {
     (width / 2 + k) % width
 }
 
-/// Azimuth, radians, at which the count of columns starts: 0, or half a column off 0 if the number of columns is odd.
+/// Returns the azimuth, radians, at which the count of columns starts: 0, or half a column off 0 if the number of columns is odd.
 fn seam(width: usize) -> f64 {
     if width.is_multiple_of(2) { 0.0 } else { TAU / width as f64 / 2.0 }
 }

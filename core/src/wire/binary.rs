@@ -52,8 +52,8 @@ const HAS_UNCERTAINTY: u8 = 32;
 const AXES: [Coordinates; 4] =
     [Coordinates::Probe, Coordinates::YUp, Coordinates::Unity, Coordinates::Unreal];
 
-/// Writes `set` in the binary form, which [`BinarySet`] reads; `board/FORMATS.md` lists the fields. A sampler's name or a reason over
-/// 65,535 bytes is truncated.
+/// Writes `set` in the binary form, which [`BinarySet`] reads; `board/FORMATS.md` lists the fields. The name of a sampler and a reason are
+/// truncated to 65,535 bytes.
 ///
 /// ```
 /// use glam::Vec3;
@@ -120,11 +120,12 @@ pub fn binary<W: Write>(set: &LightSet<'_>, w: &mut W) -> Result<(), W::Error> {
     w.write_all(reason.as_bytes())
 }
 
+/// The header of a set.
 struct Head {
     bytes: [u8; HEAD],
 }
 
-/// The offsets that follow from the flags.
+/// The offsets that depend on the flags.
 struct Extent {
     /// Offset of `unit_uncertainty`.
     uncertainty: usize,
@@ -174,7 +175,7 @@ fn encoded(light: &Light, axes: Coordinates) -> [u8; LIGHT] {
     bytes
 }
 
-/// The longest prefix of whole characters whose length fits a `u16`.
+/// Returns the longest prefix of whole characters whose length fits a `u16`.
 fn short(text: &str) -> &str {
     let mut end = text.len().min(usize::from(u16::MAX));
     while !text.is_char_boundary(end) {
@@ -190,9 +191,9 @@ fn short(text: &str) -> &str {
 pub enum DecodeError {
     /// The bytes do not begin with `HMLX`.
     NotALightSet,
-    /// An unknown version.
+    /// A version other than 1.
     Version(u16),
-    /// Fewer bytes than the header states.
+    /// Fewer bytes than the header requires.
     TooShort,
     /// An inconsistent header, or text that is not UTF-8.
     Malformed,
@@ -211,8 +212,8 @@ impl core::fmt::Display for DecodeError {
 
 impl core::error::Error for DecodeError {}
 
-/// A binary light set in borrowed bytes, checked by [`BinarySet::try_new`]. Directions and harmonics are in the coordinates that the set
-/// names.
+/// A binary light set in borrowed bytes, checked by [`BinarySet::try_new`]. Directions and harmonics are in the coordinate system of the
+/// set, which [`Self::head`] returns.
 #[derive(Clone, Copy, Debug)]
 pub struct BinarySet<'a> {
     head: &'a [u8],
@@ -226,7 +227,7 @@ pub struct BinarySet<'a> {
 }
 
 impl<'a> BinarySet<'a> {
-    /// Checks that `bytes` begin with a complete set; further bytes are ignored.
+    /// Creates a view of the set at the start of `bytes` after checking that the set is complete; further bytes are ignored.
     ///
     /// ```
     /// use hemilux_core::wire::{BinarySet, DecodeError};
@@ -235,7 +236,7 @@ impl<'a> BinarySet<'a> {
     /// ```
     ///
     /// # Errors
-    /// [`DecodeError`] for bytes that are no complete set of a known version.
+    /// [`DecodeError`] for bytes that are not a complete set of a known version.
     pub fn try_new(bytes: &'a [u8]) -> Result<Self, DecodeError> {
         if bytes.get(..4) != Some(MAGIC) {
             return Err(DecodeError::NotALightSet);
@@ -276,7 +277,7 @@ impl<'a> BinarySet<'a> {
         if set.is_in_range() { Ok(set) } else { Err(DecodeError::Malformed) }
     }
 
-    /// Whether directions have unit length, all numbers are finite, and all but directions and harmonics are at least 0.
+    /// Returns whether directions have unit length, all numbers are finite, and all but directions and harmonics are at least 0.
     fn is_in_range(&self) -> bool {
         let finite = |bytes: &[u8]| bytes.chunks_exact(4).all(|b| f32::from_le_bytes(at(b, 0)).is_finite());
         let positive = |bytes: &[u8]| finite(bytes) && bytes.chunks_exact(4).all(|b| f32_at(b, 0) >= 0.0);
@@ -291,7 +292,7 @@ impl<'a> BinarySet<'a> {
             && self.lights.chunks_exact(self.stride).all(light)
     }
 
-    /// All fields except the lights and `ambient_sh`, which [`Self::lights`] and [`Self::ambient_sh`] return.
+    /// Returns all fields except the lights and `ambient_sh`, which [`Self::lights`] and [`Self::ambient_sh`] return.
     #[must_use]
     pub fn head(&self) -> LightSet<'a> {
         let flag = |bit| byte_at(self.head, 48) & bit != 0;
@@ -334,7 +335,7 @@ impl<'a> BinarySet<'a> {
         }
     }
 
-    /// The lights, in the order in which they were written.
+    /// Returns the lights, in the order in which they were written.
     pub fn lights(&self) -> impl ExactSizeIterator<Item = Light> + 'a {
         self.lights.chunks_exact(self.stride).map(|bytes| Light {
             id: u32_at(bytes, 0),
@@ -346,7 +347,7 @@ impl<'a> BinarySet<'a> {
         })
     }
 
-    /// Radiance of the light that the directional lights leave out, as spherical harmonics; `None` if absent.
+    /// Returns the radiance that the directional lights do not represent, as spherical harmonics; `None` if absent.
     #[must_use]
     pub fn ambient_sh(&self) -> Option<Sh9> {
         let bytes = self.harmonics?;
@@ -354,7 +355,7 @@ impl<'a> BinarySet<'a> {
     }
 }
 
-/// The bytes at `at`; zeros beyond the end, which `try_new` excludes.
+/// Returns the bytes at `at`; zeros beyond the end, which `try_new` excludes.
 fn at<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
     bytes.get(at..at + N).and_then(|b| b.try_into().ok()).unwrap_or([0; N])
 }
@@ -375,7 +376,7 @@ fn u64_at(bytes: &[u8], offset: usize) -> u64 {
     u64::from_le_bytes(at(bytes, offset))
 }
 
-/// The float at `offset`; a non-finite one counts as 0, as in the other forms.
+/// Returns the float at `offset`; a non-finite float counts as 0, as in the other forms.
 fn f32_at(bytes: &[u8], offset: usize) -> f32 {
     number(f32::from_le_bytes(at(bytes, offset)))
 }

@@ -29,7 +29,7 @@ pub enum Coordinates {
     Unreal,
 }
 
-/// The names that requests may use, aliases included.
+/// The names that requests accept, aliases included.
 const NAMES: [(&str, Coordinates); 9] = [
     ("probe", Coordinates::Probe),
     ("blender", Coordinates::Probe),
@@ -43,18 +43,18 @@ const NAMES: [(&str, Coordinates); 9] = [
 ];
 
 impl Coordinates {
-    /// The coordinate system with the given name or alias; `None` for an unknown name.
+    /// Returns the coordinate system with the given name or alias; `None` for an unknown name.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         NAMES.iter().find(|(n, _)| *n == name).map(|(_, c)| *c)
     }
 
-    /// All names, aliases included.
+    /// Returns all names, aliases included.
     pub fn names() -> impl Iterator<Item = &'static str> {
         NAMES.iter().map(|(n, _)| *n)
     }
 
-    /// The name in light sets.
+    /// Returns the name in light sets.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -65,7 +65,7 @@ impl Coordinates {
         }
     }
 
-    /// Converts the direction `d` from the probe's axes.
+    /// Converts the unit vector `d` from the probe's axes to these coordinates.
     #[must_use]
     pub fn direction(self, d: Vec3) -> Vec3 {
         match self {
@@ -76,10 +76,10 @@ impl Coordinates {
         }
     }
 
-    /// Converts spherical harmonics from the probe's axes.
+    /// Converts the coefficients `c` of spherical harmonics from the probe's axes to these coordinates.
     ///
-    /// If the old coordinates (x, y, z) are written in terms of the new ones (X, Y, Z), each basis polynomial xy, yz, 3z^2 - 1, xz, x^2 -
-    /// y^2 becomes a linear combination of the new ones; for `y-up`: x = X, y = -Z, z = Y.
+    /// If the probe's coordinates (x, y, z) are written as functions of these coordinates (X, Y, Z), each basis polynomial xy, yz, 3z^2 - 1, xz,
+    /// x^2 - y^2 becomes a linear combination of the same polynomials in (X, Y, Z); for `y-up`: x = X, y = -Z, z = Y.
     #[must_use]
     pub fn harmonics(self, c: &Sh9) -> Sh9 {
         match self {
@@ -91,21 +91,22 @@ impl Coordinates {
     }
 }
 
-/// The harmonics `c` after the substitution of -y for y.
+/// Returns the harmonics `c` after the substitution of -y for y.
 fn mirror_y(c: &Sh9) -> Sh9 {
     negated(c, [1, 4, 5])
 }
 
-/// The harmonics `c` after the substitution of -z for z.
+/// Returns the harmonics `c` after the substitution of -z for z.
 fn mirror_z(c: &Sh9) -> Sh9 {
     negated(c, [2, 5, 7])
 }
 
+/// Returns `c` with the coefficients of the three indices `which` negated.
 fn negated(c: &Sh9, which: [usize; 3]) -> Sh9 {
     core::array::from_fn(|i| if which.contains(&i) { c[i].map(|v| -v) } else { c[i] })
 }
 
-/// The harmonics `c` after the exchange of y and z: xy and xz are exchanged; 3z^2 - 1 and x^2 - y^2 are mixed.
+/// Returns the harmonics `c` after the exchange of y and z: xy and xz are exchanged; 3z^2 - 1 and x^2 - y^2 are mixed.
 ///
 /// With A = (3z^2 - 1)/2 and B = sqrt(3)/2 (x^2 - y^2) as the (equally normalised) pair, (3y^2 - 1)/2 = -A/2 - sqrt(3)/2 B and sqrt(3)/2
 /// (x^2 - z^2) = -sqrt(3)/2 A + B/2.

@@ -1,4 +1,4 @@
-//! Decimal numbers without an exponent: the same text as `{}` of `core::fmt`, without code that can panic and faster.
+//! Writes decimal numbers without an exponent: the text equals that of `{}` of `core::fmt`, but the code cannot panic and is faster.
 
 use super::{number, put};
 use embedded_io::Write;
@@ -52,6 +52,7 @@ pub(super) fn decimal<W: Write>(w: &mut W, v: f32) -> Result<(), W::Error> {
     zeros(w, (power + 1).saturating_sub(used))
 }
 
+/// Writes `count` zeros.
 fn zeros<W: Write>(w: &mut W, count: usize) -> Result<(), W::Error> {
     (0..count).try_for_each(|_| put(w, "0"))
 }

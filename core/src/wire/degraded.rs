@@ -1,6 +1,6 @@
-//! Steps by which a light set falls short of what the settings ask for, because a frame took longer than its budget.
+//! Reductions of a light set relative to the settings, which keep a frame within its time budget.
 
-/// A kind of step.
+/// A kind of reduction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
@@ -16,10 +16,10 @@ pub enum Step {
 }
 
 impl Step {
-    /// All kinds, in the order in which they are taken.
+    /// All kinds, in the order in which they are applied.
     pub const ALL: [Self; 4] = [Self::Exposures, Self::Order, Self::Lights, Self::Rate];
 
-    /// The name in light sets and counters.
+    /// Returns the name in light sets and counters.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -31,34 +31,34 @@ impl Step {
     }
 }
 
-/// The number of steps of each kind.
+/// The number of reductions of each kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Degraded([u8; Step::ALL.len()]);
 
 impl Degraded {
-    /// No step: the set is as the settings ask for.
+    /// The value without reductions: the set complies with the settings.
     pub const NONE: Self = Self([0; Step::ALL.len()]);
 
-    /// Adds a step of a kind.
+    /// Counts one more reduction of kind `step`.
     pub fn add(&mut self, step: Step) {
         if let Some(count) = self.0.get_mut(step as usize) {
             *count = count.saturating_add(1);
         }
     }
 
-    /// The number of steps of a kind.
+    /// Returns the number of reductions of kind `step`.
     #[must_use]
     pub fn count(&self, step: Step) -> u8 {
         self.0.get(step as usize).copied().unwrap_or(0)
     }
 
-    /// Whether the set is as the settings ask for.
+    /// Returns whether there is no reduction.
     #[must_use]
     pub fn is_none(&self) -> bool {
         *self == Self::NONE
     }
 
-    /// The names of the steps, one for each step of a kind.
+    /// Returns the names of the reductions; a kind that was applied n times appears n times.
     pub fn names(&self) -> impl Iterator<Item = &'static str> + '_ {
         Step::ALL.into_iter().flat_map(|step| core::iter::repeat_n(step.name(), self.count(step).into()))
     }

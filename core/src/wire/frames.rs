@@ -7,20 +7,20 @@ use crate::merge::MAX_EXPOSURES;
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum FrameFault {
-    /// The frame is dark where another one predicts light.
+    /// The frame is dark where another frame predicts light.
     Black,
-    /// The frame is saturated where another one predicts less.
+    /// The frame is saturated where another frame predicts less light.
     Saturated,
-    /// The frame shows another scene: the camera or the light moved.
+    /// The frame is of another scene: the camera or the light moved.
     OtherScene,
-    /// All radiances differ by one factor from those of the other frames, unlike in the bursts before.
+    /// All radiances differ by one factor from the radiances of the other frames, unlike in the bursts before.
     WrongExposure,
-    /// The upper part of the frame agrees with the other frames, the lower part does not, or the other way round.
+    /// One part of the frame, upper or lower, agrees with the other frames, and the other part does not.
     Torn,
     /// The frame holds the same samples as a frame of another exposure.
     Repeated,
-    /// The frame is sound, but the shortest exposure of its burst is not: without it the brightest light is unknown, and the light set
-    /// repeats that of the burst before.
+    /// The frame has no fault, but the shortest exposure of its burst has: the brightest radiance is unknown without it, so the light set of the
+    /// burst before is repeated.
     Incomplete,
 }
 
@@ -36,7 +36,7 @@ impl FrameFault {
         Self::Incomplete,
     ];
 
-    /// The name in light sets and counters.
+    /// Returns the name in light sets and counters.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -50,7 +50,7 @@ impl FrameFault {
         }
     }
 
-    /// Position in [`FrameFault::ALL`].
+    /// Returns the position in [`FrameFault::ALL`].
     #[must_use]
     pub fn index(self) -> usize {
         self as usize
@@ -62,29 +62,29 @@ impl FrameFault {
 pub struct FramesLeftOut([Option<FrameFault>; MAX_EXPOSURES]);
 
 impl FramesLeftOut {
-    /// No frame.
+    /// The empty set: all frames were merged.
     pub const NONE: Self = Self([None; MAX_EXPOSURES]);
 
-    /// Adds the frame with this index; indices of [`MAX_EXPOSURES`] and above are ignored.
+    /// Adds the frame with index `index`; indices of [`MAX_EXPOSURES`] and above are ignored.
     pub fn insert(&mut self, index: usize, fault: FrameFault) {
         if let Some(slot) = self.0.get_mut(index) {
             *slot = Some(fault);
         }
     }
 
-    /// Whether the frame with this index was left out.
+    /// Returns whether the frame with index `index` was left out.
     #[must_use]
     pub fn contains(&self, index: usize) -> bool {
         matches!(self.0.get(index), Some(Some(_)))
     }
 
-    /// Whether all frames were merged.
+    /// Returns whether all frames were merged.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.0.iter().all(Option::is_none)
     }
 
-    /// The frames that were left out, in ascending order of their index.
+    /// Returns the frames that were left out, in ascending order of their index.
     pub fn iter(&self) -> impl Iterator<Item = FrameLeftOut> + '_ {
         self.0.iter().enumerate().filter_map(|(index, fault)| Some(FrameLeftOut { index, fault: (*fault)? }))
     }

@@ -94,7 +94,7 @@ pub fn json<W: Write>(set: &LightSet<'_>, w: &mut W) -> Result<(), W::Error> {
     put(w, "}")
 }
 
-/// Writes the steps of a degraded set, if there are any.
+/// Writes the member `degraded` unless there are no reductions.
 fn degraded<W: Write>(w: &mut W, steps: &Degraded) -> Result<(), W::Error> {
     if steps.is_none() {
         return Ok(());
@@ -106,7 +106,7 @@ fn degraded<W: Write>(w: &mut W, steps: &Degraded) -> Result<(), W::Error> {
     put(w, "\"]")
 }
 
-/// Writes the frames that were not merged, if there are any.
+/// Writes the member `frames_left_out` unless all frames were merged.
 fn frames_left_out<W: Write>(w: &mut W, frames: &FramesLeftOut) -> Result<(), W::Error> {
     if frames.is_empty() {
         return Ok(());
@@ -124,7 +124,7 @@ fn frames_left_out<W: Write>(w: &mut W, frames: &FramesLeftOut) -> Result<(), W:
     put(w, "]")
 }
 
-/// Writes the modulation that was removed, if there is any.
+/// Writes the member `mains` unless no modulation was removed.
 fn flicker<W: Write>(w: &mut W, flicker: &Flicker) -> Result<(), W::Error> {
     if *flicker == Flicker::NONE {
         return Ok(());
@@ -165,6 +165,7 @@ fn harmonics<W: Write>(w: &mut W, sh: &Sh9) -> Result<(), W::Error> {
     put(w, "]")
 }
 
+/// Writes `key` and an array of three numbers.
 fn triple<W: Write>(w: &mut W, key: &str, values: &[f32; 3]) -> Result<(), W::Error> {
     put(w, key)?;
     put(w, "[")?;
@@ -172,6 +173,7 @@ fn triple<W: Write>(w: &mut W, key: &str, values: &[f32; 3]) -> Result<(), W::Er
     put(w, "]")
 }
 
+/// Writes `key` and an integer.
 fn count<W: Write>(w: &mut W, key: &str, n: u64) -> Result<(), W::Error> {
     put(w, key)?;
     whole(w, n)

@@ -1,7 +1,7 @@
 //! Encodings of a light set: JSON, plain text, XML and a compact binary form.
 //!
-//! The encoders write to any `embedded_io::Write` (a `&mut &mut [u8]`, for example) and allocate nothing. All values are absolute and
-//! linear. Directions and harmonics are converted to the requested [`Coordinates`]. [`LightSet::EMPTY`] gives default values for the
+//! The encoders write to any `embedded_io::Write` (a `&mut &mut [u8]`, for example) and allocate no memory. All values are absolute and
+//! linear. Directions and harmonics are converted to the requested [`Coordinates`]. [`LightSet::EMPTY`] holds default values for the
 //! fields that a program does not set. `board/FORMATS.md` lists the fields of every form.
 
 mod binary;
@@ -40,7 +40,7 @@ pub enum Unit {
 }
 
 impl Unit {
-    /// The name in light sets.
+    /// Returns the name in light sets.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -53,19 +53,19 @@ impl Unit {
 /// Duration of each stage of one frame, microseconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Latency {
-    /// Waiting for the burst and copying it.
+    /// Wait for the burst, and its copy.
     pub capture: u32,
     /// Merge of the burst and accumulation in texels.
     pub front: u32,
     /// Conversion of sums to energy, and coarser orders of the map.
     pub pyramid: u32,
-    /// The sampler without its temporal filters.
+    /// Sampler without its temporal filters.
     pub sample: u32,
     /// Temporal filters of the sampler.
     pub filter: u32,
     /// Encoding of the previous frame's set.
     pub encode: u32,
-    /// From the end of the burst to the finished light set.
+    /// Time from the end of the burst to the finished light set.
     pub total: u32,
 }
 
@@ -76,7 +76,7 @@ impl Latency {
     /// Names of the durations in light sets, in the order of the fields.
     pub const NAMES: [&str; STAGES] = ["capture", "front", "pyramid", "sample", "filter", "encode", "total"];
 
-    /// The durations in the order of [`Self::NAMES`].
+    /// Returns the durations, microseconds, in the order of [`Self::NAMES`].
     #[must_use]
     pub const fn all(&self) -> [u32; STAGES] {
         [self.capture, self.front, self.pyramid, self.sample, self.filter, self.encode, self.total]
@@ -88,17 +88,17 @@ impl Latency {
 pub struct Overrun(u8);
 
 impl Overrun {
-    /// No stage.
+    /// The empty set.
     pub const NONE: Self = Self(0);
 
-    /// The stages of `latency` that exceed their budgets; both in microseconds.
+    /// Returns the stages of `latency` that exceed their budgets; both in microseconds.
     #[must_use]
     pub fn of(latency: &Latency, budgets_us: &[u32; STAGES]) -> Self {
         let over = latency.all().into_iter().zip(budgets_us).map(|(us, budget)| us > *budget);
         Self(over.enumerate().fold(0, |bits, (i, over)| bits | u8::from(over) << i))
     }
 
-    /// Names of the stages, from [`Latency::NAMES`].
+    /// Returns the names of the stages, from [`Latency::NAMES`].
     pub fn names(self) -> impl Iterator<Item = &'static str> {
         Latency::NAMES
             .into_iter()
@@ -108,7 +108,7 @@ impl Overrun {
     }
 }
 
-/// `v`, or 0 if it is not finite: the encoded forms hold finite numbers only.
+/// Returns `v`, or 0 if it is not finite: the encoded forms hold finite numbers only.
 fn number(v: f32) -> f32 {
     if v.is_finite() { v } else { 0.0 }
 }

@@ -5,17 +5,17 @@ use crate::light::{Light, Sh9};
 use crate::mains::Flicker;
 use core::borrow::Borrow;
 
-/// The reason why a light set is out of date.
+/// Age of the last light set while no newer set exists, and the reason.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stale<Text> {
     /// Milliseconds since the set was computed.
     pub age_ms: u64,
-    /// Reason for the absence of newer sets, in words.
+    /// Reason for the absence of newer sets, one sentence.
     pub reason: Text,
 }
 
 impl<Text: AsRef<str>> Stale<Text> {
-    /// The same age with a borrowed reason.
+    /// Returns the value with a borrowed reason.
     #[must_use]
     pub fn view(&self) -> Stale<&str> {
         Stale { age_ms: self.age_ms, reason: self.reason.as_ref() }
@@ -28,7 +28,7 @@ impl<Text: AsRef<str>> Stale<Text> {
 /// encoders read; `String`, `Vec<Light>` and [`Sh9`] in a program that keeps sets.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Record<Text, Lights, Harmonics> {
-    /// Identifier of the run of the program: differs after every start.
+    /// Identifier of the run of the program, different after every start.
     pub run: Text,
     /// Number of the frame, from 0 in each run.
     pub frame: u64,
@@ -38,7 +38,7 @@ pub struct Record<Text, Lights, Harmonics> {
     pub wall_ms: u64,
     /// `false` before the first frame.
     pub valid: bool,
-    /// Present if no new burst arrives and this is the last light set.
+    /// Age and reason if no new burst arrives, so that the set is repeated; otherwise `None`.
     pub stale: Option<Stale<Text>>,
     /// Name of the sampler.
     pub sampler: Text,
@@ -46,38 +46,38 @@ pub struct Record<Text, Lights, Harmonics> {
     pub requested: u32,
     /// Unit of the irradiances.
     pub unit: Unit,
-    /// Relative uncertainty of the unit with 95 % coverage; `None` where the unit is relative.
+    /// Relative uncertainty of the unit with 95 % coverage, a ratio; `None` where the unit is relative.
     pub unit_uncertainty: Option<f32>,
     /// Coordinates to which the encoders convert directions and harmonics.
     pub coordinates: Coordinates,
     /// The lights, in the probe's axes.
     pub lights: Lights,
-    /// Radiance of the light that `lights` leave out, as spherical harmonics in the probe's axes.
+    /// Radiance that `lights` do not represent, as spherical harmonics in the probe's axes.
     pub ambient_sh: Option<Harmonics>,
-    /// Scalar flux that neither `lights` nor `ambient_sh` contain ([`LightSet::missing_flux`]); `None` if it is below a thousandth of
-    /// `scalar_flux`. The binary form omits it, since it follows from the other fields.
+    /// Scalar flux that neither `lights` nor `ambient_sh` represent ([`LightSet::missing_flux`]); `None` if it is below a thousandth of
+    /// `scalar_flux`. The binary form omits it, since it can be computed from the other fields.
     pub left_out: Option<[f32; 3]>,
-    /// Scalar flux: radiance times solid angle, summed over the map.
+    /// Scalar flux, red, green and blue: radiance times solid angle, summed over the map.
     pub scalar_flux: [f32; 3],
-    /// Horizontal irradiance: radiance times cos(theta) times solid angle, summed above the horizon.
+    /// Horizontal irradiance, red, green and blue: radiance times cos(theta) times solid angle, summed above the horizon.
     pub horizontal_irradiance: [f32; 3],
     /// Lower bound of the horizontal irradiance of clipped light; part of `horizontal_irradiance`. Only in the JSON form.
     pub clipped_irradiance_at_least: [f32; 3],
-    /// Fraction of the domain's solid angle in which even the shortest exposure is clipped.
+    /// Fraction of the domain's solid angle in which the shortest exposure is clipped, 0..=1.
     pub clipped: f32,
-    /// Fraction of the domain's solid angle outside of the field of view.
+    /// Fraction of the domain's solid angle outside of the field of view, 0..=1.
     pub unseen: f32,
     /// Estimated shadowed error, a ratio; `None` for samplers without an estimate.
     pub estimated_error: Option<f32>,
-    /// Duration of each stage.
+    /// Duration of each stage, microseconds.
     pub latency: Latency,
     /// Stages over their budget; only the JSON form contains them.
     pub overrun: Overrun,
     /// Frames of the burst that were not merged; only the JSON form contains them.
     pub frames_left_out: FramesLeftOut,
-    /// Steps by which the set falls short of the settings, to keep the budget; only the JSON form contains them.
+    /// Reductions relative to the settings that keep a frame within its budget; only the JSON form contains them.
     pub degraded: Degraded,
-    /// Modulation of lamps that was removed; only the JSON form contains it.
+    /// Modulation by lamps on the mains that was removed; only the JSON form contains it.
     pub flicker: Flicker,
 }
 
@@ -108,7 +108,7 @@ pub struct Record<Text, Lights, Harmonics> {
 /// ```
 pub type LightSet<'a> = Record<&'a str, &'a [Light], &'a Sh9>;
 
-/// A [`Record`] with the stored fields that are given and the plain values of another record.
+/// Creates a [`Record`] from the given stored fields and the plain values of another record.
 macro_rules! with_values_of {
     ($record:expr, { $($stored:ident: $value:expr,)* }) => {
         Record {
@@ -138,7 +138,7 @@ macro_rules! with_values_of {
 }
 
 impl<Text: AsRef<str>, Lights: AsRef<[Light]>, Harmonics: Borrow<Sh9>> Record<Text, Lights, Harmonics> {
-    /// The same values with borrowed texts, lights and harmonics.
+    /// Returns the values with borrowed texts, lights and harmonics.
     #[must_use]
     pub fn view(&self) -> LightSet<'_> {
         with_values_of!(self, {
@@ -152,7 +152,7 @@ impl<Text: AsRef<str>, Lights: AsRef<[Light]>, Harmonics: Borrow<Sh9>> Record<Te
 }
 
 impl<Text, Lights, Harmonics> Record<Text, Lights, Harmonics> {
-    /// The same values in other storage. `text` converts `run`, `sampler` and the reason of `stale`, in this order.
+    /// Returns the values in other storage. `text` converts `run`, `sampler` and the reason of `stale`, in this order.
     #[must_use]
     pub fn map<T, L, H>(
         self,
@@ -171,7 +171,7 @@ impl<Text, Lights, Harmonics> Record<Text, Lights, Harmonics> {
 }
 
 impl LightSet<'_> {
-    /// A light set without lights, as before the first frame.
+    /// A light set without lights, for the time before the first frame.
     pub const EMPTY: LightSet<'static> = LightSet {
         run: "",
         frame: 0,
@@ -205,7 +205,7 @@ impl LightSet<'_> {
 const SILENT: f32 = 1e-3;
 
 impl LightSet<'_> {
-    /// Scalar flux from the upper hemisphere that neither `lights` nor `ambient_sh` contain: the value of [`LightSet::left_out`].
+    /// Returns the scalar flux from the upper hemisphere that neither `lights` nor `ambient_sh` represent: the value of [`LightSet::left_out`].
     #[must_use]
     pub fn missing_flux(&self) -> Option<[f32; 3]> {
         // Integrals of the basis functions (0,0) and (1,0) over the hemisphere; those of the others are 0.

@@ -61,7 +61,7 @@ pub fn text<W: Write>(set: &LightSet<'_>, w: &mut W) -> Result<(), W::Error> {
     Ok(())
 }
 
-/// Writes `s` into a comment line; control characters, which could end the line, become spaces.
+/// Writes `s` to a comment line; control characters, which could end the line, become spaces.
 fn words<W: Write>(w: &mut W, s: &str) -> Result<(), W::Error> {
     s.chars().try_for_each(|c| match c {
         c if c.is_control() => put(w, " "),

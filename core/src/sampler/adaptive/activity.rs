@@ -1,7 +1,7 @@
-//! Detection of motion in the map: which quads have moving light, and whether the scene moves at all.
+//! Detection of motion in the map: the quads with moving light, and whether the scene moves.
 //!
 //! A light that represents a moving source has a new error in every frame, which is visible as flicker, so moving quads get more lights.
-//! While nothing moves, all changes are noise, and the filters may smooth them.
+//! While no quad moves, all changes are noise, and the filters may smooth them.
 
 use crate::healpix::{Domain, Order};
 use crate::pyramid::{PyramidView, pyramid_len};
@@ -20,7 +20,7 @@ const MOST: f32 = 3.0;
 /// Relative step of a quad's first moment (over its energy) above which it counts as motion, and the step of full motion.
 const STEP: (f32, f32) = (0.025, 0.25);
 
-/// Rise and fall of the factor per frame: it rises at once, so that the former splits do not hold the lights.
+/// Gains of a rise and of a fall of the factor per frame: a rise takes one frame, so that former splits do not delay it.
 const RISE_AND_FALL: (f32, f32) = (1.0, 0.5);
 
 /// Relative change of a quad's share of the light above which the change is not noise.
@@ -69,7 +69,7 @@ impl Activity {
     }
 
     /// Processes the next frame; returns true if the scene moves. Maps coarser than order 3 always count as at rest.
-    pub(super) fn see(&mut self, map: &PyramidView<'_>) -> bool {
+    pub(super) fn update(&mut self, map: &PyramidView<'_>) -> bool {
         let whole = map.total().y();
         if map.order().get() < ORDER || whole <= 0.0 {
             return false;

@@ -5,8 +5,8 @@
 //! represent. Since the constant function is one of the nine basis functions, the fit keeps the energy of the cut map. Without lights
 //! nothing is cut off.
 //!
-//! The height of the ceiling decides how much light is left to the lights: few lights need a high ceiling, many a low one. The sampler
-//! tries [`CEILINGS`] and selects the one with the least error.
+//! The height of the ceiling determines the share of the directional lights: few lights need a high ceiling, many lights a low one. The
+//! sampler tries [`CEILINGS`] and selects the ceiling with the least error.
 
 use crate::color::{self, luminance};
 use crate::harmonics;
@@ -24,7 +24,7 @@ pub(super) const QUADS: usize = Domain::Sphere.quads(ORDER);
 /// Number of quads of all orders up to [`ORDER`] on a sphere.
 const SUMS: usize = crate::pyramid::pyramid_len(Domain::Sphere, Order::saturating(ORDER));
 
-/// Ceilings, as multiples of the fit: light above is not ambient. The last one leaves no excess.
+/// Ceilings, as multiples of the fit: light above the ceiling is not ambient. The last ceiling leaves no excess.
 pub(super) const CEILINGS: [f32; 10] = [0.25, 0.5, 0.7, 1.0, 1.5, 3.0, 6.0, 12.0, 24.0, f32::INFINITY];
 
 /// Index of the infinite ceiling in [`CEILINGS`].

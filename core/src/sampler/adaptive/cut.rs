@@ -1,7 +1,7 @@
-//! Detects a cut: a frame that does not continue the last one, after which the state of earlier frames is discarded.
+//! Detects a cut: a frame that does not continue the last frame, after which the state of earlier frames is discarded.
 //!
-//! Let r be the ratio of a quad's light to that of the last frame. In a continued scene most r lie near their median, even if the whole is
-//! dimmed or a lamp changes; after a cut more than half of them do not.
+//! Let r be the ratio of a quad's light to its light in the last frame. In a continued scene most r lie near their median, even if the
+//! whole is dimmed or a lamp changes; after a cut more than half of them do not.
 
 use crate::pyramid::PyramidView;
 
@@ -26,14 +26,14 @@ impl Cut {
     }
 
     /// Stores the frame; returns whether it is a cut.
-    pub(super) fn seen(&mut self, map: &PyramidView<'_>) -> bool {
+    pub(super) fn detect(&mut self, map: &PyramidView<'_>) -> bool {
         let mut ratios = heapless::Vec::<f32, QUADS>::new();
         let mut one = 0;
         for (past, quad) in self.past.iter_mut().zip(map.quads_of(ORDER)) {
             let now = quad.y();
             match (*past > 0.0, now > 0.0) {
                 (true, true) => {
-                    // The list has a place for the ratio of each quad.
+                    // The capacity is the number of quads.
                     let _ = ratios.push(now / *past);
                 }
                 (false, false) => {}

@@ -4,8 +4,8 @@
 //! d, and K of two such vectors uses (1 - m . m') / 2 as the squared sine of half their angle. This is exact for a kernel that is linear in
 //! the squared chord; [`SHRINK`] corrects it for the kernel's kink at 0. All fits for points therefore apply to discs at the same cost.
 //!
-//! The error of a disc is not its spread but the light that it does not represent: light off its centre, and elongated light.
-//! [`importance`] measures that error, and [`steer`] moves the centres to reduce it.
+//! The spread of a disc is not its error; the error is the light that the disc does not represent: light off its centre, and elongated
+//! light. [`importance`] computes this error, and [`steer`] moves the centres to reduce it.
 
 use super::FITTED;
 use super::kernel::{MeanVector, kernel};

@@ -6,12 +6,11 @@
 //! maps in three orientations, as sphere and as hemisphere, with 2 to 512 lights; each map was left out of its own fit. 84 % of the
 //! estimates are within a factor of 1.25 of the true error (89 % from four lights on). The fit explains 58 % of the variance that remains
 //! when each number of lights has a constant estimate.
-//! constant estimate.
 
 use crate::color::luminance;
 use crate::light::Light;
 
-/// Smallest estimate: below it the size of the map's texels dominates the error.
+/// Smallest estimate: below it the size of the map's texels determines the error.
 pub(super) const FLOOR: f32 = 0.002;
 
 /// Constant of the fit and exponents of sum y^2 v^(1/2), sum y v and sum y^2 v^(3/4).

@@ -13,7 +13,7 @@ use crate::color::luminance;
 use crate::light::Light;
 use glam::Vec3;
 
-/// Properties of a frame that are known before its lights are made.
+/// Properties of a frame that are computed before its lights.
 #[derive(Clone, Copy)]
 pub(super) struct Frame {
     /// Number of lights in the last frame.
@@ -58,6 +58,7 @@ pub struct LightFilter {
     offset: Vec3,
 }
 
+/// Least region identifier of gathered lights, above every level.
 const GATHERED: u8 = 128;
 
 /// Running means of the steps and of their lengths.
@@ -200,7 +201,7 @@ where
 mod tests {
     use super::*;
 
-    /// Radii of one disc over frames in which its region has the radii `seen`.
+    /// Returns the radii of one disc over frames in which its region has the radii `seen`.
     fn radii(seen: &[f32], moving: bool) -> heapless::Vec<f32, 16> {
         let mut track =
             [LightFilter { width: Signal { mean: 0.0, length: NEW_WIDTH }, ..LightFilter::default() }];

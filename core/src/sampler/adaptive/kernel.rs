@@ -28,8 +28,7 @@ struct KernelAndSlope {
     slope: f32,
 }
 
-/// Returns K and its derivative; below [`LEAST_ROOT`] the derivative is that at [`LEAST_ROOT`],
-/// hence finite.
+/// Returns K and its derivative, which is constant below [`LEAST_ROOT`], hence finite.
 #[inline(always)]
 fn kernel_and_slope(squared: f32) -> KernelAndSlope {
     let squared = squared.max(LEAST);

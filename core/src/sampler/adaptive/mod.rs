@@ -1,18 +1,17 @@
 //! The `adaptive` sampler: a binary tree over the pyramid, filtered energy centroids, and weights of least error for shadowed receivers. A
 //! method of this project.
 //!
-//! 1. `ambient`, if requested: light without a direction becomes spherical harmonics; the other stages represent the excess above them.
-//! 2. `count`: with a tolerance, the fewest lights that reach it; hysteresis keeps their number from oscillating.
-//! 3. `tree` over `nodes`: best-first splits of a binary tree by Y (1 - |m|)^(3/8), which is nearly what a light costs in shadowed
-//!    error. Each split adds one light, so every number of lights is reached, down to one.
-//! 4. `gather`: up to eight lights move to the centroids of the light nearest to them; larger sets gain little by it and flicker. `discs`:
-//!    for discs, importance measures the light that a disc does not represent, and the discs of small sets move to reduce their error.
-//! 5. `filter`: directions are smoothed against noise; a light that moves or jumps is followed without delay. After a `cut`, a frame that
-//!    does not continue the last one, all filters are reset.
-//! 6. `weights`: the energies of up to 64 lights are set to those of least expected squared error of irradiance over receivers with random
-//!    occluders. With more lights, solving for the energies would take more time than adding a light.
-//! 7. `receivers`, or `estimate` for many lights: the estimated error of the set for shadowed receivers. Both approximate the map by sources
-//!    (`source`).
+//! 1. `ambient`, if requested: fits spherical harmonics to the light without a dominant direction; the other stages represent the excess.
+//! 2. `count`: with a tolerance, selects the fewest lights that reach it; hysteresis keeps their number from oscillating.
+//! 3. `tree` over `nodes`: splits a binary tree best-first by Y (1 - |m|)^(3/8), which is nearly the shadowed error of one light. Each
+//!    split adds one light, so every number of lights is reached, down to one.
+//! 4. `gather`: moves up to eight lights to the centroids of the light nearest to them; in larger sets the error decreases little and the
+//!    lights flicker. `discs`: for discs, the importance is the error of a disc, and the discs of small sets move to reduce their error.
+//! 5. `filter`: smooths directions against noise; a light that moves or jumps is followed without delay. After a `cut`, a frame that does
+//!    not continue the last frame, all filters are reset.
+//! 6. `weights`: sets the energies of up to 64 lights to the least expected squared error of irradiance over receivers with random
+//!    occluders. For more lights, the solution would take more time than one more light.
+//! 7. `receivers`, or `estimate` for many lights: estimates the shadowed error of the set. Both approximate the map by sources (`source`).
 //!
 //! In every frame and channel, the energies of the lights and of the ambient light add up to the energy of the map.
 
@@ -53,7 +52,7 @@ const FITTED: usize = 64;
 /// Largest number of lights that `gather` moves.
 const GATHERED: usize = 8;
 
-/// Number of frames between two searches for a better ceiling of the ambient light.
+/// Number of frames between two searches for the ceiling of the ambient light.
 const REST: u32 = 32;
 
 /// Ratio of errors below which another ceiling replaces the one in use.
@@ -95,12 +94,12 @@ pub struct Adaptive<B, H, L, T, W> {
     lights: [L; 2],
     tracks: [T; 2],
     count: usize,
-    /// Index of the ceiling in use in [`ambient::CEILINGS`], and the number of frames since the last search.
+    /// Index of the ceiling in use in [`ambient::CEILINGS`], and number of frames since the last search.
     ceiling: (usize, u32),
-    /// The number of lights for a tolerance.
+    /// The number of lights that was selected for a tolerance.
     wanted: count::Count,
-    /// Number of lights for which the receivers' errors were computed; `None` before the first frame.
-    looked_at: Option<usize>,
+    /// Number of lights whose error was computed over all receivers; `None` before the first frame.
+    evaluated: Option<usize>,
     /// Whether the lights of the last frame were discs.
     soft: bool,
     workspace: W,
@@ -127,7 +126,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W
             count: 0,
             ceiling: (ambient::USUAL, 0),
             wanted: count::Count::default(),
-            looked_at: None,
+            evaluated: None,
             soft: false,
             workspace,
         };
@@ -145,10 +144,10 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W
 
     /// Computes the lights of one frame; returns their estimated error.
     fn decompose(&mut self, map: &PyramidView<'_>, request: &Request, timer: &mut Timer<'_>) -> f32 {
-        if self.workspace.borrow_mut().cut.seen(map) {
+        if self.workspace.borrow_mut().cut.detect(map) {
             self.reset();
         }
-        let moving = self.workspace.borrow_mut().activity.see(map);
+        let moving = self.workspace.borrow_mut().activity.update(map);
         let previous = self.count;
         self.lights.swap(0, 1);
         self.tracks.swap(0, 1);
@@ -162,7 +161,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W
             self.wanted = wanted;
         }
         self.ceiling.1 += 1;
-        if request.ambient && (self.looked_at != Some(count) || self.ceiling.1 > REST) {
+        if request.ambient && (self.evaluated != Some(count) || self.ceiling.1 > REST) {
             self.trial(map, request, count);
             self.ceiling.1 = 0;
         }
@@ -174,8 +173,8 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W
         timer.measure(|| filter::settle(lights, tracks, quiet));
         let nodes = Nodes::new(map, request.ambient.then_some(&self.workspace.borrow().ambient));
         weights::keep_energy(lights, nodes.quad(0, 0).rgb());
-        let anew = self.looked_at != Some(count);
-        self.looked_at = Some(count);
+        let anew = self.evaluated != Some(count);
+        self.evaluated = Some(count);
         let error = self.error(map, request, anew);
         self.wanted.note(error);
         error
@@ -219,21 +218,21 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W
     /// Returns the estimated error of `limit` lights; with ambient light, under the ceiling of least error, which is stored.
     fn trial(&mut self, map: &PyramidView<'_>, request: &Request, limit: usize) -> f32 {
         if !request.ambient || limit == 0 {
-            return self.look(map, request, limit, ambient::ALL);
+            return self.evaluate(map, request, limit, ambient::ALL);
         }
-        // The search goes from the usual ceiling up or down while the error decreases. The ceiling without excess is tried too, so that a
-        // few lights are never worse than none.
-        let mut best = (self.look(map, request, limit, ambient::USUAL), ambient::USUAL);
+        // The search goes from the usual ceiling up or down while the error decreases. The ceiling without excess is tried too, so that the
+        // error of a few lights never exceeds the error of ambient light alone.
+        let mut best = (self.evaluate(map, request, limit, ambient::USUAL), ambient::USUAL);
         for ceilings in [ambient::HIGHER, ambient::LOWER, &[ambient::ALL]] {
             for ceiling in ceilings {
-                let error = self.look(map, request, limit, *ceiling);
+                let error = self.evaluate(map, request, limit, *ceiling);
                 if error >= best.0 {
                     break;
                 }
                 best = (error, *ceiling);
             }
         }
-        let now = self.look(map, request, limit, self.ceiling.0);
+        let now = self.evaluate(map, request, limit, self.ceiling.0);
         if now <= best.0 / BETTER {
             return now;
         }
@@ -242,7 +241,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W
     }
 
     /// Returns the estimated error of `limit` lights under a ceiling, over all receivers.
-    fn look(&mut self, map: &PyramidView<'_>, request: &Request, limit: usize, ceiling: usize) -> f32 {
+    fn evaluate(&mut self, map: &PyramidView<'_>, request: &Request, limit: usize, ceiling: usize) -> f32 {
         self.place(map, request, limit, ceiling);
         if request.soft {
             let Workspace { sources, fit, .. } = self.workspace.borrow_mut();
@@ -250,7 +249,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W
             discs::steer(fit, sources.as_slice(), lights);
         }
         self.weigh(map, request);
-        self.looked_at = None;
+        self.evaluated = None;
         self.error(map, request, true)
     }
 
@@ -292,7 +291,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W
         weights::keep_energy(lights, nodes.quad(0, 0).rgb());
     }
 
-    /// Estimates the shadowed error: over all receivers if the lights are `anew`, else over a part of them.
+    /// Returns the estimated shadowed error. `anew` evaluates all receivers, otherwise a sixteenth of them is evaluated.
     fn error(&mut self, map: &PyramidView<'_>, request: &Request, anew: bool) -> f32 {
         let lights = &self.lights[0].as_ref()[..self.count];
         if self.count > source::SOURCES {
@@ -318,7 +317,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W
                 receivers.add(residual.direction, ambient::RADIUS, residual.y * whole);
             }
         }
-        let error = if anew { receivers.look() } else { receivers.turn() };
+        let error = if anew { receivers.evaluate_all() } else { receivers.evaluate_next() };
         error.max(estimate::FLOOR)
     }
 }
@@ -350,7 +349,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W
 
     fn reset(&mut self) {
         self.count = 0;
-        self.looked_at = None;
+        self.evaluated = None;
         self.workspace.borrow_mut().activity.reset();
         self.ceiling = (ambient::USUAL, 0);
         self.wanted.reset();

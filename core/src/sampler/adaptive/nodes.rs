@@ -12,6 +12,7 @@ use crate::pyramid::{PyramidView, Quad};
 /// Face of each slot: each northern face is paired with the equatorial face below it, so that pairs are compact.
 const SLOTS: [u32; 16] = [0, 4, 1, 5, 2, 6, 3, 7, 8, EMPTY, 9, EMPTY, 10, EMPTY, 11, EMPTY];
 
+/// Mark of a slot without a face.
 const EMPTY: u32 = u32::MAX;
 
 /// Returns the level of the base faces.
@@ -85,7 +86,7 @@ impl<'a> Nodes<'a> {
             let slots = index << under..(index + 1) << under;
             return slots.map(|slot| self.activity(activity, self.top, slot)).fold(1.0, f32::max);
         };
-        // A half has the factor of its quad.
+        // A half of a quad has the factor of its quad.
         let (below, index) = (below & !1, index >> (below & 1));
         match SLOTS[(index >> below) as usize % SLOTS.len()] {
             EMPTY => 1.0,

@@ -24,6 +24,7 @@ const MEAN: f32 = 0.224_17;
 /// Scale of energies, which are shares of the map's light.
 const SHARE: f32 = (1u32 << 18) as f32;
 
+/// A shadowed receiver in fixed point: normal and axis in Q14.
 #[derive(Clone, Copy, Debug, Default)]
 struct Receiver {
     normal: [i16; 3],
@@ -90,17 +91,17 @@ impl Receivers {
     }
 
     /// Evaluates all receivers, or as many as [`MOST`] allows; returns the RMS of their errors over the mean irradiance.
-    pub(super) fn look(&mut self) -> f32 {
+    pub(super) fn evaluate_all(&mut self) -> f32 {
         self.known = 0;
-        self.go_on(RECEIVERS.min(MOST / self.points.max(1)).max(TURN))
+        self.evaluate(RECEIVERS.min(MOST / self.points.max(1)).max(TURN))
     }
 
     /// Evaluates the next [`TURN`] receivers and returns the RMS with the stored errors of the others.
-    pub(super) fn turn(&mut self) -> f32 {
-        self.go_on(TURN)
+    pub(super) fn evaluate_next(&mut self) -> f32 {
+        self.evaluate(TURN)
     }
 
-    fn go_on(&mut self, count: usize) -> f32 {
+    fn evaluate(&mut self, count: usize) -> f32 {
         for _ in 0..count {
             let receiver = self.receivers[(self.next * STRIDE) % RECEIVERS];
             self.errors[self.next % RECEIVERS] = self.received(&receiver) as f32 / (SHARE * 4096.0 * MEAN);

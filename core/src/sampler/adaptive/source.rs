@@ -55,7 +55,7 @@ pub(super) fn pieces<'a>(
 pub(super) struct Source {
     /// Unit vector to the energy centroid of the piece.
     pub(super) at: Vec3,
-    /// Radius of the uniform disc with its mean resultant length, radians.
+    /// Radius of the uniform disc with the mean resultant length of the piece, radians.
     pub(super) radius: f32,
     /// Luminance energy of the source.
     pub(super) y: f32,

@@ -6,13 +6,13 @@ use crate::light::Light;
 /// Fraction of the map's mean colour that is added to every light, so that a channel that is 0 in all lights can reach its total.
 const MEAN: f32 = 1e-3;
 
-/// Number of iterations. After eight, 64 lights of a real map have equal luminance within 1e-5; if colours differ by decades in each
-/// channel, within 10 to 20 %.
+/// Number of iterations. After eight iterations, 64 lights of a real map have equal luminance within 1e-5; if their colours differ by
+/// decades in each channel, within 10 to 20 %.
 const ROUNDS: usize = 8;
 
 /// Scales the irradiances so that each channel adds up to `total` and all lights have about equal luminance.
 ///
-/// Iterative proportional fitting of the matrix lights x channels; the channels are fitted last and are exact.
+/// The method is iterative proportional fitting of the matrix lights x channels; the channels are fitted last and are exact.
 pub(super) fn share(lights: &mut [Light], total: [f64; 3]) {
     let y = luminance(total.map(|v| v as f32));
     if y <= 0.0 {

@@ -1,4 +1,4 @@
-//! Detects abrupt changes of a map, as opposed to noise and motion.
+//! Detects abrupt changes of a map, in contrast to noise and motion.
 
 use super::inversion::light_of;
 use crate::polar::LatLongView;
@@ -7,16 +7,16 @@ use crate::polar::LatLongView;
 const ROWS: usize = 16;
 const COLUMNS: usize = 48;
 
-/// A change is abrupt if it exceeds the mean change by this factor; noise changes it by about a tenth.
+/// Ratio of a change to the mean change above which it is abrupt; noise varies this ratio by about a tenth.
 const FACTOR: f32 = 8.0;
 
-/// Least abrupt change, as a fraction of the energy; smaller changes are left to the filter of each light.
+/// Least abrupt change, as a fraction of the energy; smaller changes are processed by the filter of each light.
 const LEAST: f32 = 0.01;
 
 /// Weight of a new change in the running mean.
 const MEMORY: f32 = 0.1;
 
-/// Limit of a change that enters the running mean, relative to that mean, so that one abrupt change does not raise it much.
+/// Limit of a change that enters the running mean, relative to the mean, so that one abrupt change raises the mean by little.
 const MOST: f32 = 3.0;
 
 /// The distribution of the last map's light over blocks, and the running mean of the change from map to map.
@@ -37,7 +37,7 @@ impl Detector {
         *self = Self::new();
     }
 
-    /// Compares the next map, of luminance `total`, with the last one; returns whether the change is abrupt.
+    /// Compares the next map, of luminance `total`, with the last map; returns whether the change is abrupt.
     pub(super) fn is_abrupt(&mut self, map: &LatLongView<'_>, total: f64) -> bool {
         let last = self.blocks;
         self.blocks = blocks(map, total);
@@ -51,6 +51,7 @@ impl Detector {
     }
 }
 
+/// Returns the fraction of the luminance `total` in each block of the map.
 fn blocks(map: &LatLongView<'_>, total: f64) -> [f32; ROWS * COLUMNS] {
     let (width, height) = (map.grid.width.max(1), map.grid.height.max(1));
     let mut blocks = [0.0; ROWS * COLUMNS];

@@ -33,13 +33,13 @@ pub struct Parameters {
 }
 
 impl Default for Parameters {
-    /// Seven taps, cut-off 1 Hz, 10 frames per second: a delay of 0.3 s. The publications leave all three open.
+    /// Returns seven taps, cut-off 1 Hz, 10 frames per second: a delay of 0.3 s. The publications do not state these parameters.
     fn default() -> Self {
         Self { taps: 7, cutoff_hz: 1.0, frame_rate_hz: 10.0 }
     }
 }
 
-/// The coefficients of a filter, that of the newest frame first.
+/// The coefficients of a filter, newest frame first.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Kernel {
     weights: heapless::Vec<f64, MAX_TAPS>,
@@ -67,18 +67,19 @@ impl Kernel {
         Self { weights }
     }
 
-    /// The coefficients, that of the newest frame first.
+    /// Returns the coefficients, newest frame first.
     #[must_use]
     pub fn weights(&self) -> &[f64] {
         &self.weights
     }
 }
 
+/// Returns sin(pi x) / (pi x), 1 at 0.
 fn sinc(x: f64) -> f64 {
     if x == 0.0 { 1.0 } else { libm::sin(PI * x) / (PI * x) }
 }
 
-/// Number of elements of the buffer of [`Fir::try_new`] for `lights` lights.
+/// Returns the number of elements of the buffer of [`Fir::try_new`] for `lights` lights.
 #[must_use]
 pub fn paths_len(parameters: &Parameters, lights: usize) -> usize {
     Kernel::new(parameters).weights().len().saturating_mul(2).saturating_mul(lights)
@@ -86,12 +87,12 @@ pub fn paths_len(parameters: &Parameters, lights: usize) -> usize {
 
 /// The filters of `hemigon-fir`. `P` holds [`paths_len`] directions: a ring buffer of the last directions for each of two slots per light.
 ///
-/// The length of a ring is the number of taps, which is known only at run time; that of `heapless::HistoryBuf` is constant at compile time.
+/// The length of a ring is the number of taps, which is set at run time; the length of `heapless::HistoryBuf` is constant at compile time.
 #[derive(Clone, Debug)]
 pub struct Fir<P> {
     kernel: Kernel,
     paths: P,
-    /// Total energy of the last frames, in a ring buffer like the paths.
+    /// Total energy of the last frames, in a ring buffer.
     totals: [[f64; 3]; MAX_TAPS],
     /// Index of the newest frame in the ring buffers.
     head: usize,
@@ -100,17 +101,17 @@ pub struct Fir<P> {
 }
 
 impl<P: Buffer<Vec3>> Fir<P> {
-    /// Creates the filters for a sampler with `lights` lights. [`paths_len`] states the length of `paths`.
+    /// Creates the filters for a sampler with `lights` lights. [`paths_len`] returns the length of `paths`.
     ///
     /// # Errors
-    /// [`TooSmall`] if a buffer has too few elements.
+    /// [`TooSmall`] if `paths` has too few elements.
     pub fn try_new(parameters: &Parameters, lights: usize, paths: P) -> Result<Self, TooSmall> {
         let kernel = Kernel::new(parameters);
         buffer::check(&paths, paths_len(parameters, lights))?;
         Ok(Self { kernel, paths, totals: [[0.0; 3]; MAX_TAPS], head: 0, begun: false })
     }
 
-    /// Weight and ring index of each frame, the newest first.
+    /// Returns weight and ring index of each frame, the newest first.
     fn frames(&self) -> impl Iterator<Item = (f64, usize)> {
         let (head, taps) = (self.head, self.kernel.weights.len());
         self.kernel.weights().iter().enumerate().map(move |(k, w)| (*w, (head + taps - k) % taps))
@@ -154,7 +155,7 @@ impl<P: Buffer<Vec3>> Follow for Fir<P> {
         let path = &self.paths.as_ref()[slot * taps..(slot + 1) * taps];
         let mut mean: Vec3 = self.frames().map(|(weight, at)| path[at] * weight as f32).sum();
         if mean.z * seen.direction.z < 0.0 {
-            // Side lobes overshoot across the horizon: the direction is kept in its hemisphere.
+            // Side lobes overshoot across the horizon: the filtered direction stays in the hemisphere of the measured one.
             mean.z = 0.0;
         }
         PathPoint { direction: mean.try_normalize().unwrap_or(seen.direction), ..seen }

@@ -1,5 +1,5 @@
-//! The interface of the filters of light paths. Only [`Hemigon`](super::Hemigon) uses filters: its lights have slots that stay the same from
-//! frame to frame. The lights of `q2tree` are not filtered; `adaptive` has a filter of its own.
+//! The interface of the filters of light paths. Only [`Hemigon`](super::Hemigon) uses these filters: its lights have slots that stay the
+//! same from frame to frame. The lights of `q2tree` are not filtered; `adaptive` has a separate filter.
 
 use crate::sampler::SamplerKind;
 use glam::Vec3;
@@ -13,12 +13,12 @@ pub struct PathPoint {
     pub colour: [f32; 3],
 }
 
-/// Filters directions and colours of lights over a sequence of frames. A light keeps its slot for as long as it exists.
+/// A filter of directions and colours of lights over a sequence of frames. A light keeps its slot for as long as it exists.
 pub trait Follow {
     /// The sampler that uses the filter.
     const KIND: SamplerKind;
 
-    /// Number of slots for which the filter has memory.
+    /// Returns the number of slots for which the filter has memory.
     fn slots(&self) -> usize;
 
     /// Begins a frame; `abrupt` states that the map changed abruptly.
@@ -29,7 +29,7 @@ pub trait Follow {
         total
     }
 
-    /// Filters the measurement `seen` of the light in `slot`; `is_new` starts a new path with it.
+    /// Returns the filtered value of the measurement `seen` of the light in `slot`; `is_new` starts a new path at `seen`.
     fn follow(&mut self, slot: usize, is_new: bool, seen: PathPoint) -> PathPoint;
 
     /// Discards the state of earlier frames.

@@ -41,7 +41,8 @@ pub struct Ring {
     end: f64,
 }
 
-/// Number of rings that [`Inversion::try_new`] needs. On a sphere with an odd number of rows the equator divides one row into two rings.
+/// Returns the number of rings that [`Inversion::try_new`] needs. On a sphere with an odd number of rows the equator divides one row into
+/// two rings.
 #[must_use]
 pub const fn rings_len(grid: &Grid) -> usize {
     match grid.domain {
@@ -50,18 +51,18 @@ pub const fn rings_len(grid: &Grid) -> usize {
     }
 }
 
-/// The image of a point of the unit square.
+/// The image of a point of the unit square: a direction, its texel and its probability density.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
     /// Direction of the image, a unit vector.
     pub direction: DVec3,
-    /// Index of the texel whose light the point represents.
+    /// Index of a texel with light in the column of the image, from which the light takes its colour.
     pub texel: usize,
     /// Probability density over solid angle, per steradian, within the hemisphere.
     pub pdf_sa: f64,
 }
 
-/// The cumulative distributions of one map. `C` holds one `f32` per texel, `R` [`rings_len`] rings.
+/// The cumulative distributions of one map. `C` holds one `f32` per texel, `R` holds [`rings_len`] rings.
 #[derive(Clone, Debug)]
 pub struct Inversion<C, R> {
     grid: Grid,
@@ -70,7 +71,7 @@ pub struct Inversion<C, R> {
     rings: R,
 }
 
-/// A point of a ring.
+/// A point of a ring: its column, and its position in the column.
 struct ColumnPoint {
     column: usize,
     /// Position of the point within the column, as a fraction of the column's width, 0..=1.
@@ -79,11 +80,11 @@ struct ColumnPoint {
     light: f64,
 }
 
-/// Two neighbouring rings and the position between their centres.
+/// Two neighbouring rings, and a position between their centres.
 struct RingPair {
-    /// The upper and the lower ring's index.
+    /// Indices of the upper and of the lower ring.
     rings: [usize; 2],
-    /// 0 at the centre of the upper ring, 1 at that of the lower.
+    /// Position between the centres: 0 at the centre of the upper ring, 1 at the centre of the lower ring.
     part: f64,
 }
 
@@ -95,7 +96,7 @@ struct Blend<'a> {
 }
 
 impl Blend<'_> {
-    /// Luminance energy before column `j`.
+    /// Returns the luminance energy before column `j`.
     fn before(&self, j: usize) -> f64 {
         let part = |row: &[f32]| if j == 0 { 0.0 } else { f64::from(row[j - 1]) };
         let [a, b] = self.rows;
@@ -103,7 +104,7 @@ impl Blend<'_> {
         self.weights[0] * part(a) + self.weights[1] * part(b) + even
     }
 
-    /// The point of the ring up to which the luminance energy is `target`.
+    /// Returns the point of the ring up to which the luminance energy is `target`.
     fn find(&self, target: f64) -> ColumnPoint {
         let (mut low, mut high) = (0, self.rows[0].len());
         while high - low > 1 {
@@ -120,14 +121,14 @@ impl<C: Buffer<f32>, R: Buffer<Ring>> Inversion<C, R> {
     /// Creates the distributions for maps of at most the size of `grid`.
     ///
     /// # Errors
-    /// [`TooSmall`] if a buffer has too few elements.
+    /// [`TooSmall`] if `conditional` or `rings` has too few elements.
     pub fn try_new(grid: &Grid, conditional: C, rings: R) -> Result<Self, TooSmall> {
         buffer::check(&conditional, grid.len())?;
         buffer::check(&rings, rings_len(grid))?;
         Ok(Self { grid: LatLongView::NONE.grid, conditional, rings })
     }
 
-    /// Computes the distributions of `map`. Returns the luminance of its upper and of its lower hemisphere, 0 for a map that does not fit
+    /// Computes the distributions of `map`. Returns the luminance energy of its upper and of its lower hemisphere, 0 for a map that does not fit
     /// the buffers.
     pub fn build(&mut self, map: &LatLongView<'_>) -> [f64; 2] {
         let grid = map.grid;
@@ -144,7 +145,7 @@ impl<C: Buffer<f32>, R: Buffer<Ring>> Inversion<C, R> {
         [upper, lower]
     }
 
-    /// Number of rings of one hemisphere.
+    /// Returns the number of rings of one hemisphere.
     fn count(&self) -> usize {
         match self.grid.domain {
             Domain::Hemisphere => self.grid.height,
@@ -158,12 +159,12 @@ impl<C: Buffer<f32>, R: Buffer<Ring>> Inversion<C, R> {
         self.rings.as_ref().get(first..first + count).unwrap_or(&[])
     }
 
-    /// Row of the map that is ring `k`.
+    /// Returns the row of the map that is ring `k`.
     fn row(&self, lower: bool, k: usize) -> usize {
         if lower { self.grid.height - 1 - k } else { k }
     }
 
-    /// Fills the rings of one hemisphere from its pole, and their conditional distributions; returns the luminance of the hemisphere.
+    /// Fills the rings of one hemisphere from its pole, and their conditional distributions; returns the luminance energy of the hemisphere.
     fn stack(&mut self, map: &LatLongView<'_>, lower: bool) -> f64 {
         let (count, width) = (self.count(), self.grid.width);
         let first = if lower { count } else { 0 };
@@ -192,6 +193,7 @@ impl<C: Buffer<f32>, R: Buffer<Ring>> Inversion<C, R> {
         place(FLOOR).or_else(|| place(0.0))
     }
 
+    /// Returns the image of area coordinate `q` and turn `s`, with the fraction `part` of the light as floor; `None` for a dark texel.
     fn invert(&self, map: &LatLongView<'_>, lower: bool, [q, s]: [f64; 2], part: f64) -> Option<Place> {
         let rings = self.rings(lower);
         let total = rings.last()?.end;
@@ -222,7 +224,7 @@ impl<C: Buffer<f32>, R: Buffer<Ring>> Inversion<C, R> {
         (pdf_sa > 0.0).then_some(Place { direction, texel, pdf_sa })
     }
 
-    /// The two of `count` rings between whose centres `theta` lies.
+    /// Returns the two of `count` rings between whose centres `theta`, radians, lies.
     fn neighbours(&self, theta: f64, count: usize) -> RingPair {
         let spacing = self.grid.theta(1);
         let at = (theta / spacing - 0.5).clamp(0.0, (count - 1) as f64);
@@ -234,19 +236,19 @@ impl<C: Buffer<f32>, R: Buffer<Ring>> Inversion<C, R> {
         &self.conditional.as_ref()[row * self.grid.width..(row + 1) * self.grid.width]
     }
 
-    /// The texel in `column` of row `own` or, if that is dark, of a row in `pair`; `None` if all are dark.
+    /// Returns the texel in `column` of row `own` or, if it is dark, of a row in `pair`; `None` if all are dark.
     fn lit_texel(&self, map: &LatLongView<'_>, own: usize, pair: [usize; 2], column: usize) -> Option<usize> {
         let at = |row: usize| row * self.grid.width + counted(self.grid.width, column);
         [own, pair[0], pair[1]].map(at).into_iter().find(|i| light_of(map.texels[*i]) > 0.0)
     }
 
-    /// Azimuth, radians, at which the count of columns starts: 0, or half a column off 0 if the number of columns is odd.
+    /// Returns the azimuth, radians, at which the count of columns starts: 0, or half a column off 0 if the number of columns is odd.
     fn first_phi(&self) -> f64 {
         self.grid.phi(self.grid.width / 2)
     }
 }
 
-/// Largest number below 1: keeps a coordinate of 1 inside the last bin.
+/// Largest number below 1, to which a coordinate of 1 is limited so that it falls into the last bin.
 const BELOW_ONE: f64 = 1.0 - f64::EPSILON;
 
 /// Writes the cumulative fraction of the light up to the end of each column, counter-clockwise from phi = 0; returns the light of the row.
@@ -261,17 +263,17 @@ fn accumulate(texels: &[[f32; 3]], row: &mut [f32]) -> f64 {
     sum
 }
 
-/// The column at position `k`, counted counter-clockwise from phi = 0.
+/// Returns the map column at position `k`, counted counter-clockwise from phi = 0.
 fn counted(width: usize, k: usize) -> usize {
     (width / 2 + width - 1 - k) % width
 }
 
-/// Luminance of a texel; 0 for negative or non-finite energy.
+/// Returns the luminance of a texel; 0 for negative or non-finite energy.
 pub(super) fn light_of(rgb: [f32; 3]) -> f64 {
     f64::from(luminance(sound(rgb)))
 }
 
-/// The concentric map from the unit square to the disk; returns area coordinate and turn, both 0..1.
+/// Returns area coordinate and turn, both 0..1, of the image of a point of the unit square under the concentric map to the disk.
 fn disk([u, v]: [f64; 2]) -> [f64; 2] {
     let (a, b) = (2.0 * u - 1.0, 2.0 * v - 1.0);
     if a == 0.0 && b == 0.0 {

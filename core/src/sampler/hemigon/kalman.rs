@@ -1,7 +1,7 @@
 //! The filter of `hemigon`: a Kalman filter of a random walk that smooths noise and follows abrupt changes without delay.
 //!
-//! For each measurement, [`Kalman`] computes the gain: the fraction of the step (measured minus filtered) that is taken. P is the variance
-//! of the state, R that of the noise and Q = drift R that of the walk per frame:
+//! For each measurement, [`Kalman`] computes the gain: the fraction of the step (measured minus filtered) by which the filtered value moves.
+//! P is the variance of the state, R that of the noise and Q = drift R that of the walk per frame:
 //!
 //! ```text
 //! P += Q;  S = P + R;  w = step / sqrt(S)
@@ -11,8 +11,8 @@
 //! otherwise:             gain P / S, then P = P R / S
 //! ```
 //!
-//! The CUSUM is Crosier's multivariate one (1988), which in one dimension is the two-sided CUSUM. [`Gated`] runs one filter per light,
-//! estimates R from the path of the light, and takes the whole step of every light after an abrupt change of the map.
+//! The CUSUM is Crosier's multivariate CUSUM (1988), which in one dimension is the two-sided CUSUM. [`Gated`] runs one filter per light,
+//! estimates R from the path of the light, and uses gain 1 for every light after an abrupt change of the map.
 //!
 //! ```
 //! use glam::Vec3;
@@ -20,7 +20,7 @@
 //!
 //! let parameters = Parameters { confirm: false, ..Parameters::LIGHTS };
 //! let mut filter = Kalman::at(1e-4);
-//! // A step of 0.1 standard deviations is smoothed; one of 10 is taken whole.
+// A step of 0.1 standard deviations is smoothed; a step of 10 standard deviations has gain 1.
 //! let gain = filter.gain(&parameters, Vec3::X * 1e-3, 1e-4);
 //! assert!(gain > 0.3 && gain < 0.7);
 //! assert_eq!(filter.gain(&parameters, Vec3::X * 0.1, 1e-4), 1.0);
@@ -36,18 +36,19 @@ use glam::Vec3;
 pub struct Parameters {
     /// Frames per second.
     pub frame_rate_hz: f32,
-    /// Variance that the state gains per second, relative to that of the noise. A higher value follows drift faster and smooths less.
+    /// Variance of the state's random walk per second, relative to the variance of the noise. A higher value follows drift faster and smooths
+    /// less.
     pub drift_hz: f32,
     /// Squared step in standard deviations above which it is a jump.
     pub gate: f32,
-    /// Whether a jump is taken only after the next frame confirms it.
+    /// Whether a jump has gain 1 only after the next frame confirms it.
     pub confirm: bool,
     /// CUSUM of the steps above which a small step counts as persistent; infinite to disable the test. Each step is clamped and reduced by
     /// [`SLACK`].
     pub alarm: f32,
 }
 
-/// Step in standard deviations that does not raise the CUSUM: the test is tuned to persistent steps of twice that size.
+/// Step in standard deviations that does not raise the CUSUM: the test is tuned to persistent steps of twice this size.
 pub const SLACK: f32 = 0.5;
 
 /// Limit of the standard deviations that one frame adds to the CUSUM: a single outlier raises no alarm.
@@ -66,14 +67,14 @@ pub struct Kalman {
     /// P, the variance of the state.
     variance: f32,
     cusum: Vec3,
-    /// The jump of the last frame in standard deviations, if it was not taken.
+    /// The last frame's jump, in standard deviations, while it is not confirmed; otherwise 0.
     suspected: Vec3,
-    /// Whether the whole step of the last frame was taken.
+    /// Whether the gain of the last frame was that of a jump.
     jumped: bool,
 }
 
 impl Kalman {
-    /// The state after a first measurement of variance `noise`.
+    /// Creates the state after a first measurement of variance `noise`.
     #[must_use]
     pub fn at(noise: f32) -> Self {
         Self { variance: noise, ..Self::default() }
@@ -99,13 +100,13 @@ impl Kalman {
         gain
     }
 
-    /// Takes the whole step.
+    /// Resets the variance to that of one measurement and returns a gain of 1.
     fn jump(&mut self, noise: f32) -> f32 {
         *self = Self { jumped: true, ..Self::at(noise) };
         1.0
     }
 
-    /// Adds a step to the CUSUM; returns its length.
+    /// Adds a step to the CUSUM; returns the length of the CUSUM.
     fn accumulate(&mut self, w: Vec3) -> f32 {
         let sum = self.cusum + w.clamp_length_max(CLAMP);
         let length = (sum.length() - SLACK).max(0.0);
@@ -135,7 +136,7 @@ pub struct PathFilter {
 /// Least variance of the noise per axis, radians squared: a standard deviation of 0.006 degrees, which is invisible.
 const LEAST_NOISE: f32 = 1e-8;
 
-/// Frames over which the noise is averaged.
+/// Number of frames over which the noise is averaged.
 const SETTLED: u8 = 10;
 
 /// Mean of the scalar product of successive steps, divided by the square of the longer one, for normal noise in the plane: each step
@@ -175,11 +176,12 @@ impl PathFilter {
         self.measured = [direction, last];
     }
 
-    /// Variance of the noise per axis, radians squared; steps that continue the last one do not count as noise.
+    /// Returns the variance of the noise per axis, radians squared; steps that continue the last step do not count as noise.
     fn noise(&self) -> f32 {
         (self.uneven * (self.heading / NOISE_HEADING).clamp(0.0, 1.0)).max(LEAST_NOISE)
     }
 
+    /// Moves the filtered direction and colour towards the measurement `seen`; `is_jump` uses gain 1.
     fn step(&mut self, parameters: &Parameters, is_jump: bool, seen: PathPoint) {
         let noise = self.noise();
         let step = tangent(self.direction, seen.direction);
@@ -196,7 +198,7 @@ impl PathFilter {
     }
 }
 
-/// The tangent vector at the unit vector `from` towards the unit vector `to`; its length is the angle between them.
+/// Returns the tangent vector at the unit vector `from` towards the unit vector `to`; its length is the angle between them, radians.
 fn tangent(from: Vec3, to: Vec3) -> Vec3 {
     let cos = from.dot(to);
     let across = to - from * cos;
@@ -216,7 +218,7 @@ impl<T: Buffer<PathFilter>> Gated<T> {
     /// Creates the filter for a sampler with `lights` lights; `filters` needs two elements per light.
     ///
     /// # Errors
-    /// [`TooSmall`] if a buffer has too few elements.
+    /// [`TooSmall`] if `filters` has too few elements.
     pub fn try_new(parameters: Parameters, lights: usize, filters: T) -> Result<Self, TooSmall> {
         buffer::check(&filters, 2 * lights)?;
         Ok(Self { parameters, filters, abrupt: false })
@@ -255,7 +257,7 @@ mod tests {
     use core::f64::consts::TAU;
     use glam::DVec2;
 
-    /// A normally distributed point of the plane, by the method of Box and Muller from hashed bits.
+    /// Returns a normally distributed point of the plane, by the method of Box and Muller from hashed bits.
     fn point(i: u32) -> DVec2 {
         let mixed = |k: u32| {
             let x = (i.wrapping_mul(4).wrapping_add(k)).wrapping_mul(0x9e37_79b9);

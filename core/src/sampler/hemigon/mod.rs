@@ -6,11 +6,11 @@
 //! hemisphere are in the order of their ids.
 //!
 //! Any motion in the map moves all lights slightly. `hemigon-fir` smooths the directions and the total energy with the published filters
-//! ([`fir`]): the sum of its lights lags behind the map. `hemigon` smooths the directions alone, with a filter that follows abrupt changes
-//! without delay ([`kalman`]): the sum of its lights is that of the map in every frame and channel.
+//! ([`fir`]): the sum of its lights is delayed against the map. `hemigon` smooths the directions alone, with a filter that follows abrupt
+//! changes without delay ([`kalman`]): the sum of its lights equals the energy of the map in every frame and channel.
 //!
-//! The system is that of \[Havran2005\], the map that of \[Havran2003\], the filters those of \[Nikodym2012\]; details that these
-//! publications leave open are a reconstruction.
+//! The system is from \[Havran2005\], the map from \[Havran2003\], the filters are from \[Nikodym2012\]; details that these publications do
+//! not state are a reconstruction.
 
 mod colour;
 mod event;
@@ -34,8 +34,8 @@ use inversion::{Inversion, Ring, rings_len};
 /// Largest number of lights.
 pub const MAX_LIGHTS: usize = 8192;
 
-/// Error of a hemisphere's number of lights, in lights, that is tolerated before lights are moved: 0.5 is rounding, the rest keeps noise
-/// from moving lights.
+/// Largest difference of a hemisphere's number of lights from its exact share before lights are moved to the other hemisphere: 0.5 is
+/// rounding, the rest prevents moves by noise.
 const HYSTERESIS: f64 = 0.6;
 
 /// Number of elements of each buffer of [`Hemigon`] and its [`Inversion`]. The filter has further buffers ([`fir::paths_len`]; two
@@ -55,14 +55,14 @@ pub struct Sizes {
 }
 
 impl Sizes {
-    /// Lengths for maps of `grid` and up to `lights` lights.
+    /// Returns the lengths for maps of `grid` and up to `lights` lights.
     #[must_use]
     pub const fn new(grid: &Grid, lights: usize) -> Self {
         let lights = if lights < MAX_LIGHTS { lights } else { MAX_LIGHTS };
         Self { texels: grid.len(), rings: rings_len(grid), lives: 2 * lights, lights }
     }
 
-    /// Name and size of each buffer.
+    /// Returns name and size of each buffer.
     #[must_use]
     pub const fn buffers(&self) -> [BufferSize; 4] {
         [
@@ -108,7 +108,7 @@ pub struct Hemigon<C, R, F, A, L> {
     inversion: Inversion<C, R>,
     filter: F,
     detector: Detector,
-    /// Number of frames since the light of each slot appeared, 0 for an unused slot; first the upper hemisphere's slots, then the lower's.
+    /// Number of frames since the light of each slot appeared, 0 for an unused slot; first the slots of the upper hemisphere, then of the lower.
     lives: A,
     lights: L,
     /// Number of lights of each hemisphere in the last frame.
@@ -120,7 +120,7 @@ impl<C: Buffer<f32>, R: Buffer<Ring>, F: Follow, A: Buffer<u32>, L: Buffer<Light
     /// light.
     ///
     /// # Errors
-    /// [`TooSmall`] if a buffer has too few elements.
+    /// [`TooSmall`] if `lives` or the filter has too few slots.
     pub fn try_new(inversion: Inversion<C, R>, filter: F, lives: A, lights: L) -> Result<Self, TooSmall> {
         let needed = 2 * lights.as_ref().len().min(MAX_LIGHTS);
         buffer::check(&lives, needed)?;
@@ -132,13 +132,13 @@ impl<C: Buffer<f32>, R: Buffer<Ring>, F: Follow, A: Buffer<u32>, L: Buffer<Light
         Ok(new)
     }
 
-    /// Largest number of lights.
+    /// Returns the largest number of lights.
     #[must_use]
     pub fn capacity(&self) -> usize {
         self.lights.as_ref().len().min(MAX_LIGHTS)
     }
 
-    /// Writes the lights of one hemisphere to `self.lights` from index `first`; returns their number.
+    /// Writes the lights of one hemisphere to `self.lights` from index `first`; returns the number of lights written.
     fn sample(&mut self, map: &LatLongView<'_>, lower: bool, first: usize) -> usize {
         let (capacity, points) = (self.capacity(), self.shares[usize::from(lower)]);
         let mut count = first;
@@ -181,30 +181,30 @@ impl<C: Buffer<f32>, R: Buffer<Ring>, F: Follow, A: Buffer<u32>, L: Buffer<Light
     }
 }
 
-/// The id of the light of `point`: ids of the lower hemisphere follow those of the upper.
+/// Returns the id of the light of `point`: ids of the lower hemisphere follow those of the upper.
 fn id(lower: bool, point: usize) -> u32 {
     (point + 1 + if lower { MAX_LIGHTS } else { 0 }) as u32
 }
 
-/// The slot of the filter of the light `id`, with `capacity` slots for each hemisphere: the inverse of [`id`].
+/// Returns the slot of the filter of the light `id`, with `capacity` slots for each hemisphere.
 fn slot_of(id: u32, capacity: usize) -> usize {
     let point = (id as usize).saturating_sub(1);
     if point < MAX_LIGHTS { point } else { point - MAX_LIGHTS + capacity }
 }
 
-/// Colour of a texel, scaled to luminance 1.
+/// Returns the colour of a texel, scaled to luminance 1.
 fn colour_of(texel: [f32; 3]) -> [f32; 3] {
     let rgb = sound(texel);
     let y = luminance(rgb);
     rgb.map(|v| v / y)
 }
 
-/// Divides `lights` between the hemispheres by luminance; keeps the division of the last frame if it is right within [`HYSTERESIS`].
+/// Divides `lights` between the hemispheres by luminance; keeps the division of the last frame if its error is at most [`HYSTERESIS`].
 fn divide(lights: usize, energy: [f64; 2], last: [usize; 2]) -> [usize; 2] {
     let total = energy[0] + energy[1];
     let exact = lights as f64 * energy[0] / total;
     let nearest = (libm::floor(exact + 0.5) as usize).min(lights);
-    // The upper hemisphere keeps a number between its last one and the one that leaves the lower hemisphere's unchanged.
+    // The upper hemisphere keeps a number between its last number and the number that leaves the lower hemisphere's unchanged.
     let (had, other) = (last[0].min(lights), lights.saturating_sub(last[1]));
     let kept = nearest.clamp(had.min(other), had.max(other));
     let is_near = (kept as f64 - exact).abs() <= HYSTERESIS;
@@ -213,7 +213,7 @@ fn divide(lights: usize, energy: [f64; 2], last: [usize; 2]) -> [usize; 2] {
     [upper, lights - upper]
 }
 
-/// RGB energy of a map.
+/// Returns the red, green and blue energy of a map.
 fn total_of(map: &LatLongView<'_>) -> [f64; 3] {
     let mut total = [0.0; 3];
     for texel in map.texels {

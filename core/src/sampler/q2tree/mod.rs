@@ -3,8 +3,8 @@
 //! The tree starts from the base quads and repeatedly splits the leaf of greatest importance E^a Omega^b until it has the requested number
 //! of leaves; E is the energy of the quad and Omega its solid angle. With exponents of at least 0 a child is never more important than its
 //! parent, so a best-first search from the roots yields the same tree as any sequence of merges and splits. The published frame-to-frame
-//! threshold tau multiplies the importance of quads that were interior nodes in the last frame by 1 + tau: a split is undone only for a
-//! split that is more important by that factor.
+//! threshold tau multiplies the importance of quads that were interior nodes in the last frame by 1 + tau: another split replaces a split of
+//! the last frame only if its importance exceeds that of the replaced split by the factor 1 + tau.
 //!
 //! A split replaces one lit leaf by its lit children: four, or three for a leaf on the horizon of a hemisphere, whose lowest child is
 //! below the horizon. Dark leaves give no light. A sphere that is lit everywhere therefore has 12 + 3 k lights and a hemisphere 8 + 3 a +
@@ -13,7 +13,7 @@
 //!
 //! A request for fewer lights than base quads (12 on a sphere, 8 on a hemisphere) gives no lights.
 //!
-//! The tree is stored as one bit per quad, set for interior nodes, and traversed in NESTED order.
+//! The tree is stored as one bit per quad, set for interior nodes, and is traversed in NESTED order.
 //!
 //! ```
 //! use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
@@ -76,7 +76,7 @@ pub struct Parameters {
     pub energy_exponent: f32,
     /// Exponent b of the solid angle in the importance, at least 0.
     pub solid_angle_exponent: f32,
-    /// Frame-to-frame threshold tau: relative importance by which another split must exceed one of the last frame to replace it.
+    /// Frame-to-frame threshold tau: relative importance by which a split must exceed a split of the last frame to replace it.
     pub threshold: f32,
     /// Position of each light inside its quad.
     pub placement: Placement,
@@ -101,11 +101,11 @@ impl Default for Parameters {
     }
 }
 
-/// An element of the heap: a leaf that may be split.
+/// An element of the heap: a leaf that can be split.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Leaf {
     importance: f32,
-    /// The id of the leaf's light.
+    /// Id of the leaf's light.
     id: u32,
 }
 
@@ -134,7 +134,7 @@ impl Past {
     }
 }
 
-/// Number of bytes of the bit set that marks interior quads of a map of `order`.
+/// Returns the number of bytes of the bit set that marks interior quads of a map of `order`.
 #[must_use]
 pub const fn interior_len(domain: Domain, order: Order) -> usize {
     crate::pyramid::first(domain, order.get()).div_ceil(8)
@@ -152,13 +152,13 @@ pub struct Sizes {
 }
 
 impl Sizes {
-    /// Lengths for maps of `domain` of at most `order` and for up to `lights` lights.
+    /// Returns the lengths for maps of `domain` of at most `order` and for up to `lights` lights.
     #[must_use]
     pub const fn new(domain: Domain, order: Order, lights: usize) -> Self {
         Self { interior: interior_len(domain, order), lights }
     }
 
-    /// Name and size of each buffer.
+    /// Returns name and size of each buffer.
     #[must_use]
     pub const fn buffers(&self) -> [BufferSize; 4] {
         [
@@ -185,10 +185,10 @@ pub struct Q2Tree<B, H, L, P> {
 
 impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, P: Buffer<Past>> Q2Tree<B, H, L, P> {
     /// Creates the sampler for maps of `shape` or of a lower order, and for as many lights as the shortest of `heap`, `lights` and `past`
-    /// has elements. [`Sizes`] states the length of each buffer.
+    /// has elements. [`Sizes`] contains the length of each buffer.
     ///
     /// # Errors
-    /// [`TooSmall`] if a buffer has too few elements.
+    /// [`TooSmall`] if a bit set has too few elements.
     pub fn try_new(
         parameters: Parameters,
         shape: MapShape,
@@ -204,12 +204,13 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, P: Buffer<Past>> Q2Tree<B
         Ok(Self { parameters, interior, heap, lights, past, count: 0 })
     }
 
-    /// Largest number of lights: the length of the shortest of the buffers for lights.
+    /// Returns the largest number of lights: the length of the shortest of the buffers for lights.
     #[must_use]
     pub fn capacity(&self) -> usize {
         self.heap.as_ref().len().min(self.lights.as_ref().len()).min(self.past.as_ref().len())
     }
 
+    /// Returns the importance of quad `ipix` of `order`, E^a Omega^b, raised by 1 + tau if the quad was an interior node in the last frame.
     fn importance(&self, map: &PyramidView<'_>, order: u8, ipix: u32) -> f32 {
         let p = self.parameters;
         let energy = map.quad(order, ipix).y();
@@ -271,13 +272,13 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, P: Buffer<Past>> Q2Tree<B
         }
     }
 
-    /// Copies id, age and parent of the lights of the last frame; returns their number.
+    /// Copies id, age and parent of the lights of the last frame; returns the number of lights copied.
     fn remember(&mut self) -> usize {
         let lights = self.lights.as_ref().iter().take(self.count);
         self.past.as_mut().iter_mut().zip(lights).map(|(past, light)| *past = Past::of(light)).count()
     }
 
-    /// Writes the lights of the lit leaves in NESTED order; returns their number.
+    /// Writes the lights of the lit leaves in NESTED order; returns the number of lights written.
     fn emit(&mut self, map: &PyramidView<'_>) -> usize {
         let lights = self.lights.as_mut();
         let interior = self.interior[0].as_ref();
@@ -292,7 +293,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, P: Buffer<Past>> Q2Tree<B
     }
 }
 
-/// Calls `f` for every lit leaf, in NESTED order.
+/// Calls `f` with order, index and quad of every lit leaf, in NESTED order.
 fn walk(map: &PyramidView<'_>, interior: &[u8], mut f: impl FnMut(u8, u32, &Quad)) {
     for face in 0..map.domain().faces() as u32 {
         let (mut order, mut ipix) = (0, face);
@@ -319,13 +320,13 @@ fn walk(map: &PyramidView<'_>, interior: &[u8], mut f: impl FnMut(u8, u32, &Quad
     }
 }
 
-/// The light of the leaf `ipix` of `order`.
+/// Returns the light of the leaf `ipix` of `order`.
 fn place(placement: Placement, domain: Domain, order: u8, ipix: u32, quad: &Quad) -> Light {
     let id = id_of(order, ipix);
     let mut light = Light::at_centroid(id, quad, || healpix::centre(order, ipix).as_vec3());
     if let Placement::Jitter { spread } = placement {
         let [x, y] = jitter(id, f64::from(spread));
-        // Points of a quad on the horizon that fall below it are mirrored to above it.
+        // Points of a quad on the horizon that lie below the horizon are mirrored to above it.
         let below = domain.share(order, ipix) == 0.5 && x + y < 1.0;
         let (x, y) = if below { (1.0 - y, 1.0 - x) } else { (x, y) };
         light.direction = healpix::point(order, ipix, x, y).as_vec3();
@@ -333,7 +334,7 @@ fn place(placement: Placement, domain: Domain, order: u8, ipix: u32, quad: &Quad
     light
 }
 
-/// Bit index of a quad, unique over all orders.
+/// Returns the bit index of a quad, unique over all orders.
 fn index(domain: Domain, order: u8, ipix: u32) -> usize {
     crate::pyramid::first(domain, order) + ipix as usize
 }
@@ -348,8 +349,8 @@ fn set(bits: &mut [u8], index: usize) {
     }
 }
 
-/// The order of the heap: by importance, then coarse before fine, then by index, so that equal importances give the same tree in every
-/// frame.
+/// Returns whether `a` is split before `b`: by importance, then coarse before fine, then by index, so that equal importances give the same
+/// tree in every frame.
 fn before(a: &Leaf, b: &Leaf) -> bool {
     (a.importance, b.id) > (b.importance, a.id)
 }
