@@ -1,4 +1,4 @@
-//! `adaptive`: counts, energy, identity, hard maps, and how it follows what moves.
+//! The sampler `adaptive`: numbers of lights, energy, ids, invalid maps, and the response to motion.
 
 mod common;
 
@@ -13,12 +13,13 @@ use hemilux_core::sampler::Sampler;
 use hemilux_core::sampler::adaptive::{Adaptive, Leaf, LightFilter, Memory, Workspace, bits_len};
 use std::collections::HashSet;
 
+/// Returns a map with random energies from `seed`.
 fn random(domain: Domain, order: u8, seed: u64) -> Pyramid<Vec<Quad>> {
     let mut rng = seeded(seed);
     lit(domain, order, |_| [(); 3].map(|()| 10f32.powf(rng.random_range(-3.0..1.0))))
 }
 
-/// Asserts what holds for every set: channel sums, unit directions, unique ids, nothing negative.
+/// Asserts the invariants of every set: channel sums, unit directions, unique ids, no negative irradiance.
 fn check(lights: &[Light], map: &Pyramid<Vec<Quad>>) {
     let total = map.view().total().rgb();
     for (c, total) in total.into_iter().enumerate() {
@@ -45,7 +46,7 @@ fn every_number_of_lights_is_reached() {
             assert_eq!(lights.len(), request, "{domain:?}");
             check(&lights, &map);
         }
-        assert_eq!(update(&mut sampler, &map, 5000).len(), 4096, "no more than there is room for");
+        assert_eq!(update(&mut sampler, &map, 5000).len(), 4096, "the capacity");
         assert_eq!(update(&mut sampler, &map, 0), []);
     }
 }
@@ -67,7 +68,7 @@ fn a_map_of_few_lit_texels_gives_one_light_each() {
 }
 
 #[test]
-fn one_bright_texel_is_one_light_in_its_place() {
+fn one_bright_texel_gives_one_light_at_its_direction() {
     let at = 1234u32;
     let direction = healpix::centre(5, at).as_vec3();
     let mut map = dark(Domain::Hemisphere, 5);
@@ -90,11 +91,11 @@ fn a_map_without_light_gives_no_lights_and_light_comes_back() {
     assert_eq!(lights.len(), 16);
     check(&lights, &even);
     assert_eq!(update(&mut sampler, &black, 16), []);
-    assert_eq!(update(&mut sampler, &even, 16)[0].age, 0, "ages begin anew");
+    assert_eq!(update(&mut sampler, &even, 16)[0].age, 0, "ages restart at 0");
 }
 
 #[test]
-fn a_map_of_one_texel_a_face_is_defined() {
+fn a_map_of_one_texel_per_face_gives_twelve_lights() {
     let map = random(Domain::Sphere, 0, 9);
     let lights = update(&mut adaptive(Domain::Sphere, 0, 64), &map, 64);
     assert_eq!(lights.len(), 12);
@@ -102,7 +103,7 @@ fn a_map_of_one_texel_a_face_is_defined() {
 }
 
 #[test]
-fn texels_that_are_not_sound_hold_no_light() {
+fn invalid_texels_hold_no_light() {
     let mut map = random(Domain::Hemisphere, 3, 4);
     for (i, bad) in [f32::NAN, f32::INFINITY, -1.0].into_iter().enumerate() {
         map.texels_mut()[i].energy = [bad; 4];
@@ -114,7 +115,7 @@ fn texels_that_are_not_sound_hold_no_light() {
 }
 
 #[test]
-fn one_light_more_keeps_the_others() {
+fn one_more_light_keeps_the_other_lights() {
     let map = random(Domain::Hemisphere, 5, 3);
     for n in [1usize, 9, 30, 64, 200] {
         let ids = |n: usize| -> HashSet<u32> {
@@ -126,7 +127,7 @@ fn one_light_more_keeps_the_others() {
 }
 
 #[test]
-fn ages_grow_while_nothing_changes_and_children_name_their_parent() {
+fn ages_increase_in_a_static_map_and_new_lights_have_parents() {
     let map = random(Domain::Sphere, 4, 5);
     let mut sampler = adaptive(Domain::Sphere, 4, 64);
     for age in 0..5 {
@@ -135,14 +136,14 @@ fn ages_grow_while_nothing_changes_and_children_name_their_parent() {
     let before: HashSet<u32> = update(&mut sampler, &map, 20).iter().map(|l| l.id).collect();
     for light in update(&mut sampler, &map, 21) {
         if !before.contains(&light.id) {
-            let parent = light.parent.expect("a new light has split from one");
+            let parent = light.parent.expect("a new light has a parent");
             assert!(before.contains(&parent) && light.age == 0, "{light:?}");
         }
     }
 }
 
 #[test]
-fn the_same_sequence_gives_the_same_bits() {
+fn equal_sequences_give_identical_lights() {
     let run = || {
         let mut sampler = adaptive(Domain::Sphere, 4, 64);
         (0..20).map(|seed| update(&mut sampler, &random(Domain::Sphere, 4, seed), 48)).collect::<Vec<_>>()
@@ -151,7 +152,7 @@ fn the_same_sequence_gives_the_same_bits() {
 }
 
 #[test]
-fn ten_thousand_random_frames_keep_every_promise() {
+fn ten_thousand_random_frames_satisfy_every_invariant() {
     let mut rng = seeded(77);
     let mut sampler = adaptive(Domain::Hemisphere, 3, 128);
     for frame in 0..10_000u64 {
@@ -170,20 +171,20 @@ fn ten_thousand_random_frames_keep_every_promise() {
     }
 }
 
-/// A grey room with a lamp of one texel width at `lamp`, 2 % noise.
+/// Returns a grey room with a lamp of one texel width at `lamp`, with 2 % noise.
 fn room(lamp: Option<Vec3>, noise: u64) -> Pyramid<Vec<Quad>> {
     let mut rng = seeded(noise);
     lit(Domain::Sphere, 5, |ipix| {
         let direction = healpix::centre(5, ipix).as_vec3();
         let bright = lamp.map_or(0.0, |l| if l.dot(direction) > 0.9985 { 500.0 } else { 0.0 });
-        // The sum of twelve uniform numbers less 6 is nearly normal.
+        // The sum of twelve uniform numbers minus 6 is nearly normal.
         let normal = (0..12).map(|_| rng.random_range(0.0..1.0f32)).sum::<f32>() - 6.0;
         grey((1.0 + bright) * (1.0 + 0.02 * normal))
     })
 }
 
 #[test]
-fn a_lamp_is_followed_in_the_frame_that_shows_it() {
+fn lights_are_at_a_lamp_in_its_first_frame() {
     let lamp = Vec3::new(0.3, 0.5, 0.81).normalize();
     let mut sampler = adaptive(Domain::Sphere, 5, 64);
     for frame in 0..6 {
@@ -225,7 +226,7 @@ fn noise_moves_lights_less_than_their_raw_centroids() {
     assert!(smooth < 0.35 * raw, "filtered {smooth}, raw {raw}");
 }
 
-/// A room unlike any other: every sixth of a radian has a brightness of its own, over three decades.
+/// Returns a map of 192 regions with independent random radiances over three decades, so that maps of different seeds have little in common.
 fn patches(seed: u64) -> Pyramid<Vec<Quad>> {
     let mut rng = seeded(seed);
     let bright: Vec<f32> = (0..192).map(|_| 10f32.powf(rng.random_range(-1.5..1.5))).collect();
@@ -233,7 +234,7 @@ fn patches(seed: u64) -> Pyramid<Vec<Quad>> {
 }
 
 #[test]
-fn a_cut_leaves_nothing_of_the_past() {
+fn a_cut_discards_the_state_of_earlier_frames() {
     let mut sampler = adaptive(Domain::Sphere, 4, 64);
     for seed in 0..20 {
         let map = patches(seed);
@@ -246,24 +247,21 @@ fn a_cut_leaves_nothing_of_the_past() {
 }
 
 #[test]
-fn a_switched_lamp_and_a_dimmed_room_are_no_cuts() {
+fn a_switched_lamp_and_a_dimmed_room_are_not_cuts() {
     let lamp = Some(Vec3::new(0.3, 0.5, 0.81).normalize());
     let mut sampler = adaptive(Domain::Sphere, 5, 64);
     update(&mut sampler, &room(None, 1), 64);
-    assert!(
-        update(&mut sampler, &room(lamp, 2), 64).iter().any(|l| l.age == 1),
-        "the lamp is a local change"
-    );
+    assert!(update(&mut sampler, &room(lamp, 2), 64).iter().any(|l| l.age == 1), "a lamp is a local change");
     let mut dim = room(lamp, 3);
     for quad in dim.texels_mut() {
         quad.energy = quad.energy.map(|v| 0.02 * v);
         quad.moment = quad.moment.map(|v| 0.02 * v);
     }
     dim.build();
-    assert!(update(&mut sampler, &dim, 64).iter().any(|l| l.age == 2), "so is the light's strength");
+    assert!(update(&mut sampler, &dim, 64).iter().any(|l| l.age == 2), "a uniform factor is not a cut");
 }
 
-/// Mean angle by which lights of the same id moved.
+/// Returns the mean angle, radians, by which lights of the same id moved.
 fn moved(before: &[Light], after: &[Light]) -> f32 {
     let angles = after
         .iter()
@@ -273,7 +271,7 @@ fn moved(before: &[Light], after: &[Light]) -> f32 {
 }
 
 #[test]
-fn the_memory_is_exactly_what_is_named() {
+fn buffers_of_exactly_the_computed_length_are_accepted() {
     let order = 3;
     let made = |bits: usize| {
         let bits = || vec![0u8; bits];
@@ -288,14 +286,14 @@ fn the_memory_is_exactly_what_is_named() {
         };
         Adaptive::try_new(Domain::Hemisphere, Order::saturating(order), memory)
     };
-    // 2^(3 + 2 order) nodes above the texels, a bit each.
+    // 2^(3 + 2 order) nodes above the texels, one bit each.
     assert_eq!(bits_len(Domain::Hemisphere, Order::saturating(order)), 64);
     assert_eq!(made(63).map(|_| ()), Err(TooSmall { needed: 64, lent: 63 }));
-    let mut sampler = made(64).expect("as many bits as are named");
-    // The shortest of the lists decides.
+    let mut sampler = made(64).expect("bit sets of the computed length");
+    // The shortest list determines the capacity.
     assert_eq!(sampler.capacity(), 8);
     let map = random(Domain::Hemisphere, order, 8);
-    assert_eq!(update(&mut sampler, &map, 9).len(), 8, "full is full");
-    // A finer map than the bits are for gives nothing rather than something wrong.
+    assert_eq!(update(&mut sampler, &map, 9).len(), 8, "the capacity");
+    // A map finer than the bit sets gives no lights.
     assert_eq!(update(&mut sampler, &random(Domain::Hemisphere, 4, 8), 8), []);
 }

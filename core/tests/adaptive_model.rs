@@ -1,4 +1,4 @@
-//! `adaptive` models no more than a scene needs: tolerance, ambient light, and estimates against an f64 twin of the judge.
+//! The sampler `adaptive` with a tolerance and with ambient light, and its error estimates against an f64 implementation of the score.
 
 mod common;
 
@@ -11,7 +11,7 @@ use hemilux_core::polar::LatLongView;
 use hemilux_core::pyramid::{Pyramid, Quad};
 use hemilux_core::sampler::{Map, Request, Sampler};
 
-/// One set, in memory of its own.
+/// A light set with copies of its lights.
 struct Made {
     lights: Vec<Light>,
     ambient: Option<Sh9>,
@@ -38,7 +38,7 @@ const fn with(lights: usize, tolerance: Option<f32>, ambient: bool) -> Request {
     Request { lights, tolerance, ambient, soft: false }
 }
 
-/// The shadowed error as `host-sim/METRICS.md` has it, in f64 over all texels.
+/// Returns the shadowed error as defined in `host-sim/METRICS.md`, in f64 over all texels.
 fn judged(map: &Pyramid<Vec<Quad>>, made: &Made) -> f64 {
     let view = map.view();
     let lattice = |k: usize| {
@@ -75,12 +75,12 @@ fn judged(map: &Pyramid<Vec<Quad>>, made: &Made) -> f64 {
     (squares * 512.0).sqrt() / mean
 }
 
-/// A sky of the CIE's overcast luminance, (1 + 2 sin elevation) / 3.
+/// Returns a sky with the luminance of the CIE overcast sky, (1 + 2 sin elevation) / 3.
 fn overcast() -> Pyramid<Vec<Quad>> {
     lit(Domain::Hemisphere, 5, |ipix| grey((1.0 + 2.0 * above(Domain::Hemisphere, 5, ipix).z) / 3.0))
 }
 
-/// A blue sky, brighter towards the horizon, and a sun of one texel with four times its light.
+/// Returns a blue sky, brighter towards the horizon, with a sun of one texel that has four times the light of the sky, and the sun's direction.
 fn clear() -> (Pyramid<Vec<Quad>>, Vec3) {
     let sun = healpix::ipix(5, DVec3::new(0.5, 0.3, 0.6).normalize());
     let sky = |ipix: u32| {
@@ -92,7 +92,7 @@ fn clear() -> (Pyramid<Vec<Quad>>, Vec3) {
     (map, healpix::centre(5, sun).as_vec3())
 }
 
-/// A dim room with a window and lamps.
+/// Returns a dim room with a window and lamps.
 fn room(domain: Domain, seed: u64, noise: f32) -> Pyramid<Vec<Quad>> {
     let mut rng = seeded(seed);
     let near =
@@ -125,7 +125,7 @@ fn maps() -> Vec<(&'static str, Pyramid<Vec<Quad>>)> {
     ]
 }
 
-/// Light of the set, without its lights' and with its ambient's: over the domain the latter is the sum over a fine map.
+/// Returns the energy of the lights plus that of the ambient light, which is summed over a fine map.
 fn energy(map: &Pyramid<Vec<Quad>>, made: &Made) -> [f64; 3] {
     let domain = map.view().domain();
     let mut sum = [0.0; 3];
@@ -143,14 +143,14 @@ fn energy(map: &Pyramid<Vec<Quad>>, made: &Made) -> [f64; 3] {
 }
 
 #[test]
-fn estimates_are_those_of_the_judge() {
+fn estimates_match_the_f64_score() {
     for (name, map) in maps() {
         for lights in [1usize, 4, 9, 16, 64, 200] {
             for ambient in [false, true] {
                 let made = fresh(&map, with(lights, None, ambient));
                 let truth = judged(&map, &made).max(0.002);
                 let ratio = made.estimate / truth;
-                // Discs whose edge is a texel's are seen as smooth ones: 8 degrees have few texels.
+                // The map of a disc has hard edges of texels: a radius of 8 degrees covers few texels.
                 let most = if lights > 64 || name.contains("lamp") { 1.6 } else { 1.25 };
                 assert!(
                     (1.0 / most..=most).contains(&ratio),
@@ -163,7 +163,7 @@ fn estimates_are_those_of_the_judge() {
 }
 
 #[test]
-fn nothing_is_in_both_lights_and_ambient() {
+fn lights_and_ambient_light_add_up_to_the_energy_of_the_map() {
     for (name, map) in maps() {
         let total = map.view().total().rgb();
         for lights in [0usize, 1, 3, 8, 20, 64] {
@@ -193,7 +193,7 @@ fn ambient_light_is_never_worse_than_lights_alone() {
 }
 
 #[test]
-fn an_overcast_sky_needs_no_light_and_a_clear_one_the_sun() {
+fn an_overcast_sky_gives_no_lights_and_a_clear_sky_one_at_the_sun() {
     let none = fresh(&overcast(), with(64, Some(0.03), true));
     assert_eq!(none.lights, [], "estimated {}", none.estimate);
     assert!(judged(&overcast(), &none) < 0.01);
@@ -219,7 +219,7 @@ fn a_tolerance_is_reached_with_few_lights() {
                 last = made.lights.len();
                 if last > 1 && !ambient {
                     let fewer = fresh(&map, with(last / 2, None, false));
-                    assert!(fewer.estimate > f64::from(tolerance), "{name}: half of {last} would do");
+                    assert!(fewer.estimate > f64::from(tolerance), "{name}: half of {last} lights suffice");
                 }
             }
         }
@@ -227,7 +227,7 @@ fn a_tolerance_is_reached_with_few_lights() {
 }
 
 #[test]
-fn the_number_of_lights_rests_while_the_scene_does() {
+fn number_of_lights_is_constant_in_a_scene_at_rest() {
     for ambient in [false, true] {
         let mut sampler = adaptive(Domain::Sphere, 5, 256);
         let request = with(256, Some(0.05), ambient);
@@ -242,7 +242,7 @@ fn the_number_of_lights_rests_while_the_scene_does() {
 }
 
 #[test]
-fn more_light_to_model_brings_more_lights_and_back() {
+fn number_of_lights_follows_the_complexity_of_the_scene() {
     let mut sampler = adaptive(Domain::Hemisphere, 5, 256);
     let request = with(256, Some(0.05), true);
     for _ in 0..20 {
@@ -256,7 +256,7 @@ fn more_light_to_model_brings_more_lights_and_back() {
     for _ in 0..200 {
         count = update(&mut sampler, &overcast(), request).lights.len();
     }
-    assert_eq!(count, 0, "an overcast sky again");
+    assert_eq!(count, 0, "lights of an overcast sky after a room");
 }
 
 #[test]
@@ -287,11 +287,11 @@ fn black_and_broken_maps_give_defined_sets() {
         }
     }
     let nothing = fresh(&overcast(), with(0, None, false));
-    assert!(nothing.lights.is_empty() && nothing.estimate == 1.0, "no light at all errs by all of it");
+    assert!(nothing.lights.is_empty() && nothing.estimate == 1.0, "the error of an empty set is 1");
 }
 
 #[test]
-fn random_frames_and_requests_keep_every_promise() {
+fn random_frames_and_requests_satisfy_every_invariant() {
     let mut rng = seeded(5);
     let mut sampler = adaptive(Domain::Hemisphere, 3, 64);
     for frame in 0..1000 {
@@ -310,7 +310,7 @@ fn random_frames_and_requests_keep_every_promise() {
 }
 
 #[test]
-fn discs_that_rest_stay_and_follow_the_request() {
+fn discs_stay_in_a_scene_at_rest_and_become_points_on_request() {
     let map = room(Domain::Sphere, 1, 0.0);
     for lights in [4, 16, 64] {
         let [hard, soft] = [false, true].map(|soft| Request { soft, ..with(lights, None, false) });
@@ -322,7 +322,7 @@ fn discs_that_rest_stay_and_follow_the_request() {
         }
         assert_close(&made.lights, &expected.lights, "at rest");
         if lights > 16 {
-            // Hysteresis keeps some splits of so many discs, so that the points are others.
+            // Hysteresis keeps some splits of large sets of discs, so the points differ.
             continue;
         }
         for _ in 0..40 {
@@ -334,7 +334,7 @@ fn discs_that_rest_stay_and_follow_the_request() {
     }
 }
 
-/// The same lights, but for rounding.
+/// Asserts that two lists of lights differ by rounding only.
 fn assert_close(found: &[Light], expected: &[Light], name: &str) {
     assert_eq!(found.len(), expected.len(), "{name}");
     for (a, b) in found.iter().zip(expected) {

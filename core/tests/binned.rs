@@ -1,4 +1,4 @@
-//! Binned mosaics: means computed on paper, saturated samples, and the light of the unbinned frame.
+//! Binned mosaics: means computed by hand, saturated samples, and the light of binned and unbinned frames.
 
 use hemilux_core::format::Pattern;
 use hemilux_core::lens::Lens;
@@ -13,7 +13,7 @@ const FORMATS: [Format; 4] = [
     Format::Bayer16(Pattern::Gbrg, 10),
 ];
 
-/// Bytes of a row of `codes`, by the kernel's tables of the packed formats.
+/// Packs `codes` to the bytes of a row, as the kernel's documentation of the packed formats states.
 fn pack(format: Format, codes: &[u16]) -> Vec<u8> {
     match format {
         Format::Raw10(_) => {
@@ -31,7 +31,7 @@ fn pack(format: Format, codes: &[u16]) -> Vec<u8> {
     }
 }
 
-/// Total light of a frame whose pixels have `code`, seen by a lens of 180 degrees.
+/// Returns the total energy of a frame whose pixels have `code`, through a lens of 180 degrees.
 fn total(format: Format, bin: u32, side: u32, code: impl Fn(u32, u32) -> u16) -> [f32; 3] {
     let centre = f64::from(side - 1) / 2.0;
     let lens = Lens::equidistant([centre; 2], f64::from(side) / std::f64::consts::PI, 1.5).expect("a lens");
@@ -56,12 +56,12 @@ fn total(format: Format, bin: u32, side: u32, code: impl Fn(u32, u32) -> u16) ->
 #[test]
 fn binned_frames_have_the_light_of_the_frame_itself() {
     for format in FORMATS {
-        // A pattern of each colour with a mean of 30 and of 90, below saturation in both exposures of 8 bits.
+        // A pattern per colour with means of 30 and of 90, below saturation in both exposures of 8 bits.
         let code = |x: u32, y: u32| {
             (if (x + y).is_multiple_of(2) { 20 } else { 40 }) + ((x / 2 + 2 * (y / 2)) % 4) as u16 * 4
         };
         for bin in [2, 4, 8] {
-            // Merged images of 64 x 64 pixels: fewer sample the rim of the lens coarsely.
+            // Merged images have 64 x 64 pixels: fewer pixels sample the rim of the lens too coarsely.
             let (full, binned) = (total(format, 1, 128 * bin, code), total(format, bin, 128 * bin, code));
             for (found, expected) in binned.iter().zip(full) {
                 assert!((found / expected - 1.0).abs() < 0.02, "{format:?} / {bin}: {binned:?}, {full:?}");
@@ -70,7 +70,7 @@ fn binned_frames_have_the_light_of_the_frame_itself() {
     }
 }
 
-/// One pixel of each 2 x 2 of a colour is a lamp: saturated in the long exposure, and 60 times as bright as the others.
+/// One of the 2 x 2 samples of each colour is of a lamp: saturated in the long exposure, and 60 times as bright as the other samples.
 #[test]
 fn a_saturated_sample_makes_its_mean_saturated() {
     for format in FORMATS {

@@ -1,4 +1,4 @@
-//! A lent buffer of exactly the required length is accepted; one element less is refused with both numbers.
+//! Buffers of exactly the required length are accepted; buffers that are one element shorter are refused with both lengths.
 //!
 //! Tables of response and merge, polar maps and samplers have such tests in their own files.
 
@@ -68,7 +68,7 @@ fn arrays_and_slices_are_buffers() {
 
 #[test]
 fn a_cap_has_the_radius_of_its_mean_resultant_length() {
-    // R of a uniform cap is (1 + cos a) / 2: a point, a hemisphere, the sphere.
+    // R of a uniform cap is (1 + cos a) / 2: here a point, a hemisphere and a sphere.
     for (resultant, degrees) in
         [(1.0, 0.0), (0.75, 60.0), (0.5, 90.0), (0.0, 180.0), (1.1, 0.0), (-1.0, 180.0)]
     {

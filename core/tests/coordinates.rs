@@ -1,4 +1,4 @@
-//! Coordinate systems of other programs: directions by `board/FORMATS.md`, harmonics by evaluation of the basis at converted directions.
+//! Coordinate systems of other programs: directions as stated in `board/FORMATS.md`, harmonics by evaluation of the basis at converted directions.
 
 mod common;
 
@@ -9,7 +9,7 @@ use hemilux_core::wire::Coordinates;
 
 const ALL: [Coordinates; 4] = [Coordinates::Probe, Coordinates::YUp, Coordinates::Unity, Coordinates::Unreal];
 
-/// The real orthonormal basis without Condon-Shortley phase, written from its textbook form.
+/// Returns the real orthonormal basis without Condon-Shortley phase, from its textbook form.
 fn basis(d: DVec3) -> [f64; 9] {
     let (x, y, z) = (d.x, d.y, d.z);
     let pi = core::f64::consts::PI;
@@ -27,7 +27,7 @@ fn basis(d: DVec3) -> [f64; 9] {
     ]
 }
 
-/// `board/FORMATS.md`: from probe (x, y, z).
+/// Converts a direction from the probe's axes as stated in `board/FORMATS.md`.
 fn turned(c: Coordinates, d: DVec3) -> DVec3 {
     match c {
         Coordinates::Probe => d,
@@ -88,7 +88,7 @@ fn names_and_aliases_are_those_of_the_format() {
     }
     assert_eq!(Coordinates::names().count(), expected.iter().map(|(_, names)| names.len()).sum());
     for c in ALL {
-        assert_eq!(Coordinates::from_name(c.name()), Some(c), "the name on the wire can be asked for");
+        assert_eq!(Coordinates::from_name(c.name()), Some(c), "requests accept the name of light sets");
     }
     for name in ["", "Probe", "yup", "y-up "] {
         assert_eq!(Coordinates::from_name(name), None, "{name}");

@@ -18,7 +18,7 @@ use hemilux_core::internals;
 use hemilux_core::internals::pixel_table::pixel_table_size;
 use hemilux_core::lens::{Intrinsics, Lens, Model};
 
-/// Lenses, image sizes and map orders.
+/// Returns lenses with image sizes and map orders.
 fn views() -> Vec<(Lens, u32, u32, u8)> {
     let vignetting = [1.0, 0.0, -0.2, 0.0, 0.01, 0.0, 0.0, 0.0];
     let fading = Intrinsics { vignetting, ..plain(Model::Equidistant, [160.2, 119.1], 98.0, 80.0) };
@@ -38,7 +38,7 @@ fn views() -> Vec<(Lens, u32, u32, u8)> {
     ]
 }
 
-/// Solid angle divided by illumination of every pixel, above and below the horizon; 0 outside of the field of view.
+/// Returns solid angle divided by illumination of every pixel, above and below the horizon; 0 outside of the field of view.
 fn weights(lens: &Lens, width: u32, height: u32) -> Vec<(f64, f64)> {
     let pixels = (0..width * height).map(|i| DVec2::new(f64::from(i % width), f64::from(i / width)));
     pixels
@@ -62,7 +62,7 @@ fn energy_of_the_map_equals_that_of_the_pixels() {
     for (lens, width, height, order) in views() {
         let pixel_table = pixel_table(&lens, width, height, order);
         let mut rng = seeded(4);
-        // A range of three and a half decades, which one 16-bit exposure holds.
+        // A range of three and a half decades, which fits one 16-bit exposure.
         let frame: Vec<u16> =
             (0..3 * width * height).map(|_| 10f64.powf(rng.random_range(1.0..4.5)) as u16).collect();
         let (map, seen) = expose(&pixel_table, &frame);
@@ -76,7 +76,7 @@ fn energy_of_the_map_equals_that_of_the_pixels() {
         for (found, expected) in map.view().total().rgb().into_iter().zip(above) {
             let error = off(f64::from(found), expected);
             worst = worst.max(error);
-            // Random codes per pixel: the worst case for a common weight per run, above all in small images.
+            // Random codes per pixel are the worst case for a common weight per run, above all in small images.
             assert!(error < if width < 100 { 1e-3 } else { 1e-4 }, "{width} x {height}: {error}");
         }
         let y = |rgb: [f64; 3]| 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2];
@@ -90,14 +90,14 @@ fn energy_of_the_map_equals_that_of_the_pixels() {
 fn uniform_scene_gives_its_radiance_times_the_field_of_view() {
     for (lens, width, height, order) in views() {
         let pixel_table = pixel_table(&lens, width, height, order);
-        // The image of uniform light through a lens with vignetting.
+        // An image of uniform radiance through a lens with vignetting.
         let pixels = (0..width * height).map(|i| DVec2::new(f64::from(i % width), f64::from(i / width)));
         let illumination = |p| lens.unproject(p).map_or(0.0, |d| lens.illumination(d.z.acos()));
         let frame: Vec<u16> = pixels.flat_map(|p| [(30_000.0 * illumination(p)).round() as u16; 3]).collect();
         let (map, _) = expose(&pixel_table, &frame);
         let expected = radiance_of(30_000) * TAU * (1.0 - pixel_table.unseen());
         let error = off(f64::from(map.view().total().energy[1]), expected);
-        // The error at the rim is that of the pixels: for a circle of 21 pixels it is larger.
+        // The error is caused by the pixels at the rim: for a circle of 21 pixels it is larger.
         assert!(error < if width > 200 { 2e-3 } else { 3e-2 }, "{width} x {height}: {error}");
     }
 }
@@ -146,11 +146,11 @@ fn sun_of_two_pixels_keeps_its_energy_and_direction() {
         };
         let expected = radiance_of(60_000) * (omega(at) + omega(at + DVec2::X));
         let total = map.view().total();
-        // The two pixels have the mean weight of their runs instead of their own.
+        // The two pixels are weighted with the mean weights of their runs.
         assert!(off(f64::from(total.energy[2]), expected) < 1e-3, "{width}: {total:?} {expected}");
         let d = lens.unproject(at + 0.5 * DVec2::X).expect("inside the view");
         let found = total.first_moment().as_dvec3().normalize();
-        // Half the diagonal of the texels that received the light.
+        // Half the diagonal of the texels that receive the light.
         assert!(found.distance(d) < healpix::solid_angle(pixel_table.source_order()).sqrt(), "{found} {d}");
     }
 }
@@ -208,7 +208,7 @@ fn clipping_is_reported_and_white_balance_applied() {
     assert!((r / g - 2.0).abs() < 1e-5 && (b / g - 0.5).abs() < 1e-5, "{r} {g} {b}");
 }
 
-/// Where all is clipped, all of the map's irradiance is that of clipped light.
+/// In a frame in which every pixel is clipped, the clipped irradiance equals the irradiance of the map.
 #[test]
 fn clipped_light_is_reported_as_irradiance() {
     let pixel_table = pixel_table(&bench_lens(), 640, 480, 5);
@@ -216,7 +216,7 @@ fn clipped_light_is_reported_as_irradiance() {
     let mut map = dark(Domain::Hemisphere, 5);
     let balance = [2.0, 1.0, 0.5];
     let none = burst(&pixel_table, &[Samples::U16(&frame)], balance, &mut map).expect("fits");
-    assert_eq!(none.clipped_irradiance, [0.0; 3], "nothing is clipped");
+    assert_eq!(none.clipped_irradiance, [0.0; 3], "no pixel is clipped");
     frame.fill(65_535);
     let all = burst(&pixel_table, &[Samples::U16(&frame)], balance, &mut map).expect("fits");
     for (found, expected) in all.clipped_irradiance.into_iter().zip(map.view().horizontal_irradiance()) {
@@ -303,11 +303,11 @@ fn runs_have_the_texels_of_their_pixels() {
                 let pixel_sr = lens.solid_angle(at).expect("seen");
                 let own = pixel_sr / lens.illumination(d.z.acos());
                 let error = (f64::from(weight) * view.weight_unit - own).abs();
-                // Half a pixel's width in radians, since the pixels of a run are hardly wider than the next one.
+                // Tolerance of half a pixel's width in radians, since widths of neighbouring pixels of a run differ by little.
                 let most = 0.55 * pixel_sr.sqrt() * own + view.weight_unit;
                 assert!(error <= most, "{column} {row}: {weight} {own}");
             }
         }
-        assert_eq!(cells.next(), None, "no run more");
+        assert_eq!(cells.next(), None, "no further run");
     }
 }

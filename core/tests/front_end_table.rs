@@ -1,7 +1,6 @@
 //! Bursts of every supported format give the map and the lights of a committed table, bit for bit on every machine.
 //!
-//! `front_end_table.txt` was written by the stages of the front end before they had one constructor. To accept a change, run with
-//! `HEMILUX_ACCEPT=1` and state in the commit why the light changed.
+//! Run with `HEMILUX_ACCEPT=1` to replace the table by the results of the current code, and state in the commit why the light changed.
 
 mod common;
 
@@ -27,7 +26,7 @@ struct Case {
     format: Format,
     response: Response,
     exposures: Vec<Exposure>,
-    /// Padding bytes per row.
+    /// Number of padding bytes per row.
     padding: usize,
     order: u8,
     extrapolated: bool,
@@ -99,7 +98,7 @@ fn cases() -> Vec<Case> {
 const WIDTH: u32 = 212;
 const HEIGHT: u32 = 160;
 
-/// A lens whose field of view extends below the horizon, with skew and vignetting, and an image circle larger than the sensor.
+/// Returns a lens with skew and vignetting, a field of view that extends below the horizon, and an image circle larger than the sensor.
 fn lens() -> Lens {
     Lens::try_new(Intrinsics {
         model: Model::KannalaBrandt([0.01, -0.002, 0.0, 0.0]),
@@ -112,7 +111,7 @@ fn lens() -> Lens {
     .expect("a sound lens")
 }
 
-/// Bytes that increase with the exposure up to saturation: a pattern with some noise.
+/// Returns bytes that increase with the exposure up to saturation: a pattern with noise.
 fn bytes(layout: &Layout, exposure: usize) -> Vec<u8> {
     let mut state = 0x9e37_79b9u32.wrapping_mul(exposure as u32 + 1);
     let line = layout.bytes_per_line() as u32;
@@ -121,7 +120,7 @@ fn bytes(layout: &Layout, exposure: usize) -> Vec<u8> {
         state ^= state >> 17;
         state ^= state << 5;
         let (row, column) = (at / line, at % line);
-        // A lamp that saturates in every exposure, one that saturates in the longer ones, and a gradient.
+        // A lamp that saturates in every exposure, a lamp that saturates in the longer exposures, and a gradient.
         let lamp = (row.abs_diff(60) + column.abs_diff(line / 2)) < 9;
         let window = (row.abs_diff(100) + column.abs_diff(line / 3)) < 30;
         let base = if lamp {
@@ -142,7 +141,7 @@ fn bytes(layout: &Layout, exposure: usize) -> Vec<u8> {
     (0..layout.frame_bytes() as u32 / 2).flat_map(word).collect()
 }
 
-/// FNV-1a of 32-bit words.
+/// An FNV-1a hash of 32-bit words.
 struct Hash(u64);
 
 impl Hash {
@@ -159,7 +158,7 @@ impl Hash {
     }
 }
 
-/// Hashes of a burst's pixels, map and lights, and a readable sum.
+/// Returns hashes of a burst's pixels, map and lights, and sums in decimal numbers.
 fn row(case: &Case) -> String {
     let layout = Layout::try_new(case.format, WIDTH, HEIGHT, case.format.line_bytes(WIDTH) + case.padding)
         .expect("a layout");

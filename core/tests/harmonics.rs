@@ -15,7 +15,7 @@ fn basis_matches_the_test_vector_of_the_formats() {
 
 #[test]
 fn the_functions_are_orthonormal() {
-    // A midpoint rule in z and phi: exact in phi, and within 1e-5 in z for polynomials of degree 4.
+    // A midpoint rule in z and phi is exact in phi, and within 1e-5 in z for polynomials of degree 4.
     const STEPS: u32 = 400;
     let mut products = [[0.0f64; 9]; 9];
     for i in 0..STEPS {

@@ -77,7 +77,7 @@ fn points_of_a_quad_map_back_into_it() {
         let mut rng = seeded(u64::from(order) + 40);
         for _ in 0..20_000 {
             let ipix = rng.random_range(0..12u32 << (2 * order));
-            // Farther from the edges than the rounding error at the finest order.
+            // The distance from the edges exceeds the rounding error at the finest order.
             let [x, y] = [(); 2].map(|()| rng.random_range(1e-6..1.0 - 1e-6));
             let d = healpix::point(order, ipix, x, y);
             assert!((d.length() - 1.0).abs() < 1e-12, "a unit vector");
@@ -86,7 +86,7 @@ fn points_of_a_quad_map_back_into_it() {
     }
 }
 
-/// A direction on an edge may belong to any adjacent quad: the closed quad must contain it.
+/// A direction on an edge may be assigned to any adjacent quad, which must contain it as a closed set.
 #[test]
 fn boundary_directions_belong_to_an_adjacent_quad() {
     let mut edges = vec![DVec3::Z, DVec3::NEG_Z];
@@ -112,7 +112,7 @@ fn boundary_directions_belong_to_an_adjacent_quad() {
     }
 }
 
-/// Whether a grid of points over the closed quad comes as near as its spacing permits.
+/// Returns whether a grid of points over the closed quad is as near to `d` as the spacing of the grid permits.
 fn touches(order: u8, ipix: u32, d: DVec3) -> bool {
     let side = healpix::solid_angle(order).sqrt();
     let near = |i: u32| {

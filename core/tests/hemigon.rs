@@ -1,4 +1,4 @@
-//! `hemigon` and `hemigon-fir` as samplers: energy, ids, hard maps, and a lamp that is switched.
+//! The samplers `hemigon` and `hemigon-fir`: energy, ids, invalid maps, and a lamp that is switched.
 
 mod common;
 
@@ -54,7 +54,7 @@ fn update(sampler: &mut dyn Sampler, grid: Grid, texels: &[[f32; 3]], lights: us
     sampler.update(&map, &Request::of_lights(lights)).lights.to_vec()
 }
 
-/// A map whose texels have the radiance `l(row, column)`.
+/// Returns a map whose texels have the radiance `l(row, column)`.
 fn energies(grid: Grid, mut l: impl FnMut(usize, usize) -> [f32; 3]) -> Texels {
     (0..grid.len())
         .map(|i| l(i / grid.width, i % grid.width).map(|v| v * grid.solid_angle(i / grid.width) as f32))
@@ -65,7 +65,7 @@ fn total(rgb: impl Iterator<Item = [f32; 3]>) -> [f64; 3] {
     rgb.fold([0.0; 3], |sum, v| core::array::from_fn(|c| sum[c] + f64::from(v[c])))
 }
 
-/// Energy of a map, in which non-finite and negative numbers count as 0.
+/// Returns the energy of a map, in which non-finite and negative numbers count as 0.
 fn light_in(texels: &[[f32; 3]]) -> [f64; 3] {
     total(texels.iter().map(|t| t.map(|v| if v > 0.0 { v.min(1e29) } else { 0.0 })))
 }
@@ -126,7 +126,7 @@ fn buffers_one_short_are_refused() {
 #[test]
 fn lights_are_equally_luminous_and_keep_every_channel() {
     let mut rng = seeded(81);
-    // Colours within an octave, as in real maps; and channels that differ by four decades.
+    // Colours within an octave, as in real maps, and channels that differ by four decades.
     for (grid, (decades, within)) in GRIDS.into_iter().flat_map(|g| [(g, (0.3, 1e-3)), (g, (4.0, 0.2))]) {
         let texels = energies(grid, |_, _| {
             let l = rough(&mut rng)[0];
@@ -146,7 +146,7 @@ fn lights_are_equally_luminous_and_keep_every_channel() {
 
 #[test]
 fn energy_of_a_channel_that_no_light_samples_is_kept() {
-    // One light, and blue only in a texel other than its own.
+    // One light, and a blue channel only in another texel than that of the light.
     let texels = energies(ODD, |row, column| [1.0, 0.5, if row + column == 0 { 1.0 } else { 0.0 }]);
     for n in [1, 3] {
         check(&update(&mut *hemigon(&ODD, n), ODD, &texels, n), &texels, "blue");
@@ -183,7 +183,7 @@ fn lights_are_divided_between_hemispheres_by_luminance() {
             let exact = n as f64 * f64::from(upper) / f64::from(upper + 1.0);
             assert!((above as f64 - exact).abs() <= 0.5 + 1e-6, "{upper} {n}: {above}");
             assert!(lights.iter().all(|l| (l.direction.z > 0.0) == (l.id <= MAX_LIGHTS as u32)));
-            assert!(lights.windows(2).all(|w| w[0].id < w[1].id), "in the order of ids");
+            assert!(lights.windows(2).all(|w| w[0].id < w[1].id), "lights are in the order of their ids");
         }
     }
 }
@@ -227,7 +227,7 @@ fn all_lights_of_a_single_lit_texel_are_near_it() {
                 let lights = update(&mut *sampler, grid, &texels, 300);
                 assert_eq!(lights.len(), 300);
                 check(&lights, &texels, "one texel");
-                // Within the texel's rows and, where the floor puts a light into the ring beside it, one more.
+                // Within the texel's rows, and one more row where the floor places a light in the neighbouring ring.
                 let (row, rows) = (bright / grid.width, grid.theta(1));
                 for light in &lights {
                     let theta = f64::from(light.direction.z.clamp(-1.0, 1.0)).acos();
@@ -312,7 +312,7 @@ fn energy_is_exact_over_random_frames() {
     }
 }
 
-/// A dim sky with 1 % noise and, from frame `on`, a lamp with half of the light.
+/// Returns a dim sky with 1 % noise and, if `lit`, a lamp with half of the light.
 fn lamp(grid: Grid, rng: &mut Pcg64Mcg, lit: bool) -> Texels {
     energies(grid, |row, column| {
         let is_lamp = lit && (40..46).contains(&row) && (100..110).contains(&column);
@@ -321,7 +321,7 @@ fn lamp(grid: Grid, rng: &mut Pcg64Mcg, lit: bool) -> Texels {
     })
 }
 
-/// Energy-weighted fraction of the lights within 10 degrees of the lamp.
+/// Returns the energy-weighted fraction of the lights within 10 degrees of the lamp.
 fn at_lamp(lights: &[Light]) -> f64 {
     let (theta, phi) = (POLAR.theta(43), POLAR.phi(105));
     let lamp =
@@ -340,13 +340,14 @@ fn switched_lamp_is_followed_at_once_by_kalman_and_late_by_fir() {
             energy.push(at_lamp(&lights));
         }
         let steady = energy[59];
-        let found = energy[30..].iter().position(|e| off(*e, steady) < 0.1).expect("it settles") + 1;
+        let found =
+            energy[30..].iter().position(|e| off(*e, steady) < 0.1).expect("the energy becomes steady") + 1;
         println!("{}: {found} frames", sampler.kind());
         assert!(frames.contains(&found), "{}: {found} frames: {energy:?}", sampler.kind());
     }
 }
 
-/// RMS of the change of direction from frame to frame over lights and frames, degrees.
+/// Returns the RMS change of direction from frame to frame over lights and frames, degrees.
 fn jitter(sampler: &mut dyn Sampler) -> f64 {
     let mut rng = seeded(87);
     let mut last: Vec<Light> = Vec::new();
@@ -377,7 +378,7 @@ fn kalman_smooths_noise_as_well_as_the_fir() {
 
 #[test]
 fn fir_lights_sum_to_the_filtered_energy() {
-    // A sky that brightens from 1 to 3: by hand the sum of the newest coefficients.
+    // A sky that brightens from 1 to 3; the expected factor is the sum of the newest coefficients.
     let kernel = hemilux_core::sampler::hemigon::fir::Kernel::new(&Parameters::default());
     let mut sampler = published(&ODD, 16);
     let sky = |l: f32| energies(ODD, |_, _| [l; 3]);
@@ -396,7 +397,7 @@ fn fir_lights_sum_to_the_filtered_energy() {
 
 #[test]
 fn fir_side_lobes_do_not_move_lights_across_the_horizon() {
-    // A lamp that falls to the horizon and stops there, under a filter that overshoots.
+    // A lamp that descends to the horizon and stops there, with a filter that overshoots.
     let sharp = Parameters { taps: 15, cutoff_hz: 3.0, frame_rate_hz: 10.0 };
     let mut sampler = hemigon_fir(&POLAR, 8, &sharp);
     for t in 0..40usize {

@@ -1,4 +1,4 @@
-//! The filters of `hemigon` and `hemigon-fir` on a line: noise, steps and ramps against measured figures and f64 twins.
+//! The filters of `hemigon` and `hemigon-fir` in one dimension: noise, steps and ramps against measured figures and f64 implementations.
 
 mod common;
 
@@ -9,7 +9,7 @@ use hemilux_core::sampler::hemigon::fir::{self, Kernel};
 use hemilux_core::sampler::hemigon::follow::{Follow, PathPoint};
 use hemilux_core::sampler::hemigon::kalman::{Gated, Kalman, Parameters, PathFilter};
 
-/// Normal noise of standard deviation 1.
+/// Returns normally distributed noise of standard deviation 1.
 fn noise(count: usize) -> Vec<f64> {
     let mut rng = seeded(71);
     let mut one = || -> f64 { (1.0 - rng.random::<f64>()).ln() };
@@ -21,10 +21,10 @@ fn noise(count: usize) -> Vec<f64> {
 /// A filter as a function from a signal to the filtered signal.
 type Filter<'a> = &'a dyn Fn(&[f64]) -> Vec<f64>;
 
-/// Name, filter at a frame rate, and its figures at two rates.
+/// A name, a filter at a frame rate, and its expected figures at two rates.
 type Row = (&'static str, fn(f64, &[f64]) -> Vec<f64>, [[f64; 3]; 2]);
 
-/// RMS on noise, frames to 90 % of a step of 20, mean lag on a ramp of 2 a second: the columns of the table below.
+/// Returns RMS on noise, number of frames to 90 % of a step of 20, and mean lag on a ramp of 2 per second: the columns of the table below.
 fn figures(filter: Filter<'_>, rate: f64) -> [f64; 3] {
     let still = filter(&noise(100_000));
     let jitter = (still[100..].iter().map(|x| x * x).sum::<f64>() / 99_900.0).sqrt();
@@ -33,8 +33,9 @@ fn figures(filter: Filter<'_>, rate: f64) -> [f64; 3] {
     for run in signal.chunks(200) {
         let stepped: Vec<f64> =
             run.iter().enumerate().map(|(i, x)| x + if i >= 100 { 20.0 } else { 0.0 }).collect();
-        frames +=
-            filter(&stepped)[100..].iter().position(|x| *x >= 18.0).expect("it gets there") as f64 + 1.0;
+        frames += filter(&stepped)[100..].iter().position(|x| *x >= 18.0).expect("the filter reaches 90 %")
+            as f64
+            + 1.0;
     }
     let truth: Vec<f64> = (0..100_000).map(|i| f64::from(i) * 2.0 / rate).collect();
     let ramp: Vec<f64> = truth.iter().zip(noise(100_000)).map(|(a, b)| a + b).collect();
@@ -42,7 +43,7 @@ fn figures(filter: Filter<'_>, rate: f64) -> [f64; 3] {
     [jitter, frames / 400.0, lag]
 }
 
-/// Parameters of the table: variance 0.5 a second, gate 16.
+/// Returns the parameters of the table: variance 0.5 per second, gate 16.
 fn table(rate: f64, confirm: bool) -> Parameters {
     let alarm = if confirm { 5.0 } else { f32::INFINITY };
     Parameters { frame_rate_hz: rate as f32, drift_hz: 0.5, gate: 16.0, confirm, alarm }
@@ -57,7 +58,7 @@ fn kalman(parameters: Parameters, signal: &[f64]) -> Vec<f64> {
     signal.iter().map(step).collect()
 }
 
-/// The filter of the module's documentation in f64 for one-dimensional steps, with the two-sided CUSUM by Crosier's recursion.
+/// Filters one-dimensional steps by the rules of the module's documentation in f64, with the two-sided CUSUM by Crosier's recursion.
 fn kalman_twin(p: &Parameters, signal: &[f64]) -> Vec<f64> {
     let q = f64::from(p.drift_hz) / f64::from(p.frame_rate_hz);
     let (mut x, mut variance, mut sum, mut suspect, mut jumped) = (signal[0], 1.0, 0.0f64, 0.0f64, false);
@@ -83,7 +84,7 @@ fn kalman_twin(p: &Parameters, signal: &[f64]) -> Vec<f64> {
     out
 }
 
-/// Runs the filter; the first frame fills its history.
+/// Filters `signal`; the first frame fills the history.
 fn fir(taps: usize, rate: f64, signal: &[f64]) -> Vec<f64> {
     let kernel = Kernel::new(&fir::Parameters { taps, cutoff_hz: 1.0, frame_rate_hz: rate });
     (0..signal.len())
@@ -93,7 +94,7 @@ fn fir(taps: usize, rate: f64, signal: &[f64]) -> Vec<f64> {
 
 #[test]
 fn filter_figures_match_the_recorded_ones() {
-    // Figures of a prototype in NumPy: jitter, frames to 90 %, ramp lag, at 6.7 and at 30 frames a second.
+    // Figures of a prototype in NumPy: jitter, frames to 90 %, ramp lag, at 6.7 and at 30 frames per second.
     let rows: [Row; 4] = [
         ("fir 7", |rate, s| fir(7, rate, s), [[0.52, 5.1, 0.88], [0.47, 5.7, 0.19]]),
         ("fir 15", |rate, s| fir(15, rate, s), [[0.49, 9.7, 2.08], [0.32, 11.6, 0.45]]),
@@ -119,7 +120,7 @@ fn filter_matches_an_f64_implementation() {
     }
     for parameters in [table(10.0, false), table(10.0, true), Parameters::LIGHTS] {
         let (found, twin) = (kalman(parameters, &signal), kalman_twin(&parameters, &signal));
-        // A step within f32 of the gate may fall on either side: its effect is gone after some frames.
+        // A step at the gate may be judged differently in f32 and f64; the effect ends after some frames.
         let far = found.iter().zip(&twin).filter(|(a, b)| (*a - *b).abs() > 1e-4).count();
         assert!(far < 25, "{far} of 5000 differ under {parameters:?}");
     }
@@ -143,11 +144,11 @@ fn fir_kernels_are_windowed_sincs_of_sum_one() {
         assert!(off(w.iter().sum(), 1.0) < 1e-12);
         assert!((0..taps).all(|k| (w[k] - w[taps - 1 - k]).abs() < 1e-12), "{w:?}");
     }
-    // By hand: Hamming of 3 is 0.08, 1, 0.08; sinc(1/2) = 2 / pi.
+    // Computed by hand: the Hamming window of 3 is 0.08, 1, 0.08; sinc(1/2) = 2 / pi.
     let kernel = Kernel::new(&fir::Parameters { taps: 3, cutoff_hz: 1.0, frame_rate_hz: 4.0 });
     let side = 0.08 * 2.0 / PI;
     assert!(off(kernel.weights()[0], side / (1.0 + 2.0 * side)) < 1e-12);
-    // Invalid parameters give a filter that passes everything.
+    // Invalid parameters give a filter with one coefficient of 1.
     for (taps, cutoff_hz, frame_rate_hz) in
         [(0, 1.0, 10.0), (1, 1.0, 10.0), (9, f64::NAN, 10.0), (9, 1.0, 0.0), (2, 10.0, 10.0)]
     {
@@ -172,7 +173,7 @@ fn single_outlier_is_ignored_if_jumps_need_confirmation() {
 
 #[test]
 fn continued_motion_is_confirmed_only_once() {
-    // At rest, then 10 standard deviations per frame: the first step is suspected, the others are followed.
+    // At rest, then 10 standard deviations per frame: the first step is not taken, the next steps are.
     let signal: Vec<f64> = (0..40).map(|i| f64::from((i - 20).max(0)) * 10.0).collect();
     let found = kalman(Parameters::LIGHTS, &signal);
     assert_eq!((found[21], &found[22..]), (0.0, &signal[22..]));
@@ -182,17 +183,18 @@ fn continued_motion_is_confirmed_only_once() {
 fn non_finite_step_is_taken_whole() {
     let mut filter = Kalman::at(1.0);
     assert_eq!(filter.gain(&Parameters::LIGHTS, Vec3::NAN, 1.0), 1.0);
-    // No variance and no noise: the step is taken whole.
+    // Without variance and noise, the gain is 1.
     assert_eq!(Kalman::at(0.0).gain(&Parameters::LIGHTS, Vec3::X, 0.0), 1.0);
     assert_eq!(Kalman::at(0.0).gain(&Parameters::LIGHTS, Vec3::ZERO, 0.0), 1.0);
 }
 
 #[test]
 fn oscillating_light_is_followed_and_noise_is_smoothed() {
-    // 35 degrees to either side in eight frames, like a lamp on a cord; then the same light at rest with 1 degree of noise.
+    // 35 degrees to either side in eight frames, as a lamp on a cord; then the lamp at rest with 1 degree of noise.
     let at = |a: f64| Vec3::new(a.sin() as f32, 0.3, a.cos() as f32).normalize();
     let seen = |a: f64| PathPoint { direction: at(a), colour: [1.0; 3] };
-    let mut filter = Gated::try_new(Parameters::LIGHTS, 1, [PathFilter::default(); 2]).expect("room for one");
+    let mut filter =
+        Gated::try_new(Parameters::LIGHTS, 1, [PathFilter::default(); 2]).expect("buffers for one light");
     let noise = noise(60);
     let (mut lag, mut jitter) = (Vec::new(), Vec::new());
     for (t, n) in noise.iter().enumerate() {

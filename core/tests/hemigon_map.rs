@@ -1,4 +1,4 @@
-//! The map of `hemigon`: continuity, its density, its closed form under a uniform sky, and its point sequence.
+//! The map of `hemigon`: continuity, density, the closed form for a uniform sky, and the point sequence.
 
 mod common;
 
@@ -17,7 +17,7 @@ const SPHERE: Grid = Grid { width: 64, height: 32, domain: Domain::Sphere };
 const ODD_SPHERE: Grid = Grid { width: 9, height: 7, domain: Domain::Sphere };
 const ODD: Grid = Grid { width: 7, height: 5, domain: Domain::Hemisphere };
 
-/// A map and its inversion.
+/// A latitude-longitude map and its inversion.
 struct Twin {
     inversion: Inversion<Vec<f32>, Vec<Ring>>,
     grid: Grid,
@@ -26,7 +26,7 @@ struct Twin {
 }
 
 impl Twin {
-    /// Of radiance `l(row, column)`.
+    /// Creates a map of radiance `l(row, column)`.
     fn new(grid: Grid, mut l: impl FnMut(usize, usize) -> f32) -> Self {
         let energy = |i: usize, l: f32| [l * grid.solid_angle(i / grid.width) as f32; 3];
         let texels: Vec<_> = (0..grid.len()).map(|i| energy(i, l(i / grid.width, i % grid.width))).collect();
@@ -45,14 +45,14 @@ impl Twin {
     }
 }
 
-/// A radiance with a log-uniform distribution over four decades.
+/// Returns a radiance with a log-uniform distribution over four decades.
 fn rough(rng: &mut Pcg64Mcg) -> f32 {
     10f32.powf(rng.random_range(-2.0..2.0))
 }
 
 #[test]
 fn a_uniform_sky_gives_the_equal_area_concentric_map() {
-    // Shirley and Chiu 1997, by the four triangles of the square, then z = 1 - r^2.
+    // Shirley and Chiu 1997: the four triangles of the square, then z = 1 - r^2.
     let concentric = |u: f64, v: f64| {
         let (a, b) = (2.0 * u - 1.0, 2.0 * v - 1.0);
         let (r, psi) = match (a > -b, a > b) {
@@ -70,7 +70,7 @@ fn a_uniform_sky_gives_the_equal_area_concentric_map() {
         assert!(off(sky.energy[0], 2.0 * TAU) < 1e-6, "{:?}", sky.energy);
         for _ in 0..20_000 {
             let [u, v]: [f64; 2] = [rng.random(), rng.random()];
-            // Columns' ends are kept in f32.
+            // The conditional distribution is stored in f32.
             let far = sky.at(false, [u, v]).distance(concentric(u, v));
             assert!(far < 1e-5, "{u} {v}: {far}");
             if grid.domain == Domain::Sphere {
@@ -84,7 +84,7 @@ fn a_uniform_sky_gives_the_equal_area_concentric_map() {
 #[test]
 fn small_steps_in_the_square_are_small_steps_on_the_hemisphere() {
     let mut rng = seeded(62);
-    // Random points; points near both diagonals, near the ray psi = 0 and near the centre.
+    // Random points, and points near both diagonals, near the ray psi = 0 and near the centre.
     let starts: [fn(f64, f64) -> [f64; 2]; 5] = [
         |a, b| [a, b],
         |a, _| [a, a],
@@ -105,7 +105,7 @@ fn small_steps_in_the_square_are_small_steps_on_the_hemisphere() {
                 }
             }
             println!("{}x{} {kind}: {largest:?}", grid.width, grid.height);
-            // The slope is bounded, whatever the step: a jump of 1e-4 would be a slope of a million at the smallest.
+            // The slope is bounded for every step: a jump of 1e-4 would be a slope of a million at the smallest step.
             assert!(largest.iter().all(|slope| *slope < 1e5), "{grid:?} {kind}: {largest:?}");
             assert!(largest[2] < 1.1 * largest[1], "{grid:?} {kind}: {largest:?}");
         }
@@ -121,7 +121,7 @@ fn both_ends_of_a_turn_map_to_one_meridian() {
             let u = 0.5 + f64::from(i) / 400.0;
             let [on, below] = [0.5, 0.5 - 1e-12].map(|v| map.at(false, [u, v]));
             assert!(on.distance(below) < 1e-7, "{on} {below}");
-            // Phi = 0, or half a column off it.
+            // Phi is 0, or half a column.
             let seam = if grid.width % 2 == 0 { 0.0 } else { TAU / grid.width as f64 / 2.0 };
             assert!((on.y.atan2(on.x) - seam).abs() < 1e-9, "{on}");
         }
@@ -130,7 +130,7 @@ fn both_ends_of_a_turn_map_to_one_meridian() {
 
 #[test]
 fn map_is_injective_and_monotone() {
-    // The inverse: along a circle of the square, points turn strictly counter-clockwise; outwards, z decreases strictly.
+    // Inverted: along a circle of the square, points turn strictly counter-clockwise; outwards, z decreases strictly.
     let mut rng = seeded(64);
     let map = Twin::new(POLAR, |row, column| if (row + column) % 5 == 0 { 1000.0 } else { 0.001 });
     for _ in 0..200 {
@@ -141,7 +141,7 @@ fn map_is_injective_and_monotone() {
             let (side, along) = (i / 1000, 2.0 * at.fract() - 1.0);
             let (a, b) = [(1.0, along), (-along, 1.0), (-1.0, -along), (along, -1.0)][side as usize];
             let d = map.at(false, [0.5 + r * a, 0.5 + r * b]);
-            // From the corner at an eighth of a turn on: phi beyond that of the first point.
+            // From the corner at an eighth of a turn on, phi exceeds that of the first point.
             let first = map.at(false, [0.5 + r, 0.5 - r]);
             let phi = (d.y.atan2(d.x) - first.y.atan2(first.x) + TAU + 1e-9) % TAU;
             assert!(phi > last, "{r} {i}: {phi} after {last}");
@@ -156,7 +156,7 @@ fn map_is_injective_and_monotone() {
     }
 }
 
-/// The fraction of a hemisphere's light that the map assigns to each texel: the interpolated rings integrated in 2,000 steps.
+/// Returns the fraction of a hemisphere's light that the map assigns to each texel: the interpolated rings integrated in 2,000 steps.
 fn expected(map: &Twin) -> Vec<f64> {
     let grid = map.grid;
     let y = |k: usize, j: usize| f64::from(luminance(map.texels[k * grid.width + j])) / grid.solid_angle(k);
@@ -219,7 +219,7 @@ fn a_large_sample_follows_the_density() {
 
 #[test]
 fn the_density_is_that_of_the_map() {
-    // Mean of 1 / pdf over the square is the solid angle of the hemisphere.
+    // The mean of 1 / pdf over the square is the solid angle of the hemisphere.
     let mut rng = seeded(66);
     for grid in [SPHERE, ODD_SPHERE, ODD, Grid { width: 1, height: 1, domain: Domain::Sphere }] {
         let map = Twin::new(grid, |_, _| rng.random_range(0.5..2.0));
@@ -267,7 +267,7 @@ fn sequence_points_are_halton_points_of_the_disk() {
             );
         }
     }
-    // Through a uniform sky they are Halton points again, in z and phi.
+    // For a uniform sky the images are Halton points in z and phi.
     let sky = Twin::new(POLAR, |_, _| 1.0);
     for i in 0..8192u32 {
         let [u, v] = sequence::point(false, i);

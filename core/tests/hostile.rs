@@ -19,7 +19,7 @@ use hemilux_core::sampler::q2tree::{Parameters, Placement};
 use hemilux_core::sampler::{Map, Request, Sampler};
 use std::collections::HashSet;
 
-/// A random number over the range of f32, often a boundary value.
+/// Returns a random number over the range of f32, often a boundary value.
 fn number(rng: &mut Pcg64Mcg) -> f32 {
     const HARD: [f32; 12] = [
         0.0,
@@ -46,7 +46,7 @@ fn rgb(rng: &mut Pcg64Mcg) -> [f32; 3] {
     [(); 3].map(|()| number(rng))
 }
 
-/// Quads with arbitrary sums, or made from light, in a few texels or in all.
+/// Returns a pyramid whose quads have arbitrary sums, or sums of single lights, in a few texels or in all.
 fn pyramid(rng: &mut Pcg64Mcg, domain: Domain, order: u8) -> Pyramid<Vec<Quad>> {
     let mut map = dark(domain, order);
     let density = rng.random_range(0.0..1.2);
@@ -107,7 +107,7 @@ fn hemigon<F: Follow + 'static>(grid: &Grid, lights: usize, filter: F) -> Sampli
     Box::new(Hemigon::try_new(inversion, filter, lives, lights).expect("room enough"))
 }
 
-/// One sampler of each kind, for `lights` lights.
+/// Returns one sampler of each kind, for `lights` lights.
 fn samplers(rng: &mut Pcg64Mcg, domain: Domain, order: Order, grid: &Grid, lights: usize) -> Vec<Sampling> {
     let jitter = Placement::Jitter { spread: rng.random() };
     let tracks = vec![kalman::PathFilter::default(); 2 * lights];

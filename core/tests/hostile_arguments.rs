@@ -110,7 +110,8 @@ fn polar_tables_of_any_grid_and_pyramid_are_total() {
         let grid = Grid { width: size(&mut rng), height: size(&mut rng), domain: domain(&mut rng) };
         let order = Order::saturating(rng.random_range(0..3));
         let mut shares = vec![Share::default(); shares_len(&grid, order)];
-        let table = PolarTable::try_new(&grid, order, &mut shares[..]).expect("as many shares as are named");
+        let table =
+            PolarTable::try_new(&grid, order, &mut shares[..]).expect("shares of the computed length");
         let mut map = LatLong::try_new(Grid { width: 4, height: 3, domain: Domain::Sphere }, [[0.0; 3]; 12])
             .expect("room");
         let finest = Order::saturating(rng.random_range(0..3));
@@ -220,7 +221,7 @@ fn response(rng: &mut Pcg64Mcg) -> Response {
     }
 }
 
-/// A camera with random parameters, most of which are valid.
+/// Returns a calibration with random parameters, most of which are valid.
 fn calibration(rng: &mut Pcg64Mcg) -> Option<Calibration> {
     let lens = Lens::try_new(intrinsics(rng)).ok()?;
     let format = format(rng);
@@ -248,7 +249,7 @@ fn exposures(rng: &mut Pcg64Mcg) -> Vec<Exposure> {
     (0..many).map(|i| Exposure { seconds: 0.001 * f64::from(1 << i), gain: gain(i) }).collect()
 }
 
-/// Random frames, most of which match the layout.
+/// Returns random frames, most of which match the layout.
 fn frames(rng: &mut Pcg64Mcg, front: &FrontEnd<Vec<u64>>, many: usize) -> Vec<Vec<u16>> {
     let layout = front.calibration().layout;
     let many = if rng.random_range(0..8) == 0 { rng.random_range(0..15) } else { many };
@@ -288,7 +289,7 @@ fn process(rng: &mut Pcg64Mcg, front: &mut FrontEnd<Vec<u64>>, many: usize) {
     assert!(total.energy.iter().all(|v| *v >= 0.0), "{total:?} of {:?}", front.calibration());
 }
 
-/// The required memory suffices; one word less, or half of it, is refused with the required size.
+/// Creates a front end in memory of the required length; asserts that one word less, or half of it, is refused with the required length.
 fn make(calibration: Calibration, exposures: &[Exposure], order: Order) -> Option<FrontEnd<Vec<u64>>> {
     let words = Sizes::of(&calibration, exposures, order).ok()?.words();
     let lent = if words % 2 == 0 { words - 1 } else { words / 2 };

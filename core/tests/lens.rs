@@ -7,10 +7,10 @@ use core::f64::consts::{PI, TAU};
 use glam::{DVec2, DVec3};
 use hemilux_core::lens::{Intrinsics, Lens, LensError, Model};
 
-/// A 190-degree phone clip-on, as OpenCV's fisheye calibration reports such lenses.
+/// Coefficients of a 190-degree clip-on lens for phones, as OpenCV's fisheye calibration reports them.
 const KANNALA_BRANDT: Model = Model::KannalaBrandt([-0.012, 0.006, -0.004, 0.000_6]);
 
-/// Every model with its widest field of view: equation 4.1 increases up to 90 degrees only without negative coefficients.
+/// Returns every model with its widest field of view: equation 4.1 increases up to 90 degrees only without negative coefficients.
 fn models() -> [(Model, f64); 6] {
     [
         (Model::Equidistant, 93.0),
@@ -22,14 +22,14 @@ fn models() -> [(Model, f64); 6] {
     ]
 }
 
-/// A lens with skew, unequal focal lengths and a principal point off the centre.
+/// Returns a lens with skew, unequal focal lengths and a principal point off the centre.
 fn awkward(model: Model, max_deg: f64) -> Lens {
     let p = plain(model, [467.3, 391.8], 1.0, max_deg);
     let p = Intrinsics { focal_px: DVec2::new(311.2, 298.7), skew_px: 4.5, ..p };
     Lens::try_new(p).expect("a sound lens")
 }
 
-/// r(theta), written independently from the formulas of `board/FORMATS.md`.
+/// Returns r(theta), from the formulas of `board/FORMATS.md`.
 fn law(model: &Model, theta: f64) -> f64 {
     match *model {
         Model::Equidistant => theta,
@@ -77,7 +77,7 @@ fn round_trips_stay_within_a_thousandth_of_a_pixel() {
             let back = lens.unproject(pixel).expect("inside the view");
             worst.0 = worst.0.max((back - d).length());
             assert!((back.length() - 1.0).abs() < 1e-12, "{model:?} gives a unit vector");
-            // At the antipode of the axis a whole circle of pixels sees one direction.
+            // At the antipode of the axis, all pixels of a circle have the same direction.
             if theta < 3.1 {
                 worst.1 = worst.1.max((lens.project(back).expect("inside") - pixel).length());
             }
@@ -90,7 +90,7 @@ fn round_trips_stay_within_a_thousandth_of_a_pixel() {
 #[test]
 fn solid_angles_of_all_pixels_add_up_to_the_cap() {
     for (model, max_deg) in models() {
-        // Focal lengths for which the circle reaches about 400 pixels.
+        // Focal lengths for which the circle has a radius of about 400 pixels.
         let focal = 400.0 / law(&model, max_deg.to_radians());
         let p = plain(model, [420.3, 431.8], focal, max_deg);
         let p = Intrinsics { focal_px: DVec2::new(focal, 0.95 * focal), skew_px: 0.02 * focal, ..p };
@@ -109,7 +109,7 @@ fn solid_angle_matches_finite_differences() {
         let lens = awkward(model, max_deg);
         let mut rng = seeded(2);
         for i in 0..2000 {
-            // The axis first, then everywhere short of the antipode.
+            // The axis first, then random angles up to near the antipode.
             let theta =
                 if i == 0 { 0.0 } else { max_deg.to_radians().min(3.0) * 0.999 * rng.random::<f64>() };
             let p = lens.project(unit(theta, rng.random_range(-PI..PI))).expect("inside the view");
@@ -161,7 +161,7 @@ fn field_of_view_beyond_the_monotone_range_is_refused() {
         Err(LensError::NotMonotone { limit_degrees, .. }) => limit_degrees,
         other => panic!("{other:?} where {model:?} stops growing"),
     };
-    // A pinhole never images 90 degrees.
+    // A pinhole lens never images 90 degrees.
     for max_deg in [90.0, 90.000_1, 120.0, 180.0] {
         let limit = refused(Model::Radial([0.0, 0.0]), max_deg);
         assert!((89.0..=90.0).contains(&limit), "{limit}");

@@ -1,4 +1,4 @@
-//! Flicker of lamps in maps of known light: the expected map is that of the mean.
+//! Flicker of lamps in maps of known light: the expected map holds the mean of the light.
 
 use hemilux_core::mains::{Cell, Flicker, Lamps, Mains, mains_len};
 use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 const ORDER: u8 = 4;
 const LAMP: usize = 700;
 
-/// Energy of the steady texels and of the lamp's, which lies in their midst.
+/// Energy of each steady texel, and of the lamp's texel, which is among them.
 const STEADY: f32 = 0.01;
 const FULL: f64 = 4.0;
 
@@ -26,7 +26,7 @@ impl Sequence {
         Self { map, mains: Mains::try_new(order, lamps, cells).expect("as many cells as needed") }
     }
 
-    /// Energy of the lamp's texel after a burst at `seconds` in which it has the energy `lamp`.
+    /// Processes a burst at `seconds` in which the lamp's texel has the energy `lamp`; returns the texel's corrected energy and the modulation.
     fn burst(&mut self, seconds: f64, lamp: f64) -> (f64, Flicker) {
         for (index, quad) in self.map.texels_mut().iter_mut().enumerate() {
             let y = if index == LAMP { lamp as f32 } else { STEADY };
@@ -43,7 +43,7 @@ fn lamp(hz: f64, seconds: f64) -> f64 {
 }
 
 #[test]
-fn a_sinusoid_becomes_its_mean_and_its_neighbours_stay() {
+fn a_sinusoid_is_replaced_by_its_mean_and_other_texels_are_unchanged() {
     for hz in [100.0, 120.0, 99.85] {
         let mut sequence = Sequence::new(Lamps::Auto);
         for burst in 0..40 {
@@ -80,7 +80,7 @@ fn a_lamp_that_is_switched_in_flickering_light_is_followed_in_two_bursts() {
 }
 
 #[test]
-fn steady_light_and_lamps_that_are_not_looked_for_are_not_changed() {
+fn steady_light_and_lamps_of_other_frequencies_are_not_changed() {
     for (lamps, hz) in [(Lamps::Auto, 0.0), (Lamps::Off, 100.0), (Lamps::Mains60, 100.0)] {
         let mut sequence = Sequence::new(lamps);
         for burst in 0..30 {
@@ -97,13 +97,13 @@ fn steady_light_and_lamps_that_are_not_looked_for_are_not_changed() {
     }
 }
 
-/// Three frames at 30 Hz always show 100 Hz at one phase: nothing tells that light from steady light.
+/// Three frames at 30 Hz always record 100 Hz at one phase, which is indistinguishable from steady light.
 #[test]
-fn phases_that_do_not_differ_find_nothing() {
+fn bursts_at_equal_phases_give_no_frequency() {
     let mut sequence = Sequence::new(Lamps::Mains50);
     for burst in 0..30 {
         let seconds = f64::from(burst) / 10.0;
-        // A slow change of the light itself.
+        // A slow change of the light itself, without modulation.
         let (_, found) = sequence.burst(seconds, FULL * (1.0 + 0.5 * seconds.sin()));
         assert_eq!(found, Flicker::default(), "burst {burst}");
     }

@@ -10,14 +10,14 @@ use hemilux_core::response::{Curve, SATURATED, TRUSTED, curve_len};
 use hemilux_core::{Depth, Response};
 use hemilux_core::{Exposure, MAX_EXPOSURES, MergeError};
 
-/// The result of the merge for one pixel.
+/// The merged radiance of one pixel, and whether it is clipped.
 #[derive(Clone, Copy, Debug)]
 struct Radiance {
     rgb: [f64; 3],
     clipped: bool,
 }
 
-/// The sensor model of the `f64` implementation.
+/// The sensor model of the `f64` implementation: depth, levels and response.
 struct Sensor {
     response: Response,
     depth: Depth,
@@ -25,7 +25,7 @@ struct Sensor {
     white: f64,
 }
 
-/// A response near gamma 2.2 whose channels differ, normalised to 1 at white.
+/// Returns a response near gamma 2.2 whose channels differ, normalised to 1 at white.
 fn polynomial() -> Response {
     Response::Polynomial([
         [0.2, 0.1, 0.65, 0.05, 0.0],
@@ -39,7 +39,7 @@ impl Sensor {
         (f64::from(z) - self.black) / (self.white - self.black)
     }
 
-    /// y(x), from `board/FORMATS.md` and IEC 61966-2-1.
+    /// Returns y(x), from `board/FORMATS.md` and IEC 61966-2-1.
     fn exposure(&self, channel: usize, z: u32) -> f64 {
         let x = self.code(z).min(1.0);
         match &self.response {
@@ -51,7 +51,7 @@ impl Sensor {
         }
     }
 
-    /// The code nearest to relative exposure `y`: the inverse of [`Sensor::exposure`] by bisection.
+    /// Returns the code nearest to relative exposure `y`: the inverse of [`Sensor::exposure`] by bisection.
     fn expose(&self, channel: usize, y: f64) -> u32 {
         let (mut low, mut high) = (self.black.ceil() as u32, self.white as u32);
         while high - low > 1 {
@@ -62,7 +62,7 @@ impl Sensor {
         if nearer { high } else { low }
     }
 
-    /// Radiance of one channel in relative exposure per second and gain 1, and whether it is clipped.
+    /// Returns the radiance of one channel in relative exposure per second and gain 1, and whether it is clipped.
     fn merge(&self, channel: usize, codes: &[u32], exposures: &[Exposure]) -> (f64, bool) {
         let linear = self.response == Response::Linear;
         let (mut sum, mut time, mut fallback) = (0.0, 0.0, None);
@@ -141,7 +141,7 @@ fn times(seconds: &[f64]) -> Vec<Exposure> {
     seconds.iter().map(|s| Exposure { seconds: *s, gain: 1.0 }).collect()
 }
 
-/// Codes of every exposure for radiances over seven decades, independently per channel.
+/// Returns the codes of every exposure for radiances over seven decades, independent per channel.
 fn decades(sensor: &Sensor, exposures: &[Exposure], pixels: usize) -> Vec<[Vec<u32>; 3]> {
     let mut rng = seeded(3);
     let brightest = 1.0 / (exposures[0].seconds * exposures[0].gain);
@@ -156,7 +156,7 @@ fn decades(sensor: &Sensor, exposures: &[Exposure], pixels: usize) -> Vec<[Vec<u
         .collect()
 }
 
-/// RMS relative difference from the `f64` implementation over samples that are not black.
+/// Returns the RMS relative difference from the `f64` implementation over samples that are not black.
 fn rms(sensor: &Sensor, exposures: &[Exposure]) -> f64 {
     let pixels = decades(sensor, exposures, 30_000);
     let out = sensor.run(&pixels, exposures);
@@ -204,7 +204,7 @@ fn merge_matches_the_f64_twin_over_seven_decades() {
 fn bursts_of_up_to_four_exposures_merge_to_integers() {
     let exposures = times(&[0.000_926, 0.005_555, 0.033_333]);
     for sensor in sensors().iter().take(4) {
-        // Seven decades less what clips.
+        // Seven decades except the clipped range.
         let pixels: Vec<_> = decades(sensor, &exposures, 3000)
             .into_iter()
             .filter(|p| (0..3).all(|c| !sensor.merge(c, &p[c], &exposures).1))
@@ -258,7 +258,7 @@ fn noise_around_black_keeps_its_mean() {
     let sensor = Sensor { response: Response::Linear, depth: Depth::U16, black: 256.0, white: 4095.0 };
     let exposures = times(&[1e-3, 1e-2, 1e-1]);
     let mut rng = seeded(9);
-    // A sum of twelve uniforms less six is near normal; sigma 5 codes round 0.3 codes of light in the longest exposure.
+    // The sum of twelve uniform numbers minus 6 is nearly normal; sigma is 5 codes around 0.3 codes of light in the longest exposure.
     let mut noisy = |light: f64| {
         let noise: f64 = (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0;
         (256.0 + light + 5.0 * noise).round().max(0.0) as u32
@@ -278,7 +278,7 @@ fn noise_around_black_keeps_its_mean() {
 
 #[test]
 fn response_above_one_below_white_is_not_clamped() {
-    // 1.04 at white: what a fit may give, and what the curve accepts.
+    // 1.04 at white: a fit may give this value, and the curve accepts it.
     let rows = [[0.0, 0.0, 0.94, 0.1, 0.0]; 3];
     let sensor = Sensor { response: Response::Polynomial(rows), depth: Depth::U8, black: 0.0, white: 255.0 };
     let exposures = times(&[1e-3]);
@@ -315,7 +315,7 @@ fn one_to_twelve_exposures_are_merged() {
         let gain = [Exposure { seconds: 1.0, gain: 1.0 }, Exposure { seconds: 1.0, gain: bad }];
         assert_eq!(merge(&gain), Err(MergeError::BadExposure { index: 1 }));
     }
-    // Linear 8-bit samples of equal gain need no tables, others one of 768 entries for each exposure.
+    // Linear 8-bit samples of equal gain need no tables; other samples need 768 entries per exposure.
     let build = |curve, exposures: &[Exposure], tables, reciprocals| {
         Merge::try_new(curve, exposures, 1.0, vec![0; tables], room(reciprocals)).map(|_| ())
     };
@@ -347,7 +347,7 @@ fn scale_that_is_not_positive_and_finite_is_refused() {
 
 #[test]
 fn no_code_of_any_frame_overflows() {
-    // Black near white makes the darkest codes large negative numbers, twelve times over.
+    // Black near white makes the darkest codes large negative numbers, which are summed twelve times.
     for (depth, black, white) in
         [(Depth::U8, 200.0, 255.0), (Depth::U16, 1000.0, 1001.0), (Depth::U16, 65000.0, 65535.0)]
     {
@@ -372,7 +372,7 @@ fn codes_out_of_range_are_dark_or_clipped_and_never_panic() {
     assert!(run(&[]).iter().all(|v| *v == 0.0), "no frames");
     run(&[Codes::Bytes(&[255; 5]), Codes::Bytes(&[])]);
     run(&[Codes::Bytes(&[255; 5])]);
-    // Codes that this table does not have are white.
+    // Codes beyond the table count as white.
     let white = run(&[Codes::Words(&[65535; 12]), Codes::Words(&[300; 12])]);
     for value in white {
         assert!(off(f64::from(value) * merge.view().unit(), 1e3) < 1e-3, "{value}");
@@ -384,7 +384,7 @@ fn room(reciprocals: usize) -> Vec<Reciprocal> {
     vec![Reciprocal::default(); reciprocals]
 }
 
-/// All loops with the same codes: interleaved, as planes, in blocks and parts of blocks, in any combination of saturated exposures.
+/// Compares all loops for the same codes: interleaved, as planes, in blocks and parts of blocks, in any combination of saturated exposures.
 #[test]
 fn all_merge_loops_follow_the_same_rules() {
     let exposures = times(&[1e-3, 4e-3, 3e-2]);
@@ -393,7 +393,7 @@ fn all_merge_loops_follow_the_same_rules() {
         let merge = sensor.product(&exposures);
         let view = merge.view();
         for len in [1, 2, 21, 22, 64, 100, 128] {
-            // Runs of equal codes, so that whole blocks saturate or do not, and some codes that a still scene cannot give.
+            // Runs of equal codes, so that whole blocks saturate or do not, and some codes that do not occur in a still scene.
             let top = sensor.white as u32;
             let level: [u32; 3] = [(); 3].map(|()| rng.random_range(0..3));
             let code = |level: u32, rng: &mut common::Pcg64Mcg| match level {

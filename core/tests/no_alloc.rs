@@ -22,7 +22,7 @@ thread_local! {
     static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
 }
 
-/// The system allocator with a counter per thread.
+/// The system allocator with a counter of allocations per thread.
 struct Counting;
 
 // SAFETY: every call goes to the system's allocator unchanged; the counter is a plain thread-local without a destructor.

@@ -1,4 +1,4 @@
-//! `pharr` against the distribution that it inverts.
+//! The sampler `pharr` against the distribution of its map.
 
 mod common;
 
@@ -35,7 +35,7 @@ fn decompose(grid: Grid, texels: &[[f32; 3]], lights: usize) -> Vec<Light> {
     sampler(&grid, lights).update(&map, &Request::of_lights(lights)).lights.to_vec()
 }
 
-/// A map whose texels have the radiance `l(row, column)`.
+/// Returns a map whose texels have the radiance `l(row, column)`.
 fn energies(grid: Grid, mut l: impl FnMut(usize, usize) -> [f32; 3]) -> Vec<[f32; 3]> {
     (0..grid.len())
         .map(|i| l(i / grid.width, i % grid.width).map(|v| v * grid.solid_angle(i / grid.width) as f32))
@@ -63,7 +63,7 @@ fn halton_points_are_radical_inverses() {
     }
 }
 
-/// Pearson's statistic over bins of at least 20 expected lights, and the number of bins.
+/// Returns Pearson's statistic over bins of at least 20 expected lights, and the number of bins.
 fn chi_square(grid: Grid, texels: &[[f32; 3]], lights: &[Light]) -> (f64, usize) {
     let total: f64 = texels.iter().map(|t| f64::from(luminance(*t))).sum();
     let mut found = vec![0.0; grid.len()];
@@ -97,7 +97,7 @@ fn lights_follow_the_distribution_of_the_map() {
             assert_eq!(lights.len(), 20_000);
             let (statistic, bins) = chi_square(grid, texels, &lights);
             println!("{}x{} map {i}: {statistic:.1} over {bins} bins", grid.width, grid.height);
-            // A good fit, better than chance since Halton points are even: mean + 3 sigma of chance is the bound.
+            // Halton points fit better than random points, so mean + 3 sigma of random points is an upper bound.
             assert!(
                 statistic < bins as f64 + 3.0 * (2.0 * bins as f64).sqrt(),
                 "map {i}: {statistic} {bins}"
@@ -113,7 +113,7 @@ fn all_lights_of_a_single_lit_texel_are_inside_it() {
             let mut texels = vec![[0.0; 3]; grid.len()];
             texels[bright] = [1.0, 2.0, 3.0];
             let lights = decompose(grid, &texels, 300);
-            // On the edge of a texel rounding decides: the point is moved inwards by a millionth.
+            // Rounding moves points across the edge of a texel, so points are compared with a tolerance of a millionth.
             let theta = grid.theta(bright / grid.width)..=grid.theta(bright / grid.width + 1);
             for light in &lights {
                 let d = light.direction.as_dvec3();
@@ -149,15 +149,15 @@ fn lights_are_equally_luminous_and_keep_the_energy() {
 
 #[test]
 fn light_directions_invert_the_halton_points_from_phi_zero() {
-    // A constant map: u is the share of the domain's solid angle above the light, v the share of the turn from phi = 0, clockwise
-    // seen from above as the map's columns run.
+    // In a constant map u is the share of the domain's solid angle above the light, and v the share of the turn from phi = 0, clockwise
+    // seen from above as the map's columns.
     for (grid, bottom) in [(POLAR, 0.0), (SPHERE, -1.0)] {
         for (i, light) in decompose(grid, &energies(grid, |_, _| [1.0; 3]), 500).iter().enumerate() {
             let [u, v] = halton::point(i as u32 + 1);
             let z = 1.0 + u * (bottom - 1.0);
             let (sin, phi) = ((1.0 - z * z).sqrt(), -v * TAU);
             let expected = DVec3::new(sin * phi.cos(), sin * phi.sin(), z);
-            // The conditional distribution is summed in f32, theta within a row is linear in its solid angle.
+            // The conditional distribution is summed in f32, and theta within a row is linear in the solid angle.
             assert!(
                 light.direction.as_dvec3().distance(expected) < 1e-4,
                 "{i}: {} {expected}",
@@ -169,7 +169,7 @@ fn light_directions_invert_the_halton_points_from_phi_zero() {
 
 #[test]
 fn smallest_second_coordinates_fall_in_the_first_column_after_phi_zero() {
-    // All light in the two columns on either side of phi = 0: small v in the one after it in the map's order, great v before.
+    // All light is in the two columns on either side of phi = 0: small v fall in the column after it in the map's order, large v in the other.
     for width in [64, 7] {
         let grid = Grid { width, height: 4, domain: Domain::Hemisphere };
         let (after, before) = if width == 64 { (32, 31) } else { (3, 2) };

@@ -1,4 +1,4 @@
-//! Latitude-longitude maps: the pyramid's energy arrives in the texels that `host-sim/METRICS.md` defines.
+//! Latitude-longitude maps: the pyramid's energy is assigned to the texels that `host-sim/METRICS.md` defines.
 
 mod common;
 
@@ -65,7 +65,7 @@ fn uniform_sky_stays_uniform() {
         let omega = healpix::solid_angle(order);
         let map = lit(grid.domain, order, |i| grey((omega * grid.domain.share(order, i)) as f32));
         let polar = polar(&map, grid, &polar_plan(&grid, order));
-        // Mean over the sphere: single texels beside the zenith are smaller than the sub-samples.
+        // Mean over the sphere, since single texels beside the zenith are smaller than the sub-samples.
         let texels = polar.view().texels.iter().enumerate();
         let off = |(i, t): (usize, &[f32; 3])| (f64::from(t[0]) - grid.solid_angle(i / grid.width)).abs();
         let mean = texels.map(off).sum::<f64>() / grid.domain.solid_angle();
@@ -91,7 +91,7 @@ fn lamp_is_resampled_to_the_texel_of_its_direction() {
             let polar = polar(&map, grid, &table);
             let mut mean = DVec3::ZERO;
             for (i, texel) in polar.view().texels.iter().enumerate() {
-                // Row i at theta (i + 1/2) span / H, column j at phi = pi - (j + 1/2) 2 pi / W.
+                // Row i is at theta (i + 1/2) span / H, column j at phi = pi - (j + 1/2) 2 pi / W.
                 let span = if grid.domain == Domain::Sphere { PI } else { FRAC_PI_2 };
                 let theta = ((i / grid.width) as f64 + 0.5) * span / grid.height as f64;
                 let phi = PI - ((i % grid.width) as f64 + 0.5) * TAU / grid.width as f64;
@@ -99,7 +99,7 @@ fn lamp_is_resampled_to_the_texel_of_its_direction() {
                 mean += f64::from(texel[1]) * d;
             }
             let expected = healpix::centre(order, lamp);
-            // Half a texel of the coarser grid; no systematic shift.
+            // Tolerance of half a texel of the coarser grid, and no systematic shift.
             let half = 0.5 * (TAU / grid.width as f64 * expected.z.acos().sin() + grid.theta(1)) + 0.002;
             assert!(mean.normalize().distance(expected) < half, "{grid:?} {lamp}: {mean} {expected}");
         }
@@ -112,7 +112,7 @@ fn texel_lookup_works_across_the_seam_and_at_the_poles() {
     assert_eq!(grid.texel(DVec3::Z).map(|i| i / 360), Some(0));
     assert_eq!(grid.texel(DVec3::NEG_Z).map(|i| i / 360), Some(179));
     let at = |phi: f64| grid.texel(DVec3::new(phi.cos(), phi.sin(), 0.0)).map(|i| i % 360);
-    // Columns run clockwise from phi = pi: the first and the last meet there, and phi = 0 lies between 179 and 180.
+    // Columns run clockwise from phi = pi, where the first and the last column meet; phi = 0 lies between columns 179 and 180.
     assert_eq!((at(PI - 0.001), at(-PI + 0.001)), (Some(0), Some(359)));
     assert_eq!((at(0.001), at(-0.001)), (Some(179), Some(180)));
     assert_eq!(at(FRAC_PI_2 - 0.001), Some(90));

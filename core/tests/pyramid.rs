@@ -131,7 +131,7 @@ fn a_pyramid_one_quad_short_is_refused() {
     assert_eq!(short, Err(TooSmall { needed: 252, lent: 251 }));
 }
 
-/// The field of view of the standard lens, in an image of which texels are small.
+/// Returns the standard lens, whose field of view does not reach the horizon.
 fn narrow() -> Lens {
     Lens::try_new(plain(Model::Equidistant, [319.5, 239.5], 196.4, 80.0)).expect("a sound lens")
 }
@@ -153,7 +153,7 @@ fn single_lamp_does_not_raise_the_extrapolated_radiance() {
     let pixel_table = pixel_table(&narrow(), 640, 480, 5);
     let mut frame = vec![20u16; 3 * 640 * 480];
     let (mut dim, _) = expose(&pixel_table, &frame);
-    // A disc of 5 degrees, three thousand times as bright as the rest: 70 % of the plain mean.
+    // A disc of 5 degrees radius, three thousand times as bright as the rest: 70 % of the plain mean.
     for (i, rgb) in frame.as_chunks_mut::<3>().0.iter_mut().enumerate() {
         let at = DVec2::new((i % 640) as f64, (i / 640) as f64);
         if at.distance(DVec2::new(380.0, 200.0)) < 17.0 {
@@ -189,7 +189,7 @@ fn extrapolated_light_comes_from_outside_the_field_of_view() {
     let before = map.view().total().first_moment();
     internals::average(&mut map, pixel_table.texels());
     let rim = (map.view().total().first_moment() - before).as_dvec3();
-    // A constant sky has its mean direction at the zenith, half a unit long: pi L.
+    // The mean direction of a constant sky is the zenith with half the length: pi L.
     let whole = map.view().total().first_moment().as_dvec3() / (PI * common::radiance_of(20_000));
     assert!((whole - DVec3::Z).length() < 5e-3, "{whole}");
     assert!(rim.z > 0.0 && rim.angle_between(DVec3::Z) < FRAC_PI_2, "{rim}");

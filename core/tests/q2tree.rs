@@ -1,4 +1,4 @@
-//! `q2tree` and `q2tree-jitter`: counts, energy, identity and placement.
+//! The samplers `q2tree` and `q2tree-jitter`: numbers of lights, energy, ids and positions.
 
 mod common;
 
@@ -23,13 +23,13 @@ fn sphere_gives_the_largest_count_that_fits() {
     let mut tree = tree(Parameters::CENTROID, Domain::Sphere, 7, 50_000);
     for request in (12..=2000).chain([50_000]) {
         let lights = update(&mut tree, &map, request);
-        assert_eq!(lights.len(), 12 + (request - 12) / 3 * 3, "{request} asked for");
+        assert_eq!(lights.len(), 12 + (request - 12) / 3 * 3, "{request} requested");
         let ids: HashSet<u32> = lights.iter().map(|l| l.id).collect();
         assert_eq!(ids.len(), lights.len(), "ids are unique");
     }
     assert_eq!(update(&mut tree, &map, 11), []);
-    assert_eq!(update(&mut tree, &map, 60_000).len(), 49_998, "the room is for 50,000");
-    // A map of order 1 has 48 texels and no more.
+    assert_eq!(update(&mut tree, &map, 60_000).len(), 49_998, "the capacity is 50,000");
+    // A map of order 1 has 48 texels.
     let coarse = random(Domain::Sphere, 1, 1);
     assert_eq!(update(&mut tree, &coarse, 2000).len(), 48);
 }
@@ -40,7 +40,7 @@ fn hemisphere_gives_the_request_or_one_light_less() {
     let mut tree = tree(Parameters::CENTROID, Domain::Hemisphere, 6, 2000);
     for request in 8..=2000 {
         let count = update(&mut tree, &map, request).len();
-        // 8 + 3 a + 2 b: 9 cannot be reached.
+        // The number is 8 + 3 a + 2 b, which is never 9.
         assert!(count == request || count + 1 == request, "{request}: {count}");
     }
 }
@@ -86,7 +86,7 @@ fn static_map_keeps_lights_in_place_and_increases_ages() {
             assert_eq!(again, expected);
         }
         tree.reset();
-        assert_eq!(update(&mut tree, &map, 100), first, "as on the first frame");
+        assert_eq!(update(&mut tree, &map, 100), first, "the reset sampler repeats its first frame");
     }
 }
 
@@ -99,7 +99,7 @@ fn a_light_that_splits_is_the_parent_of_its_children() {
     for request in [40, 43, 100, 70, 400, 12, 200] {
         let lights = update(&mut tree, &map, request);
         for light in &lights {
-            // 4 * 4^order + ipix: dropping two bits gives the parent quad's id.
+            // The id is 4 * 4^order + ipix: without its two lowest bits it is the id of the parent quad.
             let ancestors = (1..=order).map(|k| light.id >> (2 * k)).filter(|id| *id >= 4);
             let split_from = ancestors.into_iter().find(|id| last.contains_key(id));
             match last.get(&light.id) {
@@ -131,7 +131,7 @@ fn lights_of_a_hemisphere_are_above_the_horizon() {
                 for request in [8, 50, 2000] {
                     let lights = update(&mut tree, &random(Domain::Hemisphere, 6, seed), request);
                     let lowest = lights.iter().map(|l| l.direction.z).fold(f32::INFINITY, f32::min);
-                    // A jitter of no spread is the quad's centre, which may lie on the horizon.
+                    // A jitter without spread is the quad's centre, which may lie on the horizon.
                     assert!(lowest > 0.0 || (spread == 0.0 && lowest > -1e-7), "{parameters:?}: {lowest}");
                 }
             }
@@ -152,21 +152,21 @@ fn jittered_lights_are_inside_their_quads_and_distinct() {
         let side = healpix::solid_angle(order).sqrt();
         offsets.push(light.direction.as_dvec3().distance(healpix::centre(order, ipix)) / side);
     }
-    // Uniform over a square of half the quad's width: the mean distance from its centre is 0.3826 of 0.5.
+    // The positions are uniform over a square of half the quad's width, whose mean distance from the centre is 0.3826 of 0.5.
     let mean = offsets.iter().sum::<f64>() / offsets.len() as f64;
     assert!((mean - 0.191).abs() < 0.02, "{mean}");
 }
 
 #[test]
 fn centroids_are_the_mean_directions_of_their_quads() {
-    // Two texels of face 0; the other eleven faces take the other lights.
+    // Two texels of face 0; the other eleven faces have one light each.
     let map = lit(Domain::Sphere, 3, |i| grey(f32::from(i == 40 || i == 41 || i >= 64)));
     let mut tree = tree(Parameters::CENTROID, Domain::Sphere, 3, 100);
     let expected = (healpix::centre(3, 40) + healpix::centre(3, 41)).normalize().as_vec3();
     let lights = update(&mut tree, &map, 12);
     assert_eq!(lights.len(), 12);
     assert!((lights[0].direction - expected).length() < 1e-6);
-    // Two points 2a apart: R = cos a = (1 + cos r) / 2.
+    // For two points 2 a apart, R = cos a = (1 + cos r) / 2.
     let half = healpix::centre(3, 40).angle_between(healpix::centre(3, 41)) / 2.0;
     let radius = (2.0 * half.cos() - 1.0).acos().to_degrees();
     assert!((f64::from(lights[0].radius_deg) - radius).abs() < 0.01, "{} {radius}", lights[0].radius_deg);
@@ -205,7 +205,7 @@ fn centroids_do_not_depend_on_the_unit_of_light() {
         let mut tree = tree(Parameters::CENTROID, Domain::Sphere, 4, 64);
         update(&mut tree, &random(Domain::Sphere, 4, 9), 64).iter().map(|l| (l.id, l.direction)).collect()
     };
-    // Factors that are powers of two, so that rounding is equal.
+    // The factors are powers of two, so that rounding is equal.
     for unit in [2f32.powi(-80), 2f32.powi(-60), 2f32.powi(60), 2f32.powi(80)] {
         let mut rng = seeded(9);
         let map =

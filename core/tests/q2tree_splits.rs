@@ -1,4 +1,4 @@
-//! Which quads a Q2-tree splits, against brute force over all quads and against merging and splitting one at a time.
+//! The quads that a Q2-tree splits, against a search over all quads and against single merges and splits.
 
 mod common;
 
@@ -11,7 +11,7 @@ use hemilux_core::sampler::q2tree::Parameters;
 use hemilux_core::sampler::{Map, Request, Sampler};
 use std::collections::BTreeSet;
 
-/// A quad by order and index.
+/// Order and index of a quad.
 type Place = (u8, u32);
 const ORDER: u8 = 4;
 
@@ -24,7 +24,7 @@ fn random(domain: Domain, seed: u64) -> Pyramid<Vec<Quad>> {
     lit(domain, ORDER, |_| [(); 3].map(|()| 10f32.powf(rng.random_range(-2.0..2.0))))
 }
 
-/// Interior quads of the tree that the lights' ids describe.
+/// Returns the interior quads of the tree that the ids of the lights describe.
 fn interior(lights: &[Light]) -> BTreeSet<Place> {
     let mut all = BTreeSet::new();
     for light in lights {
@@ -40,7 +40,7 @@ fn update(tree: &mut VecQ2Tree, map: &Pyramid<Vec<Quad>>, lights: usize) -> BTre
     interior(tree.update(&map, &Request::of_lights(lights)).lights)
 }
 
-/// L^a dOmega^b in `f64`.
+/// Returns L^a dOmega^b in `f64`.
 fn importance(p: &Parameters, map: &Pyramid<Vec<Quad>>, (order, ipix): Place) -> f64 {
     let share = map.view().domain().share(order, ipix);
     let omega = healpix::solid_angle(order) * share;
@@ -57,7 +57,7 @@ fn parameters() -> [Parameters; 4] {
     ]
 }
 
-/// All quads that can be split, greatest first.
+/// Returns all quads that can be split, greatest importance first.
 fn ranked(map: &Pyramid<Vec<Quad>>, value: impl Fn(Place) -> f64) -> Vec<Place> {
     let domain = map.view().domain();
     let mut all: Vec<Place> = (0..ORDER)
@@ -92,7 +92,7 @@ fn hemisphere_is_split_best_first_and_splits_that_exceed_the_request_are_skipped
         let ranked = ranked(&map, |q| importance(&p, &map, q));
         let mut tree = tree(p, Domain::Hemisphere, 600);
         for request in 8..=600 {
-            // Importance falls from parent to child, so the ranking is the best-first order.
+            // Importance decreases from parent to child, so the ranking is the best-first order.
             let (mut leaves, mut expected) = (8, BTreeSet::new());
             for quad in &ranked {
                 let gain = if Domain::Hemisphere.share(quad.0, quad.1) == 0.5 { 2 } else { 3 };
@@ -107,7 +107,8 @@ fn hemisphere_is_split_best_first_and_splits_that_exceed_the_request_are_skipped
     }
 }
 
-/// Merges the least important split and splits the most important leaf while that is worth more than the threshold.
+/// Replaces the least important split by the most important leaf while the leaf is more important; splits of the last frame count 1 + threshold
+/// times.
 fn merge_and_split(
     map: &Pyramid<Vec<Quad>>,
     p: &Parameters,

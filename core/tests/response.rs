@@ -17,13 +17,13 @@ fn curve(
     Curve::try_new(response, depth, Levels { black, white }, vec![0; curve_len(depth)])
 }
 
-/// The transfer function of IEC 61966-2-1.
+/// Returns the transfer function of IEC 61966-2-1.
 fn srgb(x: f64) -> f64 {
     if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
 }
 
-/// Largest relative difference over codes from 1/16 of white to saturation, and largest absolute one over all codes up to it;
-/// the clip value itself is within 2e-4.
+/// Returns the largest relative difference over codes from 1/16 of white to saturation, and the largest absolute difference over all codes
+/// up to saturation; asserts that the value at white is within 2e-4.
 fn worst(depth: Depth, black: f64, white: f64, response: &Response, y: impl Fn(f64) -> f64) -> (f64, f64) {
     let curve = curve(response, depth, black, white).expect("a sound response");
     let (mut relative, mut absolute) = (0.0f64, 0.0f64);

@@ -3,7 +3,7 @@
 use hemilux_core::format::{Pattern, Yuv};
 use hemilux_core::{Format, Layout, Samples, read_luma, read_rgb_row};
 
-/// Wider than two chunks of mosaic cells, and not a multiple of a chunk.
+/// Image width: more than two chunks of mosaic cells, and not a multiple of a chunk.
 const WIDTH: u32 = 2 * 2 * 192 + 36;
 
 fn rows(layout: &Layout, frame: Samples<'_>) -> Vec<Vec<[u16; 3]>> {
@@ -15,7 +15,7 @@ fn rows(layout: &Layout, frame: Samples<'_>) -> Vec<Vec<[u16; 3]>> {
     (0..layout.height()).map(row).collect()
 }
 
-/// A code of ten bits for each pixel.
+/// Returns a code of ten bits for each pixel.
 fn code(x: u32, y: u32) -> u16 {
     ((x * 7 + y * 311) % 1024) as u16
 }
@@ -65,7 +65,7 @@ fn rgb_rows_of_bytes_and_words_keep_the_channel_order() {
     }
 }
 
-/// Without chroma, red, green and blue are luma: the matrices' coefficients add up to 1.
+/// Without chroma, red, green and blue equal luma, since the matrices' coefficients add up to 1.
 #[test]
 fn luma_with_neutral_chroma_gives_grey_rows() {
     for format in [Format::Yuyv(Yuv::default()), Format::Nv12(Yuv::default())] {

@@ -201,7 +201,7 @@ fn hostile_strings_are_escaped() {
 
     let lines = encode(text, &set);
     let data: Vec<&str> = lines.split(['\n', '\r', '\u{85}']).filter(|l| !l.starts_with('#')).collect();
-    assert_eq!(data.len(), 2 + 1, "two lights and what follows the last line break: {data:?}");
+    assert_eq!(data.len(), 2 + 1, "two lights and the empty rest after the last line break: {data:?}");
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! The binary light set, decoded by offsets from its documentation, and corrupted bytes.
+//! The binary light set: fields at the offsets of its documentation, and corrupted bytes.
 
 mod common;
 
@@ -49,7 +49,7 @@ fn f32_at(bytes: &[u8], at: usize) -> f32 {
     f32::from_bits(u32_at(bytes, at))
 }
 
-/// The number follows the harmonics, and the offset of the lights includes it, so that a reader without it skips it.
+/// The uncertainty follows the harmonics. The offset of the lights includes it, so that readers of version 1 without the field skip it.
 #[test]
 fn the_uncertainty_of_the_unit_lies_before_the_lights() {
     let (lights, ambient) = (lights(), [[0.5; 3]; 9]);
@@ -175,7 +175,7 @@ fn xr_estimate_separates_the_brightest_light_and_sums_the_rest_in_harmonics() {
         irradiance: [e, 2.0 * e, 0.0],
         ..Light::default()
     };
-    // The test vector of the format is in the axes of the set: probe (1, -3, 2) is (1, 2, 3) with +Y up.
+    // The test vector of the format is in the axes of the set: (1, -3, 2) in the probe's axes is (1, 2, 3) with +Y up.
     let all = [at(Vec3::new(1.0, -3.0, 2.0), 1.0), at(Vec3::Z, 5.0)];
     let found = wire::estimate(&set(&all, None));
     assert_eq!((found.direction, found.intensity), (Vec3::Y, [5.0, 10.0, 0.0]), "the zenith is +Y");

@@ -1,4 +1,4 @@
-//! Helpers of several test files: seeded random numbers, lenses, maps, samplers.
+//! Helpers that several test files share: seeded random numbers, lenses, maps, samplers.
 #![allow(dead_code, reason = "each test file uses its own part")]
 
 use glam::{DVec2, DVec3, Vec3};
@@ -25,16 +25,16 @@ pub use rand::RngExt;
 use rand::SeedableRng;
 pub use rand_pcg::Pcg64Mcg;
 
-/// A pixel table in vectors.
+/// A pixel table whose buffers are vectors.
 pub type VecPixelTable = PixelTable<Vec<Span>, Vec<u16>, Vec<Run>, Vec<Texel>>;
 
-/// A merge in vectors.
+/// A merge whose buffers are vectors.
 pub type VecMerge = Merge<Vec<i32>, Vec<u32>, Vec<Reciprocal>>;
 
-/// The sampler `q2tree` in vectors.
+/// The sampler `q2tree` with vectors as buffers.
 pub type VecQ2Tree = Q2Tree<Vec<u8>, Vec<Leaf>, Vec<Light>, Vec<Past>>;
 
-/// A `q2tree` for maps of `domain` and `order` with buffers for `lights` lights. The bit sets are set at first: the constructor clears them.
+/// Creates a `q2tree` for maps of `domain` and `order` and `lights` lights. All bits of its bit sets are 1 before the constructor clears them.
 pub fn q2tree(parameters: Parameters, domain: Domain, order: u8, lights: usize) -> VecQ2Tree {
     let order = Order::saturating(order);
     let bits = || vec![0xff; interior_len(domain, order)];
@@ -44,10 +44,10 @@ pub fn q2tree(parameters: Parameters, domain: Domain, order: u8, lights: usize) 
         .expect("buffers of the lengths that the sampler names")
 }
 
-/// The sampler `adaptive` in vectors.
+/// The sampler `adaptive` with vectors as buffers.
 pub type VecAdaptive = Adaptive<Vec<u8>, Vec<adaptive::Leaf>, Vec<Light>, Vec<LightFilter>, Box<Workspace>>;
 
-/// An `adaptive` for maps of `domain` and `order` with buffers for `lights` lights. The bit sets are set at first: the constructor clears
+/// Creates an `adaptive` for maps of `domain` and `order` and `lights` lights. All bits of its bit sets are 1 before the constructor clears
 /// them.
 pub fn adaptive(domain: Domain, order: u8, lights: usize) -> VecAdaptive {
     let order = Order::saturating(order);
@@ -64,13 +64,13 @@ pub fn adaptive(domain: Domain, order: u8, lights: usize) -> VecAdaptive {
     Adaptive::try_new(domain, order, memory).expect("buffers of the lengths that the sampler names")
 }
 
-/// The lights that `sampler` makes of `map`, which it reads as a pyramid.
+/// Returns the lights of `map` by `sampler`, which reads the pyramid only.
 pub fn update(sampler: &mut impl Sampler, map: &Pyramid<Vec<Quad>>, lights: usize) -> Vec<Light> {
     let map = Map { pyramid: map.view(), polar: LatLongView::NONE };
     sampler.update(&map, &Request::of_lights(lights)).lights.to_vec()
 }
 
-/// A light set of `lights` and `ambient` in which every field has a value of its own.
+/// Returns a light set of `lights` and `ambient` in which every field has a different value.
 pub fn light_set<'a>(lights: &'a [Light], ambient: Option<&'a Sh9>) -> LightSet<'a> {
     LightSet {
         run: "k3v9",
@@ -101,12 +101,12 @@ pub fn light_set<'a>(lights: &'a [Light], ambient: Option<&'a Sh9>) -> LightSet<
     }
 }
 
-/// A random number generator whose sequence depends on the seed alone.
+/// Returns a random number generator whose sequence depends on `seed` only.
 pub fn seeded(seed: u64) -> Pcg64Mcg {
     Pcg64Mcg::seed_from_u64(seed)
 }
 
-/// A uniformly distributed unit vector.
+/// Returns a uniformly distributed unit vector.
 pub fn direction(rng: &mut Pcg64Mcg) -> DVec3 {
     let z: f64 = rng.random_range(-1.0..1.0);
     let phi: f64 = rng.random_range(0.0..std::f64::consts::TAU);
@@ -114,7 +114,7 @@ pub fn direction(rng: &mut Pcg64Mcg) -> DVec3 {
     DVec3::new(r * phi.cos(), r * phi.sin(), z)
 }
 
-/// Intrinsics with equal focal lengths, no skew and no vignetting.
+/// Returns intrinsics with equal focal lengths, no skew and no vignetting; angles in degrees.
 pub fn plain(model: Model, centre: [f64; 2], focal: f64, max_deg: f64) -> Intrinsics {
     Intrinsics {
         model,
@@ -126,12 +126,12 @@ pub fn plain(model: Model, centre: [f64; 2], focal: f64, max_deg: f64) -> Intrin
     }
 }
 
-/// The standard lens of `board/FORMATS.md`: 160 x 140 degrees on 640 x 480.
+/// Returns the standard lens of `board/FORMATS.md`: 160 x 140 degrees on 640 x 480 pixels.
 pub fn bench_lens() -> Lens {
     Lens::try_new(plain(Model::Equidistant, [319.5, 239.5], 196.4, 80.0)).expect("a sound lens")
 }
 
-/// A lens with a field of view of `max_deg` off axis, whose image circle just fits a square of `side` pixels.
+/// Returns a lens with a field of view of `max_deg` degrees off axis, whose image circle has the diameter of a square of `side` pixels.
 pub fn full_circle(model: Model, side: u32, max_deg: f64) -> Lens {
     let unit = Lens::try_new(plain(model, [0.0; 2], 1.0, max_deg)).expect("a sound lens");
     let theta = max_deg.to_radians() * (1.0 - 1e-12);
@@ -141,7 +141,7 @@ pub fn full_circle(model: Model, side: u32, max_deg: f64) -> Lens {
     Lens::try_new(plain(model, [middle; 2], focal, max_deg)).expect("a sound lens")
 }
 
-/// A pixel table in buffers of exactly the required sizes.
+/// Creates a pixel table in buffers of exactly the required lengths.
 pub fn pixel_table(lens: &Lens, width: u32, height: u32, order: u8) -> VecPixelTable {
     let size = pixel_table_size(lens, ImageSize { width, height }, order).expect("a sound image");
     let buffers = Buffers {
@@ -153,7 +153,7 @@ pub fn pixel_table(lens: &Lens, width: u32, height: u32, order: u8) -> VecPixelT
     PixelTable::try_new(lens, ImageSize { width, height }, order, buffers).expect("a sound pixel table")
 }
 
-/// A dark pyramid.
+/// Returns a pyramid without light.
 pub fn dark(domain: Domain, order: u8) -> Pyramid<Vec<Quad>> {
     Pyramid::try_new(
         vec![Quad::default(); pyramid_len(domain, Order::saturating(order))],
@@ -163,7 +163,7 @@ pub fn dark(domain: Domain, order: u8) -> Pyramid<Vec<Quad>> {
     .expect("room enough")
 }
 
-/// A built pyramid whose texel `ipix` holds `energy(ipix)`, at its centre; texels outside the domain stay dark.
+/// Returns a built pyramid whose texel `ipix` holds `energy(ipix)` from its centre; texels outside the domain have no light.
 pub fn lit(domain: Domain, order: u8, mut energy: impl FnMut(u32) -> [f32; 3]) -> Pyramid<Vec<Quad>> {
     let mut map = dark(domain, order);
     for (ipix, quad) in map.texels_mut().iter_mut().enumerate() {
@@ -176,23 +176,23 @@ pub fn lit(domain: Domain, order: u8, mut energy: impl FnMut(u32) -> [f32; 3]) -
     map
 }
 
-/// A direction inside the part of a quad that lies in the domain.
+/// Returns a direction inside the part of a quad that lies in the domain.
 pub fn above(domain: Domain, order: u8, ipix: u32) -> Vec3 {
     let at = if domain.share(order, ipix) == 0.5 { 2.0 / 3.0 } else { 0.5 };
     healpix::point(order, ipix, at, at).as_vec3()
 }
 
-/// A grey of energy `v`.
+/// Returns an energy of `v` in each channel.
 pub fn grey(v: f32) -> [f32; 3] {
     [v; 3]
 }
 
-/// Relative difference |a - b| / |b|.
+/// Returns the relative difference |a - b| / |b|.
 pub fn off(a: f64, b: f64) -> f64 {
     (a - b).abs() / b.abs()
 }
 
-/// The merge of one 16-bit linear exposure of 10 ms, white at 65535.
+/// Creates the merge of one 16-bit linear exposure of 10 ms, white at 65535.
 pub fn one_exposure() -> VecMerge {
     let curve = Curve::try_new(
         &Response::Linear,
@@ -204,26 +204,26 @@ pub fn one_exposure() -> VecMerge {
     merge(curve.expect("sound"), &[exposure])
 }
 
-/// A merge of scale 1 in buffers of exactly the required sizes.
+/// Creates a merge of scale 1 in buffers of exactly the required lengths.
 pub fn merge(curve: Curve<Vec<i32>>, exposures: &[Exposure]) -> VecMerge {
     let size = merge_size(&curve, exposures).expect("sound exposures");
     let reciprocals = vec![Reciprocal::default(); size.reciprocals];
     Merge::try_new(curve, exposures, 1.0, vec![0; size.tables], reciprocals).expect("sound exposures")
 }
 
-/// Radiance of `code` in [`one_exposure`].
+/// Returns the radiance of `code` in [`one_exposure`].
 pub fn radiance_of(code: u16) -> f64 {
     f64::from(code) / 65535.0 / 0.01
 }
 
-/// Runs one frame of 16-bit samples through the front end into a built pyramid.
+/// Processes one frame of 16-bit samples to a built pyramid.
 pub fn expose(pixel_table: &VecPixelTable, frame: &[u16]) -> (Pyramid<Vec<Quad>>, Coverage) {
     let mut map = dark(Domain::Hemisphere, pixel_table.order());
     let seen = burst(pixel_table, &[Samples::U16(frame)], [1.0; 3], &mut map);
     (map, seen.expect("a frame that fits"))
 }
 
-/// Runs one exposure of 16-bit samples through the front end.
+/// Processes a burst of one exposure of 16-bit samples.
 pub fn burst(
     pixel_table: &VecPixelTable,
     frames: &[Samples<'_>],
@@ -235,8 +235,8 @@ pub fn burst(
     internals::burst(frames, &layout, &one_exposure().view(), &pixel_table.view(), balance, map)
 }
 
-/// Merges whole pixels: integers for as many pixels at a time as have them, floats for the others. Returns the number of samples that were
-/// merged in integers.
+/// Merges whole pixels, in integers where the merge has an integer loop, otherwise in floats. Returns the number of samples that were merged
+/// in integers.
 pub fn merged(view: &MergeView<'_>, codes: &[Codes<'_>], channels: Channels, out: &mut [f32]) -> usize {
     let many = channels.many();
     let mut counts = vec![0; out.len()];
@@ -258,7 +258,7 @@ pub fn merged(view: &MergeView<'_>, codes: &[Codes<'_>], channels: Channels, out
     merged(view, &side(false), channels, first) + merged(view, &side(true), channels, second)
 }
 
-/// The samples of `codes` before `middle`, or from `middle` on if `after`.
+/// Returns the samples of `codes` before `middle`, or from `middle` on if `after`.
 fn half<'a>(codes: &Codes<'a>, middle: usize, after: bool) -> Codes<'a> {
     fn cut<T>(all: &[T], middle: usize, after: bool) -> &[T] {
         let (first, second) = all.split_at(middle.min(all.len()));
