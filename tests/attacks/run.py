@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
-"""Attacks on the probe's server by clients without a token, each beside a good client that must miss no frame.
+"""Attacks the probe's server by clients without a token, each beside a well-behaved client that must miss no frame.
 
 usage: run.py PROGRAM [--seconds N] [--cgroup NAME] [ATTACK...]
 
-Needs Python 3.10 and nothing else; --cgroup needs root and cgroups of version 1, and gives the program the limits of the service (128 MB,
-64 tasks). Starts PROGRAM on a free port of the loopback interface, with the number of lights and the options
-that the attack is about, and prints a line for each: frames that the good client got and missed, its longest gap between two sets, the
-program's largest resident memory and number of threads, and the kernel's memory for its sockets. The exit status is 1 where a frame was
-missed, the gap between two sets was over 150 ms, a set of the slow reader was older than a second, memory exceeded 64 MB, more than
-8 threads ran, or a request of a good client was lost. The gap is only meaningful on a machine that does nothing else.
+Needs Python 3.10 and no packages; --cgroup needs root and cgroups of version 1, and gives the program the limits of the service (128 MB,
+64 tasks). For each attack, starts PROGRAM on a free port of the loopback interface with the number of lights and the options of the attack,
+and prints a line: numbers of frames that the well-behaved client received and missed, its longest gap between two sets, the program's
+largest resident memory and number of threads, and the kernel's memory for its sockets. The exit status is 1 if a frame was missed, a gap
+was over 150 ms, a set of the slow reader was older than a second, memory exceeded 64 MB, more than 8 threads ran, or a request of a
+well-behaved client was lost. The gap is meaningful on an idle machine only.
 """
 import argparse
 import multiprocessing
@@ -28,7 +28,7 @@ FAILED = []
 
 
 class Program:
-    """The program, running."""
+    """A running probe."""
     cgroup = None
 
     def __init__(self, path, lights, options=()):
@@ -58,7 +58,7 @@ class Program:
             time.sleep(0.5)
 
     def sockets(self):
-        """Bytes that the kernel holds for the server's side of the connections."""
+        """Returns the bytes that the kernel holds for the server's side of the connections."""
         text = subprocess.run(["ss", "-Htanm", f"sport = :{self.port}"], capture_output=True, text=True).stdout
         held = re.findall(r"skmem:\(r(\d+),rb\d+,t(\d+),tb\d+,f(\d+),w(\d+)", text)
         return sum(int(r) + int(w) for r, _, _, w in held)
@@ -88,7 +88,7 @@ def request(path, extra=""):
 
 
 def answer(sock, rest=b""):
-    """Status, body and what was read too much."""
+    """Returns status, body, and the bytes after the answer."""
     data = bytearray(rest)
     while (end := data.find(b"\r\n\r\n")) < 0:
         receive(sock, data)
@@ -107,7 +107,7 @@ def receive(sock, data):
 
 
 def good(port, path, seconds, address, result):
-    """Polls as the README says; frames got, frames missed, longest gap."""
+    """Requests sets as the README describes; puts number of frames, number of missed frames and longest gap in seconds into `result`."""
     sock, rest = connect(port, address), b""
     got, missed, longest, last, before = 0, 0, 0.0, None, None
     end = time.monotonic() + seconds
@@ -143,7 +143,7 @@ def report(name, program, found, note=""):
 
 
 def flood(port, paths, seconds, each, keep=None):
-    """`each` clients of one address, in a process of their own: each asks for its own path over and over, and forgets the answers."""
+    """Runs `each` clients of one address in a separate process; each requests its own path repeatedly and discards the answers."""
     def client(index):
         address, path = f"127.0.{1 + index // 30}.{1 + index % 200 if keep is None else 1}", paths[index % len(paths)]
         end = time.monotonic() + seconds
@@ -176,7 +176,7 @@ def flooded(args, name, lights, paths, clients, path="/lights.json"):
 
 
 def alone(args):
-    """The good client without an attack: what the machine gives at the time."""
+    """Runs the well-behaved client without an attack, as a baseline of the machine."""
     for lights, path in ((64, "/lights.json"), (2000, "/lights.json"), (20000, "/lights.json"), (50000, "/v1/lights?format=binary")):
         program = Program(args.program, lights)
         watched, result = beside(program, args.seconds, path)
@@ -202,7 +202,7 @@ def pictures(args):
 
 
 def slow_reader(args):
-    """An event stream that is read at 60 KB/s: how old its sets are."""
+    """Reads an event stream at 60 KB/s and reports the age of its sets."""
     program = Program(args.program, 64)
     sock, text, oldest, frames = connect(program.port, "127.0.8.1"), b"", 0.0, 0
     watched, result = beside(program, 3 * args.seconds)
@@ -226,7 +226,7 @@ def slow_reader(args):
 
 
 def hold(held, path, *address):
-    """Requests a path over a new connection and keeps the connection in a list, if there is one."""
+    """Requests a path over a new connection and appends the connection to `held`; does nothing if the connection is refused."""
     try:
         sock = connect(*address)
         sock.sendall(request(path))
@@ -236,14 +236,14 @@ def hold(held, path, *address):
 
 
 def report_held(name, program, watched, result, held):
-    """Reports the client that was watched while the connections of a list were held."""
+    """Reports the results of the client that ran while the connections of a list were open."""
     found = result.get(timeout=30)
     watched.join()
     report(name, program, found, f"{len(held)} opened")
 
 
 def never_read(args):
-    """32 streams of one address that are never read, closed by no one and opened again and again."""
+    """Opens event streams of one address that are never read or closed, one every 20 ms."""
     program = Program(args.program, 2000)
     watched, result = beside(program, args.seconds)
     held, end = [], time.monotonic() + args.seconds
@@ -254,7 +254,7 @@ def never_read(args):
 
 
 def slow_answers(args):
-    """256 clients that each ask for a large set and take it at a few bytes a second."""
+    """Runs 256 clients that each request a large set and read it at a few bytes per second."""
     program = Program(args.program, 20000)
     held, end = [], time.monotonic() + args.seconds
     watched, result = beside(program, args.seconds, "/v1/lights?format=binary")
@@ -279,7 +279,7 @@ def poll(port, count, result):
 
 
 def stalled_heads(args):
-    """20,000 requests of 12 good clients beside 32 connections of the same address that never finish their head."""
+    """Sends 20,000 requests of 12 well-behaved clients beside 32 connections of the same address that never complete their head."""
     program = Program(args.program, 64)
     over = threading.Event()
 
@@ -312,7 +312,7 @@ def stalled_heads(args):
 
 
 def guesses(args):
-    """Guesses of the token in a second, over one connection."""
+    """Counts guesses of the token per second over one connection."""
     token = f"/tmp/hemilux-token-{os.getpid()}"
     command = [args.program, "--listen", "127.0.0.1:0", "--token-file", token]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
@@ -336,9 +336,9 @@ ATTACKS = {f.__name__: f for f in (alone, distinct_lights, large_sets, pictures,
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("program")
-    parser.add_argument("--seconds", type=int, default=10, help="time of each attack")
+    parser.add_argument("--seconds", type=int, default=10, help="duration of each attack, seconds")
     parser.add_argument("attacks", nargs="*", metavar="ATTACK", help=", ".join(ATTACKS))
-    parser.add_argument("--cgroup", help="name of a cgroup that is made for the program")
+    parser.add_argument("--cgroup", help="name of a cgroup that is created for the program")
     args = parser.parse_intermixed_args()
     if args.cgroup:
         for file, limit in CGROUP.items():

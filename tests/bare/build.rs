@@ -1,4 +1,4 @@
-//! Where the linker finds each machine's memory.
+//! Adds the folder of the linker scripts to the linker's search path.
 
 fn main() {
     println!("cargo:rustc-link-search={}", concat!(env!("CARGO_MANIFEST_DIR"), "/memory"));

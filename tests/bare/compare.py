@@ -1,10 +1,10 @@
-"""Compares two light sets: those of a board with this machine's."""
+"""Compares two light sets: the set of a board with the set of this machine."""
 
 import json
 import math
 import sys
 
-# Sums of floats in another order; the boards' are the same to the last bit as long as they add up as the host does.
+# Tolerances for float sums in another order. The sets are identical if the board adds in the order of the host.
 DEGREES, RATIO = 0.01, 1e-4
 
 host, board = (json.load(open(path)) for path in sys.argv[1:3])

@@ -1,4 +1,4 @@
-"""Lists where an ARM image calls panics: how often, and the line outside the standard library."""
+"""Lists the calls of panics in an ARM image: count, and the innermost source line outside of the standard library."""
 
 import collections
 import re
@@ -25,7 +25,7 @@ for chunk in re.split(r"^0x[0-9a-f]+$", tool("addr2line", "-Caife", elf, *calls)
     lines = chunk.strip().splitlines()
     frames = list(zip(lines[::2], lines[1::2]))
     ours = [f for f in frames if "/rustc/" not in f[1]]
-    # Calls between the library's own panics lead from those.
+    # Calls inside the library's panic functions are left out: they follow from calls outside of it.
     if ours:
         function, place = ours[0]
         found[f"{place.split('/core/src/')[-1].split(' ')[0]}  {function}"] += 1

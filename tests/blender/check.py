@@ -1,4 +1,4 @@
-"""The Blender extension against running probes: see `check.sh`."""
+"""Tests the Blender extension against running probes: see `check.sh`."""
 
 import argparse
 import contextlib
@@ -17,10 +17,10 @@ import addon_utils
 import numpy as np
 from mathutils import Vector
 
-# Largest RMSE of a picture under the suns, over the mean of the picture under the map.
+# Largest RMSE of a picture under the suns, relative to the mean of the picture under the map.
 PICTURE_ERROR = 0.06
 SUNS, SAMPLES, SIZE = 16, 192, (96, 72)
-# The lamp's path: frames that are looked at, frames of a turn, angle from the zenith, largest distance of its sun (degrees).
+# Path of the lamp: number of compared frames, frames per turn, angle from the zenith, largest distance of its sun (degrees).
 FRAMES, TURN, HEIGHT_DEG, LAMP_ERROR_DEG = 100, 720, 50.0, 1.0
 failures = []
 
@@ -60,7 +60,7 @@ class Extension:
         assert bpy.ops.hemilux.connect() == {"FINISHED"}, settings.state
 
     def step(self, seconds=20.0):
-        """Waits for the next set and shows it, as the timer does."""
+        """Waits for the next set and applies it to the scene, as the timer does."""
         end = time.monotonic() + seconds
         while not self.session.current.step():
             assert time.monotonic() < end, f"no set: {self.scene.hemilux.state}"
@@ -71,7 +71,7 @@ class Extension:
 
 
 def install(archive):
-    """Installs the zip as Blender's preferences do, and returns the module's name."""
+    """Installs the zip as Blender's preferences do; returns the module's name."""
     bpy.ops.extensions.package_install_files(filepath=str(archive), repo="user_default", enable_on_install=True)
     name = "bl_ext.user_default.hemilux"
     check(addon_utils.check(name)[1], f"{name} is installed from the zip and enabled")
@@ -135,7 +135,7 @@ def still_life():
 
 
 def rendered(work, seed, samples=SAMPLES):
-    """The picture in linear radiance, read by way of a file."""
+    """Returns the picture in linear radiance, by way of a file."""
     scene = bpy.context.scene
     scene.cycles.samples, scene.cycles.seed = samples, seed
     scene.render.filepath = str(work / "picture.exr")
@@ -150,7 +150,7 @@ def rendered(work, seed, samples=SAMPLES):
 
 @contextlib.contextmanager
 def quiet():
-    """Blender's own lines on stdout are left out."""
+    """Discards the lines that Blender writes to stdout."""
     sys.stdout.flush()
     kept, sink = os.dup(1), os.open(os.devnull, os.O_WRONLY)
     os.dup2(sink, 1)
@@ -163,7 +163,7 @@ def quiet():
 
 
 def planes(extension, work):
-    """A white plane that faces a sun has the radiance E (1 + cos r) / 2 / pi, whatever the sun's angle."""
+    """Checks that a white plane that faces a sun has the radiance E (1 + cos r) / 2 / pi for any angular radius r."""
     plain_scene()
     extension.scene = bpy.context.scene
     body(bpy.ops.mesh.primitive_plane_add, (1, 1, 1), size=10)
@@ -183,10 +183,10 @@ def planes(extension, work):
 
 
 def harmonics(extension, work, collection):
-    """A plane under the harmonics of a unit light receives the closed form of Ramamoorthi and Hanrahan: pi, 2 pi / 3, pi / 4 by degree."""
+    """Checks the irradiance under harmonics against the closed form of Ramamoorthi and Hanrahan: factors pi, 2 pi / 3, pi / 4 by degree."""
     extension.suns.show(collection, [], 1.0)
     extension.world.set_mode(extension.scene, "AMBIENT", 1.0)
-    # A radiance 1 + y / 2 + (3 z^2 - 1) / 4, positive everywhere.
+    # The radiance 1 + y / 2 + (3 z^2 - 1) / 4 is positive everywhere.
     rows = [[0.0] * 3 for _ in range(9)]
     rows[0], rows[1], rows[6] = [v / 0.28209479 for v in (1, 1, 1)], [0.5 / 0.48860251] * 3, [0.25 / 0.31539157] * 3
     extension.world.show_ambient(extension.scene, rows)
@@ -203,7 +203,7 @@ def harmonics(extension, work, collection):
 
 
 def pictures(extension, program, source, work):
-    """The mean product of two independent differences is the mean squared error without the noise of the path tracer."""
+    """Compares pictures by the mean product of two independent differences: the mean squared error without the noise of the path tracer."""
     plain_scene()
     still_life()
     extension.scene = bpy.context.scene
@@ -229,7 +229,7 @@ def lamp_direction(step, height_deg=HEIGHT_DEG):
 
 
 def lamp_frames(path, size=160):
-    """A pipe's file of fisheye pictures, 180 degrees across: a lamp of 6 degrees radius turns round the axis among three dimmer ones."""
+    """Writes fisheye pictures of 180 degrees to a pipe's file: a lamp of 6 degrees radius turns round the axis among three dimmer lamps."""
     rows, columns = np.mgrid[0:size, 0:size]
     x, y = columns - (size - 1) / 2, rows - (size - 1) / 2
     theta = np.hypot(x, y) / (size / 2) * math.pi / 2
@@ -246,7 +246,7 @@ def lamp_frames(path, size=160):
 
 
 def renamed(before, after):
-    """Number of lights that are gone and have a successor of another id in their place, within 5 degrees."""
+    """Returns the number of lights that disappeared and have a successor of another id within 5 degrees."""
     gone = [towards for name, towards in before.items() if name not in after]
     new = [towards for name, towards in after.items() if name not in before]
     return sum(a.angle(b) < math.radians(5) for a in gone for b in new)
@@ -295,7 +295,7 @@ def keyframes(extension, scene, name):
 
 
 def wrong_addresses(extension):
-    """One line for each address at which no probe answers."""
+    """Checks that an address without a probe gives one line of error."""
     plain_scene()
     extension.scene = bpy.context.scene
     settings = extension.scene.hemilux

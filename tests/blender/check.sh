@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# The Blender extension, installed from its zip into Blender (the PyPI wheel bpy), against running probes.
+# Tests the Blender extension, installed from its zip into Blender (the PyPI wheel bpy), against running probes.
 #
-#   tests/blender/check.sh HEMILUX [FOLDER]    FOLDER (or HEMILUX_HDRI) has latitude-longitude maps; the built-in scenes without it
+#   tests/blender/check.sh HEMILUX [FOLDER]    FOLDER (or HEMILUX_HDRI) has latitude-longitude maps; without it the built-in scenes are used
 #
 # Needs Python 3.11 with venv, PyPI for the first run (374 MB; the wheel stays in the cache), and ten minutes on two cores.
 set -euo pipefail

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Boots the guest, steps it through guest/rig.sh, and judges what it finds. Status 0 only when everything held."""
+"""Boots the guest, runs the steps of guest/rig.sh and checks their results. Exits with status 0 only if every check passes."""
 import argparse, io, json, os, socket, subprocess, sys, tarfile, threading, time, tomllib, urllib.request
 
 parser = argparse.ArgumentParser()
@@ -7,18 +7,18 @@ for name in ("arch", "qemu", "kernel", "initrd"):
     parser.add_argument(f"--{name}", required=True)
 parser.add_argument("--frames", type=int, default=200)
 parser.add_argument("--disconnects", type=int, default=3)
-parser.add_argument("--deb", action="store_true", help="the guest has a package to install and to remove")
-parser.add_argument("--console", help="file for all that the guest says")
+parser.add_argument("--deb", action="store_true", help="the guest has a package, which it installs and removes")
+parser.add_argument("--console", help="file for the guest's console output")
 options = parser.parse_args()
 
-# Luma of vivid's white at brightness 128 is 234 (seen with v4l2-ctl, limited range); brightness shifts it step by step.
+# Luma of vivid's white at brightness 128 is 234 (measured with v4l2-ctl, limited range); brightness shifts it linearly.
 VALUES = [32, 80, 128]
 LUMA = [234 - (128 - v) for v in VALUES]
 
-# Longest wait for anything, seconds. All waits end with what they wait for, so that it costs nothing on a quick machine.
+# Timeout of every wait, seconds. A wait ends with its event, so a long timeout costs no time on a fast machine.
 PATIENCE = 600
 
-# Buffers that the probe lends the driver.
+# Number of buffers that the probe lends the driver.
 BUFFERS = 6
 
 
@@ -45,8 +45,8 @@ class Guest:
             s.close()
         self.probe, self.files = (f"http://127.0.0.1:{p}" for p in ports)
         forward = f"user,id=n,restrict=on,hostfwd=tcp:127.0.0.1:{ports[0]}-:8080,hostfwd=tcp:127.0.0.1:{ports[1]}-:8081"
-        # The guest's clock counts its instructions, two nanoseconds each (a processor of 500 MIPS): however little of the host it gets, its
-        # time passes with its work, and its camera is never late because of other work here.
+        # The guest's clock advances by two nanoseconds per instruction (a processor of 500 MIPS), so the guest's time is independent of the load
+        # of the host, and the camera is never late because of other processes.
         common = ["-icount", "shift=1,sleep=off", "-rtc", "clock=vm", "-m", "512", "-nographic", "-nodefaults", "-no-reboot", "-serial", "stdio", "-accel", "tcg", "-kernel", options.kernel,
                   "-initrd", options.initrd, "-netdev", forward]
         if options.arch == "arm":
@@ -69,7 +69,7 @@ class Guest:
         self.process.stdin.flush()
 
     def wait(self, mark):
-        """The rest of the guest's next line that begins with `mark`."""
+        """Returns the rest of the guest's next line that begins with `mark`."""
         end = time.time() + PATIENCE
         while time.time() < end:
             for line in self.lines:
@@ -91,7 +91,7 @@ class Guest:
         return urllib.request.urlopen(f"{self.files}/{name}", timeout=PATIENCE).read()
 
     def until(self, found, why):
-        """Asks until there is something."""
+        """Repeats the request until it succeeds."""
         end = time.time() + PATIENCE
         while not (it := found()):
             if time.time() > end:
@@ -104,7 +104,7 @@ class Guest:
 
 
 def judge_compliance(text):
-    """All tests pass but one: v4l-utils is older than the kernel and knows another name of a pixel format."""
+    """Checks that all tests of v4l2-compliance pass, except one: v4l-utils is older than the kernel and has another name of a pixel format."""
     failed = [line for line in text.splitlines() if "fail:" in line or line.rstrip().endswith(": FAIL")]
     ours = [line for line in failed if "fmtdesc.description mismatch" not in line and "VIDIOC_ENUM_FMT" not in line]
     check(not ours, f"v4l2-compliance: {ours}")
@@ -114,7 +114,7 @@ def judge_compliance(text):
 
 
 def lost(frames):
-    """Frames that are missing: the probe's, while which it held all buffers, and the driver's, which had one and was late itself."""
+    """Returns the numbers of missing frames: while the probe held all buffers, and while the driver had a buffer but was late."""
     ours = theirs = 0
     for k in range(1, len(frames)):
         for sequence in range(frames[k - 1]["sequence"] + 1, frames[k]["sequence"]):
@@ -125,7 +125,7 @@ def lost(frames):
 
 
 def judge_schedule(report):
-    """Each frame has exactly the brightness that the schedule says of its sequence number."""
+    """Checks that each frame has exactly the brightness that the schedule assigns to its sequence number."""
     frames = report["frames"]
     check(len(frames) == options.frames and report["delay"] is not None, f"check: {len(frames)} frames, delay {report['delay']}")
     known = [f for f in frames if f["exposure"] is not None]
@@ -146,7 +146,7 @@ def judge_schedule(report):
 
 
 def judge_recording(archive):
-    """The raw frames have the luma of the exposure that burst.toml gives them."""
+    """Checks that the raw frames have the luma of the exposures in burst.toml."""
     tar = tarfile.open(fileobj=io.BytesIO(archive))
     read = lambda name: tar.extractfile(f"rec/{name}").read()
     bursts = tomllib.loads(read("sequence.toml").decode())["burst"]
@@ -201,7 +201,7 @@ try:
             print(f"           stale: {stale}")
             guest.tell("go")
         guest.wait(f"plugged {n}")
-        # Two bursts may have been under way when the camera was pulled; a third is of the camera that came back.
+        # Two bursts may have been in progress at the disconnect; a third is of the reconnected camera.
         last = guest.lights()["frame"]
         guest.until(lambda: guest.lights()["frame"] > last + 2, f"no recovery after disconnect {n}")
         guest.tell("go")

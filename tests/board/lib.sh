@@ -1,4 +1,4 @@
-# Helpers of the rig; sourced. What is downloaded goes to $RIG, outside the repository, and stays there for the next run.
+# Helpers of the rig, to be sourced. Downloads go to $RIG, outside of the repository, and stay there for the next run.
 # QEMU, kernels and guest files are unpacked and not installed: installing qemu-system-* may remove a newer qemu-utils.
 set -euo pipefail
 RIG=${HEMILUX_RIG_CACHE:-${XDG_CACHE_HOME:-$HOME/.cache}/hemilux-rig}
@@ -7,11 +7,11 @@ APT=(apt-get -q -y -o DPkg::Lock::Timeout=300 -o APT::Sandbox::User=root)
 
 die() { echo "rig: $*" >&2; exit 1; }
 
-# Packages that cannot be had are no fault of what is tested: status 77, as test harnesses say "skipped".
+# Packages that are not available are no failure of the tested program: status 77, the status of skipped tests in test harnesses.
 absent() { echo "rig: $*" >&2; exit 77; }
 command -v apt-get >/dev/null && command -v dpkg >/dev/null || absent "found no apt-get and dpkg, expected a Debian or one of its kin"
 
-# Package lists with armhf. An error of one index is no reason to stop while what is needed is known.
+# Updates package lists with armhf. An error of one index does not stop the run while the required packages are listed.
 apt_lists() {
     dpkg --print-foreign-architectures | grep -qx armhf || dpkg --add-architecture armhf || absent "found no armhf, expected the right to add it"
     if apt-cache show linux-image-armmp:armhf >/dev/null 2>&1 && [ -n "$(find "$RIG/lists" -mmin -720 2>/dev/null)" ]; then
@@ -22,7 +22,7 @@ apt_lists() {
     touch "$RIG/lists"
 }
 
-# unpack DIR full|missing PACKAGE...: the packages with all they depend on (full), or with what this machine lacks (missing)
+# unpack DIR full|missing PACKAGE...: unpacks the packages with all dependencies (full), or with those that this machine lacks (missing)
 unpack() {
     local dir=$RIG/$1 mode=(--reinstall) deb
     [ "$2" = full ] && mode=(-o Dir::State::status=/dev/null)
@@ -38,7 +38,7 @@ unpack() {
     echo "$*" >"$dir/.ok"
 }
 
-# kernel DIR METAPACKAGE: the kernel package that the metapackage stands for
+# kernel DIR METAPACKAGE: unpacks the kernel package on which the metapackage depends
 kernel() {
     local dir=$RIG/$1 package
     [ -e "$dir/.ok" ] && return

@@ -1,4 +1,4 @@
-"""Weighs llvm-mca's cycles of each block of straight code with how often it runs. See `estimate`."""
+"""Multiplies llvm-mca's cycles of each basic block by the number of its executions. See `estimate`."""
 
 import os
 import re
@@ -8,7 +8,7 @@ from bisect import bisect_right
 from collections import defaultdict
 
 FRAMES = 2
-# Blocks that together make up so much of the instructions are looked at; the rest counts as they do on average.
+# Blocks with this share of all executed instructions are modelled; the rest has the average cycles per instruction.
 PART = 0.995
 STAGES = [
     ("front", r"hemilux_core::(front|merge|response)"),
@@ -30,7 +30,7 @@ def run(command, **more):
 
 
 def functions(sim, prefix):
-    """Start, end and name of each, sorted."""
+    """Returns start, end and name of each function, sorted."""
     found = []
     for line in run([prefix + "-nm", "-CS", "--defined-only", sim]).splitlines():
         m = re.match(r"([0-9a-f]+) ([0-9a-f]+) [tTwW] (.*)", line)
@@ -41,7 +41,7 @@ def functions(sim, prefix):
 
 
 def listing(sim, work, prefix, triple, features):
-    """Instructions by address."""
+    """Returns the instructions by address."""
     found, small = {}, os.path.join(work, "sim")
     run([prefix + "-strip", "-g", "-o", small, sim])
     for line in run(["llvm-objdump", "-d", "--no-show-raw-insn", f"--triple={triple}", f"--mattr={features}", small]).splitlines():
@@ -52,7 +52,7 @@ def listing(sim, work, prefix, triple, features):
 
 
 def one_by_one(line):
-    """Loads and stores of lists as such of single registers: the model of cortex-a9 does not know all lists."""
+    """Replaces loads and stores of register lists by those of single registers: the model of cortex-a9 does not have all lists."""
     m = re.match(r"^(v?)(push|pop|ldm|stm)\w*\s+(?:(\w+)!?,\s*)?\{(.*)\}$", line)
     if not m:
         return line
@@ -65,20 +65,20 @@ def one_by_one(line):
 
 
 def text(listing, address, size):
-    """A block as an assembler reads it; None where part of it is no code."""
+    """Returns a block as assembler source; None if a part of it is not code."""
     lines = []
     for _ in range(size):
         line = listing.get(address)
         if line is None or line.startswith((".", "<")):
             return None
-        # Where a branch leads does not matter.
+        # The target of a branch does not matter.
         lines.append(BRANCH.sub(r"\1nowhere", one_by_one(line)))
         address += 4
     return "\n".join(lines)
 
 
 def cycles(blocks, triple, features, cpu, comment):
-    """Cycles of each block, following itself a hundred times."""
+    """Returns the cycles of each block, repeated a hundred times."""
     source = "".join(f"{comment} LLVM-MCA-BEGIN b{i}\n{b}\n{comment} LLVM-MCA-END\n" for i, b in enumerate(blocks))
     command = ["llvm-mca", f"-mtriple={triple}", f"-mattr={features}", f"-mcpu={cpu}", "-iterations=100"]
     done = subprocess.run(command + ["-instruction-info=0", "-resource-pressure=0"], input=source, capture_output=True, text=True)

@@ -1,4 +1,4 @@
-"""Exported light sets in the programs that they are for: see `check.sh`."""
+"""Opens exported light sets in the programs of the formats: see `check.sh`."""
 
 import argparse
 import json
@@ -14,7 +14,7 @@ mi.set_log_level(mi.LogLevel.Error)
 from pxr import Usd, UsdGeom, UsdLux, UsdValidation  # noqa: E402
 
 LIGHTS = 64
-# Largest errors, ratios: of an irradiance in a file, of the irradiance of a rendered plane, of a picture over its mean.
+# Largest errors, ratios: of an irradiance in a file, of the irradiance of a rendered plane, of a picture relative to its mean.
 FILE_ERROR, PLANE_ERROR, PICTURE_ERROR = 1e-5, 0.01, 0.04
 PICTURE, LARGE_PICTURE = (128, 96), (288, 216)
 SAMPLES = 512
@@ -55,14 +55,14 @@ def compare_lights(form, export, directions, irradiances):
 
 
 def map_direction(u, v):
-    """METRICS.md: a direction in +Y-up axes, from the place in a map in 0..1."""
+    """Returns the direction in +Y-up axes of a position in a map, 0..1, as METRICS.md defines it."""
     theta, phi = np.pi * v, np.pi - 2 * np.pi * u
     x, y, z = np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)
     return np.array([x, z, -y])
 
 
 def texture_direction(u, v):
-    """OpenEXR: longitude from +180 degrees at the left edge to -180, 0 along +Z and 90 along +X; the upper edge is +Y."""
+    """Returns the direction of a position in an OpenEXR map: longitude +180 degrees at the left edge to -180, 0 at +Z and 90 at +X; +Y at the upper edge."""
     longitude, latitude = np.pi - 2 * np.pi * u, np.pi / 2 - np.pi * v
     return np.array([np.sin(longitude) * np.cos(latitude), np.sin(latitude), np.cos(longitude) * np.cos(latitude)])
 
@@ -74,7 +74,7 @@ def usd(export):
     cache, directions, irradiances, angles = UsdGeom.XformCache(), [], [], []
     for prim in lights:
         light = UsdLux.DistantLight(prim)
-        # Along its own -Z a DistantLight shines; Gf turns row vectors.
+        # A DistantLight shines along its local -Z; Gf multiplies row vectors.
         travel = cache.GetLocalToWorldTransform(prim).TransformDir((0, 0, -1))
         directions.append([-v for v in travel])
         irradiances.append([light.GetIntensityAttr().Get() * c for c in light.GetColorAttr().Get()])
@@ -110,12 +110,12 @@ def rendered(parts, emitters, samples, seed=1):
 
 
 def exported(export):
-    """The emitters of the exported file, as Mitsuba reads it."""
+    """Returns the emitters of the exported file, as Mitsuba reads them."""
     return mi.load_file(str(export.file("mitsuba"))).emitters()
 
 
 def plane(export):
-    """A white diffuse plane that faces +Y has the radiance E / pi."""
+    """Checks that a white diffuse plane that faces +Y has the radiance E / pi."""
     transform = mi.ScalarTransform4f
     down = transform().look_at(origin=[0, 1, 0], target=[0, 0, 0], up=[0, 0, 1]) @ transform().scale(0.5)
     parts = {
@@ -130,7 +130,7 @@ def plane(export):
 
 
 def still_life(size):
-    """Diffuse bodies on a floor that fills the picture, with light that goes on from them."""
+    """Returns a scene of diffuse bodies on a floor that fills the picture, with indirect light."""
     transform = mi.ScalarTransform4f
     camera = transform().look_at(origin=[0, 7, 7], target=[0, 0.3, 0], up=[0, 1, 0])
     floor = transform().rotate([1, 0, 0], -90) @ transform().scale(30)
@@ -147,7 +147,7 @@ def still_life(size):
 
 
 def environment(export):
-    """Mitsuba's envmap has the left edge along -Z and the first quarter along +X of a +Y-up frame; the map's left edge is along -X."""
+    """Returns the map as an emitter. Mitsuba has the left edge at -Z and the first quarter at +X of a +Y-up frame, the map its left edge at -X."""
     bitmap = mi.Bitmap(str(export.options.work / f"{export.name}.exr"))
     bitmap = bitmap.convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, srgb_gamma=False)
     turn = mi.ScalarTransform4f().rotate([0, 1, 0], 90)
@@ -155,12 +155,12 @@ def environment(export):
 
 
 def pictures(export, size, samples, seed):
-    """The still life under the map, and under the lights."""
+    """Returns pictures of the bodies under the map and under the lights."""
     return [rendered(still_life(size), emitters, samples, seed) for emitters in ([environment(export)], exported(export))]
 
 
 def compare_pictures(export):
-    """The mean product of two independent differences is the mean squared error without the noise of the path tracer."""
+    """Compares the pictures by the mean product of two independent differences: the mean squared error without the noise of the path tracer."""
     (reference, found), (again, found_again) = (pictures(export, PICTURE, SAMPLES, seed) for seed in (1, 2))
     mean = (reference.mean() + again.mean()) / 2
     error = np.sqrt(max(0, ((found - reference) * (found_again - again)).mean())) / mean

@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# Opens exported light sets with the programs that they are for: usd-core, gltf-validator and Mitsuba 3.
+# Opens exported light sets with the programs of the formats: usd-core, gltf-validator and Mitsuba 3.
 #
-#   tests/exports/check.sh HEMILUX-SIM [FOLDER]    FOLDER (or HEMILUX_HDRI) has latitude-longitude maps; the built-in scenes without it
+#   tests/exports/check.sh HEMILUX-SIM [FOLDER]    FOLDER (or HEMILUX_HDRI) has latitude-longitude maps; without it the built-in scenes are used
 #   tests/exports/check.sh HEMILUX-SIM [FOLDER] --write    also replaces fixtures/exports.png
 #
-# Needs Python 3.10 or newer with venv, npm, and their registries for the first run; packages stay in the cache.
+# Needs Python 3.10 or newer with venv, npm, and both registries for the first run; packages stay in the cache.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 sim=$(realpath "$1")

@@ -1,4 +1,4 @@
-// Prints the report of gltf-validator for each file, and fails where one has errors or warnings. Packages come from NODE_PATH.
+// Prints the report of gltf-validator for each file, and fails if a file has errors or warnings. Packages come from NODE_PATH.
 const fs = require("node:fs");
 const validator = require("gltf-validator");
 

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Instructions per frame on ARMv7, by stage, under qemu-arm: exact, so that a loop that got longer shows at once.
+# Counts instructions per frame on ARMv7, by stage, under qemu-arm. The count is exact, so a loop that became longer is visible at once.
 #
-#   count.sh HEMILUX-SIM            counts the cases of baseline.txt and fails where one takes over 3 % more
-#   count.sh HEMILUX-SIM --write    writes baseline.txt anew
+#   count.sh HEMILUX-SIM            counts the cases of baseline.txt and fails if a case takes over 3 % more
+#   count.sh HEMILUX-SIM --write    replaces baseline.txt
 #
 # HEMILUX-SIM is a release build for armv7-unknown-linux-gnueabihf with NEON. Needs qemu-user, gcc and binutils for ARM.
 set -euo pipefail
@@ -16,7 +16,7 @@ gcc -shared -fPIC -O2 -o "$work/count.so" "$here/count.c"
 
 arm-linux-gnueabihf-nm -CS --defined-only "$sim" >"$work/symbols"
 
-# A function belongs to the stage that its module does; what the stages share is `other`.
+# A function belongs to the stage of its module; functions that stages share belong to `other`.
 {
     code=$(arm-linux-gnueabihf-readelf -lW "$sim" | awk '$1 == "LOAD" && / R E / && !n++ { print substr($3, 3) }')
     frame=$(awk '/hemilux_core::front::add_up$/ { print $1; exit }' "$work/symbols")
@@ -34,7 +34,7 @@ for start, size, stage in sorted((int(a, 16) & ~1, int(b, 16), c) for a, b, c in
 } >"$work/table"
 
 count() { # CASE: one line, instructions per frame
-    # What lies on the stack must not depend on the caller.
+    # The stack contents must not depend on the caller.
     env -i COUNTS="$work/counts" qemu-arm -L /usr/arm-linux-gnueabihf -cpu cortex-a7 -plugin "$work/count.so,table=$work/table" \
         "$sim" bench --case "$1" --frames 8 >/dev/null
     awk -v case="$1" '{ n[$1] = $2 } END {
@@ -56,7 +56,7 @@ failed=0
 while read -r case front pyramid sample other total; do
     found=$(count "$case")
     echo "$found"
-    # Of each stage and in all; a stage of less than 10,000 may differ by 300.
+    # Compares each stage and the total; a stage of less than 10,000 instructions may differ by 300.
     awk -v old="$front $pyramid $sample $other $total" -v new="$found" 'BEGIN {
         split(old, a, " "); split(new, b, " "); split("front pyramid sample other total", names, " ")
         for (i = 1; i <= 5; i++)

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Error and instructions on ARMv7 of the functions that the core calls, by libm, micromath, tables and the standard library.
+# Measures error and instructions on ARMv7 of the functions that the core calls, by libm, micromath, tables and the standard library.
 #
-#   math.sh DIR     builds core's example `math` for this machine and for ARMv7, and leaves math.txt, math.svg and math.counts in DIR
+#   math.sh DIR     builds core's example `math` for this machine and for ARMv7, and writes math.txt, math.svg and math.counts to DIR
 #
 # Needs qemu-user, gcc and the ARM cross compiler.
 set -euo pipefail
@@ -18,7 +18,7 @@ build=(cargo build --locked --quiet --release -p hemilux-core --example math)
 "${build[@]}" --target $target
 built=${CARGO_TARGET_DIR:-target}
 gcc -shared -fPIC -O2 -o "$work/count.so" "$here/count.c"
-# Everything is of one name, from the first instruction on.
+# All code has one name, from the first instruction on.
 printf 'code 0 frame 1\n0 1 none\n' >"$work/table"
 
 total() { # NAME WAY CALLS

@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# The npm and PyPI packages, built, installed from the packed files and run against a probe; the page's Rust text; the C# sources of the Unity package, compiled and run.
+# Tests the npm and PyPI packages, built, installed from the packed files and run against a probe; the page's Rust text; and the C# sources of the Unity package, compiled and run.
 #
 #   tests/packages/check.sh HEMILUX
 #
-# Needs Node.js 20, npm, Python 3.10 with venv, and their registries for the first run; for C# Mono's mcs; cargo. A tool that is missing is
-# named and its part is skipped; with HEMILUX_RIG set the check fails.
+# Needs Node.js 20, npm, Python 3.10 with venv, and their registries for the first run; for C# Mono's mcs; cargo. If a tool is missing, a
+# line names it and its part is skipped; with HEMILUX_RIG set the check fails.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 clients=$here/../../board/clients
@@ -21,7 +21,7 @@ address=$(grep -oE 'http://[^/ ]+' "$work/serving" | head -1)
 failed=0
 check() { if eval "$2"; then echo "  ok   $1"; else echo "  FAIL $1"; failed=1; fi; }
 missing() { echo "  skipped: $1 is not installed"; [ -z "${HEMILUX_RIG:-}" ] || failed=1; }
-# One line on stderr that names the address, and an exit status that is not 0.
+# Checks that the command prints one line on stderr that names the address, and exits with a status other than 0.
 refuses() {
     local lines
     if timeout 20 "${@:2}" >/dev/null 2>"$work/refusal"; then return 1; fi

@@ -1,4 +1,4 @@
-"""Follows a probe by the installed package and checks what it gives: package.py ADDRESS."""
+"""Follows a probe with the installed package and checks the sets: package.py ADDRESS."""
 
 import asyncio
 import itertools

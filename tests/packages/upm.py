@@ -1,4 +1,4 @@
-"""The layout of a Unity package: upm.py FOLDER. Unity ignores files of a package that have no .meta file with a GUID of their own."""
+"""Checks the layout of a Unity package: upm.py FOLDER. Unity ignores files of a package without a .meta file with a unique GUID."""
 
 import json
 import pathlib

@@ -1,4 +1,4 @@
-"""OSC and MQTT with real peers: see `check.sh`."""
+"""Tests OSC and MQTT with programs of other authors: see `check.sh`."""
 
 import contextlib
 import json
@@ -105,7 +105,7 @@ def compare(seen, reference):
 
 
 def pairs(seen):
-    """For each two consecutive sets, the places of both sets' lights by id."""
+    """Returns, for each two consecutive sets, the positions of both sets' lights by id."""
     sets = []
     for name, args in seen:
         if name == "/hemilux/set":
@@ -186,7 +186,7 @@ def mqtt_topics():
 
 
 def discovery(found):
-    """What Home Assistant requires of a discovery message: unique ids, a topic that is published, a template with a member of its JSON."""
+    """Checks the requirements of Home Assistant on a discovery message: unique ids, a published topic, a template with a member of its JSON."""
     configs = {topic: json.loads(texts[-1]) for topic, texts in found.items() if topic.startswith("homeassistant/")}
     state = json.loads(found["hemilux/attic/state"][-1])
     names = [re.fullmatch(r"\{\{ value_json\.(\w+) \}\}", c["value_template"]).group(1) for c in configs.values()]
@@ -197,7 +197,7 @@ def discovery(found):
 
 
 def faults():
-    """A camera that is away, a broker that comes later, and peers that do not answer."""
+    """Tests an absent camera, a broker that starts late, and peers that do not answer."""
     print("faults:")
     with broker() as port:
         client, found = subscriber(port)

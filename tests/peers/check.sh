@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# OSC and MQTT with programs of other authors: python-osc, mosquitto and paho-mqtt.
+# Tests OSC and MQTT with programs of other authors: python-osc, mosquitto and paho-mqtt.
 #
 #   tests/peers/check.sh HEMILUX
 #

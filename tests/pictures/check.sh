@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# Runs the commands of the README that make the committed pictures, and compares what they write with fixtures/, byte for byte.
+# Runs the commands of the README that make the committed pictures, and compares their files with fixtures/, byte for byte.
 #
-#   tests/pictures/check.sh HEMILUX-SIM            exit status 1 where a picture differs
+#   tests/pictures/check.sh HEMILUX-SIM            exits with status 1 if a picture differs
 #   tests/pictures/check.sh HEMILUX-SIM --write    replaces the committed pictures
 #
-# Not compared: soft.png (soft.py), page*.png, screenshots of a live page (tests/tests/page/screenshots.mjs takes them), and the positions along the axis of time
-# in chart-time.svg, which are measured on the machine at hand: its words (methods, axes) are compared. exports.png belongs to
-# tests/exports. The work takes two minutes on two cores.
+# Not compared: soft.png (soft.py), page*.png, which are screenshots of a live page (tests/tests/page/screenshots.mjs), and the positions on the time axis
+# of chart-time.svg, which are measured on the current machine; its texts (methods, axes) are compared. exports.png belongs to tests/exports.
+# The check takes two minutes on two cores.
 set -euo pipefail
 sim=$(realpath "$1")
 cd "$(dirname "$0")/../.."

@@ -1,4 +1,4 @@
-"""Renders one object under a map, under 16 points and under 16 discs: Mitsuba 3."""
+"""Renders one object under a map, under 16 points and under 16 discs with Mitsuba 3."""
 import json, sys
 import numpy as np
 import mitsuba as mi
@@ -40,7 +40,7 @@ def scene(kind):
         for i, l in enumerate(lights(points)):
             s[f"l{i}"] = {"type": "directional", "direction": [-v for v in yup(l["direction"])], "irradiance": {"type": "rgb", "value": l["irradiance"]}}
     else:
-        # Column 0 of the map is at phi = pi of the probe; Mitsuba's map begins at -Z and turns the other way round from +Y.
+        # Column 0 of the map is at phi = pi of the probe; Mitsuba's map begins at -Z and has the opposite direction of rotation about +Y.
         s["env"] = {"type": "envmap", "bitmap": mi.Bitmap(img), "to_world": T().rotate([0, 1, 0], float(sys.argv[5]) if len(sys.argv) > 5 else 90)}
     return mi.load_dict(s)
 

@@ -19,7 +19,7 @@ DIRECTIVE = re.compile(r"<!-- (run|output): (.*?) -->")
 
 
 def blocks(page):
-    """Line, language, directive and text of each fenced block."""
+    """Yields line, language, directive and text of each fenced block."""
     directive, start, language, lines = None, None, "", []
     for number, line in enumerate((ROOT / page).read_text().splitlines(), 1):
         if start is not None:
@@ -43,7 +43,7 @@ def free_port():
 
 
 class Place:
-    """A folder with links to the repository's files in which commands write, and the port in the place of 8080."""
+    """A folder with links to the repository's files in which commands write, and a port that replaces 8080."""
 
     def __init__(self, folder):
         self.folder, self.port = pathlib.Path(folder), free_port()
@@ -59,7 +59,7 @@ class Place:
         self.environment.pop("RUST_LOG", None)
 
     def script(self, text):
-        """The commands with built programs in the place of `cargo run`, and this place's port."""
+        """Returns the commands with built programs in place of `cargo run`, and with the port of this object."""
         text = re.sub(r"cargo run --release -p hemilux-sim -- ", "hemilux-sim ", text)
         text = re.sub(r"cargo run --release(?: -- |$)", "hemilux ", text, flags=re.M)
         return text.replace(":8080", f":{self.port}")
@@ -71,7 +71,7 @@ class Place:
 
     @contextlib.contextmanager
     def serving(self, text):
-        """The commands, whose last one serves; its address."""
+        """Runs commands of which the last is a server; yields the address of the server."""
         text = self.script(text).rstrip()
         if "--listen" not in text.splitlines()[-1]:
             text += f" --listen 127.0.0.1:{self.port}"
@@ -104,7 +104,7 @@ def normal(line):
 
 
 def compare(expected, printed):
-    """Each expected line is printed, in this order; between them nothing else unless `...` stands there."""
+    """Checks that each expected line is printed, in order; between two lines there is no other unless `...` is between them."""
     found, at, is_free = [normal(line) for line in printed.splitlines()], 0, True
     for line in map(normal, expected.splitlines()):
         if line == "...":

@@ -1,1 +1,1 @@
-//! Tests that cross crates live in `tests/`.
+//! An empty library: the tests of several crates are in `tests/`.

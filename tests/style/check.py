@@ -23,7 +23,7 @@ def tracked(root):
 
 
 def words(root, paths):
-    """Pronouns for people are for people: `people.txt` has the lines that speak of them, as PATH: TEXT."""
+    """Yields pronouns for people outside of the lines of `people.txt`, which has lines PATH: TEXT."""
     allowed, used = [], set()
     for entry in (pathlib.Path(__file__).parent / "people.txt").read_text().splitlines():
         if entry and not entry.startswith("#"):

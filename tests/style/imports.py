@@ -1,4 +1,4 @@
-"""Import cycles between the modules of a crate."""
+"""Finds import cycles between the modules of a crate."""
 
 import pathlib
 import re
@@ -12,7 +12,7 @@ PATH = re.compile(r"\b(?:crate|super)(?:::\w+)+")
 
 
 def leaves(tree):
-    """The paths of a `use` tree, each a list of names; a renamed item keeps its first name, with the new one after `as`."""
+    """Returns the paths of a `use` tree, each a list of names; a renamed item keeps its first name, with the new name after `as`."""
     tree = tree.strip()
     if "{" not in tree:
         yield [part.strip() for part in tree.split("::")]
@@ -30,7 +30,7 @@ def leaves(tree):
 
 
 def module_of(path, source):
-    """The names of the module that a file defines, without those of the crate root."""
+    """Returns the names of the module that a file defines, without those of the crate root."""
     parts = list(path.relative_to(source).with_suffix("").parts)
     if parts[-1] in ("mod", "lib"):
         parts.pop()
@@ -38,7 +38,7 @@ def module_of(path, source):
 
 
 def exports(code):
-    """Names that a module re-exports, each with its path from that module."""
+    """Returns the names that a module re-exports, each with its path from the module."""
     names = {}
     for match in USE.finditer(code):
         if match[1]:
@@ -50,7 +50,7 @@ def exports(code):
 
 
 def used_paths(code):
-    """The paths that begin with `crate` or `super`, with their places: those of `use` declarations, then all others."""
+    """Returns the paths that begin with `crate` or `super`, with their positions: those of `use` declarations, then all others."""
     spans = []
     for match in USE.finditer(code):
         spans.append(match.span())
@@ -63,7 +63,7 @@ def used_paths(code):
 
 
 class Crate:
-    """The modules of a crate, without those that only tests compile."""
+    """The modules of a crate, without those that are compiled for tests only."""
 
     def __init__(self, root, source, files):
         self.code, self.file, tests = {}, {}, set()
@@ -81,7 +81,7 @@ class Crate:
         self.names = {module: exports(code) for module, code in self.code.items()}
 
     def resolve(self, path, module):
-        """The module that a path leads to from `module`, through re-exports."""
+        """Returns the module to which a path leads from `module`, through re-exports."""
         base = tuple(module) if path[0] == "super" else ()
         for name in path:
             name = name.split(" as ")[0].strip()
@@ -97,7 +97,7 @@ class Crate:
         return base
 
     def edges(self):
-        """For each parent module, the imports among its children: from, to, and one place."""
+        """Returns, for each parent module, the imports among its children: from, to, and one position."""
         found = defaultdict(lambda: defaultdict(dict))
         for module, code in self.code.items():
             for path, at in used_paths(code):
@@ -110,7 +110,7 @@ class Crate:
 
 
 def shortest_cycle(found, start):
-    """The shortest way from `start` back to it, as a list of modules; None where there is none."""
+    """Returns the shortest cycle from `start` back to `start`, as a list of modules; None if there is none."""
     ways, seen = [[start]], set()
     while ways:
         following = []
@@ -126,7 +126,7 @@ def shortest_cycle(found, start):
 
 
 def imports(root, paths):
-    """Modules with the same parent do not import each other, directly or through others."""
+    """Yields violations of the rule that modules with the same parent do not import each other, directly or through others."""
     crates = defaultdict(list)
     for path in paths:
         if path.suffix == ".rs" and "src" in path.parts and not is_test(path):

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# check.sh finds one violation of each rule in a tree that has one of each, and none in a tree without.
+# Checks that check.sh finds one violation of each rule in a tree that has one of each, and none in a tree without violations.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 work=$(mktemp -d)

@@ -1,8 +1,8 @@
-"""Rust and JavaScript as text: comments and strings blanked, blocks found."""
+"""Blanks comments and strings of Rust and JavaScript, and finds blocks."""
 
 import re
 
-# Comments, strings and characters, so that braces in them do not count. A lifetime has no second quote.
+# Comments, strings and characters are blanked, so that braces in them do not count. A lifetime has no second quote.
 BLANKED = re.compile(
     r"//[^\n]*|/\*.*?\*/|b?r(#*)\".*?\"\1|b?\"(?:\\.|[^\"\\])*\"|'(?:\\(?:x..|u\{[^}]*\}|.)|[^'\\\n])'",
     re.DOTALL,
@@ -15,7 +15,7 @@ def blanked(source):
 
 
 def body(code, start):
-    """The span of the block that follows `start`, or None for a declaration without one."""
+    """Returns the span of the block that follows `start`, or None for a declaration without a block."""
     depth = 0
     for at in range(start, len(code)):
         c = code[at]
@@ -39,7 +39,7 @@ def line(text, at):
 
 
 def test_modules(code):
-    """The spans of the modules that only tests compile."""
+    """Returns the spans of the modules that are compiled for tests only."""
     for match in TEST_MODULE.finditer(code):
         span = body(code, match.end())
         if span:

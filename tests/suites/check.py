@@ -1,4 +1,4 @@
-"""Compares what hemilux-sim reads from public test images with what OpenEXR and Pillow read."""
+"""Compares the pixels and exposure times that hemilux-sim reads from public test images with those of OpenEXR and Pillow."""
 
 import argparse
 import collections
@@ -25,7 +25,7 @@ def run(*command):
 
 
 def is_refusal(path, result):
-    """Whether the command failed; reports a fault unless it did so with status 1 and one line that names the file."""
+    """Returns whether the command failed; reports a fault unless it failed with status 1 and one line that names the file."""
     if result.returncode == 0:
         return False
     lines = result.stderr.strip().split("\n")
@@ -40,7 +40,7 @@ def channels(path):
 
 
 def openexr(sim, path, work):
-    """Compares a latitude-longitude map texel by texel; returns what was done."""
+    """Compares a latitude-longitude map texel by texel; returns the name of the outcome."""
     written = os.path.join(work, "map.exr")
     result = run(sim, "decompose", "--env", path, "--sphere", "--lights", "2", "--map", written)
     if is_refusal(path, result):
@@ -57,7 +57,7 @@ def openexr(sim, path, work):
     if expected.shape != found.shape:
         rows, columns = expected.shape[:2]
         found = found[window[1] : window[1] + rows, window[0] : window[0] + columns]
-    # Infinities of half floats are kept as the largest half float, and counted.
+    # Infinities of half floats are read as the largest half float, and counted.
     expected[numpy.isinf(expected)] = 65504
     if not numpy.array_equal(expected, found):
         fault(path, f"differs by {numpy.abs(expected - found).max()} from what OpenEXR reads")

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Fails unless a processor without NEON gets one clear line from each program, and one with it the program.
+# Fails unless each program prints one line and exits with status 1 on a processor without NEON, and runs on a processor with NEON.
 #
 #   missing.sh PROGRAM...     builds for armv7-unknown-linux-gnueabihf with NEON; needs qemu-user
 set -euo pipefail

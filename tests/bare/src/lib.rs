@@ -1,7 +1,7 @@
-//! A burst in, lights out, in 256 KB: the core as a small camera's controller runs it, with all its memory in one static.
+//! Converts a burst to lights in 256 KB of RAM with all memory in one static, as the microcontroller of a small camera would.
 //!
-//! `board` runs it on an emulated Cortex-M4F and ARMv7-A and judges the results, `host` on the machine that builds it, and `alone` is
-//! an image that does not link while a panic can be reached.
+//! `board` runs the code on an emulated Cortex-M4F and ARMv7-A and checks the results, `host` runs it on the build machine, and `alone` is
+//! an image that does not link if it contains a reachable panic.
 #![no_std]
 
 mod memory;
@@ -18,22 +18,22 @@ use embedded_io::Write;
 use hemilux_core::wire::{self, LightSet};
 use hemilux_core::{Calibration, Coverage, Format, FrontEnd, Lens, Levels, Light, Q2Tree};
 
-/// Takes a burst of the scene, makes lights of it and writes them to `out` as JSON. `clock` counts whatever time is told in.
+/// Renders a burst of the scene, decomposes it and writes the lights to `out` as JSON. `clock` returns a count in any unit of time.
 ///
 /// # Errors
-/// [`Wrong`]: what was refused.
+/// [`Wrong`] with the error of the stage that failed.
 pub fn run<W: Write>(memory: &mut Memory, clock: fn() -> u32, out: &mut W) -> Result<Report, Wrong> {
     let taken = expose(memory)?;
     decompose(memory, clock, out).map(|report| Report { taken, ..report })
 }
 
-/// Fills the frames. The lens leaves the stack here.
+/// Renders the scene into the frames. A separate function, so that the lens takes no stack later.
 #[inline(never)]
 fn expose(memory: &mut Memory) -> Result<scene::Taken, Wrong> {
     Ok(scene::expose(&Lens::try_new(scene::LENS)?, &mut memory.frames))
 }
 
-/// From frames to bytes: what a product does.
+/// Runs the stages of a product, from frames to encoded bytes.
 fn decompose<W: Write>(memory: &mut Memory, clock: fn() -> u32, out: &mut W) -> Result<Report, Wrong> {
     let m = memory;
     let mut front = front_end(&mut m.map)?;
@@ -50,7 +50,7 @@ fn decompose<W: Write>(memory: &mut Memory, clock: fn() -> u32, out: &mut W) -> 
     report(&front, lights, seen, ticks, clock, out)
 }
 
-/// Writes the lights. The light set leaves the stack here.
+/// Writes the lights. A separate function, so that the light set takes no stack later.
 #[inline(never)]
 fn report<W: Write>(
     front: &FrontEnd<&mut [u64]>,
@@ -78,7 +78,7 @@ fn report<W: Write>(
     Ok(Report::of(&set, front.sizes(), [began, added, built, sampled, clock()]))
 }
 
-/// The front end of the scene's camera. What it is made from leaves the stack here.
+/// Creates the front end of the scene's camera. A separate function, so that its arguments take no stack later.
 #[inline(never)]
 fn front_end(memory: &mut [u64]) -> Result<FrontEnd<&mut [u64]>, Wrong> {
     let lens = Lens::try_new(scene::LENS)?;

@@ -1,4 +1,4 @@
-//! All the memory there is: one static, so that the linker refuses a program that needs more.
+//! The memory of the program in one static, so that the linker refuses a program that needs more than the RAM.
 
 use core::mem::size_of;
 use hemilux_core::sampler::q2tree::{Leaf, Past, interior_len};
@@ -7,25 +7,25 @@ use static_cell::ConstStaticCell;
 
 use crate::scene::EXPOSURES;
 
-/// Columns and rows of an image.
+/// Number of columns, and of rows, of an image.
 pub const SIDE: u32 = 96;
 
 /// Order of the map: 1,024 texels above the horizon, 3.7 degrees wide.
 pub const ORDER: u8 = 4;
 
-/// Most lights.
+/// Largest number of lights.
 pub const LIGHTS: usize = 256;
 
-/// Words of the front end: what `Sizes` says of the scene's camera.
+/// Number of 64-bit words of the front end, as `Sizes` computes it for the scene's camera.
 const WORDS: usize = 18_398;
 
 const FRAME: usize = 3 * (SIDE * SIDE) as usize;
 const BITS: usize = interior_len(Domain::Hemisphere, Order::saturating(ORDER));
 
-/// Memory of fixed size, of zeros until [`Memory::fill`].
+/// A vector of fixed capacity, whose memory is zero until [`Memory::fill`].
 type FixedVec<T, const N: usize> = heapless::Vec<T, N>;
 
-/// Frames, map, tree and lights.
+/// Frames, map, tree and lights of the program.
 pub struct Memory {
     pub(crate) frames: [[u8; FRAME]; EXPOSURES.len()],
     pub(crate) map: [u64; WORDS],
@@ -35,7 +35,7 @@ pub struct Memory {
     pub(crate) past: FixedVec<Past, LIGHTS>,
 }
 
-/// The one there is.
+/// The single instance of [`Memory`].
 pub static MEMORY: ConstStaticCell<Memory> = ConstStaticCell::new(Memory::EMPTY);
 
 impl Memory {
@@ -48,14 +48,14 @@ impl Memory {
         past: FixedVec::new(),
     };
 
-    /// Its bytes, buffer by buffer.
+    /// Name and number of bytes of each group of buffers.
     pub const PARTS: [(&str, usize); 3] = [
         ("frames", size_of::<[[u8; FRAME]; EXPOSURES.len()]>()),
         ("front end", size_of::<[u64; WORDS]>()),
         ("lights", LIGHTS * (size_of::<Light>() + size_of::<Past>() + size_of::<Leaf>()) + 2 * BITS),
     ];
 
-    /// Gives every buffer its full length.
+    /// Extends every vector to its capacity.
     pub fn fill(&mut self) {
         fill(&mut self.heap);
         fill(&mut self.lights);

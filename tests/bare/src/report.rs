@@ -1,20 +1,20 @@
-//! What came of it, and whether it is right.
+//! The results of a frame, and their checks.
 
 use crate::scene::{LAMP, Taken};
 use hemilux_core::wire::LightSet;
 use hemilux_core::{BadOrder, FrontError, LayoutError, LensError, Light, Sizes, TooSmall, color};
 
-/// Why there are no lights, or wrong ones.
+/// The reason why a frame has no lights, or wrong lights.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum Wrong {
-    /// The camera, the front end or the frames.
+    /// An error of the camera, the front end or the frames.
     Front(FrontError),
-    /// A buffer.
+    /// A buffer that is too short.
     Memory(TooSmall),
-    /// The writer refused.
+    /// An error of the writer.
     Output,
-    /// What is checked, what was found and what was expected, at most.
+    /// A failed check: the checked quantity, its value and its largest permitted value.
     Check(&'static str, f32, f32),
 }
 
@@ -35,26 +35,26 @@ impl From<TooSmall> for Wrong {
     }
 }
 
-/// The frame in numbers.
+/// The results of one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Report {
-    /// What the camera saw.
+    /// Energy and hash of the rendered frames.
     pub taken: Taken,
-    /// How many lights.
+    /// Number of lights.
     pub lights: usize,
-    /// Their sum.
+    /// Sum of the irradiances of the lights, red, green and blue.
     pub energy: [f32; 3],
-    /// The map's.
+    /// Energy of the map, red, green and blue.
     pub map: [f32; 3],
     /// Largest difference of a direction's length from 1.
     pub length: f32,
-    /// From the brightest light to the lamp, degrees.
+    /// Angle between the brightest light and the lamp, degrees.
     pub lamp_deg: f32,
-    /// Share of the hemisphere that clips.
+    /// Share of the hemisphere's solid angle in which the shortest exposure is clipped, 0..=1.
     pub clipped: f32,
-    /// Elements of the front end's buffers.
+    /// Numbers of elements of the front end's buffers.
     pub sizes: Sizes,
-    /// The clock before and after front end, pyramid, sampler, and encoding.
+    /// Readings of the clock before the front end and after front end, pyramid, sampler and encoding.
     pub ticks: [u32; 5],
 }
 
@@ -78,10 +78,10 @@ impl Report {
         }
     }
 
-    /// Whether the lights are those of the scene.
+    /// Checks that the lights are those of the scene.
     ///
     /// # Errors
-    /// The first [`Wrong::Check`].
+    /// [`Wrong::Check`] with the first check that failed.
     pub fn check(&self) -> Result<(), Wrong> {
         let off = |a: [f32; 3], b: [f32; 3]| {
             a.iter()
@@ -89,12 +89,12 @@ impl Report {
                 .map(|(a, b)| (a - b).abs() / b)
                 .fold(0.0, |most: f32, v| if v <= most { most } else { v })
         };
-        // The tree has a light for every leaf: 256, less the two that a split on the horizon may pass over.
+        // The tree has 256 leaves with one light each, minus up to two that a split on the horizon cannot use.
         let missing = crate::LIGHTS.abs_diff(self.lights) as f32;
         let checks = [
             ("lights missing", missing, 2.0),
             ("energy of the lights against the map's, ratio", off(self.energy, self.map), 1e-5),
-            // Half a code of noise in the dark.
+            // The noise adds half a code on average, which matters in dark pixels.
             ("energy of the map against the scene's, ratio", off(self.map, self.taken.energy), 0.01),
             ("length of a direction", self.length, 1e-6),
             ("from the brightest light to the lamp, degrees", self.lamp_deg, 4.0),

@@ -1,4 +1,4 @@
-//! What the camera sees: a sky, a window and a lamp, through an equidistant fisheye, with the sensor's noise.
+//! The scene: a sky, a window and a lamp through an equidistant fisheye lens, with the sensor's noise.
 
 use crate::memory::SIDE;
 use core::f64::consts::FRAC_PI_2;
@@ -7,7 +7,7 @@ use hemilux_core::Exposure;
 use hemilux_core::color;
 use hemilux_core::lens::{Intrinsics, Lens, Model};
 
-/// A fisheye whose 180 degrees just fit into the image.
+/// Returns a fisheye lens whose image circle of 180 degrees has the diameter of the image.
 pub const LENS: Intrinsics = Intrinsics {
     model: Model::Equidistant,
     centre_px: DVec2::splat((SIDE as f64 - 1.0) / 2.0),
@@ -17,15 +17,15 @@ pub const LENS: Intrinsics = Intrinsics {
     vignetting: [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
 };
 
-/// Codes of no light and of full scale.
+/// Sensor code of darkness.
 pub const BLACK: f64 = 8.0;
-/// See [`BLACK`].
+/// Sensor code of full scale.
 pub const WHITE: f64 = 255.0;
 
-/// Radiance that fills a pixel in the shortest exposure: a quarter more than the lamp's.
+/// Radiance of full scale in the shortest exposure: 1.25 times the radiance of the lamp.
 const FULL: f64 = 50.0;
 
-/// 1, 8 and 64 ms.
+/// Exposures of a burst: 1, 8 and 64 ms.
 pub const EXPOSURES: [Exposure; 3] = [exposure(0.001), exposure(0.008), exposure(0.064)];
 
 /// Radiance of relative exposure 1 at one second.
@@ -38,20 +38,20 @@ const fn exposure(seconds: f64) -> Exposure {
 /// Unit vector towards the lamp: 60 degrees up.
 pub const LAMP: Vec3 = Vec3::new(0.433_012_7, 0.25, 0.866_025_4);
 
-/// Cosine of the lamp's radius of 4 degrees, and its radiance.
+/// Cosine of the lamp's angular radius of 4 degrees, and its radiance.
 const LAMP_COS: f64 = 0.997_564_05;
 const LAMP_RGB: [f32; 3] = [40.0, 30.0, 18.0];
 
-/// Unit vector towards the window, 35 degrees up; cosine of its radius of 12 degrees, and its radiance.
+/// Unit vector towards the window, 35 degrees up; cosine of its angular radius of 12 degrees, and its radiance.
 const WINDOW: DVec3 = DVec3::new(-0.769_751_1, -0.280_166_5, 0.573_576_44);
 const WINDOW_COS: f64 = 0.978_147_6;
 const WINDOW_RGB: [f32; 3] = [3.0, 3.2, 3.5];
 
-/// Radiance of the sky at the horizon and overhead.
+/// Radiance of the sky at the horizon and at the zenith.
 const HORIZON: [f32; 3] = [0.30, 0.35, 0.45];
 const ZENITH: [f32; 3] = [0.15, 0.25, 0.55];
 
-/// Radiance from `direction`.
+/// Returns the radiance from `direction`.
 fn radiance(direction: DVec3) -> [f32; 3] {
     if direction.dot(LAMP.as_dvec3()) > LAMP_COS {
         return LAMP_RGB;
@@ -63,16 +63,16 @@ fn radiance(direction: DVec3) -> [f32; 3] {
     core::array::from_fn(|c| HORIZON[c] + up * (ZENITH[c] - HORIZON[c]))
 }
 
-/// What [`expose`] knows of a burst.
+/// The energy and a hash of a burst that [`expose`] rendered.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Taken {
-    /// Sum of L dOmega over the pixels above the horizon.
+    /// Sum of radiance times solid angle over the pixels above the horizon.
     pub energy: [f32; 3],
-    /// FNV-1a of all frames: the same on every machine.
+    /// FNV-1a hash of all frames, equal on every machine.
     pub hash: u32,
 }
 
-/// Takes the burst: red, green, blue bytes.
+/// Renders the burst to frames of red, green and blue bytes.
 pub fn expose<const N: usize>(lens: &Lens, frames: &mut [[u8; N]]) -> Taken {
     let mut energy = [0.0; 3];
     let mut noise = Noise(0x9e37_79b9);
@@ -93,18 +93,18 @@ pub fn expose<const N: usize>(lens: &Lens, frames: &mut [[u8; N]]) -> Taken {
     Taken { energy, hash }
 }
 
-/// Xorshift, \[Marsaglia2003\].
+/// The random number generator xorshift, \[Marsaglia2003\].
 struct Noise(u32);
 
 impl Noise {
-    /// The code of a radiance, with a code's noise.
+    /// Returns the code of a radiance, with noise of up to one code.
     fn code(&mut self, radiance: f32, seconds: f64) -> u8 {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 17;
         self.0 ^= self.0 << 5;
         let noise = self.0 as f32 / 4_294_967_296.0;
         let range = ((WHITE - BLACK) * seconds / SCALE) as f32;
-        // Rounded down: the noise is from 0 to 1.
+        // The code is rounded down, so noise from 0 to 1 rounds on average.
         (radiance * range + BLACK as f32 + noise) as u8
     }
 }

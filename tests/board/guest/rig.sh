@@ -1,37 +1,37 @@
-# What happens in the guest. Each step tells the host what it found; the host judges. The host's lines come in on the console.
+# Runs the steps in the guest. Each step writes its result to the console; the host checks it and writes the next command.
 say() { echo "RIG $*"; }
 camera=v4l2:/dev/video0,size=640x480,format=YUYV,rate=25
-# The guest's clock counts instructions and would jump while nothing runs: so something always runs, and only when nothing else does.
+# The guest's clock counts instructions and jumps when the guest is idle, so a loop of lowest priority keeps it busy.
 nice -n 19 sh -c 'while :; do :; done' &
 mkdir -p /tmp/www
 httpd -p 8081 -h /tmp/www
 say ready
 read -r frames disconnects < /dev/console
 
-# The package, where there is one: installed with Debian's dpkg, whose database is empty.
+# The package, if there is one, is installed with Debian's dpkg, whose database is empty.
 if [ -e /hemilux.deb ]; then
     mkdir -p /var/lib/dpkg/info /var/lib/dpkg/updates /var/log
     touch /var/lib/dpkg/status
-    # Busybox has what else dpkg looks for in the path, or has no use for it.
+    # Busybox has the other programs that dpkg requires in the path, or dpkg does not use them.
     PATH=/usr/bin:/bin /usr/bin/dpkg -i --force-depends --force-bad-path /hemilux.deb || exit 1
     [ -s /etc/hemilux/hemilux.conf ] || exit 1
     say installed "$(hemilux --version)"
 fi
 
-# Before our program: is the rig itself sound?
+# Checks the rig itself before the probe runs.
 v4l2-compliance -d /dev/video0 -s5 > /tmp/www/compliance.txt
 say compliance
 hemilux devices --json > /tmp/www/devices.json || exit 1
 hemilux devices || exit 1
 say devices
 
-# A picture whose every luma byte follows the brightness, and a schedule of three brightness values.
+# Sets a picture in which every luma byte follows the brightness, and a schedule of three brightness values.
 v4l2-ctl -d /dev/video0 --set-ctrl test_pattern=6,osd_text_mode=2
 hemilux devices --check "$camera,exposures=0.001/0.006/0.036,stand-in=Brightness:32/80/128" --frames "$frames" --json \
     > /tmp/www/check.json || exit 1
 say check
 
-# What the camera gave, byte for byte.
+# Records the camera's frames byte for byte.
 hemilux record --source "$camera,exposures=0.001/0.006/0.036,stand-in=Brightness:32/80/128" --bursts 4 --out /tmp/rec || exit 1
 tar -c -f /tmp/www/rec.tar -C /tmp rec
 rm -rf /tmp/rec
@@ -50,10 +50,10 @@ read -r go < /dev/console
 held() { echo "fds $(ls /proc/$probe/fd | wc -l) maps $(wc -l < /proc/$probe/maps) threads $(ls /proc/$probe/task | wc -l) $(grep VmRSS /proc/$probe/status | tr -s ' \t' ' ') $(grep VmHWM /proc/$probe/status | tr -s ' \t' ' ')"; }
 n=0
 while [ $n -lt "$disconnects" ]; do
-    # The first recoveries may still take what they then keep.
+    # The first recoveries may allocate memory that later recoveries reuse.
     [ $n = 2 ] && say held-before "$(held)"
     v4l2-ctl -d /dev/video0 --set-ctrl disconnect=1 > /dev/null 2>&1
-    # vivid stays in use until our program has closed everything.
+    # vivid stays in use until the probe has closed all file descriptors and mappings.
     tries=0
     until rmmod vivid 2> /dev/null; do
         tries=$((tries + 1))

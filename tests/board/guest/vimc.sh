@@ -1,8 +1,8 @@
-# What happens in the guest of tests/board/vimc. The graph's scaler is linked with the debayer of sensor A; the probe is to show sensor B.
+# Runs the steps in the guest of tests/board/vimc. The graph's scaler is linked with the debayer of sensor A; the probe is to use sensor B.
 say() { echo "RIG $*"; }
 times=$(sed 's/.*times=\([0-9]*\).*/\1/' /proc/cmdline)
 fail() { say "failed: $*"; cat /tmp/serve.log; exit 1; }
-# Wrong at the start: another size at the sensor than at the debayer, and no link from its debayer to the scaler.
+# The graph is wrong at the start: the sensor has another size than the debayer, and its debayer has no link to the scaler.
 media-ctl -d /dev/media0 -V '"Sensor B":0[fmt:SGRBG8_1X8/160x120]' || exit 1
 media-ctl -d /dev/media0 -l '"Debayer A":1 -> "Scaler":0 [1]' || exit 1
 node=$(media-ctl -d /dev/media0 -e "RGB/YUV Capture")

@@ -1,4 +1,4 @@
-//! The configuration file: what is read can be applied, saved and read again.
+//! The configuration file: a file that is read can be applied, saved and read again.
 
 #![no_main]
 

@@ -15,7 +15,7 @@ const PROJECTIONS: [Option<Projection>; 5] = [
 ];
 
 fuzz_target!(|bytes: &[u8]| {
-    // The last byte chooses how the rest is read.
+    // The last byte selects the projection as which the file is read.
     let Some((choice, file)) = bytes.split_last() else { return };
     let covers = [None, Some(Covers::Sphere), Some(Covers::Hemisphere)][usize::from(choice / 5 % 3)];
     let projection = PROJECTIONS[usize::from(choice % 5)];

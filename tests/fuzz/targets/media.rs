@@ -1,18 +1,18 @@
-//! The graph of a media device, as its driver answers, and the routes through it.
+//! The graph of a media device with arbitrary answers of its driver, and the routes through the graph.
 
 #![no_main]
 
 use hemilux::v4l2::media::{Device, Graph, Topology, abi, route};
 use libfuzzer_sys::fuzz_target;
 
-/// Most entries of each kind.
+/// Largest number of entries of each kind.
 const MOST: usize = 24;
 
-/// Numbers from bytes; 0 behind their end.
+/// A source of numbers from bytes; 0 after the last byte.
 struct Numbers<'a>(std::slice::Iter<'a, u8>);
 
 impl Numbers<'_> {
-    /// A small number, so that entries refer to each other, or an arbitrary one.
+    /// Returns a small number, so that entries refer to each other, or an arbitrary number.
     fn next(&mut self) -> u32 {
         let mut byte = || u32::from(*self.0.next().unwrap_or(&0));
         match byte() {

@@ -1,4 +1,4 @@
-//! Photographs as `import` reads them: EXIF data, ICC profiles and PNG chunks that say how light became codes.
+//! Photographs as `import` reads them: EXIF data, ICC profiles and PNG chunks that define the conversion of light to codes.
 
 #![no_main]
 

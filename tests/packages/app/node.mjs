@@ -1,4 +1,4 @@
-// Follows a probe by the installed package and checks what it gives.
+// Follows a probe with the installed package and checks the sets.
 import assert from "node:assert/strict";
 import { Hemilux, mix } from "hemilux";
 
@@ -17,7 +17,7 @@ assert.ok(between.every(light => Math.abs(Math.hypot(...light.direction) - 1) < 
 const light = { id: 1, direction: [0, 0, 1], irradiance: [2, 2, 2], radius_deg: 1, age: 0, parent: null };
 assert.deepEqual(mix([], [light], 0.5)[0].irradiance, [1, 1, 1], "a new light fades in");
 
-// A probe that is not there, and one that refuses: one line each, and the connection is tried again.
+// An address without a probe, and a probe that refuses the request: one line each, and the client tries again.
 for (const [base, options, expected] of [["http://127.0.0.1:9", {}, "127.0.0.1:9"], [address, { lights: 0 }, "answered 400"]]) {
   const lost = new Hemilux(base, options);
   await new Promise(done => lost.addEventListener("state", done, { once: true }));

@@ -1,4 +1,4 @@
-// What a user writes; the compiler must take it, and refuse the lines that are marked.
+// Code of a user of the package; the compiler must accept it, except the marked lines.
 import { Hemilux, mix, type Light, type LightSet } from "hemilux";
 import { ProbeLights } from "hemilux/three";
 import * as THREE from "three";

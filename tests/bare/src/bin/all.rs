@@ -1,4 +1,4 @@
-//! Everything of the core besides what the profile runs, linked so that its panics can be listed (`run --panics`). It is never run.
+//! Links the functions of the core that the other images do not run, so that `run --panics` can list their panics. Never run.
 #![no_std]
 #![no_main]
 
@@ -32,7 +32,7 @@ fn main() -> ! {
     semihosting::process::exit(0)
 }
 
-/// Memory of a length that only the caller knows.
+/// Returns a buffer whose length the compiler cannot determine.
 fn lent<T>() -> &'static mut [T] {
     black_box(&mut [])
 }

@@ -1,5 +1,5 @@
-//! The core alone: with the feature `strict` it does not link while a panic can be reached. It runs as well, and keeps no log: the
-//! exit status is 0 when the lights are right.
+//! The core alone: with the feature `strict` the image does not link if it contains a reachable panic. It can also be run, without a log:
+//! the exit status is 0 if the lights pass the checks.
 #![no_std]
 #![no_main]
 
@@ -42,7 +42,7 @@ fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
         unsafe extern "C" {
             fn a_panic_can_be_reached() -> !;
         }
-        // SAFETY: there is no such function, so that no image with this call links.
+        // SAFETY: the function does not exist, so that no image with this call links.
         unsafe { a_panic_can_be_reached() }
     }
     #[cfg(not(feature = "strict"))]

@@ -1,5 +1,5 @@
-//! On an emulated board: takes the burst, makes the lights, writes them to `lights.json` through semihosting, and judges them. The log
-//! is defmt on standard output; the exit status is 0 only when all is right.
+//! Runs on an emulated board: renders the burst, computes the lights, writes them to `lights.json` through semihosting, and checks them.
+//! The defmt log is on standard output; the exit status is 0 only if every check passes.
 #![no_std]
 #![no_main]
 
@@ -8,7 +8,7 @@ use hemilux_bare::{MEMORY, Memory, Wrong, start};
 use semihosting::fs::File;
 use semihosting::process;
 
-/// Bytes that are sent to the host at once.
+/// Number of bytes per write to the host.
 const CHUNK: usize = 320;
 
 #[cfg_attr(target_abi = "eabihf", cortex_m_rt::entry)]
@@ -64,10 +64,10 @@ fn run() -> Result<(), Wrong> {
     Ok(())
 }
 
-/// Bytes of the stack that must stay unused.
+/// Least number of bytes of the stack that must stay unused.
 const SPARE: usize = 1024;
 
-/// Gathers bytes and sends them in chunks.
+/// A writer that collects bytes and sends them to the host in chunks.
 struct Json {
     file: File,
     chunk: [u8; CHUNK],

@@ -1,4 +1,4 @@
-//! The same on the machine that builds it: what the boards' lights are compared with. Writes JSON to stdout.
+//! Computes the lights of the scene on the build machine, as the reference for the boards, and writes them to stdout as JSON.
 
 use std::io::Write as _;
 use std::process::ExitCode;

@@ -1,12 +1,12 @@
-//! Cortex-A: QEMU enters the image in supervisor mode, with MMU and caches off.
+//! Start code of Cortex-A: QEMU enters the image in supervisor mode, with MMU and caches off.
 
 use core::arch::{asm, global_asm};
 use core::ops::Range;
 
-/// The machine's name.
+/// Name of the machine.
 pub const NAME: &str = "Cortex-A7";
 
-// Stack, zeroed statics, main.
+// Sets the stack pointer, clears the statics and calls main.
 global_asm!(
     ".section .text._start,\"ax\"",
     ".global _start",
@@ -28,20 +28,20 @@ unsafe extern "C" {
     static __stack_top: u8;
 }
 
-/// From the end of the statics to the stack's beginning, whole words.
+/// Returns the address range from the end of the statics to the start of the stack, whole words.
 pub(super) fn stack() -> Range<usize> {
     (&raw const __bss_end).addr()..(&raw const __stack_top).addr()
 }
 
-/// Instructions between two readings of [`clock`] under `-icount shift=0`: 1 ns each, where the clock counts 16 ns.
+/// Converts two readings of [`clock`] to the number of instructions between them: under `-icount shift=0` an instruction takes 1 ns, a count 16 ns.
 pub fn instructions(from: u32, to: u32) -> u32 {
     to.wrapping_sub(from).saturating_mul(16)
 }
 
-/// Counts of the generic timer.
+/// Returns the count of the generic timer.
 pub fn clock() -> u32 {
     let (low, _high): (u32, u32);
-    // SAFETY: reads CNTVCT, which every core with the generic timer has.
+    // SAFETY: reads CNTVCT, which exists on every core with the generic timer.
     unsafe { asm!("isb", "mrrc p15, 1, {}, {}, c14", out(reg) low, out(reg) _high) };
     low
 }
@@ -49,18 +49,18 @@ pub fn clock() -> u32 {
 struct SingleCore;
 critical_section::set_impl!(SingleCore);
 
-// SAFETY: one core, no threads: what masks interrupts excludes everything else.
+// SAFETY: one core and no threads, so masked interrupts exclude all other code.
 unsafe impl critical_section::Impl for SingleCore {
     unsafe fn acquire() -> critical_section::RawRestoreState {
         let cpsr: u32;
-        // SAFETY: allowed in supervisor mode, which nothing leaves.
+        // SAFETY: permitted in supervisor mode, in which the program always runs.
         unsafe { asm!("mrs {}, cpsr", "cpsid i", out(reg) cpsr) };
         cpsr
     }
 
     unsafe fn release(cpsr: critical_section::RawRestoreState) {
         if cpsr & 0x80 == 0 {
-            // SAFETY: interrupts were on before.
+            // SAFETY: interrupts were enabled before `acquire`.
             unsafe { asm!("cpsie i") };
         }
     }

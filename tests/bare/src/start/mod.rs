@@ -1,4 +1,4 @@
-//! What a board needs before `main`, and what only it knows: its clock, and how deep its stack went.
+//! The board-specific code: start code, clock, and measurement of the stack depth.
 #![allow(unsafe_code, reason = "memory that the linker names, instructions that Rust does not have")]
 
 #[cfg(target_abi = "eabihf")]
@@ -12,28 +12,28 @@ pub use machine::{NAME, clock, instructions};
 
 use core::ops::Range;
 
-/// What no program leaves on its stack by chance.
+/// Bit pattern of unused stack words, unlikely in used ones.
 const PAINT: u32 = 0xc5a3_1e87;
 
-/// Bytes that are left unpainted under the stack's present end: frames of the functions that paint.
+/// Number of bytes below the current stack pointer that are not painted: the stack frames of the painting functions.
 const MARGIN: usize = 256;
 
-/// Paints the stack below its present end.
+/// Fills the unused stack with [`PAINT`].
 pub fn paint() {
     let here = 0u32;
     let end = (&raw const here).addr() - MARGIN;
     for at in machine::stack().start..end {
         if at % 4 == 0 {
-            // SAFETY: from the end of the statics up to well below the frame of this function nothing lives; the words are RAM.
+            // SAFETY: the addresses lie between the statics and the frame of this function, which hold no live data; the words are RAM.
             unsafe { core::ptr::with_exposed_provenance_mut::<u32>(at).write_volatile(PAINT) };
         }
     }
 }
 
-/// Bytes of the stack that were used since it was [painted](paint), and bytes there are.
+/// Returns the number of stack bytes that were used since [`paint`], and the number of all stack bytes.
 pub fn depth() -> (usize, usize) {
     let Range { start, end } = machine::stack();
-    // SAFETY: aligned words of RAM below the stack pointer or in frames that are only read.
+    // SAFETY: aligned words of RAM below the stack pointer, or in stack frames, are only read.
     let painted =
         |at: &usize| unsafe { core::ptr::with_exposed_provenance::<u32>(*at).read_volatile() } == PAINT;
     let untouched = (start..end).step_by(4).take_while(painted).count();
