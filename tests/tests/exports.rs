@@ -1,11 +1,11 @@
-//! Light sets in the forms of other programs: directions and irradiances read back from each file by its own rules.
-//! `tests/exports` opens the same files with usd-core, gltf-validator and Mitsuba.
+//! Light sets in the export forms: directions and irradiances are read back from each file by the rules of its format. `tests/exports` opens the
+//! same files with usd-core, gltf-validator and Mitsuba.
 
 use hemilux::export::{ExportError, Form, encode};
 use hemilux_core::light::{Light, Sh9};
 use hemilux_core::wire::{Coordinates, LightSet, Stale, Unit};
 
-/// A light as a file gives it: direction towards the light in the file's axes, perpendicular irradiance.
+/// Direction towards a light in the axes of the file, and its perpendicular irradiance.
 #[derive(Debug)]
 struct Read {
     direction: [f64; 3],
@@ -46,7 +46,7 @@ fn triple(values: &[f64]) -> [f64; 3] {
     [values[0], values[1], values[2]]
 }
 
-/// Turns `v` by the quaternion (x, y, z, w).
+/// Rotates `v` by the quaternion (x, y, z, w).
 fn turned([x, y, z, w]: [f64; 4], v: [f64; 3]) -> [f64; 3] {
     glam::DQuat::from_xyzw(x, y, z, w).mul_vec3(v.into()).to_array()
 }
@@ -78,7 +78,7 @@ fn of_glb(file: &[u8]) -> Vec<Read> {
         .collect()
 }
 
-/// The value of `name = value` in a block of a .usda file.
+/// Returns the numbers of `name = value` in a block of a .usda file.
 fn usd_value(block: &str, name: &str) -> Vec<f64> {
     let found = block.lines().find_map(|l| l.split_once(&format!(" {name} = ")));
     numbers(found.unwrap_or_else(|| panic!("no {name} in {block}")).1)
@@ -91,7 +91,7 @@ fn of_usda(file: &str) -> Vec<Read> {
             let q = usd_value(block, "xformOp:orient");
             let intensity = usd_value(block, "inputs:intensity")[0];
             let travel = turned([q[1], q[2], q[3], q[0]], [0.0, 0.0, -1.0]);
-            // What a surface facing the disc receives, over the part of the energy that faces it, is the energy.
+            // A surface that faces the disc receives the energy times the mean cosine over the disc.
             let half = usd_value(block, "inputs:angle")[0].to_radians() / 2.0;
             let exposure = usd_value(block, "inputs:exposure")[0];
             assert!((exposure.exp2() / ((1.0 + half.cos()) / 2.0) - 1.0).abs() < 1e-5, "{block}");
@@ -164,14 +164,14 @@ fn of_xml(file: &str) -> Vec<Read> {
     lights.map(light).collect()
 }
 
-/// The rows of the script's table: id, direction, strength, colour, radius.
+/// Reads the rows of the script's table: id, direction, strength, colour, radius.
 fn of_blender(text: &str) -> Vec<Read> {
     let rows = text.lines().filter_map(|line| line.trim().strip_prefix("(\""));
     rows.map(|row| {
         let (_, values) = row.split_once("\",").expect("an id");
         let v = numbers(values);
         assert_eq!(v.len(), 8, "{row}");
-        // The strength is what a surface facing the disc receives.
+        // The strength is the irradiance of a surface that faces the disc.
         let facing = (1.0 + v[7].to_radians().cos()) / 2.0;
         Read { direction: triple(&v), irradiance: [v[4], v[5], v[6]].map(|c| c * v[3] / facing) }
     })
@@ -223,7 +223,7 @@ fn each_form_keeps_directions_and_irradiances() {
 }
 
 #[test]
-fn a_set_without_lights_is_a_file_without_lights() {
+fn a_set_without_lights_is_exported_as_a_file_without_lights() {
     for form in FORMS {
         let set = LightSet { coordinates: form.native_axes(), ..LightSet::EMPTY };
         let file = bytes(form, &set);
@@ -293,7 +293,7 @@ fn usd_names_the_map_in_an_invisible_dome_and_its_up_axis() {
             dome.contains("@@@maps/room.exr@@@") && dome.contains("visibility = \"invisible\""),
             "{dome}"
         );
-        // Longitude 0 of a texture is local +Z, longitude 90 degrees +X, the upper edge +Y; each row is the image of a local axis.
+        // In a texture, longitude 0 is local +Z, longitude 90 degrees +X and the upper edge +Y; each row is the image of a local axis.
         let m = usd_value(dome, "xformOp:transform");
         let expected = match coordinates {
             Coordinates::YUp => [[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]],

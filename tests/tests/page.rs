@@ -1,7 +1,7 @@
-//! The page in a real browser: chromium without a window, driven by playwright-core from `page/*.mjs`.
+//! The page in a real browser: Chromium without a window, driven by playwright-core from `page/*.mjs`.
 //!
-//! HEMILUX_NODE names a folder with node_modules/playwright-core and axe-core (`npm install --prefix FOLDER playwright-core axe-core`). What is
-//! not there is skipped with a line that says so; `HEMILUX_RIG=1` demands it all.
+//! HEMILUX_NODE names a folder with node_modules/playwright-core and axe-core (`npm install --prefix FOLDER playwright-core axe-core`). If a
+//! tool is missing, the test prints its name and is skipped; with `HEMILUX_RIG=1` it fails.
 
 mod bench;
 
@@ -23,15 +23,15 @@ use std::time::Duration;
 
 const EVERY: Duration = Duration::from_millis(100);
 
-/// A browser without a GPU takes all there is of a machine: one at a time.
+/// A lock, so that one browser runs at a time: without a GPU a browser uses all processors.
 static BROWSER: Mutex<()> = Mutex::new(());
 
-/// Runs a scenario of `page/run.mjs` against `bench`, which is stopped and started again where the scenario asks for it.
+/// Runs a scenario of `page/run.mjs` against `bench`, which is stopped and started on the request of the scenario.
 fn run(scenario: &str, bench: impl FnOnce() -> Bench) {
     run_moving(scenario, bench, || unreachable!("{scenario} moves nothing before the camera"));
 }
 
-/// Like [`run`], but calls `next` where the scenario asks that the object before the camera moves on.
+/// Like [`run`], but calls `next` on the request of the scenario to move the object before the camera.
 fn run_moving(scenario: &str, bench: impl FnOnce() -> Bench, next: impl Fn()) {
     let waited = || {
         let bench = bench();
@@ -41,7 +41,7 @@ fn run_moving(scenario: &str, bench: impl FnOnce() -> Bench, next: impl Fn()) {
     run_with(scenario, waited, next);
 }
 
-/// Like [`run_moving`] for a bench that need not have a set.
+/// Like [`run_moving`], for a bench that may have no light set.
 fn run_with(scenario: &str, bench: impl FnOnce() -> Bench, next: impl Fn()) {
     let Some((program, folder)) = browser::tools() else { return };
     let _alone = BROWSER.lock().unwrap_or_else(PoisonError::into_inner);
@@ -82,27 +82,27 @@ fn open() -> Bench {
 }
 
 #[test]
-fn the_page_shows_the_light_and_follows_it() {
+fn page_displays_the_lights_and_updates_them() {
     run("live", open);
 }
 
 #[test]
-fn controls_act_by_keyboard_on_a_phone_and_nothing_bars_the_way() {
+fn controls_work_by_keyboard_and_no_element_is_wider_than_a_phone() {
     run("controls", || Bench::still(EVERY));
 }
 
 #[test]
-fn every_setting_acts_and_wrong_input_is_refused_in_place() {
+fn every_setting_has_an_effect_and_wrong_input_is_refused_beside_its_field() {
     run("settings", open);
 }
 
 #[test]
-fn two_methods_stand_side_by_side_on_the_same_frames() {
+fn two_samplers_are_compared_on_the_same_frames() {
     run("compare", open);
 }
 
 #[test]
-fn what_is_saved_is_there_at_the_next_start() {
+fn saved_settings_are_loaded_at_the_next_start() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("hemilux.toml");
     std::fs::write(&path, "# Mine.\nlisten = \"127.0.0.1:0\"\n").expect("a file");
@@ -119,25 +119,25 @@ fn what_is_saved_is_there_at_the_next_start() {
     assert_eq!((config.pipeline.lights, config.budgets.ms(1)), (21, 12.5), "{settings}");
     assert_eq!(config.exposures_s, Some(vec![0.001, 0.02]), "{settings}");
     let text = std::fs::read_to_string(&path).expect("a file");
-    assert!(text.starts_with("# Mine.\nlisten = \"127.0.0.1:0\"\n"), "all else stays: {text}");
+    assert!(text.starts_with("# Mine.\nlisten = \"127.0.0.1:0\"\n"), "other lines are unchanged: {text}");
 }
 
 #[test]
-fn what_is_given_up_for_speed_hardly_shows() {
+fn approximations_of_the_shading_are_hardly_visible() {
     run("shading", || Bench::still(EVERY));
 }
 
 #[test]
-fn shadows_of_discs_are_those_of_many_points() {
+fn shadows_of_discs_equal_the_mean_shadow_of_many_points() {
     run("penumbra", || Bench::still(EVERY));
 }
 
 #[test]
-fn a_shadow_is_seen_without_a_gpu() {
+fn a_shadow_is_visible_without_a_gpu() {
     run("gathered", || Bench::still(EVERY));
 }
 
-/// Figures for people; nothing is asserted of them.
+/// Prints figures; asserts nothing about them.
 #[test]
 fn the_first_picture_and_the_scene_are_timed() {
     run("speed", open);
@@ -149,7 +149,7 @@ fn nothing_is_shown_or_changed_without_the_token() {
     run("login", || Bench::running(EVERY, Limits::default(), Options { access, ..Options::default() }));
 }
 
-/// A probe that is also known as `probe.lan`.
+/// Starts a probe whose second host name is `probe.lan`.
 fn known(access: Access) -> Bench {
     let hosts = KnownHosts::of(([127, 0, 0, 1], 0).into(), &["probe.lan".to_owned()]);
     Bench::running(EVERY, Limits::default(), Options { hosts, access, ..Options::default() })
@@ -171,7 +171,7 @@ fn foreign_pages_change_nothing_with_a_session_cookie() {
 }
 
 #[test]
-fn a_visitor_takes_files_and_program_texts_home_and_each_works_as_given() {
+fn offered_files_and_program_texts_work_unchanged() {
     let options = Options { origins: vec!["http://localhost:8000".into()], ..Options::default() };
     run("visitor", || Bench::running(EVERY, Limits::default(), options));
 }
@@ -182,7 +182,7 @@ fn the_first_view_and_the_stream_after_it_are_small() {
 }
 
 #[test]
-fn a_probe_without_a_camera_tells_its_fault() {
+fn page_displays_the_fault_of_a_probe_without_a_camera() {
     run_with(
         "fault",
         || {
@@ -200,11 +200,11 @@ fn another_source_is_chosen_on_the_page() {
 }
 
 #[test]
-fn the_page_outlives_the_probe() {
+fn page_continues_after_the_probe_restarts() {
     run("restart", open);
 }
 
-/// The way of a person through the calibration, with a camera before which a board is moved.
+/// Runs the calibration as a person would, with a camera before which a board is moved.
 #[test]
 fn a_lens_is_calibrated_on_the_page_and_saved() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -234,7 +234,7 @@ fn calibrating(camera: RoomCamera, path: &Path) -> Bench {
     Bench::of(Box::new(camera), std::sync::mpsc::channel().0, Limits::default(), 64, options)
 }
 
-/// The way of a person with a phone: a lit screen at one angle after another.
+/// Measures vignetting on a phone as a person would: a lit screen at one angle after another.
 #[test]
 fn vignetting_is_measured_on_a_phone_and_saved() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -260,7 +260,7 @@ fn vignetting_is_measured_on_a_phone_and_saved() {
     }
 }
 
-/// The lens of the camera in the room.
+/// The lens file of the camera in the room.
 const LENS: &str = "version = 1
 
 [lens]
@@ -271,7 +271,7 @@ focal = [152.47, 152.47]
 max_angle_deg = 90.0
 ";
 
-/// The way of a person with a phone: the image circle by touch, and the response from a still scene.
+/// Calibrates on a phone as a person would: the image circle by touch, and the response from a still scene.
 #[test]
 fn circle_and_response_are_found_on_a_phone_and_saved() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -282,7 +282,7 @@ fn circle_and_response_are_found_on_a_phone_and_saved() {
     }
     let file = read_lens(&path).expect("a lens file");
     let response = file.told_response().expect("a response");
-    // A curve is determined up to a factor.
+    // A response is determined up to a factor.
     let factor = |x: f64| response.exposure(1, true_code(x)) / x;
     for exposure in [0.02, 0.1, 0.4, 0.8] {
         let off = factor(exposure) / factor(0.2) - 1.0;

@@ -1,6 +1,6 @@
-//! The server behind nginx and Caddy, which end TLS and say for whom they forward requests.
+//! The server behind nginx and Caddy, which terminate TLS and forward requests with the address of the client.
 //!
-//! What is not installed is skipped with a line that says so; `HEMILUX_RIG=1` demands nginx, openssl, curl and the browser.
+//! If a program is missing, the test prints its name and is skipped; with `HEMILUX_RIG=1` it fails for nginx, openssl, curl and the browser.
 
 mod bench;
 
@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 
 const EVERY: Duration = Duration::from_millis(100);
 
-/// A proxy with an address for HTTPS and one for HTTP; it ends when this is dropped.
+/// A proxy with an address for HTTPS and one for HTTP; dropping it stops the proxy.
 struct Proxy {
     child: Child,
     https: u16,
@@ -45,12 +45,12 @@ fn skipped(missing: &str) {
     println!("skipped: no {missing}");
 }
 
-/// A port that was free a moment ago.
+/// Returns a port that is not in use.
 fn free_port() -> u16 {
     TcpListener::bind("127.0.0.1:0").and_then(|l| l.local_addr()).expect("a port").port()
 }
 
-/// A certificate of its own in `folder`.
+/// Writes a self-signed certificate to `folder`.
 fn certify(folder: &Path) -> bool {
     let arguments = "req -x509 -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -days 2 -subj /CN=probe.lan -keyout key.pem -out cert.pem";
     let status =
@@ -58,7 +58,7 @@ fn certify(folder: &Path) -> bool {
     status.is_ok_and(|s| s.success())
 }
 
-/// Starts `program`, whose configuration is written by `configure` of the folder and the ports for HTTPS and HTTP.
+/// Starts `program` with the configuration that `configure` returns for the folder and the ports for HTTPS and HTTP.
 fn start(
     program: &str,
     arguments: &[&str],
@@ -97,7 +97,7 @@ fn nginx(probe: SocketAddr) -> Option<Proxy> {
         for kind in ["client_body", "proxy", "fastcgi", "uwsgi", "scgi"] {
             let _ = writeln!(text, "  {kind}_temp_path {folder}/{kind};");
         }
-        // What the README advises.
+        // The settings that the README recommends.
         let _ = write!(
             text,
             "  access_log off;
@@ -160,7 +160,7 @@ fn bench(access: Access, limits: Limits) -> Bench {
     bench
 }
 
-/// The head of curl's answer, without checks of the certificate.
+/// Returns the head of curl's answer, without checks of the certificate.
 fn curl(url: &str, arguments: &[&str]) -> String {
     let output = Command::new("curl")
         .args(["-s", "-k", "-D", "-", "-o", "/dev/null", "-m", "20"])
@@ -170,8 +170,8 @@ fn curl(url: &str, arguments: &[&str]) -> String {
     String::from_utf8_lossy(&output.expect("curl runs").stdout).to_ascii_lowercase()
 }
 
-/// A page of the proxy's own origin may see and change, its log-in gives a cookie for HTTPS only, and other origins may not.
-fn own_pages_are_own(proxy: &Proxy, name: &str) {
+/// Checks that a page of the proxy's origin may read and change, that its log-in sets a cookie for HTTPS only, and that other origins may not.
+fn check_origins(proxy: &Proxy, name: &str) {
     let base = format!("https://127.0.0.1:{}", proxy.https);
     let own = format!("Origin: {base}");
     let login = format!("{base}/login");
@@ -198,7 +198,7 @@ fn own_pages_are_own(proxy: &Proxy, name: &str) {
 fn stream(proxy: &Proxy, from: [u8; 4]) -> TcpStream {
     let address = SocketAddr::from((Ipv4Addr::LOCALHOST, proxy.http));
     let mut stream = connect_from(from, address).expect("a connection");
-    // A client that invents an address.
+    // The client sends a forged address.
     let request =
         format!("GET /v1/events HTTP/1.1\r\nHost: {address}\r\nX-Forwarded-For: 127.0.77.77\r\n\r\n");
     stream.write_all(request.as_bytes()).expect("a request");
@@ -209,11 +209,11 @@ fn stream(proxy: &Proxy, from: [u8; 4]) -> TcpStream {
     stream
 }
 
-/// Whether more of the stream comes.
+/// Returns whether the stream continues for 600 ms.
 fn goes_on(mut stream: &TcpStream) -> bool {
     let mut bytes = [0; 1 << 16];
     let began = Instant::now();
-    // What came before is read first.
+    // Bytes that arrived before are read first.
     while began.elapsed() < Duration::from_millis(600) {
         if !matches!(stream.read(&mut bytes), Ok(1..)) {
             return false;
@@ -222,32 +222,32 @@ fn goes_on(mut stream: &TcpStream) -> bool {
     true
 }
 
-/// A hundred clients of one proxy each have the connections of a client.
-fn clients_are_told_apart(bench: &Bench, proxy: &Proxy, name: &str) {
+/// Checks that each of a hundred clients of one proxy has its own connection limit.
+fn check_limits_per_client(bench: &Bench, proxy: &Proxy, name: &str) {
     let streams: Vec<_> = (1..=100).map(|i| stream(proxy, [127, 0, 3, i])).collect();
     let open = ask(bench.address(), "/v1/status", "").json()["streams"].as_u64();
     assert_eq!(open, Some(100), "{name}: all are served");
     let second = stream(proxy, [127, 0, 3, 7]);
-    assert!(!goes_on(&streams[6]), "{name}: one more of a client displaces its first");
-    assert!(goes_on(&streams[7]) && goes_on(&second), "{name}: and no other's");
+    assert!(!goes_on(&streams[6]), "{name}: a second stream of a client ends its first");
+    assert!(goes_on(&streams[7]) && goes_on(&second), "{name}: streams of other clients continue");
 }
 
-/// Asserts both properties of a probe behind the proxy that `start` runs.
-fn pages_and_clients_are_known_behind(name: &str, start: impl FnOnce(SocketAddr) -> Option<Proxy>) {
+/// Checks origins and connection limits of a probe behind the proxy that `start` runs.
+fn check_origins_and_limits_behind(name: &str, start: impl FnOnce(SocketAddr) -> Option<Proxy>) {
     let bench = bench(with_token(), Limits { per_address: 1, ..Limits::default() });
     let Some(proxy) = start(bench.address()) else { return };
-    own_pages_are_own(&proxy, name);
-    clients_are_told_apart(&bench, &proxy, name);
+    check_origins(&proxy, name);
+    check_limits_per_client(&bench, &proxy, name);
 }
 
 #[test]
-fn behind_nginx_pages_are_own_and_clients_are_told_apart() {
-    pages_and_clients_are_known_behind("nginx", nginx);
+fn behind_nginx_own_pages_are_accepted_and_clients_have_separate_limits() {
+    check_origins_and_limits_behind("nginx", nginx);
 }
 
 #[test]
-fn behind_caddy_pages_are_own_and_clients_are_told_apart() {
-    pages_and_clients_are_known_behind("Caddy", caddy);
+fn behind_caddy_own_pages_are_accepted_and_clients_have_separate_limits() {
+    check_origins_and_limits_behind("Caddy", caddy);
 }
 
 #[test]
@@ -262,14 +262,14 @@ fn the_page_works_over_https_with_its_log_in() {
 }
 
 #[test]
-fn without_a_trusted_proxy_nothing_is_believed() {
+fn forwarded_headers_are_ignored_without_a_trusted_proxy() {
     let bench = Bench::running(EVERY, Limits::default(), Options::default());
     bench.wait();
     let address = bench.address();
     let forwarded = format!(
         "X-Forwarded-Proto: https\r\nForwarded: for=192.0.2.1;proto=https\r\nOrigin: https://{address}\r\n"
     );
-    assert_eq!(ask(address, "/v1/map.png", &forwarded).status, 403, "the origin's scheme is another one");
+    assert_eq!(ask(address, "/v1/map.png", &forwarded).status, 403, "the scheme of the origin differs");
     let own = format!("X-Forwarded-Proto: https\r\nOrigin: http://{address}\r\n");
-    assert_eq!(ask(address, "/v1/map.png", &own).status, 200, "as if it said nothing");
+    assert_eq!(ask(address, "/v1/map.png", &own).status, 200, "the header is ignored");
 }

@@ -1,4 +1,4 @@
-//! The server over real sockets, with a source that gives a burst when the test says so.
+//! The server over real sockets, with a source that returns a burst on the request of the test.
 
 mod bench;
 
@@ -12,7 +12,7 @@ use std::process::{Command, Stdio};
 use std::thread::{JoinHandle, sleep, spawn};
 use std::time::{Duration, Instant};
 
-/// Long enough for a request to be waiting; where it is not, a test is weaker but does not fail.
+/// Time until a request is waiting. If the machine is slower, the test is weaker but does not fail.
 const SETTLED: Duration = Duration::from_millis(150);
 
 #[test]
@@ -45,13 +45,13 @@ fn clients_side_by_side_each_see_frames_ascend_on_one_connection() {
     }
 }
 
-/// Frame numbers of `count` answers on one connection.
+/// Returns the frame numbers of `count` answers on one connection.
 fn follow(address: SocketAddr, count: usize) -> Vec<u64> {
     let mut stream = connect(address);
     (0..count).map(|_| next_on(&mut stream, address).json()["frame"].as_u64().expect("a number")).collect()
 }
 
-/// Asks for lights on a connection that stays.
+/// Requests lights on a connection that stays open.
 fn next_on(stream: &mut TcpStream, address: SocketAddr) -> Answer {
     write!(stream, "GET /lights.json HTTP/1.1\r\nHost: {address}\r\n\r\n").expect("a request");
     let mut head = Vec::new();
@@ -68,10 +68,10 @@ fn next_on(stream: &mut TcpStream, address: SocketAddr) -> Answer {
 }
 
 #[test]
-fn a_change_holds_for_the_next_frame_of_everybody() {
+fn a_change_applies_to_the_next_frame_of_all_clients() {
     let bench = Bench::new(Limits::default());
     bench.frame();
-    // The change is taken up while the source has nothing, so that its page comes before the frame.
+    // The change is applied while the source has no burst, so that the answer precedes the frame.
     let page = ask(bench.address(), "/change?algorithm=pharr&samples=30", "");
     assert!(page.status == 200 && page.body.contains("pharr"), "{page:?}");
     let waiting = [(); 4].map(|()| get(bench.address(), "/lights.json"));
@@ -107,11 +107,11 @@ fn the_end_of_the_processing_thread_ends_the_wait_for_signals() {
     let (mut signals, link) = (bench.running.signals().expect("signals"), bench.probe.link());
     bench.step(Step::Panic);
     assert_eq!(bench.running.wait(&mut signals, link.status().ended()), Event::Ended, "the program ends");
-    assert!(link.status().failure().is_some_and(|f| f.contains("ended")), "clients are told");
+    assert!(link.status().failure().is_some_and(|f| f.contains("ended")), "the fault is reported to clients");
 }
 
 #[test]
-fn before_the_first_set_there_is_503() {
+fn requests_before_the_first_set_get_503() {
     let bench = Bench::new(Limits::default());
     let answer = ask(bench.address(), "/lights.json", "");
     assert_eq!(answer.status, 503, "{answer:?}");
@@ -207,17 +207,17 @@ fn connections_over_the_limit_are_refused_while_all_others_are_in_use() {
         assert!(count > 0, "served");
         stream
     });
-    assert_eq!(raw(address, b"").status, 503, "one over");
+    assert_eq!(raw(address, b"").status, 503, "one connection above the limit");
     drop(held);
-    // The server learns of the end when it sends the next set.
+    // The server notices the closed connection when it sends the next set.
     bench.frame();
     sleep(SETTLED);
-    assert_eq!(ask(address, "/info", "").status, 200, "room again");
+    assert_eq!(ask(address, "/info", "").status, 200, "a permit is free again");
 }
 
-/// A client that asks for many large sets and reads none loses its connection; another sees every frame meanwhile.
+/// A client that requests many large sets and reads none loses its connection; another client receives every frame meanwhile.
 #[test]
-fn a_stalled_reader_costs_nothing_but_its_socket() {
+fn a_stalled_reader_delays_no_other_client_and_is_closed() {
     let limits = Limits { connections: 2, stall: Duration::from_millis(500), ..Limits::default() };
     let bench = Bench::with_lights(limits, 50_000);
     let address = bench.address();
@@ -237,13 +237,13 @@ fn a_stalled_reader_costs_nothing_but_its_socket() {
     }
     drop(other);
     sleep(Duration::from_millis(1500));
-    // Both places are needed now.
+    // Two connections are permitted, and both are needed now.
     let _idle = connect(address);
     sleep(SETTLED);
     assert_eq!(ask(address, "/info", "").status, 200, "the stalled connection is gone");
 }
 
-/// Whether libxml2 finds `xml` valid by `lights.xsd`; `None` where there is no xmllint.
+/// Returns whether libxml2 accepts `xml` by `lights.xsd`; `None` without xmllint.
 fn is_valid(xml: &str) -> Option<bool> {
     let schema = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/lights.xsd");
     let child = Command::new("xmllint")
@@ -261,7 +261,7 @@ fn is_valid(xml: &str) -> Option<bool> {
 }
 
 #[test]
-fn xml_is_valid_to_somebody_elses_validator() {
+fn xml_is_valid_by_xmllint() {
     let bench = Bench::new(Limits::default());
     bench.frame();
     let xml = ask(bench.address(), "/xml?coordinates=unity", "").body;
@@ -274,6 +274,6 @@ fn xml_is_valid_to_somebody_elses_validator() {
         [("version=\"1\"", "version=\"2\""), ("<light id", "<lamp id"), (" x=\"", " w=\""), ("z=\"", "z=\"9")]
     {
         let broken = xml.replacen(right, wrong, 1);
-        assert!(broken != xml && is_valid(&broken) == Some(false), "{wrong} is not found out");
+        assert!(broken != xml && is_valid(&broken) == Some(false), "{wrong} is accepted");
     }
 }

@@ -1,5 +1,5 @@
-//! Real clients: curl, a browser's EventSource and our module in it, a WebSocket client, parsers of Prometheus and XML that are not ours,
-//! the Rust client and the Python script. A tool that is not there is skipped with a line that says so; `HEMILUX_RIG=1` demands them all.
+//! Real clients: curl, a browser's EventSource, the module `client.js` in a browser, a WebSocket client, independent parsers of Prometheus and XML,
+//! the Rust client and the Python script. If a tool is missing, the test prints its name and is skipped; with `HEMILUX_RIG=1` it fails.
 
 mod bench;
 
@@ -22,7 +22,7 @@ fn running() -> Bench {
     bench
 }
 
-/// The first of `programs` that there is.
+/// Returns the first of `programs` that is installed.
 fn tool(programs: &[&'static str]) -> Option<&'static str> {
     let is_there = |name: &&&str| {
         let ran = Command::new(name).arg("--version").stdin(Stdio::null()).output();
@@ -58,7 +58,7 @@ fn curl_reads_sets_and_changes_settings() {
     assert_eq!(config["values"]["lights"], 24, "{config}");
     let page = output(Command::new(curl).args(["-sSf", "-G", "-d", "samples=25", &url("/change")]));
     assert!(page.contains("samples = 25"), "{page}");
-    // Three requests on one connection, and events until time is over.
+    // Three requests on one connection, then events until the timeout.
     let three = output(Command::new(curl).args(["-sSf", &url("/data"), &url("/data"), &url("/xml")]));
     assert_eq!(three.matches("frame").count(), 3, "{three}");
     let events =
@@ -66,7 +66,7 @@ fn curl_reads_sets_and_changes_settings() {
     assert!(String::from_utf8_lossy(&events.stdout).matches("\ndata: {").count() > 3, "{events:?}");
 }
 
-/// The code of the close frame with which `socket` ends.
+/// Returns the code of the close frame with which `socket` ends.
 fn close_code(socket: &mut tungstenite::WebSocket<impl Read + Write>) -> Option<u16> {
     let last = std::iter::from_fn(|| socket.read().ok()).find(|message| matches!(message, Message::Close(_)));
     match last {
@@ -75,7 +75,7 @@ fn close_code(socket: &mut tungstenite::WebSocket<impl Read + Write>) -> Option<
     }
 }
 
-/// RFC 6455, 5.5.1 and 7.4.1.
+/// See RFC 6455, sections 5.5.1 and 7.4.1.
 #[test]
 fn websockets_end_with_the_codes_of_the_standard() {
     let bench = running();
@@ -92,7 +92,7 @@ fn websockets_end_with_the_codes_of_the_standard() {
 }
 
 #[test]
-fn a_websocket_client_gets_every_set_and_a_farewell() {
+fn a_websocket_client_receives_every_set_and_a_close_frame() {
     let bench = running();
     let (mut socket, _) =
         tungstenite::connect(format!("ws://{}/v1/socket?lights=4", bench.address())).expect("a socket");
@@ -129,7 +129,7 @@ fn a_websocket_client_gets_every_set_and_a_farewell() {
     drop(bytes);
     let mut events = TcpStream::connect(bench.address()).expect("a connection");
     write!(events, "GET /v1/events HTTP/1.1\r\nHost: {}\r\n\r\n", bench.address()).expect("a request");
-    assert!(events.read(&mut [0; 4096]).expect("events") > 0, "they begin");
+    assert!(events.read(&mut [0; 4096]).expect("events") > 0, "events arrive");
     let began = Instant::now();
     bench.running.stop();
     assert!(began.elapsed() < Duration::from_secs(2), "no connection had to be closed by force");
@@ -137,7 +137,7 @@ fn a_websocket_client_gets_every_set_and_a_farewell() {
     assert!(farewell.is_some(), "a close frame");
     let mut rest = Vec::new();
     events.read_to_end(&mut rest).expect("an end");
-    assert!(rest.ends_with(b"\r\n0\r\n\r\n"), "events end as a whole answer does");
+    assert!(rest.ends_with(b"\r\n0\r\n\r\n"), "the event stream ends with a complete chunk");
 }
 
 #[test]
@@ -147,8 +147,8 @@ fn large_messages_of_a_websocket_client_end_its_connection_alone() {
     let (mut greedy, mut other) = (connect(), connect());
     let _ = greedy.send(Message::Text("a".repeat(1 << 20).into()));
     let ended = std::iter::from_fn(|| greedy.read().ok()).take(1000).filter(|m| !m.is_close()).count();
-    assert!(ended < 1000, "it was ended");
-    assert!(other.read().is_ok_and(|m| m.is_text()), "the other goes on");
+    assert!(ended < 1000, "the connection was closed");
+    assert!(other.read().is_ok_and(|m| m.is_text()), "the other connection continues");
 }
 
 #[test]
@@ -173,7 +173,7 @@ fn prometheus_reads_the_metrics() {
     let Histogram(buckets) = value("hemilux_delivery_seconds", ("", "")) else { panic!("{page}") };
     assert!(buckets.windows(2).all(|w| w[1].count >= w[0].count), "{buckets:?}");
     assert_eq!(buckets.last().map(|b| b.count), Some(5.0), "{buckets:?}");
-    // A histogram is one sample of many lines.
+    // A histogram is one sample of several lines.
     assert!(
         scrape.samples.len() + buckets.len() >= lines,
         "{} samples of {lines} lines",
@@ -208,7 +208,7 @@ fn the_python_script_prints_lights() {
 }
 
 #[test]
-fn the_rust_client_sees_every_frame_and_outlives_the_server() {
+fn the_rust_client_receives_every_frame_and_reconnects_to_a_new_server() {
     let bench = running();
     let (tell, told) = channel();
     let wishes = Wishes {
@@ -229,7 +229,7 @@ fn the_rust_client_sees_every_frame_and_outlives_the_server() {
     let newest = sum(&client.latest().expect("a set").lights);
     assert!((sum(&lights) / newest - 1.0).abs() < 0.5, "{} {newest}", sum(&lights));
     assert_eq!(client.state(), State::Live, "live");
-    // The server goes and another one comes at the same place: another run, whose frames begin anew.
+    // The server stops and another starts at the same address: another run, whose frame numbers restart.
     let (address, run) = (bench.address(), set.run.clone());
     bench.running.stop();
     let lost = Instant::now();
@@ -240,11 +240,11 @@ fn the_rust_client_sees_every_frame_and_outlives_the_server() {
     let _again = Bench::at(address, EVERY);
     let next =
         std::iter::from_fn(|| told.recv_timeout(Duration::from_secs(20)).ok()).find(|(r, _)| *r != run);
-    assert!(next.is_some(), "it found the new one");
+    assert!(next.is_some(), "the client found the new server");
 }
 
 #[test]
-fn the_rust_client_asks_again_when_nothing_comes() {
+fn the_rust_client_repeats_a_request_without_an_answer() {
     let silent = TcpListener::bind("127.0.0.1:0").expect("a port");
     let address = silent.local_addr().expect("an address");
     let wishes = Wishes { timeout: Duration::from_millis(200), ..Wishes::new(&format!("http://{address}/")) };
@@ -257,7 +257,7 @@ fn the_rust_client_asks_again_when_nothing_comes() {
 }
 
 #[test]
-fn a_stopped_source_shows_in_the_client() {
+fn the_rust_client_reports_a_stopped_source() {
     let bench = Bench::new(Limits::default());
     bench.frame();
     let client = Client::connect(&Wishes::new(&format!("http://{}", bench.address()))).expect("a client");
@@ -270,7 +270,7 @@ fn a_stopped_source_shows_in_the_client() {
     }
 }
 
-/// What the page does: a plain EventSource, then our module, and tells what it saw.
+/// The script of the page: follows a plain EventSource, then the module, and sends the received frames.
 const PAGE: &str = r#"<!DOCTYPE html><script type="module">
 const tell = text => fetch("/result", { method: "POST", body: text });
 try {
@@ -350,7 +350,7 @@ fn a_browser_follows_events_and_our_module() {
     );
 }
 
-/// Answers a request for the page, or takes its result.
+/// Answers a request for the page, or returns the results that it sends.
 fn serve(stream: TcpStream, page: &str) -> Option<String> {
     stream.set_read_timeout(Some(Duration::from_secs(5))).ok()?;
     let mut reader = BufReader::new(stream);

@@ -1,4 +1,4 @@
-//! Clients that mean harm, or are broken: a well-behaved client beside them sees no change.
+//! Hostile and broken clients: a well-behaved client beside them sees no change.
 
 mod bench;
 
@@ -12,15 +12,15 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::thread::{sleep, spawn};
 use std::time::{Duration, Instant};
 
-/// Seconds of the fuzz run; `HEMILUX_FUZZ_SECONDS=600` is the whole one.
+/// Duration of the fuzz run, seconds; `HEMILUX_FUZZ_SECONDS=600` selects the long run.
 const SHORT: u64 = 3;
 
 fn get(address: SocketAddr, path: &str) -> String {
     format!("GET {path} HTTP/1.1\r\nHost: {address}\r\n\r\n")
 }
 
-/// Takes sets on one connection for `long`, all of them fresh; the number of frames seen and the longest gap between two answers, which
-/// depends on the machine and is only told.
+/// Requests sets on one connection for `long`; asserts that all are current. Returns the number of frames and the longest gap between two
+/// answers, which depends on the machine and is only printed.
 fn well_behaved(address: SocketAddr, long: Duration) -> (u64, Duration) {
     let mut stream = connect_from([127, 0, 7, 7], address).expect("a connection");
     let (mut bytes, mut frames, mut longest) = (Vec::new(), 0, Duration::ZERO);
@@ -42,9 +42,9 @@ fn well_behaved(address: SocketAddr, long: Duration) -> (u64, Duration) {
     (frames, longest)
 }
 
-/// 64 that ask for a lot and read nothing, and 64 that send a request a byte at a time.
+/// 64 clients request large answers and read none of them, and 64 clients send a request one byte at a time.
 #[test]
-fn stalled_readers_and_slow_writers_cost_others_nothing() {
+fn stalled_readers_and_slow_writers_delay_no_other_client() {
     let limits = Limits { head: Duration::from_secs(2), stall: Duration::from_secs(2), ..Limits::default() };
     let bench = Bench::running(Duration::from_millis(10), limits, Options::default());
     let address = bench.address();
@@ -69,7 +69,7 @@ fn stalled_readers_and_slow_writers_cost_others_nothing() {
     drop(stalled);
 }
 
-/// Sends a head a byte at a time; whether the server put an end to it.
+/// Sends a head one byte at a time; returns whether the server closed the connection.
 fn dribble(address: SocketAddr, from: [u8; 4]) -> bool {
     let Ok(mut stream) = connect_from(from, address) else { return false };
     let _ = stream.set_read_timeout(Some(Duration::from_millis(1)));
@@ -85,7 +85,7 @@ fn dribble(address: SocketAddr, from: [u8; 4]) -> bool {
 }
 
 #[test]
-fn connections_that_say_nothing_give_way_to_others_of_their_address() {
+fn silent_connections_are_closed_for_new_ones_of_their_address() {
     let limits = Limits { connections: 64, per_address: 8, ..Limits::default() };
     let bench = Bench::running(Duration::from_millis(10), limits, Options::default());
     bench.wait();
@@ -100,11 +100,11 @@ fn connections_that_say_nothing_give_way_to_others_of_their_address() {
         assert_eq!(reply.status, 200, "beside {} silent ones", silent.len());
     }
     let cut = silent.iter().filter(|stream| is_reset(stream)).count();
-    assert_eq!(cut, 13, "seven of twenty and the one that asks have a permit");
+    assert_eq!(cut, 13, "seven of twenty silent connections and the active one hold a permit");
     assert_eq!(ask(address, "/healthz", "").status, 200, "another address");
 }
 
-/// Whether the server has reset the connection.
+/// Returns whether the server has reset the connection.
 fn is_reset(mut stream: &TcpStream) -> bool {
     let _ = stream.set_read_timeout(Some(Duration::from_millis(50)));
     matches!(stream.read(&mut [0; 64]), Err(e) if e.kind() == ErrorKind::ConnectionReset)
@@ -124,11 +124,11 @@ fn a_connection_ends_after_its_requests() {
                 .closes
         })
         .collect();
-    assert_eq!(closes, [false, false, true], "the third says so");
-    assert_eq!(stream.read(&mut [0; 8]).expect("an end"), 0, "and it is closed");
+    assert_eq!(closes, [false, false, true], "the third answer announces the end");
+    assert_eq!(stream.read(&mut [0; 8]).expect("an end"), 0, "the connection is closed");
 }
 
-/// A small generator of its own, so that a run can be had again: xorshift64*.
+/// The random number generator xorshift64*, so that a run is reproducible.
 struct Random(u64);
 
 impl Random {
@@ -140,7 +140,7 @@ impl Random {
     }
 }
 
-/// Requests that are sound, or nearly.
+/// Returns requests that are valid, or nearly valid.
 fn corpus(address: SocketAddr) -> Vec<Vec<u8>> {
     let host = format!("Host: {address}\r\n");
     let patch = |body: &str| {
@@ -219,10 +219,10 @@ fn mangled(random: &mut Random, corpus: &[Vec<u8>]) -> Vec<u8> {
 }
 
 #[test]
-fn mangled_requests_are_refused_or_answered_and_hurt_nobody() {
+fn mangled_requests_are_refused_or_answered_and_delay_no_other_client() {
     let seconds =
         std::env::var("HEMILUX_FUZZ_SECONDS").ok().map_or(SHORT, |n| n.parse().expect("a number of seconds"));
-    // So long may the good client be kept from a processor.
+    // Longest time for which the well-behaved client may be denied a processor.
     let limits = Limits { head: Duration::from_secs(2), ..Limits::default() };
     let bench = Bench::running(Duration::from_millis(10), limits, Options::default());
     let address = bench.address();
@@ -246,11 +246,11 @@ fn mangled_requests_are_refused_or_answered_and_hurt_nobody() {
         "{} mangled requests, {} answered; the good client saw {frames} frames, longest gap {longest:?}",
         counts.0, counts.1
     );
-    assert!(counts.0 > 100 && counts.1 > counts.0 / 4, "{counts:?}: the server was there");
-    assert_eq!(ask(address, "/healthz", "").status, 200, "and still is");
+    assert!(counts.0 > 100 && counts.1 > counts.0 / 4, "{counts:?}: requests and answers");
+    assert_eq!(ask(address, "/healthz", "").status, 200, "the server still answers");
 }
 
-/// Mangled requests sent and answers got. Whatever is answered is HTTP, and never a fault of the server.
+/// Sends mangled requests; returns the numbers of requests and of answers. Asserts that every answer is HTTP and none has status 500.
 fn fuzz(address: SocketAddr, seed: u8, over: &AtomicBool) -> (u64, u64) {
     let mut random = Random(0x9e37_79b9_7f4a_7c15 ^ u64::from(seed));
     let corpus = corpus(address);

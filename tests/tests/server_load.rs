@@ -1,7 +1,7 @@
-//! Load: two constant clients and two hundred that come and go, legacy and modern requests mixed, the settings changed throughout.
+//! Load: two constant clients and two hundred transient clients with mixed legacy and modern requests, while the settings are changed.
 //!
-//! `HEMILUX_LOAD_REQUESTS=1000000 cargo test --release -p hemilux-tests --test server_load -- --nocapture` is the whole run; without the
-//! variable it is short. Every answer is checked; times and memory are in the run's report, times are not asserted.
+//! `HEMILUX_LOAD_REQUESTS=1000000 cargo test --release -p hemilux-tests --test server_load -- --nocapture` is the long run; without the
+//! variable the run is short. Every answer is checked; times and memory are printed, times are not asserted.
 
 mod bench;
 
@@ -16,19 +16,19 @@ use std::sync::{Arc, Mutex};
 use std::thread::{JoinHandle, sleep, spawn};
 use std::time::{Duration, Instant};
 
-/// Requests of the short form.
+/// Number of requests of the short run.
 const SHORT: u64 = 20_000;
-/// Fewest requests of two clients alone, at the frames' pace.
+/// Least number of requests of two constant clients alone, at the rate of the frames.
 const ALONE: u64 = 400;
 const GUESTS: u8 = 200;
-/// Growth of memory that is no leak: buffers of two hundred more connections, on both sides of the socket.
+/// Permitted growth of memory, bytes: buffers of two hundred more connections, on both sides of the socket.
 const GROWTH_BYTES: u64 = 48 << 20;
 
-/// Longest times that a guest leaves between two requests, ms: each for a third of the requests, so that the report charts delay
+/// Longest times between two requests of a transient client, ms: each for a third of the requests, so that the report contains delay
 /// against load.
 const LOOKS_MS: [u64; 3] = [400, 200, 100];
 
-/// What is asked for in turn.
+/// The requested paths, in rotation.
 const PATHS: [&str; 8] = [
     "/data",
     "/v1/lights",
@@ -42,22 +42,22 @@ const PATHS: [&str; 8] = [
 
 struct Run {
     address: SocketAddr,
-    /// Longest time that a guest leaves between two requests, ms.
+    /// Longest time between two requests of a transient client, ms.
     look_ms: u64,
-    /// Requests that are still to be made.
+    /// Number of requests that remain to be sent.
     left: AtomicU64,
     answered: AtomicU64,
     over: AtomicBool,
-    /// Microseconds from the finished set to its last byte read, of the constant clients and of all.
+    /// Microseconds from the finished set to its last byte read, of the constant clients and of the transient clients.
     constant_us: Mutex<Vec<u32>>,
     guests_us: Mutex<Vec<u32>>,
 }
 
-/// What an answer says.
+/// The decoded values of an answer.
 struct Received {
     frame: u64,
     lights: usize,
-    /// End of the burst and time to the finished set, where the form has them.
+    /// End of the burst and time to the finished set, if the form has them.
     ready_ns: Option<u64>,
 }
 
@@ -94,7 +94,7 @@ fn read(path: &str, body: &[u8]) -> Received {
     }
 }
 
-/// One client: makes connections of `stay` requests each from `from` until there are none left to make.
+/// Runs one client: opens connections of `stay` requests each from `from` until no requests remain.
 fn client(run: &Run, from: [u8; 4], stay: u64, times: &Mutex<Vec<u32>>) {
     let mut made = u64::from(from[3]);
     let mut mine = Vec::new();
@@ -107,7 +107,7 @@ fn client(run: &Run, from: [u8; 4], stay: u64, times: &Mutex<Vec<u32>>) {
             }
             let closes = one(run, &mut stream, &mut bytes, made, &mut last, &mut mine);
             made += 1;
-            // Guests look at what they got for a while.
+            // A transient client pauses between requests.
             if stay < u64::MAX {
                 sleep(Duration::from_millis(17 * made % run.look_ms));
             }
@@ -119,9 +119,9 @@ fn client(run: &Run, from: [u8; 4], stay: u64, times: &Mutex<Vec<u32>>) {
     times.lock().expect("no panic").append(&mut mine);
 }
 
-/// Guests have machines of their own; here they at least leave the processors to the server when it wants them.
+/// Lowers the priority of the thread, so that the clients do not take processors from the server.
 fn give_way() {
-    // On Linux a thread has a priority of its own.
+    // On Linux each thread has a separate priority.
     rustix::process::setpriority_process(None, 19).expect("lowering the priority needs no privilege");
 }
 
@@ -147,7 +147,7 @@ fn one(
         seen.frame
     );
     *last = Some(seen.frame);
-    // An answer to `after` may be of a set that was there already.
+    // An answer to `after` may be of a set that existed before the request.
     if let Some(ready) = seen.ready_ns.filter(|_| !path.ends_with("after=")) {
         times.push(u32::try_from(now.saturating_sub(ready) / 1000).unwrap_or(u32::MAX));
     }
@@ -155,7 +155,7 @@ fn one(
     reply.closes
 }
 
-/// Changes the settings over and over, by the old way and the new one; how often.
+/// Changes the settings repeatedly, by `/change` and by `/v1/config` in turn; returns the number of changes.
 fn changer(run: &Run) -> u64 {
     let mut stream = connect_from([127, 0, 9, 9], run.address).expect("a connection");
     let (mut bytes, mut changes) = (Vec::new(), 0);
@@ -183,7 +183,7 @@ fn changer(run: &Run) -> u64 {
     changes
 }
 
-/// Memory of this process, bytes: the server's and the clients'.
+/// Returns the resident memory of this process, bytes, which includes the server and the clients.
 fn resident() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").expect("a status");
     let line = status.lines().find_map(|l| l.strip_prefix("VmRSS:")).expect("a size");
@@ -196,7 +196,7 @@ fn percentile(times: &mut [u32], part: f64) -> f64 {
     f64::from(times.get(at).copied().unwrap_or(0)) / 1e3
 }
 
-/// What the server measured so far: milliseconds, and how many answers were handed to their connections within.
+/// Returns the server's delivery times: bounds in milliseconds, and number of answers within each bound.
 fn delivered(address: SocketAddr) -> Vec<(f64, f64)> {
     let page = bench::ask(address, "/metrics", "").body;
     let bucket = |line: &str| {
@@ -207,7 +207,8 @@ fn delivered(address: SocketAddr) -> Vec<(f64, f64)> {
     page.lines().filter_map(bucket).collect()
 }
 
-/// Between two such, the time within which `part` of the answers went, as Prometheus reckons it: evenly between bounds.
+/// Returns the time, milliseconds, within which the share `part` of the answers between two results of [`delivered`] was sent, interpolated as in
+/// Prometheus.
 fn quantile(before: &[(f64, f64)], after: &[(f64, f64)], part: f64) -> f64 {
     let counts = before.iter().zip(after).map(|((_, b), (ms, a))| (*ms, a - b));
     let wanted = part * counts.clone().next_back().map_or(0.0, |(_, all)| all);
@@ -221,7 +222,7 @@ fn quantile(before: &[(f64, f64)], after: &[(f64, f64)], part: f64) -> f64 {
     below.0
 }
 
-/// Two clients over `requests` requests, with `guests` or alone; tells how it went.
+/// Sends `requests` requests by two constant clients and `guests` transient clients; prints the results.
 fn load(bench: &Bench, requests: u64, guests: u8, look_ms: u64) {
     let run = Arc::new(Run {
         address: bench.address(),
@@ -284,7 +285,7 @@ fn load(bench: &Bench, requests: u64, guests: u8, look_ms: u64) {
 }
 
 #[test]
-fn every_request_of_a_crowd_is_answered_rightly_and_memory_stays() {
+fn every_request_of_many_clients_is_answered_correctly_in_bounded_memory() {
     let requests = std::env::var("HEMILUX_LOAD_REQUESTS")
         .ok()
         .map_or(SHORT, |n| n.parse().expect("a number of requests"));
@@ -298,7 +299,7 @@ fn every_request_of_a_crowd_is_answered_rightly_and_memory_stays() {
     );
     load(&bench, ALONE.max(requests / 250), 0, 1);
     for (i, look_ms) in (0..).zip(LOOKS_MS) {
-        // Thirds, the last with what is left.
+        // Three equal parts; the last has the remainder.
         load(&bench, requests * (i + 1) / 3 - requests * i / 3, GUESTS, look_ms);
     }
     bench.running.stop();

@@ -1,4 +1,4 @@
-//! A camera before which a board is held: still for a while, then elsewhere, over and over.
+//! A camera before which a calibration board is held still at one position after another.
 
 use glam::{DMat3, DVec2, DVec3};
 use hemilux::calibrate::{Board, Printed, ink, target_size};
@@ -12,21 +12,21 @@ use std::time::{Duration, Instant};
 
 const SIDE: usize = 480;
 
-/// Places of the board.
+/// Number of positions of the board.
 const PLACES: usize = 16;
 
-/// Samples of a square in the drawing.
+/// Number of samples per side of a square of the board.
 const FINE: f64 = 24.0;
 
-/// The lens of the camera, which the probe does not know.
+/// Returns the true lens of the camera, which is unknown to the probe.
 pub fn true_lens() -> Lens {
     Lens::equidistant([243.3, 236.8], 145.0, 92f64.to_radians()).expect("a lens")
 }
 
-/// The board that is held.
+/// The calibration board before the camera.
 pub const BOARD: Board = Board { columns: 9, rows: 7 };
 
-/// A camera that is taken for an equidistant one of 180 degrees in the middle of its pictures.
+/// A camera whose stated lens is an equidistant one of 180 degrees centred in the image; its true lens is [`true_lens`].
 pub struct BoardCamera {
     calibration: Calibration,
     pictures: Vec<Vec<u8>>,
@@ -37,7 +37,7 @@ pub struct BoardCamera {
 }
 
 impl BoardCamera {
-    /// A picture every `every`, the board held still for `hold`.
+    /// Creates a camera with a picture at intervals of `every`; the board stays at each position for `hold`.
     pub fn new(every: Duration, hold: Duration) -> Self {
         let middle = SIDE as f64 / 2.0 - 0.5;
         let lens =
@@ -72,7 +72,7 @@ impl Source for BoardCamera {
     }
 }
 
-/// The board as a bitmap, with a margin of a square.
+/// The board as a bitmap, with a margin of one square.
 struct Drawing {
     size: [usize; 2],
     squares: [f64; 2],
@@ -100,7 +100,7 @@ impl Drawing {
         inside.then(|| if self.black[at.y as usize * self.size[0] + at.x as usize] { 25.0 } else { 210.0 })
     }
 
-    /// The board at place `i`, from the middle of the view to its rim.
+    /// Returns the picture of the board at position `i`, ordered from the centre of the view to its rim.
     fn picture(&self, i: usize) -> Vec<u8> {
         let lens = true_lens();
         let (theta, phi) = (1.2 * ((i as f64 + 0.2) / PLACES as f64).sqrt(), 2.399_963 * i as f64);

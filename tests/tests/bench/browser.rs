@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// The browser and the folder with the modules, or a line that says what is missing.
+/// Returns the browser and the folder with the modules; prints the name of the missing tool and returns `None` if there is none.
 pub fn tools() -> Option<(&'static str, PathBuf)> {
     let runs = |name: &str| {
         Command::new(name).arg("--version").stdin(Stdio::null()).output().is_ok_and(|o| o.status.success())
@@ -23,7 +23,7 @@ pub fn tools() -> Option<(&'static str, PathBuf)> {
     None
 }
 
-/// The command of a scenario at `url`.
+/// Returns the command that runs a scenario at `url`.
 pub fn scenario(name: &str, url: &str, token: &str, browser: &str, folder: &Path) -> Command {
     let mut node = Command::new("node");
     node.arg(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/page/run.mjs")).args([name, url, token]);

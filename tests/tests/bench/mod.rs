@@ -1,4 +1,4 @@
-//! What the server's tests share: probes with servers, and requests as bytes.
+//! Helpers that the tests of the server share: probes with servers, and requests as bytes.
 #![allow(dead_code, reason = "each test file uses its own part")]
 
 pub mod board;
@@ -22,7 +22,7 @@ use std::time::{Duration, Instant};
 /// The token of [`with_token`].
 pub const SECRET: &str = "correct-horse-battery";
 
-/// Access with the token [`SECRET`].
+/// Returns the access rules with the token [`SECRET`].
 pub fn with_token() -> Access {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("token");
@@ -32,7 +32,7 @@ pub fn with_token() -> Access {
     Access::with_token(token).expect("random numbers")
 }
 
-/// What the source does next; without one it has nothing.
+/// The next result of the source; without a step the source has no burst.
 pub enum Step {
     Burst,
     Fail(&'static str),
@@ -56,17 +56,17 @@ impl Adapter for Scripted {
     fn next_burst(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
         match self.steps.recv_timeout(Duration::from_millis(50)) {
             Ok(Step::Burst) => self.scene.next(burst),
-            Ok(Step::Panic) => panic!("asked for by the test"),
+            Ok(Step::Panic) => panic!("requested by the test"),
             Ok(Step::Fail(reason)) => Err(SourceError::Gone(reason.into())),
             Err(_) => Err(SourceError::NotYet),
         }
     }
 }
 
-/// Frames of a film with a moving lamp.
+/// Number of frames of the film with a moving lamp.
 const FRAMES: usize = 8;
 
-/// A few bursts over and over, at a pace that costs next to nothing.
+/// A source that repeats a few precomputed bursts at a fixed interval, at little cost.
 struct Film {
     scene: SceneSource,
     bursts: Vec<Burst>,
@@ -139,13 +139,13 @@ impl Bench {
         Self::of(source, steps, limits, lights, Options::default())
     }
 
-    /// A probe with a burst every `every`, for `options`.
+    /// Starts a probe with a burst at intervals of `every` and a server with `options`.
     pub fn running(every: Duration, limits: Limits, options: Options) -> Self {
         let (steps, _) = channel();
         Self::of(Box::new(Film::new(every, FRAMES)), steps, limits, 64, options)
     }
 
-    /// The same with a lamp that stands still.
+    /// Starts a probe with a burst at intervals of `every`, whose lamp does not move.
     pub fn still(every: Duration) -> Self {
         let (steps, _) = channel();
         Self::of(Box::new(Film::new(every, 1)), steps, Limits::default(), 64, Options::default())
@@ -162,7 +162,7 @@ impl Bench {
         Self::on(TcpListener::bind("127.0.0.1:0").expect("a port"), source, steps, limits, config, options)
     }
 
-    /// A probe at an address that was used before.
+    /// Starts a probe at an address that was used before.
     pub fn at(address: SocketAddr, every: Duration) -> Self {
         let (steps, _) = channel();
         let listener = TcpListener::bind(address).expect("the same port");
@@ -183,7 +183,7 @@ impl Bench {
         Self { steps, running, probe }
     }
 
-    /// Waits for the first set.
+    /// Waits for the first light set.
     pub fn wait(&self) {
         let sets = self.probe.link().sets().subscribe();
         let began = Instant::now();
@@ -198,15 +198,15 @@ impl Bench {
     }
 
     pub fn step(&self, step: Step) {
-        self.steps.send(step).expect("the source listens");
+        self.steps.send(step).expect("the source is running");
     }
 
-    /// Gives a burst and waits until its set is published.
+    /// Lets the source return a burst and waits until its light set is published; returns the frame number.
     pub fn frame(&self) -> u64 {
         let mut sets = self.probe.link().sets().subscribe();
         self.step(Step::Burst);
         let began = Instant::now();
-        while !sets.has_changed().expect("the probe lives") {
+        while !sets.has_changed().expect("the probe is running") {
             assert!(began.elapsed() < Duration::from_secs(20), "no frame");
             sleep(Duration::from_millis(1));
         }
@@ -233,7 +233,7 @@ pub fn connect(address: SocketAddr) -> TcpStream {
     stream
 }
 
-/// Sends `request` as it is and reads until the server closes.
+/// Sends the bytes `request` and reads until the server closes the connection.
 pub fn raw(address: SocketAddr, request: &[u8]) -> Answer {
     let mut stream = connect(address);
     // The server may refuse and close before it has read everything.
@@ -256,7 +256,7 @@ pub fn get(address: SocketAddr, path: &'static str) -> JoinHandle<Answer> {
     spawn(move || ask(address, path, ""))
 }
 
-/// A connection from `from`, an address of 127.0.0.0/8.
+/// Connects from the address `from`, one of 127.0.0.0/8.
 pub fn connect_from(from: [u8; 4], to: SocketAddr) -> std::io::Result<TcpStream> {
     let socket = socket2::Socket::new(socket2::Domain::IPV4, socket2::Type::STREAM, None)?;
     socket.bind(&SocketAddr::from((from, 0)).into())?;
@@ -266,14 +266,14 @@ pub fn connect_from(from: [u8; 4], to: SocketAddr) -> std::io::Result<TcpStream>
     Ok(socket.into())
 }
 
-/// An answer read whole, on a connection that stays.
+/// An answer on a connection that stays open.
 pub struct Reply {
     pub status: u16,
     pub body: Vec<u8>,
     pub closes: bool,
 }
 
-/// Sends a request and reads one answer; what was read too much stays in `left`.
+/// Sends a request and reads one answer; bytes after the answer stay in `left`.
 pub fn exchange(stream: &mut TcpStream, left: &mut Vec<u8>, request: &[u8]) -> std::io::Result<Reply> {
     stream.write_all(request)?;
     let mut chunk = [0; 16 << 10];

@@ -1,4 +1,4 @@
-//! Cameras in a room: lit screens shown at one angle after another in the dark, and a still scene of all brightnesses.
+//! Cameras in a room: lit screens at one angle after another in the dark, and a still scene with a wide range of radiance.
 
 use glam::{DVec2, DVec3};
 use hemilux::calibration::{Burst, Calibration, Frame, Pixels};
@@ -13,23 +13,23 @@ use std::time::{Duration, Instant};
 
 const SIDE: usize = 480;
 
-/// Relative exposures of a burst.
+/// Relative exposures of the frames of a burst.
 const STEPS: [f64; 5] = [0.03125, 0.125, 0.5, 2.0, 8.0];
 
-/// Number of places of the screen, from the axis to 88 degrees.
+/// Number of positions of the screen, from the axis to 88 degrees.
 const PLACES: usize = 18;
 
-/// Relative illumination of the camera with the screens, at an angle from the axis.
+/// Returns the relative illumination of the camera with the screens at `theta`, the angle from the axis in radians.
 pub fn true_illumination(theta: f64) -> f64 {
     (0.5 * theta).cos().powi(4)
 }
 
-/// Relative code of the camera with the still scene, for a relative exposure.
+/// Returns the relative code of the camera with the still scene for a relative exposure.
 pub fn true_code(exposure: f64) -> f64 {
     exposure.clamp(0.0, 1.0).powf(1.0 / 2.2)
 }
 
-/// A camera that shows one of several pictures, selected by a number that the test holds.
+/// A camera that returns one of several pictures; the test selects it by a shared number.
 pub struct RoomCamera {
     calibration: Calibration,
     pictures: Vec<Vec<Vec<u8>>>,
@@ -69,7 +69,7 @@ impl RoomCamera {
         Self { calibration, pictures, selected, every, due: Instant::now() }
     }
 
-    /// A linear camera before which a screen is shown at place `selected` of [`PLACES`], counted from the axis to the rim and over again.
+    /// Creates a linear camera before which a screen is at position `selected` modulo [`PLACES`], counted from the axis to the rim.
     pub fn screens(every: Duration, selected: Arc<AtomicUsize>) -> Self {
         let lens = lens();
         let shown = (0..PLACES).map(|i| {
@@ -89,7 +89,7 @@ impl RoomCamera {
         Self::new(Response::Linear, shown.collect(), every, selected)
     }
 
-    /// A still scene over three decades of light, seen by a camera of [`true_code`].
+    /// Creates a camera of response [`true_code`] with a still scene over three decades of radiance.
     pub fn still(every: Duration) -> Self {
         let lens = lens();
         let light: Vec<f64> = (0..SIDE * SIDE)

@@ -1,8 +1,8 @@
-// What the page does without a token and without a probe.
+// The page without a token, and the page while the probe is absent.
 
 import { check, open, picture, please, problems, state, text, until } from "./browser.mjs";
 
-/** Without the token nothing is shown or changed, with it everything. */
+/** Without the token the page shows and changes nothing; with the token it shows and changes everything. */
 export async function login(browser, url, token) {
   const { context, page, faults } = await open(browser, url, { reducedMotion: "reduce" });
   await state(page, "live");
@@ -25,7 +25,7 @@ export async function login(browser, url, token) {
   await context.close();
 }
 
-/** The probe goes and comes back: the page says so, and goes on by itself. */
+/** While the probe is stopped, the page reports that it does not answer; after a restart the page continues without a click. */
 export async function restart(browser, url) {
   const { context, page, faults } = await open(browser, url, { reducedMotion: "reduce" });
   await state(page, "live");

@@ -1,5 +1,5 @@
-// A real browser for the page's tests, and what they all ask of it.
-// HEMILUX_NODE is a folder with node_modules/{playwright-core,axe-core}; HEMILUX_BROWSER the browser's program, chromium without it.
+// Starts a real browser for the tests of the page, with helpers that the scenarios share.
+// HEMILUX_NODE is a folder with node_modules/{playwright-core,axe-core}; HEMILUX_BROWSER is the browser's program, chromium by default.
 
 import { existsSync, readFileSync } from "node:fs";
 import { createRequire } from "node:module";
@@ -8,10 +8,10 @@ import { createInterface } from "node:readline";
 const require = createRequire(`${process.env.HEMILUX_NODE}/`);
 const { chromium } = require("playwright-core");
 
-/** Longest wait for anything, ms: a busy machine without a GPU takes its time. */
+/** Longest wait for a condition, ms: a busy machine without a GPU is slow. */
 export const PATIENCE = 120_000;
 
-/** WebGL by the processor, and two names that are not localhost, which browsers trust more than other names. */
+/** WebGL by the processor, and two host names other than localhost, since browsers trust localhost more than other names. */
 const FLAGS = ["--host-resolver-rules=MAP probe.lan 127.0.0.1, MAP evil.test 127.0.0.1", "--no-sandbox", "--disable-dev-shm-usage", "--disable-gpu", "--enable-unsafe-swiftshader"];
 
 export async function launch() {
@@ -20,14 +20,14 @@ export async function launch() {
   return chromium.launch({ executablePath, args: FLAGS, timeout: PATIENCE });
 }
 
-/** What WebGL has drawn is gone once it is shown, unless it is asked to be kept: then a picture can be taken at any time. */
+/** WebGL discards a drawing after its display unless it is preserved; preserving it permits a screenshot at any time. */
 function keepDrawings() {
   const real = HTMLCanvasElement.prototype.getContext;
   HTMLCanvasElement.prototype.getContext = function (kind, options) { return real.call(this, kind, { ...options, preserveDrawingBuffer: true }); };
 }
 
-/** A page of `url`, and the list of what went wrong in it. A refused request is the test's own doing and no
- * fault of the page. The options are Playwright's, and `isTimed` for a page whose drawing is left as it is. */
+/** Opens a page of `url`; returns it and the list of its errors. A refused request is intended by the test and is not
+ * an error of the page. The options are Playwright's, and `isTimed` for a page whose drawing is not preserved. */
 export async function open(browser, url, options = {}) {
   const { isTimed, ...others } = options;
   const context = await browser.newContext({ viewport: { width: 1280, height: 900 }, ignoreHTTPSErrors: true, ...others });
@@ -46,7 +46,7 @@ export function check(holds, what) {
   if (!holds) throw new Error(what);
 }
 
-/** Waits until `ask` gives something true. */
+/** Waits until `ask` returns a true value. */
 export async function until(what, ask) {
   const end = Date.now() + PATIENCE;
   for (let last; ;) {
@@ -62,8 +62,8 @@ export const text = (page, selector) => page.textContent(selector);
 export const json = (page, url) => page.evaluate(async u => (await fetch(u)).json(), url);
 
 /**
- * What a canvas shows, as soon as it shows something: its mean, the number of colours, and the greens in its left and right half. The picture stays in
- * the page under `name` for {@link difference}; of the scene it also keeps how it was drawn, since another quality is another picture.
+  * Waits until a canvas has content; returns its mean, the number of colours, and the greens in its left and right half. The picture stays in
+  * the page under `name` for {@link difference}; for the scene the quality of the drawing is stored too, since pictures of different quality differ.
  */
 export function picture(page, selector, name = "now") {
   return until(`${selector} shows something`, () => page.evaluate(([selector, name]) => {
@@ -84,7 +84,7 @@ export function picture(page, selector, name = "now") {
   }, [selector, name]));
 }
 
-/** Part of the pixels that differ visibly between two pictures that were kept; null where size or quality do, since that shows nothing. */
+/** Returns the share of the pixels that differ visibly between two stored pictures; null if their sizes or qualities differ. */
 export function difference(page, a, b) {
   return page.evaluate(([a, b]) => {
     const [one, other] = [window.pictures[a], window.pictures[b]];
@@ -95,7 +95,7 @@ export function difference(page, a, b) {
   }, [a, b]);
 }
 
-/** Waits until what a canvas shows differs in more than `part` of its pixels from the picture `from`; that one is taken anew when the quality changes. */
+/** Waits until a canvas differs in more than `part` of its pixels from the picture `from`, which is replaced when the quality changes. */
 export function changes(page, what, selector, from, part) {
   return until(what, async () => {
     await picture(page, selector);
@@ -105,7 +105,7 @@ export function changes(page, what, selector, from, part) {
   });
 }
 
-/** Keeps what a canvas of a still scene shows as `name`, once two pictures in a row are equal. */
+/** Stores the canvas of a still scene as `name`, once two successive pictures are equal. */
 async function still(page, selector, name) {
   await picture(page, selector, name);
   await until(`${selector} stands still`, async () => {
@@ -118,8 +118,8 @@ async function still(page, selector, name) {
 }
 
 /**
- * Does `act` and `undo` until the first has changed what a canvas of a still scene shows in more than `part` of its pixels and the second has
- * brought the old picture back. A try in which the page changed the quality of the scene tells nothing.
+  * Repeats `act` and `undo` until the first has changed more than `part` of the pixels of a still scene's canvas and the second has
+  * restored the old picture. A try in which the page changed the quality of the scene is repeated.
  */
 export async function actsAndUndoes(page, what, selector, part, act, undo) {
   await until(what, async () => {
@@ -134,9 +134,9 @@ export async function actsAndUndoes(page, what, selector, part, act, undo) {
   });
 }
 
-/** What axe-core calls serious or critical. */
+/** Returns the serious and critical violations that axe-core reports. */
 export async function problems(page) {
-  // The page's own policy lets no foreign script in; this one comes from the test.
+  // The content security policy of the page admits no foreign script; this script is injected by the test.
   await page.evaluate(readFileSync(require.resolve("axe-core/axe.min.js"), "utf8"));
   const found = await page.evaluate(() => window.axe.run({ resultTypes: ["violations"] }));
   const serious = found.violations.filter(v => v.impact === "serious" || v.impact === "critical");
@@ -145,7 +145,7 @@ export async function problems(page) {
 
 const lines = createInterface({ input: process.stdin })[Symbol.asyncIterator]();
 
-/** Asks the program that started us for something, and waits until it is done. */
+/** Sends a request to the test program that started this process, and waits for its completion. */
 export async function please(what) {
   console.log(what);
   await lines.next();

@@ -1,14 +1,14 @@
-// A person's way through the calibration: start to saved file.
+// Calibrates as a person would: from start to saved file.
 
 import { check, json, open, please, problems, state, text, until } from "./browser.mjs";
 
-/** The state; while an action is under way, there is none to be had. */
+/** Returns the state of the calibration; while an action is in progress, the probe returns none. */
 const get = page => until("a state", async () => {
   const state = await json(page, "/v1/calibration");
   return state.errors ? null : state;
 });
 
-/** Lens by a moving board, circle by mouse and keys, lux, undo, save; the test that started this looks at the file. */
+/** Lens by a moving board, circle by mouse and keys, lux, undo, save; the test program checks the file. */
 export async function calibrate(browser, url) {
   const { context, page, faults } = await open(browser, url, { reducedMotion: "reduce" });
   await state(page, "live");
@@ -29,7 +29,7 @@ export async function calibrate(browser, url) {
   await context.close();
 }
 
-/** Found, dragged by the mouse, moved by keys, and taken back. */
+/** The circle is detected, dragged by the mouse, moved by keys, and reset. */
 async function circle(page) {
   await page.check("[name=cal-part][value=circle]", { force: true });
   await page.click("#cal-find");
@@ -51,7 +51,7 @@ async function circle(page) {
   await until("two steps back", async () => Math.abs((await get(page)).circle.centre[0] - found.centre[0]) < 0.01);
 }
 
-/** Pictures are taken by themselves; the last one is taken back. */
+/** Pictures are taken automatically; the last is removed. */
 async function lens(page) {
   await page.check("[name=cal-part][value=lens]", { force: true });
   await page.fill("#cal-board", "9by7");
@@ -73,7 +73,7 @@ async function lens(page) {
   check(lens.method === "board" && lens.rms_px < 0.3, JSON.stringify(lens));
 }
 
-/** Two readings, of which one is taken back. */
+/** Takes two readings and removes one. */
 async function lux(page) {
   await page.check("[name=cal-part][value=photometric]", { force: true });
   const readings = async () => (await get(page)).photometric.length;
@@ -89,13 +89,13 @@ async function lux(page) {
   await until("one is taken back", async () => await readings() === 1);
 }
 
-/** Places of the screen before the camera, from the axis to the rim. */
+/** Positions of the screen before the camera, from the axis to the rim. */
 const PLACES = 18;
 
-/** A phone held upright. */
+/** The viewport of a phone held upright. */
 const PHONE = { viewport: { width: 390, height: 844 }, hasTouch: true, isMobile: true, reducedMotion: "reduce" };
 
-/** Opens the calibration on a phone by touch, and checks that nothing is wider than its screen. */
+/** Opens the calibration on a phone by touch, and checks that no element is wider than the screen. */
 async function openOnPhone(browser, url, part) {
   const opened = await open(browser, url, PHONE), { page } = opened;
   await state(page, "live");
@@ -119,7 +119,7 @@ async function saveOnPhone({ context, page, faults }) {
   await context.close();
 }
 
-/** Screens from the axis to the rim, the last one taken back; too few are refused. */
+/** Takes readings of screens from the axis to the rim and removes the last; too few readings are refused. */
 export async function vignetting(browser, url) {
   const opened = await openOnPhone(browser, url, "vignetting"), { page } = opened;
   const readings = async () => (await get(page)).vignetting.readings;
@@ -145,7 +145,7 @@ export async function vignetting(browser, url) {
   await saveOnPhone(opened);
 }
 
-/** The circle is found, dragged by a finger and taken back; then the response. */
+/** Detects the circle, drags it by a finger and resets it; then fits the response. */
 export async function response(browser, url) {
   const opened = await openOnPhone(browser, url, "circle"), { page, context } = opened;
   await page.tap("#cal-find");

@@ -1,10 +1,10 @@
-// Pages of another site, in a real browser: none of the ways in which they can cause a request changes the probe's settings.
-// Both sites have names for which browsers send no Sec-Fetch-Site over plain HTTP, and the other site hides itself (no-referrer).
+// Pages of another site in a real browser: none of the ways in which a page can cause a request changes the probe's settings.
+// Both sites have names for which browsers send no Sec-Fetch-Site over plain HTTP, and the other site sends no referrer (no-referrer).
 
 import { createServer } from "node:http";
 import { check, text, until } from "./browser.mjs";
 
-/** Ways of a page to cause a request for `url`; `post` for those that send a form. */
+/** Ways in which a page causes a request for `url`; `post` marks those that send a form. */
 const WAYS = {
   image: url => `<img src="${url}">`,
   background: url => `<div style="background: url('${url}'); width: 9px; height: 9px"></div>`,
@@ -43,7 +43,7 @@ async function otherSite() {
   return Object.assign(site, { server, url: `http://evil.test:${server.address().port}/` });
 }
 
-/** The number of answers to requests for /change. */
+/** Returns the number of answers to requests for /change. */
 async function requests(url) {
   const metrics = await (await fetch(`${url}metrics`)).text();
   const lines = metrics.split("\n").filter(line => line.startsWith('hemilux_requests_total{path="/change"'));
@@ -65,7 +65,7 @@ async function attack(browser, url, enter, options = {}) {
     await tab.close();
   }
   site.server.close();
-  // A person's own request is changed into a form; sent from there, it has its effect.
+  // A request that a person typed is answered with a form; submitting the form changes the settings.
   const tab = await context.newPage();
   await tab.goto(`${probe}change?samples=${before + 2}`);
   check((await text(tab, "body")).includes("Nothing was changed"), await text(tab, "body"));
@@ -77,11 +77,11 @@ async function attack(browser, url, enter, options = {}) {
 
 export const foreignOpen = (browser, url) => attack(browser, url, async () => {});
 
-/** The browser has the token as a Basic password, and adds it to each request by itself. */
+/** The browser has stored the token as a Basic password, and sends it with each request. */
 export const foreignBasic = (browser, url, token) => attack(browser, url, async (context, probe) => {
   const tab = await context.newPage();
   await tab.goto(`${probe}info`);
-  // A picture of the root: the browser then adds the password to requests for all paths.
+  // The browser loads a picture of the root path, after which it sends the password with requests for all paths.
   const load = path => new Promise(done => Object.assign(new Image(), { onload: () => done(true), onerror: () => done(false), src: path }));
   check(await tab.evaluate(load, "/image"), "the picture is shown with the password");
   await tab.close();

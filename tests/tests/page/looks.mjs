@@ -1,9 +1,9 @@
-// What the page shows: the light as it is, by its controls, and by two methods.
+// The display of the page: lights, controls, and the comparison of two samplers.
 
 import { gzipSync } from "node:zlib";
 import { actsAndUndoes, changes, check, difference, json, open, picture, problems, state, text, until } from "./browser.mjs";
 
-/** What the lights, the numbers and both canvases show, and that it changes with the light. */
+/** Lights, numbers and both canvases are displayed, and change with the light. */
 export async function live(browser, url) {
   const bytes = [], { context, page, faults } = await open(browser, "about:blank");
   page.on("response", async answer => {
@@ -22,7 +22,7 @@ export async function live(browser, url) {
   await until("the sky has colours", async () => (await picture(page, "#sky-canvas", "sky")).colours > 500);
   await changes(page, "the sky changes when the lamp moves", "#sky-canvas", "sky", 0.01);
   await page.locator("#scene-canvas").scrollIntoViewIfNeeded();
-  // The map behind it moves too, and says nothing of the light on it.
+  // The map behind the lights moves too, so it is hidden.
   await page.uncheck("#show-sky");
   await page.waitForSelector("#scene-canvas[data-shown='0 EV']");
   await until("the scene is lit", async () => (await picture(page, "#scene-canvas", "scene")).colours > 300);
@@ -34,9 +34,9 @@ export async function live(browser, url) {
   await context.close();
 }
 
-/** Exposure, projection, the keyboard and the switches act; nothing is wider than a phone. */
+/** Exposure, projection, the keyboard and the switches have an effect; no element is wider than a phone. */
 export async function controls(browser, url) {
-  // The light stands still here, and so does the scene without motion: differences are ours.
+  // The light and the scene stand still, so every difference is caused by the controls.
   const { context, page, faults } = await open(browser, url, { viewport: { width: 360, height: 760 }, reducedMotion: "reduce" });
   await state(page, "live");
   await page.waitForSelector("#burst figure:nth-child(3) img");
@@ -74,7 +74,7 @@ export async function controls(browser, url) {
   await context.close();
 }
 
-/** Two methods on the same frames, side by side. */
+/** Two samplers side by side, on the same frames. */
 export async function compare(browser, url) {
   const { context, page, faults } = await open(browser, url, { reducedMotion: "reduce" });
   await state(page, "live");
@@ -98,7 +98,7 @@ export async function compare(browser, url) {
   await until("both scenes are drawn", async () => (await picture(page, "#scene-canvas")).greens.every(count => count > 60));
   const found = await problems(page);
   check(found.length === 0, found.join("\n"));
-  // Another choice, at once; a wrong one, refused in place.
+  // Another sampler applies at once; a wrong one is refused beside its field.
   await page.selectOption("#compare-sampler", "pharr");
   await until("another method is compared", async () => await text(page, "#compare-second") === "pharr");
   await page.fill("#compare-lights", "9");

@@ -1,23 +1,23 @@
-// Shadows of a disc in the page's scene against the mean of hard shadows of points on that disc, which the same scene draws.
+// Compares shadows of a disc in the page's scene with the mean of hard shadows of points on the disc, drawn by the same scene.
 
 import { check, json, open, picture, state } from "./browser.mjs";
 
 /** The disc's angular radius, degrees, its centre, and the number of points on it. */
 const RADIUS_DEG = 8, CENTRE = [0.6, 0.3, 0.74], POINTS = 48;
 
-/** In the page: `draw(direction, radius_deg, quality)` gives the luminance of each pixel, linear. */
+/** Runs in the page: `draw(direction, radius_deg, quality)` returns the linear luminance of each pixel. */
 async function studio() {
   const { Scene } = await import("/page/scene.js"), { LADDER } = await import("/page/quality.js");
   const canvas = Object.assign(document.createElement("canvas"), { style: "position: fixed; inset: 0 auto auto 0; z-index: 9; width: 360px; height: 240px" });
   document.body.append(canvas);
   let lights = [], drawn = () => {};
   const scene = new Scene(canvas, () => ({ views: lights.length ? [{ lights, ambient: null }] : [], moving: false }), () => drawn());
-  // The inverse of the display's curve.
+  // The inverse of the display's transfer function.
   const linear = code => code <= 0.04045 ? code / 12.92 : ((code + 0.055) / 1.055) ** 2.4;
   const radiance = shown => shown >= 0.999 ? 10 : (shown / (1 - shown)) ** (1 / 1.1) / 2.2;
   window.draw = async (direction, radius_deg, quality) => {
     Object.assign(LADDER[0], { shadows: 1, scale: 1, glossy: 0, ...quality });
-    // The ground's irradiance is the same for all, and with it the exposure.
+    // The irradiance of the ground is equal for all, and so is the exposure.
     lights = [{ id: 1, direction, irradiance: [1, 1, 1].map(v => v / direction[2]), radius_deg }];
     const next = new Promise(done => { drawn = done; });
     scene.set({ sky: false, rays: false, shadows: "all" });
@@ -32,7 +32,7 @@ async function studio() {
   };
 }
 
-/** Points spread evenly over the disc. */
+/** Returns points spread evenly over the disc. */
 function disc() {
   const length = Math.hypot(...CENTRE), [x, y, z] = CENTRE.map(v => v / length), s = Math.hypot(x, y), u = [-y / s, x / s, 0], v = [-z * x / s, -z * y / s, s];
   return Array.from({ length: POINTS }, (_, k) => {
@@ -65,10 +65,10 @@ export async function penumbra(browser, url) {
   await context.close();
 }
 
-/** Part of the pixels that the shadows of a renderer without a GPU change by more than five codes, in the room's 64 lights. */
+/** Least share of the pixels that the shadows of a renderer without a GPU change by more than five codes, with the room's 64 lights. */
 const SEEN = 0.05;
 
-/** Without a GPU: the disc of the brightest lights holds their light, does not jump, and its shadow is seen. */
+/** Without a GPU: the disc of the brightest lights has their energy, does not jump, and its shadow is visible. */
 export async function gathered(browser, url) {
   const { context, page, faults } = await open(browser, url, { reducedMotion: "reduce" });
   await state(page, "live");
@@ -77,7 +77,7 @@ export async function gathered(browser, url) {
     const { Gathering } = await import("/page/gathering.js"), { luminance } = await import("/page/map.js");
     const sorted = lights.sort((a, b) => luminance(...b.irradiance) - luminance(...a.irradiance)), sum = all => all.reduce((s, { irradiance }) => s + irradiance[1], 0);
     const gathering = new Gathering(), parts = gathering.split(sorted), [disc] = parts;
-    // The same lights, but another one is the brightest by a little.
+    // The lights are the same, but another light is the brightest by a small difference.
     const other = sorted.reduce((far, l) => l.direction.reduce((d, v, i) => d + v * disc.direction[i], 0) < 0.3 ? far ?? l : far, null);
     const rival = { ...other, irradiance: sorted[0].irradiance.map(v => 1.05 * v) }, [kept] = gathering.split([rival, ...sorted.filter(l => l !== other)]);
     return { ratio: sum(parts) / sum(lights), share: disc.irradiance[1] / sum(lights), first: sorted[0].irradiance[1] / sum(lights),

@@ -1,4 +1,4 @@
-// node run.mjs SCENARIO URL [TOKEN]: one of the page's tests. Prints "passed" and figures, or what did not hold.
+// node run.mjs SCENARIO URL [TOKEN]: runs one test of the page. Prints "passed" and figures, or the failed condition.
 
 import { login, restart } from "./absence.mjs";
 import { launch } from "./browser.mjs";

@@ -1,6 +1,6 @@
-// node screenshots.mjs URL FOLDER: pictures of the page of a running probe, for the README: page.png as on a desk,
-// page-phone.png as on a phone, page-compare.png with two methods side by side.
-// HEMILUX_NODE and HEMILUX_BROWSER as in browser.mjs.
+// node screenshots.mjs URL FOLDER: writes pictures of the page of a running probe, for the README: page.png of a desktop,
+// page-phone.png of a phone, page-compare.png with two samplers side by side.
+// HEMILUX_NODE and HEMILUX_BROWSER are described in browser.mjs.
 
 import { launch, open, picture, state, until } from "./browser.mjs";
 
@@ -24,7 +24,7 @@ for (const [name, options, other] of WAYS) {
   if (!other) await page.selectOption("#show-shadows", "all");
   await page.locator("#scene-canvas").scrollIntoViewIfNeeded();
   await until("the scene", async () => (await picture(page, "#scene-canvas")).colours > 300);
-  // What the history shows has to come first.
+  // Waits for the entries of the history.
   await page.waitForTimeout(20_000);
   await page.evaluate(() => scrollTo(0, 0));
   await page.screenshot({ path: `${folder}/${name}`, timeout: 180_000 });

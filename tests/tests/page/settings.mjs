@@ -1,8 +1,8 @@
-// What the page changes.
+// The settings of the page.
 
 import { check, json, open, problems, state, text, until } from "./browser.mjs";
 
-/** Every setting acts; what is wrong is refused beside its field and changes nothing. */
+/** Every setting has an effect; wrong input is refused beside its field and changes nothing. */
 export async function settings(browser, url) {
   const { context, page, faults } = await open(browser, url, { reducedMotion: "reduce" });
   await state(page, "live");
@@ -32,7 +32,7 @@ export async function settings(browser, url) {
   const dark = await level();
   await act("extrapolation", choose("average"), async () => await level() > 1.02 * dark);
   await act("tiers", fill(7), async () => (await json(page, "/v1/status")).tiers.most === 7);
-  // Budgets that nothing keeps would lower the quality of later sets.
+  // Budgets that are always exceeded would reduce the quality of later sets.
   await act("degrade", s => page.uncheck(s), async () => (await values()).degrade === false);
   await act("mains", choose("off"), async () => (await values()).mains === "off");
   await act("merge", choose("all"), async () => (await values()).merge === "all");
@@ -51,7 +51,7 @@ export async function settings(browser, url) {
   await until("the page names the sampler", async () => (await page.locator("#tiles").textContent()).includes("pharr"));
   check(await page.isHidden("#set-tolerance"), "what has no effect is not shown");
   await filters(page, act, set, fill, choose);
-  // A tree of more lights than a small map has quads.
+  // On a map of low order the tree has fewer quads than the requested lights.
   await act("sampler", choose("q2tree"), async () => (await set()).sampler === "q2tree");
   await act("lights", fill(3000), async () => await count() > 2900);
   await act("order", fill(4), async () => await count() < 2100);
@@ -59,7 +59,7 @@ export async function settings(browser, url) {
   const missed = names.filter(name => !tried.has(name));
   check(missed.length === 0, `settings that this test does not try: ${missed}`);
   await act("sampler", choose("pharr"), async () => (await set()).sampler === "pharr");
-  // A wrong number, none, and a choice that does not go with another field.
+  // A wrong number, an empty field, and a choice that is invalid with the value of another field.
   const before = JSON.stringify(await values());
   await page.fill("#set-lights", "-5");
   await until("a wrong number is refused", async () => (await text(page, "#set-lights-error")).includes("found -5, expected"));
@@ -76,7 +76,7 @@ export async function settings(browser, url) {
   await page.selectOption("#set-sampler", "q2tree");
   await until("what does not go together is refused", async () => (await text(page, "#set-lights-error")).includes("for 'q2tree'"));
   check(await page.inputValue("#set-sampler") === "pharr", "the choice is taken back");
-  // What another client changes shows here.
+  // A change by another client is displayed.
   await page.evaluate(() => fetch("/v1/config", { method: "PATCH", body: "{\"lights\": 33}" }));
   await until("another client's change shows", async () => await page.inputValue("#set-lights") === "33");
   const found = await problems(page);
@@ -85,7 +85,7 @@ export async function settings(browser, url) {
   await context.close();
 }
 
-/** A budget that nothing keeps is overrun in the next set, one that all keep is not. */
+/** A budget below every duration is exceeded in the next set, a budget above every duration is not. */
 async function budgets(page, act, set, fill) {
   for (const stage of ["capture", "front", "pyramid", "sample", "filter", "encode", "total"]) {
     const name = `budget_${stage}_ms`, shown = async ms => (await text(page, `#t-${stage}-budget`)).includes(` ${ms} ms`);
@@ -96,16 +96,16 @@ async function budgets(page, act, set, fill) {
   await until("overruns are counted on the page", async () => /\d %/.test(await text(page, "#t-front-over")));
 }
 
-/** Filters over time slow lights down, q2tree's threshold keeps them. */
+/** Filters over time slow lights down; q2tree's threshold keeps lights in place. */
 async function filters(page, act, set, fill, choose) {
-  /** All sets of one turn of the film, which has eight frames, as pairs that follow each other; a busy machine may miss some. */
+  /** Returns all sets of one turn of the film, which has eight frames, as successive pairs; a busy machine may miss some. */
   const follow = async () => {
     const sets = [await set()];
     for (let i = 0; i < 40 && sets.at(-1).frame < sets[0].frame + 8; i++) sets.push(await json(page, `/v1/lights?after=${sets.at(-1).frame}`));
     check(sets.at(-1).frame >= sets[0].frame + 8, "the film goes on");
     return { frames: sets.at(-1).frame - sets[0].frame, pairs: sets.slice(1).map((next, i) => [sets[i].lights, next.lights]) };
   };
-  /** Way that a light goes per frame, degrees. */
+  /** Returns the angle that a light moves per frame, degrees. */
   const motion = async () => {
     const { frames, pairs } = await follow(), means = pairs.map(([before, now]) => {
       const steps = now.flatMap(({ id, direction: d }) => {
@@ -116,7 +116,7 @@ async function filters(page, act, set, fill, choose) {
     });
     return means.reduce((a, b) => a + b, 0) / frames;
   };
-  /** Lights that are born per frame. */
+  /** Returns the number of new lights per frame. */
   const births = async () => {
     const { frames, pairs } = await follow();
     return pairs.reduce((sum, [before, now]) => sum + now.filter(l => !before.some(o => o.id === l.id)).length, 0) / frames;
@@ -135,7 +135,7 @@ async function filters(page, act, set, fill, choose) {
   await act("q2tree_threshold", fill(10), async () => await births() < 0.5 * born);
 }
 
-/** What is set is kept; the test that started this looks at the file. */
+/** Settings are saved; the test program checks the file. */
 export async function save(browser, url) {
   const { context, page, faults } = await open(browser, url, { reducedMotion: "reduce" });
   await state(page, "live");

@@ -1,9 +1,9 @@
-// How fast the page is, and what that costs the picture.
+// The speed of the page, and the loss of picture quality by its approximations.
 
 import { loadavg } from "node:os";
 import { check, json, open, picture, state, text, until } from "./browser.mjs";
 
-/** What is given up for speed hardly shows: light baked by normal against the sum over all lights, highlights of a few lights against those of all. */
+/** The approximations are hardly visible: light baked by normal against the sum over all lights, highlights of a few lights against highlights of all. */
 export async function shading(browser, url) {
   const { context, page, faults } = await open(browser, url, { reducedMotion: "reduce" });
   await state(page, "live");
@@ -41,7 +41,7 @@ export async function shading(browser, url) {
   await page.locator("#scene-canvas").scrollIntoViewIfNeeded();
   const part = { shadows: 0, taps: 1, scale: 1 };
   for (const [name, glossy] of [["few", 6], ["none", 0], ["all", 64]]) await draw(name, { ...part, glossy });
-  // Every picture is compared as if of one quality: that is what is asked.
+  // All pictures are compared as if they had one quality.
   const [few, none] = await page.evaluate(() => ["few", "none"].map(name => {
     const [one, all] = [window.pictures[name].data, window.pictures.all.data];
     return one.reduce((sum, v, i) => sum + Math.abs(v - all[i]), 0) / one.length;
@@ -52,7 +52,7 @@ export async function shading(browser, url) {
   await context.close();
 }
 
-/** How fast it is here, since navigation began: told, not judged. Several tries, since others may be busy; only to the first is the probe new too. */
+/** Prints the time since navigation began, without a limit. Repeated, since the machine may be busy; the probe is new at the first try only. */
 export async function speed(browser, url) {
   const best = { live: Infinity, sky: Infinity, scene: Infinity, rate: 0 }, first = {};
   for (let i = 0; i < 4; i++) {
@@ -65,10 +65,10 @@ export async function speed(browser, url) {
       };
       const told = new MutationObserver(() => { if (document.querySelector("#state[data-state=live]")) window.seen.live ??= performance.now(); });
       told.observe(document, { subtree: true, attributes: true, attributeFilter: ["data-state"] });
-      // Before there is a map, marks of one pixel are all that is drawn.
+      // Until there is a map, only marks of one pixel are drawn.
       watch(CanvasRenderingContext2D, "drawImage", (id, picture) => { if (id === "sky-canvas" && picture.width > 1) window.seen.sky ??= performance.now(); });
       watch(WebGL2RenderingContext, "drawElements", () => { window.seen.scene ??= performance.now(); });
-      // What is far shines through once a picture.
+      // The scene enables blending once per picture, so that the calls count the pictures.
       watch(WebGL2RenderingContext, "enable", (_, what) => { if (what === WebGL2RenderingContext.BLEND) window.seen.frames++; });
     });
     await page.goto(url);

@@ -1,5 +1,5 @@
-// What a visitor takes home: files and program texts, tried as they are given; and what that transfers.
-// HEMILUX_NODE may hold three and gltf-validator; HEMILUX_BPY names a Python with the package bpy, HEMILUX_USD one with usd-core. What is missing is told.
+// Files and program texts that the page offers, tried unchanged, and the bytes of their transfer.
+// HEMILUX_NODE may hold three and gltf-validator; HEMILUX_BPY names a Python with the package bpy, HEMILUX_USD one with usd-core. Missing tools are printed.
 
 import { execFile } from "node:child_process";
 import { mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
@@ -11,10 +11,10 @@ import { check, json, open, picture, state, text, until } from "./browser.mjs";
 
 const run = promisify(execFile), require = createRequire(`${process.env.HEMILUX_NODE}/`);
 
-/** The other site of the three.js page, as its text says; the probe allows it. No port is opened: the test answers in its place. */
+/** The origin of the three.js page in its text, which the probe admits. No port is opened: the test answers the requests. */
 const SITE = "http://localhost:8000";
 
-/** A package of HEMILUX_NODE or null. */
+/** Returns a package of HEMILUX_NODE, or null. */
 function optional(name, of) {
   try { return of(require.resolve(name)); } catch { console.log(`skipped: ${name} is not in HEMILUX_NODE`); return null; }
 }
@@ -41,7 +41,7 @@ async function python(env, program, ...args) {
   return (await run(process.env[env], ["-c", program, ...args], { timeout: 120_000 })).stdout;
 }
 
-/** In Blender: the suns of a script, or of text; twice, since it may be run again. */
+/** Returns the suns that a script, or a text, creates in Blender; it is run twice, since a second run must give the same suns. */
 const BLENDER = `
 import sys, json, bpy
 from mathutils import Vector
@@ -71,10 +71,10 @@ function holdSuns(output, count, what) {
   return suns;
 }
 
-/** Irradiance of the level ground, green. */
+/** Returns the green irradiance of the level ground. */
 const ground = lights => lights.reduce((sum, { towards, irradiance }) => sum + irradiance[1] * Math.max(0, towards[2]), 0);
 
-/** The files and the program texts, each as it is given. */
+/** Tries the files and the program texts unchanged. */
 export async function visitor(browser, url) {
   const folder = mkdtempSync(join(tmpdir(), "hemilux-")), { context, page, faults } = await open(browser, url, { reducedMotion: "reduce", acceptDownloads: true });
   const base = new URL(url).origin;
@@ -140,12 +140,12 @@ export async function visitor(browser, url) {
   }
 }
 
-/** The three.js page as it is given, from another site; three.js comes from npm in the place of the CDN. */
+/** Tries the three.js page unchanged, from another site; three.js comes from npm instead of the CDN. */
 async function threePage(browser, html) {
   const module = optional("three", path => path.replace(/[^/]*$/, ""));
   if (!module) return;
   const context = await browser.newContext(), page = await context.newPage(), faults = [];
-  // What the test answers has no address; a page of localhost may ask this machine without a permission.
+  // The page's origin has no real address; a page of localhost may access this machine without a permission.
   await context.grantPermissions(["local-network-access"], { origin: SITE }).catch(() => {});
   page.on("pageerror", error => faults.push(error.message));
   page.on("console", message => { if (message.type() === "error") faults.push(message.text()); });
@@ -165,13 +165,13 @@ async function threePage(browser, html) {
   await context.close();
 }
 
-/** Bytes on the wire for the first view, pictures included, and per second after it. */
+/** Measures the bytes on the wire for the first view, pictures included, and per second after it. */
 export async function traffic(browser, url) {
   const { context, page } = await open(browser, "about:blank", { isTimed: true, reducedMotion: "no-preference" }), errors = [];
   page.on("console", message => { if (message.type() === "error") errors.push(message.text()); });
   page.on("pageerror", error => errors.push(error.message));
   const wire = await context.newCDPSession(page);
-  // What is asked for again and again counts once for the first view, however long a busy machine takes for it: a stream by its first set.
+  // Repeated requests count once for the first view, however long a busy machine takes; a stream counts by its first set.
   let bytes = 0;
   const paths = new Map(), seen = new Map();
   const count = (id, length) => {
@@ -201,7 +201,7 @@ export async function traffic(browser, url) {
   await context.close();
 }
 
-/** Without a first frame: the page tells the fault, and no error comes up in the console. */
+/** Without a first frame the page displays the fault, and the console has no error. */
 export async function fault(browser, url) {
   const { context, page } = await open(browser, "about:blank", { reducedMotion: "reduce" }), errors = [];
   page.on("console", message => { if (message.type() === "error") errors.push(message.text()); });
@@ -215,7 +215,7 @@ export async function fault(browser, url) {
   await context.close();
 }
 
-/** Another source, chosen on the page. */
+/** Another source is selected on the page. */
 export async function source(browser, url) {
   const { context, page, faults } = await open(browser, url, { reducedMotion: "reduce" });
   await state(page, "live");
