@@ -106,7 +106,7 @@ impl<B: Buffer<u64>> FrontEnd<B> {
         self.process_timed(frames, || {})
     }
 
-    /// Like [`FrontEnd::process`], but calls `added_up` between its two stages, after the pixels are merged and before the map is built,
+    /// Processes a burst like [`FrontEnd::process`] and calls `added_up` between the two stages, after the merge and before the map is built,
     /// so that the caller can time each stage.
     ///
     /// # Errors

@@ -132,7 +132,7 @@ impl<Q: Buffer<Quad>> Pyramid<Q> {
             if let Some(tally) = &lanes.tally {
                 sums.iter_mut().for_each(|quad| quad.energy = tally.settled(quad));
             }
-            share_out(self.domain, Level { order, quads: sums }, self.order, texels);
+            share_out(self.domain, OrderQuads { order, quads: sums }, self.order, texels);
         }
         light_up(self.quads.as_mut().get_mut(texels..).unwrap_or_default(), geometry, lanes);
         if order < self.order {
@@ -191,14 +191,14 @@ fn sum_up(quads: &mut [Quad], domain: Domain, order: u8) {
 
 /// The quads of one order.
 #[derive(Clone, Copy)]
-struct Level<'a> {
+struct OrderQuads<'a> {
     order: u8,
     quads: &'a [Quad],
 }
 
 /// Divides the sum of each coarse quad among its texels by solid angle inside the domain.
-fn share_out(domain: Domain, coarse: Level<'_>, fine: u8, texels: &mut [Quad]) {
-    let Level { order, quads: sums } = coarse;
+fn share_out(domain: Domain, coarse: OrderQuads<'_>, fine: u8, texels: &mut [Quad]) {
+    let OrderQuads { order, quads: sums } = coarse;
     let shift = 2 * (fine - order);
     let equal = 1.0 / (1u32 << shift) as f32;
     for (sum, (ancestor, below)) in sums.iter().zip(texels.chunks_exact_mut(1 << shift).enumerate()) {

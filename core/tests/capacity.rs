@@ -1,6 +1,6 @@
 //! Buffers of exactly the required length are accepted; buffers that are one element shorter are refused with both lengths.
 //!
-//! Tables of response and merge, polar maps and samplers have such tests in their own files.
+//! The buffers of response and merge tables, polar maps and samplers are tested in the files of these modules.
 
 mod common;
 

@@ -31,7 +31,7 @@ fn run(scenario: &str, bench: impl FnOnce() -> Bench) {
     run_moving(scenario, bench, || unreachable!("{scenario} moves nothing before the camera"));
 }
 
-/// Like [`run`], but calls `next` on the request of the scenario to move the object before the camera.
+/// Runs a scenario like [`run`], and calls `next` on the request of the scenario to move the object before the camera.
 fn run_moving(scenario: &str, bench: impl FnOnce() -> Bench, next: impl Fn()) {
     let waited = || {
         let bench = bench();
@@ -41,7 +41,7 @@ fn run_moving(scenario: &str, bench: impl FnOnce() -> Bench, next: impl Fn()) {
     run_with(scenario, waited, next);
 }
 
-/// Like [`run_moving`], for a bench that may have no light set.
+/// Runs a scenario like [`run_moving`], for a bench that may have no light set.
 fn run_with(scenario: &str, bench: impl FnOnce() -> Bench, next: impl Fn()) {
     let Some((program, folder)) = browser::tools() else { return };
     let _alone = BROWSER.lock().unwrap_or_else(PoisonError::into_inner);

@@ -1,7 +1,7 @@
 //! The energies of one cell of the map in the last bursts.
 
 use super::fit::{Basis, Estimate, Fit, TERMS};
-use super::window::{Past, WINDOW, Window};
+use super::window::{PastValues, WINDOW, Window};
 use bytemuck::{Pod, Zeroable};
 
 /// Strength of a modulation (F statistic) from which a cell counts as modulated, and below which it counts as steady again.
@@ -15,7 +15,7 @@ const STEP_SHARE: f32 = 0.05;
 /// Relative difference of a value from the modulation of the last fit above which that modulation is discarded.
 const OTHER_SHAPE: f32 = 0.2;
 
-/// Least light of the known modulation, relative to the mean, from which a mean is computed.
+/// Least light of the last fit's modulation, relative to the mean, from which a mean is computed.
 const LEAST_LIGHT: f32 = 0.3;
 
 /// Least light of the last fit's modulation, relative to the mean, with which a single value after a step determines the mean. With less
@@ -39,7 +39,7 @@ const SHAPE: usize = TERMS - 1;
 #[repr(C)]
 pub struct Cell {
     /// Luminance energies of the last bursts.
-    pub(super) past: Past,
+    pub(super) past: PastValues,
     /// Amplitudes of the harmonics over the mean, from the last fit with a significant modulation; all 0 without one.
     pub(super) shape: [f32; SHAPE],
     /// Exponentially weighted means of the red, green and blue energy; their ratio is the colour of the cell's mean.

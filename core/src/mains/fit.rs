@@ -4,7 +4,7 @@
 //! scalar products.
 
 use super::window::Window;
-use super::window::{Past, WINDOW};
+use super::window::{PastValues, WINDOW};
 use core::f64::consts::TAU;
 
 /// Number of terms: the mean, then cosine and sine of one, two and three times the frequency.
@@ -27,7 +27,7 @@ const MOST_VARIANCE: f64 = 3.0;
 
 /// The values of the terms of a fit in the bursts of a window, by slot.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Basis(pub [Past; TERMS]);
+pub(super) struct Basis(pub [PastValues; TERMS]);
 
 impl Basis {
     /// Computes the terms of `frequency` at the times of `window`; `phase` is the phase of the newest burst, periods.
@@ -61,9 +61,9 @@ pub(super) struct Fit {
     pub bursts: usize,
     terms: usize,
     /// Coefficients of each term: its amplitude is the scalar product of its row and the values.
-    rows: [Past; TERMS],
+    rows: [PastValues; TERMS],
     /// 1 for the bursts of the fit, 0 for older ones.
-    mask: Past,
+    mask: PastValues,
     /// Weight of the newest value in its own prediction.
     leverage: f32,
 }
@@ -109,7 +109,7 @@ impl Fit {
     }
 
     /// Fits the values `past`; `newest` is the slot of the newest burst.
-    pub fn estimate(&self, basis: &Basis, past: &Past, newest: usize) -> Estimate {
+    pub fn estimate(&self, basis: &Basis, past: &PastValues, newest: usize) -> Estimate {
         let mut amplitudes = [0.0; TERMS];
         amplitudes.iter_mut().zip(&self.rows).for_each(|(a, row)| *a = dot(row, past));
         let [mean, harmonics @ ..] = amplitudes;
@@ -237,7 +237,7 @@ fn product(a: &[f64; TERMS], b: &[f32; TERMS]) -> f32 {
 }
 
 /// Returns the scalar product, summed in four lanes.
-pub(super) fn dot(a: &Past, b: &Past) -> f32 {
+pub(super) fn dot(a: &PastValues, b: &PastValues) -> f32 {
     let mut lanes = [0.0f32; 4];
     for (a, b) in a.as_chunks::<4>().0.iter().zip(b.as_chunks::<4>().0) {
         lanes.iter_mut().zip(a.iter().zip(b)).for_each(|(lane, (a, b))| *lane += a * b);

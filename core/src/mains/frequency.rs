@@ -39,7 +39,7 @@ const LOST: f32 = 0.35;
 /// less: for example a rectangle, or a lamp that is clipped at some phases.
 const FOUND_WAVEFORM: f32 = 0.9;
 
-/// Number of bursts without varying light that have the same effect as one burst that the frequency explains badly.
+/// Number of bursts without varying light whose effect equals that of one burst that the frequency explains badly.
 const UNKNOWN: u32 = 8;
 
 /// Least change of the phase from burst to burst, periods: a slower modulation may be a change of the light itself.

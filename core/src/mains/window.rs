@@ -4,7 +4,7 @@
 pub(super) const WINDOW: usize = 16;
 
 /// Values in the last bursts, a ring: [`Window::slot`] returns the index of each burst.
-pub(super) type Past = [f32; WINDOW];
+pub(super) type PastValues = [f32; WINDOW];
 
 /// Times of the last bursts, seconds, as a ring.
 #[derive(Clone, Copy, Debug, Default)]

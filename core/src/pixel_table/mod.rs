@@ -235,7 +235,7 @@ pub(crate) fn check(image: ImageSize, order: u8) -> Result<(), PixelTableError> 
 }
 
 impl<S: Buffer<Span>, W: Buffer<u16>, R: Buffer<Run>, T: Buffer<Texel>> PixelTable<S, W, R, T> {
-    /// Builds the pixel table of an image of size `image`, seen through `lens`, for a hemisphere map of `order`.
+    /// Builds the pixel table of an image of size `image`, formed by `lens`, for a hemisphere map of `order`.
     ///
     /// # Errors
     /// [`PixelTableError`]; [`pixel_table_size`] returns the length of each buffer.

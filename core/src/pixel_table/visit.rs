@@ -83,7 +83,7 @@ fn visit(lens: &Lens, row: u32, span: Span, mut f: impl FnMut(Pixel)) {
 
 /// A run to which further pixels may be appended.
 #[derive(Clone, Copy)]
-struct Growing {
+struct GrowingRun {
     texel: u32,
     len: usize,
     least: f64,
@@ -91,7 +91,7 @@ struct Growing {
     sum: f64,
 }
 
-impl Growing {
+impl GrowingRun {
     fn of(texel: u32, weight: f64) -> Self {
         Self { texel, len: 1, least: weight, most: weight, sum: weight }
     }
@@ -109,9 +109,9 @@ impl Growing {
 /// Calls `take` with every run and its mean weight, row by row.
 pub(super) fn visit_runs(lens: &Lens, image: ImageSize, order: u8, mut take: impl FnMut(Run, f64)) {
     let below = Domain::Hemisphere.quads(order) as u32;
-    let mut take = |run: Growing| take(Run::new(run.texel, run.len), run.sum / run.len as f64);
+    let mut take = |run: GrowingRun| take(Run::new(run.texel, run.len), run.sum / run.len as f64);
     for row in 0..image.height {
-        let (mut growing, mut place) = (None::<Growing>, 0);
+        let (mut growing, mut place) = (None::<GrowingRun>, 0);
         visit(lens, row, span(lens, image.width, row), |pixel| {
             let above = pixel.direction.z > 0.0;
             let texel = if above { healpix::ipix(order, pixel.direction) } else { below };
@@ -119,7 +119,7 @@ pub(super) fn visit_runs(lens: &Lens, image: ImageSize, order: u8, mut take: imp
             if longer.is_none() {
                 growing.into_iter().for_each(&mut take);
             }
-            growing = longer.or(Some(Growing::of(texel, pixel.weight)));
+            growing = longer.or(Some(GrowingRun::of(texel, pixel.weight)));
             place += 1;
         });
         growing.into_iter().for_each(&mut take);

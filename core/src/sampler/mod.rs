@@ -79,7 +79,7 @@ pub trait Sampler {
         self.update_timed(map, request, &mut Timer::none())
     }
 
-    /// Like [`Sampler::update`]; `timer` measures the temporal filters of directions and energies. Samplers without such filters do not read
+    /// Computes lights like [`Sampler::update`]; `timer` measures the temporal filters of directions and energies. Samplers without such filters do not read
     /// `timer`.
     fn update_timed(&mut self, map: &Map<'_>, request: &Request, timer: &mut Timer<'_>) -> Decomposition<'_>;
 

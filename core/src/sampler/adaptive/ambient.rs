@@ -3,7 +3,7 @@
 //! The harmonics are a least-squares fit of degree 2 to the map. The fit is repeated on a map that is cut off at a ceiling over the
 //! previous fit, so that lamps and the sun drop out of it. The light above the ceiling is the excess, which only the directional lights
 //! represent. Since the constant function is one of the nine basis functions, the fit keeps the energy of the cut map. Without lights
-//! nothing is cut off.
+//! the map is not cut off.
 //!
 //! The height of the ceiling determines the share of the directional lights: few lights need a high ceiling, many lights a low one. The
 //! sampler tries [`CEILINGS`] and selects the ceiling with the least error.
@@ -160,8 +160,8 @@ impl Ambient {
         sum
     }
 
-    /// Returns the light above the ceiling in a quad of `order`: the same part of all light in one quad of the order `fine`, so that the
-    /// sum over quads of any order is the same.
+    /// Returns the light above the ceiling in a quad of `order`. The share of the light above the ceiling is computed for the enclosing quad
+    /// of order `fine`, so that the sums over the quads of all orders are equal.
     fn above(&self, map: &PyramidView<'_>, fine: u8, order: u8, ipix: u32) -> Quad {
         let within = ipix >> (2 * (order - fine));
         let y = map.quad(fine, within).y();

@@ -4,7 +4,7 @@
 //! by noise have random directions, so s stays small compared with a and the gain is about beta / (2 - beta); steps by motion share one
 //! direction, so s approaches a and the gain 1. A step larger than [`JUMP`] times a is followed at once. The tracking signal |s| / a was
 //! published by Trigg and Leach (1967); its square as the gain, and the jump threshold, are new here. Energies are filtered as shares of
-//! the whole, so that a change of the whole is no step, and only while nothing moves: the energies of neighbours change together, and a
+//! the whole, so that a change of the whole is no step, and only in a scene at rest: the energies of neighbours change together, and a
 //! delay of one of them would be visible.
 
 use super::discs;
@@ -70,7 +70,7 @@ struct Signal<V> {
 
 /// Lights of the last frame, by ascending id, with their filters in the same order.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Past<'a> {
+pub(super) struct PastLights<'a> {
     pub(super) lights: &'a [Light],
     pub(super) tracks: &'a [LightFilter],
 }
@@ -90,7 +90,7 @@ fn region(lights: usize, leaf: &Leaf) -> u8 {
 }
 
 /// Compares the regions of the lights with those of the last frame.
-pub(super) fn compare(lights: &[Light], leaves: &[Leaf], past: Past<'_>) -> Regions {
+pub(super) fn compare(lights: &[Light], leaves: &[Leaf], past: PastLights<'_>) -> Regions {
     let count = lights.len();
     let ids = lights.iter().zip(past.lights).all(|(light, old)| light.id == old.id);
     let places =
@@ -99,7 +99,7 @@ pub(super) fn compare(lights: &[Light], leaves: &[Leaf], past: Past<'_>) -> Regi
 }
 
 /// Moves lights of the same regions as in the last frame by the offsets from the last frame.
-pub(super) fn move_again(lights: &mut [Light], past: Past<'_>) {
+pub(super) fn move_again(lights: &mut [Light], past: PastLights<'_>) {
     for (light, track) in lights.iter_mut().zip(past.tracks) {
         light.direction = (light.direction + track.offset).try_normalize().unwrap_or(light.direction);
     }
@@ -111,7 +111,12 @@ pub(super) fn note_moves(tracks: &mut [LightFilter], moves: &[Vec3]) {
 }
 
 /// Replaces the lights' directions by filtered ones and continues their ages; old and new lights ascend by id.
-pub(super) fn follow(lights: &mut [Light], tracks: &mut [LightFilter], leaves: &[Leaf], past: Past<'_>) {
+pub(super) fn follow(
+    lights: &mut [Light],
+    tracks: &mut [LightFilter],
+    leaves: &[Leaf],
+    past: PastLights<'_>,
+) {
     let count = lights.len();
     let mut past = past.lights.iter().zip(past.tracks).peekable();
     for ((light, track), leaf) in lights.iter_mut().zip(tracks).zip(leaves) {

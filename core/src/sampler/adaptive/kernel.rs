@@ -47,7 +47,7 @@ fn kernel_and_slope(squared: f32) -> KernelAndSlope {
 const LEAST_ROOT: f32 = 1e-3;
 
 /// Returns the square root within 7e-4, at least that of [`LEAST`]: one Newton step with constants by Jan Kadlec (2010), which halve the
-/// error of the usual ones; a second step would double the cost of the fit.
+/// error of the usual constants; a second step would double the cost of the fit.
 #[inline(always)]
 fn coarse_root(v: f32) -> f32 {
     // A negative number is small as an integer as well.
@@ -157,7 +157,7 @@ impl Vectors {
     }
 
     /// Adds to `sums` the kernels and the pulls of energy `y` at `other`, for each of the first `n` vectors.
-    pub(super) fn add_up(&self, n: usize, other: &MeanVector, y: f32, sums: &mut Sums) {
+    pub(super) fn add_up(&self, n: usize, other: &MeanVector, y: f32, sums: &mut KernelSums) {
         let n = n.min(FITTED);
         let (at, to) = (other.half, other.vector());
         let [xs, ys, zs] = self.halves.each_ref().map(|axis| &axis[..n]);
@@ -176,7 +176,7 @@ impl Vectors {
         }
     }
 
-    /// Adds to `kernels` those of energy `y` at `other`, for as many of the vectors as `kernels` has elements.
+    /// Adds `y` times K between `other` and each vector to `kernels`, for as many vectors as `kernels` has elements.
     pub(super) fn add_kernels(&self, other: &MeanVector, y: f32, kernels: &mut [f32]) {
         let ([xs, ys, zs], at) = (&self.halves, other.half);
         for ((((sum, x), y_axis), z), spread) in kernels.iter_mut().zip(xs).zip(ys).zip(zs).zip(&self.spreads)
@@ -189,13 +189,13 @@ impl Vectors {
 
 /// Sums of kernels, and of their gradients with respect to the vectors.
 #[derive(Clone, Debug)]
-pub(super) struct Sums {
+pub(super) struct KernelSums {
     pub(super) kernels: [f32; FITTED],
     /// Sums of the gradients, one row for each coordinate.
     pub(super) pulls: [[f32; FITTED]; 3],
 }
 
-impl Sums {
+impl KernelSums {
     pub(super) const fn new() -> Self {
         Self { kernels: [0.0; FITTED], pulls: [[0.0; FITTED]; 3] }
     }

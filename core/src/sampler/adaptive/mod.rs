@@ -55,7 +55,7 @@ const GATHERED: usize = 8;
 /// Number of frames between two searches for the ceiling of the ambient light.
 const REST: u32 = 32;
 
-/// Ratio of errors below which another ceiling replaces the one in use.
+/// Ratio of the error under another ceiling to the error under the ceiling in use, below which the other ceiling replaces it.
 const BETTER: f32 = 0.95;
 
 /// The `adaptive` sampler, over the buffers of [`Memory`].
@@ -134,7 +134,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W
         Ok(new)
     }
 
-    /// Largest number of lights that the buffers hold.
+    /// Returns the largest number of lights that the buffers hold.
     #[must_use]
     pub fn capacity(&self) -> usize {
         let lights = self.lights.iter().map(|l| l.as_ref().len());
@@ -188,7 +188,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W
         let count = self.count;
         let ([lights, old], [tracks, old_tracks]) = (&mut self.lights, &mut self.tracks);
         let (lights, tracks) = (&mut lights.as_mut()[..count], &mut tracks.as_mut()[..count]);
-        let past = filter::Past {
+        let past = filter::PastLights {
             lights: &old.as_ref()[..frame.previous],
             tracks: &old_tracks.as_ref()[..frame.previous],
         };

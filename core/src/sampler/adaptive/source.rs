@@ -1,6 +1,6 @@
 //! Sources: a coarse approximation of the map by discs, used to fit weights and to estimate errors.
 //!
-//! Each source is a part of a leaf, so that bright small regions and dim wide ones get equally many sources.
+//! Each source is a part of a leaf, so that a bright small region and a dim large region get equal numbers of sources.
 
 use super::GATHERED;
 use super::nodes::{Leaf, Nodes};
@@ -78,7 +78,7 @@ impl Sources {
         &self.all
     }
 
-    /// Replaces the sources by those of `lights`, whose regions are `leaves` or, for few lights, gathered; empty for more than [`SOURCES`]
+    /// Replaces the sources by the sources of `lights`, whose regions are `leaves` or, for few lights, gathered; empty for more than [`SOURCES`]
     /// lights. The fit of `soft` lights does not use the owners, which are the leaves' indices then.
     pub(super) fn fill(&mut self, nodes: &Nodes<'_>, leaves: &[Leaf], lights: &[Light], soft: bool) {
         self.all.clear();

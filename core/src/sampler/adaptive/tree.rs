@@ -65,11 +65,11 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>> Tree<B, H> {
         self.interior[0].as_mut().fill(0);
         let mut len = 0;
         let mut lit = 1;
-        let judge = Judge { nodes, activity, soft: growth.soft };
+        let inputs = ImportanceInputs { nodes, activity, soft: growth.soft };
         self.push(
             &mut len,
-            &judge,
-            &Node { at: Place { level: 0, index: 0 }, quad: nodes.quad(0, 0) },
+            &inputs,
+            &Node { at: NodeIndex { level: 0, index: 0 }, quad: nodes.quad(0, 0) },
             f32::INFINITY,
         );
         while lit < growth.limit {
@@ -78,26 +78,26 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>> Tree<B, H> {
             set(self.interior[0].as_mut(), leaf.level, leaf.index);
             let level = leaf.level + 1;
             let children = [2 * leaf.index, 2 * leaf.index + 1]
-                .map(|index| Node { at: Place { level, index }, quad: nodes.quad(level, index) });
+                .map(|index| Node { at: NodeIndex { level, index }, quad: nodes.quad(level, index) });
             lit += usize::from(children.iter().all(|child| child.quad.y() > 0.0));
             for child in &children {
-                self.push(&mut len, &judge, child, leaf.importance);
+                self.push(&mut len, &inputs, child, leaf.importance);
             }
         }
     }
 
     /// Adds a node to the heap unless it is dark or a texel. The importance of a node is limited to that of its parent, so that the tree of
     /// the most important nodes is connected.
-    fn push(&mut self, len: &mut usize, judge: &Judge<'_>, node: &Node, most: f32) {
-        let Node { at: Place { level, index }, quad } = node;
+    fn push(&mut self, len: &mut usize, inputs: &ImportanceInputs<'_>, node: &Node, most: f32) {
+        let Node { at: NodeIndex { level, index }, quad } = node;
         let (level, index) = (*level, *index);
         let leaves = self.heap.as_mut();
-        if quad.y() <= 0.0 || level >= judge.nodes.last() || *len >= leaves.len() {
+        if quad.y() <= 0.0 || level >= inputs.nodes.last() || *len >= leaves.len() {
             return;
         }
         let kept = if bit(self.interior[1].as_ref(), level, index) { 1.0 + HYSTERESIS } else { 1.0 };
-        let kept = kept * judge.nodes.activity(judge.activity, level, index);
-        let importance = (judge.importance(level, index, quad) * kept).min(most);
+        let kept = kept * inputs.nodes.activity(inputs.activity, level, index);
+        let importance = (inputs.importance(level, index, quad) * kept).min(most);
         leaves[*len] = Leaf { importance, level, index };
         *len += 1;
         heap::sift_up(&mut leaves[..*len], before);
@@ -105,14 +105,14 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>> Tree<B, H> {
 
     /// Writes the lights of the lit leaves, by ascending id, and returns their number; their leaves are then in the heap's memory.
     pub(super) fn emit(&mut self, nodes: &Nodes<'_>, lights: &mut [Light]) -> usize {
-        let mut out = Emit {
+        let mut out = LightWriter {
             nodes: *nodes,
             interior: self.interior[0].as_ref(),
             leaves: self.heap.as_mut(),
             lights,
             count: 0,
         };
-        out.visit(Place { level: 0, index: 0 }, 1, None);
+        out.visit(NodeIndex { level: 0, index: 0 }, 1, None);
         out.count
     }
 
@@ -133,7 +133,7 @@ pub(super) struct Growth {
 
 /// The position of a node.
 #[derive(Clone, Copy, Debug)]
-struct Place {
+struct NodeIndex {
     level: u8,
     index: u32,
 }
@@ -141,25 +141,25 @@ struct Place {
 /// A node with its light.
 #[derive(Clone, Copy, Debug)]
 struct Node {
-    at: Place,
+    at: NodeIndex,
     quad: Quad,
 }
 
 /// Inputs of the importance of a node.
-struct Judge<'a> {
+struct ImportanceInputs<'a> {
     nodes: &'a Nodes<'a>,
     activity: &'a Activity,
     /// Whether lights are discs.
     soft: bool,
 }
 
-impl Judge<'_> {
+impl ImportanceInputs<'_> {
     fn importance(&self, level: u8, index: u32, quad: &Quad) -> f32 {
         if self.soft { discs::importance(self.nodes, level, index, quad) } else { importance(quad) }
     }
 }
 
-struct Emit<'a> {
+struct LightWriter<'a> {
     nodes: Nodes<'a>,
     interior: &'a [u8],
     leaves: &'a mut [Leaf],
@@ -167,9 +167,9 @@ struct Emit<'a> {
     count: usize,
 }
 
-impl Emit<'_> {
+impl LightWriter<'_> {
     /// Visits the tree below a node whose first lit leaf gets `id`; the recursion is at most as deep as the tree.
-    fn visit(&mut self, Place { level, index }: Place, id: u32, parent: Option<u32>) {
+    fn visit(&mut self, NodeIndex { level, index }: NodeIndex, id: u32, parent: Option<u32>) {
         let quad = self.nodes.quad(level, index);
         if quad.y() <= 0.0 || self.count >= self.lights.len().min(self.leaves.len()) {
             return;
@@ -182,7 +182,7 @@ impl Emit<'_> {
             return;
         }
         let (left, right) = (2 * index, 2 * index + 1);
-        let child = |index| Place { level: level + 1, index };
+        let child = |index| NodeIndex { level: level + 1, index };
         let left_lit = self.nodes.quad(level + 1, left).y() > 0.0;
         self.visit(child(left), id, parent);
         if left_lit {

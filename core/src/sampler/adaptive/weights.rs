@@ -7,10 +7,10 @@
 //! a ridge proportional to 1 / energy, limits changes of bright lights in favour of dim ones. The system is solved by Cholesky
 //! decomposition in place.
 //!
-//! The minimisation is that of optimally weighted quadrature in a reproducing kernel space; since K near 0 is linear in the angle, it is
+//! The minimisation equals optimally weighted quadrature in a reproducing kernel space; since K near 0 is linear in the angle, it is
 //! related to the energy distance of Szekely and Rizzo. The kernel K and its use for weights of lights are new here.
 
-use super::kernel::{MeanVector, Sums, Vectors};
+use super::kernel::{KernelSums, MeanVector, Vectors};
 use super::source::Source;
 use super::{FITTED, step};
 use crate::light::Light;
@@ -35,7 +35,7 @@ pub(super) struct Fit {
     matrix: [[f32; FITTED]; FITTED],
     lights: Vectors,
     /// The residual, then the corrections, in `kernels`; for discs, the gradients in `pulls`.
-    sums: Sums,
+    sums: KernelSums,
     /// K between one source and each of the lights.
     own: [f32; FITTED],
     ones: [f32; FITTED],
@@ -44,7 +44,7 @@ pub(super) struct Fit {
 impl Fit {
     pub(super) const fn new() -> Self {
         let row = [0.0; FITTED];
-        Self { matrix: [row; FITTED], lights: Vectors::new(), sums: Sums::new(), own: row, ones: row }
+        Self { matrix: [row; FITTED], lights: Vectors::new(), sums: KernelSums::new(), own: row, ones: row }
     }
 
     /// Scales the lights that represent `sources`.

@@ -349,8 +349,7 @@ fn set(bits: &mut [u8], index: usize) {
     }
 }
 
-/// Returns whether `a` is split before `b`: by importance, then coarse before fine, then by index, so that equal importances give the same
-/// tree in every frame.
+/// Returns whether `a` is split before `b`: by importance, then coarse before fine, then by index, so that equal maps give equal trees.
 fn before(a: &Leaf, b: &Leaf) -> bool {
     (a.importance, b.id) > (b.importance, a.id)
 }

@@ -18,7 +18,7 @@ const PAINT: u32 = 0xc5a3_1e87;
 /// Number of bytes below the current stack pointer that are not painted: the stack frames of the painting functions.
 const MARGIN: usize = 256;
 
-/// Fills the unused stack with [`PAINT`].
+/// Fills the unused stack with the pattern `PAINT`.
 pub fn paint() {
     let here = 0u32;
     let end = (&raw const here).addr() - MARGIN;
