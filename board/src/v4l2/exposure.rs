@@ -262,20 +262,21 @@ pub fn go_manual(node: &mut dyn Node) -> Manual {
     Manual { settable, held }
 }
 
-/// Lengthens a sensor's frame for an exposure of `longest_s` and returns the frame interval in seconds.
+/// Lengthens a sensor's frame for an exposure of `longest_s` and a frame interval of `period_s`, and returns the frame interval in seconds.
 ///
 /// VBLANK is set alone and before the exposure, since the range of the exposure depends on it.
 pub fn stretch_frame(
     node: &mut dyn Node,
     knob: &Knob,
     height: u32,
-    longest_s: f64,
+    [longest_s, period_s]: [f64; 2],
     sensor: Option<&Sensor>,
 ) -> Option<f64> {
     let ControlUnit::Lines(line) = knob.unit else { return None };
     let info = controls::find(node, abi::VBLANK)?;
     let reserve = sensor.map_or(RESERVE_LINES, |s| s.reserve_lines);
-    let lines = (longest_s / line).ceil().min(1e9) as i64 + reserve;
+    let lines = |seconds: f64| (seconds / line).min(1e9);
+    let lines = (lines(longest_s).ceil() as i64 + reserve).max(lines(period_s).round() as i64);
     let blank = controls::settle(node, abi::VBLANK, lines - i64::from(height)).unwrap_or(info.default);
     Some((i64::from(height) + blank) as f64 * line)
 }

@@ -7,8 +7,12 @@ use super::media::bus;
 use super::options::Options;
 use super::{Call, CameraError, Node, Size, abi, formats, persist};
 use hemilux_core::format::Yuv;
+use hemilux_core::mains::{Lamps, best_rate};
 use rustix::io::Errno;
 use std::path::Path;
+
+/// Least granted frame rate, as a part of the requested one, that is taken for the phases at which it shows lamps on the mains.
+const SLOWEST: f64 = 0.85;
 
 /// The media bus format in which a node receives the frames of its sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -90,8 +94,25 @@ pub(super) fn set_pad(sensor: &mut dyn Node, wished: Size) -> Option<Carried> {
     bus::is_read(pad.code).then_some(Carried { code: pad.code, size: Size::new(pad.width, pad.height) })
 }
 
+/// Requests the frame rate of `options` and returns the granted frame interval in seconds.
+///
+/// A rate that shows lamps on the mains at differing phases is requested first, and taken if the driver grants one of that kind. The rates
+/// that do so for bursts of one frame do so for most other numbers of frames.
+pub(super) fn choose_rate(video: &mut dyn Node, options: &Options) -> Result<f64, CameraError> {
+    let spread = |rate_hz| best_rate(rate_hz, 1, Lamps::Auto);
+    let (asked, best) = (options.rate_hz, spread(options.rate_hz));
+    if options.spreads_phases && options.stand_in.is_none() && best < asked {
+        let period_s = set_rate(video, best, &options.path)?;
+        let granted = 1.0 / period_s;
+        if (SLOWEST * asked..asked).contains(&granted) && spread(granted) >= granted {
+            return Ok(period_s);
+        }
+    }
+    set_rate(video, asked, &options.path)
+}
+
 /// Requests a frame rate and returns the granted frame interval in seconds. A driver whose rate cannot be set is not an error.
-pub(super) fn set_rate(video: &mut dyn Node, rate_hz: f64, path: &Path) -> Result<f64, CameraError> {
+fn set_rate(video: &mut dyn Node, rate_hz: f64, path: &Path) -> Result<f64, CameraError> {
     let rate_hz = if rate_hz > 0.0 { rate_hz.clamp(0.1, 1000.0) } else { 30.0 };
     let interval = [1000, (1000.0 * rate_hz).round() as u32];
     let mut parameters = abi::Parameters { interval, ..Default::default() };

@@ -45,6 +45,8 @@ pub struct Options {
     pub fourcc: Option<u32>,
     /// Requested frames per second.
     pub rate_hz: f64,
+    /// Whether a rate of up to 15 % less than `rate_hz` is taken if it shows lamps on the mains at phases that differ from burst to burst.
+    pub spreads_phases: bool,
     /// Requested exposure times, seconds.
     pub exposures_s: Vec<f64>,
     /// A control that replaces the exposure.
@@ -69,6 +71,7 @@ impl Options {
             lens: None,
             fourcc: None,
             rate_hz: 30.0,
+            spreads_phases: true,
             exposures_s: vec![0.000_9, 0.005_5, 0.033_3],
             stand_in: None,
             delay: None,

@@ -54,7 +54,7 @@ pub(super) fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<Setup, 
     if let Some(lens) = &options.lens {
         lens.check(got, view.as_ref(), path)?;
     }
-    let mut period_s = negotiate::set_rate(video.as_mut(), options.rate_hz, path)?;
+    let mut period_s = negotiate::choose_rate(video.as_mut(), options)?;
     let holder: &mut dyn Node = match &mut sensor {
         Some(node) => node.as_mut(),
         None => video.as_mut(),
@@ -177,7 +177,7 @@ fn expose(
     let knob = Knob::find(node, picture.width()).filter(|_| settable);
     if let Some(knob) = knob {
         let longest = options.exposures_s.iter().copied().fold(0.0, f64::max);
-        if let Some(s) = exposure::stretch_frame(node, &knob, picture.height(), longest, known) {
+        if let Some(s) = exposure::stretch_frame(node, &knob, picture.height(), [longest, *period_s], known) {
             *period_s = s;
         }
         if let Some(info) = controls::find(node, abi::VBLANK).filter(Info::is_settable)

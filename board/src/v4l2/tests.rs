@@ -3,7 +3,7 @@
 use super::Size;
 use super::abi;
 use super::capture::Camera;
-use super::fake::{FakeKernel, Fault, Kind, Manner, Script};
+use super::fake::{FakeKernel, Fault, Kind, Manner, Quirk, Script};
 use super::frame::{Broken, RawFrame};
 use super::schedule::Known;
 use super::setup::{Options, StandIn};
@@ -218,6 +218,31 @@ fn vblank_is_set_before_the_exposure_and_the_gain_stays() {
     );
     let tally = run(&mut camera, &mut kernel, 300);
     assert_eq!((tally.wrong, tally.right), (0, 300), "{tally:?}");
+}
+
+/// On paper: at 28 Hz, bursts of one to six frames are 0.14 to 0.43 or 0.57 to 0.86 periods of 100 and of 120 Hz apart, at 30 Hz bursts of
+/// three frames are 10 and 12 periods apart.
+#[test]
+fn the_frame_rate_shows_mains_light_at_differing_phases_where_the_driver_sets_it() {
+    let period = |quirks: Vec<Quirk>, options: Options, kind: Kind, formats: Vec<&'static str>| {
+        let mut kernel = FakeKernel::new(Script { quirks, kind, formats, ..Script::default() });
+        Camera::open(&mut kernel, &options).expect("a camera").period().as_secs_f64()
+    };
+    let takes = || vec![Quirk::TakesRates];
+    let uvc = |quirks, options| period(quirks, options, Kind::Uvc, vec!["GREY"]);
+    let rate: f64 = 1.0 / uvc(takes(), options());
+    assert!((rate - 28.0).abs() < 0.01, "{rate}");
+    for (hz, frames) in [100.0, 120.0].into_iter().flat_map(|hz| (1..=6).map(move |n| (hz, f64::from(n)))) {
+        let apart: f64 = hz * frames / rate;
+        assert!((apart - apart.round()).abs() > 0.139, "{hz} Hz, {frames} frames: {apart}");
+    }
+    let named: f64 = 1.0 / uvc(takes(), Options { spreads_phases: false, ..options() });
+    assert!((named - 30.0).abs() < 0.01, "a rate that was named: {named}");
+    assert_eq!(uvc(Vec::new(), options()), 0.04, "a driver of one rate");
+    // Lines of 100 us.
+    let sensor =
+        period(Vec::new(), Options { exposures_s: vec![0.001, 0.002], ..options() }, Kind::Csi, vec!["BA81"]);
+    assert!((sensor - 0.04).abs() < 1e-9, "the sensor's frames are as long as the rate says: {sensor}");
 }
 
 #[test]

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 /// Options of a camera for the help text.
 pub const HELP: &str = "\
 A CSI camera is v4l2:NAME with the beginning of its sensor's name, v4l2:/dev/mediaN or a node that is linked to its sensor. Camera options, after the path: ,lens=FILE (a [lens] table; default: 180 degrees across the picture), ,size=640x480 (default: that of the lens file, or the mode that covers a known sensor),
-,format=YUYV, ,rate=30, ,exposures=0.0009/0.0055/0.0333 (seconds), ,sensor=imx219 (the beginning of a sensor's name, or its sub-device), ,delay=2 (frames; default: measured),
+,format=YUYV, ,rate=30 (default: 28, which suits lamps on the mains, where the driver has it), ,exposures=0.0009/0.0055/0.0333 (seconds), ,sensor=imx219 (the beginning of a sensor's name, or its sub-device), ,delay=2 (frames; default: measured),
 ,stand-in=Brightness:64/128/192 (for test benches: a control that replaces the exposure).";
 
 /// The text of a camera's path and options, checked.
@@ -78,6 +78,7 @@ impl CameraSpec {
                 "rate" => {
                     let rate = number(value).filter(|r| (0.1..=1000.0).contains(r));
                     options.rate_hz = rate.ok_or_else(|| refuse("0.1 to 1000 frames a second"))?;
+                    options.spreads_phases = false;
                 }
                 "exposures" => {
                     options.exposures_s = exposures(value).ok_or_else(|| {

@@ -95,7 +95,7 @@ fn graph_call(w: &mut World, role: Role, call: &mut Call<'_>) -> Option<Result<(
 }
 
 /// Answers the requests for the camera's capabilities.
-fn describe(w: &World, call: Call<'_>) -> Result<(), Errno> {
+fn describe(w: &mut World, call: Call<'_>) -> Result<(), Errno> {
     let (width, height) = w.script.size;
     match call {
         Call::QueryCapability(d) => {
@@ -129,6 +129,10 @@ fn describe(w: &World, call: Call<'_>) -> Result<(), Errno> {
             }
         }
         Call::SetParameters(d) if w.has(Quirk::ReportsInterval) => d.interval = [40, 1000],
+        Call::SetParameters(d) if w.has(Quirk::TakesRates) => {
+            let [n, of] = d.interval.map(f64::from);
+            w.script.period = Duration::from_secs_f64(n / of);
+        }
         Call::SetParameters(d) => d.interval = [w.script.period.as_millis() as u32, 1000],
         _ => return Err(Errno::NOTTY),
     }
@@ -174,7 +178,7 @@ impl Node for FakeNode {
             | Call::EnumSizes(_)
             | Call::EnumIntervals(_)
             | Call::SetFormat(_)
-            | Call::SetParameters(_) => describe(&w, call)?,
+            | Call::SetParameters(_) => describe(&mut w, call)?,
             Call::QueryControl(_) | Call::GetControl(_) | Call::SetControl(_) if on_sensor != sensor => {
                 return Err(Errno::INVAL);
             }

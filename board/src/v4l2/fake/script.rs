@@ -98,6 +98,8 @@ pub enum Quirk {
     Ranges,
     /// The driver reports a frame interval of 40 ms, whatever the true one is.
     ReportsInterval,
+    /// The driver sets the requested frame rate.
+    TakesRates,
     /// The driver reports neither the length of a row nor that of a frame.
     NoStride,
 }
