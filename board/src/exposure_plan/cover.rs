@@ -2,6 +2,7 @@
 
 use crate::calibration::Calibration;
 use crate::noise::Noise;
+use hemilux_core::mains::{Lamps, whole_periods};
 
 /// Largest number of exposures of a plan.
 pub const MOST: usize = 6;
@@ -25,13 +26,29 @@ pub struct TimeRange {
     pub shortest_s: f64,
     /// Longest exposure time at the frame rate, seconds.
     pub longest_s: f64,
+    /// Difference of two successive times, which are multiples of it; 0 for a camera that takes any time of the range.
+    pub step_s: f64,
 }
 
 impl TimeRange {
+    /// The longest time of the camera that is not longer than `seconds`.
     fn within(&self, seconds: f64) -> f64 {
-        seconds.clamp(self.shortest_s, self.longest_s)
+        let seconds = seconds.clamp(self.shortest_s, self.longest_s);
+        if self.step_s > 0.0 && seconds < self.longest_s {
+            return ((seconds / self.step_s + ROUNDING).floor() * self.step_s).max(self.shortest_s);
+        }
+        seconds
+    }
+
+    /// The range whose longest time is a whole number of periods of `lamps`, if a period fits.
+    #[must_use]
+    pub fn of_whole_periods(&self, lamps: Lamps) -> Self {
+        Self { longest_s: whole_periods(self.longest_s, lamps).max(self.shortest_s), ..*self }
     }
 }
+
+/// Part of a step by which a time may miss its multiple, for the rounding of its division.
+const ROUNDING: f64 = 1e-6;
 
 /// The range of relative exposures, 0 to 1, in which a sample is covered.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -99,7 +116,10 @@ pub fn cover(light: &[RadianceShare], limits: &Limits, range: &TimeRange) -> Vec
         if times.last().is_some_and(is_covered) || times.len() == MOST {
             continue;
         }
-        times.push(range.within(limits.bright / radiance));
+        let next = range.within(limits.bright / radiance);
+        if times.last().is_none_or(|last| next > *last) {
+            times.push(next);
+        }
     }
     times
 }

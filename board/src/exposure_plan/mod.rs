@@ -77,6 +77,7 @@ pub fn decide(
 ) -> Option<Vec<f64>> {
     let light = histogram.light(range);
     let wished = cover(&light, &limits.narrowed(), range);
-    let stays = current.len() <= wished.len() && is_covered(&light, current, limits, range);
+    let fits = current.last().is_some_and(|longest| *longest <= range.longest_s * (1.0 + 1e-3));
+    let stays = fits && current.len() <= wished.len() && is_covered(&light, current, limits, range);
     (!stays && !wished.is_empty() && wished != current).then_some(wished)
 }

@@ -8,7 +8,7 @@ use hemilux_core::{Exposure, Format, Lens, Levels};
 const WIDTH: u32 = 64;
 const HEIGHT: u32 = 48;
 const NOISE: Noise = Noise { read: 0.7, gain: 0.025, dark: 8.0 };
-const RANGE: TimeRange = TimeRange { shortest_s: 3e-5, longest_s: 0.033 };
+const RANGE: TimeRange = TimeRange { shortest_s: 3e-5, longest_s: 0.033, step_s: 0.0 };
 const WHITE: f64 = 255.0;
 
 fn calibration() -> Calibration {

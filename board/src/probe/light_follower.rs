@@ -1,18 +1,43 @@
 //! Exposures that follow the light of the scene.
 
 use crate::calibration::{Burst, Calibration};
-use crate::exposure_plan::Planner;
+use crate::exposure_plan::{Planner, TimeRange};
 use crate::noise::Noise;
 use crate::source::Source;
+use hemilux_core::mains::{Flicker, Lamps};
+
+/// Frequency between those at which lamps on mains of 50 and of 60 Hz vary, hertz.
+const BETWEEN_HZ: f32 = 110.0;
 
 /// Changes the exposures of a source according to the light of its bursts.
 #[derive(Debug, Default)]
 pub(super) struct LightFollower {
-    /// The planner, and the calibration that it was made for.
-    planner: Option<(Calibration, Planner)>,
+    /// The planner, and the calibration and the range that it was made for.
+    planner: Option<(Calibration, TimeRange, Planner)>,
+    /// The lamps that the source was told.
+    lamps: Lamps,
 }
 
 impl LightFollower {
+    /// Tells the source the lamps of `setting`, or those whose frequency was found in the burst.
+    pub(super) fn follow_lamps(&mut self, source: &mut dyn Source, setting: Lamps, flicker: &Flicker) {
+        let found = match flicker.frequency_hz {
+            Some(hz) if hz < BETWEEN_HZ => Lamps::Mains50,
+            Some(_) => Lamps::Mains60,
+            None => self.lamps,
+        };
+        let lamps = if setting == Lamps::Auto { found } else { setting };
+        if lamps != self.lamps {
+            self.lamps = lamps;
+            source.set_lamps(lamps);
+        }
+    }
+
+    /// Tells a new source the lamps.
+    pub(super) fn greet(&self, source: &mut dyn Source) {
+        source.set_lamps(self.lamps);
+    }
+
     /// Plans the exposures of the bursts after `burst`, of whose light the share `clipped` is clipped. Returns true if the exposures change.
     ///
     /// Sources of fixed exposures do not change. Bursts whose exposures differ from the source's present ones are ignored: incomplete bursts
@@ -23,12 +48,14 @@ impl LightFollower {
             return false;
         }
         let calibration = source.calibration();
-        if self.planner.as_ref().is_none_or(|(made_for, _)| made_for != calibration) {
+        let is_other = |(c, r, _): &(Calibration, TimeRange, Planner)| c != calibration || *r != range;
+        if self.planner.as_ref().is_none_or(is_other) {
             let levels = calibration.levels;
             let noise = Noise::assumed(levels.black, levels.white - levels.black);
-            self.planner = Planner::new(calibration, range, &noise).map(|planner| (*calibration, planner));
+            self.planner =
+                Planner::new(calibration, range, &noise).map(|planner| (*calibration, range, planner));
         }
-        let next = self.planner.as_mut().and_then(|(_, planner)| planner.next(burst, clipped));
+        let next = self.planner.as_mut().and_then(|(_, _, planner)| planner.next(burst, clipped));
         let Some(seconds) = next else { return false };
         match source.set_exposures(Some(&seconds)) {
             Ok(()) => tracing::debug!("exposures follow the light: {seconds:?} s"),

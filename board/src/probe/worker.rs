@@ -185,6 +185,7 @@ impl Worker {
         {
             self.link.settings.set_exposures(exposures(&*self.source));
         }
+        self.light.follow_lamps(self.source.as_mut(), self.config.pipeline.lamps, &set.flicker);
         self.follow_duration(set.latency.total, delivery_us);
         Ok(())
     }
@@ -243,11 +244,14 @@ impl Worker {
 
     /// Refuses a burst that lacks the shortest exposure of the source: without it, the brightest light is clipped.
     fn check_complete(&mut self) -> Result<(), SourceError> {
-        let frames = &self.burst.frames;
-        if frames.len() == self.nominal.len() {
+        if self.burst.frames.iter().map(|frame| frame.exposure).eq(self.nominal.iter().copied()) {
             return Ok(());
         }
-        self.nominal = self.source.exposures();
+        let exposures = self.source.exposures();
+        if exposures != self.nominal {
+            self.nominal = exposures;
+            self.link.settings.set_exposures(self::exposures(&*self.source));
+        }
         if self.nominal.len() != self.ladder.exposures() {
             self.reset_quality();
         }
@@ -268,6 +272,7 @@ impl Worker {
         let Some(source) = self.link.source.take() else { return };
         self.source = source;
         self.source.notes().iter().for_each(|note| tracing::warn!("{note}"));
+        self.light.greet(self.source.as_mut());
         self.link.settings.set_exposures(exposures(&*self.source));
     }
 

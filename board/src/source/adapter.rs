@@ -5,6 +5,7 @@ use crate::calibration::{Burst, Calibration};
 use crate::camera_status::CameraStatus;
 use crate::exposure_plan::TimeRange;
 use hemilux_core::Exposure;
+use hemilux_core::mains::Lamps;
 
 /// A source that changes the bursts of an inner source. Each [`Adapter`] is a [`Source`]; methods that the adapter does not define call those of
 /// the inner source.
@@ -72,6 +73,10 @@ impl<A: Adapter> Source for A {
 
     fn set_exposures(&mut self, seconds: Option<&[f64]>) -> Result<(), String> {
         Adapter::set_exposures(self, seconds)
+    }
+
+    fn set_lamps(&mut self, lamps: Lamps) {
+        self.inner_mut().set_lamps(lamps);
     }
 
     fn camera(&self, status: &mut CameraStatus) -> bool {

@@ -31,6 +31,7 @@ use crate::exposure_plan::TimeRange;
 use crate::recorded::RecordedError;
 use crate::scene::{self as scenes, NAMES};
 use hemilux_core::Exposure;
+use hemilux_core::mains::Lamps;
 use std::path::{Path, PathBuf};
 
 /// The factor from relative units to cd/m2 for radiance and to lux for irradiance.
@@ -79,6 +80,10 @@ pub trait Source: Send {
     fn set_exposures(&mut self, _seconds: Option<&[f64]>) -> Result<(), String> {
         Err(format!("found exposures, expected none: {}", self.fixed_exposures().unwrap_or_default()))
     }
+
+    /// Tells the lamps that light the scene. The longest exposure of the source's own and of [`Source::exposure_range`] becomes a whole number
+    /// of their periods, if the exposures can be changed.
+    fn set_lamps(&mut self, _lamps: Lamps) {}
 
     /// Writes the states and counters of the source's camera into `status`; returns false for a source without a camera.
     fn camera(&self, _status: &mut CameraStatus) -> bool {

@@ -11,6 +11,7 @@ use glam::DVec2;
 use hemilux_core::Exposure;
 use hemilux_core::format::Format;
 use hemilux_core::lens::{Intrinsics, Lens, Model};
+use hemilux_core::mains::{Lamps, whole_periods};
 use std::ops::Range;
 
 const WIDTH: usize = 640;
@@ -25,7 +26,7 @@ const CENTRE: (f64, f64) = (319.5, 239.5);
 pub(super) const SECONDS: [f64; 3] = [0.000_926, 0.005_555, 0.033_333];
 
 /// Range of exposure times of the simulated sensor at 30 frames a second.
-const RANGE: TimeRange = TimeRange { shortest_s: 30e-6, longest_s: SECONDS[2] };
+const RANGE: TimeRange = TimeRange { shortest_s: 30e-6, longest_s: SECONDS[2], step_s: 0.0 };
 
 /// Radiance that saturates a pixel in the shortest exposure: above [`crate::scene::BRIGHTEST`] with the glow of lamps and noise.
 const FULL: f64 = 60.0;
@@ -42,6 +43,9 @@ pub struct SceneSource {
     sensor: Sensor,
     /// Codes per unit of radiance, for each exposure.
     gains: Vec<f32>,
+    lamps: Lamps,
+    /// Whether [`Source::set_exposures`] has replaced the exposures of the source.
+    is_set: bool,
     beat: Beat,
 }
 
@@ -62,6 +66,8 @@ impl SceneSource {
             sensor: Sensor::new(),
             directions,
             calibration,
+            lamps: Lamps::Auto,
+            is_set: false,
             beat: Beat::new(pace),
         }
     }
@@ -95,14 +101,23 @@ impl Source for SceneSource {
     }
 
     fn set_exposures(&mut self, seconds: Option<&[f64]>) -> Result<(), String> {
-        let seconds = seconds.unwrap_or(&SECONDS);
+        self.is_set = seconds.is_some();
+        let own = [SECONDS[0], SECONDS[1], whole_periods(SECONDS[2], self.lamps)];
+        let seconds = seconds.unwrap_or(&own);
         self.exposures = seconds.iter().map(exposure).collect();
         self.gains = seconds.iter().map(gain).collect();
         Ok(())
     }
 
+    fn set_lamps(&mut self, lamps: Lamps) {
+        self.lamps = lamps;
+        if !self.is_set {
+            let _ = self.set_exposures(None);
+        }
+    }
+
     fn exposure_range(&self) -> Option<TimeRange> {
-        Some(RANGE)
+        Some(RANGE.of_whole_periods(self.lamps))
     }
 
     fn fixed_exposures(&self) -> Option<&'static str> {

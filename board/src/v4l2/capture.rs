@@ -12,6 +12,7 @@ use super::setup::{self, Agreed, Options, Setup};
 use super::verify::{CodeCurve, Verifier};
 use super::view::View;
 use super::{Call, CameraError, Kernel, Node, luma, persist};
+use crate::exposure_plan::TimeRange;
 use hemilux_core::Response;
 use rustix::io::Errno;
 use std::path::{Path, PathBuf};
@@ -36,6 +37,7 @@ pub struct Camera {
     pub(super) schedule: Schedule,
     /// True if the schedule's delay was measured or is known, false if it is assumed.
     pub(super) sure: bool,
+    curve: CodeCurve,
     verifier: Option<Verifier>,
     pub(super) codes: Vec<f32>,
     pub(super) counters: Counters,
@@ -62,16 +64,15 @@ impl Camera {
         let usual = if setup.picture.is_raw() { Response::Linear } else { Response::Srgb };
         let most = setup.picture.max_code();
         let (black, white) = options.levels.map_or((setup.black, 1.0), |l| (l.black / most, l.white / most));
-        let levels = CodeCurve { response: options.response.unwrap_or(usual), black, white };
+        let curve = CodeCurve { response: options.response.unwrap_or(usual), black, white };
         let seconds: Vec<f64> = setup.settings.iter().map(|s| s.seconds).collect();
-        let exposes =
-            setup.knob.as_ref().is_some_and(|k| k.unit != ControlUnit::StandIn) && seconds.len() > 1;
         let known = options.delay.or(setup.delay);
         let mut camera = Self {
             path: options.path.clone(),
             schedule: Schedule::new(seconds.len(), 0, known.unwrap_or(USUAL_DELAY)),
             sure: known.is_some(),
-            verifier: exposes.then(|| Verifier::new(levels, &seconds)),
+            verifier: verifier(&setup, curve),
+            curve,
             codes: Vec::new(),
             counters: Counters::default(),
             numbers: Numbers::default(),
@@ -124,6 +125,30 @@ impl Camera {
     pub fn measured(&self) -> Vec<usize> {
         let deviates = |slot: &usize| self.verifier.as_ref().is_some_and(|v| v.measured().deviates(*slot));
         (0..self.setup.settings.len()).filter(deviates).collect()
+    }
+
+    /// Times that the exposure control takes at the camera's frame rate; `None` if the exposures cannot be set.
+    #[must_use]
+    pub fn range(&self) -> Option<TimeRange> {
+        self.setup.range.filter(|_| self.setup.knob.is_some())
+    }
+
+    /// Replaces the exposures by `wished_s`, seconds, or the nearest ones, while the camera streams. Frames have no known exposure until the
+    /// first of the new exposures acts. Returns false if the camera takes none of them; nothing changes then.
+    ///
+    /// # Errors
+    /// [`CameraError`]: the camera must then be closed and opened again.
+    pub fn set_exposures(&mut self, kernel: &mut dyn Kernel, wished_s: &[f64]) -> Result<bool, CameraError> {
+        let settings = setup::renegotiate(&mut self.setup, wished_s);
+        if settings.is_empty() {
+            return Ok(false);
+        }
+        self.schedule = Schedule::new(settings.len(), 0, self.schedule.delay());
+        self.schedule.doubt_initial();
+        self.setup.settings = settings;
+        self.verifier = verifier(&self.setup, self.curve);
+        self.write_repeatedly(kernel, self.last.unwrap_or(u32::MAX))?;
+        Ok(true)
     }
 
     /// Returns the number of times that measured exposures replaced the control's values since the camera was opened.
@@ -317,6 +342,13 @@ impl Camera {
         self.schedule.failed(sequence);
         Ok(())
     }
+}
+
+/// The comparison of frames, for a camera of several exposures whose control sets a time.
+fn verifier(setup: &Setup, curve: CodeCurve) -> Option<Verifier> {
+    let is_timed = setup.knob.as_ref().is_some_and(|k| k.unit != ControlUnit::StandIn);
+    let seconds: Vec<f64> = setup.settings.iter().map(|s| s.seconds).collect();
+    (is_timed && seconds.len() > 1).then(|| Verifier::new(curve, &seconds))
 }
 
 impl Drop for Camera {

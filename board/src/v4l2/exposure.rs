@@ -65,7 +65,7 @@ impl Knob {
 
 impl ControlUnit {
     /// Returns the time of one unit, seconds.
-    const fn second(self) -> Option<f64> {
+    pub(super) const fn second(self) -> Option<f64> {
         match self {
             Self::Uvc => Some(1e-4),
             Self::Lines(s) => Some(s),
@@ -279,108 +279,4 @@ pub fn stretch_frame(
     let lines = (lines(longest_s).ceil() as i64 + reserve).max(lines(period_s).round() as i64);
     let blank = controls::settle(node, abi::VBLANK, lines - i64::from(height)).unwrap_or(info.default);
     Some((i64::from(height) + blank) as f64 * line)
-}
-
-/// Largest number of values that are tried for an exposure that the camera refuses or changes.
-const MOST_TRIES: usize = 512;
-
-/// Largest ratio between the requested value of the exposure control and a value that is tried in its place, in either direction.
-const TRIED_FACTOR: f64 = 4.0;
-
-/// Difference from the requested exposure, as a natural logarithm, above which other values are tried; the steps of the control itself are
-/// finer.
-const TRIED_FROM: f64 = 0.05;
-
-/// Sets the exposure to the nearest value that the camera accepts and returns the value that is read back; `None` if every value is refused.
-///
-/// Some cameras accept only the values of a coarse list that no request returns, and refuse or ignore all others. Values around `wanted`
-/// are tried by rising distance until none can be nearer than the nearest value read back.
-fn take_nearest(node: &mut dyn Node, info: &Info, wanted: i64, most: i64) -> Option<i64> {
-    let distance = |value: i64| (value.max(1) as f64 / wanted.max(1) as f64).ln().abs();
-    let mut best: Option<i64> = None;
-    // A write may fail once by chance.
-    let tries = [wanted; 3].into_iter().chain(beside(wanted, info, most));
-    for value in tries.take(MOST_TRIES) {
-        if best.is_some_and(|b| distance(b) <= distance(value).max(TRIED_FROM)) {
-            break;
-        }
-        if controls::set(node, info, value).is_ok() {
-            // A control that cannot be read is taken to have the written value.
-            let found = controls::value(node, info).unwrap_or(value);
-            if best.is_none_or(|b| distance(found) < distance(b)) {
-                best = Some(found);
-            }
-        }
-    }
-    let best = best?;
-    let _ = controls::set(node, info, best);
-    Some(controls::value(node, info).unwrap_or(best))
-}
-
-/// Returns the values of a control around `wanted`, by rising ratio to it.
-fn beside(wanted: i64, info: &Info, most: i64) -> impl Iterator<Item = i64> {
-    let step = info.step.max(1);
-    let (least, most) = (info.minimum.max(1), info.maximum.min(most));
-    let (mut below, mut above) = (wanted, wanted);
-    let next = move || {
-        let (down, up) = (below.saturating_sub(step), above.saturating_add(step));
-        let is_in = |v: i64| {
-            let ratio = v as f64 / wanted.max(1) as f64;
-            (least..=most).contains(&v) && (1.0 / TRIED_FACTOR..=TRIED_FACTOR).contains(&ratio)
-        };
-        let nearer_above = (up as f64) * (down as f64) <= (wanted as f64).powi(2);
-        if is_in(up) && (nearer_above || !is_in(down)) {
-            above = up;
-            Some(up)
-        } else if is_in(down) {
-            below = down;
-            Some(down)
-        } else {
-            None
-        }
-    };
-    std::iter::from_fn(next)
-}
-
-/// The settings that a camera took for the requested exposures.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Settled {
-    /// The settings, ascending and without repetition.
-    pub settings: Vec<ExposureSetting>,
-    /// Whether the control reads as the value that was written.
-    pub reads_back: bool,
-}
-
-/// Sets each requested exposure and reads it back. If the control reads as the same value after each of several writes, the written values
-/// are returned.
-pub fn agree(node: &mut dyn Node, knob: &Knob, wished_s: &[f64], period_s: f64) -> Settled {
-    let Some(second) = knob.unit.second() else { return Settled::default() };
-    // The range is queried again: a sensor's range follows VBLANK.
-    let info = controls::find(node, knob.info.id).unwrap_or_else(|| knob.info.clone());
-    // A UVC exposure that is longer than the frame interval lengthens the interval or is shortened.
-    let most = if knob.unit == ControlUnit::Uvc { (period_s / second) as i64 } else { i64::MAX };
-    let (mut taken, mut written) = (Vec::new(), Vec::new());
-    for asked_s in wished_s {
-        let wanted = ((asked_s / second).round().clamp(1.0, 1e9) as i64).min(most.max(1));
-        let wanted = info.nearest(wanted);
-        let Some(value) = take_nearest(node, &info, wanted, most.max(1)) else { continue };
-        let setting =
-            |value: i64| ExposureSetting { value, asked_s: *asked_s, seconds: value as f64 * second };
-        taken.push(setting(value));
-        written.push(setting(wanted));
-    }
-    let (taken, written) = (distinct(taken), distinct(written));
-    let is_readable = controls::value(node, &info).is_ok();
-    if taken.len() == 1 && written.len() > 1 {
-        return Settled { settings: written, reads_back: false };
-    }
-    Settled { settings: taken, reads_back: is_readable }
-}
-
-/// Returns the positive settings in ascending order, each value once.
-fn distinct(mut settings: Vec<ExposureSetting>) -> Vec<ExposureSetting> {
-    settings.retain(|s| s.seconds > 0.0);
-    settings.sort_by_key(|s| s.value);
-    settings.dedup_by_key(|s| s.value);
-    settings
 }

@@ -2,7 +2,7 @@
 //!
 //! [`abi`] defines the kernel's structures. The traits [`Kernel`] and [`Node`] abstract the kernel: [`real`] implements them by system
 //! calls and is the only module with `unsafe`; tests implement them by a scripted kernel. [`device`] lists a camera's formats and ranges,
-//! [`controls`] reads and sets controls, [`media`] connects a sensor with its node, [`exposure`] finds the exposure control and its values,
+//! [`controls`] reads and sets controls, [`media`] connects a sensor with its node, [`exposure`] finds the exposure control, `agree` its values,
 //! [`setup`] negotiates format, rate and exposures, [`schedule`] predicts each frame's exposure, [`verify`] and [`measured`] compare the
 //! prediction with brightness ratios, [`capture`] returns one frame at a time, and [`supervise`] opens a failed camera again.
 //!
@@ -16,6 +16,7 @@ mod layout;
 
 pub mod abi;
 mod access;
+mod agree;
 mod arrivals;
 pub mod capture;
 pub mod controls;

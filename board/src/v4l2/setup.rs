@@ -1,5 +1,6 @@
 //! Opening of a camera and negotiation of format, rate and manual exposure, with a report of the requested and the granted values.
 
+use super::agree;
 use super::controls::{self, Info};
 use super::exposure::{self, ControlUnit, ExposureSetting, Held, Knob, Manual, Sensor};
 use super::formats::Mismatch;
@@ -10,6 +11,7 @@ pub use super::options::{Agreed, LensFit, Options, StandIn};
 use super::place::{self, CameraNodes};
 use super::view::{self, View};
 use super::{CameraError, Kernel, Node, abi};
+use crate::exposure_plan::TimeRange;
 use rustix::io::Errno;
 
 /// An open camera whose format and exposures are negotiated.
@@ -24,6 +26,8 @@ pub(super) struct Setup {
     pub reads_back: bool,
     /// Controls that keep their values while the camera streams, in the order in which they are set.
     pub held: Vec<Held>,
+    /// Times that the exposure control takes, if it sets a time.
+    pub range: Option<TimeRange>,
     /// Exposures of the burst, at least one; without an exposure control exactly one, the frame interval.
     pub settings: Vec<ExposureSetting>,
     /// Part of the sensor that pictures cover, if it is known.
@@ -61,6 +65,7 @@ pub(super) fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<Setup, 
     };
     let Exposing { knob, settings, reads_back, held } =
         expose(holder, options, &picture, known, &mut period_s);
+    let range = knob.as_ref().and_then(|knob| agree::range(holder, knob, period_s));
     let mut agreed = vec![
         agreed("size", asked.to_string(), got.to_string()),
         agreed(
@@ -93,6 +98,7 @@ pub(super) fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<Setup, 
         knob,
         reads_back,
         held,
+        range,
         settings,
         view,
         delay: known.map(|s| s.delay),
@@ -132,6 +138,17 @@ pub(super) fn restore(setup: &mut Setup) -> bool {
         let _ = controls::set(node, &control.info, control.found.unwrap_or(control.wanted));
     }
     changed
+}
+
+/// Negotiates other exposures while the camera streams; empty if the camera takes none of them.
+pub(super) fn renegotiate(setup: &mut Setup, wished_s: &[f64]) -> Vec<ExposureSetting> {
+    let Setup { video, sensor, knob, reads_back, period_s, .. } = setup;
+    let Some(knob) = knob else { return Vec::new() };
+    let node: &mut dyn Node = sensor.as_deref_mut().unwrap_or(video.as_mut());
+    if *reads_back {
+        return agree::agree(node, knob, wished_s, *period_s).settings;
+    }
+    agree::nearest(node, knob, wished_s, *period_s)
 }
 
 /// Reads the value of the exposure control.
@@ -185,8 +202,8 @@ fn expose(
         {
             held.push(Held { info, wanted: value, found: Some(value) });
         }
-        let exposure::Settled { settings, reads_back } =
-            exposure::agree(node, &knob, &options.exposures_s, *period_s);
+        let agree::Settled { settings, reads_back } =
+            agree::agree(node, &knob, &options.exposures_s, *period_s);
         if !settings.is_empty() {
             return Exposing { knob: Some(knob), settings, reads_back, held };
         }

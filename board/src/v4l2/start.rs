@@ -83,14 +83,24 @@ impl Camera {
 
     /// Writes the first exposure before the stream starts, so that it acts from the first frame.
     fn write_first(&mut self, kernel: &mut dyn Kernel) -> Result<(), CameraError> {
+        self.write_repeatedly(kernel, 0)?;
+        self.schedule = Schedule::new(self.setup.settings.len(), 0, self.schedule.delay());
+        Ok(())
+    }
+
+    /// Writes the first exposure after frame `sequence`, up to [`FIRST_TRIES`] times while the driver refuses it.
+    pub(super) fn write_repeatedly(
+        &mut self,
+        kernel: &mut dyn Kernel,
+        sequence: u32,
+    ) -> Result<(), CameraError> {
         for _ in 0..FIRST_TRIES {
             let failed = self.counters.failed_writes;
-            self.write(kernel, 0, 0)?;
+            self.write(kernel, sequence, 0)?;
             if self.counters.failed_writes == failed {
                 break;
             }
         }
-        self.schedule = Schedule::new(self.setup.settings.len(), 0, self.schedule.delay());
         Ok(())
     }
 }

@@ -82,6 +82,13 @@ impl Supervisor {
         }
     }
 
+    /// Replaces the exposures, seconds, of the open camera and of those that are opened later. Returns the failure of the camera.
+    pub fn set_exposures(&mut self, seconds: &[f64]) -> Option<Outcome> {
+        self.options.exposures_s = seconds.to_vec();
+        let set = self.camera.as_mut()?.set_exposures(self.kernel.as_mut(), seconds);
+        set.err().map(|error| self.down(&error))
+    }
+
     fn down(&mut self, error: &CameraError) -> Outcome {
         self.camera = None;
         self.retry_ns = self.kernel.now_ns().saturating_add(RETRY.as_nanos() as u64);

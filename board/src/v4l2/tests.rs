@@ -246,6 +246,28 @@ fn the_frame_rate_shows_mains_light_at_differing_phases_where_the_driver_sets_it
 }
 
 #[test]
+fn exposures_that_change_while_the_camera_streams_are_those_of_their_frames() {
+    for delay in [0, 2, 3] {
+        let mut kernel = FakeKernel::new(Script { delay, loss: 0.02, ..Script::default() });
+        let mut camera = Camera::open(&mut kernel, &options()).expect("a camera");
+        let lists = [&[0.002, 0.02][..], &[0.0005], &[0.001, 0.004, 0.016, 0.036]];
+        for wished in lists {
+            run(&mut camera, &mut kernel, 50);
+            assert!(camera.set_exposures(&mut kernel, wished).expect("a camera that goes on"), "taken");
+            let seconds = camera.seconds();
+            let is_near = |(s, w): (&f64, &f64)| (s - w).abs() < 1e-9;
+            assert!(seconds.len() == wished.len() && seconds.iter().zip(wished).all(is_near), "{seconds:?}");
+            let tally = run(&mut camera, &mut kernel, 100);
+            assert!(tally.wrong == 0 && tally.right > 85, "{wished:?} after {delay} frames: {tally:?}");
+        }
+    }
+    let mut kernel = FakeKernel::new(Script { kind: Kind::NoExposure, ..Script::default() });
+    let mut camera = Camera::open(&mut kernel, &options()).expect("a camera");
+    assert!(!camera.set_exposures(&mut kernel, &[0.01]).expect("a camera that goes on"), "no control");
+    assert_eq!(camera.range(), None, "no control");
+}
+
+#[test]
 fn a_known_sensor_is_set_to_the_mode_of_its_whole_area() {
     let script = Script {
         kind: Kind::Csi,

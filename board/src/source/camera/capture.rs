@@ -1,7 +1,7 @@
 //! The capture thread: fetches frames, assembles bursts and reports the reason when there are none.
 
 use super::assemble::Assembler;
-use super::shared::{RawBurst, Shared};
+use super::shared::{RawBurst, Request, Shared};
 use super::terms::Terms;
 use crate::camera_status::{CameraStatus, ExposureStatus, ViewStatus};
 use crate::v4l2::capture::Camera;
@@ -27,6 +27,7 @@ pub(super) fn run(supervisor: Supervisor, burst: RawBurst, shared: &Shared) {
         streaming: false,
         resyncs: 0,
         changes: 0,
+        requests: 0,
         unused: Unused::default(),
         past: Counters::default(),
     };
@@ -55,6 +56,8 @@ struct Capture<'a> {
     /// Numbers of delay corrections and of measured exposures that have been logged.
     resyncs: u64,
     changes: u64,
+    /// Number of requests for other exposures.
+    requests: u64,
     unused: Unused,
     /// Counters of the streams that have ended.
     past: Counters,
@@ -66,7 +69,8 @@ impl Capture<'_> {
             self.begin();
         }
         let counters = self.counters();
-        match self.supervisor.step(&mut self.frame) {
+        let outcome = self.follow_request().unwrap_or_else(|| self.supervisor.step(&mut self.frame));
+        match outcome {
             Outcome::Frame => {
                 self.take_over_exposures();
                 if self.assembler.push(&mut self.frame) {
@@ -85,11 +89,23 @@ impl Capture<'_> {
         self.report_useless();
     }
 
+    /// Changes the exposures as requested; returns the failure of the camera.
+    fn follow_request(&mut self) -> Option<Outcome> {
+        let Request { number, seconds } = self.shared.lock().request.take()?;
+        self.requests = number;
+        let failure = self.supervisor.set_exposures(&seconds);
+        if let Some(camera) = self.supervisor.camera().filter(|_| self.streaming) {
+            (self.terms, self.changes) = (Arc::new(Terms::of(camera, number)), 0);
+            self.assembler.reset(self.terms.seconds.len());
+        }
+        failure
+    }
+
     /// Adopts the terms of a camera that has started.
     fn begin(&mut self) {
         let Some(camera) = self.supervisor.camera() else { return };
         (self.streaming, self.unused, self.changes) = (true, Unused::default(), 0);
-        self.terms = Arc::new(Terms::of(camera));
+        self.terms = Arc::new(Terms::of(camera, self.requests));
         for Agreed { what, asked, got } in camera.agreed() {
             let path = camera.path().display();
             match *what {
@@ -109,7 +125,7 @@ impl Capture<'_> {
         }
         self.changes = camera.exposure_changes();
         let (told, path) = (Arc::clone(&self.terms), camera.path().display());
-        self.terms = Arc::new(Terms::of(camera));
+        self.terms = Arc::new(Terms::of(camera, self.requests));
         self.assembler.reset(self.terms.seconds.len());
         let ms = |s: &[f64]| s.iter().map(|s| format!("{:.2}", s * 1e3)).collect::<Vec<_>>().join(", ");
         tracing::warn!(

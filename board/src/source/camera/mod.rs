@@ -5,6 +5,8 @@ mod assemble;
 mod capture;
 #[cfg(test)]
 mod field_tests;
+#[cfg(test)]
+mod light_tests;
 mod shared;
 mod spec;
 mod terms;
@@ -18,13 +20,15 @@ pub use terms::Terms;
 use super::{Source, SourceError};
 use crate::calibration::{Burst, Calibration, Frame, Pixels};
 use crate::camera_status::CameraStatus;
+use crate::exposure_plan::TimeRange;
 use crate::recorded::{LensFile, RecordedError, read_lens};
 use crate::v4l2::frame::Counters;
 use crate::v4l2::setup::{LensFit, Options};
 use crate::v4l2::supervise::Supervisor;
 use crate::v4l2::{CameraError, Kernel};
 use hemilux_core::Exposure;
-use shared::{CaptureState, Shared};
+use hemilux_core::mains::{Lamps, whole_periods};
+use shared::{CaptureState, Request, Shared};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread::JoinHandle;
@@ -56,6 +60,15 @@ pub struct CameraSource {
     calibration: Calibration,
     lens: Option<LensFile>,
     raw: RawBurst,
+    /// The exposures of the options, seconds.
+    own_s: Vec<f64>,
+    /// Whether the options name exposures.
+    is_named: bool,
+    lamps: Lamps,
+    /// Whether [`Source::set_exposures`] has replaced the exposures of the options.
+    is_set: bool,
+    /// The newest request for exposures.
+    request: Request,
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
 }
@@ -91,9 +104,11 @@ impl CameraSource {
             options.size = if spec.names("size") { options.size } else { size };
             (options.response, options.levels) = (lens.told_response(), lens.levels);
         }
+        let (own_s, is_named) = (options.exposures_s.clone(), spec.names("exposures"));
+        let request = Request { number: 0, seconds: own_s.clone() };
         let assumed = Terms::assumed(&options);
         let supervisor = open(options)?;
-        let terms = Arc::new(supervisor.camera().map_or(assumed, Terms::of));
+        let terms = Arc::new(supervisor.camera().map_or(assumed, |camera| Terms::of(camera, 0)));
         let raw = RawBurst::none(&terms);
         let state = CaptureState {
             burst: RawBurst::none(&terms),
@@ -102,6 +117,7 @@ impl CameraSource {
             counters: Counters::default(),
             reopened: 0,
             status: CameraStatus::default(),
+            request: None,
         };
         let shared =
             Arc::new(Shared { state: Mutex::new(state), news: Condvar::new(), stop: AtomicBool::new(false) });
@@ -112,7 +128,27 @@ impl CameraSource {
             .spawn(move || capture::run(supervisor, burst, &theirs))
             .map_err(OpenCameraError::Thread)?;
         let calibration = terms.calibration(lens.as_ref());
-        Ok(Self { calibration, lens, raw, shared, thread: Some(thread) })
+        let (lamps, thread) = (Lamps::Auto, Some(thread));
+        let is_set = false;
+        Ok(Self { calibration, lens, raw, own_s, is_named, lamps, is_set, request, shared, thread })
+    }
+
+    /// The exposures without a setting, seconds: those that the options name, or the usual ones, of which the longest is a whole number of
+    /// periods of the lamps.
+    fn own_exposures(&self) -> Vec<f64> {
+        let mut seconds = self.own_s.clone();
+        if let Some(longest) = seconds.last_mut().filter(|_| !self.is_named) {
+            *longest = whole_periods(*longest, self.lamps);
+        }
+        seconds
+    }
+
+    /// Requests exposures from the capture thread, unless they are those that were requested last.
+    fn request(&mut self, seconds: Vec<f64>) {
+        if self.terms().range.is_some() && self.request.seconds != seconds {
+            self.request = Request { number: self.request.number + 1, seconds };
+            self.shared.lock().request = Some(self.request.clone());
+        }
     }
 
     /// Returns the negotiated terms of the camera.
@@ -163,7 +199,30 @@ impl Source for CameraSource {
     }
 
     fn fixed_exposures(&self) -> Option<&'static str> {
-        Some("a camera's are chosen when the probe starts: --source v4l2:PATH,exposures=S/S/S")
+        self.terms().range.is_none().then_some("the camera has no control that sets an exposure time")
+    }
+
+    /// `None` while bursts of exposures from before the last request may come, too.
+    fn exposure_range(&self) -> Option<TimeRange> {
+        let is_pending = self.terms().requests != self.request.number;
+        self.terms().range.filter(|_| !is_pending).map(|range| range.of_whole_periods(self.lamps))
+    }
+
+    fn set_exposures(&mut self, seconds: Option<&[f64]>) -> Result<(), String> {
+        if let (Some(why), Some(_)) = (self.fixed_exposures(), seconds) {
+            return Err(format!("found exposures, expected none: {why}"));
+        }
+        self.is_set = seconds.is_some();
+        let seconds = seconds.map_or_else(|| self.own_exposures(), <[f64]>::to_vec);
+        self.request(seconds);
+        Ok(())
+    }
+
+    fn set_lamps(&mut self, lamps: Lamps) {
+        self.lamps = lamps;
+        if !self.is_set {
+            self.request(self.own_exposures());
+        }
     }
 
     fn exposures(&self) -> Vec<Exposure> {

@@ -44,6 +44,15 @@ impl RawBurst {
     }
 }
 
+/// A request for other exposures.
+#[derive(Clone, Debug)]
+pub(super) struct Request {
+    /// Number of the request, from 1; 0 for the exposures with which the camera is opened.
+    pub number: u64,
+    /// Exposure times, seconds, ascending.
+    pub seconds: Vec<f64>,
+}
+
 /// The newest burst of the capture thread and the state of its camera.
 #[derive(Debug)]
 pub(super) struct CaptureState {
@@ -55,6 +64,8 @@ pub(super) struct CaptureState {
     pub counters: Counters,
     pub reopened: u64,
     pub status: CameraStatus,
+    /// The newest request that the capture thread has not taken.
+    pub request: Option<Request>,
 }
 
 /// The newest burst, its condition variable and the request to stop.

@@ -1,6 +1,7 @@
 //! The negotiated terms of a camera: format, frame interval, exposures and view.
 
 use crate::calibration::Calibration;
+use crate::exposure_plan::TimeRange;
 use crate::recorded::LensFile;
 use crate::v4l2::Size;
 use crate::v4l2::capture::Camera;
@@ -11,6 +12,9 @@ use glam::DVec2;
 use hemilux_core::format::{Format, Layout, Yuv};
 use hemilux_core::lens::{Intrinsics, Lens, Model};
 use hemilux_core::{Levels, Response};
+
+/// Exposure times of most webcams at 30 Hz, which are assumed while the camera is absent.
+const USUAL_RANGE: TimeRange = TimeRange { shortest_s: 1e-4, longest_s: 0.0333, step_s: 1e-4 };
 
 /// The negotiated properties of a camera.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,17 +29,23 @@ pub struct Terms {
     pub seconds: Vec<f64>,
     /// The part of the sensor that pictures cover, where it is known.
     pub view: Option<View>,
+    /// Times that the exposure control takes; `None` if the exposures cannot be set.
+    pub range: Option<TimeRange>,
+    /// Number of requests for other exposures that were made before.
+    pub requests: u64,
 }
 
 impl Terms {
-    /// Returns the terms of an open camera.
-    pub(super) fn of(camera: &Camera) -> Self {
+    /// Returns the terms of an open camera after `requests` for other exposures.
+    pub(super) fn of(camera: &Camera, requests: u64) -> Self {
         Self {
             picture: *camera.picture(),
             black: camera.black(),
             period_ns: camera.period().as_nanos() as u64,
             seconds: camera.seconds(),
             view: camera.view(),
+            range: camera.range(),
+            requests,
         }
     }
 
@@ -57,6 +67,8 @@ impl Terms {
             period_ns,
             seconds: options.exposures_s.clone(),
             view: None,
+            range: options.stand_in.is_none().then_some(USUAL_RANGE),
+            requests: 0,
         }
     }
 
