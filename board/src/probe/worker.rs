@@ -180,7 +180,7 @@ impl Worker {
         self.link.sets.publish(Arc::clone(&set));
         self.secondary.compare(&self.link.comparison, &mut self.pipeline, &set);
         self.link.views.serve(&self.burst, &mut self.pipeline, &set, lux);
-        if self.config.auto_exposures
+        if self.follows_light()
             && self.light.follow(self.source.as_mut(), &self.burst, f64::from(set.clipped))
         {
             self.link.settings.set_exposures(exposures(&*self.source));
@@ -188,6 +188,12 @@ impl Worker {
         self.light.follow_lamps(self.source.as_mut(), self.config.pipeline.lamps, &set.flicker);
         self.follow_duration(set.latency.total, delivery_us);
         Ok(())
+    }
+
+    /// Whether the exposures follow the light: by the setting, or by the source unless the setting `exposures_s` fixes them.
+    fn follows_light(&self) -> bool {
+        let is_free = self.config.exposures_s.is_none();
+        self.config.auto_exposures || (is_free && self.source.follows_light())
     }
 
     /// Counts a burst; returns true if the present quality skips it.

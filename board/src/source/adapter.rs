@@ -67,6 +67,10 @@ impl<A: Adapter> Source for A {
         self.inner().exposure_range()
     }
 
+    fn follows_light(&self) -> bool {
+        self.inner().follows_light()
+    }
+
     fn notes(&self) -> &[String] {
         self.inner().notes()
     }

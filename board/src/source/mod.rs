@@ -68,6 +68,11 @@ pub trait Source: Send {
         None
     }
 
+    /// Whether the exposures follow the light unless settings fix them.
+    fn follows_light(&self) -> bool {
+        false
+    }
+
     /// Returns notes about the source for its user, such as frames of a recording that are left out.
     fn notes(&self) -> &[String] {
         &[]

@@ -49,6 +49,8 @@ pub struct Options {
     pub spreads_phases: bool,
     /// Requested exposure times, seconds.
     pub exposures_s: Vec<f64>,
+    /// Whether the exposures follow the light, `exposures_s` being the first.
+    pub follows_light: bool,
     /// A control that replaces the exposure.
     pub stand_in: Option<StandIn>,
     /// Control delay, frames after the next one; measured by default.
@@ -73,6 +75,7 @@ impl Options {
             rate_hz: 30.0,
             spreads_phases: true,
             exposures_s: vec![0.000_9, 0.005_5, 0.033_3],
+            follows_light: false,
             stand_in: None,
             delay: None,
             response: None,

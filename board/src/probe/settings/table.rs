@@ -171,7 +171,7 @@ pub static SETTINGS: &[Setting] = &[
         group: Group::Map,
         kind: Kind::Switch,
         unit: None,
-        what: "Whether the exposures follow the light: as few as cover the radiance of the scene, at most six, in place of the setting exposures_s. It acts on built-in scenes alone; cameras, maps and recordings keep their exposures.",
+        what: "Whether the exposures follow the light: as few as cover the radiance of the scene, at most six, in place of the setting exposures_s. It acts on built-in scenes and on cameras with an exposure control; maps and recordings keep their exposures. A camera whose response is known does so without this setting while exposures_s is empty.",
         value: |c| json!(c.auto_exposures),
         set: |c, v| put(&mut c.auto_exposures, v.as_bool()),
         in_use: |_| true,

@@ -6,7 +6,10 @@ use crate::probe::{Config, Link, Worker};
 use crate::v4l2::fake::{FakeKernel, Script};
 use std::time::Instant;
 
-/// A probe with the scripted camera, which is linear as its lens file says.
+/// The response of the scripted camera as a lens file tells it.
+const LINEAR: &str = "[response]\nmodel = \"linear\"\n";
+
+/// A probe with the scripted camera.
 struct Bench {
     kernel: FakeKernel,
     worker: Worker,
@@ -15,10 +18,13 @@ struct Bench {
 }
 
 impl Bench {
-    fn new(options: &str, config: Config) -> Self {
+    /// A camera with `options`, whose lens file ends with `response`.
+    fn new(options: &str, response: &str, config: Config) -> Self {
         let lens = tempfile::NamedTempFile::new().expect("a file");
-        let text = "[lens]\nmodel = \"equidistant\"\nsize = [64, 48]\ncentre = [31.5, 23.5]\nfocal = [15.0, 15.0]\n\
-                    max_angle_deg = 85.0\n[response]\nmodel = \"linear\"\n";
+        let text = format!(
+            "[lens]\nmodel = \"equidistant\"\nsize = [64, 48]\ncentre = [31.5, 23.5]\nfocal = [15.0, 15.0]\n\
+             max_angle_deg = 85.0\n{response}"
+        );
         std::fs::write(lens.path(), text).expect("written");
         let spec = format!("/dev/video0,lens={}{options}", lens.path().display());
         let spec = CameraSpec::parse(&spec).expect("options");
@@ -54,7 +60,7 @@ fn the_longest_exposure_is_a_whole_number_of_mains_periods_unless_exposures_are_
     let longest = |options: &str, lamps| {
         let mut config = Config::steady();
         config.pipeline.lamps = lamps;
-        let (lists, _) = Bench::new(options, config).run(40);
+        let (lists, _) = Bench::new(options, "", config).run(40);
         lists.last().and_then(|list| list.last().copied())
     };
     assert_eq!(longest("", Lamps::Mains50), Some(30.0), "three periods");
@@ -65,7 +71,7 @@ fn the_longest_exposure_is_a_whole_number_of_mains_periods_unless_exposures_are_
 
 #[test]
 fn exposures_of_a_camera_follow_light_that_changes_by_1000_and_stay_in_light_that_does_not() {
-    let mut bench = Bench::new("", Config { auto_exposures: true, ..Config::steady() });
+    let mut bench = Bench::new("", LINEAR, Config::steady());
     bench.run(30);
     for light in [300.0, 0.3, 30.0] {
         bench.kernel.world().script.light = light;
@@ -80,7 +86,7 @@ fn exposures_of_a_camera_follow_light_that_changes_by_1000_and_stay_in_light_tha
 #[test]
 fn exposures_of_a_setting_replace_those_of_the_camera_and_go_with_it() {
     let config = Config { exposures_s: Some(vec![0.002, 0.02]), ..Config::steady() };
-    let mut bench = Bench::new("", config);
+    let mut bench = Bench::new("", "", config);
     let (lists, _) = bench.run(20);
     assert_eq!(lists.last(), Some(&vec![2.0, 20.0]), "as set");
     let mut change = Change::default();
@@ -88,5 +94,5 @@ fn exposures_of_a_setting_replace_those_of_the_camera_and_go_with_it() {
     change.add(exposures, serde_json::Value::Null).expect("those of the source");
     bench.link.settings().change(&change).expect("a change");
     let (lists, _) = bench.run(40);
-    assert_eq!(lists.last(), Some(&vec![0.9, 5.5, 33.3]), "the camera's own");
+    assert_eq!(lists.last(), Some(&vec![0.9, 5.5, 33.3]), "the camera's own: its response is unknown");
 }

@@ -64,6 +64,8 @@ pub struct CameraSource {
     own_s: Vec<f64>,
     /// Whether the options name exposures.
     is_named: bool,
+    /// Whether the options say that the exposures follow the light.
+    is_auto: bool,
     lamps: Lamps,
     /// Whether [`Source::set_exposures`] has replaced the exposures of the options.
     is_set: bool,
@@ -104,7 +106,8 @@ impl CameraSource {
             options.size = if spec.names("size") { options.size } else { size };
             (options.response, options.levels) = (lens.told_response(), lens.levels);
         }
-        let (own_s, is_named) = (options.exposures_s.clone(), spec.names("exposures"));
+        let (own_s, is_auto) = (options.exposures_s.clone(), options.follows_light);
+        let is_named = spec.names("exposures") && !is_auto;
         let request = Request { number: 0, seconds: own_s.clone() };
         let assumed = Terms::assumed(&options);
         let supervisor = open(options)?;
@@ -130,7 +133,7 @@ impl CameraSource {
         let calibration = terms.calibration(lens.as_ref());
         let (lamps, thread) = (Lamps::Auto, Some(thread));
         let is_set = false;
-        Ok(Self { calibration, lens, raw, own_s, is_named, lamps, is_set, request, shared, thread })
+        Ok(Self { calibration, lens, raw, own_s, is_named, is_auto, lamps, is_set, request, shared, thread })
     }
 
     /// The exposures without a setting, seconds: those that the options name, or the usual ones, of which the longest is a whole number of
@@ -202,10 +205,23 @@ impl Source for CameraSource {
         self.terms().range.is_none().then_some("the camera has no control that sets an exposure time")
     }
 
-    /// `None` while bursts of exposures from before the last request may come, too.
+    /// `None` also while bursts of exposures from before the last request may come, and while neither the control delay is known nor an
+    /// exposure was verified.
     fn exposure_range(&self) -> Option<TimeRange> {
         let is_pending = self.terms().requests != self.request.number;
-        self.terms().range.filter(|_| !is_pending).map(|range| range.of_whole_periods(self.lamps))
+        let is_sure = {
+            let status = &self.shared.lock().status;
+            status.delay_frames.is_some() || status.known.verified > 0
+        };
+        let range = self.terms().range.filter(|_| is_sure && !is_pending);
+        range.map(|range| range.of_whole_periods(self.lamps))
+    }
+
+    /// As the options say; without `exposures=`, where the response is known: that of a sensor, or of the lens file. With another response,
+    /// radiances would depend on the exposures from which they are measured.
+    fn follows_light(&self) -> bool {
+        let is_told = self.lens.as_ref().is_some_and(|lens| lens.told_response().is_some());
+        self.is_auto || (!self.is_named && (is_told || self.terms().picture.is_raw()))
     }
 
     fn set_exposures(&mut self, seconds: Option<&[f64]>) -> Result<(), String> {

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 /// Options of a camera for the help text.
 pub const HELP: &str = "\
 A CSI camera is v4l2:NAME with the beginning of its sensor's name, v4l2:/dev/mediaN or a node that is linked to its sensor. Camera options, after the path: ,lens=FILE (a [lens] table; default: 180 degrees across the picture), ,size=640x480 (default: that of the lens file, or the mode that covers a known sensor),
-,format=YUYV, ,rate=30 (default: 28, which suits lamps on the mains, where the driver has it), ,exposures=0.0009/0.0055/0.0333 (seconds), ,sensor=imx219 (the beginning of a sensor's name, or its sub-device), ,delay=2 (frames; default: measured),
+,format=YUYV, ,rate=30 (default: 28, which suits lamps on the mains, where the driver has it), ,exposures=0.0009/0.0055/0.0333 (seconds; or auto: they follow the light, as they do without the option where the response is known), ,sensor=imx219 (the beginning of a sensor's name, or its sub-device), ,delay=2 (frames; default: measured),
 ,stand-in=Brightness:64/128/192 (for test benches: a control that replaces the exposure).";
 
 /// The text of a camera's path and options, checked.
@@ -80,9 +80,12 @@ impl CameraSpec {
                     options.rate_hz = rate.ok_or_else(|| refuse("0.1 to 1000 frames a second"))?;
                     options.spreads_phases = false;
                 }
+                "exposures" if value == "auto" => options.follows_light = true,
                 "exposures" => {
                     options.exposures_s = exposures(value).ok_or_else(|| {
-                        refuse(&format!("1 to {MAX_EXPOSURES} rising times in seconds, such as 0.001/0.01"))
+                        refuse(&format!(
+                            "1 to {MAX_EXPOSURES} rising times in seconds, such as 0.001/0.01, or auto"
+                        ))
                     })?;
                 }
                 "sensor" if !value.is_empty() => options.subdevice = Some(value.into()),
@@ -104,6 +107,9 @@ impl CameraSpec {
                     return Err(format!("found the camera option '{name}', expected {known}"));
                 }
             }
+        }
+        if options.follows_light && options.stand_in.is_some() {
+            return Err("found exposures=auto with a stand-in, expected exposures=S/S/S".into());
         }
         let values = options.stand_in.as_ref().map_or(0, |s| s.values.len());
         if values > 0 && values != options.exposures_s.len() {
@@ -160,6 +166,8 @@ mod tests {
             (Size::new(1280, 720), vec![0.001, 0.02], Some(2)),
             "read"
         );
+        let auto = CameraSpec::parse("/dev/video0,exposures=auto").and_then(|spec| spec.options());
+        assert!(auto.is_ok_and(|options| options.follows_light), "auto");
         assert_eq!(
             (spec.lens(), spec.path()),
             (Some("l.toml".into()), "/dev/v4l/by-path/x:1.0".into()),
@@ -176,6 +184,7 @@ mod tests {
             ("/dev/video0,rate=0", "rate=0"),
             ("/dev/video0,exposures=0.01/0.001", "rising"),
             ("/dev/video0,exposures=nan", "rising"),
+            ("/dev/video0,exposures=auto,stand-in=Gain:1/2/3", "exposures=S/S/S"),
             ("/dev/video0,delay=9", "0 to 8"),
             ("/dev/video0,stand-in=Gain:1/2", "2 stand-in values"),
             ("/dev/video0,colour=red", "'colour'"),
