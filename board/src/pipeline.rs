@@ -40,6 +40,8 @@ pub struct Pipeline {
     flicker: Flicker,
     /// Coverage of the map; `None` before the first merged burst.
     seen: Option<Coverage>,
+    /// True if a burst was merged, into the map or into an earlier one of another size.
+    was_seen: bool,
     /// Number of consecutive bursts whose shortest exposure is wrong or whose wrong frames cannot be identified.
     doubtful: u32,
     /// The polar map; `None` until a sampler or a picture needs it.
@@ -78,6 +80,7 @@ impl Pipeline {
             mains,
             flicker: Flicker::default(),
             seen: None,
+            was_seen: false,
             doubtful: 0,
             polar,
             polar_fresh: false,
@@ -93,7 +96,10 @@ impl Pipeline {
     pub fn configure(&mut self, settings: Settings) -> Result<(), PipelineError> {
         let same_maps = settings.order() == self.front.order().get() && settings.grid == self.settings.grid;
         if !same_maps {
-            *self = Self::try_new(*self.front.calibration(), &self.exposures, settings)?;
+            let made = Self::try_new(*self.front.calibration(), &self.exposures, settings)?;
+            let before = std::mem::replace(self, made);
+            (self.inspector, self.doubtful) = (before.inspector, before.doubtful);
+            self.was_seen = before.was_seen;
             return Ok(());
         }
         samplers::check(settings.sampler, Domain::Hemisphere, &settings.request())?;
@@ -134,7 +140,7 @@ impl Pipeline {
     pub fn inspect(&mut self, burst: &Burst) -> FramesLeftOut {
         let mut found = self.inspector.inspect(burst);
         let is_doubtful = found.contains(0) || self.inspector.is_uncertain();
-        let holds = is_doubtful && self.seen.is_some() && self.doubtful < MOST_HELD;
+        let holds = is_doubtful && self.was_seen && self.doubtful < MOST_HELD;
         self.doubtful = if is_doubtful { self.doubtful.saturating_add(1) } else { 0 };
         for index in (0..burst.frames.len()).filter(|_| holds) {
             if !found.contains(index) {
@@ -168,6 +174,7 @@ impl Pipeline {
         let mut front = Duration::ZERO;
         let seen = match self.seen {
             Some(seen) if merged().next().is_none() => seen,
+            None if merged().next().is_none() => return Err(PipelineError::NoFrame),
             _ => {
                 let seen = self.merge(merged(), || front = began.elapsed())?;
                 self.flicker = self.mains.update(&mut self.front.map_mut(), burst.phase_s());
@@ -224,6 +231,7 @@ impl Pipeline {
         }
         let seen = self.front.process_timed(&frames[..count], added_up)?;
         self.seen = Some(seen);
+        self.was_seen = true;
         Ok(seen)
     }
 

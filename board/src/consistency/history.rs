@@ -21,19 +21,44 @@ const DEVIATIONS: f32 = 4.0;
 /// Excess of the share of different samples over its running mean from which two frames show different scenes.
 const MOVED: f32 = 0.2;
 
-/// Running share of contradictions from which they are a property of the light or of the camera and not faults.
+/// Running share of contradictions from which they are a property of the light or of the camera, not faults. Where a tenth of all bursts is
+/// false, three of eight bursts contradict once an hour, and twelve of forty never.
 const USUAL: f32 = 0.3;
 
-/// Running means for one pair of exposures.
+/// Weight of a burst in the running share of contradictions, and at the start.
+const CONTRADICTION: f32 = 1.0 / 32.0;
+const FIRST_CONTRADICTION: f32 = 1.0 / 8.0;
+
+/// Running share of the bursts that contradict.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Contradictions {
+    share: f32,
+    bursts: u32,
+}
+
+impl Contradictions {
+    /// Adds a burst; returns whether contradictions are usual.
+    pub fn add(&mut self, is_contradiction: bool) -> bool {
+        let weight = CONTRADICTION.max(1.0 / (FIRST_CONTRADICTION.recip() + self.bursts as f32));
+        self.bursts = self.bursts.saturating_add(1);
+        self.share += weight * (f32::from(u8::from(is_contradiction)) - self.share);
+        self.share >= USUAL
+    }
+
+    fn larger(self, other: Self) -> Self {
+        if self.share < other.share { other } else { self }
+    }
+}
+
+/// Running means of one pair of exposures.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct History {
     bursts: u32,
     mean: f32,
     variance: f32,
     away: f32,
-    /// Share of the last bursts with a contradiction.
-    contradictions: f32,
-    /// Number of successive bursts in which the pair could be compared.
+    contradictions: Contradictions,
+    /// Bursts in a row in which the pair could be compared.
     compared: u32,
 }
 
@@ -45,7 +70,7 @@ impl History {
             mean: self.mean + other.mean,
             variance: self.variance + other.variance,
             away: self.away.max(other.away),
-            contradictions: self.contradictions.max(other.contradictions),
+            contradictions: self.contradictions.larger(other.contradictions),
             compared: 0,
         }
     }
@@ -57,11 +82,11 @@ impl History {
             return None;
         };
         let fault = self.fault(seen, log_ratio);
-        self.contradictions += NEW * (f32::from(u8::from(fault.is_some())) - self.contradictions);
-        let unusual = fault.filter(|_| self.contradictions < USUAL);
+        let is_usual = self.contradictions.add(fault.is_some());
+        let unusual = fault.filter(|_| !is_usual);
         if unusual.is_none() && seen.level_faults() == [None; 2] {
             self.compared = self.compared.saturating_add(1);
-            if self.is_plausible(log_ratio) || self.compared > 1 {
+            if self.is_plausible(log_ratio) || self.compared >= KNOWN {
                 self.add(log_ratio, seen.away);
             }
         }

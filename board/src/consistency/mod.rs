@@ -7,6 +7,7 @@
 
 mod compare;
 mod history;
+mod levels;
 mod samples;
 #[cfg(test)]
 mod tests;
@@ -17,6 +18,7 @@ use compare::{Comparison, Scratch};
 use hemilux_core::wire::{FrameFault, FramesLeftOut};
 use hemilux_core::{MAX_EXPOSURES, ResponseError};
 use history::History;
+use levels::{Judgement, Levels, Seen};
 use samples::{Grid, Sampled};
 
 /// Number of pairs of frames that are compared: each frame with the next one and the second next one.
@@ -30,6 +32,8 @@ pub struct Inspector {
     scratch: Scratch,
     /// Statistics of each pair of neighbouring exposures, by the index of the shorter one.
     history: [History; MAX_EXPOSURES],
+    /// Sums of what is too dark for a comparison.
+    levels: Levels,
     is_uncertain: bool,
 }
 
@@ -58,13 +62,15 @@ impl Inspector {
         let mut frames = Vec::with_capacity(MAX_EXPOSURES);
         frames.resize_with(exposures.min(MAX_EXPOSURES), || grid.empty());
         let scratch = Scratch::with_capacity(grid.len());
-        Ok(Self { grid, frames, scratch, history: [History::default(); MAX_EXPOSURES], is_uncertain: false })
+        let (history, levels) = ([History::default(); MAX_EXPOSURES], Levels::new(grid.code, grid.least));
+        Ok(Self { grid, frames, scratch, history, levels, is_uncertain: false })
     }
 
     /// Returns the memory on the heap, bytes.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        self.grid.bytes() + self.frames.iter().map(Sampled::bytes).sum::<usize>() + self.scratch.bytes()
+        let frames = self.frames.iter().map(Sampled::bytes).sum::<usize>();
+        self.grid.bytes() + frames + self.scratch.bytes() + self.levels.bytes()
     }
 
     /// Returns true if the remaining frames of the last burst may be wrong: they contradict each other, or too few samples could be compared
@@ -98,14 +104,50 @@ impl Inspector {
             let fewer = kept.len() - 1;
             kept = &mut kept[..fewer];
         }
-        // If most frames are left out, the remaining ones may be the wrong ones.
-        self.is_uncertain |= 2 * kept.len() < frames.len();
-        self.is_uncertain |= kept.windows(2).any(|pair| verdicts.differ(pair[0], pair[1]));
+        self.judge_levels(frames, kept, &verdicts, &mut left_out);
         left_out
     }
 
-    /// Compares neighbours in exposure and adds the results to the history; where they do not all agree, frames that are two apart are
-    /// compared too.
+    /// Adds to `left_out` the frames of `kept` whose dark samples change as those of false frames, and judges whether the others may be wrong.
+    fn judge_levels(
+        &mut self,
+        frames: &[Frame],
+        kept: &[usize],
+        verdicts: &Verdicts,
+        left_out: &mut FramesLeftOut,
+    ) {
+        let mut lights = [0.0; MAX_EXPOSURES];
+        lights.iter_mut().zip(frames).for_each(|(light, frame)| *light = frame.light());
+        let seen = Seen { lights: &lights[..frames.len()], sampled: &self.frames[..frames.len()], kept };
+        let judged = self.levels.judge(&seen, |index| verdicts.agree(index, kept));
+        let falsified = kept.iter().filter_map(|index| match judged[*index] {
+            Judgement::False(fault) => Some((*index, fault)),
+            _ => None,
+        });
+        if falsified.clone().count() < kept.len() {
+            falsified.for_each(|(index, fault)| left_out.insert(index, fault));
+        } else {
+            self.is_uncertain = true;
+        }
+        let mut indices = [0; MAX_EXPOSURES];
+        let mut count = 0;
+        for index in kept.iter().copied().filter(|index| !left_out.contains(*index)) {
+            indices[count] = index;
+            count += 1;
+        }
+        let rest = &indices[..count];
+        // Where most are wrong, it may be the other way round; and so it may be where nothing confirms a frame by which another one is wrong.
+        self.is_uncertain |= 2 * count < frames.len();
+        self.is_uncertain |= rest.windows(2).any(|pair| verdicts.differ(pair[0], pair[1]));
+        self.is_uncertain |= rest.iter().any(|index| judged[*index] == Judgement::Doubtful);
+        let is_unconfirmed =
+            |index: &usize| judged[*index] == Judgement::Unknown && !verdicts.agree(*index, rest);
+        self.is_uncertain |= !left_out.is_empty() && rest.iter().any(is_unconfirmed);
+        let is_sound = |index: usize| rest.contains(&index) && judged[index] != Judgement::Doubtful;
+        self.levels.keep(&seen, is_sound, |index| judged[index] == Judgement::Doubtful);
+    }
+
+    /// Compares the neighbours in exposure, and adds what they show to the history; where they do not all agree, frames two apart as well.
     fn compare(&mut self, frames: &[Frame]) -> Verdicts {
         let mut verdicts = Verdicts([[Verdict::Unknown; 2]; PAIRS]);
         for apart in [1, 2] {
@@ -170,6 +212,12 @@ impl Verdicts {
     /// Returns true if two frames contradict each other or the comparison is doubtful.
     fn differ(&self, short: usize, long: usize) -> bool {
         matches!(self.of(Pair { of: short, by: long }), Verdict::Differs(_) | Verdict::Doubtful)
+    }
+
+    /// Whether a frame of `kept` agrees with one of its neighbours there.
+    fn agree(&self, index: usize, kept: &[usize]) -> bool {
+        let with = |pair: &[usize]| self.of(Pair { of: pair[0], by: pair[1] }) == Verdict::Agrees;
+        kept.windows(2).any(|pair| pair.contains(&index) && with(pair))
     }
 
     fn of(&self, pair: Pair) -> Verdict {

@@ -33,7 +33,9 @@ pub(super) struct Grid {
     columns: usize,
     /// Least relative exposure that is compared: below it, quantisation and noise dominate.
     pub least: f32,
-    /// Distance between neighbouring pixels of the grid, in image pixels.
+    /// Relative exposure of one code.
+    pub code: f32,
+    /// Distance between pixels of the grid, pixels.
     step: usize,
 }
 
@@ -52,6 +54,11 @@ impl Sampled {
     pub fn bytes(&self) -> usize {
         size_of::<f32>() * self.values.len()
     }
+
+    /// Copies samples of the same grid.
+    pub fn copy_from(&mut self, other: &Self) {
+        self.values.copy_from_slice(&other.values);
+    }
 }
 
 impl Grid {
@@ -64,7 +71,8 @@ impl Grid {
         let codes = calibration.levels.white - calibration.levels.black;
         let least = (LEAST_CODES / codes).clamp(LEAST, MOST_LEAST) as f32;
         let step = width.div_ceil(COLUMNS).max(1);
-        Ok(Self { layout, curve, least, table_len, columns: width.div_ceil(step), step })
+        let code = codes.recip() as f32;
+        Ok(Self { layout, curve, least, code, table_len, columns: width.div_ceil(step), step })
     }
 
     /// Returns the number of samples.

@@ -135,3 +135,91 @@ fn black_frames_of_a_mosaic_are_detected() {
     burst.frames[2] = frame(0.036, 0.036);
     assert_eq!(faults(&mut inspector, &burst), []);
 }
+
+/// A frame in whose longest exposure hardly a sample reaches 1/128 of the full scale; fractions of codes are dithered.
+fn dark(stated: f64, actual: f64, scene: impl Fn(usize, usize) -> f64) -> Frame {
+    let samples = (0..SIZE).flat_map(|y| (0..SIZE).map(move |x| (y, x))).enumerate();
+    let code = |(at, (y, x)): (usize, (usize, usize))| {
+        let dither = (at as f64 * 0.618_033_988_749_894_9).fract();
+        [(scene(x, y) * actual * 300.0 + dither).min(65535.0) as u16; 3]
+    };
+    let pixels = Pixels::U16(samples.flat_map(code).collect());
+    Frame { exposure: Exposure { seconds: stated, gain: 1.0 }, pixels }
+}
+
+/// Radiance of a room without a window.
+fn dim(x: usize, y: usize) -> f64 {
+    6.0 + x as f64 / 8.0 + y as f64 / 16.0
+}
+
+/// An inspector that has seen sound bursts of the dim room.
+fn dark_inspector(times: &[f64]) -> Inspector {
+    let mut camera = calibration(Format::Rgb48);
+    camera.levels = hemilux_core::Levels { black: 0.0, white: 65_535.0 };
+    let mut inspector = Inspector::try_new(&camera, times.len()).expect("an inspector");
+    for burst in 0..8 {
+        assert!(inspector.inspect(&dark_burst(times, dim)).is_empty(), "sound burst {burst}");
+        assert!(!inspector.is_uncertain(), "sound burst {burst}");
+    }
+    inspector
+}
+
+fn dark_burst(times: &[f64], scene: impl Fn(usize, usize) -> f64 + Copy) -> Burst {
+    Burst { frames: times.iter().map(|t| dark(*t, *t, scene)).collect(), ..Burst::default() }
+}
+
+#[test]
+fn each_fault_of_a_dark_scene_is_found_and_named() {
+    for index in [1, 2] {
+        let t = TIMES[index];
+        let torn = |x: usize, y: usize| dim(x, y) * if y < 30 { 1.0 } else { 1.0 / 6.0 };
+        let last_rows = |x: usize, y: usize| dim(x, y) * if y < 62 { 1.0 } else { 1.0 / 36.0 };
+        for (fault, bad) in [
+            (FrameFault::Black, dark(t, 0.0, dim)),
+            (FrameFault::Saturated, dark(t, 1e6, dim)),
+            (FrameFault::WrongExposure, dark(4.0 * t, t, dim)),
+            (FrameFault::Torn, dark(t, t, torn)),
+            (FrameFault::Torn, dark(t, t, last_rows)),
+        ] {
+            let mut inspector = dark_inspector(&TIMES);
+            let mut burst = dark_burst(&TIMES, dim);
+            burst.frames[index] = bad;
+            assert_eq!(faults(&mut inspector, &burst), [(index, fault)], "frame {index}");
+            assert_eq!(faults(&mut inspector, &dark_burst(&TIMES, dim)), [], "the burst after {fault:?}");
+            assert!(!inspector.is_uncertain(), "the burst after {fault:?}");
+        }
+    }
+}
+
+#[test]
+fn swapped_frames_of_a_dark_scene_make_the_burst_uncertain() {
+    let mut inspector = dark_inspector(&TIMES);
+    let mut burst = dark_burst(&TIMES, dim);
+    let (first, rest) = burst.frames.split_at_mut(2);
+    std::mem::swap(&mut first[1].pixels, &mut rest[0].pixels);
+    inspector.inspect(&burst);
+    assert!(inspector.is_uncertain());
+}
+
+#[test]
+fn light_that_changes_in_all_exposures_of_a_dark_scene_is_no_fault() {
+    let mut inspector = dark_inspector(&TIMES);
+    for (burst, level) in [3.0, 3.0, 0.5, 1.5, 4.0, 1.0].into_iter().enumerate() {
+        // A person of a third of the light covers another half of the lower rows each time.
+        let covered = move |x: usize, y: usize| y > 40 && (x + 20 * burst) % SIZE < SIZE / 2;
+        let scene = move |x: usize, y: usize| dim(x, y) * level * if covered(x, y) { 0.3 } else { 1.0 };
+        assert_eq!(faults(&mut inspector, &dark_burst(&TIMES, scene)), [], "burst {burst}");
+        assert!(!inspector.is_uncertain(), "burst {burst}");
+    }
+}
+
+#[test]
+fn a_change_that_no_other_exposure_can_confirm_is_uncertain_for_one_burst() {
+    let times = [0.0001, 0.036];
+    let mut inspector = dark_inspector(&times);
+    for (burst, is_uncertain) in [true, false, false].into_iter().enumerate() {
+        let lit = |x: usize, y: usize| 3.0 * dim(x, y);
+        assert_eq!(faults(&mut inspector, &dark_burst(&times, lit)), [], "burst {burst}");
+        assert_eq!(inspector.is_uncertain(), is_uncertain, "burst {burst}");
+    }
+}

@@ -94,6 +94,11 @@ pub enum PipelineError {
     /// The frames do not fit the calibration.
     #[error("burst: found {0}, expected frames that fit the calibration")]
     Burst(BurstError),
+    /// All frames of the first burst of a map are left out.
+    #[error(
+        "burst: found frames that contradict each other, expected the first burst of a new map to be sound"
+    )]
+    NoFrame,
     /// Any other error of the front end.
     #[error("calibration: found {0}, expected one that the core can process")]
     Front(FrontError),

@@ -102,6 +102,10 @@ impl Adapter for FaultSource {
             *burst = Burst::default();
         }
         self.inner.next(burst)?;
+        if self.spec.sound > 0 {
+            self.spec.sound -= 1;
+            return Ok(());
+        }
         match self.spec.choose(self.random.part()) {
             Some(fault) => self.injected(fault, burst),
             None => Ok(()),

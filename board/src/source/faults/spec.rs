@@ -71,7 +71,9 @@ pub struct FaultSpec {
     pub shares: [f64; Fault::ALL.len()],
     /// Seed of the random schedule.
     pub seed: u64,
-    /// Pause before a burst with [`Fault::Late`].
+    /// Number of bursts without a fault at the start.
+    pub sound: u64,
+    /// Pause of [`Fault::Late`].
     pub late: Duration,
     /// Time for which the device is missing in [`Fault::Vanish`].
     pub gone: Duration,
@@ -84,6 +86,7 @@ impl FaultSpec {
     pub const NONE: Self = Self {
         shares: [0.0; Fault::ALL.len()],
         seed: 1,
+        sound: 0,
         late: Duration::from_millis(80),
         gone: Duration::from_secs(1),
         hang: Duration::from_secs(3),
@@ -105,6 +108,7 @@ impl FaultSpec {
         match key {
             "all" => self.shares = [share()?; Fault::ALL.len()],
             "seed" => self.seed = value.parse().ok()?,
+            "sound" => self.sound = value.parse().ok()?,
             "late_s" => self.late = Duration::from_secs_f64(pause()?),
             "gone_s" => self.gone = Duration::from_secs_f64(pause()?),
             "hang_s" => self.hang = Duration::from_secs_f64(pause()?),
@@ -124,8 +128,8 @@ impl std::str::FromStr for FaultSpec {
             let (key, value) = pair.split_once('=').unwrap_or((pair, ""));
             spec.set(key.trim(), value.trim()).ok_or_else(|| {
                 format!(
-                    "found '{pair}', expected KIND=SHARE with all, {} and a share of bursts from 0 to 1, or seed=N, late_s=S, gone_s=S, \
-                     hang_s=S",
+                    "found '{pair}', expected KIND=SHARE with all, {} and a share of bursts from 0 to 1, or seed=N, sound=BURSTS, \
+                     late_s=S, gone_s=S, hang_s=S",
                     Fault::ALL.map(Fault::name).join(", ")
                 )
             })?;

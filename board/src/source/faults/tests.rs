@@ -14,8 +14,8 @@ use tower::ServiceExt;
 /// Number of bursts for each kind of fault; the environment variable `HEMILUX_FAULT_BURSTS` replaces it.
 const BURSTS: u64 = 150;
 
-/// Number of bursts without faults at the start, from which the usual ratios of exposures are learnt.
-const SOUND: usize = 8;
+/// Bursts without faults at the start: a camera shows what is usual before it fails.
+const SOUND: u64 = 8;
 
 /// Largest accepted relative difference between the flux of a set and that of its burst.
 const WRONG: f32 = 0.04;
@@ -69,9 +69,9 @@ fn run_scene(scene: &str, faults: &str, bursts: u64) -> Outcome {
         Worker::try_new(Box::new(recording(Pace::Free)), "sound".into(), Config::steady()).expect("a worker");
     sound.step().expect("a frame");
     let expected = sound.link().sets().latest().expect("a set").scalar_flux;
-    let faulty = FaultSource::new(Box::new(recording(Pace::Free)), spec(faults));
-    let counts = faulty.counts();
-    let source = Delayed { sound: recording(Pace::Free), left: SOUND, faulty };
+    let spec = FaultSpec { sound: SOUND, ..spec(faults) };
+    let source = FaultSource::new(Box::new(recording(Pace::Free)), spec);
+    let counts = source.counts();
     let total = || counts.named().map(|(_, n)| n).sum::<u64>();
     let mut worker = Worker::try_new(Box::new(source), "faults".into(), Config::steady()).expect("a worker");
     let (mut outcome, mut since, mut last_ns) = (Outcome::default(), None, 0);
@@ -109,31 +109,6 @@ fn run_scene(scene: &str, faults: &str, bursts: u64) -> Outcome {
     }
     assert!(total() > bursts / 50, "{faults}: {} of {bursts} bursts were damaged", total());
     outcome
-}
-
-/// A recording whose first bursts are delivered without faults.
-struct Delayed {
-    sound: ReplaySource,
-    left: usize,
-    faulty: FaultSource,
-}
-
-impl Adapter for Delayed {
-    fn inner(&self) -> &dyn Source {
-        &self.faulty
-    }
-
-    fn inner_mut(&mut self) -> &mut dyn Source {
-        &mut self.faulty
-    }
-
-    fn next_burst(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
-        if self.left == 0 {
-            return self.faulty.next(burst);
-        }
-        self.left -= 1;
-        self.sound.next(burst)
-    }
 }
 
 fn bursts() -> u64 {

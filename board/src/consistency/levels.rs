@@ -1,0 +1,389 @@
+//! Judges what is too dark for a comparison sample by sample: the sums of rows, against those of the burst before.
+//!
+//! Where the scene changes, the sum of a row changes by one factor in all exposures; in a false frame, it changes by another factor than in the
+//! next exposure. Samples that [`Comparison`](super::compare::Comparison) judges are not part of the sums. A frame whose
+//! neighbours are too dark even for sums is judged by its own change alone: a change of the kind that a false frame shows is in doubt for
+//! one burst.
+
+use super::history::Contradictions;
+use super::samples::{ROWS, SATURATED, Sampled};
+use hemilux_core::MAX_EXPOSURES;
+use hemilux_core::wire::FrameFault;
+
+/// Fewest samples of a row that are added up.
+const ENOUGH_IN_ROW: u16 = 16;
+
+/// Fewest rows that a judgement rests on.
+const ENOUGH_ROWS: usize = 4;
+
+/// Least factor of the change of a false frame: all faults change the light of the rows that they reach by more.
+const JUMP: f32 = 1.5;
+
+/// Least factor of the change of one row where fewer rows than [`PART_ROWS`] jump: a tear may cross a row.
+const FAR_JUMP: f32 = 2.5;
+
+/// Fewest rows of a part of a frame that a moving object seldom fills.
+const PART_ROWS: usize = 3;
+
+/// Factor between the radiances of two exposures up to which a row is measured in both: noise that is cut off at black adds to the darker one.
+const SAME: f32 = 1.25;
+
+/// A change is a jump where it is this many standard deviations of the usual change.
+const DEVIATIONS: f32 = 4.0;
+
+/// Relative difference of two exposures that are the same.
+const SAME_LIGHT: f64 = 0.01;
+
+/// Weight of a new burst in the running variance, and the number of bursts after which it is known.
+const NEW: f32 = 1.0 / 8.0;
+const KNOWN: u32 = 4;
+
+/// Factor of the running variance up to which a burst counts: a false frame that is no jump does not hide the next one.
+const OUTLIER: f32 = 8.0;
+
+/// Result for a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Judgement {
+    /// The frame is too dark, or too few bursts are known.
+    Unknown,
+    /// The frame changes as its neighbours do, or has a usual change.
+    Sound,
+    /// The frame changes otherwise than its neighbours do.
+    False(FrameFault),
+    /// The frame changes as false frames do, and no other frame is bright enough to tell.
+    Doubtful,
+}
+
+/// The frames of a burst.
+pub(super) struct Seen<'a> {
+    /// Exposure time times gain of each frame.
+    pub lights: &'a [f64],
+    /// Samples of each frame.
+    pub sampled: &'a [Sampled],
+    /// Indices of the frames that are judged, ascending.
+    pub kept: &'a [usize],
+}
+
+/// Samples of the burst before, and the usual changes.
+#[derive(Debug)]
+pub(super) struct Levels {
+    /// Least mean of a row that is measured, relative exposure.
+    floor: f32,
+    /// Relative exposure from which single samples are compared.
+    least: f32,
+    before: Vec<Before>,
+    /// Memory for the entries of `before` that are made of the present burst.
+    next: Vec<Before>,
+    /// Difference of the changes of each frame and the next one, by the index of the shorter exposure.
+    apart: [Usual; MAX_EXPOSURES],
+    /// Change of each frame.
+    own: [Usual; MAX_EXPOSURES],
+}
+
+/// A frame of the burst before, or of the last one in which it was sound.
+#[derive(Clone, Debug)]
+struct Before {
+    light: f64,
+    sampled: Sampled,
+    is_doubted: bool,
+}
+
+/// A frame and its counterpart in the burst before.
+#[derive(Clone, Copy)]
+struct Known<'a> {
+    now: &'a Sampled,
+    before: &'a Sampled,
+    /// Exposure now and before.
+    lights: [f64; 2],
+}
+
+impl Levels {
+    /// `code` is the relative exposure of one code, `least` that from which single samples are compared.
+    pub fn new(code: f32, least: f32) -> Self {
+        let (apart, own) = ([Usual::default(); MAX_EXPOSURES], [Usual::default(); MAX_EXPOSURES]);
+        let entries = || Vec::with_capacity(MAX_EXPOSURES);
+        Self { floor: code.max(1.0 / 16384.0), least, before: entries(), next: entries(), apart, own }
+    }
+
+    pub fn bytes(&self) -> usize {
+        self.before.iter().chain(&self.next).map(|before| before.sampled.bytes()).sum()
+    }
+
+    /// Judges the frames of a burst; `agrees` is true for those that a comparison sample by sample confirms.
+    pub fn judge(&mut self, seen: &Seen<'_>, agrees: impl Fn(usize) -> bool) -> [Judgement; MAX_EXPOSURES] {
+        let mut judged = [Judgement::Unknown; MAX_EXPOSURES];
+        if self.before.is_empty() {
+            return judged;
+        }
+        for pair in seen.kept.windows(2) {
+            self.judge_pair(seen, [pair[0], pair[1]], &mut judged);
+        }
+        for index in seen.kept.iter().copied() {
+            let found = self.judge_alone(seen, index);
+            if judged[index] == Judgement::Unknown && !agrees(index) {
+                judged[index] = found;
+            }
+        }
+        judged
+    }
+
+    /// Judges a frame by its own change.
+    fn judge_alone(&mut self, seen: &Seen<'_>, index: usize) -> Judgement {
+        let slot = self.counterpart(seen.lights, index);
+        let is_doubted = self.before[slot].is_doubted;
+        let changes = self.alone(self.known(seen, index));
+        let is_measured = measured(&changes) >= ENOUGH_ROWS;
+        let found = if is_measured { self.own[index].judge(&changes) } else { None };
+        match found {
+            Some(Some(_)) if !is_doubted => Judgement::Doubtful,
+            Some(_) => Judgement::Sound,
+            None if self.is_alone_in_exposure(seen.lights, index) && !is_doubted => Judgement::Doubtful,
+            None => Judgement::Unknown,
+        }
+    }
+
+    /// Whether the exposure of this frame is stated to have changed, and that of no other frame.
+    fn is_alone_in_exposure(&self, lights: &[f64], index: usize) -> bool {
+        let is_new =
+            |light: &f64| !self.before.iter().any(|before| (before.light / light - 1.0).abs() < SAME_LIGHT);
+        lights.len() == self.before.len()
+            && is_new(&lights[index])
+            && lights.iter().filter(|l| is_new(l)).count() == 1
+    }
+
+    /// Compares the changes of two frames.
+    fn judge_pair(&mut self, seen: &Seen<'_>, pair: [usize; 2], judged: &mut [Judgement; MAX_EXPOSURES]) {
+        let rows = self.pair(pair.map(|index| self.known(seen, index)));
+        if measured(&rows) < ENOUGH_ROWS {
+            return;
+        }
+        let differences = rows.map(|row| row.map(|[short, long]| short.less(long)));
+        let Some(found) = self.apart[pair[0]].judge(&differences) else { return };
+        let Some(jump) = found else {
+            for index in pair {
+                if judged[index] == Judgement::Unknown {
+                    judged[index] = Judgement::Sound;
+                }
+            }
+            return;
+        };
+        let sizes = [0, 1].map(|at| jump.size(&rows.map(|row| row.map(|changes| changes[at].log))));
+        let ([index, other], size) =
+            if sizes[0] > sizes[1] { (pair, sizes[1]) } else { ([pair[1], pair[0]], sizes[0]) };
+        judged[index] = Judgement::False(jump.fault(&seen.sampled[index]));
+        // Two frames were exchanged, or the scene changes as well.
+        if size > JUMP.ln() && !matches!(judged[other], Judgement::False(_)) {
+            judged[other] = Judgement::Doubtful;
+        }
+    }
+
+    /// Keeps the frames of a burst for the next one, without those that are `false`.
+    pub fn keep(
+        &mut self,
+        seen: &Seen<'_>,
+        is_sound: impl Fn(usize) -> bool,
+        is_doubted: impl Fn(usize) -> bool,
+    ) {
+        self.next.truncate(seen.lights.len());
+        for (index, (light, sampled)) in seen.lights.iter().zip(seen.sampled).enumerate() {
+            let slot = self.counterpart(seen.lights, index);
+            let kept = self.before.get(slot).filter(|_| !is_sound(index));
+            let (light, sampled) = kept.map_or((*light, sampled), |before| (before.light, &before.sampled));
+            let is_doubted = is_doubted(index);
+            match self.next.get_mut(index) {
+                Some(next) => {
+                    (next.light, next.is_doubted) = (light, is_doubted);
+                    next.sampled.copy_from(sampled);
+                }
+                None => self.next.push(Before { light, sampled: sampled.clone(), is_doubted }),
+            }
+        }
+        std::mem::swap(&mut self.before, &mut self.next);
+    }
+
+    /// The position of the same exposure in the burst before; of the nearest one, if that had another number of frames.
+    fn counterpart(&self, lights: &[f64], index: usize) -> usize {
+        if lights.len() == self.before.len() {
+            return index;
+        }
+        let off = |before: &Before| (before.light / lights[index]).ln().abs();
+        let nearest = self.before.iter().enumerate().min_by(|a, b| off(a.1).total_cmp(&off(b.1)));
+        nearest.map_or(0, |(slot, _)| slot)
+    }
+
+    fn known<'a>(&'a self, seen: &Seen<'a>, index: usize) -> Known<'a> {
+        let before = &self.before[self.counterpart(seen.lights, index)];
+        Known {
+            now: &seen.sampled[index],
+            before: &before.sampled,
+            lights: [seen.lights[index], before.light],
+        }
+    }
+
+    /// The changes of each row of a frame and of the next exposure, where both are measured.
+    fn pair(&self, [short, long]: [Known<'_>; 2]) -> [Option<[Change; 2]>; ROWS] {
+        let factor = (short.lights[1] / long.lights[1]) as f32;
+        let mut rows = [None; ROWS];
+        let samples = short.rows().zip(long.rows());
+        for (found, ((short_now, short_before), (long_now, long_before))) in rows.iter_mut().zip(samples) {
+            let mut sums = [Sums::default(); 2];
+            let samples = short_now.iter().zip(short_before).zip(long_now.iter().zip(long_before));
+            for ((a, a_before), (b, b_before)) in samples {
+                if a_before.max(b_before * factor) < self.least && *b_before <= 1.0 {
+                    sums[0].add(*a, *a_before);
+                    sums[1].add(*b, *b_before);
+                }
+            }
+            let radiance = |at: usize, known: &Known<'_>| sums[at].before / known.lights[1] as f32;
+            let ratio = radiance(0, &short) / radiance(1, &long);
+            *found = (SAME.recip()..SAME).contains(&ratio).then_some(()).and_then(|()| {
+                Some([sums[0].change(self.floor, &short)?, sums[1].change(self.floor, &long)?])
+            });
+        }
+        rows
+    }
+
+    /// Logarithm of the change of each row of a frame, where it is measured.
+    fn alone(&self, known: Known<'_>) -> [Option<f32>; ROWS] {
+        let mut rows = [None; ROWS];
+        for (found, (now, before)) in rows.iter_mut().zip(known.rows()) {
+            let mut sums = Sums::default();
+            let dark = now.iter().zip(before).filter(|(_, before)| **before < self.least);
+            dark.for_each(|(now, before)| sums.add(*now, *before));
+            *found = sums.change(self.floor, &known).map(|change| change.log);
+        }
+        rows
+    }
+}
+
+impl<'a> Known<'a> {
+    /// Rows of samples, now and before.
+    fn rows(&self) -> impl Iterator<Item = (&'a [f32], &'a [f32])> + use<'a> {
+        self.now.rows().zip(self.before.rows())
+    }
+}
+
+fn measured<T>(rows: &[Option<T>; ROWS]) -> usize {
+    rows.iter().flatten().count()
+}
+
+/// Sums of the relative exposures of a row.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    now: f32,
+    before: f32,
+    count: u16,
+    is_saturated: bool,
+}
+
+impl Sums {
+    fn add(&mut self, now: f32, before: f32) {
+        self.now += now;
+        self.before += before;
+        self.count += 1;
+        self.is_saturated |= now == SATURATED;
+    }
+
+    /// The change of radiance; none for too few samples and for light below `floor`.
+    fn change(&self, floor: f32, known: &Known<'_>) -> Option<Change> {
+        let least = floor * f32::from(self.count);
+        if self.count < ENOUGH_IN_ROW || self.before < least {
+            return None;
+        }
+        let light = (known.lights[1] / known.lights[0]) as f32;
+        let log = (self.now.max(least) / self.before * light).ln();
+        Some(Change { log, is_at_most: self.now < least, is_at_least: self.is_saturated })
+    }
+}
+
+/// Logarithm of the change of a row since the burst before, or a bound of it.
+#[derive(Clone, Copy, Debug)]
+struct Change {
+    log: f32,
+    is_at_most: bool,
+    is_at_least: bool,
+}
+
+impl Change {
+    /// The difference to another change; 0 where the bounds allow it.
+    fn less(self, other: Self) -> f32 {
+        let difference = self.log - other.log;
+        let may_be_more = self.is_at_least || other.is_at_most;
+        let may_be_less = self.is_at_most || other.is_at_least;
+        if (difference < 0.0 && may_be_more) || (difference > 0.0 && may_be_less) { 0.0 } else { difference }
+    }
+}
+
+/// The usual change of rows from burst to burst.
+#[derive(Clone, Copy, Debug, Default)]
+struct Usual {
+    bursts: u32,
+    variance: f32,
+    jumps: Contradictions,
+}
+
+impl Usual {
+    /// Returns whether `changes` have an unusual jump, if enough bursts are known; adds what is usual to the means.
+    fn judge(&mut self, changes: &[Option<f32>; ROWS]) -> Option<Option<Jump>> {
+        let least = (JUMP.ln() / DEVIATIONS).powi(2);
+        let threshold = DEVIATIONS * self.variance.max(least).sqrt();
+        let is_known = self.bursts >= KNOWN;
+        let jump = Jump::find(changes, threshold).filter(|_| is_known);
+        let is_usual = self.jumps.add(jump.is_some());
+        let unusual = jump.filter(|_| !is_usual);
+        if unusual.is_none() {
+            let squares = changes.iter().flatten().map(|change| change * change).sum::<f32>();
+            let square = squares / measured(changes).max(1) as f32;
+            let most = if is_known { OUTLIER * self.variance.max(least) } else { f32::MAX };
+            self.bursts = self.bursts.saturating_add(1);
+            let new = NEW.max(1.0 / self.bursts as f32);
+            self.variance += new * (square.min(most) - self.variance);
+        }
+        is_known.then_some(unusual)
+    }
+}
+
+/// Rows at the upper or at the lower edge, or all of them, that become darker, or brighter, at once.
+#[derive(Clone, Copy, Debug)]
+struct Jump {
+    rows: [bool; ROWS],
+    is_whole: bool,
+}
+
+impl Jump {
+    fn find(changes: &[Option<f32>; ROWS], threshold: f32) -> Option<Self> {
+        let moved = |change: &f32| change.abs() > threshold;
+        let rows = changes.map(|change| change.as_ref().is_some_and(moved));
+        let count = rows.iter().filter(|moved| **moved).count();
+        let jumps = || changes.iter().flatten().filter(|change| moved(change));
+        let is_one_way = jumps().all(|change| *change > 0.0) || jumps().all(|change| *change < 0.0);
+        let mut edges = 0;
+        let mut last = None;
+        for is_moved in changes.iter().flatten().map(moved) {
+            edges += usize::from(last.is_some_and(|last| last != is_moved));
+            last = Some(is_moved);
+        }
+        let is_far = count >= PART_ROWS || jumps().any(|change| change.abs() > FAR_JUMP.ln());
+        let is_jump = count > 0 && is_one_way && edges <= 1 && is_far;
+        is_jump.then_some(Self { rows, is_whole: edges == 0 })
+    }
+
+    /// Mean size of the changes of the rows that jump.
+    fn size(&self, changes: &[Option<f32>; ROWS]) -> f32 {
+        let sizes = || changes.iter().zip(self.rows).filter_map(|(change, moved)| change.filter(|_| moved));
+        sizes().map(f32::abs).sum::<f32>() / sizes().count().max(1) as f32
+    }
+
+    fn fault(&self, frame: &Sampled) -> FrameFault {
+        let all = |value: f32| frame.rows().flatten().all(|sample| *sample == value);
+        if !self.is_whole {
+            FrameFault::Torn
+        } else if all(0.0) {
+            FrameFault::Black
+        } else if all(SATURATED) {
+            FrameFault::Saturated
+        } else {
+            FrameFault::WrongExposure
+        }
+    }
+}
