@@ -1,9 +1,10 @@
 //! Frames and maps for pictures, copied by the processing thread only on request.
 
-use crate::calibration::{Burst, Calibration, Frame};
+use crate::calibration::{Burst, Calibration, Frame, Pixels};
 use crate::light_set::OwnedSet;
 use crate::pipeline::Pipeline;
 use crate::source::Lux;
+use hemilux_core::format::Layout;
 use hemilux_core::light::Light;
 use hemilux_core::polar::{Grid, LatLongView};
 use std::sync::Arc;
@@ -118,7 +119,11 @@ impl Views {
         self.bursts.serve(|| BurstView {
             frame: set.frame,
             before_ns: burst.before_ns,
-            frames: burst.frames.clone(),
+            frames: burst
+                .frames
+                .iter()
+                .map(|frame| complete(frame, &pipeline.calibration().layout))
+                .collect(),
             calibration: *pipeline.calibration(),
             lux,
         });
@@ -131,6 +136,16 @@ impl Views {
             self.maps.give(false, || map_view(pipeline, set));
         }
     }
+}
+
+/// A copy of a frame; samples that it lacks are 0.
+fn complete(frame: &Frame, layout: &Layout) -> Frame {
+    let mut frame = frame.clone();
+    match &mut frame.pixels {
+        Pixels::U8(bytes) => bytes.resize(layout.frame_samples().max(bytes.len()), 0),
+        Pixels::U16(words) => words.resize(layout.frame_samples().max(words.len()), 0),
+    }
+    frame
 }
 
 fn map_view(pipeline: &mut Pipeline, set: &OwnedSet) -> MapView {
@@ -156,6 +171,26 @@ mod tests {
         let now = given.borrow();
         assert!(now.number >= first && now.number >= second, "both are answered");
         assert_eq!(now.view.as_deref(), Some(&7), "with one view");
+    }
+
+    #[test]
+    fn samples_that_a_frame_lacks_are_black_in_its_view() {
+        let mut source = SceneSource::new(scene::by_name("room").expect("a scene"), Pace::Free);
+        let mut burst = Burst::default();
+        source.next(&mut burst).expect("a burst");
+        let sound = &burst.frames[0];
+        let mut half = sound.clone();
+        match &mut half.pixels {
+            Pixels::U8(bytes) => bytes.truncate(bytes.len() / 2),
+            Pixels::U16(words) => words.truncate(words.len() / 2),
+        }
+        let layout = &source.calibration().layout;
+        let whole = complete(&half, layout);
+        let len = |frame: &Frame| match &frame.pixels {
+            Pixels::U8(bytes) => bytes.len(),
+            Pixels::U16(words) => words.len(),
+        };
+        assert_eq!((len(&whole), len(&complete(sound, layout))), (len(sound), len(sound)));
     }
 
     #[test]

@@ -9,7 +9,7 @@ use super::settings_channel::SettingsRequest;
 use super::status::QualityStatus;
 use super::tiers::TierSamplers;
 use super::{Config, Exposures, Link, Refusal};
-use crate::calibration::Burst;
+use crate::calibration::{Burst, Frame};
 use crate::clock;
 use crate::light_set::{self, OwnedSet};
 use crate::pipeline::{Pipeline, PipelineError};
@@ -250,7 +250,10 @@ impl Worker {
 
     /// Refuses a burst that lacks the shortest exposure of the source: without it, the brightest light is clipped.
     fn check_complete(&mut self) -> Result<(), SourceError> {
-        if self.burst.frames.iter().map(|frame| frame.exposure).eq(self.nominal.iter().copied()) {
+        let frames = &self.burst.frames;
+        let first = frames.first().map_or(f64::INFINITY, Frame::light);
+        let is_shortest = |shortest: &Exposure| first <= MARGIN * shortest.seconds * shortest.gain;
+        if frames.iter().map(|frame| frame.exposure).eq(self.nominal.iter().copied()) {
             return Ok(());
         }
         let exposures = self.source.exposures();
@@ -261,13 +264,13 @@ impl Worker {
         if self.nominal.len() != self.ladder.exposures() {
             self.reset_quality();
         }
-        let frames = &self.burst.frames;
-        let shortest =
-            |e: &Exposure| frames.first().is_some_and(|f| f.light() <= MARGIN * e.seconds * e.gain);
-        if frames.len() >= self.nominal.len() || self.nominal.first().is_some_and(shortest) {
+        let (found, expected) = (self.burst.frames.len(), self.nominal.len());
+        // A burst of before a change of the exposures has other exposures than the later ones.
+        let is_same = |later: &Exposure| (first / (later.seconds * later.gain) - 1.0).abs() < MARGIN - 1.0;
+        let has_lost = found < expected || self.nominal.iter().skip(1).any(is_same);
+        if !has_lost || self.nominal.first().is_some_and(is_shortest) {
             return Ok(());
         }
-        let (found, expected) = (frames.len(), self.nominal.len());
         Err(SourceError::Broken(format!(
             "burst: found {found} frames without the shortest exposure, expected {expected} frames"
         )))
