@@ -78,6 +78,8 @@ pub(super) struct Levels {
     apart: [Usual; MAX_EXPOSURES],
     /// Change of each frame.
     own: [Usual; MAX_EXPOSURES],
+    /// Number of bursts that were compared.
+    bursts: u32,
 }
 
 /// A frame of the burst before, or of the last one in which it was sound.
@@ -102,7 +104,15 @@ impl Levels {
     pub fn new(code: f32, least: f32) -> Self {
         let (apart, own) = ([Usual::default(); MAX_EXPOSURES], [Usual::default(); MAX_EXPOSURES]);
         let entries = || Vec::with_capacity(MAX_EXPOSURES);
-        Self { floor: code.max(1.0 / 16384.0), least, before: entries(), next: entries(), apart, own }
+        Self {
+            floor: code.max(1.0 / 16384.0),
+            least,
+            before: entries(),
+            next: entries(),
+            apart,
+            own,
+            bursts: 0,
+        }
     }
 
     pub fn bytes(&self) -> usize {
@@ -115,6 +125,7 @@ impl Levels {
         if self.before.is_empty() {
             return judged;
         }
+        self.bursts = self.bursts.saturating_add(1);
         for pair in seen.kept.windows(2) {
             self.judge_pair(seen, [pair[0], pair[1]], &mut judged);
         }
@@ -133,7 +144,7 @@ impl Levels {
         let is_doubted = self.before[slot].is_doubted;
         let changes = self.alone(self.known(seen, index));
         let is_measured = measured(&changes) >= ENOUGH_ROWS;
-        let found = if is_measured { self.own[index].judge(&changes) } else { None };
+        let found = if is_measured { self.own[index].judge(&changes, self.bursts > KNOWN) } else { None };
         match found {
             Some(Some(_)) if !is_doubted => Judgement::Doubtful,
             Some(_) => Judgement::Sound,
@@ -158,7 +169,7 @@ impl Levels {
             return;
         }
         let differences = rows.map(|row| row.map(|[short, long]| short.less(long)));
-        let Some(found) = self.apart[pair[0]].judge(&differences) else { return };
+        let Some(found) = self.apart[pair[0]].judge(&differences, self.bursts > KNOWN) else { return };
         let Some(jump) = found else {
             for index in pair {
                 if judged[index] == Judgement::Unknown {
@@ -323,11 +334,10 @@ struct Usual {
 }
 
 impl Usual {
-    /// Returns whether `changes` have an unusual jump, if enough bursts are known; adds what is usual to the means.
-    fn judge(&mut self, changes: &[Option<f32>; ROWS]) -> Option<Option<Jump>> {
+    /// Returns whether `changes` have an unusual jump, if `is_known`; adds what is usual to the variance.
+    fn judge(&mut self, changes: &[Option<f32>; ROWS], is_known: bool) -> Option<Option<Jump>> {
         let least = (JUMP.ln() / DEVIATIONS).powi(2);
         let threshold = DEVIATIONS * self.variance.max(least).sqrt();
-        let is_known = self.bursts >= KNOWN;
         let jump = Jump::find(changes, threshold).filter(|_| is_known);
         let is_usual = self.jumps.add(jump.is_some());
         let unusual = jump.filter(|_| !is_usual);

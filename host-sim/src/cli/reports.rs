@@ -78,7 +78,7 @@ pub(super) struct SoakArgs {
     #[arg(
         long,
         value_name = "KIND=SHARE,...",
-        default_value = "all=0.01,late_s=0.002,gone_s=0.01,hang_s=0.02"
+        default_value = "all=0.01,sound=8,late_s=0.002,gone_s=0.01,hang_s=0.02"
     )]
     faults: hemilux::source::FaultSpec,
 }

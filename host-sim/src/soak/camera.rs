@@ -55,6 +55,8 @@ pub(super) struct DayCamera {
     exposures: Vec<Exposure>,
     /// Code of each sample in the shortest exposure at the brightest moment, divided by the largest code.
     still: Vec<f32>,
+    /// Offset of each sample in codes, added before rounding down: the mean of dark samples is unbiased, as with the noise of a sensor.
+    dither: Vec<f32>,
     bursts: u64,
     /// Number of bursts from the darkest to the brightest moment.
     half_day: f64,
@@ -69,10 +71,19 @@ impl DayCamera {
         let lens = Lens::equidistant(middle, 21.0, 80f64.to_radians()).ok()?;
         let mut calibration = Calibration::try_new(lens, Format::Rgb48, WIDTH, HEIGHT).ok()?;
         calibration.levels = Levels { black: 0.0, white: WHITE.into() };
-        let still = (0..HEIGHT).flat_map(|y| (0..WIDTH).flat_map(move |x| colour(x, y))).collect();
+        let still: Vec<f32> = (0..HEIGHT).flat_map(|y| (0..WIDTH).flat_map(move |x| colour(x, y))).collect();
         let exposures = SECONDS.map(exposure).to_vec();
         let half_day = HALF_DAY.min(frames as f64 / 2.0).max(1.0);
-        Some(Self { calibration, exposures, still, bursts: 0, half_day, daylight: Daylight::default() })
+        let dither = (0..still.len()).map(dither).collect();
+        Some(Self {
+            calibration,
+            exposures,
+            still,
+            dither,
+            bursts: 0,
+            half_day,
+            daylight: Daylight::default(),
+        })
     }
 
     /// Returns a handle to the light and the number of bursts, which `next` updates.
@@ -99,6 +110,11 @@ fn colour(x: u32, y: u32) -> [f32; 3] {
         0.004 + 0.008 * y as f32 / HEIGHT as f32
     };
     [level, 0.9 * level, if sun { 0.7 } else { 1.1 } * level]
+}
+
+/// Returns an offset from 0 to 1; the offsets of consecutive samples are multiples of the golden ratio modulo 1, which are evenly distributed.
+fn dither(sample: usize) -> f32 {
+    (sample as f64 * 0.618_033_988_749_894_9).fract() as f32
 }
 
 fn exposure(seconds: f64) -> Exposure {
@@ -136,7 +152,8 @@ impl Source for DayCamera {
             let gain = (f64::from(WHITE) * light * exposure.seconds / SECONDS[0]) as f32;
             if let Pixels::U16(codes) = &mut frame.pixels {
                 codes.clear();
-                codes.extend(self.still.iter().map(|level| (level * gain + 0.5) as u16));
+                let samples = self.still.iter().zip(&self.dither);
+                codes.extend(samples.map(|(level, dither)| (level * gain + dither) as u16));
             }
         }
         self.daylight.light.store(light.to_bits(), Ordering::Relaxed);

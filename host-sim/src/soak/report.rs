@@ -1,8 +1,10 @@
 //! Report of a soak test: counts, memory, and the requirements that are violated.
 
 use super::FRAMES_A_SECOND;
+use super::judge::Outcome;
 use super::tally::Tally;
 use hemilux::probe::QualityStatus;
+use hemilux::source::Fault;
 use std::fmt;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -21,16 +23,7 @@ const WORST: Duration = Duration::from_secs(5);
 /// Results of a soak test; `Display` formats them as a table.
 pub struct SoakReport {
     pub(super) bursts: u64,
-    pub(super) frames: u64,
-    pub(super) failed: u64,
-    pub(super) held: u64,
-    pub(super) left_out: u64,
-    pub(super) degraded: u64,
-    pub(super) wrong: u64,
-    pub(super) dark: u64,
-    pub(super) recovered: u64,
-    pub(super) unrecovered: u64,
-    pub(super) faults: Vec<(&'static str, u64)>,
+    pub(super) outcome: Outcome,
     pub(super) quality: QualityStatus,
     /// Number of settings that clients changed, and number of all settings.
     pub(super) settings: [usize; 2],
@@ -39,8 +32,6 @@ pub struct SoakReport {
     /// Number of open descriptors before the clients start and after they have ended.
     pub(super) descriptors: [usize; 2],
     pub(super) took: Duration,
-    /// Descriptions of the first wrong sets.
-    pub(super) words: Vec<String>,
     pub(super) tally: Arc<Tally>,
 }
 
@@ -52,13 +43,11 @@ impl SoakReport {
         let grown = end.saturating_sub(warm);
         let is_flat = grown <= GROWTH.1.max((GROWTH.0 * warm as f64) as u64);
         let count = |counter: &std::sync::atomic::AtomicU64| counter.load(Ordering::Relaxed);
+        let unrecovered: u64 = self.outcome.faults.iter().map(|fault| fault.unrecovered).sum();
         let checks = [
-            (self.wrong == 0, format!("{} wrong sets", self.wrong)),
+            (self.outcome.wrong == 0, format!("{} wrong sets", self.outcome.wrong)),
             (count(&self.tally.errors) == 0, format!("{} errors of clients", count(&self.tally.errors))),
-            (
-                self.unrecovered == 0,
-                format!("{} faults without recovery within two bursts", self.unrecovered),
-            ),
+            (unrecovered == 0, format!("{unrecovered} faults without recovery within two bursts")),
             (is_flat, format!("memory grew by {grown} kB from {warm} kB")),
             (
                 self.descriptors[1] <= self.descriptors[0] + DESCRIPTORS,
@@ -83,13 +72,13 @@ impl fmt::Display for SoakReport {
         let hours = self.bursts as f64 / FRAMES_A_SECOND as f64 / 3600.0;
         let (took, tally) = (self.took.as_secs_f64(), &self.tally);
         writeln!(f, "{:.2} h of simulated time ({} bursts, 10 a second) in {took:.0} s", hours, self.bursts)?;
-        writeln!(f, "{:<34}{:>12}", "sets", self.frames)?;
-        writeln!(f, "{:<34}{:>12}", "sets with a wrong energy", self.wrong)?;
-        writeln!(f, "{:<34}{:>12}", "wrong sets in the dark, not counted", self.dark)?;
-        writeln!(f, "{:<34}{:>12}", "sets with frames left out", self.left_out)?;
-        writeln!(f, "{:<34}{:>12}", "sets that repeat the set before", self.held)?;
-        writeln!(f, "{:<34}{:>12}", "bursts without a set", self.failed)?;
-        writeln!(f, "{:<34}{:>12}", "sets of lowered quality", self.degraded)?;
+        let line = |f: &mut fmt::Formatter<'_>, name: &str, n: u64| writeln!(f, "{name:<34}{n:>12}");
+        line(f, "sets", self.outcome.sets)?;
+        line(f, "sets with a wrong energy", self.outcome.wrong)?;
+        line(f, "sets with frames left out", self.outcome.left_out)?;
+        line(f, "sets that repeat the set before", self.outcome.held)?;
+        line(f, "bursts without a set", self.outcome.failed)?;
+        line(f, "sets of lowered quality", self.outcome.degraded)?;
         let steps = format!("{} / {}", self.quality.down, self.quality.up);
         writeln!(f, "{:<34}{:>12}", "steps of the quality, down / up", steps)?;
         writeln!(f, "{:<34}{:>12}", "replies", count(&tally.replies))?;
@@ -107,14 +96,11 @@ impl fmt::Display for SoakReport {
         writeln!(f, "{:<34}{:>12}", "most memory, kB", most)?;
         let descriptors = format!("{} / {}", self.descriptors[0], self.descriptors[1]);
         writeln!(f, "{:<34}{:>12}", "descriptors, start / end", descriptors)?;
-        let faults: u64 = self.faults.iter().map(|(_, n)| n).sum();
-        writeln!(f, "{:<34}{:>12}", "faults", faults)?;
-        for (kind, n) in &self.faults {
-            writeln!(f, "  {kind:<32}{n:>12}")?;
+        writeln!(f, "{:<34}{:>12}{:>12}{:>12}", "faults", "number", "recovered", "not")?;
+        for (kind, n) in Fault::ALL.iter().zip(&self.outcome.faults) {
+            writeln!(f, "  {:<32}{:>12}{:>12}{:>12}", kind.name(), n.seen, n.recovered, n.unrecovered)?;
         }
-        writeln!(f, "{:<34}{:>12}", "recoveries within two bursts", self.recovered)?;
-        writeln!(f, "{:<34}{:>12}", "faults without recovery", self.unrecovered)?;
-        self.words.iter().try_for_each(|what| writeln!(f, "wrong: {what}"))?;
+        self.outcome.words.iter().try_for_each(|what| writeln!(f, "wrong: {what}"))?;
         tally.words().iter().try_for_each(|what| writeln!(f, "error: {what}"))?;
         self.failures().iter().try_for_each(|what| writeln!(f, "violated: {what}"))?;
         if self.failures().is_empty() { writeln!(f, "all requirements hold") } else { Ok(()) }

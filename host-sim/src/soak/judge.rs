@@ -1,0 +1,169 @@
+//! Comparison of every published set with the known light of its burst, and the recovery from each fault.
+
+use super::camera::Daylight;
+use super::tally::Tally;
+use hemilux::light_set::OwnedSet;
+use hemilux::probe::Link;
+use hemilux::source::{Fault, FaultCounts};
+use hemilux_core::wire::FramesLeftOut;
+use hemilux_core::{Extrapolation, SamplerKind};
+use std::sync::Arc;
+
+/// Largest relative difference between the flux of a set and the flux of its burst; beyond it the set counts as wrong.
+const WRONG: f64 = 0.04;
+
+/// Number of bursts after a fault within which a set of all frames must follow.
+const RECOVERY: u64 = 2;
+
+/// Largest share of the flux that may be missing from a set without a temporal filter.
+const LOST: f32 = 2e-3;
+
+/// Number of wrong sets that the report describes.
+const DESCRIBED: usize = 20;
+
+/// Number of faults of one kind.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct FaultOutcome {
+    pub seen: u64,
+    /// Number of faults that a set of all frames followed within [`RECOVERY`] bursts.
+    pub recovered: u64,
+    /// Number of the other faults.
+    pub unrecovered: u64,
+}
+
+/// Counts of the sets and of the faults.
+#[derive(Debug, Default)]
+pub(super) struct Outcome {
+    /// Number of published sets.
+    pub sets: u64,
+    /// Number of bursts without a set.
+    pub failed: u64,
+    /// Number of sets that repeat the lights of an earlier burst.
+    pub held: u64,
+    /// Number of sets that lack frames of their burst.
+    pub left_out: u64,
+    /// Number of sets of degraded quality.
+    pub degraded: u64,
+    pub wrong: u64,
+    /// Faults by kind, in the order of [`Fault::ALL`].
+    pub faults: [FaultOutcome; Fault::ALL.len()],
+    /// Descriptions of the first wrong sets.
+    pub words: Vec<String>,
+}
+
+/// Compares the sets with the light of their bursts.
+pub(super) struct SetJudge {
+    /// Flux at the brightest moment without and with extrapolation.
+    flux: [f64; 2],
+    daylight: Daylight,
+    tally: Arc<Tally>,
+    counts: Arc<FaultCounts>,
+    /// Flux of the newest set that does not repeat the lights of an earlier burst.
+    merged: f64,
+    /// Name of the last fault.
+    last: &'static str,
+    /// Number of faults that no set of all frames has followed so far, by kind.
+    pending: [u64; Fault::ALL.len()],
+    /// Number of bursts since the last fault.
+    since: u64,
+    outcome: Outcome,
+}
+
+impl SetJudge {
+    pub fn new(flux: [f64; 2], daylight: &Daylight, tally: &Arc<Tally>, counts: &Arc<FaultCounts>) -> Self {
+        Self {
+            flux,
+            daylight: daylight.clone(),
+            tally: Arc::clone(tally),
+            counts: Arc::clone(counts),
+            merged: 0.0,
+            last: "no fault",
+            pending: [0; Fault::ALL.len()],
+            since: 0,
+            outcome: Outcome::default(),
+        }
+    }
+
+    pub fn into_outcome(self) -> Outcome {
+        self.outcome
+    }
+
+    fn wrong(&mut self, frame: u64, what: &str) {
+        self.outcome.wrong += 1;
+        if self.outcome.words.len() < DESCRIBED {
+            let (last, since, light) = (self.last, self.since, self.daylight.light());
+            let line = format!("frame {frame}: {what}; light {light:.5}, {since} bursts after {last}");
+            self.outcome.words.push(line);
+        }
+    }
+
+    /// Updates the counts after the probe has processed a burst; `is_ok` is false if the burst failed.
+    pub fn judge_burst(&mut self, link: &Link, is_ok: bool) {
+        self.count_faults();
+        let latest = link.sets().latest().filter(|set| set.frame >= self.outcome.sets);
+        let is_whole = latest.as_ref().is_some_and(|set| self.judge_set(link, set));
+        self.outcome.failed += u64::from(!is_ok);
+        if self.since > 0 && is_whole {
+            self.settle(|outcome, count| outcome.recovered += count);
+        } else if self.since > RECOVERY && latest.is_some() {
+            // The probe publishes no set of a burst that it skips to keep the budget.
+            self.settle(|outcome, count| outcome.unrecovered += count);
+        }
+    }
+
+    fn count_faults(&mut self) {
+        self.since += 1;
+        for (((name, count), outcome), pending) in
+            self.counts.named().zip(&mut self.outcome.faults).zip(&mut self.pending)
+        {
+            if count > outcome.seen {
+                *pending += count - outcome.seen;
+                outcome.seen = count;
+                (self.last, self.since) = (name, 0);
+            }
+        }
+    }
+
+    fn settle(&mut self, count: impl Fn(&mut FaultOutcome, u64)) {
+        for (outcome, pending) in self.outcome.faults.iter_mut().zip(&mut self.pending) {
+            count(outcome, std::mem::take(pending));
+        }
+    }
+
+    /// Compares the flux of the newest set with the flux of its burst; returns whether all frames of the burst were merged.
+    fn judge_set(&mut self, link: &Link, set: &OwnedSet) -> bool {
+        self.outcome.sets = set.frame + 1;
+        self.tally.publish(set.frame, set.scalar_flux);
+        let config = link.settings().applied().borrow().config.pipeline.clone();
+        let flux = f64::from(set.scalar_flux[1]);
+        let is_held = is_held(&set.frames_left_out);
+        self.outcome.held += u64::from(is_held);
+        self.outcome.left_out += u64::from(!set.frames_left_out.is_empty());
+        self.outcome.degraded += u64::from(!set.degraded.is_none());
+        let full = self.flux[usize::from(config.extrapolation == Extrapolation::Average)];
+        let expected = if is_held { self.merged } else { full * self.daylight.light() };
+        // The repeated set may be older than a change of the extrapolation.
+        if !is_held || self.merged <= 0.0 {
+            self.merged = flux;
+        }
+        if (flux / expected - 1.0).abs() > WRONG || !flux.is_finite() {
+            let left_out: Vec<_> = set.frames_left_out.iter().collect();
+            let seconds = &link.settings().exposures().seconds;
+            let set_up = format!("{seconds:?} s, {:?}, {:?}, {:?}", config.merge, config.lamps, set.flicker);
+            self.wrong(set.frame, &format!("flux {flux}, expected {expected}; {left_out:?}; {set_up}"));
+        }
+        let missing = set.view().missing_flux().map_or(0.0, |flux| flux[1].abs() / set.scalar_flux[1]);
+        if missing > LOST && config.sampler != SamplerKind::HemigonFir {
+            self.wrong(
+                set.frame,
+                &format!("the lights of {} lack the share {missing} of the flux", set.sampler),
+            );
+        }
+        set.frames_left_out.is_empty()
+    }
+}
+
+/// Returns whether a set repeats the lights of the burst before: the shortest exposure and others were left out.
+fn is_held(left_out: &FramesLeftOut) -> bool {
+    left_out.contains(0) && left_out.iter().count() > 1
+}
