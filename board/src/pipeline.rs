@@ -110,6 +110,10 @@ impl Pipeline {
                 self.polar = Some(Polar::new(&self.shape()));
             }
         }
+        if settings.extrapolation != self.settings.extrapolation {
+            // The energy of unseen directions comes and goes, which is no flicker.
+            self.mains.restart();
+        }
         self.front.set_extrapolation(settings.extrapolation);
         self.mains.set_lamps(settings.lamps);
         self.front.set_merge_mode(settings.merge);
