@@ -101,9 +101,9 @@ const fn side(order: u8) -> u32 {
 /// The part of the sphere that a HEALPix map covers, and its resolution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MapShape {
-    /// Part of the sphere.
+    /// Part of the sphere that the map covers.
     pub domain: Domain,
-    /// Order of the texels.
+    /// HEALPix order of the map's texels.
     pub order: Order,
 }
 

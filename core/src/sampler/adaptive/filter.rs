@@ -78,9 +78,9 @@ pub(super) struct PastLights<'a> {
 /// Result of comparing the lights' regions with those of the last frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Regions {
-    /// All regions are the same.
+    /// Every light has the region that it had in the last frame.
     Same,
-    /// At least one region differs.
+    /// At least one region differs from that of the last frame.
     Changed,
 }
 

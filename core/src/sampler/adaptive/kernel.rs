@@ -80,24 +80,24 @@ pub(super) struct MeanVector {
 }
 
 impl MeanVector {
-    /// Returns the vector of a point at a unit vector.
+    /// Returns the mean vector of a point light in direction `at`, a unit vector.
     pub(super) fn of_point(at: Vec3) -> Self {
         Self { half: at * 0.5, spread: 0.0 }
     }
 
-    /// Returns the vector of a disc of `radius` radians at a unit vector.
+    /// Returns the mean vector of a disc of `radius` radians around direction `at`, a unit vector.
     pub(super) fn of_disc(at: Vec3, radius: f32) -> Self {
         // Squared sine of half the radius, within 1e-3 up to a right angle.
         let square = radius * radius;
         Self::shorter(at, SHRINK * 0.25 * square * (1.0 + square * (square / 360.0 - 1.0 / 12.0)))
     }
 
-    /// Returns the vector of a light that is drawn as a disc.
+    /// Returns the mean vector of `light` as a disc of its radius.
     pub(super) fn of_light(light: &Light) -> Self {
         Self::of_disc(light.direction, light.radius_deg.to_radians())
     }
 
-    /// Returns the vector of the light of a lit quad.
+    /// Returns the mean vector of the light of `quad`, whose energy is above 0.
     pub(super) fn of_quad(quad: &Quad) -> Self {
         let variance = quad.variance().max(0.0);
         Self { half: quad.first_moment() * (0.5 / quad.y()), spread: variance * (2.0 - variance) * 0.25 }

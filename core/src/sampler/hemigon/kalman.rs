@@ -64,7 +64,7 @@ impl Parameters {
 /// State of one Kalman filter.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Kalman {
-    /// P, the variance of the state.
+    /// P, the variance of the filtered value.
     variance: f32,
     cusum: Vec3,
     /// The last frame's jump, in standard deviations, while it is not confirmed; otherwise 0.
@@ -181,7 +181,7 @@ impl PathFilter {
         (self.uneven * (self.heading / NOISE_HEADING).clamp(0.0, 1.0)).max(LEAST_NOISE)
     }
 
-    /// Moves the filtered direction and colour towards the measurement `seen`; `is_jump` uses gain 1.
+    /// Moves the filtered direction and colour towards the measurement `seen`; with `is_jump`, the gain is 1, so that both equal the measurement.
     fn step(&mut self, parameters: &Parameters, is_jump: bool, seen: PathPoint) {
         let noise = self.noise();
         let step = tangent(self.direction, seen.direction);

@@ -55,7 +55,7 @@ pub struct Sizes {
 }
 
 impl Sizes {
-    /// Returns the lengths for maps of `grid` and up to `lights` lights.
+    /// Returns the buffer lengths of the sampler for maps of `grid` and up to `lights` lights.
     #[must_use]
     pub const fn new(grid: &Grid, lights: usize) -> Self {
         let lights = if lights < MAX_LIGHTS { lights } else { MAX_LIGHTS };

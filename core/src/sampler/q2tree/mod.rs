@@ -152,7 +152,7 @@ pub struct Sizes {
 }
 
 impl Sizes {
-    /// Returns the lengths for maps of `domain` of at most `order` and for up to `lights` lights.
+    /// Returns the buffer lengths of the sampler for maps of `domain` of at most `order` and for up to `lights` lights.
     #[must_use]
     pub const fn new(domain: Domain, order: Order, lights: usize) -> Self {
         Self { interior: interior_len(domain, order), lights }
