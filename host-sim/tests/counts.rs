@@ -67,6 +67,19 @@ fn readmes_have_the_instruction_counts_of_the_baseline() {
             assert!(top.contains(&told), "expected in README.md: {told}");
         }
     }
+    let sample = |case: &str| -> f64 {
+        let line = baseline.lines().find_map(|l| l.strip_prefix(case)).expect(case);
+        line.split_whitespace().nth(2).expect("a count").parse::<f64>().expect("a count") / 1e6
+    };
+    for case in ["adaptive+soft:16", "adaptive+soft:64"] {
+        let lights = &case[case.len() - 2..];
+        let told = format!(
+            "{lights} discs {}{:.1} M",
+            if lights == "16" { "take " } else { "" },
+            sample(&format!("rgb24:640x480:{case} "))
+        );
+        assert!(top.contains(&told), "expected in README.md: {told}");
+    }
     let row = format!("| ARMv7 with NEON, instructions | {} |", totals.join(" | "));
     assert!(top.contains(&row), "expected in README.md: {row}");
 }
