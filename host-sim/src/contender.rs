@@ -14,7 +14,7 @@ use hemilux_core::sampler::Request;
 
 /// Kind of a method of a comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum MethodKind {
     /// A sampler of the core, which runs on the probe.
     Core,
     /// A method of the literature that decomposes each map on its own.
@@ -31,14 +31,14 @@ pub struct Method {
     /// Name of the method in charts and reports: a base name, and suffixes such as `+sh`.
     pub name: &'static str,
     /// Kind of the method: of the core, baseline, baseline with gather, or offline.
-    pub kind: Kind,
+    pub kind: MethodKind,
 }
 
 impl Method {
     /// Returns the least number of lights that the method supports.
     #[must_use]
     pub fn least(&self, domain: Domain) -> usize {
-        if self.kind == Kind::Core { self.sampler().least_lights(domain) } else { 1 }
+        if self.kind == MethodKind::Core { self.sampler().least_lights(domain) } else { 1 }
     }
 
     /// Returns the name without the suffixes `+v` (gather), `+sh` (ambient light) and `+soft` (discs).
@@ -77,12 +77,12 @@ pub fn methods() -> Vec<Method> {
     let core = SamplerKind::NAMES
         .into_iter()
         .chain(["adaptive+sh", "adaptive+soft", "adaptive+sh+soft"])
-        .map(|name| Method { name, kind: Kind::Core });
+        .map(|name| Method { name, kind: MethodKind::Core });
     let baselines = baseline::all().into_iter().map(|b| {
-        let kind = if b.name().ends_with("+v") { Kind::Gathered } else { Kind::Baseline };
+        let kind = if b.name().ends_with("+v") { MethodKind::Gathered } else { MethodKind::Baseline };
         Method { name: b.name(), kind }
     });
-    let offline = [Method { name: "volume", kind: Kind::Offline }];
+    let offline = [Method { name: "volume", kind: MethodKind::Offline }];
     core.chain(baselines).chain(offline).collect()
 }
 
@@ -111,7 +111,7 @@ pub fn judged(made: &Decomposition<'_>) -> LitSet {
 
 /// The light sets of one method over the frames of a sequence.
 #[derive(Clone, Debug)]
-pub struct Run {
+pub struct MethodRun {
     /// Method that made the sets.
     pub method: Method,
     /// Largest number of lights of a set.
@@ -122,15 +122,20 @@ pub struct Run {
 
 /// Runs each sampler of the core over a sequence with each number of lights of `counts`; all runs share the maps.
 #[must_use]
-pub fn run_core(scenario: &Scenario, counts: &[usize]) -> Vec<Run> {
+pub fn run_core(scenario: &Scenario, counts: &[usize]) -> Vec<MethodRun> {
     run_core_of(scenario, counts, |_| true)
 }
 
 /// Runs the methods of the core for which `is_wanted` returns true over a sequence, with each number of lights of `counts`.
 #[must_use]
-pub fn run_core_of(scenario: &Scenario, counts: &[usize], is_wanted: impl Fn(&Method) -> bool) -> Vec<Run> {
+pub fn run_core_of(
+    scenario: &Scenario,
+    counts: &[usize],
+    is_wanted: impl Fn(&Method) -> bool,
+) -> Vec<MethodRun> {
     let mut maps = OrderedMaps::new(&scenario.seen()[0], scenario.domain, counts);
-    let core: Vec<Method> = methods().into_iter().filter(|m| m.kind == Kind::Core && is_wanted(m)).collect();
+    let core: Vec<Method> =
+        methods().into_iter().filter(|m| m.kind == MethodKind::Core && is_wanted(m)).collect();
     let mut running: Vec<_> = core
         .iter()
         .flat_map(|&method| counts.iter().map(move |&lights| (method, lights)))
@@ -148,7 +153,8 @@ pub fn run_core_of(scenario: &Scenario, counts: &[usize], is_wanted: impl Fn(&Me
         }
     }
     let runs = running.into_iter();
-    runs.map(|(method, lights, sampler, sets)| Run { method, lights, sets: sampler.map(|_| sets) }).collect()
+    runs.map(|(method, lights, sampler, sets)| MethodRun { method, lights, sets: sampler.map(|_| sets) })
+        .collect()
 }
 
 /// Runs a baseline over a sequence; returns its sets, and the sets after the Voronoi gather.
@@ -174,21 +180,25 @@ fn run_volume(scenario: &Scenario, lights: usize) -> Option<Vec<LitSet>> {
 
 /// Runs the methods outside of the core over a sequence with each number of lights of `counts`.
 #[must_use]
-pub fn run_baselines(scenario: &Scenario, counts: &[usize]) -> Vec<Run> {
+pub fn run_baselines(scenario: &Scenario, counts: &[usize]) -> Vec<MethodRun> {
     let all = methods();
     let mut runs = Vec::new();
-    for method in all.iter().filter(|m| m.kind == Kind::Baseline) {
-        let gathered = all.iter().find(|m| m.kind == Kind::Gathered && m.base() == method.name);
+    for method in all.iter().filter(|m| m.kind == MethodKind::Baseline) {
+        let gathered = all.iter().find(|m| m.kind == MethodKind::Gathered && m.base() == method.name);
         let mut after = Vec::new();
         for &lights in counts {
             let [raw, with_v] = run_baseline(*method, scenario, lights);
-            runs.push(Run { method: *method, lights, sets: Some(raw) });
-            after.extend(gathered.map(|&method| Run { method, lights, sets: Some(with_v) }));
+            runs.push(MethodRun { method: *method, lights, sets: Some(raw) });
+            after.extend(gathered.map(|&method| MethodRun { method, lights, sets: Some(with_v) }));
         }
         runs.extend(after);
     }
-    for &method in all.iter().filter(|m| m.kind == Kind::Offline) {
-        runs.extend(counts.iter().map(|&lights| Run { method, lights, sets: run_volume(scenario, lights) }));
+    for &method in all.iter().filter(|m| m.kind == MethodKind::Offline) {
+        runs.extend(counts.iter().map(|&lights| MethodRun {
+            method,
+            lights,
+            sets: run_volume(scenario, lights),
+        }));
     }
     runs
 }

@@ -5,7 +5,7 @@
 //! lobes. Each set is the first of a new sampler, without state of earlier maps.
 
 use crate::baseline;
-use crate::contender::{self, Kind, Method, judged};
+use crate::contender::{self, Method, MethodKind, judged};
 use crate::env::EnvMap;
 use crate::error::SimError;
 use crate::maps::OrderedMaps;
@@ -140,7 +140,7 @@ impl DiscMap {
 /// Returns the method of the core with the name `name`, such as one of [`VARIANTS`].
 #[must_use]
 pub fn variant(name: &'static str) -> Method {
-    Method { name, kind: Kind::Core }
+    Method { name, kind: MethodKind::Core }
 }
 
 fn write_fewest(out: &mut String, names: &[&str], maps: &[DiscMap]) {

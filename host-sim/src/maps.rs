@@ -1,7 +1,7 @@
 //! Inputs of samplers, computed from environment maps: a HEALPix pyramid and a latitude-longitude map, both with the energy of the environment map.
 
 use crate::env::EnvMap;
-use crate::metrics::{Grid as Texels, luminance};
+use crate::metrics::{TexelGrid, luminance};
 use hemilux::samplers::{self, Shape};
 use hemilux_core::Order;
 use hemilux_core::healpix::{self, Domain};
@@ -138,13 +138,13 @@ impl OrderedMaps {
 
 /// Index of the HEALPix quad at each texel's centre, for environment maps of one size; computed once for a sequence.
 struct TexelQuads {
-    grid: Texels,
+    grid: TexelGrid,
     quads: Vec<u32>,
 }
 
 impl TexelQuads {
     fn new(env: &EnvMap, domain: Domain, order: u8) -> Self {
-        let grid = Texels::new(env, domain);
+        let grid = TexelGrid::new(env, domain);
         let quads = grid.directions().map(|d| healpix::ipix(order, d.into())).collect();
         Self { grid, quads }
     }

@@ -22,7 +22,7 @@ const NORMALS: usize = 96;
 
 /// Figures of [`MergeMode::Needed`] in comparison with [`MergeMode::All`].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Reading {
+pub struct NeededFigures {
     /// Mean number of exposures that the merge reads of a pixel.
     pub exposures_read: f64,
     /// Largest difference between the irradiances of an unoccluded receiver in the two modes, divided by the largest irradiance of a receiver.
@@ -33,13 +33,13 @@ pub struct Reading {
 ///
 /// # Errors
 /// [`SimError`] for bursts that do not fit the calibration.
-pub fn compare(calibration: &Calibration, bursts: &[Burst]) -> Result<Reading, SimError> {
+pub fn compare(calibration: &Calibration, bursts: &[Burst]) -> Result<NeededFigures, SimError> {
     let exposures: Vec<Exposure> =
         bursts.first().into_iter().flat_map(|b| b.frames.iter().map(|f| f.exposure)).collect();
     let pipeline =
         |merge| Pipeline::try_new(*calibration, &exposures, Settings { merge, ..Settings::default() });
     let (mut all, mut needed) = (pipeline(MergeMode::All)?, pipeline(MergeMode::Needed)?);
-    let mut mean = Reading { exposures_read: 0.0, open: 0.0 };
+    let mut mean = NeededFigures { exposures_read: 0.0, open: 0.0 };
     for burst in bursts {
         all.process(burst)?;
         let read = needed.process(burst)?.seen.exposures_read;
@@ -78,7 +78,7 @@ pub fn run(count: bool) -> Result<(), SimError> {
     for case in case::formats() {
         for name in scene::NAMES {
             let Some(scene) = scene::by_name(name) else { continue };
-            let Reading { exposures_read, open } =
+            let NeededFigures { exposures_read, open } =
                 compare(&calibration(&case), &make_of(&case, scene, BURSTS))?;
             let counted = |merge| {
                 let case = Case { merge, ..case.clone() };

@@ -8,7 +8,7 @@ use hemilux_core::MergeMode;
 use hemilux_core::mains::{Flicker, Lamps};
 use hemilux_sim::burst::{Sensor, THESIS_EXPOSURES_S};
 use hemilux_sim::env::EnvMap;
-use hemilux_sim::metrics::stability::Source;
+use hemilux_sim::metrics::stability::LightSource;
 use hemilux_sim::scenario::stage::{WARM, at, energy, room};
 use hemilux_sim::scenario::world::{Change, Course, Filming, Lamp, Timing, Wave, World};
 
@@ -31,7 +31,7 @@ fn world(wave: Wave, other: Wave) -> World {
     let still = EnvMap::from_fn(256, 128, |d| room(d).map(|v| v.min(3.0)));
     let flux = energy(&still);
     let lamp = |theta, phi, wave| Lamp {
-        source: Source { direction: at(theta, phi), radius_deg: 4.0 },
+        source: LightSource { direction: at(theta, phi), radius_deg: 4.0 },
         colour: WARM,
         flux,
         course: Course { wave, phase: 0.3, changes: Vec::new() },

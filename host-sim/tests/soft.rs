@@ -13,7 +13,7 @@ use hemilux_sim::maps::OrderedMaps;
 use hemilux_sim::metrics::Reference;
 use hemilux_sim::progress;
 use hemilux_sim::scenario::{self, Setting};
-use hemilux_sim::stress::{Judge, Row};
+use hemilux_sim::stress::{StressJudge, StressRow};
 
 /// Number of discs, and the goals of their mean open and mean shadowed error, per cent.
 const GOALS: [(usize, f64, f64); 4] = [(4, 2.7, 5.3), (8, 1.2, 2.8), (16, 0.6, 1.6), (64, 0.17, 0.50)];
@@ -97,13 +97,14 @@ fn discs_flicker_less_than_points_and_keep_their_radii() {
     const SLACK: f64 = 2e-4;
     for name in ["seam", "noise", "walker", "zenith"] {
         let scenario = scenario::make(name, &Setting::QUICK).expect("a scenario");
-        let judge = Judge::new(&scenario);
+        let judge = StressJudge::new(&scenario);
         let runs = run_core_of(&scenario, &[16, 64], |method| method.base() == "adaptive");
         let rows: Vec<_> = runs.iter().map(|run| judge.row(run)).collect();
         let discs = rows.iter().filter(|row| row.sampler.ends_with("+soft"));
         for disc in discs {
-            let is_same =
-                |row: &&Row| disc.sampler == format!("{}+soft", row.sampler) && row.lights == disc.lights;
+            let is_same = |row: &&StressRow| {
+                disc.sampler == format!("{}+soft", row.sampler) && row.lights == disc.lights
+            };
             let point = rows.iter().find(is_same).expect("the row of the point lights");
             let (found, most) =
                 (disc.soft_flicker_mean.expect("flicker"), point.flicker_mean.expect("flicker"));

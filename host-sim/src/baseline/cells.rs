@@ -5,7 +5,7 @@ use std::ops::{Add, AddAssign};
 
 use crate::env::EnvMap;
 use crate::metrics::vector::{add_scaled, dot, norm, unit};
-use crate::metrics::{Domain, Grid, Lit, luminance};
+use crate::metrics::{Domain, Lit, TexelGrid, luminance};
 
 /// Sums over a set of texels, such as the texels that a light represents: energy, luminous energy and first moment.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -96,7 +96,7 @@ impl Cells {
     /// Combines the texels of `domain` in blocks, of which the whole sphere has at most `max_width` x `max_width / 2`.
     #[must_use]
     pub fn new(map: &EnvMap, domain: Domain, max_width: usize) -> Self {
-        let grid = Grid::new(map, domain);
+        let grid = TexelGrid::new(map, domain);
         let block = (map.width().div_ceil(max_width.max(1)), map.height().div_ceil((max_width / 2).max(1)));
         let (width, height) = (grid.width().div_ceil(block.0), grid.rows().div_ceil(block.1));
         let mut cells = Self {
@@ -118,7 +118,7 @@ impl Cells {
         Self::new(map, domain, map.width().max(2 * map.height()))
     }
 
-    fn fill(&mut self, grid: &Grid, map: &EnvMap) {
+    fn fill(&mut self, grid: &TexelGrid, map: &EnvMap) {
         let mut middle = vec![[0.0; 3]; self.flux.len()];
         for (k, (direction, rgb)) in grid.fluxes(map).enumerate() {
             let at = (k / grid.width() / self.block.1) * self.width + k % grid.width() / self.block.0;

@@ -7,7 +7,7 @@ use super::cells::{Cells, Flux, voronoi};
 use super::sat::{Rect, Sat};
 use super::*;
 use crate::metrics::vector::{angle_deg, norm};
-use crate::metrics::{Grid, Reference, Score, holds};
+use crate::metrics::{Reference, Score, TexelGrid, holds};
 
 fn room() -> EnvMap {
     // Coloured background, a window across the phi seam, and a small lamp near the zenith.
@@ -26,7 +26,7 @@ fn one_texel() -> EnvMap {
 }
 
 fn rgb_sum(map: &EnvMap, domain: Domain) -> [f64; 3] {
-    Grid::new(map, domain)
+    TexelGrid::new(map, domain)
         .fluxes(map)
         .fold([0.0; 3], |sum, (_, rgb)| std::array::from_fn(|i| sum[i] + rgb[i]))
 }
@@ -136,7 +136,7 @@ fn reduced_cells_keep_energy_and_moment() {
     for (width, height) in [(96, 48), (97, 49), (50, 51)] {
         let map = EnvMap::from_fn(width, height, |d| [1.0, 2.0 + d[0] as f32, 3.0 + d[2] as f32]);
         for domain in [Domain::Sphere, Domain::Hemisphere] {
-            let truth = Grid::new(&map, domain)
+            let truth = TexelGrid::new(&map, domain)
                 .fluxes(&map)
                 .fold(Flux::default(), |sum, (d, rgb)| sum + Flux::of_texel(d, rgb));
             let cells = Cells::new(&map, domain, 32);

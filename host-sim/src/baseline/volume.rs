@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use super::cells::Flux;
 use crate::env::EnvMap;
-use crate::metrics::{Domain, Grid, Lit};
+use crate::metrics::{Domain, Lit, TexelGrid};
 use hemilux_core::healpix;
 
 /// HEALPix order of the finest quads: nside 32, 1.8 degrees. Centroids of the quads are exact.
@@ -56,12 +56,12 @@ pub fn volume(maps: &[EnvMap], domain: Domain, lights: usize) -> Vec<Vec<Lit>> {
 
 /// Quad with the index `ipix` on `level`; level 0 is the whole domain, level n has the quads of HEALPix order n - 1.
 #[derive(Clone, Copy, Debug)]
-struct Quad {
+struct LevelQuad {
     level: u8,
     ipix: usize,
 }
 
-impl Quad {
+impl LevelQuad {
     fn children(self) -> impl Iterator<Item = Self> {
         let count = if self.level == 0 { 12 } else { 4 };
         (0..count).map(move |k| Self { level: self.level + 1, ipix: count * self.ipix + k })
@@ -80,7 +80,7 @@ struct FluxPyramid {
 impl FluxPyramid {
     fn new(map: &EnvMap, domain: Domain) -> Self {
         let mut levels = vec![vec![Flux::default(); 12 << (2 * FINEST)]];
-        for (direction, rgb) in Grid::new(map, domain).fluxes(map) {
+        for (direction, rgb) in TexelGrid::new(map, domain).fluxes(map) {
             levels[0][healpix::ipix(FINEST, direction.into()) as usize] += Flux::of_texel(direction, rgb);
         }
         while levels[levels.len() - 1].len() > 1 {
@@ -94,21 +94,21 @@ impl FluxPyramid {
         Self { levels }
     }
 
-    fn flux(&self, quad: Quad) -> &Flux {
+    fn flux(&self, quad: LevelQuad) -> &Flux {
         &self.levels[quad.level as usize][quad.ipix]
     }
 }
 
 /// A box: a quad during an interval of frames.
 #[derive(Clone, Debug)]
-struct Leaf {
-    quad: Quad,
+struct SequenceBox {
+    quad: LevelQuad,
     frames: Range<usize>,
     importance: f64,
 }
 
-impl Leaf {
-    fn new(pyramids: &[FluxPyramid], quad: Quad, frames: Range<usize>) -> Self {
+impl SequenceBox {
+    fn new(pyramids: &[FluxPyramid], quad: LevelQuad, frames: Range<usize>) -> Self {
         let brightest = frames.clone().map(|t| pyramids[t].flux(quad).luminance).fold(0.0, f64::max);
         Self { quad, frames, importance: brightest * quad.solid_angle().powf(SOLID_ANGLE_EXPONENT) }
     }
@@ -155,21 +155,21 @@ impl Leaf {
     }
 }
 
-impl PartialEq for Leaf {
+impl PartialEq for SequenceBox {
     fn eq(&self, other: &Self) -> bool {
         self.cmp(other) == Ordering::Equal
     }
 }
 
-impl Eq for Leaf {}
+impl Eq for SequenceBox {}
 
-impl PartialOrd for Leaf {
+impl PartialOrd for SequenceBox {
     fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
         Some(self.cmp(other))
     }
 }
 
-impl Ord for Leaf {
+impl Ord for SequenceBox {
     fn cmp(&self, other: &Self) -> Ordering {
         let place = |leaf: &Self| (leaf.quad.level, leaf.quad.ipix, leaf.frames.start);
         self.importance.total_cmp(&other.importance).then_with(|| place(other).cmp(&place(self)))
@@ -177,8 +177,8 @@ impl Ord for Leaf {
 }
 
 /// Splits the box of greatest importance until no split fits the budget; returns the boxes.
-fn split(pyramids: &[FluxPyramid], lights: usize) -> Vec<Leaf> {
-    let whole = Leaf::new(pyramids, Quad { level: 0, ipix: 0 }, 0..pyramids.len());
+fn split(pyramids: &[FluxPyramid], lights: usize) -> Vec<SequenceBox> {
+    let whole = SequenceBox::new(pyramids, LevelQuad { level: 0, ipix: 0 }, 0..pyramids.len());
     if whole.importance == 0.0 || lights == 0 {
         return Vec::new();
     }

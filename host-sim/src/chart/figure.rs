@@ -1,7 +1,7 @@
 //! Drawing of the charts: curves over the number of lights, logarithmic axes, Pareto fronts.
 
 use super::{Point, fewest};
-use crate::contender::{Kind, Method, methods};
+use crate::contender::{Method, MethodKind, methods};
 use crate::draw::{BLUE, Canvas, GREEN, GREY, INK, LogAxis, ORANGE, PALE, PURPLE, SKY, VERMILLION, plain};
 use plotters::style::RGBColor;
 use plotters::style::text_anchor::HPos;
@@ -185,13 +185,13 @@ fn pareto(mut values: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
 /// the literature, dashes for variants, black for discs.
 struct LineStyle {
     colour: RGBColor,
-    kind: Kind,
+    kind: MethodKind,
     dashed: bool,
 }
 
 impl LineStyle {
     fn of(method: &Method) -> Self {
-        let core = |m: &&Method| (m.kind == Kind::Core) == (method.kind == Kind::Core);
+        let core = |m: &&Method| (m.kind == MethodKind::Core) == (method.kind == MethodKind::Core);
         let all = methods();
         let mut bases: Vec<&str> = all.iter().filter(core).map(Method::base).collect();
         bases.dedup();
@@ -204,7 +204,7 @@ impl LineStyle {
     /// Draws a curve through points, each with its number of lights and its position in pixels.
     fn curve(&self, canvas: &Canvas<'_>, points: &[(usize, [f64; 2])]) {
         let line: Vec<[f64; 2]> = points.iter().map(|(_, at)| *at).collect();
-        let width = if self.kind == Kind::Core { 3 } else { 1 };
+        let width = if self.kind == MethodKind::Core { 3 } else { 1 };
         if self.dashed {
             canvas.dashes(&line, self.colour, width);
         } else {
@@ -212,7 +212,7 @@ impl LineStyle {
         }
         for (lights, at) in points {
             let radius = if *lights == MARKED { 5 } else { 2 };
-            canvas.dot(*at, radius, self.colour, self.kind != Kind::Core);
+            canvas.dot(*at, radius, self.colour, self.kind != MethodKind::Core);
         }
     }
 }

@@ -4,7 +4,7 @@ use super::Point;
 use crate::contender;
 use crate::progress;
 use crate::scenario::{self, Setting};
-use crate::stress::Judge;
+use crate::stress::StressJudge;
 
 /// Names of the scenarios, whose maps have the size of the quick stress report.
 pub(super) const SCENARIOS: [&str; 5] = ["swinging-bulb", "walker", "clouds", "seam", "switch"];
@@ -20,7 +20,7 @@ pub(super) fn add(points: &mut [Point], quick: bool) {
     let bar = progress::bar("flicker", SCENARIOS.len());
     let rows = progress::on_all_cores(SCENARIOS.len(), |k| {
         let scenario = scenario::make(SCENARIOS[k], &Setting::QUICK).expect("the name of a scenario");
-        let judge = Judge::new(&scenario);
+        let judge = StressJudge::new(&scenario);
         let mut runs = contender::run_core(&scenario, counts);
         runs.extend(contender::run_baselines(&scenario, counts));
         bar.inc(1);

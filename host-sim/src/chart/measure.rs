@@ -3,7 +3,7 @@
 use super::Point;
 use crate::baseline::gather;
 use crate::burst;
-use crate::contender::{Kind, Method, baseline_called, judged, methods};
+use crate::contender::{Method, MethodKind, baseline_called, judged, methods};
 use crate::env::EnvMap;
 use crate::error::SimError;
 use crate::maps::OrderedMaps;
@@ -118,7 +118,7 @@ pub(super) fn bursts(env: &EnvMap, points: &mut [Point], repeats: usize) -> Resu
     let sensor = burst::Sensor { bits: 8, full_well: 10_000.0, read_noise: 3.0 };
     let (calibration, burst) = burst::in_memory(env, &standard_lens(), &burst::THESIS_EXPOSURES_S, sensor, 1);
     let exposures: Vec<_> = burst.frames.iter().map(|f| f.exposure).collect();
-    let core: Vec<_> = methods().into_iter().filter(|m| m.kind == Kind::Core).collect();
+    let core: Vec<_> = methods().into_iter().filter(|m| m.kind == MethodKind::Core).collect();
     for point in points {
         let Some(method) = core.iter().find(|m| m.name == point.sampler) else { continue };
         let lights = point.lights.max(method.least(Domain::Hemisphere));

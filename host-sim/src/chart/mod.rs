@@ -12,7 +12,7 @@ mod tests;
 
 pub use measure::{ChartMap, Timed};
 
-use crate::contender::{self, Kind, Method, methods};
+use crate::contender::{self, Method, MethodKind, methods};
 use crate::env::EnvMap;
 use crate::error::SimError;
 use crate::metrics::stability::parsimony;
@@ -132,9 +132,9 @@ fn load(job: &ChartJob) -> Result<Vec<EnvMap>, SimError> {
 
 /// Returns three procedural maps of `width` columns: an interior, a sunny sky and a cloudy sky.
 fn procedural(width: usize) -> Vec<EnvMap> {
-    use crate::metrics::stability::Source;
+    use crate::metrics::stability::LightSource;
     let paint = |radiance: fn([f64; 3]) -> [f32; 3]| EnvMap::from_fn(width, width / 2, radiance);
-    let sun = Source { direction: stage::at(40.0, 100.0), radius_deg: 1.5 };
+    let sun = LightSource { direction: stage::at(40.0, 100.0), radius_deg: 1.5 };
     let sky = paint(stage::sky);
     let sunny = stage::with_disc(&sky, sun, stage::DAYLIGHT, 5.0 * stage::energy(&sky));
     let cloudy = stage::repainted(&sky, |d, rgb| rgb.map(|v| v + 1.5 * stage::cloud(d, 0.0) as f32));
@@ -157,11 +157,11 @@ pub fn counts(method: &Method, step: usize) -> Vec<usize> {
 pub fn points(maps: &[EnvMap], methods: &[Method], step: usize, repeats: usize) -> Vec<Point> {
     let maps: Vec<ChartMap> = progress::on_all_cores(maps.len(), |k| ChartMap::new(&maps[k]));
     let measured: Vec<&Method> =
-        methods.iter().filter(|m| matches!(m.kind, Kind::Core | Kind::Baseline)).collect();
+        methods.iter().filter(|m| matches!(m.kind, MethodKind::Core | MethodKind::Baseline)).collect();
     let bar = progress::bar("chart", measured.iter().map(|m| counts(m, step).len() * maps.len()).sum());
     let mut points = Vec::new();
     for method in measured {
-        let gathered = methods.iter().find(|m| m.kind == Kind::Gathered && m.base() == method.name);
+        let gathered = methods.iter().find(|m| m.kind == MethodKind::Gathered && m.base() == method.name);
         let mut after = Vec::new();
         for lights in counts(method, step) {
             bar.set_message(format!("{} {lights}", method.name));
@@ -185,7 +185,7 @@ fn over_maps(
 ) -> [Vec<Timed>; 2] {
     let (mut raw, mut gathered) = (Vec::new(), Vec::new());
     for map in maps {
-        if method.kind == Kind::Core {
+        if method.kind == MethodKind::Core {
             raw.push(map.time_core(method, lights, repeats));
         } else {
             let [plain, with_v] = map.time_baseline(method.name, lights);

@@ -47,7 +47,7 @@ fn lights_that_are_fitted_as_discs_are_charted_as_discs() {
 
 #[test]
 fn counts_ascend_from_the_least_supported_number_to_1024() {
-    for method in methods().iter().filter(|m| m.kind == Kind::Core) {
+    for method in methods().iter().filter(|m| m.kind == MethodKind::Core) {
         let least = method.least(Domain::Sphere);
         for step in [2, 4] {
             let counts = counts(method, step);

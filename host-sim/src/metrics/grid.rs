@@ -12,7 +12,7 @@ use crate::env::EnvMap;
 /// On the hemisphere, the upper part of the middle row of a map of odd height belongs to the grid: solid angle and direction of the row's texels
 /// are those of the upper part.
 #[derive(Debug)]
-pub struct Grid {
+pub struct TexelGrid {
     size: (usize, usize),
     rows: usize,
     domain: Domain,
@@ -23,7 +23,7 @@ pub struct Grid {
     ambient: OnceLock<AmbientResponse>,
 }
 
-impl Grid {
+impl TexelGrid {
     /// Creates the grid for maps of the size of `map`.
     #[must_use]
     pub fn new(map: &EnvMap, domain: Domain) -> Self {

@@ -1,6 +1,6 @@
 //! Scores of light sets as defined in `host-sim/METRICS.md`, for charts, stress reports and comparisons.
 //!
-//! Arithmetic is f64; all scores are dimensionless ratios, and lower is better. [`Grid`] defines the texels, [`receiver`] the receivers;
+//! Arithmetic is f64; all scores are dimensionless ratios, and lower is better. [`TexelGrid`] defines the texels, [`receiver`] the receivers;
 //! [`Reference`] contains the irradiance of the receivers under a map and scores a [`LitSet`] against the map; [`stability`] scores sequences.
 //!
 //! # Degenerate maps
@@ -16,7 +16,7 @@ pub mod stability;
 pub(crate) mod vector;
 
 pub use disc::{Disc, Reading};
-pub use grid::Grid;
+pub use grid::TexelGrid;
 pub use hemilux_core::healpix::Domain;
 pub use reference::{Reference, Score};
 

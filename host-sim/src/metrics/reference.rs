@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 use super::irradiance::{OPEN_SET, ReceiverSet, SHADOWED_SET};
-use super::{Domain, Grid, LitSet, Reading, holds, luminance, relative, rms};
+use super::{Domain, LitSet, Reading, TexelGrid, holds, luminance, relative, rms};
 use crate::env::EnvMap;
 
 /// The accuracy of a light set on one map: dimensionless ratios, lower is better.
@@ -26,7 +26,7 @@ pub struct Score {
 /// Irradiance of every receiver under one map, against which light sets are scored.
 #[derive(Clone, Debug)]
 pub struct Reference {
-    grid: Arc<Grid>,
+    grid: Arc<TexelGrid>,
     open: ReceiverIrradiance,
     shadowed: ReceiverIrradiance,
     /// Luminous energy of the map, the sum of Y dOmega.
@@ -56,7 +56,7 @@ impl Reference {
     /// Computes the irradiance of all receivers under `map`.
     #[must_use]
     pub fn new(map: &EnvMap, domain: Domain) -> Self {
-        Self::on_grid(Arc::new(Grid::new(map, domain)), map)
+        Self::on_grid(Arc::new(TexelGrid::new(map, domain)), map)
     }
 
     /// Computes the irradiance of all receivers under another map, over the domain of `self`; maps of equal size share one grid.
@@ -69,7 +69,7 @@ impl Reference {
         }
     }
 
-    fn on_grid(grid: Arc<Grid>, map: &EnvMap) -> Self {
+    fn on_grid(grid: Arc<TexelGrid>, map: &EnvMap) -> Self {
         let open = ReceiverIrradiance::new(OPEN_SET.irradiance(grid.luminous(map)));
         let shadowed = ReceiverIrradiance::new(SHADOWED_SET.irradiance(grid.luminous(map)));
         let total = grid.luminous(map).map(|(_, flux)| flux).sum();
@@ -78,7 +78,7 @@ impl Reference {
 
     /// Returns the texels over which the irradiance is summed.
     #[must_use]
-    pub fn grid(&self) -> &Grid {
+    pub fn grid(&self) -> &TexelGrid {
         &self.grid
     }
 
@@ -168,7 +168,7 @@ impl Reference {
         set: &LitSet,
         reading: Reading,
         probes: &ReceiverSet,
-        ambient: impl Fn(&'a Grid) -> &'a [[f64; 9]],
+        ambient: impl Fn(&'a TexelGrid) -> &'a [[f64; 9]],
     ) -> Vec<f64> {
         let mut sums = match reading {
             Reading::Points => probes.irradiance(self.counted(set)),

@@ -7,7 +7,7 @@ use std::collections::{HashMap, HashSet};
 
 use super::reference::ambient_luminance;
 use super::vector::{add_scaled, angle_deg};
-use super::{Grid, LitSet, Reading, Reference, holds, luminance, relative, rms, sh};
+use super::{LitSet, Reading, Reference, TexelGrid, holds, luminance, relative, rms, sh};
 use crate::env::EnvMap;
 
 /// Largest angle from the rim of a source within which energy does not count as transit energy, degrees.
@@ -153,14 +153,14 @@ pub fn step_response(shadowed_errors: &[f64], change: usize) -> Option<usize> {
 
 /// A light source of the scene: a disc on the sphere.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Source {
+pub struct LightSource {
     /// Unit vector from the probe towards the centre of the source.
     pub direction: [f64; 3],
     /// Angular radius of the source, degrees.
     pub radius_deg: f64,
 }
 
-impl Source {
+impl LightSource {
     /// Returns the angle from the source's rim to `d`, degrees; 0 inside of the source.
     #[must_use]
     pub fn distance_deg(&self, d: [f64; 3]) -> f64 {
@@ -171,7 +171,7 @@ impl Source {
 /// Returns the absolute difference between the luminous energies of the set (lights and ambient light) and of the map over the directions more
 /// than 10 degrees from every source.
 #[must_use]
-pub fn stray_energy(grid: &Grid, map: &EnvMap, set: &LitSet, sources: &[Source]) -> f64 {
+pub fn stray_energy(grid: &TexelGrid, map: &EnvMap, set: &LitSet, sources: &[LightSource]) -> f64 {
     let far = |d: [f64; 3]| sources.iter().all(|source| source.distance_deg(d) > NEAR_SOURCE_DEG);
     let truth: f64 = grid.luminous(map).filter(|&(d, _)| far(d)).map(|(_, flux)| flux).sum();
     let made: f64 = set_fluxes(grid, set).filter(|&(d, _)| far(d)).map(|(_, flux)| flux).sum();
@@ -191,7 +191,7 @@ pub fn transit_energy(stray: &[f64], switched_energy: f64) -> f64 {
 /// The mean of the set includes ambient light, the mean of the map the background. `None` if the map is black in the neighbourhood, as for a
 /// source below the horizon.
 #[must_use]
-pub fn tracking_error_deg(grid: &Grid, map: &EnvMap, set: &LitSet, source: [f64; 3]) -> Option<f64> {
+pub fn tracking_error_deg(grid: &TexelGrid, map: &EnvMap, set: &LitSet, source: [f64; 3]) -> Option<f64> {
     let near = |d: [f64; 3]| angle_deg(source, d) <= NEIGHBOURHOOD_DEG;
     let truth = mean_direction(grid.luminous(map).filter(|&(d, _)| near(d)))?;
     let lit = set.lights.iter().any(|l| near(l.direction) && luminance(l.irradiance) > 0.0);
@@ -214,7 +214,7 @@ pub fn parsimony(points: &[(usize, f64)], tolerance: f64) -> Option<usize> {
 }
 
 /// Returns pairs (direction, luminous energy): first of the lights inside of the domain, then of the ambient light in each texel.
-fn set_fluxes<'a>(grid: &'a Grid, set: &'a LitSet) -> impl Iterator<Item = ([f64; 3], f64)> + 'a {
+fn set_fluxes<'a>(grid: &'a TexelGrid, set: &'a LitSet) -> impl Iterator<Item = ([f64; 3], f64)> + 'a {
     let inside = set.lights.iter().filter(|light| holds(grid.domain(), light.direction));
     let lights = inside.map(|light| (light.direction, luminance(light.irradiance)));
     let ambient = ambient_luminance(set).into_iter().flat_map(move |c| {

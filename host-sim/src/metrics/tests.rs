@@ -20,7 +20,7 @@ fn one_texel(row: usize, column: usize) -> EnvMap {
 
 /// Returns one light per lit texel, a set without error.
 fn texel_lights(map: &EnvMap, domain: Domain) -> LitSet {
-    let grid = Grid::new(map, domain);
+    let grid = TexelGrid::new(map, domain);
     let lit = |(k, (direction, irradiance))| Lit { direction, irradiance, radius_deg: 0.0, id: k as u32 };
     grid.fluxes(map).enumerate().map(lit).collect::<Vec<_>>().into()
 }
@@ -274,8 +274,8 @@ fn step_response_counts_the_frame_of_the_change() {
 #[test]
 fn transit_energy_is_the_light_in_empty_sky() {
     let map = one_texel(32, 64);
-    let grid = Grid::new(&map, Domain::Sphere);
-    let source = Source { direction: direction(128, 64, 32, 64), radius_deg: 1.0 };
+    let grid = TexelGrid::new(&map, Domain::Sphere);
+    let source = LightSource { direction: direction(128, 64, 32, 64), radius_deg: 1.0 };
     let energy: f64 = grid.luminous(&map).map(|(_, flux)| flux).sum();
     let near = vec![light(source.direction, energy, 0)].into();
     let away =
@@ -288,7 +288,7 @@ fn transit_energy_is_the_light_in_empty_sky() {
 #[test]
 fn tracking_error_is_the_angle_between_the_means() {
     let map = one_texel(32, 64);
-    let (grid, d) = (Grid::new(&map, Domain::Sphere), direction(128, 64, 32, 64));
+    let (grid, d) = (TexelGrid::new(&map, Domain::Sphere), direction(128, 64, 32, 64));
     // Two equal lights 4 degrees apart, one at the source: their mean is 2 degrees from it.
     let phi = d[1].atan2(d[0]) + 4.0f64.to_radians();
     let r = (1.0 - d[2] * d[2]).sqrt();

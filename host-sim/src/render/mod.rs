@@ -17,7 +17,7 @@ use crate::env::EnvMap;
 use crate::error::SimError;
 use crate::maps::Maps;
 use crate::metrics::receiver::fib;
-use crate::metrics::{Domain, Grid, LitSet, luminance, sh};
+use crate::metrics::{Domain, LitSet, TexelGrid, luminance, sh};
 use crate::output;
 use crate::progress;
 use crate::score::read_set;
@@ -127,7 +127,7 @@ fn lookup(env: &EnvMap, d: [f64; 3]) -> [f64; 3] {
 
 /// Converts the map to directional lights.
 fn of_map(env: &EnvMap) -> Vec<Directional> {
-    let grid = Grid::new(env, Domain::Sphere);
+    let grid = TexelGrid::new(env, Domain::Sphere);
     if grid.luminous(env).take(TEXELS + 1).count() <= TEXELS {
         let texels = grid.fluxes(env).filter(|(_, rgb)| luminance(*rgb) > 0.0);
         return texels.map(|(direction, irradiance)| Directional { direction, irradiance }).collect();

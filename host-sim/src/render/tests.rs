@@ -17,7 +17,7 @@ fn below(x: f64, y: f64) -> Hit {
 #[test]
 fn one_light_per_texel_renders_like_the_reference() {
     let env = room(64);
-    let grid = Grid::new(&env, Domain::Sphere);
+    let grid = TexelGrid::new(&env, Domain::Sphere);
     let lights = grid.fluxes(&env).enumerate();
     let lit = |(k, (direction, irradiance))| Lit { direction, irradiance, radius_deg: 0.0, id: k as u32 };
     let set = LitSet::from(lights.map(lit).collect::<Vec<_>>());
@@ -36,7 +36,7 @@ fn quads_of_a_large_map_render_like_its_texels() {
     assert_eq!(of_map(&small).len(), 64 * 32);
     assert_eq!(of_map(&large).len(), 3072);
     let energy = |lights: &[Directional]| lights.iter().map(|l| luminance(l.irradiance)).sum::<f64>();
-    let truth: f64 = Grid::new(&large, Domain::Sphere).luminous(&large).map(|(_, y)| y).sum();
+    let truth: f64 = TexelGrid::new(&large, Domain::Sphere).luminous(&large).map(|(_, y)| y).sum();
     assert!((energy(&of_map(&large)) / truth - 1.0).abs() < 1e-4);
 }
 

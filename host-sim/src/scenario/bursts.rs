@@ -5,7 +5,7 @@ use super::stage::{Stage, WARM, at, energy};
 use super::world::{Course, Filming, Lamp, Timing, Wave, World};
 use crate::burst::{Sensor, THESIS_EXPOSURES_S};
 use crate::env::EnvMap;
-use crate::metrics::stability::Source;
+use crate::metrics::stability::LightSource;
 use hemilux::calibration::Calibration;
 use hemilux::pipeline::{Pipeline, Settings};
 use hemilux::recorded::{self, LensFile};
@@ -48,7 +48,7 @@ fn world(stage: &Stage, wave: Wave) -> World {
     );
     let flux = energy(&upper(&still));
     let lamp = |theta, phi, phase| Lamp {
-        source: Source { direction: at(theta, phi), radius_deg: 5.0 },
+        source: LightSource { direction: at(theta, phi), radius_deg: 5.0 },
         colour: WARM,
         flux,
         course: Course { wave, phase, changes: Vec::new() },

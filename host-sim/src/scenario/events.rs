@@ -4,7 +4,7 @@ use super::Scenario;
 use super::stage::{Stage, WARM, at, energy, repainted, with_disc};
 use crate::burst::THESIS_EXPOSURES_S as EXPOSURES_S;
 use crate::env::EnvMap;
-use crate::metrics::stability::Source;
+use crate::metrics::stability::LightSource;
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal, Uniform};
 use rand_pcg::Pcg64;
@@ -23,7 +23,7 @@ fn rng(stage: &Stage, stream: u64) -> Pcg64 {
 
 /// Returns the scenario `switch`: a lamp with the energy of the rest of the scene is on from one third to two thirds of the sequence.
 pub(super) fn switch(stage: &Stage) -> Scenario {
-    let lamp = Source { direction: at(50.0, 150.0), radius_deg: 4.0 };
+    let lamp = LightSource { direction: at(50.0, 150.0), radius_deg: 4.0 };
     let flux = energy(&stage.room);
     let (on, off) = (stage.frames() / 3, 2 * stage.frames() / 3);
     let lit = with_disc(&stage.room, lamp, WARM, flux);
@@ -45,7 +45,7 @@ fn mains(mains_hz: f64, start_s: f64, exposure_s: f64) -> f64 {
 /// Returns the scenario of a room whose light flickers with twice `mains_hz`. The texels of the ceiling lamp are valid in the shortest exposure
 /// alone, all other texels in three exposures, whose sums the merge divides. The true map is the mean over time, as perceived by people.
 pub(super) fn flicker(stage: &Stage, name: &'static str, mains_hz: f64) -> Scenario {
-    let lamp = Source { direction: at(35.0, -120.0), radius_deg: 5.0 };
+    let lamp = LightSource { direction: at(35.0, -120.0), radius_deg: 5.0 };
     let flux = energy(&stage.room);
     let steady = with_disc(&stage.room, lamp, WARM, flux);
     let truth = vec![steady; stage.frames()];
@@ -87,7 +87,7 @@ pub(super) fn grid_of_lamps(stage: &Stage) -> Scenario {
         let tile = |i: usize| 0.45 * (i as f64 - 2.0);
         let direction = [tile(k % 5) + 0.07, tile(k / 5) - 0.04, 1.0];
         let direction = crate::metrics::vector::unit(direction).unwrap_or([0.0, 0.0, 1.0]);
-        Source { direction, radius_deg: 3.0 }
+        LightSource { direction, radius_deg: 3.0 }
     };
     let flux = 2.0 * energy(&stage.room) / 25.0;
     let truth = stage.sequence(|t| {

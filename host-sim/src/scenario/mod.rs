@@ -36,7 +36,7 @@ pub mod world;
 
 use crate::env::EnvMap;
 use crate::metrics::Domain;
-use crate::metrics::stability::Source;
+use crate::metrics::stability::LightSource;
 use stage::Stage;
 use world::Wave;
 
@@ -98,7 +98,7 @@ pub struct Scenario {
     /// Maps that samplers read, if they differ from `truth`.
     pub seen: Option<Vec<EnvMap>>,
     /// Sources of compact support in each frame.
-    pub sources: Vec<Vec<Source>>,
+    pub sources: Vec<Vec<LightSource>>,
     /// Whether the first source of each frame moves, so that the tracking error is scored.
     pub moving: bool,
     /// Indices of the first frames after an abrupt change.
@@ -147,7 +147,7 @@ impl Scenario {
 
     /// Returns the moving source of frame `t`; `None` if no source moves or its centre is outside of the domain.
     #[must_use]
-    pub fn tracked(&self, t: usize) -> Option<Source> {
+    pub fn tracked(&self, t: usize) -> Option<LightSource> {
         let source = self.sources[t].first().filter(|_| self.moving)?;
         crate::metrics::holds(self.domain, source.direction).then_some(*source)
     }

@@ -4,7 +4,7 @@ use super::Scenario;
 use super::stage::{DAYLIGHT, Stage, WARM, at, cloud, energy, repainted, with_disc, with_window};
 use crate::env::EnvMap;
 use crate::metrics::Domain;
-use crate::metrics::stability::Source;
+use crate::metrics::stability::LightSource;
 use crate::metrics::vector::unit;
 use std::f64::consts::TAU;
 
@@ -22,7 +22,7 @@ fn moving(
     path: impl Fn(f64) -> [f64; 3],
 ) -> Scenario {
     let flux = LAMP_SHARE * energy(ground);
-    let source = |t: usize| Source { direction: path(stage.progress(t)), radius_deg };
+    let source = |t: usize| LightSource { direction: path(stage.progress(t)), radius_deg };
     let truth = stage.sequence(|t| with_disc(ground, source(t), WARM, flux));
     let sources = (0..stage.frames()).map(|t| vec![source(t)]).collect();
     Scenario { sources, moving: true, ..Scenario::of(name, truth) }
@@ -56,8 +56,10 @@ pub(super) fn rim(stage: &Stage) -> Scenario {
 /// Returns the scenario `sun-shadow`: the sun moves by about half a degree per frame; the scores exclude receivers that see the sun.
 pub(super) fn sun_shadow(stage: &Stage) -> Scenario {
     let flux = SUN_SHARE * energy(&stage.sky);
-    let sun =
-        |t: usize| Source { direction: at(40.0 + 0.3 * t as f64, 100.0 + 0.5 * t as f64), radius_deg: 1.5 };
+    let sun = |t: usize| LightSource {
+        direction: at(40.0 + 0.3 * t as f64, 100.0 + 0.5 * t as f64),
+        radius_deg: 1.5,
+    };
     let truth = stage.sequence(|t| with_disc(&stage.sky, sun(t), DAYLIGHT, flux));
     let sources = (0..stage.frames()).map(|t| vec![sun(t)]).collect();
     Scenario { sources, in_shadow: true, ..Scenario::of("sun-shadow", truth) }
@@ -66,7 +68,7 @@ pub(super) fn sun_shadow(stage: &Stage) -> Scenario {
 /// Returns the scenario `clouds`: clouds drift across the sky and a static sun, whose radiance they attenuate to 1/50.
 pub(super) fn clouds(stage: &Stage) -> Scenario {
     let clear = SUN_SHARE * energy(&stage.sky);
-    let sun = Source { direction: at(45.0, 200.0), radius_deg: 1.5 };
+    let sun = LightSource { direction: at(45.0, 200.0), radius_deg: 1.5 };
     let truth = stage.sequence(|t| {
         let drift = 0.09 * t as f64;
         let covered = repainted(&stage.sky, |d, rgb| {

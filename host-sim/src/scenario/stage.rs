@@ -3,9 +3,9 @@
 use super::Setting;
 use crate::env::EnvMap;
 use crate::maps;
-use crate::metrics::stability::Source;
+use crate::metrics::stability::LightSource;
 use crate::metrics::vector::{angle_deg, dot, unit};
-use crate::metrics::{Domain, Grid, luminance};
+use crate::metrics::{Domain, TexelGrid, luminance};
 use std::f64::consts::{PI, TAU};
 
 /// Number of samples along each side of a texel at a disc's rim. The samples determine the shape of the rim; the energy of the disc is normalised.
@@ -61,14 +61,14 @@ impl Stage {
 /// Returns the luminous energy of a map, the sum of Y dOmega over the sphere.
 #[must_use]
 pub fn energy(map: &EnvMap) -> f64 {
-    Grid::new(map, Domain::Sphere).luminous(map).map(|(_, flux)| flux).sum()
+    TexelGrid::new(map, Domain::Sphere).luminous(map).map(|(_, flux)| flux).sum()
 }
 
 /// Returns `map` with a uniform disc of `flux` (sum of Y dOmega) and `colour` added at `source`: the map gains exactly that energy, and no
 /// texel outside of the disc changes.
 /// texel outside the disc changes.
 #[must_use]
-pub fn with_disc(map: &EnvMap, source: Source, colour: [f64; 3], flux: f64) -> EnvMap {
+pub fn with_disc(map: &EnvMap, source: LightSource, colour: [f64; 3], flux: f64) -> EnvMap {
     let cover = coverage(map, source);
     let covered: f64 = cover.iter().map(|c| c.part * map.solid_angle(c.texel / map.width())).sum();
     let mut texels = map.texels().to_vec();
@@ -89,7 +89,7 @@ struct Covered {
 }
 
 /// Returns the texels that overlap a disc; for a disc without any sample inside, the texel that contains its centre.
-fn coverage(map: &EnvMap, source: Source) -> Vec<Covered> {
+fn coverage(map: &EnvMap, source: LightSource) -> Vec<Covered> {
     let (width, height) = (map.width(), map.height());
     let reach = source.radius_deg + 180.0 * std::f64::consts::SQRT_2 / height as f64;
     let mut cover = Vec::new();
@@ -110,7 +110,7 @@ fn coverage(map: &EnvMap, source: Source) -> Vec<Covered> {
 }
 
 /// Returns the part of texel `k` inside of the disc, by [`SUBSAMPLES`] x [`SUBSAMPLES`] samples.
-fn covered_part(map: &EnvMap, k: usize, source: Source) -> f64 {
+fn covered_part(map: &EnvMap, k: usize, source: LightSource) -> f64 {
     let (width, height) = (map.width(), map.height());
     let n = SUBSAMPLES;
     let at = |i: usize| (i as f64 + 0.5) / n as f64;

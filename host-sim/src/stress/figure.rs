@@ -1,7 +1,7 @@
 //! Drawing of the stress report: one panel per scenario, one line per method, errors and flicker in per cent on one logarithmic axis.
 
-use super::Row;
-use crate::contender::{Kind, methods};
+use super::StressRow;
+use crate::contender::{MethodKind, methods};
 use crate::draw::{BLUE, Canvas, GREEN, GREY, INK, LogAxis, PALE, PURPLE, VERMILLION, plain};
 use crate::scenario;
 use plotters::style::RGBColor;
@@ -39,9 +39,9 @@ const LEAST_FLICKER: f64 = 0.005;
 const FAILED: RGBColor = RGBColor(255, 240, 214);
 
 /// Returns the SVG text of the page for one number of lights.
-pub(super) fn svg(rows: &[Row], lights: usize) -> String {
-    let rows: Vec<&Row> = rows.iter().filter(|row| row.lights == lights).collect();
-    let panels: Vec<Vec<&Row>> = scenario::NAMES
+pub(super) fn svg(rows: &[StressRow], lights: usize) -> String {
+    let rows: Vec<&StressRow> = rows.iter().filter(|row| row.lights == lights).collect();
+    let panels: Vec<Vec<&StressRow>> = scenario::NAMES
         .iter()
         .map(|name| rows.iter().copied().filter(|row| row.scenario == *name).collect())
         .collect();
@@ -67,7 +67,7 @@ pub(super) fn svg(rows: &[Row], lights: usize) -> String {
     buffer
 }
 
-fn draw_panel(canvas: &Canvas<'_>, [x, y]: [f64; 2], name: &str, rows: &[&Row]) {
+fn draw_panel(canvas: &Canvas<'_>, [x, y]: [f64; 2], name: &str, rows: &[&StressRow]) {
     let axis = LogAxis { values: RANGE, pixels: [x + LABELS, x + LABELS + PLOT] };
     let (top, bottom) = (y + HEAD, y + HEAD + LINE * rows.len() as f64);
     canvas.text(name, [x + LABELS, y + 10.0], HPos::Left, 15, INK);
@@ -75,8 +75,9 @@ fn draw_panel(canvas: &Canvas<'_>, [x, y]: [f64; 2], name: &str, rows: &[&Row]) 
     canvas.text(extra.head(), [x + LABELS + PLOT + EXTRA - 4.0, y + 26.0], HPos::Right, 10, GREY);
     let error = BAD.min(FAILS * median(rows, |r| r.shadowed));
     let flicker = BAD.min((FAILS * median(rows, |r| r.flicker_mean)).max(LEAST_FLICKER));
-    let fails =
-        |row: &Row| row.shadowed.is_some_and(|v| v > error) || row.flicker_mean.is_some_and(|v| v > flicker);
+    let fails = |row: &StressRow| {
+        row.shadowed.is_some_and(|v| v > error) || row.flicker_mean.is_some_and(|v| v > flicker)
+    };
     for (k, _) in rows.iter().enumerate().filter(|(_, row)| fails(row)) {
         let above = top + LINE * k as f64;
         canvas.rect([x, above], [x + LABELS + PLOT + EXTRA, above + LINE], FAILED);
@@ -86,7 +87,7 @@ fn draw_panel(canvas: &Canvas<'_>, [x, y]: [f64; 2], name: &str, rows: &[&Row]) 
         canvas.line(&[[at, top], [at, bottom]], PALE, 1);
         canvas.text(&format!("{} %", plain(value)), [at, bottom + 10.0], HPos::Center, 10, GREY);
     }
-    let core: Vec<_> = methods().into_iter().filter(|m| m.kind == Kind::Core).collect();
+    let core: Vec<_> = methods().into_iter().filter(|m| m.kind == MethodKind::Core).collect();
     for (k, row) in rows.iter().enumerate() {
         let middle = top + LINE * (k as f64 + 0.5);
         let colour = if core.iter().any(|m| m.name == row.sampler) { INK } else { GREY };
@@ -96,7 +97,7 @@ fn draw_panel(canvas: &Canvas<'_>, [x, y]: [f64; 2], name: &str, rows: &[&Row]) 
     }
 }
 
-fn marks(canvas: &Canvas<'_>, axis: &LogAxis, y: f64, row: &Row) {
+fn marks(canvas: &Canvas<'_>, axis: &LogAxis, y: f64, row: &StressRow) {
     let at = |v: f64| [axis.at(100.0 * v), y];
     if let (Some(mean), Some(max)) = (row.flicker_mean, row.flicker_max) {
         canvas.line(&[at(mean), at(max)], VERMILLION, 1);
@@ -110,7 +111,7 @@ fn marks(canvas: &Canvas<'_>, axis: &LogAxis, y: f64, row: &Row) {
 }
 
 /// Returns the median of a figure over a panel's methods; infinity if no method has the figure.
-fn median(rows: &[&Row], of: impl Fn(&Row) -> Option<f64>) -> f64 {
+fn median(rows: &[&StressRow], of: impl Fn(&StressRow) -> Option<f64>) -> f64 {
     let mut values: Vec<f64> = rows.iter().filter_map(|row| of(row)).collect();
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(f64::INFINITY)
@@ -127,7 +128,7 @@ enum Extra {
 
 impl Extra {
     /// Returns the first figure that a row of the panel contains, in the order of the variants; `Churn` otherwise.
-    fn of(rows: &[&Row]) -> Self {
+    fn of(rows: &[&StressRow]) -> Self {
         if rows.iter().any(|r| r.tracking_deg.is_some()) {
             Self::Tracking
         } else if rows.iter().any(|r| r.step_frames.is_some()) {
@@ -148,7 +149,7 @@ impl Extra {
         }
     }
 
-    fn value(self, row: &Row) -> String {
+    fn value(self, row: &StressRow) -> String {
         let text = match self {
             Self::Tracking => row.tracking_deg.map(|v| format!("{v:.1}°")),
             Self::Step => row.step_frames.map(|v| format!("{v} fr.")),

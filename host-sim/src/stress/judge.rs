@@ -1,6 +1,6 @@
 //! Figures of one run of a method over one scenario.
 
-use crate::contender::Run;
+use crate::contender::MethodRun;
 use crate::metrics::stability::{self as stability, ScoredFrame, Spread};
 use crate::metrics::{LitSet, Reading, Reference, receiver};
 use crate::scenario::Scenario;
@@ -8,7 +8,7 @@ use serde::Serialize;
 
 /// One line of the report. Errors, flicker and energies are ratios (`host-sim/METRICS.md`); a figure is `None` if the scenario does not define it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Row {
+pub struct StressRow {
     /// Name of the scenario.
     pub scenario: &'static str,
     /// Name of the method.
@@ -53,14 +53,14 @@ struct Soft {
 }
 
 /// Scenario with the reference irradiance of the receivers in every frame, which scores runs of methods.
-pub struct Judge<'a> {
+pub struct StressJudge<'a> {
     scenario: &'a Scenario,
     references: Vec<Reference>,
     /// Indices of the shadowed receivers over which errors and flicker are computed; `None` for all receivers.
     counted: Option<Vec<usize>>,
 }
 
-impl<'a> Judge<'a> {
+impl<'a> StressJudge<'a> {
     /// Computes the irradiance of all receivers under the true map of every frame.
     #[must_use]
     pub fn new(scenario: &'a Scenario) -> Self {
@@ -80,10 +80,10 @@ impl<'a> Judge<'a> {
 
     /// Returns all figures of a run.
     #[must_use]
-    pub fn row(&self, run: &Run) -> Row {
+    pub fn row(&self, run: &MethodRun) -> StressRow {
         let (scenario, sampler, lights) = (self.scenario.name, run.method.name, run.lights);
         let Some(sets) = &run.sets else {
-            return Row {
+            return StressRow {
                 scenario,
                 sampler,
                 lights,
@@ -108,7 +108,7 @@ impl<'a> Judge<'a> {
         let flicker = Spread::of(&self.flicker(sets, Reading::Points));
         let noise = self.scenario.static_noise.then(|| stability::motion_noise_deg(sets));
         let pulsing = (self.scenario.static_noise && soft.is_some()).then(|| stability::radius_change(sets));
-        Row {
+        StressRow {
             scenario,
             sampler,
             lights,

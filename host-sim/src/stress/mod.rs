@@ -6,7 +6,7 @@ mod table;
 #[cfg(test)]
 mod tests;
 
-pub use judge::{Judge, Row};
+pub use judge::{StressJudge, StressRow};
 pub use table::text;
 
 use crate::contender;
@@ -53,7 +53,7 @@ pub fn run(job: &StressJob) -> Result<(), SimError> {
         rows
     });
     bar.finish_and_clear();
-    let rows: Vec<Row> = rows.into_iter().flatten().collect();
+    let rows: Vec<StressRow> = rows.into_iter().flatten().collect();
     let name = |file: &str| job.out.join(file);
     output::save(&name("stress.json"), json(&rows).as_bytes())?;
     let ground = if backgrounds.is_empty() { "procedural backgrounds" } else { "real backgrounds" };
@@ -68,9 +68,9 @@ pub fn run(job: &StressJob) -> Result<(), SimError> {
 /// # Panics
 /// If there is no scenario `name`.
 #[must_use]
-pub fn rows(name: &str, setting: &Setting, core: bool, counts: &[usize]) -> Vec<Row> {
+pub fn rows(name: &str, setting: &Setting, core: bool, counts: &[usize]) -> Vec<StressRow> {
     let scenario = scenario::make(name, setting).expect("the name of a scenario");
-    let judge = Judge::new(&scenario);
+    let judge = StressJudge::new(&scenario);
     let mut runs = contender::run_core(&scenario, counts);
     if !core {
         runs.extend(contender::run_baselines(&scenario, counts));
@@ -80,7 +80,7 @@ pub fn rows(name: &str, setting: &Setting, core: bool, counts: &[usize]) -> Vec<
 
 /// Returns the rows as JSON: `{"rows": [...]}`, one row per line.
 #[must_use]
-pub fn json(rows: &[Row]) -> String {
+pub fn json(rows: &[StressRow]) -> String {
     let lines: Vec<String> = rows.iter().map(|row| serde_json::json!(row).to_string()).collect();
     format!("{{\"rows\": [\n{}\n]}}\n", lines.join(",\n"))
 }

@@ -1,12 +1,12 @@
 //! Text form of the stress report. It contains no times, so that equal results have equal text.
 
-use super::Row;
+use super::StressRow;
 use crate::scenario::Setting;
 use std::fmt::Write;
 
 /// Returns a table of the rows in their order, with the setting and the meaning of the columns in comments.
 #[must_use]
-pub fn text(rows: &[Row], setting: &Setting, backgrounds: &str) -> String {
+pub fn text(rows: &[StressRow], setting: &Setting, backgrounds: &str) -> String {
     let mut out = format!(
         "# Stress report: {} x {} texels, {} frames, seed {}, {backgrounds}.\n\
          # error: shadowed error, mean over the frames. flicker: change that the scene did not make, mean and largest.\n\
@@ -50,7 +50,7 @@ pub fn text(rows: &[Row], setting: &Setting, backgrounds: &str) -> String {
     out
 }
 
-fn line(out: &mut String, row: &Row) {
+fn line(out: &mut String, row: &StressRow) {
     let _ = write!(out, "{:<18}{:>6}", row.sampler, row.lights);
     let percent = |v: Option<f64>| v.map(|v| 100.0 * v);
     let hard = [row.shadowed, row.flicker_mean, row.flicker_max];

@@ -1,7 +1,7 @@
 //! Tests of the report's JSON, of the committed table, and of the README's figures.
 
 use super::*;
-use crate::contender::{Kind, methods};
+use crate::contender::{MethodKind, methods};
 
 const TINY: Setting = Setting { width: 32, frames: 8, seed: 1, background: None };
 
@@ -59,20 +59,20 @@ fn shadow_scenario_scores_receivers_that_do_not_see_the_sun() {
 #[test]
 fn methods_list_the_core_first_and_have_different_names() {
     let all = methods();
-    assert!(all[..hemilux_core::SamplerKind::ALL.len()].iter().all(|m| m.kind == Kind::Core));
+    assert!(all[..hemilux_core::SamplerKind::ALL.len()].iter().all(|m| m.kind == MethodKind::Core));
     assert_eq!(all.last().map(|m| m.name), Some("volume"));
     let names: std::collections::HashSet<_> = all.iter().map(|m| m.name).collect();
     assert_eq!(names.len(), all.len());
 }
 
 /// Returns the rows of every scenario on small maps.
-fn quick(core: bool, counts: &[usize]) -> Vec<Vec<Row>> {
+fn quick(core: bool, counts: &[usize]) -> Vec<Vec<StressRow>> {
     progress::on_all_cores(scenario::NAMES.len(), |k| rows(scenario::NAMES[k], &Setting::QUICK, core, counts))
 }
 
 #[test]
 fn readme_has_the_number_of_scenarios_in_which_ambient_light_has_the_least_error() {
-    let first = |rows: &Vec<Row>| {
+    let first = |rows: &Vec<StressRow>| {
         // Lights that are fitted as discs are not read as points here.
         let hard = rows.iter().filter(|row| !row.sampler.ends_with("+soft"));
         let lit = hard.filter_map(|row| Some((row.shadowed?, row.sampler)));

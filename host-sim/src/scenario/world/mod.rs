@@ -11,7 +11,7 @@ pub use wave::{Change, Course, Wave};
 use crate::burst::{self, Sensor};
 use crate::env::EnvMap;
 use crate::error::SimError;
-use crate::metrics::stability::Source;
+use crate::metrics::stability::LightSource;
 use crate::output;
 use crate::scenario::stage::with_disc;
 use hemilux::calibration::{Burst, Calibration, Frame};
@@ -23,7 +23,7 @@ use std::path::Path;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lamp {
     /// Direction and radius of the disc.
-    pub source: Source,
+    pub source: LightSource,
     /// Linear RGB, normalised to luminance 1.
     pub colour: [f64; 3],
     /// Luminous energy at the mean of the waveform and level 1: sum of Y dOmega.
@@ -100,13 +100,13 @@ pub struct Filming {
     camera: burst::SensorModel,
     still: burst::ExposedScene,
     /// Radiance of the pixels under each varying light at level 1, with the course of the light.
-    varying: Vec<(Vec<Lit>, Course)>,
+    varying: Vec<(Vec<LitPixel>, Course)>,
     seed: u64,
 }
 
 /// Radiance of a pixel that a varying light illuminates.
 #[derive(Clone, Copy, Debug)]
-struct Lit {
+struct LitPixel {
     pixel: usize,
     radiance: [f64; 3],
 }
@@ -132,7 +132,7 @@ impl Filming {
         let render = |map: &EnvMap| {
             let pixels = burst::expose(map, &lens).radiance.into_iter().enumerate();
             let lit = pixels.filter(|(_, rgb)| *rgb != [0.0; 3]);
-            lit.map(|(pixel, radiance)| Lit { pixel, radiance }).collect::<Vec<_>>()
+            lit.map(|(pixel, radiance)| LitPixel { pixel, radiance }).collect::<Vec<_>>()
         };
         let room = world.lit.iter().map(|(map, course)| (render(map), course.clone()));
         let lamps = world.lamps.iter().map(|lamp| {
@@ -183,7 +183,7 @@ impl Filming {
                 .map(|row| end_s + row as f64 * self.timing.line_s)
                 .map(|end| course.mean(end - seconds, end))
                 .collect();
-            for Lit { pixel, radiance } in pixels {
+            for LitPixel { pixel, radiance } in pixels {
                 let mean = means[pixel / width];
                 scene.radiance[*pixel].iter_mut().zip(radiance).for_each(|(sum, v)| *sum += mean * v);
             }
