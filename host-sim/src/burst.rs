@@ -138,13 +138,16 @@ fn check(job: &BurstJob) -> Result<(), SimError> {
     let count = job.exposures.len();
     if !(1..=hemilux_core::MAX_EXPOSURES).contains(&count) {
         let most = hemilux_core::MAX_EXPOSURES;
-        return Err(SimError::Usage(format!("--exposures: found {count} times, expected 1 to {most}")));
+        return Err(SimError::Usage(format!("--exposures: found {count} times, expected 1 to {most} times")));
     }
     if let Some(bad) = job.exposures.iter().find(|t| !(**t > 0.0 && t.is_finite())) {
         return Err(SimError::Usage(format!("--exposures: found {bad}, expected positive seconds")));
     }
     if !(8..=16).contains(&job.sensor.bits) {
-        return Err(SimError::Usage(format!("--bits: found {}, expected 8 to 16", job.sensor.bits)));
+        return Err(SimError::Usage(format!(
+            "--bits: found {}, expected 8 to 16 bits per code",
+            job.sensor.bits
+        )));
     }
     Ok(())
 }

@@ -114,9 +114,9 @@ pub fn save_picture(path: &Path, picture: &RgbImage) -> Result<(), SimError> {
 pub fn say(bytes: &[u8]) -> Result<(), SimError> {
     let mut out = std::io::stdout().lock();
     match out.write_all(bytes).and_then(|()| out.flush()) {
-        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
-            Err(SimError::Failed(format!("stdout: found {e}")))
-        }
+        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => Err(SimError::Failed(format!(
+            "standard output: found {e}, expected a stream that can be written"
+        ))),
         _ => Ok(()),
     }
 }

@@ -103,7 +103,12 @@ pub fn run(job: &BenchJob) -> Result<(), SimError> {
     }
     if job.json {
         let text = serde_json::to_string(&Report { cases: rows });
-        println!("{}", text.map_err(|e| SimError::Failed(format!("the report: found {e}, expected JSON")))?);
+        println!(
+            "{}",
+            text.map_err(|e| SimError::Failed(format!(
+                "bench: found {e}, expected a report that JSON can hold"
+            )))?
+        );
     }
     Ok(())
 }

@@ -92,7 +92,10 @@ pub fn describe(lens: &Path, paths: &[PathBuf], ignores_profile: bool) -> Result
 /// Refuses photographs that cannot belong to one burst: too many, of different camera settings, or with equal file names.
 fn check(photos: &[Photo]) -> Result<(), SimError> {
     if !(1..=MAX_EXPOSURES).contains(&photos.len()) {
-        return Err(SimError::Usage(format!("PHOTO: found {}, expected 1 to {MAX_EXPOSURES}", photos.len())));
+        return Err(SimError::Usage(format!(
+            "PHOTO: found {} photographs, expected 1 to {MAX_EXPOSURES}",
+            photos.len()
+        )));
     }
     let first = &photos[0];
     for (index, photo) in photos.iter().enumerate() {

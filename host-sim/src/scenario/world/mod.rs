@@ -206,7 +206,8 @@ impl Filming {
     /// # Errors
     /// [`SimError`] if the folder or a file cannot be written.
     pub fn record(&self, burst: usize, folder: &Path, has_times: bool) -> Result<(), SimError> {
-        std::fs::create_dir_all(folder).map_err(|e| SimError::at(folder, e, "a folder that can be made"))?;
+        std::fs::create_dir_all(folder)
+            .map_err(|e| SimError::at(folder, e, "a folder that can be created"))?;
         let BurstCodes { codes, times_ns } = self.take(burst);
         for (index, codes) in codes.iter().enumerate() {
             burst::save(folder, self.lens.size, codes, index, self.camera.white())?;
