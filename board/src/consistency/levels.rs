@@ -115,10 +115,6 @@ impl Levels {
         }
     }
 
-    pub fn bytes(&self) -> usize {
-        self.before.iter().chain(&self.next).map(|before| before.sampled.bytes()).sum()
-    }
-
     /// Judges the frames of a burst; `agrees` is true for those that a comparison sample by sample confirms.
     pub fn judge(&mut self, seen: &Seen<'_>, agrees: impl Fn(usize) -> bool) -> [Judgement; MAX_EXPOSURES] {
         let mut judged = [Judgement::Unknown; MAX_EXPOSURES];

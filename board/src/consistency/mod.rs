@@ -70,7 +70,8 @@ impl Inspector {
     #[must_use]
     pub fn bytes(&self) -> usize {
         let frames = self.frames.iter().map(Sampled::bytes).sum::<usize>();
-        self.grid.bytes() + frames + self.scratch.bytes() + self.levels.bytes()
+        // `levels` stores the samples of two more bursts, from the first burst on.
+        self.grid.bytes() + 3 * frames + self.scratch.bytes()
     }
 
     /// Returns true if the remaining frames of the last burst may be wrong: they contradict each other, or too few samples could be compared
