@@ -77,7 +77,7 @@ pub enum LensRefusal {
         "found all boards in the {place} of the view, expected them all over it up to the rim: take more pictures with the board elsewhere"
     )]
     OnePlace {
-        /// Part of the view, as text.
+        /// Name of the part of the view with all boards, such as `left part`.
         place: String,
     },
     /// A picture in which left and right are exchanged.

@@ -4,10 +4,10 @@ use super::compare::Comparison;
 use hemilux_core::wire::FrameFault;
 
 /// Weight of a new burst in the running means.
-const NEW: f32 = 1.0 / 8.0;
+pub(super) const NEW: f32 = 1.0 / 8.0;
 
 /// Number of bursts from which the ratio of two exposures is known.
-const KNOWN: u32 = 4;
+pub(super) const KNOWN: u32 = 4;
 
 /// Least factor between a wrong exposure ratio and the known one.
 const WRONG: f32 = 1.2;
@@ -16,7 +16,7 @@ const WRONG: f32 = 1.2;
 const DOUBTFUL: f32 = 1.5;
 
 /// Number of standard deviations from the mean beyond which an exposure ratio is wrong.
-const DEVIATIONS: f32 = 4.0;
+pub(super) const DEVIATIONS: f32 = 4.0;
 
 /// Excess of the share of different samples over its running mean from which two frames show different scenes.
 const MOVED: f32 = 0.2;

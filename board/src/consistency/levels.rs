@@ -5,7 +5,7 @@
 //! neighbours are too dark even for sums is judged by its own change alone: a change of the kind that a false frame shows is in doubt for
 //! one burst.
 
-use super::history::Contradictions;
+use super::history::{Contradictions, DEVIATIONS, KNOWN, NEW};
 use super::samples::{ROWS, SATURATED, Sampled};
 use hemilux_core::MAX_EXPOSURES;
 use hemilux_core::wire::FrameFault;
@@ -28,15 +28,8 @@ const PART_ROWS: usize = 3;
 /// Factor between the radiances of two exposures up to which a row is measured in both: noise that is cut off at black adds to the darker one.
 const SAME: f32 = 1.25;
 
-/// A change is a jump where it is this many standard deviations of the usual change.
-const DEVIATIONS: f32 = 4.0;
-
 /// Relative difference of two exposures that are the same.
 const SAME_LIGHT: f64 = 0.01;
-
-/// Weight of a new burst in the running variance, and the number of bursts after which it is known.
-const NEW: f32 = 1.0 / 8.0;
-const KNOWN: u32 = 4;
 
 /// Factor of the running variance up to which a burst counts: a false frame that is no jump does not hide the next one.
 const OUTLIER: f32 = 8.0;

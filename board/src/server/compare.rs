@@ -59,7 +59,7 @@ struct ComparisonQuery {
     after: Option<u64>,
 }
 
-/// Lists the parameters and their values, one per line.
+/// Lists the query parameters of `/v1/compare` and their permitted values, one per line.
 fn accepted() -> String {
     let coordinates = Coordinates::names().collect::<Vec<_>>().join("|");
     let names = SamplerKind::NAMES.join("|");

@@ -50,7 +50,7 @@ pub struct Camera {
     /// Number of successive frames whose sequence numbers do not rise.
     pub(super) repeats: u32,
     pub(super) arrivals: Arrivals,
-    /// Number of successive writes that the driver refused.
+    /// Number of successive writes of the exposure control that the driver refused.
     refused: u32,
 }
 

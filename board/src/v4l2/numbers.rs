@@ -42,7 +42,7 @@ pub(super) struct Numbers {
     dropped: Option<u32>,
 }
 
-/// The time of a frame.
+/// The timestamp of a frame and the time at which it was taken from the driver, nanoseconds of CLOCK_MONOTONIC.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FrameTimes {
     /// Timestamp of the driver.

@@ -25,7 +25,7 @@ pub(super) enum MergedChunk<'s> {
 }
 
 impl MergedChunk<'_> {
-    /// Calls `f` with zeroed buffers: `Products` if `has_products`, otherwise `Counts`.
+    /// Calls `f` with zeroed buffers for the radiances of a chunk: as pairs of factors if `has_products`, otherwise as integers.
     pub(super) fn with<R>(has_products: bool, f: impl FnOnce(MergedChunk<'_>) -> R) -> R {
         if has_products { products(f) } else { counts(f) }
     }

@@ -47,7 +47,7 @@ impl Flux {
         2.0 * part.sqrt().asin().to_degrees()
     }
 
-    /// Returns a light with this energy and the direction of the centroid, or `fallback` if there is no centroid.
+    /// Returns a light with the energy of the cells and the direction of their centroid; the direction is `fallback` if there is no centroid.
     #[must_use]
     pub fn lit(&self, fallback: [f64; 3], id: u32) -> Lit {
         let direction = self.centroid().unwrap_or(fallback);

@@ -4,7 +4,7 @@ use super::security::locked;
 use super::*;
 use crate::probe::compare::MOST_LIGHTS;
 
-/// Repeats the request until there is a pair, which may take long on a busy machine.
+/// Repeats a request of `/v1/compare` until the answer has the light sets of both samplers, which may take long on a busy machine.
 async fn compare(app: &Router, query: &str) -> Got {
     loop {
         let got = fetch(app, "GET", &format!("/v1/compare?{query}"), &[], "").await;

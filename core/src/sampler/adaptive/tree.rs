@@ -21,7 +21,8 @@ use glam::Vec3;
 /// Of 0, 0.3, 1, 1.3, 1.6 and 3, 1 is the largest that does not increase the error of moving lamps.
 const HYSTERESIS: f32 = 1.0;
 
-/// Smallest angular variance 1 - |m|; light within it counts as one direction.
+/// Lower limit of the angular variance 1 - |m| in the importance of a node, with m the mean direction of its light: narrower light counts as
+/// one direction.
 const LEAST_VARIANCE: f32 = 1e-7;
 
 /// Returns the bytes of the bit set that marks the interior nodes over maps of `order`.

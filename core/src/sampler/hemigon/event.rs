@@ -13,7 +13,7 @@ const FACTOR: f32 = 8.0;
 /// Least abrupt change, as a fraction of the energy; smaller changes are processed by the filter of each light.
 const LEAST: f32 = 0.01;
 
-/// Weight of a new change in the running mean.
+/// Weight of the newest frame's change of energy in the running mean of such changes.
 const MEMORY: f32 = 0.1;
 
 /// Limit of a change that enters the running mean, relative to the mean, so that one abrupt change raises the mean by little.
