@@ -63,7 +63,7 @@ Sources: v4l2:PATH, pipe:PATH, scene:room, scene:sky, scene:lamps, scene:overcas
 Options of env, after the path: ,view=lens (the simulated camera of the built-in scenes; the default) or ,view=whole (the whole upper
 hemisphere without noise), ,every=2 (seconds for which each map of a folder stays, default 0.1).
 Signals: SIGHUP reads the settings of the --config file again; SIGINT and SIGTERM end the probe.
-Exit status: 0 when stopped by SIGINT or SIGTERM, 1 after a failure, 2 for wrong usage.";
+Exit status: 0 when stopped by SIGINT or SIGTERM, 1 after a failure, 2 for wrong usage or a refused configuration file.";
 
 /// Longest time from SIGTERM to the end of the process; after it, the process exits even if a thread is blocked.
 const STOP_TIME: Duration = Duration::from_millis(950);
@@ -184,7 +184,7 @@ struct Serve {
 pub struct Failure {
     /// The message: the file or option, the value that was found, and the value that was expected.
     pub line: String,
-    /// 2 for wrong usage, 1 for everything else.
+    /// 2 for wrong usage and refused contents of the configuration file, 1 for everything else.
     pub status: u8,
 }
 

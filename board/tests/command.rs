@@ -138,7 +138,7 @@ fn errors_are_one_line_with_the_exit_status_of_their_kind() {
         (&["--listen", "0.0.0.0:0", "--token-file", readable], 1, "permissions 0644, expected 0600"),
         (&["--listen", "0.0.0.0:0", "--open", "--token-file", readable], 2, "--token-file"),
         (&["--listen", "[::]:0"], 2, "--token-file FILE"),
-        (&["--config", config], 1, "lights: found -1, expected a whole number"),
+        (&["--config", config], 2, "lights: found -1, expected a whole number"),
         (&["--config", "/nonexistent/hemilux.toml"], 1, "/nonexistent/hemilux.toml"),
         (&["--allow-origin", "localhost"], 2, "--allow-origin"),
         (&["--frobnicate"], 2, "--frobnicate"),
@@ -153,6 +153,29 @@ fn errors_are_one_line_with_the_exit_status_of_their_kind() {
         assert_eq!((code, stdout.as_str()), (Some(status), ""), "{arguments:?}: {stderr}");
         assert!(stderr.starts_with("hemilux: ") && stderr.contains(part), "{arguments:?}: {stderr}");
         assert_eq!(stderr.trim_end().lines().count(), 1, "{arguments:?}: {stderr}");
+    }
+}
+
+#[test]
+fn a_refused_configuration_ends_with_the_status_after_which_the_service_is_not_restarted() {
+    let unit = include_str!("../debian/hemilux.service");
+    let status = unit.lines().find_map(|line| line.strip_prefix("RestartPreventExitStatus="));
+    let status: i32 = status.and_then(|s| s.parse().ok()).expect("a status");
+    let folder = tempfile::tempdir().expect("a folder");
+    let config = folder.path().join("hemilux.toml");
+    let cases = [
+        ("a_key_of_another_version = 1\n", "found 'a_key_of_another_version', expected one of"),
+        ("sampler = \"of another version\"\n", "sampler: found"),
+        ("order = 99\n", "order: found"),
+        ("source = \"another:version\"\n", "source: "),
+        ("lights = [\n", "line "),
+    ];
+    let long = format!("# {}\n", "x".repeat(64 << 10));
+    for (text, part) in cases.into_iter().chain([(long.as_str(), "65536 bytes")]) {
+        std::fs::write(&config, text).expect("a file");
+        let (code, _, stderr) = ended(&["--config", config.to_str().expect("a path")]);
+        assert_eq!((code, stderr.lines().count()), (Some(status), 1), "{stderr}");
+        assert!(stderr.contains("hemilux.toml") && stderr.contains(part), "{stderr}");
     }
 }
 

@@ -1,7 +1,7 @@
 //! The configuration of a run, from the options, the configuration file and the defaults.
 
 use super::{Failure, Serve, address, origin};
-use crate::config_file::{ConfigFile, Kept};
+use crate::config_file::{ConfigFile, ConfigFileError, Kept};
 use crate::probe::settings::{SETTINGS, wish_of};
 use crate::probe::{Config, Link};
 use crate::recorded::{Photometric, parse_photometric, read_photometric};
@@ -65,11 +65,11 @@ impl Peers {
 impl ServePlan {
     /// Combines the options with the configuration file, which they override.
     pub(super) fn of(options: &Serve) -> Result<Self, Failure> {
-        let opened = options.config.as_deref().map(ConfigFile::open).transpose().map_err(Failure::new)?;
+        let opened = options.config.as_deref().map(ConfigFile::open).transpose().map_err(not_opened)?;
         let (file, kept) = opened.map_or((None, Kept::default()), |opened| (Some(opened.file), opened.kept));
         let name = options.config.as_deref().unwrap_or(Path::new("")).display();
         let wrong =
-            |key: &str, why: &dyn Display| Failure::new(format!("configuration file {name}: {key}: {why}"));
+            |key: &str, why: &dyn Display| Failure::usage(format!("configuration file {name}: {key}: {why}"));
         let source = kept.source.as_deref().map(str::parse::<Spec>).transpose();
         let listen = kept.listen.as_deref().map(address).transpose();
         let origins = kept.allow_origins.iter().map(|o| origin(o)).collect::<Result<Vec<_>, _>>();
@@ -173,6 +173,14 @@ impl ServePlan {
             let _ = writeln!(io::stderr(), "hemilux: made a token in {}", file.display());
         }
         Access::with_token(token).map_err(Failure::new)
+    }
+}
+
+/// Returns the failure of a configuration file that could not be opened: contents that are refused are wrong usage.
+fn not_opened(error: ConfigFileError) -> Failure {
+    match error {
+        ConfigFileError::Content(..) | ConfigFileError::TooLong(..) => Failure::usage(error),
+        ConfigFileError::Read(..) | ConfigFileError::Write(..) => Failure::new(error),
     }
 }
 

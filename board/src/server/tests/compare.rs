@@ -87,7 +87,7 @@ async fn samplers_that_read_another_map_or_order_are_compared() {
         assert!(got["scores"][1]["shadowed"].as_f64().is_some_and(|e| e < 0.2), "{name}: {}", got["scores"]);
         tokio::time::sleep(Duration::from_millis(520)).await;
     }
-    let changed = fetch(&app, "PATCH", "/v1/config", &[], "{\"order\": 5}").await;
+    let changed = patch(&app, "/v1/config", "{\"order\": 5}").await;
     assert_eq!(changed.status, 200, "{}", changed.text());
     let got = compare(&app, "algorithm=q2tree").await.json();
     assert!(got["scores"][1]["energy"].as_f64().is_some_and(|e| e < 1e-3), "{}", got["scores"]);

@@ -104,6 +104,16 @@ async fn fetch(app: &Router, method: &str, uri: &str, headers: &[(&str, &str)], 
     Got { status: parts.status.as_u16(), headers: parts.headers, body: bytes.to_vec() }
 }
 
+/// Repeats a request that changes settings until a frame has applied it (status 202 before), which may take long on a busy machine.
+async fn patch(app: &Router, uri: &str, wish: &str) -> Got {
+    loop {
+        let got = fetch(app, "PATCH", uri, &[], wish).await;
+        if got.status != 202 {
+            return got;
+        }
+    }
+}
+
 /// Sends a request with these headers and returns status, content type and body of the answer.
 async fn ask(app: &Router, method: &str, uri: &str, headers: &[(&str, &str)]) -> (u16, String, String) {
     let got = fetch(app, method, uri, headers, "").await;
